@@ -1,0 +1,67 @@
+#include "sim/stepper.h"
+
+#include <algorithm>
+#include <numbers>
+
+namespace ballast::sim {
+
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+// SplitMix64 (Steele, Lea and Flood 2014): a uniform stream that is the same on every platform, unlike std's distributions.
+double uniform(std::uint64_t& state) {
+  state += 0x9E3779B97F4A7C15u;
+  std::uint64_t z = state;
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
+  z ^= z >> 31;
+  return static_cast<double>(z >> 11) * 0x1p-53;
+}
+
+}  // namespace
+
+Stepper::Stepper(const Motor& motor, double initial_shaft_rad, std::uint64_t tooth_seed)
+    : motor_(motor), teeth_(motor.steps_per_revolution / 4.0), initial_shaft_rad_(initial_shaft_rad) {
+  const double full_step_rad = 2 * kPi / motor.steps_per_revolution;
+  tooth_error_rad_.resize(static_cast<std::size_t>(motor.steps_per_revolution));
+  for (double& error : tooth_error_rad_) error = motor.step_error * full_step_rad * (2 * uniform(tooth_seed) - 1);
+  update_field();
+}
+
+void Stepper::balance(double torque_nm) {
+  offset_rad_ = std::asin(std::clamp(torque_nm / motor_.holding_torque_nm, -1.0, 1.0)) / teeth_;
+  update_field();
+}
+
+void Stepper::step(int direction) {
+  position_steps_ += direction;
+  update_field();
+}
+
+void Stepper::update_field() {
+  const auto floor_div = [](std::int64_t a, std::int64_t b) { return a / b - (a % b < 0 ? 1 : 0); };
+  const auto error_at = [&](std::int64_t full_step) {
+    const std::int64_t count = motor_.steps_per_revolution;
+    return tooth_error_rad_[static_cast<std::size_t>(full_step - floor_div(full_step, count) * count)];
+  };
+  // Between two full steps the microsteps share the error linearly; it is counted from where the rotor stood at t = 0.
+  const std::int64_t full = floor_div(position_steps_, motor_.microsteps);
+  const double part = static_cast<double>(position_steps_ - full * motor_.microsteps) / motor_.microsteps;
+  const double error = (1 - part) * error_at(full) + part * error_at(full + 1) - error_at(0);
+  const double microstep_rad = 2 * kPi / (static_cast<double>(motor_.steps_per_revolution) * motor_.microsteps);
+  field_rad_ = initial_shaft_rad_ + offset_rad_ + static_cast<double>(position_steps_) * microstep_rad + error;
+}
+
+double Stepper::torque_margin(double shaft_rad) const {
+  const double lag = std::abs(teeth_ * (field_rad_ - shaft_rad) - 2 * kPi * static_cast<double>(slipped_teeth_));
+  return lag <= kPi / 2 ? 1 - std::sin(lag) : std::sin(lag) - 1;
+}
+
+void Stepper::count_slips(double shaft_rad) {
+  const auto teeth = static_cast<std::int64_t>(std::llround(teeth_ * (field_rad_ - shaft_rad) / (2 * kPi)));
+  lost_steps_ += std::abs(teeth - slipped_teeth_) * 4 * motor_.microsteps;
+  slipped_teeth_ = teeth;
+}
+
+}  // namespace ballast::sim
