@@ -1,0 +1,83 @@
+#include "sim/scenario.h"
+
+#include <algorithm>
+#include <fstream>
+#include <system_error>
+
+#include "sim/scenario_check.h"
+#include "sim/scenario_id.h"
+
+namespace ballast::sim {
+namespace {
+
+constexpr std::size_t kMaxFileSize = 1 << 22;  // bytes; a device or a log given by mistake must not be read to its end
+
+// Empty error: `text` holds the file.
+std::string read_file(const std::filesystem::path& file, std::string& text) {
+  std::error_code error;
+  const auto status = std::filesystem::status(file, error);
+  if (!std::filesystem::exists(status)) return "no such file, and no scenario of that name ships; allowed: a TOML file";
+  if (std::filesystem::is_directory(status)) return "is a directory; allowed: a TOML file";
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) return "cannot be opened for reading; allowed: a readable TOML file";
+  std::string chunk(1 << 16, '\0');
+  while (stream.read(chunk.data(), static_cast<std::streamsize>(chunk.size())) || stream.gcount() > 0) {
+    text.append(chunk, 0, static_cast<std::size_t>(stream.gcount()));
+    if (text.size() > kMaxFileSize) return "is too large for a scenario; allowed: a TOML file of at most 4 MiB";
+  }
+  return stream.bad() ? "cannot be read; allowed: a readable TOML file" : "";
+}
+
+}  // namespace
+
+std::string to_string(const ScenarioError& error) {
+  std::string text = error.source;
+  if (error.line > 0) text += ":" + std::to_string(error.line);
+  if (!error.key.empty()) text += ": " + error.key;
+  if (!error.value.empty()) text += (error.key.empty() ? ": " : " = ") + error.value;
+  return text + ": " + error.message;
+}
+
+ScenarioResult parse_scenario(std::string_view toml, std::string_view source_name,
+                              const std::vector<std::string>& overrides) {
+  ScenarioResult result;
+  Node root;
+  if (!read_tree(toml, source_name, root, result.errors)) return result;
+  for (const std::string& assignment : overrides) apply_override(assignment, root, result.errors);
+  ReadContext context{std::string(source_name), result.errors};
+  result.scenario = check_scenario(root, context);
+  // In the file's order, what has no line first.
+  std::stable_sort(result.errors.begin(), result.errors.end(),
+                   [](const ScenarioError& a, const ScenarioError& b) { return a.line < b.line; });
+  // What is published speaks of the scenario as it is in the file; how it is run may differ.
+  const auto changes_robot = [](const std::string& o) { return !o.starts_with("run.") && !o.starts_with("seed="); };
+  if (std::any_of(overrides.begin(), overrides.end(), changes_robot)) result.scenario.published.clear();
+  if (result.ok()) result.scenario.id = fingerprint(result.scenario);
+  return result;
+}
+
+ScenarioResult read_scenario(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
+  std::string text;
+  const std::string error = read_file(file, text);
+  if (!error.empty()) {
+    ScenarioResult result;
+    result.errors.push_back({file.string(), 0, "", "", error});
+    return result;
+  }
+  return parse_scenario(text, file.string(), overrides);
+}
+
+std::filesystem::path find_scenario(const std::string& name_or_path, const std::filesystem::path& shipped_dir) {
+  std::error_code error;
+  const std::filesystem::path path(name_or_path);
+  const bool exists = !name_or_path.empty() && std::filesystem::exists(path, error);
+  // A directory of a scenario's name (its results, say) does not hide the scenario.
+  if (exists && !std::filesystem::is_directory(path, error)) return path;
+  if (!name_or_path.empty() && path.filename() == path) {
+    const std::filesystem::path shipped = shipped_dir / (name_or_path + ".toml");
+    if (std::filesystem::is_regular_file(shipped, error)) return shipped;
+  }
+  return exists ? path : std::filesystem::path{};
+}
+
+}  // namespace ballast::sim

@@ -1,0 +1,308 @@
+#include "sim/scenario_mass.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "firmware/motion/profile.h"
+#include "firmware/motion/step_generator.h"
+#include "sim/motion_extent.h"
+
+namespace ballast::sim {
+namespace {
+
+constexpr double kRoundOff = 1e-12;      // relative; what the evaluation of a rail may add to a radius
+constexpr double kUnitTolerance = 1e-6;  // of lengths and right angles written with few digits
+constexpr std::size_t kMaxSplinePoints = 10000;
+
+bool outside(double distance_m, double radius_m) { return !(distance_m <= radius_m * (1 + kRoundOff)); }
+
+std::string allowed_in_ball(double radius_m) { return "; allowed: <= ball.radius = " + number_text(radius_m); }
+
+// The farthest point of a circle from the geometric centre.
+double farthest_m(const firmware::Rail& circle) {
+  const Eigen::Vector3d normal = circle.axis_cos_B.cross(circle.axis_sin_B);
+  const double above_plane = circle.origin_B_m.dot(normal);
+  const double in_plane = (circle.origin_B_m - above_plane * normal).norm();
+  return std::hypot(in_plane + circle.radius_m, above_plane);
+}
+
+std::optional<firmware::Rail> read_circle(TableReader& rail) {
+  const auto radius = rail.number("radius", Range::positive("m"));
+  rail.know({"direction", "center", "axes"});
+  const bool by_direction = rail.has("direction"), by_axes = rail.has("center") || rail.has("axes");
+  if (by_direction == by_axes) {
+    const std::string allowed = "; allowed: direction = { azimuth, elevation }, or center and axes";
+    if (by_axes) {
+      rail.refuse(rail.has("center") ? "center" : "axes", "is given together with direction" + allowed);
+    } else {
+      rail.refuse("direction", "is missing" + allowed);
+    }
+    return std::nullopt;
+  }
+  if (by_direction) {
+    TableReader direction = rail.table("direction");
+    const auto azimuth = direction.number("azimuth", Range::any("rad"));
+    const auto elevation = direction.number("elevation", Range::any("rad"));
+    direction.refuse_unknown_keys();
+    if (!radius || !azimuth || !elevation) return std::nullopt;
+    return firmware::circle_about(*radius, *azimuth, *elevation);
+  }
+  const auto center = rail.vector<3>("center", Range::any("m"));
+  const auto axes = rail.vectors("axes", 2, 2, Range::any());
+  if (!axes) return std::nullopt;
+  Eigen::Vector3d cos_axis = (*axes)[0], sin_axis = (*axes)[1];
+  // stableNorm: no overflow, so that any finite numbers get the right answer.
+  const bool unit =
+      std::abs(cos_axis.stableNorm() - 1) <= kUnitTolerance && std::abs(sin_axis.stableNorm() - 1) <= kUnitTolerance;
+  if (!unit || std::abs(cos_axis.dot(sin_axis)) > kUnitTolerance) {
+    rail.refuse("axes",
+                "are not two perpendicular unit vectors; allowed: lengths within 1e-6 of 1, dot product within "
+                "1e-6 of 0");
+    return std::nullopt;
+  }
+  if (!radius || !center) return std::nullopt;
+  cos_axis.normalize();
+  sin_axis = (sin_axis - sin_axis.dot(cos_axis) * cos_axis).normalized();
+  return firmware::circle(*center, *radius, cos_axis, sin_axis);
+}
+
+std::optional<firmware::Rail> read_line(TableReader& rail) {
+  const auto origin = rail.vector<3>("origin", Range::any("m"));
+  auto direction = rail.vector<3>("direction", Range::any());
+  if (!direction) return std::nullopt;
+  const double length = direction->stableNorm();
+  if (!(length > 0) || !std::isfinite(length)) {
+    rail.refuse("direction", "has no direction; allowed: a vector that is not zero");
+    return std::nullopt;
+  }
+  if (!origin) return std::nullopt;
+  return firmware::line(*origin, *direction / length);
+}
+
+// Checked as far as its points go; the curve itself is refused with everything else that is not supported yet.
+void read_spline(TableReader& rail, std::optional<double> ball_radius_m) {
+  const auto closed = rail.boolean("closed", false);
+  const auto points = rail.vectors("points", closed.value_or(false) ? 3 : 2, kMaxSplinePoints, Range::any("m"));
+  if (!points || !ball_radius_m) return;
+  for (std::size_t i = 0; i < points->size(); ++i) {
+    const double distance = (*points)[i].stableNorm();
+    if (outside(distance, *ball_radius_m)) {
+      rail.refuse("points", "point " + std::to_string(i) + " is " + number_text(distance) +
+                                " m from the geometric centre" + allowed_in_ball(*ball_radius_m));
+    }
+  }
+}
+
+std::optional<firmware::Rail> read_rail(TableReader rail, std::optional<double> ball_radius_m) {
+  const auto shape = rail.word("shape", {"circle", "line", "spline"});
+  if (!shape) return std::nullopt;  // which keys belong here is not known either
+  std::optional<firmware::Rail> result;
+  if (*shape == "circle") {
+    result = read_circle(rail);
+    if (result && ball_radius_m) {
+      const double distance = farthest_m(*result);
+      if (outside(distance, *ball_radius_m)) {
+        rail.refuse("radius", "takes the mass " + number_text(distance) + " m from the geometric centre" +
+                                  allowed_in_ball(*ball_radius_m));
+        result.reset();
+      }
+    }
+  } else if (*shape == "line") {
+    result = read_line(rail);
+  } else {
+    read_spline(rail, ball_radius_m);
+  }
+  rail.refuse_unknown_keys();
+  return result;
+}
+
+std::optional<std::vector<MotionPiece>> read_motion(TableReader& mass) {
+  const std::string allowed = "an array of at most " + std::to_string(firmware::kMaxPieces) +
+                              " tables { duration, acceleration = [start, end] }";
+  std::vector<TableReader> pieces = mass.tables("motion", allowed);
+  const Node* node = mass.node("motion");
+  if (node != nullptr && node->kind != NodeKind::kArray) return std::nullopt;
+  if (pieces.size() > static_cast<std::size_t>(firmware::kMaxPieces)) {
+    mass.refuse("motion", "has " + std::to_string(pieces.size()) + " pieces; allowed: " + allowed);
+    return std::nullopt;
+  }
+  std::vector<MotionPiece> motion;
+  for (TableReader& piece : pieces) {
+    const auto duration = piece.number("duration", Range::positive("s"));
+    const auto acceleration = piece.vector<2>("acceleration", Range::any("rail unit / s^2"));
+    piece.refuse_unknown_keys();
+    if (!duration || !acceleration) continue;
+    const double start = (*acceleration)[0], end = (*acceleration)[1];
+    if (!std::isfinite((end - start) / *duration)) {
+      piece.refuse("acceleration", "changes too fast; allowed: (end - start) / duration finite");
+      continue;
+    }
+    motion.push_back({*duration, start, end});
+  }
+  return motion.size() == pieces.size() ? std::optional(motion) : std::nullopt;
+}
+
+// The key to blame for what happens in a piece of the motion.
+std::string piece_key(const Mass& mass, std::size_t piece) {
+  if (mass.motion.empty()) return "initial_velocity";
+  return piece < mass.motion.size() ? "motion." + std::to_string(piece) : "motion";
+}
+
+// A mass on a line has to stay in the ball for the whole run. The distance is convex in theta: its ends suffice.
+void check_line_in_ball(TableReader& table, const Mass& mass, const MassSurroundings& around) {
+  if (!around.ball_radius_m || !around.duration_s) return;
+  const PositionExtent extent = position_extent(mass, *around.duration_s);
+  Extreme worst = extent.least;
+  double worst_distance = 0;
+  for (const Extreme& extreme : {extent.least, extent.greatest}) {
+    const double distance = firmware::evaluate(mass.rail, extreme.position).position.stableNorm();
+    if (distance > worst_distance) {
+      worst = extreme;
+      worst_distance = distance;
+    }
+  }
+  if (!outside(worst_distance, *around.ball_radius_m)) return;
+  const std::string message = "takes the mass " + number_text(worst_distance) +
+                              " m from the geometric centre at t = " + number_text(worst.time_s) + " s" +
+                              allowed_in_ball(*around.ball_radius_m);
+  if (worst.time_s > 0) {
+    table.refuse(piece_key(mass, worst.piece), message);
+  } else {
+    table.refuse(table.has("initial_position") ? "initial_position" : "rail", message);
+  }
+}
+
+// Defaults that drive any scenario faithfully: ten times the static torque, a light rotor, a well damped resonance.
+// `complete`: the mass and its surroundings are without fault; else the defaults are placeholders, and go unchecked.
+void read_motor(TableReader table, const MassSurroundings& around, const std::optional<firmware::Rail>& rail,
+                bool complete, const SpeedExtent& extent, Mass& mass) {
+  Motor& motor = mass.motor;
+
+  if (const auto steps = table.integer("steps_per_revolution", 4, 2000, motor.steps_per_revolution)) {
+    motor.steps_per_revolution = static_cast<int>(*steps);
+    if (*steps % 4 != 0) table.refuse("steps_per_revolution", "is no multiple of 4; allowed: 4, 8, .. 2000");
+  }
+  if (const auto microsteps = table.integer("microsteps", 1, 256, motor.microsteps)) {
+    motor.microsteps = static_cast<int>(*microsteps);
+  }
+
+  const bool on_circle = !rail || rail->shape == firmware::RailShape::kCircle;
+  const bool on_line = !rail || rail->shape == firmware::RailShape::kLine;
+  table.know({"gear_ratio", "travel_per_revolution"});
+  if (on_circle) {
+    motor.gear_ratio = table.number("gear_ratio", Range::positive(), 1.0).value_or(1.0);
+    motor.shaft_ratio = motor.gear_ratio;
+  } else if (table.has("gear_ratio")) {
+    table.refuse("gear_ratio", "belongs to a circle rail; allowed on a line: travel_per_revolution, in m");
+  }
+  if (on_line) {
+    const double fallback = around.ball_radius_m.value_or(1.0) / 2;
+    motor.travel_per_revolution =
+        table.number("travel_per_revolution", Range::positive("m"), fallback).value_or(fallback);
+    if (!on_circle) motor.shaft_ratio = 2 * std::numbers::pi / motor.travel_per_revolution;
+  } else if (table.has("travel_per_revolution")) {
+    table.refuse("travel_per_revolution", "belongs to a line rail; allowed on a circle: gear_ratio");
+  }
+
+  // What the shaft has to carry.
+  const double mass_kg = complete ? mass.mass_kg : 1;
+  const double lever = complete && on_circle ? mass.rail.radius_m : 1;  // |zeta'|
+  const double ratio = motor.shaft_ratio;
+  const double rail_inertia = mass_kg * lever * lever;
+  const double load_inertia = rail_inertia / (ratio * ratio);  // J_L
+  // `fallback` is a default: it too has to be usable, which it is not if a scenario's numbers are absurdly large or
+  // small.
+  const auto read = [&](const char* key, const Range& range, double fallback, double& out) {
+    out = table.number(key, range, fallback).value_or(fallback);
+    if (!complete || table.has(key) || range.contains(fallback)) return;
+    table.refuse(
+        key, "is not given, and its default " + number_text(fallback) + " is out of range; allowed: a " + range.text());
+  };
+  // A rotor three times as heavy as its load: each microstep then shakes the load a quarter as much, at the same margin.
+  read("rotor_inertia", Range::positive("kg m^2"), 3 * load_inertia, motor.rotor_inertia_kgm2);
+  // Three times what carries the mass against gravity and gives mass and rotor the motion's greatest acceleration.
+  const double moved_inertia = rail_inertia + motor.rotor_inertia_kgm2 * ratio * ratio;
+  double rail_torque =
+      mass_kg * around.gravity_mps2.value_or(1) * lever + moved_inertia * extent.greatest_acceleration;
+  if (rail_torque == 0) rail_torque = moved_inertia;  // for 1 rail unit / s^2
+  read("holding_torque", Range::positive("N m"), 3 * rail_torque / ratio, motor.holding_torque_nm);
+  Range below_half = Range::between(0, motor.holding_torque_nm / 2, "N m (the upper end is half the holding torque)");
+  below_half.high_excluded = true;
+  if (!complete && !table.has("holding_torque")) below_half = Range::non_negative("N m");
+  read("detent_torque", below_half, 0.04 * motor.holding_torque_nm, motor.detent_torque_nm);
+  // Damping ratio 0.2 of the resonance of rotor and load on the field's stiffness N_r tau_hold; but at the motion's greatest
+  // speed the drag may take no more than a tenth of the holding torque.
+  const double stiffness = motor.steps_per_revolution / 4 * motor.holding_torque_nm;
+  const double damped = 2 * 0.2 * std::sqrt(stiffness * (motor.rotor_inertia_kgm2 + load_inertia));
+  const double most_drag = 0.1 * motor.holding_torque_nm / std::max(ratio * extent.greatest_speed, 1e-300);
+  read("viscous_damping", Range::non_negative("N m s"), std::min(damped, most_drag), motor.viscous_damping_nms);
+  read("corner_speed", Range::positive("rad/s of the motor shaft"), std::max(30.0, 2 * ratio * extent.greatest_speed),
+       motor.corner_speed_radps);
+  read("step_error", Range::between(0, 0.1), motor.step_error, motor.step_error);
+  // A little below what the controller can issue in one tick, so that rounding to ticks never overloads it.
+  const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);
+  read("max_step_rate", Range::positive("1/s"), std::min(timer / 10, 60 / period), motor.max_step_rate_hz);
+  read("max_acceleration", Range::positive("rail unit / s^2"),
+       0.5 * ratio * motor.holding_torque_nm / moved_inertia,
+       motor.max_acceleration);
+  table.refuse_unknown_keys();
+}
+
+// The controller must be able to issue the steps of the fastest part of the motion.
+void check_step_rate(TableReader& table, const Mass& mass, const SpeedExtent& extent, const MassSurroundings& around) {
+  if (!around.control_period_s || !around.timer_frequency_hz) return;
+  const Motor& motor = mass.motor;
+  const double microsteps_per_unit =
+      motor.shaft_ratio / (2 * std::numbers::pi) * motor.steps_per_revolution * motor.microsteps;
+  const double needed_hz = extent.greatest_speed * microsteps_per_unit;
+  // In a tick of constant speed one step more than the mean can fall.
+  const double per_tick_hz = (firmware::kMaxStepsPerTick - 1) / *around.control_period_s;
+  const double possible_hz = std::min({motor.max_step_rate_hz, per_tick_hz, *around.timer_frequency_hz});
+  if (needed_hz <= possible_hz) return;
+  const char* limit = possible_hz == motor.max_step_rate_hz ? "motor.max_step_rate"
+                      : possible_hz == per_tick_hz          ? "steps per control period"
+                                                            : "run.timer_frequency";
+  table.refuse(piece_key(mass, extent.fastest_piece),
+               "needs " + number_text(needed_hz) + " microsteps/s at its greatest speed " +
+                   number_text(extent.greatest_speed) + "; allowed: <= " + number_text(possible_hz) + " (" + limit +
+                   ")");
+}
+
+}  // namespace
+
+Mass read_mass(TableReader& table, const MassSurroundings& around) {
+  Mass mass;
+  const auto mass_kg = table.number("mass", Range::positive("kg"));
+  const auto rail = read_rail(table.table("rail"), around.ball_radius_m);
+  const auto initial_position = table.number("initial_position", Range::any("rad or m"), 0.0);
+  const auto initial_velocity = table.number("initial_velocity", Range::any("rad/s or m/s"), 0.0);
+  const auto motion = read_motion(table);
+  if (mass_kg) mass.mass_kg = *mass_kg;
+  if (rail) mass.rail = *rail;
+  if (initial_position) mass.initial_position = *initial_position;
+  if (initial_velocity) mass.initial_velocity = *initial_velocity;
+  if (motion) mass.motion = *motion;
+
+  bool motion_known = initial_position && initial_velocity && motion && around.duration_s;
+  SpeedExtent speed;
+  if (motion_known) {
+    const PositionExtent extent = position_extent(mass, *around.duration_s);
+    speed = speed_extent(mass);
+    if (!std::isfinite(extent.least.position) || !std::isfinite(extent.greatest.position) ||
+        !std::isfinite(speed.greatest_speed)) {
+      table.refuse("motion", "grows beyond all numbers; allowed: finite positions and speeds");
+      motion_known = false;
+    }
+  }
+  if (motion_known && rail && mass.rail.shape == firmware::RailShape::kLine) check_line_in_ball(table, mass, around);
+
+  const bool complete = mass_kg && rail && motion_known && around.gravity_mps2 && around.ball_radius_m &&
+                        around.control_period_s && around.timer_frequency_hz;
+  read_motor(table.table("motor"), around, rail, complete, speed, mass);
+  if (complete && around.actuation == Actuation::kStepper) check_step_rate(table, mass, speed, around);
+  table.refuse_unknown_keys();
+  return mass;
+}
+
+}  // namespace ballast::sim

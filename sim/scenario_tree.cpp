@@ -1,0 +1,243 @@
+#include "sim/scenario_tree.h"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+
+namespace ballast::sim {
+namespace {
+
+constexpr std::size_t kMaxWritten = 60;   // characters of a value repeated in a message
+constexpr std::size_t kMaxKeyParts = 16;  // of an override; no scenario key is half as deep
+
+std::string one_line(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    const bool space = c == ' ' || c == '\t' || c == '\n' || c == '\r';
+    if (!space) {
+      out += c;
+    } else if (!out.empty() && out.back() != ' ') {
+      out += ' ';
+    }
+  }
+  while (!out.empty() && out.back() == ' ') out.pop_back();
+  if (out.size() > kMaxWritten) {
+    std::size_t cut = kMaxWritten;
+    while (cut > 0 && (static_cast<unsigned char>(out[cut]) & 0xC0) == 0x80) --cut;  // not inside a UTF-8 character
+    out = out.substr(0, cut) + "...";
+  }
+  return out;
+}
+
+// The text behind toml++'s source regions: lines and columns from 1, columns counted in Unicode characters.
+class SourceText {
+ public:
+  explicit SourceText(std::string_view text) : text_(text) {
+    line_start_.push_back(0);
+    for (std::size_t i = 0; i < text.size(); ++i) {
+      if (text[i] == '\n') line_start_.push_back(i + 1);
+    }
+  }
+
+  [[nodiscard]] std::string_view slice(const toml::source_region& region) const {
+    const std::size_t begin = offset(region.begin), end = offset(region.end);
+    return begin < end ? text_.substr(begin, end - begin) : std::string_view{};
+  }
+
+ private:
+  [[nodiscard]] std::size_t offset(const toml::source_position& position) const {
+    if (position.line < 1 || position.line > line_start_.size()) return text_.size();
+    std::size_t i = line_start_[position.line - 1];
+    for (toml::source_index column = 1; column < position.column && i < text_.size(); ++column) {
+      ++i;
+      while (i < text_.size() && (static_cast<unsigned char>(text_[i]) & 0xC0) == 0x80) ++i;
+    }
+    return std::min(i, text_.size());
+  }
+
+  std::string_view text_;
+  std::vector<std::size_t> line_start_;
+};
+
+Node convert(const toml::node& from, const SourceText& text, const std::string& source, bool with_lines) {
+  Node to;
+  to.source = source;
+  if (with_lines) to.line = static_cast<int>(from.source().begin.line);
+  const std::string_view slice = text.slice(from.source());
+  if (const toml::table* table = from.as_table()) {
+    to.kind = NodeKind::kTable;
+    // Only an inline table's text is its value; the region of a [header] is the header.
+    if (table->is_inline()) to.written = one_line(slice);
+    for (const auto& [key, value] : *table) {
+      to.entries.emplace_back(std::string(key.str()), convert(value, text, source, with_lines));
+    }
+  } else if (const toml::array* array = from.as_array()) {
+    to.kind = NodeKind::kArray;
+    for (const toml::node& item : *array) to.items.push_back(convert(item, text, source, with_lines));
+    const bool of_headers = !array->empty() && array->front().is_table() && !array->front().as_table()->is_inline();
+    if (!of_headers) to.written = one_line(slice);
+  } else {
+    to.written = one_line(slice);
+    if (const auto* string = from.as_string()) {
+      to.kind = NodeKind::kString;
+      to.text = string->get();
+    } else if (const auto* integer = from.as_integer()) {
+      to.kind = NodeKind::kInteger;
+      to.integer = integer->get();
+      to.number = static_cast<double>(to.integer);
+    } else if (const auto* number = from.as_floating_point()) {
+      to.kind = NodeKind::kFloat;
+      to.number = number->get();
+    } else if (const auto* boolean = from.as_boolean()) {
+      to.kind = NodeKind::kBoolean;
+      to.boolean = boolean->get();
+    } else {
+      to.kind = NodeKind::kDateOrTime;
+    }
+  }
+  return to;
+}
+
+std::string_view trimmed(std::string_view text) {
+  constexpr std::string_view kSpace = " \t\r\n";
+  const std::size_t begin = text.find_first_not_of(kSpace);
+  if (begin == std::string_view::npos) return {};
+  return text.substr(begin, text.find_last_not_of(kSpace) - begin + 1);
+}
+
+// The value of an override: TOML if it is one, else the bare string.
+Node override_value(std::string_view value) {
+  const std::string document = "x = " + std::string(value);
+  try {
+    const toml::table table = toml::parse(std::string_view(document));
+    const toml::node* parsed = table.get("x");
+    // More than one entry: the value went on after a line's end, and only looked like TOML.
+    if (parsed != nullptr && table.size() == 1) {
+      return convert(*parsed, SourceText(document), kOverrideSource, false);
+    }
+  } catch (const toml::parse_error&) {
+    // A bare word such as `prescribed` is no TOML value: taken as a string below.
+  }
+  Node node;
+  node.kind = NodeKind::kString;
+  node.source = kOverrideSource;
+  node.text = value;
+  node.written = one_line(value);
+  return node;
+}
+
+std::vector<std::string> split_key(std::string_view key) {
+  std::vector<std::string> parts;
+  while (true) {
+    const std::size_t dot = key.find('.');
+    parts.emplace_back(trimmed(key.substr(0, dot)));
+    if (dot == std::string_view::npos) return parts;
+    key.remove_prefix(dot + 1);
+  }
+}
+
+bool is_number(std::string_view part) {
+  return !part.empty() && std::all_of(part.begin(), part.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
+
+std::optional<std::size_t> index_of(std::string_view part) {
+  std::size_t index = 0;
+  const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), index);
+  if (!is_number(part) || error != std::errc{} || end != part.data() + part.size()) return std::nullopt;
+  return index;
+}
+
+std::string entries_text(std::size_t count) {
+  if (count == 0) return "has no entries";
+  return "has " + std::to_string(count) + (count == 1 ? " entry, 0" : " entries, 0.." + std::to_string(count - 1));
+}
+
+}  // namespace
+
+const Node* Node::find(std::string_view key) const {
+  for (const auto& [name, node] : entries) {
+    if (name == key) return &node;
+  }
+  return nullptr;
+}
+
+Node* Node::find(std::string_view key) { return const_cast<Node*>(std::as_const(*this).find(key)); }
+
+const Node* Node::child(std::string_view key_or_index) const {
+  if (kind == NodeKind::kTable) return find(key_or_index);
+  const std::optional<std::size_t> index = index_of(key_or_index);
+  return index && *index < items.size() ? &items[*index] : nullptr;
+}
+
+bool read_tree(std::string_view toml, std::string_view source_name, Node& root, std::vector<ScenarioError>& errors) {
+  try {
+    const toml::table table = toml::parse(toml, source_name);
+    root = convert(table, SourceText(toml), std::string(source_name), true);
+    root.line = 0;
+    root.written.clear();
+    return true;
+  } catch (const toml::parse_error& error) {
+    errors.push_back({std::string(source_name), static_cast<int>(error.source().begin.line), "", "",
+                      "not TOML: " + one_line(error.description())});
+    return false;
+  }
+}
+
+void apply_override(const std::string& assignment, Node& root, std::vector<ScenarioError>& errors) {
+  const auto refuse = [&](std::string key, std::string value, std::string message) {
+    errors.push_back({kOverrideSource, 0, std::move(key), std::move(value), std::move(message)});
+  };
+  const std::size_t equals = assignment.find('=');
+  if (equals == std::string::npos) {
+    return refuse("", one_line(assignment), "has no '='; allowed: KEY=VALUE, e.g. surface.static_friction=0.17");
+  }
+  const std::string key(trimmed(std::string_view(assignment).substr(0, equals)));
+  const std::string_view value_text = trimmed(std::string_view(assignment).substr(equals + 1));
+  const std::string written = one_line(value_text);
+  const std::vector<std::string> parts = split_key(key);
+  if (std::any_of(parts.begin(), parts.end(), [](const std::string& part) { return part.empty(); })) {
+    return refuse("", one_line(assignment), "has an empty key; allowed: KEY=VALUE with KEY e.g. mass.2.rail.radius");
+  }
+  if (parts.size() > kMaxKeyParts) return refuse(one_line(key), written, "is nested too deep; no key of a scenario is");
+
+  // First the part of the path that exists; what is missing is created only once nothing can go wrong any more.
+  Node* node = &root;
+  std::string path;
+  std::size_t depth = 0;
+  for (; depth < parts.size(); ++depth) {
+    const std::string& part = parts[depth];
+    if (node->kind == NodeKind::kArray) {
+      const std::optional<std::size_t> index = index_of(part);
+      if (!index || *index >= node->items.size()) {
+        return refuse(key, written,
+                      path + " " + entries_text(node->items.size()) + "; \"" + one_line(part) + "\" is none of them");
+      }
+      node = &node->items[*index];
+    } else if (node->kind == NodeKind::kTable) {
+      Node* next = node->find(part);
+      if (next == nullptr) break;
+      node = next;
+    } else {
+      return refuse(key, written, path + " is a single value, it has no keys of its own");
+    }
+    path += (path.empty() ? "" : ".") + part;
+  }
+  for (std::size_t i = depth; i < parts.size(); ++i) {
+    if (i > 0 && is_number(parts[i])) {
+      std::string array;
+      for (std::size_t j = 0; j < i; ++j) array += (j == 0 ? "" : ".") + parts[j];
+      return refuse(key, written, array + " has no entries; --set changes entries but adds none");
+    }
+  }
+  for (; depth < parts.size(); ++depth) {
+    Node child;
+    child.source = kOverrideSource;
+    node->entries.emplace_back(parts[depth], std::move(child));
+    node = &node->entries.back().second;
+  }
+  *node = override_value(value_text);
+}
+
+}  // namespace ballast::sim

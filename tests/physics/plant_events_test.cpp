@@ -1,0 +1,154 @@
+// The first N = 0 and the first f_s = mu_s N, and what ends a run.
+#include <gtest/gtest.h>
+
+#include "sim/plant.h"
+#include "tests/physics/closed_form_run.h"
+#include "tests/physics/random_robot.h"
+
+namespace ballast::sim {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+void roll(Plant& plant, const Scenario& scenario, double period_s) {
+  for (std::int64_t k = 1; plant.time_s() < scenario.duration_s && plant.end() == PhysicsEnd::kNone; ++k) {
+    plant.advance(std::min(static_cast<double>(k) * period_s, scenario.duration_s), {});
+  }
+}
+
+// A homogeneous ball that does not roll, with one mass on a vertical line through its centre: N = M g + m thetaddot.
+Scenario lift(std::vector<MotionPiece> motion) {
+  Scenario s;
+  s.duration_s = 3;
+  s.gravity_mps2 = 10;
+  s.run.actuation = Actuation::kPrescribed;
+  s.ball = {.radius_m = 1, .mass_kg = 2, .inertia_kgm2 = {0.8, 0.8, 0.8}, .center_of_mass_B_m = {0, 0, 0}};
+  Mass m;
+  m.mass_kg = 0.5;
+  m.rail = firmware::line({0, 0, 0}, {0, 0, 1});
+  m.motion = std::move(motion);
+  m.motor.shaft_ratio = m.motor.holding_torque_nm = m.motor.rotor_inertia_kgm2 = m.motor.corner_speed_radps = 1;
+  s.masses.push_back(m);
+  return s;
+}
+
+// N = 25 - 0.5 * 100 t falls to 0 at t = 0.5, wherever the ticks are.
+TEST(Detachment, IsFoundWhereTheClosedFormHasIt) {
+  for (const double period_s : {0.001, 0.07, 0.5, 1.0}) {
+    SCOPED_TRACE(period_s);
+    const Scenario s = lift({{2.0, 0, -200}});
+    Plant plant(s);
+    roll(plant, s, period_s);
+    EXPECT_EQ(plant.end(), PhysicsEnd::kDetached);
+    EXPECT_NEAR(plant.time_s(), 0.5, 1e-9);
+    EXPECT_LE(plant.sample().normal_force_n, 0);
+    EXPECT_EQ(plant.extrema().mu_required_max.value, kInfinity);
+    EXPECT_NEAR(plant.extrema().normal_force_max.value, 25, 1e-12);
+  }
+}
+
+// A limit broken by a jump is broken at that instant.
+TEST(Detachment, ByAJumpIsAtTheJump) {
+  const Scenario s = lift({{0.3, 1, 1}, {0.2, -51, -51}});
+  Plant plant(s);
+  roll(plant, s, 0.07);
+  EXPECT_EQ(plant.end(), PhysicsEnd::kDetached);
+  EXPECT_EQ(plant.time_s(), 0.3);
+  EXPECT_NEAR(plant.sample().normal_force_n, 25 - 0.5 * 51, 1e-12);
+  EXPECT_NEAR(plant.extrema().normal_force_max.value, 25.5, 1e-12);
+}
+
+TEST(Detachment, AtTheStartEndsAtTheStart) {
+  const Scenario s = lift({{0.3, -60, -60}});
+  Plant plant(s);
+  EXPECT_EQ(plant.end(), PhysicsEnd::kDetached);
+  EXPECT_EQ(plant.time_s(), 0.0);
+  plant.advance(1, {});
+  EXPECT_EQ(plant.time_s(), 0.0);
+}
+
+// N = 25 - 0.5 a(t) with a rising to its peak and falling: a dip that just touches, or just does not, inside one tick.
+TEST(Detachment, IsSeenInADipShorterThanATick) {
+  const auto dip = [](double depth) { return lift({{0.4, 0, 0}, {0.01, 0, -depth}, {0.01, -depth, 0}}); };
+  Scenario s = dip(50.001);
+  Plant touching(s);
+  roll(touching, s, 1.0);
+  EXPECT_EQ(touching.end(), PhysicsEnd::kDetached);
+  EXPECT_NEAR(touching.time_s(), 0.4 + 0.01 * 50 / 50.001, 1e-9);
+  s = dip(49.999);
+  Plant clear(s);
+  roll(clear, s, 1.0);
+  EXPECT_EQ(clear.end(), PhysicsEnd::kNone);
+  EXPECT_NEAR(clear.extrema().normal_force_min.value, 25 - 0.5 * 49.999, 1e-9);
+}
+
+// Random robots on a floor that is a little too smooth: the instant at which they slip, against CVODE on the closed forms, whose
+// f_s - mu_s N must change sign within 1e-9 s of it.
+TEST(Slip, IsFoundToOneNanosecond) {
+  constexpr std::uint64_t kSeed = 13;
+  int found = 0;
+  for (int trial = 0; trial < 40 && found < 12; ++trial) {
+    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    Scenario s = random.scenario(1 + trial % 4);
+    Plant perfect(s);
+    roll(perfect, s, 0.01);
+    if (perfect.end() != PhysicsEnd::kNone) continue;
+    s.surface.static_friction = 0.97 * perfect.extrema().mu_required_max.value;
+    Plant plant(s);
+    if (plant.end() != PhysicsEnd::kNone) continue;  // slips as it is set down
+    roll(plant, s, 0.02);
+    ASSERT_EQ(plant.end(), PhysicsEnd::kSlipped);
+    const double t = plant.time_s();
+    bool jump = false;  // at a jump there is no sign change to look for
+    for (const auto& mass : s.masses) {
+      double knot = 0;
+      for (const auto& piece : mass.motion) jump |= std::abs((knot += piece.duration_s) - t) < 1e-8;
+    }
+    if (jump) continue;
+    ++found;
+    test::ClosedFormRun reference(s);
+    const auto excess = [&] {
+      const auto f = reference.forces();
+      return f.static_friction_n - s.surface.static_friction * f.normal_force_n;
+    };
+    ASSERT_TRUE(reference.advance(t - 1e-9));
+    EXPECT_LT(excess(), 0);
+    ASSERT_TRUE(reference.advance(t + 1e-9));
+    EXPECT_GT(excess(), 0);
+    EXPECT_GT(plant.sample().static_friction_n, s.surface.static_friction * plant.sample().normal_force_n);
+  }
+  EXPECT_GE(found, 8);
+}
+
+// A peak of f_s / N between two ticks of 0.1: a floor 1e-7 below it lets the ball slip near the peak, one 1e-7 above does not.
+TEST(Slip, IsSeenAtAPeakInsideATick) {
+  const auto slips_on = [](double mu) {
+    auto result = read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/paper_ball.toml", {"run.actuation=prescribed"});
+    EXPECT_TRUE(result.ok());
+    result.scenario.surface.static_friction = mu;
+    Plant plant(result.scenario);
+    roll(plant, result.scenario, 0.1);
+    return std::pair(plant.end(), plant.time_s());
+  };
+  const double peak = 0.190594101478;  // at t = 6.437588, between samples of the reference run
+  EXPECT_EQ(slips_on(peak + 1e-7).first, PhysicsEnd::kNone);
+  const auto [end, time_s] = slips_on(peak - 1e-7);
+  EXPECT_EQ(end, PhysicsEnd::kSlipped);
+  EXPECT_NEAR(time_s, 6.437588, 2e-3);  // sqrt(1e-7 / curvature) before the peak
+  EXPECT_LT(time_s, 6.437588);
+}
+
+// Speeds at which doubles overflow cannot be followed; that is said, not published.
+TEST(Inconsistent, StateThatStopsBeingFiniteEndsTheRun) {
+  Scenario s = lift({});
+  s.ball.inertia_kgm2 = {0.7, 0.8, 0.9};
+  s.initial.angular_velocity_B_radps = {1e200, 1e200, 1e200};
+  Plant plant(s);
+  roll(plant, s, 0.1);
+  EXPECT_EQ(plant.end(), PhysicsEnd::kInconsistent);
+  EXPECT_FALSE(plant.end_text().empty());
+}
+
+}  // namespace
+}  // namespace ballast::sim

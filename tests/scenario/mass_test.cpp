@@ -1,0 +1,269 @@
+// Rails, how far masses may go, motor defaults and step rates.
+#include <cmath>
+#include <numbers>
+
+#include "sim/motion_extent.h"
+#include "tests/scenario/scenario_texts.h"
+
+namespace ballast::sim {
+namespace {
+
+using std::numbers::pi;
+
+std::string on_line(const std::string& rest, const std::string& origin = "[0, 0, 0]") {
+  return kMinimal + "[[mass]]\nmass = 0.5\nrail = { shape = \"line\", origin = " + origin +
+         ", direction = [1, 0, 0] }\n" + rest;
+}
+
+TEST(Rails, CircleByDirectionIsThePapersCircle) {
+  // n = e3 for elevation pi/2: Frisvad's b1 = (1,0,0), b2 = (0,1,0), so zeta = r (n cos - b1 sin).
+  const Scenario s = accepted(kFull, {"mass.0.rail.direction={azimuth=0, elevation=1.5707963267948966}"});
+  const auto at = [&](double theta) { return firmware::evaluate(s.masses[0].rail, theta).position; };
+  EXPECT_LT((at(0) - Eigen::Vector3d(0, 0, 1.5)).norm(), 1e-15);  // cos(pi/2) is 6e-17
+  EXPECT_LT((at(pi / 2) - Eigen::Vector3d(-1.5, 0, 0)).norm(), 1e-15);
+}
+
+TEST(Rails, CircleByAxesIsCenterPlusRadiusCosSin) {
+  const Scenario s = accepted(kFull);
+  const firmware::Rail& rail = s.masses[2].rail;
+  EXPECT_EQ(rail.axis_cos_B, Eigen::Vector3d(1, 0, 0));
+  EXPECT_EQ(rail.axis_sin_B, Eigen::Vector3d(0, 0, 1));
+  EXPECT_LT((firmware::evaluate(rail, pi / 2).position - Eigen::Vector3d(0, 0, 0.4)).norm(), 1e-16);
+}
+
+TEST(Rails, AxesWithinToleranceAreMadeOrthonormal) {
+  const Scenario s = accepted(kFull, {"mass.2.rail.axes=[[1, 8e-7, 0], [3e-8, 0, 0.9999993]]"});
+  const firmware::Rail& rail = s.masses[2].rail;
+  // A few roundings of a Gram-Schmidt step of nearly orthonormal vectors.
+  EXPECT_NEAR(rail.axis_cos_B.norm(), 1, 4e-16);
+  EXPECT_NEAR(rail.axis_sin_B.norm(), 1, 4e-16);
+  EXPECT_NEAR(rail.axis_cos_B.dot(rail.axis_sin_B), 0, 4e-16);
+}
+
+TEST(Rails, LineDirectionIsNormalised) {
+  const Scenario s = accepted(kFull, {"mass.1.rail.direction=[0, 3e-200, 4e-200]"});
+  EXPECT_LT((s.masses[1].rail.axis_cos_B - Eigen::Vector3d(0, 0.6, 0.8)).norm(), 4e-16);
+}
+
+TEST(Rails, AWholeCircleHasToFitIntoTheBall) {
+  // Centre (0.3, 0.4, 0.5), plane normal e3, radius 1: farthest point at hypot(1 + 0.5, 0.5).
+  const auto text = [](const char* radius) {
+    return kMinimal + "[[mass]]\nmass = 1\nrail = { shape = \"circle\", radius = " + radius +
+           ", center = [0.3, 0.4, 0.5], axes = [[1, 0, 0], [0, 1, 0]] }\n";
+  };
+  const std::string reach = "ball.radius=1.5811388300841898";  // sqrt(2.5), rounded up
+  EXPECT_EQ(accepted(text("1"), {reach}).masses.size(), 1u);
+  const ScenarioError error = only_error(text("1.000001"), {reach});
+  EXPECT_EQ(error.key, "mass.0.rail.radius");
+  EXPECT_TRUE(contains(error.message, "1.58113977"));                               // hypot(1.500001, 0.5)
+  EXPECT_EQ(accepted(kFull, {"mass.0.rail.radius=2"}).masses[0].rail.radius_m, 2);  // on the ball's surface
+}
+
+TEST(MotionExtent, TurningPointOfConstantAcceleration) {
+  // theta = 2 t - t^2 / 2: greatest at t = 2, where it is 2; then down to 2 * 6 - 18 = -6 at t = 6.
+  Mass mass;
+  mass.initial_velocity = 2;
+  mass.motion = {{6, -1, -1}};
+  const PositionExtent extent = position_extent(mass, 6);
+  EXPECT_DOUBLE_EQ(extent.greatest.position, 2);
+  EXPECT_DOUBLE_EQ(extent.greatest.time_s, 2);
+  EXPECT_DOUBLE_EQ(extent.least.position, -6);
+  EXPECT_DOUBLE_EQ(extent.least.time_s, 6);
+  EXPECT_DOUBLE_EQ(position_extent(mass, 3).least.position, 0);  // not there yet
+  EXPECT_DOUBLE_EQ(speed_extent(mass).greatest_speed, 4);
+  EXPECT_EQ(speed_extent(mass).greatest_acceleration, 1);
+}
+
+TEST(MotionExtent, BothTurningPointsInsideOnePiece) {
+  // theta' = 2 - 6 t + 3 t^2, theta = 2 t - 3 t^2 + t^3: extremes at 1 -+ 1/sqrt 3, of +-2/(3 sqrt 3); 0 at t = 0,
+  // 1, 2.
+  Mass mass;
+  mass.initial_velocity = 2;
+  mass.motion = {{2, -6, 6}};
+  const PositionExtent extent = position_extent(mass, 2);
+  // Roots and a cubic of numbers near 1: a few ulps.
+  EXPECT_NEAR(extent.greatest.position, 2 / (3 * std::sqrt(3.0)), 1e-15);
+  EXPECT_NEAR(extent.greatest.time_s, 1 - 1 / std::sqrt(3.0), 1e-15);
+  EXPECT_NEAR(extent.least.position, -2 / (3 * std::sqrt(3.0)), 1e-15);
+  EXPECT_NEAR(extent.least.time_s, 1 + 1 / std::sqrt(3.0), 1e-15);
+}
+
+TEST(MotionExtent, FastestInsideAPieceWhereTheAccelerationChangesSign) {
+  // theta'' = 1 - t from rest: theta' = t - t^2/2, greatest 0.5 at t = 1, back to 0 at t = 2.
+  Mass mass;
+  mass.motion = {{1, 0, 0}, {2, 1, -1}};
+  const SpeedExtent speed = speed_extent(mass);
+  EXPECT_DOUBLE_EQ(speed.greatest_speed, 0.5);
+  EXPECT_EQ(speed.fastest_piece, 1u);
+}
+
+TEST(MotionExtent, ConstantVelocityAfterTheLastPieceCounts) {
+  Mass mass;
+  mass.motion = {{1, 1, 1}};  // 0.5 m, then 1 m/s
+  const PositionExtent extent = position_extent(mass, 4);
+  EXPECT_DOUBLE_EQ(extent.greatest.position, 3.5);
+  EXPECT_EQ(extent.greatest.piece, 1u);
+  EXPECT_DOUBLE_EQ(extent.greatest.time_s, 4);
+}
+
+TEST(Lines, AMassHasToStayInTheBallForTheWholeRun) {
+  struct Case {
+    const char* what;
+    std::string rest;
+    const char* key;
+    const char* message;
+  };
+  for (const Case& c : std::vector<Case>{
+           {"start", "initial_position = -2.5\n", "mass.0.initial_position",
+            "2.5 m from the geometric centre at t = 0 s"},
+           {"inside a piece",
+            "initial_velocity = 3\nmotion = [{ duration = 2.5, acceleration = [-2, -2] },"
+            "{ duration = 1, acceleration = [2, 2] }]\n",
+            "mass.0.motion.0", "2.25 m from the geometric centre at t = 1.5 s"},
+           {"end of a piece",
+            "motion = [{ duration = 1, acceleration = [0, 0] }, { duration = 3, acceleration = [-1, -1] }]\n",
+            "mass.0.motion.1", "4.5 m from the geometric centre at t = 4 s"},
+           {"after the pieces", "motion = [{ duration = 1, acceleration = [1, 1] }]\n", "mass.0.motion",
+            "3.5 m from the geometric centre at t = 4 s"},
+           {"initial velocity", "initial_velocity = -1\n", "mass.0.initial_velocity",
+            "4 m from the geometric centre at t = 4 s"}}) {
+    const ScenarioError error = only_error(on_line(c.rest));
+    EXPECT_EQ(error.key, c.key) << c.what;
+    EXPECT_TRUE(contains(error.message, c.message)) << c.what;
+    EXPECT_TRUE(contains(error.message, "allowed: <= ball.radius = 2")) << c.what;
+  }
+}
+
+TEST(Lines, TheLimitItselfIsAllowed) {
+  EXPECT_EQ(accepted(on_line("initial_velocity = 0.5\n")).masses.size(), 1u);  // 2 m at t = 4 s
+  EXPECT_EQ(only_error(on_line("initial_velocity = 0.5000001\n")).key, "mass.0.initial_velocity");
+  // Turns at exactly 2 m, at t = 1 s: v = 4, a = -4.
+  EXPECT_EQ(accepted(on_line("initial_velocity = 4\nmotion = [{ duration = 2, acceleration = [-4, -4] },"
+                             "{ duration = 1, acceleration = [4, 4] }]\n"))
+                .masses.size(),
+            1u);
+  // A shorter run ends before the mass leaves.
+  EXPECT_EQ(accepted(on_line("initial_velocity = 1\n"), {"duration=2"}).masses.size(), 1u);
+}
+
+TEST(Lines, AnOffsetLineIsAShorterChord) {
+  // At height 1.2 in a ball of radius 2 the line reaches 1.6.
+  EXPECT_EQ(accepted(on_line("initial_position = -1.6\n", "[0, 0, 1.2]")).masses.size(), 1u);
+  EXPECT_EQ(only_error(on_line("initial_position = -1.601\n", "[0, 0, 1.2]")).key, "mass.0.initial_position");
+  EXPECT_EQ(only_error(on_line("", "[0, 0, 2.1]")).key, "mass.0.rail");
+}
+
+TEST(MotorDefaults, OnACircle) {
+  const std::string text = R"(duration = 4.0
+gravity = 9.0
+[ball]
+radius = 2.0
+mass = 3.0
+inertia = [1.0, 1.1, 1.2]
+[[mass]]
+mass = 0.5
+rail = { shape = "circle", radius = 1.5, direction = { azimuth = 0.3, elevation = 0.4 } }
+motion = [ { duration = 1.0, acceleration = [1.0, -4.0] } ]
+)";
+  const Motor motor = accepted(text).masses[0].motor;
+  EXPECT_EQ(motor.steps_per_revolution, 200);
+  EXPECT_EQ(motor.microsteps, 16);
+  EXPECT_EQ(motor.gear_ratio, 1);
+  EXPECT_EQ(motor.travel_per_revolution, 0);
+  EXPECT_EQ(motor.shaft_ratio, 1);
+  const double inertia = 0.5 * 1.5 * 1.5;
+  const double holding = 3 * (0.5 * 9 * 1.5 + (1 + 3) * inertia * 4);
+  // The same products, perhaps in another order.
+  EXPECT_DOUBLE_EQ(motor.holding_torque_nm, holding);
+  EXPECT_DOUBLE_EQ(motor.detent_torque_nm, 0.04 * holding);
+  EXPECT_DOUBLE_EQ(motor.rotor_inertia_kgm2, 3 * inertia);
+  // theta' = t - 2.5 t^2 is greatest, 1.5 in size, at the end; there a tenth of the torque is less than damping ratio 0.2 takes.
+  EXPECT_DOUBLE_EQ(motor.viscous_damping_nms, 0.1 * holding / 1.5);
+  EXPECT_EQ(motor.corner_speed_radps, 30);
+  EXPECT_EQ(motor.step_error, 0.015);
+  EXPECT_DOUBLE_EQ(motor.max_step_rate_hz, 60000);
+  EXPECT_DOUBLE_EQ(motor.max_acceleration, 0.5 * holding / (4 * inertia));
+
+  const Motor geared = accepted(text, {"mass.0.motor.gear_ratio=5", "mass.0.initial_velocity=10"}).masses[0].motor;
+  EXPECT_DOUBLE_EQ(geared.holding_torque_nm, holding / 5);
+  EXPECT_DOUBLE_EQ(geared.rotor_inertia_kgm2, 3 * inertia / 25);
+  EXPECT_DOUBLE_EQ(geared.viscous_damping_nms, 0.1 * (holding / 5) / (5 * 10.1));
+  EXPECT_DOUBLE_EQ(geared.corner_speed_radps, 2 * 5 * 10.1);  // theta' = 10 + t - 2.5 t^2, greatest at t = 0.2
+  EXPECT_DOUBLE_EQ(geared.max_acceleration, 0.5 * holding / (4 * inertia));
+
+  const Motor slow_timer = accepted(text, {"run.timer_frequency=1e5"}).masses[0].motor;
+  EXPECT_DOUBLE_EQ(slow_timer.max_step_rate_hz, 1e4);
+}
+
+TEST(MotorDefaults, OnALine) {
+  const Motor motor = accepted(on_line("motion = [{ duration = 1, acceleration = [0.5, -0.5] }]\n")).masses[0].motor;
+  EXPECT_EQ(motor.travel_per_revolution, 1);  // half the ball's radius
+  const double ratio = 2 * pi;
+  EXPECT_DOUBLE_EQ(motor.shaft_ratio, ratio);
+  const double holding = 3 * (0.5 * 1 + (1 + 3) * 0.5 * 0.5) / ratio;
+  EXPECT_DOUBLE_EQ(motor.holding_torque_nm, holding);
+  const double load = 0.5 / (ratio * ratio);
+  EXPECT_DOUBLE_EQ(motor.rotor_inertia_kgm2, 3 * load);
+  // theta' = 0.5 t - 0.5 t^2 is greatest, 0.125, in the middle.
+  EXPECT_DOUBLE_EQ(motor.viscous_damping_nms, 0.1 * holding / (0.125 * ratio));
+  EXPECT_DOUBLE_EQ(motor.max_acceleration, 0.5 * ratio * holding / (4 * 0.5));
+}
+
+TEST(MotorDefaults, WithoutWeightAndMotionTheMotorStillHolds) {
+  const Motor motor = accepted(on_line(""), {"gravity=0"}).masses[0].motor;
+  EXPECT_DOUBLE_EQ(motor.holding_torque_nm, 3 * 4 * 0.5 / (2 * pi));  // as for 1 m/s^2
+  const double load = 0.5 / (4 * pi * pi);
+  EXPECT_DOUBLE_EQ(motor.viscous_damping_nms, 0.4 * std::sqrt(50 * motor.holding_torque_nm * 4 * load));  // never moves
+}
+
+TEST(MotorDefaults, FollowWhatIsGiven) {
+  const Motor motor =
+      accepted(on_line("[mass.motor]\nholding_torque = 2\nrotor_inertia = 0.25\nsteps_per_revolution = 400\n"))
+          .masses[0]
+          .motor;
+  EXPECT_DOUBLE_EQ(motor.detent_torque_nm, 0.08);
+  EXPECT_DOUBLE_EQ(motor.viscous_damping_nms, 0.4 * std::sqrt(100 * 2 * (0.25 + 0.5 / (4 * pi * pi))));
+  EXPECT_DOUBLE_EQ(motor.max_acceleration, 0.5 * 2 * pi * 2 / (0.5 + 0.25 * 4 * pi * pi));
+}
+
+TEST(MotorDefaults, ThatCannotBeUsedAreReported) {
+  // A load inertia of 0.5 / (1e-200)^2 is no number.
+  const ScenarioResult result = parse(kFull, {"mass.2.motor.gear_ratio=1e-200"});
+  ASSERT_FALSE(result.ok());
+  bool named = false;
+  for (const ScenarioError& error : result.errors) {
+    named = named || (error.key == "mass.2.motor.rotor_inertia" && contains(error.message, "its default inf"));
+  }
+  EXPECT_TRUE(named) << all_errors(result);
+}
+
+TEST(StepRate, AMotionTooFastForTheMotorIsAnErrorOfItsPiece) {
+  // 1 turn of motor per m, 3200 microsteps per turn. Speeds: 0.5 m/s after piece 0, 1 m/s after piece 1, 0 after
+  // piece 2.
+  const std::string text = on_line(
+      "motion = [{ duration = 0.5, acceleration = [1, 1] }, { duration = 0.5, acceleration = [1, 1] },"
+      "{ duration = 1, acceleration = [-1, -1] }]\n");
+  EXPECT_TRUE(accepted(text, {"mass.0.motor.max_step_rate=3200"}).id != 0);
+  const ScenarioError error = only_error(text, {"mass.0.motor.max_step_rate=3199"});
+  EXPECT_EQ(error.key, "mass.0.motion.1");
+  EXPECT_TRUE(contains(error.message, "3200 microsteps/s at its greatest speed 1"));
+  EXPECT_TRUE(contains(error.message, "allowed: <= 3199 (motor.max_step_rate)"));
+  // Prescribed masses have no motors to outrun.
+  EXPECT_TRUE(accepted(text, {"mass.0.motor.max_step_rate=3199", "run.actuation=prescribed"}).id != 0);
+}
+
+TEST(StepRate, TheControllerIssuesOnlySoManyStepsPerTick) {
+  const std::string text = on_line("initial_velocity = 0.25\n");  // 800 microsteps/s
+  EXPECT_TRUE(accepted(text, {"run.control_period=0.07"}).id != 0);
+  const ScenarioError error = only_error(text, {"run.control_period=0.08", "mass.0.motor.max_step_rate=1e5"});
+  EXPECT_EQ(error.key, "mass.0.initial_velocity");
+  EXPECT_TRUE(contains(error.message, "steps per control period"));
+}
+
+TEST(StepRate, OfTheShippedDefaultsLeavesRoom) {
+  const Mass mass = accepted(kFull).masses[1];
+  EXPECT_LT(speed_extent(mass).greatest_speed * mass.motor.shaft_ratio / (2 * pi) * 3200, mass.motor.max_step_rate_hz);
+}
+
+}  // namespace
+}  // namespace ballast::sim
