@@ -1,0 +1,104 @@
+// validate(): what the controller may be asked to run with.
+#include <cmath>
+
+#include "firmware/control/controller.h"
+
+namespace ballast::firmware {
+
+namespace {
+
+constexpr Real kUnitTolerance =
+    1e-9;  // rails are built by functions that normalise: this is rounding with room to spare
+
+// Keeps the first complaint.
+class Checker {
+ public:
+  void require(bool ok, const char* field, int index, Real value, const char* allowed) {
+    if (ok || !error_.ok()) return;
+    error_.field = field;
+    error_.index = index;
+    error_.value = value;
+    error_.allowed = allowed;
+  }
+  void positive(Real value, const char* field, int index = -1) {
+    require(std::isfinite(value) && value > 0, field, index, value, "finite, > 0");
+  }
+  void finite(const Vector3& v, const char* field, int index = -1) {
+    for (int j = 0; j < 3; ++j) require(std::isfinite(v[j]), field, index, v[j], "finite");
+  }
+  [[nodiscard]] const ParamError& error() const { return error_; }
+
+ private:
+  ParamError error_;
+};
+
+void check_ball(const BallParams& ball, Checker& check) {
+  check.positive(ball.radius_m, "ball.radius_m");
+  check.require(std::isfinite(ball.gravity_mps2) && ball.gravity_mps2 >= 0, "ball.gravity_mps2", -1, ball.gravity_mps2,
+                "finite, >= 0");
+  check.positive(ball.shell_mass_kg, "ball.shell_mass_kg");
+  const Vector3& d = ball.inertia_kgm2;
+  for (int j = 0; j < 3; ++j) check.positive(d[j], "ball.inertia_kgm2");
+  for (int j = 0; j < 3; ++j) {
+    check.require(d[j] <= (d[(j + 1) % 3] + d[(j + 2) % 3]) * (1 + kUnitTolerance), "ball.inertia_kgm2", -1, d[j],
+                  "no larger than the sum of the other two");
+  }
+  const Vector3& chi = ball.center_of_mass_B_m;
+  check.finite(chi, "ball.center_of_mass_B_m");
+  const Real offset = std::sqrt(chi.dot(chi));
+  check.require(offset < ball.radius_m, "ball.center_of_mass_B_m", -1, offset, "inside the ball");
+  check.finite(ball.external_force_W_n, "ball.external_force_W_n");
+}
+
+void check_rail(const Rail& rail, int i, Checker& check) {
+  check.require(rail.shape == RailShape::kCircle || rail.shape == RailShape::kLine, "ball.rail.shape", i,
+                static_cast<Real>(rail.shape), "circle or line");
+  check.finite(rail.origin_B_m, "ball.rail.origin_B_m", i);
+  const Real cos2 = rail.axis_cos_B.dot(rail.axis_cos_B);
+  check.require(std::fabs(cos2 - 1) <= kUnitTolerance, "ball.rail.axis_cos_B", i, std::sqrt(cos2), "unit length");
+  if (rail.shape != RailShape::kCircle) return;
+  const Real sin2 = rail.axis_sin_B.dot(rail.axis_sin_B);
+  check.require(std::fabs(sin2 - 1) <= kUnitTolerance, "ball.rail.axis_sin_B", i, std::sqrt(sin2), "unit length");
+  const Real skew = rail.axis_cos_B.dot(rail.axis_sin_B);
+  check.require(std::fabs(skew) <= kUnitTolerance, "ball.rail.axis_sin_B", i, skew, "perpendicular to axis_cos_B");
+  check.positive(rail.radius_m, "ball.rail.radius_m", i);
+}
+
+}  // namespace
+
+ParamError validate(const ControllerParams& params) {
+  Checker check;
+  check.positive(params.control_period_s, "control_period_s");
+  check.require(params.timer_frequency_hz >= 1e3 && params.timer_frequency_hz <= 1e9, "timer_frequency_hz", -1,
+                params.timer_frequency_hz, "1e3..1e9");
+  const Real ticks = params.control_period_s * params.timer_frequency_hz;
+  check.require(ticks >= 2 && ticks <= 1e9, "control_period_s", -1, params.control_period_s, "2..1e9 timer ticks");
+  check.require(params.static_friction > 0, "static_friction", -1, params.static_friction,
+                "> 0, infinity: perfect friction");
+  check.require(params.sensor_stale_ticks >= 0 && params.sensor_stale_ticks <= 1000, "sensor_stale_ticks", -1,
+                params.sensor_stale_ticks, "0..1000");
+  check.require(params.monitor_stale_ticks >= 0 && params.monitor_stale_ticks <= 1000, "monitor_stale_ticks", -1,
+                params.monitor_stale_ticks, "0..1000");
+  check_ball(params.ball, check);
+
+  const int count = params.ball.mass_count;
+  check.require(count >= 0 && count <= kMaxMasses, "ball.mass_count", -1, count, "0..8");
+  for (int i = 0; i < count && i < kMaxMasses; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    check.positive(params.ball.mass_kg[k], "ball.mass_kg", i);
+    check_rail(params.ball.rail[k], i, check);
+    const MotorParams& motor = params.motor[k];
+    check.require(std::isfinite(motor.steps_per_unit) && motor.steps_per_unit != 0, "motor.steps_per_unit", i,
+                  motor.steps_per_unit, "finite, not 0");
+    check.require(motor.max_step_rate_hz > 0 && motor.max_step_rate_hz <= params.timer_frequency_hz,
+                  "motor.max_step_rate_hz", i, motor.max_step_rate_hz, "> 0, at most timer_frequency_hz");
+    check.positive(motor.max_acceleration, "motor.max_acceleration", i);
+    // A profile refuses what is not finite when it is set; the count of steps at its start has to fit too.
+    const Real start = params.motion[k].at(0).position;
+    check.require(std::fabs(start * motor.steps_per_unit) <= 1e15, "motion", i, start,
+                  "initial position within 1e15 microsteps of 0");
+  }
+  return check.error();
+}
+
+}  // namespace ballast::firmware

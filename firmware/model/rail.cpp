@@ -1,0 +1,43 @@
+#include "firmware/model/rail.h"
+
+namespace ballast::firmware {
+
+namespace {
+
+Vector3 unit(const Vector3& v) { return v / std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+}  // namespace
+
+Rail circle(const Vector3& center_B_m, Real radius_m, const Vector3& axis_cos_B, const Vector3& axis_sin_B) {
+  Rail rail;
+  rail.shape = RailShape::kCircle;
+  rail.origin_B_m = center_B_m;
+  rail.radius_m = radius_m;
+  rail.axis_cos_B = unit(axis_cos_B);
+  // One Gram-Schmidt step: axes written down with a few digits still give a true circle.
+  rail.axis_sin_B = unit(axis_sin_B - rail.axis_cos_B * rail.axis_cos_B.dot(axis_sin_B));
+  return rail;
+}
+
+Rail circle_about(Real radius_m, Real azimuth_rad, Real elevation_rad) {
+  const Real nx = std::cos(elevation_rad) * std::cos(azimuth_rad);
+  const Real ny = std::cos(elevation_rad) * std::sin(azimuth_rad);
+  const Real nz = std::sin(elevation_rad);
+  Vector3 b1(0, -1, 0);
+  if (nz >= -0.9999999) {
+    const Real a = 1 / (1 + nz);
+    b1 = Vector3(1 - nx * nx * a, -nx * ny * a, -nx);
+  }
+  // B = [n, b2, -b1] acts on (cos theta, 0, sin theta), so b2 is not needed.
+  return circle(Vector3::Zero(), radius_m, Vector3(nx, ny, nz), -b1);
+}
+
+Rail line(const Vector3& origin_B_m, const Vector3& direction_B) {
+  Rail rail;
+  rail.shape = RailShape::kLine;
+  rail.origin_B_m = origin_B_m;
+  rail.axis_cos_B = unit(direction_B);
+  return rail;
+}
+
+}  // namespace ballast::firmware

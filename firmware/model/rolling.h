@@ -1,0 +1,41 @@
+// The paper's closed forms for a ball that rolls without slipping, masses on 1-d rails.
+#pragma once
+
+#include "firmware/model/rail.h"
+
+namespace ballast::firmware {
+
+// What the model knows of the robot. Symbols: PHYSICS.md section 1.
+struct BallParams {
+  Real radius_m = 0;                             // r > 0
+  Real gravity_mps2 = 0;                         // g >= 0
+  Real shell_mass_kg = 0;                        // m_0 > 0
+  Vector3 inertia_kgm2 = Vector3::Zero();        // diag(I), about m_0's own centre of mass, body frame
+  Vector3 center_of_mass_B_m = Vector3::Zero();  // chi_0, from the geometric centre
+  Vector3 external_force_W_n = Vector3::Zero();  // F_e, constant, at the geometric centre, space frame
+  int mass_count = 0;                            // n, 0..kMaxMasses
+  PerMass<Real> mass_kg{};                       // m_i > 0
+  PerMass<Rail> rail{};
+};
+
+// Rail coordinates and their first two time derivatives (rad or m, per s, per s^2).
+struct MassMotion {
+  PerMass<Real> position{};
+  PerMass<Real> velocity{};
+  PerMass<Real> acceleration{};
+};
+
+struct RollingForces {
+  Vector3 angular_acceleration_B_radps2 = Vector3::Zero();
+  Real normal_force_n = 0;                       // N, positive upward
+  Vector2 friction_force_W_n = Vector2::Zero();  // force of the surface on the ball, -f_s sigma, space frame
+  Real static_friction_n = 0;                    // f_s
+};
+
+// Omegadot (eq_Om_1d), N (eq_normal_1d) and -f_s sigma (eq_static_friction_1d) for attitude q (body -> space, unit) and
+// angular velocity Omega (body frame). Deviation from the paper: the sums run over the masses as printed; the matrix is
+// inverted by its adjugate. Never fails for validated parameters; NaN in gives NaN out.
+RollingForces rolling_forces(const BallParams& ball, const Quaternion& orientation,
+                             const Vector3& angular_velocity_B_radps, const MassMotion& masses);
+
+}  // namespace ballast::firmware

@@ -1,0 +1,117 @@
+#include "firmware/motion/profile.h"
+
+#include <cmath>
+#include <limits>
+
+namespace ballast::firmware {
+
+namespace {
+
+// Walks along the pieces, carrying the values at the border reached.
+struct Walk {
+  Real time_s = 0;
+  Real position = 0;
+  Real velocity = 0;
+  Real velocity_scale = 0;  // largest term added into the velocity so far
+  int borders = 0;
+
+  Walk(Real initial_position, Real initial_velocity)
+      : position(initial_position), velocity(initial_velocity), velocity_scale(std::fabs(initial_velocity)) {}
+
+  void step(const Cubic& piece) {
+    const Real d = piece.duration_s;
+    const Real gain = d * (piece.acceleration + d * piece.jerk / 2);
+    position += d * (velocity + d * (piece.acceleration / 2 + d * piece.jerk / 6));
+    velocity += gain;
+    velocity_scale = std::fmax(velocity_scale, std::fmax(std::fabs(velocity), d * std::fabs(piece.acceleration)));
+    velocity_scale = std::fmax(velocity_scale, d * d * std::fabs(piece.jerk));
+    ++borders;
+    // Each border adds a few roundings of the largest term.
+    if (std::fabs(velocity) <= 4 * borders * std::numeric_limits<Real>::epsilon() * velocity_scale) velocity = 0;
+    time_s += d;
+  }
+
+  [[nodiscard]] bool finite() const {
+    return std::isfinite(time_s) && std::isfinite(position) && std::isfinite(velocity) && std::isfinite(velocity_scale);
+  }
+};
+
+Cubic cubic_of(const ProfilePiece& piece) {
+  Cubic c;
+  c.duration_s = piece.duration_s;
+  c.acceleration = piece.acceleration_start;
+  c.jerk = (piece.acceleration_end - piece.acceleration_start) / piece.duration_s;
+  return c;
+}
+
+}  // namespace
+
+bool Profile::set(Real initial_position, Real initial_velocity, const ProfilePiece* pieces, int piece_count) {
+  if (piece_count < 0 || piece_count > kMaxPieces) return false;
+  // Once to check, once to write: a second profile to write into would need 6 kB of stack.
+  Walk check(initial_position, initial_velocity);
+  if (!check.finite()) return false;
+  for (int i = 0; i < piece_count; ++i) {
+    const Cubic c = cubic_of(pieces[i]);
+    if (!(c.duration_s > 0) || !std::isfinite(c.duration_s) || !std::isfinite(c.acceleration) ||
+        !std::isfinite(pieces[i].acceleration_end) || !std::isfinite(c.jerk)) {
+      return false;
+    }
+    check.step(c);
+    if (!check.finite()) return false;
+  }
+  piece_count_ = piece_count;
+  for (int i = 0; i < piece_count; ++i) cubics_[static_cast<std::size_t>(i)] = cubic_of(pieces[i]);
+  cubics_[static_cast<std::size_t>(piece_count)] = Cubic{};
+  cubics_[static_cast<std::size_t>(piece_count)].duration_s = std::numeric_limits<Real>::infinity();
+  return rebase(initial_position, initial_velocity);
+}
+
+bool Profile::rebase(Real initial_position, Real initial_velocity) {
+  Walk check(initial_position, initial_velocity);
+  for (int i = 0; i < piece_count_; ++i) check.step(cubics_[static_cast<std::size_t>(i)]);
+  if (!check.finite()) return false;
+  Walk walk(initial_position, initial_velocity);
+  for (int i = 0; i <= piece_count_; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    starts_s_[k] = walk.time_s;
+    cubics_[k].position = walk.position;
+    cubics_[k].velocity = walk.velocity;
+    if (i < piece_count_) walk.step(cubics_[k]);
+  }
+  return true;
+}
+
+Profile::Location Profile::locate(Real time_s) const {
+  // Largest index whose start is not after time_s; NaN ends at 0. Bisection of at most kMaxPieces + 1 starts.
+  int low = 0;
+  int high = piece_count_ + 1;
+  while (high - low > 1) {
+    const int middle = (low + high) / 2;
+    if (starts_s_[static_cast<std::size_t>(middle)] <= time_s) {
+      low = middle;
+    } else {
+      high = middle;
+    }
+  }
+  return {low, time_s - starts_s_[static_cast<std::size_t>(low)]};
+}
+
+ProfilePoint Profile::at(Real time_s) const {
+  if (time_s < 0) return {cubics_[0].position, cubics_[0].velocity, 0};
+  const Location here = locate(time_s);
+  const Cubic& c = cubic(here.index);
+  const Real s = here.offset_s;
+  return {c.position + s * (c.velocity + s * (c.acceleration / 2 + s * (c.jerk / 6))),
+          c.velocity + s * (c.acceleration + s * (c.jerk / 2)), c.acceleration + s * c.jerk};
+}
+
+bool Profile::at_rest_from(Real time_s) const {
+  for (int i = locate(time_s).index; i <= piece_count_; ++i) {
+    const Cubic& c = cubic(i);
+    if (c.velocity != 0 || c.acceleration != 0 || c.jerk != 0) return false;
+  }
+  return true;
+}
+
+}  // namespace ballast::firmware

@@ -1,0 +1,74 @@
+// A rail coordinate as a function of time: pieces of linear acceleration, so cubic positions, evaluated exactly.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "firmware/model/types.h"
+
+namespace ballast::firmware {
+
+inline constexpr int kMaxPieces = 128;
+
+struct ProfilePiece {
+  Real duration_s = 0;          // > 0
+  Real acceleration_start = 0;  // theta'' at the piece's start, rail unit / s^2
+  Real acceleration_end = 0;    // and at its end; linear between
+};
+
+struct ProfilePoint {
+  Real position = 0;
+  Real velocity = 0;
+  Real acceleration = 0;  // where two pieces meet: that of the later piece
+};
+
+// Cubic p(s) = position + velocity s + acceleration s^2/2 + jerk s^3/6 on 0 <= s <= duration_s.
+struct Cubic {
+  Real duration_s = 0;  // infinite for what follows the last piece
+  Real position = 0;
+  Real velocity = 0;
+  Real acceleration = 0;
+  Real jerk = 0;
+};
+
+// Built once, then read only. Every piece keeps its own start values, so nothing drifts with time; after the last piece
+// the velocity stays constant; before t = 0 the mass is at the initial position with the initial velocity held as a
+// value. A velocity at a border that is zero but for the rounding of the sums before it is zero: a mass that brakes
+// comes to rest.
+class Profile {
+ public:
+  Profile() = default;
+
+  // False (and *this unchanged) if piece_count is outside 0..kMaxPieces, a duration is not positive and finite, or any
+  // number is not finite.
+  [[nodiscard]] bool set(Real initial_position, Real initial_velocity, const ProfilePiece* pieces, int piece_count);
+
+  // The same pieces from another start. False (and *this unchanged) if that does not stay finite.
+  [[nodiscard]] bool rebase(Real initial_position, Real initial_velocity);
+
+  [[nodiscard]] ProfilePoint at(Real time_s) const;
+
+  // The cubic in force at time_s >= 0 (at a border: the later one), and where in it time_s lies.
+  struct Location {
+    int index;      // 0..piece_count()
+    Real offset_s;  // time since the cubic began
+  };
+  [[nodiscard]] Location locate(Real time_s) const;
+  [[nodiscard]] const Cubic& cubic(int index) const { return cubics_[static_cast<std::size_t>(index)]; }
+  [[nodiscard]] Real cubic_start_s(int index) const { return starts_s_[static_cast<std::size_t>(index)]; }
+  [[nodiscard]] int piece_count() const { return piece_count_; }
+  [[nodiscard]] Real end_s() const {
+    return starts_s_[static_cast<std::size_t>(piece_count_)];
+  }  // end of the last piece
+  [[nodiscard]] Real final_velocity() const { return cubics_[static_cast<std::size_t>(piece_count_)].velocity; }
+
+  // From time_s on the velocity is zero and stays so.
+  [[nodiscard]] bool at_rest_from(Real time_s) const;
+
+ private:
+  int piece_count_ = 0;
+  std::array<Cubic, kMaxPieces + 1> cubics_{};   // [piece_count_] is the constant-velocity tail
+  std::array<Real, kMaxPieces + 1> starts_s_{};  // start time of each cubic
+};
+
+}  // namespace ballast::firmware

@@ -1,0 +1,192 @@
+// Proof that the tick does not touch the heap: every allocator of this program is replaced by one that counts.
+#include <gtest/gtest.h>
+
+#include <cerrno>
+#include <cstddef>
+#include <cstdlib>
+#include <iostream>
+#include <memory>
+#include <new>
+
+#include "tests/firmware/paper_ball.h"
+
+namespace {
+
+// Plain variables: this program has one thread.
+volatile bool counting = false;
+volatile long allocations = 0;
+
+void count() {
+  if (counting) allocations = allocations + 1;
+}
+
+}  // namespace
+
+#if defined(__SANITIZE_ADDRESS__)
+// The sanitizer owns malloc, but tells of every use.
+extern "C" int __sanitizer_install_malloc_and_free_hooks(void (*)(const volatile void*, std::size_t),
+                                                         void (*)(const volatile void*));
+namespace {
+const int hooks = __sanitizer_install_malloc_and_free_hooks([](const volatile void*, std::size_t) { count(); },
+                                                            [](const volatile void*) { count(); });
+}
+#else
+extern "C" {
+void* __libc_malloc(std::size_t);
+void* __libc_calloc(std::size_t, std::size_t);
+void* __libc_realloc(void*, std::size_t);
+void* __libc_memalign(std::size_t, std::size_t);
+void __libc_free(void*);
+
+void* malloc(std::size_t size) {
+  count();
+  return __libc_malloc(size);
+}
+void* calloc(std::size_t n, std::size_t size) {
+  count();
+  return __libc_calloc(n, size);
+}
+void* realloc(void* p, std::size_t size) {
+  count();
+  return __libc_realloc(p, size);
+}
+void* aligned_alloc(std::size_t alignment, std::size_t size) {
+  count();
+  return __libc_memalign(alignment, size);
+}
+int posix_memalign(void** p, std::size_t alignment, std::size_t size) {
+  count();
+  *p = __libc_memalign(alignment, size);
+  return *p == nullptr ? ENOMEM : 0;
+}
+void free(void* p) {
+  count();
+  __libc_free(p);
+}
+}  // extern "C"
+
+void* operator new(std::size_t size) {
+  count();
+  if (void* p = __libc_malloc(size)) return p;
+  std::abort();
+}
+void* operator new[](std::size_t size) { return operator new(size); }
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  count();
+  if (void* p = __libc_memalign(static_cast<std::size_t>(alignment), size)) return p;
+  std::abort();
+}
+void* operator new[](std::size_t size, std::align_val_t alignment) { return operator new(size, alignment); }
+void operator delete(void* p) noexcept { free(p); }
+void operator delete[](void* p) noexcept { free(p); }
+void operator delete(void* p, std::size_t) noexcept { free(p); }
+void operator delete[](void* p, std::size_t) noexcept { free(p); }
+void operator delete(void* p, std::align_val_t) noexcept { free(p); }
+void operator delete[](void* p, std::align_val_t) noexcept { free(p); }
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept { free(p); }
+void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { free(p); }
+#endif
+
+namespace ballast::firmware {
+namespace {
+
+// Keeps the compiler from removing an allocation it can see through.
+void* volatile sink;
+
+template <class Work>
+long allocations_during(Work work) {
+  allocations = 0;
+  counting = true;
+  work();
+  counting = false;
+  return allocations;
+}
+
+TEST(NoHeap, TheGuardCounts) {
+  EXPECT_GE(allocations_during([] {
+              sink = std::malloc(10);
+              std::free(sink);
+            }),
+            2);
+  EXPECT_GE(allocations_during([] { sink = new int(3); }), 1);
+  delete static_cast<int*>(sink);
+  EXPECT_GE(allocations_during([] { sink = std::calloc(2, 8); }), 1);
+  EXPECT_GE(allocations_during([] { sink = std::realloc(sink, 1000); }), 1);
+  EXPECT_GE(allocations_during([] { std::free(sink); }), 1);
+  EXPECT_GE(allocations_during([] { sink = std::aligned_alloc(64, 64); }), 1);
+  std::free(sink);
+  struct alignas(128) Wide {
+    char bytes[128];
+  };
+  EXPECT_GE(allocations_during([] { sink = new Wide(); }), 1);
+  delete static_cast<Wide*>(sink);
+  void* p = nullptr;
+  EXPECT_GE(allocations_during([&] {
+              if (posix_memalign(&p, 64, 64) == 0) sink = p;
+            }),
+            1);
+  std::free(p);
+  EXPECT_EQ(allocations_during([] {}), 0);
+}
+
+TEST(NoHeap, AMillionTicks) {
+  const auto params = std::make_unique<ControllerParams>(testing::paper_params());
+  // Turns the masses to and fro for the whole run: 60 pieces of 16 s.
+  ProfilePiece pieces[60];
+  for (int i = 0; i < 60; ++i) {
+    const Real a = i % 2 == 0 ? 0.2 : -0.2;
+    pieces[i] = {16, a, -a};
+  }
+  for (std::size_t i = 0; i < 3; ++i) {
+    ASSERT_TRUE(params->motion[i].set(testing::kPaperStart[i], 0.3, pieces, 60));
+  }
+  ASSERT_TRUE(validate(*params).ok());
+  const auto state = std::make_unique<ControllerState>();
+  const auto out = std::make_unique<Outputs>();
+  reset(*params, *state);
+
+  Inputs in;
+  bool overloaded = false;
+  std::int64_t pulses_before_trip = 0;
+  const long during = allocations_during([&] {
+    for (std::int64_t k = 0; k < 1'000'000; ++k) {
+      const Real t = static_cast<Real>(k) * 1e-3;
+      in.tick = in.sensors.tick = in.monitor.tick = k;
+      in.sensors.orientation = Quaternion(std::cos(t / 3), std::sin(t / 3), 0, 0);
+      in.sensors.gyro_B_radps = Vector3(2.0 / 3, 0, 0);
+      in.operator_command =
+          k == 1 ? OperatorCommand::kArm : (k == 2 ? OperatorCommand::kStart : OperatorCommand::kNone);
+      in.monitor.tripped = k >= 990'000;
+      if (k == 990'000) pulses_before_trip = out->status.steps_issued[0];
+      tick(*params, *state, in, *out);
+      overloaded = overloaded || (state->faults & static_cast<std::uint32_t>(Fault::kStepOverload)) != 0;
+    }
+  });
+  EXPECT_EQ(during, 0);
+  EXPECT_FALSE(overloaded);
+  EXPECT_GT(pulses_before_trip, 100'000) << "the masses have to move for this to prove anything";
+  EXPECT_EQ(out->status.mode, Mode::kTripped);
+  EXPECT_TRUE(out->status.at_rest);
+}
+
+TEST(NoHeap, OverloadAndOutOfOrderTicks) {
+  const auto params = std::make_unique<ControllerParams>(testing::paper_params());
+  ASSERT_TRUE(params->motion[1].set(0, 1000, nullptr, 0));
+  const auto state = std::make_unique<ControllerState>();
+  const auto out = std::make_unique<Outputs>();
+  Inputs in;
+  EXPECT_EQ(allocations_during([&] {
+              reset(*params, *state);
+              for (std::int64_t k = 0; k < 1000; ++k) {
+                in.tick = in.sensors.tick = in.monitor.tick = k % 100 == 99 ? k - 1 : k;
+                in.operator_command = k % 10 == 0 ? OperatorCommand::kReset
+                                                  : (k % 10 == 1 ? OperatorCommand::kArm : OperatorCommand::kStart);
+                tick(*params, *state, in, *out);
+              }
+            }),
+            0);
+  EXPECT_NE(state->faults, 0u);
+}
+
+}  // namespace
+}  // namespace ballast::firmware

@@ -1,0 +1,136 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <string>
+
+#include "tests/firmware/paper_ball.h"
+
+namespace ballast::firmware {
+namespace {
+
+constexpr Real kNan = std::numeric_limits<Real>::quiet_NaN();
+constexpr Real kInfinity = std::numeric_limits<Real>::infinity();
+
+using Change = std::function<void(ControllerParams&)>;
+
+ParamError validated(const Change& change) {
+  const auto params = std::make_unique<ControllerParams>(testing::paper_params());
+  change(*params);
+  return validate(*params);
+}
+
+void expect_refused(const std::string& field, int index, const Change& change) {
+  const ParamError error = validated(change);
+  ASSERT_FALSE(error.ok()) << field;
+  EXPECT_EQ(error.field, field);
+  EXPECT_EQ(error.index, index) << field;
+  EXPECT_GT(std::string(error.allowed).size(), 0u) << field;
+}
+
+void expect_refused_values(const std::string& field, int index, std::initializer_list<Real> values,
+                           const std::function<Real&(ControllerParams&)>& place) {
+  for (const Real value : values) {
+    SCOPED_TRACE(::testing::Message() << field << " = " << value);
+    expect_refused(field, index, [&](ControllerParams& p) { place(p) = value; });
+    // The value itself is reported.
+    const ParamError error = validated([&](ControllerParams& p) { place(p) = value; });
+    EXPECT_TRUE(error.value == value || (std::isnan(value) && std::isnan(error.value)));
+  }
+}
+
+TEST(Validate, AcceptsThePaperBall) {
+  const ParamError error = validated([](ControllerParams&) {});
+  EXPECT_TRUE(error.ok()) << error.field << " " << error.value << " " << error.allowed;
+}
+
+TEST(Validate, AcceptsTheEdges) {
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.static_friction = kInfinity; }).ok());
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.ball.gravity_mps2 = 0; }).ok());
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.ball.mass_count = 0; }).ok());
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.sensor_stale_ticks = p.monitor_stale_ticks = 0; }).ok());
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.motor[1].steps_per_unit = -5; }).ok()) << "wiring";
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.ball.inertia_kgm2 = Vector3(1, 1, 2); }).ok()) << "a flat disk";
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.timer_frequency_hz = 1e9; }).ok());
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.ball.rail[0] = line(Vector3::Zero(), Vector3(1, 1, 1)); }).ok());
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.ball.mass_kg[3] = kNan; }).ok()) << "beyond the count";
+}
+
+TEST(Validate, Scalars) {
+  expect_refused_values("control_period_s", -1, {0, -1, kNan, kInfinity, 1e-7, 1000},
+                        [](auto& p) -> Real& { return p.control_period_s; });
+  expect_refused_values("timer_frequency_hz", -1, {0, -1, kNan, kInfinity, 999, 1.1e9},
+                        [](auto& p) -> Real& { return p.timer_frequency_hz; });
+  expect_refused_values("static_friction", -1, {0, -0.1, kNan, -kInfinity},
+                        [](auto& p) -> Real& { return p.static_friction; });
+  for (const int ticks : {-1, 1001}) {
+    expect_refused("sensor_stale_ticks", -1, [ticks](auto& p) { p.sensor_stale_ticks = ticks; });
+    expect_refused("monitor_stale_ticks", -1, [ticks](auto& p) { p.monitor_stale_ticks = ticks; });
+  }
+}
+
+TEST(Validate, Ball) {
+  expect_refused_values("ball.radius_m", -1, {0, -1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.ball.radius_m; });
+  expect_refused_values("ball.gravity_mps2", -1, {-1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.ball.gravity_mps2; });
+  expect_refused_values("ball.shell_mass_kg", -1, {0, -1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.ball.shell_mass_kg; });
+  for (int j = 0; j < 3; ++j) {
+    expect_refused_values("ball.inertia_kgm2", -1, {0, -1, kNan, kInfinity, 2.5},
+                          [j](auto& p) -> Real& { return p.ball.inertia_kgm2[j]; });
+    expect_refused_values("ball.center_of_mass_B_m", -1, {kNan, kInfinity},
+                          [j](auto& p) -> Real& { return p.ball.center_of_mass_B_m[j]; });
+    expect_refused_values("ball.external_force_W_n", -1, {kNan, kInfinity},
+                          [j](auto& p) -> Real& { return p.ball.external_force_W_n[j]; });
+  }
+  expect_refused("ball.center_of_mass_B_m", -1, [](auto& p) { p.ball.center_of_mass_B_m = Vector3(0.8, 0.8, 0); });
+  expect_refused("ball.mass_count", -1, [](auto& p) { p.ball.mass_count = -1; });
+  expect_refused("ball.mass_count", -1, [](auto& p) {
+    for (std::size_t i = 3; i < kMaxMasses; ++i) {
+      p.ball.mass_kg[i] = p.ball.mass_kg[0];
+      p.ball.rail[i] = p.ball.rail[0];
+      p.motor[i] = p.motor[0];
+    }
+    p.ball.mass_count = 9;
+  });
+}
+
+TEST(Validate, MassesAndRails) {
+  expect_refused_values("ball.mass_kg", 2, {0, -1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.ball.mass_kg[2]; });
+  expect_refused_values("ball.rail.radius_m", 1, {0, -1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.ball.rail[1].radius_m; });
+  for (int j = 0; j < 3; ++j) {
+    expect_refused_values("ball.rail.origin_B_m", 0, {kNan, kInfinity},
+                          [j](auto& p) -> Real& { return p.ball.rail[0].origin_B_m[j]; });
+  }
+  expect_refused("ball.rail.shape", 0, [](auto& p) { p.ball.rail[0].shape = static_cast<RailShape>(7); });
+  for (const Vector3& axis : {Vector3(0, 0, 0), Vector3(0, 1.001, 0), Vector3(kNan, 0, 0), Vector3(kInfinity, 0, 0)}) {
+    expect_refused("ball.rail.axis_cos_B", 0, [&](auto& p) { p.ball.rail[0].axis_cos_B = axis; });
+    expect_refused("ball.rail.axis_sin_B", 0, [&](auto& p) { p.ball.rail[0].axis_sin_B = axis; });
+  }
+  expect_refused("ball.rail.axis_sin_B", 1, [](auto& p) { p.ball.rail[1].axis_sin_B = p.ball.rail[1].axis_cos_B; });
+}
+
+TEST(Validate, MotorsAndMotion) {
+  expect_refused_values("motor.steps_per_unit", 1, {0, kNan, kInfinity, -kInfinity},
+                        [](auto& p) -> Real& { return p.motor[1].steps_per_unit; });
+  expect_refused_values("motor.max_step_rate_hz", 2, {0, -1, kNan, kInfinity, 1.1e7},
+                        [](auto& p) -> Real& { return p.motor[2].max_step_rate_hz; });
+  expect_refused_values("motor.max_acceleration", 0, {0, -1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.motor[0].max_acceleration; });
+  expect_refused("motion", 1, [](auto& p) { ASSERT_TRUE(p.motion[1].set(1e14, 0, nullptr, 0)); });
+}
+
+TEST(Validate, FirstComplaintIsKept) {
+  expect_refused("control_period_s", -1, [](auto& p) {
+    p.control_period_s = kNan;
+    p.ball.radius_m = kNan;
+  });
+}
+
+}  // namespace
+}  // namespace ballast::firmware
