@@ -23,8 +23,9 @@ class Stepper {
 
   // Electromagnetic, detent and viscous torque on the rotor.
   [[nodiscard]] double torque_nm(double shaft_rad, double shaft_radps) const {
-    return available_torque_nm(shaft_radps) * std::sin(teeth_ * (field_rad_ - shaft_rad)) -
-           motor_.detent_torque_nm * std::sin(4 * teeth_ * (shaft_rad - initial_shaft_rad_)) -
+    const double detent =
+        motor_.detent_torque_nm == 0 ? 0 : motor_.detent_torque_nm * std::sin(4 * teeth_ * (shaft_rad - initial_shaft_rad_));
+    return available_torque_nm(shaft_radps) * std::sin(teeth_ * (field_rad_ - shaft_rad)) - detent -
            motor_.viscous_damping_nms * shaft_radps;
   }
 
