@@ -1,0 +1,32 @@
+// The line to the outside: the monitor's verdict and the operator in, the status out.
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+
+#include "firmware/control/controller.h"
+#include "hal/status.h"
+
+namespace ballast::hal {
+
+// read_verdict(verdict):  kOk: one that has not been read before. kEmpty: none came, `verdict` is untouched.
+// read_operator(command): kOk: the oldest command not yet obeyed; each is handed out once, one per tick, in the order
+//                         given. kEmpty: none.
+// write_status(status):   reports the tick just served.
+template <class B>
+concept HostLink = requires(B& board, firmware::MonitorVerdict& verdict, firmware::OperatorCommand& command,
+                            const firmware::ControllerStatus& status) {
+  { board.read_verdict(verdict) } -> std::same_as<Status>;
+  { board.read_operator(command) } -> std::same_as<Status>;
+  { board.write_status(status) } -> std::same_as<Status>;
+};
+
+// What came in and was not used, since the start.
+struct LinkCounters {
+  std::int64_t malformed = 0;     // wrong size, wrong type or a value outside its range
+  std::int64_t repeated = 0;      // a tick that is already there, or a command already obeyed
+  std::int64_t out_of_order = 0;  // any other tick than the next
+  std::int64_t foreign = 0;       // of another scenario
+};
+
+}  // namespace ballast::hal

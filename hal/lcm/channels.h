@@ -1,0 +1,21 @@
+// The bus: where it is and what its channels are called (message types: lcmtypes/).
+#pragma once
+
+#include <cstdint>
+
+namespace ballast::hal {
+
+inline constexpr char kDefaultLcmUrl[] = "udpm://239.255.76.67:7667?ttl=0";  // ttl 0: does not leave this machine
+
+inline constexpr char kChannelContact[] = "BALLAST_CONTACT";
+inline constexpr char kChannelPlantState[] = "BALLAST_PLANT_STATE";
+inline constexpr char kChannelSensors[] = "BALLAST_SENSORS";
+inline constexpr char kChannelStepCommand[] = "BALLAST_STEP_COMMAND";
+inline constexpr char kChannelControllerStatus[] = "BALLAST_CONTROLLER_STATUS";
+inline constexpr char kChannelTrip[] = "BALLAST_TRIP";
+inline constexpr char kChannelOperator[] = "BALLAST_OPERATOR";
+
+// Tick number in a controller_status_t or trip_t that says: alive, waiting for the first tick.
+inline constexpr std::int64_t kWaitingTick = -3;
+
+}  // namespace ballast::hal

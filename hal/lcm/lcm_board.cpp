@@ -1,0 +1,171 @@
+#include "hal/lcm/lcm_board.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "hal/lcm/channels.h"
+
+namespace ballast::hal {
+namespace {
+
+constexpr std::chrono::milliseconds kWaitingPeriod{50};
+constexpr std::size_t kMaxPendingCommands = 64;
+
+}  // namespace
+
+LcmBoard::LcmBoard(Bus& bus, const LcmBoardOptions& options) : bus_(bus), options_(options) {
+  bus_.subscribe<sensors_t>(kChannelSensors, [this](const sensors_t& message) { on_sensors(message); });
+  bus_.subscribe<trip_t>(kChannelTrip, [this](const trip_t& message) { on_trip(message); });
+  bus_.subscribe<operator_t>(kChannelOperator, [this](const operator_t& message) { on_operator(message); });
+}
+
+bool LcmBoard::is_foreign(std::int64_t scenario_id, const char* sender) {
+  if (scenario_id == options_.scenario_id) return false;
+  ++counters_.foreign;
+  trouble_ = Status::kForeignScenario;
+  peer_ = sender;
+  return true;
+}
+
+template <class M>
+void LcmBoard::accept(const M& message, std::optional<M>& mailbox) {
+  const bool pending_again = mailbox && message.tick == mailbox->tick;
+  if (pending_again || (last_tick_ && message.tick == *last_tick_)) {
+    ++counters_.repeated;
+  } else if (last_tick_ && message.tick != *last_tick_ + 1) {
+    ++counters_.out_of_order;
+  } else {
+    mailbox = message;
+  }
+}
+
+void LcmBoard::on_sensors(const sensors_t& message) {
+  if (!is_foreign(message.scenario_id, "plant")) accept(message, sensors_);
+}
+
+void LcmBoard::on_trip(const trip_t& message) {
+  if (is_foreign(message.scenario_id, "monitor") || message.tick == kWaitingTick) return;
+  accept(message, trip_);
+}
+
+// The message does not name its sender, so two senders' sequences cannot be told apart: what is an exact copy of a
+// recent command is a repetition, everything else is obeyed in the order of arrival. No stop is ever taken for an old
+// one.
+void LcmBoard::on_operator(const operator_t& message) {
+  const auto same = [&message](const operator_t& other) {
+    return other.tick == message.tick && other.utime == message.utime && other.sequence == message.sequence &&
+           other.command == message.command;
+  };
+  const auto known =
+      recent_commands_.begin() + static_cast<std::ptrdiff_t>(std::min(recent_count_, recent_commands_.size()));
+  if (std::any_of(recent_commands_.begin(), known, same)) {
+    ++counters_.repeated;
+    return;
+  }
+  recent_commands_[recent_count_++ % recent_commands_.size()] = message;
+  // Commands are obeyed one per tick; in a flood of them the oldest go, so that a stop still comes through.
+  if (commands_.size() == kMaxPendingCommands) commands_.pop_front();
+  commands_.push_back(from_message(message));
+}
+
+bool LcmBoard::complete() const { return sensors_ && trip_ && sensors_->tick == trip_->tick; }
+
+Status LcmBoard::wait_tick(std::int64_t& tick) {
+  if (ended_) return Status::kEnded;
+  if (trouble_ != Status::kOk) return trouble_;
+  if (last_tick_) {
+    sensors_.reset();
+    trip_.reset();
+  }
+
+  const WallClock::time_point deadline =
+      after(WallClock::now(), last_tick_ ? options_.peer_timeout : options_.start_timeout);
+  const auto done = [this] { return complete() || trouble_ != Status::kOk; };
+  Status status = Status::kEmpty;
+  if (last_tick_) {
+    status = bus_.receive_until(deadline, done);
+  } else {
+    firmware::ControllerStatus waiting;
+    waiting.tick = kWaitingTick;
+    waiting.scenario_id = options_.scenario_id;
+    do {
+      if (const Status written = write_status(waiting); written != Status::kOk) return trouble_ = written;
+      status = bus_.receive_until(std::min(deadline, WallClock::now() + kWaitingPeriod), done);
+    } while (status == Status::kEmpty && WallClock::now() < deadline);
+  }
+
+  if (trouble_ != Status::kOk) return trouble_;
+  if (status == Status::kEmpty) {
+    peer_ = sensors_ ? "monitor" : "plant";
+    return trouble_ = Status::kPeerLost;
+  }
+  if (status != Status::kOk) return trouble_ = status;
+
+  sensors_read_ = verdict_read_ = false;
+  last_tick_ = sensors_->tick;
+  ended_ = sensors_->last == 1;
+  tick = *last_tick_;
+  return Status::kOk;
+}
+
+Status LcmBoard::read_sensors(firmware::Sensors& sensors) {
+  if (!sensors_ || sensors_read_) return Status::kEmpty;
+  sensors = from_message(*sensors_);
+  sensors_read_ = true;
+  return Status::kOk;
+}
+
+Status LcmBoard::read_verdict(firmware::MonitorVerdict& verdict) {
+  if (!trip_ || verdict_read_) return Status::kEmpty;
+  verdict = from_message(*trip_);
+  verdict_read_ = true;
+  return Status::kOk;
+}
+
+Status LcmBoard::read_operator(firmware::OperatorCommand& command) {
+  if (commands_.empty()) return Status::kEmpty;
+  command = commands_.front();
+  commands_.pop_front();
+  return Status::kOk;
+}
+
+Status LcmBoard::write_steps(const firmware::StepCommand& steps) {
+  return bus_.publish(kChannelStepCommand, to_message(steps, options_.control_period_s));
+}
+
+Status LcmBoard::write_status(const firmware::ControllerStatus& status) {
+  return bus_.publish(kChannelControllerStatus, to_message(status, options_.control_period_s));
+}
+
+LinkCounters LcmBoard::counters() const {
+  LinkCounters counters = counters_;
+  counters.malformed = bus_.malformed();
+  return counters;
+}
+
+std::string LcmBoard::trouble() const {
+  switch (trouble_) {
+    case Status::kForeignScenario:
+      return std::string(peer_) + " runs another scenario";
+    case Status::kPeerLost: {
+      const char* what = sensors_ ? "verdict" : "sensors";
+      char text[160];
+      if (last_tick_) {
+        std::snprintf(text, sizeof text, "lost %s: no %s for %g s after tick %lld", peer_, what,
+                      options_.peer_timeout.count(), static_cast<long long>(*last_tick_));
+      } else {
+        std::snprintf(text, sizeof text, "lost %s: no %s for %g s before the first tick", peer_, what,
+                      options_.start_timeout.count());
+      }
+      return text;
+    }
+    case Status::kInterrupted:
+      return "interrupted";
+    case Status::kIo:
+      return "the bus does not work";
+    default:
+      return "";
+  }
+}
+
+}  // namespace ballast::hal

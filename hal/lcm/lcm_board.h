@@ -1,0 +1,77 @@
+// The controller as a process of its own: plant, monitor and operator are heard over LCM.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+
+#include "hal/board.h"
+#include "hal/lcm/bus.h"
+
+namespace ballast::hal {
+
+struct LcmBoardOptions {
+  std::int64_t scenario_id = 0;
+  double control_period_s = 0;
+  Seconds start_timeout{30};  // until the first complete tick
+  Seconds peer_timeout{2};    // from one tick to the next
+};
+
+// A tick k is due when sensors(k) and trip(k) are both there. The first tick may have any number; then only the next
+// one counts, other messages are counted and ignored. Before the first tick a controller_status_t with tick =
+// kWaitingTick goes out every 50 ms, so that the plant knows that it can begin. The bus must outlive the board.
+class LcmBoard {
+ public:
+  LcmBoard(Bus& bus, const LcmBoardOptions& options);
+  LcmBoard(const LcmBoard&) = delete;
+  LcmBoard& operator=(const LcmBoard&) = delete;
+
+  Status wait_tick(std::int64_t& tick);
+  [[nodiscard]] std::int64_t overruns() const { return 0; }  // in lockstep the world waits
+  Status read_sensors(firmware::Sensors& sensors);
+  Status read_verdict(firmware::MonitorVerdict& verdict);
+  Status read_operator(firmware::OperatorCommand& command);
+  Status write_steps(const firmware::StepCommand& steps);
+  Status write_status(const firmware::ControllerStatus& status);
+  void kick_watchdog() { ++watchdog_kicks_; }
+
+  [[nodiscard]] LinkCounters counters() const;
+  [[nodiscard]] std::int64_t watchdog_kicks() const { return watchdog_kicks_; }
+
+  // After kPeerLost or kForeignScenario: which peer ("plant" or "monitor"), and the whole story in one line.
+  [[nodiscard]] const char* peer() const { return peer_; }
+  [[nodiscard]] std::string trouble() const;
+
+ private:
+  void on_sensors(const sensors_t& message);
+  void on_trip(const trip_t& message);
+  void on_operator(const operator_t& message);
+  bool is_foreign(std::int64_t scenario_id, const char* sender);
+  template <class M>
+  void accept(const M& message, std::optional<M>& mailbox);
+  [[nodiscard]] bool complete() const;
+
+  Bus& bus_;
+  LcmBoardOptions options_;
+
+  std::optional<std::int64_t> last_tick_;  // served
+  bool ended_ = false;
+  std::optional<sensors_t> sensors_;  // of the tick waited for
+  std::optional<trip_t> trip_;
+  bool sensors_read_ = false, verdict_read_ = false;
+  std::deque<firmware::OperatorCommand> commands_;  // not yet obeyed
+  std::array<operator_t, 32> recent_commands_{};    // to recognise repetitions
+  std::size_t recent_count_ = 0;                    // ever entered
+
+  LinkCounters counters_;
+  std::int64_t watchdog_kicks_ = 0;
+  Status trouble_ = Status::kOk;
+  const char* peer_ = "";
+};
+
+static_assert(Board<LcmBoard>);
+
+}  // namespace ballast::hal

@@ -1,0 +1,211 @@
+#include "hal/lcm/messages.h"
+
+#include <cmath>
+
+namespace ballast::hal {
+namespace {
+
+constexpr int kMaxMasses = firmware::kMaxMasses;
+constexpr int kMaxBursts = firmware::kMaxBursts;
+
+bool is_flag(std::int8_t value) { return value == 0 || value == 1; }
+bool is_count(int value, int max) { return value >= 0 && value <= max; }
+
+}  // namespace
+
+std::int64_t tick_utime(std::int64_t tick, double control_period_s) {
+  return std::llround(static_cast<double>(tick) * control_period_s * 1e6);
+}
+
+sensors_t to_message(const firmware::Sensors& sensors, int mass_count, bool last, std::int64_t scenario_id,
+                     double control_period_s) {
+  sensors_t message{};
+  message.tick = sensors.tick;
+  message.utime = tick_utime(sensors.tick, control_period_s);
+  message.scenario_id = scenario_id;
+  message.orientation[0] = sensors.orientation.w();
+  message.orientation[1] = sensors.orientation.x();
+  message.orientation[2] = sensors.orientation.y();
+  message.orientation[3] = sensors.orientation.z();
+  for (int j = 0; j < 3; ++j) {
+    message.gyro_B_radps[j] = sensors.gyro_B_radps[j];
+    message.accelerometer_B_mps2[j] = sensors.accelerometer_B_mps2[j];
+  }
+  message.mass_count = static_cast<std::int8_t>(mass_count);
+  for (std::size_t i = 0; i < kMaxMasses; ++i) {
+    message.limit_switch[i] = static_cast<std::int8_t>(sensors.limit_switch[i]);
+  }
+  message.last = last ? 1 : 0;
+  return message;
+}
+
+firmware::Sensors from_message(const sensors_t& message) {
+  firmware::Sensors sensors;
+  sensors.tick = message.tick;
+  const double* q = message.orientation;
+  sensors.orientation = firmware::Quaternion(q[0], q[1], q[2], q[3]);
+  for (int j = 0; j < 3; ++j) {
+    sensors.gyro_B_radps[j] = message.gyro_B_radps[j];
+    sensors.accelerometer_B_mps2[j] = message.accelerometer_B_mps2[j];
+  }
+  for (std::size_t i = 0; i < kMaxMasses; ++i) {
+    sensors.limit_switch[i] = static_cast<std::uint8_t>(message.limit_switch[i]);
+  }
+  return sensors;
+}
+
+step_command_t to_message(const firmware::StepCommand& steps, double control_period_s) {
+  step_command_t message{};
+  message.tick = steps.tick;
+  message.utime = tick_utime(steps.tick, control_period_s);
+  message.motor_count = static_cast<std::int8_t>(steps.motor_count);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(steps.motor_count); ++i) {
+    message.steps[i] = steps.steps[i];
+    message.position_steps[i] = steps.position_steps[i];
+  }
+  message.burst_count = static_cast<std::int16_t>(steps.burst_count);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(steps.burst_count); ++i) {
+    const firmware::StepBurst& burst = steps.bursts[i];
+    message.motor[i] = static_cast<std::int8_t>(burst.motor);
+    message.direction[i] = burst.direction;
+    message.count[i] = burst.count;
+    message.first[i] = burst.first_ticks;
+    message.interval[i] = burst.interval_ticks;
+    message.add[i] = burst.add_ticks;
+  }
+  return message;
+}
+
+firmware::StepCommand from_message(const step_command_t& message) {
+  firmware::StepCommand steps;
+  steps.tick = message.tick;
+  steps.motor_count = message.motor_count;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(message.motor_count); ++i) {
+    steps.steps[i] = message.steps[i];
+    steps.position_steps[i] = message.position_steps[i];
+  }
+  steps.burst_count = message.burst_count;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(message.burst_count); ++i) {
+    firmware::StepBurst& burst = steps.bursts[i];
+    burst.motor = static_cast<std::uint8_t>(message.motor[i]);
+    burst.direction = message.direction[i];
+    burst.count = message.count[i];
+    burst.first_ticks = message.first[i];
+    burst.interval_ticks = message.interval[i];
+    burst.add_ticks = message.add[i];
+  }
+  return steps;
+}
+
+controller_status_t to_message(const firmware::ControllerStatus& status, double control_period_s) {
+  controller_status_t message{};
+  message.tick = status.tick;
+  message.utime = tick_utime(status.tick, control_period_s);
+  message.scenario_id = status.scenario_id;
+  message.mode = static_cast<std::int8_t>(status.mode);
+  message.at_rest = status.at_rest ? 1 : 0;
+  message.faults = static_cast<std::int32_t>(status.faults);
+  message.motor_count = static_cast<std::int8_t>(status.motor_count);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(status.motor_count); ++i) {
+    message.commanded_position[i] = status.commanded_position[i];
+    message.commanded_velocity[i] = status.commanded_velocity[i];
+    message.steps_issued[i] = status.steps_issued[i];
+  }
+  message.normal_force_n = status.predicted.normal_force_n;
+  message.static_friction_n = status.predicted.static_friction_n;
+  message.mu_required = status.mu_required;
+  message.margin = status.margin;
+  message.overruns = status.overruns;
+  return message;
+}
+
+firmware::ControllerStatus from_message(const controller_status_t& message) {
+  firmware::ControllerStatus status;
+  status.tick = message.tick;
+  status.scenario_id = message.scenario_id;
+  status.mode = static_cast<firmware::Mode>(message.mode);
+  status.at_rest = message.at_rest == 1;
+  status.faults = static_cast<std::uint32_t>(message.faults);
+  status.motor_count = message.motor_count;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(message.motor_count); ++i) {
+    status.commanded_position[i] = message.commanded_position[i];
+    status.commanded_velocity[i] = message.commanded_velocity[i];
+    status.steps_issued[i] = message.steps_issued[i];
+  }
+  status.predicted.normal_force_n = message.normal_force_n;
+  status.predicted.static_friction_n = message.static_friction_n;
+  status.mu_required = message.mu_required;
+  status.margin = message.margin;
+  status.overruns = message.overruns;
+  return status;
+}
+
+firmware::MonitorVerdict from_message(const trip_t& message) {
+  firmware::MonitorVerdict verdict;
+  verdict.tick = message.tick;
+  verdict.tripped = message.tripped == 1;
+  return verdict;
+}
+
+operator_t to_message(firmware::OperatorCommand command, std::int64_t tick, std::int64_t sequence,
+                      double control_period_s) {
+  operator_t message{};
+  message.tick = tick;
+  message.utime = tick_utime(tick, control_period_s);
+  message.sequence = sequence;
+  message.command = static_cast<std::int8_t>(command);
+  return message;
+}
+
+firmware::OperatorCommand from_message(const operator_t& message) {
+  return static_cast<firmware::OperatorCommand>(message.command);
+}
+
+bool in_range(const contact_t& message) {
+  return message.regime >= contact_t::REGIME_ROLLING && message.regime <= contact_t::REGIME_FLIGHT &&
+         is_flag(message.last);
+}
+
+bool in_range(const plant_state_t& message) {
+  return is_count(message.mass_count, kMaxMasses) && is_flag(message.last);
+}
+
+bool in_range(const sensors_t& message) {
+  for (const std::int8_t limit_switch : message.limit_switch) {
+    if (limit_switch < 0 || limit_switch > 3) return false;
+  }
+  return is_count(message.mass_count, kMaxMasses) && is_flag(message.last);
+}
+
+bool in_range(const step_command_t& message) {
+  if (!is_count(message.motor_count, kMaxMasses) || !is_count(message.burst_count, kMaxBursts)) return false;
+  for (int i = 0; i < message.burst_count; ++i) {
+    if (message.motor[i] < 0 || message.motor[i] >= message.motor_count) return false;
+    if (message.direction[i] != 1 && message.direction[i] != -1) return false;
+    if (message.count[i] < 1 || message.first[i] < 0 || message.interval[i] < 0) return false;
+  }
+  return true;
+}
+
+bool in_range(const controller_status_t& message) {
+  return message.mode >= controller_status_t::MODE_DISARMED && message.mode <= controller_status_t::MODE_TRIPPED &&
+         is_flag(message.at_rest) && is_count(message.motor_count, kMaxMasses);
+}
+
+bool in_range(const trip_t& message) {
+  return is_flag(message.tripped) && message.cause >= trip_t::CAUSE_NONE && message.cause <= trip_t::CAUSE_REPEATED;
+}
+
+bool in_range(const operator_t& message) {
+  return message.command >= operator_t::COMMAND_ARM && message.command <= operator_t::COMMAND_RESET;
+}
+
+bool has_hash(const void* data, std::size_t size, std::int64_t hash) {
+  if (size < 8) return false;
+  const auto* bytes = static_cast<const unsigned char*>(data);
+  std::uint64_t value = 0;
+  for (int i = 0; i < 8; ++i) value = value << 8 | bytes[i];
+  return value == static_cast<std::uint64_t>(hash);
+}
+
+}  // namespace ballast::hal

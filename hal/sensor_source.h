@@ -1,0 +1,18 @@
+// What the robot measures of itself.
+#pragma once
+
+#include <concepts>
+
+#include "firmware/control/controller.h"
+#include "hal/status.h"
+
+namespace ballast::hal {
+
+// read_sensors(sensors): kOk: a sample that has not been read before, passed on bit for bit, NaN included (judging it
+// is the firmware's business). kEmpty: none came; `sensors` keeps the old sample with its old tick.
+template <class B>
+concept SensorSource = requires(B& board, firmware::Sensors& sensors) {
+  { board.read_sensors(sensors) } -> std::same_as<Status>;
+};
+
+}  // namespace ballast::hal

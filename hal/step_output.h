@@ -1,0 +1,17 @@
+// Step pulses to the motor drivers.
+#pragma once
+
+#include <concepts>
+
+#include "firmware/motion/step_generator.h"
+#include "hal/status.h"
+
+namespace ballast::hal {
+
+// write_steps(steps): hands over the pulses of control tick `steps.tick`, which is the tick after the one being served.
+template <class B>
+concept StepOutput = requires(B& board, const firmware::StepCommand& steps) {
+  { board.write_steps(steps) } -> std::same_as<Status>;
+};
+
+}  // namespace ballast::hal

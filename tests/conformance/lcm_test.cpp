@@ -1,0 +1,367 @@
+// The LCM backend, over the loopback network; the world is interleaved with the board in one thread.
+#include <optional>
+
+#include "hal/lcm/channels.h"
+#include "hal/lcm/lcm_board.h"
+#include "tests/conformance/board_conformance.h"
+#include "tests/conformance/test_bus.h"
+
+namespace ballast::hal::test {
+namespace {
+
+// Only ever waited for in tests of silence, so that a busy machine does not fail the others.
+constexpr Seconds kShort{0.2};
+constexpr Seconds kLong{30};
+
+class LcmWorld {
+ public:
+  using BoardType = LcmBoard;
+
+  LcmWorld() : LcmWorld(kLong) {}
+  explicit LcmWorld(Seconds start_timeout)
+      : board_bus_(test_bus_url()),
+        world_bus_(test_bus_url()),
+        board_(board_bus_, {.scenario_id = kScenarioId,
+                            .control_period_s = kControlPeriod_s,
+                            .start_timeout = start_timeout,
+                            .peer_timeout = Seconds(1)}) {
+    EXPECT_TRUE(board_bus_.good() && world_bus_.good()) << "no multicast on this machine?";
+    world_bus_.subscribe<step_command_t>(kChannelStepCommand, [this](const step_command_t& m) { steps_ = m; });
+    world_bus_.subscribe<controller_status_t>(kChannelControllerStatus, [this](const controller_status_t& m) {
+      if (m.tick == kWaitingTick) {
+        waiting_ = m;
+      } else {
+        status_ = m;
+      }
+    });
+  }
+
+  LcmBoard& board() { return board_; }
+  Bus& bus() { return world_bus_; }
+
+  void send(const WorldTick& tick) {
+    for (const firmware::OperatorCommand command : tick.commands) send_operator(command);
+    publish(kChannelSensors, sensors(tick.sensors, tick.last));
+    publish(kChannelTrip, trip(tick.verdict));
+  }
+  void send_sensors_only(const firmware::Sensors& s) { publish(kChannelSensors, sensors(s, false)); }
+  void send_operator(firmware::OperatorCommand command) {
+    publish(kChannelOperator, to_message(command, 0, ++sequence_, kControlPeriod_s));
+  }
+  bool receive(firmware::StepCommand& steps, firmware::ControllerStatus& status) {
+    steps_.reset();
+    status_.reset();
+    const auto both = [this] { return steps_ && status_; };
+    if (world_bus_.receive_until(after(WallClock::now(), kLong), both) != Status::kOk) return false;
+    EXPECT_EQ(steps_->utime, tick_utime(steps_->tick, kControlPeriod_s));
+    EXPECT_EQ(status_->utime, tick_utime(status_->tick, kControlPeriod_s));
+    steps = from_message(*steps_);
+    status = from_message(*status_);
+    return true;
+  }
+  LinkCounters counters() { return board_.counters(); }
+  std::int64_t watchdog_kicks() { return board_.watchdog_kicks(); }
+
+  void expect_silence(Status status) {
+    EXPECT_EQ(status, Status::kPeerLost);
+    EXPECT_STREQ(board_.peer(), "plant");
+    EXPECT_EQ(board_.trouble(), "lost plant: no sensors for 1 s after tick 0");
+  }
+  void expect_no_verdict(Status status) {
+    EXPECT_EQ(status, Status::kPeerLost);
+    EXPECT_STREQ(board_.peer(), "monitor");
+    EXPECT_EQ(board_.trouble(), "lost monitor: no verdict for 1 s after tick 0");
+  }
+
+  static sensors_t sensors(const firmware::Sensors& s, bool last) {
+    return to_message(s, kMassCount, last, kScenarioId, kControlPeriod_s);
+  }
+  static trip_t trip(const firmware::MonitorVerdict& verdict) {
+    trip_t message{};
+    message.tick = verdict.tick;
+    message.scenario_id = kScenarioId;
+    message.tripped = verdict.tripped ? 1 : 0;
+    return message;
+  }
+  template <class M>
+  void publish(const char* channel, const M& message) {
+    ASSERT_EQ(world_bus_.publish(channel, message), Status::kOk);
+  }
+  const std::optional<controller_status_t>& waiting() const { return waiting_; }
+
+ private:
+  Bus board_bus_, world_bus_;
+  LcmBoard board_;
+  std::optional<step_command_t> steps_;
+  std::optional<controller_status_t> status_, waiting_;
+  std::int64_t sequence_ = 0;
+};
+
+INSTANTIATE_TYPED_TEST_SUITE_P(Lcm, BoardConformance, LcmWorld);
+
+template <class M>
+std::vector<std::uint8_t> encoded(const M& message) {
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
+  EXPECT_EQ(message.encode(bytes.data(), 0, static_cast<int>(bytes.size())), static_cast<int>(bytes.size()));
+  return bytes;
+}
+
+// Lets the board serve a tick that must get through whatever came before it.
+void serve(LcmWorld& world, const WorldTick& tick) {
+  world.send(tick);
+  std::int64_t number = -99;
+  ASSERT_EQ(world.board().wait_tick(number), Status::kOk);
+  ASSERT_EQ(number, tick.sensors.tick);
+}
+
+TEST(LcmBoard, MalformedMessagesAreCountedAndIgnored) {
+  LcmWorld world;
+  lcm::LCM raw(test_bus_url());
+  ASSERT_TRUE(raw.good());
+  std::int64_t sent = 0;
+  const auto send = [&](const char* channel, const std::vector<std::uint8_t>& bytes) {
+    ASSERT_EQ(raw.publish(channel, bytes.data(), static_cast<unsigned>(bytes.size())), 0);
+    ++sent;
+  };
+  const std::vector<std::uint8_t> good = encoded(LcmWorld::sensors(world_tick(5).sensors, false));
+
+  auto truncated = good;
+  truncated.pop_back();
+  send(kChannelSensors, truncated);
+  send(kChannelSensors, {good.begin(), good.begin() + 7});
+  send(kChannelSensors, {});
+  auto longer = good;
+  longer.push_back(0);
+  send(kChannelSensors, longer);
+  auto wrong_hash = good;
+  wrong_hash[3] ^= 1;
+  send(kChannelSensors, wrong_hash);
+  send(kChannelSensors, encoded(LcmWorld::trip(world_tick(5).verdict)));
+  send(kChannelTrip, good);
+
+  for (const int count : {-1, 9, 127, -128}) {
+    sensors_t message = LcmWorld::sensors(world_tick(5).sensors, false);
+    message.mass_count = static_cast<std::int8_t>(count);
+    send(kChannelSensors, encoded(message));
+  }
+  sensors_t switches = LcmWorld::sensors(world_tick(5).sensors, false);
+  switches.limit_switch[7] = 4;
+  send(kChannelSensors, encoded(switches));
+  sensors_t last = LcmWorld::sensors(world_tick(5).sensors, false);
+  last.last = 2;
+  send(kChannelSensors, encoded(last));
+  trip_t tripped = LcmWorld::trip(world_tick(5).verdict);
+  tripped.tripped = -1;
+  send(kChannelTrip, encoded(tripped));
+  trip_t cause = LcmWorld::trip(world_tick(5).verdict);
+  cause.cause = 7;
+  send(kChannelTrip, encoded(cause));
+  for (const int command : {0, 5, -1}) {
+    operator_t message = to_message(firmware::OperatorCommand::kArm, 0, 1, kControlPeriod_s);
+    message.command = static_cast<std::int8_t>(command);
+    send(kChannelOperator, encoded(message));
+  }
+
+  serve(world, world_tick(0));
+  // Two senders, two sockets: they may overtake each other, so the rest is waited for over further ticks.
+  for (std::int64_t tick = 1; world.counters().malformed < sent && tick < 100; ++tick) serve(world, world_tick(tick));
+  EXPECT_EQ(world.counters().malformed, sent);
+  firmware::OperatorCommand command = firmware::OperatorCommand::kNone;
+  EXPECT_EQ(world.board().read_operator(command), Status::kEmpty);
+}
+
+TEST(LcmBoard, SaysItIsWaitingBeforeTheFirstTick) {
+  LcmWorld world(kShort);
+  std::int64_t tick = -99;
+  EXPECT_EQ(world.board().wait_tick(tick), Status::kPeerLost);
+  EXPECT_STREQ(world.board().peer(), "plant");
+  EXPECT_EQ(world.board().trouble(), "lost plant: no sensors for 0.2 s before the first tick");
+  ASSERT_EQ(world.bus().receive_until(after(WallClock::now(), kLong), [&] { return world.waiting().has_value(); }),
+            Status::kOk);
+  EXPECT_EQ(world.waiting()->tick, -3);
+  EXPECT_EQ(world.waiting()->utime, -3000);
+  EXPECT_EQ(world.waiting()->scenario_id, kScenarioId);
+  EXPECT_EQ(world.waiting()->mode, controller_status_t::MODE_DISARMED);
+  EXPECT_EQ(world.board().wait_tick(tick), Status::kPeerLost) << "a lost peer stays lost";
+}
+
+TEST(LcmBoard, NamesTheMonitorIfItNeverSpeaks) {
+  LcmWorld world(kShort);
+  world.send_sensors_only(world_tick(-2).sensors);
+  std::int64_t tick = -99;
+  EXPECT_EQ(world.board().wait_tick(tick), Status::kPeerLost);
+  EXPECT_STREQ(world.board().peer(), "monitor");
+}
+
+TEST(LcmBoard, VerdictMayComeBeforeTheSensors) {
+  LcmWorld world;
+  world.publish(kChannelTrip, LcmWorld::trip({.tick = kWaitingTick, .tripped = false}));
+  for (std::int64_t k = -2; k < 3; ++k) {
+    world.publish(kChannelTrip, LcmWorld::trip({.tick = k, .tripped = k == 1}));
+    world.send_sensors_only(world_tick(k).sensors);
+    std::int64_t tick = -99;
+    ASSERT_EQ(world.board().wait_tick(tick), Status::kOk);
+    EXPECT_EQ(tick, k);
+    firmware::MonitorVerdict verdict;
+    ASSERT_EQ(world.board().read_verdict(verdict), Status::kOk);
+    EXPECT_EQ(verdict.tripped, k == 1);
+  }
+  EXPECT_EQ(world.counters().repeated + world.counters().out_of_order, 0);
+}
+
+TEST(LcmBoard, AnotherScenarioIsAnErrorThatNamesTheSender) {
+  {
+    LcmWorld world;
+    sensors_t message = LcmWorld::sensors(world_tick(0).sensors, false);
+    message.scenario_id = kScenarioId + 1;
+    world.publish(kChannelSensors, message);
+    std::int64_t tick = -99;
+    EXPECT_EQ(world.board().wait_tick(tick), Status::kForeignScenario);
+    EXPECT_EQ(world.board().trouble(), "plant runs another scenario");
+    EXPECT_EQ(world.counters().foreign, 1);
+  }
+  {
+    LcmWorld world;
+    serve(world, world_tick(0));
+    trip_t message = LcmWorld::trip({.tick = kWaitingTick, .tripped = false});
+    message.scenario_id = 0;
+    world.publish(kChannelTrip, message);
+    std::int64_t tick = -99;
+    EXPECT_EQ(world.board().wait_tick(tick), Status::kForeignScenario);
+    EXPECT_EQ(world.board().trouble(), "monitor runs another scenario");
+  }
+}
+
+TEST(LcmBoard, RepeatedOperatorMessageIsObeyedOnce) {
+  LcmWorld world;
+  const operator_t arm = to_message(firmware::OperatorCommand::kArm, 0, 1, kControlPeriod_s);
+  const operator_t stop_of_another_sender = to_message(firmware::OperatorCommand::kStop, 0, 1, kControlPeriod_s);
+  for (const operator_t& message : {arm, arm, stop_of_another_sender, arm}) world.publish(kChannelOperator, message);
+  serve(world, world_tick(0));
+  firmware::OperatorCommand command = firmware::OperatorCommand::kNone;
+  ASSERT_EQ(world.board().read_operator(command), Status::kOk);
+  EXPECT_EQ(command, firmware::OperatorCommand::kArm);
+  ASSERT_EQ(world.board().read_operator(command), Status::kOk);
+  EXPECT_EQ(command, firmware::OperatorCommand::kStop);
+  EXPECT_EQ(world.board().read_operator(command), Status::kEmpty);
+  EXPECT_EQ(world.counters().repeated, 2);
+}
+
+TEST(LcmBoard, InterruptEndsTheWait) {
+  const volatile std::sig_atomic_t interrupted = 1;
+  Bus bus(test_bus_url(), &interrupted);
+  ASSERT_TRUE(bus.good());
+  LcmBoard board(bus, {.scenario_id = kScenarioId, .control_period_s = kControlPeriod_s});
+  std::int64_t tick = -99;
+  EXPECT_EQ(board.wait_tick(tick), Status::kInterrupted);
+  EXPECT_EQ(board.trouble(), "interrupted");
+}
+
+TEST(LcmBus, BadUrlIsNotGood) { EXPECT_FALSE(Bus("nonsense://").good()); }
+
+// decode() against bytes it has never seen: any byte of a good message changed, or nothing but noise. It must refuse or
+// give a message in range, and leave its output alone when it refuses.
+template <class M>
+void decode_noise(std::mt19937_64& random) {
+  const auto good = encoded(M{});
+  for (int round = 0; round < 2000; ++round) {
+    auto bytes = good;
+    const std::size_t from = round % 2 == 0 ? 8 : 0;  // with and without the right hash
+    for (std::size_t i = from; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(random());
+    if (round % 3 == 0) bytes.resize(random() % bytes.size());
+    M message{};
+    message.tick = 4711;
+    if (decode(bytes.data(), bytes.size(), message)) {
+      EXPECT_TRUE(in_range(message));
+    } else {
+      EXPECT_EQ(message.tick, 4711);
+    }
+  }
+}
+
+TEST(LcmMessages, NoiseNeverGetsThrough) {
+  const std::uint64_t seed = std::random_device{}();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  decode_noise<contact_t>(random);
+  decode_noise<plant_state_t>(random);
+  decode_noise<sensors_t>(random);
+  decode_noise<step_command_t>(random);
+  decode_noise<controller_status_t>(random);
+  decode_noise<trip_t>(random);
+  decode_noise<operator_t>(random);
+}
+
+step_command_t one_burst() {
+  step_command_t message{};
+  message.motor_count = 2;
+  message.burst_count = 1;
+  message.motor[0] = 1;
+  message.direction[0] = -1;
+  message.count[0] = 1;
+  return message;
+}
+
+TEST(LcmMessages, StepCommandsOutOfRangeAreRefused) {
+  EXPECT_TRUE(in_range(one_burst()));
+  const auto refused = [](auto change) {
+    step_command_t message = one_burst();
+    change(message);
+    EXPECT_FALSE(in_range(message));
+    step_command_t out{};
+    const auto bytes = encoded(message);
+    EXPECT_FALSE(decode(bytes.data(), bytes.size(), out));
+  };
+  refused([](step_command_t& m) { m.motor_count = 9; });
+  refused([](step_command_t& m) { m.motor_count = -1; });
+  refused([](step_command_t& m) { m.burst_count = 33; });
+  refused([](step_command_t& m) { m.burst_count = -1; });
+  refused([](step_command_t& m) { m.burst_count = 32767; });
+  refused([](step_command_t& m) { m.motor[0] = 2; });
+  refused([](step_command_t& m) { m.motor[0] = -1; });
+  refused([](step_command_t& m) { m.direction[0] = 0; });
+  refused([](step_command_t& m) { m.direction[0] = 2; });
+  refused([](step_command_t& m) { m.count[0] = 0; });
+  refused([](step_command_t& m) { m.first[0] = -1; });
+  refused([](step_command_t& m) { m.interval[0] = -1; });
+}
+
+TEST(LcmMessages, OtherTypesOutOfRangeAreRefused) {
+  contact_t contact{};
+  EXPECT_TRUE(in_range(contact));
+  contact.regime = 3;
+  EXPECT_FALSE(in_range(contact));
+  contact = {};
+  contact.last = 2;
+  EXPECT_FALSE(in_range(contact));
+
+  plant_state_t state{};
+  state.mass_count = 8;
+  EXPECT_TRUE(in_range(state));
+  state.mass_count = 9;
+  EXPECT_FALSE(in_range(state));
+  state = {};
+  state.last = -1;
+  EXPECT_FALSE(in_range(state));
+
+  controller_status_t status{};
+  status.mode = 4;
+  EXPECT_TRUE(in_range(status));
+  status.mode = 5;
+  EXPECT_FALSE(in_range(status));
+  status = {};
+  status.at_rest = 2;
+  EXPECT_FALSE(in_range(status));
+  status = {};
+  status.motor_count = 9;
+  EXPECT_FALSE(in_range(status));
+}
+
+TEST(LcmMessages, UtimeIsRounded) {
+  EXPECT_EQ(tick_utime(3, 1.0 / 3), 1000000);
+  EXPECT_EQ(tick_utime(-2, 0.001), -2000);
+  EXPECT_EQ(tick_utime(1, 0.0000015), 2);  // 1.5 us, halves away from zero
+}
+
+}  // namespace
+}  // namespace ballast::hal::test

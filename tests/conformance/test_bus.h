@@ -1,0 +1,16 @@
+// A bus of a test's own.
+#pragma once
+
+#include <unistd.h>
+
+#include <string>
+
+namespace ballast::hal::test {
+
+// Tests run at the same time, each in its own process: the pid keeps their ports apart, below those
+// the system hands out itself.
+inline std::string test_bus_url() {
+  return "udpm://239.255.76.67:" + std::to_string(20000 + getpid() % 12000) + "?ttl=0";
+}
+
+}  // namespace ballast::hal::test
