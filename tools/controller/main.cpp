@@ -1,0 +1,48 @@
+// ballast-controller: the firmware as a process of its own, over LCM.
+#include <iostream>
+#include <memory>
+
+#include "hal/control_loop.h"
+#include "hal/lcm/lcm_board.h"
+#include "tools/program/params.h"
+#include "tools/program/program.h"
+
+int main(int argc, char** argv) {
+  using namespace ballast;
+  using hal::Status;
+
+  CLI::App app{"Runs the firmware as a process of its own, over LCM.", "ballast-controller"};
+  program::ScenarioOptions scenario_options;
+  program::BusOptions bus_options;
+  program::add_scenario_options(app, scenario_options);
+  program::add_bus_options(app, bus_options);
+  if (const auto exit_status = program::parse(app, argc, argv)) return *exit_status;
+  const auto scenario = program::load_scenario(scenario_options);
+  if (!scenario) return program::kExitUsage;
+  if (scenario->run.actuation == sim::Actuation::kPrescribed) {
+    std::cerr << "ballast-controller: " << scenario->name
+              << " is prescribed: there is no controller in a prescribed run (try --actuation stepper)\n";
+    return program::kExitUsage;
+  }
+  const auto params = std::make_unique<firmware::ControllerParams>();
+  if (const auto refusal = program::to_controller_params(*scenario, *params)) {
+    std::cerr << "ballast-controller: " << *refusal << '\n';
+    return program::kExitUsage;
+  }
+
+  hal::Bus bus(bus_options.url, program::catch_signals());
+  if (!bus.good()) {
+    std::cerr << "ballast-controller: cannot use the LCM bus " << bus_options.url << '\n';
+    return program::kExitCouldNotRun;
+  }
+  hal::LcmBoard board(bus, {.scenario_id = scenario->id,
+                            .control_period_s = scenario->run.control_period_s,
+                            .start_timeout = hal::Seconds(bus_options.start_timeout_s),
+                            .peer_timeout = hal::Seconds(bus_options.peer_timeout_s)});
+  const auto loop = std::make_unique<hal::ControlLoop<hal::LcmBoard>>(*params, board);
+  const Status status = loop->run();
+  if (status == Status::kEnded) return program::kExitCompleted;
+  std::cerr << "ballast-controller: "
+            << (status == Status::kIo ? "the LCM bus " + bus_options.url + " failed" : board.trouble()) << '\n';
+  return program::kExitCouldNotRun;
+}

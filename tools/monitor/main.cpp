@@ -1,0 +1,36 @@
+// ballast-monitor: judges a run over LCM, tick by tick.
+#include <iostream>
+
+#include "tools/monitor/monitor_loop.h"
+#include "tools/program/params.h"
+#include "tools/program/program.h"
+
+int main(int argc, char** argv) {
+  using namespace ballast;
+  using hal::Status;
+
+  CLI::App app{"Watches the ball's performance envelope over LCM and trips when it is left.", "ballast-monitor"};
+  program::ScenarioOptions scenario_options;
+  program::BusOptions bus_options;
+  program::add_scenario_options(app, scenario_options);
+  program::add_bus_options(app, bus_options);
+  if (const auto exit_status = program::parse(app, argc, argv)) return *exit_status;
+  const auto scenario = program::load_scenario(scenario_options);
+  if (!scenario) return program::kExitUsage;
+
+  hal::Bus bus(bus_options.url, program::catch_signals());
+  if (!bus.good()) {
+    std::cerr << "ballast-monitor: cannot use the LCM bus " << bus_options.url << '\n';
+    return program::kExitCouldNotRun;
+  }
+  monitor::MonitorLoop loop(bus, program::to_monitor_limits(*scenario),
+                            {.control_period_s = scenario->run.control_period_s,
+                             .start_timeout = hal::Seconds(bus_options.start_timeout_s),
+                             .peer_timeout = hal::Seconds(bus_options.peer_timeout_s)});
+  const Status status = loop.run();
+  if (!loop.trouble().empty()) std::cerr << "ballast-monitor: " << loop.trouble() << '\n';
+  if (status == Status::kInterrupted) std::cerr << "ballast-monitor: interrupted\n";
+  if (status == Status::kIo) std::cerr << "ballast-monitor: the LCM bus " << bus_options.url << " failed\n";
+  if (status != Status::kEnded) return program::kExitCouldNotRun;
+  return loop.verdict().tripped == 1 ? program::kExitEnvelope : program::kExitCompleted;
+}

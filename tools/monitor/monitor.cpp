@@ -1,0 +1,123 @@
+#include "tools/monitor/monitor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+namespace ballast::monitor {
+namespace {
+
+template <std::size_t n>
+bool finite(const double (&values)[n], std::size_t count = n) {
+  return std::all_of(values, values + std::min(count, n), [](double value) { return std::isfinite(value); });
+}
+
+bool finite(const contact_t& contact) {
+  return std::isfinite(contact.time_s) && std::isfinite(contact.normal_force_n) &&
+         std::isfinite(contact.static_friction_n) && finite(contact.friction_force_W_n) &&
+         (std::isfinite(contact.mu_required) || contact.mu_required > 0);
+}
+
+bool finite(const plant_state_t& state) {
+  const auto count = static_cast<std::size_t>(std::max<int>(state.mass_count, 0));
+  for (std::size_t i = 0; i < std::min(count, std::size(state.mass_position_B_m)); ++i) {
+    if (!finite(state.mass_position_B_m[i])) return false;
+  }
+  return std::isfinite(state.time_s) && finite(state.orientation) && finite(state.angular_velocity_B_radps) &&
+         finite(state.position_W_m) && finite(state.velocity_W_mps) && finite(state.center_of_mass_B_m) &&
+         finite(state.mass_position, count) && finite(state.mass_velocity, count) &&
+         finite(state.motor_torque_nm, count);
+}
+
+bool finite(const sensors_t& sensors) {
+  return finite(sensors.orientation) && finite(sensors.gyro_B_radps) && finite(sensors.accelerometer_B_mps2);
+}
+
+}  // namespace
+
+Monitor::Monitor(const MonitorLimits& limits) : limits_(limits) {
+  verdict_.tick = -3;
+  verdict_.scenario_id = limits_.scenario_id;
+}
+
+void Monitor::trip(std::int8_t cause, double value, double limit) {
+  if (verdict_.tripped == 1) return;
+  verdict_.tripped = 1;
+  verdict_.cause = cause;
+  verdict_.trip_tick = verdict_.tick;
+  verdict_.trip_time_s = time_s_;
+  verdict_.value = value;
+  verdict_.limit = limit;
+}
+
+trip_t Monitor::judge(const Samples& samples) {
+  const contact_t* contact = samples.contact;
+  const plant_state_t* state = samples.plant_state;
+  const sensors_t* sensors = samples.sensors;
+
+  // The contact says which tick this is; without it the next best message does; without any it is the one expected.
+  std::int64_t tick = last_tick_.value_or(-3) + 1;
+  if (contact != nullptr) {
+    tick = contact->tick;
+    time_s_ = contact->time_s;
+    verdict_.utime = contact->utime;
+  } else if (state != nullptr) {
+    tick = state->tick;
+    time_s_ = state->time_s;
+    verdict_.utime = state->utime;
+  } else if (sensors != nullptr) {
+    tick = sensors->tick;
+    verdict_.utime = sensors->utime;
+  }
+  const bool first = !last_tick_;
+  const std::int64_t expected = first ? tick : *last_tick_ + 1;
+  const auto seen_instead = [&](const auto* message) {
+    return static_cast<double>(message != nullptr ? message->tick : expected - 1);
+  };
+
+  verdict_.tick = tick;
+  if (tick < expected) {
+    trip(trip_t::CAUSE_REPEATED, static_cast<double>(tick), static_cast<double>(expected));
+  } else if (tick > expected) {
+    trip(trip_t::CAUSE_MISSING, static_cast<double>(tick), static_cast<double>(expected));
+  } else if (contact == nullptr) {
+    trip(trip_t::CAUSE_MISSING, seen_instead(contact), static_cast<double>(expected));
+  } else if (state == nullptr || state->tick != tick) {
+    trip(trip_t::CAUSE_MISSING, seen_instead(state), static_cast<double>(expected));
+  } else if (sensors == nullptr || sensors->tick != tick) {
+    trip(trip_t::CAUSE_MISSING, seen_instead(sensors), static_cast<double>(expected));
+  } else if (!finite(*contact) || !finite(*state) || !finite(*sensors)) {
+    trip(trip_t::CAUSE_NONFINITE, 0, 0);
+  } else {
+    judge_envelope(samples);
+    if (limits_.controller_expected && !first) {
+      const std::int64_t heard = samples.controller_tick.value_or(tick - kAllowedControllerAge - 1);
+      if (tick - heard > kAllowedControllerAge) {
+        trip(trip_t::CAUSE_STALE, static_cast<double>(tick - heard), static_cast<double>(kAllowedControllerAge));
+      }
+    }
+  }
+  last_tick_ = first ? tick : std::max(*last_tick_, tick);
+  return verdict_;
+}
+
+void Monitor::judge_envelope(const Samples& samples) {
+  const double normal_force_n = samples.contact->normal_force_n;
+  const double static_friction_n = samples.contact->static_friction_n;
+  if (normal_force_n <= limits_.min_normal_force_n) {
+    trip(trip_t::CAUSE_NORMAL_FORCE, normal_force_n, limits_.min_normal_force_n);
+  }
+  if (std::isinf(limits_.static_friction)) return;  // and infinity times N = 0 would be a NaN
+  const double mu_allowed = limits_.friction_use * limits_.static_friction;
+  if (static_friction_n > mu_allowed * normal_force_n) {
+    trip(trip_t::CAUSE_FRICTION, static_friction_n / normal_force_n, mu_allowed);
+  }
+}
+
+trip_t Monitor::silence(double silent_ticks, double allowed_ticks) {
+  verdict_.tick = last_tick_.value_or(-3) + 1;
+  trip(trip_t::CAUSE_STALE, silent_ticks, allowed_ticks);
+  return verdict_;
+}
+
+}  // namespace ballast::monitor

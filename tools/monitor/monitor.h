@@ -1,0 +1,68 @@
+// The monitor's judgement: is the ball inside its performance envelope, and is everybody still talking?
+// Shares its limits with the rest of Ballast, and not a line of logic. No clock, no input or output.
+#pragma once
+
+#include <ballast/contact_t.hpp>
+#include <ballast/plant_state_t.hpp>
+#include <ballast/sensors_t.hpp>
+#include <ballast/trip_t.hpp>
+#include <cstdint>
+#include <optional>
+
+namespace ballast::monitor {
+
+struct MonitorLimits {
+  double min_normal_force_n = 0;     // trips when N <= this, in every regime
+  double friction_use = 1;           // trips when f_s > friction_use mu_s N; > 0
+  double static_friction = 0;        // mu_s > 0; infinity: perfect friction
+  bool controller_expected = false;  // false in prescribed runs
+  std::int64_t scenario_id = 0;      // only passed on, in every trip_t
+};
+
+// What has been heard about one tick. nullptr: it did not come.
+struct Samples {
+  const contact_t* contact = nullptr;
+  const plant_state_t* plant_state = nullptr;
+  const sensors_t* sensors = nullptr;
+  std::optional<std::int64_t> controller_tick;  // of the newest controller_status_t ever heard
+};
+
+// Call judge() once per tick. The first cause found is kept for ever, with its tick, time, value and limit. Causes are
+// looked for in this order:
+//   repeated      the tick is not after the last one                         value: tick seen, limit: tick expected
+//   missing       it is not the one after the last one (any tick may be      value: tick seen, limit: tick expected
+//                 the first), or a message is absent or of another tick
+//                 (then seen: its tick; absent: the last tick judged)
+//   nonfinite     a NaN or infinity in time, N, f_s, friction force,         value: 0, limit: 0
+//                 plant state or sensors; mu_required may be +infinity
+//   normal_force  N <= min_normal_force                                      value: N, limit: min_normal_force
+//   friction      f_s > friction_use mu_s N, never with perfect friction     value: f_s / N, limit: friction_use mu_s
+//   stale         the controller's newest status is older than the tick      value: age, limit: age allowed, in ticks
+//                 before; one never heard counts as one tick too old;
+//                 at the first tick there is nothing yet to be heard
+class Monitor {
+ public:
+  explicit Monitor(const MonitorLimits& limits);
+
+  trip_t judge(const Samples& samples);
+
+  // The whole plant has been silent for longer than allowed: trips as stale on the tick that was expected.
+  trip_t silence(double silent_ticks, double allowed_ticks);
+
+  // The latest verdict; before the first tick: alive, waiting (tick -3).
+  [[nodiscard]] const trip_t& verdict() const { return verdict_; }
+
+  static constexpr std::int64_t kAllowedControllerAge =
+      1;  // the status of tick k-1 is the newest there can be in tick k
+
+ private:
+  void trip(std::int8_t cause, double value, double limit);
+  void judge_envelope(const Samples& samples);
+
+  MonitorLimits limits_;
+  std::optional<std::int64_t> last_tick_;  // the latest judged
+  double time_s_ = 0;                      // of the sample being judged
+  trip_t verdict_{};
+};
+
+}  // namespace ballast::monitor

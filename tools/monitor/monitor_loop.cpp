@@ -1,0 +1,165 @@
+#include "tools/monitor/monitor_loop.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <utility>
+
+#include "hal/lcm/channels.h"
+
+namespace ballast::monitor {
+
+using hal::Status;
+
+namespace {
+
+constexpr std::chrono::milliseconds kWaitingPeriod{50};
+
+std::string lost(const char* peer, const char* what, hal::Seconds silence, std::optional<std::int64_t> last_tick) {
+  char text[160];
+  if (last_tick) {
+    std::snprintf(text, sizeof text, "lost %s: no %s for %g s after tick %lld", peer, what, silence.count(),
+                  static_cast<long long>(*last_tick));
+  } else {
+    std::snprintf(text, sizeof text, "lost %s: no %s for %g s before the first tick", peer, what, silence.count());
+  }
+  return text;
+}
+
+}  // namespace
+
+std::int64_t MonitorLoop::TickMessages::tick() const {
+  return contact ? contact->tick : plant_state ? plant_state->tick : sensors->tick;
+}
+
+MonitorLoop::MonitorLoop(hal::Bus& bus, const MonitorLimits& limits, const MonitorLoopOptions& options)
+    : bus_(bus), limits_(limits), options_(options), monitor_(limits) {
+  bus_.subscribe<contact_t>(hal::kChannelContact,
+                            [this](const contact_t& message) { on_plant(message, &TickMessages::contact); });
+  bus_.subscribe<plant_state_t>(
+      hal::kChannelPlantState, [this](const plant_state_t& message) { on_plant(message, &TickMessages::plant_state); });
+  bus_.subscribe<sensors_t>(hal::kChannelSensors, [this](const sensors_t& message) {
+    if (!is_foreign(message.scenario_id, "plant")) on_plant(message, &TickMessages::sensors);
+  });
+  if (limits_.controller_expected) {
+    bus_.subscribe<controller_status_t>(hal::kChannelControllerStatus, [this](const controller_status_t& message) {
+      if (is_foreign(message.scenario_id, "controller")) return;
+      controller_tick_ = std::max(message.tick, controller_tick_.value_or(message.tick));
+    });
+  }
+}
+
+hal::LinkCounters MonitorLoop::counters() const {
+  hal::LinkCounters counters = counters_;
+  counters.malformed = bus_.malformed();
+  return counters;
+}
+
+bool MonitorLoop::is_foreign(std::int64_t scenario_id, const char* sender) {
+  if (scenario_id == limits_.scenario_id) return false;
+  ++counters_.foreign;
+  if (failure_ == Status::kOk) complain(std::string(sender) + " runs another scenario");
+  failure_ = Status::kForeignScenario;
+  return true;
+}
+
+// Nothing is thrown away here: repetitions and gaps must reach the monitor, which trips on them.
+template <class M>
+void MonitorLoop::on_plant(const M& message, std::optional<M> TickMessages::*slot) {
+  TickMessages& messages = current_.empty() || current_.tick() == message.tick ? current_ : next_;
+  if (messages.*slot) {
+    ++counters_.repeated;
+    messages.repeated = true;
+  } else {
+    messages.*slot = message;
+  }
+}
+
+bool MonitorLoop::controller_heard() const {
+  if (!limits_.controller_expected || controller_lost_ || !last_tick_) return true;
+  return controller_tick_ && *controller_tick_ >= *last_tick_;
+}
+
+// Complete; or it is clear that it never will be: the plant has gone on, or it repeats what is already judged.
+bool MonitorLoop::ready() const {
+  if (failure_ != Status::kOk) return true;
+  if (current_.empty()) return false;
+  return (current_.complete() && controller_heard()) || !next_.empty() ||
+         (last_tick_ && current_.tick() <= *last_tick_);
+}
+
+// kOk: there is something to judge.
+Status MonitorLoop::wait() {
+  const auto some = [this] { return failure_ != Status::kOk || !current_.empty(); };
+  const hal::WallClock::time_point start = hal::WallClock::now();
+  Status status = Status::kEmpty;
+  if (last_tick_) {
+    status = bus_.receive_until(hal::after(start, options_.peer_timeout), some);
+  } else {
+    const hal::WallClock::time_point deadline = hal::after(start, options_.start_timeout);
+    do {
+      if (const Status sent = bus_.publish(hal::kChannelTrip, monitor_.verdict()); sent != Status::kOk) return sent;
+      status = bus_.receive_until(std::min(deadline, hal::WallClock::now() + kWaitingPeriod), some);
+    } while (status == Status::kEmpty && hal::WallClock::now() < deadline);
+  }
+  if (status == Status::kOk) {
+    status =
+        bus_.receive_until(hal::after(hal::WallClock::now(), options_.peer_timeout / 2), [this] { return ready(); });
+    if (status == Status::kEmpty) status = Status::kOk;
+  } else if (status == Status::kEmpty) {
+    return plant_silent(hal::WallClock::now() - start);
+  }
+  return failure_ != Status::kOk ? failure_ : status;
+}
+
+Status MonitorLoop::plant_silent(hal::Seconds silence) {
+  if (!last_tick_) {
+    const bool both = limits_.controller_expected && !controller_tick_;
+    complain(lost(both ? "plant and controller" : "plant", "message", options_.start_timeout, last_tick_));
+    return Status::kPeerLost;
+  }
+  // The plant waits for the controller: if the controller never answered the last tick, it went first.
+  if (controller_heard()) {
+    complain(lost("plant", "contact", options_.peer_timeout, last_tick_));
+  } else {
+    complain(lost("controller", "status", options_.peer_timeout, last_tick_));
+  }
+  const double period_s = options_.control_period_s;
+  const trip_t verdict = monitor_.silence(silence.count() / period_s, options_.peer_timeout.count() / period_s);
+  if (const Status sent = bus_.publish(hal::kChannelTrip, verdict); sent != Status::kOk) return sent;
+  return Status::kPeerLost;
+}
+
+Status MonitorLoop::judge() {
+  if (current_.complete() && !controller_heard()) {
+    controller_lost_ = true;
+    complain(lost("controller", "status", options_.peer_timeout / 2, last_tick_));
+  }
+  const Samples samples{current_.contact ? &*current_.contact : nullptr,
+                        current_.plant_state ? &*current_.plant_state : nullptr,
+                        current_.sensors ? &*current_.sensors : nullptr, controller_tick_};
+  const std::int64_t tick = current_.tick();
+  if (last_tick_ && tick <= *last_tick_) ++counters_.repeated;
+  monitor_.judge(samples);
+  if (current_.repeated) monitor_.judge(samples);
+  last_tick_ = std::max(tick, last_tick_.value_or(tick));
+  return bus_.publish(hal::kChannelTrip, monitor_.verdict());
+}
+
+Status MonitorLoop::run() {
+  for (;;) {
+    if (const Status status = wait(); status != Status::kOk) return status;
+    if (const Status status = judge(); status != Status::kOk) return status;
+    const bool last = (current_.contact && current_.contact->last == 1) ||
+                      (current_.plant_state && current_.plant_state->last == 1) ||
+                      (current_.sensors && current_.sensors->last == 1);
+    if (last) return Status::kEnded;
+    current_ = std::exchange(next_, TickMessages{});
+  }
+}
+
+void MonitorLoop::complain(const std::string& line) {
+  if (!trouble_.empty()) trouble_ += '\n';
+  trouble_ += line;
+}
+
+}  // namespace ballast::monitor

@@ -1,0 +1,75 @@
+// The monitor as a process of its own: hears the plant and the controller over LCM, and gives a verdict on every tick.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "hal/host_link.h"
+#include "hal/lcm/bus.h"
+#include "tools/monitor/monitor.h"
+
+namespace ballast::monitor {
+
+struct MonitorLoopOptions {
+  double control_period_s = 0;
+  hal::Seconds start_timeout{30};  // until the plant's first message
+  hal::Seconds peer_timeout{2};    // from one tick to the next
+};
+
+// Before the first tick a trip_t with tick -3 goes out every 50 ms. Tick k is judged, and the verdict published, as
+// soon as contact(k), plant_state(k), sensors(k) and, with a controller, its status of k-1 are there. What is still
+// missing half a peer timeout after the tick's first message is judged as missing, so that the verdict is out before
+// the controller gives the monitor up. Nothing at all for the whole timeout: a `stale` verdict goes out and run() ends.
+// The bus must outlive it.
+class MonitorLoop {
+ public:
+  MonitorLoop(hal::Bus& bus, const MonitorLimits& limits, const MonitorLoopOptions& options);
+  MonitorLoop(const MonitorLoop&) = delete;
+  MonitorLoop& operator=(const MonitorLoop&) = delete;
+
+  // kEnded: the plant announced its last tick, and it has been judged. Never kOk.
+  hal::Status run();
+
+  [[nodiscard]] const trip_t& verdict() const { return monitor_.verdict(); }
+  [[nodiscard]] hal::LinkCounters counters() const;
+
+  // What went wrong, one line per peer; empty: nothing.
+  [[nodiscard]] const std::string& trouble() const { return trouble_; }
+
+ private:
+  // The plant's messages about one tick.
+  struct TickMessages {
+    std::optional<contact_t> contact;
+    std::optional<plant_state_t> plant_state;
+    std::optional<sensors_t> sensors;
+    bool repeated = false;  // one of them came twice
+    [[nodiscard]] bool empty() const { return !contact && !plant_state && !sensors; }
+    [[nodiscard]] bool complete() const { return contact && plant_state && sensors; }
+    [[nodiscard]] std::int64_t tick() const;
+  };
+
+  template <class M>
+  void on_plant(const M& message, std::optional<M> TickMessages::*slot);
+  bool is_foreign(std::int64_t scenario_id, const char* sender);
+  [[nodiscard]] bool controller_heard() const;
+  [[nodiscard]] bool ready() const;
+  hal::Status wait();
+  hal::Status judge();
+  hal::Status plant_silent(hal::Seconds silence);
+  void complain(const std::string& line);
+
+  hal::Bus& bus_;
+  MonitorLimits limits_;
+  MonitorLoopOptions options_;
+  Monitor monitor_;
+  TickMessages current_, next_;            // next_: came before current_ was complete
+  std::optional<std::int64_t> last_tick_;  // judged
+  std::optional<std::int64_t> controller_tick_;
+  hal::LinkCounters counters_;
+  hal::Status failure_ = hal::Status::kOk;
+  bool controller_lost_ = false;
+  std::string trouble_;
+};
+
+}  // namespace ballast::monitor

@@ -1,0 +1,84 @@
+#include "tools/program/params.h"
+
+#include <cstdio>
+#include <memory>
+#include <numbers>
+#include <vector>
+
+namespace ballast::program {
+namespace {
+
+// One lost message is ridden out, a second one in a row is a fault.
+constexpr int kSensorStaleTicks = 1;
+constexpr int kMonitorStaleTicks = 1;
+
+std::string mass_key(std::size_t mass, const char* field) { return "mass." + std::to_string(mass) + "." + field; }
+
+std::string describe(const firmware::ParamError& error) {
+  char text[256];
+  const std::string field =
+      error.index < 0 ? error.field : mass_key(static_cast<std::size_t>(error.index), error.field);
+  std::snprintf(text, sizeof text, "%s = %.17g: the controller allows %s", field.c_str(), error.value, error.allowed);
+  return text;
+}
+
+}  // namespace
+
+std::optional<std::string> to_controller_params(const sim::Scenario& scenario, firmware::ControllerParams& params) {
+  if (scenario.masses.size() > firmware::kMaxMasses) {
+    return "mass: " + std::to_string(scenario.masses.size()) + " masses: the controller allows at most " +
+           std::to_string(firmware::kMaxMasses);
+  }
+  const auto p =
+      std::make_unique<firmware::ControllerParams>();  // large, and the output must stay untouched on failure
+  p->scenario_id = scenario.id;
+  p->control_period_s = scenario.run.control_period_s;
+  p->timer_frequency_hz = scenario.run.timer_frequency_hz;
+  p->static_friction = scenario.surface.static_friction;
+  p->sensor_stale_ticks = kSensorStaleTicks;
+  p->monitor_stale_ticks = kMonitorStaleTicks;
+  p->ball.radius_m = scenario.ball.radius_m;
+  p->ball.gravity_mps2 = scenario.gravity_mps2;
+  p->ball.shell_mass_kg = scenario.ball.mass_kg;
+  p->ball.inertia_kgm2 = scenario.ball.inertia_kgm2;
+  p->ball.center_of_mass_B_m = scenario.ball.center_of_mass_B_m;
+  p->ball.external_force_W_n = scenario.external_force_W_n;
+  p->ball.mass_count = static_cast<int>(scenario.masses.size());
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    const sim::Mass& mass = scenario.masses[i];
+    p->ball.mass_kg[i] = mass.mass_kg;
+    p->ball.rail[i] = mass.rail;
+    p->motor[i].steps_per_unit =
+        mass.motor.steps_per_revolution * mass.motor.microsteps * mass.motor.shaft_ratio / (2 * std::numbers::pi);
+    p->motor[i].max_step_rate_hz = mass.motor.max_step_rate_hz;
+    p->motor[i].max_acceleration = mass.motor.max_acceleration;
+
+    if (mass.motion.size() > firmware::kMaxPieces) {
+      return mass_key(i, "motion") + ": " + std::to_string(mass.motion.size()) +
+             " pieces: the controller allows at most " + std::to_string(firmware::kMaxPieces);
+    }
+    std::vector<firmware::ProfilePiece> pieces;
+    for (const sim::MotionPiece& piece : mass.motion) {
+      pieces.push_back({piece.duration_s, piece.acceleration_start, piece.acceleration_end});
+    }
+    if (!p->motion[i].set(mass.initial_position, mass.initial_velocity, pieces.data(),
+                          static_cast<int>(pieces.size()))) {
+      return mass_key(i, "motion") + ": durations must be positive, and all numbers finite";
+    }
+  }
+  if (const firmware::ParamError error = firmware::validate(*p); !error.ok()) return describe(error);
+  params = *p;
+  return std::nullopt;
+}
+
+monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {
+  monitor::MonitorLimits limits;
+  limits.min_normal_force_n = scenario.envelope.min_normal_force_n;
+  limits.friction_use = scenario.envelope.friction_use;
+  limits.static_friction = scenario.surface.static_friction;
+  limits.controller_expected = scenario.run.actuation == sim::Actuation::kStepper;
+  limits.scenario_id = scenario.id;
+  return limits;
+}
+
+}  // namespace ballast::program

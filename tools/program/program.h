@@ -1,0 +1,47 @@
+// What all programs have in common: exit statuses, command line, reading the scenario, signals.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hal/lcm/channels.h"
+#include "sim/scenario.h"
+
+namespace ballast::program {
+
+inline constexpr int kExitCompleted = 0;    // inside the envelope
+inline constexpr int kExitUsage = 1;        // bad command line or scenario
+inline constexpr int kExitCouldNotRun = 2;  // files, bus, a peer lost
+inline constexpr int kExitEnvelope = 3;     // the envelope was violated, or the monitor tripped
+
+struct ScenarioOptions {
+  std::string scenario;               // a file, or the name of one that ships
+  std::vector<std::string> set;       // KEY=VALUE
+  std::string actuation;              // empty: as the scenario says
+  std::optional<std::uint64_t> seed;  // none: as the scenario says
+};
+
+struct BusOptions {
+  std::string url = hal::kDefaultLcmUrl;
+  double start_timeout_s = 30;  // until the first tick
+  double peer_timeout_s = 2;    // from one tick to the next
+};
+
+// Both structs must outlive the parsing.
+void add_scenario_options(CLI::App& app, ScenarioOptions& options);
+void add_bus_options(CLI::App& app, BusOptions& options);
+
+// A value: the program ends here with this status; help or the error has been printed.
+[[nodiscard]] std::optional<int> parse(CLI::App& app, int argc, char** argv);
+
+// Reads and checks; prints every fault to stderr. nullopt: end with kExitUsage.
+[[nodiscard]] std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options);
+
+// SIGINT and SIGTERM no longer kill; they set the flag returned here to their number.
+const volatile std::sig_atomic_t* catch_signals();
+
+}  // namespace ballast::program
