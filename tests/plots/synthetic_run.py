@@ -1,0 +1,147 @@
+"""Writes run folders as `ballast run` does, from the reference runs in tests/data, with lcm-gen's own encoders."""
+
+import csv
+import json
+import math
+import struct
+from pathlib import Path
+
+import ballast
+import numpy as np
+
+DATA = Path(__file__).resolve().parent.parent / "data"
+
+# The circles of the paper's ball: per mass the radius, n and -b1 (Frisvad) of its direction, which go with cos and sin.
+_HALF, _ROOT = 0.5, math.sqrt(0.5)
+_A = 1 / (1 + _ROOT)
+BALL_RAILS = [
+    (0.95, (1, 0, 0), (0, 0, 1)),
+    (0.90, (0, 1, 0), (-1, 0, 0)),
+    (0.85, (_HALF, _HALF, _ROOT), (-(1 - _HALF**2 * _A), _HALF**2 * _A, _HALF)),
+]
+DISK_RAILS = [(radius, (1, 0, 0), (0, 0, 1)) for radius in (0.9, 0.9 - 0.8 / 3, 0.9 - 1.6 / 3, 0.1)]
+
+
+def event(number, utime, channel, data):
+    """One event of an LCM event log."""
+    return struct.pack(">Iqqii", 0xEDA1DA01, number, utime, len(channel), len(data)) + channel.encode() + data
+
+
+def read_reference(name):
+    """Column name -> array."""
+    with open(DATA / f"{name}.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return {key: np.array([float(row[key]) for row in rows]) for key in rows[0]}
+
+
+class SyntheticRun:
+    """The reference run, resampled linearly to control ticks. Change `summary` or `events` before write()."""
+
+    def __init__(self, reference, rails, mass_kg, period_s=0.1, controller=False, turn_rad=0.0):
+        """`turn_rad` turns the path about the vertical."""
+        table = read_reference(reference)
+        end = table["t"][-1]
+        count = int(math.floor(end / period_s + 1e-9)) + 1
+        times = np.arange(count) * period_s
+        if end - times[-1] > 1e-9:
+            times = np.append(times, end)
+        col = {key: np.interp(times, table["t"], values) for key, values in table.items()}
+        cos, sin = math.cos(turn_rad), math.sin(turn_rad)
+        n = len(rails)
+        self.events = []
+        for tick in range(-2, len(times)):
+            k = max(tick, 0)
+            time = times[k]
+            utime = round(1e6 * (tick * period_s if tick < 0 else time))
+            force = [cos * col["f_1"][k] - sin * col["f_2"][k], sin * col["f_1"][k] + cos * col["f_2"][k]]
+            contact = ballast.contact_t()
+            contact.tick, contact.utime, contact.time_s = tick, utime, float(time)
+            contact.normal_force_n = float(col["N"][k])
+            contact.static_friction_n = math.hypot(*force)
+            contact.friction_force_W_n = force
+            in_contact = contact.normal_force_n > 0
+            contact.mu_required = contact.static_friction_n / contact.normal_force_n if in_contact else math.inf
+            contact.last = int(k == len(times) - 1)
+            state = ballast.plant_state_t()
+            state.tick, state.utime, state.time_s = tick, utime, float(time)
+            q = np.array([col[key][k] for key in ("q_w", "q_x", "q_y", "q_z")])
+            state.orientation = list(q / np.linalg.norm(q))
+            state.angular_velocity_B_radps = [col[f"Omega_{j}"][k] for j in (1, 2, 3)]
+            z = [cos * col["z_1"][k] - sin * col["z_2"][k], sin * col["z_1"][k] + cos * col["z_2"][k]]
+            state.position_W_m = [*z, 0.0]
+            state.velocity_W_mps = _rolling_velocity(state.orientation, state.angular_velocity_B_radps, 1.0, cos, sin)
+            state.mass_count = n
+            for i, (radius, axis_cos, axis_sin) in enumerate(rails):
+                theta = col[f"theta_{i + 1}"][k]
+                state.mass_position[i] = theta
+                around = math.cos(theta) * np.array(axis_cos) + math.sin(theta) * np.array(axis_sin)
+                state.mass_position_B_m[i] = list(radius * around)
+            moment = np.array(mass_kg) @ np.array(state.mass_position_B_m[:n])
+            state.center_of_mass_B_m = list(moment / (1 + sum(mass_kg)))  # the shell: 1 kg, balanced
+            state.last = contact.last
+            self._add(utime, "BALLAST_CONTACT", contact)
+            self._add(utime, "BALLAST_PLANT_STATE", state)
+            if controller:
+                status = ballast.controller_status_t()
+                status.tick, status.utime, status.motor_count = tick, utime, n
+                for i in range(n):
+                    # A rotor that lags its command a little and swings about it.
+                    status.commanded_position[i] = state.mass_position[i] + 2e-3 * (i + 1) * math.sin(5 * time + i)
+                self._add(utime, "BALLAST_CONTROLLER_STATUS", status)
+        normal, friction = col["N"], np.hypot(col["f_1"], col["f_2"])
+        ratio = friction / np.where(normal > 0, normal, np.nan)
+        most, least, strongest = int(np.nanargmax(ratio)), int(np.argmin(normal)), int(np.argmax(friction))
+        self.summary = {
+            "scenario": reference.replace("_", "-"),
+            "end": {"reason": "completed", "time": float(end)},
+            "mu_required": {"max": float(ratio[most]), "time": float(times[most])},
+            "normal_force": {"min": float(normal[least]), "min_time": float(times[least])},
+            "static_friction": {"max": float(friction[strongest]), "time": float(times[strongest])},
+            "regimes": [{"regime": "rolling", "start": 0.0, "end": float(end)}],
+            "impacts": [],
+            "trip": None,
+            "surface": {"static_friction": 0.35, "kinetic_friction": 0.3},
+            "duration": 20.0,
+            "control_period": period_s,
+        }
+
+    def _add(self, utime, channel, message):
+        self.events.append(event(len(self.events), utime, channel, message.encode()))
+
+    def write(self, folder):
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "summary.json").write_text(json.dumps(self.summary), encoding="utf-8")
+        (folder / "run.lcmlog").write_bytes(b"".join(self.events))
+        return folder
+
+
+def ball(**options):
+    return SyntheticRun("paper_ball", BALL_RAILS, (1, 1, 1), **options)
+
+
+def disk(**options):
+    return SyntheticRun("paper_disk", DISK_RAILS, (1, 1, 1, 1), **options)
+
+
+def detaching_ball(**options):
+    run = SyntheticRun("paper_detach", BALL_RAILS, (0.1, 0.1, 60), **options)
+    end = run.summary["end"]["time"]
+    run.summary["end"]["reason"] = "detached"
+    run.summary["mu_required"] = {"max": None, "time": end}
+    run.summary["trip"] = {"cause": "normal_force", "time": end, "value": 0.0, "limit": 0.0, "latency_ticks": 1}
+    run.summary["surface"] = {"static_friction": None, "kinetic_friction": None}
+    return run
+
+
+def _rolling_velocity(orientation, rate_B, radius, cos, sin):
+    """zdot = omega x r e3, in a space frame turned about the vertical."""
+    w, x, y, z = orientation
+    body_to_space = np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])
+    rate_W = body_to_space @ np.array(rate_B)
+    velocity = radius * np.array([rate_W[1], -rate_W[0]])
+    return [cos * velocity[0] - sin * velocity[1], sin * velocity[0] + cos * velocity[1], 0.0]

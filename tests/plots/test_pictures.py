@@ -1,0 +1,291 @@
+"""The pictures of whole runs: that all are drawn, that they show the data, and what they do in the unusual cases."""
+
+import contextlib
+import io
+import math
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from matplotlib.image import imread
+from matplotlib.legend import Legend
+
+import pictures
+import plot
+from event_log import LogError
+from recorded_run import RecordedRun
+from synthetic_run import ball, detaching_ball, disk, read_reference
+
+ALWAYS = {"normal_force", "static_friction", "friction_required", "path", "angular_velocity", "body_frame"}
+
+
+class PicturesTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name) / "run"
+
+    def recorded(self, synthetic):
+        return RecordedRun(synthetic.write(self.folder))
+
+    def call_plot(self, *more):
+        """(exit status, what went to stderr) of ballast-plot."""
+        stderr = io.StringIO()
+        arguments = mock.patch.object(sys, "argv", ["ballast-plot", str(self.folder), *more])
+        with arguments, contextlib.redirect_stderr(stderr):
+            return plot.main(), stderr.getvalue()
+
+    def drawn(self):
+        return {path.stem for path in self.folder.glob("*.png")}
+
+    @staticmethod
+    def line(axes, color):
+        """The longest line of that colour, as (x, y)."""
+        lines = [line for line in axes.get_lines() if line.get_color() == color]
+        return max(lines, key=lambda line: len(line.get_xdata())).get_data()
+
+    @staticmethod
+    def texts(figure):
+        """Everything the legends and titles of a figure say."""
+        found = []
+        for axes in figure.axes:
+            found += [axes.get_title(loc="left"), axes.get_title(loc="right")]
+            for legend in axes.findobj(Legend):
+                found += [text.get_text() for text in legend.get_texts()]
+        return "\n".join(found)
+
+    def assert_shows_ink(self, path, color=None):
+        """Not blank: at least one of a thousand points is not white, and the colour of the curves is there."""
+        image = imread(path)[:, :, :3]
+        self.assertGreater(np.mean(np.any(image < 0.9, axis=2)), 1e-3, path.name)
+        if color is not None:
+            # Anti-aliasing leaves the middle of a line in its pure colour; 8 bits per channel round to 1/255.
+            close = np.all(np.abs(image - np.array(to_rgb(color))) < 0.01, axis=2)
+            self.assertGreater(close.sum(), 50, path.name)
+
+    def test_all_pictures_of_a_prescribed_run(self):
+        ball().write(self.folder)
+        self.assertEqual(self.call_plot(), (0, ""))
+        self.assertEqual(self.drawn(), ALWAYS)
+        for path in self.folder.glob("*.png"):
+            self.assert_shows_ink(path, pictures.BLUE)
+
+    def test_a_run_with_controller_adds_the_masses(self):
+        disk(controller=True).write(self.folder)
+        self.assertEqual(self.call_plot(), (0, ""))
+        self.assertEqual(self.drawn(), ALWAYS | {"masses"})
+        for path in self.folder.glob("*.png"):
+            self.assert_shows_ink(path, pictures.BLUE)
+
+    def test_other_formats(self):
+        ball(period_s=0.5).write(self.folder)
+        self.assertEqual(self.call_plot("--format", "svg"), (0, ""))
+        self.assertEqual({path.stem for path in self.folder.glob("*.svg")}, ALWAYS)
+        self.assertEqual(self.drawn(), set())
+
+    def test_curves_are_the_reference_run_without_the_countdown(self):
+        run = self.recorded(ball())
+        reference = read_reference("paper_ball")
+        friction = np.hypot(reference["f_1"], reference["f_2"])
+        for draw, expected in ((pictures.normal_force, reference["N"]),
+                               (pictures.static_friction, friction),
+                               (pictures.friction_required, friction / reference["N"]),
+                               (pictures.angular_velocity, reference["Omega_1"])):
+            with self.subTest(picture=draw.__name__):
+                time, value = self.line(draw(run).axes[0], pictures.BLUE)
+                # The reference's own times, found again by k * 0.1 and interpolation: rounding only.
+                np.testing.assert_allclose(time, reference["t"], rtol=0, atol=1e-12)
+                np.testing.assert_allclose(value, expected, rtol=1e-9, atol=1e-12)
+        z = self.line(pictures.path(run).axes[0], pictures.BLUE)
+        np.testing.assert_allclose(z, (reference["z_1"], reference["z_2"]), rtol=0, atol=1e-11)
+
+    def test_maximum_and_limit_are_labelled(self):
+        synthetic = ball()
+        synthetic.summary["mu_required"] = {"max": 0.190612, "time": 6.4321}
+        said = self.texts(pictures.friction_required(self.recorded(synthetic)))
+        self.assertIn("maximum 0.1906 at $t$ = 6.4321 s", said)
+        self.assertIn("= 0.35", said)
+
+    def test_limit_far_above_does_not_squeeze_the_curve(self):
+        synthetic = ball()
+        synthetic.summary["surface"]["static_friction"] = 50.0
+        figure = pictures.friction_required(self.recorded(synthetic))
+        self.assertLess(figure.axes[0].get_ylim()[1], 0.25)
+        self.assertIn("= 50, far above", self.texts(figure))
+
+    def test_ratio_without_bound_leaves_a_readable_axis(self):
+        run = self.recorded(detaching_ball())
+        figure = pictures.friction_required(run)
+        ratio = run.friction_required()
+        self.assertGreater(np.nanmax(ratio), 1e6)
+        self.assertLess(figure.axes[0].get_ylim()[1], 5)
+        said = self.texts(figure)
+        self.assertIn("grows without bound, above this axis", said)
+        self.assertIn("perfect friction", said)
+
+    def test_early_end_is_marked_with_its_reason(self):
+        run = self.recorded(detaching_ball())
+        for name in ("normal_force", "static_friction", "friction_required", "angular_velocity"):
+            with self.subTest(picture=name):
+                figure = pictures.PICTURES[name](run)
+                self.assertIn("the ball leaves the surface", self.texts(figure))
+                upright = [line for line in figure.axes[0].get_lines() if list(line.get_xdata()) == [run.end_s] * 2]
+                self.assertEqual(len(upright), 1)
+
+    def test_trip_is_marked_where_it_happened(self):
+        synthetic = ball()
+        synthetic.summary["trip"] = {"cause": "friction", "time": 6.0, "value": 0.2, "limit": 0.17, "latency_ticks": 1}
+        synthetic.summary["end"]["reason"] = "tripped"
+        figure = pictures.normal_force(self.recorded(synthetic))
+        self.assertIn("monitor trips: friction at its limit, $t$ = 6.0000 s", self.texts(figure))
+        self.assertTrue(any(list(line.get_xdata()) == [6.0, 6.0] for line in figure.axes[0].get_lines()))
+
+    def test_completed_run_has_no_event_lines(self):
+        said = self.texts(pictures.normal_force(self.recorded(ball())))
+        self.assertNotIn("monitor", said)
+        self.assertNotIn("surface", said)
+
+    def test_flight_is_a_gap_in_the_ratio_and_shaded(self):
+        synthetic = ball()
+        synthetic.summary["regimes"] = [{"regime": "rolling", "start": 0, "end": 5},
+                                        {"regime": "flight", "start": 5, "end": 20}]
+        run = self.recorded(synthetic)
+        run.contact = run.contact.copy()
+        run.contact["regime"][run.contact["time_s"] >= 5] = 2
+        figure = pictures.friction_required(run)
+        self.assertIn("flight", self.texts(figure))
+        time, ratio = self.line(figure.axes[0], pictures.BLUE)
+        self.assertTrue(np.all(np.isnan(ratio[time >= 5])))
+        self.assertTrue(np.all(np.isfinite(ratio[time < 5])))
+
+    def test_straight_path_is_drawn_against_time(self):
+        run = self.recorded(disk())
+        axes = pictures.path(run).axes[0]
+        self.assertEqual((axes.get_xlabel(), axes.get_ylabel()), ("$t$ [s]", "$z_1$ [m]"))
+        time, distance = self.line(axes, pictures.BLUE)
+        reference = read_reference("paper_disk")
+        np.testing.assert_allclose(time, reference["t"], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(distance, reference["z_1"], rtol=0, atol=1e-11)
+
+    def test_straight_path_in_any_direction(self):
+        run = self.recorded(disk(turn_rad=0.7))
+        axes = pictures.path(run).axes[0]
+        self.assertEqual(axes.get_ylabel(), "distance along (0.765, 0.644) [m]")
+        # Turning the plane keeps distances; 1e-9 leaves room for the rounding of the turn and of the fitted direction.
+        distance = self.line(axes, pictures.BLUE)[1]
+        np.testing.assert_allclose(distance, read_reference("paper_disk")["z_1"], rtol=0, atol=1e-9)
+
+    def test_path_has_equal_axes_and_shows_all_of_it(self):
+        run = self.recorded(ball())
+        figure = pictures.path(run)
+        figure.savefig(io.BytesIO(), dpi=50)
+        axes = figure.axes[0]
+        box = axes.get_window_extent()
+        width, height = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+        # A pixel of the box's rounding on several hundred.
+        self.assertAlmostEqual(box.width / width / (box.height / height), 1.0, delta=0.01)
+        z = run.state["position_W_m"]
+        self.assertTrue(axes.get_xlim()[0] < z[:, 0].min() and z[:, 0].max() < axes.get_xlim()[1])
+        self.assertTrue(axes.get_ylim()[0] < z[:, 1].min() and z[:, 1].max() < axes.get_ylim()[1])
+
+    def test_friction_arrows_point_along_the_force(self):
+        run = self.recorded(ball())
+        quiver, = pictures.path(run).axes[0].findobj(pictures.matplotlib.quiver.Quiver)
+        z = np.asarray(run.state["position_W_m"][:, :2], dtype=float)
+        force = np.asarray(run.contact["friction_force_W_n"], dtype=float)
+        self.assertGreater(len(quiver.X), 20)
+        for x, y, u, v in zip(quiver.X, quiver.Y, quiver.U, quiver.V):
+            row = int(np.argmin(np.hypot(z[:, 0] - x, z[:, 1] - y)))
+            f = force[row] / np.hypot(*force[row])
+            # The arrow is the force times one positive number: rounding only.
+            np.testing.assert_allclose(np.array([u, v]) / math.hypot(u, v), f, rtol=0, atol=1e-9)
+
+    def test_body_frame_of_a_disk_is_its_plane(self):
+        axes = pictures.body_frame(self.recorded(disk())).axes[0]
+        self.assertEqual((axes.get_xlabel(), axes.get_ylabel()), ("$E_1$ [m]", "$E_3$ [m]"))
+        x, y = self.line(axes, pictures.MASS_COLORS[0])
+        np.testing.assert_allclose(np.hypot(x, y), 0.9, rtol=1e-12)  # its rail is this circle: rounding only
+
+    def test_body_frame_of_a_ball_is_spatial(self):
+        figure = pictures.body_frame(self.recorded(ball()))
+        self.assertEqual(figure.axes[0].name, "3d")
+        self.assertIn("$m_3$", self.texts(figure))
+
+    def test_radius_is_found_from_rolling(self):
+        # The synthetic velocity is exactly that of a ball of radius 1; rounding only.
+        self.assertAlmostEqual(self.recorded(ball()).ball_radius_m(), 1.0, delta=1e-12)
+
+    def test_ball_at_rest_is_drawn(self):
+        run = self.recorded(ball(period_s=1.0))
+        run.state = run.state.copy()
+        for name in ("position_W_m", "velocity_W_mps", "angular_velocity_B_radps"):
+            run.state[name][:] = 0
+        run.contact = run.contact.copy()
+        for name in ("friction_force_W_n", "static_friction_n", "mu_required"):
+            run.contact[name][:] = 0
+        self.assertIsNone(run.ball_radius_m())
+        for name, draw in pictures.PICTURES.items():
+            with self.subTest(picture=name):
+                figure = draw(run)
+                if figure is not None:
+                    figure.savefig(io.BytesIO())
+
+    def test_commanded_minus_true_is_what_the_controller_said(self):
+        run = self.recorded(ball(controller=True))
+        time, commanded, true = run.commanded_and_true()
+        for i in range(3):
+            # What synthetic_run.py adds; theta is below 10, so subtracting leaves 1e-14.
+            offset = 2e-3 * (i + 1) * np.sin(5 * time + i)
+            np.testing.assert_allclose(commanded[:, i] - true[:, i], offset, rtol=0, atol=1e-14)
+        difference = self.line(pictures.masses(run).axes[1], pictures.MASS_COLORS[2])[1]
+        np.testing.assert_allclose(difference, true[:, 2] - commanded[:, 2], rtol=0, atol=0)
+
+    def test_last_sample_between_ticks_has_no_command(self):
+        run = self.recorded(detaching_ball(controller=True))
+        self.assertEqual(run.state["time_s"][-1], run.end_s)
+        self.assertLess(run.commanded_and_true()[0][-1], run.end_s - 1e-3)
+
+    def test_cut_off_log_is_drawn_and_said(self):
+        ball().write(self.folder)
+        log = self.folder / "run.lcmlog"
+        log.write_bytes(log.read_bytes()[:log.stat().st_size // 2])
+        status, said = self.call_plot()
+        self.assertEqual(status, 0)
+        self.assertRegex(said, r"run\.lcmlog: cut off inside an event at byte \d+; drawing what comes before")
+        self.assertEqual(self.drawn(), ALWAYS)
+        self.assertLess(RecordedRun(self.folder).end_s, 11)
+
+    def test_what_cannot_be_drawn_is_said(self):
+        self.assertEqual(self.call_plot()[0], 2)
+        ball(period_s=1.0).write(self.folder)
+        summary, log = self.folder / "summary.json", self.folder / "run.lcmlog"
+        summary.write_text("{")
+        self.assertRegex(self.call_plot()[1], r"summary\.json: not valid JSON")
+        summary.unlink()
+        self.assertRegex(self.call_plot()[1], r"summary\.json: No such file")
+        summary.write_text("{}")
+        log.write_bytes(log.read_bytes()[:100])
+        self.assertRegex(self.call_plot()[1], r"no BALLAST_\w+ message")
+        log.unlink()
+        status, said = self.call_plot()
+        self.assertRegex(said, r"run\.lcmlog: No such file")
+        self.assertEqual(status, 2)
+
+    def test_wrong_fingerprint_names_the_channel(self):
+        synthetic = ball(period_s=1.0)
+        fingerprint = synthetic.events[0][28 + len("BALLAST_CONTACT"):][:8]
+        synthetic.events[0] = synthetic.events[0].replace(fingerprint, b"\x01" * 8)
+        synthetic.write(self.folder)
+        with self.assertRaisesRegex(LogError, "BALLAST_CONTACT, message 0: not a contact_t"):
+            RecordedRun(self.folder)
+
+    def test_eight_masses_have_eight_colors(self):
+        self.assertEqual(len(set(pictures.MASS_COLORS)), 8)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,148 @@
+"""One finished run: its log and summary.json, as arrays over time. Units and frames are those of the .lcm files."""
+
+import json
+import math
+from pathlib import Path
+
+import ballast
+import numpy as np
+
+from event_log import EventLog, LogError
+
+REGIME_NAMES = {
+    ballast.contact_t.REGIME_ROLLING: "rolling",
+    ballast.contact_t.REGIME_SLIDING: "sliding",
+    ballast.contact_t.REGIME_FLIGHT: "flight",
+}
+_TRIP_CAUSES = {
+    "normal_force": "$N$ at its limit",
+    "friction": "friction at its limit",
+    "nonfinite": "a value was not finite",
+    "stale": "messages stayed out",
+    "missing": "a message was missing",
+    "repeated": "a message came twice",
+}
+_ENDS = {
+    "slipped": "the ball slips",
+    "detached": "the ball leaves the surface",
+    "inconsistent": "no consistent contact force",
+}
+
+
+def _read_summary(path):
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from error
+    except ValueError as error:
+        raise LogError(f"{path}: not valid JSON: {error}") from error
+
+
+class RecordedRun:
+    """`contact`, `state`: the plant's messages from t = 0 on; `status`: the controller's, empty if there was none."""
+
+    def __init__(self, folder):
+        folder = Path(folder)
+        if not folder.is_dir():
+            raise LogError(f"{folder}: no such folder")
+        self.summary = _read_summary(folder / "summary.json")
+        log = EventLog(folder / "run.lcmlog", ["BALLAST_CONTACT", "BALLAST_PLANT_STATE", "BALLAST_CONTROLLER_STATUS"])
+        self.damage = log.damage
+        self.contact = _from_start(log.messages("BALLAST_CONTACT", ballast.contact_t))
+        self.state = _from_start(log.messages("BALLAST_PLANT_STATE", ballast.plant_state_t))
+        self.status = _from_start(log.messages("BALLAST_CONTROLLER_STATUS", ballast.controller_status_t))
+        for channel, messages in (("BALLAST_CONTACT", self.contact), ("BALLAST_PLANT_STATE", self.state)):
+            if len(messages) == 0:
+                raise LogError(f"{log.path}: no {channel} message" + (f" ({log.damage})" if log.damage else ""))
+        self.name = self.summary.get("scenario", folder.name)
+        self.mass_count = int(self.state["mass_count"][0])
+
+    @property
+    def static_friction_coefficient(self):
+        """mu_s, infinite for perfect friction."""
+        value = self.summary.get("surface", {}).get("static_friction")
+        return math.inf if value is None else float(value)
+
+    @property
+    def end_s(self):
+        """Time of the last sample."""
+        return max(float(self.contact["time_s"][-1]), float(self.state["time_s"][-1]))
+
+    def extremum(self, section, value_key, time_key):
+        """(value, time) as summary.json locates it, between samples; None if it gives none, as for an infinite one."""
+        entry = self.summary.get(section) or {}
+        value, time = entry.get(value_key), entry.get(time_key)
+        if isinstance(value, (int, float)) and isinstance(time, (int, float)) and math.isfinite(value):
+            return float(value), float(time)
+        return None
+
+    def largest_friction_required(self):
+        """(f_s / N, time), infinite where N reached 0, which JSON can only give as null; None without contact."""
+        entry = self.summary.get("mu_required") or {}
+        if not np.isfinite(self.friction_required()).any() or not isinstance(entry.get("time"), (int, float)):
+            return None
+        return self.extremum("mu_required", "max", "time") or (math.inf, float(entry["time"]))
+
+    def early_ends(self):
+        """(time, what happened) of the monitor's trip and of the physics that ended the run, in order of time."""
+        found = []
+        trip = self.summary.get("trip")
+        if trip:
+            cause = trip.get("cause", "")
+            found.append((float(trip["time"]), "monitor trips: " + _TRIP_CAUSES.get(cause, cause.replace("_", " "))))
+        end = self.summary.get("end", {})
+        if end.get("reason") in _ENDS:
+            found.append((float(end["time"]), _ENDS[end["reason"]]))
+        return sorted(found)
+
+    def spans(self, regime_name):
+        """(start, end) of every stretch in this contact regime."""
+        return [(r["start"], r["end"]) for r in self.summary.get("regimes", []) if r["regime"] == regime_name]
+
+    def impact_times(self):
+        return [impact["time"] for impact in self.summary.get("impacts", [])]
+
+    def friction_required(self):
+        """f_s / N per contact sample; NaN in flight and where N <= 0."""
+        ratio = np.array(self.contact["mu_required"], dtype=float)
+        ratio[~np.isfinite(ratio) | (self.contact["regime"] == ballast.contact_t.REGIME_FLIGHT)] = np.nan
+        return ratio
+
+    def friction_force_W(self):
+        """(n, 2) horizontal force of the surface on the ball at the times of `state`."""
+        contact_s, state_s = self.contact["time_s"], self.state["time_s"]
+        force = self.contact["friction_force_W_n"]
+        return np.stack([np.interp(state_s, contact_s, force[:, j]) for j in range(2)], axis=1)
+
+    def ball_radius_m(self):
+        """From rolling itself, |zdot| = r |horizontal part of the angular velocity|; None if the ball never rolls."""
+        w, x, y, z = np.asarray(self.state["orientation"], dtype=float).T
+        up_B = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+        rate_B = np.asarray(self.state["angular_velocity_B_radps"], dtype=float)
+        horizontal_squared = np.sum(rate_B**2, axis=1) - np.sum(rate_B * up_B, axis=1)**2
+        speed = np.linalg.norm(self.state["velocity_W_mps"][:, :2], axis=1)
+        regime = np.interp(self.state["time_s"], self.contact["time_s"], self.contact["regime"])
+        rolls = (regime == ballast.contact_t.REGIME_ROLLING) & (horizontal_squared > 0)
+        weight = np.sqrt(horizontal_squared[rolls])
+        return float(speed[rolls] @ weight / (weight @ weight)) if weight.any() and speed[rolls].any() else None
+
+    def commanded_and_true(self):
+        """(time, commanded, true) rail coordinates at the tick starts both sides report; None without a controller."""
+        if len(self.status) == 0 or self.status["motor_count"][0] == 0:
+            return None
+        _, status_rows, state_rows = np.intersect1d(self.status["tick"], self.state["tick"], return_indices=True)
+        state = self.state[state_rows]
+        # The last sample may lie between two tick starts, where the physics ended the run: there is no command for it.
+        period_s = float(self.summary["control_period"])
+        at_start = np.abs(state["time_s"] - state["tick"] * period_s) < 1e-3 * period_s
+        if not at_start.any():
+            return None
+        n = self.mass_count
+        return (np.asarray(state["time_s"][at_start], dtype=float),
+                np.asarray(self.status["commanded_position"][status_rows][at_start, :n], dtype=float),
+                np.asarray(state["mass_position"][at_start, :n], dtype=float))
+
+
+def _from_start(messages):
+    """Without the countdown, the ticks before 0 in which the ball is held."""
+    return messages[messages["tick"] >= 0]
