@@ -1,0 +1,36 @@
+// ballast check: every fault of a scenario, or what it says.
+#include <cmath>
+#include <iostream>
+#include <memory>
+
+#include "tools/ballast/commands.h"
+#include "tools/program/params.h"
+#include "tools/program/program.h"
+
+namespace ballast {
+
+std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
+  command = app.add_subcommand("check", "Validates a scenario and says every fault in it");
+  auto options = std::make_shared<program::ScenarioOptions>();
+  program::add_scenario_options(*command, *options);
+  return [options] {
+    const auto scenario = program::load_scenario(*options);
+    if (!scenario) return program::kExitUsage;
+    const bool stepper = scenario->run.actuation == sim::Actuation::kStepper;
+    if (stepper) {
+      auto params = std::make_unique<firmware::ControllerParams>();
+      if (const auto refusal = program::to_controller_params(*scenario, *params)) {
+        std::cerr << "ballast: " << *refusal << '\n';
+        return program::kExitUsage;
+      }
+    }
+    std::cout << scenario->name << ": good. " << scenario->masses.size() << (scenario->masses.size() == 1 ? " mass, " : " masses, ")
+              << (stepper ? "driven by steppers" : "prescribed") << ", " << scenario->duration_s << " s in ticks of "
+              << scenario->run.control_period_s << " s, mu_s ";
+    if (std::isinf(scenario->surface.static_friction)) std::cout << "infinite\n";
+    else std::cout << scenario->surface.static_friction << '\n';
+    return program::kExitCompleted;
+  };
+}
+
+}  // namespace ballast

@@ -1,0 +1,12 @@
+// The commands of `ballast`: each adds itself to the command line and, once chosen, runs and gives the exit status.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace ballast {
+
+std::function<int()> add_run_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_check_command(CLI::App& app, CLI::App*& command);
+
+}  // namespace ballast

@@ -1,0 +1,122 @@
+// ballast run: the main job.
+#include <cstdlib>
+#include <iostream>
+#include <memory>
+
+#include "tools/ballast/children.h"
+#include "tools/ballast/commands.h"
+#include "tools/program/params.h"
+#include "tools/program/program.h"
+#include "tools/sil/in_process_peers.h"
+#include "tools/sil/lcm_peers.h"
+#include "tools/sil/record_run.h"
+
+namespace ballast {
+
+namespace {
+
+struct RunCommand {
+  program::ScenarioOptions scenario;
+  program::BusOptions bus;
+  CLI::Option* url = nullptr;
+  std::string out;
+  sil::RecordOptions record;
+  bool processes = false;
+  bool pictures = false;
+};
+
+int fail(const std::string& text) {
+  std::cerr << "ballast: " << text << '\n';
+  return program::kExitCouldNotRun;
+}
+
+int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario, const firmware::ControllerParams* params,
+                       sil::OutputDir& output) {
+  std::unique_ptr<lcm::LCM> bus;
+  if (command.url->count() > 0) {
+    bus = std::make_unique<lcm::LCM>(command.bus.url);
+    if (!bus->good()) return fail("cannot use the LCM bus " + command.bus.url);
+  }
+  sil::RecordOptions record = command.record;
+  record.bus = bus.get();
+  sil::InProcessPeers peers(params, program::to_monitor_limits(scenario), scenario.run.control_period_s);
+  return sil::record_run("ballast", scenario, peers, output, record);
+}
+
+// This process is the plant; controller and monitor are started beside it.
+int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, bool has_controller, sil::OutputDir& output) {
+  hal::Bus bus(command.bus.url, command.record.interrupted);
+  if (!bus.good()) return fail("cannot use the LCM bus " + command.bus.url);
+  std::vector<std::string> arguments{command.scenario.scenario, "--lcm", command.bus.url};
+  for (const auto& set : command.scenario.set) arguments.insert(arguments.end(), {"--set", set});
+  if (!command.scenario.actuation.empty()) arguments.insert(arguments.end(), {"--actuation", command.scenario.actuation});
+  if (command.scenario.seed) arguments.insert(arguments.end(), {"--seed", std::to_string(*command.scenario.seed)});
+  arguments.insert(arguments.end(), {"--start-timeout", std::to_string(command.bus.start_timeout_s), "--peer-timeout",
+                                     std::to_string(command.bus.peer_timeout_s)});
+  Children children;
+  if (const auto why = children.start("ballast-monitor", arguments); !why.empty()) return fail(why);
+  if (has_controller) {
+    if (const auto why = children.start("ballast-controller", arguments); !why.empty()) return fail(why);
+  }
+  sil::LcmPeers peers(bus, {.scenario_id = scenario.id,
+                            .controller_expected = has_controller,
+                            .start_timeout = hal::Seconds(command.bus.start_timeout_s),
+                            .peer_timeout = hal::Seconds(command.bus.peer_timeout_s),
+                            .peer_ended = [&children] { return children.ended(); }});
+  sil::RecordOptions record = command.record;
+  record.unbuffered = true;
+  return sil::record_run("ballast", scenario, peers, output, record);
+}
+
+void draw_pictures(const sil::OutputDir& output) {
+  std::error_code code;
+  const auto plot = std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / "ballast-plot";
+  std::string quoted = "'";
+  for (const char c : std::filesystem::absolute(output.path()).string()) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  const std::string line = "'" + plot.string() + "' " + quoted + "'";
+  if (std::system(line.c_str()) != 0) std::cerr << "ballast: the pictures could not be drawn; the run itself is complete\n";
+}
+
+int run(const RunCommand& command) {
+  const auto scenario = program::load_scenario(command.scenario);
+  if (!scenario) return program::kExitUsage;
+  const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
+  auto params = std::make_unique<firmware::ControllerParams>();
+  if (has_controller) {
+    if (const auto refusal = program::to_controller_params(*scenario, *params)) {
+      std::cerr << "ballast: " << *refusal << '\n';
+      return program::kExitUsage;
+    }
+  }
+  sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name : command.out);
+  if (!output.good()) return fail(output.error());
+
+  RunCommand with_signals = command;
+  with_signals.record.interrupted = program::catch_signals();
+  const int exit_status = command.processes
+                              ? run_in_processes(with_signals, *scenario, has_controller, output)
+                              : run_in_one_process(with_signals, *scenario, has_controller ? params.get() : nullptr, output);
+  if (command.pictures && (exit_status == program::kExitCompleted || exit_status == program::kExitEnvelope)) {
+    draw_pictures(output);
+  }
+  return exit_status;
+}
+
+}  // namespace
+
+std::function<int()> add_run_command(CLI::App& app, CLI::App*& command) {
+  command = app.add_subcommand("run", "Runs a scenario: controller, plant and monitor in lockstep");
+  auto options = std::make_shared<RunCommand>();
+  program::add_scenario_options(*command, options->scenario);
+  program::add_bus_options(*command, options->bus);
+  options->url = command->get_option("--lcm");
+  command->add_option("--out", options->out, "folder for the results; default runs/NAME");
+  command->add_option("--speed", options->record.speed, "simulated over wall time; default as fast as it goes")
+      ->check(CLI::PositiveNumber);
+  command->add_flag("--processes", options->processes, "plant, controller and monitor as three processes over LCM");
+  command->add_flag("--pictures", options->pictures, "draw the pictures when it is done");
+  command->add_flag("--quiet", options->record.quiet, "no progress bar and no summary");
+  return [options] { return run(*options); };
+}
+
+}  // namespace ballast

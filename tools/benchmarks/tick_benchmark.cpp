@@ -1,0 +1,134 @@
+// What one control tick of the paper's ball costs, and where: each station of the lap alone, then the lap.
+//   build/bin/ballast-benchmarks --benchmark_repetitions=9 --benchmark_report_aggregates_only=true
+// Machines are noisy: read the ratios between lines of one run.
+#include <benchmark/benchmark.h>
+
+#include <memory>
+#include <stdexcept>
+
+#include "tools/program/params.h"
+#include "tools/program/program.h"
+#include "tools/sil/in_process_peers.h"
+#include "tools/sil/run.h"
+
+namespace ballast {
+namespace {
+
+sim::Scenario scenario(const char* actuation) {
+  program::ScenarioOptions options;
+  options.scenario = "paper_ball";
+  options.actuation = actuation;
+  const auto loaded = program::load_scenario(options);
+  if (!loaded) throw std::runtime_error("paper_ball does not load");
+  return *loaded;
+}
+
+std::unique_ptr<firmware::ControllerParams> controller_params(const sim::Scenario& s) {
+  auto params = std::make_unique<firmware::ControllerParams>();
+  if (const auto refusal = program::to_controller_params(s, *params)) throw std::runtime_error(*refusal);
+  return params;
+}
+
+// One right-hand side with N and f_s, three masses.
+void RightHandSide(benchmark::State& state) {
+  const auto s = scenario("prescribed");
+  const sim::Body body(s);
+  const double q[4] = {1, 0, 0, 0}, omega[3] = {0.1, 0.2, -0.3};
+  double theta[3] = {0.1, 2.0, 0.7};
+  const double rate[3] = {0.15, 0.15, 0.15}, acceleration[3] = {1, 1, 1};
+  sim::Motion motion;
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(theta);
+    sim::rolling_prescribed(body, q, omega, theta, rate, acceleration, motion);
+    benchmark::DoNotOptimize(motion);
+  }
+}
+BENCHMARK(RightHandSide);
+
+void PlantTick(benchmark::State& state, const char* actuation) {
+  const auto s = scenario(actuation);
+  auto plant = std::make_unique<sim::Plant>(s);
+  std::int64_t k = 0;
+  for (auto _ : state) {
+    if (++k > 20000) {
+      state.PauseTiming();
+      plant = std::make_unique<sim::Plant>(s);
+      k = 1;
+      state.ResumeTiming();
+    }
+    plant->advance(static_cast<double>(k) * 0.001, {});
+  }
+}
+BENCHMARK_CAPTURE(PlantTick, prescribed, "prescribed");
+BENCHMARK_CAPTURE(PlantTick, stepper_holding, "stepper");
+
+void ControllerTick(benchmark::State& state) {
+  const auto s = scenario("stepper");
+  const auto params = controller_params(s);
+  auto controller = std::make_unique<firmware::ControllerState>();
+  firmware::reset(*params, *controller);
+  firmware::Inputs inputs;
+  firmware::Outputs outputs;
+  const auto tick = [&](std::int64_t k, firmware::OperatorCommand command) {
+    inputs.tick = inputs.sensors.tick = inputs.monitor.tick = k;
+    inputs.operator_command = command;
+    firmware::tick(*params, *controller, inputs, outputs);
+  };
+  tick(-2, firmware::OperatorCommand::kArm);
+  tick(-1, firmware::OperatorCommand::kStart);
+  std::int64_t k = 0;
+  for (auto _ : state) tick(k++, firmware::OperatorCommand::kNone);
+}
+BENCHMARK(ControllerTick);
+
+void MonitorTick(benchmark::State& state) {
+  const auto s = scenario("prescribed");
+  sim::Plant plant(s);
+  sil::PlantMessages m = sil::plant_messages(s, plant.sample(), 0, false);
+  monitor::Monitor monitor(program::to_monitor_limits(s));
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(monitor.judge({&m.contact, &m.state, &m.sensors, {}}));
+    ++m.contact.tick, ++m.state.tick, ++m.sensors.tick;
+  }
+}
+BENCHMARK(MonitorTick);
+
+void RecordTick(benchmark::State& state) {
+  const auto s = scenario("stepper");
+  sim::Plant plant(s);
+  const sil::PlantMessages m = sil::plant_messages(s, plant.sample(), 0, false);
+  sil::Recorder recorder("/dev/null");
+  for (auto _ : state) {
+    recorder.record(hal::kChannelContact, m.contact);
+    recorder.record(hal::kChannelPlantState, m.state);
+    recorder.record(hal::kChannelSensors, m.sensors);
+    recorder.record(hal::kChannelTrip, trip_t{});
+    recorder.record(hal::kChannelControllerStatus, controller_status_t{});
+    recorder.record(hal::kChannelStepCommand, step_command_t{});
+  }
+}
+BENCHMARK(RecordTick);
+
+// Everything on, as `ballast run` does it; the log goes to /dev/null.
+void WholeRunPerTick(benchmark::State& state, const char* actuation) {
+  const auto s = scenario(actuation);
+  const bool stepper = s.run.actuation == sim::Actuation::kStepper;
+  const auto params = stepper ? controller_params(s) : nullptr;
+  std::int64_t ticks = 0;
+  for (auto _ : state) {
+    sil::InProcessPeers peers(params.get(), program::to_monitor_limits(s), s.run.control_period_s);
+    sil::Recorder recorder("/dev/null");
+    ticks += sil::run(s, peers, recorder, {}).ticks;
+  }
+  state.counters["per_tick"] = benchmark::Counter(static_cast<double>(ticks),
+                                                  benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+  state.counters["times_real_time"] = benchmark::Counter(static_cast<double>(ticks) * s.run.control_period_s,
+                                                         benchmark::Counter::kIsRate);
+}
+BENCHMARK_CAPTURE(WholeRunPerTick, prescribed, "prescribed")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(WholeRunPerTick, stepper, "stepper")->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace ballast
+
+BENCHMARK_MAIN();

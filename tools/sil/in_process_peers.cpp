@@ -1,0 +1,33 @@
+#include "tools/sil/in_process_peers.h"
+
+namespace ballast::sil {
+
+InProcessPeers::InProcessPeers(const firmware::ControllerParams* params, const monitor::MonitorLimits& limits,
+                               double control_period_s)
+    : control_period_s_(control_period_s), monitor_(limits) {
+  if (params != nullptr) controller_.emplace(*params, board_);
+}
+
+hal::Status InProcessPeers::exchange(Lap& lap) {
+  lap.trip = monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, controller_tick_});
+  if (!controller_) return hal::Status::kOk;
+
+  if (lap.command) {
+    if (const hal::Status s = board_.give_operator(hal::from_message(*lap.command)); s != hal::Status::kOk) return s;
+  }
+  board_.give_sensors(hal::from_message(lap.plant.sensors));
+  board_.give_verdict(hal::from_message(lap.trip));
+  board_.release_tick(lap.plant.sensors.tick, lap.plant.sensors.last != 0);
+  if (const hal::Status s = controller_->step(); s != hal::Status::kOk) return s;
+
+  firmware::ControllerStatus status;
+  firmware::StepCommand steps;
+  if (const hal::Status s = board_.take_status(status); s != hal::Status::kOk) return s;
+  if (const hal::Status s = board_.take_steps(steps); s != hal::Status::kOk) return s;
+  lap.status = hal::to_message(status, control_period_s_);
+  lap.steps = hal::to_message(steps, control_period_s_);
+  controller_tick_ = status.tick;
+  return hal::Status::kOk;
+}
+
+}  // namespace ballast::sil

@@ -1,0 +1,28 @@
+// Controller and monitor in the plant's own process: the firmware on the lockstep board, no network, no wall clock.
+#pragma once
+
+#include "hal/control_loop.h"
+#include "hal/lockstep/lockstep_board.h"
+#include "tools/monitor/monitor.h"
+#include "tools/sil/lap.h"
+
+namespace ballast::sil {
+
+class InProcessPeers : public Peers {
+ public:
+  // `params` (accepted by firmware::validate()) is null in prescribed runs, which have no controller.
+  InProcessPeers(const firmware::ControllerParams* params, const monitor::MonitorLimits& limits, double control_period_s);
+
+  hal::Status connect() override { return hal::Status::kOk; }
+  hal::Status exchange(Lap& lap) override;
+  [[nodiscard]] std::string trouble() const override { return "the controller did not answer"; }
+
+ private:
+  double control_period_s_;
+  monitor::Monitor monitor_;
+  std::optional<std::int64_t> controller_tick_;  // of the newest status
+  hal::LockstepBoard board_;
+  std::optional<hal::ControlLoop<hal::LockstepBoard>> controller_;
+};
+
+}  // namespace ballast::sil

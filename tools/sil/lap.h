@@ -1,0 +1,33 @@
+// One lap of the data flow: everything that is said in one control tick.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "hal/status.h"
+#include "tools/sil/plant_messages.h"
+
+namespace ballast::sil {
+
+struct Lap {
+  std::optional<operator_t> command;  // what the operator says in this tick
+  PlantMessages plant;
+  trip_t trip{};
+  bool has_controller = true;         // false in prescribed runs: the next two stay empty
+  controller_status_t status{};
+  step_command_t steps{};             // of the next tick
+};
+
+// Whoever answers the plant: monitor and controller, in this process or in others.
+class Peers {
+ public:
+  virtual ~Peers() = default;
+  // Until both are there and run the same scenario.
+  virtual hal::Status connect() = 0;
+  // Hands out command and plant, and fills in trip, status and steps.
+  virtual hal::Status exchange(Lap& lap) = 0;
+  // After a failure, the whole story in one line.
+  [[nodiscard]] virtual std::string trouble() const = 0;
+};
+
+}  // namespace ballast::sil

@@ -1,0 +1,47 @@
+// Controller and monitor in processes of their own, over LCM, in lockstep.
+#pragma once
+
+#include <functional>
+
+#include "hal/lcm/bus.h"
+#include "hal/lcm/channels.h"
+#include "tools/sil/lap.h"
+
+namespace ballast::sil {
+
+struct LcmPeersOptions {
+  std::int64_t scenario_id = 0;
+  bool controller_expected = true;
+  hal::Seconds start_timeout{30};  // until both peers are there
+  hal::Seconds peer_timeout{2};    // from the plant's messages to the last answer
+  // Asked while waiting: a line that says which peer has ended, or empty. For whoever started the peers.
+  std::function<std::string()> peer_ended;
+};
+
+class LcmPeers : public Peers {
+ public:
+  // The bus must outlive the peers.
+  LcmPeers(hal::Bus& bus, LcmPeersOptions options);
+  LcmPeers(const LcmPeers&) = delete;
+  LcmPeers& operator=(const LcmPeers&) = delete;
+
+  hal::Status connect() override;
+  hal::Status exchange(Lap& lap) override;
+  [[nodiscard]] std::string trouble() const override { return trouble_; }
+
+ private:
+  template <class Done>
+  hal::Status wait(hal::Seconds timeout, const Done& done);
+  void lost(const std::string& when, hal::Seconds silence);
+
+  hal::Bus& bus_;
+  LcmPeersOptions options_;
+  std::int64_t tick_ = hal::kWaitingTick;  // of the answers waited for
+  std::optional<trip_t> trip_;
+  std::optional<controller_status_t> status_;
+  std::optional<step_command_t> steps_;
+  const char* foreign_ = nullptr;  // a peer that runs another scenario
+  std::string trouble_;
+};
+
+}  // namespace ballast::sil

@@ -1,0 +1,63 @@
+#include "tools/sil/output_dir.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <system_error>
+
+namespace ballast::sil {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+// Everything a run leaves; the pictures are those of tools/plots.
+constexpr const char* kFiles[] = {"summary.json",     "run.lcmlog",           "normal_force.png", "static_friction.png",
+                                  "path.png",         "friction_required.png", "masses.png",       "angular_velocity.png",
+                                  "body_frame.png"};
+
+bool write_file(const fs::path& path, const std::string& text) {
+  std::FILE* file = std::fopen(path.c_str(), "w");
+  if (file == nullptr) return false;
+  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
+  return (std::fclose(file) == 0) && written;
+}
+
+}  // namespace
+
+OutputDir::OutputDir(fs::path path) : path_(std::move(path)) {
+  std::error_code code;
+  // The topmost folder that has to be made, to be taken away again if the rest fails.
+  fs::path made;
+  for (fs::path p = fs::absolute(path_).lexically_normal(); !p.empty() && !fs::exists(p, code); p = p.parent_path()) made = p;
+  fs::create_directories(path_, code);
+  if (code) {
+    error_ = path_.string() + ": cannot be made: " + code.message();
+  } else if (const fs::path probe = path_ / ".ballast-probe"; !write_file(probe, "")) {
+    error_ = path_.string() + ": cannot be written to: " + std::strerror(errno);
+  } else {
+    fs::remove(probe, code);
+  }
+  if (!good() && !made.empty()) fs::remove_all(made, code);
+}
+
+void OutputDir::clear() {
+  std::error_code code;
+  // What cannot be removed cannot be replaced either, and is reported by whoever writes it.
+  for (const char* name : kFiles) fs::remove(path_ / name, code);
+}
+
+bool OutputDir::write_summary(const std::string& text) {
+  const fs::path target = path_ / "summary.json", draft = path_ / "summary.json.part";
+  std::error_code code;
+  if (!write_file(draft, text)) {
+    error_ = target.string() + ": cannot be written: " + std::strerror(errno);
+    fs::remove(draft, code);
+    return false;
+  }
+  fs::rename(draft, target, code);
+  if (code) error_ = target.string() + ": cannot be written: " + code.message();
+  return good();
+}
+
+}  // namespace ballast::sil

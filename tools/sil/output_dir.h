@@ -1,0 +1,29 @@
+// The folder a run leaves its results in.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace ballast::sil {
+
+class OutputDir {
+ public:
+  // Creates it if need be and sees that files can be written there. On failure nothing is left behind; error() says why.
+  explicit OutputDir(std::filesystem::path path);
+
+  [[nodiscard]] bool good() const { return error_.empty(); }
+  [[nodiscard]] const std::string& error() const { return error_; }
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  [[nodiscard]] std::string log_path() const { return (path_ / "run.lcmlog").string(); }
+
+  // Takes away what an earlier run has left, so that no file there speaks of another run than the log.
+  void clear();
+  // All of it or nothing. False: error() says why.
+  bool write_summary(const std::string& text);
+
+ private:
+  std::filesystem::path path_;
+  std::string error_;
+};
+
+}  // namespace ballast::sil

@@ -1,0 +1,67 @@
+#include "tools/sil/plant_messages.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ballast::sil {
+
+double friction_margin(double normal_force_n, double static_friction_n, double static_friction_coefficient) {
+  if (!(normal_force_n > 0)) return -1;
+  return std::max(-1.0, 1 - static_friction_n / (static_friction_coefficient * normal_force_n));
+}
+
+PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick, bool last) {
+  const std::int64_t utime = tick < 0 ? hal::tick_utime(tick, scenario.run.control_period_s)
+                                      : static_cast<std::int64_t>(std::llround(sample.time_s * 1e6));
+  const auto mass_count = static_cast<std::int8_t>(scenario.masses.size());
+  const auto last_flag = static_cast<std::int8_t>(last);
+  PlantMessages m{};
+
+  m.contact.tick = m.state.tick = m.sensors.tick = tick;
+  m.contact.utime = m.state.utime = m.sensors.utime = utime;
+  m.contact.time_s = m.state.time_s = sample.time_s;
+  m.contact.last = m.state.last = m.sensors.last = last_flag;
+
+  m.contact.normal_force_n = sample.normal_force_n;
+  m.contact.static_friction_n = sample.static_friction_n;
+  m.contact.mu_required = sim::Plant::mu_required(sample.normal_force_n, sample.static_friction_n);
+  m.contact.margin = friction_margin(sample.normal_force_n, sample.static_friction_n, scenario.surface.static_friction);
+  m.contact.regime = contact_t::REGIME_ROLLING;
+
+  m.sensors.scenario_id = scenario.id;
+  m.state.mass_count = m.sensors.mass_count = mass_count;
+  const Eigen::Vector3d specific_force_B = sample.acceleration_B_mps2 + scenario.gravity_mps2 * sample.up_B;
+  for (int j = 0; j < 4; ++j) m.state.orientation[j] = m.sensors.orientation[j] = sample.orientation[j];
+  for (int j = 0; j < 2; ++j) m.contact.friction_force_W_n[j] = sample.friction_force_W_n[j];
+  for (int j = 0; j < 3; ++j) {
+    m.state.angular_velocity_B_radps[j] = m.sensors.gyro_B_radps[j] = sample.angular_velocity_B_radps[j];
+    m.state.position_W_m[j] = sample.position_W_m[j];
+    m.state.velocity_W_mps[j] = sample.velocity_W_mps[j];
+    m.state.center_of_mass_B_m[j] = sample.center_of_mass_B_m[j];
+    m.sensors.accelerometer_B_mps2[j] = specific_force_B[j];
+  }
+  for (int i = 0; i < mass_count; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    m.state.mass_position[i] = sample.mass_position[k];
+    m.state.mass_velocity[i] = sample.mass_velocity[k];
+    for (int j = 0; j < 3; ++j) m.state.mass_position_B_m[i][j] = sample.mass_position_B_m[k][j];
+    m.state.motor_torque_nm[i] = sample.motor_torque_nm[k];
+    m.state.lost_steps[i] = sample.lost_steps[k];
+  }
+  return m;
+}
+
+void expand(const step_command_t& command, double timer_frequency_hz, std::vector<sim::StepPulse>& pulses) {
+  pulses.clear();
+  for (int b = 0; b < command.burst_count; ++b) {
+    for (std::int64_t j = 0; j < command.count[b]; ++j) {
+      const std::int64_t timer_tick = command.first[b] + j * command.interval[b] + command.add[b] * (j * (j - 1) / 2);
+      pulses.push_back({static_cast<double>(timer_tick) / timer_frequency_hz, command.motor[b], command.direction[b]});
+    }
+  }
+  std::stable_sort(pulses.begin(), pulses.end(), [](const auto& a, const auto& b) {
+    return a.offset_s != b.offset_s ? a.offset_s < b.offset_s : a.motor < b.motor;
+  });
+}
+
+}  // namespace ballast::sil

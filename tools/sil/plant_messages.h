@@ -1,0 +1,28 @@
+// The plant's messages, and step commands as the plant takes them.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "hal/lcm/messages.h"
+#include "sim/plant.h"
+
+namespace ballast::sil {
+
+// The three messages the plant sends in one control tick.
+struct PlantMessages {
+  contact_t contact;
+  plant_state_t state;
+  sensors_t sensors;
+};
+
+// In the countdown (tick < 0) time_s is that of the sample, 0, and utime the tick's own.
+PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick, bool last);
+
+// What is left of the friction cone: 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0, and never below that.
+double friction_margin(double normal_force_n, double static_friction_n, double static_friction_coefficient);
+
+// The single pulses of a command, in order of time (equal times: in order of the motors), into `pulses`.
+void expand(const step_command_t& command, double timer_frequency_hz, std::vector<sim::StepPulse>& pulses);
+
+}  // namespace ballast::sil

@@ -1,0 +1,67 @@
+#include "tools/sil/record_run.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <iostream>
+
+#include "tools/program/program.h"
+#include "tools/sil/summary.h"
+
+namespace ballast::sil {
+
+namespace {
+
+// On stderr, and only if that is a terminal.
+class ProgressBar {
+ public:
+  ProgressBar(double end_s, bool wanted) : end_s_(end_s), shown_(wanted && isatty(STDERR_FILENO) == 1) {}
+  ~ProgressBar() {
+    if (shown_) std::fprintf(stderr, "\r\033[K");
+  }
+  void show(double time_s) const {
+    if (!shown_) return;
+    constexpr int kWidth = 40;
+    const double part = std::clamp(time_s / end_s_, 0.0, 1.0);
+    std::string bar(kWidth, '.');
+    std::fill_n(bar.begin(), static_cast<int>(part * kWidth), '#');
+    std::fprintf(stderr, "\r[%s] %3.0f %%  t = %.2f of %.6g s", bar.c_str(), 100 * part, time_s, end_s_);
+  }
+
+ private:
+  double end_s_;
+  bool shown_;
+};
+
+}  // namespace
+
+int record_run(const char* program_name, const sim::Scenario& scenario, Peers& peers, OutputDir& output,
+               const RecordOptions& options) {
+  const auto fail = [&](const std::string& text) {
+    std::cerr << program_name << ": " << text << '\n';
+    return program::kExitCouldNotRun;
+  };
+  output.clear();
+  Recorder recorder(output.log_path(), options.bus, options.unbuffered);
+  if (!recorder.good()) return fail(recorder.error());
+
+  RunResult result;
+  {
+    const ProgressBar bar(scenario.duration_s, !options.quiet);
+    result = run(scenario, peers, recorder,
+                 {.speed = options.speed,
+                  .interrupted = options.interrupted,
+                  .progress = [&bar](double time_s) { bar.show(time_s); }});
+  }
+  const bool log_whole = recorder.close();
+  if (result.status != hal::Status::kOk) {
+    return fail(result.trouble + "; " + output.log_path() + (log_whole ? " holds what happened up to then" : " is not whole"));
+  }
+  if (!log_whole) return fail(recorder.error());
+  if (!output.write_summary(summary_json(scenario, result))) return fail(output.error());
+  if (!options.quiet) std::cout << summary_text(scenario, result, output.path()) << std::flush;
+  return exit_status(result);
+}
+
+}  // namespace ballast::sil

@@ -1,0 +1,50 @@
+#include "tools/sil/recorder.h"
+
+#include <stdio_ext.h>
+
+#include <cerrno>
+#include <cstring>
+
+namespace ballast::sil {
+
+Recorder::Recorder(const std::string& log_path, lcm::LCM* bus, bool unbuffered)
+    : log_path_(log_path), bus_(bus), flush_(unbuffered) {
+  log_ = lcm_eventlog_create(log_path.c_str(), "w");
+  if (log_ == nullptr) {
+    error_ = log_path + ": cannot be written: " + std::strerror(errno);
+    return;
+  }
+  setvbuf(log_->f, nullptr, _IOFBF, 1 << 20);
+  __fsetlocking(log_->f, FSETLOCKING_BYCALLER);  // liblcm writes an event in six pieces; only this object writes
+}
+
+Recorder::~Recorder() { close(); }
+
+void Recorder::write(const char* channel, std::int64_t utime) {
+  if (!good()) return;
+  if (log_ != nullptr) {
+    lcm_eventlog_event_t event{};
+    event.timestamp = utime;
+    event.channellen = static_cast<std::int32_t>(std::strlen(channel));
+    event.datalen = static_cast<std::int32_t>(buffer_.size());
+    event.channel = const_cast<char*>(channel);  // liblcm only reads it
+    event.data = buffer_.data();
+    if (lcm_eventlog_write_event(log_, &event) != 0) error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
+    if (flush_ && std::fflush(log_->f) != 0) error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
+  }
+  if (bus_ != nullptr && bus_->publish(channel, buffer_.data(), static_cast<unsigned int>(buffer_.size())) != 0) {
+    error_ = "the LCM bus does not take messages any more";
+  }
+}
+
+bool Recorder::close() {
+  if (log_ == nullptr) return good();
+  if (good() && (std::fflush(log_->f) != 0 || std::ferror(log_->f) != 0)) {
+    error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
+  }
+  lcm_eventlog_destroy(log_);
+  log_ = nullptr;
+  return good();
+}
+
+}  // namespace ballast::sil

@@ -1,0 +1,148 @@
+#include "tools/sil/run.h"
+
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+namespace ballast::sil {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::int64_t kCountdown = 2;
+
+void record(Recorder& recorder, const Lap& lap) {
+  if (lap.command) recorder.record(hal::kChannelOperator, *lap.command);
+  recorder.record(hal::kChannelContact, lap.plant.contact);
+  recorder.record(hal::kChannelPlantState, lap.plant.state);
+  recorder.record(hal::kChannelSensors, lap.plant.sensors);
+  recorder.record(hal::kChannelTrip, lap.trip);
+  if (!lap.has_controller) return;
+  recorder.record(hal::kChannelControllerStatus, lap.status);
+  recorder.record(hal::kChannelStepCommand, lap.steps);
+}
+
+// Step counts and rates of what the motors have executed.
+class PulseRecord {
+ public:
+  void add(double start_s, double until_s, std::span<const sim::StepPulse> pulses) {
+    for (const auto& pulse : pulses) {
+      const double time_s = start_s + pulse.offset_s;
+      if (time_s > until_s) break;
+      const auto i = static_cast<std::size_t>(pulse.motor);
+      if (motors[i].steps++ > 0) {
+        motors[i].max_step_rate_hz = std::max(motors[i].max_step_rate_hz, 1 / (time_s - last_s_[i]));
+      }
+      last_s_[i] = time_s;
+    }
+  }
+  std::array<MotorRecord, sim::kMaxMasses> motors{};
+
+ private:
+  std::array<double, sim::kMaxMasses> last_s_{};
+};
+
+}  // namespace
+
+const char* to_string(EndReason reason) {
+  switch (reason) {
+    case EndReason::kCompleted: return "completed";
+    case EndReason::kSlipped: return "slipped";
+    case EndReason::kDetached: return "detached";
+    case EndReason::kTripped: return "tripped";
+    case EndReason::kInconsistent: return "inconsistent";
+  }
+  return "";
+}
+
+RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options) {
+  RunResult result;
+  const bool has_controller = scenario.run.actuation == sim::Actuation::kStepper;
+  const double period_s = scenario.run.control_period_s;
+  result.status = peers.connect();
+  if (result.status != hal::Status::kOk) {
+    result.trouble = peers.trouble();
+    return result;
+  }
+
+  const auto wall_start = Clock::now();
+  sim::Plant plant(scenario);
+  PulseRecord pulse_record;
+  std::vector<sim::StepPulse> pulses;
+  step_command_t due{};                       // the steps of the tick about to be executed
+  std::optional<std::int64_t> stop_done_tick; // at whose start the stop after a trip is over
+  auto next_progress = wall_start;
+
+  // A ball that breaks the envelope as it is set down needs no countdown.
+  std::int64_t tick = has_controller && plant.end() == sim::PhysicsEnd::kNone ? -kCountdown : 0;
+  for (;; ++tick) {
+    const bool stopped = stop_done_tick && tick >= *stop_done_tick;
+    const bool last = plant.end() != sim::PhysicsEnd::kNone || plant.time_s() >= scenario.duration_s || stopped;
+
+    Lap lap;
+    lap.has_controller = has_controller;
+    lap.plant = plant_messages(scenario, plant.sample(), tick, last);
+    if (tick < 0) {
+      const auto command = tick == -kCountdown ? firmware::OperatorCommand::kArm : firmware::OperatorCommand::kStart;
+      lap.command = hal::to_message(command, tick, tick + kCountdown + 1, period_s);
+    }
+    result.status = peers.exchange(lap);
+    if (result.status != hal::Status::kOk) {
+      result.trouble = peers.trouble();
+      return result;
+    }
+    record(recorder, lap);
+    if (!recorder.good() || (options.interrupted != nullptr && *options.interrupted != 0)) {
+      result.status = recorder.good() ? hal::Status::kInterrupted : hal::Status::kIo;
+      result.trouble = recorder.good() ? "interrupted" : recorder.error();
+      return result;
+    }
+
+    result.trip = lap.trip;
+    if (has_controller && lap.status.mode == controller_status_t::MODE_TRIPPED) {
+      if (lap.trip.tripped != 0 && !result.latency_ticks) result.latency_ticks = tick + 1 - lap.trip.trip_tick;
+      // At rest from the next tick on, whose steps are still to be executed.
+      if (lap.status.at_rest != 0 && !stop_done_tick) stop_done_tick = tick + 2;
+    } else if (!has_controller && lap.trip.tripped != 0 && !result.latency_ticks) {
+      result.latency_ticks = tick - lap.trip.trip_tick;
+    }
+
+    if (last) {
+      if (plant.end() == sim::PhysicsEnd::kSlipped) result.end_reason = EndReason::kSlipped;
+      else if (plant.end() == sim::PhysicsEnd::kDetached) result.end_reason = EndReason::kDetached;
+      else if (plant.end() == sim::PhysicsEnd::kInconsistent) result.end_reason = EndReason::kInconsistent;
+      else if (stopped) result.end_reason = EndReason::kTripped;
+      break;
+    }
+
+    if (tick >= 0) {
+      const double start_s = plant.time_s();
+      expand(due, scenario.run.timer_frequency_hz, pulses);
+      plant.advance(std::min(static_cast<double>(tick + 1) * period_s, scenario.duration_s), pulses);
+      pulse_record.add(start_s, plant.time_s(), pulses);
+      ++result.ticks;
+    }
+    due = lap.steps;
+
+    if (options.speed > 0 && tick >= 0) {
+      std::this_thread::sleep_until(wall_start + std::chrono::duration_cast<Clock::duration>(
+                                                     std::chrono::duration<double>(plant.time_s() / options.speed)));
+    }
+    // Looking at the clock in every tick would cost more than the tick's messages.
+    if (options.progress && (tick & 63) == 0 && Clock::now() >= next_progress) {
+      options.progress(plant.time_s());
+      next_progress = Clock::now() + std::chrono::milliseconds(100);
+    }
+  }
+
+  result.wall_time_s = std::chrono::duration<double>(Clock::now() - wall_start).count();
+  result.end_text = plant.end_text();
+  result.final_sample = plant.sample();
+  result.extrema = plant.extrema();
+  for (int i = 0; i < sim::kMaxMasses; ++i) result.motor_extrema[static_cast<std::size_t>(i)] = plant.motor_extrema(i);
+  result.motors = pulse_record.motors;
+  return result;
+}
+
+}  // namespace ballast::sil

@@ -1,0 +1,53 @@
+// A run: lap after lap until the scenario's end, a trip's end, or the end of the physics.
+#pragma once
+
+#include <array>
+#include <csignal>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "sim/plant.h"
+#include "tools/sil/lap.h"
+#include "tools/sil/recorder.h"
+
+namespace ballast::sil {
+
+enum class EndReason { kCompleted, kSlipped, kDetached, kTripped, kInconsistent };
+const char* to_string(EndReason reason);
+
+struct MotorRecord {
+  std::int64_t steps = 0;         // pulses executed, both directions counted up
+  double max_step_rate_hz = 0;    // from the closest two pulses
+};
+
+struct RunResult {
+  EndReason end_reason = EndReason::kCompleted;
+  std::string end_text;            // inconsistent: why
+  sim::Plant::Sample final_sample;
+  sim::ContactExtrema extrema;
+  std::array<sim::MotorExtrema, sim::kMaxMasses> motor_extrema;
+  std::array<MotorRecord, sim::kMaxMasses> motors;
+  trip_t trip{};                                // the last verdict
+  std::optional<std::int64_t> latency_ticks;    // from the violating contact to the first tick whose steps belong to the stop
+  std::int64_t ticks = 0;                       // control periods simulated
+  double wall_time_s = 0;
+
+  // Why it could not run to its end; kOk: it did, and the rest is meaningful.
+  hal::Status status = hal::Status::kOk;
+  std::string trouble;
+};
+
+struct RunOptions {
+  double speed = 0;                                         // simulated over wall time; 0: as fast as it goes
+  const volatile std::sig_atomic_t* interrupted = nullptr;  // nonzero ends the run
+  std::function<void(double time_s)> progress;              // called now and then
+};
+
+// Two countdown ticks, -2 and -1, come before t = 0 in runs with a controller: the ball is held at its initial state, the
+// operator says arm, then start, and the controller computes the steps of tick 0. In tick k the plant executes what the
+// controller computed in tick k - 1. A trip ends the run once the stop's last step is executed.
+RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options);
+
+}  // namespace ballast::sil
