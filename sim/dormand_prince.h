@@ -1,5 +1,6 @@
-// One step of the explicit Runge-Kutta pair of Dormand and Prince, order 5 with an embedded order 4, and its dense output.
-// Tableau: Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", 2nd ed., table 5.2 (p. 178); dense output: (6.13).
+// One step of the explicit Runge-Kutta pair of Dormand and Prince, order 5 with an embedded order 4, and its dense
+// output. Tableau: Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", 2nd ed., table 5.2 (p. 178);
+// dense output: (6.13).
 #pragma once
 
 #include <array>
@@ -13,9 +14,9 @@ class DormandPrince {
  public:
   using State = std::array<double, kCapacity>;
 
-  // From y0 at t0, where the derivative is k1, to t0 + h. rhs(t, y, dydt) is evaluated six times, last at the new state, so that
-  // end_derivative() may serve as the next step's k1. Only the first `size` entries of a State are used. `y0` and `k1` must not be
-  // this object's own end_state() and end_derivative().
+  // From y0 at t0, where the derivative is k1, to t0 + h. rhs(t, y, dydt) is evaluated six times, last at the new
+  // state, so that end_derivative() may serve as the next step's k1. Only the first `size` entries of a State are used.
+  // `y0` and `k1` must not be this object's own end_state() and end_derivative().
   template <class Rhs>
   void step(Rhs&& rhs, double t0, double h, const State& y0, const State& k1, std::size_t size) {
     size_ = size;
@@ -42,7 +43,8 @@ class DormandPrince {
   [[nodiscard]] const State& end_state() const { return y1_; }
   [[nodiscard]] const State& end_derivative() const { return k_[6]; }
 
-  // Largest component of the embedded error estimate, each measured against tolerance * (1 + |y|). NaN if a stage was NaN.
+  // Largest component of the embedded error estimate, each measured against tolerance * (1 + |y|). NaN if a stage was
+  // NaN.
   [[nodiscard]] double error(double tolerance) const {
     double worst = 0;
     for (std::size_t i = 0; i < size_; ++i) {
@@ -58,14 +60,16 @@ class DormandPrince {
   void interpolate(double part, State& y) const {
     const double u = part;
     const double u2 = u * u, v = u * (u - 1), v2 = v * v;
-    const double b1 = u2 * (3 - 2 * u) * (35. / 384) + u * (u - 1) * (u - 1) - v2 * 5 * (2558722523. - 31403016 * u) / 11282082432.;
+    const double b1 =
+        u2 * (3 - 2 * u) * (35. / 384) + u * (u - 1) * (u - 1) - v2 * 5 * (2558722523. - 31403016 * u) / 11282082432.;
     const double b3 = u2 * (3 - 2 * u) * (500. / 1113) + v2 * 100 * (882725551. - 15701508 * u) / 32700410799.;
     const double b4 = u2 * (3 - 2 * u) * (125. / 192) - v2 * 25 * (443332067. - 31403016 * u) / 1880347072.;
     const double b5 = u2 * (3 - 2 * u) * (-2187. / 6784) + v2 * 32805 * (23143187. - 3489224 * u) / 199316789632.;
     const double b6 = u2 * (3 - 2 * u) * (11. / 84) - v2 * 55 * (29972135. - 7076736 * u) / 822651844.;
     const double b7 = u2 * (u - 1) + v2 * 10 * (7414447. - 829305 * u) / 29380423.;
     for (std::size_t i = 0; i < size_; ++i) {
-      y[i] = (*y0_)[i] + h_ * (b1 * k_[0][i] + b3 * k_[2][i] + b4 * k_[3][i] + b5 * k_[4][i] + b6 * k_[5][i] + b7 * k_[6][i]);
+      y[i] = (*y0_)[i] +
+             h_ * (b1 * k_[0][i] + b3 * k_[2][i] + b4 * k_[3][i] + b5 * k_[4][i] + b6 * k_[5][i] + b7 * k_[6][i]);
     }
   }
 

@@ -1,4 +1,5 @@
-// The scenario's prescribed motion of one mass, for the plant: piecewise cubic positions with the instants at which pieces change.
+// The scenario's prescribed motion of one mass, for the plant: piecewise cubic positions with the instants at which
+// pieces change.
 #pragma once
 
 #include <vector>
@@ -15,8 +16,8 @@ class PrescribedMotion {
     double position, velocity, acceleration;
   };
 
-  // Pieces are numbered 0.. in order; the last one (constant velocity) has no end. A piece is evaluated as its own cubic even
-  // at its ends, so the caller chooses the side of a jump by naming the piece.
+  // Pieces are numbered 0.. in order; the last one (constant velocity) has no end. A piece is evaluated as its own
+  // cubic even at its ends, so the caller chooses the side of a jump by naming the piece.
   [[nodiscard]] Point at(std::size_t piece, double time_s) const;
   [[nodiscard]] std::size_t last_piece() const { return pieces_.size() - 1; }
   [[nodiscard]] double end_s(std::size_t piece) const;  // infinity for the last

@@ -57,6 +57,7 @@ void rolling(const Body& body, const double* q, const double* angular_velocity_B
   const Vector3d omega(angular_velocity_B[0], angular_velocity_B[1], angular_velocity_B[2]);
   const double r = body.radius_m;
   const double g = body.gravity_mps2;
+  const double omega_squared = omega.squaredNorm();
 
   // The shell, index 0: its inertia is about its own centre of mass, hence the parallel-axis terms in xx...zz.
   Vector3d first_moment = body.shell_mass_kg * body.center_of_mass_B_m;
@@ -69,10 +70,10 @@ void rolling(const Body& body, const double* q, const double* angular_velocity_B
   // What the elimination of driven thetaddot_i takes from A and from the right-hand side.
   double b00 = 0, b01 = 0, b02 = 0, b11 = 0, b12 = 0, b22 = 0;
   Vector3d b_rhs = Vector3d::Zero();
-  std::array<Vector3d, kMaxMasses> tangent;  // zeta_i'
-  std::array<Vector3d, kMaxMasses> lever;    // b_i
-  std::array<double, kMaxMasses> inertia;    // D_i
-  std::array<double, kMaxMasses> force;      // tau_i - m_i zeta_i' . (c'_i + g Gamma)
+  std::array<Vector3d, kMaxMasses> tangent;        // zeta_i'
+  std::array<Vector3d, kMaxMasses> lever;          // b_i
+  std::array<double, kMaxMasses> inverse_inertia;  // 1 / D_i
+  std::array<double, kMaxMasses> force;            // tau_i - m_i zeta_i' . (c'_i + g Gamma)
 
   for (int i = 0; i < body.mass_count; ++i) {
     const auto j = static_cast<std::size_t>(i);
@@ -90,16 +91,17 @@ void rolling(const Body& body, const double* q, const double* angular_velocity_B
     sum_zeta_e += m_zeta.cross(e);
     if constexpr (kDriven) {
       const Vector3d b = m * (r * up + zeta).cross(rail.d1);
-      const double d = m * rail.d1.squaredNorm() + body.reflected_inertia[j];
-      const Vector3d c = omega.cross(omega.cross(zeta)) + e;
-      const double t = drive[i] - m * rail.d1.dot(c + g * up);
-      const Vector3d scaled = b / d;
+      const double inverse_d = 1 / (m * rail.d1.squaredNorm() + body.reflected_inertia[j]);
+      // zeta' . (Omega x (Omega x zeta)), written out.
+      const double centripetal = omega.dot(zeta) * omega.dot(rail.d1) - omega_squared * zeta.dot(rail.d1);
+      const double t = drive[i] - m * (centripetal + rail.d1.dot(e + g * up));
+      const Vector3d scaled = inverse_d * b;
       b00 += scaled[0] * b[0], b01 += scaled[0] * b[1], b02 += scaled[0] * b[2];
       b11 += scaled[1] * b[1], b12 += scaled[1] * b[2], b22 += scaled[2] * b[2];
       b_rhs += t * scaled;
       tangent[j] = rail.d1;
       lever[j] = b;
-      inertia[j] = d;
+      inverse_inertia[j] = inverse_d;
       force[j] = t;
     }
   }
@@ -107,25 +109,27 @@ void rolling(const Body& body, const double* q, const double* angular_velocity_B
   // J about the geometric centre.
   const double j00 = body.inertia_kgm2[0] + yy + zz, j11 = body.inertia_kgm2[1] + xx + zz,
                j22 = body.inertia_kgm2[2] + xx + yy;
-  const Vector3d j_omega(j00 * omega[0] - xy * omega[1] - xz * omega[2], -xy * omega[0] + j11 * omega[1] - yz * omega[2],
+  const Vector3d j_omega(j00 * omega[0] - xy * omega[1] - xz * omega[2],
+                         -xy * omega[0] + j11 * omega[1] - yz * omega[2],
                          -xz * omega[0] - yz * omega[1] + j22 * omega[2]);
 
   const Vector3d force_B = lambda.transpose() * body.external_force_W_n;
-  Vector3d newton = omega.cross(omega.cross(first_moment)) + sum_e + body.total_mass_kg * g * up - force_B;   // G
-  const Vector3d euler = omega.cross(j_omega) + g * first_moment.cross(up) + sum_zeta_e;                      // E
+  Vector3d newton = omega.cross(omega.cross(first_moment)) + sum_e + body.total_mass_kg * g * up - force_B;  // G
+  const Vector3d euler = omega.cross(j_omega) + g * first_moment.cross(up) + sum_zeta_e;                     // E
 
   const double m_r2 = body.total_mass_kg * r * r;
   const double diagonal = 2 * r * first_moment.dot(up) + m_r2;
   const Vector3d u = r * first_moment;
   const auto off = [&](int i, int j) { return -(up[i] * u[j] + u[i] * up[j] + m_r2 * up[i] * up[j]); };
   const Vector3d rhs = -(euler + r * up.cross(newton)) - b_rhs;
-  const Vector3d omega_dot = solve_symmetric(j00 + diagonal + off(0, 0) - b00, -xy + off(0, 1) - b01, -xz + off(0, 2) - b02,
-                                             j11 + diagonal + off(1, 1) - b11, -yz + off(1, 2) - b12,
-                                             j22 + diagonal + off(2, 2) - b22, rhs);
+  const Vector3d omega_dot =
+      solve_symmetric(j00 + diagonal + off(0, 0) - b00, -xy + off(0, 1) - b01, -xz + off(0, 2) - b02,
+                      j11 + diagonal + off(1, 1) - b11, -yz + off(1, 2) - b12, j22 + diagonal + off(2, 2) - b22, rhs);
   for (int i = 0; i < body.mass_count; ++i) {
     const auto j = static_cast<std::size_t>(i);
     if constexpr (kDriven) {
-      out.mass_acceleration[j] = (force[j] - lever[j].dot(omega_dot)) / inertia[j];
+      out.mass_acceleration[j] = (force[j] - lever[j].dot(omega_dot)) * inverse_inertia[j];
+      out.generalised_force[j] = drive[i];
       newton += body.mass_kg[j] * out.mass_acceleration[j] * tangent[j];
     } else {
       out.mass_acceleration[j] = drive[i];
@@ -153,14 +157,15 @@ void rolling_driven(const Body& body, const double* q, const double* angular_vel
   rolling<true>(body, q, angular_velocity_B, position, velocity, generalised_force, out);
 }
 
-void generalised_forces(const Body& body, const double* angular_velocity_B, const double* position, const double* velocity,
-                        const Motion& motion, double* generalised_force) {
+void generalised_forces(const Body& body, const double* angular_velocity_B, const double* position,
+                        const double* velocity, const Motion& motion, double* generalised_force) {
   const Vector3d omega(angular_velocity_B[0], angular_velocity_B[1], angular_velocity_B[2]);
   for (int i = 0; i < body.mass_count; ++i) {
     const auto j = static_cast<std::size_t>(i);
     const auto rail = firmware::evaluate(body.rail[j], position[i]);
     const double rate = velocity[i];
-    const Vector3d acceleration = motion.acceleration_B_mps2 + motion.angular_acceleration_B_radps2.cross(rail.position) +
+    const Vector3d acceleration = motion.acceleration_B_mps2 +
+                                  motion.angular_acceleration_B_radps2.cross(rail.position) +
                                   omega.cross(omega.cross(rail.position) + 2 * rate * rail.d1) + rate * rate * rail.d2 +
                                   motion.mass_acceleration[j] * rail.d1;
     generalised_force[i] = body.mass_kg[j] * rail.d1.dot(acceleration + body.gravity_mps2 * motion.up_B) +

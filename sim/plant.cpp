@@ -10,8 +10,8 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Allowed local error of a step, relative to 1 + |component|: some thousand times the rounding of one step, and with the
-// error growth of the paper's runs (about 1e3 over 20 time units) far below the 1e-8 they are held to.
+// Allowed local error of a step, relative to 1 + |component|: some thousand times the rounding of one step, and with
+// the error growth of the paper's runs (about 1e3 over 20 time units) far below the 1e-8 they are held to.
 constexpr double kTolerance = 1e-12;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -84,9 +84,9 @@ Plant::Plant(const Scenario& scenario)
     const MassPoint masses = mass_point(0, y_.data());
     const std::array<double, kMaxMasses> held{};
     Motion at_rest;
-    rolling_prescribed(body_, &y_[kQ], &y_[kOmega], masses.position.data(), masses.velocity.data(), held.data(), at_rest);
-    std::array<double, kMaxMasses> torque{};
-    shaft_torques(y_.data(), at_rest, masses, torque.data());
+    rolling_prescribed(body_, &y_[kQ], &y_[kOmega], masses.position.data(), masses.velocity.data(), held.data(),
+                       at_rest);
+    const PerMass torque = needed_torques(y_.data(), at_rest, masses);
     for (std::size_t i = 0; i < n; ++i) {
       const Motor& motor = scenario.masses[i].motor;
       steppers_[i].balance(torque[i] + motor.viscous_damping_nms * motor.shaft_ratio * masses.velocity[i]);
@@ -164,7 +164,8 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
     if (end_ != PhysicsEnd::kNone || time_s_ >= end_s) return;
 
     double target_s = end_s;
-    for (std::size_t i = 0; i < motion_.size() && !driven_; ++i) target_s = std::min(target_s, motion_[i].end_s(piece_[i]));
+    for (std::size_t i = 0; i < motion_.size() && !driven_; ++i)
+      target_s = std::min(target_s, motion_[i].end_s(piece_[i]));
     if (driven_ && next_pulse < pulses.size()) target_s = std::min(target_s, start_s + pulses[next_pulse].offset_s);
     integrate_to(target_s);
   }
@@ -183,7 +184,8 @@ void Plant::integrate_to(double target_s) {
     const double left_s = target_s - time_s_;
     const bool whole = left_s <= step_s_ * 1.001;  // no sliver for the last step
     const double h = whole ? left_s : step_s_;
-    integrator_.step([this](double t, const double* y, double* d) { derivative(t, y, d); }, time_s_, h, y_, dydt_, size_);
+    integrator_.step([this](double t, const double* y, double* d) { derivative(t, y, d); }, time_s_, h, y_, dydt_,
+                     size_);
     const double error = integrator_.error(kTolerance);
     // 0.9 error^(-1/5), between 0.2 and 5; far below the tolerance the power need not be computed.
     const double growth = error < 1e-4 ? 5.0 : std::max(0.2, 0.9 * std::pow(error, -0.2));
@@ -244,7 +246,9 @@ void Plant::take_step(double h) {
     const double at = part * golden_section([&](double p) { return value(motion_inside(h, part * p)); });
     note(time_s_ + at * h, motion_inside(h, at));
   };
-  const auto look = [&](double best, auto value) { peak(value(now_), value(middle_motion), value(final_motion), best, value); };
+  const auto look = [&](double best, auto value) {
+    peak(value(now_), value(middle_motion), value(final_motion), best, value);
+  };
   look(extrema_.normal_force_max.value, [](const Motion& m) { return m.normal_force_n; });
   look(-extrema_.normal_force_min.value, [](const Motion& m) { return -m.normal_force_n; });
   look(extrema_.static_friction_max.value, [](const Motion& m) { return m.static_friction_n; });
@@ -275,12 +279,13 @@ void Plant::set_end(const Motion& m) {
 
 // What holds at time_s_ + part * h, by one integrator step from time_s_; the state is left in probe_.
 Motion Plant::motion_inside(double h, double part) {
-  probe_.step([this](double t, const double* y, double* d) { derivative(t, y, d); }, time_s_, part * h, y_, dydt_, size_);
+  probe_.step([this](double t, const double* y, double* d) { derivative(t, y, d); }, time_s_, part * h, y_, dydt_,
+              size_);
   return scratch_;
 }
 
-// Bisection between the start of the step, where the envelope holds, and a part where it does not: down to rounding, and the
-// side where it is broken, so that whoever judges the result sees a violation.
+// Bisection between the start of the step, where the envelope holds, and a part where it does not: down to rounding,
+// and the side where it is broken, so that whoever judges the result sees a violation.
 double Plant::first_violation(double h, double violated_part) {
   double good = 0, bad = violated_part;
   while (bad - good > 1e-14 && (bad - good) * h > 1e-15 * std::max(1.0, time_s_)) {
@@ -300,29 +305,31 @@ void Plant::note(double time_s, const Motion& m) {
   if (m.normal_force_n < extrema_.normal_force_min.value) extrema_.normal_force_min = {m.normal_force_n, time_s};
 }
 
-void Plant::shaft_torques(const double* y, const Motion& motion, const MassPoint& masses, double* torque_nm) const {
-  std::array<double, kMaxMasses> force{};
-  generalised_forces(body_, y + kOmega, masses.position.data(), masses.velocity.data(), motion, force.data());
-  for (std::size_t i = 0; i < motion_.size(); ++i) torque_nm[i] = force[i] / scenario_.masses[i].motor.shaft_ratio;
+Plant::PerMass Plant::needed_torques(const double* y, const Motion& motion, const MassPoint& masses) const {
+  PerMass torque{};
+  generalised_forces(body_, y + kOmega, masses.position.data(), masses.velocity.data(), motion, torque.data());
+  for (std::size_t i = 0; i < motion_.size(); ++i) torque[i] /= scenario_.masses[i].motor.shaft_ratio;
+  return torque;
 }
 
 void Plant::note_motors() {
   if (motion_.empty()) return;
   const MassPoint masses = mass_point(time_s_, y_.data());
-  std::array<double, kMaxMasses> torque{};
-  shaft_torques(y_.data(), now_, masses, torque.data());
+  if (!driven_) torque_nm_ = needed_torques(y_.data(), now_, masses);
   for (std::size_t i = 0; i < motion_.size(); ++i) {
     const Motor& motor = scenario_.masses[i].motor;
     const double angle = motor.shaft_ratio * masses.position[i];
     const double speed = motor.shaft_ratio * masses.velocity[i];
     MotorExtrema& extrema = motor_extrema_[i];
-    extrema.max_torque_nm = std::max(extrema.max_torque_nm, std::abs(torque[i]));
+    if (driven_) torque_nm_[i] = now_.generalised_force[i] / motor.shaft_ratio;
+    extrema.max_torque_nm = std::max(extrema.max_torque_nm, std::abs(torque_nm_[i]));
     double margin;
     if (driven_) {
       steppers_[i].count_slips(angle);
       margin = steppers_[i].torque_margin(angle);
     } else {
-      margin = 1 - std::abs(torque[i] + motor.viscous_damping_nms * speed) / steppers_[i].available_torque_nm(speed);
+      margin =
+          1 - std::abs(torque_nm_[i] + motor.viscous_damping_nms * speed) / steppers_[i].available_torque_nm(speed);
     }
     extrema.torque_margin = std::min(extrema.torque_margin, margin);
   }
@@ -347,10 +354,10 @@ Plant::Sample Plant::sample() const {
     s.mass_velocity[i] = masses.velocity[i];
     s.mass_position_B_m[i] = firmware::evaluate(body_.rail[i], masses.position[i]).position;
     s.center_of_mass_B_m += body_.mass_kg[i] * s.mass_position_B_m[i];
+    s.motor_torque_nm[i] = torque_nm_[i];
     s.lost_steps[i] = steppers_[i].lost_steps();
   }
   s.center_of_mass_B_m /= body_.total_mass_kg;
-  shaft_torques(y_.data(), now_, masses, s.motor_torque_nm.data());
   return s;
 }
 

@@ -1,12 +1,13 @@
-// The plant: the true ball, rolling, its masses prescribed or driven by steppers, integrated from one control tick to the next.
+// The plant: the true ball, rolling, its masses prescribed or driven by steppers, integrated from one control tick to
+// the next.
 //
-// Within a tick the integration stops at every instant at which a `motion` piece changes or a step pulse comes, so no step of
-// the integrator crosses a jump. Between them it takes the whole way in one step of Dormand-Prince 5(4) unless the embedded
-// error estimate asks for smaller ones; the quaternion is brought back to unit length after each. Accelerations may jump at
-// those instants; the value after the jump counts (PHYSICS.md section 4).
+// Within a tick the integration stops at every instant at which a `motion` piece changes or a step pulse comes, so no
+// step of the integrator crosses a jump. Between them it takes the whole way in one step of Dormand-Prince 5(4) unless
+// the embedded error estimate asks for smaller ones; the quaternion is brought back to unit length after each.
+// Accelerations may jump at those instants; the value after the jump counts (PHYSICS.md section 4).
 //
-// Extrema of N, f_s and f_s/N, and the first instant at which N <= 0 or f_s > mu_s N, are looked for inside every integrator step
-// and found by integrating again from its start, so they are as accurate as the state itself.
+// Extrema of N, f_s and f_s/N, and the first instant at which N <= 0 or f_s > mu_s N, are looked for inside every
+// integrator step and found by integrating again from its start, so they are as accurate as the state itself.
 #pragma once
 
 #include <array>
@@ -44,23 +45,23 @@ struct Extremum {
 };
 
 struct ContactExtrema {
-  Extremum mu_required_max;     // f_s / N; +infinity once N <= 0
+  Extremum mu_required_max;  // f_s / N; +infinity once N <= 0
   Extremum normal_force_min;
   Extremum normal_force_max;
   Extremum static_friction_max;
 };
 
 struct MotorExtrema {
-  double max_torque_nm = 0;     // largest |torque| at the shaft (prescribed: needed, rotor inertia included)
-  double torque_margin = 1;     // least part of the available torque left unused; below 0: more was needed than there is
+  double max_torque_nm = 0;  // largest |torque| at the shaft (prescribed: needed, rotor inertia included)
+  double torque_margin = 1;  // least part of the available torque left unused; below 0: more was needed than there is
 };
 
 class Plant {
  public:
   explicit Plant(const Scenario& scenario);
 
-  // Integrates from time_s() to end_s >= time_s(), or to where the physics ends; after that it does nothing. `pulses` are in
-  // order of time; prescribed runs ignore them.
+  // Integrates from time_s() to end_s >= time_s(), or to where the physics ends; after that it does nothing. `pulses`
+  // are in order of time; prescribed runs ignore them.
   void advance(double end_s, std::span<const StepPulse> pulses);
 
   [[nodiscard]] double time_s() const { return time_s_; }
@@ -72,11 +73,11 @@ class Plant {
   // The state now. Where something jumps now, the value after the jump.
   struct Sample {
     double time_s;
-    Eigen::Vector4d orientation;               // w, x, y, z
+    Eigen::Vector4d orientation;  // w, x, y, z
     Eigen::Vector3d angular_velocity_B_radps;
     Eigen::Vector3d position_W_m;
     Eigen::Vector3d velocity_W_mps;
-    Eigen::Vector3d acceleration_B_mps2;       // of the geometric centre
+    Eigen::Vector3d acceleration_B_mps2;  // of the geometric centre
     Eigen::Vector3d up_B;
     double normal_force_n;
     double static_friction_n;
@@ -106,7 +107,9 @@ class Plant {
   MassPoint mass_point(double time_s, const double* y) const;
   void evaluate(double time_s, const double* y, Motion& motion) const;
   void derivative(double time_s, const double* y, double* dydt);
-  void shaft_torques(const double* y, const Motion& motion, const MassPoint& masses, double* torque_nm) const;
+  using PerMass = std::array<double, kMaxMasses>;
+  // What the motors must give, rotor inertia included, for the masses to move as `motion` has them.
+  PerMass needed_torques(const double* y, const Motion& motion, const MassPoint& masses) const;
 
   void after_jump();
   void integrate_to(double target_s);
@@ -129,12 +132,13 @@ class Plant {
 
   double time_s_ = 0;
   State y_{};
-  State dydt_{};        // at time_s_, after any jump
-  Motion now_{};        // likewise
-  Motion scratch_{};    // of the latest derivative()
-  double step_s_;       // what the error estimate last allowed
+  State dydt_{};         // at time_s_, after any jump
+  Motion now_{};         // likewise
+  PerMass torque_nm_{};  // of the motors' shafts, likewise
+  Motion scratch_{};     // of the latest derivative()
+  double step_s_;        // what the error estimate last allowed
   Integrator integrator_;
-  Integrator probe_;    // for looking inside a step
+  Integrator probe_;  // for looking inside a step
   PhysicsEnd end_ = PhysicsEnd::kNone;
   std::string end_text_;
   ContactExtrema extrema_;

@@ -1,4 +1,5 @@
-// A scenario: one run of one robot on one floor, read from TOML and checked once. SCENARIO.md's format, units consistent.
+// A scenario: one run of one robot on one floor, read from TOML and checked once. SCENARIO.md's format, units
+// consistent.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,27 +22,28 @@ struct MotionPiece {
   double acceleration_end = 0;
 };
 
-// Hybrid stepper with current control, PHYSICS.md section 5. `shaft_ratio` turns rail units into motor angle: phi = shaft_ratio * theta.
+// Hybrid stepper with current control, PHYSICS.md section 5. `shaft_ratio` turns rail units into motor angle: phi =
+// shaft_ratio * theta.
 struct Motor {
-  int steps_per_revolution = 200;      // full steps, a multiple of 4; rotor teeth N_r = steps / 4
-  int microsteps = 16;                 // 1..256
-  double gear_ratio = 1.0;             // motor turns per turn of a circle rail; circles only
-  double travel_per_revolution = 0;    // m of rail per motor turn; lines only
-  double holding_torque_nm = 0;        // tau_hold at standstill, at the shaft
+  int steps_per_revolution = 200;    // full steps, a multiple of 4; rotor teeth N_r = steps / 4
+  int microsteps = 16;               // 1..256
+  double gear_ratio = 1.0;           // motor turns per turn of a circle rail; circles only
+  double travel_per_revolution = 0;  // m of rail per motor turn; lines only
+  double holding_torque_nm = 0;      // tau_hold at standstill, at the shaft
   double detent_torque_nm = 0;
   double rotor_inertia_kgm2 = 0;
-  double viscous_damping_nms = 0;      // b
-  double corner_speed_radps = 0;       // above it tau_hold falls as corner / speed
-  double step_error = 0.015;           // largest position error of a full step, as a part of the step angle
-  double max_step_rate_hz = 0;         // microsteps per second the driver accepts
-  double max_acceleration = 0;         // rail unit / s^2, the deceleration of a stop
-  double shaft_ratio = 0;              // derived: gear_ratio, or 2 pi / travel_per_revolution
+  double viscous_damping_nms = 0;  // b
+  double corner_speed_radps = 0;   // above it tau_hold falls as corner / speed
+  double step_error = 0.015;       // largest position error of a full step, as a part of the step angle
+  double max_step_rate_hz = 0;     // microsteps per second the driver accepts
+  double max_acceleration = 0;     // rail unit / s^2, the deceleration of a stop
+  double shaft_ratio = 0;          // derived: gear_ratio, or 2 pi / travel_per_revolution
 };
 
 struct Mass {
   double mass_kg = 0;
   firmware::Rail rail;
-  double initial_position = 0;         // rad or m
+  double initial_position = 0;  // rad or m
   double initial_velocity = 0;
   std::vector<MotionPiece> motion;
   Motor motor;
@@ -75,7 +77,7 @@ struct Scenario {
     Eigen::Quaterniond orientation{1, 0, 0, 0};
     Eigen::Vector3d angular_velocity_B_radps = Eigen::Vector3d::Zero();
     Eigen::Vector2d position_W_m = Eigen::Vector2d::Zero();
-    bool has_velocity = false;                                     // false: the rolling velocity
+    bool has_velocity = false;  // false: the rolling velocity
     Eigen::Vector3d velocity_W_mps = Eigen::Vector3d::Zero();
     double height_m = 0;
   } initial;
@@ -83,7 +85,7 @@ struct Scenario {
   struct Run {
     Actuation actuation = Actuation::kStepper;
     double control_period_s = 0.001;
-    double timer_frequency_hz = 1e7;       // step timer of the controller
+    double timer_frequency_hz = 1e7;  // step timer of the controller
     OnViolation on_violation = OnViolation::kStop;
   } run;
 
@@ -92,8 +94,8 @@ struct Scenario {
     double friction_use = 1.0;
   } envelope;
 
-  // A number somebody has printed for the scenario as it is in the file, to be stated beside what the run gives. Empty if an
-  // override has changed the robot. Never used otherwise.
+  // A number somebody has printed for the scenario as it is in the file, to be stated beside what the run gives. Empty
+  // if an override has changed the robot. Never used otherwise.
   struct Published {
     std::string quantity;  // "mu_required.max", "normal_force.min" or "end.time"
     double value = 0;
@@ -102,7 +104,7 @@ struct Scenario {
   std::vector<Published> published;
 
   std::uint64_t seed = 0;
-  std::int64_t id = 0;   // fingerprint of everything above but `published`, equal for equal scenarios; never 0
+  std::int64_t id = 0;  // fingerprint of everything above but `published`, equal for equal scenarios; never 0
 };
 
 // One fault found in a scenario.
@@ -118,15 +120,16 @@ struct ScenarioError {
 std::string to_string(const ScenarioError& error);
 
 struct ScenarioResult {
-  Scenario scenario;                    // meaningful only if errors is empty
-  std::vector<ScenarioError> errors;    // every fault found
+  Scenario scenario;                  // meaningful only if errors is empty
+  std::vector<ScenarioError> errors;  // every fault found
   [[nodiscard]] bool ok() const { return errors.empty(); }
 };
 
 // `overrides` are "dotted.key=value" of --set, applied before anything is checked; the value is TOML, or a bare string.
 // `actuation` and `seed` from the command line are passed as overrides too ("run.actuation=...", "seed=...").
 ScenarioResult read_scenario(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
-ScenarioResult parse_scenario(std::string_view toml, std::string_view source_name, const std::vector<std::string>& overrides = {});
+ScenarioResult parse_scenario(std::string_view toml, std::string_view source_name,
+                              const std::vector<std::string>& overrides = {});
 
 // A path that exists, or the name of a scenario that ships (in `shipped_dir`, "NAME.toml"); empty if neither.
 std::filesystem::path find_scenario(const std::string& name_or_path, const std::filesystem::path& shipped_dir);

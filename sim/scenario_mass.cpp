@@ -219,20 +219,20 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
     table.refuse(
         key, "is not given, and its default " + number_text(fallback) + " is out of range; allowed: a " + range.text());
   };
-  // A rotor three times as heavy as its load: each microstep then shakes the load a quarter as much, at the same margin.
+  // A rotor three times as heavy as its load: each microstep then shakes the load a quarter as much, at the same
+  // margin.
   read("rotor_inertia", Range::positive("kg m^2"), 3 * load_inertia, motor.rotor_inertia_kgm2);
   // Three times what carries the mass against gravity and gives mass and rotor the motion's greatest acceleration.
   const double moved_inertia = rail_inertia + motor.rotor_inertia_kgm2 * ratio * ratio;
-  double rail_torque =
-      mass_kg * around.gravity_mps2.value_or(1) * lever + moved_inertia * extent.greatest_acceleration;
+  double rail_torque = mass_kg * around.gravity_mps2.value_or(1) * lever + moved_inertia * extent.greatest_acceleration;
   if (rail_torque == 0) rail_torque = moved_inertia;  // for 1 rail unit / s^2
   read("holding_torque", Range::positive("N m"), 3 * rail_torque / ratio, motor.holding_torque_nm);
   Range below_half = Range::between(0, motor.holding_torque_nm / 2, "N m (the upper end is half the holding torque)");
   below_half.high_excluded = true;
   if (!complete && !table.has("holding_torque")) below_half = Range::non_negative("N m");
   read("detent_torque", below_half, 0.04 * motor.holding_torque_nm, motor.detent_torque_nm);
-  // Damping ratio 0.2 of the resonance of rotor and load on the field's stiffness N_r tau_hold; but at the motion's greatest
-  // speed the drag may take no more than a tenth of the holding torque.
+  // Damping ratio 0.2 of the resonance of rotor and load on the field's stiffness N_r tau_hold; but at the motion's
+  // greatest speed the drag may take no more than a tenth of the holding torque.
   const double stiffness = motor.steps_per_revolution / 4 * motor.holding_torque_nm;
   const double damped = 2 * 0.2 * std::sqrt(stiffness * (motor.rotor_inertia_kgm2 + load_inertia));
   const double most_drag = 0.1 * motor.holding_torque_nm / std::max(ratio * extent.greatest_speed, 1e-300);
@@ -243,8 +243,7 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   // A little below what the controller can issue in one tick, so that rounding to ticks never overloads it.
   const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);
   read("max_step_rate", Range::positive("1/s"), std::min(timer / 10, 60 / period), motor.max_step_rate_hz);
-  read("max_acceleration", Range::positive("rail unit / s^2"),
-       0.5 * ratio * motor.holding_torque_nm / moved_inertia,
+  read("max_acceleration", Range::positive("rail unit / s^2"), 0.5 * ratio * motor.holding_torque_nm / moved_inertia,
        motor.max_acceleration);
   table.refuse_unknown_keys();
 }

@@ -9,7 +9,8 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-// SplitMix64 (Steele, Lea and Flood 2014): a uniform stream that is the same on every platform, unlike std's distributions.
+// SplitMix64 (Steele, Lea and Flood 2014): a uniform stream that is the same on every platform, unlike std's
+// distributions.
 double uniform(std::uint64_t& state) {
   state += 0x9E3779B97F4A7C15u;
   std::uint64_t z = state;

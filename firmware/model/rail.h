@@ -31,7 +31,7 @@ struct RailPoint {
 
 // Any scalar T with sin and cos, so that derivatives by complex step are possible.
 template <class T>
-RailPoint<T> evaluate(const Rail& rail, const T& theta) {
+[[gnu::always_inline]] inline RailPoint<T> evaluate(const Rail& rail, const T& theta) {
   using std::cos;
   using std::sin;
   RailPoint<T> p;

@@ -75,9 +75,10 @@ class Pulses {
   Real tolerance_s_;  // of a crossing's time
   int found_ = 0;
   int size_ = 0;
-  std::array<Real, kMaxStepsPerTick> time_s_{};
-  std::array<std::int8_t, kMaxStepsPerTick> direction_{};
-  std::array<bool, kMaxStepsPerTick> fast_{};
+  // The first size_ entries are set.
+  std::array<Real, kMaxStepsPerTick> time_s_;
+  std::array<std::int8_t, kMaxStepsPerTick> direction_;
+  std::array<bool, kMaxStepsPerTick> fast_;
 };
 
 }  // namespace
@@ -114,6 +115,7 @@ StepError generate_steps(const Profile& profile, Real t0_s, Real position_zero, 
     }
     start = end;
   }
+  if (pulses.size() == 0) return StepError::kNone;  // the usual tick of a slow mass
   if (pulses.too_fast()) return StepError::kTooFast;
 
   std::array<PulseWindow, kMaxStepsPerTick> storage{};

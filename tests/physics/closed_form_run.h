@@ -1,5 +1,5 @@
-// A prescribed run integrated by an independent program: SUNDIALS CVODE (Adams) on the firmware's closed forms and profiles.
-// Nothing of sim/ but the scenario is used.
+// A prescribed run integrated by an independent program: SUNDIALS CVODE (Adams) on the firmware's closed forms and
+// profiles. Nothing of sim/ but the scenario is used.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,10 +22,10 @@ class ClosedFormRun {
   // Integrates on to time_s, restarting where a motion piece ends. False if CVODE gave up.
   bool advance(double time_s);
 
-  Eigen::Vector4d orientation() const;       // w, x, y, z, normalised
+  Eigen::Vector4d orientation() const;  // w, x, y, z, normalised
   Eigen::Vector3d angular_velocity_B() const;
   Eigen::Vector2d position_W() const;
-  firmware::RollingForces forces() const;    // at a jump: after it
+  firmware::RollingForces forces() const;  // at a jump: after it
 
  private:
   struct Impl;

@@ -1,4 +1,5 @@
-// The plant's Newton-Euler formulation against the firmware's closed forms, and against Newton's laws written out mass by mass.
+// The plant's Newton-Euler formulation against the firmware's closed forms, and against Newton's laws written out mass
+// by mass.
 #include "sim/newton_euler.h"
 
 #include <gtest/gtest.h>
@@ -34,8 +35,8 @@ RandomState draw(test::RandomRobot& random) {
   return s;
 }
 
-// The bar is 1e-12 relative. N and f_s are differences of larger forces, so they are held against the size of the
-// forces they are made of, which never exceeds a few times that of the masses' own accelerations.
+// The bar is 1e-12 relative. N and f_s are differences of larger forces, so they are held against the size of
+// the forces they are made of, which never exceeds a few times that of the masses' own accelerations.
 TEST(NewtonEuler, AgreesWithThePapersClosedFormsOnTenThousandRandomStates) {
   constexpr std::uint64_t kSeed = 20261120;
   SCOPED_TRACE("seed " + std::to_string(kSeed));
@@ -45,7 +46,8 @@ TEST(NewtonEuler, AgreesWithThePapersClosedFormsOnTenThousandRandomStates) {
     const RandomState s = draw(random);
     const Body body(s.scenario);
     Motion plant;
-    rolling_prescribed(body, s.q.data(), s.omega.data(), s.position.data(), s.velocity.data(), s.acceleration.data(), plant);
+    rolling_prescribed(body, s.q.data(), s.omega.data(), s.position.data(), s.velocity.data(), s.acceleration.data(),
+                       plant);
 
     const firmware::BallParams ball = test::ball_params(s.scenario);
     firmware::MassMotion masses;
@@ -78,7 +80,8 @@ TEST(NewtonEuler, SatisfiesSectionFourWrittenOut) {
     const RandomState s = draw(random);
     const Body body(s.scenario);
     Motion m;
-    rolling_prescribed(body, s.q.data(), s.omega.data(), s.position.data(), s.velocity.data(), s.acceleration.data(), m);
+    rolling_prescribed(body, s.q.data(), s.omega.data(), s.position.data(), s.velocity.data(), s.acceleration.data(),
+                       m);
     const Eigen::Quaterniond q(s.q[0], s.q[1], s.q[2], s.q[3]);
     const Vector3d up = q.conjugate() * Vector3d::UnitZ();
     const Vector3d w(s.omega[0], s.omega[1], s.omega[2]);
@@ -103,7 +106,8 @@ TEST(NewtonEuler, SatisfiesSectionFourWrittenOut) {
     }
     // Rounding: some hundred operations on terms of this size.
     EXPECT_LT((newton - m.contact_force_B_n).norm(), 1e-13 * size) << "trial " << trial;
-    EXPECT_LT((euler + body.radius_m * up.cross(m.contact_force_B_n)).norm(), 1e-13 * size * body.radius_m) << "trial " << trial;
+    EXPECT_LT((euler + body.radius_m * up.cross(m.contact_force_B_n)).norm(), 1e-13 * size * body.radius_m)
+        << "trial " << trial;
     EXPECT_NEAR(m.normal_force_n, (q * m.contact_force_B_n).z(), 1e-13 * size);
     EXPECT_NEAR(m.static_friction_n, (q * m.contact_force_B_n).head<2>().norm(), 1e-13 * size);
   }
@@ -126,9 +130,11 @@ TEST(NewtonEuler, DrivenMassesUnderTheNeededForcesMoveAsPrescribed) {
     // Two solutions of 3x3 systems with condition numbers up to about 1e3: 1e3 roundings.
     const double scale = prescribed.angular_acceleration_B_radps2.norm();
     EXPECT_LT((driven.angular_acceleration_B_radps2 - prescribed.angular_acceleration_B_radps2).norm(), 1e-11 * scale);
-    EXPECT_LT((driven.contact_force_B_n - prescribed.contact_force_B_n).norm(), 1e-11 * prescribed.contact_force_B_n.norm());
+    EXPECT_LT((driven.contact_force_B_n - prescribed.contact_force_B_n).norm(),
+              1e-11 * prescribed.contact_force_B_n.norm());
     for (std::size_t i = 0; i < s.scenario.masses.size(); ++i) {
-      const double size = std::abs(s.acceleration[i]) + scale * (s.scenario.masses[i].rail.radius_m > 0 ? 1 : body.radius_m);
+      const double size =
+          std::abs(s.acceleration[i]) + scale * (s.scenario.masses[i].rail.radius_m > 0 ? 1 : body.radius_m);
       EXPECT_NEAR(driven.mass_acceleration[i], s.acceleration[i], 1e-10 * size);
     }
   }

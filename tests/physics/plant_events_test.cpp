@@ -82,8 +82,8 @@ TEST(Detachment, IsSeenInADipShorterThanATick) {
   EXPECT_NEAR(clear.extrema().normal_force_min.value, 25 - 0.5 * 49.999, 1e-9);
 }
 
-// Random robots on a floor that is a little too smooth: the instant at which they slip, against CVODE on the closed forms, whose
-// f_s - mu_s N must change sign within 1e-9 s of it.
+// Random robots on a floor that is a little too smooth: the instant at which they slip, against CVODE on the closed
+// forms, whose f_s - mu_s N must change sign within 1e-9 s of it.
 TEST(Slip, IsFoundToOneNanosecond) {
   constexpr std::uint64_t kSeed = 13;
   int found = 0;
@@ -121,7 +121,8 @@ TEST(Slip, IsFoundToOneNanosecond) {
   EXPECT_GE(found, 8);
 }
 
-// A peak of f_s / N between two ticks of 0.1: a floor 1e-7 below it lets the ball slip near the peak, one 1e-7 above does not.
+// A peak of f_s / N between two ticks of 0.1: a floor 1e-7 below it lets the ball slip near the peak, one 1e-7 above
+// does not.
 TEST(Slip, IsSeenAtAPeakInsideATick) {
   const auto slips_on = [](double mu) {
     auto result = read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/paper_ball.toml", {"run.actuation=prescribed"});

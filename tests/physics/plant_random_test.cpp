@@ -28,12 +28,15 @@ TEST(RandomScenario, PlantAgreesWithCvodeOnTheClosedForms) {
     ASSERT_TRUE(reference.advance(plant.time_s()));
     const auto s = plant.sample();
     const double rate = std::sqrt(scenario.gravity_mps2 / scenario.ball.radius_m);
-    EXPECT_LT(std::min((s.orientation - reference.orientation()).norm(), (s.orientation + reference.orientation()).norm()), 1e-8);
+    EXPECT_LT(
+        std::min((s.orientation - reference.orientation()).norm(), (s.orientation + reference.orientation()).norm()),
+        1e-8);
     EXPECT_LT((s.angular_velocity_B_radps - reference.angular_velocity_B()).norm(), 1e-8 * rate);
     EXPECT_LT((s.position_W_m.head<2>() - reference.position_W()).norm(), 1e-8);
     EXPECT_NEAR(s.orientation.norm(), 1, 4e-16);  // the quaternion is kept unit: rounding of one division
     const auto forces = reference.forces();
-    const double weight = forces.static_friction_n + std::abs(forces.normal_force_n) + scenario.ball.mass_kg * scenario.gravity_mps2;
+    const double weight =
+        forces.static_friction_n + std::abs(forces.normal_force_n) + scenario.ball.mass_kg * scenario.gravity_mps2;
     EXPECT_NEAR(s.normal_force_n, forces.normal_force_n, 1e-7 * weight);
     EXPECT_NEAR(s.static_friction_n, forces.static_friction_n, 1e-7 * weight);
   }
@@ -42,7 +45,8 @@ TEST(RandomScenario, PlantAgreesWithCvodeOnTheClosedForms) {
   RecordProperty("detached", detached);
 }
 
-// The extrema against a dense scan of the independent run: nothing in the scan may beat them, and something must come close.
+// The extrema against a dense scan of the independent run: nothing in the scan may beat them, and something must come
+// close.
 TEST(RandomScenario, ExtremaAreThoseOfADenseScan) {
   constexpr std::uint64_t kSeed = 11;
   for (int trial = 0; trial < 12; ++trial) {
@@ -70,8 +74,8 @@ TEST(RandomScenario, ExtremaAreThoseOfADenseScan) {
     EXPECT_LE(mu, x.mu_required_max.value * (1 + 1e-7));
     EXPECT_GE(low, x.normal_force_min.value - 1e-7 * weight);
     EXPECT_LE(high, x.normal_force_max.value + 1e-7 * weight);
-    // A scan point is at most 1/8000 of the run away from a peak (curvature: 1e-4 relative), or just beside a jump, whose left
-    // side the scan never sees.
+    // A scan point is at most 1/8000 of the run away from a peak (curvature: 1e-4 relative), or just beside a jump,
+    // whose left side the scan never sees.
     EXPECT_NEAR(high, x.normal_force_max.value, 0.05 * weight);
     EXPECT_NEAR(low, x.normal_force_min.value, 0.05 * weight);
   }

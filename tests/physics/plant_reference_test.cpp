@@ -1,5 +1,5 @@
-// The paper's three runs against tests/data/*.csv: an independent program (Newton-Euler in Python, DOP853 at 3e-14), good to about
-// 1e-10 in the state at t = 20.
+// The paper's three runs against tests/data/*.csv: an independent program (Newton-Euler in Python, DOP853 at 3e-14),
+// good to about 1e-10 in the state at t = 20.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -75,7 +75,8 @@ TEST_P(PaperRun, FollowsTheReferenceFromEndToEnd) {
   for (const Row& row : rows) {
     const double t = row.at("t");
     const bool last = &row == &rows.back();
-    while (static_cast<double>(tick + 1) * period_s <= t + 1e-12) plant.advance(static_cast<double>(++tick) * period_s, {});
+    while (static_cast<double>(tick + 1) * period_s <= t + 1e-12)
+      plant.advance(static_cast<double>(++tick) * period_s, {});
     if (last) plant.advance(t, {});
     ASSERT_NEAR(plant.time_s(), t, 1e-9);
     worst_state = std::max(worst_state, state_error(plant.sample(), row));
@@ -95,7 +96,8 @@ INSTANTIATE_TEST_SUITE_P(Reference, PaperRun,
 
 ContactExtrema extrema_of(const std::string& name, double period_s) {
   Plant plant(shipped(name));
-  for (int k = 1; plant.time_s() < 20 && plant.end() == PhysicsEnd::kNone; ++k) plant.advance(std::min(k * period_s, 20.0), {});
+  for (int k = 1; plant.time_s() < 20 && plant.end() == PhysicsEnd::kNone; ++k)
+    plant.advance(std::min(k * period_s, 20.0), {});
   return plant.extrema();
 }
 
@@ -109,8 +111,8 @@ TEST(PaperNumbers, BallNeedsThePrintedFriction) {
   EXPECT_NEAR(extrema_of("paper_ball", 0.001).mu_required_max.value, 0.1906, 0.5e-4);
 }
 
-// Peaks lie between steps: a hundred times longer steps find the same ones. A peak is flat: its value is as good as the state
-// (1e-11 here), its time to the square root of that.
+// Peaks lie between steps: a hundred times longer steps find the same ones. A peak is flat: its value is as good as the
+// state (1e-11 here), its time to the square root of that.
 TEST(PaperNumbers, ExtremaDoNotDependOnTheTick) {
   const ContactExtrema fine = extrema_of("paper_ball", 0.001), coarse = extrema_of("paper_ball", 0.1);
   EXPECT_NEAR(fine.mu_required_max.value, coarse.mu_required_max.value, 1e-9);
@@ -121,8 +123,8 @@ TEST(PaperNumbers, ExtremaDoNotDependOnTheTick) {
   EXPECT_NEAR(fine.normal_force_min.time_s, coarse.normal_force_min.time_s, 1e-5);
 }
 
-// PHYSICS.md section 3: 3.6095 by every independent computation (the paper prints 3.7358, which the stated parameters do not
-// give); the reference's last row is that instant.
+// PHYSICS.md section 3: 3.6095 by every independent computation (the paper prints 3.7358, which the stated parameters
+// do not give); the reference's last row is that instant.
 TEST(PaperNumbers, HeavyMassDetachesWhereTheReferenceDoes) {
   Plant plant(shipped("paper_detach"));
   for (int k = 1; k <= 20000 && plant.end() == PhysicsEnd::kNone; ++k) plant.advance(k * 0.001, {});

@@ -30,8 +30,8 @@ class RandomRobot {
     return firmware::circle(0.2 * ball_radius_m * direction(), ball_radius_m * uniform(0.1, 0.75), x, y);
   }
 
-  // A robot with `mass_count` masses, at rest or slowly turning, pushed by a small force; its motion is gentle enough to keep
-  // it on the ground most of the time. Perfect friction.
+  // A robot with `mass_count` masses, at rest or slowly turning, pushed by a small force; its motion is gentle enough
+  // to keep it on the ground most of the time. Perfect friction.
   sim::Scenario scenario(int mass_count) {
     sim::Scenario s;
     s.name = "random";

@@ -91,7 +91,8 @@ Scenario driven_ball(double holding_torque_nm, double damping) {
   Scenario s;
   s.duration_s = 5;
   s.gravity_mps2 = 9.81;
-  s.ball = {.radius_m = 0.15, .mass_kg = 0.8, .inertia_kgm2 = {0.010, 0.011, 0.012}, .center_of_mass_B_m = {0, 0, -0.01}};
+  s.ball = {
+      .radius_m = 0.15, .mass_kg = 0.8, .inertia_kgm2 = {0.010, 0.011, 0.012}, .center_of_mass_B_m = {0, 0, -0.01}};
   for (int i = 0; i < 3; ++i) {
     Mass m;
     m.mass_kg = 0.25;
@@ -108,7 +109,8 @@ Scenario driven_ball(double holding_torque_nm, double damping) {
   return s;
 }
 
-// Kinetic energy of shell, masses and rotors, height, and the magnetic energy -tau_hold cos(N_r lag) / N_r of fixed fields.
+// Kinetic energy of shell, masses and rotors, height, and the magnetic energy -tau_hold cos(N_r lag) / N_r of fixed
+// fields.
 double energy(const Scenario& s, const Plant::Sample& p, const std::array<double, 3>& field) {
   const auto& w = p.angular_velocity_B_radps;
   const Eigen::Quaterniond q(p.orientation[0], p.orientation[1], p.orientation[2], p.orientation[3]);
@@ -128,15 +130,16 @@ double energy(const Scenario& s, const Plant::Sample& p, const std::array<double
   return e;
 }
 
-// With fixed fields, no damping and no detent the whole is conservative: a magnetic spring per mass. The rotor's own spin is
-// not coupled to the ball's in section 5, nor here.
+// With fixed fields, no damping and no detent the whole is conservative: a magnetic spring per mass. The rotor's own
+// spin is not coupled to the ball's in section 5, nor here.
 TEST(DrivenPlant, ConservesEnergyWithFixedFields) {
   Scenario s = driven_ball(2.0, 0);
   s.initial.angular_velocity_B_radps = {0.5, -0.3, 0.2};
   Plant plant(s);
   const auto start = plant.sample();
   std::array<double, 3> field;
-  for (std::size_t i = 0; i < 3; ++i) field[i] = start.mass_position[i] + std::asin(start.motor_torque_nm[i] / 2.0) / 50;
+  for (std::size_t i = 0; i < 3; ++i)
+    field[i] = start.mass_position[i] + std::asin(start.motor_torque_nm[i] / 2.0) / 50;
   const double before = energy(s, start, field);
   for (int k = 1; k <= 5000; ++k) plant.advance(k * 0.001, {});
   ASSERT_EQ(plant.end(), PhysicsEnd::kNone);
@@ -158,8 +161,8 @@ TEST(DrivenPlant, StaysAtRestInEquilibrium) {
   EXPECT_NEAR(plant.sample().mass_position[0], -kPi / 2, 1e-12);
 }
 
-// Held sideways by a motor too weak for it, the mass falls and the rotor slips from tooth to tooth; the count is the distance
-// between field and rotor, in teeth.
+// Held sideways by a motor too weak for it, the mass falls and the rotor slips from tooth to tooth; the count is the
+// distance between field and rotor, in teeth.
 TEST(DrivenPlant, WeakMotorLosesStepsAndTheCountIsRight) {
   Scenario s = driven_ball(0.05, 1e-3);  // 0.25 kg * 9.81 * 0.11 m = 0.27 N m is needed
   s.masses.resize(1);

@@ -177,7 +177,8 @@ motion = [ { duration = 1.0, acceleration = [1.0, -4.0] } ]
   EXPECT_DOUBLE_EQ(motor.holding_torque_nm, holding);
   EXPECT_DOUBLE_EQ(motor.detent_torque_nm, 0.04 * holding);
   EXPECT_DOUBLE_EQ(motor.rotor_inertia_kgm2, 3 * inertia);
-  // theta' = t - 2.5 t^2 is greatest, 1.5 in size, at the end; there a tenth of the torque is less than damping ratio 0.2 takes.
+  // theta' = t - 2.5 t^2 is greatest, 1.5 in size, at the end; there a tenth of the torque is less than damping ratio
+  // 0.2 takes.
   EXPECT_DOUBLE_EQ(motor.viscous_damping_nms, 0.1 * holding / 1.5);
   EXPECT_EQ(motor.corner_speed_radps, 30);
   EXPECT_EQ(motor.step_error, 0.015);

@@ -20,15 +20,18 @@ std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
     if (stepper) {
       auto params = std::make_unique<firmware::ControllerParams>();
       if (const auto refusal = program::to_controller_params(*scenario, *params)) {
-        std::cerr << "ballast: " << *refusal << '\n';
+        program::complain("ballast", *refusal);
         return program::kExitUsage;
       }
     }
-    std::cout << scenario->name << ": good. " << scenario->masses.size() << (scenario->masses.size() == 1 ? " mass, " : " masses, ")
+    std::cout << scenario->name << ": good. " << scenario->masses.size()
+              << (scenario->masses.size() == 1 ? " mass, " : " masses, ")
               << (stepper ? "driven by steppers" : "prescribed") << ", " << scenario->duration_s << " s in ticks of "
               << scenario->run.control_period_s << " s, mu_s ";
-    if (std::isinf(scenario->surface.static_friction)) std::cout << "infinite\n";
-    else std::cout << scenario->surface.static_friction << '\n';
+    if (std::isinf(scenario->surface.static_friction))
+      std::cout << "infinite\n";
+    else
+      std::cout << scenario->surface.static_friction << '\n';
     return program::kExitCompleted;
   };
 }

@@ -26,30 +26,25 @@ struct RunCommand {
 };
 
 int fail(const std::string& text) {
-  std::cerr << "ballast: " << text << '\n';
+  program::complain("ballast", text);
   return program::kExitCouldNotRun;
 }
 
-int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario, const firmware::ControllerParams* params,
-                       sil::OutputDir& output) {
-  std::unique_ptr<lcm::LCM> bus;
-  if (command.url->count() > 0) {
-    bus = std::make_unique<lcm::LCM>(command.bus.url);
-    if (!bus->good()) return fail("cannot use the LCM bus " + command.bus.url);
-  }
+int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario,
+                       const firmware::ControllerParams* params, lcm::LCM* bus, sil::OutputDir& output) {
   sil::RecordOptions record = command.record;
-  record.bus = bus.get();
+  record.bus = bus;
   sil::InProcessPeers peers(params, program::to_monitor_limits(scenario), scenario.run.control_period_s);
   return sil::record_run("ballast", scenario, peers, output, record);
 }
 
 // This process is the plant; controller and monitor are started beside it.
-int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, bool has_controller, sil::OutputDir& output) {
-  hal::Bus bus(command.bus.url, command.record.interrupted);
-  if (!bus.good()) return fail("cannot use the LCM bus " + command.bus.url);
+int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, bool has_controller, hal::Bus& bus,
+                     sil::OutputDir& output) {
   std::vector<std::string> arguments{command.scenario.scenario, "--lcm", command.bus.url};
   for (const auto& set : command.scenario.set) arguments.insert(arguments.end(), {"--set", set});
-  if (!command.scenario.actuation.empty()) arguments.insert(arguments.end(), {"--actuation", command.scenario.actuation});
+  if (!command.scenario.actuation.empty())
+    arguments.insert(arguments.end(), {"--actuation", command.scenario.actuation});
   if (command.scenario.seed) arguments.insert(arguments.end(), {"--seed", std::to_string(*command.scenario.seed)});
   arguments.insert(arguments.end(), {"--start-timeout", std::to_string(command.bus.start_timeout_s), "--peer-timeout",
                                      std::to_string(command.bus.peer_timeout_s)});
@@ -72,9 +67,11 @@ void draw_pictures(const sil::OutputDir& output) {
   std::error_code code;
   const auto plot = std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / "ballast-plot";
   std::string quoted = "'";
-  for (const char c : std::filesystem::absolute(output.path()).string()) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  for (const char c : std::filesystem::absolute(output.path()).string())
+    quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
   const std::string line = "'" + plot.string() + "' " + quoted + "'";
-  if (std::system(line.c_str()) != 0) std::cerr << "ballast: the pictures could not be drawn; the run itself is complete\n";
+  if (std::system(line.c_str()) != 0)
+    program::complain("ballast", "the pictures could not be drawn; the run itself is complete");
 }
 
 int run(const RunCommand& command) {
@@ -84,18 +81,29 @@ int run(const RunCommand& command) {
   auto params = std::make_unique<firmware::ControllerParams>();
   if (has_controller) {
     if (const auto refusal = program::to_controller_params(*scenario, *params)) {
-      std::cerr << "ballast: " << *refusal << '\n';
+      program::complain("ballast", *refusal);
       return program::kExitUsage;
     }
+  }
+  // The bus before the folder: a run that cannot be leaves none behind.
+  RunCommand with_signals = command;
+  with_signals.record.interrupted = program::catch_signals();
+  std::unique_ptr<hal::Bus> peers_bus;
+  std::unique_ptr<lcm::LCM> watchers_bus;
+  if (command.processes)
+    peers_bus = std::make_unique<hal::Bus>(command.bus.url, with_signals.record.interrupted);
+  else if (command.url->count() > 0)
+    watchers_bus = std::make_unique<lcm::LCM>(command.bus.url);
+  if ((peers_bus && !peers_bus->good()) || (watchers_bus && !watchers_bus->good())) {
+    return fail("cannot use the LCM bus " + command.bus.url);
   }
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name : command.out);
   if (!output.good()) return fail(output.error());
 
-  RunCommand with_signals = command;
-  with_signals.record.interrupted = program::catch_signals();
   const int exit_status = command.processes
-                              ? run_in_processes(with_signals, *scenario, has_controller, output)
-                              : run_in_one_process(with_signals, *scenario, has_controller ? params.get() : nullptr, output);
+                              ? run_in_processes(with_signals, *scenario, has_controller, *peers_bus, output)
+                              : run_in_one_process(with_signals, *scenario, has_controller ? params.get() : nullptr,
+                                                   watchers_bus.get(), output);
   if (command.pictures && (exit_status == program::kExitCompleted || exit_status == program::kExitEnvelope)) {
     draw_pictures(output);
   }

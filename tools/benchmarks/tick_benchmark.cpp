@@ -120,10 +120,10 @@ void WholeRunPerTick(benchmark::State& state, const char* actuation) {
     sil::Recorder recorder("/dev/null");
     ticks += sil::run(s, peers, recorder, {}).ticks;
   }
-  state.counters["per_tick"] = benchmark::Counter(static_cast<double>(ticks),
-                                                  benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
-  state.counters["times_real_time"] = benchmark::Counter(static_cast<double>(ticks) * s.run.control_period_s,
-                                                         benchmark::Counter::kIsRate);
+  state.counters["per_tick"] =
+      benchmark::Counter(static_cast<double>(ticks), benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+  state.counters["times_real_time"] =
+      benchmark::Counter(static_cast<double>(ticks) * s.run.control_period_s, benchmark::Counter::kIsRate);
 }
 BENCHMARK_CAPTURE(WholeRunPerTick, prescribed, "prescribed")->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(WholeRunPerTick, stepper, "stepper")->Unit(benchmark::kMillisecond);

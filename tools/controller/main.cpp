@@ -20,19 +20,20 @@ int main(int argc, char** argv) {
   const auto scenario = program::load_scenario(scenario_options);
   if (!scenario) return program::kExitUsage;
   if (scenario->run.actuation == sim::Actuation::kPrescribed) {
-    std::cerr << "ballast-controller: " << scenario->name
-              << " is prescribed: there is no controller in a prescribed run (try --actuation stepper)\n";
+    program::complain(
+        "ballast-controller",
+        scenario->name + " is prescribed: there is no controller in a prescribed run (try --actuation stepper)");
     return program::kExitUsage;
   }
   const auto params = std::make_unique<firmware::ControllerParams>();
   if (const auto refusal = program::to_controller_params(*scenario, *params)) {
-    std::cerr << "ballast-controller: " << *refusal << '\n';
+    program::complain("ballast-controller", *refusal);
     return program::kExitUsage;
   }
 
   hal::Bus bus(bus_options.url, program::catch_signals());
   if (!bus.good()) {
-    std::cerr << "ballast-controller: cannot use the LCM bus " << bus_options.url << '\n';
+    program::complain("ballast-controller", "cannot use the LCM bus " + bus_options.url);
     return program::kExitCouldNotRun;
   }
   hal::LcmBoard board(bus, {.scenario_id = scenario->id,
@@ -42,7 +43,7 @@ int main(int argc, char** argv) {
   const auto loop = std::make_unique<hal::ControlLoop<hal::LcmBoard>>(*params, board);
   const Status status = loop->run();
   if (status == Status::kEnded) return program::kExitCompleted;
-  std::cerr << "ballast-controller: "
-            << (status == Status::kIo ? "the LCM bus " + bus_options.url + " failed" : board.trouble()) << '\n';
+  program::complain("ballast-controller",
+                    (status == Status::kIo ? "the LCM bus " + bus_options.url + " failed" : board.trouble()));
   return program::kExitCouldNotRun;
 }

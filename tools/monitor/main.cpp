@@ -20,7 +20,7 @@ int main(int argc, char** argv) {
 
   hal::Bus bus(bus_options.url, program::catch_signals());
   if (!bus.good()) {
-    std::cerr << "ballast-monitor: cannot use the LCM bus " << bus_options.url << '\n';
+    program::complain("ballast-monitor", "cannot use the LCM bus " + bus_options.url);
     return program::kExitCouldNotRun;
   }
   monitor::MonitorLoop loop(bus, program::to_monitor_limits(*scenario),
@@ -28,9 +28,9 @@ int main(int argc, char** argv) {
                              .start_timeout = hal::Seconds(bus_options.start_timeout_s),
                              .peer_timeout = hal::Seconds(bus_options.peer_timeout_s)});
   const Status status = loop.run();
-  if (!loop.trouble().empty()) std::cerr << "ballast-monitor: " << loop.trouble() << '\n';
-  if (status == Status::kInterrupted) std::cerr << "ballast-monitor: interrupted\n";
-  if (status == Status::kIo) std::cerr << "ballast-monitor: the LCM bus " << bus_options.url << " failed\n";
+  if (!loop.trouble().empty()) program::complain("ballast-monitor", loop.trouble());
+  if (status == Status::kInterrupted) program::complain("ballast-monitor", "interrupted");
+  if (status == Status::kIo) program::complain("ballast-monitor", "the LCM bus " + bus_options.url + " failed");
   if (status != Status::kEnded) return program::kExitCouldNotRun;
   return loop.verdict().tripped == 1 ? program::kExitEnvelope : program::kExitCompleted;
 }

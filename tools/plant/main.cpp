@@ -1,4 +1,5 @@
-// ballast-plant: the ball as a process of its own. It sets the pace of the lockstep, plays the operator (arm, start), and records.
+// ballast-plant: the ball as a process of its own. It sets the pace of the lockstep, plays the operator (arm, start),
+// and records.
 #include <iostream>
 
 #include "tools/program/program.h"
@@ -8,8 +9,9 @@
 int main(int argc, char** argv) {
   using namespace ballast;
 
-  CLI::App app{"Runs the plant as a process of its own, over LCM: waits for controller and monitor, then runs and records.",
-               "ballast-plant"};
+  CLI::App app{
+      "Runs the plant as a process of its own, over LCM: waits for controller and monitor, then runs and records.",
+      "ballast-plant"};
   program::ScenarioOptions scenario_options;
   program::BusOptions bus_options;
   std::string out;
@@ -17,21 +19,22 @@ int main(int argc, char** argv) {
   program::add_scenario_options(app, scenario_options);
   program::add_bus_options(app, bus_options);
   app.add_option("--out", out, "folder for the results; default runs/NAME");
-  app.add_option("--speed", record.speed, "simulated over wall time; default as fast as it goes")->check(CLI::PositiveNumber);
+  app.add_option("--speed", record.speed, "simulated over wall time; default as fast as it goes")
+      ->check(CLI::PositiveNumber);
   app.add_flag("--quiet", record.quiet, "no progress bar and no summary");
   if (const auto exit_status = program::parse(app, argc, argv)) return *exit_status;
   const auto scenario = program::load_scenario(scenario_options);
   if (!scenario) return program::kExitUsage;
 
-  sil::OutputDir output(out.empty() ? "runs/" + scenario->name : out);
-  if (!output.good()) {
-    std::cerr << "ballast-plant: " << output.error() << '\n';
-    return program::kExitCouldNotRun;
-  }
   record.interrupted = program::catch_signals();
   hal::Bus bus(bus_options.url, record.interrupted);
   if (!bus.good()) {
-    std::cerr << "ballast-plant: cannot use the LCM bus " << bus_options.url << '\n';
+    program::complain("ballast-plant", "cannot use the LCM bus " + bus_options.url);
+    return program::kExitCouldNotRun;
+  }
+  sil::OutputDir output(out.empty() ? "runs/" + scenario->name : out);
+  if (!output.good()) {
+    program::complain("ballast-plant", output.error());
     return program::kExitCouldNotRun;
   }
   sil::LcmPeers peers(bus, {.scenario_id = scenario->id,

@@ -55,6 +55,10 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options) {
   return std::move(result.scenario);
 }
 
+void complain(const std::string& program_name, const std::string& text) {
+  std::cerr << program_name + ": " + text + "\n";
+}
+
 const volatile std::sig_atomic_t* catch_signals() {
   struct sigaction action {};
   action.sa_handler = on_signal;  // no SA_RESTART: waiting calls return

@@ -41,6 +41,9 @@ void add_bus_options(CLI::App& app, BusOptions& options);
 // Reads and checks; prints every fault to stderr. nullopt: end with kExitUsage.
 [[nodiscard]] std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options);
 
+// "name: text" on stderr, in one piece: processes share a terminal.
+void complain(const std::string& program_name, const std::string& text);
+
 // SIGINT and SIGTERM no longer kill; they set the flag returned here to their number.
 const volatile std::sig_atomic_t* catch_signals();
 

@@ -11,7 +11,8 @@ namespace ballast::sil {
 class InProcessPeers : public Peers {
  public:
   // `params` (accepted by firmware::validate()) is null in prescribed runs, which have no controller.
-  InProcessPeers(const firmware::ControllerParams* params, const monitor::MonitorLimits& limits, double control_period_s);
+  InProcessPeers(const firmware::ControllerParams* params, const monitor::MonitorLimits& limits,
+                 double control_period_s);
 
   hal::Status connect() override { return hal::Status::kOk; }
   hal::Status exchange(Lap& lap) override;

@@ -13,9 +13,9 @@ struct Lap {
   std::optional<operator_t> command;  // what the operator says in this tick
   PlantMessages plant;
   trip_t trip{};
-  bool has_controller = true;         // false in prescribed runs: the next two stay empty
+  bool has_controller = true;  // false in prescribed runs: the next two stay empty
   controller_status_t status{};
-  step_command_t steps{};             // of the next tick
+  step_command_t steps{};  // of the next tick
 };
 
 // Whoever answers the plant: monitor and controller, in this process or in others.

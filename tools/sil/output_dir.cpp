@@ -12,9 +12,9 @@ namespace fs = std::filesystem;
 namespace {
 
 // Everything a run leaves; the pictures are those of tools/plots.
-constexpr const char* kFiles[] = {"summary.json",     "run.lcmlog",           "normal_force.png", "static_friction.png",
-                                  "path.png",         "friction_required.png", "masses.png",       "angular_velocity.png",
-                                  "body_frame.png"};
+constexpr const char* kFiles[] = {
+    "summary.json",          "run.lcmlog", "normal_force.png",     "static_friction.png", "path.png",
+    "friction_required.png", "masses.png", "angular_velocity.png", "body_frame.png"};
 
 bool write_file(const fs::path& path, const std::string& text) {
   std::FILE* file = std::fopen(path.c_str(), "w");
@@ -29,7 +29,8 @@ OutputDir::OutputDir(fs::path path) : path_(std::move(path)) {
   std::error_code code;
   // The topmost folder that has to be made, to be taken away again if the rest fails.
   fs::path made;
-  for (fs::path p = fs::absolute(path_).lexically_normal(); !p.empty() && !fs::exists(p, code); p = p.parent_path()) made = p;
+  for (fs::path p = fs::absolute(path_).lexically_normal(); !p.empty() && !fs::exists(p, code); p = p.parent_path())
+    made = p;
   fs::create_directories(path_, code);
   if (code) {
     error_ = path_.string() + ": cannot be made: " + code.message();

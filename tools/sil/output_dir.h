@@ -8,7 +8,8 @@ namespace ballast::sil {
 
 class OutputDir {
  public:
-  // Creates it if need be and sees that files can be written there. On failure nothing is left behind; error() says why.
+  // Creates it if need be and sees that files can be written there. On failure nothing is left behind; error() says
+  // why.
   explicit OutputDir(std::filesystem::path path);
 
   [[nodiscard]] bool good() const { return error_.empty(); }

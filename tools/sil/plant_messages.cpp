@@ -10,7 +10,8 @@ double friction_margin(double normal_force_n, double static_friction_n, double s
   return std::max(-1.0, 1 - static_friction_n / (static_friction_coefficient * normal_force_n));
 }
 
-PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick, bool last) {
+PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick,
+                             bool last) {
   const std::int64_t utime = tick < 0 ? hal::tick_utime(tick, scenario.run.control_period_s)
                                       : static_cast<std::int64_t>(std::llround(sample.time_s * 1e6));
   const auto mass_count = static_cast<std::int8_t>(scenario.masses.size());

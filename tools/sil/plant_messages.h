@@ -17,9 +17,11 @@ struct PlantMessages {
 };
 
 // In the countdown (tick < 0) time_s is that of the sample, 0, and utime the tick's own.
-PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick, bool last);
+PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick,
+                             bool last);
 
-// What is left of the friction cone: 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0, and never below that.
+// What is left of the friction cone: 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0, and never below
+// that.
 double friction_margin(double normal_force_n, double static_friction_n, double static_friction_coefficient);
 
 // The single pulses of a command, in order of time (equal times: in order of the motors), into `pulses`.

@@ -39,7 +39,7 @@ class ProgressBar {
 int record_run(const char* program_name, const sim::Scenario& scenario, Peers& peers, OutputDir& output,
                const RecordOptions& options) {
   const auto fail = [&](const std::string& text) {
-    std::cerr << program_name << ": " << text << '\n';
+    program::complain(program_name, text);
     return program::kExitCouldNotRun;
   };
   output.clear();
@@ -50,13 +50,14 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   {
     const ProgressBar bar(scenario.duration_s, !options.quiet);
     result = run(scenario, peers, recorder,
-                 {.speed = options.speed,
-                  .interrupted = options.interrupted,
-                  .progress = [&bar](double time_s) { bar.show(time_s); }});
+                 {.speed = options.speed, .interrupted = options.interrupted, .progress = [&bar](double time_s) {
+                    bar.show(time_s);
+                  }});
   }
   const bool log_whole = recorder.close();
   if (result.status != hal::Status::kOk) {
-    return fail(result.trouble + "; " + output.log_path() + (log_whole ? " holds what happened up to then" : " is not whole"));
+    return fail(result.trouble + "; " + output.log_path() +
+                (log_whole ? " holds what happened up to then" : " is not whole"));
   }
   if (!log_whole) return fail(recorder.error());
   if (!output.write_summary(summary_json(scenario, result))) return fail(output.error());

@@ -9,15 +9,15 @@
 namespace ballast::sil {
 
 struct RecordOptions {
-  bool quiet = false;      // no progress bar, no summary on stdout
-  double speed = 0;        // as in RunOptions
-  lcm::LCM* bus = nullptr; // every message also goes there
-  bool unbuffered = false; // every message is on disk at once: for runs whose processes may be killed
+  bool quiet = false;       // no progress bar, no summary on stdout
+  double speed = 0;         // as in RunOptions
+  lcm::LCM* bus = nullptr;  // every message also goes there
+  bool unbuffered = false;  // every message is on disk at once: for runs whose processes may be killed
   const volatile std::sig_atomic_t* interrupted = nullptr;
 };
 
-// Runs, writes run.lcmlog and summary.json, prints the summary. Returns the program's exit status; trouble goes to stderr,
-// after `program_name`. A run that could not go to its end leaves the log up to there and no summary.
+// Runs, writes run.lcmlog and summary.json, prints the summary. Returns the program's exit status; trouble goes to
+// stderr, after `program_name`. A run that could not go to its end leaves the log up to there and no summary.
 int record_run(const char* program_name, const sim::Scenario& scenario, Peers& peers, OutputDir& output,
                const RecordOptions& options);
 

@@ -14,7 +14,7 @@ Recorder::Recorder(const std::string& log_path, lcm::LCM* bus, bool unbuffered)
     error_ = log_path + ": cannot be written: " + std::strerror(errno);
     return;
   }
-  setvbuf(log_->f, nullptr, _IOFBF, 1 << 20);
+  setvbuf(log_->f, nullptr, _IOFBF, 1 << 16);
   __fsetlocking(log_->f, FSETLOCKING_BYCALLER);  // liblcm writes an event in six pieces; only this object writes
 }
 
@@ -29,7 +29,8 @@ void Recorder::write(const char* channel, std::int64_t utime) {
     event.datalen = static_cast<std::int32_t>(buffer_.size());
     event.channel = const_cast<char*>(channel);  // liblcm only reads it
     event.data = buffer_.data();
-    if (lcm_eventlog_write_event(log_, &event) != 0) error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
+    if (lcm_eventlog_write_event(log_, &event) != 0)
+      error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
     if (flush_ && std::fflush(log_->f) != 0) error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
   }
   if (bus_ != nullptr && bus_->publish(channel, buffer_.data(), static_cast<unsigned int>(buffer_.size())) != 0) {

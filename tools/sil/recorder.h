@@ -1,4 +1,5 @@
-// The record of a run: every message, in LCM's event-log format, stamped with simulated time; and the bus, if there is one.
+// The record of a run: every message, in LCM's event-log format, stamped with simulated time; and the bus, if there is
+// one.
 #pragma once
 
 #include <lcm/lcm-cpp.hpp>

@@ -47,11 +47,16 @@ class PulseRecord {
 
 const char* to_string(EndReason reason) {
   switch (reason) {
-    case EndReason::kCompleted: return "completed";
-    case EndReason::kSlipped: return "slipped";
-    case EndReason::kDetached: return "detached";
-    case EndReason::kTripped: return "tripped";
-    case EndReason::kInconsistent: return "inconsistent";
+    case EndReason::kCompleted:
+      return "completed";
+    case EndReason::kSlipped:
+      return "slipped";
+    case EndReason::kDetached:
+      return "detached";
+    case EndReason::kTripped:
+      return "tripped";
+    case EndReason::kInconsistent:
+      return "inconsistent";
   }
   return "";
 }
@@ -70,8 +75,8 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   sim::Plant plant(scenario);
   PulseRecord pulse_record;
   std::vector<sim::StepPulse> pulses;
-  step_command_t due{};                       // the steps of the tick about to be executed
-  std::optional<std::int64_t> stop_done_tick; // at whose start the stop after a trip is over
+  step_command_t due{};                        // the steps of the tick about to be executed
+  std::optional<std::int64_t> stop_done_tick;  // at whose start the stop after a trip is over
   auto next_progress = wall_start;
 
   // A ball that breaks the envelope as it is set down needs no countdown.
@@ -100,8 +105,13 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     }
 
     result.trip = lap.trip;
-    if (has_controller && lap.status.mode == controller_status_t::MODE_TRIPPED) {
+    // A controller that is still disarmed has nothing to stop, and will not start.
+    const bool stopping =
+        has_controller && (lap.status.mode == controller_status_t::MODE_TRIPPED ||
+                           (lap.status.mode == controller_status_t::MODE_DISARMED && lap.trip.tripped != 0));
+    if (stopping) {
       if (lap.trip.tripped != 0 && !result.latency_ticks) result.latency_ticks = tick + 1 - lap.trip.trip_tick;
+      if (!result.controller_trip) result.controller_trip = {lap.status.faults, tick, plant.time_s()};
       // At rest from the next tick on, whose steps are still to be executed.
       if (lap.status.at_rest != 0 && !stop_done_tick) stop_done_tick = tick + 2;
     } else if (!has_controller && lap.trip.tripped != 0 && !result.latency_ticks) {
@@ -109,10 +119,14 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     }
 
     if (last) {
-      if (plant.end() == sim::PhysicsEnd::kSlipped) result.end_reason = EndReason::kSlipped;
-      else if (plant.end() == sim::PhysicsEnd::kDetached) result.end_reason = EndReason::kDetached;
-      else if (plant.end() == sim::PhysicsEnd::kInconsistent) result.end_reason = EndReason::kInconsistent;
-      else if (stopped) result.end_reason = EndReason::kTripped;
+      if (plant.end() == sim::PhysicsEnd::kSlipped)
+        result.end_reason = EndReason::kSlipped;
+      else if (plant.end() == sim::PhysicsEnd::kDetached)
+        result.end_reason = EndReason::kDetached;
+      else if (plant.end() == sim::PhysicsEnd::kInconsistent)
+        result.end_reason = EndReason::kInconsistent;
+      else if (stopped)
+        result.end_reason = EndReason::kTripped;
       break;
     }
 

@@ -18,20 +18,30 @@ enum class EndReason { kCompleted, kSlipped, kDetached, kTripped, kInconsistent 
 const char* to_string(EndReason reason);
 
 struct MotorRecord {
-  std::int64_t steps = 0;         // pulses executed, both directions counted up
-  double max_step_rate_hz = 0;    // from the closest two pulses
+  std::int64_t steps = 0;       // pulses executed, both directions counted up
+  double max_step_rate_hz = 0;  // from the closest two pulses
+};
+
+// When the controller went to kTripped, or saw a trip while still disarmed, and the faults it had then (bits of
+// firmware::Fault).
+struct ControllerTrip {
+  std::int32_t faults;
+  std::int64_t tick;
+  double time_s;
 };
 
 struct RunResult {
   EndReason end_reason = EndReason::kCompleted;
-  std::string end_text;            // inconsistent: why
+  std::string end_text;  // inconsistent: why
   sim::Plant::Sample final_sample;
   sim::ContactExtrema extrema;
   std::array<sim::MotorExtrema, sim::kMaxMasses> motor_extrema;
   std::array<MotorRecord, sim::kMaxMasses> motors;
-  trip_t trip{};                                // the last verdict
-  std::optional<std::int64_t> latency_ticks;    // from the violating contact to the first tick whose steps belong to the stop
-  std::int64_t ticks = 0;                       // control periods simulated
+  trip_t trip{};  // the last verdict
+  std::optional<ControllerTrip> controller_trip;
+  std::optional<std::int64_t>
+      latency_ticks;       // from the violating contact to the first tick whose steps belong to the stop
+  std::int64_t ticks = 0;  // control periods simulated
   double wall_time_s = 0;
 
   // Why it could not run to its end; kOk: it did, and the rest is meaningful.
@@ -45,9 +55,9 @@ struct RunOptions {
   std::function<void(double time_s)> progress;              // called now and then
 };
 
-// Two countdown ticks, -2 and -1, come before t = 0 in runs with a controller: the ball is held at its initial state, the
-// operator says arm, then start, and the controller computes the steps of tick 0. In tick k the plant executes what the
-// controller computed in tick k - 1. A trip ends the run once the stop's last step is executed.
+// Two countdown ticks, -2 and -1, come before t = 0 in runs with a controller: the ball is held at its initial state,
+// the operator says arm, then start, and the controller computes the steps of tick 0. In tick k the plant executes what
+// the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed.
 RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options);
 
 }  // namespace ballast::sil

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 namespace ballast::sil {
 
@@ -21,14 +22,37 @@ constexpr Floor kFloors[] = {{"aluminium", .42}, {"steel", .35},    {"titanium",
 
 const char* trip_cause(int cause) {
   switch (cause) {
-    case trip_t::CAUSE_NORMAL_FORCE: return "normal_force";
-    case trip_t::CAUSE_FRICTION: return "friction";
-    case trip_t::CAUSE_NONFINITE: return "nonfinite";
-    case trip_t::CAUSE_STALE: return "stale";
-    case trip_t::CAUSE_MISSING: return "missing";
-    case trip_t::CAUSE_REPEATED: return "repeated";
-    default: return "none";
+    case trip_t::CAUSE_NORMAL_FORCE:
+      return "normal_force";
+    case trip_t::CAUSE_FRICTION:
+      return "friction";
+    case trip_t::CAUSE_NONFINITE:
+      return "nonfinite";
+    case trip_t::CAUSE_STALE:
+      return "stale";
+    case trip_t::CAUSE_MISSING:
+      return "missing";
+    case trip_t::CAUSE_REPEATED:
+      return "repeated";
+    default:
+      return "none";
   }
+}
+
+// The controller's own reason to trip, where the monitor had none: the first of firmware/safety/fault.h.
+const char* fault_cause(std::int32_t faults) {
+  using firmware::Fault;
+  constexpr std::pair<Fault, const char*> kNames[] = {{Fault::kSensorNotFinite, "sensor_not_finite"},
+                                                      {Fault::kSensorStale, "sensor_stale"},
+                                                      {Fault::kMonitorStale, "monitor_stale"},
+                                                      {Fault::kStepOverload, "step_overload"},
+                                                      {Fault::kTickOutOfOrder, "tick_out_of_order"},
+                                                      {Fault::kParametersInvalid, "parameters_invalid"},
+                                                      {Fault::kInternal, "internal"}};
+  for (const auto& [fault, name] : kNames) {
+    if ((static_cast<std::uint32_t>(faults) & static_cast<std::uint32_t>(fault)) != 0) return name;
+  }
+  return "controller";
 }
 
 Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
@@ -102,6 +126,13 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                  {"value", finite_or_null(result.trip.value)},
                  {"limit", finite_or_null(result.trip.limit)},
                  {"latency_ticks", result.latency_ticks ? Json(*result.latency_ticks) : Json(nullptr)}};
+  } else if (result.controller_trip) {
+    j["trip"] = {{"cause", fault_cause(result.controller_trip->faults)},
+                 {"time", result.controller_trip->time_s},
+                 {"tick", result.controller_trip->tick},
+                 {"value", result.controller_trip->faults},
+                 {"limit", 0},
+                 {"latency_ticks", 1}};
   }
   j["surfaces"] = Json::array();
   for (const Floor& floor : kFloors) {
@@ -122,14 +153,17 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
   return j.dump(2) + "\n";
 }
 
-std::string summary_text(const sim::Scenario& scenario, const RunResult& result, const std::filesystem::path& directory) {
+std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
+                         const std::filesystem::path& directory) {
   const auto& x = result.extrema;
   const double end_s = result.final_sample.time_s;
   const bool stepper = scenario.run.actuation == sim::Actuation::kStepper;
   std::string text = format("%s, %s masses\n", scenario.name.c_str(), stepper ? "stepper-driven" : "prescribed");
 
   switch (result.end_reason) {
-    case EndReason::kCompleted: text += format("  ended       completed at t = %.6g s", end_s); break;
+    case EndReason::kCompleted:
+      text += format("  ended       completed at t = %.6g s", end_s);
+      break;
     case EndReason::kSlipped:
       text += format("  ended       slipped at t = %.10g s: f_s reached mu_s N (mu_s = %g)", end_s,
                      scenario.surface.static_friction);
@@ -137,21 +171,26 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     case EndReason::kDetached:
       text += format("  ended       detached at t = %.10g s: N fell to 0, the ball leaves the ground", end_s);
       break;
-    case EndReason::kTripped: text += format("  ended       tripped; the masses were at rest at t = %.6g s", end_s); break;
+    case EndReason::kTripped:
+      text += format("  ended       tripped; the masses were at rest at t = %.6g s", end_s);
+      break;
     case EndReason::kInconsistent:
       text += format("  ended       inconsistent at t = %.10g s: %s", end_s, result.end_text.c_str());
       break;
   }
   text += "\n";
   if (result.trip.tripped != 0) {
-    text += format("  trip        %s at t = %.6f s: %.6g, limit %.6g", trip_cause(result.trip.cause), result.trip.trip_time_s,
-                   result.trip.value, result.trip.limit);
+    text += format("  trip        %s at t = %.6f s: %.6g, limit %.6g", trip_cause(result.trip.cause),
+                   result.trip.trip_time_s, result.trip.value, result.trip.limit);
     const bool physics_ended = result.end_reason != EndReason::kCompleted && result.end_reason != EndReason::kTripped;
     if (stepper && result.latency_ticks && !physics_ended) {
       text += format("; the stop began %lld tick%s later", static_cast<long long>(*result.latency_ticks),
                      *result.latency_ticks == 1 ? "" : "s");
     }
     text += "\n";
+  } else if (result.controller_trip) {
+    text += format("  trip        by the controller itself at t = %.6f s: %s\n", result.controller_trip->time_s,
+                   fault_cause(result.controller_trip->faults));
   } else {
     text += "  trip        none\n";
   }
@@ -188,7 +227,8 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     text += format("%s issued, %lld lost\n", scenario.masses.empty() ? "0" : "", static_cast<long long>(lost));
   }
   double margin = 1;
-  for (std::size_t i = 0; i < scenario.masses.size(); ++i) margin = std::min(margin, result.motor_extrema[i].torque_margin);
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i)
+    margin = std::min(margin, result.motor_extrema[i].torque_margin);
   if (!scenario.masses.empty()) text += format("  motors      least torque margin %.0f %%\n", 100 * margin);
   text += format("  speed       %.0f times real time, %.2f us per tick\n", end_s / std::max(result.wall_time_s, 1e-9),
                  result.ticks > 0 ? 1e6 * result.wall_time_s / static_cast<double>(result.ticks) : 0.0);
@@ -197,7 +237,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
 }
 
 int exit_status(const RunResult& result) {
-  return result.end_reason == EndReason::kCompleted && result.trip.tripped == 0 ? 0 : 3;
+  return result.end_reason == EndReason::kCompleted && result.trip.tripped == 0 && !result.controller_trip ? 0 : 3;
 }
 
 }  // namespace ballast::sil

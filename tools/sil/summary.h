@@ -8,12 +8,13 @@
 
 namespace ballast::sil {
 
-// summary.json as SCENARIO.md has it, ending in a newline. Numbers are written with the digits that give back the same double
-// (17 at most); what is infinite (a friction no surface gives, perfect friction) is null.
+// summary.json as SCENARIO.md has it, ending in a newline. Numbers are written with the digits that give back the same
+// double (17 at most); what is infinite (a friction no surface gives, perfect friction) is null.
 std::string summary_json(const sim::Scenario& scenario, const RunResult& result);
 
 // For the terminal, ending in a newline. `directory` is where the results are.
-std::string summary_text(const sim::Scenario& scenario, const RunResult& result, const std::filesystem::path& directory);
+std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
+                         const std::filesystem::path& directory);
 
 // 0 inside the envelope, 3 outside or tripped.
 int exit_status(const RunResult& result);

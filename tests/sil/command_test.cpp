@@ -1,0 +1,293 @@
+// `ballast run` and `ballast check` as people run them.
+#include <gtest/gtest.h>
+
+#include "tests/sil/shell.h"
+
+namespace ballast {
+namespace {
+
+using test::Folder;
+using test::Outcome;
+
+const std::string kBall = R"(
+duration = 0.2
+gravity = 1.0
+[ball]
+radius = 1.0
+mass = 1.0
+inertia = [0.9, 1.0, 1.1]
+[surface]
+static_friction = 0.5
+[[mass]]
+mass = 1.0
+rail = { shape = "circle", radius = 0.5, direction = { azimuth = 0.0, elevation = 0.0 } }
+motion = [ { duration = 0.1, acceleration = [1.0, 0.0] } ]
+)";
+
+TEST(Run, LeavesSummaryAndLogAndExitsWith0) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run paper_ball --set duration=1");
+  EXPECT_EQ(run.exit_status, 0) << run.err;
+  EXPECT_EQ(run.err, "");  // no progress bar where there is no terminal
+  for (const char* word : {"completed", "least N", "most f_s/N", "holds on", "steps", "speed", "runs/paper_ball"}) {
+    EXPECT_NE(run.out.find(word), std::string::npos) << word;
+  }
+  const auto s = folder.summary("runs/paper_ball");
+  EXPECT_EQ(s["scenario"], "paper_ball");
+  EXPECT_EQ(s["actuation"], "stepper");
+  EXPECT_EQ(s["end"]["reason"], "completed");
+  EXPECT_EQ(s["end"]["time"], 1.0);
+  EXPECT_EQ(s["trip"], nullptr);
+  EXPECT_EQ(s["motors"].size(), 3u);
+  EXPECT_GT(s["motors"][0]["steps"], 50);  // 0.135 rad of the profile in 1 s, of 3200 microsteps a turn: 68
+  EXPECT_LT(s["motors"][0]["steps"], 90);
+  EXPECT_EQ(s["surfaces"].size(), 8u);
+  EXPECT_EQ(s["regimes"][0]["regime"], "rolling");
+  EXPECT_TRUE(std::filesystem::exists(folder / "runs/paper_ball/run.lcmlog"));
+}
+
+TEST(Run, SameScenarioSameBytes) {
+  const Folder folder;
+  ASSERT_EQ(folder.run("ballast run desk_ball --set duration=1 --quiet --out a").exit_status, 0);
+  ASSERT_EQ(folder.run("ballast run desk_ball --set duration=1 --quiet --out b").exit_status, 0);
+  EXPECT_TRUE(test::read_file(folder / "a/run.lcmlog") == test::read_file(folder / "b/run.lcmlog"));
+  EXPECT_GT(std::filesystem::file_size(folder / "a/run.lcmlog"), 100000u);
+  auto a = folder.summary("a"), b = folder.summary("b");
+  for (auto* s : {&a, &b}) s->erase("wall_time"), s->erase("speed");
+  EXPECT_EQ(a, b);
+  // Another seed draws other tooth errors.
+  ASSERT_EQ(folder.run("ballast run desk_ball --set duration=1 --quiet --seed 1 --out c").exit_status, 0);
+  EXPECT_FALSE(test::read_file(folder / "a/run.lcmlog") == test::read_file(folder / "c/run.lcmlog"));
+  EXPECT_EQ(folder.summary("c")["seed"], 1);
+}
+
+TEST(Run, QuietSaysNothing) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run paper_ball --set duration=0.1 --quiet");
+  EXPECT_EQ(run.exit_status, 0);
+  EXPECT_EQ(run.out + run.err, "");
+}
+
+TEST(Run, AnEarlierRunsFilesDoNotStay) {
+  const Folder folder;
+  ASSERT_EQ(folder.run("ballast run paper_ball --set duration=0.1 --quiet --out r && touch r/path.png r/mine.png")
+                .exit_status,
+            0);
+  ASSERT_EQ(folder.run("ballast run paper_ball --set duration=0.1 --quiet --out r").exit_status, 0);
+  EXPECT_FALSE(std::filesystem::exists(folder / "r/path.png"));  // would show another run than the log
+  EXPECT_TRUE(std::filesystem::exists(folder / "r/mine.png"));
+}
+
+// The issue's line: trips on friction, exit 3, with time, value and limit.
+TEST(Run, GlassTripsOnFriction) {
+  const Folder folder;
+  for (const std::string actuation : {"stepper", "prescribed"}) {
+    const Outcome run =
+        folder.run("ballast run paper_ball --set surface.static_friction=0.17 --out r --actuation " + actuation);
+    EXPECT_EQ(run.exit_status, 3) << run.err;
+    EXPECT_NE(run.out.find("friction at t ="), std::string::npos) << run.out;
+    const auto s = folder.summary("r");
+    EXPECT_EQ(s["end"]["reason"], "slipped");
+    EXPECT_EQ(s["trip"]["cause"], "friction");
+    EXPECT_EQ(s["trip"]["limit"], 0.17);
+    EXPECT_GT(s["trip"]["value"], 0.17);
+    EXPECT_NEAR(s["trip"]["value"], 0.17, 1e-9);
+    EXPECT_EQ(s["trip"]["time"], s["end"]["time"]);
+    EXPECT_LE(s["trip"]["latency_ticks"], 1);
+    EXPECT_FALSE(s["surfaces"][6]["holds"]);  // glass
+    EXPECT_TRUE(s["surfaces"][1]["holds"]);   // steel
+  }
+}
+
+// Half the cone allowed: the monitor trips although nothing slips, and the masses are stopped.
+TEST(Run, TripStopsTheMasses) {
+  const Folder folder;
+  EXPECT_EQ(folder.run("ballast run paper_ball --set envelope.friction_use=0.5 --out r").exit_status, 3);
+  const auto s = folder.summary("r");
+  EXPECT_EQ(s["end"]["reason"], "tripped");
+  EXPECT_EQ(s["trip"]["cause"], "friction");
+  EXPECT_EQ(s["trip"]["limit"], 0.175);
+  EXPECT_EQ(s["trip"]["latency_ticks"], 1);
+  EXPECT_GT(s["end"]["time"], s["trip"]["time"]);
+  EXPECT_LT(s["end"]["time"], s["trip"]["time"].get<double>() + 1);
+}
+
+// Everything that SCENARIO.md's results name, in both actuations.
+TEST(Run, SummaryHasEveryFieldOfTheContract) {
+  const Folder folder;
+  for (const std::string actuation : {"stepper", "prescribed"}) {
+    ASSERT_EQ(
+        folder.run("ballast run paper_ball --set duration=0.5 --quiet --out r --actuation " + actuation).exit_status,
+        0);
+    const auto s = folder.summary("r");
+    for (const char* pointer : {"/scenario",
+                                "/actuation",
+                                "/seed",
+                                "/end/reason",
+                                "/end/time",
+                                "/mu_required/max",
+                                "/mu_required/time",
+                                "/normal_force/min",
+                                "/normal_force/min_time",
+                                "/normal_force/max",
+                                "/normal_force/max_time",
+                                "/static_friction/max",
+                                "/static_friction/time",
+                                "/final/mass_position/2",
+                                "/final/mass_velocity/2",
+                                "/final/orientation/3",
+                                "/final/angular_velocity/2",
+                                "/final/position/2",
+                                "/regimes/0/regime",
+                                "/regimes/0/start",
+                                "/regimes/0/end",
+                                "/impacts",
+                                "/trip",
+                                "/surfaces/7/name",
+                                "/surfaces/7/mu_s",
+                                "/surfaces/7/holds",
+                                "/motors/2/steps",
+                                "/motors/2/lost_steps",
+                                "/motors/2/max_step_rate",
+                                "/motors/2/max_torque",
+                                "/motors/2/torque_margin",
+                                "/wall_time",
+                                "/speed"}) {
+      EXPECT_TRUE(s.contains(nlohmann::json::json_pointer(pointer))) << pointer;
+    }
+  }
+}
+
+TEST(Run, StatesThePapersNumberBesideItsOwn) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run paper_detach --actuation prescribed --out r");
+  EXPECT_EQ(run.exit_status, 3);
+  EXPECT_NE(run.out.find("3.7358"), std::string::npos) << run.out;
+  const auto s = folder.summary("r");
+  EXPECT_EQ(s["end"]["reason"], "detached");
+  EXPECT_NEAR(s["end"]["time"], 3.6095, 0.5e-4);
+  EXPECT_EQ(s["mu_required"]["max"], nullptr);  // no friction is enough where N = 0
+  EXPECT_EQ(s["published"][0]["published"], 3.7358);
+  EXPECT_EQ(s["published"][0]["here"], s["end"]["time"]);
+}
+
+TEST(Run, DeskBallStaysInsideItsEnvelope) {
+  const Folder folder;
+  EXPECT_EQ(folder.run("ballast run desk_ball --quiet --out r").exit_status, 0);
+  const auto s = folder.summary("r");
+  EXPECT_LT(s["mu_required"]["max"], 0.5);
+  EXPECT_GT(s["final"]["position"][0], 0.1);  // it goes somewhere
+  for (const auto& motor : s["motors"]) EXPECT_EQ(motor["lost_steps"], 0);
+}
+
+TEST(Run, ABallWithoutMassesRolls) {
+  const Folder folder;
+  folder.write("ball.toml", kBall.substr(0, kBall.find("[[mass]]")) + "[initial]\nangular_velocity = [0, 1, 0]\n");
+  for (const std::string actuation : {"stepper", "prescribed"}) {
+    EXPECT_EQ(folder.run("ballast run ball.toml --out r --actuation " + actuation).exit_status, 0);
+    // zdot = omega x r e3: a homogeneous ball keeps its speed.
+    EXPECT_NEAR(folder.summary("r")["final"]["position"][0], 0.2, 1e-12);
+  }
+}
+
+TEST(Run, EndsInsideATickAreKept) {
+  const Folder folder;
+  folder.write("ball.toml", kBall);
+  ASSERT_EQ(
+      folder.run("ballast run ball.toml --out r --set duration=0.1234567 --set run.control_period=0.01").exit_status,
+      0);
+  EXPECT_EQ(folder.summary("r")["end"]["time"], 0.1234567);
+}
+
+struct BadInput {
+  const char* name;
+  std::string arguments;  // of ballast run; ball.toml is a good scenario
+  int exit_status;
+  std::string says;  // part of the message
+};
+
+class BadInputTest : public testing::TestWithParam<BadInput> {};
+
+TEST_P(BadInputTest, IsRefusedWithOneClearMessageAndNoResults) {
+  const Folder folder;
+  folder.write("ball.toml", kBall);
+  folder.write("broken.toml", "duration = = 3\n");
+  folder.write("unknown.toml", kBall + "frikction = 1\n");
+  folder.write("file", "not a folder");
+  const int before = folder.entries();
+  const Outcome run = folder.run("ballast run " + GetParam().arguments);
+  EXPECT_EQ(run.exit_status, GetParam().exit_status) << run.err;
+  EXPECT_NE(run.err.find(GetParam().says), std::string::npos) << run.err;
+  EXPECT_EQ(run.out, "");
+  EXPECT_LE(std::count(run.err.begin(), run.err.end(), '\n'), 3) << run.err;
+  EXPECT_EQ(folder.entries(), before) << "something was left behind";
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Run, BadInputTest,
+    testing::Values(
+        BadInput{"NegativeMass", "ball.toml --set mass.0.mass=-1", 1, "mass.0.mass = -1"},
+        BadInput{"ZeroInertia", "ball.toml --set ball.inertia=[0,0,0]", 1, "ball.inertia"},
+        BadInput{"TriangleInequality", "ball.toml --set ball.inertia=[1,1,3]", 1, "ball.inertia"},
+        BadInput{"NonUnitQuaternion", "ball.toml --set initial.orientation=[1,1,0,0]", 1, "initial.orientation"},
+        BadInput{"MassOutsideTheBall", "ball.toml --set mass.0.rail.radius=1.5", 1, "mass.0.rail"},
+        BadInput{"UnknownKey", "unknown.toml", 1, "frikction"},
+        BadInput{"UnknownKeySet", "ball.toml --set gravitation=2", 1, "gravity"},
+        BadInput{"WrongType", "ball.toml --set gravity='\"much\"'", 1, "gravity"},
+        BadInput{"NaN", "ball.toml --set gravity=nan", 1, "gravity = nan"},
+        BadInput{"MissingFile", "nowhere.toml", 1, "nowhere.toml"}, BadInput{"Folder", ".", 1, "."},
+        BadInput{"BrokenToml", "broken.toml", 1, "broken.toml:1"},
+        BadInput{"NineMasses",
+                 "ball.toml --set mass='" +
+                     [] {
+                       std::string list = "[";
+                       for (int i = 0; i < 9; ++i) {
+                         list += "{mass=0.1,rail={shape=\"circle\",radius=0.1,direction={azimuth=0,elevation=0}}},";
+                       }
+                       return list + "]'";
+                     }(),
+                 1, "8"},
+        BadInput{"ZeroPeriod", "ball.toml --set run.control_period=0", 1, "run.control_period = 0"},
+        BadInput{"EmptyPiece", "ball.toml --set mass.0.motion.0.duration=0", 1, "mass.0.motion.0.duration = 0"},
+        BadInput{"BadSet", "ball.toml --set gravity", 1, "gravity"},
+        BadInput{"UnknownOption", "ball.toml --frobnicate", 1, "--frobnicate"},
+        BadInput{"UnknownActuation", "ball.toml --actuation magic", 1, "magic"},
+        BadInput{"NegativeSeed", "ball.toml --seed -3", 1, "seed"},
+        BadInput{"NegativeSpeed", "ball.toml --speed -1", 1, "--speed"}, BadInput{"NoScenario", "", 1, "SCENARIO"},
+        BadInput{"OutputUnderAFile", "ball.toml --out file/results", 2, "file/results"},
+        BadInput{"OutputOnProc", "ball.toml --out /proc/results", 2, "/proc/results"},
+        BadInput{"BadBus", "ball.toml --lcm nonsense://", 2, "nonsense://"}),
+    [](const auto& bad) { return std::string(bad.param.name); });
+
+// Files may not grow beyond 64 KiB: what a full disk is to the program.
+TEST(Run, AFullDiskIsReportedAndLeavesNoSummary) {
+  const Folder folder;
+  const Outcome run = folder.run("trap '' XFSZ; ulimit -f 64; ballast run paper_ball --set duration=2 --out r");
+  EXPECT_EQ(run.exit_status, 2);
+  EXPECT_NE(run.err.find("run.lcmlog"), std::string::npos) << run.err;
+  EXPECT_FALSE(std::filesystem::exists(folder / "r/summary.json"));
+}
+
+TEST(Check, SaysGoodOrEveryFault) {
+  const Folder folder;
+  folder.write("ball.toml", kBall);
+  const Outcome good = folder.run("ballast check ball.toml");
+  EXPECT_EQ(good.exit_status, 0);
+  EXPECT_NE(good.out.find("good"), std::string::npos);
+  const Outcome bad = folder.run("ballast check ball.toml --set gravity=-1 --set duration=0 --set mass.0.mass=nan");
+  EXPECT_EQ(bad.exit_status, 1);
+  for (const char* key : {"gravity", "duration", "mass.0.mass"}) EXPECT_NE(bad.err.find(key), std::string::npos) << key;
+}
+
+TEST(Help, IsThereForEveryCommand) {
+  const Folder folder;
+  for (const char* line : {"ballast --help", "ballast run --help", "ballast check --help", "ballast-plant --help"}) {
+    const Outcome help = folder.run(line);
+    EXPECT_EQ(help.exit_status, 0) << line;
+    EXPECT_GT(help.out.size(), 100u) << line;
+  }
+  EXPECT_EQ(folder.run("ballast").exit_status, 1);
+}
+
+}  // namespace
+}  // namespace ballast

@@ -1,0 +1,99 @@
+// Three processes over LCM: the same messages as one process, and a defined end whoever dies.
+#include <gtest/gtest.h>
+
+#include "tests/sil/shell.h"
+
+namespace ballast {
+namespace {
+
+using test::bus_url;
+using test::Folder;
+using test::Outcome;
+using test::read_file;
+
+// The contract: in one process and in three, the same scenario gives the same messages. The logs are even the same
+// bytes, since the plant records lap by lap, stamped with simulated time.
+TEST(Processes, ThreeGiveTheSameLogAsOne) {
+  const Folder folder;
+  const std::string url = bus_url(0);
+  for (const std::string scenario :
+       {"paper_ball --set duration=1", "desk_ball --set duration=0.7", "paper_ball --set envelope.friction_use=0.3",
+        "paper_ball --actuation prescribed --set duration=1 --set surface.static_friction=0.1348"}) {
+    SCOPED_TRACE(scenario);
+    const Outcome one = folder.run("ballast run " + scenario + " --quiet --out one");
+    const Outcome three =
+        folder.run("ballast run " + scenario + " --quiet --out three --processes --lcm '" + url + "'");
+    EXPECT_EQ(three.exit_status, one.exit_status) << three.err;
+    EXPECT_TRUE(read_file(folder / "one/run.lcmlog") == read_file(folder / "three/run.lcmlog"));
+    EXPECT_GT(read_file(folder / "one/run.lcmlog").size(), 10u);
+    auto a = folder.summary("one"), b = folder.summary("three");
+    for (auto* s : {&a, &b}) s->erase("wall_time"), s->erase("speed");
+    EXPECT_EQ(a, b);
+  }
+}
+
+// By hand, in any order, as the README says.
+TEST(Processes, StartedByHandInAnyOrder) {
+  const Folder folder;
+  const std::string bus = " --lcm '" + bus_url(1) + "'";
+  const Outcome run =
+      folder.run("ballast-controller paper_ball --set duration=0.3" + bus + " & controller=$!; sleep 0.3; " +
+                 "ballast-plant paper_ball --set duration=0.3 --out r" + bus + " & plant=$!; sleep 0.3; " +
+                 "ballast-monitor paper_ball --set duration=0.3" + bus + " & monitor=$!; " +
+                 "wait $plant; a=$?; wait $controller; b=$?; wait $monitor; echo $a $b $?");
+  EXPECT_NE(run.out.find("0 0 0\n"), std::string::npos) << run.out << run.err;
+  EXPECT_EQ(folder.summary("r")["end"]["reason"], "completed");
+}
+
+TEST(Processes, PeersWithAnotherScenarioAreRefused) {
+  const Folder folder;
+  const std::string bus = " --lcm '" + bus_url(2) + "' --start-timeout 5";
+  const Outcome run =
+      folder.run("ballast-monitor paper_ball" + bus + " & ballast-controller paper_ball --set ball.mass=1.1" + bus +
+                 " & ballast-plant paper_ball --out r" + bus + "; a=$?; wait; echo $a");
+  EXPECT_NE(run.out.find("2\n"), std::string::npos) << run.out;
+  EXPECT_NE(run.err.find("another scenario"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("controller"), std::string::npos) << run.err;
+}
+
+// SIGKILL after the first second of wall time, paced so that the run would take 60 s. Everybody left ends with status 2
+// and names the dead peer; the log is readable up to the end.
+class DeadPeer : public testing::TestWithParam<const char*> {};
+
+TEST_P(DeadPeer, IsNoticedAndNamedByTheOthers) {
+  const Folder folder;
+  const std::string dead = GetParam();
+  const std::string bus = " --lcm '" + bus_url(3 + static_cast<int>(dead.size())) + "' --peer-timeout 1";
+  const Outcome run = folder.run(
+      "for p in monitor controller plant; do o=''; [ $p = plant ] && o='--speed 0.33 --out r';"
+      " ballast-$p paper_ball" +
+      bus + " $o & eval $p=$!; done; sleep 1; kill -9 $" + dead +
+      "; for p in plant controller monitor; do eval wait \\$$p; echo $p $?; done");
+  for (const std::string peer : {"plant", "controller", "monitor"}) {
+    if (peer == dead) continue;
+    EXPECT_NE(run.out.find(peer + " 2\n"), std::string::npos) << run.out << run.err;
+    // Each line is "program: what happened".
+    const auto line = run.err.find("ballast-" + peer + ": ");
+    ASSERT_NE(line, std::string::npos) << run.err;
+    EXPECT_NE(run.err.substr(line + 9 + peer.size(), run.err.find('\n', line) - line - 9 - peer.size()).find(dead),
+              std::string::npos)
+        << run.err;
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder / "r/summary.json"));
+  EXPECT_GT(std::filesystem::file_size(folder / "r/run.lcmlog"), 10000u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Processes, DeadPeer, testing::Values("plant", "controller", "monitor"),
+                         [](const auto& peer) { return std::string(peer.param); });
+
+// The programs `ballast run --processes` starts do not outlive it, and their end is noticed at once.
+TEST(Processes, AChildThatDiesEndsTheRun) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run paper_ball --processes --speed 0.33 --out r --lcm '" + bus_url(20) +
+                                 "' & run=$!; sleep 1; pkill -9 -P $run ballast-control; wait $run; echo $?");
+  EXPECT_NE(run.out.find("2\n"), std::string::npos) << run.out << run.err;
+  EXPECT_NE(run.err.find("ballast-controller ended"), std::string::npos) << run.err;
+}
+
+}  // namespace
+}  // namespace ballast

@@ -1,0 +1,86 @@
+#include "tools/sil/recorder.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <lcm/lcm-cpp.hpp>
+
+#include "tools/sil/plant_messages.h"
+
+namespace ballast::sil {
+namespace {
+
+// Read back by liblcm's own reader.
+TEST(Recorder, WritesALogThatLcmReads) {
+  const std::string path = testing::TempDir() + "recorder_test.lcmlog";
+  {
+    Recorder recorder(path);
+    for (std::int64_t k = -2; k < 100; ++k) {
+      trip_t trip{};
+      trip.tick = k;
+      trip.utime = 1000 * k;
+      recorder.record(hal::kChannelTrip, trip);
+    }
+    EXPECT_TRUE(recorder.close());
+  }
+  lcm::LogFile log(path, "r");
+  ASSERT_TRUE(log.good());
+  for (std::int64_t k = -2; k < 100; ++k) {
+    const auto* event = log.readNextEvent();
+    ASSERT_NE(event, nullptr);
+    EXPECT_EQ(event->channel, hal::kChannelTrip);
+    EXPECT_EQ(event->timestamp, 1000 * k);
+    EXPECT_EQ(event->eventnum, k + 2);
+    trip_t trip;
+    ASSERT_TRUE(hal::decode(event->data, static_cast<std::size_t>(event->datalen), trip));
+    EXPECT_EQ(trip.tick, k);
+  }
+  EXPECT_EQ(log.readNextEvent(), nullptr);
+  std::filesystem::remove(path);
+}
+
+TEST(Recorder, SaysWhenTheDiskIsFull) {
+  Recorder recorder("/dev/full");
+  for (int k = 0; k < 100; ++k) recorder.record(hal::kChannelTrip, trip_t{});
+  EXPECT_FALSE(recorder.close());
+  EXPECT_NE(recorder.error().find("/dev/full"), std::string::npos);
+}
+
+TEST(Recorder, SaysWhenTheFolderIsNotThere) {
+  const Recorder recorder("/nonexistent/run.lcmlog");
+  EXPECT_FALSE(recorder.good());
+  EXPECT_NE(recorder.error().find("/nonexistent/run.lcmlog"), std::string::npos);
+}
+
+TEST(FrictionMargin, IsOneUnusedZeroAtTheLimitAndNeverNan) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(friction_margin(10, 0, 0.5), 1);
+  EXPECT_EQ(friction_margin(10, 5, 0.5), 0);
+  EXPECT_EQ(friction_margin(10, 100, 0.5), -1);
+  EXPECT_EQ(friction_margin(10, 5, kInfinity), 1);
+  EXPECT_EQ(friction_margin(0, 5, kInfinity), -1);
+  EXPECT_EQ(friction_margin(-1, 0, 0.5), -1);
+}
+
+TEST(Expand, GivesPulsesInOrderOfTime) {
+  step_command_t command{};
+  command.burst_count = 2;
+  command.motor[0] = 1, command.direction[0] = -1, command.count[0] = 4;
+  command.first[0] = 100, command.interval[0] = 50, command.add[0] = 10;
+  command.motor[1] = 0, command.direction[1] = 1, command.count[1] = 2;
+  command.first[1] = 100, command.interval[1] = 55, command.add[1] = 0;
+  std::vector<sim::StepPulse> pulses;
+  expand(command, 1e3, pulses);
+  ASSERT_EQ(pulses.size(), 6u);
+  // Motor 1: 100, 150, 210, 280; motor 0: 100, 155.
+  const double times[] = {.1, .1, .15, .155, .21, .28};
+  const int motors[] = {0, 1, 1, 0, 1, 1};
+  for (std::size_t i = 0; i < 6; ++i) {
+    EXPECT_DOUBLE_EQ(pulses[i].offset_s, times[i]);
+    EXPECT_EQ(pulses[i].motor, motors[i]);
+    EXPECT_EQ(pulses[i].direction, motors[i] == 1 ? -1 : 1);
+  }
+}
+
+}  // namespace
+}  // namespace ballast::sil

@@ -1,0 +1,170 @@
+// The lap as a whole, in one process: firmware, plant and monitor on the shipped robots.
+#include "tools/sil/run.h"
+
+#include <gtest/gtest.h>
+
+#include <lcm/lcm-cpp.hpp>
+#include <map>
+
+#include "tools/program/params.h"
+#include "tools/sil/in_process_peers.h"
+
+namespace ballast::sil {
+namespace {
+
+sim::Scenario load(const std::string& name, std::vector<std::string> overrides = {}) {
+  const auto result = sim::read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/" + name + ".toml", overrides);
+  for (const auto& error : result.errors) ADD_FAILURE() << to_string(error);
+  return result.scenario;
+}
+
+RunResult run_scenario(const sim::Scenario& scenario, const std::string& log = "/dev/null") {
+  auto params = std::make_unique<firmware::ControllerParams>();
+  const bool stepper = scenario.run.actuation == sim::Actuation::kStepper;
+  if (stepper) {
+    const auto refusal = program::to_controller_params(scenario, *params);
+    EXPECT_FALSE(refusal) << *refusal;
+  }
+  InProcessPeers peers(stepper ? params.get() : nullptr, program::to_monitor_limits(scenario),
+                       scenario.run.control_period_s);
+  Recorder recorder(log);
+  RunResult result = run(scenario, peers, recorder, {});
+  EXPECT_EQ(result.status, hal::Status::kOk) << result.trouble;
+  EXPECT_TRUE(recorder.close());
+  return result;
+}
+
+// Stiff, heavy motors with fine steps, balanced so that the ripple (torque per microstep over inertia) falls as the
+// microstep.
+std::vector<std::string> ideal_motors(int microsteps) {
+  std::vector<std::string> overrides;
+  for (int i = 0; i < 3; ++i) {
+    const std::string motor = "mass." + std::to_string(i) + ".motor.";
+    overrides.push_back(motor + "microsteps=" + std::to_string(microsteps));
+    overrides.push_back(motor + "step_error=0");
+  }
+  return overrides;
+}
+
+// The row: the same story within the ripple. For 1/16 and 1/256 steps; the bars are what the motors' lag
+// leaves.
+TEST(StepperRun, TellsThePrescribedRunsStory) {
+  const RunResult prescribed = run_scenario(load("paper_ball", {"run.actuation=prescribed"}));
+  for (const int microsteps : {16, 256}) {
+    SCOPED_TRACE(microsteps);
+    const RunResult stepper = run_scenario(load("paper_ball", ideal_motors(microsteps)));
+    EXPECT_EQ(stepper.end_reason, EndReason::kCompleted);
+    // Lag of the motors: asin(load / holding torque) / 50 teeth, up to 7e-3 rad, is what the final position feels.
+    EXPECT_LT((stepper.final_sample.position_W_m - prescribed.final_sample.position_W_m).norm(), 0.02);
+    // A microstep changes the torque by 12 N m * 2 pi / (4 * microsteps) and so shakes 5.9 kg m^2 by 1.2e-1 (1/16)
+    // or 1.2e-2 (1/256) rad/s^2 in turn on three masses: 0.2 and 0.02 of force on N = 4. The motors' own ringing comes
+    // on top.
+    EXPECT_NEAR(stepper.extrema.mu_required_max.value, prescribed.extrema.mu_required_max.value,
+                microsteps == 16 ? 0.05 : 0.01);
+    EXPECT_EQ(stepper.final_sample.lost_steps[0], 0);
+    // The counters end where the profile does, to half a microstep.
+    const double commanded = prescribed.final_sample.mass_position[0] * 200 * microsteps / (2 * M_PI);
+    EXPECT_NEAR(static_cast<double>(stepper.motors[0].steps), commanded, 0.5 + 1e-6);
+  }
+}
+
+// Every channel's messages, in order, with their tick.
+std::map<std::string, std::vector<std::int64_t>> ticks_in(const std::string& path) {
+  std::map<std::string, std::vector<std::int64_t>> ticks;
+  lcm::LogFile log(path, "r");
+  while (const auto* event = log.readNextEvent()) {
+    // Every message starts with its 8 bytes of hash, then the tick, big-endian.
+    std::int64_t tick = 0;
+    for (int i = 8; i < 16; ++i) tick = (tick << 8) | static_cast<unsigned char*>(event->data)[i];
+    ticks[event->channel].push_back(tick);
+  }
+  return ticks;
+}
+
+TEST(Log, HoldsEveryChannelAtEveryTick) {
+  const std::string path = testing::TempDir() + "log_test.lcmlog";
+  run_scenario(load("paper_ball", {"duration=0.25"}), path);
+  const auto ticks = ticks_in(path);
+  ASSERT_EQ(ticks.size(), 7u);
+  for (const char* channel : {hal::kChannelContact, hal::kChannelPlantState, hal::kChannelSensors, hal::kChannelTrip,
+                              hal::kChannelControllerStatus}) {
+    const auto& list = ticks.at(channel);
+    ASSERT_EQ(list.size(), 253u) << channel;  // two countdown ticks, then 0..250
+    for (std::size_t i = 0; i < list.size(); ++i) ASSERT_EQ(list[i], static_cast<std::int64_t>(i) - 2) << channel;
+  }
+  const auto& steps = ticks.at(hal::kChannelStepCommand);
+  for (std::size_t i = 0; i < steps.size(); ++i) ASSERT_EQ(steps[i], static_cast<std::int64_t>(i) - 1);
+  EXPECT_EQ(ticks.at(hal::kChannelOperator), (std::vector<std::int64_t>{-2, -1}));
+
+  run_scenario(load("paper_ball", {"duration=0.25", "run.actuation=prescribed"}), path);
+  const auto prescribed = ticks_in(path);
+  EXPECT_EQ(prescribed.size(), 4u);
+  EXPECT_EQ(prescribed.at(hal::kChannelContact).size(), 251u);
+  EXPECT_EQ(prescribed.at(hal::kChannelContact).front(), 0);
+}
+
+// What the firmware predicts from commanded masses is what the plant does, when the plant does what is commanded: with
+// stiff motors, up to their ripple; compared over the log of a run.
+TEST(Log, FirmwareEnvelopeFollowsThePlants) {
+  const std::string path = testing::TempDir() + "envelope_test.lcmlog";
+  run_scenario(load("paper_ball", ideal_motors(256)), path);
+  lcm::LogFile log(path, "r");
+  std::map<std::int64_t, double> plant, firmware;
+  while (const auto* event = log.readNextEvent()) {
+    contact_t contact;
+    controller_status_t status;
+    const auto size = static_cast<std::size_t>(event->datalen);
+    if (hal::decode(event->data, size, contact))
+      plant[contact.tick] = contact.normal_force_n;
+    else if (hal::decode(event->data, size, status))
+      firmware[status.tick] = status.normal_force_n;
+  }
+  ASSERT_GT(firmware.size(), 20000u);
+  double square = 0;
+  int count = 0;
+  for (const auto& [tick, n] : firmware) {
+    if (tick < 1000) continue;  // the motors ring after the push
+    square += (n - plant.at(tick)) * (n - plant.at(tick));
+    ++count;
+  }
+  EXPECT_LT(std::sqrt(square / count), 0.05);  // of N = 4: ripple of 0.02 per mass, see above
+}
+
+// A peer that answers nothing: the run says so and does not go on.
+class Silent : public Peers {
+ public:
+  hal::Status connect() override { return hal::Status::kOk; }
+  hal::Status exchange(Lap&) override { return hal::Status::kPeerLost; }
+  std::string trouble() const override { return "nobody there"; }
+};
+
+TEST(RunLoop, EndsWithThePeersTrouble) {
+  Silent peers;
+  Recorder recorder("/dev/null");
+  const RunResult result = run(load("paper_ball"), peers, recorder, {});
+  EXPECT_EQ(result.status, hal::Status::kPeerLost);
+  EXPECT_EQ(result.trouble, "nobody there");
+}
+
+TEST(RunLoop, EndsWithTheRecordersTrouble) {
+  const auto scenario = load("paper_ball", {"run.actuation=prescribed"});
+  InProcessPeers peers(nullptr, program::to_monitor_limits(scenario), scenario.run.control_period_s);
+  Recorder recorder("/dev/full");
+  const RunResult result = run(scenario, peers, recorder, {});
+  EXPECT_EQ(result.status, hal::Status::kIo);
+}
+
+// A robot set down outside its envelope trips at once and never starts.
+TEST(RunLoop, ABallSetDownOutsideItsEnvelopeTripsAtTheStart) {
+  const RunResult slips = run_scenario(load("paper_ball", {"surface.static_friction=0.1", "run.actuation=prescribed"}));
+  EXPECT_EQ(slips.end_reason, EndReason::kSlipped);
+  EXPECT_EQ(slips.final_sample.time_s, 0);
+  EXPECT_EQ(slips.trip.tripped, 1);
+  const RunResult low = run_scenario(load("paper_ball", {"envelope.min_normal_force=100"}));
+  EXPECT_EQ(low.end_reason, EndReason::kTripped);
+  EXPECT_EQ(low.trip.cause, trip_t::CAUSE_NORMAL_FORCE);
+  EXPECT_EQ(low.motors[0].steps, 0);
+}
+
+}  // namespace
+}  // namespace ballast::sil

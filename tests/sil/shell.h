@@ -1,0 +1,76 @@
+// Programs run as people run them: through a shell, in a folder of their own, with everything they say caught.
+#pragma once
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+
+namespace ballast::test {
+
+inline std::string read_file(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+struct Outcome {
+  int exit_status;  // -1: killed by a signal
+  std::string out, err;
+};
+
+// A fresh folder that goes with the object.
+class Folder {
+ public:
+  Folder() {
+    std::string name = (std::filesystem::temp_directory_path() / "ballast-XXXXXX").string();
+    path_ = mkdtemp(name.data());
+  }
+  ~Folder() {
+    std::error_code code;
+    std::filesystem::permissions(path_, std::filesystem::perms::owner_all, code);
+    std::filesystem::remove_all(path_, code);
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+
+  [[nodiscard]] std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+
+  // Runs `line` in this folder with the programs on the path.
+  Outcome run(const std::string& line) const {
+    const std::string command = "cd '" + path_.string() + "' && PATH=" BALLAST_BIN_DIR ":$PATH; { " + line + "\n} >'" +
+                                (path_ / ".out").string() + "' 2>'" + (path_ / ".err").string() + "' </dev/null";
+    const int status = std::system(command.c_str());
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(path_ / ".out"), read_file(path_ / ".err")};
+  }
+
+  [[nodiscard]] nlohmann::json summary(const std::string& run) const {
+    return nlohmann::json::parse(read_file(path_ / run / "summary.json"));
+  }
+
+  void write(const std::string& name, const std::string& text) const { std::ofstream(path_ / name) << text; }
+
+  // What is in the folder, beside what run() caught.
+  [[nodiscard]] int entries() const {
+    int count = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(path_))
+      count += entry.path().filename().string()[0] != '.';
+    return count;
+  }
+
+ private:
+  std::filesystem::path path_;
+};
+
+// A bus of this test process alone.
+inline std::string bus_url(int which) {
+  return "udpm://239.255.76.67:" + std::to_string(20000 + (getpid() * 7 + which) % 30000) + "?ttl=0";
+}
+
+}  // namespace ballast::test
