@@ -174,7 +174,7 @@ void check_line_in_ball(TableReader& table, const Mass& mass, const MassSurround
 }
 
 // Defaults that drive any scenario faithfully: ten times the static torque, a light rotor, a well damped resonance.
-// `complete`: the mass and its surroundings are without fault; else the defaults are placeholders, and go unchecked.
+// `complete`: the mass and its surroundings are without fault; else the defaults mean nothing, and go unchecked.
 void read_motor(TableReader table, const MassSurroundings& around, const std::optional<firmware::Rail>& rail,
                 bool complete, const SpeedExtent& extent, Mass& mass) {
   Motor& motor = mass.motor;
