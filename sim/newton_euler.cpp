@@ -1,5 +1,6 @@
 #include "sim/newton_euler.h"
 
+#include <Eigen/Cholesky>
 #include <cmath>
 
 namespace ballast::sim {
@@ -155,6 +156,106 @@ void rolling_prescribed(const Body& body, const double* q, const double* angular
 void rolling_driven(const Body& body, const double* q, const double* angular_velocity_B, const double* position,
                     const double* velocity, const double* generalised_force, Motion& out) {
   rolling<true>(body, q, angular_velocity_B, position, velocity, generalised_force, out);
+}
+
+namespace {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+Matrix3d cross_matrix(const Vector3d& v) {
+  Matrix3d m;
+  m << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
+  return m;
+}
+
+}  // namespace
+
+void open_contact(const Body& body, bool driven, const double* q, const double* angular_velocity_B,
+                  const double* position, const double* velocity, const double* drive, OpenContact& out) {
+  const Matrix3d lambda = rotation_B_to_W(q);
+  const Vector3d up = lambda.row(2);
+  const Vector3d omega(angular_velocity_B[0], angular_velocity_B[1], angular_velocity_B[2]);
+  const double g = body.gravity_mps2;
+  Vector3d first_moment = body.shell_mass_kg * body.center_of_mass_B_m;
+  Matrix3d inertia = body.inertia_kgm2.asDiagonal();
+  const auto add_inertia = [&](double m, const Vector3d& at) {
+    inertia += m * (at.squaredNorm() * Matrix3d::Identity() - at * at.transpose());
+  };
+  add_inertia(body.shell_mass_kg, body.center_of_mass_B_m);
+
+  // rhs = (-G, -E); what the masses take from matrix and right-hand side comes first.
+  Eigen::Matrix<double, 6, 6> matrix = Eigen::Matrix<double, 6, 6>::Zero();
+  Vector6d rhs = Vector6d::Zero();
+  for (int i = 0; i < body.mass_count; ++i) {
+    const auto j = static_cast<std::size_t>(i);
+    const auto rail = firmware::evaluate(body.rail[j], position[i]);
+    const Vector3d& zeta = rail.position;
+    const double m = body.mass_kg[j];
+    const double rate = velocity[i];
+    const Vector3d e = 2 * rate * omega.cross(rail.d1) + rate * rate * rail.d2;  // without thetaddot
+    first_moment += m * zeta;
+    add_inertia(m, zeta);
+    Vector6d& coupling = out.coupling[j];
+    coupling << m * rail.d1, m * zeta.cross(rail.d1);
+    out.drive[j] = drive[i];
+    rhs.head<3>() -= m * e;
+    rhs.tail<3>() -= m * zeta.cross(e);
+    if (driven) {
+      out.inverse_inertia[j] = 1 / (m * rail.d1.squaredNorm() + body.reflected_inertia[j]);
+      out.drive[j] -= m * rail.d1.dot(omega.cross(omega.cross(zeta)) + e + g * up);
+      matrix -= out.inverse_inertia[j] * coupling * coupling.transpose();
+      rhs -= out.inverse_inertia[j] * out.drive[j] * coupling;
+    } else {
+      rhs -= drive[i] * coupling;
+    }
+  }
+  const Matrix3d s_cross = cross_matrix(first_moment);
+  matrix.topLeftCorner<3, 3>() += body.total_mass_kg * Matrix3d::Identity();
+  matrix.topRightCorner<3, 3>() -= s_cross;
+  matrix.bottomLeftCorner<3, 3>() += s_cross;
+  matrix.bottomRightCorner<3, 3>() += inertia;
+  rhs.head<3>() -= omega.cross(omega.cross(first_moment)) + body.total_mass_kg * g * up -
+                   lambda.transpose() * body.external_force_W_n;
+  rhs.tail<3>() -= omega.cross(inertia * omega) + g * first_moment.cross(up);
+
+  Eigen::Matrix<double, 3, 6> slip;  // W
+  slip << Matrix3d::Identity(), body.radius_m * cross_matrix(up);
+  const Eigen::LLT<Eigen::Matrix<double, 6, 6>> factor(matrix);
+  out.rotation_B_to_W = lambda;
+  out.up_B = up;
+  out.driven = driven;
+  out.free_acceleration = factor.solve(rhs);
+  out.response = factor.solve(slip.transpose());
+  out.free_slip_rate_W_mps2 = lambda * (slip * out.free_acceleration);
+  out.compliance_W = lambda * (slip * out.response) * lambda.transpose();
+}
+
+void close_contact(const Body& body, const OpenContact& open, const Vector3d& contact_force_W_n, Motion& out) {
+  out.rotation_B_to_W = open.rotation_B_to_W;
+  out.up_B = open.up_B;
+  out.contact_force_B_n = open.rotation_B_to_W.transpose() * contact_force_W_n;
+  const Vector6d u = open.free_acceleration + open.response * out.contact_force_B_n;
+  out.acceleration_B_mps2 = u.head<3>();
+  out.angular_acceleration_B_radps2 = u.tail<3>();
+  out.normal_force_n = contact_force_W_n[2];
+  out.static_friction_n = contact_force_W_n.head<2>().norm();
+  for (int i = 0; i < body.mass_count; ++i) {
+    const auto j = static_cast<std::size_t>(i);
+    out.mass_acceleration[j] =
+        open.driven ? (open.drive[j] - open.coupling[j].dot(u)) * open.inverse_inertia[j] : open.drive[j];
+  }
+}
+
+VelocityJump apply_impulse(const Body& body, const OpenContact& open, const Vector3d& impulse_W_ns) {
+  const Vector6d jump = open.response * (open.rotation_B_to_W.transpose() * impulse_W_ns);
+  VelocityJump out;
+  out.velocity_W_mps = open.rotation_B_to_W * jump.head<3>();
+  out.angular_velocity_B_radps = jump.tail<3>();
+  for (int i = 0; open.driven && i < body.mass_count; ++i) {
+    const auto j = static_cast<std::size_t>(i);
+    out.mass_velocity[j] = -open.coupling[j].dot(jump) * open.inverse_inertia[j];
+  }
+  return out;
 }
 
 void generalised_forces(const Body& body, const double* angular_velocity_B, const double* position,

@@ -1,4 +1,5 @@
-// The ball by Newton and Euler: PHYSICS.md section 4 (masses prescribed) and section 5 (masses driven), rolling regime.
+// The ball by Newton and Euler: PHYSICS.md section 4 (masses prescribed) and section 5 (masses driven), in every
+// regime.
 //
 // All sums over the masses are taken once, about the geometric centre and in the body frame:
 //   S = sum m_i zeta_i                                     first moment
@@ -13,6 +14,15 @@
 // A driven mass adds the unknown thetaddot_i and the row b_i . Omegadot + D_i thetaddot_i = tau_i - m_i zeta_i' . (c'_i
 // + g Gamma), b_i = m_i (r Gamma + zeta_i) x zeta_i', D_i = m_i |zeta_i'|^2 + J_i; D is diagonal, so thetaddot is
 // eliminated mass by mass.
+//
+// With the contact force R_B left open, u = (a, Omegadot) obeys the symmetric positive definite
+//   [ M 1   -S^ ] u = (-G, -E) + W^T R_B,   W u = a - Omegadot x r Gamma
+//   [ S^     J  ]
+// (S^ the cross-product matrix of S). W u is the rate, seen in space, of the slip velocity zdot - omega x r e3, so that
+//   rate of slip = (W u at R = 0) + C R,   C = W [..]^-1 W^T symmetric positive definite,
+// is all the contact regimes need (contact.h). A driven mass adds l_i . u + D_i thetaddot_i = tau_i - m_i zeta_i' .
+// (c'_i + g Gamma) with l_i = (m_i zeta_i', m_i zeta_i x zeta_i'), and thetaddot_i is eliminated as above. An impulse
+// changes the velocities by the same matrices; motor forces are finite, so a driven mass yields to it along its rail.
 #pragma once
 
 #include <Eigen/Core>
@@ -42,7 +52,8 @@ struct Body {
   std::array<double, kMaxMasses> reflected_inertia{};  // J_i = rotor inertia * shaft_ratio^2, in rail units
 };
 
-// What the equations give at one instant. Body frame; `mass` arrays hold mass_count entries.
+// What the equations give at one instant. Body frame; `mass` arrays hold mass_count entries. In flight R_B = N = f_s =
+// 0; in sliding f_s is the kinetic friction.
 struct Motion {
   Eigen::Matrix3d rotation_B_to_W;                // Lambda
   Eigen::Vector3d up_B;                           // Gamma, its last row
@@ -55,6 +66,20 @@ struct Motion {
   std::array<double, kMaxMasses> generalised_force;  // tau of driven masses; not set by rolling_prescribed()
 };
 
+// The equations at one instant with the contact force left open.
+struct OpenContact {
+  Eigen::Matrix3d rotation_B_to_W;
+  Eigen::Vector3d up_B;
+  bool driven;
+  Eigen::Matrix<double, 6, 1> free_acceleration;  // u = (a, Omegadot) where R = 0, body frame
+  Eigen::Matrix<double, 6, 3> response;           // of u to R_B, and of the velocities to an impulse, body frame
+  Eigen::Vector3d free_slip_rate_W_mps2;          // rate of the slip velocity where R = 0; its third entry is zddot's
+  Eigen::Matrix3d compliance_W;                   // C, of that rate to R: 1/kg
+  std::array<Eigen::Matrix<double, 6, 1>, kMaxMasses> coupling;  // l_i of driven masses
+  std::array<double, kMaxMasses> inverse_inertia;                // 1 / D_i
+  std::array<double, kMaxMasses> drive;  // driven: the row's right-hand side; prescribed: thetaddot_i
+};
+
 // Lambda of q = (w, x, y, z), unit up to round-off.
 Eigen::Matrix3d rotation_B_to_W(const double* q);
 
@@ -65,6 +90,21 @@ void rolling_prescribed(const Body& body, const double* q, const double* angular
 // Rolling with generalised motor forces tau (N m on a circle, N on a line) given; thetaddot is part of the answer.
 void rolling_driven(const Body& body, const double* q, const double* angular_velocity_B, const double* position,
                     const double* velocity, const double* generalised_force, Motion& out);
+
+// Any regime: `drive` is thetaddot of prescribed masses, or the generalised motor forces of driven ones.
+void open_contact(const Body& body, bool driven, const double* q, const double* angular_velocity_B,
+                  const double* position, const double* velocity, const double* drive, OpenContact& out);
+
+// The motion under a contact force R, space frame. Of `out` everything but generalised_force is set.
+void close_contact(const Body& body, const OpenContact& open, const Eigen::Vector3d& contact_force_W_n, Motion& out);
+
+// What an impulse at the contact point (N s, space frame) changes.
+struct VelocityJump {
+  Eigen::Vector3d velocity_W_mps;  // of the geometric centre
+  Eigen::Vector3d angular_velocity_B_radps;
+  std::array<double, kMaxMasses> mass_velocity{};  // 0 for prescribed masses
+};
+VelocityJump apply_impulse(const Body& body, const OpenContact& open, const Eigen::Vector3d& impulse_W_ns);
 
 // The generalised force each motor must supply for the thetaddot in `motion`: section 5's second row turned round. Any
 // regime.

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace ballast::sim {
 
+using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 namespace {
@@ -13,6 +15,19 @@ namespace {
 // Allowed local error of a step, relative to 1 + |component|: some thousand times the rounding of one step, and with
 // the error growth of the paper's runs (about 1e3 over 20 time units) far below the 1e-8 they are held to.
 constexpr double kTolerance = 1e-12;
+
+// In units of sqrt(g r), see plant.h. What they leave undone is below the integrator's tolerance in its effect: a
+// direction wrong by some 1e-8 for the 1e-4 sqrt(r/g) or less that a slip takes to reach its threshold, and the like.
+constexpr double kRestSpeed = 1e-6;
+constexpr double kSlipBegins = 1e-8;
+constexpr double kSlipVanishes = 1e-10;
+
+// Changes of regime at one instant after which there is no hope of an end.
+constexpr int kMostChanges = 16;
+
+constexpr const char* kPainleve =
+    "sliding cannot go on: friction turns pressing the ball into the floor from pushing it out to pulling it in (the "
+    "normal force's coefficient is no longer positive: Painleve's paradox)";
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -44,8 +59,6 @@ double golden_section(F&& f) {
   return (lo + hi) / 2;
 }
 
-double ratio(const Motion& m) { return Plant::mu_required(m.normal_force_n, m.static_friction_n); }
-
 }  // namespace
 
 double Plant::mu_required(double normal_force_n, double static_friction_n) {
@@ -56,8 +69,11 @@ Plant::Plant(const Scenario& scenario)
     : scenario_(scenario),
       body_(scenario),
       driven_(scenario.run.actuation == Actuation::kStepper),
-      size_(kTheta + (driven_ ? 2 * scenario.masses.size() : 0)),
+      contact_size_(kTheta + (driven_ ? 2 * scenario.masses.size() : 0)),
+      size_(contact_size_),
       static_friction_(scenario.surface.static_friction),
+      kinetic_friction_(scenario.surface.kinetic_friction),
+      speed_scale_mps_(std::sqrt(scenario.gravity_mps2 * scenario.ball.radius_m)),
       step_s_(scenario.run.control_period_s),
       extrema_{{0, 0}, {kInfinity, 0}, {-kInfinity, 0}, {0, 0}} {
   const auto& initial = scenario.initial;
@@ -79,20 +95,53 @@ Plant::Plant(const Scenario& scenario)
   }
   piece_.assign(n, 0);
 
+  start_regime();
+}
+
+// Where the scenario puts the ball: rolling, sliding or in the air. The motors stand balanced in that regime.
+void Plant::start_regime() {
+  const auto& initial = scenario_.initial;
+  double* extra = &y_[contact_size_];
+  const Vector3d omega_W = rotation_B_to_W(&y_[kQ]) * Vector3d(y_[kOmega], y_[kOmega + 1], y_[kOmega + 2]);
+  Vector3d velocity_W = omega_W.cross(Vector3d(0, 0, body_.radius_m));
+  if (initial.has_velocity) velocity_W = initial.velocity_W_mps;
+  extra[0] = initial.height_m;
+  for (int j = 0; j < 3; ++j) extra[1 + j] = velocity_W[j];
+  const bool flies = initial.height_m > 0 || velocity_W[2] > 0;
+  const bool lands = !flies && velocity_W[2] < 0;
+  const bool slides = !flies && !lands && initial.has_velocity;
+
   if (driven_) {
-    // Each motor stands balanced under the load of the masses held as they are (thetaddot = 0).
+    // Each motor stands balanced under the load of the masses held as they are (thetaddot = 0), in flight or in
+    // contact; a slip does not last long enough to be balanced for.
     const MassPoint masses = mass_point(0, y_.data());
     const std::array<double, kMaxMasses> held{};
     Motion at_rest;
-    rolling_prescribed(body_, &y_[kQ], &y_[kOmega], masses.position.data(), masses.velocity.data(), held.data(),
-                       at_rest);
+    if (flies) {
+      OpenContact open;
+      open_contact(body_, false, &y_[kQ], &y_[kOmega], masses.position.data(), masses.velocity.data(), held.data(),
+                   open);
+      close_contact(body_, open, Vector3d::Zero(), at_rest);
+    } else {
+      rolling_prescribed(body_, &y_[kQ], &y_[kOmega], masses.position.data(), masses.velocity.data(), held.data(),
+                         at_rest);
+    }
     const PerMass torque = needed_torques(y_.data(), at_rest, masses);
-    for (std::size_t i = 0; i < n; ++i) {
-      const Motor& motor = scenario.masses[i].motor;
+    for (std::size_t i = 0; i < motion_.size(); ++i) {
+      const Motor& motor = scenario_.masses[i].motor;
       steppers_[i].balance(torque[i] + motor.viscous_damping_nms * motor.shaft_ratio * masses.velocity[i]);
     }
   }
-  after_jump();
+  if (flies) {
+    enter(Regime::kFlight);
+  } else if (lands) {
+    land();
+  } else if (slides) {
+    touch(slip_W_mps(y_.data()).head<2>());
+  } else {
+    regimes_.push_back({Regime::kRolling, 0});
+    after_jump();
+  }
 }
 
 Plant::MassPoint Plant::mass_point(double time_s, const double* y) const {
@@ -111,18 +160,75 @@ Plant::MassPoint Plant::mass_point(double time_s, const double* y) const {
   return p;
 }
 
-void Plant::evaluate(double time_s, const double* y, Motion& motion) const {
-  const MassPoint p = mass_point(time_s, y);
-  if (!driven_) {
-    rolling_prescribed(body_, y + kQ, y + kOmega, p.position.data(), p.velocity.data(), p.acceleration.data(), motion);
-    return;
-  }
+std::array<double, kMaxMasses> Plant::motor_forces(const MassPoint& masses) const {
   std::array<double, kMaxMasses> force{};
   for (std::size_t i = 0; i < motion_.size(); ++i) {
     const double shaft = scenario_.masses[i].motor.shaft_ratio;
-    force[i] = shaft * steppers_[i].torque_nm(shaft * p.position[i], shaft * p.velocity[i]);
+    force[i] = shaft * steppers_[i].torque_nm(shaft * masses.position[i], shaft * masses.velocity[i]);
   }
-  rolling_driven(body_, y + kQ, y + kOmega, p.position.data(), p.velocity.data(), force.data(), motion);
+  return force;
+}
+
+void Plant::evaluate(double time_s, const double* y, Instant& motion) const {
+  const MassPoint p = mass_point(time_s, y);
+  const bool rolls = regime_ == Regime::kRolling;
+  if (!driven_) {
+    if (rolls) {
+      rolling_prescribed(body_, y + kQ, y + kOmega, p.position.data(), p.velocity.data(), p.acceleration.data(),
+                         motion);
+    } else {
+      evaluate_open(y, p, p.acceleration.data(), motion);
+    }
+    return;
+  }
+  const std::array<double, kMaxMasses> force = motor_forces(p);
+  if (rolls) {
+    rolling_driven(body_, y + kQ, y + kOmega, p.position.data(), p.velocity.data(), force.data(), motion);
+  } else {
+    evaluate_open(y, p, force.data(), motion);
+    std::copy(force.begin(), force.end(), motion.generalised_force.begin());
+  }
+}
+
+// Sliding and flight.
+void Plant::evaluate_open(const double* y, const MassPoint& masses, const double* drive, Instant& motion) const {
+  OpenContact open;
+  open_contact(body_, driven_, y + kQ, y + kOmega, masses.position.data(), masses.velocity.data(), drive, open);
+  if (regime_ == Regime::kFlight) {
+    close_contact(body_, open, Vector3d::Zero(), motion);
+    motion.left = y[contact_size_];
+    motion.climb_mps = y[contact_size_ + 3];
+    return;
+  }
+  const ContactRelation contact{open.free_slip_rate_W_mps2, open.compliance_W};
+  const Vector2d slip = slip_W_mps(y).head<2>();
+  motion.left = slip.dot(slip_direction_W_);
+  Vector2d e = slip_direction_W_;
+  if (slip_begins_) {
+    e = follow_slip_direction(contact, kinetic_friction_, slip_direction_W_);
+  } else if (motion.left > kSlipVanishes * speed_scale_mps_) {
+    e = slip.normalized();
+  }
+  if (normal_coefficient(contact, kinetic_friction_, e) > 0) {
+    close_contact(body_, open, sliding_force(contact, kinetic_friction_, e), motion);
+    motion.static_friction_n = kinetic_friction_ * motion.normal_force_n;  // not a rounding more than that
+  } else {
+    close_contact(body_, open, Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()), motion);
+  }
+}
+
+OpenContact Plant::open_contact_now() const {
+  const MassPoint p = mass_point(time_s_, y_.data());
+  const auto drive = driven_ ? motor_forces(p) : p.acceleration;
+  OpenContact open;
+  open_contact(body_, driven_, &y_[kQ], &y_[kOmega], p.position.data(), p.velocity.data(), drive.data(), open);
+  return open;
+}
+
+Vector3d Plant::slip_W_mps(const double* y) const {
+  const Vector3d omega_W = rotation_B_to_W(y + kQ) * Vector3d(y[kOmega], y[kOmega + 1], y[kOmega + 2]);
+  const double* velocity = y + contact_size_ + 1;
+  return Vector3d(velocity[0], velocity[1], velocity[2]) - omega_W.cross(Vector3d(0, 0, body_.radius_m));
 }
 
 void Plant::derivative(double time_s, const double* y, double* dydt) {
@@ -135,10 +241,22 @@ void Plant::derivative(double time_s, const double* y, double* dydt) {
   dydt[kQ + 2] = 0.5 * (w * oy + qz * ox - qx * oz);
   dydt[kQ + 3] = 0.5 * (w * oz + qx * oy - qy * ox);
   for (int j = 0; j < 3; ++j) dydt[kOmega + j] = scratch_.angular_acceleration_B_radps2[j];
-  // zdot = omega x r e3 = r (omega_2, -omega_1)
-  const Vector3d omega_W = scratch_.rotation_B_to_W * Vector3d(ox, oy, oz);
-  dydt[kZ] = body_.radius_m * omega_W[1];
-  dydt[kZ + 1] = -body_.radius_m * omega_W[0];
+  if (regime_ == Regime::kRolling) {
+    // zdot = omega x r e3 = r (omega_2, -omega_1)
+    const Vector3d omega_W = scratch_.rotation_B_to_W * Vector3d(ox, oy, oz);
+    dydt[kZ] = body_.radius_m * omega_W[1];
+    dydt[kZ + 1] = -body_.radius_m * omega_W[0];
+  } else {
+    const Vector3d acceleration_W = scratch_.rotation_B_to_W * scratch_.acceleration_B_mps2;
+    const bool flies = regime_ == Regime::kFlight;
+    const std::size_t c = contact_size_;
+    dydt[kZ] = y[c + 1];
+    dydt[kZ + 1] = y[c + 2];
+    dydt[c] = flies ? y[c + 3] : 0;
+    dydt[c + 1] = acceleration_W[0];
+    dydt[c + 2] = acceleration_W[1];
+    dydt[c + 3] = flies ? acceleration_W[2] : 0;
+  }
   if (driven_) {
     for (std::size_t i = 0; i < motion_.size(); ++i) {
       dydt[kTheta + i] = y[kTheta + motion_.size() + i];
@@ -174,14 +292,37 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
 void Plant::after_jump() {
   derivative(time_s_, y_.data(), dydt_.data());
   now_ = scratch_;
-  note(time_s_, now_);
-  note_motors();
-  if (violated(now_)) set_end(now_);
+  const bool goes_on =
+      violated(now_) && regime_ == Regime::kRolling && scenario_.run.on_violation == OnViolation::kContinue;
+  if (goes_on) {
+    note_mu(time_s_, ratio(now_));  // what rolling on would have needed; its N and f_s do not come about
+  } else {
+    note(time_s_, now_);
+    note_motors();
+  }
+  if (violated(now_)) leave_regime();
+}
+
+// The direction of the slip as a step begins.
+void Plant::aim_slip() {
+  const Vector2d slip = slip_W_mps(y_.data()).head<2>();
+  const double speed = slip.norm();
+  if (slip_begins_ && speed < kSlipBegins * speed_scale_mps_) {
+    const OpenContact open = open_contact_now();
+    slip_direction_W_ =
+        follow_slip_direction({open.free_slip_rate_W_mps2, open.compliance_W}, kinetic_friction_, slip_direction_W_);
+  } else if (speed > kSlipVanishes * speed_scale_mps_) {
+    slip_direction_W_ = slip / speed;
+    if (!slip_begins_) return;
+    slip_begins_ = false;
+    derivative(time_s_, y_.data(), dydt_.data());
+  }
 }
 
 void Plant::integrate_to(double target_s) {
   while (time_s_ < target_s && end_ == PhysicsEnd::kNone) {
     const double left_s = target_s - time_s_;
+    if (regime_ == Regime::kSliding) aim_slip();
     const bool whole = left_s <= step_s_ * 1.001;  // no sliver for the last step
     const double h = whole ? left_s : step_s_;
     integrator_.step([this](double t, const double* y, double* d) { derivative(t, y, d); }, time_s_, h, y_, dydt_,
@@ -191,27 +332,29 @@ void Plant::integrate_to(double target_s) {
     const double growth = error < 1e-4 ? 5.0 : std::max(0.2, 0.9 * std::pow(error, -0.2));
     const double allowed_s = h * growth;
     if (error <= 1) {
-      take_step(h);
-      if (whole && end_ == PhysicsEnd::kNone) time_s_ = target_s;
+      const bool to_its_end = take_step(h);
+      if (whole && to_its_end) time_s_ = target_s;
       step_s_ = whole ? std::max(step_s_, allowed_s) : allowed_s;
-    } else if (std::isnan(error) || allowed_s < 1e-14 * std::max(1.0, time_s_)) {
-      end_ = PhysicsEnd::kInconsistent;
-      end_text_ = std::isnan(error) ? "the state stopped being finite" : "no step is small enough to follow the motion";
+    } else if ((std::isnan(error) && regime_ != Regime::kSliding) || allowed_s < 1e-14 * std::max(1.0, time_s_)) {
+      // While sliding a NaN says that the normal coefficient is not positive somewhere in the step.
+      end_inconsistent(!std::isnan(error)            ? "no step is small enough to follow the motion"
+                       : regime_ == Regime::kSliding ? kPainleve
+                                                     : "the state stopped being finite");
     } else {
       step_s_ = allowed_s;
     }
   }
 }
 
-// The integrator has gone from time_s_ by h. Looks inside, then moves there, or to where the envelope is first broken.
-void Plant::take_step(double h) {
-  const Motion end_motion = scratch_;
+// The integrator has gone from time_s_ by h. Looks inside, then moves there, or to where the regime ends: false.
+bool Plant::take_step(double h) {
+  const Instant end_motion = scratch_;
   State middle;
   integrator_.interpolate(0.5, middle);
-  Motion middle_motion;
+  Instant middle_motion;
   evaluate(time_s_ + h / 2, middle.data(), middle_motion);
 
-  // The first part of the step at whose end the envelope is broken: its end, its middle, or a peak inside it.
+  // The first part of the step at whose end the regime is over: its end, its middle, or a peak inside it.
   double broken = kInfinity;
   if (violated(middle_motion)) {
     broken = 0.5;
@@ -223,14 +366,17 @@ void Plant::take_step(double h) {
       const double part = golden_section([&](double p) { return value(motion_inside(h, p)); });
       if (violated(motion_inside(h, part))) broken = std::min(broken, part);
     };
-    search(ratio(now_), ratio(middle_motion), ratio(end_motion), static_friction_, ratio);
-    search(-now_.normal_force_n, -middle_motion.normal_force_n, -end_motion.normal_force_n, 0,
-           [](const Motion& m) { return -m.normal_force_n; });
+    const auto look_at = [&](double limit, auto value) {
+      search(value(now_), value(middle_motion), value(end_motion), limit, value);
+    };
+    if (regime_ == Regime::kRolling) look_at(static_friction_, [this](const Instant& m) { return ratio(m); });
+    if (regime_ != Regime::kFlight) look_at(0, [](const Instant& m) { return -m.normal_force_n; });
+    if (regime_ != Regime::kRolling) look_at(0, [](const Instant& m) { return -m.left; });
   }
 
   State end_state = integrator_.end_state();
   State end_derivative = integrator_.end_derivative();
-  Motion final_motion = end_motion;
+  Instant final_motion = end_motion;
   double part = 1;
   if (broken <= 1) {
     part = first_violation(h, broken);
@@ -249,10 +395,14 @@ void Plant::take_step(double h) {
   const auto look = [&](double best, auto value) {
     peak(value(now_), value(middle_motion), value(final_motion), best, value);
   };
-  look(extrema_.normal_force_max.value, [](const Motion& m) { return m.normal_force_n; });
-  look(-extrema_.normal_force_min.value, [](const Motion& m) { return -m.normal_force_n; });
-  look(extrema_.static_friction_max.value, [](const Motion& m) { return m.static_friction_n; });
-  if (final_motion.normal_force_n > 0) look(extrema_.mu_required_max.value, ratio);
+  if (regime_ != Regime::kFlight) {
+    look(extrema_.normal_force_max.value, [](const Instant& m) { return m.normal_force_n; });
+    look(-extrema_.normal_force_min.value, [](const Instant& m) { return -m.normal_force_n; });
+    look(extrema_.static_friction_max.value, [](const Instant& m) { return m.static_friction_n; });
+    if (final_motion.normal_force_n > 0) {
+      look(extrema_.mu_required_max.value, [this](const Instant& m) { return ratio(m); });
+    }
+  }
 
   time_s_ += part * h;
   y_ = end_state;
@@ -262,23 +412,181 @@ void Plant::take_step(double h) {
   for (std::size_t i = 0; i < 4; ++i) y_[i] /= length;
   note(time_s_, now_);
   note_motors();
-  if (broken <= 1) set_end(now_);
+  if (broken > 1) return true;
+  leave_regime();
+  return false;
 }
 
-bool Plant::violated(const Motion& m) const {
-  return !(m.normal_force_n > 0) || m.static_friction_n > static_friction_ * m.normal_force_n;
+// Whether the regime is over.
+bool Plant::violated(const Instant& m) const {
+  switch (regime_) {
+    case Regime::kRolling:
+      return !(m.normal_force_n > 0) || m.static_friction_n > static_friction_ * m.normal_force_n;
+    case Regime::kSliding:
+      return !(m.normal_force_n > 0) || m.left < 0;
+    case Regime::kFlight:
+      // As flight begins the height is 0 up to rounding of either sign.
+      return m.left < 0 && (m.climb_mps < 0 || m.left < -1e-12 * body_.radius_m);
+  }
+  return false;
 }
 
-void Plant::set_end(const Motion& m) {
-  end_ = !(m.normal_force_n > 0) ? PhysicsEnd::kDetached : PhysicsEnd::kSlipped;
-  if (!std::isfinite(m.normal_force_n) || !std::isfinite(m.static_friction_n)) {
-    end_ = PhysicsEnd::kInconsistent;
-    end_text_ = "the contact force stopped being finite";
+double Plant::ratio(const Instant& m) const {
+  if (regime_ == Regime::kFlight) return 0;
+  if (regime_ == Regime::kSliding) return kinetic_friction_;
+  return mu_required(m.normal_force_n, m.static_friction_n);
+}
+
+void Plant::end_inconsistent(std::string text) {
+  end_ = PhysicsEnd::kInconsistent;
+  end_text_ = std::move(text);
+}
+
+void Plant::leave_regime() {
+  if (!std::isfinite(now_.normal_force_n) || !std::isfinite(now_.static_friction_n)) {
+    end_inconsistent(regime_ == Regime::kSliding ? kPainleve : "the contact force stopped being finite");
+    return;
+  }
+  if (time_s_ != last_change_s_) changes_here_ = 0;
+  last_change_s_ = time_s_;
+  if (++changes_here_ > kMostChanges) {
+    end_inconsistent("the contact changes between its regimes without end at one instant");
+    return;
+  }
+  double* extra = &y_[contact_size_];
+  switch (regime_) {
+    case Regime::kRolling:
+      rolling_lost_ = true;
+      if (scenario_.run.on_violation == OnViolation::kStop) {
+        end_ = !(now_.normal_force_n > 0) ? PhysicsEnd::kDetached : PhysicsEnd::kSlipped;
+        return;
+      }
+      extra[0] = extra[3] = 0;
+      extra[1] = dydt_[kZ];
+      extra[2] = dydt_[kZ + 1];
+      touch(Vector2d::Zero());
+      return;
+    case Regime::kSliding:
+      if (!(now_.normal_force_n > 0)) {
+        enter(Regime::kFlight);
+      } else {
+        touch(Vector2d::Zero());
+      }
+      return;
+    case Regime::kFlight:
+      land();
+      return;
   }
 }
 
+// At time_s_, with the state complete.
+void Plant::enter(Regime regime) {
+  regime_ = regime;
+  size_ = contact_size_ + (regime == Regime::kRolling ? 0 : 4);
+  if (!regimes_.empty() && regimes_.back().time_s == time_s_) regimes_.pop_back();
+  if (regimes_.empty() || regimes_.back().regime != regime) regimes_.push_back({regime, time_s_});
+  derivative(time_s_, y_.data(), dydt_.data());
+  now_ = scratch_;
+  if (regime == Regime::kSliding && !std::isfinite(now_.normal_force_n)) {
+    end_inconsistent(kPainleve);
+    return;
+  }
+  note(time_s_, now_);
+  note_motors();
+  if (violated(now_)) leave_regime();
+}
+
+// The height is 0 and falling: one impulse, PHYSICS.md section 4.
+void Plant::land() {
+  double* extra = &y_[contact_size_];
+  extra[0] = 0;
+  const Vector3d before = slip_W_mps(y_.data());
+  const double arriving = -before[2];
+  const double leaving = arriving > kRestSpeed * speed_scale_mps_ ? scenario_.surface.restitution * arriving : 0.0;
+  const OpenContact open = open_contact_now();
+  std::string why;
+  const auto impact = impact_impulse(before, open.compliance_W, static_friction_, kinetic_friction_, leaving, why);
+  if (!impact) {
+    end_inconsistent(why);
+    return;
+  }
+  const Vector3d& impulse = impact->impulse_W_ns;
+  const Vector3d after(impact->slip_W_mps[0], impact->slip_W_mps[1], leaving);
+  // The work of an impulse is its product with the mean velocity of the point it acts on.
+  if (impulse.dot(before + after) > 1e-9 * impulse.norm() * (before.norm() + after.norm())) {
+    end_inconsistent("Newton's restitution would make energy out of nothing in this impact: it reverses the slip");
+    return;
+  }
+  const VelocityJump jump = apply_impulse(body_, open, impulse);
+  for (int j = 0; j < 3; ++j) {
+    extra[1 + j] += jump.velocity_W_mps[j];
+    y_[kOmega + static_cast<std::size_t>(j)] += jump.angular_velocity_B_radps[j];
+  }
+  for (std::size_t i = 0; driven_ && i < motion_.size(); ++i) {
+    y_[kTheta + motion_.size() + i] += jump.mass_velocity[i];
+  }
+  extra[3] = leaving;
+  impacts_.push_back({time_s_, impulse[2], impulse.head<2>().norm(), impact->sticking});
+  if (leaving > 0) {
+    enter(Regime::kFlight);
+  } else {
+    touch(impact->slip_W_mps);
+  }
+}
+
+void Plant::touch(const Vector2d& slip_W_mps) {
+  const double speed = slip_W_mps.norm();
+  if (speed > kSlipVanishes * speed_scale_mps_) {
+    if (std::isinf(kinetic_friction_)) {
+      end_inconsistent("the ball is to slide, and friction is infinite");
+      return;
+    }
+    slip_begins_ = false;
+    slip_direction_W_ = slip_W_mps / speed;
+    enter(Regime::kSliding);
+    return;
+  }
+
+  // Rolling, if friction and normal force allow it.
+  const Regime before = std::exchange(regime_, Regime::kRolling);
+  Instant rolling;
+  evaluate(time_s_, y_.data(), rolling);
+  const bool can_roll = !violated(rolling);
+  regime_ = before;
+  if (can_roll) {
+    enter(Regime::kRolling);
+    return;
+  }
+  // Else flight, if that is where it goes without the floor; else sliding.
+  const OpenContact open = open_contact_now();
+  const ContactRelation contact{open.free_slip_rate_W_mps2, open.compliance_W};
+  const double negligible = 1e-12 * (body_.gravity_mps2 + contact.free.norm());
+  if (contact.free[2] >= -negligible) {
+    enter(Regime::kFlight);
+    return;
+  }
+  if (std::isinf(kinetic_friction_)) {
+    end_inconsistent(
+        "with perfect friction the ball can neither roll, for the floor would have to pull it, nor leave the ground");
+    return;
+  }
+  const Vector3d sticking_W = rolling.rotation_B_to_W * rolling.contact_force_B_n;
+  const auto direction = slip_direction(contact, kinetic_friction_, -sticking_W.head<2>(), 1e-9 * contact.free.norm());
+  if (!direction) {
+    end_inconsistent("rolling is over, and no direction of slip obeys the laws of friction (Painleve's paradox)");
+    return;
+  }
+  slip_begins_ = true;
+  slip_direction_W_ = *direction;
+  // The contact point's velocity is 0 but for rounding: exactly that of rolling.
+  const Vector3d omega_W = open.rotation_B_to_W * Vector3d(y_[kOmega], y_[kOmega + 1], y_[kOmega + 2]);
+  y_[contact_size_ + 1] = body_.radius_m * omega_W[1];
+  y_[contact_size_ + 2] = -body_.radius_m * omega_W[0];
+  enter(Regime::kSliding);
+}
+
 // What holds at time_s_ + part * h, by one integrator step from time_s_; the state is left in probe_.
-Motion Plant::motion_inside(double h, double part) {
+Plant::Instant Plant::motion_inside(double h, double part) {
   probe_.step([this](double t, const double* y, double* d) { derivative(t, y, d); }, time_s_, part * h, y_, dydt_,
               size_);
   return scratch_;
@@ -295,11 +603,15 @@ double Plant::first_violation(double h, double violated_part) {
   return bad;
 }
 
-void Plant::note(double time_s, const Motion& m) {
+void Plant::note_mu(double time_s, double mu) {
+  if (mu > extrema_.mu_required_max.value) extrema_.mu_required_max = {mu, time_s};
+}
+
+void Plant::note(double time_s, const Instant& m) {
   const auto raise = [time_s](Extremum& best, double value) {
     if (value > best.value) best = {value, time_s};
   };
-  raise(extrema_.mu_required_max, ratio(m));
+  note_mu(time_s, ratio(m));
   raise(extrema_.normal_force_max, m.normal_force_n);
   raise(extrema_.static_friction_max, m.static_friction_n);
   if (m.normal_force_n < extrema_.normal_force_min.value) extrema_.normal_force_min = {m.normal_force_n, time_s};
@@ -343,6 +655,11 @@ Plant::Sample Plant::sample() const {
   s.angular_velocity_B_radps = {y_[kOmega], y_[kOmega + 1], y_[kOmega + 2]};
   s.position_W_m = {y_[kZ], y_[kZ + 1], 0};
   s.velocity_W_mps = {dydt_[kZ], dydt_[kZ + 1], 0};
+  s.regime = regime_;
+  if (regime_ != Regime::kRolling) {
+    s.position_W_m[2] = y_[contact_size_];
+    s.velocity_W_mps[2] = y_[contact_size_ + 3];
+  }
   s.acceleration_B_mps2 = now_.acceleration_B_mps2;
   s.up_B = now_.up_B;
   s.normal_force_n = now_.normal_force_n;

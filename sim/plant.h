@@ -1,13 +1,25 @@
-// The plant: the true ball, rolling, its masses prescribed or driven by steppers, integrated from one control tick to
-// the next.
+// The plant: the true ball, its masses prescribed or driven by steppers, integrated from one control tick to the next,
+// through the contact regimes of PHYSICS.md section 4: rolling, sliding, flight, with impacts between them.
 //
 // Within a tick the integration stops at every instant at which a `motion` piece changes or a step pulse comes, so no
 // step of the integrator crosses a jump. Between them it takes the whole way in one step of Dormand-Prince 5(4) unless
 // the embedded error estimate asks for smaller ones; the quaternion is brought back to unit length after each.
 // Accelerations may jump at those instants; the value after the jump counts (PHYSICS.md section 4).
 //
-// Extrema of N, f_s and f_s/N, and the first instant at which N <= 0 or f_s > mu_s N, are looked for inside every
-// integrator step and found by integrating again from its start, so they are as accurate as the state itself.
+// Extrema of N, f_s and f_s/N, and the instants at which a regime ends, are looked for inside every integrator step and
+// found by integrating again from its start, so they are as accurate as the state itself.
+//
+// A run ends where rolling ends (N <= 0, or f_s > mu_s N) if the scenario says on_violation = "stop", and goes on into
+// sliding or flight if it says "continue". A run that starts sliding or in flight, which is no violation, goes through
+// its regimes either way, and "stop" means where rolling ends after that.
+//
+// Choices that section 4 leaves open:
+//   - In an impact prescribed masses keep their rail velocity; driven ones yield along their rails with their rotors,
+//     because the motors' forces are finite.
+//   - An impact slower than 1e-6 sqrt(g r) leaves no normal velocity: bouncing ends.
+//   - While a slip that has just begun is slower than 1e-8 sqrt(g r), its direction is taken from the contact's
+//     accelerations (contact.h), because the velocity's is still rounding; one that is about to vanish keeps its
+//     direction below 1e-10 sqrt(g r).
 #pragma once
 
 #include <array>
@@ -16,6 +28,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/contact.h"
 #include "sim/dormand_prince.h"
 #include "sim/motion.h"
 #include "sim/newton_euler.h"
@@ -31,10 +44,26 @@ struct StepPulse {
   int direction;  // +1 or -1
 };
 
+enum class Regime { kRolling, kSliding, kFlight };
+
+// A stretch of one regime; it ends where the next one starts, or where the run ends. Flight goes on through impacts
+// that throw the ball up again.
+struct RegimeStart {
+  Regime regime;
+  double time_s;
+};
+
+struct ImpactRecord {
+  double time_s;
+  double normal_impulse_ns;
+  double friction_impulse_ns;  // its magnitude
+  bool sticking;
+};
+
 enum class PhysicsEnd {
   kNone,          // the model goes on
-  kSlipped,       // f_s > mu_s N
-  kDetached,      // N <= 0
+  kSlipped,       // f_s > mu_s N, and the run was to stop there
+  kDetached,      // N <= 0, likewise
   kInconsistent,  // the state is not finite or cannot be continued
 };
 
@@ -44,8 +73,10 @@ struct Extremum {
   double time_s;
 };
 
+// Over the whole run. In sliding f_s is the kinetic friction, so f_s / N is mu_k; in flight N = f_s = 0 and no friction
+// is required. Impulses are not forces and do not count.
 struct ContactExtrema {
-  Extremum mu_required_max;  // f_s / N; +infinity once N <= 0
+  Extremum mu_required_max;  // f_s / N; +infinity once rolling would need N <= 0
   Extremum normal_force_min;
   Extremum normal_force_max;
   Extremum static_friction_max;
@@ -66,13 +97,18 @@ class Plant {
 
   [[nodiscard]] double time_s() const { return time_s_; }
   [[nodiscard]] PhysicsEnd end() const { return end_; }
-  [[nodiscard]] const std::string& end_text() const { return end_text_; }  // why it is inconsistent
+  [[nodiscard]] const std::string& end_text() const { return end_text_; }             // why it is inconsistent
+  [[nodiscard]] const std::vector<RegimeStart>& regimes() const { return regimes_; }  // neighbours differ
+  [[nodiscard]] const std::vector<ImpactRecord>& impacts() const { return impacts_; }
+  // Rolling has ended, by slip or detachment, at least once. Ending a run counts too.
+  [[nodiscard]] bool rolling_lost() const { return rolling_lost_; }
   [[nodiscard]] const ContactExtrema& extrema() const { return extrema_; }
   [[nodiscard]] const MotorExtrema& motor_extrema(int i) const { return motor_extrema_[static_cast<std::size_t>(i)]; }
 
   // The state now. Where something jumps now, the value after the jump.
   struct Sample {
     double time_s;
+    Regime regime;
     Eigen::Vector4d orientation;  // w, x, y, z
     Eigen::Vector3d angular_velocity_B_radps;
     Eigen::Vector3d position_W_m;
@@ -91,41 +127,67 @@ class Plant {
   };
   [[nodiscard]] Sample sample() const;
 
-  // f_s / N as results and messages state it: +infinity where N <= 0.
+  // f_s / N as results and messages state it in contact: +infinity where N <= 0.
   static double mu_required(double normal_force_n, double static_friction_n);
 
  private:
-  // Layout of the integrator's state: q, Omega, z, then with driven masses theta and thetadot.
+  // Layout of the integrator's state: q, Omega, z, then with driven masses theta and thetadot, then, unless it rolls,
+  // height and velocity of the geometric centre (space frame), from contact_size_ on.
   static constexpr std::size_t kQ = 0, kOmega = 4, kZ = 7, kTheta = 9;
-  using Integrator = DormandPrince<kTheta + 2 * kMaxMasses>;
+  using Integrator = DormandPrince<kTheta + 2 * kMaxMasses + 4>;
   using State = Integrator::State;
+
+  // The equations' answer, and what else decides whether a regime goes on: the slip velocity along the direction of the
+  // slip while it slides, the height in flight. Rolling sets neither.
+  struct Instant : Motion {
+    double left = 0;
+    double climb_mps = 0;  // flight: the height's rate
+  };
 
   struct MassPoint {
     std::array<double, kMaxMasses> position, velocity, acceleration;  // acceleration: prescribed masses only
   };
 
   MassPoint mass_point(double time_s, const double* y) const;
-  void evaluate(double time_s, const double* y, Motion& motion) const;
+  std::array<double, kMaxMasses> motor_forces(const MassPoint& masses) const;
+  void evaluate(double time_s, const double* y, Instant& motion) const;
+  void evaluate_open(const double* y, const MassPoint& masses, const double* drive, Instant& motion) const;
+  // At the state reached, whatever the regime.
+  OpenContact open_contact_now() const;
+  Eigen::Vector3d slip_W_mps(const double* y) const;  // of the contact point; third entry: the height's rate
   void derivative(double time_s, const double* y, double* dydt);
   using PerMass = std::array<double, kMaxMasses>;
   // What the motors must give, rotor inertia included, for the masses to move as `motion` has them.
   PerMass needed_torques(const double* y, const Motion& motion, const MassPoint& masses) const;
 
+  void start_regime();
   void after_jump();
+  void aim_slip();
   void integrate_to(double target_s);
-  void take_step(double h);
-  bool violated(const Motion& motion) const;
-  void set_end(const Motion& motion);
-  Motion motion_inside(double h, double part);
+  bool take_step(double h);
+  bool violated(const Instant& motion) const;
+  double ratio(const Instant& motion) const;
+  Instant motion_inside(double h, double part);
   double first_violation(double h, double violated_part);
-  void note(double time_s, const Motion& motion);
+  void note(double time_s, const Instant& motion);
+  void note_mu(double time_s, double mu);
   void note_motors();
+
+  // Where a regime has ended, at time_s_: what comes next.
+  void leave_regime();
+  void enter(Regime regime);
+  void land();
+  void touch(const Eigen::Vector2d& slip_W_mps);  // in contact, neither leaving nor arriving
+  void end_inconsistent(std::string text);
 
   Scenario scenario_;
   Body body_;
   bool driven_;
-  std::size_t size_;  // of the state in use
+  std::size_t contact_size_;  // of the rolling state
+  std::size_t size_;          // of the state in use
   double static_friction_;
+  double kinetic_friction_;
+  double speed_scale_mps_;  // sqrt(g r)
   std::vector<PrescribedMotion> motion_;
   std::vector<std::size_t> piece_;
   std::vector<Stepper> steppers_;
@@ -133,12 +195,20 @@ class Plant {
   double time_s_ = 0;
   State y_{};
   State dydt_{};         // at time_s_, after any jump
-  Motion now_{};         // likewise
+  Instant now_{};        // likewise
   PerMass torque_nm_{};  // of the motors' shafts, likewise
-  Motion scratch_{};     // of the latest derivative()
+  Instant scratch_{};    // of the latest derivative()
   double step_s_;        // what the error estimate last allowed
   Integrator integrator_;
   Integrator probe_;  // for looking inside a step
+  Regime regime_ = Regime::kRolling;
+  Eigen::Vector2d slip_direction_W_{1, 0};  // sliding: as the step began
+  bool slip_begins_ = false;                // sliding: too slow yet for a direction of its own
+  std::vector<RegimeStart> regimes_;
+  std::vector<ImpactRecord> impacts_;
+  bool rolling_lost_ = false;
+  double last_change_s_ = -1;
+  int changes_here_ = 0;
   PhysicsEnd end_ = PhysicsEnd::kNone;
   std::string end_text_;
   ContactExtrema extrema_;

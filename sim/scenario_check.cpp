@@ -186,15 +186,18 @@ void read_published(TableReader table, std::vector<Scenario::Published>& publish
   if (quantity && value && source) published.push_back({*quantity, *value, *source});
 }
 
+// In contact and neither arriving nor leaving, a ball that does not roll slides, and that takes a finite friction.
+void check_start(TableReader& root, const Scenario& scenario) {
+  const auto& initial = scenario.initial;
+  if (!initial.has_velocity || initial.height_m > 0 || initial.velocity_W_mps[2] != 0) return;
+  if (std::isfinite(scenario.surface.kinetic_friction)) return;
+  root.refuse("initial.velocity",
+              "starts sliding on a floor of infinite friction; allowed: the rolling velocity, or a finite "
+              "surface.kinetic_friction");
+}
+
 // What the scenario format has and the plant does not do yet. Everything of that kind is refused here and nowhere else.
-void refuse_unsupported(TableReader& root, const Scenario& scenario) {
-  if (scenario.run.on_violation == OnViolation::kContinue) {
-    root.refuse("run.on_violation", "is not supported yet; allowed: \"stop\"");
-  }
-  if (scenario.initial.has_velocity) {
-    root.refuse("initial.velocity", "other than the rolling velocity is not supported yet; allowed: leave it out");
-  }
-  if (scenario.initial.height_m > 0) root.refuse("initial.height", "above 0 is not supported yet; allowed: 0");
+void refuse_unsupported(TableReader& root) {
   const Node* masses = root.node("mass");
   for (std::size_t i = 0; masses != nullptr && i < masses->items.size(); ++i) {
     const Node* rail = masses->items[i].find("rail");
@@ -239,7 +242,8 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
   }
 
   root.refuse_unknown_keys();
-  refuse_unsupported(root, scenario);
+  check_start(root, scenario);
+  refuse_unsupported(root);
   return scenario;
 }
 

@@ -10,6 +10,22 @@ double friction_margin(double normal_force_n, double static_friction_n, double s
   return std::max(-1.0, 1 - static_friction_n / (static_friction_coefficient * normal_force_n));
 }
 
+namespace {
+
+std::int8_t regime_code(sim::Regime regime) {
+  switch (regime) {
+    case sim::Regime::kRolling:
+      return contact_t::REGIME_ROLLING;
+    case sim::Regime::kSliding:
+      return contact_t::REGIME_SLIDING;
+    case sim::Regime::kFlight:
+      return contact_t::REGIME_FLIGHT;
+  }
+  return contact_t::REGIME_ROLLING;
+}
+
+}  // namespace
+
 PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick,
                              bool last) {
   const std::int64_t utime = tick < 0 ? hal::tick_utime(tick, scenario.run.control_period_s)
@@ -25,9 +41,10 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
 
   m.contact.normal_force_n = sample.normal_force_n;
   m.contact.static_friction_n = sample.static_friction_n;
-  m.contact.mu_required = sim::Plant::mu_required(sample.normal_force_n, sample.static_friction_n);
+  const bool flies = sample.regime == sim::Regime::kFlight;
+  m.contact.mu_required = flies ? 0 : sim::Plant::mu_required(sample.normal_force_n, sample.static_friction_n);
   m.contact.margin = friction_margin(sample.normal_force_n, sample.static_friction_n, scenario.surface.static_friction);
-  m.contact.regime = contact_t::REGIME_ROLLING;
+  m.contact.regime = regime_code(sample.regime);
 
   m.sensors.scenario_id = scenario.id;
   m.state.mass_count = m.sensors.mass_count = mass_count;

@@ -153,6 +153,9 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   result.wall_time_s = std::chrono::duration<double>(Clock::now() - wall_start).count();
   result.end_text = plant.end_text();
   result.final_sample = plant.sample();
+  result.regimes = plant.regimes();
+  result.impacts = plant.impacts();
+  result.rolling_lost = plant.rolling_lost();
   result.extrema = plant.extrema();
   for (int i = 0; i < sim::kMaxMasses; ++i) result.motor_extrema[static_cast<std::size_t>(i)] = plant.motor_extrema(i);
   result.motors = pulse_record.motors;

@@ -7,6 +7,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "sim/plant.h"
 #include "tools/sil/lap.h"
@@ -34,6 +35,9 @@ struct RunResult {
   EndReason end_reason = EndReason::kCompleted;
   std::string end_text;  // inconsistent: why
   sim::Plant::Sample final_sample;
+  std::vector<sim::RegimeStart> regimes;
+  std::vector<sim::ImpactRecord> impacts;
+  bool rolling_lost = false;  // rolling ended by slip or detachment at least once
   sim::ContactExtrema extrema;
   std::array<sim::MotorExtrema, sim::kMaxMasses> motor_extrema;
   std::array<MotorRecord, sim::kMaxMasses> motors;

@@ -20,6 +20,18 @@ struct Floor {
 constexpr Floor kFloors[] = {{"aluminium", .42}, {"steel", .35},    {"titanium", .34}, {"nickel", .33},
                              {"copper", .28},    {"chromium", .27}, {"glass", .17},    {"graphite", .16}};
 
+const char* regime_name(sim::Regime regime) {
+  switch (regime) {
+    case sim::Regime::kRolling:
+      return "rolling";
+    case sim::Regime::kSliding:
+      return "sliding";
+    case sim::Regime::kFlight:
+      return "flight";
+  }
+  return "";
+}
+
 const char* trip_cause(int cause) {
   switch (cause) {
     case trip_t::CAUSE_NORMAL_FORCE:
@@ -57,8 +69,11 @@ const char* fault_cause(std::int32_t faults) {
 
 Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
+// Whether the ball rolls on such a floor, as far as this run can tell: up to where rolling was lost, and never if the
+// run did not start rolling.
 bool holds(const RunResult& result, double static_friction) {
-  return result.extrema.normal_force_min.value > 0 && result.extrema.mu_required_max.value <= static_friction;
+  return result.regimes.front().regime == sim::Regime::kRolling && result.extrema.normal_force_min.value > 0 &&
+         result.extrema.mu_required_max.value <= static_friction;
 }
 
 // What this run gives for a quantity somebody has published.
@@ -115,9 +130,22 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                 {"orientation", {f.orientation[0], f.orientation[1], f.orientation[2], f.orientation[3]}},
                 {"angular_velocity",
                  {f.angular_velocity_B_radps[0], f.angular_velocity_B_radps[1], f.angular_velocity_B_radps[2]}},
-                {"position", {f.position_W_m[0], f.position_W_m[1], f.position_W_m[2]}}};
-  j["regimes"] = Json::array({{{"regime", "rolling"}, {"start", 0.0}, {"end", f.time_s}}});
+                {"position", {f.position_W_m[0], f.position_W_m[1], f.position_W_m[2]}},
+                {"velocity", {f.velocity_W_mps[0], f.velocity_W_mps[1], f.velocity_W_mps[2]}}};
+  j["regimes"] = Json::array();
+  for (std::size_t i = 0; i < result.regimes.size(); ++i) {
+    const double regime_end_s = i + 1 < result.regimes.size() ? result.regimes[i + 1].time_s : f.time_s;
+    j["regimes"].push_back({{"regime", regime_name(result.regimes[i].regime)},
+                            {"start", result.regimes[i].time_s},
+                            {"end", regime_end_s}});
+  }
   j["impacts"] = Json::array();
+  for (const auto& impact : result.impacts) {
+    j["impacts"].push_back({{"time", impact.time_s},
+                            {"normal_impulse", impact.normal_impulse_ns},
+                            {"friction_impulse", impact.friction_impulse_ns},
+                            {"sticking", impact.sticking}});
+  }
   j["trip"] = nullptr;
   if (result.trip.tripped != 0) {
     j["trip"] = {{"cause", trip_cause(result.trip.cause)},
@@ -179,6 +207,22 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
       break;
   }
   text += "\n";
+  if (result.regimes.size() > 1 || result.regimes.front().regime != sim::Regime::kRolling) {
+    constexpr std::size_t kShown = 8;
+    text += "  regimes     ";
+    for (std::size_t i = 0; i < std::min(result.regimes.size(), kShown); ++i) {
+      text += format("%s%s from %.6g s", i == 0 ? "" : ", ", regime_name(result.regimes[i].regime),
+                     result.regimes[i].time_s);
+    }
+    if (result.regimes.size() > kShown) text += format(", ... (%zu in all)", result.regimes.size());
+    text += "\n";
+  }
+  if (!result.impacts.empty()) {
+    double hardest = 0;
+    for (const auto& impact : result.impacts) hardest = std::max(hardest, impact.normal_impulse_ns);
+    text += format("  impacts     %zu, the first at t = %.6g s, the hardest %.6g N s\n", result.impacts.size(),
+                   result.impacts.front().time_s, hardest);
+  }
   if (result.trip.tripped != 0) {
     text += format("  trip        %s at t = %.6f s: %.6g, limit %.6g", trip_cause(result.trip.cause),
                    result.trip.trip_time_s, result.trip.value, result.trip.limit);
@@ -208,7 +252,11 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     std::string& list = holds(result, floor.static_friction) ? holds_on : slips_on;
     list += format("%s%s %.2f", list.empty() ? "" : ", ", floor.name, floor.static_friction);
   }
-  if (result.end_reason != EndReason::kCompleted) text += "; what follows speaks of the time up to the end";
+  if (result.end_reason != EndReason::kCompleted) {
+    text += "; what follows speaks of the time up to the end";
+  } else if (result.rolling_lost) {
+    text += "; what follows speaks of the time up to where rolling was lost";
+  }
   text += "\n  holds on    " + (holds_on.empty() ? "none of the paper's floors" : holds_on);
   if (!slips_on.empty()) text += "\n  not on      " + slips_on;
   text += "\n";
@@ -237,7 +285,8 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
 }
 
 int exit_status(const RunResult& result) {
-  return result.end_reason == EndReason::kCompleted && result.trip.tripped == 0 && !result.controller_trip ? 0 : 3;
+  const bool inside = result.end_reason == EndReason::kCompleted && !result.rolling_lost;
+  return inside && result.trip.tripped == 0 && !result.controller_trip ? 0 : 3;
 }
 
 }  // namespace ballast::sil
