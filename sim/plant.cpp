@@ -20,7 +20,7 @@ constexpr double kTolerance = 1e-12;
 // direction wrong by some 1e-8 for the 1e-4 sqrt(r/g) or less that a slip takes to reach its threshold, and the like.
 constexpr double kRestSpeed = 1e-6;
 constexpr double kSlipBegins = 1e-8;
-constexpr double kSlipVanishes = 1e-10;
+constexpr double kSlipVanishes = 1e-12;
 
 // Changes of regime at one instant after which there is no hope of an end.
 constexpr int kMostChanges = 16;

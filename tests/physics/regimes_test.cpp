@@ -1,0 +1,512 @@
+// Sliding, flight, impact and back: the plant's regimes against closed forms, conserved quantities and an integration
+// written here mass by mass.
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <numbers>
+
+#include "sim/plant.h"
+#include "tests/physics/random_robot.h"
+
+namespace ballast::sim {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+void go(Plant& plant, const Scenario& scenario, double period_s) {
+  for (std::int64_t k = 1; plant.time_s() < scenario.duration_s && plant.end() == PhysicsEnd::kNone; ++k) {
+    plant.advance(std::min(static_cast<double>(k) * period_s, scenario.duration_s), {});
+  }
+}
+
+std::vector<Regime> order(const Plant& plant) {
+  std::vector<Regime> regimes;
+  for (const auto& r : plant.regimes()) regimes.push_back(r.regime);
+  return regimes;
+}
+
+// Homogeneous, 2/5 m r^2.
+Scenario billiard_ball() {
+  Scenario s;
+  s.duration_s = 2;
+  s.gravity_mps2 = 9.81;
+  s.run.actuation = Actuation::kPrescribed;
+  s.run.on_violation = OnViolation::kContinue;
+  s.ball = {.radius_m = 0.03, .mass_kg = 0.2, .inertia_kgm2 = {}, .center_of_mass_B_m = {0, 0, 0}};
+  s.ball.inertia_kgm2.setConstant(0.4 * 0.2 * 0.03 * 0.03);
+  s.surface = {.static_friction = 0.25, .kinetic_friction = 0.2, .restitution = 0};
+  return s;
+}
+
+void start_with(Scenario& s, const Vector3d& velocity_W_mps, double height_m = 0) {
+  s.initial.has_velocity = true;
+  s.initial.velocity_W_mps = velocity_W_mps;
+  s.initial.height_m = height_m;
+}
+
+// Sliding ends at 2 v0 / (7 mu g) with 5/7 v0, whatever the ticks and also where the run is to stop at violations.
+TEST(Sliding, BilliardBallRollsAtFiveSevenths) {
+  for (const double period_s : {0.001, 0.01, 0.5}) {
+    for (const auto on_violation : {OnViolation::kContinue, OnViolation::kStop}) {
+      SCOPED_TRACE(period_s);
+      Scenario s = billiard_ball();
+      s.run.on_violation = on_violation;
+      start_with(s, {1.2, -1.6, 0});
+      Plant plant(s);
+      go(plant, s, period_s);
+      ASSERT_EQ(order(plant), (std::vector{Regime::kSliding, Regime::kRolling}));
+      EXPECT_EQ(plant.regimes()[0].time_s, 0);
+      EXPECT_NEAR(plant.regimes()[1].time_s, 2 * 2.0 / (7 * 0.2 * 9.81), 1e-9);
+      EXPECT_LT((plant.sample().velocity_W_mps - 5.0 / 7 * Vector3d(1.2, -1.6, 0)).norm(), 1e-9);
+      EXPECT_EQ(plant.time_s(), s.duration_s);
+      EXPECT_FALSE(plant.rolling_lost());
+      EXPECT_EQ(plant.extrema().mu_required_max.value, 0.2);
+      EXPECT_NEAR(plant.extrema().normal_force_min.value, 0.2 * 9.81, 1e-12);
+    }
+  }
+}
+
+// Backspin: v' = -mu g e, spin by mu g r / (2/5 r^2); draw shot that comes back. Slip v0 + r w0 vanishes after 2/7 of
+// it over mu g.
+TEST(Sliding, DrawShotComesBack) {
+  Scenario s = billiard_ball();
+  const double v0 = 0.5, spin = 100;  // about -e2: the contact point runs ahead
+  s.initial.angular_velocity_B_radps = {0, -spin, 0};
+  start_with(s, {v0, 0, 0});
+  Plant plant(s);
+  go(plant, s, 0.01);
+  const double end_s = 2 * (v0 + 0.03 * spin) / (7 * 0.2 * 9.81);
+  ASSERT_EQ(order(plant), (std::vector{Regime::kSliding, Regime::kRolling}));
+  EXPECT_NEAR(plant.regimes()[1].time_s, end_s, 1e-9);
+  EXPECT_NEAR(plant.sample().velocity_W_mps[0], v0 - 0.2 * 9.81 * end_s, 1e-9);
+  EXPECT_LT(plant.sample().velocity_W_mps[0], 0);
+}
+
+// Section 4 written out mass by mass as one linear system in (a, Omegadot, N), and integrated with the classical
+// Runge-Kutta method in small steps: a ball whose centre of mass and three masses are off its centre.
+TEST(Sliding, OffCentreBallAgreesWithAnIndependentIntegration) {
+  constexpr std::uint64_t kSeed = 17;
+  int compared = 0;
+  for (int trial = 0; trial < 8; ++trial) {
+    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    Scenario s = random.scenario(3);
+    s.run.on_violation = OnViolation::kContinue;
+    for (auto& mass : s.masses) mass.motion.clear();
+    s.surface = {.static_friction = 0.3, .kinetic_friction = 0.2, .restitution = 0};
+    const double r = s.ball.radius_m, scale = std::sqrt(s.gravity_mps2 * r);
+    start_with(s, 2 * scale * Vector3d(random.uniform(-1, 1), random.uniform(-1, 1), 0));
+    Plant plant(s);
+    s.duration_s = 0.3 * r / scale;
+    go(plant, s, 0.05);
+    if (plant.regimes().size() != 1 || plant.end() != PhysicsEnd::kNone) continue;
+    ++compared;
+
+    using State = Eigen::Matrix<double, 12, 1>;  // q, Omega, x y, vx vy vz
+    const auto rhs = [&](double t, const State& y) {
+      const Eigen::Quaterniond q(y[0], y[1], y[2], y[3]);
+      const Vector3d w = y.segment<3>(4), up = q.conjugate() * Vector3d::UnitZ();
+      const Vector3d slip = Vector3d(y[9], y[10], 0) - (q * w).cross(Vector3d(0, 0, r));
+      const Vector3d pushed = up - 0.2 * (q.conjugate() * slip.normalized());  // R_B / N
+      Eigen::Matrix<double, 7, 7> matrix = Eigen::Matrix<double, 7, 7>::Zero();
+      Eigen::Matrix<double, 7, 1> right = Eigen::Matrix<double, 7, 1>::Zero();
+      const auto hat = [](const Vector3d& v) {
+        Eigen::Matrix3d m;
+        m << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
+        return m;
+      };
+      const auto add = [&](double m, const Vector3d& at, const Vector3d& c) {
+        matrix.block<3, 3>(0, 0) += m * Eigen::Matrix3d::Identity();
+        matrix.block<3, 3>(0, 3) -= m * hat(at);
+        matrix.block<3, 3>(3, 0) += m * hat(at);
+        matrix.block<3, 3>(3, 3) -= m * hat(at) * hat(at);
+        right.head<3>() -= m * (c + s.gravity_mps2 * up);
+        right.segment<3>(3) -= m * at.cross(c + s.gravity_mps2 * up);
+      };
+      add(s.ball.mass_kg, s.ball.center_of_mass_B_m, w.cross(w.cross(s.ball.center_of_mass_B_m)));
+      for (const auto& mass : s.masses) {
+        const auto rail = firmware::evaluate(mass.rail, mass.initial_position + t * mass.initial_velocity);
+        const double rate = mass.initial_velocity;
+        add(mass.mass_kg, rail.position, w.cross(w.cross(rail.position) + 2 * rate * rail.d1) + rate * rate * rail.d2);
+      }
+      matrix.block<3, 3>(3, 3) += Eigen::Matrix3d(s.ball.inertia_kgm2.asDiagonal());
+      right.segment<3>(3) -= w.cross(s.ball.inertia_kgm2.cwiseProduct(w));
+      right.head<3>() += q.conjugate() * s.external_force_W_n;
+      matrix.block<3, 1>(0, 6) = -pushed;
+      matrix.block<3, 1>(3, 6) = r * up.cross(pushed);
+      matrix.block<1, 3>(6, 0) = up.transpose();
+      const Eigen::Matrix<double, 7, 1> u = matrix.fullPivLu().solve(right);
+      const Eigen::Quaterniond dq = q * Eigen::Quaterniond(0, w[0] / 2, w[1] / 2, w[2] / 2);
+      const Vector3d a = q * Vector3d(u.head<3>());
+      State d;
+      d << dq.w(), dq.x(), dq.y(), dq.z(), u[3], u[4], u[5], y[9], y[10], a[0], a[1], a[2];
+      return d;
+    };
+    State y = State::Zero();
+    const auto& q0 = s.initial.orientation;
+    y.head<4>() << q0.w(), q0.x(), q0.y(), q0.z();
+    y.segment<3>(4) = s.initial.angular_velocity_B_radps;
+    y.segment<2>(7) = s.initial.position_W_m;
+    y.tail<3>() = s.initial.velocity_W_mps;
+    constexpr int kSteps = 4000;  // error of some (1/4000)^4 times the number of e-foldings: below 1e-12
+    const double h = s.duration_s / kSteps;
+    for (int i = 0; i < kSteps; ++i) {
+      const double t = i * h;
+      const State k1 = rhs(t, y), k2 = rhs(t + h / 2, y + h / 2 * k1), k3 = rhs(t + h / 2, y + h / 2 * k2),
+                  k4 = rhs(t + h, y + h * k3);
+      y += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
+    }
+    const auto p = plant.sample();
+    EXPECT_LT((p.orientation - y.head<4>()).norm(), 1e-9);
+    EXPECT_LT((p.angular_velocity_B_radps - y.segment<3>(4)).norm(), 1e-9 * scale / r);
+    EXPECT_LT((p.velocity_W_mps - y.tail<3>()).norm(), 1e-9 * scale);
+    EXPECT_LT((p.position_W_m.head<2>() - y.segment<2>(7)).norm(), 1e-9);
+    EXPECT_LT(std::abs(y[11]),
+              1e-9 * scale);  // the constraint, which nothing in the reference enforces on the velocity
+  }
+  EXPECT_GE(compared, 4);
+}
+
+// Kinetic energy and height of a ball without moving masses.
+double energy(const Scenario& s, const Plant::Sample& p) {
+  const Eigen::Quaterniond q(p.orientation[0], p.orientation[1], p.orientation[2], p.orientation[3]);
+  const Vector3d& w = p.angular_velocity_B_radps;
+  const Vector3d v = p.velocity_W_mps + q * w.cross(s.ball.center_of_mass_B_m);
+  return s.ball.mass_kg *
+             (v.squaredNorm() / 2 + s.gravity_mps2 * (p.position_W_m + q * s.ball.center_of_mass_B_m).z()) +
+         w.dot(s.ball.inertia_kgm2.cwiseProduct(w)) / 2;
+}
+
+Scenario loaded_ball(double offset, double static_friction, double kinetic_friction, double restitution) {
+  Scenario s;
+  s.duration_s = 8;
+  s.gravity_mps2 = 1;
+  s.run.actuation = Actuation::kPrescribed;
+  s.run.on_violation = OnViolation::kContinue;
+  s.ball = {.radius_m = 1, .mass_kg = 1, .inertia_kgm2 = {0.3, 0.35, 0.4}, .center_of_mass_B_m = {0, 0, -offset}};
+  s.surface = {.static_friction = static_friction, .kinetic_friction = kinetic_friction, .restitution = restitution};
+  s.initial.orientation = Eigen::Quaterniond(Eigen::AngleAxisd(1.1, Vector3d(1, 2, 0).normalized()));
+  return s;
+}
+
+// Through sliding, rolling, flight and impacts of a ball with its weight off centre, energy never rises, and the
+// result does not depend on the ticks.
+TEST(Regimes, EnergyOnlyFallsAndTicksDoNotMatter) {
+  int slides = 0, flights = 0, rolls = 0;
+  for (const double friction : {0.1, 0.3}) {
+    for (const double kinetic : {1.0, 0.7}) {
+      for (const double restitution : {0.0, 0.6}) {
+        SCOPED_TRACE(::testing::Message() << friction << " " << kinetic << " " << restitution);
+        Scenario s = loaded_ball(0.4, friction, kinetic * friction, restitution);
+        s.initial.angular_velocity_B_radps = {0.5, 2, 0.7};
+        start_with(s, {1.5, -0.5, 0}, 0.2);
+        Plant fine(s), coarse(s);
+        double before = energy(s, fine.sample());
+        for (int k = 1; k <= 400 && fine.end() == PhysicsEnd::kNone; ++k) {
+          fine.advance(k * 0.02, {});
+          const double now = energy(s, fine.sample());
+          EXPECT_LE(now, before + 1e-10);  // the integrator's tolerance over a tick, and a slip of 1e-10 given up
+          before = now;
+        }
+        ASSERT_EQ(fine.end(), PhysicsEnd::kNone) << fine.end_text();
+        go(coarse, s, 0.37);
+        ASSERT_EQ(order(fine), order(coarse));
+        for (std::size_t i = 0; i < fine.regimes().size(); ++i) {
+          EXPECT_NEAR(fine.regimes()[i].time_s, coarse.regimes()[i].time_s, 1e-7);  // errors grow through impacts
+          slides += fine.regimes()[i].regime == Regime::kSliding;
+          flights += fine.regimes()[i].regime == Regime::kFlight;
+          rolls += fine.regimes()[i].regime == Regime::kRolling;
+          if (i > 0) {
+            EXPECT_GT(fine.regimes()[i].time_s, fine.regimes()[i - 1].time_s);
+            EXPECT_NE(fine.regimes()[i].regime, fine.regimes()[i - 1].regime);
+          }
+        }
+        EXPECT_EQ(fine.regimes()[0].time_s, 0);
+      }
+    }
+  }
+  EXPECT_GE(slides, 4);
+  EXPECT_GE(flights, 4);
+  EXPECT_GE(rolls, 2);
+}
+
+// At an energy-conserving floor nothing is lost in a smooth-contact drop: no slip, no offset.
+TEST(Impact, BounceHeightsFollowRestitution) {
+  for (const double e : {0.0, 0.6}) {
+    SCOPED_TRACE(e);
+    Scenario s = billiard_ball();
+    s.surface.restitution = e;
+    s.initial.height_m = 0.5;
+    s.duration_s = 3;
+    Plant plant(s);
+    go(plant, s, 0.01);
+    const double first_s = std::sqrt(2 * 0.5 / 9.81), speed = 9.81 * first_s;
+    ASSERT_EQ(order(plant), (std::vector{Regime::kFlight, Regime::kRolling}));
+    ASSERT_FALSE(plant.impacts().empty());
+    double t = first_s, v = speed;
+    for (const auto& impact : plant.impacts()) {
+      EXPECT_NEAR(impact.time_s, t, 1e-9);
+      const bool rest = v < 1e-6 * std::sqrt(9.81 * 0.03);
+      EXPECT_NEAR(impact.normal_impulse_ns, 0.2 * v * (1 + (rest ? 0 : e)), 1e-9 * 0.2 * speed);
+      EXPECT_TRUE(impact.sticking);
+      EXPECT_NEAR(impact.friction_impulse_ns, 0, 1e-12);
+      v *= e;
+      t += 2 * v / 9.81;
+    }
+    // Rest: the geometric series' end, but for the bounces below the rest speed.
+    EXPECT_NEAR(plant.regimes()[1].time_s, first_s + (e == 0 ? 0 : 2 * speed / 9.81 * e / (1 - e)), 1e-6);
+    EXPECT_EQ(plant.sample().position_W_m[2], 0);
+    EXPECT_EQ(plant.sample().velocity_W_mps.norm(), 0);
+    EXPECT_EQ(plant.extrema().normal_force_min.value, 0);
+  }
+}
+
+// A spinning ball dropped: |P_t| = mu P_n if the slip outlives the impact, else what stops it: 2/7 m r w.
+TEST(Impact, FrictionIsCoulombs) {
+  for (const double spin : {20.0, 400.0}) {
+    SCOPED_TRACE(spin);
+    Scenario s = billiard_ball();
+    s.initial.angular_velocity_B_radps = {0, spin, 0};
+    start_with(s, {0, 0, 0}, 0.3);
+    Plant plant(s);
+    go(plant, s, 0.01);
+    const double normal = 0.2 * std::sqrt(2 * 9.81 * 0.3), stop = 2.0 / 7 * 0.2 * 0.03 * spin;
+    ASSERT_EQ(plant.impacts().size(), 1u);
+    const bool sticks = stop <= 0.25 * normal;
+    EXPECT_EQ(sticks, spin == 20.0);  // both are tried
+    EXPECT_EQ(plant.impacts()[0].sticking, sticks);
+    EXPECT_NEAR(plant.impacts()[0].normal_impulse_ns, normal, 1e-10);
+    EXPECT_NEAR(plant.impacts()[0].friction_impulse_ns, sticks ? stop : 0.2 * normal, 1e-10);
+    if (sticks) {
+      EXPECT_EQ(order(plant), (std::vector{Regime::kFlight, Regime::kRolling}));
+    } else {
+      EXPECT_EQ(order(plant), (std::vector{Regime::kFlight, Regime::kSliding, Regime::kRolling}));
+    }
+    // Either way a homogeneous ball ends with 2/7 of the surface speed.
+    EXPECT_NEAR(plant.sample().velocity_W_mps[0], 2.0 / 7 * 0.03 * spin, 1e-9);
+  }
+}
+
+// In flight the system's centre of mass flies a parabola, and its angular momentum about it stays, masses moving or
+// not.
+TEST(Flight, CenterOfMassIsBallisticAndAngularMomentumStays) {
+  constexpr std::uint64_t kSeed = 23;
+  for (int trial = 0; trial < 10; ++trial) {
+    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    Scenario s = random.scenario(1 + trial % 5);
+    s.external_force_W_n.setZero();
+    s.run.on_violation = OnViolation::kContinue;
+    const double r = s.ball.radius_m, g = s.gravity_mps2, speed = std::sqrt(g * r);
+    start_with(s, speed * Vector3d(random.uniform(-1, 1), random.uniform(-1, 1), 3), r);
+    Plant plant(s);
+    double total = s.ball.mass_kg;
+    for (const auto& m : s.masses) total += m.mass_kg;
+    struct Whole {
+      Vector3d center, velocity, momentum;
+    };
+    const auto whole = [&] {
+      const auto p = plant.sample();
+      const Eigen::Quaterniond q(p.orientation[0], p.orientation[1], p.orientation[2], p.orientation[3]);
+      const Vector3d& w = p.angular_velocity_B_radps;
+      std::vector<std::array<Vector3d, 2>> points;
+      std::vector<double> mass;
+      const auto add = [&](double m, const Vector3d& at, const Vector3d& rate) {
+        points.push_back({p.position_W_m + q * at, p.velocity_W_mps + q * (w.cross(at) + rate)});
+        mass.push_back(m);
+      };
+      add(s.ball.mass_kg, s.ball.center_of_mass_B_m, Vector3d::Zero());
+      for (std::size_t i = 0; i < s.masses.size(); ++i) {
+        const auto rail = firmware::evaluate(s.masses[i].rail, p.mass_position[i]);
+        add(s.masses[i].mass_kg, rail.position, p.mass_velocity[i] * rail.d1);
+      }
+      Whole out{Vector3d::Zero(), Vector3d::Zero(), q * Vector3d(s.ball.inertia_kgm2.cwiseProduct(w))};
+      for (std::size_t i = 0; i < mass.size(); ++i) {
+        out.center += mass[i] / total * points[i][0];
+        out.velocity += mass[i] / total * points[i][1];
+      }
+      for (std::size_t i = 0; i < mass.size(); ++i) {
+        out.momentum += mass[i] * (points[i][0] - out.center).cross(points[i][1] - out.velocity);
+      }
+      return out;
+    };
+    const Whole start = whole();
+    const double t = 2 * speed / g;
+    s.duration_s = t;
+    go(plant, s, 0.01);
+    ASSERT_EQ(order(plant), std::vector{Regime::kFlight});
+    const Whole end = whole();
+    const Vector3d gravity(0, 0, -g);
+    // Steps good to 1e-12, some hundred of them.
+    EXPECT_LT((end.center - start.center - t * start.velocity - t * t / 2 * gravity).norm(), 1e-9 * r);
+    EXPECT_LT((end.velocity - start.velocity - t * gravity).norm(), 1e-9 * speed);
+    EXPECT_LT((end.momentum - start.momentum).norm(), 1e-9 * total * r * speed);
+    EXPECT_EQ(plant.sample().normal_force_n, 0);
+    EXPECT_EQ(plant.sample().static_friction_n, 0);
+    EXPECT_EQ(plant.extrema().mu_required_max.value, 0);
+  }
+}
+
+// A ball with one mass on a vertical line: N = M g + m thetaddot = 25 - 50 t until it leaves at t = 0.5; then its
+// centre obeys z'' = -g - m thetaddot / M = 20 (t - 1/2), and z = 10/3 (t - 1/2)^3 as long as the mass goes on like
+// that.
+TEST(Flight, HopWithAMassMovingAgreesWithTheClosedForm) {
+  Scenario s;
+  s.duration_s = 0.8;
+  s.gravity_mps2 = 10;
+  s.run.actuation = Actuation::kPrescribed;
+  s.run.on_violation = OnViolation::kContinue;
+  s.ball = {.radius_m = 1, .mass_kg = 2, .inertia_kgm2 = {0.8, 0.8, 0.8}, .center_of_mass_B_m = {0, 0, 0}};
+  Mass m;
+  m.mass_kg = 0.5;
+  m.rail = firmware::line({0, 0, 0}, {0, 0, 1});
+  m.motion = {{2.0, 0, -200}};
+  m.motor.shaft_ratio = m.motor.holding_torque_nm = m.motor.rotor_inertia_kgm2 = m.motor.corner_speed_radps = 1;
+  s.masses.push_back(m);
+  for (const double period_s : {0.001, 0.07, 0.8}) {
+    SCOPED_TRACE(period_s);
+    Plant plant(s);
+    go(plant, s, period_s);
+    ASSERT_EQ(order(plant), (std::vector{Regime::kRolling, Regime::kFlight}));
+    EXPECT_NEAR(plant.regimes()[1].time_s, 0.5, 1e-9);
+    EXPECT_NEAR(plant.sample().position_W_m[2], 10.0 / 3 * 0.3 * 0.3 * 0.3, 1e-9);
+    EXPECT_NEAR(plant.sample().velocity_W_mps[2], 10 * 0.3 * 0.3, 1e-9);
+    EXPECT_NEAR(plant.sample().acceleration_B_mps2[2], 20 * 0.3, 1e-9);
+    EXPECT_TRUE(plant.rolling_lost());
+  }
+}
+
+// Where rolling slips, with kinetic friction less than or equal to static: contact forces on the cone, the slip begins
+// against them, and it ends where the slip does.
+TEST(Regimes, RollingSlipsWhereStopSaysAndComesBack) {
+  for (const double kinetic : {0.17, 0.12}) {
+    SCOPED_TRACE(kinetic);
+    auto read = read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/paper_ball.toml", {"run.actuation=prescribed"});
+    ASSERT_TRUE(read.ok());
+    Scenario s = read.scenario;
+    s.surface.static_friction = 0.17;
+    s.surface.kinetic_friction = kinetic;
+    s.duration_s = 9;
+    Plant stops(s);
+    go(stops, s, 0.01);
+    EXPECT_EQ(stops.end(), PhysicsEnd::kSlipped);
+    EXPECT_EQ(order(stops), std::vector{Regime::kRolling});
+    s.run.on_violation = OnViolation::kContinue;
+    Plant fine(s), coarse(s);
+    go(fine, s, 0.001);
+    go(coarse, s, 0.13);
+    ASSERT_GE(fine.regimes().size(), 3u);
+    ASSERT_EQ(order(fine), order(coarse));
+    EXPECT_NEAR(fine.regimes()[1].time_s, stops.time_s(), 1e-9);
+    for (std::size_t i = 0; i < fine.regimes().size(); ++i) {
+      std::printf("%zu %d %.12f %g\n", i, (int)fine.regimes()[i].regime, fine.regimes()[i].time_s, fine.regimes()[i].time_s-coarse.regimes()[i].time_s);
+      EXPECT_NEAR(fine.regimes()[i].time_s, coarse.regimes()[i].time_s, 1e-9);
+    }
+    EXPECT_LT((fine.sample().position_W_m - coarse.sample().position_W_m).norm(), 1e-8);
+    EXPECT_NEAR(fine.extrema().mu_required_max.value, 0.17, 1e-9);
+  }
+}
+
+// A heavy point far off centre on a very rough floor: friction along the slip digs it in. The critical kinetic friction
+// is (1/M + x^2/I) / (x h / I) with x and h the contact's distances from the centre of mass.
+TEST(Inconsistent, PainleveIsNamed) {
+  const auto slide = [](double kinetic_friction, double direction) {
+    Scenario s = loaded_ball(0, 10, kinetic_friction, 0);
+    s.ball.inertia_kgm2.setConstant(0.01);
+    s.ball.center_of_mass_B_m = {0.6, 0, 0.6};
+    s.initial.orientation.setIdentity();
+    start_with(s, {direction, 0, 0});
+    return Plant(s);
+  };
+  const double inertia = 0.01, x = 0.6, h = 1.6;
+  const double critical = (1 + x * x / inertia) / (x * h / inertia);
+  EXPECT_EQ(slide(0.99 * critical, -1).end(), PhysicsEnd::kNone);
+  EXPECT_EQ(slide(1.01 * critical, 1).end(), PhysicsEnd::kNone);  // the weight ahead of the contact: no digging in
+  const Plant jammed = slide(1.01 * critical, -1);
+  EXPECT_EQ(jammed.end(), PhysicsEnd::kInconsistent);
+  EXPECT_NE(jammed.end_text().find("Painleve"), std::string::npos);
+  EXPECT_EQ(jammed.time_s(), 0);
+}
+
+// The paper's heavy ball: where N falls to 0 the floor still holds it by f_s = 5.05, and without that force its centre
+// would accelerate into the floor. Perfect friction has no way on, and that is said.
+TEST(Inconsistent, PerfectFrictionThatHasNoWayOnIsNamed) {
+  auto read = read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/paper_detach.toml", {"run.on_violation=continue"});
+  ASSERT_TRUE(read.ok());
+  Plant plant(read.scenario);
+  go(plant, read.scenario, 0.01);
+  EXPECT_EQ(plant.end(), PhysicsEnd::kInconsistent);
+  EXPECT_NE(plant.end_text().find("perfect friction"), std::string::npos);
+  EXPECT_NEAR(plant.time_s(), 3.609500738, 1e-8);  // where it detaches in a run that stops there
+}
+
+// Driven masses through a drop, impacts, sliding and rolling, with the fields at rest and nothing that dissipates in
+// the motors: the magnetic springs take part, and the whole never gains energy. In flight it keeps it.
+TEST(Driven, EnergyBalanceThroughAllRegimes) {
+  Scenario s;
+  s.duration_s = 3;
+  s.gravity_mps2 = 9.81;
+  s.run.on_violation = OnViolation::kContinue;
+  s.ball = {
+      .radius_m = 0.15, .mass_kg = 0.8, .inertia_kgm2 = {0.010, 0.011, 0.012}, .center_of_mass_B_m = {0, 0, -0.01}};
+  s.surface = {.static_friction = 0.15, .kinetic_friction = 0.12, .restitution = 0.5};
+  for (int i = 0; i < 2; ++i) {
+    Mass m;
+    m.mass_kg = 0.25;
+    m.rail = firmware::circle_about(0.11, i * 1.1, 0.3);
+    m.initial_position = -1.2 + 0.4 * i;
+    m.motor.holding_torque_nm = 8;
+    m.motor.rotor_inertia_kgm2 = 1e-3;
+    m.motor.corner_speed_radps = 1e6;
+    m.motor.step_error = 0;
+    m.motor.shaft_ratio = 1;
+    s.masses.push_back(m);
+  }
+  s.initial.angular_velocity_B_radps = {1, 4, 0.5};
+  start_with(s, {0.6, 0.2, 0}, 0.1);
+  Plant plant(s);
+  const auto start = plant.sample();
+  std::array<double, 2> field;
+  for (std::size_t i = 0; i < 2; ++i) {
+    field[i] = start.mass_position[i] + std::asin(start.motor_torque_nm[i] / 8) / 50;
+  }
+  const auto whole = [&] {
+    const auto p = plant.sample();
+    const Eigen::Quaterniond q(p.orientation[0], p.orientation[1], p.orientation[2], p.orientation[3]);
+    double e = energy(s, p);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto& m = s.masses[i];
+      const auto rail = firmware::evaluate(m.rail, p.mass_position[i]);
+      const Vector3d v =
+          p.velocity_W_mps + q * (p.angular_velocity_B_radps.cross(rail.position) + p.mass_velocity[i] * rail.d1);
+      e += m.mass_kg * (v.squaredNorm() / 2 + s.gravity_mps2 * (p.position_W_m + q * rail.position).z());
+      e += m.motor.rotor_inertia_kgm2 * p.mass_velocity[i] * p.mass_velocity[i] / 2;
+      e -= m.motor.holding_torque_nm * std::cos(50 * (field[i] - p.mass_position[i])) / 50;
+    }
+    return e;
+  };
+  double before = whole();
+  const double first = before;
+  std::size_t impacts = 0;
+  bool flew = true;
+  for (int k = 1; k <= 3000 && plant.end() == PhysicsEnd::kNone; ++k) {
+    plant.advance(k * 0.001, {});
+    const double now = whole();
+    const bool flies = plant.sample().regime == Regime::kFlight;
+    if (flew && flies && plant.impacts().size() == impacts) {
+      EXPECT_NEAR(now, before, 1e-9);  // steps good to 1e-12, springs of 20 kN m/rad^2: some 1e2 times that
+    }
+    EXPECT_LE(now, before + 1e-9);
+    flew = flies;
+    impacts = plant.impacts().size();
+    before = now;
+  }
+  ASSERT_EQ(plant.end(), PhysicsEnd::kNone) << plant.end_text();
+  EXPECT_GE(plant.impacts().size(), 2u);
+  EXPECT_LT(before, first - 0.1);
+  EXPECT_GE(plant.regimes().size(), 2u);
+}
+
+}  // namespace
+}  // namespace ballast::sim
