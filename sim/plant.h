@@ -19,7 +19,7 @@
 //   - An impact slower than 1e-6 sqrt(g r) leaves no normal velocity: bouncing ends.
 //   - While a slip that has just begun is slower than 1e-8 sqrt(g r), its direction is taken from the contact's
 //     accelerations (contact.h), because the velocity's is still rounding; one that is about to vanish keeps its
-//     direction below 1e-10 sqrt(g r).
+//     direction below 1e-12 sqrt(g r).
 #pragma once
 
 #include <array>

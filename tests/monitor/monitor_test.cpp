@@ -128,6 +128,30 @@ TEST(Monitor, FrictionAboveItsLimitTrips) {
               just_above_n / 8, 0.125);
 }
 
+// Kinetic friction is within the cone: what has been lost shows in the regime only.
+TEST(Monitor, SlidingAfterRollingTrips) {
+  expect_trip(judge_changed([](Tick& t) {
+                t.contact.regime = contact_t::REGIME_SLIDING;
+                t.contact.static_friction_n = 0.5;
+              }),
+              trip_t::CAUSE_FRICTION, 3, 0.5 / 8, 0.125);
+}
+
+TEST(Monitor, ABallThatStartsSlidingHasLostNothing) {
+  Monitor monitor(limits());
+  for (std::int64_t k = 0; k < 5; ++k) {
+    Tick tick(k);
+    tick.contact.regime = contact_t::REGIME_SLIDING;
+    tick.contact.static_friction_n = 0.5;
+    expect_quiet(monitor.judge(tick.samples()));
+  }
+  expect_quiet(monitor.judge(Tick(5).samples()));  // rolls
+  Tick again(6);
+  again.contact.regime = contact_t::REGIME_SLIDING;
+  again.contact.static_friction_n = 0.5;
+  expect_trip(monitor.judge(again.samples()), trip_t::CAUSE_FRICTION, 6, 0.5 / 8, 0.125);
+}
+
 TEST(Monitor, FrictionUseScalesTheLimit) {
   MonitorLimits whole = limits();
   whole.friction_use = 1;

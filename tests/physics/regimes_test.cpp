@@ -400,7 +400,6 @@ TEST(Regimes, RollingSlipsWhereStopSaysAndComesBack) {
     ASSERT_EQ(order(fine), order(coarse));
     EXPECT_NEAR(fine.regimes()[1].time_s, stops.time_s(), 1e-9);
     for (std::size_t i = 0; i < fine.regimes().size(); ++i) {
-      std::printf("%zu %d %.12f %g\n", i, (int)fine.regimes()[i].regime, fine.regimes()[i].time_s, fine.regimes()[i].time_s-coarse.regimes()[i].time_s);
       EXPECT_NEAR(fine.regimes()[i].time_s, coarse.regimes()[i].time_s, 1e-9);
     }
     EXPECT_LT((fine.sample().position_W_m - coarse.sample().position_W_m).norm(), 1e-8);

@@ -172,12 +172,9 @@ INSTANTIATE_TEST_SUITE_P(
                       Rejection{"initial.angular_velocity=[0,0]", "initial.angular_velocity", "array of 3"},
                       Rejection{"initial.position=[0,0,0]", "initial.position", "array of 2"},
                       Rejection{"initial.height=-1", "initial.height", ">= 0"},
-                      Rejection{"initial.height=0.5", "initial.height", "not supported yet"},
-                      Rejection{"initial.velocity=[1,0,0]", "initial.velocity", "not supported yet"},
                       Rejection{"run.actuation=manual", "run.actuation", "\"prescribed\" or \"stepper\""},
                       Rejection{"run.actuation=1", "run.actuation", "\"prescribed\" or \"stepper\""},
                       Rejection{"run.on_violation=go", "run.on_violation", "\"stop\" or \"continue\""},
-                      Rejection{"run.on_violation=continue", "run.on_violation", "not supported yet"},
                       Rejection{"run.control_period=9e-7", "run.control_period", "[1e-06, 10]"},
                       Rejection{"run.control_period=4.5", "run.control_period", "<= duration = 4"},
                       Rejection{"run.timer_frequency=999", "run.timer_frequency", "[1000, 1e+09]"},
@@ -419,7 +416,7 @@ TEST(Scenario, OrientationIsNormalisedOnlyIfNearlyUnit) {
   EXPECT_EQ(only_error(kFull, {"initial.orientation=[0.600002, 0.800002, 0, 0]"}).key, "initial.orientation");
 }
 
-TEST(Scenario, AcceptsTheRollingVelocityAndNoOther) {
+TEST(Scenario, TheRollingVelocityIsNoVelocityOfItsOwn) {
   EXPECT_FALSE(accepted(kMinimal, {"initial.velocity=[0,0,0]"}).initial.has_velocity);
   // Omega = (0.1, 0.2, 0.3), a quarter turn about e1 (y -> z, z -> -y): omega = (0.1, -0.3, 0.2); radius 2:
   // omega x 2 e3 = 2 (omega_2, -omega_1, 0) = (-0.6, -0.2, 0).
@@ -428,10 +425,20 @@ TEST(Scenario, AcceptsTheRollingVelocityAndNoOther) {
   EXPECT_FALSE(accepted(kFull, turned).initial.has_velocity);
   for (const char* other : {"initial.velocity=[-0.6, -0.2, 1e-8]", "initial.velocity=[-0.60000001, -0.2, 0]",
                             "initial.velocity=[0.6, 0.2, 0]", "initial.velocity=[0, 0, 0]"}) {
-    const ScenarioError error = only_error(kFull, {turned[0], other});
-    EXPECT_EQ(error.key, "initial.velocity");
-    EXPECT_TRUE(contains(error.message, "not supported yet"));
+    EXPECT_TRUE(accepted(kFull, {turned[0], other}).initial.has_velocity);
   }
+}
+
+TEST(Scenario, AStartInSlidingNeedsAFiniteFriction) {
+  const std::string sliding = "initial.velocity=[1, 0, 0]";
+  const ScenarioError error = only_error(kMinimal, {sliding});
+  EXPECT_EQ(error.key, "initial.velocity");
+  EXPECT_TRUE(contains(error.message, "finite surface.kinetic_friction"));
+  EXPECT_TRUE(accepted(kMinimal, {sliding, "surface.kinetic_friction=0.3"}).initial.has_velocity);
+  // In the air, arriving or leaving there is no friction yet.
+  EXPECT_EQ(accepted(kMinimal, {sliding, "initial.height=0.5"}).initial.height_m, 0.5);
+  EXPECT_EQ(accepted(kMinimal, {"initial.velocity=[1, 0, -1]"}).initial.velocity_W_mps[2], -1);
+  EXPECT_EQ(accepted(kMinimal, {"run.on_violation=continue"}).run.on_violation, OnViolation::kContinue);
 }
 
 TEST(Scenario, ASplineIsCheckedAndThenRefusedAsNotSupportedYet) {

@@ -87,7 +87,8 @@ TEST(Shipped, ExactlyThese) {
     names.insert(name);
     EXPECT_EQ(shipped(name).name, name);  // results land in runs/NAME
   }
-  for (const char* name : {"desk_ball", "paper_ball", "paper_detach", "paper_disk"})
+  for (const char* name :
+       {"desk_ball", "hop", "paper_ball", "paper_detach", "paper_detach_flight", "paper_disk", "slide_to_roll"})
     EXPECT_TRUE(names.count(name)) << name;
 }
 
@@ -130,6 +131,13 @@ TEST(Shipped, PaperDetach) {
   EXPECT_EQ(s.masses[1].mass_kg, 0.1);
   EXPECT_EQ(s.masses[2].mass_kg, 60);
   EXPECT_TRUE(std::isinf(s.surface.static_friction));
+}
+
+TEST(Shipped, ThoseThatShowTheRegimesGoOn) {
+  for (const char* name : {"hop", "paper_detach_flight", "slide_to_roll"}) {
+    EXPECT_EQ(shipped(name).run.on_violation, OnViolation::kContinue) << name;
+    EXPECT_EQ(shipped(name).run.actuation, Actuation::kPrescribed) << name;
+  }
 }
 
 TEST(Shipped, PaperDisk) {

@@ -109,7 +109,9 @@ void Monitor::judge_envelope(const Samples& samples) {
   }
   if (std::isinf(limits_.static_friction)) return;  // and infinity times N = 0 would be a NaN
   const double mu_allowed = limits_.friction_use * limits_.static_friction;
-  if (static_friction_n > mu_allowed * normal_force_n) {
+  const bool slipped = has_rolled_ && samples.contact->regime == contact_t::REGIME_SLIDING;
+  has_rolled_ = has_rolled_ || samples.contact->regime == contact_t::REGIME_ROLLING;
+  if (slipped || static_friction_n > mu_allowed * normal_force_n) {
     trip(trip_t::CAUSE_FRICTION, static_friction_n / normal_force_n, mu_allowed);
   }
 }

@@ -36,7 +36,9 @@ struct Samples {
 //   nonfinite     a NaN or infinity in time, N, f_s, friction force,         value: 0, limit: 0
 //                 plant state or sensors; mu_required may be +infinity
 //   normal_force  N <= min_normal_force                                      value: N, limit: min_normal_force
-//   friction      f_s > friction_use mu_s N, never with perfect friction     value: f_s / N, limit: friction_use mu_s
+//   friction      f_s > friction_use mu_s N, or the ball slides after it     value: f_s / N, limit: friction_use mu_s
+//                 has been seen to roll (the kinetic friction is less, but
+//                 rolling is lost); never with perfect friction
 //   stale         the controller's newest status is older than the tick      value: age, limit: age allowed, in ticks
 //                 before; one never heard counts as one tick too old;
 //                 at the first tick there is nothing yet to be heard
@@ -62,6 +64,7 @@ class Monitor {
   MonitorLimits limits_;
   std::optional<std::int64_t> last_tick_;  // the latest judged
   double time_s_ = 0;                      // of the sample being judged
+  bool has_rolled_ = false;                // in some sample judged
   trip_t verdict_{};
 };
 

@@ -255,7 +255,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   if (result.end_reason != EndReason::kCompleted) {
     text += "; what follows speaks of the time up to the end";
   } else if (result.rolling_lost) {
-    text += "; what follows speaks of the time up to where rolling was lost";
+    text += "; rolling was lost, so what follows says nothing of other floors after that";
   }
   text += "\n  holds on    " + (holds_on.empty() ? "none of the paper's floors" : holds_on);
   if (!slips_on.empty()) text += "\n  not on      " + slips_on;
