@@ -158,6 +158,51 @@ TEST(Run, SummaryHasEveryFieldOfTheContract) {
   }
 }
 
+TEST(Run, ListsRegimesAndImpactsOfAHop) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run hop --out r");
+  EXPECT_EQ(run.exit_status, 3) << run.err;  // it left the ground
+  const auto s = folder.summary("r");
+  EXPECT_EQ(s["end"]["reason"], "completed");
+  ASSERT_EQ(s["regimes"].size(), 5u);
+  double end = 0;
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_EQ(s["regimes"][i]["regime"], i % 2 == 0 ? "rolling" : "flight");
+    EXPECT_EQ(s["regimes"][i]["start"], end);
+    end = s["regimes"][i]["end"];
+  }
+  EXPECT_EQ(end, 2.5);
+  EXPECT_EQ(s["regimes"][1]["start"], 0.2);  // where the mass is braked
+  EXPECT_GT(s["impacts"].size(), 4u);
+  EXPECT_TRUE(s["impacts"][0]["sticking"]);
+  EXPECT_GT(s["impacts"][0]["normal_impulse"], 0);
+  EXPECT_EQ(s["trip"]["cause"], "normal_force");
+}
+
+TEST(Run, AStartInSlidingIsNoViolation) {
+  const Folder folder;
+  EXPECT_EQ(folder.run("ballast run slide_to_roll --out r").exit_status, 0);
+  const auto s = folder.summary("r");
+  ASSERT_EQ(s["regimes"].size(), 2u);
+  EXPECT_EQ(s["regimes"][0]["regime"], "sliding");
+  EXPECT_EQ(s["trip"], nullptr);
+  EXPECT_EQ(s["surfaces"][0]["holds"], false);  // it did not roll
+}
+
+// The controller stops the masses after the slip has been seen, and the ball slides and rolls on until they rest.
+TEST(Run, ASlipTripsAndTheRunGoesOnUntilTheMassesRest) {
+  const Folder folder;
+  EXPECT_EQ(folder
+                .run("ballast run paper_ball --set surface.static_friction=0.17 "
+                     "--set run.on_violation=continue --out r")
+                .exit_status,
+            3);
+  const auto s = folder.summary("r");
+  EXPECT_EQ(s["end"]["reason"], "tripped");
+  EXPECT_EQ(s["trip"]["cause"], "friction");
+  EXPECT_GE(s["regimes"].size(), 2u);
+}
+
 TEST(Run, StatesThePapersNumberBesideItsOwn) {
   const Folder folder;
   const Outcome run = folder.run("ballast run paper_detach --actuation prescribed --out r");
