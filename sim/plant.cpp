@@ -25,6 +25,10 @@ constexpr double kRestSpeed = 1e-6;
 constexpr double kSlipBegins = 1e-8;
 constexpr double kSlipVanishes = 1e-12;
 
+// Part of the slip at the start of a step below which a stage of that step keeps the direction of the start: the
+// direction of what is left of the slip there is rounding.
+constexpr double kSlipKept = 1e-3;
+
 // Changes of regime at one instant after which there is no hope of an end.
 constexpr int kMostChanges = 16;
 
@@ -209,7 +213,7 @@ void Plant::evaluate_open(const double* y, const MassPoint& masses, const double
   Vector2d e = slip_direction_W_;
   if (slip_begins_) {
     e = follow_slip_direction(contact, kinetic_friction_, slip_direction_W_);
-  } else if (motion.left > kSlipVanishes * speed_scale_mps_) {
+  } else if (motion.left > slip_kept_mps_) {
     e = slip.normalized();
   }
   if (normal_coefficient(contact, kinetic_friction_, e) > 0) {
@@ -315,10 +319,11 @@ void Plant::aim_slip() {
     slip_direction_W_ =
         follow_slip_direction({open.free_slip_rate_W_mps2, open.compliance_W}, kinetic_friction_, slip_direction_W_);
   } else if (speed > kSlipVanishes * speed_scale_mps_) {
+    const bool same_law = !slip_begins_ && speed > slip_kept_mps_;
     slip_direction_W_ = slip / speed;
-    if (!slip_begins_) return;
+    slip_kept_mps_ = std::max(kSlipVanishes * speed_scale_mps_, kSlipKept * speed);
     slip_begins_ = false;
-    derivative(time_s_, y_.data(), dydt_.data());
+    if (!same_law) derivative(time_s_, y_.data(), dydt_.data());
   }
 }
 
@@ -546,6 +551,7 @@ void Plant::touch(const Vector2d& slip_W_mps) {
     }
     slip_begins_ = false;
     slip_direction_W_ = slip_W_mps / speed;
+    slip_kept_mps_ = kSlipKept * speed;
     enter(Regime::kSliding);
     return;
   }
@@ -581,6 +587,7 @@ void Plant::touch(const Vector2d& slip_W_mps) {
   }
   slip_begins_ = true;
   slip_direction_W_ = *direction;
+  slip_kept_mps_ = kSlipVanishes * speed_scale_mps_;
   // The contact point's velocity is 0 but for rounding: exactly that of rolling.
   const Vector3d omega_W = open.rotation_B_to_W * Vector3d(y_[kOmega], y_[kOmega + 1], y_[kOmega + 2]);
   y_[contact_size_ + 1] = body_.radius_m * omega_W[1];

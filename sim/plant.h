@@ -19,7 +19,7 @@
 //   - An impact slower than 1e-6 sqrt(g r) leaves no normal velocity: bouncing ends.
 //   - While a slip that has just begun is slower than 1e-8 sqrt(g r), its direction is taken from the contact's
 //     accelerations (contact.h), because the velocity's is still rounding; one that is about to vanish keeps its
-//     direction below 1e-12 sqrt(g r).
+//     direction below 1e-3 of what the slip was as the integrator's step began, or 1e-12 sqrt(g r).
 #pragma once
 
 #include <array>
@@ -203,6 +203,7 @@ class Plant {
   Integrator probe_;  // for looking inside a step
   Regime regime_ = Regime::kRolling;
   Eigen::Vector2d slip_direction_W_{1, 0};  // sliding: as the step began
+  double slip_kept_mps_ = 0;                // slower than that, and the direction stays as the step began
   bool slip_begins_ = false;                // sliding: too slow yet for a direction of its own
   std::vector<RegimeStart> regimes_;
   std::vector<ImpactRecord> impacts_;
