@@ -1,5 +1,8 @@
 #include "firmware/model/detached.h"
 
+#include <array>
+#include <cmath>
+
 #include "firmware/model/ball_sums.h"
 #include "firmware/model/disk_mass.h"
 

@@ -18,12 +18,12 @@ struct DetachedDiskMotion {
 
 // Omegadot and zddot_GC: eq_detach_ball_1d for masses on their rails, eq_detach_dOm and eq_ddot_z_GC for masses on any
 // trajectories (ball.rail is not read); with mass_count = 0, eq_detach_ball_static. Attitude q (body -> space, unit)
-// and angular velocity Omega (body frame) as in rolling.h. Deviation from the paper: its inner sums over j are carried
-// out, sum_j (m_j / M - delta_ij) chi_j = X - chi_i with X = sum m_j chi_j / M the centre of mass, and because sum m_i
-// (chi_i - X) = 0, with d_i = chi_i - X and c_i the bracket Omega x (Omega x chi_i + 2 chidot_i) + chiddot_i,
-//   [I - sum m_i d_i^2] Omegadot = I Omega x Omega - X x Gamma~ - sum m_i d_i x c_i,
-// symmetric, and of n + 1 terms where the paper has (n + 1)^2. Never fails for validated parameters; NaN in gives NaN
-// out.
+// and angular velocity Omega (body frame) as in rolling.h. Never fails for validated parameters; NaN in gives NaN out.
+// Deviation from the paper: its inner sums over j are carried out. With X = sum m_j chi_j / M, the centre of mass,
+//   sum_j (m_j / M - delta_ij) chi_j = X - chi_i = -d_i,   sum m_i d_i = 0,
+// which leaves n + 1 terms of the paper's (n + 1)^2 and a symmetric matrix, ^ being the cross-product matrix:
+//   [I - sum m_i d_i^ d_i^] Omegadot = I Omega x Omega - X x Gamma~ - sum m_i d_i x c_i,
+//   c_i = Omega x (Omega x chi_i + 2 chidot_i) + chiddot_i.
 DetachedMotion detached_motion(const BallParams& ball, const Quaternion& orientation,
                                const Vector3& angular_velocity_B_radps, const MassMotion& masses);
 DetachedMotion detached_motion_3d(const BallParams& ball, const Quaternion& orientation,

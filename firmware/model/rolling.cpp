@@ -1,5 +1,7 @@
 #include "firmware/model/rolling.h"
 
+#include <cmath>
+
 #include "firmware/model/ball_sums.h"
 
 namespace ballast::firmware {

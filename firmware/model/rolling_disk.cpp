@@ -1,5 +1,7 @@
 #include "firmware/model/rolling_disk.h"
 
+#include <cmath>
+
 #include "firmware/model/disk_mass.h"
 
 namespace ballast::firmware {
