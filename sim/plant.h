@@ -81,6 +81,8 @@ class Plant {
     Eigen::Vector3d up_B;
     double normal_force_n;
     double static_friction_n;
+    double normal_force_min_n;                 // least, and greatest f_s / N, since advance() was last called
+    double mu_required_max;
     Eigen::Vector2d friction_force_W_n;
     Eigen::Vector3d center_of_mass_B_m;
     std::array<double, kMaxMasses> mass_position{};
@@ -114,6 +116,8 @@ class Plant {
   void after_jump();
   void integrate_to(double target_s);
   void take_step(double h);
+  template <class Value>
+  double find_peak(double h, double part, const Motion& middle, const Motion& end, double floor, Value value);
   bool violated(const Motion& motion) const;
   void set_end(const Motion& motion);
   Motion motion_inside(double h, double part);
@@ -137,11 +141,15 @@ class Plant {
   PerMass torque_nm_{};  // of the motors' shafts, likewise
   Motion scratch_{};     // of the latest derivative()
   double step_s_;        // what the error estimate last allowed
+  int steps_left_ = 0;   // of this call of advance()
   Integrator integrator_;
   Integrator probe_;  // for looking inside a step
   PhysicsEnd end_ = PhysicsEnd::kNone;
   std::string end_text_;
   ContactExtrema extrema_;
+  double tick_normal_force_min_n_;  // since advance() was last called
+  double tick_mu_required_max_;
+  double noise_n_;                  // forces closer than this are the same: rounding
   std::array<MotorExtrema, kMaxMasses> motor_extrema_{};
 };
 

@@ -35,11 +35,13 @@ struct Samples {
 //                 (then seen: its tick; absent: the last tick judged)
 //   nonfinite     a NaN or infinity in time, N, f_s, friction force,         value: 0, limit: 0
 //                 plant state or sensors; mu_required may be +infinity
-//   normal_force  N <= min_normal_force                                      value: N, limit: min_normal_force
-//   friction      f_s > friction_use mu_s N, never with perfect friction     value: f_s / N, limit: friction_use mu_s
+//   normal_force  N <= min_normal_force, now or since the message before     value: least N, limit: min_normal_force
+//   friction      f_s > friction_use mu_s N, likewise; never with perfect    value: greatest f_s / N, limit: friction_use
+//                 friction                                                   mu_s
 //   stale         the controller's newest status is older than the tick      value: age, limit: age allowed, in ticks
 //                 before; one never heard counts as one tick too old;
-//                 at the first tick there is nothing yet to be heard
+//                 at the first tick there is nothing yet to be heard; or
+//                 it is of a tick still to come (then the age is negative)
 class Monitor {
  public:
   explicit Monitor(const MonitorLimits& limits);

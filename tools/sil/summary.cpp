@@ -47,7 +47,6 @@ const char* fault_cause(std::int32_t faults) {
                                                       {Fault::kMonitorStale, "monitor_stale"},
                                                       {Fault::kStepOverload, "step_overload"},
                                                       {Fault::kTickOutOfOrder, "tick_out_of_order"},
-                                                      {Fault::kParametersInvalid, "parameters_invalid"},
                                                       {Fault::kInternal, "internal"}};
   for (const auto& [fault, name] : kNames) {
     if ((static_cast<std::uint32_t>(faults) & static_cast<std::uint32_t>(fault)) != 0) return name;
@@ -57,7 +56,9 @@ const char* fault_cause(std::int32_t faults) {
 
 Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
-bool holds(const RunResult& result, double static_friction) {
+// On a floor of this mu_s the run would have gone as it did. One that slipped did not hold on its own floor, nor on a smoother.
+bool holds(const sim::Scenario& scenario, const RunResult& result, double static_friction) {
+  if (result.end_reason == EndReason::kSlipped && static_friction <= scenario.surface.static_friction) return false;
   return result.extrema.normal_force_min.value > 0 && result.extrema.mu_required_max.value <= static_friction;
 }
 
@@ -132,12 +133,12 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                  {"tick", result.controller_trip->tick},
                  {"value", result.controller_trip->faults},
                  {"limit", 0},
-                 {"latency_ticks", 1}};
+                 {"latency_ticks", nullptr}};
   }
   j["surfaces"] = Json::array();
   for (const Floor& floor : kFloors) {
     j["surfaces"].push_back(
-        {{"name", floor.name}, {"mu_s", floor.static_friction}, {"holds", holds(result, floor.static_friction)}});
+        {{"name", floor.name}, {"mu_s", floor.static_friction}, {"holds", holds(scenario, result, floor.static_friction)}});
   }
   j["motors"] = motors;
   j["published"] = Json::array();
@@ -172,7 +173,9 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
       text += format("  ended       detached at t = %.10g s: N fell to 0, the ball leaves the ground", end_s);
       break;
     case EndReason::kTripped:
-      text += format("  ended       tripped; the masses were at rest at t = %.6g s", end_s);
+      text += format(result.masses_rested ? "  ended       tripped; the masses were at rest at t = %.6g s"
+                                          : "  ended       tripped; the masses were still moving at t = %.6g s",
+                     end_s);
       break;
     case EndReason::kInconsistent:
       text += format("  ended       inconsistent at t = %.10g s: %s", end_s, result.end_text.c_str());
@@ -205,7 +208,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   }
   std::string holds_on, slips_on;
   for (const Floor& floor : kFloors) {
-    std::string& list = holds(result, floor.static_friction) ? holds_on : slips_on;
+    std::string& list = holds(scenario, result, floor.static_friction) ? holds_on : slips_on;
     list += format("%s%s %.2f", list.empty() ? "" : ", ", floor.name, floor.static_friction);
   }
   if (result.end_reason != EndReason::kCompleted) text += "; what follows speaks of the time up to the end";
@@ -213,6 +216,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   if (!slips_on.empty()) text += "\n  not on      " + slips_on;
   text += "\n";
   for (const auto& published : scenario.published) {
+    if (result.end_reason != EndReason::kCompleted && published.quantity != "end.time") continue;  // not the whole story
     const double here = measured(result, published.quantity);
     text += format("  published   %s = %g (%s); here %s\n", published.quantity.c_str(), published.value,
                    published.source.c_str(), std::isfinite(here) ? format("%.6g", here).c_str() : "unbounded");
