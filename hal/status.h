@@ -12,7 +12,7 @@ enum class [[nodiscard]] Status : std::uint8_t{
     kPeerLost,         // a peer has been silent for longer than its timeout
     kForeignScenario,  // a peer runs another scenario
     kForeignPeer,      // somebody takes part who does not belong to this run
-  kInterrupted,      // somebody asked this process to end
+    kInterrupted,      // somebody asked this process to end
     kIo,               // the transport itself failed
 };
 

@@ -22,9 +22,9 @@ constexpr double kNoise = 1e-13;
 // Within one call of advance(); a robot at 1 kHz takes a few.
 constexpr int kMaxSteps = 2'000'000;
 
-// Whether a smooth function with these values at the start, the middle and the end of a step may have a peak above `floor` in
-// between: by the parabola through them, with half its bend as allowance for what a parabola leaves out. A few vain searches
-// cost less than a peak missed.
+// Whether a smooth function with these values at the start, the middle and the end of a step may have a peak above
+// `floor` in between: by the parabola through them, with half its bend as allowance for what a parabola leaves out. A
+// few vain searches cost less than a peak missed.
 bool may_peak_above(double v0, double vm, double v1, double floor) {
   const double bend = 2 * vm - v0 - v1;  // the parabola rises bend / 4 above its chord's middle
   const double slope_0 = 4 * vm - 3 * v0 - v1, slope_1 = v0 - 4 * vm + 3 * v1;
@@ -203,8 +203,8 @@ void Plant::integrate_to(double target_s) {
     integrator_.step([this](double t, const double* y, double* d) { derivative(t, y, d); }, time_s_, h, y_, dydt_,
                      size_);
     const double error = integrator_.error(kTolerance);
-    // 0.9 error^(-1/5), between 0.2 and 5; far below the tolerance the power need not be computed. A trial step that went to
-    // where numbers end is too long, like any other.
+    // 0.9 error^(-1/5), between 0.2 and 5; far below the tolerance the power need not be computed. A trial step that
+    // went to where numbers end is too long, like any other.
     const double growth = error < 1e-4 ? 5.0 : error < kInfinity ? std::max(0.2, 0.9 * std::pow(error, -0.2)) : 0.2;
     const double allowed_s = h * growth;
     if (error <= 1) {
@@ -277,8 +277,8 @@ void Plant::take_step(double h) {
   if (broken <= 1) set_end(now_);
 }
 
-// Where in the first `part` of the step from time_s_ by h a value that may rise above `floor` has its peak; +infinity if it has
-// none there. `middle` and `end` are what holds at half and at the whole of that part.
+// Where in the first `part` of the step from time_s_ by h a value that may rise above `floor` has its peak; +infinity
+// if it has none there. `middle` and `end` are what holds at half and at the whole of that part.
 template <class Value>
 double Plant::find_peak(double h, double part, const Motion& middle, const Motion& end, double floor, Value value) {
   if (!may_peak_above(value(now_), value(middle), value(end), floor)) return kInfinity;

@@ -81,7 +81,7 @@ class Plant {
     Eigen::Vector3d up_B;
     double normal_force_n;
     double static_friction_n;
-    double normal_force_min_n;                 // least, and greatest f_s / N, since advance() was last called
+    double normal_force_min_n;  // least, and greatest f_s / N, since advance() was last called
     double mu_required_max;
     Eigen::Vector2d friction_force_W_n;
     Eigen::Vector3d center_of_mass_B_m;
@@ -149,7 +149,7 @@ class Plant {
   ContactExtrema extrema_;
   double tick_normal_force_min_n_;  // since advance() was last called
   double tick_mu_required_max_;
-  double noise_n_;                  // forces closer than this are the same: rounding
+  double noise_n_;  // forces closer than this are the same: rounding
   std::array<MotorExtrema, kMaxMasses> motor_extrema_{};
 };
 

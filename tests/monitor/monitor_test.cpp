@@ -372,10 +372,11 @@ TEST(Monitor, OrderOfChecks) {
 
 // What happened between two ticks counts, though both samples are inside.
 TEST(Monitor, TripsOnWhatHappenedBetweenTicks) {
-  expect_trip(judge_changed([](Tick& t) { t.contact.normal_force_min_n = 0.5; }), trip_t::CAUSE_NORMAL_FORCE, 3, 0.5, 0.5);
+  expect_trip(judge_changed([](Tick& t) { t.contact.normal_force_min_n = 0.5; }), trip_t::CAUSE_NORMAL_FORCE, 3, 0.5,
+              0.5);
   const double allowed = limits().friction_use * limits().static_friction;
-  expect_trip(judge_changed([=](Tick& t) { t.contact.mu_required_max = std::nextafter(allowed, 1); }), trip_t::CAUSE_FRICTION, 3,
-              std::nextafter(allowed, 1), allowed);
+  expect_trip(judge_changed([=](Tick& t) { t.contact.mu_required_max = std::nextafter(allowed, 1); }),
+              trip_t::CAUSE_FRICTION, 3, std::nextafter(allowed, 1), allowed);
   expect_quiet(judge_changed([=](Tick& t) { t.contact.mu_required_max = allowed; }));
   expect_trip(judge_changed([](Tick& t) { t.contact.normal_force_min_n = kNan; }), trip_t::CAUSE_NONFINITE, 3, 0, 0);
   expect_trip(judge_changed([](Tick& t) { t.contact.mu_required_max = kNan; }), trip_t::CAUSE_NONFINITE, 3, 0, 0);

@@ -30,8 +30,8 @@ TEST(Stepper, TorqueIsTheFormulaOfSectionFive) {
   const double field = 0.5 + 10 * 2 * kPi / 3200;
   for (const double phi : {0.5, 0.51, 0.53}) {
     for (const double rate : {-3.0, 0.0, 20.0}) {
-      EXPECT_NEAR(s.torque_nm(phi, rate),
-                  0.4 * std::sin(50 * (field - phi)) - 0.02 * std::sin(200 * phi) - 0.01 * rate, 1e-14);
+      EXPECT_NEAR(s.torque_nm(phi, rate), 0.4 * std::sin(50 * (field - phi)) - 0.02 * std::sin(200 * phi) - 0.01 * rate,
+                  1e-14);
     }
   }
 }

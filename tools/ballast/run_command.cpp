@@ -85,8 +85,11 @@ int run(const RunCommand& command) {
       return program::kExitUsage;
     }
   }
-  if (command.processes && command.record.speed > 0 && 2 * scenario->run.control_period_s / command.record.speed > command.bus.peer_timeout_s) {
-    program::complain("ballast", "--speed: at this pace a tick takes more than half the peer timeout; give all processes a longer --peer-timeout");
+  if (command.processes && command.record.speed > 0 &&
+      2 * scenario->run.control_period_s / command.record.speed > command.bus.peer_timeout_s) {
+    program::complain("ballast",
+                      "--speed: at this pace a tick takes more than half the peer timeout; give all processes a longer "
+                      "--peer-timeout");
     return program::kExitUsage;
   }
   // The bus before the folder: a run that cannot be leaves none behind.

@@ -14,7 +14,8 @@ bool finite(const double (&values)[n], std::size_t count = n) {
 
 bool finite(const contact_t& contact) {
   return std::isfinite(contact.time_s) && std::isfinite(contact.normal_force_n) &&
-         std::isfinite(contact.normal_force_min_n) && (std::isfinite(contact.mu_required_max) || contact.mu_required_max > 0) &&
+         std::isfinite(contact.normal_force_min_n) &&
+         (std::isfinite(contact.mu_required_max) || contact.mu_required_max > 0) &&
          std::isfinite(contact.static_friction_n) && finite(contact.friction_force_W_n) &&
          (std::isfinite(contact.mu_required) || contact.mu_required > 0);
 }

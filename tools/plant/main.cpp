@@ -27,7 +27,9 @@ int main(int argc, char** argv) {
   if (!scenario) return program::kExitUsage;
 
   if (record.speed > 0 && 2 * scenario->run.control_period_s / record.speed > bus_options.peer_timeout_s) {
-    program::complain("ballast-plant", "--speed: at this pace a tick takes more than half the peer timeout; give all processes a longer --peer-timeout");
+    program::complain("ballast-plant",
+                      "--speed: at this pace a tick takes more than half the peer timeout; give all processes a longer "
+                      "--peer-timeout");
     return program::kExitUsage;
   }
   record.interrupted = program::catch_signals();

@@ -12,14 +12,16 @@ LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_
     accept(m, m.tick, tick_, trip_, "monitor");
   });
   // A bus gives back what is published on it: each of our ticks must be heard once, and nobody else's.
-  bus_.subscribe<sensors_t>(hal::kChannelSensors, [this](const sensors_t& m) { accept(m, m.tick, tick_, echo_, "plant"); });
+  bus_.subscribe<sensors_t>(hal::kChannelSensors,
+                            [this](const sensors_t& m) { accept(m, m.tick, tick_, echo_, "plant"); });
   if (!options_.controller_expected) return;
   bus_.subscribe<controller_status_t>(hal::kChannelControllerStatus, [this](const controller_status_t& m) {
     check_scenario(m.scenario_id, "controller");
     accept(m, m.tick, tick_, status_, "controller");
   });
-  bus_.subscribe<step_command_t>(hal::kChannelStepCommand,
-                                 [this](const step_command_t& m) { accept(m, m.tick, tick_ + 1, steps_, "controller"); });
+  bus_.subscribe<step_command_t>(hal::kChannelStepCommand, [this](const step_command_t& m) {
+    accept(m, m.tick, tick_ + 1, steps_, "controller");
+  });
 }
 
 void LcmPeers::check_scenario(std::int64_t scenario_id, const char* sender) {
@@ -28,17 +30,19 @@ void LcmPeers::check_scenario(std::int64_t scenario_id, const char* sender) {
   trouble_ = std::string("the ") + sender + " runs another scenario than the plant";
 }
 
-// In lockstep every answer is the one waited for, and comes once. Heartbeats of peers that wait for their first tick repeat.
+// In lockstep every answer is the one waited for, and comes once. Heartbeats of peers that wait for their first tick
+// repeat.
 template <class M>
-void LcmPeers::accept(const M& message, std::int64_t tick, std::int64_t tick_due, std::optional<M>& mailbox, const char* sender) {
+void LcmPeers::accept(const M& message, std::int64_t tick, std::int64_t tick_due, std::optional<M>& mailbox,
+                      const char* sender) {
   if (tick == hal::kWaitingTick) {
     if (tick_ == hal::kWaitingTick) mailbox = message;
   } else if (tick == tick_due && !mailbox && tick_ != hal::kWaitingTick) {
     mailbox = message;
   } else if (failure_ == Status::kOk) {
     failure_ = Status::kForeignPeer;
-    trouble_ = std::string("another ") + sender +
-               " is on this bus (tick " + std::to_string(tick) + "): give every run a bus of its own with --lcm";
+    trouble_ = std::string("another ") + sender + " is on this bus (tick " + std::to_string(tick) +
+               "): give every run a bus of its own with --lcm";
   }
 }
 

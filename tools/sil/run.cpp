@@ -1,7 +1,7 @@
 #include "tools/sil/run.h"
 
-#include <chrono>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <thread>
 
@@ -44,8 +44,9 @@ class PulseRecord {
   std::array<double, sim::kMaxMasses> last_s_{};
 };
 
-// Whether the masses rest: for one swing of the slowest motor none has moved faster than a twentieth of the fastest mass's top
-// speed in this run (in m/s: a load that still shifts as the ball rolls on keeps a held mass moving a little).
+// Whether the masses rest: for one swing of the slowest motor none has moved faster than a twentieth of the fastest
+// mass's top speed in this run (in m/s: a load that still shifts as the ball rolls on keeps a held mass moving a
+// little).
 class RestWatch {
  public:
   explicit RestWatch(const sim::Scenario& scenario) : scenario_(scenario) {
@@ -132,10 +133,12 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     }
     record(recorder, lap);
     // Every command of the countdown must have been obeyed, unless something tripped.
-    const std::int8_t mode_due = tick == -kCountdown ? controller_status_t::MODE_ARMED : controller_status_t::MODE_RUNNING;
+    const std::int8_t mode_due =
+        tick == -kCountdown ? controller_status_t::MODE_ARMED : controller_status_t::MODE_RUNNING;
     if (tick < 0 && lap.trip.tripped == 0 && lap.status.faults == 0 && lap.status.mode != mode_due) {
       result.status = hal::Status::kPeerLost;
-      result.trouble = "the controller did not obey the operator's " + std::string(tick == -kCountdown ? "arm" : "start");
+      result.trouble =
+          "the controller did not obey the operator's " + std::string(tick == -kCountdown ? "arm" : "start");
       return result;
     }
     if (!recorder.good() || (options.interrupted != nullptr && *options.interrupted != 0)) {

@@ -42,12 +42,10 @@ const char* trip_cause(int cause) {
 // The controller's own reason to trip, where the monitor had none: the first of firmware/safety/fault.h.
 const char* fault_cause(std::int32_t faults) {
   using firmware::Fault;
-  constexpr std::pair<Fault, const char*> kNames[] = {{Fault::kSensorNotFinite, "sensor_not_finite"},
-                                                      {Fault::kSensorStale, "sensor_stale"},
-                                                      {Fault::kMonitorStale, "monitor_stale"},
-                                                      {Fault::kStepOverload, "step_overload"},
-                                                      {Fault::kTickOutOfOrder, "tick_out_of_order"},
-                                                      {Fault::kInternal, "internal"}};
+  constexpr std::pair<Fault, const char*> kNames[] = {
+      {Fault::kSensorNotFinite, "sensor_not_finite"}, {Fault::kSensorStale, "sensor_stale"},
+      {Fault::kMonitorStale, "monitor_stale"},        {Fault::kStepOverload, "step_overload"},
+      {Fault::kTickOutOfOrder, "tick_out_of_order"},  {Fault::kInternal, "internal"}};
   for (const auto& [fault, name] : kNames) {
     if ((static_cast<std::uint32_t>(faults) & static_cast<std::uint32_t>(fault)) != 0) return name;
   }
@@ -56,7 +54,8 @@ const char* fault_cause(std::int32_t faults) {
 
 Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
-// On a floor of this mu_s the run would have gone as it did. One that slipped did not hold on its own floor, nor on a smoother.
+// On a floor of this mu_s the run would have gone as it did. One that slipped did not hold on its own floor, nor on a
+// smoother.
 bool holds(const sim::Scenario& scenario, const RunResult& result, double static_friction) {
   if (result.end_reason == EndReason::kSlipped && static_friction <= scenario.surface.static_friction) return false;
   return result.extrema.normal_force_min.value > 0 && result.extrema.mu_required_max.value <= static_friction;
@@ -137,8 +136,9 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
   }
   j["surfaces"] = Json::array();
   for (const Floor& floor : kFloors) {
-    j["surfaces"].push_back(
-        {{"name", floor.name}, {"mu_s", floor.static_friction}, {"holds", holds(scenario, result, floor.static_friction)}});
+    j["surfaces"].push_back({{"name", floor.name},
+                             {"mu_s", floor.static_friction},
+                             {"holds", holds(scenario, result, floor.static_friction)}});
   }
   j["motors"] = motors;
   j["published"] = Json::array();
@@ -216,7 +216,8 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   if (!slips_on.empty()) text += "\n  not on      " + slips_on;
   text += "\n";
   for (const auto& published : scenario.published) {
-    if (result.end_reason != EndReason::kCompleted && published.quantity != "end.time") continue;  // not the whole story
+    if (result.end_reason != EndReason::kCompleted && published.quantity != "end.time")
+      continue;  // not the whole story
     const double here = measured(result, published.quantity);
     text += format("  published   %s = %g (%s); here %s\n", published.quantity.c_str(), published.value,
                    published.source.c_str(), std::isfinite(here) ? format("%.6g", here).c_str() : "unbounded");
