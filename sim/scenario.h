@@ -1,4 +1,4 @@
-// A scenario: one run of one robot on one floor, read from TOML and checked once. SCENARIO.md's format, units
+// A scenario: one run of one robot on one floor, read from TOML and checked once. Format: sim/README.md; units
 // consistent.
 #pragma once
 

@@ -159,7 +159,7 @@ TEST(Run, TheStepRateIsThatOfTheMasses) {
   for (const auto& motor : motors) EXPECT_NEAR(motor["max_step_rate"].get<double>(), rate_hz, tolerance_hz);
 }
 
-// Everything that SCENARIO.md's results name, in both actuations.
+// Every field that tools/README.md names, in both actuations.
 TEST(Run, SummaryHasEveryFieldOfTheContract) {
   const Folder folder;
   for (const std::string actuation : {"stepper", "prescribed"}) {
