@@ -38,12 +38,20 @@ constexpr const char* kPainleve =
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// A parabola through (0, v0), (1/2, vm), (1, v1): its greatest value if that lies strictly inside, else -infinity.
-double interior_peak(double v0, double vm, double v1) {
-  const double a = 2 * (v0 - 2 * vm + v1);
-  const double b = -3 * v0 + 4 * vm - v1;
-  if (!(a < 0 && b > 0 && b < -2 * a)) return -kInfinity;
-  return v0 - b * b / (4 * a);
+// Two forces closer than this part of the weight, and two ratios closer than this, differ by rounding only.
+constexpr double kNoise = 1e-13;
+
+// Within one call of advance(); a robot at 1 kHz takes a few.
+constexpr int kMaxSteps = 2'000'000;
+
+// Whether a smooth function with these values at the start, the middle and the end of a step may have a peak above
+// `floor` in between: by the parabola through them, with half its bend as allowance for what a parabola leaves out. A
+// few vain searches cost less than a peak missed.
+bool may_peak_above(double v0, double vm, double v1, double floor) {
+  const double bend = 2 * vm - v0 - v1;  // the parabola rises bend / 4 above its chord's middle
+  const double slope_0 = 4 * vm - 3 * v0 - v1, slope_1 = v0 - 4 * vm + 3 * v1;
+  if (!(slope_0 > -std::abs(bend) && slope_1 < std::abs(bend))) return false;
+  return std::max({v0, vm, v1}) + std::abs(bend) / 2 > floor;
 }
 
 // Where in (0, 1) f is greatest, by golden section; f is taken to have one peak there.
@@ -82,7 +90,10 @@ Plant::Plant(const Scenario& scenario)
       kinetic_friction_(scenario.surface.kinetic_friction),
       speed_scale_mps_(std::sqrt(scenario.gravity_mps2 * scenario.ball.radius_m)),
       step_s_(scenario.run.control_period_s),
-      extrema_{{0, 0}, {kInfinity, 0}, {-kInfinity, 0}, {0, 0}} {
+      extrema_{{0, -1}, {0, -1}, {0, -1}, {0, -1}},
+      tick_normal_force_min_n_(kInfinity),
+      tick_mu_required_max_(0),
+      noise_n_(kNoise * body_.total_mass_kg * body_.gravity_mps2) {
   const auto& initial = scenario.initial;
   y_[kQ] = initial.orientation.w();
   for (int j = 0; j < 3; ++j) {
@@ -135,8 +146,7 @@ void Plant::start_regime() {
     }
     const PerMass torque = needed_torques(y_.data(), at_rest, masses);
     for (std::size_t i = 0; i < motion_.size(); ++i) {
-      const Motor& motor = scenario_.masses[i].motor;
-      steppers_[i].balance(torque[i] + motor.viscous_damping_nms * motor.shaft_ratio * masses.velocity[i]);
+      steppers_[i].balance(torque[i], scenario_.masses[i].motor.shaft_ratio * masses.velocity[i]);
     }
   }
   if (flies) {
@@ -274,6 +284,11 @@ void Plant::derivative(double time_s, const double* y, double* dydt) {
 
 void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
   const double start_s = time_s_;
+  steps_left_ = kMaxSteps;
+  if (end_ == PhysicsEnd::kNone && end_s > time_s_) {
+    tick_normal_force_min_n_ = now_.normal_force_n;
+    tick_mu_required_max_ = ratio(now_);
+  }
   std::size_t next_pulse = 0;
   while (end_ == PhysicsEnd::kNone) {
     // What happens at this instant, all of it, before anything is looked at again.
@@ -336,20 +351,27 @@ void Plant::integrate_to(double target_s) {
     integrator_.step([this](double t, const double* y, double* d) { derivative(t, y, d); }, time_s_, h, y_, dydt_,
                      size_);
     const double error = integrator_.error(regime_ == Regime::kRolling ? kTolerance : kOpenTolerance);
-    // 0.9 error^(-1/5), between 0.2 and 5; far below the tolerance the power need not be computed.
-    const double growth = error < 1e-4 ? 5.0 : std::max(0.2, 0.9 * std::pow(error, -0.2));
+    // 0.9 error^(-1/5), between 0.2 and 5; far below the tolerance the power need not be computed. A trial step that
+    // went to where numbers end is too long, like any other.
+    const double growth = error < 1e-4 ? 5.0 : error < kInfinity ? std::max(0.2, 0.9 * std::pow(error, -0.2)) : 0.2;
     const double allowed_s = h * growth;
     if (error <= 1) {
       const bool to_its_end = take_step(h);
       if (whole && to_its_end) time_s_ = target_s;
       step_s_ = whole ? std::max(step_s_, allowed_s) : allowed_s;
-    } else if ((std::isnan(error) && regime_ != Regime::kSliding) || allowed_s < 1e-14 * std::max(1.0, time_s_)) {
-      // While sliding a NaN says that the normal coefficient is not positive somewhere in the step.
-      end_inconsistent(!std::isnan(error)            ? "no step is small enough to follow the motion"
-                       : regime_ == Regime::kSliding ? kPainleve
-                                                     : "the state stopped being finite");
     } else {
       step_s_ = allowed_s;
+    }
+    if (error > 1 && allowed_s < 1e-14 * std::max(1.0, time_s_)) {
+      end_ = PhysicsEnd::kInconsistent;
+      end_text_ = "no step is small enough to follow the motion";
+    } else if (!(error < kInfinity) && allowed_s < 1e-9 * scenario_.run.control_period_s) {
+      end_ = PhysicsEnd::kInconsistent;
+      // While sliding a NaN says that the normal coefficient is not positive.
+      end_text_ = regime_ == Regime::kSliding ? kPainleve : "the state stopped being finite";
+    } else if (--steps_left_ == 0) {
+      end_ = PhysicsEnd::kInconsistent;
+      end_text_ = "the motion is too stiff: more than " + std::to_string(kMaxSteps) + " steps in one control period";
     }
   }
 }
@@ -362,25 +384,17 @@ bool Plant::take_step(double h) {
   Instant middle_motion;
   evaluate(time_s_ + h / 2, middle.data(), middle_motion);
 
-  // The first part of the step at whose end the regime is over: its end, its middle, or a peak inside it.
-  double broken = kInfinity;
-  if (violated(middle_motion)) {
-    broken = 0.5;
-  } else if (violated(end_motion)) {
-    broken = 1;
-  } else {
-    const auto search = [&](double v0, double vm, double v1, double limit, auto value) {
-      if (!(interior_peak(v0, vm, v1) > limit)) return;
-      const double part = golden_section([&](double p) { return value(motion_inside(h, p)); });
-      if (violated(motion_inside(h, part))) broken = std::min(broken, part);
-    };
-    const auto look_at = [&](double limit, auto value) {
-      search(value(now_), value(middle_motion), value(end_motion), limit, value);
-    };
-    if (regime_ == Regime::kRolling) look_at(static_friction_, [this](const Instant& m) { return ratio(m); });
-    if (regime_ != Regime::kFlight) look_at(0, [](const Instant& m) { return -m.normal_force_n; });
-    if (regime_ != Regime::kRolling) look_at(0, [](const Instant& m) { return -m.left; });
+  // The first part of the step at whose end the regime is found over: its middle, its end, or a peak inside it.
+  double broken = violated(middle_motion) ? 0.5 : violated(end_motion) ? 1 : kInfinity;
+  const auto search = [&](double limit, auto value) {
+    const double part = find_peak(h, 1, middle_motion, end_motion, limit, value);
+    if (part < broken && violated(motion_inside(h, part))) broken = part;
+  };
+  if (regime_ == Regime::kRolling && static_friction_ < kInfinity) {
+    search(static_friction_, [this](const Instant& m) { return ratio(m); });
   }
+  if (regime_ != Regime::kFlight) search(0, [](const Instant& m) { return -m.normal_force_n; });
+  if (regime_ != Regime::kRolling) search(0, [](const Instant& m) { return -m.left; });
 
   State end_state = integrator_.end_state();
   State end_derivative = integrator_.end_derivative();
@@ -395,13 +409,9 @@ bool Plant::take_step(double h) {
   }
 
   // Extrema inside: only a peak that may beat the best so far is worth finding.
-  const auto peak = [&](double v0, double vm, double v1, double best, auto value) {
-    if (!(interior_peak(v0, vm, v1) > best)) return;
-    const double at = part * golden_section([&](double p) { return value(motion_inside(h, part * p)); });
-    note(time_s_ + at * h, motion_inside(h, at));
-  };
   const auto look = [&](double best, auto value) {
-    peak(value(now_), value(middle_motion), value(final_motion), best, value);
+    const double at = find_peak(h, part, middle_motion, final_motion, best, value);
+    if (at < part) note(time_s_ + at * h, motion_inside(h, at));
   };
   if (regime_ != Regime::kFlight) {
     look(extrema_.normal_force_max.value, [](const Instant& m) { return m.normal_force_n; });
@@ -423,6 +433,14 @@ bool Plant::take_step(double h) {
   if (broken > 1) return true;
   leave_regime();
   return false;
+}
+
+// Where in the first `part` of the step from time_s_ by h a value that may rise above `floor` has its peak; +infinity
+// if it has none there. `middle` and `end` are what holds at half and at the whole of that part.
+template <class Value>
+double Plant::find_peak(double h, double part, const Instant& middle, const Instant& end, double floor, Value value) {
+  if (!may_peak_above(value(now_), value(middle), value(end), floor)) return kInfinity;
+  return part * golden_section([&](double p) { return value(motion_inside(h, part * p)); });
 }
 
 // Whether the regime is over.
@@ -614,17 +632,24 @@ double Plant::first_violation(double h, double violated_part) {
 }
 
 void Plant::note_mu(double time_s, double mu) {
-  if (mu > extrema_.mu_required_max.value) extrema_.mu_required_max = {mu, time_s};
+  if (mu > extrema_.mu_required_max.value + kNoise || extrema_.mu_required_max.time_s < 0) {
+    extrema_.mu_required_max = {mu, time_s};
+  }
+  tick_mu_required_max_ = std::max(tick_mu_required_max_, mu);
 }
 
 void Plant::note(double time_s, const Instant& m) {
-  const auto raise = [time_s](Extremum& best, double value) {
-    if (value > best.value) best = {value, time_s};
+  // An extremum moves only if it is beaten by more than rounding, so that a constant keeps its first time.
+  const auto raise = [time_s](Extremum& best, double value, double noise) {
+    if (value > best.value + noise || best.time_s < 0) best = {value, time_s};
   };
   note_mu(time_s, ratio(m));
-  raise(extrema_.normal_force_max, m.normal_force_n);
-  raise(extrema_.static_friction_max, m.static_friction_n);
-  if (m.normal_force_n < extrema_.normal_force_min.value) extrema_.normal_force_min = {m.normal_force_n, time_s};
+  raise(extrema_.normal_force_max, m.normal_force_n, noise_n_);
+  raise(extrema_.static_friction_max, m.static_friction_n, noise_n_);
+  Extremum least{-extrema_.normal_force_min.value, extrema_.normal_force_min.time_s};
+  raise(least, -m.normal_force_n, noise_n_);
+  extrema_.normal_force_min = {-least.value, least.time_s};
+  tick_normal_force_min_n_ = std::min(tick_normal_force_min_n_, m.normal_force_n);
 }
 
 Plant::PerMass Plant::needed_torques(const double* y, const Motion& motion, const MassPoint& masses) const {
@@ -674,6 +699,8 @@ Plant::Sample Plant::sample() const {
   s.up_B = now_.up_B;
   s.normal_force_n = now_.normal_force_n;
   s.static_friction_n = now_.static_friction_n;
+  s.normal_force_min_n = tick_normal_force_min_n_;
+  s.mu_required_max = tick_mu_required_max_;
   s.friction_force_W_n = (now_.rotation_B_to_W * now_.contact_force_B_n).head<2>();
   s.center_of_mass_B_m = body_.shell_mass_kg * body_.center_of_mass_B_m;
   for (std::size_t i = 0; i < motion_.size(); ++i) {

@@ -117,6 +117,8 @@ class Plant {
     Eigen::Vector3d up_B;
     double normal_force_n;
     double static_friction_n;
+    double normal_force_min_n;  // least, and greatest f_s / N, since advance() was last called
+    double mu_required_max;
     Eigen::Vector2d friction_force_W_n;
     Eigen::Vector3d center_of_mass_B_m;
     std::array<double, kMaxMasses> mass_position{};
@@ -165,6 +167,8 @@ class Plant {
   void aim_slip();
   void integrate_to(double target_s);
   bool take_step(double h);
+  template <class Value>
+  double find_peak(double h, double part, const Instant& middle, const Instant& end, double floor, Value value);
   bool violated(const Instant& motion) const;
   double ratio(const Instant& motion) const;
   Instant motion_inside(double h, double part);
@@ -199,6 +203,7 @@ class Plant {
   PerMass torque_nm_{};  // of the motors' shafts, likewise
   Instant scratch_{};    // of the latest derivative()
   double step_s_;        // what the error estimate last allowed
+  int steps_left_ = 0;   // of this call of advance()
   Integrator integrator_;
   Integrator probe_;  // for looking inside a step
   Regime regime_ = Regime::kRolling;
@@ -213,6 +218,9 @@ class Plant {
   PhysicsEnd end_ = PhysicsEnd::kNone;
   std::string end_text_;
   ContactExtrema extrema_;
+  double tick_normal_force_min_n_;  // since advance() was last called
+  double tick_mu_required_max_;
+  double noise_n_;  // forces closer than this are the same: rounding
   std::array<MotorExtrema, kMaxMasses> motor_extrema_{};
 };
 

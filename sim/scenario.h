@@ -1,4 +1,4 @@
-// A scenario: one run of one robot on one floor, read from TOML and checked once. SCENARIO.md's format, units
+// A scenario: one run of one robot on one floor, read from TOML and checked once. Format: sim/README.md; units
 // consistent.
 #pragma once
 
@@ -14,6 +14,12 @@
 #include "firmware/model/rail.h"
 
 namespace ballast::sim {
+
+// What the controller can take, repeated here because a scenario knows only the firmware's model.
+// tools/program/params.cpp asserts that the first two are the firmware's; the third is that of its validate().
+inline constexpr int kMaxMotionPieces = 128;
+inline constexpr int kMaxStepsPerControlPeriod = 64;   // per motor
+inline constexpr double kMaxInitialMicrosteps = 1e15;  // of a mass from 0; below 2^53, so that they can be counted
 
 // theta'' goes linearly from acceleration_start to acceleration_end over duration_s.
 struct MotionPiece {

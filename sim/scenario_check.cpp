@@ -13,23 +13,30 @@ constexpr double kRoundOff = 1e-9;       // relative, of numbers written by hand
 constexpr double kUnitTolerance = 1e-6;  // of an orientation written with few digits
 constexpr std::size_t kMaxNameLength = 64;
 
+bool good_in_a_name(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_' || c == '.';
+}
+
 bool usable_as_folder(const std::string& name) {
-  const auto good = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_' ||
-           c == '.';
-  };
   return !name.empty() && name.size() <= kMaxNameLength && name[0] != '.' &&
-         std::all_of(name.begin(), name.end(), good);
+         std::all_of(name.begin(), name.end(), good_in_a_name);
+}
+
+// The file's, as near as a folder may be called.
+std::string default_name(const std::string& source_name) {
+  std::string name = std::filesystem::path(source_name).stem().string().substr(0, kMaxNameLength);
+  for (char& c : name) {
+    if (!good_in_a_name(c)) c = '_';
+  }
+  for (std::size_t i = 0; i < name.size() && name[i] == '.'; ++i) name[i] = '_';
+  return name.empty() ? "scenario" : name;
 }
 
 void read_name(TableReader& root, const std::string& source_name, std::string& out) {
   const std::string allowed = "allowed: 1 to 64 of letters, digits, - _ . and no . at the start (it names a folder)";
   const Node* node = root.node("name");
   if (node == nullptr) {
-    out = std::filesystem::path(source_name).stem().string();
-    if (!usable_as_folder(out)) {
-      root.refuse("name", "is not given, and the file's name cannot stand in for it; " + allowed);
-    }
+    out = default_name(source_name);
   } else if (node->kind != NodeKind::kString) {
     root.refuse("name", "is no string; " + allowed);
   } else if (!usable_as_folder(node->text)) {

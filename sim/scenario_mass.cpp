@@ -4,8 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "firmware/motion/profile.h"
-#include "firmware/motion/step_generator.h"
 #include "sim/motion_extent.h"
 
 namespace ballast::sim {
@@ -118,12 +116,12 @@ std::optional<firmware::Rail> read_rail(TableReader rail, std::optional<double> 
 }
 
 std::optional<std::vector<MotionPiece>> read_motion(TableReader& mass) {
-  const std::string allowed = "an array of at most " + std::to_string(firmware::kMaxPieces) +
-                              " tables { duration, acceleration = [start, end] }";
+  const std::string allowed =
+      "an array of at most " + std::to_string(kMaxMotionPieces) + " tables { duration, acceleration = [start, end] }";
   std::vector<TableReader> pieces = mass.tables("motion", allowed);
   const Node* node = mass.node("motion");
   if (node != nullptr && node->kind != NodeKind::kArray) return std::nullopt;
-  if (pieces.size() > static_cast<std::size_t>(firmware::kMaxPieces)) {
+  if (pieces.size() > static_cast<std::size_t>(kMaxMotionPieces)) {
     mass.refuse("motion", "has " + std::to_string(pieces.size()) + " pieces; allowed: " + allowed);
     return std::nullopt;
   }
@@ -248,15 +246,38 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   table.refuse_unknown_keys();
 }
 
+// As the controller computes it.
+double microsteps_per_unit(const Motor& motor) {
+  return motor.steps_per_revolution * motor.microsteps * motor.shaft_ratio / (2 * std::numbers::pi);
+}
+
+// What the controller refuses: here with the key that is to blame.
+void check_steps(TableReader& table, const Mass& mass, const MassSurroundings& around) {
+  const double per_unit = microsteps_per_unit(mass.motor);
+  if (!std::isfinite(per_unit) || !(per_unit > 0)) {
+    const bool on_line = mass.rail.shape == firmware::RailShape::kLine;
+    table.refuse(on_line ? "motor.travel_per_revolution" : "motor.gear_ratio",
+                 "makes " + number_text(per_unit) + " microsteps per rail unit; allowed: a finite number > 0");
+    return;
+  }
+  if (!(std::abs(mass.initial_position * per_unit) <= kMaxInitialMicrosteps)) {
+    table.refuse("initial_position", "is more microsteps from 0 than can be counted; allowed: within " +
+                                         number_text(kMaxInitialMicrosteps) + " microsteps, here " +
+                                         number_text(kMaxInitialMicrosteps / per_unit));
+  }
+  if (around.timer_frequency_hz && mass.motor.max_step_rate_hz > *around.timer_frequency_hz) {
+    table.refuse("motor.max_step_rate",
+                 "is out of range; allowed: <= run.timer_frequency = " + number_text(*around.timer_frequency_hz));
+  }
+}
+
 // The controller must be able to issue the steps of the fastest part of the motion.
 void check_step_rate(TableReader& table, const Mass& mass, const SpeedExtent& extent, const MassSurroundings& around) {
   if (!around.control_period_s || !around.timer_frequency_hz) return;
   const Motor& motor = mass.motor;
-  const double microsteps_per_unit =
-      motor.shaft_ratio / (2 * std::numbers::pi) * motor.steps_per_revolution * motor.microsteps;
-  const double needed_hz = extent.greatest_speed * microsteps_per_unit;
+  const double needed_hz = extent.greatest_speed * microsteps_per_unit(motor);
   // In a tick of constant speed one step more than the mean can fall.
-  const double per_tick_hz = (firmware::kMaxStepsPerTick - 1) / *around.control_period_s;
+  const double per_tick_hz = (kMaxStepsPerControlPeriod - 1) / *around.control_period_s;
   const double possible_hz = std::min({motor.max_step_rate_hz, per_tick_hz, *around.timer_frequency_hz});
   if (needed_hz <= possible_hz) return;
   const char* limit = possible_hz == motor.max_step_rate_hz ? "motor.max_step_rate"
@@ -299,7 +320,10 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
   const bool complete = mass_kg && rail && motion_known && around.gravity_mps2 && around.ball_radius_m &&
                         around.control_period_s && around.timer_frequency_hz;
   read_motor(table.table("motor"), around, rail, complete, speed, mass);
-  if (complete && around.actuation == Actuation::kStepper) check_step_rate(table, mass, speed, around);
+  if (complete && around.actuation == Actuation::kStepper) {
+    check_steps(table, mass, around);
+    check_step_rate(table, mass, speed, around);
+  }
   table.refuse_unknown_keys();
   return mass;
 }

@@ -46,23 +46,6 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return d[a.size()][b.size()];
 }
 
-// Near enough: at most a third of the longer word is wrong. Empty if none is.
-std::string nearest(std::string_view word, const std::vector<std::string>& known) {
-  constexpr std::size_t kLongestKey = 64;  // the distance costs the product of the lengths
-  std::string best;
-  std::size_t best_distance = 0;
-  if (word.size() > kLongestKey) return best;
-  for (const std::string& candidate : known) {
-    const std::size_t distance = edit_distance(word, candidate);
-    if (3 * distance > std::max(word.size(), candidate.size())) continue;
-    if (best.empty() || distance < best_distance) {
-      best = candidate;
-      best_distance = distance;
-    }
-  }
-  return best;
-}
-
 std::string place(const std::string& path) { return path.empty() ? "the top level" : "[" + path + "]"; }
 
 template <class List>
@@ -76,6 +59,22 @@ std::string joined(const List& words, std::string_view quote, std::string_view s
 }
 
 }  // namespace
+
+std::string nearest(std::string_view word, const std::vector<std::string>& known) {
+  constexpr std::size_t kLongest = 64;  // the distance costs the product of the lengths
+  std::string best;
+  std::size_t best_distance = 0;
+  if (word.size() > kLongest) return best;
+  for (const std::string& candidate : known) {
+    const std::size_t distance = edit_distance(word, candidate);
+    if (3 * distance > std::max(word.size(), candidate.size())) continue;
+    if (best.empty() || distance < best_distance) {
+      best = candidate;
+      best_distance = distance;
+    }
+  }
+  return best;
+}
 
 std::string number_text(double value) {
   char buffer[32];
@@ -131,13 +130,16 @@ std::string Range::text() const {
 }
 
 TableReader::TableReader(const Node* node, std::string path, ReadContext& context)
-    : node_(node), path_(std::move(path)), context_(&context) {
+    : node_(node), source_(context.source_name), path_(std::move(path)), context_(&context) {
   if (node != nullptr && node->kind != NodeKind::kTable) {
     fault(*node, path_, std::string("is ") + kind_name(node->kind) + "; allowed: a table");
     node_ = nullptr;
     silent_ = true;
   }
-  if (node_ != nullptr) line_ = node_->line;
+  if (node_ != nullptr) {
+    source_ = node_->source;
+    line_ = node_->line;
+  }
 }
 
 std::string TableReader::path_of(std::string_view key) const {
@@ -160,7 +162,7 @@ void TableReader::fault(const Node& node, const std::string& path, const std::st
 void TableReader::missing(std::string_view key, const std::string& allowed) {
   if (silent_) return;
   context_->errors.push_back(
-      {context_->source_name, line_, path_of(key), "", "is missing from " + place(path_) + "; allowed: " + allowed});
+      {source_, line_, path_of(key), "", "is missing from " + place(path_) + "; allowed: " + allowed});
 }
 
 void TableReader::refuse(std::string_view key, const std::string& message) {
@@ -172,7 +174,7 @@ void TableReader::refuse(std::string_view key, const std::string& message) {
   if (at != nullptr) {
     fault(*at, path_of(key), message);
   } else if (!silent_) {
-    context_->errors.push_back({context_->source_name, line_, path_of(key), "", message});
+    context_->errors.push_back({source_, line_, path_of(key), "", message});
   }
 }
 
@@ -330,7 +332,10 @@ std::optional<std::vector<Eigen::Vector3d>> TableReader::vectors(std::string_vie
 TableReader TableReader::table(std::string_view key) {
   TableReader reader(node(key), path_of(key), *context_);
   reader.silent_ = reader.silent_ || silent_;
-  if (!reader.present()) reader.line_ = line_;
+  if (!reader.present()) {
+    reader.source_ = source_;
+    reader.line_ = line_;
+  }
   return reader;
 }
 

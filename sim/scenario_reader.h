@@ -30,10 +30,12 @@ struct Range {
   [[nodiscard]] std::string text() const;  // "finite number > 0, in m"
 };
 
+// Of `known`, the word nearest to what somebody wrote, with at most a third of the longer one wrong. Empty if none is.
+std::string nearest(std::string_view word, const std::vector<std::string>& known);
+
 // As people write it: the fewest digits that read back as the same number.
 std::string number_text(double value);
 
-// Missing keys are reported against the scenario's file even where an override made the table.
 struct ReadContext {
   std::string source_name;
   std::vector<ScenarioError>& errors;
@@ -89,6 +91,7 @@ class TableReader {
   void fault(const Node& node, const std::string& path, const std::string& message);
 
   const Node* node_ = nullptr;
+  std::string source_;   // of what line_ speaks of
   int line_ = 0;         // of the table; of the table around it, if it is missing; 0: not known
   bool silent_ = false;  // something else than a table stands here
   std::string path_;

@@ -9,10 +9,11 @@
 namespace ballast::sim {
 namespace {
 
-constexpr std::size_t kMaxWritten = 60;   // characters of a value repeated in a message
-constexpr std::size_t kMaxKeyParts = 16;  // of an override; no scenario key is half as deep
+constexpr std::size_t kMaxWritten = 60;       // characters of a value repeated in a message
+constexpr std::size_t kMaxDescription = 200;  // of what the TOML parser says, which names a repeated key at its end
+constexpr std::size_t kMaxKeyParts = 16;      // of an override; no scenario key is half as deep
 
-std::string one_line(std::string_view text) {
+std::string one_line(std::string_view text, std::size_t longest = kMaxWritten) {
   std::string out;
   for (const char c : text) {
     const bool space = c == ' ' || c == '\t' || c == '\n' || c == '\r';
@@ -23,8 +24,8 @@ std::string one_line(std::string_view text) {
     }
   }
   while (!out.empty() && out.back() == ' ') out.pop_back();
-  if (out.size() > kMaxWritten) {
-    std::size_t cut = kMaxWritten;
+  if (out.size() > longest) {
+    std::size_t cut = longest;
     while (cut > 0 && (static_cast<unsigned char>(out[cut]) & 0xC0) == 0x80) --cut;  // not inside a UTF-8 character
     out = out.substr(0, cut) + "...";
   }
@@ -180,7 +181,7 @@ bool read_tree(std::string_view toml, std::string_view source_name, Node& root, 
     return true;
   } catch (const toml::parse_error& error) {
     errors.push_back({std::string(source_name), static_cast<int>(error.source().begin.line), "", "",
-                      "not TOML: " + one_line(error.description())});
+                      "not TOML: " + one_line(error.description(), kMaxDescription)});
     return false;
   }
 }

@@ -30,8 +30,10 @@ Stepper::Stepper(const Motor& motor, double initial_shaft_rad, std::uint64_t too
   update_field();
 }
 
-void Stepper::balance(double torque_nm) {
-  offset_rad_ = std::asin(std::clamp(torque_nm / motor_.holding_torque_nm, -1.0, 1.0)) / teeth_;
+void Stepper::balance(double torque_nm, double shaft_radps) {
+  const double field_torque_nm = torque_nm + motor_.viscous_damping_nms * shaft_radps +
+                                 motor_.detent_torque_nm * std::sin(4 * teeth_ * initial_shaft_rad_);
+  offset_rad_ = std::asin(std::clamp(field_torque_nm / available_torque_nm(shaft_radps), -1.0, 1.0)) / teeth_;
   update_field();
 }
 

@@ -14,18 +14,16 @@ class Stepper {
   // At t = 0 the rotor stands at initial_shaft_rad; `tooth_seed` draws the fixed pattern of full-step errors.
   Stepper(const Motor& motor, double initial_shaft_rad, std::uint64_t tooth_seed);
 
-  // Sets the field so that its torque on the resting rotor is torque_nm, as if the motor had been homed under that
-  // load. More than the holding torque cannot be held: the field then leads by the angle of greatest torque.
-  void balance(double torque_nm);
+  // Sets the field so that torque_nm() at t = 0 is torque_nm, as if the motor had been homed under that load. What is
+  // more than the holding torque cannot be held: the field then leads by the angle of greatest torque.
+  void balance(double torque_nm, double shaft_radps);
 
   // One microstep of the field; direction +1 or -1.
   void step(int direction);
 
   // Electromagnetic, detent and viscous torque on the rotor.
   [[nodiscard]] double torque_nm(double shaft_rad, double shaft_radps) const {
-    const double detent = motor_.detent_torque_nm == 0
-                              ? 0
-                              : motor_.detent_torque_nm * std::sin(4 * teeth_ * (shaft_rad - initial_shaft_rad_));
+    const double detent = motor_.detent_torque_nm == 0 ? 0 : motor_.detent_torque_nm * std::sin(4 * teeth_ * shaft_rad);
     return available_torque_nm(shaft_radps) * std::sin(teeth_ * (field_rad_ - shaft_rad)) - detent -
            motor_.viscous_damping_nms * shaft_radps;
   }

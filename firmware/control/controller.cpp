@@ -30,9 +30,13 @@ bool finite(const Vector3& v) { return std::isfinite(v[0]) && std::isfinite(v[1]
 
 Real length(const Quaternion& q) { return std::sqrt(q.w() * q.w() + q.x() * q.x() + q.y() * q.y() + q.z() * q.z()); }
 
-// NaN and infinity fail the comparison with 1 too.
+// What passes is normalised before use, so this only tells an attitude from garbage: rounding, to single precision too,
+// stays a thousand times below it, and a lost or broken component is far above. NaN and infinity fail the comparison.
+constexpr Real kLengthTolerance = 1e-3;
+
 bool valid(const Sensors& s) {
-  return std::fabs(length(s.orientation) - 1) <= 1e-3 && finite(s.gyro_B_radps) && finite(s.accelerometer_B_mps2);
+  return std::fabs(length(s.orientation) - 1) <= kLengthTolerance && finite(s.gyro_B_radps) &&
+         finite(s.accelerometer_B_mps2);
 }
 
 // The world's faults present in this tick.

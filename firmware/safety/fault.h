@@ -7,14 +7,13 @@ namespace ballast::firmware {
 
 enum class Fault : std::uint32_t {
   kNone = 0,
-  kSensorNotFinite = 1u << 0,    // NaN or infinity, or a quaternion far from unit length, in the sensors
-  kSensorStale = 1u << 1,        // no sensors of this tick for more than the stated number of ticks
-  kMonitorStale = 1u << 2,       // no heartbeat of the monitor for more than the stated number of ticks
-  kMonitorTrip = 1u << 3,        // the monitor says: stop
-  kStepOverload = 1u << 4,       // a profile asks for steps that cannot be issued
-  kTickOutOfOrder = 1u << 5,     // a control tick was repeated or skipped
-  kParametersInvalid = 1u << 6,  // validate() refused the parameters
-  kInternal = 1u << 7,           // a bug of ours (assert)
+  kSensorNotFinite = 1u << 0,  // NaN or infinity, or a quaternion far from unit length, in the sensors
+  kSensorStale = 1u << 1,      // no sensors of this tick for more than the stated number of ticks
+  kMonitorStale = 1u << 2,     // no heartbeat of the monitor for more than the stated number of ticks
+  kMonitorTrip = 1u << 3,      // the monitor says: stop
+  kStepOverload = 1u << 4,     // a profile asks for steps that cannot be issued
+  kTickOutOfOrder = 1u << 5,   // a control tick was repeated or skipped
+  kInternal = 1u << 6,         // a bug of ours (assert)
 };
 
 }  // namespace ballast::firmware

@@ -7,9 +7,11 @@ namespace {
 
 constexpr int kMaxMasses = firmware::kMaxMasses;
 constexpr int kMaxBursts = firmware::kMaxBursts;
+constexpr std::int64_t kFarthestTick = (std::int64_t{1} << 62) - 1;  // differences of two fit, with 1 added too
 
 bool is_flag(std::int8_t value) { return value == 0 || value == 1; }
 bool is_count(int value, int max) { return value >= 0 && value <= max; }
+bool is_tick(std::int64_t value) { return value >= -kFarthestTick && value <= kFarthestTick; }
 
 }  // namespace
 
@@ -162,22 +164,23 @@ firmware::OperatorCommand from_message(const operator_t& message) {
 }
 
 bool in_range(const contact_t& message) {
-  return message.regime >= contact_t::REGIME_ROLLING && message.regime <= contact_t::REGIME_FLIGHT &&
-         is_flag(message.last);
+  return is_tick(message.tick) && message.regime >= contact_t::REGIME_ROLLING &&
+         message.regime <= contact_t::REGIME_FLIGHT && is_flag(message.last);
 }
 
 bool in_range(const plant_state_t& message) {
-  return is_count(message.mass_count, kMaxMasses) && is_flag(message.last);
+  return is_tick(message.tick) && is_count(message.mass_count, kMaxMasses) && is_flag(message.last);
 }
 
 bool in_range(const sensors_t& message) {
   for (const std::int8_t limit_switch : message.limit_switch) {
     if (limit_switch < 0 || limit_switch > 3) return false;
   }
-  return is_count(message.mass_count, kMaxMasses) && is_flag(message.last);
+  return is_tick(message.tick) && is_count(message.mass_count, kMaxMasses) && is_flag(message.last);
 }
 
 bool in_range(const step_command_t& message) {
+  if (!is_tick(message.tick)) return false;
   if (!is_count(message.motor_count, kMaxMasses) || !is_count(message.burst_count, kMaxBursts)) return false;
   for (int i = 0; i < message.burst_count; ++i) {
     if (message.motor[i] < 0 || message.motor[i] >= message.motor_count) return false;
@@ -188,16 +191,19 @@ bool in_range(const step_command_t& message) {
 }
 
 bool in_range(const controller_status_t& message) {
-  return message.mode >= controller_status_t::MODE_DISARMED && message.mode <= controller_status_t::MODE_TRIPPED &&
-         is_flag(message.at_rest) && is_count(message.motor_count, kMaxMasses);
+  return is_tick(message.tick) && message.mode >= controller_status_t::MODE_DISARMED &&
+         message.mode <= controller_status_t::MODE_TRIPPED && is_flag(message.at_rest) &&
+         is_count(message.motor_count, kMaxMasses);
 }
 
 bool in_range(const trip_t& message) {
-  return is_flag(message.tripped) && message.cause >= trip_t::CAUSE_NONE && message.cause <= trip_t::CAUSE_REPEATED;
+  return is_tick(message.tick) && is_tick(message.trip_tick) && is_flag(message.tripped) &&
+         message.cause >= trip_t::CAUSE_NONE && message.cause <= trip_t::CAUSE_REPEATED;
 }
 
 bool in_range(const operator_t& message) {
-  return message.command >= operator_t::COMMAND_ARM && message.command <= operator_t::COMMAND_RESET;
+  return is_tick(message.tick) && message.command >= operator_t::COMMAND_ARM &&
+         message.command <= operator_t::COMMAND_RESET;
 }
 
 bool has_hash(const void* data, std::size_t size, std::int64_t hash) {

@@ -34,8 +34,8 @@ firmware::ControllerStatus from_message(const controller_status_t& message);  //
 firmware::MonitorVerdict from_message(const trip_t& message);
 firmware::OperatorCommand from_message(const operator_t& message);
 
-// Counts, indices, flags and enumerations are inside what the .lcm files state. Physical values are not judged: NaN
-// passes.
+// Counts, indices, flags and enumerations are inside what the .lcm files state, ticks less than 2^62 from 0, so that
+// what is computed from them does not overflow. Physical values are not judged: NaN passes.
 bool in_range(const contact_t& message);
 bool in_range(const plant_state_t& message);
 bool in_range(const sensors_t& message);

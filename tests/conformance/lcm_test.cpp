@@ -1,4 +1,5 @@
 // The LCM backend, over the loopback network; the world is interleaved with the board in one thread.
+#include <limits>
 #include <optional>
 
 #include "hal/lcm/channels.h"
@@ -355,6 +356,34 @@ TEST(LcmMessages, OtherTypesOutOfRangeAreRefused) {
   status = {};
   status.motor_count = 9;
   EXPECT_FALSE(in_range(status));
+}
+
+// Ticks far from 0 would overflow in differences: refused on the wire, whatever the message.
+template <class M>
+void expect_ticks_bounded(M message) {
+  constexpr std::int64_t kLimit = std::int64_t{1} << 62;
+  for (const auto& [tick, good] :
+       {std::pair(kLimit - 1, true), std::pair(1 - kLimit, true), std::pair(kLimit, false), std::pair(-kLimit, false),
+        std::pair(std::numeric_limits<std::int64_t>::max(), false),
+        std::pair(std::numeric_limits<std::int64_t>::min(), false)}) {
+    message.tick = tick;
+    M out{};
+    const auto bytes = encoded(message);
+    EXPECT_EQ(decode(bytes.data(), bytes.size(), out), good) << M::getTypeName() << ' ' << tick;
+  }
+}
+
+TEST(LcmMessages, TicksThatCouldOverflowAreRefused) {
+  expect_ticks_bounded(contact_t{});
+  expect_ticks_bounded(plant_state_t{});
+  expect_ticks_bounded(sensors_t{});
+  expect_ticks_bounded(one_burst());
+  expect_ticks_bounded(controller_status_t{});
+  expect_ticks_bounded(trip_t{});
+  expect_ticks_bounded(to_message(firmware::OperatorCommand::kArm, 0, 1, kControlPeriod_s));
+  trip_t trip{};
+  trip.trip_tick = std::int64_t{1} << 62;
+  EXPECT_FALSE(in_range(trip));
 }
 
 TEST(LcmMessages, UtimeIsRounded) {

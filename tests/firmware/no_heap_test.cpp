@@ -2,12 +2,15 @@
 #include <gtest/gtest.h>
 
 #include <cerrno>
+#include <cmath>
 #include <cstddef>
 #include <cstdlib>
 #include <iostream>
 #include <memory>
 #include <new>
 
+#include "firmware/model/detached.h"
+#include "firmware/model/rolling_disk.h"
 #include "tests/firmware/paper_ball.h"
 
 namespace {
@@ -127,6 +130,24 @@ TEST(NoHeap, TheGuardCounts) {
             1);
   std::free(p);
   EXPECT_EQ(allocations_during([] {}), 0);
+}
+
+TEST(NoHeap, TheClosedFormsOutsideTheTick) {
+  const BallParams ball = testing::paper_ball();
+  MassMotion masses;
+  masses.velocity.fill(0.1);
+  Real sum = 0;
+  EXPECT_EQ(allocations_during([&] {
+              const Quaternion q(0.6, 0, 0.8, 0);
+              const Vector3 omega(0.1, 0.2, 0.3);
+              const DiskState disk{0.3, 0.2};
+              sum += rolling_forces_3d(ball, q, omega, along_rails(ball, masses)).normal_force_n;
+              sum += detached_motion(ball, q, omega, masses).acceleration_W_mps2[2];
+              sum += rolling_disk_forces(ball, disk, masses).normal_force_n;
+              sum += detached_disk_motion(ball, disk, masses).acceleration_W_mps2[2];
+            }),
+            0);
+  EXPECT_TRUE(std::isfinite(sum));
 }
 
 TEST(NoHeap, AMillionTicks) {

@@ -270,6 +270,47 @@ TEST(StepGenerator, ACrossingOnTheBorderBelongsToTheLaterTick) {
   }
 }
 
+TEST(StepGenerator, SeveralStepsUpToAHalfWayLevelLeaveTheLastToTheNextTick) {
+  for (const Real sign : {1.0, -1.0}) {
+    const Drive s{{}, 0, 2560, 0, sign, 1e6, kBinary};  // 2.5 microsteps per tick, all in one monotone span
+    const Profile profile = s.profile();
+    StepCommand out;
+    ASSERT_EQ(generate_steps(profile, 0, 0, sign, 1e6, kBinary, 0, out), StepError::kNone);
+    EXPECT_EQ(out.position_steps[0], 2 * sign) << "it comes from 2 and ends at 2.5";
+    EXPECT_EQ(replay(out, 0).size(), 2u);
+    out.burst_count = 0;
+    ASSERT_EQ(generate_steps(profile, 1.0 / 1024, 0, sign, 1e6, kBinary, 0, out), StepError::kNone);
+    EXPECT_EQ(out.position_steps[0], 5 * sign);
+    const std::vector<Pulse> pulses = replay(out, 0);
+    ASSERT_EQ(pulses.size(), 3u);  // of 2.5, 3.5 and 4.5
+    EXPECT_EQ(pulses[0].timer_tick, 0);
+    EXPECT_EQ(pulses[0].direction, sign);
+  }
+}
+
+TEST(StepGenerator, ATouchOfAHigherLevelIsNoStepEither) {
+  // x = v w - a w^2 / 2 peaks at v^2 / (2 a) = 5/2 for v = 5 * 2^10, a = 5 * 2^20, at w = 1/1024.
+  const ProfilePiece piece{1, -5242880, -5242880};
+  Profile profile;
+  ASSERT_TRUE(profile.set(0, 5120, &piece, 1));
+  for (const Real sign : {1.0, -1.0}) {
+    // Inside a tick: two steps there, two back.
+    StepCommand out;
+    ASSERT_EQ(generate_steps(profile, 0, 0, sign, 1e6, {1048576, 1.0 / 512}, 0, out), StepError::kNone);
+    const std::vector<Pulse> pulses = replay(out, 0);
+    ASSERT_EQ(pulses.size(), 4u);
+    for (std::size_t j = 0; j < 4; ++j) EXPECT_EQ(pulses[j].direction, j < 2 ? sign : -sign);
+    EXPECT_EQ(out.position_steps[0], 0);
+    // On the border between two ticks: two steps in the one, back in the other.
+    StepCommand split;
+    ASSERT_EQ(generate_steps(profile, 0, 0, sign, 1e6, kBinary, 0, split), StepError::kNone);
+    EXPECT_EQ(split.position_steps[0], 2 * sign);
+    ASSERT_EQ(generate_steps(profile, 1.0 / 1024, 0, sign, 1e6, kBinary, 0, split), StepError::kNone);
+    EXPECT_EQ(split.position_steps[0], 0);
+    EXPECT_EQ(replay(split, 0).size(), 4u);
+  }
+}
+
 TEST(StepGenerator, ATouchIsNoStep) {
   // x = v w - a w^2 / 2 peaks at v^2 / (2 a): exactly 1/2 for v = 1024, a = 2^20, in the middle of the first two ticks.
   for (const Real sign : {1.0, -1.0}) {

@@ -56,7 +56,7 @@ class MonitorLoopTest : public ::testing::Test {
     m.tick = tick;
     m.utime = 1000 * tick;
     m.time_s = 0.001 * static_cast<double>(tick);
-    m.normal_force_n = normal_force_n;
+    m.normal_force_n = m.normal_force_min_n = normal_force_n;
     m.last = last ? 1 : 0;
     ASSERT_EQ(bus_.publish(hal::kChannelContact, m), Status::kOk);
   }
@@ -183,6 +183,20 @@ TEST_F(MonitorLoopTest, SilentControllerIsNamedThoughThePlantStopsWithIt) {
   EXPECT_EQ(verdict().cause, trip_t::CAUSE_STALE);
   EXPECT_EQ(end(), Status::kPeerLost);
   EXPECT_EQ(loop_->trouble(), "lost controller: no status for 2 s after tick 1");
+}
+
+// The controller cannot answer a tick of which it got nothing: that it is silent too is no fault of its own.
+TEST_F(MonitorLoopTest, PlantThatEndsWithinATickIsNamed) {
+  start(true);
+  wait_until_ready();
+  send_plant(0);
+  EXPECT_EQ(verdict().tripped, 0);
+  send_status(0);
+  send_contact(1);  // and then the plant is gone
+  EXPECT_EQ(verdict().cause, trip_t::CAUSE_MISSING);
+  EXPECT_EQ(verdict().tick, 2);
+  EXPECT_EQ(end(), Status::kPeerLost);
+  EXPECT_EQ(loop_->trouble(), "lost plant: no contact for 2 s after tick 1");
 }
 
 TEST_F(MonitorLoopTest, VerdictsGoOnWithoutTheController) {

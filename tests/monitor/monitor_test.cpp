@@ -40,7 +40,8 @@ struct Tick {
     contact.time_s = state.time_s = 0.001 * static_cast<double>(tick);
     contact.normal_force_n = 8;
     contact.static_friction_n = 0.25;
-    contact.mu_required = 0.25 / 8;
+    contact.mu_required = contact.mu_required_max = 0.25 / 8;
+    contact.normal_force_min_n = 8;
     state.orientation[0] = sensors.orientation[0] = 1;
     state.mass_count = sensors.mass_count = kMassCount;
   }
@@ -303,6 +304,14 @@ TEST(Monitor, OlderControllerIsStale) {
   expect_trip(judge_changed([](Tick& t) { t.controller_tick.reset(); }), trip_t::CAUSE_STALE, 3, 2, 1);
 }
 
+TEST(Monitor, ControllerFromTheFutureIsAViolation) {
+  expect_trip(judge_changed([](Tick& t) { t.controller_tick = 4; }), trip_t::CAUSE_STALE, 3, -1, 1);
+  Monitor monitor(limits());
+  Tick tick(0);
+  tick.controller_tick = 1;
+  expect_trip(monitor.judge(tick.samples()), trip_t::CAUSE_STALE, 0, -1, 1);
+}
+
 TEST(Monitor, NoControllerIsNeededAtTheFirstTick) {
   for (const std::optional<std::int64_t> heard : {std::optional<std::int64_t>(-3), std::optional<std::int64_t>()}) {
     Monitor monitor(limits());
@@ -383,6 +392,18 @@ TEST(Monitor, OrderOfChecks) {
   expect_trip(judge(4), trip_t::CAUSE_NORMAL_FORCE, 3, 0.5, 0.5);
   expect_trip(judge(5), trip_t::CAUSE_FRICTION, 3, 0.5, 0.125);
   expect_trip(judge(6), trip_t::CAUSE_STALE, 3, 6, 1);
+}
+
+// What happened between two ticks counts, though both samples are inside.
+TEST(Monitor, TripsOnWhatHappenedBetweenTicks) {
+  expect_trip(judge_changed([](Tick& t) { t.contact.normal_force_min_n = 0.5; }), trip_t::CAUSE_NORMAL_FORCE, 3, 0.5,
+              0.5);
+  const double allowed = limits().friction_use * limits().static_friction;
+  expect_trip(judge_changed([=](Tick& t) { t.contact.mu_required_max = std::nextafter(allowed, 1); }),
+              trip_t::CAUSE_FRICTION, 3, std::nextafter(allowed, 1), allowed);
+  expect_quiet(judge_changed([=](Tick& t) { t.contact.mu_required_max = allowed; }));
+  expect_trip(judge_changed([](Tick& t) { t.contact.normal_force_min_n = kNan; }), trip_t::CAUSE_NONFINITE, 3, 0, 0);
+  expect_trip(judge_changed([](Tick& t) { t.contact.mu_required_max = kNan; }), trip_t::CAUSE_NONFINITE, 3, 0, 0);
 }
 
 }  // namespace

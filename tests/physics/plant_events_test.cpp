@@ -1,6 +1,8 @@
 // The first N = 0 and the first f_s = mu_s N, and what ends a run.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "sim/plant.h"
 #include "tests/physics/closed_form_run.h"
 #include "tests/physics/random_robot.h"
@@ -121,24 +123,51 @@ TEST(Slip, IsFoundToOneNanosecond) {
   EXPECT_GE(found, 8);
 }
 
-// A peak of f_s / N between two ticks of 0.1: a floor 1e-7 below it lets the ball slip near the peak, one 1e-7 above
-// does not.
-TEST(Slip, IsSeenAtAPeakInsideATick) {
-  const auto slips_on = [](double mu) {
-    auto result = read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/paper_ball.toml", {"run.actuation=prescribed"});
+// Floors just below and just above the friction a run needs, however its peak lies in the ticks: below, the ball slips,
+// near the peak; above, it completes, and no friction is reported that the floor does not give.
+class SlipAtAPeak : public testing::TestWithParam<const char*> {
+ protected:
+  Scenario scenario(double static_friction, double period_s) const {
+    auto result =
+        read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/" + GetParam() + ".toml", {"run.actuation=prescribed"});
     EXPECT_TRUE(result.ok());
-    result.scenario.surface.static_friction = mu;
-    Plant plant(result.scenario);
-    roll(plant, result.scenario, 0.1);
-    return std::pair(plant.end(), plant.time_s());
-  };
-  const double peak = 0.190594101478;  // at t = 6.437588, between samples of the reference run
-  EXPECT_EQ(slips_on(peak + 1e-7).first, PhysicsEnd::kNone);
-  const auto [end, time_s] = slips_on(peak - 1e-7);
-  EXPECT_EQ(end, PhysicsEnd::kSlipped);
-  EXPECT_NEAR(time_s, 6.437588, 2e-3);  // sqrt(1e-7 / curvature) before the peak
-  EXPECT_LT(time_s, 6.437588);
+    result.scenario.surface.static_friction = static_friction;
+    result.scenario.run.control_period_s = period_s;
+    return result.scenario;
+  }
+};
+
+TEST_P(SlipAtAPeak, IsDecidedRightlyOnFloorsCloseToIt) {
+  const Scenario perfect = scenario(kInfinity, 0.001);
+  Plant finest(perfect);
+  roll(finest, perfect, 0.001);
+  ASSERT_EQ(finest.end(), PhysicsEnd::kNone);
+  const Extremum peak = finest.extrema().mu_required_max;
+  for (const double period_s : {0.001, 0.01, 0.1, 0.5}) {
+    for (const double gap : {1e-6, 1e-7, 1e-8, 1e-9, 1e-10}) {
+      SCOPED_TRACE("period " + std::to_string(period_s) + " gap 1e" + std::to_string(std::lround(std::log10(gap))));
+      const Scenario rough = scenario(peak.value + gap, period_s);
+      Plant above(rough);
+      roll(above, rough, period_s);
+      EXPECT_EQ(above.end(), PhysicsEnd::kNone);
+      EXPECT_LE(above.extrema().mu_required_max.value, rough.surface.static_friction);
+      EXPECT_NEAR(above.extrema().mu_required_max.value, peak.value,
+                  5e-11);  // both know the peak to half the least gap
+
+      const Scenario smooth = scenario(peak.value - gap, period_s);
+      Plant below(smooth);
+      roll(below, smooth, period_s);
+      EXPECT_EQ(below.end(), PhysicsEnd::kSlipped);
+      // Where f_s / N is `gap` below its peak: sqrt(2 gap / curvature) before it. The peaks of these runs bend by more
+      // than 0.01 per s^2.
+      EXPECT_LT(below.time_s(), peak.time_s);
+      EXPECT_NEAR(below.time_s(), peak.time_s, std::sqrt(2 * gap / 0.01));
+    }
+  }
 }
+
+INSTANTIATE_TEST_SUITE_P(Slip, SlipAtAPeak, testing::Values("paper_ball", "paper_disk"),
+                         [](const auto& robot) { return std::string(robot.param); });
 
 // Speeds at which doubles overflow cannot be followed; that is said, not published.
 TEST(Inconsistent, StateThatStopsBeingFiniteEndsTheRun) {

@@ -30,8 +30,8 @@ TEST(Stepper, TorqueIsTheFormulaOfSectionFive) {
   const double field = 0.5 + 10 * 2 * kPi / 3200;
   for (const double phi : {0.5, 0.51, 0.53}) {
     for (const double rate : {-3.0, 0.0, 20.0}) {
-      EXPECT_NEAR(s.torque_nm(phi, rate),
-                  0.4 * std::sin(50 * (field - phi)) - 0.02 * std::sin(200 * (phi - 0.5)) - 0.01 * rate, 1e-14);
+      EXPECT_NEAR(s.torque_nm(phi, rate), 0.4 * std::sin(50 * (field - phi)) - 0.02 * std::sin(200 * phi) - 0.01 * rate,
+                  1e-14);
     }
   }
 }
@@ -81,10 +81,12 @@ TEST(Stepper, LostStepsAreCountedPerTooth) {
 
 TEST(Stepper, BalanceHoldsTheLoad) {
   Stepper s(motor(), 0.3, 0);
-  s.balance(0.25);
-  EXPECT_NEAR(s.torque_nm(0.3, 0), 0.25, 1e-15);
-  s.balance(-7);  // cannot be held: all there is
-  EXPECT_NEAR(s.torque_nm(0.3, 0), -0.4, 1e-15);
+  for (const double rate : {0.0, 2.0, -20.0}) {
+    s.balance(0.15, rate);
+    EXPECT_NEAR(s.torque_nm(0.3, rate), 0.15, 1e-15);
+  }
+  s.balance(-7, 0);  // cannot be held: all there is
+  EXPECT_NEAR(s.torque_nm(0.3, 0), -0.4 - 0.02 * std::sin(200 * 0.3), 1e-15);
 }
 
 Scenario driven_ball(double holding_torque_nm, double damping) {

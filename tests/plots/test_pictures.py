@@ -6,6 +6,7 @@ import math
 import sys
 import tempfile
 import unittest
+import warnings
 from pathlib import Path
 from unittest import mock
 
@@ -107,8 +108,31 @@ class PicturesTest(unittest.TestCase):
         synthetic = ball()
         synthetic.summary["mu_required"] = {"max": 0.190612, "time": 6.4321}
         said = self.texts(pictures.friction_required(self.recorded(synthetic)))
-        self.assertIn("maximum 0.1906 at $t$ = 6.4321 s", said)
+        self.assertIn("maximum 0.1906 at $t$ = 6.4321 s (between ticks)", said)
         self.assertIn("= 0.35", said)
+
+    def test_maximum_in_a_tick_is_said_to_be_nowhere_else(self):
+        self.assertNotIn("between ticks", self.texts(pictures.friction_required(self.recorded(ball()))))
+
+    def test_shortest_runs_are_drawn_without_a_warning(self):
+        for ticks, end_s, normal_force_n in ((1, 0.0, 0.9), (1, 0.0, -2.0), (1, 0.05, 0.9), (2, 0.1, 0.9)):
+            synthetic = ball(controller=True)
+            synthetic.events = synthetic.events[:3 * (2 + ticks)]  # two of the countdown, three messages each
+            synthetic.summary.update({
+                "end": {"reason": "slipped", "time": end_s},
+                "trip": {"cause": "friction", "time": end_s, "value": 0.4, "limit": 0.35},
+                "mu_required": {"max": 0.4, "time": end_s},
+                "normal_force": {"min": normal_force_n, "min_time": end_s},
+                "static_friction": {"max": 0.3, "time": end_s},
+                "regimes": [{"regime": "rolling", "start": 0.0, "end": end_s}],
+            })
+            run = self.recorded(synthetic)
+            run.contact = run.contact.copy()
+            run.contact["normal_force_n"] = normal_force_n
+            for name, draw in pictures.PICTURES.items():
+                with self.subTest(picture=name, ticks=ticks, normal_force=normal_force_n), warnings.catch_warnings():
+                    warnings.simplefilter("error")
+                    draw(run).savefig(io.BytesIO())
 
     def test_limit_far_above_does_not_squeeze_the_curve(self):
         synthetic = ball()

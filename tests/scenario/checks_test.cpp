@@ -2,7 +2,6 @@
 #include <cmath>
 #include <limits>
 
-#include "firmware/motion/profile.h"
 #include "tests/scenario/scenario_texts.h"
 
 namespace ballast::sim {
@@ -258,11 +257,20 @@ TEST(Scenario, RejectsALongName) {
   EXPECT_EQ(only_error(kFull, {named(65)}).key, "name");
 }
 
-TEST(Scenario, RejectsAFileNameThatCannotStandInForTheName) {
-  const ScenarioResult result = parse_scenario(kMinimal, "my scenario.toml");
-  ASSERT_EQ(result.errors.size(), 1u) << all_errors(result);
-  EXPECT_EQ(result.errors[0].key, "name");
-  EXPECT_EQ(parse_scenario(kMinimal, "dir/robot-1.toml").scenario.name, "robot-1");
+TEST(Scenario, IsNamedAfterItsFileAsNearAsAFolderMayBe) {
+  for (const auto& [file, name] :
+       std::vector<std::pair<std::string, std::string>>{{"dir/robot-1.toml", "robot-1"},
+                                                        {"my ball.toml", "my_ball"},
+                                                        {"a\nb$c.toml", "a_b_c"},
+                                                        {"\xC3\xA9.toml", "__"},  // one letter of two bytes
+                                                        {"..x.y.toml", "__x.y"},
+                                                        {"dir/", "scenario"},
+                                                        {"", "scenario"},
+                                                        {std::string(70, 'n') + ".toml", std::string(64, 'n')}}) {
+    const ScenarioResult result = parse_scenario(kMinimal, file);
+    EXPECT_TRUE(result.ok()) << file << '\n' << all_errors(result);
+    EXPECT_EQ(result.scenario.name, name) << file;
+  }
 }
 
 TEST(Scenario, NamesTheBallRadiusWhereverItIsFaulty) {
@@ -372,6 +380,16 @@ TEST(Scenario, StopsAtATomlSyntaxErrorWithItsLine) {
   }
 }
 
+TEST(Scenario, NamesAKeyGivenTwice) {
+  const std::string long_key(60, 'k');
+  for (const auto& [text, key] : std::vector<std::pair<std::string, std::string>>{
+           {"[ball]\nradius = 1\nradius = 2\n", "'radius'"},
+           {"[surface]\n[surface]\n", "'surface'"},
+           {long_key + " = 1\n" + long_key + " = 2\n", "'" + long_key + "'"}}) {
+    EXPECT_TRUE(contains(only_error(text).message, key));
+  }
+}
+
 TEST(Scenario, UnknownKeysSuggestTheNearestOfTheirLevel) {
   struct Case {
     const char* assignment;
@@ -476,9 +494,8 @@ TEST(Scenario, AtMostEightMassesAndAsManyPiecesAsTheFirmwareHolds) {
     for (int i = 0; i < count; ++i) text += "{ duration = 0.1, acceleration = [0, 0] },";
     return text + "]\n";
   };
-  EXPECT_EQ(accepted(pieces(firmware::kMaxPieces)).masses[0].motion.size(),
-            static_cast<std::size_t>(firmware::kMaxPieces));
-  EXPECT_EQ(only_error(pieces(firmware::kMaxPieces + 1)).key, "mass.0.motion");
+  EXPECT_EQ(accepted(pieces(kMaxMotionPieces)).masses[0].motion.size(), static_cast<std::size_t>(kMaxMotionPieces));
+  EXPECT_EQ(only_error(pieces(kMaxMotionPieces + 1)).key, "mass.0.motion");
 }
 
 }  // namespace

@@ -261,6 +261,34 @@ TEST(StepRate, TheControllerIssuesOnlySoManyStepsPerTick) {
   EXPECT_TRUE(contains(error.message, "steps per control period"));
 }
 
+// What the controller would refuse is refused with its key and file first.
+TEST(Steps, TheInitialPositionHasToBeCountable) {
+  const std::vector<std::string> one_to_one = {"mass.0.motor={steps_per_revolution=4, microsteps=250}",
+                                               "mass.0.motion=[]"};
+  const auto with = [&](std::string more, std::string actuation = "stepper") {
+    std::vector<std::string> overrides = one_to_one;
+    overrides.push_back("run.actuation=" + actuation);
+    overrides.push_back("mass.0.initial_position=" + more);
+    return overrides;
+  };
+  // 1000 microsteps a turn: 1e15 of them are 2 pi 1e12.
+  EXPECT_TRUE(parse(kFull, with("6.28e12")).ok()) << all_errors(parse(kFull, with("6.28e12")));
+  for (const char* far : {"6.29e12", "-6.29e12", "1e300"}) {
+    const ScenarioError error = only_error(kFull, with(far));
+    EXPECT_EQ(error.key, "mass.0.initial_position");
+    EXPECT_EQ(error.value, far);
+    EXPECT_TRUE(contains(error.message, "allowed: within 1e+15 microsteps, here 6283185307179.58"));
+  }
+  EXPECT_TRUE(parse(kFull, with("6.29e12", "prescribed")).ok());
+}
+
+TEST(Steps, TheMotorsRateEndsAtTheTimers) {
+  EXPECT_TRUE(accepted(kFull, {"mass.1.motor.max_step_rate=1e6"}).id != 0);
+  const ScenarioError error = only_error(kFull, {"mass.1.motor.max_step_rate=1000001"});
+  EXPECT_EQ(error.key, "mass.1.motor.max_step_rate");
+  EXPECT_TRUE(contains(error.message, "<= run.timer_frequency = 1e+06"));
+}
+
 TEST(StepRate, OfTheShippedDefaultsLeavesRoom) {
   const Mass mass = accepted(kFull).masses[1];
   EXPECT_LT(speed_extent(mass).greatest_speed * mass.motor.shaft_ratio / (2 * pi) * 3200, mass.motor.max_step_rate_hz);

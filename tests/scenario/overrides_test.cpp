@@ -64,11 +64,15 @@ TEST(Overrides, AreTheSourceOfTheirErrorsOnly) {
   }
 }
 
-TEST(Overrides, AKeyMissingFromATableMadeByAnOverrideIsTheFilesFault) {
+TEST(Overrides, AKeyMissingFromATableIsTheFaultOfWhoMadeTheTable) {
   const ScenarioResult result = parse("duration = 1\ngravity = 1\n", {"ball.radius=1"});
   ASSERT_EQ(result.errors.size(), 2u) << all_errors(result);
-  EXPECT_EQ(result.errors[0].source, "test.toml");
+  EXPECT_EQ(result.errors[0].source, "--set");
   EXPECT_EQ(result.errors[0].key, "ball.mass");
+  EXPECT_EQ(to_string(only_error(kMinimal, {"mass=[{mass=1}]"})).substr(0, 18), "--set: mass.0.rail");
+  const ScenarioError in_the_files_table = only_error(replaced(kMinimal, "mass = 3.0\n", ""), {"ball.radius=1"});
+  EXPECT_EQ(in_the_files_table.source, "test.toml");
+  EXPECT_EQ(in_the_files_table.line, 3);  // of [ball]
 }
 
 TEST(Overrides, MalformedOnesAreErrors) {

@@ -181,7 +181,7 @@ TEST(Shipped, DeskBallStartsInAStableEquilibriumAndStopsItsMasses) {
   }
 }
 
-// SCENARIO.md's example, every line of it: what the documentation shows has to be accepted.
+// The format's example, every line of it: what the documentation shows has to be accepted.
 TEST(Shipped, TheDocumentedExampleIsAccepted) {
   const Scenario s = accepted(R"(
 name = "paper-ball"

@@ -56,8 +56,21 @@ TEST(Processes, PeersWithAnotherScenarioAreRefused) {
   EXPECT_NE(run.err.find("controller"), std::string::npos) << run.err;
 }
 
-// SIGKILL after the first second of wall time, paced so that the run would take 60 s. Everybody left ends with status 2
-// and names the dead peer; the log is readable up to the end.
+// Two runs on one bus would answer each other: that is noticed, said, and never taken for a result.
+TEST(Processes, TwoRunsOnOneBusAreRefused) {
+  const Folder folder;
+  const std::string run = "ballast run paper_ball --quiet --processes --lcm '" + bus_url(21) + "' --out ";
+  for (const char* delay : {"0", "0.5"}) {
+    const Outcome both = folder.run(run + "a & a=$!; sleep " + delay + "; " + run + "b; b=$?; wait $a; echo $? $b");
+    EXPECT_NE(both.out.find("2 2\n"), std::string::npos) << both.out << both.err;
+    EXPECT_NE(both.err.find("another "), std::string::npos) << both.err;
+    EXPECT_FALSE(std::filesystem::exists(folder / "a/summary.json"));
+    EXPECT_FALSE(std::filesystem::exists(folder / "b/summary.json"));
+  }
+}
+
+// SIGKILL once the log shows that the run is under way (waited for at most 30 s), paced so that it would take 60 s.
+// Everybody left ends with status 2 and names the dead peer; the log is kept.
 class DeadPeer : public testing::TestWithParam<const char*> {};
 
 TEST_P(DeadPeer, IsNoticedAndNamedByTheOthers) {
@@ -67,8 +80,11 @@ TEST_P(DeadPeer, IsNoticedAndNamedByTheOthers) {
   const Outcome run = folder.run(
       "for p in monitor controller plant; do o=''; [ $p = plant ] && o='--speed 0.33 --out r';"
       " ballast-$p paper_ball" +
-      bus + " $o & eval $p=$!; done; sleep 1; kill -9 $" + dead +
-      "; for p in plant controller monitor; do eval wait \\$$p; echo $p $?; done");
+      bus +
+      " $o & eval $p=$!; done; i=0;"
+      " while [ $i -lt 300 ] && [ \"$(stat -c %s r/run.lcmlog 2>/dev/null || echo 0)\" -le 20000 ];"
+      " do sleep 0.1; i=$((i + 1)); done; kill -9 $" +
+      dead + "; for p in plant controller monitor; do eval wait \\$$p; echo $p $?; done");
   for (const std::string peer : {"plant", "controller", "monitor"}) {
     if (peer == dead) continue;
     EXPECT_NE(run.out.find(peer + " 2\n"), std::string::npos) << run.out << run.err;

@@ -85,6 +85,13 @@ int run(const RunCommand& command) {
       return program::kExitUsage;
     }
   }
+  if (command.processes && command.record.speed > 0 &&
+      2 * scenario->run.control_period_s / command.record.speed > command.bus.peer_timeout_s) {
+    program::complain("ballast",
+                      "--speed: at this pace a tick takes more than half the peer timeout; give all processes a longer "
+                      "--peer-timeout");
+    return program::kExitUsage;
+  }
   // The bus before the folder: a run that cannot be leaves none behind.
   RunCommand with_signals = command;
   with_signals.record.interrupted = program::catch_signals();
@@ -118,9 +125,9 @@ std::function<int()> add_run_command(CLI::App& app, CLI::App*& command) {
   program::add_scenario_options(*command, options->scenario);
   program::add_bus_options(*command, options->bus);
   options->url = command->get_option("--lcm");
-  command->add_option("--out", options->out, "folder for the results; default runs/NAME");
+  command->add_option("--out", options->out, "folder for the results; default runs/NAME")->check(program::not_empty());
   command->add_option("--speed", options->record.speed, "simulated over wall time; default as fast as it goes")
-      ->check(CLI::PositiveNumber);
+      ->check(program::positive_finite());
   command->add_flag("--processes", options->processes, "plant, controller and monitor as three processes over LCM");
   command->add_flag("--pictures", options->pictures, "draw the pictures when it is done");
   command->add_flag("--quiet", options->record.quiet, "no progress bar and no summary");

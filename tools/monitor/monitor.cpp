@@ -14,6 +14,8 @@ bool finite(const double (&values)[n], std::size_t count = n) {
 
 bool finite(const contact_t& contact) {
   return std::isfinite(contact.time_s) && std::isfinite(contact.normal_force_n) &&
+         std::isfinite(contact.normal_force_min_n) &&
+         (std::isfinite(contact.mu_required_max) || contact.mu_required_max > 0) &&
          std::isfinite(contact.static_friction_n) && finite(contact.friction_force_W_n) &&
          (std::isfinite(contact.mu_required) || contact.mu_required > 0);
 }
@@ -90,10 +92,12 @@ trip_t Monitor::judge(const Samples& samples) {
     trip(trip_t::CAUSE_NONFINITE, 0, 0);
   } else {
     judge_envelope(samples);
-    if (limits_.controller_expected && !first) {
-      const std::int64_t heard = samples.controller_tick.value_or(tick - kAllowedControllerAge - 1);
-      if (tick - heard > kAllowedControllerAge) {
-        trip(trip_t::CAUSE_STALE, static_cast<double>(tick - heard), static_cast<double>(kAllowedControllerAge));
+    if (limits_.controller_expected) {
+      const std::int64_t if_never = first ? tick : tick - kAllowedControllerAge - 1;
+      const std::int64_t heard = samples.controller_tick.value_or(if_never);
+      const std::int64_t age = tick - heard;
+      if (age < 0 || (age > kAllowedControllerAge && !first)) {
+        trip(trip_t::CAUSE_STALE, static_cast<double>(age), static_cast<double>(kAllowedControllerAge));
       }
     }
   }
@@ -102,17 +106,19 @@ trip_t Monitor::judge(const Samples& samples) {
 }
 
 void Monitor::judge_envelope(const Samples& samples) {
-  const double normal_force_n = samples.contact->normal_force_n;
-  const double static_friction_n = samples.contact->static_friction_n;
-  if (normal_force_n <= limits_.min_normal_force_n) {
-    trip(trip_t::CAUSE_NORMAL_FORCE, normal_force_n, limits_.min_normal_force_n);
+  const contact_t& contact = *samples.contact;
+  const double least_n = std::min(contact.normal_force_n, contact.normal_force_min_n);
+  if (least_n <= limits_.min_normal_force_n) {
+    trip(trip_t::CAUSE_NORMAL_FORCE, least_n, limits_.min_normal_force_n);
   }
   if (std::isinf(limits_.static_friction)) return;  // and infinity times N = 0 would be a NaN
   const double mu_allowed = limits_.friction_use * limits_.static_friction;
-  const bool slipped = has_rolled_ && samples.contact->regime == contact_t::REGIME_SLIDING;
-  has_rolled_ = has_rolled_ || samples.contact->regime == contact_t::REGIME_ROLLING;
-  if (slipped || static_friction_n > mu_allowed * normal_force_n) {
-    trip(trip_t::CAUSE_FRICTION, static_friction_n / normal_force_n, mu_allowed);
+  const bool slipped = has_rolled_ && contact.regime == contact_t::REGIME_SLIDING;
+  has_rolled_ = has_rolled_ || contact.regime == contact_t::REGIME_ROLLING;
+  if (slipped || contact.static_friction_n > mu_allowed * contact.normal_force_n ||
+      contact.mu_required_max > mu_allowed) {
+    const double now = contact.static_friction_n / contact.normal_force_n;
+    trip(trip_t::CAUSE_FRICTION, std::max(now, contact.mu_required_max), mu_allowed);
   }
 }
 

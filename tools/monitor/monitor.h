@@ -35,13 +35,14 @@ struct Samples {
 //                 (then seen: its tick; absent: the last tick judged)
 //   nonfinite     a NaN or infinity in time, N, f_s, friction force,         value: 0, limit: 0
 //                 plant state or sensors; mu_required may be +infinity
-//   normal_force  N <= min_normal_force                                      value: N, limit: min_normal_force
-//   friction      f_s > friction_use mu_s N, or the ball slides after it     value: f_s / N, limit: friction_use mu_s
-//                 has been seen to roll (the kinetic friction is less, but
-//                 rolling is lost); never with perfect friction
+//   normal_force  N <= min_normal_force, now or since the message before     value: least N, limit: min_normal_force
+//   friction      f_s > friction_use mu_s N, likewise, or the ball slides    value: greatest f_s / N,
+//                 after it has been seen to roll (the kinetic friction is    limit: friction_use mu_s
+//                 less, but rolling is lost); never with perfect friction
 //   stale         the controller's newest status is older than the tick      value: age, limit: age allowed, in ticks
 //                 before; one never heard counts as one tick too old;
-//                 at the first tick there is nothing yet to be heard
+//                 at the first tick there is nothing yet to be heard; or
+//                 it is of a tick still to come (then the age is negative)
 class Monitor {
  public:
   explicit Monitor(const MonitorLimits& limits);

@@ -117,8 +117,9 @@ Status MonitorLoop::plant_silent(hal::Seconds silence) {
     complain(lost(both ? "plant and controller" : "plant", "message", options_.start_timeout, last_tick_));
     return Status::kPeerLost;
   }
-  // The plant waits for the controller: if the controller never answered the last tick, it went first.
-  if (controller_heard()) {
+  // The plant waits for the controller: if the controller never answered a whole tick, it went first. Part of a tick is
+  // all that a plant leaves that ends while sending it, and nothing a controller could answer.
+  if (controller_heard() || !last_complete_) {
     complain(lost("plant", "contact", options_.peer_timeout, last_tick_));
   } else {
     complain(lost("controller", "status", options_.peer_timeout, last_tick_));
@@ -141,6 +142,7 @@ Status MonitorLoop::judge() {
   if (last_tick_ && tick <= *last_tick_) ++counters_.repeated;
   monitor_.judge(samples);
   if (current_.repeated) monitor_.judge(samples);
+  last_complete_ = current_.complete();
   last_tick_ = std::max(tick, last_tick_.value_or(tick));
   return bus_.publish(hal::kChannelTrip, monitor_.verdict());
 }

@@ -65,6 +65,7 @@ class MonitorLoop {
   Monitor monitor_;
   TickMessages current_, next_;            // next_: came before current_ was complete
   std::optional<std::int64_t> last_tick_;  // judged
+  bool last_complete_ = false;             // with all of the plant's messages
   std::optional<std::int64_t> controller_tick_;
   hal::LinkCounters counters_;
   hal::Status failure_ = hal::Status::kOk;

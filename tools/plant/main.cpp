@@ -18,14 +18,20 @@ int main(int argc, char** argv) {
   sil::RecordOptions record{.unbuffered = true};
   program::add_scenario_options(app, scenario_options);
   program::add_bus_options(app, bus_options);
-  app.add_option("--out", out, "folder for the results; default runs/NAME");
+  app.add_option("--out", out, "folder for the results; default runs/NAME")->check(program::not_empty());
   app.add_option("--speed", record.speed, "simulated over wall time; default as fast as it goes")
-      ->check(CLI::PositiveNumber);
+      ->check(program::positive_finite());
   app.add_flag("--quiet", record.quiet, "no progress bar and no summary");
   if (const auto exit_status = program::parse(app, argc, argv)) return *exit_status;
   const auto scenario = program::load_scenario(scenario_options);
   if (!scenario) return program::kExitUsage;
 
+  if (record.speed > 0 && 2 * scenario->run.control_period_s / record.speed > bus_options.peer_timeout_s) {
+    program::complain("ballast-plant",
+                      "--speed: at this pace a tick takes more than half the peer timeout; give all processes a longer "
+                      "--peer-timeout");
+    return program::kExitUsage;
+  }
   record.interrupted = program::catch_signals();
   hal::Bus bus(bus_options.url, record.interrupted);
   if (!bus.good()) {

@@ -118,16 +118,17 @@ def _finish_time_axis(axes, run):
     axes.set_xlabel(r"$t$ [s]")
 
 
-def _mark_extremum(axes, what, found, color):
+def _mark_extremum(axes, what, found, color, note=""):
     value, time = found
     axes.plot(time, value, zorder=5, clip_on=False, **_hollow(color, 7))
-    return Line2D([], [], label=f"{what} {_number(value)} at {_time(time)}", **_hollow(color, 7))
+    return Line2D([], [], label=f"{what} {_number(value)} at {_time(time)}{note}", **_hollow(color, 7))
 
 
 def _room_above(axes, values):
-    """From 0, where the envelope ends, to a little above the highest finite value."""
-    highest = values[np.isfinite(values)].max(initial=0)
-    axes.set_ylim(0, 1.06 * highest if highest > 0 else 1)
+    """From 0, where the envelope ends, or a little below the lowest value, to a little above the highest finite one."""
+    finite = values[np.isfinite(values)]
+    highest = finite.max(initial=0)
+    axes.set_ylim(1.06 * finite.min(initial=0), 1.06 * highest if highest > 0 else 1)
 
 
 def _force_picture(run, value, found, found_name, label, title):
@@ -166,16 +167,19 @@ def friction_required(run):
     top = 0.0
     marks = []
     if largest is not None:
+        # More than rounding above every sample: what the curve does not show needs a word.
+        hidden = np.nanmax(ratio) * (1 + 1e-9) < largest[0] <= _WITHOUT_BOUND
+        between = " (between ticks)" if hidden else ""
         # Near N = 0 the ratio grows without bound; an axis made for that would flatten everything else to a line at 0.
         usual = 4 * float(np.nanpercentile(ratio, 90))
         top = min(largest[0], usual if math.isinf(limit) else max(usual, 1.5 * limit))
         if largest[0] <= top:
-            marks.append(_mark_extremum(axes, "maximum", largest, BLUE))
+            marks.append(_mark_extremum(axes, "maximum", largest, BLUE, between))
         else:
             size = "without bound" if largest[0] > _WITHOUT_BOUND else f"to {_number(largest[0])}"
             style = {"linestyle": "", "marker": "^", "markersize": 9, "color": BLUE}
             axes.plot(largest[1], 1.06 * top, clip_on=False, zorder=5, **style)
-            marks.append(Line2D([], [], label=f"grows {size}, above this axis, at {_time(largest[1])}", **style))
+            marks.append(Line2D([], [], label=f"grows {size}, above this axis, at {_time(largest[1])}{between}", **style))
     symbol = r"$\mu_\mathrm{s}$"
     if math.isinf(limit):
         note = Line2D([], [], linestyle="", label=f"perfect friction: {symbol} has no limit")
@@ -287,6 +291,9 @@ def _straight_path(run, z, along):
     extent = float(np.ptp(distance)) or 1.0
     arrow_size = 0.14 * extent
     rows = _rows_over_time(run, 60)
+    # Matplotlib finds an arrow's direction with a step it takes from the extent of the data, which a run of one sample
+    # has not.
+    axes.update_datalim([(run.end_s, distance.max() + arrow_size)])
     upright = np.stack([np.zeros(len(rows)), force[rows]], axis=1)
     arrows = _friction_arrows(axes, time[rows], distance[rows], upright, arrow_size, False)
     _mark_ends(axes, (time[0], distance[0]), (time[-1], distance[-1]))

@@ -8,9 +8,13 @@
 namespace ballast::program {
 namespace {
 
-// One lost message is ridden out, a second one in a row is a fault.
+// One tick of age is no fault, so that on a board that does not wait for its messages one may come late. The backends
+// there are hand over a tick only with its sensors and its verdict: in them the age is 0.
 constexpr int kSensorStaleTicks = 1;
 constexpr int kMonitorStaleTicks = 1;
+
+static_assert(sim::kMaxMotionPieces == firmware::kMaxPieces);
+static_assert(sim::kMaxStepsPerControlPeriod == firmware::kMaxStepsPerTick);
 
 std::string mass_key(std::size_t mass, const char* field) { return "mass." + std::to_string(mass) + "." + field; }
 

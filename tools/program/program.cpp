@@ -1,6 +1,11 @@
 #include "tools/program/program.h"
 
+#include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <iostream>
+
+#include "sim/scenario_reader.h"
 
 namespace ballast::program {
 namespace {
@@ -9,24 +14,73 @@ volatile std::sig_atomic_t caught_signal = 0;
 
 void on_signal(int number) { caught_signal = number; }
 
+// As a scenario's seed: TOML's integers end at 2^63 - 1.
+CLI::Validator seed_number() {
+  const auto check = [](std::string& text) -> std::string {
+    std::int64_t value = 0;
+    const char* end = text.data() + text.size();
+    const auto [parsed, error] = std::from_chars(text.data(), end, value);
+    if (error == std::errc{} && parsed == end && value >= 0) return {};
+    return text + " is no seed; allowed: an integer from 0 to 9223372036854775807";
+  };
+  return {check, ""};
+}
+
+std::vector<std::string> shipped_names() {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(BALLAST_SCENARIO_DIR, error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (entry->path().extension() == ".toml") names.push_back(entry->path().stem().string());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::string unknown_scenario(const std::string& name) {
+  const std::vector<std::string> names = shipped_names();
+  std::string text = name + ": neither a file nor the name of a scenario that ships";
+  for (std::size_t i = 0; i < names.size(); ++i) text += (i == 0 ? " (" : ", ") + names[i];
+  if (!names.empty()) text += ")";
+  const std::string near = sim::nearest(std::filesystem::path(name).stem().string(), names);
+  return near.empty() ? text : text + "; did you mean " + near + "?";
+}
+
 }  // namespace
 
+CLI::Validator positive_finite() {
+  const auto check = [](std::string& text) -> std::string {
+    double value = 0;
+    if (CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value > 0) return {};
+    return text + " is out of range; allowed: a finite number > 0";
+  };
+  return {check, ""};
+}
+
+CLI::Validator not_empty() {
+  const auto check = [](std::string& text) { return text.empty() ? std::string("is empty") : std::string(); };
+  return {check, ""};
+}
+
 void add_scenario_options(CLI::App& app, ScenarioOptions& options) {
-  app.add_option("SCENARIO", options.scenario, "a scenario file, or the name of a scenario that ships")->required();
+  app.add_option("SCENARIO", options.scenario, "a scenario file, or the name of a scenario that ships")
+      ->required()
+      ->check(not_empty());
   app.add_option("--set", options.set, "KEY=VALUE: replaces a value of the scenario, e.g. mass.2.mass=60; repeatable")
-      ->allow_extra_args(false);  // otherwise it would swallow SCENARIO
+      ->allow_extra_args(false)  // otherwise it would swallow SCENARIO
+      ->check(not_empty());
   app.add_option("--actuation", options.actuation, "prescribed or stepper, instead of what the scenario says")
       ->check(CLI::IsMember({"prescribed", "stepper"}));
-  app.add_option("--seed", options.seed, "seed of all random numbers, instead of the scenario's");
+  app.add_option("--seed", options.seed, "seed of all random numbers, instead of the scenario's")->check(seed_number());
 }
 
 void add_bus_options(CLI::App& app, BusOptions& options) {
-  app.add_option("--lcm", options.url, "URL of the LCM bus")->capture_default_str();
+  app.add_option("--lcm", options.url, "URL of the LCM bus")->check(not_empty())->capture_default_str();
   app.add_option("--start-timeout", options.start_timeout_s, "seconds to wait for the first tick")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_finite())
       ->capture_default_str();
   app.add_option("--peer-timeout", options.peer_timeout_s, "seconds of silence after which a peer is lost")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_finite())
       ->capture_default_str();
 }
 
@@ -42,8 +96,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
 std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options) {
   const std::filesystem::path file = sim::find_scenario(options.scenario, BALLAST_SCENARIO_DIR);
   if (file.empty()) {
-    std::cerr << options.scenario << ": neither a file nor the name of a scenario that ships in "
-              << BALLAST_SCENARIO_DIR << '\n';
+    std::cerr << unknown_scenario(options.scenario) << '\n';
     return std::nullopt;
   }
   std::vector<std::string> overrides = options.set;
@@ -61,7 +114,8 @@ void complain(const std::string& program_name, const std::string& text) {
 
 const volatile std::sig_atomic_t* catch_signals() {
   struct sigaction action {};
-  action.sa_handler = on_signal;  // no SA_RESTART: waiting calls return
+  action.sa_handler = on_signal;   // no SA_RESTART: waiting calls return
+  action.sa_flags = SA_RESETHAND;  // a second one kills, should the first not be looked at soon enough
   for (const int number : {SIGINT, SIGTERM}) sigaction(number, &action, nullptr);
   return &caught_signal;
 }

@@ -31,6 +31,11 @@ struct BusOptions {
   double peer_timeout_s = 2;    // from one tick to the next
 };
 
+// For numbers of options: finite and > 0. CLI11's own check lets NaN and infinity through.
+CLI::Validator positive_finite();
+// For texts of options: an empty one is a shell variable that was not set.
+CLI::Validator not_empty();
+
 // Both structs must outlive the parsing.
 void add_scenario_options(CLI::App& app, ScenarioOptions& options);
 void add_bus_options(CLI::App& app, BusOptions& options);

@@ -8,17 +8,42 @@ using hal::Status;
 
 LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_(std::move(options)) {
   bus_.subscribe<trip_t>(hal::kChannelTrip, [this](const trip_t& m) {
-    if (m.scenario_id != options_.scenario_id) foreign_ = "monitor";
-    if (m.tick == tick_) trip_ = m;
+    check_scenario(m.scenario_id, "monitor");
+    accept(m, m.tick, tick_, trip_, "monitor");
   });
+  // A bus gives back what is published on it: each of our ticks must be heard once, and nobody else's.
+  bus_.subscribe<sensors_t>(hal::kChannelSensors,
+                            [this](const sensors_t& m) { accept(m, m.tick, tick_, echo_, "plant"); });
   if (!options_.controller_expected) return;
   bus_.subscribe<controller_status_t>(hal::kChannelControllerStatus, [this](const controller_status_t& m) {
-    if (m.scenario_id != options_.scenario_id) foreign_ = "controller";
-    if (m.tick == tick_) status_ = m;
+    check_scenario(m.scenario_id, "controller");
+    accept(m, m.tick, tick_, status_, "controller");
   });
   bus_.subscribe<step_command_t>(hal::kChannelStepCommand, [this](const step_command_t& m) {
-    if (m.tick == tick_ + 1) steps_ = m;
+    accept(m, m.tick, tick_ + 1, steps_, "controller");
   });
+}
+
+void LcmPeers::check_scenario(std::int64_t scenario_id, const char* sender) {
+  if (scenario_id == options_.scenario_id || failure_ != Status::kOk) return;
+  failure_ = Status::kForeignScenario;
+  trouble_ = std::string("the ") + sender + " runs another scenario than the plant";
+}
+
+// In lockstep every answer is the one waited for, and comes once. Heartbeats of peers that wait for their first tick
+// repeat.
+template <class M>
+void LcmPeers::accept(const M& message, std::int64_t tick, std::int64_t tick_due, std::optional<M>& mailbox,
+                      const char* sender) {
+  if (tick == hal::kWaitingTick) {
+    if (tick_ == hal::kWaitingTick) mailbox = message;
+  } else if (tick == tick_due && !mailbox && tick_ != hal::kWaitingTick) {
+    mailbox = message;
+  } else if (failure_ == Status::kOk) {
+    failure_ = Status::kForeignPeer;
+    trouble_ = std::string("another ") + sender + " is on this bus (tick " + std::to_string(tick) +
+               "): give every run a bus of its own with --lcm";
+  }
 }
 
 template <class Done>
@@ -27,16 +52,14 @@ Status LcmPeers::wait(hal::Seconds timeout, const Done& done) {
   const auto deadline = hal::after(hal::WallClock::now(), timeout);
   for (;;) {
     const auto now = hal::WallClock::now();
-    const Status status =
-        bus_.receive_until(std::min(deadline, hal::after(now, kLook)), [&] { return foreign_ != nullptr || done(); });
-    if (foreign_ != nullptr) {
-      trouble_ = std::string("the ") + foreign_ + " runs another scenario than the plant";
-      return Status::kForeignScenario;
-    }
+    const Status status = bus_.receive_until(std::min(deadline, hal::after(now, kLook)),
+                                             [&] { return failure_ != Status::kOk || done(); });
+    if (failure_ != Status::kOk) return failure_;
     if (status == Status::kInterrupted) trouble_ = "interrupted";
     if (status == Status::kIo) trouble_ = "the LCM bus failed";
     if (status != Status::kEmpty) return status;
-    if (options_.peer_ended) {
+    // On the last lap a peer ends as soon as it has answered.
+    if (options_.peer_ended && !last_lap_) {
       if (trouble_ = options_.peer_ended(); !trouble_.empty()) return Status::kPeerLost;
     }
     if (now >= deadline) return Status::kPeerLost;
@@ -52,15 +75,20 @@ void LcmPeers::lost(const std::string& when, hal::Seconds silence) {
 }
 
 Status LcmPeers::connect() {
-  tick_ = hal::kWaitingTick;
-  const Status status =
-      wait(options_.start_timeout, [this] { return trip_ && (status_ || !options_.controller_expected); });
+  // Long enough to hear a plant that is already at work here.
+  constexpr hal::Seconds kListen{0.2};
+  const auto listened = hal::after(hal::WallClock::now(), kListen);
+  const Status status = wait(options_.start_timeout, [&] {
+    return trip_ && (status_ || !options_.controller_expected) && hal::WallClock::now() >= listened;
+  });
   if (status == Status::kPeerLost) lost("before the first tick", options_.start_timeout);
   return status;
 }
 
 Status LcmPeers::exchange(Lap& lap) {
   tick_ = lap.plant.contact.tick;
+  last_lap_ = lap.plant.contact.last != 0;
+  echo_.reset();
   trip_.reset();
   status_.reset();
   steps_.reset();

@@ -33,6 +33,10 @@ class LcmPeers : public Peers {
   template <class Done>
   hal::Status wait(hal::Seconds timeout, const Done& done);
   void lost(const std::string& when, hal::Seconds silence);
+  void check_scenario(std::int64_t scenario_id, const char* sender);
+  template <class M>
+  void accept(const M& message, std::int64_t tick, std::int64_t tick_due, std::optional<M>& mailbox,
+              const char* sender);
 
   hal::Bus& bus_;
   LcmPeersOptions options_;
@@ -40,7 +44,9 @@ class LcmPeers : public Peers {
   std::optional<trip_t> trip_;
   std::optional<controller_status_t> status_;
   std::optional<step_command_t> steps_;
-  const char* foreign_ = nullptr;  // a peer that runs another scenario
+  std::optional<sensors_t> echo_;  // our own, heard back
+  bool last_lap_ = false;
+  hal::Status failure_ = hal::Status::kOk;  // found while receiving; trouble_ says what
   std::string trouble_;
 };
 

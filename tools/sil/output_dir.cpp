@@ -45,7 +45,14 @@ OutputDir::OutputDir(fs::path path) : path_(std::move(path)) {
 void OutputDir::clear() {
   std::error_code code;
   // What cannot be removed cannot be replaced either, and is reported by whoever writes it.
-  for (const char* name : kFiles) fs::remove(path_ / name, code);
+  for (const char* name : kFiles) {
+    if (!fs::is_directory(path_ / name, code)) fs::remove(path_ / name, code);
+  }
+}
+
+void OutputDir::remove_log() {
+  std::error_code code;
+  if (fs::is_regular_file(log_path(), code)) fs::remove(log_path(), code);
 }
 
 bool OutputDir::write_summary(const std::string& text) {

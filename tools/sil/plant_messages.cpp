@@ -43,6 +43,8 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
   m.contact.static_friction_n = sample.static_friction_n;
   const bool flies = sample.regime == sim::Regime::kFlight;
   m.contact.mu_required = flies ? 0 : sim::Plant::mu_required(sample.normal_force_n, sample.static_friction_n);
+  m.contact.normal_force_min_n = sample.normal_force_min_n;
+  m.contact.mu_required_max = sample.mu_required_max;
   m.contact.margin = friction_margin(sample.normal_force_n, sample.static_friction_n, scenario.surface.static_friction);
   m.contact.regime = regime_code(sample.regime);
 

@@ -42,6 +42,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     program::complain(program_name, text);
     return program::kExitCouldNotRun;
   };
+  // Only once the run can begin does it replace what an earlier one has left.
+  if (peers.connect() != hal::Status::kOk) return fail(peers.trouble());
   output.clear();
   Recorder recorder(output.log_path(), options.bus, options.unbuffered);
   if (!recorder.good()) return fail(recorder.error());
@@ -55,13 +57,16 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
                   }});
   }
   const bool log_whole = recorder.close();
-  if (result.status != hal::Status::kOk) {
-    return fail(result.trouble + "; " + output.log_path() +
-                (log_whole ? " holds what happened up to then" : " is not whole"));
+  if (!log_whole) {
+    output.remove_log();
+    return fail(recorder.error());
   }
-  if (!log_whole) return fail(recorder.error());
+  if (result.status != hal::Status::kOk)
+    return fail(result.trouble + "; " + output.log_path() + " holds what happened up to then");
   if (!output.write_summary(summary_json(scenario, result))) return fail(output.error());
   if (!options.quiet) std::cout << summary_text(scenario, result, output.path()) << std::flush;
+  if (!options.quiet && !std::cout)
+    return fail("the summary cannot be printed; the results are in " + output.path().string());
   return exit_status(result);
 }
 

@@ -1,5 +1,6 @@
 #include "tools/sil/run.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <thread>
@@ -43,6 +44,42 @@ class PulseRecord {
   std::array<double, sim::kMaxMasses> last_s_{};
 };
 
+// Whether the masses rest: for one swing of the slowest motor none has moved faster than a twentieth of the fastest
+// mass's top speed in this run (in m/s: a load that still shifts as the ball rolls on keeps a held mass moving a
+// little).
+class RestWatch {
+ public:
+  explicit RestWatch(const sim::Scenario& scenario) : scenario_(scenario) {
+    for (const auto& mass : scenario.masses) {
+      const double lever = mass.rail.shape == firmware::RailShape::kCircle ? mass.rail.radius_m : 1;
+      const double shaft = mass.motor.shaft_ratio;
+      const double inertia = mass.mass_kg * lever * lever + mass.motor.rotor_inertia_kgm2 * shaft * shaft;
+      const double stiffness = mass.motor.steps_per_revolution / 4.0 * mass.motor.holding_torque_nm * shaft * shaft;
+      swing_s_ = std::max(swing_s_, 2 * M_PI * std::sqrt(inertia / stiffness));
+    }
+  }
+  bool see(const sim::Plant::Sample& sample) {
+    double fastest = 0;
+    for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
+      const auto& rail = scenario_.masses[i].rail;
+      const double lever = rail.shape == firmware::RailShape::kCircle ? rail.radius_m : 1;
+      fastest = std::max(fastest, lever * std::abs(sample.mass_velocity[i]));
+    }
+    top_mps_ = std::max(top_mps_, fastest);
+    if (fastest > top_mps_ / 20) moved_s_ = sample.time_s;
+    at_rest_ = top_mps_ == 0 || sample.time_s - moved_s_ >= swing_s_;
+    return at_rest_;
+  }
+  [[nodiscard]] bool at_rest() const { return at_rest_; }
+
+ private:
+  const sim::Scenario& scenario_;
+  double swing_s_ = 0;
+  double top_mps_ = 0;
+  double moved_s_ = 0;
+  bool at_rest_ = false;
+};
+
 }  // namespace
 
 const char* to_string(EndReason reason) {
@@ -65,29 +102,26 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   RunResult result;
   const bool has_controller = scenario.run.actuation == sim::Actuation::kStepper;
   const double period_s = scenario.run.control_period_s;
-  result.status = peers.connect();
-  if (result.status != hal::Status::kOk) {
-    result.trouble = peers.trouble();
-    return result;
-  }
-
   const auto wall_start = Clock::now();
   sim::Plant plant(scenario);
   PulseRecord pulse_record;
   std::vector<sim::StepPulse> pulses;
   step_command_t due{};                        // the steps of the tick about to be executed
-  std::optional<std::int64_t> stop_done_tick;  // at whose start the stop after a trip is over
+  std::optional<std::int64_t> stop_done_tick;  // at whose start the stop's last step has been executed
+  RestWatch rest(scenario);
   auto next_progress = wall_start;
 
   // A ball that breaks the envelope as it is set down needs no countdown.
   std::int64_t tick = has_controller && plant.end() == sim::PhysicsEnd::kNone ? -kCountdown : 0;
   for (;; ++tick) {
-    const bool stopped = stop_done_tick && tick >= *stop_done_tick;
+    const sim::Plant::Sample sample = plant.sample();
+    const bool at_rest = rest.see(sample);
+    const bool stopped = stop_done_tick && tick >= *stop_done_tick && at_rest;
     const bool last = plant.end() != sim::PhysicsEnd::kNone || plant.time_s() >= scenario.duration_s || stopped;
 
     Lap lap;
     lap.has_controller = has_controller;
-    lap.plant = plant_messages(scenario, plant.sample(), tick, last);
+    lap.plant = plant_messages(scenario, sample, tick, last);
     if (tick < 0) {
       const auto command = tick == -kCountdown ? firmware::OperatorCommand::kArm : firmware::OperatorCommand::kStart;
       lap.command = hal::to_message(command, tick, tick + kCountdown + 1, period_s);
@@ -98,6 +132,15 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       return result;
     }
     record(recorder, lap);
+    // Every command of the countdown must have been obeyed, unless something tripped.
+    const std::int8_t mode_due =
+        tick == -kCountdown ? controller_status_t::MODE_ARMED : controller_status_t::MODE_RUNNING;
+    if (tick < 0 && lap.trip.tripped == 0 && lap.status.faults == 0 && lap.status.mode != mode_due) {
+      result.status = hal::Status::kPeerLost;
+      result.trouble =
+          "the controller did not obey the operator's " + std::string(tick == -kCountdown ? "arm" : "start");
+      return result;
+    }
     if (!recorder.good() || (options.interrupted != nullptr && *options.interrupted != 0)) {
       result.status = recorder.good() ? hal::Status::kInterrupted : hal::Status::kIo;
       result.trouble = recorder.good() ? "interrupted" : recorder.error();
@@ -125,7 +168,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
         result.end_reason = EndReason::kDetached;
       else if (plant.end() == sim::PhysicsEnd::kInconsistent)
         result.end_reason = EndReason::kInconsistent;
-      else if (stopped)
+      else if (stop_done_tick && tick >= *stop_done_tick)
         result.end_reason = EndReason::kTripped;
       break;
     }
@@ -152,6 +195,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
 
   result.wall_time_s = std::chrono::duration<double>(Clock::now() - wall_start).count();
   result.end_text = plant.end_text();
+  result.masses_rested = rest.at_rest();
   result.final_sample = plant.sample();
   result.regimes = plant.regimes();
   result.impacts = plant.impacts();

@@ -44,8 +44,9 @@ struct RunResult {
   trip_t trip{};  // the last verdict
   std::optional<ControllerTrip> controller_trip;
   std::optional<std::int64_t>
-      latency_ticks;       // from the violating contact to the first tick whose steps belong to the stop
-  std::int64_t ticks = 0;  // control periods simulated
+      latency_ticks;           // from the violating contact to the first tick whose steps belong to the stop
+  bool masses_rested = false;  // at the end; see run()
+  std::int64_t ticks = 0;      // control periods simulated
   double wall_time_s = 0;
 
   // Why it could not run to its end; kOk: it did, and the rest is meaningful.

@@ -54,13 +54,10 @@ const char* trip_cause(int cause) {
 // The controller's own reason to trip, where the monitor had none: the first of firmware/safety/fault.h.
 const char* fault_cause(std::int32_t faults) {
   using firmware::Fault;
-  constexpr std::pair<Fault, const char*> kNames[] = {{Fault::kSensorNotFinite, "sensor_not_finite"},
-                                                      {Fault::kSensorStale, "sensor_stale"},
-                                                      {Fault::kMonitorStale, "monitor_stale"},
-                                                      {Fault::kStepOverload, "step_overload"},
-                                                      {Fault::kTickOutOfOrder, "tick_out_of_order"},
-                                                      {Fault::kParametersInvalid, "parameters_invalid"},
-                                                      {Fault::kInternal, "internal"}};
+  constexpr std::pair<Fault, const char*> kNames[] = {
+      {Fault::kSensorNotFinite, "sensor_not_finite"}, {Fault::kSensorStale, "sensor_stale"},
+      {Fault::kMonitorStale, "monitor_stale"},        {Fault::kStepOverload, "step_overload"},
+      {Fault::kTickOutOfOrder, "tick_out_of_order"},  {Fault::kInternal, "internal"}};
   for (const auto& [fault, name] : kNames) {
     if ((static_cast<std::uint32_t>(faults) & static_cast<std::uint32_t>(fault)) != 0) return name;
   }
@@ -70,8 +67,9 @@ const char* fault_cause(std::int32_t faults) {
 Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 // Whether the ball rolls on such a floor, as far as this run can tell: up to where rolling was lost, and never if the
-// run did not start rolling.
-bool holds(const RunResult& result, double static_friction) {
+// run did not start rolling. One that slipped did not hold on its own floor, nor on a smoother.
+bool holds(const sim::Scenario& scenario, const RunResult& result, double static_friction) {
+  if (result.end_reason == EndReason::kSlipped && static_friction <= scenario.surface.static_friction) return false;
   return result.regimes.front().regime == sim::Regime::kRolling && result.extrema.normal_force_min.value > 0 &&
          result.extrema.mu_required_max.value <= static_friction;
 }
@@ -160,12 +158,13 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                  {"tick", result.controller_trip->tick},
                  {"value", result.controller_trip->faults},
                  {"limit", 0},
-                 {"latency_ticks", 1}};
+                 {"latency_ticks", nullptr}};
   }
   j["surfaces"] = Json::array();
   for (const Floor& floor : kFloors) {
-    j["surfaces"].push_back(
-        {{"name", floor.name}, {"mu_s", floor.static_friction}, {"holds", holds(result, floor.static_friction)}});
+    j["surfaces"].push_back({{"name", floor.name},
+                             {"mu_s", floor.static_friction},
+                             {"holds", holds(scenario, result, floor.static_friction)}});
   }
   j["motors"] = motors;
   j["published"] = Json::array();
@@ -200,7 +199,9 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
       text += format("  ended       detached at t = %.10g s: N fell to 0, the ball leaves the ground", end_s);
       break;
     case EndReason::kTripped:
-      text += format("  ended       tripped; the masses were at rest at t = %.6g s", end_s);
+      text += format(result.masses_rested ? "  ended       tripped; the masses were at rest at t = %.6g s"
+                                          : "  ended       tripped; the masses were still moving at t = %.6g s",
+                     end_s);
       break;
     case EndReason::kInconsistent:
       text += format("  ended       inconsistent at t = %.10g s: %s", end_s, result.end_text.c_str());
@@ -249,7 +250,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   }
   std::string holds_on, slips_on;
   for (const Floor& floor : kFloors) {
-    std::string& list = holds(result, floor.static_friction) ? holds_on : slips_on;
+    std::string& list = holds(scenario, result, floor.static_friction) ? holds_on : slips_on;
     list += format("%s%s %.2f", list.empty() ? "" : ", ", floor.name, floor.static_friction);
   }
   if (result.end_reason != EndReason::kCompleted) {
@@ -261,6 +262,8 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   if (!slips_on.empty()) text += "\n  not on      " + slips_on;
   text += "\n";
   for (const auto& published : scenario.published) {
+    if (result.end_reason != EndReason::kCompleted && published.quantity != "end.time")
+      continue;  // not the whole story
     const double here = measured(result, published.quantity);
     text += format("  published   %s = %g (%s); here %s\n", published.quantity.c_str(), published.value,
                    published.source.c_str(), std::isfinite(here) ? format("%.6g", here).c_str() : "unbounded");

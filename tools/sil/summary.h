@@ -8,8 +8,8 @@
 
 namespace ballast::sil {
 
-// summary.json as SCENARIO.md has it, ending in a newline. Numbers are written with the digits that give back the same
-// double (17 at most); what is infinite (a friction no surface gives, perfect friction) is null.
+// summary.json, field by field in tools/README.md, ending in a newline. Numbers are written with the digits that give
+// back the same double (17 at most); what is infinite (a friction no surface gives, perfect friction) is null.
 std::string summary_json(const sim::Scenario& scenario, const RunResult& result);
 
 // For the terminal, ending in a newline. `directory` is where the results are.

@@ -1,0 +1,36 @@
+// The paper's closed forms for a disk that rolls without slipping: the ball whose masses, centre of mass and external
+// force stay in the plane e1-e3, E2 being a principal axis orthogonal to it.
+//
+// phi is the angle from e1 to E1, counterclockwise seen with e2 directed into the page, so a disk with phidot > 0 rolls
+// towards -e1. The ball in the same state (paper, app_disk):
+//   Lambda = [cos phi 0 -sin phi; 0 1 0; sin phi 0 cos phi]: minus phi about e2, q = (cos phi/2, 0, -sin phi/2, 0),
+//   Gamma = (sin phi, 0, cos phi), Omega = -phidot e2, zdot_GC = -r phidot e1 while rolling.
+#pragma once
+
+#include "firmware/model/rolling.h"
+
+namespace ballast::firmware {
+
+struct DiskState {
+  Real angle_rad = 0;               // phi
+  Real angular_velocity_radps = 0;  // phidot
+};
+
+struct RollingDiskForces {
+  Real angular_acceleration_radps2 = 0;  // phiddot
+  Real normal_force_n = 0;               // N, positive upward
+  Real friction_force_W1_n = 0;          // force of the surface on the disk along e1, the paper's pi f_s
+  Real static_friction_n = 0;            // f_s
+};
+
+// The ball's attitude and angular velocity Omega in this state.
+Quaternion orientation_of(const DiskState& disk);
+Vector3 angular_velocity_of(const DiskState& disk);  // body frame, rad/s
+
+// phiddot (eq_ddphi_disk with eq_K_i), N (eq_normal_disk) and -f_s sigma (eq_static_friction_disk). With mass_count = 0
+// these are eq_ddphi_sdisk, eq_normal_sdisk and eq_static_friction_sdisk. Of `ball`, I enters by d_2 alone and vectors
+// by their components 1 and 3: it is the caller's to see that rails, chi_0 and F_e have no other. Deviation from the
+// paper: none. Never fails for validated parameters; NaN in gives NaN out.
+RollingDiskForces rolling_disk_forces(const BallParams& ball, const DiskState& disk, const MassMotion& masses);
+
+}  // namespace ballast::firmware
