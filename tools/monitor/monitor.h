@@ -36,9 +36,8 @@ struct Samples {
 //   nonfinite     a NaN or infinity in time, N, f_s, friction force,         value: 0, limit: 0
 //                 plant state or sensors; mu_required may be +infinity
 //   normal_force  N <= min_normal_force, now or since the message before     value: least N, limit: min_normal_force
-//   friction      f_s > friction_use mu_s N, likewise; never with perfect    value: greatest f_s / N, limit:
-//   friction_use
-//                 friction                                                   mu_s
+//   friction      f_s > friction_use mu_s N, likewise; never with perfect    value: greatest f_s / N,
+//                 friction                                                   limit: friction_use mu_s
 //   stale         the controller's newest status is older than the tick      value: age, limit: age allowed, in ticks
 //                 before; one never heard counts as one tick too old;
 //                 at the first tick there is nothing yet to be heard; or
