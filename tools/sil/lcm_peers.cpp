@@ -9,6 +9,8 @@ using hal::Status;
 LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_(std::move(options)) {
   bus_.subscribe<trip_t>(hal::kChannelTrip, [this](const trip_t& m) {
     check_scenario(m.scenario_id, "monitor");
+    // The last word of a monitor that hears nobody any more; who went silent is found by the timeout here.
+    if (m.tripped == 1 && m.cause == trip_t::CAUSE_STALE && (m.tick != tick_ || trip_)) return;
     accept(m, m.tick, tick_, trip_, "monitor");
   });
   // A bus gives back what is published on it: each of our ticks must be heard once, and nobody else's.
