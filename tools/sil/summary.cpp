@@ -196,7 +196,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
                      scenario.surface.static_friction);
       break;
     case EndReason::kDetached:
-      text += format("  ended       detached at t = %.10g s: N fell to 0, the ball leaves the ground", end_s);
+      text += format("  ended       detached at t = %.10g s: N fell to 0, the floor no longer carries the ball", end_s);
       break;
     case EndReason::kTripped:
       text += format(result.masses_rested ? "  ended       tripped; the masses were at rest at t = %.6g s"
