@@ -177,9 +177,7 @@ Plant::MassPoint Plant::mass_point(double time_s, const double* y) const {
 
 CarriedMasses Plant::carried(const MassPoint& masses) const {
   CarriedMasses out;
-  for (std::size_t i = 0; i < motion_.size(); ++i) {
-    carry_along(body_.rail[i], masses.position[i], masses.velocity[i], masses.acceleration[i], out[i]);
-  }
+  carry_along_rails(body_, masses.position.data(), masses.velocity.data(), masses.acceleration.data(), out);
   return out;
 }
 

@@ -42,9 +42,7 @@ void RightHandSide(benchmark::State& state) {
     benchmark::DoNotOptimize(theta);
     benchmark::DoNotOptimize(rate);
     benchmark::DoNotOptimize(acceleration);
-    for (std::size_t i = 0; i < 3; ++i) {
-      sim::carry_along(body.rail[i], theta[i], rate[i], acceleration[i], masses[i]);
-    }
+    sim::carry_along_rails(body, theta, rate, acceleration, masses);
     sim::rolling_prescribed(body, 0, q, omega, masses, motion);
     benchmark::DoNotOptimize(motion);
   }
