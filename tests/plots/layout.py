@@ -3,7 +3,6 @@
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.legend import Legend
-from matplotlib.text import Text
 
 
 def assert_words_apart(test, figure):
@@ -30,7 +29,7 @@ def assert_words_apart(test, figure):
                     texts += [tick.label1 for tick in axis.get_major_ticks()
                               if tick.label1.get_visible() and low <= tick.get_loc() <= high]
     for text in texts:
-        if isinstance(text, Text) and text.get_visible() and text.get_text().strip():
+        if text.get_visible() and text.get_text().strip():
             boxes.append((text.get_text(), text.get_window_extent(renderer)))
     point = figure.dpi / 72
     for i, (said, box) in enumerate(boxes):

@@ -106,6 +106,10 @@ class PaperFiguresTest(unittest.TestCase):
             np.testing.assert_allclose(points[:, 0], 0.1 * np.arange(len(points)) + 0.05, rtol=0, atol=1e-12)
             np.testing.assert_allclose(points[:2, 1], [1.0, 0.5], rtol=0, atol=1e-12)
             np.testing.assert_allclose(points[2:, 1], 0, rtol=0, atol=1e-12)
+        # The one figure stands for the ball too: eq_prescribed_u_ball.
+        _, of_the_ball = self.paper_runs["paper_ball"].acceleration()
+        for i in range(3):
+            np.testing.assert_allclose(of_the_ball[:, i], points[:, 1], rtol=0, atol=1e-12)
 
     def test_disk_trajectories(self):
         reference = read_reference("paper_disk")

@@ -108,12 +108,8 @@ class PaperFigure(NamedTuple):
     panels: tuple
 
 
-def _flat_axes(figure, place):
-    return figure.add_axes(place)
-
-
 def _over_time(figure, place, paper_run, label):
-    axes = _flat_axes(figure, place)
+    axes = figure.add_axes(place)
     axes.set_ylabel(label)
     finish_time_axis(axes, paper_run.run)
     axes.xaxis.set_major_locator(ticker.MaxNLocator(6))
@@ -184,7 +180,7 @@ def _ball_trajectories(in_space_frame):
 
 
 def _magnitude_of_acceleration(figure, place, paper_run):
-    axes = _flat_axes(figure, place)
+    axes = figure.add_axes(place)
     time, acceleration = paper_run.acceleration()
     handles = []
     # All masses share one curve; the first is drawn broad and the last thin, so that every one is seen.
@@ -204,7 +200,7 @@ def _name(axes, text, x, y, up_pt):
 
 
 def _disk_configuration(figure, place, paper_run):
-    axes = _flat_axes(figure, place)
+    axes = figure.add_axes(place)
     axes.add_patch(Circle((0, 0), paper_run.radius_m, fill=False, edgecolor=BLACK, linewidth=2))
     for i, (circle, name) in enumerate(zip(paper_run.rail_circles_B_m(), _mass_names(paper_run.run.mass_count))):
         axes.plot(circle[:, 0], circle[:, 2], color=MASS_COLORS[i], linestyle="--", linewidth=1.2)
@@ -258,7 +254,7 @@ def _angular_velocity(figure, place, paper_run):
 
 def _ball_path(with_friction):
     def draw(figure, place, paper_run):
-        axes = _flat_axes(figure, place)
+        axes = figure.add_axes(place)
         z = np.asarray(paper_run.run.state["position_W_m"][:, :2], dtype=float)
         line = axes.plot(z[:, 0], z[:, 1], color=BLUE, label="GC and CP")
         ends = [Line2D([], [], label="start", **hollow(BLACK, 9)),
