@@ -5,7 +5,7 @@
 //   S = sum m_i zeta_i                                     first moment
 //   J = I + sum m_i (|zeta_i|^2 1 - zeta_i zeta_i^T)       inertia about the geometric centre
 //   e_i = 2 thetadot_i Omega x zeta_i' + thetadot_i^2 zeta_i'' + thetaddot_i zeta_i'     (c_i without its centripetal
-//   part)
+//   part; of a mass carried along any curve chi_i(t): 2 Omega x chidot_i + chiddot_i)
 // so that section 4 reads, with the centripetal parts gathered in Omega x (Omega x S) and Omega x J Omega,
 //   Newton   M a + Omegadot x S + G = R_B,               G = Omega x (Omega x S) + sum m_i e_i + M g Gamma - F_B
 //   Euler    J Omegadot + S x a + E = -r Gamma x R_B,    E = Omega x J Omega + g S x Gamma + sum m_i zeta_i x e_i
@@ -29,6 +29,7 @@
 #include <array>
 
 #include "firmware/model/rail.h"
+#include "sim/external_force.h"
 #include "sim/scenario.h"
 
 namespace ballast::sim {
@@ -45,25 +46,49 @@ struct Body {
   double total_mass_kg;
   Eigen::Vector3d inertia_kgm2;  // of m_0 about its own centre of mass
   Eigen::Vector3d center_of_mass_B_m;
-  Eigen::Vector3d external_force_W_n;
+  Vec3<double> shell_first_moment;            // m_0 chi_0
+  std::array<double, 6> shell_second_moment;  // m_0 chi_0 chi_0^T: xx, xy, xz, yy, yz, zz
+  ExternalForce external_force;
   int mass_count;
   std::array<double, kMaxMasses> mass_kg{};
   std::array<firmware::Rail, kMaxMasses> rail{};
   std::array<double, kMaxMasses> reflected_inertia{};  // J_i = rotor inertia * shaft_ratio^2, in rail units
 };
 
+// Where a prescribed mass is: chi_i from the geometric centre, and its derivatives as the body frame sees them.
+struct CarriedMass {
+  Vec3<double> position_B_m, velocity_B_mps, acceleration_B_mps2;
+};
+using CarriedMasses = std::array<CarriedMass, kMaxMasses>;
+
+// eq_1d_param: a mass at rail coordinate theta, with thetadot and thetaddot.
+inline void carry_along(const firmware::Rail& rail, double position, double velocity, double acceleration,
+                        CarriedMass& out) {
+  const auto p = firmware::evaluate(rail, position);
+  const double squared = velocity * velocity;
+  out.position_B_m = vec3(p.position);
+  out.velocity_B_mps = velocity * vec3(p.d1);
+  out.acceleration_B_mps2 = acceleration * vec3(p.d1) + squared * vec3(p.d2);
+}
+
 // What the equations give at one instant. Body frame; `mass` arrays hold mass_count entries. In flight R_B = N = f_s =
 // 0; in sliding f_s is the kinetic friction.
-struct Motion {
-  Eigen::Matrix3d rotation_B_to_W;                // Lambda
-  Eigen::Vector3d up_B;                           // Gamma, its last row
-  Eigen::Vector3d angular_acceleration_B_radps2;  // Omegadot
-  Eigen::Vector3d acceleration_B_mps2;            // a, of the geometric centre
-  Eigen::Vector3d contact_force_B_n;              // R_B
-  double normal_force_n;                          // N = R_B . Gamma
-  double static_friction_n;                       // f_s = |R_B - N Gamma|
+template <class T>
+struct MotionOf {
+  using Vector3 = Eigen::Matrix<T, 3, 1>;
+  Eigen::Matrix<T, 3, 3> rotation_B_to_W;         // Lambda
+  Vector3 up_B;                                   // Gamma, its last row
+  Vector3 angular_acceleration_B_radps2;          // Omegadot
+  Vector3 acceleration_B_mps2;                    // a, of the geometric centre
+  Vector3 contact_force_B_n;                      // R_B
+  T normal_force_n;                               // N = R_B . Gamma
+  T static_friction_n;                            // f_s = |R_B - N Gamma|
+  Eigen::Matrix<T, 2, 1> rolling_velocity_W_mps;  // rolling only: of the geometric centre, omega x r e3
+};
+struct Motion : MotionOf<double> {
+  // Of driven masses only.
   std::array<double, kMaxMasses> mass_acceleration;
-  std::array<double, kMaxMasses> generalised_force;  // tau of driven masses; not set by rolling_prescribed()
+  std::array<double, kMaxMasses> generalised_force;  // tau
 };
 
 // The equations at one instant with the contact force left open.
@@ -77,23 +102,31 @@ struct OpenContact {
   Eigen::Matrix3d compliance_W;                   // C, of that rate to R: 1/kg
   std::array<Eigen::Matrix<double, 6, 1>, kMaxMasses> coupling;  // l_i of driven masses
   std::array<double, kMaxMasses> inverse_inertia;                // 1 / D_i
-  std::array<double, kMaxMasses> drive;  // driven: the row's right-hand side; prescribed: thetaddot_i
+  std::array<double, kMaxMasses> drive;                          // the row's right-hand side
 };
 
 // Lambda of q = (w, x, y, z), unit up to round-off.
 Eigen::Matrix3d rotation_B_to_W(const double* q);
 
-// Rolling with thetaddot prescribed.
-void rolling_prescribed(const Body& body, const double* q, const double* angular_velocity_B, const double* position,
-                        const double* velocity, const double* acceleration, Motion& out);
+// Rolling with the masses prescribed. T: double, or std::complex<double> for derivatives by complex step.
+template <class T>
+void rolling_prescribed(const Body& body, double time_s, const T* q, const T* angular_velocity_B,
+                        const CarriedMasses& masses, MotionOf<T>& out);
 
 // Rolling with generalised motor forces tau (N m on a circle, N on a line) given; thetaddot is part of the answer.
-void rolling_driven(const Body& body, const double* q, const double* angular_velocity_B, const double* position,
-                    const double* velocity, const double* generalised_force, Motion& out);
+void rolling_driven(const Body& body, double time_s, const double* q, const double* angular_velocity_B,
+                    const double* position, const double* velocity, const double* generalised_force, Motion& out);
 
-// Any regime: `drive` is thetaddot of prescribed masses, or the generalised motor forces of driven ones.
-void open_contact(const Body& body, bool driven, const double* q, const double* angular_velocity_B,
-                  const double* position, const double* velocity, const double* drive, OpenContact& out);
+// qdot = q Omega / 2 (rolling_ball_ode_f), 4 entries.
+template <class T>
+void quaternion_rate(const T* q, const T* angular_velocity_B, T* out);
+
+// Any regime; velocity_W_mps is the geometric centre's (drag).
+void open_contact_prescribed(const Body& body, double time_s, const double* q, const double* angular_velocity_B,
+                             const Eigen::Vector3d& velocity_W_mps, const CarriedMasses& masses, OpenContact& out);
+void open_contact_driven(const Body& body, double time_s, const double* q, const double* angular_velocity_B,
+                         const Eigen::Vector3d& velocity_W_mps, const double* position, const double* velocity,
+                         const double* generalised_force, OpenContact& out);
 
 // The motion under a contact force R, space frame. Of `out` everything but generalised_force is set.
 void close_contact(const Body& body, const OpenContact& open, const Eigen::Vector3d& contact_force_W_n, Motion& out);
@@ -106,9 +139,10 @@ struct VelocityJump {
 };
 VelocityJump apply_impulse(const Body& body, const OpenContact& open, const Eigen::Vector3d& impulse_W_ns);
 
-// The generalised force each motor must supply for the thetaddot in `motion`: section 5's second row turned round. Any
+// The generalised force each motor must supply for thetaddot = `acceleration`: section 5's second row turned round. Any
 // regime.
 void generalised_forces(const Body& body, const double* angular_velocity_B, const double* position,
-                        const double* velocity, const Motion& motion, double* generalised_force);
+                        const double* velocity, const double* acceleration, const MotionOf<double>& motion,
+                        double* generalised_force);
 
 }  // namespace ballast::sim

@@ -133,16 +133,14 @@ void Plant::start_regime() {
     // Each motor stands balanced under the load of the masses held as they are (thetaddot = 0), in flight or in
     // contact; a slip does not last long enough to be balanced for.
     const MassPoint masses = mass_point(0, y_.data());
-    const std::array<double, kMaxMasses> held{};
+    const CarriedMasses held = carried(masses);
     Motion at_rest;
     if (flies) {
       OpenContact open;
-      open_contact(body_, false, &y_[kQ], &y_[kOmega], masses.position.data(), masses.velocity.data(), held.data(),
-                   open);
+      open_contact_prescribed(body_, 0, &y_[kQ], &y_[kOmega], velocity_W, held, open);
       close_contact(body_, open, Vector3d::Zero(), at_rest);
     } else {
-      rolling_prescribed(body_, &y_[kQ], &y_[kOmega], masses.position.data(), masses.velocity.data(), held.data(),
-                         at_rest);
+      rolling_prescribed(body_, 0, &y_[kQ], &y_[kOmega], held, at_rest);
     }
     const PerMass torque = needed_torques(y_.data(), at_rest, masses);
     for (std::size_t i = 0; i < motion_.size(); ++i) {
@@ -177,8 +175,16 @@ Plant::MassPoint Plant::mass_point(double time_s, const double* y) const {
   return p;
 }
 
-std::array<double, kMaxMasses> Plant::motor_forces(const MassPoint& masses) const {
-  std::array<double, kMaxMasses> force{};
+CarriedMasses Plant::carried(const MassPoint& masses) const {
+  CarriedMasses out;
+  for (std::size_t i = 0; i < motion_.size(); ++i) {
+    carry_along(body_.rail[i], masses.position[i], masses.velocity[i], masses.acceleration[i], out[i]);
+  }
+  return out;
+}
+
+Plant::PerMass Plant::motor_forces(const MassPoint& masses) const {
+  PerMass force{};
   for (std::size_t i = 0; i < motion_.size(); ++i) {
     const double shaft = scenario_.masses[i].motor.shaft_ratio;
     force[i] = shaft * steppers_[i].torque_nm(shaft * masses.position[i], shaft * masses.velocity[i]);
@@ -191,26 +197,37 @@ void Plant::evaluate(double time_s, const double* y, Instant& motion) const {
   const bool rolls = regime_ == Regime::kRolling;
   if (!driven_) {
     if (rolls) {
-      rolling_prescribed(body_, y + kQ, y + kOmega, p.position.data(), p.velocity.data(), p.acceleration.data(),
-                         motion);
+      rolling_prescribed(body_, time_s, y + kQ, y + kOmega, carried(p), motion);
     } else {
-      evaluate_open(y, p, p.acceleration.data(), motion);
+      evaluate_open(y, open_contact_at(time_s, y, p, {}), motion);
     }
     return;
   }
-  const std::array<double, kMaxMasses> force = motor_forces(p);
+  const PerMass force = motor_forces(p);
   if (rolls) {
-    rolling_driven(body_, y + kQ, y + kOmega, p.position.data(), p.velocity.data(), force.data(), motion);
+    rolling_driven(body_, time_s, y + kQ, y + kOmega, p.position.data(), p.velocity.data(), force.data(), motion);
   } else {
-    evaluate_open(y, p, force.data(), motion);
-    std::copy(force.begin(), force.end(), motion.generalised_force.begin());
+    evaluate_open(y, open_contact_at(time_s, y, p, force), motion);
+    motion.generalised_force = force;
   }
 }
 
-// Sliding and flight.
-void Plant::evaluate_open(const double* y, const MassPoint& masses, const double* drive, Instant& motion) const {
+// Of a state that has the geometric centre's velocity: any but a rolling one.
+OpenContact Plant::open_contact_at(double time_s, const double* y, const MassPoint& masses,
+                                   const PerMass& motor_force) const {
+  const Vector3d velocity_W(y[contact_size_ + 1], y[contact_size_ + 2], y[contact_size_ + 3]);
   OpenContact open;
-  open_contact(body_, driven_, y + kQ, y + kOmega, masses.position.data(), masses.velocity.data(), drive, open);
+  if (driven_) {
+    open_contact_driven(body_, time_s, y + kQ, y + kOmega, velocity_W, masses.position.data(), masses.velocity.data(),
+                        motor_force.data(), open);
+  } else {
+    open_contact_prescribed(body_, time_s, y + kQ, y + kOmega, velocity_W, carried(masses), open);
+  }
+  return open;
+}
+
+// Sliding and flight.
+void Plant::evaluate_open(const double* y, const OpenContact& open, Instant& motion) const {
   if (regime_ == Regime::kFlight) {
     close_contact(body_, open, Vector3d::Zero(), motion);
     motion.left = y[contact_size_];
@@ -236,10 +253,7 @@ void Plant::evaluate_open(const double* y, const MassPoint& masses, const double
 
 OpenContact Plant::open_contact_now() const {
   const MassPoint p = mass_point(time_s_, y_.data());
-  const auto drive = driven_ ? motor_forces(p) : p.acceleration;
-  OpenContact open;
-  open_contact(body_, driven_, &y_[kQ], &y_[kOmega], p.position.data(), p.velocity.data(), drive.data(), open);
-  return open;
+  return open_contact_at(time_s_, y_.data(), p, driven_ ? motor_forces(p) : PerMass{});
 }
 
 Vector3d Plant::slip_W_mps(const double* y) const {
@@ -250,19 +264,11 @@ Vector3d Plant::slip_W_mps(const double* y) const {
 
 void Plant::derivative(double time_s, const double* y, double* dydt) {
   evaluate(time_s, y, scratch_);
-  const double w = y[kQ], qx = y[kQ + 1], qy = y[kQ + 2], qz = y[kQ + 3];
-  const double ox = y[kOmega], oy = y[kOmega + 1], oz = y[kOmega + 2];
-  // qdot = q Omega / 2 (rolling_ball_ode_f)
-  dydt[kQ] = -0.5 * (qx * ox + qy * oy + qz * oz);
-  dydt[kQ + 1] = 0.5 * (w * ox + qy * oz - qz * oy);
-  dydt[kQ + 2] = 0.5 * (w * oy + qz * ox - qx * oz);
-  dydt[kQ + 3] = 0.5 * (w * oz + qx * oy - qy * ox);
+  quaternion_rate(y + kQ, y + kOmega, dydt + kQ);
   for (int j = 0; j < 3; ++j) dydt[kOmega + j] = scratch_.angular_acceleration_B_radps2[j];
   if (regime_ == Regime::kRolling) {
-    // zdot = omega x r e3 = r (omega_2, -omega_1)
-    const Vector3d omega_W = scratch_.rotation_B_to_W * Vector3d(ox, oy, oz);
-    dydt[kZ] = body_.radius_m * omega_W[1];
-    dydt[kZ + 1] = -body_.radius_m * omega_W[0];
+    dydt[kZ] = scratch_.rolling_velocity_W_mps[0];
+    dydt[kZ + 1] = scratch_.rolling_velocity_W_mps[1];
   } else {
     const Vector3d acceleration_W = scratch_.rotation_B_to_W * scratch_.acceleration_B_mps2;
     const bool flies = regime_ == Regime::kFlight;
@@ -652,9 +658,10 @@ void Plant::note(double time_s, const Instant& m) {
   tick_normal_force_min_n_ = std::min(tick_normal_force_min_n_, m.normal_force_n);
 }
 
-Plant::PerMass Plant::needed_torques(const double* y, const Motion& motion, const MassPoint& masses) const {
+Plant::PerMass Plant::needed_torques(const double* y, const MotionOf<double>& motion, const MassPoint& masses) const {
   PerMass torque{};
-  generalised_forces(body_, y + kOmega, masses.position.data(), masses.velocity.data(), motion, torque.data());
+  generalised_forces(body_, y + kOmega, masses.position.data(), masses.velocity.data(), masses.acceleration.data(),
+                     motion, torque.data());
   for (std::size_t i = 0; i < motion_.size(); ++i) torque[i] /= scenario_.masses[i].motor.shaft_ratio;
   return torque;
 }

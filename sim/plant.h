@@ -150,17 +150,20 @@ class Plant {
     std::array<double, kMaxMasses> position, velocity, acceleration;  // acceleration: prescribed masses only
   };
 
+  using PerMass = std::array<double, kMaxMasses>;
   MassPoint mass_point(double time_s, const double* y) const;
-  std::array<double, kMaxMasses> motor_forces(const MassPoint& masses) const;
+  CarriedMasses carried(const MassPoint& masses) const;
+  PerMass motor_forces(const MassPoint& masses) const;
   void evaluate(double time_s, const double* y, Instant& motion) const;
-  void evaluate_open(const double* y, const MassPoint& masses, const double* drive, Instant& motion) const;
+  void evaluate_open(const double* y, const OpenContact& open, Instant& motion) const;
+  OpenContact open_contact_at(double time_s, const double* y, const MassPoint& masses,
+                              const PerMass& motor_force) const;
   // At the state reached, whatever the regime.
   OpenContact open_contact_now() const;
   Eigen::Vector3d slip_W_mps(const double* y) const;  // of the contact point; third entry: the height's rate
   void derivative(double time_s, const double* y, double* dydt);
-  using PerMass = std::array<double, kMaxMasses>;
   // What the motors must give, rotor inertia included, for the masses to move as `motion` has them.
-  PerMass needed_torques(const double* y, const Motion& motion, const MassPoint& masses) const;
+  PerMass needed_torques(const double* y, const MotionOf<double>& motion, const MassPoint& masses) const;
 
   void start_regime();
   void after_jump();

@@ -62,7 +62,18 @@ struct Scenario {
   std::string name;
   double duration_s = 0;
   double gravity_mps2 = 0;
+
+  // On the ball at its geometric centre, space frame: a constant force, or instead of it a table, linear between its
+  // times and constant before and after them; and drag, -c |v| v, v the centre's velocity relative to the wind.
   Eigen::Vector3d external_force_W_n = Eigen::Vector3d::Zero();
+  struct ForceTable {
+    std::vector<double> times_s;  // increasing; empty: no table
+    std::vector<Eigen::Vector3d> forces_W_n;
+  } force_table;
+  struct Drag {
+    double coefficient_kgpm = 0;  // c: N at 1 m/s
+    Eigen::Vector3d wind_W_mps = Eigen::Vector3d::Zero();
+  } drag;
 
   struct Ball {
     double radius_m = 0;

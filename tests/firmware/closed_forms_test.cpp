@@ -14,7 +14,7 @@
 namespace ballast::firmware {
 namespace {
 
-// The bar. Double rounding of some hundred operations, times the condition of the 3x3 systems, stays below it;
+// Double rounding of some hundred operations, times the condition of the 3x3 systems, stays below it;
 // each comparison names the size it is relative to.
 constexpr double kRelative = 1e-12;
 constexpr int kTrials = 3000;
@@ -65,8 +65,15 @@ struct Case {
 
 void take_from_scenario(Case& c) {
   const sim::Body body(c.scenario);
-  c.ball = {body.radius_m,           body.gravity_mps2, body.shell_mass_kg, body.inertia_kgm2, body.center_of_mass_B_m,
-            body.external_force_W_n, body.mass_count,   body.mass_kg,       body.rail};
+  c.ball = {body.radius_m,
+            body.gravity_mps2,
+            body.shell_mass_kg,
+            body.inertia_kgm2,
+            body.center_of_mass_B_m,
+            c.scenario.external_force_W_n,
+            body.mass_count,
+            body.mass_kg,
+            body.rail};
 }
 
 Case draw(test::RandomRobot& random, int mass_count) {
@@ -157,11 +164,14 @@ Solution section_four(const Case& c, const std::vector<Point>& points, Regime re
   return out;
 }
 
-sim::Motion plant(const Case& c, const sim::Body& body, const MassMotion& motion) {
+sim::MotionOf<double> plant(const Case& c, const sim::Body& body, const MassMotion& motion) {
   const double q[4] = {c.q.w(), c.q.x(), c.q.y(), c.q.z()};
-  sim::Motion out;
-  sim::rolling_prescribed(body, q, c.omega.data(), motion.position.data(), motion.velocity.data(),
-                          motion.acceleration.data(), out);
+  sim::CarriedMasses masses;
+  for (std::size_t i = 0; i < c.scenario.masses.size(); ++i) {
+    sim::carry_along(body.rail[i], motion.position[i], motion.velocity[i], motion.acceleration[i], masses[i]);
+  }
+  sim::MotionOf<double> out;
+  sim::rolling_prescribed(body, 0, q, c.omega.data(), masses, out);
   return out;
 }
 
@@ -174,7 +184,7 @@ Long off(const RollingForces& form, const LVec& contact_W) {
          contact_W.norm();
 }
 
-void expect_rolls_like_the_plant(const RollingForces& form, const sim::Motion& plant) {
+void expect_rolls_like_the_plant(const RollingForces& form, const sim::MotionOf<double>& plant) {
   EXPECT_LT(off(form.angular_acceleration_B_radps2, plant.angular_acceleration_B_radps2.cast<Long>()), kRelative);
   EXPECT_LT(off(form, (plant.rotation_B_to_W * plant.contact_force_B_n).cast<Long>()), kRelative);
 }
@@ -229,7 +239,7 @@ TEST(ClosedForms, RollingBallOnRails) {
   for (int trial = 0; trial < kTrials && !HasFailure(); ++trial) {
     SCOPED_TRACE("trial " + std::to_string(trial));
     const Case c = draw(random, random.integer(0, kMaxMasses));
-    const sim::Motion motion = plant(c, sim::Body(c.scenario), c.motion);
+    const sim::MotionOf<double> motion = plant(c, sim::Body(c.scenario), c.motion);
     const Solution judge = section_four(c, c.points(), Regime::kRolling);
     for (const RollingForces& form : {rolling_forces(c.ball, c.q, c.omega, c.motion),
                                       rolling_forces_3d(c.ball, c.q, c.omega, along_rails(c.ball, c.motion))}) {
@@ -365,7 +375,7 @@ TEST(ClosedForms, RollingDiskIsTheBallInItsPlane) {
     const Case& c = d.ball;
     const RollingDiskForces form = rolling_disk_forces(c.ball, d.disk, c.motion);
     const RollingForces ball = rolling_forces(c.ball, c.q, c.omega, c.motion);
-    const sim::Motion motion = plant(c, sim::Body(c.scenario), c.motion);
+    const sim::MotionOf<double> motion = plant(c, sim::Body(c.scenario), c.motion);
     const Vector3 plant_force = motion.rotation_B_to_W * motion.contact_force_B_n;
     const Solution judge = section_four(c, c.points(), Regime::kRolling);
     const double rate = kRelative * static_cast<double>(disk_rate_size(c, judge));

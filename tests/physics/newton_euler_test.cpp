@@ -35,7 +35,15 @@ RandomState draw(test::RandomRobot& random) {
   return s;
 }
 
-// The bar is 1e-12 relative. N and f_s are differences of larger forces, so they are held against the size of
+CarriedMasses carried(const RandomState& s, const Body& body) {
+  CarriedMasses masses;
+  for (std::size_t i = 0; i < s.scenario.masses.size(); ++i) {
+    carry_along(body.rail[i], s.position[i], s.velocity[i], s.acceleration[i], masses[i]);
+  }
+  return masses;
+}
+
+// N and f_s are differences of larger forces, so they are held against the size of
 // the forces they are made of, which never exceeds a few times that of the masses' own accelerations.
 TEST(NewtonEuler, AgreesWithThePapersClosedFormsOnTenThousandRandomStates) {
   constexpr std::uint64_t kSeed = 20261120;
@@ -45,9 +53,8 @@ TEST(NewtonEuler, AgreesWithThePapersClosedFormsOnTenThousandRandomStates) {
   for (int trial = 0; trial < 10000; ++trial) {
     const RandomState s = draw(random);
     const Body body(s.scenario);
-    Motion plant;
-    rolling_prescribed(body, s.q.data(), s.omega.data(), s.position.data(), s.velocity.data(), s.acceleration.data(),
-                       plant);
+    MotionOf<double> plant;
+    rolling_prescribed(body, 0, s.q.data(), s.omega.data(), carried(s, body), plant);
 
     const firmware::BallParams ball = test::ball_params(s.scenario);
     firmware::MassMotion masses;
@@ -79,16 +86,15 @@ TEST(NewtonEuler, SatisfiesSectionFourWrittenOut) {
   for (int trial = 0; trial < 1000; ++trial) {
     const RandomState s = draw(random);
     const Body body(s.scenario);
-    Motion m;
-    rolling_prescribed(body, s.q.data(), s.omega.data(), s.position.data(), s.velocity.data(), s.acceleration.data(),
-                       m);
+    MotionOf<double> m;
+    rolling_prescribed(body, 0, s.q.data(), s.omega.data(), carried(s, body), m);
     const Eigen::Quaterniond q(s.q[0], s.q[1], s.q[2], s.q[3]);
     const Vector3d up = q.conjugate() * Vector3d::UnitZ();
     const Vector3d w(s.omega[0], s.omega[1], s.omega[2]);
     const Vector3d dw = m.angular_acceleration_B_radps2;
     const Vector3d a = dw.cross(body.radius_m * up);
     const Vector3d gravity = body.gravity_mps2 * up;
-    Vector3d newton = -(q.conjugate() * body.external_force_W_n);
+    Vector3d newton = -(q.conjugate() * s.scenario.external_force_W_n);
     Vector3d euler = body.inertia_kgm2.cwiseProduct(dw) + w.cross(body.inertia_kgm2.cwiseProduct(w));
     double size = newton.norm();
     const auto add = [&](double mass, const Vector3d& zeta, const Vector3d& c) {
@@ -123,10 +129,10 @@ TEST(NewtonEuler, DrivenMassesUnderTheNeededForcesMoveAsPrescribed) {
     const Body body(s.scenario);
     Motion prescribed, driven;
     std::array<double, kMaxMasses> force{};
-    rolling_prescribed(body, s.q.data(), s.omega.data(), s.position.data(), s.velocity.data(), s.acceleration.data(),
-                       prescribed);
-    generalised_forces(body, s.omega.data(), s.position.data(), s.velocity.data(), prescribed, force.data());
-    rolling_driven(body, s.q.data(), s.omega.data(), s.position.data(), s.velocity.data(), force.data(), driven);
+    rolling_prescribed(body, 0, s.q.data(), s.omega.data(), carried(s, body), prescribed);
+    generalised_forces(body, s.omega.data(), s.position.data(), s.velocity.data(), s.acceleration.data(), prescribed,
+                       force.data());
+    rolling_driven(body, 0, s.q.data(), s.omega.data(), s.position.data(), s.velocity.data(), force.data(), driven);
     // Two solutions of 3x3 systems with condition numbers up to about 1e3: 1e3 roundings.
     const double scale = prescribed.angular_acceleration_B_radps2.norm();
     EXPECT_LT((driven.angular_acceleration_B_radps2 - prescribed.angular_acceleration_B_radps2).norm(), 1e-11 * scale);

@@ -80,7 +80,7 @@ TEST(Run, AnEarlierRunsFilesDoNotStay) {
   EXPECT_TRUE(std::filesystem::exists(folder / "r/mine.png"));
 }
 
-// The line: trips on friction, exit 3, with time, value and limit.
+// Trips on friction, exit 3, with time, value and limit.
 TEST(Run, GlassTripsOnFriction) {
   const Folder folder;
   for (const std::string actuation : {"stepper", "prescribed"}) {
@@ -355,8 +355,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadInput{"EmptySet", "ball.toml --set ''", 1, "--set: is empty"},
         BadInput{"EmptyOut", "ball.toml --out ''", 1, "--out: is empty"},
         BadInput{"EmptyBus", "ball.toml --lcm ''", 1, "--lcm: is empty"},
-        BadInput{"MisspeltScenario", "paper_bal", 1,
-                 "did you mean paper_ball?"},
+        BadInput{"MisspeltScenario", "paper_bal", 1, "did you mean paper_ball?"},
         BadInput{"PositionBeyondCounting", "ball.toml --set mass.0.initial_position=1e15", 1,
                  "--set: mass.0.initial_position = 1e15"},
         BadInput{"NoScenario", "", 1, "SCENARIO"},

@@ -46,7 +46,7 @@ std::vector<std::string> ideal_motors(int microsteps) {
   return overrides;
 }
 
-// The row: the same story within the ripple. For 1/16 and 1/256 steps; the bars are what the motors' lag
+// The same story within the ripple, for 1/16 and 1/256 steps; the bars are what the motors' lag
 // leaves.
 TEST(StepperRun, TellsThePrescribedRunsStory) {
   const RunResult prescribed = run_scenario(load("paper_ball", {"run.actuation=prescribed"}));

@@ -33,7 +33,8 @@ class LimitBall {
 
   // Throws std::invalid_argument if the scenario is not such a ball.
   explicit LimitBall(const sim::Scenario& s) {
-    if (s.masses.size() != kMasses || s.external_force_W_n.norm() != 0)
+    if (s.masses.size() != kMasses || s.external_force_W_n.norm() != 0 || !s.force_table.times_s.empty() ||
+        s.drag.coefficient_kgpm != 0)
       throw std::invalid_argument("the yardstick is for three masses and no external force");
     r_ = s.ball.radius_m, g_ = s.gravity_mps2, total_ = s.ball.mass_kg;
     const Eigen::Vector3d chi = s.ball.center_of_mass_B_m;
