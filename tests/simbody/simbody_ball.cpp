@@ -74,6 +74,45 @@ class RailMotion : public SimTK::Motion::Custom::Implementation {
   std::vector<Cubic> cubics_;
 };
 
+// The scenario's force on the geometric centre: constant or a table, and drag.
+class CenterForce : public SimTK::Force::Custom::Implementation {
+ public:
+  CenterForce(const sim::Scenario& s, const SimTK::MobilizedBody& ball)
+      : ball_(ball),
+        constant_(vec3(s.external_force_W_n)),
+        times_s_(s.force_table.times_s),
+        drag_kgpm_(s.drag.coefficient_kgpm),
+        wind_(vec3(s.drag.wind_W_mps)) {
+    for (const Eigen::Vector3d& force : s.force_table.forces_W_n) forces_.push_back(vec3(force));
+  }
+
+  void calcForce(const SimTK::State& state, SimTK::Vector_<SimTK::SpatialVec>& body_forces,
+                 SimTK::Vector_<SimTK::Vec3>&, SimTK::Vector&) const override {
+    const SimTK::Vec3 relative = ball_.getBodyOriginVelocity(state) - wind_;
+    const SimTK::Vec3 force = of_time(state.getTime()) - drag_kgpm_ * relative.norm() * relative;
+    ball_.applyForceToBodyPoint(state, SimTK::Vec3(0), force, body_forces);
+  }
+  double calcPotentialEnergy(const SimTK::State&) const override { return 0; }  // only reports would use it
+
+ private:
+  [[nodiscard]] SimTK::Vec3 of_time(double time_s) const {
+    if (times_s_.empty()) return constant_;
+    if (time_s <= times_s_.front()) return forces_.front();
+    for (std::size_t i = 1; i < times_s_.size(); ++i) {
+      const double part = (time_s - times_s_[i - 1]) / (times_s_[i] - times_s_[i - 1]);
+      if (part <= 1) return (1 - part) * forces_[i - 1] + part * forces_[i];
+    }
+    return forces_.back();
+  }
+
+  const SimTK::MobilizedBody& ball_;
+  SimTK::Vec3 constant_;
+  std::vector<double> times_s_;
+  std::vector<SimTK::Vec3> forces_;
+  double drag_kgpm_;
+  SimTK::Vec3 wind_;
+};
+
 // The joint's frame in the shell: x and y span the circle, or x points along the line.
 SimTK::Transform joint_frame(const firmware::Rail& rail) {
   const SimTK::UnitVec3 x(vec3(rail.axis_cos_B));
@@ -106,7 +145,7 @@ struct SimbodyBall::Model {
   SimTK::Constraint::SphereOnPlaneContact contact;
   std::vector<SimTK::MobilizedBody> masses;
   Stretch stretch;
-  std::vector<double> borders_s;  // increasing, the last one infinite
+  std::vector<double> borders_s;  // of motion pieces and the force's table; increasing, the last one infinite
   std::unique_ptr<SimTK::RungeKuttaMersonIntegrator> integrator;
 
   explicit Model(const sim::Scenario& s)
@@ -115,10 +154,10 @@ struct SimbodyBall::Model {
                 s.ball.radius_m, true) {
     if (s.initial.has_velocity || s.initial.height_m != 0)
       throw std::invalid_argument("initial: the Simbody ball starts rolling, without `velocity` or `height`");
-    if (s.external_force_W_n.norm() != 0)
-      throw std::invalid_argument("external_force: the Simbody ball knows no force but gravity and the surface's");
-    // The handles of forces and motions may go: the system keeps what they stand for.
+    // The handles of forces and motions may go: the system keeps, and owns, what they stand for.
     SimTK::Force::UniformGravity(forces, matter, SimTK::Vec3(0, 0, -s.gravity_mps2));
+    SimTK::Force::Custom(forces, new CenterForce(s, ball));
+    borders_s = s.force_table.times_s;
     for (const sim::Mass& mass : s.masses) {
       if (mass.rail.shape == firmware::RailShape::kCircle) {
         const SimTK::Body::Rigid body(point_mass(mass.mass_kg, SimTK::Vec3(mass.rail.radius_m, 0, 0)));
@@ -129,7 +168,7 @@ struct SimbodyBall::Model {
       }
       auto motion = std::make_unique<RailMotion>(mass, stretch);
       for (const double border : motion->borders_s()) borders_s.push_back(border);
-      SimTK::Motion::Custom(masses.back(), motion.release());  // which takes ownership
+      SimTK::Motion::Custom(masses.back(), motion.release());
     }
     borders_s.push_back(std::numeric_limits<double>::infinity());
     std::sort(borders_s.begin(), borders_s.end());

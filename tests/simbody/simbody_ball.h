@@ -7,6 +7,7 @@
 //           it down and keep the contact point from slipping. It pulls as well as it pushes, so N may turn negative.
 //   mass i  a point mass on a pin joint through the centre of its circle, or on a slider along its line, the joint's
 //           position prescribed as the scenario's `motion` says (Motion::Custom).
+//   force   the scenario's, on the shell at the geometric centre: constant, a table, drag (Force::Custom).
 // N and friction are the force that the constraint's multipliers put on the sphere. The rails' geometry is the
 // scenario's.
 #pragma once
@@ -22,12 +23,12 @@ namespace ballast::peer {
 class SimbodyBall {
  public:
   // `accuracy` is Simbody's own: the local error it allows the state in a step of its Runge-Kutta-Merson integrator.
-  // Throws std::invalid_argument for what the model has no part for: a start that does not roll, an external force.
+  // Throws std::invalid_argument for a start that does not roll.
   SimbodyBall(const sim::Scenario& scenario, double accuracy);
   ~SimbodyBall();
 
-  // Integrates to end_s >= time_s(). The integrator starts anew where a motion piece ends, because the accelerations
-  // have a kink or a jump there.
+  // Integrates to end_s >= time_s(). The integrator starts anew where a motion piece ends and at the times of the
+  // force's table, because the accelerations have a kink or a jump there.
   void advance(double end_s);
 
   [[nodiscard]] double time_s() const;
