@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "sim/step_search.h"
+
 namespace ballast::sim {
 
 using Eigen::Vector2d;
@@ -43,36 +45,6 @@ constexpr double kNoise = 1e-13;
 
 // Within one call of advance(); a robot at 1 kHz takes a few.
 constexpr int kMaxSteps = 2'000'000;
-
-// Whether a smooth function with these values at the start, the middle and the end of a step may have a peak above
-// `floor` in between: by the parabola through them, with half its bend as allowance for what a parabola leaves out. A
-// few vain searches cost less than a peak missed.
-bool may_peak_above(double v0, double vm, double v1, double floor) {
-  const double bend = 2 * vm - v0 - v1;  // the parabola rises bend / 4 above its chord's middle
-  const double slope_0 = 4 * vm - 3 * v0 - v1, slope_1 = v0 - 4 * vm + 3 * v1;
-  if (!(slope_0 > -std::abs(bend) && slope_1 < std::abs(bend))) return false;
-  return std::max({v0, vm, v1}) + std::abs(bend) / 2 > floor;
-}
-
-// Where in (0, 1) f is greatest, by golden section; f is taken to have one peak there.
-template <class F>
-double golden_section(F&& f) {
-  constexpr double kGolden = 0.6180339887498949;
-  double lo = 0, hi = 1;
-  double left = hi - kGolden * (hi - lo), right = lo + kGolden * (hi - lo);
-  double f_left = f(left), f_right = f(right);
-  // 45 shrinkings: 4e-10 of the step, where a smooth peak is flat to rounding.
-  for (int i = 0; i < 45; ++i) {
-    if (f_left < f_right) {
-      lo = left, left = right, f_left = f_right;
-      f_right = f(right = lo + kGolden * (hi - lo));
-    } else {
-      hi = right, right = left, f_right = f_left;
-      f_left = f(left = hi - kGolden * (hi - lo));
-    }
-  }
-  return (lo + hi) / 2;
-}
 
 }  // namespace
 
@@ -624,15 +596,8 @@ Plant::Instant Plant::motion_inside(double h, double part) {
   return scratch_;
 }
 
-// Bisection between the start of the step, where the envelope holds, and a part where it does not: down to rounding,
-// and the side where it is broken, so that whoever judges the result sees a violation.
 double Plant::first_violation(double h, double violated_part) {
-  double good = 0, bad = violated_part;
-  while (bad - good > 1e-14 && (bad - good) * h > 1e-15 * std::max(1.0, time_s_)) {
-    const double half = 0.5 * (good + bad);
-    (violated(motion_inside(h, half)) ? bad : good) = half;
-  }
-  return bad;
+  return first_broken(time_s_, h, violated_part, [&](double part) { return violated(motion_inside(h, part)); });
 }
 
 void Plant::note_mu(double time_s, double mu) {
