@@ -29,6 +29,9 @@ constexpr double kSlipVanishes = 1e-12;
 // direction of what is left of the slip there is rounding.
 constexpr double kSlipKept = 1e-3;
 
+// Of the time: a step's part up to the end of a slip shorter than this needs no error estimate of its own.
+constexpr double kShortestPart = 1e-13;
+
 // Changes of regime at one instant after which there is no hope of an end.
 constexpr int kMostChanges = 16;
 
@@ -356,9 +359,10 @@ void Plant::integrate_to(double target_s) {
     const double growth = error < 1e-4 ? 5.0 : error < kInfinity ? std::max(0.2, 0.9 * std::pow(error, -0.2)) : 0.2;
     const double allowed_s = h * growth;
     if (error <= 1) {
+      const double before_s = time_s_;
       const bool to_its_end = take_step(h);
       if (whole && to_its_end) time_s_ = target_s;
-      step_s_ = whole ? std::max(step_s_, allowed_s) : allowed_s;
+      if (to_its_end || time_s_ > before_s) step_s_ = whole ? std::max(step_s_, allowed_s) : allowed_s;
     } else {
       step_s_ = allowed_s;
     }
@@ -403,6 +407,16 @@ bool Plant::take_step(double h) {
   if (broken <= 1) {
     part = first_violation(h, broken);
     final_motion = motion_inside(h, part);
+    // A step over the end of a slip is smooth past it, where the direction is kept, and its error estimate knows
+    // nothing of how the direction turns before; the part up to the end is held to the tolerance by an estimate of its
+    // own.
+    if (regime_ == Regime::kSliding && part * h > kShortestPart * std::max(1.0, time_s_)) {
+      const double error = probe_.error(kOpenTolerance);
+      if (!(error <= 1)) {
+        step_s_ = part * h * (error < kInfinity ? std::clamp(0.9 * std::pow(error, -0.2), 0.2, 0.9) : 0.2);
+        return false;
+      }
+    }
     end_state = probe_.end_state();
     end_derivative = probe_.end_derivative();
     evaluate(time_s_ + 0.5 * part * h, (probe_.interpolate(0.5, middle), middle).data(), middle_motion);
@@ -451,8 +465,8 @@ bool Plant::violated(const Instant& m) const {
     case Regime::kSliding:
       return !(m.normal_force_n > 0) || m.left < 0;
     case Regime::kFlight:
-      // As flight begins the height is 0 up to rounding of either sign.
-      return m.left < 0 && (m.climb_mps < 0 || m.left < -1e-12 * body_.radius_m);
+      // As flight begins height and climb are 0 up to rounding of either sign.
+      return m.left < 0 && (m.climb_mps < -kSlipVanishes * speed_scale_mps_ || m.left < -1e-12 * body_.radius_m);
   }
   return false;
 }

@@ -277,6 +277,14 @@ TEST(SlipException, ThreeMassesMovedOnPurposeKeepFrictionInsideTheCone) {
     // The state at N = 0 is good to 1e-12, so that is what is left of f_s there: mu_s N goes below it that late.
     EXPECT_NEAR(stops.time_s(), d_s, 1e-9 * d_s);
     EXPECT_LT(stops.sample().normal_force_n, 1e-8 * weight);
+    s.run.on_violation = OnViolation::kContinue;
+    Plant flies(s);
+    roll(flies, s);
+    ASSERT_EQ(flies.end(), PhysicsEnd::kNone) << flies.end_text();
+    EXPECT_EQ(flies.regimes().back().regime, Regime::kFlight);
+    EXPECT_NEAR(flies.regimes().back().time_s, d_s, 1e-6 * d_s);
+    EXPECT_GT(flies.sample().position_W_m[2], 0);
+    EXPECT_TRUE(flies.impacts().empty());
   }
   EXPECT_EQ(built, 10);
 }
