@@ -346,7 +346,7 @@ void Plant::integrate_to(double target_s) {
     // A whole step of this integrator is too long to be judged by its ends and its middle.
     const double longest_s = (ahead_end_s_ - ahead_start_s_) / kSpansPerStep;
     const double end_s = std::min(target_s, ahead_end_s_);
-    if (end_s - time_s_ > 1.001 * longest_s) {
+    if (end_s - time_s_ > 1.001 * longest_s && time_s_ + longest_s > time_s_) {
       take_span(longest_s, false, 0);
     } else {
       take_span(end_s - time_s_, true, end_s);
