@@ -1,10 +1,12 @@
 // The plant: the true ball, its masses prescribed or driven by steppers, integrated from one control tick to the next,
 // through the contact regimes of PHYSICS.md section 4: rolling, sliding, flight, with impacts between them.
 //
-// Within a tick the integration stops at every instant at which a `motion` piece changes or a step pulse comes, so no
-// step of the integrator crosses a jump. Between them it takes the whole way in one step of Dormand-Prince 5(4) unless
-// the embedded error estimate asks for smaller ones; the quaternion is brought back to unit length after each.
-// Accelerations may jump at those instants; the value after the jump counts (PHYSICS.md section 4).
+// Within a tick the integration stops at every instant at which a `motion` piece changes, a trajectory or the table of
+// the external force has a row, or a step pulse comes, so no step of the integrator crosses a jump. (Where a mass
+// passes a knot of a spline rail zeta''' jumps: there the error estimate makes the steps small.) Between them it takes
+// the whole way in one step of Dormand-Prince 5(4) unless the embedded error estimate asks for smaller ones; the
+// quaternion is brought back to unit length after each. Accelerations may jump at those instants; the value after the
+// jump counts (PHYSICS.md section 4).
 //
 // Extrema of N, f_s and f_s/N, and the instants at which a regime ends, are looked for inside every integrator step and
 // found by integrating again from its start, so they are as accurate as the state itself.
@@ -29,6 +31,7 @@
 #include <vector>
 
 #include "sim/contact.h"
+#include "sim/cubic_spline.h"
 #include "sim/dormand_prince.h"
 #include "sim/motion.h"
 #include "sim/newton_euler.h"
@@ -121,7 +124,7 @@ class Plant {
     double mu_required_max;
     Eigen::Vector2d friction_force_W_n;
     Eigen::Vector3d center_of_mass_B_m;
-    std::array<double, kMaxMasses> mass_position{};
+    std::array<double, kMaxMasses> mass_position{};  // of one on a trajectory: the time, its rate 1, its torque 0
     std::array<double, kMaxMasses> mass_velocity{};
     std::array<Eigen::Vector3d, kMaxMasses> mass_position_B_m;
     std::array<double, kMaxMasses> motor_torque_nm{};
@@ -196,6 +199,7 @@ class Plant {
   double kinetic_friction_;
   double speed_scale_mps_;  // sqrt(g r)
   std::vector<PrescribedMotion> motion_;
+  std::vector<CubicSpline> trajectory_;  // per mass, of its time; empty for those on rails
   std::vector<std::size_t> piece_;
   std::vector<Stepper> steppers_;
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "firmware/motion/profile.h"
+#include "sim/cubic_spline.h"
 #include "tools/program/params.h"
 
 namespace ballast::test {
@@ -18,13 +19,20 @@ using Eigen::Vector3d;
 
 firmware::BallParams ball_params(const sim::Scenario& scenario) {
   const auto params = std::make_unique<firmware::ControllerParams>();
-  if (const auto refusal = program::to_controller_params(scenario, *params)) throw std::runtime_error(*refusal);
+  // The controller refuses trajectories; the model's closed forms do not.
+  sim::Scenario on_rails = scenario;
+  for (auto& mass : on_rails.masses) mass.trajectory = {};
+  if (const auto refusal = program::to_controller_params(on_rails, *params)) throw std::runtime_error(*refusal);
   return params->ball;
 }
 
 struct ClosedFormRun::Impl {
   firmware::BallParams ball;
   std::vector<firmware::Profile> profiles;
+  std::vector<sim::CubicSpline> trajectories;  // per mass; empty where it is on its rail
+  bool on_trajectories = false;
+  sim::Scenario::ForceTable table;
+  sim::Scenario::Drag drag;
   std::vector<double> knots;
   double time_s = 0;
   double side_s = 0;  // a time inside the smooth stretch being integrated, to choose the side of a jump
@@ -45,10 +53,36 @@ struct ClosedFormRun::Impl {
     return m;
   }
 
+  // What the closed forms take as constant, at this instant.
+  Vector3d force_W(double t, const Vector3d& velocity) const {
+    Vector3d force = ball.external_force_W_n;
+    const auto& times = table.times_s;
+    if (!times.empty()) {
+      force = t <= times.front() ? table.forces_W_n.front() : table.forces_W_n.back();
+      for (std::size_t i = 1; i < times.size(); ++i) {
+        if (t < times[i - 1] || t > times[i]) continue;
+        const double part = (t - times[i - 1]) / (times[i] - times[i - 1]);
+        force = (1 - part) * table.forces_W_n[i - 1] + part * table.forces_W_n[i];
+      }
+    }
+    const Vector3d relative = velocity - drag.wind_W_mps;
+    return force - drag.coefficient_kgpm * relative.norm() * relative;
+  }
+
   firmware::RollingForces forces(double t, const double* v, double side) const {
     firmware::Quaternion q(v[0], v[1], v[2], v[3]);
     q.normalize();
-    return firmware::rolling_forces(ball, q, Vector3d(v[4], v[5], v[6]), masses(t, side));
+    const Vector3d w(v[4], v[5], v[6]);
+    firmware::BallParams now = ball;
+    now.external_force_W_n = force_W(t, (q * w).cross(Vector3d(0, 0, ball.radius_m)));
+    if (!on_trajectories) return firmware::rolling_forces(now, q, w, masses(t, side));
+    firmware::MassTrajectories all = firmware::along_rails(now, masses(t, side));
+    for (std::size_t i = 0; i < trajectories.size(); ++i) {
+      if (trajectories[i].empty()) continue;
+      const auto chi = trajectories[i].at(t);
+      all.position_B_m[i] = chi.position, all.velocity_B_mps[i] = chi.d1, all.acceleration_B_mps2[i] = chi.d2;
+    }
+    return firmware::rolling_forces_3d(now, q, w, all);
   }
 
   static int derivative(double t, N_Vector y, N_Vector ydot, void* self) {
@@ -69,6 +103,9 @@ struct ClosedFormRun::Impl {
 
 ClosedFormRun::ClosedFormRun(const sim::Scenario& scenario) : impl_(new Impl) {
   impl_->ball = ball_params(scenario);
+  impl_->table = scenario.force_table;
+  impl_->drag = scenario.drag;
+  impl_->knots = scenario.force_table.times_s;
   for (const auto& mass : scenario.masses) {
     std::vector<firmware::ProfilePiece> pieces;
     for (const auto& piece : mass.motion) {
@@ -80,8 +117,24 @@ ClosedFormRun::ClosedFormRun(const sim::Scenario& scenario) : impl_(new Impl) {
     }
     for (int p = 1; p <= profile.piece_count(); ++p) impl_->knots.push_back(profile.cubic_start_s(p));
     impl_->profiles.push_back(profile);
+    const auto& table = mass.trajectory;
+    impl_->trajectories.emplace_back();
+    if (table.times_s.empty()) continue;
+    impl_->on_trajectories = true;
+    impl_->trajectories.back() = table.periodic ? sim::CubicSpline::closed(table.times_s, table.points_B_m)
+                                                : sim::CubicSpline::open(table.times_s, table.points_B_m);
+    const double period_s = table.times_s.back() - table.times_s.front();
+    const int repeats = table.periodic ? static_cast<int>(scenario.duration_s / period_s) + 2 : 0;
+    for (int k = -repeats; k <= repeats; ++k) {
+      for (const double time : table.times_s) {
+        if (time + k * period_s > 0) impl_->knots.push_back(time + k * period_s);
+      }
+    }
   }
+  // CVODE cannot start for less than rounding: where a period ends and the next begins.
   std::sort(impl_->knots.begin(), impl_->knots.end());
+  const auto same = [](double a, double b) { return b - a < 1e-12; };
+  impl_->knots.erase(std::unique(impl_->knots.begin(), impl_->knots.end(), same), impl_->knots.end());
 
   if (SUNContext_Create(nullptr, &impl_->context) != 0) throw std::runtime_error("SUNDIALS context");
   impl_->y = N_VNew_Serial(9, impl_->context);

@@ -1,5 +1,5 @@
 // A prescribed run integrated by an independent program: SUNDIALS CVODE (Adams) on the firmware's closed forms and
-// profiles. Nothing of sim/ but the scenario is used.
+// profiles. Nothing of sim/ but the scenario is used, and for masses on trajectories their curve (cubic_spline.h).
 #pragma once
 
 #include <Eigen/Core>
@@ -9,7 +9,7 @@
 
 namespace ballast::test {
 
-// What the firmware would be told of this ball. Throws what it was refused for.
+// What the firmware would be told of this ball, its masses on their rails. Throws what it was refused for.
 firmware::BallParams ball_params(const sim::Scenario& scenario);
 
 class ClosedFormRun {
@@ -19,7 +19,7 @@ class ClosedFormRun {
   ClosedFormRun(const ClosedFormRun&) = delete;
   ClosedFormRun& operator=(const ClosedFormRun&) = delete;
 
-  // Integrates on to time_s, restarting where a motion piece ends. False if CVODE gave up.
+  // Integrates on to time_s, restarting where a motion piece ends or a table has a row. False if CVODE gave up.
   bool advance(double time_s);
 
   Eigen::Vector4d orientation() const;  // w, x, y, z, normalised
