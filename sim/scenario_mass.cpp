@@ -123,7 +123,7 @@ std::optional<firmware::Rail> read_spline(TableReader& rail, std::optional<doubl
   }
   const std::string too_sharp = "; allowed: bends that " + std::to_string(firmware::kMaxRailPieces) + " pieces of " +
                                 number_text(spline.rail.piece_length_m) +
-                                " m can follow (more, or more evenly spread points where the curve bends)";
+                                " m can follow (gentler ones, points more evenly spread, or a shorter rail)";
   if (spline.speed_error > kMostSpeedError) {
     rail.refuse("points", "make too sharp a curve: along it |zeta'| would be off 1 by " +
                               number_text(spline.speed_error) + ", more than " + number_text(kMostSpeedError) +

@@ -128,7 +128,8 @@ SplineRail spline_rail(const std::vector<Vector3d>& points, bool closed, int pie
   for (int k = 0; k <= pieces * kPlaces; ++k) {
     const double theta = std::min(k * step, out.length_m);
     const auto p = firmware::evaluate(rail, theta);
-    out.speed_error = std::max(out.speed_error, std::abs(p.d1.norm() - 1));
+    const double error = std::abs(p.d1.norm() - 1);
+    if (error > out.speed_error || std::isnan(error)) out.speed_error = error;  // NaN is taken over, and stays
     if (p.position.norm() > out.farthest_m) {
       out.farthest_m = p.position.norm();
       out.farthest_theta_m = theta;
@@ -142,7 +143,7 @@ SplineRail spline_rail(const std::vector<Vector3d>& points, bool closed, int pie
   }
   for (std::size_t i = 0; i < points.size(); ++i) {
     const double distance = (firmware::evaluate(rail, way.to_knot_m(i)).position - points[i]).norm();
-    if (!(distance <= out.point_distance_m)) {
+    if (distance > out.point_distance_m || std::isnan(distance)) {
       out.point_distance_m = distance;
       out.worst_point = i;
     }
