@@ -236,6 +236,27 @@ TEST(SplineRuns, CircleAsASplineRailConvergesToTheCircle) {
   EXPECT_LT(previous, 1e-5);
 }
 
+// Where the plant's steps stop: at every row of the table after t = 0, in every period.
+TEST(Trajectories, TheRowsOfTheTableAreStops) {
+  const auto stops = [](std::vector<double> times_s, bool periodic) {
+    Mass mass;
+    mass.trajectory = {times_s, std::vector<Vector3d>(times_s.size(), Vector3d::Zero()), periodic};
+    const PrescribedMotion motion(mass);
+    std::vector<double> found;
+    for (std::size_t piece = 0; motion.end_s(piece) < 3.2; ++piece) {
+      EXPECT_EQ(motion.at(piece, 0.7).position, 0.7);
+      EXPECT_EQ(motion.at(piece, 0.7).velocity, 1);
+      EXPECT_EQ(motion.at(piece, 0.7).acceleration, 0);
+      if (motion.end_s(piece) > 0) found.push_back(motion.end_s(piece));
+    }
+    return found;
+  };
+  EXPECT_EQ(stops({-1, 0.5, 2, 4}, false), (std::vector<double>{0.5, 2}));
+  EXPECT_EQ(stops({10, 10.5, 12}, true), (std::vector<double>{0.5, 2, 2.5}));
+  EXPECT_EQ(stops({0.25, 0.5, 1.25}, true), (std::vector<double>{0.25, 0.5, 1.25, 1.5, 2.25, 2.5}));
+  EXPECT_EQ(stops({-2.5, -2.25, -0.5}, true), (std::vector<double>{1.5, 1.75}));
+}
+
 // A periodic table may begin anywhere in its period, and be written out period by period.
 TEST(Trajectories, APeriodicTableHasNoBeginning) {
   constexpr std::uint64_t kSeed = 59;
