@@ -98,7 +98,9 @@ TEST(CubicSpline, ConvergesWithOrderFour) {
       const CubicSpline spline = closed ? CubicSpline::closed(knots, points) : CubicSpline::open(knots, points);
       double worst = 0;
       for (double u = 0; u < 6.28; u += 0.01) worst = std::max(worst, (spline.at(u).position - curve(u)).norm());
-      if (previous > 0) EXPECT_GT(previous / worst, 13) << count;  // 16, up to the next order
+      if (previous > 0) {
+        EXPECT_GT(previous / worst, 13) << count;
+      }  // 16, up to the next order
       previous = worst;
     }
   }

@@ -7,8 +7,8 @@
 #include "firmware/model/detached.h"
 #include "sim/plant.h"
 #include "sim/spline_rail.h"
-#include "tests/physics/closed_form_run.h"
 #include "tests/physics/random_robot.h"
+#include "tests/physics/trajectory_run.h"
 
 namespace ballast::sim {
 namespace {
@@ -92,7 +92,7 @@ TEST(Trajectories, EveryInstantAgreesWithTheClosedForms) {
       s.initial.height_m = 2 * s.ball.radius_m;
       s.initial.velocity_W_mps = s.ball.radius_m * rate_of(s) * random.vector(1);
     }
-    firmware::BallParams ball = test::ball_params(s);
+    firmware::BallParams ball = test::ball_on_rails(s);
     const ExternalForce force(s);
     Plant plant(s);
     for (int k = 1; k <= 40 && plant.end() == PhysicsEnd::kNone; ++k) {
@@ -142,7 +142,7 @@ TEST(Trajectories, RunsAgreeWithCvodeOnTheClosedForms) {
     }
     ASSERT_NE(plant.end(), PhysicsEnd::kInconsistent) << plant.end_text();
     completed += plant.end() == PhysicsEnd::kNone;
-    test::ClosedFormRun reference(s);
+    test::TrajectoryRun reference(s);
     ASSERT_TRUE(reference.advance(plant.time_s()));
     const auto now = plant.sample();
     EXPECT_LT(std::min((now.orientation - reference.orientation()).norm(),
@@ -202,7 +202,9 @@ TEST(Trajectories, SampledCircleConvergesToTheRailWithOrderFour) {
             firmware::evaluate(mass.rail, mass.initial_position + mass.initial_velocity * time).position);
       }
       const double error = distance(end_of(s), exact, s);
-      if (previous > 0) EXPECT_NEAR(std::log2(previous / error), 4, 0.3) << count;
+      if (previous > 0) {
+        EXPECT_NEAR(std::log2(previous / error), 4, 0.3) << count;
+      }
       previous = error;
     }
     EXPECT_LT(previous, 1e-7);
@@ -230,7 +232,9 @@ TEST(SplineRuns, CircleAsASplineRailConvergesToTheCircle) {
     s.masses[0].initial_position *= radius;
     s.masses[0].initial_velocity *= radius;
     const double error = distance(end_of(s), exact, s);
-    if (previous > 0) EXPECT_NEAR(std::log2(previous / error), 4, 0.3) << pieces;
+    if (previous > 0) {
+      EXPECT_NEAR(std::log2(previous / error), 4, 0.3) << pieces;
+    }
     previous = error;
   }
   EXPECT_LT(previous, 1e-5);
@@ -314,11 +318,11 @@ TEST(SplineRuns, DrivenAlongASplineUnderTheNeededForcesMovesAsPrescribed) {
       m.position[i] = length * random.uniform(-2, 6);
       m.velocity[i] = length * rate * random.uniform(-1, 1);
       m.acceleration[i] = length * rate * rate * random.uniform(-1, 1);
-      carry_along(body.rail[i], m.position[i], m.velocity[i], m.acceleration[i], carried[i]);
     }
+    carry_along_rails(body, m.position.data(), m.velocity.data(), m.acceleration.data(), carried);
     Motion prescribed, driven;
     rolling_prescribed(body, 0, q, omega.data(), carried, prescribed);
-    const auto paper = firmware::rolling_forces(test::ball_params(s), attitude, omega, m);
+    const auto paper = firmware::rolling_forces(test::ball_on_rails(s), attitude, omega, m);
     const double scale = paper.angular_acceleration_B_radps2.norm(), size = prescribed.contact_force_B_n.norm();
     EXPECT_LT((prescribed.angular_acceleration_B_radps2 - paper.angular_acceleration_B_radps2).norm(), 1e-12 * scale);
     EXPECT_NEAR(prescribed.normal_force_n, paper.normal_force_n, 1e-12 * size);
