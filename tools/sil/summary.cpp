@@ -281,8 +281,10 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   for (std::size_t i = 0; i < scenario.masses.size(); ++i)
     margin = std::min(margin, result.motor_extrema[i].torque_margin);
   if (!scenario.masses.empty()) text += format("  motors      least torque margin %.0f %%\n", 100 * margin);
-  text += format("  speed       %.0f times real time, %.2f us per tick\n", end_s / std::max(result.wall_time_s, 1e-9),
-                 result.ticks > 0 ? 1e6 * result.wall_time_s / static_cast<double>(result.ticks) : 0.0);
+  text += format("  speed       %.0f times real time", end_s / std::max(result.wall_time_s, 1e-9));
+  if (result.ticks > 0)
+    text += format(", %.2f us per tick", 1e6 * result.wall_time_s / static_cast<double>(result.ticks));
+  text += "\n";
   text += "  results     " + directory.string() + "\n";
   return text;
 }

@@ -1,0 +1,22 @@
+#include "tools/integrators/methods.h"
+
+namespace ballast::integrators {
+
+std::span<const MethodInfo> all_methods() {
+  static constexpr MethodInfo kMethods[] = {
+      {"rk4", "-", "4", Form::kOde, true, 1, make_rk4},
+      {"dopri5", "ode45", "5", Form::kOde, false, 4, make_dopri5},
+      {"dop853", "-", "8", Form::kOde, false, 4, make_dop853},
+      {"adams", "ode113", "1-12", Form::kOde, false, 4, make_adams},
+  };
+  return kMethods;
+}
+
+const MethodInfo* find_method(const std::string& name) {
+  for (const MethodInfo& method : all_methods()) {
+    if (name == method.name) return &method;
+  }
+  return nullptr;
+}
+
+}  // namespace ballast::integrators
