@@ -20,7 +20,6 @@ struct IntegrateCommand {
   program::ScenarioOptions scenario;
   std::string method = integrators::kDefaultMethod;
   integrators::Settings settings;
-  CLI::Option* step = nullptr;
   std::string out;
   bool quiet = false;
 };
@@ -69,16 +68,16 @@ int integrate(IntegrateCommand command) {
   for (const auto& method : integrators::all_methods()) {
     if (command.method == kAll || command.method == method.name) methods.push_back(&method);
   }
-  integrators::Settings& settings = command.settings;
-  if (command.step->count() == 0) {
-    settings.fixed_step_s = integrators::fixed_step_for(*scenario, settings.tolerance);
-  } else if (command.method != kAll && !methods.front()->fixed_step) {
-    return refuse(program::kExitUsage, "--step: " + command.method + " chooses its steps itself, by --tolerance");
-  }
-  if (scenario->duration_s / settings.fixed_step_s > kMostFixedSteps) {
-    return refuse(program::kExitUsage, "--step: more than " + number(kMostFixedSteps) +
-                                           " steps in this run; allowed: at least " +
-                                           number(scenario->duration_s / kMostFixedSteps) + " s");
+  const integrators::Settings& settings = command.settings;
+  if (settings.fixed_step_s > 0) {
+    if (methods.size() == 1 && methods.front()->fixed_steps == integrators::FixedSteps::kNever) {
+      return refuse(program::kExitUsage, "--step: " + command.method + " chooses its steps itself, by --tolerance");
+    }
+    if (scenario->duration_s / settings.fixed_step_s > kMostFixedSteps) {
+      return refuse(program::kExitUsage, "--step: " + number(settings.fixed_step_s) + " is more than " +
+                                             number(kMostFixedSteps) + " steps in this run; allowed: at least " +
+                                             number(scenario->duration_s / kMostFixedSteps));
+    }
   }
 
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name + "-integrate" : command.out);
@@ -126,9 +125,11 @@ std::function<int()> add_integrate_command(CLI::App& app, CLI::App*& command) {
   command->add_option("--tolerance", options->settings.tolerance, "relative and absolute, of each step's error")
       ->check(tolerance_range())
       ->capture_default_str();
-  options->step =
-      command->add_option("--step", options->settings.fixed_step_s, "step of rk4, s; default what suits the tolerance")
-          ->check(program::positive_finite());
+  command
+      ->add_option("--step", options->settings.fixed_step_s,
+                   "s; steps of this length whatever the error: rk4 (default: what suits the tolerance), dopri5, "
+                   "dop853, radau5, radau5_dae")
+      ->check(program::positive_finite());
   command->add_option("--out", options->out, "folder for the results; default runs/NAME-integrate")
       ->check(program::not_empty());
   command->add_flag("--quiet", options->quiet, "no summary");

@@ -64,15 +64,19 @@ const Row* Comparison::fastest() const {
 
 Comparison compare(const sim::Scenario& scenario, const std::vector<const MethodInfo*>& methods,
                    const Settings& settings) {
-  Settings tightest = settings;
-  tightest.tolerance = kLeastTolerance;
+  const Settings tightest{.tolerance = kLeastTolerance};
   const State reference = with_unit_q(run_rolling(scenario, *find_method(kDefaultMethod), tightest).end_state);
   Comparison out{scenario.name, settings.tolerance, {}};
   for (const MethodInfo* method : methods) {
     Row row;
     row.method = method;
     row.settings = settings;
-    row.run = run_rolling(scenario, *method, settings);
+    if (method->fixed_steps == FixedSteps::kAlways && settings.fixed_step_s == 0) {
+      row.settings.fixed_step_s = fixed_step_for(scenario, settings.tolerance);
+    } else if (method->fixed_steps != FixedSteps::kAlways && methods.size() > 1) {
+      row.settings.fixed_step_s = 0;
+    }
+    row.run = run_rolling(scenario, *method, row.settings);
     row.distance = distance(with_unit_q(row.run.end_state), reference);
     if (row.run.failure.empty()) measure(scenario, row);
     out.rows.push_back(std::move(row));
@@ -98,7 +102,7 @@ std::string comparison_text(const Comparison& comparison) {
                row.method->order, static_cast<long long>(c.steps), static_cast<long long>(c.rejected),
                static_cast<long long>(c.right_hand_sides), static_cast<long long>(c.jacobians), 1e6 * row.wall_time_s,
                &row == fastest ? "*" : " ", row.run.result.extrema.mu_required_max.value, row.distance);
-    if (row.method->fixed_step) text += format("  fixed step %g", row.settings.fixed_step_s);
+    if (row.settings.fixed_step_s > 0) text += format("  fixed step %g", row.settings.fixed_step_s);
     text += "\n";
   }
   text += format("  wall time: of the integration alone, median; distance: of the end state from dop853 at %g\n",
@@ -129,7 +133,7 @@ std::string comparison_json(const Comparison& comparison) {
          {"counterpart", row.method->counterpart},
          {"order", row.method->order},
          {"form", row.method->form == Form::kOde ? "rolling_ball_ode_f" : "rolling_ball_dae_g"},
-         {"fixed_step", row.method->fixed_step ? Json(row.settings.fixed_step_s) : Json(nullptr)},
+         {"fixed_step", row.settings.fixed_step_s > 0 ? Json(row.settings.fixed_step_s) : Json(nullptr)},
          {"failure", failed ? Json(row.run.failure) : Json(nullptr)},
          {"end", {{"reason", sil::to_string(result.end_reason)}, {"time", result.final_sample.time_s}}},
          {"steps", row.counters.steps},

@@ -28,8 +28,9 @@ struct Comparison {
   [[nodiscard]] const Row* fastest() const;  // of those that came to the end of the run; nullptr: none
 };
 
-// The tightest solution is dop853's at 1e-13. Each method is repeated for some tenths of a second, at least three
-// times.
+// A fixed step is meant for the one method, or of several for those that know no other; without one these take that of
+// fixed_step_for(). The tightest solution is dop853's at 1e-13. Each method is repeated for some tenths of a second, at
+// least three times.
 Comparison compare(const sim::Scenario& scenario, const std::vector<const MethodInfo*>& methods,
                    const Settings& settings);
 

@@ -12,30 +12,25 @@ namespace ballast::integrators {
 
 namespace {
 
-// Steps of equal length, at most the one asked for, between kinks.
 class Rk4 : public Method {
  public:
-  Rk4(Problem& problem, double step) : problem_(problem), longest_(step) {}
+  Rk4(Problem& problem, double step) : problem_(problem), steps_(step) {}
 
   void start(double t, const State& y) override {
     time_ = step_start_ = t;
     y_ = y;
     slope(t, y_, k_);
     ++counters_.right_hand_sides;
-    stop_ = t;
+    steps_.start();
   }
 
   bool step(double stop) override {
-    if (stop != stop_) {
-      stop_ = stop;
-      left_ = std::max<std::int64_t>(1, static_cast<std::int64_t>(std::ceil((stop - time_) / longest_ * (1 - 1e-12))));
-      h_ = (stop - time_) / static_cast<double>(left_);
-    }
+    const auto [h, last] = steps_.next(time_, stop);
     step_start_ = time_;
     start_ = y_;
     start_k_ = k_;
-    advance(h_, y_);
-    time_ = --left_ == 0 ? stop : time_ + h_;
+    advance(h, y_);
+    time_ = last ? stop : time_ + h;
     slope(time_, y_, k_);
     counters_.right_hand_sides += 4;
     ++counters_.steps;
@@ -70,9 +65,7 @@ class Rk4 : public Method {
   }
 
   Problem& problem_;
-  double longest_;
-  double h_ = 0, stop_ = 0;
-  std::int64_t left_ = 0;  // steps to stop_
+  EvenSteps steps_;
   State k_{}, start_{}, start_k_{};
 };
 
@@ -80,13 +73,18 @@ class Rk4 : public Method {
 template <class Step, int kOrder, int kCalls>
 class Pair : public Method {
  public:
-  Pair(Problem& problem, double tolerance) : problem_(problem), tolerance_(tolerance) {}
+  Pair(Problem& problem, const Settings& settings)
+      : problem_(problem),
+        tolerance_(settings.tolerance),
+        fixed_(settings.fixed_step_s > 0),
+        steps_(settings.fixed_step_s) {}
 
   void start(double t, const State& y) override {
     time_ = step_start_ = t;
     y_ = y;
     k_ = {};
     problem_.rhs(t, y_.data(), k_.data());
+    steps_.start();
     h_ = first_step(rhs(), t, y_, k_, kOrder, tolerance_, problem_.size());
     counters_.right_hand_sides += 2;
   }
@@ -98,11 +96,16 @@ class Pair : public Method {
     dense_ready_ = false;
     bool rejected = false;
     for (;;) {
-      const bool last = time_ + 1.01 * h_ >= stop;
-      if (last) h_ = stop - time_;
+      bool last = time_ + 1.01 * h_ >= stop;
+      if (fixed_) {
+        const auto next = steps_.next(time_, stop);
+        h_ = next.h, last = next.last;
+      } else if (last) {
+        h_ = stop - time_;
+      }
       step_.step(rhs(), time_, h_, start_, start_k_, problem_.size());
       counters_.right_hand_sides += kCalls;
-      const double error = step_.error(tolerance_);
+      const double error = fixed_ ? 0 : step_.error(tolerance_);
       const double growth = error < 1e-8 ? kMost : 0.9 * std::pow(error, -1.0 / kOrder);
       if (error <= 1) {
         time_ = last ? stop : time_ + h_;
@@ -144,6 +147,8 @@ class Pair : public Method {
 
   Problem& problem_;
   double tolerance_;
+  bool fixed_;
+  EvenSteps steps_;
   double h_ = 0;
   bool dense_ready_ = false;
   State k_{}, start_{}, start_k_{};
@@ -156,10 +161,10 @@ std::unique_ptr<Method> make_rk4(Problem& problem, const Settings& settings) {
   return std::make_unique<Rk4>(problem, settings.fixed_step_s);
 }
 std::unique_ptr<Method> make_dopri5(Problem& problem, const Settings& settings) {
-  return std::make_unique<Pair<sim::DormandPrince<kMaxSize>, 5, 6>>(problem, settings.tolerance);
+  return std::make_unique<Pair<sim::DormandPrince<kMaxSize>, 5, 6>>(problem, settings);
 }
 std::unique_ptr<Method> make_dop853(Problem& problem, const Settings& settings) {
-  return std::make_unique<Pair<sim::Dop853<kMaxSize>, 8, 12>>(problem, settings.tolerance);
+  return std::make_unique<Pair<sim::Dop853<kMaxSize>, 8, 12>>(problem, settings);
 }
 
 }  // namespace ballast::integrators

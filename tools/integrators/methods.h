@@ -13,15 +13,17 @@ enum class Form { kOde, kDae };  // rolling_ball_ode_f or rolling_ball_dae_g
 
 struct Settings {
   double tolerance = 1e-10;  // relative and absolute: the local error of y is held below tolerance * (1 + |y|)
-  double fixed_step_s = 0;   // of methods without an error estimate; > 0
+  double fixed_step_s = 0;   // > 0: steps of about this length, whatever the error (see EvenSteps)
 };
+
+enum class FixedSteps { kNever, kOnRequest, kAlways };
 
 struct MethodInfo {
   const char* name;
   const char* counterpart;  // the paper's routine
   const char* order;
   Form form;
-  bool fixed_step;
+  FixedSteps fixed_steps;
   int looks;  // into how many parts its steps are cut to look for extrema: 1 where steps are far shorter than the
               // motion
   std::unique_ptr<Method> (*make)(Problem& problem, const Settings& settings);

@@ -45,7 +45,6 @@ constexpr double kTi[3][3] = {{4.3255798900631553510, 0.33919925181580986954, 0.
 // Of the error estimate: radau5.f's DD1, DD2, DD3.
 const double kError[3] = {-(13 + 7 * kRoot6) / 3, (-13 + 7 * kRoot6) / 3, -1.0 / 3};
 
-constexpr int kNewtonMost = 7;
 constexpr double kSafety = 0.9;
 constexpr double kSlowNewton = 1e-3;  // a convergence rate above it asks for a new Jacobian
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
@@ -57,10 +56,13 @@ struct Stages {
 
 class Radau5 : public Method {
  public:
-  Radau5(Problem& problem, double tolerance)
+  Radau5(Problem& problem, const Settings& settings)
       : problem_(problem),
         n_(static_cast<Eigen::Index>(problem.size())),
-        tolerance_(0.1 * std::pow(tolerance, 2.0 / 3)),
+        fixed_(settings.fixed_step_s > 0),
+        steps_(settings.fixed_step_s),
+        newton_most_(fixed_ ? 50 : 7),
+        tolerance_(0.1 * std::pow(settings.tolerance, 2.0 / 3)),
         newton_tolerance_(std::max(10 * kRounding / tolerance_, std::min(0.03, std::sqrt(tolerance_)))) {}
 
   void start(double t, const State& y) override {
@@ -75,6 +77,7 @@ class Radau5 : public Method {
     counters_.right_hand_sides += 3;
     mass_ = Real::Ones(n_);
     if (problem_.constraint() >= 0) mass_[problem_.constraint()] = 0;
+    steps_.start();
     first_ = true;
     jacobian_here_ = decomposed_ = false;
     jacobian_wanted_ = true;
@@ -86,16 +89,17 @@ class Radau5 : public Method {
     step_start_ = time_;
     start_ = y_;
     start_f_ = f_;
+    const EvenSteps::Next even = fixed_ ? steps_.next(time_, stop) : EvenSteps::Next{};
     for (;;) {
       if (h_ < least_step(time_)) {
         failure_ = too_small(time_, h_);
         return false;
       }
-      const bool last = time_ + h_ * 1.0001 >= stop;
-      if (last && h_ != stop - time_) {
-        h_ = stop - time_;
-        decomposed_ = false;
-      }
+      bool last = time_ + h_ * 1.0001 >= stop;
+      double h = last ? stop - time_ : h_;
+      if (fixed_) h = even.h, last = even.last;
+      decomposed_ = decomposed_ && h == h_;
+      h_ = h;
       if (jacobian_wanted_ && !jacobian_here_) {
         jacobian_.resize(n_, n_);
         problem_.jacobian(time_, y_.data(), jacobian_.data());
@@ -108,14 +112,19 @@ class Radau5 : public Method {
 
       Stages stages = first_ ? at_rest() : extrapolated(h_);
       Newton newton = iterate(h_, e1_, e2_, stages, faccon_);
+      if (!newton.converged && fixed_ && jacobian_here_) {
+        failure_ = "Newton's iteration does not converge: the fixed step is too long";
+        return false;
+      }
       if (!newton.converged) {
         h_ *= newton.shrink;
         reject(rejected);
         continue;
       }
-      const double error = estimate(stages, first_ || rejected);
+      const double error = fixed_ ? 0 : estimate(stages, first_ || rejected);
       // Fewer iterations allow a bolder step.
-      const double factor = std::min(kSafety, kSafety * (1 + 2 * kNewtonMost) / (newton.iterations + 2 * kNewtonMost));
+      const double factor =
+          std::min(kSafety, kSafety * (1 + 2 * newton_most_) / (newton.iterations + 2 * newton_most_));
       double quotient = std::clamp(std::pow(error, 0.25) / factor, 1.0 / 8, 5.0);
       if (!(error < 1)) {
         h_ = first_ ? 0.1 * h_ : error < std::numeric_limits<double>::infinity() ? h_ / quotient : 0.2 * h_;
@@ -268,13 +277,13 @@ class Radau5 : public Method {
           std::sqrt((norm(change[0]) + norm(change[1]) + norm(change[2])) / (3 * static_cast<double>(n_)));
       if (!std::isfinite(size)) return {false, iteration, 1, 0.5};
 
-      if (iteration > 1 && iteration < kNewtonMost) {
+      if (iteration > 1 && iteration < newton_most_) {
         const double quotient = size / last_size;
         rate = iteration == 2 ? quotient : std::sqrt(quotient * last_quotient);
         last_quotient = quotient;
         if (rate >= 0.99) return {false, iteration, rate, 0.5};
         faccon = rate / (1 - rate);
-        const int left = kNewtonMost - 1 - iteration;
+        const int left = newton_most_ - 1 - iteration;
         const double at_the_end = faccon * size * std::pow(rate, left) / newton_tolerance_;
         if (at_the_end >= 1) {
           return {false, iteration, rate, 0.8 * std::pow(std::clamp(at_the_end, 1e-4, 20.0), -1.0 / (4 + left))};
@@ -284,7 +293,7 @@ class Radau5 : public Method {
       for (int k = 0; k < 3; ++k) w[k] += change[k];
       for (int k = 0; k < 3; ++k) stages.z[k] = kT[k][0] * w[0] + kT[k][1] * w[1] + kT[k][2] * w[2];
       if (faccon * size <= newton_tolerance_) return {true, iteration, rate, 1};
-      if (iteration == kNewtonMost) return {false, iteration, rate, 0.5};
+      if (iteration == newton_most_) return {false, iteration, rate, 0.5};
     }
   }
 
@@ -316,6 +325,9 @@ class Radau5 : public Method {
 
   Problem& problem_;
   Eigen::Index n_;
+  bool fixed_;
+  EvenSteps steps_;
+  int newton_most_;          // iterations; a fixed step cannot be shortened instead
   double tolerance_;         // of the error estimate, which is of order 3 where the method is of order 5
   double newton_tolerance_;  // relative to that
   double h_ = 0, last_h_ = 1, last_error_ = 1;
@@ -332,7 +344,7 @@ class Radau5 : public Method {
 }  // namespace
 
 std::unique_ptr<Method> make_radau5(Problem& problem, const Settings& settings) {
-  return std::make_unique<Radau5>(problem, settings.tolerance);
+  return std::make_unique<Radau5>(problem, settings);
 }
 
 }  // namespace ballast::integrators

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <string>
 
@@ -45,6 +46,33 @@ inline void hermite(double part, double h, const State& y0, const State& f0, con
     out[i] = v * y0[i] + u * y1[i] + u * v * (v * (h * f0[i] - rise) - u * (h * f1[i] - rise));
   }
 }
+
+// Steps of equal length between kinks, at most the one asked for.
+class EvenSteps {
+ public:
+  explicit EvenSteps(double longest) : longest_(longest) {}
+
+  void start() { left_ = 0; }
+
+  // Of the next step from t, `last` if it ends at `stop`.
+  struct Next {
+    double h = 0;
+    bool last = false;
+  };
+  Next next(double t, double stop) {
+    if (left_ == 0) {
+      left_ = std::max<std::int64_t>(1, static_cast<std::int64_t>(std::ceil((stop - t) / longest_ * (1 - 1e-12))));
+      h_ = (stop - t) / static_cast<double>(left_);
+    }
+    --left_;
+    return {left_ == 0 ? stop - t : h_, left_ == 0};
+  }
+
+ private:
+  double longest_;
+  double h_ = 0;
+  std::int64_t left_ = 0;
+};
 
 // Below this a step changes nothing but the rounding of the time.
 inline double least_step(double t) { return 1e-15 * std::max(1.0, std::abs(t)); }
