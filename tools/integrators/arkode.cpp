@@ -80,6 +80,10 @@ class Arkode : public Method {
       free(name);
       return false;
     }
+    if (stalled(step_start_, time_)) {
+      failure_ = too_small(time_, time_ - step_start_);
+      return false;
+    }
     y_sun_.get(y_);
     ++counters_.steps;
     long error_test = 0, convergence = 0;

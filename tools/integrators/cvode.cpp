@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "tools/integrators/methods.h"
+#include "tools/integrators/step_control.h"
 #include "tools/integrators/sundials.h"
 
 namespace ballast::integrators {
@@ -54,6 +55,10 @@ class Cvode : public Method {
       char* name = CVodeGetReturnFlagName(flag);
       failure_ = std::string(name) + ": " + complaint_;
       free(name);
+      return false;
+    }
+    if (stalled(step_start_, time_)) {
+      failure_ = too_small(time_, time_ - step_start_);
       return false;
     }
     y_sun_.get(y_);

@@ -7,6 +7,7 @@
 #include <sunmatrix/sunmatrix_dense.h>
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
@@ -72,6 +73,9 @@ inline void keep_complaint(int code, const char* /*module*/, const char* /*funct
 inline void must(int flag, const char* what) {
   if (flag != 0) throw std::runtime_error(std::string("SUNDIALS refuses ") + what);
 }
+
+// Steps that change nothing but the rounding of the time: SUNDIALS itself would go on like that without end.
+inline bool stalled(double from, double to) { return to - from < 1e-15 * std::abs(to); }
 
 // A right-hand side that is not finite makes SUNDIALS try a shorter step.
 inline int recoverable(const double* f, std::size_t size) {
