@@ -21,11 +21,17 @@ struct Row {
   double distance = 0;  // of the end state (q, Omega, z) from the tightest solution's
 };
 
-struct Comparison {
+class Comparison {
+ public:
   std::string scenario;
   double tolerance = 0;
   std::vector<Row> rows;
-  [[nodiscard]] const Row* fastest() const;  // of those that came to the end of the run; nullptr: none
+  // Of those that came to the end of the run; nullptr: none.
+  [[nodiscard]] const Row* fastest() const;
+  [[nodiscard]] const Row* fewest_right_hand_sides() const;
+
+ private:
+  const Row* least(double (*cost)(const Row&)) const;
 };
 
 // A fixed step is meant for the one method, or of several for those that know no other; without one these take that of

@@ -75,9 +75,7 @@ class Run {
         problem_, *method_, scenario_.duration_s, [this] { return start(); }, [this] { return look_inside(); });
     out_.counters = method_->counters();
     sil::RunResult& result = out_.result;
-    if (result.end_reason != sil::EndReason::kCompleted) {
-      result.rolling_lost = true;
-    } else {
+    if (result.end_reason == sil::EndReason::kCompleted) {
       end(method_->time(), method_->state());
       const Motion& m = now_;
       if (!std::isfinite(m.normal_force_n + m.static_friction_n + m.angular_acceleration_B_radps2.sum())) {
@@ -243,6 +241,7 @@ class Run {
       out_.result.end_text = "the contact force stopped being finite";
     } else {
       out_.result.end_reason = m.normal_force_n > 0 ? sil::EndReason::kSlipped : sil::EndReason::kDetached;
+      out_.result.rolling_lost = true;
     }
   }
 
