@@ -28,7 +28,7 @@ class Comparison {
   std::vector<Row> rows;
   // Of those that came to the end of the run; nullptr: none.
   [[nodiscard]] const Row* fastest() const;
-  [[nodiscard]] const Row* fewest_right_hand_sides() const;
+  [[nodiscard]] const Row* fewest_evaluations() const;  // of the right-hand side, in Jacobians too
 
  private:
   const Row* least(double (*cost)(const Row&)) const;
