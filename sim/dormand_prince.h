@@ -13,6 +13,7 @@ template <std::size_t kCapacity>
 class DormandPrince {
  public:
   using State = std::array<double, kCapacity>;
+  static constexpr int kErrorOrder = 5;  // of error() in h
 
   // From y0 at t0, where the derivative is k1, to t0 + h. rhs(t, y, dydt) is evaluated six times, last at the new
   // state, so that end_derivative() may serve as the next step's k1. Only the first `size` entries of a State are used.

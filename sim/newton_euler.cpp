@@ -179,6 +179,39 @@ Body::Body(const Scenario& scenario)
   }
 }
 
+namespace {
+
+void carry_along(const firmware::Rail& rail, double position, double velocity, double acceleration, CarriedMass& out) {
+  const auto p = firmware::evaluate(rail, position);
+  const double squared = velocity * velocity;
+  out.position_B_m = vec3(p.position);
+  out.velocity_B_mps = velocity * vec3(p.d1);
+  out.acceleration_B_mps2 = acceleration * vec3(p.d1) + squared * vec3(p.d2);
+}
+
+}  // namespace
+
+void carry_along_rails(const Body& body, const double* position, const double* velocity, const double* acceleration,
+                       CarriedMasses& out) {
+  const auto n = static_cast<std::size_t>(body.mass_count);
+  for (std::size_t i = 0; i < n; ++i) {
+    const firmware::Rail& rail = body.rail[i];
+    if (rail.shape != firmware::RailShape::kCircle) {
+      carry_along(rail, position[i], velocity[i], acceleration[i], out[i]);
+      continue;
+    }
+    // The same written out, in two thirds of the instructions: circles are what most robots have.
+    const double c = rail.radius_m * std::cos(position[i]), s = rail.radius_m * std::sin(position[i]);
+    const double squared = velocity[i] * velocity[i];
+    const double c2 = acceleration[i] * c - squared * s, s2 = acceleration[i] * s + squared * c;
+    const double c1 = velocity[i] * c, s1 = velocity[i] * s;
+    const Vec3<double> x = vec3(rail.axis_cos_B), y = vec3(rail.axis_sin_B);
+    out[i].position_B_m = vec3(rail.origin_B_m) + c * x + s * y;
+    out[i].velocity_B_mps = c1 * y - s1 * x;
+    out[i].acceleration_B_mps2 = c2 * y - s2 * x;
+  }
+}
+
 Matrix3d rotation_B_to_W(const double* q) {
   const Attitude<double> lambda(q);
   Matrix3d out;
@@ -197,9 +230,11 @@ void quaternion_rate(const T* q, const T* o, T* out) {
 template void quaternion_rate(const double*, const double*, double*);
 template void quaternion_rate(const std::complex<double>*, const std::complex<double>*, std::complex<double>*);
 
+namespace {
+
 template <class T>
-void rolling_prescribed(const Body& body, double time_s, const T* q, const T* angular_velocity_B,
-                        const CarriedMasses& masses, MotionOf<T>& out) {
+[[gnu::always_inline]] inline void roll(const Body& body, double time_s, const T* q, const T* angular_velocity_B,
+                                        const CarriedMasses& masses, MotionOf<T>& out) {
   const Attitude<T> lambda(q);
   const Vec3<T> omega{angular_velocity_B[0], angular_velocity_B[1], angular_velocity_B[2]};
   Sums<T> sums(body);
@@ -211,10 +246,34 @@ void rolling_prescribed(const Body& body, double time_s, const T* q, const T* an
   const Vec3<T> omega_dot = equations.solve();
   equations.close(omega_dot, Vec3<T>{}, out);
 }
-template void rolling_prescribed(const Body&, double, const double*, const double*, const CarriedMasses&,
-                                 MotionOf<double>&);
-template void rolling_prescribed(const Body&, double, const std::complex<double>*, const std::complex<double>*,
-                                 const CarriedMasses&, MotionOf<std::complex<double>>&);
+
+#ifdef __x86_64__
+// The same operations in the same order, so the same bits, in a sixth fewer instructions.
+const bool kHasAvx = __builtin_cpu_supports("avx") != 0;
+
+[[gnu::target("avx")]] void roll_avx(const Body& body, double time_s, const double* q, const double* angular_velocity_B,
+                                     const CarriedMasses& masses, MotionOf<double>& out) {
+  roll(body, time_s, q, angular_velocity_B, masses, out);
+}
+#endif
+
+}  // namespace
+
+template <>
+void rolling_prescribed(const Body& body, double time_s, const double* q, const double* angular_velocity_B,
+                        const CarriedMasses& masses, MotionOf<double>& out) {
+#ifdef __x86_64__
+  if (kHasAvx) return roll_avx(body, time_s, q, angular_velocity_B, masses, out);
+#endif
+  roll(body, time_s, q, angular_velocity_B, masses, out);
+}
+
+template <>
+void rolling_prescribed(const Body& body, double time_s, const std::complex<double>* q,
+                        const std::complex<double>* angular_velocity_B, const CarriedMasses& masses,
+                        MotionOf<std::complex<double>>& out) {
+  roll(body, time_s, q, angular_velocity_B, masses, out);
+}
 
 void rolling_driven(const Body& body, double time_s, const double* q, const double* angular_velocity_B,
                     const double* position, const double* velocity, const double* generalised_force, Motion& out) {

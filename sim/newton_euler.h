@@ -61,15 +61,9 @@ struct CarriedMass {
 };
 using CarriedMasses = std::array<CarriedMass, kMaxMasses>;
 
-// eq_1d_param: a mass at rail coordinate theta, with thetadot and thetaddot.
-inline void carry_along(const firmware::Rail& rail, double position, double velocity, double acceleration,
-                        CarriedMass& out) {
-  const auto p = firmware::evaluate(rail, position);
-  const double squared = velocity * velocity;
-  out.position_B_m = vec3(p.position);
-  out.velocity_B_mps = velocity * vec3(p.d1);
-  out.acceleration_B_mps2 = acceleration * vec3(p.d1) + squared * vec3(p.d2);
-}
+// eq_1d_param: the masses at rail coordinates theta, with thetadot and thetaddot.
+void carry_along_rails(const Body& body, const double* position, const double* velocity, const double* acceleration,
+                       CarriedMasses& out);
 
 // What the equations give at one instant. Body frame; `mass` arrays hold mass_count entries. In flight R_B = N = f_s =
 // 0; in sliding f_s is the kinetic friction.

@@ -17,6 +17,8 @@ namespace {
 // Allowed local error of a step, relative to 1 + |component|: some thousand times the rounding of one step, and with
 // the error growth of the paper's runs (about 1e3 over 20 time units) far below the 1e-8 they are held to.
 constexpr double kTolerance = 1e-12;
+// Of steps that are as long as it allows, and not as short as the ticks make them: the errors come out as estimated.
+constexpr double kAheadTolerance = 1e-13;
 // Out of rolling: a slip that dies away slowly turns an error of the state into one of the time that is a hundred times
 // larger, and that time is to be good to 1e-9.
 constexpr double kOpenTolerance = 1e-14;
@@ -31,6 +33,9 @@ constexpr double kSlipVanishes = 1e-12;
 // direction of what is left of the slip there is rounding.
 constexpr double kSlipKept = 1e-3;
 
+// Of the time: a step's part up to the end of a slip shorter than this needs no error estimate of its own.
+constexpr double kShortestPart = 1e-13;
+
 // Changes of regime at one instant after which there is no hope of an end.
 constexpr int kMostChanges = 16;
 
@@ -42,6 +47,10 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Two forces closer than this part of the weight, and two ratios closer than this, differ by rounding only.
 constexpr double kNoise = 1e-13;
+
+// Spans in which a step of DOP853 is judged when advance() is given as much time at once: of a step some three times as
+// long as one of Dormand-Prince 5(4) would be.
+constexpr double kSpansPerStep = 4;
 
 // Within one call of advance(); a robot at 1 kHz takes a few.
 constexpr int kMaxSteps = 2'000'000;
@@ -149,9 +158,7 @@ Plant::MassPoint Plant::mass_point(double time_s, const double* y) const {
 
 CarriedMasses Plant::carried(const MassPoint& masses) const {
   CarriedMasses out;
-  for (std::size_t i = 0; i < motion_.size(); ++i) {
-    carry_along(body_.rail[i], masses.position[i], masses.velocity[i], masses.acceleration[i], out[i]);
-  }
+  carry_along_rails(body_, masses.position.data(), masses.velocity.data(), masses.acceleration.data(), out);
   return out;
 }
 
@@ -282,8 +289,11 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
     if (end_ != PhysicsEnd::kNone || time_s_ >= end_s) return;
 
     double target_s = end_s;
-    for (std::size_t i = 0; i < motion_.size() && !driven_; ++i)
-      target_s = std::min(target_s, motion_[i].end_s(piece_[i]));
+    smooth_until_s_ = std::min(body_.external_force.next_kink_s(time_s_), std::max(end_s, scenario_.duration_s));
+    for (std::size_t i = 0; i < motion_.size() && !driven_; ++i) {
+      smooth_until_s_ = std::min(smooth_until_s_, motion_[i].end_s(piece_[i]));
+    }
+    target_s = std::min(target_s, smooth_until_s_);
     if (driven_ && next_pulse < pulses.size()) target_s = std::min(target_s, start_s + pulses[next_pulse].offset_s);
     integrate_to(target_s);
   }
@@ -322,51 +332,117 @@ void Plant::aim_slip() {
 
 void Plant::integrate_to(double target_s) {
   while (time_s_ < target_s && end_ == PhysicsEnd::kNone) {
-    const double left_s = target_s - time_s_;
-    if (regime_ == Regime::kSliding) aim_slip();
-    const bool whole = left_s <= step_s_ * 1.001;  // no sliver for the last step
-    const double h = whole ? left_s : step_s_;
-    integrator_.step([this](double t, const double* y, double* d) { derivative(t, y, d); }, time_s_, h, y_, dydt_,
-                     size_);
-    const double error = integrator_.error(regime_ == Regime::kRolling ? kTolerance : kOpenTolerance);
-    // 0.9 error^(-1/5), between 0.2 and 5; far below the tolerance the power need not be computed. A trial step that
-    // went to where numbers end is too long, like any other.
-    const double growth = error < 1e-4 ? 5.0 : error < kInfinity ? std::max(0.2, 0.9 * std::pow(error, -0.2)) : 0.2;
-    const double allowed_s = h * growth;
-    if (error <= 1) {
-      const bool to_its_end = take_step(h);
-      if (whole && to_its_end) time_s_ = target_s;
-      step_s_ = whole ? std::max(step_s_, allowed_s) : allowed_s;
-    } else {
-      step_s_ = allowed_s;
+    if (!steps_ahead()) {
+      const double left_s = target_s - time_s_;
+      if (const double h = try_step(pulsed_, left_s); h > 0) take_span(h, h >= left_s, target_s);
+      continue;
     }
-    if (error > 1 && allowed_s < 1e-14 * std::max(1.0, time_s_)) {
-      end_ = PhysicsEnd::kInconsistent;
-      end_text_ = "no step is small enough to follow the motion";
-    } else if (!(error < kInfinity) && allowed_s < 1e-9 * scenario_.run.control_period_s) {
-      end_ = PhysicsEnd::kInconsistent;
-      // While sliding a NaN says that the normal coefficient is not positive.
-      end_text_ = regime_ == Regime::kSliding ? kPainleve : "the state stopped being finite";
-    } else if (--steps_left_ == 0) {
-      end_ = PhysicsEnd::kInconsistent;
-      end_text_ = "the motion is too stiff: more than " + std::to_string(kMaxSteps) + " steps in one control period";
+    if (!(time_s_ < ahead_end_s_)) {
+      const double left_s = smooth_until_s_ - time_s_;
+      const double h = try_step(ahead_, left_s);
+      if (h <= 0) continue;
+      ahead_.prepare_dense([this](double t, const double* y, double* d) { derivative(t, y, d); });
+      ahead_start_s_ = time_s_;
+      ahead_end_s_ = h >= left_s ? smooth_until_s_ : time_s_ + h;
+    }
+    // A whole step of this integrator is too long to be judged by its ends and its middle.
+    const double longest_s = (ahead_end_s_ - ahead_start_s_) / kSpansPerStep;
+    const double end_s = std::min(target_s, ahead_end_s_);
+    if (end_s - time_s_ > 1.001 * longest_s && time_s_ + longest_s > time_s_) {
+      take_span(longest_s, false, 0);
+    } else {
+      take_span(end_s - time_s_, true, end_s);
     }
   }
 }
 
-// The integrator has gone from time_s_ by h. Looks inside, then moves there, or to where the regime ends: false.
-bool Plant::take_step(double h) {
-  const Instant end_motion = scratch_;
-  State middle;
-  integrator_.interpolate(0.5, middle);
-  Instant middle_motion;
-  evaluate(time_s_ + h / 2, middle.data(), middle_motion);
+// Tries a step from time_s_ by at most longest_s and returns its length; 0 if it was too long, or no step will do.
+template <class Method>
+double Plant::try_step(Method& method, double longest_s) {
+  if (regime_ == Regime::kSliding) aim_slip();
+  const bool whole = longest_s <= step_s_ * 1.001;  // no sliver for the last step
+  const double h = whole ? longest_s : step_s_;
+  step_y_ = y_;
+  step_dydt_ = dydt_;
+  method.step([this](double t, const double* y, double* d) { derivative(t, y, d); }, time_s_, h, step_y_, step_dydt_,
+              size_);
+  const double error = method.error(regime_ != Regime::kRolling ? kOpenTolerance
+                                    : steps_ahead()             ? kAheadTolerance
+                                                                : kTolerance);
+  // 0.9 error^(-1/order), between 0.2 and 5; far below the tolerance the power need not be computed. A trial step that
+  // went to where numbers end is too long, like any other.
+  const double growth = error < 1e-6        ? 5.0
+                        : error < kInfinity ? std::clamp(0.9 * std::pow(error, -1. / Method::kErrorOrder), 0.2, 5.0)
+                                            : 0.2;
+  const double allowed_s = h * growth;
+  if (error <= 1) {
+    step_s_ = whole ? std::max(step_s_, allowed_s) : allowed_s;
+  } else {
+    step_s_ = allowed_s;
+    if (allowed_s < 1e-14 * std::max(1.0, time_s_)) end_inconsistent("no step is small enough to follow the motion");
+  }
+  if (!(error < kInfinity) && allowed_s < 1e-9 * scenario_.run.control_period_s) {
+    // While sliding a NaN says that the normal coefficient is not positive.
+    end_inconsistent(regime_ == Regime::kSliding ? kPainleve : "the state stopped being finite");
+  } else if (--steps_left_ == 0) {
+    end_inconsistent("the motion is too stiff: more than " + std::to_string(kMaxSteps) +
+                     " steps in one control period");
+  }
+  return error <= 1 ? h : 0;
+}
 
-  // The first part of the step at whose end the regime is found over: its middle, its end, or a peak inside it.
-  double broken = violated(middle_motion) ? 0.5 : violated(end_motion) ? 1 : kInfinity;
+// What holds at time_s_ + offset_s, inside the step that was tried last, and all of it but the motion in `y`, `dydt`.
+void Plant::look_inside(double offset_s, Point& out) {
+  const auto rhs = [this](double t, const double* y, double* d) { derivative(t, y, d); };
+  if (!steps_ahead()) {
+    probe_.step(rhs, time_s_, offset_s, step_y_, step_dydt_, size_);
+    out.y = probe_.end_state();
+    out.dydt = probe_.end_derivative();
+  } else {
+    ahead_.interpolate((time_s_ + offset_s - ahead_start_s_) / (ahead_end_s_ - ahead_start_s_), out.y);
+    normalise(out.y);
+    derivative(time_s_ + offset_s, out.y.data(), out.dydt.data());
+  }
+  out.motion = scratch_;
+}
+
+// The ends of a span of length h from time_s_ that has been integrated; of its middle only the motion is wanted.
+void Plant::look_at_span(double h, bool to_step_end, Point& middle, Point& end) {
+  if (steps_ahead()) {
+    look_inside(h / 2, middle);
+    if (!to_step_end) return look_inside(h, end);
+    end.y = ahead_.end_state();
+    normalise(end.y);
+    derivative(ahead_end_s_, end.y.data(), end.dydt.data());
+    end.motion = scratch_;
+    return;
+  }
+  end.y = pulsed_.end_state();
+  end.dydt = pulsed_.end_derivative();
+  end.motion = scratch_;
+  pulsed_.interpolate(0.5, middle.y);
+  evaluate(time_s_ + h / 2, middle.y.data(), middle.motion);
+}
+
+// The motors' next pulses are not known, and where a slip ends its direction is no smooth function of time.
+bool Plant::steps_ahead() const { return !driven_ && regime_ != Regime::kSliding; }
+
+void Plant::normalise(State& y) {
+  const double length = std::sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2] + y[3] * y[3]);
+  for (std::size_t i = 0; i < 4; ++i) y[i] /= length;
+}
+
+// The span of length h from time_s_ has been integrated. Looks inside, then moves to its end, or to where the regime
+// ends. `exactly`: its end is to be called end_s, whatever rounding makes of time_s_ + h.
+void Plant::take_span(double h, bool exactly, double end_s) {
+  Point middle, end, inside;
+  look_at_span(h, exactly && end_s == ahead_end_s_, middle, end);
+
+  // The first part of the span at whose end the regime is found over: its middle, its end, or a peak inside it.
+  double broken = violated(middle.motion) ? 0.5 : violated(end.motion) ? 1 : kInfinity;
   const auto search = [&](double limit, auto value) {
-    const double part = find_peak(h, 1, middle_motion, end_motion, limit, value);
-    if (part < broken && violated(motion_inside(h, part))) broken = part;
+    const double part = find_peak(h, middle.motion, end.motion, limit, value);
+    if (part < broken && (look_inside(part * h, inside), violated(inside.motion))) broken = part;
   };
   if (regime_ == Regime::kRolling && static_friction_ < kInfinity) {
     search(static_friction_, [this](const Instant& m) { return ratio(m); });
@@ -374,51 +450,65 @@ bool Plant::take_step(double h) {
   if (regime_ != Regime::kFlight) search(0, [](const Instant& m) { return -m.normal_force_n; });
   if (regime_ != Regime::kRolling) search(0, [](const Instant& m) { return -m.left; });
 
-  State end_state = integrator_.end_state();
-  State end_derivative = integrator_.end_derivative();
-  Instant final_motion = end_motion;
-  double part = 1;
   if (broken <= 1) {
-    part = first_violation(h, broken);
-    final_motion = motion_inside(h, part);
-    end_state = probe_.end_state();
-    end_derivative = probe_.end_derivative();
-    evaluate(time_s_ + 0.5 * part * h, (probe_.interpolate(0.5, middle), middle).data(), middle_motion);
+    h *= first_broken(time_s_, h, broken,
+                      [&](double part) { return look_inside(part * h, inside), violated(inside.motion); });
+    look_inside(h, end);
+    // A step over the end of a slip is smooth past it, where the direction is kept, and its error estimate knows
+    // nothing of how the direction turns before; the part up to the end is held to the tolerance by an estimate of its
+    // own.
+    if (regime_ == Regime::kSliding && h > kShortestPart * std::max(1.0, time_s_)) {
+      const double error = probe_.error(kOpenTolerance);
+      if (!(error <= 1)) {
+        step_s_ = h * (error < kInfinity ? std::clamp(0.9 * std::pow(error, -0.2), 0.2, 0.9) : 0.2);
+        return;
+      }
+    }
+    look_inside(h / 2, middle);
   }
 
   // Extrema inside: only a peak that may beat the best so far is worth finding.
   const auto look = [&](double best, auto value) {
-    const double at = find_peak(h, part, middle_motion, final_motion, best, value);
-    if (at < part) note(time_s_ + at * h, motion_inside(h, at));
+    const double part = find_peak(h, middle.motion, end.motion, best, value);
+    if (part < 1) look_inside(part * h, inside), note(time_s_ + part * h, inside.motion);
   };
   if (regime_ != Regime::kFlight) {
     look(extrema_.normal_force_max.value, [](const Instant& m) { return m.normal_force_n; });
     look(-extrema_.normal_force_min.value, [](const Instant& m) { return -m.normal_force_n; });
     look(extrema_.static_friction_max.value, [](const Instant& m) { return m.static_friction_n; });
-    if (final_motion.normal_force_n > 0) {
+    if (end.motion.normal_force_n > 0) {
       look(extrema_.mu_required_max.value, [this](const Instant& m) { return ratio(m); });
     }
   }
 
-  time_s_ += part * h;
-  y_ = end_state;
-  dydt_ = end_derivative;
-  now_ = final_motion;
-  const double length = std::sqrt(y_[0] * y_[0] + y_[1] * y_[1] + y_[2] * y_[2] + y_[3] * y_[3]);
-  for (std::size_t i = 0; i < 4; ++i) y_[i] /= length;
+  time_s_ = exactly && broken > 1 ? end_s : time_s_ + h;
+  y_ = end.y;
+  dydt_ = end.dydt;
+  now_ = end.motion;
+  normalise(y_);
   note(time_s_, now_);
   note_motors();
-  if (broken > 1) return true;
-  leave_regime();
-  return false;
+  if (broken <= 1) {
+    if (steps_ahead()) {
+      // What comes next starts from a step to here, which is better than the dense output.
+      const auto rhs = [this](double t, const double* y, double* d) { derivative(t, y, d); };
+      ahead_.step(rhs, ahead_start_s_, time_s_ - ahead_start_s_, step_y_, step_dydt_, size_);
+      y_ = ahead_.end_state();
+      normalise(y_);
+      derivative(time_s_, y_.data(), dydt_.data());
+    }
+    ahead_end_s_ = time_s_;  // the rest of the step is of a regime that is over
+    leave_regime();
+  }
 }
 
-// Where in the first `part` of the step from time_s_ by h a value that may rise above `floor` has its peak; +infinity
-// if it has none there. `middle` and `end` are what holds at half and at the whole of that part.
+// Where in the span from time_s_ by h a value that may rise above `floor` has its peak, as a part of it; +infinity if
+// it has none there. `middle` and `end` are what holds in the middle and at the end.
 template <class Value>
-double Plant::find_peak(double h, double part, const Instant& middle, const Instant& end, double floor, Value value) {
+double Plant::find_peak(double h, const Instant& middle, const Instant& end, double floor, Value value) {
   if (!may_peak_above(value(now_), value(middle), value(end), floor)) return kInfinity;
-  return part * golden_section([&](double p) { return value(motion_inside(h, part * p)); });
+  Point inside;
+  return golden_section([&](double part) { return look_inside(part * h, inside), value(inside.motion); });
 }
 
 // Whether the regime is over.
@@ -429,8 +519,8 @@ bool Plant::violated(const Instant& m) const {
     case Regime::kSliding:
       return !(m.normal_force_n > 0) || m.left < 0;
     case Regime::kFlight:
-      // As flight begins the height is 0 up to rounding of either sign.
-      return m.left < 0 && (m.climb_mps < 0 || m.left < -1e-12 * body_.radius_m);
+      // As flight begins height and climb are 0 up to rounding of either sign.
+      return m.left < 0 && (m.climb_mps < -kSlipVanishes * speed_scale_mps_ || m.left < -1e-12 * body_.radius_m);
   }
   return false;
 }
@@ -589,17 +679,6 @@ void Plant::touch(const Vector2d& slip_W_mps) {
   y_[contact_size_ + 1] = body_.radius_m * omega_W[1];
   y_[contact_size_ + 2] = -body_.radius_m * omega_W[0];
   enter(Regime::kSliding);
-}
-
-// What holds at time_s_ + part * h, by one integrator step from time_s_; the state is left in probe_.
-Plant::Instant Plant::motion_inside(double h, double part) {
-  probe_.step([this](double t, const double* y, double* d) { derivative(t, y, d); }, time_s_, part * h, y_, dydt_,
-              size_);
-  return scratch_;
-}
-
-double Plant::first_violation(double h, double violated_part) {
-  return first_broken(time_s_, h, violated_part, [&](double part) { return violated(motion_inside(h, part)); });
 }
 
 void Plant::note_mu(double time_s, double mu) {

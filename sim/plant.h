@@ -1,13 +1,15 @@
 // The plant: the true ball, its masses prescribed or driven by steppers, integrated from one control tick to the next,
 // through the contact regimes of PHYSICS.md section 4: rolling, sliding, flight, with impacts between them.
 //
-// Within a tick the integration stops at every instant at which a `motion` piece changes or a step pulse comes, so no
-// step of the integrator crosses a jump. Between them it takes the whole way in one step of Dormand-Prince 5(4) unless
-// the embedded error estimate asks for smaller ones; the quaternion is brought back to unit length after each.
-// Accelerations may jump at those instants; the value after the jump counts (PHYSICS.md section 4).
+// No step of an integrator crosses an instant at which a `motion` piece or the external force's table changes, or a
+// step pulse comes. Accelerations may jump at those instants; the value after the jump counts (PHYSICS.md section 4).
+// Driven masses, and slides, are integrated from pulse to pulse and tick to tick with Dormand-Prince 5(4). Rolling and
+// flying with prescribed masses are smooth and known in advance: DOP853 steps ahead as far as its error estimate
+// allows, whatever the ticks are, and what lies inside a step is seen by its dense output. The quaternion is brought
+// back to unit length after each step.
 //
-// Extrema of N, f_s and f_s/N, and the instants at which a regime ends, are looked for inside every integrator step and
-// found by integrating again from its start, so they are as accurate as the state itself.
+// Extrema of N, f_s and f_s/N, and the instants at which a regime ends, are looked for between the ticks: inside every
+// step, by integrating again from its start or by dense output.
 //
 // A run ends where rolling ends (N <= 0, or f_s > mu_s N) if the scenario says on_violation = "stop", and goes on into
 // sliding or flight if it says "continue". A run that starts sliding or in flight, which is no violation, goes through
@@ -29,6 +31,7 @@
 #include <vector>
 
 #include "sim/contact.h"
+#include "sim/dop853.h"
 #include "sim/dormand_prince.h"
 #include "sim/motion.h"
 #include "sim/newton_euler.h"
@@ -136,8 +139,8 @@ class Plant {
   // Layout of the integrator's state: q, Omega, z, then with driven masses theta and thetadot, then, unless it rolls,
   // height and velocity of the geometric centre (space frame), from contact_size_ on.
   static constexpr std::size_t kQ = 0, kOmega = 4, kZ = 7, kTheta = 9;
-  using Integrator = DormandPrince<kTheta + 2 * kMaxMasses + 4>;
-  using State = Integrator::State;
+  static constexpr std::size_t kCapacity = kTheta + 2 * kMaxMasses + 4;
+  using State = std::array<double, kCapacity>;
 
   // The equations' answer, and what else decides whether a regime goes on: the slip velocity along the direction of the
   // slip while it slides, the height in flight. Rolling sets neither.
@@ -168,14 +171,23 @@ class Plant {
   void start_regime();
   void after_jump();
   void aim_slip();
+  // The state at one instant and what the equations make of it.
+  struct Point {
+    State y, dydt;
+    Instant motion;
+  };
   void integrate_to(double target_s);
-  bool take_step(double h);
+  template <class Method>
+  double try_step(Method& method, double longest_s);
+  void look_inside(double offset_s, Point& out);
+  void look_at_span(double h, bool to_step_end, Point& middle, Point& end);
+  void take_span(double h, bool exactly, double end_s);
+  [[nodiscard]] bool steps_ahead() const;
+  static void normalise(State& y);
   template <class Value>
-  double find_peak(double h, double part, const Instant& middle, const Instant& end, double floor, Value value);
+  double find_peak(double h, const Instant& middle, const Instant& end, double floor, Value value);
   bool violated(const Instant& motion) const;
   double ratio(const Instant& motion) const;
-  Instant motion_inside(double h, double part);
-  double first_violation(double h, double violated_part);
   void note(double time_s, const Instant& motion);
   void note_mu(double time_s, double mu);
   void note_motors();
@@ -207,8 +219,16 @@ class Plant {
   Instant scratch_{};    // of the latest derivative()
   double step_s_;        // what the error estimate last allowed
   int steps_left_ = 0;   // of this call of advance()
-  Integrator integrator_;
-  Integrator probe_;  // for looking inside a step
+  // From where the latest step began. pulsed_ goes no further than is judged at once, and is looked into by integrating
+  // again (probe_); ahead_ goes further, and is looked into by dense output.
+  State step_y_{};
+  State step_dydt_{};
+  DormandPrince<kCapacity> pulsed_;
+  DormandPrince<kCapacity> probe_;
+  Dop853<kCapacity> ahead_;
+  double ahead_start_s_ = 0;
+  double ahead_end_s_ = -1;    // before time_s_: no step reaches beyond it
+  double smooth_until_s_ = 0;  // where the next kink of motion or force is
   Regime regime_ = Regime::kRolling;
   Eigen::Vector2d slip_direction_W_{1, 0};  // sliding: as the step began
   double slip_kept_mps_ = 0;                // slower than that, and the direction stays as the step began

@@ -64,11 +64,9 @@ RollingOde::MassPoint RollingOde::masses(double time_s) const {
 }
 
 CarriedMasses RollingOde::carried(double time_s) const {
+  const MassPoint p = masses(time_s);
   CarriedMasses out;
-  for (std::size_t i = 0; i < motion_.size(); ++i) {
-    const auto point = motion_[i].at(piece_[i], time_s);
-    carry_along(body_.rail[i], point.position, point.velocity, point.acceleration, out[i]);
-  }
+  carry_along_rails(body_, p.position.data(), p.velocity.data(), p.acceleration.data(), out);
   return out;
 }
 

@@ -10,6 +10,9 @@ run_packages=(
   python3 python3-matplotlib
 )
 test_packages=(libgtest-dev)
+# Neither installed nor built by tools/test: the comparison with Simbody (tests/simbody), with libsimbody-dev and
+#   cmake --preset release -DBALLAST_PEERS=ON
+# after which tools/test runs it too.
 
 # missing_packages NAME...: those that are not installed, one per line.
 missing_packages() {

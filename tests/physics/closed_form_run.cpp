@@ -1,139 +1,67 @@
 #include "tests/physics/closed_form_run.h"
 
-#include <cvode/cvode.h>
-#include <nvector/nvector_serial.h>
-#include <sunnonlinsol/sunnonlinsol_fixedpoint.h>
-
-#include <algorithm>
-#include <memory>
-#include <stdexcept>
-#include <vector>
-
-#include "firmware/motion/profile.h"
-#include "tools/program/params.h"
+#include "firmware/model/detached.h"
 
 namespace ballast::test {
 
 using Eigen::Vector3d;
 
-firmware::BallParams ball_params(const sim::Scenario& scenario) {
-  const auto params = std::make_unique<firmware::ControllerParams>();
-  if (const auto refusal = program::to_controller_params(scenario, *params)) throw std::runtime_error(*refusal);
-  return params->ball;
+namespace {
+
+Vector3d vector3(const double* v) { return {v[0], v[1], v[2]}; }
+Eigen::Vector4d components(const Eigen::Quaterniond& q) { return {q.w(), q.x(), q.y(), q.z()}; }
+
+void put(const Vector3d& v, double* to) { to[0] = v[0], to[1] = v[1], to[2] = v[2]; }
+
+// q, Omega and the position's first two components of the start.
+std::vector<double> start(const sim::Scenario::Initial& initial) {
+  const auto& q = initial.orientation;
+  const auto& w = initial.angular_velocity_B_radps;
+  return {q.w(), q.x(), q.y(), q.z(), w[0], w[1], w[2], initial.position_W_m[0], initial.position_W_m[1]};
 }
 
-struct ClosedFormRun::Impl {
-  firmware::BallParams ball;
-  std::vector<firmware::Profile> profiles;
-  std::vector<double> knots;
-  double time_s = 0;
-  double side_s = 0;  // a time inside the smooth stretch being integrated, to choose the side of a jump
-  SUNContext context = nullptr;
-  N_Vector y = nullptr;
-  void* cvode = nullptr;
-  SUNNonlinearSolver solver = nullptr;
-
-  firmware::MassMotion masses(double t, double side) const {
-    firmware::MassMotion m;
-    for (std::size_t i = 0; i < profiles.size(); ++i) {
-      const auto& cubic = profiles[i].cubic(profiles[i].locate(side).index);
-      const double s = t - profiles[i].cubic_start_s(profiles[i].locate(side).index);
-      m.position[i] = cubic.position + s * (cubic.velocity + s * (cubic.acceleration / 2 + s * cubic.jerk / 6));
-      m.velocity[i] = cubic.velocity + s * (cubic.acceleration + s * cubic.jerk / 2);
-      m.acceleration[i] = cubic.acceleration + s * cubic.jerk;
-    }
-    return m;
-  }
-
-  firmware::RollingForces forces(double t, const double* v, double side) const {
-    firmware::Quaternion q(v[0], v[1], v[2], v[3]);
-    q.normalize();
-    return firmware::rolling_forces(ball, q, Vector3d(v[4], v[5], v[6]), masses(t, side));
-  }
-
-  static int derivative(double t, N_Vector y, N_Vector ydot, void* self) {
-    const auto& run = *static_cast<const Impl*>(self);
-    const double* v = NV_DATA_S(y);
-    double* d = NV_DATA_S(ydot);
-    const Eigen::Quaterniond q(v[0], v[1], v[2], v[3]);
-    const Vector3d w(v[4], v[5], v[6]);
-    const Eigen::Quaterniond dq = q * Eigen::Quaterniond(0, w[0] / 2, w[1] / 2, w[2] / 2);
-    d[0] = dq.w(), d[1] = dq.x(), d[2] = dq.y(), d[3] = dq.z();
-    const Vector3d acceleration = run.forces(t, v, run.side_s).angular_acceleration_B_radps2;
-    for (int j = 0; j < 3; ++j) d[4 + j] = acceleration[j];
-    const Vector3d velocity = (q.normalized() * w).cross(Vector3d(0, 0, run.ball.radius_m));
-    d[7] = velocity[0], d[8] = velocity[1];
-    return 0;
-  }
-};
-
-ClosedFormRun::ClosedFormRun(const sim::Scenario& scenario) : impl_(new Impl) {
-  impl_->ball = ball_params(scenario);
-  for (const auto& mass : scenario.masses) {
-    std::vector<firmware::ProfilePiece> pieces;
-    for (const auto& piece : mass.motion) {
-      pieces.push_back({piece.duration_s, piece.acceleration_start, piece.acceleration_end});
-    }
-    firmware::Profile profile;
-    if (!profile.set(mass.initial_position, mass.initial_velocity, pieces.data(), static_cast<int>(pieces.size()))) {
-      throw std::runtime_error("a profile was refused");
-    }
-    for (int p = 1; p <= profile.piece_count(); ++p) impl_->knots.push_back(profile.cubic_start_s(p));
-    impl_->profiles.push_back(profile);
-  }
-  std::sort(impl_->knots.begin(), impl_->knots.end());
-
-  if (SUNContext_Create(nullptr, &impl_->context) != 0) throw std::runtime_error("SUNDIALS context");
-  impl_->y = N_VNew_Serial(9, impl_->context);
-  double* v = NV_DATA_S(impl_->y);
-  const auto& q = scenario.initial.orientation;
-  v[0] = q.w(), v[1] = q.x(), v[2] = q.y(), v[3] = q.z();
-  for (int j = 0; j < 3; ++j) v[4 + j] = scenario.initial.angular_velocity_B_radps[j];
-  v[7] = scenario.initial.position_W_m[0], v[8] = scenario.initial.position_W_m[1];
-  impl_->cvode = CVodeCreate(CV_ADAMS, impl_->context);
-  CVodeInit(impl_->cvode, &Impl::derivative, 0, impl_->y);
-  CVodeSStolerances(impl_->cvode, 1e-13, 1e-14);
-  impl_->solver = SUNNonlinSol_FixedPoint(impl_->y, 0, impl_->context);
-  CVodeSetNonlinearSolver(impl_->cvode, impl_->solver);
-  CVodeSetUserData(impl_->cvode, impl_);
-  CVodeSetMaxNumSteps(impl_->cvode, 10'000'000);
+std::vector<double> flying_start(const sim::Scenario::Initial& initial) {
+  std::vector<double> y = start(initial);
+  y.push_back(initial.height_m);
+  for (int j = 0; j < 3; ++j) y.push_back(initial.velocity_W_mps[j]);
+  return y;
 }
 
-ClosedFormRun::~ClosedFormRun() {
-  CVodeFree(&impl_->cvode);
-  SUNNonlinSolFree(impl_->solver);
-  N_VDestroy(impl_->y);
-  SUNContext_Free(&impl_->context);
-  delete impl_;
-}
+}  // namespace
 
-bool ClosedFormRun::advance(double time_s) {
-  while (impl_->time_s < time_s) {
-    const auto knot = std::upper_bound(impl_->knots.begin(), impl_->knots.end(), impl_->time_s);
-    const double target = knot == impl_->knots.end() ? time_s : std::min(time_s, *knot);
-    impl_->side_s = (impl_->time_s + target) / 2;
-    if (CVodeReInit(impl_->cvode, impl_->time_s, impl_->y) != CV_SUCCESS) return false;
-    CVodeSetStopTime(impl_->cvode, target);
-    if (CVode(impl_->cvode, target, impl_->y, &impl_->time_s, CV_NORMAL) < 0) return false;
-    impl_->time_s = target;
-  }
-  return true;
-}
+ClosedFormRun::ClosedFormRun(const sim::Scenario& scenario)
+    : ball_(ball_params(scenario)),
+      run_(scenario, start(scenario.initial), [this](const firmware::MassMotion& masses, const double* y, double* d) {
+        const Eigen::Quaterniond q = attitude(y);
+        const Vector3d w = vector3(y + 4);
+        attitude_rate(y, w, d);
+        put(firmware::rolling_forces(ball_, q, w, masses).angular_acceleration_B_radps2, d + 4);
+        const Vector3d velocity = (q * w).cross(Vector3d(0, 0, ball_.radius_m));
+        d[7] = velocity[0], d[8] = velocity[1];
+      }) {}
 
-Eigen::Vector4d ClosedFormRun::orientation() const {
-  const double* v = NV_DATA_S(impl_->y);
-  return Eigen::Vector4d(v[0], v[1], v[2], v[3]).normalized();
-}
-Eigen::Vector3d ClosedFormRun::angular_velocity_B() const {
-  const double* v = NV_DATA_S(impl_->y);
-  return {v[4], v[5], v[6]};
-}
-Eigen::Vector2d ClosedFormRun::position_W() const {
-  const double* v = NV_DATA_S(impl_->y);
-  return {v[7], v[8]};
-}
+Eigen::Vector4d ClosedFormRun::orientation() const { return components(attitude(run_.y())); }
+Vector3d ClosedFormRun::angular_velocity_B() const { return vector3(run_.y() + 4); }
+Eigen::Vector2d ClosedFormRun::position_W() const { return {run_.y()[7], run_.y()[8]}; }
 firmware::RollingForces ClosedFormRun::forces() const {
-  return impl_->forces(impl_->time_s, NV_DATA_S(impl_->y), impl_->time_s);
+  return firmware::rolling_forces(ball_, attitude(run_.y()), angular_velocity_B(), run_.masses());
 }
+
+ClosedFormFlight::ClosedFormFlight(const sim::Scenario& scenario)
+    : ball_(ball_params(scenario)),
+      run_(scenario, flying_start(scenario.initial),
+           [this](const firmware::MassMotion& masses, const double* y, double* d) {
+             const Vector3d w = vector3(y + 4);
+             const auto motion = firmware::detached_motion(ball_, attitude(y), w, masses);
+             attitude_rate(y, w, d);
+             put(motion.angular_acceleration_B_radps2, d + 4);
+             put(vector3(y + 10), d + 7);
+             put(motion.acceleration_W_mps2, d + 10);
+           }) {}
+
+Eigen::Vector4d ClosedFormFlight::orientation() const { return components(attitude(run_.y())); }
+Vector3d ClosedFormFlight::angular_velocity_B() const { return vector3(run_.y() + 4); }
+Vector3d ClosedFormFlight::position_W() const { return vector3(run_.y() + 7); }
+Vector3d ClosedFormFlight::velocity_W() const { return vector3(run_.y() + 10); }
 
 }  // namespace ballast::test

@@ -1,26 +1,19 @@
-// A prescribed run integrated by an independent program: SUNDIALS CVODE (Adams) on the firmware's closed forms and
-// profiles. Nothing of sim/ but the scenario is used.
+// A prescribed run integrated by an independent program: CVODE on the firmware's closed forms and profiles.
 #pragma once
 
 #include <Eigen/Core>
 
 #include "firmware/model/rolling.h"
-#include "sim/scenario.h"
+#include "tests/physics/prescribed_run.h"
 
 namespace ballast::test {
 
-// What the firmware would be told of this ball. Throws what it was refused for.
-firmware::BallParams ball_params(const sim::Scenario& scenario);
-
+// Rolling: eq_Om_1d.
 class ClosedFormRun {
  public:
   explicit ClosedFormRun(const sim::Scenario& scenario);
-  ~ClosedFormRun();
-  ClosedFormRun(const ClosedFormRun&) = delete;
-  ClosedFormRun& operator=(const ClosedFormRun&) = delete;
 
-  // Integrates on to time_s, restarting where a motion piece ends. False if CVODE gave up.
-  bool advance(double time_s);
+  bool advance(double time_s) { return run_.advance(time_s); }
 
   Eigen::Vector4d orientation() const;  // w, x, y, z, normalised
   Eigen::Vector3d angular_velocity_B() const;
@@ -28,8 +21,25 @@ class ClosedFormRun {
   firmware::RollingForces forces() const;  // at a jump: after it
 
  private:
-  struct Impl;
-  Impl* impl_;
+  firmware::BallParams ball_;
+  PrescribedRun run_;
+};
+
+// In the air: eq_detach_ball_1d. The scenario starts there (velocity given).
+class ClosedFormFlight {
+ public:
+  explicit ClosedFormFlight(const sim::Scenario& scenario);
+
+  bool advance(double time_s) { return run_.advance(time_s); }
+
+  Eigen::Vector4d orientation() const;  // w, x, y, z, normalised
+  Eigen::Vector3d angular_velocity_B() const;
+  Eigen::Vector3d position_W() const;
+  Eigen::Vector3d velocity_W() const;
+
+ private:
+  firmware::BallParams ball_;
+  PrescribedRun run_;
 };
 
 }  // namespace ballast::test

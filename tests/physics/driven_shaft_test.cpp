@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "sim/plant.h"
+#include "tests/physics/mechanics.h"
 
 namespace ballast::sim {
 namespace {
@@ -187,42 +188,19 @@ Scenario general(double damping_nms) {
   return s;
 }
 
-// Kinetic energy of shell, masses and rotors, height, and the magnetic energy -tau_hold cos(N_r lag) / N_r.
-double energy(const Scenario& s, const Plant::Sample& p, const std::array<double, 3>& field_rad) {
-  const auto& w = p.angular_velocity_B_radps;
-  const Eigen::Quaterniond q(p.orientation[0], p.orientation[1], p.orientation[2], p.orientation[3]);
-  const Eigen::Vector3d v = q.conjugate() * p.velocity_W_mps;
-  const auto moving = [&](double mass, const Eigen::Vector3d& at, const Eigen::Vector3d& extra) {
-    return mass * ((v + w.cross(at) + extra).squaredNorm() / 2 + s.gravity_mps2 * (q * at).z());
-  };
-  double e = moving(s.ball.mass_kg, s.ball.center_of_mass_B_m, Eigen::Vector3d::Zero()) +
-             w.dot(s.ball.inertia_kgm2.cwiseProduct(w)) / 2;
-  for (std::size_t i = 0; i < s.masses.size(); ++i) {
-    const auto& m = s.masses[i];
-    const auto rail = firmware::evaluate(m.rail, p.mass_position[i]);
-    const double phi = m.motor.shaft_ratio * p.mass_position[i], rate = m.motor.shaft_ratio * p.mass_velocity[i];
-    e += moving(m.mass_kg, rail.position, p.mass_velocity[i] * rail.d1);
-    e += m.motor.rotor_inertia_kgm2 * rate * rate / 2;
-    e -= m.motor.holding_torque_nm * std::cos(kTeeth * (field_rad[i] - phi)) / kTeeth;
-  }
-  return e;
-}
-
 TEST(DrivenShaft, ConservesEnergyWithFixedFields) {
   const Scenario s = general(0);
   Plant plant(s);
   const auto start = plant.sample();
-  std::array<double, 3> field_rad;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const Motor& motor = s.masses[i].motor;
-    field_rad[i] = motor.shaft_ratio * start.mass_position[i] +
-                   std::asin(start.motor_torque_nm[i] / motor.holding_torque_nm) / kTeeth;
-  }
-  const double before = energy(s, start, field_rad);
+  const test::Fields field_rad = test::balanced_fields(s, start);
+  const auto energy = [&](const Plant::Sample& p) {
+    return test::whole(s, p).energy_j + test::rotor_energy_j(s, p) + test::magnetic_energy_j(s, p, field_rad);
+  };
+  const double before = energy(start);
   for (int k = 1; k <= 2000; ++k) {
     plant.advance(k * 0.001, {});
     // Steps each good to 1e-12, against energies of a few joules.
-    ASSERT_NEAR(energy(s, plant.sample(), field_rad), before, 1e-8) << k;
+    ASSERT_NEAR(energy(plant.sample()), before, 1e-8) << k;
   }
   ASSERT_EQ(plant.end(), PhysicsEnd::kNone);
 }

@@ -37,9 +37,7 @@ RandomState draw(test::RandomRobot& random) {
 
 CarriedMasses carried(const RandomState& s, const Body& body) {
   CarriedMasses masses;
-  for (std::size_t i = 0; i < s.scenario.masses.size(); ++i) {
-    carry_along(body.rail[i], s.position[i], s.velocity[i], s.acceleration[i], masses[i]);
-  }
+  carry_along_rails(body, s.position.data(), s.velocity.data(), s.acceleration.data(), masses);
   return masses;
 }
 

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "sim/plant.h"
+#include "tests/physics/mechanics.h"
 #include "tests/physics/random_robot.h"
 
 namespace ballast::sim {
@@ -169,16 +170,6 @@ TEST(Sliding, OffCentreBallAgreesWithAnIndependentIntegration) {
   EXPECT_GE(compared, 4);
 }
 
-// Kinetic energy and height of a ball without moving masses.
-double energy(const Scenario& s, const Plant::Sample& p) {
-  const Eigen::Quaterniond q(p.orientation[0], p.orientation[1], p.orientation[2], p.orientation[3]);
-  const Vector3d& w = p.angular_velocity_B_radps;
-  const Vector3d v = p.velocity_W_mps + q * w.cross(s.ball.center_of_mass_B_m);
-  return s.ball.mass_kg *
-             (v.squaredNorm() / 2 + s.gravity_mps2 * (p.position_W_m + q * s.ball.center_of_mass_B_m).z()) +
-         w.dot(s.ball.inertia_kgm2.cwiseProduct(w)) / 2;
-}
-
 Scenario loaded_ball(double offset, double static_friction, double kinetic_friction, double restitution) {
   Scenario s;
   s.duration_s = 8;
@@ -203,10 +194,10 @@ TEST(Regimes, EnergyOnlyFallsAndTicksDoNotMatter) {
         s.initial.angular_velocity_B_radps = {0.5, 2, 0.7};
         start_with(s, {1.5, -0.5, 0}, 0.2);
         Plant fine(s), coarse(s);
-        double before = energy(s, fine.sample());
+        double before = test::whole(s, fine.sample()).energy_j;
         for (int k = 1; k <= 400 && fine.end() == PhysicsEnd::kNone; ++k) {
           fine.advance(k * 0.02, {});
-          const double now = energy(s, fine.sample());
+          const double now = test::whole(s, fine.sample()).energy_j;
           EXPECT_LE(now, before + 1e-10);  // some 1e3 steps good to 1e-14 of speeds of 1, and the slip given up
           before = now;
         }
@@ -302,47 +293,17 @@ TEST(Flight, CenterOfMassIsBallisticAndAngularMomentumStays) {
     const double r = s.ball.radius_m, g = s.gravity_mps2, speed = std::sqrt(g * r);
     start_with(s, speed * Vector3d(random.uniform(-1, 1), random.uniform(-1, 1), 3), r);
     Plant plant(s);
-    double total = s.ball.mass_kg;
-    for (const auto& m : s.masses) total += m.mass_kg;
-    struct Whole {
-      Vector3d center, velocity, momentum;
-    };
-    const auto whole = [&] {
-      const auto p = plant.sample();
-      const Eigen::Quaterniond q(p.orientation[0], p.orientation[1], p.orientation[2], p.orientation[3]);
-      const Vector3d& w = p.angular_velocity_B_radps;
-      std::vector<std::array<Vector3d, 2>> points;
-      std::vector<double> mass;
-      const auto add = [&](double m, const Vector3d& at, const Vector3d& rate) {
-        points.push_back({p.position_W_m + q * at, p.velocity_W_mps + q * (w.cross(at) + rate)});
-        mass.push_back(m);
-      };
-      add(s.ball.mass_kg, s.ball.center_of_mass_B_m, Vector3d::Zero());
-      for (std::size_t i = 0; i < s.masses.size(); ++i) {
-        const auto rail = firmware::evaluate(s.masses[i].rail, p.mass_position[i]);
-        add(s.masses[i].mass_kg, rail.position, p.mass_velocity[i] * rail.d1);
-      }
-      Whole out{Vector3d::Zero(), Vector3d::Zero(), q * Vector3d(s.ball.inertia_kgm2.cwiseProduct(w))};
-      for (std::size_t i = 0; i < mass.size(); ++i) {
-        out.center += mass[i] / total * points[i][0];
-        out.velocity += mass[i] / total * points[i][1];
-      }
-      for (std::size_t i = 0; i < mass.size(); ++i) {
-        out.momentum += mass[i] * (points[i][0] - out.center).cross(points[i][1] - out.velocity);
-      }
-      return out;
-    };
-    const Whole start = whole();
+    const test::Whole start = test::whole(s, plant.sample());
     const double t = 2 * speed / g;
     s.duration_s = t;
     go(plant, s, 0.01);
     ASSERT_EQ(order(plant), std::vector{Regime::kFlight});
-    const Whole end = whole();
+    const test::Whole end = test::whole(s, plant.sample());
     const Vector3d gravity(0, 0, -g);
     // Steps good to 1e-12, some hundred of them.
-    EXPECT_LT((end.center - start.center - t * start.velocity - t * t / 2 * gravity).norm(), 1e-9 * r);
-    EXPECT_LT((end.velocity - start.velocity - t * gravity).norm(), 1e-9 * speed);
-    EXPECT_LT((end.momentum - start.momentum).norm(), 1e-9 * total * r * speed);
+    EXPECT_LT((end.center_W_m - start.center_W_m - t * start.velocity_W_mps - t * t / 2 * gravity).norm(), 1e-9 * r);
+    EXPECT_LT((end.velocity_W_mps - start.velocity_W_mps - t * gravity).norm(), 1e-9 * speed);
+    EXPECT_LT((end.angular_momentum_W - start.angular_momentum_W).norm(), 1e-9 * start.mass_kg * r * speed);
     EXPECT_EQ(plant.sample().normal_force_n, 0);
     EXPECT_EQ(plant.sample().static_friction_n, 0);
     EXPECT_EQ(plant.extrema().mu_required_max.value, 0);
@@ -502,25 +463,10 @@ TEST(Driven, EnergyBalanceThroughAllRegimes) {
   s.initial.angular_velocity_B_radps = {1, 4, 0.5};
   start_with(s, {0.6, 0.2, 0}, 0.1);
   Plant plant(s);
-  const auto start = plant.sample();
-  std::array<double, 2> field;
-  for (std::size_t i = 0; i < 2; ++i) {
-    field[i] = start.mass_position[i] + std::asin(start.motor_torque_nm[i] / 8) / 50;
-  }
+  const test::Fields field = test::balanced_fields(s, plant.sample());
   const auto whole = [&] {
     const auto p = plant.sample();
-    const Eigen::Quaterniond q(p.orientation[0], p.orientation[1], p.orientation[2], p.orientation[3]);
-    double e = energy(s, p);
-    for (std::size_t i = 0; i < 2; ++i) {
-      const auto& m = s.masses[i];
-      const auto rail = firmware::evaluate(m.rail, p.mass_position[i]);
-      const Vector3d v =
-          p.velocity_W_mps + q * (p.angular_velocity_B_radps.cross(rail.position) + p.mass_velocity[i] * rail.d1);
-      e += m.mass_kg * (v.squaredNorm() / 2 + s.gravity_mps2 * (p.position_W_m + q * rail.position).z());
-      e += m.motor.rotor_inertia_kgm2 * p.mass_velocity[i] * p.mass_velocity[i] / 2;
-      e -= m.motor.holding_torque_nm * std::cos(50 * (field[i] - p.mass_position[i])) / 50;
-    }
-    return e;
+    return test::whole(s, p).energy_j + test::rotor_energy_j(s, p) + test::magnetic_energy_j(s, p, field);
   };
   double before = whole();
   const double first = before;

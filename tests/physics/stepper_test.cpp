@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "sim/plant.h"
+#include "tests/physics/mechanics.h"
 
 namespace ballast::sim {
 namespace {
@@ -111,27 +112,6 @@ Scenario driven_ball(double holding_torque_nm, double damping) {
   return s;
 }
 
-// Kinetic energy of shell, masses and rotors, height, and the magnetic energy -tau_hold cos(N_r lag) / N_r of fixed
-// fields.
-double energy(const Scenario& s, const Plant::Sample& p, const std::array<double, 3>& field) {
-  const auto& w = p.angular_velocity_B_radps;
-  const Eigen::Quaterniond q(p.orientation[0], p.orientation[1], p.orientation[2], p.orientation[3]);
-  const Eigen::Vector3d v = q.conjugate() * p.velocity_W_mps;
-  const auto moving = [&](double mass, const Eigen::Vector3d& at, const Eigen::Vector3d& extra) {
-    return mass * ((v + w.cross(at) + extra).squaredNorm() / 2 + s.gravity_mps2 * (q * at).z());
-  };
-  double e = moving(s.ball.mass_kg, s.ball.center_of_mass_B_m, Eigen::Vector3d::Zero()) +
-             w.dot(s.ball.inertia_kgm2.cwiseProduct(w)) / 2;
-  for (std::size_t i = 0; i < s.masses.size(); ++i) {
-    const auto& m = s.masses[i];
-    const auto rail = firmware::evaluate(m.rail, p.mass_position[i]);
-    e += moving(m.mass_kg, rail.position, p.mass_velocity[i] * rail.d1);
-    e += m.motor.rotor_inertia_kgm2 * p.mass_velocity[i] * p.mass_velocity[i] / 2;
-    e -= m.motor.holding_torque_nm * std::cos(50 * (field[i] - p.mass_position[i])) / 50;
-  }
-  return e;
-}
-
 // With fixed fields, no damping and no detent the whole is conservative: a magnetic spring per mass. The rotor's own
 // spin is not coupled to the ball's in section 5, nor here.
 TEST(DrivenPlant, ConservesEnergyWithFixedFields) {
@@ -139,16 +119,17 @@ TEST(DrivenPlant, ConservesEnergyWithFixedFields) {
   s.initial.angular_velocity_B_radps = {0.5, -0.3, 0.2};
   Plant plant(s);
   const auto start = plant.sample();
-  std::array<double, 3> field;
-  for (std::size_t i = 0; i < 3; ++i)
-    field[i] = start.mass_position[i] + std::asin(start.motor_torque_nm[i] / 2.0) / 50;
-  const double before = energy(s, start, field);
+  const test::Fields field = test::balanced_fields(s, start);
+  const auto energy = [&](const Plant::Sample& p) {
+    return test::whole(s, p).energy_j + test::rotor_energy_j(s, p) + test::magnetic_energy_j(s, p, field);
+  };
+  const double before = energy(start);
   for (int k = 1; k <= 5000; ++k) plant.advance(k * 0.001, {});
   ASSERT_EQ(plant.end(), PhysicsEnd::kNone);
   const auto end = plant.sample();
   EXPECT_GT((end.angular_velocity_B_radps - start.angular_velocity_B_radps).norm(), 0.01);  // something moved
   // 5 s of steps each good to 1e-12, against energies of a few joules.
-  EXPECT_NEAR(energy(s, end, field), before, 1e-8);
+  EXPECT_NEAR(energy(end), before, 1e-8);
 }
 
 // The motors balance their load at t = 0, so a ball at rest in a stable position stays there.

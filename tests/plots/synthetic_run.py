@@ -22,6 +22,16 @@ BALL_RAILS = [
 DISK_RAILS = [(radius, (1, 0, 0), (0, 0, 1)) for radius in (0.9, 0.9 - 0.8 / 3, 0.9 - 1.6 / 3, 0.1)]
 
 
+# Its corner speed lies below the shaft's, 3 * 0.15 rad/s, so that there less than the holding torque is available.
+MOTOR = {"shaft_ratio": 3.0, "steps_per_revolution": 200, "holding_torque": 4.0, "detent_torque": 0.25,
+         "viscous_damping": 0.5, "corner_speed": 0.3}
+
+
+def motor_torque_nm(i, time_s):
+    """What the log says of motor i: it has nothing to do with the masses' motion."""
+    return 0.5 * (i + 1) * math.sin(time_s)
+
+
 def event(number, utime, channel, data):
     """One event of an LCM event log."""
     return struct.pack(">Iqqii", 0xEDA1DA01, number, utime, len(channel), len(data)) + channel.encode() + data
@@ -74,6 +84,8 @@ class SyntheticRun:
             for i, (radius, axis_cos, axis_sin) in enumerate(rails):
                 theta = col[f"theta_{i + 1}"][k]
                 state.mass_position[i] = theta
+                state.mass_velocity[i] = col[f"theta_dot_{i + 1}"][k]
+                state.motor_torque_nm[i] = motor_torque_nm(i, time)
                 around = math.cos(theta) * np.array(axis_cos) + math.sin(theta) * np.array(axis_sin)
                 state.mass_position_B_m[i] = list(radius * around)
             moment = np.array(mass_kg) @ np.array(state.mass_position_B_m[:n])
@@ -93,6 +105,7 @@ class SyntheticRun:
         most, least, strongest = int(np.nanargmax(ratio)), int(np.argmin(normal)), int(np.argmax(friction))
         self.summary = {
             "scenario": reference.replace("_", "-"),
+            "actuation": "stepper" if controller else "prescribed",
             "end": {"reason": "completed", "time": float(end)},
             "mu_required": {"max": float(ratio[most]), "time": float(times[most])},
             "normal_force": {"min": float(normal[least]), "min_time": float(times[least])},
@@ -101,6 +114,9 @@ class SyntheticRun:
             "impacts": [],
             "trip": None,
             "surface": {"static_friction": 0.35, "kinetic_friction": 0.3},
+            "motors": [{"steps": 0, "lost_steps": 0, "max_step_rate": 0.0, "max_torque": 1.25 + i,
+                        "torque_margin": 0.5 - 0.125 * i, "parameters": dict(MOTOR)} for i in range(n)],
+            "published": [],
             "duration": 20.0,
             "control_period": period_s,
         }
@@ -117,11 +133,15 @@ class SyntheticRun:
 
 
 def ball(**options):
-    return SyntheticRun("paper_ball", BALL_RAILS, (1, 1, 1), **options)
+    run = SyntheticRun("paper_ball", BALL_RAILS, (1, 1, 1), **options)
+    run.summary["published"] = [{"quantity": "mu_required.max", "published": 0.19}]
+    return run
 
 
 def disk(**options):
-    return SyntheticRun("paper_disk", DISK_RAILS, (1, 1, 1, 1), **options)
+    run = SyntheticRun("paper_disk", DISK_RAILS, (1, 1, 1, 1), **options)
+    run.summary["published"] = [{"quantity": "mu_required.max", "published": 0.2951}]
+    return run
 
 
 def detaching_ball(**options):
@@ -131,6 +151,7 @@ def detaching_ball(**options):
     run.summary["mu_required"] = {"max": None, "time": end}
     run.summary["trip"] = {"cause": "normal_force", "time": end, "value": 0.0, "limit": 0.0, "latency_ticks": 1}
     run.summary["surface"] = {"static_friction": None, "kinetic_friction": None}
+    run.summary["published"] = [{"quantity": "end.time", "published": 3.7358}]
     return run
 
 

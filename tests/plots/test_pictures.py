@@ -14,14 +14,17 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 from matplotlib.legend import Legend
+from matplotlib.patches import Polygon
+from matplotlib.quiver import Quiver
 
 import pictures
 import plot
 from event_log import LogError
+from layout import assert_words_apart
 from recorded_run import RecordedRun
 from synthetic_run import ball, detaching_ball, disk, read_reference
 
-ALWAYS = {"normal_force", "static_friction", "friction_required", "path", "angular_velocity", "body_frame"}
+ALWAYS = {"normal_force", "static_friction", "friction_required", "path", "angular_velocity", "body_frame", "motors"}
 
 
 class PicturesTest(unittest.TestCase):
@@ -33,11 +36,12 @@ class PicturesTest(unittest.TestCase):
     def recorded(self, synthetic):
         return RecordedRun(synthetic.write(self.folder))
 
-    def call_plot(self, *more):
-        """(exit status, what went to stderr) of ballast-plot."""
+    def call_plot(self, *more, only=tuple(pictures.PICTURES)):
+        """(exit status, what went to stderr) of ballast-plot, as if there were only those pictures."""
         stderr = io.StringIO()
+        known = mock.patch.object(plot, "PICTURES", {name: pictures.PICTURES[name] for name in only})
         arguments = mock.patch.object(sys, "argv", ["ballast-plot", str(self.folder), *more])
-        with arguments, contextlib.redirect_stderr(stderr):
+        with known, arguments, contextlib.redirect_stderr(stderr):
             return plot.main(), stderr.getvalue()
 
     def drawn(self):
@@ -130,9 +134,10 @@ class PicturesTest(unittest.TestCase):
             run.contact = run.contact.copy()
             run.contact["normal_force_n"] = normal_force_n
             for name, draw in pictures.PICTURES.items():
+                run.summary["regimes"][0]["regime"] = "flight" if name == "height" else "rolling"
                 with self.subTest(picture=name, ticks=ticks, normal_force=normal_force_n), warnings.catch_warnings():
                     warnings.simplefilter("error")
-                    draw(run).savefig(io.BytesIO())
+                    draw(run).savefig(io.BytesIO(), dpi=30)
 
     def test_limit_far_above_does_not_squeeze_the_curve(self):
         synthetic = ball()
@@ -148,7 +153,7 @@ class PicturesTest(unittest.TestCase):
         self.assertGreater(np.nanmax(ratio), 1e6)
         self.assertLess(figure.axes[0].get_ylim()[1], 5)
         said = self.texts(figure)
-        self.assertIn("grows without bound, above this axis", said)
+        self.assertIn("no bound, $N$ = 0, above this axis", said)
         self.assertIn("perfect friction", said)
 
     def test_early_end_is_marked_with_its_reason(self):
@@ -186,6 +191,151 @@ class PicturesTest(unittest.TestCase):
         self.assertTrue(np.all(np.isnan(ratio[time >= 5])))
         self.assertTrue(np.all(np.isfinite(ratio[time < 5])))
 
+    def flying(self):
+        """The ball as if it hopped 0.3 m high from t = 5 s to 7 s and bounced 0.1 m high up to 8 s."""
+        synthetic = ball()
+        synthetic.summary["regimes"] = [{"regime": "rolling", "start": 0, "end": 3},
+                                        {"regime": "sliding", "start": 3, "end": 5},
+                                        {"regime": "flight", "start": 5, "end": 8},
+                                        {"regime": "rolling", "start": 8, "end": 20}]
+        synthetic.summary["impacts"] = [{"time": t} for t in (7.0, 8.0, 8.001, 8.002)]
+        run = self.recorded(synthetic)
+        run.contact, run.state = run.contact.copy(), run.state.copy()
+        time = run.contact["time_s"]
+        run.contact["regime"][(time >= 3) & (time < 5)] = 1
+        run.contact["regime"][(time >= 5) & (time < 8)] = 2
+        for low, high, top in ((5, 7, 0.3), (7, 8, 0.1)):
+            inside = (time >= low) & (time <= high)
+            part = (time[inside] - low) / (high - low)
+            run.state["position_W_m"][inside, 2] = 4 * top * part * (1 - part)
+        return run
+
+    def test_height_is_drawn_of_a_ball_that_leaves_the_ground(self):
+        self.assertIsNone(pictures.height(self.recorded(ball())))
+        run = self.flying()
+        figure = pictures.height(run)
+        time, height = self.line(figure.axes[0], pictures.BLUE)
+        np.testing.assert_array_equal(height, run.state["position_W_m"][:, 2])
+        self.assertIn("highest 0.3 at $t$ = 6.0000 s", self.texts(figure))
+
+    def test_regimes_and_impacts_are_on_every_picture_over_time(self):
+        run = self.flying()
+        for name in ("normal_force", "static_friction", "friction_required", "angular_velocity", "height", "motors"):
+            figure = pictures.PICTURES[name](run)
+            said = self.texts(figure)
+            with self.subTest(picture=name):
+                for word in ("sliding", "flight", "4 impacts"):
+                    self.assertIn(word, said)
+                for axes in figure.axes:
+                    shades = [patch.get_xy()[:, 0] for patch in axes.patches if isinstance(patch, Polygon)]
+                    self.assertEqual([(xs.min(), xs.max()) for xs in shades], [(3, 5), (5, 8)])
+                    # The last three are too close to tell apart.
+                    upright = [line.get_xdata()[0] for line in axes.get_lines()
+                               if line.get_linestyle() == ":" and line.get_xdata()[0] == line.get_xdata()[-1]]
+                    self.assertEqual(upright, [7.0, 8.0])
+
+    def test_path_shows_regimes_and_impacts_where_they_were(self):
+        run = self.flying()
+        figure = pictures.path(run)
+        said = self.texts(figure)
+        for word in ("sliding", "flight", "4 impacts"):
+            self.assertIn(word, said)
+        bands = [line for line in figure.axes[0].get_lines() if line.get_linewidth() == 9]
+        time = run.state["time_s"]
+        self.assertEqual([len(band.get_xdata()) for band in bands],
+                         [np.sum((time >= 3) & (time <= 5)), np.sum((time >= 5) & (time <= 8))])
+        cross, = [line for line in figure.axes[0].get_lines() if line.get_marker() == "x"]
+        z = run.state["position_W_m"][time == 7.0][0]
+        np.testing.assert_allclose(cross.get_xydata()[0], z[:2], rtol=0, atol=1e-12)  # interpolation: rounding only
+
+    def test_friction_while_sliding_is_not_said_to_be_needed(self):
+        self.assertIn("kinetic where it slides", self.texts(pictures.friction_required(self.flying())))
+        self.assertNotIn("kinetic", self.texts(pictures.friction_required(self.recorded(ball()))))
+
+    def test_a_ball_that_hops_in_place(self):
+        run = self.flying()
+        run.state["position_W_m"][:, :2] = 0
+        run.contact["friction_force_W_n"][:] = 0
+        run.contact["static_friction_n"][:] = 0
+        run.contact["mu_required"][:] = 0
+        run.summary["mu_required"] = {"max": None, "time": 5.0}
+        run.summary["static_friction"] = {"max": 0.0, "time": 0.0}
+        self.assertIn("it stays in place", self.texts(pictures.path(run)))
+        for draw in (pictures.static_friction, pictures.friction_required):
+            self.assertLess(draw(run).axes[0].get_ylim()[0], 0)  # else the curve would hide in the axis
+
+    def test_ball_without_masses_has_no_pictures_of_them(self):
+        run = self.recorded(ball())
+        run.mass_count = 0
+        run.summary["motors"] = []
+        self.assertIsNone(pictures.body_frame(run))
+        self.assertIsNone(pictures.motors(run))
+
+    def test_motors_are_those_of_the_log_and_summary(self):
+        for controller in (False, True):
+            run = self.recorded(ball(controller=controller))
+            figure = pictures.motors(run)
+            said = self.texts(figure)
+            time, theta = run.state["time_s"], run.state["mass_position"]
+            shaft_radps = 3 * run.state["mass_velocity"]
+            for i in range(3):
+                with self.subTest(controller=controller, motor=i):
+                    left, right = figure.axes[2 * i], figure.axes[2 * i + 1]
+                    torque = 0.5 * (i + 1) * np.sin(time)
+                    color = pictures.MASS_COLORS[i]
+                    np.testing.assert_allclose(self.line(left, color)[1], torque, rtol=0, atol=1e-12)
+                    # From 0.3 rad/s of the shaft on, 4 N m fall as 0.3 / speed; drag and, driven, detent come on top.
+                    available = np.where(shaft_radps[:, i] <= 0.3, 4, 1.2 / np.maximum(shaft_radps[:, i], 0.1))
+                    drawn = torque + 0.5 * shaft_radps[:, i]
+                    if controller:
+                        drawn = drawn + 0.25 * np.sin(4 * 50 * 3 * theta[:, i])
+                    margin = self.line(right, color)[1]
+                    # 600 theta is below 1e4, so that the sine keeps 1e-12.
+                    np.testing.assert_allclose(margin, 100 * (1 - np.abs(drawn) / available), rtol=0, atol=1e-9)
+                    limits = [line.get_ydata() for line in left.get_lines() if line.get_linestyle() == "--"]
+                    np.testing.assert_allclose(limits, [available, -available], rtol=1e-12)
+                    self.assertIn(f"$m_{i + 1}$: at most {1.25 + i:g} of 2.667 to 4 N m", said)
+                    self.assertIn(f"least margin {50 - 12.5 * i:.1f} %", said)
+            self.assertEqual("needed" in said, not controller)
+
+    def test_strong_and_weak_motors_keep_the_axes_readable(self):
+        synthetic = ball()
+        synthetic.summary["motors"][0]["parameters"]["holding_torque"] = 1000.0
+        synthetic.summary["motors"][1].update({"torque_margin": -30.0, "max_torque": 50.0})
+        figure = pictures.motors(self.recorded(synthetic))
+        self.assertFalse([line for line in figure.axes[0].get_lines() if line.get_linestyle() == "--"])
+        self.assertLess(figure.axes[0].get_ylim()[1], 1)
+        self.assertGreater(figure.axes[3].get_ylim()[0], -150)
+        self.assertIn("least margin -3000.0 %, off this axis", self.texts(figure))
+
+    def test_motors_without_parameters_are_said_to_be_missing(self):
+        synthetic = ball(period_s=1.0)
+        del synthetic.summary["motors"][1]["parameters"]["corner_speed"]
+        synthetic.write(self.folder)
+        status, said = self.call_plot(only=("motors",))
+        self.assertEqual(status, 2)
+        self.assertRegex(said, r"summary\.json: motors\[1\]: 'corner_speed' is missing")
+        synthetic.summary["motors"] = []
+        synthetic.write(self.folder)
+        self.assertRegex(self.call_plot(only=("motors",))[1], "motors has 0 entries; the log shows 3")
+
+    def test_pictures_of_an_earlier_run_do_not_stay(self):
+        disk(controller=True, period_s=1.0).write(self.folder)
+        self.assertEqual(self.call_plot(only=("masses", "normal_force")), (0, ""))
+        self.assertEqual(self.drawn(), {"masses", "normal_force"})
+        disk(period_s=1.0).write(self.folder)
+        self.assertEqual(self.call_plot(only=("masses", "normal_force")), (0, ""))
+        self.assertEqual(self.drawn(), {"normal_force"})
+
+    def test_words_do_not_cover_each_other(self):
+        detaching, rolling = (self.recorded(make(controller=True)) for make in (detaching_ball, disk))
+        for run in (self.flying(), detaching, rolling):
+            for name, draw in pictures.PICTURES.items():
+                figure = draw(run)
+                if figure is not None:
+                    with self.subTest(scenario=run.name, picture=name):
+                        assert_words_apart(self, figure)
+
     def test_straight_path_is_drawn_against_time(self):
         run = self.recorded(disk())
         axes = pictures.path(run).axes[0]
@@ -218,7 +368,7 @@ class PicturesTest(unittest.TestCase):
 
     def test_friction_arrows_point_along_the_force(self):
         run = self.recorded(ball())
-        quiver, = pictures.path(run).axes[0].findobj(pictures.matplotlib.quiver.Quiver)
+        quiver, = pictures.path(run).axes[0].findobj(Quiver)
         z = np.asarray(run.state["position_W_m"][:, :2], dtype=float)
         force = np.asarray(run.contact["friction_force_W_n"], dtype=float)
         self.assertGreater(len(quiver.X), 20)
@@ -277,10 +427,10 @@ class PicturesTest(unittest.TestCase):
         ball().write(self.folder)
         log = self.folder / "run.lcmlog"
         log.write_bytes(log.read_bytes()[:log.stat().st_size // 2])
-        status, said = self.call_plot()
+        status, said = self.call_plot(only=("path",))
         self.assertEqual(status, 0)
         self.assertRegex(said, r"run\.lcmlog: cut off inside an event at byte \d+; drawing what comes before")
-        self.assertEqual(self.drawn(), ALWAYS)
+        self.assertEqual(self.drawn(), {"path"})
         self.assertLess(RecordedRun(self.folder).end_s, 11)
 
     def test_what_cannot_be_drawn_is_said(self):

@@ -198,6 +198,12 @@ TEST(Run, SummaryHasEveryFieldOfTheContract) {
                                 "/motors/2/max_step_rate",
                                 "/motors/2/max_torque",
                                 "/motors/2/torque_margin",
+                                "/motors/2/parameters/shaft_ratio",
+                                "/motors/2/parameters/steps_per_revolution",
+                                "/motors/2/parameters/holding_torque",
+                                "/motors/2/parameters/detent_torque",
+                                "/motors/2/parameters/viscous_damping",
+                                "/motors/2/parameters/corner_speed",
                                 "/wall_time",
                                 "/speed"}) {
       EXPECT_TRUE(s.contains(nlohmann::json::json_pointer(pointer))) << pointer;

@@ -6,22 +6,14 @@
 #include <memory>
 #include <stdexcept>
 
+#include "tools/benchmarks/calls.h"
+#include "tools/benchmarks/scenario.h"
 #include "tools/program/params.h"
-#include "tools/program/program.h"
 #include "tools/sil/in_process_peers.h"
 #include "tools/sil/run.h"
 
-namespace ballast {
+namespace ballast::benchmarks {
 namespace {
-
-sim::Scenario scenario(const char* actuation) {
-  program::ScenarioOptions options;
-  options.scenario = "paper_ball";
-  options.actuation = actuation;
-  const auto loaded = program::load_scenario(options);
-  if (!loaded) throw std::runtime_error("paper_ball does not load");
-  return *loaded;
-}
 
 std::unique_ptr<firmware::ControllerParams> controller_params(const sim::Scenario& s) {
   auto params = std::make_unique<firmware::ControllerParams>();
@@ -29,30 +21,8 @@ std::unique_ptr<firmware::ControllerParams> controller_params(const sim::Scenari
   return params;
 }
 
-// One right-hand side with N and f_s, three masses.
-void RightHandSide(benchmark::State& state) {
-  const auto s = scenario("prescribed");
-  const sim::Body body(s);
-  const double q[4] = {1, 0, 0, 0}, omega[3] = {0.1, 0.2, -0.3};
-  double theta[3] = {0.1, 2.0, 0.7};
-  double rate[3] = {0.15, 0.15, 0.15}, acceleration[3] = {1, 1, 1};
-  sim::CarriedMasses masses;
-  sim::MotionOf<double> motion;
-  for (auto _ : state) {
-    benchmark::DoNotOptimize(theta);
-    benchmark::DoNotOptimize(rate);
-    benchmark::DoNotOptimize(acceleration);
-    for (std::size_t i = 0; i < 3; ++i) {
-      sim::carry_along(body.rail[i], theta[i], rate[i], acceleration[i], masses[i]);
-    }
-    sim::rolling_prescribed(body, 0, q, omega, masses, motion);
-    benchmark::DoNotOptimize(motion);
-  }
-}
-BENCHMARK(RightHandSide);
-
 void PlantTick(benchmark::State& state, const char* actuation) {
-  const auto s = scenario(actuation);
+  const auto s = paper_ball(actuation);
   auto plant = std::make_unique<sim::Plant>(s);
   std::int64_t k = 0;
   for (auto _ : state) {
@@ -65,11 +35,11 @@ void PlantTick(benchmark::State& state, const char* actuation) {
     plant->advance(static_cast<double>(k) * 0.001, {});
   }
 }
-BENCHMARK_CAPTURE(PlantTick, prescribed, "prescribed");
-BENCHMARK_CAPTURE(PlantTick, stepper_holding, "stepper");
+BENCHMARK_CAPTURE(PlantTick, prescribed, "prescribed")->Apply(as_many_calls_as_asked);
+BENCHMARK_CAPTURE(PlantTick, stepper_holding, "stepper")->Apply(as_many_calls_as_asked);
 
 void ControllerTick(benchmark::State& state) {
-  const auto s = scenario("stepper");
+  const auto s = paper_ball("stepper");
   const auto params = controller_params(s);
   auto controller = std::make_unique<firmware::ControllerState>();
   firmware::reset(*params, *controller);
@@ -85,10 +55,10 @@ void ControllerTick(benchmark::State& state) {
   std::int64_t k = 0;
   for (auto _ : state) tick(k++, firmware::OperatorCommand::kNone);
 }
-BENCHMARK(ControllerTick);
+BENCHMARK(ControllerTick)->Apply(as_many_calls_as_asked);
 
 void MonitorTick(benchmark::State& state) {
-  const auto s = scenario("prescribed");
+  const auto s = paper_ball("prescribed");
   sim::Plant plant(s);
   sil::PlantMessages m = sil::plant_messages(s, plant.sample(), 0, false);
   monitor::Monitor monitor(program::to_monitor_limits(s));
@@ -97,10 +67,10 @@ void MonitorTick(benchmark::State& state) {
     ++m.contact.tick, ++m.state.tick, ++m.sensors.tick;
   }
 }
-BENCHMARK(MonitorTick);
+BENCHMARK(MonitorTick)->Apply(as_many_calls_as_asked);
 
 void RecordTick(benchmark::State& state) {
-  const auto s = scenario("stepper");
+  const auto s = paper_ball("stepper");
   sim::Plant plant(s);
   const sil::PlantMessages m = sil::plant_messages(s, plant.sample(), 0, false);
   sil::Recorder recorder("/dev/null");
@@ -113,11 +83,11 @@ void RecordTick(benchmark::State& state) {
     recorder.record(hal::kChannelStepCommand, step_command_t{});
   }
 }
-BENCHMARK(RecordTick);
+BENCHMARK(RecordTick)->Apply(as_many_calls_as_asked);
 
 // Everything on, as `ballast run` does it; the log goes to /dev/null.
 void WholeRunPerTick(benchmark::State& state, const char* actuation) {
-  const auto s = scenario(actuation);
+  const auto s = paper_ball(actuation);
   const bool stepper = s.run.actuation == sim::Actuation::kStepper;
   const auto params = stepper ? controller_params(s) : nullptr;
   std::int64_t ticks = 0;
@@ -131,10 +101,12 @@ void WholeRunPerTick(benchmark::State& state, const char* actuation) {
   state.counters["times_real_time"] =
       benchmark::Counter(static_cast<double>(ticks) * s.run.control_period_s, benchmark::Counter::kIsRate);
 }
-BENCHMARK_CAPTURE(WholeRunPerTick, prescribed, "prescribed")->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(WholeRunPerTick, stepper, "stepper")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(WholeRunPerTick, prescribed, "prescribed")
+    ->Unit(benchmark::kMillisecond)
+    ->Apply(as_many_calls_as_asked);
+BENCHMARK_CAPTURE(WholeRunPerTick, stepper, "stepper")->Unit(benchmark::kMillisecond)->Apply(as_many_calls_as_asked);
 
 }  // namespace
-}  // namespace ballast
+}  // namespace ballast::benchmarks
 
 BENCHMARK_MAIN();

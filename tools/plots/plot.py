@@ -22,8 +22,11 @@ def main():
             print(f"ballast-plot: {log}: {run.damage}; drawing what comes before", file=sys.stderr)
         for name, draw in PICTURES.items():
             figure = draw(run)
+            path = arguments.run_dir / f"{name}.{arguments.format}"
             if figure is not None:
-                figure.savefig(arguments.run_dir / f"{name}.{arguments.format}", dpi=150)
+                figure.savefig(path, dpi=150)
+            else:
+                path.unlink(missing_ok=True)  # of an earlier run in this folder
     except LogError as error:
         print(f"ballast-plot: {error}", file=sys.stderr)
         return 2

@@ -3,6 +3,7 @@
 import json
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import ballast
 import numpy as np
@@ -38,6 +39,22 @@ def _read_summary(path):
         raise LogError(f"{path}: not valid JSON: {error}") from error
 
 
+class Motor(NamedTuple):
+    """One motor over the samples of `state`, at its shaft, and what summary.json says of the whole run.
+
+    The margin is the part of the available torque that the field leaves unused (PHYSICS.md, section 5). The field has
+    to supply the shaft's torque and what drag and detent take: in prescribed runs as sim/plant.cpp counts it, without
+    detent. A rotor that lags its field by more than the angle of greatest torque is, at these samples, not told from
+    one that lags as much less; `least_margin`, then below 0, is.
+    """
+
+    torque_nm: np.ndarray      # positive drives theta up; prescribed runs: needed, the rotor's inertia included
+    available_nm: np.ndarray   # > 0: the holding torque up to the corner speed, falling with 1 / speed above
+    margin: np.ndarray         # 1: unused, 0: all of it; below 0: more was needed than there is
+    greatest_nm: float         # largest |torque|, between samples too
+    least_margin: float        # likewise
+
+
 class RecordedRun:
     """`contact`, `state`: the plant's messages from t = 0 on; `status`: the controller's, empty if there was none."""
 
@@ -45,7 +62,8 @@ class RecordedRun:
         folder = Path(folder)
         if not folder.is_dir():
             raise LogError(f"{folder}: no such folder")
-        self.summary = _read_summary(folder / "summary.json")
+        self.summary_path = folder / "summary.json"
+        self.summary = _read_summary(self.summary_path)
         log = EventLog(folder / "run.lcmlog", ["BALLAST_CONTACT", "BALLAST_PLANT_STATE", "BALLAST_CONTROLLER_STATUS"])
         self.damage = log.damage
         self.contact = _from_start(log.messages("BALLAST_CONTACT", ballast.contact_t))
@@ -56,6 +74,11 @@ class RecordedRun:
                 raise LogError(f"{log.path}: no {channel} message" + (f" ({log.damage})" if log.damage else ""))
         self.name = self.summary.get("scenario", folder.name)
         self.mass_count = int(self.state["mass_count"][0])
+
+    @property
+    def is_stepper(self):
+        """False where the masses follow their motion exactly."""
+        return self.summary.get("actuation") == "stepper"
 
     @property
     def static_friction_coefficient(self):
@@ -99,6 +122,9 @@ class RecordedRun:
         """(start, end) of every stretch in this contact regime."""
         return [(r["start"], r["end"]) for r in self.summary.get("regimes", []) if r["regime"] == regime_name]
 
+    def leaves_the_ground(self):
+        return bool(self.spans("flight"))
+
     def impact_times(self):
         return [impact["time"] for impact in self.summary.get("impacts", [])]
 
@@ -125,6 +151,30 @@ class RecordedRun:
         rolls = (regime == ballast.contact_t.REGIME_ROLLING) & (horizontal_squared > 0)
         weight = np.sqrt(horizontal_squared[rolls])
         return float(speed[rolls] @ weight / (weight @ weight)) if weight.any() and speed[rolls].any() else None
+
+    def motors(self):
+        """One Motor per mass; empty for a ball without masses."""
+        entries = self.summary.get("motors", [])
+        if len(entries) != self.mass_count:
+            raise LogError(f"{self.summary_path}: motors has {len(entries)} entries; the log shows {self.mass_count}")
+        found = []
+        for i, entry in enumerate(entries):
+            try:
+                p = entry["parameters"]
+                speed_radps = p["shaft_ratio"] * np.asarray(self.state["mass_velocity"][:, i], dtype=float)
+                torque_nm = np.asarray(self.state["motor_torque_nm"][:, i], dtype=float)
+                over_corner = np.maximum(np.abs(speed_radps) / p["corner_speed"], 1)
+                available_nm = p["holding_torque"] / over_corner
+                drawn_nm = torque_nm + p["viscous_damping"] * speed_radps
+                if self.is_stepper:
+                    shaft_rad = p["shaft_ratio"] * np.asarray(self.state["mass_position"][:, i], dtype=float)
+                    drawn_nm = drawn_nm + p["detent_torque"] * np.sin(p["steps_per_revolution"] * shaft_rad)
+                found.append(Motor(torque_nm, available_nm, 1 - np.abs(drawn_nm) / available_nm,
+                                   float(entry["max_torque"]), float(entry["torque_margin"])))
+            except KeyError as error:
+                raise LogError(f"{self.summary_path}: motors[{i}]: {error} is missing; was this run recorded by "
+                               "another version?") from error
+        return found
 
     def commanded_and_true(self):
         """(time, commanded, true) rail coordinates at the tick starts both sides report; None without a controller."""

@@ -117,11 +117,19 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     positions.push_back(f.mass_position[i]);
     velocities.push_back(f.mass_velocity[i]);
+    const sim::Motor& motor = scenario.masses[i].motor;
     motors.push_back({{"steps", result.motors[i].steps},
                       {"lost_steps", f.lost_steps[i]},
                       {"max_step_rate", result.motors[i].max_step_rate_hz},
                       {"max_torque", result.motor_extrema[i].max_torque_nm},
-                      {"torque_margin", result.motor_extrema[i].torque_margin}});
+                      {"torque_margin", result.motor_extrema[i].torque_margin},
+                      {"parameters",
+                       {{"shaft_ratio", motor.shaft_ratio},
+                        {"steps_per_revolution", motor.steps_per_revolution},
+                        {"holding_torque", motor.holding_torque_nm},
+                        {"detent_torque", motor.detent_torque_nm},
+                        {"viscous_damping", motor.viscous_damping_nms},
+                        {"corner_speed", motor.corner_speed_radps}}}});
   }
   j["final"] = {{"mass_position", positions},
                 {"mass_velocity", velocities},

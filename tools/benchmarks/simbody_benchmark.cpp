@@ -1,0 +1,32 @@
+// The same way to T = 20 in Simbody, an independent multibody program (tests/simbody): only with -DBALLAST_PEERS=ON.
+#include <benchmark/benchmark.h>
+
+#include <cmath>
+
+#include "tests/simbody/simbody_ball.h"
+#include "tools/benchmarks/calls.h"
+#include "tools/benchmarks/reference.h"
+#include "tools/benchmarks/scenario.h"
+
+namespace ballast::benchmarks {
+namespace {
+
+// At the accuracy that ends within about 3e-7: the nearest to LimitIntegration/1e-8 among powers of ten. Building the
+// model is not counted.
+void SimbodyIntegration(benchmark::State& state) {
+  peer::SimbodyBall ball(paper_ball("prescribed"), 1e-8);
+  const auto start = ball.snapshot();
+  for (auto _ : state) {
+    ball.restore(*start);
+    ball.advance(20);
+  }
+  const auto z = ball.sample().position_W_m;
+  const auto end = reference_rows().back();
+  const double error = std::hypot(z[0] - end.at("z_1"), z[1] - end.at("z_2"));
+  state.counters["position_error"] = error;
+  if (!(error < 1e-6)) state.SkipWithError("the ball does not end where the reference does");
+}
+BENCHMARK(SimbodyIntegration)->Unit(benchmark::kMicrosecond)->Apply(as_many_calls_as_asked);
+
+}  // namespace
+}  // namespace ballast::benchmarks

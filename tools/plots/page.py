@@ -1,0 +1,218 @@
+"""What all pictures share: type and colours, the page, its head, events over time, marks and arrows."""
+
+import matplotlib
+import numpy as np
+from matplotlib import ticker
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.transforms import offset_copy
+
+matplotlib.use("Agg")
+matplotlib.rcdefaults()
+matplotlib.rcParams.update({
+    "font.family": "STIXGeneral",
+    "mathtext.fontset": "stix",
+    "font.size": 14,
+    "axes.titlesize": 16,
+    "axes.grid": True,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.fontsize": 12,
+    "legend.frameon": False,
+    "lines.linewidth": 1.6,
+    "svg.hashsalt": "ballast",
+})
+
+# Okabe and Ito's colours, which people with any colour vision can tell apart; yellow is left out, it vanishes on white.
+BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+BLACK, GREY, LIGHT_GREY = "#000000", "#7F7F7F", "#C8C8C8"
+MASS_COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, GREY, "#6B4C1E")
+_REGIME_SHADES = {"sliding": "#FAE3D5", "flight": "#CFE8F7"}
+
+# Events closer together than this part of the run share one line in a picture.
+_SAME_INSTANT = 2e-3
+# Letters of a scenario's name that fit beside the longest title.
+_LONGEST_NAME = 28
+
+
+def number_text(value):
+    return f"{value:.4g}"
+
+
+def time_text(value):
+    return rf"$t$ = {value:.4f} s"
+
+
+def hollow(color, size):
+    return {"linestyle": "", "marker": "o", "markersize": size, "markerfacecolor": "white", "markeredgecolor": color,
+            "markeredgewidth": 1.7}
+
+
+def blank_page(size, rows=1):
+    figure = Figure(figsize=size, layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.12, h_pad=0.12)
+    return figure, figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
+
+
+def legend_above(axes, rows):
+    """The legend, a row per list: above the axes, where it covers nothing. Returns its height in points."""
+    rows = [row for row in rows if row]
+    line_pt = 1.4 * matplotlib.rcParams["legend.fontsize"]
+    for above, row in enumerate(reversed(rows)):
+        place = offset_copy(axes.transAxes, fig=axes.figure, y=4 + above * line_pt, units="points")
+        labels = [handle.get_label() for handle in row]
+        axes.add_artist(Legend(axes, row, labels, loc="lower left", bbox_to_anchor=(0, 1), bbox_transform=place,
+                               ncol=len(row), borderpad=0, borderaxespad=0, handlelength=1.8, columnspacing=1.6,
+                               handletextpad=0.6))
+    return len(rows) * line_pt
+
+
+def head(axes, run, title, rows, name_axes=None):
+    """Title, the scenario's name (at the right end, above `name_axes` if given), and the legend, above the axes."""
+    above_legend_pt = 10 + legend_above(axes, rows)
+    axes.set_title(title, loc="left", pad=above_legend_pt)
+    name = run.name if len(run.name) <= _LONGEST_NAME else run.name[:_LONGEST_NAME - 1] + "\u2026"
+    (name_axes or axes).set_title(name.replace("$", r"\$"), loc="right", pad=above_legend_pt, color=GREY, fontsize=12)
+
+
+def mark_events(all_axes, run):
+    """Regimes other than rolling shaded, impacts and early ends as vertical lines; returns their legend rows."""
+    shades = []
+    for regime, color in _REGIME_SHADES.items():
+        spans = run.spans(regime)
+        for start, end in spans:
+            for axes in all_axes:
+                axes.axvspan(start, end, color=color, linewidth=0, zorder=0)
+        if spans:
+            shades.append(Patch(color=color, label=regime))
+    impacts = run.impact_times()
+    seen = []
+    for time in impacts:
+        # Bounces come ever faster before the ball rests: what would fall on one line is drawn once.
+        if not seen or time - seen[-1] > _SAME_INSTANT * run.end_s:
+            seen.append(time)
+    for axes in all_axes:
+        for time in seen:
+            axes.axvline(time, color=BLACK, linewidth=1.0, linestyle=":")
+    if impacts:
+        label = "impact" if len(impacts) == 1 else f"{len(impacts)} impacts"
+        shades.append(Line2D([], [], color=BLACK, linewidth=1.0, linestyle=":", label=label))
+    lines = []
+    for time, what in run.early_ends():
+        if lines and time - lines[-1][0] <= _SAME_INSTANT * run.end_s:
+            lines[-1] = (lines[-1][0], f"{lines[-1][1]}; {what}")
+        else:
+            lines.append((time, what))
+    rows = [shades]
+    for (time, what), style in zip(lines, ("-.", (0, (1, 1)))):
+        for axes in all_axes:
+            axes.axvline(time, color=BLACK, linewidth=1.4, linestyle=style)
+        rows.append([Line2D([], [], color=BLACK, linewidth=1.4, linestyle=style, label=f"{what}, {time_text(time)}")])
+    return rows
+
+
+def mark_regimes_along(axes, run, z):
+    """As mark_events, for a curve in the plane: other regimes than rolling as bands under it, impacts as crosses."""
+    time = np.asarray(run.state["time_s"], dtype=float)
+    row = []
+    for regime, color in _REGIME_SHADES.items():
+        spans = run.spans(regime)
+        for start, end in spans:
+            inside = (time >= start) & (time <= end)
+            axes.plot(z[inside, 0], z[inside, 1], color=color, linewidth=9, solid_capstyle="butt", zorder=1.5)
+        if spans:
+            row.append(Patch(color=color, label=regime))
+    impacts = run.impact_times()
+    if impacts:
+        style = {"linestyle": "", "marker": "x", "markersize": 8, "markeredgewidth": 1.8, "color": BLACK}
+        axes.plot(*(np.interp(impacts, time, z[:, j]) for j in range(2)), zorder=5, **style)
+        label = "impact" if len(impacts) == 1 else f"{len(impacts)} impacts"
+        row.append(Line2D([], [], label=label, **style))
+    return row
+
+
+def finish_time_axis(axes, run):
+    end = run.end_s
+    # A little air on the right keeps a marker or an event line at the very end whole.
+    axes.set_xlim(0, end * 1.01 if end > 0 else 1)
+    axes.set_xlabel(r"$t$ [s]")
+
+
+def mark_extremum(axes, what, found, color, note=""):
+    value, time = found
+    axes.plot(time, value, zorder=5, clip_on=False, **hollow(color, 7))
+    return Line2D([], [], label=f"{what} {number_text(value)} at {time_text(time)}{note}", **hollow(color, 7))
+
+
+def room_above(axes, values, top=None):
+    """From 0, where the envelope ends, or a little below the lowest value, to a little above `top`.
+
+    `top`: default the highest finite value. A stretch of zeros gets room below 0: it would hide in the axis.
+    """
+    finite = values[np.isfinite(values)]
+    lowest, highest = finite.min(initial=0), finite.max(initial=0) if top is None else top
+    highest = 1.06 * highest if highest > 0 else 1
+    stretch = np.count_nonzero(finite == 0) > 1
+    axes.set_ylim(1.06 * lowest if lowest < 0 else -0.04 * highest if stretch else 0, highest)
+
+
+def rows_over_time(run, count):
+    """`count` samples, evenly spread over time."""
+    return np.unique(np.linspace(0, len(run.state) - 1, count).round().astype(int))
+
+
+def rows_along(z, count):
+    """`count` samples, evenly spread along the way, so that arrows do not pile up where the ball is slow."""
+    way = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(z, axis=0), axis=1))])
+    return np.unique(np.searchsorted(way, np.linspace(0, way[-1], count)))
+
+
+def mark_ends(axes, first, last):
+    axes.plot(*first, zorder=6, **hollow(BLACK, 9))
+    axes.plot(*last, marker="s", markersize=8, color=BLACK, zorder=6)
+
+
+def friction_arrows(axes, x, y, force, arrow_size, equal_axes):
+    """Force vectors from points; the longest is `arrow_size` long in units of y. Returns its legend entry."""
+    longest = float(np.hypot(force[:, 0], force[:, 1]).max(initial=0))
+    if longest == 0:
+        return []
+    seen = np.hypot(force[:, 0], force[:, 1]) > 0.02 * longest  # shorter ones would be dots without a direction
+    drawn = force[seen] * (arrow_size / longest)
+    scale_units = "xy" if equal_axes else "y"
+    axes.quiver(x[seen], y[seen], drawn[:, 0], drawn[:, 1], angles="xy", scale_units=scale_units, scale=1,
+                color=VERMILLION, width=0.0035, headwidth=4, headlength=5, headaxislength=4.5, zorder=4)
+    label = f"friction force on the ball, longest {number_text(longest)} N"
+    return [Line2D([], [], color=VERMILLION, marker=">", markersize=7, label=label)]
+
+
+def space_axes(figure, place, half_width, names):
+    """Axes in space from -half_width to half_width in every direction, seen from the front right above."""
+    axes = figure.add_axes(place, projection="3d", computed_zorder=False)
+    axes.set_proj_type("persp", focal_length=1.4)
+    axes.view_init(elev=22, azim=-58)
+    limits = (-half_width, half_width)
+    axes.set(xlim=limits, ylim=limits, zlim=limits)
+    axes.set_box_aspect((1, 1, 1))
+    for axis, name in zip((axes.xaxis, axes.yaxis, axes.zaxis), names):
+        axis.set_label_text(name)
+        axis.labelpad = 8
+        axis.set_major_locator(ticker.MaxNLocator(5))
+        axis.set_pane_color((1, 1, 1, 0))
+    return axes
+
+
+def draw_sphere(axes, radius):
+    """The ball as a net of meridians and parallels, behind everything else."""
+    turn = np.linspace(0, 2 * np.pi, 121)
+    cos, sin = radius * np.cos(turn), radius * np.sin(turn)
+    for angle in np.arange(0, np.pi, np.pi / 6):
+        c, s = np.cos(angle), np.sin(angle)
+        axes.plot(cos * c, cos * s, sin, color=LIGHT_GREY, linewidth=0.6, zorder=1)
+        height = np.full_like(turn, radius * c)
+        axes.plot(cos * s, sin * s, height, color=LIGHT_GREY, linewidth=0.6, zorder=1)
