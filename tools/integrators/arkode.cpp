@@ -81,7 +81,7 @@ class Arkode : public Method {
       return false;
     }
     if (stalled(step_start_, time_)) {
-      failure_ = too_small(time_, time_ - step_start_);
+      failure_ = too_small(time_ - step_start_);
       return false;
     }
     y_sun_.get(y_);

@@ -58,7 +58,7 @@ class Cvode : public Method {
       return false;
     }
     if (stalled(step_start_, time_)) {
-      failure_ = too_small(time_, time_ - step_start_);
+      failure_ = too_small(time_ - step_start_);
       return false;
     }
     y_sun_.get(y_);

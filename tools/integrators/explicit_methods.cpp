@@ -1,7 +1,6 @@
 // Explicit Runge-Kutta methods: the classical one with fixed steps, and the two pairs of sim/ with error control as in
 // Hairer's dopri5.f and dop853.f.
 #include <cmath>
-#include <string>
 
 #include "sim/dop853.h"
 #include "sim/dormand_prince.h"
@@ -36,7 +35,7 @@ class Rk4 : public Method {
     ++counters_.steps;
     for (std::size_t i = 0; i < problem_.size(); ++i) {
       if (std::isfinite(y_[i])) continue;
-      failure_ = "at t = " + std::to_string(time_) + " the state stopped being finite: the step is too long";
+      failure_ = "the state stopped being finite: the step is too long";
       return false;
     }
     return true;
@@ -69,8 +68,8 @@ class Rk4 : public Method {
   State k_{}, start_{}, start_k_{};
 };
 
-// kOrder: of the solution; the error estimate is of local order kOrder too (dopri5: 4 + 1, dop853: see sim/dop853.h).
-template <class Step, int kOrder, int kCalls>
+// kCalls: of the right-hand side in a step. The solution is of the order of the error estimate in h (dopri5: 4 + 1).
+template <class Step, int kCalls>
 class Pair : public Method {
  public:
   Pair(Problem& problem, const Settings& settings)
@@ -119,7 +118,7 @@ class Pair : public Method {
       ++counters_.rejected;
       h_ *= growth > kLeast ? growth : kLeast;  // an error that is not a number: the step went where numbers end
       if (h_ < least_step(time_)) {
-        failure_ = too_small(time_, h_);
+        failure_ = too_small(h_);
         return false;
       }
     }
@@ -139,6 +138,7 @@ class Pair : public Method {
   }
 
  private:
+  static constexpr int kOrder = Step::kErrorOrder;
   static constexpr double kMost = kOrder == 8 ? 6 : 10, kLeast = kOrder == 8 ? 0.333 : 0.2;
 
   auto rhs() const {
@@ -161,10 +161,10 @@ std::unique_ptr<Method> make_rk4(Problem& problem, const Settings& settings) {
   return std::make_unique<Rk4>(problem, settings.fixed_step_s);
 }
 std::unique_ptr<Method> make_dopri5(Problem& problem, const Settings& settings) {
-  return std::make_unique<Pair<sim::DormandPrince<kMaxSize>, 5, 6>>(problem, settings);
+  return std::make_unique<Pair<sim::DormandPrince<kMaxSize>, 6>>(problem, settings);
 }
 std::unique_ptr<Method> make_dop853(Problem& problem, const Settings& settings) {
-  return std::make_unique<Pair<sim::Dop853<kMaxSize>, 8, 12>>(problem, settings);
+  return std::make_unique<Pair<sim::Dop853<kMaxSize>, 12>>(problem, settings);
 }
 
 }  // namespace ballast::integrators

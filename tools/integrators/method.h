@@ -26,7 +26,7 @@ class Method {
   virtual void start(double t, const State& y) = 0;
 
   // One accepted step, its length the method's choice but not beyond `stop`, which the last step before it meets
-  // exactly. False: it cannot go on, and failure() says why in words.
+  // exactly. False: it cannot go on, and failure() says why in words, without the time.
   [[nodiscard]] virtual bool step(double stop) = 0;
 
   [[nodiscard]] double time() const { return time_; }

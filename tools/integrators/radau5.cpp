@@ -92,7 +92,7 @@ class Radau5 : public Method {
     const EvenSteps::Next even = fixed_ ? steps_.next(time_, stop) : EvenSteps::Next{};
     for (;;) {
       if (h_ < least_step(time_)) {
-        failure_ = too_small(time_, h_);
+        failure_ = too_small(h_);
         return false;
       }
       bool last = time_ + h_ * 1.0001 >= stop;

@@ -77,9 +77,9 @@ class EvenSteps {
 // Below this a step changes nothing but the rounding of the time.
 inline double least_step(double t) { return 1e-15 * std::max(1.0, std::abs(t)); }
 
-inline std::string too_small(double t, double h) {
-  char text[160];
-  std::snprintf(text, sizeof text, "at t = %.10g no step is small enough to meet the tolerance (down to %.1e)", t, h);
+inline std::string too_small(double h) {
+  char text[80];
+  std::snprintf(text, sizeof text, "no step is small enough to meet the tolerance (down to %.1e)", h);
   return text;
 }
 
