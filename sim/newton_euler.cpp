@@ -173,7 +173,13 @@ Body::Body(const Scenario& scenario)
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const Mass& mass = scenario.masses[i];
     mass_kg[i] = mass.mass_kg;
-    rail[i] = mass.rail;
+    const Trajectory& table = mass.trajectory;
+    if (table.times_s.empty()) {
+      rail[i] = mass.rail;
+    } else {
+      trajectory[i] = table.periodic ? CubicSpline::closed(table.times_s, table.points_B_m)
+                                     : CubicSpline::open(table.times_s, table.points_B_m);
+    }
     reflected_inertia[i] = mass.motor.rotor_inertia_kgm2 * mass.motor.shaft_ratio * mass.motor.shaft_ratio;
     total_mass_kg += mass.mass_kg;
   }
@@ -181,8 +187,9 @@ Body::Body(const Scenario& scenario)
 
 namespace {
 
-void carry_along(const firmware::Rail& rail, double position, double velocity, double acceleration, CarriedMass& out) {
-  const auto p = firmware::evaluate(rail, position);
+void carry_along_path(const Body& body, std::size_t i, double position, double velocity, double acceleration,
+                      CarriedMass& out) {
+  const auto p = body.path(i, position);
   const double squared = velocity * velocity;
   out.position_B_m = vec3(p.position);
   out.velocity_B_mps = velocity * vec3(p.d1);
@@ -191,13 +198,13 @@ void carry_along(const firmware::Rail& rail, double position, double velocity, d
 
 }  // namespace
 
-void carry_along_rails(const Body& body, const double* position, const double* velocity, const double* acceleration,
-                       CarriedMasses& out) {
+void carry_along(const Body& body, const double* position, const double* velocity, const double* acceleration,
+                 CarriedMasses& out) {
   const auto n = static_cast<std::size_t>(body.mass_count);
   for (std::size_t i = 0; i < n; ++i) {
     const firmware::Rail& rail = body.rail[i];
     if (rail.shape != firmware::RailShape::kCircle) {
-      carry_along(rail, position[i], velocity[i], acceleration[i], out[i]);
+      carry_along_path(body, i, position[i], velocity[i], acceleration[i], out[i]);
       continue;
     }
     // The same written out, in two thirds of the instructions: circles are what most robots have.
@@ -218,6 +225,12 @@ Matrix3d rotation_B_to_W(const double* q) {
   out << lambda.row1.x, lambda.row1.y, lambda.row1.z, lambda.row2.x, lambda.row2.y, lambda.row2.z, lambda.up.x,
       lambda.up.y, lambda.up.z;
   return out;
+}
+
+firmware::RailPoint<double> Body::path(std::size_t i, double position) const {
+  if (trajectory[i].empty()) return firmware::evaluate(rail[i], position);
+  const CubicSpline::Point p = trajectory[i].at(position);
+  return {p.position, p.d1, p.d2};
 }
 
 template <class T>
@@ -465,7 +478,7 @@ void generalised_forces(const Body& body, const double* angular_velocity_B, cons
   const Vector3d omega(angular_velocity_B[0], angular_velocity_B[1], angular_velocity_B[2]);
   for (int i = 0; i < body.mass_count; ++i) {
     const auto j = static_cast<std::size_t>(i);
-    const auto rail = firmware::evaluate(body.rail[j], position[i]);
+    const auto rail = body.path(j, position[i]);
     const double rate = velocity[i];
     const Vector3d a = motion.acceleration_B_mps2 + motion.angular_acceleration_B_radps2.cross(rail.position) +
                        omega.cross(omega.cross(rail.position) + 2 * rate * rail.d1) + rate * rate * rail.d2 +

@@ -29,6 +29,7 @@
 #include <array>
 
 #include "firmware/model/rail.h"
+#include "sim/cubic_spline.h"
 #include "sim/external_force.h"
 #include "sim/scenario.h"
 
@@ -52,7 +53,12 @@ struct Body {
   int mass_count;
   std::array<double, kMaxMasses> mass_kg{};
   std::array<firmware::Rail, kMaxMasses> rail{};
+  std::array<CubicSpline, kMaxMasses> trajectory;      // of prescribed masses without a rail, else empty
   std::array<double, kMaxMasses> reflected_inertia{};  // J_i = rotor inertia * shaft_ratio^2, in rail units
+
+  // zeta_i(theta) and its derivatives. A trajectory chi_i(t) is a curve whose coordinate is the time: theta = t,
+  // thetadot = 1.
+  [[nodiscard]] firmware::RailPoint<double> path(std::size_t i, double position) const;
 };
 
 // Where a prescribed mass is: chi_i from the geometric centre, and its derivatives as the body frame sees them.
@@ -61,9 +67,9 @@ struct CarriedMass {
 };
 using CarriedMasses = std::array<CarriedMass, kMaxMasses>;
 
-// eq_1d_param: the masses at rail coordinates theta, with thetadot and thetaddot.
-void carry_along_rails(const Body& body, const double* position, const double* velocity, const double* acceleration,
-                       CarriedMasses& out);
+// eq_1d_param: the masses at theta, with thetadot and thetaddot.
+void carry_along(const Body& body, const double* position, const double* velocity, const double* acceleration,
+                 CarriedMasses& out);
 
 // What the equations give at one instant. Body frame; `mass` arrays hold mass_count entries. In flight R_B = N = f_s =
 // 0; in sliding f_s is the kinetic friction.

@@ -32,7 +32,6 @@
 #include <vector>
 
 #include "sim/contact.h"
-#include "sim/cubic_spline.h"
 #include "sim/dop853.h"
 #include "sim/dormand_prince.h"
 #include "sim/motion.h"
@@ -210,7 +209,6 @@ class Plant {
   double kinetic_friction_;
   double speed_scale_mps_;  // sqrt(g r)
   std::vector<PrescribedMotion> motion_;
-  std::vector<CubicSpline> trajectory_;  // per mass, of its time; empty for those on rails
   std::vector<std::size_t> piece_;
   std::vector<Stepper> steppers_;
 

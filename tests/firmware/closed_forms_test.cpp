@@ -167,7 +167,7 @@ Solution section_four(const Case& c, const std::vector<Point>& points, Regime re
 sim::MotionOf<double> plant(const Case& c, const sim::Body& body, const MassMotion& motion) {
   const double q[4] = {c.q.w(), c.q.x(), c.q.y(), c.q.z()};
   sim::CarriedMasses masses;
-  sim::carry_along_rails(body, motion.position.data(), motion.velocity.data(), motion.acceleration.data(), masses);
+  sim::carry_along(body, motion.position.data(), motion.velocity.data(), motion.acceleration.data(), masses);
   sim::MotionOf<double> out;
   sim::rolling_prescribed(body, 0, q, c.omega.data(), masses, out);
   return out;

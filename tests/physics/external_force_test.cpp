@@ -20,7 +20,10 @@ Scenario solid_ball() {
   s.gravity_mps2 = 9.81;
   s.run.actuation = Actuation::kPrescribed;
   s.run.on_violation = OnViolation::kContinue;
-  s.ball = {.radius_m = 0.1, .mass_kg = 0.5, .inertia_kgm2 = {}, .center_of_mass_B_m = {0, 0, 0}};
+  s.ball = {.radius_m = 0.1,
+            .mass_kg = 0.5,
+            .inertia_kgm2 = Eigen::Vector3d::Zero(),
+            .center_of_mass_B_m = Eigen::Vector3d::Zero()};
   s.ball.inertia_kgm2.setConstant(0.4 * 0.5 * 0.1 * 0.1);
   return s;
 }

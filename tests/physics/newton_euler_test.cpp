@@ -37,7 +37,7 @@ RandomState draw(test::RandomRobot& random) {
 
 CarriedMasses carried(const RandomState& s, const Body& body) {
   CarriedMasses masses;
-  carry_along_rails(body, s.position.data(), s.velocity.data(), s.acceleration.data(), masses);
+  carry_along(body, s.position.data(), s.velocity.data(), s.acceleration.data(), masses);
   return masses;
 }
 

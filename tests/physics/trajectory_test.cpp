@@ -319,7 +319,7 @@ TEST(SplineRuns, DrivenAlongASplineUnderTheNeededForcesMovesAsPrescribed) {
       m.velocity[i] = length * rate * random.uniform(-1, 1);
       m.acceleration[i] = length * rate * rate * random.uniform(-1, 1);
     }
-    carry_along_rails(body, m.position.data(), m.velocity.data(), m.acceleration.data(), carried);
+    carry_along(body, m.position.data(), m.velocity.data(), m.acceleration.data(), carried);
     Motion prescribed, driven;
     rolling_prescribed(body, 0, q, omega.data(), carried, prescribed);
     const auto paper = firmware::rolling_forces(test::ball_on_rails(s), attitude, omega, m);

@@ -30,7 +30,7 @@ void RightHandSide(benchmark::State& state) {
     benchmark::DoNotOptimize(theta);
     benchmark::DoNotOptimize(rate);
     benchmark::DoNotOptimize(acceleration);
-    sim::carry_along_rails(body, theta, rate, acceleration, masses);
+    sim::carry_along(body, theta, rate, acceleration, masses);
     sim::rolling_prescribed(body, 0, q, omega, masses, motion);
     benchmark::DoNotOptimize(motion);
   }

@@ -13,8 +13,8 @@ namespace {
 
 // Everything a run leaves; the pictures are those of tools/plots.
 constexpr const char* kFiles[] = {
-    "summary.json",          "run.lcmlog", "normal_force.png",     "static_friction.png", "path.png",
-    "friction_required.png", "masses.png", "angular_velocity.png", "body_frame.png"};
+    "summary.json", "integrators.json",      "run.lcmlog", "normal_force.png",     "static_friction.png",
+    "path.png",     "friction_required.png", "masses.png", "angular_velocity.png", "body_frame.png"};
 
 bool write_file(const fs::path& path, const std::string& text) {
   std::FILE* file = std::fopen(path.c_str(), "w");
@@ -55,8 +55,8 @@ void OutputDir::remove_log() {
   if (fs::is_regular_file(log_path(), code)) fs::remove(log_path(), code);
 }
 
-bool OutputDir::write_summary(const std::string& text) {
-  const fs::path target = path_ / "summary.json", draft = path_ / "summary.json.part";
+bool OutputDir::write(const std::string& name, const std::string& text) {
+  const fs::path target = path_ / name, draft = path_ / (name + ".part");
   std::error_code code;
   if (!write_file(draft, text)) {
     error_ = target.string() + ": cannot be written: " + std::strerror(errno);

@@ -22,7 +22,8 @@ class OutputDir {
   // For a log that could not be written whole.
   void remove_log();
   // All of it or nothing. False: error() says why.
-  bool write_summary(const std::string& text);
+  bool write(const std::string& name, const std::string& text);
+  bool write_summary(const std::string& text) { return write("summary.json", text); }
 
  private:
   std::filesystem::path path_;

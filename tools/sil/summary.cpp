@@ -296,8 +296,10 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     any_motor = any_motor || scenario.masses[i].trajectory.times_s.empty();
   }
   if (any_motor) text += format("  motors      least torque margin %.0f %%\n", 100 * margin);
-  text += format("  speed       %.0f times real time, %.2f us per tick\n", end_s / std::max(result.wall_time_s, 1e-9),
-                 result.ticks > 0 ? 1e6 * result.wall_time_s / static_cast<double>(result.ticks) : 0.0);
+  text += format("  speed       %.0f times real time", end_s / std::max(result.wall_time_s, 1e-9));
+  if (result.ticks > 0)
+    text += format(", %.2f us per tick", 1e6 * result.wall_time_s / static_cast<double>(result.ticks));
+  text += "\n";
   text += "  results     " + directory.string() + "\n";
   return text;
 }

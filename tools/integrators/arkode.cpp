@@ -1,0 +1,142 @@
+// SUNDIALS ARKODE, diagonally implicit Runge-Kutta of order 2 with Newton's iteration on the complex-step Jacobian: the
+// methods of ode23tb and ode23t. Both advance the solution of order 2 and take its error from a companion of order 3,
+// so that the estimate is the local error itself, O(h^3).
+//
+// Between the ends of a step: the cubic through values and slopes there (ARKODE's own interpolant of an order-2 method
+// is a line).
+#include <arkode/arkode_arkstep.h>
+
+#include <memory>
+
+#include "tools/integrators/methods.h"
+#include "tools/integrators/step_control.h"
+#include "tools/integrators/sundials.h"
+
+namespace ballast::integrators {
+
+namespace {
+
+struct FreeTable {
+  void operator()(ARKodeButcherTable table) const { ARKodeButcherTable_Free(table); }
+};
+using Table = std::unique_ptr<std::remove_pointer_t<ARKodeButcherTable>, FreeTable>;
+
+// The error goes as h^3 in both: what ARKODE calls an embedding of order 2.
+constexpr int kOrder = 2, kEstimate = 2;
+
+// Bank et al. (1985) as Hosea and Shampine (1996) have it: a trapezoidal step to 2 - sqrt 2 of the way, then BDF2. The
+// L-stable solution is the one that goes on.
+Table trbdf2() {
+  Table table(ARKodeButcherTable_LoadDIRK(ARKODE_TRBDF2_3_3_2));
+  if (!table) throw std::runtime_error("SUNDIALS gives no TR-BDF2 table");
+  return table;
+}
+
+// The trapezoidal rule over the whole step, y1 = y0 + h/2 (f0 + f1), with a trapezoidal half step beside it that only
+// serves the companion, Simpson's rule on 0, 1/2, 1. Of order 3: sum b c^2 = 2/3 1/4 + 1/6 = 1/3, sum b A c = 2/3 1/8 +
+// 1/6 1/2 = 1/6.
+Table trapezoid() {
+  double c[] = {0, 0.5, 1};
+  double a[] = {0, 0, 0, 0.25, 0.25, 0, 0.5, 0, 0.5};
+  double b[] = {0.5, 0, 0.5};
+  double simpson[] = {1. / 6, 2. / 3, 1. / 6};
+  return Table(ARKodeButcherTable_Create(3, kOrder, kEstimate, c, a, b, simpson));
+}
+
+class Arkode : public Method {
+ public:
+  Arkode(Problem& problem, double tolerance, const Table& table) : problem_(problem), size_(problem.size()) {
+    y_sun_.set(y_);
+    memory_ = ARKStepCreate(nullptr, rhs, 0, y_sun_, context_);
+    if (memory_ == nullptr) throw std::runtime_error("SUNDIALS gives no ARKODE");
+    must(ARKStepSetErrHandlerFn(memory_, keep_complaint, &complaint_), "an error handler");
+    must(ARKStepSetTables(memory_, kOrder, kEstimate, table.get(), nullptr), "a table");
+    must(ARKStepSStolerances(memory_, tolerance, tolerance), "the tolerance");
+    must(ARKStepSetUserData(memory_, this), "user data");
+    must(ARKStepSetMaxHnilWarns(memory_, -1), "silence");
+    must(ARKStepSetInterpolantDegree(memory_, 1), "an interpolant");
+    must(ARKStepSetLinearSolver(memory_, dense_.solver(), dense_.matrix()), "a linear solver");
+    must(ARKStepSetJacFn(memory_, jacobian), "a Jacobian");
+  }
+  ~Arkode() override { ARKStepFree(&memory_); }
+
+  void start(double t, const State& y) override {
+    time_ = step_start_ = t;
+    y_ = y;
+    y_sun_.set(y);
+    rejected_before_ = counters_.rejected;
+    must(ARKStepReInit(memory_, nullptr, rhs, t, y_sun_), "a new start");
+  }
+
+  bool step(double stop) override {
+    step_start_ = time_;
+    start_ = y_;
+    slopes_ready_ = false;
+    ARKStepSetStopTime(memory_, stop);
+    const int flag = ARKStepEvolve(memory_, stop, y_sun_, &time_, ARK_ONE_STEP);
+    if (flag < 0) {
+      char* name = ARKStepGetReturnFlagName(flag);
+      failure_ = std::string(name) + ": " + complaint_;
+      free(name);
+      return false;
+    }
+    if (stalled(step_start_, time_)) {
+      failure_ = too_small(time_ - step_start_);
+      return false;
+    }
+    y_sun_.get(y_);
+    ++counters_.steps;
+    long error_test = 0, convergence = 0;
+    ARKStepGetNumErrTestFails(memory_, &error_test);
+    ARKStepGetNumNonlinSolvConvFails(memory_, &convergence);
+    counters_.rejected = rejected_before_ + error_test + convergence;
+    return true;
+  }
+
+  void dense(double t, State& y) override {
+    if (!slopes_ready_) {
+      problem_.rhs(step_start_, start_.data(), start_slope_.data());
+      problem_.rhs(time_, y_.data(), end_slope_.data());
+      slopes_ready_ = true;
+    }
+    const double h = time_ - step_start_;
+    hermite((t - step_start_) / h, h, start_, start_slope_, y_, end_slope_, size_, y);
+  }
+
+ private:
+  static int rhs(double t, N_Vector y, N_Vector f, void* self) {
+    auto& method = *static_cast<Arkode*>(self);
+    ++method.counters_.right_hand_sides;
+    method.problem_.rhs(t, NV_DATA_S(y), NV_DATA_S(f));
+    return recoverable(NV_DATA_S(f), method.size_);
+  }
+
+  static int jacobian(double t, N_Vector y, N_Vector, SUNMatrix j, void* self, N_Vector, N_Vector, N_Vector) {
+    auto& method = *static_cast<Arkode*>(self);
+    ++method.counters_.jacobians;
+    method.problem_.jacobian(t, NV_DATA_S(y), SM_DATA_D(j));
+    return recoverable(SM_DATA_D(j), method.size_ * method.size_);
+  }
+
+  Problem& problem_;
+  std::size_t size_;
+  SunContext context_;
+  SunVector y_sun_{size_, context_};
+  SunDense dense_{y_sun_, context_};
+  void* memory_ = nullptr;
+  std::int64_t rejected_before_ = 0;
+  bool slopes_ready_ = false;
+  State start_{}, start_slope_{}, end_slope_{};
+  std::string complaint_;
+};
+
+}  // namespace
+
+std::unique_ptr<Method> make_trbdf2(Problem& problem, const Settings& settings) {
+  return std::make_unique<Arkode>(problem, settings.tolerance, trbdf2());
+}
+std::unique_ptr<Method> make_trapezoid(Problem& problem, const Settings& settings) {
+  return std::make_unique<Arkode>(problem, settings.tolerance, trapezoid());
+}
+
+}  // namespace ballast::integrators

@@ -1,0 +1,171 @@
+#include "tools/integrators/comparison.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+namespace ballast::integrators {
+
+namespace {
+
+constexpr double kMeasured_s = 0.3;
+constexpr int kFewest = 3, kMost = 201;
+
+// Right-hand sides, complex ones, in a Jacobian by complex step: one per component of q and Omega.
+constexpr int kJacobian = static_cast<int>(sim::RollingOde::kZ);
+
+// q and -q are the same attitude.
+double distance(const State& a, const State& b) {
+  double same = 0, opposite = 0, rest = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    same = std::max(same, std::abs(a[i] - b[i]));
+    opposite = std::max(opposite, std::abs(a[i] + b[i]));
+  }
+  for (std::size_t i = 4; i < sim::RollingOde::kSize; ++i) rest = std::max(rest, std::abs(a[i] - b[i]));
+  return std::max(std::min(same, opposite), rest);
+}
+
+State with_unit_q(State y) {
+  const double length = std::sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2] + y[3] * y[3]);
+  for (std::size_t i = 0; i < 4; ++i) y[i] /= length;
+  return y;
+}
+
+void measure(const sim::Scenario& scenario, Row& row) {
+  const double end_s = row.run.result.final_sample.time_s;
+  std::vector<double> times;
+  double total = 0;
+  while (static_cast<int>(times.size()) < kFewest || (total < kMeasured_s && static_cast<int>(times.size()) < kMost)) {
+    const BareRun bare = integrate_only(scenario, *row.method, row.settings, end_s);
+    times.push_back(bare.wall_time_s);
+    total += bare.wall_time_s;
+    row.counters = bare.counters;
+  }
+  std::nth_element(times.begin(), times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2), times.end());
+  row.wall_time_s = times[times.size() / 2];
+  row.repetitions = static_cast<int>(times.size());
+}
+
+template <class... Values>
+std::string format(const char* pattern, Values... values) {
+  const int size = std::snprintf(nullptr, 0, pattern, values...);
+  std::string text(static_cast<std::size_t>(size), '\0');
+  std::snprintf(text.data(), text.size() + 1, pattern, values...);
+  return text;
+}
+
+}  // namespace
+
+const Row* Comparison::least(double (*cost)(const Row&)) const {
+  const Row* best = nullptr;
+  for (const Row& row : rows) {
+    if (row.run.failure.empty() && (best == nullptr || cost(row) < cost(*best))) best = &row;
+  }
+  return best;
+}
+
+const Row* Comparison::fastest() const {
+  return least([](const Row& row) { return row.wall_time_s; });
+}
+
+const Row* Comparison::fewest_evaluations() const {
+  return least([](const Row& row) {
+    return static_cast<double>(row.counters.right_hand_sides + kJacobian * row.counters.jacobians);
+  });
+}
+
+Comparison compare(const sim::Scenario& scenario, const std::vector<const MethodInfo*>& methods,
+                   const Settings& settings) {
+  const Settings tightest{.tolerance = kLeastTolerance};
+  const State reference = with_unit_q(run_rolling(scenario, *find_method(kDefaultMethod), tightest).end_state);
+  Comparison out;
+  out.scenario = scenario.name;
+  out.tolerance = settings.tolerance;
+  for (const MethodInfo* method : methods) {
+    Row row;
+    row.method = method;
+    row.settings = settings;
+    if (method->fixed_steps == FixedSteps::kAlways && settings.fixed_step_s == 0) {
+      row.settings.fixed_step_s = fixed_step_for(scenario, settings.tolerance);
+    } else if (method->fixed_steps != FixedSteps::kAlways && methods.size() > 1) {
+      row.settings.fixed_step_s = 0;
+    }
+    row.run = run_rolling(scenario, *method, row.settings);
+    row.distance = distance(with_unit_q(row.run.end_state), reference);
+    if (row.run.failure.empty()) measure(scenario, row);
+    out.rows.push_back(std::move(row));
+  }
+  return out;
+}
+
+std::string comparison_text(const Comparison& comparison) {
+  const Row* fastest = comparison.fastest();
+  std::string text = format("%s, prescribed masses, tolerance %g\n", comparison.scenario.c_str(), comparison.tolerance);
+  text += format("  %-11s %-8s %5s %8s %8s %10s %9s %12s  %-14s %9s\n", "method", "(paper)", "order", "steps",
+                 "rejected", "rhs", "Jacobians", "wall time", "max f_s/N", "distance");
+  for (const Row& row : comparison.rows) {
+    const char* name = row.method->name;
+    if (!row.run.failure.empty()) {
+      text += format("  %-11s failed at t = %.6g s: %s\n", name, row.run.result.final_sample.time_s,
+                     row.run.failure.c_str());
+      continue;
+    }
+    const Counters& c = row.counters;
+    text +=
+        format("  %-11s %-8s %5s %8lld %8lld %10lld %9lld %9.1f us%s %-14.10f %9.1e", name, row.method->counterpart,
+               row.method->order, static_cast<long long>(c.steps), static_cast<long long>(c.rejected),
+               static_cast<long long>(c.right_hand_sides), static_cast<long long>(c.jacobians), 1e6 * row.wall_time_s,
+               &row == fastest ? "*" : " ", row.run.result.extrema.mu_required_max.value, row.distance);
+    if (row.settings.fixed_step_s > 0) text += format("  fixed step %g", row.settings.fixed_step_s);
+    text += "\n";
+  }
+  text += format("  wall time: of the integration alone, median; distance: of the end state from dop853 at %g\n",
+                 kLeastTolerance);
+  if (fastest != nullptr && comparison.rows.size() > 1) {
+    text += format(
+        "  * fastest: %s; fewest evaluations, a Jacobian counted as %d: %s.\n"
+        "    The paper found ode113, here adams, the fastest in MATLAB, where evaluations are what costs\n",
+        fastest->method->name, kJacobian, comparison.fewest_evaluations()->method->name);
+  }
+  return text;
+}
+
+std::string comparison_json(const Comparison& comparison) {
+  using Json = nlohmann::ordered_json;
+  const auto finite_or_null = [](double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); };
+  const Row* fastest = comparison.fastest();
+  Json j;
+  j["scenario"] = comparison.scenario;
+  j["tolerance"] = comparison.tolerance;
+  j["reference"] = {{"method", kDefaultMethod}, {"tolerance", kLeastTolerance}};
+  j["fastest"] = fastest != nullptr ? Json(fastest->method->name) : Json(nullptr);
+  j["fewest_evaluations"] = fastest != nullptr ? Json(comparison.fewest_evaluations()->method->name) : Json(nullptr);
+  j["methods"] = Json::array();
+  for (const Row& row : comparison.rows) {
+    const sil::RunResult& result = row.run.result;
+    const bool failed = !row.run.failure.empty();
+    j["methods"].push_back(
+        {{"method", row.method->name},
+         {"counterpart", row.method->counterpart},
+         {"order", row.method->order},
+         {"form", row.method->form == Form::kOde ? "rolling_ball_ode_f" : "rolling_ball_dae_g"},
+         {"fixed_step", row.settings.fixed_step_s > 0 ? Json(row.settings.fixed_step_s) : Json(nullptr)},
+         {"failure", failed ? Json(row.run.failure) : Json(nullptr)},
+         {"end",
+          {{"reason", failed ? Json(nullptr) : Json(sil::to_string(result.end_reason))},
+           {"time", result.final_sample.time_s}}},
+         {"steps", row.counters.steps},
+         {"rejected", row.counters.rejected},
+         {"right_hand_sides", row.counters.right_hand_sides},
+         {"jacobians", row.counters.jacobians},
+         {"mu_required_max", finite_or_null(result.extrema.mu_required_max.value)},
+         {"distance", row.distance},
+         {"constraint_error", row.run.constraint_error},
+         {"wall_time", row.wall_time_s},
+         {"repetitions", row.repetitions}});
+  }
+  return j.dump(2) + "\n";
+}
+
+}  // namespace ballast::integrators

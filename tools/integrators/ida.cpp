@@ -1,0 +1,120 @@
+// SUNDIALS IDA: BDF of orders 1 to 5 for F(t, y, y') = M y' - f(t, y) = 0 (as ode15i is, and ode15s with a singular M),
+// with Newton's iteration on the complex-step Jacobian dF/dy + c_j dF/dy' = c_j M - df/dy.
+#include <ida/ida.h>
+
+#include "tools/integrators/methods.h"
+#include "tools/integrators/step_control.h"
+#include "tools/integrators/sundials.h"
+
+namespace ballast::integrators {
+
+namespace {
+
+class Ida : public Method {
+ public:
+  Ida(Problem& problem, double tolerance) : problem_(problem), size_(problem.size()), tolerance_(tolerance) {
+    y_sun_.set(y_);
+    slope_.set(y_);
+    memory_ = IDACreate(context_);
+    if (memory_ == nullptr) throw std::runtime_error("SUNDIALS gives no IDA");
+    must(IDASetErrHandlerFn(memory_, keep_complaint, &complaint_), "an error handler");
+    must(IDAInit(memory_, residual, 0, y_sun_, slope_), "the problem");
+    must(IDASStolerances(memory_, tolerance, tolerance), "the tolerance");
+    must(IDASetUserData(memory_, this), "user data");
+    must(IDASetLinearSolver(memory_, dense_.solver(), dense_.matrix()), "a linear solver");
+    must(IDASetJacFn(memory_, jacobian), "a Jacobian");
+  }
+  ~Ida() override { IDAFree(&memory_); }
+
+  void start(double t, const State& y) override {
+    time_ = step_start_ = t;
+    y_ = y;
+    y_sun_.set(y);
+    State slope{};
+    problem_.slope(t, y.data(), slope.data());
+    slope_.set(slope);
+    // IDA's own first step, half a tolerance over the slope, may be less than the rounding of the time. A hundredth of
+    // what order 1 would allow, because the order rises by one with every step.
+    const double h = first_step([this](double at, const double* v, double* f) { problem_.slope(at, v, f); }, t, y,
+                                slope, 1, tolerance_, size_);
+    counters_.right_hand_sides += 2;
+    rejected_before_ = counters_.rejected;
+    must(IDAReInit(memory_, t, y_sun_, slope_), "a new start");
+    must(IDASetInitStep(memory_, 0.01 * h), "a first step");
+  }
+
+  bool step(double stop) override {
+    step_start_ = time_;
+    IDASetStopTime(memory_, stop);
+    const int flag = IDASolve(memory_, stop, &time_, y_sun_, slope_, IDA_ONE_STEP);
+    if (flag < 0) {
+      char* name = IDAGetReturnFlagName(flag);
+      failure_ = std::string(name) + ": " + complaint_;
+      free(name);
+      return false;
+    }
+    if (stalled(step_start_, time_)) {
+      failure_ = too_small(time_ - step_start_);
+      return false;
+    }
+    y_sun_.get(y_);
+    ++counters_.steps;
+    long error_test = 0, convergence = 0;
+    IDAGetNumErrTestFails(memory_, &error_test);
+    IDAGetNumNonlinSolvConvFails(memory_, &convergence);
+    counters_.rejected = rejected_before_ + error_test + convergence;
+    return true;
+  }
+
+  // The polynomial of the method's own history.
+  void dense(double t, State& y) override {
+    IDAGetDky(memory_, t, 0, inside_);
+    inside_.get(y);
+  }
+
+ private:
+  static int residual(double t, N_Vector y, N_Vector slope, N_Vector out, void* self) {
+    auto& method = *static_cast<Ida*>(self);
+    ++method.counters_.right_hand_sides;
+    double* f = NV_DATA_S(out);
+    method.problem_.rhs(t, NV_DATA_S(y), f);
+    const int constraint = method.problem_.constraint();
+    for (std::size_t i = 0; i < method.size_; ++i) {
+      const double rate = static_cast<int>(i) == constraint ? 0 : NV_DATA_S(slope)[i];
+      f[i] = rate - f[i];
+    }
+    return recoverable(f, method.size_);
+  }
+
+  static int jacobian(double t, double c_j, N_Vector y, N_Vector, N_Vector, SUNMatrix j, void* self, N_Vector, N_Vector,
+                      N_Vector) {
+    auto& method = *static_cast<Ida*>(self);
+    ++method.counters_.jacobians;
+    double* out = SM_DATA_D(j);
+    const std::size_t n = method.size_;
+    method.problem_.jacobian(t, NV_DATA_S(y), out);
+    for (std::size_t k = 0; k < n * n; ++k) out[k] = -out[k];
+    for (std::size_t i = 0; i < n; ++i) {
+      if (static_cast<int>(i) != method.problem_.constraint()) out[i + n * i] += c_j;
+    }
+    return recoverable(out, n * n);
+  }
+
+  Problem& problem_;
+  std::size_t size_;
+  double tolerance_;
+  SunContext context_;
+  SunVector y_sun_{size_, context_}, slope_{size_, context_}, inside_{size_, context_};
+  SunDense dense_{y_sun_, context_};
+  void* memory_ = nullptr;
+  std::int64_t rejected_before_ = 0;
+  std::string complaint_;
+};
+
+}  // namespace
+
+std::unique_ptr<Method> make_ida(Problem& problem, const Settings& settings) {
+  return std::make_unique<Ida>(problem, settings.tolerance);
+}
+
+}  // namespace ballast::integrators
