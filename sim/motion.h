@@ -1,5 +1,6 @@
 // The scenario's prescribed motion of one mass, for the plant: piecewise cubic positions with the instants at which
-// pieces change.
+// pieces change. A mass on a trajectory moves along its curve with the time itself as its coordinate, theta = t, in
+// pieces from each of the table's times to the next: the curve's third derivative jumps there.
 #pragma once
 
 #include <vector>
@@ -19,7 +20,6 @@ class PrescribedMotion {
   // Pieces are numbered 0.. in order; the last one (constant velocity) has no end. A piece is evaluated as its own
   // cubic even at its ends, so the caller chooses the side of a jump by naming the piece.
   [[nodiscard]] Point at(std::size_t piece, double time_s) const;
-  [[nodiscard]] std::size_t last_piece() const { return pieces_.size() - 1; }
   [[nodiscard]] double end_s(std::size_t piece) const;  // infinity for the last
 
  private:
@@ -27,6 +27,7 @@ class PrescribedMotion {
     double start_s, position, velocity, acceleration, jerk;
   };
   std::vector<Piece> pieces_;
+  Trajectory trajectory_;
 };
 
 }  // namespace ballast::sim

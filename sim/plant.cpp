@@ -87,6 +87,10 @@ Plant::Plant(const Scenario& scenario)
   for (std::size_t i = 0; i < n; ++i) {
     const Mass& mass = scenario.masses[i];
     motion_.emplace_back(mass);
+    const Trajectory& table = mass.trajectory;
+    trajectory_.push_back(table.times_s.empty() ? CubicSpline()
+                          : table.periodic      ? CubicSpline::closed(table.times_s, table.points_B_m)
+                                                : CubicSpline::open(table.times_s, table.points_B_m));
     // The pattern of tooth errors differs from motor to motor of one seed.
     steppers_.emplace_back(mass.motor, mass.motor.shaft_ratio * mass.initial_position, (scenario.seed << 3) + i);
     y_[kTheta + i] = mass.initial_position;
@@ -159,6 +163,11 @@ Plant::MassPoint Plant::mass_point(double time_s, const double* y) const {
 CarriedMasses Plant::carried(const MassPoint& masses) const {
   CarriedMasses out;
   carry_along_rails(body_, masses.position.data(), masses.velocity.data(), masses.acceleration.data(), out);
+  for (std::size_t i = 0; i < motion_.size(); ++i) {
+    if (trajectory_[i].empty()) continue;
+    const CubicSpline::Point chi = trajectory_[i].at(masses.position[i]);
+    out[i] = {vec3(chi.position), vec3(chi.d1), vec3(chi.d2)};
+  }
   return out;
 }
 
@@ -706,7 +715,9 @@ Plant::PerMass Plant::needed_torques(const double* y, const MotionOf<double>& mo
   PerMass torque{};
   generalised_forces(body_, y + kOmega, masses.position.data(), masses.velocity.data(), masses.acceleration.data(),
                      motion, torque.data());
-  for (std::size_t i = 0; i < motion_.size(); ++i) torque[i] /= scenario_.masses[i].motor.shaft_ratio;
+  for (std::size_t i = 0; i < motion_.size(); ++i) {
+    torque[i] = trajectory_[i].empty() ? torque[i] / scenario_.masses[i].motor.shaft_ratio : 0;
+  }
   return torque;
 }
 
@@ -715,6 +726,7 @@ void Plant::note_motors() {
   const MassPoint masses = mass_point(time_s_, y_.data());
   if (!driven_) torque_nm_ = needed_torques(y_.data(), now_, masses);
   for (std::size_t i = 0; i < motion_.size(); ++i) {
+    if (!trajectory_[i].empty()) continue;  // no motor
     const Motor& motor = scenario_.masses[i].motor;
     const double angle = motor.shaft_ratio * masses.position[i];
     const double speed = motor.shaft_ratio * masses.velocity[i];
@@ -757,7 +769,8 @@ Plant::Sample Plant::sample() const {
   for (std::size_t i = 0; i < motion_.size(); ++i) {
     s.mass_position[i] = masses.position[i];
     s.mass_velocity[i] = masses.velocity[i];
-    s.mass_position_B_m[i] = firmware::evaluate(body_.rail[i], masses.position[i]).position;
+    s.mass_position_B_m[i] = trajectory_[i].empty() ? firmware::evaluate(body_.rail[i], masses.position[i]).position
+                                                    : trajectory_[i].at(masses.position[i]).position;
     s.center_of_mass_B_m += body_.mass_kg[i] * s.mass_position_B_m[i];
     s.motor_torque_nm[i] = torque_nm_[i];
     s.lost_steps[i] = steppers_[i].lost_steps();

@@ -1,12 +1,13 @@
 // The plant: the true ball, its masses prescribed or driven by steppers, integrated from one control tick to the next,
 // through the contact regimes of PHYSICS.md section 4: rolling, sliding, flight, with impacts between them.
 //
-// No step of an integrator crosses an instant at which a `motion` piece or the external force's table changes, or a
-// step pulse comes. Accelerations may jump at those instants; the value after the jump counts (PHYSICS.md section 4).
-// Driven masses, and slides, are integrated from pulse to pulse and tick to tick with Dormand-Prince 5(4). Rolling and
-// flying with prescribed masses are smooth and known in advance: DOP853 steps ahead as far as its error estimate
-// allows, whatever the ticks are, and what lies inside a step is seen by its dense output. The quaternion is brought
-// back to unit length after each step.
+// No step of an integrator crosses an instant at which a `motion` piece changes, a trajectory or the table of the
+// external force has a row, or a step pulse comes. (Where a mass passes a knot of a spline rail zeta''' jumps: there
+// the error estimate makes the steps small.) Accelerations may jump at those instants; the value after the jump counts
+// (PHYSICS.md section 4). Driven masses, and slides, are integrated from pulse to pulse and tick to tick with
+// Dormand-Prince 5(4). Rolling and flying with prescribed masses are smooth and known in advance: DOP853 steps ahead as
+// far as its error estimate allows, whatever the ticks are, and what lies inside a step is seen by its dense output.
+// The quaternion is brought back to unit length after each step.
 //
 // Extrema of N, f_s and f_s/N, and the instants at which a regime ends, are looked for between the ticks: inside every
 // step, by integrating again from its start or by dense output.
@@ -31,6 +32,7 @@
 #include <vector>
 
 #include "sim/contact.h"
+#include "sim/cubic_spline.h"
 #include "sim/dop853.h"
 #include "sim/dormand_prince.h"
 #include "sim/motion.h"
@@ -124,7 +126,7 @@ class Plant {
     double mu_required_max;
     Eigen::Vector2d friction_force_W_n;
     Eigen::Vector3d center_of_mass_B_m;
-    std::array<double, kMaxMasses> mass_position{};
+    std::array<double, kMaxMasses> mass_position{};  // of one on a trajectory: the time, its rate 1, its torque 0
     std::array<double, kMaxMasses> mass_velocity{};
     std::array<Eigen::Vector3d, kMaxMasses> mass_position_B_m;
     std::array<double, kMaxMasses> motor_torque_nm{};
@@ -208,6 +210,7 @@ class Plant {
   double kinetic_friction_;
   double speed_scale_mps_;  // sqrt(g r)
   std::vector<PrescribedMotion> motion_;
+  std::vector<CubicSpline> trajectory_;  // per mass, of its time; empty for those on rails
   std::vector<std::size_t> piece_;
   std::vector<Stepper> steppers_;
 

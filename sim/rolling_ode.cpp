@@ -37,7 +37,13 @@ RollingOde::RollingOde(const Scenario& scenario) : body_(scenario), piece_(scena
     initial_[kOmega + j] = initial.angular_velocity_B_radps[j];
   }
   for (int j = 0; j < 2; ++j) initial_[kZ + j] = initial.position_W_m[j];
-  for (const Mass& mass : scenario.masses) motion_.emplace_back(mass);
+  for (const Mass& mass : scenario.masses) {
+    motion_.emplace_back(mass);
+    const Trajectory& table = mass.trajectory;
+    trajectory_.push_back(table.times_s.empty() ? CubicSpline()
+                          : table.periodic      ? CubicSpline::closed(table.times_s, table.points_B_m)
+                                                : CubicSpline::open(table.times_s, table.points_B_m));
+  }
   begin(0);
 }
 
@@ -45,8 +51,9 @@ RollingOde::State RollingOde::initial_state() const { return initial_; }
 
 void RollingOde::begin(double time_s) {
   end_s_ = body_.external_force.next_kink_s(time_s);
+  if (time_s < begin_s_) piece_.assign(motion_.size(), 0);
+  begin_s_ = time_s;
   for (std::size_t i = 0; i < motion_.size(); ++i) {
-    piece_[i] = 0;
     while (motion_[i].end_s(piece_[i]) <= time_s) ++piece_[i];
     end_s_ = std::min(end_s_, motion_[i].end_s(piece_[i]));
   }
@@ -67,6 +74,11 @@ CarriedMasses RollingOde::carried(double time_s) const {
   const MassPoint p = masses(time_s);
   CarriedMasses out;
   carry_along_rails(body_, p.position.data(), p.velocity.data(), p.acceleration.data(), out);
+  for (std::size_t i = 0; i < motion_.size(); ++i) {
+    if (trajectory_[i].empty()) continue;
+    const CubicSpline::Point chi = trajectory_[i].at(time_s);
+    out[i] = {vec3(chi.position), vec3(chi.d1), vec3(chi.d2)};
+  }
   return out;
 }
 

@@ -11,6 +11,7 @@
 #include <array>
 #include <vector>
 
+#include "sim/cubic_spline.h"
 #include "sim/motion.h"
 #include "sim/newton_euler.h"
 #include "sim/scenario.h"
@@ -27,16 +28,19 @@ class RollingOde {
   [[nodiscard]] const Body& body() const { return body_; }
   [[nodiscard]] State initial_state() const;
 
-  // The right-hand side is smooth between kinks: where a motion piece ends, or the external force's rate jumps.
-  // Everything below is that of the stretch that begin() was last told of, even at its end, so that no step of an
-  // integrator sees a jump. At a kink begin() takes the stretch after it.
+  // The right-hand side is smooth between kinks: where a motion piece ends, or a trajectory or the table of the
+  // external force has a row. (As in plant.h, knots of spline rails are left to the integrator.) Everything below is
+  // that of the stretch that begin() was last told of, even at its end, so that no step of an integrator sees a jump.
+  // At a kink begin() takes the stretch after it.
   void begin(double time_s);
   [[nodiscard]] double end_s() const { return end_s_; }  // of the stretch; +infinity for the last
 
+  // Of a mass on a trajectory: the time, 1 and 0.
   struct MassPoint {
     std::array<double, kMaxMasses> position, velocity, acceleration;
   };
   [[nodiscard]] MassPoint masses(double time_s) const;
+  [[nodiscard]] CarriedMasses carried(double time_s) const;
 
   // T: double or std::complex<double>.
   template <class T>
@@ -49,13 +53,12 @@ class RollingOde {
   void motion(double time_s, const double* y, MotionOf<double>& out) const;
 
  private:
-  [[nodiscard]] CarriedMasses carried(double time_s) const;
-
   Body body_;
   State initial_;
   std::vector<PrescribedMotion> motion_;
+  std::vector<CubicSpline> trajectory_;  // of its time; empty for masses on rails
   std::vector<std::size_t> piece_;
-  double end_s_ = 0;
+  double begin_s_ = 0, end_s_ = 0;
 };
 
 }  // namespace ballast::sim

@@ -34,7 +34,7 @@ struct Motor {
   int steps_per_revolution = 200;    // full steps, a multiple of 4; rotor teeth N_r = steps / 4
   int microsteps = 16;               // 1..256
   double gear_ratio = 1.0;           // motor turns per turn of a circle rail; circles only
-  double travel_per_revolution = 0;  // m of rail per motor turn; lines only
+  double travel_per_revolution = 0;  // m of rail per motor turn; lines and splines only
   double holding_torque_nm = 0;      // tau_hold at standstill, at the shaft
   double detent_torque_nm = 0;
   double rotor_inertia_kgm2 = 0;
@@ -46,10 +46,18 @@ struct Motor {
   double shaft_ratio = 0;          // derived: gear_ratio, or 2 pi / travel_per_revolution
 };
 
+// chi(t) itself, in place of a rail and a motion along it: the paper's section 3. Prescribed runs only.
+struct Trajectory {
+  std::vector<double> times_s;  // increasing; empty: none, the mass is on its rail
+  std::vector<Eigen::Vector3d> points_B_m;
+  bool periodic = false;  // the table repeats for ever; its last point is its first
+};
+
 struct Mass {
   double mass_kg = 0;
   firmware::Rail rail;
-  double initial_position = 0;  // rad or m
+  Trajectory trajectory;
+  double initial_position = 0;  // rad or m; this and what follows: of a mass on its rail
   double initial_velocity = 0;
   std::vector<MotionPiece> motion;
   Motor motor;

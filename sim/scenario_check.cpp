@@ -185,6 +185,41 @@ void read_envelope(TableReader table, Scenario::Envelope& envelope) {
   if (friction) envelope.friction_use = *friction;
 }
 
+void read_external_force(TableReader& root, Scenario& scenario) {
+  if (!root.is_table("external_force")) {
+    if (const auto force = root.vector_or_zero<3>("external_force", Range::any("N"))) {
+      scenario.external_force_W_n = *force;
+    }
+    return;
+  }
+  TableReader table = root.table("external_force");
+  const auto times = read_times(table);
+  const auto forces = table.vectors("forces", 2, kMaxTableEntries, Range::any("N"));
+  table.refuse_unknown_keys();
+  if (!times || !forces) return;
+  if (forces->size() != times->size()) {
+    table.refuse("forces", "has " + std::to_string(forces->size()) + " elements; allowed: one for each of the " +
+                               std::to_string(times->size()) + " times");
+    return;
+  }
+  for (std::size_t i = 1; i < times->size(); ++i) {
+    if ((((*forces)[i] - (*forces)[i - 1]) / ((*times)[i] - (*times)[i - 1])).allFinite()) continue;
+    table.refuse("forces." + std::to_string(i), "changes too fast; allowed: a finite rate from each force to the next");
+    return;
+  }
+  scenario.force_table = {*times, *forces};
+}
+
+void read_drag(TableReader table, Scenario::Drag& drag) {
+  const bool present = table.present();
+  const auto coefficient = table.number("coefficient", Range::non_negative("kg/m"),
+                                        present ? std::nullopt : std::optional(drag.coefficient_kgpm));
+  const auto wind = table.vector_or_zero<3>("wind", Range::any("m/s"));
+  table.refuse_unknown_keys();
+  if (coefficient) drag.coefficient_kgpm = *coefficient;
+  if (wind) drag.wind_W_mps = *wind;
+}
+
 void read_published(TableReader table, std::vector<Scenario::Published>& published) {
   const auto quantity = table.word("quantity", {"mu_required.max", "normal_force.min", "end.time"});
   const auto value = table.number("value", Range::any());
@@ -203,17 +238,6 @@ void check_start(TableReader& root, const Scenario& scenario) {
               "surface.kinetic_friction");
 }
 
-// What the scenario format has and the plant does not do yet. Everything of that kind is refused here and nowhere else.
-void refuse_unsupported(TableReader& root) {
-  const Node* masses = root.node("mass");
-  for (std::size_t i = 0; masses != nullptr && i < masses->items.size(); ++i) {
-    const Node* rail = masses->items[i].find("rail");
-    const Node* shape = rail != nullptr ? rail->find("shape") : nullptr;
-    if (shape == nullptr || shape->text != "spline") continue;
-    root.refuse("mass." + std::to_string(i) + ".rail.shape", "is not supported yet; allowed: \"circle\" or \"line\"");
-  }
-}
-
 }  // namespace
 
 Scenario check_scenario(const Node& root_node, ReadContext& context) {
@@ -223,12 +247,12 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
   read_name(root, context.source_name, scenario.name);
   known.duration_s = root.number("duration", Range::positive("s"));
   known.gravity_mps2 = root.number("gravity", Range::non_negative("m/s^2"));
-  if (const auto force = root.vector_or_zero<3>("external_force", Range::any("N")))
-    scenario.external_force_W_n = *force;
+  read_external_force(root, scenario);
   if (known.duration_s) scenario.duration_s = *known.duration_s;
   if (known.gravity_mps2) scenario.gravity_mps2 = *known.gravity_mps2;
   read_ball(root.table("ball"), known.ball_radius_m, scenario.ball);
   read_surface(root.table("surface"), scenario.surface);
+  read_drag(root.table("drag"), scenario.drag);
   read_initial(root.table("initial"), known.ball_radius_m, scenario.initial);
   read_run(root.table("run"), known, scenario.run);
   read_envelope(root.table("envelope"), scenario.envelope);
@@ -250,7 +274,6 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
 
   root.refuse_unknown_keys();
   check_start(root, scenario);
-  refuse_unsupported(root);
   return scenario;
 }
 

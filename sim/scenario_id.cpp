@@ -32,6 +32,25 @@ class CanonicalText {
   std::string text_;
 };
 
+// Scenarios without a spline, a trajectory, a table of forces or drag have no line about them.
+void add_spline(CanonicalText& text, const firmware::Rail& rail) {
+  if (rail.shape != firmware::RailShape::kSpline) return;
+  text.add("rail.closed", static_cast<int>(rail.closed));
+  text.add("rail.pieces", rail.piece_count);
+  text.add("rail.piece_length", rail.piece_length_m);
+  for (int k = 0; k <= rail.piece_count; ++k) {
+    text.add("rail.knot", rail.knots[static_cast<std::size_t>(k)].position_B_m);
+    text.add("rail.knot_d2", rail.knots[static_cast<std::size_t>(k)].d2_B_per_m);
+  }
+}
+
+void add_table(CanonicalText& text, const char* name, const std::vector<double>& times_s,
+               const std::vector<Eigen::Vector3d>& values) {
+  text.add(name, static_cast<std::uint64_t>(times_s.size()));
+  for (const double time : times_s) text.add("time", time);
+  for (const Eigen::Vector3d& value : values) text.add("value", value);
+}
+
 void add_mass(CanonicalText& text, const Mass& mass) {
   text.add("mass", mass.mass_kg);
   text.add("rail.shape", static_cast<int>(mass.rail.shape));
@@ -39,6 +58,11 @@ void add_mass(CanonicalText& text, const Mass& mass) {
   text.add("rail.axis_cos", mass.rail.axis_cos_B);
   text.add("rail.axis_sin", mass.rail.axis_sin_B);
   text.add("rail.radius", mass.rail.radius_m);
+  add_spline(text, mass.rail);
+  if (!mass.trajectory.times_s.empty()) {
+    add_table(text, "trajectory", mass.trajectory.times_s, mass.trajectory.points_B_m);
+    text.add("trajectory.periodic", static_cast<int>(mass.trajectory.periodic));
+  }
   text.add("initial_position", mass.initial_position);
   text.add("initial_velocity", mass.initial_velocity);
   text.add("pieces", static_cast<std::uint64_t>(mass.motion.size()));
@@ -71,6 +95,13 @@ std::int64_t fingerprint(const Scenario& scenario) {
   text.add("duration", scenario.duration_s);
   text.add("gravity", scenario.gravity_mps2);
   text.add("external_force", scenario.external_force_W_n);
+  if (!scenario.force_table.times_s.empty()) {
+    add_table(text, "external_force.table", scenario.force_table.times_s, scenario.force_table.forces_W_n);
+  }
+  if (scenario.drag.coefficient_kgpm != 0) {
+    text.add("drag.coefficient", scenario.drag.coefficient_kgpm);
+    text.add("drag.wind", scenario.drag.wind_W_mps);
+  }
   text.add("ball.radius", scenario.ball.radius_m);
   text.add("ball.mass", scenario.ball.mass_kg);
   text.add("ball.inertia", scenario.ball.inertia_kgm2);

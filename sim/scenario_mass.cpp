@@ -4,14 +4,19 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/cubic_spline.h"
 #include "sim/motion_extent.h"
+#include "sim/spline_rail.h"
 
 namespace ballast::sim {
 namespace {
 
 constexpr double kRoundOff = 1e-12;      // relative; what the evaluation of a rail may add to a radius
 constexpr double kUnitTolerance = 1e-6;  // of lengths and right angles written with few digits
-constexpr std::size_t kMaxSplinePoints = 10000;
+// How far a spline rail may be from what was asked for: from running along at 1 m per m, and from the given points, in
+// parts of its length.
+constexpr double kMostSpeedError = 0.01;
+constexpr double kMostPointDistance = 1e-3;
 
 bool outside(double distance_m, double radius_m) { return !(distance_m <= radius_m * (1 + kRoundOff)); }
 
@@ -78,18 +83,66 @@ std::optional<firmware::Rail> read_line(TableReader& rail) {
   return firmware::line(*origin, *direction / length);
 }
 
-// Checked as far as its points go; the curve itself is refused with everything else that is not supported yet.
-void read_spline(TableReader& rail, std::optional<double> ball_radius_m) {
-  const auto closed = rail.boolean("closed", false);
-  const auto points = rail.vectors("points", closed.value_or(false) ? 3 : 2, kMaxSplinePoints, Range::any("m"));
-  if (!points || !ball_radius_m) return;
-  for (std::size_t i = 0; i < points->size(); ++i) {
-    const double distance = (*points)[i].stableNorm();
-    if (outside(distance, *ball_radius_m)) {
-      rail.refuse("points", "point " + std::to_string(i) + " is " + number_text(distance) +
-                                " m from the geometric centre" + allowed_in_ball(*ball_radius_m));
+// Points of a curve: inside the ball, neighbours distinct (`closed`: the last and the first are neighbours too).
+bool check_points(TableReader& table, const std::vector<Eigen::Vector3d>& points, bool closed,
+                  std::optional<double> ball_radius_m) {
+  bool good = true;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const std::string key = "points." + std::to_string(i);
+    const double distance = points[i].stableNorm();
+    if (ball_radius_m && outside(distance, *ball_radius_m)) {
+      table.refuse(key,
+                   "is " + number_text(distance) + " m from the geometric centre" + allowed_in_ball(*ball_radius_m));
+      good = false;
+    }
+    if (i > 0 && points[i] == points[i - 1]) {
+      table.refuse(key, "is the point before it; allowed: neighbours that differ");
+      good = false;
     }
   }
+  if (closed && points.front() == points.back()) {
+    table.refuse(
+        "points." + std::to_string(points.size() - 1),
+        "is the first point again; allowed: the last point of a closed rail, from which it goes on to the first");
+    good = false;
+  }
+  return good;
+}
+
+std::optional<firmware::Rail> read_spline(TableReader& rail, std::optional<double> ball_radius_m) {
+  const auto closed = rail.boolean("closed", false);
+  const auto points = rail.vectors("points", closed.value_or(false) ? 3 : 2, kMaxTableEntries, Range::any("m"));
+  if (!points || !closed) return std::nullopt;
+  if (!check_points(rail, *points, *closed, ball_radius_m)) return std::nullopt;
+  const SplineRail spline = spline_rail(*points, *closed);
+  const double length = spline.length_m;
+  if (!std::isfinite(length) || !(length > 0) || !std::isfinite(spline.speed_error) ||
+      !std::isfinite(spline.point_distance_m)) {
+    rail.refuse("points", "allow no smooth curve in floating-point numbers; allowed: points at distances less extreme");
+    return std::nullopt;
+  }
+  const std::string too_sharp = "; allowed: bends that " + std::to_string(firmware::kMaxRailPieces) + " pieces of " +
+                                number_text(spline.rail.piece_length_m) +
+                                " m can follow (gentler ones, points more evenly spread, or a shorter rail)";
+  if (spline.speed_error > kMostSpeedError) {
+    rail.refuse("points", "make too sharp a curve: along it |zeta'| would be off 1 by " +
+                              number_text(spline.speed_error) + ", more than " + number_text(kMostSpeedError) +
+                              too_sharp);
+    return std::nullopt;
+  }
+  if (spline.point_distance_m > kMostPointDistance * length) {
+    rail.refuse("points." + std::to_string(spline.worst_point),
+                "makes too sharp a curve: the rail would pass it at " + number_text(spline.point_distance_m) +
+                    " m, more than " + number_text(kMostPointDistance) + " of its length" + too_sharp);
+    return std::nullopt;
+  }
+  if (ball_radius_m && outside(spline.farthest_m, *ball_radius_m)) {
+    rail.refuse("points", "make a curve that is " + number_text(spline.farthest_m) +
+                              " m from the geometric centre at theta = " + number_text(spline.farthest_theta_m) + " m" +
+                              allowed_in_ball(*ball_radius_m));
+    return std::nullopt;
+  }
+  return spline.rail;
 }
 
 std::optional<firmware::Rail> read_rail(TableReader rail, std::optional<double> ball_radius_m) {
@@ -109,7 +162,7 @@ std::optional<firmware::Rail> read_rail(TableReader rail, std::optional<double> 
   } else if (*shape == "line") {
     result = read_line(rail);
   } else {
-    read_spline(rail, ball_radius_m);
+    result = read_spline(rail, ball_radius_m);
   }
   rail.refuse_unknown_keys();
   return result;
@@ -171,6 +224,86 @@ void check_line_in_ball(TableReader& table, const Mass& mass, const MassSurround
   }
 }
 
+// An open spline rail ends.
+void check_on_open_rail(TableReader& table, const Mass& mass, const MassSurroundings& around) {
+  if (!around.duration_s) return;
+  const double length = firmware::length_m(mass.rail);
+  const PositionExtent extent = position_extent(mass, *around.duration_s);
+  const bool below = extent.least.position < -kRoundOff * length;
+  if (!below && extent.greatest.position <= length * (1 + kRoundOff)) return;
+  const Extreme& worst = below ? extent.least : extent.greatest;
+  const std::string message = "takes the mass to theta = " + number_text(worst.position) +
+                              " m at t = " + number_text(worst.time_s) + " s; allowed: on the rail, 0 to its length " +
+                              number_text(length) + " m";
+  if (worst.time_s > 0) {
+    table.refuse(piece_key(mass, worst.piece), message);
+  } else {
+    table.refuse("initial_position", message);
+  }
+}
+
+// In place of rail, initial position and velocity, motion and motor.
+void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajectory& trajectory) {
+  for (const char* key : {"rail", "initial_position", "initial_velocity", "motion", "motor"}) {
+    mass.know({key});
+    if (!mass.has(key)) continue;
+    mass.refuse(key, std::string(key) == "rail"
+                         ? "is given together with trajectory; allowed: one of the two"
+                         : "belongs to a mass on a rail; allowed: none of it with a trajectory, which says it all");
+  }
+  if (around.actuation == Actuation::kStepper) {
+    mass.refuse("trajectory",
+                "cannot be driven by a motor, which moves a mass along one rail; allowed: run.actuation = "
+                "\"prescribed\", or a rail");
+  }
+  TableReader table = mass.table("trajectory");
+  const auto times = read_times(table);
+  const auto periodic = table.boolean("periodic", false);
+  const auto points = table.vectors("points", periodic.value_or(false) ? 3 : 2, kMaxTableEntries, Range::any("m"));
+  table.refuse_unknown_keys();
+  if (!times || !periodic || !points) return;
+  if (points->size() != times->size()) {
+    table.refuse("points", "has " + std::to_string(points->size()) + " elements; allowed: one for each of the " +
+                               std::to_string(times->size()) + " times");
+    return;
+  }
+  if (*periodic && points->front() != points->back()) {
+    table.refuse("points." + std::to_string(points->size() - 1),
+                 "is not the first point; allowed: with periodic = true the table ends where it starts");
+    return;
+  }
+  if (!*periodic && times->front() > 0) {
+    table.refuse("times.0", "is after the start; allowed: <= 0, or periodic = true");
+  }
+  if (!*periodic && around.duration_s && times->back() < *around.duration_s) {
+    table.refuse("times." + std::to_string(times->size() - 1),
+                 "is before the end of the run; allowed: >= duration = " + number_text(*around.duration_s) +
+                     ", or periodic = true");
+  }
+  const CubicSpline curve = *periodic ? CubicSpline::closed(*times, *points) : CubicSpline::open(*times, *points);
+  double farthest_m = 0, when_s = 0;
+  bool finite = curve.finite();
+  for (std::size_t i = 0; finite && i < curve.pieces(); ++i) {
+    constexpr int kPlaces = 32;
+    for (int k = 0; k <= kPlaces; ++k) {
+      const double time = (*times)[i] + k * ((*times)[i + 1] - (*times)[i]) / kPlaces;
+      const CubicSpline::Point p = curve.at(i, time);
+      finite = finite && p.position.allFinite() && p.d1.allFinite() && p.d2.allFinite();
+      if (const double distance = p.position.stableNorm(); distance > farthest_m) {
+        farthest_m = distance;
+        when_s = time;
+      }
+    }
+  }
+  if (!finite) {
+    table.refuse("times", "allow no curve with finite accelerations; allowed: times at distances less extreme");
+  } else if (around.ball_radius_m && outside(farthest_m, *around.ball_radius_m)) {
+    table.refuse("points", "take the mass " + number_text(farthest_m) + " m from the geometric centre at t = " +
+                               number_text(when_s) + " s" + allowed_in_ball(*around.ball_radius_m));
+  }
+  trajectory = {*times, *points, *periodic};
+}
+
 // Defaults that drive any scenario faithfully: ten times the static torque, a light rotor, a well damped resonance.
 // `complete`: the mass and its surroundings are without fault; else the defaults mean nothing, and go unchecked.
 void read_motor(TableReader table, const MassSurroundings& around, const std::optional<firmware::Rail>& rail,
@@ -186,13 +319,13 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   }
 
   const bool on_circle = !rail || rail->shape == firmware::RailShape::kCircle;
-  const bool on_line = !rail || rail->shape == firmware::RailShape::kLine;
+  const bool on_line = !rail || rail->shape != firmware::RailShape::kCircle;  // theta in m: a line or a spline
   table.know({"gear_ratio", "travel_per_revolution"});
   if (on_circle) {
     motor.gear_ratio = table.number("gear_ratio", Range::positive(), 1.0).value_or(1.0);
     motor.shaft_ratio = motor.gear_ratio;
   } else if (table.has("gear_ratio")) {
-    table.refuse("gear_ratio", "belongs to a circle rail; allowed on a line: travel_per_revolution, in m");
+    table.refuse("gear_ratio", "belongs to a circle rail; allowed on a line or a spline: travel_per_revolution, in m");
   }
   if (on_line) {
     const double fallback = around.ball_radius_m.value_or(1.0) / 2;
@@ -200,7 +333,7 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
         table.number("travel_per_revolution", Range::positive("m"), fallback).value_or(fallback);
     if (!on_circle) motor.shaft_ratio = 2 * std::numbers::pi / motor.travel_per_revolution;
   } else if (table.has("travel_per_revolution")) {
-    table.refuse("travel_per_revolution", "belongs to a line rail; allowed on a circle: gear_ratio");
+    table.refuse("travel_per_revolution", "belongs to a line or spline rail; allowed on a circle: gear_ratio");
   }
 
   // What the shaft has to carry.
@@ -255,7 +388,7 @@ double microsteps_per_unit(const Motor& motor) {
 void check_steps(TableReader& table, const Mass& mass, const MassSurroundings& around) {
   const double per_unit = microsteps_per_unit(mass.motor);
   if (!std::isfinite(per_unit) || !(per_unit > 0)) {
-    const bool on_line = mass.rail.shape == firmware::RailShape::kLine;
+    const bool on_line = mass.rail.shape != firmware::RailShape::kCircle;
     table.refuse(on_line ? "motor.travel_per_revolution" : "motor.gear_ratio",
                  "makes " + number_text(per_unit) + " microsteps per rail unit; allowed: a finite number > 0");
     return;
@@ -291,9 +424,28 @@ void check_step_rate(TableReader& table, const Mass& mass, const SpeedExtent& ex
 
 }  // namespace
 
+std::optional<std::vector<double>> read_times(TableReader& table) {
+  const auto times = table.list("times", 2, kMaxTableEntries, Range::any("s"));
+  if (!times) return std::nullopt;
+  for (std::size_t i = 1; i < times->size(); ++i) {
+    if ((*times)[i] > (*times)[i - 1] && std::isfinite((*times)[i] - (*times)[i - 1])) continue;
+    table.refuse("times." + std::to_string(i), "is not after the time before it, " + number_text((*times)[i - 1]) +
+                                                   "; allowed: times that increase, by finite steps");
+    return std::nullopt;
+  }
+  return times;
+}
+
 Mass read_mass(TableReader& table, const MassSurroundings& around) {
   Mass mass;
   const auto mass_kg = table.number("mass", Range::positive("kg"));
+  table.know({"trajectory"});
+  if (table.has("trajectory")) {
+    if (mass_kg) mass.mass_kg = *mass_kg;
+    read_trajectory(table, around, mass.trajectory);
+    table.refuse_unknown_keys();
+    return mass;
+  }
   const auto rail = read_rail(table.table("rail"), around.ball_radius_m);
   const auto initial_position = table.number("initial_position", Range::any("rad or m"), 0.0);
   const auto initial_velocity = table.number("initial_velocity", Range::any("rad/s or m/s"), 0.0);
@@ -316,6 +468,9 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
     }
   }
   if (motion_known && rail && mass.rail.shape == firmware::RailShape::kLine) check_line_in_ball(table, mass, around);
+  if (motion_known && rail && mass.rail.shape == firmware::RailShape::kSpline && !mass.rail.closed) {
+    check_on_open_rail(table, mass, around);
+  }
 
   const bool complete = mass_kg && rail && motion_known && around.gravity_mps2 && around.ball_radius_m &&
                         around.control_period_s && around.timer_frequency_hz;

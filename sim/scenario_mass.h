@@ -1,4 +1,4 @@
-// One [[mass]] of a scenario: its rail, its motion, its motor.
+// One [[mass]] of a scenario: its rail, its motion and its motor, or its trajectory.
 #pragma once
 
 #include <optional>
@@ -16,6 +16,12 @@ struct MassSurroundings {
   std::optional<double> timer_frequency_hz;
   std::optional<Actuation> actuation;
 };
+
+// The most rows of a table of times, and the most points of a rail.
+inline constexpr std::size_t kMaxTableEntries = 10000;
+
+// The key `times` of a table: increasing, 2 to kMaxTableEntries of them.
+std::optional<std::vector<double>> read_times(TableReader& table);
 
 Mass read_mass(TableReader& table, const MassSurroundings& around);
 

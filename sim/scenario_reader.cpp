@@ -142,6 +142,11 @@ TableReader::TableReader(const Node* node, std::string path, ReadContext& contex
   }
 }
 
+bool TableReader::is_table(std::string_view key) const {
+  const Node* value = node_ == nullptr ? nullptr : node_->find(key);
+  return value != nullptr && value->kind == NodeKind::kTable;
+}
+
 std::string TableReader::path_of(std::string_view key) const {
   return path_.empty() ? std::string(key) : path_ + "." + std::string(key);
 }
@@ -283,6 +288,26 @@ std::optional<std::vector<double>> TableReader::numbers(std::string_view key, st
     if (number) numbers.push_back(*number);
   }
   return numbers.size() == size ? std::optional(numbers) : std::nullopt;
+}
+
+std::optional<std::vector<double>> TableReader::list(std::string_view key, std::size_t least, std::size_t most,
+                                                     const Range& range) {
+  const std::string allowed =
+      "an array of " + std::to_string(least) + " to " + std::to_string(most) + " numbers, each a " + range.text();
+  const Node* value = node(key);
+  if (value == nullptr) {
+    missing(key, allowed);
+    return std::nullopt;
+  }
+  if (value->kind != NodeKind::kArray) {
+    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
+    return std::nullopt;
+  }
+  if (value->items.size() < least || value->items.size() > most) {
+    fault(*value, path_of(key), "has " + std::to_string(value->items.size()) + " elements; allowed: " + allowed);
+    return std::nullopt;
+  }
+  return numbers(key, value->items.size(), range, true);
 }
 
 std::optional<std::vector<Eigen::Vector3d>> TableReader::vectors(std::string_view key, std::size_t least,

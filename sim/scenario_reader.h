@@ -64,6 +64,8 @@ class TableReader {
     const auto values = numbers(key, kSize, range, false);
     return values ? std::optional(Eigen::Matrix<double, kSize, 1>(values->data())) : std::nullopt;
   }
+  std::optional<std::vector<double>> list(std::string_view key, std::size_t least, std::size_t most,
+                                          const Range& range);
   std::optional<std::vector<Eigen::Vector3d>> vectors(std::string_view key, std::size_t least, std::size_t most,
                                                       const Range& range);
 
@@ -76,6 +78,7 @@ class TableReader {
   [[nodiscard]] const Node* node(std::string_view key);     // marks the key as known
   void know(std::initializer_list<std::string_view> keys);  // keys that belong here, though not read
   [[nodiscard]] const std::string& path() const { return path_; }
+  [[nodiscard]] bool is_table(std::string_view key) const;
   [[nodiscard]] std::string path_of(std::string_view key) const;
 
   // Reports a fault of a key, which may be deeper ("motion.1"); where the key is missing, with the table's line.

@@ -50,9 +50,33 @@ void check_ball(const BallParams& ball, Checker& check) {
   check.finite(ball.external_force_W_n, "ball.external_force_W_n");
 }
 
+void check_spline(const Rail& rail, int i, Checker& check) {
+  const int pieces = rail.piece_count;
+  check.require(pieces >= 1 && pieces <= kMaxRailPieces, "ball.rail.piece_count", i, pieces, "1..64");
+  static_assert(kMaxRailPieces == 64);
+  check.positive(rail.piece_length_m, "ball.rail.piece_length_m", i);
+  if (!check.error().ok()) return;
+  check.positive(length_m(rail), "ball.rail.piece_length_m", i);
+  for (int k = 0; k <= pieces; ++k) {
+    const RailKnot& knot = rail.knots[static_cast<std::size_t>(k)];
+    check.finite(knot.position_B_m, "ball.rail.knots", i);
+    check.finite(knot.d2_B_per_m, "ball.rail.knots", i);
+  }
+  if (!rail.closed) return;
+  const RailKnot &first = rail.knots[0], &last = rail.knots[static_cast<std::size_t>(pieces)];
+  for (int j = 0; j < 3; ++j) {
+    check.require(last.position_B_m[j] == first.position_B_m[j] && last.d2_B_per_m[j] == first.d2_B_per_m[j],
+                  "ball.rail.knots", i, last.position_B_m[j], "the last of a closed rail equal to the first");
+  }
+}
+
 void check_rail(const Rail& rail, int i, Checker& check) {
-  check.require(rail.shape == RailShape::kCircle || rail.shape == RailShape::kLine, "ball.rail.shape", i,
-                static_cast<Real>(rail.shape), "circle or line");
+  check.require(rail.shape == RailShape::kCircle || rail.shape == RailShape::kLine || rail.shape == RailShape::kSpline,
+                "ball.rail.shape", i, static_cast<Real>(rail.shape), "circle, line or spline");
+  if (rail.shape == RailShape::kSpline) {
+    check_spline(rail, i, check);
+    return;
+  }
   check.finite(rail.origin_B_m, "ball.rail.origin_B_m", i);
   const Real cos2 = rail.axis_cos_B.dot(rail.axis_cos_B);
   check.require(std::fabs(cos2 - 1) <= kUnitTolerance, "ball.rail.axis_cos_B", i, std::sqrt(cos2), "unit length");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <complex>
 
 #include "firmware/model/types.h"
 
@@ -10,16 +11,37 @@ namespace ballast::firmware {
 enum class RailShape : std::uint8_t {
   kCircle,  // zeta = origin + radius (axis_cos cos(theta) + axis_sin sin(theta)), theta in rad
   kLine,    // zeta = origin + axis_cos theta, theta in m
+  kSpline,  // a C2 cubic through knots at equal distances of theta, its arc length in m
 };
 
-// Inert data; build with circle(), circle_about() or line(), which normalise.
+inline constexpr int kMaxRailPieces = 64;
+
+// A point of a spline and the second derivative there.
+struct RailKnot {
+  Vector3 position_B_m = Vector3::Zero();
+  Vector3 d2_B_per_m = Vector3::Zero();
+};
+
+// Inert data; build with circle(), circle_about() or line(), which normalise. Who builds a spline (sim/spline_rail.h
+// does) makes it C2 and |zeta'| = 1 up to what it states.
 struct Rail {
   RailShape shape = RailShape::kLine;
   Vector3 origin_B_m = Vector3::Zero();   // centre of the circle, theta = 0 of the line
   Vector3 axis_cos_B = Vector3::UnitX();  // unit; direction of the line
   Vector3 axis_sin_B = Vector3::UnitZ();  // unit, perpendicular to axis_cos_B; unused by a line
   Real radius_m = 0;                      // of the circle; unused by a line
+
+  // Of a spline; unused by the others. Piece k goes from knot k, at theta = k piece_length_m, to knot k + 1. A closed
+  // one repeats with its length; its last knot is its first. An open one goes straight on beyond its ends, along the
+  // tangents there: zeta'' jumps to 0.
+  bool closed = false;
+  int piece_count = 0;      // 1..kMaxRailPieces
+  Real piece_length_m = 0;  // h
+  std::array<RailKnot, kMaxRailPieces + 1> knots{};
 };
+
+// Of a spline.
+inline Real length_m(const Rail& rail) { return rail.piece_count * rail.piece_length_m; }
 
 // zeta, zeta' and zeta'' (derivatives by theta), body frame.
 template <class T>
@@ -28,6 +50,41 @@ struct RailPoint {
   Eigen::Matrix<T, 3, 1> d1;
   Eigen::Matrix<T, 3, 1> d2;
 };
+
+// zeta = a zeta_k + b zeta_k+1 + ((a^3 - a) zeta''_k + (b^3 - b) zeta''_k+1) h^2 / 6 with b = theta / h - k, a = 1 - b;
+// the piece is chosen by the real part. Out of line: the other shapes are to stay small where they are inlined.
+template <class T>
+[[gnu::noinline]] RailPoint<T> evaluate_spline(const Rail& rail, T theta) {
+  const Real length = length_m(rail), h = rail.piece_length_m;
+  Real along = std::real(theta);
+  if (rail.closed) {
+    theta -= length * std::floor(along / length);
+    along = std::real(theta);
+  }
+  RailPoint<T> p;
+  const bool below = along<0, beyond = along> length;
+  const T outside = below ? theta : theta - length;  // along the tangent of an open rail's end
+  if (below || beyond) theta = T(below ? 0 : length);
+  // Written so that NaN becomes the first piece.
+  const Real place = std::real(theta) / h;
+  const int last = rail.piece_count - 1;
+  const int k = place > 0 ? (place < last ? static_cast<int>(place) : last) : 0;
+  const RailKnot &from = rail.knots[static_cast<std::size_t>(k)], &to = rail.knots[static_cast<std::size_t>(k + 1)];
+  const T b = theta / h - static_cast<Real>(k), a = 1. - b;
+  const T bend_from = (a * a * a - a) * (h * h / 6), bend_to = (b * b * b - b) * (h * h / 6);
+  const T turn_from = (1. - 3. * a * a) * (h / 6), turn_to = (3. * b * b - 1.) * (h / 6);
+  for (int j = 0; j < 3; ++j) {
+    const Real d2_from = from.d2_B_per_m[j], d2_to = to.d2_B_per_m[j];
+    p.position[j] = a * from.position_B_m[j] + b * to.position_B_m[j] + bend_from * d2_from + bend_to * d2_to;
+    p.d1[j] = (to.position_B_m[j] - from.position_B_m[j]) / h + turn_from * d2_from + turn_to * d2_to;
+    p.d2[j] = a * d2_from + b * d2_to;
+    if (below || beyond) {
+      p.position[j] += outside * p.d1[j];
+      p.d2[j] = T(0);
+    }
+  }
+  return p;
+}
 
 // Any scalar T with sin and cos, so that derivatives by complex step are possible.
 template <class T>
@@ -44,6 +101,8 @@ template <class T>
       p.d1[j] = rail.axis_sin_B[j] * c - rail.axis_cos_B[j] * s;
       p.d2[j] = -radial;
     }
+  } else if (rail.shape == RailShape::kSpline) {
+    p = evaluate_spline(rail, theta);
   } else {
     for (int j = 0; j < 3; ++j) {
       p.position[j] = rail.origin_B_m[j] + rail.axis_cos_B[j] * theta;

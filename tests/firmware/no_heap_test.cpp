@@ -133,7 +133,8 @@ TEST(NoHeap, TheGuardCounts) {
 }
 
 TEST(NoHeap, TheClosedFormsOutsideTheTick) {
-  const BallParams ball = testing::paper_ball();
+  BallParams ball = testing::paper_ball();
+  ball.rail[1] = testing::wavy_spline();
   MassMotion masses;
   masses.velocity.fill(0.1);
   Real sum = 0;
@@ -161,6 +162,7 @@ TEST(NoHeap, AMillionTicks) {
   for (std::size_t i = 0; i < 3; ++i) {
     ASSERT_TRUE(params->motion[i].set(testing::kPaperStart[i], 0.3, pieces, 60));
   }
+  params->ball.rail[1] = testing::wavy_spline();
   ASSERT_TRUE(validate(*params).ok());
   const auto state = std::make_unique<ControllerState>();
   const auto out = std::make_unique<Outputs>();

@@ -1,6 +1,7 @@
 // The paper's ball (section "Numerical simulations of the rolling ball") with a motor on each rail.
 #pragma once
 
+#include <cmath>
 #include <numbers>
 
 #include "firmware/control/controller.h"
@@ -22,6 +23,28 @@ inline BallParams paper_ball() {
   ball.rail[1] = circle_about(0.90, kPi / 2, 0);
   ball.rail[2] = circle_about(0.85, kPi / 4, kPi / 4);
   return ball;
+}
+
+// A closed spline rail with knots on a wavy circle. M_i-1 + 4 M_i + M_i+1 = 6 (y_i-1 - 2 y_i + y_i+1) / h^2 makes it C2;
+// of a sine of m waves around, sampled at steps of angle, that is M_i = -6 (1 - cos m angle) / ((2 + cos m angle) h^2)
+// y_i.
+inline Rail wavy_spline() {
+  Rail rail;
+  rail.shape = RailShape::kSpline;
+  rail.closed = true;
+  rail.piece_count = kMaxRailPieces;
+  const Real angle = 2 * kPi / kMaxRailPieces;
+  rail.piece_length_m = 0.8 * angle;
+  const auto bend = [&](int waves) {
+    const Real c = std::cos(waves * angle);
+    return -6 * (1 - c) / ((2 + c) * rail.piece_length_m * rail.piece_length_m);
+  };
+  for (int k = 0; k < kMaxRailPieces; ++k) {
+    const Vector3 p(0.8 * std::cos(k * angle), 0.1 * std::sin(3 * k * angle), 0.8 * std::sin(k * angle));
+    rail.knots[static_cast<std::size_t>(k)] = {p, Vector3(bend(1) * p[0], bend(3) * p[1], bend(1) * p[2])};
+  }
+  rail.knots[kMaxRailPieces] = rail.knots[0];
+  return rail;
 }
 
 // theta_a of eq_ball_initial_conds_spec.

@@ -115,6 +115,39 @@ TEST(Validate, MassesAndRails) {
   expect_refused("ball.rail.axis_sin_B", 1, [](auto& p) { p.ball.rail[1].axis_sin_B = p.ball.rail[1].axis_cos_B; });
 }
 
+TEST(Validate, SplineRails) {
+  const auto with_spline = [](const Change& change) {
+    return [change](ControllerParams& p) {
+      p.ball.rail[1] = testing::wavy_spline();
+      change(p);
+    };
+  };
+  EXPECT_TRUE(validated(with_spline([](auto&) {})).ok());
+  EXPECT_TRUE(validated(with_spline([](auto& p) {
+                p.ball.rail[1].piece_count = 1;
+                p.ball.rail[1].closed = false;
+                p.ball.rail[1].knots[2].position_B_m[0] = kNan;  // beyond the count
+              })).ok());
+  for (const int count : {0, -1, 65, 1 << 30}) {
+    expect_refused("ball.rail.piece_count", 1, with_spline([&](auto& p) { p.ball.rail[1].piece_count = count; }));
+  }
+  for (const Real length : {0., -1., kNan, kInfinity, 1e308}) {
+    expect_refused("ball.rail.piece_length_m", 1,
+                   with_spline([&](auto& p) { p.ball.rail[1].piece_length_m = length; }));
+  }
+  for (const std::size_t knot : {0u, 17u, 64u}) {
+    for (int j = 0; j < 3; ++j) {
+      expect_refused("ball.rail.knots", 1,
+                     with_spline([&](auto& p) { p.ball.rail[1].knots[knot].position_B_m[j] = kNan; }));
+      expect_refused("ball.rail.knots", 1,
+                     with_spline([&](auto& p) { p.ball.rail[1].knots[knot].d2_B_per_m[j] = kInfinity; }));
+    }
+  }
+  // The seam of a closed one.
+  expect_refused("ball.rail.knots", 1, with_spline([](auto& p) { p.ball.rail[1].knots[64].position_B_m[2] += 1e-9; }));
+  expect_refused("ball.rail.knots", 1, with_spline([](auto& p) { p.ball.rail[1].knots[0].d2_B_per_m[2] += 1e-9; }));
+}
+
 TEST(Validate, MotorsAndMotion) {
   expect_refused_values("motor.steps_per_unit", 1, {0, kNan, kInfinity, -kInfinity},
                         [](auto& p) -> Real& { return p.motor[1].steps_per_unit; });

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <random>
 
+#include "tests/firmware/paper_ball.h"
+
 namespace ballast::firmware {
 namespace {
 
@@ -93,7 +95,7 @@ TEST(Rail, DerivativesAgreeWithDifferencesAndComplexStep) {
   std::uniform_real_distribution<Real> uniform(-2, 2);
   const Rail rails[] = {circle_about(0.85, 0.3, 0.6),
                         circle(Vector3(0.1, -0.2, 0.3), 0.4, Vector3(0, 1, 0), Vector3(0.6, 0, -0.8)),
-                        line(Vector3(0.1, 0.2, -0.2), Vector3(1, 2, -3))};
+                        line(Vector3(0.1, 0.2, -0.2), Vector3(1, 2, -3)), testing::wavy_spline()};
   for (const Rail& rail : rails) {
     for (int k = 0; k < 100; ++k) {
       SCOPED_TRACE(::testing::Message() << "seed " << seed << " case " << k);
@@ -105,9 +107,72 @@ TEST(Rail, DerivativesAgreeWithDifferencesAndComplexStep) {
       EXPECT_NEAR(((q.d1 - o.d1) / (2 * h) - p.d2).norm(), 0, 1e-8);
       const RailPoint<std::complex<Real>> z = evaluate(rail, std::complex<Real>(theta, 1e-100));
       for (int j = 0; j < 3; ++j) {
-        EXPECT_NEAR(z.position[j].imag() / 1e-100, p.d1[j], kRounding);
-        EXPECT_NEAR(z.d1[j].imag() / 1e-100, p.d2[j], kRounding);
+        // A spline's derivatives are differences of positions, divided by a piece's length of 0.08.
+        EXPECT_NEAR(z.position[j].imag() / 1e-100, p.d1[j], 30 * kRounding);
+        EXPECT_NEAR(z.d1[j].imag() / 1e-100, p.d2[j], 30 * kRounding);
       }
+    }
+  }
+}
+
+// Two pieces of length 2, chosen so that each is a known cubic: with y and y'' of u^3 at its ends a piece is u^3.
+Rail cube(bool closed) {
+  Rail rail;
+  rail.shape = RailShape::kSpline;
+  rail.closed = closed;
+  rail.piece_count = 2;
+  rail.piece_length_m = 2;
+  for (int k = 0; k <= 2; ++k) {
+    const Real u = 2 * k;
+    // Closed: third component a tent of two parabolas' worth of bend, equal at both ends.
+    rail.knots[static_cast<std::size_t>(k)] = {Vector3(closed ? 0 : u * u * u, closed ? k % 2 : 1 + u, 3),
+                                               Vector3(closed ? 0 : 6 * u, 0, 0)};
+  }
+  return rail;
+}
+
+TEST(Rail, SplineIsTheCubicOfItsKnots) {
+  const Rail rail = cube(false);
+  EXPECT_EQ(length_m(rail), 4);
+  for (const Real u : {0.0, 0.7, 1.9999, 2.0, 3.3, 4.0}) {
+    const RailPoint<Real> p = evaluate<Real>(rail, u);
+    // Values up to 64: 1e-14 a rounding.
+    EXPECT_NEAR((p.position - Vector3(u * u * u, 1 + u, 3)).norm(), 0, 1e-13) << u;
+    EXPECT_NEAR((p.d1 - Vector3(3 * u * u, 1, 0)).norm(), 0, 1e-13) << u;
+    EXPECT_NEAR((p.d2 - Vector3(6 * u, 0, 0)).norm(), 0, 1e-13) << u;
+  }
+}
+
+TEST(Rail, OpenSplineGoesStraightOnBeyondItsEnds) {
+  const Rail rail = cube(false);
+  for (const Real beyond : {1e-9, 0.5, 100.0}) {
+    const RailPoint<Real> p = evaluate<Real>(rail, 4 + beyond), q = evaluate<Real>(rail, -beyond);
+    EXPECT_NEAR((p.position - Vector3(64 + 48 * beyond, 5 + beyond, 3)).norm(), 0, 1e-13 * (1 + 48 * beyond));
+    EXPECT_NEAR((p.d1 - Vector3(48, 1, 0)).norm(), 0, 1e-13);
+    EXPECT_EQ(p.d2, Vector3::Zero());
+    EXPECT_NEAR((q.position - Vector3(0, 1 - beyond, 3)).norm(), 0, 1e-13 * (1 + beyond));
+    EXPECT_EQ(q.d2, Vector3::Zero());
+  }
+}
+
+TEST(Rail, ClosedSplineWraps) {
+  const Rail rail = cube(true);
+  for (const Real u : {0.0, 0.5, 2.5, 3.75}) {
+    for (const int turns : {-1000, -1, 1, 7}) {
+      const RailPoint<Real> p = evaluate<Real>(rail, u), q = evaluate<Real>(rail, u + 4 * turns);
+      EXPECT_EQ(p.position, q.position) << u;  // multiples of 1/4: exact
+      EXPECT_EQ(p.d1, q.d1) << u;
+    }
+  }
+  EXPECT_EQ(evaluate<Real>(rail, -0.5).position, Vector3(0, 0.25, 3));
+  // What rounding leaves just below a turn belongs to the curve, not to a tangent.
+  EXPECT_NEAR(evaluate<Real>(rail, -1e-300).position[1], 0, kRounding);
+}
+
+TEST(Rail, NotANumberGoesThroughASpline) {
+  for (const bool closed : {false, true}) {
+    for (const Real theta : {std::numeric_limits<Real>::quiet_NaN(), std::numeric_limits<Real>::infinity()}) {
+      EXPECT_FALSE(evaluate<Real>(cube(closed), theta).position.allFinite()) << closed << " " << theta;
     }
   }
 }

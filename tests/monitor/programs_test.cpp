@@ -117,6 +117,13 @@ TEST(Params, TooManyPiecesAreRefused) {
   EXPECT_EQ(to_controller_params(s, *params), "mass.0.motion: 129 pieces: the controller allows at most 128");
 }
 
+TEST(Params, ATrajectoryIsRefused) {
+  sim::Scenario s = scenario();
+  s.masses[1].trajectory = {.times_s = {0, 1}, .points_B_m = {{0, 0, 0}, {0.1, 0, 0}}};
+  const auto params = std::make_unique<firmware::ControllerParams>();
+  EXPECT_EQ(to_controller_params(s, *params), "mass.1.trajectory: the controller moves masses along rails only");
+}
+
 TEST(Params, MonitorGetsTheLimits) {
   const sim::Scenario s = scenario();
   const monitor::MonitorLimits limits = to_monitor_limits(s);

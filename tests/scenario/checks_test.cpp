@@ -188,8 +188,6 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(
         Rejection{"mass.0.mass=0", "mass.0.mass", "> 0"}, Rejection{"mass.0.rail=1", "mass.0.rail", "a table"},
         Rejection{"mass.0.rail.shape=square", "mass.0.rail.shape", "\"circle\" or \"line\" or \"spline\""},
-        Rejection{"mass.0.rail={shape=\"spline\",points=[[0,0,0],[1,0,0],[0,1,0]],closed=true}", "mass.0.rail.shape",
-                  "not supported yet"},
         Rejection{"mass.0.rail.radius=0", "mass.0.rail.radius", "> 0"},
         Rejection{"mass.0.rail.radius=2.0001", "mass.0.rail.radius", "ball.radius = 2"},
         Rejection{"mass.0.rail.direction=5", "mass.0.rail.direction", "a table"},
@@ -457,26 +455,6 @@ TEST(Scenario, AStartInSlidingNeedsAFiniteFriction) {
   EXPECT_EQ(accepted(kMinimal, {sliding, "initial.height=0.5"}).initial.height_m, 0.5);
   EXPECT_EQ(accepted(kMinimal, {"initial.velocity=[1, 0, -1]"}).initial.velocity_W_mps[2], -1);
   EXPECT_EQ(accepted(kMinimal, {"run.on_violation=continue"}).run.on_violation, OnViolation::kContinue);
-}
-
-TEST(Scenario, ASplineIsCheckedAndThenRefusedAsNotSupportedYet) {
-  const auto keys = [](const std::string& rest) {
-    const ScenarioResult result = parse(kFull, {"mass.0.rail={shape=\"spline\", " + rest + "}"});
-    std::vector<std::string> found;
-    for (const ScenarioError& error : result.errors) found.push_back(error.key);
-    return found;
-  };
-  const auto refused = [](std::vector<std::string> before) {
-    before.push_back("mass.0.rail.shape");
-    return before;
-  };
-  EXPECT_EQ(keys("points=[[0,0,0],[1,0,0]]"), refused({}));
-  EXPECT_EQ(keys("points=[[0,0,0],[1,0,0]], closed=true"), refused({"mass.0.rail.points"}));  // 3 at least
-  EXPECT_EQ(keys("points=[[0,0,0],[2.1,0,0]]"), refused({"mass.0.rail.points"}));             // outside the ball
-  EXPECT_EQ(keys("points=[[0,0,0],[1,0]]"), refused({"mass.0.rail.points.1"}));
-  EXPECT_EQ(keys("points=[[0,0,0],[1,0,0]], closed=1"), refused({"mass.0.rail.closed"}));
-  EXPECT_EQ(keys("closed=true"), refused({"mass.0.rail.points"}));
-  EXPECT_EQ(keys("points=[[0,0,0],[1,0,0]], radius=1"), refused({"mass.0.rail.radius"}));
 }
 
 TEST(Scenario, AtMostEightMassesAndAsManyPiecesAsTheFirmwareHolds) {

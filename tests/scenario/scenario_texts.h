@@ -81,6 +81,40 @@ value = 0.19
 source = "somewhere"
 )";
 
+// What kFull has no room for: splines, trajectories, forces that change.
+inline const std::string kPaths = R"(duration = 4.0
+gravity = 9.0
+external_force = { times = [0.5, 1.5, 3.0], forces = [[0.1, 0, 0], [0, 0.2, 0], [0, 0, -0.1]] }
+[drag]
+coefficient = 0.25
+wind = [3, 0, -1]
+[ball]
+radius = 2.0
+mass = 3.0
+inertia = [1.0, 1.1, 1.2]
+[[mass]]
+mass = 0.5
+rail = { shape = "spline", closed = true, points = [[1, 0, 0], [0, 1, 0.5], [-1, 0, 0], [0, -1, -0.5]] }
+initial_velocity = 0.25
+[[mass]]
+mass = 0.5
+rail = { shape = "spline", points = [[-1, 0, 0.5], [0, 0, 0], [1, 0, 0.5]] }
+initial_position = 0.5
+[mass.motor]
+travel_per_revolution = 0.5
+[[mass]]
+mass = 0.25
+trajectory = { times = [-1, 0, 2, 4.5], points = [[0, 0, 0], [0, 0, 0.5], [0, 0.5, 0], [0.5, 0, 0]] }
+[[mass]]
+mass = 0.25
+[mass.trajectory]
+periodic = true
+times = [1, 2, 3, 5]
+points = [[0, 0, 0], [0, 0, 0.5], [0, 0.5, 0], [0, 0, 0]]
+[run]
+actuation = "prescribed"
+)";
+
 // Only what is required.
 inline const std::string kMinimal = R"(duration = 4.0
 gravity = 1.0

@@ -232,6 +232,40 @@ TEST(Run, ListsRegimesAndImpactsOfAHop) {
   EXPECT_EQ(s["trip"]["cause"], "normal_force");
 }
 
+// Without the motor's ripple the ball follows its seam: f_s / N is that of the prescribed run and what steps add.
+TEST(Run, SeamBallRunsOnceRoundItsSpline) {
+  const Folder folder;
+  ASSERT_EQ(folder.run("ballast run seam_ball --quiet --out r").exit_status, 0);
+  ASSERT_EQ(folder.run("ballast run seam_ball --quiet --out p --actuation prescribed").exit_status, 0);
+  const auto s = folder.summary("r"), p = folder.summary("p");
+  EXPECT_EQ(s["motors"][0]["lost_steps"], 0);
+  EXPECT_EQ(p["motors"][0]["steps"], 0);
+  EXPECT_GT(p["motors"][0]["max_torque"], 0);
+  // The motor lags by up to a tooth's quarter under full torque, 1/200 turn or 0.5 mm; it has a margin of a half.
+  const double end = p["final"]["mass_position"][0];
+  EXPECT_NEAR(s["final"]["mass_position"][0].get<double>(), end, 2.5e-4);
+  EXPECT_LT(s["mu_required"]["max"], 0.1);
+  // Once round, and the path is 1.5 times the rail: its ends are 1.25 m apart (the seam rolled out on paper).
+  const double x = p["final"]["position"][0], y = p["final"]["position"][1];
+  EXPECT_LT(std::hypot(x, y), 1.5 * end);
+  EXPECT_GT(std::hypot(x, y), 1.5 * end / 2);
+}
+
+TEST(Run, AMassOnATrajectoryHasTheTimeAsItsCoordinateAndNoMotor) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run tumbleweed --out r");
+  ASSERT_EQ(run.exit_status, 0) << run.err;
+  EXPECT_EQ(run.out.find("torque margin"), std::string::npos);
+  const auto s = folder.summary("r");
+  EXPECT_EQ(s["final"]["mass_position"][0], 36);
+  EXPECT_EQ(s["final"]["mass_velocity"][0], 1);
+  ASSERT_EQ(s["motors"].size(), 1u);
+  EXPECT_TRUE(s["motors"][0].is_null());
+  const Outcome stepper = folder.run("ballast run tumbleweed --out q --actuation stepper");
+  EXPECT_EQ(stepper.exit_status, 1);
+  EXPECT_NE(stepper.err.find("run.actuation = \"prescribed\""), std::string::npos) << stepper.err;
+}
+
 TEST(Run, AStartInSlidingIsNoViolation) {
   const Folder folder;
   EXPECT_EQ(folder.run("ballast run slide_to_roll --out r").exit_status, 0);

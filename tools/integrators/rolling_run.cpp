@@ -209,13 +209,17 @@ class Run {
     note_motors(t, y, m);
   }
 
+  // A mass on a trajectory has none.
+  [[nodiscard]] bool has_motor(std::size_t i) const { return scenario_.masses[i].trajectory.times_s.empty(); }
+
   // Needed torque at the shaft, rotor inertia included.
   std::array<double, sim::kMaxMasses> needed_torques(double t, const State& y, const Motion& m) const {
     std::array<double, sim::kMaxMasses> torque{};
     const RollingOde::MassPoint masses = problem_.ode.masses(t);
     sim::generalised_forces(problem_.ode.body(), &y[RollingOde::kOmega], masses.position.data(), masses.velocity.data(),
                             masses.acceleration.data(), m, torque.data());
-    for (std::size_t i = 0; i < steppers_.size(); ++i) torque[i] /= scenario_.masses[i].motor.shaft_ratio;
+    for (std::size_t i = 0; i < steppers_.size(); ++i)
+      torque[i] = has_motor(i) ? torque[i] / scenario_.masses[i].motor.shaft_ratio : 0;
     return torque;
   }
 
@@ -224,6 +228,7 @@ class Run {
     const RollingOde::MassPoint masses = problem_.ode.masses(t);
     const auto torque = needed_torques(t, y, m);
     for (std::size_t i = 0; i < steppers_.size(); ++i) {
+      if (!has_motor(i)) continue;
       const sim::Motor& motor = scenario_.masses[i].motor;
       const double speed = motor.shaft_ratio * masses.velocity[i];
       sim::MotorExtrema& x = out_.result.motor_extrema[i];
@@ -251,6 +256,7 @@ class Run {
     out_.end_state = y;
     const sim::Body& body = problem_.ode.body();
     const RollingOde::MassPoint masses = problem_.ode.masses(t);
+    const sim::CarriedMasses at = problem_.ode.carried(t);
     const auto torque = needed_torques(t, y, now_);
     sim::Plant::Sample s{};
     s.time_s = t;
@@ -269,7 +275,7 @@ class Run {
     for (std::size_t i = 0; i < steppers_.size(); ++i) {
       s.mass_position[i] = masses.position[i];
       s.mass_velocity[i] = masses.velocity[i];
-      s.mass_position_B_m[i] = firmware::evaluate(body.rail[i], masses.position[i]).position;
+      s.mass_position_B_m[i] = {at[i].position_B_m.x, at[i].position_B_m.y, at[i].position_B_m.z};
       s.center_of_mass_B_m += body.mass_kg[i] * s.mass_position_B_m[i];
       s.motor_torque_nm[i] = torque[i];
     }

@@ -255,7 +255,7 @@ def masses(run):
         lower.plot(time, true[:, i] - commanded[:, i], color=MASS_COLORS[i], linewidth=1.0)
     command = [Line2D([], [], color=BLACK, linestyle=(0, (4, 4)), linewidth=0.9, label="commanded")]
     events = mark_events([upper, lower], run)
-    upper.set_ylabel(r"$\theta_i$ [rad, or m on a line]")
+    upper.set_ylabel(r"$\theta_i$ [rad, or m]")
     lower.set_ylabel(r"$\theta_i$, true $-$ commanded")
     lower.axhline(0, color=BLACK, linewidth=0.6)
     lower.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3), useMathText=True)
@@ -286,7 +286,7 @@ def height(run):
 
 
 def motors(run):
-    """A row per motor: torque at its shaft, and what is left of what it has; None for a ball without masses."""
+    """A row per motor: torque at its shaft, and what is left of what it has; None for a ball without motors."""
     found = run.motors()
     if not found:
         return None
@@ -296,12 +296,13 @@ def motors(run):
     time = run.state["time_s"]
     events = mark_events(list(rows.flat), run)
     top_legend = None
-    for i, (motor, (left, right), color) in enumerate(zip(found, rows, MASS_COLORS)):
+    for i, (motor, (left, right)) in enumerate(zip(found, rows)):
+        color = MASS_COLORS[motor.mass]
         left.plot(time, motor.torque_nm, color=color, linewidth=1.0)
         right.plot(time, 100 * motor.margin, color=color, linewidth=1.0)
         least, most = number_text(motor.available_nm.min()), number_text(motor.available_nm.max())
         available = least if least == most else f"{least} to {most}"
-        label = f"$m_{i + 1}$: at most {number_text(motor.greatest_nm)} of {available} N m"
+        label = f"$m_{motor.mass + 1}$: at most {number_text(motor.greatest_nm)} of {available} N m"
         torque_legend = [Line2D([], [], color=color, label=label)]
         # A limit far above would press the torque flat.
         if motor.available_nm.min() <= _LIMIT_IN_SIGHT * motor.greatest_nm:

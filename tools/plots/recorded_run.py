@@ -48,6 +48,7 @@ class Motor(NamedTuple):
     one that lags as much less; `least_margin`, then below 0, is.
     """
 
+    mass: int                  # that it moves, from 0
     torque_nm: np.ndarray      # positive drives theta up; prescribed runs: needed, the rotor's inertia included
     available_nm: np.ndarray   # > 0: the holding torque up to the corner speed, falling with 1 / speed above
     margin: np.ndarray         # 1: unused, 0: all of it; below 0: more was needed than there is
@@ -153,12 +154,14 @@ class RecordedRun:
         return float(speed[rolls] @ weight / (weight @ weight)) if weight.any() and speed[rolls].any() else None
 
     def motors(self):
-        """One Motor per mass; empty for a ball without masses."""
+        """One Motor per mass on a rail, in their order; a mass on a trajectory has none."""
         entries = self.summary.get("motors", [])
         if len(entries) != self.mass_count:
             raise LogError(f"{self.summary_path}: motors has {len(entries)} entries; the log shows {self.mass_count}")
         found = []
         for i, entry in enumerate(entries):
+            if entry is None:
+                continue
             try:
                 p = entry["parameters"]
                 speed_radps = p["shaft_ratio"] * np.asarray(self.state["mass_velocity"][:, i], dtype=float)
@@ -169,7 +172,7 @@ class RecordedRun:
                 if self.is_stepper:
                     shaft_rad = p["shaft_ratio"] * np.asarray(self.state["mass_position"][:, i], dtype=float)
                     drawn_nm = drawn_nm + p["detent_torque"] * np.sin(p["steps_per_revolution"] * shaft_rad)
-                found.append(Motor(torque_nm, available_nm, 1 - np.abs(drawn_nm) / available_nm,
+                found.append(Motor(i, torque_nm, available_nm, 1 - np.abs(drawn_nm) / available_nm,
                                    float(entry["max_torque"]), float(entry["torque_margin"])))
             except KeyError as error:
                 raise LogError(f"{self.summary_path}: motors[{i}]: {error} is missing; was this run recorded by "

@@ -46,11 +46,14 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
   p->ball.shell_mass_kg = scenario.ball.mass_kg;
   p->ball.inertia_kgm2 = scenario.ball.inertia_kgm2;
   p->ball.center_of_mass_B_m = scenario.ball.center_of_mass_B_m;
-  p->ball.external_force_W_n = scenario.external_force_W_n;
+  p->ball.external_force_W_n = scenario.external_force_W_n;  // the controller knows of no table and no drag
   p->ball.mass_count = static_cast<int>(scenario.masses.size());
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const sim::Mass& mass = scenario.masses[i];
     p->ball.mass_kg[i] = mass.mass_kg;
+    if (!mass.trajectory.times_s.empty()) {
+      return mass_key(i, "trajectory") + ": the controller moves masses along rails only";
+    }
     p->ball.rail[i] = mass.rail;
     p->motor[i].steps_per_unit =
         mass.motor.steps_per_revolution * mass.motor.microsteps * mass.motor.shaft_ratio / (2 * std::numbers::pi);

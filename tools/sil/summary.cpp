@@ -117,6 +117,10 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     positions.push_back(f.mass_position[i]);
     velocities.push_back(f.mass_velocity[i]);
+    if (!scenario.masses[i].trajectory.times_s.empty()) {
+      motors.push_back(nullptr);  // moved, not driven
+      continue;
+    }
     const sim::Motor& motor = scenario.masses[i].motor;
     motors.push_back({{"steps", result.motors[i].steps},
                       {"lost_steps", f.lost_steps[i]},
@@ -286,9 +290,12 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     text += format("%s issued, %lld lost\n", scenario.masses.empty() ? "0" : "", static_cast<long long>(lost));
   }
   double margin = 1;
-  for (std::size_t i = 0; i < scenario.masses.size(); ++i)
+  bool any_motor = false;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     margin = std::min(margin, result.motor_extrema[i].torque_margin);
-  if (!scenario.masses.empty()) text += format("  motors      least torque margin %.0f %%\n", 100 * margin);
+    any_motor = any_motor || scenario.masses[i].trajectory.times_s.empty();
+  }
+  if (any_motor) text += format("  motors      least torque margin %.0f %%\n", 100 * margin);
   text += format("  speed       %.0f times real time", end_s / std::max(result.wall_time_s, 1e-9));
   if (result.ticks > 0)
     text += format(", %.2f us per tick", 1e6 * result.wall_time_s / static_cast<double>(result.ticks));
