@@ -21,12 +21,18 @@ class PrescribedMotion {
   // cubic even at its ends, so the caller chooses the side of a jump by naming the piece.
   [[nodiscard]] Point at(std::size_t piece, double time_s) const;
   [[nodiscard]] double end_s(std::size_t piece) const;  // infinity for the last
+  // The first instant after time_s at which the piece ends or the mass passes a knot of its spline rail, where zeta'''
+  // jumps.
+  [[nodiscard]] double smooth_until_s(std::size_t piece, double time_s) const;
 
  private:
+  [[nodiscard]] double next_knot_s(std::size_t piece, double from_s, double to_s) const;
+
   struct Piece {
     double start_s, position, velocity, acceleration, jerk;
   };
   std::vector<Piece> pieces_;
+  double knot_spacing_ = 0;  // of a spline rail; else 0
   Trajectory trajectory_;
 };
 

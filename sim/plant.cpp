@@ -291,7 +291,7 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
     double target_s = end_s;
     smooth_until_s_ = std::min(body_.external_force.next_kink_s(time_s_), std::max(end_s, scenario_.duration_s));
     for (std::size_t i = 0; i < motion_.size() && !driven_; ++i) {
-      smooth_until_s_ = std::min(smooth_until_s_, motion_[i].end_s(piece_[i]));
+      smooth_until_s_ = std::min(smooth_until_s_, motion_[i].smooth_until_s(piece_[i], time_s_));
     }
     target_s = std::min(target_s, smooth_until_s_);
     if (driven_ && next_pulse < pulses.size()) target_s = std::min(target_s, start_s + pulses[next_pulse].offset_s);

@@ -1,13 +1,13 @@
 // The plant: the true ball, its masses prescribed or driven by steppers, integrated from one control tick to the next,
 // through the contact regimes of PHYSICS.md section 4: rolling, sliding, flight, with impacts between them.
 //
-// No step of an integrator crosses an instant at which a `motion` piece changes, a trajectory or the table of the
-// external force has a row, or a step pulse comes. (Where a mass passes a knot of a spline rail zeta''' jumps: there
-// the error estimate makes the steps small.) Accelerations may jump at those instants; the value after the jump counts
-// (PHYSICS.md section 4). Driven masses, and slides, are integrated from pulse to pulse and tick to tick with
-// Dormand-Prince 5(4). Rolling and flying with prescribed masses are smooth and known in advance: DOP853 steps ahead as
-// far as its error estimate allows, whatever the ticks are, and what lies inside a step is seen by its dense output.
-// The quaternion is brought back to unit length after each step.
+// No step of an integrator crosses an instant at which a `motion` piece changes, a prescribed mass passes a knot of its
+// spline rail, a trajectory or the table of the external force has a row, or a step pulse comes. (Where a driven mass
+// passes a knot, and zeta''' jumps, the error estimate sees to it.) Accelerations may jump at those instants; the value
+// after the jump counts (PHYSICS.md section 4). Driven masses, and slides, are integrated from pulse to pulse and tick
+// to tick with Dormand-Prince 5(4). Rolling and flying with prescribed masses are smooth and known in advance: DOP853
+// steps ahead as far as its error estimate allows, whatever the ticks are, and what lies inside a step is seen by its
+// dense output. The quaternion is brought back to unit length after each step.
 //
 // Extrema of N, f_s and f_s/N, and the instants at which a regime ends, are looked for between the ticks: inside every
 // step, by integrating again from its start or by dense output.

@@ -45,10 +45,11 @@ RollingOde::State RollingOde::initial_state() const { return initial_; }
 
 void RollingOde::begin(double time_s) {
   end_s_ = body_.external_force.next_kink_s(time_s);
+  if (time_s < begin_s_) piece_.assign(motion_.size(), 0);
+  begin_s_ = time_s;
   for (std::size_t i = 0; i < motion_.size(); ++i) {
-    piece_[i] = 0;
     while (motion_[i].end_s(piece_[i]) <= time_s) ++piece_[i];
-    end_s_ = std::min(end_s_, motion_[i].end_s(piece_[i]));
+    end_s_ = std::min(end_s_, motion_[i].smooth_until_s(piece_[i], time_s));
   }
 }
 

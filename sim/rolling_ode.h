@@ -27,12 +27,14 @@ class RollingOde {
   [[nodiscard]] const Body& body() const { return body_; }
   [[nodiscard]] State initial_state() const;
 
-  // The right-hand side is smooth between kinks: where a motion piece ends, or the external force's rate jumps.
-  // Everything below is that of the stretch that begin() was last told of, even at its end, so that no step of an
-  // integrator sees a jump. At a kink begin() takes the stretch after it.
+  // The right-hand side is smooth between kinks: where a motion piece ends, a mass passes a knot of its spline rail, or
+  // a trajectory or the table of the external force has a row. Everything below is that of the stretch that begin() was
+  // last told of, even at its end, so that no step of an integrator sees a jump. At a kink begin() takes the stretch
+  // after it.
   void begin(double time_s);
   [[nodiscard]] double end_s() const { return end_s_; }  // of the stretch; +infinity for the last
 
+  // Of a mass on a trajectory: the time, 1 and 0.
   struct MassPoint {
     std::array<double, kMaxMasses> position, velocity, acceleration;
   };
@@ -55,7 +57,7 @@ class RollingOde {
   State initial_;
   std::vector<PrescribedMotion> motion_;
   std::vector<std::size_t> piece_;
-  double end_s_ = 0;
+  double begin_s_ = 0, end_s_ = 0;
 };
 
 }  // namespace ballast::sim

@@ -82,6 +82,15 @@ TEST(Integrate, EndsWithStatus3WhereRollingEnds) {
   EXPECT_EQ(folder.summary("detach")["end"]["reason"], "detached");
 }
 
+// Squares of such a force are beyond a double's range.
+TEST(Integrate, AForceBeyondNumbersIsInconsistent) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast integrate paper_ball --set 'external_force=[1e200,0,0]' --out r");
+  EXPECT_EQ(run.exit_status, 3) << run.err;
+  EXPECT_EQ(folder.summary("r")["end"]["reason"], "inconsistent");
+  EXPECT_NE(run.out.find("stopped being finite"), std::string::npos) << run.out;
+}
+
 TEST(Integrate, RefusesWhatItCannotDo) {
   const Folder folder;
   const std::pair<const char*, const char*> kRefusals[] = {

@@ -66,6 +66,25 @@ class BlowUp : public Problem {
   void jacobian(double, const double* y, double* out) const override { out[0] = 2 * y[0]; }
 };
 
+// Hairer, Norsett, Wanner, section II.0, (0.1) and (0.2): the restricted three-body problem. The Arenstorf orbit from
+// kStart closes after kPeriod; the numbers are theirs.
+class Arenstorf : public Problem {
+ public:
+  static constexpr State kStart{0.994, 0, 0, -2.00158510637908252240537862224};
+  static constexpr double kPeriod = 17.0652165601579625588917206249;
+  [[nodiscard]] std::size_t size() const override { return 4; }
+  void rhs(double, const double* y, double* f) const override {
+    constexpr double kMoon = 0.012277471, kEarth = 1 - kMoon;
+    const double d1 = std::pow((y[0] + kMoon) * (y[0] + kMoon) + y[1] * y[1], 1.5);
+    const double d2 = std::pow((y[0] - kEarth) * (y[0] - kEarth) + y[1] * y[1], 1.5);
+    f[0] = y[2];
+    f[1] = y[3];
+    f[2] = y[0] + 2 * y[3] - kEarth * (y[0] + kMoon) / d1 - kMoon * (y[0] - kEarth) / d2;
+    f[3] = y[1] - 2 * y[2] - kEarth * y[1] / d1 - kMoon * y[1] / d2;
+  }
+  void jacobian(double, const double*, double*) const override {}
+};
+
 double distance(const State& a, const State& b) { return std::hypot(a[0] - b[0], a[1] - b[1]); }
 
 std::unique_ptr<Method> make(const std::string& name, Problem& problem, const Settings& settings) {
@@ -268,6 +287,22 @@ TEST_P(Stiff, VanDerPolEndsWhereHairerSays) {
 
 INSTANTIATE_TEST_SUITE_P(Methods, Stiff, testing::Values("radau5", "bdf", "trbdf2", "trapezoid", "ida"),
                          [](const auto& n) { return std::string(n.param); });
+
+// Past the moon, at a distance of 0.006, the steps must shrink by 1e3. There are up to some 1e3 of them, with an error
+// of 1e-12 each; the bar leaves ten times their sum for what the orbit makes of them.
+class Orbit : public testing::TestWithParam<std::string> {};
+
+TEST_P(Orbit, OfArenstorfCloses) {
+  Arenstorf problem;
+  auto method = make(GetParam(), problem, {.tolerance = 1e-12});
+  method->start(0, Arenstorf::kStart);
+  while (method->time() < Arenstorf::kPeriod) ASSERT_TRUE(method->step(Arenstorf::kPeriod)) << method->failure();
+  EXPECT_NEAR(method->state()[0], Arenstorf::kStart[0], 1e-8);
+  EXPECT_NEAR(method->state()[1], Arenstorf::kStart[1], 1e-8);
+}
+
+INSTANTIATE_TEST_SUITE_P(Methods, Orbit, testing::Values("dopri5", "dop853", "adams"),
+                         [](const auto& n) { return n.param; });
 
 TEST(Methods, AreFoundByName) {
   EXPECT_NE(find_method(kDefaultMethod), nullptr);

@@ -339,5 +339,46 @@ TEST(SplineRuns, DrivenAlongASplineUnderTheNeededForcesMovesAsPrescribed) {
   }
 }
 
+// The stops that knots make, against a fine walk along the motion: between two of them the mass is between two knots,
+// and none comes without a knot or the end of a piece.
+TEST(SplineRails, MotionIsSmoothUntilTheNextKnot) {
+  constexpr std::uint64_t kSeed = 52;
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  test::RandomRobot random(kSeed);
+  int knots = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    Mass mass;
+    mass.rail.shape = firmware::RailShape::kSpline;
+    mass.rail.piece_length_m = random.uniform(0.01, 0.1);
+    mass.initial_position = random.integer(0, 1) * 3 * mass.rail.piece_length_m;  // on a knot
+    mass.initial_velocity = random.integer(0, 1) * random.uniform(-0.2, 0.2);
+    for (int i = random.integer(0, 4); i > 0; --i) {
+      mass.motion.push_back({random.uniform(0.1, 1), random.uniform(-1, 1), random.uniform(-1, 1)});
+    }
+    const PrescribedMotion motion(mass);
+    double time = 0;
+    std::size_t piece = 0;
+    while (time < 5) {
+      while (motion.end_s(piece) <= time) ++piece;
+      const double until = motion.smooth_until_s(piece, time);
+      ASSERT_GT(until, time);
+      const double last = std::min(until, 6.0);
+      const auto place = [&](double t) { return motion.at(piece, t).position / mass.rail.piece_length_m; };
+      const double inside = std::floor(place((time + last) / 2));
+      for (int k = 0; k <= 50; ++k) {
+        const double at = place(time + (last - time) * k / 50);
+        ASSERT_GT(at, inside - 2e-9) << "trial " << trial << " t " << time;
+        ASSERT_LT(at, inside + 1 + 2e-9) << "trial " << trial << " t " << time;
+      }
+      if (until < motion.end_s(piece)) {
+        ASSERT_NEAR(place(until), std::round(place(until)), 1e-9);
+        ++knots;
+      }
+      time = until;
+    }
+  }
+  EXPECT_GT(knots, 1000);
+}
+
 }  // namespace
 }  // namespace ballast::sim

@@ -11,6 +11,7 @@
 #include "tools/benchmarks/limit.h"
 #include "tools/benchmarks/reference.h"
 #include "tools/benchmarks/scenario.h"
+#include "tools/integrators/rolling_run.h"
 
 namespace ballast::benchmarks {
 namespace {
@@ -86,6 +87,22 @@ void LimitIntegration(benchmark::State& state, double tolerance, double allowed)
 BENCHMARK_CAPTURE(LimitIntegration, 1e-8, 1e-8, 1e-6)->Unit(benchmark::kMicrosecond)->Apply(as_many_calls_as_asked);
 BENCHMARK_CAPTURE(LimitIntegration, 1e-10, 1e-10, 1e-8)->Unit(benchmark::kMicrosecond)->Apply(as_many_calls_as_asked);
 BENCHMARK_CAPTURE(LimitIntegration, 1e-12, 1e-12, 1e-9)->Unit(benchmark::kMicrosecond)->Apply(as_many_calls_as_asked);
+
+// `ballast integrate`, the integration alone: the same method on the plant's equations of motion, for any robot.
+void Dop853Integration(benchmark::State& state, double tolerance, double allowed) {
+  const auto scenario = paper_ball("prescribed");
+  integrators::Settings settings;
+  settings.tolerance = tolerance;
+  integrators::BareRun run;
+  for (auto _ : state) {
+    run = integrators::integrate_only(scenario, *integrators::find_method("dop853"), settings, kEnd_s);
+    benchmark::DoNotOptimize(run);
+  }
+  state.counters["right_hand_sides"] = static_cast<double>(run.counters.right_hand_sides);
+  report_position(state, run.end_state[7], run.end_state[8], allowed);
+}
+BENCHMARK_CAPTURE(Dop853Integration, 1e-8, 1e-8, 1e-6)->Unit(benchmark::kMicrosecond)->Apply(as_many_calls_as_asked);
+BENCHMARK_CAPTURE(Dop853Integration, 1e-10, 1e-10, 1e-8)->Unit(benchmark::kMicrosecond)->Apply(as_many_calls_as_asked);
 
 // The plant in one call, with all it does besides: extrema, the envelope watched, torques.
 void PlantIntegration(benchmark::State& state) {

@@ -209,6 +209,9 @@ class Run {
     note_motors(t, y, m);
   }
 
+  // A mass on a trajectory has none.
+  [[nodiscard]] bool has_motor(std::size_t i) const { return scenario_.masses[i].trajectory.times_s.empty(); }
+
   // Needed torque at the shaft, rotor inertia included.
   std::array<double, sim::kMaxMasses> needed_torques(double t, const State& y, const Motion& m) const {
     std::array<double, sim::kMaxMasses> torque{};
@@ -220,9 +223,6 @@ class Run {
     }
     return torque;
   }
-
-  // A mass on a trajectory has none.
-  [[nodiscard]] bool has_motor(std::size_t i) const { return scenario_.masses[i].trajectory.times_s.empty(); }
 
   void note_motors(double t, const State& y, const Motion& m) {
     if (steppers_.empty()) return;
