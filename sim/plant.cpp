@@ -26,8 +26,11 @@ constexpr double kOpenTolerance = 1e-14;
 // In units of sqrt(g r), see plant.h. What they leave undone is below the integrator's tolerance in its effect: a
 // direction wrong by some 1e-8 for the 1e-4 sqrt(r/g) or less that a slip takes to reach its threshold, and the like.
 constexpr double kRestSpeed = 1e-6;
-constexpr double kSlipBegins = 1e-8;
+constexpr double kSlipBegins = 1e-6;
 constexpr double kSlipVanishes = 1e-12;
+// Of sqrt(r/g): a slip that begins is looked at as often as that, lest a step go far with a direction that is no longer
+// its own, which no error estimate would tell.
+constexpr double kSlipBeginsStep = 1e-5;
 
 // Part of the slip at the start of a step below which a stage of that step keeps the direction of the start: the
 // direction of what is left of the slip there is rounding.
@@ -36,8 +39,9 @@ constexpr double kSlipKept = 1e-3;
 // Of the time: a step's part up to the end of a slip shorter than this needs no error estimate of its own.
 constexpr double kShortestPart = 1e-13;
 
-// Changes of regime at one instant after which there is no hope of an end.
+// Changes of regime at one instant, each that close to the one before, after which there is no hope of an end.
 constexpr int kMostChanges = 16;
+constexpr double kOneInstant = 1e-14;
 
 constexpr const char* kPainleve =
     "sliding cannot go on: friction turns pressing the ball into the floor from pushing it out to pulling it in (the "
@@ -57,6 +61,17 @@ constexpr int kMaxSteps = 2'000'000;
 
 }  // namespace
 
+namespace {
+
+// Of the external force, drag aside.
+double greatest_force_n(const Scenario& scenario) {
+  double greatest = scenario.external_force_W_n.norm();
+  for (const Vector3d& force : scenario.force_table.forces_W_n) greatest = std::max(greatest, force.norm());
+  return greatest;
+}
+
+}  // namespace
+
 double Plant::mu_required(double normal_force_n, double static_friction_n) {
   return normal_force_n > 0 ? static_friction_n / normal_force_n : kInfinity;
 }
@@ -69,12 +84,13 @@ Plant::Plant(const Scenario& scenario)
       size_(contact_size_),
       static_friction_(scenario.surface.static_friction),
       kinetic_friction_(scenario.surface.kinetic_friction),
-      speed_scale_mps_(std::sqrt(scenario.gravity_mps2 * scenario.ball.radius_m)),
+      speed_scale_mps_(std::sqrt(std::max(scenario.gravity_mps2, greatest_force_n(scenario) / body_.total_mass_kg) *
+                                 scenario.ball.radius_m)),
       step_s_(scenario.run.control_period_s),
       extrema_{{0, -1}, {0, -1}, {0, -1}, {0, -1}},
       tick_normal_force_min_n_(kInfinity),
       tick_mu_required_max_(0),
-      noise_n_(kNoise * body_.total_mass_kg * body_.gravity_mps2) {
+      noise_n_(kNoise * std::max(body_.total_mass_kg * body_.gravity_mps2, greatest_force_n(scenario))) {
   const auto& initial = scenario.initial;
   y_[kQ] = initial.orientation.w();
   for (int j = 0; j < 3; ++j) {
@@ -131,6 +147,11 @@ void Plant::start_regime() {
   if (flies) {
     enter(Regime::kFlight);
   } else if (lands) {
+    regime_ = Regime::kFlight;  // up to the impact
+    size_ = contact_size_ + 4;
+    regimes_.push_back({Regime::kFlight, 0});
+    derivative(0, y_.data(), dydt_.data());
+    now_ = scratch_;
     land();
   } else if (slides) {
     touch(slip_W_mps(y_.data()).head<2>());
@@ -303,9 +324,10 @@ void Plant::after_jump() {
   derivative(time_s_, y_.data(), dydt_.data());
   now_ = scratch_;
   const bool goes_on =
-      violated(now_) && regime_ == Regime::kRolling && scenario_.run.on_violation == OnViolation::kContinue;
+      violated(now_) && (regime_ != Regime::kRolling || scenario_.run.on_violation == OnViolation::kContinue);
   if (goes_on) {
-    note_mu(time_s_, ratio(now_));  // what rolling on would have needed; its N and f_s do not come about
+    // Its N and f_s do not come about; what rolling on would have needed is worth saying.
+    if (regime_ == Regime::kRolling) note_mu(time_s_, ratio(now_));
   } else {
     note(time_s_, now_);
     note_motors();
@@ -359,7 +381,10 @@ void Plant::integrate_to(double target_s) {
 // Tries a step from time_s_ by at most longest_s and returns its length; 0 if it was too long, or no step will do.
 template <class Method>
 double Plant::try_step(Method& method, double longest_s) {
-  if (regime_ == Regime::kSliding) aim_slip();
+  if (regime_ == Regime::kSliding) {
+    aim_slip();
+    if (slip_begins_) longest_s = std::min(longest_s, kSlipBeginsStep * body_.radius_m / speed_scale_mps_);
+  }
   const bool whole = longest_s <= step_s_ * 1.001;  // no sliver for the last step
   const double h = whole ? longest_s : step_s_;
   step_y_ = y_;
@@ -468,11 +493,13 @@ void Plant::take_span(double h, bool exactly, double end_s) {
   }
 
   // Extrema inside: only a peak that may beat the best so far is worth finding.
+  // Where a slip ends its direction is that of the step's start, and so are the forces there: they do not count.
+  const bool slip_ends = broken <= 1 && regime_ == Regime::kSliding && end.motion.normal_force_n > 0;
   const auto look = [&](double best, auto value) {
     const double part = find_peak(h, middle.motion, end.motion, best, value);
     if (part < 1) look_inside(part * h, inside), note(time_s_ + part * h, inside.motion);
   };
-  if (regime_ != Regime::kFlight) {
+  if (regime_ != Regime::kFlight && !slip_ends) {
     look(extrema_.normal_force_max.value, [](const Instant& m) { return m.normal_force_n; });
     look(-extrema_.normal_force_min.value, [](const Instant& m) { return -m.normal_force_n; });
     look(extrema_.static_friction_max.value, [](const Instant& m) { return m.static_friction_n; });
@@ -486,8 +513,11 @@ void Plant::take_span(double h, bool exactly, double end_s) {
   dydt_ = end.dydt;
   now_ = end.motion;
   normalise(y_);
-  note(time_s_, now_);
-  note_motors();
+  if (broken <= 1 && now_.normal_force_n < 0) now_.normal_force_n = 0;  // it was found falling to 0, up to rounding
+  if (!slip_ends) {
+    note(time_s_, now_);
+    note_motors();
+  }
   if (broken <= 1) {
     if (steps_ahead()) {
       // What comes next starts from a step to here, which is better than the dense output.
@@ -532,6 +562,7 @@ double Plant::ratio(const Instant& m) const {
 }
 
 void Plant::end_inconsistent(std::string text) {
+  if (extrema_.normal_force_min.time_s < 0) note(time_s_, now_);  // as it starts: there is nothing else to say
   end_ = PhysicsEnd::kInconsistent;
   end_text_ = std::move(text);
 }
@@ -541,7 +572,7 @@ void Plant::leave_regime() {
     end_inconsistent(regime_ == Regime::kSliding ? kPainleve : "the contact force stopped being finite");
     return;
   }
-  if (time_s_ != last_change_s_) changes_here_ = 0;
+  if (time_s_ - last_change_s_ > kOneInstant * std::max(1.0, time_s_)) changes_here_ = 0;
   last_change_s_ = time_s_;
   if (++changes_here_ > kMostChanges) {
     end_inconsistent("the contact changes between its regimes without end at one instant");
@@ -585,9 +616,12 @@ void Plant::enter(Regime regime) {
     end_inconsistent(kPainleve);
     return;
   }
+  if (violated(now_)) {
+    leave_regime();  // its N and f_s do not come about
+    return;
+  }
   note(time_s_, now_);
   note_motors();
-  if (violated(now_)) leave_regime();
 }
 
 // The height is 0 and falling: one impulse, PHYSICS.md section 4.

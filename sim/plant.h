@@ -77,8 +77,9 @@ struct Extremum {
   double time_s;
 };
 
-// Over the whole run. In sliding f_s is the kinetic friction, so f_s / N is mu_k; in flight N = f_s = 0 and no friction
-// is required. Impulses are not forces and do not count.
+// Over the whole run; the very end of a slide, where the direction of the slip has no limit that a step could follow,
+// is left out. In sliding f_s is the kinetic friction, so f_s / N is mu_k; in flight N = f_s = 0 and no friction is
+// required. Impulses are not forces and do not count.
 struct ContactExtrema {
   Extremum mu_required_max;  // f_s / N; +infinity once rolling would need N <= 0
   Extremum normal_force_min;
@@ -86,6 +87,7 @@ struct ContactExtrema {
   Extremum static_friction_max;
 };
 
+// Taken at the ends of ticks and of the integrator's steps, not located between them.
 struct MotorExtrema {
   double max_torque_nm = 0;  // largest |torque| at the shaft (prescribed: needed, rotor inertia included)
   double torque_margin = 1;  // least part of the available torque left unused; below 0: more was needed than there is
@@ -207,7 +209,7 @@ class Plant {
   std::size_t size_;          // of the state in use
   double static_friction_;
   double kinetic_friction_;
-  double speed_scale_mps_;  // sqrt(g r)
+  double speed_scale_mps_;  // sqrt(g r), g or what the external force amounts to
   std::vector<PrescribedMotion> motion_;
   std::vector<std::size_t> piece_;
   std::vector<Stepper> steppers_;
