@@ -23,8 +23,9 @@ constexpr double kAheadTolerance = 1e-13;
 // larger, and that time is to be good to 1e-9.
 constexpr double kOpenTolerance = 1e-14;
 
-// In units of sqrt(g r), see plant.h. What they leave undone is below the integrator's tolerance in its effect: a
-// direction wrong by some 1e-8 for the 1e-4 sqrt(r/g) or less that a slip takes to reach its threshold, and the like.
+// In units of sqrt(g r), see plant.h. What they leave undone has little effect: a direction wrong by some 1e-6 for the
+// 1e-6 to 1e-4 sqrt(r/g) that a slip mostly takes to reach its threshold. One that creeps to it in 1e-3 sqrt(r/g), with
+// a kinetic friction equal to the static one and forces that change slowly, moved the ball by 1e-11 r.
 constexpr double kRestSpeed = 1e-6;
 constexpr double kSlipBegins = 1e-6;
 constexpr double kSlipVanishes = 1e-12;

@@ -20,8 +20,8 @@
 //   - In an impact prescribed masses keep their rail velocity; driven ones yield along their rails with their rotors,
 //     because the motors' forces are finite.
 //   - An impact slower than 1e-6 sqrt(g r) leaves no normal velocity: bouncing ends.
-//   - While a slip that has just begun is slower than 1e-8 sqrt(g r), its direction is taken from the contact's
-//     accelerations (contact.h), because the velocity's is still rounding; one that is about to vanish keeps its
+//   - While a slip that has just begun is slower than 1e-6 sqrt(g r), its direction is taken from the contact's
+//     accelerations (contact.h): the velocity's is rounding at first, and then so stiff that it is that one; one that is about to vanish keeps its
 //     direction below 1e-3 of what the slip was as the integrator's step began, or 1e-12 sqrt(g r).
 #pragma once
 

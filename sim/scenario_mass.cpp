@@ -424,13 +424,18 @@ void check_step_rate(TableReader& table, const Mass& mass, const SpeedExtent& ex
 
 }  // namespace
 
+// No integrator's step is much shorter than that: see Plant.
+constexpr double kLeastGap = 1e-9;
+
 std::optional<std::vector<double>> read_times(TableReader& table) {
   const auto times = table.list("times", 2, kMaxTableEntries, Range::any("s"));
   if (!times) return std::nullopt;
   for (std::size_t i = 1; i < times->size(); ++i) {
-    if ((*times)[i] > (*times)[i - 1] && std::isfinite((*times)[i] - (*times)[i - 1])) continue;
-    table.refuse("times." + std::to_string(i), "is not after the time before it, " + number_text((*times)[i - 1]) +
-                                                   "; allowed: times that increase, by finite steps");
+    const double before = (*times)[i - 1], gap = (*times)[i] - before;
+    if (gap >= kLeastGap * std::max(1.0, std::abs(before)) && std::isfinite(gap)) continue;
+    table.refuse("times." + std::to_string(i), "is not after the time before it, " + number_text(before) +
+                                                   "; allowed: times that increase, by finite steps of at least 1e-9 "
+                                                   "and 1e-9 of the time");
     return std::nullopt;
   }
   return times;

@@ -282,7 +282,8 @@ TEST_P(Stiff, VanDerPolEndsWhereHairerSays) {
   while (method->time() < 2) ASSERT_TRUE(method->step(2)) << method->failure();
   EXPECT_NEAR(method->state()[0], 0.1706167732170456e1, 2e-7);
   EXPECT_NEAR(method->state()[1], -0.8928097010248257, 2e-7);
-  EXPECT_LT(method->counters().steps, 200'000);  // explicit methods: some 2e6, for 1e6 y1^2 h < 3
+  // Explicit methods take some 2e6, for 1e6 y1^2 h < 3; those of order 2, with their share of the tolerance, up to 4e5.
+  EXPECT_LT(method->counters().steps, 500'000);
 }
 
 INSTANTIATE_TEST_SUITE_P(Methods, Stiff, testing::Values("radau5", "bdf", "trbdf2", "trapezoid", "ida"),

@@ -490,5 +490,99 @@ TEST(Driven, EnergyBalanceThroughAllRegimes) {
   EXPECT_GE(plant.regimes().size(), 2u);
 }
 
+// An impact at the start that has no answer: there is a regime, a state and forces to show nevertheless.
+TEST(Inconsistent, AStartingImpactLeavesARegimeAndAState) {
+  Scenario s = loaded_ball(0.06, 0.9, 0.9, 1.0);
+  s.ball = {.radius_m = 0.1,
+            .mass_kg = 1,
+            .inertia_kgm2 = Vector3d::Constant(0.004),
+            .center_of_mass_B_m = Vector3d(0.06, 0, -0.01)};
+  s.masses.clear();
+  s.gravity_mps2 = 9.81;
+  s.initial = {};
+  s.initial.has_velocity = true;
+  s.initial.velocity_W_mps = {1.614, 0, -1};
+  s.initial.angular_velocity_B_radps = {0, 14.009, 0};
+  const Plant plant(s);
+  EXPECT_EQ(plant.end(), PhysicsEnd::kInconsistent);
+  ASSERT_EQ(plant.regimes().size(), 1u);
+  EXPECT_EQ(plant.regimes()[0].regime, Regime::kFlight);
+  EXPECT_EQ(plant.sample().up_B, Vector3d::UnitZ());
+  EXPECT_EQ(plant.extrema().normal_force_min.time_s, 0);
+}
+
+// A mass that is pulled down with 60 m/s^2 lifts a sliding ball off at once: N jumps past 0, and what it would be on
+// the floor is no force that ever acts.
+TEST(Regimes, ForcesOfARegimeThatIsOverAsItBeginsDoNotCount) {
+  Scenario s;
+  s.duration_s = 0.04;
+  s.gravity_mps2 = 10;
+  s.run.actuation = Actuation::kPrescribed;
+  s.run.on_violation = OnViolation::kContinue;
+  s.ball = {
+      .radius_m = 0.1, .mass_kg = 1, .inertia_kgm2 = Vector3d::Constant(0.004), .center_of_mass_B_m = Vector3d::Zero()};
+  s.surface = {.static_friction = 0.2, .kinetic_friction = 0.15, .restitution = 0};
+  Mass mass;
+  mass.mass_kg = 1;
+  mass.rail = firmware::line(Vector3d::Zero(), Vector3d::UnitZ());
+  mass.motion = {{0.02, 0, 0}, {0.02, -60, -60}};
+  mass.motor.shaft_ratio = 1;
+  s.masses.push_back(mass);
+  s.initial.has_velocity = true;
+  s.initial.velocity_W_mps = {0.2, 0, 0};
+  Plant plant(s);
+  go(plant, s, 0.001);
+  EXPECT_EQ(order(plant), (std::vector{Regime::kSliding, Regime::kFlight}));
+  EXPECT_EQ(plant.extrema().normal_force_min.value, 0);
+  EXPECT_NEAR(plant.extrema().normal_force_max.value, 20, 1e-12);
+}
+
+// Without gravity the scales of speed and force are those of the external force. From height h under the acceleration a
+// the ball lands after sqrt(2h/a), and bounces of e add up to that times (1 + e) / (1 - e).
+TEST(Impact, BouncingWithoutGravityEndsByRest) {
+  Scenario s;
+  s.duration_s = 3;
+  s.gravity_mps2 = 0;
+  s.external_force_W_n = {0, 0, -10};
+  s.run.actuation = Actuation::kPrescribed;
+  s.run.on_violation = OnViolation::kContinue;
+  s.ball = {
+      .radius_m = 0.1, .mass_kg = 1, .inertia_kgm2 = Vector3d::Constant(0.004), .center_of_mass_B_m = Vector3d::Zero()};
+  s.surface = {.static_friction = 0.5, .kinetic_friction = 0.5, .restitution = 0.6};
+  s.initial.height_m = 1;
+  Plant plant(s);
+  go(plant, s, 0.01);
+  EXPECT_EQ(order(plant), (std::vector{Regime::kFlight, Regime::kRolling}));
+  // What is left out once bounces are slower than 1e-6 of the scale of speed, 1 m/s, is 1e-7 s each.
+  EXPECT_NEAR(plant.regimes()[1].time_s, std::sqrt(0.2) * 1.6 / 0.4, 1e-6);
+  EXPECT_LT(plant.impacts().size(), 40u);
+}
+
+// Slips that begin, in robots and motions of all kinds: a step of the integrator that went on with the law of a
+// beginning slip would make transitions depend on the ticks.
+TEST(Regimes, TransitionsDoNotDependOnTheTicks) {
+  constexpr std::uint64_t kSeed = 61;
+  int transitions = 0;
+  for (int trial = 0; trial < 150; ++trial) {
+    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    Scenario s = random.scenario(random.integer(1, 4));
+    s.surface = {.static_friction = random.uniform(0.002, 0.05), .kinetic_friction = 0, .restitution = 0};
+    s.surface.kinetic_friction = random.uniform(0.5, 0.9) * s.surface.static_friction;
+    s.run.on_violation = OnViolation::kContinue;
+    s.duration_s = std::min(s.duration_s, 1.0);
+    Plant fine(s), coarse(s);
+    go(fine, s, 0.001);
+    go(coarse, s, 0.0371);
+    ASSERT_EQ(order(fine), order(coarse));
+    for (std::size_t i = 0; i < fine.regimes().size(); ++i, ++transitions) {
+      EXPECT_NEAR(fine.regimes()[i].time_s, coarse.regimes()[i].time_s, 1e-9) << i;
+    }
+    // Where a slip ends slowly the state keeps some hundred times the tolerance of its steps.
+    EXPECT_LT((fine.sample().orientation - coarse.sample().orientation).norm(), 1e-9);
+  }
+  EXPECT_GT(transitions, 100);
+}
+
 }  // namespace
 }  // namespace ballast::sim

@@ -149,7 +149,8 @@ TEST(TrajectoryScenario, FaultsAreNamed) {
            {{"duration=5"}, "mass.0.trajectory.times.3", ">= duration = 5"},
            {{"mass.0.trajectory.points.3=[2.1,0,0]"}, "mass.0.trajectory.points", "ball.radius = 2"},
            {{"mass.0.trajectory.points.1=[1e200,0,0]"}, "mass.0.trajectory.points", "ball.radius = 2"},
-           {{"mass.0.trajectory.times.1=-1e-320", "mass.0.trajectory.times.2=0"},
+           {{"mass.0.trajectory.times.1=-1e-8", "mass.0.trajectory.times.2=0",
+             "mass.0.trajectory.points.1=[1e300,0,0]"},
             "mass.0.trajectory.times",
             "less extreme"},
            {{"mass.0.trajectory.periodic=true"}, "mass.0.trajectory.points.3", "ends where it starts"}}) {
@@ -177,8 +178,11 @@ TEST(ForceScenario, AConstantATableAndDragAreRead) {
   for (const Refusal& refusal : std::vector<Refusal>{
            {{"external_force.times=[0]"}, "external_force.times", "2 to 10000"},
            {{"external_force.times=[1, 0]"}, "external_force.times.1", "times that increase"},
+           {{"external_force.times=[4000, 4000.000001]"}, "external_force.times.1", "1e-9 of the time"},
            {{"external_force.times=[0, 1, 2]"}, "external_force.forces", "one for each of the 3 times"},
-           {{"external_force.times.1=1e-320"}, "external_force.forces.1", "changes too fast"},
+           {{"external_force.times.1=1e-8", "external_force.forces.1=[1e305,0,0]"},
+            "external_force.forces.1",
+            "changes too fast"},
            {{"external_force.forces.1=[0,0]"}, "external_force.forces.1", "array of 3"},
            {{"external_force.force=3"}, "external_force.force", "did you mean forces?"},
            {{"external_force=\"x\""}, "external_force", "array of 3"},

@@ -12,8 +12,9 @@ namespace ballast::integrators {
 enum class Form { kOde, kDae };  // rolling_ball_ode_f or rolling_ball_dae_g
 
 struct Settings {
-  double tolerance = 1e-10;  // relative and absolute: the local error of y is held below tolerance * (1 + |y|)
-  double fixed_step_s = 0;   // > 0: steps of about this length, whatever the error (see EvenSteps)
+  double tolerance = 1e-10;  // relative and absolute: the local error of y is held below tolerance * (1 + |y|), or a
+                             // part of it (MethodInfo::share)
+  double fixed_step_s = 0;  // > 0: steps of about this length, whatever the error (see EvenSteps)
 };
 
 enum class FixedSteps { kNever, kOnRequest, kAlways };
@@ -26,8 +27,16 @@ struct MethodInfo {
   FixedSteps fixed_steps;
   int looks;  // into how many parts its steps are cut to look for extrema: 1 where steps are far shorter than the
               // motion
-  std::unique_ptr<Method> (*make)(Problem& problem, const Settings& settings);
+  // Of the tolerance that the local error gets, so that at one tolerance all methods end about equally far off: the
+  // errors of methods that take many times the steps add up to many times as much.
+  double share;
+  std::unique_ptr<Method> (*construct)(Problem& problem, const Settings& settings);
+
+  [[nodiscard]] std::unique_ptr<Method> make(Problem& problem, const Settings& settings) const;
 };
+
+// No method's local error is held to less than this for its share: rounding would be all it sees.
+inline constexpr double kLeastShared = 2e-13;
 
 std::span<const MethodInfo> all_methods();
 const MethodInfo* find_method(const std::string& name);  // nullptr: none of that name
