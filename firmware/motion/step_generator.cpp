@@ -90,10 +90,6 @@ class Pulses {
     Real velocity = cubic.velocity_at(w);
     Real fastest_hz = std::fabs(velocity);
     if (!add((cubic_start_s + w) * timer_frequency_hz_, direction)) return false;
-    if (size_ + steps - 1 > kMaxStepsPerTick) {
-      found_ += steps - 1;
-      return false;
-    }
     // Accelerations are linear: at twice the span's length from it they are no more than 5 times those at its ends.
     const Real bend =
         5 * std::fmax(std::fabs(cubic.acceleration_at(begin_s)), std::fabs(cubic.acceleration_at(end_s)));
@@ -111,10 +107,8 @@ class Pulses {
       interval = next - w;
       w = next;
       fastest_hz = std::max(fastest_hz, std::fabs(velocity));
-      append((cubic_start_s + w) * timer_frequency_hz_, direction);
+      if (!add((cubic_start_s + w) * timer_frequency_hz_, direction)) return false;
     }
-    count_ += direction * (steps - 1);
-    found_ += steps - 1;
     fastest_hz_ = std::max(fastest_hz_, fastest_hz);
     return true;
   }
@@ -144,7 +138,6 @@ class Pulses {
   [[nodiscard]] Real fastest_hz() const { return fastest_hz_; }
 
  private:
-  // The first pulse of a span: the one before may have been another way.
   bool add(Real exact_ticks, int direction) {
     count_ += direction;
     if (++found_ > 2 * kMaxStepsPerTick) return false;  // touches count too: the work stays bounded
@@ -156,13 +149,10 @@ class Pulses {
       }
     }
     if (size_ == kMaxStepsPerTick) return false;
-    append(exact_ticks, direction);
-    return true;
-  }
-  void append(Real exact_ticks, int direction) {
     PulseWindow& pulse = pulses_[static_cast<std::size_t>(size_++)];
     pulse.exact_ticks = exact_ticks;
     pulse.direction = direction;
+    return true;
   }
 
   std::int64_t count_;

@@ -119,6 +119,7 @@ bool Crossings::open_span() {
 
 bool Crossings::next(long double until_s, Crossing& crossing) {
   if (ends_s_.empty()) open_span();
+  until_s = until_s_ = std::max(until_s_, until_s);  // looking back would see the count ahead of the motion
   for (;;) {
     const MotionInSteps::Part& p = motion_.parts()[part_];
     const long double horizon = std::min(end_s_, until_s - p.start_s);

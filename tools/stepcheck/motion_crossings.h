@@ -50,7 +50,7 @@ struct Crossing {
 class Crossings {
  public:
   explicit Crossings(const MotionInSteps& motion);
-  // False: none before until_s; then asking again later goes on from there.
+  // False: none before until_s, nor before any earlier until_s; then asking for a later one goes on from there.
   bool next(long double until_s, Crossing& crossing);
 
  private:
@@ -61,6 +61,7 @@ class Crossings {
   std::vector<long double> ends_s_;  // of the part's monotone spans, from the part's start
   std::size_t span_ = 0;
   long double begin_s_ = 0, end_s_ = 0;  // of the span, from the part's start
+  long double until_s_ = 0;
   std::int64_t count_ = 0;
 };
 

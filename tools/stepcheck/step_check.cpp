@@ -110,6 +110,7 @@ bool MotorCheck::touch_ahead(long double now_s) {
   for (std::size_t i = 0; expect(i + 2, now_s + touch); ++i) {
     if (due_[i].direction == due_[i + 1].direction) continue;
     if (due_[i + 1].time_s - due_[i].time_s > touch) continue;
+    touch_until_s_ = std::max(touch_until_s_, due_[i + 1].time_s);
     due_.erase(due_.begin() + static_cast<std::ptrdiff_t>(i), due_.begin() + static_cast<std::ptrdiff_t>(i) + 2);
     statistics_.touches += 2;
     return true;
@@ -144,7 +145,7 @@ std::optional<Violation> MotorCheck::match(std::int64_t tick, std::int64_t timer
   const auto at = static_cast<double>(timer_tick);
   const auto us = [](long double seconds) { return static_cast<double>(1e6L * seconds); };
   const long double tolerance = tolerance_s_ + 2e-3L / frequency_hz_;  // and the error of the crossing's own time
-  for (;;) {
+  for (bool touches_left = true;;) {
     if (!expect(1, t + tolerance_s_ + touch_s_)) {
       return Violation{Kind::kExtra, tick, at, us(touch_s_), us(tolerance_s_)};
     }
@@ -152,7 +153,7 @@ std::optional<Violation> MotorCheck::match(std::int64_t tick, std::int64_t timer
     if (c.direction == direction) {
       long double error = t - c.time_s;
       bool good = std::fabs(error) <= tolerance;
-      if (!good) {
+      if (!good && !touches_left) {
         // A creeping mass: where rounding blurs its crossing by more than that, the position decides.
         const long double level = static_cast<long double>(c.before) + 0.5L * direction;
         const long double slack = motion_.rounding(level);
@@ -171,7 +172,10 @@ std::optional<Violation> MotorCheck::match(std::int64_t tick, std::int64_t timer
         return std::nullopt;
       }
     }
-    if (touch_ahead(t)) continue;
+    if (touches_left) {
+      touches_left = touch_ahead(t);
+      continue;
+    }
     const Crossing& first = due_.front();
     const long double error = t - first.time_s;
     const bool next_fits =
@@ -229,7 +233,6 @@ std::optional<Violation> MotorCheck::tick(std::int64_t tick, std::span<const Bur
   // What was crossed in this tick has its pulse by now, or is part of a touch, or lies on the border.
   const long double end_s = time_s(tick + 1, 0);
   const long double border_s = kBorderTicks / frequency_hz_;
-  long double touch_until_s = -1;
   while (expect(1, end_s) && due_.front().time_s < end_s - border_s) {
     const Crossing& c = due_.front();
     const long double level = static_cast<long double>(c.before) + 0.5L * c.direction;
@@ -242,12 +245,11 @@ std::optional<Violation> MotorCheck::tick(std::int64_t tick, std::span<const Bur
       const auto at = static_cast<double>((crossed_s - time_s(tick, 0)) * frequency_hz_);
       return fail({Kind::kLost, tick, at, static_cast<double>(1e6L * (end_s - crossed_s)), statistics_.tolerance_us});
     }
-    touch_until_s = crossed_s + touch_s_ * (1 + kTouchSlack);
   }
   const long double x = motion_.at(end_s);
   const long double off = std::fabs(x - static_cast<long double>(position_steps_));
   const long double moved = std::fabs(x - motion_.at(end_s - border_s));
-  if (touch_until_s < end_s && off > 0.5L + motion_.rounding(x) + moved) {
+  if (touch_until_s_ < end_s - border_s && off > 0.5L + motion_.rounding(x) + moved) {
     return fail({Kind::kDrift, tick, static_cast<double>(period_ticks_), static_cast<double>(off), 0.5});
   }
   return std::nullopt;

@@ -101,6 +101,7 @@ class MotorCheck {
   Crossings crossings_;
   std::deque<Crossing> due_;  // crossings without their pulse yet
   long double frequency_hz_, period_s_, period_ticks_, spacing_ticks_, setup_ticks_, tolerance_s_, touch_s_;
+  long double touch_until_s_ = -1;  // the end of the latest touch without pulses
   bool on_motion_ = true;
   bool failed_ = false;
   std::int64_t position_steps_ = 0;
