@@ -138,7 +138,8 @@ StepError generate(const ControllerParams& params, const ControllerState& state,
   const bool overloaded = (state.faults & bit(Fault::kStepOverload)) != 0;
   return generate_steps(state.active[at(i)], profile_time(params, state, out.tick), params.motion[at(i)].at(0).position,
                         motor.steps_per_unit, motor.max_step_rate_hz,
-                        {params.timer_frequency_hz, params.control_period_s, motor.direction_setup_s, overloaded}, i, out, trouble);
+                        {params.timer_frequency_hz, params.control_period_s, motor.direction_setup_s, overloaded}, i,
+                        out, trouble);
 }
 
 // False: some motor's profile cannot be stepped, and the first such overload is kept.

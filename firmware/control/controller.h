@@ -13,9 +13,9 @@
 namespace ballast::firmware {
 
 struct MotorParams {
-  Real steps_per_unit = 0;    // microsteps per rail unit (rad or m), != 0; sign = wiring
-  Real max_step_rate_hz = 0;  // microsteps per second, > 0
-  Real max_acceleration = 0;  // rail unit / s^2, > 0: the deceleration of a stop
+  Real steps_per_unit = 0;     // microsteps per rail unit (rad or m), != 0; sign = wiring
+  Real max_step_rate_hz = 0;   // microsteps per second, > 0
+  Real max_acceleration = 0;   // rail unit / s^2, > 0: the deceleration of a stop
   Real direction_setup_s = 0;  // 0..1e-3: least time between two opposite pulses, which the driver needs to turn
 };
 

@@ -98,8 +98,8 @@ PulseRules::PulseRules(const StepTiming& timing, Real max_step_rate_hz)
 }
 
 std::int32_t PulseRules::earliest_after(Real ago_ticks, bool turns) const {
-  const Real due =
-      turns ? std::fmax(spacing_ticks - 1 - kNoiseTicks, setup_ticks) - ago_ticks : spacing_ticks - 1 - kNoiseTicks - ago_ticks;
+  const Real due = turns ? std::fmax(spacing_ticks - 1 - kNoiseTicks, setup_ticks) - ago_ticks
+                         : spacing_ticks - 1 - kNoiseTicks - ago_ticks;
   return due > 0 ? up_to_int32(due) : 0;
 }
 

@@ -27,14 +27,14 @@ struct PulseWindow {
 struct PulseRules {
   PulseRules(const StepTiming& timing, Real max_step_rate_hz);
 
-  Real period_ticks;        // of a control tick; need not be whole
-  std::int32_t last_tick;   // the last timer tick inside a control tick
-  Real tolerance_ticks;     // between a pulse and its crossing: 1 timer tick or 0.5 us, whichever is larger
-  Real spacing_ticks;       // between crossings: 1 / max_step_rate
-  Real setup_ticks;         // between opposite pulses
-  Real touch_ticks;         // opposite crossings closer than this are a touch; their pulses would break a rule above
-  std::int32_t gap;         // least distance of pulses: the spacing less a timer tick of rounding, and at least 1
-  std::int32_t turn_gap;    // of opposite pulses: not less than setup_ticks either
+  Real period_ticks;       // of a control tick; need not be whole
+  std::int32_t last_tick;  // the last timer tick inside a control tick
+  Real tolerance_ticks;    // between a pulse and its crossing: 1 timer tick or 0.5 us, whichever is larger
+  Real spacing_ticks;      // between crossings: 1 / max_step_rate
+  Real setup_ticks;        // between opposite pulses
+  Real touch_ticks;        // opposite crossings closer than this are a touch; their pulses would break a rule above
+  std::int32_t gap;        // least distance of pulses: the spacing less a timer tick of rounding, and at least 1
+  std::int32_t turn_gap;   // of opposite pulses: not less than setup_ticks either
   bool may_delay;
 
   // The first timer tick of a control tick that keeps the distance to a pulse `ago_ticks` before the tick's start.
@@ -44,9 +44,10 @@ struct PulseRules {
 // Last timer tick strictly inside a control tick.
 std::int32_t last_timer_tick(const StepTiming& timing);
 
-// From exact_ticks and direction (at least one pulse, pulses in time order, inside the tick) to the rest. Whatever is chosen in a window,
-// the other pulses can keep their distances inside theirs, and the first one of the next control tick too. `earliest`:
-// for the first pulse, because of one before this control tick. False if the distances cannot be kept.
+// From exact_ticks and direction (at least one pulse, pulses in time order, inside the tick) to the rest. Whatever is
+// chosen in a window, the other pulses can keep their distances inside theirs, and the first one of the next control
+// tick too. `earliest`: for the first pulse, because of one before this control tick. False if the distances cannot be
+// kept.
 [[nodiscard]] bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest = 0);
 
 // The longest burst found for pulses[0..count): same direction, every pulse replayed in integers and found in its

@@ -32,10 +32,10 @@ MonotoneSpans monotone_spans(const StepCubic& cubic, Real length_s);
 inline constexpr int kMaxCrossingIterations = 150;
 Real crossing_time(const StepCubic& cubic, Real level, Real begin_s, Real end_s, Real tolerance_s);
 
-// The same from a guess, by at most three steps of Newton's method: few operations, and inline. False unless theory says
-// that w_s is now the crossing to tolerance_s: `bend` bounds |acceleration| about the guess; with
-// bend |step| <= |velocity| / 4 there is one crossing near by (Kantorovich), and the step leaves at most
-// bend step^2 / |velocity|. `velocity` is that at the last point looked at, a step away from the crossing.
+// The same from a guess, by at most three steps of Newton's method: few operations, and inline. False unless theory
+// says that w_s is now the crossing to tolerance_s: `bend` bounds |acceleration| about the guess; with bend |step| <=
+// |velocity| / 4 there is one crossing near by (Kantorovich), and the step leaves at most bend step^2 / |velocity|.
+// `velocity` is that at the last point looked at, a step away from the crossing.
 [[nodiscard]] inline bool crossing_near(const StepCubic& cubic, Real level, Real bend, Real tolerance_s, Real& w_s,
                                         Real& velocity) {
   Real w = w_s;

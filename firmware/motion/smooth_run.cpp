@@ -7,7 +7,8 @@ namespace ballast::firmware {
 
 namespace {
 
-// A value that fits an int32 rounded to nearest, by conversion: round() is a call on processors without the instruction.
+// A value that fits an int32 rounded to nearest, by conversion: round() is a call on processors without the
+// instruction.
 std::int32_t nearest(Real x) { return static_cast<std::int32_t>(x + (x < 0 ? -0.5 : 0.5)); }
 
 std::int32_t down(Real x) {
@@ -95,10 +96,11 @@ class Prover {
   [[nodiscard]] Real crossing(int index, int ahead) const {
     const Real level = run_.first_level + static_cast<Real>(run_.direction * index);
     Real w = ahead == 0 ? run_.begin_s + mean_interval_s_ * static_cast<Real>(index)
-                                      : first_ / frequency_hz_ - run_.start_s + mean_interval_s_ * ahead;
+                        : first_ / frequency_hz_ - run_.start_s + mean_interval_s_ * ahead;
     if (!(w < run_.end_s)) w = run_.end_s;
     Real velocity = 0;
-    if (!crossing_near(run_.cubic, level, bend_, tolerance_s_, w, velocity) || !(w >= run_.begin_s && w <= run_.end_s)) {
+    if (!crossing_near(run_.cubic, level, bend_, tolerance_s_, w, velocity) ||
+        !(w >= run_.begin_s && w <= run_.end_s)) {
       w = crossing_time(run_.cubic, level, run_.begin_s, run_.end_s, tolerance_s_);
     }
     return (run_.start_s + w) * frequency_hz_;

@@ -20,10 +20,10 @@ constexpr Real kReturnSlack = 1e-7;
 // A piece of the profile in microsteps, expanded about the later of its own start and `t0`, so that times are small
 // numbers and resolution does not fade as the run goes on.
 StepCubic in_steps(const Cubic& c, Real s, Real position_zero, Real steps_per_unit) {
-  return {steps_per_unit *
-              ((c.position - position_zero) + s * (c.velocity + s * (c.acceleration / 2 + s * (c.jerk / 6)))),
-          steps_per_unit * (c.velocity + s * (c.acceleration + s * (c.jerk / 2))),
-          steps_per_unit * (c.acceleration + s * c.jerk), steps_per_unit * c.jerk};
+  return {
+      steps_per_unit * ((c.position - position_zero) + s * (c.velocity + s * (c.acceleration / 2 + s * (c.jerk / 6)))),
+      steps_per_unit * (c.velocity + s * (c.acceleration + s * (c.jerk / 2))),
+      steps_per_unit * (c.acceleration + s * c.jerk), steps_per_unit * c.jerk};
 }
 
 // The monotone spans of the profile from t0 on, in order, in microsteps.
@@ -40,8 +40,7 @@ class Walk {
     Real start = begin_s;
     Real s = here.offset_s;
     for (int i = here.index; i <= profile_.piece_count() && start < end_s; ++i, s = 0) {
-      const Real end =
-          i < profile_.piece_count() ? std::fmin(end_s, profile_.cubic_start_s(i + 1) - t0_s_) : end_s;
+      const Real end = i < profile_.piece_count() ? std::fmin(end_s, profile_.cubic_start_s(i + 1) - t0_s_) : end_s;
       if (!(end > start)) continue;  // a piece shorter than the resolution of its start time
       const StepCubic cubic = in_steps(profile_.cubic(i), s, position_zero_, steps_per_unit_);
       const MonotoneSpans monotone = monotone_spans(cubic, end - start);
@@ -91,8 +90,7 @@ class Pulses {
     Real fastest_hz = std::fabs(velocity);
     if (!add((cubic_start_s + w) * timer_frequency_hz_, direction)) return false;
     // Accelerations are linear: at twice the span's length from it they are no more than 5 times those at its ends.
-    const Real bend =
-        5 * std::fmax(std::fabs(cubic.acceleration_at(begin_s)), std::fabs(cubic.acceleration_at(end_s)));
+    const Real bend = 5 * std::fmax(std::fabs(cubic.acceleration_at(begin_s)), std::fabs(cubic.acceleration_at(end_s)));
     Real interval = 1 / fastest_hz, growth = 0;
     for (int j = 1; j < steps; ++j) {
       level += direction;
@@ -263,8 +261,8 @@ StepError generate_steps(const Profile& profile, Real t0_s, Real position_zero, 
     run.earliest = before.earliest(rules, run.direction);
     const Real fastest_hz = std::max(std::fabs(run.cubic.velocity), std::fabs(run.cubic.velocity_at(run.end_s)));
     if (fastest_hz <= max_step_rate_hz * (1 + kRateSlack)) {
-      const int bursts = smooth_bursts(run, rules, timing.timer_frequency_hz, out.bursts.data() + used,
-                                       kMaxBursts - out.burst_count);
+      const int bursts =
+          smooth_bursts(run, rules, timing.timer_frequency_hz, out.bursts.data() + used, kMaxBursts - out.burst_count);
       if (bursts > 0) {
         commit(out, motor, bursts, out.position_steps[m] + run.direction * run.steps);
         return StepError::kNone;

@@ -63,18 +63,18 @@ struct StepTrouble {
 // before 0). Step n+1 (n -> n+1) is where (p(t) - p_zero) * steps_per_unit crosses n + 1/2 upward, n -> n-1 where it
 // crosses n - 1/2 downward; reversals inside the tick are right. Bursts reproduce every crossing to 1 timer tick or 0.5
 // us, whichever is larger. `tick`, `motor_count`, and the motor's `position_steps` and `last_pulse` at t0 are the
-// caller's; the latter two are brought up to date. On error `out` is untouched, but for `bursts` beyond `burst_count`, and
-// `trouble`, if given, says why.
+// caller's; the latter two are brought up to date. On error `out` is untouched, but for `bursts` beyond `burst_count`,
+// and `trouble`, if given, says why.
 //
 // The count after a tick is the integer nearest to (p - p_zero) * steps_per_unit at its end; half-way between two, the
 // one the profile comes from. So a crossing on a border between ticks belongs to the later one, and a profile that only
 // touches a half-way level makes no step.
 //
-// Distances between pulses of a motor, across borders between ticks too: at least 1 / max_step_rate, less one timer tick
-// of rounding; between opposite pulses at least direction_setup_s, in full. A reversal that crosses a level and comes
-// back sooner than that (or than the tolerance above) counts as a touch, also if a border lies between: the generator
-// looks ahead along the profile. The count is then not the nearest for that short time. If the profile is replaced
-// meanwhile, the step comes as soon as it is seen.
+// Distances between pulses of a motor, across borders between ticks too: at least 1 / max_step_rate, less one timer
+// tick of rounding; between opposite pulses at least direction_setup_s, in full. A reversal that crosses a level and
+// comes back sooner than that (or than the tolerance above) counts as a touch, also if a border lies between: the
+// generator looks ahead along the profile. The count is then not the nearest for that short time. If the profile is
+// replaced meanwhile, the step comes as soon as it is seen.
 [[nodiscard]] StepError generate_steps(const Profile& profile, Real t0_s, Real position_zero, Real steps_per_unit,
                                        Real max_step_rate_hz, const StepTiming& timing, int motor, StepCommand& out,
                                        StepTrouble* trouble = nullptr);

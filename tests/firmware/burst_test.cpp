@@ -149,7 +149,8 @@ TEST(LongestBurst, RandomTrainsReplayInsideTheirWindows) {
     std::size_t done = 0;
     std::int64_t last = -1;
     while (done < pulses.size()) {
-      const StepBurst b = longest_burst(std::span<const PulseWindow>(pulses).subspan(done), rules, static_cast<std::int32_t>(last + 1));
+      const StepBurst b =
+          longest_burst(std::span<const PulseWindow>(pulses).subspan(done), rules, static_cast<std::int32_t>(last + 1));
       ASSERT_GE(b.count, 1);
       for (std::int64_t j = 0; j < b.count; ++j, ++done) {
         const std::int64_t t = b.first_ticks + j * b.interval_ticks + std::int64_t{b.add_ticks} * (j * (j - 1) / 2);

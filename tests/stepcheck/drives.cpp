@@ -54,7 +54,6 @@ Drive random_drive(Shape shape, std::mt19937_64& random) {
   Drive d;
   d.timer_frequency_hz = draw.one_of({1e6, 1e7, 1e8, 84e6, 16e6});
   d.control_period_s = draw.one_of({1e-3, 1e-3, 1e-4, 2e-3, 1.0 / 3000, 1e-2, 1e-5, 0.1});
-  // Eight pulses a tick at 1 MHz in the worst case are a burst; 32 bursts are allowed.
   const double most_hz = std::min(60 / d.control_period_s, d.timer_frequency_hz / 4);
   d.max_step_rate_hz = draw.below(2) == 0 ? most_hz : draw.log_between(most_hz / 50, most_hz);
   d.direction_setup_s = draw.one_of({0.0, 2e-8, 2e-7, 2e-6, 2e-5});
@@ -86,9 +85,9 @@ Drive random_drive(Shape shape, std::mt19937_64& random) {
       break;
     }
     case Shape::kCreep:
-      v = m.velocity = step * draw.sign() * draw.log_between(1e-2, 10) / t / 100;
+      v = m.velocity = draw.sign() * std::min(top, step * draw.log_between(1e-2, 10) / t / 100);
       for (int i = 0; i < 8; ++i) {
-        const double to = step * draw.sign() * draw.log_between(1e-2, 10) / t / 100;
+        const double to = draw.sign() * std::min(top, step * draw.log_between(1e-2, 10) / t / 100);
         add_s_curve(m.pieces, v, to, t * draw.between(1, 60), 0.5);
         v = to;
       }
@@ -100,12 +99,11 @@ Drive random_drive(Shape shape, std::mt19937_64& random) {
       const double duration = std::max(slowest, t * draw.log_between(0.02, 5));
       v = m.velocity = reach / duration;
       for (int i = 0; i < 42; ++i) {
-        const double to = -v * draw.between(0.9, 1.1);
+        const double to = std::clamp(-v * draw.between(0.9, 1.1), -top, top);
         const double a = (to - v) / duration;
         m.pieces.push_back({duration, a, a});
-        v = v + duration * a;
+        v = to;
       }
-      // Start half-way between two positions, or nearly: the first piece takes the mass there.
       break;
     }
   }

@@ -14,9 +14,9 @@ inline constexpr Shape kShapes[] = {Shape::kSCurves, Shape::kAtTheLimit, Shape::
 const char* to_string(Shape shape);
 
 // Speeds up to the motor's step rate, which is at most 60 per control period and a quarter of the timer's frequency.
-// S-curves: velocity to velocity with ramps of acceleration, reversals, pauses, pieces shorter than a tick. At the limit:
-// stretches of constant speed at exactly the step rate. Creep: fractions of a step per second. Quiver: to and fro by a
-// few microsteps or less, so that reversals lie close to the levels.
+// S-curves: velocity to velocity with ramps of acceleration, reversals, pauses, pieces shorter than a tick. At the
+// limit: stretches of constant speed at exactly the step rate. Creep: fractions of a step per second. Quiver: to and
+// fro by a few microsteps or less, so that reversals lie close to the levels.
 Drive random_drive(Shape shape, std::mt19937_64& random);
 
 // The firmware on a drive, tick by tick.

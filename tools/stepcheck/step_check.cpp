@@ -121,8 +121,8 @@ bool MotorCheck::touch_ahead(long double now_s) {
 std::optional<Violation> MotorCheck::distances(std::int64_t tick, std::int64_t timer_tick, int direction) {
   std::optional<Violation> found;
   if (has_last_) {
-    const long double gap =
-        static_cast<long double>(tick - last_tick_) * period_ticks_ + static_cast<long double>(timer_tick - last_timer_tick_);
+    const long double gap = static_cast<long double>(tick - last_tick_) * period_ticks_ +
+                            static_cast<long double>(timer_tick - last_timer_tick_);
     const auto us = [this](long double ticks) { return static_cast<double>(1e6L * ticks / frequency_hz_); };
     const auto at = static_cast<double>(timer_tick);
     double& least = direction == last_direction_ ? statistics_.least_spacing_us : statistics_.least_turn_us;

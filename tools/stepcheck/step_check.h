@@ -44,7 +44,7 @@ const char* to_string(Kind kind);
 struct Violation {
   Kind kind;
   std::int64_t tick;
-  double timer_ticks;  // the pulse or crossing, from the tick's start
+  double timer_ticks;   // the pulse or crossing, from the tick's start
   double value, limit;  // us; kCount and kDrift: microsteps
   [[nodiscard]] std::string text() const;
 };
@@ -53,10 +53,10 @@ inline constexpr int kBins = 20;
 
 // Pulses minus crossings, over all steps matched.
 struct Statistics {
-  std::int64_t checked_steps = 0;      // pulses held against a crossing
-  std::int64_t structural_steps = 0;   // pulses outside the motion: spacing, set-up and counts only
-  std::int64_t touches = 0;            // crossings there and back without pulses, as the rule for touches allows
-  double tolerance_us = 0;             // 1 timer tick or 0.5 us
+  std::int64_t checked_steps = 0;     // pulses held against a crossing
+  std::int64_t structural_steps = 0;  // pulses outside the motion: spacing, set-up and counts only
+  std::int64_t touches = 0;           // crossings there and back without pulses, as the rule for touches allows
+  double tolerance_us = 0;            // 1 timer tick or 0.5 us
   double max_error_us = 0;
   double sum_square_us2 = 0;
   std::array<std::int64_t, kBins> histogram{};  // of -tolerance..tolerance
