@@ -16,7 +16,7 @@ std::int32_t up(Real ticks) {
   return static_cast<Real>(whole) < ticks ? whole + 1 : whole;
 }
 
-std::int32_t up_to_int32(Real ticks) { return up(std::fmin(ticks, 1e9)); }
+std::int32_t up_to_int32(Real ticks) { return up(std::min(ticks, 1e9)); }
 
 // a / b rounded to nearest, and the other neighbour; b > 0.
 struct Rounded {
@@ -75,21 +75,21 @@ bool fit(std::span<const PulseWindow> pulses, std::int32_t gap, std::int32_t ear
 
 std::int32_t last_timer_tick(const StepTiming& timing) {
   const Real ticks = timing.control_period_s * timing.timer_frequency_hz;
-  const Real whole = std::round(ticks);
+  const auto whole = static_cast<std::int32_t>(ticks + 0.5);
   // A whole number of timer ticks, but for the rounding of the product: the last one belongs to the next control tick.
-  if (std::fabs(ticks - whole) <= 1e-6) return static_cast<std::int32_t>(whole) - 1;
-  return static_cast<std::int32_t>(std::floor(ticks));
+  if (std::fabs(ticks - whole) <= 1e-6) return whole - 1;
+  return static_cast<std::int32_t>(ticks);
 }
 
 PulseRules::PulseRules(const StepTiming& timing, Real max_step_rate_hz)
     : period_ticks(timing.control_period_s * timing.timer_frequency_hz),
       last_tick(last_timer_tick(timing)),
-      tolerance_ticks(std::fmax(1.0, 0.5e-6 * timing.timer_frequency_hz)),
+      tolerance_ticks(std::max(1.0, 0.5e-6 * timing.timer_frequency_hz)),
       spacing_ticks(timing.timer_frequency_hz / max_step_rate_hz),
       // Decimal times make whole numbers of ticks, though the product rounds.
-      setup_ticks(std::fmax(timing.direction_setup_s * timing.timer_frequency_hz - 1e-6, 0.0)),
+      setup_ticks(std::max(timing.direction_setup_s * timing.timer_frequency_hz - 1e-6, 0.0)),
       // Rounding to timer ticks may bring two pulses closer by one tick, which the set-up time does not allow for.
-      touch_ticks(std::fmax(std::fmax(tolerance_ticks, spacing_ticks - kNoiseTicks), setup_ticks + 1 + kNoiseTicks)),
+      touch_ticks(std::max(std::max(tolerance_ticks, spacing_ticks - kNoiseTicks), setup_ticks + 1 + kNoiseTicks)),
       gap(std::max(1, up_to_int32(spacing_ticks - 1 - kNoiseTicks))),
       turn_gap(std::max(gap, up_to_int32(setup_ticks))),
       may_delay(timing.may_delay) {
@@ -123,7 +123,7 @@ bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::i
     if (rules.may_delay && p.high < least && least <= rules.last_tick) p.high = least;
   }
   PulseWindow& end = pulses.back();
-  if (end.exact_ticks + tolerance + std::fmax(rules.spacing_ticks, rules.touch_ticks) >= rules.period_ticks) {
+  if (end.exact_ticks + tolerance + std::max(rules.spacing_ticks, rules.touch_ticks) >= rules.period_ticks) {
     end.high = std::min(end.high, static_cast<std::int32_t>(end.exact_ticks));
   }
   std::int32_t most = end.high;

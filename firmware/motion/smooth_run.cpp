@@ -22,8 +22,8 @@ class Prover {
       : run_(run), rules_(rules), frequency_hz_(timer_frequency_hz), tolerance_s_(1e-3 / timer_frequency_hz) {
     const StepCubic& c = run.cubic;
     const Real v0 = std::fabs(c.velocity_at(run.begin_s)), v1 = std::fabs(c.velocity_at(run.end_s));
-    const Real a = std::fmax(std::fabs(c.acceleration_at(run.begin_s)), std::fabs(c.acceleration_at(run.end_s)));
-    const Real slowest = std::fmin(v0, v1), fastest = std::fmax(v0, v1);
+    const Real a = std::max(std::fabs(c.acceleration_at(run.begin_s)), std::fabs(c.acceleration_at(run.end_s)));
+    const Real slowest = std::min(v0, v1), fastest = std::max(v0, v1);
     bend_ = 5 * a;  // see Pulses::follow
     const Real inverse = 1 / slowest;
     const Real square = inverse * inverse;
@@ -62,12 +62,12 @@ class Prover {
     // Distance from q, less that of the first pulse: d(n) = tilt n + off n (n - 1) / 2. Extremes over [0, m].
     const Real tilt = static_cast<Real>(interval) - slope;
     const Real at_end = n * (tilt + off * (n - 1) / 2);
-    Real least = std::fmin(0.0, at_end), most = std::fmax(0.0, at_end);
+    Real least = std::min(0.0, at_end), most = std::max(0.0, at_end);
     const Real vertex = 0.5 - tilt / off;  // NaN and infinity: no vertex inside
     if (vertex > 0 && vertex < n) {
       const Real there = vertex * (tilt + off * (vertex - 1) / 2);
-      least = std::fmin(least, there);
-      most = std::fmax(most, there);
+      least = std::min(least, there);
+      most = std::max(most, there);
     }
     // The first pulse may be moved by d0 from its crossing, with -allowed - least <= d0 <= allowed - most.
     const Real low = first_ - allowed - least, high = first_ + allowed - most;
@@ -75,7 +75,7 @@ class Prover {
     if (first < earliest) first = earliest;
     const std::int64_t span = std::int64_t{interval} * m + std::int64_t{add} * m * (m - 1) / 2;
     std::int64_t latest = rules_.last_tick;
-    if (last_ + rules_.tolerance_ticks + std::fmax(rules_.spacing_ticks, rules_.touch_ticks) >= rules_.period_ticks) {
+    if (last_ + rules_.tolerance_ticks + std::max(rules_.spacing_ticks, rules_.touch_ticks) >= rules_.period_ticks) {
       latest = std::min<std::int64_t>(latest, down(last_));  // a pulse may soon follow in the next control tick
     }
     if (first + span > latest) first = static_cast<std::int32_t>(std::max<std::int64_t>(latest - span, -1));

@@ -104,7 +104,7 @@ const std::vector<Corruption> kCorruptions = {
        Burst& b = c[k].bursts.back();
        b.first = 10000 - (b.count - 1) * b.interval - b.add * ((b.count - 1) * (b.count - 2) / 2);
      },
-     {Kind::kOutsideTick, Kind::kOffTime}},
+     {Kind::kOutsideTick, Kind::kOffTime, Kind::kLost}},
     {"an empty burst", [](auto& c, auto k) { c[k].bursts[0].count = 0; }, {Kind::kMalformed}},
     {"pulses on one another",
      [](auto& c, auto k) { c[k].bursts[0].interval = c[k].bursts[0].add = 0; },
