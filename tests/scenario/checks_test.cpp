@@ -178,7 +178,6 @@ INSTANTIATE_TEST_SUITE_P(
                       Rejection{"run.control_period=4.5", "run.control_period", "<= duration = 4"},
                       Rejection{"run.timer_frequency=9.9e5", "run.timer_frequency", "[1e+06, 1e+08]"},
                       Rejection{"run.timer_frequency=1.1e8", "run.timer_frequency", "[1e+06, 1e+08]"},
-                      Rejection{"run.control_period=9e-6", "run.timer_frequency", "10 to 1e9"},
                       Rejection{"envelope.min_normal_force=-1", "envelope.min_normal_force", ">= 0"},
                       Rejection{"envelope.friction_use=0", "envelope.friction_use", "(0, 1]"},
                       Rejection{"envelope.friction_use=1.01", "envelope.friction_use", "(0, 1]"}));

@@ -154,6 +154,12 @@ TEST(RunLoop, EndsWithTheRecordersTrouble) {
   EXPECT_EQ(result.status, hal::Status::kIo);
 }
 
+RunOptions checked() {
+  RunOptions options;
+  options.check_steps = true;
+  return options;
+}
+
 // Passes everything on, but loses one pulse of motor 1.
 class Loses : public Peers {
  public:
@@ -182,7 +188,7 @@ TEST(RunLoop, APulseInTheWrongPlaceEndsACheckedRun) {
   InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
   Loses loses(peers);
   Recorder recorder("/dev/null");
-  const RunResult result = run(scenario, loses, recorder, {.check_steps = true});
+  const RunResult result = run(scenario, loses, recorder, checked());
   EXPECT_EQ(result.end_reason, EndReason::kStepTiming);
   ASSERT_TRUE(result.step_timing && result.step_timing->violation);
   EXPECT_EQ(result.step_timing->violation_motor, 1);
@@ -198,7 +204,7 @@ TEST(RunLoop, AStepOverloadSaysWhatItWas) {
   params->motor[2].max_step_rate_hz = 60;  // the motion needs 76 steps/s
   InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
   Recorder recorder("/dev/null");
-  const RunResult result = run(scenario, peers, recorder, {.check_steps = true});
+  const RunResult result = run(scenario, peers, recorder, checked());
   EXPECT_EQ(result.end_reason, EndReason::kTripped);
   ASSERT_TRUE(result.controller_trip);
   const controller_status_t& status = result.controller_trip->status;
