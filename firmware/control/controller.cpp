@@ -186,7 +186,8 @@ void begin(ControllerState& state, std::int64_t next) {
   state.braking = false;
 }
 
-void begin_stop(const ControllerParams& params, ControllerState& state, std::int64_t next) {
+// `together`: all in the time the slowest needs; else each in its own shortest.
+void begin_stop(const ControllerParams& params, ControllerState& state, std::int64_t next, bool together) {
   PlannedPieces pieces;
   Real slowest_s = 0;
   for (int i = 0; i < params.ball.mass_count; ++i) {
@@ -199,7 +200,7 @@ void begin_stop(const ControllerParams& params, ControllerState& state, std::int
     const ProfilePoint p = commanded(params, state, next, i);
     const MotionLimits limits = motion_limits(params, i);
     Profile& profile = state.active[at(i)];
-    if (stop(profile, p, limits, slowest_s) && in_ball(params.ball, i, final_position(profile))) continue;
+    if (together && stop(profile, p, limits, slowest_s) && in_ball(params.ball, i, final_position(profile))) continue;
     if (stop(profile, p, limits, 0)) continue;
     state.faults |= bit(Fault::kInternal);
     // Where the last step left it; such a position fits any profile.
@@ -240,7 +241,8 @@ Real feasible_speed(const ControllerParams& params, int i) { return 0.999 * moti
 // Something cannot be stepped: everything stops from the commanded state, each motor as well as it can. Never more than
 // four tries a motor; the last, holding, needs no pulses.
 void generate_overloaded(const ControllerParams& params, ControllerState& state, StepCommand& out) {
-  begin_stop(params, state, out.tick);
+  // Each by itself: one that moves faster than it can be stopped keeps no other going.
+  begin_stop(params, state, out.tick, false);
   clear(params, state, out.tick, out);
   for (int i = 0; i < params.ball.mass_count; ++i) {
     if (generate(params, state, i, out) == StepError::kNone) continue;
@@ -372,9 +374,15 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   if (Event event{}; event_of(inputs.operator_command.command, event)) {
     const Mode before = state.mode;
     const Mode after = next_mode(before, event, guards);
-    state.refusal = after == before ? refused(Refusal::kMode) : RefusalReport{};
-    if (after == Mode::kRunning) state.refusal = prepare_motion(params, state);
-    if (after == Mode::kMoving) state.refusal = prepare_move(params, inputs.operator_command.move, state);
+    if (after == before) {
+      state.refusal = refused(Refusal::kMode);
+    } else if (after == Mode::kRunning) {
+      state.refusal = prepare_motion(params, state);
+    } else if (after == Mode::kMoving) {
+      state.refusal = prepare_move(params, inputs.operator_command.move, state);
+    } else {
+      state.refusal = {};
+    }
     if (state.refusal.reason == Refusal::kNone) {
       state.mode = after;
       if (before == Mode::kTripped) state.faults = 0;
@@ -387,7 +395,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   clear(params, state, next, steps);
   if (state.moving && order != Order::kRepeated) {
     if (state.mode != Mode::kRunning && state.mode != Mode::kMoving && !state.braking) {
-      begin_stop(params, state, next);
+      begin_stop(params, state, next, true);
       plan_begins = true;
     }
     if (!generate_all(params, state, steps)) {

@@ -67,6 +67,7 @@ class RandomRobot {
       m.motor.corner_speed_radps = 1e3;
       m.motor.max_step_rate_hz = 1e5;
       m.motor.max_acceleration = 10 * rate * rate * unit;
+      m.motor.max_jerk = 100 * rate * rate * rate * unit;
       s.masses.push_back(m);
     }
     s.external_force_W_n = 0.05 * s.ball.mass_kg * s.gravity_mps2 * vector(1);
