@@ -52,14 +52,19 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   {
     const ProgressBar bar(scenario.duration_s, !options.quiet);
     result = run(scenario, peers, recorder,
-                 {.speed = options.speed, .interrupted = options.interrupted, .progress = [&bar](double time_s) {
-                    bar.show(time_s);
-                  }});
+                 {.speed = options.speed,
+                  .interrupted = options.interrupted,
+                  .progress = [&bar](double time_s) { bar.show(time_s); },
+                  .move = options.move});
   }
   const bool log_whole = recorder.close();
   if (!log_whole) {
     output.remove_log();
     return fail(recorder.error());
+  }
+  if (!result.refusal.empty()) {
+    program::complain(program_name, "the controller refuses the move: " + result.refusal);
+    return program::kExitUsage;
   }
   if (result.status != hal::Status::kOk)
     return fail(result.trouble + "; " + output.log_path() + " holds what happened up to then");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 
 #include "tools/sil/output_dir.h"
 #include "tools/sil/run.h"
@@ -14,6 +15,7 @@ struct RecordOptions {
   lcm::LCM* bus = nullptr;  // every message also goes there
   bool unbuffered = false;  // every message is on disk at once: for runs whose processes may be killed
   const volatile std::sig_atomic_t* interrupted = nullptr;
+  std::optional<firmware::MoveRequest> move;  // as in RunOptions
 };
 
 // Runs, writes run.lcmlog and summary.json, prints the summary. Returns the program's exit status; trouble goes to

@@ -31,6 +31,14 @@ struct ControllerTrip {
   double time_s;
 };
 
+// A stop or a move: what the controller predicted before its first step (firmware/control/prediction.h), and the least
+// margin of the plant's contact messages while it lasted (samples, as long as the ball was in contact).
+struct PlanRecord {
+  double start_s = 0;
+  firmware::Prediction predicted;
+  double seen_margin_min = 1;
+};
+
 struct RunResult {
   EndReason end_reason = EndReason::kCompleted;
   std::string end_text;  // inconsistent: why
@@ -44,9 +52,11 @@ struct RunResult {
   trip_t trip{};  // the last verdict
   std::optional<ControllerTrip> controller_trip;
   std::optional<std::int64_t>
-      latency_ticks;           // from the violating contact to the first tick whose steps belong to the stop
-  bool masses_rested = false;  // at the end; see run()
-  std::int64_t ticks = 0;      // control periods simulated
+      latency_ticks;                     // from the violating contact to the first tick whose steps belong to the stop
+  bool masses_rested = false;            // at the end; see run()
+  std::optional<PlanRecord> move, stop;  // the last of each
+  std::string refusal;                   // the controller refused the move: which, and why; nothing ran
+  std::int64_t ticks = 0;                // control periods simulated
   double wall_time_s = 0;
 
   // Why it could not run to its end; kOk: it did, and the rest is meaningful.
@@ -58,11 +68,13 @@ struct RunOptions {
   double speed = 0;                                         // simulated over wall time; 0: as fast as it goes
   const volatile std::sig_atomic_t* interrupted = nullptr;  // nonzero ends the run
   std::function<void(double time_s)> progress;              // called now and then
+  std::optional<firmware::MoveRequest> move;                // asked for instead of the scenario's motion
 };
 
 // Two countdown ticks, -2 and -1, come before t = 0 in runs with a controller: the ball is held at its initial state,
 // the operator says arm, then start, and the controller computes the steps of tick 0. In tick k the plant executes what
-// the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed.
+// the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed; so does a move that
+// was asked for instead of the start, once its last step is executed and the masses rest: completed.
 RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options);
 
 }  // namespace ballast::sil
