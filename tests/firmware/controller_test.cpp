@@ -798,7 +798,7 @@ TEST(Controller, RandomLivesKeepCountAndProfileTogether) {
   }
   EXPECT_GT(trips, 100);
   EXPECT_GT(restarts, 100);
-  EXPECT_GT(overloads, 10);
+  EXPECT_GT(overloads, 2) << "first starts only";
 }
 
 TEST(Controller, OverrunsBelongToTheClock) {
