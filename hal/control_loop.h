@@ -21,7 +21,7 @@ class ControlLoop {
     // What did not arrive keeps its last value and its old tick: the firmware judges staleness.
     if (const Status status = board_.read_sensors(inputs_.sensors); failed(status)) return status;
     if (const Status status = board_.read_verdict(inputs_.monitor); failed(status)) return status;
-    inputs_.operator_command = firmware::OperatorCommand::kNone;
+    inputs_.operator_command = firmware::OperatorInput();
     if (const Status status = board_.read_operator(inputs_.operator_command); failed(status)) return status;
 
     firmware::tick(params_, state_, inputs_, outputs_);

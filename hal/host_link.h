@@ -10,11 +10,11 @@
 namespace ballast::hal {
 
 // read_verdict(verdict):  kOk: one that has not been read before. kEmpty: none came, `verdict` is untouched.
-// read_operator(command): kOk: the oldest command not yet obeyed; each is handed out once, one per tick, in the order
-//                         given. kEmpty: none.
+// read_operator(command): kOk: the oldest command not yet handed out, with what belongs to it; each is handed out
+//                         once, one per tick, in the order given. kEmpty: none.
 // write_status(status):   reports the tick just served.
 template <class B>
-concept HostLink = requires(B& board, firmware::MonitorVerdict& verdict, firmware::OperatorCommand& command,
+concept HostLink = requires(B& board, firmware::MonitorVerdict& verdict, firmware::OperatorInput& command,
                             const firmware::ControllerStatus& status) {
   { board.read_verdict(verdict) } -> std::same_as<Status>;
   { board.read_operator(command) } -> std::same_as<Status>;

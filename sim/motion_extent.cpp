@@ -68,7 +68,8 @@ PositionExtent position_extent(const Mass& mass, double duration_s) {
 }
 
 SpeedExtent speed_extent(const Mass& mass) {
-  SpeedExtent extent{std::abs(mass.initial_velocity), 0, 0};
+  SpeedExtent extent;
+  extent.greatest_speed = std::abs(mass.initial_velocity);
   for_each_piece(mass, [&](std::size_t piece, const Start& p, double, double length_s) {
     if (piece == mass.motion.size()) return;  // has the speed with which the last piece ends
     const MotionPiece& m = mass.motion[piece];
@@ -80,8 +81,15 @@ SpeedExtent speed_extent(const Mass& mass) {
     const double vertex = -p.acceleration / p.jerk;
     if (vertex > 0 && vertex < length_s) consider(std::abs(p.velocity_at(vertex)));
     consider(std::abs(p.velocity + length_s * (m.acceleration_start + m.acceleration_end) / 2));
-    extent.greatest_acceleration =
-        std::max({extent.greatest_acceleration, std::abs(m.acceleration_start), std::abs(m.acceleration_end)});
+    const double acceleration = std::max(std::abs(m.acceleration_start), std::abs(m.acceleration_end));
+    if (acceleration > extent.greatest_acceleration) {
+      extent.greatest_acceleration = acceleration;
+      extent.hardest_piece = piece;
+    }
+    if (std::abs(p.jerk) > extent.greatest_jerk) {
+      extent.greatest_jerk = std::abs(p.jerk);
+      extent.jerkiest_piece = piece;
+    }
   });
   return extent;
 }

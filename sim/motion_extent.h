@@ -21,12 +21,15 @@ struct PositionExtent {
 };
 PositionExtent position_extent(const Mass& mass, double duration_s);
 
-// The greatest |theta'| and |theta''| of the whole motion. `fastest_piece` is the first piece that has it; 0 if there
-// is none.
+// The greatest |theta'|, |theta''| and |theta'''| of the whole motion, the last inside the pieces, and the first piece
+// that has each; 0 if there is none.
 struct SpeedExtent {
   double greatest_speed = 0;
   std::size_t fastest_piece = 0;
   double greatest_acceleration = 0;
+  std::size_t hardest_piece = 0;
+  double greatest_jerk = 0;
+  std::size_t jerkiest_piece = 0;
 };
 SpeedExtent speed_extent(const Mass& mass);
 

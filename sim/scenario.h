@@ -38,13 +38,14 @@ struct Motor {
   double holding_torque_nm = 0;      // tau_hold at standstill, at the shaft
   double detent_torque_nm = 0;
   double rotor_inertia_kgm2 = 0;
-  double viscous_damping_nms = 0;  // b
-  double corner_speed_radps = 0;   // above it tau_hold falls as corner / speed
-  double step_error = 0.015;       // largest position error of a full step, as a part of the step angle
-  double max_step_rate_hz = 0;     // microsteps per second the driver accepts
+  double viscous_damping_nms = 0;   // b
+  double corner_speed_radps = 0;    // above it tau_hold falls as corner / speed
+  double step_error = 0.015;        // largest position error of a full step, as a part of the step angle
+  double max_step_rate_hz = 0;      // microsteps per second the driver accepts
   double direction_setup_s = 2e-6;  // least time between two opposite pulses
-  double max_acceleration = 0;     // rail unit / s^2, the deceleration of a stop
-  double shaft_ratio = 0;          // derived: gear_ratio, or 2 pi / travel_per_revolution
+  double max_acceleration = 0;      // rail unit / s^2, of the motion, moves and stops
+  double max_jerk = 0;              // rail unit / s^3, likewise; in the motion's pieces, not where they meet
+  double shaft_ratio = 0;           // derived: gear_ratio, or 2 pi / travel_per_revolution
 };
 
 // chi(t) itself, in place of a rail and a motion along it: the paper's section 3. Prescribed runs only.

@@ -85,6 +85,7 @@ void add_mass(CanonicalText& text, const Mass& mass) {
   text.add("max_step_rate", motor.max_step_rate_hz);
   text.add("direction_setup", motor.direction_setup_s);
   text.add("max_acceleration", motor.max_acceleration);
+  text.add("max_jerk", motor.max_jerk);
   text.add("shaft_ratio", motor.shaft_ratio);
 }
 

@@ -375,8 +375,14 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);
   read("max_step_rate", Range::positive("1/s"), std::min(timer / 10, 60 / period), motor.max_step_rate_hz);
   read("direction_setup", Range::between(0, 1e-3, "s"), motor.direction_setup_s, motor.direction_setup_s);
-  read("max_acceleration", Range::positive("rail unit / s^2"), 0.5 * ratio * motor.holding_torque_nm / moved_inertia,
+  // What half the holding torque gives; the motion's own in any case, so that only a limit somebody has set refuses it.
+  const double half_torque = 0.5 * ratio * motor.holding_torque_nm / moved_inertia;
+  read("max_acceleration", Range::positive("rail unit / s^2"), std::max(half_torque, extent.greatest_acceleration),
        motor.max_acceleration);
+  // To that acceleration in one swing of load and rotor on the field's stiffness, which then swings on least.
+  const double swing_s = 2 * std::numbers::pi * std::sqrt(moved_inertia / (stiffness * ratio * ratio));
+  read("max_jerk", Range::positive("rail unit / s^3"), std::max(motor.max_acceleration / swing_s, extent.greatest_jerk),
+       motor.max_jerk);
   table.refuse_unknown_keys();
 }
 
@@ -402,6 +408,21 @@ void check_steps(TableReader& table, const Mass& mass, const MassSurroundings& a
   if (around.timer_frequency_hz && mass.motor.max_step_rate_hz > *around.timer_frequency_hz) {
     table.refuse("motor.max_step_rate",
                  "is out of range; allowed: <= run.timer_frequency = " + number_text(*around.timer_frequency_hz));
+  }
+}
+
+// The motion must keep to the motor's limits; its jumps of acceleration, where pieces meet, are allowed.
+void check_acceleration(TableReader& table, const Mass& mass, const SpeedExtent& extent) {
+  const Motor& motor = mass.motor;
+  if (extent.greatest_acceleration > motor.max_acceleration) {
+    table.refuse(piece_key(mass, extent.hardest_piece),
+                 "has acceleration " + number_text(extent.greatest_acceleration) +
+                     "; allowed: <= " + number_text(motor.max_acceleration) + " (motor.max_acceleration)");
+  }
+  if (extent.greatest_jerk > motor.max_jerk) {
+    table.refuse(piece_key(mass, extent.jerkiest_piece), "has jerk " + number_text(extent.greatest_jerk) +
+                                                             "; allowed: <= " + number_text(motor.max_jerk) +
+                                                             " (motor.max_jerk)");
   }
 }
 
@@ -484,6 +505,7 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
   if (complete && around.actuation == Actuation::kStepper) {
     check_steps(table, mass, around);
     check_step_rate(table, mass, speed, around);
+    check_acceleration(table, mass, speed);
   }
   table.refuse_unknown_keys();
   return mass;

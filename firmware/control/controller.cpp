@@ -39,6 +39,9 @@ bool valid(const Sensors& s) {
          finite(s.accelerometer_B_mps2);
 }
 
+// Microsteps of a target from the start: below 2^53, so that they can be counted; as validate() has it for the start.
+constexpr Real kMaxStepsFromZero = 1e15;
+
 // The world's faults present in this tick.
 std::uint32_t causes_of(const ControllerParams& params, const Inputs& inputs, Order order) {
   std::uint32_t causes = 0;
@@ -85,38 +88,129 @@ void hold(const ControllerParams& params, ControllerState& state, std::int64_t t
   state.braking = false;
 }
 
-// Constant deceleration to rest. False: not a profile (numbers out of range).
-bool brake(Profile& profile, Real position, Real velocity, Real deceleration) {
-  const Real rate = velocity > 0 ? -deceleration : deceleration;
-  const ProfilePiece piece{std::fabs(velocity) / deceleration, rate, rate};
-  if (!(piece.duration_s > 0)) return profile.set(position, 0, nullptr, 0);
-  return profile.set(position, velocity, &piece, 1);
+// Stop from this state in duration_s or, if that is less, the shortest time. False, and `profile` as it was or not at
+// rest in the end: not a stop.
+bool stop(Profile& profile, const ProfilePoint& from, const MotionLimits& limits, Real duration_s) {
+  PlannedPieces pieces;
+  if (!plan_stop(from.velocity, from.acceleration, limits, duration_s, pieces) ||
+      !profile.set(from.position, from.velocity, pieces.piece.data(), pieces.count)) {
+    return false;
+  }
+  // Checked by code that did not plan it.
+  const MotionLimits allowed{std::numeric_limits<Real>::infinity(),
+                             std::fmax(limits.max_acceleration, std::fabs(from.acceleration)), limits.max_jerk};
+  return profile.at_rest_from(profile.end_s()) && check_limits(profile, allowed).ok();
 }
 
-void begin_motion(const ControllerParams& params, ControllerState& state, std::int64_t next) {
+// Lines end where the ball does, open splines at their ends; no other rail has an end. 1e-12: rounding.
+bool on_rail(const BallParams& ball, int i, Real position) {
+  const Rail& rail = ball.rail[at(i)];
+  if (rail.shape == RailShape::kSpline && !rail.closed) {
+    const Real length = length_m(rail);
+    return position >= -1e-12 * length && position <= length * (1 + 1e-12);
+  }
+  if (rail.shape != RailShape::kLine) return true;
+  const Vector3 r = evaluate(rail, position).position;
+  return std::sqrt(r.dot(r)) <= ball.radius_m * (1 + 1e-12);
+}
+
+Real final_position(const Profile& profile) { return profile.cubic(profile.piece_count()).position; }
+
+RefusalReport refused(Refusal reason, int motor = -1, Real value = 0, int piece = -1) {
+  return {reason, motor, piece, value};
+}
+
+// The motion from where the masses stand, into `active`; nothing else changes.
+RefusalReport prepare_motion(const ControllerParams& params, ControllerState& state) {
   for (int i = 0; i < params.ball.mass_count; ++i) {
     state.active[at(i)] = params.motion[at(i)];
-    if (state.started && !state.active[at(i)].rebase(state.hold_position[at(i)], 0)) {
-      state.faults |= bit(Fault::kInternal);
-      return;  // still holding
+    if (!state.started) continue;  // validate() has seen it
+    if (!state.active[at(i)].rebase(state.hold_position[at(i)], 0)) {
+      return refused(Refusal::kNotPlanned, i, state.hold_position[at(i)]);
+    }
+    const LimitBreach breach = check_limits(state.active[at(i)], motion_limits(params, i));
+    if (breach.what == Limited::kVelocity) return refused(Refusal::kVelocity, i, breach.value, breach.piece);
+    if (breach.what == Limited::kAcceleration) return refused(Refusal::kAcceleration, i, breach.value, breach.piece);
+    if (breach.what == Limited::kJerk) return refused(Refusal::kJerk, i, breach.value, breach.piece);
+  }
+  return {};
+}
+
+// The move, into `active`; nothing else changes. The masses hold.
+RefusalReport prepare_move(const ControllerParams& params, const MoveRequest& move, ControllerState& state) {
+  const int count = params.ball.mass_count;
+  if (move.masses == 0) return refused(Refusal::kNoMass);
+  for (int i = count; i < 32; ++i) {
+    if ((move.masses >> i & 1u) != 0) return refused(Refusal::kUnknownMass, i, i);
+  }
+  if (!(move.speed_fraction > 0 && move.speed_fraction <= 1)) {
+    return refused(Refusal::kSpeedFraction, -1, move.speed_fraction);
+  }
+  const auto distance = [&](int i) {
+    const bool moves = (move.masses >> i & 1u) != 0;
+    return moves ? move.target_position[at(i)] - state.hold_position[at(i)] : Real{0};
+  };
+  PlannedPieces pieces;
+  Real duration_s = 0;
+  for (int i = 0; i < count; ++i) {
+    if ((move.masses >> i & 1u) == 0) continue;
+    const Real target = move.target_position[at(i)];
+    const Real steps = (target - params.motion[at(i)].at(0).position) * params.motor[at(i)].steps_per_unit;
+    if (!std::isfinite(target) || !(std::fabs(steps) <= kMaxStepsFromZero) || !on_rail(params.ball, i, target)) {
+      return refused(Refusal::kTarget, i, target);
+    }
+    if (!plan_move(distance(i), motion_limits(params, i), 0, pieces)) {
+      return refused(Refusal::kNotPlanned, i, distance(i));
+    }
+    duration_s = std::fmax(duration_s, pieces.duration_s() / move.speed_fraction);
+  }
+  for (int i = 0; i < count; ++i) {
+    Profile& profile = state.active[at(i)];
+    const Real from = state.hold_position[at(i)];
+    const MotionLimits limits = motion_limits(params, i);
+    if (!plan_move(distance(i), limits, duration_s, pieces) ||
+        !profile.set(from, 0, pieces.piece.data(), pieces.count)) {
+      return refused(Refusal::kNotPlanned, i, distance(i));
+    }
+    // Checked by code that did not plan it; 1e-12: the rounding of seven pieces' sums, with room.
+    const Real miss = std::fabs(final_position(profile) - (from + distance(i)));
+    if (!profile.at_rest_from(profile.end_s()) || !check_limits(profile, limits).ok() ||
+        !(miss <= 1e-12 * (std::fabs(from) + std::fabs(distance(i))))) {
+      return refused(Refusal::kNotPlanned, i, distance(i));
     }
   }
+  return {};
+}
+
+// What is in `active` is in force from the start of `next`.
+void begin(ControllerState& state, std::int64_t next) {
   state.start_tick = next;
   state.started = true;
   state.moving = true;
   state.braking = false;
 }
 
-void begin_stop(const ControllerParams& params, ControllerState& state, std::int64_t next) {
+// `together`: all in the time the slowest needs; else each in its own shortest.
+void begin_stop(const ControllerParams& params, ControllerState& state, std::int64_t next, bool together) {
+  PlannedPieces pieces;
+  Real slowest_s = 0;
   for (int i = 0; i < params.ball.mass_count; ++i) {
     const ProfilePoint p = commanded(params, state, next, i);
-    if (!brake(state.active[at(i)], p.position, p.velocity, params.motor[at(i)].max_acceleration)) {
-      state.faults |= bit(Fault::kInternal);
-      // Where the last step left it; such a position fits any profile.
-      const Real position = params.motion[at(i)].at(0).position +
-                            static_cast<Real>(state.position_steps[at(i)]) / params.motor[at(i)].steps_per_unit;
-      static_cast<void>(state.active[at(i)].set(position, 0, nullptr, 0));
+    if (plan_stop(p.velocity, p.acceleration, motion_limits(params, i), 0, pieces)) {
+      slowest_s = std::fmax(slowest_s, pieces.duration_s());
     }
+  }
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    const ProfilePoint p = commanded(params, state, next, i);
+    const MotionLimits limits = motion_limits(params, i);
+    Profile& profile = state.active[at(i)];
+    if (together && stop(profile, p, limits, slowest_s) && on_rail(params.ball, i, final_position(profile))) continue;
+    if (stop(profile, p, limits, 0)) continue;
+    state.faults |= bit(Fault::kInternal);
+    // Where the last step left it; such a position fits any profile.
+    const Real position = params.motion[at(i)].at(0).position +
+                          static_cast<Real>(state.position_steps[at(i)]) / params.motor[at(i)].steps_per_unit;
+    static_cast<void>(profile.set(position, 0, nullptr, 0));
   }
   state.start_tick = next;
   state.braking = true;
@@ -153,25 +247,23 @@ bool generate_all(const ControllerParams& params, ControllerState& state, StepCo
   return true;
 }
 
-// Largest speed whose steps can surely be issued: just under the motor's rate, and a tick's worth of pulses.
-Real feasible_speed(const ControllerParams& params, int i) {
-  const MotorParams& motor = params.motor[at(i)];
-  const Real rate_hz = std::fmin(motor.max_step_rate_hz, (kMaxStepsPerTick - 1) / params.control_period_s);
-  return 0.999 * rate_hz / std::fabs(motor.steps_per_unit);
-}
+// Largest speed whose steps can surely be issued: just under what the limits allow.
+Real feasible_speed(const ControllerParams& params, int i) { return 0.999 * motion_limits(params, i).max_velocity; }
 
-// Something cannot be stepped: everything brakes from the commanded state, each motor as well as it can. Never more
-// than three tries a motor; the last, holding, needs no pulses.
+// Something cannot be stepped: everything stops from the commanded state, each motor as well as it can. Never more than
+// four tries a motor; the last, holding, needs no pulses.
 void generate_overloaded(const ControllerParams& params, ControllerState& state, StepCommand& out) {
-  begin_stop(params, state, out.tick);
+  // Each by itself: one that moves faster than it can be stopped keeps no other going.
+  begin_stop(params, state, out.tick, false);
   clear(params, state, out.tick, out);
   for (int i = 0; i < params.ball.mass_count; ++i) {
     if (generate(params, state, i, out) == StepError::kNone) continue;
-    const ProfilePoint p = commanded(params, state, out.tick, i);
-    const Real speed = std::fmin(std::fabs(p.velocity), feasible_speed(params, i));
-    const bool slower =
-        brake(state.active[at(i)], p.position, std::copysign(speed, p.velocity), params.motor[at(i)].max_acceleration);
-    if (slower && generate(params, state, i, out) == StepError::kNone) continue;
+    ProfilePoint p = commanded(params, state, out.tick, i);
+    p.acceleration = 0;
+    const MotionLimits limits = motion_limits(params, i);
+    if (stop(state.active[at(i)], p, limits, 0) && generate(params, state, i, out) == StepError::kNone) continue;
+    p.velocity = std::copysign(std::fmin(std::fabs(p.velocity), feasible_speed(params, i)), p.velocity);
+    if (stop(state.active[at(i)], p, limits, 0) && generate(params, state, i, out) == StepError::kNone) continue;
     static_cast<void>(state.active[at(i)].set(p.position, 0, nullptr, 0));
   }
 }
@@ -191,37 +283,59 @@ bool event_of(OperatorCommand command, Event& event) {
     case OperatorCommand::kReset:
       event = Event::kReset;
       return true;
+    case OperatorCommand::kMove:
+      event = Event::kMove;
+      return true;
     case OperatorCommand::kNone:
       break;
   }
   return false;
 }
 
+Quaternion unit(const Quaternion& q) {
+  const Real norm = length(q);
+  return {q.w() / norm, q.x() / norm, q.y() / norm, q.z() / norm};
+}
+
+constexpr Real kUnknown = std::numeric_limits<Real>::quiet_NaN();
+
 void predict(const ControllerParams& params, const Sensors& sensors, const MassMotion& masses,
              ControllerStatus& status) {
   RollingForces& f = status.predicted;
   if (valid(sensors)) {
-    const Real norm = length(sensors.orientation);
-    const Quaternion q(sensors.orientation.w() / norm, sensors.orientation.x() / norm, sensors.orientation.y() / norm,
-                       sensors.orientation.z() / norm);
-    f = rolling_forces(params.ball, q, sensors.gyro_B_radps, masses);
+    f = rolling_forces(params.ball, unit(sensors.orientation), sensors.gyro_B_radps, masses);
   } else {
-    constexpr Real kUnknown = std::numeric_limits<Real>::quiet_NaN();
     f.angular_acceleration_B_radps2 = Vector3(kUnknown, kUnknown, kUnknown);
     f.normal_force_n = kUnknown;
     f.friction_force_W_n = Vector2(kUnknown, kUnknown);
     f.static_friction_n = kUnknown;
   }
-  if (!(f.normal_force_n > 0)) {
-    status.mu_required = std::numeric_limits<Real>::infinity();
-    status.margin = -1;
-    return;
+  friction_use(f, params.static_friction, status.mu_required, status.margin);
+}
+
+// What the profiles that begin at the start of `next` will do.
+void predict_plan(const ControllerParams& params, const Sensors& sensors, const MassMotion& now, std::int64_t next,
+                  ControllerState& state) {
+  Real duration_s = 0;
+  for (int i = 0; i < params.ball.mass_count; ++i) duration_s = std::fmax(duration_s, state.active[at(i)].end_s());
+  state.planned = true;
+  state.plan_tick = next;
+  if (valid(sensors)) {
+    state.plan = predict_motion(params.ball, params.static_friction, unit(sensors.orientation), sensors.gyro_B_radps,
+                                now, params.control_period_s, state.active, duration_s);
+  } else {
+    state.plan = {duration_s, kUnknown, std::numeric_limits<Real>::infinity(), -1};
   }
-  status.mu_required = f.static_friction_n / f.normal_force_n;
-  status.margin = std::isinf(params.static_friction) ? 1 : 1 - status.mu_required / params.static_friction;
 }
 
 }  // namespace
+
+MotionLimits motion_limits(const ControllerParams& params, int mass) {
+  const MotorParams& motor = params.motor[at(mass)];
+  // In a tick of constant speed one step more than the mean can fall.
+  const Real rate_hz = std::fmin(motor.max_step_rate_hz, (kMaxStepsPerTick - 1) / params.control_period_s);
+  return {rate_hz / std::fabs(motor.steps_per_unit), motor.max_acceleration, motor.max_jerk};
+}
 
 void reset(const ControllerParams& params, ControllerState& state) {
   // Member by member: a temporary of the whole state would need 50 kB of stack. The profiles are not read before
@@ -240,6 +354,10 @@ void reset(const ControllerParams& params, ControllerState& state) {
   state.last_pulse = {};
   state.steps_issued = {};
   state.overload = {};
+  state.refusal = {};
+  state.planned = false;
+  state.plan_tick = 0;
+  state.plan = {};
 }
 
 void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, Outputs& outputs) {
@@ -270,24 +388,43 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   state.faults = state.mode == Mode::kDisarmed ? causes : state.faults | causes;
   const GuardState guards{state.faults == 0, at_rest_from(params, state, next), causes != 0};
   if (state.faults != 0) state.mode = next_mode(state.mode, Event::kFault, guards);
-  if (Event event{}; event_of(inputs.operator_command, event)) {
+  bool plan_begins = false;
+  if (Event event{}; event_of(inputs.operator_command.command, event)) {
     const Mode before = state.mode;
-    state.mode = next_mode(before, event, guards);
-    if (before == Mode::kTripped && state.mode == Mode::kDisarmed) {
-      state.faults = 0;
-      state.overload = {};
+    const Mode after = next_mode(before, event, guards);
+    if (after == before) {
+      state.refusal = refused(Refusal::kMode);
+    } else if (after == Mode::kRunning) {
+      state.refusal = prepare_motion(params, state);
+    } else if (after == Mode::kMoving) {
+      state.refusal = prepare_move(params, inputs.operator_command.move, state);
+    } else {
+      state.refusal = {};
     }
-    if (before == Mode::kArmed && state.mode == Mode::kRunning) begin_motion(params, state, next);
+    if (state.refusal.reason == Refusal::kNone) {
+      state.mode = after;
+      if (before == Mode::kTripped) {
+        state.faults = 0;
+        state.overload = {};
+      }
+      if (after == Mode::kRunning || after == Mode::kMoving) begin(state, next);
+      plan_begins = after == Mode::kMoving;
+    }
   }
 
   // Steps of the next tick; those of a repeated tick are on their way already.
   clear(params, state, next, steps);
   if (state.moving && order != Order::kRepeated) {
-    if (state.mode != Mode::kRunning && !state.braking) begin_stop(params, state, next);
+    if (state.mode != Mode::kRunning && state.mode != Mode::kMoving && !state.braking) {
+      begin_stop(params, state, next, true);
+      plan_begins = true;
+    }
     if (!generate_all(params, state, steps)) {
       state.faults |= bit(Fault::kStepOverload);
       generate_overloaded(params, state, steps);
+      plan_begins = true;
     }
+    if (plan_begins) predict_plan(params, inputs.sensors, now, next, state);
     for (int b = 0; b < steps.burst_count; ++b) {
       state.steps_issued[steps.bursts[at(b)].motor] += steps.bursts[at(b)].count;
     }
@@ -297,7 +434,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   // What turned up while making the steps.
   if (state.faults != 0) state.mode = next_mode(state.mode, Event::kFault, guards);
   const bool at_rest = at_rest_from(params, state, next);
-  if (at_rest && state.moving && state.braking) hold(params, state, next);
+  if (at_rest && state.moving && (state.braking || state.mode == Mode::kMoving)) hold(params, state, next);
   if (at_rest) state.mode = next_mode(state.mode, Event::kAtRest, guards);
 
   predict(params, inputs.sensors, now, status);
@@ -311,6 +448,10 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   status.commanded_velocity = now.velocity;
   status.steps_issued = state.steps_issued;
   status.overload = state.overload;
+  status.refusal = state.refusal;
+  status.planned = state.planned;
+  status.plan_tick = state.plan_tick;
+  status.plan = state.plan;
 }
 
 }  // namespace ballast::firmware

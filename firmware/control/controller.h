@@ -4,7 +4,9 @@
 
 #include <limits>
 
+#include "firmware/control/prediction.h"
 #include "firmware/model/rolling.h"
+#include "firmware/motion/motion_limits.h"
 #include "firmware/motion/profile.h"
 #include "firmware/motion/step_generator.h"
 #include "firmware/safety/fault.h"
@@ -15,7 +17,8 @@ namespace ballast::firmware {
 struct MotorParams {
   Real steps_per_unit = 0;     // microsteps per rail unit (rad or m), != 0; sign = wiring
   Real max_step_rate_hz = 0;   // microsteps per second, > 0
-  Real max_acceleration = 0;   // rail unit / s^2, > 0: the deceleration of a stop
+  Real max_acceleration = 0;   // rail unit / s^2, > 0: of motion, moves and stops
+  Real max_jerk = 0;           // rail unit / s^3, > 0: likewise, inside the motion's pieces
   Real direction_setup_s = 0;  // 0..1e-3: least time between two opposite pulses, which the driver needs to turn
 };
 
@@ -36,12 +39,18 @@ struct ControllerParams {
 struct ParamError {
   const char* field = nullptr;  // nullptr: accepted
   int index = -1;               // mass, where the field has one
+  int piece = -1;               // of the motion, where the field is one
   Real value = 0;
   const char* allowed = "";
+  Real limit = 0;  // of a piece: what was allowed, in the unit of `value`
   [[nodiscard]] bool ok() const { return field == nullptr; }
 };
 
 [[nodiscard]] ParamError validate(const ControllerParams& params);
+
+// A motor's limits as its profiles have to keep them. The speed is that of its step rate, and of the pulses one tick
+// has room for.
+[[nodiscard]] MotionLimits motion_limits(const ControllerParams& params, int mass);
 
 // The tick of what never arrived: older than any limit.
 inline constexpr std::int64_t kNeverTick = std::numeric_limits<std::int64_t>::min();
@@ -61,14 +70,51 @@ struct MonitorVerdict {
   bool tripped = false;
 };
 
-enum class OperatorCommand : std::uint8_t { kNone = 0, kArm = 1, kStart = 2, kStop = 3, kReset = 4 };
+enum class OperatorCommand : std::uint8_t { kNone = 0, kArm = 1, kStart = 2, kStop = 3, kReset = 4, kMove = 5 };
+
+// Of kMove: from rest to rest, all at once, in the time the slowest needs. Judged before anything moves.
+struct MoveRequest {
+  std::uint32_t masses = 0;         // bit i: mass i moves; the others stay
+  PerMass<Real> target_position{};  // rail coordinate, rad or m; read where the bit is set
+  Real speed_fraction = 1;          // 0 < .. <= 1: the shortest time is divided by it
+};
+
+// What the operator says; a plain command converts.
+struct OperatorInput {
+  OperatorCommand command = OperatorCommand::kNone;
+  MoveRequest move;  // read with kMove only
+  OperatorInput() = default;
+  OperatorInput(OperatorCommand c) : command(c) {}  // NOLINT(google-explicit-constructor): that is what it is for
+  OperatorInput(const MoveRequest& request) : command(OperatorCommand::kMove), move(request) {}  // NOLINT
+};
+
+// Why the operator's last command was not obeyed. The numbers are those of controller_status_t.
+enum class Refusal : std::uint8_t {
+  kNone = 0,           // it was, or there was none
+  kMode = 1,           // not in this mode, or not healthy
+  kNoMass = 2,         // the move names no mass
+  kUnknownMass = 3,    // one there is not; value: its number
+  kTarget = 4,         // not finite, or beyond an end of its rail, or too many steps away; value: the target
+  kSpeedFraction = 5,  // outside 0 < .. <= 1; value: it
+  kVelocity = 6,       // the motion, begun from where the masses stand, breaks a limit; value: its extreme
+  kAcceleration = 7,
+  kJerk = 8,
+  kNotPlanned = 9,  // no profile came of these numbers; value: the distance
+};
+
+struct RefusalReport {
+  Refusal reason = Refusal::kNone;
+  int motor = -1;
+  int piece = -1;  // of the motion
+  Real value = 0;
+};
 
 // Everything the controller hears in one tick. What did not arrive keeps its last value, and its old tick.
 struct Inputs {
   std::int64_t tick = 0;
   Sensors sensors;
   MonitorVerdict monitor;
-  OperatorCommand operator_command = OperatorCommand::kNone;
+  OperatorInput operator_command;
 };
 
 // The first step overload since the faults were last cleared: what could not be stepped.
@@ -94,6 +140,10 @@ struct ControllerStatus {
   std::int64_t overruns = 0;             // kept by the HAL's clock
   PerMass<std::int64_t> steps_issued{};  // pulses, both directions counted up
   StepOverload overload;                 // kNone: there was none
+  RefusalReport refusal;                 // of the operator's last command; stays until the next
+  bool planned = false;                  // there has been a stop or a move since reset(); the next two are of the last
+  std::int64_t plan_tick = 0;            // at whose start it begins
+  Prediction plan;                       // what it will do, computed before its first step
 };
 
 struct Outputs {
@@ -107,15 +157,19 @@ struct ControllerState {
   bool ticked = false;  // a tick has been seen
   std::int64_t last_tick = 0;
   std::int64_t start_tick = 0;  // tick at whose start the active profiles are at time 0
-  bool started = false;         // a motion has begun since reset(): later ones start from where the masses stand
+  bool started = false;         // a motion or a move has begun since reset(): motions start from where the masses stand
   bool moving = false;          // active profiles are in force; otherwise the masses hold at hold_position
   bool braking = false;         // the active profiles are stops
-  PerMass<Profile> active{};    // the scenario's motion, or a stop from its current point
+  PerMass<Profile> active{};    // the scenario's motion, a move, or a stop from where one of them is
   PerMass<Real> hold_position{};
   PerMass<std::int64_t> position_steps{};
   PerMass<LastPulse> last_pulse{};
   PerMass<std::int64_t> steps_issued{};
   StepOverload overload;
+  RefusalReport refusal;
+  bool planned = false;
+  std::int64_t plan_tick = 0;
+  Prediction plan;
 };
 
 // State before the first tick: disarmed, masses holding at their initial positions.
@@ -123,17 +177,21 @@ void reset(const ControllerParams& params, ControllerState& state);
 
 // One tick. `params` must have been accepted by validate(). Steps written are those of inputs.tick + 1.
 // - START in tick k: profile time 0 is the start of tick k + 1. The first motion starts with the parameters' initial
-// position
-//   and velocity. A later one (after a stop, or a trip and reset) runs the same pieces from where the masses stand, at
-//   rest.
-// - A stop or a trip in tick k: from the start of tick k + 1 each mass decelerates from its profile's point there at
-//   max_acceleration, then holds. A motion that ends by itself leaves the mode running.
-// - Step overload: the tick's steps are made again with all masses braking from the commanded state; a motor that
-// cannot
-//   follow even that brakes from the speed it can follow, or, if that fails too, holds at once.
+//   position and velocity. A later one (after a stop, a move, or a trip and reset) runs the same pieces from where the
+//   masses stand, at rest; refused if that breaks a limit.
+// - MOVE in tick k, armed: from the start of tick k + 1 each mass asked goes to its target by plan_move(), all in the
+//   same time. Then they hold, and the mode is armed again.
+// - A stop or a trip in tick k: from the start of tick k + 1 each mass stops by plan_stop() from its profile's
+//   position, velocity and acceleration there, all in the time the slowest needs at least (a mass that would be
+//   stretched beyond an end of its rail takes its own shortest: lines end where the ball does, open splines at their
+//   ends); then it holds. The acceleration has no jump, except where the motion itself has one there. A motion that
+//   ends by itself leaves the mode running.
+// - N and f_s along the stop or move are predicted in tick k, from the sensed attitude: prediction.h.
+// - Step overload: the tick's steps are made again with all masses stopping from the commanded state; a motor that
+//   cannot follow even that stops from its velocity without the acceleration, then from the speed it can follow; if
+//   that fails too, it holds at once. These have a jump; the prediction is of what is commanded in the end.
 // - A tick repeated issues nothing: its steps are on their way already. A tick skipped, or one from the past, left the
-// motors
-//   without pulses; they stand, and hold there.
+//   motors without pulses; they stand, and hold there.
 // All of `outputs` is written, except overruns.
 void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, Outputs& outputs);
 

@@ -23,6 +23,17 @@ class Checker {
   void positive(Real value, const char* field, int index = -1) {
     require(std::isfinite(value) && value > 0, field, index, value, "finite, > 0");
   }
+  void motion(const Profile& profile, const MotionLimits& limits, int mass) {
+    const LimitBreach breach = check_limits(profile, limits);
+    if (breach.ok() || !error_.ok()) return;
+    const bool speed = breach.what == Limited::kVelocity, acceleration = breach.what == Limited::kAcceleration;
+    require(false, speed ? "motion speed" : (acceleration ? "motion acceleration" : "motion jerk"), mass, breach.value,
+            speed          ? "what motor.max_step_rate_hz and 63 steps a tick allow"
+            : acceleration ? "<= motor.max_acceleration"
+                           : "<= motor.max_jerk");
+    error_.piece = breach.piece;
+    error_.limit = speed ? limits.max_velocity : (acceleration ? limits.max_acceleration : limits.max_jerk);
+  }
   void finite(const Vector3& v, const char* field, int index = -1) {
     for (int j = 0; j < 3; ++j) require(std::isfinite(v[j]), field, index, v[j], "finite");
   }
@@ -119,10 +130,12 @@ ParamError validate(const ControllerParams& params) {
     check.positive(motor.max_acceleration, "motor.max_acceleration", i);
     check.require(motor.direction_setup_s >= 0 && motor.direction_setup_s <= 1e-3, "motor.direction_setup_s", i,
                   motor.direction_setup_s, "0..1e-3");
+    check.positive(motor.max_jerk, "motor.max_jerk", i);
     // A profile refuses what is not finite when it is set; the count of steps at its start has to fit too.
     const Real start = params.motion[k].at(0).position;
     check.require(std::fabs(start * motor.steps_per_unit) <= 1e15, "motion", i, start,
                   "initial position within 1e15 microsteps of 0");
+    if (check.error().ok()) check.motion(params.motion[k], motion_limits(params, i), i);
   }
   return check.error();
 }

@@ -8,13 +8,17 @@ namespace {
 
 // A fault has no row in kDisarmed: nothing moves there, and what is missing at power-up only keeps the robot from
 // arming.
-constexpr std::array<Transition, 9> kTable{{
+constexpr std::array<Transition, 13> kTable{{
     {Mode::kDisarmed, Event::kArm, Guard::kHealthy, Mode::kArmed},
     {Mode::kArmed, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kArmed, Event::kStop, Guard::kAlways, Mode::kDisarmed},
     {Mode::kArmed, Event::kStart, Guard::kHealthy, Mode::kRunning},
+    {Mode::kArmed, Event::kMove, Guard::kHealthy, Mode::kMoving},
     {Mode::kRunning, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kRunning, Event::kStop, Guard::kAlways, Mode::kStopping},
+    {Mode::kMoving, Event::kFault, Guard::kAlways, Mode::kTripped},
+    {Mode::kMoving, Event::kStop, Guard::kAlways, Mode::kStopping},
+    {Mode::kMoving, Event::kAtRest, Guard::kAlways, Mode::kArmed},
     {Mode::kStopping, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kStopping, Event::kAtRest, Guard::kAlways, Mode::kArmed},
     {Mode::kTripped, Event::kReset, Guard::kAtRestAndClear, Mode::kDisarmed},

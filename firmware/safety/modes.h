@@ -14,6 +14,7 @@ enum class Mode : std::uint8_t {
   kRunning = 2,   // the masses follow their profiles
   kStopping = 3,  // decelerating at the operator's wish
   kTripped = 4,   // decelerating, then holding, because of a fault; left only by reset, at rest, with the cause gone
+  kMoving = 5,    // the masses go where the operator has asked them to
 };
 
 enum class Event : std::uint8_t {
@@ -22,6 +23,7 @@ enum class Event : std::uint8_t {
   kStart,   // operator
   kArm,     // operator
   kReset,   // operator
+  kMove,    // operator
   kAtRest,  // all commanded velocities are zero and stay so
 };
 

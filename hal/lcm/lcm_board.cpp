@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstring>
 
 #include "hal/lcm/channels.h"
 
@@ -54,7 +55,9 @@ void LcmBoard::on_trip(const trip_t& message) {
 void LcmBoard::on_operator(const operator_t& message) {
   const auto same = [&message](const operator_t& other) {
     return other.tick == message.tick && other.utime == message.utime && other.sequence == message.sequence &&
-           other.command == message.command;
+           other.command == message.command && other.move_masses == message.move_masses &&
+           std::memcmp(other.target_position, message.target_position, sizeof message.target_position) == 0 &&
+           std::memcmp(&other.speed_fraction, &message.speed_fraction, sizeof message.speed_fraction) == 0;
   };
   const auto known =
       recent_commands_.begin() + static_cast<std::ptrdiff_t>(std::min(recent_count_, recent_commands_.size()));
@@ -122,7 +125,7 @@ Status LcmBoard::read_verdict(firmware::MonitorVerdict& verdict) {
   return Status::kOk;
 }
 
-Status LcmBoard::read_operator(firmware::OperatorCommand& command) {
+Status LcmBoard::read_operator(firmware::OperatorInput& command) {
   if (commands_.empty()) return Status::kEmpty;
   command = commands_.front();
   commands_.pop_front();

@@ -33,7 +33,7 @@ class LcmBoard {
   [[nodiscard]] std::int64_t overruns() const { return 0; }  // in lockstep the world waits
   Status read_sensors(firmware::Sensors& sensors);
   Status read_verdict(firmware::MonitorVerdict& verdict);
-  Status read_operator(firmware::OperatorCommand& command);
+  Status read_operator(firmware::OperatorInput& command);
   Status write_steps(const firmware::StepCommand& steps);
   Status write_status(const firmware::ControllerStatus& status);
   void kick_watchdog() { ++watchdog_kicks_; }
@@ -62,9 +62,9 @@ class LcmBoard {
   std::optional<sensors_t> sensors_;  // of the tick waited for
   std::optional<trip_t> trip_;
   bool sensors_read_ = false, verdict_read_ = false;
-  std::deque<firmware::OperatorCommand> commands_;  // not yet obeyed
-  std::array<operator_t, 32> recent_commands_{};    // to recognise repetitions
-  std::size_t recent_count_ = 0;                    // ever entered
+  std::deque<firmware::OperatorInput> commands_;  // not yet obeyed
+  std::array<operator_t, 32> recent_commands_{};  // to recognise repetitions
+  std::size_t recent_count_ = 0;                  // ever entered
 
   LinkCounters counters_;
   std::int64_t watchdog_kicks_ = 0;

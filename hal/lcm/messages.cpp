@@ -123,6 +123,16 @@ controller_status_t to_message(const firmware::ControllerStatus& status, double 
   message.overload_tick = status.overload.tick;
   message.overload_value = status.overload.trouble.value;
   message.overload_limit = status.overload.trouble.limit;
+  message.refusal = static_cast<std::int8_t>(status.refusal.reason);
+  message.refusal_motor = static_cast<std::int8_t>(status.refusal.motor);
+  message.refusal_piece = static_cast<std::int16_t>(status.refusal.piece);
+  message.refusal_value = status.refusal.value;
+  message.planned = status.planned ? 1 : 0;
+  message.plan_tick = status.plan_tick;
+  message.plan_duration_s = status.plan.duration_s;
+  message.plan_normal_force_min_n = status.plan.normal_force_min_n;
+  message.plan_mu_required_max = status.plan.mu_required_max;
+  message.plan_margin_min = status.plan.margin_min;
   return message;
 }
 
@@ -149,6 +159,12 @@ firmware::ControllerStatus from_message(const controller_status_t& message) {
   status.overload.tick = message.overload_tick;
   status.overload.trouble.value = message.overload_value;
   status.overload.trouble.limit = message.overload_limit;
+  status.refusal = {static_cast<firmware::Refusal>(message.refusal), message.refusal_motor, message.refusal_piece,
+                    message.refusal_value};
+  status.planned = message.planned == 1;
+  status.plan_tick = message.plan_tick;
+  status.plan = {message.plan_duration_s, message.plan_normal_force_min_n, message.plan_mu_required_max,
+                 message.plan_margin_min};
   return status;
 }
 
@@ -159,18 +175,27 @@ firmware::MonitorVerdict from_message(const trip_t& message) {
   return verdict;
 }
 
-operator_t to_message(firmware::OperatorCommand command, std::int64_t tick, std::int64_t sequence,
+operator_t to_message(const firmware::OperatorInput& input, std::int64_t tick, std::int64_t sequence,
                       double control_period_s) {
   operator_t message{};
   message.tick = tick;
   message.utime = tick_utime(tick, control_period_s);
   message.sequence = sequence;
-  message.command = static_cast<std::int8_t>(command);
+  message.command = static_cast<std::int8_t>(input.command);
+  if (input.command != firmware::OperatorCommand::kMove) return message;
+  message.move_masses = static_cast<std::int32_t>(input.move.masses);
+  for (std::size_t i = 0; i < kMaxMasses; ++i) message.target_position[i] = input.move.target_position[i];
+  message.speed_fraction = input.move.speed_fraction;
   return message;
 }
 
-firmware::OperatorCommand from_message(const operator_t& message) {
-  return static_cast<firmware::OperatorCommand>(message.command);
+firmware::OperatorInput from_message(const operator_t& message) {
+  firmware::OperatorInput input = static_cast<firmware::OperatorCommand>(message.command);
+  if (input.command != firmware::OperatorCommand::kMove) return input;
+  input.move.masses = static_cast<std::uint32_t>(message.move_masses);
+  for (std::size_t i = 0; i < kMaxMasses; ++i) input.move.target_position[i] = message.target_position[i];
+  input.move.speed_fraction = message.speed_fraction;
+  return input;
 }
 
 bool in_range(const contact_t& message) {
@@ -202,9 +227,13 @@ bool in_range(const step_command_t& message) {
 
 bool in_range(const controller_status_t& message) {
   return is_tick(message.tick) && message.mode >= controller_status_t::MODE_DISARMED &&
-         message.mode <= controller_status_t::MODE_TRIPPED && is_flag(message.at_rest) &&
+         message.mode <= controller_status_t::MODE_MOVING && is_flag(message.at_rest) &&
          is_count(message.motor_count, kMaxMasses) && is_count(message.overload_error, 3) &&
-         message.overload_motor >= -1 && message.overload_motor < kMaxMasses;
+         message.overload_motor >= -1 && message.overload_motor < kMaxMasses &&
+         message.refusal >= controller_status_t::REFUSAL_NONE &&
+         message.refusal <= controller_status_t::REFUSAL_NOT_PLANNED && message.refusal_motor >= -1 &&
+         message.refusal_motor < 32 && message.refusal_piece >= -1 && message.refusal_piece <= firmware::kMaxPieces &&
+         is_flag(message.planned) && is_tick(message.plan_tick);
 }
 
 bool in_range(const trip_t& message) {
@@ -214,7 +243,7 @@ bool in_range(const trip_t& message) {
 
 bool in_range(const operator_t& message) {
   return is_tick(message.tick) && message.command >= operator_t::COMMAND_ARM &&
-         message.command <= operator_t::COMMAND_RESET;
+         message.command <= operator_t::COMMAND_MOVE;
 }
 
 bool has_hash(const void* data, std::size_t size, std::int64_t hash) {

@@ -24,7 +24,7 @@ sensors_t to_message(const firmware::Sensors& sensors, int mass_count, bool last
                      double control_period_s);
 step_command_t to_message(const firmware::StepCommand& steps, double control_period_s);
 controller_status_t to_message(const firmware::ControllerStatus& status, double control_period_s);
-operator_t to_message(firmware::OperatorCommand command, std::int64_t tick, std::int64_t sequence,
+operator_t to_message(const firmware::OperatorInput& input, std::int64_t tick, std::int64_t sequence,
                       double control_period_s);
 
 // The messages must satisfy in_range().
@@ -32,7 +32,7 @@ firmware::Sensors from_message(const sensors_t& message);
 firmware::StepCommand from_message(const step_command_t& message);
 firmware::ControllerStatus from_message(const controller_status_t& message);  // of `predicted`: N and f_s only
 firmware::MonitorVerdict from_message(const trip_t& message);
-firmware::OperatorCommand from_message(const operator_t& message);
+firmware::OperatorInput from_message(const operator_t& message);
 
 // Counts, indices, flags and enumerations are inside what the .lcm files state, ticks less than 2^62 from 0, so that
 // what is computed from them does not overflow. Physical values are not judged: NaN passes.

@@ -23,7 +23,7 @@ class LockstepBoard {
     has_verdict_ = true;
   }
   // Queued; kIo: the queue is full and the command was not taken.
-  Status give_operator(firmware::OperatorCommand command) {
+  Status give_operator(firmware::OperatorInput command) {
     if (operator_count_ == commands_.size()) return Status::kIo;
     commands_[(operator_first_ + operator_count_++) % commands_.size()] = command;
     return Status::kOk;
@@ -77,7 +77,7 @@ class LockstepBoard {
     has_verdict_ = false;
     return Status::kOk;
   }
-  Status read_operator(firmware::OperatorCommand& command) {
+  Status read_operator(firmware::OperatorInput& command) {
     if (operator_count_ == 0) return Status::kEmpty;
     command = commands_[operator_first_];
     operator_first_ = (operator_first_ + 1) % commands_.size();
@@ -99,7 +99,7 @@ class LockstepBoard {
  private:
   firmware::Sensors sensors_;
   firmware::MonitorVerdict verdict_;
-  std::array<firmware::OperatorCommand, 8> commands_{};
+  std::array<firmware::OperatorInput, 8> commands_{};
   std::size_t operator_first_ = 0;
   std::size_t operator_count_ = 0;
   firmware::StepCommand steps_;

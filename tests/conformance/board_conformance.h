@@ -28,7 +28,7 @@ namespace ballast::hal::test {
 struct WorldTick {
   firmware::Sensors sensors;
   firmware::MonitorVerdict verdict;
-  std::vector<firmware::OperatorCommand> commands;
+  std::vector<firmware::OperatorInput> commands;
   bool last = false;
 };
 
@@ -109,7 +109,7 @@ inline firmware::ControllerStatus random_status(std::mt19937_64& random, std::in
   firmware::ControllerStatus status;
   status.tick = tick;
   status.scenario_id = kScenarioId;
-  status.mode = static_cast<firmware::Mode>(random() % 5);
+  status.mode = static_cast<firmware::Mode>(random() % 6);
   status.at_rest = random() % 2 == 0;
   status.faults = static_cast<std::uint32_t>(random());
   status.motor_count = kMassCount;
@@ -123,6 +123,11 @@ inline firmware::ControllerStatus random_status(std::mt19937_64& random, std::in
   status.mu_required = std::numeric_limits<double>::infinity();
   status.margin = any_double(random);
   status.overruns = static_cast<std::int64_t>(random());
+  status.refusal = {static_cast<firmware::Refusal>(random() % 10), static_cast<int>(random() % 9) - 1,
+                    static_cast<int>(random() % 130) - 1, any_double(random)};
+  status.planned = random() % 2 == 0;
+  status.plan_tick = static_cast<std::int64_t>(random() >> 3);
+  status.plan = {any_double(random), any_double(random), any_double(random), any_double(random)};
   return status;
 }
 
@@ -143,10 +148,19 @@ inline void expect_same(const firmware::ControllerStatus& a, const firmware::Con
   EXPECT_EQ(bits(a.mu_required), bits(b.mu_required));
   EXPECT_EQ(bits(a.margin), bits(b.margin));
   EXPECT_EQ(a.overruns, b.overruns);
+  EXPECT_EQ(a.refusal.reason, b.refusal.reason);
+  EXPECT_EQ(a.refusal.motor, b.refusal.motor);
+  EXPECT_EQ(a.refusal.piece, b.refusal.piece);
+  EXPECT_EQ(bits(a.refusal.value), bits(b.refusal.value));
+  EXPECT_EQ(a.planned, b.planned);
+  EXPECT_EQ(a.plan_tick, b.plan_tick);
+  EXPECT_EQ(bits(a.plan.duration_s), bits(b.plan.duration_s));
+  EXPECT_EQ(bits(a.plan.normal_force_min_n), bits(b.plan.normal_force_min_n));
+  EXPECT_EQ(bits(a.plan.mu_required_max), bits(b.plan.mu_required_max));
+  EXPECT_EQ(bits(a.plan.margin_min), bits(b.plan.margin_min));
 }
 
-inline WorldTick world_tick(std::int64_t tick, std::vector<firmware::OperatorCommand> commands = {},
-                            bool last = false) {
+inline WorldTick world_tick(std::int64_t tick, std::vector<firmware::OperatorInput> commands = {}, bool last = false) {
   WorldTick t;
   t.sensors.tick = tick;
   t.verdict.tick = tick;
@@ -172,7 +186,7 @@ inline std::unique_ptr<firmware::ControllerParams> resting_robot() {
   for (std::size_t i = 0; i < kMassCount; ++i) {
     params->ball.mass_kg[i] = 1;
     params->ball.rail[i] = firmware::line(firmware::Vector3(0, 0, -0.1), firmware::Vector3::Unit(static_cast<int>(i)));
-    params->motor[i] = {.steps_per_unit = 1000, .max_step_rate_hz = 1e5, .max_acceleration = 1};
+    params->motor[i] = {.steps_per_unit = 1000, .max_step_rate_hz = 1e5, .max_acceleration = 1, .max_jerk = 10};
   }
   EXPECT_TRUE(firmware::validate(*params).ok());
   return params;
@@ -276,19 +290,37 @@ TYPED_TEST_P(BoardConformance, OperatorIsObeyedOnceAndInOrder) {
   using enum firmware::OperatorCommand;
   ASSERT_NO_FATAL_FAILURE(this->serve(world_tick(0, {kArm, kStart, kStop, kReset, kArm})));
   for (const firmware::OperatorCommand expected : {kArm, kStart, kStop}) {
-    firmware::OperatorCommand command = kNone;
+    firmware::OperatorInput command = kNone;
     EXPECT_EQ(this->board_.read_operator(command), Status::kOk);
-    EXPECT_EQ(command, expected);
+    EXPECT_EQ(command.command, expected);
   }
   ASSERT_NO_FATAL_FAILURE(this->serve(world_tick(1)));  // what is left over waits
   for (const firmware::OperatorCommand expected : {kReset, kArm}) {
-    firmware::OperatorCommand command = kNone;
+    firmware::OperatorInput command = kNone;
     EXPECT_EQ(this->board_.read_operator(command), Status::kOk);
-    EXPECT_EQ(command, expected);
+    EXPECT_EQ(command.command, expected);
   }
-  firmware::OperatorCommand command = kNone;
+  firmware::OperatorInput command = kNone;
   EXPECT_EQ(this->board_.read_operator(command), Status::kEmpty);
-  EXPECT_EQ(command, kNone);
+  EXPECT_EQ(command.command, kNone);
+}
+
+TYPED_TEST_P(BoardConformance, MovesArriveBitForBit) {
+  for (std::int64_t tick = 0; tick < 20; ++tick) {
+    firmware::MoveRequest move;
+    move.masses = static_cast<std::uint32_t>(this->random_());  // judging it is the firmware's business too
+    for (double& target : move.target_position) target = any_double(this->random_);
+    move.speed_fraction = any_double(this->random_);
+    ASSERT_NO_FATAL_FAILURE(this->serve(world_tick(tick, {move})));
+    firmware::OperatorInput input;
+    ASSERT_EQ(this->board_.read_operator(input), Status::kOk);
+    EXPECT_EQ(input.command, firmware::OperatorCommand::kMove);
+    EXPECT_EQ(input.move.masses, move.masses);
+    for (std::size_t i = 0; i < firmware::kMaxMasses; ++i) {
+      EXPECT_EQ(bits(input.move.target_position[i]), bits(move.target_position[i]));
+    }
+    EXPECT_EQ(bits(input.move.speed_fraction), bits(move.speed_fraction));
+  }
 }
 
 TYPED_TEST_P(BoardConformance, StepsAndStatusArriveBitForBit) {
@@ -386,9 +418,9 @@ TYPED_TEST_P(BoardConformance, ControlLoopServesTheFirmware) {
 
 REGISTER_TYPED_TEST_SUITE_P(BoardConformance, TicksComeInOrderAndOnce, FirstTickMayHaveAnyNumber,
                             SensorsArriveBitForBit, NanInSensorsReachesTheFirmware, SensorsAndVerdictAreReadOnce,
-                            VerdictPasses, OperatorIsObeyedOnceAndInOrder, StepsAndStatusArriveBitForBit,
-                            EndIsReportedAfterTheLastTickWasServed, RepeatedTickIsIgnoredAndCounted,
-                            TickOutOfOrderIsIgnoredAndCounted, SilenceIsReported, MissingVerdictIsReported,
-                            ControlLoopServesTheFirmware);
+                            VerdictPasses, OperatorIsObeyedOnceAndInOrder, MovesArriveBitForBit,
+                            StepsAndStatusArriveBitForBit, EndIsReportedAfterTheLastTickWasServed,
+                            RepeatedTickIsIgnoredAndCounted, TickOutOfOrderIsIgnoredAndCounted, SilenceIsReported,
+                            MissingVerdictIsReported, ControlLoopServesTheFirmware);
 
 }  // namespace ballast::hal::test

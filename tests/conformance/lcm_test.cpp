@@ -41,12 +41,12 @@ class LcmWorld {
   Bus& bus() { return world_bus_; }
 
   void send(const WorldTick& tick) {
-    for (const firmware::OperatorCommand command : tick.commands) send_operator(command);
+    for (const firmware::OperatorInput& command : tick.commands) send_operator(command);
     publish(kChannelSensors, sensors(tick.sensors, tick.last));
     publish(kChannelTrip, trip(tick.verdict));
   }
   void send_sensors_only(const firmware::Sensors& s) { publish(kChannelSensors, sensors(s, false)); }
-  void send_operator(firmware::OperatorCommand command) {
+  void send_operator(const firmware::OperatorInput& command) {
     publish(kChannelOperator, to_message(command, 0, ++sequence_, kControlPeriod_s));
   }
   bool receive(firmware::StepCommand& steps, firmware::ControllerStatus& status) {
@@ -157,7 +157,7 @@ TEST(LcmBoard, MalformedMessagesAreCountedAndIgnored) {
   trip_t cause = LcmWorld::trip(world_tick(5).verdict);
   cause.cause = 7;
   send(kChannelTrip, encoded(cause));
-  for (const int command : {0, 5, -1}) {
+  for (const int command : {0, 6, -1}) {
     operator_t message = to_message(firmware::OperatorCommand::kArm, 0, 1, kControlPeriod_s);
     message.command = static_cast<std::int8_t>(command);
     send(kChannelOperator, encoded(message));
@@ -167,7 +167,7 @@ TEST(LcmBoard, MalformedMessagesAreCountedAndIgnored) {
   // Two senders, two sockets: they may overtake each other, so the rest is waited for over further ticks.
   for (std::int64_t tick = 1; world.counters().malformed < sent && tick < 100; ++tick) serve(world, world_tick(tick));
   EXPECT_EQ(world.counters().malformed, sent);
-  firmware::OperatorCommand command = firmware::OperatorCommand::kNone;
+  firmware::OperatorInput command = firmware::OperatorCommand::kNone;
   EXPECT_EQ(world.board().read_operator(command), Status::kEmpty);
 }
 
@@ -239,11 +239,11 @@ TEST(LcmBoard, RepeatedOperatorMessageIsObeyedOnce) {
   const operator_t stop_of_another_sender = to_message(firmware::OperatorCommand::kStop, 0, 1, kControlPeriod_s);
   for (const operator_t& message : {arm, arm, stop_of_another_sender, arm}) world.publish(kChannelOperator, message);
   serve(world, world_tick(0));
-  firmware::OperatorCommand command = firmware::OperatorCommand::kNone;
+  firmware::OperatorInput command = firmware::OperatorCommand::kNone;
   ASSERT_EQ(world.board().read_operator(command), Status::kOk);
-  EXPECT_EQ(command, firmware::OperatorCommand::kArm);
+  EXPECT_EQ(command.command, firmware::OperatorCommand::kArm);
   ASSERT_EQ(world.board().read_operator(command), Status::kOk);
-  EXPECT_EQ(command, firmware::OperatorCommand::kStop);
+  EXPECT_EQ(command.command, firmware::OperatorCommand::kStop);
   EXPECT_EQ(world.board().read_operator(command), Status::kEmpty);
   EXPECT_EQ(world.counters().repeated, 2);
 }
@@ -346,15 +346,27 @@ TEST(LcmMessages, OtherTypesOutOfRangeAreRefused) {
   EXPECT_FALSE(in_range(state));
 
   controller_status_t status{};
-  status.mode = 4;
-  EXPECT_TRUE(in_range(status));
   status.mode = 5;
+  EXPECT_TRUE(in_range(status));
+  status.mode = 6;
   EXPECT_FALSE(in_range(status));
   status = {};
   status.at_rest = 2;
   EXPECT_FALSE(in_range(status));
   status = {};
   status.motor_count = 9;
+  EXPECT_FALSE(in_range(status));
+  status = {};
+  status.refusal = 10;
+  EXPECT_FALSE(in_range(status));
+  status = {};
+  status.refusal_motor = -2;
+  EXPECT_FALSE(in_range(status));
+  status = {};
+  status.refusal_piece = 129;
+  EXPECT_FALSE(in_range(status));
+  status = {};
+  status.planned = 2;
   EXPECT_FALSE(in_range(status));
 }
 

@@ -11,7 +11,7 @@ class LockstepWorld {
   LockstepBoard& board() { return board_; }
 
   void send(const WorldTick& tick) {
-    for (const firmware::OperatorCommand command : tick.commands) send_operator(command);
+    for (const firmware::OperatorInput& command : tick.commands) send_operator(command);
     board_.give_sensors(tick.sensors);
     board_.give_verdict(tick.verdict);
     board_.release_tick(tick.sensors.tick, tick.last);
@@ -20,7 +20,7 @@ class LockstepWorld {
     board_.give_sensors(sensors);
     board_.release_tick(sensors.tick);
   }
-  void send_operator(firmware::OperatorCommand command) { ASSERT_EQ(board_.give_operator(command), Status::kOk); }
+  void send_operator(const firmware::OperatorInput& command) { ASSERT_EQ(board_.give_operator(command), Status::kOk); }
   bool receive(firmware::StepCommand& steps, firmware::ControllerStatus& status) {
     return board_.take_steps(steps) == Status::kOk && board_.take_status(status) == Status::kOk;
   }
@@ -46,7 +46,7 @@ TEST(LockstepBoard, OperatorQueueSaysWhenItIsFull) {
   LockstepBoard board;
   for (int i = 0; i < 8; ++i) ASSERT_EQ(board.give_operator(firmware::OperatorCommand::kArm), Status::kOk);
   EXPECT_EQ(board.give_operator(firmware::OperatorCommand::kStop), Status::kIo);
-  firmware::OperatorCommand command = firmware::OperatorCommand::kNone;
+  firmware::OperatorInput command = firmware::OperatorCommand::kNone;
   ASSERT_EQ(board.read_operator(command), Status::kOk);
   EXPECT_EQ(board.give_operator(firmware::OperatorCommand::kStop), Status::kOk);
 }

@@ -18,15 +18,17 @@ constexpr std::uint32_t bit(Fault fault) { return static_cast<std::uint32_t>(fau
 // A robot on the bench: healthy sensors and heartbeat every tick unless a test spoils them.
 class Bench {
  public:
-  explicit Bench(const ControllerParams& params = testing::paper_params())
+  // `refused`: the motion breaks a limit, so that validate() would keep it from here. What the tick does with it all
+  // the same is its own line of defence.
+  explicit Bench(const ControllerParams& params = testing::paper_params(), const char* refused = nullptr)
       : params_(std::make_unique<ControllerParams>(params)), state_(std::make_unique<ControllerState>()) {
     const ParamError error = validate(*params_);
-    EXPECT_TRUE(error.ok()) << error.field;
+    EXPECT_STREQ(error.field, refused);
     reset(*params_, *state_);
   }
 
   // Serves one tick; what happened to the count is checked against the profile the status reports.
-  const Outputs& tick(OperatorCommand command = OperatorCommand::kNone) {
+  const Outputs& tick(const OperatorInput& command = OperatorCommand::kNone) {
     if (sensors_alive) in.sensors.tick = in.tick;
     if (monitor_alive) in.monitor.tick = in.tick - 1;
     in.operator_command = command;
@@ -63,7 +65,8 @@ class Bench {
 
   // The rule of step_generator.h: after tick k's command, the count is the nearest to the profile at the start of tick
   // k + 2, which is what the status of tick k + 2 reports. So compare a command with the status two ticks later.
-  void expect_counts_follow_status(int ticks) {
+  // `late`: microsteps more, where pulses are late to keep their distances.
+  void expect_counts_follow_status(int ticks, Real late = 0) {
     std::vector<PerMass<std::int64_t>> counts;
     for (int k = 0; k < ticks; ++k) {
       tick();
@@ -73,7 +76,7 @@ class Bench {
         const auto m = static_cast<std::size_t>(i);
         const Real x =
             (out.status.commanded_position[m] - params_->motion[m].at(0).position) * params_->motor[m].steps_per_unit;
-        ASSERT_LE(std::fabs(x - static_cast<Real>(counts[static_cast<std::size_t>(k - 2)][m])), 0.5 + 1e-9)
+        ASSERT_LE(std::fabs(x - static_cast<Real>(counts[static_cast<std::size_t>(k - 2)][m])), 0.5 + late + 1e-9)
             << "motor " << i << " tick " << in.tick - 1;
       }
     }
@@ -196,22 +199,24 @@ TEST(Controller, StopBrakesRestsAndArms) {
   bench.tick();
   EXPECT_NEAR(bench.out.status.commanded_velocity[0], 0.15, 1e-12);
   bench.tick();
-  EXPECT_NEAR(bench.out.status.commanded_velocity[0], 0.15 - 2 * 0.001, 1e-12);
+  // The deceleration grows at 20 rad/s^3.
+  EXPECT_NEAR(bench.out.status.commanded_velocity[0], 0.15 - 20 * 1e-6 / 2, 1e-12);
   const Real before = bench.out.status.commanded_position[0];
-  // 0.15 / 2 = 75 ms of braking; two of them are over.
+  // A triangle of peak sqrt(20 * 0.15) = 1.73 < 2: twice sqrt(0.15 / 20) = 173.2 ms; two ticks of them are over.
   int ticks = 0;
   while (bench.out.status.mode == Mode::kStopping && ticks < 1000) {
     EXPECT_FALSE(bench.out.status.at_rest);
     bench.tick();
     ++ticks;
   }
-  EXPECT_NEAR(ticks, 73, 1);
+  EXPECT_NEAR(ticks, 171, 1);
   EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
   EXPECT_TRUE(bench.out.status.at_rest);
   bench.run(2);
   EXPECT_EQ(bench.out.status.commanded_velocity[0], 0);
-  // v^2 / 2a from the point one tick into the stop.
-  EXPECT_NEAR(bench.out.status.commanded_position[0] - before, 0.148 * 0.148 / 4, 1e-12);
+  // The velocity falls symmetrically about half of it, so the way is v T / 2; of it the first tick is over.
+  EXPECT_NEAR(bench.out.status.commanded_position[0] - before,
+              0.15 * std::sqrt(0.15 / 20) - (0.15 * 0.001 - 20 * 1e-9 / 6), 1e-12);
   bench.tick(OperatorCommand::kStop);
   EXPECT_EQ(bench.out.status.mode, Mode::kDisarmed) << "stop while armed disarms";
 }
@@ -415,7 +420,7 @@ TEST(Controller, AfterARepeatedTickTheMassesBrake) {
   bench.tick();
   EXPECT_NEAR(bench.out.status.commanded_velocity[0], 0.15, 1e-12) << "the stop begins where the issued steps end";
   bench.tick();
-  EXPECT_NEAR(bench.out.status.commanded_velocity[0], 0.15 - 2 * 0.001, 1e-12);
+  EXPECT_NEAR(bench.out.status.commanded_velocity[0], 0.15 - 20 * 1e-6 / 2, 1e-12);
   expect_braking_then_holding(bench);
 }
 
@@ -463,7 +468,7 @@ TEST(Controller, StepOverloadBrakesFromWhatTheMotorCanFollow) {
   ControllerParams params = testing::paper_params();
   // 0.15 rad/s * 3200/(2 pi) = 76 steps/s; the motor can do 60, which is passed at 0.118 rad/s.
   params.motor[1].max_step_rate_hz = 60;
-  Bench bench(params);
+  Bench bench(params, "motion speed");
   bench.arm_and_start();
   int ticks = 0;
   PerMass<std::int64_t> counts{};
@@ -490,7 +495,11 @@ TEST(Controller, StepOverloadBrakesFromWhatTheMotorCanFollow) {
   EXPECT_NEAR(bench.out.status.commanded_velocity[1], 60 * 2 * testing::kPi / 3200, 0.002);
   bench.tick();
   for (const std::size_t i : {0u, 2u}) EXPECT_NEAR(bench.out.status.commanded_velocity[i], speed[i], 0.004);
-  bench.expect_counts_follow_status(300);
+  // The first pulse of the stop has to wait for 1/60 s since the last, where the motion would have had it after
+  // 1/value: the stop's deceleration only begins to grow. Meanwhile its mass goes on at no more than 60 steps/s. Once
+  // it is slower the pulses have caught up.
+  bench.expect_counts_follow_status(100, 1 - 60 / overload.trouble.value);
+  bench.expect_counts_follow_status(200);
   EXPECT_TRUE(bench.out.status.at_rest);
   EXPECT_EQ(bench.out.status.overload.tick, overload.tick) << "kept until the reset";
   bench.tick(OperatorCommand::kReset);
@@ -502,7 +511,7 @@ TEST(Controller, AMotionNoMotorCanStartIsRefusedWithoutAJump) {
   ControllerParams params = testing::paper_params();
   ASSERT_TRUE(params.motion[1].set(0, 1000, nullptr, 0));  // 509 steps a tick
   ASSERT_TRUE(params.motion[2].set(0, 0.1, nullptr, 0));
-  Bench bench(params);
+  Bench bench(params, "motion speed");
   bench.tick(OperatorCommand::kArm);
   bench.tick(OperatorCommand::kStart);
   EXPECT_EQ(bench.out.status.mode, Mode::kTripped);
@@ -566,6 +575,257 @@ TEST(Controller, NoMassesAtAll) {
   EXPECT_EQ(bench.out.steps.burst_count, 0);
 }
 
+// From any tick of the paper's run, in the middle of its pieces too: all masses end together, in the time of the
+// slowest, inside acceleration and jerk, without turning back.
+TEST(Controller, AStopFromAnyTickOfThePaperMotionKeepsTheLimitsAndEndsTogether) {
+  ControllerParams params = testing::paper_params();
+  params.motor[1].max_acceleration = 1;  // the slowest
+  for (const int ticks : {0, 1, 30, 99, 100, 101, 150, 199, 200, 201, 700}) {
+    SCOPED_TRACE(::testing::Message() << ticks << " ticks");
+    Bench bench(params);
+    bench.arm_and_start();
+    bench.run(ticks);
+    bench.tick(OperatorCommand::kStop);
+    ASSERT_TRUE(bench.out.status.planned);
+    EXPECT_EQ(bench.out.status.plan_tick, bench.in.tick) << "from the next tick on";
+    const Real duration = bench.out.status.plan.duration_s;
+    PerMass<std::vector<Real>> velocity;
+    int rested = -1;
+    for (int k = 0; k < 600 && rested < 0; ++k) {
+      bench.tick();
+      for (std::size_t i = 0; i < 3; ++i) velocity[i].push_back(bench.out.status.commanded_velocity[i]);
+      if (bench.out.status.at_rest) rested = k;
+    }
+    // at_rest speaks of the start of the next tick.
+    EXPECT_NEAR(rested + 1, std::ceil(duration / 0.001 - 1e-9), 1);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const MotorParams& motor = params.motor[i];
+      // Differences of velocities a tick apart: mean acceleration and jerk of the ticks; 1e-9: their rounding.
+      for (std::size_t k = 1; k < velocity[i].size(); ++k) {
+        ASSERT_LE(std::fabs(velocity[i][k] - velocity[i][k - 1]), motor.max_acceleration * 1e-3 * (1 + 1e-9));
+        ASSERT_GE(velocity[i][k], -1e-15) << "rounding of a cubic that ends at 0";
+        if (k < 2) continue;
+        ASSERT_LE(std::fabs(velocity[i][k] - 2 * velocity[i][k - 1] + velocity[i][k - 2]),
+                  motor.max_jerk * 1e-6 * (1 + 1e-6) + 1e-15);
+      }
+      // Together: still moving shortly before the end (where it had speed at all).
+      if (ticks > 1) {
+        ASSERT_GT(velocity[i].size(), 5u);
+        EXPECT_GT(velocity[i][velocity[i].size() - 4], 0) << "motor " << i;
+      }
+    }
+  }
+}
+
+TEST(Controller, MovesReachTheirTargetsTogetherAndAreArmedAgain) {
+  Bench bench;
+  bench.tick(OperatorCommand::kArm);
+  MoveRequest move;
+  move.masses = 0b101;
+  move.target_position[0] = 0.4;
+  move.target_position[1] = std::numeric_limits<Real>::quiet_NaN();  // not asked for: not read
+  move.target_position[2] = testing::kPaperStart[2] - 0.05;
+  bench.tick(move);
+  ASSERT_EQ(bench.out.status.mode, Mode::kMoving);
+  EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kNone);
+  EXPECT_EQ(bench.out.status.plan_tick, bench.in.tick);
+  // 0.4 = 2 j t^3: a peak of 20 t = 4.3 is more than 2, so v (v / 2 + 0.1) = 0.4: v = 0.8, twice 0.4 + 0.1 s.
+  EXPECT_NEAR(bench.out.status.plan.duration_s, 1, 1e-12);
+  EXPECT_GT(bench.out.status.plan.margin_min, -1);
+  for (int k = 0; k < 997; ++k) {
+    bench.tick();
+    ASSERT_EQ(bench.out.status.mode, Mode::kMoving) << k;
+    ASSERT_EQ(bench.out.status.commanded_position[1], testing::kPaperStart[1]);
+  }
+  EXPECT_GT(bench.out.status.commanded_velocity[0], 0) << "all take the whole second";
+  EXPECT_LT(bench.out.status.commanded_velocity[2], 0);
+  bench.run(4);
+  EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
+  EXPECT_TRUE(bench.out.status.at_rest);
+  // Seven pieces' rounding.
+  EXPECT_NEAR(bench.out.status.commanded_position[0], 0.4, 1e-14);
+  EXPECT_NEAR(bench.out.status.commanded_position[2], testing::kPaperStart[2] - 0.05, 1e-14);
+  const std::int64_t expected = std::llround(0.4 * 3200 / (2 * testing::kPi));
+  EXPECT_EQ(bench.out.steps.position_steps[0], expected);
+
+  // The next one goes on from there, slower; a stop ends it, and then the motion runs from where the masses stand.
+  move.masses = 1;
+  move.target_position[0] = -0.4;
+  move.speed_fraction = 0.25;
+  bench.tick(move);
+  ASSERT_EQ(bench.out.status.mode, Mode::kMoving);
+  EXPECT_GT(bench.out.status.plan.duration_s, 4);
+  bench.expect_counts_follow_status(1500);
+  bench.tick(OperatorCommand::kStop);
+  EXPECT_EQ(bench.out.status.mode, Mode::kStopping);
+  bench.expect_counts_follow_status(600);
+  EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
+  const PerMass<Real> stands = bench.out.status.commanded_position;
+  EXPECT_GT(stands[0], -0.4);
+  bench.tick(OperatorCommand::kStart);
+  bench.tick();
+  EXPECT_EQ(bench.out.status.commanded_position, stands);
+  bench.expect_counts_follow_status(300);
+}
+
+TEST(Controller, ATripDuringAMoveStopsIt) {
+  Bench bench;
+  bench.tick(OperatorCommand::kArm);
+  MoveRequest move;
+  move.masses = 7;
+  move.target_position = {1, 1, 1};
+  bench.tick(move);
+  bench.run(300);
+  bench.in.monitor.tripped = true;
+  bench.tick();
+  EXPECT_EQ(bench.out.status.mode, Mode::kTripped);
+  EXPECT_EQ(bench.out.status.plan_tick, bench.in.tick) << "the stop begins in the next tick";
+  bench.expect_counts_follow_status(2000);
+  EXPECT_TRUE(bench.out.status.at_rest);
+  EXPECT_LT(bench.out.status.commanded_position[0], 0.9);
+}
+
+TEST(Controller, RefusedMovesSayWhyAndMoveNothing) {
+  constexpr Real kNan = std::numeric_limits<Real>::quiet_NaN();
+  ControllerParams params = testing::paper_params();
+  params.ball.rail[1] = line(Vector3(0, 0, -0.6), Vector3(1, 0, 0));  // leaves the ball at 0.8
+  ASSERT_TRUE(params.motion[1].set(0, 0, testing::kPaperMotion, 2));
+  struct Case {
+    std::uint32_t masses;
+    Real target, speed_fraction;
+    Refusal reason;
+    int motor;
+    Real value;
+  };
+  for (const Case& c :
+       {Case{0, 0, 1, Refusal::kNoMass, -1, 0}, Case{8, 0, 1, Refusal::kUnknownMass, 3, 3},
+        Case{1u << 31, 0, 1, Refusal::kUnknownMass, 31, 31}, Case{2, 0.81, 1, Refusal::kTarget, 1, 0.81},
+        Case{2, -0.81, 1, Refusal::kTarget, 1, -0.81}, Case{1, 1e300, 1, Refusal::kTarget, 0, 1e300},
+        Case{4, kNan, 1, Refusal::kTarget, 2, kNan}, Case{1, 1, 0, Refusal::kSpeedFraction, -1, 0},
+        Case{1, 1, 1.01, Refusal::kSpeedFraction, -1, 1.01}, Case{1, 1, kNan, Refusal::kSpeedFraction, -1, kNan}}) {
+    Bench bench(params);
+    bench.tick(OperatorCommand::kArm);
+    MoveRequest move;
+    move.masses = c.masses;
+    move.target_position.fill(c.target);
+    move.speed_fraction = c.speed_fraction;
+    bench.tick(move);
+    EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
+    EXPECT_EQ(bench.out.status.refusal.reason, c.reason);
+    EXPECT_EQ(bench.out.status.refusal.motor, c.motor);
+    EXPECT_TRUE(bench.out.status.refusal.value == c.value || std::isnan(c.value));
+    bench.run(10);
+    EXPECT_EQ(bench.out.status.refusal.reason, c.reason) << "stays until the next command";
+    EXPECT_EQ(bench.out.steps.position_steps[0], 0);
+    move.masses = 2;
+    move.target_position[1] = 0.79;
+    move.speed_fraction = 1;
+    bench.tick(move);
+    EXPECT_EQ(bench.out.status.mode, Mode::kMoving);
+    EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kNone);
+    bench.tick(move);
+    EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kMode) << "one at a time";
+  }
+  Bench disarmed;
+  MoveRequest move;
+  move.masses = 1;
+  disarmed.tick(move);
+  EXPECT_EQ(disarmed.out.status.refusal.reason, Refusal::kMode);
+}
+
+// 0.8 m along x, straight; beyond its ends the ball would still have room.
+Rail open_spline() {
+  Rail rail;
+  rail.shape = RailShape::kSpline;
+  rail.piece_count = 4;
+  rail.piece_length_m = 0.2;
+  for (int k = 0; k <= 4; ++k) rail.knots[static_cast<std::size_t>(k)].position_B_m = Vector3(0.2 * k - 0.4, 0, -0.6);
+  return rail;
+}
+
+TEST(Controller, MovesStayOnAnOpenSplineAndGoRoundAClosedOne) {
+  struct Case {
+    bool closed;
+    Real target;
+    bool allowed;
+  };
+  for (const Case& c : {Case{false, 0.8, true}, Case{false, 0, true}, Case{false, 0.801, false},
+                        Case{false, -0.001, false}, Case{true, -3, true}, Case{true, 12, true}}) {
+    SCOPED_TRACE(::testing::Message() << (c.closed ? "closed" : "open") << " to " << c.target);
+    ControllerParams params = testing::paper_params();
+    params.ball.rail[1] = c.closed ? testing::wavy_spline() : open_spline();
+    ASSERT_TRUE(params.motion[1].set(0.3, 0, testing::kPaperMotion, 2));
+    Bench bench(params);
+    bench.tick(OperatorCommand::kArm);
+    MoveRequest move;
+    move.masses = 2;
+    move.target_position[1] = c.target;
+    bench.tick(move);
+    EXPECT_EQ(bench.out.status.mode, c.allowed ? Mode::kMoving : Mode::kArmed);
+    EXPECT_EQ(bench.out.status.refusal.reason, c.allowed ? Refusal::kNone : Refusal::kTarget);
+    EXPECT_EQ(bench.out.status.refusal.motor, c.allowed ? -1 : 1);
+    // Limits and plan are those of a line: 12.3 m at 2 m/s^2 take 5.1 s.
+    bench.expect_counts_follow_status(5500);
+    EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
+    // Seven pieces' rounding.
+    EXPECT_NEAR(bench.out.status.commanded_position[1], c.allowed ? c.target : 0.3, 1e-13);
+  }
+}
+
+// Mass 0 needs 0.15 / 0.1 + 0.1 / 20 = 1.505 s to stop. Stretched to that, a mass at 0.15 m/s goes 0.113 m further,
+// alone 0.15 sqrt(0.15 / 20) = 0.013 m.
+TEST(Controller, AStretchedStopDoesNotLeaveTheRail) {
+  struct Case {
+    bool spline;
+    Real start, velocity;
+    bool stretched;
+  };
+  for (const Case& c : {Case{true, 0.7, 0.15, false}, Case{true, 0.1, -0.15, false}, Case{true, 0.4, 0.15, true},
+                        Case{true, 0.4, -0.15, true}, Case{false, 0.7, 0.15, false}, Case{false, 0.1, -0.15, true}}) {
+    SCOPED_TRACE(::testing::Message() << (c.spline ? "spline" : "line") << " from " << c.start << " at " << c.velocity);
+    ControllerParams params = testing::paper_params();
+    // Both end at 0.8: the line there leaves the ball.
+    params.ball.rail[1] = c.spline ? open_spline() : line(Vector3(0, 0, -0.6), Vector3(1, 0, 0));
+    ASSERT_TRUE(params.motion[0].set(0, 0.15, nullptr, 0));
+    ASSERT_TRUE(params.motion[1].set(c.start, c.velocity, nullptr, 0));
+    params.motor[0].max_acceleration = 0.1;
+    Bench bench(params);
+    bench.arm_and_start();
+    bench.run(200);
+    bench.tick(OperatorCommand::kStop);
+    bench.tick();
+    const Real from = bench.out.status.commanded_position[1];
+    bench.expect_counts_follow_status(2000);
+    ASSERT_EQ(bench.out.status.mode, Mode::kArmed);
+    const Real way = std::fabs(bench.out.status.commanded_position[1] - from);
+    // A stop's velocity falls symmetrically about half of it; rounding of its pieces.
+    EXPECT_NEAR(way, 0.15 * (c.stretched ? 1.505 / 2 : std::sqrt(0.15 / 20)), 1e-12);
+  }
+}
+
+TEST(Controller, ARestartThatWouldBreakALimitIsRefusedByName) {
+  ControllerParams params = testing::paper_params();
+  // From -4 rad/s up by 8 to 4 it keeps a limit of 5; from rest it would reach 8.
+  const ProfilePiece up[] = {{4, 2, 2}, {2, -2, -2}};
+  ASSERT_TRUE(params.motion[1].set(0, -4, up, 2));
+  params.motor[1].max_step_rate_hz = 5 * 3200 / (2 * testing::kPi);
+  Bench bench(params);
+  bench.arm_and_start();
+  bench.run(100);
+  bench.tick(OperatorCommand::kStop);
+  for (int k = 0; k < 5000 && bench.out.status.mode != Mode::kArmed; ++k) bench.tick();
+  ASSERT_EQ(bench.out.status.mode, Mode::kArmed);
+  bench.tick(OperatorCommand::kStart);
+  EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
+  EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kVelocity);
+  EXPECT_EQ(bench.out.status.refusal.motor, 1);
+  EXPECT_EQ(bench.out.status.refusal.piece, 0);
+  EXPECT_NEAR(bench.out.status.refusal.value, 8, 1e-12);
+  const PerMass<std::int64_t> counts = bench.out.steps.position_steps;
+  bench.run(10);
+  EXPECT_EQ(bench.out.steps.position_steps, counts);
+}
+
 // Whatever happens: the commanded position moves no faster than it may, and the count stays with it.
 TEST(Controller, RandomLivesKeepCountAndProfileTogether) {
   const unsigned seed = 2718;
@@ -581,9 +841,12 @@ TEST(Controller, RandomLivesKeepCountAndProfileTogether) {
       ASSERT_TRUE(params.motion[i].set(u(random), u(random), pieces, 8));
       params.motor[i].steps_per_unit *= u(random) > 0 ? 4 : -4;
       params.motor[i].max_step_rate_hz = life % 3 == 0 ? 2000 : 50000;
-      params.motor[i].max_acceleration = 10;
+      // Above what the motion needs: only its speed is refused, in some lives.
+      params.motor[i].max_acceleration = 20;
+      params.motor[i].max_jerk = 2000;
     }
-    Bench bench(params);
+    const ParamError error = validate(params);
+    Bench bench(params, error.field);
     Mode before = Mode::kDisarmed;
     PerMass<std::int64_t> count_before{}, count_now{};
     for (int k = 0; k < 3000; ++k) {
@@ -612,14 +875,15 @@ TEST(Controller, RandomLivesKeepCountAndProfileTogether) {
       const Mode mode = bench.out.status.mode;
       trips += mode == Mode::kTripped && before != Mode::kTripped;
       restarts += mode == Mode::kRunning && before != Mode::kRunning;
-      overloads += (bench.out.status.faults & bit(Fault::kStepOverload)) != 0 && before == Mode::kRunning &&
+      // Some in the first tick of all: later starts that would are refused.
+      overloads += (bench.out.status.faults & bit(Fault::kStepOverload)) != 0 && before != Mode::kTripped &&
                    mode == Mode::kTripped;
       before = mode;
     }
   }
   EXPECT_GT(trips, 100);
   EXPECT_GT(restarts, 100);
-  EXPECT_GT(overloads, 10);
+  EXPECT_GT(overloads, 2) << "first starts only";
 }
 
 TEST(Controller, OverrunsBelongToTheClock) {

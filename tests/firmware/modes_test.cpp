@@ -7,8 +7,10 @@
 namespace ballast::firmware {
 namespace {
 
-constexpr std::array kModes{Mode::kDisarmed, Mode::kArmed, Mode::kRunning, Mode::kStopping, Mode::kTripped};
-constexpr std::array kEvents{Event::kFault, Event::kStop, Event::kStart, Event::kArm, Event::kReset, Event::kAtRest};
+constexpr std::array kModes{Mode::kDisarmed, Mode::kArmed,   Mode::kRunning,
+                            Mode::kStopping, Mode::kTripped, Mode::kMoving};
+constexpr std::array kEvents{Event::kFault, Event::kStop, Event::kStart, Event::kArm,
+                             Event::kReset, Event::kMove, Event::kAtRest};
 
 // The supervisor once more, as prose would say it.
 Mode expected(Mode mode, Event event, const GuardState& g) {
@@ -16,6 +18,9 @@ Mode expected(Mode mode, Event event, const GuardState& g) {
   if (mode == Mode::kDisarmed && event == Event::kArm && g.healthy) return Mode::kArmed;
   if (mode == Mode::kArmed && event == Event::kStart && g.healthy) return Mode::kRunning;
   if (mode == Mode::kArmed && event == Event::kStop) return Mode::kDisarmed;
+  if (mode == Mode::kArmed && event == Event::kMove && g.healthy) return Mode::kMoving;
+  if (mode == Mode::kMoving && event == Event::kStop) return Mode::kStopping;
+  if (mode == Mode::kMoving && event == Event::kAtRest) return Mode::kArmed;
   if (mode == Mode::kRunning && event == Event::kStop) return Mode::kStopping;
   if (mode == Mode::kStopping && event == Event::kAtRest) return Mode::kArmed;
   if (mode == Mode::kTripped && event == Event::kReset && g.at_rest && !g.cause_present) return Mode::kDisarmed;
@@ -68,6 +73,7 @@ TEST(Modes, NumbersAreThoseOfTheStatusMessage) {
   EXPECT_EQ(static_cast<int>(Mode::kRunning), 2);
   EXPECT_EQ(static_cast<int>(Mode::kStopping), 3);
   EXPECT_EQ(static_cast<int>(Mode::kTripped), 4);
+  EXPECT_EQ(static_cast<int>(Mode::kMoving), 5);
 }
 
 }  // namespace

@@ -192,6 +192,36 @@ TEST(NoHeap, AMillionTicks) {
   EXPECT_TRUE(out->status.at_rest);
 }
 
+TEST(NoHeap, MovesAndStops) {
+  const auto params = std::make_unique<ControllerParams>(testing::paper_params());
+  const auto state = std::make_unique<ControllerState>();
+  const auto out = std::make_unique<Outputs>();
+  reset(*params, *state);
+  Inputs in;
+  int moves = 0, stops = 0, refusals = 0;
+  EXPECT_EQ(allocations_during([&] {
+              for (std::int64_t k = 0; k < 100'000; ++k) {
+                in.tick = in.sensors.tick = in.monitor.tick = k;
+                in.operator_command = OperatorCommand::kNone;
+                MoveRequest move;
+                move.masses = k % 3 == 0 ? 9 : 7;
+                move.target_position.fill(static_cast<Real>(k % 7));
+                if (k % 5000 == 0 || state->mode == Mode::kDisarmed) in.operator_command = OperatorCommand::kArm;
+                if (state->mode == Mode::kArmed) in.operator_command = move;
+                if (k % 700 == 699 && state->mode == Mode::kMoving) in.operator_command = OperatorCommand::kStop;
+                const Mode before = state->mode;
+                tick(*params, *state, in, *out);
+                moves += before == Mode::kArmed && state->mode == Mode::kMoving;
+                stops += before == Mode::kMoving && state->mode == Mode::kStopping;
+                refusals += before == Mode::kArmed && state->refusal.reason == Refusal::kUnknownMass;
+              }
+            }),
+            0);
+  EXPECT_GT(moves, 10);
+  EXPECT_GT(stops, 10);
+  EXPECT_GT(refusals, 10);
+}
+
 TEST(NoHeap, OverloadAndOutOfOrderTicks) {
   const auto params = std::make_unique<ControllerParams>(testing::paper_params());
   ASSERT_TRUE(params->motion[1].set(0, 1000, nullptr, 0));

@@ -25,9 +25,9 @@ inline BallParams paper_ball() {
   return ball;
 }
 
-// A closed spline rail with knots on a wavy circle. M_i-1 + 4 M_i + M_i+1 = 6 (y_i-1 - 2 y_i + y_i+1) / h^2 makes it C2;
-// of a sine of m waves around, sampled at steps of angle, that is M_i = -6 (1 - cos m angle) / ((2 + cos m angle) h^2)
-// y_i.
+// A closed spline rail with knots on a wavy circle. M_i-1 + 4 M_i + M_i+1 = 6 (y_i-1 - 2 y_i + y_i+1) / h^2 makes it
+// C2; of a sine of m waves around, sampled at steps of angle, that is M_i = -6 (1 - cos m angle) / ((2 + cos m angle)
+// h^2) y_i.
 inline Rail wavy_spline() {
   Rail rail;
   rail.shape = RailShape::kSpline;
@@ -63,7 +63,7 @@ inline ControllerParams paper_params() {
   p.monitor_stale_ticks = 5;
   p.ball = paper_ball();
   for (std::size_t i = 0; i < 3; ++i) {
-    p.motor[i] = {3200 / (2 * kPi), 50000, 2};
+    p.motor[i] = {3200 / (2 * kPi), 50000, 2, 20};
     static_cast<void>(p.motion[i].set(kPaperStart[i], 0, kPaperMotion, 2));
   }
   return p;

@@ -162,6 +162,35 @@ TEST(Validate, MotorsAndMotion) {
   expect_refused("motion", 1, [](auto& p) { ASSERT_TRUE(p.motion[1].set(1e14, 0, nullptr, 0)); });
 }
 
+TEST(Validate, AMotionThatBreaksALimitIsNamedByPieceMotorAndValue) {
+  expect_refused_values("motor.max_jerk", 2, {0, -1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.motor[2].max_jerk; });
+  const auto refused = [](const char* field, int piece, Real value, Real limit, const Change& change) {
+    const ParamError error = validated(change);
+    ASSERT_FALSE(error.ok());
+    EXPECT_STREQ(error.field, field);
+    EXPECT_EQ(error.index, 1);
+    EXPECT_EQ(error.piece, piece);
+    // A few roundings.
+    EXPECT_NEAR(error.value, value, 1e-12 * value);
+    EXPECT_NEAR(error.limit, limit, 1e-12 * limit);
+  };
+  // The paper's: 1 for 0.1 s, then to 0 in 0.1 s. Speed 0.15 after that, jerk 10 in the second piece. The jump to 1 at
+  // the start is none of the jerk's.
+  EXPECT_TRUE(validated([](auto& p) { p.motor[1].max_jerk = 10; }).ok());
+  refused("motion jerk", 1, 10, 9.9, [](auto& p) { p.motor[1].max_jerk = 9.9; });
+  EXPECT_TRUE(validated([](auto& p) { p.motor[1].max_acceleration = 1; }).ok());
+  refused("motion acceleration", 0, 1, 0.99, [](auto& p) { p.motor[1].max_acceleration = 0.99; });
+  const Real per_unit = 3200 / (2 * testing::kPi);
+  EXPECT_TRUE(validated([&](auto& p) { p.motor[1].max_step_rate_hz = 0.15 * per_unit; }).ok());
+  refused("motion speed", 1, 0.15, 0.149, [&](auto& p) { p.motor[1].max_step_rate_hz = 0.149 * per_unit; });
+  // 63 steps a tick: 63 kHz, whatever the motor can do.
+  refused("motion speed", 0, 150, 63000 / per_unit, [](auto& p) {
+    p.motor[1].max_step_rate_hz = 1e6;
+    ASSERT_TRUE(p.motion[1].set(0, 150, nullptr, 0));
+  });
+}
+
 TEST(Validate, FirstComplaintIsKept) {
   expect_refused("control_period_s", -1, [](auto& p) {
     p.control_period_s = kNan;

@@ -46,6 +46,7 @@ TEST(Scenario, ReadsEveryKey) {
   EXPECT_EQ(m.motor.step_error, 0.02);
   EXPECT_EQ(m.motor.max_step_rate_hz, 20000);
   EXPECT_EQ(m.motor.max_acceleration, 5);
+  EXPECT_EQ(m.motor.max_jerk, 50);
   EXPECT_EQ(s.masses[1].rail.shape, firmware::RailShape::kLine);
   EXPECT_EQ(s.masses[1].motor.travel_per_revolution, 0.5);
   EXPECT_DOUBLE_EQ(s.masses[1].motor.shaft_ratio, 4 * std::acos(-1.0));
@@ -238,7 +239,9 @@ INSTANTIATE_TEST_SUITE_P(
         Rejection{"mass.0.motor.step_error=-0.01", "mass.0.motor.step_error", "[0, 0.1]"},
         Rejection{"mass.0.motor.max_step_rate=0", "mass.0.motor.max_step_rate", "> 0"},
         Rejection{"mass.0.motor.max_step_rate=inf", "mass.0.motor.max_step_rate", "> 0"},
-        Rejection{"mass.0.motor.max_acceleration=0", "mass.0.motor.max_acceleration", "> 0"}));
+        Rejection{"mass.0.motor.max_acceleration=0", "mass.0.motor.max_acceleration", "> 0"},
+        Rejection{"mass.0.motor.max_jerk=0", "mass.0.motor.max_jerk", "> 0"},
+        Rejection{"mass.0.motor.max_jerk=nan", "mass.0.motor.max_jerk", "> 0"}));
 
 INSTANTIATE_TEST_SUITE_P(Published, Rejects,
                          ::testing::Values(Rejection{"published=1", "published", "[[published]]"},

@@ -184,6 +184,8 @@ motion = [ { duration = 1.0, acceleration = [1.0, -4.0] } ]
   EXPECT_EQ(motor.step_error, 0.015);
   EXPECT_DOUBLE_EQ(motor.max_step_rate_hz, 60000);
   EXPECT_DOUBLE_EQ(motor.max_acceleration, 0.5 * holding / (4 * inertia));
+  // In one swing on the stiffness 50 holding.
+  EXPECT_DOUBLE_EQ(motor.max_jerk, motor.max_acceleration / (2 * pi * std::sqrt(4 * inertia / (50 * holding))));
 
   const Motor geared = accepted(text, {"mass.0.motor.gear_ratio=5", "mass.0.initial_velocity=10"}).masses[0].motor;
   EXPECT_DOUBLE_EQ(geared.holding_torque_nm, holding / 5);
@@ -237,6 +239,27 @@ TEST(MotorDefaults, ThatCannotBeUsedAreReported) {
     named = named || (error.key == "mass.2.motor.rotor_inertia" && contains(error.message, "its default inf"));
   }
   EXPECT_TRUE(named) << all_errors(result);
+}
+
+TEST(MotorDefaults, NeverRefuseTheMotion) {
+  // A motor too weak for its motion, and one too soft for it: only a limit somebody has set refuses a motion.
+  const std::string text = on_line("motion = [{ duration = 0.001, acceleration = [0, 3] }]\n");
+  const Motor motor = accepted(text, {"mass.0.motor.holding_torque=1e-6"}).masses[0].motor;
+  EXPECT_EQ(motor.max_acceleration, 3);
+  EXPECT_DOUBLE_EQ(motor.max_jerk, 3000);
+}
+
+TEST(Acceleration, AMotionTooHardForTheMotorIsAnErrorOfItsPiece) {
+  const std::string text =
+      on_line("motion = [{ duration = 0.5, acceleration = [1, 1] }, { duration = 0.25, acceleration = [-2, 1] }]\n");
+  EXPECT_TRUE(accepted(text, {"mass.0.motor.max_acceleration=2", "mass.0.motor.max_jerk=12"}).id != 0);
+  const ScenarioError hard = only_error(text, {"mass.0.motor.max_acceleration=1.999"});
+  EXPECT_EQ(hard.key, "mass.0.motion.1");
+  EXPECT_TRUE(contains(hard.message, "acceleration 2; allowed: <= 1.999 (motor.max_acceleration)")) << hard.message;
+  const ScenarioError jerky = only_error(text, {"mass.0.motor.max_jerk=11.99"});
+  EXPECT_EQ(jerky.key, "mass.0.motion.1");
+  EXPECT_TRUE(contains(jerky.message, "jerk 12; allowed: <= 11.99 (motor.max_jerk)")) << jerky.message;
+  EXPECT_TRUE(accepted(text, {"mass.0.motor.max_jerk=1", "run.actuation=prescribed"}).id != 0);
 }
 
 TEST(StepRate, AMotionTooFastForTheMotorIsAnErrorOfItsPiece) {

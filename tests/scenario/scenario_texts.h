@@ -47,6 +47,7 @@ corner_speed = 40.0
 step_error = 0.02
 max_step_rate = 20000.0
 max_acceleration = 5.0
+max_jerk = 50.0
 
 [[mass]]
 mass = 0.75

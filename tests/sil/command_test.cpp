@@ -1,4 +1,4 @@
-// `ballast run` and `ballast check` as people run them.
+// `ballast run`, `ballast check` and `ballast move` as people run them.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -445,6 +445,73 @@ TEST(Run, AFullDiskIsReportedAndLeavesNoSummary) {
   EXPECT_NE(run.err.find("run.lcmlog"), std::string::npos) << run.err;
   EXPECT_FALSE(std::filesystem::exists(folder / "r/summary.json"));
   EXPECT_FALSE(std::filesystem::exists(folder / "r/run.lcmlog"));
+}
+
+TEST(Move, GoesThereAndSaysWhatItDoes) {
+  const Folder folder;
+  const Outcome move = folder.run("ballast move paper_ball --mass 1 --to 2.2 --speed-fraction 0.3 --set duration=10");
+  EXPECT_EQ(move.exit_status, 0) << move.err;
+  EXPECT_NE(move.out.find("predicted before it"), std::string::npos) << move.out;
+  const auto s = folder.summary("runs/paper_ball-move");
+  EXPECT_EQ(s["end"]["reason"], "completed");
+  EXPECT_LT(s["end"]["time"], 10.0) << "ends when the mass rests";
+  EXPECT_EQ(s["stop"], nullptr);
+  EXPECT_EQ(s["move"]["start"], 0.0);
+  EXPECT_GT(s["end"]["time"], s["move"]["duration"]);
+  // 2.2 - 2.0369 rad of 3200 microsteps a turn.
+  EXPECT_EQ(s["motors"][1]["steps"], 83);
+  EXPECT_EQ(s["motors"][0]["steps"], 0);
+  // Where the field has it, but for the lag under its load, a full step at most.
+  EXPECT_NEAR(s["final"]["mass_position"][1].get<double>(), 2.2, 2 * M_PI / 200);
+  // Slowly, the motors follow smoothly: what is seen differs from the prediction by microsteps and lag only.
+  EXPECT_NEAR(s["move"]["margin_min"].get<double>(), s["move"]["predicted_margin_min"].get<double>(), 0.05);
+  EXPECT_TRUE(s["published"].empty()) << "they speak of the scenario's own motion";
+}
+
+TEST(Move, AllAndOneOtherwise) {
+  const Folder folder;
+  ASSERT_EQ(
+      folder.run("ballast move desk_ball --all 0.1 --mass 2 --to 0 --speed-fraction 0.05 --quiet --out m").exit_status,
+      0);
+  const auto s = folder.summary("m");
+  EXPECT_GT(s["motors"][0]["steps"], 0);
+  EXPECT_EQ(s["motors"][0]["steps"], s["motors"][1]["steps"]);
+  EXPECT_EQ(s["motors"][2]["steps"], 0);
+}
+
+TEST(Move, IsRefusedWithAReason) {
+  const Folder folder;
+  folder.write("ball.toml", kBall);
+  for (const auto& [line, reason] :
+       {std::pair("ball.toml --mass 0 --to nan", "mass 0: the target nan"),
+        std::pair("ball.toml --mass 0 --to 1e300", "mass 0: the target 1e+300"),
+        std::pair("ball.toml --mass 1 --to 1", "--mass 1"), std::pair("ball.toml --mass -1 --to 1", "--mass -1"),
+        std::pair("ball.toml --mass 0", "in pairs"), std::pair("ball.toml", "no mass is named"),
+        std::pair("ball.toml --all 1 --speed-fraction 2", "speed fraction 2"),
+        std::pair("ball.toml --all 1 --actuation prescribed", "no controller"),
+        std::pair("ball.toml --all 1 --set mass.0.initial_velocity=1", "mass.0.initial_velocity"),
+        std::pair("ball.toml --all 1 --set mass.0.motor.max_jerk=9", "mass.0.motion.0")}) {
+    const Outcome move = folder.run(std::string("ballast move ") + line);
+    EXPECT_EQ(move.exit_status, 1) << line;
+    EXPECT_NE(move.err.find(reason), std::string::npos) << line << ": " << move.err;
+    EXPECT_EQ(move.out, "") << line;
+  }
+}
+
+TEST(Run, SaysWhatAStopWasPredictedToDo) {
+  const Folder folder;
+  ASSERT_EQ(
+      folder.run("ballast run paper_ball --set envelope.friction_use=0.5 --set duration=8 --quiet --out r").exit_status,
+      3);
+  const auto s = folder.summary("r");
+  EXPECT_EQ(s["move"], nullptr);
+  // The stop begins with the tick after the trip's.
+  EXPECT_NEAR(s["stop"]["start"].get<double>(), s["trip"]["time"].get<double>() + 0.001, 0.001);
+  // Jerk 10 (its default here: the motion's own) from 0.15 rad/s: a triangle, twice sqrt(0.15 / 10); the peak would be
+  // 1.22 without the limit of 1.02, a part of which makes it longer.
+  EXPECT_NEAR(s["stop"]["duration"].get<double>(), 2 * std::sqrt(0.15 / 10), 0.01);
+  // What the motors' swinging adds is 0.008 of f_s/N on the whole run, more where they brake: a tenth of the cone.
+  EXPECT_NEAR(s["stop"]["margin_min"].get<double>(), s["stop"]["predicted_margin_min"].get<double>(), 0.1);
 }
 
 TEST(Check, SaysGoodOrEveryFault) {

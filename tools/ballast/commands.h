@@ -9,5 +9,6 @@ namespace ballast {
 std::function<int()> add_run_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_integrate_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_check_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_move_command(CLI::App& app, CLI::App*& command);
 
 }  // namespace ballast

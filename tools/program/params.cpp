@@ -20,6 +20,11 @@ std::string mass_key(std::size_t mass, const char* field) { return "mass." + std
 
 std::string describe(const firmware::ParamError& error) {
   char text[256];
+  if (error.piece >= 0) {
+    std::snprintf(text, sizeof text, "mass.%d.motion.%d: %s %.17g: the controller allows %.17g, %s", error.index,
+                  error.piece, error.field, error.value, error.limit, error.allowed);
+    return text;
+  }
   const std::string field =
       error.index < 0 ? error.field : mass_key(static_cast<std::size_t>(error.index), error.field);
   std::snprintf(text, sizeof text, "%s = %.17g: the controller allows %s", field.c_str(), error.value, error.allowed);
@@ -60,6 +65,7 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
     p->motor[i].max_step_rate_hz = mass.motor.max_step_rate_hz;
     p->motor[i].direction_setup_s = mass.motor.direction_setup_s;
     p->motor[i].max_acceleration = mass.motor.max_acceleration;
+    p->motor[i].max_jerk = mass.motor.max_jerk;
 
     if (mass.motion.size() > firmware::kMaxPieces) {
       return mass_key(i, "motion") + ": " + std::to_string(mass.motion.size()) +

@@ -55,12 +55,17 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
                  {.speed = options.speed,
                   .interrupted = options.interrupted,
                   .check_steps = options.check_steps,
-                  .progress = [&bar](double time_s) { bar.show(time_s); }});
+                  .progress = [&bar](double time_s) { bar.show(time_s); },
+                  .move = options.move});
   }
   const bool log_whole = recorder.close();
   if (!log_whole) {
     output.remove_log();
     return fail(recorder.error());
+  }
+  if (!result.refusal.empty()) {
+    program::complain(program_name, "the controller refuses the move: " + result.refusal);
+    return program::kExitUsage;
   }
   if (result.status != hal::Status::kOk)
     return fail(result.trouble + "; " + output.log_path() + " holds what happened up to then");

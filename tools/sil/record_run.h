@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 
 #include "tools/sil/output_dir.h"
 #include "tools/sil/run.h"
@@ -15,6 +16,7 @@ struct RecordOptions {
   bool check_steps = false;  // as in RunOptions
   bool unbuffered = false;   // every message is on disk at once: for runs whose processes may be killed
   const volatile std::sig_atomic_t* interrupted = nullptr;
+  std::optional<firmware::MoveRequest> move = std::nullopt;  // as in RunOptions
 };
 
 // Runs, writes run.lcmlog and summary.json, prints the summary. Returns the program's exit status; trouble goes to

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <deque>
 #include <numbers>
 #include <thread>
@@ -135,6 +136,54 @@ class StepTimingCheck {
   StepTimingRecord record_;
 };
 
+// Keeps the controller's plans with what the contact then shows.
+class PlanWatch {
+ public:
+  explicit PlanWatch(double period_s) : period_s_(period_s) {}
+  void see(const Lap& lap, RunResult& result) {
+    const controller_status_t& status = lap.status;
+    if (status.planned != 0 && (!current_ || status.plan_tick != plan_tick_)) {
+      plan_tick_ = status.plan_tick;
+      current_ = status.mode == controller_status_t::MODE_MOVING ? &result.move : &result.stop;
+      *current_ = PlanRecord{
+          static_cast<double>(plan_tick_) * period_s_,
+          {status.plan_duration_s, status.plan_normal_force_min_n, status.plan_mu_required_max, status.plan_margin_min},
+          1};
+    }
+    const contact_t& contact = lap.plant.contact;
+    if (!current_ || contact.tick < plan_tick_ || contact.regime == contact_t::REGIME_FLIGHT) return;
+    PlanRecord& plan = **current_;
+    if (static_cast<double>(contact.tick - plan_tick_) * period_s_ > plan.predicted.duration_s) return;
+    plan.seen_margin_min = std::min(plan.seen_margin_min, contact.margin);
+  }
+
+ private:
+  double period_s_;
+  std::optional<PlanRecord>* current_ = nullptr;
+  std::int64_t plan_tick_ = 0;
+};
+
+std::string refusal_text(const controller_status_t& status) {
+  const std::string mass = "mass " + std::to_string(status.refusal_motor) + ": ";
+  char value[32];
+  std::snprintf(value, sizeof value, "%.10g", status.refusal_value);
+  switch (status.refusal) {
+    case controller_status_t::REFUSAL_NO_MASS:
+      return "it names no mass";
+    case controller_status_t::REFUSAL_UNKNOWN_MASS:
+      return "there is no mass " + std::string(value) + " (they count from 0)";
+    case controller_status_t::REFUSAL_TARGET:
+      return mass + "the target " + value +
+             " cannot be reached; allowed: finite, on its rail inside the ball, at most 1e15 microsteps";
+    case controller_status_t::REFUSAL_SPEED_FRACTION:
+      return std::string("the speed fraction ") + value + " is out of range; allowed: 0 < .. <= 1";
+    case controller_status_t::REFUSAL_NOT_PLANNED:
+      return mass + "no profile over the distance " + value + " could be made";
+    default:
+      return "mode " + std::to_string(status.mode) + " and faults " + std::to_string(status.faults) + " forbid it";
+  }
+}
+
 }  // namespace
 
 const char* to_string(EndReason reason) {
@@ -165,7 +214,9 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   std::vector<sim::StepPulse> pulses;
   step_command_t due{};                        // the steps of the tick about to be executed
   std::optional<std::int64_t> stop_done_tick;  // at whose start the stop's last step has been executed
+  std::optional<std::int64_t> move_done_tick;  // likewise the move's
   RestWatch rest(scenario);
+  PlanWatch plans(period_s);
   auto next_progress = wall_start;
   std::optional<StepTimingCheck> step_check;
   if (options.check_steps && has_controller) step_check.emplace(scenario);
@@ -177,14 +228,18 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     const sim::Plant::Sample sample = plant.sample();
     const bool at_rest = rest.see(sample);
     const bool stopped = stop_done_tick && tick >= *stop_done_tick && at_rest;
-    const bool last = plant.end() != sim::PhysicsEnd::kNone || plant.time_s() >= scenario.duration_s || stopped;
+    const bool moved = move_done_tick && tick >= *move_done_tick && at_rest;
+    const bool last =
+        plant.end() != sim::PhysicsEnd::kNone || plant.time_s() >= scenario.duration_s || stopped || moved;
 
     Lap lap;
     lap.has_controller = has_controller;
     lap.plant = plant_messages(scenario, sample, tick, last);
     if (tick < 0) {
-      const auto command = tick == -kCountdown ? firmware::OperatorCommand::kArm : firmware::OperatorCommand::kStart;
-      lap.command = hal::to_message(command, tick, tick + kCountdown + 1, period_s);
+      firmware::OperatorInput input = firmware::OperatorCommand::kArm;
+      if (tick > -kCountdown) input = firmware::OperatorCommand::kStart;
+      if (tick > -kCountdown && options.move) input = *options.move;
+      lap.command = hal::to_message(input, tick, tick + kCountdown + 1, period_s);
     }
     result.status = peers.exchange(lap);
     if (result.status != hal::Status::kOk) {
@@ -192,10 +247,19 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       return result;
     }
     record(recorder, lap);
+    if (has_controller) plans.see(lap, result);
+    if (tick == -1 && options.move && lap.status.refusal != controller_status_t::REFUSAL_NONE &&
+        lap.trip.tripped == 0 && lap.status.faults == 0) {
+      result.refusal = refusal_text(lap.status);
+      return result;
+    }
     // Every command of the countdown must have been obeyed, unless something tripped.
-    const std::int8_t mode_due =
-        tick == -kCountdown ? controller_status_t::MODE_ARMED : controller_status_t::MODE_RUNNING;
-    if (tick < 0 && lap.trip.tripped == 0 && lap.status.faults == 0 && lap.status.mode != mode_due) {
+    const std::int8_t mode_due = tick == -kCountdown ? controller_status_t::MODE_ARMED
+                                 : options.move      ? controller_status_t::MODE_MOVING
+                                                     : controller_status_t::MODE_RUNNING;
+    // A move to where the masses are is over at once.
+    const bool already_there = tick == -1 && options.move && lap.status.mode == controller_status_t::MODE_ARMED;
+    if (tick < 0 && lap.trip.tripped == 0 && lap.status.faults == 0 && lap.status.mode != mode_due && !already_there) {
       result.status = hal::Status::kPeerLost;
       result.trouble =
           "the controller did not obey the operator's " + std::string(tick == -kCountdown ? "arm" : "start");
@@ -210,6 +274,9 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     if (has_controller) {
       if (history.size() == kHistoryTicks) history.pop_front();
       history.push_back(lap.steps);
+    }
+    if (options.move && tick >= -1 && !move_done_tick && lap.status.mode == controller_status_t::MODE_ARMED) {
+      move_done_tick = tick + 2;
     }
     result.trip = lap.trip;
     // A controller that is still disarmed has nothing to stop, and will not start.

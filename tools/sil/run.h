@@ -43,6 +43,14 @@ struct StepTimingRecord {
   int violation_motor = -1;
 };
 
+// A stop or a move: what the controller predicted before its first step (firmware/control/prediction.h), and the least
+// margin of the plant's contact messages while it lasted (samples, as long as the ball was in contact).
+struct PlanRecord {
+  double start_s = 0;
+  firmware::Prediction predicted;
+  double seen_margin_min = 1;
+};
+
 struct RunResult {
   EndReason end_reason = EndReason::kCompleted;
   std::string end_text;  // inconsistent: why
@@ -59,6 +67,8 @@ struct RunResult {
       latency_ticks;  // from the violating contact to the first tick whose steps belong to the stop
   std::optional<StepTimingRecord> step_timing;  // if it was asked for
   bool masses_rested = false;                   // at the end; see run()
+  std::optional<PlanRecord> move, stop;         // the last of each
+  std::string refusal;                          // the controller refused the move: which, and why; nothing ran
   std::int64_t ticks = 0;                       // control periods simulated
   double wall_time_s = 0;
 
@@ -72,13 +82,15 @@ struct RunOptions {
   const volatile std::sig_atomic_t* interrupted = nullptr;  // nonzero ends the run
   bool check_steps = false;                                 // hold every pulse against the motion
   std::function<void(double time_s)> progress;              // called now and then
+  std::optional<firmware::MoveRequest> move;                // asked for instead of the scenario's motion
 };
 
 // With check_steps a pulse in the wrong place ends the run at once with kStepTiming.
 //
 // Two countdown ticks, -2 and -1, come before t = 0 in runs with a controller: the ball is held at its initial state,
 // the operator says arm, then start, and the controller computes the steps of tick 0. In tick k the plant executes what
-// the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed.
+// the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed; so does a move that
+// was asked for instead of the start, once its last step is executed and the masses rest: completed.
 RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options);
 
 }  // namespace ballast::sil

@@ -90,6 +90,16 @@ const char* overload_unit(int error) {
 
 Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
+Json plan_json(const std::optional<PlanRecord>& plan) {
+  if (!plan) return nullptr;
+  return {{"start", plan->start_s},
+          {"duration", plan->predicted.duration_s},
+          {"predicted_normal_force_min", finite_or_null(plan->predicted.normal_force_min_n)},
+          {"predicted_mu_required_max", finite_or_null(plan->predicted.mu_required_max)},
+          {"predicted_margin_min", finite_or_null(plan->predicted.margin_min)},
+          {"margin_min", finite_or_null(plan->seen_margin_min)}};
+}
+
 // Whether the ball rolls on such a floor, as far as this run can tell: up to where rolling was lost, and never if the
 // run did not start rolling. One that slipped did not hold on its own floor, nor on a smoother.
 bool holds(const sim::Scenario& scenario, const RunResult& result, double static_friction) {
@@ -249,6 +259,8 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
       j["trip"]["history"].push_back({{"tick", command.tick}, {"steps", steps}, {"bursts", command.burst_count}});
     }
   }
+  j["move"] = plan_json(result.move);
+  j["stop"] = plan_json(result.stop);
   j["surfaces"] = Json::array();
   for (const Floor& floor : kFloors) {
     j["surfaces"].push_back({{"name", floor.name},
@@ -339,6 +351,15 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     text += "\n";
   } else {
     text += "  trip        none\n";
+  }
+  for (const auto& [name, plan] : {std::pair("move", &result.move), std::pair("stop", &result.stop)}) {
+    if (!*plan) continue;
+    const PlanRecord& p = **plan;
+    text += format(
+        "  %s        from t = %.6g s, %.6g s; predicted before it: least N %.6g N, most f_s/N %.6f, least margin "
+        "%.4f; seen %.4f\n",
+        name, p.start_s, p.predicted.duration_s, p.predicted.normal_force_min_n, p.predicted.mu_required_max,
+        p.predicted.margin_min, p.seen_margin_min);
   }
   text += format("  least N     %.6g N at t = %.4f s\n", x.normal_force_min.value, x.normal_force_min.time_s);
   if (std::isfinite(x.mu_required_max.value)) {

@@ -1,0 +1,105 @@
+#include "firmware/control/prediction.h"
+
+#include <cmath>
+#include <limits>
+
+namespace ballast::firmware {
+
+namespace {
+
+struct Attitude {
+  Quaternion orientation;  // unit
+  Vector3 angular_velocity_B_radps;
+};
+
+// q + h/2 q (0, Omega), normalised: the rotation by h Omega up to order h^3.
+Quaternion turned(const Quaternion& q, const Vector3& omega, Real h) {
+  const Real x = omega[0] * h / 2, y = omega[1] * h / 2, z = omega[2] * h / 2;
+  const Real w = q.w() - q.x() * x - q.y() * y - q.z() * z;
+  const Real i = q.x() + q.w() * x + q.y() * z - q.z() * y;
+  const Real j = q.y() + q.w() * y + q.z() * x - q.x() * z;
+  const Real k = q.z() + q.w() * z + q.x() * y - q.y() * x;
+  const Real norm = std::sqrt(w * w + i * i + j * j + k * k);
+  return {w / norm, i / norm, j / norm, k / norm};
+}
+
+MassMotion masses_at(const PerMass<Profile>& profiles, int count, Real time_s) {
+  MassMotion masses;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+    const ProfilePoint p = profiles[i].at(time_s);
+    masses.position[i] = p.position;
+    masses.velocity[i] = p.velocity;
+    masses.acceleration[i] = p.acceleration;
+  }
+  return masses;
+}
+
+// The first border of any piece after time_s.
+Real next_border(const PerMass<Profile>& profiles, int count, Real time_s) {
+  Real next = std::numeric_limits<Real>::infinity();
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+    const int after = profiles[i].locate(time_s).index + 1;
+    if (after <= profiles[i].piece_count()) next = std::fmin(next, profiles[i].cubic_start_s(after));
+  }
+  return next;
+}
+
+}  // namespace
+
+void friction_use(const RollingForces& forces, Real static_friction, Real& mu_required, Real& margin) {
+  if (!(forces.normal_force_n > 0)) {
+    mu_required = std::numeric_limits<Real>::infinity();
+    margin = -1;
+    return;
+  }
+  mu_required = forces.static_friction_n / forces.normal_force_n;
+  margin = std::isinf(static_friction) ? 1 : 1 - mu_required / static_friction;
+}
+
+Prediction predict_motion(const BallParams& ball, Real static_friction, const Quaternion& orientation,
+                          const Vector3& angular_velocity_B_radps, const MassMotion& now, Real lead_s,
+                          const PerMass<Profile>& profiles, Real duration_s) {
+  const int count = ball.mass_count;
+  Prediction result{duration_s, std::numeric_limits<Real>::infinity(), 0, 1};
+  Attitude at{orientation, angular_velocity_B_radps};
+  const auto forces = [&](const MassMotion& masses) {
+    return rolling_forces(ball, at.orientation, at.angular_velocity_B_radps, masses);
+  };
+  // One step of the midpoint rule; `start` are the forces at its beginning.
+  const auto advance = [&](const RollingForces& start, const MassMotion& middle_masses, Real h) {
+    const Attitude begin = at;
+    at.orientation = turned(begin.orientation, begin.angular_velocity_B_radps, h / 2);
+    at.angular_velocity_B_radps = begin.angular_velocity_B_radps + h / 2 * start.angular_acceleration_B_radps2;
+    const RollingForces middle = forces(middle_masses);
+    at.orientation = turned(begin.orientation, at.angular_velocity_B_radps, h);
+    at.angular_velocity_B_radps = begin.angular_velocity_B_radps + h * middle.angular_acceleration_B_radps2;
+  };
+  const auto look = [&](const RollingForces& f) {
+    Real mu = 0, margin = 0;
+    friction_use(f, static_friction, mu, margin);
+    // Written so that NaN is taken over.
+    if (!(f.normal_force_n >= result.normal_force_min_n)) result.normal_force_min_n = f.normal_force_n;
+    if (!(mu <= result.mu_required_max)) result.mu_required_max = mu;
+    if (!(margin >= result.margin_min)) result.margin_min = margin;
+  };
+
+  advance(forces(now), now, lead_s);
+  Real time_s = 0;
+  // Never more than the grid's intervals and the borders; the bound also ends it should a number be none.
+  int borders = 0;
+  for (int i = 0; i < count; ++i) borders += profiles[static_cast<std::size_t>(i)].piece_count();
+  int grid = 1;
+  for (int k = 0; k < kPredictionIntervals + borders && time_s < duration_s; ++k) {
+    const RollingForces start = forces(masses_at(profiles, count, time_s));
+    look(start);
+    const Real grid_s = grid < kPredictionIntervals ? duration_s * grid / kPredictionIntervals : duration_s;
+    const Real end_s = std::fmin(grid_s, next_border(profiles, count, time_s));
+    if (end_s == grid_s) ++grid;
+    advance(start, masses_at(profiles, count, (time_s + end_s) / 2), end_s - time_s);
+    time_s = end_s;
+  }
+  look(forces(masses_at(profiles, count, duration_s)));
+  return result;
+}
+
+}  // namespace ballast::firmware

@@ -1,0 +1,34 @@
+// What a stop or a move will do to N and f_s, computed before its first step.
+#pragma once
+
+#include "firmware/model/rolling.h"
+#include "firmware/motion/profile.h"
+
+namespace ballast::firmware {
+
+// Least and greatest of the paper's closed forms along profiles, from profile time 0 to duration_s.
+struct Prediction {
+  Real duration_s = 0;
+  Real normal_force_min_n = 0;
+  Real mu_required_max = 0;  // f_s / N; +infinity where N <= 0
+  Real margin_min = 0;       // 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0
+};
+
+// Grid of a prediction. It is refined by the borders of all pieces, where accelerations have their corners.
+inline constexpr int kPredictionIntervals = 16;
+
+// The attitude is not frozen: Omegadot of the closed form is integrated by the explicit midpoint rule. One step of
+// `lead_s` comes first, from the sensed state at the tick's start to profile time 0, with the masses as `now`; then one
+// step per interval of the refined grid. N and f_s are taken at both ends of every interval: two evaluations an
+// interval, at most kPredictionIntervals + 3 or 7 borders a mass, so the cost is bounded: 44 evaluations for a stop of
+// three masses. It assumes what the closed forms assume: rolling without slip, masses exactly on their profiles, the
+// constant external force; what step motors add by lagging and swinging is not in it. What lies beyond duration_s is
+// not looked at.
+[[nodiscard]] Prediction predict_motion(const BallParams& ball, Real static_friction, const Quaternion& orientation,
+                                        const Vector3& angular_velocity_B_radps, const MassMotion& now, Real lead_s,
+                                        const PerMass<Profile>& profiles, Real duration_s);
+
+// f_s / N and the margin of one state, as in Prediction.
+void friction_use(const RollingForces& forces, Real static_friction, Real& mu_required, Real& margin);
+
+}  // namespace ballast::firmware

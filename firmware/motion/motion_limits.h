@@ -1,0 +1,22 @@
+// Whether a profile keeps its motor's limits: judged from the finished cubics, not from how they were made.
+#pragma once
+
+#include "firmware/motion/jerk_limited.h"
+
+namespace ballast::firmware {
+
+enum class Limited : std::uint8_t { kNothing, kVelocity, kAcceleration, kJerk };
+
+// The first piece that breaks a limit, and how far it goes.
+struct LimitBreach {
+  Limited what = Limited::kNothing;
+  int piece = -1;  // counted from 0; piece_count(): the constant velocity after the last
+  Real value = 0;  // largest |.| in that piece
+  [[nodiscard]] bool ok() const { return what == Limited::kNothing; }
+};
+
+// Extremes are those of the cubics, exact. A part in 1e9 above a limit passes: rounding, with room to spare. The jerk
+// is the one inside the pieces; jumps of the acceleration where pieces meet, or at the start, are not looked at.
+[[nodiscard]] LimitBreach check_limits(const Profile& profile, const MotionLimits& limits);
+
+}  // namespace ballast::firmware
