@@ -83,11 +83,7 @@ TEST(Run, ChecksEveryStepIfAsked) {
   }
   EXPECT_EQ(in_bins, timing["checked_steps"].get<std::int64_t>());
   // After a trip the pulses are a stop's.
-  ASSERT_EQ(folder
-                .run("ballast run paper_ball --check-steps --set envelope.friction_use=0.5 "
-                     "--set mass.0.motor.max_acceleration=0.01")
-                .exit_status,
-            3);
+  ASSERT_EQ(folder.run("ballast run paper_ball --check-steps --set envelope.friction_use=0.5").exit_status, 3);
   const auto stop = folder.summary("runs/paper_ball")["step_timing"];
   EXPECT_TRUE(stop["motion_left_tick"].is_number());
   EXPECT_GT(stop["steps_outside_the_motion"].get<std::int64_t>(), 0);
