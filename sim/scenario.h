@@ -42,6 +42,7 @@ struct Motor {
   double corner_speed_radps = 0;   // above it tau_hold falls as corner / speed
   double step_error = 0.015;       // largest position error of a full step, as a part of the step angle
   double max_step_rate_hz = 0;     // microsteps per second the driver accepts
+  double direction_setup_s = 2e-6;  // least time between two opposite pulses
   double max_acceleration = 0;     // rail unit / s^2, the deceleration of a stop
   double shaft_ratio = 0;          // derived: gear_ratio, or 2 pi / travel_per_revolution
 };

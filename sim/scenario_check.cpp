@@ -134,7 +134,7 @@ void read_initial(TableReader table, std::optional<double> ball_radius_m, Scenar
 void read_run(TableReader table, MassSurroundings& known, Scenario::Run& run) {
   const auto actuation = table.word("actuation", {"prescribed", "stepper"}, "stepper");
   const auto period = table.number("control_period", Range::between(1e-6, 10, "s"), run.control_period_s);
-  const auto timer = table.number("timer_frequency", Range::between(1e3, 1e9, "Hz"), run.timer_frequency_hz);
+  const auto timer = table.number("timer_frequency", Range::between(1e6, 1e8, "Hz"), run.timer_frequency_hz);
   const auto on_violation = table.word("on_violation", {"stop", "continue"}, "stop");
   table.refuse_unknown_keys();
   if (on_violation) run.on_violation = *on_violation == "stop" ? OnViolation::kStop : OnViolation::kContinue;

@@ -83,6 +83,7 @@ void add_mass(CanonicalText& text, const Mass& mass) {
   text.add("corner_speed", motor.corner_speed_radps);
   text.add("step_error", motor.step_error);
   text.add("max_step_rate", motor.max_step_rate_hz);
+  text.add("direction_setup", motor.direction_setup_s);
   text.add("max_acceleration", motor.max_acceleration);
   text.add("shaft_ratio", motor.shaft_ratio);
 }

@@ -374,6 +374,7 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   // A little below what the controller can issue in one tick, so that rounding to ticks never overloads it.
   const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);
   read("max_step_rate", Range::positive("1/s"), std::min(timer / 10, 60 / period), motor.max_step_rate_hz);
+  read("direction_setup", Range::between(0, 1e-3, "s"), motor.direction_setup_s, motor.direction_setup_s);
   read("max_acceleration", Range::positive("rail unit / s^2"), 0.5 * ratio * motor.holding_torque_nm / moved_inertia,
        motor.max_acceleration);
   table.refuse_unknown_keys();

@@ -127,20 +127,28 @@ void clear(const ControllerParams& params, const ControllerState& state, std::in
   out.motor_count = params.ball.mass_count;
   out.steps = {};
   out.position_steps = state.position_steps;
+  out.last_pulse = state.last_pulse;
   out.burst_count = 0;
   out.bursts = {};
 }
 
-StepError generate(const ControllerParams& params, const ControllerState& state, int i, StepCommand& out) {
+StepError generate(const ControllerParams& params, const ControllerState& state, int i, StepCommand& out,
+                   StepTrouble* trouble = nullptr) {
   const MotorParams& motor = params.motor[at(i)];
+  const bool overloaded = (state.faults & bit(Fault::kStepOverload)) != 0;
   return generate_steps(state.active[at(i)], profile_time(params, state, out.tick), params.motion[at(i)].at(0).position,
                         motor.steps_per_unit, motor.max_step_rate_hz,
-                        {params.timer_frequency_hz, params.control_period_s}, i, out);
+                        {params.timer_frequency_hz, params.control_period_s, motor.direction_setup_s, overloaded}, i,
+                        out, trouble);
 }
 
-bool generate_all(const ControllerParams& params, const ControllerState& state, StepCommand& out) {
+// False: some motor's profile cannot be stepped, and the first such overload is kept.
+bool generate_all(const ControllerParams& params, ControllerState& state, StepCommand& out) {
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    if (generate(params, state, i, out) != StepError::kNone) return false;
+    StepTrouble trouble;
+    if (generate(params, state, i, out, &trouble) == StepError::kNone) continue;
+    if (state.overload.trouble.error == StepError::kNone) state.overload = {trouble, i, out.tick};
+    return false;
   }
   return true;
 }
@@ -229,7 +237,9 @@ void reset(const ControllerParams& params, ControllerState& state) {
   state.hold_position = {};
   for (int i = 0; i < params.ball.mass_count; ++i) state.hold_position[at(i)] = params.motion[at(i)].at(0).position;
   state.position_steps = {};
+  state.last_pulse = {};
   state.steps_issued = {};
+  state.overload = {};
 }
 
 void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, Outputs& outputs) {
@@ -240,6 +250,10 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   // Continuity. Commands were issued for every tick up to last_tick + 1, whose end is the start of last_tick + 2.
   const Order order = order_of(state, inputs.tick);
   if (order == Order::kBroken && state.moving) hold(params, state, plus(state.last_tick, 2));
+  if (order == Order::kBroken) {
+    // How long ago the last pulses were is not known; not later than now.
+    for (LastPulse& last : state.last_pulse) last.tick = inputs.tick;
+  }
   state.ticked = true;
   state.last_tick = inputs.tick;
 
@@ -259,7 +273,10 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   if (Event event{}; event_of(inputs.operator_command, event)) {
     const Mode before = state.mode;
     state.mode = next_mode(before, event, guards);
-    if (before == Mode::kTripped && state.mode == Mode::kDisarmed) state.faults = 0;
+    if (before == Mode::kTripped && state.mode == Mode::kDisarmed) {
+      state.faults = 0;
+      state.overload = {};
+    }
     if (before == Mode::kArmed && state.mode == Mode::kRunning) begin_motion(params, state, next);
   }
 
@@ -275,6 +292,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
       state.steps_issued[steps.bursts[at(b)].motor] += steps.bursts[at(b)].count;
     }
     state.position_steps = steps.position_steps;
+    state.last_pulse = steps.last_pulse;
   }
   // What turned up while making the steps.
   if (state.faults != 0) state.mode = next_mode(state.mode, Event::kFault, guards);
@@ -292,6 +310,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   status.commanded_position = now.position;
   status.commanded_velocity = now.velocity;
   status.steps_issued = state.steps_issued;
+  status.overload = state.overload;
 }
 
 }  // namespace ballast::firmware

@@ -13,16 +13,17 @@
 namespace ballast::firmware {
 
 struct MotorParams {
-  Real steps_per_unit = 0;    // microsteps per rail unit (rad or m), != 0; sign = wiring
-  Real max_step_rate_hz = 0;  // microsteps per second, > 0
-  Real max_acceleration = 0;  // rail unit / s^2, > 0: the deceleration of a stop
+  Real steps_per_unit = 0;     // microsteps per rail unit (rad or m), != 0; sign = wiring
+  Real max_step_rate_hz = 0;   // microsteps per second, > 0
+  Real max_acceleration = 0;   // rail unit / s^2, > 0: the deceleration of a stop
+  Real direction_setup_s = 0;  // 0..1e-3: least time between two opposite pulses, which the driver needs to turn
 };
 
 // Inert until validate() accepts it.
 struct ControllerParams {
   std::int64_t scenario_id = 0;  // fingerprint, echoed in the status
   Real control_period_s = 0;
-  Real timer_frequency_hz = 0;  // step timer, 1e3..1e9
+  Real timer_frequency_hz = 0;  // step timer, 1e6..1e8
   Real static_friction = 0;     // mu_s > 0; infinity: perfect friction
   int sensor_stale_ticks = 0;   // sensors may be this many ticks old
   int monitor_stale_ticks = 0;  // heartbeat may be this many ticks old
@@ -70,6 +71,13 @@ struct Inputs {
   OperatorCommand operator_command = OperatorCommand::kNone;
 };
 
+// The first step overload since the faults were last cleared: what could not be stepped.
+struct StepOverload {
+  StepTrouble trouble;
+  int motor = -1;
+  std::int64_t tick = 0;  // in which the steps would have been executed
+};
+
 struct ControllerStatus {
   std::int64_t tick = 0;
   std::int64_t scenario_id = 0;
@@ -85,6 +93,7 @@ struct ControllerStatus {
   Real margin = 0;                       // 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0
   std::int64_t overruns = 0;             // kept by the HAL's clock
   PerMass<std::int64_t> steps_issued{};  // pulses, both directions counted up
+  StepOverload overload;                 // kNone: there was none
 };
 
 struct Outputs {
@@ -104,7 +113,9 @@ struct ControllerState {
   PerMass<Profile> active{};    // the scenario's motion, or a stop from its current point
   PerMass<Real> hold_position{};
   PerMass<std::int64_t> position_steps{};
+  PerMass<LastPulse> last_pulse{};
   PerMass<std::int64_t> steps_issued{};
+  StepOverload overload;
 };
 
 // State before the first tick: disarmed, masses holding at their initial positions.

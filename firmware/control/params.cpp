@@ -93,8 +93,8 @@ void check_rail(const Rail& rail, int i, Checker& check) {
 ParamError validate(const ControllerParams& params) {
   Checker check;
   check.positive(params.control_period_s, "control_period_s");
-  check.require(params.timer_frequency_hz >= 1e3 && params.timer_frequency_hz <= 1e9, "timer_frequency_hz", -1,
-                params.timer_frequency_hz, "1e3..1e9");
+  check.require(params.timer_frequency_hz >= 1e6 && params.timer_frequency_hz <= 1e8, "timer_frequency_hz", -1,
+                params.timer_frequency_hz, "1e6..1e8");
   const Real ticks = params.control_period_s * params.timer_frequency_hz;
   check.require(ticks >= 2 && ticks <= 1e9, "control_period_s", -1, params.control_period_s, "2..1e9 timer ticks");
   check.require(params.static_friction > 0, "static_friction", -1, params.static_friction,
@@ -117,6 +117,8 @@ ParamError validate(const ControllerParams& params) {
     check.require(motor.max_step_rate_hz > 0 && motor.max_step_rate_hz <= params.timer_frequency_hz,
                   "motor.max_step_rate_hz", i, motor.max_step_rate_hz, "> 0, at most timer_frequency_hz");
     check.positive(motor.max_acceleration, "motor.max_acceleration", i);
+    check.require(motor.direction_setup_s >= 0 && motor.direction_setup_s <= 1e-3, "motor.direction_setup_s", i,
+                  motor.direction_setup_s, "0..1e-3");
     // A profile refuses what is not finite when it is set; the count of steps at its start has to fit too.
     const Real start = params.motion[k].at(0).position;
     check.require(std::fabs(start * motor.steps_per_unit) <= 1e15, "motion", i, start,

@@ -7,45 +7,66 @@ namespace ballast::firmware {
 
 namespace {
 
-std::int64_t floor_div(std::int64_t a, std::int64_t b) {  // b > 0
-  const std::int64_t q = a / b;
-  return q * b > a ? q - 1 : q;
+// Of the crossings' times, and of rounding in a profile exactly at the motor's rate.
+constexpr Real kNoiseTicks = 0.01;
+
+// Rounds up; by conversion, since ceil() is a call on processors without the instruction.
+std::int32_t up(Real ticks) {
+  const auto whole = static_cast<std::int32_t>(ticks);
+  return static_cast<Real>(whole) < ticks ? whole + 1 : whole;
+}
+
+std::int32_t up_to_int32(Real ticks) { return up(std::min(ticks, 1e9)); }
+
+// a / b rounded to nearest, and the other neighbour; b > 0.
+struct Rounded {
+  std::int64_t nearest, other;
+};
+Rounded divide(std::int64_t a, std::int64_t b) {
+  std::int64_t q = a / b, r = a % b;
+  if (r < 0) {
+    r += b;
+    --q;
+  }
+  return 2 * r > b ? Rounded{q + 1, q} : Rounded{q, q + 1};
 }
 
 // With interval and add chosen, `first` has to lie in the intersection of the windows moved back to pulse 0.
-bool verify(std::span<const PulseWindow> pulses, std::int64_t interval, std::int64_t add, StepBurst& burst) {
-  const auto gaps = static_cast<std::int64_t>(pulses.size()) - 1;
-  if (interval < 1 || interval + add * (gaps - 1) < 1) return false;
-  std::int64_t low = pulses[0].low, high = pulses[0].high, offset = 0;
-  for (std::int64_t j = 1; j <= gaps; ++j) {
-    offset += interval + add * (j - 1);
-    low = std::max(low, pulses[static_cast<std::size_t>(j)].low - offset);
-    high = std::min(high, pulses[static_cast<std::size_t>(j)].high - offset);
+bool verify(std::span<const PulseWindow> pulses, std::int32_t gap, std::int32_t earliest, std::int64_t interval,
+            std::int64_t add, StepBurst& burst) {
+  const std::size_t size = pulses.size();
+  if (interval < gap || interval + add * (static_cast<std::int64_t>(size) - 2) < gap) return false;
+  std::int64_t low = std::max(pulses[0].low, earliest), high = pulses[0].high, offset = 0, step = interval;
+  for (std::size_t j = 1; j < size; ++j) {
+    offset += step;
+    step += add;
+    low = std::max(low, pulses[j].low - offset);
+    high = std::min(high, pulses[j].high - offset);
+    if (low > high) return false;
   }
-  if (low > high) return false;
-  burst.count = static_cast<std::int16_t>(pulses.size());
-  burst.first_ticks = static_cast<std::int32_t>(std::clamp<std::int64_t>(pulses[0].nearest, low, high));
+  burst.count = static_cast<std::int16_t>(size);
+  burst.first_ticks = static_cast<std::int32_t>(std::clamp<std::int64_t>(pulses[0].nearest(), low, high));
   burst.interval_ticks = static_cast<std::int32_t>(interval);
   burst.add_ticks = static_cast<std::int32_t>(add);
   return true;
 }
 
 // Parabola through the first, middle and last pulse, with both roundings of its two integers.
-bool fit(std::span<const PulseWindow> pulses, StepBurst& burst) {
+bool fit(std::span<const PulseWindow> pulses, std::int32_t gap, std::int32_t earliest, StepBurst& burst) {
   const auto m = static_cast<std::int64_t>(pulses.size()) - 1;
   const std::int64_t h = m / 2;
-  const std::int64_t to_last = std::int64_t{pulses[static_cast<std::size_t>(m)].nearest} - pulses[0].nearest;
-  std::int64_t add = 0;
+  const std::int64_t first = pulses[0].nearest();
+  const std::int64_t to_last = std::int64_t{pulses[static_cast<std::size_t>(m)].nearest()} - first;
+  Rounded add{0, 0};  // two pulses have no second difference
   if (m >= 2) {
-    const std::int64_t to_middle = std::int64_t{pulses[static_cast<std::size_t>(h)].nearest} - pulses[0].nearest;
-    add = floor_div(2 * (to_last * h - to_middle * m), m * h * (m - h));
+    const std::int64_t to_middle = std::int64_t{pulses[static_cast<std::size_t>(h)].nearest()} - first;
+    add = divide(2 * (to_last * h - to_middle * m), m * h * (m - h));
   }
-  for (const std::int64_t a : {add, add + 1}) {
-    const std::int64_t interval = floor_div(to_last - a * (m * (m - 1) / 2), m);
-    for (const std::int64_t i : {interval, interval + 1}) {
-      if (verify(pulses, i, a, burst)) return true;
-    }
-    if (m == 1) break;  // two pulses have no second difference
+  for (const std::int64_t a : {add.nearest, add.other}) {
+    const Rounded interval = divide(to_last - a * (m * (m - 1) / 2), m);
+    if (verify(pulses, gap, earliest, interval.nearest, a, burst)) return true;
+    if (verify(pulses, gap, earliest, interval.other, a, burst)) return true;
+    if (m == 1) break;
   }
   return false;
 }
@@ -54,44 +75,80 @@ bool fit(std::span<const PulseWindow> pulses, StepBurst& burst) {
 
 std::int32_t last_timer_tick(const StepTiming& timing) {
   const Real ticks = timing.control_period_s * timing.timer_frequency_hz;
-  const Real whole = std::round(ticks);
+  const auto whole = static_cast<std::int32_t>(ticks + 0.5);
   // A whole number of timer ticks, but for the rounding of the product: the last one belongs to the next control tick.
-  if (std::fabs(ticks - whole) <= 1e-6) return static_cast<std::int32_t>(whole) - 1;
-  return static_cast<std::int32_t>(std::floor(ticks));
+  if (std::fabs(ticks - whole) <= 1e-6) return whole - 1;
+  return static_cast<std::int32_t>(ticks);
 }
 
-bool make_windows(std::span<PulseWindow> pulses, const StepTiming& timing) {
-  const Real tolerance = std::fmax(1.0, 0.5e-6 * timing.timer_frequency_hz);
-  const Real last = last_timer_tick(timing);
+PulseRules::PulseRules(const StepTiming& timing, Real max_step_rate_hz)
+    : period_ticks(timing.control_period_s * timing.timer_frequency_hz),
+      last_tick(last_timer_tick(timing)),
+      tolerance_ticks(std::max(1.0, 0.5e-6 * timing.timer_frequency_hz)),
+      spacing_ticks(timing.timer_frequency_hz / max_step_rate_hz),
+      // Decimal times make whole numbers of ticks, though the product rounds.
+      setup_ticks(std::max(timing.direction_setup_s * timing.timer_frequency_hz - 1e-6, 0.0)),
+      // Rounding to timer ticks may bring two pulses closer by one tick, which the set-up time does not allow for.
+      touch_ticks(std::max(std::max(tolerance_ticks, spacing_ticks - kNoiseTicks), setup_ticks + 1 + kNoiseTicks)),
+      gap(std::max(1, up_to_int32(spacing_ticks - 1 - kNoiseTicks))),
+      turn_gap(std::max(gap, up_to_int32(setup_ticks))),
+      may_delay(timing.may_delay) {
+  // A period that is whole but for the rounding of the product.
+  if (static_cast<Real>(last_tick) + 1 - period_ticks <= 1e-6) period_ticks = static_cast<Real>(last_tick) + 1;
+}
+
+std::int32_t PulseRules::earliest_after(Real ago_ticks, bool turns) const {
+  const Real due = turns ? std::fmax(spacing_ticks - 1 - kNoiseTicks, setup_ticks) - ago_ticks
+                         : spacing_ticks - 1 - kNoiseTicks - ago_ticks;
+  return due > 0 ? up_to_int32(due) : 0;
+}
+
+// Why the distances can be kept if the crossings keep them: choosing for every pulse the last timer tick not after its
+// crossing would do, and every bound set here leaves that choice open. Where a pulse soon follows in the next control
+// tick, of which nothing is known here, the last one is not placed later than that.
+bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest) {
+  const Real tolerance = rules.tolerance_ticks, last = rules.last_tick;
+  const std::int32_t gap = rules.gap, turn_gap = rules.turn_gap;
+  const auto gaps = static_cast<std::int64_t>(pulses.size()) - 1;
+  if (earliest + gaps * gap > rules.last_tick) return false;  // so that what follows stays in range
+  std::int32_t least = earliest, direction = pulses[0].direction;
   for (PulseWindow& p : pulses) {
-    const Real nearest = std::fmin(std::fmax(std::round(p.exact_ticks), 0.0), last);
-    p.nearest = static_cast<std::int32_t>(nearest);
-    // The nearest tick is always allowed; the clamp at the tick's end costs it at most one timer tick.
-    p.low = static_cast<std::int32_t>(std::fmin(nearest, std::fmax(std::ceil(p.exact_ticks - tolerance), 0.0)));
-    p.high = static_cast<std::int32_t>(std::fmax(nearest, std::fmin(std::floor(p.exact_ticks + tolerance), last)));
+    p.gap = p.direction == direction ? gap : turn_gap;
+    direction = p.direction;
+    if (&p != pulses.data()) least += p.gap;
+    const Real early = p.exact_ticks - tolerance;
+    if (early > 0) least = std::max(least, up(early));
+    p.low = least;
+    p.high = static_cast<std::int32_t>(std::min(p.exact_ticks + tolerance, last));
+    if (rules.may_delay && p.high < least && least <= rules.last_tick) p.high = least;
   }
-  for (std::size_t j = 1; j < pulses.size(); ++j) {
-    PulseWindow& before = pulses[j - 1];
-    PulseWindow& after = pulses[j];
-    if (after.nearest <= before.nearest) return false;
-    before.high = std::min(before.high, before.nearest + (after.nearest - before.nearest - 1) / 2);
-    after.low = std::max(after.low, before.high + 1);
+  PulseWindow& end = pulses.back();
+  if (end.exact_ticks + tolerance + std::max(rules.spacing_ticks, rules.touch_ticks) >= rules.period_ticks) {
+    end.high = std::min(end.high, static_cast<std::int32_t>(end.exact_ticks));
+  }
+  std::int32_t most = end.high;
+  for (std::size_t j = pulses.size(); j-- > 0;) {
+    PulseWindow& p = pulses[j];
+    most = std::min(most, p.high);
+    p.high = most;
+    if (p.low > most) return false;
+    most -= p.gap;
   }
   return true;
 }
 
-StepBurst longest_burst(std::span<const PulseWindow> pulses) {
+StepBurst longest_burst(std::span<const PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest) {
   std::size_t same = 1;
   while (same < pulses.size() && pulses[same].direction == pulses[0].direction) ++same;
 
   StepBurst burst;
-  burst.direction = pulses[0].direction;
+  burst.direction = static_cast<std::int8_t>(pulses[0].direction);
   burst.count = 1;
-  burst.first_ticks = pulses[0].nearest;
+  burst.first_ticks = std::max(pulses[0].nearest(), earliest);
   // Bisection on the length; that longer runs fit worse is not quite monotone, which costs a burst, never a pulse.
   std::size_t fits = 1, too_long = same + 1, length = same;
   while (too_long - fits > 1) {
-    if (fit(pulses.first(length), burst)) {
+    if (fit(pulses.first(length), rules.gap, earliest, burst)) {
       fits = length;
     } else {
       too_long = length;

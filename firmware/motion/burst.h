@@ -7,25 +7,52 @@
 
 namespace ballast::firmware {
 
-// One pulse: its exact time, and the timer ticks [low, high] in which it may be replayed. Windows of one motor do not
-// overlap, so whatever is chosen inside them, pulses stay strictly in order.
+// One pulse: its exact time, and the timer ticks [low, high] in which it may be replayed. Without initial values, since
+// setting room for a whole tick's pulses would cost more than the pulses.
 struct PulseWindow {
-  Real exact_ticks = 0;
-  std::int32_t nearest = 0;
-  std::int32_t low = 0;
-  std::int32_t high = 0;
-  std::int8_t direction = 1;
+  Real exact_ticks;
+  std::int32_t low;
+  std::int32_t high;
+  std::int32_t gap;  // distance to be kept to the pulse before
+  std::int32_t direction;
+
+  // The timer tick in [low, high] nearest to exact_ticks.
+  [[nodiscard]] std::int32_t nearest() const {
+    const auto rounded = static_cast<std::int32_t>(exact_ticks + 0.5);
+    return rounded < low ? low : (rounded > high ? high : rounded);
+  }
+};
+
+// What pulses of one motor have to keep, in timer ticks. From StepTiming and the motor's rate.
+struct PulseRules {
+  PulseRules(const StepTiming& timing, Real max_step_rate_hz);
+
+  Real period_ticks;       // of a control tick; need not be whole
+  std::int32_t last_tick;  // the last timer tick inside a control tick
+  Real tolerance_ticks;    // between a pulse and its crossing: 1 timer tick or 0.5 us, whichever is larger
+  Real spacing_ticks;      // between crossings: 1 / max_step_rate
+  Real setup_ticks;        // between opposite pulses
+  Real touch_ticks;        // opposite crossings closer than this are a touch; their pulses would break a rule above
+  std::int32_t gap;        // least distance of pulses: the spacing less a timer tick of rounding, and at least 1
+  std::int32_t turn_gap;   // of opposite pulses: not less than setup_ticks either
+  bool may_delay;
+
+  // The first timer tick of a control tick that keeps the distance to a pulse `ago_ticks` before the tick's start.
+  [[nodiscard]] std::int32_t earliest_after(Real ago_ticks, bool turns) const;
 };
 
 // Last timer tick strictly inside a control tick.
 std::int32_t last_timer_tick(const StepTiming& timing);
 
-// From exact_ticks and direction (pulses in time order, inside the tick) to the rest: within max(1 timer tick, 0.5 us)
-// of exact. False if two pulses fall in the same timer tick.
-[[nodiscard]] bool make_windows(std::span<PulseWindow> pulses, const StepTiming& timing);
+// From exact_ticks and direction (at least one pulse, pulses in time order, inside the tick) to the rest. Whatever is
+// chosen in a window, the other pulses can keep their distances inside theirs, and the first one of the next control
+// tick too. `earliest`: for the first pulse, because of one before this control tick. False if the distances cannot be
+// kept.
+[[nodiscard]] bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest = 0);
 
 // The longest burst found for pulses[0..count): same direction, every pulse replayed in integers and found in its
-// window. pulses must not be empty. One pulse always fits.
-StepBurst longest_burst(std::span<const PulseWindow> pulses);
+// window at least rules.gap after the one before, the first not before `earliest`. pulses must not be empty. One pulse
+// always fits.
+StepBurst longest_burst(std::span<const PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest = 0);
 
 }  // namespace ballast::firmware

@@ -5,6 +5,7 @@
 
 #include "firmware/motion/burst.h"
 #include "firmware/motion/crossing.h"
+#include "firmware/motion/smooth_run.h"
 
 namespace ballast::firmware {
 
@@ -12,136 +13,301 @@ namespace {
 
 constexpr Real kRateSlack = 1e-9;  // relative: a profile exactly at the motor's rate is not too fast by rounding
 
+// Microsteps. A reversal that ends as close as this above a level has come back through it: the tick that looks ahead
+// and the one that looks back expand the profile about different times, and must not disagree by rounding.
+constexpr Real kReturnSlack = 1e-7;
+
+// A piece of the profile in microsteps, expanded about the later of its own start and `t0`, so that times are small
+// numbers and resolution does not fade as the run goes on.
+StepCubic in_steps(const Cubic& c, Real s, Real position_zero, Real steps_per_unit) {
+  return {
+      steps_per_unit * ((c.position - position_zero) + s * (c.velocity + s * (c.acceleration / 2 + s * (c.jerk / 6)))),
+      steps_per_unit * (c.velocity + s * (c.acceleration + s * (c.jerk / 2))),
+      steps_per_unit * (c.acceleration + s * c.jerk), steps_per_unit * c.jerk};
+}
+
+// The monotone spans of the profile from t0 on, in order, in microsteps.
+class Walk {
+ public:
+  Walk(const Profile& profile, Real t0_s, Real position_zero, Real steps_per_unit)
+      : profile_(profile), t0_s_(t0_s), position_zero_(position_zero), steps_per_unit_(steps_per_unit) {}
+
+  // Calls visit(cubic, begin, end, start) for each span with begin_s <= time from t0 <= end_s; `start` is the cubic's
+  // own zero of time. Ends early, and gives false, where visit does.
+  template <class Visit>
+  bool spans(Real begin_s, Real end_s, Visit visit) const {
+    const Profile::Location here = profile_.locate(t0_s_ + begin_s);
+    Real start = begin_s;
+    Real s = here.offset_s;
+    for (int i = here.index; i <= profile_.piece_count() && start < end_s; ++i, s = 0) {
+      const Real end = i < profile_.piece_count() ? std::fmin(end_s, profile_.cubic_start_s(i + 1) - t0_s_) : end_s;
+      if (!(end > start)) continue;  // a piece shorter than the resolution of its start time
+      const StepCubic cubic = in_steps(profile_.cubic(i), s, position_zero_, steps_per_unit_);
+      const MonotoneSpans monotone = monotone_spans(cubic, end - start);
+      Real from = 0;
+      for (int k = 0; k < monotone.count; ++k) {
+        const Real to = monotone.end_s[static_cast<std::size_t>(k)];
+        if (!visit(cubic, from, to, start)) return false;
+        from = to;
+      }
+      start = end;
+    }
+    return true;
+  }
+
+ private:
+  const Profile& profile_;
+  Real t0_s_, position_zero_, steps_per_unit_;
+};
+
 // The crossings of one control tick, in order, with the count they lead to.
 class Pulses {
  public:
-  Pulses(std::int64_t count, Real shortest_s, Real max_rate_hz, Real tolerance_s)
-      : count_(count), shortest_s_(shortest_s), max_rate_hz_(max_rate_hz), tolerance_s_(tolerance_s) {}
+  Pulses(std::int64_t count, const PulseRules& rules, Real timer_frequency_hz)
+      : count_(count),
+        touch_ticks_(rules.touch_ticks),
+        timer_frequency_hz_(timer_frequency_hz),
+        tolerance_s_(1e-3 / timer_frequency_hz) {}  // small beside the rounding to timer ticks
 
   // All steps of a span that ends at x_end. False: too many.
   bool follow(const StepCubic& cubic, Real begin_s, Real end_s, Real cubic_start_s) {
     const Real x_end = cubic.at(end_s);
     const Real ahead = x_end - static_cast<Real>(count_);
-    if (std::fabs(ahead) <= 0.5) return true;
-    if (!(std::fabs(ahead) <= kMaxStepsPerTick + 1.0)) return false;  // also NaN; and keeps the conversion in range
-    const Real direction = ahead > 0 ? 1 : -1;
-    // Strictly beyond the level, so that half-way keeps the count.
-    const int steps = static_cast<int>(std::ceil(std::fabs(ahead) - 0.5));
-    for (int j = 0; j < steps; ++j) {
-      const Real level = static_cast<Real>(count_) + direction / 2;
-      const Real w = crossing_time(cubic, level, begin_s, end_s, tolerance_s_);
-      const bool fast = std::fabs(cubic.velocity_at(w)) > max_rate_hz_ * (1 + kRateSlack);
-      if (!add(cubic_start_s + w, direction > 0 ? 1 : -1, fast)) return false;
+    const Real distance = std::fabs(ahead);
+    if (distance <= 0.5) return true;
+    if (!(distance <= kMaxStepsPerTick + 1.0)) {  // also NaN; and keeps the conversion in range
+      found_ = distance < 1e9 ? static_cast<int>(distance) : 1000000000;
+      return false;
     }
+    const int direction = ahead > 0 ? 1 : -1;
+    // Strictly beyond the level, so that half-way keeps the count.
+    int steps = static_cast<int>(distance - 0.5);
+    if (static_cast<Real>(steps) < distance - 0.5) ++steps;
+
+    Real level = static_cast<Real>(count_) + 0.5 * direction;
+    Real w = crossing_time(cubic, level, begin_s, end_s, tolerance_s_);
+    Real velocity = cubic.velocity_at(w);
+    Real fastest_hz = std::fabs(velocity);
+    if (!add((cubic_start_s + w) * timer_frequency_hz_, direction)) return false;
+    // Accelerations are linear: at twice the span's length from it they are no more than 5 times those at its ends.
+    const Real bend = 5 * std::fmax(std::fabs(cubic.acceleration_at(begin_s)), std::fabs(cubic.acceleration_at(end_s)));
+    Real interval = 1 / fastest_hz, growth = 0;
+    for (int j = 1; j < steps; ++j) {
+      level += direction;
+      // The next one lies where the intervals so far lead, and a step of Newton's method from there; only where the
+      // profile bends too much for that does it take a search.
+      Real next = std::min(w + (interval + growth), end_s);
+      if (!crossing_near(cubic, level, bend, tolerance_s_, next, velocity) || !(next >= w && next <= end_s)) {
+        next = crossing_time(cubic, level, w, end_s, tolerance_s_);
+        velocity = cubic.velocity_at(next);
+      }
+      growth = j > 1 ? next - w - interval : 0;
+      interval = next - w;
+      w = next;
+      fastest_hz = std::max(fastest_hz, std::fabs(velocity));
+      if (!add((cubic_start_s + w) * timer_frequency_hz_, direction)) return false;
+    }
+    fastest_hz_ = std::max(fastest_hz_, fastest_hz);
     return true;
   }
 
-  [[nodiscard]] int size() const { return size_; }
-  [[nodiscard]] std::int64_t count() const { return count_; }
-  [[nodiscard]] Real time_s(int i) const { return time_s_[static_cast<std::size_t>(i)]; }
-  [[nodiscard]] std::int8_t direction(int i) const { return direction_[static_cast<std::size_t>(i)]; }
-
-  [[nodiscard]] bool too_fast() const {
-    const Real shortest = (1 - kRateSlack) / max_rate_hz_ - 2 * tolerance_s_;
-    for (int i = 0; i < size_; ++i) {
-      if (fast_[static_cast<std::size_t>(i)]) return true;
-      if (i > 0 && time_s(i) - time_s(i - 1) < shortest) return true;
+  // Takes back the last pulses that are half of a touch: those whose level the profile leaves behind again within
+  // touch_ticks, after this control tick.
+  void drop_touches(const Walk& walk, Real period_s) {
+    while (size_ > 0) {
+      const PulseWindow& last = pulses_[static_cast<std::size_t>(size_ - 1)];
+      const Real until_s = (last.exact_ticks + touch_ticks_) / timer_frequency_hz_;
+      if (!(until_s > period_s)) return;
+      const int direction = last.direction;
+      const Real level = static_cast<Real>(count_) - 0.5 * direction;
+      const bool stays = walk.spans(period_s, until_s, [&](const StepCubic& cubic, Real, Real end_s, Real) {
+        return direction * (cubic.at(end_s) - level) > kReturnSlack;
+      });
+      if (stays) return;
+      drop_last();
     }
-    return false;
   }
 
+  void drop_last() { count_ -= pulses_[static_cast<std::size_t>(--size_)].direction; }
+
+  [[nodiscard]] std::span<PulseWindow> windows() { return {pulses_.data(), static_cast<std::size_t>(size_)}; }
+  [[nodiscard]] std::int64_t count() const { return count_; }
+  [[nodiscard]] int found() const { return found_; }
+  [[nodiscard]] Real fastest_hz() const { return fastest_hz_; }
+
  private:
-  bool add(Real time_s, int direction, bool fast) {
+  bool add(Real exact_ticks, int direction) {
     count_ += direction;
     if (++found_ > 2 * kMaxStepsPerTick) return false;  // touches count too: the work stays bounded
     if (size_ > 0) {
-      const auto last = static_cast<std::size_t>(size_ - 1);
-      if (direction_[last] != direction && time_s - time_s_[last] < shortest_s_) {
+      const PulseWindow& last = pulses_[static_cast<std::size_t>(size_ - 1)];
+      if (last.direction != direction && exact_ticks - last.exact_ticks < touch_ticks_) {
         --size_;  // there and back: a touch
         return true;
       }
     }
     if (size_ == kMaxStepsPerTick) return false;
-    const auto k = static_cast<std::size_t>(size_++);
-    time_s_[k] = time_s;
-    direction_[k] = static_cast<std::int8_t>(direction);
-    fast_[k] = fast;
+    PulseWindow& pulse = pulses_[static_cast<std::size_t>(size_++)];
+    pulse.exact_ticks = exact_ticks;
+    pulse.direction = direction;
     return true;
   }
 
   std::int64_t count_;
-  Real shortest_s_;
-  Real max_rate_hz_;
-  Real tolerance_s_;  // of a crossing's time
-  int found_ = 0;
+  Real touch_ticks_;
+  Real timer_frequency_hz_;
+  Real tolerance_s_;     // of a crossing's time
+  int found_ = 0;        // crossings, touches too
+  Real fastest_hz_ = 0;  // the profile's greatest speed at a crossing
   int size_ = 0;
   // The first size_ entries are set.
-  std::array<Real, kMaxStepsPerTick> time_s_;
-  std::array<std::int8_t, kMaxStepsPerTick> direction_;
-  std::array<bool, kMaxStepsPerTick> fast_;
+  std::array<PulseWindow, kMaxStepsPerTick> pulses_;
 };
+
+// Timer tick of a burst's last pulse.
+std::int32_t last_ticks(const StepBurst& burst) {
+  const std::int64_t n = burst.count - 1;
+  return static_cast<std::int32_t>(burst.first_ticks + n * burst.interval_ticks + burst.add_ticks * (n * (n - 1) / 2));
+}
+
+// The highest rate between neighbouring pulses: what to say if they cannot keep their distances.
+Real highest_rate_hz(std::span<const PulseWindow> pulses, Real first_gap_ticks, Real timer_frequency_hz) {
+  Real least = first_gap_ticks;
+  for (std::size_t j = 1; j < pulses.size(); ++j) {
+    least = std::fmin(least, pulses[j].exact_ticks - pulses[j - 1].exact_ticks);
+  }
+  return timer_frequency_hz / std::fmax(least, 1e-3);
+}
+
+// The tick lies in one piece, and neither in it nor in the time of a touch after it does the mass turn: the usual case.
+// `steps` may be 0. False: it is not like that, or not surely.
+bool smooth_tick(const Profile& profile, Real t0_s, Real position_zero, Real steps_per_unit, Real period_s,
+                 Real touch_s, std::int64_t count, SmoothRun& run) {
+  run.start_s = std::max(-t0_s, 0.0);
+  const Profile::Location here = profile.locate(t0_s + run.start_s);
+  if (here.index < profile.piece_count() && profile.cubic_start_s(here.index + 1) - t0_s < period_s + touch_s) {
+    return false;
+  }
+  run.cubic = in_steps(profile.cubic(here.index), here.offset_s, position_zero, steps_per_unit);
+  run.end_s = period_s - run.start_s;
+  if (!(run.end_s > 0)) return false;
+  const Real ahead_s = run.end_s + touch_s;
+  if (!(run.cubic.acceleration * run.cubic.acceleration_at(ahead_s) >= 0)) return false;
+  if (!(run.cubic.velocity * run.cubic.velocity_at(ahead_s) > 0)) return false;
+  run.direction = run.cubic.velocity > 0 ? 1 : -1;
+  run.first_level = static_cast<Real>(count) + 0.5 * run.direction;
+  const Real before = run.direction * (run.cubic.x - run.first_level);
+  if (!(before <= 0 && before >= -1)) return false;  // it should have stepped before
+  const Real beyond = run.direction * (run.cubic.at(run.end_s) - run.first_level);
+  if (!(beyond < kMaxStepsPerTick)) return false;
+  run.steps = beyond > 0 ? static_cast<int>(beyond) + 1 : 0;
+  // Strictly beyond the level, so that half-way keeps the count.
+  if (static_cast<Real>(run.steps - 1) == beyond) --run.steps;
+  return run.steps <= kMaxStepsPerTick;
+}
+
+// For the first pulse of a command, because of the one before it.
+struct Before {
+  Real ago_ticks;  // at the control tick's start
+  std::int8_t direction;
+
+  Before(const StepCommand& out, std::size_t m, const PulseRules& rules)
+      : ago_ticks(rules.period_ticks + rules.touch_ticks), direction(out.last_pulse[m].direction) {
+    // Wraps where tick numbers are absurd; a pulse from the future is no pulse before this one.
+    const auto ticks = static_cast<std::int64_t>(static_cast<std::uint64_t>(out.tick) -
+                                                 static_cast<std::uint64_t>(out.last_pulse[m].tick));
+    if (direction != 0 && ticks > 0) {
+      ago_ticks = static_cast<Real>(ticks) * rules.period_ticks - static_cast<Real>(out.last_pulse[m].timer_ticks);
+    } else {
+      direction = 0;
+    }
+  }
+  [[nodiscard]] std::int32_t earliest(const PulseRules& rules, int next_direction) const {
+    return direction == 0 ? 0 : rules.earliest_after(ago_ticks, direction != next_direction);
+  }
+};
+
+// Takes over burst_count bursts that already stand in `out`.
+void commit(StepCommand& out, int motor, int burst_count, std::int64_t count) {
+  const auto m = static_cast<std::size_t>(motor);
+  for (int k = 0; k < burst_count; ++k) {
+    out.bursts[static_cast<std::size_t>(out.burst_count + k)].motor = static_cast<std::uint8_t>(motor);
+  }
+  out.burst_count += burst_count;
+  const StepBurst& burst = out.bursts[static_cast<std::size_t>(out.burst_count - 1)];
+  out.last_pulse[m] = {out.tick, last_ticks(burst), burst.direction};
+  out.steps[m] += static_cast<std::int32_t>(count - out.position_steps[m]);
+  out.position_steps[m] = count;
+}
 
 }  // namespace
 
 StepError generate_steps(const Profile& profile, Real t0_s, Real position_zero, Real steps_per_unit,
-                         Real max_step_rate_hz, const StepTiming& timing, int motor, StepCommand& out) {
+                         Real max_step_rate_hz, const StepTiming& timing, int motor, StepCommand& out,
+                         StepTrouble* trouble) {
   const auto m = static_cast<std::size_t>(motor);
-  const Real period = timing.control_period_s;
-  const Real tolerance_s = 1e-3 / timing.timer_frequency_hz;  // small beside the rounding to timer ticks
-  const Real shortest_s =
-      std::fmax(std::fmax(0.5e-6, 1 / timing.timer_frequency_hz), (1 - kRateSlack) / max_step_rate_hz);
-  Pulses pulses(out.position_steps[m], shortest_s, max_step_rate_hz, tolerance_s);
+  const auto refuse = [trouble](StepError error, Real value, Real limit) {
+    if (trouble != nullptr) *trouble = {error, value, limit};
+    return error;
+  };
+  const PulseRules rules(timing, max_step_rate_hz);
+  const Before before(out, m, rules);
+  const auto used = static_cast<std::size_t>(out.burst_count);
 
-  // Each piece is expanded about the later of its own start and t0, so that times are small numbers and resolution does
-  // not fade as the run goes on.
-  const Real begin = std::fmax(t0_s, 0.0);
-  const Profile::Location here = profile.locate(begin);
-  Real start = begin - t0_s;  // from the tick's start
-  for (int i = here.index; i <= profile.piece_count() && start < period; ++i) {
-    const Cubic& c = profile.cubic(i);
-    const Real s = i == here.index ? here.offset_s : 0;
-    const StepCubic local{steps_per_unit * ((c.position - position_zero) +
-                                            s * (c.velocity + s * (c.acceleration / 2 + s * (c.jerk / 6)))),
-                          steps_per_unit * (c.velocity + s * (c.acceleration + s * (c.jerk / 2))),
-                          steps_per_unit * (c.acceleration + s * c.jerk), steps_per_unit * c.jerk};
-    const Real end = i < profile.piece_count() ? std::fmin(period, profile.cubic_start_s(i + 1) - t0_s) : period;
-    if (!(end > start)) continue;  // a piece shorter than the resolution of its start time
-    const MonotoneSpans spans = monotone_spans(local, end - start);
-    Real from = 0;
-    for (int k = 0; k < spans.count; ++k) {
-      const Real to = spans.end_s[static_cast<std::size_t>(k)];
-      if (!pulses.follow(local, from, to, start)) return StepError::kTooManySteps;
-      from = to;
+  SmoothRun run;
+  if (smooth_tick(profile, t0_s, position_zero, steps_per_unit, timing.control_period_s,
+                  rules.touch_ticks / timing.timer_frequency_hz, out.position_steps[m], run)) {
+    if (run.steps == 0) return StepError::kNone;  // the usual tick of a slow mass
+    run.earliest = before.earliest(rules, run.direction);
+    const Real fastest_hz = std::max(std::fabs(run.cubic.velocity), std::fabs(run.cubic.velocity_at(run.end_s)));
+    if (fastest_hz <= max_step_rate_hz * (1 + kRateSlack)) {
+      const int bursts =
+          smooth_bursts(run, rules, timing.timer_frequency_hz, out.bursts.data() + used, kMaxBursts - out.burst_count);
+      if (bursts > 0) {
+        commit(out, motor, bursts, out.position_steps[m] + run.direction * run.steps);
+        return StepError::kNone;
+      }
     }
-    start = end;
   }
-  if (pulses.size() == 0) return StepError::kNone;  // the usual tick of a slow mass
-  if (pulses.too_fast()) return StepError::kTooFast;
 
-  std::array<PulseWindow, kMaxStepsPerTick> storage{};
-  const auto size = static_cast<std::size_t>(pulses.size());
-  for (std::size_t j = 0; j < size; ++j) {
-    storage[j].exact_ticks = pulses.time_s(static_cast<int>(j)) * timing.timer_frequency_hz;
-    storage[j].direction = pulses.direction(static_cast<int>(j));
+  Pulses pulses(out.position_steps[m], rules, timing.timer_frequency_hz);
+  const Walk walk(profile, t0_s, position_zero, steps_per_unit);
+  const bool few = walk.spans(std::fmax(-t0_s, 0.0), timing.control_period_s,
+                              [&pulses](const StepCubic& cubic, Real begin_s, Real end_s, Real start_s) {
+                                return pulses.follow(cubic, begin_s, end_s, start_s);
+                              });
+  if (!few) return refuse(StepError::kTooManySteps, pulses.found(), kMaxStepsPerTick);
+  if (pulses.windows().empty()) return StepError::kNone;
+  if (pulses.fastest_hz() > max_step_rate_hz * (1 + kRateSlack)) {
+    return refuse(StepError::kTooFast, pulses.fastest_hz(), max_step_rate_hz);
   }
-  const std::span<PulseWindow> windows(storage.data(), size);
-  if (!make_windows(windows, timing)) return StepError::kTooFast;
+  pulses.drop_touches(walk, timing.control_period_s);
+  std::span<PulseWindow> windows = pulses.windows();
+  if (windows.empty()) return StepError::kNone;
 
-  std::array<StepBurst, kMaxBursts> bursts{};
-  int burst_count = 0;
-  for (std::size_t done = 0; done < size;) {
-    if (out.burst_count + burst_count == kMaxBursts) return StepError::kTooManyBursts;
-    StepBurst burst = longest_burst(windows.subspan(done));
-    burst.motor = static_cast<std::uint8_t>(motor);
+  std::int32_t earliest = before.earliest(rules, windows[0].direction);
+  while (!make_windows(windows, rules, earliest)) {
+    if (!timing.may_delay) {
+      return refuse(StepError::kTooFast,
+                    highest_rate_hz(windows, before.ago_ticks + windows[0].exact_ticks, timing.timer_frequency_hz),
+                    max_step_rate_hz);
+    }
+    // What has no room is left to the next tick, which will find the count behind the profile.
+    pulses.drop_last();
+    windows = pulses.windows();
+    if (windows.empty()) return StepError::kNone;
+  }
+  int bursts = 0;
+  for (std::size_t done = 0; done < windows.size(); ++bursts) {
+    if (out.burst_count + bursts == kMaxBursts) {
+      return refuse(StepError::kTooManyBursts, kMaxBursts + 1, kMaxBursts);
+    }
+    StepBurst& burst = out.bursts[used + static_cast<std::size_t>(bursts)];
+    burst = longest_burst(windows.subspan(done), rules, earliest);
     done += static_cast<std::size_t>(burst.count);
-    bursts[static_cast<std::size_t>(burst_count++)] = burst;
+    if (done < windows.size()) earliest = last_ticks(burst) + windows[done].gap;
   }
-
-  for (int k = 0; k < burst_count; ++k) {
-    out.bursts[static_cast<std::size_t>(out.burst_count++)] = bursts[static_cast<std::size_t>(k)];
-  }
-  out.steps[m] += static_cast<std::int32_t>(pulses.count() - out.position_steps[m]);
-  out.position_steps[m] = pulses.count();
+  commit(out, motor, bursts, pulses.count());
   return StepError::kNone;
 }
 

@@ -118,6 +118,11 @@ controller_status_t to_message(const firmware::ControllerStatus& status, double 
   message.mu_required = status.mu_required;
   message.margin = status.margin;
   message.overruns = status.overruns;
+  message.overload_error = static_cast<std::int8_t>(status.overload.trouble.error);
+  message.overload_motor = static_cast<std::int8_t>(status.overload.motor);
+  message.overload_tick = status.overload.tick;
+  message.overload_value = status.overload.trouble.value;
+  message.overload_limit = status.overload.trouble.limit;
   return message;
 }
 
@@ -139,6 +144,11 @@ firmware::ControllerStatus from_message(const controller_status_t& message) {
   status.mu_required = message.mu_required;
   status.margin = message.margin;
   status.overruns = message.overruns;
+  status.overload.trouble.error = static_cast<firmware::StepError>(message.overload_error);
+  status.overload.motor = message.overload_motor;
+  status.overload.tick = message.overload_tick;
+  status.overload.trouble.value = message.overload_value;
+  status.overload.trouble.limit = message.overload_limit;
   return status;
 }
 
@@ -193,7 +203,8 @@ bool in_range(const step_command_t& message) {
 bool in_range(const controller_status_t& message) {
   return is_tick(message.tick) && message.mode >= controller_status_t::MODE_DISARMED &&
          message.mode <= controller_status_t::MODE_TRIPPED && is_flag(message.at_rest) &&
-         is_count(message.motor_count, kMaxMasses);
+         is_count(message.motor_count, kMaxMasses) && is_count(message.overload_error, 3) &&
+         message.overload_motor >= -1 && message.overload_motor < kMaxMasses;
 }
 
 bool in_range(const trip_t& message) {

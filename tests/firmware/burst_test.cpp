@@ -11,9 +11,15 @@ namespace {
 
 std::vector<PulseWindow> at_ticks(const std::vector<Real>& exact) {
   std::vector<PulseWindow> pulses(exact.size());
-  for (std::size_t j = 0; j < exact.size(); ++j) pulses[j].exact_ticks = exact[j];
+  for (std::size_t j = 0; j < exact.size(); ++j) {
+    pulses[j].exact_ticks = exact[j];
+    pulses[j].direction = 1;
+  }
   return pulses;
 }
+
+// Rules of a motor that may step in every timer tick.
+PulseRules rules_of(const StepTiming& timing) { return {timing, timing.timer_frequency_hz}; }
 
 TEST(LastTimerTick, StaysInsideTheControlTick) {
   EXPECT_EQ(last_timer_tick({1e7, 0.001}), 9999);
@@ -23,13 +29,13 @@ TEST(LastTimerTick, StaysInsideTheControlTick) {
 }
 
 TEST(MakeWindows, ToleranceIsHalfAMicrosecondOrATick) {
-  const StepTiming fast{1e7, 0.001}, slow{1e5, 0.001};
+  const PulseRules fast = rules_of({1e7, 0.001}), slow = rules_of({1e5, 0.001});
   auto pulses = at_ticks({50.3, 500.6});
   ASSERT_TRUE(make_windows(pulses, fast));
-  EXPECT_EQ(pulses[0].nearest, 50);
+  EXPECT_EQ(pulses[0].nearest(), 50);
   EXPECT_EQ(pulses[0].low, 46);
   EXPECT_EQ(pulses[0].high, 55);
-  EXPECT_EQ(pulses[1].nearest, 501);
+  EXPECT_EQ(pulses[1].nearest(), 501);
   pulses = at_ticks({50.3});
   ASSERT_TRUE(make_windows(pulses, slow));
   EXPECT_EQ(pulses[0].low, 50);
@@ -38,45 +44,80 @@ TEST(MakeWindows, ToleranceIsHalfAMicrosecondOrATick) {
 
 TEST(MakeWindows, NeverInTheNextControlTick) {
   auto pulses = at_ticks({0, 9999.7});
-  ASSERT_TRUE(make_windows(pulses, {1e7, 0.001}));
+  ASSERT_TRUE(make_windows(pulses, rules_of({1e7, 0.001})));
   EXPECT_EQ(pulses[0].low, 0);
-  EXPECT_EQ(pulses[1].nearest, 9999);
+  EXPECT_EQ(pulses[1].nearest(), 9999);
   EXPECT_EQ(pulses[1].high, 9999);
 }
 
-TEST(MakeWindows, SameTimerTickIsRefused) {
-  auto pulses = at_ticks({10.1, 10.3});
-  EXPECT_FALSE(make_windows(pulses, {1e7, 0.001}));
+TEST(MakeWindows, WhatCannotKeepItsDistanceIsRefused) {
+  const StepTiming timing{1e7, 0.001};
+  auto pulses = at_ticks({10.1, 10.3, 10.5});
+  EXPECT_TRUE(make_windows(pulses, rules_of(timing))) << "a timer tick apart, still within 0.5 us";
+  // 100 timer ticks at least; 99 after rounding. The tolerance of 5 timer ticks each way makes up for 10.
+  const PulseRules slow{timing, 1e5};
+  EXPECT_EQ(slow.gap, 99);
+  pulses = at_ticks({1000, 1090});
+  EXPECT_TRUE(make_windows(pulses, slow));
+  pulses = at_ticks({1000, 1088.5});
+  EXPECT_FALSE(make_windows(pulses, slow));
+  pulses = at_ticks({1000});
+  EXPECT_TRUE(make_windows(pulses, slow, 1005));
+  EXPECT_FALSE(make_windows(pulses, slow, 1006));
 }
 
-TEST(MakeWindows, NeighboursDoNotOverlap) {
-  auto pulses = at_ticks({10, 12, 13, 17});
-  ASSERT_TRUE(make_windows(pulses, {1e7, 0.001}));
+TEST(MakeWindows, OppositePulsesKeepTheSetUpTime) {
+  const PulseRules rules{{1e7, 0.001, 20e-6}, 1e6};
+  EXPECT_EQ(rules.gap, 9);
+  EXPECT_EQ(rules.turn_gap, 200);
+  auto pulses = at_ticks({100, 195});
+  EXPECT_TRUE(make_windows(pulses, rules));
+  pulses[1].direction = -1;
+  EXPECT_FALSE(make_windows(pulses, rules));
+  EXPECT_EQ(rules.earliest_after(50, true), 150);
+  EXPECT_EQ(rules.earliest_after(50, false), 0);
+}
+
+// Whatever is chosen in the windows of the pulses before, the next one can still keep its distance.
+TEST(MakeWindows, AnyChoiceLeavesRoomForTheNext) {
+  const PulseRules rules{{1e7, 0.001}, 1e6};
+  auto pulses = at_ticks({10, 20, 29.5, 40, 51});
+  ASSERT_TRUE(make_windows(pulses, rules));
   for (std::size_t j = 0; j < pulses.size(); ++j) {
-    EXPECT_LE(pulses[j].low, pulses[j].nearest);
-    EXPECT_GE(pulses[j].high, pulses[j].nearest);
+    EXPECT_LE(pulses[j].low, pulses[j].high);
     if (j > 0) {
-      EXPECT_LT(pulses[j - 1].high, pulses[j].low);
+      EXPECT_LE(pulses[j - 1].high + rules.gap, pulses[j].high);
+      EXPECT_GE(pulses[j].low, pulses[j - 1].low + rules.gap);
     }
   }
 }
 
+TEST(MakeWindows, NoLaterThanItsCrossingBeforeABorder) {
+  const PulseRules rules{{1e7, 0.001}, 1e5};
+  auto pulses = at_ticks({9950.9});
+  ASSERT_TRUE(make_windows(pulses, rules));
+  EXPECT_EQ(pulses[0].high, 9950);
+  pulses = at_ticks({9800.9});
+  ASSERT_TRUE(make_windows(pulses, rules));
+  EXPECT_EQ(pulses[0].high, 9805);
+}
+
 TEST(LongestBurst, UniformAndQuadraticTrainsAreOneBurst) {
-  const StepTiming timing{1e7, 0.02};
+  const PulseRules rules = rules_of({1e7, 0.02});
   std::vector<Real> uniform, quadratic;
   for (int j = 0; j < 64; ++j) {
     uniform.push_back(17 + 1000.0 * j);
     quadratic.push_back(5 + 2000.0 * j - 7.0 * j * (j - 1) / 2);
   }
   auto pulses = at_ticks(uniform);
-  ASSERT_TRUE(make_windows(pulses, timing));
-  StepBurst burst = longest_burst(pulses);
+  ASSERT_TRUE(make_windows(pulses, rules));
+  StepBurst burst = longest_burst(pulses, rules);
   EXPECT_EQ(burst.count, 64);
   EXPECT_EQ(burst.interval_ticks, 1000);
   EXPECT_EQ(burst.add_ticks, 0);
   pulses = at_ticks(quadratic);
-  ASSERT_TRUE(make_windows(pulses, timing));
-  burst = longest_burst(pulses);
+  ASSERT_TRUE(make_windows(pulses, rules));
+  burst = longest_burst(pulses, rules);
   EXPECT_EQ(burst.count, 64);
   EXPECT_EQ(burst.first_ticks, 5);
   EXPECT_EQ(burst.interval_ticks, 2000);
@@ -86,9 +127,10 @@ TEST(LongestBurst, UniformAndQuadraticTrainsAreOneBurst) {
 TEST(LongestBurst, EndsWhereTheDirectionChanges) {
   auto pulses = at_ticks({100, 200, 300, 500, 600});
   pulses[3].direction = pulses[4].direction = -1;
-  ASSERT_TRUE(make_windows(pulses, {1e7, 0.001}));
-  EXPECT_EQ(longest_burst(pulses).count, 3);
-  const StepBurst second = longest_burst(std::span<const PulseWindow>(pulses).subspan(3));
+  const PulseRules rules = rules_of({1e7, 0.001});
+  ASSERT_TRUE(make_windows(pulses, rules));
+  EXPECT_EQ(longest_burst(pulses, rules).count, 3);
+  const StepBurst second = longest_burst(std::span<const PulseWindow>(pulses).subspan(3), rules);
   EXPECT_EQ(second.count, 2);
   EXPECT_EQ(second.direction, -1);
 }
@@ -97,16 +139,18 @@ TEST(LongestBurst, RandomTrainsReplayInsideTheirWindows) {
   const unsigned seed = 4;
   RecordProperty("seed", static_cast<int>(seed));
   std::mt19937 random(seed);
+  const PulseRules rules = rules_of({1e7, 0.001});
   std::uniform_real_distribution<Real> gap(1.5, 150);
   for (int k = 0; k < 20000; ++k) {
     std::vector<Real> exact{gap(random)};
     for (int j = 1; j < 64; ++j) exact.push_back(exact.back() + gap(random));
     auto pulses = at_ticks(exact);
-    if (!make_windows(pulses, {1e7, 0.001})) continue;
+    if (!make_windows(pulses, rules)) continue;
     std::size_t done = 0;
     std::int64_t last = -1;
     while (done < pulses.size()) {
-      const StepBurst b = longest_burst(std::span<const PulseWindow>(pulses).subspan(done));
+      const StepBurst b =
+          longest_burst(std::span<const PulseWindow>(pulses).subspan(done), rules, static_cast<std::int32_t>(last + 1));
       ASSERT_GE(b.count, 1);
       for (std::int64_t j = 0; j < b.count; ++j, ++done) {
         const std::int64_t t = b.first_ticks + j * b.interval_ticks + std::int64_t{b.add_ticks} * (j * (j - 1) / 2);

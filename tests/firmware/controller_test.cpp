@@ -474,6 +474,14 @@ TEST(Controller, StepOverloadBrakesFromWhatTheMotorCanFollow) {
   }
   EXPECT_EQ(bench.out.status.mode, Mode::kTripped);
   EXPECT_EQ(bench.out.status.faults, bit(Fault::kStepOverload));
+  const StepOverload overload = bench.out.status.overload;
+  EXPECT_EQ(overload.trouble.error, StepError::kTooFast);
+  EXPECT_EQ(overload.motor, 1);
+  EXPECT_EQ(overload.tick, bench.out.steps.tick);
+  // Seen at the first crossing after the rate is passed: 509 steps/s^2 for at most the 1/60 s between two steps.
+  EXPECT_GT(overload.trouble.value, 60);
+  EXPECT_LT(overload.trouble.value, 69);
+  EXPECT_EQ(overload.trouble.limit, 60);
   EXPECT_GE(bench.out.status.commanded_velocity[1], 0.117);
   for (std::size_t i = 0; i < 3; ++i) EXPECT_LE(std::abs(bench.out.steps.position_steps[i] - counts[i]), 1);
   // No motor halts: the slow one brakes from just under its rate, the others from the speed they had.
@@ -484,7 +492,9 @@ TEST(Controller, StepOverloadBrakesFromWhatTheMotorCanFollow) {
   for (const std::size_t i : {0u, 2u}) EXPECT_NEAR(bench.out.status.commanded_velocity[i], speed[i], 0.004);
   bench.expect_counts_follow_status(300);
   EXPECT_TRUE(bench.out.status.at_rest);
+  EXPECT_EQ(bench.out.status.overload.tick, overload.tick) << "kept until the reset";
   bench.tick(OperatorCommand::kReset);
+  EXPECT_EQ(bench.out.status.overload.trouble.error, StepError::kNone);
   EXPECT_EQ(bench.out.status.mode, Mode::kDisarmed);
 }
 

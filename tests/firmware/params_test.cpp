@@ -53,7 +53,9 @@ TEST(Validate, AcceptsTheEdges) {
   EXPECT_TRUE(validated([](ControllerParams& p) { p.sensor_stale_ticks = p.monitor_stale_ticks = 0; }).ok());
   EXPECT_TRUE(validated([](ControllerParams& p) { p.motor[1].steps_per_unit = -5; }).ok()) << "wiring";
   EXPECT_TRUE(validated([](ControllerParams& p) { p.ball.inertia_kgm2 = Vector3(1, 1, 2); }).ok()) << "a flat disk";
-  EXPECT_TRUE(validated([](ControllerParams& p) { p.timer_frequency_hz = 1e9; }).ok());
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.timer_frequency_hz = 1e6; }).ok());
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.timer_frequency_hz = 1e8; }).ok());
+  EXPECT_TRUE(validated([](ControllerParams& p) { p.motor[1].direction_setup_s = 1e-3; }).ok());
   EXPECT_TRUE(validated([](ControllerParams& p) { p.ball.rail[0] = line(Vector3::Zero(), Vector3(1, 1, 1)); }).ok());
   EXPECT_TRUE(validated([](ControllerParams& p) { p.ball.mass_kg[3] = kNan; }).ok()) << "beyond the count";
 }
@@ -61,7 +63,7 @@ TEST(Validate, AcceptsTheEdges) {
 TEST(Validate, Scalars) {
   expect_refused_values("control_period_s", -1, {0, -1, kNan, kInfinity, 1e-7, 1000},
                         [](auto& p) -> Real& { return p.control_period_s; });
-  expect_refused_values("timer_frequency_hz", -1, {0, -1, kNan, kInfinity, 999, 1.1e9},
+  expect_refused_values("timer_frequency_hz", -1, {0, -1, kNan, kInfinity, 0.99e6, 1.01e8},
                         [](auto& p) -> Real& { return p.timer_frequency_hz; });
   expect_refused_values("static_friction", -1, {0, -0.1, kNan, -kInfinity},
                         [](auto& p) -> Real& { return p.static_friction; });
@@ -151,6 +153,8 @@ TEST(Validate, SplineRails) {
 TEST(Validate, MotorsAndMotion) {
   expect_refused_values("motor.steps_per_unit", 1, {0, kNan, kInfinity, -kInfinity},
                         [](auto& p) -> Real& { return p.motor[1].steps_per_unit; });
+  expect_refused_values("motor.direction_setup_s", 2, {-1e-9, 1.1e-3, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.motor[2].direction_setup_s; });
   expect_refused_values("motor.max_step_rate_hz", 2, {0, -1, kNan, kInfinity, 1.1e7},
                         [](auto& p) -> Real& { return p.motor[2].max_step_rate_hz; });
   expect_refused_values("motor.max_acceleration", 0, {0, -1, kNan, kInfinity},

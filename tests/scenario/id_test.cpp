@@ -48,6 +48,7 @@ TEST(ScenarioId, ChangesWithEveryField) {
                                             "mass.0.motor.step_error=0.03",
                                             "mass.0.motor.max_step_rate=20001",
                                             "mass.0.motor.max_acceleration=6",
+                                            "mass.0.motor.direction_setup=3e-6",
                                             "mass.1.rail.origin=[0, 0.1, -0.2]",
                                             "mass.1.rail.direction=[2, 1, 0]",
                                             "mass.1.motor.travel_per_revolution=0.6",

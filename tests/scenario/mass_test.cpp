@@ -192,8 +192,9 @@ motion = [ { duration = 1.0, acceleration = [1.0, -4.0] } ]
   EXPECT_DOUBLE_EQ(geared.corner_speed_radps, 2 * 5 * 10.1);  // theta' = 10 + t - 2.5 t^2, greatest at t = 0.2
   EXPECT_DOUBLE_EQ(geared.max_acceleration, 0.5 * holding / (4 * inertia));
 
-  const Motor slow_timer = accepted(text, {"run.timer_frequency=1e5"}).masses[0].motor;
-  EXPECT_DOUBLE_EQ(slow_timer.max_step_rate_hz, 1e4);
+  const Motor slow_timer = accepted(text, {"run.timer_frequency=1e6", "run.control_period=1e-4"}).masses[0].motor;
+  EXPECT_DOUBLE_EQ(slow_timer.max_step_rate_hz, 1e5);
+  EXPECT_EQ(slow_timer.direction_setup_s, 2e-6);
 }
 
 TEST(MotorDefaults, OnALine) {

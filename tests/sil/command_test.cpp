@@ -63,6 +63,39 @@ TEST(Run, SameScenarioSameBytes) {
   EXPECT_EQ(folder.summary("c")["seed"], 1);
 }
 
+TEST(Run, ChecksEveryStepIfAsked) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run paper_ball --set duration=2 --check-steps");
+  EXPECT_EQ(run.exit_status, 0) << run.err;
+  EXPECT_NE(run.out.find("steps checked"), std::string::npos) << run.out;
+  const auto s = folder.summary("runs/paper_ball");
+  const auto& timing = s["step_timing"];
+  std::int64_t steps = 0;
+  for (const auto& motor : s["motors"]) steps += motor["steps"].get<std::int64_t>();
+  EXPECT_GT(steps, 400);
+  EXPECT_GE(timing["checked_steps"].get<std::int64_t>(), steps) << "and those of the tick after the end";
+  EXPECT_LE(timing["max_error_us"].get<double>(), 0.5);
+  EXPECT_EQ(timing["violations"].size(), 0u);
+  EXPECT_EQ(timing["motion_left_tick"], nullptr);
+  std::int64_t in_bins = 0;
+  for (const auto& motor : timing["motors"]) {
+    for (const auto& bin : motor["histogram"]) in_bins += bin.get<std::int64_t>();
+  }
+  EXPECT_EQ(in_bins, timing["checked_steps"].get<std::int64_t>());
+  // After a trip the pulses are a stop's.
+  ASSERT_EQ(folder
+                .run("ballast run paper_ball --check-steps --set envelope.friction_use=0.5 "
+                     "--set mass.0.motor.max_acceleration=0.01")
+                .exit_status,
+            3);
+  const auto stop = folder.summary("runs/paper_ball")["step_timing"];
+  EXPECT_TRUE(stop["motion_left_tick"].is_number());
+  EXPECT_GT(stop["steps_outside_the_motion"].get<std::int64_t>(), 0);
+  EXPECT_EQ(stop["violations"].size(), 0u);
+  // Nothing to check.
+  EXPECT_EQ(folder.run("ballast run paper_ball --check-steps --actuation prescribed").exit_status, 1);
+}
+
 TEST(Run, QuietSaysNothing) {
   const Folder folder;
   const Outcome run = folder.run("ballast run paper_ball --set duration=0.1 --quiet");

@@ -154,6 +154,71 @@ TEST(RunLoop, EndsWithTheRecordersTrouble) {
   EXPECT_EQ(result.status, hal::Status::kIo);
 }
 
+RunOptions checked() {
+  RunOptions options;
+  options.check_steps = true;
+  return options;
+}
+
+// Passes everything on, but loses one pulse of motor 1.
+class Loses : public Peers {
+ public:
+  explicit Loses(Peers& peers) : peers_(peers) {}
+  hal::Status connect() override { return peers_.connect(); }
+  hal::Status exchange(Lap& lap) override {
+    const hal::Status status = peers_.exchange(lap);
+    for (int b = 0; b < lap.steps.burst_count && !lost_; ++b) {
+      if (lap.steps.motor[b] != 1 || lap.steps.tick < 300) continue;
+      lost_ = true;
+      lap.steps.motor[b] = 2;
+    }
+    return status;
+  }
+  std::string trouble() const override { return peers_.trouble(); }
+
+ private:
+  Peers& peers_;
+  bool lost_ = false;
+};
+
+TEST(RunLoop, APulseInTheWrongPlaceEndsACheckedRun) {
+  const auto scenario = load("paper_ball");
+  auto params = std::make_unique<firmware::ControllerParams>();
+  ASSERT_FALSE(program::to_controller_params(scenario, *params));
+  InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
+  Loses loses(peers);
+  Recorder recorder("/dev/null");
+  const RunResult result = run(scenario, loses, recorder, checked());
+  EXPECT_EQ(result.end_reason, EndReason::kStepTiming);
+  ASSERT_TRUE(result.step_timing && result.step_timing->violation);
+  EXPECT_EQ(result.step_timing->violation_motor, 1);
+  EXPECT_GE(result.step_timing->violation->tick, 300);
+  EXPECT_LT(result.step_timing->violation->tick, 320);
+}
+
+// What the controller could not step is said, with the ticks before it.
+TEST(RunLoop, AStepOverloadSaysWhatItWas) {
+  const auto scenario = load("paper_ball");
+  auto params = std::make_unique<firmware::ControllerParams>();
+  ASSERT_FALSE(program::to_controller_params(scenario, *params));
+  params->motor[2].max_step_rate_hz = 60;  // the motion needs 76 steps/s
+  InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
+  Recorder recorder("/dev/null");
+  const RunResult result = run(scenario, peers, recorder, checked());
+  EXPECT_EQ(result.end_reason, EndReason::kTripped);
+  ASSERT_TRUE(result.controller_trip);
+  const controller_status_t& status = result.controller_trip->status;
+  EXPECT_EQ(status.overload_error, controller_status_t::OVERLOAD_TOO_FAST);
+  EXPECT_EQ(status.overload_motor, 2);
+  EXPECT_EQ(status.overload_tick, result.controller_trip->tick + 1);
+  EXPECT_GT(status.overload_value, 60);
+  EXPECT_LT(status.overload_value, 77);
+  EXPECT_EQ(status.overload_limit, 60);
+  ASSERT_EQ(result.controller_trip->history.size(), kHistoryTicks);
+  EXPECT_EQ(result.controller_trip->history.back().tick, status.overload_tick);
+  EXPECT_FALSE(result.step_timing->violation) << result.step_timing->violation->text();
+}
+
 // A robot set down outside its envelope trips at once and never starts.
 TEST(RunLoop, ABallSetDownOutsideItsEnvelopeTripsAtTheStart) {
   const RunResult slips = run_scenario(load("paper_ball", {"surface.static_friction=0.1", "run.actuation=prescribed"}));

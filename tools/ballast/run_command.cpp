@@ -78,6 +78,10 @@ int run(const RunCommand& command) {
   const auto scenario = program::load_scenario(command.scenario);
   if (!scenario) return program::kExitUsage;
   const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
+  if (command.record.check_steps && !has_controller) {
+    program::complain("ballast", "--check-steps: a run with prescribed masses has no steps; allowed with steppers");
+    return program::kExitUsage;
+  }
   auto params = std::make_unique<firmware::ControllerParams>();
   if (has_controller) {
     if (const auto refusal = program::to_controller_params(*scenario, *params)) {
@@ -130,6 +134,8 @@ std::function<int()> add_run_command(CLI::App& app, CLI::App*& command) {
       ->check(program::positive_finite());
   command->add_flag("--processes", options->processes, "plant, controller and monitor as three processes over LCM");
   command->add_flag("--pictures", options->pictures, "draw the pictures when it is done");
+  command->add_flag("--check-steps", options->record.check_steps,
+                    "hold every step pulse against the motion, by other code than made it");
   command->add_flag("--quiet", options->record.quiet, "no progress bar and no summary");
   return [options] { return run(*options); };
 }

@@ -58,6 +58,7 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
     p->motor[i].steps_per_unit =
         mass.motor.steps_per_revolution * mass.motor.microsteps * mass.motor.shaft_ratio / (2 * std::numbers::pi);
     p->motor[i].max_step_rate_hz = mass.motor.max_step_rate_hz;
+    p->motor[i].direction_setup_s = mass.motor.direction_setup_s;
     p->motor[i].max_acceleration = mass.motor.max_acceleration;
 
     if (mass.motion.size() > firmware::kMaxPieces) {

@@ -52,9 +52,10 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   {
     const ProgressBar bar(scenario.duration_s, !options.quiet);
     result = run(scenario, peers, recorder,
-                 {.speed = options.speed, .interrupted = options.interrupted, .progress = [&bar](double time_s) {
-                    bar.show(time_s);
-                  }});
+                 {.speed = options.speed,
+                  .interrupted = options.interrupted,
+                  .check_steps = options.check_steps,
+                  .progress = [&bar](double time_s) { bar.show(time_s); }});
   }
   const bool log_whole = recorder.close();
   if (!log_whole) {

@@ -9,10 +9,11 @@
 namespace ballast::sil {
 
 struct RecordOptions {
-  bool quiet = false;       // no progress bar, no summary on stdout
-  double speed = 0;         // as in RunOptions
-  lcm::LCM* bus = nullptr;  // every message also goes there
-  bool unbuffered = false;  // every message is on disk at once: for runs whose processes may be killed
+  bool quiet = false;        // no progress bar, no summary on stdout
+  double speed = 0;          // as in RunOptions
+  lcm::LCM* bus = nullptr;   // every message also goes there
+  bool check_steps = false;  // as in RunOptions
+  bool unbuffered = false;   // every message is on disk at once: for runs whose processes may be killed
   const volatile std::sig_atomic_t* interrupted = nullptr;
 };
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <deque>
+#include <numbers>
 #include <thread>
 
 namespace ballast::sil {
@@ -80,6 +82,59 @@ class RestWatch {
   bool at_rest_ = false;
 };
 
+// Every motor's pulses held against the scenario's motion.
+class StepTimingCheck {
+ public:
+  explicit StepTimingCheck(const sim::Scenario& scenario) {
+    for (const auto& mass : scenario.masses) {
+      stepcheck::Drive drive;
+      drive.motion.position = mass.initial_position;
+      drive.motion.velocity = mass.initial_velocity;
+      for (const auto& piece : mass.motion) {
+        drive.motion.pieces.push_back({piece.duration_s, piece.acceleration_start, piece.acceleration_end});
+      }
+      const sim::Motor& motor = mass.motor;
+      drive.motion.microsteps_per_unit = static_cast<long double>(motor.steps_per_revolution) * motor.microsteps *
+                                         motor.shaft_ratio / (2 * std::numbers::pi_v<long double>);
+      drive.max_step_rate_hz = motor.max_step_rate_hz;
+      drive.direction_setup_s = motor.direction_setup_s;
+      drive.timer_frequency_hz = scenario.run.timer_frequency_hz;
+      drive.control_period_s = scenario.run.control_period_s;
+      checks_.emplace_back(drive);
+    }
+  }
+  // False: a violation, which is then in record().
+  bool see(const step_command_t& command, bool on_motion) {
+    if (command.tick < 0) return true;
+    if (!on_motion && !record_.motion_left_tick) {
+      record_.motion_left_tick = command.tick;
+      for (auto& check : checks_) check.leave_motion();
+    }
+    for (std::size_t i = 0; i < checks_.size(); ++i) {
+      bursts_.clear();
+      for (std::size_t b = 0; b < static_cast<std::size_t>(command.burst_count); ++b) {
+        if (command.motor[b] != static_cast<int>(i)) continue;
+        bursts_.push_back(
+            {command.direction[b], command.count[b], command.first[b], command.interval[b], command.add[b]});
+      }
+      record_.violation = checks_[i].tick(command.tick, bursts_, command.steps[i], command.position_steps[i]);
+      record_.violation_motor = static_cast<int>(i);
+      if (record_.violation) return false;
+    }
+    return true;
+  }
+  [[nodiscard]] StepTimingRecord record() const {
+    StepTimingRecord record = record_;
+    for (const auto& check : checks_) record.motors.push_back(check.statistics());
+    return record;
+  }
+
+ private:
+  std::deque<stepcheck::MotorCheck> checks_;
+  std::vector<stepcheck::Burst> bursts_;
+  StepTimingRecord record_;
+};
+
 }  // namespace
 
 const char* to_string(EndReason reason) {
@@ -94,6 +149,8 @@ const char* to_string(EndReason reason) {
       return "tripped";
     case EndReason::kInconsistent:
       return "inconsistent";
+    case EndReason::kStepTiming:
+      return "step_timing";
   }
   return "";
 }
@@ -110,6 +167,9 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   std::optional<std::int64_t> stop_done_tick;  // at whose start the stop's last step has been executed
   RestWatch rest(scenario);
   auto next_progress = wall_start;
+  std::optional<StepTimingCheck> step_check;
+  if (options.check_steps && has_controller) step_check.emplace(scenario);
+  std::deque<step_command_t> history;
 
   // A ball that breaks the envelope as it is set down needs no countdown.
   std::int64_t tick = has_controller && plant.end() == sim::PhysicsEnd::kNone ? -kCountdown : 0;
@@ -147,6 +207,10 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       return result;
     }
 
+    if (has_controller) {
+      if (history.size() == kHistoryTicks) history.pop_front();
+      history.push_back(lap.steps);
+    }
     result.trip = lap.trip;
     // A controller that is still disarmed has nothing to stop, and will not start.
     const bool stopping =
@@ -154,13 +218,20 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
                            (lap.status.mode == controller_status_t::MODE_DISARMED && lap.trip.tripped != 0));
     if (stopping) {
       if (lap.trip.tripped != 0 && !result.latency_ticks) result.latency_ticks = tick + 1 - lap.trip.trip_tick;
-      if (!result.controller_trip) result.controller_trip = {lap.status.faults, tick, plant.time_s()};
+      if (!result.controller_trip) {
+        result.controller_trip = {
+            lap.status.faults, tick, plant.time_s(), lap.status, {history.begin(), history.end()}};
+      }
       // At rest from the next tick on, whose steps are still to be executed.
       if (lap.status.at_rest != 0 && !stop_done_tick) stop_done_tick = tick + 2;
     } else if (!has_controller && lap.trip.tripped != 0 && !result.latency_ticks) {
       result.latency_ticks = tick - lap.trip.trip_tick;
     }
 
+    if (step_check && !step_check->see(lap.steps, lap.status.mode == controller_status_t::MODE_RUNNING)) {
+      result.end_reason = EndReason::kStepTiming;
+      break;
+    }
     if (last) {
       if (plant.end() == sim::PhysicsEnd::kSlipped)
         result.end_reason = EndReason::kSlipped;
@@ -203,6 +274,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   result.extrema = plant.extrema();
   for (int i = 0; i < sim::kMaxMasses; ++i) result.motor_extrema[static_cast<std::size_t>(i)] = plant.motor_extrema(i);
   result.motors = pulse_record.motors;
+  if (step_check) result.step_timing = step_check->record();
   return result;
 }
 

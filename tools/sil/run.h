@@ -12,10 +12,11 @@
 #include "sim/plant.h"
 #include "tools/sil/lap.h"
 #include "tools/sil/recorder.h"
+#include "tools/stepcheck/step_check.h"
 
 namespace ballast::sil {
 
-enum class EndReason { kCompleted, kSlipped, kDetached, kTripped, kInconsistent };
+enum class EndReason { kCompleted, kSlipped, kDetached, kTripped, kInconsistent, kStepTiming };
 const char* to_string(EndReason reason);
 
 struct MotorRecord {
@@ -29,6 +30,17 @@ struct ControllerTrip {
   std::int32_t faults;
   std::int64_t tick;
   double time_s;
+  controller_status_t status{};         // of that tick
+  std::vector<step_command_t> history;  // the last commands up to then, oldest first; at most kHistoryTicks
+};
+inline constexpr std::size_t kHistoryTicks = 8;
+
+// What the check of the step pulses has found; tools/stepcheck.
+struct StepTimingRecord {
+  std::vector<stepcheck::Statistics> motors;
+  std::optional<std::int64_t> motion_left_tick;  // from whose pulses on only spacing, set-up and counts are checked
+  std::optional<stepcheck::Violation> violation;
+  int violation_motor = -1;
 };
 
 struct RunResult {
@@ -44,9 +56,10 @@ struct RunResult {
   trip_t trip{};  // the last verdict
   std::optional<ControllerTrip> controller_trip;
   std::optional<std::int64_t>
-      latency_ticks;           // from the violating contact to the first tick whose steps belong to the stop
-  bool masses_rested = false;  // at the end; see run()
-  std::int64_t ticks = 0;      // control periods simulated
+      latency_ticks;  // from the violating contact to the first tick whose steps belong to the stop
+  std::optional<StepTimingRecord> step_timing;  // if it was asked for
+  bool masses_rested = false;                   // at the end; see run()
+  std::int64_t ticks = 0;                       // control periods simulated
   double wall_time_s = 0;
 
   // Why it could not run to its end; kOk: it did, and the rest is meaningful.
@@ -57,9 +70,12 @@ struct RunResult {
 struct RunOptions {
   double speed = 0;                                         // simulated over wall time; 0: as fast as it goes
   const volatile std::sig_atomic_t* interrupted = nullptr;  // nonzero ends the run
+  bool check_steps = false;                                 // hold every pulse against the motion
   std::function<void(double time_s)> progress;              // called now and then
 };
 
+// With check_steps a pulse in the wrong place ends the run at once with kStepTiming.
+//
 // Two countdown ticks, -2 and -1, come before t = 0 in runs with a controller: the ball is held at its initial state,
 // the operator says arm, then start, and the controller computes the steps of tick 0. In tick k the plant executes what
 // the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed.

@@ -64,6 +64,30 @@ const char* fault_cause(std::int32_t faults) {
   return "controller";
 }
 
+const char* overload_error(int error) {
+  switch (error) {
+    case controller_status_t::OVERLOAD_TOO_MANY_STEPS:
+      return "too_many_steps";
+    case controller_status_t::OVERLOAD_TOO_MANY_BURSTS:
+      return "too_many_bursts";
+    case controller_status_t::OVERLOAD_TOO_FAST:
+      return "too_fast";
+    default:
+      return "none";
+  }
+}
+
+const char* overload_unit(int error) {
+  switch (error) {
+    case controller_status_t::OVERLOAD_TOO_MANY_STEPS:
+      return "microsteps in the tick";
+    case controller_status_t::OVERLOAD_TOO_MANY_BURSTS:
+      return "bursts in the tick";
+    default:
+      return "microsteps/s";
+  }
+}
+
 Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 // Whether the ball rolls on such a floor, as far as this run can tell: up to where rolling was lost, and never if the
@@ -79,6 +103,46 @@ double measured(const RunResult& result, const std::string& quantity) {
   if (quantity == "mu_required.max") return result.extrema.mu_required_max.value;
   if (quantity == "normal_force.min") return result.extrema.normal_force_min.value;
   return result.final_sample.time_s;  // end.time; the scenario reader allows no other
+}
+
+Json step_timing_json(const StepTimingRecord& record) {
+  std::int64_t checked = 0, structural = 0;
+  double max_error_us = 0;
+  Json motors = Json::array();
+  for (const auto& m : record.motors) {
+    checked += m.checked_steps;
+    structural += m.structural_steps;
+    max_error_us = std::max(max_error_us, m.max_error_us);
+    const auto steps = static_cast<double>(std::max<std::int64_t>(m.checked_steps, 1));
+    motors.push_back({{"checked_steps", m.checked_steps},
+                      {"steps_outside_the_motion", m.structural_steps},
+                      {"touches", m.touches / 2},
+                      {"tolerance_us", m.tolerance_us},
+                      {"max_error_us", m.max_error_us},
+                      {"rms_error_us", std::sqrt(m.sum_square_us2 / steps)},
+                      {"least_spacing_us", m.least_spacing_us > 0 ? Json(m.least_spacing_us) : Json(nullptr)},
+                      {"least_turn_us", m.least_turn_us > 0 ? Json(m.least_turn_us) : Json(nullptr)},
+                      {"histogram", m.histogram}});
+  }
+  Json violations = Json::array();
+  if (record.violation) {
+    const auto& v = *record.violation;
+    violations.push_back({{"kind", stepcheck::to_string(v.kind)},
+                          {"motor", record.violation_motor},
+                          {"tick", v.tick},
+                          {"timer_ticks", v.timer_ticks},
+                          {"value", v.value},
+                          {"limit", v.limit},
+                          {"text", v.text()}});
+  }
+  Json json;
+  json["checked_steps"] = checked;
+  json["steps_outside_the_motion"] = structural;
+  json["motion_left_tick"] = record.motion_left_tick ? Json(*record.motion_left_tick) : Json(nullptr);
+  json["max_error_us"] = max_error_us;
+  json["motors"] = motors;
+  json["violations"] = violations;
+  return json;
 }
 
 std::string format(const char* pattern, auto... values) {
@@ -172,6 +236,19 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                  {"value", result.controller_trip->faults},
                  {"limit", 0},
                  {"latency_ticks", nullptr}};
+    if (const auto& status = result.controller_trip->status; status.overload_error != 0) {
+      j["trip"]["value"] = finite_or_null(status.overload_value);
+      j["trip"]["limit"] = status.overload_limit;
+      j["trip"]["motor"] = status.overload_motor;
+      j["trip"]["error"] = overload_error(status.overload_error);
+      j["trip"]["steps_of_tick"] = status.overload_tick;
+    }
+    j["trip"]["history"] = Json::array();
+    for (const auto& command : result.controller_trip->history) {
+      Json steps = Json::array();
+      for (int i = 0; i < command.motor_count; ++i) steps.push_back(command.steps[i]);
+      j["trip"]["history"].push_back({{"tick", command.tick}, {"steps", steps}, {"bursts", command.burst_count}});
+    }
   }
   j["surfaces"] = Json::array();
   for (const Floor& floor : kFloors) {
@@ -180,6 +257,7 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                              {"holds", holds(scenario, result, floor.static_friction)}});
   }
   j["motors"] = motors;
+  if (result.step_timing) j["step_timing"] = step_timing_json(*result.step_timing);
   j["published"] = Json::array();
   for (const auto& published : scenario.published) {
     j["published"].push_back({{"quantity", published.quantity},
@@ -219,6 +297,11 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     case EndReason::kInconsistent:
       text += format("  ended       inconsistent at t = %.10g s: %s", end_s, result.end_text.c_str());
       break;
+    case EndReason::kStepTiming:
+      text +=
+          format("  ended       at t = %.10g s: a step pulse in the wrong place, which is a bug of ours; motor %d, %s",
+                 end_s, result.step_timing->violation_motor, result.step_timing->violation->text().c_str());
+      break;
   }
   text += "\n";
   if (result.regimes.size() > 1 || result.regimes.front().regime != sim::Regime::kRolling) {
@@ -247,8 +330,14 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     }
     text += "\n";
   } else if (result.controller_trip) {
-    text += format("  trip        by the controller itself at t = %.6f s: %s\n", result.controller_trip->time_s,
+    text += format("  trip        by the controller itself at t = %.6f s: %s", result.controller_trip->time_s,
                    fault_cause(result.controller_trip->faults));
+    if (const auto& status = result.controller_trip->status; status.overload_error != 0) {
+      text += format(": motor %d in tick %lld, %.6g %s, limit %.6g", status.overload_motor,
+                     static_cast<long long>(status.overload_tick), status.overload_value,
+                     overload_unit(status.overload_error), status.overload_limit);
+    }
+    text += "\n";
   } else {
     text += "  trip        none\n";
   }
@@ -290,6 +379,23 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     for (std::size_t i = 0; i < scenario.masses.size(); ++i) lost += result.final_sample.lost_steps[i];
     text += format("%s issued, %lld lost\n", scenario.masses.empty() ? "0" : "", static_cast<long long>(lost));
   }
+  if (result.step_timing) {
+    std::int64_t checked = 0, structural = 0;
+    double max_error_us = 0, tolerance_us = 0;
+    for (const auto& m : result.step_timing->motors) {
+      checked += m.checked_steps;
+      structural += m.structural_steps;
+      max_error_us = std::max(max_error_us, m.max_error_us);
+      tolerance_us = m.tolerance_us;
+    }
+    text += format("  step timing %lld steps checked, the worst %.3f us from its crossing (allowed %.3g)",
+                   static_cast<long long>(checked), max_error_us, tolerance_us);
+    if (result.step_timing->motion_left_tick) {
+      text += format("; from tick %lld on, off the scenario's motion, %lld by spacing, set-up and counts only",
+                     static_cast<long long>(*result.step_timing->motion_left_tick), static_cast<long long>(structural));
+    }
+    text += "\n";
+  }
   double margin = 1;
   bool any_motor = false;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
@@ -306,6 +412,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
 }
 
 int exit_status(const RunResult& result) {
+  if (result.end_reason == EndReason::kStepTiming) return 2;
   const bool inside = result.end_reason == EndReason::kCompleted && !result.rolling_lost;
   return inside && result.trip.tripped == 0 && !result.controller_trip ? 0 : 3;
 }

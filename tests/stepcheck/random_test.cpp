@@ -1,0 +1,100 @@
+// The firmware's steps on random motions, held against the checker.
+//   BALLAST_STEPCHECK_PROFILES=n   motions per shape (default 1500; a million takes about an hour)
+//   BALLAST_STEPCHECK_SEED=n
+//   BALLAST_STEPCHECK_OUT=file     error histogram as a table, for tools/plots
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iostream>
+
+#include "tests/stepcheck/drives.h"
+
+namespace ballast::stepcheck {
+namespace {
+
+std::uint64_t from_environment(const char* name, std::uint64_t otherwise) {
+  const char* text = std::getenv(name);
+  return text == nullptr ? otherwise : std::strtoull(text, nullptr, 10);
+}
+
+std::string describe(const Drive& d) {
+  char text[200];
+  std::snprintf(text, sizeof text, "timer %g Hz, period %g s, rate %g Hz, set-up %g s, %Lg microsteps per unit",
+                d.timer_frequency_hz, d.control_period_s, d.max_step_rate_hz, d.direction_setup_s,
+                d.motion.microsteps_per_unit);
+  return text;
+}
+
+class RandomMotions : public ::testing::TestWithParam<Shape> {};
+
+TEST_P(RandomMotions, EveryStepWhereItBelongs) {
+  const std::uint64_t seed = from_environment("BALLAST_STEPCHECK_SEED", 20240607);
+  const std::uint64_t profiles = from_environment("BALLAST_STEPCHECK_PROFILES", 1500);
+  RecordProperty("seed", std::to_string(seed));
+  std::mt19937_64 random(seed + static_cast<std::uint64_t>(GetParam()));
+  Statistics sum;
+  std::int64_t ticks = 0;
+  std::uint64_t refused = 0;
+  double worst = 0;  // as a part of the tolerance
+  for (std::uint64_t k = 0; k < profiles; ++k) {
+    const Drive drive = random_drive(GetParam(), random);
+    Generator generator(drive);
+    MotorCheck check(drive);
+    const auto end = static_cast<std::int64_t>(generator.end_s() / drive.control_period_s) + 3;
+    for (std::int64_t tick = 0; tick < end; ++tick) {
+      const firmware::StepError error = generator.tick();
+      if (error == firmware::StepError::kTooManyBursts) {
+        // Sixty pulses of a hard reversal in one tick: refused, as the command has no room.
+        ++refused;
+        break;
+      }
+      ASSERT_EQ(error, firmware::StepError::kNone)
+          << to_string(GetParam()) << ", seed " << seed << ", motion " << k << ", tick " << tick << ": "
+          << generator.trouble().value << ", limit " << generator.trouble().limit << "; " << describe(drive);
+      const auto violation =
+          check.tick(tick, generator.bursts(), generator.command().steps[0], generator.command().position_steps[0]);
+      ASSERT_FALSE(violation) << to_string(GetParam()) << ", seed " << seed << ", motion " << k << ": "
+                              << violation->text() << "; " << describe(drive);
+    }
+    ticks += end;
+    const Statistics& s = check.statistics();
+    sum.checked_steps += s.checked_steps;
+    sum.touches += s.touches;
+    sum.max_error_us = std::max(sum.max_error_us, s.max_error_us);
+    worst = std::max(worst, s.max_error_us / s.tolerance_us);
+    for (std::size_t b = 0; b < kBins; ++b) sum.histogram[b] += s.histogram[b];
+  }
+  EXPECT_LE(refused, profiles / 500) << "most motions have to be stepped for this to mean anything";
+  EXPECT_GT(sum.checked_steps, static_cast<std::int64_t>(profiles)) << "without steps nothing is proved";
+  EXPECT_LE(worst, 1.003) << "the tolerance, and the crossings' own error of 1e-3 timer ticks";
+  std::cout << to_string(GetParam()) << ", seed " << seed << ": " << profiles << " motions, " << ticks << " ticks, "
+            << sum.checked_steps << " steps, " << sum.touches / 2 << " touches, " << refused << " refused; worst error "
+            << sum.max_error_us << " us, " << worst << " of the tolerance\n";
+  if (const char* path = std::getenv("BALLAST_STEPCHECK_OUT")) {
+    std::ofstream out(path, std::ios::app);
+    out << to_string(GetParam()) << ',' << sum.checked_steps << ',' << sum.max_error_us << ',' << worst;
+    for (const std::int64_t n : sum.histogram) out << ',' << n;
+    out << '\n';
+  }
+}
+
+std::string test_name(const ::testing::TestParamInfo<Shape>& shape_info) {
+  switch (shape_info.param) {
+    case Shape::kSCurves:
+      return "SCurves";
+    case Shape::kAtTheLimit:
+      return "AtTheLimit";
+    case Shape::kCreep:
+      return "Creep";
+    case Shape::kQuiver:
+      return "Quiver";
+  }
+  return "";
+}
+
+INSTANTIATE_TEST_SUITE_P(Shapes, RandomMotions, ::testing::ValuesIn(kShapes), test_name);
+
+}  // namespace
+}  // namespace ballast::stepcheck
