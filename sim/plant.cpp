@@ -73,6 +73,9 @@ double greatest_force_n(const Scenario& scenario) {
 
 }  // namespace
 
+// A floor cannot pull: where rolling on would need N < 0 there is none. NaN stays.
+double Plant::pushed(double normal_force_n) { return normal_force_n < 0 ? 0 : normal_force_n; }
+
 double Plant::mu_required(double normal_force_n, double static_friction_n) {
   return normal_force_n > 0 ? static_friction_n / normal_force_n : kInfinity;
 }
@@ -293,7 +296,7 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
   const double start_s = time_s_;
   steps_left_ = kMaxSteps;
   if (end_ == PhysicsEnd::kNone && end_s > time_s_) {
-    tick_normal_force_min_n_ = now_.normal_force_n;
+    tick_normal_force_min_n_ = pushed(now_.normal_force_n);
     tick_mu_required_max_ = ratio(now_);
   }
   std::size_t next_pulse = 0;
@@ -514,7 +517,6 @@ void Plant::take_span(double h, bool exactly, double end_s) {
   dydt_ = end.dydt;
   now_ = end.motion;
   normalise(y_);
-  if (broken <= 1 && now_.normal_force_n < 0) now_.normal_force_n = 0;  // it was found falling to 0, up to rounding
   if (!slip_ends) {
     note(time_s_, now_);
     note_motors();
@@ -729,12 +731,13 @@ void Plant::note(double time_s, const Instant& m) {
     if (value > best.value + noise || best.time_s < 0) best = {value, time_s};
   };
   note_mu(time_s, ratio(m));
-  raise(extrema_.normal_force_max, m.normal_force_n, noise_n_);
+  const double normal_force_n = pushed(m.normal_force_n);
+  raise(extrema_.normal_force_max, normal_force_n, noise_n_);
   raise(extrema_.static_friction_max, m.static_friction_n, noise_n_);
   Extremum least{-extrema_.normal_force_min.value, extrema_.normal_force_min.time_s};
-  raise(least, -m.normal_force_n, noise_n_);
+  raise(least, -normal_force_n, noise_n_);
   extrema_.normal_force_min = {-least.value, least.time_s};
-  tick_normal_force_min_n_ = std::min(tick_normal_force_min_n_, m.normal_force_n);
+  tick_normal_force_min_n_ = std::min(tick_normal_force_min_n_, normal_force_n);
 }
 
 Plant::PerMass Plant::needed_torques(const double* y, const MotionOf<double>& motion, const MassPoint& masses) const {
@@ -786,7 +789,7 @@ Plant::Sample Plant::sample() const {
   }
   s.acceleration_B_mps2 = now_.acceleration_B_mps2;
   s.up_B = now_.up_B;
-  s.normal_force_n = now_.normal_force_n;
+  s.normal_force_n = pushed(now_.normal_force_n);
   s.static_friction_n = now_.static_friction_n;
   s.normal_force_min_n = tick_normal_force_min_n_;
   s.mu_required_max = tick_mu_required_max_;

@@ -21,8 +21,9 @@
 //     because the motors' forces are finite.
 //   - An impact slower than 1e-6 sqrt(g r) leaves no normal velocity: bouncing ends.
 //   - While a slip that has just begun is slower than 1e-6 sqrt(g r), its direction is taken from the contact's
-//     accelerations (contact.h): the velocity's is rounding at first, and then so stiff that it is that one; one that is about to vanish keeps its
-//     direction below 1e-3 of what the slip was as the integrator's step began, or 1e-12 sqrt(g r).
+//     accelerations (contact.h): the velocity's is rounding at first, and then so stiff that it is that one; one that
+//     is about to vanish keeps its direction below 1e-3 of what the slip was as the integrator's step began, or 1e-12
+//     sqrt(g r).
 #pragma once
 
 #include <array>
@@ -135,6 +136,8 @@ class Plant {
   };
   [[nodiscard]] Sample sample() const;
 
+  // N as results and messages state it: 0 where rolling on would need the floor to pull.
+  static double pushed(double normal_force_n);
   // f_s / N as results and messages state it in contact: +infinity where N <= 0.
   static double mu_required(double normal_force_n, double static_friction_n);
 

@@ -4,36 +4,14 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
-#include <map>
-#include <sstream>
-
+#include "tests/data/reference.h"
 #include "tests/physics/closed_form_run.h"
 #include "tests/physics/random_robot.h"
 
 namespace ballast::integrators {
 namespace {
 
-using Row = std::map<std::string, double>;
-
-std::vector<Row> read_csv(const std::string& name) {
-  std::ifstream file(std::string(BALLAST_TEST_DATA) + "/" + name);
-  std::string line, cell;
-  std::vector<std::string> columns;
-  std::getline(file, line);
-  for (std::stringstream s(line); std::getline(s, cell, ',');) columns.push_back(cell);
-  std::vector<Row> rows;
-  while (std::getline(file, line)) {
-    Row row;
-    std::stringstream s(line);
-    for (const auto& column : columns) {
-      std::getline(s, cell, ',');
-      row[column] = std::stod(cell);
-    }
-    rows.push_back(row);
-  }
-  return rows;
-}
+using Row = test::ReferenceRow;
 
 sim::Scenario shipped(const std::string& name, std::vector<std::string> overrides = {}) {
   overrides.emplace_back("run.actuation=\"prescribed\"");
@@ -123,7 +101,7 @@ TEST_P(PaperRun, EndsWhereTheReferenceDoesAndNeedsTheSameFriction) {
   const RollingRun result = run(scenario, method, tolerance);
   ASSERT_EQ(result.failure, "");
   EXPECT_EQ(result.result.end_reason, sil::EndReason::kCompleted);
-  EXPECT_LT(state_error(result.result.final_sample, read_csv(name + ".csv").back()), 1e-7);
+  EXPECT_LT(state_error(result.result.final_sample, test::reference_rows(name).back()), 1e-7);
 
   // Eight digits. The peaks are near these times.
   const sim::Extremum& most = result.result.extrema.mu_required_max;
@@ -142,7 +120,7 @@ INSTANTIATE_TEST_SUITE_P(Methods, PaperRun, testing::ValuesIn(cases()),
 
 // Inside the run too: N and the friction force at the reference's row nearest to the greatest f_s / N.
 TEST(RollingRun, ForcesAreTheReferences) {
-  for (const auto& row : read_csv("paper_ball.csv")) {
+  for (const auto& row : test::reference_rows("paper_ball")) {
     if (std::abs(row.at("t") - 6.4) > 0.01) continue;
     const RollingRun result = run(shipped("paper_ball", {"duration=6.4"}), kDefaultMethod, 1e-10);
     const auto& s = result.result.final_sample;
@@ -159,7 +137,7 @@ TEST(RollingRun, TheHeavyMassDetachesWhereTheReferenceDoes) {
   EXPECT_EQ(result.result.end_reason, sil::EndReason::kDetached);
   EXPECT_TRUE(result.result.rolling_lost);
   EXPECT_NEAR(result.result.final_sample.time_s, 3.609500738, 1e-9);
-  EXPECT_NEAR(result.result.final_sample.time_s, read_csv("paper_detach.csv").back().at("t"), 1e-9);
+  EXPECT_NEAR(result.result.final_sample.time_s, test::reference_rows("paper_detach").back().at("t"), 1e-9);
   EXPECT_LE(result.result.final_sample.normal_force_n, 0);
   EXPECT_GT(result.result.final_sample.normal_force_n, -1e-10);  // N falls at 40 per time unit; located to 1e-14
 }

@@ -31,14 +31,15 @@ std::vector<double> flying_start(const sim::Scenario::Initial& initial) {
 
 ClosedFormRun::ClosedFormRun(const sim::Scenario& scenario)
     : ball_(ball_params(scenario)),
-      run_(scenario, start(scenario.initial), [this](const firmware::MassMotion& masses, const double* y, double* d) {
-        const Eigen::Quaterniond q = attitude(y);
-        const Vector3d w = vector3(y + 4);
-        attitude_rate(y, w, d);
-        put(firmware::rolling_forces(ball_, q, w, masses).angular_acceleration_B_radps2, d + 4);
-        const Vector3d velocity = (q * w).cross(Vector3d(0, 0, ball_.radius_m));
-        d[7] = velocity[0], d[8] = velocity[1];
-      }) {}
+      run_(scenario, start(scenario.initial),
+           [this](double, const firmware::MassMotion& masses, const double* y, double* d) {
+             const Eigen::Quaterniond q = attitude(y);
+             const Vector3d w = vector3(y + 4);
+             attitude_rate(y, w, d);
+             put(firmware::rolling_forces(ball_, q, w, masses).angular_acceleration_B_radps2, d + 4);
+             const Vector3d velocity = (q * w).cross(Vector3d(0, 0, ball_.radius_m));
+             d[7] = velocity[0], d[8] = velocity[1];
+           }) {}
 
 Eigen::Vector4d ClosedFormRun::orientation() const { return components(attitude(run_.y())); }
 Vector3d ClosedFormRun::angular_velocity_B() const { return vector3(run_.y() + 4); }
@@ -50,7 +51,7 @@ firmware::RollingForces ClosedFormRun::forces() const {
 ClosedFormFlight::ClosedFormFlight(const sim::Scenario& scenario)
     : ball_(ball_params(scenario)),
       run_(scenario, flying_start(scenario.initial),
-           [this](const firmware::MassMotion& masses, const double* y, double* d) {
+           [this](double, const firmware::MassMotion& masses, const double* y, double* d) {
              const Vector3d w = vector3(y + 4);
              const auto motion = firmware::detached_motion(ball_, attitude(y), w, masses);
              attitude_rate(y, w, d);

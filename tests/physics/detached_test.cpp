@@ -150,7 +150,7 @@ TEST(Detached, DiskFlightsAgreeWithCvodeOnTheClosedForm) {
     const Scenario s = thrown_disk(random, trial % (kMaxMasses + 1), start);
     const double r = s.ball.radius_m, speed = std::sqrt(s.gravity_mps2 * r);
     const firmware::BallParams ball = test::ball_params(s);
-    const auto law = [&](const firmware::MassMotion& masses, const double* y, double* d) {
+    const auto law = [&](double, const firmware::MassMotion& masses, const double* y, double* d) {
       const auto motion = firmware::detached_disk_motion(ball, {y[0], y[1]}, masses);
       d[0] = y[1];
       d[1] = motion.angular_acceleration_radps2;

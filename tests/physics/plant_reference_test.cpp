@@ -2,35 +2,13 @@
 // good to about 1e-10 in the state at t = 20.
 #include <gtest/gtest.h>
 
-#include <fstream>
-#include <map>
-#include <sstream>
-
 #include "sim/plant.h"
+#include "tests/data/reference.h"
 
 namespace ballast::sim {
 namespace {
 
-using Row = std::map<std::string, double>;
-
-std::vector<Row> read_csv(const std::string& name) {
-  std::ifstream file(std::string(BALLAST_TEST_DATA) + "/" + name);
-  std::string line, cell;
-  std::vector<std::string> columns;
-  std::getline(file, line);
-  for (std::stringstream s(line); std::getline(s, cell, ',');) columns.push_back(cell);
-  std::vector<Row> rows;
-  while (std::getline(file, line)) {
-    Row row;
-    std::stringstream s(line);
-    for (const auto& column : columns) {
-      std::getline(s, cell, ',');
-      row[column] = std::stod(cell);
-    }
-    rows.push_back(row);
-  }
-  return rows;
-}
+using Row = test::ReferenceRow;
 
 Scenario shipped(const std::string& name, const std::vector<std::string>& overrides = {}) {
   std::vector<std::string> all = overrides;
@@ -67,7 +45,7 @@ class PaperRun : public testing::TestWithParam<std::pair<const char*, double>> {
 // Coarse control periods too: accuracy must not hang on the tick.
 TEST_P(PaperRun, FollowsTheReferenceFromEndToEnd) {
   const auto [name, period_s] = GetParam();
-  const auto rows = read_csv(std::string(name) + ".csv");
+  const auto rows = test::reference_rows(name);
   ASSERT_GT(rows.size(), 30u);
   Plant plant(shipped(name, {"run.control_period=" + std::to_string(period_s)}));
   double worst_state = 0, worst_force = 0;
@@ -130,7 +108,7 @@ TEST(PaperNumbers, HeavyMassDetachesWhereTheReferenceDoes) {
   for (int k = 1; k <= 20000 && plant.end() == PhysicsEnd::kNone; ++k) plant.advance(k * 0.001, {});
   EXPECT_EQ(plant.end(), PhysicsEnd::kDetached);
   EXPECT_NEAR(plant.time_s(), 3.6095, 0.5e-4);
-  EXPECT_NEAR(plant.time_s(), read_csv("paper_detach.csv").back().at("t"), 1e-9);
+  EXPECT_NEAR(plant.time_s(), test::reference_rows("paper_detach").back().at("t"), 1e-9);
   EXPECT_LE(plant.sample().normal_force_n, 0);
   EXPECT_GT(plant.sample().normal_force_n, -1e-10);  // N falls at about 40 per time unit, the instant is found to 1e-14
 }

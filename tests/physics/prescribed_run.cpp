@@ -44,13 +44,18 @@ struct PrescribedRun::Impl {
 
   static int derivative(double t, N_Vector y, N_Vector ydot, void* self) {
     const auto& run = *static_cast<const Impl*>(self);
-    run.law(run.masses(t, run.side_s), NV_DATA_S(y), NV_DATA_S(ydot));
+    run.law(t, run.masses(t, run.side_s), NV_DATA_S(y), NV_DATA_S(ydot));
     return 0;
   }
 };
 
-PrescribedRun::PrescribedRun(const sim::Scenario& scenario, const std::vector<double>& y0, Law law) : impl_(new Impl) {
+PrescribedRun::PrescribedRun(const sim::Scenario& scenario, const std::vector<double>& y0, Law law,
+                             std::vector<double> kinks_s)
+    : impl_(new Impl) {
   impl_->law = std::move(law);
+  for (const double kink_s : kinks_s) {
+    if (kink_s > 0) impl_->knots.push_back(kink_s);
+  }
   for (const auto& mass : scenario.masses) {
     std::vector<firmware::ProfilePiece> pieces;
     for (const auto& piece : mass.motion) {
@@ -63,7 +68,10 @@ PrescribedRun::PrescribedRun(const sim::Scenario& scenario, const std::vector<do
     for (int p = 1; p <= profile.piece_count(); ++p) impl_->knots.push_back(profile.cubic_start_s(p));
     impl_->profiles.push_back(profile);
   }
+  // CVODE cannot start for less than rounding: knots that coincide up to that are one.
   std::sort(impl_->knots.begin(), impl_->knots.end());
+  const auto same = [](double a, double b) { return b - a < 1e-12; };
+  impl_->knots.erase(std::unique(impl_->knots.begin(), impl_->knots.end(), same), impl_->knots.end());
 
   if (SUNContext_Create(nullptr, &impl_->context) != 0) throw std::runtime_error("SUNDIALS context");
   impl_->y = N_VNew_Serial(static_cast<sunindextype>(y0.size()), impl_->context);
@@ -97,6 +105,7 @@ bool PrescribedRun::advance(double time_s) {
   return true;
 }
 
+double PrescribedRun::time_s() const { return impl_->time_s; }
 const double* PrescribedRun::y() const { return NV_DATA_S(impl_->y); }
 firmware::MassMotion PrescribedRun::masses() const { return impl_->masses(impl_->time_s, impl_->time_s); }
 

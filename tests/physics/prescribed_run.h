@@ -17,17 +17,20 @@ firmware::BallParams ball_params(const sim::Scenario& scenario);
 
 class PrescribedRun {
  public:
-  // dy/dt of the state y, with the masses as they are then.
-  using Law = std::function<void(const firmware::MassMotion& masses, const double* y, double* dydt)>;
+  // dy/dt of the state y at time_s, with the masses as they are then.
+  using Law = std::function<void(double time_s, const firmware::MassMotion& masses, const double* y, double* dydt)>;
 
-  PrescribedRun(const sim::Scenario& scenario, const std::vector<double>& y0, Law law);
+  // `kinks_s`: where the law's rate of time jumps, beside the ends of motion pieces; in any order.
+  PrescribedRun(const sim::Scenario& scenario, const std::vector<double>& y0, Law law,
+                std::vector<double> kinks_s = {});
   ~PrescribedRun();
   PrescribedRun(const PrescribedRun&) = delete;
   PrescribedRun& operator=(const PrescribedRun&) = delete;
 
-  // Integrates on to time_s, restarting where a motion piece ends. False if CVODE gave up.
+  // Integrates on to time_s, restarting at every kink. False if CVODE gave up.
   bool advance(double time_s);
 
+  [[nodiscard]] double time_s() const;
   [[nodiscard]] const double* y() const;
   [[nodiscard]] firmware::MassMotion masses() const;  // at a jump: after it
 

@@ -102,7 +102,7 @@ TEST(SlidingLaw, BallsWithAcceleratingMassesAgreeWithCvode) {
     test::PrescribedRun reference(s,
                                   {q0.w(), q0.x(), q0.y(), q0.z(), w0[0], w0[1], w0[2], s.initial.position_W_m[0],
                                    s.initial.position_W_m[1], v0[0], v0[1], 0},
-                                  [&](const firmware::MassMotion& masses, const double* y, double* d) {
+                                  [&](double, const firmware::MassMotion& masses, const double* y, double* d) {
                                     const SlidingMotion motion = at(masses, y);
                                     test::attitude_rate(y, Vector3d(y[4], y[5], y[6]), d);
                                     for (int j = 0; j < 3; ++j) {

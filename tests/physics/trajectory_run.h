@@ -1,11 +1,10 @@
-// A prescribed run integrated by an independent program: SUNDIALS CVODE (Adams) on the firmware's closed forms and
-// profiles. Nothing of sim/ but the scenario is used, and for masses on trajectories their curve (cubic_spline.h).
+// The paper's 3-d closed forms (rolling_forces_3d) integrated by an independent program (prescribed_run.h): masses on
+// trajectories and on rails, under forces of time and drag. Nothing of sim/ is used but the scenario and, of masses on
+// trajectories, their curve (cubic_spline.h).
 #pragma once
 
-#include <Eigen/Core>
-
-#include "firmware/model/rolling.h"
-#include "sim/scenario.h"
+#include "sim/cubic_spline.h"
+#include "tests/physics/prescribed_run.h"
 
 namespace ballast::test {
 
@@ -15,12 +14,11 @@ firmware::BallParams ball_on_rails(const sim::Scenario& scenario);
 class TrajectoryRun {
  public:
   explicit TrajectoryRun(const sim::Scenario& scenario);
-  ~TrajectoryRun();
   TrajectoryRun(const TrajectoryRun&) = delete;
   TrajectoryRun& operator=(const TrajectoryRun&) = delete;
 
   // Integrates on to time_s, restarting where a motion piece ends or a table has a row. False if CVODE gave up.
-  bool advance(double time_s);
+  bool advance(double time_s) { return run_.advance(time_s); }
 
   Eigen::Vector4d orientation() const;  // w, x, y, z, normalised
   Eigen::Vector3d angular_velocity_B() const;
@@ -28,8 +26,14 @@ class TrajectoryRun {
   firmware::RollingForces forces() const;  // at a jump: after it
 
  private:
-  struct Impl;
-  Impl* impl_;
+  firmware::RollingForces forces_at(double time_s, const firmware::MassMotion& masses, const double* y) const;
+  Eigen::Vector3d force_W(double time_s, const Eigen::Vector3d& velocity_W) const;
+
+  firmware::BallParams ball_;
+  std::vector<sim::CubicSpline> trajectories_;  // per mass; empty where it is on its rail
+  sim::Scenario::ForceTable table_;
+  sim::Scenario::Drag drag_;
+  PrescribedRun run_;
 };
 
 }  // namespace ballast::test

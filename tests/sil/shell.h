@@ -29,7 +29,8 @@ struct Outcome {
 class Folder {
  public:
   Folder() {
-    std::string name = (std::filesystem::temp_directory_path() / "ballast-XXXXXX").string();
+    // mkdtemp puts six letters of its own in the place of the six X.
+    std::string name = (std::filesystem::temp_directory_path() / "ballast-").string() + std::string(6, 'X');
     path_ = mkdtemp(name.data());
   }
   ~Folder() {

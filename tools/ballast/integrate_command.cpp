@@ -73,6 +73,11 @@ int integrate(IntegrateCommand command) {
     if (methods.size() == 1 && methods.front()->fixed_steps == integrators::FixedSteps::kNever) {
       return refuse(program::kExitUsage, "--step: " + command.method + " chooses its steps itself, by --tolerance");
     }
+    if (settings.fixed_step_s > scenario->duration_s) {
+      return refuse(program::kExitUsage,
+                    "--step: " + number(settings.fixed_step_s) +
+                        " is longer than the run; allowed: <= duration = " + number(scenario->duration_s));
+    }
     if (scenario->duration_s / settings.fixed_step_s > kMostFixedSteps) {
       return refuse(program::kExitUsage, "--step: " + number(settings.fixed_step_s) + " is more than " +
                                              number(kMostFixedSteps) + " steps in this run; allowed: at least " +
@@ -128,7 +133,7 @@ std::function<int()> add_integrate_command(CLI::App& app, CLI::App*& command) {
   command
       ->add_option("--step", options->settings.fixed_step_s,
                    "s; steps of this length whatever the error: rk4 (default: what suits the tolerance), dopri5, "
-                   "dop853, radau5, radau5_dae")
+                   "dop853, radau5, radau5_dae; with --method all only of rk4")
       ->check(program::positive_finite());
   command->add_option("--out", options->out, "folder for the results; default runs/NAME-integrate")
       ->check(program::not_empty());

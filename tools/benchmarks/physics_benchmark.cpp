@@ -7,9 +7,9 @@
 
 #include "sim/newton_euler.h"
 #include "sim/plant.h"
+#include "tests/data/reference.h"
 #include "tools/benchmarks/calls.h"
 #include "tools/benchmarks/limit.h"
-#include "tools/benchmarks/reference.h"
 #include "tools/benchmarks/scenario.h"
 #include "tools/integrators/rolling_run.h"
 
@@ -45,7 +45,7 @@ void LimitRightHandSide(benchmark::State& state) {
   const std::size_t last_piece = ball.piece_count() - 1;
   LimitBall::State y, dydt;
   double force_error = 0;
-  for (const auto& row : reference_rows()) {
+  for (const auto& row : test::reference_rows("paper_ball")) {
     if (row.at("t") < ball.piece_start_s(last_piece)) continue;
     y = {row.at("q_w"),     row.at("q_x"),     row.at("q_y"), row.at("q_z"), row.at("Omega_1"),
          row.at("Omega_2"), row.at("Omega_3"), row.at("z_1"), row.at("z_2")};
@@ -66,7 +66,7 @@ void LimitRightHandSide(benchmark::State& state) {
 BENCHMARK(LimitRightHandSide)->Apply(as_many_calls_as_asked);
 
 void report_position(benchmark::State& state, double z1, double z2, double allowed) {
-  const auto end = reference_rows().back();
+  const auto end = test::reference_rows("paper_ball").back();
   const double error = std::hypot(z1 - end.at("z_1"), z2 - end.at("z_2"));
   state.counters["position_error"] = error;
   if (!(error < allowed)) state.SkipWithError("the ball does not end where the reference does");

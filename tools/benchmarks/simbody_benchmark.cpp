@@ -3,9 +3,9 @@
 
 #include <cmath>
 
+#include "tests/data/reference.h"
 #include "tests/simbody/simbody_ball.h"
 #include "tools/benchmarks/calls.h"
-#include "tools/benchmarks/reference.h"
 #include "tools/benchmarks/scenario.h"
 
 namespace ballast::benchmarks {
@@ -21,7 +21,7 @@ void SimbodyIntegration(benchmark::State& state) {
     ball.advance(20);
   }
   const auto z = ball.sample().position_W_m;
-  const auto end = reference_rows().back();
+  const auto end = test::reference_rows("paper_ball").back();
   const double error = std::hypot(z[0] - end.at("z_1"), z[1] - end.at("z_2"));
   state.counters["position_error"] = error;
   if (!(error < 1e-6)) state.SkipWithError("the ball does not end where the reference does");

@@ -201,10 +201,11 @@ class Run {
       if (value > best.value + noise || best.time_s < 0) best = {value, t};
     };
     raise(x.mu_required_max, ratio(m), kNoise);
-    raise(x.normal_force_max, m.normal_force_n, noise_n_);
+    const double normal_force_n = sim::Plant::pushed(m.normal_force_n);
+    raise(x.normal_force_max, normal_force_n, noise_n_);
     raise(x.static_friction_max, m.static_friction_n, noise_n_);
     sim::Extremum least{-x.normal_force_min.value, x.normal_force_min.time_s};
-    raise(least, -m.normal_force_n, noise_n_);
+    raise(least, -normal_force_n, noise_n_);
     x.normal_force_min = {-least.value, least.time_s};
     note_motors(t, y, m);
   }
@@ -267,7 +268,7 @@ class Run {
     s.velocity_W_mps = {now_.rolling_velocity_W_mps[0], now_.rolling_velocity_W_mps[1], 0};
     s.acceleration_B_mps2 = now_.acceleration_B_mps2;
     s.up_B = now_.up_B;
-    s.normal_force_n = s.normal_force_min_n = now_.normal_force_n;
+    s.normal_force_n = s.normal_force_min_n = sim::Plant::pushed(now_.normal_force_n);
     s.static_friction_n = now_.static_friction_n;
     s.mu_required_max = ratio(now_);
     s.friction_force_W_n = (now_.rotation_B_to_W * now_.contact_force_B_n).head<2>();

@@ -145,6 +145,10 @@ def finish_time_axis(axes, run):
 
 def mark_extremum(axes, what, found, color, note=""):
     value, time = found
+    low, high = axes.get_ylim()
+    if np.isfinite(value) and not low <= value <= high:  # found between the ticks, and beyond what they show
+        air = 0.06 * (high - low)
+        axes.set_ylim(min(low, value - air), max(high, value + air))
     axes.plot(time, value, zorder=5, clip_on=False, **hollow(color, 7))
     return Line2D([], [], label=f"{what} {number_text(value)} at {time_text(time)}{note}", **hollow(color, 7))
 

@@ -180,6 +180,7 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                    {"friction_use", scenario.envelope.friction_use}};
   j["end"] = {{"reason", to_string(result.end_reason)}, {"time", f.time_s}};
   if (!result.end_text.empty()) j["end"]["text"] = result.end_text;
+  if (result.end_reason == EndReason::kTripped) j["end"]["masses_at_rest"] = result.masses_rested;
   j["mu_required"] = {{"max", finite_or_null(x.mu_required_max.value)}, {"time", x.mu_required_max.time_s}};
   j["normal_force"] = {{"min", x.normal_force_min.value},
                        {"min_time", x.normal_force_min.time_s},
