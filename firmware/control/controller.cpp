@@ -354,6 +354,7 @@ void reset(const ControllerParams& params, ControllerState& state) {
   state.last_pulse = {};
   state.steps_issued = {};
   state.overload = {};
+  state.operator_commands = 0;
   state.refusal = {};
   state.planned = false;
   state.plan_tick = 0;
@@ -390,6 +391,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   if (state.faults != 0) state.mode = next_mode(state.mode, Event::kFault, guards);
   bool plan_begins = false;
   if (Event event{}; event_of(inputs.operator_command.command, event)) {
+    ++state.operator_commands;
     const Mode before = state.mode;
     const Mode after = next_mode(before, event, guards);
     if (after == before) {
@@ -448,6 +450,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   status.commanded_velocity = now.velocity;
   status.steps_issued = state.steps_issued;
   status.overload = state.overload;
+  status.operator_commands = state.operator_commands;
   status.refusal = state.refusal;
   status.planned = state.planned;
   status.plan_tick = state.plan_tick;

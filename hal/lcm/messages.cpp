@@ -123,6 +123,7 @@ controller_status_t to_message(const firmware::ControllerStatus& status, double 
   message.overload_tick = status.overload.tick;
   message.overload_value = status.overload.trouble.value;
   message.overload_limit = status.overload.trouble.limit;
+  message.operator_commands = status.operator_commands;
   message.refusal = static_cast<std::int8_t>(status.refusal.reason);
   message.refusal_motor = static_cast<std::int8_t>(status.refusal.motor);
   message.refusal_piece = static_cast<std::int16_t>(status.refusal.piece);
@@ -159,6 +160,7 @@ firmware::ControllerStatus from_message(const controller_status_t& message) {
   status.overload.tick = message.overload_tick;
   status.overload.trouble.value = message.overload_value;
   status.overload.trouble.limit = message.overload_limit;
+  status.operator_commands = message.operator_commands;
   status.refusal = {static_cast<firmware::Refusal>(message.refusal), message.refusal_motor, message.refusal_piece,
                     message.refusal_value};
   status.planned = message.planned == 1;

@@ -123,6 +123,7 @@ inline firmware::ControllerStatus random_status(std::mt19937_64& random, std::in
   status.mu_required = std::numeric_limits<double>::infinity();
   status.margin = any_double(random);
   status.overruns = static_cast<std::int64_t>(random());
+  status.operator_commands = static_cast<std::int64_t>(random());
   status.refusal = {static_cast<firmware::Refusal>(random() % 10), static_cast<int>(random() % 9) - 1,
                     static_cast<int>(random() % 130) - 1, any_double(random)};
   status.planned = random() % 2 == 0;
@@ -148,6 +149,7 @@ inline void expect_same(const firmware::ControllerStatus& a, const firmware::Con
   EXPECT_EQ(bits(a.mu_required), bits(b.mu_required));
   EXPECT_EQ(bits(a.margin), bits(b.margin));
   EXPECT_EQ(a.overruns, b.overruns);
+  EXPECT_EQ(a.operator_commands, b.operator_commands);
   EXPECT_EQ(a.refusal.reason, b.refusal.reason);
   EXPECT_EQ(a.refusal.motor, b.refusal.motor);
   EXPECT_EQ(a.refusal.piece, b.refusal.piece);

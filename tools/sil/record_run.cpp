@@ -56,7 +56,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
                   .interrupted = options.interrupted,
                   .check_steps = options.check_steps,
                   .progress = [&bar](double time_s) { bar.show(time_s); },
-                  .move = options.move});
+                  .move = options.move,
+                  .by_hand = options.by_hand});
   }
   const bool log_whole = recorder.close();
   if (!log_whole) {

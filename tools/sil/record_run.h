@@ -17,6 +17,7 @@ struct RecordOptions {
   bool unbuffered = false;   // every message is on disk at once: for runs whose processes may be killed
   const volatile std::sig_atomic_t* interrupted = nullptr;
   std::optional<firmware::MoveRequest> move = std::nullopt;  // as in RunOptions
+  bool by_hand = false;                                      // as in RunOptions
 };
 
 // Runs, writes run.lcmlog and summary.json, prints the summary. Returns the program's exit status; trouble goes to

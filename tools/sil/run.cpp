@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <deque>
 #include <numbers>
 #include <thread>
+
+#include "tools/sil/controller_words.h"
 
 namespace ballast::sil {
 
@@ -18,6 +19,8 @@ constexpr std::int64_t kCountdown = 2;
 
 void record(Recorder& recorder, const Lap& lap) {
   if (lap.command) recorder.record(hal::kChannelOperator, *lap.command);
+  for (const operator_t& heard : lap.heard)
+    recorder.record_heard(hal::kChannelOperator, heard, lap.plant.contact.utime);
   recorder.record(hal::kChannelContact, lap.plant.contact);
   recorder.record(hal::kChannelPlantState, lap.plant.state);
   recorder.record(hal::kChannelSensors, lap.plant.sensors);
@@ -163,27 +166,6 @@ class PlanWatch {
   std::int64_t plan_tick_ = 0;
 };
 
-std::string refusal_text(const controller_status_t& status) {
-  const std::string mass = "mass " + std::to_string(status.refusal_motor) + ": ";
-  char value[32];
-  std::snprintf(value, sizeof value, "%.10g", status.refusal_value);
-  switch (status.refusal) {
-    case controller_status_t::REFUSAL_NO_MASS:
-      return "it names no mass";
-    case controller_status_t::REFUSAL_UNKNOWN_MASS:
-      return "there is no mass " + std::string(value) + " (they count from 0)";
-    case controller_status_t::REFUSAL_TARGET:
-      return mass + "the target " + value +
-             " cannot be reached; allowed: finite, on its rail inside the ball, at most 1e15 microsteps";
-    case controller_status_t::REFUSAL_SPEED_FRACTION:
-      return std::string("the speed fraction ") + value + " is out of range; allowed: 0 < .. <= 1";
-    case controller_status_t::REFUSAL_NOT_PLANNED:
-      return mass + "no profile over the distance " + value + " could be made";
-    default:
-      return "mode " + std::to_string(status.mode) + " and faults " + std::to_string(status.faults) + " forbid it";
-  }
-}
-
 }  // namespace
 
 const char* to_string(EndReason reason) {
@@ -235,7 +217,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     Lap lap;
     lap.has_controller = has_controller;
     lap.plant = plant_messages(scenario, sample, tick, last);
-    if (tick < 0) {
+    if (tick < 0 && !(options.by_hand && tick > -kCountdown)) {
       firmware::OperatorInput input = firmware::OperatorCommand::kArm;
       if (tick > -kCountdown) input = firmware::OperatorCommand::kStart;
       if (tick > -kCountdown && options.move) input = *options.move;
@@ -254,15 +236,15 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       return result;
     }
     // Every command of the countdown must have been obeyed, unless something tripped.
-    const std::int8_t mode_due = tick == -kCountdown ? controller_status_t::MODE_ARMED
-                                 : options.move      ? controller_status_t::MODE_MOVING
-                                                     : controller_status_t::MODE_RUNNING;
+    const bool armed_due = tick == -kCountdown || options.by_hand;
+    const std::int8_t mode_due = armed_due      ? controller_status_t::MODE_ARMED
+                                 : options.move ? controller_status_t::MODE_MOVING
+                                                : controller_status_t::MODE_RUNNING;
     // A move to where the masses are is over at once.
     const bool already_there = tick == -1 && options.move && lap.status.mode == controller_status_t::MODE_ARMED;
     if (tick < 0 && lap.trip.tripped == 0 && lap.status.faults == 0 && lap.status.mode != mode_due && !already_there) {
       result.status = hal::Status::kPeerLost;
-      result.trouble =
-          "the controller did not obey the operator's " + std::string(tick == -kCountdown ? "arm" : "start");
+      result.trouble = "the controller did not obey the operator's " + std::string(armed_due ? "arm" : "start");
       return result;
     }
     if (!recorder.good() || (options.interrupted != nullptr && *options.interrupted != 0)) {

@@ -83,12 +83,14 @@ struct RunOptions {
   bool check_steps = false;                                 // hold every pulse against the motion
   std::function<void(double time_s)> progress;              // called now and then
   std::optional<firmware::MoveRequest> move;                // asked for instead of the scenario's motion
+  bool by_hand = false;                                     // the controller is armed; the rest is said by operators
 };
 
 // With check_steps a pulse in the wrong place ends the run at once with kStepTiming.
 //
 // Two countdown ticks, -2 and -1, come before t = 0 in runs with a controller: the ball is held at its initial state,
-// the operator says arm, then start, and the controller computes the steps of tick 0. In tick k the plant executes what
+// the operator says arm, then start (by_hand: only arm), and the controller computes the steps of tick 0. In tick k the
+// plant executes what
 // the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed; so does a move that
 // was asked for instead of the start, once its last step is executed and the masses rest: completed.
 RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options);
