@@ -324,7 +324,7 @@ void predict_plan(const ControllerParams& params, const Sensors& sensors, const 
     state.plan = predict_motion(params.ball, params.static_friction, unit(sensors.orientation), sensors.gyro_B_radps,
                                 now, params.control_period_s, state.active, duration_s);
   } else {
-    state.plan = {duration_s, kUnknown, std::numeric_limits<Real>::infinity(), -1};
+    state.plan = {duration_s, 0, kUnknown, std::numeric_limits<Real>::infinity(), -1};
   }
 }
 

@@ -131,6 +131,7 @@ controller_status_t to_message(const firmware::ControllerStatus& status, double 
   message.planned = status.planned ? 1 : 0;
   message.plan_tick = status.plan_tick;
   message.plan_duration_s = status.plan.duration_s;
+  message.plan_horizon_s = status.plan.horizon_s;
   message.plan_normal_force_min_n = status.plan.normal_force_min_n;
   message.plan_mu_required_max = status.plan.mu_required_max;
   message.plan_margin_min = status.plan.margin_min;
@@ -165,8 +166,8 @@ firmware::ControllerStatus from_message(const controller_status_t& message) {
                     message.refusal_value};
   status.planned = message.planned == 1;
   status.plan_tick = message.plan_tick;
-  status.plan = {message.plan_duration_s, message.plan_normal_force_min_n, message.plan_mu_required_max,
-                 message.plan_margin_min};
+  status.plan = {message.plan_duration_s, message.plan_horizon_s, message.plan_normal_force_min_n,
+                 message.plan_mu_required_max, message.plan_margin_min};
   return status;
 }
 

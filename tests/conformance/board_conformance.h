@@ -128,7 +128,7 @@ inline firmware::ControllerStatus random_status(std::mt19937_64& random, std::in
                     static_cast<int>(random() % 130) - 1, any_double(random)};
   status.planned = random() % 2 == 0;
   status.plan_tick = static_cast<std::int64_t>(random() >> 3);
-  status.plan = {any_double(random), any_double(random), any_double(random), any_double(random)};
+  status.plan = {any_double(random), any_double(random), any_double(random), any_double(random), any_double(random)};
   return status;
 }
 
@@ -157,6 +157,7 @@ inline void expect_same(const firmware::ControllerStatus& a, const firmware::Con
   EXPECT_EQ(a.planned, b.planned);
   EXPECT_EQ(a.plan_tick, b.plan_tick);
   EXPECT_EQ(bits(a.plan.duration_s), bits(b.plan.duration_s));
+  EXPECT_EQ(bits(a.plan.horizon_s), bits(b.plan.horizon_s));
   EXPECT_EQ(bits(a.plan.normal_force_min_n), bits(b.plan.normal_force_min_n));
   EXPECT_EQ(bits(a.plan.mu_required_max), bits(b.plan.mu_required_max));
   EXPECT_EQ(bits(a.plan.margin_min), bits(b.plan.margin_min));

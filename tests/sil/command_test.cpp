@@ -86,10 +86,28 @@ TEST(Run, ChecksEveryStepIfAsked) {
   ASSERT_EQ(folder.run("ballast run paper_ball --check-steps --set envelope.friction_use=0.5").exit_status, 3);
   const auto stop = folder.summary("runs/paper_ball")["step_timing"];
   EXPECT_TRUE(stop["motion_left_tick"].is_number());
-  EXPECT_GT(stop["steps_outside_the_motion"].get<std::int64_t>(), 0);
+  EXPECT_GT(stop["plan_steps"].get<std::int64_t>(), 0);
+  EXPECT_EQ(stop["steps_outside_the_motion"], 0);
   EXPECT_EQ(stop["violations"].size(), 0u);
   // Nothing to check.
   EXPECT_EQ(folder.run("ballast run paper_ball --check-steps --actuation prescribed").exit_status, 1);
+}
+
+// What no motor could follow may still be prescribed, as the paper does.
+TEST(Run, APrescribedRunKnowsNoMotorLimits) {
+  const Folder folder;
+  for (const std::string limit : {"max_step_rate=10", "max_acceleration=0.5", "max_jerk=1"}) {
+    const std::string line = " paper_ball --set duration=0.3 --set mass.1.motor." + limit + " --actuation ";
+    for (const std::string command : {"ballast check", "ballast run"}) {
+      EXPECT_EQ(folder.run(command + line + "prescribed").exit_status, 0) << limit;
+      const Outcome stepper = folder.run(command + line + "stepper");
+      EXPECT_EQ(stepper.exit_status, 1) << limit;
+      // File, line, piece, value, limit.
+      EXPECT_NE(stepper.err.find("paper_ball.toml:4"), std::string::npos) << stepper.err;
+      EXPECT_NE(stepper.err.find("mass.1.motion."), std::string::npos) << stepper.err;
+      EXPECT_NE(stepper.err.find("(motor." + limit.substr(0, limit.find('=')) + ")"), std::string::npos) << stepper.err;
+    }
+  }
 }
 
 TEST(Run, QuietSaysNothing) {

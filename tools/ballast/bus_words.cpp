@@ -22,9 +22,9 @@ std::optional<int> tell(sil::BusOperator& operator_end, const firmware::Operator
 
 std::string plan_text(const controller_status_t& status) {
   char text[200];
-  std::snprintf(text, sizeof text, "%.6g s; predicted before it: least N %.6g N, most f_s/N %.6f, least margin %.4f",
-                status.plan_duration_s, status.plan_normal_force_min_n, status.plan_mu_required_max,
-                status.plan_margin_min);
+  std::snprintf(text, sizeof text, "%.6g s; predicted before it%s: least N %.6g N, most f_s/N %.6f, least margin %.4f",
+                status.plan_duration_s, sil::horizon_text(status.plan_duration_s, status.plan_horizon_s).c_str(),
+                status.plan_normal_force_min_n, status.plan_mu_required_max, status.plan_margin_min);
   return text;
 }
 

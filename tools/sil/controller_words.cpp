@@ -76,4 +76,11 @@ std::string refusal_text(const controller_status_t& status) {
          "reset when tripped and at rest";
 }
 
+std::string horizon_text(double duration_s, double horizon_s) {
+  if (!(horizon_s < duration_s)) return "";
+  char text[48];
+  std::snprintf(text, sizeof text, " for its first %.3g s", horizon_s);
+  return text;
+}
+
 }  // namespace ballast::sil

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 #include <deque>
-#include <numbers>
 #include <thread>
 
 #include "tools/sil/controller_words.h"
@@ -86,59 +85,6 @@ class RestWatch {
   bool at_rest_ = false;
 };
 
-// Every motor's pulses held against the scenario's motion.
-class StepTimingCheck {
- public:
-  explicit StepTimingCheck(const sim::Scenario& scenario) {
-    for (const auto& mass : scenario.masses) {
-      stepcheck::Drive drive;
-      drive.motion.position = mass.initial_position;
-      drive.motion.velocity = mass.initial_velocity;
-      for (const auto& piece : mass.motion) {
-        drive.motion.pieces.push_back({piece.duration_s, piece.acceleration_start, piece.acceleration_end});
-      }
-      const sim::Motor& motor = mass.motor;
-      drive.motion.microsteps_per_unit = static_cast<long double>(motor.steps_per_revolution) * motor.microsteps *
-                                         motor.shaft_ratio / (2 * std::numbers::pi_v<long double>);
-      drive.max_step_rate_hz = motor.max_step_rate_hz;
-      drive.direction_setup_s = motor.direction_setup_s;
-      drive.timer_frequency_hz = scenario.run.timer_frequency_hz;
-      drive.control_period_s = scenario.run.control_period_s;
-      checks_.emplace_back(drive);
-    }
-  }
-  // False: a violation, which is then in record().
-  bool see(const step_command_t& command, bool on_motion) {
-    if (command.tick < 0) return true;
-    if (!on_motion && !record_.motion_left_tick) {
-      record_.motion_left_tick = command.tick;
-      for (auto& check : checks_) check.leave_motion();
-    }
-    for (std::size_t i = 0; i < checks_.size(); ++i) {
-      bursts_.clear();
-      for (std::size_t b = 0; b < static_cast<std::size_t>(command.burst_count); ++b) {
-        if (command.motor[b] != static_cast<int>(i)) continue;
-        bursts_.push_back(
-            {command.direction[b], command.count[b], command.first[b], command.interval[b], command.add[b]});
-      }
-      record_.violation = checks_[i].tick(command.tick, bursts_, command.steps[i], command.position_steps[i]);
-      record_.violation_motor = static_cast<int>(i);
-      if (record_.violation) return false;
-    }
-    return true;
-  }
-  [[nodiscard]] StepTimingRecord record() const {
-    StepTimingRecord record = record_;
-    for (const auto& check : checks_) record.motors.push_back(check.statistics());
-    return record;
-  }
-
- private:
-  std::deque<stepcheck::MotorCheck> checks_;
-  std::vector<stepcheck::Burst> bursts_;
-  StepTimingRecord record_;
-};
-
 // Keeps the controller's plans with what the contact then shows.
 class PlanWatch {
  public:
@@ -148,10 +94,10 @@ class PlanWatch {
     if (status.planned != 0 && (!current_ || status.plan_tick != plan_tick_)) {
       plan_tick_ = status.plan_tick;
       current_ = status.mode == controller_status_t::MODE_MOVING ? &result.move : &result.stop;
-      *current_ = PlanRecord{
-          static_cast<double>(plan_tick_) * period_s_,
-          {status.plan_duration_s, status.plan_normal_force_min_n, status.plan_mu_required_max, status.plan_margin_min},
-          1};
+      *current_ = PlanRecord{static_cast<double>(plan_tick_) * period_s_,
+                             {status.plan_duration_s, status.plan_horizon_s, status.plan_normal_force_min_n,
+                              status.plan_mu_required_max, status.plan_margin_min},
+                             1};
     }
     const contact_t& contact = lap.plant.contact;
     if (!current_ || contact.tick < plan_tick_ || contact.regime == contact_t::REGIME_FLIGHT) return;
@@ -277,7 +223,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       result.latency_ticks = tick - lap.trip.trip_tick;
     }
 
-    if (step_check && !step_check->see(lap.steps, lap.status.mode == controller_status_t::MODE_RUNNING)) {
+    if (step_check && (!step_check->see(lap.status, lap.steps) || (last && !step_check->finish()))) {
       result.end_reason = EndReason::kStepTiming;
       break;
     }

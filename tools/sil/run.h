@@ -12,7 +12,7 @@
 #include "sim/plant.h"
 #include "tools/sil/lap.h"
 #include "tools/sil/recorder.h"
-#include "tools/stepcheck/step_check.h"
+#include "tools/sil/step_timing.h"
 
 namespace ballast::sil {
 
@@ -34,14 +34,6 @@ struct ControllerTrip {
   std::vector<step_command_t> history;  // the last commands up to then, oldest first; at most kHistoryTicks
 };
 inline constexpr std::size_t kHistoryTicks = 8;
-
-// What the check of the step pulses has found; tools/stepcheck.
-struct StepTimingRecord {
-  std::vector<stepcheck::Statistics> motors;
-  std::optional<std::int64_t> motion_left_tick;  // from whose pulses on only spacing, set-up and counts are checked
-  std::optional<stepcheck::Violation> violation;
-  int violation_motor = -1;
-};
 
 // A stop or a move: what the controller predicted before its first step (firmware/control/prediction.h), and the least
 // margin of the plant's contact messages while it lasted (samples, as long as the ball was in contact).

@@ -5,6 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "tools/sil/controller_words.h"
+
 namespace ballast::sil {
 
 namespace {
@@ -94,6 +96,7 @@ Json plan_json(const std::optional<PlanRecord>& plan) {
   if (!plan) return nullptr;
   return {{"start", plan->start_s},
           {"duration", plan->predicted.duration_s},
+          {"predicted_for", plan->predicted.horizon_s},
           {"predicted_normal_force_min", finite_or_null(plan->predicted.normal_force_min_n)},
           {"predicted_mu_required_max", finite_or_null(plan->predicted.mu_required_max)},
           {"predicted_margin_min", finite_or_null(plan->predicted.margin_min)},
@@ -147,6 +150,7 @@ Json step_timing_json(const StepTimingRecord& record) {
   }
   Json json;
   json["checked_steps"] = checked;
+  json["plan_steps"] = record.plan_steps;
   json["steps_outside_the_motion"] = structural;
   json["motion_left_tick"] = record.motion_left_tick ? Json(*record.motion_left_tick) : Json(nullptr);
   json["max_error_us"] = max_error_us;
@@ -357,10 +361,10 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     if (!*plan) continue;
     const PlanRecord& p = **plan;
     text += format(
-        "  %s        from t = %.6g s, %.6g s; predicted before it: least N %.6g N, most f_s/N %.6f, least margin "
+        "  %s        from t = %.6g s, %.6g s; predicted before it%s: least N %.6g N, most f_s/N %.6f, least margin "
         "%.4f; seen %.4f\n",
-        name, p.start_s, p.predicted.duration_s, p.predicted.normal_force_min_n, p.predicted.mu_required_max,
-        p.predicted.margin_min, p.seen_margin_min);
+        name, p.start_s, p.predicted.duration_s, horizon_text(p.predicted.duration_s, p.predicted.horizon_s).c_str(),
+        p.predicted.normal_force_min_n, p.predicted.mu_required_max, p.predicted.margin_min, p.seen_margin_min);
   }
   text += format("  least N     %.6g N at t = %.4f s\n", x.normal_force_min.value, x.normal_force_min.time_s);
   if (std::isfinite(x.mu_required_max.value)) {
@@ -411,10 +415,11 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     }
     text += format("  step timing %lld steps checked, the worst %.3f us from its crossing (allowed %.3g)",
                    static_cast<long long>(checked), max_error_us, tolerance_us);
-    if (result.step_timing->motion_left_tick) {
-      text += format("; from tick %lld on, off the scenario's motion, %lld by spacing, set-up and counts only",
-                     static_cast<long long>(*result.step_timing->motion_left_tick), static_cast<long long>(structural));
+    if (result.step_timing->plan_steps > 0) {
+      text += format("; %lld of them of stops and moves", static_cast<long long>(result.step_timing->plan_steps));
     }
+    if (structural > 0)
+      text += format("; %lld more by spacing, set-up and counts only", static_cast<long long>(structural));
     text += "\n";
   }
   double margin = 1;
