@@ -208,7 +208,8 @@ void carry_along(const Body& body, const double* position, const double* velocit
       continue;
     }
     // The same written out, in two thirds of the instructions: circles are what most robots have.
-    const double c = rail.radius_m * std::cos(position[i]), s = rail.radius_m * std::sin(position[i]);
+    const firmware::SinCos<double> angle = firmware::sin_cos(position[i]);
+    const double c = rail.radius_m * angle.cos, s = rail.radius_m * angle.sin;
     const double squared = velocity[i] * velocity[i];
     const double c2 = acceleration[i] * c - squared * s, s2 = acceleration[i] * s + squared * c;
     const double c1 = velocity[i] * c, s1 = velocity[i] * s;

@@ -58,7 +58,7 @@ DetachedMotion detached_motion(const BallParams& ball, const Quaternion& orienta
 }
 
 DetachedDiskMotion detached_disk_motion(const BallParams& ball, const DiskState& disk, const MassMotion& masses) {
-  const Real sin_phi = std::sin(disk.angle_rad), cos_phi = std::cos(disk.angle_rad);
+  const auto [sin_phi, cos_phi] = sin_cos(disk.angle_rad);
   const Real force1 = ball.external_force_W_n[0], force3 = ball.external_force_W_n[2];
 
   std::array<detail::DiskMass, kMaxMasses + 1> all;

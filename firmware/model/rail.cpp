@@ -20,9 +20,10 @@ Rail circle(const Vector3& center_B_m, Real radius_m, const Vector3& axis_cos_B,
 }
 
 Rail circle_about(Real radius_m, Real azimuth_rad, Real elevation_rad) {
-  const Real nx = std::cos(elevation_rad) * std::cos(azimuth_rad);
-  const Real ny = std::cos(elevation_rad) * std::sin(azimuth_rad);
-  const Real nz = std::sin(elevation_rad);
+  const SinCos<Real> elevation = sin_cos(elevation_rad), azimuth = sin_cos(azimuth_rad);
+  const Real nx = elevation.cos * azimuth.cos;
+  const Real ny = elevation.cos * azimuth.sin;
+  const Real nz = elevation.sin;
   Vector3 b1(0, -1, 0);
   if (nz >= -0.9999999) {
     const Real a = 1 / (1 + nz);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <complex>
 
+#include "firmware/model/sin_cos.h"
 #include "firmware/model/types.h"
 
 namespace ballast::firmware {
@@ -86,15 +87,14 @@ template <class T>
   return p;
 }
 
-// Any scalar T with sin and cos, so that derivatives by complex step are possible.
+// Any scalar T that sin_cos() takes, so that derivatives by complex step are possible.
 template <class T>
 [[gnu::always_inline]] inline RailPoint<T> evaluate(const Rail& rail, const T& theta) {
-  using std::cos;
-  using std::sin;
   RailPoint<T> p;
   if (rail.shape == RailShape::kCircle) {
-    const T c = rail.radius_m * cos(theta);
-    const T s = rail.radius_m * sin(theta);
+    const SinCos<T> angle = sin_cos(theta);
+    const T c = rail.radius_m * angle.cos;
+    const T s = rail.radius_m * angle.sin;
     for (int j = 0; j < 3; ++j) {
       const T radial = rail.axis_cos_B[j] * c + rail.axis_sin_B[j] * s;
       p.position[j] = rail.origin_B_m[j] + radial;

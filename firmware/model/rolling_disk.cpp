@@ -7,13 +7,14 @@
 namespace ballast::firmware {
 
 Quaternion orientation_of(const DiskState& disk) {
-  return Quaternion(std::cos(disk.angle_rad / 2), 0, -std::sin(disk.angle_rad / 2), 0);
+  const SinCos<Real> half = sin_cos(disk.angle_rad / 2);
+  return Quaternion(half.cos, 0, -half.sin, 0);
 }
 
 Vector3 angular_velocity_of(const DiskState& disk) { return Vector3(0, -disk.angular_velocity_radps, 0); }
 
 RollingDiskForces rolling_disk_forces(const BallParams& ball, const DiskState& disk, const MassMotion& masses) {
-  const Real sin_phi = std::sin(disk.angle_rad), cos_phi = std::cos(disk.angle_rad);
+  const auto [sin_phi, cos_phi] = sin_cos(disk.angle_rad);
   const Real spin = disk.angular_velocity_radps;
   const Real r = ball.radius_m, g = ball.gravity_mps2;
   const Real force1 = ball.external_force_W_n[0], force3 = ball.external_force_W_n[2];

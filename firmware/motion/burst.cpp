@@ -90,7 +90,7 @@ PulseRules::PulseRules(const StepTiming& timing, Real max_step_rate_hz)
       setup_ticks(std::max(timing.direction_setup_s * timing.timer_frequency_hz - 1e-6, 0.0)),
       // Rounding to timer ticks may bring two pulses closer by one tick, which the set-up time does not allow for.
       touch_ticks(std::max(std::max(tolerance_ticks, spacing_ticks - kNoiseTicks), setup_ticks + 1 + kNoiseTicks)),
-      gap(std::max(1, up_to_int32(spacing_ticks - 1 - kNoiseTicks))),
+      gap(std::max(std::int32_t{1}, up_to_int32(spacing_ticks - 1 - kNoiseTicks))),
       turn_gap(std::max(gap, up_to_int32(setup_ticks))),
       may_delay(timing.may_delay) {
   // A period that is whole but for the rounding of the product.

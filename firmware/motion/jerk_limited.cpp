@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "firmware/motion/cube_root.h"
+
 namespace ballast::firmware {
 
 namespace {
@@ -89,7 +91,7 @@ bool plan_move(Real distance, const MotionLimits& limits, Real duration_s, Plann
   if (length >= 2 * a_max / jerk * triangle) {
     top = (std::sqrt(triangle * triangle + 4 * a_max * length) - triangle) / 2;
   } else {
-    const Real peak = std::cbrt(length * jerk * jerk / 2);
+    const Real peak = cube_root(length * jerk * jerk / 2);
     top = peak * peak / jerk;
   }
   top = std::fmin(top, limits.max_velocity);

@@ -272,7 +272,7 @@ StepError generate_steps(const Profile& profile, Real t0_s, Real position_zero, 
 
   Pulses pulses(out.position_steps[m], rules, timing.timer_frequency_hz);
   const Walk walk(profile, t0_s, position_zero, steps_per_unit);
-  const bool few = walk.spans(std::fmax(-t0_s, 0.0), timing.control_period_s,
+  const bool few = walk.spans(std::max(-t0_s, 0.0), timing.control_period_s,
                               [&pulses](const StepCubic& cubic, Real begin_s, Real end_s, Real start_s) {
                                 return pulses.follow(cubic, begin_s, end_s, start_s);
                               });

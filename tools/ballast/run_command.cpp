@@ -1,4 +1,5 @@
 // ballast run: the main job.
+#include <cstdio>
 #include <cstdlib>
 #include <iostream>
 #include <memory>
@@ -9,6 +10,7 @@
 #include "tools/program/program.h"
 #include "tools/sil/in_process_peers.h"
 #include "tools/sil/lcm_peers.h"
+#include "tools/sil/qemu_peers.h"
 #include "tools/sil/record_run.h"
 
 namespace ballast {
@@ -23,6 +25,8 @@ struct RunCommand {
   sil::RecordOptions record;
   bool processes = false;
   bool by_hand = false;
+  std::string firmware = "host";
+  std::string elf;  // empty: the one built beside this program
   bool pictures = false;
 };
 
@@ -67,6 +71,36 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
   return sil::record_run("ballast", scenario, peers, output, record);
 }
 
+// The lines of the target under the summary.
+void print_target(const sil::TargetRecord& target) {
+  const auto instructions = [&](double counts) {
+    return static_cast<long long>(counts * target.instructions_per_count);
+  };
+  std::printf("  firmware    on %s in QEMU: %lld to %lld instructions per tick (most in tick %lld), %lld in the mean\n",
+              target.board.c_str(), instructions(target.min_counts), instructions(target.max_counts),
+              static_cast<long long>(target.max_tick),
+              instructions(static_cast<double>(target.sum_counts) / static_cast<double>(target.ticks)));
+  if (!target.farewell) return;
+  std::printf("  pins        %lld pulses given as commanded, at most %.2f us late; stack %u of %u bytes\n",
+              static_cast<long long>(target.pulses), 1e6 * target.farewell->max_late_counts / target.counter_hz,
+              target.farewell->stack_used_bytes, target.farewell->stack_bytes);
+}
+
+int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const firmware::ControllerParams& params,
+                lcm::LCM* bus, sil::OutputDir& output) {
+  sil::RecordOptions record = command.record;
+  record.bus = bus;
+  sil::QemuPeersOptions options;
+  options.qemu.elf = command.elf.empty() ? program::default_firmware() : command.elf;
+  options.start_timeout = sil::Seconds(command.bus.start_timeout_s);
+  options.peer_timeout = sil::Seconds(command.bus.peer_timeout_s);
+  options.interrupted = record.interrupted;
+  sil::QemuPeers peers(scenario, params, program::to_monitor_limits(scenario), options);
+  const int exit_status = sil::record_run("ballast", scenario, peers, output, record);
+  if (!record.quiet && peers.record().farewell) print_target(peers.record());
+  return exit_status;
+}
+
 void draw_pictures(const sil::OutputDir& output) {
   std::error_code code;
   const auto plot = std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / "ballast-plot";
@@ -84,6 +118,14 @@ int run(const RunCommand& command) {
   const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
   if (command.record.check_steps && !has_controller) {
     program::complain("ballast", "--check-steps: a run with prescribed masses has no steps; allowed with steppers");
+    return program::kExitUsage;
+  }
+  const bool in_qemu = command.firmware == "qemu";
+  if (in_qemu && (!has_controller || command.processes)) {
+    program::complain("ballast", std::string("--firmware qemu: ") +
+                                     (has_controller ? "not together with --processes"
+                                                     : "a run with prescribed masses has no controller; allowed with "
+                                                       "steppers"));
     return program::kExitUsage;
   }
   auto params = std::make_unique<firmware::ControllerParams>();
@@ -127,10 +169,11 @@ int run(const RunCommand& command) {
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name : command.out);
   if (!output.good()) return fail(output.error());
 
-  const int exit_status = command.processes
-                              ? run_in_processes(with_signals, *scenario, has_controller, *peers_bus, output)
-                              : run_in_one_process(with_signals, *scenario, has_controller ? params.get() : nullptr,
-                                                   watchers_bus.get(), output);
+  const int exit_status =
+      command.processes ? run_in_processes(with_signals, *scenario, has_controller, *peers_bus, output)
+      : in_qemu         ? run_in_qemu(with_signals, *scenario, *params, watchers_bus.get(), output)
+                        : run_in_one_process(with_signals, *scenario, has_controller ? params.get() : nullptr,
+                                             watchers_bus.get(), output);
   if (command.pictures && (exit_status == program::kExitCompleted || exit_status == program::kExitEnvelope)) {
     draw_pictures(output);
   }
@@ -152,6 +195,13 @@ std::function<int()> add_run_command(CLI::App& app, CLI::App*& command) {
   command->add_flag("--by-hand", options->by_hand,
                     "arm the controller, and leave start, stop and moves to ballast operate and ballast move on the "
                     "bus; at the wall clock's pace unless --speed says otherwise");
+  command
+      ->add_option("--firmware", options->firmware,
+                   "host: compiled into this program; qemu: the one built for a microcontroller, in QEMU")
+      ->check(CLI::IsMember({"host", "qemu"}))
+      ->capture_default_str();
+  command->add_option("--firmware-elf", options->elf, "for --firmware qemu; default: the one tools/firmware has built")
+      ->check(program::not_empty());
   command->add_flag("--pictures", options->pictures, "draw the pictures when it is done");
   command->add_flag("--check-steps", options->record.check_steps,
                     "hold every step pulse against the motion, by other code than made it");

@@ -84,6 +84,12 @@ void add_bus_options(CLI::App& app, BusOptions& options) {
       ->capture_default_str();
 }
 
+std::string default_firmware() {
+  std::error_code error;
+  const auto folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
+  return (folder / "ballast-mps2_an500.elf").string();
+}
+
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   try {
     app.parse(argc, argv);

@@ -17,6 +17,11 @@ inline constexpr int kExitCompleted = 0;    // inside the envelope
 inline constexpr int kExitUsage = 1;        // bad command line or scenario
 inline constexpr int kExitCouldNotRun = 2;  // files, bus, a peer lost
 inline constexpr int kExitEnvelope = 3;     // the envelope was violated, or the monitor tripped
+// Of runs with the firmware on a microcontroller:
+inline constexpr int kExitFirmwareFault = 4;    // it took a fault, its stack's guard included
+inline constexpr int kExitFirmwareHung = 5;     // its watchdog ended it
+inline constexpr int kExitLate = 6;             // a control tick, or a step pulse, came late
+inline constexpr int kExitForeignFirmware = 7;  // types, build or parameters are not this program's
 
 struct ScenarioOptions {
   std::string scenario;               // a file, or the name of one that ships
@@ -39,6 +44,9 @@ CLI::Validator not_empty();
 // Both structs must outlive the parsing.
 void add_scenario_options(CLI::App& app, ScenarioOptions& options);
 void add_bus_options(CLI::App& app, BusOptions& options);
+
+// The microcontroller's firmware that was built beside this program.
+[[nodiscard]] std::string default_firmware();
 
 // A value: the program ends here with this status; help or the error has been printed.
 [[nodiscard]] std::optional<int> parse(CLI::App& app, int argc, char** argv);

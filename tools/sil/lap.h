@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "hal/status.h"
+#include "tools/program/program.h"
 #include "tools/sil/plant_messages.h"
 
 namespace ballast::sil {
@@ -31,6 +32,8 @@ class Peers {
   virtual hal::Status exchange(Lap& lap) = 0;
   // After a failure, the whole story in one line.
   [[nodiscard]] virtual std::string trouble() const = 0;
+  // And the program's exit status for it.
+  [[nodiscard]] virtual int exit_status() const { return program::kExitCouldNotRun; }
 };
 
 }  // namespace ballast::sil

@@ -43,7 +43,10 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     return program::kExitCouldNotRun;
   };
   // Only once the run can begin does it replace what an earlier one has left.
-  if (peers.connect() != hal::Status::kOk) return fail(peers.trouble());
+  if (peers.connect() != hal::Status::kOk) {
+    program::complain(program_name, peers.trouble());
+    return peers.exit_status();
+  }
   output.clear();
   Recorder recorder(output.log_path(), options.bus, options.unbuffered);
   if (!recorder.good()) return fail(recorder.error());
@@ -68,8 +71,10 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     program::complain(program_name, "the controller refuses the move: " + result.refusal);
     return program::kExitUsage;
   }
-  if (result.status != hal::Status::kOk)
-    return fail(result.trouble + "; " + output.log_path() + " holds what happened up to then");
+  if (result.status != hal::Status::kOk) {
+    program::complain(program_name, result.trouble + "; " + output.log_path() + " holds what happened up to then");
+    return peers.exit_status();
+  }
   if (!output.write_summary(summary_json(scenario, result))) return fail(output.error());
   if (!options.quiet) std::cout << summary_text(scenario, result, output.path()) << std::flush;
   if (!options.quiet && !std::cout)

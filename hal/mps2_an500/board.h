@@ -1,0 +1,23 @@
+// Everything that is particular to this board: clocks, addresses, interrupts, pins. ARM MPS2 with the Cortex-M7 image
+// AN500 (ARM DAI 0500), as QEMU's machine mps2-an500 has it.
+#pragma once
+
+#include <cstdint>
+
+namespace ballast::hal::mps2_an500 {
+
+inline constexpr const char* kName = "mps2_an500";
+inline constexpr std::uint32_t kClockHz = 25000000;  // of the processor's tick timer, both timers and the watchdog
+
+// Peripherals (Cortex-M System Design Kit, ARM DDI 0479).
+inline constexpr std::uintptr_t kTimer0 = 0x40000000;        // step pulses
+inline constexpr std::uintptr_t kTimer1 = 0x40001000;        // free-running
+inline constexpr std::uintptr_t kWatchdogBase = 0x40008000;  // its first expiry is the NMI
+inline constexpr std::uintptr_t kGpio0 = 0x40010000;  // DATAOUT at +4: bit 2 i step, bit 2 i + 1 direction of motor i
+inline constexpr int kTimer0Irq = 8;
+inline constexpr int kIrqCount = 32;
+
+// The board's ticks may be this late before the watchdog ends it all.
+inline constexpr std::uint32_t kWatchdogTicks = 4;
+
+}  // namespace ballast::hal::mps2_an500

@@ -1,0 +1,76 @@
+// hal::target::Machine on this board. Everything is static: there is one of each piece of hardware.
+#pragma once
+
+#include "hal/mps2_an500/board.h"
+#include "hal/mps2_an500/registers.h"
+#include "hal/target/machine.h"
+#include "hal/target/step_player.h"
+
+namespace ballast::hal::mps2_an500 {
+
+struct StepPins {
+  static std::uint32_t now() { return reg(kSysTickReload) - reg(kSysTickValue); }
+  static std::uint32_t period() { return reg(kSysTickReload) + 1; }
+  static void arm(std::uint32_t counts) {
+    reg(kTimer0 + 4) = counts;  // VALUE; reload is the longest there is, so that it comes once
+    reg(kTimer0) = 9;           // enable, interrupt
+  }
+  static void disarm() { reg(kTimer0) = 0; }
+  // The drivers step on both edges.
+  static void pulse(std::uint8_t motor, std::int8_t direction) {
+    const std::uint32_t step = 1u << (2 * motor), turn = step << 1;
+    levels = ((direction > 0) ? levels & ~turn : levels | turn) ^ step;
+    reg(kGpio0 + 4) = levels;
+  }
+  static inline std::uint32_t levels = 0;
+};
+
+class Machine {
+ public:
+  static constexpr const char* kName = mps2_an500::kName;
+  static constexpr std::uint32_t kCounterHz = kClockHz;
+
+  // The first two words of the command line: the files the link is read from and written to. False: they cannot be
+  // opened.
+  [[nodiscard]] bool open_link();
+
+  Status read(std::span<std::uint8_t> bytes, std::size_t& count);
+  Status write(std::span<const std::uint8_t> bytes);
+  [[nodiscard]] bool start(const firmware::ControllerParams& params, const target::Commit& commit);
+  std::uint32_t wait_tick();
+  [[nodiscard]] bool tick_due() const { return ticks_begun_ != ticks_served_; }
+  [[nodiscard]] std::uint32_t counter() const { return ~reg(kTimer1 + 4); }
+  void load(const firmware::StepCommand& steps) {
+    if (play_) player_.load(steps);
+  }
+  [[nodiscard]] const target::PlayedPulses& played() const { return player_.played(); }
+  void kick_watchdog() { reg(kWatchdogBase + 0x0c) = 1; }
+  void report(target::Farewell& farewell) const;
+
+  // For the interrupts.
+  void on_tick() {
+    ticks_begun_ = ticks_begun_ + 1;
+    player_.begin_tick();
+  }
+  void on_step_timer() {
+    reg(kTimer0 + 0x0c) = 1;
+    player_.on_timer();
+  }
+
+ private:
+  std::int32_t in_ = -1, out_ = -1;
+  volatile std::uint32_t ticks_begun_ = 0;
+  std::uint32_t ticks_served_ = 0;
+  bool play_ = true;
+  target::StepPlayer<StepPins> player_;
+};
+
+static_assert(target::Machine<Machine>);
+
+// The board.
+extern Machine machine;
+
+// The text after the first two words of the command line.
+const char* command_line_rest();
+
+}  // namespace ballast::hal::mps2_an500

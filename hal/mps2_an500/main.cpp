@@ -1,0 +1,13 @@
+// The firmware on this board, over its link.
+#include "hal/mps2_an500/machine.h"
+#include "hal/mps2_an500/startup.h"
+#include "hal/target/build_id.h"
+#include "hal/target/serve.h"
+
+using namespace ballast::hal;
+
+int main() {
+  using mps2_an500::Exit;
+  if (!mps2_an500::machine.open_link()) return static_cast<int>(Exit::kNoLink);
+  return mps2_an500::exit_of(target::serve(mps2_an500::machine, {.sources = target::kSourcesId}));
+}

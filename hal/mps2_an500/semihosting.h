@@ -1,0 +1,54 @@
+// Files and exit of the machine QEMU runs on: ARM's semihosting (ARM IHI 0054, "Semihosting for AArch32 and AArch64").
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace ballast::hal::mps2_an500::semihosting {
+
+inline std::int32_t call(std::uint32_t operation, const void* arguments) {
+  register std::uint32_t r0 asm("r0") = operation;
+  register const void* r1 asm("r1") = arguments;
+  asm volatile("bkpt 0xab" : "+r"(r0) : "r"(r1) : "memory");
+  return static_cast<std::int32_t>(r0);
+}
+
+enum class Mode : std::uint32_t { kRead = 1, kWrite = 5 };  // fopen's "rb" and "wb"
+
+// < 0: it could not be opened.
+inline std::int32_t open(const char* name, std::size_t length, Mode mode) {
+  const std::uint32_t arguments[3] = {reinterpret_cast<std::uint32_t>(name), static_cast<std::uint32_t>(mode), length};
+  return call(0x01, arguments);
+}
+
+// Bytes transferred; waits until there are some. 0: the other end is closed.
+inline std::size_t read(std::int32_t file, std::span<std::uint8_t> bytes) {
+  const std::uint32_t arguments[3] = {static_cast<std::uint32_t>(file), reinterpret_cast<std::uint32_t>(bytes.data()),
+                                      bytes.size()};
+  const std::int32_t missing = call(0x06, arguments);
+  return missing < 0 || static_cast<std::size_t>(missing) > bytes.size()
+             ? 0
+             : bytes.size() - static_cast<std::size_t>(missing);
+}
+inline std::size_t write(std::int32_t file, std::span<const std::uint8_t> bytes) {
+  const std::uint32_t arguments[3] = {static_cast<std::uint32_t>(file), reinterpret_cast<std::uint32_t>(bytes.data()),
+                                      bytes.size()};
+  const std::int32_t missing = call(0x05, arguments);
+  return missing < 0 || static_cast<std::size_t>(missing) > bytes.size()
+             ? 0
+             : bytes.size() - static_cast<std::size_t>(missing);
+}
+
+// What QEMU was given with arg=..., separated by spaces. False: nothing, or more than fits.
+inline bool command_line(std::span<char> text) {
+  std::uint32_t arguments[2] = {reinterpret_cast<std::uint32_t>(text.data()), text.size()};
+  return call(0x15, arguments) == 0;
+}
+
+[[noreturn]] inline void exit(std::uint32_t status) {
+  const std::uint32_t arguments[2] = {0x20026, status};  // ADP_Stopped_ApplicationExit
+  for (;;) call(0x20, arguments);
+}
+
+}  // namespace ballast::hal::mps2_an500::semihosting

@@ -1,0 +1,154 @@
+#include "hal/mps2_an500/startup.h"
+
+#include "hal/mps2_an500/machine.h"
+#include "hal/mps2_an500/semihosting.h"
+
+using namespace ballast::hal;
+using namespace ballast::hal::mps2_an500;
+
+// From the linker script.
+extern "C" {
+extern std::uint32_t ballast_guard_begin[], ballast_stack_begin[], ballast_stack_end[];
+extern std::uint32_t ballast_data_begin[], ballast_data_end[], ballast_data_load[];
+extern std::uint32_t ballast_bss_begin[], ballast_bss_end[];
+extern void (*ballast_init_begin[])();
+extern void (*ballast_init_end[])();
+int main();
+void ballast_start();
+[[noreturn]] void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause);
+}
+
+namespace {
+
+constexpr std::uint32_t kPaint = 0xa5a5a5a5;
+constexpr std::uint32_t kGuardLog2 = 11;  // 2 KiB; the linker script says the same
+
+// The faults' own stack: the one that has just overflowed is of no use.
+alignas(8) std::uint32_t fault_stack[512];
+
+void guard_stack() {
+  reg(kMpuRegion) = 0;
+  reg(kMpuBase) = reinterpret_cast<std::uint32_t>(ballast_guard_begin);
+  reg(kMpuAttributes) = 1u << 28 | (kGuardLog2 - 1) << 1 | 1;  // execute never, no access, enabled
+  // Everything else as without MPU; and off in NMI and HardFault, whose entry may lie in the guard.
+  reg(kMpuControl) = 1u << 2 | 1;
+  asm volatile("dsb\n isb" ::: "memory");
+}
+
+}  // namespace
+
+std::uint32_t mps2_an500::stack_bytes() {
+  return static_cast<std::uint32_t>(ballast_stack_end - ballast_stack_begin) * 4;
+}
+
+std::uint32_t mps2_an500::stack_used_bytes() {
+  const std::uint32_t* untouched = ballast_stack_begin;
+  while (untouched != ballast_stack_end && *untouched == kPaint) ++untouched;
+  return static_cast<std::uint32_t>(ballast_stack_end - untouched) * 4;
+}
+
+extern "C" {
+
+// No C++ may run before the FPU is on, so this begins in assembler; it also paints the stack it does not use.
+[[gnu::naked, noreturn]] void ballast_reset() {
+  asm volatile(
+      "ldr r0, =0xe000ed88\n"
+      "ldr r1, [r0]\n"
+      "orr r1, r1, #0xf00000\n"
+      "str r1, [r0]\n"
+      "dsb\n isb\n"
+      "ldr r0, =ballast_stack_begin\n"
+      "ldr r1, =ballast_stack_end\n"
+      "ldr r2, =0xa5a5a5a5\n"
+      "1: cmp r0, r1\n"
+      "it lo\n"
+      "strlo r2, [r0], #4\n"
+      "blo 1b\n"
+      "b ballast_start\n");
+}
+
+void ballast_start() {
+  const std::uint32_t* from = ballast_data_load;
+  for (std::uint32_t* to = ballast_data_begin; to != ballast_data_end; ++to) *to = *from++;
+  for (std::uint32_t* to = ballast_bss_begin; to != ballast_bss_end; ++to) *to = 0;
+  guard_stack();
+  reg(kCcr) = reg(kCcr) | 1u << 4;  // dividing by zero is a fault
+  // Tick and step interrupt have the same priority: neither comes between the other's lines.
+  reg(kSystemPriority3) = 0x40u << 24;
+  reg(kNvicPriority + kTimer0Irq) = 0x40;
+  reg(kTimer1 + 8) = 0xffffffff;  // counts down all the time
+  reg(kTimer1 + 4) = 0xffffffff;
+  reg(kTimer1) = 1;
+  for (auto init = ballast_init_begin; init != ballast_init_end; ++init) (*init)();
+  semihosting::exit(static_cast<std::uint32_t>(main()));
+}
+
+void ballast_sys_tick() { machine.on_tick(); }
+void ballast_timer0() { machine.on_step_timer(); }
+
+// r4..r11 onto the faults' own stack, then C++. The frame the processor pushed is at msp or, never here, at psp.
+#define BALLAST_FAULT_ENTRY(cause)                       \
+  asm volatile(                                          \
+      "mrs r1, msp\n"                                    \
+      "ldr r0, =%c0\n"                                   \
+      "mov sp, r0\n"                                     \
+      "push {r4-r11}\n"                                  \
+      "mov r0, sp\n"                                     \
+      "mov r2, %1\n"                                     \
+      "b ballast_last_words\n" ::"i"(fault_stack + 512), \
+      "i"(cause))
+
+[[gnu::naked, noreturn]] void ballast_fault() { BALLAST_FAULT_ENTRY(0); }
+[[gnu::naked, noreturn]] void ballast_nmi() { BALLAST_FAULT_ENTRY(2); }
+
+void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause) {
+  reg(kTimer0) = 0;  // no more pulses
+  target::LastWords words;
+  words.cause = static_cast<target::Cause>(cause);
+  words.cfsr = reg(kCfsr);
+  words.hfsr = reg(kHfsr);
+  words.mmfar = reg(kMmfar);
+  words.bfar = reg(kBfar);
+  // Of a frame that could not be pushed whole nothing is known.
+  constexpr std::uint32_t kStackingErrors = 1u << 4 | 1u << 5 | 1u << 12 | 1u << 13;
+  const bool in_guard = frame < ballast_stack_begin && frame >= ballast_guard_begin;
+  const auto guard = reinterpret_cast<std::uint32_t>(ballast_guard_begin);
+  const bool guard_hit = (words.cfsr & 1u << 7) != 0 && words.mmfar >= guard &&
+                         words.mmfar < reinterpret_cast<std::uint32_t>(ballast_stack_begin);
+  if (cause == 0 && (in_guard || guard_hit || (words.cfsr & kStackingErrors) != 0)) {
+    words.cause = target::Cause::kStackOverflow;
+  }
+  words.sp = reinterpret_cast<std::uint32_t>(frame + 8);
+  if ((words.cfsr & kStackingErrors) == 0) {
+    for (std::size_t i = 0; i < 4; ++i) words.r[i] = frame[i];
+    words.r[12] = frame[4];
+    words.lr = frame[5];
+    words.pc = frame[6];
+    words.xpsr = frame[7];
+  }
+  for (std::size_t i = 0; i < 8; ++i) words.r[4 + i] = registers[i];
+  static std::uint8_t bytes[256];
+  const std::size_t size = target::encode(words, 0, bytes);
+  static_cast<void>(machine.write(std::span<const std::uint8_t>(bytes).first(size)));
+  semihosting::exit(static_cast<std::uint32_t>(cause == 2 ? Exit::kWatchdog : Exit::kFault));
+}
+
+using Vector = void (*)();
+struct Vectors {
+  const std::uint32_t* stack;
+  Vector system[15];
+  Vector irq[kIrqCount];
+};
+
+extern const Vectors ballast_vectors;
+[[gnu::section(".vectors")]] constinit const Vectors ballast_vectors = [] {
+  Vectors v{ballast_stack_end, {}, {}};
+  for (Vector& vector : v.system) vector = ballast_fault;
+  for (Vector& vector : v.irq) vector = ballast_fault;
+  v.system[0] = ballast_reset;
+  v.system[1] = ballast_nmi;
+  v.system[14] = ballast_sys_tick;
+  v.irq[kTimer0Irq] = ballast_timer0;
+  return v;
+}();
+}

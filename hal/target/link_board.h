@@ -1,0 +1,117 @@
+// hal::Board on a microcontroller: one exchange over the link per control tick. See hal/README.md for how the board's
+// time and the world's go together.
+#pragma once
+
+#include "hal/board.h"
+#include "hal/target/link.h"
+
+namespace ballast::hal::target {
+
+template <Machine M>
+class LinkBoard {
+ public:
+  LinkBoard(M& machine, Link<M>& link) : machine_(machine), link_(link) {}
+  LinkBoard(const LinkBoard&) = delete;
+  LinkBoard& operator=(const LinkBoard&) = delete;
+
+  // First the board's own tick, then the world's message about it.
+  Status wait_tick(std::int64_t& tick) {
+    if (last_) return Status::kEnded;
+    const std::uint32_t begun = machine_.wait_tick();
+    if (ticked_) overruns_ += begun - 1;
+    for (;;) {
+      Frame frame;
+      if (const Status s = link_.receive(frame); s != Status::kOk) return s;
+      world_.command_count = 0;
+      if (!decode(frame, world_)) {
+        ++counters_.malformed;
+        return Status::kIo;
+      }
+      if (ticked_ && frame.tick == tick_) {
+        ++counters_.repeated;
+      } else if (ticked_ && frame.tick != tick_ + 1) {
+        ++counters_.out_of_order;
+      } else {
+        tick_ = frame.tick;
+        break;
+      }
+    }
+    ticked_ = true;
+    last_ = world_.last;
+    has_sensors_ = true;
+    has_verdict_ = world_.has_verdict;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(world_.command_count); ++i) queue(world_.commands[i]);
+    tick = tick_;
+    inputs_came_ = machine_.counter();
+    return Status::kOk;
+  }
+  [[nodiscard]] std::int64_t overruns() const { return overruns_ + (machine_.tick_due() ? 1 : 0); }
+
+  Status read_sensors(firmware::Sensors& sensors) {
+    if (!has_sensors_) return Status::kEmpty;
+    sensors = world_.sensors;
+    has_sensors_ = false;
+    return Status::kOk;
+  }
+  Status read_verdict(firmware::MonitorVerdict& verdict) {
+    if (!has_verdict_) return Status::kEmpty;
+    verdict = world_.verdict;
+    has_verdict_ = false;
+    return Status::kOk;
+  }
+  Status read_operator(firmware::OperatorInput& command) {
+    if (command_count_ == 0) return Status::kEmpty;
+    command = commands_[first_command_];
+    first_command_ = (first_command_ + 1) % commands_.size();
+    --command_count_;
+    return Status::kOk;
+  }
+
+  Status write_steps(const firmware::StepCommand& steps) {
+    tick_counts_ = machine_.counter() - inputs_came_;
+    machine_.load(steps);
+    steps_ = steps;
+    return Status::kOk;
+  }
+  Status write_status(const firmware::ControllerStatus& status) {
+    return link_.send_payload(MessageType::kReply, tick_, [&](Writer& writer) {
+      reply_fields(writer, status, steps_, tick_counts_, machine_.played());
+    });
+  }
+  void kick_watchdog() {
+    ++watchdog_kicks_;
+    machine_.kick_watchdog();
+  }
+
+  [[nodiscard]] const LinkCounters& counters() const { return counters_; }
+  [[nodiscard]] std::int64_t watchdog_kicks() const { return watchdog_kicks_; }
+  [[nodiscard]] std::int64_t tick() const { return tick_; }
+
+ private:
+  // Full: the operator has said more than anybody can mean; the newest is not heard, and counted.
+  void queue(const firmware::OperatorInput& command) {
+    if (command_count_ == commands_.size()) {
+      ++counters_.malformed;
+      return;
+    }
+    commands_[(first_command_ + command_count_++) % commands_.size()] = command;
+  }
+
+  M& machine_;
+  Link<M>& link_;
+  World world_;
+  bool ticked_ = false;
+  bool last_ = false;
+  std::int64_t tick_ = 0;
+  std::int64_t overruns_ = 0;
+  bool has_sensors_ = false, has_verdict_ = false;
+  std::array<firmware::OperatorInput, kMaxCommands> commands_{};
+  std::size_t first_command_ = 0, command_count_ = 0;
+  std::uint32_t inputs_came_ = 0;  // counter
+  std::uint32_t tick_counts_ = 0;
+  firmware::StepCommand steps_;
+  LinkCounters counters_;
+  std::int64_t watchdog_kicks_ = 0;
+};
+
+}  // namespace ballast::hal::target

@@ -1,0 +1,141 @@
+// Numbers to bytes and back: little-endian, without padding, the same on every machine. No allocation.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <type_traits>
+
+namespace ballast::hal::target {
+
+static_assert(std::endian::native == std::endian::little, "both ends of the link are little-endian");
+
+// Messages are described once, as functions that hand every field to an archive: Writer, Reader. Both keep going after
+// a failure without touching anything, and say so in ok().
+//
+// Real numbers travel as the 8 bytes of a double, whatever their type is: a double keeps its bits, NaN included.
+
+class Writer {
+ public:
+  static constexpr bool kReads = false;
+  explicit Writer(std::span<std::uint8_t> bytes) : bytes_(bytes) {}
+
+  template <class T>
+  void operator()(const T& value) {
+    if constexpr (std::is_floating_point_v<T>) {
+      put(std::bit_cast<std::uint64_t>(static_cast<double>(value)));
+    } else if constexpr (std::is_same_v<T, bool>) {
+      put(static_cast<std::uint8_t>(value ? 1 : 0));
+    } else {
+      put(value);
+    }
+  }
+  template <class T>
+  void bounded(const T& value, std::int64_t, std::int64_t) {
+    (*this)(value);
+  }
+  template <class T>
+  void sign(const T& value) {
+    (*this)(value);
+  }
+
+  [[nodiscard]] bool ok() const { return ok_; }
+  [[nodiscard]] std::size_t size() const { return size_; }
+
+ private:
+  template <class T>
+  void put(T value) {
+    static_assert(std::is_integral_v<T> || std::is_enum_v<T>);
+    if (bytes_.size() - size_ < sizeof value) ok_ = false;
+    if (!ok_) return;
+    std::memcpy(bytes_.data() + size_, &value, sizeof value);
+    size_ += sizeof value;
+  }
+
+  std::span<std::uint8_t> bytes_;
+  std::size_t size_ = 0;
+  bool ok_ = true;
+};
+
+class Reader {
+ public:
+  static constexpr bool kReads = true;
+  explicit Reader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
+
+  template <class T>
+  void operator()(T& value) {
+    static_assert(!std::is_enum_v<T>, "an enumeration has bounds");
+    if constexpr (std::is_floating_point_v<T>) {
+      std::uint64_t bits = 0;
+      if (take(bits)) value = static_cast<T>(std::bit_cast<double>(bits));
+    } else if constexpr (std::is_same_v<T, bool>) {
+      std::uint8_t flag = 0;
+      if (!take(flag)) return;
+      if (flag > 1) ok_ = false;
+      if (ok_) value = flag == 1;
+    } else {
+      T read = 0;
+      if (take(read)) value = read;
+    }
+  }
+  // Outside low..high: not ok.
+  template <class T>
+  void bounded(T& value, std::int64_t low, std::int64_t high) {
+    T read{};
+    if (!take(read)) return;
+    const auto number = static_cast<std::int64_t>(read);
+    if (number < low || number > high) ok_ = false;
+    if (ok_) value = read;
+  }
+
+  // Anything but -1 and 1: not ok.
+  template <class T>
+  void sign(T& value) {
+    T read{};
+    if (!take(read)) return;
+    if (read != 1 && read != -1) ok_ = false;
+    if (ok_) value = read;
+  }
+
+  // All was there and in range, and nothing is left over.
+  [[nodiscard]] bool complete() const { return ok_ && at_ == bytes_.size(); }
+  [[nodiscard]] bool ok() const { return ok_; }
+
+ private:
+  template <class T>
+  bool take(T& value) {
+    if (bytes_.size() - at_ < sizeof value) ok_ = false;
+    if (!ok_) return false;
+    std::memcpy(&value, bytes_.data() + at_, sizeof value);
+    at_ += sizeof value;
+    return true;
+  }
+
+  std::span<const std::uint8_t> bytes_;
+  std::size_t at_ = 0;
+  bool ok_ = true;
+};
+
+// CRC-32 as in IEEE 802.3 (reflected, polynomial 0x04c11db7), continued from `crc`.
+namespace detail {
+constexpr auto kCrcTable = [] {
+  std::array<std::uint32_t, 256> table{};
+  for (std::uint32_t i = 0; i < 256; ++i) {
+    std::uint32_t c = i;
+    for (int k = 0; k < 8; ++k) c = (c & 1) != 0 ? 0xedb88320u ^ (c >> 1) : c >> 1;
+    table[i] = c;
+  }
+  return table;
+}();
+}  // namespace detail
+
+inline std::uint32_t crc32(std::span<const std::uint8_t> bytes, std::uint32_t crc = 0) {
+  crc = ~crc;
+  for (const std::uint8_t byte : bytes) crc = detail::kCrcTable[(crc ^ byte) & 0xff] ^ (crc >> 8);
+  return ~crc;
+}
+
+}  // namespace ballast::hal::target

@@ -1,0 +1,79 @@
+// The firmware on a microcontroller that QEMU plays, in lockstep; the monitor stays in this process.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "hal/target/messages.h"
+#include "tools/monitor/monitor.h"
+#include "tools/sil/lap.h"
+#include "tools/sil/qemu_process.h"
+
+namespace ballast::sil {
+
+struct QemuPeersOptions {
+  QemuOptions qemu;
+  hal::target::Commit commit;
+  Seconds start_timeout{30};  // until the firmware has accepted its parameters
+  Seconds peer_timeout{2};    // for the answer to a tick
+  const volatile std::sig_atomic_t* interrupted = nullptr;
+};
+
+// What the target told of itself.
+struct TargetRecord {
+  std::string board;
+  double instructions_per_count = 0;
+  std::int64_t ticks = 0;  // answered
+  std::uint32_t min_counts = 0xffffffff, max_counts = 0;
+  std::uint64_t sum_counts = 0;
+  std::int64_t max_tick = 0;  // whose counts were max_counts
+  std::int64_t pulses = 0;    // given by the step interrupt, each held against the command
+  std::optional<hal::target::Farewell> farewell;
+  std::uint32_t counter_hz = 0;
+};
+
+class QemuPeers : public Peers {
+ public:
+  // `params` are those of `scenario`, accepted by firmware::validate(). Both must outlive this.
+  QemuPeers(const sim::Scenario& scenario, const firmware::ControllerParams& params,
+            const monitor::MonitorLimits& limits, QemuPeersOptions options);
+
+  hal::Status connect() override;
+  hal::Status exchange(Lap& lap) override;
+  [[nodiscard]] std::string trouble() const override { return trouble_; }
+  [[nodiscard]] int exit_status() const override { return exit_status_; }
+  [[nodiscard]] const TargetRecord& record() const { return record_; }
+
+ private:
+  hal::Status fail(hal::Status status, const std::string& text, int exit_status);
+  hal::Status receive(hal::target::Frame& frame, Seconds timeout);
+  hal::Status no_answer(hal::Status status, Seconds timeout);
+  hal::Status say_last_words(const hal::target::LastWords& words);
+  hal::Status compare(const hal::target::Identity& target);
+  hal::Status send_params();
+  hal::Status judge(const hal::target::Verdict& verdict);
+  hal::Status check_pulses(std::int64_t tick, const hal::target::PlayedPulses& played);
+  hal::Status finish();
+  template <class M>
+  hal::Status send(const M& message, std::int64_t tick);
+  [[nodiscard]] std::string when() const;
+
+  const sim::Scenario& scenario_;
+  const firmware::ControllerParams& params_;
+  QemuPeersOptions options_;
+  monitor::Monitor monitor_;
+  std::unique_ptr<hal::target::World> world_;
+  std::unique_ptr<hal::target::Reply> reply_;
+  std::optional<std::int64_t> controller_tick_;  // of the newest status
+  std::optional<std::int64_t> tick_;             // being exchanged
+  // Commands of which the pulses have not been reported: of this tick and the next.
+  firmware::StepCommand commanded_, commanded_next_;
+  std::vector<std::uint8_t> received_, sent_;
+  std::size_t used_ = 0;  // of received_
+  TargetRecord record_;
+  std::string trouble_;
+  int exit_status_;
+  QemuProcess qemu_;
+};
+
+}  // namespace ballast::sil

@@ -1,0 +1,223 @@
+#include "tools/sil/qemu_process.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <thread>
+
+namespace ballast::sil {
+namespace {
+
+using hal::Status;
+using Clock = std::chrono::steady_clock;
+
+constexpr const char* kQemu = "qemu-system-arm";
+constexpr int kFirstChildFd = 3;
+
+int milliseconds_until(Clock::time_point deadline) {
+  const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now()).count();
+  return left < 0 ? 0 : static_cast<int>(std::min<decltype(left)>(left + 1, 1000));
+}
+
+Clock::time_point deadline_in(Seconds timeout) {
+  return Clock::now() + std::chrono::duration_cast<Clock::duration>(timeout);
+}
+
+// A pipe nobody reads is an error of write(), not the end of this process.
+class NoPipeSignal {
+ public:
+  NoPipeSignal() {
+    sigset_t pipe;
+    sigemptyset(&pipe);
+    sigaddset(&pipe, SIGPIPE);
+    pthread_sigmask(SIG_BLOCK, &pipe, &before_);
+  }
+  ~NoPipeSignal() {
+    if (sigismember(&before_, SIGPIPE) == 0) {
+      sigset_t pipe;
+      sigemptyset(&pipe);
+      sigaddset(&pipe, SIGPIPE);
+      const timespec now{};
+      while (sigtimedwait(&pipe, nullptr, &now) == SIGPIPE) {
+      }
+    }
+    pthread_sigmask(SIG_SETMASK, &before_, nullptr);
+  }
+  NoPipeSignal(const NoPipeSignal&) = delete;
+  NoPipeSignal& operator=(const NoPipeSignal&) = delete;
+
+ private:
+  sigset_t before_{};
+};
+
+// In the child, between fork and exec: nothing that allocates.
+[[noreturn]] void become_qemu(char** argv, std::span<const int> fds, int report, pid_t parent) {
+  // Ends with the process that started it, however that ends; a terminal's signals are for that one alone.
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (getppid() != parent) _exit(127);
+  setpgid(0, 0);
+  sigset_t none;
+  sigemptyset(&none);
+  sigprocmask(SIG_SETMASK, &none, nullptr);
+  signal(SIGPIPE, SIG_DFL);
+  const int null = open("/dev/null", O_RDWR);
+  dup2(null, STDIN_FILENO);
+  dup2(null, STDOUT_FILENO);
+  // They are above all numbers they are to get (start() sees to it), so none is overwritten before it is used.
+  for (std::size_t i = 0; i < fds.size(); ++i) dup2(fds[i], kFirstChildFd + static_cast<int>(i));
+  execvp(argv[0], argv);
+  const int error = errno;
+  static_cast<void>(!::write(report, &error, sizeof error));
+  _exit(127);
+}
+
+}  // namespace
+
+std::string QemuProcess::start(const QemuOptions& options) {
+  if (!std::filesystem::is_regular_file(options.elf)) return options.elf.string() + ": no such file";
+  std::string arguments = "enable=on,target=native,arg=";
+  std::vector<int> child_fds;
+  const int above = kFirstChildFd + 2 * options.pipe_pairs + 1;
+  const auto raised = [above](int fd) {
+    const int high = fcntl(fd, F_DUPFD_CLOEXEC, above);
+    close(fd);
+    return high;
+  };
+  const auto close_child_fds = [&child_fds] {
+    for (const int fd : child_fds) close(fd);
+  };
+  for (int i = 0; i < options.pipe_pairs; ++i) {
+    int to[2], from[2];
+    if (pipe2(to, O_CLOEXEC) != 0) return std::string("no pipe: ") + std::strerror(errno);
+    if (pipe2(from, O_CLOEXEC) != 0) return std::string("no pipe: ") + std::strerror(errno);
+    child_fds.push_back(raised(to[0]));
+    child_fds.push_back(raised(from[1]));
+    pairs_.push_back({raised(to[1]), raised(from[0])});
+    fcntl(pairs_.back().to, F_SETFL, O_NONBLOCK);
+    const int child = kFirstChildFd + 2 * i;
+    arguments += "/dev/fd/" + std::to_string(child) + ",arg=/dev/fd/" + std::to_string(child + 1) + ",arg=";
+  }
+  arguments += options.arguments.empty() ? "-" : options.arguments;
+  const std::string icount = "shift=" + std::to_string(options.icount_shift) + ",sleep=off";
+  std::array<std::string, 18> words{kQemu,
+                                    "-M",
+                                    options.machine,
+                                    "-nodefaults",
+                                    "-no-user-config",
+                                    "-display",
+                                    "none",
+                                    "-monitor",
+                                    "none",
+                                    "-serial",
+                                    "none",
+                                    "-icount",
+                                    icount,
+                                    "-semihosting-config",
+                                    arguments,
+                                    "-kernel",
+                                    options.elf.string(),
+                                    ""};
+  std::array<char*, words.size()> argv{};
+  for (std::size_t i = 0; i + 1 < words.size(); ++i) argv[i] = words[i].data();
+
+  int report[2];
+  if (pipe2(report, O_CLOEXEC) != 0) return std::string("no pipe: ") + std::strerror(errno);
+  const int report_writing = raised(report[1]);
+  const pid_t parent = getpid();
+  pid_ = fork();
+  if (pid_ == 0) become_qemu(argv.data(), child_fds, report_writing, parent);
+  close(report_writing);
+  close_child_fds();
+  int error = pid_ < 0 ? errno : 0;
+  if (pid_ > 0) static_cast<void>(!::read(report[0], &error, sizeof error));
+  close(report[0]);
+  if (error == 0) return "";
+  if (error == ENOENT) return std::string(kQemu) + ": not found; Debian has it in qemu-system-arm";
+  return std::string(kQemu) + ": cannot be started: " + std::strerror(error);
+}
+
+Status QemuProcess::write(int pair, std::span<const std::uint8_t> bytes, Seconds timeout) {
+  const NoPipeSignal guard;
+  const int fd = pairs_[static_cast<std::size_t>(pair)].to;
+  if (fd < 0) return Status::kPeerLost;
+  const auto deadline = deadline_in(timeout);
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(fd, bytes.data(), bytes.size());
+    if (written > 0) {
+      bytes = bytes.subspan(static_cast<std::size_t>(written));
+    } else if (errno == EAGAIN) {
+      if (Clock::now() >= deadline) return Status::kPeerLost;
+      pollfd wait{fd, POLLOUT, 0};
+      poll(&wait, 1, milliseconds_until(deadline));
+    } else if (errno != EINTR) {
+      return Status::kPeerLost;
+    }
+  }
+  return Status::kOk;
+}
+
+Status QemuProcess::read(int pair, std::vector<std::uint8_t>& bytes, Seconds timeout,
+                         const volatile std::sig_atomic_t* interrupted) {
+  const int fd = pairs_[static_cast<std::size_t>(pair)].from;
+  const auto deadline = deadline_in(timeout);
+  for (;;) {
+    if (interrupted != nullptr && *interrupted != 0) return Status::kInterrupted;
+    pollfd wait{fd, POLLIN, 0};
+    if (poll(&wait, 1, milliseconds_until(deadline)) > 0) {
+      const std::size_t before = bytes.size();
+      bytes.resize(before + 65536);
+      const ssize_t count = ::read(fd, bytes.data() + before, 65536);
+      bytes.resize(before + static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
+      if (count > 0) return Status::kOk;
+      if (count == 0 || errno != EINTR) return Status::kPeerLost;
+    } else if (Clock::now() >= deadline) {
+      return Status::kEmpty;
+    }
+  }
+}
+
+void QemuProcess::close_writing(int pair) {
+  int& fd = pairs_[static_cast<std::size_t>(pair)].to;
+  if (fd >= 0) close(fd);
+  fd = -1;
+}
+
+std::string QemuProcess::ended(Seconds timeout) {
+  const auto deadline = deadline_in(timeout);
+  while (pid_ > 0) {
+    int status = 0;
+    if (waitpid(pid_, &status, WNOHANG) == pid_) {
+      pid_ = 0;
+      if (WIFEXITED(status)) {
+        exit_status_ = WEXITSTATUS(status);
+        end_ = "exit status " + std::to_string(exit_status_);
+      } else {
+        end_ = strsignal(WTERMSIG(status));
+      }
+    } else if (Clock::now() >= deadline) {
+      break;
+    } else {
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+  }
+  return end_;
+}
+
+QemuProcess::~QemuProcess() {
+  for (const Pair& pair : pairs_) {
+    if (pair.to >= 0) close(pair.to);
+    close(pair.from);
+  }
+  if (pid_ <= 0) return;
+  kill(pid_, SIGKILL);
+  while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
+  }
+}
+
+}  // namespace ballast::sil
