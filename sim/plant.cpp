@@ -198,17 +198,9 @@ Plant::PerMass Plant::motor_forces(const MassPoint& masses) const {
 
 void Plant::evaluate(double time_s, const double* y, Instant& motion) const {
   const MassPoint p = mass_point(time_s, y);
-  const bool rolls = regime_ == Regime::kRolling;
-  if (!driven_) {
-    if (rolls) {
-      rolling_prescribed(body_, time_s, y + kQ, y + kOmega, carried(p), motion);
-    } else {
-      evaluate_open(y, open_contact_at(time_s, y, p, {}), motion);
-    }
-    return;
-  }
+  if (!driven_) return evaluate_prescribed(time_s, y, carried(p), motion);
   const PerMass force = motor_forces(p);
-  if (rolls) {
+  if (regime_ == Regime::kRolling) {
     rolling_driven(body_, time_s, y + kQ, y + kOmega, p.position.data(), p.velocity.data(), force.data(), motion);
   } else {
     evaluate_open(y, open_contact_at(time_s, y, p, force), motion);
@@ -216,16 +208,27 @@ void Plant::evaluate(double time_s, const double* y, Instant& motion) const {
   }
 }
 
+void Plant::evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses, Instant& motion) const {
+  if (regime_ == Regime::kRolling) return rolling_prescribed(body_, time_s, y + kQ, y + kOmega, masses, motion);
+  OpenContact open;
+  open_contact_prescribed(body_, time_s, y + kQ, y + kOmega, velocity_W_mps(y), masses, open);
+  evaluate_open(y, open, motion);
+}
+
 // Of a state that has the geometric centre's velocity: any but a rolling one.
+Vector3d Plant::velocity_W_mps(const double* y) const {
+  return {y[contact_size_ + 1], y[contact_size_ + 2], y[contact_size_ + 3]};
+}
+
+// Likewise.
 OpenContact Plant::open_contact_at(double time_s, const double* y, const MassPoint& masses,
                                    const PerMass& motor_force) const {
-  const Vector3d velocity_W(y[contact_size_ + 1], y[contact_size_ + 2], y[contact_size_ + 3]);
   OpenContact open;
   if (driven_) {
-    open_contact_driven(body_, time_s, y + kQ, y + kOmega, velocity_W, masses.position.data(), masses.velocity.data(),
-                        motor_force.data(), open);
+    open_contact_driven(body_, time_s, y + kQ, y + kOmega, velocity_W_mps(y), masses.position.data(),
+                        masses.velocity.data(), motor_force.data(), open);
   } else {
-    open_contact_prescribed(body_, time_s, y + kQ, y + kOmega, velocity_W, carried(masses), open);
+    open_contact_prescribed(body_, time_s, y + kQ, y + kOmega, velocity_W_mps(y), carried(masses), open);
   }
   return open;
 }
@@ -262,8 +265,7 @@ OpenContact Plant::open_contact_now() const {
 
 Vector3d Plant::slip_W_mps(const double* y) const {
   const Vector3d omega_W = rotation_B_to_W(y + kQ) * Vector3d(y[kOmega], y[kOmega + 1], y[kOmega + 2]);
-  const double* velocity = y + contact_size_ + 1;
-  return Vector3d(velocity[0], velocity[1], velocity[2]) - omega_W.cross(Vector3d(0, 0, body_.radius_m));
+  return velocity_W_mps(y) - omega_W.cross(Vector3d(0, 0, body_.radius_m));
 }
 
 void Plant::derivative(double time_s, const double* y, double* dydt) {
@@ -805,6 +807,15 @@ Plant::Sample Plant::sample() const {
   }
   s.center_of_mass_B_m /= body_.total_mass_kg;
   return s;
+}
+
+Plant::ContactForces Plant::contact_forces(const double* position, const double* velocity,
+                                           const double* acceleration) const {
+  CarriedMasses masses;
+  carry_along(body_, position, velocity, acceleration, masses);
+  Instant motion;
+  evaluate_prescribed(time_s_, y_.data(), masses, motion);
+  return {pushed(motion.normal_force_n), motion.static_friction_n};
 }
 
 }  // namespace ballast::sim

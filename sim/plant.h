@@ -136,6 +136,15 @@ class Plant {
   };
   [[nodiscard]] Sample sample() const;
 
+  // N and f_s as the ball's attitude, angular velocity and regime now would have them if the masses moved like this:
+  // rail coordinates, their rates and those' rates. (In sliding with the slip as it is, in flight 0.)
+  struct ContactForces {
+    double normal_force_n;
+    double static_friction_n;
+  };
+  [[nodiscard]] ContactForces contact_forces(const double* position, const double* velocity,
+                                             const double* acceleration) const;
+
   // N as results and messages state it: 0 where rolling on would need the floor to pull.
   static double pushed(double normal_force_n);
   // f_s / N as results and messages state it in contact: +infinity where N <= 0.
@@ -164,11 +173,13 @@ class Plant {
   CarriedMasses carried(const MassPoint& masses) const;
   PerMass motor_forces(const MassPoint& masses) const;
   void evaluate(double time_s, const double* y, Instant& motion) const;
+  void evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses, Instant& motion) const;
   void evaluate_open(const double* y, const OpenContact& open, Instant& motion) const;
   OpenContact open_contact_at(double time_s, const double* y, const MassPoint& masses,
                               const PerMass& motor_force) const;
   // At the state reached, whatever the regime.
   OpenContact open_contact_now() const;
+  Eigen::Vector3d velocity_W_mps(const double* y) const;
   Eigen::Vector3d slip_W_mps(const double* y) const;  // of the contact point; third entry: the height's rate
   void derivative(double time_s, const double* y, double* dydt);
   // What the motors must give, rotor inertia included, for the masses to move as `motion` has them.

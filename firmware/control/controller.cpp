@@ -448,6 +448,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   status.motor_count = params.ball.mass_count;
   status.commanded_position = now.position;
   status.commanded_velocity = now.velocity;
+  for (int i = 0; i < params.ball.mass_count; ++i) status.next[at(i)] = commanded(params, state, next, i);
   status.steps_issued = state.steps_issued;
   status.overload = state.overload;
   status.operator_commands = state.operator_commands;

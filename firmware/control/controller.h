@@ -133,6 +133,7 @@ struct ControllerStatus {
   int motor_count = 0;
   PerMass<Real> commanded_position{};  // at the start of this tick
   PerMass<Real> commanded_velocity{};
+  PerMass<ProfilePoint> next{};          // commanded at the start of the next tick, whose steps go with this
   RollingForces predicted;               // closed forms, commanded masses, sensed attitude and rate; NaN if those are
                                          // not finite: then mu_required is +infinity and margin -1
   Real mu_required = 0;                  // f_s / N; +infinity where N <= 0

@@ -111,6 +111,9 @@ controller_status_t to_message(const firmware::ControllerStatus& status, double 
   for (std::size_t i = 0; i < static_cast<std::size_t>(status.motor_count); ++i) {
     message.commanded_position[i] = status.commanded_position[i];
     message.commanded_velocity[i] = status.commanded_velocity[i];
+    message.next_position[i] = status.next[i].position;
+    message.next_velocity[i] = status.next[i].velocity;
+    message.next_acceleration[i] = status.next[i].acceleration;
     message.steps_issued[i] = status.steps_issued[i];
   }
   message.normal_force_n = status.predicted.normal_force_n;
@@ -149,6 +152,7 @@ firmware::ControllerStatus from_message(const controller_status_t& message) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(message.motor_count); ++i) {
     status.commanded_position[i] = message.commanded_position[i];
     status.commanded_velocity[i] = message.commanded_velocity[i];
+    status.next[i] = {message.next_position[i], message.next_velocity[i], message.next_acceleration[i]};
     status.steps_issued[i] = message.steps_issued[i];
   }
   status.predicted.normal_force_n = message.normal_force_n;

@@ -116,6 +116,7 @@ inline firmware::ControllerStatus random_status(std::mt19937_64& random, std::in
   for (std::size_t i = 0; i < kMassCount; ++i) {
     status.commanded_position[i] = any_double(random);
     status.commanded_velocity[i] = any_double(random);
+    status.next[i] = {any_double(random), any_double(random), any_double(random)};
     status.steps_issued[i] = static_cast<std::int64_t>(random());
   }
   status.predicted.normal_force_n = any_double(random);
@@ -142,6 +143,9 @@ inline void expect_same(const firmware::ControllerStatus& a, const firmware::Con
   for (std::size_t i = 0; i < firmware::kMaxMasses; ++i) {
     EXPECT_EQ(bits(a.commanded_position[i]), bits(b.commanded_position[i]));
     EXPECT_EQ(bits(a.commanded_velocity[i]), bits(b.commanded_velocity[i]));
+    EXPECT_EQ(bits(a.next[i].position), bits(b.next[i].position));
+    EXPECT_EQ(bits(a.next[i].velocity), bits(b.next[i].velocity));
+    EXPECT_EQ(bits(a.next[i].acceleration), bits(b.next[i].acceleration));
   }
   EXPECT_EQ(a.steps_issued, b.steps_issued);
   EXPECT_EQ(bits(a.predicted.normal_force_n), bits(b.predicted.normal_force_n));

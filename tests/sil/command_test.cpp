@@ -227,6 +227,7 @@ TEST(Run, SummaryHasEveryFieldOfTheContract) {
                                 "/normal_force/max_time",
                                 "/static_friction/max",
                                 "/static_friction/time",
+                                "/motor_share",
                                 "/final/mass_position/2",
                                 "/final/mass_velocity/2",
                                 "/final/orientation/3",
@@ -255,6 +256,15 @@ TEST(Run, SummaryHasEveryFieldOfTheContract) {
                                 "/speed"}) {
       EXPECT_TRUE(s.contains(nlohmann::json::json_pointer(pointer))) << pointer;
     }
+    EXPECT_EQ(s["motor_share"].is_null(), actuation == "prescribed");
+    if (actuation == "prescribed") continue;
+    for (const char* pointer :
+         {"/normal_force/difference", "/normal_force/time", "/normal_force/real", "/normal_force/commanded",
+          "/static_friction/difference", "/mu_required/difference", "/mu_required_max/real",
+          "/mu_required_max/real_time", "/mu_required_max/commanded", "/mu_required_max/commanded_time"}) {
+      EXPECT_TRUE(s["motor_share"][nlohmann::json::json_pointer(pointer)].is_number()) << pointer;
+    }
+    EXPECT_EQ(s["motor_share"]["mu_required_max"]["real"], s["mu_required"]["max"]);
   }
 }
 

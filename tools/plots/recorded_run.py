@@ -135,6 +135,31 @@ class RecordedRun:
         ratio[~np.isfinite(ratio) | (self.contact["regime"] == ballast.contact_t.REGIME_FLIGHT)] = np.nan
         return ratio
 
+    def commanded_contact(self):
+        """(time, {name: (real, commanded)}) of N, f_s and f_s / N at the rolling samples with a command; None if none.
+
+        NaN where f_s / N has no bound.
+        """
+        rows = np.isfinite(self.contact["commanded_normal_force_n"])
+        rows &= self.contact["regime"] == ballast.contact_t.REGIME_ROLLING
+        if not rows.any():
+            return None
+        pairs = {}
+        for name in ("normal_force_n", "static_friction_n", "mu_required"):
+            real, commanded = (np.array(self.contact[key][rows], dtype=float) for key in (name, f"commanded_{name}"))
+            real[~np.isfinite(real)] = np.nan
+            commanded[~np.isfinite(commanded)] = np.nan
+            pairs[name] = real, commanded
+        return np.asarray(self.contact["time_s"][rows], dtype=float), pairs
+
+    def greatest_deviation(self, quantity):
+        """(real less commanded, time) where they are furthest apart, from summary.json; None if that has no bound."""
+        entry = (self.summary.get("motor_share") or {}).get(quantity) or {}
+        difference, time = entry.get("difference"), entry.get("time")
+        if isinstance(difference, (int, float)) and isinstance(time, (int, float)):
+            return float(difference), float(time)
+        return None
+
     def friction_force_W(self):
         """(n, 2) horizontal force of the surface on the ball at the times of `state`."""
         contact_s, state_s = self.contact["time_s"], self.state["time_s"]

@@ -141,6 +141,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   PulseRecord pulse_record;
   std::vector<sim::StepPulse> pulses;
   step_command_t due{};                        // the steps of the tick about to be executed
+  std::optional<controller_status_t> heard;    // the controller's, of the tick before: it asks for those steps
   std::optional<std::int64_t> stop_done_tick;  // at whose start the stop's last step has been executed
   std::optional<std::int64_t> move_done_tick;  // likewise the move's
   RestWatch rest(scenario);
@@ -160,9 +161,14 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     const bool last =
         plant.end() != sim::PhysicsEnd::kNone || plant.time_s() >= scenario.duration_s || stopped || moved;
 
+    std::optional<sim::Plant::ContactForces> commanded;
+    if (heard && tick >= 0 && sample.time_s == static_cast<double>(tick) * period_s) {
+      commanded = plant.contact_forces(heard->next_position, heard->next_velocity, heard->next_acceleration);
+    }
+
     Lap lap;
     lap.has_controller = has_controller;
-    lap.plant = plant_messages(scenario, sample, tick, last);
+    lap.plant = plant_messages(scenario, sample, tick, last, commanded);
     if (tick < 0 && !(options.by_hand && tick > -kCountdown)) {
       firmware::OperatorInput input = firmware::OperatorCommand::kArm;
       if (tick > -kCountdown) input = firmware::OperatorCommand::kStart;
@@ -175,7 +181,11 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       return result;
     }
     record(recorder, lap);
-    if (has_controller) plans.see(lap, result);
+    if (has_controller) {
+      heard = lap.status;
+      plans.see(lap, result);
+      result.motor_share.see(lap.plant.contact);
+    }
     if (tick == -1 && options.move && lap.status.refusal != controller_status_t::REFUSAL_NONE &&
         lap.trip.tripped == 0 && lap.status.faults == 0) {
       result.refusal = refusal_text(lap.status);

@@ -11,6 +11,7 @@
 
 #include "sim/plant.h"
 #include "tools/sil/lap.h"
+#include "tools/sil/motor_share.h"
 #include "tools/sil/recorder.h"
 #include "tools/sil/step_timing.h"
 
@@ -53,6 +54,7 @@ struct RunResult {
   sim::ContactExtrema extrema;
   std::array<sim::MotorExtrema, sim::kMaxMasses> motor_extrema;
   std::array<MotorRecord, sim::kMaxMasses> motors;
+  MotorShare motor_share;
   trip_t trip{};  // the last verdict
   std::optional<ControllerTrip> controller_trip;
   std::optional<std::int64_t>

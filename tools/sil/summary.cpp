@@ -103,6 +103,28 @@ Json plan_json(const std::optional<PlanRecord>& plan) {
           {"margin_min", finite_or_null(plan->seen_margin_min)}};
 }
 
+Json deviation_json(const Deviation& deviation) {
+  return {{"difference", finite_or_null(deviation.difference())},
+          {"time", deviation.time_s},
+          {"real", finite_or_null(deviation.real)},
+          {"commanded", finite_or_null(deviation.commanded)}};
+}
+
+// Null where nothing was commanded.
+Json motor_share_json(const RunResult& result) {
+  const MotorShare& share = result.motor_share;
+  if (!share.seen()) return nullptr;
+  const sim::Extremum &real = result.extrema.mu_required_max, &commanded = share.commanded_mu_required_max;
+  return {{"normal_force", deviation_json(share.normal_force_n)},
+          {"static_friction", deviation_json(share.static_friction_n)},
+          {"mu_required", deviation_json(share.mu_required)},
+          {"mu_required_max",
+           {{"real", finite_or_null(real.value)},
+            {"real_time", real.time_s},
+            {"commanded", finite_or_null(commanded.value)},
+            {"commanded_time", commanded.time_s}}}};
+}
+
 // Whether the ball rolls on such a floor, as far as this run can tell: up to where rolling was lost, and never if the
 // run did not start rolling. One that slipped did not hold on its own floor, nor on a smoother.
 bool holds(const sim::Scenario& scenario, const RunResult& result, double static_friction) {
@@ -191,6 +213,7 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                        {"max", x.normal_force_max.value},
                        {"max_time", x.normal_force_max.time_s}};
   j["static_friction"] = {{"max", x.static_friction_max.value}, {"time", x.static_friction_max.time_s}};
+  j["motor_share"] = motor_share_json(result);
 
   Json positions = Json::array(), velocities = Json::array(), motors = Json::array();
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
@@ -429,6 +452,16 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     any_motor = any_motor || scenario.masses[i].trajectory.times_s.empty();
   }
   if (any_motor) text += format("  motors      least torque margin %.0f %%\n", 100 * margin);
+  if (const MotorShare& share = result.motor_share; share.seen()) {
+    const auto part = [](const Deviation& d) {
+      return std::isfinite(d.difference()) ? format("%.3g", std::abs(d.difference())) : std::string("any bound");
+    };
+    const double commanded = share.commanded_mu_required_max.value;
+    text += format("  share       the motors move N by up to %s N, f_s by %s N, f_s/N by %s; commanded most f_s/N %s\n",
+                   part(share.normal_force_n).c_str(), part(share.static_friction_n).c_str(),
+                   part(share.mu_required).c_str(),
+                   std::isfinite(commanded) ? format("%.6f", commanded).c_str() : "unbounded");
+  }
   text += format("  speed       %.0f times real time", end_s / std::max(result.wall_time_s, 1e-9));
   if (result.ticks > 0)
     text += format(", %.2f us per tick", 1e6 * result.wall_time_s / static_cast<double>(result.ticks));
