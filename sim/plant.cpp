@@ -146,6 +146,7 @@ void Plant::start_regime() {
     const PerMass torque = needed_torques(y_.data(), at_rest, masses);
     for (std::size_t i = 0; i < motion_.size(); ++i) {
       steppers_[i].balance(torque[i], scenario_.masses[i].motor.shaft_ratio * masses.velocity[i]);
+      stored_at_start_[i] = stored_energy(i, masses);
     }
   }
   if (flies) {
@@ -514,6 +515,7 @@ void Plant::take_span(double h, bool exactly, double end_s) {
     }
   }
 
+  if (driven_) note_energy(h, middle, end);
   time_s_ = exactly && broken > 1 ? end_s : time_s_ + h;
   y_ = end.y;
   dydt_ = end.dydt;
@@ -767,13 +769,58 @@ void Plant::note_motors() {
     double margin;
     if (driven_) {
       steppers_[i].count_slips(angle);
-      margin = steppers_[i].torque_margin(angle);
+      margin = steppers_[i].torque_margin(angle, speed);
     } else {
       margin =
           1 - std::abs(torque_nm_[i] + motor.viscous_damping_nms * speed) / steppers_[i].available_torque_nm(speed);
     }
     extrema.torque_margin = std::min(extrema.torque_margin, margin);
   }
+}
+
+// Over the span of length h from time_s_ and y_, before they move on.
+void Plant::note_energy(double h, const Point& middle, const Point& end) {
+  const std::array<const double*, 3> y{y_.data(), middle.y.data(), end.y.data()};
+  const std::array<const Instant*, 3> motion{&now_, &middle.motion, &end.motion};
+  constexpr std::array<double, 3> kWeight{1. / 6, 4. / 6, 1. / 6};
+  const std::size_t n = motion_.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Motor& motor = scenario_.masses[i].motor;
+    const PhaseCurrent& phases = steppers_[i].phases();
+    MotorEnergy& energy = motor_energy_[i];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double rate = y[k][kTheta + n + i], speed = motor.shaft_ratio * rate, part_s = kWeight[k] * h;
+      energy.work_j += part_s * motion[k]->generalised_force[i] * rate;
+      energy.friction_j += part_s * motor.viscous_damping_nms * speed * speed;
+      if (!motor.has_winding()) continue;
+      const auto current = steppers_[i].current(motor.shaft_ratio * y[k][kTheta + i], speed);
+      energy.copper_j += part_s * phases.copper_loss_w(current);
+      energy.electrical_j += part_s * phases.terminal_power_w(current, speed);
+    }
+  }
+}
+
+Plant::StoredEnergy Plant::stored_energy(std::size_t i, const MassPoint& masses) const {
+  const double shaft = scenario_.masses[i].motor.shaft_ratio, angle = shaft * masses.position[i];
+  const Stepper& stepper = steppers_[i];
+  return {stepper.phases().field_energy_j(stepper.current(angle, shaft * masses.velocity[i])),
+          stepper.detent_energy_j(angle)};
+}
+
+MotorEnergy Plant::motor_energy(int i) const {
+  const auto k = static_cast<std::size_t>(i);
+  MotorEnergy energy = motor_energy_[k];
+  if (!driven_) return energy;
+  const StoredEnergy now = stored_energy(k, mass_point(time_s_, y_.data()));
+  const double field_j = now.winding_j - stored_at_start_[k].winding_j;
+  energy.electrical_j += field_j;
+  energy.stored_j = field_j + now.detent_j - stored_at_start_[k].detent_j;
+  return energy;
+}
+
+double Plant::motor_steps_behind(int i) const {
+  const auto k = static_cast<std::size_t>(i);
+  return driven_ ? steppers_[k].steps_behind(scenario_.masses[k].motor.shaft_ratio * y_[kTheta + k]) : 0;
 }
 
 Plant::Sample Plant::sample() const {

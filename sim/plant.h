@@ -94,6 +94,17 @@ struct MotorExtrema {
   double torque_margin = 1;  // least part of the available torque left unused; below 0: more was needed than there is
 };
 
+// Of a stepper over the whole run, in J: what went in is what came out. Integrals over the integrator's steps by
+// Simpson's rule. electrical = copper + friction + work + stored; without a winding electrical and copper are 0 and mean
+// nothing.
+struct MotorEnergy {
+  double electrical_j = 0;  // through the terminals
+  double copper_j = 0;      // heat of the winding
+  double friction_j = 0;    // heat of the viscous damping
+  double work_j = 0;        // on rotor, mass and ball
+  double stored_j = 0;      // change of what the winding's field and the detent hold
+};
+
 class Plant {
  public:
   explicit Plant(const Scenario& scenario);
@@ -111,6 +122,9 @@ class Plant {
   [[nodiscard]] bool rolling_lost() const { return rolling_lost_; }
   [[nodiscard]] const ContactExtrema& extrema() const { return extrema_; }
   [[nodiscard]] const MotorExtrema& motor_extrema(int i) const { return motor_extrema_[static_cast<std::size_t>(i)]; }
+  // Stepper runs only.
+  [[nodiscard]] MotorEnergy motor_energy(int i) const;
+  [[nodiscard]] double motor_steps_behind(int i) const;  // microsteps, of the true angle behind the commanded one
 
   // The state now. Where something jumps now, the value after the jump.
   struct Sample {
@@ -208,6 +222,11 @@ class Plant {
   void note(double time_s, const Instant& motion);
   void note_mu(double time_s, double mu);
   void note_motors();
+  void note_energy(double h, const Point& middle, const Point& end);
+  struct StoredEnergy {
+    double winding_j = 0, detent_j = 0;
+  };
+  [[nodiscard]] StoredEnergy stored_energy(std::size_t i, const MassPoint& masses) const;
 
   // Where a regime has ended, at time_s_: what comes next.
   void leave_regime();
@@ -262,6 +281,8 @@ class Plant {
   double tick_mu_required_max_;
   double noise_n_;  // forces closer than this are the same: rounding
   std::array<MotorExtrema, kMaxMasses> motor_extrema_{};
+  std::array<MotorEnergy, kMaxMasses> motor_energy_{};  // but for what is stored
+  std::array<StoredEnergy, kMaxMasses> stored_at_start_{};
 };
 
 }  // namespace ballast::sim

@@ -279,6 +279,10 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   result.extrema = plant.extrema();
   for (int i = 0; i < sim::kMaxMasses; ++i) result.motor_extrema[static_cast<std::size_t>(i)] = plant.motor_extrema(i);
   result.motors = pulse_record.motors;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    result.motor_energy[i] = plant.motor_energy(static_cast<int>(i));
+    result.motors[i].steps_behind = plant.motor_steps_behind(static_cast<int>(i));
+  }
   if (step_check) result.step_timing = step_check->record();
   return result;
 }

@@ -23,6 +23,7 @@ const char* to_string(EndReason reason);
 struct MotorRecord {
   std::int64_t steps = 0;       // pulses executed, both directions counted up
   double max_step_rate_hz = 0;  // from the closest two pulses
+  double steps_behind = 0;      // at the end: microsteps commanded less those the rotor has made, in the positive sense
 };
 
 // When the controller went to kTripped, or saw a trip while still disarmed, and the faults it had then (bits of
@@ -53,6 +54,7 @@ struct RunResult {
   bool rolling_lost = false;  // rolling ended by slip or detachment at least once
   sim::ContactExtrema extrema;
   std::array<sim::MotorExtrema, sim::kMaxMasses> motor_extrema;
+  std::array<sim::MotorEnergy, sim::kMaxMasses> motor_energy{};
   std::array<MotorRecord, sim::kMaxMasses> motors;
   MotorShare motor_share;
   trip_t trip{};  // the last verdict

@@ -181,6 +181,32 @@ Json step_timing_json(const StepTimingRecord& record) {
   return json;
 }
 
+// Of a motor without a winding only the mechanical side is known.
+Json energy_json(const sim::Motor& motor, const sim::MotorEnergy& energy) {
+  const bool known = motor.has_winding();
+  return {{"electrical", known ? Json(energy.electrical_j) : Json(nullptr)},
+          {"copper_loss", known ? Json(energy.copper_j) : Json(nullptr)},
+          {"friction_loss", energy.friction_j},
+          {"work", energy.work_j},
+          {"stored", energy.stored_j}};
+}
+
+Json parameters_json(const sim::Motor& motor) {
+  const auto of_winding = [&](double value) { return motor.has_winding() ? Json(value) : Json(nullptr); };
+  return {{"shaft_ratio", motor.shaft_ratio},
+          {"steps_per_revolution", motor.steps_per_revolution},
+          {"microsteps", motor.microsteps},
+          {"holding_torque", motor.holding_torque_nm},
+          {"detent_torque", motor.detent_torque_nm},
+          {"rotor_inertia", motor.rotor_inertia_kgm2},
+          {"viscous_damping", motor.viscous_damping_nms},
+          {"corner_speed", motor.corner_speed_radps},
+          {"rated_current", of_winding(motor.rated_current_a)},
+          {"resistance", of_winding(motor.resistance_ohm)},
+          {"inductance", of_winding(motor.inductance_h)},
+          {"supply_voltage", of_winding(motor.supply_voltage_v)}};
+}
+
 std::string format(const char* pattern, auto... values) {
   const int size = std::snprintf(nullptr, 0, pattern, values...);
   std::string text(static_cast<std::size_t>(size), '\0');
@@ -226,16 +252,12 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
     const sim::Motor& motor = scenario.masses[i].motor;
     motors.push_back({{"steps", result.motors[i].steps},
                       {"lost_steps", f.lost_steps[i]},
+                      {"steps_behind", stepper ? Json(result.motors[i].steps_behind) : Json(nullptr)},
                       {"max_step_rate", result.motors[i].max_step_rate_hz},
                       {"max_torque", result.motor_extrema[i].max_torque_nm},
                       {"torque_margin", result.motor_extrema[i].torque_margin},
-                      {"parameters",
-                       {{"shaft_ratio", motor.shaft_ratio},
-                        {"steps_per_revolution", motor.steps_per_revolution},
-                        {"holding_torque", motor.holding_torque_nm},
-                        {"detent_torque", motor.detent_torque_nm},
-                        {"viscous_damping", motor.viscous_damping_nms},
-                        {"corner_speed", motor.corner_speed_radps}}}});
+                      {"energy", stepper ? energy_json(motor, result.motor_energy[i]) : Json(nullptr)},
+                      {"parameters", parameters_json(motor)}});
   }
   j["final"] = {{"mass_position", positions},
                 {"mass_velocity", velocities},
@@ -445,13 +467,20 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
       text += format("; %lld more by spacing, set-up and counts only", static_cast<long long>(structural));
     text += "\n";
   }
-  double margin = 1;
+  double margin = 1, electrical_j = 0, copper_j = 0;
   bool any_motor = false;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     margin = std::min(margin, result.motor_extrema[i].torque_margin);
+    electrical_j += result.motor_energy[i].electrical_j;
+    copper_j += result.motor_energy[i].copper_j;
     any_motor = any_motor || scenario.masses[i].trajectory.times_s.empty();
   }
-  if (any_motor) text += format("  motors      least torque margin %.0f %%\n", 100 * margin);
+  if (any_motor) {
+    text += format("  motors      least torque margin %.0f %%", 100 * margin);
+    if (electrical_j != 0)
+      text += format("; %.3g J from the supply, %.3g J of it heat in the windings", electrical_j, copper_j);
+    text += "\n";
+  }
   if (const MotorShare& share = result.motor_share; share.seen()) {
     const auto part = [](const Deviation& d) {
       return std::isfinite(d.difference()) ? format("%.3g", std::abs(d.difference())) : std::string("any bound");
