@@ -166,14 +166,14 @@ void Plant::start_regime() {
   }
 }
 
-Plant::MassPoint Plant::mass_point(double time_s, const double* y) const {
+Plant::MassPoint Plant::mass_point(double time_s, const double* y, const std::size_t* piece) const {
   MassPoint p{};
   for (std::size_t i = 0; i < motion_.size(); ++i) {
     if (driven_) {
       p.position[i] = y[kTheta + i];
       p.velocity[i] = y[kTheta + motion_.size() + i];
     } else {
-      const auto point = motion_[i].at(piece_[i], time_s);
+      const auto point = motion_[i].at(piece[i], time_s);
       p.position[i] = point.position;
       p.velocity[i] = point.velocity;
       p.acceleration[i] = point.acceleration;
@@ -334,9 +334,9 @@ void Plant::after_jump() {
       violated(now_) && (regime_ != Regime::kRolling || scenario_.run.on_violation == OnViolation::kContinue);
   if (goes_on) {
     // Its N and f_s do not come about; what rolling on would have needed is worth saying.
-    if (regime_ == Regime::kRolling) note_mu(time_s_, ratio(now_));
+    if (regime_ == Regime::kRolling) note_mu(time_s_, y_, now_);
   } else {
-    note(time_s_, now_);
+    note(time_s_, y_, now_);
     note_motors();
   }
   if (violated(now_)) leave_regime();
@@ -504,7 +504,7 @@ void Plant::take_span(double h, bool exactly, double end_s) {
   const bool slip_ends = broken <= 1 && regime_ == Regime::kSliding && end.motion.normal_force_n > 0;
   const auto look = [&](double best, auto value) {
     const double part = find_peak(h, middle.motion, end.motion, best, value);
-    if (part < 1) look_inside(part * h, inside), note(time_s_ + part * h, inside.motion);
+    if (part < 1) look_inside(part * h, inside), note(time_s_ + part * h, inside.y, inside.motion);
   };
   if (regime_ != Regime::kFlight && !slip_ends) {
     look(extrema_.normal_force_max.value, [](const Instant& m) { return m.normal_force_n; });
@@ -522,7 +522,7 @@ void Plant::take_span(double h, bool exactly, double end_s) {
   now_ = end.motion;
   normalise(y_);
   if (!slip_ends) {
-    note(time_s_, now_);
+    note(time_s_, y_, now_);
     note_motors();
   }
   if (broken <= 1) {
@@ -569,7 +569,7 @@ double Plant::ratio(const Instant& m) const {
 }
 
 void Plant::end_inconsistent(std::string text) {
-  if (extrema_.normal_force_min.time_s < 0) note(time_s_, now_);  // as it starts: there is nothing else to say
+  if (extrema_.normal_force_min.time_s < 0) note(time_s_, y_, now_);  // as it starts: there is nothing else to say
   end_ = PhysicsEnd::kInconsistent;
   end_text_ = std::move(text);
 }
@@ -627,7 +627,7 @@ void Plant::enter(Regime regime) {
     leave_regime();  // its N and f_s do not come about
     return;
   }
-  note(time_s_, now_);
+  note(time_s_, y_, now_);
   note_motors();
 }
 
@@ -722,19 +722,27 @@ void Plant::touch(const Vector2d& slip_W_mps) {
   enter(Regime::kSliding);
 }
 
-void Plant::note_mu(double time_s, double mu) {
+void Plant::note_mu(double time_s, const State& y, const Instant& m) {
+  const double mu = ratio(m);
   if (mu > extrema_.mu_required_max.value + kNoise || extrema_.mu_required_max.time_s < 0) {
     extrema_.mu_required_max = {mu, time_s};
+    at_mu_max_.regime = regime_;
+    at_mu_max_.y = y;
+    if (driven_) {
+      at_mu_max_.mass_acceleration = m.mass_acceleration;
+    } else {
+      std::copy(piece_.begin(), piece_.end(), at_mu_max_.piece.begin());
+    }
   }
   tick_mu_required_max_ = std::max(tick_mu_required_max_, mu);
 }
 
-void Plant::note(double time_s, const Instant& m) {
+void Plant::note(double time_s, const State& y, const Instant& m) {
   // An extremum moves only if it is beaten by more than rounding, so that a constant keeps its first time.
   const auto raise = [time_s](Extremum& best, double value, double noise) {
     if (value > best.value + noise || best.time_s < 0) best = {value, time_s};
   };
-  note_mu(time_s, ratio(m));
+  note_mu(time_s, y, m);
   const double normal_force_n = pushed(m.normal_force_n);
   raise(extrema_.normal_force_max, normal_force_n, noise_n_);
   raise(extrema_.static_friction_max, m.static_friction_n, noise_n_);
@@ -742,6 +750,15 @@ void Plant::note(double time_s, const Instant& m) {
   raise(least, -normal_force_n, noise_n_);
   extrema_.normal_force_min = {-least.value, least.time_s};
   tick_normal_force_min_n_ = std::min(tick_normal_force_min_n_, normal_force_n);
+}
+
+std::optional<ContactShares> Plant::shares_at_mu_required_max() const {
+  if (at_mu_max_.regime != Regime::kRolling) return std::nullopt;
+  const double time_s = extrema_.mu_required_max.time_s;
+  const double* y = at_mu_max_.y.data();
+  MassPoint masses = mass_point(time_s, y, at_mu_max_.piece.data());
+  if (driven_) masses.acceleration = at_mu_max_.mass_acceleration;
+  return contact_shares(body_, time_s, y + kQ, y + kOmega, carried(masses));
 }
 
 Plant::PerMass Plant::needed_torques(const double* y, const MotionOf<double>& motion, const MassPoint& masses) const {

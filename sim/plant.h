@@ -28,11 +28,13 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "sim/contact.h"
+#include "sim/contact_shares.h"
 #include "sim/dop853.h"
 #include "sim/dormand_prince.h"
 #include "sim/motion.h"
@@ -125,6 +127,8 @@ class Plant {
   // Stepper runs only.
   [[nodiscard]] MotorEnergy motor_energy(int i) const;
   [[nodiscard]] double motor_steps_behind(int i) const;  // microsteps, of the true angle behind the commanded one
+  // Whose doing mu_required_max is; none if it was not needed by rolling.
+  [[nodiscard]] std::optional<ContactShares> shares_at_mu_required_max() const;
 
   // The state now. Where something jumps now, the value after the jump.
   struct Sample {
@@ -183,7 +187,8 @@ class Plant {
   };
 
   using PerMass = std::array<double, kMaxMasses>;
-  MassPoint mass_point(double time_s, const double* y) const;
+  MassPoint mass_point(double time_s, const double* y) const { return mass_point(time_s, y, piece_.data()); }
+  MassPoint mass_point(double time_s, const double* y, const std::size_t* piece) const;
   CarriedMasses carried(const MassPoint& masses) const;
   PerMass motor_forces(const MassPoint& masses) const;
   void evaluate(double time_s, const double* y, Instant& motion) const;
@@ -219,8 +224,8 @@ class Plant {
   double find_peak(double h, const Instant& middle, const Instant& end, double floor, Value value);
   bool violated(const Instant& motion) const;
   double ratio(const Instant& motion) const;
-  void note(double time_s, const Instant& motion);
-  void note_mu(double time_s, double mu);
+  void note(double time_s, const State& y, const Instant& motion);
+  void note_mu(double time_s, const State& y, const Instant& motion);
   void note_motors();
   void note_energy(double h, const Point& middle, const Point& end);
   struct StoredEnergy {
@@ -277,6 +282,13 @@ class Plant {
   PhysicsEnd end_ = PhysicsEnd::kNone;
   std::string end_text_;
   ContactExtrema extrema_;
+  // What held at mu_required_max, as little as everything else follows from.
+  struct {
+    Regime regime = Regime::kFlight;
+    State y{};
+    PerMass mass_acceleration{};                  // driven
+    std::array<std::size_t, kMaxMasses> piece{};  // prescribed
+  } at_mu_max_;
   double tick_normal_force_min_n_;  // since advance() was last called
   double tick_mu_required_max_;
   double noise_n_;  // forces closer than this are the same: rounding

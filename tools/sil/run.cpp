@@ -277,6 +277,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   result.impacts = plant.impacts();
   result.rolling_lost = plant.rolling_lost();
   result.extrema = plant.extrema();
+  result.friction_shares = plant.shares_at_mu_required_max();
   for (int i = 0; i < sim::kMaxMasses; ++i) result.motor_extrema[static_cast<std::size_t>(i)] = plant.motor_extrema(i);
   result.motors = pulse_record.motors;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {

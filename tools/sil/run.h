@@ -53,6 +53,7 @@ struct RunResult {
   std::vector<sim::ImpactRecord> impacts;
   bool rolling_lost = false;  // rolling ended by slip or detachment at least once
   sim::ContactExtrema extrema;
+  std::optional<sim::ContactShares> friction_shares;  // whose doing extrema.mu_required_max is; rolling only
   std::array<sim::MotorExtrema, sim::kMaxMasses> motor_extrema;
   std::array<sim::MotorEnergy, sim::kMaxMasses> motor_energy{};
   std::array<MotorRecord, sim::kMaxMasses> motors;

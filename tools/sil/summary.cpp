@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "tools/sil/controller_words.h"
+#include "tools/sil/required_friction.h"
 
 namespace ballast::sil {
 
@@ -312,11 +313,10 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
   j["move"] = plan_json(result.move);
   j["stop"] = plan_json(result.stop);
   j["surfaces"] = Json::array();
-  for (const Floor& floor : kFloors) {
-    j["surfaces"].push_back({{"name", floor.name},
-                             {"mu_s", floor.static_friction},
-                             {"holds", holds(scenario, result, floor.static_friction)}});
+  for (const FloorVerdict& floor : floor_verdicts(scenario, result)) {
+    j["surfaces"].push_back({{"name", floor.name}, {"mu_s", floor.static_friction}, {"holds", floor.holds}});
   }
+  j["required_friction"] = required_friction_json(result, floor_verdicts(scenario, result));
   j["motors"] = motors;
   if (result.step_timing) j["step_timing"] = step_timing_json(*result.step_timing);
   j["published"] = Json::array();
@@ -421,8 +421,9 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     text += format("  most f_s/N  unbounded: N = 0 at t = %.4f s", x.mu_required_max.time_s);
   }
   std::string holds_on, slips_on;
-  for (const Floor& floor : kFloors) {
-    std::string& list = holds(scenario, result, floor.static_friction) ? holds_on : slips_on;
+  const auto floors = floor_verdicts(scenario, result);
+  for (const FloorVerdict& floor : floors) {
+    std::string& list = floor.holds ? holds_on : slips_on;
     list += format("%s%s %.2f", list.empty() ? "" : ", ", floor.name, floor.static_friction);
   }
   if (result.end_reason != EndReason::kCompleted) {
@@ -432,7 +433,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   }
   text += "\n  holds on    " + (holds_on.empty() ? "none of the paper's floors" : holds_on);
   if (!slips_on.empty()) text += "\n  not on      " + slips_on;
-  text += "\n";
+  text += "\n  in short    " + required_friction_text(result, floors) + "\n";
   for (const auto& published : scenario.published) {
     if (result.end_reason != EndReason::kCompleted && published.quantity != "end.time")
       continue;  // not the whole story
@@ -497,6 +498,14 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   text += "\n";
   text += "  results     " + directory.string() + "\n";
   return text;
+}
+
+std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const RunResult& result) {
+  std::vector<FloorVerdict> verdicts;
+  for (const Floor& floor : kFloors) {
+    verdicts.push_back({floor.name, floor.static_friction, holds(scenario, result, floor.static_friction)});
+  }
+  return verdicts;
 }
 
 int exit_status(const RunResult& result) {
