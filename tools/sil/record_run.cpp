@@ -7,6 +7,7 @@
 #include <iostream>
 
 #include "tools/program/program.h"
+#include "tools/sil/robot.h"
 #include "tools/sil/summary.h"
 
 namespace ballast::sil {
@@ -45,6 +46,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   // Only once the run can begin does it replace what an earlier one has left.
   if (peers.connect() != hal::Status::kOk) return fail(peers.trouble());
   output.clear();
+  // Before the log, so that a run that is interrupted leaves it too.
+  if (!output.write("robot.json", robot_json(scenario))) return fail(output.error());
   Recorder recorder(output.log_path(), options.bus, options.unbuffered);
   if (!recorder.good()) return fail(recorder.error());
 
