@@ -30,7 +30,7 @@ _ENDS = {
 }
 
 
-def _read_summary(path):
+def read_json(path):
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -59,13 +59,14 @@ class Motor(NamedTuple):
 class RecordedRun:
     """`contact`, `state`: the plant's messages from t = 0 on; `status`: the controller's, empty if there was none."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, log_path=None, summary=None):
+        """`log_path` and `summary`, if given, are taken in place of run.lcmlog and summary.json of the folder."""
         folder = Path(folder)
         if not folder.is_dir():
             raise LogError(f"{folder}: no such folder")
         self.summary_path = folder / "summary.json"
-        self.summary = _read_summary(self.summary_path)
-        log = EventLog(folder / "run.lcmlog", ["BALLAST_CONTACT", "BALLAST_PLANT_STATE", "BALLAST_CONTROLLER_STATUS"])
+        self.summary = read_json(self.summary_path) if summary is None else summary
+        log = EventLog(log_path or folder / "run.lcmlog", ["BALLAST_CONTACT", "BALLAST_PLANT_STATE", "BALLAST_CONTROLLER_STATUS"])
         self.damage = log.damage
         self.contact = _from_start(log.messages("BALLAST_CONTACT", ballast.contact_t))
         self.state = _from_start(log.messages("BALLAST_PLANT_STATE", ballast.plant_state_t))
