@@ -17,10 +17,11 @@ struct RecordOptions {
   bool unbuffered = false;   // every message is on disk at once: for runs whose processes may be killed
   const volatile std::sig_atomic_t* interrupted = nullptr;
   std::optional<firmware::MoveRequest> move = std::nullopt;  // as in RunOptions
+  bool by_hand = false;                                      // as in RunOptions
 };
 
-// Runs, writes run.lcmlog and summary.json, prints the summary. Returns the program's exit status; trouble goes to
-// stderr, after `program_name`. A run that could not go to its end leaves the log up to there and no summary.
+// Runs, writes run.lcmlog, robot.json and summary.json, prints the summary. Returns the program's exit status; trouble
+// goes to stderr, after `program_name`. A run that could not go to its end leaves the log up to there and no summary.
 int record_run(const char* program_name, const sim::Scenario& scenario, Peers& peers, OutputDir& output,
                const RecordOptions& options);
 
