@@ -120,6 +120,7 @@ class Stack(Folder):
         self.assertRegex(self.refused(elf), "main: 0x[0-9a-f]+: blx r3: a call through a register")
         self.assertEqual(self.bytes_of(elf, "--calls", "main=leaf"), 24)
         self.assertEqual(self.bytes_of(elf, "--calls", "main="), 4)
+        self.assertEqual(self.bytes_of(elf, "--calls", "main=le*,absent*"), 24)
         self.assertIn("no function absent", self.refused(elf, "--calls", "main=absent"))
         self.assertIn("no call through a register was met", self.refused(elf, "--calls", "main=leaf", "--calls", "leaf=main"))
         self.assertEqual(self.bytes_of(elf, "--calls", "tail=leaf", entry="tail"), 20)
