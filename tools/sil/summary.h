@@ -16,6 +16,9 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
 std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
                          const std::filesystem::path& directory);
 
+// Which motors lost steps, and what to do about it; empty: none.
+std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result);
+
 // 0 inside the envelope, 3 outside or tripped.
 int exit_status(const RunResult& result);
 
