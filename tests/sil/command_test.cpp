@@ -545,6 +545,24 @@ TEST(Move, GoesThereAndSaysWhatItDoes) {
   EXPECT_TRUE(s["published"].empty()) << "they speak of the scenario's own motion";
 }
 
+// At full speed the drag of this ball's motors is more than their torque; the summary does not keep that to itself.
+TEST(Move, LostStepsAreSaidPlainly) {
+  const Folder folder;
+  const std::string line = "ballast move paper_ball --mass 1 --to 2.5 --set duration=10";
+  const Outcome move = folder.run(line);
+  const auto s = folder.summary("runs/paper_ball-move");
+  ASSERT_GT(s["motors"][1]["lost_steps"], 0);
+  const std::string lost = "motor 1 lost " + std::to_string(s["motors"][1]["lost_steps"].get<int>()) + " microsteps";
+  EXPECT_NE(move.out.find("WARNING     " + lost), std::string::npos) << move.out;
+  EXPECT_NE(move.out.find("--speed-fraction"), std::string::npos) << move.out;
+  const Outcome quiet = folder.run(line + " --quiet");
+  EXPECT_EQ(quiet.out, "");
+  EXPECT_NE(quiet.err.find(lost), std::string::npos) << quiet.err;
+  const Outcome slow = folder.run(line + " --speed-fraction 0.3 --quiet");
+  EXPECT_EQ(slow.exit_status, 0);
+  EXPECT_EQ(slow.out + slow.err, "");
+}
+
 TEST(Move, AllAndOneOtherwise) {
   const Folder folder;
   ASSERT_EQ(

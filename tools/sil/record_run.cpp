@@ -79,6 +79,9 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     return peers.exit_status();
   }
   if (!output.write_summary(summary_json(scenario, result))) return fail(output.error());
+  if (const std::string lost = lost_steps_text(scenario, result); options.quiet && !lost.empty()) {
+    program::complain(program_name, lost);
+  }
   if (!options.quiet) std::cout << summary_text(scenario, result, output.path()) << std::flush;
   if (!options.quiet && !std::cout)
     return fail("the summary cannot be printed; the results are in " + output.path().string());

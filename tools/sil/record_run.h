@@ -10,7 +10,7 @@
 namespace ballast::sil {
 
 struct RecordOptions {
-  bool quiet = false;        // no progress bar, no summary on stdout
+  bool quiet = false;        // no progress bar, no summary; lost steps are said on stderr
   double speed = 0;          // as in RunOptions
   lcm::LCM* bus = nullptr;   // every message also goes there
   bool check_steps = false;  // as in RunOptions

@@ -449,6 +449,9 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     std::int64_t lost = 0;
     for (std::size_t i = 0; i < scenario.masses.size(); ++i) lost += result.final_sample.lost_steps[i];
     text += format("%s issued, %lld lost\n", scenario.masses.empty() ? "0" : "", static_cast<long long>(lost));
+    if (const std::string warning = lost_steps_text(scenario, result); !warning.empty()) {
+      text += "  WARNING     " + warning + "\n";
+    }
   }
   if (result.step_timing) {
     std::int64_t checked = 0, structural = 0;
@@ -506,6 +509,19 @@ std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const Ru
     verdicts.push_back({floor.name, floor.static_friction, holds(scenario, result, floor.static_friction)});
   }
   return verdicts;
+}
+
+std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result) {
+  std::string who;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    const auto lost = static_cast<long long>(result.final_sample.lost_steps[i]);
+    if (lost > 0) who += format("%smotor %zu lost %lld", who.empty() ? "" : ", ", i, lost);
+  }
+  if (who.empty()) return "";
+  return who +
+         " microsteps: its mass is not where the controller believes it is. The torque did not carry the motion: "
+         "allow it less speed, acceleration or jerk (motor.max_step_rate, max_acceleration, max_jerk, or "
+         "ballast move --speed-fraction), or give it more torque";
 }
 
 int exit_status(const RunResult& result) {

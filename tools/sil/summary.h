@@ -26,6 +26,9 @@ struct FloorVerdict {
 };
 std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const RunResult& result);
 
+// Which motors lost steps, and what to do about it; empty: none.
+std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result);
+
 // 0 inside the envelope, 3 outside or tripped.
 int exit_status(const RunResult& result);
 
