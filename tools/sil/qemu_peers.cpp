@@ -120,8 +120,10 @@ Status QemuPeers::no_answer(Status status, Seconds timeout) {
                 program::kExitCouldNotRun);
   }
   const std::string end = qemu_.ended(Seconds(1));
+  const std::string said = qemu_.said();
   return fail(Status::kPeerLost,
-              "the link to the firmware was cut " + when() + (end.empty() ? "" : "; QEMU ended: " + end),
+              "the link to the firmware was cut " + when() + (end.empty() ? "" : "; QEMU ended: " + end) +
+                  (said.empty() ? "" : "; " + said),
               program::kExitCouldNotRun);
 }
 

@@ -42,6 +42,7 @@ class QemuPeers : public Peers {
   hal::Status exchange(Lap& lap) override;
   [[nodiscard]] std::string trouble() const override { return trouble_; }
   [[nodiscard]] int exit_status() const override { return exit_status_; }
+  [[nodiscard]] pid_t pid() const { return qemu_.pid(); }  // 0: it is not there
   [[nodiscard]] const TargetRecord& record() const { return record_; }
 
  private:
