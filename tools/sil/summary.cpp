@@ -449,7 +449,8 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   }
   if (any_motor) {
     text += format("  motors      least torque margin %.0f %%", 100 * margin);
-    if (electrical_j != 0) text += format("; %.3g J from the supply, %.3g J of it heat in the windings", electrical_j, copper_j);
+    if (electrical_j != 0)
+      text += format("; %.3g J from the supply, %.3g J of it heat in the windings", electrical_j, copper_j);
     text += "\n";
   }
   text += format("  speed       %.0f times real time", end_s / std::max(result.wall_time_s, 1e-9));
