@@ -301,6 +301,7 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
   if (end_ == PhysicsEnd::kNone && end_s > time_s_) {
     tick_normal_force_min_n_ = pushed(now_.normal_force_n);
     tick_mu_required_max_ = ratio(now_);
+    for (Stepper& stepper : steppers_) stepper.wait(time_s_);
   }
   std::size_t next_pulse = 0;
   while (end_ == PhysicsEnd::kNone) {
@@ -310,7 +311,7 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
       while (motion_[i].end_s(piece_[i]) <= time_s_) ++piece_[i], jumped = true;
     }
     for (; driven_ && next_pulse < pulses.size() && start_s + pulses[next_pulse].offset_s <= time_s_; ++next_pulse) {
-      steppers_[static_cast<std::size_t>(pulses[next_pulse].motor)].step(pulses[next_pulse].direction);
+      steppers_[static_cast<std::size_t>(pulses[next_pulse].motor)].step(pulses[next_pulse].direction, time_s_);
       jumped = true;
     }
     if (jumped) after_jump();
@@ -812,7 +813,7 @@ void Plant::note_energy(double h, const Point& middle, const Point& end) {
       if (!motor.has_winding()) continue;
       const auto current = steppers_[i].current(motor.shaft_ratio * y[k][kTheta + i], speed);
       energy.copper_j += part_s * phases.copper_loss_w(current);
-      energy.electrical_j += part_s * phases.terminal_power_w(current, speed);
+      energy.electrical_j += part_s * steppers_[i].terminal_power_w(current, speed);
     }
   }
 }

@@ -97,8 +97,8 @@ struct MotorExtrema {
 };
 
 // Of a stepper over the whole run, in J: what went in is what came out. Integrals over the integrator's steps by
-// Simpson's rule. electrical = copper + friction + work + stored; without a winding electrical and copper are 0 and mean
-// nothing.
+// Simpson's rule. electrical = copper + friction + work + stored; without a winding electrical and copper are 0 and
+// mean nothing.
 struct MotorEnergy {
   double electrical_j = 0;  // through the terminals
   double copper_j = 0;      // heat of the winding

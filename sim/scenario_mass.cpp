@@ -347,9 +347,10 @@ void read_winding(TableReader& table, const MotorPreset* preset, Motor& motor) {
   if (!current || !resistance || !inductance || !supply) return;
   const double peak_v = std::numbers::sqrt2 * *current * *resistance;
   if (!(*supply > peak_v)) {
-    table.refuse("supply_voltage", "cannot drive the rated current through the winding; allowed: > sqrt(2) * "
-                                   "rated_current * resistance = " +
-                                       number_text(peak_v));
+    table.refuse("supply_voltage",
+                 "cannot drive the rated current through the winding; allowed: > sqrt(2) * "
+                 "rated_current * resistance = " +
+                     number_text(peak_v));
     return;
   }
   motor.rated_current_a = *current;
