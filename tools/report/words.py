@@ -136,7 +136,8 @@ def _trip(summary):
     if trip.get("cause") in ("normal_force", "friction") and value is not None and limit is not None:
         words += f", {number_text(value)} where {number_text(limit)} is the limit"
     latency = trip.get("latency_ticks")
-    return words + (f"; the stop began {_count(latency, 'tick')} later." if latency is not None else ".")
+    stops = latency is not None and summary.get("actuation") == "stepper"
+    return words + (f"; the stop began {_count(latency, 'tick')} later." if stops else ".")
 
 
 def _motors(summary):

@@ -3,6 +3,7 @@
 // panel: {id, title (HTML), unit, lines, limits, extremes, top, bottom}
 // line: {run, column, label (HTML; none: not in the legend), color (of theme.js), dash, width}
 // top, bottom: beyond them values have no meaning as numbers; the axis ends there.
+// noise: what rounding leaves of a value that is 0; the axis does not blow it up.
 
 const DASHED = [6, 4];
 
@@ -18,7 +19,8 @@ function single(runs, column, label, color) {
   const lines = [];
   runs.forEach(({ samples }, run) => {
     const several = runs.length > 1;
-    const line = { run, label: several ? runLetter(run) : label, color: several ? `run-${run}` : color, width: 1.5 };
+    const line = { run, label: several ? runLetter(run) : label, color: several ? `run-${run}` : color,
+                   width: several && run === 0 ? 2.6 : 1.3 }; // where both are the same, both are seen
     if (samples.has(column)) lines.push({ ...line, column });
     const commanded = `commanded_${column}`;
     if (!several && samples.has(commanded))
@@ -84,10 +86,11 @@ export function makePanels(runs) {
       lines: single(runs, "normal_force", "<i>N</i>", "force"), extremes: extremes("normal_force"),
       limits: [...new Set(leastNormal)].map((value) => ({ value, text: value ? `limit ${value}` : "" })) },
     { id: "static_friction", title: `${slides ? "Friction" : "Static friction"} ${FRICTION}`, unit: "N",
-      lines: single(runs, "static_friction", FRICTION, "friction"), extremes: extremes("static_friction") },
+      lines: single(runs, "static_friction", FRICTION, "friction"), extremes: extremes("static_friction"),
+      noise: 1e-9 * Math.max(...runs.map(({ samples }) => Math.max(...finite(samples.get("normal_force"))))) },
     { id: "mu_required", title: `Friction coefficient ${slides ? "needed; kinetic where it slides" : "needed"} ${NEEDED}`,
       unit: "", lines: single(runs, "mu_required", NEEDED, "needed"), extremes: extremes("mu_required"),
-      limits: frictionLimits(runs), top: neededTop(runs) },
+      limits: frictionLimits(runs), top: neededTop(runs), noise: 1e-9 },
     { id: "margin", title: `Margin 1 − ${FRICTION}/(${FRICTION_LIMIT}<i>N</i>)${shares ? ": friction is perfect" : ""}`,
       unit: "", lines: single(runs, "margin", "margin", "margin"), limits: [{ value: 0, text: "" }], bottom: -1.1 },
     { id: "angular_velocity", title: "Angular velocity <b>Ω</b>, body frame", unit: "rad/s",

@@ -20,10 +20,23 @@ function axisText(value) {
   return text.replace("-", "−");
 }
 
+// The times of all runs in one row, and per run which of its samples stands there; -1: none.
+function commonGrid(runs) {
+  const times = runs.map(({ samples }) => samples.time), next = runs.map(() => 0);
+  const time = [], rows = runs.map(() => []);
+  for (;;) {
+    const now = Math.min(...times.map((own, run) => own[next[run]] ?? Infinity));
+    if (now === Infinity) return { time, rows };
+    time.push(now);
+    times.forEach((own, run) => rows[run].push(own[next[run]] === now ? next[run]++ : -1));
+  }
+}
+
 export class Plots {
   constructor(place, panels, runs, clock) {
     this.clock = clock;
     this.runs = runs;
+    this.grid = commonGrid(runs);
     this.range = [0, clock.end || 1];
     this.numbersShownAt = -Infinity;
     this.plots = panels.map((panel) => new Plot(place, panel, runs, this));
@@ -98,11 +111,13 @@ class Plot {
     return item.querySelector("output");
   }
 
+  // undefined where only the other run has a sample, which uPlot draws over; null where there is no number, a gap.
   data() {
-    const tables = this.runs.map(({ samples }, run) => [
-      samples.time, ...this.panel.lines.filter((line) => line.run === run).map((line) => samples.nullable(line.column))]);
-    // The lines of a panel come run by run, as the tables do.
-    return tables.length === 1 ? tables[0] : uPlot.join(tables);
+    const { time, rows } = this.all.grid;
+    return [time, ...this.panel.lines.map(({ run, column }) => {
+      const values = this.runs[run].samples.get(column);
+      return Array.from(rows[run], (row) => (row < 0 ? undefined : Number.isNaN(values[row]) ? null : values[row]));
+    })];
   }
 
   height() {
@@ -142,6 +157,7 @@ class Plot {
       low = Math.min(low, value);
       high = Math.max(high, value);
     }
+    if (near <= this.panel.noise || near === 0) return [-0.1, 1];
     const span = high - low, room = span > 1e-12 * near ? 0.09 * span : 0.1 * near || 1;
     return [low - room, high + room];
   }
@@ -168,6 +184,7 @@ class Plot {
   drawMarks(u) {
     const { ctx, bbox } = u, scale = devicePixelRatio;
     ctx.save();
+    ctx.setLineDash([]); // a dashed line leaves its dashes behind
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top - 4 * scale, bbox.width, bbox.height + 4 * scale);
     ctx.clip();

@@ -9,6 +9,10 @@ const CONE_SLANT = 1.3;
 const HEAVIEST_MASS = 0.115; // radius of its sphere; the others by the cube root of their mass
 const LEAST_MASS = 0.045;
 const PATH_POINTS = 3000;
+const NOISE = 1e-9; // of the weight: what rounding leaves of forces that are 0
+const SHORTEST_PATH_PIECE = 4e-3; // ball radii: the direction of a shorter one would be noise
+const PATH_WIDTH = 0.056; // ball radii; where the path is long
+const PATH_OF_EXTENT = 0.004; // part of its extent, to be seen from where all of it is
 const RAIL_POINTS = 600;
 const REGIMES = ["rolling", "sliding", "flight"];
 const UP = new THREE.Vector3(0, 0, 1);
@@ -115,8 +119,9 @@ export class Robot {
     const r = this.radius, geometry = new THREE.SphereGeometry(r, 72, 48).rotateX(Math.PI / 2);
     const map = shellPattern();
     const options = { map, transparent: true, depthWrite: false };
-    const inside = new THREE.MeshBasicMaterial({ ...options, side: THREE.BackSide, opacity: 0.55 });
-    const outside = new THREE.MeshPhongMaterial({ ...options, shininess: 90, specular: 0x555555 });
+    const opacity = this.several ? 0.4 : 1; // one sees through two shells
+    const inside = new THREE.MeshBasicMaterial({ ...options, side: THREE.BackSide, opacity: 0.55 * opacity });
+    const outside = new THREE.MeshPhongMaterial({ ...options, shininess: 90, specular: 0x555555, opacity });
     const rim = rimMaterial();
     this.shell = new THREE.Group();
     [[inside, 1], [outside, 5], [rim, 6]].forEach(([material, order]) => {
@@ -166,7 +171,7 @@ export class Robot {
       this.onPaint(() => {
         paint(material, `mass-${i}`);
         paint(railMaterial, `mass-${i}`);
-        railMaterial.color.lerp(new THREE.Color().setStyle(color("view")), 0.45);
+        railMaterial.color.lerp(new THREE.Color().setStyle(color("view")), 0.25);
       });
       return sphere;
     });
@@ -185,7 +190,7 @@ export class Robot {
     const weight = described.gravity && inside ? described.gravity * inside : normals[normals.length >> 1];
     this.forceScale = weight > 0 ? (WEIGHT_ARROW * r) / weight : 0;
     const most = samples.get("static_friction").reduce((least, value) => Math.max(least, value), 0);
-    const room = most > 0 ? (FRICTION_ARROW * r) / (most * this.forceScale) : 1;
+    const room = most > NOISE * weight ? (FRICTION_ARROW * r) / (most * this.forceScale) : 1;
     this.frictionFactor = [10, 5, 2].find((factor) => factor <= room) ?? 1;
     this.force = new Arrow(0.026 * r);
     this.friction = new Arrow(0.022 * r);
@@ -221,13 +226,15 @@ export class Robot {
     if (rows.at(-1) !== samples.rows - 1) rows.push(samples.rows - 1);
     const [x, y] = [samples.get("position_0"), samples.get("position_1")];
     this.bounds = new THREE.Box3();
-    const kept = rows.filter((row, k) => {
+    const kept = [];
+    for (const row of rows) {
       this.bounds.expandByPoint(new THREE.Vector3(x[row], y[row], 0));
-      const before = rows[k - 1];
-      return k === 0 || Math.hypot(x[row] - x[before], y[row] - y[before]) > 1e-6 * radius;
-    });
+      const before = kept.at(-1) ?? row;
+      if (row === 0 || Math.hypot(x[row] - x[before], y[row] - y[before]) > SHORTEST_PATH_PIECE * radius) kept.push(row);
+    }
     this.pathRows = kept;
-    const half = 0.028 * radius * (this.several ? 0.8 : 1);
+    const extent = this.bounds.getSize(new THREE.Vector3()).length();
+    const half = Math.max(PATH_WIDTH * radius, PATH_OF_EXTENT * extent) * (this.several ? 0.4 : 0.5);
     const places = new Float32Array(6 * kept.length), colors = new Float32Array(6 * kept.length), triangles = [];
     kept.forEach((row, k) => {
       const from = kept[Math.max(k - 1, 0)], to = kept[Math.min(k + 1, kept.length - 1)];
@@ -242,7 +249,7 @@ export class Robot {
     geometry.setAttribute("color", new THREE.BufferAttribute(colors, 3));
     geometry.setIndex(triangles);
     this.gone = new THREE.Mesh(geometry.clone(), new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide, depthWrite: false }));
-    const whole = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide, transparent: true, opacity: 0.22, depthWrite: false }));
+    const whole = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide, transparent: true, opacity: 0.34, depthWrite: false }));
     this.gone.renderOrder = -1;
     whole.renderOrder = -1;
     this.gone.frustumCulled = whole.frustumCulled = false;

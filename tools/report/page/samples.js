@@ -48,11 +48,6 @@ export class Samples {
     return this.columns.get(name);
   }
 
-  // As a plot wants it: null where there is no number.
-  nullable(name) {
-    return Array.from(this.get(name), (value) => (Number.isNaN(value) ? null : value));
-  }
-
   // The last sample at or before that time.
   rowAt(time) {
     let low = 0, high = this.rows - 1;
