@@ -13,5 +13,6 @@ std::function<int()> add_move_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_friction_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_spy_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_watch_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_doctor_command(CLI::App& app, CLI::App*& command);
 
 }  // namespace ballast
