@@ -1,5 +1,6 @@
 #include "firmware/control/controller.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace ballast::firmware {
@@ -32,7 +33,7 @@ Real length(const Quaternion& q) { return std::sqrt(q.w() * q.w() + q.x() * q.x(
 
 // What passes is normalised before use, so this only tells an attitude from garbage: rounding, to single precision too,
 // stays a thousand times below it, and a lost or broken component is far above. NaN and infinity fail the comparison.
-constexpr Real kLengthTolerance = 1e-3;
+constexpr auto kLengthTolerance = static_cast<Real>(1e-3);
 
 bool valid(const Sensors& s) {
   return std::fabs(length(s.orientation) - 1) <= kLengthTolerance && finite(s.gyro_B_radps) &&
@@ -40,7 +41,7 @@ bool valid(const Sensors& s) {
 }
 
 // Microsteps of a target from the start: below 2^53, so that they can be counted; as validate() has it for the start.
-constexpr Real kMaxStepsFromZero = 1e15;
+constexpr Wide kMaxStepsFromZero = 1e15;
 
 // The world's faults present in this tick.
 std::uint32_t causes_of(const ControllerParams& params, const Inputs& inputs, Order order) {
@@ -62,8 +63,8 @@ std::int64_t minus(std::int64_t a, std::int64_t b) {
 }
 
 // Profile time at the start of a tick.
-Real profile_time(const ControllerParams& params, const ControllerState& state, std::int64_t tick) {
-  return static_cast<Real>(minus(tick, state.start_tick)) * params.control_period_s;
+Wide profile_time(const ControllerParams& params, const ControllerState& state, std::int64_t tick) {
+  return static_cast<Wide>(minus(tick, state.start_tick)) * params.control_period_s;
 }
 
 ProfilePoint commanded(const ControllerParams& params, const ControllerState& state, std::int64_t tick, int i) {
@@ -90,33 +91,37 @@ void hold(const ControllerParams& params, ControllerState& state, std::int64_t t
 
 // Stop from this state in duration_s or, if that is less, the shortest time. False, and `profile` as it was or not at
 // rest in the end: not a stop.
-bool stop(Profile& profile, const ProfilePoint& from, const MotionLimits& limits, Real duration_s) {
+bool stop(Profile& profile, const ProfilePoint& from, const MotionLimits& limits, Wide duration_s) {
   PlannedPieces pieces;
   if (!plan_stop(from.velocity, from.acceleration, limits, duration_s, pieces) ||
       !profile.set(from.position, from.velocity, pieces.piece.data(), pieces.count)) {
     return false;
   }
   // Checked by code that did not plan it.
-  const MotionLimits allowed{std::numeric_limits<Real>::infinity(),
+  const MotionLimits allowed{std::numeric_limits<Wide>::infinity(),
                              std::fmax(limits.max_acceleration, std::fabs(from.acceleration)), limits.max_jerk};
   return profile.at_rest_from(profile.end_s()) && check_limits(profile, allowed).ok();
 }
 
-// Lines end where the ball does, open splines at their ends; no other rail has an end. 1e-12: rounding.
-bool on_rail(const BallParams& ball, int i, Real position) {
+// Of the model's numbers, with room.
+constexpr Real kRounding = std::max(Real(1e-12), 16 * std::numeric_limits<Real>::epsilon());
+
+// Lines end where the ball does, open splines at their ends; no other rail has an end.
+bool on_rail(const BallParams& ball, int i, Wide rail_coordinate) {
+  const auto position = static_cast<Real>(rail_coordinate);
   const Rail& rail = ball.rail[at(i)];
   if (rail.shape == RailShape::kSpline && !rail.closed) {
     const Real length = length_m(rail);
-    return position >= -1e-12 * length && position <= length * (1 + 1e-12);
+    return position >= -kRounding * length && position <= length * (1 + kRounding);
   }
   if (rail.shape != RailShape::kLine) return true;
   const Vector3 r = evaluate(rail, position).position;
-  return std::sqrt(r.dot(r)) <= ball.radius_m * (1 + 1e-12);
+  return std::sqrt(r.dot(r)) <= ball.radius_m * (1 + kRounding);
 }
 
-Real final_position(const Profile& profile) { return profile.cubic(profile.piece_count()).position; }
+Wide final_position(const Profile& profile) { return profile.cubic(profile.piece_count()).position; }
 
-RefusalReport refused(Refusal reason, int motor = -1, Real value = 0, int piece = -1) {
+RefusalReport refused(Refusal reason, int motor = -1, Wide value = 0, int piece = -1) {
   return {reason, motor, piece, value};
 }
 
@@ -148,14 +153,14 @@ RefusalReport prepare_move(const ControllerParams& params, const MoveRequest& mo
   }
   const auto distance = [&](int i) {
     const bool moves = (move.masses >> i & 1u) != 0;
-    return moves ? move.target_position[at(i)] - state.hold_position[at(i)] : Real{0};
+    return moves ? move.target_position[at(i)] - state.hold_position[at(i)] : Wide{0};
   };
   PlannedPieces pieces;
-  Real duration_s = 0;
+  Wide duration_s = 0;
   for (int i = 0; i < count; ++i) {
     if ((move.masses >> i & 1u) == 0) continue;
-    const Real target = move.target_position[at(i)];
-    const Real steps = (target - params.motion[at(i)].at(0).position) * params.motor[at(i)].steps_per_unit;
+    const Wide target = move.target_position[at(i)];
+    const Wide steps = (target - params.motion[at(i)].at(0).position) * params.motor[at(i)].steps_per_unit;
     if (!std::isfinite(target) || !(std::fabs(steps) <= kMaxStepsFromZero) || !on_rail(params.ball, i, target)) {
       return refused(Refusal::kTarget, i, target);
     }
@@ -166,14 +171,14 @@ RefusalReport prepare_move(const ControllerParams& params, const MoveRequest& mo
   }
   for (int i = 0; i < count; ++i) {
     Profile& profile = state.active[at(i)];
-    const Real from = state.hold_position[at(i)];
+    const Wide from = state.hold_position[at(i)];
     const MotionLimits limits = motion_limits(params, i);
     if (!plan_move(distance(i), limits, duration_s, pieces) ||
         !profile.set(from, 0, pieces.piece.data(), pieces.count)) {
       return refused(Refusal::kNotPlanned, i, distance(i));
     }
     // Checked by code that did not plan it; 1e-12: the rounding of seven pieces' sums, with room.
-    const Real miss = std::fabs(final_position(profile) - (from + distance(i)));
+    const Wide miss = std::fabs(final_position(profile) - (from + distance(i)));
     if (!profile.at_rest_from(profile.end_s()) || !check_limits(profile, limits).ok() ||
         !(miss <= 1e-12 * (std::fabs(from) + std::fabs(distance(i))))) {
       return refused(Refusal::kNotPlanned, i, distance(i));
@@ -193,7 +198,7 @@ void begin(ControllerState& state, std::int64_t next) {
 // `together`: all in the time the slowest needs; else each in its own shortest.
 void begin_stop(const ControllerParams& params, ControllerState& state, std::int64_t next, bool together) {
   PlannedPieces pieces;
-  Real slowest_s = 0;
+  Wide slowest_s = 0;
   for (int i = 0; i < params.ball.mass_count; ++i) {
     const ProfilePoint p = commanded(params, state, next, i);
     if (plan_stop(p.velocity, p.acceleration, motion_limits(params, i), 0, pieces)) {
@@ -208,8 +213,8 @@ void begin_stop(const ControllerParams& params, ControllerState& state, std::int
     if (stop(profile, p, limits, 0)) continue;
     state.faults |= bit(Fault::kInternal);
     // Where the last step left it; such a position fits any profile.
-    const Real position = params.motion[at(i)].at(0).position +
-                          static_cast<Real>(state.position_steps[at(i)]) / params.motor[at(i)].steps_per_unit;
+    const Wide position = params.motion[at(i)].at(0).position +
+                          static_cast<Wide>(state.position_steps[at(i)]) / params.motor[at(i)].steps_per_unit;
     static_cast<void>(profile.set(position, 0, nullptr, 0));
   }
   state.start_tick = next;
@@ -248,7 +253,7 @@ bool generate_all(const ControllerParams& params, ControllerState& state, StepCo
 }
 
 // Largest speed whose steps can surely be issued: just under what the limits allow.
-Real feasible_speed(const ControllerParams& params, int i) { return 0.999 * motion_limits(params, i).max_velocity; }
+Wide feasible_speed(const ControllerParams& params, int i) { return 0.999 * motion_limits(params, i).max_velocity; }
 
 // Something cannot be stepped: everything stops from the commanded state, each motor as well as it can. Never more than
 // four tries a motor; the last, holding, needs no pulses.
@@ -316,7 +321,7 @@ void predict(const ControllerParams& params, const Sensors& sensors, const MassM
 // What the profiles that begin at the start of `next` will do.
 void predict_plan(const ControllerParams& params, const Sensors& sensors, const MassMotion& now, std::int64_t next,
                   ControllerState& state) {
-  Real duration_s = 0;
+  Wide duration_s = 0;
   for (int i = 0; i < params.ball.mass_count; ++i) duration_s = std::fmax(duration_s, state.active[at(i)].end_s());
   state.planned = true;
   state.plan_tick = next;
@@ -333,7 +338,7 @@ void predict_plan(const ControllerParams& params, const Sensors& sensors, const 
 MotionLimits motion_limits(const ControllerParams& params, int mass) {
   const MotorParams& motor = params.motor[at(mass)];
   // In a tick of constant speed one step more than the mean can fall.
-  const Real rate_hz = std::fmin(motor.max_step_rate_hz, (kMaxStepsPerTick - 1) / params.control_period_s);
+  const Wide rate_hz = std::fmin(motor.max_step_rate_hz, (kMaxStepsPerTick - 1) / params.control_period_s);
   return {rate_hz / std::fabs(motor.steps_per_unit), motor.max_acceleration, motor.max_jerk};
 }
 
@@ -378,10 +383,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
 
   MassMotion now;
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    const ProfilePoint p = commanded(params, state, inputs.tick, i);
-    now.position[at(i)] = p.position;
-    now.velocity[at(i)] = p.velocity;
-    now.acceleration[at(i)] = p.acceleration;
+    put(commanded(params, state, inputs.tick, i), at(i), now);
   }
 
   // Faults, events, mode. While disarmed nothing is at stake: faults are shown and forbid arming, but do not latch.

@@ -15,18 +15,18 @@
 namespace ballast::firmware {
 
 struct MotorParams {
-  Real steps_per_unit = 0;     // microsteps per rail unit (rad or m), != 0; sign = wiring
-  Real max_step_rate_hz = 0;   // microsteps per second, > 0
-  Real max_acceleration = 0;   // rail unit / s^2, > 0: of motion, moves and stops
-  Real max_jerk = 0;           // rail unit / s^3, > 0: likewise, inside the motion's pieces
-  Real direction_setup_s = 0;  // 0..1e-3: least time between two opposite pulses, which the driver needs to turn
+  Wide steps_per_unit = 0;     // microsteps per rail unit (rad or m), != 0; sign = wiring
+  Wide max_step_rate_hz = 0;   // microsteps per second, > 0
+  Wide max_acceleration = 0;   // rail unit / s^2, > 0: of motion, moves and stops
+  Wide max_jerk = 0;           // rail unit / s^3, > 0: likewise, inside the motion's pieces
+  Wide direction_setup_s = 0;  // 0..1e-3: least time between two opposite pulses, which the driver needs to turn
 };
 
 // Inert until validate() accepts it.
 struct ControllerParams {
   std::int64_t scenario_id = 0;  // fingerprint, echoed in the status
-  Real control_period_s = 0;
-  Real timer_frequency_hz = 0;  // step timer, 1e6..1e8
+  Wide control_period_s = 0;
+  Wide timer_frequency_hz = 0;  // step timer, 1e6..1e8
   Real static_friction = 0;     // mu_s > 0; infinity: perfect friction
   int sensor_stale_ticks = 0;   // sensors may be this many ticks old
   int monitor_stale_ticks = 0;  // heartbeat may be this many ticks old
@@ -40,9 +40,9 @@ struct ParamError {
   const char* field = nullptr;  // nullptr: accepted
   int index = -1;               // mass, where the field has one
   int piece = -1;               // of the motion, where the field is one
-  Real value = 0;
+  Wide value = 0;
   const char* allowed = "";
-  Real limit = 0;  // of a piece: what was allowed, in the unit of `value`
+  Wide limit = 0;  // of a piece: what was allowed, in the unit of `value`
   [[nodiscard]] bool ok() const { return field == nullptr; }
 };
 
@@ -75,8 +75,8 @@ enum class OperatorCommand : std::uint8_t { kNone = 0, kArm = 1, kStart = 2, kSt
 // Of kMove: from rest to rest, all at once, in the time the slowest needs. Judged before anything moves.
 struct MoveRequest {
   std::uint32_t masses = 0;         // bit i: mass i moves; the others stay
-  PerMass<Real> target_position{};  // rail coordinate, rad or m; read where the bit is set
-  Real speed_fraction = 1;          // 0 < .. <= 1: the shortest time is divided by it
+  PerMass<Wide> target_position{};  // rail coordinate, rad or m; read where the bit is set
+  Wide speed_fraction = 1;          // 0 < .. <= 1: the shortest time is divided by it
 };
 
 // What the operator says; a plain command converts.
@@ -106,7 +106,7 @@ struct RefusalReport {
   Refusal reason = Refusal::kNone;
   int motor = -1;
   int piece = -1;  // of the motion
-  Real value = 0;
+  Wide value = 0;
 };
 
 // Everything the controller hears in one tick. What did not arrive keeps its last value, and its old tick.
@@ -163,7 +163,7 @@ struct ControllerState {
   bool moving = false;          // active profiles are in force; otherwise the masses hold at hold_position
   bool braking = false;         // the active profiles are stops
   PerMass<Profile> active{};    // the scenario's motion, a move, or a stop from where one of them is
-  PerMass<Real> hold_position{};
+  PerMass<Wide> hold_position{};
   PerMass<std::int64_t> position_steps{};
   PerMass<LastPulse> last_pulse{};
   PerMass<std::int64_t> steps_issued{};

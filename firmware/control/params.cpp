@@ -1,5 +1,7 @@
 // validate(): what the controller may be asked to run with.
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "firmware/control/controller.h"
 
@@ -7,20 +9,20 @@ namespace ballast::firmware {
 
 namespace {
 
-constexpr Real kUnitTolerance =
-    1e-9;  // rails are built by functions that normalise: this is rounding with room to spare
+// Rails are built by functions that normalise: this is rounding with room to spare.
+constexpr Real kUnitTolerance = std::max(static_cast<Real>(1e-9), 16 * std::numeric_limits<Real>::epsilon());
 
 // Keeps the first complaint.
 class Checker {
  public:
-  void require(bool ok, const char* field, int index, Real value, const char* allowed) {
+  void require(bool ok, const char* field, int index, Wide value, const char* allowed) {
     if (ok || !error_.ok()) return;
     error_.field = field;
     error_.index = index;
     error_.value = value;
     error_.allowed = allowed;
   }
-  void positive(Real value, const char* field, int index = -1) {
+  void positive(Wide value, const char* field, int index = -1) {
     require(std::isfinite(value) && value > 0, field, index, value, "finite, > 0");
   }
   void motion(const Profile& profile, const MotionLimits& limits, int mass) {
@@ -83,7 +85,7 @@ void check_spline(const Rail& rail, int i, Checker& check) {
 
 void check_rail(const Rail& rail, int i, Checker& check) {
   check.require(rail.shape == RailShape::kCircle || rail.shape == RailShape::kLine || rail.shape == RailShape::kSpline,
-                "ball.rail.shape", i, static_cast<Real>(rail.shape), "circle, line or spline");
+                "ball.rail.shape", i, static_cast<Wide>(rail.shape), "circle, line or spline");
   if (rail.shape == RailShape::kSpline) {
     check_spline(rail, i, check);
     return;
@@ -106,7 +108,7 @@ ParamError validate(const ControllerParams& params) {
   check.positive(params.control_period_s, "control_period_s");
   check.require(params.timer_frequency_hz >= 1e6 && params.timer_frequency_hz <= 1e8, "timer_frequency_hz", -1,
                 params.timer_frequency_hz, "1e6..1e8");
-  const Real ticks = params.control_period_s * params.timer_frequency_hz;
+  const Wide ticks = params.control_period_s * params.timer_frequency_hz;
   check.require(ticks >= 2 && ticks <= 1e9, "control_period_s", -1, params.control_period_s, "2..1e9 timer ticks");
   check.require(params.static_friction > 0, "static_friction", -1, params.static_friction,
                 "> 0, infinity: perfect friction");
@@ -132,7 +134,7 @@ ParamError validate(const ControllerParams& params) {
                   motor.direction_setup_s, "0..1e-3");
     check.positive(motor.max_jerk, "motor.max_jerk", i);
     // A profile refuses what is not finite when it is set; the count of steps at its start has to fit too.
-    const Real start = params.motion[k].at(0).position;
+    const Wide start = params.motion[k].at(0).position;
     check.require(std::fabs(start * motor.steps_per_unit) <= 1e15, "motion", i, start,
                   "initial position within 1e15 microsteps of 0");
     if (check.error().ok()) check.motion(params.motion[k], motion_limits(params, i), i);

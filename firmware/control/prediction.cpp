@@ -23,20 +23,17 @@ Quaternion turned(const Quaternion& q, const Vector3& omega, Real h) {
   return {w / norm, i / norm, j / norm, k / norm};
 }
 
-MassMotion masses_at(const PerMass<Profile>& profiles, int count, Real time_s) {
+MassMotion masses_at(const PerMass<Profile>& profiles, int count, Wide time_s) {
   MassMotion masses;
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
-    const ProfilePoint p = profiles[i].at(time_s);
-    masses.position[i] = p.position;
-    masses.velocity[i] = p.velocity;
-    masses.acceleration[i] = p.acceleration;
+    put(profiles[i].at(time_s), i, masses);
   }
   return masses;
 }
 
 // The first border of any piece after time_s.
-Real next_border(const PerMass<Profile>& profiles, int count, Real time_s) {
-  Real next = std::numeric_limits<Real>::infinity();
+Wide next_border(const PerMass<Profile>& profiles, int count, Wide time_s) {
+  Wide next = std::numeric_limits<Wide>::infinity();
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
     const int after = profiles[i].locate(time_s).index + 1;
     if (after <= profiles[i].piece_count()) next = std::fmin(next, profiles[i].cubic_start_s(after));
@@ -64,8 +61,8 @@ void friction_use(const RollingForces& forces, Real static_friction, Real& mu_re
 }
 
 Prediction predict_motion(const BallParams& ball, Real static_friction, const Quaternion& orientation,
-                          const Vector3& angular_velocity_B_radps, const MassMotion& now, Real lead_s,
-                          const PerMass<Profile>& profiles, Real duration_s) {
+                          const Vector3& angular_velocity_B_radps, const MassMotion& now, Wide lead_s,
+                          const PerMass<Profile>& profiles, Wide duration_s) {
   const int count = ball.mass_count;
   Prediction result{duration_s, 0, std::numeric_limits<Real>::infinity(), 0, 1};
   Attitude at{orientation, angular_velocity_B_radps};
@@ -90,8 +87,8 @@ Prediction predict_motion(const BallParams& ball, Real static_friction, const Qu
     if (!(margin >= result.margin_min)) result.margin_min = margin;
   };
 
-  advance(forces(now), now, lead_s);
-  Real time_s = 0;
+  advance(forces(now), now, static_cast<Real>(lead_s));
+  Wide time_s = 0;
   // Never more than the grid's intervals and the borders; the bound also ends it should a number be none or a step
   // vanish beside the time.
   int borders = 0;
@@ -100,11 +97,11 @@ Prediction predict_motion(const BallParams& ball, Real static_friction, const Qu
   for (int k = 0; k < kPredictionIntervals + borders && time_s < duration_s; ++k) {
     const RollingForces start = forces(masses_at(profiles, count, time_s));
     look(start);
-    const Real grid_s = grid < kPredictionIntervals ? duration_s * grid / kPredictionIntervals : duration_s;
+    const Wide grid_s = grid < kPredictionIntervals ? duration_s * grid / kPredictionIntervals : duration_s;
     const Real longest_s = longest_step_s(ball, at.angular_velocity_B_radps, start.angular_acceleration_B_radps2);
-    const Real end_s = std::fmin(std::fmin(grid_s, time_s + longest_s), next_border(profiles, count, time_s));
+    const Wide end_s = std::fmin(std::fmin(grid_s, time_s + Wide{longest_s}), next_border(profiles, count, time_s));
     if (end_s == grid_s) ++grid;
-    advance(start, masses_at(profiles, count, (time_s + end_s) / 2), end_s - time_s);
+    advance(start, masses_at(profiles, count, (time_s + end_s) / 2), static_cast<Real>(end_s - time_s));
     time_s = end_s;
   }
   look(forces(masses_at(profiles, count, time_s)));

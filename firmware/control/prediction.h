@@ -8,8 +8,8 @@ namespace ballast::firmware {
 
 // Least and greatest of the paper's closed forms along profiles, from profile time 0 to horizon_s.
 struct Prediction {
-  Real duration_s = 0;
-  Real horizon_s = 0;  // how far it looks: duration_s, or less of what takes long
+  Wide duration_s = 0;
+  Wide horizon_s = 0;  // how far it looks: duration_s, or less of what takes long
   Real normal_force_min_n = 0;
   Real mu_required_max = 0;  // f_s / N; +infinity where N <= 0
   Real margin_min = 0;       // 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0
@@ -30,8 +30,15 @@ inline constexpr Real kPredictionStep = 0.5;
 // kPredictionStep at its start (a ball rolling as a pendulum swings more slowly than sqrt(g / r)). If the intervals are
 // used up before duration_s, that is the horizon.
 [[nodiscard]] Prediction predict_motion(const BallParams& ball, Real static_friction, const Quaternion& orientation,
-                                        const Vector3& angular_velocity_B_radps, const MassMotion& now, Real lead_s,
-                                        const PerMass<Profile>& profiles, Real duration_s);
+                                        const Vector3& angular_velocity_B_radps, const MassMotion& now, Wide lead_s,
+                                        const PerMass<Profile>& profiles, Wide duration_s);
+
+// A point of a profile as the model takes it.
+inline void put(const ProfilePoint& point, std::size_t mass, MassMotion& masses) {
+  masses.position[mass] = static_cast<Real>(point.position);
+  masses.velocity[mass] = static_cast<Real>(point.velocity);
+  masses.acceleration[mass] = static_cast<Real>(point.acceleration);
+}
 
 // f_s / N and the margin of one state, as in Prediction.
 void friction_use(const RollingForces& forces, Real static_friction, Real& mu_required, Real& margin);

@@ -25,7 +25,7 @@ Rail circle_about(Real radius_m, Real azimuth_rad, Real elevation_rad) {
   const Real ny = elevation.cos * azimuth.sin;
   const Real nz = elevation.sin;
   Vector3 b1(0, -1, 0);
-  if (nz >= -0.9999999) {
+  if (nz >= Real(-0.9999999)) {
     const Real a = 1 / (1 + nz);
     b1 = Vector3(1 - nx * nx * a, -nx * ny * a, -nx);
   }

@@ -42,7 +42,7 @@ struct Rail {
 };
 
 // Of a spline.
-inline Real length_m(const Rail& rail) { return rail.piece_count * rail.piece_length_m; }
+inline Real length_m(const Rail& rail) { return static_cast<Real>(rail.piece_count) * rail.piece_length_m; }
 
 // zeta, zeta' and zeta'' (derivatives by theta), body frame.
 template <class T>
@@ -69,11 +69,11 @@ template <class T>
   // Written so that NaN becomes the first piece.
   const Real place = std::real(theta) / h;
   const int last = rail.piece_count - 1;
-  const int k = place > 0 ? (place < last ? static_cast<int>(place) : last) : 0;
+  const int k = place > 0 ? (place < static_cast<Real>(last) ? static_cast<int>(place) : last) : 0;
   const RailKnot &from = rail.knots[static_cast<std::size_t>(k)], &to = rail.knots[static_cast<std::size_t>(k + 1)];
-  const T b = theta / h - static_cast<Real>(k), a = 1. - b;
+  const T b = theta / h - static_cast<Real>(k), a = T(1) - b;
   const T bend_from = (a * a * a - a) * (h * h / 6), bend_to = (b * b * b - b) * (h * h / 6);
-  const T turn_from = (1. - 3. * a * a) * (h / 6), turn_to = (3. * b * b - 1.) * (h / 6);
+  const T turn_from = (T(1) - T(3) * a * a) * (h / 6), turn_to = (T(3) * b * b - T(1)) * (h / 6);
   for (int j = 0; j < 3; ++j) {
     const Real d2_from = from.d2_B_per_m[j], d2_to = to.d2_B_per_m[j];
     p.position[j] = a * from.position_B_m[j] + b * to.position_B_m[j] + bend_from * d2_from + bend_to * d2_to;

@@ -8,7 +8,16 @@
 
 namespace ballast::firmware {
 
-using Real = double;
+// The scalar of the model: rails, forces, attitude. BALLAST_REAL=float is for a processor whose FPU has single
+// precision only, and is read nowhere else. Wide is double in any case: what 24 bits are too few for. Those are times
+// and what becomes of them, since a float of seconds is 2 us off after 20 s and pulses are placed to 0.5 us; rail
+// coordinates over a whole run; microsteps counted from its start. So all of motion/ is Wide, and takes software where
+// the FPU does not have it.
+#ifndef BALLAST_REAL
+#define BALLAST_REAL double
+#endif
+using Real = BALLAST_REAL;
+using Wide = double;
 using Vector2 = Eigen::Matrix<Real, 2, 1>;
 using Vector3 = Eigen::Matrix<Real, 3, 1>;
 using Matrix3 = Eigen::Matrix<Real, 3, 3>;

@@ -8,15 +8,15 @@ namespace ballast::firmware {
 namespace {
 
 // Of the crossings' times, and of rounding in a profile exactly at the motor's rate.
-constexpr Real kNoiseTicks = 0.01;
+constexpr Wide kNoiseTicks = 0.01;
 
 // Rounds up; by conversion, since ceil() is a call on processors without the instruction.
-std::int32_t up(Real ticks) {
+std::int32_t up(Wide ticks) {
   const auto whole = static_cast<std::int32_t>(ticks);
-  return static_cast<Real>(whole) < ticks ? whole + 1 : whole;
+  return static_cast<Wide>(whole) < ticks ? whole + 1 : whole;
 }
 
-std::int32_t up_to_int32(Real ticks) { return up(std::min(ticks, 1e9)); }
+std::int32_t up_to_int32(Wide ticks) { return up(std::min(ticks, 1e9)); }
 
 // a / b rounded to nearest, and the other neighbour; b > 0.
 struct Rounded {
@@ -74,14 +74,14 @@ bool fit(std::span<const PulseWindow> pulses, std::int32_t gap, std::int32_t ear
 }  // namespace
 
 std::int32_t last_timer_tick(const StepTiming& timing) {
-  const Real ticks = timing.control_period_s * timing.timer_frequency_hz;
+  const Wide ticks = timing.control_period_s * timing.timer_frequency_hz;
   const auto whole = static_cast<std::int32_t>(ticks + 0.5);
   // A whole number of timer ticks, but for the rounding of the product: the last one belongs to the next control tick.
   if (std::fabs(ticks - whole) <= 1e-6) return whole - 1;
   return static_cast<std::int32_t>(ticks);
 }
 
-PulseRules::PulseRules(const StepTiming& timing, Real max_step_rate_hz)
+PulseRules::PulseRules(const StepTiming& timing, Wide max_step_rate_hz)
     : period_ticks(timing.control_period_s * timing.timer_frequency_hz),
       last_tick(last_timer_tick(timing)),
       tolerance_ticks(std::max(1.0, 0.5e-6 * timing.timer_frequency_hz)),
@@ -94,11 +94,11 @@ PulseRules::PulseRules(const StepTiming& timing, Real max_step_rate_hz)
       turn_gap(std::max(gap, up_to_int32(setup_ticks))),
       may_delay(timing.may_delay) {
   // A period that is whole but for the rounding of the product.
-  if (static_cast<Real>(last_tick) + 1 - period_ticks <= 1e-6) period_ticks = static_cast<Real>(last_tick) + 1;
+  if (static_cast<Wide>(last_tick) + 1 - period_ticks <= 1e-6) period_ticks = static_cast<Wide>(last_tick) + 1;
 }
 
-std::int32_t PulseRules::earliest_after(Real ago_ticks, bool turns) const {
-  const Real due = turns ? std::fmax(spacing_ticks - 1 - kNoiseTicks, setup_ticks) - ago_ticks
+std::int32_t PulseRules::earliest_after(Wide ago_ticks, bool turns) const {
+  const Wide due = turns ? std::fmax(spacing_ticks - 1 - kNoiseTicks, setup_ticks) - ago_ticks
                          : spacing_ticks - 1 - kNoiseTicks - ago_ticks;
   return due > 0 ? up_to_int32(due) : 0;
 }
@@ -107,7 +107,7 @@ std::int32_t PulseRules::earliest_after(Real ago_ticks, bool turns) const {
 // crossing would do, and every bound set here leaves that choice open. Where a pulse soon follows in the next control
 // tick, of which nothing is known here, the last one is not placed later than that.
 bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest) {
-  const Real tolerance = rules.tolerance_ticks, last = rules.last_tick;
+  const Wide tolerance = rules.tolerance_ticks, last = rules.last_tick;
   const std::int32_t gap = rules.gap, turn_gap = rules.turn_gap;
   const auto gaps = static_cast<std::int64_t>(pulses.size()) - 1;
   if (earliest + gaps * gap > rules.last_tick) return false;  // so that what follows stays in range
@@ -116,7 +116,7 @@ bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::i
     p.gap = p.direction == direction ? gap : turn_gap;
     direction = p.direction;
     if (&p != pulses.data()) least += p.gap;
-    const Real early = p.exact_ticks - tolerance;
+    const Wide early = p.exact_ticks - tolerance;
     if (early > 0) least = std::max(least, up(early));
     p.low = least;
     p.high = static_cast<std::int32_t>(std::min(p.exact_ticks + tolerance, last));

@@ -10,7 +10,7 @@ namespace ballast::firmware {
 // One pulse: its exact time, and the timer ticks [low, high] in which it may be replayed. Without initial values, since
 // setting room for a whole tick's pulses would cost more than the pulses.
 struct PulseWindow {
-  Real exact_ticks;
+  Wide exact_ticks;
   std::int32_t low;
   std::int32_t high;
   std::int32_t gap;  // distance to be kept to the pulse before
@@ -25,20 +25,20 @@ struct PulseWindow {
 
 // What pulses of one motor have to keep, in timer ticks. From StepTiming and the motor's rate.
 struct PulseRules {
-  PulseRules(const StepTiming& timing, Real max_step_rate_hz);
+  PulseRules(const StepTiming& timing, Wide max_step_rate_hz);
 
-  Real period_ticks;       // of a control tick; need not be whole
+  Wide period_ticks;       // of a control tick; need not be whole
   std::int32_t last_tick;  // the last timer tick inside a control tick
-  Real tolerance_ticks;    // between a pulse and its crossing: 1 timer tick or 0.5 us, whichever is larger
-  Real spacing_ticks;      // between crossings: 1 / max_step_rate
-  Real setup_ticks;        // between opposite pulses
-  Real touch_ticks;        // opposite crossings closer than this are a touch; their pulses would break a rule above
+  Wide tolerance_ticks;    // between a pulse and its crossing: 1 timer tick or 0.5 us, whichever is larger
+  Wide spacing_ticks;      // between crossings: 1 / max_step_rate
+  Wide setup_ticks;        // between opposite pulses
+  Wide touch_ticks;        // opposite crossings closer than this are a touch; their pulses would break a rule above
   std::int32_t gap;        // least distance of pulses: the spacing less a timer tick of rounding, and at least 1
   std::int32_t turn_gap;   // of opposite pulses: not less than setup_ticks either
   bool may_delay;
 
   // The first timer tick of a control tick that keeps the distance to a pulse `ago_ticks` before the tick's start.
-  [[nodiscard]] std::int32_t earliest_after(Real ago_ticks, bool turns) const;
+  [[nodiscard]] std::int32_t earliest_after(Wide ago_ticks, bool turns) const;
 };
 
 // Last timer tick strictly inside a control tick.

@@ -10,39 +10,39 @@ namespace ballast::firmware {
 
 // x(w) = x + velocity w + acceleration w^2/2 + jerk w^3/6, in microsteps, w in s.
 struct StepCubic {
-  Real x = 0;
-  Real velocity = 0;
-  Real acceleration = 0;
-  Real jerk = 0;
+  Wide x = 0;
+  Wide velocity = 0;
+  Wide acceleration = 0;
+  Wide jerk = 0;
 
-  [[nodiscard]] Real at(Real w_s) const { return x + w_s * (velocity + w_s * (acceleration / 2 + w_s * (jerk / 6))); }
-  [[nodiscard]] Real velocity_at(Real w_s) const { return velocity + w_s * (acceleration + w_s * (jerk / 2)); }
-  [[nodiscard]] Real acceleration_at(Real w_s) const { return acceleration + w_s * jerk; }
+  [[nodiscard]] Wide at(Wide w_s) const { return x + w_s * (velocity + w_s * (acceleration / 2 + w_s * (jerk / 6))); }
+  [[nodiscard]] Wide velocity_at(Wide w_s) const { return velocity + w_s * (acceleration + w_s * (jerk / 2)); }
+  [[nodiscard]] Wide acceleration_at(Wide w_s) const { return acceleration + w_s * jerk; }
 };
 
 // Ends of the monotone spans of 0 <= w <= length_s: the zeros of the velocity inside, in order, and length_s.
 struct MonotoneSpans {
   int count = 0;
-  std::array<Real, 3> end_s{};
+  std::array<Wide, 3> end_s{};
 };
-MonotoneSpans monotone_spans(const StepCubic& cubic, Real length_s);
+MonotoneSpans monotone_spans(const StepCubic& cubic, Wide length_s);
 
 // The w in [begin_s, end_s], where the cubic is monotone, at which it crosses `level`, to tolerance_s. If rounding has
 // put the level outside the span, the end of the span nearer to it. At most kMaxCrossingIterations evaluations.
 inline constexpr int kMaxCrossingIterations = 150;
-Real crossing_time(const StepCubic& cubic, Real level, Real begin_s, Real end_s, Real tolerance_s);
+Wide crossing_time(const StepCubic& cubic, Wide level, Wide begin_s, Wide end_s, Wide tolerance_s);
 
 // The same from a guess, by at most three steps of Newton's method: few operations, and inline. False unless theory
 // says that w_s is now the crossing to tolerance_s: `bend` bounds |acceleration| about the guess; with bend |step| <=
 // |velocity| / 4 there is one crossing near by (Kantorovich), and the step leaves at most bend step^2 / |velocity|.
 // `velocity` is that at the last point looked at, a step away from the crossing.
-[[nodiscard]] inline bool crossing_near(const StepCubic& cubic, Real level, Real bend, Real tolerance_s, Real& w_s,
-                                        Real& velocity) {
-  Real w = w_s;
+[[nodiscard]] inline bool crossing_near(const StepCubic& cubic, Wide level, Wide bend, Wide tolerance_s, Wide& w_s,
+                                        Wide& velocity) {
+  Wide w = w_s;
   for (int i = 0; i < 3; ++i) {
-    const Real v = cubic.velocity_at(w);
-    const Real step = (level - cubic.at(w)) / v;
-    const Real bent = bend * std::fabs(step), speed = std::fabs(v);
+    const Wide v = cubic.velocity_at(w);
+    const Wide step = (level - cubic.at(w)) / v;
+    const Wide bent = bend * std::fabs(step), speed = std::fabs(v);
     w += step;
     if (!(bent <= 0.25 * speed)) return false;  // also NaN
     if (bent * std::fabs(step) <= tolerance_s * speed) {

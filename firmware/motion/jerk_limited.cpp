@@ -8,23 +8,23 @@ namespace ballast::firmware {
 
 namespace {
 
-bool positive(Real value) { return std::isfinite(value) && value > 0; }
+bool positive(Wide value) { return std::isfinite(value) && value > 0; }
 
-bool usable(const MotionLimits& limits, Real duration_s) {
+bool usable(const MotionLimits& limits, Wide duration_s) {
   return positive(limits.max_acceleration) && positive(limits.max_jerk) && std::isfinite(duration_s);
 }
 
 // Pieces that take no time are left out.
-void add(PlannedPieces& pieces, Real duration_s, Real acceleration_start, Real acceleration_end) {
+void add(PlannedPieces& pieces, Wide duration_s, Wide acceleration_start, Wide acceleration_end) {
   if (!(duration_s > 0)) return;
   pieces.piece[static_cast<std::size_t>(pieces.count++)] = {duration_s, acceleration_start, acceleration_end};
 }
 
 // Acceleration a -> -peak at +-jerk, constant, -> 0 at jerk, velocity v -> 0.
-PlannedPieces through_peak(Real v, Real a, Real peak, Real jerk, Real sign) {
+PlannedPieces through_peak(Wide v, Wide a, Wide peak, Wide jerk, Wide sign) {
   PlannedPieces pieces;
-  const Real first = std::fabs(a + peak) / jerk;
-  const Real last = peak / jerk;
+  const Wide first = std::fabs(a + peak) / jerk;
+  const Wide last = peak / jerk;
   add(pieces, first, sign * a, -sign * peak);
   add(pieces, (v + (a - peak) / 2 * first - peak / 2 * last) / peak, -sign * peak, -sign * peak);
   add(pieces, last, -sign * peak, 0);
@@ -33,17 +33,17 @@ PlannedPieces through_peak(Real v, Real a, Real peak, Real jerk, Real sign) {
 
 }  // namespace
 
-Real PlannedPieces::duration_s() const {
-  Real sum = 0;
+Wide PlannedPieces::duration_s() const {
+  Wide sum = 0;
   for (int i = 0; i < count; ++i) sum += piece[static_cast<std::size_t>(i)].duration_s;
   return sum;
 }
 
-bool plan_stop(Real velocity, Real acceleration, const MotionLimits& limits, Real duration_s, PlannedPieces& out) {
+bool plan_stop(Wide velocity, Wide acceleration, const MotionLimits& limits, Wide duration_s, PlannedPieces& out) {
   if (!usable(limits, duration_s) || !std::isfinite(velocity) || !std::isfinite(acceleration)) return false;
-  const Real jerk = limits.max_jerk;
+  const Wide jerk = limits.max_jerk;
   // The velocity left if the acceleration went straight to 0 decides which way to brake.
-  const Real left = velocity + acceleration * std::fabs(acceleration) / (2 * jerk);
+  const Wide left = velocity + acceleration * std::fabs(acceleration) / (2 * jerk);
   if (!std::isfinite(left)) return false;
   if (left == 0) {
     PlannedPieces pieces;
@@ -52,20 +52,20 @@ bool plan_stop(Real velocity, Real acceleration, const MotionLimits& limits, Rea
     return true;
   }
   // From here on as if it were forward, so braking is negative.
-  const Real sign = left > 0 ? 1 : -1;
-  const Real v = sign * velocity, a = sign * acceleration;
+  const Wide sign = left > 0 ? 1 : -1;
+  const Wide v = sign * velocity, a = sign * acceleration;
   const bool too_hard = a < -limits.max_acceleration;
   // Straight down and up again, without a constant part: v + a^2/(2 jerk) = peak^2 / jerk.
-  const Real without_constant = std::sqrt(std::fmax(jerk * v + a * a / 2, 0));
-  Real peak = too_hard ? limits.max_acceleration : std::fmin(limits.max_acceleration, without_constant);
+  const Wide without_constant = std::sqrt(std::fmax(jerk * v + a * a / 2, 0));
+  Wide peak = too_hard ? limits.max_acceleration : std::fmin(limits.max_acceleration, without_constant);
   if (!(peak > 0)) return false;
   PlannedPieces pieces = through_peak(v, a, peak, jerk, sign);
   if (duration_s > pieces.duration_s()) {
     // duration = a/jerk + peak/jerk + (v + a^2/(2 jerk)) / peak while the acceleration has to fall to -peak; the
     // smaller root is the one with a constant part, in the form that does not cancel.
-    const Real sum = v + a * a / (2 * jerk);
-    const Real b = jerk * duration_s - a;
-    Real lower = 2 * jerk * sum / (b + std::sqrt(std::fmax(b * b - 4 * jerk * sum, 0)));
+    const Wide sum = v + a * a / (2 * jerk);
+    const Wide b = jerk * duration_s - a;
+    Wide lower = 2 * jerk * sum / (b + std::sqrt(std::fmax(b * b - 4 * jerk * sum, 0)));
     // While it has to rise: duration = |a|/jerk + (v - a^2/(2 jerk)) / peak.
     if (a < 0 && (too_hard || lower < -a)) lower = std::fabs(left) / (duration_s + a / jerk);
     if (lower > 0 && lower < peak) pieces = through_peak(v, a, lower, jerk, sign);
@@ -75,36 +75,36 @@ bool plan_stop(Real velocity, Real acceleration, const MotionLimits& limits, Rea
   return true;
 }
 
-bool plan_move(Real distance, const MotionLimits& limits, Real duration_s, PlannedPieces& out) {
+bool plan_move(Wide distance, const MotionLimits& limits, Wide duration_s, PlannedPieces& out) {
   if (!usable(limits, duration_s) || !positive(limits.max_velocity) || !std::isfinite(distance)) return false;
-  const Real length = std::fabs(distance);
+  const Wide length = std::fabs(distance);
   PlannedPieces pieces;
   if (length == 0) {
     out = pieces;
     return true;
   }
-  const Real a_max = limits.max_acceleration, jerk = limits.max_jerk;
+  const Wide a_max = limits.max_acceleration, jerk = limits.max_jerk;
   // Top speed: what the distance allows with the acceleration's triangle or trapezium, at most the limit's. Speeding up
   // to v takes v / peak + peak / jerk, and so does braking: together they need v times that of distance.
-  const Real triangle = a_max * a_max / jerk;  // speeds below it are reached without constant acceleration
-  Real top = 0;
+  const Wide triangle = a_max * a_max / jerk;  // speeds below it are reached without constant acceleration
+  Wide top = 0;
   if (length >= 2 * a_max / jerk * triangle) {
     top = (std::sqrt(triangle * triangle + 4 * a_max * length) - triangle) / 2;
   } else {
-    const Real peak = cube_root(length * jerk * jerk / 2);
+    const Wide peak = cube_root(length * jerk * jerk / 2);
     top = peak * peak / jerk;
   }
   top = std::fmin(top, limits.max_velocity);
-  Real peak = std::fmin(a_max, std::sqrt(top * jerk));
-  const Real ramp = peak / jerk;
-  Real constant = std::fmax(top / peak - ramp, 0);
-  Real cruise = std::fmax(length / top - (top / peak + ramp), 0);
+  Wide peak = std::fmin(a_max, std::sqrt(top * jerk));
+  const Wide ramp = peak / jerk;
+  Wide constant = std::fmax(top / peak - ramp, 0);
+  Wide cruise = std::fmax(length / top - (top / peak + ramp), 0);
   // Durations are rounded, and so is what a rounding error of the cruise leaves of the distance: the peak takes it up.
   // Position gained is peak (ramp + constant) (2 ramp + constant + cruise).
   peak = length / ((ramp + constant) * (2 * ramp + constant + cruise));
-  const Real shortest = 4 * ramp + 2 * constant + cruise;
-  const Real stretch = duration_s > shortest ? duration_s / shortest : 1;
-  const Real a = std::copysign(peak / (stretch * stretch), distance);
+  const Wide shortest = 4 * ramp + 2 * constant + cruise;
+  const Wide stretch = duration_s > shortest ? duration_s / shortest : 1;
+  const Wide a = std::copysign(peak / (stretch * stretch), distance);
   add(pieces, ramp * stretch, 0, a);
   add(pieces, constant * stretch, a, a);
   add(pieces, ramp * stretch, a, 0);

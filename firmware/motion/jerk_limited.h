@@ -14,9 +14,9 @@ namespace ballast::firmware {
 
 // Rail unit per s, s^2, s^3; each finite and > 0.
 struct MotionLimits {
-  Real max_velocity = 0;
-  Real max_acceleration = 0;
-  Real max_jerk = 0;
+  Wide max_velocity = 0;
+  Wide max_acceleration = 0;
+  Wide max_jerk = 0;
 };
 
 inline constexpr int kMaxPlannedPieces = 7;
@@ -25,7 +25,7 @@ inline constexpr int kMaxPlannedPieces = 7;
 struct PlannedPieces {
   int count = 0;
   std::array<ProfilePiece, kMaxPlannedPieces> piece{};
-  [[nodiscard]] Real duration_s() const;
+  [[nodiscard]] Wide duration_s() const;
 };
 
 // To velocity 0 and acceleration 0 from `velocity` and `acceleration`, at most 3 pieces: the acceleration goes at
@@ -35,12 +35,12 @@ struct PlannedPieces {
 // With duration_s = 0, or less than the shortest: the shortest. Else the peak is lowered so that it takes duration_s; a
 // stop that is nothing but the acceleration's way to 0 cannot be stretched and ends before.
 // False (and `out` unchanged) if a number is not finite or out of range.
-[[nodiscard]] bool plan_stop(Real velocity, Real acceleration, const MotionLimits& limits, Real duration_s,
+[[nodiscard]] bool plan_stop(Wide velocity, Wide acceleration, const MotionLimits& limits, Wide duration_s,
                              PlannedPieces& out);
 
 // From rest to rest, `distance` away, at most 7 pieces. With duration_s = 0, or less than the shortest: the shortest.
 // Else the shortest motion slowed down by k = shortest / duration_s: velocities times k, accelerations k^2, jerks k^3.
 // False (and `out` unchanged) if a number is not finite or out of range.
-[[nodiscard]] bool plan_move(Real distance, const MotionLimits& limits, Real duration_s, PlannedPieces& out);
+[[nodiscard]] bool plan_move(Wide distance, const MotionLimits& limits, Wide duration_s, PlannedPieces& out);
 
 }  // namespace ballast::firmware

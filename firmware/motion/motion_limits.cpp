@@ -6,20 +6,20 @@ namespace ballast::firmware {
 
 namespace {
 
-constexpr Real kRoundOff = 1e-9;
+constexpr Wide kRoundOff = 1e-9;
 
-bool above(Real value, Real limit) { return !(value <= limit * (1 + kRoundOff)); }
+bool above(Wide value, Wide limit) { return !(value <= limit * (1 + kRoundOff)); }
 
 }  // namespace
 
 LimitBreach check_limits(const Profile& profile, const MotionLimits& limits) {
   for (int i = 0; i <= profile.piece_count(); ++i) {
     const Cubic& c = profile.cubic(i);
-    Real speed = std::fabs(c.velocity), acceleration = 0;
+    Wide speed = std::fabs(c.velocity), acceleration = 0;
     if (i < profile.piece_count()) {
-      const Real d = c.duration_s;
+      const Wide d = c.duration_s;
       speed = std::fmax(speed, std::fabs(c.velocity + d * (c.acceleration + d * c.jerk / 2)));
-      const Real turn = -c.acceleration / c.jerk;  // NaN or infinite without jerk: then nothing turns
+      const Wide turn = -c.acceleration / c.jerk;  // NaN or infinite without jerk: then nothing turns
       if (turn > 0 && turn < d) speed = std::fmax(speed, std::fabs(c.velocity + turn * c.acceleration / 2));
       acceleration = std::fmax(std::fabs(c.acceleration), std::fabs(c.acceleration + d * c.jerk));
     }

@@ -11,7 +11,7 @@ enum class Limited : std::uint8_t { kNothing, kVelocity, kAcceleration, kJerk };
 struct LimitBreach {
   Limited what = Limited::kNothing;
   int piece = -1;  // counted from 0; piece_count(): the constant velocity after the last
-  Real value = 0;  // largest |.| in that piece
+  Wide value = 0;  // largest |.| in that piece
   [[nodiscard]] bool ok() const { return what == Limited::kNothing; }
 };
 

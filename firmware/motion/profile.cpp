@@ -9,25 +9,25 @@ namespace {
 
 // Walks along the pieces, carrying the values at the border reached.
 struct Walk {
-  Real time_s = 0;
-  Real position = 0;
-  Real velocity = 0;
-  Real velocity_scale = 0;  // largest term added into the velocity so far
+  Wide time_s = 0;
+  Wide position = 0;
+  Wide velocity = 0;
+  Wide velocity_scale = 0;  // largest term added into the velocity so far
   int borders = 0;
 
-  Walk(Real initial_position, Real initial_velocity)
+  Walk(Wide initial_position, Wide initial_velocity)
       : position(initial_position), velocity(initial_velocity), velocity_scale(std::fabs(initial_velocity)) {}
 
   void step(const Cubic& piece) {
-    const Real d = piece.duration_s;
-    const Real gain = d * (piece.acceleration + d * piece.jerk / 2);
+    const Wide d = piece.duration_s;
+    const Wide gain = d * (piece.acceleration + d * piece.jerk / 2);
     position += d * (velocity + d * (piece.acceleration / 2 + d * piece.jerk / 6));
     velocity += gain;
     velocity_scale = std::fmax(velocity_scale, std::fmax(std::fabs(velocity), d * std::fabs(piece.acceleration)));
     velocity_scale = std::fmax(velocity_scale, d * d * std::fabs(piece.jerk));
     ++borders;
     // Each border adds a few roundings of the largest term.
-    if (std::fabs(velocity) <= 4 * borders * std::numeric_limits<Real>::epsilon() * velocity_scale) velocity = 0;
+    if (std::fabs(velocity) <= 4 * borders * std::numeric_limits<Wide>::epsilon() * velocity_scale) velocity = 0;
     time_s += d;
   }
 
@@ -46,7 +46,7 @@ Cubic cubic_of(const ProfilePiece& piece) {
 
 }  // namespace
 
-bool Profile::set(Real initial_position, Real initial_velocity, const ProfilePiece* pieces, int piece_count) {
+bool Profile::set(Wide initial_position, Wide initial_velocity, const ProfilePiece* pieces, int piece_count) {
   if (piece_count < 0 || piece_count > kMaxPieces) return false;
   // Once to check, once to write: a second profile to write into would need 6 kB of stack.
   Walk check(initial_position, initial_velocity);
@@ -63,11 +63,11 @@ bool Profile::set(Real initial_position, Real initial_velocity, const ProfilePie
   piece_count_ = piece_count;
   for (int i = 0; i < piece_count; ++i) cubics_[static_cast<std::size_t>(i)] = cubic_of(pieces[i]);
   cubics_[static_cast<std::size_t>(piece_count)] = Cubic{};
-  cubics_[static_cast<std::size_t>(piece_count)].duration_s = std::numeric_limits<Real>::infinity();
+  cubics_[static_cast<std::size_t>(piece_count)].duration_s = std::numeric_limits<Wide>::infinity();
   return rebase(initial_position, initial_velocity);
 }
 
-bool Profile::rebase(Real initial_position, Real initial_velocity) {
+bool Profile::rebase(Wide initial_position, Wide initial_velocity) {
   Walk check(initial_position, initial_velocity);
   for (int i = 0; i < piece_count_; ++i) check.step(cubics_[static_cast<std::size_t>(i)]);
   if (!check.finite()) return false;
@@ -82,7 +82,7 @@ bool Profile::rebase(Real initial_position, Real initial_velocity) {
   return true;
 }
 
-Profile::Location Profile::locate(Real time_s) const {
+Profile::Location Profile::locate(Wide time_s) const {
   // Largest index whose start is not after time_s; NaN ends at 0. Bisection of at most kMaxPieces + 1 starts.
   std::size_t low = 0, left = static_cast<std::size_t>(piece_count_) + 1;  // it is one of starts[low .. low + left)
   while (left > 1) {
@@ -93,16 +93,16 @@ Profile::Location Profile::locate(Real time_s) const {
   return {static_cast<int>(low), time_s - starts_s_[low]};
 }
 
-ProfilePoint Profile::at(Real time_s) const {
+ProfilePoint Profile::at(Wide time_s) const {
   if (time_s < 0) return {cubics_[0].position, cubics_[0].velocity, 0};
   const Location here = locate(time_s);
   const Cubic& c = cubic(here.index);
-  const Real s = here.offset_s;
+  const Wide s = here.offset_s;
   return {c.position + s * (c.velocity + s * (c.acceleration / 2 + s * (c.jerk / 6))),
           c.velocity + s * (c.acceleration + s * (c.jerk / 2)), c.acceleration + s * c.jerk};
 }
 
-bool Profile::at_rest_from(Real time_s) const {
+bool Profile::at_rest_from(Wide time_s) const {
   for (int i = locate(time_s).index; i <= piece_count_; ++i) {
     const Cubic& c = cubic(i);
     if (c.velocity != 0 || c.acceleration != 0 || c.jerk != 0) return false;

@@ -11,24 +11,24 @@ namespace ballast::firmware {
 inline constexpr int kMaxPieces = 128;
 
 struct ProfilePiece {
-  Real duration_s = 0;          // > 0
-  Real acceleration_start = 0;  // theta'' at the piece's start, rail unit / s^2
-  Real acceleration_end = 0;    // and at its end; linear between
+  Wide duration_s = 0;          // > 0
+  Wide acceleration_start = 0;  // theta'' at the piece's start, rail unit / s^2
+  Wide acceleration_end = 0;    // and at its end; linear between
 };
 
 struct ProfilePoint {
-  Real position = 0;
-  Real velocity = 0;
-  Real acceleration = 0;  // where two pieces meet: that of the later piece
+  Wide position = 0;
+  Wide velocity = 0;
+  Wide acceleration = 0;  // where two pieces meet: that of the later piece
 };
 
 // Cubic p(s) = position + velocity s + acceleration s^2/2 + jerk s^3/6 on 0 <= s <= duration_s.
 struct Cubic {
-  Real duration_s = 0;  // infinite for what follows the last piece
-  Real position = 0;
-  Real velocity = 0;
-  Real acceleration = 0;
-  Real jerk = 0;
+  Wide duration_s = 0;  // infinite for what follows the last piece
+  Wide position = 0;
+  Wide velocity = 0;
+  Wide acceleration = 0;
+  Wide jerk = 0;
 };
 
 // Built once, then read only. Every piece keeps its own start values, so nothing drifts with time; after the last piece
@@ -41,34 +41,34 @@ class Profile {
 
   // False (and *this unchanged) if piece_count is outside 0..kMaxPieces, a duration is not positive and finite, or any
   // number is not finite.
-  [[nodiscard]] bool set(Real initial_position, Real initial_velocity, const ProfilePiece* pieces, int piece_count);
+  [[nodiscard]] bool set(Wide initial_position, Wide initial_velocity, const ProfilePiece* pieces, int piece_count);
 
   // The same pieces from another start. False (and *this unchanged) if that does not stay finite.
-  [[nodiscard]] bool rebase(Real initial_position, Real initial_velocity);
+  [[nodiscard]] bool rebase(Wide initial_position, Wide initial_velocity);
 
-  [[nodiscard]] ProfilePoint at(Real time_s) const;
+  [[nodiscard]] ProfilePoint at(Wide time_s) const;
 
   // The cubic in force at time_s >= 0 (at a border: the later one), and where in it time_s lies.
   struct Location {
     int index;      // 0..piece_count()
-    Real offset_s;  // time since the cubic began
+    Wide offset_s;  // time since the cubic began
   };
-  [[nodiscard]] Location locate(Real time_s) const;
+  [[nodiscard]] Location locate(Wide time_s) const;
   [[nodiscard]] const Cubic& cubic(int index) const { return cubics_[static_cast<std::size_t>(index)]; }
-  [[nodiscard]] Real cubic_start_s(int index) const { return starts_s_[static_cast<std::size_t>(index)]; }
+  [[nodiscard]] Wide cubic_start_s(int index) const { return starts_s_[static_cast<std::size_t>(index)]; }
   [[nodiscard]] int piece_count() const { return piece_count_; }
-  [[nodiscard]] Real end_s() const {
+  [[nodiscard]] Wide end_s() const {
     return starts_s_[static_cast<std::size_t>(piece_count_)];
   }  // end of the last piece
-  [[nodiscard]] Real final_velocity() const { return cubics_[static_cast<std::size_t>(piece_count_)].velocity; }
+  [[nodiscard]] Wide final_velocity() const { return cubics_[static_cast<std::size_t>(piece_count_)].velocity; }
 
   // From time_s on the velocity is zero and stays so.
-  [[nodiscard]] bool at_rest_from(Real time_s) const;
+  [[nodiscard]] bool at_rest_from(Wide time_s) const;
 
  private:
   int piece_count_ = 0;
   std::array<Cubic, kMaxPieces + 1> cubics_{};   // [piece_count_] is the constant-velocity tail
-  std::array<Real, kMaxPieces + 1> starts_s_{};  // start time of each cubic
+  std::array<Wide, kMaxPieces + 1> starts_s_{};  // start time of each cubic
 };
 
 }  // namespace ballast::firmware

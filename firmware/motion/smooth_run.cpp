@@ -9,24 +9,24 @@ namespace {
 
 // A value that fits an int32 rounded to nearest, by conversion: round() is a call on processors without the
 // instruction.
-std::int32_t nearest(Real x) { return static_cast<std::int32_t>(x + std::copysign(0.5, x)); }
+std::int32_t nearest(Wide x) { return static_cast<std::int32_t>(x + std::copysign(0.5, x)); }
 
-std::int32_t down(Real x) {
+std::int32_t down(Wide x) {
   const auto whole = static_cast<std::int32_t>(x);
-  return static_cast<Real>(whole) > x ? whole - 1 : whole;
+  return static_cast<Wide>(whole) > x ? whole - 1 : whole;
 }
 
 class Prover {
  public:
-  Prover(const SmoothRun& run, const PulseRules& rules, Real timer_frequency_hz)
+  Prover(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz)
       : run_(run), rules_(rules), frequency_hz_(timer_frequency_hz), tolerance_s_(1e-3 / timer_frequency_hz) {
     const StepCubic& c = run.cubic;
-    const Real v0 = std::fabs(c.velocity_at(run.begin_s)), v1 = std::fabs(c.velocity_at(run.end_s));
-    const Real a = std::max(std::fabs(c.acceleration_at(run.begin_s)), std::fabs(c.acceleration_at(run.end_s)));
-    const Real slowest = std::min(v0, v1), fastest = std::max(v0, v1);
+    const Wide v0 = std::fabs(c.velocity_at(run.begin_s)), v1 = std::fabs(c.velocity_at(run.end_s));
+    const Wide a = std::max(std::fabs(c.acceleration_at(run.begin_s)), std::fabs(c.acceleration_at(run.end_s)));
+    const Wide slowest = std::min(v0, v1), fastest = std::max(v0, v1);
     bend_ = 5 * a;  // see Pulses::follow
-    const Real inverse = 1 / slowest;
-    const Real square = inverse * inverse;
+    const Wide inverse = 1 / slowest;
+    const Wide square = inverse * inverse;
     third_ticks_ = (3 * a * a + fastest * std::fabs(c.jerk)) * square * square * inverse * timer_frequency_hz;
     mean_interval_s_ = 2 / (v0 + v1);
   }
@@ -47,33 +47,33 @@ class Prover {
   // The burst of m + 1 pulses from `begin` on; the first not before `earliest`.
   bool fits(int begin, int m, std::int32_t earliest, StepBurst& burst) {
     const int half = m / 2;
-    const Real n = m, h = half;
-    const Real bent = n * n * n / 60 * third_ticks_;
-    const Real allowed = rules_.tolerance_ticks - bent - 0.01;  // and the crossings' own error
+    const Wide n = m, h = half;
+    const Wide bent = n * n * n / 60 * third_ticks_;
+    const Wide allowed = rules_.tolerance_ticks - bent - 0.01;  // and the crossings' own error
     if (!(allowed > 0)) return false;
     nodes(begin, m);
     // q(n) = first + slope n + curve n (n - 1) / 2
-    Real curve = 0, slope = 0;
+    Wide curve = 0, slope = 0;
     if (m >= 2) curve = 2 * ((last_ - first_) * h - (middle_ - first_) * n) / (n * h * (n - h));
     if (m >= 1) slope = (last_ - first_) / n - curve * (n - 1) / 2;
     if (!(std::fabs(curve) < 1e6) || !(slope < 1e9)) return false;
 
     const std::int32_t add = nearest(curve);
-    const Real off = static_cast<Real>(add) - curve;  // per n (n - 1) / 2
+    const Wide off = static_cast<Wide>(add) - curve;  // per n (n - 1) / 2
     const std::int32_t interval = m >= 1 ? nearest(slope - off * (n - 1) / 2) : 0;
     if (m >= 1 && (interval < rules_.gap || interval + std::int64_t{add} * (m - 1) < rules_.gap)) return false;
     // Distance from q, less that of the first pulse: d(n) = tilt n + off n (n - 1) / 2. Extremes over [0, m].
-    const Real tilt = static_cast<Real>(interval) - slope;
-    const Real at_end = n * (tilt + off * (n - 1) / 2);
-    Real least = std::min(0.0, at_end), most = std::max(0.0, at_end);
-    const Real vertex = 0.5 - tilt / off;  // NaN and infinity: no vertex inside
+    const Wide tilt = static_cast<Wide>(interval) - slope;
+    const Wide at_end = n * (tilt + off * (n - 1) / 2);
+    Wide least = std::min(0.0, at_end), most = std::max(0.0, at_end);
+    const Wide vertex = 0.5 - tilt / off;  // NaN and infinity: no vertex inside
     if (vertex > 0 && vertex < n) {
-      const Real there = vertex * (tilt + off * (vertex - 1) / 2);
+      const Wide there = vertex * (tilt + off * (vertex - 1) / 2);
       least = std::min(least, there);
       most = std::max(most, there);
     }
     // The first pulse may be moved by d0 from its crossing, with -allowed - least <= d0 <= allowed - most.
-    const Real low = first_ - allowed - least, high = first_ + allowed - most;
+    const Wide low = first_ - allowed - least, high = first_ + allowed - most;
     std::int32_t first = nearest(first_ - (least + most) / 2);
     if (first < earliest) first = earliest;
     const std::int64_t span = std::int64_t{interval} * m + std::int64_t{add} * m * (m - 1) / 2;
@@ -82,7 +82,7 @@ class Prover {
       latest = std::min<std::int64_t>(latest, down(last_));  // a pulse may soon follow in the next control tick
     }
     if (first + span > latest) first = static_cast<std::int32_t>(std::max<std::int64_t>(latest - span, -1));
-    if (first < earliest || static_cast<Real>(first) < low || static_cast<Real>(first) > high) return false;
+    if (first < earliest || static_cast<Wide>(first) < low || static_cast<Wide>(first) > high) return false;
     burst.direction = static_cast<std::int8_t>(run_.direction);
     burst.count = static_cast<std::int16_t>(m + 1);
     burst.first_ticks = first;
@@ -96,12 +96,12 @@ class Prover {
 
  private:
   // Of level `index`, in timer ticks; `ahead` > 0: that many levels after crossing first_.
-  [[nodiscard]] Real crossing(int index, int ahead) const {
-    const Real level = run_.first_level + static_cast<Real>(run_.direction * index);
-    Real w = ahead == 0 ? run_.begin_s + mean_interval_s_ * static_cast<Real>(index)
+  [[nodiscard]] Wide crossing(int index, int ahead) const {
+    const Wide level = run_.first_level + static_cast<Wide>(run_.direction * index);
+    Wide w = ahead == 0 ? run_.begin_s + mean_interval_s_ * static_cast<Wide>(index)
                         : first_ / frequency_hz_ - run_.start_s + mean_interval_s_ * ahead;
     if (!(w < run_.end_s)) w = run_.end_s;
-    Real velocity = 0;
+    Wide velocity = 0;
     if (!crossing_near(run_.cubic, level, bend_, tolerance_s_, w, velocity) ||
         !(w >= run_.begin_s && w <= run_.end_s)) {
       w = crossing_time(run_.cubic, level, run_.begin_s, run_.end_s, tolerance_s_);
@@ -111,20 +111,20 @@ class Prover {
 
   const SmoothRun& run_;
   const PulseRules& rules_;
-  Real frequency_hz_;
-  Real tolerance_s_;  // of a crossing's time
-  Real bend_ = 0;
-  Real third_ticks_ = 0;  // bound of |t'''|
-  Real mean_interval_s_ = 0;
+  Wide frequency_hz_;
+  Wide tolerance_s_;  // of a crossing's time
+  Wide bend_ = 0;
+  Wide third_ticks_ = 0;  // bound of |t'''|
+  Wide mean_interval_s_ = 0;
   int at_ = -1;         // the pulse first_ is of
   int middle_at_ = -1;  // how many pulses later middle_ is
-  Real first_ = 0, middle_ = 0, last_ = 0;
+  Wide first_ = 0, middle_ = 0, last_ = 0;
   std::int32_t end_ticks_ = 0;
 };
 
 }  // namespace
 
-int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Real timer_frequency_hz, StepBurst* bursts, int room) {
+int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, StepBurst* bursts, int room) {
   Prover prover(run, rules, timer_frequency_hz);
   int count = 0;
   std::int32_t earliest = run.earliest;

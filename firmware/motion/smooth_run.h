@@ -9,10 +9,10 @@ namespace ballast::firmware {
 // A stretch of a control tick in which the velocity keeps its sign and its derivative does too.
 struct SmoothRun {
   StepCubic cubic;
-  Real begin_s = 0;  // of the stretch, in the cubic's time
-  Real end_s = 0;
-  Real start_s = 0;           // of the cubic, from the control tick's start
-  Real first_level = 0;       // crossed first; the others follow in steps of `direction`
+  Wide begin_s = 0;  // of the stretch, in the cubic's time
+  Wide end_s = 0;
+  Wide start_s = 0;           // of the cubic, from the control tick's start
+  Wide first_level = 0;       // crossed first; the others follow in steps of `direction`
   int direction = 1;          // +1 or -1
   int steps = 0;              // >= 1, all levels inside the stretch
   std::int32_t earliest = 0;  // timer tick: because of a pulse before this control tick
@@ -25,6 +25,6 @@ struct SmoothRun {
 // 0, h, m of m + 1 pulses is off by at most (m^3 / 60) max|t'''| at the others (0.1 m^3 bounds |n (n - h) (n - m)| for
 // h = m / 2 rounded down). A burst is a parabola with integer coefficients, and its distance from q is one too:
 // greatest at its ends or its vertex.
-int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Real timer_frequency_hz, StepBurst* bursts, int room);
+int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, StepBurst* bursts, int room);
 
 }  // namespace ballast::firmware

@@ -11,15 +11,15 @@ namespace ballast::firmware {
 
 namespace {
 
-constexpr Real kRateSlack = 1e-9;  // relative: a profile exactly at the motor's rate is not too fast by rounding
+constexpr Wide kRateSlack = 1e-9;  // relative: a profile exactly at the motor's rate is not too fast by rounding
 
 // Microsteps. A reversal that ends as close as this above a level has come back through it: the tick that looks ahead
 // and the one that looks back expand the profile about different times, and must not disagree by rounding.
-constexpr Real kReturnSlack = 1e-7;
+constexpr Wide kReturnSlack = 1e-7;
 
 // A piece of the profile in microsteps, expanded about the later of its own start and `t0`, so that times are small
 // numbers and resolution does not fade as the run goes on.
-StepCubic in_steps(const Cubic& c, Real s, Real position_zero, Real steps_per_unit) {
+StepCubic in_steps(const Cubic& c, Wide s, Wide position_zero, Wide steps_per_unit) {
   return {
       steps_per_unit * ((c.position - position_zero) + s * (c.velocity + s * (c.acceleration / 2 + s * (c.jerk / 6)))),
       steps_per_unit * (c.velocity + s * (c.acceleration + s * (c.jerk / 2))),
@@ -29,24 +29,24 @@ StepCubic in_steps(const Cubic& c, Real s, Real position_zero, Real steps_per_un
 // The monotone spans of the profile from t0 on, in order, in microsteps.
 class Walk {
  public:
-  Walk(const Profile& profile, Real t0_s, Real position_zero, Real steps_per_unit)
+  Walk(const Profile& profile, Wide t0_s, Wide position_zero, Wide steps_per_unit)
       : profile_(profile), t0_s_(t0_s), position_zero_(position_zero), steps_per_unit_(steps_per_unit) {}
 
   // Calls visit(cubic, begin, end, start) for each span with begin_s <= time from t0 <= end_s; `start` is the cubic's
   // own zero of time. Ends early, and gives false, where visit does.
   template <class Visit>
-  bool spans(Real begin_s, Real end_s, Visit visit) const {
+  bool spans(Wide begin_s, Wide end_s, Visit visit) const {
     const Profile::Location here = profile_.locate(t0_s_ + begin_s);
-    Real start = begin_s;
-    Real s = here.offset_s;
+    Wide start = begin_s;
+    Wide s = here.offset_s;
     for (int i = here.index; i <= profile_.piece_count() && start < end_s; ++i, s = 0) {
-      const Real end = i < profile_.piece_count() ? std::fmin(end_s, profile_.cubic_start_s(i + 1) - t0_s_) : end_s;
+      const Wide end = i < profile_.piece_count() ? std::fmin(end_s, profile_.cubic_start_s(i + 1) - t0_s_) : end_s;
       if (!(end > start)) continue;  // a piece shorter than the resolution of its start time
       const StepCubic cubic = in_steps(profile_.cubic(i), s, position_zero_, steps_per_unit_);
       const MonotoneSpans monotone = monotone_spans(cubic, end - start);
-      Real from = 0;
+      Wide from = 0;
       for (int k = 0; k < monotone.count; ++k) {
-        const Real to = monotone.end_s[static_cast<std::size_t>(k)];
+        const Wide to = monotone.end_s[static_cast<std::size_t>(k)];
         if (!visit(cubic, from, to, start)) return false;
         from = to;
       }
@@ -57,23 +57,23 @@ class Walk {
 
  private:
   const Profile& profile_;
-  Real t0_s_, position_zero_, steps_per_unit_;
+  Wide t0_s_, position_zero_, steps_per_unit_;
 };
 
 // The crossings of one control tick, in order, with the count they lead to.
 class Pulses {
  public:
-  Pulses(std::int64_t count, const PulseRules& rules, Real timer_frequency_hz)
+  Pulses(std::int64_t count, const PulseRules& rules, Wide timer_frequency_hz)
       : count_(count),
         touch_ticks_(rules.touch_ticks),
         timer_frequency_hz_(timer_frequency_hz),
         tolerance_s_(1e-3 / timer_frequency_hz) {}  // small beside the rounding to timer ticks
 
   // All steps of a span that ends at x_end. False: too many.
-  bool follow(const StepCubic& cubic, Real begin_s, Real end_s, Real cubic_start_s) {
-    const Real x_end = cubic.at(end_s);
-    const Real ahead = x_end - static_cast<Real>(count_);
-    const Real distance = std::fabs(ahead);
+  bool follow(const StepCubic& cubic, Wide begin_s, Wide end_s, Wide cubic_start_s) {
+    const Wide x_end = cubic.at(end_s);
+    const Wide ahead = x_end - static_cast<Wide>(count_);
+    const Wide distance = std::fabs(ahead);
     if (distance <= 0.5) return true;
     if (!(distance <= kMaxStepsPerTick + 1.0)) {  // also NaN; and keeps the conversion in range
       found_ = distance < 1e9 ? static_cast<int>(distance) : 1000000000;
@@ -82,21 +82,21 @@ class Pulses {
     const int direction = ahead > 0 ? 1 : -1;
     // Strictly beyond the level, so that half-way keeps the count.
     int steps = static_cast<int>(distance - 0.5);
-    if (static_cast<Real>(steps) < distance - 0.5) ++steps;
+    if (static_cast<Wide>(steps) < distance - 0.5) ++steps;
 
-    Real level = static_cast<Real>(count_) + 0.5 * direction;
-    Real w = crossing_time(cubic, level, begin_s, end_s, tolerance_s_);
-    Real velocity = cubic.velocity_at(w);
-    Real fastest_hz = std::fabs(velocity);
+    Wide level = static_cast<Wide>(count_) + 0.5 * direction;
+    Wide w = crossing_time(cubic, level, begin_s, end_s, tolerance_s_);
+    Wide velocity = cubic.velocity_at(w);
+    Wide fastest_hz = std::fabs(velocity);
     if (!add((cubic_start_s + w) * timer_frequency_hz_, direction)) return false;
     // Accelerations are linear: at twice the span's length from it they are no more than 5 times those at its ends.
-    const Real bend = 5 * std::fmax(std::fabs(cubic.acceleration_at(begin_s)), std::fabs(cubic.acceleration_at(end_s)));
-    Real interval = 1 / fastest_hz, growth = 0;
+    const Wide bend = 5 * std::fmax(std::fabs(cubic.acceleration_at(begin_s)), std::fabs(cubic.acceleration_at(end_s)));
+    Wide interval = 1 / fastest_hz, growth = 0;
     for (int j = 1; j < steps; ++j) {
       level += direction;
       // The next one lies where the intervals so far lead, and a step of Newton's method from there; only where the
       // profile bends too much for that does it take a search.
-      Real next = std::min(w + (interval + growth), end_s);
+      Wide next = std::min(w + (interval + growth), end_s);
       if (!crossing_near(cubic, level, bend, tolerance_s_, next, velocity) || !(next >= w && next <= end_s)) {
         next = crossing_time(cubic, level, w, end_s, tolerance_s_);
         velocity = cubic.velocity_at(next);
@@ -113,14 +113,14 @@ class Pulses {
 
   // Takes back the last pulses that are half of a touch: those whose level the profile leaves behind again within
   // touch_ticks, after this control tick.
-  void drop_touches(const Walk& walk, Real period_s) {
+  void drop_touches(const Walk& walk, Wide period_s) {
     while (size_ > 0) {
       const PulseWindow& last = pulses_[static_cast<std::size_t>(size_ - 1)];
-      const Real until_s = (last.exact_ticks + touch_ticks_) / timer_frequency_hz_;
+      const Wide until_s = (last.exact_ticks + touch_ticks_) / timer_frequency_hz_;
       if (!(until_s > period_s)) return;
       const int direction = last.direction;
-      const Real level = static_cast<Real>(count_) - 0.5 * direction;
-      const bool stays = walk.spans(period_s, until_s, [&](const StepCubic& cubic, Real, Real end_s, Real) {
+      const Wide level = static_cast<Wide>(count_) - 0.5 * direction;
+      const bool stays = walk.spans(period_s, until_s, [&](const StepCubic& cubic, Wide, Wide end_s, Wide) {
         return direction * (cubic.at(end_s) - level) > kReturnSlack;
       });
       if (stays) return;
@@ -133,10 +133,10 @@ class Pulses {
   [[nodiscard]] std::span<PulseWindow> windows() { return {pulses_.data(), static_cast<std::size_t>(size_)}; }
   [[nodiscard]] std::int64_t count() const { return count_; }
   [[nodiscard]] int found() const { return found_; }
-  [[nodiscard]] Real fastest_hz() const { return fastest_hz_; }
+  [[nodiscard]] Wide fastest_hz() const { return fastest_hz_; }
 
  private:
-  bool add(Real exact_ticks, int direction) {
+  bool add(Wide exact_ticks, int direction) {
     count_ += direction;
     if (++found_ > 2 * kMaxStepsPerTick) return false;  // touches count too: the work stays bounded
     if (size_ > 0) {
@@ -154,11 +154,11 @@ class Pulses {
   }
 
   std::int64_t count_;
-  Real touch_ticks_;
-  Real timer_frequency_hz_;
-  Real tolerance_s_;     // of a crossing's time
+  Wide touch_ticks_;
+  Wide timer_frequency_hz_;
+  Wide tolerance_s_;     // of a crossing's time
   int found_ = 0;        // crossings, touches too
-  Real fastest_hz_ = 0;  // the profile's greatest speed at a crossing
+  Wide fastest_hz_ = 0;  // the profile's greatest speed at a crossing
   int size_ = 0;
   // The first size_ entries are set.
   std::array<PulseWindow, kMaxStepsPerTick> pulses_;
@@ -171,8 +171,8 @@ std::int32_t last_ticks(const StepBurst& burst) {
 }
 
 // The highest rate between neighbouring pulses: what to say if they cannot keep their distances.
-Real highest_rate_hz(std::span<const PulseWindow> pulses, Real first_gap_ticks, Real timer_frequency_hz) {
-  Real least = first_gap_ticks;
+Wide highest_rate_hz(std::span<const PulseWindow> pulses, Wide first_gap_ticks, Wide timer_frequency_hz) {
+  Wide least = first_gap_ticks;
   for (std::size_t j = 1; j < pulses.size(); ++j) {
     least = std::fmin(least, pulses[j].exact_ticks - pulses[j - 1].exact_ticks);
   }
@@ -181,8 +181,8 @@ Real highest_rate_hz(std::span<const PulseWindow> pulses, Real first_gap_ticks, 
 
 // The tick lies in one piece, and neither in it nor in the time of a touch after it does the mass turn: the usual case.
 // `steps` may be 0. False: it is not like that, or not surely.
-bool smooth_tick(const Profile& profile, Real t0_s, Real position_zero, Real steps_per_unit, Real period_s,
-                 Real touch_s, std::int64_t count, SmoothRun& run) {
+bool smooth_tick(const Profile& profile, Wide t0_s, Wide position_zero, Wide steps_per_unit, Wide period_s,
+                 Wide touch_s, std::int64_t count, SmoothRun& run) {
   run.start_s = std::max(-t0_s, 0.0);
   const Profile::Location here = profile.locate(t0_s + run.start_s);
   if (here.index < profile.piece_count() && profile.cubic_start_s(here.index + 1) - t0_s < period_s + touch_s) {
@@ -191,24 +191,24 @@ bool smooth_tick(const Profile& profile, Real t0_s, Real position_zero, Real ste
   run.cubic = in_steps(profile.cubic(here.index), here.offset_s, position_zero, steps_per_unit);
   run.end_s = period_s - run.start_s;
   if (!(run.end_s > 0)) return false;
-  const Real ahead_s = run.end_s + touch_s;
+  const Wide ahead_s = run.end_s + touch_s;
   if (!(run.cubic.acceleration * run.cubic.acceleration_at(ahead_s) >= 0)) return false;
   if (!(run.cubic.velocity * run.cubic.velocity_at(ahead_s) > 0)) return false;
   run.direction = run.cubic.velocity > 0 ? 1 : -1;
-  run.first_level = static_cast<Real>(count) + 0.5 * run.direction;
-  const Real before = run.direction * (run.cubic.x - run.first_level);
+  run.first_level = static_cast<Wide>(count) + 0.5 * run.direction;
+  const Wide before = run.direction * (run.cubic.x - run.first_level);
   if (!(before <= 0 && before >= -1)) return false;  // it should have stepped before
-  const Real beyond = run.direction * (run.cubic.at(run.end_s) - run.first_level);
+  const Wide beyond = run.direction * (run.cubic.at(run.end_s) - run.first_level);
   if (!(beyond < kMaxStepsPerTick)) return false;
   run.steps = beyond > 0 ? static_cast<int>(beyond) + 1 : 0;
   // Strictly beyond the level, so that half-way keeps the count.
-  if (static_cast<Real>(run.steps - 1) == beyond) --run.steps;
+  if (static_cast<Wide>(run.steps - 1) == beyond) --run.steps;
   return run.steps <= kMaxStepsPerTick;
 }
 
 // For the first pulse of a command, because of the one before it.
 struct Before {
-  Real ago_ticks;  // at the control tick's start
+  Wide ago_ticks;  // at the control tick's start
   std::int8_t direction;
 
   Before(const StepCommand& out, std::size_t m, const PulseRules& rules)
@@ -217,7 +217,7 @@ struct Before {
     const auto ticks = static_cast<std::int64_t>(static_cast<std::uint64_t>(out.tick) -
                                                  static_cast<std::uint64_t>(out.last_pulse[m].tick));
     if (direction != 0 && ticks > 0) {
-      ago_ticks = static_cast<Real>(ticks) * rules.period_ticks - static_cast<Real>(out.last_pulse[m].timer_ticks);
+      ago_ticks = static_cast<Wide>(ticks) * rules.period_ticks - static_cast<Wide>(out.last_pulse[m].timer_ticks);
     } else {
       direction = 0;
     }
@@ -242,11 +242,11 @@ void commit(StepCommand& out, int motor, int burst_count, std::int64_t count) {
 
 }  // namespace
 
-StepError generate_steps(const Profile& profile, Real t0_s, Real position_zero, Real steps_per_unit,
-                         Real max_step_rate_hz, const StepTiming& timing, int motor, StepCommand& out,
+StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, Wide steps_per_unit,
+                         Wide max_step_rate_hz, const StepTiming& timing, int motor, StepCommand& out,
                          StepTrouble* trouble) {
   const auto m = static_cast<std::size_t>(motor);
-  const auto refuse = [trouble](StepError error, Real value, Real limit) {
+  const auto refuse = [trouble](StepError error, Wide value, Wide limit) {
     if (trouble != nullptr) *trouble = {error, value, limit};
     return error;
   };
@@ -259,7 +259,7 @@ StepError generate_steps(const Profile& profile, Real t0_s, Real position_zero, 
                   rules.touch_ticks / timing.timer_frequency_hz, out.position_steps[m], run)) {
     if (run.steps == 0) return StepError::kNone;  // the usual tick of a slow mass
     run.earliest = before.earliest(rules, run.direction);
-    const Real fastest_hz = std::max(std::fabs(run.cubic.velocity), std::fabs(run.cubic.velocity_at(run.end_s)));
+    const Wide fastest_hz = std::max(std::fabs(run.cubic.velocity), std::fabs(run.cubic.velocity_at(run.end_s)));
     if (fastest_hz <= max_step_rate_hz * (1 + kRateSlack)) {
       const int bursts =
           smooth_bursts(run, rules, timing.timer_frequency_hz, out.bursts.data() + used, kMaxBursts - out.burst_count);
@@ -273,7 +273,7 @@ StepError generate_steps(const Profile& profile, Real t0_s, Real position_zero, 
   Pulses pulses(out.position_steps[m], rules, timing.timer_frequency_hz);
   const Walk walk(profile, t0_s, position_zero, steps_per_unit);
   const bool few = walk.spans(std::max(-t0_s, 0.0), timing.control_period_s,
-                              [&pulses](const StepCubic& cubic, Real begin_s, Real end_s, Real start_s) {
+                              [&pulses](const StepCubic& cubic, Wide begin_s, Wide end_s, Wide start_s) {
                                 return pulses.follow(cubic, begin_s, end_s, start_s);
                               });
   if (!few) return refuse(StepError::kTooManySteps, pulses.found(), kMaxStepsPerTick);

@@ -38,9 +38,9 @@ struct StepCommand {
 };
 
 struct StepTiming {
-  Real timer_frequency_hz = 0;  // of the step timer
-  Real control_period_s = 0;
-  Real direction_setup_s = 0;  // least time between two opposite pulses of a motor: its driver's set-up and hold
+  Wide timer_frequency_hz = 0;  // of the step timer
+  Wide control_period_s = 0;
+  Wide direction_setup_s = 0;  // least time between two opposite pulses of a motor: its driver's set-up and hold
   bool may_delay = false;      // pulses may come late where only that keeps their distances: stops after an overload
 };
 
@@ -54,9 +54,9 @@ enum class StepError : std::uint8_t {
 // What could not be stepped, as a number and its limit.
 struct StepTrouble {
   StepError error = StepError::kNone;
-  Real value = 0;  // kTooManySteps: steps in the tick, as far as they were counted; kTooManyBursts: bursts in the
+  Wide value = 0;  // kTooManySteps: steps in the tick, as far as they were counted; kTooManyBursts: bursts in the
                    // command; kTooFast: steps/s
-  Real limit = 0;
+  Wide limit = 0;
 };
 
 // Appends to `out` the pulses of `motor` for profile time t0 <= t < t0 + control_period (t0 may be negative: nothing
@@ -75,8 +75,8 @@ struct StepTrouble {
 // comes back sooner than that (or than the tolerance above) counts as a touch, also if a border lies between: the
 // generator looks ahead along the profile. The count is then not the nearest for that short time. If the profile is
 // replaced meanwhile, the step comes as soon as it is seen.
-[[nodiscard]] StepError generate_steps(const Profile& profile, Real t0_s, Real position_zero, Real steps_per_unit,
-                                       Real max_step_rate_hz, const StepTiming& timing, int motor, StepCommand& out,
+[[nodiscard]] StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, Wide steps_per_unit,
+                                       Wide max_step_rate_hz, const StepTiming& timing, int motor, StepCommand& out,
                                        StepTrouble* trouble = nullptr);
 
 }  // namespace ballast::firmware

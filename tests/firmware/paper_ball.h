@@ -8,7 +8,7 @@
 
 namespace ballast::firmware::testing {
 
-inline constexpr Real kPi = std::numbers::pi_v<Real>;
+inline constexpr Wide kPi = std::numbers::pi_v<Wide>;
 
 inline BallParams paper_ball() {
   BallParams ball;
@@ -33,7 +33,7 @@ inline Rail wavy_spline() {
   rail.shape = RailShape::kSpline;
   rail.closed = true;
   rail.piece_count = kMaxRailPieces;
-  const Real angle = 2 * kPi / kMaxRailPieces;
+  const Wide angle = 2 * kPi / kMaxRailPieces;
   rail.piece_length_m = 0.8 * angle;
   const auto bend = [&](int waves) {
     const Real c = std::cos(waves * angle);
@@ -48,7 +48,7 @@ inline Rail wavy_spline() {
 }
 
 // theta_a of eq_ball_initial_conds_spec.
-inline constexpr Real kPaperStart[3] = {0, 2.0369, 0.7044};
+inline constexpr Wide kPaperStart[3] = {0, 2.0369, 0.7044};
 
 // eq_prescribed_u_ball: 1 for 0.1 s, then linearly to 0 in 0.1 s.
 inline constexpr ProfilePiece kPaperMotion[2] = {{0.1, 1, 1}, {0.1, 1, 0}};
