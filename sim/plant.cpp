@@ -146,6 +146,7 @@ void Plant::start_regime() {
     const PerMass torque = needed_torques(y_.data(), at_rest, masses);
     for (std::size_t i = 0; i < motion_.size(); ++i) {
       steppers_[i].balance(torque[i], scenario_.masses[i].motor.shaft_ratio * masses.velocity[i]);
+      stored_at_start_[i] = stored_energy(i, masses);
     }
   }
   if (flies) {
@@ -165,14 +166,14 @@ void Plant::start_regime() {
   }
 }
 
-Plant::MassPoint Plant::mass_point(double time_s, const double* y) const {
+Plant::MassPoint Plant::mass_point(double time_s, const double* y, const std::size_t* piece) const {
   MassPoint p{};
   for (std::size_t i = 0; i < motion_.size(); ++i) {
     if (driven_) {
       p.position[i] = y[kTheta + i];
       p.velocity[i] = y[kTheta + motion_.size() + i];
     } else {
-      const auto point = motion_[i].at(piece_[i], time_s);
+      const auto point = motion_[i].at(piece[i], time_s);
       p.position[i] = point.position;
       p.velocity[i] = point.velocity;
       p.acceleration[i] = point.acceleration;
@@ -198,17 +199,9 @@ Plant::PerMass Plant::motor_forces(const MassPoint& masses) const {
 
 void Plant::evaluate(double time_s, const double* y, Instant& motion) const {
   const MassPoint p = mass_point(time_s, y);
-  const bool rolls = regime_ == Regime::kRolling;
-  if (!driven_) {
-    if (rolls) {
-      rolling_prescribed(body_, time_s, y + kQ, y + kOmega, carried(p), motion);
-    } else {
-      evaluate_open(y, open_contact_at(time_s, y, p, {}), motion);
-    }
-    return;
-  }
+  if (!driven_) return evaluate_prescribed(time_s, y, carried(p), motion);
   const PerMass force = motor_forces(p);
-  if (rolls) {
+  if (regime_ == Regime::kRolling) {
     rolling_driven(body_, time_s, y + kQ, y + kOmega, p.position.data(), p.velocity.data(), force.data(), motion);
   } else {
     evaluate_open(y, open_contact_at(time_s, y, p, force), motion);
@@ -216,16 +209,27 @@ void Plant::evaluate(double time_s, const double* y, Instant& motion) const {
   }
 }
 
+void Plant::evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses, Instant& motion) const {
+  if (regime_ == Regime::kRolling) return rolling_prescribed(body_, time_s, y + kQ, y + kOmega, masses, motion);
+  OpenContact open;
+  open_contact_prescribed(body_, time_s, y + kQ, y + kOmega, velocity_W_mps(y), masses, open);
+  evaluate_open(y, open, motion);
+}
+
 // Of a state that has the geometric centre's velocity: any but a rolling one.
+Vector3d Plant::velocity_W_mps(const double* y) const {
+  return {y[contact_size_ + 1], y[contact_size_ + 2], y[contact_size_ + 3]};
+}
+
+// Likewise.
 OpenContact Plant::open_contact_at(double time_s, const double* y, const MassPoint& masses,
                                    const PerMass& motor_force) const {
-  const Vector3d velocity_W(y[contact_size_ + 1], y[contact_size_ + 2], y[contact_size_ + 3]);
   OpenContact open;
   if (driven_) {
-    open_contact_driven(body_, time_s, y + kQ, y + kOmega, velocity_W, masses.position.data(), masses.velocity.data(),
-                        motor_force.data(), open);
+    open_contact_driven(body_, time_s, y + kQ, y + kOmega, velocity_W_mps(y), masses.position.data(),
+                        masses.velocity.data(), motor_force.data(), open);
   } else {
-    open_contact_prescribed(body_, time_s, y + kQ, y + kOmega, velocity_W, carried(masses), open);
+    open_contact_prescribed(body_, time_s, y + kQ, y + kOmega, velocity_W_mps(y), carried(masses), open);
   }
   return open;
 }
@@ -262,8 +266,7 @@ OpenContact Plant::open_contact_now() const {
 
 Vector3d Plant::slip_W_mps(const double* y) const {
   const Vector3d omega_W = rotation_B_to_W(y + kQ) * Vector3d(y[kOmega], y[kOmega + 1], y[kOmega + 2]);
-  const double* velocity = y + contact_size_ + 1;
-  return Vector3d(velocity[0], velocity[1], velocity[2]) - omega_W.cross(Vector3d(0, 0, body_.radius_m));
+  return velocity_W_mps(y) - omega_W.cross(Vector3d(0, 0, body_.radius_m));
 }
 
 void Plant::derivative(double time_s, const double* y, double* dydt) {
@@ -331,9 +334,9 @@ void Plant::after_jump() {
       violated(now_) && (regime_ != Regime::kRolling || scenario_.run.on_violation == OnViolation::kContinue);
   if (goes_on) {
     // Its N and f_s do not come about; what rolling on would have needed is worth saying.
-    if (regime_ == Regime::kRolling) note_mu(time_s_, ratio(now_));
+    if (regime_ == Regime::kRolling) note_mu(time_s_, y_, now_);
   } else {
-    note(time_s_, now_);
+    note(time_s_, y_, now_);
     note_motors();
   }
   if (violated(now_)) leave_regime();
@@ -501,7 +504,7 @@ void Plant::take_span(double h, bool exactly, double end_s) {
   const bool slip_ends = broken <= 1 && regime_ == Regime::kSliding && end.motion.normal_force_n > 0;
   const auto look = [&](double best, auto value) {
     const double part = find_peak(h, middle.motion, end.motion, best, value);
-    if (part < 1) look_inside(part * h, inside), note(time_s_ + part * h, inside.motion);
+    if (part < 1) look_inside(part * h, inside), note(time_s_ + part * h, inside.y, inside.motion);
   };
   if (regime_ != Regime::kFlight && !slip_ends) {
     look(extrema_.normal_force_max.value, [](const Instant& m) { return m.normal_force_n; });
@@ -512,13 +515,14 @@ void Plant::take_span(double h, bool exactly, double end_s) {
     }
   }
 
+  if (driven_) note_energy(h, middle, end);
   time_s_ = exactly && broken > 1 ? end_s : time_s_ + h;
   y_ = end.y;
   dydt_ = end.dydt;
   now_ = end.motion;
   normalise(y_);
   if (!slip_ends) {
-    note(time_s_, now_);
+    note(time_s_, y_, now_);
     note_motors();
   }
   if (broken <= 1) {
@@ -565,7 +569,7 @@ double Plant::ratio(const Instant& m) const {
 }
 
 void Plant::end_inconsistent(std::string text) {
-  if (extrema_.normal_force_min.time_s < 0) note(time_s_, now_);  // as it starts: there is nothing else to say
+  if (extrema_.normal_force_min.time_s < 0) note(time_s_, y_, now_);  // as it starts: there is nothing else to say
   end_ = PhysicsEnd::kInconsistent;
   end_text_ = std::move(text);
 }
@@ -623,7 +627,7 @@ void Plant::enter(Regime regime) {
     leave_regime();  // its N and f_s do not come about
     return;
   }
-  note(time_s_, now_);
+  note(time_s_, y_, now_);
   note_motors();
 }
 
@@ -718,19 +722,27 @@ void Plant::touch(const Vector2d& slip_W_mps) {
   enter(Regime::kSliding);
 }
 
-void Plant::note_mu(double time_s, double mu) {
+void Plant::note_mu(double time_s, const State& y, const Instant& m) {
+  const double mu = ratio(m);
   if (mu > extrema_.mu_required_max.value + kNoise || extrema_.mu_required_max.time_s < 0) {
     extrema_.mu_required_max = {mu, time_s};
+    at_mu_max_.regime = regime_;
+    at_mu_max_.y = y;
+    if (driven_) {
+      at_mu_max_.mass_acceleration = m.mass_acceleration;
+    } else {
+      std::copy(piece_.begin(), piece_.end(), at_mu_max_.piece.begin());
+    }
   }
   tick_mu_required_max_ = std::max(tick_mu_required_max_, mu);
 }
 
-void Plant::note(double time_s, const Instant& m) {
+void Plant::note(double time_s, const State& y, const Instant& m) {
   // An extremum moves only if it is beaten by more than rounding, so that a constant keeps its first time.
   const auto raise = [time_s](Extremum& best, double value, double noise) {
     if (value > best.value + noise || best.time_s < 0) best = {value, time_s};
   };
-  note_mu(time_s, ratio(m));
+  note_mu(time_s, y, m);
   const double normal_force_n = pushed(m.normal_force_n);
   raise(extrema_.normal_force_max, normal_force_n, noise_n_);
   raise(extrema_.static_friction_max, m.static_friction_n, noise_n_);
@@ -738,6 +750,15 @@ void Plant::note(double time_s, const Instant& m) {
   raise(least, -normal_force_n, noise_n_);
   extrema_.normal_force_min = {-least.value, least.time_s};
   tick_normal_force_min_n_ = std::min(tick_normal_force_min_n_, normal_force_n);
+}
+
+std::optional<ContactShares> Plant::shares_at_mu_required_max() const {
+  if (at_mu_max_.regime != Regime::kRolling) return std::nullopt;
+  const double time_s = extrema_.mu_required_max.time_s;
+  const double* y = at_mu_max_.y.data();
+  MassPoint masses = mass_point(time_s, y, at_mu_max_.piece.data());
+  if (driven_) masses.acceleration = at_mu_max_.mass_acceleration;
+  return contact_shares(body_, time_s, y + kQ, y + kOmega, carried(masses));
 }
 
 Plant::PerMass Plant::needed_torques(const double* y, const MotionOf<double>& motion, const MassPoint& masses) const {
@@ -765,13 +786,58 @@ void Plant::note_motors() {
     double margin;
     if (driven_) {
       steppers_[i].count_slips(angle);
-      margin = steppers_[i].torque_margin(angle);
+      margin = steppers_[i].torque_margin(angle, speed);
     } else {
       margin =
           1 - std::abs(torque_nm_[i] + motor.viscous_damping_nms * speed) / steppers_[i].available_torque_nm(speed);
     }
     extrema.torque_margin = std::min(extrema.torque_margin, margin);
   }
+}
+
+// Over the span of length h from time_s_ and y_, before they move on.
+void Plant::note_energy(double h, const Point& middle, const Point& end) {
+  const std::array<const double*, 3> y{y_.data(), middle.y.data(), end.y.data()};
+  const std::array<const Instant*, 3> motion{&now_, &middle.motion, &end.motion};
+  constexpr std::array<double, 3> kWeight{1. / 6, 4. / 6, 1. / 6};
+  const std::size_t n = motion_.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Motor& motor = scenario_.masses[i].motor;
+    const PhaseCurrent& phases = steppers_[i].phases();
+    MotorEnergy& energy = motor_energy_[i];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double rate = y[k][kTheta + n + i], speed = motor.shaft_ratio * rate, part_s = kWeight[k] * h;
+      energy.work_j += part_s * motion[k]->generalised_force[i] * rate;
+      energy.friction_j += part_s * motor.viscous_damping_nms * speed * speed;
+      if (!motor.has_winding()) continue;
+      const auto current = steppers_[i].current(motor.shaft_ratio * y[k][kTheta + i], speed);
+      energy.copper_j += part_s * phases.copper_loss_w(current);
+      energy.electrical_j += part_s * phases.terminal_power_w(current, speed);
+    }
+  }
+}
+
+Plant::StoredEnergy Plant::stored_energy(std::size_t i, const MassPoint& masses) const {
+  const double shaft = scenario_.masses[i].motor.shaft_ratio, angle = shaft * masses.position[i];
+  const Stepper& stepper = steppers_[i];
+  return {stepper.phases().field_energy_j(stepper.current(angle, shaft * masses.velocity[i])),
+          stepper.detent_energy_j(angle)};
+}
+
+MotorEnergy Plant::motor_energy(int i) const {
+  const auto k = static_cast<std::size_t>(i);
+  MotorEnergy energy = motor_energy_[k];
+  if (!driven_) return energy;
+  const StoredEnergy now = stored_energy(k, mass_point(time_s_, y_.data()));
+  const double field_j = now.winding_j - stored_at_start_[k].winding_j;
+  energy.electrical_j += field_j;
+  energy.stored_j = field_j + now.detent_j - stored_at_start_[k].detent_j;
+  return energy;
+}
+
+double Plant::motor_steps_behind(int i) const {
+  const auto k = static_cast<std::size_t>(i);
+  return driven_ ? steppers_[k].steps_behind(scenario_.masses[k].motor.shaft_ratio * y_[kTheta + k]) : 0;
 }
 
 Plant::Sample Plant::sample() const {
@@ -805,6 +871,15 @@ Plant::Sample Plant::sample() const {
   }
   s.center_of_mass_B_m /= body_.total_mass_kg;
   return s;
+}
+
+Plant::ContactForces Plant::contact_forces(const double* position, const double* velocity,
+                                           const double* acceleration) const {
+  CarriedMasses masses;
+  carry_along(body_, position, velocity, acceleration, masses);
+  Instant motion;
+  evaluate_prescribed(time_s_, y_.data(), masses, motion);
+  return {pushed(motion.normal_force_n), motion.static_friction_n};
 }
 
 }  // namespace ballast::sim

@@ -28,11 +28,13 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "sim/contact.h"
+#include "sim/contact_shares.h"
 #include "sim/dop853.h"
 #include "sim/dormand_prince.h"
 #include "sim/motion.h"
@@ -94,6 +96,17 @@ struct MotorExtrema {
   double torque_margin = 1;  // least part of the available torque left unused; below 0: more was needed than there is
 };
 
+// Of a stepper over the whole run, in J: what went in is what came out. Integrals over the integrator's steps by
+// Simpson's rule. electrical = copper + friction + work + stored; without a winding electrical and copper are 0 and mean
+// nothing.
+struct MotorEnergy {
+  double electrical_j = 0;  // through the terminals
+  double copper_j = 0;      // heat of the winding
+  double friction_j = 0;    // heat of the viscous damping
+  double work_j = 0;        // on rotor, mass and ball
+  double stored_j = 0;      // change of what the winding's field and the detent hold
+};
+
 class Plant {
  public:
   explicit Plant(const Scenario& scenario);
@@ -111,6 +124,11 @@ class Plant {
   [[nodiscard]] bool rolling_lost() const { return rolling_lost_; }
   [[nodiscard]] const ContactExtrema& extrema() const { return extrema_; }
   [[nodiscard]] const MotorExtrema& motor_extrema(int i) const { return motor_extrema_[static_cast<std::size_t>(i)]; }
+  // Stepper runs only.
+  [[nodiscard]] MotorEnergy motor_energy(int i) const;
+  [[nodiscard]] double motor_steps_behind(int i) const;  // microsteps, of the true angle behind the commanded one
+  // Whose doing mu_required_max is; none if it was not needed by rolling.
+  [[nodiscard]] std::optional<ContactShares> shares_at_mu_required_max() const;
 
   // The state now. Where something jumps now, the value after the jump.
   struct Sample {
@@ -136,6 +154,15 @@ class Plant {
   };
   [[nodiscard]] Sample sample() const;
 
+  // N and f_s as the ball's attitude, angular velocity and regime now would have them if the masses moved like this:
+  // rail coordinates, their rates and those' rates. (In sliding with the slip as it is, in flight 0.)
+  struct ContactForces {
+    double normal_force_n;
+    double static_friction_n;
+  };
+  [[nodiscard]] ContactForces contact_forces(const double* position, const double* velocity,
+                                             const double* acceleration) const;
+
   // N as results and messages state it: 0 where rolling on would need the floor to pull.
   static double pushed(double normal_force_n);
   // f_s / N as results and messages state it in contact: +infinity where N <= 0.
@@ -160,15 +187,18 @@ class Plant {
   };
 
   using PerMass = std::array<double, kMaxMasses>;
-  MassPoint mass_point(double time_s, const double* y) const;
+  MassPoint mass_point(double time_s, const double* y) const { return mass_point(time_s, y, piece_.data()); }
+  MassPoint mass_point(double time_s, const double* y, const std::size_t* piece) const;
   CarriedMasses carried(const MassPoint& masses) const;
   PerMass motor_forces(const MassPoint& masses) const;
   void evaluate(double time_s, const double* y, Instant& motion) const;
+  void evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses, Instant& motion) const;
   void evaluate_open(const double* y, const OpenContact& open, Instant& motion) const;
   OpenContact open_contact_at(double time_s, const double* y, const MassPoint& masses,
                               const PerMass& motor_force) const;
   // At the state reached, whatever the regime.
   OpenContact open_contact_now() const;
+  Eigen::Vector3d velocity_W_mps(const double* y) const;
   Eigen::Vector3d slip_W_mps(const double* y) const;  // of the contact point; third entry: the height's rate
   void derivative(double time_s, const double* y, double* dydt);
   // What the motors must give, rotor inertia included, for the masses to move as `motion` has them.
@@ -194,9 +224,14 @@ class Plant {
   double find_peak(double h, const Instant& middle, const Instant& end, double floor, Value value);
   bool violated(const Instant& motion) const;
   double ratio(const Instant& motion) const;
-  void note(double time_s, const Instant& motion);
-  void note_mu(double time_s, double mu);
+  void note(double time_s, const State& y, const Instant& motion);
+  void note_mu(double time_s, const State& y, const Instant& motion);
   void note_motors();
+  void note_energy(double h, const Point& middle, const Point& end);
+  struct StoredEnergy {
+    double winding_j = 0, detent_j = 0;
+  };
+  [[nodiscard]] StoredEnergy stored_energy(std::size_t i, const MassPoint& masses) const;
 
   // Where a regime has ended, at time_s_: what comes next.
   void leave_regime();
@@ -247,10 +282,19 @@ class Plant {
   PhysicsEnd end_ = PhysicsEnd::kNone;
   std::string end_text_;
   ContactExtrema extrema_;
+  // What held at mu_required_max, as little as everything else follows from.
+  struct {
+    Regime regime = Regime::kFlight;
+    State y{};
+    PerMass mass_acceleration{};                  // driven
+    std::array<std::size_t, kMaxMasses> piece{};  // prescribed
+  } at_mu_max_;
   double tick_normal_force_min_n_;  // since advance() was last called
   double tick_mu_required_max_;
   double noise_n_;  // forces closer than this are the same: rounding
   std::array<MotorExtrema, kMaxMasses> motor_extrema_{};
+  std::array<MotorEnergy, kMaxMasses> motor_energy_{};  // but for what is stored
+  std::array<StoredEnergy, kMaxMasses> stored_at_start_{};
 };
 
 }  // namespace ballast::sim

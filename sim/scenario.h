@@ -29,7 +29,8 @@ struct MotionPiece {
 };
 
 // Hybrid stepper with current control, PHYSICS.md section 5. `shaft_ratio` turns rail units into motor angle: phi =
-// shaft_ratio * theta.
+// shaft_ratio * theta. How the holding torque falls with speed follows from winding and supply (phase_current.h) where
+// they are given, else from corner_speed.
 struct Motor {
   int steps_per_revolution = 200;    // full steps, a multiple of 4; rotor teeth N_r = steps / 4
   int microsteps = 16;               // 1..256
@@ -39,13 +40,20 @@ struct Motor {
   double detent_torque_nm = 0;
   double rotor_inertia_kgm2 = 0;
   double viscous_damping_nms = 0;   // b
-  double corner_speed_radps = 0;    // above it tau_hold falls as corner / speed
+  double corner_speed_radps = 0;    // up to it tau_hold is there in full; above it falls as corner / speed, or, with a
+                                    // winding, as its currents do (derived, then)
+  double rated_current_a = 0;       // rms, per phase, both phases on; 0: no winding given, nor the three below
+  double resistance_ohm = 0;        // per phase
+  double inductance_h = 0;          // per phase
+  double supply_voltage_v = 0;      // of the driver
   double step_error = 0.015;        // largest position error of a full step, as a part of the step angle
   double max_step_rate_hz = 0;      // microsteps per second the driver accepts
   double direction_setup_s = 2e-6;  // least time between two opposite pulses
   double max_acceleration = 0;      // rail unit / s^2, of the motion, moves and stops
   double max_jerk = 0;              // rail unit / s^3, likewise; in the motion's pieces, not where they meet
   double shaft_ratio = 0;           // derived: gear_ratio, or 2 pi / travel_per_revolution
+
+  [[nodiscard]] bool has_winding() const { return rated_current_a > 0; }
 };
 
 // chi(t) itself, in place of a rail and a motion along it: the paper's section 3. Prescribed runs only.

@@ -32,7 +32,7 @@ class CanonicalText {
   std::string text_;
 };
 
-// Scenarios without a spline, a trajectory, a table of forces or drag have no line about them.
+// Scenarios without a spline, a trajectory, a table of forces, drag or a motor's winding have no line about them.
 void add_spline(CanonicalText& text, const firmware::Rail& rail) {
   if (rail.shape != firmware::RailShape::kSpline) return;
   text.add("rail.closed", static_cast<int>(rail.closed));
@@ -81,6 +81,12 @@ void add_mass(CanonicalText& text, const Mass& mass) {
   text.add("rotor_inertia", motor.rotor_inertia_kgm2);
   text.add("viscous_damping", motor.viscous_damping_nms);
   text.add("corner_speed", motor.corner_speed_radps);
+  if (motor.has_winding()) {
+    text.add("rated_current", motor.rated_current_a);
+    text.add("resistance", motor.resistance_ohm);
+    text.add("inductance", motor.inductance_h);
+    text.add("supply_voltage", motor.supply_voltage_v);
+  }
   text.add("step_error", motor.step_error);
   text.add("max_step_rate", motor.max_step_rate_hz);
   text.add("direction_setup", motor.direction_setup_s);

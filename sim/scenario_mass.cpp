@@ -6,6 +6,8 @@
 
 #include "sim/cubic_spline.h"
 #include "sim/motion_extent.h"
+#include "sim/motor_presets.h"
+#include "sim/phase_current.h"
 #include "sim/spline_rail.h"
 
 namespace ballast::sim {
@@ -304,12 +306,72 @@ void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajecto
   trajectory = {*times, *points, *periodic};
 }
 
+// nullptr: none given, or none that ships.
+const MotorPreset* read_preset(TableReader& table) {
+  const Node* node = table.node("preset");
+  if (node == nullptr) return nullptr;
+  const MotorPreset* preset = node->kind == NodeKind::kString ? find_motor_preset(node->text) : nullptr;
+  if (preset == nullptr) {
+    std::string allowed;
+    for (const MotorPreset& known : motor_presets()) {
+      allowed += (allowed.empty() ? "\"" : ", \"") + std::string(known.name) + "\"";
+    }
+    table.refuse("preset", "is no motor that ships; allowed: one of " + allowed);
+  }
+  return preset;
+}
+
+// Winding and supply: all of it or nothing, since no default of one would suit another. From a preset it gives way to a
+// corner_speed of the scenario's own; written out it does not, and the two contradict each other.
+void read_winding(TableReader& table, const MotorPreset* preset, Motor& motor) {
+  constexpr const char* kKeys[] = {"rated_current", "resistance", "inductance", "supply_voltage"};
+  bool written = false;
+  for (const char* key : kKeys) {
+    table.know({key});
+    written = written || table.has(key);
+  }
+  if (table.has("corner_speed") && written) {
+    table.refuse("corner_speed",
+                 "follows from the winding, which is given too; allowed: corner_speed, or rated_current, resistance, "
+                 "inductance and supply_voltage");
+    return;
+  }
+  if (table.has("corner_speed") || (!written && preset == nullptr)) return;
+  const auto number = [&](const char* key, const char* unit, double MotorPreset::*figure) {
+    return table.number(key, Range::positive(unit), preset ? std::optional(preset->*figure) : std::nullopt);
+  };
+  const auto current = number(kKeys[0], "A", &MotorPreset::rated_current_a);
+  const auto resistance = number(kKeys[1], "ohm", &MotorPreset::resistance_ohm);
+  const auto inductance = number(kKeys[2], "H", &MotorPreset::inductance_h);
+  const auto supply = number(kKeys[3], "V", &MotorPreset::supply_voltage_v);
+  if (!current || !resistance || !inductance || !supply) return;
+  const double peak_v = std::numbers::sqrt2 * *current * *resistance;
+  if (!(*supply > peak_v)) {
+    table.refuse("supply_voltage", "cannot drive the rated current through the winding; allowed: > sqrt(2) * "
+                                   "rated_current * resistance = " +
+                                       number_text(peak_v));
+    return;
+  }
+  motor.rated_current_a = *current;
+  motor.resistance_ohm = *resistance;
+  motor.inductance_h = *inductance;
+  motor.supply_voltage_v = *supply;
+  motor.corner_speed_radps = PhaseCurrent(motor).corner_speed_radps();
+  if (!(motor.corner_speed_radps > 0) || !std::isfinite(motor.corner_speed_radps)) {
+    table.refuse("rated_current", "and the rest of the winding make a corner speed of " +
+                                      number_text(motor.corner_speed_radps) +
+                                      " rad/s; allowed: figures that make a finite one > 0");
+  }
+}
+
 // Defaults that drive any scenario faithfully: ten times the static torque, a light rotor, a well damped resonance.
 // `complete`: the mass and its surroundings are without fault; else the defaults mean nothing, and go unchecked.
 void read_motor(TableReader table, const MassSurroundings& around, const std::optional<firmware::Rail>& rail,
                 bool complete, const SpeedExtent& extent, Mass& mass) {
   Motor& motor = mass.motor;
 
+  const MotorPreset* preset = read_preset(table);
+  if (preset != nullptr) motor.steps_per_revolution = preset->steps_per_revolution;
   if (const auto steps = table.integer("steps_per_revolution", 4, 2000, motor.steps_per_revolution)) {
     motor.steps_per_revolution = static_cast<int>(*steps);
     if (*steps % 4 != 0) table.refuse("steps_per_revolution", "is no multiple of 4; allowed: 4, 8, .. 2000");
@@ -352,24 +414,31 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   };
   // A rotor three times as heavy as its load: each microstep then shakes the load a quarter as much, at the same
   // margin.
-  read("rotor_inertia", Range::positive("kg m^2"), 3 * load_inertia, motor.rotor_inertia_kgm2);
+  read("rotor_inertia", Range::positive("kg m^2"), preset ? preset->rotor_inertia_kgm2 : 3 * load_inertia,
+       motor.rotor_inertia_kgm2);
   // Three times what carries the mass against gravity and gives mass and rotor the motion's greatest acceleration.
   const double moved_inertia = rail_inertia + motor.rotor_inertia_kgm2 * ratio * ratio;
   double rail_torque = mass_kg * around.gravity_mps2.value_or(1) * lever + moved_inertia * extent.greatest_acceleration;
   if (rail_torque == 0) rail_torque = moved_inertia;  // for 1 rail unit / s^2
-  read("holding_torque", Range::positive("N m"), 3 * rail_torque / ratio, motor.holding_torque_nm);
+  read("holding_torque", Range::positive("N m"), preset ? preset->holding_torque_nm : 3 * rail_torque / ratio,
+       motor.holding_torque_nm);
   Range below_half = Range::between(0, motor.holding_torque_nm / 2, "N m (the upper end is half the holding torque)");
   below_half.high_excluded = true;
   if (!complete && !table.has("holding_torque")) below_half = Range::non_negative("N m");
-  read("detent_torque", below_half, 0.04 * motor.holding_torque_nm, motor.detent_torque_nm);
+  const bool printed = preset != nullptr && preset->detent_torque_nm > 0;
+  read("detent_torque", below_half, printed ? preset->detent_torque_nm : 0.04 * motor.holding_torque_nm,
+       motor.detent_torque_nm);
   // Damping ratio 0.2 of the resonance of rotor and load on the field's stiffness N_r tau_hold; but at the motion's
   // greatest speed the drag may take no more than a tenth of the holding torque.
   const double stiffness = motor.steps_per_revolution / 4 * motor.holding_torque_nm;
   const double damped = 2 * 0.2 * std::sqrt(stiffness * (motor.rotor_inertia_kgm2 + load_inertia));
   const double most_drag = 0.1 * motor.holding_torque_nm / std::max(ratio * extent.greatest_speed, 1e-300);
   read("viscous_damping", Range::non_negative("N m s"), std::min(damped, most_drag), motor.viscous_damping_nms);
-  read("corner_speed", Range::positive("rad/s of the motor shaft"), std::max(30.0, 2 * ratio * extent.greatest_speed),
-       motor.corner_speed_radps);
+  read_winding(table, preset, motor);
+  if (!motor.has_winding()) {
+    read("corner_speed", Range::positive("rad/s of the motor shaft"), std::max(30.0, 2 * ratio * extent.greatest_speed),
+         motor.corner_speed_radps);
+  }
   read("step_error", Range::between(0, 0.1), motor.step_error, motor.step_error);
   // A little below what the controller can issue in one tick, so that rounding to ticks never overloads it.
   const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);

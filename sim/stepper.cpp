@@ -23,7 +23,10 @@ double uniform(std::uint64_t& state) {
 }  // namespace
 
 Stepper::Stepper(const Motor& motor, double initial_shaft_rad, std::uint64_t tooth_seed)
-    : motor_(motor), teeth_(motor.steps_per_revolution / 4.0), initial_shaft_rad_(initial_shaft_rad) {
+    : motor_(motor),
+      phases_(motor.has_winding() ? PhaseCurrent(motor) : PhaseCurrent()),
+      teeth_(motor.steps_per_revolution / 4.0),
+      initial_shaft_rad_(initial_shaft_rad) {
   const double full_step_rad = 2 * kPi / motor.steps_per_revolution;
   tooth_error_rad_.resize(static_cast<std::size_t>(motor.steps_per_revolution));
   for (double& error : tooth_error_rad_) error = motor.step_error * full_step_rad * (2 * uniform(tooth_seed) - 1);
@@ -33,8 +36,22 @@ Stepper::Stepper(const Motor& motor, double initial_shaft_rad, std::uint64_t too
 void Stepper::balance(double torque_nm, double shaft_radps) {
   const double field_torque_nm = torque_nm + motor_.viscous_damping_nms * shaft_radps +
                                  motor_.detent_torque_nm * std::sin(4 * teeth_ * initial_shaft_rad_);
-  offset_rad_ = std::asin(std::clamp(field_torque_nm / available_torque_nm(shaft_radps), -1.0, 1.0)) / teeth_;
+  offset_rad_ = balanced_lag_rad(field_torque_nm, shaft_radps) / teeth_;
   update_field();
+}
+
+// Where the field gives a torque at a speed, on the branch that holds the rotor.
+double Stepper::balanced_lag_rad(double torque_nm, double shaft_radps) const {
+  if (std::abs(shaft_radps) <= motor_.corner_speed_radps || !motor_.has_winding()) {
+    return std::asin(std::clamp(torque_nm / available_torque_nm(shaft_radps), -1.0, 1.0));
+  }
+  const double driving = phases_.pull_out(shaft_radps).lag_rad;
+  double low = shaft_radps > 0 ? -kPi / 2 : -driving, high = shaft_radps > 0 ? driving : kPi / 2;
+  for (int k = 0; k < 100; ++k) {
+    const double middle = (low + high) / 2;
+    (phases_.torque_nm(middle, shaft_radps) < torque_nm ? low : high) = middle;
+  }
+  return (low + high) / 2;
 }
 
 void Stepper::step(int direction) {
@@ -56,13 +73,23 @@ void Stepper::update_field() {
   field_rad_ = initial_shaft_rad_ + offset_rad_ + static_cast<double>(position_steps_) * microstep_rad + error;
 }
 
-double Stepper::torque_margin(double shaft_rad) const {
-  const double lag = std::abs(teeth_ * (field_rad_ - shaft_rad) - 2 * kPi * static_cast<double>(slipped_teeth_));
-  return lag <= kPi / 2 ? 1 - std::sin(lag) : std::sin(lag) - 1;
+double Stepper::torque_margin(double shaft_rad, double shaft_radps) const {
+  const double lag = lag_rad(shaft_rad) - 2 * kPi * static_cast<double>(slipped_teeth_);
+  if (std::abs(shaft_radps) <= motor_.corner_speed_radps || !motor_.has_winding()) {
+    return std::abs(lag) <= kPi / 2 ? 1 - std::sin(std::abs(lag)) : std::sin(std::abs(lag)) - 1;
+  }
+  const PhaseCurrent::PullOut most = phases_.pull_out(shaft_radps);
+  const double used = std::abs(phases_.torque_nm(lag, shaft_radps)) / most.torque_nm;
+  return std::abs(lag) <= most.lag_rad ? 1 - used : std::min(used, 1.0) - 1;
+}
+
+double Stepper::steps_behind(double shaft_rad) const {
+  const double per_rad = static_cast<double>(motor_.steps_per_revolution) * motor_.microsteps / (2 * kPi);
+  return static_cast<double>(position_steps_) - (shaft_rad - initial_shaft_rad_) * per_rad;
 }
 
 void Stepper::count_slips(double shaft_rad) {
-  const auto teeth = static_cast<std::int64_t>(std::llround(teeth_ * (field_rad_ - shaft_rad) / (2 * kPi)));
+  const auto teeth = static_cast<std::int64_t>(std::llround(lag_rad(shaft_rad) / (2 * kPi)));
   lost_steps_ += std::abs(teeth - slipped_teeth_) * 4 * motor_.microsteps;
   slipped_teeth_ = teeth;
 }

@@ -1,10 +1,13 @@
-// A hybrid stepper with current control: PHYSICS.md section 5. Angles and torques at the motor shaft.
+// A hybrid stepper with current control: PHYSICS.md section 5. Angles and torques at the motor shaft. Of a motor with a
+// winding the electromagnetic torque is that of its currents (phase_current.h), which is tau_hold sin(lag) as long as
+// the supply can drive them; of one without, tau_hold falls above the corner speed as corner / speed.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
 #include <vector>
 
+#include "sim/phase_current.h"
 #include "sim/scenario.h"
 
 namespace ballast::sim {
@@ -24,31 +27,54 @@ class Stepper {
   // Electromagnetic, detent and viscous torque on the rotor.
   [[nodiscard]] double torque_nm(double shaft_rad, double shaft_radps) const {
     const double detent = motor_.detent_torque_nm == 0 ? 0 : motor_.detent_torque_nm * std::sin(4 * teeth_ * shaft_rad);
-    return available_torque_nm(shaft_radps) * std::sin(teeth_ * (field_rad_ - shaft_rad)) - detent -
-           motor_.viscous_damping_nms * shaft_radps;
+    return field_torque_nm(shaft_rad, shaft_radps) - detent - motor_.viscous_damping_nms * shaft_radps;
   }
 
-  // tau_hold: constant up to the corner speed, then falling as corner / speed (constant power).
+  // tau_hold: the greatest torque of the field at this speed.
   [[nodiscard]] double available_torque_nm(double shaft_radps) const {
     const double speed = std::abs(shaft_radps);
-    return speed <= motor_.corner_speed_radps ? motor_.holding_torque_nm
-                                              : motor_.holding_torque_nm * motor_.corner_speed_radps / speed;
+    if (speed <= motor_.corner_speed_radps) return motor_.holding_torque_nm;
+    return motor_.has_winding() ? phases_.pull_out(speed).torque_nm
+                                : motor_.holding_torque_nm * motor_.corner_speed_radps / speed;
   }
 
-  // Part of the available torque the rotor's lag leaves unused: 1 - |sin(lag)|; below 0 once it is past the greatest
-  // torque.
-  [[nodiscard]] double torque_margin(double shaft_rad) const;
+  // Part of the available torque the rotor's lag leaves unused: 1 - |sin(lag)|, or what the currents make of it; below
+  // 0 once the lag is past the greatest torque.
+  [[nodiscard]] double torque_margin(double shaft_rad, double shaft_radps) const;
+
+  // What goes into the motor at its terminals, and what of it heats the winding; what the fields of winding and detent
+  // hold. No winding: no currents.
+  [[nodiscard]] PhaseCurrent::Vector current(double shaft_rad, double shaft_radps) const {
+    return motor_.has_winding() ? phases_.at(lag_rad(shaft_rad), shaft_radps) : PhaseCurrent::Vector{};
+  }
+  [[nodiscard]] const PhaseCurrent& phases() const { return phases_; }
+  [[nodiscard]] double detent_energy_j(double shaft_rad) const {
+    return -motor_.detent_torque_nm / (4 * teeth_) * std::cos(4 * teeth_ * shaft_rad);
+  }
 
   // To be called as the rotor moves: past half a tooth pitch of lag it has slipped into another tooth. Counts lost
   // microsteps.
   void count_slips(double shaft_rad);
 
+  // Microsteps over all slips, forth and back.
   [[nodiscard]] std::int64_t lost_steps() const { return lost_steps_; }
+
+  // Microsteps by which the rotor is behind what it was commanded since t = 0: the lag under load, and what of the lost
+  // steps it has not slipped back.
+  [[nodiscard]] double steps_behind(double shaft_rad) const;
 
  private:
   void update_field();
+  [[nodiscard]] double balanced_lag_rad(double torque_nm, double shaft_radps) const;
+  [[nodiscard]] double lag_rad(double shaft_rad) const { return teeth_ * (field_rad_ - shaft_rad); }
+  [[nodiscard]] double field_torque_nm(double shaft_rad, double shaft_radps) const {
+    const double lag = lag_rad(shaft_rad);
+    return motor_.has_winding() ? phases_.torque_nm(lag, shaft_radps)
+                                : available_torque_nm(shaft_radps) * std::sin(lag);
+  }
 
   Motor motor_;
+  PhaseCurrent phases_;
   double teeth_;  // N_r
   double initial_shaft_rad_;
   double offset_rad_ = 0;            // field minus rotor at t = 0

@@ -324,7 +324,7 @@ void predict_plan(const ControllerParams& params, const Sensors& sensors, const 
     state.plan = predict_motion(params.ball, params.static_friction, unit(sensors.orientation), sensors.gyro_B_radps,
                                 now, params.control_period_s, state.active, duration_s);
   } else {
-    state.plan = {duration_s, kUnknown, std::numeric_limits<Real>::infinity(), -1};
+    state.plan = {duration_s, 0, kUnknown, std::numeric_limits<Real>::infinity(), -1};
   }
 }
 
@@ -354,6 +354,7 @@ void reset(const ControllerParams& params, ControllerState& state) {
   state.last_pulse = {};
   state.steps_issued = {};
   state.overload = {};
+  state.operator_commands = 0;
   state.refusal = {};
   state.planned = false;
   state.plan_tick = 0;
@@ -390,6 +391,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   if (state.faults != 0) state.mode = next_mode(state.mode, Event::kFault, guards);
   bool plan_begins = false;
   if (Event event{}; event_of(inputs.operator_command.command, event)) {
+    ++state.operator_commands;
     const Mode before = state.mode;
     const Mode after = next_mode(before, event, guards);
     if (after == before) {
@@ -446,8 +448,10 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   status.motor_count = params.ball.mass_count;
   status.commanded_position = now.position;
   status.commanded_velocity = now.velocity;
+  for (int i = 0; i < params.ball.mass_count; ++i) status.next[at(i)] = commanded(params, state, next, i);
   status.steps_issued = state.steps_issued;
   status.overload = state.overload;
+  status.operator_commands = state.operator_commands;
   status.refusal = state.refusal;
   status.planned = state.planned;
   status.plan_tick = state.plan_tick;

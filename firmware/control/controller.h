@@ -133,6 +133,7 @@ struct ControllerStatus {
   int motor_count = 0;
   PerMass<Real> commanded_position{};  // at the start of this tick
   PerMass<Real> commanded_velocity{};
+  PerMass<ProfilePoint> next{};          // commanded at the start of the next tick, whose steps go with this
   RollingForces predicted;               // closed forms, commanded masses, sensed attitude and rate; NaN if those are
                                          // not finite: then mu_required is +infinity and margin -1
   Real mu_required = 0;                  // f_s / N; +infinity where N <= 0
@@ -140,6 +141,7 @@ struct ControllerStatus {
   std::int64_t overruns = 0;             // kept by the HAL's clock
   PerMass<std::int64_t> steps_issued{};  // pulses, both directions counted up
   StepOverload overload;                 // kNone: there was none
+  std::int64_t operator_commands = 0;    // given since reset(), obeyed or not
   RefusalReport refusal;                 // of the operator's last command; stays until the next
   bool planned = false;                  // there has been a stop or a move since reset(); the next two are of the last
   std::int64_t plan_tick = 0;            // at whose start it begins
@@ -166,6 +168,7 @@ struct ControllerState {
   PerMass<LastPulse> last_pulse{};
   PerMass<std::int64_t> steps_issued{};
   StepOverload overload;
+  std::int64_t operator_commands = 0;
   RefusalReport refusal;
   bool planned = false;
   std::int64_t plan_tick = 0;

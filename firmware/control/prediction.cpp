@@ -44,6 +44,13 @@ Real next_border(const PerMass<Profile>& profiles, int count, Real time_s) {
   return next;
 }
 
+Real norm(const Vector3& v) { return std::sqrt(v.dot(v)); }
+
+Real longest_step_s(const BallParams& ball, const Vector3& omega, const Vector3& omega_dot) {
+  const Real fastest = std::fmax(norm(omega), std::sqrt(ball.gravity_mps2 / ball.radius_m));
+  return std::fmin(kPredictionStep / fastest, std::sqrt(kPredictionStep / norm(omega_dot)));
+}
+
 }  // namespace
 
 void friction_use(const RollingForces& forces, Real static_friction, Real& mu_required, Real& margin) {
@@ -60,7 +67,7 @@ Prediction predict_motion(const BallParams& ball, Real static_friction, const Qu
                           const Vector3& angular_velocity_B_radps, const MassMotion& now, Real lead_s,
                           const PerMass<Profile>& profiles, Real duration_s) {
   const int count = ball.mass_count;
-  Prediction result{duration_s, std::numeric_limits<Real>::infinity(), 0, 1};
+  Prediction result{duration_s, 0, std::numeric_limits<Real>::infinity(), 0, 1};
   Attitude at{orientation, angular_velocity_B_radps};
   const auto forces = [&](const MassMotion& masses) {
     return rolling_forces(ball, at.orientation, at.angular_velocity_B_radps, masses);
@@ -85,7 +92,8 @@ Prediction predict_motion(const BallParams& ball, Real static_friction, const Qu
 
   advance(forces(now), now, lead_s);
   Real time_s = 0;
-  // Never more than the grid's intervals and the borders; the bound also ends it should a number be none.
+  // Never more than the grid's intervals and the borders; the bound also ends it should a number be none or a step
+  // vanish beside the time.
   int borders = 0;
   for (int i = 0; i < count; ++i) borders += profiles[static_cast<std::size_t>(i)].piece_count();
   int grid = 1;
@@ -93,12 +101,14 @@ Prediction predict_motion(const BallParams& ball, Real static_friction, const Qu
     const RollingForces start = forces(masses_at(profiles, count, time_s));
     look(start);
     const Real grid_s = grid < kPredictionIntervals ? duration_s * grid / kPredictionIntervals : duration_s;
-    const Real end_s = std::fmin(grid_s, next_border(profiles, count, time_s));
+    const Real longest_s = longest_step_s(ball, at.angular_velocity_B_radps, start.angular_acceleration_B_radps2);
+    const Real end_s = std::fmin(std::fmin(grid_s, time_s + longest_s), next_border(profiles, count, time_s));
     if (end_s == grid_s) ++grid;
     advance(start, masses_at(profiles, count, (time_s + end_s) / 2), end_s - time_s);
     time_s = end_s;
   }
-  look(forces(masses_at(profiles, count, duration_s)));
+  look(forces(masses_at(profiles, count, time_s)));
+  result.horizon_s = time_s;
   return result;
 }
 

@@ -6,9 +6,10 @@
 
 namespace ballast::firmware {
 
-// Least and greatest of the paper's closed forms along profiles, from profile time 0 to duration_s.
+// Least and greatest of the paper's closed forms along profiles, from profile time 0 to horizon_s.
 struct Prediction {
   Real duration_s = 0;
+  Real horizon_s = 0;  // how far it looks: duration_s, or less of what takes long
   Real normal_force_min_n = 0;
   Real mu_required_max = 0;  // f_s / N; +infinity where N <= 0
   Real margin_min = 0;       // 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0
@@ -16,14 +17,18 @@ struct Prediction {
 
 // Grid of a prediction. It is refined by the borders of all pieces, where accelerations have their corners.
 inline constexpr int kPredictionIntervals = 16;
+inline constexpr Real kPredictionStep = 0.5;
 
 // The attitude is not frozen: Omegadot of the closed form is integrated by the explicit midpoint rule. One step of
 // `lead_s` comes first, from the sensed state at the tick's start to profile time 0, with the masses as `now`; then one
 // step per interval of the refined grid. N and f_s are taken at both ends of every interval: two evaluations an
 // interval, at most kPredictionIntervals + 3 or 7 borders a mass, so the cost is bounded: 44 evaluations for a stop of
 // three masses. It assumes what the closed forms assume: rolling without slip, masses exactly on their profiles, the
-// constant external force; what step motors add by lagging and swinging is not in it. What lies beyond duration_s is
-// not looked at.
+// constant external force; what step motors add by lagging and swinging is not in it.
+//
+// An interval is no longer than the rule is good for: h |Omega|, h sqrt(g / r) and h^2 |Omegadot| at most
+// kPredictionStep at its start (a ball rolling as a pendulum swings more slowly than sqrt(g / r)). If the intervals are
+// used up before duration_s, that is the horizon.
 [[nodiscard]] Prediction predict_motion(const BallParams& ball, Real static_friction, const Quaternion& orientation,
                                         const Vector3& angular_velocity_B_radps, const MassMotion& now, Real lead_s,
                                         const PerMass<Profile>& profiles, Real duration_s);

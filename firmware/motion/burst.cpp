@@ -137,6 +137,14 @@ bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::i
   return true;
 }
 
+void raise_lows(std::span<PulseWindow> pulses, std::int32_t earliest) {
+  std::int32_t least = earliest;
+  for (std::size_t j = 0; j < pulses.size() && pulses[j].low < least; ++j) {
+    pulses[j].low = least;
+    if (j + 1 < pulses.size()) least += pulses[j + 1].gap;
+  }
+}
+
 StepBurst longest_burst(std::span<const PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest) {
   std::size_t same = 1;
   while (same < pulses.size() && pulses[same].direction == pulses[0].direction) ++same;

@@ -50,6 +50,11 @@ std::int32_t last_timer_tick(const StepTiming& timing);
 // kept.
 [[nodiscard]] bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest = 0);
 
+// The first of these pulses will not come before `earliest`: where the others have to be later for that, their windows
+// say so, and what fits them is found. Without it a burst that ends late is followed by single pulses wherever the
+// motor is at its step rate, where no time can be made up but the rounding.
+void raise_lows(std::span<PulseWindow> pulses, std::int32_t earliest);
+
 // The longest burst found for pulses[0..count): same direction, every pulse replayed in integers and found in its
 // window at least rules.gap after the one before, the first not before `earliest`. pulses must not be empty. One pulse
 // always fits.

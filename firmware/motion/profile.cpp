@@ -84,17 +84,13 @@ bool Profile::rebase(Real initial_position, Real initial_velocity) {
 
 Profile::Location Profile::locate(Real time_s) const {
   // Largest index whose start is not after time_s; NaN ends at 0. Bisection of at most kMaxPieces + 1 starts.
-  int low = 0;
-  int high = piece_count_ + 1;
-  while (high - low > 1) {
-    const int middle = (low + high) / 2;
-    if (starts_s_[static_cast<std::size_t>(middle)] <= time_s) {
-      low = middle;
-    } else {
-      high = middle;
-    }
+  std::size_t low = 0, left = static_cast<std::size_t>(piece_count_) + 1;  // it is one of starts[low .. low + left)
+  while (left > 1) {
+    const std::size_t half = left / 2;
+    if (starts_s_[low + half] <= time_s) low += half;
+    left -= half;
   }
-  return {low, time_s - starts_s_[static_cast<std::size_t>(low)]};
+  return {static_cast<int>(low), time_s - starts_s_[low]};
 }
 
 ProfilePoint Profile::at(Real time_s) const {

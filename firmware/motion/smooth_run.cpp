@@ -9,7 +9,7 @@ namespace {
 
 // A value that fits an int32 rounded to nearest, by conversion: round() is a call on processors without the
 // instruction.
-std::int32_t nearest(Real x) { return static_cast<std::int32_t>(x + (x < 0 ? -0.5 : 0.5)); }
+std::int32_t nearest(Real x) { return static_cast<std::int32_t>(x + std::copysign(0.5, x)); }
 
 std::int32_t down(Real x) {
   const auto whole = static_cast<std::int32_t>(x);
@@ -31,29 +31,32 @@ class Prover {
     mean_interval_s_ = 2 / (v0 + v1);
   }
 
-  // Crossings 0, h and m of the pulses from `begin` on.
+  // Crossings 0, h and m of the pulses from `begin` on. A half of what was looked at before ends at its middle.
   void nodes(int begin, int m) {
     const int h = m / 2;
+    const bool half = begin == at_ && m == middle_at_;
     if (begin != at_) {
       at_ = begin;
       first_ = crossing(begin, 0);
     }
-    last_ = m == 0 ? first_ : crossing(begin + m, m);
+    last_ = half ? middle_ : (m == 0 ? first_ : crossing(begin + m, m));
     middle_ = h == 0 ? first_ : crossing(begin + h, h);
+    middle_at_ = h;
   }
 
   // The burst of m + 1 pulses from `begin` on; the first not before `earliest`.
   bool fits(int begin, int m, std::int32_t earliest, StepBurst& burst) {
-    nodes(begin, m);
-    // q(n) = first + slope n + curve n (n - 1) / 2
     const int half = m / 2;
     const Real n = m, h = half;
+    const Real bent = n * n * n / 60 * third_ticks_;
+    const Real allowed = rules_.tolerance_ticks - bent - 0.01;  // and the crossings' own error
+    if (!(allowed > 0)) return false;
+    nodes(begin, m);
+    // q(n) = first + slope n + curve n (n - 1) / 2
     Real curve = 0, slope = 0;
     if (m >= 2) curve = 2 * ((last_ - first_) * h - (middle_ - first_) * n) / (n * h * (n - h));
     if (m >= 1) slope = (last_ - first_) / n - curve * (n - 1) / 2;
-    const Real bent = n * n * n / 60 * third_ticks_;
-    const Real allowed = rules_.tolerance_ticks - bent - 0.01;  // and the crossings' own error
-    if (!(allowed > 0) || !(std::fabs(curve) < 1e6) || !(slope < 1e9)) return false;
+    if (!(std::fabs(curve) < 1e6) || !(slope < 1e9)) return false;
 
     const std::int32_t add = nearest(curve);
     const Real off = static_cast<Real>(add) - curve;  // per n (n - 1) / 2
@@ -113,7 +116,8 @@ class Prover {
   Real bend_ = 0;
   Real third_ticks_ = 0;  // bound of |t'''|
   Real mean_interval_s_ = 0;
-  int at_ = -1;  // the pulse first_ is of
+  int at_ = -1;         // the pulse first_ is of
+  int middle_at_ = -1;  // how many pulses later middle_ is
   Real first_ = 0, middle_ = 0, last_ = 0;
   std::int32_t end_ticks_ = 0;
 };

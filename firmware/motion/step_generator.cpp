@@ -305,7 +305,10 @@ StepError generate_steps(const Profile& profile, Real t0_s, Real position_zero, 
     StepBurst& burst = out.bursts[used + static_cast<std::size_t>(bursts)];
     burst = longest_burst(windows.subspan(done), rules, earliest);
     done += static_cast<std::size_t>(burst.count);
-    if (done < windows.size()) earliest = last_ticks(burst) + windows[done].gap;
+    if (done < windows.size()) {
+      earliest = last_ticks(burst) + windows[done].gap;
+      raise_lows(windows.subspan(done), earliest);
+    }
   }
   commit(out, motor, bursts, pulses.count());
   return StepError::kNone;

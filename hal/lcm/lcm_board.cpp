@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <cstring>
 
 #include "hal/lcm/channels.h"
 
@@ -10,14 +9,13 @@ namespace ballast::hal {
 namespace {
 
 constexpr std::chrono::milliseconds kWaitingPeriod{50};
-constexpr std::size_t kMaxPendingCommands = 64;
 
 }  // namespace
 
 LcmBoard::LcmBoard(Bus& bus, const LcmBoardOptions& options) : bus_(bus), options_(options) {
   bus_.subscribe<sensors_t>(kChannelSensors, [this](const sensors_t& message) { on_sensors(message); });
   bus_.subscribe<trip_t>(kChannelTrip, [this](const trip_t& message) { on_trip(message); });
-  bus_.subscribe<operator_t>(kChannelOperator, [this](const operator_t& message) { on_operator(message); });
+  bus_.subscribe<operator_t>(kChannelOperator, [this](const operator_t& message) { operator_.hear(message); });
 }
 
 bool LcmBoard::is_foreign(std::int64_t scenario_id, const char* sender) {
@@ -47,28 +45,6 @@ void LcmBoard::on_sensors(const sensors_t& message) {
 void LcmBoard::on_trip(const trip_t& message) {
   if (is_foreign(message.scenario_id, "monitor") || message.tick == kWaitingTick) return;
   accept(message, trip_);
-}
-
-// The message does not name its sender, so two senders' sequences cannot be told apart: what is an exact copy of a
-// recent command is a repetition, everything else is obeyed in the order of arrival. No stop is ever taken for an old
-// one.
-void LcmBoard::on_operator(const operator_t& message) {
-  const auto same = [&message](const operator_t& other) {
-    return other.tick == message.tick && other.utime == message.utime && other.sequence == message.sequence &&
-           other.command == message.command && other.move_masses == message.move_masses &&
-           std::memcmp(other.target_position, message.target_position, sizeof message.target_position) == 0 &&
-           std::memcmp(&other.speed_fraction, &message.speed_fraction, sizeof message.speed_fraction) == 0;
-  };
-  const auto known =
-      recent_commands_.begin() + static_cast<std::ptrdiff_t>(std::min(recent_count_, recent_commands_.size()));
-  if (std::any_of(recent_commands_.begin(), known, same)) {
-    ++counters_.repeated;
-    return;
-  }
-  recent_commands_[recent_count_++ % recent_commands_.size()] = message;
-  // Commands are obeyed one per tick; in a flood of them the oldest go, so that a stop still comes through.
-  if (commands_.size() == kMaxPendingCommands) commands_.pop_front();
-  commands_.push_back(from_message(message));
 }
 
 bool LcmBoard::complete() const { return sensors_ && trip_ && sensors_->tick == trip_->tick; }
@@ -126,9 +102,9 @@ Status LcmBoard::read_verdict(firmware::MonitorVerdict& verdict) {
 }
 
 Status LcmBoard::read_operator(firmware::OperatorInput& command) {
-  if (commands_.empty()) return Status::kEmpty;
-  command = commands_.front();
-  commands_.pop_front();
+  const std::optional<operator_t> message = operator_.next();
+  if (!message) return Status::kEmpty;
+  command = from_message(*message);
   return Status::kOk;
 }
 
@@ -143,6 +119,7 @@ Status LcmBoard::write_status(const firmware::ControllerStatus& status) {
 LinkCounters LcmBoard::counters() const {
   LinkCounters counters = counters_;
   counters.malformed = bus_.malformed();
+  counters.repeated += operator_.repeated();
   return counters;
 }
 

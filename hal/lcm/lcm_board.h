@@ -1,15 +1,13 @@
 // The controller as a process of its own: plant, monitor and operator are heard over LCM.
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <optional>
 #include <string>
 
 #include "hal/board.h"
 #include "hal/lcm/bus.h"
+#include "hal/lcm/operator_inbox.h"
 
 namespace ballast::hal {
 
@@ -48,7 +46,6 @@ class LcmBoard {
  private:
   void on_sensors(const sensors_t& message);
   void on_trip(const trip_t& message);
-  void on_operator(const operator_t& message);
   bool is_foreign(std::int64_t scenario_id, const char* sender);
   template <class M>
   void accept(const M& message, std::optional<M>& mailbox);
@@ -62,9 +59,7 @@ class LcmBoard {
   std::optional<sensors_t> sensors_;  // of the tick waited for
   std::optional<trip_t> trip_;
   bool sensors_read_ = false, verdict_read_ = false;
-  std::deque<firmware::OperatorInput> commands_;  // not yet obeyed
-  std::array<operator_t, 32> recent_commands_{};  // to recognise repetitions
-  std::size_t recent_count_ = 0;                  // ever entered
+  OperatorInbox operator_;
 
   LinkCounters counters_;
   std::int64_t watchdog_kicks_ = 0;

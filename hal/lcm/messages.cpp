@@ -111,6 +111,9 @@ controller_status_t to_message(const firmware::ControllerStatus& status, double 
   for (std::size_t i = 0; i < static_cast<std::size_t>(status.motor_count); ++i) {
     message.commanded_position[i] = status.commanded_position[i];
     message.commanded_velocity[i] = status.commanded_velocity[i];
+    message.next_position[i] = status.next[i].position;
+    message.next_velocity[i] = status.next[i].velocity;
+    message.next_acceleration[i] = status.next[i].acceleration;
     message.steps_issued[i] = status.steps_issued[i];
   }
   message.normal_force_n = status.predicted.normal_force_n;
@@ -123,6 +126,7 @@ controller_status_t to_message(const firmware::ControllerStatus& status, double 
   message.overload_tick = status.overload.tick;
   message.overload_value = status.overload.trouble.value;
   message.overload_limit = status.overload.trouble.limit;
+  message.operator_commands = status.operator_commands;
   message.refusal = static_cast<std::int8_t>(status.refusal.reason);
   message.refusal_motor = static_cast<std::int8_t>(status.refusal.motor);
   message.refusal_piece = static_cast<std::int16_t>(status.refusal.piece);
@@ -130,6 +134,7 @@ controller_status_t to_message(const firmware::ControllerStatus& status, double 
   message.planned = status.planned ? 1 : 0;
   message.plan_tick = status.plan_tick;
   message.plan_duration_s = status.plan.duration_s;
+  message.plan_horizon_s = status.plan.horizon_s;
   message.plan_normal_force_min_n = status.plan.normal_force_min_n;
   message.plan_mu_required_max = status.plan.mu_required_max;
   message.plan_margin_min = status.plan.margin_min;
@@ -147,6 +152,7 @@ firmware::ControllerStatus from_message(const controller_status_t& message) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(message.motor_count); ++i) {
     status.commanded_position[i] = message.commanded_position[i];
     status.commanded_velocity[i] = message.commanded_velocity[i];
+    status.next[i] = {message.next_position[i], message.next_velocity[i], message.next_acceleration[i]};
     status.steps_issued[i] = message.steps_issued[i];
   }
   status.predicted.normal_force_n = message.normal_force_n;
@@ -159,12 +165,13 @@ firmware::ControllerStatus from_message(const controller_status_t& message) {
   status.overload.tick = message.overload_tick;
   status.overload.trouble.value = message.overload_value;
   status.overload.trouble.limit = message.overload_limit;
+  status.operator_commands = message.operator_commands;
   status.refusal = {static_cast<firmware::Refusal>(message.refusal), message.refusal_motor, message.refusal_piece,
                     message.refusal_value};
   status.planned = message.planned == 1;
   status.plan_tick = message.plan_tick;
-  status.plan = {message.plan_duration_s, message.plan_normal_force_min_n, message.plan_mu_required_max,
-                 message.plan_margin_min};
+  status.plan = {message.plan_duration_s, message.plan_horizon_s, message.plan_normal_force_min_n,
+                 message.plan_mu_required_max, message.plan_margin_min};
   return status;
 }
 

@@ -116,6 +116,7 @@ inline firmware::ControllerStatus random_status(std::mt19937_64& random, std::in
   for (std::size_t i = 0; i < kMassCount; ++i) {
     status.commanded_position[i] = any_double(random);
     status.commanded_velocity[i] = any_double(random);
+    status.next[i] = {any_double(random), any_double(random), any_double(random)};
     status.steps_issued[i] = static_cast<std::int64_t>(random());
   }
   status.predicted.normal_force_n = any_double(random);
@@ -123,11 +124,12 @@ inline firmware::ControllerStatus random_status(std::mt19937_64& random, std::in
   status.mu_required = std::numeric_limits<double>::infinity();
   status.margin = any_double(random);
   status.overruns = static_cast<std::int64_t>(random());
+  status.operator_commands = static_cast<std::int64_t>(random());
   status.refusal = {static_cast<firmware::Refusal>(random() % 10), static_cast<int>(random() % 9) - 1,
                     static_cast<int>(random() % 130) - 1, any_double(random)};
   status.planned = random() % 2 == 0;
   status.plan_tick = static_cast<std::int64_t>(random() >> 3);
-  status.plan = {any_double(random), any_double(random), any_double(random), any_double(random)};
+  status.plan = {any_double(random), any_double(random), any_double(random), any_double(random), any_double(random)};
   return status;
 }
 
@@ -141,6 +143,9 @@ inline void expect_same(const firmware::ControllerStatus& a, const firmware::Con
   for (std::size_t i = 0; i < firmware::kMaxMasses; ++i) {
     EXPECT_EQ(bits(a.commanded_position[i]), bits(b.commanded_position[i]));
     EXPECT_EQ(bits(a.commanded_velocity[i]), bits(b.commanded_velocity[i]));
+    EXPECT_EQ(bits(a.next[i].position), bits(b.next[i].position));
+    EXPECT_EQ(bits(a.next[i].velocity), bits(b.next[i].velocity));
+    EXPECT_EQ(bits(a.next[i].acceleration), bits(b.next[i].acceleration));
   }
   EXPECT_EQ(a.steps_issued, b.steps_issued);
   EXPECT_EQ(bits(a.predicted.normal_force_n), bits(b.predicted.normal_force_n));
@@ -148,6 +153,7 @@ inline void expect_same(const firmware::ControllerStatus& a, const firmware::Con
   EXPECT_EQ(bits(a.mu_required), bits(b.mu_required));
   EXPECT_EQ(bits(a.margin), bits(b.margin));
   EXPECT_EQ(a.overruns, b.overruns);
+  EXPECT_EQ(a.operator_commands, b.operator_commands);
   EXPECT_EQ(a.refusal.reason, b.refusal.reason);
   EXPECT_EQ(a.refusal.motor, b.refusal.motor);
   EXPECT_EQ(a.refusal.piece, b.refusal.piece);
@@ -155,6 +161,7 @@ inline void expect_same(const firmware::ControllerStatus& a, const firmware::Con
   EXPECT_EQ(a.planned, b.planned);
   EXPECT_EQ(a.plan_tick, b.plan_tick);
   EXPECT_EQ(bits(a.plan.duration_s), bits(b.plan.duration_s));
+  EXPECT_EQ(bits(a.plan.horizon_s), bits(b.plan.horizon_s));
   EXPECT_EQ(bits(a.plan.normal_force_min_n), bits(b.plan.normal_force_min_n));
   EXPECT_EQ(bits(a.plan.mu_required_max), bits(b.plan.mu_required_max));
   EXPECT_EQ(bits(a.plan.margin_min), bits(b.plan.margin_min));

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <numbers>
 
+#include "sim/motion.h"
 #include "sim/plant.h"
 #include "tests/physics/mechanics.h"
 #include "tests/physics/random_robot.h"
@@ -373,6 +374,54 @@ TEST(Regimes, RandomRobotsThrownOntoTheFloorGoOnToTheEnd) {
     }
   }
   for (const int count : seen) EXPECT_GT(count, 100);  // each regime has its share of the 4000 samples
+}
+
+// The masses as they are make the contact what it is; held still they make it another. In every regime.
+TEST(Regimes, ContactForcesOfTheMassesAsTheyAreAreTheSamples) {
+  constexpr std::uint64_t kSeed = 53;
+  std::array<int, 3> seen{};
+  for (int trial = 0; trial < 20; ++trial) {
+    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    Scenario s = random.scenario(2);
+    s.run.on_violation = OnViolation::kContinue;
+    s.surface = {.static_friction = 0.3, .kinetic_friction = 0.25, .restitution = 0.4};
+    const double r = s.ball.radius_m, speed = std::sqrt(s.gravity_mps2 * r);
+    if (trial % 3 == 1) start_with(s, 5 * speed * Vector3d(1, 0, 0));
+    if (trial % 3 == 2) start_with(s, speed * random.vector(1), random.uniform(0, 1.5) * r);
+    s.duration_s = 5 * r / speed;
+    Plant plant(s);
+    for (int k = 1; k <= 20 && plant.end() == PhysicsEnd::kNone; ++k) {
+      plant.advance(s.duration_s * k / 20, {});
+      const auto p = plant.sample();
+      std::array<double, kMaxMasses> acceleration{}, faster{};
+      for (std::size_t i = 0; i < s.masses.size(); ++i) {
+        const PrescribedMotion motion(s.masses[i]);
+        std::size_t piece = 0;
+        while (motion.end_s(piece) <= p.time_s) ++piece;
+        acceleration[i] = motion.at(piece, p.time_s).acceleration;
+        faster[i] = acceleration[i] + speed * speed / r;
+      }
+      const auto as_they_are =
+          plant.contact_forces(p.mass_position.data(), p.mass_velocity.data(), acceleration.data());
+      // The same operations; what the last step of the integrator had in hand was before its quaternion was brought
+      // back to unit length, which changes it by 1e-13.
+      const double weight = 10 * s.gravity_mps2;
+      EXPECT_NEAR(as_they_are.normal_force_n, p.normal_force_n, 1e-12 * weight);
+      EXPECT_NEAR(as_they_are.static_friction_n, p.static_friction_n, 1e-12 * weight);
+      const auto others = plant.contact_forces(p.mass_position.data(), p.mass_velocity.data(), faster.data());
+      if (p.regime != Regime::kFlight) {
+        EXPECT_GT(std::abs(others.normal_force_n - p.normal_force_n) +
+                      std::abs(others.static_friction_n - p.static_friction_n),
+                  1e-6 * weight);
+      } else {
+        EXPECT_EQ(others.normal_force_n, 0);
+        EXPECT_EQ(others.static_friction_n, 0);
+      }
+      ++seen[static_cast<std::size_t>(p.regime)];
+    }
+  }
+  for (const int count : seen) EXPECT_GT(count, 10);
 }
 
 // Where rolling slips, with kinetic friction less than or equal to static: contact forces on the cone, the slip begins

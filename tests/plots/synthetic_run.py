@@ -32,6 +32,12 @@ def motor_torque_nm(i, time_s):
     return 0.5 * (i + 1) * math.sin(time_s)
 
 
+def commanded_forces(contact, time_s):
+    """N and f_s that the log says of the commanded masses: off the real ones by what the motors shake."""
+    shake = 0.125 * math.sin(9 * time_s)
+    return max(contact.normal_force_n + shake, 0.0), contact.static_friction_n + abs(shake) / 2
+
+
 def event(number, utime, channel, data):
     """One event of an LCM event log."""
     return struct.pack(">Iqqii", 0xEDA1DA01, number, utime, len(channel), len(data)) + channel.encode() + data
@@ -71,6 +77,13 @@ class SyntheticRun:
             contact.friction_force_W_n = force
             in_contact = contact.normal_force_n > 0
             contact.mu_required = contact.static_friction_n / contact.normal_force_n if in_contact else math.inf
+            if controller and tick >= 0 and abs(time - tick * period_s) < 1e-9:
+                contact.commanded_normal_force_n, contact.commanded_static_friction_n = commanded_forces(contact, time)
+                contact.commanded_mu_required = (contact.commanded_static_friction_n / contact.commanded_normal_force_n
+                                                 if contact.commanded_normal_force_n > 0 else math.inf)
+            else:
+                contact.commanded_normal_force_n = contact.commanded_static_friction_n = math.nan
+                contact.commanded_mu_required = math.nan
             contact.last = int(k == len(times) - 1)
             state = ballast.plant_state_t()
             state.tick, state.utime, state.time_s = tick, utime, float(time)

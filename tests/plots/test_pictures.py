@@ -82,7 +82,7 @@ class PicturesTest(unittest.TestCase):
     def test_a_run_with_controller_adds_the_masses(self):
         disk(controller=True).write(self.folder)
         self.assertEqual(self.call_plot(), (0, ""))
-        self.assertEqual(self.drawn(), ALWAYS | {"masses"})
+        self.assertEqual(self.drawn(), ALWAYS | {"masses", "motor_share"})
         for path in self.folder.glob("*.png"):
             self.assert_shows_ink(path, pictures.BLUE)
 
@@ -422,6 +422,50 @@ class PicturesTest(unittest.TestCase):
         run = self.recorded(detaching_ball(controller=True))
         self.assertEqual(run.state["time_s"][-1], run.end_s)
         self.assertLess(run.commanded_and_true()[0][-1], run.end_s - 1e-3)
+        self.assertLess(run.commanded_contact()[0][-1], run.end_s - 1e-3)
+
+    def test_motor_share_is_real_less_commanded(self):
+        synthetic = ball(controller=True)
+        synthetic.summary["motor_share"] = {
+            "normal_force": {"difference": -0.12, "time": 3.5, "real": 4.0, "commanded": 4.12},
+            "static_friction": {"difference": None, "time": 2.5, "real": None, "commanded": 1.0},
+        }
+        run = self.recorded(synthetic)
+        figure = pictures.motor_share(run)
+        time = run.contact["time_s"]
+        shake = 0.125 * np.sin(9 * time)
+        for row, (real, difference) in enumerate(((run.contact["normal_force_n"], -shake),
+                                                  (run.contact["static_friction_n"], -np.abs(shake) / 2))):
+            left, right = figure.axes[2 * row], figure.axes[2 * row + 1]
+            for axes, color, expected in ((left, pictures.VERMILLION, real), (left, pictures.BLUE, real - difference),
+                                          (right, pictures.BLACK, difference)):
+                drawn_time, drawn = self.line(axes, color)
+                np.testing.assert_allclose(drawn_time, time, rtol=0, atol=1e-12)
+                np.testing.assert_allclose(drawn, expected, rtol=0, atol=1e-12)  # forces of a few N: rounding only
+        said = self.texts(figure)
+        self.assertIn("furthest apart -0.12 at $t$ = 3.5000 s", said)
+        self.assertNotIn("2.5000", said)
+
+    def test_motor_share_leaves_out_where_the_ball_does_not_roll(self):
+        synthetic = ball(controller=True)
+        run = self.recorded(synthetic)
+        run.contact = run.contact.copy()
+        run.contact["regime"][50:60] = 1
+        time, value = self.line(pictures.motor_share(run).axes[0], pictures.BLUE)
+        self.assertEqual(np.count_nonzero(np.isnan(value)), 1)  # the line is broken there
+        self.assertFalse(np.isin(run.contact["time_s"][50:60], time[np.isfinite(value)]).any())
+        run.contact["regime"][:] = 2
+        self.assertIsNone(pictures.motor_share(run))
+
+    def test_motor_share_stays_readable_where_the_ratio_grows_without_bound(self):
+        run = self.recorded(ball(controller=True))
+        run.contact = run.contact.copy()
+        run.contact["mu_required"][100] = 1e3
+        run.contact["mu_required"][101] = math.inf
+        run.summary["motor_share"] = {"mu_required": {"difference": 1e3, "time": 10.0}}
+        figure = pictures.motor_share(run)
+        self.assertLess(figure.axes[4].get_ylim()[1], 2)
+        self.assertIn("off this axis", self.texts(figure))
 
     def test_cut_off_log_is_drawn_and_said(self):
         ball().write(self.folder)

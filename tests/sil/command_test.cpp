@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
 
 #include "tests/sil/shell.h"
 
@@ -86,10 +87,28 @@ TEST(Run, ChecksEveryStepIfAsked) {
   ASSERT_EQ(folder.run("ballast run paper_ball --check-steps --set envelope.friction_use=0.5").exit_status, 3);
   const auto stop = folder.summary("runs/paper_ball")["step_timing"];
   EXPECT_TRUE(stop["motion_left_tick"].is_number());
-  EXPECT_GT(stop["steps_outside_the_motion"].get<std::int64_t>(), 0);
+  EXPECT_GT(stop["plan_steps"].get<std::int64_t>(), 0);
+  EXPECT_EQ(stop["steps_outside_the_motion"], 0);
   EXPECT_EQ(stop["violations"].size(), 0u);
   // Nothing to check.
   EXPECT_EQ(folder.run("ballast run paper_ball --check-steps --actuation prescribed").exit_status, 1);
+}
+
+// What no motor could follow may still be prescribed, as the paper does.
+TEST(Run, APrescribedRunKnowsNoMotorLimits) {
+  const Folder folder;
+  for (const std::string limit : {"max_step_rate=10", "max_acceleration=0.5", "max_jerk=1"}) {
+    const std::string line = " paper_ball --set duration=0.3 --set mass.1.motor." + limit + " --actuation ";
+    for (const std::string command : {"ballast check", "ballast run"}) {
+      EXPECT_EQ(folder.run(command + line + "prescribed").exit_status, 0) << limit;
+      const Outcome stepper = folder.run(command + line + "stepper");
+      EXPECT_EQ(stepper.exit_status, 1) << limit;
+      // File, line, piece, value, limit.
+      EXPECT_NE(stepper.err.find("paper_ball.toml:4"), std::string::npos) << stepper.err;
+      EXPECT_NE(stepper.err.find("mass.1.motion."), std::string::npos) << stepper.err;
+      EXPECT_NE(stepper.err.find("(motor." + limit.substr(0, limit.find('=')) + ")"), std::string::npos) << stepper.err;
+    }
+  }
 }
 
 TEST(Run, QuietSaysNothing) {
@@ -209,6 +228,7 @@ TEST(Run, SummaryHasEveryFieldOfTheContract) {
                                 "/normal_force/max_time",
                                 "/static_friction/max",
                                 "/static_friction/time",
+                                "/motor_share",
                                 "/final/mass_position/2",
                                 "/final/mass_velocity/2",
                                 "/final/orientation/3",
@@ -237,6 +257,15 @@ TEST(Run, SummaryHasEveryFieldOfTheContract) {
                                 "/speed"}) {
       EXPECT_TRUE(s.contains(nlohmann::json::json_pointer(pointer))) << pointer;
     }
+    EXPECT_EQ(s["motor_share"].is_null(), actuation == "prescribed");
+    if (actuation == "prescribed") continue;
+    for (const char* pointer :
+         {"/normal_force/difference", "/normal_force/time", "/normal_force/real", "/normal_force/commanded",
+          "/static_friction/difference", "/mu_required/difference", "/mu_required_max/real",
+          "/mu_required_max/real_time", "/mu_required_max/commanded", "/mu_required_max/commanded_time"}) {
+      EXPECT_TRUE(s["motor_share"][nlohmann::json::json_pointer(pointer)].is_number()) << pointer;
+    }
+    EXPECT_EQ(s["motor_share"]["mu_required_max"]["real"], s["mu_required"]["max"]);
   }
 }
 
@@ -443,6 +472,58 @@ TEST(Run, AFullDiskIsReportedAndLeavesNoSummary) {
   EXPECT_FALSE(std::filesystem::exists(folder / "r/run.lcmlog"));
 }
 
+// A mass on the level of the centre, held: it rolls the ball, so all the friction is its weight's, and the ball needs
+// the more the further out it is. As TwoMassesByHand of the physics tests: A = d + M r^2 + m x^2, Omegadot = m g x / A,
+// f_s = M r Omegadot, N = M g - m x Omegadot.
+TEST(Friction, SaysHowMuchWhenAndBecauseOfWhom) {
+  const Folder folder;
+  folder.write("held.toml", R"(name = "held"
+duration = 0.002
+gravity = 10.0
+[ball]
+radius = 0.5
+mass = 2.0
+inertia = [0.3, 0.3, 0.3]
+[[mass]]
+mass = 1.0
+rail = { shape = "line", origin = [0, 0, 0], direction = [1, 0, 0] }
+initial_position = 0.3
+[mass.motor]
+travel_per_revolution = 0.01
+[run]
+actuation = "prescribed"
+)");
+  const double inertia = 0.3 + 3 * 0.25 + 0.09, turn = 10 * 0.3 / inertia;
+  const double mu = 3 * 0.5 * turn / (30 - 0.3 * turn);
+  char needs[32];
+  std::snprintf(needs, sizeof needs, "needs %.3g at", mu);
+  const Outcome friction = folder.run("ballast friction held.toml");
+  EXPECT_EQ(friction.exit_status, 0) << friction.err;
+  EXPECT_NE(friction.out.find(needs), std::string::npos) << friction.out << needs;
+  EXPECT_NE(friction.out.find("because of mass 0 (100 %); holds on"), std::string::npos) << friction.out;
+  EXPECT_EQ(folder.entries(), 1) << "it leaves no files";
+
+  // A floor that does not give it ends the run; what is needed is still said, and the run says up to where it speaks.
+  const Outcome run = folder.run("ballast run held.toml --out r --set surface.static_friction=0.1");
+  EXPECT_EQ(run.exit_status, 3);
+  EXPECT_NE(run.out.find("needs at least"), std::string::npos) << run.out;
+  EXPECT_EQ(folder.run("ballast friction held.toml --set surface.static_friction=0.1").out, friction.out);
+  const auto needed = folder.summary("r")["required_friction"];
+  EXPECT_NE(run.out.find(needed["text"].get<std::string>()), std::string::npos);
+  EXPECT_EQ(needed["parts"][0]["of"], "mass 0");
+  EXPECT_NEAR(needed["parts"][0]["part"].get<double>(), 1, 1e-12);  // rounding
+  EXPECT_NEAR(needed["static_friction"].get<double>(), 3 * 0.5 * turn, 1e-12);
+}
+
+TEST(Friction, ABallThatLeavesTheGroundIsNotHelpedByAny) {
+  const Folder folder;
+  const Outcome friction = folder.run("ballast friction hop");
+  EXPECT_EQ(friction.exit_status, 3);
+  EXPECT_NE(friction.out.find("leaves the ground at 0.20 s on any floor because of mass 0 (100 %)"), std::string::npos)
+      << friction.out;
+  EXPECT_EQ(folder.run("ballast friction hop --set mass.0.mass=-1").exit_status, 1);
+}
+
 TEST(Move, GoesThereAndSaysWhatItDoes) {
   const Folder folder;
   const Outcome move = folder.run("ballast move paper_ball --mass 1 --to 2.2 --speed-fraction 0.3 --set duration=10");
@@ -462,6 +543,24 @@ TEST(Move, GoesThereAndSaysWhatItDoes) {
   // Slowly, the motors follow smoothly: what is seen differs from the prediction by microsteps and lag only.
   EXPECT_NEAR(s["move"]["margin_min"].get<double>(), s["move"]["predicted_margin_min"].get<double>(), 0.05);
   EXPECT_TRUE(s["published"].empty()) << "they speak of the scenario's own motion";
+}
+
+// At full speed the drag of this ball's motors is more than their torque; the summary does not keep that to itself.
+TEST(Move, LostStepsAreSaidPlainly) {
+  const Folder folder;
+  const std::string line = "ballast move paper_ball --mass 1 --to 2.5 --set duration=10";
+  const Outcome move = folder.run(line);
+  const auto s = folder.summary("runs/paper_ball-move");
+  ASSERT_GT(s["motors"][1]["lost_steps"], 0);
+  const std::string lost = "motor 1 lost " + std::to_string(s["motors"][1]["lost_steps"].get<int>()) + " microsteps";
+  EXPECT_NE(move.out.find("WARNING     " + lost), std::string::npos) << move.out;
+  EXPECT_NE(move.out.find("--speed-fraction"), std::string::npos) << move.out;
+  const Outcome quiet = folder.run(line + " --quiet");
+  EXPECT_EQ(quiet.out, "");
+  EXPECT_NE(quiet.err.find(lost), std::string::npos) << quiet.err;
+  const Outcome slow = folder.run(line + " --speed-fraction 0.3 --quiet");
+  EXPECT_EQ(slow.exit_status, 0);
+  EXPECT_EQ(slow.out + slow.err, "");
 }
 
 TEST(Move, AllAndOneOtherwise) {
@@ -523,7 +622,8 @@ TEST(Check, SaysGoodOrEveryFault) {
 
 TEST(Help, IsThereForEveryCommand) {
   const Folder folder;
-  for (const char* line : {"ballast --help", "ballast run --help", "ballast check --help", "ballast-plant --help"}) {
+  for (const char* line : {"ballast --help", "ballast run --help", "ballast check --help", "ballast friction --help",
+                           "ballast-plant --help"}) {
     const Outcome help = folder.run(line);
     EXPECT_EQ(help.exit_status, 0) << line;
     EXPECT_GT(help.out.size(), 100u) << line;

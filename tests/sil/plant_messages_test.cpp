@@ -130,13 +130,16 @@ TEST(PlantMessages, EveryNumberIsInItsPlace) {
     sample.motor_torque_nm[i] = 70 + x;
     sample.lost_steps[i] = 80 + static_cast<std::int64_t>(i);
   }
-  const PlantMessages m = plant_messages(s, sample, 5, false);
+  const PlantMessages m = plant_messages(s, sample, 5, false, sim::Plant::ContactForces{19, 19.5});
   EXPECT_EQ(m.sensors.scenario_id, 4711);
   EXPECT_EQ(m.sensors.mass_count, 3);
   EXPECT_EQ(m.state.mass_count, 3);
   EXPECT_EQ(m.contact.normal_force_n, 13);
   EXPECT_EQ(m.contact.normal_force_min_n, 17);
   EXPECT_EQ(m.contact.mu_required_max, 18);
+  EXPECT_EQ(m.contact.commanded_normal_force_n, 19);
+  EXPECT_EQ(m.contact.commanded_static_friction_n, 19.5);
+  EXPECT_EQ(m.contact.commanded_mu_required, 19.5 / 19);
   for (int j = 0; j < 4; ++j) {
     EXPECT_EQ(m.state.orientation[j], sample.orientation[j]);
     EXPECT_EQ(m.sensors.orientation[j], sample.orientation[j]);

@@ -69,6 +69,86 @@ TEST(Processes, TwoRunsOnOneBusAreRefused) {
   }
 }
 
+// Somebody at a terminal, and a run under way: in three processes and in one.
+class Hand : public testing::TestWithParam<const char*> {};
+
+TEST_P(Hand, ArmsMovesStartsAndStopsOnTheBus) {
+  const Folder folder;
+  const std::string run_how = GetParam();
+  const std::string bus = " --lcm '" + bus_url(22 + static_cast<int>(run_how.empty())) + "'";
+  // Each line says its exit status after it. The run is far longer than that takes, and ended when all is said.
+  const Outcome said = folder.run("ballast run paper_ball " + run_how +
+                                  " --by-hand --speed 8 --set duration=600 --set run.control_period=0.004"
+                                  " --out r" +
+                                  bus +
+                                  " 2>run.err & run=$!; i=0;"
+                                  " while [ $i -lt 100 ] && ! ballast operate status" +
+                                  bus +
+                                  " --peer-timeout 0.3 >/dev/null 2>&1;"
+                                  " do i=$((i + 1)); done;"
+                                  " say() { \"$@\"" +
+                                  bus +
+                                  "; echo \"$? <- $*\"; };"
+                                  " say ballast operate status;"
+                                  " say ballast move --mass 1 --to 2.1;"
+                                  " say ballast move --all 0.1 --mass 2 --to 0.6 --speed-fraction 0.5 --quiet;"
+                                  " say ballast move paper_ball --mass 0 --to 1;"
+                                  " say ballast move --mass 3 --to 1;"
+                                  " say ballast move --mass 0 --to 1e300;"
+                                  " say ballast operate reset;"
+                                  " say ballast operate start;"
+                                  " say ballast move --mass 0 --to 0;"
+                                  " say ballast operate stop;"
+                                  " say ballast operate stop;"
+                                  " say ballast move --mass 0 --to 0;"
+                                  " say ballast operate arm;"
+                                  " say ballast move --mass 0 --to 0;"
+                                  " kill -INT $run; wait $run; echo $?");
+  const auto expect_line = [&](const std::string& line) {
+    EXPECT_NE(said.out.find(line), std::string::npos) << line << "\n" << said.out << said.err;
+  };
+  expect_line("armed, at rest at 0, 2.0369, 0.7044 in tick");
+  expect_line("\n0 <- ballast operate status\n");
+  expect_line("least margin seen");
+  expect_line("armed, at 0, 2.1, 0.7044;");
+  expect_line("\n0 <- ballast move --mass 1 --to 2.1\n");
+  expect_line("\n0 <- ballast move --all 0.1 --mass 2 --to 0.6 --speed-fraction 0.5 --quiet\n");
+  expect_line("\n1 <- ballast move paper_ball --mass 0 --to 1\n");
+  expect_line("\n1 <- ballast move --mass 3 --to 1\n");
+  expect_line("\n1 <- ballast move --mass 0 --to 1e300\n");
+  expect_line("\n1 <- ballast operate reset\n");
+  expect_line("running, ");
+  expect_line("\n0 <- ballast operate start\n");
+  expect_line("\n1 <- ballast move --mass 0 --to 0\n");  // while running
+  expect_line("\nstopping, ");
+  expect_line("disarmed, at rest at ");
+  expect_line("\n0 <- ballast operate arm\n");
+  expect_line("armed, at 0, ");
+  expect_line("\n0 <- ballast move --mass 0 --to 0\n2\n");
+  for (const char* reason : {"another scenario", "--mass 3: the robot on this bus has 3 masses; allowed: 0..2",
+                             "mass 0: the target 1e+300", "it is armed", "it is running", "it is disarmed"}) {
+    EXPECT_NE(said.err.find(reason), std::string::npos) << reason << "\n" << said.err;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Processes, Hand, testing::Values("--processes", ""),
+                         [](const auto& how) { return how.param[0] == 0 ? "InOneProcess" : "InThreeProcesses"; });
+
+TEST(Processes, AnOperatorWithoutAControllerIsToldSo) {
+  const Folder folder;
+  const std::string bus = " --peer-timeout 0.3 --lcm '" + bus_url(25) + "'";
+  for (const std::string line : {"ballast operate arm", "ballast move --all 1"}) {
+    const Outcome said = folder.run(line + bus);
+    EXPECT_EQ(said.exit_status, 2);
+    EXPECT_NE(said.err.find("no controller is at work"), std::string::npos) << said.err;
+  }
+  EXPECT_EQ(folder.run("ballast operate" + bus).exit_status, 1);
+  EXPECT_EQ(folder.run("ballast operate dance" + bus).exit_status, 1);
+  EXPECT_EQ(folder.run("ballast move --all 1 --out r" + bus).exit_status, 1);
+  EXPECT_NE(folder.run("ballast move --all 1").err.find("SCENARIO"), std::string::npos);
+  EXPECT_NE(folder.run("ballast run paper_ball --by-hand").err.find("--by-hand"), std::string::npos);
+}
+
 // SIGKILL once the log shows that the run is under way (waited for at most 30 s), paced so that it would take 60 s.
 // Everybody left ends with status 2 and names the dead peer; the log is kept.
 class DeadPeer : public testing::TestWithParam<const char*> {};

@@ -196,6 +196,124 @@ TEST(RunLoop, APulseInTheWrongPlaceEndsACheckedRun) {
   EXPECT_LT(result.step_timing->violation->tick, 320);
 }
 
+firmware::MoveRequest move_to(std::uint32_t masses, double target, double speed_fraction) {
+  firmware::MoveRequest move;
+  move.masses = masses;
+  move.target_position.fill(target);
+  move.speed_fraction = speed_fraction;
+  return move;
+}
+
+// Passes everything on, but says things as an operator, and may move one burst of a tick by some timer ticks.
+class SaysThings : public Peers {
+ public:
+  SaysThings(Peers& peers, double period_s) : peers_(peers), period_s_(period_s) {}
+  hal::Status connect() override { return peers_.connect(); }
+  hal::Status exchange(Lap& lap) override {
+    const std::int64_t tick = lap.plant.contact.tick;
+    if (const auto said = says.find(tick); said != says.end()) {
+      lap.command = hal::to_message(said->second, tick, tick, period_s_);
+    }
+    const hal::Status status = peers_.exchange(lap);
+    modes[lap.status.mode] = tick;
+    if (moves_tick && !moved && lap.steps.tick >= *moves_tick && lap.steps.burst_count > 0) {
+      moved = lap.steps.tick;
+      lap.steps.first[0] += moves_by;
+    }
+    return status;
+  }
+  std::string trouble() const override { return peers_.trouble(); }
+
+  std::map<std::int64_t, firmware::OperatorInput> says;
+  std::map<int, std::int64_t> modes;  // the last tick of each
+  std::optional<std::int64_t> moves_tick, moved;
+  int moves_by = 0;
+
+ private:
+  Peers& peers_;
+  double period_s_;
+};
+
+// Handwork: moves, the motion begun, stopped and begun again, a move stopped on
+// its way. Every pulse has its crossing, those of stops, moves and later starts too.
+class ByHand : public testing::Test {
+ protected:
+  ByHand() : scenario_(load("paper_ball", {"duration=10"})) {
+    EXPECT_FALSE(program::to_controller_params(scenario_, *params_));
+    peers_.emplace(params_.get(), program::to_monitor_limits(scenario_), scenario_.run.control_period_s);
+    hand_.emplace(*peers_, scenario_.run.control_period_s);
+    using enum firmware::OperatorCommand;
+    hand_->says = {{10, move_to(0b10, 2.1, 0.6)},
+                   {1500, kStart},
+                   {2033, kStop},
+                   {2500, move_to(0b101, 0.3, 0.4)},
+                   {3200, kStop},
+                   {4000, kStart},
+                   {5111, kStop},
+                   {6000, kStop},
+                   {6010, kArm},
+                   {6020, move_to(0b101, 0.45, 0.5)}};
+  }
+  RunResult run_it() {
+    Recorder recorder("/dev/null");
+    RunOptions options = checked();
+    options.by_hand = true;
+    RunResult result = run(scenario_, *hand_, recorder, options);
+    EXPECT_EQ(result.status, hal::Status::kOk) << result.trouble;
+    return result;
+  }
+
+  sim::Scenario scenario_;
+  std::unique_ptr<firmware::ControllerParams> params_ = std::make_unique<firmware::ControllerParams>();
+  std::optional<InProcessPeers> peers_;
+  std::optional<SaysThings> hand_;
+};
+
+TEST_F(ByHand, EveryPulseOfMovesStopsAndLaterStartsIsInItsPlace) {
+  const RunResult result = run_it();
+  EXPECT_EQ(result.end_reason, EndReason::kCompleted);
+  ASSERT_TRUE(result.step_timing);
+  const StepTimingRecord& timing = *result.step_timing;
+  EXPECT_FALSE(timing.violation) << timing.violation->text();
+  std::int64_t checked_steps = 0, unchecked = 0, executed = 0;
+  for (const auto& motor : timing.motors) {
+    checked_steps += motor.checked_steps;
+    unchecked += motor.structural_steps;
+    EXPECT_LE(motor.max_error_us, 0.5);
+  }
+  for (const auto& motor : result.motors) executed += motor.steps;
+  EXPECT_EQ(checked_steps, executed);
+  EXPECT_EQ(unchecked, 0);
+  // Of the motion: 0.15 rad/s for 0.43 s and 1.0 s beside its start, on three motors of 509 steps per rad: some 370.
+  EXPECT_GT(timing.plan_steps, 300);
+  EXPECT_GT(checked_steps - timing.plan_steps, 300);
+  EXPECT_LT(hand_->modes[controller_status_t::MODE_MOVING], 10000) << "the last move has come to its end";
+  EXPECT_NEAR(hand_->modes[controller_status_t::MODE_RUNNING], 5110, 1);
+  ASSERT_TRUE(result.move && result.stop);
+  EXPECT_NEAR(result.move->start_s, 6.021, 1e-9);
+  EXPECT_NEAR(result.stop->start_s, 5.112, 1e-9);
+}
+
+// 11 timer ticks of 0.1 us: one more than from one end of the tolerance to the other. In a move, a stop, a later start
+// and the last move.
+TEST_F(ByHand, APulseTooLateIsFoundWhereverItIs) {
+  for (const std::int64_t tick : {300, 2060, 4300, 6500}) {
+    SCOPED_TRACE(tick);
+    peers_.emplace(params_.get(), program::to_monitor_limits(scenario_), scenario_.run.control_period_s);
+    auto says = hand_->says;
+    hand_.emplace(*peers_, scenario_.run.control_period_s);
+    hand_->says = says;
+    hand_->moves_tick = tick;
+    hand_->moves_by = 11;
+    const RunResult result = run_it();
+    EXPECT_EQ(result.end_reason, EndReason::kStepTiming);
+    ASSERT_TRUE(hand_->moved);
+    ASSERT_TRUE(result.step_timing->violation);
+    EXPECT_EQ(result.step_timing->violation->tick, *hand_->moved);
+    EXPECT_EQ(result.step_timing->violation->kind, stepcheck::Kind::kOffTime);
+  }
+}
+
 // What the controller could not step is said, with the ticks before it.
 TEST(RunLoop, AStepOverloadSaysWhatItWas) {
   const auto scenario = load("paper_ball");

@@ -36,7 +36,6 @@ TEST_P(RandomMotions, EveryStepWhereItBelongs) {
   std::mt19937_64 random(seed + static_cast<std::uint64_t>(GetParam()));
   Statistics sum;
   std::int64_t ticks = 0;
-  std::uint64_t refused = 0;
   double worst = 0;  // as a part of the tolerance
   for (std::uint64_t k = 0; k < profiles; ++k) {
     const Drive drive = random_drive(GetParam(), random);
@@ -45,11 +44,6 @@ TEST_P(RandomMotions, EveryStepWhereItBelongs) {
     const auto end = static_cast<std::int64_t>(generator.end_s() / drive.control_period_s) + 3;
     for (std::int64_t tick = 0; tick < end; ++tick) {
       const firmware::StepError error = generator.tick();
-      if (error == firmware::StepError::kTooManyBursts) {
-        // Sixty pulses of a hard reversal in one tick: refused, as the command has no room.
-        ++refused;
-        break;
-      }
       ASSERT_EQ(error, firmware::StepError::kNone)
           << to_string(GetParam()) << ", seed " << seed << ", motion " << k << ", tick " << tick << ": "
           << generator.trouble().value << ", limit " << generator.trouble().limit << "; " << describe(drive);
@@ -66,12 +60,11 @@ TEST_P(RandomMotions, EveryStepWhereItBelongs) {
     worst = std::max(worst, s.max_error_us / s.tolerance_us);
     for (std::size_t b = 0; b < kBins; ++b) sum.histogram[b] += s.histogram[b];
   }
-  EXPECT_LE(refused, profiles / 500) << "most motions have to be stepped for this to mean anything";
   EXPECT_GT(sum.checked_steps, static_cast<std::int64_t>(profiles)) << "without steps nothing is proved";
   EXPECT_LE(worst, 1.003) << "the tolerance, and the crossings' own error of 1e-3 timer ticks";
   std::cout << to_string(GetParam()) << ", seed " << seed << ": " << profiles << " motions, " << ticks << " ticks, "
-            << sum.checked_steps << " steps, " << sum.touches / 2 << " touches, " << refused << " refused; worst error "
-            << sum.max_error_us << " us, " << worst << " of the tolerance\n";
+            << sum.checked_steps << " steps, " << sum.touches / 2 << " touches; worst error " << sum.max_error_us
+            << " us, " << worst << " of the tolerance\n";
   if (const char* path = std::getenv("BALLAST_STEPCHECK_OUT")) {
     std::ofstream out(path, std::ios::app);
     out << to_string(GetParam()) << ',' << sum.checked_steps << ',' << sum.max_error_us << ',' << worst;

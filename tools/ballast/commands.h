@@ -10,5 +10,10 @@ std::function<int()> add_run_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_integrate_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_check_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_move_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_operate_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_friction_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_spy_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_report_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_compare_command(CLI::App& app, CLI::App*& command);
 
 }  // namespace ballast

@@ -1,6 +1,4 @@
 // ballast: the program people run.
-#include <vector>
-
 #include "tools/ballast/commands.h"
 #include "tools/program/program.h"
 
@@ -9,14 +7,16 @@ int main(int argc, char** argv) {
   CLI::App app{"Controller firmware, plant simulation and envelope monitor for rolling-ball robots.", "ballast"};
   app.require_subcommand(1);
   struct Command {
+    std::function<int()> (*add)(CLI::App&, CLI::App*&);
     CLI::App* app = nullptr;
-    std::function<int()> run;
+    std::function<int()> run = {};
   };
-  std::vector<Command> commands(4);
-  commands[0].run = add_run_command(app, commands[0].app);
-  commands[1].run = add_integrate_command(app, commands[1].app);
-  commands[2].run = add_check_command(app, commands[2].app);
-  commands[3].run = add_move_command(app, commands[3].app);
+  Command commands[] = {
+      {add_run_command},  {add_integrate_command}, {add_check_command},
+      {add_move_command}, {add_operate_command},   {add_friction_command},
+      {add_spy_command},  {add_report_command},    {add_compare_command},
+  };
+  for (Command& command : commands) command.run = command.add(app, command.app);
   if (const auto exit_status = program::parse(app, argc, argv)) return *exit_status;
   for (const Command& command : commands) {
     if (command.app->parsed()) return command.run();

@@ -24,6 +24,7 @@ struct RunCommand {
   std::string out;
   sil::RecordOptions record;
   bool processes = false;
+  bool by_hand = false;
   std::string firmware = "host";
   std::string elf;  // empty: the one built beside this program
   bool pictures = false;
@@ -38,7 +39,10 @@ int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario,
                        const firmware::ControllerParams* params, lcm::LCM* bus, sil::OutputDir& output) {
   sil::RecordOptions record = command.record;
   record.bus = bus;
-  sil::InProcessPeers peers(params, program::to_monitor_limits(scenario), scenario.run.control_period_s);
+  std::optional<hal::Bus> operator_bus;
+  if (bus != nullptr && params != nullptr) operator_bus.emplace(command.bus.url);
+  sil::InProcessPeers peers(params, program::to_monitor_limits(scenario), scenario.run.control_period_s,
+                            operator_bus ? &*operator_bus : nullptr);
   return sil::record_run("ballast", scenario, peers, output, record);
 }
 
@@ -91,6 +95,9 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   options.start_timeout = sil::Seconds(command.bus.start_timeout_s);
   options.peer_timeout = sil::Seconds(command.bus.peer_timeout_s);
   options.interrupted = record.interrupted;
+  std::optional<hal::Bus> operator_bus;
+  if (bus != nullptr) operator_bus.emplace(command.bus.url);
+  if (operator_bus) options.operator_bus = &*operator_bus;
   sil::QemuPeers peers(scenario, params, program::to_monitor_limits(scenario), options);
   const int exit_status = sil::record_run("ballast", scenario, peers, output, record);
   if (!record.quiet && peers.record().farewell) print_target(peers.record());
@@ -131,15 +138,27 @@ int run(const RunCommand& command) {
       return program::kExitUsage;
     }
   }
-  if (command.processes && command.record.speed > 0 &&
-      2 * scenario->run.control_period_s / command.record.speed > command.bus.peer_timeout_s) {
+  RunCommand with_signals = command;
+  sil::RecordOptions& record = with_signals.record;
+  record.by_hand = command.by_hand;
+  if (command.by_hand) {
+    if (!has_controller || (!command.processes && command.url->count() == 0)) {
+      program::complain("ballast", std::string("--by-hand: ") +
+                                       (has_controller ? "nobody could say anything; allowed with --lcm or --processes"
+                                                       : "a run with prescribed masses has no controller to tell; "
+                                                         "allowed with steppers"));
+      return program::kExitUsage;
+    }
+    if (record.speed == 0) record.speed = 1;  // a hand is no faster
+  }
+  if (command.processes && record.speed > 0 &&
+      2 * scenario->run.control_period_s / record.speed > command.bus.peer_timeout_s) {
     program::complain("ballast",
                       "--speed: at this pace a tick takes more than half the peer timeout; give all processes a longer "
                       "--peer-timeout");
     return program::kExitUsage;
   }
   // The bus before the folder: a run that cannot be leaves none behind.
-  RunCommand with_signals = command;
   with_signals.record.interrupted = program::catch_signals();
   std::unique_ptr<hal::Bus> peers_bus;
   std::unique_ptr<lcm::LCM> watchers_bus;
@@ -176,6 +195,9 @@ std::function<int()> add_run_command(CLI::App& app, CLI::App*& command) {
   command->add_option("--speed", options->record.speed, "simulated over wall time; default as fast as it goes")
       ->check(program::positive_finite());
   command->add_flag("--processes", options->processes, "plant, controller and monitor as three processes over LCM");
+  command->add_flag("--by-hand", options->by_hand,
+                    "arm the controller, and leave start, stop and moves to ballast operate and ballast move on the "
+                    "bus; at the wall clock's pace unless --speed says otherwise");
   command
       ->add_option("--firmware", options->firmware,
                    "host: compiled into this program; qemu: the one built for a microcontroller, in QEMU")

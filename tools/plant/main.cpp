@@ -1,5 +1,5 @@
-// ballast-plant: the ball as a process of its own. It sets the pace of the lockstep, plays the operator (arm, start),
-// and records.
+// ballast-plant: the ball as a process of its own. It sets the pace of the lockstep, plays the operator (arm, start)
+// unless one is on the bus, and records.
 #include <iostream>
 
 #include "tools/program/program.h"
@@ -21,6 +21,8 @@ int main(int argc, char** argv) {
   app.add_option("--out", out, "folder for the results; default runs/NAME")->check(program::not_empty());
   app.add_option("--speed", record.speed, "simulated over wall time; default as fast as it goes")
       ->check(program::positive_finite());
+  app.add_flag("--by-hand", record.by_hand,
+               "arm the controller, and leave start, stop and moves to operators; give --speed 1 with it");
   app.add_flag("--quiet", record.quiet, "no progress bar and no summary");
   if (const auto exit_status = program::parse(app, argc, argv)) return *exit_status;
   const auto scenario = program::load_scenario(scenario_options);

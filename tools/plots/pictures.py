@@ -267,6 +267,51 @@ def masses(run):
     return figure
 
 
+def motor_share(run):
+    """N, f_s and f_s / N of the real motion beside the commanded one's, and the difference; None if nothing commands."""
+    found = run.commanded_contact()
+    if found is None:
+        return None
+    time, pairs = found
+    figure = Figure(figsize=(11, 9), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.12, h_pad=0.12, hspace=0.04)
+    rows = figure.subplots(3, 2, sharex=True)
+    events = mark_events(list(rows.flat), run)
+    # Samples where the ball does not roll are left out; a line across such a stretch would be made up.
+    breaks = np.flatnonzero(np.diff(time) > 1.5 * run.summary["control_period"]) + 1
+    for (name, (real, commanded)), (left, right), symbol, unit in zip(
+            pairs.items(), rows, ("$N$", r"$f_\mathrm{s}$", r"$f_\mathrm{s}/N$"), (" [N]", " [N]", "")):
+        at, real, commanded = (np.insert(values, breaks, np.nan) for values in (time, real, commanded))
+        left.plot(at, real, color=VERMILLION, linewidth=0.9)
+        left.plot(at, commanded, color=BLUE, linewidth=1.4)
+        difference = real - commanded
+        right.plot(at, difference, color=BLACK, linewidth=0.8)
+        right.axhline(0, color=GREY, linewidth=0.6)
+        left.set_ylabel(symbol + unit)
+        right.set_ylabel(rf"$\Delta$ {symbol}{unit}")
+        both = np.concatenate([real, commanded])
+        usual = 4 * float(np.nanpercentile(both, 90))
+        if np.nanmax(both) > 5 * usual > 0:  # near N = 0 the ratio grows without bound and would flatten all else
+            left.set_ylim(0, usual)
+            right.set_ylim(-usual, usual)
+        greatest = run.greatest_deviation(name.removesuffix("_n"))
+        if greatest is not None:
+            low, high = right.get_ylim()
+            off = "" if low <= greatest[0] <= high else ", off this axis"
+            if not off:
+                right.plot(greatest[1], greatest[0], zorder=5, clip_on=False, **hollow(VERMILLION, 7))
+            label = f"furthest apart {number_text(greatest[0])} at {time_text(greatest[1])}{off}"
+            legend_above(right, [[Line2D([], [], label=label, **hollow(VERMILLION, 7))]])
+    for axes in rows.flat:
+        finish_time_axis(axes, run)
+        axes.xaxis.set_major_locator(ticker.MaxNLocator(6))
+        if axes not in rows[-1]:
+            axes.set_xlabel("")
+    curves = [Line2D([], [], color=VERMILLION, label="real"), Line2D([], [], color=BLUE, label="commanded")]
+    head(rows[0, 0], run, "The motors' share: real less commanded", [curves, *events], name_axes=rows[0, 1])
+    return figure
+
+
 def height(run):
     """None for a ball that stays on the ground."""
     if not run.leaves_the_ground():
@@ -342,4 +387,5 @@ PICTURES = {
     "height": height,
     "masses": masses,
     "motors": motors,
+    "motor_share": motor_share,
 }

@@ -30,7 +30,7 @@ _ENDS = {
 }
 
 
-def _read_summary(path):
+def read_json(path):
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -59,13 +59,14 @@ class Motor(NamedTuple):
 class RecordedRun:
     """`contact`, `state`: the plant's messages from t = 0 on; `status`: the controller's, empty if there was none."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, log_path=None, summary=None):
+        """`log_path` and `summary`, if given, are taken in place of run.lcmlog and summary.json of the folder."""
         folder = Path(folder)
         if not folder.is_dir():
             raise LogError(f"{folder}: no such folder")
         self.summary_path = folder / "summary.json"
-        self.summary = _read_summary(self.summary_path)
-        log = EventLog(folder / "run.lcmlog", ["BALLAST_CONTACT", "BALLAST_PLANT_STATE", "BALLAST_CONTROLLER_STATUS"])
+        self.summary = read_json(self.summary_path) if summary is None else summary
+        log = EventLog(log_path or folder / "run.lcmlog", ["BALLAST_CONTACT", "BALLAST_PLANT_STATE", "BALLAST_CONTROLLER_STATUS"])
         self.damage = log.damage
         self.contact = _from_start(log.messages("BALLAST_CONTACT", ballast.contact_t))
         self.state = _from_start(log.messages("BALLAST_PLANT_STATE", ballast.plant_state_t))
@@ -134,6 +135,31 @@ class RecordedRun:
         ratio = np.array(self.contact["mu_required"], dtype=float)
         ratio[~np.isfinite(ratio) | (self.contact["regime"] == ballast.contact_t.REGIME_FLIGHT)] = np.nan
         return ratio
+
+    def commanded_contact(self):
+        """(time, {name: (real, commanded)}) of N, f_s and f_s / N at the rolling samples with a command; None if none.
+
+        NaN where f_s / N has no bound.
+        """
+        rows = np.isfinite(self.contact["commanded_normal_force_n"])
+        rows &= self.contact["regime"] == ballast.contact_t.REGIME_ROLLING
+        if not rows.any():
+            return None
+        pairs = {}
+        for name in ("normal_force_n", "static_friction_n", "mu_required"):
+            real, commanded = (np.array(self.contact[key][rows], dtype=float) for key in (name, f"commanded_{name}"))
+            real[~np.isfinite(real)] = np.nan
+            commanded[~np.isfinite(commanded)] = np.nan
+            pairs[name] = real, commanded
+        return np.asarray(self.contact["time_s"][rows], dtype=float), pairs
+
+    def greatest_deviation(self, quantity):
+        """(real less commanded, time) where they are furthest apart, from summary.json; None if that has no bound."""
+        entry = (self.summary.get("motor_share") or {}).get(quantity) or {}
+        difference, time = entry.get("difference"), entry.get("time")
+        if isinstance(difference, (int, float)) and isinstance(time, (int, float)):
+            return float(difference), float(time)
+        return None
 
     def friction_force_W(self):
         """(n, 2) horizontal force of the surface on the ball at the times of `state`."""

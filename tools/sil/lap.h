@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "hal/status.h"
 #include "tools/program/program.h"
@@ -11,7 +12,8 @@
 namespace ballast::sil {
 
 struct Lap {
-  std::optional<operator_t> command;  // what the operator says in this tick
+  std::optional<operator_t> command;  // what the run itself says as operator in this tick
+  std::vector<operator_t> heard;      // what people and tools on the bus said since the last
   PlantMessages plant;
   trip_t trip{};
   bool has_controller = true;  // false in prescribed runs: the next two stay empty
@@ -25,7 +27,8 @@ class Peers {
   virtual ~Peers() = default;
   // Until both are there and run the same scenario.
   virtual hal::Status connect() = 0;
-  // Hands out command and plant, and fills in trip, status and steps.
+  // Hands out command and plant, and fills in what was heard, trip, status and steps. In this process the controller is
+  // given what was heard in this very tick; over LCM it hears it itself, in this tick or a neighbouring one.
   virtual hal::Status exchange(Lap& lap) = 0;
   // After a failure, the whole story in one line.
   [[nodiscard]] virtual std::string trouble() const = 0;

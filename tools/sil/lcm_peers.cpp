@@ -17,6 +17,7 @@ LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_
   bus_.subscribe<sensors_t>(hal::kChannelSensors,
                             [this](const sensors_t& m) { accept(m, m.tick, tick_, echo_, "plant"); });
   if (!options_.controller_expected) return;
+  bus_.subscribe<operator_t>(hal::kChannelOperator, [this](const operator_t& m) { operator_.hear(m); });
   bus_.subscribe<controller_status_t>(hal::kChannelControllerStatus, [this](const controller_status_t& m) {
     check_scenario(m.scenario_id, "controller");
     accept(m, m.tick, tick_, status_, "controller");
@@ -99,7 +100,10 @@ Status LcmPeers::exchange(Lap& lap) {
     if (!sent) trouble_ = std::string(channel) + ": the LCM bus does not take messages any more";
     return sent;
   };
-  if (lap.command && !publish(hal::kChannelOperator, *lap.command)) return Status::kIo;
+  if (lap.command) {
+    operator_.know(*lap.command);
+    if (!publish(hal::kChannelOperator, *lap.command)) return Status::kIo;
+  }
   if (!publish(hal::kChannelContact, lap.plant.contact) || !publish(hal::kChannelPlantState, lap.plant.state) ||
       !publish(hal::kChannelSensors, lap.plant.sensors)) {
     return Status::kIo;
@@ -109,6 +113,7 @@ Status LcmPeers::exchange(Lap& lap) {
   if (status == Status::kPeerLost) lost("at tick " + std::to_string(tick_), options_.peer_timeout);
   if (status != Status::kOk) return status;
   lap.trip = *trip_;
+  while (const auto message = operator_.next()) lap.heard.push_back(*message);
   if (options_.controller_expected) {
     lap.status = *status_;
     lap.steps = *steps_;

@@ -5,6 +5,7 @@
 
 #include "hal/lcm/bus.h"
 #include "hal/lcm/channels.h"
+#include "hal/lcm/operator_inbox.h"
 #include "tools/sil/lap.h"
 
 namespace ballast::sil {
@@ -45,6 +46,7 @@ class LcmPeers : public Peers {
   std::optional<controller_status_t> status_;
   std::optional<step_command_t> steps_;
   std::optional<sensors_t> echo_;  // our own, heard back
+  hal::OperatorInbox operator_;
   bool last_lap_ = false;
   hal::Status failure_ = hal::Status::kOk;  // found while receiving; trouble_ says what
   std::string trouble_;

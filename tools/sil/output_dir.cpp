@@ -11,10 +11,11 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// Everything a run leaves; the pictures are those of tools/plots.
-constexpr const char* kFiles[] = {
-    "summary.json", "integrators.json",      "run.lcmlog", "normal_force.png",     "static_friction.png",
-    "path.png",     "friction_required.png", "masses.png", "angular_velocity.png", "body_frame.png"};
+// Everything a run leaves; the pictures are those of tools/plots, the pages those of tools/report.
+constexpr const char* kFiles[] = {"summary.json",     "integrators.json",     "run.lcmlog",     "robot.json",
+                                  "normal_force.png", "static_friction.png",  "path.png",       "friction_required.png",
+                                  "masses.png",       "angular_velocity.png", "body_frame.png", "report.html",
+                                  "compare.html"};
 
 bool write_file(const fs::path& path, const std::string& text) {
   std::FILE* file = std::fopen(path.c_str(), "w");

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace ballast::sil {
 
@@ -27,7 +28,7 @@ std::int8_t regime_code(sim::Regime regime) {
 }  // namespace
 
 PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick,
-                             bool last) {
+                             bool last, const std::optional<sim::Plant::ContactForces>& commanded) {
   const std::int64_t utime = tick < 0 ? hal::tick_utime(tick, scenario.run.control_period_s)
                                       : static_cast<std::int64_t>(std::llround(sample.time_s * 1e6));
   const auto mass_count = static_cast<std::int8_t>(scenario.masses.size());
@@ -43,6 +44,13 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
   m.contact.static_friction_n = sample.static_friction_n;
   const bool flies = sample.regime == sim::Regime::kFlight;
   m.contact.mu_required = flies ? 0 : sim::Plant::mu_required(sample.normal_force_n, sample.static_friction_n);
+  constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
+  m.contact.commanded_normal_force_n = commanded ? commanded->normal_force_n : kNothing;
+  m.contact.commanded_static_friction_n = commanded ? commanded->static_friction_n : kNothing;
+  m.contact.commanded_mu_required =
+      !commanded ? kNothing
+      : flies    ? 0
+                 : sim::Plant::mu_required(commanded->normal_force_n, commanded->static_friction_n);
   m.contact.normal_force_min_n = sample.normal_force_min_n;
   m.contact.mu_required_max = sample.mu_required_max;
   m.contact.margin = friction_margin(sample.normal_force_n, sample.static_friction_n, scenario.surface.static_friction);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "hal/lcm/messages.h"
@@ -16,9 +17,10 @@ struct PlantMessages {
   sensors_t sensors;
 };
 
-// In the countdown (tick < 0) time_s is that of the sample, 0, and utime the tick's own.
+// In the countdown (tick < 0) time_s is that of the sample, 0, and utime the tick's own. `commanded`: what the
+// commanded masses would make of this instant; none where nothing is commanded.
 PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick,
-                             bool last);
+                             bool last, const std::optional<sim::Plant::ContactForces>& commanded = std::nullopt);
 
 // What is left of the friction cone: 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0, and never below
 // that.

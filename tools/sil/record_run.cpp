@@ -7,6 +7,7 @@
 #include <iostream>
 
 #include "tools/program/program.h"
+#include "tools/sil/robot.h"
 #include "tools/sil/summary.h"
 
 namespace ballast::sil {
@@ -48,6 +49,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     return peers.exit_status();
   }
   output.clear();
+  // Before the log, so that a run that is interrupted leaves it too.
+  if (!output.write("robot.json", robot_json(scenario))) return fail(output.error());
   Recorder recorder(output.log_path(), options.bus, options.unbuffered);
   if (!recorder.good()) return fail(recorder.error());
 
@@ -59,7 +62,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
                   .interrupted = options.interrupted,
                   .check_steps = options.check_steps,
                   .progress = [&bar](double time_s) { bar.show(time_s); },
-                  .move = options.move});
+                  .move = options.move,
+                  .by_hand = options.by_hand});
   }
   const bool log_whole = recorder.close();
   if (!log_whole) {
@@ -75,6 +79,9 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     return peers.exit_status();
   }
   if (!output.write_summary(summary_json(scenario, result))) return fail(output.error());
+  if (const std::string lost = lost_steps_text(scenario, result); options.quiet && !lost.empty()) {
+    program::complain(program_name, lost);
+  }
   if (!options.quiet) std::cout << summary_text(scenario, result, output.path()) << std::flush;
   if (!options.quiet && !std::cout)
     return fail("the summary cannot be printed; the results are in " + output.path().string());

@@ -10,17 +10,18 @@
 namespace ballast::sil {
 
 struct RecordOptions {
-  bool quiet = false;        // no progress bar, no summary on stdout
+  bool quiet = false;        // no progress bar, no summary; lost steps are said on stderr
   double speed = 0;          // as in RunOptions
   lcm::LCM* bus = nullptr;   // every message also goes there
   bool check_steps = false;  // as in RunOptions
   bool unbuffered = false;   // every message is on disk at once: for runs whose processes may be killed
   const volatile std::sig_atomic_t* interrupted = nullptr;
   std::optional<firmware::MoveRequest> move = std::nullopt;  // as in RunOptions
+  bool by_hand = false;                                      // as in RunOptions
 };
 
-// Runs, writes run.lcmlog and summary.json, prints the summary. Returns the program's exit status; trouble goes to
-// stderr, after `program_name`. A run that could not go to its end leaves the log up to there and no summary.
+// Runs, writes run.lcmlog, robot.json and summary.json, prints the summary. Returns the program's exit status; trouble
+// goes to stderr, after `program_name`. A run that could not go to its end leaves the log up to there and no summary.
 int record_run(const char* program_name, const sim::Scenario& scenario, Peers& peers, OutputDir& output,
                const RecordOptions& options);
 

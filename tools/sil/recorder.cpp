@@ -20,7 +20,7 @@ Recorder::Recorder(const std::string& log_path, lcm::LCM* bus, bool unbuffered)
 
 Recorder::~Recorder() { close(); }
 
-void Recorder::write(const char* channel, std::int64_t utime) {
+void Recorder::write(const char* channel, std::int64_t utime, lcm::LCM* bus) {
   if (!good()) return;
   if (log_ != nullptr) {
     lcm_eventlog_event_t event{};
@@ -33,7 +33,7 @@ void Recorder::write(const char* channel, std::int64_t utime) {
       error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
     if (flush_ && std::fflush(log_->f) != 0) error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
   }
-  if (bus_ != nullptr && bus_->publish(channel, buffer_.data(), static_cast<unsigned int>(buffer_.size())) != 0) {
+  if (bus != nullptr && bus->publish(channel, buffer_.data(), static_cast<unsigned int>(buffer_.size())) != 0) {
     error_ = "the LCM bus does not take messages any more";
   }
 }

@@ -21,10 +21,14 @@ class Recorder {
 
   template <class M>
   void record(const char* channel, const M& message) {
-    const int size = message.getEncodedSize();
-    buffer_.resize(static_cast<std::size_t>(size));
-    message.encode(buffer_.data(), 0, size);
-    write(channel, message.utime);
+    encode(message);
+    write(channel, message.utime, bus_);
+  }
+  // What somebody else has put on the bus; stamped with the time of the lap it was heard in.
+  template <class M>
+  void record_heard(const char* channel, const M& message, std::int64_t utime) {
+    encode(message);
+    write(channel, utime, nullptr);
   }
 
   // Flushes. False once anything could not be written; error() says what.
@@ -33,7 +37,13 @@ class Recorder {
   [[nodiscard]] const std::string& error() const { return error_; }
 
  private:
-  void write(const char* channel, std::int64_t utime);
+  template <class M>
+  void encode(const M& message) {
+    const int size = message.getEncodedSize();
+    buffer_.resize(static_cast<std::size_t>(size));
+    message.encode(buffer_.data(), 0, size);
+  }
+  void write(const char* channel, std::int64_t utime, lcm::LCM* bus);
 
   std::string log_path_;
   lcm_eventlog_t* log_ = nullptr;

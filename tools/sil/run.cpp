@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <deque>
-#include <numbers>
 #include <thread>
+
+#include "tools/sil/controller_words.h"
 
 namespace ballast::sil {
 
@@ -18,6 +18,8 @@ constexpr std::int64_t kCountdown = 2;
 
 void record(Recorder& recorder, const Lap& lap) {
   if (lap.command) recorder.record(hal::kChannelOperator, *lap.command);
+  for (const operator_t& heard : lap.heard)
+    recorder.record_heard(hal::kChannelOperator, heard, lap.plant.contact.utime);
   recorder.record(hal::kChannelContact, lap.plant.contact);
   recorder.record(hal::kChannelPlantState, lap.plant.state);
   recorder.record(hal::kChannelSensors, lap.plant.sensors);
@@ -83,59 +85,6 @@ class RestWatch {
   bool at_rest_ = false;
 };
 
-// Every motor's pulses held against the scenario's motion.
-class StepTimingCheck {
- public:
-  explicit StepTimingCheck(const sim::Scenario& scenario) {
-    for (const auto& mass : scenario.masses) {
-      stepcheck::Drive drive;
-      drive.motion.position = mass.initial_position;
-      drive.motion.velocity = mass.initial_velocity;
-      for (const auto& piece : mass.motion) {
-        drive.motion.pieces.push_back({piece.duration_s, piece.acceleration_start, piece.acceleration_end});
-      }
-      const sim::Motor& motor = mass.motor;
-      drive.motion.microsteps_per_unit = static_cast<long double>(motor.steps_per_revolution) * motor.microsteps *
-                                         motor.shaft_ratio / (2 * std::numbers::pi_v<long double>);
-      drive.max_step_rate_hz = motor.max_step_rate_hz;
-      drive.direction_setup_s = motor.direction_setup_s;
-      drive.timer_frequency_hz = scenario.run.timer_frequency_hz;
-      drive.control_period_s = scenario.run.control_period_s;
-      checks_.emplace_back(drive);
-    }
-  }
-  // False: a violation, which is then in record().
-  bool see(const step_command_t& command, bool on_motion) {
-    if (command.tick < 0) return true;
-    if (!on_motion && !record_.motion_left_tick) {
-      record_.motion_left_tick = command.tick;
-      for (auto& check : checks_) check.leave_motion();
-    }
-    for (std::size_t i = 0; i < checks_.size(); ++i) {
-      bursts_.clear();
-      for (std::size_t b = 0; b < static_cast<std::size_t>(command.burst_count); ++b) {
-        if (command.motor[b] != static_cast<int>(i)) continue;
-        bursts_.push_back(
-            {command.direction[b], command.count[b], command.first[b], command.interval[b], command.add[b]});
-      }
-      record_.violation = checks_[i].tick(command.tick, bursts_, command.steps[i], command.position_steps[i]);
-      record_.violation_motor = static_cast<int>(i);
-      if (record_.violation) return false;
-    }
-    return true;
-  }
-  [[nodiscard]] StepTimingRecord record() const {
-    StepTimingRecord record = record_;
-    for (const auto& check : checks_) record.motors.push_back(check.statistics());
-    return record;
-  }
-
- private:
-  std::deque<stepcheck::MotorCheck> checks_;
-  std::vector<stepcheck::Burst> bursts_;
-  StepTimingRecord record_;
-};
-
 // Keeps the controller's plans with what the contact then shows.
 class PlanWatch {
  public:
@@ -145,10 +94,10 @@ class PlanWatch {
     if (status.planned != 0 && (!current_ || status.plan_tick != plan_tick_)) {
       plan_tick_ = status.plan_tick;
       current_ = status.mode == controller_status_t::MODE_MOVING ? &result.move : &result.stop;
-      *current_ = PlanRecord{
-          static_cast<double>(plan_tick_) * period_s_,
-          {status.plan_duration_s, status.plan_normal_force_min_n, status.plan_mu_required_max, status.plan_margin_min},
-          1};
+      *current_ = PlanRecord{static_cast<double>(plan_tick_) * period_s_,
+                             {status.plan_duration_s, status.plan_horizon_s, status.plan_normal_force_min_n,
+                              status.plan_mu_required_max, status.plan_margin_min},
+                             1};
     }
     const contact_t& contact = lap.plant.contact;
     if (!current_ || contact.tick < plan_tick_ || contact.regime == contact_t::REGIME_FLIGHT) return;
@@ -162,27 +111,6 @@ class PlanWatch {
   std::optional<PlanRecord>* current_ = nullptr;
   std::int64_t plan_tick_ = 0;
 };
-
-std::string refusal_text(const controller_status_t& status) {
-  const std::string mass = "mass " + std::to_string(status.refusal_motor) + ": ";
-  char value[32];
-  std::snprintf(value, sizeof value, "%.10g", status.refusal_value);
-  switch (status.refusal) {
-    case controller_status_t::REFUSAL_NO_MASS:
-      return "it names no mass";
-    case controller_status_t::REFUSAL_UNKNOWN_MASS:
-      return "there is no mass " + std::string(value) + " (they count from 0)";
-    case controller_status_t::REFUSAL_TARGET:
-      return mass + "the target " + value +
-             " cannot be reached; allowed: finite, on its rail inside the ball, at most 1e15 microsteps";
-    case controller_status_t::REFUSAL_SPEED_FRACTION:
-      return std::string("the speed fraction ") + value + " is out of range; allowed: 0 < .. <= 1";
-    case controller_status_t::REFUSAL_NOT_PLANNED:
-      return mass + "no profile over the distance " + value + " could be made";
-    default:
-      return "mode " + std::to_string(status.mode) + " and faults " + std::to_string(status.faults) + " forbid it";
-  }
-}
 
 }  // namespace
 
@@ -213,6 +141,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   PulseRecord pulse_record;
   std::vector<sim::StepPulse> pulses;
   step_command_t due{};                        // the steps of the tick about to be executed
+  std::optional<controller_status_t> heard;    // the controller's, of the tick before: it asks for those steps
   std::optional<std::int64_t> stop_done_tick;  // at whose start the stop's last step has been executed
   std::optional<std::int64_t> move_done_tick;  // likewise the move's
   RestWatch rest(scenario);
@@ -232,10 +161,15 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     const bool last =
         plant.end() != sim::PhysicsEnd::kNone || plant.time_s() >= scenario.duration_s || stopped || moved;
 
+    std::optional<sim::Plant::ContactForces> commanded;
+    if (heard && tick >= 0 && sample.time_s == static_cast<double>(tick) * period_s) {
+      commanded = plant.contact_forces(heard->next_position, heard->next_velocity, heard->next_acceleration);
+    }
+
     Lap lap;
     lap.has_controller = has_controller;
-    lap.plant = plant_messages(scenario, sample, tick, last);
-    if (tick < 0) {
+    lap.plant = plant_messages(scenario, sample, tick, last, commanded);
+    if (tick < 0 && !(options.by_hand && tick > -kCountdown)) {
       firmware::OperatorInput input = firmware::OperatorCommand::kArm;
       if (tick > -kCountdown) input = firmware::OperatorCommand::kStart;
       if (tick > -kCountdown && options.move) input = *options.move;
@@ -247,22 +181,26 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       return result;
     }
     record(recorder, lap);
-    if (has_controller) plans.see(lap, result);
+    if (has_controller) {
+      heard = lap.status;
+      plans.see(lap, result);
+      result.motor_share.see(lap.plant.contact);
+    }
     if (tick == -1 && options.move && lap.status.refusal != controller_status_t::REFUSAL_NONE &&
         lap.trip.tripped == 0 && lap.status.faults == 0) {
       result.refusal = refusal_text(lap.status);
       return result;
     }
     // Every command of the countdown must have been obeyed, unless something tripped.
-    const std::int8_t mode_due = tick == -kCountdown ? controller_status_t::MODE_ARMED
-                                 : options.move      ? controller_status_t::MODE_MOVING
-                                                     : controller_status_t::MODE_RUNNING;
+    const bool armed_due = tick == -kCountdown || options.by_hand;
+    const std::int8_t mode_due = armed_due      ? controller_status_t::MODE_ARMED
+                                 : options.move ? controller_status_t::MODE_MOVING
+                                                : controller_status_t::MODE_RUNNING;
     // A move to where the masses are is over at once.
     const bool already_there = tick == -1 && options.move && lap.status.mode == controller_status_t::MODE_ARMED;
     if (tick < 0 && lap.trip.tripped == 0 && lap.status.faults == 0 && lap.status.mode != mode_due && !already_there) {
       result.status = hal::Status::kPeerLost;
-      result.trouble =
-          "the controller did not obey the operator's " + std::string(tick == -kCountdown ? "arm" : "start");
+      result.trouble = "the controller did not obey the operator's " + std::string(armed_due ? "arm" : "start");
       return result;
     }
     if (!recorder.good() || (options.interrupted != nullptr && *options.interrupted != 0)) {
@@ -295,7 +233,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       result.latency_ticks = tick - lap.trip.trip_tick;
     }
 
-    if (step_check && !step_check->see(lap.steps, lap.status.mode == controller_status_t::MODE_RUNNING)) {
+    if (step_check && (!step_check->see(lap.status, lap.steps) || (last && !step_check->finish()))) {
       result.end_reason = EndReason::kStepTiming;
       break;
     }
@@ -339,8 +277,13 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   result.impacts = plant.impacts();
   result.rolling_lost = plant.rolling_lost();
   result.extrema = plant.extrema();
+  result.friction_shares = plant.shares_at_mu_required_max();
   for (int i = 0; i < sim::kMaxMasses; ++i) result.motor_extrema[static_cast<std::size_t>(i)] = plant.motor_extrema(i);
   result.motors = pulse_record.motors;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    result.motor_energy[i] = plant.motor_energy(static_cast<int>(i));
+    result.motors[i].steps_behind = plant.motor_steps_behind(static_cast<int>(i));
+  }
   if (step_check) result.step_timing = step_check->record();
   return result;
 }

@@ -11,8 +11,9 @@
 
 #include "sim/plant.h"
 #include "tools/sil/lap.h"
+#include "tools/sil/motor_share.h"
 #include "tools/sil/recorder.h"
-#include "tools/stepcheck/step_check.h"
+#include "tools/sil/step_timing.h"
 
 namespace ballast::sil {
 
@@ -22,6 +23,7 @@ const char* to_string(EndReason reason);
 struct MotorRecord {
   std::int64_t steps = 0;       // pulses executed, both directions counted up
   double max_step_rate_hz = 0;  // from the closest two pulses
+  double steps_behind = 0;      // at the end: microsteps commanded less those the rotor has made, in the positive sense
 };
 
 // When the controller went to kTripped, or saw a trip while still disarmed, and the faults it had then (bits of
@@ -34,14 +36,6 @@ struct ControllerTrip {
   std::vector<step_command_t> history;  // the last commands up to then, oldest first; at most kHistoryTicks
 };
 inline constexpr std::size_t kHistoryTicks = 8;
-
-// What the check of the step pulses has found; tools/stepcheck.
-struct StepTimingRecord {
-  std::vector<stepcheck::Statistics> motors;
-  std::optional<std::int64_t> motion_left_tick;  // from whose pulses on only spacing, set-up and counts are checked
-  std::optional<stepcheck::Violation> violation;
-  int violation_motor = -1;
-};
 
 // A stop or a move: what the controller predicted before its first step (firmware/control/prediction.h), and the least
 // margin of the plant's contact messages while it lasted (samples, as long as the ball was in contact).
@@ -59,8 +53,11 @@ struct RunResult {
   std::vector<sim::ImpactRecord> impacts;
   bool rolling_lost = false;  // rolling ended by slip or detachment at least once
   sim::ContactExtrema extrema;
+  std::optional<sim::ContactShares> friction_shares;  // whose doing extrema.mu_required_max is; rolling only
   std::array<sim::MotorExtrema, sim::kMaxMasses> motor_extrema;
+  std::array<sim::MotorEnergy, sim::kMaxMasses> motor_energy{};
   std::array<MotorRecord, sim::kMaxMasses> motors;
+  MotorShare motor_share;
   trip_t trip{};  // the last verdict
   std::optional<ControllerTrip> controller_trip;
   std::optional<std::int64_t>
@@ -83,12 +80,14 @@ struct RunOptions {
   bool check_steps = false;                                 // hold every pulse against the motion
   std::function<void(double time_s)> progress;              // called now and then
   std::optional<firmware::MoveRequest> move;                // asked for instead of the scenario's motion
+  bool by_hand = false;                                     // the controller is armed; the rest is said by operators
 };
 
 // With check_steps a pulse in the wrong place ends the run at once with kStepTiming.
 //
 // Two countdown ticks, -2 and -1, come before t = 0 in runs with a controller: the ball is held at its initial state,
-// the operator says arm, then start, and the controller computes the steps of tick 0. In tick k the plant executes what
+// the operator says arm, then start (by_hand: only arm), and the controller computes the steps of tick 0. In tick k the
+// plant executes what
 // the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed; so does a move that
 // was asked for instead of the start, once its last step is executed and the masses rest: completed.
 RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options);

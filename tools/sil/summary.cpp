@@ -5,6 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "tools/sil/controller_words.h"
+#include "tools/sil/required_friction.h"
+
 namespace ballast::sil {
 
 namespace {
@@ -94,10 +97,33 @@ Json plan_json(const std::optional<PlanRecord>& plan) {
   if (!plan) return nullptr;
   return {{"start", plan->start_s},
           {"duration", plan->predicted.duration_s},
+          {"predicted_for", plan->predicted.horizon_s},
           {"predicted_normal_force_min", finite_or_null(plan->predicted.normal_force_min_n)},
           {"predicted_mu_required_max", finite_or_null(plan->predicted.mu_required_max)},
           {"predicted_margin_min", finite_or_null(plan->predicted.margin_min)},
           {"margin_min", finite_or_null(plan->seen_margin_min)}};
+}
+
+Json deviation_json(const Deviation& deviation) {
+  return {{"difference", finite_or_null(deviation.difference())},
+          {"time", deviation.time_s},
+          {"real", finite_or_null(deviation.real)},
+          {"commanded", finite_or_null(deviation.commanded)}};
+}
+
+// Null where nothing was commanded.
+Json motor_share_json(const RunResult& result) {
+  const MotorShare& share = result.motor_share;
+  if (!share.seen()) return nullptr;
+  const sim::Extremum &real = result.extrema.mu_required_max, &commanded = share.commanded_mu_required_max;
+  return {{"normal_force", deviation_json(share.normal_force_n)},
+          {"static_friction", deviation_json(share.static_friction_n)},
+          {"mu_required", deviation_json(share.mu_required)},
+          {"mu_required_max",
+           {{"real", finite_or_null(real.value)},
+            {"real_time", real.time_s},
+            {"commanded", finite_or_null(commanded.value)},
+            {"commanded_time", commanded.time_s}}}};
 }
 
 // Whether the ball rolls on such a floor, as far as this run can tell: up to where rolling was lost, and never if the
@@ -147,12 +173,39 @@ Json step_timing_json(const StepTimingRecord& record) {
   }
   Json json;
   json["checked_steps"] = checked;
+  json["plan_steps"] = record.plan_steps;
   json["steps_outside_the_motion"] = structural;
   json["motion_left_tick"] = record.motion_left_tick ? Json(*record.motion_left_tick) : Json(nullptr);
   json["max_error_us"] = max_error_us;
   json["motors"] = motors;
   json["violations"] = violations;
   return json;
+}
+
+// Of a motor without a winding only the mechanical side is known.
+Json energy_json(const sim::Motor& motor, const sim::MotorEnergy& energy) {
+  const bool known = motor.has_winding();
+  return {{"electrical", known ? Json(energy.electrical_j) : Json(nullptr)},
+          {"copper_loss", known ? Json(energy.copper_j) : Json(nullptr)},
+          {"friction_loss", energy.friction_j},
+          {"work", energy.work_j},
+          {"stored", energy.stored_j}};
+}
+
+Json parameters_json(const sim::Motor& motor) {
+  const auto of_winding = [&](double value) { return motor.has_winding() ? Json(value) : Json(nullptr); };
+  return {{"shaft_ratio", motor.shaft_ratio},
+          {"steps_per_revolution", motor.steps_per_revolution},
+          {"microsteps", motor.microsteps},
+          {"holding_torque", motor.holding_torque_nm},
+          {"detent_torque", motor.detent_torque_nm},
+          {"rotor_inertia", motor.rotor_inertia_kgm2},
+          {"viscous_damping", motor.viscous_damping_nms},
+          {"corner_speed", motor.corner_speed_radps},
+          {"rated_current", of_winding(motor.rated_current_a)},
+          {"resistance", of_winding(motor.resistance_ohm)},
+          {"inductance", of_winding(motor.inductance_h)},
+          {"supply_voltage", of_winding(motor.supply_voltage_v)}};
 }
 
 std::string format(const char* pattern, auto... values) {
@@ -187,6 +240,7 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                        {"max", x.normal_force_max.value},
                        {"max_time", x.normal_force_max.time_s}};
   j["static_friction"] = {{"max", x.static_friction_max.value}, {"time", x.static_friction_max.time_s}};
+  j["motor_share"] = motor_share_json(result);
 
   Json positions = Json::array(), velocities = Json::array(), motors = Json::array();
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
@@ -199,16 +253,12 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
     const sim::Motor& motor = scenario.masses[i].motor;
     motors.push_back({{"steps", result.motors[i].steps},
                       {"lost_steps", f.lost_steps[i]},
+                      {"steps_behind", stepper ? Json(result.motors[i].steps_behind) : Json(nullptr)},
                       {"max_step_rate", result.motors[i].max_step_rate_hz},
                       {"max_torque", result.motor_extrema[i].max_torque_nm},
                       {"torque_margin", result.motor_extrema[i].torque_margin},
-                      {"parameters",
-                       {{"shaft_ratio", motor.shaft_ratio},
-                        {"steps_per_revolution", motor.steps_per_revolution},
-                        {"holding_torque", motor.holding_torque_nm},
-                        {"detent_torque", motor.detent_torque_nm},
-                        {"viscous_damping", motor.viscous_damping_nms},
-                        {"corner_speed", motor.corner_speed_radps}}}});
+                      {"energy", stepper ? energy_json(motor, result.motor_energy[i]) : Json(nullptr)},
+                      {"parameters", parameters_json(motor)}});
   }
   j["final"] = {{"mass_position", positions},
                 {"mass_velocity", velocities},
@@ -263,11 +313,10 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
   j["move"] = plan_json(result.move);
   j["stop"] = plan_json(result.stop);
   j["surfaces"] = Json::array();
-  for (const Floor& floor : kFloors) {
-    j["surfaces"].push_back({{"name", floor.name},
-                             {"mu_s", floor.static_friction},
-                             {"holds", holds(scenario, result, floor.static_friction)}});
+  for (const FloorVerdict& floor : floor_verdicts(scenario, result)) {
+    j["surfaces"].push_back({{"name", floor.name}, {"mu_s", floor.static_friction}, {"holds", floor.holds}});
   }
+  j["required_friction"] = required_friction_json(result, floor_verdicts(scenario, result));
   j["motors"] = motors;
   if (result.step_timing) j["step_timing"] = step_timing_json(*result.step_timing);
   j["published"] = Json::array();
@@ -357,10 +406,10 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     if (!*plan) continue;
     const PlanRecord& p = **plan;
     text += format(
-        "  %s        from t = %.6g s, %.6g s; predicted before it: least N %.6g N, most f_s/N %.6f, least margin "
+        "  %s        from t = %.6g s, %.6g s; predicted before it%s: least N %.6g N, most f_s/N %.6f, least margin "
         "%.4f; seen %.4f\n",
-        name, p.start_s, p.predicted.duration_s, p.predicted.normal_force_min_n, p.predicted.mu_required_max,
-        p.predicted.margin_min, p.seen_margin_min);
+        name, p.start_s, p.predicted.duration_s, horizon_text(p.predicted.duration_s, p.predicted.horizon_s).c_str(),
+        p.predicted.normal_force_min_n, p.predicted.mu_required_max, p.predicted.margin_min, p.seen_margin_min);
   }
   text += format("  least N     %.6g N at t = %.4f s\n", x.normal_force_min.value, x.normal_force_min.time_s);
   if (std::isfinite(x.mu_required_max.value)) {
@@ -372,8 +421,9 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     text += format("  most f_s/N  unbounded: N = 0 at t = %.4f s", x.mu_required_max.time_s);
   }
   std::string holds_on, slips_on;
-  for (const Floor& floor : kFloors) {
-    std::string& list = holds(scenario, result, floor.static_friction) ? holds_on : slips_on;
+  const auto floors = floor_verdicts(scenario, result);
+  for (const FloorVerdict& floor : floors) {
+    std::string& list = floor.holds ? holds_on : slips_on;
     list += format("%s%s %.2f", list.empty() ? "" : ", ", floor.name, floor.static_friction);
   }
   if (result.end_reason != EndReason::kCompleted) {
@@ -383,7 +433,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   }
   text += "\n  holds on    " + (holds_on.empty() ? "none of the paper's floors" : holds_on);
   if (!slips_on.empty()) text += "\n  not on      " + slips_on;
-  text += "\n";
+  text += "\n  in short    " + required_friction_text(result, floors) + "\n";
   for (const auto& published : scenario.published) {
     if (result.end_reason != EndReason::kCompleted && published.quantity != "end.time")
       continue;  // not the whole story
@@ -399,6 +449,9 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     std::int64_t lost = 0;
     for (std::size_t i = 0; i < scenario.masses.size(); ++i) lost += result.final_sample.lost_steps[i];
     text += format("%s issued, %lld lost\n", scenario.masses.empty() ? "0" : "", static_cast<long long>(lost));
+    if (const std::string warning = lost_steps_text(scenario, result); !warning.empty()) {
+      text += "  WARNING     " + warning + "\n";
+    }
   }
   if (result.step_timing) {
     std::int64_t checked = 0, structural = 0;
@@ -411,25 +464,64 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     }
     text += format("  step timing %lld steps checked, the worst %.3f us from its crossing (allowed %.3g)",
                    static_cast<long long>(checked), max_error_us, tolerance_us);
-    if (result.step_timing->motion_left_tick) {
-      text += format("; from tick %lld on, off the scenario's motion, %lld by spacing, set-up and counts only",
-                     static_cast<long long>(*result.step_timing->motion_left_tick), static_cast<long long>(structural));
+    if (result.step_timing->plan_steps > 0) {
+      text += format("; %lld of them of stops and moves", static_cast<long long>(result.step_timing->plan_steps));
     }
+    if (structural > 0)
+      text += format("; %lld more by spacing, set-up and counts only", static_cast<long long>(structural));
     text += "\n";
   }
-  double margin = 1;
+  double margin = 1, electrical_j = 0, copper_j = 0;
   bool any_motor = false;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     margin = std::min(margin, result.motor_extrema[i].torque_margin);
+    electrical_j += result.motor_energy[i].electrical_j;
+    copper_j += result.motor_energy[i].copper_j;
     any_motor = any_motor || scenario.masses[i].trajectory.times_s.empty();
   }
-  if (any_motor) text += format("  motors      least torque margin %.0f %%\n", 100 * margin);
+  if (any_motor) {
+    text += format("  motors      least torque margin %.0f %%", 100 * margin);
+    if (electrical_j != 0)
+      text += format("; %.3g J from the supply, %.3g J of it heat in the windings", electrical_j, copper_j);
+    text += "\n";
+  }
+  if (const MotorShare& share = result.motor_share; share.seen()) {
+    const auto part = [](const Deviation& d) {
+      return std::isfinite(d.difference()) ? format("%.3g", std::abs(d.difference())) : std::string("any bound");
+    };
+    const double commanded = share.commanded_mu_required_max.value;
+    text += format("  share       the motors move N by up to %s N, f_s by %s N, f_s/N by %s; commanded most f_s/N %s\n",
+                   part(share.normal_force_n).c_str(), part(share.static_friction_n).c_str(),
+                   part(share.mu_required).c_str(),
+                   std::isfinite(commanded) ? format("%.6f", commanded).c_str() : "unbounded");
+  }
   text += format("  speed       %.0f times real time", end_s / std::max(result.wall_time_s, 1e-9));
   if (result.ticks > 0)
     text += format(", %.2f us per tick", 1e6 * result.wall_time_s / static_cast<double>(result.ticks));
   text += "\n";
   text += "  results     " + directory.string() + "\n";
   return text;
+}
+
+std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const RunResult& result) {
+  std::vector<FloorVerdict> verdicts;
+  for (const Floor& floor : kFloors) {
+    verdicts.push_back({floor.name, floor.static_friction, holds(scenario, result, floor.static_friction)});
+  }
+  return verdicts;
+}
+
+std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result) {
+  std::string who;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    const auto lost = static_cast<long long>(result.final_sample.lost_steps[i]);
+    if (lost > 0) who += format("%smotor %zu lost %lld", who.empty() ? "" : ", ", i, lost);
+  }
+  if (who.empty()) return "";
+  return who +
+         " microsteps: its mass is not where the controller believes it is. The torque did not carry the motion: "
+         "allow it less speed, acceleration or jerk (motor.max_step_rate, max_acceleration, max_jerk, or "
+         "ballast move --speed-fraction), or give it more torque";
 }
 
 int exit_status(const RunResult& result) {

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "tools/sil/run.h"
 
@@ -15,6 +16,18 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
 // For the terminal, ending in a newline. `directory` is where the results are.
 std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
                          const std::filesystem::path& directory);
+
+// The paper's floors for an aluminium shell (PHYSICS.md section 6), and whether the ball rolls on each as far as this
+// run can tell: up to where rolling was lost, and never if the run did not start rolling.
+struct FloorVerdict {
+  const char* name;
+  double static_friction;
+  bool holds;
+};
+std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const RunResult& result);
+
+// Which motors lost steps, and what to do about it; empty: none.
+std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result);
 
 // 0 inside the envelope, 3 outside or tripped.
 int exit_status(const RunResult& result);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 namespace ballast::stepcheck {
@@ -63,7 +64,7 @@ long double root(const MotionInSteps::Part& p, long double level, int direction,
 MotionInSteps::MotionInSteps(const Motion& motion) {
   const long double k = motion.microsteps_per_unit;
   start_steps_ = std::fabs(k * motion.position);
-  long double t = 0, x = 0, v = k * motion.velocity;
+  long double t = 0, x = k * motion.from_zero, v = k * motion.velocity;
   for (const Piece& piece : motion.pieces) {
     const long double d = piece.duration_s, a0 = k * piece.acceleration_start, a1 = k * piece.acceleration_end;
     parts_.push_back({t, x, v, a0, (a1 - a0) / d});
@@ -78,18 +79,34 @@ MotionInSteps::MotionInSteps(const Motion& motion) {
   parts_.push_back({t, x, v, 0, 0});
 }
 
+MotionInSteps::MotionInSteps(const SampledMotion& motion) {
+  const long double k = motion.microsteps_per_unit, period = motion.period_s;
+  start_steps_ = std::fabs(k * motion.position.front());
+  unknown_steps_ = std::fabs(k) * motion.max_jerk * period * period * period / 24;
+  const auto x = [&](std::size_t i) { return k * (static_cast<long double>(motion.position[i]) - motion.zero); };
+  const auto v = [&](std::size_t i) { return k * motion.velocity[i]; };
+  const std::size_t last = motion.position.size() - 1;
+  for (std::size_t i = 0; i < last; ++i) {
+    const long double mean = (x(i + 1) - x(i)) / period;
+    parts_.push_back({static_cast<long double>(i) * period, x(i), v(i), (6 * mean - 4 * v(i) - 2 * v(i + 1)) / period,
+                      (6 * (v(i) + v(i + 1)) - 12 * mean) / (period * period)});
+  }
+  parts_.push_back({static_cast<long double>(last) * period, x(last), v(last), 0, 0});
+}
+
 long double MotionInSteps::at(long double time_s) const {
-  if (time_s <= 0) return 0;
-  std::size_t i = parts_.size() - 1;
-  while (parts_[i].start_s > time_s) --i;
-  return parts_[i].at(time_s - parts_[i].start_s);
+  if (time_s <= 0) return parts_.front().x;
+  const auto next = std::upper_bound(parts_.begin(), parts_.end(), time_s,
+                                     [](long double time, const Part& part) { return time < part.start_s; });
+  const Part& part = *std::prev(next);
+  return part.at(time_s - part.start_s);
 }
 
 long double MotionInSteps::rounding(long double steps) const {
-  return 1e-9L + 2e-15L * (start_steps_ + std::fabs(steps));
+  return 1e-9L + 2e-15L * (start_steps_ + std::fabs(steps)) + unknown_steps_;
 }
 
-Crossings::Crossings(const MotionInSteps& motion) : motion_(motion) {}
+Crossings::Crossings(const MotionInSteps& motion, std::int64_t count) : motion_(motion), count_(count) {}
 
 bool Crossings::open_span() {
   const auto& parts = motion_.parts();

@@ -14,18 +14,33 @@ struct Piece {
 };
 
 struct Motion {
-  double position = 0;  // rail unit, at t = 0; the count of microsteps is 0 there
+  double position = 0;  // rail unit, at t = 0
   double velocity = 0;
   std::vector<Piece> pieces;
   long double microsteps_per_unit = 1;  // != 0; sign = wiring
+  long double from_zero = 0;            // rail units of `position` from where the count of microsteps is 0
+};
+
+// A motion known at instants only, with a jerk of at most max_jerk between them; after the last one at constant
+// velocity. The cubic through positions and velocities at both ends of an interval of length T is within max_jerk T^3 /
+// 24 of it: their difference is 0 with its slope at both ends, and its third derivative at most 2 max_jerk, since the
+// cubic's is a mean of the motion's; so at a distance s from the nearer end it is at most max_jerk s^3 / 3.
+struct SampledMotion {
+  std::vector<double> position, velocity;  // rail unit, per s; at 0, period, 2 period, ..; at least one
+  double period_s = 0;
+  double max_jerk = 0;
+  double zero = 0;  // where the count of microsteps is 0
+  long double microsteps_per_unit = 1;
 };
 
 // The motion in microsteps from its start.
 class MotionInSteps {
  public:
   explicit MotionInSteps(const Motion& motion);
+  explicit MotionInSteps(const SampledMotion& motion);
   [[nodiscard]] long double at(long double time_s) const;
-  // Microsteps by which the doubles of a firmware may be off, from the size of the numbers.
+  // Microsteps by which the doubles of a firmware may be off, from the size of the numbers; and of a sampled motion
+  // what is not known between its samples.
   [[nodiscard]] long double rounding(long double steps) const;
 
   struct Part {
@@ -36,8 +51,9 @@ class MotionInSteps {
   [[nodiscard]] const std::vector<Part>& parts() const { return parts_; }
 
  private:
-  std::vector<Part> parts_;  // the last one has no end
-  long double start_steps_;  // of the initial position from the rail's zero
+  std::vector<Part> parts_;      // the last one has no end
+  long double start_steps_ = 0;  // of the initial position from the rail's zero
+  long double unknown_steps_ = 0;
 };
 
 struct Crossing {
@@ -49,7 +65,7 @@ struct Crossing {
 // All crossings in the order of time, one after the other.
 class Crossings {
  public:
-  explicit Crossings(const MotionInSteps& motion);
+  Crossings(const MotionInSteps& motion, std::int64_t count);
   // False: none before until_s, nor before any earlier until_s; then asking for a later one goes on from there.
   bool next(long double until_s, Crossing& crossing);
 
@@ -62,7 +78,7 @@ class Crossings {
   std::size_t span_ = 0;
   long double begin_s_ = 0, end_s_ = 0;  // of the span, from the part's start
   long double until_s_ = 0;
-  std::int64_t count_ = 0;
+  std::int64_t count_;
 };
 
 }  // namespace ballast::stepcheck

@@ -85,7 +85,6 @@ std::string Violation::text() const {
 
 MotorCheck::MotorCheck(const Drive& drive)
     : motion_(drive.motion),
-      crossings_(motion_),
       frequency_hz_(drive.timer_frequency_hz),
       period_s_(drive.control_period_s),
       period_ticks_(period_s_ * frequency_hz_),
@@ -96,11 +95,21 @@ MotorCheck::MotorCheck(const Drive& drive)
   // Decimal periods and frequencies make whole numbers of ticks, though their doubles do not quite.
   if (std::fabs(period_ticks_ - std::round(period_ticks_)) <= 1e-6L) period_ticks_ = std::round(period_ticks_);
   statistics_.tolerance_us = static_cast<double>(1e6L * tolerance_s_);
+  crossings_.emplace(motion_, 0);
+}
+
+void MotorCheck::follow(std::int64_t tick, const MotionInSteps& motion) {
+  start_tick_ = tick;
+  motion_ = motion;
+  crossings_.emplace(motion_, position_steps_);
+  due_.clear();
+  touch_until_s_ = -1;
+  on_motion_ = true;
 }
 
 bool MotorCheck::expect(std::size_t count, long double until_s) {
   Crossing c{};
-  while (due_.size() < count && crossings_.next(until_s, c)) due_.push_back(c);
+  while (due_.size() < count && crossings_->next(until_s, c)) due_.push_back(c);
   return due_.size() >= count;
 }
 

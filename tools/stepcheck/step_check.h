@@ -78,11 +78,13 @@ class MotorCheck {
   MotorCheck(const MotorCheck&) = delete;
   MotorCheck& operator=(const MotorCheck&) = delete;
 
-  // Ticks in order; tick 0 begins at the motion's t = 0. Nothing, or the first violation; after one, nothing more is
-  // checked.
+  // Ticks in order; tick 0 begins at the drive's motion's t = 0. Nothing, or the first violation; after one, nothing
+  // more is checked.
   std::optional<Violation> tick(std::int64_t tick, std::span<const Burst> bursts, std::int64_t steps,
                                 std::int64_t position_steps);
-  // From now on the pulses are not this motion's (a stop): structure only.
+  // From the start of `tick`, the next one, the pulses are another motion's, whose t = 0 is there. The count goes on.
+  void follow(std::int64_t tick, const MotionInSteps& motion);
+  // From now on they are no motion's: structure only.
   void leave_motion() { on_motion_ = false; }
 
   [[nodiscard]] const Statistics& statistics() const { return statistics_; }
@@ -93,12 +95,14 @@ class MotorCheck {
   std::optional<Violation> match(std::int64_t tick, std::int64_t timer_tick, int direction);
   bool expect(std::size_t count, long double until_s);
   bool touch_ahead(long double now_s);
+  // From the motion's t = 0.
   [[nodiscard]] long double time_s(std::int64_t tick, long double timer_ticks) const {
-    return static_cast<long double>(tick) * period_s_ + timer_ticks / frequency_hz_;
+    return static_cast<long double>(tick - start_tick_) * period_s_ + timer_ticks / frequency_hz_;
   }
 
+  std::int64_t start_tick_ = 0;
   MotionInSteps motion_;
-  Crossings crossings_;
+  std::optional<Crossings> crossings_;
   std::deque<Crossing> due_;  // crossings without their pulse yet
   long double frequency_hz_, period_s_, period_ticks_, spacing_ticks_, setup_ticks_, tolerance_s_, touch_s_;
   long double touch_until_s_ = -1;  // the end of the latest touch without pulses

@@ -1,0 +1,99 @@
+"""`ballast spy` as people start it, in a real X display, during a real run; and what it says when it cannot start."""
+
+import os
+import subprocess
+import tempfile
+import unittest
+import zipfile
+from pathlib import Path
+
+BALLAST = os.environ["BALLAST"]
+PROBE = os.environ["BALLAST_SPY_PROBE"]
+URL = f"udpm://239.255.76.67:{20000 + os.getpid() % 12000}?ttl=0"
+PER_TICK = {"CONTACT": "contact_t", "PLANT_STATE": "plant_state_t", "SENSORS": "sensors_t", "TRIP": "trip_t",
+            "STEP_COMMAND": "step_command_t", "CONTROLLER_STATUS": "controller_status_t"}
+MESSAGES = 2000  # per channel before and after the windows are opened
+
+
+class Display:
+    """An X server of the test's own, on a number it finds free itself."""
+
+    def __enter__(self):
+        read, write = os.pipe()
+        self._server = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24"],
+                                        pass_fds=[write], stderr=subprocess.DEVNULL)
+        os.close(write)
+        with os.fdopen(read) as number:
+            return ":" + number.readline().strip()
+
+    def __exit__(self, *_):
+        self._server.terminate()
+        self._server.wait()
+
+
+def spy(*options, display=None, **environment):
+    variables = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
+    variables.update(environment)
+    if display is not None:
+        variables["DISPLAY"] = display
+    return subprocess.run([BALLAST, "spy", "--lcm", URL, *options], env=variables, capture_output=True, text=True,
+                          timeout=120)
+
+
+class SpyWindowTest(unittest.TestCase):
+    def test_shows_every_channel_decoded_at_its_rate(self):
+        with Display() as display, tempfile.TemporaryDirectory() as folder:
+            run = subprocess.Popen([BALLAST, "run", "paper_ball", "--speed", "1", "--lcm", URL, "--quiet", "--out",
+                                    folder, "--set", "duration=60"])
+            try:
+                seen = spy(display=display, JAVA_TOOL_OPTIONS=f"-javaagent:{PROBE}={MESSAGES}")
+            finally:
+                run.terminate()
+                run.wait()
+        rows = [line.split("|")[1:] for line in seen.stdout.splitlines() if line.startswith("ROW|")]
+        windows = [line.split("|")[1] for line in seen.stdout.splitlines() if line.startswith("WINDOW|")]
+        types = {row[0].removeprefix("BALLAST_"): row[1] for row in rows}
+        types.pop("OPERATOR", None)  # says arm and start, perhaps before spy listens
+        self.assertEqual(types, PER_TICK, seen.stdout + seen.stderr)
+        for channel, _, count, rate, *_, undecodable in rows:
+            self.assertEqual(undecodable, "0", channel)
+            if channel == "BALLAST_OPERATOR":
+                continue
+            self.assertIn(channel, windows)
+            # All have come once per tick, up to those on their way and what a loaded machine may lose.
+            self.assertAlmostEqual(int(count), 2 * MESSAGES, delta=0.1 * 2 * MESSAGES, msg=channel)
+            self.assertGreater(float(rate), 0, channel)
+
+    def assert_refused(self, outcome, *words):
+        self.assertEqual(outcome.returncode, 2, outcome.stderr)
+        for word in (*words, "fix: "):
+            self.assertIn(word, outcome.stderr)
+
+    def test_a_missing_jar_is_named_with_what_makes_it(self):
+        self.assert_refused(spy("--types", "nowhere.jar"), "nowhere.jar is missing", "ninja")
+
+    def test_a_jar_without_types_is_refused_before_a_window_opens(self):
+        with tempfile.TemporaryDirectory() as folder:
+            jar = Path(folder) / "empty.jar"
+            with zipfile.ZipFile(jar, "w") as file:
+                file.writestr("nothing.txt", "")
+            self.assert_refused(spy("--types", str(jar)), "0 types found", "empty.jar")
+            jar.write_bytes(b"not a jar")
+            self.assert_refused(spy("--types", str(jar)), "0 types found")
+
+    def test_a_jar_with_some_of_the_types_is_refused(self):
+        with tempfile.TemporaryDirectory() as folder:
+            jar = Path(folder) / "some.jar"
+            with zipfile.ZipFile(os.environ["BALLAST_TYPES_JAR"]) as all_types, zipfile.ZipFile(jar, "w") as some:
+                some.writestr("ballast/trip_t.class", all_types.read("ballast/trip_t.class"))
+            self.assert_refused(spy("--types", str(jar)), "ballast.contact_t is not among the 1 types")
+
+    def test_without_a_display_it_says_so(self):
+        self.assert_refused(spy(), "no window can be opened", "ballast watch")
+
+    def test_without_java_it_says_what_to_install(self):
+        self.assert_refused(spy(PATH="/nowhere", JAVA_HOME=""), "no java in PATH", "apt-get install -y default-jre")
+
+
+if __name__ == "__main__":
+    unittest.main()

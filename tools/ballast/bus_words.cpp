@@ -1,0 +1,41 @@
+#include "tools/ballast/bus_words.h"
+
+#include <cstdio>
+
+#include "tools/program/program.h"
+#include "tools/sil/controller_words.h"
+
+namespace ballast {
+
+int bus_trouble(const sil::BusOperator& operator_end) {
+  program::complain("ballast", operator_end.trouble());
+  return program::kExitCouldNotRun;
+}
+
+std::optional<int> tell(sil::BusOperator& operator_end, const firmware::OperatorInput& input, const std::string& what) {
+  if (operator_end.tell(input) != hal::Status::kOk) return bus_trouble(operator_end);
+  const std::string refusal = sil::refusal_text(operator_end.status());
+  if (refusal.empty()) return std::nullopt;
+  program::complain("ballast", "the controller refuses the " + what + ": " + refusal);
+  return program::kExitUsage;
+}
+
+std::string plan_text(const controller_status_t& status) {
+  char text[200];
+  std::snprintf(text, sizeof text, "%.6g s; predicted before it%s: least N %.6g N, most f_s/N %.6f, least margin %.4f",
+                status.plan_duration_s, sil::horizon_text(status.plan_duration_s, status.plan_horizon_s).c_str(),
+                status.plan_normal_force_min_n, status.plan_mu_required_max, status.plan_margin_min);
+  return text;
+}
+
+std::string positions_text(const controller_status_t& status) {
+  std::string text;
+  for (int i = 0; i < status.motor_count; ++i) {
+    char number[32];
+    std::snprintf(number, sizeof number, "%s%.6g", i == 0 ? "" : ", ", status.commanded_position[i]);
+    text += number;
+  }
+  return text;
+}
+
+}  // namespace ballast

@@ -1,0 +1,56 @@
+// ballast friction: how much friction a scenario needs, when, and whose doing it is.
+#include <iostream>
+#include <limits>
+#include <memory>
+
+#include "tools/ballast/commands.h"
+#include "tools/program/params.h"
+#include "tools/program/program.h"
+#include "tools/sil/in_process_peers.h"
+#include "tools/sil/required_friction.h"
+
+namespace ballast {
+
+namespace {
+
+int say_required_friction(const program::ScenarioOptions& options) {
+  auto scenario = program::load_scenario(options);
+  if (!scenario) return program::kExitUsage;
+  const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
+  // What is needed shows only where it is given: on the scenario's own floor the run might end before.
+  scenario->surface.static_friction = std::numeric_limits<double>::infinity();
+  scenario->envelope.min_normal_force_n = 0;
+  auto params = std::make_unique<firmware::ControllerParams>();
+  if (has_controller) {
+    if (const auto refusal = program::to_controller_params(*scenario, *params)) {
+      program::complain("ballast", *refusal);
+      return program::kExitUsage;
+    }
+  }
+  sil::InProcessPeers peers(has_controller ? params.get() : nullptr, program::to_monitor_limits(*scenario),
+                            scenario->run.control_period_s);
+  sil::Recorder nowhere("/dev/null");
+  const sil::RunResult result =
+      sil::run(*scenario, peers, nowhere, {.interrupted = program::catch_signals(), .progress = {}, .move = {}});
+  if (result.status != hal::Status::kOk) {
+    program::complain("ballast", result.trouble);
+    return program::kExitCouldNotRun;
+  }
+  std::cout << scenario->name << ", " << (has_controller ? "stepper-driven" : "prescribed")
+            << " masses: " << sil::required_friction_text(result, sil::floor_verdicts(*scenario, result)) << '\n'
+            << sil::friction_parts_text(result);
+  if (result.end_reason == sil::EndReason::kInconsistent) std::cout << "  up to its end: " << result.end_text << '\n';
+  std::cout << std::flush;
+  return sil::exit_status(result);
+}
+
+}  // namespace
+
+std::function<int()> add_friction_command(CLI::App& app, CLI::App*& command) {
+  command = app.add_subcommand("friction", "Says how much friction a scenario needs, when, and because of which mass");
+  auto options = std::make_shared<program::ScenarioOptions>();
+  program::add_scenario_options(*command, *options);
+  return [options] { return say_required_friction(*options); };
+}
+
+}  // namespace ballast

@@ -1,0 +1,65 @@
+// ballast operate: tells the controller on a bus what to do.
+#include <iostream>
+#include <memory>
+
+#include "tools/ballast/bus_words.h"
+#include "tools/ballast/commands.h"
+#include "tools/program/program.h"
+#include "tools/sil/controller_words.h"
+
+namespace ballast {
+
+namespace {
+
+using firmware::OperatorCommand;
+
+struct OperateCommand {
+  std::string command;
+  program::BusOptions bus;
+};
+
+OperatorCommand command_of(const std::string& word) {
+  if (word == "arm") return OperatorCommand::kArm;
+  if (word == "start") return OperatorCommand::kStart;
+  if (word == "stop") return OperatorCommand::kStop;
+  if (word == "reset") return OperatorCommand::kReset;
+  return OperatorCommand::kNone;  // status
+}
+
+int operate(const OperateCommand& command) {
+  hal::Bus bus(command.bus.url, program::catch_signals());
+  if (!bus.good()) {
+    program::complain("ballast", "cannot use the LCM bus " + command.bus.url);
+    return program::kExitCouldNotRun;
+  }
+  sil::BusOperator end(bus, hal::Seconds(command.bus.peer_timeout_s));
+  if (end.connect() != hal::Status::kOk) return bus_trouble(end);
+  const OperatorCommand said = command_of(command.command);
+  if (said != OperatorCommand::kNone) {
+    if (const auto exit_status = tell(end, said, command.command)) return *exit_status;
+  }
+  if (end.status().mode == controller_status_t::MODE_STOPPING && said == OperatorCommand::kStop) {
+    std::cout << "stopping, " << plan_text(end.status()) << std::endl;
+    const auto stopped = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_STOPPING; };
+    if (end.follow(stopped) != hal::Status::kOk) return bus_trouble(end);
+  }
+  const controller_status_t& status = end.status();
+  std::cout << sil::mode_text(status.mode) << (status.at_rest != 0 ? ", at rest at " : ", moving, at ")
+            << positions_text(status) << " in tick " << status.tick << '\n';
+  return status.mode == controller_status_t::MODE_TRIPPED ? program::kExitEnvelope : program::kExitCompleted;
+}
+
+}  // namespace
+
+std::function<int()> add_operate_command(CLI::App& app, CLI::App*& command) {
+  command = app.add_subcommand("operate", "Tells the controller on a bus to arm, start, stop or reset");
+  auto options = std::make_shared<OperateCommand>();
+  command->add_option("COMMAND", options->command, "arm, start (the scenario's motion), stop, reset; status only asks")
+      ->required()
+      ->check(CLI::IsMember({"status", "arm", "start", "stop", "reset"}));
+  program::add_bus_options(*command, options->bus);
+  command->remove_option(command->get_option("--start-timeout"));  // it speaks to a run that is under way
+  return [options] { return operate(*options); };
+}
+
+}  // namespace ballast

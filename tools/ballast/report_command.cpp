@@ -1,0 +1,72 @@
+// ballast report, ballast compare: pages about finished runs, made by the programs of tools/report beside this one.
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tools/ballast/commands.h"
+#include "tools/program/program.h"
+
+namespace ballast {
+
+namespace {
+
+// Becomes that program; comes back only if it cannot be started.
+int become(const std::string& name, std::vector<std::string> arguments) {
+  std::error_code code;
+  std::string path = (std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / name).string();
+  std::vector<char*> argv{path.data()};
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+  execv(path.c_str(), argv.data());
+  program::complain("ballast", path + ": cannot be started: " + std::strerror(errno));
+  return program::kExitCouldNotRun;
+}
+
+void add_out_option(CLI::App& command, std::string& out, const std::string& fallback) {
+  command.add_option("--out", out, "the page's file; default " + fallback)->check(program::not_empty());
+}
+
+// "--" so that a file named like an option stays a file.
+std::vector<std::string> command_line(const std::string& out, const std::vector<std::string>& files) {
+  std::vector<std::string> arguments;
+  if (!out.empty()) arguments.push_back("--out=" + out);
+  arguments.emplace_back("--");
+  arguments.insert(arguments.end(), files.begin(), files.end());
+  return arguments;
+}
+
+}  // namespace
+
+std::function<int()> add_report_command(CLI::App& app, CLI::App*& command) {
+  struct Options {
+    std::string log, out;
+  };
+  command = app.add_subcommand("report", "Makes one HTML page of a finished run: summary, plots and 3-d replay");
+  auto options = std::make_shared<Options>();
+  command->add_option("LOG", options->log, "run.lcmlog, or the folder of the run")
+      ->required()
+      ->check(program::not_empty());
+  add_out_option(*command, options->out, "report.html beside the log");
+  return [options] { return become("ballast-report", command_line(options->out, {options->log})); };
+}
+
+std::function<int()> add_compare_command(CLI::App& app, CLI::App*& command) {
+  struct Options {
+    std::string run_a, run_b, out;
+  };
+  command = app.add_subcommand("compare", "Says in what two runs differ, and makes an HTML page of both");
+  auto options = std::make_shared<Options>();
+  command->add_option("RUN_A", options->run_a, "folder of a run, or its log")->required()->check(program::not_empty());
+  command->add_option("RUN_B", options->run_b, "folder of another, or its log")
+      ->required()
+      ->check(program::not_empty());
+  add_out_option(*command, options->out, "compare.html beside the log of RUN_B");
+  return [options] { return become("ballast-compare", command_line(options->out, {options->run_a, options->run_b})); };
+}
+
+}  // namespace ballast

@@ -1,0 +1,42 @@
+// ballast spy: every message of a run in lcm-spy's window.
+#include <memory>
+
+#include "tools/ballast/commands.h"
+#include "tools/program/program.h"
+#include "tools/spy/spy.h"
+
+namespace ballast {
+
+namespace {
+
+bool good(const program::Finding& part) {
+  if (part.verdict == program::Finding::Verdict::kOk) return true;
+  program::complain("ballast", part.what + ": " + part.text + "\n  fix: " + part.fix);
+  return false;
+}
+
+int spy_on(const spy::SpyOptions& options) {
+  for (const program::Finding& part : spy::look_for_parts(options)) {
+    if (!good(part)) return program::kExitCouldNotRun;
+  }
+  if (!good(spy::look_at_types(options))) return program::kExitCouldNotRun;
+  program::complain("ballast", spy::become_spy(options));
+  return program::kExitCouldNotRun;
+}
+
+}  // namespace
+
+std::function<int()> add_spy_command(CLI::App& app, CLI::App*& command) {
+  command = app.add_subcommand("spy", "Shows every message of a run in lcm-spy; a double-click on a number plots it");
+  auto options = std::make_shared<spy::SpyOptions>();
+  options->url = hal::kDefaultLcmUrl;
+  command->add_option("--lcm", options->url, "URL of the LCM bus")->check(program::not_empty())->capture_default_str();
+  command->add_option("--types", options->types_jar, "another types jar than the one built with this program")
+      ->check(program::not_empty());
+  command->add_option("--heap", options->heap_mb, "MB of Java heap at most")
+      ->check(CLI::Range(64, 65536))
+      ->capture_default_str();
+  return [options] { return spy_on(*options); };
+}
+
+}  // namespace ballast

@@ -1,0 +1,195 @@
+"""Puts the page together: one HTML file that needs nothing else, neither a network nor a server.
+
+The sources in page/ and the packages' files go in as they are, as modules of an import map (data: URLs, which work from
+file://). Samples go in as columns of float32: differences of their bit patterns, byte planes apart, gzip, base64; smooth
+signals then take a third of their size. page/samples.js undoes it.
+"""
+
+import base64
+import gzip
+import hashlib
+import html
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+
+import words
+from packages import Package
+
+_PAGE = Path(__file__).resolve().parent / "page"
+_LONG_CELL = 32  # letters; longer ones are broken into lines
+_OWN_MODULES = ("main.js", "samples.js", "clock.js", "panels.js", "plots.js", "scene.js", "robot.js", "theme.js")
+
+
+def report_page(recording):
+    return _page([recording], recording.name, _report_head(recording), _report_tables(recording))
+
+
+def compare_page(recordings, title, head, tables):
+    """`head`, `tables`: HTML, of what is said above and below the plots."""
+    return _page(recordings, title, head, tables)
+
+
+def _page(recordings, title, head, tables):
+    three, uplot = Package("three"), Package("uplot")
+    modules = {
+        "three": three.text("build/three.module.min.js"),
+        "three/OrbitControls": three.text("examples/jsm/controls/OrbitControls.js"),
+        "uplot": uplot.text("dist/uPlot.esm.js"),
+    }
+    for name in _OWN_MODULES:
+        modules[f"ballast/{name}"] = (_PAGE / name).read_text(encoding="utf-8")
+    import_map = json.dumps({"imports": {name: "data:text/javascript;base64," + _base64(text.encode())
+                                         for name, text in modules.items()}})
+    start = 'import "ballast/main.js";'
+    licences = "".join(f"<h4>{html.escape(p.name)} {html.escape(p.version)}</h4><pre>{html.escape(p.text('LICENSE'))}"
+                       "</pre>" for p in (three, uplot))
+    described = {"runs": [_described(recording) for recording in recordings]}
+    parts = {
+        "title": html.escape(title),
+        "policy": f"default-src 'none'; script-src data: {_hash(import_map)} {_hash(start)}; "
+                  "style-src 'unsafe-inline'; img-src data: blob:",
+        "style": uplot.text("dist/uPlot.min.css") + (_PAGE / "style.css").read_text(encoding="utf-8"),
+        "head": head,
+        "tables": tables,
+        "licences": licences,
+        "described": _script_json(described),
+        "samples": "".join(f'<script type="text/plain" id="samples-{i}">{_packed(recording)}</script>\n'
+                           for i, recording in enumerate(recordings)),
+        "import_map": import_map,
+        "start": start,
+    }
+    template = (_PAGE / "page.html").read_text(encoding="utf-8")
+    # One pass: what is put in is not looked at again.
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], template)
+
+
+def _base64(data):
+    return base64.b64encode(data).decode("ascii")
+
+
+def _hash(script):
+    return f"'sha256-{_base64(hashlib.sha256(script.encode()).digest())}'"
+
+
+def _script_json(value):
+    """JSON that cannot end the script element it stands in."""
+    return json.dumps(finite(value), ensure_ascii=True, allow_nan=False).replace("<", "\\u003c")
+
+
+def finite(value):
+    """With None in the place of what JSON cannot say."""
+    if isinstance(value, dict):
+        return {key: finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _described(recording):
+    """What the page's scripts know of a run beside its samples."""
+    summary = recording.summary
+    friction = recording.static_friction_coefficient
+    return {
+        "name": recording.name,
+        "actuation": summary.get("actuation"),
+        "rows": len(recording.columns["time"]),
+        "columns": packed_names(recording),
+        "radius": recording.robot["ball"]["radius"],
+        "gravity": recording.robot.get("gravity"),
+        "shell_mass": recording.robot["ball"].get("mass"),
+        "masses": recording.robot["masses"],
+        "static_friction": friction,  # null: perfect, or not known
+        "friction_known": friction is not None,
+        "envelope": summary.get("envelope"),
+        "regimes": summary.get("regimes") or [],
+        "impacts": [impact["time"] for impact in summary.get("impacts") or []],
+        "events": [{"time": time, "text": text} for time, text in words.events(recording)],
+        "extremes": {
+            "normal_force": _extreme(summary, "normal_force", "min", "min_time"),
+            "static_friction": _extreme(summary, "static_friction", "max", "time"),
+            "mu_required": _extreme(summary, "mu_required", "max", "time"),
+        },
+    }
+
+
+def _extreme(summary, section, key, when):
+    entry = summary.get(section) or {}
+    if entry.get(key) is None or entry.get(when) is None:
+        return None
+    return {"value": entry[key], "time": entry[when], "what": "least" if key == "min" else "most"}
+
+
+def packed_names(recording):
+    """Time goes in as the sum of two columns, `time` and `time_rest`: float32 alone has no microseconds at 20 s."""
+    return [*recording.columns, "time_rest"]
+
+
+def _packed(recording):
+    columns = dict(recording.columns)
+    time = np.asarray(columns["time"], dtype=float)
+    columns["time"] = time.astype(np.float32)
+    columns["time_rest"] = time - columns["time"]
+    planes = []
+    for name in packed_names(recording):
+        with np.errstate(over="ignore"):
+            values = np.ascontiguousarray(columns[name], dtype="<f4")
+        values[~np.isfinite(values)] = np.nan
+        bits = values.view("<u4")
+        steps = np.diff(bits, prepend=np.uint32(0)).astype("<u4")  # modulo 2^32
+        planes.append(steps.view(np.uint8).reshape(-1, 4).T.tobytes())
+    return _base64(gzip.compress(b"".join(planes), 9, mtime=0))
+
+
+def table_html(table, class_name=""):
+    head = "".join(f"<th scope=\"col\">{symbols(cell)}</th>" for cell in table.head)
+    rows = "".join("<tr>" + "".join(_cell(cell) for cell in row) + "</tr>" for row in table.rows)
+    return (f'<section class="table {class_name}"><h3>{html.escape(table.title)}</h3><div class="wide"><table><thead>'
+            f"<tr>{head}</tr></thead><tbody>{rows}</tbody></table></div></section>")
+
+
+def _cell(text):
+    return f"<td{' class=long' if len(text) > _LONG_CELL else ''}>{symbols(text)}</td>"
+
+
+def symbols(text):
+    """Escaped, with the paper's symbols as they are printed."""
+    text = html.escape(str(text))
+    text = re.sub(r"\bf_s\b", "<i>f</i><sub>s</sub>", text)
+    text = re.sub(r"\bmu_s\b", "<i>μ</i><sub>s</sub>", text)
+    return re.sub(r"\bm_(\d)\b", r"<i>m</i><sub>\1</sub>", text)
+
+
+def notes_html(recording, prefix=""):
+    return "".join(f'<p class="note" role="note">{html.escape(prefix + note)}</p>' for note in recording.notes)
+
+
+def _report_head(recording):
+    text, kind = words.badge(recording)
+    actuation = {"stepper": "stepper-driven masses", "prescribed": "prescribed masses"}.get(
+        recording.summary.get("actuation"), "")
+    cards = "".join(_card(number) for number in words.numbers(recording.summary))
+    said = " ".join(f"<span>{symbols(sentence)}</span>" for sentence in words.sentences(recording))
+    return (f'<h1>{html.escape(recording.name)}<span class="badge {kind}">{html.escape(text)}</span></h1>'
+            f'<p class="subtitle">{html.escape(actuation)}</p>{notes_html(recording)}'
+            f'<p class="said">{said}</p><dl class="cards">{cards}</dl>')
+
+
+def _card(number):
+    """`data-value` has all digits of the summary."""
+    value = "perfect" if number.path == "surface.static_friction" and number.value is None else \
+        words.number_text(number.value)
+    unit = f" <small>{html.escape(number.unit)}</small>" if number.unit and number.value is not None else ""
+    when = f'<small class="when">{words.time_text(number.when)}</small>' if number.when is not None else ""
+    exact = html.escape(json.dumps(finite(number.value)), quote=True)
+    return (f"<div><dt>{symbols(number.label)}</dt><dd data-path=\"{html.escape(number.path)}\" data-value=\"{exact}\">"
+            f"<b>{value}</b>{unit}{when}</dd></div>")
+
+
+def _report_tables(recording):
+    return "".join(table_html(table) for table in words.tables(recording))

@@ -1,0 +1,147 @@
+"""ballast-compare RUN_A RUN_B: says in what two runs differ, and makes a page of both. `ballast compare` calls it."""
+
+import argparse
+import html
+import sys
+from pathlib import Path
+
+import differences
+import words
+from assemble import compare_page, notes_html, symbols, table_html
+from differences import MISSING, value_text
+from recording import Recording
+from report import run_program, write_page
+
+# In the terminal; the page has all.
+_LONGEST_TERMINAL_LIST = 40
+_WIDEST_VALUE = 28
+
+
+class Comparison:
+    """Two recordings, and what differs."""
+
+    def __init__(self, path_a, path_b):
+        self.recordings = [Recording(path_a), Recording(path_b)]
+        a, b = self.recordings
+        self.fields = differences.robot_differences(a.robot, b.robot)
+        self.fields += differences.summary_differences(a.summary, b.summary)
+        common, self.logs = differences.log_differences(a.log_path, b.log_path)
+        self.fields += common
+
+    @property
+    def identical(self):
+        return not self.fields and not any(log.differs for log in self.logs)
+
+    def field_rows(self):
+        return [[d.path, value_text(d.a), value_text(d.b), "" if d.difference is None else f"{d.difference:+.6g}"]
+                for d in self.fields]
+
+    def log_rows(self):
+        rows = []
+        for log in self.logs:
+            counts = " / ".join(str(size) for size in log.messages)
+            if log.differs:
+                rows.append([log.channel, counts, str(log.differing), str(log.tick), log.field or "(one has none)",
+                             value_text(log.a), value_text(log.b)])
+            else:
+                rows.append([log.channel, counts, "0", "–", "–", "–", "–"])
+        return rows
+
+    def first_difference(self):
+        """The earliest of all channels, as a sentence; what the plant says comes before what others make of it."""
+        differing = [log for log in self.logs if log.differs]
+        if not differing:
+            return "The logs are the same, message by message."
+        # A log that begins or ends elsewhere says less than a field.
+        first = min(differing, key=lambda log: (not log.field, log.tick))
+        where = f"The logs first differ in tick {first.tick}: {first.channel}"
+        if not first.field:
+            return f"{where}, which only one of them has."
+        return f"{where}, {first.field}: {value_text(first.a)} in A, {value_text(first.b)} in B."
+
+
+_FIELD_HEAD = ["field", "A", "B", "B − A"]
+_LOG_HEAD = ["channel", "messages A / B", "differing", "first tick", "first field", "A", "B"]
+
+
+def terminal_text(comparison):
+    a, b = comparison.recordings
+    lines = [f"A  {a.name}  ({a.log_path})", f"B  {b.name}  ({b.log_path})"]
+    lines += [f"   {which}: {note}" for which, recording in zip("AB", (a, b)) for note in recording.notes]
+    lines.append("")
+    if comparison.identical:
+        return "\n".join(lines + ["The runs are identical: every field but wall_time and speed, and every message."])
+    rows = comparison.field_rows()
+    if rows:
+        lines += _columns([_FIELD_HEAD] + rows[:_LONGEST_TERMINAL_LIST])
+        if len(rows) > _LONGEST_TERMINAL_LIST:
+            lines.append(f"  ... and {len(rows) - _LONGEST_TERMINAL_LIST} more fields, which the page has")
+    else:
+        lines.append("The summaries are the same.")
+    lines += [""] + _columns([_LOG_HEAD] + comparison.log_rows()) + ["", comparison.first_difference()]
+    return "\n".join(lines)
+
+
+def _columns(rows):
+    rows = [[cell if len(cell) <= _WIDEST_VALUE or k == 0 else cell[:_WIDEST_VALUE - 1] + "…"
+             for k, cell in enumerate(row)] for row in rows]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows]
+
+
+def _head(comparison):
+    a, b = comparison.recordings
+    verdict = ('<span class="badge good">Identical</span>' if comparison.identical else
+               '<span class="badge">They differ</span>')
+    pair = "".join(_run_box(recording, which) for which, recording in enumerate(comparison.recordings))
+    return (f"<h1>{html.escape(a.name)} <small>and</small> {html.escape(b.name)}{verdict}</h1>"
+            f'<p class="subtitle">{html.escape(comparison.first_difference())}</p><div class="pair">{pair}</div>')
+
+
+def _run_box(recording, which):
+    text, kind = words.badge(recording)
+    said = " ".join(symbols(sentence) for sentence in words.sentences(recording))
+    return (f'<section style="--which: var(--run-{which})"><h2>{"AB"[which]} · {html.escape(recording.name)}'
+            f'<span class="badge {kind}">{html.escape(text)}</span></h2>'
+            f'<p class="subtitle">{html.escape(recording.folder.resolve().name)}</p>{notes_html(recording)}'
+            f'<p class="said">{said}</p></section>')
+
+
+def _tables(comparison):
+    a, b = comparison.recordings
+    headline = []
+    numbers_b = {number.path: number for number in words.numbers(b.summary)}
+    for number in words.numbers(a.summary):
+        other = numbers_b.get(number.path)
+        values = number.value, MISSING if other is None else other.value
+        difference = differences.FieldDifference(number.path, *values).difference
+        label = f"{number.label} [{number.unit}]" if number.unit else number.label
+        headline.append([label, *(words.number_text(v) if v is not MISSING else "–" for v in values),
+                         "" if difference is None else f"{difference:+.6g}"])
+    fields = comparison.field_rows()
+    return (table_html(words.Table("What one asks first", ["", "A", "B", "B − A"], headline))
+            + table_html(words.Table("Logs, channel by channel", _LOG_HEAD, comparison.log_rows()), "full")
+            + (table_html(words.Table(f"Fields that differ: {len(fields)}", _FIELD_HEAD, fields), "full")
+               if fields else ""))
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="ballast-compare",
+                                     description="Says in what two runs differ, and makes an HTML page of both.")
+    parser.add_argument("run_a", type=Path, help="folder of a run, or its log")
+    parser.add_argument("run_b", type=Path, help="folder of another, or its log")
+    parser.add_argument("--out", type=Path, help="default: compare.html beside the log of RUN_B")
+    arguments = parser.parse_args()
+
+    def body():
+        comparison = Comparison(arguments.run_a, arguments.run_b)
+        print(terminal_text(comparison), flush=True)
+        a, b = comparison.recordings
+        write_page(arguments.out or b.folder / "compare.html",
+                   compare_page([a, b], f"{a.name} and {b.name}", _head(comparison), _tables(comparison)))
+
+    return run_program("ballast-compare", body)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

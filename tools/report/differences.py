@@ -1,0 +1,173 @@
+"""In what two runs differ: fields of their summaries and robots, and the first tick and field of their logs."""
+
+import math
+from typing import NamedTuple
+
+import ballast
+import numpy as np
+
+from event_log import EventLog
+
+# The only fields of a summary that differ between identical runs.
+_NEVER_THE_SAME = ("wall_time", "speed")
+_CHANNELS = {
+    "BALLAST_CONTACT": ballast.contact_t,
+    "BALLAST_PLANT_STATE": ballast.plant_state_t,
+    "BALLAST_SENSORS": ballast.sensors_t,
+    "BALLAST_STEP_COMMAND": ballast.step_command_t,
+    "BALLAST_CONTROLLER_STATUS": ballast.controller_status_t,
+    "BALLAST_TRIP": ballast.trip_t,
+    "BALLAST_OPERATOR": ballast.operator_t,
+}
+
+
+class FieldDifference(NamedTuple):
+    """One field; a run that lacks it has MISSING."""
+
+    path: str
+    a: object
+    b: object
+
+    @property
+    def difference(self):
+        """b - a of two numbers; None of anything else."""
+        both = (self.a, self.b)
+        if all(isinstance(v, (int, float)) and not isinstance(v, bool) and math.isfinite(v) for v in both):
+            return self.b - self.a
+        return None
+
+
+MISSING = object()
+
+
+def value_text(value):
+    if value is MISSING:
+        return "–"
+    if isinstance(value, float):
+        return f"{value:.10g}"
+    return "null" if value is None else str(value)
+
+
+class LogDifference(NamedTuple):
+    """One channel: None where there is none of that. Values are those of the first field that differs there."""
+
+    channel: str
+    messages: tuple           # number of them in a, in b
+    tick: int | None          # the first of which a field differs; if none does, the first that only one log has
+    field: str                # with its index, as in mass_position[2]; empty: only one log has the message
+    a: object
+    b: object
+    differing: int            # messages of ticks both have that differ
+
+    @property
+    def differs(self):
+        return self.tick is not None
+
+
+def summary_differences(a, b, path=""):
+    """FieldDifference of every field that differs, in a's order; a and b as json.loads gives them."""
+    if any(isinstance(value, (dict, list)) and value for value in (a, b)):
+        children_a, children_b = _children(a), _children(b)
+        found = []
+        for key in [*children_a, *(key for key in children_b if key not in children_a)]:
+            below = f"{path}.{key}" if path else str(key)
+            if below not in _NEVER_THE_SAME:
+                found += summary_differences(children_a.get(key, MISSING), children_b.get(key, MISSING), below)
+        return found
+    return [] if a is b or a == b else [FieldDifference(path, a, b)]
+
+
+def _children(value):
+    """What null, or nothing, lacks shows in the rows of what the other has."""
+    if isinstance(value, dict):
+        return value
+    return dict(enumerate(value)) if isinstance(value, list) else {}
+
+
+def robot_differences(a, b):
+    """As summary_differences, for what robot.json says; of rails only that they differ."""
+    found = []
+    for difference in summary_differences(a, b):
+        head, rail, _ = difference.path.partition(".rail")
+        if not rail:
+            found.append(difference)
+        elif not found or found[-1].path != head + rail:
+            found.append(FieldDifference(head + rail, "one rail", "another"))
+    return found
+
+
+def log_differences(path_a, path_b):
+    """(what differs of all messages, [FieldDifference]; a LogDifference per channel that either log has).
+
+    The fingerprint of the scenario is in every message of three channels: it is held against the other's once, and
+    left out of the messages.
+    """
+    logs = [EventLog(path, list(_CHANNELS)) for path in (path_a, path_b)]
+    ids = [_scenario_id(log) for log in logs]
+    common = [FieldDifference("scenario_id", *ids)] if ids[0] != ids[1] else []
+    found = []
+    for channel, message_class in _CHANNELS.items():
+        a, b = (log.messages(channel, message_class) for log in logs)
+        if len(a) or len(b):
+            found.append(_channel_difference(channel, a, b))
+    return common, found
+
+
+def _scenario_id(log):
+    sensors = log.messages("BALLAST_SENSORS", ballast.sensors_t)
+    return str(sensors["scenario_id"][0]) if len(sensors) else MISSING
+
+
+def _channel_difference(channel, a, b):
+    # Several messages of one tick, such as the operator's arm and start, are told apart by their order.
+    keys_a, keys_b = _keys(a), _keys(b)
+    _, rows_a, rows_b = np.intersect1d(keys_a, keys_b, assume_unique=True, return_indices=True)
+    bytes_a, bytes_b = (_without_scenario(rows).view(np.uint8).reshape(len(rows), rows.itemsize)
+                        for rows in (a[rows_a], b[rows_b]))
+    differing = np.flatnonzero((bytes_a != bytes_b).any(axis=1))
+    sizes = len(a), len(b)
+    if len(differing):
+        one, other = a[rows_a[differing[0]]], b[rows_b[differing[0]]]
+        return LogDifference(channel, sizes, int(one["tick"]), *_first_field(one, other), len(differing))
+    alone = [rows["tick"][np.isin(keys, others, invert=True)]
+             for rows, keys, others in ((a, keys_a, keys_b), (b, keys_b, keys_a))]
+    if not any(map(len, alone)):
+        return LogDifference(channel, sizes, None, "", None, None, 0)
+    first = min(int(ticks.min()) for ticks in alone if len(ticks))
+    there = ["none" if first not in ticks else "a message" for ticks in alone]
+    return LogDifference(channel, sizes, first, "", *there, 0)
+
+
+def _without_scenario(messages):
+    messages = messages.copy()
+    if "scenario_id" in messages.dtype.names:
+        messages["scenario_id"] = 0
+    return messages
+
+
+def _keys(messages):
+    """Tick and number within the tick, as one integer."""
+    ticks = np.asarray(messages["tick"], dtype=np.int64)
+    order = np.argsort(ticks, kind="stable")
+    ordered = ticks[order]
+    starts = np.flatnonzero(np.diff(ordered, prepend=ordered[:1] - 1)) if len(ordered) else np.zeros(0, dtype=int)
+    number = np.arange(len(ordered)) - np.repeat(starts, np.diff(np.append(starts, len(ordered))))
+    keys = np.empty_like(ticks)
+    keys[order] = ordered * (1 << 20) + number
+    return keys
+
+
+def _first_field(one, other):
+    for name in one.dtype.names:
+        a, b = np.atleast_1d(one[name]), np.atleast_1d(other[name])
+        if name == "scenario_id" or a.tobytes() == b.tobytes():
+            continue
+        for index in np.ndindex(a.shape):
+            if a[index].tobytes() != b[index].tobytes():
+                where = "".join(f"[{i}]" for i in index) if np.ndim(one[name]) else ""
+                return name + where, _plain(a[index]), _plain(b[index])
+    raise AssertionError("messages of different bytes have a field that differs")
+
+
+def _plain(value):
+    return value.item() if hasattr(value, "item") else value

@@ -1,0 +1,201 @@
+// Starts the page: reads the run, or two, makes plots and replay, connects slider, buttons and keys to the one clock.
+import { Clock } from "ballast/clock.js";
+import { FRICTION, makePanels, runLetter } from "ballast/panels.js";
+import { NUMBERS_EVERY_MS, numberText, Plots } from "ballast/plots.js";
+import { readSamples } from "ballast/samples.js";
+import { Scene } from "ballast/scene.js";
+import { connectThemeButton } from "ballast/theme.js";
+
+const element = (id) => document.getElementById(id);
+const FRAMES_PER_SECOND = 60; // a step of the arrow keys is one such frame at full speed
+
+function complain(text) {
+  element("trouble").textContent = text;
+  element("trouble").hidden = false;
+}
+
+async function readRuns() {
+  const { runs } = JSON.parse(element("described").textContent);
+  return Promise.all(runs.map(async (described, run) => ({
+    described, samples: await readSamples(element(`samples-${run}`).textContent, described) })));
+}
+
+// The plots work without WebGL; the replay does not.
+function makeScene(runs, clock) {
+  try {
+    return new Scene(element("view"), runs, clock, element("scale"));
+  } catch (error) {
+    complain(`The replay cannot be shown: ${error.message}`);
+    element("view").hidden = true;
+    return null;
+  }
+}
+
+const timeDigits = (end) => (end < 100 ? 3 : 2);
+
+function connectTransport(clock) {
+  const slider = element("slider"), play = element("play"), now = element("now"), digits = timeDigits(clock.end);
+  slider.max = clock.end;
+  slider.addEventListener("input", () => {
+    clock.pause();
+    clock.set(slider.valueAsNumber);
+  });
+  play.addEventListener("click", () => clock.toggle());
+  element("speed").addEventListener("change", (event) => (clock.speed = Number(event.target.value)));
+  const show = () => {
+    slider.valueAsNumber = clock.time;
+    slider.style.setProperty("--part", clock.end > 0 ? clock.time / clock.end : 0);
+    const text = `${clock.time.toFixed(digits)} s`;
+    now.textContent = text;
+    slider.setAttribute("aria-valuetext", text);
+    play.textContent = clock.playing ? "❚❚" : "▶";
+    play.setAttribute("aria-label", clock.playing ? "Pause" : "Play");
+  };
+  clock.onChange(show);
+  show();
+}
+
+// Regimes and events along the slider.
+function markSlider(runs, end) {
+  const place = element("marks");
+  const add = (name, from, to, title) => {
+    const mark = document.createElement("span");
+    mark.className = name;
+    mark.style.left = `${(100 * from) / end}%`;
+    if (to !== undefined) mark.style.width = `${(100 * (to - from)) / end}%`;
+    mark.title = title;
+    place.append(mark);
+  };
+  if (!(end > 0)) return;
+  for (const { described } of runs) {
+    for (const { regime, start, end: until } of described.regimes) if (regime !== "rolling") add(regime, start, until, regime);
+    for (const { time, text } of described.events) add("event", time, undefined, text);
+  }
+}
+
+// What the shades and lines of the plots mean, once for all of them.
+function describeMarks(runs) {
+  const place = element("legend"), entries = [];
+  const names = new Set(runs.flatMap(({ described }) => described.regimes.map(({ regime }) => regime)));
+  for (const regime of ["sliding", "flight"]) if (names.has(regime)) entries.push([`box ${regime}`, regime]);
+  const impacts = runs.reduce((sum, { described }) => sum + described.impacts.length, 0);
+  if (impacts) entries.push(["line impact", impacts === 1 ? "impact" : `${impacts} impacts`]);
+  runs.forEach(({ described }, run) => {
+    for (const { time, text } of described.events) {
+      const who = runs.length > 1 ? `${runLetter(run)}: ` : "";
+      entries.push([`line event run-${runs.length > 1 ? run : "alone"}`, `${who}${text}, t = ${Number(time.toPrecision(6))} s`]);
+    }
+  });
+  for (const [name, text] of entries) {
+    const item = document.createElement("span"), swatch = document.createElement("i");
+    swatch.className = name;
+    item.append(swatch, text);
+    place.append(item);
+  }
+}
+
+function makeHud(runs, scene, clock) {
+  const hud = element("hud");
+  const lines = runs.map(({ samples, described }, run) => {
+    const line = document.createElement("p");
+    const letter = runs.length > 1 ? `<b style="color: var(--run-${run})">${runLetter(run)}</b> ` : "";
+    const limit = described.static_friction === null ? "" : ` of ${Number(described.static_friction.toPrecision(4))}`;
+    const factor = scene?.robots[run].frictionFactor ?? 1;
+    line.innerHTML = `${letter}<span class="regime"></span> <span class="of-force"><i>N</i> <b></b> N</span> <span class="of-friction">${FRICTION} <b></b> N${factor > 1 ? ` <small>×${factor}</small>` : ""}</span> <span class="of-cone">${FRICTION}/<i>N</i> <b></b>${limit && `<small>${limit}</small>`}</span>`;
+    if (factor > 1) line.querySelector(".of-friction").title = `the arrow of the friction is drawn ${factor} times longer`;
+    hud.append(line);
+    const [regime, ...numbers] = [line.querySelector(".regime"), ...line.querySelectorAll("span > b")];
+    return (time) => {
+      const row = samples.rowAt(time);
+      const name = ["rolling", "sliding", "flight"][samples.get("regime")[row]] ?? "";
+      if (regime.textContent !== name) [regime.textContent, regime.className] = [name, `regime ${name}`];
+      ["normal_force", "static_friction", "mu_required"].forEach((column, k) => (numbers[k].textContent = numberText(samples.get(column)[row])));
+    };
+  });
+  let shownAt = -Infinity;
+  const show = (time) => {
+    const now = performance.now();
+    if (clock.playing && now - shownAt < NUMBERS_EVERY_MS) return;
+    shownAt = now;
+    for (const line of lines) line(time);
+  };
+  clock.onChange(show);
+  show(clock.time);
+}
+
+function connectButtons(scene, plots) {
+  for (const button of document.querySelectorAll("[data-camera]"))
+    button.addEventListener("click", () => {
+      const follow = document.querySelector("[data-show=follow]");
+      const follows = button.dataset.camera === "ball";
+      if (follow.checked !== follows) follow.click();
+      scene?.look(button.dataset.camera);
+    });
+  for (const box of document.querySelectorAll("[data-show]")) box.addEventListener("change", () => scene?.show(box.dataset.show, box.checked));
+  for (const button of document.querySelectorAll("[data-zoom]"))
+    button.addEventListener("click", () => (button.dataset.zoom === "all" ? plots.zoomAll() : plots.zoomBy(button.dataset.zoom === "in" ? 0.5 : 2)));
+}
+
+function connectKeys(clock, plots) {
+  const step = (direction, event) => {
+    clock.pause();
+    clock.set(clock.time + (direction * clock.speed * (event.shiftKey ? 10 : 1)) / FRAMES_PER_SECOND);
+  };
+  const keys = {
+    " ": () => clock.toggle(),
+    ArrowLeft: (event) => step(-1, event),
+    ArrowRight: (event) => step(1, event),
+    Home: () => clock.set(0),
+    End: () => clock.set(clock.end),
+    "+": () => plots.zoomBy(0.5),
+    "-": () => plots.zoomBy(2),
+    0: () => plots.zoomAll(),
+    f: () => document.querySelector("[data-show=follow]").click(),
+  };
+  addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey || !Object.hasOwn(keys, event.key)) return;
+    const { tagName, type } = event.target;
+    const isChoice = tagName === "SELECT" || tagName === "SUMMARY" || tagName === "BUTTON" || type === "checkbox";
+    if (isChoice && [" ", "ArrowLeft", "ArrowRight", "Home", "End"].includes(event.key)) return; // theirs
+    event.preventDefault();
+    keys[event.key](event);
+  });
+}
+
+function start(runs) {
+  const clock = new Clock(Math.max(...runs.map(({ samples }) => samples.end)));
+  connectThemeButton(element("theme"));
+  const scene = makeScene(runs, clock);
+  const plots = new Plots(element("plots"), makePanels(runs), runs, clock);
+  connectTransport(clock);
+  markSlider(runs, clock.end);
+  describeMarks(runs);
+  makeHud(runs, scene, clock);
+  connectButtons(scene, plots);
+  connectKeys(clock, plots);
+  let last = 0, drawn = 0;
+  const frame = (now) => {
+    // A page that was hidden goes on where it was.
+    const seconds = (now - last) / 1000;
+    clock.advance(Math.min(seconds, 0.25));
+    if (clock.playing) scene?.adapt(seconds);
+    last = now;
+    if (scene?.render()) ++drawn;
+    requestAnimationFrame(frame);
+  };
+  requestAnimationFrame(frame);
+  return { clock, plots, scene, runs, framesDrawn: () => drawn };
+}
+
+// What a test, or a visitor's console, may ask: see tests/report.
+window.ballastReport = { ready: false };
+readRuns().then((runs) => {
+  const parts = start(runs);
+  // Two frames: one to lay out and draw, one that comes when that is done.
+  requestAnimationFrame(() => requestAnimationFrame(() => {
+    Object.assign(window.ballastReport, parts, { ready: true, readyAfterMs: performance.now() });
+  }));
+}).catch((error) => {
+  complain(error.message);
+  throw error;
+});

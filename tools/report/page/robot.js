@@ -1,0 +1,317 @@
+// One run's ball in the replay: shell, rails, masses, contact force, friction cone, path. All lengths are the run's own.
+import * as THREE from "three";
+import { color } from "ballast/theme.js";
+
+const WEIGHT_ARROW = 1.15; // ball radii: the contact force of a ball at rest
+const LONGEST_ARROW = 2.6; // likewise; impacts and jumps end there
+const FRICTION_ARROW = 0.8; // likewise, of the most friction at the most
+const CONE_SLANT = 1.3;
+const HEAVIEST_MASS = 0.115; // radius of its sphere; the others by the cube root of their mass
+const LEAST_MASS = 0.045;
+const PATH_POINTS = 3000;
+const RAIL_POINTS = 600;
+const REGIMES = ["rolling", "sliding", "flight"];
+const UP = new THREE.Vector3(0, 0, 1);
+
+const paint = (material, name) => material.color.setStyle(color(name));
+
+// A sphere's texture: a ball of gores and bands, by which one sees it roll. Alpha only; the material has the colour.
+function shellPattern() {
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [1024, 512];
+  const context = canvas.getContext("2d");
+  const gores = 8, bands = 4, width = canvas.width / gores, height = canvas.height / bands;
+  for (let i = 0; i < gores; ++i)
+    for (let j = 0; j < bands; ++j) {
+      context.fillStyle = `rgba(255, 255, 255, ${(i + j) % 2 ? 0.3 : 0.09})`;
+      context.fillRect(i * width, j * height, width, height);
+    }
+  context.strokeStyle = "rgba(255, 255, 255, 0.75)";
+  context.lineWidth = 5;
+  context.strokeRect(-10, canvas.height / 2, canvas.width + 20, 2 * canvas.height);
+  for (const i of [0, 2, 4, 6, 8]) {
+    context.beginPath();
+    context.moveTo(i * width, 0);
+    context.lineTo(i * width, canvas.height);
+    context.stroke();
+  }
+  const texture = new THREE.CanvasTexture(canvas);
+  texture.colorSpace = THREE.SRGBColorSpace;
+  texture.anisotropy = 8;
+  return texture;
+}
+
+// Brighter towards the edge, as glass is.
+function rimMaterial() {
+  return new THREE.ShaderMaterial({
+    transparent: true, depthWrite: false, uniforms: { tint: { value: new THREE.Color() } },
+    vertexShader: `varying vec3 n, v;
+      void main() { vec4 p = modelViewMatrix * vec4(position, 1.0); n = normalMatrix * normal; v = -p.xyz; gl_Position = projectionMatrix * p; }`,
+    fragmentShader: `uniform vec3 tint; varying vec3 n, v;
+      void main() { float edge = 1.0 - abs(dot(normalize(n), normalize(v))); gl_FragColor = vec4(tint, 0.75 * edge * edge * edge); }`,
+  });
+}
+
+function shadowTexture() {
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = 128;
+  const context = canvas.getContext("2d");
+  const gradient = context.createRadialGradient(64, 64, 4, 64, 64, 64);
+  gradient.addColorStop(0, "rgba(0, 0, 0, 0.55)");
+  gradient.addColorStop(0.55, "rgba(0, 0, 0, 0.18)");
+  gradient.addColorStop(1, "rgba(0, 0, 0, 0)");
+  context.fillStyle = gradient;
+  context.fillRect(0, 0, 128, 128);
+  return new THREE.CanvasTexture(canvas);
+}
+
+class Arrow {
+  constructor(thickness) {
+    this.material = new THREE.MeshLambertMaterial();
+    this.shaft = new THREE.Mesh(new THREE.CylinderGeometry(thickness, thickness, 1, 20).translate(0, 0.5, 0).rotateX(Math.PI / 2), this.material);
+    this.tip = new THREE.Mesh(new THREE.ConeGeometry(2.6 * thickness, 7 * thickness, 24).translate(0, -3.5 * thickness, 0).rotateX(Math.PI / 2), this.material);
+    this.head = 7 * thickness;
+    this.object = new THREE.Group().add(this.shaft, this.tip);
+  }
+
+  point(vector) {
+    const length = vector.length();
+    this.object.visible = length > 0.3 * this.head;
+    if (!this.object.visible) return;
+    this.object.quaternion.setFromUnitVectors(UP, vector.clone().divideScalar(length));
+    const head = Math.min(this.head, 0.6 * length);
+    this.tip.scale.setScalar(head / this.head);
+    this.tip.position.z = length;
+    this.shaft.scale.z = length - head;
+  }
+}
+
+export class Robot {
+  constructor({ samples, described }, run, several) {
+    Object.assign(this, { samples, described, run, several });
+    this.radius = described.radius;
+    this.object = new THREE.Group();
+    this.body = new THREE.Group();
+    this.contact = new THREE.Group();
+    this.object.add(this.body, this.contact);
+    this.painters = [];
+    this.makeShell();
+    this.makeMasses();
+    this.makeForces();
+    this.makePath();
+    this.paint();
+    this.update(0);
+  }
+
+  onPaint(painter) {
+    this.painters.push(painter);
+  }
+
+  paint() {
+    for (const painter of this.painters) painter();
+  }
+
+  makeShell() {
+    const r = this.radius, geometry = new THREE.SphereGeometry(r, 72, 48).rotateX(Math.PI / 2);
+    const map = shellPattern();
+    const options = { map, transparent: true, depthWrite: false };
+    const inside = new THREE.MeshBasicMaterial({ ...options, side: THREE.BackSide, opacity: 0.55 });
+    const outside = new THREE.MeshPhongMaterial({ ...options, shininess: 90, specular: 0x555555 });
+    const rim = rimMaterial();
+    this.shell = new THREE.Group();
+    [[inside, 1], [outside, 5], [rim, 6]].forEach(([material, order]) => {
+      const mesh = new THREE.Mesh(geometry, material);
+      mesh.renderOrder = order;
+      this.shell.add(mesh);
+    });
+    this.body.add(this.shell);
+    this.onPaint(() => {
+      const name = this.several ? `run-${this.run}` : "shell";
+      paint(inside, name);
+      paint(outside, name);
+      rim.uniforms.tint.value.setStyle(color(name));
+    });
+    this.shadow = new THREE.Mesh(new THREE.PlaneGeometry(2.2 * r, 2.2 * r), new THREE.MeshBasicMaterial({ map: shadowTexture(), transparent: true, depthWrite: false }));
+    this.shadow.renderOrder = -2;
+    this.object.add(this.shadow);
+  }
+
+  // Of robot.json; where a mass has none there, the way it went.
+  railPoints(mass) {
+    const rail = this.described.masses[mass].rail;
+    if (rail) return { closed: rail.closed, points: rail.points.map((point) => new THREE.Vector3(...point)) };
+    const { samples } = this, points = [], stride = Math.max(1, Math.floor(samples.rows / RAIL_POINTS));
+    for (let row = 0; row < samples.rows; row += stride) {
+      const point = new THREE.Vector3(...[0, 1, 2].map((j) => samples.get(`mass_B_${3 * mass + j}`)[row]));
+      if (!points.length || point.distanceTo(points.at(-1)) > 0.01 * this.radius) points.push(point);
+    }
+    return { closed: false, points };
+  }
+
+  makeMasses() {
+    const r = this.radius, masses = this.described.masses;
+    const heaviest = Math.max(...masses.map(({ mass }) => mass ?? 0));
+    this.rails = new THREE.Group();
+    this.masses = masses.map(({ mass }, i) => {
+      const { closed, points } = this.railPoints(i);
+      const railMaterial = new THREE.MeshLambertMaterial();
+      if (points.length > 1) {
+        const curve = new THREE.CatmullRomCurve3(points, closed, "centripetal");
+        this.rails.add(new THREE.Mesh(new THREE.TubeGeometry(curve, Math.max(2 * points.length, 32), 0.011 * r, 8, closed), railMaterial));
+      }
+      const size = heaviest > 0 ? Math.max(HEAVIEST_MASS * Math.cbrt(mass / heaviest), LEAST_MASS) : 0.09;
+      const material = new THREE.MeshPhongMaterial({ shininess: 70, specular: 0x333333 });
+      const sphere = new THREE.Mesh(new THREE.SphereGeometry(size * r, 32, 24), material);
+      this.body.add(sphere);
+      this.onPaint(() => {
+        paint(material, `mass-${i}`);
+        paint(railMaterial, `mass-${i}`);
+        railMaterial.color.lerp(new THREE.Color().setStyle(color("view")), 0.45);
+      });
+      return sphere;
+    });
+    this.body.add(this.rails);
+    // The system's centre of mass: what leads the ball.
+    const center = new THREE.MeshLambertMaterial();
+    this.center = new THREE.Mesh(new THREE.OctahedronGeometry(0.055 * r), center);
+    this.body.add(this.center);
+    this.onPaint(() => paint(center, "text"));
+  }
+
+  makeForces() {
+    const r = this.radius, { samples, described } = this;
+    const inside = described.masses.reduce((sum, { mass }) => sum + (mass ?? 0), described.shell_mass ?? 0);
+    const normals = samples.get("normal_force").filter((value) => value > 0).sort();
+    const weight = described.gravity && inside ? described.gravity * inside : normals[normals.length >> 1];
+    this.forceScale = weight > 0 ? (WEIGHT_ARROW * r) / weight : 0;
+    const most = samples.get("static_friction").reduce((least, value) => Math.max(least, value), 0);
+    const room = most > 0 ? (FRICTION_ARROW * r) / (most * this.forceScale) : 1;
+    this.frictionFactor = [10, 5, 2].find((factor) => factor <= room) ?? 1;
+    this.force = new Arrow(0.026 * r);
+    this.friction = new Arrow(0.022 * r);
+    this.forces = new THREE.Group().add(this.force.object, this.friction.object);
+    this.contact.add(this.forces);
+    this.cone = new THREE.Group();
+    this.contact.add(this.cone);
+    this.onPaint(() => {
+      paint(this.force.material, "force");
+      paint(this.friction.material, "friction");
+    });
+    const limit = described.static_friction;
+    if (limit === null || limit <= 0) return;
+    const angle = Math.atan(limit), height = CONE_SLANT * r * Math.cos(angle), width = CONE_SLANT * r * Math.sin(angle);
+    const geometry = new THREE.ConeGeometry(width, height, 64, 1, true).translate(0, -height / 2, 0).rotateX(-Math.PI / 2);
+    this.coneMaterial = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.17, side: THREE.DoubleSide, depthWrite: false });
+    const ringMaterial = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.8 });
+    const ring = new THREE.Mesh(new THREE.TorusGeometry(width, 0.008 * r, 8, 80).translate(0, 0, height), ringMaterial);
+    const mesh = new THREE.Mesh(geometry, this.coneMaterial);
+    mesh.renderOrder = 3;
+    ring.renderOrder = 3;
+    this.cone.add(mesh, ring);
+    this.paintCone = (inside) => [this.coneMaterial, ringMaterial].forEach((material) => paint(material, inside ? "margin" : "bad"));
+    this.onPaint(() => this.paintCone(this.isInside ?? true));
+  }
+
+  // A ribbon on the floor: lines are one pixel wide in WebGL. Coloured by regime; what is still to come is faint.
+  makePath() {
+    const { samples, radius } = this;
+    const stride = Math.max(1, Math.floor(samples.rows / PATH_POINTS));
+    const rows = [];
+    for (let row = 0; row < samples.rows; row += stride) rows.push(row);
+    if (rows.at(-1) !== samples.rows - 1) rows.push(samples.rows - 1);
+    const [x, y] = [samples.get("position_0"), samples.get("position_1")];
+    this.bounds = new THREE.Box3();
+    const kept = rows.filter((row, k) => {
+      this.bounds.expandByPoint(new THREE.Vector3(x[row], y[row], 0));
+      const before = rows[k - 1];
+      return k === 0 || Math.hypot(x[row] - x[before], y[row] - y[before]) > 1e-6 * radius;
+    });
+    this.pathRows = kept;
+    const half = 0.028 * radius * (this.several ? 0.8 : 1);
+    const places = new Float32Array(6 * kept.length), colors = new Float32Array(6 * kept.length), triangles = [];
+    kept.forEach((row, k) => {
+      const from = kept[Math.max(k - 1, 0)], to = kept[Math.min(k + 1, kept.length - 1)];
+      const [dx, dy] = [x[to] - x[from], y[to] - y[from]], length = Math.hypot(dx, dy) || 1;
+      const [across, along] = [(-dy / length) * half, (dx / length) * half];
+      const z = (0.004 + 0.002 * this.run) * radius;
+      places.set([x[row] + across, y[row] + along, z, x[row] - across, y[row] - along, z], 6 * k);
+      if (k > 0) triangles.push(2 * k - 2, 2 * k - 1, 2 * k, 2 * k - 1, 2 * k + 1, 2 * k);
+    });
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    geometry.setAttribute("color", new THREE.BufferAttribute(colors, 3));
+    geometry.setIndex(triangles);
+    this.gone = new THREE.Mesh(geometry.clone(), new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide, depthWrite: false }));
+    const whole = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide, transparent: true, opacity: 0.22, depthWrite: false }));
+    this.gone.renderOrder = -1;
+    whole.renderOrder = -1;
+    this.gone.frustumCulled = whole.frustumCulled = false;
+    this.path = new THREE.Group().add(whole, this.gone);
+    this.onPaint(() => {
+      const names = [this.several ? `run-${this.run}` : "path", "friction", "flight-path"];
+      const tints = names.map((name) => new THREE.Color().setStyle(color(name)));
+      kept.forEach((row, k) => {
+        const tint = tints[samples.get("regime")[row]] ?? tints[0];
+        for (const at of [6 * k, 6 * k + 3]) colors.set([tint.r, tint.g, tint.b], at);
+      });
+      for (const mesh of this.path.children) {
+        mesh.geometry.attributes.color.array.set(colors);
+        mesh.geometry.attributes.color.needsUpdate = true;
+      }
+    });
+  }
+
+  // The ball as it is drawn at that time.
+  update(time) {
+    const { samples, radius } = this, place = samples.placeAt(time), row = place[0];
+    const [x, y, height] = samples.vectorAt("position", 3, place);
+    const [w, i, j, k] = this.orientation(place);
+    this.body.position.set(x, y, radius + height);
+    this.body.quaternion.set(i, j, k, w).normalize();
+    this.contact.position.set(x, y, 0.01 * radius);
+    this.shadow.position.set(x, y, 0.006 * radius);
+    this.shadow.material.opacity = 1 / (1 + 3 * Math.max(height, 0) / radius);
+    this.shadow.scale.setScalar(1 + 0.5 * Math.max(height, 0) / radius);
+    this.masses.forEach((sphere, mass) =>
+      sphere.position.set(...[0, 1, 2].map((c) => this.between(`mass_B_${3 * mass + c}`, place))));
+    this.center.position.set(...samples.vectorAt("center_of_mass", 3, place));
+    this.regime = REGIMES[samples.get("regime")[row]] ?? "unknown";
+    this.updateForces(place);
+    const gone = this.pathRows.findLastIndex((pathRow) => pathRow <= row);
+    this.gone.geometry.setDrawRange(0, 6 * Math.max(gone, 0));
+  }
+
+  between(name, [row, next, part]) {
+    const column = this.samples.get(name);
+    return column[row] + part * (column[next] - column[row]);
+  }
+
+  // Quaternions of one attitude come with both signs.
+  orientation([row, next, part]) {
+    const columns = [0, 1, 2, 3].map((c) => this.samples.get(`orientation_${c}`));
+    const sign = columns.reduce((sum, column) => sum + column[row] * column[next], 0) < 0 ? -1 : 1;
+    return columns.map((column) => column[row] + part * (sign * column[next] - column[row]));
+  }
+
+  updateForces(place) {
+    const inContact = this.regime !== "flight";
+    this.contact.visible = inContact;
+    if (!inContact) return;
+    const [fx, fy] = this.samples.vectorAt("friction_force", 2, place), normal = this.between("normal_force", place);
+    const force = new THREE.Vector3(fx, fy, normal).multiplyScalar(this.forceScale);
+    const friction = new THREE.Vector3(fx, fy, 0).multiplyScalar(this.forceScale * this.frictionFactor);
+    this.force.point(force.clampLength(0, LONGEST_ARROW * this.radius));
+    this.friction.point(friction.clampLength(0, LONGEST_ARROW * this.radius));
+    const margin = this.samples.get("margin")[place[0]];
+    const inside = this.regime === "rolling" && !(margin < 0);
+    if (inside !== this.isInside) {
+      this.isInside = inside;
+      this.paintCone?.(inside);
+    }
+  }
+
+  show(what, shown) {
+    const parts = { shell: this.shell, rails: this.rails, force: this.forces, cone: this.cone, path: this.path };
+    if (parts[what]) parts[what].visible = shown;
+  }
+}

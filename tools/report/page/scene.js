@@ -1,0 +1,177 @@
+// The replay: floor, light, camera, and a ball per run.
+import * as THREE from "three";
+import { OrbitControls } from "three/OrbitControls";
+import { Robot } from "ballast/robot.js";
+import { color, onThemeChange } from "ballast/theme.js";
+
+const FIELD_OF_VIEW = 34; // degrees
+const SLOW_FRAME_S = 0.03;
+const SLOW_FRAMES = 12; // one after another
+const LEAST_PIXEL_RATIO = 0.5;
+const DIRECTION = new THREE.Vector3(-0.62, -1, 0.52).normalize();
+
+// 1, 2 or 5 times a power of ten, at most `value`.
+function roundLength(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return power * ([5, 2, 1].find((factor) => factor * power <= value) ?? 1);
+}
+
+// A grid that fades away from where one looks; every fifth line is stronger.
+function floorMaterial() {
+  return new THREE.ShaderMaterial({
+    transparent: true, depthWrite: false, side: THREE.DoubleSide,
+    uniforms: { tint: { value: new THREE.Color() }, spacing: { value: 1 }, middle: { value: new THREE.Vector2() }, reach: { value: 10 } },
+    vertexShader: `varying vec2 place;
+      void main() { vec4 p = modelMatrix * vec4(position, 1.0); place = p.xy; gl_Position = projectionMatrix * viewMatrix * p; }`,
+    fragmentShader: `uniform vec3 tint; uniform float spacing, reach; uniform vec2 middle; varying vec2 place;
+      float lines(float s) { vec2 c = place / s; vec2 d = abs(fract(c - 0.5) - 0.5) / fwidth(c); return 1.0 - min(min(d.x, d.y), 1.0); }
+      void main() {
+        float far = 1.0 - smoothstep(0.25 * reach, reach, distance(place, middle));
+        gl_FragColor = vec4(tint, far * max(0.45 * lines(spacing), 0.95 * lines(5.0 * spacing)));
+      }`,
+  });
+}
+
+export class Scene {
+  constructor(box, runs, clock, scaleText) {
+    this.box = box;
+    this.clock = clock;
+    this.scaleText = scaleText;
+    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+    this.renderer.debug.checkShaderErrors = false; // asking would wait for the compiler
+    this.pixelRatio = Math.min(devicePixelRatio, 2);
+    this.renderer.setPixelRatio(this.pixelRatio);
+    this.slowFrames = 0;
+    const canvas = this.renderer.domElement;
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", "The ball on its floor, with its masses, the contact force and the path");
+    box.prepend(canvas);
+    this.scene = new THREE.Scene();
+    this.robots = runs.map((run, number) => new Robot(run, number, runs.length > 1));
+    this.radius = Math.max(...this.robots.map(({ radius }) => radius));
+    for (const robot of this.robots) this.scene.add(robot.object, robot.path);
+    this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.03 * this.radius, 4000 * this.radius);
+    this.camera.up.set(0, 0, 1);
+    this.makeFloor();
+    this.makeLight();
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.maxPolarAngle = 0.495 * Math.PI;
+    this.controls.minDistance = 1.3 * this.radius;
+    this.controls.maxDistance = 1500 * this.radius;
+    this.controls.enableDamping = false;
+    this.controls.addEventListener("change", () => (this.dirty = true));
+    this.follows = true;
+    this.dirty = true;
+    this.resize();
+    this.look("ball");
+    new ResizeObserver(() => this.resize()).observe(box);
+    onThemeChange(() => this.paint());
+    clock.onChange((time) => this.showTime(time));
+    this.paint();
+  }
+
+  makeFloor() {
+    this.floor = new THREE.Mesh(new THREE.PlaneGeometry(1, 1), floorMaterial());
+    this.floor.renderOrder = -3;
+    this.scene.add(this.floor);
+  }
+
+  makeLight() {
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8890a0, 2.2));
+    const sun = new THREE.DirectionalLight(0xffffff, 1.6);
+    sun.position.set(-2, -1, 4);
+    this.scene.add(sun);
+  }
+
+  // Midst of the balls.
+  get middle() {
+    return this.robots.reduce((sum, { body }) => sum.add(body.position), new THREE.Vector3()).divideScalar(this.robots.length);
+  }
+
+  paint() {
+    for (const robot of this.robots) robot.paint();
+    this.floor.material.uniforms.tint.value.setStyle(color("floor"));
+    this.dirty = true;
+  }
+
+  show(what, shown) {
+    if (what === "follow") {
+      this.follows = shown;
+      if (shown) this.look("ball", this.camera.position.clone().sub(this.controls.target).normalize());
+    }
+    for (const robot of this.robots) robot.show(what, shown);
+    this.dirty = true;
+  }
+
+  showTime(time) {
+    const before = this.middle;
+    for (const robot of this.robots) robot.update(time);
+    if (this.follows) {
+      const moved = this.middle.sub(before);
+      this.camera.position.add(moved);
+      this.controls.target.add(moved);
+    }
+    this.dirty = true;
+  }
+
+  // From `direction` at a sphere that has to be seen whole.
+  lookAt(center, size, direction) {
+    const upright = THREE.MathUtils.degToRad(FIELD_OF_VIEW) / 2;
+    const across = Math.atan(Math.tan(upright) * this.camera.aspect);
+    const distance = size / Math.sin(Math.min(upright, across));
+    this.controls.target.copy(center);
+    this.camera.position.copy(center).addScaledVector(direction, distance);
+    this.controls.update();
+    this.dirty = true;
+  }
+
+  look(at, direction = DIRECTION) {
+    const above = new THREE.Vector3(-1e-3, -1e-3, 1).normalize();
+    if (at === "ball") {
+      const apart = Math.max(...this.robots.map(({ body }) => body.position.distanceTo(this.middle)));
+      this.lookAt(this.middle, 1.5 * this.radius + Math.min(apart, 6 * this.radius), direction);
+      return;
+    }
+    const bounds = this.robots.reduce((box, robot) => box.union(robot.bounds), new THREE.Box3());
+    const center = bounds.getCenter(new THREE.Vector3()).setZ(0.5 * this.radius);
+    const size = 0.5 * bounds.getSize(new THREE.Vector3()).length() + 1.4 * this.radius;
+    this.lookAt(center, size, at === "top" ? above : direction);
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.box;
+    if (!width || !height) return;
+    this.renderer.setSize(width, height);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.dirty = true;
+  }
+
+  // Where frames come late while it plays, it is drawn with fewer pixels: a slow machine shows motion rather than edges.
+  adapt(frameSeconds) {
+    this.slowFrames = frameSeconds > SLOW_FRAME_S ? this.slowFrames + 1 : 0;
+    if (this.slowFrames < SLOW_FRAMES || this.pixelRatio <= LEAST_PIXEL_RATIO) return;
+    this.slowFrames = 0;
+    this.pixelRatio = Math.max(0.7 * this.pixelRatio, LEAST_PIXEL_RATIO);
+    this.renderer.setPixelRatio(this.pixelRatio);
+    this.dirty = true;
+  }
+
+  // Draws if there is something new; says whether it did.
+  render() {
+    if (!this.dirty) return false;
+    this.dirty = false;
+    const { target } = this.controls, distance = this.camera.position.distanceTo(target), { uniforms } = this.floor.material;
+    const spacing = roundLength(Math.max(distance / 9, 0.05 * this.radius));
+    if (uniforms.spacing.value !== spacing || !this.scaleText.textContent) {
+      uniforms.spacing.value = spacing;
+      this.scaleText.textContent = `grid ${Number(spacing.toPrecision(2))} m`;
+    }
+    uniforms.reach.value = 2.6 * distance;
+    uniforms.middle.value.set(target.x, target.y);
+    this.floor.position.set(target.x, target.y, 0);
+    this.floor.scale.setScalar(5.4 * distance);
+    this.renderer.render(this.scene, this.camera);
+    return true;
+  }
+}

@@ -1,0 +1,235 @@
+"""One run as the page shows it: a table of samples, what the run was made of, and what its summary says of it.
+
+Everything comes from run.lcmlog, summary.json and robot.json. Where a log has no summary beside it, what the summary
+would say and the log shows takes its place, with the same names; `from_log` is then true.
+"""
+
+import math
+import os
+from pathlib import Path
+
+import ballast
+import numpy as np
+
+from event_log import EventLog, LogError
+from recorded_run import REGIME_NAMES, RecordedRun, read_json
+
+# More samples than this are thinned: a page of 20 s at 1 kHz shows each. Twice what the widest screen has pixels in a
+# plot would do; zooming in wants more.
+MOST_SAMPLES = 30000
+
+_TRIP_CAUSES = {
+    ballast.trip_t.CAUSE_NORMAL_FORCE: "normal_force",
+    ballast.trip_t.CAUSE_FRICTION: "friction",
+    ballast.trip_t.CAUSE_NONFINITE: "nonfinite",
+    ballast.trip_t.CAUSE_STALE: "stale",
+    ballast.trip_t.CAUSE_MISSING: "missing",
+    ballast.trip_t.CAUSE_REPEATED: "repeated",
+}
+
+
+class Recording:
+    """`columns`: name -> array of one length, a row per sample; `notes`: sentences on what is missing or left out."""
+
+    def __init__(self, path):
+        path = Path(path)
+        if not path.exists():
+            raise LogError(f"{path}: no such file or folder")
+        self.log_path = path / "run.lcmlog" if path.is_dir() else path
+        self.folder = self.log_path.parent
+        self.notes = []
+        summary_path = self.folder / "summary.json"
+        # A log of another name is not what a summary beside it speaks of.
+        self.from_log = self.log_path.name != "run.lcmlog" or not summary_path.exists()
+        self.summary = {} if self.from_log else _mapping(summary_path)
+        self._run = RecordedRun(self.folder, self.log_path, self.summary)
+        if self.from_log:
+            self.summary.update(summary_from_log(self._run, self.log_path))
+            self.notes.append(f"There is no summary.json for {self.log_path.name}: all numbers are those of its "
+                              "samples, and what a log does not say is left out.")
+        if self._run.damage:
+            self.notes.append(f"{self.log_path.name}: {self._run.damage}. Shown is what comes before.")
+        self.mass_count = self._run.mass_count
+        self.robot = self._read_robot()
+        self.columns = self._columns()
+        self._thin()
+
+    @property
+    def name(self):
+        return str(self.summary.get("scenario") or os.path.basename(self.folder.resolve()))
+
+    @property
+    def end_s(self):
+        return self._run.end_s
+
+    @property
+    def damage(self):
+        return self._run.damage
+
+    @property
+    def static_friction_coefficient(self):
+        """Infinite for perfect friction; None where nothing says."""
+        if "surface" not in self.summary:
+            return None
+        return self._run.static_friction_coefficient
+
+    def motors(self):
+        """As RecordedRun's; none where nothing says what the motors are."""
+        return [] if self.from_log else self._run.motors()
+
+    def _read_robot(self):
+        """robot.json; without it, what the log shows of it: no masses, no rails."""
+        path = self.folder / "robot.json"
+        if not self.from_log or path.exists():
+            try:
+                robot = _mapping(path)
+                if len(robot["masses"]) == self.mass_count and float(robot["ball"]["radius"]) > 0:
+                    return robot
+                raise LogError(f"{path}: speaks of another robot than {self.log_path}")
+            except FileNotFoundError:
+                pass
+            except (KeyError, TypeError, ValueError) as error:
+                raise LogError(f"{path}: not what a run writes ({error!r})") from error
+        radius = self._run.ball_radius_m()
+        self.notes.append("There is no robot.json beside the log: the ball's radius is the one with which it rolls, the "
+                          "rails are drawn as far as the masses went, and all masses have one size.")
+        if radius is None:
+            reach = np.linalg.norm(self._run.state["mass_position_B_m"], axis=2).max()
+            radius = float(reach) / 0.9 if reach > 0 else 1.0
+            self.notes[-1] += " It never rolls: the radius is a guess."
+        return {"ball": {"radius": radius}, "masses": [{"mass": None, "rail": None}] * self.mass_count}
+
+    def _columns(self):
+        run = self._run
+        _, rows_contact, rows_state = np.intersect1d(run.contact["tick"], run.state["tick"], return_indices=True)
+        contact, state = run.contact[rows_contact], run.state[rows_state]
+        if len(contact) == 0:
+            raise LogError(f"{self.log_path}: no tick has both a BALLAST_CONTACT and a BALLAST_PLANT_STATE message")
+        columns = {"time": np.array(contact["time_s"], dtype=float), "regime": contact["regime"],
+                   "normal_force": contact["normal_force_n"], "static_friction": contact["static_friction_n"],
+                   "mu_required": run.friction_required()[rows_contact],
+                   "margin": np.where(contact["regime"] == ballast.contact_t.REGIME_FLIGHT, np.nan, contact["margin"])}
+        for name in ("normal_force", "static_friction", "mu_required"):
+            field = f"commanded_{name}" + ("" if name == "mu_required" else "_n")
+            if field in contact.dtype.names and np.isfinite(contact[field]).any():
+                columns[f"commanded_{name}"] = contact[field]
+        _add(columns, "friction_force", contact["friction_force_W_n"])
+        _add(columns, "orientation", state["orientation"])
+        _add(columns, "angular_velocity", state["angular_velocity_B_radps"])
+        _add(columns, "position", state["position_W_m"])
+        _add(columns, "center_of_mass", state["center_of_mass_B_m"])
+        n = self.mass_count
+        _add(columns, "mass_position", state["mass_position"][:, :n])
+        _add(columns, "motor_torque", state["motor_torque_nm"][:, :n])
+        _add(columns, "mass_B", state["mass_position_B_m"][:, :n].reshape(len(state), 3 * n))
+        for motor in self.motors():
+            columns[f"motor_margin_{motor.mass}"] = 100 * motor.margin[rows_state]
+        self._add_commanded(columns, state)
+        return columns
+
+    def _add_commanded(self, columns, state):
+        """NaN where the controller said nothing: the last sample may lie between two tick starts."""
+        if len(self._run.status) == 0 or self._run.status["motor_count"][0] == 0:
+            return
+        period_s = float(self.summary.get("control_period") or np.nan)
+        status = self._run.status
+        ticks, rows, rows_status = np.intersect1d(state["tick"], status["tick"], return_indices=True)
+        at_start = np.abs(state["time_s"][rows] - ticks * period_s) < 1e-3 * period_s
+        commanded = np.full((len(state), self.mass_count), np.nan)
+        commanded[rows[at_start]] = status["commanded_position"][rows_status[at_start], :self.mass_count]
+        if not np.isfinite(commanded).any():
+            return
+        _add(columns, "commanded", commanded)
+        _add(columns, "deviation", np.asarray(state["mass_position"][:, :self.mass_count]) - commanded)
+
+    def _thin(self):
+        time = self.columns["time"]
+        if len(time) <= MOST_SAMPLES:
+            return
+        keep = thinned_rows([self.columns[name] for name in ("normal_force", "static_friction", "mu_required")],
+                            MOST_SAMPLES)
+        self.columns = {name: values[keep] for name, values in self.columns.items()}
+        self.notes.append(f"{len(keep)} of {len(time)} samples are drawn, the extremes among them. The numbers are of "
+                          "all of them.")
+
+
+def _mapping(path):
+    if not path.exists():
+        raise FileNotFoundError(path)
+    found = read_json(path)
+    if not isinstance(found, dict):
+        raise LogError(f"{path}: not a JSON object")
+    return found
+
+
+def _add(columns, name, values):
+    for j in range(values.shape[1]):
+        columns[f"{name}_{j}"] = values[:, j]
+
+
+def thinned_rows(signals, most):
+    """At most about `most` rows: of equal stretches the first row, and each signal's least and greatest; and the last."""
+    count = len(signals[0])
+    stretch = -(-count * (1 + 2 * len(signals)) // most)
+    keep = {count - 1}
+    for start in range(0, count, stretch):
+        keep.add(start)
+        for values in signals:
+            part = values[start:start + stretch]
+            if np.isfinite(part).any():
+                keep.update((start + int(np.nanargmin(part)), start + int(np.nanargmax(part))))
+    return np.array(sorted(keep))
+
+
+def summary_from_log(run, log_path):
+    """What of summary.json a log shows."""
+    contact, state = run.contact, run.state
+    time = np.asarray(contact["time_s"], dtype=float)
+    normal, friction, ratio = contact["normal_force_n"], contact["static_friction_n"], run.friction_required()
+    least, most, strongest = int(np.argmin(normal)), int(np.argmax(normal)), int(np.argmax(friction))
+    found = {"end": {"reason": None, "time": run.end_s},
+             "normal_force": {"min": float(normal[least]), "min_time": time[least],
+                              "max": float(normal[most]), "max_time": time[most]},
+             "static_friction": {"max": float(friction[strongest]), "time": time[strongest]},
+             "regimes": _regimes(contact, run.end_s), "trip": _trip(log_path)}
+    in_contact = contact["regime"] != ballast.contact_t.REGIME_FLIGHT
+    if in_contact.any():
+        unbounded = in_contact & ~np.isfinite(ratio)
+        row = int(np.argmax(unbounded)) if unbounded.any() else int(np.nanargmax(ratio))
+        found["mu_required"] = {"max": None if unbounded.any() else float(ratio[row]), "time": time[row]}
+    # margin = 1 - f_s / (mu_s N), contact.lcm; 1 with any friction means perfect friction.
+    shows = np.isfinite(ratio) & (ratio > 0) & (normal > 0)
+    if shows.any():
+        used = 1 - contact["margin"][shows]
+        if (used == 0).all():
+            found["surface"] = {"static_friction": None}
+        elif (used > 0).all():
+            found["surface"] = {"static_friction": float(np.median(ratio[shows] / used))}
+    if len(contact) > 1:
+        steps = np.diff(contact["utime"]) / np.diff(contact["tick"])
+        found["control_period"] = float(np.median(steps)) * 1e-6
+    found["actuation"] = "stepper" if len(run.status) else "prescribed"
+    count = run.mass_count
+    found["final"] = {"mass_position": [float(v) for v in state["mass_position"][-1][:count]],
+                      "orientation": [float(v) for v in state["orientation"][-1]],
+                      "angular_velocity": [float(v) for v in state["angular_velocity_B_radps"][-1]],
+                      "position": [float(v) for v in state["position_W_m"][-1]]}
+    return found
+
+
+def _regimes(contact, end_s):
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(contact["regime"])) + 1])
+    times = [float(contact["time_s"][row]) for row in starts] + [end_s]
+    return [{"regime": REGIME_NAMES.get(int(contact["regime"][row]), "unknown"), "start": times[k], "end": times[k + 1]}
+            for k, row in enumerate(starts)]
+
+
+def _trip(log_path):
+    trips = EventLog(log_path, ["BALLAST_TRIP"]).messages("BALLAST_TRIP", ballast.trip_t)
+    tripped = trips[trips["tripped"] != 0]
+    if len(tripped) == 0:
+        return None
+    first = tripped[0]
+    finite = {name: float(first[name]) if math.isfinite(first[name]) else None for name in ("value", "limit")}
+    return {"cause": _TRIP_CAUSES.get(int(first["cause"]), "unknown"), "time": float(first["trip_time_s"]),
+            "tick": int(first["trip_tick"]), **finite, "latency_ticks": None}

@@ -1,0 +1,250 @@
+"""What a summary says, in sentences and tables. Plain text: whoever puts it into a page escapes it."""
+
+import math
+from typing import NamedTuple
+
+_CAUSES = {
+    "normal_force": "the normal force N came down to its limit",
+    "friction": "the friction came up to its limit",
+    "nonfinite": "a value was not finite",
+    "stale": "messages stayed out",
+    "missing": "a message was missing",
+    "repeated": "a message came twice",
+}
+# reason: (badge, whether that is good)
+_BADGES = {
+    "completed": ("Held", True),
+    "slipped": ("Slipped", False),
+    "detached": ("Left the ground", False),
+    "tripped": ("Tripped", False),
+    "inconsistent": ("No consistent force", False),
+    "step_timing": ("Step out of place", False),
+}
+
+
+def number_text(value):
+    """Six digits, as the summary in the terminal has them; no number is infinity, which JSON cannot say."""
+    return "unbounded" if value is None else f"{value:.6g}"
+
+
+def time_text(value):
+    return f"t = {value:.6g} s"
+
+
+def cause_text(cause):
+    return _CAUSES.get(cause, str(cause).replace("_", " "))
+
+
+def badge(recording):
+    """(words, "good", "bad" or "unknown") for how the run ended."""
+    summary = recording.summary
+    reason = (summary.get("end") or {}).get("reason")
+    if reason is None:
+        return ("Tripped", "bad") if summary.get("trip") else ("End not recorded", "unknown")
+    text, good = _BADGES.get(reason, (str(reason), False))
+    if good and _left_rolling(summary):
+        return "Rolling was lost", "bad"
+    if good and any(regime["regime"] != "rolling" for regime in summary.get("regimes", [])):
+        text = "Completed"
+    if good and summary.get("trip"):
+        return "Tripped", "bad"
+    return text, "good" if good else "bad"
+
+
+def _left_rolling(summary):
+    """True if it left rolling for another regime; a run that starts sliding or in flight comes to rolling first."""
+    names = [regime["regime"] for regime in summary.get("regimes", [])]
+    return "rolling" in names and any(name != "rolling" for name in names[names.index("rolling"):])
+
+
+def sentences(recording):
+    summary = recording.summary
+    found = [_what_it_was(recording), _how_it_ended(summary), _envelope(recording)]
+    found += [_trip(summary), _motors(summary), _floors(summary)]
+    return [sentence for sentence in found if sentence]
+
+
+def _count(number, one, many=None):
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def _what_it_was(recording):
+    summary = recording.summary
+    masses = ("no moving mass" if recording.mass_count == 0 else
+              f"{_count(recording.mass_count, 'mass', 'masses')} moved by stepper motors"
+              if summary.get("actuation") == "stepper" else
+              f"{_count(recording.mass_count, 'mass', 'masses')} moved exactly as prescribed")
+    radius = number_text(recording.robot["ball"]["radius"])
+    return f"A ball of radius {radius} m with {masses}, followed for {number_text(recording.end_s)} s."
+
+
+def _how_it_ended(summary):
+    end = summary.get("end") or {}
+    reason, time = end.get("reason"), end.get("time")
+    regimes = summary.get("regimes", [])
+    names = {regime["regime"] for regime in regimes}
+    if reason is None:
+        ended = f"The log ends at {time_text(time)}."
+    elif reason == "completed":
+        ended = ("It rolled without slipping to the end and never left the ground." if names == {"rolling"} else
+                 f"It went on to the end, {time_text(time)}.")
+    elif reason == "slipped":
+        ended = f"Rolling ended at {time_text(time)}: the friction it needed reached what the floor gives."
+    elif reason == "detached":
+        ended = f"At {time_text(time)} N fell to 0: the floor no longer carries the ball."
+    elif reason == "tripped":
+        rest = "at rest" if end.get("masses_at_rest") else "still moving"
+        ended = f"It was stopped after a trip and ended at {time_text(time)}, the masses {rest}."
+    elif reason == "inconsistent":
+        ended = f"It could not be followed beyond {time_text(time)}: {end.get('text', 'no consistent contact force')}."
+    else:
+        ended = f"It ended at {time_text(time)}: {str(reason).replace('_', ' ')}."
+    if names - {"rolling"}:
+        stretches = [_count(sum(regime["regime"] == name for regime in regimes), f"stretch of {name}",
+                            f"stretches of {name}") for name in ("rolling", "sliding", "flight") if name in names]
+        ended += " There were " + ", ".join(stretches)
+        impacts = len(summary.get("impacts") or [])
+        ended += f", and {_count(impacts, 'impact')}." if impacts else "."
+    return ended
+
+
+def _envelope(recording):
+    summary = recording.summary
+    normal, needed = summary.get("normal_force"), summary.get("mu_required")
+    words = ""
+    if normal and normal.get("min") is not None:
+        words = f"The least normal force was {number_text(normal['min'])} N, at {time_text(normal['min_time'])}. "
+    if not needed:
+        return words
+    if needed.get("max") is None:
+        return words + f"At {time_text(needed['time'])} N was 0 in contact: no friction is enough there."
+    limit = recording.static_friction_coefficient
+    words += f"The most friction it needed, f_s/N, was {number_text(needed['max'])}, at {time_text(needed['time'])}"
+    if limit is None:
+        return words + "."
+    if math.isinf(limit):
+        return words + "; this floor's friction is perfect."
+    return words + f": {100 * needed['max'] / limit:.0f} % of the {number_text(limit)} that this floor gives."
+
+
+def _trip(summary):
+    trip = summary.get("trip")
+    if not trip:
+        return "" if summary.get("end", {}).get("reason") is None else "Nothing tripped."
+    words = f"Tripped at {time_text(trip['time'])}: {cause_text(trip.get('cause'))}"
+    value, limit = trip.get("value"), trip.get("limit")
+    if trip.get("cause") in ("normal_force", "friction") and value is not None and limit is not None:
+        words += f", {number_text(value)} where {number_text(limit)} is the limit"
+    latency = trip.get("latency_ticks")
+    return words + (f"; the stop began {_count(latency, 'tick')} later." if latency is not None else ".")
+
+
+def _motors(summary):
+    motors = [motor for motor in summary.get("motors") or [] if motor]
+    if not motors:
+        return ""
+    margin = min(motor["torque_margin"] for motor in motors)
+    words = (f"Of the motors' torque {100 * margin:.0f} % always stayed unused" if margin >= 0 else
+             "The motors had less torque than was needed")
+    if summary.get("actuation") != "stepper":
+        return words + "."
+    lost = sum(motor["lost_steps"] for motor in motors)
+    return words + (f"; {_count(lost, 'microstep')} {'was' if lost == 1 else 'were'} lost." if lost else
+                    "; no step was lost.")
+
+
+def _floors(summary):
+    floors = summary.get("surfaces") or []
+    holds = [floor["name"] for floor in floors if floor["holds"]]
+    fails = [floor["name"] for floor in floors if not floor["holds"]]
+    if not floors:
+        return ""
+    if not holds:
+        return "It would not have held on any of the paper's floors."
+    return f"It would have held on {', '.join(holds)}" + (f"; not on {', '.join(fails)}." if fails else ".")
+
+
+class Number(NamedTuple):
+    """One number of the summary: `path` says where in summary.json it stands."""
+
+    label: str
+    path: str
+    value: float | None
+    unit: str
+    when: float | None = None
+
+
+def numbers(summary):
+    """What a visitor asks for first."""
+    found = []
+
+    def add(label, section, key, unit, when_key=None):
+        entry = summary.get(section) or {}
+        if key in entry:
+            found.append(Number(label, f"{section}.{key}", entry[key], unit, entry.get(when_key)))
+
+    add("least normal force", "normal_force", "min", "N", "min_time")
+    add("most normal force", "normal_force", "max", "N", "max_time")
+    add("most friction f_s", "static_friction", "max", "N", "time")
+    add("needed: most f_s/N", "mu_required", "max", "", "time")
+    add("floor gives mu_s", "surface", "static_friction", "")
+    add("end", "end", "time", "s")
+    motors = [(motor["torque_margin"], i) for i, motor in enumerate(summary.get("motors") or []) if motor]
+    if motors:
+        margin, i = min(motors)
+        found.append(Number(f"least torque left, m_{i + 1}", f"motors.{i}.torque_margin", margin, ""))
+    return found
+
+
+class Table(NamedTuple):
+    title: str
+    head: list
+    rows: list
+
+
+def tables(recording):
+    """Of everything that comes in lists."""
+    summary, found = recording.summary, []
+    motors = summary.get("motors") or []
+    if any(motors):
+        head = ["mass", "weighs [kg]", "steps", "lost", "greatest rate [1/s]", "greatest torque [N m]", "least margin"]
+        rows = []
+        for i, motor in enumerate(motors):
+            weight = recording.robot["masses"][i]["mass"]
+            weight = "–" if weight is None else number_text(weight)
+            rows.append([f"m_{i + 1}", weight] + (["on a trajectory"] + [""] * 4 if motor is None else
+                        [str(motor["steps"]), str(motor["lost_steps"]), number_text(motor["max_step_rate"]),
+                         number_text(motor["max_torque"]), f"{100 * motor['torque_margin']:.1f} %"]))
+        found.append(Table("Motors", head, rows))
+    if summary.get("surfaces"):
+        found.append(Table("The paper's floors", ["floor", "mu_s", "this run holds"],
+                           [[floor["name"], number_text(floor["mu_s"]), "yes" if floor["holds"] else "no"]
+                            for floor in summary["surfaces"]]))
+    regimes = summary.get("regimes") or []
+    if len(regimes) > 1 or any(regime["regime"] != "rolling" for regime in regimes):
+        found.append(Table("Regimes", ["regime", "from [s]", "to [s]"],
+                           [[regime["regime"], number_text(regime["start"]), number_text(regime["end"])]
+                            for regime in regimes]))
+    if summary.get("impacts"):
+        found.append(Table("Impacts", ["t [s]", "normal impulse [N s]", "friction impulse [N s]", ""],
+                           [[number_text(impact["time"]), number_text(impact["normal_impulse"]),
+                             number_text(impact["friction_impulse"]), "sticks" if impact["sticking"] else "slips"]
+                            for impact in summary["impacts"]]))
+    if summary.get("published"):
+        found.append(Table("Published", ["quantity", "published", "here", "by"],
+                           [[str(p["quantity"]), number_text(p["published"]), number_text(p.get("here")),
+                             str(p.get("source", ""))] for p in summary["published"]]))
+    return found
+
+
+def events(recording):
+    """(time, words) of what is marked in the plots: the trip, and what ended the run early."""
+    summary, found = recording.summary, []
+    trip, end = summary.get("trip"), summary.get("end") or {}
+    if trip and trip.get("time") is not None:
+        found.append((trip["time"], f"trip: {cause_text(trip.get('cause'))}"))
+    what = {"slipped": "the ball slips", "detached": "the ball leaves the ground",
+            "inconsistent": "no consistent contact force", "step_timing": "a step out of place"}.get(end.get("reason"))
+    if what:
+        found.append((end["time"], what))
+    return sorted(found)

@@ -1,0 +1,88 @@
+#include "tools/sil/bus_operator.h"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace ballast::sil {
+
+using hal::Status;
+
+namespace {
+
+constexpr hal::Seconds kSayAgain{0.1};
+
+// Counts up per sender, and two senders hardly share one.
+std::int64_t sequence_now() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+}  // namespace
+
+BusOperator::BusOperator(hal::Bus& bus, hal::Seconds silence) : bus_(bus), silence_(silence) {
+  bus_.subscribe<controller_status_t>(hal::kChannelControllerStatus, [this](const controller_status_t& m) {
+    // The countdown before tick 0 is the run's own.
+    if (m.tick < 0) {
+      waiting_ = true;
+      return;
+    }
+    status_ = m;
+    fresh_ = true;
+  });
+  bus_.subscribe<contact_t>(hal::kChannelContact, [this](const contact_t& m) {
+    if (m.regime != contact_t::REGIME_FLIGHT) least_margin_ = std::min(least_margin_, m.margin);
+    ended_ = m.last != 0;
+  });
+}
+
+Status BusOperator::fail(Status status, const std::string& text) {
+  trouble_ = text;
+  if (status == Status::kInterrupted) trouble_ = "interrupted";
+  if (status == Status::kIo) trouble_ = "the LCM bus failed";
+  return status;
+}
+
+Status BusOperator::connect() {
+  const Status status = bus_.receive_until(hal::after(hal::WallClock::now(), silence_), [this] { return fresh_; });
+  if (status == Status::kOk) return status;
+  if (status != Status::kEmpty) return fail(status, "");
+  char seconds[32];
+  std::snprintf(seconds, sizeof seconds, "%g", silence_.count());
+  return fail(Status::kPeerLost, std::string(waiting_ ? "the controller on this bus waits for its plant"
+                                                      : "no controller is at work on this bus") +
+                                     " (listened for " + seconds + " s)");
+}
+
+Status BusOperator::tell(const firmware::OperatorInput& input) {
+  operator_t message = hal::to_message(input, status_->tick, sequence_now(), 0);
+  message.utime = status_->utime;
+  const std::int64_t before = status_->operator_commands;
+  least_margin_ = 1;
+  const auto deadline = hal::after(hal::WallClock::now(), silence_);
+  for (;;) {
+    if (bus_.publish(hal::kChannelOperator, message) != Status::kOk) return fail(Status::kIo, "");
+    const auto say_again = hal::after(hal::WallClock::now(), kSayAgain);
+    const Status status = bus_.receive_until(std::min(deadline, say_again),
+                                             [&] { return status_->operator_commands > before || ended_; });
+    if (status_->operator_commands > before) return Status::kOk;
+    if (status == Status::kOk) return fail(Status::kEnded, "the run ended before the controller heard the command");
+    if (status != Status::kEmpty) return fail(status, "");
+    if (hal::WallClock::now() >= deadline) {
+      return fail(Status::kPeerLost, "the controller on this bus did not take the command");
+    }
+  }
+}
+
+Status BusOperator::follow(const std::function<bool(const controller_status_t&)>& done) {
+  while (!done(*status_)) {
+    fresh_ = false;
+    if (ended_) return fail(Status::kEnded, "the run ended before that");
+    const Status status =
+        bus_.receive_until(hal::after(hal::WallClock::now(), silence_), [this] { return fresh_ || ended_; });
+    if (status == Status::kEmpty) return fail(Status::kPeerLost, "the controller on this bus has gone silent");
+    if (status != Status::kOk) return fail(status, "");
+  }
+  return Status::kOk;
+}
+
+}  // namespace ballast::sil

@@ -1,0 +1,86 @@
+#include "tools/sil/controller_words.h"
+
+#include <cstdio>
+
+namespace ballast::sil {
+
+namespace {
+
+// A later start: the motion from where the masses stand.
+std::string restart_text(const controller_status_t& status, const char* what, const char* unit) {
+  char text[160];
+  std::snprintf(
+      text, sizeof text,
+      "mass %d, piece %d of its motion: begun at rest from where it stands, its %s would reach %.10g %s, more "
+      "than its motor's limit",
+      status.refusal_motor, status.refusal_piece, what, status.refusal_value, unit);
+  return text;
+}
+
+}  // namespace
+
+std::string mode_text(std::int8_t mode) {
+  switch (mode) {
+    case controller_status_t::MODE_DISARMED:
+      return "disarmed";
+    case controller_status_t::MODE_ARMED:
+      return "armed";
+    case controller_status_t::MODE_RUNNING:
+      return "running";
+    case controller_status_t::MODE_STOPPING:
+      return "stopping";
+    case controller_status_t::MODE_TRIPPED:
+      return "tripped";
+    case controller_status_t::MODE_MOVING:
+      return "moving";
+    default:
+      return "mode " + std::to_string(mode);
+  }
+}
+
+std::string refusal_text(const controller_status_t& status) {
+  const std::string mass = "mass " + std::to_string(status.refusal_motor) + ": ";
+  char value[32];
+  std::snprintf(value, sizeof value, "%.10g", status.refusal_value);
+  switch (status.refusal) {
+    case controller_status_t::REFUSAL_NONE:
+      return "";
+    case controller_status_t::REFUSAL_NO_MASS:
+      return "it names no mass";
+    case controller_status_t::REFUSAL_UNKNOWN_MASS:
+      return "there is no mass " + std::string(value) + " (they count from 0)";
+    case controller_status_t::REFUSAL_TARGET:
+      return mass + "the target " + value +
+             " cannot be reached; allowed: finite, on its rail inside the ball, at most 1e15 microsteps";
+    case controller_status_t::REFUSAL_SPEED_FRACTION:
+      return std::string("the speed fraction ") + value + " is out of range; allowed: 0 < .. <= 1";
+    case controller_status_t::REFUSAL_VELOCITY:
+      return restart_text(status, "speed", "per s");
+    case controller_status_t::REFUSAL_ACCELERATION:
+      return restart_text(status, "acceleration", "per s^2");
+    case controller_status_t::REFUSAL_JERK:
+      return restart_text(status, "jerk", "per s^3");
+    case controller_status_t::REFUSAL_NOT_PLANNED:
+      return mass + "no profile over the distance " + value + " could be made";
+    default:
+      break;
+  }
+  std::string text = "it is " + mode_text(status.mode);
+  if (status.faults != 0) {
+    char faults[48];
+    std::snprintf(faults, sizeof faults, ", with faults 0x%x", static_cast<unsigned>(status.faults));
+    text += faults;
+  }
+  return text +
+         "; allowed: arm when disarmed and healthy, start and move when armed, stop when armed or in motion, "
+         "reset when tripped and at rest";
+}
+
+std::string horizon_text(double duration_s, double horizon_s) {
+  if (!(horizon_s < duration_s)) return "";
+  char text[48];
+  std::snprintf(text, sizeof text, " for its first %.3g s", horizon_s);
+  return text;
+}
+
+}  // namespace ballast::sil

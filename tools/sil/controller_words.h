@@ -1,0 +1,19 @@
+// What a controller's status says, in words for people.
+#pragma once
+
+#include <ballast/controller_status_t.hpp>
+#include <cstdint>
+#include <string>
+
+namespace ballast::sil {
+
+// "armed", "running", ..
+std::string mode_text(std::int8_t mode);
+
+// Why the operator's last command was not obeyed; empty: it was.
+std::string refusal_text(const controller_status_t& status);
+
+// " for its first 0.9 s", where a prediction did not look to the end; else nothing.
+std::string horizon_text(double duration_s, double horizon_s);
+
+}  // namespace ballast::sil

@@ -1,0 +1,133 @@
+#include "tools/spy/spy.h"
+
+#include <ballast/contact_t.hpp>
+#include <ballast/controller_status_t.hpp>
+#include <ballast/operator_t.hpp>
+#include <ballast/plant_state_t.hpp>
+#include <ballast/sensors_t.hpp>
+#include <ballast/step_command_t.hpp>
+#include <ballast/trip_t.hpp>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <string_view>
+
+#include "tools/program/subprocess.h"
+
+namespace ballast::spy {
+
+namespace {
+
+namespace fs = std::filesystem;
+using program::Finding;
+using Verdict = Finding::Verdict;
+
+constexpr int kOldestJava = 8;
+const fs::path kSystemJars = "/usr/share/java";
+const fs::path kBuiltJars = fs::path(BALLAST_BUILD_DIR) / "java";
+
+fs::path types_jar(const SpyOptions& options) {
+  return options.types_jar.empty() ? kBuiltJars / "ballast-types.jar" : options.types_jar;
+}
+
+// JAVA_HOME goes before PATH, as everywhere in Java's world.
+fs::path java() {
+  if (const char* home = std::getenv("JAVA_HOME"); home != nullptr && *home != '\0') {
+    return fs::path(home) / "bin" / "java";
+  }
+  return program::find_program("java");
+}
+
+// 8 of `version "1.8.0_392"`, 17 of `version "17.0.15"`; 0 if there is none.
+int major_version(const std::string& text) {
+  const auto quote = text.find("version \"");
+  if (quote == std::string::npos) return 0;
+  int first = 0, second = 0;
+  const int read = std::sscanf(text.c_str() + quote + 9, "%d.%d", &first, &second);
+  return read == 2 && first == 1 ? second : first;
+}
+
+Finding look_for_java() {
+  const std::string fix = "apt-get install -y default-jre";
+  const fs::path program = java();
+  if (program.empty()) return {Verdict::kFail, "java", "no java in PATH", fix};
+  const auto outcome = program::run_program({program.string(), "-version"});
+  const int version = outcome.exit_status == 0 ? major_version(outcome.output) : 0;
+  if (version == 0) return {Verdict::kFail, "java", program.string() + " does not run", fix};
+  const std::string text = program.string() + " is Java " + std::to_string(version);
+  if (version < kOldestJava) return {Verdict::kFail, "java", text + "; needed: 8 or later", fix};
+  return {Verdict::kOk, "java", text, ""};
+}
+
+Finding look_for_file(const char* what, const fs::path& file, const std::string& fix) {
+  std::error_code code;
+  if (fs::is_regular_file(file, code)) return {Verdict::kOk, what, file.string(), ""};
+  return {Verdict::kFail, what, file.string() + " is missing", fix};
+}
+
+std::string last_line(std::string text) {
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  const auto end_of_line_before = text.rfind('\n');
+  if (end_of_line_before != std::string::npos) text.erase(0, end_of_line_before + 1);
+  return text;
+}
+
+// Configuring again looks for the Java compiler again.
+std::string build_jars() {
+  return "apt-get install -y default-jdk-headless liblcm-java && cmake " BALLAST_BUILD_DIR
+         " && ninja -C " BALLAST_BUILD_DIR " tools/all";
+}
+
+template <class M>
+std::string type() {
+  char text[64];
+  std::snprintf(text, sizeof text, "ballast.%s=%llx", M::getTypeName(),
+                static_cast<unsigned long long>(static_cast<std::uint64_t>(M::getHash())));
+  return text;
+}
+
+std::vector<std::string> launch(const SpyOptions& options) {
+  const std::string class_path = types_jar(options).string() + ":" + (kBuiltJars / "ballast-spy.jar").string() + ":" +
+                                 (kSystemJars / "lcm.jar").string() + ":" + (kSystemJars / "jchart2d.jar").string();
+  return {java().string(),
+          "-Xmx" + std::to_string(options.heap_mb) + "m",
+          "-Djava.net.preferIPv4Stack=true",
+          "-cp",
+          class_path,
+          "ballast.spy.Launch",
+          "--types",
+          type<contact_t>(),
+          type<plant_state_t>(),
+          type<sensors_t>(),
+          type<step_command_t>(),
+          type<controller_status_t>(),
+          type<trip_t>(),
+          type<operator_t>()};
+}
+
+}  // namespace
+
+std::vector<Finding> look_for_parts(const SpyOptions& options) {
+  return {look_for_java(), look_for_file("lcm for java", kSystemJars / "lcm.jar", "apt-get install -y liblcm-java"),
+          look_for_file("spy's plots", kSystemJars / "jchart2d.jar", "apt-get install -y libjchart2d-java"),
+          look_for_file("spy launcher", kBuiltJars / "ballast-spy.jar", build_jars()),
+          look_for_file("types jar", types_jar(options), build_jars())};
+}
+
+Finding look_at_types(const SpyOptions& options) {
+  const auto outcome = program::run_program(launch(options));
+  std::string said = last_line(outcome.output);
+  if (outcome.exit_status == 0) return {Verdict::kOk, "types", said + ", all of this build", ""};
+  constexpr std::string_view kSpeaker = "ballast spy: ";  // the launcher's
+  if (said.starts_with(kSpeaker)) said.erase(0, kSpeaker.size());
+  if (said.empty()) said = "java ended without a word";
+  return {Verdict::kFail, "types", said + " in " + types_jar(options).string(), build_jars()};
+}
+
+std::string become_spy(const SpyOptions& options) {
+  auto argv = launch(options);
+  argv.insert(argv.end(), {"--lcm", options.url});
+  return program::become_program(argv);
+}
+
+}  // namespace ballast::spy
