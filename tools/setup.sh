@@ -10,6 +10,8 @@ run_packages=(
   python3 python3-matplotlib
 )
 test_packages=(libgtest-dev)
+# The firmware on a microcontroller: its compiler, and the machine it runs on.
+target_packages=(gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib qemu-system-arm)
 # Neither installed nor built by tools/test: the comparison with Simbody (tests/simbody), with libsimbody-dev and
 #   cmake --preset release -DBALLAST_PEERS=ON
 # after which tools/test runs it too.
