@@ -11,6 +11,8 @@ run_packages=(
   ca-certificates  # for what `ballast report` fetches once from the npm registry
 )
 test_packages=(libgtest-dev chromium chromium-driver python3-selenium)
+# The firmware on a microcontroller: its compiler, and the machine it runs on.
+target_packages=(gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib qemu-system-arm)
 # Neither installed nor built by tools/test: the comparison with Simbody (tests/simbody), with libsimbody-dev and
 #   cmake --preset release -DBALLAST_PEERS=ON
 # after which tools/test runs it too.

@@ -18,7 +18,7 @@ void expect_equal(const std::string& arguments, int exit_status) {
   EXPECT_EQ(host.exit_status, exit_status) << host.err;
   EXPECT_EQ(qemu.exit_status, exit_status) << qemu.err;
   EXPECT_TRUE(read_file(folder / "host/run.lcmlog") == read_file(folder / "qemu/run.lcmlog"))
-      << folder.run("ballast-compare host qemu").out;
+      << folder.run("ballast compare host qemu").out;
   EXPECT_GT(read_file(folder / "host/run.lcmlog").size(), 100000u);
   auto a = folder.summary("host"), b = folder.summary("qemu");
   for (auto* s : {&a, &b}) s->erase("wall_time"), s->erase("speed");
