@@ -18,6 +18,11 @@ constexpr double kUnitTolerance = 1e-6;  // of lengths and right angles written 
 constexpr double kMostSpeedError = 0.01;
 constexpr double kMostPointDistance = 1e-3;
 
+// As the controller computes it.
+double microsteps_per_unit(const Motor& motor) {
+  return motor.steps_per_revolution * motor.microsteps * motor.shaft_ratio / (2 * std::numbers::pi);
+}
+
 bool outside(double distance_m, double radius_m) { return !(distance_m <= radius_m * (1 + kRoundOff)); }
 
 std::string allowed_in_ball(double radius_m) { return "; allowed: <= ball.radius = " + number_text(radius_m); }
@@ -302,11 +307,6 @@ void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajecto
                                number_text(when_s) + " s" + allowed_in_ball(*around.ball_radius_m));
   }
   trajectory = {*times, *points, *periodic};
-}
-
-// As the controller computes it.
-double microsteps_per_unit(const Motor& motor) {
-  return motor.steps_per_revolution * motor.microsteps * motor.shaft_ratio / (2 * std::numbers::pi);
 }
 
 // Defaults that drive any scenario faithfully: ten times the static torque, a light rotor, a well damped resonance.
