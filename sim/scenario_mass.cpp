@@ -20,6 +20,11 @@ constexpr double kUnitTolerance = 1e-6;  // of lengths and right angles written 
 constexpr double kMostSpeedError = 0.01;
 constexpr double kMostPointDistance = 1e-3;
 
+// As the controller computes it.
+double microsteps_per_unit(const Motor& motor) {
+  return motor.steps_per_revolution * motor.microsteps * motor.shaft_ratio / (2 * std::numbers::pi);
+}
+
 bool outside(double distance_m, double radius_m) { return !(distance_m <= radius_m * (1 + kRoundOff)); }
 
 std::string allowed_in_ball(double radius_m) { return "; allowed: <= ball.radius = " + number_text(radius_m); }
@@ -441,24 +446,28 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
          motor.corner_speed_radps);
   }
   read("step_error", Range::between(0, 0.1), motor.step_error, motor.step_error);
-  // A little below what the controller can issue in one tick, so that rounding to ticks never overloads it.
-  const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);
-  read("max_step_rate", Range::positive("1/s"), std::min(timer / 10, 60 / period), motor.max_step_rate_hz);
   read("direction_setup", Range::between(0, 1e-3, "s"), motor.direction_setup_s, motor.direction_setup_s);
   // What half the holding torque gives; the motion's own in any case, so that only a limit somebody has set refuses it.
   const double half_torque = 0.5 * ratio * motor.holding_torque_nm / moved_inertia;
   read("max_acceleration", Range::positive("rail unit / s^2"), std::max(half_torque, extent.greatest_acceleration),
        motor.max_acceleration);
+  // What nine tenths of the holding torque leave for the drag, beside gravity and that acceleration, so that moves at
+  // full speed lose no steps; but no faster than the corner speed, and a tenth faster than the motion in any case. And
+  // a little below what the controller can issue in one tick, so that rounding to ticks never overloads it.
+  const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);
+  const double gravity_torque = mass_kg * around.gravity_mps2.value_or(1) * lever / ratio;
+  const double acceleration_torque = moved_inertia * motor.max_acceleration / ratio;
+  const double left_torque =
+      std::max(0.9 * motor.holding_torque_nm - gravity_torque - acceleration_torque, 0.01 * motor.holding_torque_nm);
+  const double carried_radps = std::min(left_torque / motor.viscous_damping_nms, motor.corner_speed_radps);
+  const double carried_hz = std::max(carried_radps / ratio, 1.1 * extent.greatest_speed) * microsteps_per_unit(motor);
+  read("max_step_rate", Range::positive("1/s"), std::min({timer / 10, 60 / period, carried_hz}),
+       motor.max_step_rate_hz);
   // To that acceleration in one swing of load and rotor on the field's stiffness, which then swings on least.
   const double swing_s = 2 * std::numbers::pi * std::sqrt(moved_inertia / (stiffness * ratio * ratio));
   read("max_jerk", Range::positive("rail unit / s^3"), std::max(motor.max_acceleration / swing_s, extent.greatest_jerk),
        motor.max_jerk);
   table.refuse_unknown_keys();
-}
-
-// As the controller computes it.
-double microsteps_per_unit(const Motor& motor) {
-  return motor.steps_per_revolution * motor.microsteps * motor.shaft_ratio / (2 * std::numbers::pi);
 }
 
 // What the controller refuses: here with the key that is to blame.

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "firmware/motion/crossing.h"
+
 namespace ballast::firmware {
 
 namespace {
@@ -125,6 +127,20 @@ RefusalReport refused(Refusal reason, int motor = -1, Wide value = 0, int piece 
   return {reason, motor, piece, value};
 }
 
+// The first piece in which the mass leaves its rail, and how far it goes there; -1: none.
+int leaves_rail(const BallParams& ball, int i, const Profile& profile, Real& position) {
+  for (int p = 0; p < profile.piece_count(); ++p) {
+    const Cubic& c = profile.cubic(p);
+    const StepCubic x{c.position, c.velocity, c.acceleration, c.jerk};
+    const MonotoneSpans spans = monotone_spans(x, c.duration_s);
+    for (int k = 0; k < spans.count; ++k) {
+      position = x.at(spans.end_s[at(k)]);
+      if (!on_rail(ball, i, position)) return p;
+    }
+  }
+  return -1;
+}
+
 // The motion from where the masses stand, into `active`; nothing else changes.
 RefusalReport prepare_motion(const ControllerParams& params, ControllerState& state) {
   for (int i = 0; i < params.ball.mass_count; ++i) {
@@ -137,6 +153,9 @@ RefusalReport prepare_motion(const ControllerParams& params, ControllerState& st
     if (breach.what == Limited::kVelocity) return refused(Refusal::kVelocity, i, breach.value, breach.piece);
     if (breach.what == Limited::kAcceleration) return refused(Refusal::kAcceleration, i, breach.value, breach.piece);
     if (breach.what == Limited::kJerk) return refused(Refusal::kJerk, i, breach.value, breach.piece);
+    Real position = 0;
+    const int piece = leaves_rail(params.ball, i, state.active[at(i)], position);
+    if (piece >= 0) return refused(Refusal::kRailEnd, i, position, piece);
   }
   return {};
 }
@@ -264,9 +283,11 @@ void generate_overloaded(const ControllerParams& params, ControllerState& state,
   for (int i = 0; i < params.ball.mass_count; ++i) {
     if (generate(params, state, i, out) == StepError::kNone) continue;
     ProfilePoint p = commanded(params, state, out.tick, i);
-    p.acceleration = 0;
     const MotionLimits limits = motion_limits(params, i);
-    if (stop(state.active[at(i)], p, limits, 0) && generate(params, state, i, out) == StepError::kNone) continue;
+    if (p.acceleration * p.velocity > 0) {
+      p.acceleration = 0;
+      if (stop(state.active[at(i)], p, limits, 0) && generate(params, state, i, out) == StepError::kNone) continue;
+    }
     p.velocity = std::copysign(std::fmin(std::fabs(p.velocity), feasible_speed(params, i)), p.velocity);
     if (stop(state.active[at(i)], p, limits, 0) && generate(params, state, i, out) == StepError::kNone) continue;
     static_cast<void>(state.active[at(i)].set(p.position, 0, nullptr, 0));

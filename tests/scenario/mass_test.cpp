@@ -182,8 +182,10 @@ motion = [ { duration = 1.0, acceleration = [1.0, -4.0] } ]
   EXPECT_DOUBLE_EQ(motor.viscous_damping_nms, 0.1 * holding / 1.5);
   EXPECT_EQ(motor.corner_speed_radps, 30);
   EXPECT_EQ(motor.step_error, 0.015);
-  EXPECT_DOUBLE_EQ(motor.max_step_rate_hz, 60000);
   EXPECT_DOUBLE_EQ(motor.max_acceleration, 0.5 * holding / (4 * inertia));
+  // Nine tenths of the torque less half of it for that acceleration and the weight's: what drag may take.
+  const double per_radian = 3200 / (2 * pi), drag = 0.4 * holding - 0.5 * 9 * 1.5;
+  EXPECT_DOUBLE_EQ(motor.max_step_rate_hz, drag / motor.viscous_damping_nms * per_radian);
   // In one swing on the stiffness 50 holding.
   EXPECT_DOUBLE_EQ(motor.max_jerk, motor.max_acceleration / (2 * pi * std::sqrt(4 * inertia / (50 * holding))));
 
@@ -194,9 +196,17 @@ motion = [ { duration = 1.0, acceleration = [1.0, -4.0] } ]
   EXPECT_DOUBLE_EQ(geared.corner_speed_radps, 2 * 5 * 10.1);  // theta' = 10 + t - 2.5 t^2, greatest at t = 0.2
   EXPECT_DOUBLE_EQ(geared.max_acceleration, 0.5 * holding / (4 * inertia));
 
-  const Motor slow_timer = accepted(text, {"run.timer_frequency=1e6", "run.control_period=1e-4"}).masses[0].motor;
-  EXPECT_DOUBLE_EQ(slow_timer.max_step_rate_hz, 1e5);
-  EXPECT_EQ(slow_timer.direction_setup_s, 2e-6);
+  EXPECT_EQ(motor.direction_setup_s, 2e-6);
+  // Where the torque is as good as gone, the motion still decides, and a tenth is left.
+  const Motor weak = accepted(text, {"mass.0.motor.holding_torque=8"}).masses[0].motor;
+  EXPECT_DOUBLE_EQ(weak.max_step_rate_hz, 1.1 * 1.5 * per_radian);
+  // Without drag the corner speed of 30 rad/s, if the controller can issue that and the timer time it.
+  std::vector<std::string> free = {"mass.0.motor.viscous_damping=0"};
+  EXPECT_DOUBLE_EQ(accepted(text, free).masses[0].motor.max_step_rate_hz, 30 * per_radian);
+  free.push_back("mass.0.motor.microsteps=256");
+  EXPECT_DOUBLE_EQ(accepted(text, free).masses[0].motor.max_step_rate_hz, 60000);
+  free.insert(free.end(), {"run.timer_frequency=1e6", "run.control_period=1e-4"});
+  EXPECT_DOUBLE_EQ(accepted(text, free).masses[0].motor.max_step_rate_hz, 1e5);
 }
 
 TEST(MotorDefaults, OnALine) {

@@ -252,7 +252,7 @@ class ByHand : public testing::Test {
                    {5111, kStop},
                    {6000, kStop},
                    {6010, kArm},
-                   {6020, move_to(0b101, 0.45, 0.5)}};
+                   {6020, move_to(0b101, 0.35, 1)}};
   }
   RunResult run_it() {
     Recorder recorder("/dev/null");

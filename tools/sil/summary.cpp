@@ -449,9 +449,9 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     std::int64_t lost = 0;
     for (std::size_t i = 0; i < scenario.masses.size(); ++i) lost += result.final_sample.lost_steps[i];
     text += format("%s issued, %lld lost\n", scenario.masses.empty() ? "0" : "", static_cast<long long>(lost));
-    if (const std::string warning = lost_steps_text(scenario, result); !warning.empty()) {
-      text += "  WARNING     " + warning + "\n";
-    }
+  }
+  if (const std::string warning = lost_steps_text(scenario, result); !warning.empty()) {
+    text += "  WARNING     " + warning + "\n";
   }
   if (result.step_timing) {
     std::int64_t checked = 0, structural = 0;
