@@ -35,6 +35,7 @@
 #include "sim/contact.h"
 #include "sim/dop853.h"
 #include "sim/dormand_prince.h"
+#include "sim/end_stop.h"
 #include "sim/motion.h"
 #include "sim/newton_euler.h"
 #include "sim/scenario.h"
@@ -94,6 +95,13 @@ struct MotorExtrema {
   double torque_margin = 1;  // least part of the available torque left unused; below 0: more was needed than there is
 };
 
+// Of a driven mass at the ends of its rail. The instants are located; the force is taken where the motors' torques are.
+struct EndStopRecord {
+  int touches = 0;         // times a stop began to push
+  double first_s = -1;     // the first of them; before the start: none
+  double max_force_n = 0;  // greatest push
+};
+
 class Plant {
  public:
   explicit Plant(const Scenario& scenario);
@@ -111,6 +119,7 @@ class Plant {
   [[nodiscard]] bool rolling_lost() const { return rolling_lost_; }
   [[nodiscard]] const ContactExtrema& extrema() const { return extrema_; }
   [[nodiscard]] const MotorExtrema& motor_extrema(int i) const { return motor_extrema_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] const EndStopRecord& end_stop(int i) const { return end_stop_record_[static_cast<std::size_t>(i)]; }
 
   // The state now. Where something jumps now, the value after the jump.
   struct Sample {
@@ -133,6 +142,7 @@ class Plant {
     std::array<Eigen::Vector3d, kMaxMasses> mass_position_B_m;
     std::array<double, kMaxMasses> motor_torque_nm{};
     std::array<std::int64_t, kMaxMasses> lost_steps{};
+    std::array<int, kMaxMasses> end_switches{};  // bit 0: at or beyond the lower end of its rail, bit 1: the upper
   };
   [[nodiscard]] Sample sample() const;
 
@@ -171,7 +181,12 @@ class Plant {
   using PerMass = std::array<double, kMaxMasses>;
   MassPoint mass_point(double time_s, const double* y) const;
   CarriedMasses carried(const MassPoint& masses) const;
-  PerMass motor_forces(const MassPoint& masses) const;
+  // Of motors and end stops.
+  PerMass rail_forces(const MassPoint& masses) const;
+  // Whether the stops that push are others than stop_side_ says.
+  [[nodiscard]] double overdue_m(std::size_t i, const State& y) const;
+  [[nodiscard]] bool stops_overdue(const State& y) const;
+  void touch_stops();
   void evaluate(double time_s, const double* y, Instant& motion) const;
   void evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses, Instant& motion) const;
   void evaluate_open(const double* y, const OpenContact& open, Instant& motion) const;
@@ -227,6 +242,9 @@ class Plant {
   std::vector<PrescribedMotion> motion_;
   std::vector<std::size_t> piece_;
   std::vector<Stepper> steppers_;
+  std::array<EndStops, kMaxMasses> end_stops_{};  // of driven masses
+  std::vector<std::size_t> with_stops_;           // those that have some
+  std::array<int, kMaxMasses> stop_side_{};       // the stop that pushes, EndStops
 
   double time_s_ = 0;
   State y_{};
@@ -262,6 +280,7 @@ class Plant {
   double tick_mu_required_max_;
   double noise_n_;  // forces closer than this are the same: rounding
   std::array<MotorExtrema, kMaxMasses> motor_extrema_{};
+  std::array<EndStopRecord, kMaxMasses> end_stop_record_{};
 };
 
 }  // namespace ballast::sim

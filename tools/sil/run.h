@@ -32,6 +32,7 @@ struct ControllerTrip {
   std::int64_t tick;
   double time_s;
   controller_status_t status{};         // of that tick
+  sensors_t sensors{};                  // likewise
   std::vector<step_command_t> history;  // the last commands up to then, oldest first; at most kHistoryTicks
 };
 inline constexpr std::size_t kHistoryTicks = 8;
@@ -63,6 +64,7 @@ struct RunResult {
   std::array<sim::MotorExtrema, sim::kMaxMasses> motor_extrema;
   std::array<MotorRecord, sim::kMaxMasses> motors;
   MotorShare motor_share;
+  std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
   trip_t trip{};  // the last verdict
   std::optional<ControllerTrip> controller_trip;
   std::optional<std::int64_t>
