@@ -476,9 +476,8 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const sim::EndStopRecord& stop = result.end_stops[i];
     if (stop.touches == 0) continue;
-    text +=
-        format("  end stop    mass %zu touched it %d times, first at t = %.6g s, and was pushed back by up to %.4g N\n",
-               i, stop.touches, stop.first_s, stop.max_force_n);
+    text += format("  end stop    mass %zu touched it first at t = %.6g s (touches: %d), pushed back by up to %.4g N\n",
+                   i, stop.first_s, stop.touches, stop.max_force_n);
   }
   if (const MotorShare& share = result.motor_share; share.seen()) {
     const auto part = [](const Deviation& d) {
