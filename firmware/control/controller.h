@@ -189,7 +189,7 @@ void reset(const ControllerParams& params, ControllerState& state);
 // - A stop or a trip in tick k: from the start of tick k + 1 each mass stops by plan_stop() from its profile's
 //   position, velocity and acceleration there, all in the time the slowest needs at least (a mass that would be
 //   stretched beyond an end of its rail takes its own shortest: lines end where the ball does, open splines at their
-//   ends); then it holds. The acceleration has no jump, except where the motion itself has one there. A motion that
+//   ends, both at their stops); then it holds. The acceleration has no jump, except where the motion itself has one there. A motion that
 //   ends by itself leaves the mode running.
 // - N and f_s along the stop or move are predicted in tick k, from the sensed attitude: prediction.h.
 // - Step overload: the tick's steps are made again with all masses stopping from the commanded state, each in its own

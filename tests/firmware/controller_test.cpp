@@ -388,6 +388,64 @@ TEST(Controller, ATripWhileStoppingOrArmed) {
   expect_braking_then_holding(stopping);
 }
 
+// A mass at an end of its rail is a fault while it is commanded on over it; not at rest, and not on its way back.
+TEST(Controller, AMassAtItsEndSwitchTripsIfItIsCommandedOn) {
+  Bench bench;
+  bench.in.sensors.limit_switch[0] = 3;  // nothing is commanded
+  bench.arm_and_start();
+  bench.in.sensors.limit_switch[0] = 1;
+  bench.run(500);
+  EXPECT_EQ(bench.out.status.mode, Mode::kRunning) << "up, away from the lower end";
+  EXPECT_GT(bench.out.status.commanded_velocity[0], 0);
+  bench.in.sensors.limit_switch[0] = 2;
+  bench.tick();
+  EXPECT_EQ(bench.out.status.mode, Mode::kTripped);
+  EXPECT_EQ(bench.out.status.faults, bit(Fault::kEndSwitch));
+  expect_braking_then_holding(bench);
+  // The switch is still closed, but nothing is asked of the mass: it may be taken back, and no further on.
+  bench.tick(OperatorCommand::kReset);
+  EXPECT_EQ(bench.out.status.mode, Mode::kDisarmed);
+  EXPECT_EQ(bench.out.status.faults, 0u);
+  bench.tick(OperatorCommand::kArm);
+  MoveRequest move;
+  move.masses = 1;
+  move.target_position[0] = bench.out.status.commanded_position[0] - 0.05;
+  bench.tick(move);
+  bench.run(100);
+  EXPECT_EQ(bench.out.status.mode, Mode::kMoving) << "down, away from the upper end";
+  bench.in.sensors.limit_switch[0] = 1;
+  bench.tick();
+  EXPECT_EQ(bench.out.status.mode, Mode::kTripped);
+}
+
+// Stops end a line before the ball does.
+TEST(Controller, AMoveBeyondAnEndStopIsRefused) {
+  ControllerParams params = testing::paper_params();
+  params.ball.rail[1] = line(Vector3(0, 0, 0), Vector3(1, 0, 0));
+  params.ball.rail[1].lower_end = -0.3;
+  params.ball.rail[1].upper_end = 0.35;
+  params.motion[1] = Profile();
+  Bench bench(params);
+  bench.tick(OperatorCommand::kArm);
+  MoveRequest move;
+  move.masses = 2;
+  for (const Real target : {-0.31, 0.36}) {
+    move.target_position[1] = target;
+    bench.tick(move);
+    EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kTarget) << target;
+    EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
+  }
+  move.target_position[1] = 0.35;
+  bench.tick(move);
+  EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kNone);
+  EXPECT_EQ(bench.out.status.mode, Mode::kMoving);
+
+  params.ball.rail[1].upper_end = -0.3;
+  EXPECT_STREQ(validate(params).field, "ball.rail.lower_end");
+  params.ball.rail[1].upper_end = std::numeric_limits<Real>::quiet_NaN();
+  EXPECT_STREQ(validate(params).field, "ball.rail.lower_end");
+}
+
 TEST(Controller, ARepeatedTickIssuesNothingTwice) {
   Bench bench;
   bench.arm_and_start();

@@ -1,6 +1,7 @@
 // Three processes over LCM: the same messages as one process, and a defined end whoever dies.
 #include <gtest/gtest.h>
 
+#include "tests/sil/into_its_stop.h"
 #include "tests/sil/shell.h"
 
 namespace ballast {
@@ -16,8 +17,10 @@ using test::read_file;
 TEST(Processes, ThreeGiveTheSameLogAsOne) {
   const Folder folder;
   const std::string url = bus_url(0);
+  folder.write("into_its_stop.toml", test::kIntoItsStop);
   for (const std::string scenario :
-       {"paper_ball --set duration=1", "desk_ball --set duration=0.7", "paper_ball --set envelope.friction_use=0.3",
+       {"into_its_stop.toml --set duration=1", "paper_ball --set duration=1", "desk_ball --set duration=0.7",
+        "paper_ball --set envelope.friction_use=0.3",
         "paper_ball --actuation prescribed --set duration=1 --set surface.static_friction=0.1348"}) {
     SCOPED_TRACE(scenario);
     const Outcome one = folder.run("ballast run " + scenario + " --quiet --out one");

@@ -33,6 +33,7 @@ struct ControllerTrip {
   std::int64_t tick;
   double time_s;
   controller_status_t status{};         // of that tick
+  sensors_t sensors{};                  // likewise
   std::vector<step_command_t> history;  // the last commands up to then, oldest first; at most kHistoryTicks
 };
 inline constexpr std::size_t kHistoryTicks = 8;
@@ -58,6 +59,7 @@ struct RunResult {
   std::array<sim::MotorEnergy, sim::kMaxMasses> motor_energy{};
   std::array<MotorRecord, sim::kMaxMasses> motors;
   MotorShare motor_share;
+  std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
   trip_t trip{};  // the last verdict
   std::optional<ControllerTrip> controller_trip;
   std::optional<std::int64_t>
