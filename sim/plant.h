@@ -125,6 +125,7 @@ class Plant {
   // Stepper runs only.
   [[nodiscard]] MotorEnergy motor_energy(int i) const;
   [[nodiscard]] double motor_steps_behind(int i) const;  // microsteps, of the true angle behind the commanded one
+  [[nodiscard]] std::int64_t motor_slips(int i) const { return steppers_[static_cast<std::size_t>(i)].slips(); }
 
   // The state now. Where something jumps now, the value after the jump.
   struct Sample {

@@ -100,11 +100,11 @@ std::vector<Peak> sweep(const Scenario& s, double low_hz, double high_hz, double
   } else {
     *lost_steps = plant.sample().lost_steps[0];
   }
-  // Against the rotor's true angle: what is more than the lag is whole teeth.
+  // Against the rotor's true angle: what is more than the lag, some 0.3 of a full step, is whole teeth.
   const double behind =
       static_cast<double>(pulses) - (motor.shaft_ratio * plant.sample().mass_position[0] - start) / microstep;
   EXPECT_NEAR(plant.motor_steps_behind(0), behind, 1e-6);
-  EXPECT_LE(4 * motor.microsteps * std::abs(std::llround(behind / (4 * motor.microsteps))),
+  EXPECT_EQ(4 * motor.microsteps * std::abs(std::llround(behind / (4 * motor.microsteps))),
             plant.sample().lost_steps[0]);
   return peaks;
 }
