@@ -496,10 +496,15 @@ TEST(Controller, StepOverloadBrakesFromWhatTheMotorCanFollow) {
   bench.tick();
   for (const std::size_t i : {0u, 2u}) EXPECT_NEAR(bench.out.status.commanded_velocity[i], speed[i], 0.004);
   // The first pulse of the stop has to wait for 1/60 s since the last, where the motion would have had it after
-  // 1/value: the stop's deceleration only begins to grow. Meanwhile its mass goes on at no more than 60 steps/s. Once
-  // it is slower the pulses have caught up.
-  bench.expect_counts_follow_status(100, 1 - 60 / overload.trouble.value);
-  bench.expect_counts_follow_status(200);
+  // 1/value: by then its mass is at most `late` microsteps ahead. The stop's speed falls by jerk t^2 / 2 from under 60
+  // steps/s, so pulses at 60 steps/s have made that up after the t of jerk t^3 / 6 = late: 36 ms. Then the count is
+  // nearest again; 2 ticks because the helper looks back that far.
+  const Real late = 1 - 60 / overload.trouble.value;
+  const Real jerk = params.motor[1].max_jerk * params.motor[1].steps_per_unit;
+  const int made_up = static_cast<int>(std::ceil(std::cbrt(6 * late / jerk) / params.control_period_s)) + 2;
+  EXPECT_LT(made_up, 45);
+  bench.expect_counts_follow_status(made_up, late);
+  bench.expect_counts_follow_status(300 - made_up);
   EXPECT_TRUE(bench.out.status.at_rest);
   EXPECT_EQ(bench.out.status.overload.tick, overload.tick) << "kept until the reset";
   bench.tick(OperatorCommand::kReset);

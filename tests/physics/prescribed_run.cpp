@@ -14,9 +14,9 @@
 namespace ballast::test {
 
 firmware::BallParams ball_params(const sim::Scenario& scenario) {
-  const auto params = std::make_unique<firmware::ControllerParams>();
-  if (const auto refusal = program::to_controller_params(scenario, *params)) throw std::runtime_error(*refusal);
-  return params->ball;
+  firmware::BallParams ball;
+  if (const auto refusal = program::to_ball_params(scenario, ball)) throw std::runtime_error(*refusal);
+  return ball;
 }
 
 struct PrescribedRun::Impl {

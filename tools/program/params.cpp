@@ -33,33 +33,41 @@ std::string describe(const firmware::ParamError& error) {
 
 }  // namespace
 
-std::optional<std::string> to_controller_params(const sim::Scenario& scenario, firmware::ControllerParams& params) {
+std::optional<std::string> to_ball_params(const sim::Scenario& scenario, firmware::BallParams& ball) {
   if (scenario.masses.size() > firmware::kMaxMasses) {
     return "mass: " + std::to_string(scenario.masses.size()) + " masses: the controller allows at most " +
            std::to_string(firmware::kMaxMasses);
   }
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    if (scenario.masses[i].trajectory.times_s.empty()) continue;
+    return mass_key(i, "trajectory") + ": the controller moves masses along rails only";
+  }
+  ball.radius_m = scenario.ball.radius_m;
+  ball.gravity_mps2 = scenario.gravity_mps2;
+  ball.shell_mass_kg = scenario.ball.mass_kg;
+  ball.inertia_kgm2 = scenario.ball.inertia_kgm2;
+  ball.center_of_mass_B_m = scenario.ball.center_of_mass_B_m;
+  ball.external_force_W_n = scenario.external_force_W_n;  // the controller knows of no table and no drag
+  ball.mass_count = static_cast<int>(scenario.masses.size());
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    ball.mass_kg[i] = scenario.masses[i].mass_kg;
+    ball.rail[i] = scenario.masses[i].rail;
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string> to_controller_params(const sim::Scenario& scenario, firmware::ControllerParams& params) {
   const auto p =
       std::make_unique<firmware::ControllerParams>();  // large, and the output must stay untouched on failure
+  if (const auto refusal = to_ball_params(scenario, p->ball)) return refusal;
   p->scenario_id = scenario.id;
   p->control_period_s = scenario.run.control_period_s;
   p->timer_frequency_hz = scenario.run.timer_frequency_hz;
   p->static_friction = scenario.surface.static_friction;
   p->sensor_stale_ticks = kSensorStaleTicks;
   p->monitor_stale_ticks = kMonitorStaleTicks;
-  p->ball.radius_m = scenario.ball.radius_m;
-  p->ball.gravity_mps2 = scenario.gravity_mps2;
-  p->ball.shell_mass_kg = scenario.ball.mass_kg;
-  p->ball.inertia_kgm2 = scenario.ball.inertia_kgm2;
-  p->ball.center_of_mass_B_m = scenario.ball.center_of_mass_B_m;
-  p->ball.external_force_W_n = scenario.external_force_W_n;  // the controller knows of no table and no drag
-  p->ball.mass_count = static_cast<int>(scenario.masses.size());
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const sim::Mass& mass = scenario.masses[i];
-    p->ball.mass_kg[i] = mass.mass_kg;
-    if (!mass.trajectory.times_s.empty()) {
-      return mass_key(i, "trajectory") + ": the controller moves masses along rails only";
-    }
-    p->ball.rail[i] = mass.rail;
     p->motor[i].steps_per_unit =
         mass.motor.steps_per_revolution * mass.motor.microsteps * mass.motor.shaft_ratio / (2 * std::numbers::pi);
     p->motor[i].max_step_rate_hz = mass.motor.max_step_rate_hz;

@@ -10,6 +10,10 @@
 
 namespace ballast::program {
 
+// The ball with its rails, whatever moves the masses: what the paper's closed forms take. nullopt: `ball` is set;
+// otherwise what the firmware has no words for, and `ball` is untouched.
+[[nodiscard]] std::optional<std::string> to_ball_params(const sim::Scenario& scenario, firmware::BallParams& ball);
+
 // Motor, rail and motion data as the firmware wants them. nullopt: `params` is set and firmware::validate() accepts it;
 // otherwise what was refused, with field, value and allowed range, and `params` is untouched.
 [[nodiscard]] std::optional<std::string> to_controller_params(const sim::Scenario& scenario,
