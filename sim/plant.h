@@ -135,6 +135,7 @@ class Plant {
   // Stepper runs only.
   [[nodiscard]] MotorEnergy motor_energy(int i) const;
   [[nodiscard]] double motor_steps_behind(int i) const;  // microsteps, of the true angle behind the commanded one
+  [[nodiscard]] std::int64_t motor_slips(int i) const { return steppers_[static_cast<std::size_t>(i)].slips(); }
   // Whose doing mu_required_max is; none if it was not needed by rolling.
   [[nodiscard]] std::optional<ContactShares> shares_at_mu_required_max() const;
   [[nodiscard]] const EndStopRecord& end_stop(int i) const { return end_stop_record_[static_cast<std::size_t>(i)]; }

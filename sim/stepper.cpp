@@ -103,7 +103,7 @@ double Stepper::steps_behind(double shaft_rad) const {
 
 void Stepper::count_slips(double shaft_rad) {
   const auto teeth = static_cast<std::int64_t>(std::llround(lag_rad(shaft_rad) / (2 * kPi)));
-  lost_steps_ += std::abs(teeth - slipped_teeth_) * 4 * motor_.microsteps;
+  slips_ += std::abs(teeth - slipped_teeth_);
   slipped_teeth_ = teeth;
 }
 

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <limits>
 #include <vector>
 
@@ -58,12 +59,13 @@ class Stepper {
     return -motor_.detent_torque_nm / (4 * teeth_) * std::cos(4 * teeth_ * shaft_rad);
   }
 
-  // To be called as the rotor moves: past half a tooth pitch of lag it has slipped into another tooth. Counts lost
-  // microsteps.
+  // To be called as the rotor moves: past half a tooth pitch of lag it has slipped into another tooth.
   void count_slips(double shaft_rad);
 
-  // Microsteps over all slips, forth and back.
-  [[nodiscard]] std::int64_t lost_steps() const { return lost_steps_; }
+  // Microsteps of the teeth by which the rotor is off the one it was to follow, either way; what it has slipped back is
+  // not lost.
+  [[nodiscard]] std::int64_t lost_steps() const { return std::abs(slipped_teeth_) * 4 * motor_.microsteps; }
+  [[nodiscard]] std::int64_t slips() const { return slips_; }  // teeth, forth and back
 
   // Microsteps by which the rotor is behind what it was commanded since t = 0: the lag under load, and what of the lost
   // steps it has not slipped back.
@@ -91,7 +93,7 @@ class Stepper {
   int stepped_ = 0;                                              // and which way
   std::int64_t position_steps_ = 0;                              // microsteps commanded
   std::int64_t slipped_teeth_ = 0;
-  std::int64_t lost_steps_ = 0;
+  std::int64_t slips_ = 0;
   std::vector<double> tooth_error_rad_;  // per full step of a revolution
 };
 

@@ -1,5 +1,6 @@
-// The rotor swings on the field's stiffness with sqrt(N_r tau_hold / J): steps that come at that rate shake it most.
-// BALLAST_RESONANCE_OUT=CSV writes the sweeps for tools/plots/stepper_resonance.py.
+// Speeds at which a stepper is in trouble: its resonance, and where the torque runs out. The rotor swings on the
+// field's stiffness with sqrt(N_r tau_hold / J): steps that come at that rate shake it most. BALLAST_RESONANCE_OUT=CSV
+// writes the sweeps for tools/plots/stepper_resonance.py.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -100,11 +101,11 @@ std::vector<Peak> sweep(const Scenario& s, double low_hz, double high_hz, double
   } else {
     *lost_steps = plant.sample().lost_steps[0];
   }
-  // Against the rotor's true angle: what is more than the lag is whole teeth.
+  // Against the rotor's true angle: what is more than the lag, some 0.3 of a full step, is whole teeth.
   const double behind =
       static_cast<double>(pulses) - (motor.shaft_ratio * plant.sample().mass_position[0] - start) / microstep;
   EXPECT_NEAR(plant.motor_steps_behind(0), behind, 1e-6);
-  EXPECT_LE(4 * motor.microsteps * std::abs(std::llround(behind / (4 * motor.microsteps))),
+  EXPECT_EQ(4 * motor.microsteps * std::abs(std::llround(behind / (4 * motor.microsteps))),
             plant.sample().lost_steps[0]);
   return peaks;
 }
@@ -170,6 +171,39 @@ TEST(Resonance, UndampedFullStepsGetLostThere) {
     } else {
       EXPECT_EQ(lost, 0);
     }
+  }
+}
+
+// A motor driven faster and faster under load holds until its field gives no more than load, friction and the
+// acceleration take: the pull-out curve, found by the rotor.
+TEST(PullOut, IsWhereARampLosesTheRotor) {
+  for (const double part : {0.4, 0.7}) {
+    Scenario s = lift(16, 0.1, 0, 0);
+    Motor& motor = s.masses[0].motor;
+    s.masses[0].mass_kg = part * motor.holding_torque_nm * motor.shaft_ratio / s.gravity_mps2;
+    const double inertia = motor.rotor_inertia_kgm2 + s.masses[0].mass_kg / (motor.shaft_ratio * motor.shaft_ratio);
+    const double growth = 30;  // rad/s^2 of the shaft
+    const auto needed_nm = [&](double speed) {
+      return part * motor.holding_torque_nm + motor.viscous_damping_nms * speed + inertia * growth;
+    };
+    const PhaseCurrent phases(motor);
+    double expected = motor.corner_speed_radps;
+    while (phases.pull_out(expected).torque_nm > needed_nm(expected)) expected += 0.01;
+
+    Plant plant(s);
+    const double microstep = kFullStep / motor.microsteps;
+    double fastest = 0;
+    for (std::int64_t k = 0; plant.sample().lost_steps[0] == 0 && k < 200000; ++k) {
+      const StepPulse pulse{0, 0, +1};
+      plant.advance(std::sqrt(2 * (static_cast<double>(k) + 0.5) * microstep / growth), {});
+      plant.advance(std::nextafter(plant.time_s(), 1e9), {&pulse, 1});
+      fastest = growth * plant.time_s();
+    }
+    ASSERT_EQ(plant.end(), PhysicsEnd::kNone);
+    // Past the greatest torque the rotor takes some 15 ms to fall back by a tooth, in which the field goes 0.5 rad/s
+    // on.
+    EXPECT_GT(fastest, expected - 0.1) << part;
+    EXPECT_LT(fastest, expected + 1) << part;
   }
 }
 

@@ -78,6 +78,15 @@ TEST(Stepper, LostStepsAreCountedPerTooth) {
   for (int i = 0; i < 64; ++i) s.step(+1, 0);
   s.count_slips(0);
   EXPECT_EQ(s.lost_steps(), 128);
+  EXPECT_EQ(s.slips(), 2);
+  EXPECT_EQ(s.steps_behind(0), 97);
+  // What the rotor makes good is not lost; it has slipped once more for that.
+  s.count_slips(2 * kPi / 50);
+  EXPECT_EQ(s.lost_steps(), 64);
+  EXPECT_EQ(s.slips(), 3);
+  EXPECT_NEAR(s.steps_behind(2 * kPi / 50), 97 - 64, 1e-12);
+  s.count_slips(5 * 2 * kPi / 50);  // and ahead is off as well
+  EXPECT_EQ(s.lost_steps(), 3 * 64);
 }
 
 TEST(Stepper, BalanceHoldsTheLoad) {

@@ -244,6 +244,9 @@ TEST(Run, SummaryHasEveryFieldOfTheContract) {
                                 "/surfaces/7/holds",
                                 "/motors/2/steps",
                                 "/motors/2/lost_steps",
+                                "/motors/2/slips",
+                                "/motors/2/steps_behind",
+                                "/motors/2/energy",
                                 "/motors/2/max_step_rate",
                                 "/motors/2/max_torque",
                                 "/motors/2/torque_margin",
@@ -367,7 +370,17 @@ TEST(Run, DeskBallStaysInsideItsEnvelope) {
   const auto s = folder.summary("r");
   EXPECT_LT(s["mu_required"]["max"], 0.5);
   EXPECT_GT(s["final"]["position"][0], 0.1);  // it goes somewhere
-  for (const auto& motor : s["motors"]) EXPECT_EQ(motor["lost_steps"], 0);
+  for (const auto& motor : s["motors"]) {
+    EXPECT_EQ(motor["lost_steps"], 0);
+    EXPECT_LT(std::abs(motor["steps_behind"].get<double>()), 16);  // its lag under load: less than a full step
+    // 10 s of the rated current's heat, 2 I^2 R, from a supply that can drive it throughout; and the balance, to what
+    // Simpson's rule leaves.
+    const auto& energy = motor["energy"];
+    EXPECT_NEAR(energy["copper_loss"].get<double>(), 90, 1e-8);
+    const double out = energy["copper_loss"].get<double>() + energy["friction_loss"].get<double>() +
+                       energy["work"].get<double>() + energy["stored"].get<double>();
+    EXPECT_NEAR(energy["electrical"].get<double>(), out, 1e-8 * 90);
+  }
 }
 
 TEST(Run, ABallWithoutMassesRolls) {

@@ -286,6 +286,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     result.motor_energy[i] = plant.motor_energy(static_cast<int>(i));
     result.motors[i].steps_behind = plant.motor_steps_behind(static_cast<int>(i));
+    result.motors[i].slips = plant.motor_slips(static_cast<int>(i));
   }
   if (step_check) result.step_timing = step_check->record();
   return result;

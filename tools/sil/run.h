@@ -24,6 +24,7 @@ struct MotorRecord {
   std::int64_t steps = 0;       // pulses executed, both directions counted up
   double max_step_rate_hz = 0;  // from the closest two pulses
   double steps_behind = 0;      // at the end: microsteps commanded less those the rotor has made, in the positive sense
+  std::int64_t slips = 0;       // of the rotor from tooth to tooth, forth and back
 };
 
 // When the controller went to kTripped, or saw a trip while still disarmed, and the faults it had then (bits of

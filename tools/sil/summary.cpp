@@ -274,6 +274,7 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
     const sim::Motor& motor = scenario.masses[i].motor;
     motors.push_back({{"steps", result.motors[i].steps},
                       {"lost_steps", f.lost_steps[i]},
+                      {"slips", result.motors[i].slips},
                       {"steps_behind", stepper ? Json(result.motors[i].steps_behind) : Json(nullptr)},
                       {"max_step_rate", result.motors[i].max_step_rate_hz},
                       {"max_torque", result.motor_extrema[i].max_torque_nm},
@@ -472,9 +473,14 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
       text += format("%s%lld", i == 0 ? "" : " + ", static_cast<long long>(result.motors[i].steps));
     }
-    std::int64_t lost = 0;
-    for (std::size_t i = 0; i < scenario.masses.size(); ++i) lost += result.final_sample.lost_steps[i];
-    text += format("%s issued, %lld lost\n", scenario.masses.empty() ? "0" : "", static_cast<long long>(lost));
+    std::int64_t lost = 0, slips = 0;
+    for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+      lost += result.final_sample.lost_steps[i];
+      slips += result.motors[i].slips;
+    }
+    text += format("%s issued, %lld lost", scenario.masses.empty() ? "0" : "", static_cast<long long>(lost));
+    if (slips > 0) text += format(" (%lld slips, forth and back)", static_cast<long long>(slips));
+    text += "\n";
   }
   if (const std::string warning = lost_steps_text(scenario, result); !warning.empty()) {
     text += "  WARNING     " + warning + "\n";
