@@ -239,7 +239,7 @@ class PageTest(unittest.TestCase):
     def layout_faults(self):
         """Blocks of the page that lie on each other, or reach beyond its sides."""
         return self.js("""
-          const groups = ["body > *", ".head > *", ".cards > *", ".work > *", ".stage > *", ".transport > *", ".shows > *",
+          const groups = [".badge, #theme, .brand, .subtitle", "body > *", ".head > *", ".cards > *", ".work > *", ".stage > *", ".transport > *", ".shows > *",
                           ".plots > *", "#plots > *", ".tools > *", ".tables > *", ".hud span", ".cameras > *", ".pair > *"];
           for (const caption of document.querySelectorAll("figcaption"))
             groups.push(`#${caption.parentElement.id} figcaption > *`, `#${caption.parentElement.id} .value`);
@@ -261,7 +261,9 @@ class PageTest(unittest.TestCase):
         self.run_ballast("hop")
         self.report("hop")
         self.command("compare", "paper_ball", "hop", "--out", "compare.html")
-        for page in ("paper_ball/report.html", "hop/report.html", "compare.html"):
+        (self.folder / "log-with-a-name").write_bytes((self.folder / "hop" / "run.lcmlog").read_bytes())
+        self.command("report", "log-with-a-name", "--out", "log.html")
+        for page in ("paper_ball/report.html", "hop/report.html", "compare.html", "log.html"):
             for size in (DESKTOP, PHONE):
                 with self.subTest(page=page, size=size):
                     self.open(page, size)

@@ -26,7 +26,7 @@ function makeScene(runs, clock) {
     return new Scene(element("view"), runs, clock, element("scale"));
   } catch (error) {
     complain(`The replay cannot be shown: ${error.message}`);
-    element("view").hidden = true;
+    element("view").hidden = element("shows").hidden = true;
     return null;
   }
 }

@@ -106,7 +106,7 @@ class Plot {
     if (line.label === undefined) return null;
     const item = document.createElement("span");
     item.className = "value";
-    item.innerHTML = `<span class="swatch${line.dash ? " dashed" : ""}" style="--swatch: var(--${line.color})"></span><span>${line.label}</span> <output></output>`;
+    item.innerHTML = `<span class="swatch${line.dash ? " dashed" : ""}" style="--swatch: var(--${line.color})"></span><span>${line.label}</span> <output aria-live="off"></output>`;
     this.box.querySelector(".values").append(item);
     return item.querySelector("output");
   }
