@@ -208,6 +208,31 @@ class PageTest(unittest.TestCase):
         ranges = self.js("return window.ballastReport.plots.plots.map(({ chart }) => [chart.scales.x.min, chart.scales.x.max])")
         np.testing.assert_allclose(ranges, [[0, 20]] * len(ranges))
 
+    def touch(self, kind, *points):
+        self.browser.execute_cdp_cmd("Input.dispatchTouchEvent", {
+            "type": kind, "touchPoints": [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(points)]})
+
+    def test_fingers_on_a_plot(self):
+        self.browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 2})
+        self.addCleanup(self.browser.execute_cdp_cmd, "Emulation.setTouchEmulationEnabled", {"enabled": False})
+        self.open("paper_ball/report.html", PHONE)
+        box = self.js("""const over = document.querySelector("#panel-motor_torque .u-over");
+          over.scrollIntoView({ block: "end" }); const { left, top, width, height } = over.getBoundingClientRect();
+          return { left, y: top + height / 2, width };""")
+        at = lambda part: (box["left"] + part * box["width"], box["y"])
+        self.touch("touchStart", at(0.5))
+        self.assertAlmostEqual(self.slider_time(), 10, delta=20 / box["width"])
+        self.touch("touchMove", at(0.75))
+        self.assertAlmostEqual(self.slider_time(), 15, delta=20 / box["width"])
+        self.touch("touchEnd")
+        # Two fingers on 8 s and 12 s, drawn apart to a quarter and three quarters: 4 s are half of what is seen.
+        self.touch("touchStart", at(0.4), at(0.6))
+        self.touch("touchMove", at(0.25), at(0.75))
+        self.touch("touchEnd")
+        ranges = self.js("return window.ballastReport.plots.plots.map(({ chart }) => [chart.scales.x.min, chart.scales.x.max])")
+        np.testing.assert_allclose(ranges, [[6, 14]] * len(ranges), atol=3 * 20 / box["width"])
+        self.assert_clean()
+
     def test_keys_and_playing(self):
         self.open("paper_ball/report.html")
         keys = lambda *pressed: ActionChains(self.browser).send_keys(*pressed).perform()
