@@ -95,8 +95,8 @@ class Recording:
             except (KeyError, TypeError, ValueError) as error:
                 raise LogError(f"{path}: not what a run writes ({error!r})") from error
         radius = self._run.ball_radius_m()
-        self.notes.append("There is no robot.json beside the log: the ball's radius is the one with which it rolls, the "
-                          "rails are drawn as far as the masses went, and all masses have one size.")
+        self.notes.append("There is no robot.json beside the log: the ball's radius is the one with which it rolls, "
+                          "the rails are drawn as far as the masses went, and all masses have one size.")
         if radius is None:
             reach = np.linalg.norm(self._run.state["mass_position_B_m"], axis=2).max()
             radius = float(reach) / 0.9 if reach > 0 else 1.0
@@ -170,7 +170,7 @@ def _add(columns, name, values):
 
 
 def thinned_rows(signals, most):
-    """At most about `most` rows: of equal stretches the first row, and each signal's least and greatest; and the last."""
+    """About `most` rows at most: of equal stretches the first, and each signal's least and greatest; and the last."""
     count = len(signals[0])
     stretch = -(-count * (1 + 2 * len(signals)) // most)
     keep = {count - 1}
