@@ -92,8 +92,8 @@ class DifferencesTest(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertRegex(done.stdout, r"masses\.0\.mass +1 +1\.25 +\+0\.25")
         self.assertRegex(done.stdout, r"scenario_id")
-        # From the first tick on, which is the countdown's: a ball of 4 kg at g = 1, and one with a quarter kg more out of
-        # balance.
+        # From the first tick on, which is the countdown's: a ball of 4 kg at g = 1, and one with a quarter kg more out
+        # of balance.
         self.assertRegex(done.stdout, r"first differ in tick -2: BALLAST_CONTACT, normal_force_n: 4 in A, 4\.2\d+ in B")
         self.assertIn(f"{self.b}/compare.html", done.stdout)
         self.assertTrue((self.b / "compare.html").exists())

@@ -106,7 +106,8 @@ class PageTest(unittest.TestCase):
           scene.scene.updateMatrixWorld(true);
           const { x, y, z, w } = body.quaternion;
           return { position: body.position.toArray(), orientation: [w, x, y, z],
-                   masses: robot.masses.map((mass) => mass.getWorldPosition(mass.position.clone()).toArray()) };""", run)
+                   masses: robot.masses.map((mass) => mass.getWorldPosition(mass.position.clone()).toArray()) };
+          """, run)
 
     def state_log(self, run):
         messages = EventLog(self.folder / run / "run.lcmlog", ["BALLAST_PLANT_STATE"]).messages(
@@ -117,6 +118,11 @@ class PageTest(unittest.TestCase):
         path = self.folder / "view.png"
         path.write_bytes(self.browser.find_element(By.ID, "view").screenshot_as_png)
         return imread(path)[..., :3]
+
+    def ranges(self):
+        """What the plots show, each from and to."""
+        return self.js("return window.ballastReport.plots.plots.map(({ chart }) => "
+                       "[chart.scales.x.min, chart.scales.x.max])")
 
     def slider_time(self):
         return self.js("return document.getElementById('slider').valueAsNumber")
@@ -184,7 +190,8 @@ class PageTest(unittest.TestCase):
             const { width, height } = chart.ctx.canvas, { data } = chart.ctx.getImageData(0, 0, width, height);
             let count = 0;
             for (let k = 0; k < data.length; k += 4)
-              if (Math.abs(data[k] - r) + Math.abs(data[k + 1] - g) + Math.abs(data[k + 2] - b) < 60 && data[k + 3] > 100) ++count;
+              if (data[k + 3] > 100 &&
+                  Math.abs(data[k] - r) + Math.abs(data[k + 1] - g) + Math.abs(data[k + 2] - b) < 60) ++count;
             return count < 0.5 * width;
           }).map(({ panel }) => panel.id);""")
         self.assertEqual(missing, [])
@@ -202,11 +209,36 @@ class PageTest(unittest.TestCase):
         np.testing.assert_allclose(needles, self.slider_time() / 20, atol=1e-4)
         ActionChains(self.browser).move_to_element_with_offset(over, int(-0.25 * width), 0).click_and_hold() \
             .move_by_offset(int(0.25 * width), 0).release().perform()
-        ranges = self.js("return window.ballastReport.plots.plots.map(({ chart }) => [chart.scales.x.min, chart.scales.x.max])")
+        ranges = self.ranges()
         np.testing.assert_allclose(ranges, [[5, 10]] * len(ranges), atol=2 * 20 / width)
         ActionChains(self.browser).double_click(over).perform()
-        ranges = self.js("return window.ballastReport.plots.plots.map(({ chart }) => [chart.scales.x.min, chart.scales.x.max])")
+        ranges = self.ranges()
         np.testing.assert_allclose(ranges, [[0, 20]] * len(ranges))
+
+    def touch(self, kind, *points):
+        self.browser.execute_cdp_cmd("Input.dispatchTouchEvent", {
+            "type": kind, "touchPoints": [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(points)]})
+
+    def test_fingers_on_a_plot(self):
+        self.browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 2})
+        self.addCleanup(self.browser.execute_cdp_cmd, "Emulation.setTouchEmulationEnabled", {"enabled": False})
+        self.open("paper_ball/report.html", PHONE)
+        box = self.js("""const over = document.querySelector("#panel-motor_torque .u-over");
+          over.scrollIntoView({ block: "end" }); const { left, top, width, height } = over.getBoundingClientRect();
+          return { left, y: top + height / 2, width };""")
+        at = lambda part: (box["left"] + part * box["width"], box["y"])
+        self.touch("touchStart", at(0.5))
+        self.assertAlmostEqual(self.slider_time(), 10, delta=20 / box["width"])
+        self.touch("touchMove", at(0.75))
+        self.assertAlmostEqual(self.slider_time(), 15, delta=20 / box["width"])
+        self.touch("touchEnd")
+        # Two fingers on 8 s and 12 s, drawn apart to a quarter and three quarters: 4 s are half of what is seen.
+        self.touch("touchStart", at(0.4), at(0.6))
+        self.touch("touchMove", at(0.25), at(0.75))
+        self.touch("touchEnd")
+        ranges = self.ranges()
+        np.testing.assert_allclose(ranges, [[6, 14]] * len(ranges), atol=3 * 20 / box["width"])
+        self.assert_clean()
 
     def test_keys_and_playing(self):
         self.open("paper_ball/report.html")
@@ -233,35 +265,41 @@ class PageTest(unittest.TestCase):
         ready = self.js("return window.ballastReport.readyAfterMs")
         size = (self.folder / "paper_ball" / "report.html").stat().st_size
         self.assertLess(size, 5e6)
-        print(f"\npaper_ball's page: {size / 1e6:.2f} MB, ready after {ready / 1000:.2f} s; playing: {rate:.1f} frames/s, "
-              f"drawn in software (WebGL by SwiftShader); the scripts' part of a frame: {cost:.2f} ms")
+        print(f"\npaper_ball's page: {size / 1e6:.2f} MB, ready after {ready / 1000:.2f} s; playing: {rate:.1f} "
+              f"frames/s drawn in software (WebGL by SwiftShader); the scripts' part of a frame: {cost:.2f} ms")
 
     def layout_faults(self):
         """Blocks of the page that lie on each other, or reach beyond its sides."""
         return self.js("""
-          const groups = ["body > *", ".head > *", ".cards > *", ".work > *", ".stage > *", ".transport > *", ".shows > *",
-                          ".plots > *", "#plots > *", ".tools > *", ".tables > *", ".hud span", ".cameras > *", ".pair > *"];
+          const groups = [".badge, #theme, .brand, .subtitle", "body > *", ".head > *", ".cards > *", ".work > *",
+                          ".stage > *", ".transport > *", ".shows > *", ".plots > *", "#plots > *", ".tools > *",
+                          ".tables > *", ".hud span", ".cameras > *", ".pair > *"];
           for (const caption of document.querySelectorAll("figcaption"))
             groups.push(`#${caption.parentElement.id} figcaption > *`, `#${caption.parentElement.id} .value`);
           const faults = [], wide = document.documentElement.clientWidth;
+          const name = (e) => e.className || e.id || e.tagName;
+          const common = (a, b, low, high) => Math.min(a[high], b[high]) - Math.max(a[low], b[low]) > 1;
           for (const group of groups) {
             const boxes = [...document.querySelectorAll(group)].map((e) => [e, e.getBoundingClientRect()])
               .filter(([e, box]) => box.width > 0 && box.height > 0);
             boxes.forEach(([e, a], k) => {
-              if (a.left < -0.5 || a.right > wide + 0.5) faults.push(`${group}: ${e.className || e.id || e.tagName} is beyond the side`);
+              if (a.left < -0.5 || a.right > wide + 0.5) faults.push(`${group}: ${name(e)} is beyond the side`);
               for (const [f, b] of boxes.slice(k + 1))
-                if (!e.contains(f) && !f.contains(e) && Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1)
-                  faults.push(`${group}: ${e.className || e.id || e.tagName} on ${f.className || f.id || f.tagName}`);
+                if (!e.contains(f) && !f.contains(e) && common(a, b, "left", "right") && common(a, b, "top", "bottom"))
+                  faults.push(`${group}: ${name(e)} on ${name(f)}`);
             });
           }
-          if (document.documentElement.scrollWidth > wide) faults.push(`scrolls sideways: ${document.documentElement.scrollWidth} of ${wide}`);
+          const scrolls = document.documentElement.scrollWidth;
+          if (scrolls > wide) faults.push(`scrolls sideways: ${scrolls} of ${wide}`);
           return faults;""")
 
     def test_layout_on_desk_and_phone(self):
         self.run_ballast("hop")
         self.report("hop")
         self.command("compare", "paper_ball", "hop", "--out", "compare.html")
-        for page in ("paper_ball/report.html", "hop/report.html", "compare.html"):
+        (self.folder / "log-with-a-name").write_bytes((self.folder / "hop" / "run.lcmlog").read_bytes())
+        self.command("report", "log-with-a-name", "--out", "log.html")
+        for page in ("paper_ball/report.html", "hop/report.html", "compare.html", "log.html"):
             for size in (DESKTOP, PHONE):
                 with self.subTest(page=page, size=size):
                     self.open(page, size)
@@ -308,15 +346,16 @@ class PageTest(unittest.TestCase):
         (folder / "run.lcmlog").write_bytes(log[:len(log) // 3])
         self.report("alone/run.lcmlog")
         self.open("alone/report.html")
-        notes = self.js("return [...document.querySelectorAll('.note[role=note]')].map((note) => note.textContent).join(' ')")
+        notes = self.js("return [...document.querySelectorAll('.note[role=note]')].map((note) => note.textContent)")
         for said in ("no summary.json", "cut off", "no robot.json"):
-            self.assertIn(said, notes)
+            self.assertIn(said, " ".join(notes))
         self.slide_to(4)
         self.assertAlmostEqual(self.ball()["position"][2], 1, delta=1e-3)  # the radius with which it rolls
 
     def test_what_a_run_is_called_cannot_become_part_of_the_page(self):
         folder = self.run_ballast("slide_to_roll", out="named")
-        evil = '</script><img src=x onerror="window.hacked=1"><script>window.hacked=1</script>\u2028\'"&{{samples}} Ωß'
+        evil = ('</script><img src=x onerror="window.hacked=1"><script>window.hacked=1</script>\u2028\'"&{{samples}} '
+                'Ωß')
         summary = json.loads((folder / "summary.json").read_text())
         summary["scenario"] = evil
         summary["end"].update(reason=evil, text=evil)

@@ -137,6 +137,13 @@ class RecordingTest(unittest.TestCase):
         (self.folder / "run.lcmlog").rename(self.folder / "lcmlog-today.00")
         self.assertTrue(Recording(self.folder / "lcmlog-today.00").from_log)
 
+    def test_two_runs_in_one_log_are_refused(self):
+        run = ball()
+        run.events += ball().events
+        run.write(self.folder)
+        with self.assertRaisesRegex(LogError, "BALLAST_CONTACT goes from tick 200 to tick 0: more than one run"):
+            Recording(self.folder)
+
     def test_long_runs_are_thinned_and_keep_their_extremes(self):
         ball().write(self.folder)
         with mock.patch.object(recording, "MOST_SAMPLES", 60):

@@ -28,7 +28,7 @@ def number_text(value):
 
 
 def time_text(value):
-    return f"t = {value:.6g} s"
+    return f"t\u00a0=\u00a0{value:.6g}\u00a0s"  # in one line
 
 
 def cause_text(cause):
@@ -117,7 +117,7 @@ def _envelope(recording):
     if not needed:
         return words
     if needed.get("max") is None:
-        return words + f"At {time_text(needed['time'])} N was 0 in contact: no friction is enough there."
+        return words + f"At {time_text(needed['time'])} it was 0 in contact: no friction is enough there."
     limit = recording.static_friction_coefficient
     words += f"The most friction it needed, f_s/N, was {number_text(needed['max'])}, at {time_text(needed['time'])}"
     if limit is None:
