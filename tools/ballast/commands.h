@@ -14,5 +14,6 @@ std::function<int()> add_friction_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_spy_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_watch_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_doctor_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_export_command(CLI::App& app, CLI::App*& command);
 
 }  // namespace ballast
