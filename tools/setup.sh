@@ -9,7 +9,11 @@ run_packages=(
   libcli11-dev libeigen3-dev libglib2.0-dev liblcm-bin liblcm-dev libsundials-dev libtomlplusplus-dev nlohmann-json3-dev
   python3 python3-matplotlib
 )
-test_packages=(libgtest-dev)
+# Java and what follows it: for the tests of `ballast spy`, which says itself what it lacks where it is run.
+test_packages=(
+  libgtest-dev
+  default-jdk-headless default-jre libjchart2d-java liblcm-java xvfb
+)
 # Neither installed nor built by tools/test: the comparison with Simbody (tests/simbody), with libsimbody-dev and
 #   cmake --preset release -DBALLAST_PEERS=ON
 # after which tools/test runs it too.

@@ -64,6 +64,16 @@ class SpyWindowTest(unittest.TestCase):
             self.assertAlmostEqual(int(count), 2 * MESSAGES, delta=0.1 * 2 * MESSAGES, msg=channel)
             self.assertGreater(float(rate), 0, channel)
 
+    def test_everything_is_compiled_for_java_8(self):
+        # Class files begin with 0xCAFEBABE, minor and major version; 52 is Java 8's, and newer Javas run it.
+        types = Path(os.environ["BALLAST_TYPES_JAR"])
+        for jar in (types, types.with_name("ballast-spy.jar")):
+            with zipfile.ZipFile(jar) as file:
+                classes = [name for name in file.namelist() if name.endswith(".class")]
+                self.assertTrue(classes)
+                for name in classes:
+                    self.assertEqual(file.read(name)[:8], bytes.fromhex("cafebabe00000034"), name)
+
     def assert_refused(self, outcome, *words):
         self.assertEqual(outcome.returncode, 2, outcome.stderr)
         for word in (*words, "fix: "):
