@@ -45,7 +45,8 @@ constexpr MotorPreset kPresets[] = {
 std::span<const MotorPreset> motor_presets() { return kPresets; }
 
 const MotorPreset* find_motor_preset(std::string_view name) {
-  const auto* found = std::find_if(std::begin(kPresets), std::end(kPresets), [&](const auto& p) { return p.name == name; });
+  const auto* found =
+      std::find_if(std::begin(kPresets), std::end(kPresets), [&](const auto& p) { return p.name == name; });
   return found == std::end(kPresets) ? nullptr : found;
 }
 

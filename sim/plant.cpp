@@ -111,7 +111,10 @@ Plant::Plant(const Scenario& scenario)
     steppers_.emplace_back(mass.motor, mass.motor.shaft_ratio * mass.initial_position, (scenario.seed << 3) + i);
     y_[kTheta + i] = mass.initial_position;
     y_[kTheta + n + i] = mass.initial_velocity;
+    if (driven_) end_stops_[i] = EndStops(mass);
+    if (end_stops_[i].present()) with_stops_.push_back(i);
   }
+  touch_stops();
   piece_.assign(n, 0);
 
   start_regime();
@@ -188,19 +191,40 @@ CarriedMasses Plant::carried(const MassPoint& masses) const {
   return out;
 }
 
-Plant::PerMass Plant::motor_forces(const MassPoint& masses) const {
+Plant::PerMass Plant::rail_forces(const MassPoint& masses) const {
   PerMass force{};
   for (std::size_t i = 0; i < motion_.size(); ++i) {
     const double shaft = scenario_.masses[i].motor.shaft_ratio;
     force[i] = shaft * steppers_[i].torque_nm(shaft * masses.position[i], shaft * masses.velocity[i]);
   }
+  for (const std::size_t i : with_stops_) {
+    force[i] += end_stops_[i].force_n(stop_side_[i], masses.position[i], masses.velocity[i]);
+  }
   return force;
+}
+
+double Plant::overdue_m(std::size_t i, const State& y) const {
+  return end_stops_[i].overdue_m(stop_side_[i], y[kTheta + i], y[kTheta + motion_.size() + i]);
+}
+
+bool Plant::stops_overdue(const State& y) const {
+  return std::any_of(with_stops_.begin(), with_stops_.end(), [&](std::size_t i) { return overdue_m(i, y) > 0; });
+}
+
+// Which stops push from time_s_ on.
+void Plant::touch_stops() {
+  for (const std::size_t i : with_stops_) {
+    const int side = end_stops_[i].touched(y_[kTheta + i], y_[kTheta + motion_.size() + i]);
+    EndStopRecord& record = end_stop_record_[i];
+    if (side != 0 && side != stop_side_[i] && record.touches++ == 0) record.first_s = time_s_;
+    stop_side_[i] = side;
+  }
 }
 
 void Plant::evaluate(double time_s, const double* y, Instant& motion) const {
   const MassPoint p = mass_point(time_s, y);
   if (!driven_) return evaluate_prescribed(time_s, y, carried(p), motion);
-  const PerMass force = motor_forces(p);
+  const PerMass force = rail_forces(p);
   if (regime_ == Regime::kRolling) {
     rolling_driven(body_, time_s, y + kQ, y + kOmega, p.position.data(), p.velocity.data(), force.data(), motion);
   } else {
@@ -261,7 +285,7 @@ void Plant::evaluate_open(const double* y, const OpenContact& open, Instant& mot
 
 OpenContact Plant::open_contact_now() const {
   const MassPoint p = mass_point(time_s_, y_.data());
-  return open_contact_at(time_s_, y_.data(), p, driven_ ? motor_forces(p) : PerMass{});
+  return open_contact_at(time_s_, y_.data(), p, driven_ ? rail_forces(p) : PerMass{});
 }
 
 Vector3d Plant::slip_W_mps(const double* y) const {
@@ -301,6 +325,7 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
   if (end_ == PhysicsEnd::kNone && end_s > time_s_) {
     tick_normal_force_min_n_ = pushed(now_.normal_force_n);
     tick_mu_required_max_ = ratio(now_);
+    for (Stepper& stepper : steppers_) stepper.wait(time_s_);
   }
   std::size_t next_pulse = 0;
   while (end_ == PhysicsEnd::kNone) {
@@ -310,7 +335,7 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
       while (motion_[i].end_s(piece_[i]) <= time_s_) ++piece_[i], jumped = true;
     }
     for (; driven_ && next_pulse < pulses.size() && start_s + pulses[next_pulse].offset_s <= time_s_; ++next_pulse) {
-      steppers_[static_cast<std::size_t>(pulses[next_pulse].motor)].step(pulses[next_pulse].direction);
+      steppers_[static_cast<std::size_t>(pulses[next_pulse].motor)].step(pulses[next_pulse].direction, time_s_);
       jumped = true;
     }
     if (jumped) after_jump();
@@ -470,8 +495,10 @@ void Plant::take_span(double h, bool exactly, double end_s) {
   Point middle, end, inside;
   look_at_span(h, exactly && end_s == ahead_end_s_, middle, end);
 
-  // The first part of the span at whose end the regime is found over: its middle, its end, or a peak inside it.
-  double broken = violated(middle.motion) ? 0.5 : violated(end.motion) ? 1 : kInfinity;
+  // The first part of the span at whose end the regime, or a stop's push or rest, is found over: its middle, its end,
+  // or a peak inside it.
+  const auto over = [this](const Point& p) { return violated(p.motion) || stops_overdue(p.y); };
+  double broken = over(middle) ? 0.5 : over(end) ? 1 : kInfinity;
   const auto search = [&](double limit, auto value) {
     const double part = find_peak(h, middle.motion, end.motion, limit, value);
     if (part < broken && (look_inside(part * h, inside), violated(inside.motion))) broken = part;
@@ -481,10 +508,14 @@ void Plant::take_span(double h, bool exactly, double end_s) {
   }
   if (regime_ != Regime::kFlight) search(0, [](const Instant& m) { return -m.normal_force_n; });
   if (regime_ != Regime::kRolling) search(0, [](const Instant& m) { return -m.left; });
+  for (const std::size_t i : with_stops_) {
+    if (!may_peak_above(overdue_m(i, y_), overdue_m(i, middle.y), overdue_m(i, end.y), 0)) continue;
+    const double part = golden_section([&](double at) { return look_inside(at * h, inside), overdue_m(i, inside.y); });
+    if (part < broken && (look_inside(part * h, inside), stops_overdue(inside.y))) broken = part;
+  }
 
   if (broken <= 1) {
-    h *= first_broken(time_s_, h, broken,
-                      [&](double part) { return look_inside(part * h, inside), violated(inside.motion); });
+    h *= first_broken(time_s_, h, broken, [&](double part) { return look_inside(part * h, inside), over(inside); });
     look_inside(h, end);
     // A step over the end of a slip is smooth past it, where the direction is kept, and its error estimate knows
     // nothing of how the direction turns before; the part up to the end is held to the tolerance by an estimate of its
@@ -501,7 +532,8 @@ void Plant::take_span(double h, bool exactly, double end_s) {
 
   // Extrema inside: only a peak that may beat the best so far is worth finding.
   // Where a slip ends its direction is that of the step's start, and so are the forces there: they do not count.
-  const bool slip_ends = broken <= 1 && regime_ == Regime::kSliding && end.motion.normal_force_n > 0;
+  const bool regime_over = broken <= 1 && violated(end.motion);
+  const bool slip_ends = regime_over && regime_ == Regime::kSliding && end.motion.normal_force_n > 0;
   const auto look = [&](double best, auto value) {
     const double part = find_peak(h, middle.motion, end.motion, best, value);
     if (part < 1) look_inside(part * h, inside), note(time_s_ + part * h, inside.y, inside.motion);
@@ -525,7 +557,10 @@ void Plant::take_span(double h, bool exactly, double end_s) {
     note(time_s_, y_, now_);
     note_motors();
   }
-  if (broken <= 1) {
+  if (broken <= 1 && !regime_over) {
+    touch_stops();
+    after_jump();
+  } else if (regime_over) {
     if (steps_ahead()) {
       // What comes next starts from a step to here, which is better than the dense output.
       const auto rhs = [this](double t, const double* y, double* d) { derivative(t, y, d); };
@@ -660,6 +695,7 @@ void Plant::land() {
   for (std::size_t i = 0; driven_ && i < motion_.size(); ++i) {
     y_[kTheta + motion_.size() + i] += jump.mass_velocity[i];
   }
+  touch_stops();
   extra[3] = leaving;
   impacts_.push_back({time_s_, impulse[2], impulse.head<2>().norm(), impact->sticking});
   if (leaving > 0) {
@@ -781,7 +817,11 @@ void Plant::note_motors() {
     const double angle = motor.shaft_ratio * masses.position[i];
     const double speed = motor.shaft_ratio * masses.velocity[i];
     MotorExtrema& extrema = motor_extrema_[i];
-    if (driven_) torque_nm_[i] = now_.generalised_force[i] / motor.shaft_ratio;
+    if (driven_) {
+      const double stop_n = end_stops_[i].force_n(stop_side_[i], masses.position[i], masses.velocity[i]);
+      torque_nm_[i] = (now_.generalised_force[i] - stop_n) / motor.shaft_ratio;
+      end_stop_record_[i].max_force_n = std::max(end_stop_record_[i].max_force_n, std::abs(stop_n));
+    }
     extrema.max_torque_nm = std::max(extrema.max_torque_nm, std::abs(torque_nm_[i]));
     double margin;
     if (driven_) {
@@ -812,7 +852,7 @@ void Plant::note_energy(double h, const Point& middle, const Point& end) {
       if (!motor.has_winding()) continue;
       const auto current = steppers_[i].current(motor.shaft_ratio * y[k][kTheta + i], speed);
       energy.copper_j += part_s * phases.copper_loss_w(current);
-      energy.electrical_j += part_s * phases.terminal_power_w(current, speed);
+      energy.electrical_j += part_s * steppers_[i].terminal_power_w(current, speed);
     }
   }
 }
@@ -868,6 +908,8 @@ Plant::Sample Plant::sample() const {
     s.center_of_mass_B_m += body_.mass_kg[i] * s.mass_position_B_m[i];
     s.motor_torque_nm[i] = torque_nm_[i];
     s.lost_steps[i] = steppers_[i].lost_steps();
+    s.end_switches[i] = body_.rail[i].lower_end >= masses.position[i] ? 1 : 0;
+    if (body_.rail[i].upper_end <= masses.position[i]) s.end_switches[i] |= 2;
   }
   s.center_of_mass_B_m /= body_.total_mass_kg;
   return s;

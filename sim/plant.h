@@ -37,6 +37,7 @@
 #include "sim/contact_shares.h"
 #include "sim/dop853.h"
 #include "sim/dormand_prince.h"
+#include "sim/end_stop.h"
 #include "sim/motion.h"
 #include "sim/newton_euler.h"
 #include "sim/scenario.h"
@@ -97,14 +98,21 @@ struct MotorExtrema {
 };
 
 // Of a stepper over the whole run, in J: what went in is what came out. Integrals over the integrator's steps by
-// Simpson's rule. electrical = copper + friction + work + stored; without a winding electrical and copper are 0 and mean
-// nothing.
+// Simpson's rule. electrical = copper + friction + work + stored; without a winding electrical and copper are 0 and
+// mean nothing.
 struct MotorEnergy {
   double electrical_j = 0;  // through the terminals
   double copper_j = 0;      // heat of the winding
   double friction_j = 0;    // heat of the viscous damping
   double work_j = 0;        // on rotor, mass and ball
   double stored_j = 0;      // change of what the winding's field and the detent hold
+};
+
+// Of a driven mass at the ends of its rail. The instants are located; the force is taken where the motors' torques are.
+struct EndStopRecord {
+  int touches = 0;         // times a stop began to push
+  double first_s = -1;     // the first of them; before the start: none
+  double max_force_n = 0;  // greatest push
 };
 
 class Plant {
@@ -127,8 +135,10 @@ class Plant {
   // Stepper runs only.
   [[nodiscard]] MotorEnergy motor_energy(int i) const;
   [[nodiscard]] double motor_steps_behind(int i) const;  // microsteps, of the true angle behind the commanded one
+  [[nodiscard]] std::int64_t motor_slips(int i) const { return steppers_[static_cast<std::size_t>(i)].slips(); }
   // Whose doing mu_required_max is; none if it was not needed by rolling.
   [[nodiscard]] std::optional<ContactShares> shares_at_mu_required_max() const;
+  [[nodiscard]] const EndStopRecord& end_stop(int i) const { return end_stop_record_[static_cast<std::size_t>(i)]; }
 
   // The state now. Where something jumps now, the value after the jump.
   struct Sample {
@@ -151,6 +161,7 @@ class Plant {
     std::array<Eigen::Vector3d, kMaxMasses> mass_position_B_m;
     std::array<double, kMaxMasses> motor_torque_nm{};
     std::array<std::int64_t, kMaxMasses> lost_steps{};
+    std::array<int, kMaxMasses> end_switches{};  // bit 0: at or beyond the lower end of its rail, bit 1: the upper
   };
   [[nodiscard]] Sample sample() const;
 
@@ -190,7 +201,12 @@ class Plant {
   MassPoint mass_point(double time_s, const double* y) const { return mass_point(time_s, y, piece_.data()); }
   MassPoint mass_point(double time_s, const double* y, const std::size_t* piece) const;
   CarriedMasses carried(const MassPoint& masses) const;
-  PerMass motor_forces(const MassPoint& masses) const;
+  // Of motors and end stops.
+  PerMass rail_forces(const MassPoint& masses) const;
+  // Whether the stops that push are others than stop_side_ says.
+  [[nodiscard]] double overdue_m(std::size_t i, const State& y) const;
+  [[nodiscard]] bool stops_overdue(const State& y) const;
+  void touch_stops();
   void evaluate(double time_s, const double* y, Instant& motion) const;
   void evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses, Instant& motion) const;
   void evaluate_open(const double* y, const OpenContact& open, Instant& motion) const;
@@ -251,6 +267,9 @@ class Plant {
   std::vector<PrescribedMotion> motion_;
   std::vector<std::size_t> piece_;
   std::vector<Stepper> steppers_;
+  std::array<EndStops, kMaxMasses> end_stops_{};  // of driven masses
+  std::vector<std::size_t> with_stops_;           // those that have some
+  std::array<int, kMaxMasses> stop_side_{};       // the stop that pushes, EndStops
 
   double time_s_ = 0;
   State y_{};
@@ -295,6 +314,7 @@ class Plant {
   std::array<MotorExtrema, kMaxMasses> motor_extrema_{};
   std::array<MotorEnergy, kMaxMasses> motor_energy_{};  // but for what is stored
   std::array<StoredEnergy, kMaxMasses> stored_at_start_{};
+  std::array<EndStopRecord, kMaxMasses> end_stop_record_{};
 };
 
 }  // namespace ballast::sim

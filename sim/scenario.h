@@ -63,9 +63,16 @@ struct Trajectory {
   bool periodic = false;  // the table repeats for ever; its last point is its first
 };
 
+// Spring and damper at the ends of a rail that has ends (firmware::Rail): sim/end_stop.h.
+struct EndStopMaterial {
+  double stiffness_npm = 0;
+  double restitution = 0.5;  // 0.01..1, of the mass and its rotor against a ball held fast
+};
+
 struct Mass {
   double mass_kg = 0;
   firmware::Rail rail;
+  EndStopMaterial end_stops;  // where the rail has ends
   Trajectory trajectory;
   double initial_position = 0;  // rad or m; this and what follows: of a mass on its rail
   double initial_velocity = 0;

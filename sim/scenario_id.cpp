@@ -1,6 +1,7 @@
 #include "sim/scenario_id.h"
 
 #include <charconv>
+#include <cmath>
 
 namespace ballast::sim {
 namespace {
@@ -32,6 +33,15 @@ class CanonicalText {
   std::string text_;
 };
 
+// Rails without an end have no line about ends.
+void add_ends(CanonicalText& text, const Mass& mass) {
+  if (!std::isfinite(mass.rail.lower_end) && !std::isfinite(mass.rail.upper_end)) return;
+  text.add("rail.lower_end", mass.rail.lower_end);
+  text.add("rail.upper_end", mass.rail.upper_end);
+  text.add("end_stops.stiffness", mass.end_stops.stiffness_npm);
+  text.add("end_stops.restitution", mass.end_stops.restitution);
+}
+
 // Scenarios without a spline, a trajectory, a table of forces, drag or a motor's winding have no line about them.
 void add_spline(CanonicalText& text, const firmware::Rail& rail) {
   if (rail.shape != firmware::RailShape::kSpline) return;
@@ -59,6 +69,7 @@ void add_mass(CanonicalText& text, const Mass& mass) {
   text.add("rail.axis_sin", mass.rail.axis_sin_B);
   text.add("rail.radius", mass.rail.radius_m);
   add_spline(text, mass.rail);
+  add_ends(text, mass);
   if (!mass.trajectory.times_s.empty()) {
     add_table(text, "trajectory", mass.trajectory.times_s, mass.trajectory.points_B_m);
     text.add("trajectory.periodic", static_cast<int>(mass.trajectory.periodic));

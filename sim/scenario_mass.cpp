@@ -20,6 +20,11 @@ constexpr double kUnitTolerance = 1e-6;  // of lengths and right angles written 
 constexpr double kMostSpeedError = 0.01;
 constexpr double kMostPointDistance = 1e-3;
 
+// As the controller computes it.
+double microsteps_per_unit(const Motor& motor) {
+  return motor.steps_per_revolution * motor.microsteps * motor.shaft_ratio / (2 * std::numbers::pi);
+}
+
 bool outside(double distance_m, double radius_m) { return !(distance_m <= radius_m * (1 + kRoundOff)); }
 
 std::string allowed_in_ball(double radius_m) { return "; allowed: <= ball.radius = " + number_text(radius_m); }
@@ -147,7 +152,70 @@ std::optional<firmware::Rail> read_spline(TableReader& rail, std::optional<doubl
   return spline.rail;
 }
 
-std::optional<firmware::Rail> read_rail(TableReader rail, std::optional<double> ball_radius_m) {
+// Where a line leaves the ball; nowhere, if it does not meet it.
+void end_in_ball(firmware::Rail& line, double ball_radius_m) {
+  const double along = line.origin_B_m.dot(line.axis_cos_B);
+  const double beside = (line.origin_B_m - along * line.axis_cos_B).stableNorm();
+  if (!(beside < ball_radius_m)) return;
+  const double half = std::sqrt((ball_radius_m - beside) * (ball_radius_m + beside));
+  line.lower_end = -along - half;
+  line.upper_end = -along + half;
+}
+
+// The ends of a line or an open spline; given ones have to be on the rail and in the ball.
+void read_ends(TableReader& table, std::optional<double> ball_radius_m, firmware::Rail& rail) {
+  const bool on_line = rail.shape == firmware::RailShape::kLine;
+  if (!on_line) {
+    rail.lower_end = 0;
+    rail.upper_end = firmware::length_m(rail);
+  } else if (ball_radius_m) {
+    end_in_ball(rail, *ball_radius_m);
+  }
+  table.know({"end_stops"});
+  if (!table.has("end_stops")) return;
+  const auto ends = table.vector<2>("end_stops", Range::any("m"));
+  if (!ends) return;
+  bool good = true;
+  for (int i = 0; i < 2; ++i) {
+    const double end = (*ends)[i];
+    const std::string key = "end_stops." + std::to_string(i);
+    if (!on_line && !Range::between(0, firmware::length_m(rail)).contains(end)) {
+      table.refuse(key, "is off the rail; allowed: 0 to its length " + number_text(firmware::length_m(rail)) + " m");
+      good = false;
+    }
+    const double distance = firmware::evaluate(rail, end).position.stableNorm();
+    if (on_line && ball_radius_m && outside(distance, *ball_radius_m)) {
+      table.refuse(key,
+                   "is " + number_text(distance) + " m from the geometric centre" + allowed_in_ball(*ball_radius_m));
+      good = false;
+    }
+  }
+  if (good && !((*ends)[0] < (*ends)[1])) {
+    table.refuse("end_stops.1", "is not above the lower stop; allowed: > " + number_text((*ends)[0]));
+    good = false;
+  }
+  if (!good) return;
+  rail.lower_end = (*ends)[0];
+  rail.upper_end = (*ends)[1];
+}
+
+// What they are of. The stiffness has a default only once the motor is known.
+void read_end_stop_material(TableReader& table, bool has_ends, EndStopMaterial& out) {
+  for (const char* key : {"end_stops", "end_stop_stiffness", "end_stop_restitution"}) {
+    table.know({key});
+    if (!has_ends && table.has(key)) {
+      table.refuse(key, "belongs to a rail that has ends; allowed: on a line or an open spline");
+    }
+  }
+  if (!has_ends) return;
+  if (table.has("end_stop_stiffness")) {
+    out.stiffness_npm = table.number("end_stop_stiffness", Range::positive("N/m")).value_or(0);
+  }
+  out.restitution = table.number("end_stop_restitution", Range::between(0.01, 1), out.restitution).value_or(0.5);
+}
+
+std::optional<firmware::Rail> read_rail(TableReader rail, std::optional<double> ball_radius_m,
+                                        EndStopMaterial& end_stops) {
   const auto shape = rail.word("shape", {"circle", "line", "spline"});
   if (!shape) return std::nullopt;  // which keys belong here is not known either
   std::optional<firmware::Rail> result;
@@ -165,6 +233,13 @@ std::optional<firmware::Rail> read_rail(TableReader rail, std::optional<double> 
     result = read_line(rail);
   } else {
     result = read_spline(rail, ball_radius_m);
+  }
+  if (result) {
+    const bool has_ends = *shape == "line" || (*shape == "spline" && !result->closed);
+    if (has_ends) read_ends(rail, ball_radius_m, *result);
+    read_end_stop_material(rail, has_ends, end_stops);
+  } else {
+    rail.know({"end_stops", "end_stop_stiffness", "end_stop_restitution"});
   }
   rail.refuse_unknown_keys();
   return result;
@@ -226,22 +301,39 @@ void check_line_in_ball(TableReader& table, const Mass& mass, const MassSurround
   }
 }
 
-// An open spline rail ends.
-void check_on_open_rail(TableReader& table, const Mass& mass, const MassSurroundings& around) {
+// Rails end, at their stops at the latest.
+void check_between_ends(TableReader& table, const Mass& mass, const MassSurroundings& around) {
   if (!around.duration_s) return;
-  const double length = firmware::length_m(mass.rail);
+  const double lower = mass.rail.lower_end, upper = mass.rail.upper_end;
+  const double rounding = kRoundOff * (upper - lower);
   const PositionExtent extent = position_extent(mass, *around.duration_s);
-  const bool below = extent.least.position < -kRoundOff * length;
-  if (!below && extent.greatest.position <= length * (1 + kRoundOff)) return;
+  const bool below = extent.least.position < lower - rounding;
+  if (!below && extent.greatest.position <= upper + rounding) return;
   const Extreme& worst = below ? extent.least : extent.greatest;
+  const bool whole =
+      mass.rail.shape == firmware::RailShape::kSpline && lower == 0 && upper == firmware::length_m(mass.rail);
+  const std::string allowed =
+      whole ? "on the rail, 0 to its length " + number_text(upper) + " m"
+            : "between the rail's end_stops, " + number_text(lower) + " to " + number_text(upper) + " m";
   const std::string message = "takes the mass to theta = " + number_text(worst.position) +
-                              " m at t = " + number_text(worst.time_s) + " s; allowed: on the rail, 0 to its length " +
-                              number_text(length) + " m";
+                              " m at t = " + number_text(worst.time_s) + " s; allowed: " + allowed;
   if (worst.time_s > 0) {
     table.refuse(piece_key(mass, worst.piece), message);
   } else {
     table.refuse("initial_position", message);
   }
+}
+
+// Default: the greatest force of the motor presses the mass in by a thousandth of the way between the stops.
+void default_stiffness(TableReader& table, Mass& mass) {
+  double& stiffness = mass.end_stops.stiffness_npm;
+  if (stiffness > 0 || !std::isfinite(mass.rail.lower_end)) return;
+  stiffness =
+      mass.motor.holding_torque_nm * mass.motor.shaft_ratio / (1e-3 * (mass.rail.upper_end - mass.rail.lower_end));
+  const Range range = Range::positive("N/m");
+  if (range.contains(stiffness)) return;
+  table.refuse("rail.end_stop_stiffness", "is not given, and its default " + number_text(stiffness) +
+                                              " is out of range; allowed: a " + range.text());
 }
 
 // In place of rail, initial position and velocity, motion and motor.
@@ -347,9 +439,10 @@ void read_winding(TableReader& table, const MotorPreset* preset, Motor& motor) {
   if (!current || !resistance || !inductance || !supply) return;
   const double peak_v = std::numbers::sqrt2 * *current * *resistance;
   if (!(*supply > peak_v)) {
-    table.refuse("supply_voltage", "cannot drive the rated current through the winding; allowed: > sqrt(2) * "
-                                   "rated_current * resistance = " +
-                                       number_text(peak_v));
+    table.refuse("supply_voltage",
+                 "cannot drive the rated current through the winding; allowed: > sqrt(2) * "
+                 "rated_current * resistance = " +
+                     number_text(peak_v));
     return;
   }
   motor.rated_current_a = *current;
@@ -440,24 +533,28 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
          motor.corner_speed_radps);
   }
   read("step_error", Range::between(0, 0.1), motor.step_error, motor.step_error);
-  // A little below what the controller can issue in one tick, so that rounding to ticks never overloads it.
-  const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);
-  read("max_step_rate", Range::positive("1/s"), std::min(timer / 10, 60 / period), motor.max_step_rate_hz);
   read("direction_setup", Range::between(0, 1e-3, "s"), motor.direction_setup_s, motor.direction_setup_s);
   // What half the holding torque gives; the motion's own in any case, so that only a limit somebody has set refuses it.
   const double half_torque = 0.5 * ratio * motor.holding_torque_nm / moved_inertia;
   read("max_acceleration", Range::positive("rail unit / s^2"), std::max(half_torque, extent.greatest_acceleration),
        motor.max_acceleration);
+  // What nine tenths of the holding torque leave for the drag, beside gravity and that acceleration, so that moves at
+  // full speed lose no steps; but no faster than the corner speed, and a tenth faster than the motion in any case. And
+  // a little below what the controller can issue in one tick, so that rounding to ticks never overloads it.
+  const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);
+  const double gravity_torque = mass_kg * around.gravity_mps2.value_or(1) * lever / ratio;
+  const double acceleration_torque = moved_inertia * motor.max_acceleration / ratio;
+  const double left_torque =
+      std::max(0.9 * motor.holding_torque_nm - gravity_torque - acceleration_torque, 0.01 * motor.holding_torque_nm);
+  const double carried_radps = std::min(left_torque / motor.viscous_damping_nms, motor.corner_speed_radps);
+  const double carried_hz = std::max(carried_radps / ratio, 1.1 * extent.greatest_speed) * microsteps_per_unit(motor);
+  read("max_step_rate", Range::positive("1/s"), std::min({timer / 10, 60 / period, carried_hz}),
+       motor.max_step_rate_hz);
   // To that acceleration in one swing of load and rotor on the field's stiffness, which then swings on least.
   const double swing_s = 2 * std::numbers::pi * std::sqrt(moved_inertia / (stiffness * ratio * ratio));
   read("max_jerk", Range::positive("rail unit / s^3"), std::max(motor.max_acceleration / swing_s, extent.greatest_jerk),
        motor.max_jerk);
   table.refuse_unknown_keys();
-}
-
-// As the controller computes it.
-double microsteps_per_unit(const Motor& motor) {
-  return motor.steps_per_revolution * motor.microsteps * motor.shaft_ratio / (2 * std::numbers::pi);
 }
 
 // What the controller refuses: here with the key that is to blame.
@@ -542,7 +639,7 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
     table.refuse_unknown_keys();
     return mass;
   }
-  const auto rail = read_rail(table.table("rail"), around.ball_radius_m);
+  const auto rail = read_rail(table.table("rail"), around.ball_radius_m, mass.end_stops);
   const auto initial_position = table.number("initial_position", Range::any("rad or m"), 0.0);
   const auto initial_velocity = table.number("initial_velocity", Range::any("rad/s or m/s"), 0.0);
   const auto motion = read_motion(table);
@@ -563,14 +660,20 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
       motion_known = false;
     }
   }
-  if (motion_known && rail && mass.rail.shape == firmware::RailShape::kLine) check_line_in_ball(table, mass, around);
-  if (motion_known && rail && mass.rail.shape == firmware::RailShape::kSpline && !mass.rail.closed) {
-    check_on_open_rail(table, mass, around);
+  if (motion_known && rail) {
+    const bool on_line = rail->shape == firmware::RailShape::kLine;
+    const bool ends = std::isfinite(rail->lower_end) && std::isfinite(rail->upper_end);
+    if (on_line && !table.table("rail").has("end_stops")) {
+      check_line_in_ball(table, mass, around);
+    } else if (ends) {
+      check_between_ends(table, mass, around);
+    }
   }
 
   const bool complete = mass_kg && rail && motion_known && around.gravity_mps2 && around.ball_radius_m &&
                         around.control_period_s && around.timer_frequency_hz;
   read_motor(table.table("motor"), around, rail, complete, speed, mass);
+  if (complete) default_stiffness(table, mass);
   if (complete && around.actuation == Actuation::kStepper) {
     check_steps(table, mass, around);
     check_step_rate(table, mass, speed, around);

@@ -34,6 +34,7 @@ Stepper::Stepper(const Motor& motor, double initial_shaft_rad, std::uint64_t too
 }
 
 void Stepper::balance(double torque_nm, double shaft_radps) {
+  field_radps_ = shaft_radps;
   const double field_torque_nm = torque_nm + motor_.viscous_damping_nms * shaft_radps +
                                  motor_.detent_torque_nm * std::sin(4 * teeth_ * initial_shaft_rad_);
   offset_rad_ = balanced_lag_rad(field_torque_nm, shaft_radps) / teeth_;
@@ -42,21 +43,35 @@ void Stepper::balance(double torque_nm, double shaft_radps) {
 
 // Where the field gives a torque at a speed, on the branch that holds the rotor.
 double Stepper::balanced_lag_rad(double torque_nm, double shaft_radps) const {
-  if (std::abs(shaft_radps) <= motor_.corner_speed_radps || !motor_.has_winding()) {
+  if (!motor_.has_winding() || shaft_radps == 0) {
     return std::asin(std::clamp(torque_nm / available_torque_nm(shaft_radps), -1.0, 1.0));
   }
   const double driving = phases_.pull_out(shaft_radps).lag_rad;
   double low = shaft_radps > 0 ? -kPi / 2 : -driving, high = shaft_radps > 0 ? driving : kPi / 2;
   for (int k = 0; k < 100; ++k) {
     const double middle = (low + high) / 2;
-    (phases_.torque_nm(middle, shaft_radps) < torque_nm ? low : high) = middle;
+    (phases_.torque_nm(middle, shaft_radps, shaft_radps) < torque_nm ? low : high) = middle;
   }
   return (low + high) / 2;
 }
 
-void Stepper::step(int direction) {
+void Stepper::step(int direction, double time_s) {
   position_steps_ += direction;
+  const double since_s = time_s - stepped_s_;
+  // Steps of one instant are one longer step: they say nothing of the speed.
+  if (since_s > 0) field_radps_ = direction == stepped_ ? direction * microstep_rad() / since_s : 0;
+  stepped_s_ = time_s;
+  stepped_ = direction;
   update_field();
+}
+
+void Stepper::wait(double time_s) {
+  const double fastest_radps = microstep_rad() / (time_s - stepped_s_);
+  if (std::abs(field_radps_) > fastest_radps) field_radps_ = std::copysign(fastest_radps, field_radps_);
+}
+
+double Stepper::microstep_rad() const {
+  return 2 * kPi / (static_cast<double>(motor_.steps_per_revolution) * motor_.microsteps);
 }
 
 void Stepper::update_field() {
@@ -69,28 +84,26 @@ void Stepper::update_field() {
   const std::int64_t full = floor_div(position_steps_, motor_.microsteps);
   const double part = static_cast<double>(position_steps_ - full * motor_.microsteps) / motor_.microsteps;
   const double error = (1 - part) * error_at(full) + part * error_at(full + 1) - error_at(0);
-  const double microstep_rad = 2 * kPi / (static_cast<double>(motor_.steps_per_revolution) * motor_.microsteps);
-  field_rad_ = initial_shaft_rad_ + offset_rad_ + static_cast<double>(position_steps_) * microstep_rad + error;
+  field_rad_ = initial_shaft_rad_ + offset_rad_ + static_cast<double>(position_steps_) * microstep_rad() + error;
 }
 
 double Stepper::torque_margin(double shaft_rad, double shaft_radps) const {
   const double lag = lag_rad(shaft_rad) - 2 * kPi * static_cast<double>(slipped_teeth_);
-  if (std::abs(shaft_radps) <= motor_.corner_speed_radps || !motor_.has_winding()) {
+  if (!motor_.has_winding()) {
     return std::abs(lag) <= kPi / 2 ? 1 - std::sin(std::abs(lag)) : std::sin(std::abs(lag)) - 1;
   }
-  const PhaseCurrent::PullOut most = phases_.pull_out(shaft_radps);
-  const double used = std::abs(phases_.torque_nm(lag, shaft_radps)) / most.torque_nm;
+  const PhaseCurrent::PullOut most = phases_.pull_out(field_radps_);
+  const double used = std::abs(phases_.torque_nm(lag, shaft_radps, field_radps_)) / most.torque_nm;
   return std::abs(lag) <= most.lag_rad ? 1 - used : std::min(used, 1.0) - 1;
 }
 
 double Stepper::steps_behind(double shaft_rad) const {
-  const double per_rad = static_cast<double>(motor_.steps_per_revolution) * motor_.microsteps / (2 * kPi);
-  return static_cast<double>(position_steps_) - (shaft_rad - initial_shaft_rad_) * per_rad;
+  return static_cast<double>(position_steps_) - (shaft_rad - initial_shaft_rad_) / microstep_rad();
 }
 
 void Stepper::count_slips(double shaft_rad) {
   const auto teeth = static_cast<std::int64_t>(std::llround(lag_rad(shaft_rad) / (2 * kPi)));
-  lost_steps_ += std::abs(teeth - slipped_teeth_) * 4 * motor_.microsteps;
+  slips_ += std::abs(teeth - slipped_teeth_);
   slipped_teeth_ = teeth;
 }
 

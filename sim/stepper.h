@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
+#include <limits>
 #include <vector>
 
 #include "sim/phase_current.h"
@@ -21,8 +23,11 @@ class Stepper {
   // more than the holding torque cannot be held: the field then leads by the angle of greatest torque.
   void balance(double torque_nm, double shaft_radps);
 
-  // One microstep of the field; direction +1 or -1.
-  void step(int direction);
+  // One microstep of the field at time_s; direction +1 or -1.
+  void step(int direction, double time_s);
+
+  // To be called now and then: a field that waits longer than between its last two steps has become slower.
+  void wait(double time_s);
 
   // Electromagnetic, detent and viscous torque on the rotor.
   [[nodiscard]] double torque_nm(double shaft_rad, double shaft_radps) const {
@@ -38,26 +43,29 @@ class Stepper {
                                 : motor_.holding_torque_nm * motor_.corner_speed_radps / speed;
   }
 
-  // Part of the available torque the rotor's lag leaves unused: 1 - |sin(lag)|, or what the currents make of it; below
-  // 0 once the lag is past the greatest torque.
+  // Part of the torque available at the field's speed that the rotor's lag leaves unused: 1 - |sin(lag)|, or what the
+  // currents make of it; below 0 once the lag is past the greatest torque.
   [[nodiscard]] double torque_margin(double shaft_rad, double shaft_radps) const;
 
-  // What goes into the motor at its terminals, and what of it heats the winding; what the fields of winding and detent
-  // hold. No winding: no currents.
+  // Of the winding, 0 without one: the current now, and the power through the terminals.
   [[nodiscard]] PhaseCurrent::Vector current(double shaft_rad, double shaft_radps) const {
-    return motor_.has_winding() ? phases_.at(lag_rad(shaft_rad), shaft_radps) : PhaseCurrent::Vector{};
+    return motor_.has_winding() ? phases_.at(lag_rad(shaft_rad), shaft_radps, field_radps_) : PhaseCurrent::Vector{};
+  }
+  [[nodiscard]] double terminal_power_w(const PhaseCurrent::Vector& current, double shaft_radps) const {
+    return phases_.terminal_power_w(current, shaft_radps, field_radps_);
   }
   [[nodiscard]] const PhaseCurrent& phases() const { return phases_; }
   [[nodiscard]] double detent_energy_j(double shaft_rad) const {
     return -motor_.detent_torque_nm / (4 * teeth_) * std::cos(4 * teeth_ * shaft_rad);
   }
 
-  // To be called as the rotor moves: past half a tooth pitch of lag it has slipped into another tooth. Counts lost
-  // microsteps.
+  // To be called as the rotor moves: past half a tooth pitch of lag it has slipped into another tooth.
   void count_slips(double shaft_rad);
 
-  // Microsteps over all slips, forth and back.
-  [[nodiscard]] std::int64_t lost_steps() const { return lost_steps_; }
+  // Microsteps of the teeth by which the rotor is off the one it was to follow, either way; what it has slipped back is
+  // not lost.
+  [[nodiscard]] std::int64_t lost_steps() const { return std::abs(slipped_teeth_) * 4 * motor_.microsteps; }
+  [[nodiscard]] std::int64_t slips() const { return slips_; }  // teeth, forth and back
 
   // Microsteps by which the rotor is behind what it was commanded since t = 0: the lag under load, and what of the lost
   // steps it has not slipped back.
@@ -65,11 +73,12 @@ class Stepper {
 
  private:
   void update_field();
+  [[nodiscard]] double microstep_rad() const;
   [[nodiscard]] double balanced_lag_rad(double torque_nm, double shaft_radps) const;
   [[nodiscard]] double lag_rad(double shaft_rad) const { return teeth_ * (field_rad_ - shaft_rad); }
   [[nodiscard]] double field_torque_nm(double shaft_rad, double shaft_radps) const {
     const double lag = lag_rad(shaft_rad);
-    return motor_.has_winding() ? phases_.torque_nm(lag, shaft_radps)
+    return motor_.has_winding() ? phases_.torque_nm(lag, shaft_radps, field_radps_)
                                 : available_torque_nm(shaft_radps) * std::sin(lag);
   }
 
@@ -77,11 +86,14 @@ class Stepper {
   PhaseCurrent phases_;
   double teeth_;  // N_r
   double initial_shaft_rad_;
-  double offset_rad_ = 0;            // field minus rotor at t = 0
-  double field_rad_;                 // phi_cmd
-  std::int64_t position_steps_ = 0;  // microsteps commanded
+  double offset_rad_ = 0;   // field minus rotor at t = 0
+  double field_rad_;        // phi_cmd
+  double field_radps_ = 0;  // its mean speed: by the time between its last two steps
+  double stepped_s_ = -std::numeric_limits<double>::infinity();  // when it last stepped
+  int stepped_ = 0;                                              // and which way
+  std::int64_t position_steps_ = 0;                              // microsteps commanded
   std::int64_t slipped_teeth_ = 0;
-  std::int64_t lost_steps_ = 0;
+  std::int64_t slips_ = 0;
   std::vector<double> tooth_error_rad_;  // per full step of a revolution
 };
 

@@ -8,8 +8,11 @@ run_packages=(
   cmake g++ ninja-build pkg-config
   libcli11-dev libeigen3-dev libglib2.0-dev liblcm-bin liblcm-dev libsundials-dev libtomlplusplus-dev nlohmann-json3-dev
   python3 python3-matplotlib
+  ca-certificates  # for what `ballast report` fetches once from the npm registry
 )
-test_packages=(libgtest-dev)
+test_packages=(libgtest-dev chromium chromium-driver python3-selenium)
+# The firmware on a microcontroller: its compiler, and the machine it runs on.
+target_packages=(gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib qemu-system-arm)
 # Neither installed nor built by tools/test: the comparison with Simbody (tests/simbody), with libsimbody-dev and
 #   cmake --preset release -DBALLAST_PEERS=ON
 # after which tools/test runs it too.

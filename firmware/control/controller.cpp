@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "firmware/motion/crossing.h"
+
 namespace ballast::firmware {
 
 namespace {
@@ -43,14 +45,26 @@ bool valid(const Sensors& s) {
 // Microsteps of a target from the start: below 2^53, so that they can be counted; as validate() has it for the start.
 constexpr Wide kMaxStepsFromZero = 1e15;
 
+// Some mass stands at an end of its rail, where its switch is, and is commanded on over it. Away from it, or at rest,
+// all is well.
+bool driven_over_an_end(const Sensors& sensors, const MassMotion& commanded, int count) {
+  for (int i = 0; i < count; ++i) {
+    const unsigned switches = sensors.limit_switch[at(i)];
+    const Wide velocity = commanded.velocity[at(i)];
+    if (((switches & 1u) != 0 && velocity < 0) || ((switches & 2u) != 0 && velocity > 0)) return true;
+  }
+  return false;
+}
+
 // The world's faults present in this tick.
-std::uint32_t causes_of(const ControllerParams& params, const Inputs& inputs, Order order) {
+std::uint32_t causes_of(const ControllerParams& params, const Inputs& inputs, const MassMotion& now, Order order) {
   std::uint32_t causes = 0;
   if (order != Order::kInOrder) causes |= bit(Fault::kTickOutOfOrder);
   if (!valid(inputs.sensors)) causes |= bit(Fault::kSensorNotFinite);
   if (stale(inputs.sensors.tick, inputs.tick, params.sensor_stale_ticks)) causes |= bit(Fault::kSensorStale);
   if (stale(inputs.monitor.tick, inputs.tick, params.monitor_stale_ticks)) causes |= bit(Fault::kMonitorStale);
   if (inputs.monitor.tripped) causes |= bit(Fault::kMonitorTrip);
+  if (driven_over_an_end(inputs.sensors, now, params.ball.mass_count)) causes |= bit(Fault::kEndSwitch);
   return causes;
 }
 
@@ -106,10 +120,12 @@ bool stop(Profile& profile, const ProfilePoint& from, const MotionLimits& limits
 // Of the model's numbers, with room.
 constexpr Real kRounding = std::max(Real(1e-12), 16 * std::numeric_limits<Real>::epsilon());
 
-// Lines end where the ball does, open splines at their ends; no other rail has an end.
+// Lines end where the ball does or at their stops, open splines at their ends or their stops; no other rail has an end.
 bool on_rail(const BallParams& ball, int i, Wide rail_coordinate) {
   const auto position = static_cast<Real>(rail_coordinate);
   const Rail& rail = ball.rail[at(i)];
+  const Real rounding = kRounding * (rail.upper_end - rail.lower_end);
+  if (position < rail.lower_end - rounding || position > rail.upper_end + rounding) return false;
   if (rail.shape == RailShape::kSpline && !rail.closed) {
     const Real length = length_m(rail);
     return position >= -kRounding * length && position <= length * (1 + kRounding);
@@ -125,6 +141,20 @@ RefusalReport refused(Refusal reason, int motor = -1, Wide value = 0, int piece 
   return {reason, motor, piece, value};
 }
 
+// The first piece in which the mass leaves its rail, and how far it goes there; -1: none.
+int leaves_rail(const BallParams& ball, int i, const Profile& profile, Real& position) {
+  for (int p = 0; p < profile.piece_count(); ++p) {
+    const Cubic& c = profile.cubic(p);
+    const StepCubic x{c.position, c.velocity, c.acceleration, c.jerk};
+    const MonotoneSpans spans = monotone_spans(x, c.duration_s);
+    for (int k = 0; k < spans.count; ++k) {
+      position = x.at(spans.end_s[at(k)]);
+      if (!on_rail(ball, i, position)) return p;
+    }
+  }
+  return -1;
+}
+
 // The motion from where the masses stand, into `active`; nothing else changes.
 RefusalReport prepare_motion(const ControllerParams& params, ControllerState& state) {
   for (int i = 0; i < params.ball.mass_count; ++i) {
@@ -137,6 +167,9 @@ RefusalReport prepare_motion(const ControllerParams& params, ControllerState& st
     if (breach.what == Limited::kVelocity) return refused(Refusal::kVelocity, i, breach.value, breach.piece);
     if (breach.what == Limited::kAcceleration) return refused(Refusal::kAcceleration, i, breach.value, breach.piece);
     if (breach.what == Limited::kJerk) return refused(Refusal::kJerk, i, breach.value, breach.piece);
+    Real position = 0;
+    const int piece = leaves_rail(params.ball, i, state.active[at(i)], position);
+    if (piece >= 0) return refused(Refusal::kRailEnd, i, position, piece);
   }
   return {};
 }
@@ -264,9 +297,11 @@ void generate_overloaded(const ControllerParams& params, ControllerState& state,
   for (int i = 0; i < params.ball.mass_count; ++i) {
     if (generate(params, state, i, out) == StepError::kNone) continue;
     ProfilePoint p = commanded(params, state, out.tick, i);
-    p.acceleration = 0;
     const MotionLimits limits = motion_limits(params, i);
-    if (stop(state.active[at(i)], p, limits, 0) && generate(params, state, i, out) == StepError::kNone) continue;
+    if (p.acceleration * p.velocity > 0) {
+      p.acceleration = 0;
+      if (stop(state.active[at(i)], p, limits, 0) && generate(params, state, i, out) == StepError::kNone) continue;
+    }
     p.velocity = std::copysign(std::fmin(std::fabs(p.velocity), feasible_speed(params, i)), p.velocity);
     if (stop(state.active[at(i)], p, limits, 0) && generate(params, state, i, out) == StepError::kNone) continue;
     static_cast<void>(state.active[at(i)].set(p.position, 0, nullptr, 0));
@@ -387,7 +422,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   }
 
   // Faults, events, mode. While disarmed nothing is at stake: faults are shown and forbid arming, but do not latch.
-  const std::uint32_t causes = causes_of(params, inputs, order);
+  const std::uint32_t causes = causes_of(params, inputs, now, order);
   state.faults = state.mode == Mode::kDisarmed ? causes : state.faults | causes;
   const GuardState guards{state.faults == 0, at_rest_from(params, state, next), causes != 0};
   if (state.faults != 0) state.mode = next_mode(state.mode, Event::kFault, guards);

@@ -86,6 +86,7 @@ void check_spline(const Rail& rail, int i, Checker& check) {
 void check_rail(const Rail& rail, int i, Checker& check) {
   check.require(rail.shape == RailShape::kCircle || rail.shape == RailShape::kLine || rail.shape == RailShape::kSpline,
                 "ball.rail.shape", i, static_cast<Wide>(rail.shape), "circle, line or spline");
+  check.require(rail.lower_end < rail.upper_end, "ball.rail.lower_end", i, rail.lower_end, "below ball.rail.upper_end");
   if (rail.shape == RailShape::kSpline) {
     check_spline(rail, i, check);
     return;

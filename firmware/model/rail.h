@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <complex>
+#include <limits>
 
 #include "firmware/model/sin_cos.h"
 #include "firmware/model/types.h"
@@ -31,6 +32,9 @@ struct Rail {
   Vector3 axis_cos_B = Vector3::UnitX();  // unit; direction of the line
   Vector3 axis_sin_B = Vector3::UnitZ();  // unit, perpendicular to axis_cos_B; unused by a line
   Real radius_m = 0;                      // of the circle; unused by a line
+  // Where the stops are at the ends of a line or an open spline, in its coordinate. Infinite: there are none.
+  Real lower_end = -std::numeric_limits<Real>::infinity();
+  Real upper_end = std::numeric_limits<Real>::infinity();
 
   // Of a spline; unused by the others. Piece k goes from knot k, at theta = k piece_length_m, to knot k + 1. A closed
   // one repeats with its length; its last knot is its first. An open one goes straight on beyond its ends, along the

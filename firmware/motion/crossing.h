@@ -8,7 +8,7 @@
 
 namespace ballast::firmware {
 
-// x(w) = x + velocity w + acceleration w^2/2 + jerk w^3/6, in microsteps, w in s.
+// x(w) = x + velocity w + acceleration w^2/2 + jerk w^3/6, in microsteps (or any other unit), w in s.
 struct StepCubic {
   Wide x = 0;
   Wide velocity = 0;

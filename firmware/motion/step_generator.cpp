@@ -193,7 +193,11 @@ bool smooth_tick(const Profile& profile, Wide t0_s, Wide position_zero, Wide ste
   if (!(run.end_s > 0)) return false;
   const Wide ahead_s = run.end_s + touch_s;
   if (!(run.cubic.acceleration * run.cubic.acceleration_at(ahead_s) >= 0)) return false;
-  if (!(run.cubic.velocity * run.cubic.velocity_at(ahead_s) > 0)) return false;
+  if (!(run.cubic.velocity * run.cubic.velocity_at(ahead_s) > 0)) {
+    const bool stands = run.cubic.velocity == 0 && run.cubic.acceleration == 0 && run.cubic.jerk == 0;
+    run.steps = 0;
+    return stands && std::fabs(run.cubic.x - static_cast<Real>(count)) <= 0.5;
+  }
   run.direction = run.cubic.velocity > 0 ? 1 : -1;
   run.first_level = static_cast<Wide>(count) + 0.5 * run.direction;
   const Wide before = run.direction * (run.cubic.x - run.first_level);

@@ -14,6 +14,7 @@ enum class Fault : std::uint32_t {
   kStepOverload = 1u << 4,     // a profile asks for steps that cannot be issued
   kTickOutOfOrder = 1u << 5,   // a control tick was repeated or skipped
   kInternal = 1u << 6,         // a bug of ours (assert)
+  kEndSwitch = 1u << 7,  // a mass is at an end of its rail and is commanded on over it: it is not where it should be
 };
 
 }  // namespace ballast::firmware

@@ -68,7 +68,7 @@ class Machine {
 static_assert(target::Machine<Machine>);
 
 // The board.
-extern Machine machine;
+extern Machine the_machine;
 
 // The text after the first two words of the command line.
 const char* command_line_rest();

@@ -8,6 +8,6 @@ using namespace ballast::hal;
 
 int main() {
   using mps2_an500::Exit;
-  if (!mps2_an500::machine.open_link()) return static_cast<int>(Exit::kNoLink);
-  return mps2_an500::exit_of(target::serve(mps2_an500::machine, {.sources = target::kSourcesId}));
+  if (!mps2_an500::the_machine.open_link()) return static_cast<int>(Exit::kNoLink);
+  return mps2_an500::exit_of(target::serve(mps2_an500::the_machine, {.sources = target::kSourcesId}));
 }

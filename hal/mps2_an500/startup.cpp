@@ -83,8 +83,8 @@ void ballast_start() {
   semihosting::exit(static_cast<std::uint32_t>(main()));
 }
 
-void ballast_sys_tick() { machine.on_tick(); }
-void ballast_timer0() { machine.on_step_timer(); }
+void ballast_sys_tick() { the_machine.on_tick(); }
+void ballast_timer0() { the_machine.on_step_timer(); }
 
 // r4..r11 onto the faults' own stack, then C++. The frame the processor pushed is at msp or, never here, at psp.
 #define BALLAST_FAULT_ENTRY(cause)                       \
@@ -129,7 +129,7 @@ void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* fra
   for (std::size_t i = 0; i < 8; ++i) words.r[4 + i] = registers[i];
   static std::uint8_t bytes[256];
   const std::size_t size = target::encode(words, 0, bytes);
-  static_cast<void>(machine.write(std::span<const std::uint8_t>(bytes).first(size)));
+  static_cast<void>(the_machine.write(std::span<const std::uint8_t>(bytes).first(size)));
   semihosting::exit(static_cast<std::uint32_t>(cause == 2 ? Exit::kWatchdog : Exit::kFault));
 }
 

@@ -306,6 +306,9 @@ void status_fields(A& archive, M& m) {
   for (std::size_t i = 0; archive.ok() && i < static_cast<std::size_t>(m.motor_count); ++i) {
     archive(m.commanded_position[i]);
     archive(m.commanded_velocity[i]);
+    archive(m.next[i].position);
+    archive(m.next[i].velocity);
+    archive(m.next[i].acceleration);
     archive(m.steps_issued[i]);
   }
   archive(m.predicted.normal_force_n);
@@ -313,6 +316,7 @@ void status_fields(A& archive, M& m) {
   archive(m.mu_required);
   archive(m.margin);
   archive(m.overruns);
+  archive(m.operator_commands);
   archive.bounded(m.overload.trouble.error, 0, static_cast<int>(firmware::StepError::kTooFast));
   archive(m.overload.trouble.value);
   archive(m.overload.trouble.limit);
@@ -325,6 +329,7 @@ void status_fields(A& archive, M& m) {
   archive(m.planned);
   archive(m.plan_tick);
   archive(m.plan.duration_s);
+  archive(m.plan.horizon_s);
   archive(m.plan.normal_force_min_n);
   archive(m.plan.mu_required_max);
   archive(m.plan.margin_min);

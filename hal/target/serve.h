@@ -66,7 +66,7 @@ Status take_params(M& machine, Link<M>& link, const Identity& identity, firmware
 }
 
 // `Loop` is ControlLoop, or something around it. Returns when there is nothing more to do, and why.
-template <template <class> class Loop = ControlLoop, Machine M>
+template <template <Board> class Loop = ControlLoop, Machine M>
 Status serve(M& machine, const Identity& identity) {
   static firmware::ControllerParams params;
   static Link<M> link(machine);

@@ -125,7 +125,7 @@ inline firmware::ControllerStatus random_status(std::mt19937_64& random, std::in
   status.margin = any_double(random);
   status.overruns = static_cast<std::int64_t>(random());
   status.operator_commands = static_cast<std::int64_t>(random());
-  status.refusal = {static_cast<firmware::Refusal>(random() % 10), static_cast<int>(random() % 9) - 1,
+  status.refusal = {static_cast<firmware::Refusal>(random() % 11), static_cast<int>(random() % 9) - 1,
                     static_cast<int>(random() % 130) - 1, any_double(random)};
   status.planned = random() % 2 == 0;
   status.plan_tick = static_cast<std::int64_t>(random() >> 3);

@@ -357,7 +357,7 @@ TEST(LcmMessages, OtherTypesOutOfRangeAreRefused) {
   status.motor_count = 9;
   EXPECT_FALSE(in_range(status));
   status = {};
-  status.refusal = 10;
+  status.refusal = 11;
   EXPECT_FALSE(in_range(status));
   status = {};
   status.refusal_motor = -2;

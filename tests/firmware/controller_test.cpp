@@ -388,6 +388,64 @@ TEST(Controller, ATripWhileStoppingOrArmed) {
   expect_braking_then_holding(stopping);
 }
 
+// A mass at an end of its rail is a fault while it is commanded on over it; not at rest, and not on its way back.
+TEST(Controller, AMassAtItsEndSwitchTripsIfItIsCommandedOn) {
+  Bench bench;
+  bench.in.sensors.limit_switch[0] = 3;  // nothing is commanded
+  bench.arm_and_start();
+  bench.in.sensors.limit_switch[0] = 1;
+  bench.run(500);
+  EXPECT_EQ(bench.out.status.mode, Mode::kRunning) << "up, away from the lower end";
+  EXPECT_GT(bench.out.status.commanded_velocity[0], 0);
+  bench.in.sensors.limit_switch[0] = 2;
+  bench.tick();
+  EXPECT_EQ(bench.out.status.mode, Mode::kTripped);
+  EXPECT_EQ(bench.out.status.faults, bit(Fault::kEndSwitch));
+  expect_braking_then_holding(bench);
+  // The switch is still closed, but nothing is asked of the mass: it may be taken back, and no further on.
+  bench.tick(OperatorCommand::kReset);
+  EXPECT_EQ(bench.out.status.mode, Mode::kDisarmed);
+  EXPECT_EQ(bench.out.status.faults, 0u);
+  bench.tick(OperatorCommand::kArm);
+  MoveRequest move;
+  move.masses = 1;
+  move.target_position[0] = bench.out.status.commanded_position[0] - 0.05;
+  bench.tick(move);
+  bench.run(100);
+  EXPECT_EQ(bench.out.status.mode, Mode::kMoving) << "down, away from the upper end";
+  bench.in.sensors.limit_switch[0] = 1;
+  bench.tick();
+  EXPECT_EQ(bench.out.status.mode, Mode::kTripped);
+}
+
+// Stops end a line before the ball does.
+TEST(Controller, AMoveBeyondAnEndStopIsRefused) {
+  ControllerParams params = testing::paper_params();
+  params.ball.rail[1] = line(Vector3(0, 0, 0), Vector3(1, 0, 0));
+  params.ball.rail[1].lower_end = -0.3;
+  params.ball.rail[1].upper_end = 0.35;
+  params.motion[1] = Profile();
+  Bench bench(params);
+  bench.tick(OperatorCommand::kArm);
+  MoveRequest move;
+  move.masses = 2;
+  for (const Real target : {-0.31, 0.36}) {
+    move.target_position[1] = target;
+    bench.tick(move);
+    EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kTarget) << target;
+    EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
+  }
+  move.target_position[1] = 0.35;
+  bench.tick(move);
+  EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kNone);
+  EXPECT_EQ(bench.out.status.mode, Mode::kMoving);
+
+  params.ball.rail[1].upper_end = -0.3;
+  EXPECT_STREQ(validate(params).field, "ball.rail.lower_end");
+  params.ball.rail[1].upper_end = std::numeric_limits<Real>::quiet_NaN();
+  EXPECT_STREQ(validate(params).field, "ball.rail.lower_end");
+}
+
 TEST(Controller, ARepeatedTickIssuesNothingTwice) {
   Bench bench;
   bench.arm_and_start();
@@ -510,6 +568,24 @@ TEST(Controller, StepOverloadBrakesFromWhatTheMotorCanFollow) {
   bench.tick(OperatorCommand::kReset);
   EXPECT_EQ(bench.out.status.overload.trouble.error, StepError::kNone);
   EXPECT_EQ(bench.out.status.mode, Mode::kDisarmed);
+}
+
+// A motion that begins too fast, but brakes already: only the speed jumps, to what the motor can follow.
+TEST(Controller, AnOverloadWhileBrakingGoesOnBraking) {
+  ControllerParams params = testing::paper_params();
+  const ProfilePiece braking[] = {{0.3, -1, -1}};
+  ASSERT_TRUE(params.motion[1].set(0, 0.3, braking, 1));
+  params.motor[1].max_step_rate_hz = 60;
+  Bench bench(params, "motion speed");
+  bench.arm_and_start();
+  while (bench.out.status.mode == Mode::kRunning && bench.in.tick < 2000) bench.tick();
+  ASSERT_EQ(bench.out.status.faults, bit(Fault::kStepOverload));
+  bench.tick();
+  const Real first = bench.out.status.commanded_velocity[1];
+  EXPECT_NEAR(first, 0.999 * 60 * 2 * testing::kPi / 3200, 1e-12);
+  bench.tick();
+  // From -1 on at 20 rad/s^3, in a tick of 1 ms: 1.01e-3 in the mean.
+  EXPECT_NEAR(first - bench.out.status.commanded_velocity[1], 1.01e-3, 1e-12);
 }
 
 TEST(Controller, AMotionNoMotorCanStartIsRefusedWithoutAJump) {
@@ -829,6 +905,40 @@ TEST(Controller, ARestartThatWouldBreakALimitIsRefusedByName) {
   const PerMass<std::int64_t> counts = bench.out.steps.position_steps;
   bench.run(10);
   EXPECT_EQ(bench.out.steps.position_steps, counts);
+}
+
+TEST(Controller, ARestartThatWouldLeaveTheRailIsRefusedByName) {
+  for (const bool spline : {true, false}) {
+    ControllerParams params = testing::paper_params();
+    // Both end at 0.8. From 0.4 to 0.65 and back to 0.6, at rest in the end; from 0.6 it would turn at 0.85.
+    params.ball.rail[1] = spline ? open_spline() : line(Vector3(0, 0, -0.6), Vector3(1, 0, 0));
+    const ProfilePiece pieces[] = {{0.5, 1, 1}, {0.5, -1, -1}, {std::sqrt(0.05), -1, -1}, {std::sqrt(0.05), 1, 1}};
+    ASSERT_TRUE(params.motion[1].set(0.4, 0, pieces, 4));
+    Bench bench(params);
+    bench.arm_and_start();
+    bench.run(1500);
+    bench.tick(OperatorCommand::kStop);
+    bench.run(500);
+    ASSERT_EQ(bench.out.status.mode, Mode::kArmed);
+    ASSERT_NEAR(bench.out.status.commanded_position[1], 0.6, 1e-12);
+    const PerMass<std::int64_t> counts = bench.out.steps.position_steps;
+    bench.tick(OperatorCommand::kStart);
+    EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
+    EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kRailEnd);
+    EXPECT_EQ(bench.out.status.refusal.motor, 1);
+    EXPECT_EQ(bench.out.status.refusal.piece, 1);
+    EXPECT_NEAR(bench.out.status.refusal.value, 0.85, 1e-12);
+    bench.run(10);
+    EXPECT_EQ(bench.out.steps.position_steps, counts);
+    MoveRequest back;
+    back.masses = 2;
+    back.target_position[1] = 0.5;
+    bench.tick(back);
+    bench.run(1000);
+    ASSERT_EQ(bench.out.status.mode, Mode::kArmed);
+    bench.tick(OperatorCommand::kStart);
+    EXPECT_EQ(bench.out.status.mode, Mode::kRunning) << "from 0.5 it turns at 0.75";
+  }
 }
 
 // Whatever happens: the commanded position moves no faster than it may, and the count stays with it.

@@ -27,7 +27,7 @@ Motor motor() {
 
 TEST(Stepper, TorqueIsTheFormulaOfSectionFive) {
   Stepper s(motor(), 0.5, 0);
-  for (int i = 0; i < 10; ++i) s.step(+1);
+  for (int i = 0; i < 10; ++i) s.step(+1, 0);
   const double field = 0.5 + 10 * 2 * kPi / 3200;
   for (const double phi : {0.5, 0.51, 0.53}) {
     for (const double rate : {-3.0, 0.0, 20.0}) {
@@ -52,7 +52,7 @@ TEST(Stepper, ToothErrorsAreFixedBySeedAndBounded) {
   // The zero of the torque is where the field points; the rotor is put where an ideal motor's field would point.
   const auto error = [&](std::uint64_t seed, int steps) {
     Stepper s(m, 0, seed);
-    for (int i = 0; i < steps; ++i) s.step(+1);
+    for (int i = 0; i < steps; ++i) s.step(+1, 0);
     return std::asin(s.torque_nm(steps * full_step, 0) / 0.4) / 50;
   };
   double largest = 0;
@@ -69,15 +69,24 @@ TEST(Stepper, ToothErrorsAreFixedBySeedAndBounded) {
 // Half a tooth pitch is pi of the electrical angle, two full steps; past it four full steps are lost at once.
 TEST(Stepper, LostStepsAreCountedPerTooth) {
   Stepper s(motor(), 0, 0);
-  for (int i = 0; i < 31; ++i) s.step(+1);  // 31/16 full steps ahead: not yet
+  for (int i = 0; i < 31; ++i) s.step(+1, 0);  // 31/16 full steps ahead: not yet
   s.count_slips(0);
   EXPECT_EQ(s.lost_steps(), 0);
-  for (int i = 0; i < 2; ++i) s.step(+1);
+  for (int i = 0; i < 2; ++i) s.step(+1, 0);
   s.count_slips(0);
   EXPECT_EQ(s.lost_steps(), 64);
-  for (int i = 0; i < 64; ++i) s.step(+1);
+  for (int i = 0; i < 64; ++i) s.step(+1, 0);
   s.count_slips(0);
   EXPECT_EQ(s.lost_steps(), 128);
+  EXPECT_EQ(s.slips(), 2);
+  EXPECT_EQ(s.steps_behind(0), 97);
+  // What the rotor makes good is not lost; it has slipped once more for that.
+  s.count_slips(2 * kPi / 50);
+  EXPECT_EQ(s.lost_steps(), 64);
+  EXPECT_EQ(s.slips(), 3);
+  EXPECT_NEAR(s.steps_behind(2 * kPi / 50), 97 - 64, 1e-12);
+  s.count_slips(5 * 2 * kPi / 50);  // and ahead is off as well
+  EXPECT_EQ(s.lost_steps(), 3 * 64);
 }
 
 TEST(Stepper, BalanceHoldsTheLoad) {

@@ -36,12 +36,17 @@ class MotorMarginsTest(unittest.TestCase):
 
     def test_prescribed_above_the_corner_speed(self):
         motors = self.motors("desk_ball", "prescribed", "mass.0.motor.corner_speed=1.0")
-        self.assertLess(motors[0].available_nm.min(), 0.3)  # of 0.4; the shaft reaches 3.6 rad/s
+        self.assertLess(motors[0].available_nm.min(), 0.3)  # of 0.35; the shaft reaches 3.6 rad/s
+        self.compare(motors, 1e-4)
+
+    def test_prescribed_on_too_low_a_supply(self):
+        motors = self.motors("desk_ball", "prescribed", "mass.0.motor.supply_voltage=6.5")
+        self.assertLess(motors[0].available_nm.min(), 0.3)
         self.compare(motors, 1e-4)
 
     def test_steppers_with_and_without_detent(self):
         # A microstep moves the field by 90/16 degrees of lag, up to three of them somewhere in a tick: samples where
-        # ticks begin miss the deepest margin by some hundredths. A detent of 0.15 N m of 0.4 weighs up to 0.37.
+        # ticks begin miss the deepest margin by some hundredths. A detent of 0.15 N m of 0.35 weighs up to 0.43.
         for detent in ("0.0", "0.15"):
             sets = [f"mass.{i}.motor.detent_torque={detent}" for i in range(3)]
             self.compare(self.motors("desk_ball", "stepper", *sets), 0.05)

@@ -235,6 +235,8 @@ INSTANTIATE_TEST_SUITE_P(
         Rejection{"mass.0.motor.rotor_inertia=0", "mass.0.motor.rotor_inertia", "> 0"},
         Rejection{"mass.0.motor.viscous_damping=-1", "mass.0.motor.viscous_damping", ">= 0"},
         Rejection{"mass.0.motor.corner_speed=0", "mass.0.motor.corner_speed", "> 0"},
+        Rejection{"mass.0.motor.preset=nema99", "mass.0.motor.preset", "\"nema11\", \"nema17\", \"nema23\""},
+        Rejection{"mass.0.motor.preset=17", "mass.0.motor.preset", "\"nema17\""},
         Rejection{"mass.0.motor.step_error=0.11", "mass.0.motor.step_error", "[0, 0.1]"},
         Rejection{"mass.0.motor.step_error=-0.01", "mass.0.motor.step_error", "[0, 0.1]"},
         Rejection{"mass.0.motor.max_step_rate=0", "mass.0.motor.max_step_rate", "> 0"},

@@ -182,8 +182,10 @@ motion = [ { duration = 1.0, acceleration = [1.0, -4.0] } ]
   EXPECT_DOUBLE_EQ(motor.viscous_damping_nms, 0.1 * holding / 1.5);
   EXPECT_EQ(motor.corner_speed_radps, 30);
   EXPECT_EQ(motor.step_error, 0.015);
-  EXPECT_DOUBLE_EQ(motor.max_step_rate_hz, 60000);
   EXPECT_DOUBLE_EQ(motor.max_acceleration, 0.5 * holding / (4 * inertia));
+  // Nine tenths of the torque less half of it for that acceleration and the weight's: what drag may take.
+  const double per_radian = 3200 / (2 * pi), drag = 0.4 * holding - 0.5 * 9 * 1.5;
+  EXPECT_DOUBLE_EQ(motor.max_step_rate_hz, drag / motor.viscous_damping_nms * per_radian);
   // In one swing on the stiffness 50 holding.
   EXPECT_DOUBLE_EQ(motor.max_jerk, motor.max_acceleration / (2 * pi * std::sqrt(4 * inertia / (50 * holding))));
 
@@ -194,9 +196,17 @@ motion = [ { duration = 1.0, acceleration = [1.0, -4.0] } ]
   EXPECT_DOUBLE_EQ(geared.corner_speed_radps, 2 * 5 * 10.1);  // theta' = 10 + t - 2.5 t^2, greatest at t = 0.2
   EXPECT_DOUBLE_EQ(geared.max_acceleration, 0.5 * holding / (4 * inertia));
 
-  const Motor slow_timer = accepted(text, {"run.timer_frequency=1e6", "run.control_period=1e-4"}).masses[0].motor;
-  EXPECT_DOUBLE_EQ(slow_timer.max_step_rate_hz, 1e5);
-  EXPECT_EQ(slow_timer.direction_setup_s, 2e-6);
+  EXPECT_EQ(motor.direction_setup_s, 2e-6);
+  // Where the torque is as good as gone, the motion still decides, and a tenth is left.
+  const Motor weak = accepted(text, {"mass.0.motor.holding_torque=8"}).masses[0].motor;
+  EXPECT_DOUBLE_EQ(weak.max_step_rate_hz, 1.1 * 1.5 * per_radian);
+  // Without drag the corner speed of 30 rad/s, if the controller can issue that and the timer time it.
+  std::vector<std::string> free = {"mass.0.motor.viscous_damping=0"};
+  EXPECT_DOUBLE_EQ(accepted(text, free).masses[0].motor.max_step_rate_hz, 30 * per_radian);
+  free.push_back("mass.0.motor.microsteps=256");
+  EXPECT_DOUBLE_EQ(accepted(text, free).masses[0].motor.max_step_rate_hz, 60000);
+  free.insert(free.end(), {"run.timer_frequency=1e6", "run.control_period=1e-4"});
+  EXPECT_DOUBLE_EQ(accepted(text, free).masses[0].motor.max_step_rate_hz, 1e5);
 }
 
 TEST(MotorDefaults, OnALine) {
@@ -247,6 +257,79 @@ TEST(MotorDefaults, NeverRefuseTheMotion) {
   const Motor motor = accepted(text, {"mass.0.motor.holding_torque=1e-6"}).masses[0].motor;
   EXPECT_EQ(motor.max_acceleration, 3);
   EXPECT_DOUBLE_EQ(motor.max_jerk, 3000);
+}
+
+TEST(MotorPreset, IsTheDatasheetUnlessTheScenarioSaysOtherwise) {
+  const std::string text = on_line("[mass.motor]\npreset = \"nema23\"\nholding_torque = 1.0\n");
+  const Motor motor = accepted(text).masses[0].motor;
+  EXPECT_EQ(motor.steps_per_revolution, 200);
+  EXPECT_EQ(motor.holding_torque_nm, 1.0);
+  EXPECT_EQ(motor.detent_torque_nm, 0.039);
+  EXPECT_EQ(motor.rotor_inertia_kgm2, 300e-7);
+  EXPECT_EQ(motor.rated_current_a, 2.8);
+  EXPECT_EQ(motor.resistance_ohm, 0.9);
+  EXPECT_EQ(motor.inductance_h, 2.5e-3);
+  EXPECT_EQ(motor.supply_voltage_v, 30);
+  // Where resistance and back EMF on one axis and inductance on the other need the whole supply.
+  const double amplitude = std::sqrt(2) * 2.8, w = motor.corner_speed_radps;
+  EXPECT_NEAR(std::hypot(0.9 * amplitude + 1.0 / amplitude * w, 50 * 2.5e-3 * w * amplitude), 30, 1e-12);
+  EXPECT_TRUE(accepted(text, {"mass.0.motor.supply_voltage=48"}).masses[0].motor.corner_speed_radps > w);
+  // The NEMA 11's detent torque is not printed.
+  EXPECT_EQ(accepted(text, {"mass.0.motor.preset=nema11"}).masses[0].motor.detent_torque_nm, 0.04 * 1.0);
+  // A corner speed of the scenario's own takes the place of the winding.
+  const Motor plain = accepted(text, {"mass.0.motor.corner_speed=12"}).masses[0].motor;
+  EXPECT_EQ(plain.corner_speed_radps, 12);
+  EXPECT_FALSE(plain.has_winding());
+}
+
+TEST(MotorWinding, IsAllOrNothingAndHasToSuitItsSupply) {
+  const std::string keys[] = {"rated_current=1", "resistance=4.5", "inductance=7.5e-3", "supply_voltage=24"};
+  std::vector<std::string> all;
+  for (const std::string& key : keys) all.push_back("mass.0.motor." + key);
+  EXPECT_TRUE(accepted(on_line(""), all).masses[0].motor.has_winding());
+  EXPECT_FALSE(accepted(on_line("")).masses[0].motor.has_winding());
+  for (std::size_t left_out = 0; left_out < all.size(); ++left_out) {
+    auto some = all;
+    some.erase(some.begin() + static_cast<std::ptrdiff_t>(left_out));
+    const ScenarioError error = only_error(on_line(""), some);
+    EXPECT_EQ(error.key, all[left_out].substr(0, all[left_out].find('=')));
+    EXPECT_TRUE(contains(error.message, "is missing")) << error.message;
+  }
+  all[3] = "mass.0.motor.supply_voltage=6.36";  // sqrt(2) 1 A 4.5 ohm = 6.364 V
+  const ScenarioError starved = only_error(on_line(""), all);
+  EXPECT_EQ(starved.key, "mass.0.motor.supply_voltage");
+  EXPECT_TRUE(contains(starved.message, "rated_current * resistance = 6.36396")) << starved.message;
+  all[3] = "mass.0.motor.supply_voltage=6.37";
+  EXPECT_TRUE(accepted(on_line(""), all).id != 0);
+}
+
+TEST(MotorWinding, RefusesNonsense) {
+  const std::string text = on_line("[mass.motor]\npreset = \"nema17\"\n");
+  for (const std::string key : {"rated_current", "resistance", "inductance", "supply_voltage"}) {
+    for (const std::string value : {"0", "-1", "nan", "inf", "much"}) {
+      const ScenarioError error = only_error(text, {"mass.0.motor." + key + "=" + value});
+      EXPECT_EQ(error.key, "mass.0.motor." + key);
+      EXPECT_EQ(error.source, "--set");
+      EXPECT_TRUE(contains(error.message, "allowed: a finite number > 0, in ")) << error.message;
+    }
+  }
+  // Figures that no number can hold together.
+  const ScenarioError tiny = only_error(text, {"mass.0.motor.rated_current=1e-320"});
+  EXPECT_EQ(tiny.key, "mass.0.motor.rated_current");
+  EXPECT_TRUE(contains(tiny.message, "corner speed")) << tiny.message;
+  // Two accounts of how torque falls with speed.
+  const ScenarioError both = only_error(text, {"mass.0.motor.corner_speed=30", "mass.0.motor.inductance=1e-3"});
+  EXPECT_EQ(both.key, "mass.0.motor.corner_speed");
+  EXPECT_TRUE(contains(both.message, "follows from the winding")) << both.message;
+}
+
+TEST(MotorWinding, IsPartOfTheScenariosFingerprint) {
+  const std::string text = on_line("[mass.motor]\npreset = \"nema17\"\n");
+  const std::int64_t id = accepted(text).id;
+  for (const char* other :
+       {"rated_current=1.1", "resistance=4.6", "inductance=7e-3", "supply_voltage=25", "corner_speed=30"}) {
+    EXPECT_NE(accepted(text, {std::string("mass.0.motor.") + other}).id, id) << other;
+  }
 }
 
 TEST(Acceleration, AMotionTooHardForTheMotorIsAnErrorOfItsPiece) {

@@ -102,6 +102,77 @@ TEST(SplineScenario, FaultsAreNamed) {
   expect_refused(kOpenSpline, {{"mass.0.rail.points=[[-1,0,0]]"}, "mass.0.rail.points", "2 to 10000"});
 }
 
+const std::string kCircle = kMinimal + R"([[mass]]
+mass = 1
+rail = { shape = "circle", radius = 0.5, direction = { azimuth = 0, elevation = 0 } }
+)";
+
+const std::string kLine = kMinimal + R"([[mass]]
+mass = 1
+rail = { shape = "line", origin = [0.5, 0, 1.2], direction = [1, 0, 0] }
+motion = [ { duration = 1, acceleration = [0.5, 0.5] }, { duration = 1, acceleration = [-0.5, -0.5] } ]
+)";
+
+TEST(EndStopScenario, DefaultsAreTheBallAndTheSplinesEnds) {
+  // At height 1.2 in a ball of radius 2 the line is inside from -1.6 to 1.6 in the space of its direction.
+  const Mass line = accepted(kLine).masses[0];
+  EXPECT_NEAR(line.rail.lower_end, -2.1, 1e-15);
+  EXPECT_NEAR(line.rail.upper_end, 1.1, 1e-15);
+  EXPECT_EQ(line.end_stops.restitution, 0.5);
+  // The motor's greatest force presses the mass in by a thousandth of the way.
+  EXPECT_NEAR(line.end_stops.stiffness_npm * 1e-3 * 3.2 / (line.motor.holding_torque_nm * line.motor.shaft_ratio), 1,
+              1e-12);
+  const Mass open = accepted(kOpenSpline).masses[0];
+  EXPECT_EQ(open.rail.lower_end, 0);
+  EXPECT_EQ(open.rail.upper_end, firmware::length_m(open.rail));
+  EXPECT_GT(open.end_stops.stiffness_npm, 0);
+  for (const std::string& endless : {kSpline, kCircle}) {
+    EXPECT_EQ(accepted(endless).masses[0].rail.lower_end, -std::numeric_limits<double>::infinity());
+    EXPECT_EQ(accepted(endless).masses[0].rail.upper_end, std::numeric_limits<double>::infinity());
+  }
+}
+
+TEST(EndStopScenario, AreReadAndMakeAnotherScenario) {
+  const std::vector<std::string> keys{"mass.0.rail.end_stops=[-0.25, 0.75]", "mass.0.rail.end_stop_stiffness=2e4",
+                                      "mass.0.rail.end_stop_restitution=1"};
+  const Scenario s = accepted(kLine, keys);
+  EXPECT_EQ(s.masses[0].rail.lower_end, -0.25);
+  EXPECT_EQ(s.masses[0].rail.upper_end, 0.75);
+  EXPECT_EQ(s.masses[0].end_stops.stiffness_npm, 2e4);
+  EXPECT_EQ(s.masses[0].end_stops.restitution, 1);
+  std::set<std::int64_t> ids{accepted(kLine).id};
+  for (const std::string& key : keys) ids.insert(accepted(kLine, {key}).id);
+  EXPECT_EQ(ids.size(), 4u);
+  EXPECT_EQ(accepted(kOpenSpline, {"mass.0.rail.end_stops=[0.25, 1.75]"}).masses[0].rail.upper_end, 1.75);
+}
+
+TEST(EndStopScenario, FaultsAreNamed) {
+  for (const Refusal& refusal : std::vector<Refusal>{
+           {{"mass.0.rail.end_stops=[0.75]"}, "mass.0.rail.end_stops", "array of 2"},
+           {{"mass.0.rail.end_stops=[-0.25, nan]"}, "mass.0.rail.end_stops.1", "finite"},
+           {{"mass.0.rail.end_stops=[-0.25, -0.25]"}, "mass.0.rail.end_stops.1", "allowed: > -0.25"},
+           {{"mass.0.rail.end_stops=[-2.2, 1]"}, "mass.0.rail.end_stops.0", "allowed: <= ball.radius = 2"},
+           {{"mass.0.rail.end_stops=[-1, 1.2]"}, "mass.0.rail.end_stops.1", "allowed: <= ball.radius = 2"},
+           {{"mass.0.rail.end_stop_stiffness=0"}, "mass.0.rail.end_stop_stiffness", "finite number > 0, in N/m"},
+           {{"mass.0.rail.end_stop_restitution=0"}, "mass.0.rail.end_stop_restitution", "[0.01, 1]"},
+           {{"mass.0.rail.end_stop_restitution=1.1"}, "mass.0.rail.end_stop_restitution", "[0.01, 1]"},
+           {{"mass.0.rail.end_stop=[0,1]"}, "mass.0.rail.end_stop", "end_stops"},
+           // The motion is at 0.5 from t = 2 on, and nowhere beyond.
+           {{"mass.0.rail.end_stops=[-0.25, 0.49]"},
+            "mass.0.motion.1",
+            "to theta = 0.5 m at t = 2 s; allowed: between"},
+           {{"mass.0.rail.end_stops=[0.1, 0.75]"}, "mass.0.initial_position", "0.1 to 0.75 m"}}) {
+    expect_refused(kLine, refusal);
+  }
+  EXPECT_TRUE(parse(kLine, {"mass.0.rail.end_stops=[0, 0.5]"}).ok());
+  expect_refused(kOpenSpline, {{"mass.0.rail.end_stops=[-0.1, 1]"}, "mass.0.rail.end_stops.0", "0 to its length"});
+  expect_refused(kOpenSpline, {{"mass.0.rail.end_stops=[0.1, 9]"}, "mass.0.rail.end_stops.1", "0 to its length"});
+  expect_refused(kOpenSpline, {{"mass.0.rail.end_stops=[0.1, 1.4]"}, "mass.0.initial_velocity", "0.1 to 1.4 m"});
+  expect_refused(kSpline, {{"mass.0.rail.end_stops=[0, 1]"}, "mass.0.rail.end_stops", "on a line or an open spline"});
+  expect_refused(
+      kCircle, {{"mass.0.rail.end_stop_stiffness=1"}, "mass.0.rail.end_stop_stiffness", "on a line or an open spline"});
+}
+
 TEST(SplineScenario, TheMotionStaysOnAnOpenRail) {
   // About 2.3 m long; 0.5 + 0.25 t for 4 s ends at 1.5.
   EXPECT_TRUE(parse(kOpenSpline).ok());

@@ -51,7 +51,7 @@ max_jerk = 50.0
 
 [[mass]]
 mass = 0.75
-rail = { shape = "line", origin = [0, 0, -0.2], direction = [2, 0, 0] }
+rail = { shape = "line", origin = [0, 0, -0.2], direction = [2, 0, 0], end_stops = [-1.5, 1.5], end_stop_stiffness = 5000.0, end_stop_restitution = 0.75 }
 motion = [ { duration = 1.0, acceleration = [0.0, 0.5] }, { duration = 1.0, acceleration = [-0.5, 0.0] } ]
 [mass.motor]
 travel_per_revolution = 0.5

@@ -168,6 +168,7 @@ TEST(Shipped, DeskBallStartsInAStableEquilibriumAndStopsItsMasses) {
   const Eigen::Vector3d c = s.initial.orientation * center_of_mass(s);
   EXPECT_LT(c.head<2>().norm(), 1e-15);  // sums of a few numbers of 0.1 that cancel
   EXPECT_LT(c[2], -0.03);
+  for (const Mass& mass : s.masses) EXPECT_EQ(mass.motor.holding_torque_nm, 0.35);  // the preset's
   // The shell's inertia is that of a thin hollow sphere within the ball, to the three digits given.
   EXPECT_NEAR(s.ball.inertia_kgm2[0], 2.0 / 3 * 0.8 * 0.149 * 0.149, 5e-5);
   for (const Mass& mass : s.masses) {

@@ -38,7 +38,8 @@ Recorded record(const std::string& name, const std::vector<std::string>& overrid
   }
   InProcessPeers peers(stepper ? params.get() : nullptr, program::to_monitor_limits(r.scenario),
                        r.scenario.run.control_period_s);
-  const std::string path = testing::TempDir() + "motor_share_test.lcmlog";
+  const std::string path =
+      testing::TempDir() + "motor_share_" + testing::UnitTest::GetInstance()->current_test_info()->name() + ".lcmlog";
   Recorder recorder(path);
   r.result = run(r.scenario, peers, recorder, options);
   EXPECT_EQ(r.result.status, hal::Status::kOk) << r.result.trouble;

@@ -128,6 +128,7 @@ TEST(PlantMessages, EveryNumberIsInItsPlace) {
     sample.mass_velocity[i] = 30 + x;
     sample.mass_position_B_m[i] = {40 + x, 50 + x, 60 + x};
     sample.motor_torque_nm[i] = 70 + x;
+    sample.end_switches[i] = static_cast<int>(i) + 1;
     sample.lost_steps[i] = 80 + static_cast<std::int64_t>(i);
   }
   const PlantMessages m = plant_messages(s, sample, 5, false, sim::Plant::ContactForces{19, 19.5});
@@ -159,7 +160,7 @@ TEST(PlantMessages, EveryNumberIsInItsPlace) {
     for (int j = 0; j < 3; ++j) EXPECT_EQ(m.state.mass_position_B_m[i][j], there ? 40 + 10 * j + i : 0);
     EXPECT_EQ(m.state.motor_torque_nm[i], there ? 70 + i : 0);
     EXPECT_EQ(m.state.lost_steps[i], there ? 80 + i : 0);
-    EXPECT_EQ(m.sensors.limit_switch[i], 0);
+    EXPECT_EQ(m.sensors.limit_switch[i], there ? i + 1 : 0);
   }
 }
 

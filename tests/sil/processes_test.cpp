@@ -1,6 +1,7 @@
 // Three processes over LCM: the same messages as one process, and a defined end whoever dies.
 #include <gtest/gtest.h>
 
+#include "tests/sil/into_its_stop.h"
 #include "tests/sil/shell.h"
 
 namespace ballast {
@@ -16,8 +17,10 @@ using test::read_file;
 TEST(Processes, ThreeGiveTheSameLogAsOne) {
   const Folder folder;
   const std::string url = bus_url(0);
+  folder.write("into_its_stop.toml", test::kIntoItsStop);
   for (const std::string scenario :
-       {"paper_ball --set duration=1", "desk_ball --set duration=0.7", "paper_ball --set envelope.friction_use=0.3",
+       {"into_its_stop.toml --set duration=1", "paper_ball --set duration=1", "desk_ball --set duration=0.7",
+        "paper_ball --set envelope.friction_use=0.3",
         "paper_ball --actuation prescribed --set duration=1 --set surface.static_friction=0.1348"}) {
     SCOPED_TRACE(scenario);
     const Outcome one = folder.run("ballast run " + scenario + " --quiet --out one");
@@ -77,33 +80,35 @@ TEST_P(Hand, ArmsMovesStartsAndStopsOnTheBus) {
   const std::string run_how = GetParam();
   const std::string bus = " --lcm '" + bus_url(22 + static_cast<int>(run_how.empty())) + "'";
   // Each line says its exit status after it. The run is far longer than that takes, and ended when all is said.
-  const Outcome said = folder.run("ballast run paper_ball " + run_how +
-                                  " --by-hand --speed 8 --set duration=600 --set run.control_period=0.004"
-                                  " --out r" +
-                                  bus +
-                                  " 2>run.err & run=$!; i=0;"
-                                  " while [ $i -lt 100 ] && ! ballast operate status" +
-                                  bus +
-                                  " --peer-timeout 0.3 >/dev/null 2>&1;"
-                                  " do i=$((i + 1)); done;"
-                                  " say() { \"$@\"" +
-                                  bus +
-                                  "; echo \"$? <- $*\"; };"
-                                  " say ballast operate status;"
-                                  " say ballast move --mass 1 --to 2.1;"
-                                  " say ballast move --all 0.1 --mass 2 --to 0.6 --speed-fraction 0.5 --quiet;"
-                                  " say ballast move paper_ball --mass 0 --to 1;"
-                                  " say ballast move --mass 3 --to 1;"
-                                  " say ballast move --mass 0 --to 1e300;"
-                                  " say ballast operate reset;"
-                                  " say ballast operate start;"
-                                  " say ballast move --mass 0 --to 0;"
-                                  " say ballast operate stop;"
-                                  " say ballast operate stop;"
-                                  " say ballast move --mass 0 --to 0;"
-                                  " say ballast operate arm;"
-                                  " say ballast move --mass 0 --to 0;"
-                                  " kill -INT $run; wait $run; echo $?");
+  const Outcome said =
+      folder.run("ballast run paper_ball " + run_how +
+                 " --by-hand --speed 8 --set duration=600 --set run.control_period=0.004"
+                 " --set surface.static_friction=inf"
+                 " --out r" +
+                 bus +
+                 " 2>run.err & run=$!; i=0;"
+                 " while [ $i -lt 100 ] && ! ballast operate status" +
+                 bus +
+                 " --peer-timeout 0.3 >/dev/null 2>&1;"
+                 " do i=$((i + 1)); done;"
+                 " say() { \"$@\"" +
+                 bus +
+                 "; echo \"$? <- $*\"; };"
+                 " say ballast operate status;"
+                 " say ballast move --mass 1 --to 2.1;"
+                 " say ballast move --all 0.1 --mass 1 --to 2.2 --mass 2 --to 0.6 --speed-fraction 0.8 --quiet;"
+                 " say ballast move paper_ball --mass 0 --to 1;"
+                 " say ballast move --mass 3 --to 1;"
+                 " say ballast move --mass 0 --to 1e300;"
+                 " say ballast operate reset;"
+                 " say ballast operate start;"
+                 " say ballast move --mass 0 --to 0;"
+                 " say ballast operate stop;"
+                 " say ballast operate stop;"
+                 " say ballast move --mass 0 --to 0;"
+                 " say ballast operate arm;"
+                 " say ballast move --mass 0 --to 0;"
+                 " kill -INT $run; wait $run; echo $?");
   const auto expect_line = [&](const std::string& line) {
     EXPECT_NE(said.out.find(line), std::string::npos) << line << "\n" << said.out << said.err;
   };
@@ -112,7 +117,7 @@ TEST_P(Hand, ArmsMovesStartsAndStopsOnTheBus) {
   expect_line("least margin seen");
   expect_line("armed, at 0, 2.1, 0.7044;");
   expect_line("\n0 <- ballast move --mass 1 --to 2.1\n");
-  expect_line("\n0 <- ballast move --all 0.1 --mass 2 --to 0.6 --speed-fraction 0.5 --quiet\n");
+  expect_line("\n0 <- ballast move --all 0.1 --mass 1 --to 2.2 --mass 2 --to 0.6 --speed-fraction 0.8 --quiet\n");
   expect_line("\n1 <- ballast move paper_ball --mass 0 --to 1\n");
   expect_line("\n1 <- ballast move --mass 3 --to 1\n");
   expect_line("\n1 <- ballast move --mass 0 --to 1e300\n");

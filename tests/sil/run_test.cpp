@@ -68,6 +68,72 @@ TEST(StepperRun, TellsThePrescribedRunsStory) {
   }
 }
 
+struct Heard {
+  std::vector<std::vector<int>> steps;  // of the commands, tick by tick
+  std::vector<int> modes, faults;       // of the controller
+  std::vector<double> mu_required;      // the plant's truth
+};
+
+Heard listen(const std::string& path) {
+  Heard heard;
+  lcm::LogFile log(path, "r");
+  while (const auto* event = log.readNextEvent()) {
+    step_command_t command;
+    controller_status_t status;
+    contact_t contact{};
+    if (event->channel == hal::kChannelStepCommand && command.decode(event->data, 0, event->datalen) > 0) {
+      heard.steps.emplace_back(command.steps, command.steps + command.motor_count);
+    } else if (event->channel == hal::kChannelControllerStatus && status.decode(event->data, 0, event->datalen) > 0) {
+      heard.modes.push_back(status.mode);
+      heard.faults.push_back(status.faults);
+    } else if (event->channel == hal::kChannelContact && contact.decode(event->data, 0, event->datalen) > 0) {
+      heard.mu_required.push_back(contact.mu_required);
+    }
+  }
+  return heard;
+}
+
+// A motor too weak for its mass loses steps. They are counted against the rotor's true angle; the controller, which has
+// no sensor for that, goes on as if nothing had happened; the ball moves otherwise, and the monitor sees that.
+TEST(StepperRun, AWeakMotorLosesStepsBehindTheControllersBack) {
+  const std::string folder = testing::TempDir();
+  // The mass at 30 degrees of its ring needs 0.28 kg * 9.81 * 0.095 m / 2 / 4 = 0.033 N m of its motor.
+  const std::vector<std::string> weak{"mass.0.motor.holding_torque=0.03", "mass.0.motor.detent_torque=0"};
+  const auto good = run_scenario(load("desk_ball", {}), folder + "good.lcmlog");
+  const auto bad = run_scenario(load("desk_ball", weak), folder + "bad.lcmlog");
+  ASSERT_EQ(good.end_reason, EndReason::kCompleted);
+  ASSERT_EQ(bad.end_reason, EndReason::kCompleted);
+  const Heard strong = listen(folder + "good.lcmlog"), slipping = listen(folder + "bad.lcmlog");
+
+  // Commanded by the pulses sent, all one way; true by where the mass is; both from theta = 0.
+  const double per_rad = 200 * 16 * 4 / (2 * M_PI);
+  const double behind = static_cast<double>(bad.motors[0].steps) - bad.final_sample.mass_position[0] * per_rad;
+  EXPECT_NEAR(bad.motors[0].steps_behind, behind, 1e-6);
+  EXPECT_GT(bad.final_sample.lost_steps[0], 1000);
+  EXPECT_EQ(bad.final_sample.lost_steps[0], 64 * std::llround(behind / 64));
+  EXPECT_GE(bad.motors[0].slips * 64, bad.final_sample.lost_steps[0]);
+  EXPECT_LT(bad.motor_extrema[0].torque_margin, 0);
+  EXPECT_EQ(good.final_sample.lost_steps[0], 0);
+
+  EXPECT_EQ(strong.steps, slipping.steps);
+  EXPECT_EQ(strong.modes, slipping.modes);
+  EXPECT_EQ(strong.faults, slipping.faults);
+  EXPECT_NE(strong.mu_required, slipping.mu_required);
+
+  // The same, with a limit a little below what the ball then needs.
+  double most = 0;
+  for (const double mu : slipping.mu_required) most = std::max(most, mu);
+  const double use = 0.9 * most / 0.5;
+  auto limited = weak;
+  limited.push_back("envelope.friction_use=" + std::to_string(use));
+  const auto tripped = run_scenario(load("desk_ball", limited));
+  EXPECT_NE(tripped.trip.tripped, 0);
+  EXPECT_EQ(tripped.trip.cause, trip_t::CAUSE_FRICTION);
+  // The value is what the plant's own contact said: in the tick in which it first passed the limit.
+  EXPECT_GT(tripped.trip.value, use * 0.5);
+  EXPECT_LE(tripped.trip.value, bad.extrema.mu_required_max.value);
+}
+
 // Every channel's messages, in order, with their tick.
 std::map<std::string, std::vector<std::int64_t>> ticks_in(const std::string& path) {
   std::map<std::string, std::vector<std::int64_t>> ticks;
@@ -111,7 +177,7 @@ TEST(Log, FirmwareEnvelopeFollowsThePlants) {
   lcm::LogFile log(path, "r");
   std::map<std::int64_t, double> plant, firmware;
   while (const auto* event = log.readNextEvent()) {
-    contact_t contact;
+    contact_t contact{};
     controller_status_t status;
     const auto size = static_cast<std::size_t>(event->datalen);
     if (hal::decode(event->data, size, contact))
@@ -252,7 +318,7 @@ class ByHand : public testing::Test {
                    {5111, kStop},
                    {6000, kStop},
                    {6010, kArm},
-                   {6020, move_to(0b101, 0.45, 0.5)}};
+                   {6020, move_to(0b101, 0.35, 1)}};
   }
   RunResult run_it() {
     Recorder recorder("/dev/null");

@@ -32,7 +32,7 @@ public final class Probe {
         while (table == null || !heard(table, messages)) {
             Thread.sleep(100);
             for (Frame frame : Frame.getFrames()) {
-                JTable found = frame.getTitle().equals("LCM Spy") ? find(frame) : null;
+                JTable found = "LCM Spy".equals(frame.getTitle()) ? find(frame) : null;
                 if (found != null) table = found;
             }
         }
@@ -47,7 +47,9 @@ public final class Probe {
                 }
                 System.out.println(line);
             }
-            for (Frame frame : Frame.getFrames()) if (frame.isVisible()) System.out.println("WINDOW|" + frame.getTitle());
+            for (Frame frame : Frame.getFrames()) {
+                if (frame.isVisible()) System.out.println("WINDOW|" + frame.getTitle());
+            }
         });
         System.out.flush();
         Runtime.getRuntime().halt(0);

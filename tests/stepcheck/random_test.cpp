@@ -87,6 +87,29 @@ std::string test_name(const ::testing::TestParamInfo<Shape>& shape_info) {
   return "";
 }
 
+// Of the motions at the limit those that once needed more than the 32 bursts a command has room for: a burst late by
+// its tolerance, and then the step rate, where nothing can be made up.
+TEST(AtTheStepRate, AfterALateBurstATickStillNeedsFew) {
+  std::mt19937_64 random(20240607 + static_cast<std::uint64_t>(Shape::kAtTheLimit));
+  int looked_at = 0;
+  for (int k = 0; k <= 39655; ++k) {
+    const Drive drive = random_drive(Shape::kAtTheLimit, random);
+    if (k != 6042 && k != 16701 && k != 19179 && k != 25593 && k != 39655) continue;
+    ++looked_at;
+    Generator generator(drive);
+    MotorCheck check(drive);
+    const auto end = static_cast<std::int64_t>(generator.end_s() / drive.control_period_s) + 3;
+    for (std::int64_t tick = 0; tick < end; ++tick) {
+      ASSERT_EQ(generator.tick(), firmware::StepError::kNone) << "motion " << k << ", tick " << tick;
+      EXPECT_LE(generator.command().burst_count, 20) << "motion " << k << ", tick " << tick;
+      const auto violation =
+          check.tick(tick, generator.bursts(), generator.command().steps[0], generator.command().position_steps[0]);
+      ASSERT_FALSE(violation) << "motion " << k << ": " << violation->text();
+    }
+  }
+  EXPECT_EQ(looked_at, 5);
+}
+
 INSTANTIATE_TEST_SUITE_P(Shapes, RandomMotions, ::testing::ValuesIn(kShapes), test_name);
 
 }  // namespace

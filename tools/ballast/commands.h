@@ -15,5 +15,7 @@ std::function<int()> add_friction_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_spy_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_report_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_compare_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_watch_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_doctor_command(CLI::App& app, CLI::App*& command);
 
 }  // namespace ballast

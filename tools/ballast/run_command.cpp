@@ -95,6 +95,9 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   options.start_timeout = sil::Seconds(command.bus.start_timeout_s);
   options.peer_timeout = sil::Seconds(command.bus.peer_timeout_s);
   options.interrupted = record.interrupted;
+  std::optional<hal::Bus> operator_bus;
+  if (bus != nullptr) operator_bus.emplace(command.bus.url);
+  if (operator_bus) options.operator_bus = &*operator_bus;
   sil::QemuPeers peers(scenario, params, program::to_monitor_limits(scenario), options);
   const int exit_status = sil::record_run("ballast", scenario, peers, output, record);
   if (!record.quiet && peers.record().farewell) print_target(peers.record());

@@ -192,8 +192,7 @@ class RecordedRun:
                 p = entry["parameters"]
                 speed_radps = p["shaft_ratio"] * np.asarray(self.state["mass_velocity"][:, i], dtype=float)
                 torque_nm = np.asarray(self.state["motor_torque_nm"][:, i], dtype=float)
-                over_corner = np.maximum(np.abs(speed_radps) / p["corner_speed"], 1)
-                available_nm = p["holding_torque"] / over_corner
+                available_nm = _available_torque_nm(p, np.abs(speed_radps))
                 drawn_nm = torque_nm + p["viscous_damping"] * speed_radps
                 if self.is_stepper:
                     shaft_rad = p["shaft_ratio"] * np.asarray(self.state["mass_position"][:, i], dtype=float)
@@ -220,6 +219,27 @@ class RecordedRun:
         return (np.asarray(state["time_s"][at_start], dtype=float),
                 np.asarray(self.status["commanded_position"][status_rows][at_start, :n], dtype=float),
                 np.asarray(state["mass_position"][at_start, :n], dtype=float))
+
+
+def _available_torque_nm(p, speed_radps):
+    """The holding torque up to the corner speed; above, what the supply drives through the winding, or corner / speed."""
+    over_corner = np.maximum(speed_radps / p["corner_speed"], 1)
+    if p.get("rated_current") is None:
+        return p["holding_torque"] / over_corner
+    # Currents as complex numbers in the rotor's frame, j ahead of the magnet: |i| <= I and |Z i + j E| <= V. The
+    # greatest Im i is at the top of the voltage's circle, where that is inside the current's, else where they cross.
+    most_a, supply_v = np.sqrt(2) * p["rated_current"], p["supply_voltage"]
+    constant = p["holding_torque"] / most_a
+    speed = np.where(over_corner > 1, speed_radps, p["corner_speed"])
+    z = p["resistance"] + 1j * p["steps_per_revolution"] / 4 * speed * p["inductance"]
+    emf = constant * speed
+    top = -1j * emf / z + 1j * supply_v / np.abs(z)
+    cosine = (supply_v**2 - emf**2 - np.abs(z * most_a)**2) / (2 * emf * np.abs(z) * most_a)
+    middle, aside = np.arctan2(z.real, z.imag), np.arccos(np.clip(cosine, -1, 1))
+    crossing = np.where(cosine < -1, 0, most_a * np.maximum(np.sin(middle + aside), np.sin(middle - aside)))
+    quadrature_a = np.where(np.abs(top) <= most_a, top.imag, crossing)
+    limited_nm = constant * np.maximum(quadrature_a, 1e-6 * most_a)
+    return np.where(over_corner > 1, limited_nm, p["holding_torque"])
 
 
 def _from_start(messages):

@@ -87,7 +87,7 @@ void add_bus_options(CLI::App& app, BusOptions& options) {
 std::string default_firmware() {
   std::error_code error;
   const auto folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
-  return (folder / "ballast-mps2_an500.elf").string();
+  return (folder.parent_path() / "mps2_an500/bin/ballast-mps2_an500.elf").string();
 }
 
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {

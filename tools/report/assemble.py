@@ -1,8 +1,8 @@
 """Puts the page together: one HTML file that needs nothing else, neither a network nor a server.
 
 The sources in page/ and the packages' files go in as they are, as modules of an import map (data: URLs, which work from
-file://). Samples go in as columns of float32: differences of their bit patterns, byte planes apart, gzip, base64; smooth
-signals then take a third of their size. page/samples.js undoes it.
+file://). Samples go in as columns of float32: differences of their bit patterns, byte planes apart, gzip, base64;
+smooth signals then take a third of their size. page/samples.js undoes it.
 """
 
 import base64

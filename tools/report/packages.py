@@ -80,9 +80,14 @@ def _fetch(name, entry, path):
         path.parent.mkdir(parents=True, exist_ok=True)
         # Whole or not at all: two reports may be made at once.
         with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
-            part.write(archive)
-        os.chmod(part.name, 0o644)
-        os.replace(part.name, path)
+            try:
+                part.write(archive)
+                part.flush()
+                os.chmod(part.name, 0o644)
+                os.replace(part.name, path)
+            except BaseException:
+                os.unlink(part.name)
+                raise
     except OSError as error:
         raise PackageError(f"{path}: cannot be written: {error.strerror}") from error
     return archive

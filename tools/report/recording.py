@@ -5,7 +5,6 @@ would say and the log shows takes its place, with the same names; `from_log` is 
 """
 
 import math
-import os
 from pathlib import Path
 
 import ballast
@@ -43,6 +42,7 @@ class Recording:
         self.from_log = self.log_path.name != "run.lcmlog" or not summary_path.exists()
         self.summary = {} if self.from_log else _mapping(summary_path)
         self._run = RecordedRun(self.folder, self.log_path, self.summary)
+        self._refuse_two_runs()
         if self.from_log:
             self.summary.update(summary_from_log(self._run, self.log_path))
             self.notes.append(f"There is no summary.json for {self.log_path.name}: all numbers are those of its "
@@ -56,15 +56,13 @@ class Recording:
 
     @property
     def name(self):
-        return str(self.summary.get("scenario") or os.path.basename(self.folder.resolve()))
+        """The scenario's, where the summary says it; else that of the log, or of its folder."""
+        own = self.log_path.name if self.log_path.name != "run.lcmlog" else self.folder.resolve().name
+        return str(self.summary.get("scenario") or own)
 
     @property
     def end_s(self):
         return self._run.end_s
-
-    @property
-    def damage(self):
-        return self._run.damage
 
     @property
     def static_friction_coefficient(self):
@@ -77,22 +75,28 @@ class Recording:
         """As RecordedRun's; none where nothing says what the motors are."""
         return [] if self.from_log else self._run.motors()
 
+    def _refuse_two_runs(self):
+        for channel, messages in (("BALLAST_CONTACT", self._run.contact), ("BALLAST_PLANT_STATE", self._run.state)):
+            back = np.flatnonzero(np.diff(messages["tick"]) <= 0)
+            if len(back):
+                before, after = messages["tick"][back[0]], messages["tick"][back[0] + 1]
+                raise LogError(f"{self.log_path}: {channel} goes from tick {before} to tick {after}: more than one run "
+                               "in a log, or a copy of its messages; allowed: one run")
+
     def _read_robot(self):
         """robot.json; without it, what the log shows of it: no masses, no rails."""
         path = self.folder / "robot.json"
-        if not self.from_log or path.exists():
+        if path.exists():
             try:
                 robot = _mapping(path)
                 if len(robot["masses"]) == self.mass_count and float(robot["ball"]["radius"]) > 0:
                     return robot
                 raise LogError(f"{path}: speaks of another robot than {self.log_path}")
-            except FileNotFoundError:
-                pass
             except (KeyError, TypeError, ValueError) as error:
                 raise LogError(f"{path}: not what a run writes ({error!r})") from error
         radius = self._run.ball_radius_m()
-        self.notes.append("There is no robot.json beside the log: the ball's radius is the one with which it rolls, the "
-                          "rails are drawn as far as the masses went, and all masses have one size.")
+        self.notes.append("There is no robot.json beside the log: the ball's radius is the one with which it rolls, "
+                          "the rails are drawn as far as the masses went, and all masses have one size.")
         if radius is None:
             reach = np.linalg.norm(self._run.state["mass_position_B_m"], axis=2).max()
             radius = float(reach) / 0.9 if reach > 0 else 1.0
@@ -154,8 +158,6 @@ class Recording:
 
 
 def _mapping(path):
-    if not path.exists():
-        raise FileNotFoundError(path)
     found = read_json(path)
     if not isinstance(found, dict):
         raise LogError(f"{path}: not a JSON object")
@@ -168,7 +170,7 @@ def _add(columns, name, values):
 
 
 def thinned_rows(signals, most):
-    """At most about `most` rows: of equal stretches the first row, and each signal's least and greatest; and the last."""
+    """About `most` rows at most: of equal stretches the first, and each signal's least and greatest; and the last."""
     count = len(signals[0])
     stretch = -(-count * (1 + 2 * len(signals)) // most)
     keep = {count - 1}
@@ -183,15 +185,19 @@ def thinned_rows(signals, most):
 
 def summary_from_log(run, log_path):
     """What of summary.json a log shows."""
-    contact, state = run.contact, run.state
+    state = run.state
+    sound = np.isfinite(run.contact["normal_force_n"]) & np.isfinite(run.contact["static_friction_n"])
+    if not sound.any():
+        raise LogError(f"{log_path}: no contact message has a finite force")
+    contact, all_ratios = run.contact[sound], run.friction_required()
     time = np.asarray(contact["time_s"], dtype=float)
-    normal, friction, ratio = contact["normal_force_n"], contact["static_friction_n"], run.friction_required()
+    normal, friction, ratio = contact["normal_force_n"], contact["static_friction_n"], all_ratios[sound]
     least, most, strongest = int(np.argmin(normal)), int(np.argmax(normal)), int(np.argmax(friction))
     found = {"end": {"reason": None, "time": run.end_s},
              "normal_force": {"min": float(normal[least]), "min_time": time[least],
                               "max": float(normal[most]), "max_time": time[most]},
              "static_friction": {"max": float(friction[strongest]), "time": time[strongest]},
-             "regimes": _regimes(contact, run.end_s), "trip": _trip(log_path)}
+             "regimes": _regimes(run.contact, run.end_s), "trip": _trip(log_path)}
     in_contact = contact["regime"] != ballast.contact_t.REGIME_FLIGHT
     if in_contact.any():
         unbounded = in_contact & ~np.isfinite(ratio)

@@ -14,14 +14,18 @@ from recording import Recording
 
 def write_page(path, text):
     """Whole or not at all."""
-    with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.parent, delete=False) as part:
-        try:
-            part.write(text)
-        except BaseException:
-            os.unlink(part.name)
-            raise
-    os.chmod(part.name, 0o644)
-    os.replace(part.name, path)
+    try:
+        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.parent, delete=False) as part:
+            try:
+                part.write(text)
+                part.flush()
+                os.chmod(part.name, 0o644)
+                os.replace(part.name, path)
+            except BaseException:
+                os.unlink(part.name)
+                raise
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
     print(f"{path}  ({len(text.encode()) / 1e6:.1f} MB)")
 
 

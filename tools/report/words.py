@@ -28,7 +28,7 @@ def number_text(value):
 
 
 def time_text(value):
-    return f"t = {value:.6g} s"
+    return f"t\u00a0=\u00a0{value:.6g}\u00a0s"  # in one line
 
 
 def cause_text(cause):
@@ -117,7 +117,7 @@ def _envelope(recording):
     if not needed:
         return words
     if needed.get("max") is None:
-        return words + f"At {time_text(needed['time'])} N was 0 in contact: no friction is enough there."
+        return words + f"At {time_text(needed['time'])} it was 0 in contact: no friction is enough there."
     limit = recording.static_friction_coefficient
     words += f"The most friction it needed, f_s/N, was {number_text(needed['max'])}, at {time_text(needed['time'])}"
     if limit is None:
@@ -136,7 +136,8 @@ def _trip(summary):
     if trip.get("cause") in ("normal_force", "friction") and value is not None and limit is not None:
         words += f", {number_text(value)} where {number_text(limit)} is the limit"
     latency = trip.get("latency_ticks")
-    return words + (f"; the stop began {_count(latency, 'tick')} later." if latency is not None else ".")
+    stops = latency is not None and summary.get("actuation") == "stepper"
+    return words + (f"; the stop began {_count(latency, 'tick')} later." if stops else ".")
 
 
 def _motors(summary):

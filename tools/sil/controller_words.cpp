@@ -60,6 +60,9 @@ std::string refusal_text(const controller_status_t& status) {
       return restart_text(status, "acceleration", "per s^2");
     case controller_status_t::REFUSAL_JERK:
       return restart_text(status, "jerk", "per s^3");
+    case controller_status_t::REFUSAL_RAIL_END:
+      return mass + "piece " + std::to_string(status.refusal_piece) +
+             " of its motion, begun from where it stands, takes it to " + value + ", beyond the end of its rail";
     case controller_status_t::REFUSAL_NOT_PLANNED:
       return mass + "no profile over the distance " + value + " could be made";
     default:

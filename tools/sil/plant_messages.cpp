@@ -75,6 +75,7 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
     for (int j = 0; j < 3; ++j) m.state.mass_position_B_m[i][j] = sample.mass_position_B_m[k][j];
     m.state.motor_torque_nm[i] = sample.motor_torque_nm[k];
     m.state.lost_steps[i] = sample.lost_steps[k];
+    m.sensors.limit_switch[i] = static_cast<std::int8_t>(sample.end_switches[k]);
   }
   return m;
 }

@@ -2,6 +2,7 @@
 
 #include <cstdio>
 
+#include "hal/lcm/channels.h"
 #include "hal/target/build_id.h"
 #include "tools/program/program.h"
 
@@ -67,7 +68,11 @@ QemuPeers::QemuPeers(const sim::Scenario& scenario, const firmware::ControllerPa
       world_(std::make_unique<target::World>()),
       reply_(std::make_unique<target::Reply>()),
       sent_(target::kMaxFrame),
-      exit_status_(program::kExitCouldNotRun) {}
+      exit_status_(program::kExitCouldNotRun) {
+  if (options_.operator_bus == nullptr) return;
+  options_.operator_bus->subscribe<operator_t>(hal::kChannelOperator,
+                                               [this](const operator_t& m) { operator_.hear(m); });
+}
 
 std::string QemuPeers::when() const {
   return tick_ ? "at tick " + std::to_string(*tick_) : std::string("before the first tick");
@@ -120,8 +125,10 @@ Status QemuPeers::no_answer(Status status, Seconds timeout) {
                 program::kExitCouldNotRun);
   }
   const std::string end = qemu_.ended(Seconds(1));
+  const std::string said = qemu_.said();
   return fail(Status::kPeerLost,
-              "the link to the firmware was cut " + when() + (end.empty() ? "" : "; QEMU ended: " + end),
+              "the link to the firmware was cut " + when() + (end.empty() ? "" : "; QEMU ended: " + end) +
+                  (said.empty() ? "" : "; " + said),
               program::kExitCouldNotRun);
 }
 
@@ -280,6 +287,18 @@ Status QemuPeers::check_pulses(std::int64_t tick, const target::PlayedPulses& pl
   return Status::kOk;
 }
 
+// As InProcessPeers does: one a tick, and none in the countdown, which is the run's own.
+Status QemuPeers::hear_operators(Lap& lap) {
+  if (options_.operator_bus == nullptr) return Status::kOk;
+  if (lap.command) operator_.know(*lap.command);
+  if (options_.operator_bus->receive_until(hal::WallClock::now(), [] { return false; }) == Status::kIo) {
+    return fail(Status::kIo, "the LCM bus failed", program::kExitCouldNotRun);
+  }
+  if (lap.plant.contact.tick < 0) return Status::kOk;
+  if (const auto message = operator_.next()) lap.heard.push_back(*message);
+  return Status::kOk;
+}
+
 Status QemuPeers::exchange(Lap& lap) {
   const std::int64_t tick = lap.plant.sensors.tick;
   const bool last = lap.plant.sensors.last != 0;
@@ -289,9 +308,13 @@ Status QemuPeers::exchange(Lap& lap) {
   world_->has_verdict = true;
   world_->sensors = hal::from_message(lap.plant.sensors);
   world_->verdict = hal::from_message(lap.trip);
+  if (const Status s = hear_operators(lap); s != Status::kOk) return s;
   world_->command_count = 0;
-  if (lap.command)
-    world_->commands[static_cast<std::size_t>(world_->command_count++)] = hal::from_message(*lap.command);
+  const auto say = [this](const operator_t& command) {
+    world_->commands[static_cast<std::size_t>(world_->command_count++)] = hal::from_message(command);
+  };
+  for (const operator_t& heard : lap.heard) say(heard);
+  if (lap.command) say(*lap.command);
   if (const Status s = send(*world_, tick); s != Status::kOk) return s;
 
   target::Frame frame;

@@ -4,6 +4,8 @@
 #include <memory>
 #include <optional>
 
+#include "hal/lcm/bus.h"
+#include "hal/lcm/operator_inbox.h"
 #include "hal/target/messages.h"
 #include "tools/monitor/monitor.h"
 #include "tools/sil/lap.h"
@@ -17,6 +19,7 @@ struct QemuPeersOptions {
   Seconds start_timeout{30};  // until the firmware has accepted its parameters
   Seconds peer_timeout{2};    // for the answer to a tick
   const volatile std::sig_atomic_t* interrupted = nullptr;
+  hal::Bus* operator_bus = nullptr;  // on which to listen to operators; must outlive the peers
 };
 
 // What the target told of itself.
@@ -42,6 +45,7 @@ class QemuPeers : public Peers {
   hal::Status exchange(Lap& lap) override;
   [[nodiscard]] std::string trouble() const override { return trouble_; }
   [[nodiscard]] int exit_status() const override { return exit_status_; }
+  [[nodiscard]] pid_t pid() const { return qemu_.pid(); }  // 0: it is not there
   [[nodiscard]] const TargetRecord& record() const { return record_; }
 
  private:
@@ -53,6 +57,7 @@ class QemuPeers : public Peers {
   hal::Status send_params();
   hal::Status judge(const hal::target::Verdict& verdict);
   hal::Status check_pulses(std::int64_t tick, const hal::target::PlayedPulses& played);
+  hal::Status hear_operators(Lap& lap);
   hal::Status finish();
   template <class M>
   hal::Status send(const M& message, std::int64_t tick);
@@ -71,6 +76,7 @@ class QemuPeers : public Peers {
   std::vector<std::uint8_t> received_, sent_;
   std::size_t used_ = 0;  // of received_
   TargetRecord record_;
+  hal::OperatorInbox operator_;
   std::string trouble_;
   int exit_status_;
   QemuProcess qemu_;

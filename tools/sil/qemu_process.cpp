@@ -6,9 +6,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cstring>
+#include <sstream>
 #include <thread>
 
 namespace ballast::sil {
@@ -57,7 +57,7 @@ class NoPipeSignal {
 };
 
 // In the child, between fork and exec: nothing that allocates.
-[[noreturn]] void become_qemu(char** argv, std::span<const int> fds, int report, pid_t parent) {
+[[noreturn]] void become_qemu(char** argv, std::span<const int> fds, int said, int report, pid_t parent) {
   // Ends with the process that started it, however that ends; a terminal's signals are for that one alone.
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(127);
@@ -69,6 +69,7 @@ class NoPipeSignal {
   const int null = open("/dev/null", O_RDWR);
   dup2(null, STDIN_FILENO);
   dup2(null, STDOUT_FILENO);
+  dup2(said, STDERR_FILENO);
   // They are above all numbers they are to get (start() sees to it), so none is overwritten before it is used.
   for (std::size_t i = 0; i < fds.size(); ++i) dup2(fds[i], kFirstChildFd + static_cast<int>(i));
   execvp(argv[0], argv);
@@ -80,7 +81,8 @@ class NoPipeSignal {
 }  // namespace
 
 std::string QemuProcess::start(const QemuOptions& options) {
-  if (!std::filesystem::is_regular_file(options.elf)) return options.elf.string() + ": no such file";
+  if (!std::filesystem::is_regular_file(options.elf))
+    return options.elf.string() + ": no such file; tools/firmware builds the firmware";
   std::string arguments = "enable=on,target=native,arg=";
   std::vector<int> child_fds;
   const int above = kFirstChildFd + 2 * options.pipe_pairs + 1;
@@ -105,33 +107,27 @@ std::string QemuProcess::start(const QemuOptions& options) {
   }
   arguments += options.arguments.empty() ? "-" : options.arguments;
   const std::string icount = "shift=" + std::to_string(options.icount_shift) + ",sleep=off";
-  std::array<std::string, 18> words{kQemu,
-                                    "-M",
-                                    options.machine,
-                                    "-nodefaults",
-                                    "-no-user-config",
-                                    "-display",
-                                    "none",
-                                    "-monitor",
-                                    "none",
-                                    "-serial",
-                                    "none",
-                                    "-icount",
-                                    icount,
-                                    "-semihosting-config",
-                                    arguments,
-                                    "-kernel",
-                                    options.elf.string(),
-                                    ""};
-  std::array<char*, words.size()> argv{};
-  for (std::size_t i = 0; i + 1 < words.size(); ++i) argv[i] = words[i].data();
+  std::vector<std::string> words{kQemu, "-M", options.machine, "-nodefaults", "-no-user-config"};
+  for (const char* none : {"-display", "-monitor", "-serial"}) words.insert(words.end(), {none, "none"});
+  words.insert(words.end(), {"-icount", icount, "-semihosting-config", arguments, "-kernel", options.elf.string()});
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
 
+  int said[2];
+  if (pipe2(said, O_CLOEXEC | O_NONBLOCK) != 0) return std::string("no pipe: ") + std::strerror(errno);
+  said_ = said[0];
+  child_fds.push_back(raised(said[1]));
   int report[2];
   if (pipe2(report, O_CLOEXEC) != 0) return std::string("no pipe: ") + std::strerror(errno);
   const int report_writing = raised(report[1]);
   const pid_t parent = getpid();
   pid_ = fork();
-  if (pid_ == 0) become_qemu(argv.data(), child_fds, report_writing, parent);
+  if (pid_ == 0) {
+    const int said_writing = child_fds.back();
+    child_fds.pop_back();
+    become_qemu(argv.data(), child_fds, said_writing, report_writing, parent);
+  };
   close(report_writing);
   close_child_fds();
   int error = pid_ < 0 ? errno : 0;
@@ -209,11 +205,24 @@ std::string QemuProcess::ended(Seconds timeout) {
   return end_;
 }
 
+std::string QemuProcess::said() {
+  std::string text(65536, ' ');
+  const ssize_t count = said_ < 0 ? 0 : ::read(said_, text.data(), text.size());
+  text.resize(static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
+  std::istringstream lines(text);
+  std::string kept;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.find("warning:") == std::string::npos) kept += (kept.empty() ? "" : "; ") + line;
+  }
+  return kept;
+}
+
 QemuProcess::~QemuProcess() {
   for (const Pair& pair : pairs_) {
     if (pair.to >= 0) close(pair.to);
     close(pair.from);
   }
+  if (said_ >= 0) close(said_);
   if (pid_ <= 0) return;
   kill(pid_, SIGKILL);
   while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {

@@ -23,7 +23,7 @@ struct QemuOptions {
   std::filesystem::path elf;
   int icount_shift = 2;  // an instruction takes 2^shift ns of the machine's time
   int pipe_pairs = 1;
-  std::string arguments;  // for the program on the machine, after the names of its pipes
+  std::string arguments = "";  // for the program on the machine, after the names of its pipes
 };
 
 class QemuProcess {
@@ -48,6 +48,8 @@ class QemuProcess {
 
   // How it ended, if it does so within the timeout: "" still there; "exit status 3"; "Killed".
   [[nodiscard]] std::string ended(Seconds timeout);
+  // What QEMU itself had to say, warnings apart.
+  [[nodiscard]] std::string said();
   [[nodiscard]] int exit_status() const { return exit_status_; }  // -1: not by itself
   [[nodiscard]] pid_t pid() const { return pid_; }
 
@@ -56,6 +58,7 @@ class QemuProcess {
     int to = -1, from = -1;
   };
   std::vector<Pair> pairs_;
+  int said_ = -1;  // QEMU's stderr
   pid_t pid_ = 0;
   std::string end_;
   int exit_status_ = -1;

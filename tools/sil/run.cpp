@@ -225,7 +225,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       if (lap.trip.tripped != 0 && !result.latency_ticks) result.latency_ticks = tick + 1 - lap.trip.trip_tick;
       if (!result.controller_trip) {
         result.controller_trip = {
-            lap.status.faults, tick, plant.time_s(), lap.status, {history.begin(), history.end()}};
+            lap.status.faults, tick, plant.time_s(), lap.status, lap.plant.sensors, {history.begin(), history.end()}};
       }
       // At rest from the next tick on, whose steps are still to be executed.
       if (lap.status.at_rest != 0 && !stop_done_tick) stop_done_tick = tick + 2;
@@ -278,11 +278,15 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   result.rolling_lost = plant.rolling_lost();
   result.extrema = plant.extrema();
   result.friction_shares = plant.shares_at_mu_required_max();
-  for (int i = 0; i < sim::kMaxMasses; ++i) result.motor_extrema[static_cast<std::size_t>(i)] = plant.motor_extrema(i);
+  for (int i = 0; i < sim::kMaxMasses; ++i) {
+    result.motor_extrema[static_cast<std::size_t>(i)] = plant.motor_extrema(i);
+    result.end_stops[static_cast<std::size_t>(i)] = plant.end_stop(i);
+  }
   result.motors = pulse_record.motors;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     result.motor_energy[i] = plant.motor_energy(static_cast<int>(i));
     result.motors[i].steps_behind = plant.motor_steps_behind(static_cast<int>(i));
+    result.motors[i].slips = plant.motor_slips(static_cast<int>(i));
   }
   if (step_check) result.step_timing = step_check->record();
   return result;

@@ -24,6 +24,7 @@ struct MotorRecord {
   std::int64_t steps = 0;       // pulses executed, both directions counted up
   double max_step_rate_hz = 0;  // from the closest two pulses
   double steps_behind = 0;      // at the end: microsteps commanded less those the rotor has made, in the positive sense
+  std::int64_t slips = 0;       // of the rotor from tooth to tooth, forth and back
 };
 
 // When the controller went to kTripped, or saw a trip while still disarmed, and the faults it had then (bits of
@@ -33,6 +34,7 @@ struct ControllerTrip {
   std::int64_t tick;
   double time_s;
   controller_status_t status{};         // of that tick
+  sensors_t sensors{};                  // likewise
   std::vector<step_command_t> history;  // the last commands up to then, oldest first; at most kHistoryTicks
 };
 inline constexpr std::size_t kHistoryTicks = 8;
@@ -58,6 +60,7 @@ struct RunResult {
   std::array<sim::MotorEnergy, sim::kMaxMasses> motor_energy{};
   std::array<MotorRecord, sim::kMaxMasses> motors;
   MotorShare motor_share;
+  std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
   trip_t trip{};  // the last verdict
   std::optional<ControllerTrip> controller_trip;
   std::optional<std::int64_t>

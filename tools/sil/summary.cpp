@@ -57,14 +57,35 @@ const char* trip_cause(int cause) {
 // The controller's own reason to trip, where the monitor had none: the first of firmware/safety/fault.h.
 const char* fault_cause(std::int32_t faults) {
   using firmware::Fault;
-  constexpr std::pair<Fault, const char*> kNames[] = {
-      {Fault::kSensorNotFinite, "sensor_not_finite"}, {Fault::kSensorStale, "sensor_stale"},
-      {Fault::kMonitorStale, "monitor_stale"},        {Fault::kStepOverload, "step_overload"},
-      {Fault::kTickOutOfOrder, "tick_out_of_order"},  {Fault::kInternal, "internal"}};
+  constexpr std::pair<Fault, const char*> kNames[] = {{Fault::kSensorNotFinite, "sensor_not_finite"},
+                                                      {Fault::kSensorStale, "sensor_stale"},
+                                                      {Fault::kMonitorStale, "monitor_stale"},
+                                                      {Fault::kStepOverload, "step_overload"},
+                                                      {Fault::kTickOutOfOrder, "tick_out_of_order"},
+                                                      {Fault::kEndSwitch, "end_switch"},
+                                                      {Fault::kInternal, "internal"}};
   for (const auto& [fault, name] : kNames) {
     if ((static_cast<std::uint32_t>(faults) & static_cast<std::uint32_t>(fault)) != 0) return name;
   }
   return "controller";
+}
+
+// Of an end_switch trip: the mass that was commanded on over an end of its rail; -1 for other trips.
+int mass_at_its_end(const ControllerTrip& trip) {
+  if ((static_cast<std::uint32_t>(trip.faults) & static_cast<std::uint32_t>(firmware::Fault::kEndSwitch)) == 0) {
+    return -1;
+  }
+  for (int i = 0; i < trip.status.motor_count; ++i) {
+    const int switches = trip.sensors.limit_switch[i];
+    const double velocity = trip.status.commanded_velocity[i];
+    if (((switches & 1) != 0 && velocity < 0) || ((switches & 2) != 0 && velocity > 0)) return i;
+  }
+  return -1;
+}
+
+Json end_stop_json(const sim::EndStopRecord& record) {
+  if (record.touches == 0) return nullptr;
+  return {{"touches", record.touches}, {"first_time", record.first_s}, {"max_force", record.max_force_n}};
 }
 
 const char* overload_error(int error) {
@@ -253,11 +274,13 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
     const sim::Motor& motor = scenario.masses[i].motor;
     motors.push_back({{"steps", result.motors[i].steps},
                       {"lost_steps", f.lost_steps[i]},
+                      {"slips", result.motors[i].slips},
                       {"steps_behind", stepper ? Json(result.motors[i].steps_behind) : Json(nullptr)},
                       {"max_step_rate", result.motors[i].max_step_rate_hz},
                       {"max_torque", result.motor_extrema[i].max_torque_nm},
                       {"torque_margin", result.motor_extrema[i].torque_margin},
                       {"energy", stepper ? energy_json(motor, result.motor_energy[i]) : Json(nullptr)},
+                      {"end_stop", end_stop_json(result.end_stops[i])},
                       {"parameters", parameters_json(motor)}});
   }
   j["final"] = {{"mass_position", positions},
@@ -303,6 +326,7 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
       j["trip"]["error"] = overload_error(status.overload_error);
       j["trip"]["steps_of_tick"] = status.overload_tick;
     }
+    if (const int mass = mass_at_its_end(*result.controller_trip); mass >= 0) j["trip"]["motor"] = mass;
     j["trip"]["history"] = Json::array();
     for (const auto& command : result.controller_trip->history) {
       Json steps = Json::array();
@@ -398,6 +422,9 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
                      static_cast<long long>(status.overload_tick), status.overload_value,
                      overload_unit(status.overload_error), status.overload_limit);
     }
+    if (const int mass = mass_at_its_end(*result.controller_trip); mass >= 0) {
+      text += format(": mass %d is at an end of its rail and is commanded on", mass);
+    }
     text += "\n";
   } else {
     text += "  trip        none\n";
@@ -446,12 +473,17 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
       text += format("%s%lld", i == 0 ? "" : " + ", static_cast<long long>(result.motors[i].steps));
     }
-    std::int64_t lost = 0;
-    for (std::size_t i = 0; i < scenario.masses.size(); ++i) lost += result.final_sample.lost_steps[i];
-    text += format("%s issued, %lld lost\n", scenario.masses.empty() ? "0" : "", static_cast<long long>(lost));
-    if (const std::string warning = lost_steps_text(scenario, result); !warning.empty()) {
-      text += "  WARNING     " + warning + "\n";
+    std::int64_t lost = 0, slips = 0;
+    for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+      lost += result.final_sample.lost_steps[i];
+      slips += result.motors[i].slips;
     }
+    text += format("%s issued, %lld lost", scenario.masses.empty() ? "0" : "", static_cast<long long>(lost));
+    if (slips > 0) text += format(" (%lld slips, forth and back)", static_cast<long long>(slips));
+    text += "\n";
+  }
+  if (const std::string warning = lost_steps_text(scenario, result); !warning.empty()) {
+    text += "  WARNING     " + warning + "\n";
   }
   if (result.step_timing) {
     std::int64_t checked = 0, structural = 0;
@@ -484,6 +516,12 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     if (electrical_j != 0)
       text += format("; %.3g J from the supply, %.3g J of it heat in the windings", electrical_j, copper_j);
     text += "\n";
+  }
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    const sim::EndStopRecord& stop = result.end_stops[i];
+    if (stop.touches == 0) continue;
+    text += format("  end stop    mass %zu touched it first at t = %.6g s (touches: %d), pushed back by up to %.4g N\n",
+                   i, stop.first_s, stop.touches, stop.max_force_n);
   }
   if (const MotorShare& share = result.motor_share; share.seen()) {
     const auto part = [](const Deviation& d) {

@@ -1,13 +1,13 @@
 // Starts the page: reads the run, or two, makes plots and replay, connects slider, buttons and keys to the one clock.
-import { Clock } from "ballast/clock.js";
-import { FRICTION, makePanels, runLetter } from "ballast/panels.js";
-import { NUMBERS_EVERY_MS, numberText, Plots } from "ballast/plots.js";
-import { readSamples } from "ballast/samples.js";
-import { Scene } from "ballast/scene.js";
-import { connectThemeButton } from "ballast/theme.js";
+import {Clock} from "ballast/clock.js";
+import {FRICTION, makePanels, runLetter} from "ballast/panels.js";
+import {NUMBERS_EVERY_MS, numberText, Plots} from "ballast/plots.js";
+import {readSamples} from "ballast/samples.js";
+import {Scene} from "ballast/scene.js";
+import {connectThemeButton} from "ballast/theme.js";
 
 const element = (id) => document.getElementById(id);
-const FRAMES_PER_SECOND = 60; // a step of the arrow keys is one such frame at full speed
+const FRAMES_PER_SECOND = 60;  // a step of the arrow keys is one such frame at full speed
 
 function complain(text) {
   element("trouble").textContent = text;
@@ -15,9 +15,10 @@ function complain(text) {
 }
 
 async function readRuns() {
-  const { runs } = JSON.parse(element("described").textContent);
-  return Promise.all(runs.map(async (described, run) => ({
-    described, samples: await readSamples(element(`samples-${run}`).textContent, described) })));
+  const {runs} = JSON.parse(element("described").textContent);
+  return Promise.all(runs.map(
+      async (described, run) =>
+          ({described, samples: await readSamples(element(`samples-${run}`).textContent, described)})));
 }
 
 // The plots work without WebGL; the replay does not.
@@ -26,7 +27,7 @@ function makeScene(runs, clock) {
     return new Scene(element("view"), runs, clock, element("scale"));
   } catch (error) {
     complain(`The replay cannot be shown: ${error.message}`);
-    element("view").hidden = true;
+    element("view").hidden = element("shows").hidden = true;
     return null;
   }
 }
@@ -67,23 +68,26 @@ function markSlider(runs, end) {
     place.append(mark);
   };
   if (!(end > 0)) return;
-  for (const { described } of runs) {
-    for (const { regime, start, end: until } of described.regimes) if (regime !== "rolling") add(regime, start, until, regime);
-    for (const { time, text } of described.events) add("event", time, undefined, text);
+  for (const {described} of runs) {
+    for (const {regime, start, end: until} of described.regimes)
+      if (regime !== "rolling") add(regime, start, until, regime);
+    for (const {time, text} of described.events) add("event", time, undefined, text);
   }
 }
 
 // What the shades and lines of the plots mean, once for all of them.
 function describeMarks(runs) {
   const place = element("legend"), entries = [];
-  const names = new Set(runs.flatMap(({ described }) => described.regimes.map(({ regime }) => regime)));
-  for (const regime of ["sliding", "flight"]) if (names.has(regime)) entries.push([`box ${regime}`, regime]);
-  const impacts = runs.reduce((sum, { described }) => sum + described.impacts.length, 0);
+  const names = new Set(runs.flatMap(({described}) => described.regimes.map(({regime}) => regime)));
+  for (const regime of ["sliding", "flight"])
+    if (names.has(regime)) entries.push([`box ${regime}`, regime]);
+  const impacts = runs.reduce((sum, {described}) => sum + described.impacts.length, 0);
   if (impacts) entries.push(["line impact", impacts === 1 ? "impact" : `${impacts} impacts`]);
-  runs.forEach(({ described }, run) => {
-    for (const { time, text } of described.events) {
+  runs.forEach(({described}, run) => {
+    for (const {time, text} of described.events) {
       const who = runs.length > 1 ? `${runLetter(run)}: ` : "";
-      entries.push([`line event run-${runs.length > 1 ? run : "alone"}`, `${who}${text}, t = ${Number(time.toPrecision(6))} s`]);
+      entries.push(
+          [`line event run-${runs.length > 1 ? run : "alone"}`, `${who}${text}, t = ${Number(time.toPrecision(6))} s`]);
     }
   });
   for (const [name, text] of entries) {
@@ -96,20 +100,28 @@ function describeMarks(runs) {
 
 function makeHud(runs, scene, clock) {
   const hud = element("hud");
-  const lines = runs.map(({ samples, described }, run) => {
+  const lines = runs.map(({samples, described}, run) => {
     const line = document.createElement("p");
     const letter = runs.length > 1 ? `<b style="color: var(--run-${run})">${runLetter(run)}</b> ` : "";
     const limit = described.static_friction === null ? "" : ` of ${Number(described.static_friction.toPrecision(4))}`;
     const factor = scene?.robots[run].frictionFactor ?? 1;
-    line.innerHTML = `${letter}<span class="regime"></span> <span class="of-force"><i>N</i> <b></b> N</span> <span class="of-friction">${FRICTION} <b></b> N${factor > 1 ? ` <small>×${factor}</small>` : ""}</span> <span class="of-cone">${FRICTION}/<i>N</i> <b></b>${limit && `<small>${limit}</small>`}</span>`;
-    if (factor > 1) line.querySelector(".of-friction").title = `the arrow of the friction is drawn ${factor} times longer`;
+    const longer = factor > 1 ? ` <small>×${factor}</small>` : "";
+    line.innerHTML = [
+      `${letter}<span class="regime"></span>`,
+      `<span class="of-force"><i>N</i> <b></b> N</span>`,
+      `<span class="of-friction">${FRICTION} <b></b> N${longer}</span>`,
+      `<span class="of-cone">${FRICTION}/<i>N</i> <b></b><small>${limit}</small></span>`,
+    ].join(" ");
+    if (factor > 1)
+      line.querySelector(".of-friction").title = `the arrow of the friction is drawn ${factor} times longer`;
     hud.append(line);
     const [regime, ...numbers] = [line.querySelector(".regime"), ...line.querySelectorAll("span > b")];
     return (time) => {
       const row = samples.rowAt(time);
       const name = ["rolling", "sliding", "flight"][samples.get("regime")[row]] ?? "";
       if (regime.textContent !== name) [regime.textContent, regime.className] = [name, `regime ${name}`];
-      ["normal_force", "static_friction", "mu_required"].forEach((column, k) => (numbers[k].textContent = numberText(samples.get(column)[row])));
+      ["normal_force", "static_friction", "mu_required"].forEach(
+          (column, k) => (numbers[k].textContent = numberText(samples.get(column)[row])));
     };
   });
   let shownAt = -Infinity;
@@ -131,9 +143,12 @@ function connectButtons(scene, plots) {
       if (follow.checked !== follows) follow.click();
       scene?.look(button.dataset.camera);
     });
-  for (const box of document.querySelectorAll("[data-show]")) box.addEventListener("change", () => scene?.show(box.dataset.show, box.checked));
+  for (const box of document.querySelectorAll("[data-show]"))
+    box.addEventListener("change", () => scene?.show(box.dataset.show, box.checked));
   for (const button of document.querySelectorAll("[data-zoom]"))
-    button.addEventListener("click", () => (button.dataset.zoom === "all" ? plots.zoomAll() : plots.zoomBy(button.dataset.zoom === "in" ? 0.5 : 2)));
+    button.addEventListener(
+        "click",
+        () => (button.dataset.zoom === "all" ? plots.zoomAll() : plots.zoomBy(button.dataset.zoom === "in" ? 0.5 : 2)));
 }
 
 function connectKeys(clock, plots) {
@@ -154,16 +169,16 @@ function connectKeys(clock, plots) {
   };
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || !Object.hasOwn(keys, event.key)) return;
-    const { tagName, type } = event.target;
+    const {tagName, type} = event.target;
     const isChoice = tagName === "SELECT" || tagName === "SUMMARY" || tagName === "BUTTON" || type === "checkbox";
-    if (isChoice && [" ", "ArrowLeft", "ArrowRight", "Home", "End"].includes(event.key)) return; // theirs
+    if (isChoice && [" ", "ArrowLeft", "ArrowRight", "Home", "End"].includes(event.key)) return;  // theirs
     event.preventDefault();
     keys[event.key](event);
   });
 }
 
 function start(runs) {
-  const clock = new Clock(Math.max(...runs.map(({ samples }) => samples.end)));
+  const clock = new Clock(Math.max(...runs.map(({samples}) => samples.end)));
   connectThemeButton(element("theme"));
   const scene = makeScene(runs, clock);
   const plots = new Plots(element("plots"), makePanels(runs), runs, clock);
@@ -184,18 +199,22 @@ function start(runs) {
     requestAnimationFrame(frame);
   };
   requestAnimationFrame(frame);
-  return { clock, plots, scene, runs, framesDrawn: () => drawn };
+  return {clock, plots, scene, runs, framesDrawn: () => drawn};
 }
 
 // What a test, or a visitor's console, may ask: see tests/report.
-window.ballastReport = { ready: false };
-readRuns().then((runs) => {
-  const parts = start(runs);
-  // Two frames: one to lay out and draw, one that comes when that is done.
-  requestAnimationFrame(() => requestAnimationFrame(() => {
-    Object.assign(window.ballastReport, parts, { ready: true, readyAfterMs: performance.now() });
-  }));
-}).catch((error) => {
+window.ballastReport = {};
+
+async function main() {
+  const parts = start(await readRuns());
+  const nextFrame = () => new Promise(requestAnimationFrame);
+  // One frame to lay out and draw, one that comes when that is done.
+  await nextFrame();
+  await nextFrame();
+  Object.assign(window.ballastReport, parts, {ready: true, readyAfterMs: performance.now()});
+}
+
+main().catch((error) => {
   complain(error.message);
   throw error;
 });

@@ -3,6 +3,7 @@
 // panel: {id, title (HTML), unit, lines, limits, extremes, top, bottom}
 // line: {run, column, label (HTML; none: not in the legend), color (of theme.js), dash, width}
 // top, bottom: beyond them values have no meaning as numbers; the axis ends there.
+// noise: what rounding leaves of a value that is 0; the axis does not blow it up.
 
 const DASHED = [6, 4];
 
@@ -16,13 +17,18 @@ export const runLetter = (run) => "AB"[run];
 // One line per run. Alone, it has the quantity's colour; of two runs, each its own.
 function single(runs, column, label, color) {
   const lines = [];
-  runs.forEach(({ samples }, run) => {
+  runs.forEach(({samples}, run) => {
     const several = runs.length > 1;
-    const line = { run, label: several ? runLetter(run) : label, color: several ? `run-${run}` : color, width: 1.5 };
-    if (samples.has(column)) lines.push({ ...line, column });
+    const line = {
+      run,
+      label: several ? runLetter(run) : label,
+      color: several ? `run-${run}` : color,
+      width: several && run === 0 ? 2.6 : 1.3
+    };  // where both are the same, both are seen
+    if (samples.has(column)) lines.push({...line, column});
     const commanded = `commanded_${column}`;
     if (!several && samples.has(commanded))
-      lines.push({ ...line, column: commanded, label: "commanded", color: "text", dash: DASHED, width: 1 });
+      lines.push({...line, column: commanded, label: "commanded", color: "text", dash: DASHED, width: 1});
   });
   return lines;
 }
@@ -30,11 +36,12 @@ function single(runs, column, label, color) {
 // A line per component; the second run's are dashed.
 function several(runs, column, count, label, color) {
   const lines = [];
-  runs.forEach(({ samples }, run) => {
+  runs.forEach(({samples}, run) => {
     for (let j = 0; j < count(run); ++j) {
       if (!samples.has(`${column}_${j}`)) continue;
       const name = runs.length > 1 ? `${runLetter(run)} ${label(j)}` : label(j);
-      lines.push({ run, column: `${column}_${j}`, label: name, color: color(j), dash: run ? DASHED : undefined, width: 1.4 });
+      lines.push(
+          {run, column: `${column}_${j}`, label: name, color: color(j), dash: run ? DASHED : undefined, width: 1.4});
     }
   });
   return lines;
@@ -44,7 +51,7 @@ const finite = (values) => values.filter(Number.isFinite);
 
 // Near N = 0 f_s/N grows without bound; an axis made for that would flatten everything else to a line at 0.
 function neededTop(runs) {
-  const tops = runs.map(({ samples, described }) => {
+  const tops = runs.map(({samples, described}) => {
     const values = finite(samples.get("mu_required")).sort();
     const usual = values.length ? 4 * values[Math.floor(0.9 * (values.length - 1))] : 0;
     return Math.max(usual, 1.5 * (described.static_friction ?? 0));
@@ -54,12 +61,12 @@ function neededTop(runs) {
 
 function frictionLimits(runs) {
   const limits = [];
-  runs.forEach(({ described }, run) => {
+  runs.forEach(({described}, run) => {
     const limit = described.static_friction;
     if (limit === null) return;
     const who = runs.length > 1 ? ` ${runLetter(run)}` : "";
     const add = (value, text) => {
-      if (!limits.some((other) => other.value === value)) limits.push({ value, text });
+      if (!limits.some((other) => other.value === value)) limits.push({value, text});
     };
     add(limit, `μs${who} = ${Number(limit.toPrecision(4))}`);
     const use = described.envelope?.friction_use ?? 1;
@@ -71,44 +78,95 @@ function frictionLimits(runs) {
 export function makePanels(runs) {
   const masses = (run) => runs[run].described.masses.length;
   const mass = (j) => `mass-${j}`;
-  const flies = runs.some(({ described }) => described.regimes.some(({ regime }) => regime === "flight"));
-  const slides = runs.some(({ described }) => described.regimes.some(({ regime }) => regime === "sliding"));
-  const prescribed = runs.every(({ described }) => described.actuation !== "stepper");
-  const shares = runs.every(({ described }) => described.static_friction === null);
-  const leastNormal = runs.map(({ described }) => described.envelope?.min_normal_force ?? 0);
+  const flies = runs.some(({described}) => described.regimes.some(({regime}) => regime === "flight"));
+  const slides = runs.some(({described}) => described.regimes.some(({regime}) => regime === "sliding"));
+  const prescribed = runs.every(({described}) => described.actuation !== "stepper");
+  const perfect = runs.every(({described}) => described.friction_known && described.static_friction === null);
+  const leastNormal = runs.map(({described}) => described.envelope?.min_normal_force ?? 0);
   const extremes = (column) =>
-    runs.flatMap(({ described }, run) => (described.extremes[column] ? [{ run, ...described.extremes[column] }] : []));
+      runs.flatMap(({described}, run) => (described.extremes[column] ? [{run, ...described.extremes[column]}] : []));
 
   const panels = [
-    { id: "normal_force", title: "Normal force <i>N</i>", unit: "N",
-      lines: single(runs, "normal_force", "<i>N</i>", "force"), extremes: extremes("normal_force"),
-      limits: [...new Set(leastNormal)].map((value) => ({ value, text: value ? `limit ${value}` : "" })) },
-    { id: "static_friction", title: `${slides ? "Friction" : "Static friction"} ${FRICTION}`, unit: "N",
-      lines: single(runs, "static_friction", FRICTION, "friction"), extremes: extremes("static_friction") },
-    { id: "mu_required", title: `Friction coefficient ${slides ? "needed; kinetic where it slides" : "needed"} ${NEEDED}`,
-      unit: "", lines: single(runs, "mu_required", NEEDED, "needed"), extremes: extremes("mu_required"),
-      limits: frictionLimits(runs), top: neededTop(runs) },
-    { id: "margin", title: `Margin 1 − ${FRICTION}/(${FRICTION_LIMIT}<i>N</i>)${shares ? ": friction is perfect" : ""}`,
-      unit: "", lines: single(runs, "margin", "margin", "margin"), limits: [{ value: 0, text: "" }], bottom: -1.1 },
-    { id: "angular_velocity", title: "Angular velocity <b>Ω</b>, body frame", unit: "rad/s",
-      lines: several(runs, "angular_velocity", () => 3, (j) => sub("Ω", j + 1), (j) => `axis-${j}`) },
+    {
+      id: "normal_force",
+      title: "Normal force <i>N</i>",
+      unit: "N",
+      lines: single(runs, "normal_force", "<i>N</i>", "force"),
+      extremes: extremes("normal_force"),
+      limits: [...new Set(leastNormal)].map((value) => ({value, text: value ? `limit ${value}` : ""}))
+    },
+    {
+      id: "static_friction",
+      title: `${slides ? "Friction" : "Static friction"} ${FRICTION}`,
+      unit: "N",
+      lines: single(runs, "static_friction", FRICTION, "friction"),
+      extremes: extremes("static_friction"),
+      noise: 1e-9 * Math.max(...runs.map(({samples}) => Math.max(...finite(samples.get("normal_force")))))
+    },
+    {
+      id: "mu_required",
+      title: `Friction coefficient ${slides ? "needed; kinetic where it slides" : "needed"} ${NEEDED}`,
+      unit: "",
+      lines: single(runs, "mu_required", NEEDED, "needed"),
+      extremes: extremes("mu_required"),
+      limits: frictionLimits(runs),
+      top: neededTop(runs),
+      noise: 1e-9
+    },
+    {
+      id: "margin",
+      title: `Margin 1 − ${FRICTION}/(${FRICTION_LIMIT}<i>N</i>)${perfect ? ": friction is perfect" : ""}`,
+      unit: "",
+      lines: single(runs, "margin", "margin", "margin"),
+      limits: [{value: 0, text: ""}],
+      bottom: -1.1
+    },
+    {
+      id: "angular_velocity",
+      title: "Angular velocity <b>Ω</b>, body frame",
+      unit: "rad/s",
+      lines: several(runs, "angular_velocity", () => 3, (j) => sub("Ω", j + 1), (j) => `axis-${j}`)
+    },
   ];
   const positions = several(runs, "mass_position", masses, (j) => sub("θ", j + 1), mass);
   if (runs.length === 1)
     for (const line of several(runs, "commanded", masses, () => "", mass))
-      positions.push({ ...line, label: undefined, color: "text", dash: [4, 4], width: 1 });
+      positions.push({...line, label: undefined, color: "text", dash: [4, 4], width: 1});
   const commanded = runs.length === 1 && runs[0].samples.has("commanded_0");
   panels.push(
-    { id: "mass_position", title: `Masses: place on the rail${commanded ? "; dashed: commanded" : ""}`, unit: "rad, or m",
-      lines: positions },
-    { id: "deviation", title: "Masses: true − commanded", unit: "rad, or m", limits: [{ value: 0, text: "" }],
-      lines: several(runs, "deviation", masses, (j) => sub("m", j + 1), mass) },
-    { id: "motor_torque", title: `Motor torque ${prescribed ? "needed " : ""}at the shaft`, unit: "N m",
-      lines: several(runs, "motor_torque", masses, (j) => sub("m", j + 1), mass) },
-    { id: "motor_margin", title: "Motor torque left", unit: "%", limits: [{ value: 0, text: "" }], bottom: -110,
-      lines: several(runs, "motor_margin", masses, (j) => sub("m", j + 1), mass) });
+      {
+        id: "mass_position",
+        title: `Masses: place on the rail${commanded ? "; dashed: commanded" : ""}`,
+        unit: "rad, or m",
+        lines: positions
+      },
+      {
+        id: "deviation",
+        title: "Masses: true − commanded",
+        unit: "rad, or m",
+        limits: [{value: 0, text: ""}],
+        lines: several(runs, "deviation", masses, (j) => sub("m", j + 1), mass)
+      },
+      {
+        id: "motor_torque",
+        title: `Motor torque ${prescribed ? "needed " : ""}at the shaft`,
+        unit: "N m",
+        lines: several(runs, "motor_torque", masses, (j) => sub("m", j + 1), mass)
+      },
+      {
+        id: "motor_margin",
+        title: "Motor torque left",
+        unit: "%",
+        limits: [{value: 0, text: ""}],
+        bottom: -110,
+        lines: several(runs, "motor_margin", masses, (j) => sub("m", j + 1), mass)
+      });
   if (flies)
-    panels.push({ id: "height", title: "Height of the centre above contact", unit: "m",
-                  lines: single(runs, "position_2", "height", "needed") });
-  return panels.filter(({ lines }) => lines.length > 0);
+    panels.push({
+      id: "height",
+      title: "Height of the centre above contact",
+      unit: "m",
+      lines: single(runs, "position_2", "height", "needed")
+    });
+  return panels.filter(({lines}) => lines.length > 0);
 }

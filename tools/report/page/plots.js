@@ -1,11 +1,11 @@
 // The panels drawn with uPlot, with one zoom and one time for all of them.
+import {color, onThemeChange} from "ballast/theme.js";
 import uPlot from "uplot";
-import { color, onThemeChange } from "ballast/theme.js";
 
-const SHADES = { sliding: "sliding", flight: "flight" };
-const DRAG_STARTS_AT = 6; // px
+const SHADED = ["sliding", "flight"];
+const DRAG_STARTS_AT = 6;  // px
 export const NUMBERS_EVERY_MS = 80;
-const LEAST_SPAN = 1e-4; // of the whole time
+const LEAST_SPAN = 1e-4;  // of the whole time
 const FONT = "12px system-ui, sans-serif";
 
 export const numberText = (value) => {
@@ -16,14 +16,28 @@ export const numberText = (value) => {
 };
 
 function axisText(value) {
-  const text = Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-3) ? value.toExponential(1) : String(Number(value.toPrecision(6)));
+  const size = Math.abs(value), unusual = size >= 1e5 || (size !== 0 && size < 1e-3);
+  const text = unusual ? value.toExponential(1) : String(Number(value.toPrecision(6)));
   return text.replace("-", "−");
+}
+
+// The times of all runs in one row, and per run which of its samples stands there; -1: none.
+function commonGrid(runs) {
+  const times = runs.map(({samples}) => samples.time), next = runs.map(() => 0);
+  const time = [], rows = runs.map(() => []);
+  for (;;) {
+    const now = Math.min(...times.map((own, run) => own[next[run]] ?? Infinity));
+    if (now === Infinity) return {time, rows};
+    time.push(now);
+    times.forEach((own, run) => rows[run].push(own[next[run]] === now ? next[run]++ : -1));
+  }
 }
 
 export class Plots {
   constructor(place, panels, runs, clock) {
     this.clock = clock;
     this.runs = runs;
+    this.grid = commonGrid(runs);
     this.range = [0, clock.end || 1];
     this.numbersShownAt = -Infinity;
     this.plots = panels.map((panel) => new Plot(place, panel, runs, this));
@@ -35,11 +49,11 @@ export class Plots {
 
   // While it plays, the numbers change no faster than one can read.
   showTime() {
-    const { time, playing } = this.clock, now = performance.now();
+    const {time, playing} = this.clock, now = performance.now();
     for (const plot of this.plots) plot.placeNeedle(time);
     if (playing && now - this.numbersShownAt < NUMBERS_EVERY_MS) return;
     this.numbersShownAt = now;
-    const rows = this.runs.map(({ samples }) => samples.rowAt(time));
+    const rows = this.runs.map(({samples}) => samples.rowAt(time));
     for (const plot of this.plots) plot.showNumbers(time, rows);
   }
 
@@ -48,7 +62,7 @@ export class Plots {
     const span = Math.min(Math.max(to - from, LEAST_SPAN * whole), whole);
     const start = Math.min(Math.max((from + to - span) / 2, 0), whole - span);
     this.range = [start, start + span];
-    for (const plot of this.plots) plot.chart.setScale("x", { min: this.range[0], max: this.range[1] });
+    for (const plot of this.plots) plot.chart.setScale("x", {min: this.range[0], max: this.range[1]});
     this.showTime();
   }
 
@@ -73,7 +87,8 @@ class Plot {
     this.box.className = "panel";
     this.box.id = `panel-${panel.id}`;
     const unit = panel.unit ? ` <small>[${panel.unit}]</small>` : "";
-    this.box.innerHTML = `<figcaption><span class="title">${panel.title}${unit}</span><span class="values"></span></figcaption><div class="chart"></div>`;
+    this.box.innerHTML = `<figcaption><span class="title">${panel.title}${
+        unit}</span><span class="values"></span></figcaption><div class="chart"></div>`;
     place.append(this.box);
     this.values = panel.lines.map((line) => this.addValue(line));
     const chart = this.box.querySelector(".chart");
@@ -93,16 +108,21 @@ class Plot {
     if (line.label === undefined) return null;
     const item = document.createElement("span");
     item.className = "value";
-    item.innerHTML = `<span class="swatch${line.dash ? " dashed" : ""}" style="--swatch: var(--${line.color})"></span><span>${line.label}</span> <output></output>`;
+    item.innerHTML = `<span class="swatch${line.dash ? " dashed" : ""}" style="--swatch: var(--${
+        line.color})"></span><span>${line.label}</span> <output aria-live="off"></output>`;
     this.box.querySelector(".values").append(item);
     return item.querySelector("output");
   }
 
+  // undefined where only the other run has a sample, which uPlot draws over; null where there is no number, a gap.
   data() {
-    const tables = this.runs.map(({ samples }, run) => [
-      samples.time, ...this.panel.lines.filter((line) => line.run === run).map((line) => samples.nullable(line.column))]);
-    // The lines of a panel come run by run, as the tables do.
-    return tables.length === 1 ? tables[0] : uPlot.join(tables);
+    const {time, rows} = this.all.grid;
+    return [
+      time, ...this.panel.lines.map(({run, column}) => {
+        const values = this.runs[run].samples.get(column);
+        return Array.from(rows[run], (row) => (row < 0 ? undefined : Number.isNaN(values[row]) ? null : values[row]));
+      })
+    ];
   }
 
   height() {
@@ -110,55 +130,59 @@ class Plot {
   }
 
   options(chart) {
-    const axis = { stroke: () => color("muted"), font: FONT, ticks: { show: false },
-                   grid: { stroke: () => color("grid"), width: 1 } };
+    const axis =
+        {stroke: () => color("muted"), font: FONT, ticks: {show: false}, grid: {stroke: () => color("grid"), width: 1}};
     return {
       width: chart.clientWidth || 300,
       height: this.height(),
       padding: [6, 10, 0, 0],
-      legend: { show: false },
-      cursor: { show: false },
-      select: { show: false },
-      scales: { x: { time: false, range: () => this.all.range }, y: { range: (u, low, high) => this.valueRange(low, high) } },
+      legend: {show: false},
+      cursor: {show: false},
+      select: {show: false},
+      scales: {x: {time: false, range: () => this.all.range}, y: {range: (u, low, high) => this.valueRange(low, high)}},
       axes: [
-        { ...axis, size: 24, gap: 3, space: 60, values: (u, ticks) => ticks.map(axisText) },
-        { ...axis, size: 54, gap: 4, space: 26, values: (u, ticks) => ticks.map(axisText) },
+        {...axis, size: 24, gap: 3, space: 60, values: (u, ticks) => ticks.map(axisText)},
+        {...axis, size: 54, gap: 4, space: 26, values: (u, ticks) => ticks.map(axisText)},
       ],
-      series: [{}, ...this.panel.lines.map((line) => ({
-        stroke: () => color(line.color), width: line.width, dash: line.dash, points: { show: false } }))],
-      hooks: { drawClear: [(u) => this.drawShades(u)], draw: [(u) => this.drawMarks(u)] },
+      series: [
+        {},
+        ...this.panel.lines.map(
+            (line) => ({stroke: () => color(line.color), width: line.width, dash: line.dash, points: {show: false}}))
+      ],
+      hooks: {drawClear: [(u) => this.drawShades(u)], draw: [(u) => this.drawMarks(u)]},
     };
   }
 
   valueRange(low, high) {
-    const { top = Infinity, bottom = -Infinity, limits = [] } = this.panel;
+    const {top = Infinity, bottom = -Infinity, limits = []} = this.panel;
     if (low === null || low === undefined) [low, high] = [0, limits[0]?.value ?? 1];
     low = Math.max(Math.min(low, top), bottom);
     high = Math.max(Math.min(high, top), low);
     const near = Math.max(Math.abs(low), Math.abs(high));
-    for (const { value } of limits) {
+    for (const {value} of limits) {
       if (Math.abs(value) > 4 * near) continue;
-      if (this.panel.id === "normal_force" && low > 3 * (high - low)) continue; // what N does would be a flat line
+      if (this.panel.id === "normal_force" && low > 3 * (high - low)) continue;  // what N does would be a flat line
       low = Math.min(low, value);
       high = Math.max(high, value);
     }
+    if (near <= this.panel.noise || near === 0) return [-0.1, 1];
     const span = high - low, room = span > 1e-12 * near ? 0.09 * span : 0.1 * near || 1;
     return [low - room, high + room];
   }
 
   // Regimes other than rolling lie under everything.
   drawShades(u) {
-    const { ctx, bbox } = u;
+    const {ctx, bbox} = u;
     ctx.save();
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
-    this.runs.forEach(({ described }, run) => {
+    this.runs.forEach(({described}, run) => {
       const height = bbox.height / this.runs.length, top = bbox.top + run * height;
-      for (const { regime, start, end } of described.regimes) {
-        if (!SHADES[regime]) continue;
+      for (const {regime, start, end} of described.regimes) {
+        if (!SHADED.includes(regime)) continue;
         const left = u.valToPos(start, "x", true), right = u.valToPos(end, "x", true);
-        ctx.fillStyle = color(`shade-${SHADES[regime]}`);
+        ctx.fillStyle = color(`shade-${regime}`);
         ctx.fillRect(left, top, Math.max(right - left, 1), height);
       }
     });
@@ -166,25 +190,27 @@ class Plot {
   }
 
   drawMarks(u) {
-    const { ctx, bbox } = u, scale = devicePixelRatio;
+    const {ctx, bbox} = u, scale = devicePixelRatio;
     ctx.save();
+    ctx.setLineDash([]);  // a dashed line leaves its dashes behind
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top - 4 * scale, bbox.width, bbox.height + 4 * scale);
     ctx.clip();
     ctx.font = `${12 * scale}px system-ui, sans-serif`;
     ctx.lineWidth = scale;
-    this.runs.forEach(({ described }, run) => {
+    this.runs.forEach(({described}, run) => {
       for (const time of described.impacts) this.drawUpright(u, time, [1, 3], "muted");
-      for (const { time } of described.events) this.drawUpright(u, time, [5, 3, 1, 3], this.runs.length > 1 ? `run-${run}` : "trip", 1.6);
+      for (const {time} of described.events)
+        this.drawUpright(u, time, [5, 3, 1, 3], this.runs.length > 1 ? `run-${run}` : "trip", 1.6);
     });
-    for (const { value, text } of this.panel.limits ?? []) this.drawLimit(u, value, text);
+    for (const {value, text} of this.panel.limits ?? []) this.drawLimit(u, value, text);
     this.labels = [];
     for (const extreme of this.panel.extremes ?? []) this.drawExtreme(u, extreme);
     ctx.restore();
   }
 
   drawUpright(u, time, dash, name, width = 1) {
-    const { ctx, bbox } = u, x = u.valToPos(time, "x", true);
+    const {ctx, bbox} = u, x = u.valToPos(time, "x", true);
     ctx.strokeStyle = color(name);
     ctx.lineWidth = width * devicePixelRatio;
     ctx.setLineDash(dash.map((part) => part * devicePixelRatio));
@@ -196,7 +222,7 @@ class Plot {
   }
 
   drawLimit(u, value, text) {
-    const { ctx, bbox } = u, y = u.valToPos(value, "y", true), scale = devicePixelRatio;
+    const {ctx, bbox} = u, y = u.valToPos(value, "y", true), scale = devicePixelRatio;
     if (!(y >= bbox.top && y <= bbox.top + bbox.height)) return;
     ctx.strokeStyle = color(text ? "limit" : "muted");
     ctx.lineWidth = scale;
@@ -209,19 +235,23 @@ class Plot {
     if (!text) return;
     ctx.textAlign = "right";
     ctx.textBaseline = y - bbox.top > 16 * scale ? "bottom" : "top";
-    this.write(ctx, text, bbox.left + bbox.width - 4 * scale, y + (ctx.textBaseline === "bottom" ? -2 : 3) * scale, "limit");
+    this.write(
+        ctx, text, bbox.left + bbox.width - 4 * scale, y + (ctx.textBaseline === "bottom" ? -2 : 3) * scale, "limit");
   }
 
-  drawExtreme(u, { run, value, time, what }) {
-    const { ctx, bbox } = u, scale = devicePixelRatio;
+  drawExtreme(u, {run, value, time, what}) {
+    const {ctx, bbox} = u, scale = devicePixelRatio;
     const x = u.valToPos(time, "x", true);
     if (!(x >= bbox.left - 1 && x <= bbox.left + bbox.width + 1)) return;
     const above = u.valToPos(value, "y", true) < bbox.top;
     const y = above ? bbox.top + 5 * scale : u.valToPos(value, "y", true);
     const name = this.runs.length > 1 ? `run-${run}` : this.panel.lines[0].color;
     ctx.beginPath();
-    if (above) ctx.moveTo(x - 5 * scale, y + 4 * scale), ctx.lineTo(x + 5 * scale, y + 4 * scale), ctx.lineTo(x, y - 5 * scale), ctx.closePath();
-    else ctx.arc(x, y, 4 * scale, 0, 2 * Math.PI);
+    if (above)
+      ctx.moveTo(x - 5 * scale, y + 4 * scale), ctx.lineTo(x + 5 * scale, y + 4 * scale), ctx.lineTo(x, y - 5 * scale),
+          ctx.closePath();
+    else
+      ctx.arc(x, y, 4 * scale, 0, 2 * Math.PI);
     ctx.fillStyle = color("panel");
     ctx.strokeStyle = color(name);
     ctx.lineWidth = 1.8 * scale;
@@ -232,7 +262,8 @@ class Plot {
     ctx.textBaseline = "middle";
     const who = this.runs.length > 1 ? `${"AB"[run]} ` : "";
     const text = `${who}${what} ${Number(value.toPrecision(6))}`;
-    const place = this.freePlace(ctx, text, x, Math.min(Math.max(y, bbox.top + 8 * scale), bbox.top + bbox.height - 8 * scale));
+    const place =
+        this.freePlace(ctx, text, x, Math.min(Math.max(y, bbox.top + 8 * scale), bbox.top + bbox.height - 8 * scale));
     this.write(ctx, text, x + (right ? -8 : 8) * scale, place, "text");
   }
 
@@ -241,7 +272,7 @@ class Plot {
     const width = ctx.measureText(text).width + 16 * devicePixelRatio, line = 15 * devicePixelRatio;
     const taken = (at) => this.labels.some((other) => Math.abs(other.x - x) < width && Math.abs(other.y - at) < line);
     const place = [y, y - line, y + line].find((at) => !taken(at)) ?? y;
-    this.labels.push({ x, y: place });
+    this.labels.push({x, y: place});
     return place;
   }
 
@@ -257,7 +288,7 @@ class Plot {
 
   resize() {
     const width = this.chartBox.clientWidth, height = this.height();
-    if (width > 0 && (width !== this.chart.width || height !== this.chart.height)) this.chart.setSize({ width, height });
+    if (width > 0 && (width !== this.chart.width || height !== this.chart.height)) this.chart.setSize({width, height});
     this.placeNeedle(this.all.clock.time);
   }
 
@@ -273,7 +304,7 @@ class Plot {
     this.panel.lines.forEach((line, number) => {
       const output = this.values[number];
       if (!output) return;
-      const { samples } = this.runs[line.run];
+      const {samples} = this.runs[line.run];
       const over = time > samples.end + 1e-9;
       const text = over ? "–" : numberText(samples.get(line.column)[rows[line.run]]);
       if (output.textContent !== text) output.textContent = text;
@@ -286,10 +317,10 @@ class Plot {
   }
 
   connectPointer(over) {
-    const { clock } = this.all;
+    const {clock} = this.all;
     const pointers = new Map();
-    let down = null; // where a mouse was pressed
-    let pinch = null; // the two times under two fingers
+    let down = null;   // where a mouse was pressed
+    let pinch = null;  // the two times under two fingers
     const release = (event) => {
       pointers.delete(event.pointerId);
       if (pointers.size < 2) pinch = null;
@@ -298,7 +329,7 @@ class Plot {
       over.setPointerCapture(event.pointerId);
       pointers.set(event.pointerId, event);
       if (event.pointerType === "mouse") {
-        if (event.button === 0) down = { x: event.clientX, time: this.timeAt(event), dragged: false };
+        if (event.button === 0) down = {x: event.clientX, time: this.timeAt(event), dragged: false};
       } else if (pointers.size === 2) {
         pinch = [...pointers.values()].map((pointer) => this.timeAt(pointer));
       } else {
@@ -321,8 +352,10 @@ class Plot {
       release(event);
       if (!down || event.pointerType !== "mouse") return;
       const time = this.timeAt(event);
-      if (down.dragged) this.all.zoomTo(Math.min(down.time, time), Math.max(down.time, time));
-      else clock.set(time);
+      if (down.dragged)
+        this.all.zoomTo(Math.min(down.time, time), Math.max(down.time, time));
+      else
+        clock.set(time);
       down = null;
       this.selection.hidden = true;
     });
@@ -333,16 +366,17 @@ class Plot {
     });
     over.addEventListener("dblclick", () => this.all.zoomAll());
     over.addEventListener("wheel", (event) => {
-      if (!event.ctrlKey && !event.shiftKey) return; // the page scrolls
+      if (!event.ctrlKey && !event.shiftKey) return;  // the page scrolls
       event.preventDefault();
       this.all.zoomBy(Math.exp((event.deltaY || event.deltaX) * 0.003), this.timeAt(event));
-    }, { passive: false });
+    }, {passive: false});
     this.selection.hidden = true;
   }
 
   showSelection(from, to) {
     const [first, last] = this.all.range, width = this.chart.over.clientWidth;
-    const [left, right] = [Math.min(from, to), Math.max(from, to)].map((time) => ((time - first) / (last - first)) * width);
+    const [left, right] =
+        [Math.min(from, to), Math.max(from, to)].map((time) => ((time - first) / (last - first)) * width);
     this.selection.hidden = false;
     this.selection.style.left = `${left}px`;
     this.selection.style.width = `${right - left}px`;

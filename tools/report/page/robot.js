@@ -1,14 +1,19 @@
-// One run's ball in the replay: shell, rails, masses, contact force, friction cone, path. All lengths are the run's own.
+// One run's ball in the replay: shell, rails, masses, contact force, friction cone, path. All lengths are the run's
+// own.
+import {color} from "ballast/theme.js";
 import * as THREE from "three";
-import { color } from "ballast/theme.js";
 
-const WEIGHT_ARROW = 1.15; // ball radii: the contact force of a ball at rest
-const LONGEST_ARROW = 2.6; // likewise; impacts and jumps end there
-const FRICTION_ARROW = 0.8; // likewise, of the most friction at the most
+const WEIGHT_ARROW = 1.15;   // ball radii: the contact force of a ball at rest
+const LONGEST_ARROW = 2.6;   // likewise; impacts and jumps end there
+const FRICTION_ARROW = 0.8;  // likewise, of the most friction at the most
 const CONE_SLANT = 1.3;
-const HEAVIEST_MASS = 0.115; // radius of its sphere; the others by the cube root of their mass
+const HEAVIEST_MASS = 0.115;  // radius of its sphere; the others by the cube root of their mass
 const LEAST_MASS = 0.045;
 const PATH_POINTS = 3000;
+const NOISE = 1e-9;                // of the weight: what rounding leaves of forces that are 0
+const SHORTEST_PATH_PIECE = 4e-3;  // ball radii: the direction of a shorter one would be noise
+const PATH_WIDTH = 0.056;          // ball radii; where the path is long
+const PATH_OF_EXTENT = 0.004;      // part of its extent, to be seen from where all of it is
 const RAIL_POINTS = 600;
 const REGIMES = ["rolling", "sliding", "flight"];
 const UP = new THREE.Vector3(0, 0, 1);
@@ -44,11 +49,24 @@ function shellPattern() {
 // Brighter towards the edge, as glass is.
 function rimMaterial() {
   return new THREE.ShaderMaterial({
-    transparent: true, depthWrite: false, uniforms: { tint: { value: new THREE.Color() } },
-    vertexShader: `varying vec3 n, v;
-      void main() { vec4 p = modelViewMatrix * vec4(position, 1.0); n = normalMatrix * normal; v = -p.xyz; gl_Position = projectionMatrix * p; }`,
-    fragmentShader: `uniform vec3 tint; varying vec3 n, v;
-      void main() { float edge = 1.0 - abs(dot(normalize(n), normalize(v))); gl_FragColor = vec4(tint, 0.75 * edge * edge * edge); }`,
+    transparent: true,
+    depthWrite: false,
+    uniforms: {tint: {value: new THREE.Color()}},
+    vertexShader: `
+      varying vec3 n, v;
+      void main() {
+        vec4 p = modelViewMatrix * vec4(position, 1.0);
+        n = normalMatrix * normal;
+        v = -p.xyz;
+        gl_Position = projectionMatrix * p;
+      }`,
+    fragmentShader: `
+      uniform vec3 tint;
+      varying vec3 n, v;
+      void main() {
+        float edge = 1.0 - abs(dot(normalize(n), normalize(v)));
+        gl_FragColor = vec4(tint, 0.75 * edge * edge * edge);
+      }`,
   });
 }
 
@@ -68,8 +86,14 @@ function shadowTexture() {
 class Arrow {
   constructor(thickness) {
     this.material = new THREE.MeshLambertMaterial();
-    this.shaft = new THREE.Mesh(new THREE.CylinderGeometry(thickness, thickness, 1, 20).translate(0, 0.5, 0).rotateX(Math.PI / 2), this.material);
-    this.tip = new THREE.Mesh(new THREE.ConeGeometry(2.6 * thickness, 7 * thickness, 24).translate(0, -3.5 * thickness, 0).rotateX(Math.PI / 2), this.material);
+    this.shaft = new THREE.Mesh(
+        new THREE.CylinderGeometry(thickness, thickness, 1, 20).translate(0, 0.5, 0).rotateX(Math.PI / 2),
+        this.material);
+    this.tip = new THREE.Mesh(
+        new THREE.ConeGeometry(2.6 * thickness, 7 * thickness, 24)
+            .translate(0, -3.5 * thickness, 0)
+            .rotateX(Math.PI / 2),
+        this.material);
     this.head = 7 * thickness;
     this.object = new THREE.Group().add(this.shaft, this.tip);
   }
@@ -87,8 +111,8 @@ class Arrow {
 }
 
 export class Robot {
-  constructor({ samples, described }, run, several) {
-    Object.assign(this, { samples, described, run, several });
+  constructor({samples, described}, run, several) {
+    Object.assign(this, {samples, described, run, several});
     this.radius = described.radius;
     this.object = new THREE.Group();
     this.body = new THREE.Group();
@@ -114,9 +138,10 @@ export class Robot {
   makeShell() {
     const r = this.radius, geometry = new THREE.SphereGeometry(r, 72, 48).rotateX(Math.PI / 2);
     const map = shellPattern();
-    const options = { map, transparent: true, depthWrite: false };
-    const inside = new THREE.MeshBasicMaterial({ ...options, side: THREE.BackSide, opacity: 0.55 });
-    const outside = new THREE.MeshPhongMaterial({ ...options, shininess: 90, specular: 0x555555 });
+    const options = {map, transparent: true, depthWrite: false};
+    const opacity = this.several ? 0.4 : 1;  // one sees through two shells
+    const inside = new THREE.MeshBasicMaterial({...options, side: THREE.BackSide, opacity: 0.55 * opacity});
+    const outside = new THREE.MeshPhongMaterial({...options, shininess: 90, specular: 0x555555, opacity});
     const rim = rimMaterial();
     this.shell = new THREE.Group();
     [[inside, 1], [outside, 5], [rim, 6]].forEach(([material, order]) => {
@@ -131,7 +156,9 @@ export class Robot {
       paint(outside, name);
       rim.uniforms.tint.value.setStyle(color(name));
     });
-    this.shadow = new THREE.Mesh(new THREE.PlaneGeometry(2.2 * r, 2.2 * r), new THREE.MeshBasicMaterial({ map: shadowTexture(), transparent: true, depthWrite: false }));
+    this.shadow = new THREE.Mesh(
+        new THREE.PlaneGeometry(2.2 * r, 2.2 * r),
+        new THREE.MeshBasicMaterial({map: shadowTexture(), transparent: true, depthWrite: false}));
     this.shadow.renderOrder = -2;
     this.object.add(this.shadow);
   }
@@ -139,34 +166,35 @@ export class Robot {
   // Of robot.json; where a mass has none there, the way it went.
   railPoints(mass) {
     const rail = this.described.masses[mass].rail;
-    if (rail) return { closed: rail.closed, points: rail.points.map((point) => new THREE.Vector3(...point)) };
-    const { samples } = this, points = [], stride = Math.max(1, Math.floor(samples.rows / RAIL_POINTS));
+    if (rail) return {closed: rail.closed, points: rail.points.map((point) => new THREE.Vector3(...point))};
+    const {samples} = this, points = [], stride = Math.max(1, Math.floor(samples.rows / RAIL_POINTS));
     for (let row = 0; row < samples.rows; row += stride) {
       const point = new THREE.Vector3(...[0, 1, 2].map((j) => samples.get(`mass_B_${3 * mass + j}`)[row]));
       if (!points.length || point.distanceTo(points.at(-1)) > 0.01 * this.radius) points.push(point);
     }
-    return { closed: false, points };
+    return {closed: false, points};
   }
 
   makeMasses() {
     const r = this.radius, masses = this.described.masses;
-    const heaviest = Math.max(...masses.map(({ mass }) => mass ?? 0));
+    const heaviest = Math.max(...masses.map(({mass}) => mass ?? 0));
     this.rails = new THREE.Group();
-    this.masses = masses.map(({ mass }, i) => {
-      const { closed, points } = this.railPoints(i);
+    this.masses = masses.map(({mass}, i) => {
+      const {closed, points} = this.railPoints(i);
       const railMaterial = new THREE.MeshLambertMaterial();
       if (points.length > 1) {
         const curve = new THREE.CatmullRomCurve3(points, closed, "centripetal");
-        this.rails.add(new THREE.Mesh(new THREE.TubeGeometry(curve, Math.max(2 * points.length, 32), 0.011 * r, 8, closed), railMaterial));
+        this.rails.add(new THREE.Mesh(
+            new THREE.TubeGeometry(curve, Math.max(2 * points.length, 32), 0.011 * r, 8, closed), railMaterial));
       }
       const size = heaviest > 0 ? Math.max(HEAVIEST_MASS * Math.cbrt(mass / heaviest), LEAST_MASS) : 0.09;
-      const material = new THREE.MeshPhongMaterial({ shininess: 70, specular: 0x333333 });
+      const material = new THREE.MeshPhongMaterial({shininess: 70, specular: 0x333333});
       const sphere = new THREE.Mesh(new THREE.SphereGeometry(size * r, 32, 24), material);
       this.body.add(sphere);
       this.onPaint(() => {
         paint(material, `mass-${i}`);
         paint(railMaterial, `mass-${i}`);
-        railMaterial.color.lerp(new THREE.Color().setStyle(color("view")), 0.45);
+        railMaterial.color.lerp(new THREE.Color().setStyle(color("view")), 0.25);
       });
       return sphere;
     });
@@ -179,13 +207,13 @@ export class Robot {
   }
 
   makeForces() {
-    const r = this.radius, { samples, described } = this;
-    const inside = described.masses.reduce((sum, { mass }) => sum + (mass ?? 0), described.shell_mass ?? 0);
+    const r = this.radius, {samples, described} = this;
+    const inside = described.masses.reduce((sum, {mass}) => sum + (mass ?? 0), described.shell_mass ?? 0);
     const normals = samples.get("normal_force").filter((value) => value > 0).sort();
     const weight = described.gravity && inside ? described.gravity * inside : normals[normals.length >> 1];
     this.forceScale = weight > 0 ? (WEIGHT_ARROW * r) / weight : 0;
     const most = samples.get("static_friction").reduce((least, value) => Math.max(least, value), 0);
-    const room = most > 0 ? (FRICTION_ARROW * r) / (most * this.forceScale) : 1;
+    const room = most > NOISE * weight ? (FRICTION_ARROW * r) / (most * this.forceScale) : 1;
     this.frictionFactor = [10, 5, 2].find((factor) => factor <= room) ?? 1;
     this.force = new Arrow(0.026 * r);
     this.friction = new Arrow(0.022 * r);
@@ -200,34 +228,40 @@ export class Robot {
     const limit = described.static_friction;
     if (limit === null || limit <= 0) return;
     const angle = Math.atan(limit), height = CONE_SLANT * r * Math.cos(angle), width = CONE_SLANT * r * Math.sin(angle);
-    const geometry = new THREE.ConeGeometry(width, height, 64, 1, true).translate(0, -height / 2, 0).rotateX(-Math.PI / 2);
-    this.coneMaterial = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.17, side: THREE.DoubleSide, depthWrite: false });
-    const ringMaterial = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.8 });
+    const geometry =
+        new THREE.ConeGeometry(width, height, 64, 1, true).translate(0, -height / 2, 0).rotateX(-Math.PI / 2);
+    this.coneMaterial =
+        new THREE.MeshBasicMaterial({transparent: true, opacity: 0.17, side: THREE.DoubleSide, depthWrite: false});
+    const ringMaterial = new THREE.MeshBasicMaterial({transparent: true, opacity: 0.8});
     const ring = new THREE.Mesh(new THREE.TorusGeometry(width, 0.008 * r, 8, 80).translate(0, 0, height), ringMaterial);
     const mesh = new THREE.Mesh(geometry, this.coneMaterial);
     mesh.renderOrder = 3;
     ring.renderOrder = 3;
     this.cone.add(mesh, ring);
-    this.paintCone = (inside) => [this.coneMaterial, ringMaterial].forEach((material) => paint(material, inside ? "margin" : "bad"));
+    this.paintCone =
+        (inside) => [this.coneMaterial, ringMaterial].forEach((material) => paint(material, inside ? "margin" : "bad"));
     this.onPaint(() => this.paintCone(this.isInside ?? true));
   }
 
   // A ribbon on the floor: lines are one pixel wide in WebGL. Coloured by regime; what is still to come is faint.
   makePath() {
-    const { samples, radius } = this;
+    const {samples, radius} = this;
     const stride = Math.max(1, Math.floor(samples.rows / PATH_POINTS));
     const rows = [];
     for (let row = 0; row < samples.rows; row += stride) rows.push(row);
     if (rows.at(-1) !== samples.rows - 1) rows.push(samples.rows - 1);
     const [x, y] = [samples.get("position_0"), samples.get("position_1")];
     this.bounds = new THREE.Box3();
-    const kept = rows.filter((row, k) => {
+    const kept = [];
+    for (const row of rows) {
       this.bounds.expandByPoint(new THREE.Vector3(x[row], y[row], 0));
-      const before = rows[k - 1];
-      return k === 0 || Math.hypot(x[row] - x[before], y[row] - y[before]) > 1e-6 * radius;
-    });
+      const before = kept.at(-1) ?? row;
+      if (row === 0 || Math.hypot(x[row] - x[before], y[row] - y[before]) > SHORTEST_PATH_PIECE * radius)
+        kept.push(row);
+    }
     this.pathRows = kept;
-    const half = 0.028 * radius * (this.several ? 0.8 : 1);
+    const extent = this.bounds.getSize(new THREE.Vector3()).length();
+    const half = Math.max(PATH_WIDTH * radius, PATH_OF_EXTENT * extent) * (this.several ? 0.4 : 0.5);
     const places = new Float32Array(6 * kept.length), colors = new Float32Array(6 * kept.length), triangles = [];
     kept.forEach((row, k) => {
       const from = kept[Math.max(k - 1, 0)], to = kept[Math.min(k + 1, kept.length - 1)];
@@ -241,8 +275,12 @@ export class Robot {
     geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
     geometry.setAttribute("color", new THREE.BufferAttribute(colors, 3));
     geometry.setIndex(triangles);
-    this.gone = new THREE.Mesh(geometry.clone(), new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide, depthWrite: false }));
-    const whole = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide, transparent: true, opacity: 0.22, depthWrite: false }));
+    this.gone = new THREE.Mesh(
+        geometry.clone(), new THREE.MeshBasicMaterial({vertexColors: true, side: THREE.DoubleSide, depthWrite: false}));
+    const whole = new THREE.Mesh(
+        geometry,
+        new THREE.MeshBasicMaterial(
+            {vertexColors: true, side: THREE.DoubleSide, transparent: true, opacity: 0.34, depthWrite: false}));
     this.gone.renderOrder = -1;
     whole.renderOrder = -1;
     this.gone.frustumCulled = whole.frustumCulled = false;
@@ -263,7 +301,7 @@ export class Robot {
 
   // The ball as it is drawn at that time.
   update(time) {
-    const { samples, radius } = this, place = samples.placeAt(time), row = place[0];
+    const {samples, radius} = this, place = samples.placeAt(time), row = place[0];
     const [x, y, height] = samples.vectorAt("position", 3, place);
     const [w, i, j, k] = this.orientation(place);
     this.body.position.set(x, y, radius + height);
@@ -272,8 +310,8 @@ export class Robot {
     this.shadow.position.set(x, y, 0.006 * radius);
     this.shadow.material.opacity = 1 / (1 + 3 * Math.max(height, 0) / radius);
     this.shadow.scale.setScalar(1 + 0.5 * Math.max(height, 0) / radius);
-    this.masses.forEach((sphere, mass) =>
-      sphere.position.set(...[0, 1, 2].map((c) => this.between(`mass_B_${3 * mass + c}`, place))));
+    this.masses.forEach(
+        (sphere, mass) => sphere.position.set(...[0, 1, 2].map((c) => this.between(`mass_B_${3 * mass + c}`, place))));
     this.center.position.set(...samples.vectorAt("center_of_mass", 3, place));
     this.regime = REGIMES[samples.get("regime")[row]] ?? "unknown";
     this.updateForces(place);
@@ -311,7 +349,7 @@ export class Robot {
   }
 
   show(what, shown) {
-    const parts = { shell: this.shell, rails: this.rails, force: this.forces, cone: this.cone, path: this.path };
+    const parts = {shell: this.shell, rails: this.rails, force: this.forces, cone: this.cone, path: this.path};
     if (parts[what]) parts[what].visible = shown;
   }
 }

@@ -4,8 +4,9 @@ const BYTES = 4;
 
 async function gunzip(text) {
   if (typeof DecompressionStream === "undefined")
-    throw new Error("This browser cannot unpack the samples (DecompressionStream is missing). Chrome and Edge from 80, " +
-                    "Firefox from 113 and Safari from 16.4 can.");
+    throw new Error(
+        "This browser cannot unpack the samples (DecompressionStream is missing). Chrome and Edge from 80, " +
+        "Firefox from 113 and Safari from 16.4 can.");
   const letters = atob(text), packed = new Uint8Array(letters.length);
   for (let i = 0; i < packed.length; ++i) packed[i] = letters.charCodeAt(i);
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
@@ -14,7 +15,7 @@ async function gunzip(text) {
 
 export async function readSamples(text, described) {
   const bytes = await gunzip(text);
-  const { rows, columns: names } = described;
+  const {rows, columns: names} = described;
   if (bytes.length !== BYTES * rows * names.length) throw new Error("The samples are not whole.");
   const columns = new Map();
   names.forEach((name, number) => {
@@ -23,7 +24,9 @@ export async function readSamples(text, described) {
     const bits = new Uint32Array(rows);
     let sum = 0;
     for (let row = 0; row < rows; ++row) {
-      sum = (sum + (bytes[lowest + row] | bytes[low + row] << 8 | bytes[high + row] << 16 | bytes[highest + row] << 24)) | 0;
+      sum =
+          (sum + (bytes[lowest + row] | bytes[low + row] << 8 | bytes[high + row] << 16 | bytes[highest + row] << 24)) |
+          0;
       bits[row] = sum;
     }
     columns.set(name, new Float32Array(bits.buffer));
@@ -48,18 +51,15 @@ export class Samples {
     return this.columns.get(name);
   }
 
-  // As a plot wants it: null where there is no number.
-  nullable(name) {
-    return Array.from(this.get(name), (value) => (Number.isNaN(value) ? null : value));
-  }
-
   // The last sample at or before that time.
   rowAt(time) {
     let low = 0, high = this.rows - 1;
     while (low < high) {
       const middle = (low + high + 1) >> 1;
-      if (this.time[middle] <= time) low = middle;
-      else high = middle - 1;
+      if (this.time[middle] <= time)
+        low = middle;
+      else
+        high = middle - 1;
     }
     return low;
   }

@@ -1,12 +1,12 @@
 // The replay: floor, light, camera, and a ball per run.
+import {Robot} from "ballast/robot.js";
+import {color, onThemeChange} from "ballast/theme.js";
 import * as THREE from "three";
-import { OrbitControls } from "three/OrbitControls";
-import { Robot } from "ballast/robot.js";
-import { color, onThemeChange } from "ballast/theme.js";
+import {OrbitControls} from "three/OrbitControls";
 
-const FIELD_OF_VIEW = 34; // degrees
+const FIELD_OF_VIEW = 34;  // degrees
 const SLOW_FRAME_S = 0.03;
-const SLOW_FRAMES = 12; // one after another
+const SLOW_FRAMES = 12;  // one after another
 const LEAST_PIXEL_RATIO = 0.5;
 const DIRECTION = new THREE.Vector3(-0.62, -1, 0.52).normalize();
 
@@ -19,12 +19,31 @@ function roundLength(value) {
 // A grid that fades away from where one looks; every fifth line is stronger.
 function floorMaterial() {
   return new THREE.ShaderMaterial({
-    transparent: true, depthWrite: false, side: THREE.DoubleSide,
-    uniforms: { tint: { value: new THREE.Color() }, spacing: { value: 1 }, middle: { value: new THREE.Vector2() }, reach: { value: 10 } },
-    vertexShader: `varying vec2 place;
-      void main() { vec4 p = modelMatrix * vec4(position, 1.0); place = p.xy; gl_Position = projectionMatrix * viewMatrix * p; }`,
-    fragmentShader: `uniform vec3 tint; uniform float spacing, reach; uniform vec2 middle; varying vec2 place;
-      float lines(float s) { vec2 c = place / s; vec2 d = abs(fract(c - 0.5) - 0.5) / fwidth(c); return 1.0 - min(min(d.x, d.y), 1.0); }
+    transparent: true,
+    depthWrite: false,
+    side: THREE.DoubleSide,
+    uniforms: {
+      tint: {value: new THREE.Color()},
+      spacing: {value: 1},
+      middle: {value: new THREE.Vector2()},
+      reach: {value: 10}
+    },
+    vertexShader: `
+      varying vec2 place;
+      void main() {
+        vec4 p = modelMatrix * vec4(position, 1.0);
+        place = p.xy;
+        gl_Position = projectionMatrix * viewMatrix * p;
+      }`,
+    fragmentShader: `
+      uniform vec3 tint;
+      uniform float spacing, reach;
+      uniform vec2 middle;
+      varying vec2 place;
+      float lines(float s) {
+        vec2 c = place / s, pixels = abs(fract(c - 0.5) - 0.5) / fwidth(c);
+        return 1.0 - min(min(pixels.x, pixels.y), 1.0);
+      }
       void main() {
         float far = 1.0 - smoothstep(0.25 * reach, reach, distance(place, middle));
         gl_FragColor = vec4(tint, far * max(0.45 * lines(spacing), 0.95 * lines(5.0 * spacing)));
@@ -37,8 +56,8 @@ export class Scene {
     this.box = box;
     this.clock = clock;
     this.scaleText = scaleText;
-    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
-    this.renderer.debug.checkShaderErrors = false; // asking would wait for the compiler
+    this.renderer = new THREE.WebGLRenderer({antialias: true, alpha: true});
+    this.renderer.debug.checkShaderErrors = false;  // asking would wait for the compiler
     this.pixelRatio = Math.min(devicePixelRatio, 2);
     this.renderer.setPixelRatio(this.pixelRatio);
     this.slowFrames = 0;
@@ -48,7 +67,7 @@ export class Scene {
     box.prepend(canvas);
     this.scene = new THREE.Scene();
     this.robots = runs.map((run, number) => new Robot(run, number, runs.length > 1));
-    this.radius = Math.max(...this.robots.map(({ radius }) => radius));
+    this.radius = Math.max(...this.robots.map(({radius}) => radius));
     for (const robot of this.robots) this.scene.add(robot.object, robot.path);
     this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.03 * this.radius, 4000 * this.radius);
     this.camera.up.set(0, 0, 1);
@@ -85,7 +104,8 @@ export class Scene {
 
   // Midst of the balls.
   get middle() {
-    return this.robots.reduce((sum, { body }) => sum.add(body.position), new THREE.Vector3()).divideScalar(this.robots.length);
+    return this.robots.reduce((sum, {body}) => sum.add(body.position), new THREE.Vector3())
+        .divideScalar(this.robots.length);
   }
 
   paint() {
@@ -128,7 +148,7 @@ export class Scene {
   look(at, direction = DIRECTION) {
     const above = new THREE.Vector3(-1e-3, -1e-3, 1).normalize();
     if (at === "ball") {
-      const apart = Math.max(...this.robots.map(({ body }) => body.position.distanceTo(this.middle)));
+      const apart = Math.max(...this.robots.map(({body}) => body.position.distanceTo(this.middle)));
       this.lookAt(this.middle, 1.5 * this.radius + Math.min(apart, 6 * this.radius), direction);
       return;
     }
@@ -139,7 +159,7 @@ export class Scene {
   }
 
   resize() {
-    const { clientWidth: width, clientHeight: height } = this.box;
+    const {clientWidth: width, clientHeight: height} = this.box;
     if (!width || !height) return;
     this.renderer.setSize(width, height);
     this.camera.aspect = width / height;
@@ -147,7 +167,8 @@ export class Scene {
     this.dirty = true;
   }
 
-  // Where frames come late while it plays, it is drawn with fewer pixels: a slow machine shows motion rather than edges.
+  // Where frames come late while it plays, it is drawn with fewer pixels: a slow machine shows motion rather than
+  // edges.
   adapt(frameSeconds) {
     this.slowFrames = frameSeconds > SLOW_FRAME_S ? this.slowFrames + 1 : 0;
     if (this.slowFrames < SLOW_FRAMES || this.pixelRatio <= LEAST_PIXEL_RATIO) return;
@@ -161,7 +182,8 @@ export class Scene {
   render() {
     if (!this.dirty) return false;
     this.dirty = false;
-    const { target } = this.controls, distance = this.camera.position.distanceTo(target), { uniforms } = this.floor.material;
+    const {target} = this.controls, distance = this.camera.position.distanceTo(target),
+          {uniforms} = this.floor.material;
     const spacing = roundLength(Math.max(distance / 9, 0.05 * this.radius));
     if (uniforms.spacing.value !== spacing || !this.scaleText.textContent) {
       uniforms.spacing.value = spacing;

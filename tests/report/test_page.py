@@ -1,0 +1,400 @@
+"""The pages in headless Chromium: they load without an error or a request, show what the run's files say, and work."""
+
+import json
+import math
+import os
+import subprocess
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import ballast
+import numpy as np
+from matplotlib.image import imread
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+from event_log import EventLog
+
+DESKTOP, PHONE = (1440, 900), (390, 844)
+SMALL = (600, 500)  # where only loading matters: pixels cost time without a graphics card
+# Seconds. A page is ready in 1 to 3 on an idle machine without a graphics card; this is for a busy one.
+LONGEST_WAIT = 60
+
+
+def start_browser():
+    options = webdriver.ChromeOptions()
+    options.binary_location = "/usr/bin/chromium"
+    # WebGL in software, so that the replay is drawn without a graphics card.
+    for argument in ("--headless=new", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars",
+                     "--disable-dev-shm-usage"):
+        options.add_argument(argument)
+    if os.geteuid() == 0:
+        options.add_argument("--no-sandbox")  # which root cannot have
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    return webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
+
+
+class PageTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.browser = start_browser()
+        cls.addClassCleanup(cls.browser.quit)
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = Path(folder.name)
+        cls.run_ballast("paper_ball")
+        cls.report("paper_ball")
+
+    @classmethod
+    def command(cls, *arguments, expected=(0,)):
+        done = subprocess.run([os.environ["BALLAST"], *arguments], capture_output=True, text=True, cwd=cls.folder,
+                              check=False)
+        assert done.returncode in expected, done.stderr
+        return done.stdout
+
+    @classmethod
+    def run_ballast(cls, scenario, *more, out=None):
+        cls.command("run", scenario, *more, "--out", out or scenario, "--quiet", expected=(0, 3))
+        return cls.folder / (out or scenario)
+
+    @classmethod
+    def report(cls, run):
+        cls.command("report", run)
+
+    def js(self, script, *arguments):
+        return self.browser.execute_script(script, *arguments)
+
+    def open(self, page, size=DESKTOP):
+        """Loads it, waits until it is ready, and sees that the console is empty and nothing was asked for."""
+        width, height = size
+        self.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
+            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": size == PHONE})
+        self.browser.get((self.folder / page).as_uri())
+        start = time.monotonic()
+        while not self.js("return window.ballastReport?.ready"):
+            trouble = self.js("return document.getElementById('trouble')?.textContent")
+            self.assertFalse(trouble)
+            self.assertLess(time.monotonic() - start, LONGEST_WAIT, self.browser.get_log("browser"))
+            time.sleep(0.05)
+        self.assert_clean()
+
+    def assert_clean(self):
+        self.assertEqual(self.browser.get_log("browser"), [])
+        self.assertTrue(self.js("return document.getElementById('trouble').hidden"))
+        asked = self.js("return performance.getEntriesByType('resource').map((entry) => entry.name)")
+        self.assertEqual([name for name in asked if not name.startswith(("data:", "blob:"))], [])
+
+    def keep_open(self):
+        """The page of the paper's ball, for tests that only look at it."""
+        page = (self.folder / "paper_ball/report.html").as_uri()
+        if self.browser.current_url != page or self.js("return innerWidth") != DESKTOP[0]:
+            self.open("paper_ball/report.html")
+
+    def slide_to(self, seconds):
+        self.js("const s = document.getElementById('slider'); s.value = arguments[0]; "
+                "s.dispatchEvent(new Event('input', {bubbles: true}));", seconds)
+
+    def ball(self, run=0):
+        """Where the replay has the ball and its masses: position, orientation w x y z, masses in space."""
+        return self.js("""
+          const { scene } = window.ballastReport, robot = scene.robots[arguments[0]], { body } = robot;
+          scene.scene.updateMatrixWorld(true);
+          const { x, y, z, w } = body.quaternion;
+          return { position: body.position.toArray(), orientation: [w, x, y, z],
+                   masses: robot.masses.map((mass) => mass.getWorldPosition(mass.position.clone()).toArray()) };
+          """, run)
+
+    def state_log(self, run):
+        messages = EventLog(self.folder / run / "run.lcmlog", ["BALLAST_PLANT_STATE"]).messages(
+            "BALLAST_PLANT_STATE", ballast.plant_state_t)
+        return messages[messages["tick"] >= 0]
+
+    def canvas_picture(self):
+        path = self.folder / "view.png"
+        path.write_bytes(self.browser.find_element(By.ID, "view").screenshot_as_png)
+        return imread(path)[..., :3]
+
+    def ranges(self):
+        """What the plots show, each from and to."""
+        return self.js("return window.ballastReport.plots.plots.map(({ chart }) => "
+                       "[chart.scales.x.min, chart.scales.x.max])")
+
+    def slider_time(self):
+        return self.js("return document.getElementById('slider').valueAsNumber")
+
+    def test_slider_moves_the_ball_as_the_log_has_it(self):
+        self.open("paper_ball/report.html")
+        log = self.state_log("paper_ball")
+        pictures = []
+        for seconds in (0.0, 3.25, 11.0, 20.0):
+            self.slide_to(seconds)
+            row = int(np.argmin(np.abs(log["time_s"] - seconds)))
+            ball = self.ball()
+            q, expected = np.array(ball["orientation"]), np.array(log["orientation"][row], dtype=float)
+            # float32, and the slider's thumb between two samples: 1e-6 of 10 m.
+            self.assertAlmostEqual(abs(q @ expected), 1, delta=1e-6)
+            center = np.array(log["position_W_m"][row]) + [0, 0, 1]
+            np.testing.assert_allclose(ball["position"], center, atol=1e-5)
+            w, v = expected[0], expected[1:]
+            for i, place in enumerate(ball["masses"]):
+                zeta = np.array(log["mass_position_B_m"][row][i], dtype=float)
+                turned = zeta + 2 * np.cross(v, np.cross(v, zeta) + w * zeta)
+                np.testing.assert_allclose(place, center + turned, atol=1e-5)
+            self.assertEqual(self.js("return document.getElementById('now').textContent"), f"{seconds:.3f} s")
+            self.js("return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+            pictures.append(self.canvas_picture())
+        for picture in pictures:
+            self.assertGreater(picture.std(), 0.03)  # an empty view has its gradient only: 0.01
+        self.assertGreater(np.abs(pictures[0] - pictures[2]).max(), 0.3)
+        self.assert_clean()
+
+    def test_looks_numbers_are_those_of_the_summary(self):
+        self.keep_open()
+        summary = json.loads((self.folder / "paper_ball" / "summary.json").read_text())
+        shown = self.js("""return [...document.querySelectorAll('[data-path]')].map((e) =>
+                           [e.dataset.path, e.dataset.value, e.querySelector('b').textContent])""")
+        paths = [path for path, _, _ in shown]
+        for path in ("mu_required.max", "normal_force.min", "normal_force.max", "static_friction.max", "end.time"):
+            self.assertIn(path, paths)
+        for path, exact, text in shown:
+            value = summary
+            for key in path.split("."):
+                value = value[int(key)] if isinstance(value, list) else value[key]
+            with self.subTest(path=path):
+                self.assertEqual(json.loads(exact), value)
+                self.assertEqual(float(text), float(f"{value:.6g}"))
+        # The values beside the plots are the log's.
+        contact = EventLog(self.folder / "paper_ball" / "run.lcmlog", ["BALLAST_CONTACT"]).messages(
+            "BALLAST_CONTACT", ballast.contact_t)
+        self.slide_to(5)
+        shown = self.js("return document.querySelector('#panel-normal_force output').textContent")
+        self.assertAlmostEqual(float(shown), contact["normal_force_n"][contact["tick"] == 5000][0], delta=5e-5)
+
+    def test_looks_every_quantity_has_its_plot(self):
+        self.keep_open()
+        panels = self.js("return [...document.querySelectorAll('.panel')].map((panel) => panel.id.slice(6))")
+        self.assertEqual(panels, ["normal_force", "static_friction", "mu_required", "margin", "angular_velocity",
+                                  "mass_position", "deviation", "motor_torque", "motor_margin"])
+        # Each has drawn its line: pixels of the line's colour, as many at least as the plot is wide.
+        missing = self.js("""
+          return window.ballastReport.plots.plots.filter(({ chart, panel }) => {
+            const probe = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+            probe.fillStyle = getComputedStyle(document.documentElement).getPropertyValue(`--${panel.lines[0].color}`);
+            probe.fillRect(0, 0, 1, 1);
+            const [r, g, b] = probe.getImageData(0, 0, 1, 1).data;
+            const { width, height } = chart.ctx.canvas, { data } = chart.ctx.getImageData(0, 0, width, height);
+            let count = 0;
+            for (let k = 0; k < data.length; k += 4)
+              if (data[k + 3] > 100 &&
+                  Math.abs(data[k] - r) + Math.abs(data[k + 1] - g) + Math.abs(data[k + 2] - b) < 60) ++count;
+            return count < 0.5 * width;
+          }).map(({ panel }) => panel.id);""")
+        self.assertEqual(missing, [])
+
+    def test_plots_and_slider_share_the_time_and_zoom_together(self):
+        self.open("paper_ball/report.html")
+        over = self.browser.find_element(By.CSS_SELECTOR, "#panel-normal_force .u-over")
+        self.js("arguments[0].scrollIntoView({block: 'center'})", over)
+        width = over.size["width"]
+        ActionChains(self.browser).move_to_element_with_offset(over, int(0.25 * width), 0).perform()
+        # From the plot's middle a quarter to the right: three quarters of 20 s; middle and way are whole pixels.
+        self.assertAlmostEqual(self.slider_time(), 15, delta=2 * 20 / width)
+        needles = self.js("""return window.ballastReport.plots.plots.map(({ needle, chart }) =>
+          (new DOMMatrix(getComputedStyle(needle).transform)).m41 / (chart.bbox.width / devicePixelRatio))""")
+        np.testing.assert_allclose(needles, self.slider_time() / 20, atol=1e-4)
+        ActionChains(self.browser).move_to_element_with_offset(over, int(-0.25 * width), 0).click_and_hold() \
+            .move_by_offset(int(0.25 * width), 0).release().perform()
+        ranges = self.ranges()
+        np.testing.assert_allclose(ranges, [[5, 10]] * len(ranges), atol=2 * 20 / width)
+        ActionChains(self.browser).double_click(over).perform()
+        ranges = self.ranges()
+        np.testing.assert_allclose(ranges, [[0, 20]] * len(ranges))
+
+    def touch(self, kind, *points):
+        self.browser.execute_cdp_cmd("Input.dispatchTouchEvent", {
+            "type": kind, "touchPoints": [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(points)]})
+
+    def test_fingers_on_a_plot(self):
+        self.browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 2})
+        self.addCleanup(self.browser.execute_cdp_cmd, "Emulation.setTouchEmulationEnabled", {"enabled": False})
+        self.open("paper_ball/report.html", PHONE)
+        box = self.js("""const over = document.querySelector("#panel-motor_torque .u-over");
+          over.scrollIntoView({ block: "end" }); const { left, top, width, height } = over.getBoundingClientRect();
+          return { left, y: top + height / 2, width };""")
+        at = lambda part: (box["left"] + part * box["width"], box["y"])
+        self.touch("touchStart", at(0.5))
+        self.assertAlmostEqual(self.slider_time(), 10, delta=20 / box["width"])
+        self.touch("touchMove", at(0.75))
+        self.assertAlmostEqual(self.slider_time(), 15, delta=20 / box["width"])
+        self.touch("touchEnd")
+        # Two fingers on 8 s and 12 s, drawn apart to a quarter and three quarters: 4 s are half of what is seen.
+        self.touch("touchStart", at(0.4), at(0.6))
+        self.touch("touchMove", at(0.25), at(0.75))
+        self.touch("touchEnd")
+        ranges = self.ranges()
+        np.testing.assert_allclose(ranges, [[6, 14]] * len(ranges), atol=3 * 20 / box["width"])
+        self.assert_clean()
+
+    def test_keys_and_playing(self):
+        self.open("paper_ball/report.html")
+        keys = lambda *pressed: ActionChains(self.browser).send_keys(*pressed).perform()
+        keys(Keys.END)
+        self.assertEqual(self.slider_time(), 20)
+        keys(Keys.HOME, Keys.ARROW_RIGHT)
+        self.assertAlmostEqual(self.slider_time(), 1 / 60, delta=1e-6)
+        rate = self.browser.execute_async_script("""
+          const done = arguments[0], { clock, framesDrawn } = window.ballastReport, before = framesDrawn();
+          document.body.dispatchEvent(new KeyboardEvent("keydown", { key: " ", bubbles: true }));
+          const start = performance.now();
+          const frame = (now) => {
+            if (now - start < 2000 || framesDrawn() - before < 5) return requestAnimationFrame(frame);
+            clock.pause();
+            done((1000 * (framesDrawn() - before)) / (now - start));
+          };
+          requestAnimationFrame(frame);""")
+        self.assertGreater(self.slider_time(), 0.1)
+        cost = self.js("""
+          const { clock, scene } = window.ballastReport, start = performance.now();
+          for (let k = 0; k < 200; ++k) { clock.set(0.1 * k); scene.render(); }
+          return (performance.now() - start) / 200;""")
+        ready = self.js("return window.ballastReport.readyAfterMs")
+        size = (self.folder / "paper_ball" / "report.html").stat().st_size
+        self.assertLess(size, 5e6)
+        print(f"\npaper_ball's page: {size / 1e6:.2f} MB, ready after {ready / 1000:.2f} s; playing: {rate:.1f} "
+              f"frames/s drawn in software (WebGL by SwiftShader); the scripts' part of a frame: {cost:.2f} ms")
+
+    def layout_faults(self):
+        """Blocks of the page that lie on each other, or reach beyond its sides."""
+        return self.js("""
+          const groups = [".badge, #theme, .brand, .subtitle", "body > *", ".head > *", ".cards > *", ".work > *",
+                          ".stage > *", ".transport > *", ".shows > *", ".plots > *", "#plots > *", ".tools > *",
+                          ".tables > *", ".hud span", ".cameras > *", ".pair > *"];
+          for (const caption of document.querySelectorAll("figcaption"))
+            groups.push(`#${caption.parentElement.id} figcaption > *`, `#${caption.parentElement.id} .value`);
+          const faults = [], wide = document.documentElement.clientWidth;
+          const name = (e) => e.className || e.id || e.tagName;
+          const common = (a, b, low, high) => Math.min(a[high], b[high]) - Math.max(a[low], b[low]) > 1;
+          for (const group of groups) {
+            const boxes = [...document.querySelectorAll(group)].map((e) => [e, e.getBoundingClientRect()])
+              .filter(([e, box]) => box.width > 0 && box.height > 0);
+            boxes.forEach(([e, a], k) => {
+              if (a.left < -0.5 || a.right > wide + 0.5) faults.push(`${group}: ${name(e)} is beyond the side`);
+              for (const [f, b] of boxes.slice(k + 1))
+                if (!e.contains(f) && !f.contains(e) && common(a, b, "left", "right") && common(a, b, "top", "bottom"))
+                  faults.push(`${group}: ${name(e)} on ${name(f)}`);
+            });
+          }
+          const scrolls = document.documentElement.scrollWidth;
+          if (scrolls > wide) faults.push(`scrolls sideways: ${scrolls} of ${wide}`);
+          return faults;""")
+
+    def test_layout_on_desk_and_phone(self):
+        self.run_ballast("hop")
+        self.report("hop")
+        self.command("compare", "paper_ball", "hop", "--out", "compare.html")
+        (self.folder / "log-with-a-name").write_bytes((self.folder / "hop" / "run.lcmlog").read_bytes())
+        self.command("report", "log-with-a-name", "--out", "log.html")
+        for page in ("paper_ball/report.html", "hop/report.html", "compare.html", "log.html"):
+            for size in (DESKTOP, PHONE):
+                with self.subTest(page=page, size=size):
+                    self.open(page, size)
+                    self.assertEqual(self.layout_faults(), [])
+
+    def test_sliding_flight_and_a_trip_are_marked(self):
+        self.run_ballast("paper_detach_flight")
+        self.report("paper_detach_flight")
+        self.open("paper_detach_flight/report.html")
+        legend = self.js("return document.getElementById('legend').textContent")
+        for said in ("sliding", "flight", "3 impacts", "trip: the friction came up to its limit"):
+            self.assertIn(said, legend)
+        summary = json.loads((self.folder / "paper_detach_flight" / "summary.json").read_text())
+        flight = next(regime for regime in summary["regimes"] if regime["regime"] == "flight")
+        self.slide_to((flight["start"] + flight["end"]) / 2)
+        self.assertEqual(self.js("return document.querySelector('.hud .regime').textContent"), "flight")
+        self.assertGreater(self.ball()["position"][2], 1)  # the radius: it is above the floor
+        self.assertFalse(self.js("return window.ballastReport.scene.robots[0].contact.visible"))
+
+    def test_unusual_runs_load(self):
+        (self.folder / "none.toml").write_text(
+            'duration = 1\ngravity = 9.81\n[ball]\nradius = 0.2\nmass = 1.5\ninertia = [0.03, 0.03, 0.03]\n'
+            '[initial]\nangular_velocity = [0.3, 1, 0.1]\n', encoding="utf-8")
+        mass = ('[[mass]]\nmass = 0.5\nrail = {{ shape = "circle", radius = 0.1{0}, direction = {{ azimuth = 0.{0}, '
+                'elevation = 0.2 }} }}\ninitial_position = {0}.0\n')
+        (self.folder / "eight.toml").write_text((self.folder / "none.toml").read_text()
+                                                + "".join(mass.format(k) for k in range(8)))
+        cases = {
+            "none": ("none.toml",), "eight": ("eight.toml",),
+            "perfect": ("paper_ball", "--actuation", "prescribed", "--set", "surface.static_friction=inf"),
+            "slipped": ("paper_ball", "--set", "surface.static_friction=0.17"),
+            "trajectory": ("tumbleweed",), "detached": ("paper_detach",),
+        }
+        for name, arguments in cases.items():
+            with self.subTest(run=name):
+                self.run_ballast(*arguments, out=name)
+                self.report(name)
+                self.open(f"{name}/report.html", SMALL)
+
+    def test_a_cut_log_alone(self):
+        folder = self.folder / "alone"
+        folder.mkdir()
+        log = (self.folder / "paper_ball" / "run.lcmlog").read_bytes()
+        (folder / "run.lcmlog").write_bytes(log[:len(log) // 3])
+        self.report("alone/run.lcmlog")
+        self.open("alone/report.html")
+        notes = self.js("return [...document.querySelectorAll('.note[role=note]')].map((note) => note.textContent)")
+        for said in ("no summary.json", "cut off", "no robot.json"):
+            self.assertIn(said, " ".join(notes))
+        self.slide_to(4)
+        self.assertAlmostEqual(self.ball()["position"][2], 1, delta=1e-3)  # the radius with which it rolls
+
+    def test_what_a_run_is_called_cannot_become_part_of_the_page(self):
+        folder = self.run_ballast("slide_to_roll", out="named")
+        evil = ('</script><img src=x onerror="window.hacked=1"><script>window.hacked=1</script>\u2028\'"&{{samples}} '
+                'Ωß')
+        summary = json.loads((folder / "summary.json").read_text())
+        summary["scenario"] = evil
+        summary["end"].update(reason=evil, text=evil)
+        summary["trip"] = {"cause": evil, "time": 0.5, "tick": 500, "value": 1, "limit": 0, "latency_ticks": 1}
+        summary["surfaces"][0]["name"] = evil
+        summary["published"] = [{"quantity": evil, "published": 1, "here": None, "source": evil}]
+        (folder / "summary.json").write_text(json.dumps(summary))
+        self.report("named")
+        self.command("compare", "named", "paper_ball", "--out", "named/compare.html")
+        for page in ("named/report.html", "named/compare.html"):
+            self.open(page)
+            self.assertIn(evil, self.js("return document.querySelector('h1').textContent"))
+            self.assertIsNone(self.js("return window.hacked ?? null"))
+            self.assertEqual(self.js("return document.querySelectorAll('img').length"), 0)
+            self.assertEqual(self.js("return window.ballastReport.runs[0].described.name"), evil)
+
+    def test_two_runs(self):
+        self.run_ballast("paper_ball", "--set", "envelope.friction_use=0.5", out="stopped")
+        self.command("compare", "paper_ball", "stopped", "--out", "two.html")
+        self.open("two.html")
+        end = json.loads((self.folder / "stopped" / "summary.json").read_text())["end"]["time"]
+        logs = [self.state_log(run) for run in ("paper_ball", "stopped")]
+        for seconds in (4.0, 7.0):
+            self.slide_to(seconds)
+            for run, log in enumerate(logs):
+                row = int(np.argmin(np.abs(log["time_s"] - seconds)))
+                np.testing.assert_allclose(self.ball(run)["position"][:2], log["position_W_m"][row][:2], atol=1e-5)
+        self.slide_to(end + 1)  # beyond the end of the second
+        shown = self.js("return [...document.querySelectorAll('#panel-normal_force output')].map((o) => o.textContent)")
+        self.assertTrue(math.isfinite(float(shown[0])))
+        self.assertEqual(shown[1], "–")
+        self.assertIn("envelope.friction_use", self.js("return document.querySelector('.tables').textContent"))
+
+    def test_looks_licences_travel_with_the_page(self):
+        self.keep_open()
+        text = self.js("return document.querySelector('footer details').textContent")
+        for said in ("three", "uplot", "Permission is hereby granted", "three.js authors", "Leon Sorokin"):
+            self.assertIn(said, text)
+
+
+if __name__ == "__main__":
+    unittest.main()

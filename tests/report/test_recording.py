@@ -1,0 +1,192 @@
+"""What the page is told of a run: samples as the log has them, and what takes the place of a missing summary."""
+
+import base64
+import contextlib
+import gzip
+import io
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+
+import assemble
+import recording
+import report
+import words
+from event_log import LogError
+from recording import Recording
+from synthetic_run import BALL_RAILS, ball, detaching_ball
+
+
+class RecordingTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name) / "run"
+
+    def run_ballast(self, *arguments):
+        line = [os.environ["BALLAST"], "run", *arguments, "--out", str(self.folder), "--quiet"]
+        run = subprocess.run(line, capture_output=True, text=True, check=False)
+        self.assertIn(run.returncode, (0, 3), run.stderr)
+        return Recording(self.folder)
+
+    def unpacked(self, found):
+        """As page/samples.js does it, by other means."""
+        data = np.frombuffer(gzip.decompress(base64.b64decode(assemble._packed(found))), dtype=np.uint8)
+        names, count = assemble.packed_names(found), len(found.columns["time"])
+        planes = data.reshape(len(names), 4, count).astype(np.uint32)
+        steps = sum(planes[:, byte] << (8 * byte) for byte in range(4))
+        bits = np.cumsum(steps, axis=1, dtype=np.uint32)
+        return dict(zip(names, bits.view(np.float32)))
+
+    def test_packing_loses_only_digits(self):
+        found = Recording(ball(controller=True).write(self.folder))
+        columns = self.unpacked(found)
+        for name, values in found.columns.items():
+            if name != "time":
+                # float32 rounds to half a unit in the 24th bit.
+                np.testing.assert_allclose(columns[name], values, rtol=2**-24, atol=1e-40, err_msg=name)
+        time = columns["time"].astype(float) + columns["time_rest"]
+        np.testing.assert_allclose(time, found.columns["time"], rtol=2**-47)
+
+    def test_infinite_and_missing_values_are_packed_as_nan(self):
+        found = Recording(detaching_ball().write(self.folder))
+        unusual = {3: 1e300, 4: -math.inf, 5: math.nan}  # the first is too large for float32
+        values = np.array(found.columns["normal_force"])
+        for row, value in unusual.items():
+            values[row] = value
+        found.columns["normal_force"] = values
+        self.assertEqual(list(np.flatnonzero(np.isnan(self.unpacked(found)["normal_force"]))), list(unusual))
+
+    def test_robot_file_has_the_rails(self):
+        # The circles of the paper's ball as tests/plots has them, from Frisvad's vectors and not from the firmware.
+        found = self.run_ballast("paper_ball", "--set", "duration=0.2")
+        self.assertEqual([mass["mass"] for mass in found.robot["masses"]], [1, 1, 1])
+        for (radius, axis_cos, axis_sin), mass in zip(BALL_RAILS, found.robot["masses"]):
+            points = np.array(mass["rail"]["points"])
+            angle = 2 * np.pi * np.arange(len(points)) / len(points)
+            expected = radius * (np.outer(np.cos(angle), axis_cos) + np.outer(np.sin(angle), axis_sin))
+            np.testing.assert_allclose(points, expected, atol=1e-12)
+            self.assertTrue(mass["rail"]["closed"])
+
+    def test_a_line_rail_ends_at_the_shell(self):
+        found = self.run_ballast("hop", "--set", "duration=0.05")
+        radius, rail = found.robot["ball"]["radius"], found.robot["masses"][0]["rail"]
+        np.testing.assert_allclose(np.linalg.norm([rail["points"][0], rail["points"][-1]], axis=1), radius, rtol=1e-12)
+
+    def test_masses_lie_on_their_rails(self):
+        for scenario in ("seam_ball", "desk_ball"):
+            found = self.run_ballast(scenario, "--set", "duration=1")
+            for i, mass in enumerate(found.robot["masses"]):
+                points = np.array(mass["rail"]["points"])
+                place = np.array([found.columns[f"mass_B_{3 * i + j}"][::50] for j in range(3)]).T
+                distance = np.linalg.norm(place[:, None] - points[None], axis=2).min(axis=1)
+                spacing = np.linalg.norm(np.diff(points, axis=0), axis=1).max()
+                self.assertLess(distance.max(), 0.51 * spacing)
+
+    def test_without_a_summary_the_log_says_as_much_as_it_can(self):
+        found = self.run_ballast("paper_ball", "--set", "envelope.friction_use=0.5")
+        summary = found.summary
+        (self.folder / "summary.json").unlink()
+        alone = Recording(self.folder)
+        self.assertTrue(alone.from_log)
+        self.assertIn("no summary.json", alone.notes[0])
+        self.assertEqual(words.badge(alone), ("Tripped", "bad"))
+        for key in ("cause", "time", "tick", "value", "limit"):
+            self.assertEqual(alone.summary["trip"][key], summary["trip"][key])
+        self.assertAlmostEqual(alone.static_friction_coefficient, 0.35, delta=1e-12)
+        # Samples cannot exceed what was found between them, and are 1 ms apart on curves that move by 0.1 in 0.1 s.
+        self.assertLessEqual(alone.summary["mu_required"]["max"], summary["mu_required"]["max"])
+        self.assertAlmostEqual(alone.summary["mu_required"]["max"], summary["mu_required"]["max"], delta=1e-3)
+        self.assertAlmostEqual(alone.summary["control_period"], 1e-3, delta=1e-12)
+        self.assertIn("commanded_0", alone.columns)
+
+    def test_without_a_robot_file_the_radius_is_the_rolling_one(self):
+        found = Recording(ball().write(self.folder))
+        # The synthetic run rolls exactly with radius 1, but for the resampling of its attitude.
+        self.assertAlmostEqual(found.robot["ball"]["radius"], 1, delta=1e-2)
+        self.assertEqual(found.robot["masses"], [{"mass": None, "rail": None}] * 3)
+        self.assertIn("no robot.json", found.notes[0])
+
+    def test_a_robot_file_of_another_robot_is_refused(self):
+        ball().write(self.folder)
+        (self.folder / "robot.json").write_text('{"ball": {"radius": 1}, "masses": []}')
+        with self.assertRaisesRegex(LogError, "speaks of another robot"):
+            Recording(self.folder)
+        (self.folder / "robot.json").write_text('{"ball": 3}')
+        with self.assertRaisesRegex(LogError, "robot.json: not what a run writes"):
+            Recording(self.folder)
+
+    def test_a_cut_log_shows_what_comes_before(self):
+        ball(controller=True).write(self.folder)
+        log = self.folder / "run.lcmlog"
+        log.write_bytes(log.read_bytes()[:40000])
+        found = Recording(self.folder)
+        self.assertLess(len(found.columns["time"]), 60)
+        self.assertTrue(any("cut off" in note for note in found.notes))
+
+    def test_another_name_of_the_log_is_not_what_the_summary_speaks_of(self):
+        ball().write(self.folder)
+        (self.folder / "run.lcmlog").rename(self.folder / "lcmlog-today.00")
+        self.assertTrue(Recording(self.folder / "lcmlog-today.00").from_log)
+
+    def test_two_runs_in_one_log_are_refused(self):
+        run = ball()
+        run.events += ball().events
+        run.write(self.folder)
+        with self.assertRaisesRegex(LogError, "BALLAST_CONTACT goes from tick 200 to tick 0: more than one run"):
+            Recording(self.folder)
+
+    def test_long_runs_are_thinned_and_keep_their_extremes(self):
+        ball().write(self.folder)
+        with mock.patch.object(recording, "MOST_SAMPLES", 60):
+            thin = Recording(self.folder)
+        whole = Recording(self.folder)
+        self.assertLessEqual(len(thin.columns["time"]), 61)
+        self.assertIn("of 201 samples", thin.notes[-1])
+        for name in ("normal_force", "static_friction", "mu_required"):
+            for extreme in (np.nanmin, np.nanmax):
+                self.assertEqual(extreme(thin.columns[name]), extreme(whole.columns[name]))
+        self.assertEqual(thin.columns["time"][-1], whole.columns["time"][-1])
+
+    def test_the_program_says_what_is_wrong(self):
+        cases = [("nowhere", "nowhere: no such file or folder"), ("empty", "the log is empty"),
+                 ("nonsense", "not an LCM event log"), ("json", "summary.json: not valid JSON")]
+        for name, said in cases:
+            folder = self.folder / name
+            if name != "nowhere":
+                ball().write(folder)
+            if name in ("empty", "nonsense"):
+                (folder / "run.lcmlog").write_bytes(b"" if name == "empty" else b"no log, but long enough for one head")
+            if name == "json":
+                (folder / "summary.json").write_text("{")
+            stderr = io.StringIO()
+            with mock.patch.object(sys, "argv", ["ballast-report", str(folder)]), contextlib.redirect_stderr(stderr):
+                self.assertEqual(report.main(), 2)
+            self.assertIn(said, stderr.getvalue())
+            self.assertFalse((folder / "report.html").exists())
+
+    def test_words_for_ends(self):
+        found = Recording(ball().write(self.folder))
+        self.assertEqual(words.badge(found), ("Held", "good"))
+        self.assertIn("never left the ground", " ".join(words.sentences(found)))
+        found = Recording(detaching_ball().write(self.folder))
+        self.assertEqual(words.badge(found), ("Left the ground", "bad"))
+        said = " ".join(words.sentences(found))
+        self.assertIn("N fell to 0", said)
+        self.assertIn("no friction is enough", said)
+
+    def test_what_json_cannot_say_is_null(self):
+        self.assertEqual(json.loads(json.dumps(assemble.finite({"a": [math.inf, 1.0, math.nan]}), allow_nan=False)),
+                         {"a": [None, 1.0, None]})
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,35 @@
+// The Cortex-M7's firmware and the host's: the same bits in every message of a run.
+#include <gtest/gtest.h>
+
+#include "tests/sil/shell.h"
+
+namespace ballast {
+namespace {
+
+using test::Folder;
+using test::Outcome;
+using test::read_file;
+
+void expect_equal(const std::string& arguments, int exit_status) {
+  SCOPED_TRACE(arguments);
+  const Folder folder;
+  const Outcome host = folder.run("ballast run " + arguments + " --quiet --out host");
+  const Outcome qemu = folder.run("ballast run " + arguments + " --quiet --firmware qemu --out qemu");
+  EXPECT_EQ(host.exit_status, exit_status) << host.err;
+  EXPECT_EQ(qemu.exit_status, exit_status) << qemu.err;
+  EXPECT_TRUE(read_file(folder / "host/run.lcmlog") == read_file(folder / "qemu/run.lcmlog"))
+      << folder.run("ballast compare host qemu").out;
+  EXPECT_GT(read_file(folder / "host/run.lcmlog").size(), 100000u);
+  auto a = folder.summary("host"), b = folder.summary("qemu");
+  for (auto* s : {&a, &b}) s->erase("wall_time"), s->erase("speed");
+  EXPECT_EQ(a, b);
+}
+
+TEST(TargetEquality, ThePapersWholeRun) { expect_equal("paper_ball", 0); }
+TEST(TargetEquality, TheWholeRunOfDeskBall) { expect_equal("desk_ball", 0); }
+// A trip, its stop and the prediction along it.
+TEST(TargetEquality, AStop) { expect_equal("paper_ball --set envelope.friction_use=0.3", 3); }
+TEST(TargetEquality, ASpline) { expect_equal("seam_ball --set duration=2", 0); }
+
+}  // namespace
+}  // namespace ballast

@@ -1,0 +1,178 @@
+// Whatever goes wrong on the target or on the way to it ends the run, with its own reason and exit status, and leaves
+// no QEMU behind. The faults are built into the firmware of sabotage_main.cpp.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include "sim/scenario_reader.h"
+#include "tests/sil/shell.h"
+#include "tools/program/params.h"
+#include "tools/program/program.h"
+#include "tools/sil/qemu_peers.h"
+#include "tools/sil/record_run.h"
+
+namespace ballast {
+namespace {
+
+sim::Scenario paper_ball(double duration_s) {
+  const auto read =
+      sim::read_scenario(BALLAST_SCENARIO_DIR "/paper_ball.toml", {"duration=" + std::to_string(duration_s)});
+  EXPECT_TRUE(read.ok());
+  return read.scenario;
+}
+
+struct End {
+  int exit_status;
+  std::string err;
+};
+
+class Target : public testing::Test {
+ protected:
+  Target() : scenario_(paper_ball(0.2)) { EXPECT_EQ(program::to_controller_params(scenario_, *params_), std::nullopt); }
+
+  End run(const std::string& elf, const std::string& arguments, double peer_timeout_s = 20) {
+    sil::QemuPeersOptions options;
+    options.qemu.elf = BALLAST_TARGET_DIR "/" + elf;
+    options.qemu.arguments = arguments;
+    options.peer_timeout = sil::Seconds(peer_timeout_s);
+    sil::OutputDir output((folder_ / "run").string());
+    testing::internal::CaptureStderr();
+    int exit_status = 0;
+    {
+      sil::QemuPeers peers(scenario_, *params_, program::to_monitor_limits(scenario_), options);
+      exit_status = sil::record_run("ballast", scenario_, peers, output, {.quiet = true});
+      pid_ = peers.pid();
+    }
+    EXPECT_TRUE(pid_ == 0 || kill(pid_, 0) != 0) << "QEMU is still there";
+    return {exit_status, testing::internal::GetCapturedStderr()};
+  }
+  void expect_end(const std::string& sabotage, int exit_status, const std::string& text) {
+    const End end = run("sabotage.elf", sabotage + "@100");
+    EXPECT_EQ(end.exit_status, exit_status) << sabotage << ": " << end.err;
+    EXPECT_NE(end.err.find(text), std::string::npos) << end.err;
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "run/summary.json"));
+  }
+
+  test::Folder folder_;
+  sim::Scenario scenario_;
+  std::unique_ptr<firmware::ControllerParams> params_ = std::make_unique<firmware::ControllerParams>();
+  pid_t pid_ = 0;
+};
+
+TEST_F(Target, WithoutAFaultTheRunCompletes) {
+  const End end = run("sabotage.elf", "nothing@100");
+  EXPECT_EQ(end.exit_status, program::kExitCompleted) << end.err;
+  EXPECT_EQ(folder_.summary("run")["end"]["reason"], "completed");
+}
+
+TEST_F(Target, FaultsSayWhatAndWhere) {
+  expect_end("undefined", program::kExitFirmwareFault, "faulted at tick 100: undefined instruction; pc 0x");
+  expect_end("unmapped", program::kExitFirmwareFault, "faulted at tick 100: bus error on data");
+  expect_end("divide", program::kExitFirmwareFault, "faulted at tick 100: division by zero");
+  expect_end("overflow", program::kExitFirmwareFault, "faulted at tick 100: its stack ran into the guard");
+}
+
+TEST_F(Target, TheWatchdogEndsAFirmwareThatHangs) {
+  expect_end("hang", program::kExitFirmwareHung, "hung at tick 100: its watchdog ended it; pc 0x");
+  expect_end("masked", program::kExitFirmwareHung, "hung at tick 100");  // with interrupts off
+}
+
+TEST_F(Target, ALateTickEndsTheRun) { expect_end("late", program::kExitLate, "tick 100 is late"); }
+
+TEST_F(Target, PinsThatDoSomethingElseEndTheRun) {
+  expect_end("pins", program::kExitLate, "the pins did not do what was commanded in tick 101");
+}
+
+TEST_F(Target, ACutLinkEndsTheRun) {
+  expect_end("quit", program::kExitCouldNotRun,
+             "the link to the firmware was cut at tick 100; QEMU ended: exit status 0");
+  expect_end("junk", program::kExitCouldNotRun, "what came from the firmware at tick 100 is no message");
+}
+
+TEST_F(Target, AFirmwareThatSaysNothingEndsTheRun) {
+  const End end = run("sabotage.elf", "silent@100", 0.5);
+  EXPECT_EQ(end.exit_status, program::kExitCouldNotRun) << end.err;
+  EXPECT_NE(end.err.find("silent for 0.5 s at tick 100"), std::string::npos) << end.err;
+}
+
+TEST_F(Target, AnotherFirmwareIsRefused) {
+  expect_end("sources", program::kExitForeignFirmware, "does not fit this program: sources");
+  expect_end("real", program::kExitForeignFirmware, "bytes of a real number: 4 there, 8 here");
+}
+
+TEST_F(Target, ParametersAreValidatedThere) {
+  params_->motor[1].max_acceleration = -1;
+  const End end = run("ballast-mps2_an500.elf", "");
+  EXPECT_EQ(end.exit_status, program::kExitForeignFirmware);
+  EXPECT_NE(end.err.find("refuses its parameters: mass 1: motor.max_acceleration = -1; allowed: "), std::string::npos)
+      << end.err;
+}
+
+// The motion goes over the link as pieces and is built there: what came of it must be what this side has.
+TEST_F(Target, OtherParametersThanThisSidesAreRefused) {
+  scenario_.masses[2].motion[0].acceleration_start *= 1 + 1e-15;
+  const End end = run("ballast-mps2_an500.elf", "");
+  EXPECT_EQ(end.exit_status, program::kExitForeignFirmware);
+  EXPECT_NE(end.err.find("the firmware's parameters are not this run's: fingerprint 0x"), std::string::npos) << end.err;
+}
+
+TEST_F(Target, APeriodTheBoardCannotKeepIsRefused) {
+  params_->control_period_s = 0.7;  // 24 bits of 25 MHz end at 0.671 s
+  for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
+    scenario_.masses[i].motion.clear();
+    ASSERT_TRUE(params_->motion[i].set(scenario_.masses[i].initial_position, 0, nullptr, 0));
+  }
+  const End end = run("ballast-mps2_an500.elf", "");
+  EXPECT_EQ(end.exit_status, program::kExitForeignFirmware);
+  EXPECT_NE(end.err.find("this board cannot keep it"), std::string::npos) << end.err;
+}
+
+TEST_F(Target, AMissingFirmwareSaysHowToGetIt) {
+  const test::Folder folder;
+  const test::Outcome run = folder.run("ballast run paper_ball --firmware qemu --firmware-elf none.elf --out r");
+  EXPECT_EQ(run.exit_status, program::kExitCouldNotRun);
+  EXPECT_NE(run.err.find("none.elf: no such file; tools/firmware builds the firmware"), std::string::npos) << run.err;
+}
+
+TEST_F(Target, PrescribedAndProcessesAreRefused) {
+  const test::Folder folder;
+  EXPECT_EQ(folder.run("ballast run paper_ball --firmware qemu --actuation prescribed").exit_status,
+            program::kExitUsage);
+  EXPECT_EQ(folder.run("ballast run paper_ball --firmware qemu --processes").exit_status, program::kExitUsage);
+  EXPECT_EQ(folder.entries(), 0);
+}
+
+// Paced so that the run would take minutes.
+constexpr const char* kStart =
+    "ballast run paper_ball --firmware qemu --speed 0.1 --out r & run=$!; i=0;"
+    " while [ $i -lt 300 ] && [ \"$(stat -c %s r/run.lcmlog 2>/dev/null || echo 0)\" -le 20000 ];"
+    " do sleep 0.1; i=$((i + 1)); done; qemu=$(pgrep -P $run qemu); ";
+
+TEST_F(Target, KilledQemuEndsTheRun) {
+  const test::Folder folder;
+  const test::Outcome run = folder.run(std::string(kStart) + "kill -9 $qemu; wait $run; echo $?");
+  EXPECT_NE(run.out.find("2\n"), std::string::npos) << run.out << run.err;
+  EXPECT_NE(run.err.find("the link to the firmware was cut"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("QEMU ended: Killed"), std::string::npos) << run.err;
+}
+
+TEST_F(Target, StoppedQemuEndsTheRun) {
+  const test::Folder folder;
+  const test::Outcome run =
+      folder.run(std::string(kStart) + "kill -STOP $qemu; wait $run; echo $?; kill -0 $qemu 2>/dev/null || echo gone");
+  EXPECT_NE(run.out.find("2\ngone\n"), std::string::npos) << run.out << run.err;
+  EXPECT_NE(run.err.find("the firmware is lost: silent for 2 s"), std::string::npos) << run.err;
+}
+
+TEST_F(Target, QemuGoesWithTheProgramThatStartedIt) {
+  const test::Folder folder;
+  for (const char* signal : {"-9", "-TERM"}) {
+    const test::Outcome run =
+        folder.run(std::string(kStart) + "[ -n \"$qemu\" ] && echo found; kill " + signal +
+                   " $run; wait $run; i=0; while kill -0 $qemu 2>/dev/null && [ $i -lt 100 ]; do sleep 0.05; "
+                   "i=$((i + 1)); done; kill -0 $qemu 2>/dev/null || echo gone; rm -r r");
+    EXPECT_NE(run.out.find("found\ngone\n"), std::string::npos) << signal << run.out << run.err;
+  }
+}
+
+}  // namespace
+}  // namespace ballast

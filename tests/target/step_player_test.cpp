@@ -1,0 +1,141 @@
+// The step interrupt's work, with a timer and pins of the test's: every pulse of a command, at its time, whatever the
+// two clocks' ratio.
+#include "hal/target/step_player.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace ballast::hal::target {
+namespace {
+
+struct FakePins {
+  static inline std::uint32_t time = 0, armed = 0, length = 0;
+  struct Pulse {
+    std::uint32_t time;
+    std::uint8_t motor;
+    std::int8_t direction;
+  };
+  static inline std::vector<Pulse> pulses;
+  static std::uint32_t now() { return time; }
+  static std::uint32_t period() { return length; }
+  static void arm(std::uint32_t counts) { armed = counts; }
+  static void disarm() { armed = 0; }
+  static void pulse(std::uint8_t motor, std::int8_t direction) { pulses.push_back({time, motor, direction}); }
+};
+
+// Runs the control tick to its end; `late` counts pass before each interrupt is served.
+void play(StepPlayer<FakePins>& player, std::uint32_t late) {
+  FakePins::time = 0;
+  FakePins::pulses.clear();
+  player.begin_tick();
+  while (FakePins::armed != 0) {
+    FakePins::time += FakePins::armed + late;
+    if (FakePins::time >= FakePins::length) break;
+    FakePins::armed = 0;
+    player.on_timer();
+  }
+}
+
+class StepPlayerAtRatio : public testing::TestWithParam<std::pair<double, double>> {};
+
+TEST_P(StepPlayerAtRatio, PulsesComeAtTheirTime) {
+  const auto [timer_hz, counter_hz] = GetParam();
+  const std::uint64_t seed = std::random_device{}();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  StepPlayer<FakePins> player;
+  const double ratio = counter_hz / timer_hz;
+  player.configure(ratio);
+  FakePins::length = static_cast<std::uint32_t>(0.001 * counter_hz);
+  const auto last = static_cast<std::int64_t>(0.001 * timer_hz) - 1;
+  for (int round = 0; round < 200; ++round) {
+    // Bursts one after the other, each motor its own.
+    firmware::StepCommand command;
+    command.motor_count = 1 + static_cast<int>(random() % 8);
+    std::vector<std::vector<std::pair<std::int64_t, int>>> expected(8);
+    for (int motor = 0; motor < command.motor_count; ++motor) {
+      std::int64_t from = static_cast<std::int64_t>(random() % 50);
+      for (int b = 0; b < 4 && from < last - 100; ++b) {
+        firmware::StepBurst burst{.motor = static_cast<std::uint8_t>(motor),
+                                  .direction = static_cast<std::int8_t>(random() % 2 == 0 ? 1 : -1),
+                                  .first_ticks = static_cast<std::int32_t>(from),
+                                  .interval_ticks = 10 + static_cast<std::int32_t>(random() % 40),
+                                  .add_ticks = static_cast<std::int32_t>(random() % 3) - 1};
+        const int wanted = 1 + static_cast<int>(random() % 10);
+        for (std::int64_t j = 0; j < wanted; ++j) {
+          const std::int64_t at = from + j * burst.interval_ticks + burst.add_ticks * (j * (j - 1) / 2);
+          if (at > last) break;
+          expected[static_cast<std::size_t>(motor)].push_back({at, burst.direction});
+          ++burst.count;
+        }
+        from = expected[static_cast<std::size_t>(motor)].back().first + 5;
+        command.bursts[static_cast<std::size_t>(command.burst_count++)] = burst;
+      }
+    }
+    player.load(command);
+    play(player, 0);
+    std::vector<std::size_t> seen(8);
+    for (const auto& pulse : FakePins::pulses) {
+      const auto& motor = expected[pulse.motor];
+      ASSERT_LT(seen[pulse.motor], motor.size());
+      const auto [at, direction] = motor[seen[pulse.motor]++];
+      EXPECT_EQ(pulse.direction, direction);
+      // Counts are whole: up to one before the exact time.
+      EXPECT_LE(pulse.time, static_cast<double>(at) * ratio + 1e-6);
+      EXPECT_GT(pulse.time, static_cast<double>(at) * ratio - 1);
+    }
+    player.begin_tick();  // nothing was loaded: closes the record
+    const PlayedPulses& played = player.played();
+    std::size_t total = 0;
+    for (std::size_t m = 0; m < 8; ++m) total += expected[m].size();
+    ASSERT_EQ(static_cast<std::size_t>(played.count), total);
+    std::vector<std::size_t> recorded(8);
+    for (std::size_t i = 0; i < total; ++i) {
+      const auto& [at, direction] = expected[played.pulse[i].motor][recorded[played.pulse[i].motor]++];
+      EXPECT_EQ(played.pulse[i].due_ticks, at);
+      EXPECT_EQ(played.pulse[i].direction, direction);
+      EXPECT_LE(played.pulse[i].late_counts,
+                1);  // no time passes here; one that is due with the tick's end, in the next
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Clocks, StepPlayerAtRatio,
+                         testing::Values(std::pair(1e7, 25e6), std::pair(1e6, 25e6), std::pair(1e8, 25e6),
+                                         std::pair(25e6, 25e6), std::pair(3.3e6, 216e6)));
+
+TEST(StepPlayer, SaysHowLateAPulseWas) {
+  StepPlayer<FakePins> player;
+  player.configure(2.5);
+  FakePins::length = 25000;
+  firmware::StepCommand command;
+  command.motor_count = command.burst_count = 1;
+  command.bursts[0] = {.motor = 0, .direction = 1, .count = 2, .first_ticks = 100, .interval_ticks = 9899};
+  player.load(command);
+  play(player, 30);
+  ASSERT_EQ(FakePins::pulses.size(), 1u);  // the second one's interrupt comes after the tick's end,
+  FakePins::time = 4;                      // where the next tick's begins with it
+  player.begin_tick();
+  ASSERT_EQ(player.played().count, 2);
+  EXPECT_EQ(player.played().pulse[0].late_counts, 30);
+  EXPECT_EQ(player.played().pulse[1].late_counts, 25000 + 4 - 24997);  // 9999 * 2.5 = 24997.5
+  EXPECT_EQ(player.max_late_counts(), 30u);
+}
+
+TEST(StepPlayer, GivesNothingThatWasNotLoaded) {
+  StepPlayer<FakePins> player;
+  player.configure(2.5);
+  FakePins::length = 25000;
+  firmware::StepCommand command;
+  command.motor_count = command.burst_count = 1;
+  command.bursts[0] = {.motor = 0, .direction = 1, .count = 3, .first_ticks = 100, .interval_ticks = 100};
+  player.load(command);
+  play(player, 0);
+  EXPECT_EQ(FakePins::pulses.size(), 3u);
+  play(player, 0);
+  EXPECT_EQ(FakePins::pulses.size(), 0u);
+}
+
+}  // namespace
+}  // namespace ballast::hal::target

@@ -1,0 +1,130 @@
+// What a watcher sees of messages that come, do not come, come late or twice, and of the next run on the same bus.
+#include "tools/watch/view.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+namespace ballast::watch {
+namespace {
+
+contact_t contact(std::int64_t tick, double margin = 0.5) {
+  contact_t m{};
+  m.tick = tick;
+  m.time_s = static_cast<double>(tick) * 1e-3;
+  m.normal_force_n = m.normal_force_min_n = 4;
+  m.mu_required = m.mu_required_max = 0.35 * (1 - margin);
+  m.margin = margin;
+  return m;
+}
+
+bool says(const std::string& text, const std::string& words) { return text.find(words) != std::string::npos; }
+
+TEST(TickCounter, CountsWhatIsMissingAndForgivesWhatIsLate) {
+  TickCounter counter;
+  for (const std::int64_t tick : {100, 101, 105, 103}) counter.see(tick, 0);
+  EXPECT_EQ(counter.count(), 4);
+  EXPECT_EQ(counter.missed(), 2) << "102 and 104; 103 was late, and what came before 100 is not known";
+}
+
+TEST(TickCounter, StartsAgainWithTheNextRun) {
+  TickCounter counter;
+  counter.see(5000, 0);
+  counter.see(5002, 0);
+  counter.see(-2, 1);
+  EXPECT_EQ(counter.count(), 1);
+  EXPECT_EQ(counter.missed(), 0);
+}
+
+// 500 messages evenly over 2 s are 250 per second; after them, nothing.
+TEST(TickCounter, GivesTheRateAndLetsItGoToZero) {
+  TickCounter counter;
+  for (int i = 0; i <= 500; ++i) counter.see(i, 0.004 * i);
+  EXPECT_NEAR(counter.rate_hz(2), 250, 2);  // one message more or less at the window's edge
+  EXPECT_EQ(counter.rate_hz(10), 0);
+}
+
+TEST(View, NothingHeardIsNothingSaid) {
+  const View view;
+  EXPECT_TRUE(view.empty());
+  EXPECT_FALSE(view.ended());
+}
+
+TEST(View, JoinsLateKeepsExtremesAndEnds) {
+  View view;
+  view.see(contact(700, 0.5), 0);
+  view.see(contact(701, 0.1), 0);
+  contact_t last = contact(702, 0.8);
+  last.last = 1;
+  view.see(last, 0);
+  EXPECT_TRUE(view.ended());
+  const std::string line = view.line(0, 0);
+  for (const char* words : {"t=0.702", "rolling", "margin=0.8000", "least=0.1000", "mode=none", "trip=unheard",
+                            "missed=0", "undecodable=0", "ended"}) {
+    EXPECT_TRUE(says(line, words)) << words << ": " << line;
+  }
+  // The next run on this bus is a new one.
+  view.see(contact(-2, 0.9), 1);
+  EXPECT_FALSE(view.ended());
+  EXPECT_TRUE(says(view.line(1, 0), "least=0.9000")) << view.line(1, 0);
+}
+
+TEST(View, SaysTripModeAndDrops) {
+  View view;
+  view.see(contact(10), 0);
+  view.see(contact(14), 0);
+  trip_t trip{};
+  trip.tick = 14;
+  trip.tripped = 1;
+  trip.cause = trip_t::CAUSE_FRICTION;
+  trip.value = 0.4;
+  trip.limit = 0.35;
+  view.see(trip, 0);
+  controller_status_t status{};
+  status.tick = 14;
+  status.mode = controller_status_t::MODE_TRIPPED;
+  view.see(status, 0);
+  const std::string page = view.page(0, 100, 7);
+  for (const char* words : {"TRIP   friction", "0.4, limit 0.35", "mode   tripped", "contact 3", "undecodable 7"}) {
+    EXPECT_TRUE(says(page, words)) << words << "\n" << page;
+  }
+}
+
+// Heartbeats of peers that wait for a plant are no ticks.
+TEST(View, PeersThatWaitAreShownWithoutAPlant) {
+  View view;
+  trip_t trip{};
+  trip.tick = -3;
+  view.see(trip, 0);
+  view.see(trip, 1);
+  EXPECT_FALSE(view.empty());
+  EXPECT_TRUE(says(view.line(1, 0), "no plant yet")) << view.line(1, 0);
+  EXPECT_TRUE(says(view.line(1, 0), "missed=0")) << view.line(1, 0);
+}
+
+// In flight N = 0 and the margin -1; a controller gone mad sends NaN; a narrow terminal cuts lines, never the program.
+TEST(View, NonsenseAndNarrowTerminalsAreDrawnToo) {
+  View view;
+  contact_t nonsense = contact(0, std::numeric_limits<double>::quiet_NaN());
+  nonsense.normal_force_n = -std::numeric_limits<double>::infinity();
+  nonsense.mu_required = std::numeric_limits<double>::infinity();
+  view.see(nonsense, 0);
+  contact_t flight = contact(1, -1);
+  flight.regime = contact_t::REGIME_FLIGHT;
+  flight.normal_force_n = 0;
+  view.see(flight, 0);
+  plant_state_t state{};
+  state.mass_count = 8;
+  view.see(state, 0);
+  for (const int width : {1, 20, 79, 500}) {
+    const std::string page = view.page(0, width, 0);
+    std::size_t start = 0;
+    for (std::size_t end; (end = page.find('\n', start)) != std::string::npos; start = end + 1) {
+      EXPECT_LE(end - start, static_cast<std::size_t>(width));
+    }
+    EXPECT_EQ(start, page.size()) << "every line ends";
+  }
+}
+
+}  // namespace
+}  // namespace ballast::watch

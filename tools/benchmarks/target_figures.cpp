@@ -1,0 +1,142 @@
+// ballast-target-figures DIR: what the firmware costs on the Cortex-M7, in instructions as QEMU counts them. DIR has
+// the programs for the board. The same numbers every time.
+#include <cstdio>
+#include <limits>
+
+#include "hal/target/wire.h"
+#include "sim/scenario_reader.h"
+#include "tools/program/params.h"
+#include "tools/program/program.h"
+#include "tools/sil/qemu_peers.h"
+#include "tools/sil/run.h"
+
+namespace ballast {
+namespace {
+
+// An instruction takes 256 ns of the machine's time, 6.4 counts of its 25 MHz: whole instructions come of whole counts.
+// Ticks are stretched to match, so that none is late, and no pulses interrupt them.
+constexpr int kShift = 8;
+constexpr hal::target::Commit kMeasuring{.stretch = 256, .play = false};
+
+// The paper's ball with so many masses: those there are, again and again, together as heavy as the three, on a floor
+// that always holds.
+sim::Scenario ball_with(std::size_t masses) {
+  auto read = sim::read_scenario(sim::find_scenario("paper_ball", BALLAST_SCENARIO_DIR), {});
+  sim::Scenario scenario = read.scenario;
+  const auto three = scenario.masses;
+  scenario.masses.clear();
+  for (std::size_t i = 0; i < masses; ++i) {
+    scenario.masses.push_back(three[i % three.size()]);
+    scenario.masses.back().mass_kg *= static_cast<double>(three.size()) / static_cast<double>(masses);
+  }
+  scenario.surface.static_friction = std::numeric_limits<double>::infinity();
+  return scenario;
+}
+
+double weight_n(const sim::Scenario& scenario) {
+  double mass_kg = scenario.ball.mass_kg;
+  for (const auto& mass : scenario.masses) mass_kg += mass.mass_kg;
+  return mass_kg * scenario.gravity_mps2;
+}
+
+struct Measured {
+  sil::TargetRecord record;
+  double normal_force_min_n = 0;
+  bool tripped = false;
+};
+
+Measured measure(const sim::Scenario& scenario, const std::string& folder) {
+  auto params = std::make_unique<firmware::ControllerParams>();
+  if (const auto refusal = program::to_controller_params(scenario, *params)) throw std::runtime_error(*refusal);
+  sil::QemuPeersOptions options;
+  options.qemu.elf = folder + "/ballast-mps2_an500.elf";
+  options.qemu.icount_shift = kShift;
+  options.commit = kMeasuring;
+  options.peer_timeout = sil::Seconds(60);
+  sil::QemuPeers peers(scenario, *params, program::to_monitor_limits(scenario), options);
+  if (peers.connect() != hal::Status::kOk) throw std::runtime_error(peers.trouble());
+  sil::Recorder recorder("/dev/null");
+  const sil::RunResult result = sil::run(scenario, peers, recorder, {});
+  if (result.status != hal::Status::kOk) throw std::runtime_error(result.trouble);
+  return {peers.record(), result.extrema.normal_force_min.value, result.controller_trip.has_value()};
+}
+
+void print_tick(const char* what, std::size_t masses, const sil::TargetRecord& r) {
+  const auto instructions = [&](double counts) { return counts * r.instructions_per_count; };
+  const double worst = instructions(r.max_counts);
+  // A tick of 1 kHz has 216,000 or 480,000 clocks.
+  std::printf("tick         %zu mass%-3s %-12s min %6.0f  mean %6.0f  max %7.0f in tick %-6lld %5.1f %% / %4.1f %%\n",
+              masses, masses == 1 ? "" : "es", what, instructions(r.min_counts),
+              instructions(static_cast<double>(r.sum_counts) / static_cast<double>(r.ticks)), worst,
+              static_cast<long long>(r.max_tick), worst / 2160, worst / 4800);
+}
+
+bool same(const sil::TargetRecord& a, const sil::TargetRecord& b) {
+  return a.ticks == b.ticks && a.min_counts == b.min_counts && a.max_counts == b.max_counts &&
+         a.sum_counts == b.sum_counts && a.max_tick == b.max_tick;
+}
+
+void ticks(const std::string& folder) {
+  std::printf(
+      "             instructions per tick; the last two: of a 1 kHz tick at 216 / 480 MHz, at an instruction a "
+      "clock.\n             QEMU counts instructions, not cycles: a Cortex-M7 needs more or fewer\n");
+  for (const std::size_t masses : {1u, 3u, 8u}) {
+    sim::Scenario scenario = ball_with(masses);
+    const Measured whole = measure(scenario, folder);
+    print_tick("whole run", masses, whole.record);
+    // Half-way down from the weight to the least N there is: the monitor trips, and the stop's tick predicts it.
+    scenario.envelope.min_normal_force = (weight_n(scenario) + whole.normal_force_min_n) / 2;
+    const Measured stop = measure(scenario, folder);
+    if (!stop.tripped) throw std::runtime_error("the run that was to be stopped was not");
+    print_tick("with a stop", masses, stop.record);
+    if (!same(stop.record, measure(scenario, folder).record))
+      throw std::runtime_error("a second run counts differently");
+  }
+}
+
+void steps(const std::string& folder) {
+  sil::QemuProcess qemu;
+  const sil::QemuOptions options{.elf = folder + "/step_cost.elf"};
+  if (const auto why = qemu.start(options); !why.empty()) throw std::runtime_error(why);
+  constexpr std::size_t kRecord = 28;
+  std::vector<std::uint8_t> bytes;
+  while (bytes.size() < 3 * kRecord) {
+    if (qemu.read(0, bytes, sil::Seconds(60), nullptr) != hal::Status::kOk) {
+      throw std::runtime_error("step_cost.elf ended: " + qemu.ended(sil::Seconds(1)) + " " + qemu.said());
+    }
+  }
+  for (std::size_t i = 0; i < 3; ++i) {
+    hal::target::Reader in(std::span<const std::uint8_t>(bytes).subspan(i * kRecord, kRecord));
+    std::uint32_t motors = 0, offset = 0, commanded = 0, given = 0, idle_turns = 0, turns = 0, late = 0;
+    for (auto* field : {&motors, &offset, &commanded, &given, &idle_turns, &turns, &late}) in(*field);
+    // Without pulses the turns fill the 100 control ticks of 1 ms.
+    const double total = 0.1 * 1e9 / (1 << options.icount_shift);
+    const double used = total * (static_cast<double>(idle_turns) - turns) / idle_turns;
+    std::printf(
+        "step         %u motor%s at 50 kHz%s: %.1f instructions a step, all in (Klipper: %d cycles); %u of %u given, "
+        "at most %.2f us late\n",
+        motors, motors == 1 ? "" : "s",
+        motors == 1   ? ""
+        : offset == 0 ? ", in phase"
+                      : ", staggered",
+        used / given, motors == 1 ? 70 : 60, given, commanded, late / 25.0);
+  }
+}
+
+}  // namespace
+}  // namespace ballast
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    std::fprintf(stderr, "usage: ballast-target-figures DIR\n");
+    return ballast::program::kExitUsage;
+  }
+  try {
+    ballast::ticks(argv[1]);
+    ballast::steps(argv[1]);
+  } catch (const std::exception& error) {
+    ballast::program::complain("ballast-target-figures", error.what());
+    return ballast::program::kExitCouldNotRun;
+  }
+  return 0;
+}

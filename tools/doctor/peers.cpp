@@ -1,0 +1,119 @@
+#include "tools/doctor/peers.h"
+
+#include <cstdio>
+#include <lcm/lcm-cpp.hpp>
+
+#include "hal/lcm/channels.h"
+#include "hal/lcm/messages.h"
+
+namespace ballast::doctor {
+
+namespace {
+
+using program::Finding;
+using Verdict = Finding::Verdict;
+
+template <class M>
+void note_scenario(const M& message, Channel& channel) {
+  if constexpr (requires { message.scenario_id; }) channel.scenario_ids.insert(message.scenario_id);
+}
+
+template <class M>
+void judge_message(const void* data, std::size_t size, Channel& channel) {
+  M message{};
+  if (!hal::has_hash(data, size, M::getHash())) {
+    ++channel.foreign;
+    channel.fingerprint = 0;
+    const auto* bytes = static_cast<const unsigned char*>(data);
+    for (std::size_t i = 0; i < 8 && i < size; ++i) channel.fingerprint = channel.fingerprint << 8 | bytes[i];
+  } else if (!hal::decode(data, size, message)) {
+    ++channel.malformed;
+  } else {
+    note_scenario(message, channel);
+  }
+}
+
+using Judge = void (*)(const void*, std::size_t, Channel&);
+const std::map<std::string, Judge> kJudges = {{hal::kChannelContact, judge_message<contact_t>},
+                                              {hal::kChannelPlantState, judge_message<plant_state_t>},
+                                              {hal::kChannelSensors, judge_message<sensors_t>},
+                                              {hal::kChannelStepCommand, judge_message<step_command_t>},
+                                              {hal::kChannelControllerStatus, judge_message<controller_status_t>},
+                                              {hal::kChannelTrip, judge_message<trip_t>},
+                                              {hal::kChannelOperator, judge_message<operator_t>}};
+
+std::string format(const char* pattern, auto... values) {
+  char text[256];
+  std::snprintf(text, sizeof text, pattern, values...);
+  return text;
+}
+
+// The same group with another port: a bus of its own.
+std::string another_bus(const std::string& url) {
+  return url.find(":7667") == std::string::npos ? "udpm://239.255.76.67:7667?ttl=0" : "udpm://239.255.76.67:7668?ttl=0";
+}
+
+}  // namespace
+
+void Listener::hear(const std::string& name, const void* data, std::size_t size) {
+  Channel& channel = channels_[name];
+  ++channel.count;
+  if (const auto judge = kJudges.find(name); judge != kJudges.end()) judge->second(data, size, channel);
+}
+
+bool listen(const std::string& url, hal::Seconds time, Listener& listener) {
+  lcm::LCM lcm(url);
+  if (!lcm.good()) return false;
+  const auto hear = [](const lcm::ReceiveBuffer* buffer, const std::string& channel, Listener* out) {
+    out->hear(channel, buffer->data, buffer->data_size);
+  };
+  lcm.subscribeFunction(".*", +hear, &listener)->setQueueCapacity(10000);
+  const auto deadline = hal::after(hal::WallClock::now(), time);
+  for (;;) {
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - hal::WallClock::now()).count();
+    if (left <= 0) return true;
+    if (lcm.handleTimeout(static_cast<int>(left)) < 0) return false;
+  }
+}
+
+std::vector<Finding> judge(const Listener& listener, const std::string& url, hal::Seconds time) {
+  if (listener.channels().empty()) {
+    return {{Verdict::kNote, "peers", format("nobody has said anything on %s for %g s", url.c_str(), time.count()),
+             "ballast run paper_ball --speed 1 --lcm '" + url + "'"}};
+  }
+  std::vector<Finding> findings;
+  std::set<std::int64_t> scenarios;
+  for (const auto& [name, channel] : listener.channels()) {
+    const std::string rate = format("%.0f messages/s", static_cast<double>(channel.count) / time.count());
+    scenarios.insert(channel.scenario_ids.begin(), channel.scenario_ids.end());
+    if (!kJudges.contains(name)) {
+      findings.push_back({Verdict::kNote, name, rate + ", not a channel of Ballast", ""});
+    } else if (channel.foreign > 0) {
+      findings.push_back({Verdict::kFail, name,
+                          format("%lld of %lld have the fingerprint %llx: of another build than this",
+                                 static_cast<long long>(channel.foreign), static_cast<long long>(channel.count),
+                                 static_cast<unsigned long long>(channel.fingerprint)),
+                          "end that program, ninja -C build, and start it again; or --lcm '" + another_bus(url) + "'"});
+    } else if (channel.malformed > 0) {
+      findings.push_back({Verdict::kFail, name,
+                          format("%lld of %lld do not decode", static_cast<long long>(channel.malformed),
+                                 static_cast<long long>(channel.count)),
+                          "end who sends them; or --lcm '" + another_bus(url) + "'"});
+    } else {
+      findings.push_back({Verdict::kOk, name, rate + ", all decoded", ""});
+    }
+  }
+  std::string ids;
+  for (const std::int64_t id : scenarios) {
+    ids += format("%s%016llx", ids.empty() ? "" : ", ", static_cast<unsigned long long>(id));
+  }
+  if (scenarios.size() > 1) {
+    findings.push_back({Verdict::kFail, "scenario", "several on one bus, which answer each other: " + ids,
+                        "give each run a bus of its own: --lcm '" + another_bus(url) + "'"});
+  } else if (!scenarios.empty()) {
+    findings.push_back({Verdict::kOk, "scenario", ids + ", the same in every message", ""});
+  }
+  return findings;
+}
+
+}  // namespace ballast::doctor
