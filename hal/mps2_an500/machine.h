@@ -9,9 +9,16 @@
 namespace ballast::hal::mps2_an500 {
 
 struct StepPins {
-  static std::uint32_t now() { return reg(kSysTickReload) - reg(kSysTickValue); }
-  static std::uint32_t period() { return reg(kSysTickReload) + 1; }
-  static void arm(std::uint32_t counts) { reg(kTimer0 + 4) = counts; }  // its reload is the longest there is
+  static std::uint32_t span() { return reg(kSysTickReload); }
+  static std::uint32_t left() { return reg(kSysTickValue); }
+  // Its reload is the longest there is. What is already pending is of an earlier arm(), and nothing may join it while it
+  // is cleared.
+  static void arm(std::uint32_t counts) {
+    reg(kTimer0 + 4) = 0xffffffff;
+    reg(kTimer0 + 0x0c) = 1;
+    reg(kNvicClearPending) = 1u << kTimer0Irq;
+    reg(kTimer0 + 4) = counts;
+  }
   static std::uint32_t pin(std::uint8_t motor) { return 1u << (2 * motor); }
   // The drivers step on both edges.
   static void step(std::uint32_t pin) { reg(kGpio0 + 4) = levels ^= pin; }
@@ -50,10 +57,7 @@ class Machine {
     ticks_begun_ = ticks_begun_ + 1;
     player_.begin_tick();
   }
-  void on_step_timer() {
-    reg(kTimer0 + 0x0c) = 1;
-    player_.on_timer();
-  }
+  void on_step_timer() { player_.on_timer(); }
 
  private:
   std::int32_t in_ = -1, out_ = -1;

@@ -10,16 +10,16 @@
 namespace ballast::hal::target {
 
 // Pins and timer of a board, as static functions (a step is one store, nothing is looked up):
-//   now()                    counts since the control tick began
-//   period()                 of a control tick, counts
-//   arm(counts)              the step interrupt comes after so many counts, at least 1; replaces what was armed
+//   span(), left()           a timer that counts down over a control tick: what it begins with, and where it stands
+//   arm(counts)              the step interrupt comes after so many counts, at least 1; replaces what was armed,
+//                            and what is already on its way
 //   pin(motor)               what step() wants
 //   step(pin)                one step
 //   turn(motor, direction)   the direction of the motor's steps from now on
 template <class H>
 concept StepHardware = requires(std::uint32_t counts, std::uint8_t motor, std::int8_t direction) {
-  { H::now() } -> std::same_as<std::uint32_t>;
-  { H::period() } -> std::same_as<std::uint32_t>;
+  { H::span() } -> std::same_as<std::uint32_t>;
+  { H::left() } -> std::same_as<std::uint32_t>;
   H::arm(counts);
   { H::pin(motor) } -> std::same_as<std::uint32_t>;
   H::step(counts);
@@ -95,28 +95,31 @@ class StepPlayer {
       ready_ = false;
       for (Track* t = ready->tracks.data(); t != ready->end; ++t) begin_segment(*t);
     }
+    span_ = static_cast<std::int32_t>(H::span());
     due_ = playing_->end == playing_->tracks.data() ? kNever : earliest()->due;
-    due_counts_ = counts(due_);
-    on_timer();
+    due_left_ = left_at(due_);
+    const std::int32_t wait = static_cast<std::int32_t>(H::left()) - due_left_;
+    if (wait > 0) {
+      H::arm(static_cast<std::uint32_t>(wait));
+    } else {
+      on_timer();
+    }
   }
 
-  // The step interrupt.
+  // The step interrupt: what it was armed for is due.
   void on_timer() {
-    std::uint32_t due = due_, due_counts = due_counts_;
+    std::uint32_t due = due_;
+    std::int32_t due_left = due_left_;
     Given* record = record_;
     Program& program = *playing_;
     for (;;) {
-      const std::uint32_t now = H::now();
-      if (now < due_counts) {
-        H::arm(due_counts - now);
-        break;
-      }
       // All motors whose pulse is due, and when the next one is.
       std::uint32_t next = kNever;
-      for (Track* t = program.tracks.data(); t != program.end;) {
+      Track* t = program.tracks.data();
+      do {
         if (t->due <= due) {
           H::step(t->pin);
-          *record++ = {due, H::now() - due_counts, t->id};
+          *record++ = {due, static_cast<std::uint32_t>(due_left - static_cast<std::int32_t>(H::left())), t->id};
           if (--t->left != 0) {
             t->due += t->interval;
             t->interval += t->add;
@@ -126,12 +129,17 @@ class StepPlayer {
         }
         if (t->due < next) next = t->due;
         ++t;
-      }
+      } while (t != program.end);
       due = next;
-      due_counts = counts(due);
+      due_left = left_at(due);
+      const std::int32_t wait = static_cast<std::int32_t>(H::left()) - due_left;
+      if (wait > 0) {
+        H::arm(static_cast<std::uint32_t>(wait));
+        break;
+      }
     }
     due_ = due;
-    due_counts_ = due_counts;
+    due_left_ = due_left;
     record_ = record;
   }
 
@@ -149,7 +157,7 @@ class StepPlayer {
   [[nodiscard]] std::uint32_t given() const { return given_; }
 
  private:
-  static constexpr std::uint32_t kNever = 0xffffffff;
+  static constexpr std::uint32_t kNever = 0x3fffffff;  // beyond any control tick's end, and its counts are too
 
   // Times in step timer ticks, shifted so that one multiplication gives counts.
   struct Segment {
@@ -175,9 +183,9 @@ class StepPlayer {
     const Given* end = nullptr;
   };
 
-  // Of kNever: later than any control tick's end.
-  [[nodiscard]] std::uint32_t counts(std::uint32_t shifted) const {
-    return static_cast<std::uint32_t>(std::uint64_t{shifted} * scale_ >> 32);
+  // What left() is at a time; below 0 after the tick's end.
+  [[nodiscard]] std::int32_t left_at(std::uint32_t shifted) const {
+    return span_ - static_cast<std::int32_t>(std::uint64_t{shifted} * scale_ >> 32);
   }
 
   static void begin_segment(Track& t) {
@@ -211,7 +219,8 @@ class StepPlayer {
   // A pulse of the control tick that has just ended.
   void finish(Track& t) {
     H::step(t.pin);
-    *record_++ = {t.due, H::period() + H::now() - counts(t.due), t.id};
+    const std::uint32_t since = H::span() - H::left() + 1;  // counts since that tick's last
+    *record_++ = {t.due, static_cast<std::uint32_t>(left_at(t.due)) + since, t.id};
     if (--t.left == 0) {
       static_cast<void>(advance(*playing_, t));
     } else {
@@ -228,7 +237,8 @@ class StepPlayer {
   Given* record_ = nullptr;  // where the next pulse is written down
   std::uint32_t given_ = 0;
   std::uint32_t due_ = 0;  // the pulse waited for
-  std::uint32_t due_counts_ = 0;
+  std::int32_t due_left_ = 0;
+  std::int32_t span_ = 0;
   std::uint32_t shift_ = 0;
   std::uint32_t scale_ = 0;
 };

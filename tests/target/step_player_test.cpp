@@ -17,8 +17,8 @@ struct FakePins {
     std::int8_t direction;
   };
   static inline std::vector<Pulse> pulses;
-  static std::uint32_t now() { return time; }
-  static std::uint32_t period() { return length; }
+  static std::uint32_t span() { return length - 1; }
+  static std::uint32_t left() { return length - 1 - time; }
   static void arm(std::uint32_t counts) { armed = counts; }
   static inline std::int8_t directions[8] = {};
   static std::uint32_t pin(std::uint8_t motor) { return motor; }
