@@ -100,13 +100,14 @@ class StepPlayer {
     due_left_ = left_at(due_);
     const std::int32_t wait = static_cast<std::int32_t>(H::left()) - due_left_;
     if (wait > 0) {
-      H::arm(static_cast<std::uint32_t>(wait));
+      H::arm(static_cast<std::uint32_t>(wait) + 1);
     } else {
       on_timer();
     }
   }
 
-  // The step interrupt: what it was armed for is due.
+  // The step interrupt: what it was armed for is due. It is armed a count late, since the counts of two timers do not
+  // begin together, and a pulse must not be early.
   void on_timer() {
     std::uint32_t due = due_;
     std::int32_t due_left = due_left_;
@@ -119,7 +120,7 @@ class StepPlayer {
       do {
         if (t->due <= due) {
           H::step(t->pin);
-          *record++ = {due, static_cast<std::uint32_t>(due_left - static_cast<std::int32_t>(H::left())), t->id};
+          *record++ = {due, due_left - static_cast<std::int32_t>(H::left()), t->id};
           if (--t->left != 0) {
             t->due += t->interval;
             t->interval += t->add;
@@ -134,7 +135,7 @@ class StepPlayer {
       due_left = left_at(due);
       const std::int32_t wait = static_cast<std::int32_t>(H::left()) - due_left;
       if (wait > 0) {
-        H::arm(static_cast<std::uint32_t>(wait));
+        H::arm(static_cast<std::uint32_t>(wait) + 1);
         break;
       }
     }
@@ -148,9 +149,11 @@ class StepPlayer {
     const Record& record = records_[1 - open_];
     pulses.count = 0;
     for (const Given* g = record.pulse.data(); g != record.end; ++g) {
+      // None is early: below 0, the timer began anew between the pulse's time and the pulse.
+      const std::int32_t late = g->late_counts < 0 ? g->late_counts + span_ + 1 : g->late_counts;
       pulses.pulse[static_cast<std::size_t>(pulses.count++)] = {
-          g->due >> shift_, static_cast<std::uint16_t>(g->late_counts < 65535 ? g->late_counts : 65535),
-          static_cast<std::uint8_t>(g->id), static_cast<std::int8_t>(g->id >> 8)};
+          g->due >> shift_, static_cast<std::uint16_t>(late < 65535 ? late : 65535), static_cast<std::uint8_t>(g->id),
+          static_cast<std::int8_t>(g->id >> 8)};
     }
   }
   // Up to the beginning of this control tick.
@@ -176,7 +179,9 @@ class StepPlayer {
     std::array<Segment, firmware::kMaxBursts> segments{};
   };
   struct Given {
-    std::uint32_t due, late_counts, id;  // motor, and from bit 8 on its direction
+    std::uint32_t due;
+    std::int32_t late_counts;
+    std::uint32_t id;  // motor, and from bit 8 on its direction
   };
   struct Record {
     std::array<Given, kMaxPulses> pulse{};
@@ -219,8 +224,7 @@ class StepPlayer {
   // A pulse of the control tick that has just ended.
   void finish(Track& t) {
     H::step(t.pin);
-    const std::uint32_t since = H::span() - H::left() + 1;  // counts since that tick's last
-    *record_++ = {t.due, static_cast<std::uint32_t>(left_at(t.due)) + since, t.id};
+    *record_++ = {t.due, left_at(t.due) + span_ + 1 - static_cast<std::int32_t>(H::left()), t.id};
     if (--t.left == 0) {
       static_cast<void>(advance(*playing_, t));
     } else {

@@ -81,8 +81,8 @@ TEST_P(StepPlayerAtRatio, PulsesComeAtTheirTime) {
       ASSERT_LT(seen[pulse.motor], motor.size());
       const auto [at, direction] = motor[seen[pulse.motor]++];
       EXPECT_EQ(pulse.direction, direction);
-      // Counts are whole: up to one before the exact time.
-      EXPECT_LE(pulse.time, static_cast<double>(at) * ratio + 1e-6);
+      // Counts are whole, up to one before the exact time, and armed a count late.
+      EXPECT_LE(pulse.time, static_cast<double>(at) * ratio + 1 + 1e-6);
       EXPECT_GT(pulse.time, static_cast<double>(at) * ratio - 1);
     }
     player.begin_tick();  // nothing was loaded: closes the record
@@ -121,8 +121,30 @@ TEST(StepPlayer, SaysHowLateAPulseWas) {
   PlayedPulses played;
   player.played(played);
   ASSERT_EQ(played.count, 2);
-  EXPECT_EQ(played.pulse[0].late_counts, 30);
+  EXPECT_EQ(played.pulse[0].late_counts, 31);
   EXPECT_EQ(played.pulse[1].late_counts, 25000 + 4 - 24997);  // 9999 * 2.5 = 24997.5
+}
+
+// A pulse of the last count, whose interrupt comes in time but is so long under way that the tick's timer has begun
+// anew.
+TEST(StepPlayer, SaysHowLateAPulseWasAcrossTheTicksEnd) {
+  StepPlayer<FakePins> player;
+  player.configure(2.5);
+  FakePins::length = 25000;
+  firmware::StepCommand command;
+  command.motor_count = command.burst_count = 1;
+  command.bursts[0] = {.motor = 0, .direction = 1, .count = 1, .first_ticks = 9999};
+  player.load(command);
+  FakePins::time = 0;
+  player.begin_tick();
+  FakePins::time = 2;
+  player.on_timer();
+  FakePins::time = 5;
+  player.begin_tick();
+  PlayedPulses played;
+  player.played(played);
+  ASSERT_EQ(played.count, 1);
+  EXPECT_EQ(played.pulse[0].late_counts, 25000 + 2 - 24997);
 }
 
 TEST(StepPlayer, GivesNothingThatWasNotLoaded) {
