@@ -137,7 +137,6 @@ struct Farewell {
   std::int64_t watchdog_kicks = 0;
   std::uint32_t stack_bytes = 0;       // reserved
   std::uint32_t stack_used_bytes = 0;  // ever written
-  std::uint32_t max_late_counts = 0;   // of all pulses
   PlayedPulses played;                 // during the last control tick
 };
 
@@ -378,7 +377,6 @@ void farewell_fields(A& archive, M& m) {
   archive(m.watchdog_kicks);
   archive(m.stack_bytes);
   archive(m.stack_used_bytes);
-  archive(m.max_late_counts);
   played_fields(archive, m.played);
 }
 
