@@ -213,8 +213,8 @@ class ExportTest(unittest.TestCase):
         """A run recorded by lcm-logger is the run's own log; lcm-logplayer's replay is what was recorded."""
         self.ballast("run", "paper_ball", "--set", "duration=1", "--quiet", "--out", "r")
         own = [e[1:] for e in events(self.folder / "r/run.lcmlog")]
-        for name, command in (("live", [BALLAST, "run", "paper_ball", "--set", "duration=1", "--speed", "1", "--lcm", URL,
-                                        "--quiet", "--out", "r2"]),
+        for name, command in (("live", [BALLAST, "run", "paper_ball", "--set", "duration=1", "--speed", "1", "--lcm",
+                                        URL, "--quiet", "--out", "r2"]),
                               ("replayed", ["lcm-logplayer", "--lcm-url", URL, "r/run.lcmlog"])):
             logger = subprocess.Popen(["lcm-logger", "--quiet", "--lcm-url", URL, name], cwd=self.folder)
             try:

@@ -100,8 +100,8 @@ def write_csv(log, folder):
 
 
 def shaped(shape, number, array, record):
-    """A field of this shape: its first dimension becomes an array, further ones objects. Foxglove refuses a channel that
-    has an array of arrays."""
+    """A field of this shape: its first dimension becomes an array, further ones objects. Foxglove refuses a channel
+    that has an array of arrays."""
     if not shape:
         return number
     return array(shape[0], shaped_entry(shape[1:], number, record))
