@@ -11,13 +11,15 @@ namespace ballast::hal::mps2_an500 {
 struct StepPins {
   static std::uint32_t span() { return reg(kSysTickReload); }
   static std::uint32_t left() { return reg(kSysTickValue); }
-  // Its reload is the longest there is. What is already pending is of an earlier arm(), and nothing may join it while it
-  // is cleared.
+  // Its reload is the longest there is: an expiry comes once.
   static void arm(std::uint32_t counts) {
+    reg(kTimer0 + 0x0c) = 1;
+    reg(kTimer0 + 4) = counts;
+  }
+  static void cancel() {
     reg(kTimer0 + 4) = 0xffffffff;
     reg(kTimer0 + 0x0c) = 1;
     reg(kNvicClearPending) = 1u << kTimer0Irq;
-    reg(kTimer0 + 4) = counts;
   }
   static std::uint32_t pin(std::uint8_t motor) { return 1u << (2 * motor); }
   // The drivers step on both edges.
