@@ -62,10 +62,10 @@ class Machine {
   void on_step_timer() { player_.on_timer(); }
 
  private:
-  std::int32_t in_ = -1, out_ = -1;
+  std::int32_t in_ = 0, out_ = 0;  // all zero: no flash for what is written before it is read
   volatile std::uint32_t ticks_begun_ = 0;
   std::uint32_t ticks_served_ = 0;
-  bool play_ = true;
+  bool play_ = false;
   target::StepPlayer<StepPins> player_;
 };
 
