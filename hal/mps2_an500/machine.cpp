@@ -72,8 +72,8 @@ bool Machine::start(const firmware::ControllerParams& params, const target::Comm
   play_ = commit.play;
   player_.configure(counts_per_step_tick);
 
-  reg(kTimer0 + 8) = 0xffffffff;  // reload: an expiry comes once
-  StepPins::arm(0xffffffff);
+  reg(kTimer0 + 8) = 0xffffffff;  // reload
+  StepPins::cancel();
   reg(kTimer0) = 9;  // enable, interrupt
   const auto period = static_cast<std::uint32_t>(std::lround(counts));
   reg(kWatchdogBase) = kWatchdogTicks * period;

@@ -11,13 +11,15 @@ namespace ballast::hal::mps2_an500 {
 struct StepPins {
   static std::uint32_t span() { return reg(kSysTickReload); }
   static std::uint32_t left() { return reg(kSysTickValue); }
-  // Its reload is the longest there is. What is already pending is of an earlier arm(), and nothing may join it while it
-  // is cleared.
+  // Its reload is the longest there is: an expiry comes once.
   static void arm(std::uint32_t counts) {
+    reg(kTimer0 + 0x0c) = 1;
+    reg(kTimer0 + 4) = counts;
+  }
+  static void cancel() {
     reg(kTimer0 + 4) = 0xffffffff;
     reg(kTimer0 + 0x0c) = 1;
     reg(kNvicClearPending) = 1u << kTimer0Irq;
-    reg(kTimer0 + 4) = counts;
   }
   static std::uint32_t pin(std::uint8_t motor) { return 1u << (2 * motor); }
   // The drivers step on both edges.
@@ -60,10 +62,10 @@ class Machine {
   void on_step_timer() { player_.on_timer(); }
 
  private:
-  std::int32_t in_ = -1, out_ = -1;
+  std::int32_t in_ = 0, out_ = 0;  // all zero: no flash for what is written before it is read
   volatile std::uint32_t ticks_begun_ = 0;
   std::uint32_t ticks_served_ = 0;
-  bool play_ = true;
+  bool play_ = false;
   target::StepPlayer<StepPins> player_;
 };
 

@@ -11,8 +11,8 @@ namespace ballast::hal::target {
 
 // Pins and timer of a board, as static functions (a step is one store, nothing is looked up):
 //   span(), left()           a timer that counts down over a control tick: what it begins with, and where it stands
-//   arm(counts)              the step interrupt comes after so many counts, at least 1; replaces what was armed,
-//                            and what is already on its way
+//   arm(counts)              the step interrupt comes after so many counts, at least 1; replaces what was armed
+//   cancel()                 nothing comes of what was armed, though it be on its way already
 //   pin(motor)               what step() wants
 //   step(pin)                one step
 //   turn(motor, direction)   the direction of the motor's steps from now on
@@ -21,6 +21,7 @@ concept StepHardware = requires(std::uint32_t counts, std::uint8_t motor, std::i
   { H::span() } -> std::same_as<std::uint32_t>;
   { H::left() } -> std::same_as<std::uint32_t>;
   H::arm(counts);
+  H::cancel();
   { H::pin(motor) } -> std::same_as<std::uint32_t>;
   H::step(counts);
   H::turn(motor, direction);
@@ -95,19 +96,19 @@ class StepPlayer {
       ready_ = false;
       for (Track* t = ready->tracks.data(); t != ready->end; ++t) begin_segment(*t);
     }
-    span_ = static_cast<std::int32_t>(H::span());
+    H::cancel();
+    last_ = static_cast<std::int32_t>(H::span()) - 1;
     due_ = playing_->end == playing_->tracks.data() ? kNever : earliest()->due;
     due_left_ = left_at(due_);
     const std::int32_t wait = static_cast<std::int32_t>(H::left()) - due_left_;
     if (wait > 0) {
-      H::arm(static_cast<std::uint32_t>(wait) + 1);
+      H::arm(static_cast<std::uint32_t>(wait));
     } else {
       on_timer();
     }
   }
 
-  // The step interrupt: what it was armed for is due. It is armed a count late, since the counts of two timers do not
-  // begin together, and a pulse must not be early.
+  // The step interrupt: what it was armed for is due.
   void on_timer() {
     std::uint32_t due = due_;
     std::int32_t due_left = due_left_;
@@ -135,7 +136,7 @@ class StepPlayer {
       due_left = left_at(due);
       const std::int32_t wait = static_cast<std::int32_t>(H::left()) - due_left;
       if (wait > 0) {
-        H::arm(static_cast<std::uint32_t>(wait) + 1);
+        H::arm(static_cast<std::uint32_t>(wait));
         break;
       }
     }
@@ -150,7 +151,8 @@ class StepPlayer {
     pulses.count = 0;
     for (const Given* g = record.pulse.data(); g != record.end; ++g) {
       // None is early: below 0, the timer began anew between the pulse's time and the pulse.
-      const std::int32_t late = g->late_counts < 0 ? g->late_counts + span_ + 1 : g->late_counts;
+      std::int32_t late = g->late_counts + 1;
+      if (late < 0) late += last_ + 2;
       pulses.pulse[static_cast<std::size_t>(pulses.count++)] = {
           g->due >> shift_, static_cast<std::uint16_t>(late < 65535 ? late : 65535), static_cast<std::uint8_t>(g->id),
           static_cast<std::int8_t>(g->id >> 8)};
@@ -188,9 +190,10 @@ class StepPlayer {
     const Given* end = nullptr;
   };
 
-  // What left() is at a time; below 0 after the tick's end.
+  // What left() is when a pulse is given: a count after its time, since the counts of two timers do not begin together,
+  // and none may be early. Below 0 after the tick's end.
   [[nodiscard]] std::int32_t left_at(std::uint32_t shifted) const {
-    return span_ - static_cast<std::int32_t>(std::uint64_t{shifted} * scale_ >> 32);
+    return last_ - static_cast<std::int32_t>(std::uint64_t{shifted} * scale_ >> 32);
   }
 
   static void begin_segment(Track& t) {
@@ -224,7 +227,7 @@ class StepPlayer {
   // A pulse of the control tick that has just ended.
   void finish(Track& t) {
     H::step(t.pin);
-    *record_++ = {t.due, left_at(t.due) + span_ + 1 - static_cast<std::int32_t>(H::left()), t.id};
+    *record_++ = {t.due, left_at(t.due) + last_ + 2 - static_cast<std::int32_t>(H::left()), t.id};
     if (--t.left == 0) {
       static_cast<void>(advance(*playing_, t));
     } else {
@@ -242,7 +245,7 @@ class StepPlayer {
   std::uint32_t given_ = 0;
   std::uint32_t due_ = 0;  // the pulse waited for
   std::int32_t due_left_ = 0;
-  std::int32_t span_ = 0;
+  std::int32_t last_ = 0;  // left_at(0)
   std::uint32_t shift_ = 0;
   std::uint32_t scale_ = 0;
 };

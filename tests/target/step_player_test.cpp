@@ -20,6 +20,7 @@ struct FakePins {
   static std::uint32_t span() { return length - 1; }
   static std::uint32_t left() { return length - 1 - time; }
   static void arm(std::uint32_t counts) { armed = counts; }
+  static void cancel() { armed = 0xffffffff; }
   static inline std::int8_t directions[8] = {};
   static std::uint32_t pin(std::uint8_t motor) { return motor; }
   static void step(std::uint32_t pin) { pulses.push_back({time, static_cast<std::uint8_t>(pin), directions[pin]}); }
