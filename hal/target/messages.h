@@ -197,6 +197,8 @@ void rail_fields(A& archive, M& m) {
   vector_fields(archive, m.axis_cos_B);
   vector_fields(archive, m.axis_sin_B);
   archive(m.radius_m);
+  archive(m.lower_end);
+  archive(m.upper_end);
   archive(m.closed);
   archive.bounded(m.piece_count, 0, firmware::kMaxRailPieces);
   archive(m.piece_length_m);
