@@ -73,13 +73,11 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
 
 // The lines of the target under the summary.
 void print_target(const sil::TargetRecord& target) {
-  const auto instructions = [&](double counts) {
-    return static_cast<long long>(counts * target.instructions_per_count);
-  };
+  if (target.ticks == 0) return;
   std::printf("  firmware    on %s in QEMU: %lld to %lld instructions per tick (most in tick %lld), %lld in the mean\n",
-              target.board.c_str(), instructions(target.min_counts), instructions(target.max_counts),
-              static_cast<long long>(target.max_tick),
-              instructions(static_cast<double>(target.sum_counts) / static_cast<double>(target.ticks)));
+              target.board.c_str(), static_cast<long long>(target.min_instructions),
+              static_cast<long long>(target.max_instructions), static_cast<long long>(target.max_tick),
+              static_cast<long long>(target.sum_instructions / target.ticks));
   if (!target.farewell) return;
   std::printf("  pins        %lld pulses given as commanded, at most %.2f us late; stack %u of %u bytes\n",
               static_cast<long long>(target.pulses), 1e6 * target.max_late_counts / target.counter_hz,

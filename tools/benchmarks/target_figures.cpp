@@ -62,18 +62,17 @@ Measured measure(const sim::Scenario& scenario, const std::string& folder) {
 }
 
 void print_tick(const char* what, std::size_t masses, const sil::TargetRecord& r) {
-  const auto instructions = [&](double counts) { return counts * r.instructions_per_count; };
-  const double worst = instructions(r.max_counts);
+  const auto worst = static_cast<double>(r.max_instructions);
   // A tick of 1 kHz has 216,000 or 480,000 clocks.
-  std::printf("tick         %zu mass%-3s %-12s min %6.0f  mean %6.0f  max %7.0f in tick %-6lld %5.1f %% / %4.1f %%\n",
-              masses, masses == 1 ? "" : "es", what, instructions(r.min_counts),
-              instructions(static_cast<double>(r.sum_counts) / static_cast<double>(r.ticks)), worst,
+  std::printf("tick         %zu mass%-3s %-12s min %6lld  mean %6.0f  max %7.0f in tick %-6lld %5.1f %% / %4.1f %%\n",
+              masses, masses == 1 ? "" : "es", what, static_cast<long long>(r.min_instructions),
+              static_cast<double>(r.sum_instructions) / static_cast<double>(r.ticks), worst,
               static_cast<long long>(r.max_tick), worst / 2160, worst / 4800);
 }
 
 bool same(const sil::TargetRecord& a, const sil::TargetRecord& b) {
-  return a.ticks == b.ticks && a.min_counts == b.min_counts && a.max_counts == b.max_counts &&
-         a.sum_counts == b.sum_counts && a.max_tick == b.max_tick;
+  return a.ticks == b.ticks && a.min_instructions == b.min_instructions && a.max_instructions == b.max_instructions &&
+         a.sum_instructions == b.sum_instructions && a.max_tick == b.max_tick;
 }
 
 void ticks(const std::string& folder) {

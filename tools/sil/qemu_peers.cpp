@@ -335,10 +335,11 @@ Status QemuPeers::exchange(Lap& lap) {
   commanded_ = commanded_next_;
   commanded_next_ = reply_->steps;
   ++record_.ticks;
-  record_.sum_counts += reply_->tick_counts;
-  record_.min_counts = std::min(record_.min_counts, reply_->tick_counts);
-  if (reply_->tick_counts > record_.max_counts) {
-    record_.max_counts = reply_->tick_counts;
+  const std::int64_t instructions = std::llround(reply_->tick_counts * record_.instructions_per_count);
+  record_.sum_instructions += instructions;
+  record_.min_instructions = std::min(record_.min_instructions, instructions);
+  if (instructions > record_.max_instructions) {
+    record_.max_instructions = instructions;
     record_.max_tick = tick;
   }
   lap.status = hal::to_message(reply_->status, params_.control_period_s);

@@ -1,6 +1,8 @@
 // The firmware on a microcontroller that QEMU plays, in lockstep; the monitor stays in this process.
 #pragma once
 
+#include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -27,9 +29,10 @@ struct TargetRecord {
   std::string board;
   double instructions_per_count = 0;
   std::int64_t ticks = 0;  // answered
-  std::uint32_t min_counts = 0xffffffff, max_counts = 0;
-  std::uint64_t sum_counts = 0;
-  std::int64_t max_tick = 0;          // whose counts were max_counts
+  // Of a tick. Each rounded to whole instructions: where these are several counts long, that takes away where in a
+  // count the tick began, which depends on how the link's bytes happened to come.
+  std::int64_t min_instructions = std::numeric_limits<std::int64_t>::max(), max_instructions = 0, sum_instructions = 0;
+  std::int64_t max_tick = 0;          // whose were max_instructions
   std::int64_t pulses = 0;            // given by the step interrupt, each held against the command
   std::uint32_t max_late_counts = 0;  // of them
   std::optional<hal::target::Farewell> farewell;
