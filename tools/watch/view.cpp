@@ -142,8 +142,9 @@ std::string View::page(double now_s, int width, std::int64_t undecodable) const 
     text += cut(trip_ ? "trip   none" : "trip   no monitor heard", width);
   }
   if (status_) {
-    text += cut(format("mode   %s  faults 0x%x  overruns %lld%s", mode(status_->mode),
+    text += cut(format("mode   %s  faults 0x%x  overruns %lld  messages refused %lld%s", mode(status_->mode),
                        static_cast<unsigned>(status_->faults), static_cast<long long>(status_->overruns),
+                       static_cast<long long>(status_->refused_messages),
                        status_->refusal != controller_status_t::REFUSAL_NONE ? "  a command was refused" : ""),
                 width);
   } else {
