@@ -67,8 +67,8 @@ std::string repeat_command(const RunResult& result, const RunOptions& options, c
       result.status == hal::Status::kOk && !result.operators_heard && !options.by_hand && !options.move;
   if (!scenario_says_all) return "ballast replay " + shell_word(output.log_path());
   const fs::path box = output.path() / kBlackBox;
-  return "ballast run " + shell_word(box / "scenario.toml") + run_options + (options.check_steps ? " --check-steps" : "") +
-         " --out " + shell_word(box / "again");
+  return "ballast run " + shell_word(box / "scenario.toml") + run_options +
+         (options.check_steps ? " --check-steps" : "") + " --out " + shell_word(box / "again");
 }
 
 bool write_black_box(const sim::Scenario& scenario, const RunResult& result, const std::string& command,
