@@ -142,7 +142,7 @@ RefusalReport refused(Refusal reason, int motor = -1, Wide value = 0, int piece 
 }
 
 // The first piece in which the mass leaves its rail, and how far it goes there; -1: none.
-int leaves_rail(const BallParams& ball, int i, const Profile& profile, Real& position) {
+int leaves_rail(const BallParams& ball, int i, const Profile& profile, Wide& position) {
   for (int p = 0; p < profile.piece_count(); ++p) {
     const Cubic& c = profile.cubic(p);
     const StepCubic x{c.position, c.velocity, c.acceleration, c.jerk};
@@ -167,7 +167,7 @@ RefusalReport prepare_motion(const ControllerParams& params, ControllerState& st
     if (breach.what == Limited::kVelocity) return refused(Refusal::kVelocity, i, breach.value, breach.piece);
     if (breach.what == Limited::kAcceleration) return refused(Refusal::kAcceleration, i, breach.value, breach.piece);
     if (breach.what == Limited::kJerk) return refused(Refusal::kJerk, i, breach.value, breach.piece);
-    Real position = 0;
+    Wide position = 0;
     const int piece = leaves_rail(params.ball, i, state.active[at(i)], position);
     if (piece >= 0) return refused(Refusal::kRailEnd, i, position, piece);
   }

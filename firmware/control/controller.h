@@ -100,7 +100,7 @@ enum class Refusal : std::uint8_t {
   kAcceleration = 7,
   kJerk = 8,
   kNotPlanned = 9,  // no profile came of these numbers; value: the distance
-  kRailEnd = 10,    // the motion, begun from where the masses stand, leaves a rail in one of its pieces; value: where to
+  kRailEnd = 10,    // the motion, begun from where the masses stand, leaves its rail; value: how far it goes
 };
 
 struct RefusalReport {
@@ -182,8 +182,8 @@ void reset(const ControllerParams& params, ControllerState& state);
 // One tick. `params` must have been accepted by validate(). Steps written are those of inputs.tick + 1.
 // - START in tick k: profile time 0 is the start of tick k + 1. The first motion starts with the parameters' initial
 //   position and velocity. A later one (after a stop, a move, or a trip and reset) runs the same pieces from where the
-//   masses stand, at rest; refused if that breaks a limit or leaves a rail. (At what velocity a motion goes on after its
-//   last piece, and for how long, is not looked at: how long it runs is not known here.)
+//   masses stand, at rest; refused if that breaks a limit or leaves a rail. (At what velocity a motion goes on after
+//   its last piece, and for how long, is not looked at: how long it runs is not known here.)
 // - MOVE in tick k, armed: from the start of tick k + 1 each mass asked goes to its target by plan_move(), all in the
 //   same time. Then they hold, and the mode is armed again.
 // - A stop or a trip in tick k: from the start of tick k + 1 each mass stops by plan_stop() from its profile's
@@ -193,10 +193,10 @@ void reset(const ControllerParams& params, ControllerState& state);
 //   ends by itself leaves the mode running.
 // - N and f_s along the stop or move are predicted in tick k, from the sensed attitude: prediction.h.
 // - Step overload: the tick's steps are made again with all masses stopping from the commanded state, each in its own
-//   shortest time, without a jump. Only a motor whose pulses would still come too fast gets one, as small as will do: an
-//   acceleration that still raises its speed ends at once, since at the step rate there is no room for it to fade; then
-//   its speed falls to what it can follow; and if that fails too, it holds. The prediction is of what is commanded in
-//   the end.
+//   shortest time, without a jump. Only a motor whose pulses would still come too fast gets one, as small as will do:
+//   an acceleration that still raises its speed ends at once, since at the step rate there is no room for it to fade;
+//   then its speed falls to what it can follow; and if that fails too, it holds. The prediction is of what is commanded
+//   in the end.
 // - A tick repeated issues nothing: its steps are on their way already. A tick skipped, or one from the past, left the
 //   motors without pulses; they stand, and hold there.
 // All of `outputs` is written, except overruns.

@@ -196,7 +196,7 @@ bool smooth_tick(const Profile& profile, Wide t0_s, Wide position_zero, Wide ste
   if (!(run.cubic.velocity * run.cubic.velocity_at(ahead_s) > 0)) {
     const bool stands = run.cubic.velocity == 0 && run.cubic.acceleration == 0 && run.cubic.jerk == 0;
     run.steps = 0;
-    return stands && std::fabs(run.cubic.x - static_cast<Real>(count)) <= 0.5;
+    return stands && std::fabs(run.cubic.x - static_cast<Wide>(count)) <= 0.5;
   }
   run.direction = run.cubic.velocity > 0 ? 1 : -1;
   run.first_level = static_cast<Wide>(count) + 0.5 * run.direction;

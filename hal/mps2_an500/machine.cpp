@@ -72,7 +72,9 @@ bool Machine::start(const firmware::ControllerParams& params, const target::Comm
   play_ = commit.play;
   player_.configure(counts_per_step_tick);
 
-  reg(kTimer0 + 8) = 0xffffffff;
+  reg(kTimer0 + 8) = 0xffffffff;  // reload
+  StepPins::cancel();
+  reg(kTimer0) = 9;  // enable, interrupt
   const auto period = static_cast<std::uint32_t>(std::lround(counts));
   reg(kWatchdogBase) = kWatchdogTicks * period;
   reg(kWatchdogBase + 8) = 1;  // the first expiry interrupts
@@ -94,7 +96,6 @@ std::uint32_t Machine::wait_tick() {
 void Machine::report(target::Farewell& farewell) const {
   farewell.stack_bytes = stack_bytes();
   farewell.stack_used_bytes = stack_used_bytes();
-  farewell.max_late_counts = player_.max_late_counts();
 }
 
 }  // namespace ballast::hal::mps2_an500

@@ -9,18 +9,24 @@
 namespace ballast::hal::mps2_an500 {
 
 struct StepPins {
-  static std::uint32_t now() { return reg(kSysTickReload) - reg(kSysTickValue); }
-  static std::uint32_t period() { return reg(kSysTickReload) + 1; }
+  static std::uint32_t span() { return reg(kSysTickReload); }
+  static std::uint32_t left() { return reg(kSysTickValue); }
+  // Its reload is the longest there is: an expiry comes once.
   static void arm(std::uint32_t counts) {
-    reg(kTimer0 + 4) = counts;  // VALUE; reload is the longest there is, so that it comes once
-    reg(kTimer0) = 9;           // enable, interrupt
+    reg(kTimer0 + 0x0c) = 1;
+    reg(kTimer0 + 4) = counts;
   }
-  static void disarm() { reg(kTimer0) = 0; }
+  static void cancel() {
+    reg(kTimer0 + 4) = 0xffffffff;
+    reg(kTimer0 + 0x0c) = 1;
+    reg(kNvicClearPending) = 1u << kTimer0Irq;
+  }
+  static std::uint32_t pin(std::uint8_t motor) { return 1u << (2 * motor); }
   // The drivers step on both edges.
-  static void pulse(std::uint8_t motor, std::int8_t direction) {
-    const std::uint32_t step = 1u << (2 * motor), turn = step << 1;
-    levels = ((direction > 0) ? levels & ~turn : levels | turn) ^ step;
-    reg(kGpio0 + 4) = levels;
+  static void step(std::uint32_t pin) { reg(kGpio0 + 4) = levels ^= pin; }
+  static void turn(std::uint8_t motor, std::int8_t direction) {
+    const std::uint32_t turn = 2u << (2 * motor);
+    reg(kGpio0 + 4) = levels = direction > 0 ? levels & ~turn : levels | turn;
   }
   static inline std::uint32_t levels = 0;
 };
@@ -43,7 +49,8 @@ class Machine {
   void load(const firmware::StepCommand& steps) {
     if (play_) player_.load(steps);
   }
-  [[nodiscard]] const target::PlayedPulses& played() const { return player_.played(); }
+  void played(target::PlayedPulses& pulses) const { player_.played(pulses); }
+  [[nodiscard]] std::uint32_t pulses_given() const { return player_.given(); }  // up to the last control tick
   void kick_watchdog() { reg(kWatchdogBase + 0x0c) = 1; }
   void report(target::Farewell& farewell) const;
 
@@ -52,16 +59,13 @@ class Machine {
     ticks_begun_ = ticks_begun_ + 1;
     player_.begin_tick();
   }
-  void on_step_timer() {
-    reg(kTimer0 + 0x0c) = 1;
-    player_.on_timer();
-  }
+  void on_step_timer() { player_.on_timer(); }
 
  private:
-  std::int32_t in_ = -1, out_ = -1;
+  std::int32_t in_ = 0, out_ = 0;  // all zero: no flash for what is written before it is read
   volatile std::uint32_t ticks_begun_ = 0;
   std::uint32_t ticks_served_ = 0;
-  bool play_ = true;
+  bool play_ = false;
   target::StepPlayer<StepPins> player_;
 };
 

@@ -14,6 +14,7 @@ inline constexpr std::uintptr_t kSysTickControl = 0xe000e010;
 inline constexpr std::uintptr_t kSysTickReload = 0xe000e014;
 inline constexpr std::uintptr_t kSysTickValue = 0xe000e018;
 inline constexpr std::uintptr_t kNvicEnable = 0xe000e100;
+inline constexpr std::uintptr_t kNvicClearPending = 0xe000e280;
 inline constexpr std::uintptr_t kNvicPriority = 0xe000e400;     // one byte per interrupt
 inline constexpr std::uintptr_t kSystemPriority3 = 0xe000ed20;  // top byte: SysTick
 inline constexpr std::uintptr_t kCpacr = 0xe000ed88;

@@ -74,9 +74,9 @@ class LinkBoard {
     return Status::kOk;
   }
   Status write_status(const firmware::ControllerStatus& status) {
-    return link_.send_payload(MessageType::kReply, tick_, [&](Writer& writer) {
-      reply_fields(writer, status, steps_, tick_counts_, machine_.played());
-    });
+    machine_.played(played_);
+    return link_.send_payload(MessageType::kReply, tick_,
+                              [&](Writer& writer) { reply_fields(writer, status, steps_, tick_counts_, played_); });
   }
   void kick_watchdog() {
     ++watchdog_kicks_;
@@ -110,6 +110,7 @@ class LinkBoard {
   std::uint32_t inputs_came_ = 0;  // counter
   std::uint32_t tick_counts_ = 0;
   firmware::StepCommand steps_;
+  PlayedPulses played_;
   LinkCounters counters_;
   std::int64_t watchdog_kicks_ = 0;
 };

@@ -21,13 +21,14 @@ namespace ballast::hal::target {
 // tick_due()                 whether one has begun meanwhile: then the one being served is late
 // counter()                  free-running, wraps
 // load(steps)                the pulses of the next control tick
-// played()                   the pulses given during the control tick before this one
+// played(pulses)             the pulses given during the control tick before this one
 // kick_watchdog()            the control tick is served
-// report(farewell)           fills in what only the board knows: stack, lateness
+// report(farewell)           fills in what only the board knows: stack
 template <class M>
 concept Machine = requires(M& machine, const M& constant, std::span<std::uint8_t> in, std::span<const std::uint8_t> out,
                            std::size_t& count, const firmware::StepCommand& steps,
-                           const firmware::ControllerParams& params, const Commit& commit, Farewell& farewell) {
+                           const firmware::ControllerParams& params, const Commit& commit, Farewell& farewell,
+                           PlayedPulses& pulses) {
   { M::kName } -> std::convertible_to<const char*>;
   { M::kCounterHz } -> std::convertible_to<std::uint32_t>;
   { machine.read(in, count) } -> std::same_as<Status>;
@@ -37,7 +38,7 @@ concept Machine = requires(M& machine, const M& constant, std::span<std::uint8_t
   { constant.tick_due() } -> std::same_as<bool>;
   { constant.counter() } -> std::same_as<std::uint32_t>;
   machine.load(steps);
-  { constant.played() } -> std::same_as<const PlayedPulses&>;
+  constant.played(pulses);
   machine.kick_watchdog();
   constant.report(farewell);
 };

@@ -137,7 +137,6 @@ struct Farewell {
   std::int64_t watchdog_kicks = 0;
   std::uint32_t stack_bytes = 0;       // reserved
   std::uint32_t stack_used_bytes = 0;  // ever written
-  std::uint32_t max_late_counts = 0;   // of all pulses
   PlayedPulses played;                 // during the last control tick
 };
 
@@ -198,6 +197,8 @@ void rail_fields(A& archive, M& m) {
   vector_fields(archive, m.axis_cos_B);
   vector_fields(archive, m.axis_sin_B);
   archive(m.radius_m);
+  archive(m.lower_end);
+  archive(m.upper_end);
   archive(m.closed);
   archive.bounded(m.piece_count, 0, firmware::kMaxRailPieces);
   archive(m.piece_length_m);
@@ -322,7 +323,7 @@ void status_fields(A& archive, M& m) {
   archive(m.overload.trouble.limit);
   archive.bounded(m.overload.motor, -1, firmware::kMaxMasses - 1);
   archive(m.overload.tick);
-  archive.bounded(m.refusal.reason, 0, static_cast<int>(firmware::Refusal::kNotPlanned));
+  archive.bounded(m.refusal.reason, 0, static_cast<int>(firmware::Refusal::kRailEnd));
   archive.bounded(m.refusal.motor, -1, 31);
   archive.bounded(m.refusal.piece, -1, firmware::kMaxPieces);
   archive(m.refusal.value);
@@ -378,7 +379,6 @@ void farewell_fields(A& archive, M& m) {
   archive(m.watchdog_kicks);
   archive(m.stack_bytes);
   archive(m.stack_used_bytes);
-  archive(m.max_late_counts);
   played_fields(archive, m.played);
 }
 

@@ -86,7 +86,7 @@ Status serve(M& machine, const Identity& identity) {
   farewell.status = status;
   farewell.counters = board.counters();
   farewell.watchdog_kicks = board.watchdog_kicks();
-  farewell.played = machine.played();
+  machine.played(farewell.played);
   machine.report(farewell);
   static_cast<void>(link.send(farewell, board.tick()));
   return status;

@@ -3,28 +3,33 @@
 
 #include <array>
 #include <atomic>
-#include <cmath>
 #include <cstdint>
 
 #include "hal/target/messages.h"
 
 namespace ballast::hal::target {
 
-// Pins and timer of a board, as static functions (a pin is one store, nothing is looked up):
-//   now()                     counts since the control tick began
-//   period()                  of a control tick, counts
-//   arm(counts)               the step interrupt comes after so many counts, at least 1; replaces what was armed
-//   disarm()                  it does not come
-//   pulse(motor, direction)   one step
+// Pins and timer of a board, as static functions (a step is one store, nothing is looked up):
+//   span(), left()           a timer that counts down over a control tick: what it begins with, and where it stands
+//   arm(counts)              the step interrupt comes after so many counts, at least 1; replaces what was armed
+//   cancel()                 nothing comes of what was armed, though it be on its way already
+//   pin(motor)               what step() wants
+//   step(pin)                one step
+//   turn(motor, direction)   the direction of the motor's steps from now on
 template <class H>
 concept StepHardware = requires(std::uint32_t counts, std::uint8_t motor, std::int8_t direction) {
-  { H::now() } -> std::same_as<std::uint32_t>;
-  { H::period() } -> std::same_as<std::uint32_t>;
+  { H::span() } -> std::same_as<std::uint32_t>;
+  { H::left() } -> std::same_as<std::uint32_t>;
   H::arm(counts);
-  H::disarm();
-  H::pulse(motor, direction);
+  H::cancel();
+  { H::pin(motor) } -> std::same_as<std::uint32_t>;
+  H::step(counts);
+  H::turn(motor, direction);
 };
 
+// The direction changes right after the motor's last pulse the other way or, if that was in an earlier control tick, at
+// the beginning of this one.
+//
 // load() is for the control loop; begin_tick() and on_timer() are for two interrupts of the same priority, so that
 // neither can come between the other's lines.
 template <StepHardware H>
@@ -32,6 +37,11 @@ class StepPlayer {
  public:
   // `counts_per_tick`: hardware counts per tick of the firmware's step timer; 0 < .. < 4096.
   void configure(double counts_per_tick) {
+    playing_ = &programs_[0];
+    loading_ = &programs_[1];
+    for (Program& program : programs_) program.end = program.tracks.data();
+    for (Record& record : records_) record.end = record.pulse.data();
+    record_ = records_[open_].pulse.data();
     shift_ = 0;
     while (counts_per_tick >= 1) {
       counts_per_tick /= 2;
@@ -41,29 +51,31 @@ class StepPlayer {
     if (static_cast<double>(scale_) != counts_per_tick * 4294967296.0) ++scale_;  // exact counts stay what they are
   }
 
-  // The pulses of the next control tick. At most one load per control tick.
+  // The pulses of the next control tick. At most one load per control tick. More than kMaxPulses: none.
   void load(const firmware::StepCommand& command) {
-    Program& program = programs_[1 - active_];
-    std::uint32_t segment = 0, track = 0;
+    Program& program = *loading_;
+    Segment* segment = program.segments.data();
+    Track* track = program.tracks.data();
+    int pulses = 0;
     for (int motor = 0; motor < command.motor_count; ++motor) {
-      const std::uint32_t begin = segment;
+      track->next = segment;
       for (std::size_t b = 0; b < static_cast<std::size_t>(command.burst_count); ++b) {
         const firmware::StepBurst& burst = command.bursts[b];
         if (burst.motor != motor) continue;
-        program.segments[segment++] = {static_cast<std::uint32_t>(burst.first_ticks) << shift_,
-                                       static_cast<std::uint32_t>(burst.interval_ticks) << shift_,
-                                       static_cast<std::uint32_t>(burst.add_ticks) << shift_,
-                                       static_cast<std::uint32_t>(burst.count),
-                                       static_cast<std::uint8_t>(motor),
-                                       burst.direction};
+        pulses += burst.count;
+        *segment++ = {static_cast<std::uint32_t>(burst.first_ticks) << shift_,
+                      static_cast<std::uint32_t>(burst.interval_ticks) << shift_,
+                      static_cast<std::uint32_t>(burst.add_ticks) << shift_,
+                      static_cast<std::uint32_t>(burst.count),
+                      static_cast<std::uint8_t>(motor),
+                      burst.direction};
       }
-      if (segment == begin) continue;
-      Track& t = program.tracks[track++];
-      t.next = &program.segments[begin];
-      t.end = &program.segments[segment];
-      begin_segment(t);
+      if (segment == track->next) continue;
+      track->end = segment;
+      track->pin = H::pin(static_cast<std::uint8_t>(motor));
+      ++track;
     }
-    program.track_count = track;
+    program.end = pulses <= kMaxPulses ? track : program.tracks.data();
     std::atomic_signal_fence(std::memory_order_release);
     ready_ = true;
   }
@@ -71,50 +83,86 @@ class StepPlayer {
   // A control tick begins. Pulses of the one before that are still due are given now: one that was due with its last
   // breath, as this interrupt comes first.
   void begin_tick() {
-    Program& ending = programs_[active_];
-    while (ending.track_count != 0 && earliest(ending)->due != kNever) {
-      Track* t = earliest(ending);
-      give(*t, H::period() + H::now() - counts(t->due));
-    }
+    while (playing_->end != playing_->tracks.data()) finish(*earliest());
+    Record& ended = records_[open_];
+    ended.end = record_;
+    given_ += static_cast<std::uint32_t>(ended.end - ended.pulse.data());
     open_ = 1 - open_;
-    records_[open_].count = 0;
-    programs_[active_].track_count = 0;
+    record_ = records_[open_].pulse.data();
     if (ready_) {
-      active_ = 1 - active_;
+      Program* ready = loading_;
+      loading_ = playing_;
+      playing_ = ready;
       ready_ = false;
+      for (Track* t = ready->tracks.data(); t != ready->end; ++t) begin_segment(*t);
     }
-    on_timer();
+    H::cancel();
+    last_ = static_cast<std::int32_t>(H::span()) - 1;
+    due_ = playing_->end == playing_->tracks.data() ? kNever : earliest()->due;
+    due_left_ = left_at(due_);
+    const std::int32_t wait = static_cast<std::int32_t>(H::left()) - due_left_;
+    if (wait > 0) {
+      H::arm(static_cast<std::uint32_t>(wait));
+    } else {
+      on_timer();
+    }
   }
 
-  // The step interrupt.
+  // The step interrupt: what it was armed for is due.
   void on_timer() {
+    std::uint32_t due = due_;
+    std::int32_t due_left = due_left_;
+    Given* record = record_;
+    Program& program = *playing_;
     for (;;) {
-      Program& program = programs_[active_];
-      if (program.track_count == 0) {
-        H::disarm();
-        return;
+      // All motors whose pulse is due, and when the next one is.
+      std::uint32_t next = kNever;
+      Track* t = program.tracks.data();
+      do {
+        if (t->due <= due) {
+          H::step(t->pin);
+          *record++ = {due, due_left - static_cast<std::int32_t>(H::left()), t->id};
+          if (--t->left != 0) {
+            t->due += t->interval;
+            t->interval += t->add;
+          } else if (!advance(program, *t)) {
+            continue;
+          }
+        }
+        if (t->due < next) next = t->due;
+        ++t;
+      } while (t != program.end);
+      due = next;
+      due_left = left_at(due);
+      const std::int32_t wait = static_cast<std::int32_t>(H::left()) - due_left;
+      if (wait > 0) {
+        H::arm(static_cast<std::uint32_t>(wait));
+        break;
       }
-      Track* t = earliest(program);
-      if (t->due == kNever) {
-        H::disarm();
-        return;
-      }
-      const std::uint32_t due = counts(t->due);
-      const std::uint32_t now = H::now();
-      if (now < due) {
-        H::arm(due - now);
-        return;
-      }
-      give(*t, now - due);
     }
+    due_ = due;
+    due_left_ = due_left;
+    record_ = record;
   }
 
   // What was given during the control tick before this one.
-  [[nodiscard]] const PlayedPulses& played() const { return records_[1 - open_]; }
-  [[nodiscard]] std::uint32_t max_late_counts() const { return max_late_counts_; }
+  void played(PlayedPulses& pulses) const {
+    const Record& record = records_[1 - open_];
+    pulses.count = 0;
+    for (const Given* g = record.pulse.data(); g != record.end; ++g) {
+      // None is early: below 0, the timer began anew between the pulse's time and the pulse.
+      std::int32_t late = g->late_counts + 1;
+      if (late < 0) late += last_ + 2;
+      pulses.pulse[static_cast<std::size_t>(pulses.count++)] = {
+          g->due >> shift_, static_cast<std::uint16_t>(late < 65535 ? late : 65535), static_cast<std::uint8_t>(g->id),
+          static_cast<std::int8_t>(g->id >> 8)};
+    }
+  }
+  // Up to the beginning of this control tick.
+  [[nodiscard]] std::uint32_t given() const { return given_; }
 
  private:
-  static constexpr std::uint32_t kNever = 0xffffffff;
+  static constexpr std::uint32_t kNever = 0x3fffffff;  // beyond any control tick's end, and its counts are too
 
   // Times in step timer ticks, shifted so that one multiplication gives counts.
   struct Segment {
@@ -122,69 +170,82 @@ class StepPlayer {
     std::uint8_t motor;
     std::int8_t direction;
   };
+  // A motor that has pulses left.
   struct Track {
-    std::uint32_t due = 0, interval = 0, add = 0, left = 0;
-    std::uint8_t motor = 0;
-    std::int8_t direction = 1;
-    const Segment *next = nullptr, *end = nullptr;
+    std::uint32_t due, interval, add, left, pin, id;
+    const Segment *next, *end;
   };
   struct Program {
-    std::uint32_t track_count = 0;
-    std::array<Track, firmware::kMaxMasses> tracks{};
+    std::array<Track, firmware::kMaxMasses + 1> tracks{};  // one more for load() to try
+    Track* end = nullptr;
     std::array<Segment, firmware::kMaxBursts> segments{};
   };
+  struct Given {
+    std::uint32_t due;
+    std::int32_t late_counts;
+    std::uint32_t id;  // motor, and from bit 8 on its direction
+  };
+  struct Record {
+    std::array<Given, kMaxPulses> pulse{};
+    const Given* end = nullptr;
+  };
 
-  [[nodiscard]] std::uint32_t counts(std::uint32_t shifted) const {
-    return static_cast<std::uint32_t>(std::uint64_t{shifted} * scale_ >> 32);
+  // What left() is when a pulse is given: a count after its time, since the counts of two timers do not begin together,
+  // and none may be early. Below 0 after the tick's end.
+  [[nodiscard]] std::int32_t left_at(std::uint32_t shifted) const {
+    return last_ - static_cast<std::int32_t>(std::uint64_t{shifted} * scale_ >> 32);
   }
 
   static void begin_segment(Track& t) {
-    if (t.next == t.end) {
-      t.due = kNever;
-      return;
-    }
     const Segment& s = *t.next++;
     t.due = s.first;
     t.interval = s.interval;
     t.add = s.add;
     t.left = s.count;
-    t.motor = s.motor;
-    t.direction = s.direction;
+    t.id = static_cast<std::uint32_t>(s.motor | static_cast<std::uint8_t>(s.direction) << 8);
+    H::turn(s.motor, s.direction);
   }
 
-  // Equal times: the first motor.
-  static Track* earliest(Program& program) {
-    Track* best = program.tracks.data();
-    for (std::uint32_t i = 1; i < program.track_count; ++i) {
-      if (program.tracks[i].due < best->due) best = &program.tracks[i];
+  // False: the motor has no more pulses, and another one stands in its place.
+  [[gnu::noinline]] static bool advance(Program& program, Track& t) {
+    if (t.next != t.end) {
+      begin_segment(t);
+      return true;
+    }
+    t = *--program.end;
+    return false;
+  }
+
+  [[nodiscard]] Track* earliest() const {
+    Track* best = playing_->tracks.data();
+    for (Track* t = best; t != playing_->end; ++t) {
+      if (t->due < best->due) best = t;
     }
     return best;
   }
 
-  void give(Track& t, std::uint32_t late_counts) {
-    H::pulse(t.motor, t.direction);
-    PlayedPulses& record = records_[open_];
-    PlayedPulse& pulse = record.pulse[static_cast<std::size_t>(record.count)];
-    if (record.count < kMaxPulses - 1) ++record.count;
-    pulse.due_ticks = t.due >> shift_;
-    pulse.late_counts = static_cast<std::uint16_t>(late_counts < 65535 ? late_counts : 65535);
-    pulse.motor = t.motor;
-    pulse.direction = t.direction;
-    if (late_counts > max_late_counts_) max_late_counts_ = late_counts;
+  // A pulse of the control tick that has just ended.
+  void finish(Track& t) {
+    H::step(t.pin);
+    *record_++ = {t.due, left_at(t.due) + last_ + 2 - static_cast<std::int32_t>(H::left()), t.id};
     if (--t.left == 0) {
-      begin_segment(t);
-      return;
+      static_cast<void>(advance(*playing_, t));
+    } else {
+      t.due += t.interval;
+      t.interval += t.add;
     }
-    t.due += t.interval;
-    t.interval += t.add;
   }
 
   std::array<Program, 2> programs_{};
-  std::uint32_t active_ = 0;
+  Program *playing_ = nullptr, *loading_ = nullptr;
   volatile bool ready_ = false;
-  std::array<PlayedPulses, 2> records_{};
+  std::array<Record, 2> records_{};
   std::uint32_t open_ = 0;
-  std::uint32_t max_late_counts_ = 0;
+  Given* record_ = nullptr;  // where the next pulse is written down
+  std::uint32_t given_ = 0;
+  std::uint32_t due_ = 0;  // the pulse waited for
+  std::int32_t due_left_ = 0;
+  std::int32_t last_ = 0;  // left_at(0)
   std::uint32_t shift_ = 0;
   std::uint32_t scale_ = 0;
 };

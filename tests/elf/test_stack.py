@@ -1,5 +1,5 @@
-"""tools/elf/stack on programs whose stack is known: written in assembly and counted by hand, measured by the compiler
-itself (-fstack-usage), or found by running them on a painted stack."""
+"""tools/elf/stack on programs whose stack is known: written in assembly and counted by hand, or measured by the compiler
+itself (-fstack-usage)."""
 import os
 import re
 import unittest

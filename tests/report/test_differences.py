@@ -6,6 +6,8 @@ import tempfile
 import unittest
 from pathlib import Path
 
+import ballast
+
 import compare
 import differences
 from differences import MISSING
@@ -20,7 +22,6 @@ class DifferencesTest(unittest.TestCase):
 
     def change(self, run, channel, tick, edit):
         """Applies `edit` to the decoded message of that tick and puts it back."""
-        import ballast
         message_class = {"BALLAST_CONTACT": ballast.contact_t, "BALLAST_PLANT_STATE": ballast.plant_state_t}[channel]
         for number, data in enumerate(run.events):
             head = 28 + len(channel)

@@ -623,6 +623,17 @@ TEST(Move, IsRefusedWithAReason) {
   }
 }
 
+TEST(Move, ToWhereTheMassesAreIsOverAtOnce) {
+  const Folder folder;
+  const Outcome move = folder.run("ballast move paper_ball --mass 0 --to 0 --out m");
+  EXPECT_EQ(move.exit_status, 0) << move.err;
+  const auto s = folder.summary("m");
+  EXPECT_EQ(s["move"], nullptr);
+  EXPECT_EQ(s["stop"], nullptr);
+  EXPECT_EQ(s["motors"][0]["steps"], 0);
+  EXPECT_LT(s["end"]["time"], 0.1);
+}
+
 TEST(Run, SaysWhatAStopWasPredictedToDo) {
   const Folder folder;
   ASSERT_EQ(

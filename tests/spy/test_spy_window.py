@@ -7,6 +7,8 @@ import unittest
 import zipfile
 from pathlib import Path
 
+import ballast
+
 BALLAST = os.environ["BALLAST"]
 PROBE = os.environ["BALLAST_SPY_PROBE"]
 URL = f"udpm://239.255.76.67:{20000 + os.getpid() % 12000}?ttl=0"
@@ -64,6 +66,16 @@ class SpyWindowTest(unittest.TestCase):
             self.assertAlmostEqual(int(count), 2 * MESSAGES, delta=0.1 * 2 * MESSAGES, msg=channel)
             self.assertGreater(float(rate), 0, channel)
 
+    def test_everything_is_compiled_for_java_8(self):
+        # Class files begin with 0xCAFEBABE, minor and major version; 52 is Java 8's, and newer Javas run it.
+        types = Path(os.environ["BALLAST_TYPES_JAR"])
+        for jar in (types, types.with_name("ballast-spy.jar")):
+            with zipfile.ZipFile(jar) as file:
+                classes = [name for name in file.namelist() if name.endswith(".class")]
+                self.assertTrue(classes)
+                for name in classes:
+                    self.assertEqual(file.read(name)[:8], bytes.fromhex("cafebabe00000034"), name)
+
     def assert_refused(self, outcome, *words):
         self.assertEqual(outcome.returncode, 2, outcome.stderr)
         for word in (*words, "fix: "):
@@ -87,6 +99,26 @@ class SpyWindowTest(unittest.TestCase):
             with zipfile.ZipFile(os.environ["BALLAST_TYPES_JAR"]) as all_types, zipfile.ZipFile(jar, "w") as some:
                 some.writestr("ballast/trip_t.class", all_types.read("ballast/trip_t.class"))
             self.assert_refused(spy("--types", str(jar)), "ballast.contact_t is not among the 1 types")
+
+    def test_a_jar_of_another_build_is_refused(self):
+        with tempfile.TemporaryDirectory() as folder:
+            jar = Path(folder) / "old.jar"
+            with zipfile.ZipFile(os.environ["BALLAST_TYPES_JAR"]) as now, zipfile.ZipFile(jar, "w") as old:
+                for name in now.namelist():
+                    data = now.read(name)
+                    if name == "ballast/trip_t.class":
+                        # A class holds its fingerprint before lcm-gen's rotation by one bit, big-endian.
+                        fingerprint = int.from_bytes(ballast.trip_t._get_packed_fingerprint(), "big")
+                        base = (fingerprint >> 1 | (fingerprint & 1) << 63).to_bytes(8, "big")
+                        self.assertEqual(data.count(base), 1)
+                        data = data.replace(base, base[:7] + bytes([base[7] ^ 1]))
+                    old.writestr(name, data)
+            self.assert_refused(spy("--types", str(jar)), "ballast.trip_t is of another build")
+
+    def test_a_bus_that_is_none_is_refused(self):
+        outcome = subprocess.run([BALLAST, "spy", "--lcm", "nonsense://"], capture_output=True, text=True, timeout=60)
+        self.assertEqual(outcome.returncode, 2, outcome.stderr)
+        self.assertIn("cannot use the LCM bus nonsense://", outcome.stderr)
 
     def test_without_a_display_it_says_so(self):
         self.assert_refused(spy(), "no window can be opened", "ballast watch")

@@ -34,13 +34,13 @@ struct Measurement {
 Measurement measure(const firmware::StepCommand& command) {
   the_machine.load(command);
   idle();
-  Measurement m{0, 0};
+  Measurement m{the_machine.pulses_given(), 0};
   for (int tick = 0; tick < kTicks; ++tick) {
     the_machine.load(command);
     the_machine.kick_watchdog();
     m.turns += idle();
-    m.pulses += static_cast<std::uint32_t>(the_machine.played().count);
   }
+  m.pulses = the_machine.pulses_given() - m.pulses;
   return m;
 }
 
@@ -65,8 +65,12 @@ int main() {
                                                      .interval_ticks = kIntervalTicks};
     }
     const Measurement some = measure(command);
-    target::Farewell farewell;
-    the_machine.report(farewell);
+    std::uint32_t late = 0;  // in the last control tick
+    static target::PlayedPulses played;
+    the_machine.played(played);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(played.count); ++i) {
+      late = std::max<std::uint32_t>(late, played.pulse[i].late_counts);
+    }
     std::uint8_t bytes[28];
     target::Writer writer(bytes);
     writer(static_cast<std::uint32_t>(motors));
@@ -75,7 +79,7 @@ int main() {
     writer(some.pulses);
     writer(none.turns);
     writer(some.turns);
-    writer(farewell.max_late_counts);
+    writer(late);
     if (the_machine.write(bytes) != Status::kOk) return static_cast<int>(mps2_an500::Exit::kLinkCut);
   }
   return 0;

@@ -17,11 +17,14 @@ struct FakePins {
     std::int8_t direction;
   };
   static inline std::vector<Pulse> pulses;
-  static std::uint32_t now() { return time; }
-  static std::uint32_t period() { return length; }
+  static std::uint32_t span() { return length - 1; }
+  static std::uint32_t left() { return length - 1 - time; }
   static void arm(std::uint32_t counts) { armed = counts; }
-  static void disarm() { armed = 0; }
-  static void pulse(std::uint8_t motor, std::int8_t direction) { pulses.push_back({time, motor, direction}); }
+  static void cancel() { armed = 0xffffffff; }
+  static inline std::int8_t directions[8] = {};
+  static std::uint32_t pin(std::uint8_t motor) { return motor; }
+  static void step(std::uint32_t pin) { pulses.push_back({time, static_cast<std::uint8_t>(pin), directions[pin]}); }
+  static void turn(std::uint8_t motor, std::int8_t direction) { directions[motor] = direction; }
 };
 
 // Runs the control tick to its end; `late` counts pass before each interrupt is served.
@@ -29,10 +32,8 @@ void play(StepPlayer<FakePins>& player, std::uint32_t late) {
   FakePins::time = 0;
   FakePins::pulses.clear();
   player.begin_tick();
-  while (FakePins::armed != 0) {
+  while (FakePins::armed < FakePins::length - std::min(FakePins::length, FakePins::time + late)) {
     FakePins::time += FakePins::armed + late;
-    if (FakePins::time >= FakePins::length) break;
-    FakePins::armed = 0;
     player.on_timer();
   }
 }
@@ -81,12 +82,13 @@ TEST_P(StepPlayerAtRatio, PulsesComeAtTheirTime) {
       ASSERT_LT(seen[pulse.motor], motor.size());
       const auto [at, direction] = motor[seen[pulse.motor]++];
       EXPECT_EQ(pulse.direction, direction);
-      // Counts are whole: up to one before the exact time.
-      EXPECT_LE(pulse.time, static_cast<double>(at) * ratio + 1e-6);
+      // Counts are whole, up to one before the exact time, and armed a count late.
+      EXPECT_LE(pulse.time, static_cast<double>(at) * ratio + 1 + 1e-6);
       EXPECT_GT(pulse.time, static_cast<double>(at) * ratio - 1);
     }
     player.begin_tick();  // nothing was loaded: closes the record
-    const PlayedPulses& played = player.played();
+    PlayedPulses played;
+    player.played(played);
     std::size_t total = 0;
     for (std::size_t m = 0; m < 8; ++m) total += expected[m].size();
     ASSERT_EQ(static_cast<std::size_t>(played.count), total);
@@ -117,10 +119,33 @@ TEST(StepPlayer, SaysHowLateAPulseWas) {
   ASSERT_EQ(FakePins::pulses.size(), 1u);  // the second one's interrupt comes after the tick's end,
   FakePins::time = 4;                      // where the next tick's begins with it
   player.begin_tick();
-  ASSERT_EQ(player.played().count, 2);
-  EXPECT_EQ(player.played().pulse[0].late_counts, 30);
-  EXPECT_EQ(player.played().pulse[1].late_counts, 25000 + 4 - 24997);  // 9999 * 2.5 = 24997.5
-  EXPECT_EQ(player.max_late_counts(), 30u);
+  PlayedPulses played;
+  player.played(played);
+  ASSERT_EQ(played.count, 2);
+  EXPECT_EQ(played.pulse[0].late_counts, 31);
+  EXPECT_EQ(played.pulse[1].late_counts, 25000 + 4 - 24997);  // 9999 * 2.5 = 24997.5
+}
+
+// A pulse of the last count, whose interrupt comes in time but is so long under way that the tick's timer has begun
+// anew.
+TEST(StepPlayer, SaysHowLateAPulseWasAcrossTheTicksEnd) {
+  StepPlayer<FakePins> player;
+  player.configure(2.5);
+  FakePins::length = 25000;
+  firmware::StepCommand command;
+  command.motor_count = command.burst_count = 1;
+  command.bursts[0] = {.motor = 0, .direction = 1, .count = 1, .first_ticks = 9999};
+  player.load(command);
+  FakePins::time = 0;
+  player.begin_tick();
+  FakePins::time = 2;
+  player.on_timer();
+  FakePins::time = 5;
+  player.begin_tick();
+  PlayedPulses played;
+  player.played(played);
+  ASSERT_EQ(played.count, 1);
+  EXPECT_EQ(played.pulse[0].late_counts, 25000 + 2 - 24997);
 }
 
 TEST(StepPlayer, GivesNothingThatWasNotLoaded) {

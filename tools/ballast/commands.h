@@ -18,5 +18,6 @@ std::function<int()> add_report_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_compare_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_watch_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_doctor_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_export_command(CLI::App& app, CLI::App*& command);
 
 }  // namespace ballast

@@ -56,7 +56,12 @@ int examine(const DoctorCommand& command) {
   report.say(doctor::look_at_qemu());
   doctor::Listener listener;
   const hal::Seconds time(command.listen_s);
-  if (doctor::listen(command.url, time, listener)) report.say(doctor::judge(listener, command.url, time));
+  if (doctor::listen(command.url, time, listener)) {
+    report.say(doctor::judge(listener, command.url, time));
+  } else {
+    report.say({Finding::Verdict::kFail, "peers", "LCM cannot listen on " + command.url,
+                std::string("--lcm '") + hal::kDefaultLcmUrl + "', or what mends the lines above"});
+  }
   if (report.failed() == 0) return program::kExitCompleted;
   std::cout << report.failed() << (report.failed() == 1 ? " line fails" : " lines fail") << std::endl;
   return program::kExitCouldNotRun;

@@ -24,6 +24,7 @@ int main(int argc, char** argv) {
       {add_replay_command},
       {add_report_command},
       {add_compare_command},
+      {add_export_command},
   };
   for (Command& command : commands) command.run = command.add(app, command.app);
   if (const auto exit_status = program::parse(app, argc, argv)) return *exit_status;

@@ -84,7 +84,7 @@ void print_target(const sil::TargetRecord& target) {
               instructions(static_cast<double>(target.sum_counts) / static_cast<double>(target.ticks)));
   if (!target.farewell) return;
   std::printf("  pins        %lld pulses given as commanded, at most %.2f us late; stack %u of %u bytes\n",
-              static_cast<long long>(target.pulses), 1e6 * target.farewell->max_late_counts / target.counter_hz,
+              static_cast<long long>(target.pulses), 1e6 * target.max_late_counts / target.counter_hz,
               target.farewell->stack_used_bytes, target.farewell->stack_bytes);
 }
 

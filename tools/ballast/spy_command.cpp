@@ -1,4 +1,5 @@
 // ballast spy: every message of a run in lcm-spy's window.
+#include <lcm/lcm-cpp.hpp>
 #include <memory>
 
 #include "tools/ballast/commands.h"
@@ -20,6 +21,11 @@ int spy_on(const spy::SpyOptions& options) {
     if (!good(part)) return program::kExitCouldNotRun;
   }
   if (!good(spy::look_at_types(options))) return program::kExitCouldNotRun;
+  // lcm-spy would open its window on a bus that is none, and stay empty.
+  if (!lcm::LCM(options.url).good()) {
+    program::complain("ballast", "cannot use the LCM bus " + options.url + "; ballast doctor looks why");
+    return program::kExitCouldNotRun;
+  }
   program::complain("ballast", spy::become_spy(options));
   return program::kExitCouldNotRun;
 }

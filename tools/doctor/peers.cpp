@@ -56,6 +56,7 @@ std::string another_bus(const std::string& url) {
 }  // namespace
 
 void Listener::hear(const std::string& name, const void* data, std::size_t size) {
+  if (name == "LCM_SELF_TEST") return;  // LCM's own, whenever somebody connects
   Channel& channel = channels_[name];
   ++channel.count;
   if (const auto judge = kJudges.find(name); judge != kJudges.end()) judge->second(data, size, channel);

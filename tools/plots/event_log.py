@@ -43,26 +43,12 @@ class EventLog:
 
     def _scan(self, data):
         wanted = {channel.encode(): messages for channel, messages in self._messages.items()}
-        offset, size = 0, len(data)
-        while offset < size:
-            body = offset + _HEADER.size
-            if body > size:
-                self.damage = f"cut off inside an event at byte {offset}"
-                return
-            sync, _, _, channel_size, data_size = _HEADER.unpack_from(data, offset)
-            if sync != SYNC_WORD or channel_size < 0 or data_size < 0:
-                if offset == 0:
-                    raise LogError(f"{self.path}: not an LCM event log")
-                self.damage = f"damaged at byte {offset}: no event starts there"
-                return
-            end = body + channel_size + data_size
-            if end > size:
-                self.damage = f"cut off inside an event at byte {offset}"
-                return
-            messages = wanted.get(data[body:body + channel_size])
-            if messages is not None:
-                messages.append(data[body + channel_size:end])
-            offset = end
+
+        def take(_, channel, payload):
+            if channel in wanted:
+                wanted[channel].append(payload)
+
+        self.damage = scan(data, self.path, take)
 
     def messages(self, channel, message_class):
         """All messages of a channel as a structured array with the fields of the .lcm file; empty if there are none."""
@@ -80,6 +66,26 @@ class EventLog:
                     f"{self.path}: {channel}, message {number}: {len(payload)} bytes, expected {layout.itemsize}"
                 )
         return np.frombuffer(b"".join(payloads), dtype=layout)
+
+
+def scan(data, path, take):
+    """Calls take(timestamp, channel, payload) for every event; returns None, or where and why reading stopped early."""
+    offset, size = 0, len(data)
+    while offset < size:
+        body = offset + _HEADER.size
+        if body > size:
+            return f"cut off inside an event at byte {offset}"
+        sync, _, timestamp, channel_size, data_size = _HEADER.unpack_from(data, offset)
+        if sync != SYNC_WORD or channel_size < 0 or data_size < 0:
+            if offset == 0:
+                raise LogError(f"{path}: not an LCM event log")
+            return f"damaged at byte {offset}: no event starts there"
+        end = body + channel_size + data_size
+        if end > size:
+            return f"cut off inside an event at byte {offset}"
+        take(timestamp, data[body:body + channel_size], data[body + channel_size:end])
+        offset = end
+    return None
 
 
 def layout_of(message_class):

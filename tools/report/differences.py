@@ -1,5 +1,6 @@
 """In what two runs differ: fields of their summaries and robots, and the first tick and field of their logs."""
 
+import json
 import math
 import re
 import struct
@@ -84,7 +85,7 @@ def value_text(value):
         return "–"
     if isinstance(value, float):
         return f"{value:.10g}"
-    return "null" if value is None else str(value)
+    return value if isinstance(value, str) else json.dumps(value)
 
 
 class LogDifference(NamedTuple):

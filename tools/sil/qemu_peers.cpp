@@ -281,6 +281,7 @@ Status QemuPeers::check_pulses(std::int64_t tick, const target::PlayedPulses& pl
                        "given " + std::to_string(1e6 * given->late_counts / record_.counter_hz) + " us late");
         }
         ++record_.pulses;
+        record_.max_late_counts = std::max<std::uint32_t>(record_.max_late_counts, given->late_counts);
       }
     }
     if (next() != nullptr) return wrong(motor, pulse, "given without a command");

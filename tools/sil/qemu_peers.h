@@ -29,8 +29,9 @@ struct TargetRecord {
   std::int64_t ticks = 0;  // answered
   std::uint32_t min_counts = 0xffffffff, max_counts = 0;
   std::uint64_t sum_counts = 0;
-  std::int64_t max_tick = 0;  // whose counts were max_counts
-  std::int64_t pulses = 0;    // given by the step interrupt, each held against the command
+  std::int64_t max_tick = 0;          // whose counts were max_counts
+  std::int64_t pulses = 0;            // given by the step interrupt, each held against the command
+  std::uint32_t max_late_counts = 0;  // of them
   std::optional<hal::target::Farewell> farewell;
   std::uint32_t counter_hz = 0;
 };

@@ -92,7 +92,8 @@ class PlanWatch {
   explicit PlanWatch(double period_s) : period_s_(period_s) {}
   void see(const Lap& lap, RunResult& result) {
     const controller_status_t& status = lap.status;
-    if (status.planned != 0 && (!current_ || status.plan_tick != plan_tick_)) {
+    // One over in its own tick, as a move to where the masses are, is none.
+    if (status.planned != 0 && status.plan_duration_s > 0 && (!current_ || status.plan_tick != plan_tick_)) {
       plan_tick_ = status.plan_tick;
       current_ = status.mode == controller_status_t::MODE_MOVING ? &result.move : &result.stop;
       *current_ = PlanRecord{static_cast<double>(plan_tick_) * period_s_,
@@ -145,6 +146,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   std::optional<controller_status_t> heard;    // the controller's, of the tick before: it asks for those steps
   std::optional<std::int64_t> stop_done_tick;  // at whose start the stop's last step has been executed
   std::optional<std::int64_t> move_done_tick;  // likewise the move's
+  bool already_there = false;                  // a move to where the masses are is over at once
   RestWatch rest(scenario);
   PlanWatch plans(period_s);
   auto next_progress = wall_start;
@@ -183,7 +185,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     const sim::Plant::Sample sample = plant.sample();
     const bool at_rest = rest.see(sample);
     const bool stopped = stop_done_tick && tick >= *stop_done_tick && at_rest;
-    const bool moved = move_done_tick && tick >= *move_done_tick && at_rest;
+    const bool moved = move_done_tick && tick >= *move_done_tick && (at_rest || already_there);
     const bool last =
         plant.end() != sim::PhysicsEnd::kNone || plant.time_s() >= scenario.duration_s || stopped || moved;
 
@@ -225,8 +227,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     const std::int8_t mode_due = armed_due      ? controller_status_t::MODE_ARMED
                                  : options.move ? controller_status_t::MODE_MOVING
                                                 : controller_status_t::MODE_RUNNING;
-    // A move to where the masses are is over at once.
-    const bool already_there = tick == -1 && options.move && lap.status.mode == controller_status_t::MODE_ARMED;
+    already_there = already_there || (tick == -1 && options.move && lap.status.mode == controller_status_t::MODE_ARMED);
     if (tick < 0 && lap.trip.tripped == 0 && lap.status.faults == 0 && lap.status.mode != mode_due && !already_there) {
       result.status = hal::Status::kPeerLost;
       result.trouble = "the controller did not obey the operator's " + std::string(armed_due ? "arm" : "start");

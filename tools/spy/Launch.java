@@ -84,9 +84,9 @@ public final class Launch {
     }
 
     /**
-     * A click that opens a channel's window shows the window's panel to the receiving thread before it has a window, and
-     * lcm-spy then counts the messages of those milliseconds as undecodable. LCM hands out messages holding its list of
-     * subscriptions; so do clicks now.
+     * A click that opens a channel's window shows the window's panel to the receiving thread before it has a window,
+     * and lcm-spy then counts the messages of those milliseconds as undecodable. LCM hands out messages holding its
+     * list of subscriptions; so do clicks now.
      */
     private static void holdMessagesDuringClicks(lcm.spy.Spy spy) throws ReflectiveOperationException {
         final Object messages = value(value(spy, "lcm"), "subscriptions");

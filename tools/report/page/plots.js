@@ -156,6 +156,13 @@ class Plot {
   valueRange(low, high) {
     const {top = Infinity, bottom = -Infinity, limits = []} = this.panel;
     if (low === null || low === undefined) [low, high] = [0, limits[0]?.value ?? 1];
+    // Extremes are found between samples too.
+    const [from, to] = this.all.range;
+    for (const {value, time} of this.panel.extremes ?? []) {
+      if (time < from || time > to || value > top || value < bottom) continue;
+      low = Math.min(low, value);
+      high = Math.max(high, value);
+    }
     low = Math.max(Math.min(low, top), bottom);
     high = Math.max(Math.min(high, top), low);
     const near = Math.max(Math.abs(low), Math.abs(high));

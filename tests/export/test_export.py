@@ -1,0 +1,242 @@
+"""`ballast export`: what comes out is what went in, by lcm-gen's own decoders; and LCM's own logger and player."""
+
+import csv
+import json
+import math
+import os
+import random
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import ballast
+import strict_mcap
+
+BALLAST = os.environ["BALLAST"]
+URL = f"udpm://239.255.76.67:{20000 + os.getpid() % 12000}?ttl=0"
+CLASSES = {name: value for name, value in vars(ballast).items() if hasattr(value, "_get_packed_fingerprint")}
+
+
+def event(number, timestamp, channel, payload):
+    """As lcm-logger writes it."""
+    return struct.pack(">Iqqii", 0xEDA1DA01, number, timestamp, len(channel), len(payload)) + channel.encode() + payload
+
+
+def events(path):
+    """(timestamp, channel, payload) of a log."""
+    data, at, out = Path(path).read_bytes(), 0, []
+    while at < len(data):
+        sync, _, timestamp, channel, payload = struct.unpack_from(">Iqqii", data, at)
+        assert sync == 0xEDA1DA01
+        at += 28
+        out.append((timestamp, data[at:at + channel].decode(), data[at + channel:at + channel + payload]))
+        at += channel + payload
+    return out
+
+
+def flat(name, value):
+    if not isinstance(value, (list, tuple)):
+        return {name: value}
+    out = {}
+    for i, entry in enumerate(value):
+        out.update(flat(f"{name}[{i}]", entry))
+    return out
+
+
+def decoded(payload):
+    """By lcm-gen's decoder: every number by its name."""
+    message_class = next(c for c in CLASSES.values() if c._get_packed_fingerprint() == payload[:8])
+    message = message_class.decode(payload)
+    out = {}
+    for field in message_class.__slots__:
+        out.update(flat(field, getattr(message, field)))
+    return out
+
+
+def flat_json(name, value):
+    """The same names, from a message's JSON."""
+    if isinstance(value, list):
+        pairs = enumerate(value)
+    elif isinstance(value, dict):
+        pairs = enumerate(value.values())
+    else:
+        return {name: value}
+    out = {}
+    for i, entry in pairs:
+        out.update(flat_json(f"{name}[{i}]", entry))
+    return out
+
+
+def random_message(message_class, draw):
+    """Every double that is one, infinities and NaN included; every integer of its field."""
+
+    def fill(value):
+        if isinstance(value, (list, tuple)):
+            return [fill(entry) for entry in value]
+        if isinstance(value, float):
+            return draw.choice([math.inf, -math.inf, math.nan, 0.0, -0.0, 5e-324, 1.7976931348623157e308,
+                                draw.uniform(-1, 1), draw.uniform(-1, 1) * 10.0 ** draw.randint(-300, 300)])
+        return draw.randint(-128, 127)
+
+    message = message_class()
+    for field in message_class.__slots__:
+        setattr(message, field, fill(getattr(message, field)))
+    return message
+
+
+class ExportTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def ballast(self, *arguments, status=0):
+        done = subprocess.run([BALLAST, *map(str, arguments)], cwd=self.folder, capture_output=True, text=True,
+                              timeout=120)
+        self.assertEqual(done.returncode, status, done.stdout + done.stderr)
+        return done
+
+    def random_log(self, per_type=5):
+        seed = random.randrange(2**32)
+        draw = random.Random(seed)
+        sent = []
+        for i in range(per_type):
+            for name, message_class in sorted(CLASSES.items()):
+                sent.append((1000 * i - 2000, f"CHANNEL_{name}", random_message(message_class, draw).encode()))
+        (self.folder / "log").write_bytes(b"".join(event(i, *e) for i, e in enumerate(sent)))
+        return sent, f"seed {seed}"
+
+    def assert_same(self, expected, seen, text):
+        if isinstance(expected, float) and math.isnan(expected):
+            self.assertTrue(seen is None or math.isnan(seen), text)
+        else:
+            self.assertEqual(struct.pack(">d", expected) if isinstance(expected, float) else expected,
+                             struct.pack(">d", seen) if isinstance(expected, float) else seen, text)
+
+    def test_csv_has_every_number_of_every_type_exactly(self):
+        sent, seed = self.random_log()
+        self.ballast("export", "log", "--csv", "tables")
+        for channel in {e[1] for e in sent}:
+            with open(self.folder / "tables" / f"{channel}.csv", newline="", encoding="ascii") as file:
+                rows = list(csv.DictReader(file))
+            wanted = [(timestamp, decoded(payload)) for timestamp, name, payload in sent if name == channel]
+            self.assertEqual(len(rows), len(wanted))
+            for row, (timestamp, numbers) in zip(rows, wanted):
+                self.assertEqual(int(row.pop("timestamp_us")), timestamp)
+                self.assertEqual(list(row), list(numbers), "columns in the order of the fields")
+                for name, value in numbers.items():
+                    self.assert_same(value, type(value)(row[name]), f"{channel} {name} {seed}")
+
+    def test_mcap_has_every_number_of_every_type_exactly(self):
+        sent, seed = self.random_log()
+        self.ballast("export", "log", "--mcap", "log.mcap")
+        file = strict_mcap.McapFile((self.folder / "log.mcap").read_bytes())
+        self.assertEqual(len(file.messages), len(sent))
+        for (timestamp, channel, payload), (topic, time_ns, value) in zip(sent, file.messages):
+            self.assertEqual((topic, time_ns), (channel, max(timestamp, 0) * 1000))
+            numbers, seen = decoded(payload), {}
+            for field, entry in value.items():
+                seen.update(flat_json(field, entry))
+            self.assertEqual(list(seen), list(numbers))
+            for name, number in numbers.items():
+                self.assert_same(number, seen[name], f"{channel} {name} {seed}")
+
+    def test_schemas_describe_the_messages_in_what_foxglove_reads(self):
+        # Foxglove's parser of JSON Schema: an object of numbers, objects, and arrays of those; no arrays of arrays.
+        def matches(schema, value):
+            if schema["type"] == "object":
+                self.assertEqual(set(schema["properties"]), set(value))
+                for key, entry in value.items():
+                    matches(schema["properties"][key], entry)
+            elif schema["type"] == "array":
+                self.assertIn(schema["items"]["type"], ("number", "integer", "object"))
+                for entry in value:
+                    matches(schema["items"], entry)
+            elif schema["type"] == "integer":
+                self.assertIsInstance(value, int)
+            else:
+                self.assertEqual(schema["type"], "number")
+                self.assertTrue(value is None or isinstance(value, float))
+
+        self.random_log()
+        self.ballast("export", "log", "--mcap", "log.mcap")
+        file = strict_mcap.McapFile((self.folder / "log.mcap").read_bytes())
+        for topic, _, value in file.messages:
+            name, schema = file.schemas[topic]
+            self.assertEqual("ballast." + topic.removeprefix("CHANNEL_"), name)
+            matches(schema, value)
+
+    def test_a_run_of_several_chunks(self):
+        self.ballast("run", "paper_ball", "--set", "duration=1", "--quiet", "--out", "r")
+        self.ballast("export", "r", "--mcap", "r.mcap", "--csv", "r")
+        file = strict_mcap.McapFile((self.folder / "r.mcap").read_bytes())
+        log = events(self.folder / "r/run.lcmlog")
+        self.assertEqual([topic for topic, *_ in file.messages], [channel for _, channel, _ in log])
+        self.assertGreater((self.folder / "r.mcap").stat().st_size, 2 << 20, "more than two chunks")
+        summary = json.loads((self.folder / "r/summary.json").read_text())
+        with open(self.folder / "r/BALLAST_CONTACT.csv", newline="", encoding="ascii") as table:
+            most = max(float(row["mu_required_max"]) for row in csv.DictReader(table))
+        self.assertEqual(most, summary["mu_required"]["max"])
+
+    def test_damage_and_strangers_are_said(self):
+        contact = ballast.contact_t().encode()
+        whole = event(0, 0, "A", contact) + event(1, 1, "GOSSIP", b"x" * 20)
+        (self.folder / "log").write_bytes(whole + event(2, 2, "A", contact)[:-3])
+        done = self.ballast("export", "log", "--csv", "t")
+        self.assertIn("cut off inside an event", done.stderr)
+        self.assertIn("GOSSIP: 1 messages are of no type of this build", done.stderr)
+        self.assertEqual(len((self.folder / "t/A.csv").read_text().splitlines()), 2)
+
+    def test_nonsense_is_refused_and_leaves_nothing(self):
+        contact = ballast.contact_t().encode()
+        for content, words in ((b"", "empty"), (b"no log at all" * 10, "not an LCM event log"),
+                               (event(0, 0, "A", b"x" * 20), "no message of a type of this build"),
+                               (event(0, 0, "A", contact + b"x"), "bytes, expected"),
+                               (event(0, 0, "A", contact) + event(1, 1, "A", ballast.trip_t().encode()), "two types"),
+                               (event(0, 0, "A/B", contact) + event(1, 1, "A:B", contact), "another channel")):
+            (self.folder / "log").write_bytes(content)
+            for option, target in (("--csv", "t"), ("--mcap", "t.mcap")):
+                if words == "another channel" and option == "--mcap":
+                    continue
+                self.assertIn(words, self.ballast("export", "log", option, target, status=2).stderr)
+                self.assertFalse(any(self.folder.glob("t*/*")) or (self.folder / "t.mcap").exists())
+        self.assertIn("nowhere", self.ballast("export", "nowhere", "--csv", "t", status=2).stderr)
+        self.assertIn("--csv DIR", self.ballast("export", "log", status=1).stderr)
+        self.ballast("export", status=1)
+
+    def test_lcm_logger_and_player_work_on_our_bus_and_logs(self):
+        """A run recorded by lcm-logger is the run's own log; lcm-logplayer's replay is what was recorded."""
+        self.ballast("run", "paper_ball", "--set", "duration=1", "--quiet", "--out", "r")
+        own = [e[1:] for e in events(self.folder / "r/run.lcmlog")]
+        for name, command in (("live", [BALLAST, "run", "paper_ball", "--set", "duration=1", "--speed", "1", "--lcm",
+                                        URL, "--quiet", "--out", "r2"]),
+                              ("replayed", ["lcm-logplayer", "--lcm-url", URL, "r/run.lcmlog"])):
+            logger = subprocess.Popen(["lcm-logger", "--quiet", "--lcm-url", URL, name], cwd=self.folder)
+            try:
+                time.sleep(0.5)
+                watch = subprocess.Popen([BALLAST, "watch", "--lcm", URL, "--wait", "20"], stdout=subprocess.PIPE,
+                                         text=True)
+                time.sleep(0.3)
+                subprocess.run(command, cwd=self.folder, check=True, timeout=60, stdout=subprocess.DEVNULL)
+                self.assertIn("undecodable=0 ended", watch.communicate(timeout=30)[0], name)
+                time.sleep(0.3)
+            finally:
+                logger.send_signal(signal.SIGINT)
+                logger.wait()
+            # LCM says LCM_SELF_TEST to itself whenever somebody connects.
+            heard = [e[1:] for e in events(self.folder / name) if e[1] != "LCM_SELF_TEST"]
+            # A loaded machine may lose some; what came is exactly what was sent, in its order.
+            rest = iter(own)
+            self.assertTrue(all(message in rest for message in heard), name)
+            self.assertGreater(len(heard), 0.9 * len(own), name)
+            self.ballast("export", name, "--mcap", f"{name}.mcap")
+            strict_mcap.McapFile((self.folder / f"{name}.mcap").read_bytes())
+
+
+if __name__ == "__main__":
+    sys.exit(unittest.main())

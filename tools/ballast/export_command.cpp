@@ -1,0 +1,45 @@
+// ballast export: a log as CSV tables or as MCAP for Foxglove. The work is done by ballast-export, in Python, because
+// that reads a message's layout from its type, and needs no list of fields here.
+#include <memory>
+
+#include "tools/ballast/commands.h"
+#include "tools/program/program.h"
+#include "tools/program/subprocess.h"
+
+namespace ballast {
+
+namespace {
+
+struct ExportCommand {
+  std::string log, csv, mcap;
+};
+
+int export_log(const ExportCommand& command) {
+  if (command.csv.empty() && command.mcap.empty()) {
+    program::complain("ballast", "export: say where to: --csv DIR, --mcap FILE, or both");
+    return program::kExitUsage;
+  }
+  std::error_code code;
+  const auto exporter = std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / "ballast-export";
+  std::vector<std::string> argv{exporter.string()};
+  if (!command.csv.empty()) argv.push_back("--csv=" + command.csv);
+  if (!command.mcap.empty()) argv.push_back("--mcap=" + command.mcap);
+  argv.insert(argv.end(), {"--", command.log});
+  program::complain("ballast", program::become_program(argv));
+  return program::kExitCouldNotRun;
+}
+
+}  // namespace
+
+std::function<int()> add_export_command(CLI::App& app, CLI::App*& command) {
+  command = app.add_subcommand("export", "Writes a log as CSV, one table per channel, or as MCAP for Foxglove");
+  auto options = std::make_shared<ExportCommand>();
+  command->add_option("LOG", options->log, "an LCM event log, or the folder of a run")
+      ->required()
+      ->check(program::not_empty());
+  command->add_option("--csv", options->csv, "folder for CHANNEL.csv")->check(program::not_empty());
+  command->add_option("--mcap", options->mcap, "file for Foxglove")->check(program::not_empty());
+  return [options] { return export_log(*options); };
+}
+
+}  // namespace ballast

@@ -1,0 +1,208 @@
+"""ballast-export LOG [--csv DIR] [--mcap FILE]: an event log as tables, one per channel, or for Foxglove."""
+
+import argparse
+import json
+import mmap
+import os
+import re
+import sys
+from pathlib import Path
+
+from event_log import LogError, scan
+from mcap import McapWriter
+from text import MessageType, types_by_fingerprint
+
+# So many messages at a time, that a long log needs no more memory than a short one.
+BLOCK = 20000
+
+
+class Log:
+    """The messages of a log in blocks, types found by their fingerprints."""
+
+    def __init__(self, path):
+        self.path = path
+        self.damage = None
+        self.unknown = {}  # events by channel that are of no type of this build
+        self._classes = types_by_fingerprint()
+        self._types = {}  # by channel
+
+    def read(self, take_block):
+        """Calls take_block(events, payloads): (timestamp, channel) in the log's order, and payloads by channel."""
+        events, payloads = [], {}
+
+        def take(timestamp, channel, payload):
+            channel = channel.decode(errors="backslashreplace")
+            if payload[:8] not in self._classes:
+                self.unknown[channel] = self.unknown.get(channel, 0) + 1
+                return
+            known = self._types.get(channel)
+            if known is None:
+                self._types[channel] = (payload[:8], MessageType(self._classes[payload[:8]]))
+            elif known[0] != payload[:8]:
+                raise LogError(f"{self.path}: {channel}: messages of two types")
+            events.append((timestamp, channel))
+            payloads.setdefault(channel, []).append(payload)
+            if len(events) == BLOCK:
+                take_block(events, payloads)
+                events.clear()
+                payloads.clear()
+
+        try:
+            with open(self.path, "rb") as file:
+                if os.fstat(file.fileno()).st_size == 0:
+                    raise LogError(f"{self.path}: the log is empty")
+                with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                    self.damage = scan(data, self.path, take)
+        except OSError as error:
+            raise LogError(f"{self.path}: {error.strerror}") from error
+        if events:
+            take_block(events, payloads)
+        if not self._types:
+            raise LogError(f"{self.path}: no message of a type of this build"
+                           f" ({sum(self.unknown.values())} others)")
+
+    def type_of(self, channel):
+        return self._types[channel][1]
+
+
+def write_csv(log, folder):
+    """CHANNEL.csv for every channel; `timestamp_us` is the log's, the rest are the message's fields."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = {}
+
+    def take_block(events, payloads):
+        timestamps = {channel: [] for channel in payloads}
+        for timestamp, channel in events:
+            timestamps[channel].append(timestamp)
+        for channel, messages in payloads.items():
+            message_type = log.type_of(channel)
+            if channel not in files:
+                name = re.sub(r"[^\w.-]", "_", channel, flags=re.ASCII) + ".csv"
+                if any(file.name == name for _, file in files.values()):
+                    raise LogError(f"{log.path}: {channel}: another channel also makes {name}")
+                files[channel] = (open(folder / (name + ".part"), "w", encoding="ascii"), folder / name)
+                files[channel][0].write(",".join(["timestamp_us", *message_type.columns]) + "\n")
+            rows = message_type.numbers(messages, f"{log.path}: {channel}")
+            files[channel][0].writelines(f"{timestamp}," + ",".join(row) + "\n"
+                                         for timestamp, row in zip(timestamps[channel], rows))
+
+    try:
+        log.read(take_block)
+        for file, target in files.values():
+            file.close()
+            os.replace(file.name, target)
+    except BaseException:
+        for file, _ in files.values():
+            file.close()
+            Path(file.name).unlink(missing_ok=True)
+        raise
+    return len(files)
+
+
+def shaped(shape, number, array, record):
+    """A field of this shape: its first dimension becomes an array, further ones objects. Foxglove refuses a channel
+    that has an array of arrays."""
+    if not shape:
+        return number
+    return array(shape[0], shaped_entry(shape[1:], number, record))
+
+
+def shaped_entry(shape, number, record):
+    if not shape:
+        return number
+    keys = "xyz" if shape[0] == 3 else [f"e{i}" for i in range(shape[0])]
+    return record({key: shaped_entry(shape[1:], number, record) for key in keys})
+
+
+def json_schema(message_type):
+    """The JSON Schema of a message, of the constructs that Foxglove reads."""
+
+    def array(_, items):
+        return {"type": "array", "items": items}
+
+    def record(properties):
+        return {"type": "object", "properties": properties}
+
+    fields = {}
+    for field in message_type.fields:
+        layout = message_type.layout[field]
+        number = {"type": "number" if layout.base.kind == "f" else "integer"}
+        fields[field] = shaped(layout.shape, number, array, record)
+    return json.dumps({"title": message_type.name, **record(fields)})
+
+
+def json_pattern(message_type):
+    """What makes a message's JSON of its numbers with %."""
+
+    def array(size, item):
+        return "[" + ",".join([item] * size) + "]"
+
+    def record(entries):
+        return "{" + ",".join(f'"{key}":{entry}' for key, entry in entries.items()) + "}"
+
+    return record({field: shaped(message_type.layout[field].shape, "%s", array, record)
+                   for field in message_type.fields})
+
+
+def write_mcap(log, path):
+    """JSON has no infinity: it is written as 1e999, which every parser of doubles reads as one. NaN is null."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    channels = {}
+    try:
+        with open(part, "wb") as file:
+            writer = McapWriter(file, "ballast")
+
+            def take_block(events, payloads):
+                texts = {}
+                for channel, messages in payloads.items():
+                    message_type = log.type_of(channel)
+                    if channel not in channels:
+                        channels[channel] = (writer.add_channel(channel, message_type.name, json_schema(message_type)),
+                                             json_pattern(message_type))
+                    rows = message_type.numbers(messages, f"{log.path}: {channel}", infinity="1e999", nan="null")
+                    texts[channel] = iter(rows)
+                for timestamp, channel in events:
+                    number, pattern = channels[channel]
+                    # MCAP has no time before 0: the countdown is put there. Its tick and utime say what it is.
+                    writer.add_message(number, max(timestamp, 0) * 1000, (pattern % next(texts[channel])).encode())
+
+            log.read(take_block)
+            writer.finish()
+        os.replace(part, path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+    return len(channels)
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="ballast export", description=__doc__.split(": ", 1)[1])
+    parser.add_argument("log", type=Path, help="an LCM event log, or the folder of a run")
+    parser.add_argument("--csv", type=Path, metavar="DIR", help="one CSV per channel into this folder")
+    parser.add_argument("--mcap", type=Path, metavar="FILE", help="an MCAP file, which Foxglove opens")
+    arguments = parser.parse_args()
+    path = arguments.log / "run.lcmlog" if arguments.log.is_dir() else arguments.log
+    try:
+        for write, target in ((write_csv, arguments.csv), (write_mcap, arguments.mcap)):
+            if target is None:
+                continue
+            log = Log(path)
+            channels = write(log, target)
+            if log.damage:
+                print(f"ballast: {path}: {log.damage}; exported is what comes before", file=sys.stderr)
+            for channel, count in sorted(log.unknown.items()):
+                print(f"ballast: {path}: {channel}: {count} messages are of no type of this build, and left out",
+                      file=sys.stderr)
+            print(f"{channels} channels in {target}")
+    except LogError as error:
+        print(f"ballast: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"ballast: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
