@@ -23,10 +23,9 @@ class Comparison:
     def __init__(self, path_a, path_b):
         self.recordings = [Recording(path_a), Recording(path_b)]
         a, b = self.recordings
-        self.fields = differences.robot_differences(a.robot, b.robot)
+        self.fields, self.logs = differences.log_differences(a.log_path, b.log_path)
+        self.fields += differences.robot_differences(a.robot, b.robot)
         self.fields += differences.summary_differences(a.summary, b.summary)
-        common, self.logs = differences.log_differences(a.log_path, b.log_path)
-        self.fields += common
 
     @property
     def identical(self):

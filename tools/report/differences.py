@@ -63,7 +63,7 @@ def unit_of(channel, field):
     comment = re.search(rf"\s{re.escape(field.partition('[')[0])}(?:\[\d+\])*;\s*// *([^\n]*)", text)
     if not comment:
         return ""
-    head = re.split("[,;]", comment[1])[0].strip()
+    head = re.split("[,;]| since ", comment[1])[0].strip()
     if head.startswith("rail coordinate"):
         return "rad on circles, m elsewhere"
     return head if head in _UNITS else ""
@@ -77,7 +77,7 @@ def how_far(channel, field, a, b):
     unit = unit_of(channel, field)
     text = f"{difference:+.6g}" + (f" {unit}" if unit and unit != "1" else "")
     steps = ulps(a, b)
-    return f" ({text})" if steps is None else f" ({text}, {steps} ULP)"
+    return f" ({text})" if steps is None else f" ({text}, {steps if steps < 1e6 else f'{steps:.3g}'} ULP)"
 
 
 def value_text(value):

@@ -185,8 +185,9 @@ std::string View::line(double now_s, std::int64_t undecodable) const {
   std::int64_t missed = 0;
   for (const TickCounter& counter : counters_) missed += counter.missed();
   return text +
-         format(" rate=%.0f missed=%lld undecodable=%lld", counters_[kContact].rate_hz(now_s),
-                static_cast<long long>(missed), static_cast<long long>(undecodable)) +
+         format(" rate=%.0f missed=%lld refused=%lld undecodable=%lld", counters_[kContact].rate_hz(now_s),
+                static_cast<long long>(missed), static_cast<long long>(status_ ? status_->refused_messages : 0),
+                static_cast<long long>(undecodable)) +
          (ended_ ? " ended" : "");
 }
 
