@@ -732,7 +732,8 @@ void Plant::touch(const Vector2d& slip_W_mps) {
   // Else flight, if that is where it goes without the floor; else sliding.
   const OpenContact open = open_contact_now();
   const ContactRelation contact{open.free_slip_rate_W_mps2, open.compliance_W};
-  const double negligible = 1e-12 * (body_.gravity_mps2 + contact.free.norm());
+  // Rounding of f_s makes rolling end that much of N, over mu_s, before N is 0.
+  const double negligible = 1e-12 * (body_.gravity_mps2 + contact.free.norm()) / std::min(1.0, static_friction_);
   if (contact.free[2] >= -negligible) {
     enter(Regime::kFlight);
     return;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "sim/cubic_spline.h"
@@ -454,6 +455,7 @@ void read_winding(TableReader& table, const MotorPreset* preset, Motor& motor) {
     table.refuse("rated_current", "and the rest of the winding make a corner speed of " +
                                       number_text(motor.corner_speed_radps) +
                                       " rad/s; allowed: figures that make a finite one > 0");
+    motor.corner_speed_radps = std::numeric_limits<double>::infinity();  // what follows from it has no fault of its own
   }
 }
 

@@ -108,7 +108,7 @@ TEST(MotorShare, FollowsStopsAndMoves) {
 
   RunOptions options;
   options.move = firmware::MoveRequest{.masses = 2, .target_position = {0, 0.1}, .speed_fraction = 0.5};
-  const Recorded moved = record("paper_ball", {}, options);
+  const Recorded moved = record("paper_ball", {"duration=60"}, options);
   EXPECT_GT(expect_the_firmwares_numbers(moved), 100);
   EXPECT_NEAR(moved.status.rbegin()->second.next_position[1], 0.1, 1e-15);
   EXPECT_EQ(moved.status.rbegin()->second.next_position[0], 0);
