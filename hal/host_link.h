@@ -26,7 +26,10 @@ struct LinkCounters {
   std::int64_t malformed = 0;     // wrong size, wrong type or a value outside its range
   std::int64_t repeated = 0;      // a tick that is already there, or a command already obeyed
   std::int64_t out_of_order = 0;  // any other tick than the next
-  std::int64_t foreign = 0;       // of another scenario
+  std::int64_t foreign = 0;       // of another scenario or another run
+  std::int64_t old = 0;           // commands older than their sender's newest
+  std::int64_t taken_back = 0;    // verdicts that take back a trip; these are used as if they did not
+  [[nodiscard]] std::int64_t refused() const { return malformed + repeated + out_of_order + foreign + old; }
 };
 
 }  // namespace ballast::hal

@@ -28,6 +28,20 @@ std::string read_file(const std::filesystem::path& file, std::string& text) {
   return stream.bad() ? "cannot be read; allowed: a readable TOML file" : "";
 }
 
+// A name that came from the file's is written down; what was published of another robot is left out.
+std::string file_text(Node& root, const Scenario& scenario) {
+  if (root.find("name") == nullptr) {
+    Node name;
+    name.kind = NodeKind::kString;
+    name.text = scenario.name;
+    root.entries.emplace_back("name", std::move(name));
+  }
+  if (scenario.published.empty()) {
+    std::erase_if(root.entries, [](const auto& entry) { return entry.first == "published"; });
+  }
+  return to_toml(root) + "\n";
+}
+
 }  // namespace
 
 std::string to_string(const ScenarioError& error) {
@@ -52,7 +66,9 @@ ScenarioResult parse_scenario(std::string_view toml, std::string_view source_nam
   // What is published speaks of the scenario as it is in the file; how it is run may differ.
   const auto changes_robot = [](const std::string& o) { return !o.starts_with("run.") && !o.starts_with("seed="); };
   if (std::any_of(overrides.begin(), overrides.end(), changes_robot)) result.scenario.published.clear();
-  if (result.ok()) result.scenario.id = fingerprint(result.scenario);
+  if (!result.ok()) return result;
+  result.scenario.id = fingerprint(result.scenario);
+  result.scenario.toml = file_text(root, result.scenario);
   return result;
 }
 

@@ -147,6 +147,8 @@ struct Scenario {
 
   std::uint64_t seed = 0;
   std::int64_t id = 0;  // fingerprint of everything above but `published`, equal for equal scenarios; never 0
+
+  std::string toml;  // a scenario file that gives this very scenario, overrides applied, wherever it lies
 };
 
 // One fault found in a scenario.

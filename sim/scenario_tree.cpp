@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <optional>
+#include <sstream>
 
 namespace ballast::sim {
 namespace {
@@ -101,6 +102,49 @@ Node convert(const toml::node& from, const SourceText& text, const std::string& 
   return to;
 }
 
+toml::array to_array(const Node& node);
+
+toml::table to_table(const Node& node, bool is_inline);
+
+// Calls `put` with the value as toml++ has it. Dates are left out: no scenario has one.
+template <class Put>
+void with_value(const Node& node, bool is_inline, const Put& put) {
+  switch (node.kind) {
+    case NodeKind::kTable:
+      return put(to_table(node, is_inline));
+    case NodeKind::kArray:
+      return put(to_array(node));
+    case NodeKind::kString:
+      return put(node.text);
+    case NodeKind::kInteger:
+      return put(node.integer);
+    case NodeKind::kFloat:
+      return put(node.number);
+    case NodeKind::kBoolean:
+      return put(node.boolean);
+    case NodeKind::kDateOrTime:
+      return;
+  }
+}
+
+toml::array to_array(const Node& node) {
+  toml::array array;
+  for (const Node& item : node.items) {
+    // Only what the file wrote as [[name]] becomes that again.
+    with_value(item, !item.written.empty(), [&array](auto&& value) { array.push_back(value); });
+  }
+  return array;
+}
+
+toml::table to_table(const Node& node, bool is_inline) {
+  toml::table table;
+  for (const auto& [key, entry] : node.entries) {
+    with_value(entry, !entry.written.empty(), [&table, &key](auto&& value) { table.insert(key, value); });
+  }
+  table.is_inline(is_inline);
+  return table;
+}
+
 std::string_view trimmed(std::string_view text) {
   constexpr std::string_view kSpace = " \t\r\n";
   const std::size_t begin = text.find_first_not_of(kSpace);
@@ -184,6 +228,12 @@ bool read_tree(std::string_view toml, std::string_view source_name, Node& root, 
                       "not TOML: " + one_line(error.description(), kMaxDescription)});
     return false;
   }
+}
+
+std::string to_toml(const Node& root) {
+  std::ostringstream text;
+  text << toml::toml_formatter(to_table(root, false));
+  return text.str();
 }
 
 void apply_override(const std::string& assignment, Node& root, std::vector<ScenarioError>& errors) {

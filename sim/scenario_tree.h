@@ -42,4 +42,7 @@ bool read_tree(std::string_view toml, std::string_view source_name, Node& root, 
 // Applies one "dotted.key=value"; an error leaves the tree as it was.
 void apply_override(const std::string& assignment, Node& root, std::vector<ScenarioError>& errors);
 
+// The tree as TOML again, values bit for bit; without comments, keys in alphabetical order.
+[[nodiscard]] std::string to_toml(const Node& root);
+
 }  // namespace ballast::sim

@@ -9,21 +9,24 @@ namespace ballast::hal {
 namespace {
 
 constexpr std::chrono::milliseconds kWaitingPeriod{50};
+constexpr std::size_t kMostEarly = 64;
 
 }  // namespace
 
 LcmBoard::LcmBoard(Bus& bus, const LcmBoardOptions& options) : bus_(bus), options_(options) {
   bus_.subscribe<sensors_t>(kChannelSensors, [this](const sensors_t& message) { on_sensors(message); });
   bus_.subscribe<trip_t>(kChannelTrip, [this](const trip_t& message) { on_trip(message); });
-  bus_.subscribe<operator_t>(kChannelOperator, [this](const operator_t& message) { operator_.hear(message); });
+  bus_.subscribe<operator_t>(kChannelOperator, [this](const operator_t& message) { on_operator(message); });
 }
 
-bool LcmBoard::is_foreign(std::int64_t scenario_id, const char* sender) {
-  if (scenario_id == options_.scenario_id) return false;
-  ++counters_.foreign;
-  trouble_ = Status::kForeignScenario;
-  peer_ = sender;
-  return true;
+void LcmBoard::join(std::int64_t run_id) {
+  bus_.join(run_id);
+  if (trip_ && trip_->run_id != run_id) {
+    ++counters_.foreign;
+    trip_.reset();
+  }
+  for (const operator_t& message : early_) on_operator(message);
+  early_.clear();
 }
 
 template <class M>
@@ -39,12 +42,43 @@ void LcmBoard::accept(const M& message, std::optional<M>& mailbox) {
 }
 
 void LcmBoard::on_sensors(const sensors_t& message) {
-  if (!is_foreign(message.scenario_id, "plant")) accept(message, sensors_);
+  if (message.run_id == 0) {
+    ++counters_.foreign;
+    return;
+  }
+  if (message.scenario_id != options_.scenario_id) {
+    ++counters_.foreign;
+    trouble_ = Status::kForeignScenario;
+    peer_ = "plant";
+    return;
+  }
+  if (bus_.run_id() == 0) join(message.run_id);
+  accept(message, sensors_);
 }
 
 void LcmBoard::on_trip(const trip_t& message) {
-  if (is_foreign(message.scenario_id, "monitor") || message.tick == kWaitingTick) return;
-  accept(message, trip_);
+  const bool waits = message.tick == kWaitingTick;
+  if (message.scenario_id != options_.scenario_id) {
+    ++counters_.foreign;
+    if (waits && message.run_id == 0 && last_tick_) return;  // whoever that is, it is not of this run
+    trouble_ = Status::kForeignScenario;
+    peer_ = "monitor";
+  } else if (message.run_id == 0) {
+    if (!waits) ++counters_.foreign;
+  } else if (!waits) {
+    accept(message, trip_);
+  }
+}
+
+void LcmBoard::on_operator(const operator_t& message) {
+  if (bus_.run_id() == 0) {
+    early_.push_back(message);
+    if (early_.size() > kMostEarly) early_.pop_front();
+  } else if (message.run_id != bus_.run_id()) {
+    ++counters_.foreign;
+  } else {
+    operator_.hear(message);
+  }
 }
 
 bool LcmBoard::complete() const { return sensors_ && trip_ && sensors_->tick == trip_->tick; }
@@ -80,6 +114,11 @@ Status LcmBoard::wait_tick(std::int64_t& tick) {
   }
   if (status != Status::kOk) return trouble_ = status;
 
+  if (const operator_t* next = operator_.peek(); next != nullptr && next->command == operator_t::COMMAND_RESET) {
+    tripped_ = false;
+  }
+  if (tripped_ && trip_->tripped == 0) ++counters_.taken_back;
+  tripped_ = tripped_ || trip_->tripped == 1;
   sensors_read_ = verdict_read_ = false;
   last_tick_ = sensors_->tick;
   ended_ = sensors_->last == 1;
@@ -97,6 +136,7 @@ Status LcmBoard::read_sensors(firmware::Sensors& sensors) {
 Status LcmBoard::read_verdict(firmware::MonitorVerdict& verdict) {
   if (!trip_ || verdict_read_) return Status::kEmpty;
   verdict = from_message(*trip_);
+  verdict.tripped = tripped_;
   verdict_read_ = true;
   return Status::kOk;
 }
@@ -113,13 +153,17 @@ Status LcmBoard::write_steps(const firmware::StepCommand& steps) {
 }
 
 Status LcmBoard::write_status(const firmware::ControllerStatus& status) {
-  return bus_.publish(kChannelControllerStatus, to_message(status, options_.control_period_s));
+  controller_status_t message = to_message(status, options_.control_period_s);
+  message.refused_messages = counters().refused();
+  return bus_.publish(kChannelControllerStatus, message);
 }
 
 LinkCounters LcmBoard::counters() const {
   LinkCounters counters = counters_;
   counters.malformed = bus_.malformed();
-  counters.repeated += operator_.repeated();
+  counters.foreign += bus_.foreign();
+  counters.repeated += operator_.counters().repeated;
+  counters.old += operator_.counters().old;
   return counters;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <string>
 
@@ -19,8 +20,13 @@ struct LcmBoardOptions {
 };
 
 // A tick k is due when sensors(k) and trip(k) are both there. The first tick may have any number; then only the next
-// one counts, other messages are counted and ignored. Before the first tick a controller_status_t with tick =
-// kWaitingTick goes out every 50 ms, so that the plant knows that it can begin. The bus must outlive the board.
+// one counts, other messages are counted and ignored. The first sensors of this scenario say which run this is: from
+// then on nobody else is heard (bus.h). Messages of no run are never used.
+//
+// A verdict that takes back a trip (of a monitor started again, say) is counted, and used as if it did not, until an
+// operator says reset: the firmware then judges whether it may be obeyed. Before the first tick a controller_status_t
+// with tick = kWaitingTick goes out every 50 ms, so that the plant knows that it can begin. The bus must outlive the
+// board.
 class LcmBoard {
  public:
   LcmBoard(Bus& bus, const LcmBoardOptions& options);
@@ -46,7 +52,8 @@ class LcmBoard {
  private:
   void on_sensors(const sensors_t& message);
   void on_trip(const trip_t& message);
-  bool is_foreign(std::int64_t scenario_id, const char* sender);
+  void on_operator(const operator_t& message);
+  void join(std::int64_t run_id);
   template <class M>
   void accept(const M& message, std::optional<M>& mailbox);
   [[nodiscard]] bool complete() const;
@@ -59,7 +66,9 @@ class LcmBoard {
   std::optional<sensors_t> sensors_;  // of the tick waited for
   std::optional<trip_t> trip_;
   bool sensors_read_ = false, verdict_read_ = false;
+  bool tripped_ = false;  // a verdict of this run has said so, and nobody has said reset since
   OperatorInbox operator_;
+  std::deque<operator_t> early_;  // commands heard before it was known which run this is
 
   LinkCounters counters_;
   std::int64_t watchdog_kicks_ = 0;

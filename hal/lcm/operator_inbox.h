@@ -1,34 +1,40 @@
-// The operator's messages on a bus, each handed out once.
+// The operators' messages on a bus, each handed out once.
 #pragma once
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <deque>
 #include <optional>
 
+#include "hal/host_link.h"
 #include "hal/lcm/messages.h"
 
 namespace ballast::hal {
 
-// The message does not name its sender, so two senders' sequences cannot be told apart: what is an exact copy of a
-// recent message is a repetition, everything else is handed out in the order of arrival. No stop is ever taken for an
-// old one.
+// A sender's messages count up, so what is not after its newest is a copy or comes late, and is not handed out. A stop
+// that comes late is: to stop once more than was meant does no harm, not to stop does.
 class OperatorInbox {
  public:
   void hear(const operator_t& message) {
-    if (is_known(message)) {
-      ++repeated_;
-      return;
+    Sender& sender = sender_of(message.sender);
+    if (sender.own) return;  // a bus gives back what is published on it
+    const bool stop = message.command == operator_t::COMMAND_STOP;
+    if (sender.known && message.sequence <= sender.newest) {
+      const bool copy = message.sequence == sender.newest || (stop && message.sequence == sender.last_late_stop);
+      ++(copy ? counters_.repeated : counters_.old);
+      if (copy || !stop) return;
+      sender.last_late_stop = message.sequence;
+    } else {
+      sender.newest = sender.last_late_stop = message.sequence;
+      sender.known = true;
     }
-    know(message);
     // Commands are obeyed one per tick; in a flood of them the oldest go, so that a stop still comes through.
     if (waiting_.size() == kMostWaiting) waiting_.pop_front();
     waiting_.push_back(message);
   }
 
-  // One's own: a bus gives back what is published on it.
-  void know(const operator_t& message) { recent_[known_++ % recent_.size()] = message; }
+  // Messages of this sender are one's own, and are not handed out.
+  void know(std::int64_t sender) { sender_of(sender).own = true; }
 
   std::optional<operator_t> next() {
     if (waiting_.empty()) return std::nullopt;
@@ -37,26 +43,41 @@ class OperatorInbox {
     return message;
   }
 
-  [[nodiscard]] std::int64_t repeated() const { return repeated_; }
+  // What next() would hand out; nullptr: nothing.
+  [[nodiscard]] const operator_t* peek() const { return waiting_.empty() ? nullptr : &waiting_.front(); }
+
+  // Of these only `repeated` and `old` are counted here.
+  [[nodiscard]] const LinkCounters& counters() const { return counters_; }
 
  private:
   static constexpr std::size_t kMostWaiting = 64;
 
-  [[nodiscard]] bool is_known(const operator_t& message) const {
-    const auto same = [&message](const operator_t& other) {
-      return other.tick == message.tick && other.utime == message.utime && other.sequence == message.sequence &&
-             other.command == message.command && other.move_masses == message.move_masses &&
-             std::memcmp(other.target_position, message.target_position, sizeof message.target_position) == 0 &&
-             std::memcmp(&other.speed_fraction, &message.speed_fraction, sizeof message.speed_fraction) == 0;
-    };
-    const auto end = recent_.begin() + static_cast<std::ptrdiff_t>(std::min(known_, recent_.size()));
-    return std::any_of(recent_.begin(), end, same);
+  struct Sender {
+    std::int64_t id = 0;
+    bool own = false, known = false;
+    std::int64_t newest = 0, last_late_stop = 0;
+    std::int64_t used = 0;  // when, in messages heard; 0: the place is free
+  };
+
+  // Somebody who invents senders makes the oldest be forgotten, so that these could be heard again; but never oneself.
+  Sender& sender_of(std::int64_t id) {
+    ++heard_;
+    auto place =
+        std::find_if(senders_.begin(), senders_.end(), [id](const Sender& s) { return s.used > 0 && s.id == id; });
+    if (place == senders_.end()) {
+      const auto older = [](const Sender& a, const Sender& b) { return a.own != b.own ? b.own : a.used < b.used; };
+      place = std::min_element(senders_.begin(), senders_.end(), older);
+      *place = Sender();
+      place->id = id;
+    }
+    place->used = heard_;
+    return *place;
   }
 
   std::deque<operator_t> waiting_;
-  std::array<operator_t, 32> recent_{};
-  std::size_t known_ = 0;  // ever entered
-  std::int64_t repeated_ = 0;
+  std::array<Sender, 32> senders_{};
+  std::int64_t heard_ = 0;
+  LinkCounters counters_;
 };
 
 }  // namespace ballast::hal

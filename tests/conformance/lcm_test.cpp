@@ -14,6 +14,8 @@ namespace {
 constexpr Seconds kShort{0.2};
 constexpr Seconds kLong{30};
 
+constexpr std::int64_t kRunId = 7;
+
 class LcmWorld {
  public:
   using BoardType = LcmBoard;
@@ -27,6 +29,7 @@ class LcmWorld {
                             .start_timeout = start_timeout,
                             .peer_timeout = Seconds(1)}) {
     EXPECT_TRUE(board_bus_.good() && world_bus_.good()) << "no multicast on this machine?";
+    world_bus_.join(kRunId);
     world_bus_.subscribe<step_command_t>(kChannelStepCommand, [this](const step_command_t& m) { steps_ = m; });
     world_bus_.subscribe<controller_status_t>(kChannelControllerStatus, [this](const controller_status_t& m) {
       if (m.tick == kWaitingTick) {
@@ -89,6 +92,7 @@ class LcmWorld {
     ASSERT_EQ(world_bus_.publish(channel, message), Status::kOk);
   }
   const std::optional<controller_status_t>& waiting() const { return waiting_; }
+  std::int64_t refused_messages() const { return status_->refused_messages; }
 
  private:
   Bus board_bus_, world_bus_;
@@ -198,14 +202,14 @@ TEST(LcmBoard, VerdictMayComeBeforeTheSensors) {
   LcmWorld world;
   world.publish(kChannelTrip, LcmWorld::trip({.tick = kWaitingTick, .tripped = false}));
   for (std::int64_t k = -2; k < 3; ++k) {
-    world.publish(kChannelTrip, LcmWorld::trip({.tick = k, .tripped = k == 1}));
+    world.publish(kChannelTrip, LcmWorld::trip({.tick = k, .tripped = k >= 1}));
     world.send_sensors_only(world_tick(k).sensors);
     std::int64_t tick = -99;
     ASSERT_EQ(world.board().wait_tick(tick), Status::kOk);
     EXPECT_EQ(tick, k);
     firmware::MonitorVerdict verdict;
     ASSERT_EQ(world.board().read_verdict(verdict), Status::kOk);
-    EXPECT_EQ(verdict.tripped, k == 1);
+    EXPECT_EQ(verdict.tripped, k >= 1);
   }
   EXPECT_EQ(world.counters().repeated + world.counters().out_of_order, 0);
 }
@@ -236,7 +240,8 @@ TEST(LcmBoard, AnotherScenarioIsAnErrorThatNamesTheSender) {
 TEST(LcmBoard, RepeatedOperatorMessageIsObeyedOnce) {
   LcmWorld world;
   const operator_t arm = to_message(firmware::OperatorCommand::kArm, 0, 1, kControlPeriod_s);
-  const operator_t stop_of_another_sender = to_message(firmware::OperatorCommand::kStop, 0, 1, kControlPeriod_s);
+  operator_t stop_of_another_sender = to_message(firmware::OperatorCommand::kStop, 0, 1, kControlPeriod_s);
+  stop_of_another_sender.sender = 1;
   for (const operator_t& message : {arm, arm, stop_of_another_sender, arm}) world.publish(kChannelOperator, message);
   serve(world, world_tick(0));
   firmware::OperatorInput command = firmware::OperatorCommand::kNone;
@@ -246,6 +251,72 @@ TEST(LcmBoard, RepeatedOperatorMessageIsObeyedOnce) {
   EXPECT_EQ(command.command, firmware::OperatorCommand::kStop);
   EXPECT_EQ(world.board().read_operator(command), Status::kEmpty);
   EXPECT_EQ(world.counters().repeated, 2);
+}
+
+TEST(LcmBoard, CommandsOlderThanTheirSendersNewestAreNotObeyedButStopsAre) {
+  using enum firmware::OperatorCommand;
+  LcmWorld world;
+  const auto say = [&](firmware::OperatorCommand command, std::int64_t sequence) {
+    world.publish(kChannelOperator, to_message(command, 0, sequence, kControlPeriod_s));
+  };
+  say(kArm, 5), say(kStart, 6), say(kArm, 5), say(kReset, 4), say(kStop, 3), say(kStop, 3), say(kReset, 7);
+  serve(world, world_tick(0));
+  firmware::OperatorInput command;
+  for (const firmware::OperatorCommand obeyed : {kArm, kStart, kStop, kReset}) {
+    ASSERT_EQ(world.board().read_operator(command), Status::kOk);
+    EXPECT_EQ(command.command, obeyed);
+  }
+  EXPECT_EQ(world.board().read_operator(command), Status::kEmpty);
+  EXPECT_EQ(world.counters().old, 3);
+  EXPECT_EQ(world.counters().repeated, 1);
+}
+
+// A log played back is of no run, a run before this one is another: neither moves anything, before the first tick and
+// after it, whatever its ticks and sequences are.
+TEST(LcmBoard, OtherRunsAreCountedAndNeverUsed) {
+  LcmWorld world;
+  const auto say_all = [&](std::int64_t run_id, std::int64_t tick) {
+    world.bus().join(run_id);
+    world.send_operator(firmware::OperatorCommand::kStop);
+    world.publish(kChannelTrip, LcmWorld::trip({.tick = tick, .tripped = true}));
+    if (run_id == 0 || tick > 0) world.send_sensors_only(world_tick(tick).sensors);
+    world.bus().join(kRunId);
+  };
+  say_all(0, 0), say_all(kRunId + 1, 0);
+  for (std::int64_t tick = 0; tick < 2; ++tick) {
+    serve(world, world_tick(tick));
+    firmware::MonitorVerdict verdict;
+    ASSERT_EQ(world.board().read_verdict(verdict), Status::kOk);
+    EXPECT_FALSE(verdict.tripped);
+    firmware::OperatorInput command;
+    EXPECT_EQ(world.board().read_operator(command), Status::kEmpty);
+    if (tick == 0) say_all(0, 1), say_all(kRunId + 1, 1);
+  }
+  EXPECT_EQ(world.counters().foreign, 11);
+  firmware::ControllerStatus status;
+  ASSERT_EQ(world.board().write_status(status), Status::kOk);
+  ASSERT_EQ(world.board().write_steps({}), Status::kOk);
+  firmware::StepCommand steps;
+  ASSERT_TRUE(world.receive(steps, status));
+  EXPECT_EQ(world.refused_messages(), 11);
+}
+
+TEST(LcmBoard, ATripIsTakenBackByAnOperatorsResetOnly) {
+  LcmWorld world;
+  const bool says[] = {false, true, false, false, false};
+  const bool heard[] = {false, true, true, false, false};
+  for (std::int64_t k = 0; k < 5; ++k) {
+    WorldTick tick = world_tick(k);
+    tick.verdict.tripped = says[k];
+    if (k == 3) tick.commands = {firmware::OperatorCommand::kReset};
+    serve(world, tick);
+    firmware::MonitorVerdict verdict;
+    ASSERT_EQ(world.board().read_verdict(verdict), Status::kOk);
+    EXPECT_EQ(verdict.tripped, heard[k]) << k;
+    firmware::OperatorInput command;
+    EXPECT_EQ(world.board().read_operator(command), k == 3 ? Status::kOk : Status::kEmpty);
+  }
+  EXPECT_EQ(world.counters().taken_back, 1);
 }
 
 TEST(LcmBoard, InterruptEndsTheWait) {

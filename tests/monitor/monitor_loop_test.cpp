@@ -34,6 +34,7 @@ class MonitorLoopTest : public ::testing::Test {
  protected:
   MonitorLoopTest() : bus_(hal::test::test_bus_url()), loop_bus_(hal::test::test_bus_url()) {
     EXPECT_TRUE(bus_.good() && loop_bus_.good()) << "no multicast on this machine?";
+    bus_.join(7);
     bus_.subscribe<trip_t>(hal::kChannelTrip, [this](const trip_t& m) { trips_.push_back(m); });
   }
   ~MonitorLoopTest() override {
@@ -298,6 +299,23 @@ TEST_F(MonitorLoopTest, RefusesAControllerOfAnotherScenario) {
   send_status(-3, kScenarioId + 1);
   EXPECT_EQ(end(), Status::kForeignScenario);
   EXPECT_EQ(loop_->trouble(), "controller runs another scenario");
+}
+
+// A stranger who says N = 0, of a run before this one or of none, does not trip it.
+TEST_F(MonitorLoopTest, OtherRunsAreCountedAndNotJudged) {
+  start(false);
+  wait_until_ready();
+  send_plant(0);
+  EXPECT_EQ(verdict().tripped, 0);
+  for (const std::int64_t run_id : {8, 0}) {
+    bus_.join(run_id);
+    send_contact(1, true, 0);
+  }
+  bus_.join(7);
+  send_plant(1, true);
+  EXPECT_EQ(verdict().tripped, 0);
+  EXPECT_EQ(end(), Status::kEnded);
+  EXPECT_EQ(loop_->counters().foreign, 2);
 }
 
 TEST_F(MonitorLoopTest, MalformedMessagesAreCountedAndIgnored) {

@@ -252,6 +252,7 @@ class WholeRun : public Programs {
     const std::string url = hal::test::test_bus_url();
     const std::int64_t id = scenario().id;
     hal::Bus bus(url);
+    bus.join(7);
     std::optional<std::int64_t> trip_tick, status_tick, steps_tick;
     bus.subscribe<trip_t>(hal::kChannelTrip, [&](const trip_t& m) { trip_tick = m.tick; });
     bus.subscribe<controller_status_t>(hal::kChannelControllerStatus,

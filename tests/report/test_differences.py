@@ -43,6 +43,24 @@ class DifferencesTest(unittest.TestCase):
         self.assertTrue(found.identical)
         self.assertIn("identical", compare.terminal_text(found))
 
+    def test_distances_in_ulps_and_units(self):
+        import math
+        for a, b, steps in ((1.0, math.nextafter(1.0, 2), 1), (1.0, math.nextafter(1.0, 0), 1), (0.0, -0.0, 0),
+                            (5e-324, -5e-324, 2), (1.0, 2.0, 2**52), (-1.0, -2.0, 2**52)):
+            self.assertEqual(differences.ulps(a, b), steps)
+            self.assertEqual(differences.ulps(b, a), steps)
+        for value in (1, math.nan, math.inf, None):
+            self.assertIsNone(differences.ulps(value, 1.0))
+        for channel, field, unit in (("BALLAST_CONTROLLER_STATUS", "normal_force_n", "N"),
+                                     ("BALLAST_CONTROLLER_STATUS", "commanded_position[3]",
+                                      "rad on circles, m elsewhere"),
+                                     ("BALLAST_CONTROLLER_STATUS", "mode", ""),
+                                     ("BALLAST_STEP_COMMAND", "steps[0]", "microsteps"),
+                                     ("BALLAST_STEP_COMMAND", "position_steps[0]", "microsteps")):
+            self.assertEqual(differences.unit_of(channel, field), unit)
+        self.assertEqual(differences.how_far("BALLAST_CONTACT", "normal_force_n", 4.0, math.nextafter(4.0, 5)),
+                         " (+8.88178e-16 N, 1 ULP)")
+
     def test_first_tick_and_field(self):
         ball().write(self.a)
         changed = ball()

@@ -188,5 +188,20 @@ TEST(Overrides, TakePublishedNumbersAwayIfTheyChangeTheRobot) {
   EXPECT_TRUE(accepted(kFull, {"ball.mass=2.5"}).published.empty());
 }
 
+TEST(Overrides, AreInTheTextOfTheScenario) {
+  const std::vector<std::string> overrides = {"duration=0.1",
+                                              "mass.2.motor.microsteps=64",
+                                              "mass.0.rail.radius=1.2500000000000002",
+                                              "mass.0.motion.1.duration=0.30000000000000004",
+                                              "surface.static_friction=inf",
+                                              "run.actuation=prescribed",
+                                              "seed=9223372036854775807"};
+  const Scenario s = accepted(kFull, overrides);
+  const Scenario again = accepted(s.toml);
+  EXPECT_EQ(again.id, s.id) << s.toml;
+  EXPECT_NE(s.id, accepted(kFull).id);
+  EXPECT_EQ(again.seed, 9223372036854775807u);
+}
+
 }  // namespace
 }  // namespace ballast::sim

@@ -263,5 +263,18 @@ friction_use = 1.0                     # trips when f_s > friction_use * mu_s * 
   EXPECT_EQ(s.masses.size(), 1u);
 }
 
+// What a run leaves beside its log: the same scenario, from a file of another name.
+TEST(Shipped, TheTextOfAScenarioGivesItAgain) {
+  for (const auto& entry : std::filesystem::directory_iterator(kShipped)) {
+    const Scenario s = shipped(entry.path().stem().string());
+    const ScenarioResult again = parse_scenario(s.toml, "scenario.toml");
+    ASSERT_TRUE(again.ok()) << all_errors(again) << s.toml;
+    EXPECT_EQ(again.scenario.id, s.id) << s.toml;
+    EXPECT_EQ(again.scenario.name, s.name);
+    EXPECT_EQ(again.scenario.published.size(), s.published.size());
+    EXPECT_EQ(again.scenario.toml, s.toml);
+  }
+}
+
 }  // namespace
 }  // namespace ballast::sim

@@ -14,6 +14,7 @@ namespace {
 using hal::Status;
 
 constexpr std::int64_t kScenarioId = 4711;
+constexpr std::int64_t kRunId = 7;
 constexpr std::int64_t kTick = 5;
 constexpr int kRight = 1, kWrong = 2;  // marks in the messages
 
@@ -23,6 +24,7 @@ class LcmPeersTest : public testing::Test {
  protected:
   LcmPeersTest() : url_(test::bus_url(24)), plant_bus_(url_), peer_bus_(url_), peers_(plant_bus_, options()) {
     EXPECT_TRUE(plant_bus_.good() && peer_bus_.good()) << "no multicast on this machine?";
+    peer_bus_.join(kRunId);
     lap_.plant.contact.tick = lap_.plant.state.tick = lap_.plant.sensors.tick = kTick;
     lap_.plant.sensors.scenario_id = kScenarioId;
   }
@@ -30,13 +32,15 @@ class LcmPeersTest : public testing::Test {
   static LcmPeersOptions options() {
     LcmPeersOptions o;
     o.scenario_id = kScenarioId;
+    o.run_id = kRunId;
     o.peer_timeout = hal::Seconds(2);  // only ever waited for where an answer never comes
     return o;
   }
 
-  void trip(std::int64_t tick, int mark) {
+  void trip(std::int64_t tick, int mark, bool tripped = false) {
     trip_t m{};
     m.tick = tick;
+    m.tripped = tripped ? 1 : 0;
     m.scenario_id = kScenarioId;
     m.value = mark;
     ASSERT_EQ(peer_bus_.publish(hal::kChannelTrip, m), Status::kOk);
@@ -150,6 +154,38 @@ TEST_F(LcmPeersTest, ASecondVerdictDoesNotReplaceTheFirst) {
   steps(kTick + 1, kRight);
   status(kTick, kRight);
   expect_nothing_wrong_in_the_lap();
+}
+
+// Whatever another run says: it is counted, and the lap is as without it. What a lap holds is the same in every run.
+TEST_F(LcmPeersTest, AnotherRunsAnswersAreNotHeard) {
+  for (const std::int64_t run_id : {kRunId + 1, std::int64_t{0}}) {
+    peer_bus_.join(run_id);
+    trip(kTick, kWrong, true);
+    status(kTick, kWrong);
+    steps(kTick + 1, kWrong);
+  }
+  peer_bus_.join(kRunId);
+  trip(kTick, kRight);
+  status(kTick, kRight);
+  steps(kTick + 1, kRight);
+  ASSERT_EQ(peers_.exchange(lap_), Status::kOk) << peers_.trouble();
+  expect_right_lap();
+  EXPECT_EQ(peers_.refused().here.foreign, 6);
+  EXPECT_EQ(lap_.trip.run_id + lap_.status.run_id + lap_.steps.run_id, 0);
+}
+
+// A monitor that was started again knows of no trip; the run must not end as if there had been none.
+TEST_F(LcmPeersTest, ATripTakenBackEndsTheRun) {
+  trip(kTick, kRight, true);
+  status(kTick, kRight);
+  steps(kTick + 1, kRight);
+  ASSERT_EQ(peers_.exchange(lap_), Status::kOk) << peers_.trouble();
+  trip(kTick + 1, kRight, false);
+  status(kTick + 1, kRight);
+  steps(kTick + 2, kRight);
+  lap_.plant.contact.tick = lap_.plant.state.tick = lap_.plant.sensors.tick = kTick + 1;
+  EXPECT_EQ(peers_.exchange(lap_), Status::kForeignPeer);
+  EXPECT_NE(peers_.trouble().find("takes back the trip"), std::string::npos) << peers_.trouble();
 }
 
 }  // namespace

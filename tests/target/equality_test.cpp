@@ -31,5 +31,14 @@ TEST(TargetEquality, TheWholeRunOfDeskBall) { expect_equal("desk_ball", 0); }
 TEST(TargetEquality, AStop) { expect_equal("paper_ball --set envelope.friction_use=0.3", 3); }
 TEST(TargetEquality, ASpline) { expect_equal("seam_ball --set duration=2", 0); }
 
+// A log of the host's, given to the microcontroller's.
+TEST(TargetEquality, AReplay) {
+  const Folder folder;
+  folder.run("ballast run paper_ball --set envelope.friction_use=0.3 --quiet --out host");
+  const Outcome replay = folder.run("ballast replay host --verify --firmware qemu");
+  EXPECT_EQ(replay.exit_status, 0) << replay.out << replay.err;
+  EXPECT_NE(replay.out.find("equal"), std::string::npos) << replay.out;
+}
+
 }  // namespace
 }  // namespace ballast

@@ -83,9 +83,12 @@ TEST(View, SaysTripModeAndDrops) {
   controller_status_t status{};
   status.tick = 14;
   status.mode = controller_status_t::MODE_TRIPPED;
+  status.refused_messages = 5;
   view.see(status, 0);
+  EXPECT_TRUE(says(view.line(0, 7), "refused=5"));
   const std::string page = view.page(0, 100, 7);
-  for (const char* words : {"TRIP   friction", "0.4, limit 0.35", "mode   tripped", "contact 3", "undecodable 7"}) {
+  for (const char* words :
+       {"messages refused 5", "TRIP   friction", "0.4, limit 0.35", "mode   tripped", "contact 3", "undecodable 7"}) {
     EXPECT_TRUE(says(page, words)) << words << "\n" << page;
   }
 }

@@ -39,8 +39,10 @@ int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario,
                        const firmware::ControllerParams* params, lcm::LCM* bus, sil::OutputDir& output) {
   sil::RecordOptions record = command.record;
   record.bus = bus;
+  record.run_id = hal::draw_bus_number();
   std::optional<hal::Bus> operator_bus;
   if (bus != nullptr && params != nullptr) operator_bus.emplace(command.bus.url);
+  if (operator_bus) operator_bus->join(record.run_id);
   sil::InProcessPeers peers(params, program::to_monitor_limits(scenario), scenario.run.control_period_s,
                             operator_bus ? &*operator_bus : nullptr);
   return sil::record_run("ballast", scenario, peers, output, record);
@@ -88,6 +90,9 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
                 lcm::LCM* bus, sil::OutputDir& output) {
   sil::RecordOptions record = command.record;
   record.bus = bus;
+  record.run_id = hal::draw_bus_number();
+  record.run_options = " --firmware qemu";
+  if (!command.elf.empty()) record.run_options += " --firmware-elf '" + command.elf + "'";
   sil::QemuPeersOptions options;
   options.qemu.elf = command.elf.empty() ? program::default_firmware() : command.elf;
   options.start_timeout = sil::Seconds(command.bus.start_timeout_s);
@@ -95,6 +100,7 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   options.interrupted = record.interrupted;
   std::optional<hal::Bus> operator_bus;
   if (bus != nullptr) operator_bus.emplace(command.bus.url);
+  if (operator_bus) operator_bus->join(record.run_id);
   if (operator_bus) options.operator_bus = &*operator_bus;
   sil::QemuPeers peers(scenario, params, program::to_monitor_limits(scenario), options);
   const int exit_status = sil::record_run("ballast", scenario, peers, output, record);

@@ -28,6 +28,9 @@ int main(int argc, char** argv) {
                              .start_timeout = hal::Seconds(bus_options.start_timeout_s),
                              .peer_timeout = hal::Seconds(bus_options.peer_timeout_s)});
   const Status status = loop.run();
+  if (const auto refused = loop.counters().refused(); refused > 0) {
+    program::complain("ballast-monitor", std::to_string(refused) + " messages on the bus were not used");
+  }
   if (!loop.trouble().empty()) program::complain("ballast-monitor", loop.trouble());
   if (status == Status::kInterrupted) program::complain("ballast-monitor", "interrupted");
   if (status == Status::kIo) program::complain("ballast-monitor", "the LCM bus " + bus_options.url + " failed");

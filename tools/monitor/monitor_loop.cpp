@@ -42,6 +42,8 @@ MonitorLoop::MonitorLoop(hal::Bus& bus, const MonitorLimits& limits, const Monit
   });
   if (limits_.controller_expected) {
     bus_.subscribe<controller_status_t>(hal::kChannelControllerStatus, [this](const controller_status_t& message) {
+      // Of no run: a controller that still waits, which is no part of a run under way.
+      if (message.run_id == 0 && last_tick_) return;
       if (is_foreign(message.scenario_id, "controller")) return;
       controller_tick_ = std::max(message.tick, controller_tick_.value_or(message.tick));
     });
@@ -51,6 +53,7 @@ MonitorLoop::MonitorLoop(hal::Bus& bus, const MonitorLimits& limits, const Monit
 hal::LinkCounters MonitorLoop::counters() const {
   hal::LinkCounters counters = counters_;
   counters.malformed = bus_.malformed();
+  counters.foreign += bus_.foreign();
   return counters;
 }
 
@@ -65,6 +68,11 @@ bool MonitorLoop::is_foreign(std::int64_t scenario_id, const char* sender) {
 // Nothing is thrown away here: repetitions and gaps must reach the monitor, which trips on them.
 template <class M>
 void MonitorLoop::on_plant(const M& message, std::optional<M> TickMessages::*slot) {
+  if (message.run_id == 0) {
+    ++counters_.foreign;
+    return;
+  }
+  if (bus_.run_id() == 0) bus_.join(message.run_id);
   TickMessages& messages = current_.empty() || current_.tick() == message.tick ? current_ : next_;
   if (messages.*slot) {
     ++counters_.repeated;

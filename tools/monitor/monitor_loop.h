@@ -17,7 +17,8 @@ struct MonitorLoopOptions {
   hal::Seconds peer_timeout{2};    // from one tick to the next
 };
 
-// Before the first tick a trip_t with tick -3 goes out every 50 ms. Tick k is judged, and the verdict published, as
+// Before the first tick a trip_t with tick -3 goes out every 50 ms. The plant's first message says which run this is;
+// from then on nobody else is heard (hal/lcm/bus.h). Tick k is judged, and the verdict published, as
 // soon as contact(k), plant_state(k), sensors(k) and, with a controller, its status of k-1 are there. What is still
 // missing half a peer timeout after the tick's first message is judged as missing, so that the verdict is out before
 // the controller gives the monitor up. Nothing at all for the whole timeout: a `stale` verdict goes out and run() ends.

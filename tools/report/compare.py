@@ -23,10 +23,9 @@ class Comparison:
     def __init__(self, path_a, path_b):
         self.recordings = [Recording(path_a), Recording(path_b)]
         a, b = self.recordings
-        self.fields = differences.robot_differences(a.robot, b.robot)
+        self.fields, self.logs = differences.log_differences(a.log_path, b.log_path)
+        self.fields += differences.robot_differences(a.robot, b.robot)
         self.fields += differences.summary_differences(a.summary, b.summary)
-        common, self.logs = differences.log_differences(a.log_path, b.log_path)
-        self.fields += common
 
     @property
     def identical(self):
@@ -57,11 +56,33 @@ class Comparison:
         where = f"The logs first differ in tick {first.tick}: {first.channel}"
         if not first.field:
             return f"{where}, which only one of them has."
-        return f"{where}, {first.field}: {value_text(first.a)} in A, {value_text(first.b)} in B."
+        far = differences.how_far(first.channel, first.field, first.a, first.b)
+        return f"{where}, {first.field}: {value_text(first.a)} in A, {value_text(first.b)} in B{far}."
 
 
 _FIELD_HEAD = ["field", "A", "B", "B − A"]
 _LOG_HEAD = ["channel", "messages A / B", "differing", "first tick", "first field", "A", "B"]
+
+
+# What the controller says, commands first.
+_CONTROLLER = ("BALLAST_STEP_COMMAND", "BALLAST_CONTROLLER_STATUS")
+
+
+def controller_text(recorded, replayed):
+    """Of two logs of the same inputs: the first field of the controller's in which they differ, a line per channel.
+
+    The steps of tick k are commanded with the status of tick k - 1.
+    """
+    _, logs = differences.log_differences(recorded, replayed)
+    found = sorted((log for log in logs if log.channel in _CONTROLLER and log.field),
+                   key=lambda log: (log.tick - (log.channel == "BALLAST_STEP_COMMAND"), _CONTROLLER.index(log.channel)))
+    return "".join(f"  {log.channel}, tick {log.tick}, {log.field}: {_exact(log.a)} recorded, {_exact(log.b)} replayed"
+                   f"{differences.how_far(log.channel, log.field, log.a, log.b)}; {log.differing} messages differ\n"
+                   for log in found)
+
+
+def _exact(value):
+    return repr(value) if isinstance(value, float) else value_text(value)
 
 
 def terminal_text(comparison):
@@ -130,10 +151,15 @@ def main():
                                      description="Says in what two runs differ, and makes an HTML page of both.")
     parser.add_argument("run_a", type=Path, help="folder of a run, or its log")
     parser.add_argument("run_b", type=Path, help="folder of another, or its log")
+    parser.add_argument("--controller", action="store_true",
+                        help="of two logs with the same inputs: only say where the controllers' words differ first")
     parser.add_argument("--out", type=Path, help="default: compare.html beside the log of RUN_B")
     arguments = parser.parse_args()
 
     def body():
+        if arguments.controller:
+            print(controller_text(arguments.run_a, arguments.run_b), end="", flush=True)
+            return
         comparison = Comparison(arguments.run_a, arguments.run_b)
         print(terminal_text(comparison), flush=True)
         a, b = comparison.recordings

@@ -2,6 +2,9 @@
 
 import json
 import math
+import re
+import struct
+from pathlib import Path
 from typing import NamedTuple
 
 import ballast
@@ -39,6 +42,42 @@ class FieldDifference(NamedTuple):
 
 
 MISSING = object()
+
+_LCM_TYPES = Path(__file__).resolve().parents[2] / "lcmtypes"
+_UNITS = ("1", "N", "N m", "m", "m/s", "m/s^2", "rad/s", "s", "us", "microsteps", "timer ticks")
+
+
+def ulps(a, b):
+    """How many doubles lie from a to b, b included; None where one is not a finite float."""
+    if not all(isinstance(v, float) and math.isfinite(v) for v in (a, b)):
+        return None
+    # Patterns of doubles of one sign are in the order of the doubles.
+    ranks = [pattern if pattern >= 0 else -(pattern + 2**63) for pattern in
+             (struct.unpack(">q", struct.pack(">d", v))[0] for v in (a, b))]
+    return abs(ranks[1] - ranks[0])
+
+
+def unit_of(channel, field):
+    """As the .lcm file's comment on the field begins with it; empty if it names none. 1: a pure number."""
+    text = (_LCM_TYPES / f"{_CHANNELS[channel].__name__.removesuffix('_t')}.lcm").read_text()
+    comment = re.search(rf"\s{re.escape(field.partition('[')[0])}(?:\[\d+\])*;\s*// *([^\n]*)", text)
+    if not comment:
+        return ""
+    head = re.split("[,;]| since ", comment[1])[0].strip()
+    if head.startswith("rail coordinate"):
+        return "rad on circles, m elsewhere"
+    return head if head in _UNITS else ""
+
+
+def how_far(channel, field, a, b):
+    """' (+3e-16 N, 2 ULP)' of two numbers; empty of anything else."""
+    difference = FieldDifference(field, a, b).difference
+    if difference is None:
+        return ""
+    unit = unit_of(channel, field)
+    text = f"{difference:+.6g}" + (f" {unit}" if unit and unit != "1" else "")
+    steps = ulps(a, b)
+    return f" ({text})" if steps is None else f" ({text}, {steps if steps < 1e6 else f'{steps:.3g}'} ULP)"
 
 
 def value_text(value):

@@ -11,7 +11,7 @@ namespace {
 
 constexpr hal::Seconds kSayAgain{0.1};
 
-// Counts up per sender, and two senders hardly share one.
+// Counts up per sender.
 std::int64_t sequence_now() {
   return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
       .count();
@@ -26,6 +26,7 @@ BusOperator::BusOperator(hal::Bus& bus, hal::Seconds silence) : bus_(bus), silen
       waiting_ = true;
       return;
     }
+    if (bus_.run_id() == 0) bus_.join(m.run_id);
     status_ = m;
     fresh_ = true;
   });
@@ -56,6 +57,7 @@ Status BusOperator::connect() {
 Status BusOperator::tell(const firmware::OperatorInput& input) {
   operator_t message = hal::to_message(input, status_->tick, sequence_now(), 0);
   message.utime = status_->utime;
+  message.sender = sender_;
   const std::int64_t before = status_->operator_commands;
   least_margin_ = 1;
   const auto deadline = hal::after(hal::WallClock::now(), silence_);

@@ -36,6 +36,7 @@ class BusOperator {
 
   hal::Bus& bus_;
   hal::Seconds silence_;
+  std::int64_t sender_ = hal::draw_bus_number();
   std::optional<controller_status_t> status_;  // the newest of a tick of the run
   bool fresh_ = false;                         // and not looked at yet
   bool waiting_ = false;                       // a controller said that it waits for the first tick

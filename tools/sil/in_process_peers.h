@@ -20,6 +20,7 @@ class InProcessPeers : public Peers {
 
   hal::Status connect() override { return hal::Status::kOk; }
   hal::Status exchange(Lap& lap) override;
+  [[nodiscard]] RefusedMessages refused() const override { return refused_operators(operator_bus_, operator_); }
   [[nodiscard]] std::string trouble() const override { return "the controller did not answer"; }
 
  private:

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "hal/lcm/bus.h"
+#include "hal/lcm/operator_inbox.h"
 #include "hal/status.h"
 #include "tools/program/program.h"
 #include "tools/sil/plant_messages.h"
@@ -15,11 +17,27 @@ struct Lap {
   std::optional<operator_t> command;  // what the run itself says as operator in this tick
   std::vector<operator_t> heard;      // what people and tools on the bus said since the last
   PlantMessages plant;
+  std::optional<trip_t> verdict;  // in a replay: what the monitor said; no monitor of today's is asked
   trip_t trip{};
   bool has_controller = true;  // false in prescribed runs: the next two stay empty
   controller_status_t status{};
   step_command_t steps{};  // of the next tick
 };
+
+// What came over a bus and was not used.
+struct RefusedMessages {
+  hal::LinkCounters here;          // by this process
+  std::int64_t by_controller = 0;  // by the controller, if it has a bus of its own
+};
+
+// Of peers that hear operators, and nobody else, on a bus; null: they do not.
+inline RefusedMessages refused_operators(const hal::Bus* bus, const hal::OperatorInbox& inbox) {
+  RefusedMessages refused{inbox.counters(), 0};
+  if (bus == nullptr) return refused;
+  refused.here.malformed = bus->malformed();
+  refused.here.foreign = bus->foreign();
+  return refused;
+}
 
 // Whoever answers the plant: monitor and controller, in this process or in others.
 class Peers {
@@ -32,6 +50,7 @@ class Peers {
   virtual hal::Status exchange(Lap& lap) = 0;
   // After a failure, the whole story in one line.
   [[nodiscard]] virtual std::string trouble() const = 0;
+  [[nodiscard]] virtual RefusedMessages refused() const { return {}; }
   // And the program's exit status for it.
   [[nodiscard]] virtual int exit_status() const { return program::kExitCouldNotRun; }
 };

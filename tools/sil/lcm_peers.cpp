@@ -7,10 +7,18 @@ namespace ballast::sil {
 using hal::Status;
 
 LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_(std::move(options)) {
+  operator_.know(0);
   bus_.subscribe<trip_t>(hal::kChannelTrip, [this](const trip_t& m) {
+    if (waits_for_another_run(m)) return;
     check_scenario(m.scenario_id, "monitor");
     // The last word of a monitor that hears nobody any more; who went silent is found by the timeout here.
     if (m.tripped == 1 && m.cause == trip_t::CAUSE_STALE && (m.tick != tick_ || trip_)) return;
+    if (m.tick == tick_ && tripped_ && m.tripped == 0 && failure_ == Status::kOk) {
+      failure_ = Status::kForeignPeer;
+      trouble_ = "another monitor is on this bus, or it was started again: it takes back the trip (tick " +
+                 std::to_string(m.tick) + ")";
+    }
+    tripped_ = tripped_ || (m.tick == tick_ && m.tripped == 1);
     accept(m, m.tick, tick_, trip_, "monitor");
   });
   // A bus gives back what is published on it: each of our ticks must be heard once, and nobody else's.
@@ -19,6 +27,8 @@ LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_
   if (!options_.controller_expected) return;
   bus_.subscribe<operator_t>(hal::kChannelOperator, [this](const operator_t& m) { operator_.hear(m); });
   bus_.subscribe<controller_status_t>(hal::kChannelControllerStatus, [this](const controller_status_t& m) {
+    if (waits_for_another_run(m)) return;
+    refused_by_controller_ = m.refused_messages;
     check_scenario(m.scenario_id, "controller");
     accept(m, m.tick, tick_, status_, "controller");
   });
@@ -33,15 +43,22 @@ void LcmPeers::check_scenario(std::int64_t scenario_id, const char* sender) {
   trouble_ = std::string("the ") + sender + " runs another scenario than the plant";
 }
 
-// In lockstep every answer is the one waited for, and comes once. Heartbeats of peers that wait for their first tick
-// repeat.
+// Peers that wait say so again and again; once the run is under way that is none of its business.
+template <class M>
+bool LcmPeers::waits_for_another_run(const M& message) const {
+  return tick_ != hal::kWaitingTick && message.run_id == 0;
+}
+
+// In lockstep every answer is the one waited for, and comes once. The lap knows nothing of what belongs to the bus.
 template <class M>
 void LcmPeers::accept(const M& message, std::int64_t tick, std::int64_t tick_due, std::optional<M>& mailbox,
                       const char* sender) {
-  if (tick == hal::kWaitingTick) {
-    if (tick_ == hal::kWaitingTick) mailbox = message;
+  if (tick == hal::kWaitingTick && tick_ == hal::kWaitingTick) {
+    mailbox = message;
   } else if (tick == tick_due && !mailbox && tick_ != hal::kWaitingTick) {
     mailbox = message;
+    mailbox->run_id = 0;
+    if constexpr (std::is_same_v<M, controller_status_t>) mailbox->refused_messages = 0;
   } else if (failure_ == Status::kOk) {
     failure_ = Status::kForeignPeer;
     trouble_ = std::string("another ") + sender + " is on this bus (tick " + std::to_string(tick) +
@@ -89,6 +106,7 @@ Status LcmPeers::connect() {
 }
 
 Status LcmPeers::exchange(Lap& lap) {
+  if (tick_ == hal::kWaitingTick) bus_.join(options_.run_id);
   tick_ = lap.plant.contact.tick;
   last_lap_ = lap.plant.contact.last != 0;
   echo_.reset();
@@ -100,10 +118,7 @@ Status LcmPeers::exchange(Lap& lap) {
     if (!sent) trouble_ = std::string(channel) + ": the LCM bus does not take messages any more";
     return sent;
   };
-  if (lap.command) {
-    operator_.know(*lap.command);
-    if (!publish(hal::kChannelOperator, *lap.command)) return Status::kIo;
-  }
+  if (lap.command && !publish(hal::kChannelOperator, *lap.command)) return Status::kIo;
   if (!publish(hal::kChannelContact, lap.plant.contact) || !publish(hal::kChannelPlantState, lap.plant.state) ||
       !publish(hal::kChannelSensors, lap.plant.sensors)) {
     return Status::kIo;
@@ -113,12 +128,22 @@ Status LcmPeers::exchange(Lap& lap) {
   if (status == Status::kPeerLost) lost("at tick " + std::to_string(tick_), options_.peer_timeout);
   if (status != Status::kOk) return status;
   lap.trip = *trip_;
-  while (const auto message = operator_.next()) lap.heard.push_back(*message);
+  while (const auto message = operator_.next()) {
+    lap.heard.push_back(*message);
+    lap.heard.back().run_id = 0;
+  }
   if (options_.controller_expected) {
     lap.status = *status_;
     lap.steps = *steps_;
   }
   return Status::kOk;
+}
+
+RefusedMessages LcmPeers::refused() const {
+  RefusedMessages refused{operator_.counters(), refused_by_controller_};
+  refused.here.malformed = bus_.malformed();
+  refused.here.foreign = bus_.foreign();
+  return refused;
 }
 
 }  // namespace ballast::sil

@@ -11,6 +11,7 @@
 namespace ballast::sil {
 
 struct LcmPeersOptions {
+  std::int64_t run_id = hal::draw_bus_number();  // not 0; what hal/lcm/bus.h says of it
   std::int64_t scenario_id = 0;
   bool controller_expected = true;
   hal::Seconds start_timeout{30};  // until both peers are there
@@ -29,11 +30,14 @@ class LcmPeers : public Peers {
   hal::Status connect() override;
   hal::Status exchange(Lap& lap) override;
   [[nodiscard]] std::string trouble() const override { return trouble_; }
+  [[nodiscard]] RefusedMessages refused() const override;
 
  private:
   template <class Done>
   hal::Status wait(hal::Seconds timeout, const Done& done);
   void lost(const std::string& when, hal::Seconds silence);
+  template <class M>
+  [[nodiscard]] bool waits_for_another_run(const M& message) const;
   void check_scenario(std::int64_t scenario_id, const char* sender);
   template <class M>
   void accept(const M& message, std::int64_t tick, std::int64_t tick_due, std::optional<M>& mailbox,
@@ -48,6 +52,8 @@ class LcmPeers : public Peers {
   std::optional<sensors_t> echo_;  // our own, heard back
   hal::OperatorInbox operator_;
   bool last_lap_ = false;
+  bool tripped_ = false;                    // by some verdict of this run
+  std::int64_t refused_by_controller_ = 0;  // as it said last
   hal::Status failure_ = hal::Status::kOk;  // found while receiving; trouble_ says what
   std::string trouble_;
 };

@@ -12,10 +12,10 @@ namespace fs = std::filesystem;
 namespace {
 
 // Everything a run leaves; the pictures are those of tools/plots, the pages those of tools/report.
-constexpr const char* kFiles[] = {"summary.json",     "integrators.json",     "run.lcmlog",     "robot.json",
-                                  "normal_force.png", "static_friction.png",  "path.png",       "friction_required.png",
-                                  "masses.png",       "angular_velocity.png", "body_frame.png", "report.html",
-                                  "compare.html"};
+constexpr const char* kFiles[] = {"summary.json",          "integrators.json", "run.lcmlog",           "robot.json",
+                                  "scenario.toml",         "normal_force.png", "static_friction.png",  "path.png",
+                                  "friction_required.png", "masses.png",       "angular_velocity.png", "body_frame.png",
+                                  "report.html",           "compare.html"};
 
 bool write_file(const fs::path& path, const std::string& text) {
   std::FILE* file = std::fopen(path.c_str(), "w");
@@ -49,11 +49,20 @@ void OutputDir::clear() {
   for (const char* name : kFiles) {
     if (!fs::is_directory(path_ / name, code)) fs::remove(path_ / name, code);
   }
+  // Of the black box only what we put there: what somebody has added stays.
+  const fs::path box = path_ / kBlackBox;
+  for (const char* name : {"run.lcmlog", "scenario.toml", "blackbox.json"}) fs::remove(box / name, code);
+  if (fs::is_directory(box, code)) fs::remove(box, code);
 }
 
 void OutputDir::remove_log() {
   std::error_code code;
   if (fs::is_regular_file(log_path(), code)) fs::remove(log_path(), code);
+}
+
+bool OutputDir::fail(const std::string& why) {
+  error_ = why;
+  return false;
 }
 
 bool OutputDir::write(const std::string& name, const std::string& text) {

@@ -6,6 +6,8 @@
 
 namespace ballast::sil {
 
+inline constexpr char kBlackBox[] = "blackbox";  // the folder in it that a run leaves that ended badly
+
 class OutputDir {
  public:
   // Creates it if need be and sees that files can be written there. On failure nothing is left behind; error() says
@@ -23,6 +25,8 @@ class OutputDir {
   void remove_log();
   // All of it or nothing. False: error() says why.
   bool write(const std::string& name, const std::string& text);
+  // Always false: error() says it.
+  bool fail(const std::string& why);
   bool write_summary(const std::string& text) { return write("summary.json", text); }
 
  private:

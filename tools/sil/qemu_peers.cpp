@@ -70,6 +70,7 @@ QemuPeers::QemuPeers(const sim::Scenario& scenario, const firmware::ControllerPa
       sent_(target::kMaxFrame),
       exit_status_(program::kExitCouldNotRun) {
   if (options_.operator_bus == nullptr) return;
+  operator_.know(0);
   options_.operator_bus->subscribe<operator_t>(hal::kChannelOperator,
                                                [this](const operator_t& m) { operator_.hear(m); });
 }
@@ -291,12 +292,14 @@ Status QemuPeers::check_pulses(std::int64_t tick, const target::PlayedPulses& pl
 // As InProcessPeers does: one a tick, and none in the countdown, which is the run's own.
 Status QemuPeers::hear_operators(Lap& lap) {
   if (options_.operator_bus == nullptr) return Status::kOk;
-  if (lap.command) operator_.know(*lap.command);
   if (options_.operator_bus->receive_until(hal::WallClock::now(), [] { return false; }) == Status::kIo) {
     return fail(Status::kIo, "the LCM bus failed", program::kExitCouldNotRun);
   }
   if (lap.plant.contact.tick < 0) return Status::kOk;
-  if (const auto message = operator_.next()) lap.heard.push_back(*message);
+  if (const auto message = operator_.next()) {
+    lap.heard.push_back(*message);
+    lap.heard.back().run_id = 0;
+  }
   return Status::kOk;
 }
 
@@ -304,7 +307,8 @@ Status QemuPeers::exchange(Lap& lap) {
   const std::int64_t tick = lap.plant.sensors.tick;
   const bool last = lap.plant.sensors.last != 0;
   tick_ = tick;
-  lap.trip = monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, controller_tick_});
+  lap.trip = lap.verdict ? *lap.verdict
+                         : monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, controller_tick_});
   world_->last = last;
   world_->has_verdict = true;
   world_->sensors = hal::from_message(lap.plant.sensors);

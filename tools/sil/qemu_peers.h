@@ -47,6 +47,7 @@ class QemuPeers : public Peers {
 
   hal::Status connect() override;
   hal::Status exchange(Lap& lap) override;
+  [[nodiscard]] RefusedMessages refused() const override { return refused_operators(options_.operator_bus, operator_); }
   [[nodiscard]] std::string trouble() const override { return trouble_; }
   [[nodiscard]] int exit_status() const override { return exit_status_; }
   [[nodiscard]] pid_t pid() const { return qemu_.pid(); }  // 0: it is not there

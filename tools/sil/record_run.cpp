@@ -7,6 +7,7 @@
 #include <iostream>
 
 #include "tools/program/program.h"
+#include "tools/sil/black_box.h"
 #include "tools/sil/robot.h"
 #include "tools/sil/summary.h"
 
@@ -50,20 +51,22 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   }
   output.clear();
   // Before the log, so that a run that is interrupted leaves it too.
-  if (!output.write("robot.json", robot_json(scenario))) return fail(output.error());
-  Recorder recorder(output.log_path(), options.bus, options.unbuffered);
+  if (!output.write("robot.json", robot_json(scenario)) || !output.write("scenario.toml", scenario_file(scenario)))
+    return fail(output.error());
+  Recorder recorder(output.log_path(), options.bus, options.unbuffered, options.run_id);
   if (!recorder.good()) return fail(recorder.error());
 
+  RunOptions run_options{.speed = options.speed,
+                         .interrupted = options.interrupted,
+                         .check_steps = options.check_steps,
+                         .progress = {},
+                         .move = options.move,
+                         .by_hand = options.by_hand};
   RunResult result;
   {
     const ProgressBar bar(scenario.duration_s, !options.quiet);
-    result = run(scenario, peers, recorder,
-                 {.speed = options.speed,
-                  .interrupted = options.interrupted,
-                  .check_steps = options.check_steps,
-                  .progress = [&bar](double time_s) { bar.show(time_s); },
-                  .move = options.move,
-                  .by_hand = options.by_hand});
+    run_options.progress = [&bar](double time_s) { bar.show(time_s); };
+    result = run(scenario, peers, recorder, run_options);
   }
   const bool log_whole = recorder.close();
   if (!log_whole) {
@@ -74,15 +77,28 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     program::complain(program_name, "the controller refuses the move: " + result.refusal);
     return program::kExitUsage;
   }
+  std::string repeat;
+  if (ended_badly(result)) {
+    repeat = repeat_command(result, run_options, options.run_options, output);
+    if (!write_black_box(scenario, result, repeat, recorder, output)) return fail(output.error());
+  }
   if (result.status != hal::Status::kOk) {
-    program::complain(program_name, result.trouble + "; " + output.log_path() + " holds what happened up to then");
+    std::string text = result.trouble + "; " + output.log_path() + " holds what happened up to then";
+    if (!repeat.empty()) text += "; again: " + repeat;
+    program::complain(program_name, text);
     return peers.exit_status();
   }
   if (!output.write_summary(summary_json(scenario, result))) return fail(output.error());
   if (const std::string lost = lost_steps_text(scenario, result); options.quiet && !lost.empty()) {
     program::complain(program_name, lost);
   }
-  if (!options.quiet) std::cout << summary_text(scenario, result, output.path()) << std::flush;
+  if (!options.quiet) {
+    std::cout << summary_text(scenario, result, output.path());
+    if (!repeat.empty()) {
+      std::cout << "  black box   " << (output.path() / kBlackBox).string() << "; again: " << repeat << '\n';
+    }
+    std::cout << std::flush;
+  }
   if (!options.quiet && !std::cout)
     return fail("the summary cannot be printed; the results are in " + output.path().string());
   return exit_status(result);

@@ -13,15 +13,19 @@ struct RecordOptions {
   bool quiet = false;        // no progress bar, no summary; lost steps are said on stderr
   double speed = 0;          // as in RunOptions
   lcm::LCM* bus = nullptr;   // every message also goes there
+  std::int64_t run_id = 0;   // on that bus
   bool check_steps = false;  // as in RunOptions
-  bool unbuffered = false;   // every message is on disk at once: for runs whose processes may be killed
+  std::string
+      run_options{};        // of the command line, that a run of this scenario needs to be the same: " --firmware qemu"
+  bool unbuffered = false;  // every message is on disk at once: for runs whose processes may be killed
   const volatile std::sig_atomic_t* interrupted = nullptr;
   std::optional<firmware::MoveRequest> move = std::nullopt;  // as in RunOptions
   bool by_hand = false;                                      // as in RunOptions
 };
 
-// Runs, writes run.lcmlog, robot.json and summary.json, prints the summary. Returns the program's exit status; trouble
-// goes to stderr, after `program_name`. A run that could not go to its end leaves the log up to there and no summary.
+// Runs, writes run.lcmlog, robot.json, scenario.toml and summary.json, prints the summary. Returns the program's exit
+// status; trouble goes to stderr, after `program_name`. A run that could not go to its end leaves the log up to there
+// and no summary; one that ended badly, so or otherwise, a black box.
 int record_run(const char* program_name, const sim::Scenario& scenario, Peers& peers, OutputDir& output,
                const RecordOptions& options);
 

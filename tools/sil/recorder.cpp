@@ -7,8 +7,14 @@
 
 namespace ballast::sil {
 
-Recorder::Recorder(const std::string& log_path, lcm::LCM* bus, bool unbuffered)
-    : log_path_(log_path), bus_(bus), flush_(unbuffered) {
+namespace {
+
+constexpr std::int64_t kEventHeaderSize = 28;  // of LCM's event log: sync word, number, time, two lengths
+
+}  // namespace
+
+Recorder::Recorder(const std::string& log_path, lcm::LCM* bus, bool unbuffered, std::int64_t run_id)
+    : log_path_(log_path), bus_(bus), flush_(unbuffered), run_id_(run_id) {
   log_ = lcm_eventlog_create(log_path.c_str(), "w");
   if (log_ == nullptr) {
     error_ = log_path + ": cannot be written: " + std::strerror(errno);
@@ -20,7 +26,7 @@ Recorder::Recorder(const std::string& log_path, lcm::LCM* bus, bool unbuffered)
 
 Recorder::~Recorder() { close(); }
 
-void Recorder::write(const char* channel, std::int64_t utime, lcm::LCM* bus) {
+void Recorder::write(const char* channel, std::int64_t utime) {
   if (!good()) return;
   if (log_ != nullptr) {
     lcm_eventlog_event_t event{};
@@ -31,9 +37,13 @@ void Recorder::write(const char* channel, std::int64_t utime, lcm::LCM* bus) {
     event.data = buffer_.data();
     if (lcm_eventlog_write_event(log_, &event) != 0)
       error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
+    bytes_ += kEventHeaderSize + event.channellen + event.datalen;
     if (flush_ && std::fflush(log_->f) != 0) error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
   }
-  if (bus != nullptr && bus->publish(channel, buffer_.data(), static_cast<unsigned int>(buffer_.size())) != 0) {
+}
+
+void Recorder::publish(const char* channel) {
+  if (good() && bus_->publish(channel, buffer_.data(), static_cast<unsigned int>(buffer_.size())) != 0) {
     error_ = "the LCM bus does not take messages any more";
   }
 }

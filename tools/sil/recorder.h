@@ -2,6 +2,8 @@
 // one.
 #pragma once
 
+#include <cstdint>
+#include <deque>
 #include <lcm/lcm-cpp.hpp>
 #include <string>
 #include <vector>
@@ -13,8 +15,10 @@ namespace ballast::sil {
 
 class Recorder {
  public:
-  // Writes to `log_path`, and publishes on `bus` unless it is null. `unbuffered`: every message is on disk at once.
-  explicit Recorder(const std::string& log_path, lcm::LCM* bus = nullptr, bool unbuffered = false);
+  // Writes to `log_path`, and publishes on `bus` unless it is null, there with the run's number. `unbuffered`: every
+  // message is on disk at once.
+  explicit Recorder(const std::string& log_path, lcm::LCM* bus = nullptr, bool unbuffered = false,
+                    std::int64_t run_id = 0);
   ~Recorder();
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
@@ -22,14 +26,29 @@ class Recorder {
   template <class M>
   void record(const char* channel, const M& message) {
     encode(message);
-    write(channel, message.utime, bus_);
+    write(channel, message.utime);
+    if (bus_ == nullptr) return;
+    M published = message;
+    published.run_id = run_id_;
+    encode(published);
+    publish(channel);
   }
   // What somebody else has put on the bus; stamped with the time of the lap it was heard in.
   template <class M>
   void record_heard(const char* channel, const M& message, std::int64_t utime) {
     encode(message);
-    write(channel, utime, nullptr);
+    write(channel, utime);
   }
+
+  // Between two laps, so that the log's end can be cut off at the beginning of one.
+  void begin_lap() {
+    if (laps_++ % kTailStride != 0) return;
+    tail_.push_back(bytes_);
+    if (tail_.size() > kTailTicks / kTailStride + 1) tail_.pop_front();
+  }
+  // The byte of the log at which its last kTailTicks laps begin, or up to kTailStride more; all, if there are fewer.
+  [[nodiscard]] std::int64_t tail_offset() const { return tail_.empty() ? 0 : tail_.front(); }
+  static constexpr std::int64_t kTailTicks = 4096, kTailStride = 64;
 
   // Flushes. False once anything could not be written; error() says what.
   bool close();
@@ -43,13 +62,17 @@ class Recorder {
     buffer_.resize(static_cast<std::size_t>(size));
     message.encode(buffer_.data(), 0, size);
   }
-  void write(const char* channel, std::int64_t utime, lcm::LCM* bus);
+  void write(const char* channel, std::int64_t utime);
+  void publish(const char* channel);
 
   std::string log_path_;
   lcm_eventlog_t* log_ = nullptr;
   lcm::LCM* bus_;
   bool flush_;
+  std::int64_t run_id_;
   std::vector<char> buffer_;
+  std::int64_t bytes_ = 0, laps_ = 0;
+  std::deque<std::int64_t> tail_;
   std::string error_;
 };
 

@@ -17,6 +17,7 @@ using Clock = std::chrono::steady_clock;
 constexpr std::int64_t kCountdown = 2;
 
 void record(Recorder& recorder, const Lap& lap) {
+  recorder.begin_lap();
   if (lap.command) recorder.record(hal::kChannelOperator, *lap.command);
   for (const operator_t& heard : lap.heard)
     recorder.record_heard(hal::kChannelOperator, heard, lap.plant.contact.utime);
@@ -153,6 +154,31 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   if (options.check_steps && has_controller) step_check.emplace(scenario);
   std::deque<step_command_t> history;
 
+  // What is known at the end, good or bad.
+  const auto finished = [&] {
+    result.wall_time_s = std::chrono::duration<double>(Clock::now() - wall_start).count();
+    result.end_text = plant.end_text();
+    result.masses_rested = rest.at_rest();
+    result.final_sample = plant.sample();
+    result.regimes = plant.regimes();
+    result.impacts = plant.impacts();
+    result.rolling_lost = plant.rolling_lost();
+    result.extrema = plant.extrema();
+    result.friction_shares = plant.shares_at_mu_required_max();
+    for (int i = 0; i < sim::kMaxMasses; ++i) {
+      result.motor_extrema[static_cast<std::size_t>(i)] = plant.motor_extrema(i);
+      result.end_stops[static_cast<std::size_t>(i)] = plant.end_stop(i);
+    }
+    result.motors = pulse_record.motors;
+    for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+      result.motor_energy[i] = plant.motor_energy(static_cast<int>(i));
+      result.motors[i].steps_behind = plant.motor_steps_behind(static_cast<int>(i));
+      result.motors[i].slips = plant.motor_slips(static_cast<int>(i));
+    }
+    if (step_check) result.step_timing = step_check->record();
+    return result;
+  };
+
   // A ball that breaks the envelope as it is set down needs no countdown.
   std::int64_t tick = has_controller && plant.end() == sim::PhysicsEnd::kNone ? -kCountdown : 0;
   for (;; ++tick) {
@@ -178,11 +204,14 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       lap.command = hal::to_message(input, tick, tick + kCountdown + 1, period_s);
     }
     result.status = peers.exchange(lap);
+    result.refused = peers.refused();
     if (result.status != hal::Status::kOk) {
       result.trouble = peers.trouble();
-      return result;
+      return finished();
     }
     record(recorder, lap);
+    result.last_tick = tick;
+    result.operators_heard = result.operators_heard || !lap.heard.empty();
     if (has_controller) {
       heard = lap.status;
       plans.see(lap, result);
@@ -191,7 +220,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     if (tick == -1 && options.move && lap.status.refusal != controller_status_t::REFUSAL_NONE &&
         lap.trip.tripped == 0 && lap.status.faults == 0) {
       result.refusal = refusal_text(lap.status);
-      return result;
+      return finished();
     }
     // Every command of the countdown must have been obeyed, unless something tripped.
     const bool armed_due = tick == -kCountdown || options.by_hand;
@@ -202,12 +231,12 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     if (tick < 0 && lap.trip.tripped == 0 && lap.status.faults == 0 && lap.status.mode != mode_due && !already_there) {
       result.status = hal::Status::kPeerLost;
       result.trouble = "the controller did not obey the operator's " + std::string(armed_due ? "arm" : "start");
-      return result;
+      return finished();
     }
     if (!recorder.good() || (options.interrupted != nullptr && *options.interrupted != 0)) {
       result.status = recorder.good() ? hal::Status::kInterrupted : hal::Status::kIo;
       result.trouble = recorder.good() ? "interrupted" : recorder.error();
-      return result;
+      return finished();
     }
 
     if (has_controller) {
@@ -270,27 +299,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     }
   }
 
-  result.wall_time_s = std::chrono::duration<double>(Clock::now() - wall_start).count();
-  result.end_text = plant.end_text();
-  result.masses_rested = rest.at_rest();
-  result.final_sample = plant.sample();
-  result.regimes = plant.regimes();
-  result.impacts = plant.impacts();
-  result.rolling_lost = plant.rolling_lost();
-  result.extrema = plant.extrema();
-  result.friction_shares = plant.shares_at_mu_required_max();
-  for (int i = 0; i < sim::kMaxMasses; ++i) {
-    result.motor_extrema[static_cast<std::size_t>(i)] = plant.motor_extrema(i);
-    result.end_stops[static_cast<std::size_t>(i)] = plant.end_stop(i);
-  }
-  result.motors = pulse_record.motors;
-  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
-    result.motor_energy[i] = plant.motor_energy(static_cast<int>(i));
-    result.motors[i].steps_behind = plant.motor_steps_behind(static_cast<int>(i));
-    result.motors[i].slips = plant.motor_slips(static_cast<int>(i));
-  }
-  if (step_check) result.step_timing = step_check->record();
-  return result;
+  return finished();
 }
 
 }  // namespace ballast::sil

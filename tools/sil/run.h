@@ -68,11 +68,14 @@ struct RunResult {
   std::optional<StepTimingRecord> step_timing;  // if it was asked for
   bool masses_rested = false;                   // at the end; see run()
   std::optional<PlanRecord> move, stop;         // the last of each
+  bool operators_heard = false;                 // somebody beside the run itself
+  std::int64_t last_tick = 0;                   // in the log
+  RefusedMessages refused;                      // what came over the bus and was not used
   std::string refusal;                          // the controller refused the move: which, and why; nothing ran
   std::int64_t ticks = 0;                       // control periods simulated
   double wall_time_s = 0;
 
-  // Why it could not run to its end; kOk: it did, and the rest is meaningful.
+  // Why it could not run to its end; kOk: it did. Otherwise the rest is as far as it came.
   hal::Status status = hal::Status::kOk;
   std::string trouble;
 };

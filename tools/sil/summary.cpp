@@ -351,6 +351,12 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                               {"source", published.source}});
   }
   j["ticks"] = result.ticks;
+  const hal::LinkCounters& refused = result.refused.here;
+  j["refused_messages"] = {{"malformed", refused.malformed},
+                           {"foreign", refused.foreign},
+                           {"repeated", refused.repeated},
+                           {"old", refused.old},
+                           {"by_controller", result.refused.by_controller}};
   j["wall_time"] = result.wall_time_s;
   j["speed"] = result.wall_time_s > 0 ? f.time_s / result.wall_time_s : 0.0;
   return j.dump(2) + "\n";
@@ -532,6 +538,12 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
                    part(share.normal_force_n).c_str(), part(share.static_friction_n).c_str(),
                    part(share.mu_required).c_str(),
                    std::isfinite(commanded) ? format("%.6f", commanded).c_str() : "unbounded");
+  }
+  if (const hal::LinkCounters& refused = result.refused.here; refused.refused() + result.refused.by_controller > 0) {
+    text += format("  bus         not used of what came: %lld malformed, %lld of another run, %lld repeated, %lld old",
+                   static_cast<long long>(refused.malformed), static_cast<long long>(refused.foreign),
+                   static_cast<long long>(refused.repeated), static_cast<long long>(refused.old));
+    text += format("; by the controller %lld\n", static_cast<long long>(result.refused.by_controller));
   }
   text += format("  speed       %.0f times real time", end_s / std::max(result.wall_time_s, 1e-9));
   if (result.ticks > 0)

@@ -142,8 +142,9 @@ std::string View::page(double now_s, int width, std::int64_t undecodable) const 
     text += cut(trip_ ? "trip   none" : "trip   no monitor heard", width);
   }
   if (status_) {
-    text += cut(format("mode   %s  faults 0x%x  overruns %lld%s", mode(status_->mode),
+    text += cut(format("mode   %s  faults 0x%x  overruns %lld  messages refused %lld%s", mode(status_->mode),
                        static_cast<unsigned>(status_->faults), static_cast<long long>(status_->overruns),
+                       static_cast<long long>(status_->refused_messages),
                        status_->refusal != controller_status_t::REFUSAL_NONE ? "  a command was refused" : ""),
                 width);
   } else {
@@ -184,8 +185,9 @@ std::string View::line(double now_s, std::int64_t undecodable) const {
   std::int64_t missed = 0;
   for (const TickCounter& counter : counters_) missed += counter.missed();
   return text +
-         format(" rate=%.0f missed=%lld undecodable=%lld", counters_[kContact].rate_hz(now_s),
-                static_cast<long long>(missed), static_cast<long long>(undecodable)) +
+         format(" rate=%.0f missed=%lld refused=%lld undecodable=%lld", counters_[kContact].rate_hz(now_s),
+                static_cast<long long>(missed), static_cast<long long>(status_ ? status_->refused_messages : 0),
+                static_cast<long long>(undecodable)) +
          (ended_ ? " ended" : "");
 }
 

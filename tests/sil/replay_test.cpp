@@ -1,0 +1,268 @@
+// `ballast replay` and the black box, as people use them.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "hal/lcm/channels.h"
+#include "hal/lcm/messages.h"
+#include "tests/sil/shell.h"
+#include "tools/sil/log_reader.h"
+#include "tools/sil/recorder.h"
+
+namespace ballast {
+namespace {
+
+using test::bus_url;
+using test::Folder;
+using test::Outcome;
+using test::read_file;
+
+#define EXPECT_SAYS(text, words) EXPECT_NE((text).find(words), std::string::npos) << (text)
+
+// Copies a run's log and scenario to another folder, with `change` applied to the messages of one channel.
+template <class M>
+void copy_run(const Folder& folder, const std::string& from, const std::string& to, const char* channel,
+              const std::function<void(M&)>& change) {
+  std::filesystem::create_directory(folder / to);
+  std::filesystem::copy_file(folder / from / "scenario.toml", folder / to / "scenario.toml");
+  sil::LogReader reader((folder / from / "run.lcmlog").string());
+  sil::Recorder recorder((folder / to / "run.lcmlog").string());
+  const auto copy = [&]<class A>(const sil::LogEvent& event, const char* name, A*) {
+    if (event.channel != name) return;
+    A message{};
+    ASSERT_TRUE(hal::decode(event.data.data(), event.data.size(), message));
+    if constexpr (std::is_same_v<A, M>) {
+      if (std::string(name) == channel) change(message);
+    }
+    recorder.record(name, message);
+  };
+  for (sil::LogEvent event; reader.next(event);) {
+    copy(event, hal::kChannelOperator, static_cast<operator_t*>(nullptr));
+    copy(event, hal::kChannelContact, static_cast<contact_t*>(nullptr));
+    copy(event, hal::kChannelPlantState, static_cast<plant_state_t*>(nullptr));
+    copy(event, hal::kChannelSensors, static_cast<sensors_t*>(nullptr));
+    copy(event, hal::kChannelTrip, static_cast<trip_t*>(nullptr));
+    copy(event, hal::kChannelControllerStatus, static_cast<controller_status_t*>(nullptr));
+    copy(event, hal::kChannelStepCommand, static_cast<step_command_t*>(nullptr));
+  }
+  ASSERT_TRUE(recorder.close());
+}
+
+// What a run said is what the same firmware says again; and the replayed log is the recorded one, byte for byte.
+TEST(Replay, TheSameFirmwareSaysTheSame) {
+  const Folder folder;
+  for (const std::string scenario :
+       {"paper_ball --set duration=1", "paper_ball --set envelope.friction_use=0.3", "seam_ball --set duration=0.5"}) {
+    SCOPED_TRACE(scenario);
+    folder.run("ballast run " + scenario + " --quiet --out r");
+    const Outcome replay = folder.run("ballast replay r --verify --out again.lcmlog");
+    EXPECT_EQ(replay.exit_status, 0) << replay.err;
+    EXPECT_SAYS(replay.out, "equal");
+    EXPECT_SAYS(replay.out, "the sources of the recorded run");
+    EXPECT_TRUE(read_file(folder / "r/run.lcmlog") == read_file(folder / "again.lcmlog"));
+  }
+  const Outcome trip = folder.run(
+      "ballast run paper_ball --set envelope.friction_use=0.3 --quiet --out r; "
+      "ballast replay r");
+  EXPECT_SAYS(trip.out, "trip        in tick " + folder.summary("r")["trip"]["tick"].dump() + ", faults 0x8");
+}
+
+// Commands of people, which reach the controller in a tick of its own.
+TEST(Replay, OperatorsAreObeyedInTheTickInWhichTheyWere) {
+  const Folder folder;
+  for (const std::string how : {"", "--processes"}) {
+    SCOPED_TRACE(how);
+    const std::string bus = " --lcm '" + bus_url(how.empty() ? 0 : 1) + "'";
+    const Outcome said = folder.run(
+        "ballast run paper_ball --by-hand --speed 8 --set duration=600 --set run.control_period=0.004"
+        " --set surface.static_friction=inf --quiet --out r " +
+        how + bus +
+        " & run=$!; i=0;"
+        " while [ $i -lt 100 ] && ! ballast operate status" +
+        bus +
+        " --peer-timeout 0.3 >/dev/null 2>&1;"
+        " do i=$((i + 1)); done; ballast move --mass 1 --to 2.1" +
+        bus + "; ballast operate start" + bus + "; ballast operate stop" + bus +
+        "; kill -INT $run; wait $run; ballast replay r --verify; echo status $?");
+    EXPECT_SAYS(said.out, "status 0\n");
+    EXPECT_SAYS(said.out, "equal");
+    EXPECT_SAYS(said.out, "did not come to its end");
+  }
+}
+
+// One bit of one number, in one message.
+TEST(Replay, NamesTheFirstTickAndField) {
+  const Folder folder;
+  folder.run("ballast run paper_ball --set duration=0.3 --quiet --out r");
+  copy_run<controller_status_t>(folder, "r", "bit", hal::kChannelControllerStatus, [](controller_status_t& m) {
+    if (m.tick == 100) m.normal_force_n = std::nextafter(m.normal_force_n, 0.0);
+    if (m.tick == 101) m.margin += 0.5;
+  });
+  const Outcome bit = folder.run("ballast replay bit --verify");
+  EXPECT_EQ(bit.exit_status, 3);
+  EXPECT_SAYS(bit.out, "DIFFERS     in 2 of 303 ticks, first in tick 100");
+  EXPECT_SAYS(bit.out, "BALLAST_CONTROLLER_STATUS, tick 100, normal_force_n: ");
+  EXPECT_SAYS(bit.out, " N, 1 ULP); 2 messages differ");
+  EXPECT_EQ(folder.run("ballast replay bit").exit_status, 0) << "only --verify judges";
+  const Outcome before = folder.run("ballast replay bit/run.lcmlog --verify --until 99");
+  EXPECT_EQ(before.exit_status, 0) << before.out << before.err;
+  EXPECT_SAYS(before.out, "ticks -2 to 99 ");
+
+  copy_run<step_command_t>(folder, "r", "step", hal::kChannelStepCommand, [](step_command_t& m) {
+    if (m.tick == 51) m.steps[2] -= 3;
+  });
+  const Outcome step = folder.run("ballast replay step --verify");
+  EXPECT_EQ(step.exit_status, 3);
+  EXPECT_SAYS(step.out, "BALLAST_STEP_COMMAND, tick 51, steps[2]: ");
+  EXPECT_SAYS(step.out, "(+3 microsteps)");
+}
+
+// What is replayed is the inputs: with other sensors the firmware says something else, from that tick on.
+TEST(Replay, OtherInputsGiveOtherOutputs) {
+  const Folder folder;
+  folder.run("ballast run paper_ball --set duration=0.3 --quiet --out r");
+  copy_run<sensors_t>(folder, "r", "nan", hal::kChannelSensors, [](sensors_t& m) {
+    if (m.tick == 200) m.gyro_B_radps[1] = std::numeric_limits<double>::quiet_NaN();
+  });
+  const Outcome nan = folder.run("ballast replay nan --verify");
+  EXPECT_EQ(nan.exit_status, 3);
+  EXPECT_SAYS(nan.out, "first in tick 200");
+  EXPECT_SAYS(nan.out, "trip        in tick 200, faults 0x1");
+  copy_run<trip_t>(folder, "r", "trip", hal::kChannelTrip, [](trip_t& m) { m.tripped = m.tick >= 150 ? 1 : 0; });
+  EXPECT_SAYS(folder.run("ballast replay trip").out, "trip        in tick 150, faults 0x8");
+}
+
+TEST(Replay, LogsThatDoNotFitAreRefusedOrNoted) {
+  const Folder folder;
+  folder.run("ballast run paper_ball --set duration=0.3 --quiet --out r");
+  const std::string log = read_file(folder / "r/run.lcmlog");
+  const auto beside = [&](const std::string& name, const std::string& text) {
+    std::ofstream(folder / ("r/" + name), std::ios::binary) << text;
+    return folder.run("ballast replay --verify r/" + name);
+  };
+  const Outcome cut = beside("cut.lcmlog", log.substr(0, log.size() / 2));
+  EXPECT_EQ(cut.exit_status, 0) << cut.err;
+  EXPECT_SAYS(cut.out, "the log ends early: cut off inside an event at byte ");
+  std::string bad = log;
+  bad[log.find("BALLAST_SENSORS", log.size() / 2) - 28] ^= 1;
+  const Outcome damaged = beside("damaged.lcmlog", bad);
+  EXPECT_EQ(damaged.exit_status, 0) << damaged.err;
+  EXPECT_SAYS(damaged.out, "damaged at byte ");
+  const Outcome twice = beside("twice.lcmlog", log + log);
+  EXPECT_EQ(twice.exit_status, 0) << twice.err;
+
+  const auto refused = [](const Outcome& outcome, const std::string& words) {
+    EXPECT_EQ(outcome.exit_status, 1) << outcome.out;
+    EXPECT_SAYS(outcome.err, words);
+  };
+  refused(beside("empty.lcmlog", ""), "is empty");
+  refused(beside("noise.lcmlog", std::string(1000, 'x')), "is no LCM event log");
+  refused(beside("short.lcmlog", log.substr(0, 20)), "is no LCM event log");
+  std::string type = log;
+  type[log.find("BALLAST_SENSORS") + 15] ^= 1;
+  refused(beside("type.lcmlog", type), "not a sensors_t of this build");
+  type = log;
+  type[log.find("BALLAST_TRIP", log.size() / 2) + 12] ^= 1;
+  refused(beside("trip.lcmlog", type), "BALLAST_TRIP: not a trip_t of this build");
+  refused(folder.run("ballast replay nowhere"), "cannot be read");
+  refused(folder.run("ballast replay r --scenario paper_disk"), "of another scenario: fingerprint ");
+  refused(folder.run("ballast replay r --scenario paper_ball"), "of another scenario");
+  refused(folder.run("ballast replay r --out r/run.lcmlog"), "is the log that is replayed");
+  refused(folder.run("ballast run paper_ball --actuation prescribed --set duration=0.1 --quiet --out p; "
+                     "ballast replay p"),
+          "prescribed");
+  refused(folder.run("mkdir bare; cp r/run.lcmlog bare; ballast replay bare"), "--scenario");
+  EXPECT_TRUE(log == read_file(folder / "r/run.lcmlog"));
+}
+
+TEST(BlackBox, ItsCommandGivesTheSameTripAtTheSameTick) {
+  const Folder folder;
+  // In a folder with a quote and a space.
+  const std::string run = "ballast run paper_ball --set envelope.friction_use=0.55 --seed 5 --out \"it's r\"";
+  const Outcome tripped = folder.run(run);
+  ASSERT_EQ(tripped.exit_status, 3) << tripped.out << tripped.err;
+  const auto at = tripped.out.find("  black box   ");
+  ASSERT_NE(at, std::string::npos) << tripped.out;
+  const auto command = tripped.out.find("again: ", at) + 7;
+  const Outcome again = folder.run(tripped.out.substr(command, tripped.out.find('\n', command) - command));
+  EXPECT_EQ(again.exit_status, 3) << again.err;
+
+  const auto was = folder.summary("it's r"), is = folder.summary("it's r/blackbox/again");
+  ASSERT_FALSE(was["trip"].is_null());
+  EXPECT_EQ(is["trip"], was["trip"]);
+  EXPECT_EQ(is["seed"], 5);
+  EXPECT_TRUE(read_file(folder / "it's r/run.lcmlog") == read_file(folder / "it's r/blackbox/again/run.lcmlog"));
+
+  const auto box = nlohmann::json::parse(read_file(folder / "it's r/blackbox/blackbox.json"));
+  EXPECT_EQ(box["trip"], was["trip"]);
+  EXPECT_EQ(box["end"], was["end"]);
+  EXPECT_EQ(box["summary"], was);
+  EXPECT_EQ(box["seed"], 5);
+  // The end of the log, beginning with a whole lap.
+  const std::string log = read_file(folder / "it's r/run.lcmlog"),
+                    tail = read_file(folder / "it's r/blackbox/run.lcmlog");
+  ASSERT_LE(tail.size(), log.size());
+  EXPECT_TRUE(log.substr(log.size() - tail.size()) == tail);
+  sil::LogReader reader((folder / "it's r/blackbox/run.lcmlog").string());
+  sil::LogEvent event;
+  ASSERT_TRUE(reader.next(event));
+  EXPECT_TRUE(event.channel == hal::kChannelContact || event.channel == hal::kChannelOperator) << event.channel;
+}
+
+TEST(BlackBox, HoldsTheEndOfALongRunAndIsRefusedAsAWholeOne) {
+  const Folder folder;
+  // It trips after seven seconds or so.
+  const Outcome run = folder.run("ballast run paper_ball --set envelope.friction_use=0.55 --quiet --out r");
+  ASSERT_EQ(run.exit_status, 3) << run.err;
+  sil::LogReader reader((folder / "r/blackbox/run.lcmlog").string());
+  std::int64_t laps = 0, first = 0, last = 0;
+  for (sil::LogEvent event; reader.next(event);) {
+    sensors_t sensors{};
+    if (event.channel != hal::kChannelSensors || !hal::decode(event.data.data(), event.data.size(), sensors)) continue;
+    if (laps++ == 0) first = sensors.tick;
+    last = sensors.tick;
+  }
+  EXPECT_EQ(reader.damage(), "");
+  EXPECT_EQ(laps, last - first + 1);
+  EXPECT_EQ(last, nlohmann::json::parse(read_file(folder / "r/blackbox/blackbox.json"))["last_tick"]);
+  ASSERT_GT(last, sil::Recorder::kTailTicks + sil::Recorder::kTailStride) << "too short a run to show it";
+  EXPECT_GE(laps, sil::Recorder::kTailTicks);
+  EXPECT_LE(laps, sil::Recorder::kTailTicks + sil::Recorder::kTailStride);
+  const Outcome replay = folder.run("ballast replay r/blackbox");
+  EXPECT_EQ(replay.exit_status, 1);
+  EXPECT_SAYS(replay.err, "begins in the middle of a run");
+}
+
+TEST(BlackBox, ARunThatEndsWellLeavesNoneNotEvenAnothers) {
+  const Folder folder;
+  EXPECT_EQ(folder.run("ballast run paper_ball --set envelope.friction_use=0.3 --quiet --out r").exit_status, 3);
+  EXPECT_TRUE(std::filesystem::exists(folder / "r/blackbox/blackbox.json"));
+  const Outcome well = folder.run("ballast run paper_ball --set duration=0.1 --out r");
+  EXPECT_EQ(well.exit_status, 0);
+  EXPECT_FALSE(std::filesystem::exists(folder / "r/blackbox"));
+  EXPECT_EQ(well.out.find("black box"), std::string::npos);
+}
+
+// A peer that dies cannot be repeated by the scenario; what the controller was told can.
+TEST(BlackBox, ALostPeersRunIsRepeatedFromItsLog) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run paper_ball --processes --speed 0.33 --out r --lcm '" + bus_url(2) +
+                                 "' & run=$!; i=0; while [ $i -lt 300 ] &&"
+                                 " [ \"$(stat -c %s r/run.lcmlog 2>/dev/null || echo 0)\" -le 100000 ];"
+                                 " do sleep 0.1; i=$((i + 1)); done; pkill -9 -P $run ballast-monitor;"
+                                 " wait $run; echo $?");
+  EXPECT_SAYS(run.out, "2\n");
+  const auto box = nlohmann::json::parse(read_file(folder / "r/blackbox/blackbox.json"));
+  EXPECT_EQ(box["end"]["reason"], "could_not_go_on");
+  EXPECT_SAYS(box["end"]["text"].get<std::string>(), "ballast-monitor ended");
+  const auto command = box["command"].get<std::string>();
+  EXPECT_SAYS(run.err, command);
+  const Outcome again = folder.run(command + " --verify");
+  EXPECT_EQ(again.exit_status, 0) << again.out << again.err;
+  EXPECT_SAYS(again.out, "to " + box["last_tick"].dump() + " of ");
+}
+
+}  // namespace
+}  // namespace ballast

@@ -1,0 +1,191 @@
+// ballast replay: a recorded run's inputs, given to the firmware of today.
+#include <unistd.h>
+
+#include <cinttypes>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <sstream>
+
+#include "tools/ballast/commands.h"
+#include "tools/program/params.h"
+#include "tools/program/program.h"
+#include "tools/program/subprocess.h"
+#include "tools/sil/black_box.h"
+#include "tools/sil/in_process_peers.h"
+#include "tools/sil/qemu_peers.h"
+#include "tools/sil/replay.h"
+
+namespace ballast {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kExitDiffers = 3;
+
+struct ReplayCommand {
+  std::string log;
+  std::string scenario;  // empty: scenario.toml beside the log
+  std::string firmware = "host";
+  std::string elf;  // empty: the one built beside this program
+  std::string out;  // empty: the replayed log is thrown away
+  sil::ReplayOptions replay;
+  bool verify = false;
+};
+
+int refuse(const std::string& text) {
+  program::complain("ballast", text);
+  return program::kExitUsage;
+}
+
+// A file of one's own, gone with the object.
+class TemporaryLog {
+ public:
+  TemporaryLog() {
+    // mkdtemp puts six letters of its own in the place of the six X.
+    std::string name = (fs::temp_directory_path() / "ballast-replay-").string() + std::string(6, 'X');
+    if (mkdtemp(name.data()) != nullptr) folder_ = name;
+  }
+  ~TemporaryLog() {
+    std::error_code code;
+    if (!folder_.empty()) fs::remove_all(folder_, code);
+  }
+  TemporaryLog(const TemporaryLog&) = delete;
+  TemporaryLog& operator=(const TemporaryLog&) = delete;
+  [[nodiscard]] std::string path() const { return folder_.empty() ? "" : (folder_ / "replayed.lcmlog").string(); }
+
+ private:
+  fs::path folder_;
+};
+
+std::string file_text(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+// The words of `ballast compare`, which knows fields and units.
+std::string first_difference(const std::string& log, const std::string& replayed) {
+  std::error_code code;
+  const auto compare = fs::read_symlink("/proc/self/exe", code).parent_path() / "ballast-compare";
+  const program::ProgramOutcome said = program::run_program(
+      {compare.string(), "--controller", "--", fs::absolute(log).string(), fs::absolute(replayed).string()});
+  if (said.exit_status == 0) return said.output;
+  return "  which field it is ballast-compare would say, but: " + said.output + "\n";
+}
+
+void print(const ReplayCommand& command, const sim::Scenario& scenario, const std::string& scenario_file,
+           const sil::ReplayResult& result, const std::string& replayed) {
+  std::printf("%s: ticks %" PRId64 " to %" PRId64 " of %s, given to the firmware %s\n", scenario.name.c_str(),
+              result.first_tick, result.last_tick, command.log.c_str(),
+              command.firmware == "qemu" ? "in QEMU" : "on this machine");
+  for (const std::string& note : result.notes) std::printf("  note        %s\n", note.c_str());
+  const auto recorded = sil::firmware_sources(file_text(scenario_file));
+  const std::string own = sil::own_firmware_sources();
+  if (!recorded) {
+    std::printf("  firmware    sources %s; of the recorded run's nothing is known\n", own.c_str());
+  } else if (*recorded == own) {
+    std::printf("  firmware    the sources of the recorded run, %s\n", own.c_str());
+  } else {
+    std::printf("  firmware    sources %s; the run was recorded with others, %s\n", own.c_str(), recorded->c_str());
+  }
+  if (result.trip) {
+    std::printf("  trip        in tick %lld, faults 0x%x\n", static_cast<long long>(result.trip->tick),
+                static_cast<unsigned>(result.trip->faults));
+  }
+  if (!result.first_difference) {
+    std::printf("  equal       every step command and every status, bit for bit\n");
+  } else {
+    std::printf("  DIFFERS     in %" PRId64 " of %" PRId64 " ticks, first in tick %" PRId64 "\n",
+                result.ticks_that_differ, result.ticks, *result.first_difference);
+    std::fputs(first_difference(command.log, replayed).c_str(), stdout);
+  }
+  std::fflush(stdout);
+}
+
+int replay(const ReplayCommand& given) {
+  ReplayCommand command = given;
+  std::error_code code;
+  if (fs::is_directory(command.log, code)) command.log = (fs::path(command.log) / "run.lcmlog").string();
+  const sil::LogScenario of_log = sil::scenario_of_log(command.log);
+  if (!of_log.id) return refuse(of_log.trouble);
+
+  program::ScenarioOptions options;
+  options.scenario =
+      command.scenario.empty() ? (fs::path(command.log).parent_path() / "scenario.toml").string() : command.scenario;
+  if (command.scenario.empty() && !fs::exists(options.scenario, code)) {
+    return refuse(options.scenario + ": no such file, which a run leaves beside its log; name it with --scenario");
+  }
+  const auto scenario = program::load_scenario(options);
+  if (!scenario) return program::kExitUsage;
+  if (scenario->id != *of_log.id) {
+    return refuse(command.log + " is of another scenario: fingerprint " + std::to_string(*of_log.id) + "; " +
+                  options.scenario + " has " + std::to_string(scenario->id) +
+                  " (or a build of today understands that file in another way)");
+  }
+  if (scenario->run.actuation != sim::Actuation::kStepper) {
+    return refuse(command.log + ": a run with prescribed masses has no controller to replay; allowed: steppers");
+  }
+  const auto params = std::make_unique<firmware::ControllerParams>();
+  if (const auto refusal = program::to_controller_params(*scenario, *params)) return refuse(*refusal);
+  if (!command.out.empty() && fs::exists(command.out, code) && fs::equivalent(command.out, command.log, code)) {
+    return refuse("--out: " + command.out + " is the log that is replayed; allowed: another file");
+  }
+
+  const TemporaryLog temporary;
+  const std::string replayed = command.out.empty() ? temporary.path() : command.out;
+  if (replayed.empty()) {
+    program::complain("ballast", "no temporary file can be made; name one with --out");
+    return program::kExitCouldNotRun;
+  }
+  command.replay.interrupted = program::catch_signals();
+  const monitor::MonitorLimits limits = program::to_monitor_limits(*scenario);
+  std::unique_ptr<sil::Peers> peers;
+  if (command.firmware == "qemu") {
+    sil::QemuPeersOptions qemu;
+    qemu.qemu.elf = command.elf.empty() ? program::default_firmware() : command.elf;
+    qemu.interrupted = command.replay.interrupted;
+    peers = std::make_unique<sil::QemuPeers>(*scenario, *params, limits, qemu);
+  } else {
+    peers = std::make_unique<sil::InProcessPeers>(params.get(), limits, scenario->run.control_period_s);
+  }
+  const sil::ReplayResult result = sil::replay(*scenario, command.log, *peers, replayed, command.replay);
+  if (result.end == sil::ReplayResult::End::kUnusable) return refuse(result.trouble);
+  if (result.end == sil::ReplayResult::End::kFailed) {
+    program::complain("ballast", result.trouble);
+    return peers->exit_status();
+  }
+  print(command, *scenario, options.scenario, result, replayed);
+  return command.verify && result.first_difference ? kExitDiffers : program::kExitCompleted;
+}
+
+}  // namespace
+
+std::function<int()> add_replay_command(CLI::App& app, CLI::App*& command) {
+  command = app.add_subcommand("replay",
+                               "Gives a recorded run's inputs to the firmware of today, and says where its outputs "
+                               "differ from the recorded ones");
+  auto options = std::make_shared<ReplayCommand>();
+  command->add_option("LOG", options->log, "run.lcmlog, or the folder of the run")
+      ->required()
+      ->check(program::not_empty());
+  command->add_flag("--verify", options->verify, "exit status 3 if anything differs");
+  command->add_option("--until", options->replay.until_tick, "the last tick to replay; default all");
+  command->add_option("--scenario", options->scenario, "the run's scenario; default scenario.toml beside the log")
+      ->check(program::not_empty());
+  command
+      ->add_option("--firmware", options->firmware,
+                   "host: compiled into this program; qemu: the one built for a microcontroller, in QEMU")
+      ->check(CLI::IsMember({"host", "qemu"}))
+      ->capture_default_str();
+  command->add_option("--firmware-elf", options->elf, "for --firmware qemu; default: the one tools/firmware has built")
+      ->check(program::not_empty());
+  command->add_option("--out", options->out, "keep the replayed log: the recorded one with the replayed outputs in it")
+      ->check(program::not_empty());
+  return [options] { return replay(*options); };
+}
+
+}  // namespace ballast

@@ -1,0 +1,102 @@
+#include "tools/sil/black_box.h"
+
+#include <cerrno>
+#include <cinttypes>
+#include <cstring>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "hal/target/build_id.h"
+#include "tools/sil/summary.h"
+
+namespace ballast::sil {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr char kSourcesAre[] = "# Firmware sources: ";
+
+std::string shell_word(const fs::path& path) {
+  std::string text = "'";
+  for (const char c : fs::absolute(path).lexically_normal().string()) {
+    text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  }
+  return text + "'";
+}
+
+// Everything from a byte on. False: errno says why.
+bool copy_tail(const fs::path& from, std::int64_t offset, const fs::path& to) {
+  std::ifstream in(from, std::ios::binary);
+  in.seekg(offset);
+  std::ofstream out(to, std::ios::binary);
+  char chunk[1 << 16];
+  while (in && out && (in.read(chunk, sizeof chunk) || in.gcount() > 0)) out.write(chunk, in.gcount());
+  out.close();
+  return in.eof() && out.good();
+}
+
+}  // namespace
+
+std::string scenario_file(const sim::Scenario& scenario) {
+  return "# " + scenario.name + " as it was run, what the command line changed included.\n" + kSourcesAre +
+         own_firmware_sources() + "\n\n" + scenario.toml;
+}
+
+std::optional<std::string> firmware_sources(const std::string& scenario_file) {
+  const std::size_t at = scenario_file.find(kSourcesAre);
+  if (at == std::string::npos) return std::nullopt;
+  const std::size_t begin = at + std::strlen(kSourcesAre);
+  return scenario_file.substr(begin, scenario_file.find('\n', begin) - begin);
+}
+
+std::string own_firmware_sources() {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016" PRIx64, hal::target::kSourcesId);
+  return text;
+}
+
+bool ended_badly(const RunResult& result) {
+  if (!result.refusal.empty() || result.status == hal::Status::kInterrupted) return false;
+  return result.status != hal::Status::kOk || exit_status(result) != 0;
+}
+
+std::string repeat_command(const RunResult& result, const RunOptions& options, const std::string& run_options,
+                           const OutputDir& output) {
+  const bool scenario_says_all =
+      result.status == hal::Status::kOk && !result.operators_heard && !options.by_hand && !options.move;
+  if (!scenario_says_all) return "ballast replay " + shell_word(output.log_path());
+  const fs::path box = output.path() / kBlackBox;
+  return "ballast run " + shell_word(box / "scenario.toml") + run_options +
+         (options.check_steps ? " --check-steps" : "") + " --out " + shell_word(box / "again");
+}
+
+bool write_black_box(const sim::Scenario& scenario, const RunResult& result, const std::string& command,
+                     const Recorder& recorder, OutputDir& output) {
+  auto summary = nlohmann::ordered_json::parse(summary_json(scenario, result));
+  if (result.status != hal::Status::kOk) {
+    summary["end"] = {{"reason", "could_not_go_on"}, {"time", result.final_sample.time_s}, {"text", result.trouble}};
+  }
+  nlohmann::ordered_json box;
+  box["scenario"] = scenario.name;
+  box["seed"] = scenario.seed;
+  box["firmware_sources"] = own_firmware_sources();
+  box["command"] = command;
+  box["end"] = summary["end"];
+  box["trip"] = summary["trip"];
+  box["faults"] = result.controller_trip ? result.controller_trip->faults : 0;
+  box["last_tick"] = result.last_tick;
+  box["summary"] = std::move(summary);
+
+  const fs::path folder = output.path() / kBlackBox;
+  std::error_code code;
+  fs::create_directory(folder, code);
+  if (code) return output.fail(folder.string() + ": cannot be made: " + code.message());
+  if (!copy_tail(output.log_path(), recorder.tail_offset(), folder / "run.lcmlog")) {
+    return output.fail((folder / "run.lcmlog").string() + ": cannot be written: " + std::strerror(errno));
+  }
+  return output.write(std::string(kBlackBox) + "/scenario.toml", scenario_file(scenario)) &&
+         output.write(std::string(kBlackBox) + "/blackbox.json", box.dump(2) + "\n");
+}
+
+}  // namespace ballast::sil

@@ -1,0 +1,235 @@
+#include "tools/sil/replay.h"
+
+#include <cstring>
+#include <deque>
+
+#include "hal/lcm/channels.h"
+#include "tools/sil/log_reader.h"
+#include "tools/sil/recorder.h"
+
+namespace ballast::sil {
+
+namespace {
+
+// As a log has it: nothing that belongs to a bus.
+void strip(controller_status_t& message) { message.run_id = message.refused_messages = 0; }
+template <class M>
+void strip(M& message) {
+  message.run_id = 0;
+}
+
+template <class M>
+bool same_bytes(const M& a, const M& b) {
+  const auto size = static_cast<std::size_t>(a.getEncodedSize());
+  std::vector<char> bytes_a(size), bytes_b(size);
+  a.encode(bytes_a.data(), 0, static_cast<int>(size));
+  b.encode(bytes_b.data(), 0, static_cast<int>(size));
+  return std::memcmp(bytes_a.data(), bytes_b.data(), size) == 0;
+}
+
+// What a log says of one tick. A message of another tick begins the next.
+struct RecordedLap {
+  std::optional<contact_t> contact;
+  std::optional<plant_state_t> state;
+  std::optional<sensors_t> sensors;
+  std::optional<trip_t> trip;
+  std::optional<controller_status_t> status;
+  std::optional<step_command_t> steps;
+
+  [[nodiscard]] bool empty() const { return !contact && !state && !sensors && !trip && !status && !steps; }
+  [[nodiscard]] bool complete() const { return contact && state && sensors && trip && status && steps; }
+  [[nodiscard]] const char* missing() const {
+    return !contact   ? hal::kChannelContact
+           : !state   ? hal::kChannelPlantState
+           : !sensors ? hal::kChannelSensors
+           : !trip    ? hal::kChannelTrip
+           : !status  ? hal::kChannelControllerStatus
+                      : hal::kChannelStepCommand;
+  }
+};
+
+// Lap after lap of a log, and before them all that operators have said in it.
+class RecordedRun {
+ public:
+  explicit RecordedRun(const std::string& path) : reader_(path) {
+    LogReader first(path);
+    LogEvent event;
+    operator_t message{};
+    while (first.next(event)) {
+      if (event.channel == hal::kChannelOperator && take(event, message)) commands_.push_back(message);
+    }
+  }
+
+  // False: there are no more whole laps; trouble() says why the log cannot be used, end() what is left over.
+  bool next(RecordedLap& lap) {
+    lap = RecordedLap();
+    for (LogEvent event; trouble_.empty() && reader_.next(event);) {
+      if (!put(event, lap)) return false;
+      if (lap.complete()) return true;
+    }
+    if (trouble_.empty() && !reader_.error().empty()) trouble_ = reader_.error();
+    if (trouble_.empty() && !lap.empty()) end_ = std::string("its last tick is not whole: no ") + lap.missing();
+    if (!reader_.damage().empty()) end_ = reader_.damage();
+    return false;
+  }
+  std::optional<operator_t> next_command() {
+    if (commands_.empty()) return std::nullopt;
+    const operator_t command = commands_.front();
+    commands_.pop_front();
+    return command;
+  }
+
+  [[nodiscard]] const std::string& trouble() const { return trouble_; }
+  [[nodiscard]] const std::string& end() const { return end_; }
+  [[nodiscard]] std::size_t commands_left() const { return commands_.size(); }
+
+ private:
+  template <class M>
+  bool take(const LogEvent& event, M& message) {
+    if (!hal::decode(event.data.data(), event.data.size(), message)) {
+      if (trouble_.empty()) {
+        trouble_ =
+            event.channel + ": not a " + M::getTypeName() +
+            " of this build, or out of range; the log was recorded by a build with other messages, or is damaged";
+      }
+      return false;
+    }
+    strip(message);
+    return true;
+  }
+
+  // `tick`: what the message's lap is called.
+  template <class M>
+  bool put(const LogEvent& event, std::optional<M>& slot, std::int64_t later = 0) {
+    M message{};
+    if (!take(event, message)) return false;
+    const std::int64_t tick = message.tick - later;
+    if (tick == hal::kWaitingTick) return true;  // peers that wait, in a log of a bus
+    if (tick_ && tick <= *tick_) {
+      end_ = "in " + event.channel + " tick " + std::to_string(tick) + " follows tick " + std::to_string(*tick_) +
+             ": more than one run, or messages out of order";
+      return false;
+    }
+    if (slot) {
+      end_ = "tick " + std::to_string(tick - 1) + " is not whole";
+      return false;
+    }
+    slot = message;
+    return true;
+  }
+
+  bool put(const LogEvent& event, RecordedLap& lap) {
+    bool good = true;
+    if (event.channel == hal::kChannelContact) good = put(event, lap.contact);
+    if (event.channel == hal::kChannelPlantState) good = put(event, lap.state);
+    if (event.channel == hal::kChannelSensors) good = put(event, lap.sensors);
+    if (event.channel == hal::kChannelTrip) good = put(event, lap.trip);
+    if (event.channel == hal::kChannelControllerStatus) good = put(event, lap.status);
+    if (event.channel == hal::kChannelStepCommand) good = put(event, lap.steps, 1);
+    if (good && lap.complete()) {
+      const std::int64_t tick = lap.sensors->tick;
+      const bool one_tick = lap.contact->tick == tick && lap.state->tick == tick && lap.trip->tick == tick &&
+                            lap.status->tick == tick && lap.steps->tick == tick + 1;
+      if (!one_tick) end_ = "tick " + std::to_string(tick) + " is not whole";
+      if (!one_tick) return false;
+      tick_ = tick;
+    }
+    return good;
+  }
+
+  LogReader reader_;
+  std::deque<operator_t> commands_;
+  std::optional<std::int64_t> tick_;  // of the last whole lap
+  std::string trouble_, end_;
+};
+
+ReplayResult failed(ReplayResult result, ReplayResult::End end, const std::string& why) {
+  result.end = end;
+  result.trouble = why;
+  return result;
+}
+
+}  // namespace
+
+LogScenario scenario_of_log(const std::string& log_path) {
+  LogReader reader(log_path);
+  if (!reader.error().empty()) return {std::nullopt, reader.error()};
+  for (LogEvent event; reader.next(event);) {
+    if (event.channel != hal::kChannelSensors) continue;
+    sensors_t sensors{};
+    if (hal::decode(event.data.data(), event.data.size(), sensors)) return {sensors.scenario_id, ""};
+    return {std::nullopt, log_path + ": " + event.channel + ": not a sensors_t of this build, or out of range"};
+  }
+  return {std::nullopt, log_path + ": has no " + hal::kChannelSensors + ": nothing to replay" +
+                            (reader.damage().empty() ? "" : "; " + reader.damage())};
+}
+
+ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, Peers& peers,
+                    const std::string& replayed_log, const ReplayOptions& options) {
+  using End = ReplayResult::End;
+  ReplayResult result;
+  RecordedRun recorded(log_path);
+  if (peers.connect() != hal::Status::kOk) return failed(result, End::kFailed, peers.trouble());
+  Recorder recorder(replayed_log);
+  std::int64_t given = 0;
+  bool last = false;
+  for (RecordedLap was; recorded.next(was);) {
+    const std::int64_t tick = was.sensors->tick;
+    if (tick > options.until_tick) break;
+    const std::int64_t counted = was.status->operator_commands;
+    const auto unusable = [&](const std::string& why) {
+      return failed(result, End::kUnusable, log_path + ": tick " + std::to_string(tick) + ": " + why);
+    };
+    if (was.sensors->scenario_id != scenario.id) return unusable("is of another scenario than the ticks before");
+    if (result.ticks == 0 && (tick > 0 || counted > 1)) {
+      return unusable("the log begins in the middle of a run, and what the controller knew there is not in it");
+    }
+    if (counted < given || counted > given + 1) {
+      return unusable("the controller counts " + std::to_string(counted) + " commands after " + std::to_string(given));
+    }
+    Lap lap;
+    lap.plant = {*was.contact, *was.state, *was.sensors};
+    lap.verdict = *was.trip;
+    if (counted > given) {
+      lap.command = recorded.next_command();
+      if (!lap.command) return unusable("the controller was given a command that is not in the log");
+      ++given;
+    }
+    if (peers.exchange(lap) != hal::Status::kOk) return failed(result, End::kFailed, peers.trouble());
+
+    if (lap.command) recorder.record(hal::kChannelOperator, *lap.command);
+    recorder.record(hal::kChannelContact, *was.contact);
+    recorder.record(hal::kChannelPlantState, *was.state);
+    recorder.record(hal::kChannelSensors, *was.sensors);
+    recorder.record(hal::kChannelTrip, *was.trip);
+    recorder.record(hal::kChannelControllerStatus, lap.status);
+    recorder.record(hal::kChannelStepCommand, lap.steps);
+    if (!recorder.good()) return failed(result, End::kFailed, recorder.error());
+
+    if (result.ticks++ == 0) result.first_tick = tick;
+    result.last_tick = tick;
+    if (!same_bytes(lap.status, *was.status) || !same_bytes(lap.steps, *was.steps)) {
+      ++result.ticks_that_differ;
+      if (!result.first_difference) result.first_difference = tick;
+    }
+    if (lap.status.mode == controller_status_t::MODE_TRIPPED && !result.trip) result.trip = lap.status;
+    last = was.sensors->last != 0;
+    if (last) break;
+    if (options.interrupted != nullptr && *options.interrupted != 0) {
+      return failed(result, End::kFailed, "interrupted");
+    }
+  }
+  if (!recorder.close()) return failed(result, End::kFailed, recorder.error());
+  if (!recorded.trouble().empty()) return failed(result, End::kUnusable, log_path + ": " + recorded.trouble());
+  if (result.ticks == 0) {
+    const std::string why = recorded.end().empty() ? "no tick of a controller" : recorded.end();
+    return failed(result, End::kUnusable, log_path + ": nothing to replay: " + why);
+  }
+  if (!recorded.end().empty()) result.notes.push_back("the log ends early: " + recorded.end());
+  if (!last && recorded.end().empty() && result.last_tick < options.until_tick) {
+    result.notes.emplace_back("the log ends without the run's last tick: the run did not come to its end");
+  }
+  return result;
+}
+
+}  // namespace ballast::sil
