@@ -60,6 +60,21 @@ PhaseCurrent::PullOut PhaseCurrent::pull_out(double shaft_radps) const {
   return found(amplitude * std::sin(lag), lag);
 }
 
+PhaseCurrent::PullOut PhaseCurrent::most_braking(double shaft_radps) const {
+  const double speed = std::abs(shaft_radps);
+  const auto torque = [&](double lag_rad) { return -torque_nm(-lag_rad, speed, speed); };
+  if (speed <= corner_speed_radps()) return {torque_constant_nmpa_ * amplitude_a_, kPi / 2};
+  // The torque rises to one top and falls: golden section.
+  constexpr double kGolden = 0.6180339887498949;
+  double low = 0, high = kPi;
+  for (int k = 0; k < 32; ++k) {
+    const double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
+    (torque(a) < torque(b) ? low : high) = torque(a) < torque(b) ? a : b;
+  }
+  const double lag = (low + high) / 2;
+  return {std::max(torque(lag), kLeastTorque * torque_constant_nmpa_ * amplitude_a_), lag};
+}
+
 // (R I + K speed)^2 + (N_r L I speed)^2 = V^2.
 double PhaseCurrent::corner_speed_radps() const {
   const double ri = resistance_ohm_ * amplitude_a_, k = torque_constant_nmpa_;

@@ -49,9 +49,11 @@ class PhaseCurrent {
     return torque_constant_nmpa_ * at(lag_rad, shaft_radps, field_radps).quadrature_a;
   }
 
-  // Driving evenly at `shaft_radps`, either way; braking there is at least as much. At least a millionth of the holding
+  // Driving evenly at `shaft_radps`, either way; most_braking() is at least as much. At least a millionth of the holding
   // torque, where in truth there is none.
   [[nodiscard]] PullOut pull_out(double shaft_radps) const;
+  // Likewise against a load that drives the motor, at a lag the other way; searched, to 1e-6 of a radian.
+  [[nodiscard]] PullOut most_braking(double shaft_radps) const;
 
   // The speed up to which the whole holding torque can be driven, at a lag of a quarter turn; smaller lags need more
   // voltage, since their current strengthens the magnet's field, and run short of it before.

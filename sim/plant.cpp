@@ -322,15 +322,15 @@ void Plant::derivative(double time_s, const double* y, double* dydt) {
 void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
   const double start_s = time_s_;
   steps_left_ = kMaxSteps;
+  bool jumped = false;
   if (end_ == PhysicsEnd::kNone && end_s > time_s_) {
     tick_normal_force_min_n_ = pushed(now_.normal_force_n);
     tick_mu_required_max_ = ratio(now_);
-    for (Stepper& stepper : steppers_) stepper.wait(time_s_);
+    for (Stepper& stepper : steppers_) jumped = stepper.wait(time_s_) || jumped;
   }
   std::size_t next_pulse = 0;
   while (end_ == PhysicsEnd::kNone) {
     // What happens at this instant, all of it, before anything is looked at again.
-    bool jumped = false;
     for (std::size_t i = 0; i < motion_.size() && !driven_; ++i) {
       while (motion_[i].end_s(piece_[i]) <= time_s_) ++piece_[i], jumped = true;
     }
@@ -338,7 +338,7 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
       steppers_[static_cast<std::size_t>(pulses[next_pulse].motor)].step(pulses[next_pulse].direction, time_s_);
       jumped = true;
     }
-    if (jumped) after_jump();
+    if (std::exchange(jumped, false)) after_jump();
     if (end_ != PhysicsEnd::kNone || time_s_ >= end_s) return;
 
     double target_s = end_s;
@@ -848,7 +848,8 @@ void Plant::note_energy(double h, const Point& middle, const Point& end) {
     MotorEnergy& energy = motor_energy_[i];
     for (std::size_t k = 0; k < 3; ++k) {
       const double rate = y[k][kTheta + n + i], speed = motor.shaft_ratio * rate, part_s = kWeight[k] * h;
-      energy.work_j += part_s * motion[k]->generalised_force[i] * rate;
+      const double stop_n = end_stops_[i].force_n(stop_side_[i], y[k][kTheta + i], rate);
+      energy.work_j += part_s * (motion[k]->generalised_force[i] - stop_n) * rate;
       energy.friction_j += part_s * motor.viscous_damping_nms * speed * speed;
       if (!motor.has_winding()) continue;
       const auto current = steppers_[i].current(motor.shaft_ratio * y[k][kTheta + i], speed);

@@ -38,6 +38,11 @@ void Stepper::balance(double torque_nm, double shaft_radps) {
   const double field_torque_nm = torque_nm + motor_.viscous_damping_nms * shaft_radps +
                                  motor_.detent_torque_nm * std::sin(4 * teeth_ * initial_shaft_rad_);
   offset_rad_ = balanced_lag_rad(field_torque_nm, shaft_radps) / teeth_;
+  if (shaft_radps != 0) {
+    // At t = 0 an even motion is midway between two pulses.
+    stepped_s_ = -0.5 * microstep_rad() / std::abs(shaft_radps);
+    stepped_ = shaft_radps > 0 ? 1 : -1;
+  }
   update_field();
 }
 
@@ -65,9 +70,11 @@ void Stepper::step(int direction, double time_s) {
   update_field();
 }
 
-void Stepper::wait(double time_s) {
+bool Stepper::wait(double time_s) {
   const double fastest_radps = microstep_rad() / (time_s - stepped_s_);
-  if (std::abs(field_radps_) > fastest_radps) field_radps_ = std::copysign(fastest_radps, field_radps_);
+  if (!(std::abs(field_radps_) > fastest_radps)) return false;
+  field_radps_ = std::copysign(fastest_radps, field_radps_);
+  return motor_.has_winding();
 }
 
 double Stepper::microstep_rad() const {
@@ -92,9 +99,10 @@ double Stepper::torque_margin(double shaft_rad, double shaft_radps) const {
   if (!motor_.has_winding()) {
     return std::abs(lag) <= kPi / 2 ? 1 - std::sin(std::abs(lag)) : std::sin(std::abs(lag)) - 1;
   }
-  const PhaseCurrent::PullOut most = phases_.pull_out(field_radps_);
+  const bool brakes = lag * field_radps_ < 0;
+  const PhaseCurrent::PullOut most = brakes ? phases_.most_braking(field_radps_) : phases_.pull_out(field_radps_);
   const double used = std::abs(phases_.torque_nm(lag, shaft_radps, field_radps_)) / most.torque_nm;
-  return std::abs(lag) <= most.lag_rad ? 1 - used : std::min(used, 1.0) - 1;
+  return std::abs(lag) <= most.lag_rad ? std::max(1 - used, -1.0) : std::min(used, 1.0) - 1;
 }
 
 double Stepper::steps_behind(double shaft_rad) const {

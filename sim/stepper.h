@@ -26,8 +26,9 @@ class Stepper {
   // One microstep of the field at time_s; direction +1 or -1.
   void step(int direction, double time_s);
 
-  // To be called now and then: a field that waits longer than between its last two steps has become slower.
-  void wait(double time_s);
+  // To be called now and then: a field that waits longer than between its last two steps has become slower. True: the
+  // torque may be another now.
+  bool wait(double time_s);
 
   // Electromagnetic, detent and viscous torque on the rotor.
   [[nodiscard]] double torque_nm(double shaft_rad, double shaft_radps) const {

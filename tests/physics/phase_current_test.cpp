@@ -193,6 +193,22 @@ TEST(PhaseCurrent, PullOutIsTheGreatestTorqueOverAllLags) {
   }
 }
 
+TEST(PhaseCurrent, MostBrakingIsTheGreatestTorqueTheOtherWay) {
+  for (const MotorPreset& preset : motor_presets()) {
+    Motor m = motor(preset);
+    const PhaseCurrent phases(m);
+    for (double speed = 1; speed < 1000; speed *= 1.3) {
+      double best = 0;
+      constexpr int kLags = 20000;
+      for (int k = 0; k < kLags; ++k) best = std::max(best, -phases.torque_nm(-kPi * k / kLags, speed, speed));
+      const auto most = phases.most_braking(speed);
+      // As above: half a place, and a corner.
+      EXPECT_NEAR(most.torque_nm, best, 2e-3 * m.holding_torque_nm) << preset.name << ' ' << speed;
+      EXPECT_GE(most.torque_nm, phases.pull_out(speed).torque_nm * (1 - 1e-9)) << preset.name << ' ' << speed;
+    }
+  }
+}
+
 // Far above the corner the curve is that of a synchronous machine on a voltage V: K (V / Z - K w R / Z^2).
 TEST(PhaseCurrent, TorqueFallsAsThatOfASynchronousMachine) {
   const Motor m = motor(*find_motor_preset("nema11"));

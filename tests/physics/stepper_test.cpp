@@ -5,6 +5,7 @@
 
 #include <numbers>
 
+#include "sim/motor_presets.h"
 #include "sim/plant.h"
 #include "tests/physics/mechanics.h"
 
@@ -188,6 +189,57 @@ TEST(DrivenPlant, PulsesMoveTheMassToWhereTheyAreCommanded) {
   // Lag under gravity: at most asin(0.27/2)/50 = 2.7e-3 rad.
   EXPECT_NEAR(p.mass_position[0], -kPi / 2 + commanded, 3e-3);
   EXPECT_EQ(p.lost_steps[0], 0);
+}
+
+Motor nema17() {
+  const MotorPreset& preset = *find_motor_preset("nema17");
+  Motor m;
+  m.holding_torque_nm = preset.holding_torque_nm;
+  m.rotor_inertia_kgm2 = preset.rotor_inertia_kgm2;
+  m.rated_current_a = preset.rated_current_a;
+  m.resistance_ohm = preset.resistance_ohm;
+  m.inductance_h = preset.inductance_h;
+  m.supply_voltage_v = preset.supply_voltage_v;
+  m.corner_speed_radps = PhaseCurrent(m).corner_speed_radps();
+  return m;
+}
+
+// A motor that turns as the run begins, faster than its supply drives the whole current: it is balanced under its load,
+// and stays so when the first tick begins and when the even pulses come.
+TEST(Stepper, BalancedAtSpeedStaysBalanced) {
+  Motor m = nema17();
+  m.step_error = 0;
+  const double speed = 4 * m.corner_speed_radps, load_nm = 0.06;
+  Stepper stepper(m, 0, 1);
+  stepper.balance(load_nm, speed);
+  EXPECT_NEAR(stepper.torque_nm(0, speed), load_nm, 1e-12);
+  stepper.wait(0);
+  EXPECT_NEAR(stepper.torque_nm(0, speed), load_nm, 1e-12);
+  const double microstep_rad = 2 * kPi / (m.steps_per_revolution * m.microsteps);
+  for (int k = 0; k < 20; ++k) {
+    const double time_s = (k + 0.5) * microstep_rad / speed;
+    stepper.step(1, time_s);
+    stepper.wait(time_s);
+    // Half a microstep of the field ahead of the even motion: the torque is that of the load and half of what a
+    // microstep is worth.
+    EXPECT_NEAR(stepper.torque_nm(speed * time_s, speed), load_nm,
+                m.holding_torque_nm * m.steps_per_revolution / 4 * microstep_rad)
+        << k;
+  }
+}
+
+// A load that drives the motor is held by more than the motor could drive: that is no lack of torque.
+TEST(Stepper, MarginOfABrakingMotorIsThatOfBraking) {
+  Motor m = nema17();
+  m.step_error = 0;
+  const double speed = 2 * m.corner_speed_radps, load_nm = -0.21;
+  const PhaseCurrent phases(m);
+  ASSERT_LT(phases.pull_out(speed).torque_nm, 0.21);
+  ASSERT_GT(phases.most_braking(speed).torque_nm, 0.21);
+  Stepper stepper(m, 0, 1);
+  stepper.balance(load_nm, speed);
+  ASSERT_NEAR(stepper.torque_nm(0, speed), load_nm, 1e-9);
+  EXPECT_NEAR(stepper.torque_margin(0, speed), 1 - 0.21 / phases.most_braking(speed).torque_nm, 1e-6);
 }
 
 }  // namespace
