@@ -7,7 +7,6 @@ namespace ballast::sil {
 using hal::Status;
 
 LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_(std::move(options)) {
-  operator_.know(0);
   bus_.subscribe<trip_t>(hal::kChannelTrip, [this](const trip_t& m) {
     if (waits_for_another_run(m)) return;
     check_scenario(m.scenario_id, "monitor");
@@ -118,7 +117,10 @@ Status LcmPeers::exchange(Lap& lap) {
     if (!sent) trouble_ = std::string(channel) + ": the LCM bus does not take messages any more";
     return sent;
   };
-  if (lap.command && !publish(hal::kChannelOperator, *lap.command)) return Status::kIo;
+  if (lap.command) {
+    operator_.know(*lap.command);
+    if (!publish(hal::kChannelOperator, *lap.command)) return Status::kIo;
+  }
   if (!publish(hal::kChannelContact, lap.plant.contact) || !publish(hal::kChannelPlantState, lap.plant.state) ||
       !publish(hal::kChannelSensors, lap.plant.sensors)) {
     return Status::kIo;
