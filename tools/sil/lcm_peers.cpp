@@ -52,8 +52,9 @@ bool LcmPeers::waits_for_another_run(const M& message) const {
 template <class M>
 void LcmPeers::accept(const M& message, std::int64_t tick, std::int64_t tick_due, std::optional<M>& mailbox,
                       const char* sender) {
-  if (tick == hal::kWaitingTick && tick_ == hal::kWaitingTick) {
-    mailbox = message;
+  if (tick == hal::kWaitingTick) {
+    // A peer that has heard half of the first tick knows its run, and may still say that it waits.
+    if (tick_ == hal::kWaitingTick) mailbox = message;
   } else if (tick == tick_due && !mailbox && tick_ != hal::kWaitingTick) {
     mailbox = message;
     mailbox->run_id = 0;
