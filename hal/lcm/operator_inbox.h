@@ -17,24 +17,31 @@ class OperatorInbox {
  public:
   void hear(const operator_t& message) {
     Sender& sender = sender_of(message.sender);
-    if (sender.own) return;  // a bus gives back what is published on it
+    if (sender.own && message.sequence <= sender.newest_own) return;  // a bus gives back what is published on it
     const bool stop = message.command == operator_t::COMMAND_STOP;
     if (sender.known && message.sequence <= sender.newest) {
-      const bool copy = message.sequence == sender.newest || (stop && message.sequence == sender.last_late_stop);
-      ++(copy ? counters_.repeated : counters_.old);
-      if (copy || !stop) return;
-      sender.last_late_stop = message.sequence;
+      const bool copy = message.sequence == (stop ? sender.newest_stop : sender.newest);
+      if (copy || !stop) {
+        ++(copy ? counters_.repeated : counters_.old);
+        return;
+      }
     } else {
-      sender.newest = sender.last_late_stop = message.sequence;
+      sender.newest = message.sequence;
       sender.known = true;
     }
+    if (stop) sender.newest_stop = message.sequence;
     // Commands are obeyed one per tick; in a flood of them the oldest go, so that a stop still comes through.
     if (waiting_.size() == kMostWaiting) waiting_.pop_front();
     waiting_.push_back(message);
   }
 
-  // Messages of this sender are one's own, and are not handed out.
-  void know(std::int64_t sender) { sender_of(sender).own = true; }
+  // One's own, about to be published: it is not handed out when it comes back.
+  void know(const operator_t& message) {
+    Sender& sender = sender_of(message.sender);
+    sender.newest = sender.known ? std::max(sender.newest, message.sequence) : message.sequence;
+    sender.newest_own = message.sequence;
+    sender.own = sender.known = true;
+  }
 
   std::optional<operator_t> next() {
     if (waiting_.empty()) return std::nullopt;
@@ -55,7 +62,8 @@ class OperatorInbox {
   struct Sender {
     std::int64_t id = 0;
     bool own = false, known = false;
-    std::int64_t newest = 0, last_late_stop = 0;
+    std::int64_t newest = 0, newest_own = 0;
+    std::optional<std::int64_t> newest_stop;
     std::int64_t used = 0;  // when, in messages heard; 0: the place is free
   };
 

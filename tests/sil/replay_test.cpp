@@ -86,7 +86,7 @@ TEST(Replay, OperatorsAreObeyedInTheTickInWhichTheyWere) {
         " do i=$((i + 1)); done; ballast move --mass 1 --to 2.1" +
         bus + "; ballast operate start" + bus + "; ballast operate stop" + bus +
         "; kill -INT $run; wait $run; ballast replay r --verify; echo status $?");
-    EXPECT_SAYS(said.out, "status 0\n");
+    EXPECT_SAYS(said.out, "status 0\n") << said.err;
     EXPECT_SAYS(said.out, "equal");
     EXPECT_SAYS(said.out, "did not come to its end");
   }

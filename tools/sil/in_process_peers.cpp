@@ -9,7 +9,6 @@ InProcessPeers::InProcessPeers(const firmware::ControllerParams* params, const m
     : control_period_s_(control_period_s), monitor_(limits), operator_bus_(operator_bus) {
   if (params != nullptr) controller_.emplace(*params, board_);
   if (operator_bus_ == nullptr) return;
-  operator_.know(0);
   operator_bus_->subscribe<operator_t>(hal::kChannelOperator, [this](const operator_t& m) { operator_.hear(m); });
 }
 
@@ -19,6 +18,7 @@ hal::Status InProcessPeers::exchange(Lap& lap) {
   if (!controller_) return hal::Status::kOk;
 
   if (operator_bus_ != nullptr) {
+    if (lap.command) operator_.know(*lap.command);
     const hal::Status s = operator_bus_->receive_until(hal::WallClock::now(), [] { return false; });
     if (s == hal::Status::kIo) return s;
     // One a tick, as the controller obeys them; the countdown is the run's own.

@@ -7,7 +7,6 @@ namespace ballast::sil {
 using hal::Status;
 
 LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_(std::move(options)) {
-  operator_.know(0);
   bus_.subscribe<trip_t>(hal::kChannelTrip, [this](const trip_t& m) {
     if (waits_for_another_run(m)) return;
     check_scenario(m.scenario_id, "monitor");
@@ -53,8 +52,9 @@ bool LcmPeers::waits_for_another_run(const M& message) const {
 template <class M>
 void LcmPeers::accept(const M& message, std::int64_t tick, std::int64_t tick_due, std::optional<M>& mailbox,
                       const char* sender) {
-  if (tick == hal::kWaitingTick && tick_ == hal::kWaitingTick) {
-    mailbox = message;
+  if (tick == hal::kWaitingTick) {
+    // A peer that has heard half of the first tick knows its run, and may still say that it waits.
+    if (tick_ == hal::kWaitingTick) mailbox = message;
   } else if (tick == tick_due && !mailbox && tick_ != hal::kWaitingTick) {
     mailbox = message;
     mailbox->run_id = 0;
@@ -118,7 +118,10 @@ Status LcmPeers::exchange(Lap& lap) {
     if (!sent) trouble_ = std::string(channel) + ": the LCM bus does not take messages any more";
     return sent;
   };
-  if (lap.command && !publish(hal::kChannelOperator, *lap.command)) return Status::kIo;
+  if (lap.command) {
+    operator_.know(*lap.command);
+    if (!publish(hal::kChannelOperator, *lap.command)) return Status::kIo;
+  }
   if (!publish(hal::kChannelContact, lap.plant.contact) || !publish(hal::kChannelPlantState, lap.plant.state) ||
       !publish(hal::kChannelSensors, lap.plant.sensors)) {
     return Status::kIo;

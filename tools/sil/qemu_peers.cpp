@@ -70,7 +70,6 @@ QemuPeers::QemuPeers(const sim::Scenario& scenario, const firmware::ControllerPa
       sent_(target::kMaxFrame),
       exit_status_(program::kExitCouldNotRun) {
   if (options_.operator_bus == nullptr) return;
-  operator_.know(0);
   options_.operator_bus->subscribe<operator_t>(hal::kChannelOperator,
                                                [this](const operator_t& m) { operator_.hear(m); });
 }
@@ -292,6 +291,7 @@ Status QemuPeers::check_pulses(std::int64_t tick, const target::PlayedPulses& pl
 // As InProcessPeers does: one a tick, and none in the countdown, which is the run's own.
 Status QemuPeers::hear_operators(Lap& lap) {
   if (options_.operator_bus == nullptr) return Status::kOk;
+  if (lap.command) operator_.know(*lap.command);
   if (options_.operator_bus->receive_until(hal::WallClock::now(), [] { return false; }) == Status::kIo) {
     return fail(Status::kIo, "the LCM bus failed", program::kExitCouldNotRun);
   }
