@@ -6,12 +6,17 @@ namespace {
 // An archive that keeps nothing but the checksum.
 class Checksum {
  public:
+  explicit Checksum(std::uint8_t real_bytes) : single_(real_bytes == sizeof(float)) {}
   template <class T>
   void operator()(const T& value) {
     std::array<std::uint8_t, 8> bytes{};
     Writer writer(bytes);
     writer(value);
     crc_ = crc32(std::span<const std::uint8_t>(bytes).first(writer.size()), crc_);
+  }
+  template <class T>
+  void real(const T& value) {
+    (*this)(single_ ? static_cast<double>(static_cast<float>(value)) : static_cast<double>(value));
   }
   template <class T>
   void bounded(const T& value, std::int64_t, std::int64_t) {
@@ -21,16 +26,17 @@ class Checksum {
   [[nodiscard]] std::uint32_t crc() const { return crc_; }
 
  private:
+  bool single_;
   std::uint32_t crc_ = 0;
 };
 
 }  // namespace
 
-std::uint32_t fingerprint(const firmware::ControllerParams& params) {
-  Checksum sum;
+std::uint32_t fingerprint(const firmware::ControllerParams& params, std::uint8_t real_bytes) {
+  Checksum sum(real_bytes);
   ball_fields(sum, params);
   for (std::size_t i = 0; i < static_cast<std::size_t>(params.ball.mass_count); ++i) {
-    sum(params.ball.mass_kg[i]);
+    sum.real(params.ball.mass_kg[i]);
     rail_fields(sum, params.ball.rail[i]);
     motor_fields(sum, params.motor[i]);
     const firmware::Profile& motion = params.motion[i];

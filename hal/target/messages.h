@@ -54,8 +54,8 @@ struct MassParams {
   firmware::Real mass_kg = 0;
   firmware::Rail rail;
   firmware::MotorParams motor;
-  firmware::Real initial_position = 0;  // of the motion
-  firmware::Real initial_velocity = 0;
+  firmware::Wide initial_position = 0;  // of the motion
+  firmware::Wide initial_velocity = 0;
   std::int32_t piece_count = 0;
   std::array<firmware::ProfilePiece, firmware::kMaxPieces> pieces{};
 };
@@ -80,8 +80,8 @@ struct Verdict {
   Text<40> field;                 // of what was refused
   std::int32_t index = -1;
   std::int32_t piece = -1;
-  firmware::Real value = 0;
-  firmware::Real limit = 0;
+  firmware::Wide value = 0;
+  firmware::Wide limit = 0;
   Text<80> allowed;
 };
 
@@ -144,7 +144,7 @@ struct Farewell {
 
 template <class A, class V>
 void vector_fields(A& archive, V& vector) {
-  for (int j = 0; j < vector.size(); ++j) archive(vector[j]);
+  for (int j = 0; j < vector.size(); ++j) archive.real(vector[j]);
 }
 
 template <class A, class T>
@@ -178,12 +178,12 @@ void ball_fields(A& archive, M& m) {
   archive(m.scenario_id);
   archive(m.control_period_s);
   archive(m.timer_frequency_hz);
-  archive(m.static_friction);
+  archive.real(m.static_friction);
   archive(m.sensor_stale_ticks);
   archive(m.monitor_stale_ticks);
-  archive(m.ball.radius_m);
-  archive(m.ball.gravity_mps2);
-  archive(m.ball.shell_mass_kg);
+  archive.real(m.ball.radius_m);
+  archive.real(m.ball.gravity_mps2);
+  archive.real(m.ball.shell_mass_kg);
   vector_fields(archive, m.ball.inertia_kgm2);
   vector_fields(archive, m.ball.center_of_mass_B_m);
   vector_fields(archive, m.ball.external_force_W_n);
@@ -196,12 +196,12 @@ void rail_fields(A& archive, M& m) {
   vector_fields(archive, m.origin_B_m);
   vector_fields(archive, m.axis_cos_B);
   vector_fields(archive, m.axis_sin_B);
-  archive(m.radius_m);
-  archive(m.lower_end);
-  archive(m.upper_end);
+  archive.real(m.radius_m);
+  archive.real(m.lower_end);
+  archive.real(m.upper_end);
   archive(m.closed);
   archive.bounded(m.piece_count, 0, firmware::kMaxRailPieces);
-  archive(m.piece_length_m);
+  archive.real(m.piece_length_m);
   if (!archive.ok() || m.shape != firmware::RailShape::kSpline) return;
   for (std::size_t k = 0; k <= static_cast<std::size_t>(m.piece_count) && archive.ok(); ++k) {
     vector_fields(archive, m.knots[k].position_B_m);
@@ -220,7 +220,7 @@ void motor_fields(A& archive, M& m) {
 
 template <class A, class M>
 void mass_fields(A& archive, M& m) {
-  archive(m.mass_kg);
+  archive.real(m.mass_kg);
   rail_fields(archive, m.rail);
   motor_fields(archive, m.motor);
   archive(m.initial_position);
@@ -305,17 +305,17 @@ void status_fields(A& archive, M& m) {
   archive(m.faults);
   archive.bounded(m.motor_count, 0, firmware::kMaxMasses);
   for (std::size_t i = 0; archive.ok() && i < static_cast<std::size_t>(m.motor_count); ++i) {
-    archive(m.commanded_position[i]);
-    archive(m.commanded_velocity[i]);
+    archive.real(m.commanded_position[i]);
+    archive.real(m.commanded_velocity[i]);
     archive(m.next[i].position);
     archive(m.next[i].velocity);
     archive(m.next[i].acceleration);
     archive(m.steps_issued[i]);
   }
-  archive(m.predicted.normal_force_n);
-  archive(m.predicted.static_friction_n);
-  archive(m.mu_required);
-  archive(m.margin);
+  archive.real(m.predicted.normal_force_n);
+  archive.real(m.predicted.static_friction_n);
+  archive.real(m.mu_required);
+  archive.real(m.margin);
   archive(m.overruns);
   archive(m.operator_commands);
   archive.bounded(m.overload.trouble.error, 0, static_cast<int>(firmware::StepError::kTooFast));
@@ -331,9 +331,9 @@ void status_fields(A& archive, M& m) {
   archive(m.plan_tick);
   archive(m.plan.duration_s);
   archive(m.plan.horizon_s);
-  archive(m.plan.normal_force_min_n);
-  archive(m.plan.mu_required_max);
-  archive(m.plan.margin_min);
+  archive.real(m.plan.normal_force_min_n);
+  archive.real(m.plan.mu_required_max);
+  archive.real(m.plan.margin_min);
 }
 
 template <class A, class M>
@@ -435,8 +435,9 @@ template <class M>
 }
 
 // Of all that decides what the firmware computes, taken from the parameters as they are in memory, motions as they were
-// built.
-[[nodiscard]] std::uint32_t fingerprint(const firmware::ControllerParams& params);
+// built. `real_bytes` 4: as they are in the memory of a target with single precision.
+[[nodiscard]] std::uint32_t fingerprint(const firmware::ControllerParams& params,
+                                        std::uint8_t real_bytes = sizeof(firmware::Real));
 
 // Puts a mass's parameters in their place. False: its motion is no motion.
 [[nodiscard]] bool set_mass(const MassParams& mass, int index, firmware::ControllerParams& params);

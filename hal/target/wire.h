@@ -16,7 +16,9 @@ static_assert(std::endian::native == std::endian::little, "both ends of the link
 // Messages are described once, as functions that hand every field to an archive: Writer, Reader. Both keep going after
 // a failure without touching anything, and say so in ok().
 //
-// Real numbers travel as the 8 bytes of a double, whatever their type is: a double keeps its bits, NaN included.
+// Real numbers travel as the 8 bytes of a double, whatever their type is: a double keeps its bits, NaN included. Those
+// of the model, which are floats on a target with single precision, go through real(): what only looks at the fields
+// must be able to tell them from those that are double everywhere.
 
 class Writer {
  public:
@@ -25,13 +27,18 @@ class Writer {
 
   template <class T>
   void operator()(const T& value) {
+    static_assert(!std::is_same_v<T, float>, "a number of the model goes through real()");
     if constexpr (std::is_floating_point_v<T>) {
-      put(std::bit_cast<std::uint64_t>(static_cast<double>(value)));
+      put(std::bit_cast<std::uint64_t>(value));
     } else if constexpr (std::is_same_v<T, bool>) {
       put(static_cast<std::uint8_t>(value ? 1 : 0));
     } else {
       put(value);
     }
+  }
+  template <class T>
+  void real(const T& value) {
+    (*this)(static_cast<double>(value));
   }
   template <class T>
   void bounded(const T& value, std::int64_t, std::int64_t) {
@@ -68,9 +75,10 @@ class Reader {
   template <class T>
   void operator()(T& value) {
     static_assert(!std::is_enum_v<T>, "an enumeration has bounds");
+    static_assert(!std::is_same_v<T, float>, "a number of the model goes through real()");
     if constexpr (std::is_floating_point_v<T>) {
       std::uint64_t bits = 0;
-      if (take(bits)) value = static_cast<T>(std::bit_cast<double>(bits));
+      if (take(bits)) value = std::bit_cast<T>(bits);
     } else if constexpr (std::is_same_v<T, bool>) {
       std::uint8_t flag = 0;
       if (!take(flag)) return;
@@ -80,6 +88,13 @@ class Reader {
       T read = 0;
       if (take(read)) value = read;
     }
+  }
+  // Rounded where T has less.
+  template <class T>
+  void real(T& value) {
+    double read = 0;
+    (*this)(read);
+    if (ok_) value = static_cast<T>(read);
   }
   // Outside low..high: not ok.
   template <class T>

@@ -1,8 +1,8 @@
 // The board under the conformance suite: whatever the suite calls, it calls here, through pipes of its own. Over the
 // link, meanwhile, the suite is the world.
-#include "hal/mps2_an500/machine.h"
-#include "hal/mps2_an500/semihosting.h"
-#include "hal/mps2_an500/startup.h"
+#include "hal/mps2/machine.h"
+#include "hal/mps2/semihosting.h"
+#include "hal/mps2/startup.h"
 #include "hal/target/link_board.h"
 #include "tests/target/remote_calls.h"
 
@@ -12,11 +12,11 @@ using hal::test::Call;
 
 namespace {
 
-using mps2_an500::Machine;
-namespace semihosting = mps2_an500::semihosting;
+using mps2::Machine;
+namespace semihosting = mps2::semihosting;
 
-target::Link<Machine> link(mps2_an500::the_machine);
-target::LinkBoard<Machine> board(mps2_an500::the_machine, link);
+target::Link<Machine> link(mps2::the_machine);
+target::LinkBoard<Machine> board(mps2::the_machine, link);
 std::uint8_t request[target::kMaxPayload];
 std::uint8_t reply[target::kMaxPayload];
 firmware::StepCommand steps;
@@ -88,22 +88,22 @@ bool serve(Call call, target::Reader& in, target::Writer& out) {
 }  // namespace
 
 int main() {
-  if (!mps2_an500::the_machine.open_link()) return static_cast<int>(mps2_an500::Exit::kNoLink);
+  if (!mps2::the_machine.open_link()) return static_cast<int>(mps2::Exit::kNoLink);
   // The rest of the command line names the calls' pipes, "/dev/fd/5 /dev/fd/6".
   constexpr std::size_t kNameSize = 9;
   char from[kNameSize + 1] = {}, to[kNameSize + 1] = {};
   for (std::size_t i = 0; i < kNameSize; ++i) {
-    from[i] = mps2_an500::command_line_rest()[i];
-    to[i] = mps2_an500::command_line_rest()[kNameSize + 1 + i];
+    from[i] = mps2::command_line_rest()[i];
+    to[i] = mps2::command_line_rest()[kNameSize + 1 + i];
   }
   const std::int32_t calls = semihosting::open(from, kNameSize, semihosting::Mode::kRead);
   const std::int32_t answers = semihosting::open(to, kNameSize, semihosting::Mode::kWrite);
-  if (calls < 0 || answers < 0) return static_cast<int>(mps2_an500::Exit::kNoLink);
+  if (calls < 0 || answers < 0) return static_cast<int>(mps2::Exit::kNoLink);
   // The suite's steps are any numbers, so they are not for motors.
   static firmware::ControllerParams params;
   params.control_period_s = 0.001;
   params.timer_frequency_hz = 1e7;
-  if (!mps2_an500::the_machine.start(params, {.play = false})) return static_cast<int>(mps2_an500::Exit::kRefused);
+  if (!mps2::the_machine.start(params, {.play = false})) return static_cast<int>(mps2::Exit::kRefused);
   for (;;) {
     std::uint8_t header[8];
     if (!read_all(calls, header)) return 0;
@@ -119,6 +119,6 @@ int main() {
     length(static_cast<std::uint32_t>(out.size()));
     static_cast<void>(semihosting::write(answers, std::span<const std::uint8_t>(reply).first(4 + out.size())));
     // Most tests of the suite kick nothing, and must not be bitten for it.
-    mps2_an500::the_machine.kick_watchdog();
+    mps2::the_machine.kick_watchdog();
   }
 }

@@ -30,6 +30,7 @@ TEST(TargetEquality, TheWholeRunOfDeskBall) { expect_equal("desk_ball", 0); }
 // A trip, its stop and the prediction along it.
 TEST(TargetEquality, AStop) { expect_equal("paper_ball --set envelope.friction_use=0.3", 3); }
 TEST(TargetEquality, ASpline) { expect_equal("seam_ball --set duration=2", 0); }
+TEST(TargetEquality, ALineWithEndsAndAStopOnIt) { expect_equal("hop --actuation stepper", 3); }
 
 // A log of the host's, given to the microcontroller's.
 TEST(TargetEquality, AReplay) {

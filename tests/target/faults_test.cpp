@@ -31,7 +31,8 @@ class Target : public testing::Test {
 
   End run(const std::string& elf, const std::string& arguments, double peer_timeout_s = 20) {
     sil::QemuPeersOptions options;
-    options.qemu.elf = BALLAST_TARGET_DIR "/" + elf;
+    options.qemu.elf = std::string(BALLAST_BUILD_DIR) + "/" + board_ + "/bin/" + elf;
+    options.qemu.board = board_;
     options.qemu.arguments = arguments;
     options.peer_timeout = sil::Seconds(peer_timeout_s);
     sil::OutputDir output((folder_ / "run").string());
@@ -49,10 +50,11 @@ class Target : public testing::Test {
     const End end = run("sabotage.elf", sabotage + "@100");
     EXPECT_EQ(end.exit_status, exit_status) << sabotage << ": " << end.err;
     EXPECT_NE(end.err.find(text), std::string::npos) << end.err;
-    EXPECT_FALSE(std::filesystem::exists(folder_ / "run/summary.json"));
+    EXPECT_EQ(std::filesystem::exists(folder_ / "run/summary.json"), exit_status == program::kExitCompleted);
   }
 
   test::Folder folder_;
+  std::string board_ = "mps2_an500";
   sim::Scenario scenario_;
   std::unique_ptr<firmware::ControllerParams> params_ = std::make_unique<firmware::ControllerParams>();
   pid_t pid_ = 0;
@@ -96,7 +98,38 @@ TEST_F(Target, AFirmwareThatSaysNothingEndsTheRun) {
 
 TEST_F(Target, AnotherFirmwareIsRefused) {
   expect_end("sources", program::kExitForeignFirmware, "does not fit this program: sources");
-  expect_end("real", program::kExitForeignFirmware, "bytes of a real number: 4 there, 8 here");
+  expect_end("real", program::kExitForeignFirmware, "bytes of a real number: 2 there, 8 here");
+}
+
+// Double precision that says it is single: what it makes of the parameters gives it away.
+TEST_F(Target, AnotherPrecisionThanItSaysIsRefused) {
+  expect_end("single", program::kExitForeignFirmware, "the firmware's parameters are not this run's: fingerprint 0x");
+}
+
+TEST_F(Target, TheFirmwareOfAnotherBoardIsRefused) {
+  const test::Folder folder;
+  const auto run = [&](const std::string& played, const std::string& built) {
+    return folder.run("ballast run paper_ball --firmware " + played + " --firmware-elf " BALLAST_BUILD_DIR "/" + built +
+                      "/bin/ballast-" + built + ".elf --out r");
+  };
+  const test::Outcome single = run("qemu", "mps2_an386");
+  EXPECT_EQ(single.exit_status, program::kExitForeignFirmware);
+  EXPECT_NE(single.err.find("the firmware is built for mps2_an386, and QEMU plays mps2_an500"), std::string::npos)
+      << single.err;
+  // The Cortex-M4F cannot even say so: it does not know the first instruction on a double.
+  const test::Outcome wide = run("qemu-an386", "mps2_an500");
+  EXPECT_EQ(wide.exit_status, program::kExitFirmwareFault);
+  EXPECT_NE(wide.err.find("faulted before the first tick: undefined instruction"), std::string::npos) << wide.err;
+}
+
+// The Cortex-M4F's: what the two processors' startup code and fault registers could differ in.
+TEST_F(Target, FaultsOfTheOtherProcessorSayWhatAndWhereToo) {
+  board_ = "mps2_an386";
+  expect_end("nothing", program::kExitCompleted, "");
+  expect_end("undefined", program::kExitFirmwareFault, "faulted at tick 100: undefined instruction; pc 0x");
+  expect_end("overflow", program::kExitFirmwareFault, "faulted at tick 100: its stack ran into the guard");
+  expect_end("hang", program::kExitFirmwareHung, "hung at tick 100: its watchdog ended it; pc 0x");
+  expect_end("late", program::kExitLate, "tick 100 is late");
 }
 
 TEST_F(Target, ParametersAreValidatedThere) {

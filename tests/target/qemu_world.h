@@ -143,13 +143,29 @@ class RemoteBoard {
 
 static_assert(Board<RemoteBoard>);
 
+struct Mps2An500 {
+  static constexpr const char* kName = "mps2_an500";
+  static constexpr bool kSinglePrecision = false;
+};
+struct Mps2An386 {
+  static constexpr const char* kName = "mps2_an386";
+  static constexpr bool kSinglePrecision = true;
+};
+
+template <class Target>
+sil::QemuOptions conformance_program() {
+  return {.board = Target::kName,
+          .elf = std::string(BALLAST_BUILD_DIR) + "/" + Target::kName + "/bin/conformance.elf",
+          .pipe_pairs = 2};
+}
+
+template <class Target>
 class QemuWorld {
  public:
   using BoardType = RemoteBoard;
+  static constexpr bool kSinglePrecision = Target::kSinglePrecision;
 
-  QemuWorld() : board_(qemu_) {
-    EXPECT_EQ(qemu_.start({.elf = BALLAST_TARGET_DIR "/conformance.elf", .pipe_pairs = 2}), "");
-  }
+  QemuWorld() : board_(qemu_) { EXPECT_EQ(qemu_.start(conformance_program<Target>()), ""); }
   RemoteBoard& board() { return board_; }
 
   void send(const WorldTick& tick) {

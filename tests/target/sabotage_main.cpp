@@ -2,22 +2,22 @@
 // served.
 #include <cstring>
 
-#include "hal/mps2_an500/machine.h"
-#include "hal/mps2_an500/semihosting.h"
-#include "hal/mps2_an500/startup.h"
+#include "hal/mps2/machine.h"
+#include "hal/mps2/semihosting.h"
+#include "hal/mps2/startup.h"
 #include "hal/target/build_id.h"
 #include "hal/target/serve.h"
 
 using namespace ballast;
 using namespace ballast::hal;
-using mps2_an500::the_machine;
+using mps2::the_machine;
 
 namespace {
 
-bool is(const char* what) { return std::strncmp(mps2_an500::command_line_rest(), what, std::strlen(what)) == 0; }
+bool is(const char* what) { return std::strncmp(mps2::command_line_rest(), what, std::strlen(what)) == 0; }
 
 std::int64_t when() {
-  const char* at = std::strchr(mps2_an500::command_line_rest(), '@');
+  const char* at = std::strchr(mps2::command_line_rest(), '@');
   if (at == nullptr) return INT64_MAX;
   std::int64_t tick = 0;
   for (++at; *at >= '0' && *at <= '9'; ++at) tick = 10 * tick + (*at - '0');
@@ -47,7 +47,7 @@ void sabotage() {
   }
   if (is("masked")) asm volatile("cpsid i\n 1: b 1b");
   if (is("late")) spin(500000);  // two control periods of 1 ms; the watchdog waits for four
-  if (is("quit")) mps2_an500::semihosting::exit(0);
+  if (is("quit")) mps2::semihosting::exit(0);
   if (is("junk")) static_cast<void>(the_machine.write(junk));
   std::size_t count = 0;
   if (is("silent")) static_cast<void>(the_machine.read(junk, count));  // what it waits for will never come
@@ -104,9 +104,10 @@ class SabotagedLoop {
 }  // namespace
 
 int main() {
-  if (!the_machine.open_link()) return static_cast<int>(mps2_an500::Exit::kNoLink);
+  if (!the_machine.open_link()) return static_cast<int>(mps2::Exit::kNoLink);
   target::Identity identity{.sources = target::kSourcesId};
   if (is("sources")) ++identity.sources;
-  if (is("real")) identity.real_bytes = 4;
-  return mps2_an500::exit_of(target::serve<SabotagedLoop>(the_machine, identity));
+  if (is("real")) identity.real_bytes = 2;
+  if (is("single")) identity.real_bytes = 4;
+  return mps2::exit_of(target::serve<SabotagedLoop>(the_machine, identity));
 }

@@ -3,12 +3,12 @@
 // given are all in it. Written to the link, per case: u32 motors, u32 offset of a motor's
 // pulses to the next motor's, pulses commanded and given, turns without and with
 // them, the most a pulse was late in counts. As many turns as there are without pulses take kTicks control ticks.
-#include "hal/mps2_an500/machine.h"
-#include "hal/mps2_an500/startup.h"
+#include "hal/mps2/machine.h"
+#include "hal/mps2/startup.h"
 
 using namespace ballast;
 using namespace ballast::hal;
-using mps2_an500::the_machine;
+using mps2::the_machine;
 
 namespace {
 
@@ -47,11 +47,11 @@ Measurement measure(const firmware::StepCommand& command) {
 }  // namespace
 
 int main() {
-  if (!the_machine.open_link()) return static_cast<int>(mps2_an500::Exit::kNoLink);
+  if (!the_machine.open_link()) return static_cast<int>(mps2::Exit::kNoLink);
   static firmware::ControllerParams params;
   params.control_period_s = 0.001;
   params.timer_frequency_hz = 1e7;
-  if (!the_machine.start(params, {})) return static_cast<int>(mps2_an500::Exit::kRefused);
+  if (!the_machine.start(params, {})) return static_cast<int>(mps2::Exit::kRefused);
   static firmware::StepCommand command;
   idle();
   const Measurement none = measure(command);
@@ -80,7 +80,7 @@ int main() {
     writer(none.turns);
     writer(some.turns);
     writer(late);
-    if (the_machine.write(bytes) != Status::kOk) return static_cast<int>(mps2_an500::Exit::kLinkCut);
+    if (the_machine.write(bytes) != Status::kOk) return static_cast<int>(mps2::Exit::kLinkCut);
   }
   return 0;
 }

@@ -17,6 +17,10 @@ namespace ballast {
 
 namespace {
 
+constexpr const char* kHost = "host";
+constexpr const char* kQemu = "qemu";
+constexpr const char* kQemuAn386 = "qemu-an386";
+
 struct RunCommand {
   program::ScenarioOptions scenario;
   program::BusOptions bus;
@@ -25,7 +29,7 @@ struct RunCommand {
   sil::RecordOptions record;
   bool processes = false;
   bool by_hand = false;
-  std::string firmware = "host";
+  std::string firmware = kHost;
   std::string elf;  // empty: the one built beside this program
   bool pictures = false;
 };
@@ -76,10 +80,11 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
 // The lines of the target under the summary.
 void print_target(const sil::TargetRecord& target) {
   if (target.ticks == 0) return;
-  std::printf("  firmware    on %s in QEMU: %lld to %lld instructions per tick (most in tick %lld), %lld in the mean\n",
-              target.board.c_str(), static_cast<long long>(target.min_instructions),
-              static_cast<long long>(target.max_instructions), static_cast<long long>(target.max_tick),
-              static_cast<long long>(target.sum_instructions / target.ticks));
+  std::printf(
+      "  firmware    on %s in QEMU%s: %lld to %lld instructions per tick (most in tick %lld), %lld in the mean\n",
+      target.board.c_str(), target.real_bytes == sizeof(float) ? ", model in single precision" : "",
+      static_cast<long long>(target.min_instructions), static_cast<long long>(target.max_instructions),
+      static_cast<long long>(target.max_tick), static_cast<long long>(target.sum_instructions / target.ticks));
   if (!target.farewell) return;
   std::printf("  pins        %lld pulses given as commanded, at most %.2f us late; stack %u of %u bytes\n",
               static_cast<long long>(target.pulses), 1e6 * target.max_late_counts / target.counter_hz,
@@ -91,10 +96,11 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   sil::RecordOptions record = command.record;
   record.bus = bus;
   record.run_id = hal::draw_bus_number();
-  record.run_options = " --firmware qemu";
+  record.run_options = " --firmware " + command.firmware;
   if (!command.elf.empty()) record.run_options += " --firmware-elf '" + command.elf + "'";
   sil::QemuPeersOptions options;
-  options.qemu.elf = command.elf.empty() ? program::default_firmware() : command.elf;
+  if (command.firmware == kQemuAn386) options.qemu.board = "mps2_an386";
+  options.qemu.elf = command.elf.empty() ? program::default_firmware(options.qemu.board) : command.elf;
   options.start_timeout = sil::Seconds(command.bus.start_timeout_s);
   options.peer_timeout = sil::Seconds(command.bus.peer_timeout_s);
   options.interrupted = record.interrupted;
@@ -127,9 +133,9 @@ int run(const RunCommand& command) {
     program::complain("ballast", "--check-steps: a run with prescribed masses has no steps; allowed with steppers");
     return program::kExitUsage;
   }
-  const bool in_qemu = command.firmware == "qemu";
+  const bool in_qemu = command.firmware != kHost;
   if (in_qemu && (!has_controller || command.processes)) {
-    program::complain("ballast", std::string("--firmware qemu: ") +
+    program::complain("ballast", "--firmware " + command.firmware + ": " +
                                      (has_controller ? "not together with --processes"
                                                      : "a run with prescribed masses has no controller; allowed with "
                                                        "steppers"));
@@ -204,10 +210,13 @@ std::function<int()> add_run_command(CLI::App& app, CLI::App*& command) {
                     "bus; at the wall clock's pace unless --speed says otherwise");
   command
       ->add_option("--firmware", options->firmware,
-                   "host: compiled into this program; qemu: the one built for a microcontroller, in QEMU")
-      ->check(CLI::IsMember({"host", "qemu"}))
+                   "host: compiled into this program; qemu: the one built for a microcontroller, a Cortex-M7, in QEMU; "
+                   "qemu-an386: a Cortex-M4F, its model in single precision")
+      ->check(CLI::IsMember({kHost, kQemu, kQemuAn386}))
       ->capture_default_str();
-  command->add_option("--firmware-elf", options->elf, "for --firmware qemu; default: the one tools/firmware has built")
+  command
+      ->add_option("--firmware-elf", options->elf,
+                   "for a --firmware in QEMU; default: the one tools/firmware has built")
       ->check(program::not_empty());
   command->add_flag("--pictures", options->pictures, "draw the pictures when it is done");
   command->add_flag("--check-steps", options->record.check_steps,

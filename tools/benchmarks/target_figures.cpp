@@ -1,7 +1,11 @@
-// ballast-target-figures DIR: what the firmware costs on the Cortex-M7, in instructions as QEMU counts them. DIR has
-// the programs for the board. The same numbers every time.
+// ballast-target-figures BUILD BOARD: what the firmware costs on a microcontroller, in instructions as QEMU counts
+// them. BUILD/BOARD/bin has the programs for the board. The same numbers every time, to an instruction.
+#include <algorithm>
+#include <array>
 #include <cstdio>
+#include <filesystem>
 #include <limits>
+#include <tuple>
 
 #include "hal/target/wire.h"
 #include "sim/scenario_reader.h"
@@ -14,9 +18,19 @@ namespace ballast {
 namespace {
 
 // An instruction takes 256 ns of the machine's time, 6.4 counts of its 25 MHz: whole instructions come of whole counts.
-// Ticks are stretched to match, so that none is late, and no pulses interrupt them.
+// Ticks are stretched to two million instructions, so that none is late, and no pulses interrupt them.
 constexpr int kShift = 8;
-constexpr hal::target::Commit kMeasuring{.stretch = 256, .play = false};
+constexpr hal::target::Commit kMeasuring{.stretch = 512, .play = false};
+
+struct Target {
+  std::string board;  // a folder of hal/
+  std::filesystem::path folder;
+  // Of microcontrollers with such a processor: the STM32's slower and faster families.
+  double slow_mhz, fast_mhz;
+};
+
+constexpr std::array<std::tuple<const char*, double, double>, 2> kClocks{
+    {{"mps2_an500", 216, 480}, {"mps2_an386", 84, 180}}};
 
 // The paper's ball with so many masses: those there are, again and again, together as heavy as the three, on a floor
 // that always holds.
@@ -45,11 +59,12 @@ struct Measured {
   bool tripped = false;
 };
 
-Measured measure(const sim::Scenario& scenario, const std::string& folder) {
+Measured measure(const sim::Scenario& scenario, const Target& target) {
   auto params = std::make_unique<firmware::ControllerParams>();
   if (const auto refusal = program::to_controller_params(scenario, *params)) throw std::runtime_error(*refusal);
   sil::QemuPeersOptions options;
-  options.qemu.elf = folder + "/ballast-mps2_an500.elf";
+  options.qemu.board = target.board;
+  options.qemu.elf = target.folder / ("ballast-" + target.board + ".elf");
   options.qemu.icount_shift = kShift;
   options.commit = kMeasuring;
   options.peer_timeout = sil::Seconds(60);
@@ -61,13 +76,13 @@ Measured measure(const sim::Scenario& scenario, const std::string& folder) {
   return {peers.record(), result.extrema.normal_force_min.value, result.controller_trip.has_value()};
 }
 
-void print_tick(const char* what, std::size_t masses, const sil::TargetRecord& r) {
+void print_tick(const char* what, std::size_t masses, const sil::TargetRecord& r, const Target& target) {
   const auto worst = static_cast<double>(r.max_instructions);
-  // A tick of 1 kHz has 216,000 or 480,000 clocks.
+  // A megahertz is 1000 clocks in a tick of 1 kHz.
   std::printf("tick         %zu mass%-3s %-12s min %6lld  mean %6.0f  max %7.0f in tick %-6lld %5.1f %% / %4.1f %%\n",
               masses, masses == 1 ? "" : "es", what, static_cast<long long>(r.min_instructions),
               static_cast<double>(r.sum_instructions) / static_cast<double>(r.ticks), worst,
-              static_cast<long long>(r.max_tick), worst / 2160, worst / 4800);
+              static_cast<long long>(r.max_tick), worst / (10 * target.slow_mhz), worst / (10 * target.fast_mhz));
 }
 
 bool same(const sil::TargetRecord& a, const sil::TargetRecord& b) {
@@ -75,27 +90,28 @@ bool same(const sil::TargetRecord& a, const sil::TargetRecord& b) {
          a.sum_instructions == b.sum_instructions && a.max_tick == b.max_tick;
 }
 
-void ticks(const std::string& folder) {
+void ticks(const Target& target) {
   std::printf(
-      "             instructions per tick; the last two: of a 1 kHz tick at 216 / 480 MHz, at an instruction a "
-      "clock.\n             QEMU counts instructions, not cycles: a Cortex-M7 needs more or fewer\n");
+      "%s\n             instructions per tick; the last two: of a 1 kHz tick at %.0f / %.0f MHz, at an instruction a "
+      "clock.\n             QEMU counts instructions, not cycles: the processor needs more or fewer\n",
+      target.board.c_str(), target.slow_mhz, target.fast_mhz);
   for (const std::size_t masses : {1u, 3u, 8u}) {
     sim::Scenario scenario = ball_with(masses);
-    const Measured whole = measure(scenario, folder);
-    print_tick("whole run", masses, whole.record);
+    const Measured whole = measure(scenario, target);
+    print_tick("whole run", masses, whole.record, target);
     // A twentieth above the least N there is, towards the weight: the monitor trips, and the stop's tick predicts it.
     scenario.envelope.min_normal_force_n = 0.05 * weight_n(scenario) + 0.95 * whole.normal_force_min_n;
-    const Measured stop = measure(scenario, folder);
+    const Measured stop = measure(scenario, target);
     if (!stop.tripped || stop.record.max_tick < 0) throw std::runtime_error("the run that was to be stopped was not");
-    print_tick("with a stop", masses, stop.record);
-    if (!same(stop.record, measure(scenario, folder).record))
+    print_tick("with a stop", masses, stop.record, target);
+    if (!same(stop.record, measure(scenario, target).record))
       throw std::runtime_error("a second run counts differently");
   }
 }
 
-void steps(const std::string& folder) {
+void steps(const Target& target) {
   sil::QemuProcess qemu;
-  const sil::QemuOptions options{.elf = folder + "/step_cost.elf"};
+  const sil::QemuOptions options{.board = target.board, .elf = target.folder / "step_cost.elf"};
   if (const auto why = qemu.start(options); !why.empty()) throw std::runtime_error(why);
   constexpr std::size_t kRecord = 28;
   std::vector<std::uint8_t> bytes;
@@ -126,16 +142,23 @@ void steps(const std::string& folder) {
 }  // namespace ballast
 
 int main(int argc, char** argv) {
-  if (argc != 2) {
-    std::fprintf(stderr, "usage: ballast-target-figures DIR\n");
-    return ballast::program::kExitUsage;
+  using namespace ballast;
+  const auto* known =
+      argc == 3 ? std::find_if(kClocks.begin(), kClocks.end(),
+                               [&](const auto& clocks) { return argv[2] == std::string(std::get<0>(clocks)); })
+                : kClocks.end();
+  if (known == kClocks.end()) {
+    std::fprintf(stderr, "usage: ballast-target-figures BUILD BOARD; BOARD: mps2_an500 or mps2_an386\n");
+    return program::kExitUsage;
   }
+  const auto [board, slow_mhz, fast_mhz] = *known;
+  const Target target{board, std::filesystem::path(argv[1]) / board / "bin", slow_mhz, fast_mhz};
   try {
-    ballast::ticks(argv[1]);
-    ballast::steps(argv[1]);
+    ticks(target);
+    steps(target);
   } catch (const std::exception& error) {
-    ballast::program::complain("ballast-target-figures", error.what());
-    return ballast::program::kExitCouldNotRun;
+    program::complain("ballast-target-figures", error.what());
+    return program::kExitCouldNotRun;
   }
   return 0;
 }

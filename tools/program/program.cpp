@@ -84,10 +84,10 @@ void add_bus_options(CLI::App& app, BusOptions& options) {
       ->capture_default_str();
 }
 
-std::string default_firmware() {
+std::string default_firmware(const std::string& board) {
   std::error_code error;
   const auto folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
-  return (folder.parent_path() / "mps2_an500/bin/ballast-mps2_an500.elf").string();
+  return (folder.parent_path() / board / "bin" / ("ballast-" + board + ".elf")).string();
 }
 
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {

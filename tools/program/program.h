@@ -45,8 +45,8 @@ CLI::Validator not_empty();
 void add_scenario_options(CLI::App& app, ScenarioOptions& options);
 void add_bus_options(CLI::App& app, BusOptions& options);
 
-// The microcontroller's firmware that was built beside this program.
-[[nodiscard]] std::string default_firmware();
+// A microcontroller's firmware that was built beside this program; its board is a folder of hal/.
+[[nodiscard]] std::string default_firmware(const std::string& board);
 
 // A value: the program ends here with this status; help or the error has been printed.
 [[nodiscard]] std::optional<int> parse(CLI::App& app, int argc, char** argv);

@@ -152,8 +152,15 @@ Status QemuPeers::say_last_words(const target::LastWords& words) {
   return fail(Status::kIo, "the firmware did not understand what it was told " + when(), program::kExitCouldNotRun);
 }
 
-Status QemuPeers::compare(const target::Identity& other) {
+Status QemuPeers::compare(const target::Hello& hello) {
+  const target::Identity& other = hello.identity;
   const target::Identity ours{.sources = target::kSourcesId};
+  if (options_.qemu.board != hello.board.c_str()) {
+    return fail(
+        Status::kForeignPeer,
+        std::string("the firmware is built for ") + hello.board.c_str() + ", and QEMU plays " + options_.qemu.board,
+        program::kExitForeignFirmware);
+  }
   const auto differs = [&](const char* what, auto here, auto there) {
     if (here == there) return false;
     static_cast<void>(fail(Status::kForeignPeer,
@@ -163,7 +170,9 @@ Status QemuPeers::compare(const target::Identity& other) {
                            program::kExitForeignFirmware));
     return true;
   };
-  if (differs("bytes of a real number", int{ours.real_bytes}, int{other.real_bytes}) ||
+  // A model in single precision is the target's right.
+  if ((other.real_bytes != sizeof(float) &&
+       differs("bytes of a real number", int{ours.real_bytes}, int{other.real_bytes})) ||
       differs("masses", ours.max_masses, other.max_masses) || differs("pieces", ours.max_pieces, other.max_pieces) ||
       differs("pieces of a rail", ours.max_rail_pieces, other.max_rail_pieces) ||
       differs("bursts", ours.max_bursts, other.max_bursts) ||
@@ -211,7 +220,7 @@ Status QemuPeers::judge(const target::Verdict& verdict) {
     case target::Acceptance::kPeriod:
       return refused("control_period = " + number(verdict.value) + " s: this board cannot keep it");
   }
-  const std::uint32_t ours = target::fingerprint(params_);
+  const std::uint32_t ours = target::fingerprint(params_, record_.real_bytes);
   if (verdict.fingerprint == ours) return Status::kOk;
   return fail(Status::kForeignPeer,
               "the firmware's parameters are not this run's: fingerprint " + hex(verdict.fingerprint) + " there, " +
@@ -233,7 +242,8 @@ Status QemuPeers::connect() {
   record_.board = hello.board.c_str();
   record_.counter_hz = hello.counter_hz;
   record_.instructions_per_count = 1e9 / hello.counter_hz / static_cast<double>(1 << options_.qemu.icount_shift);
-  if (const Status s = compare(hello.identity); s != Status::kOk) return s;
+  record_.real_bytes = hello.identity.real_bytes;
+  if (const Status s = compare(hello); s != Status::kOk) return s;
   if (const Status s = send_params(); s != Status::kOk) return s;
   if (const Status s = receive(frame, options_.start_timeout); s != Status::kOk) return s;
   target::Verdict verdict;

@@ -27,6 +27,7 @@ struct QemuPeersOptions {
 // What the target told of itself.
 struct TargetRecord {
   std::string board;
+  std::uint8_t real_bytes = 0;  // of a number of its model
   double instructions_per_count = 0;
   std::int64_t ticks = 0;  // answered
   // Of a tick. Each rounded to whole instructions: where these are several counts long, that takes away where in a
@@ -58,7 +59,7 @@ class QemuPeers : public Peers {
   hal::Status receive(hal::target::Frame& frame, Seconds timeout);
   hal::Status no_answer(hal::Status status, Seconds timeout);
   hal::Status say_last_words(const hal::target::LastWords& words);
-  hal::Status compare(const hal::target::Identity& target);
+  hal::Status compare(const hal::target::Hello& hello);
   hal::Status send_params();
   hal::Status judge(const hal::target::Verdict& verdict);
   hal::Status check_pulses(std::int64_t tick, const hal::target::PlayedPulses& played);

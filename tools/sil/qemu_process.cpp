@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <sstream>
@@ -107,7 +108,9 @@ std::string QemuProcess::start(const QemuOptions& options) {
   }
   arguments += options.arguments.empty() ? "-" : options.arguments;
   const std::string icount = "shift=" + std::to_string(options.icount_shift) + ",sleep=off";
-  std::vector<std::string> words{kQemu, "-M", options.machine, "-nodefaults", "-no-user-config"};
+  std::string machine = options.board;
+  std::replace(machine.begin(), machine.end(), '_', '-');
+  std::vector<std::string> words{kQemu, "-M", machine, "-nodefaults", "-no-user-config"};
   for (const char* none : {"-display", "-monitor", "-serial"}) words.insert(words.end(), {none, "none"});
   words.insert(words.end(), {"-icount", icount, "-semihosting-config", arguments, "-kernel", options.elf.string()});
   std::vector<char*> argv;

@@ -19,7 +19,7 @@ namespace ballast::sil {
 using Seconds = std::chrono::duration<double>;
 
 struct QemuOptions {
-  std::string machine = "mps2-an500";
+  std::string board = "mps2_an500";  // a folder of hal/; QEMU's machine has a hyphen there
   std::filesystem::path elf;
   int icount_shift = 2;  // an instruction takes 2^shift ns of the machine's time
   int pipe_pairs = 1;

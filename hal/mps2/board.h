@@ -1,12 +1,13 @@
-// Everything that is particular to this board: clocks, addresses, interrupts, pins. ARM MPS2 with the Cortex-M7 image
-// AN500 (ARM DAI 0500), as QEMU's machine mps2-an500 has it.
+// Everything that is particular to these boards: clocks, addresses, interrupts, pins. ARM MPS2 with the Cortex-M4F
+// image AN386 (ARM DAI 0386) or the Cortex-M7 image AN500 (ARM DAI 0500), as QEMU's machines mps2-an386 and mps2-an500
+// have them: the same but for the processor.
 #pragma once
 
 #include <cstdint>
 
-namespace ballast::hal::mps2_an500 {
+namespace ballast::hal::mps2 {
 
-inline constexpr const char* kName = "mps2_an500";
+inline constexpr const char* kName = BALLAST_BOARD;  // the folder's name
 inline constexpr std::uint32_t kClockHz = 25000000;  // of the processor's tick timer, both timers and the watchdog
 
 // Peripherals (Cortex-M System Design Kit, ARM DDI 0479).
@@ -20,4 +21,4 @@ inline constexpr int kIrqCount = 32;
 // The board's ticks may be this late before the watchdog ends it all.
 inline constexpr std::uint32_t kWatchdogTicks = 4;
 
-}  // namespace ballast::hal::mps2_an500
+}  // namespace ballast::hal::mps2

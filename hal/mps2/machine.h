@@ -1,12 +1,12 @@
 // hal::target::Machine on this board. Everything is static: there is one of each piece of hardware.
 #pragma once
 
-#include "hal/mps2_an500/board.h"
-#include "hal/mps2_an500/registers.h"
+#include "hal/mps2/board.h"
+#include "hal/mps2/registers.h"
 #include "hal/target/machine.h"
 #include "hal/target/step_player.h"
 
-namespace ballast::hal::mps2_an500 {
+namespace ballast::hal::mps2 {
 
 struct StepPins {
   static std::uint32_t span() { return reg(kSysTickReload); }
@@ -33,7 +33,7 @@ struct StepPins {
 
 class Machine {
  public:
-  static constexpr const char* kName = mps2_an500::kName;
+  static constexpr const char* kName = mps2::kName;
   static constexpr std::uint32_t kCounterHz = kClockHz;
 
   // The first two words of the command line: the files the link is read from and written to. False: they cannot be
@@ -77,4 +77,4 @@ extern Machine the_machine;
 // The text after the first two words of the command line.
 const char* command_line_rest();
 
-}  // namespace ballast::hal::mps2_an500
+}  // namespace ballast::hal::mps2

@@ -5,7 +5,7 @@
 
 #include "hal/status.h"
 
-namespace ballast::hal::mps2_an500 {
+namespace ballast::hal::mps2 {
 
 // How the emulator ends, for whoever started it: its exit status.
 enum class Exit : std::uint32_t {
@@ -35,4 +35,4 @@ constexpr int exit_of(Status status) {
 [[nodiscard]] std::uint32_t stack_bytes();       // reserved
 [[nodiscard]] std::uint32_t stack_used_bytes();  // ever written, from the paint that is left
 
-}  // namespace ballast::hal::mps2_an500
+}  // namespace ballast::hal::mps2

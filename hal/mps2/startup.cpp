@@ -1,10 +1,10 @@
-#include "hal/mps2_an500/startup.h"
+#include "hal/mps2/startup.h"
 
-#include "hal/mps2_an500/machine.h"
-#include "hal/mps2_an500/semihosting.h"
+#include "hal/mps2/machine.h"
+#include "hal/mps2/semihosting.h"
 
 using namespace ballast::hal;
-using namespace ballast::hal::mps2_an500;
+using namespace ballast::hal::mps2;
 
 // From the linker script.
 extern "C" {
@@ -37,11 +37,9 @@ void guard_stack() {
 
 }  // namespace
 
-std::uint32_t mps2_an500::stack_bytes() {
-  return static_cast<std::uint32_t>(ballast_stack_end - ballast_stack_begin) * 4;
-}
+std::uint32_t mps2::stack_bytes() { return static_cast<std::uint32_t>(ballast_stack_end - ballast_stack_begin) * 4; }
 
-std::uint32_t mps2_an500::stack_used_bytes() {
+std::uint32_t mps2::stack_used_bytes() {
   const std::uint32_t* untouched = ballast_stack_begin;
   while (untouched != ballast_stack_end && *untouched == kPaint) ++untouched;
   return static_cast<std::uint32_t>(ballast_stack_end - untouched) * 4;

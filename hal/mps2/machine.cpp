@@ -1,12 +1,12 @@
-#include "hal/mps2_an500/machine.h"
+#include "hal/mps2/machine.h"
 
 #include <array>
 #include <cmath>
 
-#include "hal/mps2_an500/semihosting.h"
-#include "hal/mps2_an500/startup.h"
+#include "hal/mps2/semihosting.h"
+#include "hal/mps2/startup.h"
 
-namespace ballast::hal::mps2_an500 {
+namespace ballast::hal::mps2 {
 namespace {
 
 std::array<char, 512> command_line{};
@@ -98,4 +98,4 @@ void Machine::report(target::Farewell& farewell) const {
   farewell.stack_used_bytes = stack_used_bytes();
 }
 
-}  // namespace ballast::hal::mps2_an500
+}  // namespace ballast::hal::mps2

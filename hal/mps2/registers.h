@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-namespace ballast::hal::mps2_an500 {
+namespace ballast::hal::mps2 {
 
 inline volatile std::uint32_t& reg(std::uintptr_t address) {
   return *reinterpret_cast<volatile std::uint32_t*>(address);  // NOLINT: that is what a register is
@@ -28,4 +28,4 @@ inline constexpr std::uintptr_t kMpuRegion = 0xe000ed98;
 inline constexpr std::uintptr_t kMpuBase = 0xe000ed9c;
 inline constexpr std::uintptr_t kMpuAttributes = 0xe000eda0;
 
-}  // namespace ballast::hal::mps2_an500
+}  // namespace ballast::hal::mps2

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-namespace ballast::hal::mps2_an500::semihosting {
+namespace ballast::hal::mps2::semihosting {
 
 inline std::int32_t call(std::uint32_t operation, const void* arguments) {
   register std::uint32_t r0 asm("r0") = operation;
@@ -51,4 +51,4 @@ inline bool command_line(std::span<char> text) {
   for (;;) call(0x20, arguments);
 }
 
-}  // namespace ballast::hal::mps2_an500::semihosting
+}  // namespace ballast::hal::mps2::semihosting
