@@ -562,15 +562,22 @@ std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const Ru
 }
 
 std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result) {
-  std::string who;
+  std::string who, stopped;
+  bool in_free_motion = false;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const auto lost = static_cast<long long>(result.final_sample.lost_steps[i]);
-    if (lost > 0) who += format("%smotor %zu lost %lld", who.empty() ? "" : ", ", i, lost);
+    if (lost == 0) continue;
+    who += format("%smotor %zu lost %lld", who.empty() ? "" : ", ", i, lost);
+    if (const sim::EndStopRecord& stop = result.end_stops[i]; stop.touches > 0)
+      stopped +=
+          format(" Mass %zu met its end stop at t = %.6g s: which steps were lost there is not told.", i, stop.first_s);
+    else
+      in_free_motion = true;
   }
   if (who.empty()) return "";
-  return who +
-         " microsteps: its mass is not where the controller believes it is. The torque did not carry the motion: "
-         "allow it less speed, acceleration or jerk (motor.max_step_rate, max_acceleration, max_jerk, or "
+  return who + " microsteps: its mass is not where the controller believes it is." + stopped +
+         (in_free_motion ? " The torque did not carry the motion" : " If the torque did not carry the motion") +
+         ": allow it less speed, acceleration or jerk (motor.max_step_rate, max_acceleration, max_jerk, or "
          "ballast move --speed-fraction), or give it more torque";
 }
 
