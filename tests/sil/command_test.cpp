@@ -485,6 +485,19 @@ TEST(Run, AFullDiskIsReportedAndLeavesNoSummary) {
   EXPECT_FALSE(std::filesystem::exists(folder / "r/run.lcmlog"));
 }
 
+// The program that draws stands beside this one, wherever that is: here in a folder a shell's line has to quote.
+TEST(Run, PicturesAreDrawnByTheProgramBesideItWhateverItsPath) {
+  const Folder folder;
+  folder.write("ball.toml", kBall);
+  const Outcome run = folder.run(
+      "mkdir \"it's \\$HOME\" && cd \"it's \\$HOME\" && cp \"$(command -v ballast)\" . && "
+      "printf '#!/bin/sh\\necho drawn into \"$1\"\\n' >ballast-plot && chmod +x ballast-plot && "
+      "./ballast run ../ball.toml --out \"o'ut\" --pictures --quiet");
+  EXPECT_EQ(run.exit_status, 0) << run.err;
+  EXPECT_NE(run.out.find("drawn into "), std::string::npos) << run.out << run.err;
+  EXPECT_NE(run.out.find("it's $HOME/o'ut"), std::string::npos) << run.out << run.err;
+}
+
 // A mass on the level of the centre, held: it rolls the ball, so all the friction is its weight's, and the ball needs
 // the more the further out it is. As TwoMassesByHand of the physics tests: A = d + M r^2 + m x^2, Omegadot = m g x / A,
 // f_s = M r Omegadot, N = M g - m x Omegadot.
