@@ -45,6 +45,13 @@ TEST(Peers, SilenceIsANoteWithAWayToBreakIt) {
   EXPECT_NE(findings[0].fix.find("ballast run"), std::string::npos);
 }
 
+TEST(Peers, LongListeningWaitsSecondBySecond) {
+  using std::chrono::milliseconds;
+  EXPECT_EQ(wait_ms(milliseconds(3'000'000'000)), 1000) << "more than an int of ms holds";
+  EXPECT_EQ(wait_ms(milliseconds(500)), 500);
+  EXPECT_EQ(wait_ms(milliseconds(-3)), 0);
+}
+
 TEST(Peers, OneScenarioWithDecodableMessagesIsFine) {
   Listener listener;
   for (int i = 0; i < 10; ++i) hear(listener, hal::kChannelSensors, sensors(7));

@@ -81,6 +81,11 @@ class RecordingTest(unittest.TestCase):
         radius, rail = found.robot["ball"]["radius"], found.robot["masses"][0]["rail"]
         np.testing.assert_allclose(np.linalg.norm([rail["points"][0], rail["points"][-1]], axis=1), radius, rtol=1e-12)
 
+    def test_a_rail_with_end_stops_ends_at_them(self):
+        found = self.run_ballast("hop", "--set", "duration=0.05", "--set", "mass.0.rail.end_stops=[-0.1, 0.07]")
+        points = found.robot["masses"][0]["rail"]["points"]
+        np.testing.assert_allclose([points[0], points[-1]], [[0, 0, -0.1], [0, 0, 0.07]], atol=1e-15)
+
     def test_masses_lie_on_their_rails(self):
         for scenario in ("seam_ball", "desk_ball"):
             found = self.run_ballast(scenario, "--set", "duration=1")

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tests/sil/into_its_stop.h"
 #include "tests/sil/shell.h"
 
 namespace ballast {
@@ -334,7 +335,7 @@ TEST(Run, AStartInSlidingIsNoViolation) {
   ASSERT_EQ(s["regimes"].size(), 2u);
   EXPECT_EQ(s["regimes"][0]["regime"], "sliding");
   EXPECT_EQ(s["trip"], nullptr);
-  EXPECT_EQ(s["surfaces"][0]["holds"], false);  // it did not roll
+  EXPECT_TRUE(s["surfaces"].empty()) << "it did not start rolling, and says nothing of other floors";
 }
 
 // The controller stops the masses after the slip has been seen, and the ball slides and rolls on until they rest.
@@ -485,6 +486,19 @@ TEST(Run, AFullDiskIsReportedAndLeavesNoSummary) {
   EXPECT_FALSE(std::filesystem::exists(folder / "r/run.lcmlog"));
 }
 
+// The program that draws stands beside this one, wherever that is: here in a folder a shell's line has to quote.
+TEST(Run, PicturesAreDrawnByTheProgramBesideItWhateverItsPath) {
+  const Folder folder;
+  folder.write("ball.toml", kBall);
+  const Outcome run = folder.run(
+      "mkdir \"it's \\$HOME\" && cd \"it's \\$HOME\" && cp \"$(command -v ballast)\" . && "
+      "printf '#!/bin/sh\\necho drawn into \"$1\"\\n' >ballast-plot && chmod +x ballast-plot && "
+      "./ballast run ../ball.toml --out \"o'ut\" --pictures --quiet");
+  EXPECT_EQ(run.exit_status, 0) << run.err;
+  EXPECT_NE(run.out.find("drawn into "), std::string::npos) << run.out << run.err;
+  EXPECT_NE(run.out.find("it's $HOME/o'ut"), std::string::npos) << run.out << run.err;
+}
+
 // A mass on the level of the centre, held: it rolls the ball, so all the friction is its weight's, and the ball needs
 // the more the further out it is. As TwoMassesByHand of the physics tests: A = d + M r^2 + m x^2, Omegadot = m g x / A,
 // f_s = M r Omegadot, N = M g - m x Omegadot.
@@ -535,6 +549,42 @@ TEST(Friction, ABallThatLeavesTheGroundIsNotHelpedByAny) {
   EXPECT_NE(friction.out.find("leaves the ground at 0.20 s on any floor because of mass 0 (100 %)"), std::string::npos)
       << friction.out;
   EXPECT_EQ(folder.run("ballast friction hop --set mass.0.mass=-1").exit_status, 1);
+}
+
+// The same hop with the mass beside the centre, so that rolling needs f_s > 0 all the way to N = 0: a real floor slips
+// before the ball leaves it.
+TEST(Friction, ABallThatIsPushedWhileNFallsNeedsMoreThanAnyFloorGives) {
+  const Folder folder;
+  const Outcome friction = folder.run("ballast friction hop --set 'mass.0.rail.origin=[0.02,0,0]'");
+  EXPECT_EQ(friction.exit_status, 3) << friction.err;
+  EXPECT_NE(friction.out.find("needs more friction than any floor gives at 0.20 s: N falls to 0"), std::string::npos)
+      << friction.out;
+  EXPECT_EQ(friction.out.find("leaves the ground"), std::string::npos) << friction.out;
+}
+
+TEST(Friction, ARunThatEndedEarlySaysUpToWhereItKnows) {
+  const Folder folder;
+  folder.write("stop.toml", test::kIntoItsStop);
+  const Outcome friction = folder.run("ballast friction stop.toml");
+  EXPECT_EQ(friction.exit_status, 3) << friction.err;
+  const Outcome run = folder.run("ballast run stop.toml --out r");
+  char end[64];
+  std::snprintf(end, sizeof end, "; up to its end at %.2f s (tripped by the controller) holds on",
+                folder.summary("r")["end"]["time"].get<double>());
+  for (const Outcome& said : {friction, run}) {
+    EXPECT_NE(said.out.find("needs at least "), std::string::npos) << said.out;
+    EXPECT_NE(said.out.find(end), std::string::npos) << said.out << end;
+  }
+}
+
+TEST(Friction, ARunThatDoesNotStartRollingSaysNothingOfFloors) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run slide_to_roll --out r");
+  for (const std::string& said : {run.out, folder.run("ballast friction slide_to_roll").out}) {
+    EXPECT_NE(said.find("does not start rolling: nothing can be said of other floors"), std::string::npos) << said;
+    EXPECT_EQ(said.find("of the paper's floors"), std::string::npos) << said;
+    EXPECT_EQ(said.find("needs no friction"), std::string::npos) << said;
+  }
 }
 
 TEST(Move, GoesThereAndSaysWhatItDoes) {

@@ -70,6 +70,13 @@ TEST(EndStopRun, LostStepsTakeAMassIntoItsStopAndTheControllerTrips) {
   const std::string text = summary_text(scenario, result, "r");
   EXPECT_NE(text.find("end_switch"), std::string::npos) << text;
   EXPECT_NE(text.find("mass 0 touched it"), std::string::npos) << text;
+  // The stop held it: that the torque fell short is not known of the steps lost there.
+  const std::string warning = lost_steps_text(scenario, result);
+  EXPECT_NE(warning.find("Mass 0 met its end stop"), std::string::npos) << warning;
+  EXPECT_EQ(warning.find("The torque did not carry"), std::string::npos) << warning;
+  RunResult free = result;
+  free.end_stops[0] = {};
+  EXPECT_NE(lost_steps_text(scenario, free).find("The torque did not carry"), std::string::npos);
 }
 
 // The push of the stop comes through to the floor. What the motor alone does to f_s / N stays below 0.01; the monitor
@@ -79,7 +86,7 @@ TEST(EndStopRun, TheMonitorSeesThePushOfTheStop) {
   EXPECT_EQ(result.end_reason, EndReason::kTripped);
   EXPECT_EQ(result.trip.cause, trip_t::CAUSE_FRICTION);
   EXPECT_GE(result.trip.trip_time_s, result.end_stops[0].first_s);
-  EXPECT_LE(result.trip.trip_time_s, result.end_stops[0].first_s + 0.02);
+  EXPECT_LE(result.trip.trip_time_s, result.end_stops[0].first_s + scenario.run.control_period_s);
   EXPECT_GT(result.trip.value, 0.018);
   EXPECT_LE(result.trip.value, result.extrema.mu_required_max.value);
 }

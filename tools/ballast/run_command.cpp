@@ -114,13 +114,17 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   return exit_status;
 }
 
+// As one word of a shell's line, whatever is in it.
+std::string quoted(const std::filesystem::path& path) {
+  std::string text = "'";
+  for (const char c : path.string()) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
+}
+
 void draw_pictures(const sil::OutputDir& output) {
   std::error_code code;
   const auto plot = std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / "ballast-plot";
-  std::string quoted = "'";
-  for (const char c : std::filesystem::absolute(output.path()).string())
-    quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  const std::string line = "'" + plot.string() + "' " + quoted + "'";
+  const std::string line = quoted(plot) + " " + quoted(std::filesystem::absolute(output.path()));
   if (std::system(line.c_str()) != 0)
     program::complain("ballast", "the pictures could not be drawn; the run itself is complete");
 }

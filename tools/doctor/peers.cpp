@@ -1,5 +1,7 @@
 #include "tools/doctor/peers.h"
 
+#include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <lcm/lcm-cpp.hpp>
 
@@ -12,6 +14,8 @@ namespace {
 
 using program::Finding;
 using Verdict = Finding::Verdict;
+
+constexpr std::chrono::seconds kLongestWait{1};
 
 template <class M>
 void note_scenario(const M& message, Channel& channel) {
@@ -62,6 +66,12 @@ void Listener::hear(const std::string& name, const void* data, std::size_t size)
   if (const auto judge = kJudges.find(name); judge != kJudges.end()) judge->second(data, size, channel);
 }
 
+int wait_ms(hal::WallClock::duration left) {
+  return static_cast<int>(std::chrono::duration_cast<std::chrono::milliseconds>(
+                              std::clamp<hal::WallClock::duration>(left, std::chrono::seconds(0), kLongestWait))
+                              .count());
+}
+
 bool listen(const std::string& url, hal::Seconds time, Listener& listener) {
   lcm::LCM lcm(url);
   if (!lcm.good()) return false;
@@ -71,9 +81,9 @@ bool listen(const std::string& url, hal::Seconds time, Listener& listener) {
   lcm.subscribeFunction(".*", +hear, &listener)->setQueueCapacity(10000);
   const auto deadline = hal::after(hal::WallClock::now(), time);
   for (;;) {
-    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - hal::WallClock::now()).count();
-    if (left <= 0) return true;
-    if (lcm.handleTimeout(static_cast<int>(left)) < 0) return false;
+    const int wait = wait_ms(deadline - hal::WallClock::now());
+    if (wait <= 0) return true;
+    if (lcm.handleTimeout(wait) < 0) return false;
   }
 }
 

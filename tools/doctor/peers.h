@@ -30,6 +30,10 @@ class Listener {
   std::map<std::string, Channel> channels_;
 };
 
+// How long LCM is to wait for the next message when this much is left: at most 1 s, so that it fits LCM's int of ms
+// however long the listening; 0: the time is over.
+int wait_ms(hal::WallClock::duration left);
+
 // Everything said on the bus for this long. False: it cannot be listened to.
 bool listen(const std::string& url, hal::Seconds time, Listener& listener);
 

@@ -15,7 +15,7 @@ using Json = nlohmann::ordered_json;
 constexpr double kWorthNaming = 0.5;
 
 std::string number(const char* format, double value) {
-  char text[64];
+  char text[128];
   std::snprintf(text, sizeof text, format, value);
   return text;
 }
@@ -38,6 +38,24 @@ std::string because(const std::vector<FrictionPart>& parts) {
   }
   if (causes.empty()) return "";
   return " because of " + list(causes) + (remedies.empty() ? "" : " against " + list(remedies));
+}
+
+// What is needed where f_s / N has no bound. Rounding leaves an f_s of 1e-15 of the weight where there is none.
+std::string unbounded_text(const RunResult& result) {
+  const double time_s = result.extrema.mu_required_max.time_s;
+  if (!result.friction_shares) return number("N falls to 0 at %.2f s", time_s);
+  const sim::ContactShares& shares = *result.friction_shares;
+  if (shares.force_W_n.head<2>().norm() <= 1e-9 * std::abs(shares.static_weight_n))
+    return number("leaves the ground at %.2f s on any floor", time_s);
+  return number("needs more friction than any floor gives at %.2f s: N falls to 0", time_s);
+}
+
+// Before what is said of floors: a run that ended early knows nothing of what would have come.
+std::string up_to_its_end(const RunResult& result) {
+  if (result.end_reason == EndReason::kCompleted) return "";
+  std::string reason = to_string(result.end_reason);
+  if (result.end_reason == EndReason::kTripped && result.trip.tripped == 0) reason += " by the controller";
+  return number("up to its end at %.2f s (", result.final_sample.time_s) + reason + ") ";
 }
 
 }  // namespace
@@ -74,21 +92,26 @@ std::string friction_parts_text(const RunResult& result) {
 std::string required_friction_text(const RunResult& result, const std::vector<FloorVerdict>& floors) {
   const sim::Extremum& mu = result.extrema.mu_required_max;
   std::string text;
+  const bool starts_rolling = result.regimes.front().regime == sim::Regime::kRolling;
+  const char* unknown_floors = "does not start rolling: nothing can be said of other floors";
   if (mu.value == 0) {
+    if (!starts_rolling) return unknown_floors;
     text = "needs no friction";
   } else if (std::isfinite(mu.value)) {
-    text = (result.rolling_lost ? "needs at least " : "needs ") + number("%.3g at ", mu.value) +
-           number("%.2f s", mu.time_s);
+    text = (result.rolling_lost || result.end_reason != EndReason::kCompleted ? "needs at least " : "needs ") +
+           number("%.3g at ", mu.value) + number("%.2f s", mu.time_s);
     if (!result.friction_shares) text += ", sliding";
   } else {
-    text = number("leaves the ground at %.2f s on any floor", mu.time_s);
+    text = unbounded_text(result);
   }
   text += because(friction_parts(result));
+  if (!starts_rolling) return text + "; " + unknown_floors;
+  text += "; " + up_to_its_end(result);
   std::vector<std::string> holds, fails;
   for (const FloorVerdict& floor : floors) (floor.holds ? holds : fails).emplace_back(floor.name);
-  if (fails.empty()) return text + "; holds on all of the paper's floors";
-  if (holds.empty()) return text + "; holds on none of the paper's floors";
-  return text + "; holds on " + list(holds) + ", not on " + list(fails);
+  if (fails.empty()) return text + "holds on all of the paper's floors";
+  if (holds.empty()) return text + "holds on none of the paper's floors";
+  return text + "holds on " + list(holds) + ", not on " + list(fails);
 }
 
 Json required_friction_json(const RunResult& result, const std::vector<FloorVerdict>& floors) {

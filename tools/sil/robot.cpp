@@ -45,6 +45,8 @@ Json rail_json(const firmware::Rail& rail, double radius_m) {
       shape = "spline", closed = rail.closed, count = kPointsPerSplinePiece * rail.piece_count, last = length_m(rail);
       break;
   }
+  if (!closed && std::isfinite(rail.lower_end)) first = rail.lower_end;
+  if (!closed && std::isfinite(rail.upper_end)) last = rail.upper_end;
   Json points = Json::array();
   for (int k = 0; k < (closed ? count : count + 1); ++k)  // the first point of a closed rail is not repeated
     points.push_back(vector_json(firmware::evaluate(rail, first + (last - first) * k / count).position));

@@ -11,7 +11,8 @@ namespace ballast::sil {
 //  "masses": [{"mass": kg, "rail": {"shape": "circle" | "line" | "spline", "closed": bool, "points": [[m, body
 //  frame]]}}]}
 // of the scenario as it ran, overrides and defaults applied. `points` lie along the rail near enough to each other to
-// be joined by straight lines; a line rail ends at the shell. `rail` is null for a mass on a trajectory, whose curve is
+// be joined by straight lines; a line or an open spline goes from end stop to end stop, where it has none a line to the
+// shell and a spline to its last knots. `rail` is null for a mass on a trajectory, whose curve is
 // in the log.
 std::string robot_json(const sim::Scenario& scenario);
 

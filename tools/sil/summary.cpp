@@ -147,12 +147,11 @@ Json motor_share_json(const RunResult& result) {
             {"commanded_time", commanded.time_s}}}};
 }
 
-// Whether the ball rolls on such a floor, as far as this run can tell: up to where rolling was lost, and never if the
-// run did not start rolling. One that slipped did not hold on its own floor, nor on a smoother.
+// Whether the ball of a run that started rolling rolls on such a floor, as far as this run can tell: up to where
+// rolling was lost. One that slipped did not hold on its own floor, nor on a smoother.
 bool holds(const sim::Scenario& scenario, const RunResult& result, double static_friction) {
   if (result.end_reason == EndReason::kSlipped && static_friction <= scenario.surface.static_friction) return false;
-  return result.regimes.front().regime == sim::Regime::kRolling && result.extrema.normal_force_min.value > 0 &&
-         result.extrema.mu_required_max.value <= static_friction;
+  return result.extrema.normal_force_min.value > 0 && result.extrema.mu_required_max.value <= static_friction;
 }
 
 // What this run gives for a quantity somebody has published.
@@ -464,7 +463,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   } else if (result.rolling_lost) {
     text += "; rolling was lost, so what follows says nothing of other floors after that";
   }
-  text += "\n  holds on    " + (holds_on.empty() ? "none of the paper's floors" : holds_on);
+  if (!floors.empty()) text += "\n  holds on    " + (holds_on.empty() ? "none of the paper's floors" : holds_on);
   if (!slips_on.empty()) text += "\n  not on      " + slips_on;
   text += "\n  in short    " + required_friction_text(result, floors) + "\n";
   for (const auto& published : scenario.published) {
@@ -555,6 +554,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
 
 std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const RunResult& result) {
   std::vector<FloorVerdict> verdicts;
+  if (result.regimes.front().regime != sim::Regime::kRolling) return verdicts;
   for (const Floor& floor : kFloors) {
     verdicts.push_back({floor.name, floor.static_friction, holds(scenario, result, floor.static_friction)});
   }
@@ -562,15 +562,22 @@ std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const Ru
 }
 
 std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result) {
-  std::string who;
+  std::string who, stopped;
+  bool in_free_motion = false;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const auto lost = static_cast<long long>(result.final_sample.lost_steps[i]);
-    if (lost > 0) who += format("%smotor %zu lost %lld", who.empty() ? "" : ", ", i, lost);
+    if (lost == 0) continue;
+    who += format("%smotor %zu lost %lld", who.empty() ? "" : ", ", i, lost);
+    if (const sim::EndStopRecord& stop = result.end_stops[i]; stop.touches > 0)
+      stopped +=
+          format(" Mass %zu met its end stop at t = %.6g s: which steps were lost there is not told.", i, stop.first_s);
+    else
+      in_free_motion = true;
   }
   if (who.empty()) return "";
-  return who +
-         " microsteps: its mass is not where the controller believes it is. The torque did not carry the motion: "
-         "allow it less speed, acceleration or jerk (motor.max_step_rate, max_acceleration, max_jerk, or "
+  return who + " microsteps: its mass is not where the controller believes it is." + stopped +
+         (in_free_motion ? " The torque did not carry the motion" : " If the torque did not carry the motion") +
+         ": allow it less speed, acceleration or jerk (motor.max_step_rate, max_acceleration, max_jerk, or "
          "ballast move --speed-fraction), or give it more torque";
 }
 

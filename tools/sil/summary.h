@@ -18,7 +18,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
                          const std::filesystem::path& directory);
 
 // The paper's floors for an aluminium shell (PHYSICS.md section 6), and whether the ball rolls on each as far as this
-// run can tell: up to where rolling was lost, and never if the run did not start rolling.
+// run can tell: up to where rolling was lost. Empty if the run did not start rolling: it says nothing of other floors.
 struct FloorVerdict {
   const char* name;
   double static_friction;
