@@ -146,7 +146,7 @@ int replay(const ReplayCommand& given) {
   std::unique_ptr<sil::Peers> peers;
   if (command.firmware == "qemu") {
     sil::QemuPeersOptions qemu;
-    qemu.qemu.elf = command.elf.empty() ? program::default_firmware() : command.elf;
+    qemu.qemu.elf = command.elf.empty() ? program::default_firmware(qemu.qemu.board) : command.elf;
     qemu.interrupted = command.replay.interrupted;
     peers = std::make_unique<sil::QemuPeers>(*scenario, *params, limits, qemu);
   } else {
