@@ -360,7 +360,7 @@ class PageTest(unittest.TestCase):
         summary["scenario"] = evil
         summary["end"].update(reason=evil, text=evil)
         summary["trip"] = {"cause": evil, "time": 0.5, "tick": 500, "value": 1, "limit": 0, "latency_ticks": 1}
-        summary["surfaces"][0]["name"] = evil
+        summary["surfaces"] = [{"name": evil, "mu_s": 0.5, "holds": True}]
         summary["published"] = [{"quantity": evil, "published": 1, "here": None, "source": evil}]
         (folder / "summary.json").write_text(json.dumps(summary))
         self.report("named")
