@@ -213,6 +213,10 @@ class ExportTest(unittest.TestCase):
                     continue
                 self.assertIn(words, self.ballast("export", "log", option, target, status=2).stderr)
                 self.assertFalse(any(self.folder.glob("t*/*")) or (self.folder / "t.mcap").exists())
+        (self.folder / "log").write_bytes(event(0, 2**62, "A", contact))
+        said = self.ballast("export", "log", "--mcap", "t.mcap", status=2).stderr
+        self.assertIn(f"log: A: an event has the timestamp {2**62} us; allowed", said)
+        self.assertFalse((self.folder / "t.mcap").exists())
         self.assertIn("nowhere", self.ballast("export", "nowhere", "--csv", "t", status=2).stderr)
         self.assertIn("--csv DIR", self.ballast("export", "log", status=1).stderr)
         self.ballast("export", status=1)

@@ -14,6 +14,7 @@ import unittest
 from pathlib import Path
 from unittest import mock
 
+import ballast
 import numpy as np
 
 import assemble
@@ -22,7 +23,7 @@ import report
 import words
 from event_log import LogError
 from recording import Recording
-from synthetic_run import BALL_RAILS, ball, detaching_ball
+from synthetic_run import BALL_RAILS, ball, detaching_ball, event
 
 
 class RecordingTest(unittest.TestCase):
@@ -177,6 +178,35 @@ class RecordingTest(unittest.TestCase):
                 self.assertEqual(report.main(), 2)
             self.assertIn(said, stderr.getvalue())
             self.assertFalse((folder / "report.html").exists())
+
+    def refusal(self, folder):
+        stderr = io.StringIO()
+        with mock.patch.object(sys, "argv", ["ballast-report", str(folder)]), contextlib.redirect_stderr(stderr):
+            self.assertEqual(report.main(), 2)
+        self.assertFalse((folder / "report.html").exists())
+        return stderr.getvalue()
+
+    def test_a_summary_no_run_writes_is_refused(self):
+        for key, value, said in (("end", "x", 'end is "x"; allowed: an object'),
+                                 ("surface", None, "surface is null; allowed: an object"),
+                                 ("regimes", [1], "regimes.0 is 1; allowed: an object"),
+                                 ("trip", {"cause": "friction"}, "trip.time is missing"),
+                                 ("mu_required", {"max": "much", "time": 1}, 'mu_required.max is "much"; allowed: a number'),
+                                 ("motors", [3], "motors.0 is 3; allowed: an object"),
+                                 ("control_period", 10**400, "allowed: a number")):
+            run = ball()
+            run.summary[key] = value
+            self.assertIn(f"summary.json: {said}" if key != "control_period" else said,
+                          self.refusal(run.write(self.folder)))
+
+    def test_a_mass_count_no_message_has_room_for_is_refused(self):
+        for count in (100, -1):
+            run = ball()
+            state = ballast.plant_state_t()
+            state.tick, state.mass_count = 300, count
+            run.events.append(event(len(run.events), 1, "BALLAST_PLANT_STATE", state.encode()))
+            self.assertIn(f"run.lcmlog: BALLAST_PLANT_STATE, tick 300: mass_count is {count}; allowed: 0 to",
+                          self.refusal(run.write(self.folder)))
 
     def test_words_for_ends(self):
         found = Recording(ball().write(self.folder))

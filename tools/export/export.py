@@ -14,6 +14,7 @@ from text import MessageType, types_by_fingerprint
 
 # So many messages at a time, that a long log needs no more memory than a short one.
 BLOCK = 20000
+LATEST_US = (2**64 - 1) // 1000  # MCAP counts ns in 64 bits
 
 
 class Log:
@@ -164,6 +165,9 @@ def write_mcap(log, path):
                     texts[channel] = iter(rows)
                 for timestamp, channel in events:
                     number, pattern = channels[channel]
+                    if timestamp > LATEST_US:
+                        raise LogError(f"{log.path}: {channel}: an event has the timestamp {timestamp} us; allowed in "
+                                       f"MCAP: at most {LATEST_US}")
                     # MCAP has no time before 0: the countdown is put there. Its tick and utime say what it is.
                     writer.add_message(number, max(timestamp, 0) * 1000, (pattern % next(texts[channel])).encode())
 

@@ -9,6 +9,7 @@ import ballast
 import numpy as np
 
 from event_log import EventLog, LogError
+from summary_shape import check_summary
 
 REGIME_NAMES = {
     ballast.contact_t.REGIME_ROLLING: "rolling",
@@ -66,6 +67,7 @@ class RecordedRun:
             raise LogError(f"{folder}: no such folder")
         self.summary_path = folder / "summary.json"
         self.summary = read_json(self.summary_path) if summary is None else summary
+        check_summary(self.summary, self.summary_path)
         log = EventLog(log_path or folder / "run.lcmlog", ["BALLAST_CONTACT", "BALLAST_PLANT_STATE", "BALLAST_CONTROLLER_STATUS"])
         self.damage = log.damage
         self.contact = _from_start(log.messages("BALLAST_CONTACT", ballast.contact_t))
@@ -75,6 +77,10 @@ class RecordedRun:
             if len(messages) == 0:
                 raise LogError(f"{log.path}: no {channel} message" + (f" ({log.damage})" if log.damage else ""))
         self.name = self.summary.get("scenario", folder.name)
+        most = self.state["mass_position"].shape[1]
+        for tick, count in zip(self.state["tick"], self.state["mass_count"]):
+            if not 0 <= count <= most:
+                raise LogError(f"{log.path}: BALLAST_PLANT_STATE, tick {tick}: mass_count is {count}; allowed: 0 to {most}")
         self.mass_count = int(self.state["mass_count"][0])
 
     @property

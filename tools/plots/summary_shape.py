@@ -1,0 +1,86 @@
+"""Refuses a summary.json that no run has written, before anything is made of it."""
+
+import json
+
+from event_log import LogError
+
+
+def _number(value):
+    # The second half keeps out what JSON's readers take but no run writes, and integers that no double holds.
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and -1.7e308 <= value <= 1.7e308
+
+
+def _text(value):
+    return isinstance(value, str)
+
+
+def _flag(value):
+    return isinstance(value, bool)
+
+
+_NAMES = {_number: "a number", _text: "a text", _flag: "true or false"}
+
+
+class _Or:
+    """null, or of this shape."""
+
+    def __init__(self, shape):
+        self.shape = shape
+
+
+_MAYBE = _Or(_number)
+# Of what is drawn or said. A key that ends in ! has to be there; keys that are not here may be anything.
+_SHAPE = {
+    "actuation": _Or(_text),
+    "control_period": _MAYBE,
+    "end": {"reason": _Or(_text), "time": _number},
+    "mu_required": {"max": _MAYBE, "time!": _number},
+    "normal_force": {"min": _MAYBE, "min_time": _number, "max": _MAYBE, "max_time": _number},
+    "static_friction": {"max": _MAYBE, "time": _number},
+    "surface": {"static_friction": _MAYBE},
+    "envelope": _Or({}),
+    "motor_share": _Or({name: _Or({}) for name in ("normal_force", "static_friction", "mu_required")}),
+    "regimes": [{"regime!": _text, "start!": _number, "end!": _number}],
+    "impacts": [{"time!": _number, "normal_impulse": _number, "friction_impulse": _number, "sticking": _flag}],
+    "trip": _Or({"cause!": _text, "time!": _number, "value": _MAYBE, "limit": _MAYBE, "latency_ticks": _MAYBE}),
+    "motors": [_Or({"steps": _number, "lost_steps": _number, "max_step_rate": _number, "max_torque": _number,
+                    "torque_margin!": _number,
+                    "parameters": {name: _number for name in (
+                        "shaft_ratio", "steps_per_revolution", "holding_torque", "detent_torque", "viscous_damping",
+                        "corner_speed")} | {name: _MAYBE for name in (
+                            "rated_current", "supply_voltage", "resistance", "inductance")}})],
+    "surfaces": [{"name!": _text, "mu_s!": _number, "holds!": _flag}],
+    "published": [{"quantity!": _text, "published!": _number, "here": _MAYBE}],
+}
+
+
+def check_summary(summary, path):
+    """LogError with file, key and what is allowed there, if something that is read has another shape."""
+    _check(summary, _SHAPE, path, "")
+
+
+def _check(value, shape, path, place):
+    if isinstance(shape, _Or):
+        if value is not None:
+            _check(value, shape.shape, path, place)
+    elif isinstance(shape, dict):
+        if not isinstance(value, dict):
+            _refuse(path, place, value, "an object")
+        for key, inner in shape.items():
+            name = key.rstrip("!")
+            inside = f"{place}.{name}" if place else name
+            if name in value:
+                _check(value[name], inner, path, inside)
+            elif key != name:
+                raise LogError(f"{path}: {inside} is missing")
+    elif isinstance(shape, list):
+        if not isinstance(value, list):
+            _refuse(path, place, value, "a list")
+        for i, entry in enumerate(value):
+            _check(entry, shape[0], path, f"{place}.{i}")
+    elif not shape(value):
+        _refuse(path, place, value, _NAMES[shape])
+
+
+def _refuse(path, place, value, allowed):
+    raise LogError(f"{path}: {place + ' ' if place else ''}is {json.dumps(value)[:40]}; allowed: {allowed}")
