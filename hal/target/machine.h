@@ -11,19 +11,18 @@
 
 namespace ballast::hal::target {
 
-// kName, kCounterHz          its name, and the rate of all counts
-// read(bytes, count)         waits for bytes of the link: at least one. kPeerLost: there will be no more
-// write(bytes)               all of them
-// start(params, commit)      control ticks, step timer and watchdog from now on. False: this board cannot keep the
-// period wait_tick()                waits for the beginning of a control tick; how many have begun since the last call:
-// 1, or
-//                            more if some were late
-// tick_due()                 whether one has begun meanwhile: then the one being served is late
-// counter()                  free-running, wraps
-// load(steps)                the pulses of the next control tick
-// played(pulses)             the pulses given during the control tick before this one
-// kick_watchdog()            the control tick is served
-// report(farewell)           fills in what only the board knows: stack
+// kName, kCounterHz      its name, and the rate of all counts
+// read(bytes, count)     waits for bytes of the link: at least one. kPeerLost: there will be no more
+// write(bytes)           all of them
+// start(params, commit)  control ticks, step timer and watchdog from now on. False: this board cannot keep the period
+// wait_tick()            waits for the beginning of a control tick; how many have begun since the last call: 1, or
+//                        more if some were late
+// tick_due()             whether one has begun meanwhile: then the one being served is late
+// counter()              free-running, wraps
+// load(steps)            the pulses of the next control tick
+// played(pulses)         the pulses given during the control tick before this one
+// kick_watchdog()        the control tick is served
+// report(farewell)       fills in what only the board knows: stack
 template <class M>
 concept Machine = requires(M& machine, const M& constant, std::span<std::uint8_t> in, std::span<const std::uint8_t> out,
                            std::size_t& count, const firmware::StepCommand& steps,
