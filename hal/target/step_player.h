@@ -47,21 +47,33 @@ class StepPlayer {
       counts_per_tick /= 2;
       ++shift_;
     }
-    scale_ = static_cast<std::uint32_t>(counts_per_tick * 4294967296.0);
-    if (static_cast<double>(scale_) != counts_per_tick * 4294967296.0) ++scale_;  // exact counts stay what they are
+    // Rounded up: no pulse is early, and exact counts stay what they are. Just under 1 that is 2^32, which has no room.
+    const double scaled = counts_per_tick * 4294967296.0;
+    auto scale = static_cast<std::uint64_t>(scaled);
+    if (static_cast<double>(scale) != scaled) ++scale;
+    if (scale >> 32 != 0) {
+      scale = (scale + 1) >> 1;
+      ++shift_;
+    }
+    scale_ = static_cast<std::uint32_t>(scale);
   }
 
-  // The pulses of the next control tick. At most one load per control tick. More than kMaxPulses: none.
+  // The pulses of the next control tick. At most one load per control tick. More than kMaxPulses, or counts that no
+  // command has: none.
   void load(const firmware::StepCommand& command) {
     Program& program = *loading_;
     Segment* segment = program.segments.data();
     Track* track = program.tracks.data();
-    int pulses = 0;
-    for (int motor = 0; motor < command.motor_count; ++motor) {
+    int pulses = command.motor_count > firmware::kMaxMasses || command.burst_count > firmware::kMaxBursts ? kNone : 0;
+    for (int motor = 0; pulses != kNone && motor < command.motor_count; ++motor) {
       track->next = segment;
-      for (std::size_t b = 0; b < static_cast<std::size_t>(command.burst_count); ++b) {
-        const firmware::StepBurst& burst = command.bursts[b];
+      for (int b = 0; b < command.burst_count; ++b) {
+        const firmware::StepBurst& burst = command.bursts[static_cast<std::size_t>(b)];
         if (burst.motor != motor) continue;
+        if (burst.count < 1) {
+          pulses = kNone;
+          break;
+        }
         pulses += burst.count;
         *segment++ = {static_cast<std::uint32_t>(burst.first_ticks) << shift_,
                       static_cast<std::uint32_t>(burst.interval_ticks) << shift_,
@@ -80,10 +92,12 @@ class StepPlayer {
     ready_ = true;
   }
 
-  // A control tick begins. Pulses of the one before that are still due are given now: one that was due with its last
-  // breath, as this interrupt comes first.
+  // A control tick begins. A motor's pulse of the one before that is still due is given now: it was due with that
+  // tick's last breath, as this interrupt comes first. A second one of the same motor is not given, as it would come
+  // closer after the first than the motor can follow: the record does not have it, and who commanded it sees that.
   void begin_tick() {
-    while (playing_->end != playing_->tracks.data()) finish(*earliest());
+    for (const Track* t = playing_->tracks.data(); t != playing_->end; ++t) finish(*t);
+    playing_->end = playing_->tracks.data();
     Record& ended = records_[open_];
     ended.end = record_;
     given_ += static_cast<std::uint32_t>(ended.end - ended.pulse.data());
@@ -100,7 +114,7 @@ class StepPlayer {
     last_ = static_cast<std::int32_t>(H::span()) - 1;
     due_ = playing_->end == playing_->tracks.data() ? kNever : earliest()->due;
     due_left_ = left_at(due_);
-    const std::int32_t wait = static_cast<std::int32_t>(H::left()) - due_left_;
+    const std::int32_t wait = difference(H::left(), static_cast<std::uint32_t>(due_left_));
     if (wait > 0) {
       H::arm(static_cast<std::uint32_t>(wait));
     } else {
@@ -108,12 +122,14 @@ class StepPlayer {
     }
   }
 
-  // The step interrupt: what it was armed for is due.
+  // The step interrupt: what it was armed for is due. Each turn of the loop gives a pulse at least, and there are never
+  // more than kMaxPulses.
   void on_timer() {
     std::uint32_t due = due_;
     std::int32_t due_left = due_left_;
     Given* record = record_;
     Program& program = *playing_;
+    if (program.end == program.tracks.data()) return;
     for (;;) {
       // All motors whose pulse is due, and when the next one is.
       std::uint32_t next = kNever;
@@ -121,7 +137,7 @@ class StepPlayer {
       do {
         if (t->due <= due) {
           H::step(t->pin);
-          *record++ = {due, due_left - static_cast<std::int32_t>(H::left()), t->id};
+          *record++ = {due, difference(static_cast<std::uint32_t>(due_left), H::left()), t->id};
           if (--t->left != 0) {
             t->due += t->interval;
             t->interval += t->add;
@@ -134,11 +150,12 @@ class StepPlayer {
       } while (t != program.end);
       due = next;
       due_left = left_at(due);
-      const std::int32_t wait = static_cast<std::int32_t>(H::left()) - due_left;
+      const std::int32_t wait = difference(H::left(), static_cast<std::uint32_t>(due_left));
       if (wait > 0) {
         H::arm(static_cast<std::uint32_t>(wait));
         break;
       }
+      if (due == kNever) break;  // whatever the clocks' ratio
     }
     due_ = due;
     due_left_ = due_left;
@@ -151,7 +168,7 @@ class StepPlayer {
     pulses.count = 0;
     for (const Given* g = record.pulse.data(); g != record.end; ++g) {
       // None is early: below 0, the timer began anew between the pulse's time and the pulse.
-      std::int32_t late = g->late_counts + 1;
+      std::int64_t late = std::int64_t{g->late_counts} + 1;
       if (late < 0) late += last_ + 2;
       pulses.pulse[static_cast<std::size_t>(pulses.count++)] = {
           g->due >> shift_, static_cast<std::uint16_t>(late < 65535 ? late : 65535), static_cast<std::uint8_t>(g->id),
@@ -162,6 +179,7 @@ class StepPlayer {
   [[nodiscard]] std::uint32_t given() const { return given_; }
 
  private:
+  static constexpr int kNone = kMaxPulses + 1;
   static constexpr std::uint32_t kNever = 0x3fffffff;  // beyond any control tick's end, and its counts are too
 
   // Times in step timer ticks, shifted so that one multiplication gives counts.
@@ -193,8 +211,11 @@ class StepPlayer {
   // What left() is when a pulse is given: a count after its time, since the counts of two timers do not begin together,
   // and none may be early. Below 0 after the tick's end.
   [[nodiscard]] std::int32_t left_at(std::uint32_t shifted) const {
-    return last_ - static_cast<std::int32_t>(std::uint64_t{shifted} * scale_ >> 32);
+    return difference(static_cast<std::uint32_t>(last_),
+                      static_cast<std::uint32_t>(std::uint64_t{shifted} * scale_ >> 32));
   }
+  // Also of times that no command has: those wrap.
+  static std::int32_t difference(std::uint32_t a, std::uint32_t b) { return static_cast<std::int32_t>(a - b); }
 
   static void begin_segment(Track& t) {
     const Segment& s = *t.next++;
@@ -225,15 +246,10 @@ class StepPlayer {
   }
 
   // A pulse of the control tick that has just ended.
-  void finish(Track& t) {
+  void finish(const Track& t) {
     H::step(t.pin);
-    *record_++ = {t.due, left_at(t.due) + last_ + 2 - static_cast<std::int32_t>(H::left()), t.id};
-    if (--t.left == 0) {
-      static_cast<void>(advance(*playing_, t));
-    } else {
-      t.due += t.interval;
-      t.interval += t.add;
-    }
+    const auto left = static_cast<std::uint32_t>(left_at(t.due)) + static_cast<std::uint32_t>(last_) + 2;
+    *record_++ = {t.due, difference(left, H::left()), t.id};
   }
 
   std::array<Program, 2> programs_{};
