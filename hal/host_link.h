@@ -10,8 +10,9 @@
 namespace ballast::hal {
 
 // read_verdict(verdict):  kOk: one that has not been read before. kEmpty: none came, `verdict` is untouched.
-// read_operator(command): kOk: the oldest command not yet handed out, with what belongs to it; each is handed out
-//                         once, one per tick, in the order given. kEmpty: none.
+// read_operator(command): kOk: a command not yet handed out, with what belongs to it; each is handed out once, one
+//                         per tick, in the order given, but a stop goes first and takes back those before it
+//                         (operator_queue.h). kEmpty: none.
 // write_status(status):   reports the tick just served.
 template <class B>
 concept HostLink = requires(B& board, firmware::MonitorVerdict& verdict, firmware::OperatorInput& command,
@@ -28,8 +29,9 @@ struct LinkCounters {
   std::int64_t out_of_order = 0;  // any other tick than the next
   std::int64_t foreign = 0;       // of another scenario or another run
   std::int64_t old = 0;           // commands older than their sender's newest
+  std::int64_t dropped = 0;       // commands taken back by a stop before their turn, or too many of them
   std::int64_t taken_back = 0;    // verdicts that take back a trip; these are used as if they did not
-  [[nodiscard]] std::int64_t refused() const { return malformed + repeated + out_of_order + foreign + old; }
+  [[nodiscard]] std::int64_t refused() const { return malformed + repeated + out_of_order + foreign + old + dropped; }
 };
 
 }  // namespace ballast::hal

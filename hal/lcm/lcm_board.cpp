@@ -72,8 +72,13 @@ void LcmBoard::on_trip(const trip_t& message) {
 
 void LcmBoard::on_operator(const operator_t& message) {
   if (bus_.run_id() == 0) {
+    // Nothing moves yet. Still the stops are the last to go.
     early_.push_back(message);
-    if (early_.size() > kMostEarly) early_.pop_front();
+    if (early_.size() <= kMostEarly) return;
+    const auto no_stop = [](const operator_t& m) { return m.command != operator_t::COMMAND_STOP; };
+    const auto oldest = std::find_if(early_.begin(), early_.end(), no_stop);
+    early_.erase(oldest == early_.end() ? early_.begin() : oldest);
+    ++counters_.dropped;
   } else if (message.run_id != bus_.run_id()) {
     ++counters_.foreign;
   } else {
@@ -164,6 +169,7 @@ LinkCounters LcmBoard::counters() const {
   counters.foreign += bus_.foreign();
   counters.repeated += operator_.counters().repeated;
   counters.old += operator_.counters().old;
+  counters.dropped += operator_.counters().dropped;
   return counters;
 }
 

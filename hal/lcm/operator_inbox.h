@@ -3,87 +3,101 @@
 
 #include <algorithm>
 #include <array>
-#include <deque>
 #include <optional>
 
 #include "hal/host_link.h"
 #include "hal/lcm/messages.h"
+#include "hal/operator_queue.h"
 
 namespace ballast::hal {
 
 // A sender's messages count up, so what is not after its newest is a copy or comes late, and is not handed out. A stop
-// that comes late is: to stop once more than was meant does no harm, not to stop does.
+// is, unless it or a later one of its sender's was before: to stop once more than was meant does no harm, not to stop
+// does. What is handed out waits in an OperatorQueue, where a stop goes first; a message for which there is no room has
+// not been heard, so that its sender can say it again.
+//
+// There is memory for kMostSenders. One more makes the one silent for longest be forgotten, but never oneself. From
+// then on only messages given after the newest tick of those forgotten are taken from a sender who is not known, so
+// that none of theirs can come back; those before are counted as `old`. Stops are taken from anybody, any time.
 class OperatorInbox {
  public:
+  static constexpr std::size_t kMostSenders = 32;
+  static constexpr std::size_t kMostWaiting = 64;
+
   void hear(const operator_t& message) {
-    Sender& sender = sender_of(message.sender);
-    if (sender.own && message.sequence <= sender.newest_own) return;  // a bus gives back what is published on it
     const bool stop = message.command == operator_t::COMMAND_STOP;
-    if (sender.known && message.sequence <= sender.newest) {
-      const bool copy = message.sequence == (stop ? sender.newest_stop : sender.newest);
-      if (copy || !stop) {
-        ++(copy ? counters_.repeated : counters_.old);
-        return;
-      }
-    } else {
-      sender.newest = message.sequence;
-      sender.known = true;
+    Sender* sender = find(message.sender);
+    if (sender == nullptr && forgotten_tick_ && message.tick <= *forgotten_tick_ && !stop) {
+      ++counters_.old;
+      return;
     }
-    if (stop) sender.newest_stop = message.sequence;
-    // Commands are obeyed one per tick; in a flood of them the oldest go, so that a stop still comes through.
-    if (waiting_.size() == kMostWaiting) waiting_.pop_front();
-    waiting_.push_back(message);
+    if (sender == nullptr) sender = &take_place(message.sender);
+    sender->used = ++heard_;
+    if (message.sequence <= sender->newest_own) return;  // a bus gives back what is published on it
+    const std::optional<std::int64_t>& newest = stop ? sender->newest_stop : sender->newest;
+    if (message.sequence <= newest) {
+      ++(message.sequence == newest ? counters_.repeated : counters_.old);
+      return;
+    }
+    if (!waiting_.push(message, stop)) return;
+    if (stop) sender->newest_stop = message.sequence;
+    sender->newest = std::max(sender->newest, std::optional(message.sequence));
+    sender->newest_tick = std::max(sender->newest_tick, std::optional(message.tick));
   }
 
   // One's own, about to be published: it is not handed out when it comes back.
   void know(const operator_t& message) {
-    Sender& sender = sender_of(message.sender);
-    sender.newest = sender.known ? std::max(sender.newest, message.sequence) : message.sequence;
-    sender.newest_own = message.sequence;
-    sender.own = sender.known = true;
+    Sender* sender = find(message.sender);
+    if (sender == nullptr) sender = &take_place(message.sender);
+    sender->used = ++heard_;
+    sender->newest = std::max(sender->newest, std::optional(message.sequence));
+    sender->newest_own = message.sequence;
   }
 
   std::optional<operator_t> next() {
-    if (waiting_.empty()) return std::nullopt;
-    const operator_t message = waiting_.front();
-    waiting_.pop_front();
+    if (waiting_.front() == nullptr) return std::nullopt;
+    const operator_t message = *waiting_.front();
+    waiting_.pop();
     return message;
   }
 
   // What next() would hand out; nullptr: nothing.
-  [[nodiscard]] const operator_t* peek() const { return waiting_.empty() ? nullptr : &waiting_.front(); }
+  [[nodiscard]] const operator_t* peek() const { return waiting_.front(); }
 
-  // Of these only `repeated` and `old` are counted here.
-  [[nodiscard]] const LinkCounters& counters() const { return counters_; }
+  // Of these only `repeated`, `old` and `dropped` are counted here.
+  [[nodiscard]] LinkCounters counters() const {
+    LinkCounters counters = counters_;
+    counters.dropped = waiting_.dropped();
+    return counters;
+  }
 
  private:
-  static constexpr std::size_t kMostWaiting = 64;
-
+  // Without a value: none; it is less than any.
   struct Sender {
     std::int64_t id = 0;
-    bool own = false, known = false;
-    std::int64_t newest = 0, newest_own = 0;
-    std::optional<std::int64_t> newest_stop;
+    std::optional<std::int64_t> newest, newest_stop, newest_own, newest_tick;
     std::int64_t used = 0;  // when, in messages heard; 0: the place is free
   };
 
-  // Somebody who invents senders makes the oldest be forgotten, so that these could be heard again; but never oneself.
-  Sender& sender_of(std::int64_t id) {
-    ++heard_;
-    auto place =
+  Sender* find(std::int64_t id) {
+    const auto place =
         std::find_if(senders_.begin(), senders_.end(), [id](const Sender& s) { return s.used > 0 && s.id == id; });
-    if (place == senders_.end()) {
-      const auto older = [](const Sender& a, const Sender& b) { return a.own != b.own ? b.own : a.used < b.used; };
-      place = std::min_element(senders_.begin(), senders_.end(), older);
-      *place = Sender();
-      place->id = id;
-    }
-    place->used = heard_;
-    return *place;
+    return place == senders_.end() ? nullptr : &*place;
+  }
+  Sender& take_place(std::int64_t id) {
+    const auto older = [](const Sender& a, const Sender& b) {
+      return a.newest_own.has_value() != b.newest_own.has_value() ? b.newest_own.has_value() : a.used < b.used;
+    };
+    Sender& place = *std::min_element(senders_.begin(), senders_.end(), older);
+    forgotten_tick_ = std::max(forgotten_tick_, place.newest_tick);
+    place = Sender();
+    place.id = id;
+    return place;
   }
 
-  std::deque<operator_t> waiting_;
-  std::array<Sender, 32> senders_{};
+  OperatorQueue<operator_t, kMostWaiting> waiting_;
+  std::array<Sender, kMostSenders> senders_{};
+  std::optional<std::int64_t> forgotten_tick_;
   std::int64_t heard_ = 0;
   LinkCounters counters_;
 };

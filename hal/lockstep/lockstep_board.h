@@ -1,11 +1,10 @@
 // Controller and world in one process: plain mailboxes, no threads, no allocation, no wall clock.
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
 
 #include "hal/board.h"
+#include "hal/operator_queue.h"
 
 namespace ballast::hal {
 
@@ -23,10 +22,9 @@ class LockstepBoard {
     has_verdict_ = true;
   }
   // Queued; kIo: the queue is full and the command was not taken.
-  Status give_operator(firmware::OperatorInput command) {
-    if (operator_count_ == commands_.size()) return Status::kIo;
-    commands_[(operator_first_ + operator_count_++) % commands_.size()] = command;
-    return Status::kOk;
+  Status give_operator(const firmware::OperatorInput& command) {
+    const bool taken = commands_.push(command, command.command == firmware::OperatorCommand::kStop);
+    return taken ? Status::kOk : Status::kIo;
   }
   // Makes a tick due. The first may have any number; later ones must be the next one, others are counted and ignored.
   // `last`: once it is served wait_tick() returns kEnded.
@@ -54,7 +52,11 @@ class LockstepBoard {
     has_status_ = false;
     return Status::kOk;
   }
-  [[nodiscard]] const LinkCounters& counters() const { return counters_; }
+  [[nodiscard]] LinkCounters counters() const {
+    LinkCounters counters = counters_;
+    counters.dropped = commands_.dropped();
+    return counters;
+  }
   [[nodiscard]] std::int64_t watchdog_kicks() const { return watchdog_kicks_; }
 
   // --- the controller's side: hal/board.h ---
@@ -78,10 +80,9 @@ class LockstepBoard {
     return Status::kOk;
   }
   Status read_operator(firmware::OperatorInput& command) {
-    if (operator_count_ == 0) return Status::kEmpty;
-    command = commands_[operator_first_];
-    operator_first_ = (operator_first_ + 1) % commands_.size();
-    --operator_count_;
+    if (commands_.front() == nullptr) return Status::kEmpty;
+    command = *commands_.front();
+    commands_.pop();
     return Status::kOk;
   }
   Status write_steps(const firmware::StepCommand& steps) {
@@ -99,9 +100,7 @@ class LockstepBoard {
  private:
   firmware::Sensors sensors_;
   firmware::MonitorVerdict verdict_;
-  std::array<firmware::OperatorInput, 8> commands_{};
-  std::size_t operator_first_ = 0;
-  std::size_t operator_count_ = 0;
+  OperatorQueue<firmware::OperatorInput, 8> commands_;
   firmware::StepCommand steps_;
   firmware::ControllerStatus status_;
   bool has_sensors_ = false, has_verdict_ = false, has_steps_ = false, has_status_ = false;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "hal/board.h"
+#include "hal/operator_queue.h"
 #include "hal/target/link.h"
 
 namespace ballast::hal::target {
@@ -17,8 +18,10 @@ class LinkBoard {
   // First the board's own tick, then the world's message about it.
   Status wait_tick(std::int64_t& tick) {
     if (last_) return Status::kEnded;
+    // Of the ticks that have begun by now none was waited for; of those that begin while it waits all but one are late.
+    const bool late = machine_.tick_due();
     const std::uint32_t begun = machine_.wait_tick();
-    if (ticked_) overruns_ += begun - 1;
+    if (ticked_) overruns_ += late ? begun : begun - 1;
     for (;;) {
       Frame frame;
       if (const Status s = link_.receive(frame); s != Status::kOk) return s;
@@ -40,7 +43,10 @@ class LinkBoard {
     last_ = world_.last;
     has_sensors_ = true;
     has_verdict_ = world_.has_verdict;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(world_.command_count); ++i) queue(world_.commands[i]);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(world_.command_count); ++i) {
+      const firmware::OperatorInput& command = world_.commands[i];
+      static_cast<void>(commands_.push(command, command.command == firmware::OperatorCommand::kStop));  // it counts
+    }
     tick = tick_;
     inputs_came_ = machine_.counter();
     return Status::kOk;
@@ -60,10 +66,9 @@ class LinkBoard {
     return Status::kOk;
   }
   Status read_operator(firmware::OperatorInput& command) {
-    if (command_count_ == 0) return Status::kEmpty;
-    command = commands_[first_command_];
-    first_command_ = (first_command_ + 1) % commands_.size();
-    --command_count_;
+    if (commands_.front() == nullptr) return Status::kEmpty;
+    command = *commands_.front();
+    commands_.pop();
     return Status::kOk;
   }
 
@@ -83,20 +88,15 @@ class LinkBoard {
     machine_.kick_watchdog();
   }
 
-  [[nodiscard]] const LinkCounters& counters() const { return counters_; }
+  [[nodiscard]] LinkCounters counters() const {
+    LinkCounters counters = counters_;
+    counters.dropped = commands_.dropped();
+    return counters;
+  }
   [[nodiscard]] std::int64_t watchdog_kicks() const { return watchdog_kicks_; }
   [[nodiscard]] std::int64_t tick() const { return tick_; }
 
  private:
-  // Full: the operator has said more than anybody can mean; the newest is not heard, and counted.
-  void queue(const firmware::OperatorInput& command) {
-    if (command_count_ == commands_.size()) {
-      ++counters_.malformed;
-      return;
-    }
-    commands_[(first_command_ + command_count_++) % commands_.size()] = command;
-  }
-
   M& machine_;
   Link<M>& link_;
   World world_;
@@ -105,8 +105,7 @@ class LinkBoard {
   std::int64_t tick_ = 0;
   std::int64_t overruns_ = 0;
   bool has_sensors_ = false, has_verdict_ = false;
-  std::array<firmware::OperatorInput, kMaxCommands> commands_{};
-  std::size_t first_command_ = 0, command_count_ = 0;
+  OperatorQueue<firmware::OperatorInput, kMaxCommands> commands_;
   std::uint32_t inputs_came_ = 0;  // counter
   std::uint32_t tick_counts_ = 0;
   firmware::StepCommand steps_;

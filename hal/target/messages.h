@@ -149,8 +149,8 @@ void vector_fields(A& archive, V& vector) {
 
 template <class A, class T>
 void text_fields(A& archive, T& text) {
-  for (auto& character : text.characters) archive.bounded(character, 0, 127);
-  if (text.characters.back() != 0) archive.bounded(text.characters.back(), 0, 0);
+  const auto* last = &text.characters.back();
+  for (auto& character : text.characters) archive.bounded(character, 0, &character == last ? 0 : 127);
 }
 
 // One pattern for all that follows: M is the message, or const when it is written.
@@ -376,6 +376,7 @@ void farewell_fields(A& archive, M& m) {
   archive(m.counters.repeated);
   archive(m.counters.out_of_order);
   archive(m.counters.foreign);
+  archive(m.counters.dropped);
   archive(m.watchdog_kicks);
   archive(m.stack_bytes);
   archive(m.stack_used_bytes);

@@ -333,14 +333,14 @@ TYPED_TEST_P(BoardConformance, VerdictPasses) {
 
 TYPED_TEST_P(BoardConformance, OperatorIsObeyedOnceAndInOrder) {
   using enum firmware::OperatorCommand;
-  ASSERT_NO_FATAL_FAILURE(this->serve(world_tick(0, {kArm, kStart, kStop, kReset, kArm})));
-  for (const firmware::OperatorCommand expected : {kArm, kStart, kStop}) {
+  ASSERT_NO_FATAL_FAILURE(this->serve(world_tick(0, {kArm, kStart, kReset, kStart, kArm})));
+  for (const firmware::OperatorCommand expected : {kArm, kStart, kReset}) {
     firmware::OperatorInput command = kNone;
     EXPECT_EQ(this->board_.read_operator(command), Status::kOk);
     EXPECT_EQ(command.command, expected);
   }
   ASSERT_NO_FATAL_FAILURE(this->serve(world_tick(1)));  // what is left over waits
-  for (const firmware::OperatorCommand expected : {kReset, kArm}) {
+  for (const firmware::OperatorCommand expected : {kStart, kArm}) {
     firmware::OperatorInput command = kNone;
     EXPECT_EQ(this->board_.read_operator(command), Status::kOk);
     EXPECT_EQ(command.command, expected);
@@ -348,6 +348,22 @@ TYPED_TEST_P(BoardConformance, OperatorIsObeyedOnceAndInOrder) {
   firmware::OperatorInput command = kNone;
   EXPECT_EQ(this->board_.read_operator(command), Status::kEmpty);
   EXPECT_EQ(command.command, kNone);
+  EXPECT_EQ(this->world_.counters().dropped, 0);
+}
+
+TYPED_TEST_P(BoardConformance, AStopGoesFirstAndTakesBackWhatWaits) {
+  using enum firmware::OperatorCommand;
+  ASSERT_NO_FATAL_FAILURE(this->serve(world_tick(0, {kArm, kStart, kReset, kStart, kArm, kReset, kReset, kReset})));
+  // The queue of the smallest board is full.
+  ASSERT_NO_FATAL_FAILURE(this->serve(world_tick(1, {kStop, kReset, kArm})));
+  for (const firmware::OperatorCommand expected : {kStop, kReset, kArm}) {
+    firmware::OperatorInput command = kNone;
+    EXPECT_EQ(this->board_.read_operator(command), Status::kOk);
+    EXPECT_EQ(command.command, expected);
+  }
+  firmware::OperatorInput command = kNone;
+  EXPECT_EQ(this->board_.read_operator(command), Status::kEmpty);
+  EXPECT_EQ(this->world_.counters().dropped, 8);
 }
 
 TYPED_TEST_P(BoardConformance, MovesArriveBitForBit) {
@@ -463,8 +479,8 @@ TYPED_TEST_P(BoardConformance, ControlLoopServesTheFirmware) {
 
 REGISTER_TYPED_TEST_SUITE_P(BoardConformance, TicksComeInOrderAndOnce, FirstTickMayHaveAnyNumber,
                             SensorsArriveBitForBit, NanInSensorsReachesTheFirmware, SensorsAndVerdictAreReadOnce,
-                            VerdictPasses, OperatorIsObeyedOnceAndInOrder, MovesArriveBitForBit,
-                            StepsAndStatusArriveBitForBit, EndIsReportedAfterTheLastTickWasServed,
+                            VerdictPasses, OperatorIsObeyedOnceAndInOrder, AStopGoesFirstAndTakesBackWhatWaits,
+                            MovesArriveBitForBit, StepsAndStatusArriveBitForBit, EndIsReportedAfterTheLastTickWasServed,
                             RepeatedTickIsIgnoredAndCounted, TickOutOfOrderIsIgnoredAndCounted, SilenceIsReported,
                             MissingVerdictIsReported, ControlLoopServesTheFirmware);
 

@@ -240,15 +240,15 @@ TEST(LcmBoard, AnotherScenarioIsAnErrorThatNamesTheSender) {
 TEST(LcmBoard, RepeatedOperatorMessageIsObeyedOnce) {
   LcmWorld world;
   const operator_t arm = to_message(firmware::OperatorCommand::kArm, 0, 1, kControlPeriod_s);
-  operator_t stop_of_another_sender = to_message(firmware::OperatorCommand::kStop, 0, 1, kControlPeriod_s);
-  stop_of_another_sender.sender = 1;
-  for (const operator_t& message : {arm, arm, stop_of_another_sender, arm}) world.publish(kChannelOperator, message);
+  operator_t start_of_another_sender = to_message(firmware::OperatorCommand::kStart, 0, 1, kControlPeriod_s);
+  start_of_another_sender.sender = 1;
+  for (const operator_t& message : {arm, arm, start_of_another_sender, arm}) world.publish(kChannelOperator, message);
   serve(world, world_tick(0));
   firmware::OperatorInput command = firmware::OperatorCommand::kNone;
   ASSERT_EQ(world.board().read_operator(command), Status::kOk);
   EXPECT_EQ(command.command, firmware::OperatorCommand::kArm);
   ASSERT_EQ(world.board().read_operator(command), Status::kOk);
-  EXPECT_EQ(command.command, firmware::OperatorCommand::kStop);
+  EXPECT_EQ(command.command, firmware::OperatorCommand::kStart);
   EXPECT_EQ(world.board().read_operator(command), Status::kEmpty);
   EXPECT_EQ(world.counters().repeated, 2);
 }
@@ -259,17 +259,109 @@ TEST(LcmBoard, CommandsOlderThanTheirSendersNewestAreNotObeyedButStopsAre) {
   const auto say = [&](firmware::OperatorCommand command, std::int64_t sequence) {
     world.publish(kChannelOperator, to_message(command, 0, sequence, kControlPeriod_s));
   };
-  say(kArm, 5), say(kStart, 6), say(kArm, 5), say(kReset, 4), say(kStop, 3), say(kStop, 3), say(kReset, 7);
-  say(kStop, 7), say(kStop, 7);  // of a tool that does not count
+  std::int64_t tick = 0;
+  const auto expect_obeyed = [&](std::initializer_list<firmware::OperatorCommand> commands) {
+    serve(world, world_tick(tick++));
+    firmware::OperatorInput command;
+    for (const firmware::OperatorCommand obeyed : commands) {
+      ASSERT_EQ(world.board().read_operator(command), Status::kOk);
+      EXPECT_EQ(command.command, obeyed);
+    }
+    EXPECT_EQ(world.board().read_operator(command), Status::kEmpty);
+  };
+  say(kArm, 5), say(kStart, 6), say(kArm, 5), say(kReset, 4);
+  expect_obeyed({kArm, kStart});
+  say(kStop, 3), say(kStop, 3), say(kReset, 7);
+  expect_obeyed({kStop, kReset});
+  say(kStop, 7), say(kStop, 7), say(kStop, 3);  // of a tool that does not count; an old stop after a newer one
+  expect_obeyed({kStop});
+  EXPECT_EQ(world.counters().old, 3);
+  EXPECT_EQ(world.counters().repeated, 2);
+  EXPECT_EQ(world.counters().dropped, 0);
+}
+
+TEST(LcmBoard, AStopHeardBeforeTheRunIsKnownIsNotLost) {
+  LcmWorld world;
+  world.send_operator(firmware::OperatorCommand::kStop);
+  for (int i = 0; i < 64; ++i) world.send_operator(firmware::OperatorCommand::kReset);
   serve(world, world_tick(0));
   firmware::OperatorInput command;
-  for (const firmware::OperatorCommand obeyed : {kArm, kStart, kStop, kReset, kStop}) {
-    ASSERT_EQ(world.board().read_operator(command), Status::kOk);
-    EXPECT_EQ(command.command, obeyed);
+  ASSERT_EQ(world.board().read_operator(command), Status::kOk);
+  EXPECT_EQ(command.command, firmware::OperatorCommand::kStop);
+  EXPECT_EQ(world.counters().dropped, 1);
+}
+
+operator_t said(firmware::OperatorCommand command, std::int64_t tick, std::int64_t sequence, std::int64_t sender) {
+  operator_t message = to_message(command, tick, sequence, kControlPeriod_s);
+  message.sender = sender;
+  return message;
+}
+
+TEST(OperatorInbox, AStopGoesFirstWhateverComesBeforeAndAfterIt) {
+  using enum firmware::OperatorCommand;
+  OperatorInbox inbox;
+  std::int64_t sequence = 0;
+  for (int i = 0; i < 10; ++i) inbox.hear(said(kReset, 0, ++sequence, 1));
+  inbox.hear(said(kStop, 0, ++sequence, 1));
+  for (int i = 0; i < 200; ++i) inbox.hear(said(kArm, 0, ++sequence, 1 + i % 3));
+  auto message = inbox.next();
+  ASSERT_TRUE(message);
+  EXPECT_EQ(message->command, operator_t::COMMAND_STOP);
+  int after = 0;
+  while ((message = inbox.next())) {
+    EXPECT_EQ(message->command, operator_t::COMMAND_ARM);
+    EXPECT_EQ(message->sequence, 12 + after++) << "the first of them are kept";
   }
-  EXPECT_EQ(world.board().read_operator(command), Status::kEmpty);
-  EXPECT_EQ(world.counters().old, 2);
-  EXPECT_EQ(world.counters().repeated, 2);
+  EXPECT_EQ(after, 63);
+  EXPECT_EQ(inbox.counters().dropped, 10 + 200 - after);
+}
+
+TEST(OperatorInbox, WhatFoundNoRoomCanBeSaidAgain) {
+  using enum firmware::OperatorCommand;
+  OperatorInbox inbox;
+  for (std::int64_t k = 1; k <= 65; ++k) inbox.hear(said(kArm, 0, k, 1));
+  EXPECT_EQ(inbox.counters().dropped, 1);
+  while (inbox.next()) {
+  }
+  inbox.hear(said(kArm, 0, 65, 1));
+  ASSERT_TRUE(inbox.next());
+  inbox.hear(said(kArm, 0, 65, 1));
+  EXPECT_FALSE(inbox.next());
+  EXPECT_EQ(inbox.counters().repeated, 1);
+}
+
+// However many others speak meanwhile, in ticks as they go by: nothing is obeyed twice.
+TEST(OperatorInbox, CopiesAreRefusedWhateverCameBetween) {
+  using enum firmware::OperatorCommand;
+  const std::uint64_t seed = std::random_device{}();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  OperatorInbox inbox;
+  inbox.know(said(kArm, 0, 5, 0));
+  std::vector<operator_t> all;
+  for (std::int64_t tick = 1; tick <= 300; ++tick) {
+    all.push_back(said(tick % 2 == 0 ? kMove : kArm, tick, 1000 + tick, tick));
+    inbox.hear(all.back());
+    ASSERT_TRUE(inbox.next()) << "a new sender's, of this tick: " << tick;
+    for (int copies = 0; copies < 20; ++copies) inbox.hear(all[random() % all.size()]);
+    inbox.hear(said(kArm, 0, 5, 0));  // one's own
+    ASSERT_FALSE(inbox.next());
+  }
+  EXPECT_EQ(inbox.counters().repeated + inbox.counters().old, 300 * 20);
+  // Of a sender forgotten, or never known and as old: a stop is obeyed, and then known.
+  inbox.hear(said(kStop, 1, 2000, 1));
+  ASSERT_TRUE(inbox.next());
+  inbox.hear(said(kStop, 1, 2000, 1));
+  EXPECT_FALSE(inbox.next());
+  // More new senders in one tick than there are places: those who did not get one are heard in the next.
+  int taken = 0;
+  for (int sender = 1000; sender < 1100; ++sender) {
+    inbox.hear(said(kArm, 400, 1, sender));
+    while (inbox.next()) ++taken;
+  }
+  EXPECT_EQ(taken, 32);
+  inbox.hear(said(kArm, 401, 1, 1099));
+  EXPECT_TRUE(inbox.next());
 }
 
 // A log played back is of no run, a run before this one is another: neither moves anything, before the first tick and

@@ -45,10 +45,11 @@ INSTANTIATE_TYPED_TEST_SUITE_P(Lockstep, BoardConformance, LockstepWorld);
 TEST(LockstepBoard, OperatorQueueSaysWhenItIsFull) {
   LockstepBoard board;
   for (int i = 0; i < 8; ++i) ASSERT_EQ(board.give_operator(firmware::OperatorCommand::kArm), Status::kOk);
-  EXPECT_EQ(board.give_operator(firmware::OperatorCommand::kStop), Status::kIo);
+  EXPECT_EQ(board.give_operator(firmware::OperatorCommand::kArm), Status::kIo);
   firmware::OperatorInput command = firmware::OperatorCommand::kNone;
   ASSERT_EQ(board.read_operator(command), Status::kOk);
-  EXPECT_EQ(board.give_operator(firmware::OperatorCommand::kStop), Status::kOk);
+  EXPECT_EQ(board.give_operator(firmware::OperatorCommand::kArm), Status::kOk);
+  EXPECT_EQ(board.counters().dropped, 1);
 }
 
 TEST(LockstepBoard, OutputsAreTakenOnce) {

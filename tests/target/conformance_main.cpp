@@ -78,6 +78,7 @@ bool serve(Call call, target::Reader& in, target::Writer& out) {
       out(board.counters().repeated);
       out(board.counters().out_of_order);
       out(board.counters().foreign);
+      out(board.counters().dropped);
       out(board.watchdog_kicks());
       out(board.overruns());
       return true;

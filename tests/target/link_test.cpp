@@ -1,6 +1,9 @@
 // The link's bytes: what goes in comes out, and nothing else gets through.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstring>
+#include <limits>
 #include <random>
 
 #include "hal/target/messages.h"
@@ -87,6 +90,160 @@ TEST(TargetLink, DamagedFramesAreRefused) {
     damaged[bit / 8] ^= static_cast<std::uint8_t>(1 << bit % 8);
     EXPECT_NE(decode_frame(damaged, frame).error, FrameError::kNone) << bit;
   }
+}
+
+// A good frame with some bytes of its header changed, and made a frame again by its checksum, or not.
+std::vector<std::uint8_t> changed(std::size_t at, std::uint64_t value, std::size_t size, bool new_checksum) {
+  auto bytes = frame_of(World{}, 5);
+  for (std::size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<std::uint8_t>(value >> 8 * i);
+  if (new_checksum) {
+    Writer trailer(std::span(bytes).last(kTrailerSize));
+    trailer(crc32(std::span<const std::uint8_t>(bytes).first(bytes.size() - kTrailerSize)));
+  }
+  return bytes;
+}
+
+TEST(TargetLink, EveryFrameErrorHasItsCause) {
+  const auto error_of = [](std::span<const std::uint8_t> bytes) {
+    Frame frame{.type = MessageType::kFarewell, .tick = 4711, .payload = {}};
+    const FrameResult result = decode_frame(bytes, frame);
+    if (result.error != FrameError::kNone) {
+      EXPECT_EQ(frame.type, MessageType::kFarewell);
+      EXPECT_EQ(frame.tick, 4711) << "untouched on failure";
+      EXPECT_EQ(frame.payload.size(), 0u);
+    }
+    return result.error;
+  };
+  for (const bool checksum : {false, true}) {
+    EXPECT_EQ(error_of(changed(0, 0x54534c43, 4, checksum)), FrameError::kNotAFrame);
+    EXPECT_EQ(error_of(changed(4, kProtocolVersion + 1, 2, checksum)), FrameError::kVersion);
+    for (const std::uint16_t type : {0, 10, 0xffff}) {
+      EXPECT_EQ(error_of(changed(6, type, 2, checksum)), FrameError::kType);
+    }
+    for (const std::uint32_t length : {std::uint32_t{kMaxPayload} + 1, 0x7fffffffu, 0xffffffffu}) {
+      EXPECT_EQ(error_of(changed(8, length, 4, checksum)), FrameError::kLength);
+    }
+  }
+  // A length that lies within what there is, or within what may come.
+  const auto good = frame_of(World{}, 5);
+  const std::size_t payload = good.size() - kHeaderSize - kTrailerSize;
+  for (const std::size_t length : {std::size_t{0}, std::size_t{1}, payload - 1}) {
+    EXPECT_EQ(error_of(changed(8, length, 4, true)), FrameError::kChecksum) << length;
+  }
+  Frame frame;
+  for (const std::size_t length : {payload + 1, kMaxPayload}) {
+    const FrameResult result = decode_frame(changed(8, length, 4, true), frame);
+    EXPECT_EQ(result.error, FrameError::kIncomplete);
+    EXPECT_EQ(result.needed, kHeaderSize + length + kTrailerSize);
+    auto longer = changed(8, length, 4, true);
+    longer.resize(result.needed);
+    EXPECT_EQ(error_of(longer), FrameError::kChecksum);
+  }
+  auto bad_checksum = good;
+  bad_checksum.back() ^= 0x80;
+  EXPECT_EQ(error_of(bad_checksum), FrameError::kChecksum);
+  // What follows a frame is none of its.
+  auto followed = good;
+  followed.insert(followed.end(), 100, 0xff);
+  const FrameResult result = decode_frame(followed, frame);
+  EXPECT_EQ(result.error, FrameError::kNone);
+  EXPECT_EQ(result.size, good.size());
+  EXPECT_EQ(error_of(std::span(followed).subspan(good.size())), FrameError::kNotAFrame);
+  // Another tick is a good frame once its checksum is right: the number is the receiver's to judge.
+  EXPECT_EQ(error_of(changed(12, 6, 8, false)), FrameError::kChecksum);
+  EXPECT_EQ(error_of(changed(12, 6, 8, true)), FrameError::kNone);
+}
+
+// The payload as bytes, in a frame that is good.
+template <class M>
+bool decodes(const std::vector<std::uint8_t>& payload, M& out) {
+  std::vector<std::uint8_t> framed(kMaxFrame);
+  framed.resize(encode_frame(framed, kTypeOf<M>, 1, [&](Writer& writer) {
+    for (const std::uint8_t byte : payload) writer(byte);
+  }));
+  Frame frame;
+  EXPECT_EQ(decode_frame(framed, frame).error, FrameError::kNone);
+  return decode(frame, out);
+}
+
+template <class M>
+std::vector<std::uint8_t> payload_of(const M& message) {
+  const auto bytes = frame_of(message, 1);
+  return {bytes.begin() + kHeaderSize, bytes.end() - kTrailerSize};
+}
+
+TEST(TargetLink, ATextEndsInsideItsPlace) {
+  Hello hello;
+  hello.board = "0123456789012345678901234567890123456789";  // cut to 31 characters
+  Hello out;
+  const auto good = payload_of(hello);
+  ASSERT_TRUE(decodes(good, out));
+  EXPECT_STREQ(out.board.c_str(), "0123456789012345678901234567890");
+  const std::size_t last = good.size() - sizeof hello.counter_hz - 1;
+  auto endless = good;
+  endless[last] = 'x';
+  EXPECT_FALSE(decodes(endless, out));
+  endless.insert(endless.begin() + static_cast<std::ptrdiff_t>(last) + 1, 0);  // nor one byte later
+  EXPECT_FALSE(decodes(endless, out));
+  for (const int character : {0x80, 0xff}) {
+    auto strange = good;
+    strange[last - 1] = static_cast<std::uint8_t>(character);
+    EXPECT_FALSE(decodes(strange, out));
+  }
+}
+
+TEST(TargetLink, CountsThatLieAreRefused) {
+  World world;
+  world.command_count = 2;
+  world.commands[0] = firmware::OperatorCommand::kArm;
+  world.commands[1] = firmware::OperatorCommand::kStart;
+  const auto good = payload_of(world);
+  World out;
+  ASSERT_TRUE(decodes(good, out));
+  const std::size_t count_at = good.size() - 2 - sizeof world.command_count;
+  for (const std::int32_t count : {-1, 0, 1, 3, kMaxCommands, kMaxCommands + 1, 0x7fffffff}) {
+    auto lying = good;
+    std::memcpy(lying.data() + count_at, &count, sizeof count);
+    EXPECT_FALSE(decodes(lying, out)) << count;
+  }
+  for (const int command : {0, 6, 255}) {
+    auto unknown = good;
+    unknown.back() = static_cast<std::uint8_t>(command);
+    EXPECT_FALSE(decodes(unknown, out)) << command;
+  }
+  auto flag = good;
+  flag[0] = 2;
+  EXPECT_FALSE(decodes(flag, out));
+}
+
+// What is no number passes, wherever a number may stand: validate() and the controller judge it.
+TEST(TargetLink, NansPass) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  World world, heard;
+  world.sensors.gyro_B_radps[2] = kNan;
+  world.sensors.accelerometer_B_mps2[0] = -std::numeric_limits<double>::infinity();
+  world.sensors.orientation.coeffs()[3] = kNan;
+  firmware::MoveRequest move;
+  move.speed_fraction = move.target_position[7] = kNan;
+  world.commands[0] = move;
+  world.command_count = 1;
+  ASSERT_TRUE(decodes(payload_of(world), heard));
+  expect_same(heard.sensors, world.sensors);
+  EXPECT_TRUE(std::isnan(heard.commands[0].move.speed_fraction));
+  EXPECT_TRUE(std::isnan(heard.commands[0].move.target_position[7]));
+  const auto params = std::make_unique<firmware::ControllerParams>(),
+             taken = std::make_unique<firmware::ControllerParams>();
+  params->control_period_s = kNan;
+  ASSERT_TRUE(decodes(payload_of(*params), *taken));
+  EXPECT_STREQ(firmware::validate(*taken).field, "control_period_s");
+  // But a motion of them is none.
+  const auto mass = std::make_unique<MassParams>();
+  mass->initial_position = kNan;
+  EXPECT_FALSE(set_mass(*mass, 0, *taken));
+  mass->initial_position = 0;
+  mass->piece_count = 1;
+  mass->pieces[0].duration_s = kNan;
+  EXPECT_FALSE(set_mass(*mass, 0, *taken));
 }
 
 template <class M>

@@ -87,6 +87,7 @@ class RemoteBoard {
     in(c.link.repeated);
     in(c.link.out_of_order);
     in(c.link.foreign);
+    in(c.link.dropped);
     in(c.watchdog_kicks);
     in(c.overruns);
     EXPECT_TRUE(in.complete());

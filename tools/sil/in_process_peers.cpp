@@ -17,6 +17,10 @@ hal::Status InProcessPeers::exchange(Lap& lap) {
                          : monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, controller_tick_});
   if (!controller_) return hal::Status::kOk;
 
+  // In the order of the log, by which a replay gives them.
+  if (lap.command) {
+    if (const hal::Status s = board_.give_operator(hal::from_message(*lap.command)); s != hal::Status::kOk) return s;
+  }
   if (operator_bus_ != nullptr) {
     if (lap.command) operator_.know(*lap.command);
     const hal::Status s = operator_bus_->receive_until(hal::WallClock::now(), [] { return false; });
@@ -29,9 +33,6 @@ hal::Status InProcessPeers::exchange(Lap& lap) {
       if (const hal::Status given = board_.give_operator(hal::from_message(*message)); given != hal::Status::kOk)
         return given;
     }
-  }
-  if (lap.command) {
-    if (const hal::Status s = board_.give_operator(hal::from_message(*lap.command)); s != hal::Status::kOk) return s;
   }
   board_.give_sensors(hal::from_message(lap.plant.sensors));
   board_.give_verdict(hal::from_message(lap.trip));

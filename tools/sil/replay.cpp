@@ -1,5 +1,6 @@
 #include "tools/sil/replay.h"
 
+#include <algorithm>
 #include <cstring>
 #include <deque>
 
@@ -72,7 +73,11 @@ class RecordedRun {
     if (!reader_.damage().empty()) end_ = reader_.damage();
     return false;
   }
+  // As in hal::OperatorQueue, a stop takes back what waits.
   std::optional<operator_t> next_command() {
+    const auto stop = std::find_if(commands_.rbegin(), commands_.rend(),
+                                   [](const operator_t& m) { return m.command == operator_t::COMMAND_STOP; });
+    if (stop != commands_.rend()) commands_.erase(commands_.begin(), stop.base() - 1);
     if (commands_.empty()) return std::nullopt;
     const operator_t command = commands_.front();
     commands_.pop_front();

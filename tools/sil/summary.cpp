@@ -351,11 +351,9 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
   }
   j["ticks"] = result.ticks;
   const hal::LinkCounters& refused = result.refused.here;
-  j["refused_messages"] = {{"malformed", refused.malformed},
-                           {"foreign", refused.foreign},
-                           {"repeated", refused.repeated},
-                           {"old", refused.old},
-                           {"by_controller", result.refused.by_controller}};
+  j["refused_messages"] = {{"malformed", refused.malformed}, {"foreign", refused.foreign},
+                           {"repeated", refused.repeated},   {"old", refused.old},
+                           {"dropped", refused.dropped},     {"by_controller", result.refused.by_controller}};
   j["wall_time"] = result.wall_time_s;
   j["speed"] = result.wall_time_s > 0 ? f.time_s / result.wall_time_s : 0.0;
   return j.dump(2) + "\n";
@@ -539,9 +537,12 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
                    std::isfinite(commanded) ? format("%.6f", commanded).c_str() : "unbounded");
   }
   if (const hal::LinkCounters& refused = result.refused.here; refused.refused() + result.refused.by_controller > 0) {
-    text += format("  bus         not used of what came: %lld malformed, %lld of another run, %lld repeated, %lld old",
-                   static_cast<long long>(refused.malformed), static_cast<long long>(refused.foreign),
-                   static_cast<long long>(refused.repeated), static_cast<long long>(refused.old));
+    text += format(
+        "  bus         not used of what came: %lld malformed, %lld of another run, %lld repeated, %lld old, "
+        "%lld dropped",
+        static_cast<long long>(refused.malformed), static_cast<long long>(refused.foreign),
+        static_cast<long long>(refused.repeated), static_cast<long long>(refused.old),
+        static_cast<long long>(refused.dropped));
     text += format("; by the controller %lld\n", static_cast<long long>(result.refused.by_controller));
   }
   text += format("  speed       %.0f times real time", end_s / std::max(result.wall_time_s, 1e-9));
