@@ -1,18 +1,35 @@
-# Writes a header with a number that is the same for the same sources: of everything that decides what the firmware
-# computes and says. cmake -DROOT=... -DOUTPUT=... -P build_id.cmake
+# A number that is the same for the same sources, for both ends of a link: of everything in this repository that a
+# microcontroller's program is made of, and of what says how it is compiled. One number, whatever the board: a host's
+# program talks to any, and a change to one costs no more than a build.
+#
+# Included, it gives build_id_sources. As a script (cmake -DROOT=... -DOUTPUT=... -P build_id.cmake) it writes a header
+# with the number.
 cmake_minimum_required(VERSION 3.25)
-file(GLOB_RECURSE sources RELATIVE ${ROOT} ${ROOT}/firmware/*.h ${ROOT}/firmware/*.cpp ${ROOT}/hal/target/*.h
-     ${ROOT}/hal/target/*.cpp)
-list(APPEND sources hal/control_loop.h)
-list(SORT sources)
-set(all "")
-foreach(source ${sources})
-  file(SHA256 ${ROOT}/${source} hash)
-  string(APPEND all "${source} ${hash}\n")
-endforeach()
-string(SHA256 id "${all}")
-string(SUBSTRING ${id} 0 16 id)
-file(WRITE ${OUTPUT}
+
+if(CMAKE_SCRIPT_MODE_FILE)
+  set(watch "")
+else()
+  set(ROOT ${PROJECT_SOURCE_DIR})
+  set(watch CONFIGURE_DEPENDS)
+endif()
+
+# Boards and what they share are the folders of hal/ that are not the host's; new ones are found by themselves.
+file(GLOB_RECURSE build_id_sources RELATIVE ${ROOT} ${watch} ${ROOT}/firmware/*.h ${ROOT}/firmware/*.cpp ${ROOT}/hal/*.h
+     ${ROOT}/hal/*.cpp ${ROOT}/hal/*.ld ${ROOT}/hal/*.cmake ${ROOT}/hal/CMakeLists.txt ${ROOT}/firmware/CMakeLists.txt)
+list(FILTER build_id_sources EXCLUDE REGEX "^hal/(lcm|lockstep)/")
+# Compile options stand here, those of every target and those of microcontrollers.
+list(APPEND build_id_sources CMakeLists.txt tools/toolchain/arm-none-eabi.cmake)
+list(SORT build_id_sources)
+
+if(CMAKE_SCRIPT_MODE_FILE)
+  set(all "")
+  foreach(source ${build_id_sources})
+    file(SHA256 ${ROOT}/${source} hash)
+    string(APPEND all "${source} ${hash}\n")
+  endforeach()
+  string(SHA256 id "${all}")
+  string(SUBSTRING ${id} 0 16 id)
+  file(WRITE ${OUTPUT}
 "// Made by build_id.cmake.
 #pragma once
 
@@ -24,3 +41,4 @@ inline constexpr std::uint64_t kSourcesId = 0x${id};
 
 }  // namespace ballast::hal::target
 ")
+endif()
