@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "firmware/model/rail_ends.h"
 #include "firmware/motion/crossing.h"
 
 namespace ballast::firmware {
@@ -115,24 +116,6 @@ bool stop(Profile& profile, const ProfilePoint& from, const MotionLimits& limits
   const MotionLimits allowed{std::numeric_limits<Wide>::infinity(),
                              std::fmax(limits.max_acceleration, std::fabs(from.acceleration)), limits.max_jerk};
   return profile.at_rest_from(profile.end_s()) && check_limits(profile, allowed).ok();
-}
-
-// Of the model's numbers, with room.
-constexpr Real kRounding = std::max(Real(1e-12), 16 * std::numeric_limits<Real>::epsilon());
-
-// Lines end where the ball does or at their stops, open splines at their ends or their stops; no other rail has an end.
-bool on_rail(const BallParams& ball, int i, Wide rail_coordinate) {
-  const auto position = static_cast<Real>(rail_coordinate);
-  const Rail& rail = ball.rail[at(i)];
-  const Real rounding = kRounding * (rail.upper_end - rail.lower_end);
-  if (position < rail.lower_end - rounding || position > rail.upper_end + rounding) return false;
-  if (rail.shape == RailShape::kSpline && !rail.closed) {
-    const Real length = length_m(rail);
-    return position >= -kRounding * length && position <= length * (1 + kRounding);
-  }
-  if (rail.shape != RailShape::kLine) return true;
-  const Vector3 r = evaluate(rail, position).position;
-  return std::sqrt(r.dot(r)) <= ball.radius_m * (1 + kRounding);
 }
 
 Wide final_position(const Profile& profile) { return profile.cubic(profile.piece_count()).position; }

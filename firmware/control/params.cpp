@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "firmware/control/controller.h"
+#include "firmware/model/rail_ends.h"
 
 namespace ballast::firmware {
 
@@ -138,6 +139,9 @@ ParamError validate(const ControllerParams& params) {
     const Wide start = params.motion[k].at(0).position;
     check.require(std::fabs(start * motor.steps_per_unit) <= 1e15, "motion", i, start,
                   "initial position within 1e15 microsteps of 0");
+    if (check.error().ok()) {
+      check.require(on_rail(params.ball, i, start), "motion", i, start, "initial position between its rail's ends");
+    }
     if (check.error().ok()) check.motion(params.motion[k], motion_limits(params, i), i);
   }
   return check.error();

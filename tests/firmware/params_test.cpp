@@ -128,6 +128,7 @@ TEST(Validate, SplineRails) {
   EXPECT_TRUE(validated(with_spline([](auto& p) {
                 p.ball.rail[1].piece_count = 1;
                 p.ball.rail[1].closed = false;
+                ASSERT_TRUE(p.motion[1].set(0, 0, nullptr, 0));  // it is a short one
                 p.ball.rail[1].knots[2].position_B_m[0] = kNan;  // beyond the count
               })).ok());
   for (const int count : {0, -1, 65, 1 << 30}) {
@@ -160,6 +161,46 @@ TEST(Validate, MotorsAndMotion) {
   expect_refused_values("motor.max_acceleration", 0, {0, -1, kNan, kInfinity},
                         [](auto& p) -> Real& { return p.motor[0].max_acceleration; });
   expect_refused("motion", 1, [](auto& p) { ASSERT_TRUE(p.motion[1].set(1e14, 0, nullptr, 0)); });
+}
+
+// The first start begins where the motion says that the masses stand, so that has to be on the rail.
+TEST(Validate, MassesStandBetweenTheirRailsEnds) {
+  const auto standing_at = [](Wide position, const Change& rail) {
+    return [=](ControllerParams& p) {
+      rail(p);
+      ASSERT_TRUE(p.motion[1].set(position, 0, nullptr, 0));
+    };
+  };
+  const Change line_with_stops = [](ControllerParams& p) {
+    p.ball.rail[1] = line(Vector3(0, 0, -0.1), Vector3::UnitX());
+    p.ball.rail[1].lower_end = -0.3;
+    p.ball.rail[1].upper_end = 0.2;
+  };
+  const Change half_line = [=](ControllerParams& p) {
+    line_with_stops(p);
+    p.ball.rail[1].upper_end = kInfinity;
+  };
+  const Change open_spline = [](ControllerParams& p) {
+    p.ball.rail[1] = testing::wavy_spline();
+    p.ball.rail[1].closed = false;
+  };
+  const Wide length = length_m(testing::wavy_spline());
+  for (const Wide position : {-0.3, 0., 0.2}) {
+    EXPECT_TRUE(validated(standing_at(position, line_with_stops)).ok()) << position;
+    EXPECT_TRUE(validated(standing_at(position, half_line)).ok()) << position;
+  }
+  for (const Wide position : {0., length}) EXPECT_TRUE(validated(standing_at(position, open_spline)).ok()) << position;
+  // Beyond rounding, whose bound is 1e-12 of the rail.
+  for (const Wide position : {-0.3 - 1e-9, 0.2 + 1e-9, -5., 5.}) {
+    expect_refused("motion", 1, standing_at(position, line_with_stops));
+    EXPECT_EQ(validated(standing_at(position, line_with_stops)).value, position);
+  }
+  expect_refused("motion", 1, standing_at(-0.3 - 1e-9, half_line));
+  for (const Wide position : {-1e-9, length + 1e-9}) expect_refused("motion", 1, standing_at(position, open_spline));
+  // A line without stops ends where the ball does: sqrt(1 - 0.1^2).
+  expect_refused("motion", 1, standing_at(1, [](ControllerParams& p) {
+                   p.ball.rail[1] = line(Vector3(0, 0, -0.1), Vector3::UnitX());
+                 }));
 }
 
 TEST(Validate, AMotionThatBreaksALimitIsNamedByPieceMotorAndValue) {
