@@ -15,7 +15,8 @@ extern void (*ballast_init_begin[])();
 extern void (*ballast_init_end[])();
 int main();
 void ballast_start();
-[[noreturn]] void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause);
+[[noreturn]] void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause,
+                                     std::uint32_t exc_return);
 }
 
 namespace {
@@ -93,13 +94,15 @@ void ballast_timer0() { the_machine.on_step_timer(); }
       "push {r4-r11}\n"                                  \
       "mov r0, sp\n"                                     \
       "mov r2, %1\n"                                     \
+      "mov r3, lr\n"                                     \
       "b ballast_last_words\n" ::"i"(fault_stack + 512), \
       "i"(cause))
 
 [[gnu::naked, noreturn]] void ballast_fault() { BALLAST_FAULT_ENTRY(0); }
 [[gnu::naked, noreturn]] void ballast_nmi() { BALLAST_FAULT_ENTRY(2); }
 
-void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause) {
+void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause,
+                        std::uint32_t exc_return) {
   reg(kTimer0) = 0;  // no more pulses
   target::LastWords words;
   words.cause = static_cast<target::Cause>(cause);
@@ -116,8 +119,12 @@ void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* fra
   if (cause == 0 && (in_guard || guard_hit || (words.cfsr & kStackingErrors) != 0)) {
     words.cause = target::Cause::kStackOverflow;
   }
-  words.sp = reinterpret_cast<std::uint32_t>(frame + 8);
+  // ARMv7-M, B1.5.7: room for the FPU's registers (s0..s15, FPSCR, one reserved) if EXC_RETURN's bit 4 is clear, and a
+  // word to keep the stack on multiples of 8 if bit 9 of the xPSR pushed is set.
+  const std::uint32_t pushed = (exc_return & 1u << 4) == 0 ? 26 : 8;
+  words.sp = reinterpret_cast<std::uint32_t>(frame + pushed);
   if ((words.cfsr & kStackingErrors) == 0) {
+    words.sp += (frame[7] >> 9 & 1) * 4;
     for (std::size_t i = 0; i < 4; ++i) words.r[i] = frame[i];
     words.r[12] = frame[4];
     words.lr = frame[5];

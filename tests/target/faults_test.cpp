@@ -78,7 +78,36 @@ TEST_F(Target, TheWatchdogEndsAFirmwareThatHangs) {
   expect_end("masked", program::kExitFirmwareHung, "hung at tick 100");  // with interrupts off
 }
 
-TEST_F(Target, ALateTickEndsTheRun) { expect_end("late", program::kExitLate, "tick 100 is late"); }
+TEST_F(Target, ALateTickEndsTheRun) {
+  expect_end("late", program::kExitLate, "tick 100 is late: the next one began before it was served");
+  expect_end("late-after", program::kExitLate, "tick 100 is late: the next one began before its end");
+}
+
+TEST_F(Target, AnAnswerThatIsNotThisRunsEndsTheRun) {
+  expect_end("steps-tick", program::kExitCouldNotRun,
+             "the firmware's answer at tick 100 is not of this run: steps.tick 100, expected 101");
+  expect_end("steps-motors", program::kExitCouldNotRun,
+             "the firmware's answer at tick 100 is not of this run: steps.motor_count 0, expected 3");
+  expect_end("status-motors", program::kExitCouldNotRun,
+             "the firmware's answer at tick 100 is not of this run: status.motor_count 2, expected 3");
+}
+
+// The stack pointer is the one before the processor pushed its frame, whatever the frame had in it: sabotage_main.cpp
+// leaves it in r0.
+TEST_F(Target, LastWordsKnowTheStackPointer) {
+  for (const char* board : {"mps2_an500", "mps2_an386"}) {
+    board_ = board;
+    for (const char* sabotage : {"sp-fpu", "sp-fpu-odd", "sp-plain", "sp-plain-odd"}) {
+      const End end = run("sabotage.elf", std::string(sabotage) + "@100");
+      EXPECT_EQ(end.exit_status, program::kExitFirmwareFault) << end.err;
+      const auto value_of = [&](const std::string& name) {
+        const auto at = end.err.find(", " + name + " 0x");
+        return at == std::string::npos ? name : end.err.substr(at + name.size() + 3, 10);
+      };
+      EXPECT_EQ(value_of("sp"), value_of("r0")) << board << ' ' << sabotage << ": " << end.err;
+    }
+  }
+}
 
 TEST_F(Target, PinsThatDoSomethingElseEndTheRun) {
   expect_end("pins", program::kExitLate, "the pins did not do what was commanded in tick 101");

@@ -35,10 +35,24 @@ void spin(std::uint32_t instructions) {
   for (std::uint32_t i = 0; i < instructions / 3; ++i) asm volatile("nop");  // with the loop's own two
 }
 
+// Faults with the stack pointer in r0: with the FPU's registers on the stack or without, on a multiple of 8 or not.
+void fault_telling_sp(bool fpu, bool aligned) {
+  if (fpu) {
+    asm volatile("vmov s0, s0");
+  } else {  // CONTROL.FPCA
+    asm volatile("mrs r0, control\n bic r0, r0, #4\n msr control, r0\n isb" ::: "r0");
+  }
+  asm volatile("mov r0, sp\n bic r0, r0, #7\n sub r0, r0, %0\n mov sp, r0\n udf #0" ::"r"(aligned ? 0 : 4) : "r0");
+}
+
 void sabotage() {
   static std::uint8_t junk[100];
   volatile std::uint32_t zero = 0;
   if (is("undefined")) asm volatile("udf #0");
+  if (is("sp-fpu@")) fault_telling_sp(true, true);
+  if (is("sp-fpu-odd@")) fault_telling_sp(true, false);
+  if (is("sp-plain@")) fault_telling_sp(false, true);
+  if (is("sp-plain-odd@")) fault_telling_sp(false, false);
   if (is("unmapped")) zero = *reinterpret_cast<volatile std::uint32_t*>(0x80000000);
   if (is("divide")) zero = 7 / zero;  // 1 / x would be a comparison
   if (is("overflow")) zero = recurse(&zero);
@@ -46,7 +60,7 @@ void sabotage() {
   while (is("hang")) {
   }
   if (is("masked")) asm volatile("cpsid i\n 1: b 1b");
-  if (is("late")) spin(500000);  // two control periods of 1 ms; the watchdog waits for four
+  if (is("late@")) spin(500000);  // two control periods of 1 ms; the watchdog waits for four
   if (is("quit")) mps2::semihosting::exit(0);
   if (is("junk")) static_cast<void>(the_machine.write(junk));
   std::size_t count = 0;
@@ -71,10 +85,12 @@ class Sabotaged {
   Status read_verdict(firmware::MonitorVerdict& verdict) { return board_.read_verdict(verdict); }
   Status read_operator(firmware::OperatorInput& command) { return board_.read_operator(command); }
   Status write_steps(const firmware::StepCommand& steps) {
-    const Status status = board_.write_steps(steps);
+    static firmware::StepCommand other;
+    other = steps;
+    if (due_ && is("steps-tick")) --other.tick;
+    if (due_ && is("steps-motors")) other.motor_count = other.burst_count = 0;
+    const Status status = board_.write_steps(other);
     if (due_ && is("pins")) {  // something else reaches them than the host is told
-      static firmware::StepCommand other;
-      other = steps;
       other.motor_count = 1;
       other.burst_count = 1;
       other.bursts[0] = {.motor = 0, .direction = 1, .count = 1, .first_ticks = 17};
@@ -82,8 +98,17 @@ class Sabotaged {
     }
     return status;
   }
-  Status write_status(const firmware::ControllerStatus& status) { return board_.write_status(status); }
-  void kick_watchdog() { board_.kick_watchdog(); }
+  Status write_status(const firmware::ControllerStatus& status) {
+    static firmware::ControllerStatus other;
+    if (!due_ || !is("status-motors")) return board_.write_status(status);
+    other = status;
+    --other.motor_count;
+    return board_.write_status(other);
+  }
+  void kick_watchdog() {
+    if (due_ && is("late-after")) spin(300000);  // the tick is served, but so is the beginning of the next one over
+    board_.kick_watchdog();
+  }
 
  private:
   B& board_;

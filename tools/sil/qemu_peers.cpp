@@ -313,6 +313,38 @@ Status QemuPeers::hear_operators(Lap& lap) {
   return Status::kOk;
 }
 
+// The decoder lets every tick and every count through that could be some run's; these have to be this one's.
+Status QemuPeers::check_reply(std::int64_t tick) {
+  const firmware::ControllerStatus& status = reply_->status;
+  const firmware::StepCommand& steps = reply_->steps;
+  const auto wrong = [&](const char* what, std::int64_t is, std::int64_t expected) {
+    if (is == expected) return false;
+    static_cast<void>(fail(Status::kIo,
+                           "the firmware's answer " + when() + " is not of this run: " + what + " " +
+                               std::to_string(is) + ", expected " + std::to_string(expected),
+                           program::kExitCouldNotRun));
+    return true;
+  };
+  if (wrong("status.motor_count", status.motor_count, params_.ball.mass_count) ||
+      wrong("status.scenario_id", status.scenario_id, params_.scenario_id) ||
+      wrong("steps.motor_count", steps.motor_count, params_.ball.mass_count) ||
+      wrong("steps.tick", steps.tick, tick + 1)) {
+    return Status::kIo;
+  }
+  if (status.overruns == 0) return Status::kOk;
+  // The steps came in time if they took less than a control period: then what was late came after those of the tick
+  // before.
+  const double period_counts = params_.control_period_s * options_.commit.stretch * record_.counter_hz;
+  const std::string instructions =
+      std::to_string(static_cast<std::int64_t>(reply_->tick_counts * record_.instructions_per_count));
+  return fail(Status::kIo,
+              reply_->tick_counts < period_counts / 2
+                  ? "the firmware's tick " + std::to_string(tick - 1) + " is late: the next one began before its end"
+                  : "the firmware's tick " + std::to_string(tick) +
+                        " is late: the next one began before it was served (" + instructions + " instructions)",
+              program::kExitLate);
+}
+
 Status QemuPeers::exchange(Lap& lap) {
   const std::int64_t tick = lap.plant.sensors.tick;
   const bool last = lap.plant.sensors.last != 0;
@@ -328,8 +360,8 @@ Status QemuPeers::exchange(Lap& lap) {
   const auto say = [this](const operator_t& command) {
     world_->commands[static_cast<std::size_t>(world_->command_count++)] = hal::from_message(command);
   };
+  if (lap.command) say(*lap.command);  // in the order of the log, by which a replay gives them
   for (const operator_t& heard : lap.heard) say(heard);
-  if (lap.command) say(*lap.command);
   if (const Status s = send(*world_, tick); s != Status::kOk) return s;
 
   target::Frame frame;
@@ -338,13 +370,7 @@ Status QemuPeers::exchange(Lap& lap) {
     return fail(Status::kIo, "the firmware's answer " + when() + " is out of turn or out of range",
                 program::kExitCouldNotRun);
   }
-  if (reply_->status.overruns > 0) {
-    return fail(Status::kIo,
-                "the firmware's tick " + std::to_string(tick) + " is late: the next one began before it was served (" +
-                    std::to_string(static_cast<std::int64_t>(reply_->tick_counts * record_.instructions_per_count)) +
-                    " instructions)",
-                program::kExitLate);
-  }
+  if (const Status s = check_reply(tick); s != Status::kOk) return s;
   if (const Status s = check_pulses(tick - 1, reply_->played); s != Status::kOk) return s;
   commanded_ = commanded_next_;
   commanded_next_ = reply_->steps;

@@ -9,8 +9,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 #include <sstream>
 #include <thread>
+#include <utility>
 
 namespace ballast::sil {
 namespace {
@@ -57,8 +59,47 @@ class NoPipeSignal {
   sigset_t before_{};
 };
 
+// A file descriptor that is closed with the object.
+class Fd {
+ public:
+  Fd() = default;
+  explicit Fd(int fd) : fd_(fd) {}
+  Fd(Fd&& other) noexcept : fd_(other.release()) {}
+  Fd& operator=(Fd&& other) noexcept {
+    std::swap(fd_, other.fd_);
+    return *this;
+  }
+  ~Fd() {
+    if (fd_ >= 0) close(fd_);
+  }
+  [[nodiscard]] int get() const { return fd_; }
+  int release() { return std::exchange(fd_, -1); }
+
+ private:
+  int fd_ = -1;
+};
+
+struct Pipe {
+  Fd reading, writing;
+};
+
+// Both ends at `above` or higher. nullopt: errno says why.
+std::optional<Pipe> open_pipe(int above) {
+  int ends[2];
+  if (pipe2(ends, O_CLOEXEC) != 0) return std::nullopt;
+  const Fd low_reading(ends[0]), low_writing(ends[1]);
+  Pipe pipe{Fd(fcntl(ends[0], F_DUPFD_CLOEXEC, above)), Fd(fcntl(ends[1], F_DUPFD_CLOEXEC, above))};
+  if (pipe.reading.get() < 0 || pipe.writing.get() < 0) {
+    const int error = errno;  // closing may change it
+    pipe = Pipe();
+    errno = error;
+    return std::nullopt;
+  }
+  return pipe;
+}
+
 // In the child, between fork and exec: nothing that allocates.
-[[noreturn]] void become_qemu(char** argv, std::span<const int> fds, int said, int report, pid_t parent) {
+[[noreturn]] void become_qemu(char** argv, std::span<const Fd> fds, int said, int report, pid_t parent) {
   // Ends with the process that started it, however that ends; a terminal's signals are for that one alone.
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(127);
@@ -72,7 +113,7 @@ class NoPipeSignal {
   dup2(null, STDOUT_FILENO);
   dup2(said, STDERR_FILENO);
   // They are above all numbers they are to get (start() sees to it), so none is overwritten before it is used.
-  for (std::size_t i = 0; i < fds.size(); ++i) dup2(fds[i], kFirstChildFd + static_cast<int>(i));
+  for (std::size_t i = 0; i < fds.size(); ++i) dup2(fds[i].get(), kFirstChildFd + static_cast<int>(i));
   execvp(argv[0], argv);
   const int error = errno;
   static_cast<void>(!::write(report, &error, sizeof error));
@@ -85,23 +126,17 @@ std::string QemuProcess::start(const QemuOptions& options) {
   if (!std::filesystem::is_regular_file(options.elf))
     return options.elf.string() + ": no such file; tools/firmware builds the firmware";
   std::string arguments = "enable=on,target=native,arg=";
-  std::vector<int> child_fds;
+  std::vector<Fd> child_fds;
   const int above = kFirstChildFd + 2 * options.pipe_pairs + 1;
-  const auto raised = [above](int fd) {
-    const int high = fcntl(fd, F_DUPFD_CLOEXEC, above);
-    close(fd);
-    return high;
-  };
-  const auto close_child_fds = [&child_fds] {
-    for (const int fd : child_fds) close(fd);
-  };
+  const auto no_pipe = [] { return std::string("no pipe: ") + std::strerror(errno); };
   for (int i = 0; i < options.pipe_pairs; ++i) {
-    int to[2], from[2];
-    if (pipe2(to, O_CLOEXEC) != 0) return std::string("no pipe: ") + std::strerror(errno);
-    if (pipe2(from, O_CLOEXEC) != 0) return std::string("no pipe: ") + std::strerror(errno);
-    child_fds.push_back(raised(to[0]));
-    child_fds.push_back(raised(from[1]));
-    pairs_.push_back({raised(to[1]), raised(from[0])});
+    std::optional<Pipe> to = open_pipe(above);
+    if (!to) return no_pipe();
+    std::optional<Pipe> from = open_pipe(above);
+    if (!from) return no_pipe();
+    child_fds.push_back(std::move(to->reading));
+    child_fds.push_back(std::move(from->writing));
+    pairs_.push_back({to->writing.release(), from->reading.release()});
     fcntl(pairs_.back().to, F_SETFL, O_NONBLOCK);
     const int child = kFirstChildFd + 2 * i;
     arguments += "/dev/fd/" + std::to_string(child) + ",arg=/dev/fd/" + std::to_string(child + 1) + ",arg=";
@@ -117,25 +152,22 @@ std::string QemuProcess::start(const QemuOptions& options) {
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
 
-  int said[2];
-  if (pipe2(said, O_CLOEXEC | O_NONBLOCK) != 0) return std::string("no pipe: ") + std::strerror(errno);
-  said_ = said[0];
-  child_fds.push_back(raised(said[1]));
-  int report[2];
-  if (pipe2(report, O_CLOEXEC) != 0) return std::string("no pipe: ") + std::strerror(errno);
-  const int report_writing = raised(report[1]);
+  std::optional<Pipe> said = open_pipe(above);
+  if (!said) return no_pipe();
+  std::optional<Pipe> report = open_pipe(above);
+  if (!report) return no_pipe();
+  said_ = said->reading.release();
+  fcntl(said_, F_SETFL, O_NONBLOCK);
   const pid_t parent = getpid();
   pid_ = fork();
-  if (pid_ == 0) {
-    const int said_writing = child_fds.back();
-    child_fds.pop_back();
-    become_qemu(argv.data(), child_fds, said_writing, report_writing, parent);
-  };
-  close(report_writing);
-  close_child_fds();
   int error = pid_ < 0 ? errno : 0;
-  if (pid_ > 0) static_cast<void>(!::read(report[0], &error, sizeof error));
-  close(report[0]);
+  if (pid_ == 0) become_qemu(argv.data(), child_fds, said->writing.get(), report->writing.get(), parent);
+  // The child's ends: nothing comes to an end while they are open here too.
+  child_fds.clear();
+  said->writing = Fd();
+  report->writing = Fd();
+  while (pid_ > 0 && ::read(report->reading.get(), &error, sizeof error) < 0 && errno == EINTR) {
+  }
   if (error == 0) return "";
   if (error == ENOENT) return std::string(kQemu) + ": not found; Debian has it in qemu-system-arm";
   return std::string(kQemu) + ": cannot be started: " + std::strerror(error);
