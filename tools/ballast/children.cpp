@@ -7,23 +7,23 @@
 
 #include <chrono>
 #include <cstring>
-#include <filesystem>
 #include <thread>
+
+#include "tools/program/subprocess.h"
 
 extern char** environ;
 
 namespace ballast {
 
 std::string Children::start(const std::string& name, const std::vector<std::string>& arguments) {
-  std::error_code code;
-  const auto program = std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / name;
+  const auto path = program::beside_this_program(name);
   std::vector<char*> argv;
-  argv.push_back(const_cast<char*>(program.c_str()));  // posix_spawn only reads them
+  argv.push_back(const_cast<char*>(path.c_str()));  // posix_spawn only reads them
   for (const auto& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);
   pid_t pid = 0;
-  if (const int error = posix_spawn(&pid, program.c_str(), nullptr, nullptr, argv.data(), environ); error != 0) {
-    return program.string() + ": cannot be started: " + std::strerror(error);
+  if (const int error = posix_spawn(&pid, path.c_str(), nullptr, nullptr, argv.data(), environ); error != 0) {
+    return path.string() + ": cannot be started: " + std::strerror(error);
   }
   children_.push_back({name, pid});
   return "";

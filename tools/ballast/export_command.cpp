@@ -19,8 +19,7 @@ int export_log(const ExportCommand& command) {
     program::complain("ballast", "export: say where to: --csv DIR, --mcap FILE, or both");
     return program::kExitUsage;
   }
-  std::error_code code;
-  const auto exporter = std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / "ballast-export";
+  const auto exporter = program::beside_this_program("ballast-export");
   std::vector<std::string> argv{exporter.string()};
   if (!command.csv.empty()) argv.push_back("--csv=" + command.csv);
   if (!command.mcap.empty()) argv.push_back("--mcap=" + command.mcap);

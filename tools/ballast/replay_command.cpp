@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "tools/ballast/commands.h"
+#include "tools/ballast/firmware_option.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
@@ -25,12 +26,10 @@ namespace fs = std::filesystem;
 
 constexpr int kExitDiffers = 3;
 
-struct ReplayCommand {
+struct ReplayCommand : FirmwareOption {
   std::string log;
   std::string scenario;  // empty: scenario.toml beside the log
-  std::string firmware = "host";
-  std::string elf;  // empty: the one built beside this program
-  std::string out;  // empty: the replayed log is thrown away
+  std::string out;       // empty: the replayed log is thrown away
   sil::ReplayOptions replay;
   bool verify = false;
 };
@@ -69,8 +68,7 @@ std::string file_text(const std::string& path) {
 
 // The words of `ballast compare`, which knows fields and units.
 std::string first_difference(const std::string& log, const std::string& replayed) {
-  std::error_code code;
-  const auto compare = fs::read_symlink("/proc/self/exe", code).parent_path() / "ballast-compare";
+  const auto compare = program::beside_this_program("ballast-compare");
   const program::ProgramOutcome said = program::run_program(
       {compare.string(), "--controller", "--", fs::absolute(log).string(), fs::absolute(replayed).string()});
   if (said.exit_status == 0) return said.output;
@@ -81,7 +79,7 @@ void print(const ReplayCommand& command, const sim::Scenario& scenario, const st
            const sil::ReplayResult& result, const std::string& replayed) {
   std::printf("%s: ticks %" PRId64 " to %" PRId64 " of %s, given to the firmware %s\n", scenario.name.c_str(),
               result.first_tick, result.last_tick, command.log.c_str(),
-              command.firmware == "qemu" ? "in QEMU" : "on this machine");
+              command.in_qemu() ? ("in QEMU, on " + qemu_options(command).board).c_str() : "on this machine");
   for (const std::string& note : result.notes) std::printf("  note        %s\n", note.c_str());
   const auto recorded = sil::firmware_sources(file_text(scenario_file));
   const std::string own = sil::own_firmware_sources();
@@ -144,9 +142,9 @@ int replay(const ReplayCommand& given) {
   command.replay.interrupted = program::catch_signals();
   const monitor::MonitorLimits limits = program::to_monitor_limits(*scenario);
   std::unique_ptr<sil::Peers> peers;
-  if (command.firmware == "qemu") {
+  if (command.in_qemu()) {
     sil::QemuPeersOptions qemu;
-    qemu.qemu.elf = command.elf.empty() ? program::default_firmware(qemu.qemu.board) : command.elf;
+    qemu.qemu = qemu_options(command);
     qemu.interrupted = command.replay.interrupted;
     peers = std::make_unique<sil::QemuPeers>(*scenario, *params, limits, qemu);
   } else {
@@ -176,13 +174,7 @@ std::function<int()> add_replay_command(CLI::App& app, CLI::App*& command) {
   command->add_option("--until", options->replay.until_tick, "the last tick to replay; default all");
   command->add_option("--scenario", options->scenario, "the run's scenario; default scenario.toml beside the log")
       ->check(program::not_empty());
-  command
-      ->add_option("--firmware", options->firmware,
-                   "host: compiled into this program; qemu: the one built for a microcontroller, in QEMU")
-      ->check(CLI::IsMember({"host", "qemu"}))
-      ->capture_default_str();
-  command->add_option("--firmware-elf", options->elf, "for --firmware qemu; default: the one tools/firmware has built")
-      ->check(program::not_empty());
+  add_firmware_options(*command, *options);
   command->add_option("--out", options->out, "keep the replayed log: the recorded one with the replayed outputs in it")
       ->check(program::not_empty());
   return [options] { return replay(*options); };

@@ -1,29 +1,21 @@
 // ballast report, ballast compare: pages about finished runs, made by the programs of tools/report beside this one.
-#include <unistd.h>
-
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "tools/ballast/commands.h"
 #include "tools/program/program.h"
+#include "tools/program/subprocess.h"
 
 namespace ballast {
 
 namespace {
 
 // Becomes that program; comes back only if it cannot be started.
-int become(const std::string& name, std::vector<std::string> arguments) {
-  std::error_code code;
-  std::string path = (std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / name).string();
-  std::vector<char*> argv{path.data()};
-  for (std::string& argument : arguments) argv.push_back(argument.data());
-  argv.push_back(nullptr);
-  execv(path.c_str(), argv.data());
-  program::complain("ballast", path + ": cannot be started: " + std::strerror(errno));
+int become(const std::string& name, const std::vector<std::string>& arguments) {
+  std::vector<std::string> argv{program::beside_this_program(name).string()};
+  argv.insert(argv.end(), arguments.begin(), arguments.end());
+  program::complain("ballast", program::become_program(argv));
   return program::kExitCouldNotRun;
 }
 

@@ -6,8 +6,10 @@
 
 #include "tools/ballast/children.h"
 #include "tools/ballast/commands.h"
+#include "tools/ballast/firmware_option.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
+#include "tools/program/subprocess.h"
 #include "tools/sil/in_process_peers.h"
 #include "tools/sil/lcm_peers.h"
 #include "tools/sil/qemu_peers.h"
@@ -17,11 +19,7 @@ namespace ballast {
 
 namespace {
 
-constexpr const char* kHost = "host";
-constexpr const char* kQemu = "qemu";
-constexpr const char* kQemuAn386 = "qemu-an386";
-
-struct RunCommand {
+struct RunCommand : FirmwareOption {
   program::ScenarioOptions scenario;
   program::BusOptions bus;
   CLI::Option* url = nullptr;
@@ -29,8 +27,6 @@ struct RunCommand {
   sil::RecordOptions record;
   bool processes = false;
   bool by_hand = false;
-  std::string firmware = kHost;
-  std::string elf;  // empty: the one built beside this program
   bool pictures = false;
 };
 
@@ -99,8 +95,7 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   record.run_options = " --firmware " + command.firmware;
   if (!command.elf.empty()) record.run_options += " --firmware-elf '" + command.elf + "'";
   sil::QemuPeersOptions options;
-  if (command.firmware == kQemuAn386) options.qemu.board = "mps2_an386";
-  options.qemu.elf = command.elf.empty() ? program::default_firmware(options.qemu.board) : command.elf;
+  options.qemu = qemu_options(command);
   options.start_timeout = sil::Seconds(command.bus.start_timeout_s);
   options.peer_timeout = sil::Seconds(command.bus.peer_timeout_s);
   options.interrupted = record.interrupted;
@@ -122,8 +117,7 @@ std::string quoted(const std::filesystem::path& path) {
 }
 
 void draw_pictures(const sil::OutputDir& output) {
-  std::error_code code;
-  const auto plot = std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / "ballast-plot";
+  const auto plot = program::beside_this_program("ballast-plot");
   const std::string line = quoted(plot) + " " + quoted(std::filesystem::absolute(output.path()));
   if (std::system(line.c_str()) != 0)
     program::complain("ballast", "the pictures could not be drawn; the run itself is complete");
@@ -137,7 +131,7 @@ int run(const RunCommand& command) {
     program::complain("ballast", "--check-steps: a run with prescribed masses has no steps; allowed with steppers");
     return program::kExitUsage;
   }
-  const bool in_qemu = command.firmware != kHost;
+  const bool in_qemu = command.in_qemu();
   if (in_qemu && (!has_controller || command.processes)) {
     program::complain("ballast", "--firmware " + command.firmware + ": " +
                                      (has_controller ? "not together with --processes"
@@ -212,16 +206,7 @@ std::function<int()> add_run_command(CLI::App& app, CLI::App*& command) {
   command->add_flag("--by-hand", options->by_hand,
                     "arm the controller, and leave start, stop and moves to ballast operate and ballast move on the "
                     "bus; at the wall clock's pace unless --speed says otherwise");
-  command
-      ->add_option("--firmware", options->firmware,
-                   "host: compiled into this program; qemu: the one built for a microcontroller, a Cortex-M7, in QEMU; "
-                   "qemu-an386: a Cortex-M4F, its model in single precision")
-      ->check(CLI::IsMember({kHost, kQemu, kQemuAn386}))
-      ->capture_default_str();
-  command
-      ->add_option("--firmware-elf", options->elf,
-                   "for a --firmware in QEMU; default: the one tools/firmware has built")
-      ->check(program::not_empty());
+  add_firmware_options(*command, *options);
   command->add_flag("--pictures", options->pictures, "draw the pictures when it is done");
   command->add_flag("--check-steps", options->record.check_steps,
                     "hold every step pulse against the motion, by other code than made it");

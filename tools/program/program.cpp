@@ -6,6 +6,7 @@
 #include <iostream>
 
 #include "sim/scenario_reader.h"
+#include "tools/program/subprocess.h"
 
 namespace ballast::program {
 namespace {
@@ -85,9 +86,7 @@ void add_bus_options(CLI::App& app, BusOptions& options) {
 }
 
 std::string default_firmware(const std::string& board) {
-  std::error_code error;
-  const auto folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
-  return (folder.parent_path() / board / "bin" / ("ballast-" + board + ".elf")).string();
+  return beside_this_program("").parent_path().parent_path() / board / "bin" / ("ballast-" + board + ".elf");
 }
 
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {

@@ -35,6 +35,11 @@ std::filesystem::path find_program(const std::string& name) {
   return {};
 }
 
+std::filesystem::path beside_this_program(const std::string& name) {
+  std::error_code code;
+  return std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / name;
+}
+
 ProgramOutcome run_program(const std::vector<std::string>& argv) {
   ProgramOutcome outcome;
   int ends[2];

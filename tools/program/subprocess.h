@@ -10,6 +10,9 @@ namespace ballast::program {
 // The file an executable of this name is started from, looked for in PATH; empty if there is none.
 std::filesystem::path find_program(const std::string& name);
 
+// The file of this name beside this executable, there or not.
+std::filesystem::path beside_this_program(const std::string& name);
+
 struct ProgramOutcome {
   int exit_status = -1;  // -1: it could not be started, or a signal ended it
   std::string output;    // stdout and stderr
