@@ -134,6 +134,17 @@ TEST(TargetSinglePrecision, ThePapersWholeRun) { expect_same_run("paper_ball", {
 TEST(TargetSinglePrecision, TheWholeRunOfDeskBall) { expect_same_run("desk_ball", {}, 0); }
 TEST(TargetSinglePrecision, ASpline) { expect_same_run("seam_ball", {"duration=2"}, 0); }
 
+// A log of its own, which the host's firmware could not equal.
+TEST(TargetSinglePrecision, AReplay) {
+  const test::Folder folder;
+  const auto run = folder.run("ballast run paper_ball --set duration=0.5 --quiet --firmware qemu-an386 --out single");
+  ASSERT_EQ(run.exit_status, 0) << run.err;
+  const auto replay = folder.run("ballast replay single --verify --firmware qemu-an386");
+  EXPECT_EQ(replay.exit_status, 0) << replay.out << replay.err;
+  EXPECT_NE(replay.out.find("given to the firmware in QEMU, on mps2_an386"), std::string::npos) << replay.out;
+  EXPECT_EQ(folder.run("ballast replay single --verify").exit_status, 3);
+}
+
 // A stop's tick, most of it motion planned in software doubles, is longer than 1 ms of 250 million instructions a
 // second: there the run ends, since pulses would be missing. At 500 Hz it is served.
 TEST(TargetSinglePrecision, AStop) {
