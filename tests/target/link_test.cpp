@@ -97,7 +97,7 @@ std::vector<std::uint8_t> changed(std::size_t at, std::uint64_t value, std::size
   auto bytes = frame_of(World{}, 5);
   for (std::size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<std::uint8_t>(value >> 8 * i);
   if (new_checksum) {
-    Writer trailer(std::span(bytes).last(kTrailerSize));
+    Writer trailer{std::span(bytes).last(kTrailerSize)};
     trailer(crc32(std::span<const std::uint8_t>(bytes).first(bytes.size() - kTrailerSize)));
   }
   return bytes;
@@ -117,7 +117,7 @@ TEST(TargetLink, EveryFrameErrorHasItsCause) {
   for (const bool checksum : {false, true}) {
     EXPECT_EQ(error_of(changed(0, 0x54534c43, 4, checksum)), FrameError::kNotAFrame);
     EXPECT_EQ(error_of(changed(4, kProtocolVersion + 1, 2, checksum)), FrameError::kVersion);
-    for (const std::uint16_t type : {0, 10, 0xffff}) {
+    for (const std::uint64_t type : {0, 10, 0xffff}) {
       EXPECT_EQ(error_of(changed(6, type, 2, checksum)), FrameError::kType);
     }
     for (const std::uint32_t length : {std::uint32_t{kMaxPayload} + 1, 0x7fffffffu, 0xffffffffu}) {

@@ -332,8 +332,8 @@ Status QemuPeers::check_reply(std::int64_t tick) {
     return Status::kIo;
   }
   if (status.overruns == 0) return Status::kOk;
-  // The steps came in time if they took less than a control period: then what was late came after those of the tick
-  // before.
+  // Which tick was it? One that is late itself has taken about a control period or more to its steps; otherwise it is
+  // the one before, which took too long after them.
   const double period_counts = params_.control_period_s * options_.commit.stretch * record_.counter_hz;
   const std::string instructions =
       std::to_string(static_cast<std::int64_t>(reply_->tick_counts * record_.instructions_per_count));

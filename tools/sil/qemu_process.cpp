@@ -157,7 +157,8 @@ std::string QemuProcess::start(const QemuOptions& options) {
   std::optional<Pipe> report = open_pipe(above);
   if (!report) return no_pipe();
   said_ = said->reading.release();
-  fcntl(said_, F_SETFL, O_NONBLOCK);
+  // Nobody reads it before the end: what is too much is lost, and holds nobody up.
+  for (const int fd : {said_, said->writing.get()}) fcntl(fd, F_SETFL, O_NONBLOCK);
   const pid_t parent = getpid();
   pid_ = fork();
   int error = pid_ < 0 ? errno : 0;
