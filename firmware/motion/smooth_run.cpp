@@ -124,17 +124,27 @@ class Prover {
 
 }  // namespace
 
-int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, StepBurst* bursts, int room) {
+int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, bool sparing,
+                  StepBurst* bursts, int room) {
   Prover prover(run, rules, timer_frequency_hz);
   int count = 0;
   std::int32_t earliest = run.earliest;
   for (int done = 0; done < run.steps;) {
     if (count == room) return 0;
     // Halving until it fits: a burst of one always does, unless the distances say otherwise.
-    int m = run.steps - done - 1;
+    int m = run.steps - done - 1, too_long = m + 1;
     while (!prover.fits(done, m, earliest, bursts[count])) {
       if (m == 0) return 0;
+      too_long = m;
       m /= 2;
+    }
+    while (sparing && too_long - m > 1) {
+      const int between = (m + too_long) / 2;
+      if (prover.fits(done, between, earliest, bursts[count])) {
+        m = between;
+      } else {
+        too_long = between;
+      }
     }
     ++count;
     done += m + 1;
