@@ -131,20 +131,17 @@ int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_freq
   std::int32_t earliest = run.earliest;
   for (int done = 0; done < run.steps;) {
     if (count == room) return 0;
-    // Halving until it fits: a burst of one always does, unless the distances say otherwise.
-    int m = run.steps - done - 1, too_long = m + 1;
-    while (!prover.fits(done, m, earliest, bursts[count])) {
-      if (m == 0) return 0;
-      too_long = m;
-      m /= 2;
-    }
-    while (sparing && too_long - m > 1) {
-      const int between = (m + too_long) / 2;
-      if (prover.fits(done, between, earliest, bursts[count])) {
-        m = between;
+    // Halving until it fits: a burst of one always does, unless the distances say otherwise. Then between what fits and
+    // what does not.
+    int m = -1, too_long = run.steps - done;
+    for (int tried = too_long - 1; m < 0 || (sparing && too_long - m > 1);) {
+      if (prover.fits(done, tried, earliest, bursts[count])) {
+        m = tried;
       } else {
-        too_long = between;
+        if (tried == 0) return 0;
+        too_long = tried;
       }
+      tried = m < 0 ? tried / 2 : (m + too_long) / 2;
     }
     ++count;
     done += m + 1;
