@@ -247,46 +247,77 @@ void clear(const ControllerParams& params, const ControllerState& state, std::in
   out.bursts = {};
 }
 
-StepError generate(const ControllerParams& params, const ControllerState& state, int i, StepCommand& out,
+// How the steps of a command are made.
+enum class Effort {
+  kUsual,
+  kSparing,     // the same in fewer bursts, with more work
+  kOverloaded,  // a stop after an overload: each motor with its part of the bursts
+};
+
+StepError generate(const ControllerParams& params, const ControllerState& state, int i, Effort effort, StepCommand& out,
                    StepTrouble* trouble = nullptr) {
   const MotorParams& motor = params.motor[at(i)];
-  const bool overloaded = (state.faults & bit(Fault::kStepOverload)) != 0;
+  StepTiming timing{params.timer_frequency_hz, params.control_period_s, motor.direction_setup_s};
+  timing.sparing = effort != Effort::kUsual;
+  timing.overloaded = effort == Effort::kOverloaded;
+  // What a motor leaves goes to those after it.
+  if (timing.overloaded) timing.most_bursts = (kMaxBursts - out.burst_count) / (params.ball.mass_count - i);
   return generate_steps(state.active[at(i)], profile_time(params, state, out.tick), params.motion[at(i)].at(0).position,
-                        motor.steps_per_unit, motor.max_step_rate_hz,
-                        {params.timer_frequency_hz, params.control_period_s, motor.direction_setup_s, overloaded}, i,
-                        out, trouble);
+                        motor.steps_per_unit, motor.max_step_rate_hz, timing, i, out, trouble);
+}
+
+// Of all motors, into a cleared command. kNone, or the error of the first whose profile cannot be stepped: that motor,
+// and why.
+StepError generate_all(const ControllerParams& params, const ControllerState& state, Effort effort, StepCommand& out,
+                       StepOverload& overload) {
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    const StepError error = generate(params, state, i, effort, out, &overload.trouble);
+    if (error == StepError::kNone) continue;
+    overload.motor = i;
+    overload.tick = out.tick;
+    return error;
+  }
+  return StepError::kNone;
 }
 
 // False: some motor's profile cannot be stepped, and the first such overload is kept.
-bool generate_all(const ControllerParams& params, ControllerState& state, StepCommand& out) {
-  for (int i = 0; i < params.ball.mass_count; ++i) {
-    StepTrouble trouble;
-    if (generate(params, state, i, out, &trouble) == StepError::kNone) continue;
-    if (state.overload.trouble.error == StepError::kNone) state.overload = {trouble, i, out.tick};
-    return false;
+bool generate_steps_of_tick(const ControllerParams& params, ControllerState& state, StepCommand& out) {
+  const bool overloaded = (state.faults & bit(Fault::kStepOverload)) != 0;
+  StepOverload overload;
+  StepError error = generate_all(params, state, overloaded ? Effort::kOverloaded : Effort::kUsual, out, overload);
+  if (error == StepError::kTooManyBursts) {
+    clear(params, state, out.tick, out);
+    error = generate_all(params, state, Effort::kSparing, out, overload);
   }
-  return true;
+  if (error == StepError::kNone) return true;
+  if (state.overload.trouble.error == StepError::kNone) state.overload = overload;
+  return false;
 }
 
 // Largest speed whose steps can surely be issued: just under what the limits allow.
 Wide feasible_speed(const ControllerParams& params, int i) { return 0.999 * motion_limits(params, i).max_velocity; }
 
-// Something cannot be stepped: everything stops from the commanded state, each motor as well as it can. Never more than
-// four tries a motor; the last, holding, needs no pulses.
+// Something cannot be stepped: everything stops from the commanded state, each motor as well as it can. Too few bursts
+// are no reason to brake harder than the limits: from now on all motors share them. What is left is a motor that cannot
+// follow. Never more than four tries a motor; the last, holding, needs no pulses.
 void generate_overloaded(const ControllerParams& params, ControllerState& state, StepCommand& out) {
   // Each by itself: one that moves faster than it can be stopped keeps no other going.
   begin_stop(params, state, out.tick, false);
   clear(params, state, out.tick, out);
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    if (generate(params, state, i, out) == StepError::kNone) continue;
+    if (generate(params, state, i, Effort::kOverloaded, out) == StepError::kNone) continue;
     ProfilePoint p = commanded(params, state, out.tick, i);
     const MotionLimits limits = motion_limits(params, i);
     if (p.acceleration * p.velocity > 0) {
       p.acceleration = 0;
-      if (stop(state.active[at(i)], p, limits, 0) && generate(params, state, i, out) == StepError::kNone) continue;
+      if (stop(state.active[at(i)], p, limits, 0) &&
+          generate(params, state, i, Effort::kOverloaded, out) == StepError::kNone)
+        continue;
     }
     p.velocity = std::copysign(std::fmin(std::fabs(p.velocity), feasible_speed(params, i)), p.velocity);
-    if (stop(state.active[at(i)], p, limits, 0) && generate(params, state, i, out) == StepError::kNone) continue;
+    if (stop(state.active[at(i)], p, limits, 0) &&
+        generate(params, state, i, Effort::kOverloaded, out) == StepError::kNone)
+      continue;
     static_cast<void>(state.active[at(i)].set(p.position, 0, nullptr, 0));
   }
 }
@@ -441,7 +472,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
       begin_stop(params, state, next, true);
       plan_begins = true;
     }
-    if (!generate_all(params, state, steps)) {
+    if (!generate_steps_of_tick(params, state, steps)) {
       state.faults |= bit(Fault::kStepOverload);
       generate_overloaded(params, state, steps);
       plan_begins = true;

@@ -124,17 +124,24 @@ class Prover {
 
 }  // namespace
 
-int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, StepBurst* bursts, int room) {
+int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, bool sparing,
+                  StepBurst* bursts, int room) {
   Prover prover(run, rules, timer_frequency_hz);
   int count = 0;
   std::int32_t earliest = run.earliest;
   for (int done = 0; done < run.steps;) {
     if (count == room) return 0;
-    // Halving until it fits: a burst of one always does, unless the distances say otherwise.
-    int m = run.steps - done - 1;
-    while (!prover.fits(done, m, earliest, bursts[count])) {
-      if (m == 0) return 0;
-      m /= 2;
+    // Halving until it fits: a burst of one always does, unless the distances say otherwise. Then between what fits and
+    // what does not.
+    int m = -1, too_long = run.steps - done;
+    for (int tried = too_long - 1; m < 0 || (sparing && too_long - m > 1);) {
+      if (prover.fits(done, tried, earliest, bursts[count])) {
+        m = tried;
+      } else {
+        if (tried == 0) return 0;
+        too_long = tried;
+      }
+      tried = m < 0 ? tried / 2 : (m + too_long) / 2;
     }
     ++count;
     done += m + 1;

@@ -19,12 +19,14 @@ struct SmoothRun {
 };
 
 // Writes the run's bursts (without the motor) to bursts[0..room) and gives their number, or 0 if these few sums do not
-// prove every pulse within the tolerance of its crossing and the rules kept; then nothing is known.
+// prove every pulse within the tolerance of its crossing and the rules kept; then nothing is known. Each burst's length
+// is halved until it fits; `sparing`: the longest that fits is searched for, which takes longer and fewer bursts.
 //
 // Why it holds. The crossing time t(n) of level n has t''' = (3 a^2 - v j) / v^5, so a parabola q through the crossings
 // 0, h, m of m + 1 pulses is off by at most (m^3 / 60) max|t'''| at the others (0.1 m^3 bounds |n (n - h) (n - m)| for
 // h = m / 2 rounded down). A burst is a parabola with integer coefficients, and its distance from q is one too:
 // greatest at its ends or its vertex.
-int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, StepBurst* bursts, int room);
+int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, bool sparing,
+                  StepBurst* bursts, int room);
 
 }  // namespace ballast::firmware

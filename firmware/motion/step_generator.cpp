@@ -128,6 +128,16 @@ class Pulses {
     }
   }
 
+  // Takes back the last pulses, those after the first `ways` ways: runs of pulses in one direction.
+  void leave_ways_beyond(int ways) {
+    int size = 0;
+    for (; size < size_; ++size) {
+      const auto j = static_cast<std::size_t>(size);
+      if ((size == 0 || pulses_[j].direction != pulses_[j - 1].direction) && --ways < 0) break;
+    }
+    while (size_ > size) drop_last();
+  }
+
   void drop_last() { count_ -= pulses_[static_cast<std::size_t>(--size_)].direction; }
 
   [[nodiscard]] std::span<PulseWindow> windows() { return {pulses_.data(), static_cast<std::size_t>(size_)}; }
@@ -231,6 +241,46 @@ struct Before {
   }
 };
 
+// The fewest bursts found that keep every pulse in its window, to bursts[0..room); 0: more than that.
+int fine_bursts(std::span<PulseWindow> windows, const PulseRules& rules, std::int32_t earliest, StepBurst* bursts,
+                int room) {
+  int count = 0;
+  for (std::size_t done = 0; done < windows.size(); ++count) {
+    if (count == room) return 0;
+    StepBurst& burst = bursts[count];
+    burst = longest_burst(windows.subspan(done), rules, earliest);
+    done += static_cast<std::size_t>(burst.count);
+    if (done < windows.size()) {
+      earliest = last_ticks(burst) + windows[done].gap;
+      raise_lows(windows.subspan(done), earliest);
+    }
+  }
+  return count;
+}
+
+// At most `room` bursts of what has at most `room` ways: of each way as many of equal length as are its due.
+int coarse_bursts(std::span<PulseWindow> windows, const PulseRules& rules, std::int32_t earliest, StepBurst* bursts,
+                  int room) {
+  int ways = 1;
+  for (std::size_t j = 1; j < windows.size(); ++j) ways += windows[j].direction != windows[j - 1].direction ? 1 : 0;
+  widen_windows(windows, earliest);
+  int count = 0;
+  for (std::size_t done = 0; done < windows.size(); --ways) {
+    std::size_t end = done + 1;
+    while (end < windows.size() && windows[end].direction == windows[done].direction) ++end;
+    for (auto left = static_cast<std::size_t>((room - count) / ways); done < end; --left, ++count) {
+      const std::size_t size = (end - done + left - 1) / left;
+      bursts[count] = one_burst(windows.subspan(done, size), rules, earliest);
+      done += size;
+      if (done < windows.size()) {
+        earliest = last_ticks(bursts[count]) + windows[done].gap;
+        raise_lows(windows.subspan(done), earliest);
+      }
+    }
+  }
+  return count;
+}
+
 // Takes over burst_count bursts that already stand in `out`.
 void commit(StepCommand& out, int motor, int burst_count, std::int64_t count) {
   const auto m = static_cast<std::size_t>(motor);
@@ -257,6 +307,7 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
   const PulseRules rules(timing, max_step_rate_hz);
   const Before before(out, m, rules);
   const auto used = static_cast<std::size_t>(out.burst_count);
+  const int room = std::min(kMaxBursts - out.burst_count, timing.most_bursts);
 
   SmoothRun run;
   if (smooth_tick(profile, t0_s, position_zero, steps_per_unit, timing.control_period_s,
@@ -266,7 +317,7 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
     const Wide fastest_hz = std::max(std::fabs(run.cubic.velocity), std::fabs(run.cubic.velocity_at(run.end_s)));
     if (fastest_hz <= max_step_rate_hz * (1 + kRateSlack)) {
       const int bursts =
-          smooth_bursts(run, rules, timing.timer_frequency_hz, out.bursts.data() + used, kMaxBursts - out.burst_count);
+          smooth_bursts(run, rules, timing.timer_frequency_hz, timing.sparing, out.bursts.data() + used, room);
       if (bursts > 0) {
         commit(out, motor, bursts, out.position_steps[m] + run.direction * run.steps);
         return StepError::kNone;
@@ -286,12 +337,13 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
     return refuse(StepError::kTooFast, pulses.fastest_hz(), max_step_rate_hz);
   }
   pulses.drop_touches(walk, timing.control_period_s);
+  if (timing.overloaded) pulses.leave_ways_beyond(room);
   std::span<PulseWindow> windows = pulses.windows();
   if (windows.empty()) return StepError::kNone;
 
   std::int32_t earliest = before.earliest(rules, windows[0].direction);
   while (!make_windows(windows, rules, earliest)) {
-    if (!timing.may_delay) {
+    if (!timing.overloaded) {
       return refuse(StepError::kTooFast,
                     highest_rate_hz(windows, before.ago_ticks + windows[0].exact_ticks, timing.timer_frequency_hz),
                     max_step_rate_hz);
@@ -301,18 +353,10 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
     windows = pulses.windows();
     if (windows.empty()) return StepError::kNone;
   }
-  int bursts = 0;
-  for (std::size_t done = 0; done < windows.size(); ++bursts) {
-    if (out.burst_count + bursts == kMaxBursts) {
-      return refuse(StepError::kTooManyBursts, kMaxBursts + 1, kMaxBursts);
-    }
-    StepBurst& burst = out.bursts[used + static_cast<std::size_t>(bursts)];
-    burst = longest_burst(windows.subspan(done), rules, earliest);
-    done += static_cast<std::size_t>(burst.count);
-    if (done < windows.size()) {
-      earliest = last_ticks(burst) + windows[done].gap;
-      raise_lows(windows.subspan(done), earliest);
-    }
+  int bursts = fine_bursts(windows, rules, earliest, out.bursts.data() + used, room);
+  if (bursts == 0) {
+    if (!timing.overloaded) return refuse(StepError::kTooManyBursts, kMaxBursts + 1, kMaxBursts);
+    bursts = coarse_bursts(windows, rules, earliest, out.bursts.data() + used, room);
   }
   commit(out, motor, bursts, pulses.count());
   return StepError::kNone;

@@ -40,14 +40,16 @@ struct StepCommand {
 struct StepTiming {
   Wide timer_frequency_hz = 0;  // of the step timer
   Wide control_period_s = 0;
-  Wide direction_setup_s = 0;  // least time between two opposite pulses of a motor: its driver's set-up and hold
-  bool may_delay = false;      // pulses may come late where only that keeps their distances: stops after an overload
+  Wide direction_setup_s = 0;    // least time between two opposite pulses of a motor: its driver's set-up and hold
+  bool sparing = false;          // as few bursts as can be found, which takes longer
+  bool overloaded = false;       // in a stop after an overload: what no rule leaves room for is coarser or late
+  int most_bursts = kMaxBursts;  // of this motor in this command
 };
 
 enum class StepError : std::uint8_t {
   kNone = 0,
   kTooManySteps = 1,   // more than kMaxStepsPerTick of one motor in one tick
-  kTooManyBursts = 2,  // more than kMaxBursts
+  kTooManyBursts = 2,  // more than kMaxBursts, or than StepTiming::most_bursts; never with StepTiming::overloaded
   kTooFast = 3,        // above the motor's step rate, or pulses that cannot keep their distances
 };
 
@@ -75,6 +77,11 @@ struct StepTrouble {
 // comes back sooner than that (or than the tolerance above) counts as a touch, also if a border lies between: the
 // generator looks ahead along the profile. The count is then not the nearest for that short time. If the profile is
 // replaced meanwhile, the step comes as soon as it is seen.
+//
+// StepTiming::overloaded: distances, the tick and the count at its end are kept as ever. Where most_bursts do not
+// suffice, each way of the motor gets its part of them, in equal numbers of pulses, each a parabola through three
+// crossings or a straight line: in the tick, but not within the tolerance. What finds no room in the tick is left to
+// the next: pulses that cannot keep their distances, and ways beyond most_bursts.
 [[nodiscard]] StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, Wide steps_per_unit,
                                        Wide max_step_rate_hz, const StepTiming& timing, int motor, StepCommand& out,
                                        StepTrouble* trouble = nullptr);

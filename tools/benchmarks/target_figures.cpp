@@ -9,6 +9,7 @@
 
 #include "hal/target/wire.h"
 #include "sim/scenario_reader.h"
+#include "tests/target/step_load.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/sil/qemu_peers.h"
@@ -138,6 +139,39 @@ void steps(const Target& target) {
   }
 }
 
+// The generator's own instructions, and the step interrupt's beside the whole controller tick.
+void load(const Target& target) {
+  sil::QemuProcess qemu;
+  const sil::QemuOptions options{.board = target.board, .elf = target.folder / "step_load.elf"};
+  if (const auto why = qemu.start(options); !why.empty()) throw std::runtime_error(why);
+  std::vector<std::uint8_t> bytes;
+  while (bytes.size() < hal::test::kStepLoadBytes) {
+    if (qemu.read(0, bytes, sil::Seconds(60), nullptr) != hal::Status::kOk) {
+      throw std::runtime_error("step_load.elf ended: " + qemu.ended(sil::Seconds(1)) + " " + qemu.said());
+    }
+  }
+  hal::test::StepLoad load;
+  hal::target::Reader in(bytes);
+  hal::test::step_load_fields(in, load);
+  const double per_ns = 1.0 / (1 << options.icount_shift);
+  for (const auto& g : load.generator) {
+    const double instructions = 40 * per_ns * g.counts;  // a count of 25 MHz
+    std::printf("generator    %4.1f steps a tick, %-16s %6.0f instructions a tick, %6.1f a step\n",
+                static_cast<double>(g.pulses) / g.ticks, g.steps_per_tick == 0 ? "S-curves" : "constant speed",
+                instructions / g.ticks, instructions / g.pulses);
+  }
+  for (const auto& t : load.together) {
+    const double all = 1e6 * per_ns, turn = all * hal::test::kLoadTicks / t.turns_idle;
+    const double tick = turn * (static_cast<double>(t.turns_idle) - t.turns_tick) / hal::test::kLoadTicks;
+    const double step = turn * (static_cast<double>(t.turns_tick) - t.turns_pulses) / t.given;
+    std::printf(
+        "together     %u motor%s at 50 kHz beside the whole tick: %.1f instructions a step, all in; %.0f the tick; %u "
+        "of "
+        "%u given, at most %.2f us late; %u ticks late\n",
+        t.motors, t.motors == 1 ? "" : "s", step, tick, t.given, t.commanded, t.late_counts / 25.0, t.late_ticks);
+  }
+}
+
 }  // namespace
 }  // namespace ballast
 
@@ -156,6 +190,7 @@ int main(int argc, char** argv) {
   try {
     ticks(target);
     steps(target);
+    load(target);
   } catch (const std::exception& error) {
     program::complain("ballast-target-figures", error.what());
     return program::kExitCouldNotRun;
