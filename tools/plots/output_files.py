@@ -42,7 +42,7 @@ def check_place(path, kind, inputs=()):
             if file.read(len(kind.begins)) != kind.begins:
                 what = f"is there, and no {kind.name}"
     if what is not None:
-        raise OutputError(f"{path} {what}, and stays as it is; allowed: a new name, or that of an earlier {kind.name}")
+        raise OutputError(f"{path} {what}: it stays as it is; allowed: a new name, or that of an earlier {kind.name}")
 
 
 def _same_file(path, other):
