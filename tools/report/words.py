@@ -61,7 +61,7 @@ def _left_rolling(summary):
 def sentences(recording):
     summary = recording.summary
     found = [_what_it_was(recording), _how_it_ended(summary), _envelope(recording)]
-    found += [_blame(summary), _faults(summary), _trip(summary), _motors(summary), _floors(summary)]
+    found += [_faults(summary), _trip(summary), _motors(summary), _blame(summary) or _floors(summary)]
     return [sentence for sentence in found if sentence]
 
 
@@ -134,7 +134,7 @@ def _envelope(recording):
 
 
 def _blame(summary):
-    """Whose friction it was, in the words of `ballast friction`."""
+    """Whose friction it was, and which floors would have held, in the words of `ballast friction`."""
     text = (summary.get("required_friction") or {}).get("text")
     return f"In short: {text}." if text else ""
 
