@@ -63,7 +63,9 @@ TEST(View, ShowsTheFirstOfTwoRunsAndSaysThatThereIsAnother) {
     ours.tick = 700 + i;
     ours.last = i == 19;
     view.see(ours, now_s);
-    if (i == 5) EXPECT_FALSE(says(view.page(now_s, 100, 0), "ANOTHER RUN")) << view.page(now_s, 100, 0);
+    if (i == 5) {
+      EXPECT_FALSE(says(view.page(now_s, 100, 0), "ANOTHER RUN")) << view.page(now_s, 100, 0);
+    }
     view.see(waiting, now_s);
     if (i >= 8) view.see(theirs, now_s);
     if (i == 10) {
