@@ -69,7 +69,7 @@ export class Scene {
     const fine = !drawsInSoftware();
     this.renderer = new THREE.WebGLRenderer({antialias: fine, alpha: true});
     this.renderer.debug.checkShaderErrors = false;  // asking would wait for the compiler
-    this.stillRatio = Math.min(fine ? devicePixelRatio : 1.5 * devicePixelRatio, 2);  // which smooths edges too
+    this.stillRatio = Math.min(devicePixelRatio, 2);
     this.movingRatio = fine ? this.stillRatio : 0.7;
     this.setPixelRatio(this.stillRatio);
     this.slowFrames = 0;
