@@ -72,6 +72,20 @@ TEST(Peers, TwoScenariosOnOneBusFail) {
   EXPECT_NE(finding.fix.find(":7668"), std::string::npos) << finding.fix;
 }
 
+TEST(Peers, TwoRunsOfOneScenarioOnOneBusFail) {
+  Listener listener;
+  for (const std::int64_t run : {11, 12, 0}) {  // 0: of no run, as peers that wait for one
+    sensors_t message = sensors(7);
+    message.run_id = run;
+    hear(listener, hal::kChannelSensors, message);
+  }
+  const auto findings = judge(listener, kUrl, hal::Seconds(1));
+  EXPECT_EQ(about(findings, "scenario").verdict, Finding::Verdict::kOk);
+  EXPECT_EQ(about(findings, "runs").verdict, Finding::Verdict::kFail);
+  EXPECT_NE(about(findings, "runs").text.find("2 on one bus"), std::string::npos) << about(findings, "runs").text;
+  EXPECT_NE(about(findings, "runs").fix.find(":7668"), std::string::npos) << about(findings, "runs").fix;
+}
+
 TEST(Peers, AnotherBuildsFingerprintFails) {
   Listener listener;
   hear(listener, hal::kChannelContact, trip_t{});  // as far as the contact is concerned

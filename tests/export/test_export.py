@@ -5,6 +5,7 @@ import json
 import math
 import os
 import random
+import resource
 import signal
 import struct
 import subprocess
@@ -220,6 +221,40 @@ class ExportTest(unittest.TestCase):
         self.assertIn("nowhere", self.ballast("export", "nowhere", "--csv", "t", status=2).stderr)
         self.assertIn("--csv DIR", self.ballast("export", "log", status=1).stderr)
         self.ballast("export", status=1)
+
+    def test_nothing_but_an_earlier_export_is_written_over(self):
+        (self.folder / "log").write_bytes(event(0, 0, "A", ballast.contact_t().encode()))
+        (self.folder / "scenario.toml").write_text("[ball]\n")
+        (self.folder / "t").mkdir()
+        (self.folder / "t/A.csv").write_text("somebody's,table\n")
+        os.symlink("log", self.folder / "link")
+        kept = {path: path.read_bytes() for path in self.folder.rglob("*") if path.is_file()}
+        for option, target, words in (("--mcap", "log", "log is what is read: it stays as it is"),
+                                      ("--mcap", "link", "link is what is read"),
+                                      ("--mcap", "scenario.toml", "is there, and no MCAP file"),
+                                      ("--mcap", "/dev/null", "is a device"), ("--mcap", "t", "t is a folder"),
+                                      ("--csv", "t", "t/A.csv is there, and no CSV table of ballast export"),
+                                      ("--csv", "log", "log: is there, and no folder")):
+            self.assertIn(words, self.ballast("export", "log", option, target, status=2).stderr)
+        self.assertEqual({path: path.read_bytes() for path in self.folder.rglob("*") if path.is_file()}, kept)
+        (self.folder / "t/A.csv").unlink()
+        for _ in range(2):  # onto nothing, and onto its own
+            self.ballast("export", "log", "--csv", "t", "--mcap", "log.mcap")
+        strict_mcap.McapFile((self.folder / "log.mcap").read_bytes())
+
+    def test_a_full_disk_is_said_and_leaves_what_was_there(self):
+        # No disk to fill here: a limit on the size of files fails the same write, with another word for it.
+        (self.folder / "log").write_bytes(event(0, 0, "A", ballast.contact_t().encode()))
+        self.ballast("export", "log", "--csv", "t", "--mcap", "log.mcap")
+        self.random_log(per_type=200)
+        kept = {path: path.read_bytes() for path in self.folder.rglob("*") if path.is_file()}
+        for option, target in (("--csv", "t"), ("--mcap", "log.mcap")):
+            done = subprocess.run([BALLAST, "export", "log", option, target], cwd=self.folder, capture_output=True,
+                                  text=True, timeout=120, check=False,
+                                  preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9999, 9999)))
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertIn(f"{target}: cannot be written: File too large; nothing of it is kept", done.stderr)
+            self.assertEqual({path: path.read_bytes() for path in self.folder.rglob("*") if path.is_file()}, kept)
 
     def test_lcm_logger_and_player_work_on_our_bus_and_logs(self):
         """What lcm-logger records of a run is the run's own log but for its number; lcm-logplayer plays a log back."""

@@ -294,7 +294,7 @@ class PicturesTest(unittest.TestCase):
                     np.testing.assert_allclose(margin, 100 * (1 - np.abs(drawn) / available), rtol=0, atol=1e-9)
                     limits = [line.get_ydata() for line in left.get_lines() if line.get_linestyle() == "--"]
                     np.testing.assert_allclose(limits, [available, -available], rtol=1e-12)
-                    self.assertIn(f"$m_{i + 1}$: at most {1.25 + i:g} of 2.667 to 4 N m", said)
+                    self.assertIn(f"mass {i}: at most {1.25 + i:g} of 2.667 to 4 N m", said)
                     self.assertIn(f"least margin {50 - 12.5 * i:.1f} %", said)
             self.assertEqual("needed" in said, not controller)
 
@@ -387,7 +387,7 @@ class PicturesTest(unittest.TestCase):
     def test_body_frame_of_a_ball_is_spatial(self):
         figure = pictures.body_frame(self.recorded(ball()))
         self.assertEqual(figure.axes[0].name, "3d")
-        self.assertIn("$m_3$", self.texts(figure))
+        self.assertIn("mass 2", self.texts(figure))
 
     def test_radius_is_found_from_rolling(self):
         # The synthetic velocity is exactly that of a ball of radius 1; rounding only.

@@ -18,6 +18,7 @@ import ballast
 import numpy as np
 
 import assemble
+import compare
 import recording
 import report
 import words
@@ -137,6 +138,43 @@ class RecordingTest(unittest.TestCase):
         found = Recording(self.folder)
         self.assertLess(len(found.columns["time"]), 60)
         self.assertTrue(any("cut off" in note for note in found.notes))
+        self.assert_numbers_are_those_of_the_samples(found)
+
+    def assert_numbers_are_those_of_the_samples(self, found):
+        """And not those of summary.json, which knows of more."""
+        whole = json.loads((self.folder / "summary.json").read_text())
+        contact = found._run.contact  # one sample more than the page draws where the ball's message of a tick is cut
+        normal, time = contact["normal_force_n"], contact["time_s"]
+        self.assertEqual(found.summary["normal_force"],
+                         {"min": normal.min(), "min_time": time[normal.argmin()], "max": normal.max(),
+                          "max_time": time[normal.argmax()]})
+        self.assertEqual(found.summary["mu_required"]["max"], contact["mu_required"].max())
+        self.assertEqual(found.summary["end"], {"reason": None, "time": time[-1]})
+        self.assertNotEqual(found.summary["end"]["time"], whole["end"]["time"])
+        self.assertTrue(any(f"run.lcmlog ends at t = {time[-1]:.6g} s, the run that summary.json speaks of at t = "
+                            f"{whole['end']['time']:.6g} s" in note for note in found.notes), found.notes)
+        # What a run begins with holds of every part of it.
+        self.assertEqual((found.name, found.summary["surface"]), (whole["scenario"], whole["surface"]))
+        self.assertEqual(words.badge(found), ("End not recorded", "unknown"))
+        said = " ".join(words.sentences(found)) + str(words.tables(found)) + str(words.numbers(found.summary))
+        for left_out in ("no step was lost", "Nothing tripped", "would have held", "torque left"):
+            self.assertNotIn(left_out, said)
+
+    def test_a_log_cut_between_two_messages_shows_what_comes_before(self):
+        run = ball(controller=True)
+        run.events = run.events[:90]
+        found = Recording(run.write(self.folder))
+        self.assertEqual([note for note in found.notes if "cut off" in note], [])
+        self.assert_numbers_are_those_of_the_samples(found)
+
+    def test_a_log_with_a_damaged_tail_is_whole_up_to_its_end(self):
+        ball(controller=True).write(self.folder)
+        summary = Recording(self.folder).summary
+        with open(self.folder / "run.lcmlog", "ab") as log:
+            log.write(bytes(100))
+        found = Recording(self.folder)
+        self.assertTrue(any("no event starts there" in note for note in found.notes))
+        self.assertEqual(found.summary, summary)
 
     def test_another_name_of_the_log_is_not_what_the_summary_speaks_of(self):
         ball().write(self.folder)
@@ -217,6 +255,56 @@ class RecordingTest(unittest.TestCase):
         said = " ".join(words.sentences(found))
         self.assertIn("N fell to 0", said)
         self.assertIn("no friction is enough", said)
+
+    def test_faults_are_said_whatever_they_are(self):
+        run = ball()
+        self.assertNotIn("made to go wrong", " ".join(words.sentences(Recording(run.write(self.folder)))).lower())
+        run.summary["faults"] = [{"kind": "lost_steps", "time": 0.5, "mass": 2, "steps": -16, "until": None},
+                                 {"kind": "sensor_stuck", "time": None, "loud": True, "at": [1, 2]},
+                                 {"what": "a kind of its own"}]
+        found = Recording(run.write(self.folder))
+        said = " ".join(words.sentences(found)).replace("\u00a0", " ")
+        self.assertIn("Made to go wrong: lost steps at t = 0.5 s (mass 2, steps -16); sensor stuck (loud yes, at "
+                      "[1, 2]); fault (what a kind of its own).", said)
+        table = next(table for table in words.tables(found) if table.title == "Faults put in")
+        self.assertEqual(table.rows[:2], [["lost steps", "0.5", "mass 2, steps -16"],
+                                          ["sensor stuck", "–", "loud yes, at [1, 2]"]])
+        self.assertEqual(words.events(found), [(0.5, "fault: lost steps")])
+        run.summary["faults"] = [3]
+        self.assertIn("faults.0 is 3; allowed: an object", self.refusal(run.write(self.folder)))
+
+    def test_moves_and_stops_with_and_without_numbers(self):
+        run = ball()
+        plan = {"start": 0.25, "duration": 0.5, "predicted_normal_force_min": 3.5, "predicted_mu_required_max": 0.125,
+                "predicted_margin_min": 0.75, "margin_min": 0.625, "arrived": True}
+        run.summary.update(move=plan, stop={**plan, "predicted_mu_required_max": None, "margin_min": None})
+        table = next(table for table in words.tables(Recording(run.write(self.folder))) if "Moves" in table.title)
+        self.assertEqual(table.rows, [["move", "0.25", "0.5", "3.5", "0.125", "0.75", "0.625"],
+                                      ["stop", "0.25", "0.5", "3.5", "–", "0.75", "–"]])
+        run.summary["move"] = None
+        run.summary["stop"] = {"start": 1}
+        self.assertIn("stop.duration is missing", self.refusal(run.write(self.folder)))
+
+    def test_what_is_not_a_page_is_never_written_over(self):
+        ball().write(self.folder)
+        robot = {"ball": {"radius": 1}, "masses": [{"mass": 1, "rail": None}] * 3}
+        (self.folder / "robot.json").write_text(json.dumps(robot))
+        (self.folder / "other.html").write_text("<!doctype html>\n<p>a page of somebody's\n")
+        os.symlink("nowhere.html", self.folder / "link.html")
+        kept = {path.name: path.read_bytes() for path in self.folder.iterdir() if not path.is_symlink()}
+        both = [str(self.folder)] * 2
+        for name, said in (("run.lcmlog", "is what is read"), ("summary.json", "is what is read"),
+                           ("robot.json", "is what is read"), ("other.html", "is there, and no page of ballast"),
+                           ("link.html", "is a symbolic link"), ("/dev/null", "is a device")):
+            for program, runs in ((report, both[:1]), (compare, both)):
+                stderr = io.StringIO()
+                line = [program.__name__, *runs, "--out", str(self.folder / name)]
+                with mock.patch.object(sys, "argv", line), contextlib.redirect_stderr(stderr):
+                    self.assertEqual(program.main(), 2)
+                self.assertIn(f"{self.folder / name} {said}", stderr.getvalue())
+        self.assertEqual({path.name: path.read_bytes() for path in self.folder.iterdir() if not path.is_symlink()},
+                         kept)
+        self.assertTrue(os.path.islink(self.folder / "link.html"))
 
     def test_what_json_cannot_say_is_null(self):
         self.assertEqual(json.loads(json.dumps(assemble.finite({"a": [math.inf, 1.0, math.nan]}), allow_nan=False)),

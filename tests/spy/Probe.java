@@ -11,7 +11,7 @@ import javax.swing.SwingUtilities;
 
 /**
  * A Java agent inside lcm-spy: once a run is under way it opens every channel's window as a double-click does, waits,
- * prints the table row by row, cells separated by |, then the titles of the windows, and ends the program.
+ * prints the table row by row, cells separated by |, then titles and widths of the windows, and ends the program.
  */
 public final class Probe {
     public static void premain(String arguments) {
@@ -48,7 +48,7 @@ public final class Probe {
                 System.out.println(line);
             }
             for (Frame frame : Frame.getFrames()) {
-                if (frame.isVisible()) System.out.println("WINDOW|" + frame.getTitle());
+                if (frame.isVisible()) System.out.println("WINDOW|" + frame.getTitle() + "|" + frame.getWidth());
             }
         });
         System.out.flush();

@@ -50,6 +50,50 @@ TEST(View, NothingHeardIsNothingSaid) {
   EXPECT_FALSE(view.ended());
 }
 
+TEST(View, ShowsTheFirstOfTwoRunsAndSaysThatThereIsAnother) {
+  View view;
+  contact_t ours = contact(700, 0.5), theirs = contact(90, 0.1);
+  ours.run_id = 11;
+  theirs.run_id = 12;
+  controller_status_t waiting{};  // a peer of no run: neither ours nor another's
+  waiting.tick = -3;
+  waiting.mode = controller_status_t::MODE_TRIPPED;
+  for (int i = 0; i < 20; ++i) {
+    const double now_s = 0.1 * i;
+    ours.tick = 700 + i;
+    ours.last = i == 19;
+    view.see(ours, now_s);
+    if (i == 5) {
+      EXPECT_FALSE(says(view.page(now_s, 100, 0), "ANOTHER RUN")) << view.page(now_s, 100, 0);
+    }
+    view.see(waiting, now_s);
+    if (i >= 8) view.see(theirs, now_s);
+    if (i == 10) {
+      EXPECT_TRUE(says(view.page(now_s, 100, 0), "ANOTHER RUN talks on this bus")) << view.page(now_s, 100, 0);
+      EXPECT_TRUE(says(view.page(now_s, 100, 0), "tick 710")) << view.page(now_s, 100, 0);
+      EXPECT_TRUE(says(view.page(now_s, 100, 0), "least 0.500")) << "of ours: " << view.page(now_s, 100, 0);
+      EXPECT_TRUE(says(view.line(now_s, 0), " another_run_on_this_bus")) << view.line(now_s, 0);
+      EXPECT_FALSE(says(view.line(now_s, 0), "mode=tripped")) << view.line(now_s, 0);
+    }
+  }
+  // Ours said its last message at 1.9 s and theirs the next one: from then on theirs is shown, alone.
+  EXPECT_FALSE(view.ended());
+  EXPECT_TRUE(says(view.page(2, 100, 0), "tick 90")) << view.page(2, 100, 0);
+  EXPECT_FALSE(says(view.page(2, 100, 0), "ANOTHER RUN")) << view.page(2, 100, 0);
+}
+
+TEST(View, ASilentRunGivesWay) {
+  View view;
+  contact_t ours = contact(700), theirs = contact(90);
+  ours.run_id = 11;
+  theirs.run_id = 12;
+  view.see(ours, 0);
+  view.see(theirs, 1);
+  EXPECT_TRUE(says(view.line(1, 0), "t=0.700")) << view.line(1, 0);
+  view.see(theirs, 3);
+  EXPECT_TRUE(says(view.line(3, 0), "t=0.090")) << view.line(3, 0);
+}
+
 TEST(View, JoinsLateKeepsExtremesAndEnds) {
   View view;
   view.see(contact(700, 0.5), 0);

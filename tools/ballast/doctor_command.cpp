@@ -1,4 +1,6 @@
 // ballast doctor: what this machine lacks, and the commands that mend it.
+#include <unistd.h>
+
 #include <iostream>
 #include <memory>
 
@@ -60,10 +62,11 @@ int examine(const DoctorCommand& command) {
     report.say(doctor::judge(listener, command.url, time));
   } else {
     report.say({Finding::Verdict::kFail, "peers", "LCM cannot listen on " + command.url,
-                std::string("--lcm '") + hal::kDefaultLcmUrl + "', or what mends the lines above"});
+                std::string("what mends the lines above, or ballast doctor --lcm '") + hal::kDefaultLcmUrl + "'"});
   }
   if (report.failed() == 0) return program::kExitCompleted;
-  std::cout << report.failed() << (report.failed() == 1 ? " line fails" : " lines fail") << std::endl;
+  std::cout << report.failed() << (report.failed() == 1 ? " line fails" : " lines fail")
+            << (geteuid() == 0 ? "" : "; apt-get, ip and sysctl need root: sudo") << std::endl;
   return program::kExitCouldNotRun;
 }
 

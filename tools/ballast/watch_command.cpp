@@ -2,9 +2,12 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include <algorithm>
+#include <cstdlib>
 #include <iostream>
 #include <memory>
+#include <sstream>
+#include <string>
+#include <string_view>
 
 #include "hal/lcm/bus.h"
 #include "tools/ballast/commands.h"
@@ -14,6 +17,8 @@
 namespace ballast {
 
 namespace {
+
+constexpr double kPatience_s = 3;  // with nobody there, before that is said
 
 struct WatchCommand {
   std::string url = hal::kDefaultLcmUrl;
@@ -31,21 +36,35 @@ std::string with_receive_buffer(const std::string& url) {
 // Draws over what it has drawn before.
 class Terminal {
  public:
-  Terminal() : is_one_(isatty(STDOUT_FILENO) == 1) {}
+  Terminal() : is_one_(isatty(STDOUT_FILENO) == 1 && knows_control_sequences()) {}
   [[nodiscard]] bool is_one() const { return is_one_; }
-  [[nodiscard]] static int width() {
+  // `page(width)`: lines of at most that width. Those for which the screen has no room are left out: it could not be
+  // drawn over them.
+  template <class Page>
+  void show(const Page& page) {
     winsize size{};
-    return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col - 1 : 79;
-  }
-  void show(const std::string& page) {
-    if (lines_ > 0) std::cout << "\033[" << lines_ << "A\r\033[J";
-    lines_ = std::count(page.begin(), page.end(), '\n');
-    std::cout << page << std::flush;
+    const bool known = ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1 && size.ws_row > 1;
+    const int width = known ? size.ws_col - 1 : 79, height = known ? size.ws_row - 1 : 24;
+    if (width < width_) {
+      std::cout << "\033[H\033[2J";  // the terminal has broken the lines that were there, nobody knows into how many
+    } else if (lines_ > 0) {
+      std::cout << "\033[" << lines_ << "A\r\033[J";
+    }
+    width_ = width;
+    lines_ = 0;
+    std::istringstream text(page(width));
+    for (std::string line; lines_ < height && std::getline(text, line); ++lines_) std::cout << line << '\n';
+    std::cout << std::flush;
   }
 
  private:
+  static bool knows_control_sequences() {
+    const char* name = std::getenv("TERM");
+    return name != nullptr && *name != '\0' && std::string_view(name) != "dumb";
+  }
+
   bool is_one_;
-  std::ptrdiff_t lines_ = 0;
+  int lines_ = 0, width_ = 0;
 };
 
 int watch_run(const WatchCommand& command) {
@@ -73,11 +92,13 @@ int watch_run(const WatchCommand& command) {
   const auto show = [&] {
     if (view.empty()) return;
     if (terminal.is_one()) {
-      terminal.show(view.page(now_s(), Terminal::width(), bus.malformed()));
+      terminal.show([&](int width) { return view.page(now_s(), width, bus.malformed()); });
     } else {
       std::cout << view.line(now_s(), bus.malformed()) << std::endl;
     }
   };
+  const std::string would = "; ballast run SCENARIO --speed 1 --lcm '" + command.url + "' would";
+  bool said_so = false;
   for (;;) {
     const auto over = [&] { return view.ended() && !command.forever; };
     hal::Status status = bus.receive_until(hal::after(hal::WallClock::now(), every), over);
@@ -94,9 +115,12 @@ int watch_run(const WatchCommand& command) {
     if (over()) return program::kExitCompleted;
     if (!std::cout) return program::kExitCouldNotRun;
     if (view.empty() && command.wait_s > 0 && now_s() >= command.wait_s) {
-      program::complain("ballast", "nobody has said anything on " + command.url +
-                                       "; ballast run SCENARIO --speed 1 --lcm '" + command.url + "' would");
+      program::complain("ballast", "nobody has said anything on " + command.url + would);
       return program::kExitCouldNotRun;
+    }
+    if (view.empty() && !said_so && now_s() >= kPatience_s) {
+      program::complain("ballast", "nobody has said anything on " + command.url + " yet" + would);
+      said_so = true;
     }
   }
 }

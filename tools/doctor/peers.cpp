@@ -18,8 +18,9 @@ using Verdict = Finding::Verdict;
 constexpr std::chrono::seconds kLongestWait{1};
 
 template <class M>
-void note_scenario(const M& message, Channel& channel) {
+void note_sender(const M& message, Channel& channel) {
   if constexpr (requires { message.scenario_id; }) channel.scenario_ids.insert(message.scenario_id);
+  if (message.run_id != 0) channel.run_ids.insert(message.run_id);
 }
 
 template <class M>
@@ -33,7 +34,7 @@ void judge_message(const void* data, std::size_t size, Channel& channel) {
   } else if (!hal::decode(data, size, message)) {
     ++channel.malformed;
   } else {
-    note_scenario(message, channel);
+    note_sender(message, channel);
   }
 }
 
@@ -93,10 +94,11 @@ std::vector<Finding> judge(const Listener& listener, const std::string& url, hal
              "ballast run paper_ball --speed 1 --lcm '" + url + "'"}};
   }
   std::vector<Finding> findings;
-  std::set<std::int64_t> scenarios;
+  std::set<std::int64_t> scenarios, runs;
   for (const auto& [name, channel] : listener.channels()) {
     const std::string rate = format("%.0f messages/s", static_cast<double>(channel.count) / time.count());
     scenarios.insert(channel.scenario_ids.begin(), channel.scenario_ids.end());
+    runs.insert(channel.run_ids.begin(), channel.run_ids.end());
     if (!kJudges.contains(name)) {
       findings.push_back({Verdict::kNote, name, rate + ", not a channel of Ballast", ""});
     } else if (channel.foreign > 0) {
@@ -123,6 +125,10 @@ std::vector<Finding> judge(const Listener& listener, const std::string& url, hal
                         "give each run a bus of its own: --lcm '" + another_bus(url) + "'"});
   } else if (!scenarios.empty()) {
     findings.push_back({Verdict::kOk, "scenario", ids + ", the same in every message", ""});
+  }
+  if (runs.size() > 1) {
+    findings.push_back({Verdict::kFail, "runs", format("%zu on one bus within %g s", runs.size(), time.count()),
+                        "give each run a bus of its own: --lcm '" + another_bus(url) + "'"});
   }
   return findings;
 }

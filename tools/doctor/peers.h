@@ -19,6 +19,7 @@ struct Channel {
   std::int64_t malformed = 0;           // the right fingerprint, but not that message, or not in its range
   std::uint64_t fingerprint = 0;        // of the last foreign one
   std::set<std::int64_t> scenario_ids;  // fingerprints of scenarios, where the message has one
+  std::set<std::int64_t> run_ids;       // the runs' numbers; messages of no run have none
 };
 
 class Listener {

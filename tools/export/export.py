@@ -8,13 +8,17 @@ import re
 import sys
 from pathlib import Path
 
+from command import run_program
 from event_log import LogError, scan
-from mcap import McapWriter
+from mcap import MAGIC, McapWriter
+from output_files import Kind, OutputError, OutputFiles, check_place
 from text import MessageType, types_by_fingerprint
 
 # So many messages at a time, that a long log needs no more memory than a short one.
 BLOCK = 20000
 LATEST_US = (2**64 - 1) // 1000  # MCAP counts ns in 64 bits
+_TABLE = Kind("CSV table of ballast export", b"timestamp_us,")
+_MCAP = Kind("MCAP file", MAGIC)
 
 
 class Log:
@@ -48,19 +52,22 @@ class Log:
                 events.clear()
                 payloads.clear()
 
-        try:
-            with open(self.path, "rb") as file:
-                if os.fstat(file.fileno()).st_size == 0:
-                    raise LogError(f"{self.path}: the log is empty")
-                with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                    self.damage = scan(data, self.path, take)
-        except OSError as error:
-            raise LogError(f"{self.path}: {error.strerror}") from error
+        with self._mapped() as data:
+            self.damage = scan(data, self.path, take)
         if events:
             take_block(events, payloads)
         if not self._types:
             raise LogError(f"{self.path}: no message of a type of this build"
                            f" ({sum(self.unknown.values())} others)")
+
+    def _mapped(self):
+        try:
+            with open(self.path, "rb") as file:
+                if os.fstat(file.fileno()).st_size == 0:
+                    raise LogError(f"{self.path}: the log is empty")
+                return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        except OSError as error:
+            raise LogError(f"{self.path}: {error.strerror}") from error
 
     def type_of(self, channel):
         return self._types[channel][1]
@@ -68,8 +75,12 @@ class Log:
 
 def write_csv(log, folder):
     """CHANNEL.csv for every channel; `timestamp_us` is the log's, the rest are the message's fields."""
-    folder.mkdir(parents=True, exist_ok=True)
-    files = {}
+    if not folder.is_dir():
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError as error:
+            raise OutputError(f"{folder}: is there, and no folder; it stays as it is") from error
+    files, names = {}, set()
 
     def take_block(events, payloads):
         timestamps = {channel: [] for channel in payloads}
@@ -79,24 +90,17 @@ def write_csv(log, folder):
             message_type = log.type_of(channel)
             if channel not in files:
                 name = re.sub(r"[^\w.-]", "_", channel, flags=re.ASCII) + ".csv"
-                if any(file.name == name for _, file in files.values()):
+                if name in names:
                     raise LogError(f"{log.path}: {channel}: another channel also makes {name}")
-                files[channel] = (open(folder / (name + ".part"), "w", encoding="ascii"), folder / name)
-                files[channel][0].write(",".join(["timestamp_us", *message_type.columns]) + "\n")
+                names.add(name)
+                files[channel] = outputs.open(folder / name, _TABLE, encoding="ascii")
+                files[channel].write(",".join(["timestamp_us", *message_type.columns]) + "\n")
             rows = message_type.numbers(messages, f"{log.path}: {channel}")
-            files[channel][0].writelines(f"{timestamp}," + ",".join(row) + "\n"
-                                         for timestamp, row in zip(timestamps[channel], rows))
+            files[channel].writelines(f"{timestamp}," + ",".join(row) + "\n"
+                                      for timestamp, row in zip(timestamps[channel], rows))
 
-    try:
+    with OutputFiles(folder, [log.path]) as outputs:
         log.read(take_block)
-        for file, target in files.values():
-            file.close()
-            os.replace(file.name, target)
-    except BaseException:
-        for file, _ in files.values():
-            file.close()
-            Path(file.name).unlink(missing_ok=True)
-        raise
     return len(files)
 
 
@@ -147,36 +151,31 @@ def json_pattern(message_type):
 
 def write_mcap(log, path):
     """JSON has no infinity: it is written as 1e999, which every parser of doubles reads as one. NaN is null."""
+    check_place(path, _MCAP, [log.path])
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
     channels = {}
-    try:
-        with open(part, "wb") as file:
-            writer = McapWriter(file, "ballast")
+    with OutputFiles(path, [log.path]) as outputs:
+        writer = McapWriter(outputs.open(path, _MCAP), "ballast")
 
-            def take_block(events, payloads):
-                texts = {}
-                for channel, messages in payloads.items():
-                    message_type = log.type_of(channel)
-                    if channel not in channels:
-                        channels[channel] = (writer.add_channel(channel, message_type.name, json_schema(message_type)),
-                                             json_pattern(message_type))
-                    rows = message_type.numbers(messages, f"{log.path}: {channel}", infinity="1e999", nan="null")
-                    texts[channel] = iter(rows)
-                for timestamp, channel in events:
-                    number, pattern = channels[channel]
-                    if timestamp > LATEST_US:
-                        raise LogError(f"{log.path}: {channel}: an event has the timestamp {timestamp} us; allowed in "
-                                       f"MCAP: at most {LATEST_US}")
-                    # MCAP has no time before 0: the countdown is put there. Its tick and utime say what it is.
-                    writer.add_message(number, max(timestamp, 0) * 1000, (pattern % next(texts[channel])).encode())
+        def take_block(events, payloads):
+            texts = {}
+            for channel, messages in payloads.items():
+                message_type = log.type_of(channel)
+                if channel not in channels:
+                    channels[channel] = (writer.add_channel(channel, message_type.name, json_schema(message_type)),
+                                         json_pattern(message_type))
+                rows = message_type.numbers(messages, f"{log.path}: {channel}", infinity="1e999", nan="null")
+                texts[channel] = iter(rows)
+            for timestamp, channel in events:
+                number, pattern = channels[channel]
+                if timestamp > LATEST_US:
+                    raise LogError(f"{log.path}: {channel}: an event has the timestamp {timestamp} us; allowed in "
+                                   f"MCAP: at most {LATEST_US}")
+                # MCAP has no time before 0: the countdown is put there. Its tick and utime say what it is.
+                writer.add_message(number, max(timestamp, 0) * 1000, (pattern % next(texts[channel])).encode())
 
-            log.read(take_block)
-            writer.finish()
-        os.replace(part, path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+        log.read(take_block)
+        writer.finish()
     return len(channels)
 
 
@@ -186,8 +185,9 @@ def main():
     parser.add_argument("--csv", type=Path, metavar="DIR", help="one CSV per channel into this folder")
     parser.add_argument("--mcap", type=Path, metavar="FILE", help="an MCAP file, which Foxglove opens")
     arguments = parser.parse_args()
-    path = arguments.log / "run.lcmlog" if arguments.log.is_dir() else arguments.log
-    try:
+
+    def body():
+        path = arguments.log / "run.lcmlog" if arguments.log.is_dir() else arguments.log
         for write, target in ((write_csv, arguments.csv), (write_mcap, arguments.mcap)):
             if target is None:
                 continue
@@ -199,13 +199,8 @@ def main():
                 print(f"ballast: {path}: {channel}: {count} messages are of no type of this build, and left out",
                       file=sys.stderr)
             print(f"{channels} channels in {target}")
-    except LogError as error:
-        print(f"ballast: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"ballast: {error.filename}: {error.strerror}", file=sys.stderr)
-        return 2
-    return 0
+
+    return run_program("ballast", body, LogError, OutputError)
 
 
 if __name__ == "__main__":

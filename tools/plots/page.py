@@ -44,6 +44,11 @@ def number_text(value):
     return f"{value:.4g}"
 
 
+def mass_name(i):
+    """From 0, as on the command line and in scenarios."""
+    return f"mass {i}"
+
+
 def time_text(value):
     return rf"$t$ = {value:.4f} s"
 

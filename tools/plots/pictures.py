@@ -10,7 +10,8 @@ from matplotlib.patches import Circle
 
 from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION, blank_page, draw_sphere,
                   finish_time_axis, friction_arrows, head, hollow, legend_above, mark_ends, mark_events, mark_extremum,
-                  mark_regimes_along, number_text, room_above, rows_along, rows_over_time, space_axes, time_text)
+                  mark_regimes_along, mass_name, number_text, room_above, rows_along, rows_over_time, space_axes,
+                  time_text)
 
 # A path or a drawing is flat in a direction in which it extends less than this part of its size: far above what 20 s of
 # integration leave in a coordinate that should stay 0 (1e-10), far below what an eye could see.
@@ -190,7 +191,7 @@ def body_frame(run):
     reach = float(np.linalg.norm(everything, axis=1).max())
     half_width = max(radius or 0.0, reach) or 1.0
     # The centre of mass comes last and thin: where a heavy mass takes it along, both stay visible.
-    curves = [(masses[:, i], MASS_COLORS[i], 2.4, f"$m_{i + 1}$") for i in range(run.mass_count)]
+    curves = [(masses[:, i], MASS_COLORS[i], 2.4, mass_name(i)) for i in range(run.mass_count)]
     curves.append((center, BLACK, 1.2, "centre of mass of the system"))
     # E_1-E_3 comes first: it is the plane of the paper's disk.
     for normal, plane in ((1, (0, 2)), (2, (0, 1)), (0, (1, 2))):
@@ -250,13 +251,13 @@ def masses(run):
     figure, (upper, lower) = blank_page((9, 8), rows=2)
     handles = []
     for i in range(run.mass_count):
-        handles += upper.plot(time, true[:, i], color=MASS_COLORS[i], label=rf"$\theta_{i + 1}$")
+        handles += upper.plot(time, true[:, i], color=MASS_COLORS[i], label=mass_name(i))
         upper.plot(time, commanded[:, i], color=BLACK, linestyle=(0, (4, 4)), linewidth=0.9)
         lower.plot(time, true[:, i] - commanded[:, i], color=MASS_COLORS[i], linewidth=1.0)
     command = [Line2D([], [], color=BLACK, linestyle=(0, (4, 4)), linewidth=0.9, label="commanded")]
     events = mark_events([upper, lower], run)
-    upper.set_ylabel(r"$\theta_i$ [rad, or m]")
-    lower.set_ylabel(r"$\theta_i$, true $-$ commanded")
+    upper.set_ylabel(r"$\theta$ [rad, or m]")
+    lower.set_ylabel(r"$\theta$, true $-$ commanded")
     lower.axhline(0, color=BLACK, linewidth=0.6)
     lower.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3), useMathText=True)
     finish_time_axis(upper, run)
@@ -347,7 +348,7 @@ def motors(run):
         right.plot(time, 100 * motor.margin, color=color, linewidth=1.0)
         least, most = number_text(motor.available_nm.min()), number_text(motor.available_nm.max())
         available = least if least == most else f"{least} to {most}"
-        label = f"$m_{motor.mass + 1}$: at most {number_text(motor.greatest_nm)} of {available} N m"
+        label = f"{mass_name(motor.mass)}: at most {number_text(motor.greatest_nm)} of {available} N m"
         torque_legend = [Line2D([], [], color=color, label=label)]
         # A limit far above would press the torque flat.
         if motor.available_nm.min() <= _LIMIT_IN_SIGHT * motor.greatest_nm:

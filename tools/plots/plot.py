@@ -4,18 +4,24 @@ import argparse
 import sys
 from pathlib import Path
 
+from command import run_program
 from event_log import LogError
+from output_files import Kind, OutputError, OutputFiles, check_place
 from pictures import PICTURES
 from recorded_run import RecordedRun
+
+_BEGINNINGS = {"png": b"\x89PNG\r\n\x1a\n", "svg": b"<?xml", "pdf": b"%PDF"}
 
 
 def main():
     parser = argparse.ArgumentParser(prog="ballast-plot",
                                      description="Draws the pictures of a finished run into its folder.")
     parser.add_argument("run_dir", type=Path, help="folder with run.lcmlog and summary.json")
-    parser.add_argument("--format", choices=("png", "svg", "pdf"), default="png", help="default: png")
+    parser.add_argument("--format", choices=tuple(_BEGINNINGS), default="png", help="default: png")
     arguments = parser.parse_args()
-    try:
+    kind = Kind(f"{arguments.format.upper()} picture", _BEGINNINGS[arguments.format])
+
+    def body():
         run = RecordedRun(arguments.run_dir)
         if run.damage:
             log = arguments.run_dir / "run.lcmlog"
@@ -23,17 +29,14 @@ def main():
         for name, draw in PICTURES.items():
             figure = draw(run)
             path = arguments.run_dir / f"{name}.{arguments.format}"
-            if figure is not None:
-                figure.savefig(path, dpi=150)
-            else:
+            check_place(path, kind)
+            if figure is None:
                 path.unlink(missing_ok=True)  # of an earlier run in this folder
-    except LogError as error:
-        print(f"ballast-plot: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"ballast-plot: {error.filename}: {error.strerror}", file=sys.stderr)
-        return 2
-    return 0
+                continue
+            with OutputFiles(path) as files:
+                figure.savefig(files.open(path, kind), dpi=150, format=arguments.format)
+
+    return run_program("ballast-plot", body, LogError, OutputError)
 
 
 if __name__ == "__main__":

@@ -29,6 +29,8 @@ class _Or:
 
 
 _MAYBE = _Or(_number)
+_PLAN = {"start!": _number, "duration!": _number, "predicted_normal_force_min": _MAYBE,
+         "predicted_mu_required_max": _MAYBE, "predicted_margin_min": _MAYBE, "margin_min": _MAYBE}
 # Of what is drawn or said. A key that ends in ! has to be there; keys that are not here may be anything.
 _SHAPE = {
     "actuation": _Or(_text),
@@ -43,6 +45,10 @@ _SHAPE = {
     "regimes": [{"regime!": _text, "start!": _number, "end!": _number}],
     "impacts": [{"time!": _number, "normal_impulse": _number, "friction_impulse": _number, "sticking": _flag}],
     "trip": _Or({"cause!": _text, "time!": _number, "value": _MAYBE, "limit": _MAYBE, "latency_ticks": _MAYBE}),
+    "move": _Or(_PLAN),
+    "stop": _Or(_PLAN),
+    "faults": [{}],
+    "required_friction": _Or({"text": _Or(_text)}),
     "motors": [_Or({"steps": _number, "lost_steps": _number, "max_step_rate": _number, "max_torque": _number,
                     "torque_margin!": _number,
                     "parameters": {name: _number for name in (

@@ -24,16 +24,21 @@ _LONG_CELL = 32  # letters; longer ones are broken into lines
 _OWN_MODULES = ("main.js", "samples.js", "clock.js", "panels.js", "plots.js", "scene.js", "robot.js", "theme.js")
 
 
+def page_begins(maker):
+    """How every page of that command begins, "report" or "compare"."""
+    return f"<!doctype html>\n<!-- ballast {maker} -->\n".encode()
+
+
 def report_page(recording):
-    return _page([recording], recording.name, _report_head(recording), _report_tables(recording))
+    return _page("report", [recording], recording.name, _report_head(recording), _report_tables(recording))
 
 
 def compare_page(recordings, title, head, tables):
     """`head`, `tables`: HTML, of what is said above and below the plots."""
-    return _page(recordings, title, head, tables)
+    return _page("compare", recordings, title, head, tables)
 
 
-def _page(recordings, title, head, tables):
+def _page(maker, recordings, title, head, tables):
     three, uplot = Package("three"), Package("uplot")
     modules = {
         "three": three.text("build/three.module.min.js"),
@@ -49,6 +54,7 @@ def _page(recordings, title, head, tables):
                        "</pre>" for p in (three, uplot))
     described = {"runs": [_described(recording) for recording in recordings]}
     parts = {
+        "maker": maker,
         "title": html.escape(title),
         "policy": f"default-src 'none'; script-src data: {_hash(import_map)} {_hash(start)}; "
                   "style-src 'unsafe-inline'; img-src data: blob:",
@@ -161,8 +167,7 @@ def symbols(text):
     """Escaped, with the paper's symbols as they are printed."""
     text = html.escape(str(text))
     text = re.sub(r"\bf_s\b", "<i>f</i><sub>s</sub>", text)
-    text = re.sub(r"\bmu_s\b", "<i>μ</i><sub>s</sub>", text)
-    return re.sub(r"\bm_(\d)\b", r"<i>m</i><sub>\1</sub>", text)
+    return re.sub(r"\bmu_s\b", "<i>μ</i><sub>s</sub>", text)
 
 
 def notes_html(recording, prefix=""):

@@ -7,11 +7,14 @@ from pathlib import Path
 
 import differences
 import words
-from assemble import compare_page, notes_html, symbols, table_html
+from assemble import compare_page, notes_html, page_begins, symbols, table_html
+from command import run_program
 from differences import MISSING, value_text
+from output_files import Kind, check_place
 from recording import Recording
-from report import run_program, write_page
+from report import ERRORS, write_page
 
+_PAGE = Kind("page of ballast compare", page_begins("compare"))
 # In the terminal; the page has all.
 _LONGEST_TERMINAL_LIST = 40
 _WIDEST_VALUE = 28
@@ -161,12 +164,14 @@ def main():
             print(controller_text(arguments.run_a, arguments.run_b), end="", flush=True)
             return
         comparison = Comparison(arguments.run_a, arguments.run_b)
-        print(terminal_text(comparison), flush=True)
         a, b = comparison.recordings
-        write_page(arguments.out or b.folder / "compare.html",
-                   compare_page([a, b], f"{a.name} and {b.name}", _head(comparison), _tables(comparison)))
+        out, inputs = arguments.out or b.folder / "compare.html", [*a.files, *b.files]
+        check_place(out, _PAGE, inputs)
+        print(terminal_text(comparison), flush=True)
+        write_page(out, compare_page([a, b], f"{a.name} and {b.name}", _head(comparison), _tables(comparison)), _PAGE,
+                   inputs)
 
-    return run_program("ballast-compare", body)
+    return run_program("ballast-compare", body, *ERRORS)
 
 
 if __name__ == "__main__":

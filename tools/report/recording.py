@@ -1,7 +1,8 @@
 """One run as the page shows it: a table of samples, what the run was made of, and what its summary says of it.
 
 Everything comes from run.lcmlog, summary.json and robot.json. Where a log has no summary beside it, what the summary
-would say and the log shows takes its place, with the same names; `from_log` is then true.
+would say and the log shows takes its place, with the same names; `from_log` is then true. Likewise where the log ends
+elsewhere than the run that the summary speaks of.
 """
 
 import math
@@ -16,6 +17,11 @@ from recorded_run import REGIME_NAMES, RecordedRun, read_json
 # More samples than this are thinned: a page of 20 s at 1 kHz shows each. Twice what the widest screen has pixels in a
 # plot would do; zooming in wants more.
 MOST_SAMPLES = 30000
+
+# What summary.json says of a run however much of it there is.
+_SAID_BEFORE_THE_RUN = ("scenario", "actuation", "surface", "envelope", "control_period", "seed")
+# A run's last sample is that of its end; both files have all digits of it, and this is rounding.
+_SAME_END = 1e-9
 
 _TRIP_CAUSES = {
     ballast.trip_t.CAUSE_NORMAL_FORCE: "normal_force",
@@ -40,13 +46,10 @@ class Recording:
         summary_path = self.folder / "summary.json"
         # A log of another name is not what a summary beside it speaks of.
         self.from_log = self.log_path.name != "run.lcmlog" or not summary_path.exists()
-        self.summary = {} if self.from_log else _mapping(summary_path)
-        self._run = RecordedRun(self.folder, self.log_path, self.summary)
+        written = {} if self.from_log else _mapping(summary_path)
+        self._run = RecordedRun(self.folder, self.log_path, written)
         self._refuse_two_runs()
-        if self.from_log:
-            self.summary.update(summary_from_log(self._run, self.log_path))
-            self.notes.append(f"There is no summary.json for {self.log_path.name}: all numbers are those of its "
-                              "samples, and what a log does not say is left out.")
+        self.summary = self._said_by(written)
         if self._run.damage:
             self.notes.append(f"{self.log_path.name}: {self._run.damage}. Shown is what comes before.")
         self.mass_count = self._run.mass_count
@@ -59,6 +62,11 @@ class Recording:
         """The scenario's, where the summary says it; else that of the log, or of its folder."""
         own = self.log_path.name if self.log_path.name != "run.lcmlog" else self.folder.resolve().name
         return str(self.summary.get("scenario") or own)
+
+    @property
+    def files(self):
+        """What a run's folder holds of it, read here or not: nothing of it may be written over."""
+        return [self.log_path, *(self.folder / name for name in ("summary.json", "robot.json", "scenario.toml"))]
 
     @property
     def end_s(self):
@@ -74,6 +82,23 @@ class Recording:
     def motors(self):
         """As RecordedRun's; none where nothing says what the motors are."""
         return [] if self.from_log else self._run.motors()
+
+    def _said_by(self, written):
+        """What summary.json says, as far as it speaks of what the log holds."""
+        name = self.log_path.name
+        if self.from_log:
+            written.update(summary_from_log(self._run, self.log_path))
+            self.notes.append(f"There is no summary.json for {name}: all numbers are those of its samples, and what a "
+                              "log does not say is left out.")
+            return written
+        end_s = (written.get("end") or {}).get("time")
+        if end_s is None or abs(end_s - self.end_s) <= _SAME_END * max(end_s, 1):
+            return written
+        self.notes.append(f"{name} ends at t = {self.end_s:.6g} s, the run that summary.json speaks of at t = "
+                          f"{end_s:.6g} s: all numbers are those of the log's samples, and what only a summary of "
+                          "these would say is left out.")
+        kept = {key: written[key] for key in _SAID_BEFORE_THE_RUN if key in written}
+        return {**summary_from_log(self._run, self.log_path), **kept}
 
     def _refuse_two_runs(self):
         for channel, messages in (("BALLAST_CONTACT", self._run.contact), ("BALLAST_PLANT_STATE", self._run.state)):

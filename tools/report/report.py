@@ -1,45 +1,24 @@
 """ballast-report LOG: one HTML page of a finished run. `ballast report` calls it."""
 
 import argparse
-import os
 import sys
-import tempfile
 from pathlib import Path
 
-from assemble import report_page
+from assemble import page_begins, report_page
+from command import run_program
 from event_log import LogError
+from output_files import Kind, OutputError, OutputFiles, check_place
 from packages import PackageError
 from recording import Recording
 
+ERRORS = (LogError, PackageError, OutputError)
+_PAGE = Kind("page of ballast report", page_begins("report"))
 
-def write_page(path, text):
-    """Whole or not at all."""
-    try:
-        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.parent, delete=False) as part:
-            try:
-                part.write(text)
-                part.flush()
-                os.chmod(part.name, 0o644)
-                os.replace(part.name, path)
-            except BaseException:
-                os.unlink(part.name)
-                raise
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from error
+
+def write_page(path, text, kind, inputs):
+    with OutputFiles(path, inputs) as files:
+        files.open(path, kind, encoding="utf-8").write(text)
     print(f"{path}  ({len(text.encode()) / 1e6:.1f} MB)")
-
-
-def run_program(name, body):
-    """The program's exit status; what went wrong goes to stderr, after its name."""
-    try:
-        body()
-    except (LogError, PackageError) as error:
-        print(f"{name}: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"{name}: {error.filename}: {error.strerror}", file=sys.stderr)
-        return 2
-    return 0
 
 
 def main():
@@ -50,9 +29,11 @@ def main():
 
     def body():
         recording = Recording(arguments.log)
-        write_page(arguments.out or recording.folder / "report.html", report_page(recording))
+        out = arguments.out or recording.folder / "report.html"
+        check_place(out, _PAGE, recording.files)  # before the work is done
+        write_page(out, report_page(recording), _PAGE, recording.files)
 
-    return run_program("ballast-report", body)
+    return run_program("ballast-report", body, *ERRORS)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """What a summary says, in sentences and tables. Plain text: whoever puts it into a page escapes it."""
 
+import json
 import math
 from typing import NamedTuple
 
@@ -60,8 +61,13 @@ def _left_rolling(summary):
 def sentences(recording):
     summary = recording.summary
     found = [_what_it_was(recording), _how_it_ended(summary), _envelope(recording)]
-    found += [_trip(summary), _motors(summary), _floors(summary)]
+    found += [_faults(summary), _trip(summary), _motors(summary), _blame(summary) or _floors(summary)]
     return [sentence for sentence in found if sentence]
+
+
+def mass_name(i):
+    """Masses count from 0, as on the command line and in scenarios."""
+    return f"mass {i}"
 
 
 def _count(number, one, many=None):
@@ -125,6 +131,41 @@ def _envelope(recording):
     if math.isinf(limit):
         return words + "; this floor's friction is perfect."
     return words + f": {100 * needed['max'] / limit:.0f} % of the {number_text(limit)} that this floor gives."
+
+
+def _blame(summary):
+    """Whose friction it was, and which floors would have held, in the words of `ballast friction`."""
+    text = (summary.get("required_friction") or {}).get("text")
+    return f"In short: {text}." if text else ""
+
+
+def fault_words(fault):
+    """(kind, further words) of one of `faults`, whatever keys it has beside `kind` and `time`."""
+    kind = str(fault.get("kind", "fault")).replace("_", " ")
+    told = [f"{str(key).replace('_', ' ')} {_value_words(value)}" for key, value in fault.items()
+            if key not in ("kind", "time") and value is not None]
+    return kind, ", ".join(told)
+
+
+def _value_words(value):
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (int, float)):
+        return number_text(value)
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _faults(summary):
+    told = []
+    for fault in summary.get("faults") or []:
+        kind, more = fault_words(fault)
+        when = f" at {time_text(fault['time'])}" if _is_number(fault.get("time")) else ""
+        told.append(kind + when + (f" ({more})" if more else ""))
+    return f"Made to go wrong: {'; '.join(told)}." if told else ""
+
+
+def _is_number(value):
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _trip(summary):
@@ -193,8 +234,12 @@ def numbers(summary):
     motors = [(motor["torque_margin"], i) for i, motor in enumerate(summary.get("motors") or []) if motor]
     if motors:
         margin, i = min(motors)
-        found.append(Number(f"least torque left, m_{i + 1}", f"motors.{i}.torque_margin", margin, ""))
+        found.append(Number(f"least torque left, {mass_name(i)}", f"motors.{i}.torque_margin", margin, ""))
     return found
+
+
+def _maybe_text(value):
+    return "–" if value is None else number_text(value)
 
 
 class Table(NamedTuple):
@@ -213,7 +258,7 @@ def tables(recording):
         for i, motor in enumerate(motors):
             weight = recording.robot["masses"][i]["mass"]
             weight = "–" if weight is None else number_text(weight)
-            rows.append([f"m_{i + 1}", weight] + (["on a trajectory"] + [""] * 4 if motor is None else
+            rows.append([str(i), weight] + (["on a trajectory"] + [""] * 4 if motor is None else
                         [str(motor["steps"]), str(motor["lost_steps"]), number_text(motor["max_step_rate"]),
                          number_text(motor["max_torque"]), f"{100 * motor['torque_margin']:.1f} %"]))
         found.append(Table("Motors", head, rows))
@@ -231,6 +276,20 @@ def tables(recording):
                            [[number_text(impact["time"]), number_text(impact["normal_impulse"]),
                              number_text(impact["friction_impulse"]), "sticks" if impact["sticking"] else "slips"]
                             for impact in summary["impacts"]]))
+    plans = [(name, summary[name]) for name in ("move", "stop") if summary.get(name)]
+    if plans:
+        found.append(Table("Moves and stops", ["last", "from [s]", "takes [s]", "least N foreseen [N]",
+                                               "most f_s/N foreseen", "least margin foreseen", "least margin seen"],
+                           [[name, number_text(plan["start"]), number_text(plan["duration"])] +
+                            [_maybe_text(plan.get(key)) for key in (
+                                "predicted_normal_force_min", "predicted_mu_required_max", "predicted_margin_min",
+                                "margin_min")] for name, plan in plans]))
+    if summary.get("faults"):
+        rows = []
+        for fault in summary["faults"]:
+            kind, more = fault_words(fault)
+            rows.append([kind, number_text(fault["time"]) if _is_number(fault.get("time")) else "–", more])
+        found.append(Table("Faults put in", ["what", "t [s]", "how"], rows))
     if summary.get("published"):
         found.append(Table("Published", ["quantity", "published", "here", "by"],
                            [[str(p["quantity"]), number_text(p["published"]), number_text(p.get("here")),
@@ -239,9 +298,12 @@ def tables(recording):
 
 
 def events(recording):
-    """(time, words) of what is marked in the plots: the trip, and what ended the run early."""
+    """(time, words) of what is marked in the plots: faults, the trip, and what ended the run early."""
     summary, found = recording.summary, []
     trip, end = summary.get("trip"), summary.get("end") or {}
+    for fault in summary.get("faults") or []:
+        if _is_number(fault.get("time")):
+            found.append((fault["time"], f"fault: {fault_words(fault)[0]}"))
     if trip and trip.get("time") is not None:
         found.append((trip["time"], f"trip: {cause_text(trip.get('cause'))}"))
     what = {"slipped": "the ball slips", "detached": "the ball leaves the ground",

@@ -1,12 +1,16 @@
 package ballast.spy;
 
 import java.awt.AWTEvent;
+import java.awt.Dimension;
 import java.awt.EventQueue;
 import java.awt.GraphicsEnvironment;
 import java.awt.Toolkit;
+import java.awt.Window;
 import java.awt.event.MouseEvent;
+import java.awt.event.WindowEvent;
 import java.lang.reflect.Field;
 import java.net.MulticastSocket;
+import java.util.ArrayList;
 import java.util.List;
 import java.util.Map;
 import java.util.TreeMap;
@@ -21,6 +25,8 @@ import lcm.util.ClassDiscoverer;
 public final class Launch {
     /** At 1 kHz about a quarter of a second of messages, longer than a collection of garbage takes. */
     private static final int RECEIVE_BUFFER_BYTES = 2 << 20;
+    private static final Dimension SPYS_CHANNEL_WINDOW = new Dimension(650, 400);
+    private static final Dimension CHANNEL_WINDOW = new Dimension(840, 460); // columns are 200 wide from 800 on
 
     public static void main(String[] arguments) {
         String url = null;
@@ -76,10 +82,20 @@ public final class Launch {
         }
         try {
             lcm.spy.Spy spy = new lcm.spy.Spy(url);
-            holdMessagesDuringClicks(spy);
+            leaveOutSelfTests(spy);
+            watchEvents(spy);
             widen(spy);
         } catch (Exception failure) {
             fail(url + ": " + failure.getMessage());
+        }
+    }
+
+    /** Whatever connects to the bus says a text of LCM's own there, which is no message and would be undecodable. */
+    @SuppressWarnings("unchecked")
+    private static void leaveOutSelfTests(lcm.spy.Spy spy) throws ReflectiveOperationException {
+        Object lcm = value(spy, "lcm");
+        synchronized (value(lcm, "subscriptions")) {
+            ((Map<String, Object>) value(lcm, "subscriptionsMap")).put("LCM_SELF_TEST", new ArrayList<Object>());
         }
     }
 
@@ -87,12 +103,18 @@ public final class Launch {
      * A click that opens a channel's window shows the window's panel to the receiving thread before it has a window,
      * and lcm-spy then counts the messages of those milliseconds as undecodable. LCM hands out messages holding its
      * list of subscriptions; so do clicks now.
+     *
+     * <p>The window gets the width from which on lcm-spy has room between its columns for our longest names.
      */
-    private static void holdMessagesDuringClicks(lcm.spy.Spy spy) throws ReflectiveOperationException {
+    private static void watchEvents(lcm.spy.Spy spy) throws ReflectiveOperationException {
         final Object messages = value(value(spy, "lcm"), "subscriptions");
         Toolkit.getDefaultToolkit().getSystemEventQueue().push(new EventQueue() {
             @Override
             protected void dispatchEvent(AWTEvent event) {
+                if (event.getID() == WindowEvent.WINDOW_OPENED) {
+                    Window window = ((WindowEvent) event).getWindow();
+                    if (window.getSize().equals(SPYS_CHANNEL_WINDOW)) window.setSize(CHANNEL_WINDOW);
+                }
                 if (!(event instanceof MouseEvent)) {
                     super.dispatchEvent(event);
                     return;

@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kRateWindow_s = 1;
 constexpr double kSilence_s = 2;  // longer than any paced tick worth watching
+constexpr std::int64_t kWaitingTick = -3;
 
 [[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
   char text[256];
@@ -81,11 +82,33 @@ double TickCounter::rate_hz(double now_s) const {
 // What was the least and the most belongs to the run before.
 void View::start_again(std::int64_t tick) {
   if (!contact_ || (tick >= contact_->tick - TickCounter::kLate && !ended_)) return;
+  const auto run_id = run_id_;
   *this = View();
+  run_id_ = run_id;
 }
 
+// Whether the message is of the run that is shown; another one's turn comes when that is over.
+bool View::is_shown(std::int64_t run_id, double now_s) {
+  if (run_id_ && run_id != *run_id_) {
+    if (!is_over(now_s)) {
+      heard_another_s_ = now_s;
+      return false;
+    }
+    *this = View();
+  }
+  run_id_ = run_id;
+  heard_s_ = now_s;
+  return true;
+}
+
+bool View::is_over(double now_s) const { return !run_id_ || ended_ || now_s - heard_s_ > kSilence_s; }
+
+bool View::hears_another_run(double now_s) const { return heard_another_s_ && now_s - *heard_another_s_ <= kSilence_s; }
+
 void View::see(const contact_t& m, double now_s) {
+  if (!is_shown(m.run_id, now_s)) return;
   start_again(m.tick);
+  heard_s_ = now_s;
   if (!contact_) normal_force_min_n_ = m.normal_force_n;
   contact_ = m;
   counters_[kContact].see(m.tick, now_s);
@@ -97,28 +120,39 @@ void View::see(const contact_t& m, double now_s) {
 }
 
 void View::see(const plant_state_t& m, double now_s) {
+  if (!is_shown(m.run_id, now_s)) return;
   state_ = m;
   counters_[kState].see(m.tick, now_s);
 }
 
-void View::see(const sensors_t& m, double now_s) { counters_[kSensors].see(m.tick, now_s); }
-
-// Peers that wait for their first tick say so again and again; that is no tick.
-void View::see(const controller_status_t& m, double now_s) {
-  status_ = m;
-  if (m.tick != -3) counters_[kStatus].see(m.tick, now_s);
+void View::see(const sensors_t& m, double now_s) {
+  if (is_shown(m.run_id, now_s)) counters_[kSensors].see(m.tick, now_s);
 }
 
-void View::see(const step_command_t& m, double now_s) { counters_[kSteps].see(m.tick, now_s); }
+// Peers that wait for their first tick say so again and again; that is no tick, and of no run.
+void View::see(const controller_status_t& m, double now_s) {
+  const bool waits = m.tick == kWaitingTick;
+  if (waits ? !is_over(now_s) : !is_shown(m.run_id, now_s)) return;
+  status_ = m;
+  if (!waits) counters_[kStatus].see(m.tick, now_s);
+}
+
+void View::see(const step_command_t& m, double now_s) {
+  if (is_shown(m.run_id, now_s)) counters_[kSteps].see(m.tick, now_s);
+}
 
 void View::see(const trip_t& m, double now_s) {
+  const bool waits = m.tick == kWaitingTick;
+  if (waits ? !is_over(now_s) : !is_shown(m.run_id, now_s)) return;
   trip_ = m;
-  if (m.tick != -3) counters_[kTrip].see(m.tick, now_s);
+  if (!waits) counters_[kTrip].see(m.tick, now_s);
 }
 
 std::string View::page(double now_s, int width, std::int64_t undecodable) const {
   const int bar_width = std::clamp(width - 46, 10, 50);
   std::string text;
+  if (hears_another_run(now_s))
+    text += cut("ANOTHER RUN talks on this bus, and is not shown: each needs its own", width);
   if (contact_) {
     const contact_t& c = *contact_;
     text += cut(format("t = %.3f s  tick %lld  %s%s", c.time_s, static_cast<long long>(c.tick), regime(c.regime),
@@ -188,7 +222,7 @@ std::string View::line(double now_s, std::int64_t undecodable) const {
          format(" rate=%.0f missed=%lld refused=%lld undecodable=%lld", counters_[kContact].rate_hz(now_s),
                 static_cast<long long>(missed), static_cast<long long>(status_ ? status_->refused_messages : 0),
                 static_cast<long long>(undecodable)) +
-         (ended_ ? " ended" : "");
+         (hears_another_run(now_s) ? " another_run_on_this_bus" : "") + (ended_ ? " ended" : "");
 }
 
 }  // namespace ballast::watch

@@ -30,7 +30,8 @@ class TickCounter {
   double rate_hz_ = 0;
 };
 
-// Fed with valid messages and the wall clock's seconds; draws the state it has been told of.
+// Fed with valid messages and the wall clock's seconds; draws the state it has been told of. Of several runs on one bus
+// it shows the first it hears, until that has ended or is silent; of the others, that they are there.
 class View {
  public:
   void see(const contact_t& message, double now_s);
@@ -52,7 +53,13 @@ class View {
 
  private:
   void start_again(std::int64_t tick);
+  bool is_shown(std::int64_t run_id, double now_s);
+  [[nodiscard]] bool is_over(double now_s) const;
+  [[nodiscard]] bool hears_another_run(double now_s) const;
 
+  std::optional<std::int64_t> run_id_;  // of the run that is shown
+  double heard_s_ = 0;
+  std::optional<double> heard_another_s_;
   std::optional<contact_t> contact_;
   std::optional<plant_state_t> state_;
   std::optional<controller_status_t> status_;

@@ -77,7 +77,7 @@ function frictionLimits(runs) {
 
 export function makePanels(runs) {
   const masses = (run) => runs[run].described.masses.length;
-  const mass = (j) => `mass-${j}`;
+  const mass = (j) => `mass-${j}`, massName = (j) => `mass ${j}`;  // from 0, as on the command line
   const flies = runs.some(({described}) => described.regimes.some(({regime}) => regime === "flight"));
   const slides = runs.some(({described}) => described.regimes.some(({regime}) => regime === "sliding"));
   const prescribed = runs.every(({described}) => described.actuation !== "stepper");
@@ -128,7 +128,7 @@ export function makePanels(runs) {
       lines: several(runs, "angular_velocity", () => 3, (j) => sub("Ω", j + 1), (j) => `axis-${j}`)
     },
   ];
-  const positions = several(runs, "mass_position", masses, (j) => sub("θ", j + 1), mass);
+  const positions = several(runs, "mass_position", masses, massName, mass);
   if (runs.length === 1)
     for (const line of several(runs, "commanded", masses, () => "", mass))
       positions.push({...line, label: undefined, color: "text", dash: [4, 4], width: 1});
@@ -145,13 +145,13 @@ export function makePanels(runs) {
         title: "Masses: true − commanded",
         unit: "rad, or m",
         limits: [{value: 0, text: ""}],
-        lines: several(runs, "deviation", masses, (j) => sub("m", j + 1), mass)
+        lines: several(runs, "deviation", masses, massName, mass)
       },
       {
         id: "motor_torque",
         title: `Motor torque ${prescribed ? "needed " : ""}at the shaft`,
         unit: "N m",
-        lines: several(runs, "motor_torque", masses, (j) => sub("m", j + 1), mass)
+        lines: several(runs, "motor_torque", masses, massName, mass)
       },
       {
         id: "motor_margin",
@@ -159,7 +159,7 @@ export function makePanels(runs) {
         unit: "%",
         limits: [{value: 0, text: ""}],
         bottom: -110,
-        lines: several(runs, "motor_margin", masses, (j) => sub("m", j + 1), mass)
+        lines: several(runs, "motor_margin", masses, massName, mass)
       });
   if (flies)
     panels.push({

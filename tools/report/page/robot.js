@@ -15,13 +15,14 @@ const SHORTEST_PATH_PIECE = 4e-3;  // ball radii: the direction of a shorter one
 const PATH_WIDTH = 0.056;          // ball radii; where the path is long
 const PATH_OF_EXTENT = 0.004;      // part of its extent, to be seen from where all of it is
 const RAIL_POINTS = 600;
+const RAIL_PIECES = 240;  // of each rail; the chords of a circle are off by 1e-4 of its radius
 const REGIMES = ["rolling", "sliding", "flight"];
 const UP = new THREE.Vector3(0, 0, 1);
 
 const paint = (material, name) => material.color.setStyle(color(name));
 
 // A sphere's texture: a ball of gores and bands, by which one sees it roll. Alpha only; the material has the colour.
-function shellPattern() {
+function shellPattern(fine) {
   const canvas = document.createElement("canvas");
   [canvas.width, canvas.height] = [1024, 512];
   const context = canvas.getContext("2d");
@@ -42,7 +43,7 @@ function shellPattern() {
   }
   const texture = new THREE.CanvasTexture(canvas);
   texture.colorSpace = THREE.SRGBColorSpace;
-  texture.anisotropy = 8;
+  texture.anisotropy = fine ? 8 : 1;
   return texture;
 }
 
@@ -111,8 +112,9 @@ class Arrow {
 }
 
 export class Robot {
-  constructor({samples, described}, run, several) {
-    Object.assign(this, {samples, described, run, several});
+  // `fine`: with what a graphics card does for nothing.
+  constructor({samples, described}, run, several, fine) {
+    Object.assign(this, {samples, described, run, several, fine});
     this.radius = described.radius;
     this.object = new THREE.Group();
     this.body = new THREE.Group();
@@ -136,12 +138,13 @@ export class Robot {
   }
 
   makeShell() {
-    const r = this.radius, geometry = new THREE.SphereGeometry(r, 72, 48).rotateX(Math.PI / 2);
-    const map = shellPattern();
+    const r = this.radius, geometry = new THREE.SphereGeometry(r, 64, 40).rotateX(Math.PI / 2);
+    const map = shellPattern(this.fine);
     const options = {map, transparent: true, depthWrite: false};
     const opacity = this.several ? 0.4 : 1;  // one sees through two shells
     const inside = new THREE.MeshBasicMaterial({...options, side: THREE.BackSide, opacity: 0.55 * opacity});
-    const outside = new THREE.MeshPhongMaterial({...options, shininess: 90, specular: 0x555555, opacity});
+    const outside = this.fine ? new THREE.MeshPhongMaterial({...options, shininess: 90, specular: 0x555555, opacity}) :
+                                new THREE.MeshBasicMaterial({...options, opacity});
     const rim = rimMaterial();
     this.shell = new THREE.Group();
     [[inside, 1], [outside, 5], [rim, 6]].forEach(([material, order]) => {
@@ -184,12 +187,11 @@ export class Robot {
       const railMaterial = new THREE.MeshLambertMaterial();
       if (points.length > 1) {
         const curve = new THREE.CatmullRomCurve3(points, closed, "centripetal");
-        this.rails.add(new THREE.Mesh(
-            new THREE.TubeGeometry(curve, Math.max(2 * points.length, 32), 0.011 * r, 8, closed), railMaterial));
+        this.rails.add(new THREE.Mesh(new THREE.TubeGeometry(curve, RAIL_PIECES, 0.011 * r, 6, closed), railMaterial));
       }
       const size = heaviest > 0 ? Math.max(HEAVIEST_MASS * Math.cbrt(mass / heaviest), LEAST_MASS) : 0.09;
       const material = new THREE.MeshPhongMaterial({shininess: 70, specular: 0x333333});
-      const sphere = new THREE.Mesh(new THREE.SphereGeometry(size * r, 32, 24), material);
+      const sphere = new THREE.Mesh(new THREE.SphereGeometry(size * r, 24, 16), material);
       this.body.add(sphere);
       this.onPaint(() => {
         paint(material, `mass-${i}`);

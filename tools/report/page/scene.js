@@ -7,13 +7,23 @@ import {OrbitControls} from "three/OrbitControls";
 const FIELD_OF_VIEW = 34;  // degrees
 const SLOW_FRAME_S = 0.03;
 const SLOW_FRAMES = 12;  // one after another
-const LEAST_PIXEL_RATIO = 0.5;
+const LEAST_PIXEL_RATIO = 0.35;
+const STILL_AFTER_MS = 200;  // without a change: then all pixels are drawn
 const DIRECTION = new THREE.Vector3(-0.62, -1, 0.52).normalize();
 
 // 1, 2 or 5 times a power of ten, at most `value`.
 function roundLength(value) {
   const power = 10 ** Math.floor(Math.log10(value));
   return power * ([5, 2, 1].find((factor) => factor * power <= value) ?? 1);
+}
+
+// Without a graphics card the processor computes every pixel, and several times where edges are smoothed.
+function drawsInSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const named = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = gl ? gl.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : gl.RENDERER) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }
 
 // A grid that fades away from where one looks; every fifth line is stronger.
@@ -56,17 +66,20 @@ export class Scene {
     this.box = box;
     this.clock = clock;
     this.scaleText = scaleText;
-    this.renderer = new THREE.WebGLRenderer({antialias: true, alpha: true});
+    const fine = !drawsInSoftware();
+    this.renderer = new THREE.WebGLRenderer({antialias: fine, alpha: true});
     this.renderer.debug.checkShaderErrors = false;  // asking would wait for the compiler
-    this.pixelRatio = Math.min(devicePixelRatio, 2);
-    this.renderer.setPixelRatio(this.pixelRatio);
+    this.stillRatio = Math.min(devicePixelRatio, 2);
+    this.movingRatio = fine ? this.stillRatio : 0.7;
+    this.setPixelRatio(this.stillRatio);
     this.slowFrames = 0;
+    this.movedAt = -Infinity;
     const canvas = this.renderer.domElement;
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", "The ball on its floor, with its masses, the contact force and the path");
     box.prepend(canvas);
     this.scene = new THREE.Scene();
-    this.robots = runs.map((run, number) => new Robot(run, number, runs.length > 1));
+    this.robots = runs.map((run, number) => new Robot(run, number, runs.length > 1, fine));
     this.radius = Math.max(...this.robots.map(({radius}) => radius));
     for (const robot of this.robots) this.scene.add(robot.object, robot.path);
     this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.03 * this.radius, 4000 * this.radius);
@@ -167,20 +180,27 @@ export class Scene {
     this.dirty = true;
   }
 
+  setPixelRatio(ratio) {
+    this.pixelRatio = ratio;
+    this.renderer.setPixelRatio(ratio);
+  }
+
   // Where frames come late while it plays, it is drawn with fewer pixels: a slow machine shows motion rather than
-  // edges.
+  // edges. Once nothing moves, it is drawn with all of them.
   adapt(frameSeconds) {
     this.slowFrames = frameSeconds > SLOW_FRAME_S ? this.slowFrames + 1 : 0;
-    if (this.slowFrames < SLOW_FRAMES || this.pixelRatio <= LEAST_PIXEL_RATIO) return;
+    if (this.slowFrames < SLOW_FRAMES || this.movingRatio <= LEAST_PIXEL_RATIO) return;
     this.slowFrames = 0;
-    this.pixelRatio = Math.max(0.7 * this.pixelRatio, LEAST_PIXEL_RATIO);
-    this.renderer.setPixelRatio(this.pixelRatio);
-    this.dirty = true;
+    this.movingRatio = Math.max(0.7 * this.movingRatio, LEAST_PIXEL_RATIO);
   }
 
   // Draws if there is something new; says whether it did.
   render() {
-    if (!this.dirty) return false;
+    const now = performance.now();
+    if (this.dirty) this.movedAt = now;
+    const ratio = now - this.movedAt < STILL_AFTER_MS ? this.movingRatio : this.stillRatio;
+    if (!this.dirty && ratio === this.pixelRatio) return false;
+    if (ratio !== this.pixelRatio) this.setPixelRatio(ratio);
     this.dirty = false;
     const {target} = this.controls, distance = this.camera.position.distanceTo(target),
           {uniforms} = this.floor.material;

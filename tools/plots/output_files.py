@@ -1,0 +1,116 @@
+"""The files a program makes: all of them whole, or none, and never in the place of anything else.
+
+A name may be free, or that of an earlier file of the same kind. Everything else stays as it is, the program's own input
+before all: devices, links, folders, files of other kinds.
+"""
+
+import os
+import stat
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+
+class OutputError(Exception):
+    """A file cannot be made; the message says which, why, and what is allowed."""
+
+
+class Kind(NamedTuple):
+    name: str      # "CSV table of ballast export"
+    begins: bytes  # as every file of the kind does
+
+
+def check_place(path, kind, inputs=()):
+    """OutputError unless a file of this kind may be put there. An empty file holds nothing that could be lost."""
+    try:
+        status = os.lstat(path)
+    except FileNotFoundError:
+        return
+    what = None
+    if any(_same_file(path, other) for other in inputs):
+        what = "is what is read"
+    elif stat.S_ISLNK(status.st_mode):
+        what = f"is a symbolic link, to {os.readlink(path)}"
+    elif stat.S_ISDIR(status.st_mode):
+        what = "is a folder"
+    elif not stat.S_ISREG(status.st_mode):
+        what = "is a device, a pipe or a socket"
+    elif not os.access(path, os.W_OK):
+        what = "is write-protected"
+    elif status.st_size > 0:
+        with open(path, "rb") as file:
+            if file.read(len(kind.begins)) != kind.begins:
+                what = f"is there, and no {kind.name}"
+    if what is not None:
+        raise OutputError(f"{path} {what}: it stays as it is; allowed: a new name, or that of an earlier {kind.name}")
+
+
+def _same_file(path, other):
+    try:
+        return os.path.samefile(path, other)
+    except OSError:
+        return False  # one of them is not there
+
+
+class OutputFiles:
+    """A context that makes the files opened in it appear when it ends well; otherwise nothing of them stays.
+
+    `inputs`: what the program reads. `place`: what to name when writing fails and the system does not say which file.
+    """
+
+    def __init__(self, place, inputs=()):
+        self._place, self._inputs, self._open = place, inputs, []
+
+    def open(self, path, kind, encoding=None):
+        """A file to write to, binary unless an encoding is given; it lies beside `path` until the context ends."""
+        path = Path(path)
+        check_place(path, kind, self._inputs)
+        try:
+            handle, part = tempfile.mkstemp(prefix=".", suffix=".part", dir=path.parent)
+        except OSError as error:
+            raise OutputError(f"{path}: {error.strerror}") from error
+        file = open(handle, "wb" if encoding is None else "w", encoding=encoding)
+        self._open.append((file, part, path, kind))
+        return file
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, _, error, __):
+        try:
+            if error is None:
+                self._finish()
+            elif isinstance(error, OSError) and error.filename is None:
+                self._fail(error)
+        except OSError as late:
+            self._fail(late)
+        finally:
+            self._discard()
+
+    def _finish(self):
+        for file, part, *_ in self._open:
+            file.flush()
+            os.fsync(file.fileno())  # a full disk may say so only now
+            os.chmod(part, 0o666 & ~_umask())
+            file.close()
+        for _, _, path, kind in self._open:
+            check_place(path, kind, self._inputs)
+        for _, part, path, _ in self._open:
+            os.replace(part, path)
+
+    def _fail(self, error):
+        raise OutputError(f"{self._place}: cannot be written: {error.strerror}; nothing of it is kept") from error
+
+    def _discard(self):
+        for file, part, *_ in self._open:
+            try:
+                file.close()
+            except OSError:
+                pass  # what could not be written is not wanted any more
+            Path(part).unlink(missing_ok=True)
+
+
+def _umask():
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
