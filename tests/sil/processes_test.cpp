@@ -152,8 +152,9 @@ Outcome by_hand(const Folder& folder, const std::string& run, const std::string&
 TEST(Processes, AMoveOnABusThatTripsSaysSoAndExitsWith3) {
   for (const std::string limit : {"envelope.friction_use=0.02", "surface.static_friction=0.02"}) {
     const Folder folder;
-    const Outcome said = by_hand(folder, "paper_ball --speed 4 --set duration=60 --set " + limit,
-                                 " --lcm '" + bus_url(26) + "'", "say ballast move --mass 1 --to 1;");
+    const Outcome said =
+        by_hand(folder, "paper_ball --speed 1 --set duration=60 --set run.control_period=0.004 --set " + limit,
+                " --lcm '" + bus_url(26) + "'", "say ballast move --mass 1 --to 1;");
     EXPECT_NE(said.out.find("\n3 <- ballast move --mass 1 --to 1\n"), std::string::npos) << said.out << said.err;
     EXPECT_NE(said.err.find("the move was ended by a trip: mass 1 is at "), std::string::npos) << said.err;
     const bool floor = limit.find("surface") == 0;  // the monitor's own limit is not on the bus
