@@ -821,7 +821,13 @@ void Plant::note_motors() {
     if (driven_) {
       const double stop_n = end_stops_[i].force_n(stop_side_[i], masses.position[i], masses.velocity[i]);
       torque_nm_[i] = (now_.generalised_force[i] - stop_n) / motor.shaft_ratio;
-      end_stop_record_[i].max_force_n = std::max(end_stop_record_[i].max_force_n, std::abs(stop_n));
+      EndStopRecord& stop = end_stop_record_[i];
+      stop.max_force_n = std::max(stop.max_force_n, std::abs(stop_n));
+      if (stop_side_[i] != 0) {
+        const double outside_m = body_.path(i, masses.position[i]).position.norm() - body_.radius_m;
+        if (outside_m > 0 && stop.outside_ball_s < 0) stop.outside_ball_s = time_s_;
+        stop.outside_ball_m = std::max(stop.outside_ball_m, outside_m);
+      }
     }
     extrema.max_torque_nm = std::max(extrema.max_torque_nm, std::abs(torque_nm_[i]));
     double margin;

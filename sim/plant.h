@@ -108,11 +108,14 @@ struct MotorEnergy {
   double stored_j = 0;      // change of what the winding's field and the detent hold
 };
 
-// Of a driven mass at the ends of its rail. The instants are located; the force is taken where the motors' torques are.
+// Of a driven mass at the ends of its rail. The touches are located; the rest is taken where the motors' torques are.
 struct EndStopRecord {
   int touches = 0;         // times a stop began to push
   double first_s = -1;     // the first of them; before the start: none
   double max_force_n = 0;  // greatest push
+  // A soft stop gives way further than the shell would, of which the model knows nothing.
+  double outside_ball_m = 0;   // greatest distance of the mass outside the ball
+  double outside_ball_s = -1;  // when it was first seen there
 };
 
 class Plant {

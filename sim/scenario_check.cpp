@@ -131,7 +131,8 @@ void read_initial(TableReader table, std::optional<double> ball_radius_m, Scenar
   initial.velocity_W_mps = *velocity;
 }
 
-void read_run(TableReader table, MassSurroundings& known, Scenario::Run& run) {
+void read_run(TableReader& root, MassSurroundings& known, Scenario::Run& run) {
+  TableReader table = root.table("run");
   const auto actuation = table.word("actuation", {"prescribed", "stepper"}, "stepper");
   const auto period = table.number("control_period", Range::between(1e-6, 10, "s"), run.control_period_s);
   const auto timer = table.number("timer_frequency", Range::between(1e6, 1e8, "Hz"), run.timer_frequency_hz);
@@ -165,9 +166,11 @@ void read_run(TableReader table, MassSurroundings& known, Scenario::Run& run) {
   }
   if (period && known.duration_s) {
     const double duration = *known.duration_s;
-    if (*period > duration) {
-      refuse_clock("control_period", "is longer than the run, " + number_text(*period) +
-                                         " s; allowed: <= duration = " + number_text(duration));
+    if (*period > duration && !table.has("control_period")) {
+      root.refuse("duration", "is less than one control period; allowed: >= run.control_period = " +
+                                  number_text(*period) + " s, its default");
+    } else if (*period > duration) {
+      refuse_clock("control_period", "is longer than the run; allowed: <= duration = " + number_text(duration) + " s");
     } else if (duration / *period > 1e9) {
       refuse_clock("control_period", "makes " + number_text(duration / *period) +
                                          " control periods of the duration; allowed: at most 1e9");
@@ -203,8 +206,10 @@ void read_external_force(TableReader& root, Scenario& scenario) {
     return;
   }
   for (std::size_t i = 1; i < times->size(); ++i) {
-    if ((((*forces)[i] - (*forces)[i - 1]) / ((*times)[i] - (*times)[i - 1])).allFinite()) continue;
-    table.refuse("forces." + std::to_string(i), "changes too fast; allowed: a finite rate from each force to the next");
+    const Eigen::Vector3d rate = ((*forces)[i] - (*forces)[i - 1]) / ((*times)[i] - (*times)[i - 1]);
+    if (Range::any().contains(rate.stableNorm())) continue;
+    table.refuse("forces." + std::to_string(i), "changes too fast; allowed: a rate of at most " +
+                                                    number_text(kMostSize) + " N/s from each force to the next");
     return;
   }
   scenario.force_table = {*times, *forces};
@@ -254,7 +259,7 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
   read_surface(root.table("surface"), scenario.surface);
   read_drag(root.table("drag"), scenario.drag);
   read_initial(root.table("initial"), known.ball_radius_m, scenario.initial);
-  read_run(root.table("run"), known, scenario.run);
+  read_run(root, known, scenario.run);
   read_envelope(root.table("envelope"), scenario.envelope);
   if (const auto seed = root.integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 0)) {
     scenario.seed = static_cast<std::uint64_t>(*seed);

@@ -263,8 +263,9 @@ std::optional<std::vector<MotionPiece>> read_motion(TableReader& mass) {
     piece.refuse_unknown_keys();
     if (!duration || !acceleration) continue;
     const double start = (*acceleration)[0], end = (*acceleration)[1];
-    if (!std::isfinite((end - start) / *duration)) {
-      piece.refuse("acceleration", "changes too fast; allowed: (end - start) / duration finite");
+    if (!Range::any().contains((end - start) / *duration)) {
+      piece.refuse("acceleration", "changes too fast; allowed: (end - start) / duration of at most " +
+                                       number_text(kMostSize) + " in size");
       continue;
     }
     motion.push_back({*duration, start, end});
@@ -276,6 +277,23 @@ std::optional<std::vector<MotionPiece>> read_motion(TableReader& mass) {
 std::string piece_key(const Mass& mass, std::size_t piece) {
   if (mass.motion.empty()) return "initial_velocity";
   return piece < mass.motion.size() ? "motion." + std::to_string(piece) : "motion";
+}
+
+// Before what happens at an extreme beyond `end`. The velocity that goes on after the last piece has no key of its own:
+// which piece it comes from, and when it passes the end, is said.
+std::string after_the_motion(const Mass& mass, const Extreme& worst, double end) {
+  if (mass.motion.empty() || worst.piece < mass.motion.size() || !std::isfinite(end)) return "";
+  double over_s = 0, velocity = mass.initial_velocity;
+  for (const MotionPiece& piece : mass.motion) {
+    over_s += piece.duration_s;
+    velocity += piece.duration_s * (piece.acceleration_start + piece.acceleration_end) / 2;
+  }
+  const double passes_s = worst.time_s - (worst.position - end) / velocity;
+  return "goes on with " + number_text(velocity) + " m/s after its last piece, motion." +
+         std::to_string(mass.motion.size() - 1) + ", which ends at t = " + number_text(over_s) + " s" +
+         (passes_s > over_s ? ", passes the end of its rail at t = " + number_text(passes_s) + " s"
+                            : " with the mass already beyond the end of its rail") +
+         ", and ";
 }
 
 // A mass on a line has to stay in the ball for the whole run. The distance is convex in theta: its ends suffice.
@@ -292,7 +310,8 @@ void check_line_in_ball(TableReader& table, const Mass& mass, const MassSurround
     }
   }
   if (!outside(worst_distance, *around.ball_radius_m)) return;
-  const std::string message = "takes the mass " + number_text(worst_distance) +
+  const double end = worst.position < mass.rail.lower_end ? mass.rail.lower_end : mass.rail.upper_end;
+  const std::string message = after_the_motion(mass, worst, end) + "takes the mass " + number_text(worst_distance) +
                               " m from the geometric centre at t = " + number_text(worst.time_s) + " s" +
                               allowed_in_ball(*around.ball_radius_m);
   if (worst.time_s > 0) {
@@ -316,7 +335,8 @@ void check_between_ends(TableReader& table, const Mass& mass, const MassSurround
   const std::string allowed =
       whole ? "on the rail, 0 to its length " + number_text(upper) + " m"
             : "between the rail's end_stops, " + number_text(lower) + " to " + number_text(upper) + " m";
-  const std::string message = "takes the mass to theta = " + number_text(worst.position) +
+  const std::string message = after_the_motion(mass, worst, below ? lower : upper) +
+                              "takes the mass to theta = " + number_text(worst.position) +
                               " m at t = " + number_text(worst.time_s) + " s; allowed: " + allowed;
   if (worst.time_s > 0) {
     table.refuse(piece_key(mass, worst.piece), message);
@@ -334,7 +354,28 @@ void default_stiffness(TableReader& table, Mass& mass) {
   const Range range = Range::positive("N/m");
   if (range.contains(stiffness)) return;
   table.refuse("rail.end_stop_stiffness", "is not given, and its default " + number_text(stiffness) +
-                                              " is out of range; allowed: a " + range.text());
+                                              " is out of range; allowed: a " + range.text_for(stiffness));
+}
+
+// A stop so soft that the motor alone presses the mass out through the shell is none. The mass is a point: a hundredth
+// of the radius beyond the shell is within what that leaves open, and more than the default stiffness gives way at an
+// end on the shell, a thousandth of at most two radii.
+constexpr double kMostOutside = 0.01;
+
+void check_stops_hold_in_ball(TableReader& table, const Mass& mass, double ball_radius_m) {
+  const firmware::Rail& rail = mass.rail;
+  if (!std::isfinite(rail.lower_end) || !(mass.end_stops.stiffness_npm > 0)) return;
+  const double give_m = mass.motor.holding_torque_nm * mass.motor.shaft_ratio / mass.end_stops.stiffness_npm;
+  for (const double pressed : {rail.lower_end - give_m, rail.upper_end + give_m}) {
+    const double distance = firmware::evaluate(rail, pressed).position.stableNorm();
+    if (distance <= ball_radius_m * (1 + kMostOutside)) continue;
+    table.refuse("rail.end_stop_stiffness",
+                 "lets the motor's holding torque press the mass to theta = " + number_text(pressed) + " m, " +
+                     number_text(distance) + " m from the geometric centre; allowed: a stop that holds it within " +
+                     number_text(1 + kMostOutside) +
+                     " ball.radius = " + number_text((1 + kMostOutside) * ball_radius_m) + " (stiffer, or further in)");
+    return;
+  }
 }
 
 // In place of rail, initial position and velocity, motion and motor.
@@ -377,21 +418,22 @@ void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajecto
   }
   const CubicSpline curve = *periodic ? CubicSpline::closed(*times, *points) : CubicSpline::open(*times, *points);
   double farthest_m = 0, when_s = 0;
-  bool finite = curve.finite();
-  for (std::size_t i = 0; finite && i < curve.pieces(); ++i) {
+  bool good = curve.finite();
+  for (std::size_t i = 0; good && i < curve.pieces(); ++i) {
     constexpr int kPlaces = 32;
     for (int k = 0; k <= kPlaces; ++k) {
       const double time = (*times)[i] + k * ((*times)[i + 1] - (*times)[i]) / kPlaces;
       const CubicSpline::Point p = curve.at(i, time);
-      finite = finite && p.position.allFinite() && p.d1.allFinite() && p.d2.allFinite();
+      for (const Eigen::Vector3d& v : {p.position, p.d1, p.d2}) good = good && Range::any().contains(v.stableNorm());
       if (const double distance = p.position.stableNorm(); distance > farthest_m) {
         farthest_m = distance;
         when_s = time;
       }
     }
   }
-  if (!finite) {
-    table.refuse("times", "allow no curve with finite accelerations; allowed: times at distances less extreme");
+  if (!good) {
+    table.refuse("times", "allow no curve whose speeds and accelerations are at most " + number_text(kMostSize) +
+                              "; allowed: times at distances less extreme");
   } else if (around.ball_radius_m && outside(farthest_m, *around.ball_radius_m)) {
     table.refuse("points", "take the mass " + number_text(farthest_m) + " m from the geometric centre at t = " +
                                number_text(when_s) + " s" + allowed_in_ball(*around.ball_radius_m));
@@ -451,10 +493,10 @@ void read_winding(TableReader& table, const MotorPreset* preset, Motor& motor) {
   motor.inductance_h = *inductance;
   motor.supply_voltage_v = *supply;
   motor.corner_speed_radps = PhaseCurrent(motor).corner_speed_radps();
-  if (!(motor.corner_speed_radps > 0) || !std::isfinite(motor.corner_speed_radps)) {
+  if (const Range range = Range::positive("rad/s"); !range.contains(motor.corner_speed_radps)) {
     table.refuse("rated_current", "and the rest of the winding make a corner speed of " +
-                                      number_text(motor.corner_speed_radps) +
-                                      " rad/s; allowed: figures that make a finite one > 0");
+                                      number_text(motor.corner_speed_radps) + "; allowed: figures that make it a " +
+                                      range.text_for(motor.corner_speed_radps));
     motor.corner_speed_radps = std::numeric_limits<double>::infinity();  // what follows from it has no fault of its own
   }
 }
@@ -504,8 +546,8 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   const auto read = [&](const char* key, const Range& range, double fallback, double& out) {
     out = table.number(key, range, fallback).value_or(fallback);
     if (!complete || table.has(key) || range.contains(fallback)) return;
-    table.refuse(
-        key, "is not given, and its default " + number_text(fallback) + " is out of range; allowed: a " + range.text());
+    table.refuse(key, "is not given, and its default " + number_text(fallback) + " is out of range; allowed: a " +
+                          range.text_for(fallback));
   };
   // A rotor three times as heavy as its load: each microstep then shakes the load a quarter as much, at the same
   // margin.
@@ -562,10 +604,11 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
 // What the controller refuses: here with the key that is to blame.
 void check_steps(TableReader& table, const Mass& mass, const MassSurroundings& around) {
   const double per_unit = microsteps_per_unit(mass.motor);
-  if (!std::isfinite(per_unit) || !(per_unit > 0)) {
+  if (const Range range = Range::positive(); !range.contains(per_unit)) {
     const bool on_line = mass.rail.shape != firmware::RailShape::kCircle;
-    table.refuse(on_line ? "motor.travel_per_revolution" : "motor.gear_ratio",
-                 "makes " + number_text(per_unit) + " microsteps per rail unit; allowed: a finite number > 0");
+    table.refuse(
+        on_line ? "motor.travel_per_revolution" : "motor.gear_ratio",
+        "makes " + number_text(per_unit) + " microsteps per rail unit; allowed: a " + range.text_for(per_unit));
     return;
   }
   if (!(std::abs(mass.initial_position * per_unit) <= kMaxInitialMicrosteps)) {
@@ -656,9 +699,11 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
   if (motion_known) {
     const PositionExtent extent = position_extent(mass, *around.duration_s);
     speed = speed_extent(mass);
-    if (!std::isfinite(extent.least.position) || !std::isfinite(extent.greatest.position) ||
-        !std::isfinite(speed.greatest_speed)) {
-      table.refuse("motion", "grows beyond all numbers; allowed: finite positions and speeds");
+    const Range range = Range::any();
+    if (!range.contains(extent.least.position) || !range.contains(extent.greatest.position) ||
+        !range.contains(speed.greatest_speed)) {
+      table.refuse("motion", "grows beyond all sense; allowed: positions and speeds of at most " +
+                                 number_text(kMostSize) + " in size");
       motion_known = false;
     }
   }
@@ -680,6 +725,7 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
     check_steps(table, mass, around);
     check_step_rate(table, mass, speed, around);
     check_acceleration(table, mass, speed);
+    check_stops_hold_in_ball(table, mass, *around.ball_radius_m);
   }
   table.refuse_unknown_keys();
   return mass;

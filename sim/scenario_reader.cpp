@@ -109,8 +109,19 @@ Range Range::between(double low, double high, std::string unit) {
 }
 
 bool Range::contains(double value) const {
-  if (std::isnan(value) || (std::isinf(value) && !(infinity_allowed && value > 0))) return false;
-  return (low_excluded ? value > low : value >= low) && (high_excluded ? value < high : value <= high);
+  if (std::isinf(value)) return infinity_allowed && value > 0;
+  return good_size(value) && (low_excluded ? value > low : value >= low) &&
+         (high_excluded ? value < high : value <= high);
+}
+
+bool Range::good_size(double value) const {
+  const bool too_small = low == 0 && low_excluded && value > 0 && value < kLeastSize;
+  return std::abs(value) <= kMostSize && !too_small;
+}
+
+std::string Range::text_for(double value) const {
+  if (!std::isfinite(value) || good_size(value)) return text();
+  return text() + ", " + number_text(kLeastSize) + " to " + number_text(kMostSize) + " in size";
 }
 
 std::string Range::text() const {
@@ -183,24 +194,22 @@ void TableReader::refuse(std::string_view key, const std::string& message) {
   }
 }
 
-std::optional<double> TableReader::checked_number(const Node& node, const std::string& path, const Range& range,
-                                                  const std::string& allowed) {
+std::optional<double> TableReader::checked_number(const Node& node, const std::string& path, const Range& range) {
   if (node.kind != NodeKind::kInteger && node.kind != NodeKind::kFloat) {
-    fault(node, path, std::string("is ") + kind_name(node.kind) + "; allowed: " + allowed);
+    fault(node, path, std::string("is ") + kind_name(node.kind) + "; allowed: " + with_article(range.text()));
     return std::nullopt;
   }
   if (!range.contains(node.number)) {
-    fault(node, path, "is out of range; allowed: " + allowed);
+    fault(node, path, "is out of range; allowed: " + with_article(range.text_for(node.number)));
     return std::nullopt;
   }
   return node.number;
 }
 
 std::optional<double> TableReader::number(std::string_view key, const Range& range, std::optional<double> fallback) {
-  const std::string allowed = with_article(range.text());
   const Node* value = node(key);
-  if (value != nullptr) return checked_number(*value, path_of(key), range, allowed);
-  if (!fallback) missing(key, allowed);
+  if (value != nullptr) return checked_number(*value, path_of(key), range);
+  if (!fallback) missing(key, with_article(range.text()));
   return fallback;
 }
 
@@ -283,8 +292,7 @@ std::optional<std::vector<double>> TableReader::numbers(std::string_view key, st
   }
   std::vector<double> numbers;
   for (std::size_t i = 0; i < size; ++i) {
-    const auto number =
-        checked_number(value->items[i], path_of(key) + "." + std::to_string(i), range, with_article(range.text()));
+    const auto number = checked_number(value->items[i], path_of(key) + "." + std::to_string(i), range);
     if (number) numbers.push_back(*number);
   }
   return numbers.size() == size ? std::optional(numbers) : std::nullopt;
@@ -341,8 +349,8 @@ std::optional<std::vector<Eigen::Vector3d>> TableReader::vectors(std::string_vie
       Eigen::Vector3d vector;
       int good = 0;
       for (int j = 0; j < 3; ++j) {
-        const auto number = checked_number(item.items[static_cast<std::size_t>(j)], path + "." + std::to_string(j),
-                                           range, with_article(range.text()));
+        const auto number =
+            checked_number(item.items[static_cast<std::size_t>(j)], path + "." + std::to_string(j), range);
         if (number) {
           vector[j] = *number;
           ++good;

@@ -12,7 +12,12 @@
 
 namespace ballast::sim {
 
-// The numbers allowed for a key. NaN never is.
+// What lies further out is no robot's, in whatever consistent units: products and quotients of such numbers lose the
+// digits of all others, or overflow.
+inline constexpr double kLeastSize = 1e-15;  // of numbers that must be > 0
+inline constexpr double kMostSize = 1e15;
+
+// The numbers allowed for a key: between low and high, and of a size that can be computed with. NaN never is.
 struct Range {
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
@@ -27,7 +32,10 @@ struct Range {
   static Range between(double low, double high, std::string unit = "");  // both included
 
   [[nodiscard]] bool contains(double value) const;
+  [[nodiscard]] bool good_size(double value) const;
   [[nodiscard]] std::string text() const;  // "finite number > 0, in m"
+  // text(), and what sizes are good where that is what is wrong with a value.
+  [[nodiscard]] std::string text_for(double value) const;
 };
 
 // Of `known`, the word nearest to what somebody wrote, with at most a third of the longer one wrong. Empty if none is.
@@ -88,8 +96,7 @@ class TableReader {
 
  private:
   std::optional<std::vector<double>> numbers(std::string_view key, std::size_t size, const Range& range, bool required);
-  std::optional<double> checked_number(const Node& node, const std::string& path, const Range& range,
-                                       const std::string& allowed);
+  std::optional<double> checked_number(const Node& node, const std::string& path, const Range& range);
   void missing(std::string_view key, const std::string& allowed);
   void fault(const Node& node, const std::string& path, const std::string& message);
 

@@ -96,6 +96,34 @@ TEST(EndStop, DampingRatioGivesTheRestitution) {
   }
 }
 
+// A stop a millimetre inside the shell gives way by more; one a centimetre inside does not.
+TEST(EndStop, AMassThatASoftStopLetsOutOfTheBallIsNoticed) {
+  for (const double inside_m : {0.001, 0.01}) {
+    Drop drop(0.6, 0.02);
+    firmware::Rail& rail = drop.scenario.masses[0].rail;
+    rail.origin_B_m = {0, 0, inside_m - drop.scenario.ball.radius_m};
+    double deepest_m = 0, out_s = 0;
+    for (double s = 0; s < drop.release_s(); s += 1e-5 * drop.release_s()) {
+      deepest_m = std::max(deepest_m, drop.pressed(s)[0]);
+      if (drop.pressed(s)[0] > inside_m && out_s == 0) out_s = drop.touch_s() + s;
+    }
+    Plant plant(drop.scenario);
+    for (int k = 1; plant.time_s() < drop.touch_s() + drop.release_s(); ++k) plant.advance(k * 1e-3, {});
+    const EndStopRecord& stop = plant.end_stop(0);
+    ASSERT_EQ(stop.touches, 1);
+    if (inside_m > deepest_m) {
+      EXPECT_EQ(stop.outside_ball_m, 0);
+      EXPECT_EQ(stop.outside_ball_s, -1);
+      continue;
+    }
+    // Seen at the ends of steps, at most half a tick from the deepest point, where the depth is flat: w^2 x h^2 / 2.
+    const double missed_m = drop.omega() * drop.omega() * deepest_m * 0.5e-3 * 0.5e-3 / 2;
+    EXPECT_NEAR(stop.outside_ball_m, deepest_m - inside_m, missed_m);
+    EXPECT_GE(stop.outside_ball_s, out_s - 1e-9);
+    EXPECT_LE(stop.outside_ball_s, out_s + 1e-3);
+  }
+}
+
 // Touch, depth, release and N against the closed form, at ticks that know nothing of them.
 TEST(EndStop, AFallingMassPressesAsTheClosedFormSays) {
   for (const double restitution : {1.0, 0.6, 0.35}) {

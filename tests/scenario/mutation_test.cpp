@@ -15,6 +15,11 @@ std::string mutated(std::string text, std::mt19937& random) {
                                                    "-inf",
                                                    "1e308",
                                                    "-1e-308",
+                                                   "1e15",
+                                                   "-1e15",
+                                                   "1e-15",
+                                                   "1e300",
+                                                   "1e-300",
                                                    "0",
                                                    "-1",
                                                    "9223372036854775807",
@@ -45,6 +50,7 @@ std::string mutated(std::string text, std::mt19937& random) {
                                                    "rail = 3\n",
                                                    "motion = [ [ ] ]\n",
                                                    std::string(300, '[')};
+  constexpr std::size_t kNumbers = 13;  // the first of the tokens
   const auto below = [&](std::size_t n) { return n == 0 ? 0 : random() % n; };
   const int edits = 1 + static_cast<int>(below(4));
   for (int i = 0; i < edits; ++i) {
@@ -67,7 +73,7 @@ std::string mutated(std::string text, std::mt19937& random) {
         const std::size_t digit = text.find_first_of("0123456789", at);
         if (digit == std::string::npos) break;
         const std::size_t end = text.find_first_not_of("0123456789.e-", digit);
-        text.replace(digit, (end == std::string::npos ? text.size() : end) - digit, kTokens[below(8)]);
+        text.replace(digit, (end == std::string::npos ? text.size() : end) - digit, kTokens[below(kNumbers)]);
         break;
       }
       default: {  // a line goes
@@ -116,6 +122,11 @@ TEST(Mutations, AreAcceptedWholeOrRefusedWithReasons) {
       if (!mass.trajectory.times_s.empty()) continue;  // no motor
       EXPECT_TRUE(std::isfinite(mass.motor.holding_torque_nm) && mass.motor.holding_torque_nm > 0);
       EXPECT_TRUE(std::isfinite(mass.motor.shaft_ratio) && mass.motor.shaft_ratio > 0);
+      const Motor& m = mass.motor;
+      for (const double number : {m.rotor_inertia_kgm2, m.detent_torque_nm, m.viscous_damping_nms, m.max_step_rate_hz,
+                                  m.max_acceleration, m.max_jerk, mass.end_stops.stiffness_npm}) {
+        EXPECT_TRUE(number >= 0 && number <= 1e15) << number;
+      }
     }
   }
   // The damage must neither be too little nor too much to reach past TOML's syntax.

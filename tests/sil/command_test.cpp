@@ -472,6 +472,9 @@ INSTANTIATE_TEST_SUITE_P(
                  "--set: mass.0.initial_position = 1e15"},
         BadInput{"NoScenario", "", 1, "SCENARIO"},
         BadInput{"OutputUnderAFile", "ball.toml --out file/results", 2, "file/results"},
+        BadInput{"OutputIsAFile", "ball.toml --out file", 2, "file: is a file; allowed: a folder"},
+        BadInput{"ElfForTheHost", "ball.toml --firmware-elf file", 1,
+                 "--firmware-elf: is given, and --firmware is host"},
         BadInput{"OutputOnProc", "ball.toml --out /proc/results", 2, "/proc/results"},
         BadInput{"BadBus", "ball.toml --lcm nonsense://", 2, "nonsense://"}),
     [](const auto& bad) { return std::string(bad.param.name); });
@@ -574,6 +577,7 @@ TEST(Friction, ARunThatEndedEarlySaysUpToWhereItKnows) {
   for (const Outcome& said : {friction, run}) {
     EXPECT_NE(said.out.find("needs at least "), std::string::npos) << said.out;
     EXPECT_NE(said.out.find(end), std::string::npos) << said.out << end;
+    EXPECT_NE(said.out.find("motor 0 lost "), std::string::npos) << said.out;
   }
 }
 
@@ -606,6 +610,60 @@ TEST(Move, GoesThereAndSaysWhatItDoes) {
   // Slowly, the motors follow smoothly: what is seen differs from the prediction by microsteps and lag only.
   EXPECT_NEAR(s["move"]["margin_min"].get<double>(), s["move"]["predicted_margin_min"].get<double>(), 0.05);
   EXPECT_TRUE(s["published"].empty()) << "they speak of the scenario's own motion";
+  EXPECT_NE(move.out.find("arrived     mass 1 at 2.2"), std::string::npos) << move.out;
+  EXPECT_EQ(s["move_end"]["arrived"], true);
+  EXPECT_EQ(s["move_end"]["masses"][0]["asked"], nullptr);
+  EXPECT_EQ(s["move_end"]["masses"][1]["asked"], 2.2);
+  EXPECT_EQ(s["move_end"]["masses"][1]["position"], s["final"]["mass_position"][1]);
+}
+
+// How long a move takes is its own affair.
+TEST(Move, IsNotCutShortByTheScenariosDuration) {
+  const Folder folder;
+  const Outcome move = folder.run("ballast move paper_ball --mass 1 --to 2.2 --speed-fraction 0.3 --set duration=0.1");
+  EXPECT_EQ(move.exit_status, 0) << move.err;
+  const auto s = folder.summary("runs/paper_ball-move");
+  EXPECT_GT(s["move"]["duration"], 0.1);
+  EXPECT_GT(s["end"]["time"], s["move"]["duration"]);
+  EXPECT_EQ(s["move_end"]["arrived"], true);
+  EXPECT_EQ(s["motors"][1]["steps"], 83);  // as in GoesThereAndSaysWhatItDoes
+}
+
+// On glass it slips on the way.
+TEST(Move, OneThatWillBreakTheEnvelopeIsSaidToBeforeAndWhereItEndedAfter) {
+  const Folder folder;
+  const std::string line = "ballast move paper_ball --mass 1 --to 0 --set surface.static_friction=0.17 --out m";
+  const Outcome move = folder.run(line);
+  EXPECT_EQ(move.exit_status, 3);
+  EXPECT_NE(move.err.find("ballast: the move is predicted to break the envelope: least margin -"), std::string::npos)
+      << move.err;
+  EXPECT_NE(move.out.find("NOT THERE   mass 1 at "), std::string::npos) << move.out;
+  EXPECT_NE(move.out.find("(asked: 0, -"), std::string::npos) << move.out;
+  EXPECT_EQ(folder.summary("m")["move_end"]["arrived"], false);
+  const Outcome quiet = folder.run(line + " --quiet");
+  EXPECT_EQ(quiet.out, "");
+  EXPECT_NE(quiet.err.find("the move did not arrive: mass 1 at "), std::string::npos) << quiet.err;
+  // The monitor's limits count, not the floor's alone.
+  const Outcome limited =
+      folder.run("ballast move paper_ball --mass 1 --to 2.2 --set envelope.friction_use=0.001 --quiet --out m");
+  EXPECT_EQ(limited.exit_status, 3);
+  EXPECT_NE(limited.err.find("; allowed: >= 0.999\n"), std::string::npos) << limited.err;
+  // What tripped it is among what it was seen to do: f_s / N, by the floor's mu_s. The trip knows the peak between two
+  // ticks, the samples do not: half of it is enough to tell it from the rest before.
+  const auto tripped = folder.summary("m");
+  EXPECT_LT(tripped["move"]["margin_min"].get<double>(), 1 - 0.5 * tripped["trip"]["value"].get<double>() / 0.35);
+}
+
+TEST(Move, ARefusedOneLeavesWhatAnEarlierOneHasLeft) {
+  const Folder folder;
+  folder.write("ball.toml", kBall);
+  ASSERT_EQ(folder.run("ballast move ball.toml --all 0.1 --quiet --out m").exit_status, 0);
+  const auto before = folder.summary("m");
+  EXPECT_EQ(folder.run("ballast move ball.toml --all 1e14 --out m").exit_status, 1);
+  EXPECT_EQ(folder.summary("m"), before);
+  EXPECT_TRUE(std::filesystem::exists(folder / "m/run.lcmlog"));
+  EXPECT_EQ(folder.run("ballast move ball.toml --all 1e14 --out new").exit_status, 1);
+  EXPECT_FALSE(std::filesystem::exists(folder / "new"));
 }
 
 // At the default rate the torque carries the drag; somebody who allows more loses steps, and the summary does not keep
@@ -618,11 +676,13 @@ TEST(Move, LostStepsAreSaidPlainly) {
   EXPECT_EQ(carried.out + carried.err, "");
   const std::string too_fast = line + " --set mass.1.motor.max_step_rate=60000";
   const Outcome move = folder.run(too_fast);
+  EXPECT_NE(move.exit_status, 0) << "it is not where it was to be";
   const auto s = folder.summary("runs/paper_ball-move");
   ASSERT_GT(s["motors"][1]["lost_steps"], 0);
   const std::string lost = "motor 1 lost " + std::to_string(s["motors"][1]["lost_steps"].get<int>()) + " microsteps";
   EXPECT_NE(move.out.find("WARNING     " + lost), std::string::npos) << move.out;
   EXPECT_NE(move.out.find("--speed-fraction"), std::string::npos) << move.out;
+  EXPECT_NE(move.out.find("NOT THERE   mass 1 at "), std::string::npos) << move.out;
   const Outcome quiet = folder.run(too_fast + " --quiet");
   EXPECT_EQ(quiet.out, "");
   EXPECT_NE(quiet.err.find(lost), std::string::npos) << quiet.err;
@@ -661,7 +721,9 @@ TEST(Move, IsRefusedWithAReason) {
        {std::pair("ball.toml --mass 0 --to nan", "mass 0: the target nan"),
         std::pair("ball.toml --mass 0 --to 1e300", "mass 0: the target 1e+300"),
         std::pair("ball.toml --mass 1 --to 1", "--mass 1"), std::pair("ball.toml --mass -1 --to 1", "--mass -1"),
-        std::pair("ball.toml --mass 0", "in pairs"), std::pair("ball.toml", "no mass is named"),
+        std::pair("ball.toml --mass 0", "in pairs"),
+        std::pair("ball.toml --mass 0 --to 1 --mass 0 --to 2", "--mass 0: is given more than once"),
+        std::pair("ball.toml", "no mass is named"),
         std::pair("ball.toml --all 1 --speed-fraction 2", "speed fraction 2"),
         std::pair("ball.toml --all 1 --actuation prescribed", "no controller"),
         std::pair("ball.toml --all 1 --set mass.0.initial_velocity=1", "mass.0.initial_velocity"),
@@ -682,6 +744,7 @@ TEST(Move, ToWhereTheMassesAreIsOverAtOnce) {
   EXPECT_EQ(s["stop"], nullptr);
   EXPECT_EQ(s["motors"][0]["steps"], 0);
   EXPECT_LT(s["end"]["time"], 0.1);
+  EXPECT_EQ(s["move_end"]["arrived"], true);
 }
 
 TEST(Run, SaysWhatAStopWasPredictedToDo) {
@@ -698,6 +761,14 @@ TEST(Run, SaysWhatAStopWasPredictedToDo) {
   EXPECT_NEAR(s["stop"]["duration"].get<double>(), 2 * std::sqrt(0.15 / 10), 0.01);
   // What the motors' swinging adds is 0.008 of f_s/N on the whole run, more where they brake: a tenth of the cone.
   EXPECT_NEAR(s["stop"]["margin_min"].get<double>(), s["stop"]["predicted_margin_min"].get<double>(), 0.1);
+  // A run that ends as the stop begins has seen nothing of it.
+  std::ostringstream until;
+  until << 0.001 * s["trip"]["tick"].get<double>();
+  const Outcome cut =
+      folder.run("ballast run paper_ball --set envelope.friction_use=0.5 --out r --set duration=" + until.str());
+  ASSERT_TRUE(folder.summary("r")["stop"].is_object()) << cut.out;
+  EXPECT_EQ(folder.summary("r")["stop"]["margin_min"], nullptr);
+  EXPECT_NE(cut.out.find("; seen nothing"), std::string::npos) << cut.out;
 }
 
 TEST(Check, SaysGoodOrEveryFault) {

@@ -74,6 +74,14 @@ TEST(EndStopRun, LostStepsTakeAMassIntoItsStopAndTheControllerTrips) {
   const std::string warning = lost_steps_text(scenario, result);
   EXPECT_NE(warning.find("Mass 0 met its end stop"), std::string::npos) << warning;
   EXPECT_EQ(warning.find("The torque did not carry"), std::string::npos) << warning;
+  EXPECT_EQ(j["motors"][0]["end_stop"]["outside_ball"], nullptr);
+  RunResult gave_way = result;
+  gave_way.end_stops[0].outside_ball_m = 0.003;
+  gave_way.end_stops[0].outside_ball_s = 0.5;
+  EXPECT_NE(summary_text(scenario, gave_way, "r").find("WARNING     mass 0 was outside the ball by up to 0.003 m"),
+            std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(summary_json(scenario, gave_way))["motors"][0]["end_stop"]["outside_ball"]["depth"],
+            0.003);
   RunResult free = result;
   free.end_stops[0] = {};
   EXPECT_NE(lost_steps_text(scenario, free).find("The torque did not carry"), std::string::npos);

@@ -139,6 +139,57 @@ TEST_P(Hand, ArmsMovesStartsAndStopsOnTheBus) {
 INSTANTIATE_TEST_SUITE_P(Processes, Hand, testing::Values("--processes", ""),
                          [](const auto& how) { return how.param[0] == 0 ? "InOneProcess" : "InThreeProcesses"; });
 
+// A run by hand in the background, until somebody listens; then `said`, each with say(), and its end.
+Outcome by_hand(const Folder& folder, const std::string& run, const std::string& bus, const std::string& said) {
+  return folder.run("ballast run " + run + " --by-hand --out r" + bus +
+                    " >run.out 2>run.err & run=$!; i=0;"
+                    " while [ $i -lt 100 ] && ! ballast operate status" +
+                    bus + " --peer-timeout 0.3 >/dev/null 2>&1; do i=$((i + 1)); done; say() { \"$@\"" + bus +
+                    "; echo \"$? <- $*\"; }; " + said + " kill -INT $run 2>/dev/null; wait $run; echo $?");
+}
+
+// Whether the trip stops the masses or the ball has slipped, which ends the run in that very tick.
+TEST(Processes, AMoveOnABusThatTripsSaysSoAndExitsWith3) {
+  for (const std::string limit : {"envelope.friction_use=0.02", "surface.static_friction=0.02"}) {
+    const Folder folder;
+    const Outcome said =
+        by_hand(folder, "paper_ball --speed 1 --set duration=60 --set run.control_period=0.004 --set " + limit,
+                " --lcm '" + bus_url(26) + "'", "say ballast move --mass 1 --to 1;");
+    EXPECT_NE(said.out.find("\n3 <- ballast move --mass 1 --to 1\n"), std::string::npos) << said.out << said.err;
+    EXPECT_NE(said.err.find("the move was ended by a trip: mass 1 is at "), std::string::npos) << said.err;
+    const bool floor = limit.find("surface") == 0;  // the monitor's own limit is not on the bus
+    EXPECT_EQ(said.err.find("predicted to break the envelope: ") != std::string::npos, floor) << said.err;
+  }
+}
+
+TEST(Processes, AMoveOnABusThatIsInterruptedSaysThatItGoesOn) {
+  const Folder folder;
+  const Outcome said = by_hand(folder, "paper_ball --speed 1 --set duration=60", " --lcm '" + bus_url(27) + "'",
+                               "ballast move --mass 1 --to 2.5 --speed-fraction 0.01 --lcm '" + bus_url(27) +
+                                   "' >move.out & move=$!; while ! grep -q moving move.out; do sleep 0.1; done; kill "
+                                   "-INT $move; wait $move; echo \"interrupted: $?\";");
+  EXPECT_NE(said.out.find("interrupted: 2\n"), std::string::npos) << said.out << said.err;
+  EXPECT_NE(said.err.find("interrupted: the masses go on to where they were sent, mass 1 is at 2."), std::string::npos)
+      << said.err;
+  EXPECT_NE(said.err.find("ballast operate stop stops them"), std::string::npos) << said.err;
+}
+
+// One is armed by hand, and hears another being armed and started: both are what they are alone, byte for byte.
+TEST(Processes, TwoRunsInAProcessEachOnOneBusHearNothingOfEachOther) {
+  const Folder folder;
+  const std::string bus = " --lcm '" + bus_url(28) + "' --quiet --speed 1";
+  const std::string armed = "ballast run paper_ball --by-hand --set duration=3 --out ";
+  const std::string other = "ballast run paper_ball --set duration=1 --out ";
+  ASSERT_EQ(folder.run(armed + "armed" + bus + " && " + other + "other" + bus).exit_status, 0);
+  const Outcome both =
+      folder.run(armed + "a" + bus + " & a=$!; sleep 0.5; " + other + "b" + bus + "; b=$?; wait $a; echo $? $b");
+  EXPECT_NE(both.out.find("0 0\n"), std::string::npos) << both.out << both.err;
+  EXPECT_TRUE(read_file(folder / "a/run.lcmlog") == read_file(folder / "armed/run.lcmlog"));
+  EXPECT_TRUE(read_file(folder / "b/run.lcmlog") == read_file(folder / "other/run.lcmlog"));
+  // They did share the bus.
+  EXPECT_GE(folder.summary("a")["refused_messages"]["foreign"], 2);  // arm, start
+}
+
 TEST(Processes, AnOperatorWithoutAControllerIsToldSo) {
   const Folder folder;
   const std::string bus = " --peer-timeout 0.3 --lcm '" + bus_url(25) + "'";

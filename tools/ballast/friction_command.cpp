@@ -40,6 +40,9 @@ int say_required_friction(const program::ScenarioOptions& options) {
             << " masses: " << sil::required_friction_text(result, sil::floor_verdicts(*scenario, result)) << '\n'
             << sil::friction_parts_text(result);
   if (result.end_reason == sil::EndReason::kInconsistent) std::cout << "  up to its end: " << result.end_text << '\n';
+  if (const std::string lost = sil::lost_steps_text(*scenario, result); !lost.empty()) {
+    std::cout << "  WARNING: " << lost << '\n';
+  }
   std::cout << std::flush;
   return sil::exit_status(result);
 }

@@ -1,4 +1,5 @@
 // ballast move: masses moved by hand, and what it does to the ball.
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <memory>
@@ -48,10 +49,33 @@ std::optional<firmware::MoveRequest> request_of(const MoveCommand& command, int 
                                        (count == 0 ? "" : "; allowed: 0.." + std::to_string(count - 1)));
       return std::nullopt;
     }
+    if (std::count(command.masses.begin(), command.masses.end(), i) > 1) {
+      program::complain("ballast",
+                        "--mass " + std::to_string(i) + ": is given more than once; allowed: one --to a mass");
+      return std::nullopt;
+    }
     request.masses |= 1u << i;
     request.target_position[static_cast<std::size_t>(i)] = command.targets[k];
   }
   return request;
+}
+
+void warn_of_breach(const std::string& breach) {
+  if (!breach.empty()) program::complain("ballast", "the move is predicted to break the envelope: " + breach);
+}
+
+// "mass 1 is at 2.1 (asked: 2.5, 0.4 to go)", as far as the controller knows.
+std::string way_to_go_text(const firmware::MoveRequest& request, const controller_status_t& status) {
+  std::string text;
+  for (int i = 0; i < status.motor_count; ++i) {
+    if ((request.masses >> i & 1u) == 0) continue;
+    const double target = request.target_position[static_cast<std::size_t>(i)], position = status.commanded_position[i];
+    char one[128];
+    std::snprintf(one, sizeof one, "%smass %d is at %.6g (asked: %.6g, %.2g to go)", text.empty() ? "" : ", ", i,
+                  position, target, target - position);
+    text += one;
+  }
+  return text;
 }
 
 // Asks the controller of a run that is under way.
@@ -78,17 +102,31 @@ int move_on_the_bus(const MoveCommand& command) {
   if (const auto exit_status = tell(end, *request, "move")) return *exit_status;
   const std::int64_t plan_tick = end.status().plan_tick;
   if (!command.record.quiet) std::cout << "moving, " << plan_text(end.status()) << std::endl;
+  // The bus does not say what the run allows; without a scenario it is what the ball and the floor do.
+  const sim::Scenario::Envelope envelope = scenario ? scenario->envelope : sim::Scenario::Envelope{};
+  if (end.status().mode == controller_status_t::MODE_MOVING) {
+    warn_of_breach(
+        sil::breach_text(hal::from_message(end.status()).plan, envelope.friction_use, envelope.min_normal_force_n));
+  }
   const auto over = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_MOVING; };
-  if (end.follow(over) != hal::Status::kOk) return bus_trouble(end);
+  const hal::Status followed = end.follow(over);
   const controller_status_t& status = end.status();
   if (!command.record.quiet) {
-    std::cout << sil::mode_text(status.mode) << ", at " << positions_text(status) << "; least margin seen "
-              << end.least_margin() << '\n';
+    std::cout << sil::mode_text(status.mode) << ", at " << positions_text(status);
+    if (end.least_margin()) std::cout << "; least margin seen " << *end.least_margin();
+    std::cout << std::endl;
   }
-  if (status.mode == controller_status_t::MODE_TRIPPED) return program::kExitEnvelope;
+  if (followed == hal::Status::kInterrupted) {
+    program::complain("ballast", "interrupted: the masses go on to where they were sent, " +
+                                     way_to_go_text(*request, status) + "; ballast operate stop stops them");
+    return program::kExitCouldNotRun;
+  }
+  if (followed != hal::Status::kOk) return bus_trouble(end);
   if (status.mode == controller_status_t::MODE_ARMED && status.plan_tick == plan_tick) return program::kExitCompleted;
-  program::complain("ballast", "the move was stopped on its way");
-  return program::kExitCouldNotRun;
+  const bool tripped = status.mode == controller_status_t::MODE_TRIPPED;
+  program::complain("ballast", std::string("the move was ") + (tripped ? "ended by a trip" : "stopped on its way") +
+                                   ": " + way_to_go_text(*request, status));
+  return tripped ? program::kExitEnvelope : program::kExitCouldNotRun;
 }
 
 int move(const MoveCommand& command) {
@@ -116,6 +154,21 @@ int move(const MoveCommand& command) {
   auto params = std::make_unique<firmware::ControllerParams>();
   if (const auto refusal = program::to_controller_params(*scenario, *params)) return refuse(*refusal);
 
+  const auto new_peers = [&] {
+    return sil::InProcessPeers(params.get(), program::to_monitor_limits(*scenario), scenario->run.control_period_s);
+  };
+  // Asked first without a trace: what a refused move would replace stays, and what it will do is said before it does
+  // it.
+  sil::InProcessPeers planner = new_peers();
+  sil::Recorder nowhere("/dev/null");
+  const sil::RunResult plan =
+      sil::run(*scenario, planner, nowhere, {.progress = {}, .move = *request, .plan_only = true});
+  if (!plan.refusal.empty()) return refuse("the controller refuses the move: " + plan.refusal);
+  if (plan.move) {
+    const sim::Scenario::Envelope& envelope = scenario->envelope;
+    warn_of_breach(sil::breach_text(plan.move->predicted, envelope.friction_use, envelope.min_normal_force_n));
+  }
+
   sil::RecordOptions record = command.record;
   record.interrupted = program::catch_signals();
   record.move = *request;
@@ -125,7 +178,7 @@ int move(const MoveCommand& command) {
     return program::kExitCouldNotRun;
   }
   scenario->published.clear();  // it speaks of the scenario's own motion
-  sil::InProcessPeers peers(params.get(), program::to_monitor_limits(*scenario), scenario->run.control_period_s);
+  sil::InProcessPeers peers = new_peers();
   return sil::record_run("ballast", *scenario, peers, output, record);
 }
 

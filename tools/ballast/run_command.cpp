@@ -139,6 +139,11 @@ int run(const RunCommand& command) {
                                                        "steppers"));
     return program::kExitUsage;
   }
+  if (!in_qemu && !command.elf.empty()) {
+    program::complain("ballast", std::string("--firmware-elf: is given, and --firmware is ") + kHost +
+                                     ", which takes no file; allowed: with --firmware " + kQemu + " or " + kQemuAn386);
+    return program::kExitUsage;
+  }
   auto params = std::make_unique<firmware::ControllerParams>();
   if (has_controller) {
     if (const auto refusal = program::to_controller_params(*scenario, *params)) {

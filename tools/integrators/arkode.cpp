@@ -43,16 +43,15 @@ Table trapezoid() {
   return Table(ARKodeButcherTable_Create(3, kOrder, kEstimate, c, a, b, simpson));
 }
 
-class Arkode : public Method {
+class Arkode : public SunMethod {
  public:
-  Arkode(Problem& problem, double tolerance, const Table& table) : problem_(problem), size_(problem.size()) {
-    y_sun_.set(y_);
+  Arkode(Problem& problem, double tolerance, const Table& table) : SunMethod(problem) {
     memory_ = ARKStepCreate(nullptr, rhs, 0, y_sun_, context_);
     if (memory_ == nullptr) throw std::runtime_error("SUNDIALS gives no ARKODE");
     must(ARKStepSetErrHandlerFn(memory_, keep_complaint, &complaint_), "an error handler");
     must(ARKStepSetTables(memory_, kOrder, kEstimate, table.get(), nullptr), "a table");
     must(ARKStepSStolerances(memory_, tolerance, tolerance), "the tolerance");
-    must(ARKStepSetUserData(memory_, this), "user data");
+    must(ARKStepSetUserData(memory_, static_cast<SunMethod*>(this)), "user data");
     must(ARKStepSetMaxHnilWarns(memory_, -1), "silence");
     must(ARKStepSetInterpolantDegree(memory_, 1), "an interpolant");
     must(ARKStepSetLinearSolver(memory_, dense_.solver(), dense_.matrix()), "a linear solver");
@@ -61,10 +60,7 @@ class Arkode : public Method {
   ~Arkode() override { ARKStepFree(&memory_); }
 
   void start(double t, const State& y) override {
-    time_ = step_start_ = t;
-    y_ = y;
-    y_sun_.set(y);
-    rejected_before_ = counters_.rejected;
+    begin(t, y);
     must(ARKStepReInit(memory_, nullptr, rhs, t, y_sun_), "a new start");
   }
 
@@ -74,23 +70,7 @@ class Arkode : public Method {
     slopes_ready_ = false;
     ARKStepSetStopTime(memory_, stop);
     const int flag = ARKStepEvolve(memory_, stop, y_sun_, &time_, ARK_ONE_STEP);
-    if (flag < 0) {
-      char* name = ARKStepGetReturnFlagName(flag);
-      failure_ = std::string(name) + ": " + complaint_;
-      free(name);
-      return false;
-    }
-    if (stalled(step_start_, time_)) {
-      failure_ = too_small(time_ - step_start_);
-      return false;
-    }
-    y_sun_.get(y_);
-    ++counters_.steps;
-    long error_test = 0, convergence = 0;
-    ARKStepGetNumErrTestFails(memory_, &error_test);
-    ARKStepGetNumNonlinSolvConvFails(memory_, &convergence);
-    counters_.rejected = rejected_before_ + error_test + convergence;
-    return true;
+    return took(flag, ARKStepGetReturnFlagName, ARKStepGetNumErrTestFails, ARKStepGetNumNonlinSolvConvFails);
   }
 
   void dense(double t, State& y) override {
@@ -104,30 +84,9 @@ class Arkode : public Method {
   }
 
  private:
-  static int rhs(double t, N_Vector y, N_Vector f, void* self) {
-    auto& method = *static_cast<Arkode*>(self);
-    ++method.counters_.right_hand_sides;
-    method.problem_.rhs(t, NV_DATA_S(y), NV_DATA_S(f));
-    return recoverable(NV_DATA_S(f), method.size_);
-  }
-
-  static int jacobian(double t, N_Vector y, N_Vector, SUNMatrix j, void* self, N_Vector, N_Vector, N_Vector) {
-    auto& method = *static_cast<Arkode*>(self);
-    ++method.counters_.jacobians;
-    method.problem_.jacobian(t, NV_DATA_S(y), SM_DATA_D(j));
-    return recoverable(SM_DATA_D(j), method.size_ * method.size_);
-  }
-
-  Problem& problem_;
-  std::size_t size_;
-  SunContext context_;
-  SunVector y_sun_{size_, context_};
   SunDense dense_{y_sun_, context_};
-  void* memory_ = nullptr;
-  std::int64_t rejected_before_ = 0;
   bool slopes_ready_ = false;
   State start_{}, start_slope_{}, end_slope_{};
-  std::string complaint_;
 };
 
 }  // namespace

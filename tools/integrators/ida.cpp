@@ -10,26 +10,23 @@ namespace ballast::integrators {
 
 namespace {
 
-class Ida : public Method {
+class Ida : public SunMethod {
  public:
-  Ida(Problem& problem, double tolerance) : problem_(problem), size_(problem.size()), tolerance_(tolerance) {
-    y_sun_.set(y_);
+  Ida(Problem& problem, double tolerance) : SunMethod(problem), tolerance_(tolerance) {
     slope_.set(y_);
     memory_ = IDACreate(context_);
     if (memory_ == nullptr) throw std::runtime_error("SUNDIALS gives no IDA");
     must(IDASetErrHandlerFn(memory_, keep_complaint, &complaint_), "an error handler");
     must(IDAInit(memory_, residual, 0, y_sun_, slope_), "the problem");
     must(IDASStolerances(memory_, tolerance, tolerance), "the tolerance");
-    must(IDASetUserData(memory_, this), "user data");
+    must(IDASetUserData(memory_, static_cast<SunMethod*>(this)), "user data");
     must(IDASetLinearSolver(memory_, dense_.solver(), dense_.matrix()), "a linear solver");
     must(IDASetJacFn(memory_, jacobian), "a Jacobian");
   }
   ~Ida() override { IDAFree(&memory_); }
 
   void start(double t, const State& y) override {
-    time_ = step_start_ = t;
-    y_ = y;
-    y_sun_.set(y);
+    begin(t, y);
     State slope{};
     problem_.slope(t, y.data(), slope.data());
     slope_.set(slope);
@@ -38,7 +35,6 @@ class Ida : public Method {
     const double h = first_step([this](double at, const double* v, double* f) { problem_.slope(at, v, f); }, t, y,
                                 slope, 1, tolerance_, size_);
     counters_.right_hand_sides += 2;
-    rejected_before_ = counters_.rejected;
     must(IDAReInit(memory_, t, y_sun_, slope_), "a new start");
     must(IDASetInitStep(memory_, 0.01 * h), "a first step");
   }
@@ -47,23 +43,7 @@ class Ida : public Method {
     step_start_ = time_;
     IDASetStopTime(memory_, stop);
     const int flag = IDASolve(memory_, stop, &time_, y_sun_, slope_, IDA_ONE_STEP);
-    if (flag < 0) {
-      char* name = IDAGetReturnFlagName(flag);
-      failure_ = std::string(name) + ": " + complaint_;
-      free(name);
-      return false;
-    }
-    if (stalled(step_start_, time_)) {
-      failure_ = too_small(time_ - step_start_);
-      return false;
-    }
-    y_sun_.get(y_);
-    ++counters_.steps;
-    long error_test = 0, convergence = 0;
-    IDAGetNumErrTestFails(memory_, &error_test);
-    IDAGetNumNonlinSolvConvFails(memory_, &convergence);
-    counters_.rejected = rejected_before_ + error_test + convergence;
-    return true;
+    return took(flag, IDAGetReturnFlagName, IDAGetNumErrTestFails, IDAGetNumNonlinSolvConvFails);
   }
 
   // The polynomial of the method's own history.
@@ -74,7 +54,7 @@ class Ida : public Method {
 
  private:
   static int residual(double t, N_Vector y, N_Vector slope, N_Vector out, void* self) {
-    auto& method = *static_cast<Ida*>(self);
+    auto& method = *static_cast<Ida*>(static_cast<SunMethod*>(self));
     ++method.counters_.right_hand_sides;
     double* f = NV_DATA_S(out);
     method.problem_.rhs(t, NV_DATA_S(y), f);
@@ -88,7 +68,7 @@ class Ida : public Method {
 
   static int jacobian(double t, double c_j, N_Vector y, N_Vector, N_Vector, SUNMatrix j, void* self, N_Vector, N_Vector,
                       N_Vector) {
-    auto& method = *static_cast<Ida*>(self);
+    auto& method = *static_cast<Ida*>(static_cast<SunMethod*>(self));
     ++method.counters_.jacobians;
     double* out = SM_DATA_D(j);
     const std::size_t n = method.size_;
@@ -100,15 +80,9 @@ class Ida : public Method {
     return recoverable(out, n * n);
   }
 
-  Problem& problem_;
-  std::size_t size_;
   double tolerance_;
-  SunContext context_;
-  SunVector y_sun_{size_, context_}, slope_{size_, context_}, inside_{size_, context_};
+  SunVector slope_{size_, context_}, inside_{size_, context_};
   SunDense dense_{y_sun_, context_};
-  void* memory_ = nullptr;
-  std::int64_t rejected_before_ = 0;
-  std::string complaint_;
 };
 
 }  // namespace

@@ -1,4 +1,5 @@
-// What the SUNDIALS methods share: owners of its objects, and its complaints in words.
+// What the SUNDIALS methods share: owners of its objects, its complaints in words, and what goes before and after a
+// step.
 #pragma once
 
 #include <nvector/nvector_serial.h>
@@ -8,10 +9,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <stdexcept>
 #include <string>
 
+#include "tools/integrators/method.h"
 #include "tools/integrators/problem.h"
+#include "tools/integrators/step_control.h"
 
 namespace ballast::integrators {
 
@@ -84,5 +88,65 @@ inline int recoverable(const double* f, std::size_t size) {
   }
   return 0;
 }
+
+// One of SUNDIALS' codes, whose functions differ by name only. User data of the code is this object.
+class SunMethod : public Method {
+ protected:
+  explicit SunMethod(Problem& problem) : problem_(problem), size_(problem.size()) { y_sun_.set(y_); }
+
+  void begin(double t, const State& y) {
+    time_ = step_start_ = t;
+    y_ = y;
+    y_sun_.set(y);
+    rejected_before_ = counters_.rejected;
+  }
+
+  // What step() returns, after one that ended with `flag`. `name_of` gives its name, to be freed; the counts are of
+  // what was rejected since the code's own new start.
+  using Count = int (*)(void* memory, long* count);
+  bool took(int flag, char* (*name_of)(long flag), Count error_tests, Count convergence) {
+    if (flag < 0) {
+      char* name = name_of(flag);
+      failure_ = std::string(name) + ": " + complaint_;
+      std::free(name);
+      return false;
+    }
+    if (stalled(step_start_, time_)) {
+      failure_ = too_small(time_ - step_start_);
+      return false;
+    }
+    y_sun_.get(y_);
+    ++counters_.steps;
+    long by_error = 0, by_newton = 0;
+    error_tests(memory_, &by_error);
+    convergence(memory_, &by_newton);
+    counters_.rejected = rejected_before_ + by_error + by_newton;
+    return true;
+  }
+
+  // f(t, y) and its Jacobian, for the codes that take them so.
+  static int rhs(double t, N_Vector y, N_Vector f, void* self) {
+    auto& method = *static_cast<SunMethod*>(self);
+    ++method.counters_.right_hand_sides;
+    method.problem_.rhs(t, NV_DATA_S(y), NV_DATA_S(f));
+    return recoverable(NV_DATA_S(f), method.size_);
+  }
+  static int jacobian(double t, N_Vector y, N_Vector, SUNMatrix j, void* self, N_Vector, N_Vector, N_Vector) {
+    auto& method = *static_cast<SunMethod*>(self);
+    ++method.counters_.jacobians;
+    method.problem_.jacobian(t, NV_DATA_S(y), SM_DATA_D(j));
+    return recoverable(SM_DATA_D(j), method.size_ * method.size_);
+  }
+
+  Problem& problem_;
+  std::size_t size_;
+  SunContext context_;
+  SunVector y_sun_{size_, context_};
+  void* memory_ = nullptr;  // the code's; whoever makes it frees it
+  std::string complaint_;
+
+ private:
+  std::int64_t rejected_before_ = 0;
+};
 
 }  // namespace ballast::integrators

@@ -31,8 +31,8 @@ BusOperator::BusOperator(hal::Bus& bus, hal::Seconds silence) : bus_(bus), silen
     fresh_ = true;
   });
   bus_.subscribe<contact_t>(hal::kChannelContact, [this](const contact_t& m) {
-    if (m.regime != contact_t::REGIME_FLIGHT) least_margin_ = std::min(least_margin_, m.margin);
-    ended_ = m.last != 0;
+    if (m.regime != contact_t::REGIME_FLIGHT) least_margin_ = std::min(least_margin_.value_or(m.margin), m.margin);
+    if (m.last != 0) last_tick_ = m.tick;
   });
 }
 
@@ -59,13 +59,13 @@ Status BusOperator::tell(const firmware::OperatorInput& input) {
   message.utime = status_->utime;
   message.sender = sender_;
   const std::int64_t before = status_->operator_commands;
-  least_margin_ = 1;
+  least_margin_.reset();
   const auto deadline = hal::after(hal::WallClock::now(), silence_);
   for (;;) {
     if (bus_.publish(hal::kChannelOperator, message) != Status::kOk) return fail(Status::kIo, "");
     const auto say_again = hal::after(hal::WallClock::now(), kSayAgain);
     const Status status = bus_.receive_until(std::min(deadline, say_again),
-                                             [&] { return status_->operator_commands > before || ended_; });
+                                             [&] { return status_->operator_commands > before || last_tick_; });
     if (status_->operator_commands > before) return Status::kOk;
     if (status == Status::kOk) return fail(Status::kEnded, "the run ended before the controller heard the command");
     if (status != Status::kEmpty) return fail(status, "");
@@ -78,9 +78,9 @@ Status BusOperator::tell(const firmware::OperatorInput& input) {
 Status BusOperator::follow(const std::function<bool(const controller_status_t&)>& done) {
   while (!done(*status_)) {
     fresh_ = false;
-    if (ended_) return fail(Status::kEnded, "the run ended before that");
-    const Status status =
-        bus_.receive_until(hal::after(hal::WallClock::now(), silence_), [this] { return fresh_ || ended_; });
+    if (last_tick_ && status_->tick >= *last_tick_) return fail(Status::kEnded, "the run ended before that");
+    const Status status = bus_.receive_until(hal::after(hal::WallClock::now(), silence_), [this] { return fresh_; });
+    if (status == Status::kEmpty && last_tick_) return fail(Status::kEnded, "the run ended before that");
     if (status == Status::kEmpty) return fail(Status::kPeerLost, "the controller on this bus has gone silent");
     if (status != Status::kOk) return fail(status, "");
   }

@@ -22,12 +22,12 @@ class BusOperator {
   // Says it, and waits until the controller has taken it, obeyed or not: status() then holds the answer. Said again
   // meanwhile, since a bus may lose messages; an exact copy is not obeyed twice.
   hal::Status tell(const firmware::OperatorInput& input);
-  // Until a status satisfies `done`. kEnded: the run ended before that.
+  // Until a status satisfies `done`, that of the run's last tick included. kEnded: the run ended before that.
   hal::Status follow(const std::function<bool(const controller_status_t&)>& done);
 
   [[nodiscard]] const controller_status_t& status() const { return *status_; }
-  // Of the contact messages heard since the last tell(); 1: there was none.
-  [[nodiscard]] double least_margin() const { return least_margin_; }
+  // Of the contact messages heard since the last tell(), as long as the ball was in contact; none: there was none.
+  [[nodiscard]] std::optional<double> least_margin() const { return least_margin_; }
   // After a failure, the whole story in one line.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
 
@@ -40,8 +40,8 @@ class BusOperator {
   std::optional<controller_status_t> status_;  // the newest of a tick of the run
   bool fresh_ = false;                         // and not looked at yet
   bool waiting_ = false;                       // a controller said that it waits for the first tick
-  bool ended_ = false;                         // the plant said that this was the last tick
-  double least_margin_ = 1;
+  std::optional<std::int64_t> last_tick_;      // the plant said that this was it
+  std::optional<double> least_margin_;
   std::string trouble_;
 };
 

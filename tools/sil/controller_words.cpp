@@ -79,6 +79,18 @@ std::string refusal_text(const controller_status_t& status) {
          "reset when tripped and at rest";
 }
 
+std::string breach_text(const firmware::Prediction& plan, double friction_use, double min_normal_force_n) {
+  char text[160] = "";
+  // Written so that a NaN, of an attitude that is not known, is one too.
+  if (!(plan.normal_force_min_n > min_normal_force_n)) {
+    std::snprintf(text, sizeof text, "least N %.6g N; allowed: > %.6g N", plan.normal_force_min_n, min_normal_force_n);
+  } else if (!(plan.margin_min >= 1 - friction_use)) {
+    std::snprintf(text, sizeof text, "least margin %.4f (f_s/N %.6f); allowed: >= %.4g", plan.margin_min,
+                  plan.mu_required_max, 1 - friction_use);
+  }
+  return text;
+}
+
 std::string horizon_text(double duration_s, double horizon_s) {
   if (!(horizon_s < duration_s)) return "";
   char text[48];

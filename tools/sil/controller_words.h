@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <string>
 
+#include "firmware/control/prediction.h"
+
 namespace ballast::sil {
 
 // "armed", "running", ..
@@ -12,6 +14,10 @@ std::string mode_text(std::int8_t mode);
 
 // Why the operator's last command was not obeyed; empty: it was.
 std::string refusal_text(const controller_status_t& status);
+
+// What of the monitor's limits (monitor::MonitorLimits) a plan is predicted to break: "least margin -0.2, allowed: >=
+// 0"; empty: nothing.
+std::string breach_text(const firmware::Prediction& plan, double friction_use, double min_normal_force_n);
 
 // " for its first 0.9 s", where a prediction did not look to the end; else nothing.
 std::string horizon_text(double duration_s, double horizon_s);

@@ -28,6 +28,10 @@ bool write_file(const fs::path& path, const std::string& text) {
 
 OutputDir::OutputDir(fs::path path) : path_(std::move(path)) {
   std::error_code code;
+  if (fs::exists(path_, code) && !fs::is_directory(path_, code)) {
+    error_ = path_.string() + ": is a file; allowed: a folder, which is made if there is none";
+    return;
+  }
   // The topmost folder that has to be made, to be taken away again if the rest fails.
   fs::path made;
   for (fs::path p = fs::absolute(path_).lexically_normal(); !p.empty() && !fs::exists(p, code); p = p.parent_path())

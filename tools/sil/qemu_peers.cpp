@@ -143,13 +143,35 @@ Status QemuPeers::say_last_words(const target::LastWords& words) {
                   "the firmware faulted " + when() + ": its stack ran into the guard; " + registers_text(words),
                   program::kExitFirmwareFault);
     case target::Cause::kWatchdog:
-      return fail(Status::kPeerLost,
-                  "the firmware hung " + when() + ": its watchdog ended it; " + registers_text(words),
-                  program::kExitFirmwareHung);
+      return say_watchdog(registers_text(words));
     case target::Cause::kLink:
       break;
   }
   return fail(Status::kIo, "the firmware did not understand what it was told " + when(), program::kExitCouldNotRun);
+}
+
+// No tick came back for kWatchdogPeriods. That is a firmware that hangs, unless so few instructions fit into them that
+// a tick of this robot may well need more.
+Status QemuPeers::say_watchdog(const std::string& registers) {
+  constexpr int kWatchdogPeriods = 4;  // hal/README.md
+  // A tick that begins a stop and predicts it takes up to 6.5 times the most of other ticks (tools/firmware, 1 to 8
+  // masses); before the first tick nothing is known but what the smallest robot needs.
+  constexpr std::int64_t kStopFactor = 8, kSmallestRobot = 6500;
+  const double period_s = params_.control_period_s;
+  const std::int64_t fit =
+      std::llround(kWatchdogPeriods * period_s * record_.counter_hz * record_.instructions_per_count);
+  const std::int64_t may_need = kStopFactor * (record_.ticks > 0 ? record_.max_instructions : kSmallestRobot);
+  if (fit >= may_need) {
+    return fail(Status::kPeerLost, "the firmware hung " + when() + ": its watchdog ended it; " + registers,
+                program::kExitFirmwareHung);
+  }
+  char period[32];
+  std::snprintf(period, sizeof period, "%g", period_s);
+  return fail(Status::kPeerLost,
+              "the firmware is late " + when() + ": run.control_period = " + period +
+                  " s is too short for this target; its watchdog ended a tick that did not come back within " +
+                  std::to_string(kWatchdogPeriods) + " periods, " + std::to_string(fit) + " instructions; " + registers,
+              program::kExitLate);
 }
 
 Status QemuPeers::compare(const target::Hello& hello) {

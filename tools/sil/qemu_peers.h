@@ -59,6 +59,7 @@ class QemuPeers : public Peers {
   hal::Status receive(hal::target::Frame& frame, Seconds timeout);
   hal::Status no_answer(hal::Status status, Seconds timeout);
   hal::Status say_last_words(const hal::target::LastWords& words);
+  hal::Status say_watchdog(const std::string& registers);
   hal::Status compare(const hal::target::Hello& hello);
   hal::Status send_params();
   hal::Status judge(const hal::target::Verdict& verdict);

@@ -18,21 +18,20 @@ namespace {
 // On stderr, and only if that is a terminal.
 class ProgressBar {
  public:
-  ProgressBar(double end_s, bool wanted) : end_s_(end_s), shown_(wanted && isatty(STDERR_FILENO) == 1) {}
+  explicit ProgressBar(bool wanted) : shown_(wanted && isatty(STDERR_FILENO) == 1) {}
   ~ProgressBar() {
     if (shown_) std::fprintf(stderr, "\r\033[K");
   }
-  void show(double time_s) const {
+  void show(double time_s, double end_s) const {
     if (!shown_) return;
     constexpr int kWidth = 40;
-    const double part = std::clamp(time_s / end_s_, 0.0, 1.0);
+    const double part = std::clamp(time_s / end_s, 0.0, 1.0);
     std::string bar(kWidth, '.');
     std::fill_n(bar.begin(), static_cast<int>(part * kWidth), '#');
-    std::fprintf(stderr, "\r[%s] %3.0f %%  t = %.2f of %.6g s", bar.c_str(), 100 * part, time_s, end_s_);
+    std::fprintf(stderr, "\r[%s] %3.0f %%  t = %.2f of %.6g s", bar.c_str(), 100 * part, time_s, end_s);
   }
 
  private:
-  double end_s_;
   bool shown_;
 };
 
@@ -64,8 +63,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
                          .by_hand = options.by_hand};
   RunResult result;
   {
-    const ProgressBar bar(scenario.duration_s, !options.quiet);
-    run_options.progress = [&bar](double time_s) { bar.show(time_s); };
+    const ProgressBar bar(!options.quiet);
+    run_options.progress = [&bar](double time_s, double end_s) { bar.show(time_s, end_s); };
     result = run(scenario, peers, recorder, run_options);
   }
   const bool log_whole = recorder.close();
@@ -89,10 +88,9 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     return peers.exit_status();
   }
   if (!output.write_summary(summary_json(scenario, result))) return fail(output.error());
-  if (const std::string lost = lost_steps_text(scenario, result); options.quiet && !lost.empty()) {
-    program::complain(program_name, lost);
-  }
-  if (!options.quiet) {
+  if (options.quiet) {
+    for (const std::string& warning : warnings(scenario, result)) program::complain(program_name, warning);
+  } else {
     std::cout << summary_text(scenario, result, output.path());
     if (!repeat.empty()) {
       std::cout << "  black box   " << (output.path() / kBlackBox).string() << "; again: " << repeat << '\n';

@@ -10,7 +10,7 @@
 namespace ballast::sil {
 
 struct RecordOptions {
-  bool quiet = false;        // no progress bar, no summary; lost steps are said on stderr
+  bool quiet = false;        // no progress bar, no summary; what must not stay unsaid is said on stderr
   double speed = 0;          // as in RunOptions
   lcm::LCM* bus = nullptr;   // every message also goes there
   std::int64_t run_id = 0;   // on that bus

@@ -16,6 +16,10 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::int64_t kCountdown = 2;
 
+// After a move's last step, where the run would end before: what is left of a swing at the default damping ratio of 0.2
+// is exp(-0.2 * 2 pi * 10), 3e-6 of it.
+constexpr double kSwingsToRest = 10;
+
 void record(Recorder& recorder, const Lap& lap) {
   recorder.begin_lap();
   if (lap.command) recorder.record(hal::kChannelOperator, *lap.command);
@@ -77,6 +81,7 @@ class RestWatch {
     return at_rest_;
   }
   [[nodiscard]] bool at_rest() const { return at_rest_; }
+  [[nodiscard]] double swing_s() const { return swing_s_; }
 
  private:
   const sim::Scenario& scenario_;
@@ -91,6 +96,7 @@ class PlanWatch {
  public:
   explicit PlanWatch(double period_s) : period_s_(period_s) {}
   void see(const Lap& lap, RunResult& result) {
+    see_contact(lap.plant.contact);  // of the plan in force: one that this tick has brought about begins with the next
     const controller_status_t& status = lap.status;
     // One over in its own tick, as a move to where the masses are, is none.
     if (status.planned != 0 && status.plan_duration_s > 0 && (!current_ || status.plan_tick != plan_tick_)) {
@@ -99,16 +105,19 @@ class PlanWatch {
       *current_ = PlanRecord{static_cast<double>(plan_tick_) * period_s_,
                              {status.plan_duration_s, status.plan_horizon_s, status.plan_normal_force_min_n,
                               status.plan_mu_required_max, status.plan_margin_min},
-                             1};
+                             std::nullopt};
     }
-    const contact_t& contact = lap.plant.contact;
-    if (!current_ || contact.tick < plan_tick_ || contact.regime == contact_t::REGIME_FLIGHT) return;
-    PlanRecord& plan = **current_;
-    if (static_cast<double>(contact.tick - plan_tick_) * period_s_ > plan.predicted.duration_s) return;
-    plan.seen_margin_min = std::min(plan.seen_margin_min, contact.margin);
   }
 
  private:
+  void see_contact(const contact_t& contact) {
+    if (!current_ || contact.tick < plan_tick_ || contact.regime == contact_t::REGIME_FLIGHT) return;
+    PlanRecord& plan = **current_;
+    // A plan may end between two ticks.
+    if (static_cast<double>(contact.tick - plan_tick_) > std::ceil(plan.predicted.duration_s / period_s_)) return;
+    plan.seen_margin_min = std::min(plan.seen_margin_min.value_or(contact.margin), contact.margin);
+  }
+
   double period_s_;
   std::optional<PlanRecord>* current_ = nullptr;
   std::int64_t plan_tick_ = 0;
@@ -153,6 +162,8 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   std::optional<StepTimingCheck> step_check;
   if (options.check_steps && has_controller) step_check.emplace(scenario);
   std::deque<step_command_t> history;
+  double end_s = scenario.duration_s;
+  if (options.move) result.move_end.emplace(*options.move);
 
   // What is known at the end, good or bad.
   const auto finished = [&] {
@@ -185,9 +196,9 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     const sim::Plant::Sample sample = plant.sample();
     const bool at_rest = rest.see(sample);
     const bool stopped = stop_done_tick && tick >= *stop_done_tick && at_rest;
+    if (move_done_tick && tick >= *move_done_tick) result.move_end->steps_made = true;
     const bool moved = move_done_tick && tick >= *move_done_tick && (at_rest || already_there);
-    const bool last =
-        plant.end() != sim::PhysicsEnd::kNone || plant.time_s() >= scenario.duration_s || stopped || moved;
+    const bool last = plant.end() != sim::PhysicsEnd::kNone || plant.time_s() >= end_s || stopped || moved;
 
     std::optional<sim::Plant::ContactForces> commanded;
     if (heard && tick >= 0 && sample.time_s == static_cast<double>(tick) * period_s) {
@@ -232,6 +243,10 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       result.status = hal::Status::kPeerLost;
       result.trouble = "the controller did not obey the operator's " + std::string(armed_due ? "arm" : "start");
       return finished();
+    }
+    if (tick == -1 && options.plan_only) return finished();
+    if (tick == -1 && lap.status.mode == controller_status_t::MODE_MOVING) {
+      end_s = std::max(end_s, lap.status.plan_duration_s + kCountdown * period_s + kSwingsToRest * rest.swing_s());
     }
     if (!recorder.good() || (options.interrupted != nullptr && *options.interrupted != 0)) {
       result.status = recorder.good() ? hal::Status::kInterrupted : hal::Status::kIo;
@@ -282,7 +297,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     if (tick >= 0) {
       const double start_s = plant.time_s();
       expand(due, scenario.run.timer_frequency_hz, pulses);
-      plant.advance(std::min(static_cast<double>(tick + 1) * period_s, scenario.duration_s), pulses);
+      plant.advance(std::min(static_cast<double>(tick + 1) * period_s, end_s), pulses);
       pulse_record.add(start_s, plant.time_s(), pulses);
       ++result.ticks;
     }
@@ -294,7 +309,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     }
     // Looking at the clock in every tick would cost more than the tick's messages.
     if (options.progress && (tick & 63) == 0 && Clock::now() >= next_progress) {
-      options.progress(plant.time_s());
+      options.progress(plant.time_s(), end_s);
       next_progress = Clock::now() + std::chrono::milliseconds(100);
     }
   }

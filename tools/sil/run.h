@@ -40,11 +40,18 @@ struct ControllerTrip {
 inline constexpr std::size_t kHistoryTicks = 8;
 
 // A stop or a move: what the controller predicted before its first step (firmware/control/prediction.h), and the least
-// margin of the plant's contact messages while it lasted (samples, as long as the ball was in contact).
+// margin of the plant's contact messages from its start to the first one at or after its end (samples, as long as the
+// ball was in contact; none: there was no such sample).
 struct PlanRecord {
   double start_s = 0;
   firmware::Prediction predicted;
-  double seen_margin_min = 1;
+  std::optional<double> seen_margin_min;
+};
+
+// How a move that the run was asked for ended; where its masses are is in the final sample.
+struct MoveEnd {
+  firmware::MoveRequest asked;
+  bool steps_made = false;  // all of them: the controller has the masses where they were to be
 };
 
 struct RunResult {
@@ -68,6 +75,7 @@ struct RunResult {
   std::optional<StepTimingRecord> step_timing;  // if it was asked for
   bool masses_rested = false;                   // at the end; see run()
   std::optional<PlanRecord> move, stop;         // the last of each
+  std::optional<MoveEnd> move_end;              // of the move that was asked for, if one was
   bool operators_heard = false;                 // somebody beside the run itself
   std::int64_t last_tick = 0;                   // in the log
   RefusedMessages refused;                      // what came over the bus and was not used
@@ -81,12 +89,13 @@ struct RunResult {
 };
 
 struct RunOptions {
-  double speed = 0;                                         // simulated over wall time; 0: as fast as it goes
-  const volatile std::sig_atomic_t* interrupted = nullptr;  // nonzero ends the run
-  bool check_steps = false;                                 // hold every pulse against the motion
-  std::function<void(double time_s)> progress;              // called now and then
-  std::optional<firmware::MoveRequest> move;                // asked for instead of the scenario's motion
-  bool by_hand = false;                                     // the controller is armed; the rest is said by operators
+  double speed = 0;                                           // simulated over wall time; 0: as fast as it goes
+  const volatile std::sig_atomic_t* interrupted = nullptr;    // nonzero ends the run
+  bool check_steps = false;                                   // hold every pulse against the motion
+  std::function<void(double time_s, double end_s)> progress;  // called now and then
+  std::optional<firmware::MoveRequest> move;                  // asked for instead of the scenario's motion
+  bool plan_only = false;  // ends where the move is refused, or planned: `move` has it
+  bool by_hand = false;    // the controller is armed; the rest is said by operators
 };
 
 // With check_steps a pulse in the wrong place ends the run at once with kStepTiming.
@@ -95,7 +104,8 @@ struct RunOptions {
 // the operator says arm, then start (by_hand: only arm), and the controller computes the steps of tick 0. In tick k the
 // plant executes what
 // the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed; so does a move that
-// was asked for instead of the start, once its last step is executed and the masses rest: completed.
+// was asked for instead of the start, once its last step is executed and the masses rest: completed. It is run to its
+// end whatever the scenario's duration, and the masses then have ten swings of the slowest motor to come to rest.
 RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options);
 
 }  // namespace ballast::sil

@@ -85,7 +85,12 @@ int mass_at_its_end(const ControllerTrip& trip) {
 
 Json end_stop_json(const sim::EndStopRecord& record) {
   if (record.touches == 0) return nullptr;
-  return {{"touches", record.touches}, {"first_time", record.first_s}, {"max_force", record.max_force_n}};
+  Json outside = nullptr;
+  if (record.outside_ball_m > 0) outside = {{"depth", record.outside_ball_m}, {"first_time", record.outside_ball_s}};
+  return {{"touches", record.touches},
+          {"first_time", record.first_s},
+          {"max_force", record.max_force_n},
+          {"outside_ball", outside}};
 }
 
 const char* overload_error(int error) {
@@ -122,7 +127,20 @@ Json plan_json(const std::optional<PlanRecord>& plan) {
           {"predicted_normal_force_min", finite_or_null(plan->predicted.normal_force_min_n)},
           {"predicted_mu_required_max", finite_or_null(plan->predicted.mu_required_max)},
           {"predicted_margin_min", finite_or_null(plan->predicted.margin_min)},
-          {"margin_min", finite_or_null(plan->seen_margin_min)}};
+          {"margin_min", plan->seen_margin_min ? finite_or_null(*plan->seen_margin_min) : Json(nullptr)}};
+}
+
+bool asked(const MoveEnd& move, std::size_t mass) { return (move.asked.masses >> mass & 1u) != 0; }
+
+Json move_end_json(const sim::Scenario& scenario, const RunResult& result) {
+  if (!result.move_end) return nullptr;
+  Json masses = Json::array();
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    const double target = result.move_end->asked.target_position[i];
+    masses.push_back({{"asked", asked(*result.move_end, i) ? Json(target) : Json(nullptr)},
+                      {"position", result.final_sample.mass_position[i]}});
+  }
+  return {{"arrived", arrived(result)}, {"masses", masses}};
 }
 
 Json deviation_json(const Deviation& deviation) {
@@ -235,6 +253,37 @@ std::string format(const char* pattern, auto... values) {
   return text;
 }
 
+// Where the masses of a move ended: those that were asked, then those that were to hold.
+std::string move_end_text(const sim::Scenario& scenario, const RunResult& result) {
+  std::string moved, held;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    const double position = result.final_sample.mass_position[i];
+    const double target = result.move_end->asked.target_position[i];
+    if (asked(*result.move_end, i))
+      moved += format("%smass %zu at %.6g (asked: %.6g, %.2g to go)", moved.empty() ? "" : ", ", i, position, target,
+                      target - position);
+    else
+      held += format("%smass %zu at %.6g", held.empty() ? "; held: " : ", ", i, position);
+  }
+  return moved + held + (result.masses_rested ? "" : "; still moving");
+}
+
+// Which masses were outside the ball, and what to do about it; empty: none.
+std::string outside_ball_text(const sim::Scenario& scenario, const RunResult& result) {
+  std::string who;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    const sim::EndStopRecord& stop = result.end_stops[i];
+    if (stop.outside_ball_m > 0) {
+      who += format("%smass %zu was outside the ball by up to %.3g m, first seen at t = %.6g s",
+                    who.empty() ? "" : ", ", i, stop.outside_ball_m, stop.outside_ball_s);
+    }
+  }
+  if (who.empty()) return "";
+  return who +
+         ": its end stop gave way, and there is no shell in the model to hold it; give it a stiffer stop "
+         "(rail.end_stop_stiffness) or stops further in (rail.end_stops)";
+}
+
 }  // namespace
 
 std::string summary_json(const sim::Scenario& scenario, const RunResult& result) {
@@ -335,6 +384,7 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
   }
   j["move"] = plan_json(result.move);
   j["stop"] = plan_json(result.stop);
+  j["move_end"] = move_end_json(scenario, result);
   j["surfaces"] = Json::array();
   for (const FloorVerdict& floor : floor_verdicts(scenario, result)) {
     j["surfaces"].push_back({{"name", floor.name}, {"mu_s", floor.static_friction}, {"holds", floor.holds}});
@@ -437,10 +487,13 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     const PlanRecord& p = **plan;
     text += format(
         "  %s        from t = %.6g s, %.6g s; predicted before it%s: least N %.6g N, most f_s/N %.6f, least margin "
-        "%.4f; seen %.4f\n",
+        "%.4f; seen %s\n",
         name, p.start_s, p.predicted.duration_s, horizon_text(p.predicted.duration_s, p.predicted.horizon_s).c_str(),
-        p.predicted.normal_force_min_n, p.predicted.mu_required_max, p.predicted.margin_min, p.seen_margin_min);
+        p.predicted.normal_force_min_n, p.predicted.mu_required_max, p.predicted.margin_min,
+        p.seen_margin_min ? format("%.4f", *p.seen_margin_min).c_str() : "nothing");
   }
+  if (result.move_end)
+    text += (arrived(result) ? "  arrived     " : "  NOT THERE   ") + move_end_text(scenario, result) + "\n";
   text += format("  least N     %.6g N at t = %.4f s\n", x.normal_force_min.value, x.normal_force_min.time_s);
   if (std::isfinite(x.mu_required_max.value)) {
     text += format("  most f_s/N  %.6f at t = %.4f s", x.mu_required_max.value, x.mu_required_max.time_s);
@@ -485,8 +538,8 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     if (slips > 0) text += format(" (%lld slips, forth and back)", static_cast<long long>(slips));
     text += "\n";
   }
-  if (const std::string warning = lost_steps_text(scenario, result); !warning.empty()) {
-    text += "  WARNING     " + warning + "\n";
+  for (const std::string& warning : {lost_steps_text(scenario, result), outside_ball_text(scenario, result)}) {
+    if (!warning.empty()) text += "  WARNING     " + warning + "\n";
   }
   if (result.step_timing) {
     std::int64_t checked = 0, structural = 0;
@@ -582,10 +635,25 @@ std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& resu
          "ballast move --speed-fraction), or give it more torque";
 }
 
+bool arrived(const RunResult& result) {
+  const auto& lost = result.final_sample.lost_steps;
+  return result.move_end && result.move_end->steps_made &&
+         std::all_of(lost.begin(), lost.end(), [](std::int64_t steps) { return steps == 0; });
+}
+
+std::vector<std::string> warnings(const sim::Scenario& scenario, const RunResult& result) {
+  std::vector<std::string> texts{lost_steps_text(scenario, result), outside_ball_text(scenario, result)};
+  if (result.move_end && !arrived(result))
+    texts.push_back("the move did not arrive: " + move_end_text(scenario, result));
+  std::erase(texts, "");
+  return texts;
+}
+
 int exit_status(const RunResult& result) {
   if (result.end_reason == EndReason::kStepTiming) return 2;
-  const bool inside = result.end_reason == EndReason::kCompleted && !result.rolling_lost;
-  return inside && result.trip.tripped == 0 && !result.controller_trip ? 0 : 3;
+  const bool completed = result.end_reason == EndReason::kCompleted && !result.rolling_lost;
+  if (!completed || result.trip.tripped != 0 || result.controller_trip) return 3;
+  return result.move_end && !arrived(result) ? 2 : 0;
 }
 
 }  // namespace ballast::sil

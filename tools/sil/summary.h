@@ -29,7 +29,14 @@ std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const Ru
 // Which motors lost steps, and what to do about it; empty: none.
 std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result);
 
-// 0 inside the envelope, 3 outside or tripped.
+// What must not stay unsaid, --quiet or not: lost steps, masses outside the ball, a move that did not arrive.
+std::vector<std::string> warnings(const sim::Scenario& scenario, const RunResult& result);
+
+// A move that was asked for: its steps are all made and none was lost, so that every mass is where it was to be, but
+// for what its motor lags in its tooth.
+bool arrived(const RunResult& result);
+
+// 0 inside the envelope, 3 outside or tripped; 2 a move that was inside and did not arrive.
 int exit_status(const RunResult& result);
 
 }  // namespace ballast::sil
