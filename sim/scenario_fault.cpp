@@ -57,7 +57,6 @@ std::optional<FaultKind> read_kind(TableReader& table) {
 bool read_value(TableReader& table, const FaultKindInfo& kind, double& out) {
   if (kind.value_means[0] == '\0') {
     if (!table.has("value")) return true;
-    table.node("value");
     table.refuse("value", std::string("is not for ") + kind.name + ", which has none");
     return false;
   }
@@ -98,7 +97,7 @@ bool read_channel(TableReader& table, const Scenario& scenario, Fault& fault) {
   const auto name = table.has("channel") ? table.text("channel") : std::optional(names[0]);
   if (!name) return false;
   const auto channels = fault_channels();
-  const auto* found = std::find_if(channels.begin(), channels.end(), [&](const auto& c) { return *name == c.name; });
+  const auto found = std::find_if(channels.begin(), channels.end(), [&](const auto& c) { return *name == c.name; });
   if (found == channels.end()) {
     const std::string near = nearest(*name, names);
     table.refuse("channel", "is no channel that can be made to suffer" +
