@@ -22,7 +22,7 @@ namespace {
 constexpr std::int64_t kTick = 2000;  // of t = 2 s; the motors make 2.6 microsteps a tick there
 
 sim::Scenario desk_ball(const std::vector<std::string>& faults, const std::vector<std::string>& overrides = {}) {
-  std::vector<std::string> all{"duration=2.5"};
+  std::vector<std::string> all{"duration=4"};
   all.insert(all.end(), overrides.begin(), overrides.end());
   const auto result = sim::read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/desk_ball.toml", all, faults);
   for (const auto& error : result.errors) ADD_FAILURE() << to_string(error);
@@ -310,7 +310,7 @@ TEST(SensorFault, EachDoesWhatItSays) {
   const auto saturated = said("sensor_saturation@2:0.01");
   for (std::size_t k = at(kTick); k < saturated.size(); ++k) EXPECT_LE(std::abs(saturated[k].gyro_B_radps[1]), 0.01);
 
-  // 501 ticks of three axes: mean within 4 sigma / sqrt(1503), and variance within 4 sqrt(2 / 1503), of what was asked.
+  // n draws: their mean is within 4 sigma / sqrt(n), and their variance within 4 sqrt(2 / n) of it, of what was asked.
   const auto noisy = said("sensor_noise@2:0.2");
   double sum = 0, squares = 0;
   int n = 0;
