@@ -3,22 +3,13 @@
 #include <algorithm>
 #include <numbers>
 
+#include "sim/random.h"
+
 namespace ballast::sim {
 
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-
-// SplitMix64 (Steele, Lea and Flood 2014): a uniform stream that is the same on every platform, unlike std's
-// distributions.
-double uniform(std::uint64_t& state) {
-  state += 0x9E3779B97F4A7C15u;
-  std::uint64_t z = state;
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-  z ^= z >> 31;
-  return static_cast<double>(z >> 11) * 0x1p-53;
-}
 
 }  // namespace
 
@@ -61,6 +52,13 @@ double Stepper::balanced_lag_rad(double torque_nm, double shaft_radps) const {
 }
 
 void Stepper::step(int direction, double time_s) {
+  if (to_swallow_ > 0) {
+    --to_swallow_;
+    missed_steps_ += direction;
+    return;
+  }
+  missed_steps_ += direction - direction * direction_;
+  direction *= direction_;
   position_steps_ += direction;
   const double since_s = time_s - stepped_s_;
   // Steps of one instant are one longer step: they say nothing of the speed.
@@ -106,7 +104,7 @@ double Stepper::torque_margin(double shaft_rad, double shaft_radps) const {
 }
 
 double Stepper::steps_behind(double shaft_rad) const {
-  return static_cast<double>(position_steps_) - (shaft_rad - initial_shaft_rad_) / microstep_rad();
+  return static_cast<double>(position_steps_ + missed_steps_) - (shaft_rad - initial_shaft_rad_) / microstep_rad();
 }
 
 void Stepper::count_slips(double shaft_rad) {

@@ -9,7 +9,7 @@
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/sil/controller_words.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/sil/faulty_peers.h"
 #include "tools/sil/record_run.h"
 
 namespace ballast {
@@ -155,14 +155,14 @@ int move(const MoveCommand& command) {
   if (const auto refusal = program::to_controller_params(*scenario, *params)) return refuse(*refusal);
 
   const auto new_peers = [&] {
-    return sil::InProcessPeers(params.get(), program::to_monitor_limits(*scenario), scenario->run.control_period_s);
+    return sil::peers_in_process(*scenario, params.get(), program::to_monitor_limits(*scenario));
   };
   // Asked first without a trace: what a refused move would replace stays, and what it will do is said before it does
   // it.
-  sil::InProcessPeers planner = new_peers();
+  const auto planner = new_peers();
   sil::Recorder nowhere("/dev/null");
   const sil::RunResult plan =
-      sil::run(*scenario, planner, nowhere, {.progress = {}, .move = *request, .plan_only = true});
+      sil::run(*scenario, *planner, nowhere, {.progress = {}, .move = *request, .plan_only = true});
   if (!plan.refusal.empty()) return refuse("the controller refuses the move: " + plan.refusal);
   if (plan.move) {
     const sim::Scenario::Envelope& envelope = scenario->envelope;
@@ -178,8 +178,8 @@ int move(const MoveCommand& command) {
     return program::kExitCouldNotRun;
   }
   scenario->published.clear();  // it speaks of the scenario's own motion
-  sil::InProcessPeers peers = new_peers();
-  return sil::record_run("ballast", *scenario, peers, output, record);
+  const auto peers = new_peers();
+  return sil::record_run("ballast", *scenario, *peers, output, record);
 }
 
 }  // namespace

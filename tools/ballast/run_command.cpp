@@ -10,7 +10,7 @@
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/sil/faulty_peers.h"
 #include "tools/sil/lcm_peers.h"
 #include "tools/sil/qemu_peers.h"
 #include "tools/sil/record_run.h"
@@ -43,9 +43,9 @@ int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario,
   std::optional<hal::Bus> operator_bus;
   if (bus != nullptr && params != nullptr) operator_bus.emplace(command.bus.url);
   if (operator_bus) operator_bus->join(record.run_id);
-  sil::InProcessPeers peers(params, program::to_monitor_limits(scenario), scenario.run.control_period_s,
-                            operator_bus ? &*operator_bus : nullptr);
-  return sil::record_run("ballast", scenario, peers, output, record);
+  const auto peers = sil::peers_in_process(scenario, params, program::to_monitor_limits(scenario),
+                                           operator_bus ? &*operator_bus : nullptr);
+  return sil::record_run("ballast", scenario, *peers, output, record);
 }
 
 // This process is the plant; controller and monitor are started beside it.
@@ -53,6 +53,7 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
                      sil::OutputDir& output) {
   std::vector<std::string> arguments{command.scenario.scenario, "--lcm", command.bus.url};
   for (const auto& set : command.scenario.set) arguments.insert(arguments.end(), {"--set", set});
+  for (const auto& fault : command.scenario.fault) arguments.insert(arguments.end(), {"--fault", fault});
   if (!command.scenario.actuation.empty())
     arguments.insert(arguments.end(), {"--actuation", command.scenario.actuation});
   if (command.scenario.seed) arguments.insert(arguments.end(), {"--seed", std::to_string(*command.scenario.seed)});
@@ -142,6 +143,15 @@ int run(const RunCommand& command) {
   if (!in_qemu && !command.elf.empty()) {
     program::complain("ballast", std::string("--firmware-elf: is given, and --firmware is ") + kHost +
                                      ", which takes no file; allowed: with --firmware " + kQemu + " or " + kQemuAn386);
+    return program::kExitUsage;
+  }
+  const std::string elsewhere = command.processes            ? "with --processes"
+                                : in_qemu                    ? "with --firmware " + command.firmware
+                                : command.record.check_steps ? "with --check-steps"
+                                                             : "";
+  if (const std::string why = sil::FaultyPeers::not_possible(*scenario, elsewhere);
+      !elsewhere.empty() && !why.empty()) {
+    program::complain("ballast", why);
     return program::kExitUsage;
   }
   auto params = std::make_unique<firmware::ControllerParams>();
