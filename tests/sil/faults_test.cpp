@@ -52,6 +52,11 @@ Outcome suffer(const sim::Scenario& scenario, const std::string& log = "/dev/nul
 
 Outcome suffer(const std::string& fault) { return suffer(desk_ball({fault})); }
 
+// On a floor that holds whatever comes: motors that stand all at once, in full motion, make the ball slip within ticks.
+Outcome suffer_on_perfect_floor(const std::string& fault) {
+  return suffer(desk_ball({fault}, {"surface.static_friction=inf", "surface.kinetic_friction=inf"}));
+}
+
 bool has(const RunResult& result, firmware::Fault fault) {
   return result.controller_trip &&
          (static_cast<std::uint32_t>(result.controller_trip->faults) & static_cast<std::uint32_t>(fault)) != 0;
@@ -181,7 +186,7 @@ TEST(MessageFault, CorruptedMessagesAreRefusedOrBelieved) {
 // --- peers ---
 
 TEST(PeerFault, AKilledControllerIsNoticedAndGivenUp) {
-  const RunResult result = suffer("peer_killed@2").result;
+  const RunResult result = suffer_on_perfect_floor("peer_killed@2").result;
   EXPECT_EQ(result.status, hal::Status::kPeerLost);
   EXPECT_NE(result.trouble.find("controller lost"), std::string::npos) << result.trouble;
   EXPECT_EQ(result.trip.cause, trip_t::CAUSE_STALE);
@@ -202,7 +207,7 @@ TEST(PeerFault, AFrozenControllerStopsWhenItWakes) {
   for (const std::int64_t ticks : {1, 50}) {
     SCOPED_TRACE(ticks);
     const RunResult result =
-        suffer("peer_frozen@2:duration=" + std::to_string(0.001 * static_cast<double>(ticks))).result;
+        suffer_on_perfect_floor("peer_frozen@2:duration=" + std::to_string(0.001 * static_cast<double>(ticks))).result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
     EXPECT_EQ(result.end_reason, EndReason::kTripped);
     EXPECT_EQ(result.trip.cause, trip_t::CAUSE_STALE);
@@ -240,7 +245,7 @@ TEST(PeerFault, AMonitorThatIsRestartedAfterATripTakesItBack) {
 TEST(PeerFault, ASlowControllerIsStale) {
   for (const char* fault : {"peer_too_slow@2:1", "peer_too_slow@2:2"}) {
     SCOPED_TRACE(fault);
-    const RunResult result = suffer(fault).result;
+    const RunResult result = suffer_on_perfect_floor(fault).result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
     EXPECT_EQ(result.trip.cause, trip_t::CAUSE_STALE);
     EXPECT_EQ(result.trip.trip_tick, kTick + 1);
@@ -401,7 +406,7 @@ TEST(EveryFault, IsRepeatedAndReplayed) {
     const sim::Scenario scenario = desk_ball({std::string(kind.name) + "@0.3" + value}, {"duration=0.6"});
     const Outcome first = suffer(scenario, folder + "first.lcmlog");
     const Outcome second = suffer(scenario, folder + "second.lcmlog");
-    EXPECT_EQ(first.result.trouble, second.result.trouble);
+    EXPECT_EQ(first.result.last_tick, second.result.last_tick);
     EXPECT_TRUE(bytes_of(folder + "first.lcmlog") == bytes_of(folder + "second.lcmlog"));
 
     auto params = std::make_unique<firmware::ControllerParams>();
