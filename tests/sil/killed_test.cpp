@@ -154,7 +154,8 @@ void kill_one(const std::string& victim, const std::string& url, std::uint64_t s
   };
   const auto deadline = hal::after(hal::WallClock::now(), hal::Seconds(60));
   while (!everybody_ended() && hal::WallClock::now() < deadline) {
-    bus.receive_until(hal::after(hal::WallClock::now(), hal::Seconds(0.02)), [] { return false; });
+    static_cast<void>(
+        bus.receive_until(hal::after(hal::WallClock::now(), hal::Seconds(0.02)), [] { return false; }));
   }
   for (const auto& [program, process] : processes) {
     ASSERT_TRUE(process->ended()) << program << " goes on\n" << all_said();
