@@ -70,9 +70,9 @@ class Process {
   bool ended_ = false;
 };
 
-// The newest tick of each kind of message on the bus.
+// The newest tick of either on the bus; who listens on a busy machine misses messages, so there may have been newer.
 struct Heard {
-  std::int64_t sensors = hal::kWaitingTick, trip = hal::kWaitingTick, steps = hal::kWaitingTick;
+  std::int64_t sensors = hal::kWaitingTick, steps = hal::kWaitingTick;
 };
 
 // What can be read of a log: how many messages of each tick, in the order of the ticks, and why it ends.
@@ -123,10 +123,6 @@ void kill_one(const std::string& victim, const std::string& url, std::uint64_t s
   Heard heard;
   bus.subscribe<sensors_t>(hal::kChannelSensors,
                            [&](const sensors_t& m) { heard.sensors = std::max(heard.sensors, m.tick); });
-  bus.subscribe<trip_t>(hal::kChannelTrip, [&](const trip_t& m) {
-    // The last word of a monitor that hears nobody any more is no verdict on a tick.
-    if (m.cause != trip_t::CAUSE_STALE) heard.trip = std::max(heard.trip, m.tick);
-  });
   bus.subscribe<step_command_t>(hal::kChannelStepCommand,
                                 [&](const step_command_t& m) { heard.steps = std::max(heard.steps, m.tick); });
 
@@ -154,8 +150,7 @@ void kill_one(const std::string& victim, const std::string& url, std::uint64_t s
   };
   const auto deadline = hal::after(hal::WallClock::now(), hal::Seconds(60));
   while (!everybody_ended() && hal::WallClock::now() < deadline) {
-    static_cast<void>(
-        bus.receive_until(hal::after(hal::WallClock::now(), hal::Seconds(0.02)), [] { return false; }));
+    static_cast<void>(bus.receive_until(hal::after(hal::WallClock::now(), hal::Seconds(0.02)), [] { return false; }));
   }
   for (const auto& [program, process] : processes) {
     ASSERT_TRUE(process->ended()) << program << " goes on\n" << all_said();
@@ -164,13 +159,12 @@ void kill_one(const std::string& victim, const std::string& url, std::uint64_t s
     EXPECT_NE(process->said().find(victim), std::string::npos) << program << " does not name it\n" << all_said();
   }
 
-  // The masses stop: no pulses were sent for a tick after one without sensors or without a verdict.
-  EXPECT_LE(heard.steps, std::min(heard.sensors, heard.trip) + 1);
-
   // The log is whole up to the last tick that everybody had answered: a plant that sends tick k has kept k - 1.
   const Laps laps((folder / "r/run.lcmlog").string());
   const std::int64_t last = laps.last_whole();
   EXPECT_GE(last, heard.sensors - 1);
+  // The masses stop: no pulses were sent beyond those that answer the tick under way, last + 1.
+  EXPECT_LE(heard.steps, last + 2);
   EXPECT_LE(laps.messages.size(), static_cast<std::size_t>(last + 2 + (victim == "plant" ? 2 : 1)));
   if (victim != "plant") {
     EXPECT_EQ(laps.damage, "");
