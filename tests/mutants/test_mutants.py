@@ -1,12 +1,13 @@
 """Breaks Ballast, one thing at a time, and shows which guard catches it: the mutants of mutants.toml.
 
-  test_mutants.py BUILD_DIR [--only REGEX] [--every N] [--table README.md]
+  test_mutants.py BUILD_DIR [--only REGEX] [--every N] [--record] [--table README.md]
 
 Of each mutant one file is compiled with its fault and linked before the libraries of the build, whose own object of that
 file is then left out: nothing in the sources knows of this. `ballast` so broken makes the mutant's run, and the mutant's
 test program is run. A mutant that neither the run nor the test tells from the sound program has survived, which is a
-failure; so is a run that ends otherwise than mutants.toml says. --every N takes every Nth mutant only, --table writes
-what was seen into the file, between its markers.
+failure; so is a run that ends otherwise than mutants.toml says. --every N takes every Nth mutant only, --record writes
+how the runs ended into mutants.toml, to be read before it is believed, --table what was seen into the file, between its
+markers.
 """
 
 import argparse
@@ -48,8 +49,8 @@ class Build:
         words = shlex.split(entry["command"])
         words = [str(mutated) if pathlib.Path(w).name == source.name and w.endswith(source.name) else w for w in words]
         words[words.index("-o") + 1] = str(out)
-        # The optimiser would double the time and changes no result: no fast mathematics is allowed to it.
-        words = ["-O1" if w in ("-O2", "-O3") else w for w in words]
+        # The optimiser would take most of the time and changes no result: no fast mathematics is allowed to it.
+        words = ["-O0" if w in ("-O2", "-O3") else w for w in words]
         return subprocess.run(words, cwd=entry["directory"], capture_output=True, text=True)
 
     def link(self, program, obj, out):
@@ -126,6 +127,13 @@ def try_mutant(build, mutant, runs, folder):
     return outcome(folder / "ballast", runs[mutant["run"]], folder), test_fails(folder / test, test_filter)
 
 
+def record(name, seen):
+    path = HERE / "mutants.toml"
+    before, after = path.read_text().split(f'name = "{name}"\n', 1)
+    after = re.sub(r"^caught = .*$", lambda _: f"caught = {json.dumps(seen)}", after, count=1, flags=re.MULTILINE)
+    path.write_text(before + f'name = "{name}"\n' + after)
+
+
 def table(rows):
     lines = [BEGIN, "", "| broken | file | the run | ends | test that fails |", "|---|---|---|---|---|"]
     for mutant, ended, failed in rows:
@@ -143,6 +151,7 @@ def main():
     parser.add_argument("build", type=pathlib.Path)
     parser.add_argument("--only", default="")
     parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--record", action="store_true")
     parser.add_argument("--table", type=pathlib.Path)
     options = parser.parse_args()
     listed = tomllib.loads((HERE / "mutants.toml").read_text())
@@ -179,6 +188,9 @@ def main():
                 ended, failed = result
                 seen = ended if ended != sound[mutant["run"]] else ""
                 survives = not seen and not failed
+                if options.record:
+                    record(name, seen)
+                    mutant["caught"] = seen
                 unlike = seen != mutant["caught"]
                 print(f"{name}: {'run: ' + seen if seen else 'run as sound'}; test {'fails' if failed else 'passes'}"
                       + ("  SURVIVES" if survives else "")
