@@ -45,7 +45,7 @@ struct Tick {
     state.orientation[0] = sensors.orientation[0] = 1;
     state.mass_count = sensors.mass_count = kMassCount;
   }
-  Samples samples() const { return {&contact, &state, &sensors, controller_tick}; }
+  Samples samples() const { return {&contact, &state, &sensors, controller_tick, {}}; }
 };
 
 void expect_trip(const trip_t& verdict, std::int8_t cause, std::int64_t tick, double value, double limit) {
