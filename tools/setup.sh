@@ -1,6 +1,7 @@
-# Shared by tools/run and tools/test: packages, configure, build. Sourced, not run; `root` is the project's folder.
-# Nothing is said when there is nothing to do.
+# Shared by tools/run and tools/test: packages, configure, build. Sourced, not run; `root` is the project's folder,
+# `preset` the one of CMakePresets.json that is built. Nothing is said when there is nothing to do.
 
+preset=release
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 # The one list of packages. libglib2.0-dev: lcm.pc asks for it, and Debian's liblcm-dev does not bring it.
@@ -60,19 +61,28 @@ install_packages() {
   rm -f "$log"
 }
 
-# configured ON|OFF: whether build/ is, and with tests if they are wanted; where they are not they do no harm.
-configured() {
-  [[ -e $root/build/build.ninja ]] || return
-  [[ $1 == OFF ]] || grep -qx 'BALLAST_TESTS:BOOL=ON' "$root/build/CMakeCache.txt"
+# build_dir PRESET: its folder.
+build_dir() {
+  if [[ $1 == release ]]; then printf '%s/build' "$root"; else printf '%s/build-%s' "$root" "$1"; fi
 }
 
-# build ON|OFF TARGET: configures build/, with or without tests, if need be, and builds the target.
+# configured ON|OFF: whether the preset is, and with tests if they are wanted; where they are not they do no harm.
+configured() {
+  local dir
+  dir=$(build_dir "$preset")
+  [[ -e $dir/build.ninja ]] || return
+  [[ $1 == OFF ]] || grep -qx 'BALLAST_TESTS:BOOL=ON' "$dir/CMakeCache.txt"
+}
+
+# build ON|OFF TARGET...: configures the preset, with or without tests, if need be, and builds the targets.
 build() {
-  local tests=$1 target=$2 log first='' said='' line
-  [[ -e $root/build/bin/ballast ]] || first=', which takes some minutes the first time'
+  local tests=$1 dir log first='' said='' line
+  shift
+  dir=$(build_dir "$preset")
+  [[ -e $dir/bin/ballast ]] || first=', which takes some minutes the first time'
   log=$(mktemp)
   if ! configured "$tests"; then
-    if ! (cd "$root" && cmake --preset release -DBALLAST_TESTS="$tests") >"$log" 2>&1; then
+    if ! (cd "$root" && cmake --preset "$preset" -DBALLAST_TESTS="$tests") >"$log" 2>&1; then
       cat "$log" >&2
       rm -f "$log"
       printf 'Configuring failed, as said above.\n' >&2
@@ -81,7 +91,7 @@ build() {
   fi
   : >"$log"
   # Ninja numbers its steps; one that is not the look for new files means that there is something to build.
-  if ! ninja -C "$root/build" "$target" 2>&1 | while IFS= read -r line; do
+  if ! ninja -C "$dir" "$@" 2>&1 | while IFS= read -r line; do
     if [[ ! $said && $line == '['*/*']'* && $line != *'Re-checking globbed directories'* ]]; then
       printf 'Building%s ...\n' "$first" >&2
       said=yes

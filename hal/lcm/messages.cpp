@@ -245,7 +245,7 @@ bool in_range(const controller_status_t& message) {
 
 bool in_range(const trip_t& message) {
   return is_tick(message.tick) && is_tick(message.trip_tick) && is_flag(message.tripped) &&
-         message.cause >= trip_t::CAUSE_NONE && message.cause <= trip_t::CAUSE_REPEATED;
+         message.cause >= trip_t::CAUSE_NONE && message.cause <= trip_t::CAUSE_DISAGREEMENT;
 }
 
 bool in_range(const operator_t& message) {

@@ -45,7 +45,7 @@ struct Tick {
     state.orientation[0] = sensors.orientation[0] = 1;
     state.mass_count = sensors.mass_count = kMassCount;
   }
-  Samples samples() const { return {&contact, &state, &sensors, controller_tick}; }
+  Samples samples() const { return {&contact, &state, &sensors, controller_tick, {}}; }
 };
 
 void expect_trip(const trip_t& verdict, std::int8_t cause, std::int64_t tick, double value, double limit) {
@@ -333,6 +333,62 @@ TEST(Monitor, NoControllerIsNeededInPrescribedRuns) {
     tick.controller_tick.reset();
     expect_quiet(monitor.judge(tick.samples()));
   }
+}
+
+// The verdict on tick 3, after a tick 2 of which plant and controller said this.
+trip_t judge_estimates(const Estimate& plant, const Estimate& controller, std::int8_t regime, double disagreement_n) {
+  MonitorLimits l = limits();
+  l.disagreement_n = disagreement_n;
+  Monitor monitor(l);
+  Tick second(2), third(3);
+  second.contact.regime = regime;
+  second.contact.commanded_normal_force_n = plant.normal_force_n;
+  second.contact.commanded_static_friction_n = plant.static_friction_n;
+  expect_quiet(monitor.judge(second.samples()));
+  Samples samples = third.samples();
+  samples.estimate = controller;
+  return monitor.judge(samples);
+}
+trip_t judge_estimates(const Estimate& plant, const Estimate& controller) {
+  return judge_estimates(plant, controller, contact_t::REGIME_ROLLING, 0.5);
+}
+
+TEST(Monitor, DisagreementOfPlantAndControllerTrips) {
+  expect_quiet(judge_estimates({8, 1}, {8, 1}));
+  expect_quiet(judge_estimates({8, 1}, {8.5, 0.5}));
+  for (const double sign : {-1, 1}) {
+    expect_trip(judge_estimates({8, 1}, {8 + sign * 0.75, 1}), trip_t::CAUSE_DISAGREEMENT, 3, 0.75, 0.5);
+    expect_trip(judge_estimates({8, 1}, {8, 1 + sign * 0.75}), trip_t::CAUSE_DISAGREEMENT, 3, 0.75, 0.5);
+  }
+  expect_trip(judge_estimates({8, 1}, {6, 2}), trip_t::CAUSE_DISAGREEMENT, 3, 2, 0.5);
+}
+
+TEST(Monitor, DisagreementIsOfRollingBallsAndKnownNumbersOnly) {
+  for (const std::int8_t regime : {contact_t::REGIME_SLIDING, contact_t::REGIME_FLIGHT}) {
+    expect_quiet(judge_estimates({8, 1}, {4, 1}, regime, 0.5));
+  }
+  expect_quiet(judge_estimates({8, 1}, {4, 1}, contact_t::REGIME_ROLLING, kInfinity));
+  expect_quiet(judge_estimates({kNan, kNan}, {8, 1}));  // nothing is commanded
+  expect_quiet(judge_estimates({8, 1}, {kNan, kNan}));  // no attitude to compute from: a fault of its own
+  expect_quiet(judge_estimates({0, kInfinity}, {-1, 3}));
+}
+
+// The status of tick 2 is of that instant; an older one is not held against it.
+TEST(Monitor, DisagreementIsOfOneInstant) {
+  MonitorLimits l = limits();
+  l.disagreement_n = 0.5;
+  Monitor monitor(l);
+  const auto judge = [&monitor](std::int64_t k, double plant_n, double controller_n, std::int64_t controller_tick) {
+    Tick tick(k);
+    tick.contact.commanded_normal_force_n = plant_n;
+    tick.controller_tick = controller_tick;
+    Samples samples = tick.samples();
+    samples.estimate = Estimate{controller_n, 0};
+    return monitor.judge(samples);
+  };
+  expect_quiet(judge(1, 8, 8, 0));
+  expect_quiet(judge(2, 4, 8, 1));  // what the status of tick 1 says is held against contact 1, not contact 2
+  expect_trip(judge(3, 4, 8, 2), trip_t::CAUSE_DISAGREEMENT, 3, 4, 0.5);
 }
 
 TEST(Monitor, SilentPlantTrips) {

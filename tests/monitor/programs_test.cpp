@@ -6,6 +6,7 @@
 
 #include <cstdio>
 #include <fstream>
+#include <limits>
 #include <memory>
 #include <numbers>
 #include <string>
@@ -132,6 +133,10 @@ TEST(Params, MonitorGetsTheLimits) {
   EXPECT_EQ(limits.static_friction, 0.4);
   EXPECT_TRUE(limits.controller_expected);
   EXPECT_EQ(limits.scenario_id, s.id);
+  // 5 % of the weight; four roundings.
+  EXPECT_NEAR(limits.disagreement_n, 0.05 * (2.0 + 0.3 + 0.4) * 9.81, 1e-15);
+  EXPECT_EQ(to_monitor_limits(scenario({"drag.coefficient=0.1"})).disagreement_n,
+            std::numeric_limits<double>::infinity());
   EXPECT_FALSE(to_monitor_limits(scenario({"run.actuation=prescribed"})).controller_expected);
 }
 

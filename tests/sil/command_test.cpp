@@ -483,14 +483,23 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& bad) { return std::string(bad.param.name); });
 
 // Files may not grow beyond 64 KiB: what a full disk is to the program.
-TEST(Run, AFullDiskIsReportedAndLeavesNoSummary) {
+TEST(Run, AFullDiskIsReportedAndKeepsTheLogUpToThere) {
   const Folder folder;
-  const Outcome run = folder.run("trap '' XFSZ; ulimit -f 64; ballast run paper_ball --set duration=2 --out r");
-  EXPECT_EQ(run.exit_status, 2);
-  EXPECT_NE(run.err.find("run.lcmlog"), std::string::npos) << run.err;
-  EXPECT_FALSE(std::filesystem::exists(folder / "r/summary.json"));
-  // What there was room for is kept: readers take a log that is cut off.
-  EXPECT_TRUE(std::filesystem::exists(folder / "r/run.lcmlog"));
+  for (const std::string how : {"", " --processes --lcm '" + test::bus_url(26) + "'"}) {
+    SCOPED_TRACE(how);
+    const Outcome run =
+        folder.run("(trap '' XFSZ; ulimit -f 64; ballast run paper_ball --set duration=2 --out r" + how + ")");
+    EXPECT_EQ(run.exit_status, 2);
+    EXPECT_NE(run.err.find("run.lcmlog: cannot be written: File too large; it holds what happened up to there"),
+              std::string::npos)
+        << run.err;
+    EXPECT_FALSE(std::filesystem::exists(folder / "r/summary.json"));
+    EXPECT_FALSE(std::filesystem::exists(folder / "r/blackbox"));
+    EXPECT_EQ(std::filesystem::file_size(folder / "r/run.lcmlog"), 64u << 10);
+    const Outcome replay = folder.run("ballast replay r --verify");
+    EXPECT_EQ(replay.exit_status, 0) << replay.err;
+    EXPECT_NE(replay.out.find("the log ends early: cut off inside an event"), std::string::npos) << replay.out;
+  }
 }
 
 TEST(Faults, AreListedAndEachOfThemIsInTheReadme) {

@@ -39,6 +39,27 @@ TEST(Recorder, WritesALogThatLcmReads) {
   std::filesystem::remove(path);
 }
 
+// Seconds, however short the control period; and whole laps.
+TEST(Recorder, KnowsWhereTheLastSecondsOfItsLogBegin) {
+  EXPECT_EQ(Recorder::tail_ticks(0.01), 4096);
+  EXPECT_EQ(Recorder::tail_ticks(0.001), 4096);
+  EXPECT_EQ(Recorder::tail_ticks(0.0005), 8000);
+  const std::string path = testing::TempDir() + "recorder_tail_test.lcmlog";
+  constexpr std::int64_t kTail = 5000, kLaps = 12345;
+  Recorder recorder(path, nullptr, false, 0, kTail);
+  for (std::int64_t k = 0; k < kLaps; ++k) {
+    recorder.begin_lap();
+    recorder.record(hal::kChannelTrip, trip_t{});
+  }
+  ASSERT_TRUE(recorder.close());
+  const auto bytes = static_cast<std::int64_t>(std::filesystem::file_size(path));
+  const std::int64_t lap = bytes / kLaps;
+  EXPECT_EQ(recorder.tail_offset() % lap, 0);
+  EXPECT_GE((bytes - recorder.tail_offset()) / lap, kTail);
+  EXPECT_LE((bytes - recorder.tail_offset()) / lap, kTail + 2 * Recorder::kTailStride);
+  std::filesystem::remove(path);
+}
+
 TEST(Recorder, SaysWhenTheDiskIsFull) {
   Recorder recorder("/dev/full");
   for (int k = 0; k < 100; ++k) recorder.record(hal::kChannelTrip, trip_t{});

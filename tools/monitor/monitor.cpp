@@ -100,6 +100,7 @@ trip_t Monitor::judge(const Samples& samples) {
         trip(trip_t::CAUSE_STALE, static_cast<double>(age), static_cast<double>(kAllowedControllerAge));
       }
     }
+    judge_agreement(samples);
   }
   last_tick_ = first ? tick : std::max(*last_tick_, tick);
   return verdict_;
@@ -119,6 +120,23 @@ void Monitor::judge_envelope(const Samples& samples) {
       contact.mu_required_max > mu_allowed) {
     const double now = contact.static_friction_n / contact.normal_force_n;
     trip(trip_t::CAUSE_FRICTION, std::max(now, contact.mu_required_max), mu_allowed);
+  }
+}
+
+void Monitor::judge_agreement(const Samples& samples) {
+  const auto known = [](const Estimate& e) {
+    return std::isfinite(e.normal_force_n) && std::isfinite(e.static_friction_n) && e.normal_force_n > 0;
+  };
+  const bool of_one_instant = commanded_ && samples.estimate && samples.controller_tick == last_tick_;
+  if (of_one_instant && known(*commanded_) && known(*samples.estimate)) {
+    const double apart_n = std::max(std::abs(commanded_->normal_force_n - samples.estimate->normal_force_n),
+                                    std::abs(commanded_->static_friction_n - samples.estimate->static_friction_n));
+    if (apart_n > limits_.disagreement_n) trip(trip_t::CAUSE_DISAGREEMENT, apart_n, limits_.disagreement_n);
+  }
+  const contact_t& contact = *samples.contact;
+  commanded_.reset();
+  if (contact.regime == contact_t::REGIME_ROLLING) {
+    commanded_ = {contact.commanded_normal_force_n, contact.commanded_static_friction_n};
   }
 }
 

@@ -7,6 +7,7 @@
 #include <ballast/sensors_t.hpp>
 #include <ballast/trip_t.hpp>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 namespace ballast::monitor {
@@ -16,7 +17,15 @@ struct MonitorLimits {
   double friction_use = 1;           // trips when f_s > friction_use mu_s N; > 0
   double static_friction = 0;        // mu_s > 0; infinity: perfect friction
   bool controller_expected = false;  // false in prescribed runs
-  std::int64_t scenario_id = 0;      // only passed on, in every trip_t
+  // How far plant and controller may be apart about N or f_s; infinity: they need not agree.
+  double disagreement_n = std::numeric_limits<double>::infinity();
+  std::int64_t scenario_id = 0;  // only passed on, in every trip_t
+};
+
+// The controller's own N and f_s, in one status.
+struct Estimate {
+  double normal_force_n = 0;
+  double static_friction_n = 0;
 };
 
 // What has been heard about one tick. nullptr: it did not come.
@@ -25,6 +34,7 @@ struct Samples {
   const plant_state_t* plant_state = nullptr;
   const sensors_t* sensors = nullptr;
   std::optional<std::int64_t> controller_tick;  // of the newest controller_status_t ever heard
+  std::optional<Estimate> estimate;             // in that one
 };
 
 // Call judge() once per tick. The first cause found is kept for ever, with its tick, time, value and limit. Causes are
@@ -43,6 +53,13 @@ struct Samples {
 //                 before; one never heard counts as one tick too old;
 //                 at the first tick there is nothing yet to be heard; or
 //                 it is of a tick still to come (then the age is negative)
+//   disagreement  while the ball rolls: N or f_s of the masses as          value: the greater difference, in N,
+//                 commanded, by the plant's equations, and by the          limit: disagreement_n
+//                 controller's of the same instant, which came in its
+//                 status a tick later. Two derivations that share no
+//                 line: one of them is wrong, or was told another robot,
+//                 attitude or motion. Not judged where either is not
+//                 finite or has N <= 0
 class Monitor {
  public:
   explicit Monitor(const MonitorLimits& limits);
@@ -61,11 +78,13 @@ class Monitor {
  private:
   void trip(std::int8_t cause, double value, double limit);
   void judge_envelope(const Samples& samples);
+  void judge_agreement(const Samples& samples);
 
   MonitorLimits limits_;
   std::optional<std::int64_t> last_tick_;  // the latest judged
   double time_s_ = 0;                      // of the sample being judged
   bool has_rolled_ = false;                // in some sample judged
+  std::optional<Estimate> commanded_;      // by the plant, at last_tick_
   trip_t verdict_{};
 };
 

@@ -45,7 +45,9 @@ MonitorLoop::MonitorLoop(hal::Bus& bus, const MonitorLimits& limits, const Monit
       // Of no run: a controller that still waits, which is no part of a run under way.
       if (message.run_id == 0 && last_tick_) return;
       if (is_foreign(message.scenario_id, "controller")) return;
-      controller_tick_ = std::max(message.tick, controller_tick_.value_or(message.tick));
+      if (message.tick < controller_tick_.value_or(message.tick)) return;
+      controller_tick_ = message.tick;
+      estimate_ = {message.normal_force_n, message.static_friction_n};
     });
   }
 }
@@ -145,7 +147,7 @@ Status MonitorLoop::judge() {
   }
   const Samples samples{current_.contact ? &*current_.contact : nullptr,
                         current_.plant_state ? &*current_.plant_state : nullptr,
-                        current_.sensors ? &*current_.sensors : nullptr, controller_tick_};
+                        current_.sensors ? &*current_.sensors : nullptr, controller_tick_, estimate_};
   const std::int64_t tick = current_.tick();
   if (last_tick_ && tick <= *last_tick_) ++counters_.repeated;
   monitor_.judge(samples);

@@ -68,6 +68,7 @@ class MonitorLoop {
   std::optional<std::int64_t> last_tick_;  // judged
   bool last_complete_ = false;             // with all of the plant's messages
   std::optional<std::int64_t> controller_tick_;
+  std::optional<Estimate> estimate_;  // of that tick
   hal::LinkCounters counters_;
   hal::Status failure_ = hal::Status::kOk;
   bool controller_lost_ = false;

@@ -23,6 +23,7 @@ _TRIP_CAUSES = {
     "stale": "messages stayed out",
     "missing": "a message was missing",
     "repeated": "a message came twice",
+    "disagreement": "plant and controller disagree",
 }
 _ENDS = {
     "slipped": "the ball slips",

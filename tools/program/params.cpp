@@ -100,6 +100,14 @@ monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {
   limits.static_friction = scenario.surface.static_friction;
   limits.controller_expected = scenario.run.actuation == sim::Actuation::kStepper;
   limits.scenario_id = scenario.id;
+  // The controller knows of no table and no drag. Elsewhere exact sensors leave nothing but rounding between the two, a
+  // billionth; an attitude that is wrong by a degree 2 % of the weight. A sign, a unit or a forgotten term is more.
+  constexpr double kPartOfTheWeight = 0.05;
+  if (scenario.force_table.times_s.empty() && scenario.drag.coefficient_kgpm == 0) {
+    double total_mass_kg = scenario.ball.mass_kg;
+    for (const sim::Mass& mass : scenario.masses) total_mass_kg += mass.mass_kg;
+    limits.disagreement_n = kPartOfTheWeight * total_mass_kg * scenario.gravity_mps2;
+  }
   return limits;
 }
 

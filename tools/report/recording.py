@@ -30,6 +30,7 @@ _TRIP_CAUSES = {
     ballast.trip_t.CAUSE_STALE: "stale",
     ballast.trip_t.CAUSE_MISSING: "missing",
     ballast.trip_t.CAUSE_REPEATED: "repeated",
+    ballast.trip_t.CAUSE_DISAGREEMENT: "disagreement",
 }
 
 

@@ -11,6 +11,7 @@ _CAUSES = {
     "stale": "messages stayed out",
     "missing": "a message was missing",
     "repeated": "a message came twice",
+    "disagreement": "plant and controller disagree about the contact force",
 }
 # reason: (badge, whether that is good)
 _BADGES = {

@@ -28,7 +28,7 @@ bool ended_badly(const RunResult& result);
 std::string repeat_command(const RunResult& result, const RunOptions& options, const std::string& run_options,
                            const OutputDir& output);
 
-// Writes blackbox/ into the output folder: run.lcmlog (the last Recorder::kTailTicks ticks or a few more),
+// Writes blackbox/ into the output folder: run.lcmlog (the last Recorder::tail_ticks() or a few more),
 // scenario.toml, blackbox.json. The log must be closed. False: `output.error()` says why.
 bool write_black_box(const sim::Scenario& scenario, const RunResult& result, const std::string& command,
                      const Recorder& recorder, OutputDir& output);

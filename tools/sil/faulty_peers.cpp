@@ -214,18 +214,20 @@ hal::Status FaultyPeers::exchange(Lap& lap) {
 void FaultyPeers::ask_monitor(Lap& lap, double time_s) {
   const std::int64_t tick = lap.plant.contact.tick;
   MonitorInbox inbox{contact_to_monitor_.arrive(tick), state_to_monitor_.arrive(tick), sensors_to_monitor_.arrive(tick),
-                     std::nullopt};
+                     std::nullopt, std::nullopt};
   take_out_foreign(inbox.sensors, scenario_.id, counters_.foreign);
   for (const controller_status_t& status : status_to_monitor_.arrive(tick - 1)) {
     if (status.scenario_id != scenario_.id) {
       ++counters_.foreign;
     } else if (controller_tick_ && status.tick == *controller_tick_) {
       ++counters_.repeated;
-    } else {
-      controller_tick_ = std::max(status.tick, controller_tick_.value_or(status.tick));
+    } else if (status.tick >= controller_tick_.value_or(status.tick)) {
+      controller_tick_ = status.tick;
+      estimate_ = {status.normal_force_n, status.static_friction_n};
     }
   }
   inbox.controller_tick = controller_tick_;
+  inbox.estimate = estimate_;
   if (lap.replayed) {
     lap.monitor_silent = !lap.verdict;
     if (lap.verdict) lap.trip = *lap.verdict;
@@ -255,7 +257,7 @@ trip_t FaultyPeers::judge(const MonitorInbox& inbox) {
   const bool first = monitor_.verdict().tick == hal::kWaitingTick;
   const std::int64_t tick = first && !inbox.contact.empty() ? inbox.contact.front().tick : due;
   const monitor::Samples samples{best(inbox.contact, tick), best(inbox.state, tick), best(inbox.sensors, tick),
-                                 inbox.controller_tick};
+                                 inbox.controller_tick, inbox.estimate};
   trip_t verdict = monitor_.judge(samples);
   // As over a bus: what comes twice is judged twice.
   if (repeated(inbox.contact) || repeated(inbox.state) || repeated(inbox.sensors)) verdict = monitor_.judge(samples);

@@ -89,6 +89,7 @@ class FaultyPeers : public Peers {
     std::vector<plant_state_t> state;
     std::vector<sensors_t> sensors;
     std::optional<std::int64_t> controller_tick;
+    std::optional<monitor::Estimate> estimate;
   };
   struct ControllerInbox {
     std::int64_t tick;
@@ -129,6 +130,7 @@ class FaultyPeers : public Peers {
   std::deque<MonitorInbox> monitor_inbox_;
   std::deque<Verdict> verdicts_;
   std::optional<std::int64_t> controller_tick_;  // of the newest status the monitor has been sent
+  std::optional<monitor::Estimate> estimate_;    // in it
 
   hal::LockstepBoard board_;
   std::optional<hal::ControlLoop<hal::LockstepBoard>> controller_;

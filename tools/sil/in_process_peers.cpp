@@ -13,9 +13,10 @@ InProcessPeers::InProcessPeers(const firmware::ControllerParams* params, const m
 }
 
 hal::Status InProcessPeers::exchange(Lap& lap) {
-  lap.trip = lap.replayed
-                 ? *lap.verdict
-                 : monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, controller_tick_});
+  lap.trip =
+      lap.replayed
+          ? *lap.verdict
+          : monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, controller_tick_, estimate_});
   if (!controller_) return hal::Status::kOk;
 
   // In the order of the log, by which a replay gives them.
@@ -47,6 +48,7 @@ hal::Status InProcessPeers::exchange(Lap& lap) {
   lap.status = hal::to_message(status, control_period_s_);
   lap.steps = hal::to_message(steps, control_period_s_);
   controller_tick_ = status.tick;
+  estimate_ = {lap.status.normal_force_n, lap.status.static_friction_n};
   return hal::Status::kOk;
 }
 

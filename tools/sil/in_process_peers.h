@@ -27,6 +27,7 @@ class InProcessPeers : public Peers {
   double control_period_s_;
   monitor::Monitor monitor_;
   std::optional<std::int64_t> controller_tick_;  // of the newest status
+  std::optional<monitor::Estimate> estimate_;    // in it
   hal::LockstepBoard board_;
   std::optional<hal::ControlLoop<hal::LockstepBoard>> controller_;
   hal::Bus* operator_bus_;

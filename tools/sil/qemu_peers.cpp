@@ -371,8 +371,10 @@ Status QemuPeers::exchange(Lap& lap) {
   const std::int64_t tick = lap.plant.sensors.tick;
   const bool last = lap.plant.sensors.last != 0;
   tick_ = tick;
-  lap.trip = lap.verdict ? *lap.verdict
-                         : monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, controller_tick_});
+  lap.trip =
+      lap.verdict
+          ? *lap.verdict
+          : monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, controller_tick_, estimate_});
   world_->last = last;
   world_->has_verdict = true;
   world_->sensors = hal::from_message(lap.plant.sensors);
@@ -407,6 +409,7 @@ Status QemuPeers::exchange(Lap& lap) {
   lap.status = hal::to_message(reply_->status, params_.control_period_s);
   lap.steps = hal::to_message(reply_->steps, params_.control_period_s);
   controller_tick_ = tick;
+  estimate_ = {lap.status.normal_force_n, lap.status.static_friction_n};
   return last ? finish() : Status::kOk;
 }
 

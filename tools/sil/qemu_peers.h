@@ -78,6 +78,7 @@ class QemuPeers : public Peers {
   std::unique_ptr<hal::target::World> world_;
   std::unique_ptr<hal::target::Reply> reply_;
   std::optional<std::int64_t> controller_tick_;  // of the newest status
+  std::optional<monitor::Estimate> estimate_;    // in it
   std::optional<std::int64_t> tick_;             // being exchanged
   // Commands of which the pulses have not been reported: of this tick and the next.
   firmware::StepCommand commanded_, commanded_next_;

@@ -52,7 +52,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   // Before the log, so that a run that is interrupted leaves it too.
   if (!output.write("robot.json", robot_json(scenario)) || !output.write("scenario.toml", scenario_file(scenario)))
     return fail(output.error());
-  Recorder recorder(output.log_path(), options.bus, options.unbuffered, options.run_id);
+  Recorder recorder(output.log_path(), options.bus, options.unbuffered, options.run_id,
+                    Recorder::tail_ticks(scenario.run.control_period_s));
   if (!recorder.good()) return fail(recorder.error());
   for (const sim::Fault& fault : scenario.faults) {
     if (fault.kind == sim::FaultKind::kDiskFull) recorder.disk_full_from(fault.time_s);
@@ -70,10 +71,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     run_options.progress = [&bar](double time_s, double end_s) { bar.show(time_s, end_s); };
     result = run(scenario, peers, recorder, run_options);
   }
-  const bool log_whole = recorder.close();
-  if (!log_whole) {
-    return fail(recorder.error() + "; the log holds what could be written before that");
-  }
+  // A disk that is full keeps what it has: readers of logs stop where the last event is cut off.
+  if (!recorder.close()) return fail(recorder.error() + "; it holds what happened up to there");
   if (!result.refusal.empty()) {
     program::complain(program_name, "the controller refuses the move: " + result.refusal);
     return program::kExitUsage;

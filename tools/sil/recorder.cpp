@@ -13,8 +13,9 @@ constexpr std::int64_t kEventHeaderSize = 28;  // of LCM's event log: sync word,
 
 }  // namespace
 
-Recorder::Recorder(const std::string& log_path, lcm::LCM* bus, bool unbuffered, std::int64_t run_id)
-    : log_path_(log_path), bus_(bus), flush_(unbuffered), run_id_(run_id) {
+Recorder::Recorder(const std::string& log_path, lcm::LCM* bus, bool unbuffered, std::int64_t run_id,
+                   std::int64_t tail_ticks)
+    : log_path_(log_path), bus_(bus), flush_(unbuffered), run_id_(run_id), tail_ticks_(tail_ticks) {
   log_ = lcm_eventlog_create(log_path.c_str(), "w");
   if (log_ == nullptr) {
     error_ = log_path + ": cannot be written: " + std::strerror(errno);

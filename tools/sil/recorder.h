@@ -2,6 +2,7 @@
 // one.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <deque>
@@ -18,9 +19,9 @@ namespace ballast::sil {
 class Recorder {
  public:
   // Writes to `log_path`, and publishes on `bus` unless it is null, there with the run's number. `unbuffered`: every
-  // message is on disk at once.
+  // message is on disk at once. `tail_ticks`: how much tail_offset() is to leave.
   explicit Recorder(const std::string& log_path, lcm::LCM* bus = nullptr, bool unbuffered = false,
-                    std::int64_t run_id = 0);
+                    std::int64_t run_id = 0, std::int64_t tail_ticks = kTailTicks);
   ~Recorder();
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
@@ -49,11 +50,16 @@ class Recorder {
   void begin_lap() {
     if (laps_++ % kTailStride != 0) return;
     tail_.push_back(bytes_);
-    if (tail_.size() > kTailTicks / kTailStride + 1) tail_.pop_front();
+    if (static_cast<std::int64_t>(tail_.size()) > (tail_ticks_ - 1) / kTailStride + 2) tail_.pop_front();
   }
-  // The byte of the log at which its last kTailTicks laps begin, or up to kTailStride more; all, if there are fewer.
+  // The byte of the log at which its last tail_ticks laps begin, or up to 2 kTailStride more; all, if there are fewer.
   [[nodiscard]] std::int64_t tail_offset() const { return tail_.empty() ? 0 : tail_.front(); }
   static constexpr std::int64_t kTailTicks = 4096, kTailStride = 64;
+  static constexpr double kTailSeconds = 4;
+  // kTailTicks, or where that is less than kTailSeconds, those.
+  static std::int64_t tail_ticks(double control_period_s) {
+    return std::max(kTailTicks, static_cast<std::int64_t>(std::ceil(kTailSeconds / control_period_s)));
+  }
 
   // Flushes. False once anything could not be written; error() says what.
   bool close();
@@ -74,7 +80,7 @@ class Recorder {
   lcm_eventlog_t* log_ = nullptr;
   lcm::LCM* bus_;
   bool flush_;
-  std::int64_t run_id_;
+  std::int64_t run_id_, tail_ticks_;
   std::vector<char> buffer_;
   std::int64_t full_utime_ = std::numeric_limits<std::int64_t>::max();
   std::int64_t bytes_ = 0, laps_ = 0;

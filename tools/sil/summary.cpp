@@ -49,6 +49,8 @@ const char* trip_cause(int cause) {
       return "missing";
     case trip_t::CAUSE_REPEATED:
       return "repeated";
+    case trip_t::CAUSE_DISAGREEMENT:
+      return "disagreement";
     default:
       return "none";
   }

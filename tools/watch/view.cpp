@@ -34,7 +34,8 @@ const char* mode(std::int8_t code) {
 }
 
 const char* cause(std::int8_t code) {
-  constexpr const char* kNames[] = {"none", "normal_force", "friction", "nonfinite", "stale", "missing", "repeated"};
+  constexpr const char* kNames[] = {"none",  "normal_force", "friction", "nonfinite",
+                                    "stale", "missing",      "repeated", "disagreement"};
   return kNames[code];
 }
 
