@@ -23,7 +23,7 @@ class LinkBoard {
       Frame frame;
       if (const Status s = link_.receive(frame); s != Status::kOk) return s;
       world_.command_count = 0;
-      if (!decode(frame, world_)) {
+      if (!decode(frame, world_) || frame.tick < -kFarthestTick || frame.tick > kFarthestTick) {
         ++counters_.malformed;
         return Status::kIo;
       }
@@ -96,6 +96,8 @@ class LinkBoard {
     }
     commands_[(first_command_ + command_count_++) % commands_.size()] = command;
   }
+
+  static constexpr std::int64_t kFarthestTick = (std::int64_t{1} << 62) - 1;  // there is always a next one
 
   M& machine_;
   Link<M>& link_;
