@@ -29,6 +29,21 @@ std::string read_file(const std::filesystem::path& file, std::string& text) {
   return stream.bad() ? "cannot be read; allowed: a readable TOML file" : "";
 }
 
+// A quoted key may hold anything: a terminal must not be told by it what to do, nor a line end in it.
+std::string printable(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte >= ' ' && byte != 0x7f) {
+      out += c;
+    } else {
+      constexpr char kHex[] = "0123456789abcdef";
+      out += {'\\', 'x', kHex[byte >> 4], kHex[byte & 15]};
+    }
+  }
+  return out;
+}
+
 // A name that came from the file's is written down; what was published of another robot is left out.
 std::string file_text(Node& root, const Scenario& scenario) {
   if (root.find("name") == nullptr) {
@@ -50,7 +65,7 @@ std::string to_string(const ScenarioError& error) {
   if (error.line > 0) text += ":" + std::to_string(error.line);
   if (!error.key.empty()) text += ": " + error.key;
   if (!error.value.empty()) text += (error.key.empty() ? ": " : " = ") + error.value;
-  return text + ": " + error.message;
+  return printable(text + ": " + error.message);
 }
 
 ScenarioResult parse_scenario(std::string_view toml, std::string_view source_name,

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kMaxWritten = 60;       // characters of a value repeated in a message
 constexpr std::size_t kMaxDescription = 200;  // of what the TOML parser says, which names a repeated key at its end
-constexpr std::size_t kMaxKeyParts = 16;      // of an override; no scenario key is half as deep
+constexpr std::size_t kMaxKeyParts = 16;      // no scenario key is half as deep
 
 std::string one_line(std::string_view text, std::size_t longest = kMaxWritten) {
   std::string out;
@@ -23,6 +23,7 @@ std::string one_line(std::string_view text, std::size_t longest = kMaxWritten) {
     } else if (!out.empty() && out.back() != ' ') {
       out += ' ';
     }
+    if (out.size() > longest + 1) break;  // it is cut below; texts may be long, and in every array around a value again
   }
   while (!out.empty() && out.back() == ' ') out.pop_back();
   if (out.size() > longest) {
@@ -33,13 +34,46 @@ std::string one_line(std::string_view text, std::size_t longest = kMaxWritten) {
   return out;
 }
 
+// The line in which a key has more parts than any key of a scenario; 0: there is none. toml++ 3.3 bounds how deep
+// values lie in each other, but not how many parts a dotted key has, and takes them apart recursively: some
+// hundred thousand end the stack. What is no TOML may be misread here only beyond the place where toml++ gives up.
+int line_of_too_deep_key(std::string_view text) {
+  int line = 1;
+  std::size_t parts = 1;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '#') {
+      i = std::min(text.find('\n', i), text.size()) - 1;
+    } else if (c == '"' || c == '\'') {
+      const bool long_quotes = text.substr(i, 3) == std::string(3, c);
+      const std::size_t quotes = long_quotes ? 3 : 1;
+      for (i += quotes; i < text.size() && text.substr(i, quotes) != std::string(quotes, c); ++i) {
+        if (c == '"' && text[i] == '\\') ++i;
+        if (i < text.size() && text[i] == '\n') {
+          ++line;
+          if (!long_quotes) return 0;
+        }
+      }
+      i += quotes - 1;
+      // Up to two more quotes belong to a text that ends with them.
+      while (long_quotes && i + 1 < text.size() && text[i + 1] == c) ++i;
+    } else if (c == '.') {
+      if (++parts > kMaxKeyParts) return line;
+    } else if (c == '\n' || c == ',' || c == '=' || c == '[' || c == '{') {
+      parts = 1;
+      if (c == '\n') ++line;
+    }
+  }
+  return 0;
+}
+
 // The text behind toml++'s source regions: lines and columns from 1, columns counted in Unicode characters.
 class SourceText {
  public:
   explicit SourceText(std::string_view text) : text_(text) {
-    line_start_.push_back(0);
     for (std::size_t i = 0; i < text.size(); ++i) {
-      if (text[i] == '\n') line_start_.push_back(i + 1);
+      if (i == 0 || text[i - 1] == '\n') line_start_.push_back(character_start_.size());
+      if ((static_cast<unsigned char>(text[i]) & 0xC0) != 0x80) character_start_.push_back(i);
     }
   }
 
@@ -49,18 +83,16 @@ class SourceText {
   }
 
  private:
+  // At once, wherever in a line: a line may be the whole file.
   [[nodiscard]] std::size_t offset(const toml::source_position& position) const {
     if (position.line < 1 || position.line > line_start_.size()) return text_.size();
-    std::size_t i = line_start_[position.line - 1];
-    for (toml::source_index column = 1; column < position.column && i < text_.size(); ++column) {
-      ++i;
-      while (i < text_.size() && (static_cast<unsigned char>(text_[i]) & 0xC0) == 0x80) ++i;
-    }
-    return std::min(i, text_.size());
+    const std::size_t character = line_start_[position.line - 1] + std::max<std::size_t>(position.column, 1) - 1;
+    return character < character_start_.size() ? character_start_[character] : text_.size();
   }
 
   std::string_view text_;
-  std::vector<std::size_t> line_start_;
+  std::vector<std::size_t> line_start_;       // its first character
+  std::vector<std::size_t> character_start_;  // bytes
 };
 
 Node convert(const toml::node& from, const SourceText& text, const std::string& source, bool with_lines) {
@@ -139,7 +171,7 @@ toml::array to_array(const Node& node) {
 toml::table to_table(const Node& node, bool is_inline) {
   toml::table table;
   for (const auto& [key, entry] : node.entries) {
-    with_value(entry, !entry.written.empty(), [&table, &key](auto&& value) { table.insert(key, value); });
+    with_value(entry, !entry.written.empty(), [&table, &name = key](auto&& value) { table.insert(name, value); });
   }
   table.is_inline(is_inline);
   return table;
@@ -157,11 +189,13 @@ std::string_view trimmed(std::string_view text) {
 Node value_node(std::string_view value, const char* source) {
   const std::string document = "x = " + std::string(value);
   try {
-    const toml::table table = toml::parse(std::string_view(document));
-    const toml::node* parsed = table.get("x");
-    // More than one entry: the value went on after a line's end, and only looked like TOML.
-    if (parsed != nullptr && table.size() == 1) {
-      return convert(*parsed, SourceText(document), source, false);
+    if (line_of_too_deep_key(document) == 0) {
+      const toml::table table = toml::parse(std::string_view(document));
+      const toml::node* parsed = table.get("x");
+      // More than one entry: the value went on after a line's end, and only looked like TOML.
+      if (parsed != nullptr && table.size() == 1) {
+        return convert(*parsed, SourceText(document), source, false);
+      }
     }
   } catch (const toml::parse_error&) {
     // A bare word such as `prescribed` is no TOML value: taken as a string below.
@@ -204,6 +238,8 @@ std::string entries_text(std::size_t count) {
 
 }  // namespace
 
+Node::Node() = default;
+
 const Node* Node::find(std::string_view key) const {
   for (const auto& [name, node] : entries) {
     if (name == key) return &node;
@@ -220,6 +256,12 @@ const Node* Node::child(std::string_view key_or_index) const {
 }
 
 bool read_tree(std::string_view toml, std::string_view source_name, Node& root, std::vector<ScenarioError>& errors) {
+  if (const int line = line_of_too_deep_key(toml); line != 0) {
+    errors.push_back(
+        {std::string(source_name), line, "", "",
+         "has a key of more than " + std::to_string(kMaxKeyParts) + " parts; no key of a scenario is so deep"});
+    return false;
+  }
   try {
     const toml::table table = toml::parse(toml, source_name);
     root = convert(table, SourceText(toml), std::string(source_name), true);

@@ -15,6 +15,8 @@ namespace ballast::sim {
 enum class NodeKind { kTable, kArray, kString, kInteger, kFloat, kBoolean, kDateOrTime };
 
 struct Node {
+  Node();  // not here: its entries' type is complete only where Node is
+
   NodeKind kind = NodeKind::kTable;
   std::string source;  // file name, "--set" or "--fault"
   int line = 0;        // 0: not known

@@ -26,7 +26,7 @@ class LinkBoard {
       Frame frame;
       if (const Status s = link_.receive(frame); s != Status::kOk) return s;
       world_.command_count = 0;
-      if (!decode(frame, world_)) {
+      if (!decode(frame, world_) || frame.tick < -kFarthestTick || frame.tick > kFarthestTick) {
         ++counters_.malformed;
         return Status::kIo;
       }
@@ -97,6 +97,8 @@ class LinkBoard {
   [[nodiscard]] std::int64_t tick() const { return tick_; }
 
  private:
+  static constexpr std::int64_t kFarthestTick = (std::int64_t{1} << 62) - 1;  // there is always a next one
+
   M& machine_;
   Link<M>& link_;
   World world_;

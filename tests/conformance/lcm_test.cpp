@@ -412,6 +412,46 @@ TEST(LcmBoard, ATripIsTakenBackByAnOperatorsResetOnly) {
   EXPECT_EQ(world.counters().taken_back, 1);
 }
 
+// The reset that was obeyed once, an older one, one of another run, and verdicts that say there never was a trip, be
+// they of this run and of this tick: none takes back the trip that came after.
+TEST(LcmBoard, AReplayedOrForgedResetTakesNoTripBack) {
+  LcmWorld world;
+  operator_t reset = to_message(firmware::OperatorCommand::kReset, 0, 5, kControlPeriod_s);
+  std::int64_t tick = 0;
+  const auto heard = [&](bool said) {
+    WorldTick now = world_tick(tick++);
+    now.verdict.tripped = said;
+    serve(world, now);
+    firmware::MonitorVerdict verdict;
+    EXPECT_EQ(world.board().read_verdict(verdict), Status::kOk);
+    return verdict.tripped;
+  };
+  firmware::OperatorInput command;
+  EXPECT_TRUE(heard(true));
+  world.publish(kChannelOperator, reset);
+  EXPECT_FALSE(heard(false));
+  EXPECT_EQ(world.board().read_operator(command), Status::kOk);
+  EXPECT_TRUE(heard(true));
+
+  world.publish(kChannelOperator, reset);
+  EXPECT_TRUE(heard(false)) << "replayed";
+  --reset.sequence;
+  world.publish(kChannelOperator, reset);
+  EXPECT_TRUE(heard(false)) << "older";
+  world.bus().join(kRunId + 1);
+  reset.sequence = 100;
+  world.publish(kChannelOperator, reset);
+  world.bus().join(kRunId);
+  EXPECT_TRUE(heard(false)) << "of another run";
+  for (int i = 0; i < 3; ++i) world.publish(kChannelTrip, LcmWorld::trip({.tick = tick, .tripped = false}));
+  EXPECT_TRUE(heard(true)) << "verdicts of this run";
+  EXPECT_EQ(world.board().read_operator(command), Status::kEmpty);
+  EXPECT_EQ(world.counters().repeated, 1 + 2);  // the monitor's own comes when the tick is served
+  EXPECT_EQ(world.counters().old, 1);
+  EXPECT_EQ(world.counters().foreign, 1);
+  EXPECT_EQ(world.counters().taken_back, 4);
+}
+
 TEST(LcmBoard, InterruptEndsTheWait) {
   const volatile std::sig_atomic_t interrupted = 1;
   Bus bus(test_bus_url(), &interrupted);

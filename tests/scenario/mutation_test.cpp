@@ -135,5 +135,57 @@ TEST(Mutations, AreAcceptedWholeOrRefusedWithReasons) {
   EXPECT_GT(refused_count - syntax_count, kTexts / 20);
 }
 
+std::string times(std::size_t n, const std::string& text) {
+  std::string out;
+  for (std::size_t i = 0; i < n; ++i) out += text;
+  return out;
+}
+
+// A parser that takes keys apart recursively would come to the stack's end.
+TEST(Hostile, KeysOfAMillionPartsAreRefused) {
+  const std::string parts = times(1'000'000, ".a");
+  for (const std::string& text :
+       {"\n\na" + parts + " = 1\n", "# a\n\n[a" + parts + "]\n", "\n\n\"a\"" + times(1'000'000, " . 'a'") + " = 1\n",
+        "x = \"\\\"\"\n\ny = { z = 1, a" + parts + " = 1 }\n"}) {
+    const ScenarioError error = only_error(text);
+    EXPECT_TRUE(contains(error.message, "has a key of more than 16 parts"));
+    EXPECT_EQ(error.line, 3);
+  }
+  const ScenarioError error = only_error(kFull, {"gravity={a" + parts + "=1}"});
+  EXPECT_EQ(error.key, "gravity");
+  EXPECT_TRUE(contains(error.message, "a string"));
+}
+
+TEST(Hostile, DotsInTextsAndCommentsAreNoParts) {
+  const std::string dots = times(40, ".");
+  for (const std::string& text : {"x = \"" + dots + "\"", "x = '" + dots + "'", "x = \"\\\"" + dots + "\"",
+                                  "x = \"\"\"\n\"" + dots + "\n\"\"\"\"\"", "x = '''\n''" + dots + "'''''",
+                                  "x = 1 # " + dots, "x = [" + times(40, "0.5, ") + "]", times(40, "x.y = 0.5\n")}) {
+    for (const ScenarioError& error : parse(text + "\n").errors) {
+      EXPECT_FALSE(contains(error.message, "parts")) << text;
+    }
+  }
+}
+
+TEST(Hostile, ValuesNestedWithoutEndAreRefused) {
+  for (const char* opening : {"[", "{a=", "[{a="}) {
+    const ScenarioError error = only_error("\nx = " + times(100'000, opening) + "\n");
+    EXPECT_TRUE(contains(error.message, "not TOML"));
+    EXPECT_EQ(error.line, 2);
+  }
+}
+
+// Where each of its values is, is found without counting through the line: with that, this would take minutes.
+TEST(Hostile, ALineMayBeTheWholeFile) {
+  const ScenarioError error = only_error(kFull + "\n[x]\ny = [" + times(300'000, "'\u00fc', ") + "'']\n");
+  EXPECT_EQ(error.key, "x");
+  EXPECT_TRUE(contains(error.message, "unknown key"));
+}
+
+TEST(Hostile, KeysDoNotSpeakToTheTerminal) {
+  const std::string text = to_string(only_error("\"\\u001b[2J\\n\" = 1\n" + kFull));
+  EXPECT_TRUE(contains(text, ": \\x1b[2J\\x0a = 1: unknown key"));
+}
+
 }  // namespace
 }  // namespace ballast::sim

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstring>
+#include <fstream>
 #include <random>
 #include <thread>
 
@@ -141,7 +142,29 @@ std::vector<Bytes> strange_packets(std::mt19937_64& random) {
   return packets;
 }
 
-// Sends from a socket of its own until it goes; on this machine only.
+// A socket of its own, that is a sender of its own, for packets to this machine only.
+class RawSender {
+ public:
+  explicit RawSender(int port) {
+    const unsigned char ttl = 0;
+    setsockopt(socket_, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
+    to_.sin_family = AF_INET;
+    to_.sin_port = htons(static_cast<std::uint16_t>(port));
+    inet_pton(AF_INET, kGroup, &to_.sin_addr);
+  }
+  ~RawSender() { close(socket_); }
+  RawSender(const RawSender&) = delete;
+  RawSender& operator=(const RawSender&) = delete;
+  bool send(const Bytes& packet) const {
+    return sendto(socket_, packet.data(), packet.size(), 0, reinterpret_cast<const sockaddr*>(&to_), sizeof to_) >= 0;
+  }
+
+ private:
+  int socket_ = socket(AF_INET, SOCK_DGRAM, 0);
+  sockaddr_in to_{};
+};
+
+// Sends until it goes.
 class Stranger {
  public:
   Stranger(int port, std::uint64_t seed) : thread_([this, port, seed] { talk(port, seed); }) {}
@@ -154,23 +177,15 @@ class Stranger {
  private:
   void talk(int port, std::uint64_t seed) {
     std::mt19937_64 random(seed);
-    const int socket_fd = socket(AF_INET, SOCK_DGRAM, 0);
-    const unsigned char ttl = 0;
-    setsockopt(socket_fd, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
-    sockaddr_in to{};
-    to.sin_family = AF_INET;
-    to.sin_port = htons(static_cast<std::uint16_t>(port));
-    inet_pton(AF_INET, kGroup, &to.sin_addr);
+    const RawSender sender(port);
     while (!over_) {
       for (const Bytes& packet : strange_packets(random)) {
         if (over_) break;
-        if (sendto(socket_fd, packet.data(), packet.size(), 0, reinterpret_cast<sockaddr*>(&to), sizeof to) >= 0)
-          ++sent_;
+        if (sender.send(packet)) ++sent_;
         // Below what fills a receive buffer while its reader waits for the processor: who floods a bus does end runs.
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
       }
     }
-    close(socket_fd);
   }
 
   std::atomic<bool> over_{false};
@@ -244,6 +259,53 @@ TEST(Strangers, ALogPlayedBackMovesNoController) {
   EXPECT_EQ(bus.receive_until(hal::after(hal::WallClock::now(), hal::Seconds(0.2)), [] { return false; }),
             hal::Status::kEmpty);
   EXPECT_EQ(steps, 0);
+}
+
+std::int64_t resident_bytes() {
+  std::ifstream file("/proc/self/statm");
+  std::int64_t size = 0, resident = 0;
+  file >> size >> resident;
+  return resident * sysconf(_SC_PAGESIZE);
+}
+
+// Fragments, put together inside LCM: of messages that claim to be huge and are never finished, and of one as small as
+// they can be, whose message is whole and of no length of ours.
+TEST(Strangers, FragmentsFillNoMemoryAndHoldUpNobody) {
+  const std::string url = bus_url(6);
+  hal::Bus bus(url), peer(url);
+  ASSERT_TRUE(bus.good() && peer.good());
+  std::int64_t heard = -1;
+  bus.subscribe<trip_t>(hal::kChannelTrip, [&](const trip_t& m) { heard = m.tick; });
+  const auto expect_heard = [&](std::int64_t tick) {
+    trip_t message{};
+    message.tick = tick;
+    ASSERT_EQ(peer.publish(hal::kChannelTrip, message), hal::Status::kOk);
+    EXPECT_EQ(bus.receive_until(hal::after(hal::WallClock::now(), hal::Seconds(30)), [&] { return heard == tick; }),
+              hal::Status::kOk);
+  };
+  expect_heard(0);
+  const std::int64_t before = resident_bytes();
+  const std::string start = std::string(hal::kChannelTrip) + '\0' + std::string(1200, 'a');
+  constexpr std::uint32_t kClaimed = 200'000'000;
+  for (int sender = 0; sender < 200; ++sender) {
+    const RawSender raw(port_of(url));
+    EXPECT_TRUE(raw.send(fragment(kClaimed, 0, 0, 65535, start)));
+    EXPECT_TRUE(raw.send(fragment(kClaimed, kClaimed - 5000, 65534, 65535, std::string(1200, 'b'))));
+    if (sender % 20 == 0) expect_heard(1 + sender);
+  }
+  expect_heard(1000);
+  // What LCM keeps of unfinished messages is bounded at 16 MB of claimed size and one message more, and of that only
+  // what has come is ever written. All 200 would be 40 GB claimed, and with pages for what has come 2 MB.
+  EXPECT_LT(resident_bytes() - before, 64 << 20);
+
+  const RawSender raw(port_of(url));
+  constexpr std::uint16_t kSize = 200;
+  EXPECT_TRUE(raw.send(fragment(kSize, 0, 0, kSize, std::string(hal::kChannelTrip) + '\0' + "a")));
+  for (std::uint16_t i = 1; i < kSize; ++i) EXPECT_TRUE(raw.send(fragment(kSize, i, i, kSize, "a")));
+  EXPECT_EQ(bus.receive_until(hal::after(hal::WallClock::now(), hal::Seconds(30)), [&] { return bus.malformed() > 0; }),
+            hal::Status::kOk);
+  EXPECT_EQ(bus.malformed(), 1);
+  expect_heard(1001);
 }
 
 // The time to live of a run's packets, as a receiver sees it.
