@@ -210,6 +210,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       return finished();
     }
     record(recorder, lap);
+    if (options.observe) options.observe(lap, sample);
     result.last_tick = tick;
     result.operators_heard = result.operators_heard || !lap.heard.empty();
     if (has_controller) {

@@ -85,6 +85,7 @@ struct RunOptions {
   const volatile std::sig_atomic_t* interrupted = nullptr;  // nonzero ends the run
   bool check_steps = false;                                 // hold every pulse against the motion
   std::function<void(double time_s)> progress;              // called now and then
+  std::function<void(const Lap&, const sim::Plant::Sample& truth)> observe{};  // called in every tick, once it is said
   std::optional<firmware::MoveRequest> move;                // asked for instead of the scenario's motion
   bool by_hand = false;                                     // the controller is armed; the rest is said by operators
 };
