@@ -5,6 +5,7 @@
 #include <system_error>
 
 #include "sim/scenario_check.h"
+#include "sim/scenario_fault.h"
 #include "sim/scenario_id.h"
 
 namespace ballast::sim {
@@ -53,11 +54,12 @@ std::string to_string(const ScenarioError& error) {
 }
 
 ScenarioResult parse_scenario(std::string_view toml, std::string_view source_name,
-                              const std::vector<std::string>& overrides) {
+                              const std::vector<std::string>& overrides, const std::vector<std::string>& faults) {
   ScenarioResult result;
   Node root;
   if (!read_tree(toml, source_name, root, result.errors)) return result;
   for (const std::string& assignment : overrides) apply_override(assignment, root, result.errors);
+  for (const std::string& fault : faults) add_fault(fault, root, result.errors);
   ReadContext context{std::string(source_name), result.errors};
   result.scenario = check_scenario(root, context);
   // In the file's order, what has no line first.
@@ -65,14 +67,17 @@ ScenarioResult parse_scenario(std::string_view toml, std::string_view source_nam
                    [](const ScenarioError& a, const ScenarioError& b) { return a.line < b.line; });
   // What is published speaks of the scenario as it is in the file; how it is run may differ.
   const auto changes_robot = [](const std::string& o) { return !o.starts_with("run.") && !o.starts_with("seed="); };
-  if (std::any_of(overrides.begin(), overrides.end(), changes_robot)) result.scenario.published.clear();
+  if (std::any_of(overrides.begin(), overrides.end(), changes_robot) || !result.scenario.faults.empty()) {
+    result.scenario.published.clear();
+  }
   if (!result.ok()) return result;
   result.scenario.id = fingerprint(result.scenario);
   result.scenario.toml = file_text(root, result.scenario);
   return result;
 }
 
-ScenarioResult read_scenario(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
+ScenarioResult read_scenario(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                             const std::vector<std::string>& faults) {
   std::string text;
   const std::string error = read_file(file, text);
   if (!error.empty()) {
@@ -80,7 +85,7 @@ ScenarioResult read_scenario(const std::filesystem::path& file, const std::vecto
     result.errors.push_back({file.string(), 0, "", "", error});
     return result;
   }
-  return parse_scenario(text, file.string(), overrides);
+  return parse_scenario(text, file.string(), overrides, faults);
 }
 
 std::filesystem::path find_scenario(const std::string& name_or_path, const std::filesystem::path& shipped_dir) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "firmware/model/rail.h"
+#include "sim/fault.h"
 
 namespace ballast::sim {
 
@@ -136,6 +137,8 @@ struct Scenario {
     double friction_use = 1.0;
   } envelope;
 
+  std::vector<Fault> faults;  // what the run is made to suffer; in order of time, those of one time as written
+
   // A number somebody has printed for the scenario as it is in the file, to be stated beside what the run gives. Empty
   // if an override has changed the robot. Never used otherwise.
   struct Published {
@@ -153,7 +156,7 @@ struct Scenario {
 
 // One fault found in a scenario.
 struct ScenarioError {
-  std::string source;   // file name, or "--set"
+  std::string source;   // file name, "--set" or "--fault"
   int line = 0;         // 0: not known (a missing key)
   std::string key;      // dotted, e.g. mass.2.rail.radius
   std::string value;    // as written; empty if the key is missing
@@ -171,9 +174,12 @@ struct ScenarioResult {
 
 // `overrides` are "dotted.key=value" of --set, applied before anything is checked; the value is TOML, or a bare string.
 // `actuation` and `seed` from the command line are passed as overrides too ("run.actuation=...", "seed=...").
-ScenarioResult read_scenario(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
+// `faults` are "KIND@TIME[:PARAM]" of --fault (scenario_fault.h), each one more [[fault]].
+ScenarioResult read_scenario(const std::filesystem::path& file, const std::vector<std::string>& overrides = {},
+                             const std::vector<std::string>& faults = {});
 ScenarioResult parse_scenario(std::string_view toml, std::string_view source_name,
-                              const std::vector<std::string>& overrides = {});
+                              const std::vector<std::string>& overrides = {},
+                              const std::vector<std::string>& faults = {});
 
 // A path that exists, or the name of a scenario that ships (in `shipped_dir`, "NAME.toml"); empty if neither.
 std::filesystem::path find_scenario(const std::string& name_or_path, const std::filesystem::path& shipped_dir);

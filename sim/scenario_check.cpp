@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "sim/scenario_fault.h"
 #include "sim/scenario_mass.h"
 
 namespace ballast::sim {
@@ -267,6 +268,12 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
     root.refuse("mass", "has " + std::to_string(masses.size()) + " entries; allowed: " + masses_allowed);
   }
   for (TableReader& mass : masses) scenario.masses.push_back(read_mass(mass, known));
+
+  for (TableReader& table : root.tables("fault", "an array of tables, each headed [[fault]]")) {
+    if (const auto fault = read_fault(table, scenario)) scenario.faults.push_back(*fault);
+  }
+  std::stable_sort(scenario.faults.begin(), scenario.faults.end(),
+                   [](const Fault& a, const Fault& b) { return a.time_s < b.time_s; });
 
   for (TableReader& table : root.tables("published", "an array of tables, each headed [[published]]")) {
     read_published(table, scenario.published);

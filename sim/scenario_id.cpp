@@ -106,6 +106,20 @@ void add_mass(CanonicalText& text, const Mass& mass) {
   text.add("shaft_ratio", motor.shaft_ratio);
 }
 
+// Scenarios without faults have no line about them.
+void add_fault(CanonicalText& text, const Fault& fault) {
+  text.add("fault", std::string(info(fault.kind).name));
+  text.add("fault.time", fault.time_s);
+  text.add("fault.end", fault.end_s);
+  text.add("fault.value", fault.value);
+  text.add("fault.channel", fault.channel);
+  text.add("fault.peer", fault.peer ? static_cast<int>(*fault.peer) : -1);
+  text.add("fault.sensor", static_cast<int>(fault.sensor));
+  text.add("fault.axis", fault.axis);
+  text.add("fault.mass", fault.mass);
+  text.add("fault.direction", fault.direction_W);
+}
+
 }  // namespace
 
 std::int64_t fingerprint(const Scenario& scenario) {
@@ -144,6 +158,7 @@ std::int64_t fingerprint(const Scenario& scenario) {
   text.add("envelope.min_normal_force", scenario.envelope.min_normal_force_n);
   text.add("envelope.friction_use", scenario.envelope.friction_use);
   text.add("seed", scenario.seed);
+  for (const Fault& fault : scenario.faults) add_fault(text, fault);
 
   std::uint64_t hash = 14695981039346656037u;
   for (const char c : text.text()) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211u;

@@ -152,26 +152,29 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(begin, text.find_last_not_of(kSpace) - begin + 1);
 }
 
-// The value of an override: TOML if it is one, else the bare string.
-Node override_value(std::string_view value) {
+}  // namespace
+
+Node value_node(std::string_view value, const char* source) {
   const std::string document = "x = " + std::string(value);
   try {
     const toml::table table = toml::parse(std::string_view(document));
     const toml::node* parsed = table.get("x");
     // More than one entry: the value went on after a line's end, and only looked like TOML.
     if (parsed != nullptr && table.size() == 1) {
-      return convert(*parsed, SourceText(document), kOverrideSource, false);
+      return convert(*parsed, SourceText(document), source, false);
     }
   } catch (const toml::parse_error&) {
     // A bare word such as `prescribed` is no TOML value: taken as a string below.
   }
   Node node;
   node.kind = NodeKind::kString;
-  node.source = kOverrideSource;
+  node.source = source;
   node.text = value;
   node.written = one_line(value);
   return node;
 }
+
+namespace {
 
 std::vector<std::string> split_key(std::string_view key) {
   std::vector<std::string> parts;
@@ -288,7 +291,7 @@ void apply_override(const std::string& assignment, Node& root, std::vector<Scena
     node->entries.emplace_back(parts[depth], std::move(child));
     node = &node->entries.back().second;
   }
-  *node = override_value(value_text);
+  *node = value_node(value_text, kOverrideSource);
 }
 
 }  // namespace ballast::sim

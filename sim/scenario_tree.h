@@ -16,7 +16,7 @@ enum class NodeKind { kTable, kArray, kString, kInteger, kFloat, kBoolean, kDate
 
 struct Node {
   NodeKind kind = NodeKind::kTable;
-  std::string source;  // file name, or "--set"
+  std::string source;  // file name, "--set" or "--fault"
   int line = 0;        // 0: not known
   std::string
       written;  // the value's text on one line, shortened if long; empty for a [table] and an [[array of tables]]
@@ -41,6 +41,9 @@ bool read_tree(std::string_view toml, std::string_view source_name, Node& root, 
 
 // Applies one "dotted.key=value"; an error leaves the tree as it was.
 void apply_override(const std::string& assignment, Node& root, std::vector<ScenarioError>& errors);
+
+// A value as TOML if it is one, else as the bare string.
+[[nodiscard]] Node value_node(std::string_view value, const char* source);
 
 // The tree as TOML again, values bit for bit; without comments, keys in alphabetical order.
 [[nodiscard]] std::string to_toml(const Node& root);

@@ -11,6 +11,7 @@ std::function<int()> add_integrate_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_check_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_move_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_operate_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_faults_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_friction_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_spy_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_soak_command(CLI::App& app, CLI::App*& command);

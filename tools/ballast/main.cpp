@@ -15,6 +15,7 @@ int main(int argc, char** argv) {
       {add_run_command},
       {add_integrate_command},
       {add_check_command},
+      {add_faults_command},
       {add_friction_command},
       {add_move_command},
       {add_operate_command},

@@ -57,6 +57,7 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
                      sil::OutputDir& output) {
   std::vector<std::string> arguments{command.scenario.scenario, "--lcm", command.bus.url};
   for (const auto& set : command.scenario.set) arguments.insert(arguments.end(), {"--set", set});
+  for (const auto& fault : command.scenario.fault) arguments.insert(arguments.end(), {"--fault", fault});
   if (!command.scenario.actuation.empty())
     arguments.insert(arguments.end(), {"--actuation", command.scenario.actuation});
   if (command.scenario.seed) arguments.insert(arguments.end(), {"--seed", std::to_string(*command.scenario.seed)});

@@ -69,6 +69,12 @@ void add_scenario_options(CLI::App& app, ScenarioOptions& options) {
   app.add_option("--set", options.set, "KEY=VALUE: replaces a value of the scenario, e.g. mass.2.mass=60; repeatable")
       ->allow_extra_args(false)  // otherwise it would swallow SCENARIO
       ->check(not_empty());
+  app.add_option(
+         "--fault", options.fault,
+         "KIND@TIME[:PARAM]: makes the run suffer, e.g. motor_stall@1.5:mass=0; repeatable; ballast faults lists "
+         "the kinds")
+      ->allow_extra_args(false)
+      ->check(not_empty());
   app.add_option("--actuation", options.actuation, "prescribed or stepper, instead of what the scenario says")
       ->check(CLI::IsMember({"prescribed", "stepper"}));
   app.add_option("--seed", options.seed, "seed of all random numbers, instead of the scenario's")->check(seed_number());
@@ -108,7 +114,7 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options) {
   std::vector<std::string> overrides = options.set;
   if (!options.actuation.empty()) overrides.push_back("run.actuation=" + options.actuation);
   if (options.seed) overrides.push_back("seed=" + std::to_string(*options.seed));
-  sim::ScenarioResult result = sim::read_scenario(file, overrides);
+  sim::ScenarioResult result = sim::read_scenario(file, overrides, options.fault);
   for (const sim::ScenarioError& error : result.errors) std::cerr << sim::to_string(error) << '\n';
   if (!result.ok()) return std::nullopt;
   return std::move(result.scenario);

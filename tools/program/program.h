@@ -26,6 +26,7 @@ inline constexpr int kExitForeignFirmware = 7;  // types, build or parameters ar
 struct ScenarioOptions {
   std::string scenario;               // a file, or the name of one that ships
   std::vector<std::string> set;       // KEY=VALUE
+  std::vector<std::string> fault;     // KIND@TIME[:PARAM]
   std::string actuation;              // empty: as the scenario says
   std::optional<std::uint64_t> seed;  // none: as the scenario says
 };

@@ -1,0 +1,78 @@
+// ballast faults: the kinds of faults there are for --fault and [[fault]].
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "sim/fault.h"
+#include "sim/scenario_reader.h"
+#include "tools/ballast/commands.h"
+#include "tools/program/program.h"
+
+namespace ballast {
+
+namespace {
+
+std::string value_text(const sim::FaultKindInfo& kind) {
+  if (kind.value_means[0] == '\0') return "none";
+  std::string text = kind.value_means;
+  const auto allowed = [&] {
+    if (std::isinf(kind.low)) return std::string();
+    const std::string low = sim::number_text(kind.low);
+    if (std::isinf(kind.high)) return std::string(kind.low_excluded ? "> " : ">= ") + low;
+    return low + (kind.low_excluded ? " < .. " : " .. ") + sim::number_text(kind.high);
+  }();
+  if (!allowed.empty()) text += ", " + allowed;
+  if (kind.unit[0] != '\0') text += std::string(", ") + kind.unit;
+  return text + (kind.value_default ? "; default " + sim::number_text(*kind.value_default) : "; has to be given");
+}
+
+std::string lasts_text(const sim::FaultKindInfo& kind) {
+  if (kind.lasts_s == sim::kAnInstant) return "once";
+  if (kind.lasts_s == sim::kOnePeriod) return "duration; default one control period";
+  if (std::isinf(kind.lasts_s)) return "duration; default to the end";
+  return "duration; default " + sim::number_text(kind.lasts_s) + " s";
+}
+
+const char* target_text(const sim::FaultKindInfo& kind) {
+  switch (kind.layer) {
+    case sim::FaultLayer::kMessage:
+      return "channel (default BALLAST_SENSORS), peer that hears it (default all)";
+    case sim::FaultLayer::kPeer:
+      return "peer: controller (default) or monitor";
+    case sim::FaultLayer::kSensor:
+      return "sensor: gyro (default), accelerometer, orientation, limit_switch; axis 0, 1, 2 (default all)";
+    case sim::FaultLayer::kMotor:
+      return "mass, counted from 0 (default 0)";
+    case sim::FaultLayer::kWorld:
+      return kind.kind == sim::FaultKind::kPush ? "direction, space frame (default [1, 0, 0])" : "none";
+    case sim::FaultLayer::kProgram:
+      return "none";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::function<int()> add_faults_command(CLI::App& app, CLI::App*& command) {
+  command = app.add_subcommand("faults", "Lists what a run can be made to suffer, for --fault KIND@TIME[:PARAM]");
+  return [] {
+    std::printf(
+        "--fault KIND@TIME[:PARAM], TIME in s; PARAM: the value, or KEY=VALUE, or several of these between commas:\n"
+        "  --fault sensor_bias@2:0.1,sensor=gyro,axis=1 --fault motor_stall@1.5:mass=2,duration=0.1\n"
+        "In a scenario: [[fault]] with kind, time, value and the same keys.\n");
+    const sim::FaultLayer* before = nullptr;
+    for (const sim::FaultKindInfo& kind : sim::fault_kinds()) {
+      if (before == nullptr || *before != kind.layer) {
+        std::printf("\n%s; on: %s\n", to_string(kind.layer), target_text(kind));
+        before = &kind.layer;
+      }
+      std::printf("  %-20s %s\n", kind.name, kind.what);
+      if (kind.value_means[0] != '\0') std::printf("  %20s value: %s\n", "", value_text(kind).c_str());
+      std::printf("  %20s lasts: %s\n", "", lasts_text(kind).c_str());
+      std::printf("  %20s noticed: %s\n", "", kind.seen);
+    }
+    return program::kExitCompleted;
+  };
+}
+
+}  // namespace ballast
