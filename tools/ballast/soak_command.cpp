@@ -13,6 +13,7 @@
 
 #include "tools/ballast/commands.h"
 #include "tools/program/program.h"
+#include "tools/soak/failure_table.h"
 #include "tools/soak/workers.h"
 
 namespace ballast {
@@ -27,6 +28,7 @@ struct SoakCommand {
   std::string keep;
   double seed_limit_s = 120;
   bool quiet = false;
+  bool table = false;
 };
 
 int fail(const std::string& text) {
@@ -114,11 +116,9 @@ void print_totals(const Totals& totals, double wall_s) {
   const auto part = [&](std::uint64_t count) {
     return 100.0 * static_cast<double>(count) / static_cast<double>(totals.seeds);
   };
-  constexpr const char* kOutcomes[soak::kOutcomeCount] = {
-      "completed", "tripped, at rest", "tripped, masses still moving", "tripped, cut short by the end", "slipped",
-      "detached",  "inconsistent",     "given up with a reason"};
   for (std::size_t i = 0; i < totals.outcomes.size(); ++i) {
-    if (totals.outcomes[i] > 0) std::printf("  %-30s %5.1f %%\n", kOutcomes[i], part(totals.outcomes[i]));
+    if (totals.outcomes[i] == 0) continue;
+    std::printf("  %-30s %5.1f %%\n", to_string(static_cast<soak::Outcome>(i)), part(totals.outcomes[i]));
   }
   std::printf("  %-30s %5.1f %%\n", "left the envelope", part(totals.violated));
   std::printf("  %-30s %5.1f %%, %" PRIu64 " faults\n", "with faults", part(totals.faulty), totals.faults);
@@ -140,10 +140,12 @@ int run(const SoakCommand& command) {
   const std::uint64_t count = options.last - options.first + 1;
 
   Totals totals;
+  soak::FailureTable table;
   Progress progress(count, !command.quiet);
   std::string trouble;
   const auto done = [&](const soak::SeedResult& result) {
     totals.add(result);
+    table.add(result);
     if (result.broken < 0) return;
     progress.clear();
     const auto& invariant = soak::text_of(static_cast<soak::Invariant>(result.broken));
@@ -158,12 +160,13 @@ int run(const SoakCommand& command) {
     }
     std::fflush(stdout);
   };
-  const std::string why = soak::run_seeds(
-      options, [](std::uint64_t seed) { return soak::run_seed(seed, false); }, done, [&] { progress.show(totals); });
+  const std::string why = soak::run_seeds(options, command.table ? soak::run_table_seed : soak::run_seed, done,
+                                          [&] { progress.show(totals); });
   progress.clear();
   if (!why.empty()) return fail(why);
   if (!trouble.empty()) return fail(trouble);
-  if (totals.seeds > 0) print_totals(totals, progress.seconds());
+  if (command.table) std::printf("%s", table.markdown().c_str());
+  if (totals.seeds > 0 && !command.table) print_totals(totals, progress.seconds());
   if (totals.broken > 0) return program::kExitEnvelope;
   return totals.seeds < count
              ? fail("interrupted after " + std::to_string(totals.seeds) + " of " + std::to_string(count) + " seeds")
@@ -183,6 +186,8 @@ std::function<int()> add_soak_command(CLI::App& app, CLI::App*& command) {
   command->add_option("--seed-limit", options->seed_limit_s, "s on the clock after which a seed has failed")
       ->check(program::positive_finite())
       ->capture_default_str();
+  command->add_flag("--table", options->table,
+                    "calm robots that suffer one fault each, and what came of it as a table in Markdown");
   command->add_flag("--quiet", options->quiet, "no progress");
   return [options] { return run(*options); };
 }

@@ -6,7 +6,6 @@
 #include "sim/scenario_reader.h"
 #include "tools/program/params.h"
 #include "tools/soak/random.h"
-#include "tools/soak/random_faults.h"
 
 namespace ballast::soak {
 
@@ -32,7 +31,7 @@ std::string line(const char* key, double value) { return line(key, text(value));
 
 class Draw {
  public:
-  explicit Draw(Random& random) : random_(random) {}
+  Draw(Random& random, bool calm) : random_(random), calm_(calm) {}
 
   std::string scenario(std::uint64_t seed) {
     hand_size_ = random_.chance(0.6);
@@ -40,26 +39,28 @@ class Draw {
     gravity_ = hand_size_ ? 9.81 : random_.uniform(1, 10);
     shell_mass_ = hand_size_ ? random_.log_uniform(0.2, 3) : random_.log_uniform(0.5, 5);
     pendulum_rate_ = std::sqrt(gravity_ / radius_);
-    duration_ = random_.uniform(0.2, 2);
-    period_ = std::min(random_.log_uniform(0.0005, 0.02), duration_ / 10);
-    stepper_ = random_.chance(0.92);
+    duration_ = calm_ ? random_.uniform(0.6, 1) : random_.uniform(0.2, 2);
+    period_ = calm_ ? random_.log_uniform(0.001, 0.004) : std::min(random_.log_uniform(0.0005, 0.02), duration_ / 10);
+    stepper_ = calm_ || random_.chance(0.92);
 
     std::string out = line("name", "\"soak_" + std::to_string(seed) + "\"");
     out += line("duration", duration_) + line("gravity", gravity_);
     out += line("seed", std::to_string(random_.integer(0, 1'000'000)));
-    out += external_force();
+    if (!calm_) out += external_force();
     out += ball();
-    out += drag();
+    if (!calm_) out += drag();
     out += surface();
     out += start();
     // Three masses and fewer are what people build; more are rarer.
-    const int mass_count = random_.chance(0.85) ? random_.integer(1, 3) : random_.integer(0, firmware::kMaxMasses);
+    const int mass_count =
+        calm_ || random_.chance(0.85) ? random_.integer(1, 3) : random_.integer(0, firmware::kMaxMasses);
     for (int i = 0; i < mass_count; ++i) out += mass();
     out += "\n[run]\n" + line("actuation", stepper_ ? "\"stepper\"" : "\"prescribed\"");
     out += line("control_period", period_);
     out += line("timer_frequency", random_.one_of({1e6, 1e7, 1e7, 84e6}));
     out += line("on_violation", random_.chance(0.6) ? "\"continue\"" : "\"stop\"");
-    return out + envelope();
+    if (!calm_) out += envelope();
+    return out;
   }
 
  private:
@@ -95,6 +96,7 @@ class Draw {
   }
 
   std::string surface() {
+    if (calm_) return "\n[surface]\n" + line("static_friction", random_.uniform(0.6, 1));
     floor_slides_ = !random_.chance(0.15);
     if (!floor_slides_) return "";
     const double static_friction = random_.log_uniform(0.05, 1.2);
@@ -108,7 +110,7 @@ class Draw {
     std::string out = "\n[initial]\n";
     const auto q = random_.attitude();
     out += line("orientation", text(Eigen::Vector4d(q.w(), q.x(), q.y(), q.z())));
-    if (random_.chance(0.6)) return out;  // at rest
+    if (calm_ || random_.chance(0.6)) return out;  // at rest
     out += line("angular_velocity", text(random_.vector(0, pendulum_rate_)));
     const double speed = std::sqrt(gravity_ * radius_);
     if (floor_slides_ && random_.chance(0.3)) {
@@ -198,8 +200,13 @@ class Draw {
   std::string motion(const Rail& rail, double& position) {
     std::vector<std::string> pieces;
     position = random_.uniform(0.8 * rail.lower + 0.2 * rail.upper, 0.2 * rail.lower + 0.8 * rail.upper);
-    if (random_.chance(0.1)) return "";
-    if (random_.chance(0.7)) {
+    if (calm_) {
+      const double reach = rail.unit * std::min(0.3, 0.02 * pendulum_rate_ * pendulum_rate_ * duration_ * duration_);
+      const double to = position + (position > 0.5 * (rail.lower + rail.upper) ? -reach : reach);
+      add_trip(std::clamp(to, rail.lower, rail.upper) - position, duration_, pieces);
+    } else if (random_.chance(0.1)) {
+      return "";
+    } else if (random_.chance(0.7)) {
       double at = position;
       const int trips = random_.integer(1, 3);
       for (int i = 0; i < trips; ++i) {
@@ -231,6 +238,7 @@ class Draw {
     const std::string moved = motion(rail, position);
     std::string out = "\n[[mass]]\n" + line("mass", shell_mass_ * random_.log_uniform(0.03, 1.5));
     out += line("rail", rail.toml) + line("initial_position", position) + moved;
+    if (calm_) return out + "[mass.motor]\n" + line("microsteps", std::to_string(random_.one_of({16, 32})));
     out += "[mass.motor]\n" + line("microsteps", std::to_string(random_.one_of({1, 2, 4, 8, 16, 16, 32, 64, 256})));
     if (hand_size_ && random_.chance(0.4)) {
       out += line("preset", random_.one_of<const char*>({"\"nema11\"", "\"nema17\"", "\"nema23\""}));
@@ -254,6 +262,7 @@ class Draw {
   }
 
   Random& random_;
+  bool calm_;
   bool hand_size_ = true, stepper_ = true, floor_slides_ = true;
   double radius_ = 0, gravity_ = 0, shell_mass_ = 0, pendulum_rate_ = 0, duration_ = 0, period_ = 0;
 };
@@ -266,24 +275,33 @@ std::string refusal(const sim::ScenarioResult& read) {
   return program::to_controller_params(read.scenario, *params).value_or("");
 }
 
-}  // namespace
-
-RandomScenario random_scenario(std::uint64_t seed) {
+template <class AddFaults>
+RandomScenario draw_scenario(std::uint64_t seed, bool calm, AddFaults add_faults) {
   Random random(seed);
   RandomScenario result;
   for (result.refused = 0; result.refused < kMostDrawn; ++result.refused) {
-    const std::string robot = Draw(random).scenario(seed);
-    sim::ScenarioResult read = sim::parse_scenario(robot, "soak");
+    result.toml = Draw(random, calm).scenario(seed);
+    sim::ScenarioResult read = sim::parse_scenario(result.toml, "soak");
     result.trouble = refusal(read);
     if (!result.trouble.empty()) continue;
-    result.toml = robot + random_faults(read.scenario, random);
+    result.faults = add_faults(read.scenario, random);
+    for (const RandomFault& fault : result.faults) result.toml += fault.toml;
     read = sim::parse_scenario(result.toml, "soak");
     result.trouble = refusal(read);
-    if (!result.trouble.empty()) continue;
     result.scenario = std::move(read.scenario);
-    return result;
+    return result;  // a fault that is refused is a fault of random_faults.cpp
   }
   return result;
+}
+
+}  // namespace
+
+RandomScenario random_scenario(std::uint64_t seed) { return draw_scenario(seed, false, random_faults); }
+
+RandomScenario calm_scenario(std::uint64_t seed, sim::FaultKind kind, int severity) {
+  return draw_scenario(seed, true, [&](const sim::Scenario& scenario, Random& random) {
+    return std::vector<RandomFault>{random_fault(scenario, kind, severity, random)};
+  });
 }
 
 }  // namespace ballast::soak

@@ -6,12 +6,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <memory>
-#include <optional>
 
 #include "tools/program/params.h"
 #include "tools/sil/in_process_peers.h"
 #include "tools/sil/recorder.h"
+#include "tools/sil/summary.h"
 
 namespace ballast::soak {
 
@@ -96,26 +97,103 @@ void note_broken(const Broken& broken, SeedResult& out) {
 
 constexpr std::uint64_t kRepeatEvery = 32;
 
-}  // namespace
-
-SeedResult run_seed(std::uint64_t seed, bool /*with_twin*/) {
+SeedResult without_scenario(std::uint64_t seed, const RandomScenario& random) {
   SeedResult out;
   out.seed = seed;
-  const RandomScenario random = random_scenario(seed);
+  note_broken({Invariant::kEnded, 0, "no scenario that can be run came of it: " + random.trouble}, out);
+  return out;
+}
+
+SeedResult result_of(std::uint64_t seed, const RandomScenario& random, const Run& run) {
+  SeedResult out;
+  out.seed = seed;
   out.refused = random.refused;
-  if (!random.trouble.empty()) {
-    note_broken({Invariant::kEnded, 0, "no scenario that can be run came of it: " + random.trouble}, out);
-    return out;
+  out.faults = static_cast<std::int32_t>(random.faults.size());
+  out.ticks = run.result.ticks;
+  out.simulated_us = std::llround(1e6 * run.result.final_sample.time_s);
+  out.outcome = outcome_of(run.result);
+  out.violated = run.violated;
+  for (const Broken& broken : run.broken) note_broken(broken, out);
+  return out;
+}
+
+// The first to notice, as messages and summary have it; of monitor and controller in the same tick, the one that need
+// not be told by the other.
+void note_detection(const sim::Scenario& scenario, const sil::RunResult& result, SeedResult& out) {
+  constexpr auto kToldByTheMonitor = static_cast<std::uint32_t>(firmware::Fault::kMonitorTrip);
+  std::int64_t tick = std::numeric_limits<std::int64_t>::max();
+  std::string who = "nobody";
+  const auto notice = [&](std::int64_t at, const std::string& by) {
+    if (at >= tick) return;
+    tick = at;
+    who = by;
+  };
+  if (result.trip.tripped != 0)
+    notice(result.trip.trip_tick, std::string("monitor: ") + sil::trip_cause(result.trip.cause));
+  if (const auto& trip = result.controller_trip) {
+    if ((static_cast<std::uint32_t>(trip->faults) & ~kToldByTheMonitor) != 0)
+      notice(trip->tick, std::string("controller: ") + sil::fault_cause(trip->faults));
   }
+  if (out.outcome == Outcome::kGivenUp) notice(result.last_tick, "the run");
+  std::snprintf(out.detected_by, sizeof out.detected_by, "%s", who.c_str());
+  out.detected = tick != std::numeric_limits<std::int64_t>::max();
+  if (!out.detected) return;
+  // A fault between two ticks touches the later one; rounded as in Fault::begun().
+  const double onset = scenario.faults.front().time_s / scenario.run.control_period_s;
+  out.detected_after = tick - static_cast<std::int64_t>(std::ceil(onset - 1e-6));
+}
+
+}  // namespace
+
+const char* to_string(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::kCompleted:
+      return "completed";
+    case Outcome::kStopped:
+      return "tripped, masses at rest";
+    case Outcome::kStillMoving:
+      return "tripped, masses still moving";
+    case Outcome::kCutShort:
+      return "tripped, over before they rest";
+    case Outcome::kSlipped:
+      return "slipped";
+    case Outcome::kDetached:
+      return "detached";
+    case Outcome::kInconsistent:
+      return "inconsistent";
+    case Outcome::kGivenUp:
+      return "given up, with reason";
+  }
+  return "";
+}
+
+SeedResult run_seed(std::uint64_t seed) {
+  const RandomScenario random = random_scenario(seed);
+  if (!random.trouble.empty()) return without_scenario(seed, random);
   const Run first = run(random.scenario);
-  out.ticks = first.result.ticks;
-  out.simulated_us = std::llround(1e6 * first.result.final_sample.time_s);
-  out.outcome = outcome_of(first.result);
-  out.violated = first.violated;
-  for (const Broken& broken : first.broken) note_broken(broken, out);
+  SeedResult out = result_of(seed, random, first);
   if (seed % kRepeatEvery == 0 && run(random.scenario).log_hash != first.log_hash) {
     note_broken({Invariant::kRepeatable, first.result.last_tick, "the second run's log is another"}, out);
   }
+  return out;
+}
+
+SeedResult run_table_seed(std::uint64_t seed) {
+  const std::size_t kinds = sim::fault_kinds().size();
+  const sim::FaultKind kind = sim::fault_kinds()[seed % kinds].kind;
+  const int severity = static_cast<int>(seed / kinds % 2);
+  const RandomScenario random = calm_scenario(seed, kind, severity);
+  if (!random.trouble.empty()) return without_scenario(seed, random);
+  const Run with_fault = run(random.scenario);
+  SeedResult out = result_of(seed, random, with_fault);
+  sim::Scenario twin = random.scenario;
+  twin.faults.clear();
+  const Run without = run(twin);
+  for (const Broken& broken : without.broken) note_broken(broken, out);
+  if (sil::exit_status(without.result) != 0 || outcome_of(without.result) != Outcome::kCompleted) return out;
+  out.fault_kind = static_cast<std::int32_t>(kind);
+  out.severity = severity;
+  note_detection(random.scenario, with_fault.result, out);
   return out;
 }
 

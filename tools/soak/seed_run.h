@@ -8,9 +8,6 @@
 
 namespace ballast::soak {
 
-// Who was the first to notice, as far as messages and summary tell.
-enum class Detector : std::int8_t { kNobody, kMonitor, kController, kRun, kPhysics };
-
 // How the run ended.
 enum class Outcome : std::int8_t {
   kCompleted,    // to the scenario's end, no trip
@@ -23,6 +20,7 @@ enum class Outcome : std::int8_t {
   kGivenUp,  // could not go on; says why, and the log holds what happened
 };
 inline constexpr int kOutcomeCount = 8;
+const char* to_string(Outcome outcome);
 
 // Goes through a pipe as it is.
 struct SeedResult {
@@ -39,14 +37,18 @@ struct SeedResult {
   std::int64_t broken_tick = 0;
   char broken_text[300] = {};
 
-  // For the failure table: of a run with one fault, whose twin without it completes untripped. Kind -1: of no use.
+  // For the failure table, if asked for; kind -1: it is of no use there.
   std::int32_t fault_kind = -1;
   std::int32_t severity = 0;
-  Detector detector = Detector::kNobody;
-  std::int32_t sign = 0;            // the monitor's cause, or the controller's faults
+  bool detected = false;
   std::int64_t detected_after = 0;  // ticks, from the first that the fault could touch
+  char detected_by[40] = {};        // who was the first to notice, and as what
 };
 
-SeedResult run_seed(std::uint64_t seed, bool with_twin);
+// A random scenario with its random faults.
+SeedResult run_seed(std::uint64_t seed);
+
+// For the failure table: a calm robot that suffers one fault. Kinds and severities take turns, seed by seed.
+SeedResult run_table_seed(std::uint64_t seed);
 
 }  // namespace ballast::soak
