@@ -7,7 +7,9 @@ namespace ballast::sim {
 
 ExternalForce::ExternalForce(const Scenario& scenario)
     : present_(!scenario.external_force_W_n.isZero(0) || !scenario.force_table.times_s.empty() ||
-               scenario.drag.coefficient_kgpm > 0),
+               scenario.drag.coefficient_kgpm > 0 ||
+               std::any_of(scenario.faults.begin(), scenario.faults.end(),
+                           [](const Fault& fault) { return fault.kind == FaultKind::kPush; })),
       constant_W_n_(vec3(scenario.external_force_W_n)),
       times_s_(scenario.force_table.times_s),
       drag_kgpm_(scenario.drag.coefficient_kgpm),

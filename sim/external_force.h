@@ -1,4 +1,4 @@
-// The force on the ball at its geometric centre: constant, or a table of time, and drag in a wind.
+// The force on the ball at its geometric centre: constant, or a table of time, drag in a wind, and pushes.
 #pragma once
 
 #include <cmath>
@@ -31,12 +31,16 @@ class ExternalForce {
     return force;
   }
 
+  // A push on top of all that, from now on. It is state and no function of time: it jumps between two steps of the
+  // integrator, never inside one.
+  void set_push(const Eigen::Vector3d& force_W_n) { push_W_n_ = vec3(force_W_n); }
+
   // The first instant after time_s at which the force's rate of time jumps; +infinity if there is none.
   [[nodiscard]] double next_kink_s(double time_s) const;
 
  private:
   [[nodiscard]] Vec3<double> of_time(double time_s) const {
-    return times_s_.empty() ? constant_W_n_ : of_table(time_s);
+    return (times_s_.empty() ? constant_W_n_ : of_table(time_s)) + push_W_n_;
   }
   [[nodiscard]] Vec3<double> of_table(double time_s) const;
 
@@ -44,6 +48,7 @@ class ExternalForce {
   Vec3<double> constant_W_n_;
   std::vector<double> times_s_;
   std::vector<Vec3<double>> forces_W_n_;
+  Vec3<double> push_W_n_{0, 0, 0};
   double drag_kgpm_;
   Vec3<double> wind_W_mps_;
 };

@@ -68,8 +68,14 @@ namespace {
 double greatest_force_n(const Scenario& scenario) {
   double greatest = scenario.external_force_W_n.norm();
   for (const Vector3d& force : scenario.force_table.forces_W_n) greatest = std::max(greatest, force.norm());
+  for (const Fault& fault : scenario.faults) {
+    if (fault.kind == FaultKind::kPush) greatest += fault.value;
+  }
   return greatest;
 }
+
+// Stiff enough that motor and weight together move a blocked mass by a hundredth of a tooth, or of the rail's radius.
+constexpr double kBlockStiffness = 100;
 
 }  // namespace
 
@@ -116,6 +122,15 @@ Plant::Plant(const Scenario& scenario)
   }
   touch_stops();
   piece_.assign(n, 0);
+  suffered_.assign(scenario.faults.size(), 0);
+  for (std::size_t k = 0; k < scenario.faults.size(); ++k) {
+    const Fault& fault = scenario.faults[k];
+    if (!fault.of(FaultLayer::kMotor) && !fault.of(FaultLayer::kWorld)) continue;
+    fault_edges_.push_back({fault.time_s, k, true});
+    if (fault.end_s > fault.time_s && fault.end_s < kInfinity) fault_edges_.push_back({fault.end_s, k, false});
+  }
+  std::stable_sort(fault_edges_.begin(), fault_edges_.end(),
+                   [](const FaultEdge& a, const FaultEdge& b) { return a.time_s < b.time_s; });
 
   start_regime();
 }
@@ -197,10 +212,77 @@ Plant::PerMass Plant::rail_forces(const MassPoint& masses) const {
     const double shaft = scenario_.masses[i].motor.shaft_ratio;
     force[i] = shaft * steppers_[i].torque_nm(shaft * masses.position[i], shaft * masses.velocity[i]);
   }
-  for (const std::size_t i : with_stops_) {
-    force[i] += end_stops_[i].force_n(stop_side_[i], masses.position[i], masses.velocity[i]);
+  if (fault_edges_.empty()) {
+    for (const std::size_t i : with_stops_) force[i] += held_n(i, masses.position[i], masses.velocity[i]);
+  } else {
+    for (std::size_t i = 0; i < motion_.size(); ++i) force[i] += held_n(i, masses.position[i], masses.velocity[i]);
   }
   return force;
+}
+
+double Plant::held_n(std::size_t i, double position, double velocity) const {
+  const Block& block = blocks_[i];
+  const double stop_n = end_stops_[i].force_n(stop_side_[i], position, velocity);
+  return block.on ? stop_n - block.stiffness * (position - block.position) - block.damping * velocity : stop_n;
+}
+
+// Those that are due; false: none is.
+bool Plant::begin_and_end_faults() {
+  const std::size_t first = next_edge_;
+  for (; next_edge_ < fault_edges_.size() && fault_edges_[next_edge_].time_s <= time_s_; ++next_edge_) {
+    const FaultEdge& edge = fault_edges_[next_edge_];
+    const Fault& fault = scenario_.faults[edge.fault];
+    suffered_[edge.fault] = static_cast<char>(edge.begins);
+    if (!edge.begins) continue;
+    const auto i = static_cast<std::size_t>(fault.mass);
+    if (fault.kind == FaultKind::kLostSteps) steppers_[i].swallow(static_cast<std::int64_t>(fault.value));
+    if (fault.kind != FaultKind::kBlockedRail || blocks_[i].on) continue;
+    const Mass& mass = scenario_.masses[i];
+    const bool circle = mass.rail.shape == firmware::RailShape::kCircle;
+    const double lever = circle ? mass.rail.radius_m : 1, shaft = mass.motor.shaft_ratio;
+    const double inertia = mass.mass_kg * lever * lever + mass.motor.rotor_inertia_kgm2 * shaft * shaft;
+    const double motor = mass.motor.steps_per_revolution / 4.0 * mass.motor.holding_torque_nm * shaft * shaft;
+    const double weight = mass.mass_kg * scenario_.gravity_mps2 * (circle ? lever : 1 / body_.radius_m);
+    const double stiffness = kBlockStiffness * (motor + weight);
+    blocks_[i] = {true, y_[kTheta + i], stiffness, 2 * std::sqrt(stiffness * inertia)};
+  }
+  if (next_edge_ == first) return false;
+  suffer_active_faults();
+  return true;
+}
+
+// What several of one kind do at once: the worst, and pushes add up.
+void Plant::suffer_active_faults() {
+  std::array<bool, kMaxMasses> stalled{}, reversed{}, blocked{};
+  PerMass coil{};
+  coil.fill(1);
+  push_W_n_.setZero();
+  static_friction_ = scenario_.surface.static_friction;
+  for (std::size_t k = 0; k < scenario_.faults.size(); ++k) {
+    if (suffered_[k] == 0) continue;
+    const Fault& fault = scenario_.faults[k];
+    const auto i = static_cast<std::size_t>(fault.mass);
+    if (fault.kind == FaultKind::kMotorStall) stalled[i] = true;
+    if (fault.kind == FaultKind::kReversedWiring) reversed[i] = true;
+    if (fault.kind == FaultKind::kBlockedRail) blocked[i] = true;
+    if (fault.kind == FaultKind::kWeakCoil) coil[i] = std::min(coil[i], fault.value);
+    if (fault.kind == FaultKind::kFrictionFalls) static_friction_ = std::min(static_friction_, fault.value);
+    if (fault.kind == FaultKind::kPush) push_W_n_ += fault.value * fault.direction_W;
+  }
+  for (std::size_t i = 0; i < motion_.size() && driven_; ++i) {
+    steppers_[i].power(!stalled[i]);
+    steppers_[i].reverse(reversed[i]);
+    steppers_[i].weaken_coil(coil[i]);
+    blocks_[i].on = blocked[i];
+  }
+  const auto& dry = scenario_.surface;
+  kinetic_friction_ = dry.kinetic_friction;
+  if (static_friction_ < dry.static_friction) {
+    kinetic_friction_ = std::isinf(dry.static_friction)
+                            ? std::min(dry.kinetic_friction, static_friction_)
+                            : dry.kinetic_friction * (static_friction_ / dry.static_friction);
+  }
+  body_.external_force.set_push(push_W_n_);
 }
 
 double Plant::overdue_m(std::size_t i, const State& y) const {
@@ -331,6 +413,7 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
   std::size_t next_pulse = 0;
   while (end_ == PhysicsEnd::kNone) {
     // What happens at this instant, all of it, before anything is looked at again.
+    jumped = begin_and_end_faults() || jumped;
     for (std::size_t i = 0; i < motion_.size() && !driven_; ++i) {
       while (motion_[i].end_s(piece_[i]) <= time_s_) ++piece_[i], jumped = true;
     }
@@ -343,6 +426,9 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
 
     double target_s = end_s;
     smooth_until_s_ = std::min(body_.external_force.next_kink_s(time_s_), std::max(end_s, scenario_.duration_s));
+    if (next_edge_ < fault_edges_.size()) {
+      smooth_until_s_ = std::min(smooth_until_s_, fault_edges_[next_edge_].time_s);
+    }
     for (std::size_t i = 0; i < motion_.size() && !driven_; ++i) {
       smooth_until_s_ = std::min(smooth_until_s_, motion_[i].smooth_until_s(piece_[i], time_s_));
     }
@@ -765,6 +851,7 @@ void Plant::note_mu(double time_s, const State& y, const Instant& m) {
     extrema_.mu_required_max = {mu, time_s};
     at_mu_max_.regime = regime_;
     at_mu_max_.y = y;
+    at_mu_max_.push_W_n = push_W_n_;
     if (driven_) {
       at_mu_max_.mass_acceleration = m.mass_acceleration;
     } else {
@@ -795,7 +882,9 @@ std::optional<ContactShares> Plant::shares_at_mu_required_max() const {
   const double* y = at_mu_max_.y.data();
   MassPoint masses = mass_point(time_s, y, at_mu_max_.piece.data());
   if (driven_) masses.acceleration = at_mu_max_.mass_acceleration;
-  return contact_shares(body_, time_s, y + kQ, y + kOmega, carried(masses));
+  Body body = body_;
+  body.external_force.set_push(at_mu_max_.push_W_n);
+  return contact_shares(body, time_s, y + kQ, y + kOmega, carried(masses));
 }
 
 Plant::PerMass Plant::needed_torques(const double* y, const MotionOf<double>& motion, const MassPoint& masses) const {
@@ -820,7 +909,8 @@ void Plant::note_motors() {
     MotorExtrema& extrema = motor_extrema_[i];
     if (driven_) {
       const double stop_n = end_stops_[i].force_n(stop_side_[i], masses.position[i], masses.velocity[i]);
-      torque_nm_[i] = (now_.generalised_force[i] - stop_n) / motor.shaft_ratio;
+      const double beside_n = held_n(i, masses.position[i], masses.velocity[i]);
+      torque_nm_[i] = (now_.generalised_force[i] - beside_n) / motor.shaft_ratio;
       end_stop_record_[i].max_force_n = std::max(end_stop_record_[i].max_force_n, std::abs(stop_n));
     }
     extrema.max_torque_nm = std::max(extrema.max_torque_nm, std::abs(torque_nm_[i]));
@@ -848,8 +938,7 @@ void Plant::note_energy(double h, const Point& middle, const Point& end) {
     MotorEnergy& energy = motor_energy_[i];
     for (std::size_t k = 0; k < 3; ++k) {
       const double rate = y[k][kTheta + n + i], speed = motor.shaft_ratio * rate, part_s = kWeight[k] * h;
-      const double stop_n = end_stops_[i].force_n(stop_side_[i], y[k][kTheta + i], rate);
-      energy.work_j += part_s * (motion[k]->generalised_force[i] - stop_n) * rate;
+      energy.work_j += part_s * (motion[k]->generalised_force[i] - held_n(i, y[k][kTheta + i], rate)) * rate;
       energy.friction_j += part_s * motor.viscous_damping_nms * speed * speed;
       if (!motor.has_winding()) continue;
       const auto current = steppers_[i].current(motor.shaft_ratio * y[k][kTheta + i], speed);
@@ -891,6 +980,7 @@ Plant::Sample Plant::sample() const {
   s.position_W_m = {y_[kZ], y_[kZ + 1], 0};
   s.velocity_W_mps = {dydt_[kZ], dydt_[kZ + 1], 0};
   s.regime = regime_;
+  s.floor_static_friction = static_friction_;
   if (regime_ != Regime::kRolling) {
     s.position_W_m[2] = y_[contact_size_];
     s.velocity_W_mps[2] = y_[contact_size_ + 3];

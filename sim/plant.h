@@ -7,7 +7,8 @@
 // after the jump counts (PHYSICS.md section 4). Driven masses, and slides, are integrated from pulse to pulse and tick
 // to tick with Dormand-Prince 5(4). Rolling and flying with prescribed masses are smooth and known in advance: DOP853
 // steps ahead as far as its error estimate allows, whatever the ticks are, and what lies inside a step is seen by its
-// dense output. The quaternion is brought back to unit length after each step.
+// dense output. Faults (fault.h) begin and end between two steps, as pulses come. The quaternion is brought back to
+// unit length after each step.
 //
 // Extrema of N, f_s and f_s/N, and the instants at which a regime ends, are looked for between the ticks: inside every
 // step, by integrating again from its start or by dense output.
@@ -161,6 +162,7 @@ class Plant {
     std::array<Eigen::Vector3d, kMaxMasses> mass_position_B_m;
     std::array<double, kMaxMasses> motor_torque_nm{};
     std::array<std::int64_t, kMaxMasses> lost_steps{};
+    double floor_static_friction;  // of the floor under the ball: the scenario's, unless a fault has changed it
     std::array<int, kMaxMasses> end_switches{};  // bit 0: at or beyond the lower end of its rail, bit 1: the upper
   };
   [[nodiscard]] Sample sample() const;
@@ -203,6 +205,10 @@ class Plant {
   CarriedMasses carried(const MassPoint& masses) const;
   // Of motors and end stops.
   PerMass rail_forces(const MassPoint& masses) const;
+  // Of what holds a mass beside its motor: end stop and blocked rail.
+  [[nodiscard]] double held_n(std::size_t i, double position, double velocity) const;
+  bool begin_and_end_faults();
+  void suffer_active_faults();
   // Whether the stops that push are others than stop_side_ says.
   [[nodiscard]] double overdue_m(std::size_t i, const State& y) const;
   [[nodiscard]] bool stops_overdue(const State& y) const;
@@ -271,6 +277,24 @@ class Plant {
   std::vector<std::size_t> with_stops_;           // those that have some
   std::array<int, kMaxMasses> stop_side_{};       // the stop that pushes, EndStops
 
+  // An instant at which a fault of motors, floor or ball begins or ends.
+  struct FaultEdge {
+    double time_s;
+    std::size_t fault;  // of scenario_.faults
+    bool begins;
+  };
+  std::vector<FaultEdge> fault_edges_;  // in order of time
+  std::size_t next_edge_ = 0;           // the first that is still to come
+  std::vector<char> suffered_;          // per fault of the scenario: now
+  // A blocked rail: a spring and its critical damper about where the mass was.
+  struct Block {
+    bool on = false;
+    double position = 0;
+    double stiffness = 0, damping = 0;  // N per rail unit, and per its rate
+  };
+  std::array<Block, kMaxMasses> blocks_{};
+  Eigen::Vector3d push_W_n_ = Eigen::Vector3d::Zero();
+
   double time_s_ = 0;
   State y_{};
   State dydt_{};         // at time_s_, after any jump
@@ -305,6 +329,7 @@ class Plant {
   struct {
     Regime regime = Regime::kFlight;
     State y{};
+    Eigen::Vector3d push_W_n = Eigen::Vector3d::Zero();
     PerMass mass_acceleration{};                  // driven
     std::array<std::size_t, kMaxMasses> piece{};  // prescribed
   } at_mu_max_;

@@ -61,6 +61,13 @@ double Stepper::balanced_lag_rad(double torque_nm, double shaft_radps) const {
 }
 
 void Stepper::step(int direction, double time_s) {
+  if (to_swallow_ > 0) {
+    --to_swallow_;
+    missed_steps_ += direction;
+    return;
+  }
+  missed_steps_ += direction - direction * direction_;
+  direction *= direction_;
   position_steps_ += direction;
   const double since_s = time_s - stepped_s_;
   // Steps of one instant are one longer step: they say nothing of the speed.
@@ -106,7 +113,7 @@ double Stepper::torque_margin(double shaft_rad, double shaft_radps) const {
 }
 
 double Stepper::steps_behind(double shaft_rad) const {
-  return static_cast<double>(position_steps_) - (shaft_rad - initial_shaft_rad_) / microstep_rad();
+  return static_cast<double>(position_steps_ + missed_steps_) - (shaft_rad - initial_shaft_rad_) / microstep_rad();
 }
 
 void Stepper::count_slips(double shaft_rad) {

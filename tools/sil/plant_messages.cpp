@@ -53,7 +53,7 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
                  : sim::Plant::mu_required(commanded->normal_force_n, commanded->static_friction_n);
   m.contact.normal_force_min_n = sample.normal_force_min_n;
   m.contact.mu_required_max = sample.mu_required_max;
-  m.contact.margin = friction_margin(sample.normal_force_n, sample.static_friction_n, scenario.surface.static_friction);
+  m.contact.margin = friction_margin(sample.normal_force_n, sample.static_friction_n, sample.floor_static_friction);
   m.contact.regime = regime_code(sample.regime);
 
   m.sensors.scenario_id = scenario.id;
