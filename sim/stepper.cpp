@@ -3,22 +3,13 @@
 #include <algorithm>
 #include <numbers>
 
+#include "sim/random.h"
+
 namespace ballast::sim {
 
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-
-// SplitMix64 (Steele, Lea and Flood 2014): a uniform stream that is the same on every platform, unlike std's
-// distributions.
-double uniform(std::uint64_t& state) {
-  state += 0x9E3779B97F4A7C15u;
-  std::uint64_t z = state;
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-  z ^= z >> 31;
-  return static_cast<double>(z >> 11) * 0x1p-53;
-}
 
 }  // namespace
 

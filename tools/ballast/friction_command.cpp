@@ -16,6 +16,12 @@ namespace {
 int say_required_friction(const program::ScenarioOptions& options) {
   auto scenario = program::load_scenario(options);
   if (!scenario) return program::kExitUsage;
+  if (!scenario->faults.empty()) {
+    program::complain("ballast", to_string(scenario->faults.front()) +
+                                     ": not with ballast friction, which asks what a healthy robot needs; allowed: "
+                                     "ballast run");
+    return program::kExitUsage;
+  }
   const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
   // What is needed shows only where it is given: on the scenario's own floor the run might end before.
   scenario->surface.static_friction = std::numeric_limits<double>::infinity();

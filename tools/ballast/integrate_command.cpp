@@ -59,6 +59,9 @@ int integrate(IntegrateCommand command) {
   command.scenario.actuation = "prescribed";
   const auto scenario = program::load_scenario(command.scenario);
   if (!scenario) return program::kExitUsage;
+  if (!scenario->faults.empty()) {
+    return refuse(program::kExitUsage, to_string(scenario->faults.front()) + ": ballast integrate knows no faults; allowed: ballast run");
+  }
   if (const auto how = integrators::why_not_rolling(*scenario); !how.empty()) {
     return refuse(program::kExitUsage, scenario->name + " starts " + how +
                                            "; ballast integrate knows rolling only, ballast run every regime");

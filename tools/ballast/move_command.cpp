@@ -8,7 +8,7 @@
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/sil/controller_words.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/sil/faulty_peers.h"
 #include "tools/sil/record_run.h"
 
 namespace ballast {
@@ -125,8 +125,8 @@ int move(const MoveCommand& command) {
     return program::kExitCouldNotRun;
   }
   scenario->published.clear();  // it speaks of the scenario's own motion
-  sil::InProcessPeers peers(params.get(), program::to_monitor_limits(*scenario), scenario->run.control_period_s);
-  return sil::record_run("ballast", *scenario, peers, output, record);
+  const auto peers = sil::peers_in_process(*scenario, params.get(), program::to_monitor_limits(*scenario));
+  return sil::record_run("ballast", *scenario, *peers, output, record);
 }
 
 }  // namespace

@@ -13,7 +13,7 @@
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
 #include "tools/sil/black_box.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/sil/faulty_peers.h"
 #include "tools/sil/qemu_peers.h"
 #include "tools/sil/replay.h"
 
@@ -145,12 +145,13 @@ int replay(const ReplayCommand& given) {
   const monitor::MonitorLimits limits = program::to_monitor_limits(*scenario);
   std::unique_ptr<sil::Peers> peers;
   if (command.firmware == "qemu") {
+    if (const auto why = sil::FaultyPeers::not_possible(*scenario, "with --firmware qemu"); !why.empty()) return refuse(why);
     sil::QemuPeersOptions qemu;
     qemu.qemu.elf = command.elf.empty() ? program::default_firmware(qemu.qemu.board) : command.elf;
     qemu.interrupted = command.replay.interrupted;
     peers = std::make_unique<sil::QemuPeers>(*scenario, *params, limits, qemu);
   } else {
-    peers = std::make_unique<sil::InProcessPeers>(params.get(), limits, scenario->run.control_period_s);
+    peers = sil::peers_in_process(*scenario, params.get(), limits);
   }
   const sil::ReplayResult result = sil::replay(*scenario, command.log, *peers, replayed, command.replay);
   if (result.end == sil::ReplayResult::End::kUnusable) return refuse(result.trouble);

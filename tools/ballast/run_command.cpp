@@ -8,7 +8,7 @@
 #include "tools/ballast/commands.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/sil/faulty_peers.h"
 #include "tools/sil/lcm_peers.h"
 #include "tools/sil/qemu_peers.h"
 #include "tools/sil/record_run.h"
@@ -47,9 +47,9 @@ int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario,
   std::optional<hal::Bus> operator_bus;
   if (bus != nullptr && params != nullptr) operator_bus.emplace(command.bus.url);
   if (operator_bus) operator_bus->join(record.run_id);
-  sil::InProcessPeers peers(params, program::to_monitor_limits(scenario), scenario.run.control_period_s,
-                            operator_bus ? &*operator_bus : nullptr);
-  return sil::record_run("ballast", scenario, peers, output, record);
+  const auto peers = sil::peers_in_process(scenario, params, program::to_monitor_limits(scenario),
+                                           operator_bus ? &*operator_bus : nullptr);
+  return sil::record_run("ballast", scenario, *peers, output, record);
 }
 
 // This process is the plant; controller and monitor are started beside it.
@@ -144,6 +144,14 @@ int run(const RunCommand& command) {
                                      (has_controller ? "not together with --processes"
                                                      : "a run with prescribed masses has no controller; allowed with "
                                                        "steppers"));
+    return program::kExitUsage;
+  }
+  const std::string elsewhere = command.processes              ? "with --processes"
+                                : in_qemu                      ? "with --firmware " + command.firmware
+                                : command.record.check_steps   ? "with --check-steps"
+                                                               : "";
+  if (const std::string why = sil::FaultyPeers::not_possible(*scenario, elsewhere); !elsewhere.empty() && !why.empty()) {
+    program::complain("ballast", why);
     return program::kExitUsage;
   }
   auto params = std::make_unique<firmware::ControllerParams>();

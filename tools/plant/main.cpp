@@ -3,6 +3,7 @@
 #include <iostream>
 
 #include "tools/program/program.h"
+#include "tools/sil/faulty_peers.h"
 #include "tools/sil/lcm_peers.h"
 #include "tools/sil/record_run.h"
 
@@ -28,6 +29,10 @@ int main(int argc, char** argv) {
   const auto scenario = program::load_scenario(scenario_options);
   if (!scenario) return program::kExitUsage;
 
+  if (const std::string why = sil::FaultyPeers::not_possible(*scenario, "in three processes"); !why.empty()) {
+    program::complain("ballast-plant", why);
+    return program::kExitUsage;
+  }
   if (record.speed > 0 && 2 * scenario->run.control_period_s / record.speed > bus_options.peer_timeout_s) {
     program::complain("ballast-plant",
                       "--speed: at this pace a tick takes more than half the peer timeout; give all processes a longer "

@@ -17,11 +17,18 @@ struct Lap {
   std::optional<operator_t> command;  // what the run itself says as operator in this tick
   std::vector<operator_t> heard;      // what people and tools on the bus said since the last
   PlantMessages plant;
-  std::optional<trip_t> verdict;  // in a replay: what the monitor said; no monitor of today's is asked
+  bool replayed = false;          // no monitor of today's is asked:
+  std::optional<trip_t> verdict;  // in a replay: what the monitor said; none: nothing
   trip_t trip{};
   bool has_controller = true;  // false in prescribed runs: the next two stay empty
   controller_status_t status{};
   step_command_t steps{};  // of the next tick
+
+  // Peers made to suffer (faulty_peers.h). Who is silent has said nothing in this tick: trip, or status and steps, mean
+  // nothing. Who is slow says now what belongs to an earlier tick.
+  bool monitor_silent = false, controller_silent = false;
+  bool steps_injured = false;               // on their way to the motors; then
+  std::optional<step_command_t> delivered;  // is what came of them: of the next tick, or nothing
 };
 
 // What came over a bus and was not used.

@@ -55,11 +55,6 @@ void OutputDir::clear() {
   if (fs::is_directory(box, code)) fs::remove(box, code);
 }
 
-void OutputDir::remove_log() {
-  std::error_code code;
-  if (fs::is_regular_file(log_path(), code)) fs::remove(log_path(), code);
-}
-
 bool OutputDir::fail(const std::string& why) {
   error_ = why;
   return false;

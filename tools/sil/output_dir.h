@@ -21,8 +21,6 @@ class OutputDir {
 
   // Takes away what an earlier run has left, so that no file there speaks of another run than the log.
   void clear();
-  // For a log that could not be written whole.
-  void remove_log();
   // All of it or nothing. False: error() says why.
   bool write(const std::string& name, const std::string& text);
   // Always false: error() says it.

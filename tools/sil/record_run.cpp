@@ -55,6 +55,9 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     return fail(output.error());
   Recorder recorder(output.log_path(), options.bus, options.unbuffered, options.run_id);
   if (!recorder.good()) return fail(recorder.error());
+  for (const sim::Fault& fault : scenario.faults) {
+    if (fault.kind == sim::FaultKind::kDiskFull) recorder.disk_full_from(fault.time_s);
+  }
 
   RunOptions run_options{.speed = options.speed,
                          .interrupted = options.interrupted,
@@ -70,8 +73,7 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   }
   const bool log_whole = recorder.close();
   if (!log_whole) {
-    output.remove_log();
-    return fail(recorder.error());
+    return fail(recorder.error() + "; the log holds what could be written before that");
   }
   if (!result.refusal.empty()) {
     program::complain(program_name, "the controller refuses the move: " + result.refusal);

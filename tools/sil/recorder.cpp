@@ -28,6 +28,10 @@ Recorder::~Recorder() { close(); }
 
 void Recorder::write(const char* channel, std::int64_t utime) {
   if (!good()) return;
+  if (utime >= full_utime_) {
+    error_ = log_path_ + ": cannot be written: " + std::strerror(ENOSPC);
+    return;
+  }
   if (log_ != nullptr) {
     lcm_eventlog_event_t event{};
     event.timestamp = utime;
@@ -50,7 +54,8 @@ void Recorder::publish(const char* channel) {
 
 bool Recorder::close() {
   if (log_ == nullptr) return good();
-  if (good() && (std::fflush(log_->f) != 0 || std::ferror(log_->f) != 0)) {
+  // What was written before anything failed is worth keeping, as far as there is room for it.
+  if ((std::fflush(log_->f) != 0 || std::ferror(log_->f) != 0) && good()) {
     error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
   }
   lcm_eventlog_destroy(log_);

@@ -2,8 +2,10 @@
 // one.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <deque>
+#include <limits>
 #include <lcm/lcm-cpp.hpp>
 #include <string>
 #include <vector>
@@ -40,6 +42,9 @@ class Recorder {
     write(channel, utime);
   }
 
+  // From this simulated time on the disk has no room: nothing more is written, and what is asked for is an error.
+  void disk_full_from(double time_s) { full_utime_ = static_cast<std::int64_t>(std::llround(time_s * 1e6)); }
+
   // Between two laps, so that the log's end can be cut off at the beginning of one.
   void begin_lap() {
     if (laps_++ % kTailStride != 0) return;
@@ -71,6 +76,7 @@ class Recorder {
   bool flush_;
   std::int64_t run_id_;
   std::vector<char> buffer_;
+  std::int64_t full_utime_ = std::numeric_limits<std::int64_t>::max();
   std::int64_t bytes_ = 0, laps_ = 0;
   std::deque<std::int64_t> tail_;
   std::string error_;

@@ -2,8 +2,10 @@
 
 #include <cstring>
 #include <deque>
+#include <utility>
 
 #include "hal/lcm/channels.h"
+#include "tools/sil/faulty_peers.h"
 #include "tools/sil/log_reader.h"
 #include "tools/sil/recorder.h"
 
@@ -38,6 +40,8 @@ struct RecordedLap {
 
   [[nodiscard]] bool empty() const { return !contact && !state && !sensors && !trip && !status && !steps; }
   [[nodiscard]] bool complete() const { return contact && state && sensors && trip && status && steps; }
+  // All that there has to be of a tick whose peers may be silent or late.
+  [[nodiscard]] bool has_inputs() const { return contact && state && sensors && status.has_value() == steps.has_value(); }
   [[nodiscard]] const char* missing() const {
     return !contact   ? hal::kChannelContact
            : !state   ? hal::kChannelPlantState
@@ -51,7 +55,9 @@ struct RecordedLap {
 // Lap after lap of a log, and before them all that operators have said in it.
 class RecordedRun {
  public:
-  explicit RecordedRun(const std::string& path) : reader_(path) {
+  // `peers_answer`: every tick has a verdict, a status and a step command of that tick. Otherwise, in the log of a run
+  // with faults, a tick is what the recorder has put down between one contact and the next.
+  RecordedRun(const std::string& path, bool peers_answer) : reader_(path), peers_answer_(peers_answer) {
     LogReader first(path);
     LogEvent event;
     operator_t message{};
@@ -62,6 +68,7 @@ class RecordedRun {
 
   // False: there are no more whole laps; trouble() says why the log cannot be used, end() what is left over.
   bool next(RecordedLap& lap) {
+    if (!peers_answer_) return next_as_recorded(lap);
     lap = RecordedLap();
     for (LogEvent event; trouble_.empty() && reader_.next(event);) {
       if (!put(event, lap)) return false;
@@ -84,6 +91,39 @@ class RecordedRun {
   [[nodiscard]] std::size_t commands_left() const { return commands_.size(); }
 
  private:
+  bool next_as_recorded(RecordedLap& lap) {
+    lap = std::exchange(ahead_, RecordedLap());
+    for (LogEvent event; trouble_.empty() && reader_.next(event);) {
+      contact_t contact{};
+      bool good = true;
+      if (event.channel == hal::kChannelContact && take(event, contact)) {
+        (lap.empty() ? lap : ahead_).contact = contact;
+        if (ahead_.contact) return whole(lap);
+      }
+      if (event.channel == hal::kChannelPlantState) good = take_one(event, lap.state);
+      if (event.channel == hal::kChannelSensors) good = take_one(event, lap.sensors);
+      if (event.channel == hal::kChannelTrip) good = take_one(event, lap.trip);
+      if (event.channel == hal::kChannelControllerStatus) good = take_one(event, lap.status);
+      if (event.channel == hal::kChannelStepCommand) good = take_one(event, lap.steps);
+      if (!good && trouble_.empty()) trouble_ = event.channel + ": twice in one tick: no log of a run with faults";
+    }
+    if (trouble_.empty() && !reader_.error().empty()) trouble_ = reader_.error();
+    if (!reader_.damage().empty()) end_ = reader_.damage();
+    return trouble_.empty() && !lap.empty() && whole(lap);
+  }
+  template <class M>
+  bool take_one(const LogEvent& event, std::optional<M>& slot) {
+    M message{};
+    if (slot || !take(event, message)) return false;
+    slot = message;
+    return true;
+  }
+  bool whole(const RecordedLap& lap) {
+    if (lap.has_inputs()) return true;
+    if (end_.empty()) end_ = std::string("its last tick is not whole: no ") + lap.missing();
+    return false;
+  }
+
   template <class M>
   bool take(const LogEvent& event, M& message) {
     if (!hal::decode(event.data.data(), event.data.size(), message)) {
@@ -138,6 +178,8 @@ class RecordedRun {
   }
 
   LogReader reader_;
+  bool peers_answer_;
+  RecordedLap ahead_;  // of a log with faults: what has been read of the next tick
   std::deque<operator_t> commands_;
   std::optional<std::int64_t> tick_;  // of the last whole lap
   std::string trouble_, end_;
@@ -168,7 +210,7 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
                     const std::string& replayed_log, const ReplayOptions& options) {
   using End = ReplayResult::End;
   ReplayResult result;
-  RecordedRun recorded(log_path);
+  RecordedRun recorded(log_path, !FaultyPeers::needed(scenario));
   if (peers.connect() != hal::Status::kOk) return failed(result, End::kFailed, peers.trouble());
   Recorder recorder(replayed_log);
   std::int64_t given = 0;
@@ -176,7 +218,7 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
   for (RecordedLap was; recorded.next(was);) {
     const std::int64_t tick = was.sensors->tick;
     if (tick > options.until_tick) break;
-    const std::int64_t counted = was.status->operator_commands;
+    const std::int64_t counted = was.status ? was.status->operator_commands : given;
     const auto unusable = [&](const std::string& why) {
       return failed(result, End::kUnusable, log_path + ": tick " + std::to_string(tick) + ": " + why);
     };
@@ -189,7 +231,8 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
     }
     Lap lap;
     lap.plant = {*was.contact, *was.state, *was.sensors};
-    lap.verdict = *was.trip;
+    lap.replayed = true;
+    lap.verdict = was.trip;
     if (counted > given) {
       lap.command = recorded.next_command();
       if (!lap.command) return unusable("the controller was given a command that is not in the log");
@@ -201,18 +244,20 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
     recorder.record(hal::kChannelContact, *was.contact);
     recorder.record(hal::kChannelPlantState, *was.state);
     recorder.record(hal::kChannelSensors, *was.sensors);
-    recorder.record(hal::kChannelTrip, *was.trip);
-    recorder.record(hal::kChannelControllerStatus, lap.status);
-    recorder.record(hal::kChannelStepCommand, lap.steps);
+    if (was.trip) recorder.record(hal::kChannelTrip, *was.trip);
+    if (!lap.controller_silent) recorder.record(hal::kChannelControllerStatus, lap.status);
+    if (!lap.controller_silent) recorder.record(hal::kChannelStepCommand, lap.steps);
     if (!recorder.good()) return failed(result, End::kFailed, recorder.error());
 
     if (result.ticks++ == 0) result.first_tick = tick;
     result.last_tick = tick;
-    if (!same_bytes(lap.status, *was.status) || !same_bytes(lap.steps, *was.steps)) {
+    const bool answered = !lap.controller_silent;
+    if (answered != was.status.has_value() ||
+        (answered && (!same_bytes(lap.status, *was.status) || !same_bytes(lap.steps, *was.steps)))) {
       ++result.ticks_that_differ;
       if (!result.first_difference) result.first_difference = tick;
     }
-    if (lap.status.mode == controller_status_t::MODE_TRIPPED && !result.trip) result.trip = lap.status;
+    if (answered && lap.status.mode == controller_status_t::MODE_TRIPPED && !result.trip) result.trip = lap.status;
     last = was.sensors->last != 0;
     if (last) break;
     if (options.interrupted != nullptr && *options.interrupted != 0) {

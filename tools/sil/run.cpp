@@ -7,6 +7,8 @@
 #include <thread>
 
 #include "tools/sil/controller_words.h"
+#include "tools/sil/sensor_faults.h"
+#include "tools/sil/step_ledger.h"
 
 namespace ballast::sil {
 
@@ -24,8 +26,8 @@ void record(Recorder& recorder, const Lap& lap) {
   recorder.record(hal::kChannelContact, lap.plant.contact);
   recorder.record(hal::kChannelPlantState, lap.plant.state);
   recorder.record(hal::kChannelSensors, lap.plant.sensors);
-  recorder.record(hal::kChannelTrip, lap.trip);
-  if (!lap.has_controller) return;
+  if (!lap.monitor_silent) recorder.record(hal::kChannelTrip, lap.trip);
+  if (!lap.has_controller || lap.controller_silent) return;
   recorder.record(hal::kChannelControllerStatus, lap.status);
   recorder.record(hal::kChannelStepCommand, lap.steps);
 }
@@ -153,6 +155,10 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   std::optional<StepTimingCheck> step_check;
   if (options.check_steps && has_controller) step_check.emplace(scenario);
   std::deque<step_command_t> history;
+  SensorFaults sensor_faults(scenario);
+  StepLedger ledger;
+  std::int64_t silent_ticks = 0;       // of the controller, on end
+  std::int64_t operator_commands = 0;  // as it counted them last
 
   // What is known at the end, good or bad.
   const auto finished = [&] {
@@ -174,6 +180,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       result.motor_energy[i] = plant.motor_energy(static_cast<int>(i));
       result.motors[i].steps_behind = plant.motor_steps_behind(static_cast<int>(i));
       result.motors[i].slips = plant.motor_slips(static_cast<int>(i));
+      result.motors[i].undelivered_steps = ledger.missing(i);
     }
     if (step_check) result.step_timing = step_check->record();
     return result;
@@ -197,6 +204,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     Lap lap;
     lap.has_controller = has_controller;
     lap.plant = plant_messages(scenario, sample, tick, last, commanded);
+    sensor_faults.suffer(sample.time_s, lap.plant.sensors);
     if (tick < 0 && !(options.by_hand && tick > -kCountdown)) {
       firmware::OperatorInput input = firmware::OperatorCommand::kArm;
       if (tick > -kCountdown) input = firmware::OperatorCommand::kStart;
@@ -213,10 +221,33 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     if (options.observe) options.observe(lap, sample);
     result.last_tick = tick;
     result.operators_heard = result.operators_heard || !lap.heard.empty();
-    if (has_controller) {
+    const auto lost = [&](const std::string& why) {
+      result.status = hal::Status::kPeerLost;
+      result.trouble = why;
+      return finished();
+    };
+    if (!lap.monitor_silent) {
+      if (result.trip.tripped != 0 && lap.trip.tripped == 0) {
+        return lost("the monitor takes back its trip (tick " + std::to_string(tick) + "): it was started again");
+      }
+      result.trip = lap.trip;
+    }
+    const bool answered = has_controller && !lap.controller_silent;
+    heard.reset();
+    if (answered) {
+      silent_ticks = 0;
       heard = lap.status;
       plans.see(lap, result);
       result.motor_share.see(lap.plant.contact);
+      if (lap.status.operator_commands < operator_commands) {
+        return lost("the controller was started again: in tick " + std::to_string(lap.status.tick) + " it counts " +
+                    std::to_string(lap.status.operator_commands) + " commands, and " +
+                    std::to_string(operator_commands) + " before");
+      }
+      operator_commands = lap.status.operator_commands;
+    } else if (has_controller && ++silent_ticks == kGivenUpTicks) {
+      return lost("controller lost: silent for " + std::to_string(kGivenUpTicks) + " ticks at tick " +
+                  std::to_string(tick));
     }
     if (tick == -1 && options.move && lap.status.refusal != controller_status_t::REFUSAL_NONE &&
         lap.trip.tripped == 0 && lap.status.faults == 0) {
@@ -240,31 +271,50 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       return finished();
     }
 
-    if (has_controller) {
+    if (answered) {
       if (history.size() == kHistoryTicks) history.pop_front();
       history.push_back(lap.steps);
     }
     if (options.move && tick >= -1 && !move_done_tick && lap.status.mode == controller_status_t::MODE_ARMED) {
       move_done_tick = tick + 2;
     }
-    result.trip = lap.trip;
     // A controller that is still disarmed has nothing to stop, and will not start.
     const bool stopping =
-        has_controller && (lap.status.mode == controller_status_t::MODE_TRIPPED ||
-                           (lap.status.mode == controller_status_t::MODE_DISARMED && lap.trip.tripped != 0));
+        answered && (lap.status.mode == controller_status_t::MODE_TRIPPED ||
+                     (lap.status.mode == controller_status_t::MODE_DISARMED && result.trip.tripped != 0));
     if (stopping) {
-      if (lap.trip.tripped != 0 && !result.latency_ticks) result.latency_ticks = tick + 1 - lap.trip.trip_tick;
+      if (result.trip.tripped != 0 && !result.latency_ticks) result.latency_ticks = tick + 1 - result.trip.trip_tick;
       if (!result.controller_trip) {
         result.controller_trip = {
             lap.status.faults, tick, plant.time_s(), lap.status, lap.plant.sensors, {history.begin(), history.end()}};
       }
       // At rest from the next tick on, whose steps are still to be executed.
       if (lap.status.at_rest != 0 && !stop_done_tick) stop_done_tick = tick + 2;
-    } else if (!has_controller && lap.trip.tripped != 0 && !result.latency_ticks) {
-      result.latency_ticks = tick - lap.trip.trip_tick;
+    } else if (!has_controller && result.trip.tripped != 0 && !result.latency_ticks) {
+      result.latency_ticks = tick - result.trip.trip_tick;
     }
 
-    if (step_check && (!step_check->see(lap.status, lap.steps) || (last && !step_check->finish()))) {
+    // The steps of the next tick, as they reach the motors.
+    step_command_t next_due{};
+    if (has_controller) {
+      if (lap.steps_injured) {
+        next_due = lap.delivered.value_or(step_command_t{});
+      } else if (answered) {
+        next_due = lap.steps;
+      }
+      std::string wrong = StepLedger::fault_of(next_due);
+      if (next_due.tick != tick + 1 || !wrong.empty()) {
+        ++result.missing_commands;
+        next_due = step_command_t{};
+      } else if (!ledger.enter(next_due)) {
+        wrong = ledger.text();
+      }
+      // Somebody has noticed already: how the stop goes on is worth seeing.
+      const bool tripped = stopping || result.trip.tripped != 0;
+      if (!wrong.empty() && !tripped) return lost(wrong);
+    }
+
+    if (step_check && answered && (!step_check->see(lap.status, lap.steps) || (last && !step_check->finish()))) {
       result.end_reason = EndReason::kStepTiming;
       break;
     }
@@ -287,8 +337,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       pulse_record.add(start_s, plant.time_s(), pulses);
       ++result.ticks;
     }
-    due = lap.steps;
-
+    due = next_due;
     if (options.speed > 0 && tick >= 0) {
       std::this_thread::sleep_until(wall_start + std::chrono::duration_cast<Clock::duration>(
                                                      std::chrono::duration<double>(plant.time_s() / options.speed)));

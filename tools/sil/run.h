@@ -17,6 +17,9 @@
 
 namespace ballast::sil {
 
+// A controller that says nothing for so many ticks is given up. Long before that the monitor has tripped.
+inline constexpr std::int64_t kGivenUpTicks = 100;
+
 enum class EndReason { kCompleted, kSlipped, kDetached, kTripped, kInconsistent, kStepTiming };
 const char* to_string(EndReason reason);
 
@@ -24,7 +27,8 @@ struct MotorRecord {
   std::int64_t steps = 0;       // pulses executed, both directions counted up
   double max_step_rate_hz = 0;  // from the closest two pulses
   double steps_behind = 0;      // at the end: microsteps commanded less those the rotor has made, in the positive sense
-  std::int64_t slips = 0;       // of the rotor from tooth to tooth, forth and back
+  std::int64_t undelivered_steps = 0;  // microsteps the controller counts, and this motor has not been given
+  std::int64_t slips = 0;              // of the rotor from tooth to tooth, forth and back
 };
 
 // When the controller went to kTripped, or saw a trip while still disarmed, and the faults it had then (bits of
@@ -70,6 +74,7 @@ struct RunResult {
   std::optional<PlanRecord> move, stop;         // the last of each
   bool operators_heard = false;                 // somebody beside the run itself
   std::int64_t last_tick = 0;                   // in the log
+  std::int64_t missing_commands = 0;            // ticks for which no step command reached the motors
   RefusedMessages refused;                      // what came over the bus and was not used
   std::string refusal;                          // the controller refused the move: which, and why; nothing ran
   std::int64_t ticks = 0;                       // control periods simulated
@@ -97,6 +102,11 @@ struct RunOptions {
 // plant executes what
 // the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed; so does a move that
 // was asked for instead of the start, once its last step is executed and the masses rest: completed.
+//
+// It ends as kPeerLost where what it hears cannot be of one controller and one monitor that hear it: the controller has
+// been started again (it counts fewer commands than before), the monitor takes a trip back, the controller counts steps
+// that the motors have not been given (not during the stop after a trip: then the record keeps how many), or it has
+// been silent for kGivenUpTicks.
 RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options);
 
 }  // namespace ballast::sil

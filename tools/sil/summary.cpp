@@ -77,6 +77,24 @@ const char* overload_unit(int error) {
   }
 }
 
+Json fault_json(const sim::Fault& fault) {
+  const sim::FaultKindInfo& kind = info(fault.kind);
+  Json j{{"kind", kind.name}, {"layer", to_string(kind.layer)}, {"time", fault.time_s}};
+  j["end"] = std::isfinite(fault.end_s) ? Json(fault.end_s) : Json(nullptr);
+  j["value"] = kind.value_means[0] != '\0' ? Json(fault.value) : Json(nullptr);
+  if (!fault.channel.empty()) j["channel"] = fault.channel;
+  if (fault.peer) j["peer"] = to_string(*fault.peer);
+  if (kind.layer == sim::FaultLayer::kSensor) {
+    j["sensor"] = to_string(fault.sensor);
+    if (fault.axis >= 0) j["axis"] = fault.axis;
+  }
+  if (kind.layer == sim::FaultLayer::kMotor) j["mass"] = fault.mass;
+  if (fault.kind == sim::FaultKind::kPush) {
+    j["direction"] = {fault.direction_W[0], fault.direction_W[1], fault.direction_W[2]};
+  }
+  return j;
+}
+
 Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json plan_json(const std::optional<PlanRecord>& plan) {
@@ -250,6 +268,12 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                   {"kinetic_friction", finite_or_null(scenario.surface.kinetic_friction)}};
   j["envelope"] = {{"min_normal_force", scenario.envelope.min_normal_force_n},
                    {"friction_use", scenario.envelope.friction_use}};
+  // Only of runs made to suffer, so that the others' summaries stay what they were.
+  if (!scenario.faults.empty()) {
+    j["faults"] = Json::array();
+    for (const sim::Fault& fault : scenario.faults) j["faults"].push_back(fault_json(fault));
+    j["missing_commands"] = result.missing_commands;
+  }
   j["end"] = {{"reason", to_string(result.end_reason)}, {"time", f.time_s}};
   if (!result.end_text.empty()) j["end"]["text"] = result.end_text;
   if (result.end_reason == EndReason::kTripped) j["end"]["masses_at_rest"] = result.masses_rested;
@@ -393,6 +417,11 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
       break;
   }
   text += "\n";
+  for (const sim::Fault& fault : scenario.faults) text += "  suffered    " + to_string(fault) + "\n";
+  if (result.missing_commands > 0) {
+    text += format("  WARNING     in %lld ticks no step command reached the motors: they stood\n",
+                   static_cast<long long>(result.missing_commands));
+  }
   if (result.regimes.size() > 1 || result.regimes.front().regime != sim::Regime::kRolling) {
     constexpr std::size_t kShown = 8;
     text += "  regimes     ";

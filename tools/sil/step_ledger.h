@@ -1,0 +1,32 @@
+// What the motors have been given, held against what the controller counts. A command that is lost on the way leaves
+// no trace anywhere else: motors have no encoders, and the controller believes that its steps are made.
+#pragma once
+
+#include <ballast/step_command_t.hpp>
+#include <cstdint>
+#include <string>
+
+namespace ballast::sil {
+
+class StepLedger {
+ public:
+  // The command whose pulses the motors are given next. Empty, or what is wrong with it: then it is not to be executed.
+  // What is looked at is that it says of its pulses what they are.
+  [[nodiscard]] static std::string fault_of(const step_command_t& command);
+
+  // Enters it. False: the controller counts other steps before this command than the motors have been given; text()
+  // says which, of the first such command.
+  bool enter(const step_command_t& command);
+
+  [[nodiscard]] bool whole() const { return text_.empty(); }
+  [[nodiscard]] const std::string& text() const { return text_; }
+  // Microsteps of a motor that the controller counts and the motor has not been given, as of the last command.
+  [[nodiscard]] std::int64_t missing(std::size_t motor) const { return missing_[motor]; }
+
+ private:
+  std::int64_t given_[8]{};
+  std::int64_t missing_[8]{};
+  std::string text_;
+};
+
+}  // namespace ballast::sil
