@@ -11,7 +11,7 @@
 #include <memory>
 
 #include "tools/program/params.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/sil/faulty_peers.h"
 
 namespace ballast::soak {
 namespace {
@@ -30,18 +30,18 @@ struct Recorded {
   sil::RunResult result;
   std::string log;  // its bytes
 
-  explicit Recorded(const std::vector<std::string>& overrides) {
-    const auto read = sim::read_scenario(BALLAST_SCENARIO_DIR "/paper_ball.toml", overrides);
-    EXPECT_TRUE(read.ok());
+  explicit Recorded(const std::vector<std::string>& overrides, const std::vector<std::string>& faults = {}) {
+    const auto read = sim::read_scenario(BALLAST_SOURCE_DIR "/sim/scenarios/paper_ball.toml", overrides, faults);
+    for (const auto& error : read.errors) ADD_FAILURE() << to_string(error);
     scenario = read.scenario;
     auto params = std::make_unique<firmware::ControllerParams>();
     EXPECT_FALSE(program::to_controller_params(scenario, *params));
-    sil::InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
+    const auto peers = sil::peers_in_process(scenario, params.get(), program::to_monitor_limits(scenario));
     const std::string path = testing::TempDir() + "soak-recorded-" + std::to_string(getpid()) + ".lcmlog";
     sil::Recorder recorder(path);
     sil::RunOptions options;
     options.observe = [this](const sil::Lap& lap, const sim::Plant::Sample& truth) { ticks.push_back({lap, truth}); };
-    result = sil::run(scenario, peers, recorder, options);
+    result = sil::run(scenario, *peers, recorder, options);
     EXPECT_TRUE(recorder.close());
     std::ifstream file(path, std::ios::binary);
     log.assign(std::istreambuf_iterator<char>(file), {});
@@ -133,6 +133,19 @@ TEST(Invariants, AControllerThatGoesOnAfterATrip) {
   EXPECT_EQ(but_logged(tripped().broken(
                 [](Recorded& run) { run.ticks[run.trip()].lap.status.mode = controller_status_t::MODE_RUNNING; })),
             Which{Invariant::kObeyed});
+}
+
+// Whose messages are injured may be heard a tick late, and no later.
+TEST(Invariants, PeersThatSuffer) {
+  const Recorded suffering({"duration=0.5"}, {"messages_doubled@0.3:channel=BALLAST_STEP_COMMAND"});
+  ASSERT_EQ(suffering.broken(), Which{}) << suffering.words_;
+  const auto outside_for = [&](std::size_t ticks) {
+    return suffering.broken([&](Recorded& run) {
+      for (std::size_t k = 100; k < 100 + ticks; ++k) run.ticks[k].truth.normal_force_n = 0;
+    });
+  };
+  EXPECT_FALSE(has(outside_for(1), Invariant::kDetected));
+  EXPECT_TRUE(has(outside_for(2), Invariant::kDetected));
 }
 
 TEST(Invariants, ATripTakenBack) {
@@ -299,6 +312,17 @@ TEST(Invariants, AnotherLogHasAnotherHash) {
   };
   EXPECT_EQ(hash(completed()), hash(Recorded({"duration=0.5"})));
   EXPECT_NE(hash(completed()), hash(Recorded({"duration=0.5", "seed=1"})));
+}
+
+// What the docs say must hold is what the code says.
+TEST(Invariants, AreThoseOfTheDocs) {
+  std::ifstream file(BALLAST_SOURCE_DIR "/tools/soak/README.md");
+  const std::string readme(std::istreambuf_iterator<char>(file), {});
+  for (int i = 0; i < kInvariantCount; ++i) {
+    const InvariantText& text = text_of(static_cast<Invariant>(i));
+    const std::string row = std::string("| `") + text.name + "` | " + text.statement + " |";
+    EXPECT_NE(readme.find(row), std::string::npos) << row;
+  }
 }
 
 }  // namespace

@@ -10,7 +10,7 @@
 #include <memory>
 
 #include "tools/program/params.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/sil/faulty_peers.h"
 #include "tools/sil/recorder.h"
 #include "tools/sil/summary.h"
 
@@ -49,9 +49,12 @@ Run run(const sim::Scenario& scenario) {
     }
   }
   const MemoryFile log;
-  sil::InProcessPeers peers(has_controller ? params.get() : nullptr, program::to_monitor_limits(scenario),
-                            scenario.run.control_period_s);
+  const auto peers =
+      sil::peers_in_process(scenario, has_controller ? params.get() : nullptr, program::to_monitor_limits(scenario));
   sil::Recorder recorder(log.path());
+  for (const sim::Fault& fault : scenario.faults) {
+    if (fault.kind == sim::FaultKind::kDiskFull) recorder.disk_full_from(fault.time_s);
+  }
   Invariants invariants(scenario);
   volatile std::sig_atomic_t enough = 0;
   sil::RunOptions options;
@@ -60,7 +63,7 @@ Run run(const sim::Scenario& scenario) {
     invariants.see(lap, truth);
     if (invariants.endless()) enough = 1;
   };
-  run.result = sil::run(scenario, peers, recorder, options);
+  run.result = sil::run(scenario, *peers, recorder, options);
   recorder.close();
   invariants.finish(run.result, log.path());
   run.broken = invariants.broken();
