@@ -22,7 +22,7 @@ struct SeverityText {
   const char* severe;
 };
 
-// Of each kind, in the order of FaultKind; what draw() below draws.
+// Of each kind, in the order of FaultKind; what FaultDraw draws.
 constexpr SeverityText kSeverities[] = {
     {"for one tick", "all of a channel"},                                       // messages_dropped
     {"1 tick late, for one tick", "2 to 20 ticks late"},                        // messages_delayed
@@ -52,9 +52,9 @@ constexpr SeverityText kSeverities[] = {
     {"for good", "for good"},                                                   // disk_full
 };
 
-class Draw {
+class FaultDraw {
  public:
-  Draw(const sim::Scenario& scenario, Random& random)
+  FaultDraw(const sim::Scenario& scenario, Random& random)
       : scenario_(scenario),
         random_(random),
         has_controller_(scenario.run.actuation == sim::Actuation::kStepper),
@@ -127,8 +127,7 @@ class Draw {
     const bool saturates = kind == FaultKind::kSensorSaturation, whole = kind == FaultKind::kSensorNan;
     if (kind == FaultKind::kSensorFreeze && has_motors_ && random_.chance(0.2)) {
       sensor_ = FaultSensor::kLimitSwitch;
-      const std::string out = line("sensor", quoted("limit_switch"));
-      return out + line("mass", std::to_string(mass()));
+      return line("sensor", quoted("limit_switch"));
     }
     sensor_ = saturates ? random_.one_of({FaultSensor::kGyro, FaultSensor::kAccelerometer})
                         : random_.one_of({FaultSensor::kOrientation, FaultSensor::kGyro, FaultSensor::kAccelerometer});
@@ -288,7 +287,7 @@ const char* severity_text(sim::FaultKind kind, int severity) {
 
 std::vector<RandomFault> random_faults(const sim::Scenario& scenario, Random& random) {
   static_assert(std::size(kSeverities) == static_cast<std::size_t>(FaultKind::kDiskFull) + 1);
-  Draw draw(scenario, random);
+  FaultDraw draw(scenario, random);
   std::vector<sim::FaultKindInfo> kinds;
   std::ranges::copy_if(sim::fault_kinds(), std::back_inserter(kinds), [&](const auto& k) { return draw.applies(k); });
   std::vector<RandomFault> faults;
@@ -303,7 +302,7 @@ std::vector<RandomFault> random_faults(const sim::Scenario& scenario, Random& ra
 }
 
 RandomFault random_fault(const sim::Scenario& scenario, FaultKind kind, int severity, Random& random) {
-  Draw draw(scenario, random);
+  FaultDraw draw(scenario, random);
   const double time_s = draw.time_s(0.1 * scenario.duration_s, 0.5 * scenario.duration_s);
   return draw.fault(sim::info(kind), severity, time_s);
 }
