@@ -3,7 +3,10 @@
 
 #include <cmath>
 #include <cstdio>
+#include <fstream>
+#include <iterator>
 
+#include "sim/fault.h"
 #include "tests/sil/into_its_stop.h"
 #include "tests/sil/shell.h"
 
@@ -483,7 +486,67 @@ TEST(Run, AFullDiskIsReportedAndLeavesNoSummary) {
   EXPECT_EQ(run.exit_status, 2);
   EXPECT_NE(run.err.find("run.lcmlog"), std::string::npos) << run.err;
   EXPECT_FALSE(std::filesystem::exists(folder / "r/summary.json"));
-  EXPECT_FALSE(std::filesystem::exists(folder / "r/run.lcmlog"));
+  // What there was room for is kept: readers take a log that is cut off.
+  EXPECT_TRUE(std::filesystem::exists(folder / "r/run.lcmlog"));
+}
+
+TEST(Faults, AreListedAndEachOfThemIsInTheReadme) {
+  const Folder folder;
+  const Outcome list = folder.run("ballast faults");
+  EXPECT_EQ(list.exit_status, 0) << list.err;
+  std::ifstream readme(BALLAST_SIM_README);
+  const std::string text{std::istreambuf_iterator<char>(readme), {}};
+  int kinds = 0;
+  for (const sim::FaultKindInfo& kind : sim::fault_kinds()) {
+    EXPECT_NE(list.out.find(std::string("  ") + kind.name + " "), std::string::npos) << kind.name;
+    // By its name, or by the end of it after another of its family: `peer_killed`, `_frozen`.
+    const std::string name = kind.name;
+    const std::string end = "`" + name.substr(name.find('_')) + "`";
+    EXPECT_TRUE(text.find("`" + name + "`") != std::string::npos || text.find(end) != std::string::npos) << name;
+    ++kinds;
+  }
+  EXPECT_EQ(kinds, 26);
+}
+
+TEST(Faults, AreRunAndWrittenDown) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run paper_ball --set duration=1 --fault sensor_bias@0.5:0.1,axis=1 --out r");
+  EXPECT_EQ(run.exit_status, 0) << run.err;
+  EXPECT_NE(run.out.find("suffered    sensor_bias at 0.5 s"), std::string::npos) << run.out;
+  EXPECT_EQ(folder.run("ballast run r/scenario.toml --out again --quiet").exit_status, 0);
+  EXPECT_EQ(folder.run("cmp r/run.lcmlog again/run.lcmlog").exit_status, 0);
+  EXPECT_EQ(folder.run("ballast replay r --verify").exit_status, 0);
+}
+
+// Exit statuses, and what is said; never ignored.
+TEST(Faults, EndAsTheySay) {
+  const Folder folder;
+  struct Case {
+    const char* arguments;
+    int exit_status;
+    const char* said;
+  };
+  const Case cases[] = {
+      {"ballast run paper_ball --fault motor_stal@1", 1, "did you mean motor_stall?"},
+      {"ballast check paper_ball --fault motor_stal@1", 1, "did you mean motor_stall?"},
+      {"ballast run paper_ball --actuation prescribed --fault motor_stall@1", 1, "no motors"},
+      {"ballast run paper_ball --fault peer_killed@1 --processes", 1, "cannot be had with --processes"},
+      {"ballast run paper_ball --fault peer_killed@1 --firmware qemu", 1, "cannot be had with --firmware qemu"},
+      {"ballast run paper_ball --fault peer_killed@1 --check-steps", 1, "cannot be had with --check-steps"},
+      {"ballast friction paper_ball --fault push@1:1", 1, "not with ballast friction"},
+      {"ballast integrate paper_ball --fault push@1:1", 1, "knows no faults"},
+      {"ballast run paper_ball --fault peer_killed@1 --out a", 2, "controller lost"},
+      {"ballast run paper_ball --fault peer_killed@1:peer=monitor --out b", 3, ""},
+      {"ballast run paper_ball --fault controller_overrun@1 --out c", 6, "overruns"},
+      {"ballast run paper_ball --fault disk_full@1 --out d", 2, "No space left"},
+  };
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.arguments);
+    const Outcome run = folder.run(c.arguments);
+    EXPECT_EQ(run.exit_status, c.exit_status) << run.err;
+    EXPECT_NE(run.err.find(c.said), std::string::npos) << run.err;
+  }
+  EXPECT_GT(std::filesystem::file_size(folder / "d/run.lcmlog"), 100'000u);
 }
 
 // The program that draws stands beside this one, wherever that is: here in a folder a shell's line has to quote.

@@ -122,6 +122,7 @@ TEST(PlantMessages, EveryNumberIsInItsPlace) {
   sample.center_of_mass_B_m = {14, 15, 16};
   sample.normal_force_min_n = 17;
   sample.mu_required_max = 18;
+  sample.floor_static_friction = s.surface.static_friction;
   for (std::size_t i = 0; i < sim::kMaxMasses; ++i) {
     const auto x = static_cast<double>(i);
     sample.mass_position[i] = 20 + x;

@@ -60,7 +60,8 @@ int integrate(IntegrateCommand command) {
   const auto scenario = program::load_scenario(command.scenario);
   if (!scenario) return program::kExitUsage;
   if (!scenario->faults.empty()) {
-    return refuse(program::kExitUsage, to_string(scenario->faults.front()) + ": ballast integrate knows no faults; allowed: ballast run");
+    return refuse(program::kExitUsage,
+                  to_string(scenario->faults.front()) + ": ballast integrate knows no faults; allowed: ballast run");
   }
   if (const auto how = integrators::why_not_rolling(*scenario); !how.empty()) {
     return refuse(program::kExitUsage, scenario->name + " starts " + how +

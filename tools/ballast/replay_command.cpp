@@ -145,7 +145,8 @@ int replay(const ReplayCommand& given) {
   const monitor::MonitorLimits limits = program::to_monitor_limits(*scenario);
   std::unique_ptr<sil::Peers> peers;
   if (command.firmware == "qemu") {
-    if (const auto why = sil::FaultyPeers::not_possible(*scenario, "with --firmware qemu"); !why.empty()) return refuse(why);
+    if (const auto why = sil::FaultyPeers::not_possible(*scenario, "with --firmware qemu"); !why.empty())
+      return refuse(why);
     sil::QemuPeersOptions qemu;
     qemu.qemu.elf = command.elf.empty() ? program::default_firmware(qemu.qemu.board) : command.elf;
     qemu.interrupted = command.replay.interrupted;

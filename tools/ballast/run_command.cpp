@@ -146,11 +146,12 @@ int run(const RunCommand& command) {
                                                        "steppers"));
     return program::kExitUsage;
   }
-  const std::string elsewhere = command.processes              ? "with --processes"
-                                : in_qemu                      ? "with --firmware " + command.firmware
-                                : command.record.check_steps   ? "with --check-steps"
-                                                               : "";
-  if (const std::string why = sil::FaultyPeers::not_possible(*scenario, elsewhere); !elsewhere.empty() && !why.empty()) {
+  const std::string elsewhere = command.processes            ? "with --processes"
+                                : in_qemu                    ? "with --firmware " + command.firmware
+                                : command.record.check_steps ? "with --check-steps"
+                                                             : "";
+  if (const std::string why = sil::FaultyPeers::not_possible(*scenario, elsewhere);
+      !elsewhere.empty() && !why.empty()) {
     program::complain("ballast", why);
     return program::kExitUsage;
   }

@@ -13,8 +13,9 @@ InProcessPeers::InProcessPeers(const firmware::ControllerParams* params, const m
 }
 
 hal::Status InProcessPeers::exchange(Lap& lap) {
-  lap.trip = lap.replayed ? *lap.verdict
-                          : monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, controller_tick_});
+  lap.trip = lap.replayed
+                 ? *lap.verdict
+                 : monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, controller_tick_});
   if (!controller_) return hal::Status::kOk;
 
   if (operator_bus_ != nullptr) {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstdint>
 #include <deque>
-#include <limits>
 #include <lcm/lcm-cpp.hpp>
+#include <limits>
 #include <string>
 #include <vector>
 

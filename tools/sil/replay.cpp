@@ -41,7 +41,9 @@ struct RecordedLap {
   [[nodiscard]] bool empty() const { return !contact && !state && !sensors && !trip && !status && !steps; }
   [[nodiscard]] bool complete() const { return contact && state && sensors && trip && status && steps; }
   // All that there has to be of a tick whose peers may be silent or late.
-  [[nodiscard]] bool has_inputs() const { return contact && state && sensors && status.has_value() == steps.has_value(); }
+  [[nodiscard]] bool has_inputs() const {
+    return contact && state && sensors && status.has_value() == steps.has_value();
+  }
   [[nodiscard]] const char* missing() const {
     return !contact   ? hal::kChannelContact
            : !state   ? hal::kChannelPlantState

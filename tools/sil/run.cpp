@@ -157,6 +157,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   std::deque<step_command_t> history;
   SensorFaults sensor_faults(scenario);
   StepLedger ledger;
+  std::int64_t commands_missed = 0;    // on end
   std::int64_t silent_ticks = 0;       // of the controller, on end
   std::int64_t operator_commands = 0;  // as it counted them last
 
@@ -306,8 +307,13 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       if (next_due.tick != tick + 1 || !wrong.empty()) {
         ++result.missing_commands;
         next_due = step_command_t{};
-      } else if (!ledger.enter(next_due)) {
-        wrong = ledger.text();
+        if (wrong.empty() && ++commands_missed > kAllowedMissedCommands) {
+          wrong = "no step command has reached the motors for " + std::to_string(commands_missed) + " ticks at tick " +
+                  std::to_string(tick);
+        }
+      } else {
+        commands_missed = 0;
+        if (!ledger.enter(next_due)) wrong = ledger.text();
       }
       // Somebody has noticed already: how the stop goes on is worth seeing.
       const bool tripped = stopping || result.trip.tripped != 0;

@@ -20,6 +20,9 @@ namespace ballast::sil {
 // A controller that says nothing for so many ticks is given up. Long before that the monitor has tripped.
 inline constexpr std::int64_t kGivenUpTicks = 100;
 
+// Of step commands on end; the steps of one are missed by the next one's count.
+inline constexpr std::int64_t kAllowedMissedCommands = 1;
+
 enum class EndReason { kCompleted, kSlipped, kDetached, kTripped, kInconsistent, kStepTiming };
 const char* to_string(EndReason reason);
 
@@ -105,8 +108,8 @@ struct RunOptions {
 //
 // It ends as kPeerLost where what it hears cannot be of one controller and one monitor that hear it: the controller has
 // been started again (it counts fewer commands than before), the monitor takes a trip back, the controller counts steps
-// that the motors have not been given (not during the stop after a trip: then the record keeps how many), or it has
-// been silent for kGivenUpTicks.
+// that the motors have not been given or more than kAllowedMissedCommands have not come (neither counts during the stop
+// after a trip: then the record keeps how many), or it has been silent for kGivenUpTicks.
 RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options);
 
 }  // namespace ballast::sil

@@ -304,6 +304,7 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                       {"energy", stepper ? energy_json(motor, result.motor_energy[i]) : Json(nullptr)},
                       {"end_stop", end_stop_json(result.end_stops[i])},
                       {"parameters", parameters_json(motor)}});
+    if (!scenario.faults.empty()) motors.back()["undelivered_steps"] = result.motors[i].undelivered_steps;
   }
   j["final"] = {{"mass_position", positions},
                 {"mass_velocity", velocities},

@@ -1,0 +1,452 @@
+// What a run is made to suffer: given a fault at t = 2 s on the desk robot, in full motion, when the run goes on, then
+// who notices, in which tick, and how it ends. sim/README.md says the same in words.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <lcm/lcm-cpp.hpp>
+#include <set>
+
+#include "hal/lcm/channels.h"
+#include "sim/fault.h"
+#include "tools/program/params.h"
+#include "tools/sil/faulty_peers.h"
+#include "tools/sil/replay.h"
+#include "tools/sil/run.h"
+#include "tools/sil/summary.h"
+
+namespace ballast::sil {
+namespace {
+
+constexpr std::int64_t kTick = 2000;  // of t = 2 s; the motors make 2.6 microsteps a tick there
+
+sim::Scenario desk_ball(const std::vector<std::string>& faults, const std::vector<std::string>& overrides = {}) {
+  std::vector<std::string> all{"duration=4"};
+  all.insert(all.end(), overrides.begin(), overrides.end());
+  const auto result = sim::read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/desk_ball.toml", all, faults);
+  for (const auto& error : result.errors) ADD_FAILURE() << to_string(error);
+  return result.scenario;
+}
+
+struct Outcome {
+  RunResult result;
+  int peers_exit_status;
+  std::string recorder_error;
+};
+
+Outcome suffer(const sim::Scenario& scenario, const std::string& log = "/dev/null") {
+  auto params = std::make_unique<firmware::ControllerParams>();
+  const bool stepper = scenario.run.actuation == sim::Actuation::kStepper;
+  if (stepper) EXPECT_FALSE(program::to_controller_params(scenario, *params));
+  const auto peers = peers_in_process(scenario, stepper ? params.get() : nullptr, program::to_monitor_limits(scenario));
+  Recorder recorder(log);
+  for (const auto& fault : scenario.faults) {
+    if (fault.kind == sim::FaultKind::kDiskFull) recorder.disk_full_from(fault.time_s);
+  }
+  Outcome outcome{run(scenario, *peers, recorder, {}), peers->exit_status(), ""};
+  recorder.close();
+  outcome.recorder_error = recorder.error();
+  return outcome;
+}
+
+Outcome suffer(const std::string& fault) { return suffer(desk_ball({fault})); }
+
+bool has(const RunResult& result, firmware::Fault fault) {
+  return result.controller_trip &&
+         (static_cast<std::uint32_t>(result.controller_trip->faults) & static_cast<std::uint32_t>(fault)) != 0;
+}
+
+// --- messages ---
+
+struct MonitorCase {
+  const char* fault;
+  int cause;
+  std::int64_t tick;
+};
+
+// The monitor trips, and the controller hears it in the same tick and stops.
+TEST(MessageFault, TheMonitorMissesWhatDoesNotCome) {
+  const MonitorCase cases[] = {
+      {"messages_dropped@2", trip_t::CAUSE_MISSING, kTick},
+      {"messages_dropped@2:channel=BALLAST_CONTACT,duration=0.001", trip_t::CAUSE_MISSING, kTick},
+      {"messages_dropped@2:channel=BALLAST_PLANT_STATE", trip_t::CAUSE_MISSING, kTick},
+      // The status of this tick is due in the next.
+      {"messages_dropped@2:channel=BALLAST_CONTROLLER_STATUS", trip_t::CAUSE_STALE, kTick + 1},
+      {"messages_delayed@2:1,peer=monitor", trip_t::CAUSE_MISSING, kTick},
+      {"messages_doubled@2", trip_t::CAUSE_REPEATED, kTick},
+      {"messages_doubled@2:channel=BALLAST_CONTACT", trip_t::CAUSE_REPEATED, kTick},
+      {"messages_reordered@2:peer=monitor", trip_t::CAUSE_MISSING, kTick},
+      {"messages_truncated@2:1", trip_t::CAUSE_MISSING, kTick},
+      {"messages_truncated@2:65536,channel=BALLAST_CONTACT", trip_t::CAUSE_MISSING, kTick},
+      {"sensor_nan@2", trip_t::CAUSE_NONFINITE, kTick},
+      {"sensor_nan@2:sensor=orientation", trip_t::CAUSE_NONFINITE, kTick},
+      {"clock_jump@2:100", trip_t::CAUSE_MISSING, kTick},
+      {"clock_jump@2:-100", trip_t::CAUSE_MISSING, kTick},
+  };
+  for (const MonitorCase& c : cases) {
+    SCOPED_TRACE(c.fault);
+    const Outcome outcome = suffer(c.fault);
+    const RunResult& result = outcome.result;
+    ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
+    EXPECT_EQ(result.end_reason, EndReason::kTripped);
+    EXPECT_EQ(result.trip.cause, c.cause);
+    EXPECT_EQ(result.trip.trip_tick, c.tick);
+    ASSERT_TRUE(result.controller_trip);
+    EXPECT_EQ(result.controller_trip->tick, c.tick);
+    EXPECT_TRUE(has(result, firmware::Fault::kMonitorTrip));
+    EXPECT_EQ(result.latency_ticks, 1);
+    EXPECT_EQ(exit_status(result), 3);
+    EXPECT_EQ(result.motors[0].undelivered_steps, 0);  // the stop reaches the motors whole
+  }
+}
+
+// The monitor hears all; the controller trips by itself, once what it has is more than a tick old.
+TEST(MessageFault, TheControllerTripsOnWhatIsStale) {
+  struct Case {
+    const char* fault;
+    firmware::Fault bit;
+  };
+  const Case cases[] = {
+      {"messages_dropped@2:peer=controller", firmware::Fault::kSensorStale},
+      {"messages_delayed@2:2,peer=controller", firmware::Fault::kSensorStale},
+      {"messages_truncated@2:peer=controller", firmware::Fault::kSensorStale},
+      {"messages_dropped@2:channel=BALLAST_TRIP", firmware::Fault::kMonitorStale},
+      {"messages_delayed@2:2,channel=BALLAST_TRIP", firmware::Fault::kMonitorStale},
+  };
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.fault);
+    const RunResult result = suffer(c.fault).result;
+    ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
+    EXPECT_EQ(result.end_reason, EndReason::kTripped);
+    EXPECT_EQ(result.trip.tripped, 0);
+    ASSERT_TRUE(result.controller_trip);
+    EXPECT_EQ(result.controller_trip->tick, kTick + 1);
+    EXPECT_TRUE(has(result, c.bit));
+    EXPECT_EQ(exit_status(result), 3);
+  }
+}
+
+// One tick late is no fault, and twice is once.
+TEST(MessageFault, WhatIsHarmlessChangesNothing) {
+  const RunResult healthy = suffer(desk_ball({})).result;
+  for (const char* fault :
+       {"messages_delayed@2:1,peer=controller", "messages_delayed@2:1,channel=BALLAST_TRIP",
+        "messages_reordered@2:peer=controller", "messages_doubled@2:peer=controller",
+        "messages_doubled@2:channel=BALLAST_STEP_COMMAND", "messages_doubled@2:channel=BALLAST_TRIP",
+        "peer_restarted@2:peer=monitor", "peer_too_slow@2:1,peer=monitor"}) {
+    SCOPED_TRACE(fault);
+    const RunResult result = suffer(fault).result;
+    ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
+    EXPECT_EQ(result.end_reason, EndReason::kCompleted);
+    EXPECT_EQ(exit_status(result), 0);
+    EXPECT_EQ(result.motors[0].steps, healthy.motors[0].steps);
+    EXPECT_EQ(result.final_sample.orientation, healthy.final_sample.orientation);
+    EXPECT_EQ(result.missing_commands, 0);
+    if (std::string(fault).starts_with("messages_doubled")) EXPECT_GT(result.refused.here.repeated, 0);
+  }
+}
+
+// Nobody aboard can see that pulses did not come: the controller believes they were made. The next command's count
+// tells; if none comes, the second that is missing.
+TEST(MessageFault, StepsThatDoNotReachTheMotorsEndTheRun) {
+  for (const char* fault :
+       {"messages_dropped@2:channel=BALLAST_STEP_COMMAND,duration=0.001",
+        "messages_dropped@2:channel=BALLAST_STEP_COMMAND", "messages_delayed@2:1,channel=BALLAST_STEP_COMMAND",
+        "messages_reordered@2:channel=BALLAST_STEP_COMMAND,duration=0.001",
+        "messages_truncated@2:channel=BALLAST_STEP_COMMAND"}) {
+    SCOPED_TRACE(fault);
+    const RunResult result = suffer(fault).result;
+    EXPECT_EQ(result.status, hal::Status::kPeerLost);
+    EXPECT_EQ(result.last_tick, kTick + 1);
+    EXPECT_NE(result.trouble.find("motors"), std::string::npos) << result.trouble;
+    EXPECT_GE(result.missing_commands, 1);
+  }
+}
+
+// What is turned over decides: some bits leave no message of ours (a 20th of them are the type's hash), some numbers in
+// their range. 8 of some 1,300 bits in each of 500 messages: that none of them is refused has a chance of (1 -
+// 1/20)^4000.
+TEST(MessageFault, CorruptedMessagesAreRefusedOrBelieved) {
+  for (const char* fault : {"messages_corrupted@2:8", "messages_corrupted@2:8,channel=BALLAST_TRIP",
+                            "messages_corrupted@2:8,channel=BALLAST_STEP_COMMAND",
+                            "messages_corrupted@2:8,channel=BALLAST_CONTROLLER_STATUS"}) {
+    SCOPED_TRACE(fault);
+    const RunResult result = suffer(fault).result;
+    EXPECT_GT(result.refused.here.refused(), 0);
+    EXPECT_TRUE(result.status == hal::Status::kPeerLost || result.end_reason == EndReason::kTripped);
+  }
+}
+
+// --- peers ---
+
+TEST(PeerFault, AKilledControllerIsNoticedAndGivenUp) {
+  const RunResult result = suffer("peer_killed@2").result;
+  EXPECT_EQ(result.status, hal::Status::kPeerLost);
+  EXPECT_NE(result.trouble.find("controller lost"), std::string::npos) << result.trouble;
+  EXPECT_EQ(result.trip.cause, trip_t::CAUSE_STALE);
+  EXPECT_EQ(result.trip.trip_tick, kTick + 1);
+  EXPECT_EQ(result.last_tick, kTick + kGivenUpTicks - 1);
+}
+
+TEST(PeerFault, AKilledMonitorStopsTheRobot) {
+  const RunResult result = suffer("peer_killed@2:peer=monitor").result;
+  ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
+  EXPECT_EQ(result.end_reason, EndReason::kTripped);
+  EXPECT_EQ(result.controller_trip->tick, kTick + 1);
+  EXPECT_TRUE(has(result, firmware::Fault::kMonitorStale));
+}
+
+// It finds the trip among what it has missed; its motors have stood meanwhile.
+TEST(PeerFault, AFrozenControllerStopsWhenItWakes) {
+  for (const std::int64_t ticks : {1, 50}) {
+    SCOPED_TRACE(ticks);
+    const RunResult result =
+        suffer("peer_frozen@2:duration=" + std::to_string(0.001 * static_cast<double>(ticks))).result;
+    ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
+    EXPECT_EQ(result.end_reason, EndReason::kTripped);
+    EXPECT_EQ(result.trip.cause, trip_t::CAUSE_STALE);
+    EXPECT_EQ(result.trip.trip_tick, kTick + 1);
+    EXPECT_EQ(result.controller_trip->tick, kTick + std::max<std::int64_t>(ticks, 1));
+    EXPECT_EQ(result.missing_commands, ticks);
+    EXPECT_GT(result.motors[0].undelivered_steps, 0);
+    EXPECT_EQ(exit_status(result), 3);
+  }
+}
+
+TEST(PeerFault, AFrozenMonitorStopsTheRobot) {
+  const RunResult result = suffer("peer_frozen@2:peer=monitor,duration=0.05").result;
+  EXPECT_EQ(result.end_reason, EndReason::kTripped);
+  EXPECT_EQ(result.controller_trip->tick, kTick + 1);
+  EXPECT_TRUE(has(result, firmware::Fault::kMonitorStale));
+}
+
+// Disarmed and at rest it would say that all is well.
+TEST(PeerFault, ARestartedControllerDoesNotPassForTheOneBefore) {
+  const RunResult result = suffer("peer_restarted@2").result;
+  EXPECT_EQ(result.status, hal::Status::kPeerLost);
+  EXPECT_NE(result.trouble.find("started again"), std::string::npos) << result.trouble;
+  EXPECT_EQ(result.last_tick, kTick);
+}
+
+TEST(PeerFault, AMonitorThatIsRestartedAfterATripTakesItBack) {
+  const RunResult result =
+      suffer(desk_ball({"sensor_nan@2:duration=0.001", "peer_restarted@2.002:peer=monitor"})).result;
+  EXPECT_EQ(result.status, hal::Status::kPeerLost);
+  EXPECT_NE(result.trouble.find("takes back"), std::string::npos) << result.trouble;
+  EXPECT_EQ(result.last_tick, kTick + 2);
+}
+
+TEST(PeerFault, ASlowControllerIsStale) {
+  for (const char* fault : {"peer_too_slow@2:1", "peer_too_slow@2:2"}) {
+    SCOPED_TRACE(fault);
+    const RunResult result = suffer(fault).result;
+    ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
+    EXPECT_EQ(result.trip.cause, trip_t::CAUSE_STALE);
+    EXPECT_EQ(result.trip.trip_tick, kTick + 1);
+    EXPECT_EQ(result.end_reason, EndReason::kTripped);
+  }
+}
+
+TEST(PeerFault, ASlowMonitorIsStaleFromTwoTicksOn) {
+  const RunResult result = suffer("peer_too_slow@2:2,peer=monitor").result;
+  EXPECT_EQ(result.end_reason, EndReason::kTripped);
+  EXPECT_EQ(result.controller_trip->tick, kTick + 1);
+  EXPECT_TRUE(has(result, firmware::Fault::kMonitorStale));
+}
+
+// --- sensors ---
+
+// The controller moves the masses by the clock: what its sensors say wrongly, but finitely, changes its predictions and
+// not one step. That is why no trip is to be had from them.
+TEST(SensorFault, WhatIsWrongButFiniteMovesNothing) {
+  const RunResult healthy = suffer(desk_ball({})).result;
+  for (const char* fault :
+       {"sensor_bias@2:0.1", "sensor_bias@2:0.1,sensor=orientation,axis=1", "sensor_noise@2:0.1,sensor=accelerometer",
+        "sensor_freeze@2", "sensor_freeze@2:sensor=limit_switch", "sensor_spike@2:5", "sensor_saturation@2:0.01"}) {
+    SCOPED_TRACE(fault);
+    const RunResult result = suffer(fault).result;
+    ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
+    EXPECT_EQ(result.end_reason, EndReason::kCompleted);
+    EXPECT_EQ(result.motors[0].steps, healthy.motors[0].steps);
+    EXPECT_EQ(result.final_sample.orientation, healthy.final_sample.orientation);
+  }
+}
+
+std::vector<sensors_t> sensors_of(const std::string& path) {
+  std::vector<sensors_t> all;
+  lcm::LogFile log(path, "r");
+  sensors_t sensors;
+  while (const auto* event = log.readNextEvent()) {
+    if (event->channel != hal::kChannelSensors || sensors.decode(event->data, 0, event->datalen) <= 0) continue;
+    if (sensors.tick >= 0) all.push_back(sensors);
+  }
+  return all;
+}
+
+TEST(SensorFault, EachDoesWhatItSays) {
+  const std::string folder = testing::TempDir();
+  suffer(desk_ball({}), folder + "healthy.lcmlog");
+  const auto truth = sensors_of(folder + "healthy.lcmlog");
+  const auto said = [&](const std::string& fault) {
+    suffer(desk_ball({fault}), folder + "suffered.lcmlog");
+    return sensors_of(folder + "suffered.lcmlog");
+  };
+  const auto at = [](std::int64_t tick) { return static_cast<std::size_t>(tick); };
+
+  const auto bias = said("sensor_bias@2:0.1,axis=1");
+  EXPECT_EQ(bias[at(kTick - 1)].gyro_B_radps[1], truth[at(kTick - 1)].gyro_B_radps[1]);
+  EXPECT_EQ(bias[at(kTick)].gyro_B_radps[1], truth[at(kTick)].gyro_B_radps[1] + 0.1);
+  EXPECT_EQ(bias[at(kTick)].gyro_B_radps[0], truth[at(kTick)].gyro_B_radps[0]);
+
+  const auto spike = said("sensor_spike@2:5,sensor=accelerometer");
+  EXPECT_EQ(spike[at(kTick)].accelerometer_B_mps2[2], truth[at(kTick)].accelerometer_B_mps2[2] + 5);
+  EXPECT_EQ(spike[at(kTick + 1)].accelerometer_B_mps2[2], truth[at(kTick + 1)].accelerometer_B_mps2[2]);
+
+  const auto frozen = said("sensor_freeze@2:duration=0.1");
+  EXPECT_EQ(frozen[at(kTick + 50)].gyro_B_radps[0], truth[at(kTick - 1)].gyro_B_radps[0]);
+  EXPECT_EQ(frozen[at(kTick + 100)].gyro_B_radps[0], truth[at(kTick + 100)].gyro_B_radps[0]);
+
+  const auto saturated = said("sensor_saturation@2:0.01");
+  for (std::size_t k = at(kTick); k < saturated.size(); ++k) EXPECT_LE(std::abs(saturated[k].gyro_B_radps[1]), 0.01);
+
+  // n draws: their mean is within 4 sigma / sqrt(n), and their variance within 4 sqrt(2 / n) of it, of what was asked.
+  const auto noisy = said("sensor_noise@2:0.2");
+  double sum = 0, squares = 0;
+  int n = 0;
+  for (std::size_t k = at(kTick); k < noisy.size(); ++k) {
+    for (int j = 0; j < 3; ++j, ++n) {
+      const double error = noisy[k].gyro_B_radps[j] - truth[k].gyro_B_radps[j];
+      sum += error;
+      squares += error * error;
+    }
+  }
+  EXPECT_NEAR(sum / n, 0, 4 * 0.2 / std::sqrt(n));
+  EXPECT_NEAR(squares / n, 0.04, 0.04 * 4 * std::sqrt(2.0 / n));
+
+  // A turn by 0.1 rad about axis 2 stays an attitude, and is one by 0.1 rad.
+  const auto turned = said("sensor_bias@2:0.1,sensor=orientation,axis=2");
+  const double *q = turned[at(kTick)].orientation, *p = truth[at(kTick)].orientation;
+  const double product = q[0] * p[0] + q[1] * p[1] + q[2] * p[2] + q[3] * p[3];
+  EXPECT_NEAR(product, std::cos(0.05), 1e-12);
+}
+
+// --- motors, floor, ball ---
+
+TEST(MotorFault, StepsAreLostBehindTheControllersBack) {
+  const RunResult healthy = suffer(desk_ball({})).result;
+  ASSERT_EQ(healthy.final_sample.lost_steps[0], 0);
+  for (const char* fault :
+       {"motor_stall@2", "reversed_wiring@2", "blocked_rail@2", "weak_coil@2:0", "lost_steps@2:200"}) {
+    SCOPED_TRACE(fault);
+    const sim::Scenario scenario = desk_ball({fault});
+    const RunResult result = suffer(scenario).result;
+    ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
+    EXPECT_GT(result.final_sample.lost_steps[0], 0);
+    EXPECT_FALSE(lost_steps_text(scenario, result).empty());
+    // The controller knows nothing of it: if it stopped at all, the monitor told it to.
+    if (result.controller_trip) EXPECT_TRUE(has(result, firmware::Fault::kMonitorTrip));
+  }
+  const RunResult swallowed = suffer("lost_steps@2:200").result;
+  EXPECT_EQ(swallowed.final_sample.lost_steps[0] % 64, 200 % 64);  // but for whole teeth
+}
+
+TEST(WorldFault, ASlipperyFloorIsSeenWhereRollingIsLost) {
+  const RunResult result = suffer("friction_falls@2:0.001").result;
+  EXPECT_EQ(result.end_reason, EndReason::kSlipped);
+  EXPECT_GE(result.final_sample.time_s, 2);
+  EXPECT_LE(result.final_sample.time_s, 2.1);  // it needs more than 0.001 nearly always
+  EXPECT_EQ(exit_status(result), 3);
+}
+
+TEST(WorldFault, APushIsFelt) {
+  const RunResult healthy = suffer(desk_ball({})).result, pushed = suffer("push@2:3").result;
+  EXPECT_GT((pushed.final_sample.velocity_W_mps - healthy.final_sample.velocity_W_mps).norm(), 0.01);
+}
+
+// --- the program's own ---
+
+TEST(ProgramFault, AnOverrunEndsTheRunAsLate) {
+  const Outcome outcome = suffer("controller_overrun@2:3");
+  EXPECT_EQ(outcome.result.status, hal::Status::kIo);
+  EXPECT_EQ(outcome.peers_exit_status, program::kExitLate);
+  EXPECT_EQ(outcome.result.last_tick, kTick - 1);
+  EXPECT_NE(outcome.result.trouble.find("3 overruns"), std::string::npos) << outcome.result.trouble;
+}
+
+TEST(ProgramFault, AFullDiskEndsTheRunAndKeepsTheLog) {
+  const std::string log = testing::TempDir() + "full.lcmlog";
+  const Outcome outcome = suffer(desk_ball({"disk_full@2"}), log);
+  EXPECT_EQ(outcome.result.status, hal::Status::kIo);
+  EXPECT_NE(outcome.recorder_error.find("No space left"), std::string::npos) << outcome.recorder_error;
+  EXPECT_EQ(sensors_of(log).back().tick, kTick - 1);
+}
+
+// --- all of them ---
+
+std::string bytes_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// Twice the same bytes, and the log replays: the firmware of today, given what it says and made to suffer the same,
+// answers the same.
+TEST(EveryFault, IsRepeatedAndReplayed) {
+  const std::string folder = testing::TempDir();
+  for (const sim::FaultKindInfo& kind : sim::fault_kinds()) {
+    SCOPED_TRACE(kind.name);
+    // Chances where there are any, so that the draws count.
+    const bool chance = std::string(kind.value_means).starts_with("probability");
+    const std::string value = chance ? ":0.1" : kind.value_default ? "" : ":0.25";
+    const sim::Scenario scenario = desk_ball({std::string(kind.name) + "@0.3" + value}, {"duration=0.6"});
+    const Outcome first = suffer(scenario, folder + "first.lcmlog");
+    const Outcome second = suffer(scenario, folder + "second.lcmlog");
+    EXPECT_EQ(first.result.trouble, second.result.trouble);
+    EXPECT_TRUE(bytes_of(folder + "first.lcmlog") == bytes_of(folder + "second.lcmlog"));
+
+    auto params = std::make_unique<firmware::ControllerParams>();
+    ASSERT_FALSE(program::to_controller_params(scenario, *params));
+    const auto peers = peers_in_process(scenario, params.get(), program::to_monitor_limits(scenario));
+    const ReplayResult replayed = replay(scenario, folder + "first.lcmlog", *peers, folder + "replayed.lcmlog", {});
+    EXPECT_EQ(replayed.end, ReplayResult::End::kReplayed) << replayed.trouble;
+    EXPECT_EQ(replayed.ticks_that_differ, 0) << "first in tick " << replayed.first_difference.value_or(-9);
+    EXPECT_GT(replayed.ticks, 295);
+  }
+}
+
+// Another seed draws other messages.
+TEST(EveryFault, DependsOnTheSeed) {
+  const char* fault = "messages_dropped@1:0.02,channel=BALLAST_TRIP";
+  std::set<std::int64_t> ticks;
+  for (const char* seed : {"seed=1", "seed=2", "seed=3", "seed=4"}) {
+    const RunResult result = suffer(desk_ball({fault}, {seed})).result;
+    ticks.insert(result.controller_trip ? result.controller_trip->tick : -1);
+  }
+  EXPECT_GT(ticks.size(), 1u);
+}
+
+// A run without faults does not know that there are any.
+TEST(EveryFault, LeavesAHealthyRunAlone) {
+  EXPECT_FALSE(FaultyPeers::needed(desk_ball({})));
+  EXPECT_FALSE(FaultyPeers::needed(desk_ball({"motor_stall@1", "push@1:1", "sensor_nan@1", "disk_full@1"})));
+  EXPECT_TRUE(FaultyPeers::needed(desk_ball({"peer_killed@1"})));
+  // And these peers, with a fault that never strikes, are those of a healthy run, byte for byte.
+  const std::string folder = testing::TempDir();
+  sim::Scenario scenario = desk_ball({"messages_dropped@2:1e-300"});
+  suffer(scenario, folder + "never.lcmlog");
+  scenario.faults.clear();  // the same fingerprint
+  suffer(scenario, folder + "none.lcmlog");
+  EXPECT_TRUE(bytes_of(folder + "never.lcmlog") == bytes_of(folder + "none.lcmlog"));
+}
+
+TEST(EveryFault, SummaryNamesIt) {
+  const sim::Scenario scenario = desk_ball({"motor_stall@2:mass=1,duration=0.1"});
+  const RunResult result = suffer(scenario).result;
+  EXPECT_NE(summary_text(scenario, result, "x").find("suffered    motor_stall at 2 s: mass 1, for 0.1 s"),
+            std::string::npos);
+  EXPECT_NE(summary_json(scenario, result).find("\"kind\": \"motor_stall\""), std::string::npos);
+  EXPECT_EQ(summary_json(desk_ball({}), result).find("\"faults\""), std::string::npos);
+}
+
+}  // namespace
+}  // namespace ballast::sil
