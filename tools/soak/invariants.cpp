@@ -232,12 +232,19 @@ void Invariants::see_finite(const sil::Lap& lap) {
   check(finite(status.commanded_position) && finite(status.commanded_velocity) && finite(status.next_position) &&
             finite(status.next_velocity) && finite(status.next_acceleration) &&
             all_finite(status.margin, status.overload_value, status.overload_limit, status.refusal_value,
-                       status.plan_duration_s, status.plan_horizon_s, status.plan_normal_force_min_n,
-                       status.plan_margin_min) &&
+                       status.plan_duration_s, status.plan_horizon_s, status.plan_margin_min) &&
             ratio(status.mu_required) && ratio(status.plan_mu_required_max),
         "controller_status_t");
-  check(all_finite(status.normal_force_n, status.static_friction_n) || !good_sensors,
+  // What sensors that make no number say of N is not known, and a number in its place would be made up. Then f_s / N
+  // and the margin say the worst.
+  const bool senseless = suffers(sim::FaultKind::kSensorNan) || suffers(sim::FaultKind::kMessagesCorrupted);
+  const auto unknown = [&](double mu_required, double margin) {
+    return senseless && std::isinf(mu_required) && margin == -1;
+  };
+  check(all_finite(status.normal_force_n, status.static_friction_n) || unknown(status.mu_required, status.margin),
         "the estimate of controller_status_t");
+  check(std::isfinite(status.plan_normal_force_min_n) || unknown(status.plan_mu_required_max, status.plan_margin_min),
+        "the prediction of controller_status_t");
 }
 
 void Invariants::see_envelope(const sil::Lap& lap, const Sample& truth) {
@@ -458,7 +465,8 @@ void Invariants::finish_stop(const sil::RunResult& result) {
   }
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
     const bool reported = result.motors[i].slips != 0 || result.final_sample.lost_steps[i] != 0 ||
-                          result.motors[i].undelivered_steps != 0 || result.end_stops[i].touches != 0;
+                          result.motors[i].undelivered_steps != 0 || result.missing_commands != 0 ||
+                          result.end_stops[i].touches != 0;
     if (carried_away_[i] && !reported) {
       fail(Invariant::kAtRest, tick_,
            "mass %zu was not held where the stop had sent it, and nothing that explains it is reported", i);
