@@ -199,12 +199,14 @@ hal::Status FaultyPeers::exchange(Lap& lap) {
   contact_to_monitor_.send(lap.plant.contact, tick, time_s);
   state_to_monitor_.send(lap.plant.state, tick, time_s);
   sensors_to_monitor_.send(stamped, tick, time_s);
-  sensors_to_controller_.send(stamped, tick, time_s);
 
   ask_monitor(lap, time_s);
-  if (!lap.monitor_silent) trip_to_controller_.send(lap.trip, tick, time_s);
   hal::Status status = hal::Status::kOk;
-  if (controller_) status = ask_controller(lap, time_s);
+  if (controller_) {
+    sensors_to_controller_.send(stamped, tick, time_s);
+    if (!lap.monitor_silent) trip_to_controller_.send(lap.trip, tick, time_s);
+    status = ask_controller(lap, time_s);
+  }
   before_s_ = time_s;
   return status;
 }

@@ -237,7 +237,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     heard.reset();
     if (answered) {
       silent_ticks = 0;
-      heard = lap.status;
+      if (lap.status.tick == tick) heard = lap.status;
       plans.see(lap, result);
       result.motor_share.see(lap.plant.contact);
       if (lap.status.operator_commands < operator_commands) {
