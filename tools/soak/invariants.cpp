@@ -37,7 +37,10 @@ constexpr InvariantText kTexts[kInvariantCount] = {
     {"ended",
      "The run ends with a defined reason and exit status, and with 0 only if nothing tripped and the true ball "
      "stayed inside the envelope."},
-    {"finite", "Nothing that is published is NaN or infinite, but where its .lcm file says so."},
+    {"finite",
+     "Nothing that is published is NaN or infinite, but where its .lcm file says so. What the controller estimates and "
+     "predicts of N from sensors that make no number (NaN, or injured on their way) is NaN: then its f_s / N is "
+     "+infinity and its margin -1."},
     {"in_order",
      "Ticks count up by one; every message is of its tick; pulses, positions and counts of the steps add up."},
     {"patient",
