@@ -86,14 +86,14 @@ const InvariantText& text_of(Invariant invariant) { return kTexts[static_cast<st
 Invariants::Invariants(const sim::Scenario& scenario)
     : scenario_(scenario),
       has_controller_(scenario.run.actuation == sim::Actuation::kStepper),
-      bus_suffers_(std::ranges::any_of(scenario.faults,
-                                       [](const sim::Fault& fault) {
-                                         return fault.of(sim::FaultLayer::kMessage) ||
-                                                fault.of(sim::FaultLayer::kPeer) ||
-                                                fault.kind == sim::FaultKind::kClockJump;
-                                       })),
       // Two of the countdown, the first and the last tick, and one for the rounding of the division.
-      most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) + 4) {}
+      most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) + 4) {
+  for (const sim::Fault& fault : scenario.faults) {
+    const bool of_bus = fault.of(sim::FaultLayer::kMessage) || fault.of(sim::FaultLayer::kPeer) ||
+                        fault.kind == sim::FaultKind::kClockJump;
+    if (of_bus) bus_suffers_from_s_ = std::min(bus_suffers_from_s_, fault.time_s);
+  }
+}
 
 bool Invariants::suffers(sim::FaultKind kind) const {
   return std::ranges::any_of(scenario_.faults, [kind](const sim::Fault& fault) { return fault.kind == kind; });
@@ -143,6 +143,7 @@ void Invariants::see_order(const sil::Lap& lap) {
     fail(Invariant::kInOrder, contact.tick, "tick %lld after %lld", tick, static_cast<long long>(tick_));
   }
   tick_ = contact.tick;
+  bus_suffers_ = tick_ >= 0 && contact.time_s >= bus_suffers_from_s_ - sim::Fault::kRounding;
   if (has_ended_) fail(Invariant::kInOrder, tick_, "the tick before said that it was the last");
   has_ended_ = contact.last != 0;
   const auto due = [&](const char* what, std::int64_t is, std::int64_t should_be) {
@@ -271,8 +272,7 @@ void Invariants::see_envelope(const sil::Lap& lap, const Sample& truth) {
   violated_ = true;
   const bool by_controller =
       controller_heard_ && (status_.mode == controller_status_t::MODE_TRIPPED || status_.faults != 0);
-  // One that was killed may have said its last word.
-  const bool detected = (monitor_tripped_ && !lap.monitor_silent) || by_controller || trip_.tripped != 0;
+  const bool detected = trip_.tripped != 0 || by_controller;
   if (detected || (lap.monitor_silent && (lap.controller_silent || !has_controller_))) {
     undetected_ticks_ = 0;
     return;

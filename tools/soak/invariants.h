@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -83,7 +84,9 @@ class Invariants {
 
   const sim::Scenario& scenario_;
   bool has_controller_;
-  bool bus_suffers_;  // messages, peers or the sensors' clock: who speaks may be late, and believe what was not said
+  // Messages, peers or the sensors' clock suffer: from then on who speaks may be late, and believe what was not said.
+  double bus_suffers_from_s_ = std::numeric_limits<double>::infinity();
+  bool bus_suffers_ = false;
   std::vector<Broken> broken_;
 
   std::int64_t laps_ = 0, most_laps_;

@@ -58,7 +58,7 @@ class Draw {
     out += "\n[run]\n" + line("actuation", stepper_ ? "\"stepper\"" : "\"prescribed\"");
     out += line("control_period", period_);
     out += line("timer_frequency", random_.one_of({1e6, 1e7, 1e7, 84e6}));
-    out += line("on_violation", random_.chance(0.6) ? "\"continue\"" : "\"stop\"");
+    out += line("on_violation", calm_ || random_.chance(0.6) ? "\"continue\"" : "\"stop\"");
     if (!calm_) out += envelope();
     return out;
   }
