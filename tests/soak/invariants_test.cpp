@@ -103,6 +103,7 @@ TEST(Invariants, HoldInRunsAsTheyAre) {
   EXPECT_EQ(completed().broken(), Which{}) << completed().words_;
   ASSERT_EQ(tripped().result.end_reason, sil::EndReason::kTripped);
   EXPECT_EQ(tripped().broken(), Which{}) << tripped().words_;
+  EXPECT_TRUE(tripped().result.masses_rested);
   // There is a stop to speak of.
   EXPECT_GT(tripped().ticks.size() - tripped().trip(), 20u);
 }
@@ -125,6 +126,8 @@ TEST(Invariants, ATripOneTickLate) {
               const std::size_t trip = run.trip();
               run.ticks[trip].lap.trip = run.ticks[trip - 1].lap.trip;
               run.ticks[trip].lap.trip.tick += 1;
+              run.ticks[trip].lap.status.mode = controller_status_t::MODE_RUNNING;
+              run.ticks[trip].lap.status.faults = 0;
             })),
             (Which{Invariant::kDetected, Invariant::kLatched}));  // and the later ones speak of a tick that was none
 }
@@ -137,7 +140,7 @@ TEST(Invariants, AControllerThatGoesOnAfterATrip) {
 
 // Whose messages are injured may be heard a tick late, and no later.
 TEST(Invariants, PeersThatSuffer) {
-  const Recorded suffering({"duration=0.5"}, {"messages_doubled@0.3:channel=BALLAST_STEP_COMMAND"});
+  const Recorded suffering({"duration=0.5"}, {"messages_doubled@0.05:channel=BALLAST_STEP_COMMAND"});
   ASSERT_EQ(suffering.broken(), Which{}) << suffering.words_;
   const auto outside_for = [&](std::size_t ticks) {
     return suffering.broken([&](Recorded& run) {
