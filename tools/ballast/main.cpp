@@ -22,6 +22,7 @@ int main(int argc, char** argv) {
       {add_spy_command},
       {add_watch_command},
       {add_doctor_command},
+      {add_soak_command},
       {add_replay_command},
       {add_report_command},
       {add_compare_command},

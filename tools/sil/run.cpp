@@ -230,6 +230,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       return finished();
     }
     record(recorder, lap);
+    if (options.observe) options.observe(lap, sample);
     result.last_tick = tick;
     result.operators_heard = result.operators_heard || !lap.heard.empty();
     const auto lost = [&](const std::string& why) {

@@ -101,9 +101,10 @@ struct RunOptions {
   const volatile std::sig_atomic_t* interrupted = nullptr;    // nonzero ends the run
   bool check_steps = false;                                   // hold every pulse against the motion
   std::function<void(double time_s, double end_s)> progress;  // called now and then
-  std::optional<firmware::MoveRequest> move;                  // asked for instead of the scenario's motion
-  bool plan_only = false;  // ends where the move is refused, or planned: `move` has it
-  bool by_hand = false;    // the controller is armed; the rest is said by operators
+  std::function<void(const Lap&, const sim::Plant::Sample& truth)> observe{};  // called in every tick, once it is said
+  std::optional<firmware::MoveRequest> move;  // asked for instead of the scenario's motion
+  bool plan_only = false;                     // ends where the move is refused, or planned: `move` has it
+  bool by_hand = false;                       // the controller is armed; the rest is said by operators
 };
 
 // With check_steps a pulse in the wrong place ends the run at once with kStepTiming.

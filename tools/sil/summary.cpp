@@ -35,43 +35,6 @@ const char* regime_name(sim::Regime regime) {
   return "";
 }
 
-const char* trip_cause(int cause) {
-  switch (cause) {
-    case trip_t::CAUSE_NORMAL_FORCE:
-      return "normal_force";
-    case trip_t::CAUSE_FRICTION:
-      return "friction";
-    case trip_t::CAUSE_NONFINITE:
-      return "nonfinite";
-    case trip_t::CAUSE_STALE:
-      return "stale";
-    case trip_t::CAUSE_MISSING:
-      return "missing";
-    case trip_t::CAUSE_REPEATED:
-      return "repeated";
-    case trip_t::CAUSE_DISAGREEMENT:
-      return "disagreement";
-    default:
-      return "none";
-  }
-}
-
-// The controller's own reason to trip, where the monitor had none: the first of firmware/safety/fault.h.
-const char* fault_cause(std::int32_t faults) {
-  using firmware::Fault;
-  constexpr std::pair<Fault, const char*> kNames[] = {{Fault::kSensorNotFinite, "sensor_not_finite"},
-                                                      {Fault::kSensorStale, "sensor_stale"},
-                                                      {Fault::kMonitorStale, "monitor_stale"},
-                                                      {Fault::kStepOverload, "step_overload"},
-                                                      {Fault::kTickOutOfOrder, "tick_out_of_order"},
-                                                      {Fault::kEndSwitch, "end_switch"},
-                                                      {Fault::kInternal, "internal"}};
-  for (const auto& [fault, name] : kNames) {
-    if ((static_cast<std::uint32_t>(faults) & static_cast<std::uint32_t>(fault)) != 0) return name;
-  }
-  return "controller";
-}
-
 // Of an end_switch trip: the mass that was commanded on over an end of its rail; -1 for other trips.
 int mass_at_its_end(const ControllerTrip& trip) {
   if ((static_cast<std::uint32_t>(trip.faults) & static_cast<std::uint32_t>(firmware::Fault::kEndSwitch)) == 0) {
@@ -305,6 +268,42 @@ std::string outside_ball_text(const sim::Scenario& scenario, const RunResult& re
 }
 
 }  // namespace
+
+const char* trip_cause(int cause) {
+  switch (cause) {
+    case trip_t::CAUSE_NORMAL_FORCE:
+      return "normal_force";
+    case trip_t::CAUSE_FRICTION:
+      return "friction";
+    case trip_t::CAUSE_NONFINITE:
+      return "nonfinite";
+    case trip_t::CAUSE_STALE:
+      return "stale";
+    case trip_t::CAUSE_MISSING:
+      return "missing";
+    case trip_t::CAUSE_REPEATED:
+      return "repeated";
+    case trip_t::CAUSE_DISAGREEMENT:
+      return "disagreement";
+    default:
+      return "none";
+  }
+}
+
+const char* fault_cause(std::int32_t faults) {
+  using firmware::Fault;
+  constexpr std::pair<Fault, const char*> kNames[] = {{Fault::kSensorNotFinite, "sensor_not_finite"},
+                                                      {Fault::kSensorStale, "sensor_stale"},
+                                                      {Fault::kMonitorStale, "monitor_stale"},
+                                                      {Fault::kStepOverload, "step_overload"},
+                                                      {Fault::kTickOutOfOrder, "tick_out_of_order"},
+                                                      {Fault::kEndSwitch, "end_switch"},
+                                                      {Fault::kInternal, "internal"}};
+  for (const auto& [fault, name] : kNames) {
+    if ((static_cast<std::uint32_t>(faults) & static_cast<std::uint32_t>(fault)) != 0) return name;
+  }
+  return "controller";
+}
 
 std::string summary_json(const sim::Scenario& scenario, const RunResult& result) {
   const auto& x = result.extrema;

@@ -1,6 +1,7 @@
 // What a run has shown: summary.json for programs, and a page of words for people.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -25,6 +26,12 @@ struct FloorVerdict {
   bool holds;
 };
 std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const RunResult& result);
+
+// trip_t's cause, by its name in the summary.
+const char* trip_cause(int cause);
+
+// The controller's own reason to trip, where the monitor had none: the first of firmware/safety/fault.h.
+const char* fault_cause(std::int32_t faults);
 
 // Which motors lost steps, and what to do about it; empty: none.
 std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result);

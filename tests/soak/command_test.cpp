@@ -1,0 +1,77 @@
+// `ballast soak` as people use it, and the short soak of every test run.
+#include <gtest/gtest.h>
+
+#include "tests/sil/shell.h"
+
+namespace ballast {
+namespace {
+
+using test::Folder;
+using test::Outcome;
+using test::read_file;
+
+#define EXPECT_SAYS(text, words) EXPECT_NE((text).find(words), std::string::npos) << (text)
+
+// What must hold holds; a seed that fails is printed with the command that shows it again.
+TEST(SoakCommand, NoInvariantBreaks) {
+  const Folder folder;
+  const Outcome soak = folder.run("ballast soak --seeds 0..199 --quiet --keep failed");
+  EXPECT_EQ(soak.exit_status, 0) << soak.out << soak.err;
+  EXPECT_SAYS(soak.out, "200 seeds, ");
+  EXPECT_SAYS(soak.out, ", 0 broken\n");
+  EXPECT_EQ(folder.entries(), 0);
+}
+
+// All but the seconds.
+TEST(SoakCommand, SaysTheSameHoweverManyWork) {
+  const Folder folder;
+  const std::string cut = " | sed 's/ ticks, .*//'";
+  const Outcome one = folder.run("ballast soak --seeds 200..229 --quiet --jobs 1" + cut);
+  const Outcome three = folder.run("ballast soak --seeds 200..229 --quiet --jobs 3" + cut);
+  EXPECT_SAYS(one.out, "30 seeds, ");
+  EXPECT_EQ(one.out, three.out);
+}
+
+// A limit that no seed keeps: a microsecond on the clock. Whenever one is done, the other worker is at one too.
+TEST(SoakCommand, ASeedThatFailsCanBeShownAgain) {
+  const Folder folder;
+  const Outcome soak = folder.run("ballast soak --seeds 0..49 --quiet --jobs 2 --seed-limit 1e-6 --keep failed");
+  EXPECT_EQ(soak.exit_status, 3) << soak.err;
+  EXPECT_SAYS(soak.out, "\"patient\" is broken");
+  const std::size_t again = soak.out.find("again: ballast soak --seeds "), run = soak.out.find("its run: ballast run ");
+  ASSERT_NE(again, std::string::npos);
+  ASSERT_NE(run, std::string::npos);
+  // Nothing is wrong with the seed: with the usual limit it passes, and its scenario is one.
+  const auto command = [&](std::size_t at) { return soak.out.substr(at, soak.out.find('\n', at) - at); };
+  EXPECT_EQ(folder.run(command(again + 7)).exit_status, 0);
+  const int status = folder.run(command(run + 9) + " --quiet --out r").exit_status;
+  EXPECT_TRUE(status == 0 || status == 2 || status == 3 || status == 6) << status;
+}
+
+TEST(SoakCommand, RefusesSeedsThatAreNone) {
+  const Folder folder;
+  for (const std::string seeds : {"''", "x..3", "3..x", "4..3", "1..2..3", "-1..3", "0..99999999999999999999"}) {
+    SCOPED_TRACE(seeds);
+    const Outcome soak = folder.run("ballast soak --seeds=" + seeds);
+    EXPECT_EQ(soak.exit_status, 1);
+    EXPECT_SAYS(soak.err, "allowed: A..B");
+  }
+}
+
+// The table of the docs is the one that is generated. If this fails because Ballast has changed, put the new one there.
+TEST(SoakCommand, TheFailureTableIsTheOneOfTheDocs) {
+  const Folder folder;
+  const std::string readme = read_file(BALLAST_SOURCE_DIR "/tools/soak/README.md");
+  const std::string header = "| fault | severity |";
+  const std::size_t begin = readme.find(header);
+  ASSERT_NE(begin, std::string::npos);
+  const std::size_t end = readme.find("\n\n", begin);
+  const std::size_t command = readme.rfind("ballast soak --table --seeds ", begin);
+  ASSERT_NE(command, std::string::npos);
+  const Outcome table = folder.run(readme.substr(command, readme.find('\n', command) - command) + " --quiet");
+  EXPECT_EQ(table.exit_status, 0) << table.err;
+  EXPECT_EQ(table.out, readme.substr(begin, end + 1 - begin));
+}
+
+}  // namespace
+}  // namespace ballast

@@ -1,0 +1,332 @@
+// Every invariant can break: recorded runs in which all hold are changed by hand, one thing at a time.
+#include "tools/soak/invariants.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <limits>
+#include <memory>
+
+#include "tools/program/params.h"
+#include "tools/sil/faulty_peers.h"
+
+namespace ballast::soak {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+struct Tick {
+  sil::Lap lap;
+  sim::Plant::Sample truth;
+};
+
+// A run with its log, to be looked at as often as one likes.
+struct Recorded {
+  sim::Scenario scenario;
+  std::vector<Tick> ticks;
+  sil::RunResult result;
+  std::string log;  // its bytes
+
+  explicit Recorded(const std::vector<std::string>& overrides, const std::vector<std::string>& faults = {}) {
+    const auto read = sim::read_scenario(BALLAST_SOURCE_DIR "/sim/scenarios/paper_ball.toml", overrides, faults);
+    for (const auto& error : read.errors) ADD_FAILURE() << to_string(error);
+    scenario = read.scenario;
+    auto params = std::make_unique<firmware::ControllerParams>();
+    EXPECT_FALSE(program::to_controller_params(scenario, *params));
+    const auto peers = sil::peers_in_process(scenario, params.get(), program::to_monitor_limits(scenario));
+    const std::string path = testing::TempDir() + "soak-recorded-" + std::to_string(getpid()) + ".lcmlog";
+    sil::Recorder recorder(path);
+    sil::RunOptions options;
+    options.observe = [this](const sil::Lap& lap, const sim::Plant::Sample& truth) { ticks.push_back({lap, truth}); };
+    result = sil::run(scenario, *peers, recorder, options);
+    EXPECT_TRUE(recorder.close());
+    std::ifstream file(path, std::ios::binary);
+    log.assign(std::istreambuf_iterator<char>(file), {});
+    std::filesystem::remove(path);
+  }
+
+  // The index of the first tripped tick.
+  [[nodiscard]] std::size_t trip() const {
+    return static_cast<std::size_t>(
+        std::find_if(ticks.begin(), ticks.end(), [](const Tick& t) { return t.lap.trip.tripped != 0; }) -
+        ticks.begin());
+  }
+
+  // What is broken in it, after a change.
+  [[nodiscard]] std::vector<Invariant> broken(const std::function<void(Recorded&)>& change = {}) const {
+    auto changed = std::make_unique<Recorded>(*this);
+    if (change) change(*changed);
+    const std::string path = testing::TempDir() + "soak-changed-" + std::to_string(getpid()) + ".lcmlog";
+    std::ofstream(path, std::ios::binary) << changed->log;
+    Invariants invariants(changed->scenario);
+    for (const Tick& tick : changed->ticks) invariants.see(tick.lap, tick.truth);
+    invariants.finish(changed->result, path);
+    std::filesystem::remove(path);
+    std::vector<Invariant> which;
+    for (const Broken& broken : invariants.broken()) {
+      which.push_back(broken.invariant);
+      words_ = broken.text;
+      EXPECT_FALSE(broken.text.empty());
+    }
+    return which;
+  }
+  mutable std::string words_;  // of the last one broken
+};
+
+// Completes; and trips at t = 0.4 s or so, after which its masses need time to stop.
+const Recorded& completed() {
+  static const Recorded run({"duration=0.5"});
+  return run;
+}
+const Recorded& tripped() {
+  static const Recorded run({"duration=3", "envelope.friction_use=0.3"});
+  return run;
+}
+
+bool has(const std::vector<Invariant>& broken, Invariant invariant) {
+  return std::find(broken.begin(), broken.end(), invariant) != broken.end();
+}
+
+// The messages that a change makes others than those of the log are no fault of the log: that breaks only beside.
+std::vector<Invariant> but_logged(std::vector<Invariant> broken) {
+  std::erase(broken, Invariant::kLogged);
+  return broken;
+}
+
+using Which = std::vector<Invariant>;
+
+TEST(Invariants, HoldInRunsAsTheyAre) {
+  EXPECT_EQ(completed().result.end_reason, sil::EndReason::kCompleted);
+  EXPECT_EQ(completed().broken(), Which{}) << completed().words_;
+  ASSERT_EQ(tripped().result.end_reason, sil::EndReason::kTripped);
+  EXPECT_EQ(tripped().broken(), Which{}) << tripped().words_;
+  EXPECT_TRUE(tripped().result.masses_rested);
+  // There is a stop to speak of.
+  EXPECT_GT(tripped().ticks.size() - tripped().trip(), 20u);
+}
+
+TEST(Invariants, AViolationThatNobodyReports) {
+  const auto unseen = [](auto change) {
+    return completed().broken([&](Recorded& run) { change(run.ticks[200].truth); });
+  };
+  // A run that says exit status 0 of it is wrong too.
+  const Which due{Invariant::kDetected, Invariant::kEnded};
+  EXPECT_EQ(unseen([](auto& truth) { truth.normal_force_n = 0; }), due);
+  EXPECT_EQ(unseen([](auto& truth) { truth.normal_force_min_n = 0; }), due);
+  EXPECT_EQ(unseen([](auto& truth) { truth.friction_force_W_n[0] = 100; }), due);
+  EXPECT_EQ(unseen([](auto& truth) { truth.mu_required_max = 0.36; }), due);  // the floor gives 0.35
+  EXPECT_EQ(unseen([](auto& truth) { truth.regime = sim::Regime::kSliding; }), due);
+}
+
+TEST(Invariants, ATripOneTickLate) {
+  EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
+              const std::size_t trip = run.trip();
+              run.ticks[trip].lap.trip = run.ticks[trip - 1].lap.trip;
+              run.ticks[trip].lap.trip.tick += 1;
+              run.ticks[trip].lap.status.mode = controller_status_t::MODE_RUNNING;
+              run.ticks[trip].lap.status.faults = 0;
+            })),
+            (Which{Invariant::kDetected, Invariant::kLatched}));  // and the later ones speak of a tick that was none
+}
+
+TEST(Invariants, AControllerThatGoesOnAfterATrip) {
+  EXPECT_EQ(but_logged(tripped().broken(
+                [](Recorded& run) { run.ticks[run.trip()].lap.status.mode = controller_status_t::MODE_RUNNING; })),
+            Which{Invariant::kObeyed});
+}
+
+// Whose messages are injured may be heard a tick late, and no later.
+TEST(Invariants, PeersThatSuffer) {
+  const Recorded suffering({"duration=0.5"}, {"messages_doubled@0.05:channel=BALLAST_STEP_COMMAND"});
+  ASSERT_EQ(suffering.broken(), Which{}) << suffering.words_;
+  const auto outside_for = [&](std::size_t ticks) {
+    return suffering.broken([&](Recorded& run) {
+      for (std::size_t k = 100; k < 100 + ticks; ++k) run.ticks[k].truth.normal_force_n = 0;
+    });
+  };
+  EXPECT_FALSE(has(outside_for(1), Invariant::kDetected));
+  EXPECT_TRUE(has(outside_for(2), Invariant::kDetected));
+}
+
+TEST(Invariants, ATripTakenBack) {
+  const auto later = [](auto change) {
+    return but_logged(tripped().broken([&](Recorded& run) { change(run.ticks[run.trip() + 5].lap); }));
+  };
+  EXPECT_EQ(later([](sil::Lap& lap) { lap.trip.cause = trip_t::CAUSE_NORMAL_FORCE; }), Which{Invariant::kLatched});
+  EXPECT_EQ(later([](sil::Lap& lap) { lap.trip.trip_tick += 1; }), Which{Invariant::kLatched});
+  EXPECT_EQ(later([](sil::Lap& lap) { lap.trip.value += 1; }), Which{Invariant::kLatched});
+  EXPECT_EQ(later([](sil::Lap& lap) { lap.status.faults = 0; }), Which{Invariant::kLatched});
+  EXPECT_TRUE(has(later([](sil::Lap& lap) { lap.trip.tripped = 0; }), Invariant::kLatched));
+  EXPECT_TRUE(
+      has(later([](sil::Lap& lap) { lap.status.mode = controller_status_t::MODE_ARMED; }), Invariant::kLatched));
+}
+
+TEST(Invariants, MassesThatDoNotStop) {
+  EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) { run.ticks.back().lap.status.at_rest = 0; })),
+            Which{Invariant::kAtRest});
+  // The promise is the plan's; a shorter one is not kept.
+  EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
+              for (Tick& tick : run.ticks) tick.lap.status.plan_duration_s /= 2;
+            })),
+            Which{Invariant::kAtRest});
+  // A pulse after the end. The counts have to agree with it.
+  EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
+              sil::Lap& lap = run.ticks.back().lap;
+              lap.steps.burst_count = 1;
+              lap.steps.motor[0] = 0;
+              lap.steps.direction[0] = 1;
+              lap.steps.steps[0] = 1;
+              lap.steps.count[0] = 1;
+              lap.steps.position_steps[0] += 1;
+              lap.status.steps_issued[0] += 1;
+            })),
+            Which{Invariant::kAtRest});
+  // No promise at all.
+  EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
+              for (Tick& tick : run.ticks) tick.lap.status.planned = 0;
+            })),
+            Which{Invariant::kAtRest});
+}
+
+TEST(Invariants, MassesThatAreNotWhereTheyWereStopped) {
+  const auto astray = [](Recorded& run) {
+    run.ticks.back().truth.mass_position[1] += 0.2;  // a tooth is 2 pi / 50 = 0.126 rad
+  };
+  EXPECT_EQ(tripped().broken(astray), Which{Invariant::kAtRest});
+  // It is reported.
+  EXPECT_EQ(tripped().broken([&](Recorded& run) {
+    astray(run);
+    run.result.motors[1].slips = 2;
+  }),
+            Which{});
+  // At rest, they say.
+  EXPECT_EQ(tripped().broken([](Recorded& run) { run.ticks.back().truth.mass_velocity[1] = 0.5; }),
+            Which{Invariant::kAtRest});
+  // Stopped, they say, and it is the middle of the stop.
+  EXPECT_TRUE(has(tripped().broken([](Recorded& run) { run.ticks.resize(run.trip() + 5); }), Invariant::kAtRest));
+}
+
+TEST(Invariants, ALogThatIsNotWhole) {
+  const auto with_log = [](auto change) { return completed().broken([&](Recorded& run) { change(run.log); }); };
+  EXPECT_EQ(with_log([](std::string& log) { log.pop_back(); }), Which{Invariant::kLogged});
+  EXPECT_EQ(with_log([](std::string& log) { log.clear(); }), Which{Invariant::kLogged});
+  EXPECT_EQ(with_log([](std::string& log) { log[log.size() / 2] ^= 1; }), Which{Invariant::kLogged});
+  EXPECT_EQ(with_log([](std::string& log) { log += log; }), Which{Invariant::kLogged});
+  // The last tick is not in it.
+  EXPECT_EQ(completed().broken([](Recorded& run) { run.log.resize(run.log.rfind("BALLAST_CONTACT") - 28); }),
+            Which{Invariant::kLogged});
+  // A message that was said otherwise than it was logged.
+  EXPECT_EQ(completed().broken([](Recorded& run) { run.ticks[77].lap.plant.state.motor_torque_nm[0] += 1e-9; }),
+            Which{Invariant::kLogged});
+}
+
+TEST(Invariants, AnEndThatIsNotWhatHappened) {
+  using sil::EndReason;
+  for (const EndReason reason : {EndReason::kTripped, EndReason::kSlipped, EndReason::kDetached,
+                                 EndReason::kInconsistent, EndReason::kStepTiming}) {
+    SCOPED_TRACE(to_string(reason));
+    EXPECT_EQ(completed().broken([&](Recorded& run) { run.result.end_reason = reason; }), Which{Invariant::kEnded});
+  }
+  EXPECT_EQ(completed().broken([](Recorded& run) { run.result.status = hal::Status::kPeerLost; }),
+            Which{Invariant::kEnded});
+  EXPECT_EQ(completed().broken([](Recorded& run) { run.result.final_sample.time_s = 0.3; }), Which{Invariant::kEnded});
+  // Trips that the summary does not know of: exit status 0.
+  EXPECT_EQ(tripped().broken([](Recorded& run) {
+    run.result.trip = {};
+    run.result.controller_trip.reset();
+    run.result.end_reason = EndReason::kCompleted;
+    run.result.final_sample.time_s = 3;
+  }),
+            Which{Invariant::kEnded});
+  EXPECT_EQ(but_logged(completed().broken([](Recorded& run) {
+              contact_t& contact = run.ticks.back().lap.plant.contact;
+              contact.last = run.ticks.back().lap.plant.state.last = run.ticks.back().lap.plant.sensors.last = 0;
+            })),
+            Which{Invariant::kEnded});
+}
+
+TEST(Invariants, ANumberThatIsNone) {
+  const auto with = [](auto change) {
+    return but_logged(completed().broken([&](Recorded& run) { change(run.ticks[100].lap); }));
+  };
+  const Which due{Invariant::kFinite};
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.contact.normal_force_n = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.contact.friction_force_W_n[1] = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.contact.mu_required_max = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.contact.commanded_mu_required = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.contact.margin = -INFINITY; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.state.mass_position_B_m[2][0] = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.state.motor_torque_nm[1] = INFINITY; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.sensors.accelerometer_B_mps2[2] = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.trip.value = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.next_acceleration[0] = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.mu_required = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.plan_margin_min = kNan; }), due);
+  EXPECT_EQ(completed().broken([](Recorded& run) { run.result.extrema.mu_required_max.value = kNan; }), due);
+  // Where the floor would have to pull, f_s / N is +infinity, and that is no fault.
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.contact.mu_required = INFINITY; }), Which{});
+}
+
+TEST(Invariants, TicksAndStepsThatDoNotAddUp) {
+  const Which due{Invariant::kInOrder};
+  EXPECT_EQ(but_logged(completed().broken([](Recorded& run) { run.ticks.erase(run.ticks.begin() + 50); })), due);
+  EXPECT_EQ(but_logged(completed().broken([](Recorded& run) {
+              const Tick again = run.ticks[50];
+              run.ticks.insert(run.ticks.begin() + 50, again);
+            })),
+            due);
+  const auto with = [](auto change) {
+    return but_logged(completed().broken([&](Recorded& run) { change(run.ticks[100].lap); }));
+  };
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.sensors.tick -= 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.state.tick -= 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.trip.tick += 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.tick += 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.steps.tick -= 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.contact.time_s += 1e-9; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.scenario_id ^= 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.steps.steps[0] += 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.steps.position_steps[2] -= 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.steps_issued[1] += 1; }), due);
+}
+
+TEST(Invariants, ARunWithoutEnd) {
+  Invariants invariants(completed().scenario);
+  Tick tick = completed().ticks[0];
+  const double ticks = completed().scenario.duration_s / completed().scenario.run.control_period_s;
+  for (int k = 0; k < ticks + 10; ++k) invariants.see(tick.lap, tick.truth);
+  EXPECT_TRUE(invariants.endless());
+  EXPECT_TRUE(std::any_of(invariants.broken().begin(), invariants.broken().end(),
+                          [](const Broken& broken) { return broken.invariant == Invariant::kPatient; }));
+}
+
+TEST(Invariants, AnotherLogHasAnotherHash) {
+  const auto hash = [](const Recorded& run) {
+    const std::string path = testing::TempDir() + "soak-hash-" + std::to_string(getpid()) + ".lcmlog";
+    std::ofstream(path, std::ios::binary) << run.log;
+    Invariants invariants(run.scenario);
+    for (const Tick& tick : run.ticks) invariants.see(tick.lap, tick.truth);
+    invariants.finish(run.result, path);
+    std::filesystem::remove(path);
+    return invariants.log_hash();
+  };
+  EXPECT_EQ(hash(completed()), hash(Recorded({"duration=0.5"})));
+  EXPECT_NE(hash(completed()), hash(Recorded({"duration=0.5", "seed=1"})));
+}
+
+// What the docs say must hold is what the code says.
+TEST(Invariants, AreThoseOfTheDocs) {
+  std::ifstream file(BALLAST_SOURCE_DIR "/tools/soak/README.md");
+  const std::string readme(std::istreambuf_iterator<char>(file), {});
+  for (int i = 0; i < kInvariantCount; ++i) {
+    const InvariantText& text = text_of(static_cast<Invariant>(i));
+    const std::string row = std::string("| `") + text.name + "` | " + text.statement + " |";
+    EXPECT_NE(readme.find(row), std::string::npos) << row;
+  }
+}
+
+}  // namespace
+}  // namespace ballast::soak

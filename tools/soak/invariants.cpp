@@ -1,0 +1,519 @@
+#include "tools/soak/invariants.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+#include <numbers>
+#include <string_view>
+
+#include "hal/lcm/channels.h"
+#include "tools/program/program.h"
+#include "tools/sil/log_reader.h"
+#include "tools/sil/summary.h"
+
+namespace ballast::soak {
+
+namespace {
+
+constexpr InvariantText kTexts[kInvariantCount] = {
+    {"detected",
+     "An envelope violation of the true ball (N at or below min_normal_force; f_s above friction_use mu_s N; sliding "
+     "after rolling) is a trip of monitor or controller in the tick at whose end it shows; where messages or peers are "
+     "made to suffer, a tick later at most. Not looked at while both are silent: then nobody is left, and the motors "
+     "stand."},
+    {"obeyed",
+     "A controller that hears of a trip is tripped in that very tick, or still disarmed; where the verdict does not "
+     "reach it, two ticks later."},
+    {"latched",
+     "A trip keeps its cause, tick, value and limit to the end; a tripped controller stays tripped and keeps its "
+     "faults. A peer that was started again cannot know: then the run ends in that tick, with reason."},
+    {"at_rest",
+     "After a trip the commanded masses stand when the stop promised they would, and no pulse comes after that. The "
+     "true masses are then held where they were sent, or the run reports why not: slips, lost or undelivered steps, an "
+     "end stop, an end before the stop's."},
+    {"logged",
+     "The log has every message of every tick up to the last, in order, byte for byte, and can be read back."},
+    {"ended",
+     "The run ends with a defined reason and exit status, and with 0 only if nothing tripped and the true ball "
+     "stayed inside the envelope."},
+    {"finite",
+     "Nothing that is published is NaN or infinite, but where its .lcm file says so. What the controller estimates and "
+     "predicts of N from sensors that make no number (NaN, or injured on their way) is NaN: then its f_s / N is "
+     "+infinity and its margin -1."},
+    {"in_order",
+     "Ticks count up by one; every message is of its tick; pulses, positions and counts of the steps add up."},
+    {"patient",
+     "No run has more ticks than its duration, and none takes longer on the clock than the limit: nobody waits for "
+     "ever."},
+    {"repeatable", "The same seed gives the same log, byte for byte (looked at in one seed of 32)."},
+};
+
+// FNV-1a.
+std::uint64_t hash(std::uint64_t value, const void* data, std::size_t size) {
+  const auto* bytes = static_cast<const unsigned char*>(data);
+  for (std::size_t i = 0; i < size; ++i) value = (value ^ bytes[i]) * 0x100000001b3;
+  return value;
+}
+
+constexpr std::uint64_t kHashSeed = 0xcbf29ce484222325;
+
+std::uint64_t hash_of(std::int64_t utime, const std::vector<char>& bytes) {
+  return hash(hash(kHashSeed, &utime, sizeof utime), bytes.data(), bytes.size());
+}
+
+// Finite, or as the .lcm files allow: +infinity where rolling would need N <= 0.
+bool ratio(double value) { return std::isfinite(value) || value > 0; }
+
+bool finite(const double* values, std::size_t count) {
+  return std::all_of(values, values + count, [](double value) { return std::isfinite(value); });
+}
+
+template <std::size_t n>
+bool finite(const double (&values)[n]) {
+  return finite(values, n);
+}
+
+template <class... Values>
+bool all_finite(Values... values) {
+  return (std::isfinite(values) && ...);
+}
+
+}  // namespace
+
+const InvariantText& text_of(Invariant invariant) { return kTexts[static_cast<std::size_t>(invariant)]; }
+
+Invariants::Invariants(const sim::Scenario& scenario)
+    : scenario_(scenario),
+      has_controller_(scenario.run.actuation == sim::Actuation::kStepper),
+      // Two of the countdown, the first and the last tick, and one for the rounding of the division.
+      most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) + 4) {
+  for (const sim::Fault& fault : scenario.faults) {
+    const bool of_bus = fault.of(sim::FaultLayer::kMessage) || fault.of(sim::FaultLayer::kPeer) ||
+                        fault.kind == sim::FaultKind::kClockJump;
+    if (of_bus) bus_suffers_from_s_ = std::min(bus_suffers_from_s_, fault.time_s);
+  }
+}
+
+bool Invariants::suffers(sim::FaultKind kind) const {
+  return std::ranges::any_of(scenario_.faults, [kind](const sim::Fault& fault) { return fault.kind == kind; });
+}
+
+void Invariants::fail(Invariant invariant, std::int64_t tick, const char* format, ...) {
+  for (const Broken& known : broken_) {
+    if (known.invariant == invariant) return;
+  }
+  char text[256];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(text, sizeof text, format, arguments);
+  va_end(arguments);
+  broken_.push_back({invariant, tick, text});
+}
+
+void Invariants::see(const sil::Lap& lap, const Sample& truth) {
+  see_order(lap);
+  see_finite(lap);
+  if (!lap.monitor_silent) see_verdict(lap);
+  if (has_controller_ && !lap.controller_silent) {
+    see_steps(lap);
+    see_obeyed(lap);
+    see_controller_latch(lap);
+    see_stop(lap, truth);
+    controller_heard_ = true;
+    status_ = lap.status;
+  }
+  see_envelope(lap, truth);
+  expect_in_log(lap);
+  truth_ = truth;
+  if (++laps_ == most_laps_ + 1) {
+    fail(Invariant::kPatient, tick_, "the run has had %lld ticks and goes on; %g s have at most %lld",
+         static_cast<long long>(laps_), scenario_.duration_s, static_cast<long long>(most_laps_));
+  }
+}
+
+void Invariants::see_order(const sil::Lap& lap) {
+  const contact_t& contact = lap.plant.contact;
+  const auto tick = static_cast<long long>(contact.tick);
+  if (laps_ == 0) {
+    // The countdown begins at -2; runs without a controller, or whose ball cannot even be set down, have none.
+    if (contact.tick != -2 && contact.tick != 0)
+      fail(Invariant::kInOrder, contact.tick, "the first tick is %lld", tick);
+  } else if (contact.tick != tick_ + 1) {
+    fail(Invariant::kInOrder, contact.tick, "tick %lld after %lld", tick, static_cast<long long>(tick_));
+  }
+  tick_ = contact.tick;
+  bus_suffers_ = tick_ >= 0 && contact.time_s >= bus_suffers_from_s_ - sim::Fault::kRounding;
+  if (has_ended_) fail(Invariant::kInOrder, tick_, "the tick before said that it was the last");
+  has_ended_ = contact.last != 0;
+  const auto due = [&](const char* what, std::int64_t is, std::int64_t should_be) {
+    if (is == should_be) return;
+    fail(Invariant::kInOrder, tick_, "%s is %lld where %lld is due", what, static_cast<long long>(is),
+         static_cast<long long>(should_be));
+  };
+  due("the plant state's tick", lap.plant.state.tick, tick_);
+  due("the sensors' tick", lap.plant.sensors.tick, tick_);
+  if (!lap.monitor_silent && !bus_suffers_) due("the verdict's tick", lap.trip.tick, tick_);
+  due("the sensors' scenario_id", lap.plant.sensors.scenario_id, scenario_.id);
+  due("the plant state's last", lap.plant.state.last, contact.last);
+  due("the sensors' last", lap.plant.sensors.last, contact.last);
+  const double tick_s =
+      std::clamp(static_cast<double>(tick_) * scenario_.run.control_period_s, 0.0, scenario_.duration_s);
+  if (contact.time_s != tick_s && !has_ended_) {
+    fail(Invariant::kInOrder, tick_, "tick at t = %.17g s where %.17g s is due", contact.time_s, tick_s);
+  }
+  if (!has_controller_ || lap.controller_silent) return;
+  due("the status's scenario_id", lap.status.scenario_id, scenario_.id);
+  due("the step command's tick", lap.steps.tick, lap.status.tick + 1);
+  if (!bus_suffers_) {
+    due("the status's tick", lap.status.tick, tick_);
+  } else if (lap.status.tick > tick_) {
+    fail(Invariant::kInOrder, tick_, "a status of tick %lld, which is still to come",
+         static_cast<long long>(lap.status.tick));
+  }
+}
+
+void Invariants::see_steps(const sil::Lap& lap) {
+  std::array<std::int64_t, sim::kMaxMasses> sum{}, pulses{};
+  for (int b = 0; b < lap.steps.burst_count; ++b) {
+    const auto motor = static_cast<std::size_t>(lap.steps.motor[b]);
+    sum[motor] += lap.steps.direction[b] * lap.steps.count[b];
+    pulses[motor] += lap.steps.count[b];
+  }
+  // Of a controller that was started again, or says several ticks' commands at once, only the last is seen.
+  const bool goes_on = controller_heard_ && lap.status.tick == status_.tick + 1 &&
+                       lap.status.operator_commands >= status_.operator_commands;
+  for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
+    if (!goes_on) {
+      position_steps_[i] = lap.steps.position_steps[i] - sum[i];
+      steps_issued_[i] = lap.status.steps_issued[i] - pulses[i];
+    }
+    position_steps_[i] += sum[i];
+    steps_issued_[i] += pulses[i];
+    if (lap.steps.steps[i] != sum[i] || lap.steps.position_steps[i] != position_steps_[i] ||
+        lap.status.steps_issued[i] != steps_issued_[i]) {
+      fail(Invariant::kInOrder, tick_,
+           "motor %zu: the bursts' sum %lld, position %lld and count %lld are said to be %d, %lld and %lld", i,
+           static_cast<long long>(sum[i]), static_cast<long long>(position_steps_[i]),
+           static_cast<long long>(steps_issued_[i]), lap.steps.steps[i],
+           static_cast<long long>(lap.steps.position_steps[i]), static_cast<long long>(lap.status.steps_issued[i]));
+    }
+  }
+}
+
+void Invariants::see_finite(const sil::Lap& lap) {
+  const auto check = [&](bool good, const char* what) {
+    if (!good) fail(Invariant::kFinite, tick_, "%s has a number that is not finite", what);
+  };
+  const contact_t& contact = lap.plant.contact;
+  check(all_finite(contact.time_s, contact.normal_force_n, contact.static_friction_n, contact.margin,
+                   contact.normal_force_min_n) &&
+            finite(contact.friction_force_W_n) && ratio(contact.mu_required) && ratio(contact.mu_required_max),
+        "contact_t");
+  const bool commanded = all_finite(contact.commanded_normal_force_n, contact.commanded_static_friction_n) &&
+                         ratio(contact.commanded_mu_required);
+  // Those of the tick before ask for them.
+  const bool none_due = !has_controller_ || tick_ < 0 || laps_ == 0 || contact.last != 0 || bus_suffers_;
+  check(commanded || (none_due && std::isnan(contact.commanded_normal_force_n) &&
+                      std::isnan(contact.commanded_static_friction_n) && std::isnan(contact.commanded_mu_required)),
+        "commanded_ of contact_t");
+
+  const plant_state_t& state = lap.plant.state;
+  bool masses = true;
+  for (const auto& position : state.mass_position_B_m) masses = masses && finite(position);
+  check(masses && std::isfinite(state.time_s) && finite(state.orientation) && finite(state.angular_velocity_B_radps) &&
+            finite(state.position_W_m) && finite(state.velocity_W_mps) && finite(state.center_of_mass_B_m) &&
+            finite(state.mass_position) && finite(state.mass_velocity) && finite(state.motor_torque_nm),
+        "plant_state_t");
+  const sensors_t& sensors = lap.plant.sensors;
+  // What a sensor that says NaN makes of its own message is the fault itself.
+  const bool good_sensors =
+      finite(sensors.orientation) && finite(sensors.gyro_B_radps) && finite(sensors.accelerometer_B_mps2);
+  check(good_sensors || suffers(sim::FaultKind::kSensorNan), "sensors_t");
+  if (!lap.monitor_silent) check(all_finite(lap.trip.trip_time_s, lap.trip.limit) && ratio(lap.trip.value), "trip_t");
+  if (!has_controller_ || lap.controller_silent) return;
+  const controller_status_t& status = lap.status;
+  check(finite(status.commanded_position) && finite(status.commanded_velocity) && finite(status.next_position) &&
+            finite(status.next_velocity) && finite(status.next_acceleration) &&
+            all_finite(status.margin, status.overload_value, status.overload_limit, status.refusal_value,
+                       status.plan_duration_s, status.plan_horizon_s, status.plan_margin_min) &&
+            ratio(status.mu_required) && ratio(status.plan_mu_required_max),
+        "controller_status_t");
+  // What sensors that make no number say of N is not known, and a number in its place would be made up. Then f_s / N
+  // and the margin say the worst.
+  const bool senseless = suffers(sim::FaultKind::kSensorNan) || suffers(sim::FaultKind::kMessagesCorrupted);
+  const auto unknown = [&](double mu_required, double margin) {
+    return senseless && std::isinf(mu_required) && margin == -1;
+  };
+  check(all_finite(status.normal_force_n, status.static_friction_n) || unknown(status.mu_required, status.margin),
+        "the estimate of controller_status_t");
+  check(std::isfinite(status.plan_normal_force_min_n) || unknown(status.plan_mu_required_max, status.plan_margin_min),
+        "the prediction of controller_status_t");
+}
+
+void Invariants::see_envelope(const sil::Lap& lap, const Sample& truth) {
+  // The force's own length: what the plant says of it is not taken for granted. It may differ in the last digits.
+  constexpr double kRounding = 1e-12;
+  const double friction_n = truth.friction_force_W_n.norm();
+  const double least_n = std::min(truth.normal_force_n, truth.normal_force_min_n);
+  const double mu_allowed = scenario_.envelope.friction_use * scenario_.surface.static_friction;
+  const bool too_light = least_n <= scenario_.envelope.min_normal_force_n;
+  bool slips = false;
+  if (std::isfinite(mu_allowed)) {
+    slips = friction_n > mu_allowed * truth.normal_force_n * (1 + kRounding) ||
+            truth.mu_required_max > mu_allowed * (1 + kRounding) ||
+            (has_rolled_ && truth.regime == sim::Regime::kSliding);
+    has_rolled_ = has_rolled_ || truth.regime == sim::Regime::kRolling;
+  }
+  if (!too_light && !slips) {
+    undetected_ticks_ = 0;
+    return;
+  }
+  violated_ = true;
+  const bool by_controller =
+      controller_heard_ && (status_.mode == controller_status_t::MODE_TRIPPED || status_.faults != 0);
+  const bool detected = trip_.tripped != 0 || by_controller;
+  if (detected || (lap.monitor_silent && (lap.controller_silent || !has_controller_))) {
+    undetected_ticks_ = 0;
+    return;
+  }
+  const std::int64_t allowed = bus_suffers_ ? 1 : 0;
+  if (++undetected_ticks_ > allowed) {
+    fail(Invariant::kDetected, tick_,
+         "N = %g N (least %g), f_s = %g N (most f_s/N %g), and no trip; allowed N > %g, f_s/N <= %g",
+         truth.normal_force_n, least_n, friction_n, truth.mu_required_max, scenario_.envelope.min_normal_force_n,
+         mu_allowed);
+  }
+}
+
+void Invariants::see_obeyed(const sil::Lap& lap) {
+  const std::int8_t mode = lap.status.mode;
+  if (!monitor_tripped_ || mode == controller_status_t::MODE_TRIPPED || mode == controller_status_t::MODE_DISARMED)
+    return;
+  // A verdict a tick old is not stale yet, one of two ticks is.
+  const std::int64_t late = lap.status.tick - heard_trip_tick_;
+  if (late < (bus_suffers_ ? 2 : 0)) return;
+  fail(Invariant::kObeyed, tick_,
+       "the monitor says since tick %lld that it has tripped, and the controller is in mode %d",
+       static_cast<long long>(heard_trip_tick_), mode);
+}
+
+void Invariants::see_verdict(const sil::Lap& lap) {
+  const trip_t& trip = lap.trip;
+  if (trip_.tripped == 0 && trip.tripped != 0) {
+    trip_ = trip;
+    heard_trip_tick_ = tick_;
+    if (trip.cause == trip_t::CAUSE_NONE || (trip.trip_tick != tick_ && !bus_suffers_)) {
+      fail(Invariant::kLatched, tick_, "a trip begins with cause %d and tick %lld", trip.cause,
+           static_cast<long long>(trip.trip_tick));
+    }
+  } else if (trip_.tripped != 0) {
+    // The value may be +infinity, never NaN.
+    const bool same = trip.cause == trip_.cause && trip.trip_tick == trip_.trip_tick &&
+                      trip.trip_time_s == trip_.trip_time_s && trip.value == trip_.value && trip.limit == trip_.limit;
+    // One that was started again may find the ball outside again, in the very tick: that is a trip of its own, which
+    // nobody who has latched the first can tell from it, or need.
+    if (trip.tripped == 1 && (same || suffers(sim::FaultKind::kPeerRestarted))) {
+      monitor_tripped_ = true;
+      return;
+    }
+    char text[160];
+    std::snprintf(text, sizeof text, "the trip of tick %lld (cause %d) has become tripped = %d, tick %lld, cause %d",
+                  static_cast<long long>(trip_.trip_tick), trip_.cause, trip.tripped,
+                  static_cast<long long>(trip.trip_tick), trip.cause);
+    if (!taken_back_) taken_back_ = {Invariant::kLatched, tick_, text};
+  }
+  monitor_tripped_ = trip.tripped != 0;
+}
+
+void Invariants::see_controller_latch(const sil::Lap& lap) {
+  const auto faults = static_cast<std::uint32_t>(lap.status.faults);
+  const bool tripped = lap.status.mode == controller_status_t::MODE_TRIPPED;
+  if (controller_tripped_ && (!tripped || (faults & faults_) != faults_)) {
+    char text[160];
+    std::snprintf(text, sizeof text, "the controller tripped with faults 0x%x, and is in mode %d with 0x%x", faults_,
+                  lap.status.mode, faults);
+    if (!taken_back_) taken_back_ = {Invariant::kLatched, tick_, text};
+  }
+  if (tripped && faults == 0) fail(Invariant::kLatched, tick_, "the controller is tripped and has no fault");
+  if (tripped) faults_ |= faults;
+}
+
+// The promise is the plan's. It is given in the tick of the trip, and anew only if what it asks for cannot be stepped:
+// then the controller says so with a fault of its own.
+void Invariants::see_stop(const sil::Lap& lap, const Sample& truth) {
+  for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
+    const auto& rail = scenario_.masses[i].rail;
+    const double lever = rail.shape == firmware::RailShape::kCircle ? rail.radius_m : 1;
+    top_speed_mps_ = std::max(top_speed_mps_, lever * std::abs(truth.mass_velocity[i]));
+  }
+  const controller_status_t& status = lap.status;
+  if (status.mode != controller_status_t::MODE_TRIPPED) return;
+  const double period_s = scenario_.run.control_period_s;
+  const bool begins = !controller_tripped_;
+  controller_tripped_ = true;
+  const bool planned_now = status.planned != 0 && status.plan_tick == status.tick + 1;
+  if (begins || (planned_now && status.overload_error != 0)) {
+    rest_due_tick_ = status.tick + 1;
+    double left_s = 0;
+    if (planned_now) {
+      left_s = status.plan_duration_s;
+    } else if (status.at_rest == 0 && status.planned != 0) {  // it was stopping already
+      left_s = status.plan_duration_s - static_cast<double>(status.tick + 1 - status.plan_tick) * period_s;
+    } else if (status.at_rest == 0) {
+      fail(Invariant::kAtRest, tick_, "the controller trips while its masses move, and promises no stop");
+    }
+    // The end may lie inside a tick; at a tick's start it has to be right to rounding.
+    rest_due_tick_ += static_cast<std::int64_t>(std::ceil(std::max(left_s, 0.0) / period_s - 1e-9));
+  }
+  // `at_rest` speaks of the start of the next tick, whose steps come with it.
+  if (status.tick + 1 < rest_due_tick_) return;
+  if (status.at_rest == 0) {
+    fail(Invariant::kAtRest, tick_, "the commanded masses move on after the stop's promised end, tick %lld",
+         static_cast<long long>(rest_due_tick_));
+  }
+  for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
+    if (lap.steps.steps[i] != 0 && lap.steps.tick > rest_due_tick_) {
+      fail(Invariant::kAtRest, tick_, "motor %zu is sent %d steps after the stop's promised end, tick %lld", i,
+           lap.steps.steps[i], static_cast<long long>(rest_due_tick_));
+    }
+    // A rotor further than a tooth from where its field stands is held by another tooth.
+    const sim::Motor& motor = scenario_.masses[i].motor;
+    const double tooth = 2 * std::numbers::pi * 4 / motor.steps_per_revolution / motor.shaft_ratio;
+    if (status.tick > rest_due_tick_ && std::abs(truth.mass_position[i] - status.commanded_position[i]) > tooth)
+      carried_away_[i] = true;
+  }
+}
+
+void Invariants::expect_in_log(const sil::Lap& lap) {
+  const auto expect = [&](const char* channel, const auto& message, std::int64_t utime) {
+    bytes_.resize(static_cast<std::size_t>(message.getEncodedSize()));
+    message.encode(bytes_.data(), 0, static_cast<int>(bytes_.size()));
+    expected_.push_back({channel, tick_, hash_of(utime, bytes_)});
+  };
+  if (lap.command) expect(hal::kChannelOperator, *lap.command, lap.command->utime);
+  expect(hal::kChannelContact, lap.plant.contact, lap.plant.contact.utime);
+  expect(hal::kChannelPlantState, lap.plant.state, lap.plant.state.utime);
+  expect(hal::kChannelSensors, lap.plant.sensors, lap.plant.sensors.utime);
+  if (!lap.monitor_silent) expect(hal::kChannelTrip, lap.trip, lap.trip.utime);
+  if (!has_controller_ || lap.controller_silent) return;
+  expect(hal::kChannelControllerStatus, lap.status, lap.status.utime);
+  expect(hal::kChannelStepCommand, lap.steps, lap.steps.utime);
+}
+
+void Invariants::finish(const sil::RunResult& result, const std::string& log_path) {
+  if (taken_back_ && (result.status == hal::Status::kOk || taken_back_->tick != tick_))
+    fail(Invariant::kLatched, taken_back_->tick, "%s", taken_back_->text.c_str());
+  finish_end(result);
+  finish_stop(result);
+  read_log(log_path, result.status == hal::Status::kIo && suffers(sim::FaultKind::kDiskFull));
+}
+
+void Invariants::finish_end(const sil::RunResult& result) {
+  if (result.status != hal::Status::kOk) {
+    const bool has_reason =
+        bus_suffers_ || suffers(sim::FaultKind::kControllerOverrun) || suffers(sim::FaultKind::kDiskFull);
+    if (!has_reason || result.trouble.empty())
+      fail(Invariant::kEnded, tick_, "the run broke off: \"%s\"", result.trouble.c_str());
+    return;
+  }
+  const bool tripped = result.trip.tripped != 0 || result.controller_trip.has_value();
+  bool as_it_says = false;
+  switch (result.end_reason) {
+    case sil::EndReason::kCompleted:
+      as_it_says = result.final_sample.time_s >= scenario_.duration_s * (1 - 1e-12);  // it is a sum of periods
+      break;
+    case sil::EndReason::kTripped:
+      as_it_says = tripped;
+      break;
+    case sil::EndReason::kSlipped:
+    case sil::EndReason::kDetached:
+      as_it_says = result.rolling_lost && scenario_.run.on_violation == sim::OnViolation::kStop;
+      break;
+    case sil::EndReason::kInconsistent:
+      as_it_says = !result.end_text.empty();
+      break;
+    case sil::EndReason::kStepTiming:
+      break;  // nobody has asked for it
+  }
+  if (!as_it_says) {
+    fail(Invariant::kEnded, tick_, "it ended as %s at t = %.17g s, which is not what happened",
+         to_string(result.end_reason), result.final_sample.time_s);
+  }
+  if (!has_ended_) fail(Invariant::kEnded, tick_, "the last message does not say that it is the last");
+  const int status = sil::exit_status(result);
+  const int due =
+      violated_ || trip_.tripped != 0 || controller_tripped_ || result.end_reason != sil::EndReason::kCompleted
+          ? program::kExitEnvelope
+          : program::kExitCompleted;
+  if (status != due) fail(Invariant::kEnded, tick_, "exit status %d where %d is due", status, due);
+  if ((result.trip.tripped != 0) != (trip_.tripped != 0) || (result.controller_trip.has_value() && !tripped)) {
+    fail(Invariant::kEnded, tick_, "the summary's trip is not the one of the messages");
+  }
+  const sim::ContactExtrema& x = result.extrema;
+  if (!ratio(x.mu_required_max.value) ||
+      !all_finite(x.normal_force_min.value, x.normal_force_max.value, x.static_friction_max.value)) {
+    fail(Invariant::kFinite, tick_, "the summary's extrema are not finite");
+  }
+}
+
+void Invariants::finish_stop(const sil::RunResult& result) {
+  if (!controller_tripped_ || result.status != hal::Status::kOk) return;
+  // The ball is gone, or the scenario's time is over, before the stop: `end` says so.
+  if (status_.tick < rest_due_tick_) {
+    if (result.end_reason == sil::EndReason::kTripped)
+      fail(Invariant::kAtRest, tick_, "ended as stopped before the stop's promised end, tick %lld",
+           static_cast<long long>(rest_due_tick_));
+    return;
+  }
+  for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
+    const bool reported = result.motors[i].slips != 0 || result.final_sample.lost_steps[i] != 0 ||
+                          result.motors[i].undelivered_steps != 0 || result.missing_commands != 0 ||
+                          result.end_stops[i].touches != 0;
+    if (carried_away_[i] && !reported) {
+      fail(Invariant::kAtRest, tick_,
+           "mass %zu was not held where the stop had sent it, and nothing that explains it is reported", i);
+    }
+    if (result.end_reason != sil::EndReason::kTripped || !result.masses_rested) continue;
+    // What the run calls rest: slower than a twentieth of the fastest there was.
+    const auto& rail = scenario_.masses[i].rail;
+    const double lever = rail.shape == firmware::RailShape::kCircle ? rail.radius_m : 1;
+    if (lever * std::abs(truth_.mass_velocity[i]) > top_speed_mps_ / 20 * (1 + 1e-12)) {
+      fail(Invariant::kAtRest, tick_, "mass %zu is said to be at rest, and moves at %g m/s of at most %g", i,
+           lever * std::abs(truth_.mass_velocity[i]), top_speed_mps_);
+    }
+  }
+}
+
+void Invariants::read_log(const std::string& path, bool cut_short) {
+  sil::LogReader reader(path);
+  if (!reader.error().empty()) {
+    if (!cut_short) fail(Invariant::kLogged, tick_, "%s", reader.error().c_str());
+    return;
+  }
+  log_hash_ = kHashSeed;
+  std::size_t read = 0;
+  for (sil::LogEvent event; reader.next(event); ++read) {
+    if (read >= expected_.size()) {
+      fail(Invariant::kLogged, tick_, "the log goes on after the last tick with %s", event.channel.c_str());
+      return;
+    }
+    const Logged& due = expected_[read];
+    const std::uint64_t hash_here = hash_of(event.timestamp, event.data);
+    log_hash_ = hash(log_hash_, &hash_here, sizeof hash_here);
+    if (event.channel != due.channel || hash_here != due.hash) {
+      fail(Invariant::kLogged, due.tick, "event %zu is %s where this tick's %s is due, or its bytes are others", read,
+           event.channel.c_str(), due.channel);
+      return;
+    }
+  }
+  // A full disk has taken every tick but the last; the run has said why it ends.
+  if (cut_short && read < expected_.size() && expected_[read].tick == tick_) return;
+  if (!reader.damage().empty()) {
+    fail(Invariant::kLogged, tick_, "the log is %s", reader.damage().c_str());
+  } else if (read < expected_.size()) {
+    fail(Invariant::kLogged, expected_[read].tick, "the log ends before this tick's %s", expected_[read].channel);
+  }
+}
+
+}  // namespace ballast::soak

@@ -1,0 +1,307 @@
+#include "tools/soak/random_scenario.h"
+
+#include <memory>
+#include <vector>
+
+#include "sim/scenario_reader.h"
+#include "tools/program/params.h"
+#include "tools/soak/random.h"
+
+namespace ballast::soak {
+
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+// A scenario that is refused is followed by another of the same seed.
+constexpr int kMostDrawn = 50;
+
+std::string text(double value) { return sim::number_text(value); }
+
+template <class V>
+std::string text(const V& v) {
+  std::string out = "[";
+  for (Eigen::Index i = 0; i < v.size(); ++i) out += (i > 0 ? ", " : "") + text(static_cast<double>(v[i]));
+  return out + "]";
+}
+
+std::string line(const char* key, const std::string& value) { return std::string(key) + " = " + value + "\n"; }
+std::string line(const char* key, double value) { return line(key, text(value)); }
+
+class Draw {
+ public:
+  Draw(Random& random, bool calm) : random_(random), calm_(calm) {}
+
+  std::string scenario(std::uint64_t seed) {
+    hand_size_ = random_.chance(0.6);
+    radius_ = hand_size_ ? random_.log_uniform(0.06, 0.3) : random_.uniform(0.5, 1.5);
+    gravity_ = hand_size_ ? 9.81 : random_.uniform(1, 10);
+    shell_mass_ = hand_size_ ? random_.log_uniform(0.2, 3) : random_.log_uniform(0.5, 5);
+    pendulum_rate_ = std::sqrt(gravity_ / radius_);
+    duration_ = calm_ ? random_.uniform(0.6, 1) : random_.uniform(0.2, 2);
+    period_ = calm_ ? random_.log_uniform(0.001, 0.004) : std::min(random_.log_uniform(0.0005, 0.02), duration_ / 10);
+    stepper_ = calm_ || random_.chance(0.92);
+
+    std::string out = line("name", "\"soak_" + std::to_string(seed) + "\"");
+    out += line("duration", duration_) + line("gravity", gravity_);
+    out += line("seed", std::to_string(random_.integer(0, 1'000'000)));
+    if (!calm_) out += external_force();
+    out += ball();
+    if (!calm_) out += drag();
+    out += surface();
+    out += start();
+    // Three masses and fewer are what people build; more are rarer.
+    const int mass_count =
+        calm_ || random_.chance(0.85) ? random_.integer(1, 3) : random_.integer(0, firmware::kMaxMasses);
+    for (int i = 0; i < mass_count; ++i) out += mass();
+    out += "\n[run]\n" + line("actuation", stepper_ ? "\"stepper\"" : "\"prescribed\"");
+    out += line("control_period", period_);
+    out += line("timer_frequency", random_.one_of({1e6, 1e7, 1e7, 84e6}));
+    out += line("on_violation", calm_ || random_.chance(0.6) ? "\"continue\"" : "\"stop\"");
+    if (!calm_) out += envelope();
+    return out;
+  }
+
+ private:
+  std::string external_force() {
+    const double weight = shell_mass_ * gravity_;
+    if (random_.chance(0.7)) return "";
+    if (random_.chance(0.5)) return line("external_force", text(random_.vector(0, 0.3 * weight)));
+    std::string times, forces;
+    double time = 0;
+    const int rows = random_.integer(2, 5);
+    for (int i = 0; i < rows; ++i) {
+      times += (i > 0 ? ", " : "") + text(time);
+      forces += (i > 0 ? ", " : "") + text(random_.vector(0, 0.4 * weight));
+      time += random_.uniform(0.05, 0.6);
+    }
+    return "external_force = { times = [" + times + "], forces = [" + forces + "] }\n";
+  }
+
+  std::string ball() {
+    // The principal moments of a body are pairwise sums of three positive numbers; a thin shell has 1/3 each.
+    const double a = random_.uniform(0.1, 0.35), b = random_.uniform(0.1, 0.35), c = random_.uniform(0.1, 0.35);
+    const double unit = shell_mass_ * radius_ * radius_;
+    std::string out = "\n[ball]\n" + line("radius", radius_) + line("mass", shell_mass_);
+    out += line("inertia", text(Vector3d(unit * Vector3d(a + b, b + c, a + c))));
+    if (random_.chance(0.5)) out += line("center_of_mass", text(random_.vector(0, 0.15 * radius_)));
+    return out;
+  }
+
+  std::string drag() {
+    if (random_.chance(0.9)) return "";
+    std::string out = "\n[drag]\n" + line("coefficient", random_.uniform(0, 0.5) * radius_ * radius_);
+    return out + line("wind", text(random_.vector(0, 5)));
+  }
+
+  std::string surface() {
+    if (calm_) return "\n[surface]\n" + line("static_friction", random_.uniform(0.6, 1));
+    floor_slides_ = !random_.chance(0.15);
+    if (!floor_slides_) return "";
+    const double static_friction = random_.log_uniform(0.05, 1.2);
+    std::string out = "\n[surface]\n" + line("static_friction", static_friction);
+    out += line("kinetic_friction", static_friction * random_.uniform(0.5, 1));
+    if (random_.chance(0.5)) out += line("restitution", random_.uniform(0, 0.9));
+    return out;
+  }
+
+  std::string start() {
+    std::string out = "\n[initial]\n";
+    const auto q = random_.attitude();
+    out += line("orientation", text(Eigen::Vector4d(q.w(), q.x(), q.y(), q.z())));
+    if (calm_ || random_.chance(0.6)) return out;  // at rest
+    out += line("angular_velocity", text(random_.vector(0, pendulum_rate_)));
+    const double speed = std::sqrt(gravity_ * radius_);
+    if (floor_slides_ && random_.chance(0.3)) {
+      const Vector3d velocity = random_.vector(0, speed);
+      out += line("velocity", text(Vector3d(velocity[0], velocity[1], 0)));
+    } else if (random_.chance(0.2)) {
+      out += line("height", radius_ * random_.uniform(0, 0.2));
+      out += line("velocity", text(random_.vector(0, 0.5 * speed)));
+    }
+    return out;
+  }
+
+  struct Rail {
+    std::string toml{};
+    bool circle = false;
+    double unit = 1;               // a way along it that is as long as a radian of a circle
+    double lower = -1, upper = 1;  // where a mass may start and go
+  };
+
+  Rail circle() {
+    Rail rail{.circle = true, .lower = -3, .upper = 3};
+    if (random_.chance(0.3)) {
+      const double size = radius_ * random_.uniform(0.3, 0.95), azimuth = random_.uniform(0, 6);
+      const double elevation = random_.uniform(-1.5, 1.5);
+      rail.toml = "{ shape = \"circle\", radius = " + text(size) + ", direction = { azimuth = " + text(azimuth) +
+                  ", elevation = " + text(elevation) + " } }";
+      return rail;
+    }
+    const Eigen::Matrix3d axes = random_.attitude().toRotationMatrix();
+    const double size = radius_ * random_.uniform(0.2, 0.7);
+    const Vector3d center = random_.vector(0, 0.25 * radius_);
+    rail.toml = "{ shape = \"circle\", radius = " + text(size) + ", center = " + text(center) + ", axes = [" +
+                text(Vector3d(axes.col(0))) + ", " + text(Vector3d(axes.col(1))) + "] }";
+    return rail;
+  }
+
+  Rail on_line() {
+    const double half = radius_ * random_.uniform(0.3, 0.7);  // with an origin this near it stays in the ball
+    Rail rail{.unit = 0.3 * radius_, .lower = -half, .upper = half};
+    rail.toml = "{ shape = \"line\", origin = " + text(random_.vector(0, 0.3 * radius_));
+    rail.toml += ", direction = " + text(random_.direction());
+    if (random_.chance(0.5)) {
+      rail.toml += ", end_stops = [" + text(-half) + ", " + text(half) + "]";
+      rail.toml += ", end_stop_restitution = " + text(random_.uniform(0.1, 1));
+    }
+    rail.toml += " }";
+    return rail;
+  }
+
+  // Closed: a circle that winds up and down as it goes round. Open: an arc that climbs.
+  Rail spline() {
+    const bool closed = random_.chance(0.5);
+    const int points = random_.integer(8, 16);
+    const double size = radius_ * random_.uniform(0.3, 0.6), wave = size * random_.uniform(0, 0.4);
+    const double angle = closed ? 2 * std::numbers::pi : random_.uniform(1, 4);
+    const int waves = random_.integer(1, 2);
+    const Eigen::Matrix3d turned = random_.attitude().toRotationMatrix();
+    const Vector3d center = random_.vector(0, 0.15 * radius_);
+    std::string list;
+    for (int i = 0; i < points; ++i) {
+      const double t = angle * i / (closed ? points : points - 1);
+      const double height = closed ? wave * std::sin(waves * t) : wave * (2 * t / angle - 1);
+      const Vector3d point = center + turned * Vector3d(size * std::cos(t), size * std::sin(t), height);
+      list += (i > 0 ? ", " : "") + text(point);
+    }
+    Rail rail{.unit = size, .lower = closed ? -3 * size : 0, .upper = closed ? 3 * size : 0.95 * size * angle};
+    rail.toml =
+        "{ shape = \"spline\", closed = " + std::string(closed ? "true" : "false") + ", points = [" + list + "] }";
+    return rail;
+  }
+
+  static std::string piece(double duration, double from, double to) {
+    return "{ duration = " + text(duration) + ", acceleration = [" + text(from) + ", " + text(to) + "] }";
+  }
+
+  // From rest to rest, by `way` in `time`: the acceleration goes up and down like two triangles, of which the first
+  // half makes the speed a time / 4, and so way = a time^2 / 8.
+  static void add_trip(double way, double time, std::vector<std::string>& pieces) {
+    const double a = 8 * way / (time * time);
+    pieces.push_back(piece(time / 4, 0, a));
+    pieces.push_back(piece(time / 4, a, 0));
+    pieces.push_back(piece(time / 4, 0, -a));
+    pieces.push_back(piece(time / 4, -a, 0));
+  }
+
+  // Sets where the mass starts.
+  std::string motion(const Rail& rail, double& position) {
+    std::vector<std::string> pieces;
+    position = random_.uniform(0.8 * rail.lower + 0.2 * rail.upper, 0.2 * rail.lower + 0.8 * rail.upper);
+    if (calm_) {
+      const double reach = rail.unit * std::min(0.3, 0.02 * pendulum_rate_ * pendulum_rate_ * duration_ * duration_);
+      const double to = position + (position > 0.5 * (rail.lower + rail.upper) ? -reach : reach);
+      add_trip(std::clamp(to, rail.lower, rail.upper) - position, duration_, pieces);
+    } else if (random_.chance(0.1)) {
+      return "";
+    } else if (random_.chance(0.7)) {
+      double at = position;
+      const int trips = random_.integer(1, 3);
+      for (int i = 0; i < trips; ++i) {
+        if (random_.chance(0.3)) pieces.push_back(piece(random_.uniform(0.01, 0.3), 0, 0));
+        const double time = random_.uniform(0.15, 1.5);
+        // As fast as gravity moves things, and at times three times as fast.
+        const double gently = rail.unit * std::min(1.0, 0.05 * pendulum_rate_ * pendulum_rate_ * time * time);
+        const double reach = random_.chance(0.15) ? 3 * gently : gently;
+        const double to = std::clamp(at + random_.uniform(-reach, reach), rail.lower, rail.upper);
+        add_trip(to - at, time, pieces);
+        at = to;
+      }
+    } else {
+      const double a = rail.unit * pendulum_rate_ * pendulum_rate_ * random_.log_uniform(0.02, 1);
+      const int count = random_.integer(1, 6);
+      for (int i = 0; i < count; ++i) {
+        const double time = random_.uniform(0.02, 0.4), from = random_.uniform(-a, a), to = random_.uniform(-a, a);
+        pieces.push_back(piece(time, from, to));
+      }
+    }
+    std::string list;
+    for (const std::string& p : pieces) list += (list.empty() ? "" : ",\n           ") + p;
+    return "motion = [ " + list + " ]\n";
+  }
+
+  std::string mass() {
+    const Rail rail = random_.chance(0.6) ? circle() : random_.chance(0.5) ? on_line() : spline();
+    double position = 0;
+    const std::string moved = motion(rail, position);
+    std::string out = "\n[[mass]]\n" + line("mass", shell_mass_ * random_.log_uniform(0.03, 1.5));
+    out += line("rail", rail.toml) + line("initial_position", position) + moved;
+    if (calm_) return out + "[mass.motor]\n" + line("microsteps", std::to_string(random_.one_of({16, 32})));
+    out += "[mass.motor]\n" + line("microsteps", std::to_string(random_.one_of({1, 2, 4, 8, 16, 16, 32, 64, 256})));
+    if (hand_size_ && random_.chance(0.4)) {
+      out += line("preset", random_.one_of<const char*>({"\"nema11\"", "\"nema17\"", "\"nema23\""}));
+    }
+    if (rail.circle && random_.chance(0.5)) out += line("gear_ratio", random_.log_uniform(1, 8));
+    if (!rail.circle && random_.chance(0.5)) {
+      out += line("travel_per_revolution", radius_ * random_.log_uniform(0.1, 1.5));
+    }
+    if (random_.chance(0.1)) {  // too weak, or nearly
+      out += line("holding_torque", shell_mass_ * gravity_ * radius_ * random_.log_uniform(0.03, 1));
+    }
+    if (random_.chance(0.1)) out += line("direction_setup", random_.uniform(0, 2e-5));
+    return out;
+  }
+
+  std::string envelope() {
+    std::string out = "\n[envelope]\n";
+    if (random_.chance(0.3)) out += line("min_normal_force", shell_mass_ * gravity_ * random_.uniform(0, 0.8));
+    if (random_.chance(0.4)) out += line("friction_use", random_.uniform(0.2, 1));
+    return out;
+  }
+
+  Random& random_;
+  bool calm_;
+  bool hand_size_ = true, stepper_ = true, floor_slides_ = true;
+  double radius_ = 0, gravity_ = 0, shell_mass_ = 0, pendulum_rate_ = 0, duration_ = 0, period_ = 0;
+};
+
+// Why it cannot be run; empty: it can.
+std::string refusal(const sim::ScenarioResult& read) {
+  if (!read.ok()) return to_string(read.errors.front());
+  if (read.scenario.run.actuation == sim::Actuation::kPrescribed) return "";
+  auto params = std::make_unique<firmware::ControllerParams>();
+  return program::to_controller_params(read.scenario, *params).value_or("");
+}
+
+template <class AddFaults>
+RandomScenario draw_scenario(std::uint64_t seed, bool calm, AddFaults add_faults) {
+  Random random(seed);
+  RandomScenario result;
+  for (result.refused = 0; result.refused < kMostDrawn; ++result.refused) {
+    result.toml = Draw(random, calm).scenario(seed);
+    sim::ScenarioResult read = sim::parse_scenario(result.toml, "soak");
+    result.trouble = refusal(read);
+    if (!result.trouble.empty()) continue;
+    result.faults = add_faults(read.scenario, random);
+    for (const RandomFault& fault : result.faults) result.toml += fault.toml;
+    read = sim::parse_scenario(result.toml, "soak");
+    result.trouble = refusal(read);
+    result.scenario = std::move(read.scenario);
+    return result;  // a fault that is refused is a fault of random_faults.cpp
+  }
+  return result;
+}
+
+}  // namespace
+
+RandomScenario random_scenario(std::uint64_t seed) { return draw_scenario(seed, false, random_faults); }
+
+RandomScenario calm_scenario(std::uint64_t seed, sim::FaultKind kind, int severity) {
+  return draw_scenario(seed, true, [&](const sim::Scenario& scenario, Random& random) {
+    return std::vector<RandomFault>{random_fault(scenario, kind, severity, random)};
+  });
+}
+
+}  // namespace ballast::soak
