@@ -230,7 +230,13 @@ void Invariants::see_finite(const sil::Lap& lap) {
   const bool good_sensors =
       finite(sensors.orientation) && finite(sensors.gyro_B_radps) && finite(sensors.accelerometer_B_mps2);
   check(good_sensors || suffers(sim::FaultKind::kSensorNan), "sensors_t");
-  if (!lap.monitor_silent) check(all_finite(lap.trip.trip_time_s, lap.trip.limit) && ratio(lap.trip.value), "trip_t");
+  if (!lap.monitor_silent) {
+    // The limit of f_s / N on a perfect floor, if that turns out to be none.
+    const bool no_limit = lap.trip.cause == trip_t::CAUSE_FRICTION && std::isinf(scenario_.surface.static_friction);
+    check(std::isfinite(lap.trip.trip_time_s) && ratio(lap.trip.value) &&
+              (std::isfinite(lap.trip.limit) || (no_limit && lap.trip.limit > 0)),
+          "trip_t");
+  }
   if (!has_controller_ || lap.controller_silent) return;
   const controller_status_t& status = lap.status;
   check(finite(status.commanded_position) && finite(status.commanded_velocity) && finite(status.next_position) &&
@@ -258,13 +264,12 @@ void Invariants::see_envelope(const sil::Lap& lap, const Sample& truth) {
   const double least_n = std::min(truth.normal_force_n, truth.normal_force_min_n);
   const double mu_allowed = scenario_.envelope.friction_use * scenario_.surface.static_friction;
   const bool too_light = least_n <= scenario_.envelope.min_normal_force_n;
-  bool slips = false;
-  if (std::isfinite(mu_allowed)) {
-    slips = friction_n > mu_allowed * truth.normal_force_n * (1 + kRounding) ||
-            truth.mu_required_max > mu_allowed * (1 + kRounding) ||
-            (has_rolled_ && truth.regime == sim::Regime::kSliding);
-    has_rolled_ = has_rolled_ || truth.regime == sim::Regime::kRolling;
-  }
+  // On a floor that was to be perfect, and is not, the ball may slide too.
+  const bool lost = has_rolled_ && truth.regime == sim::Regime::kSliding;
+  has_rolled_ = has_rolled_ || truth.regime == sim::Regime::kRolling;
+  const bool slips =
+      lost || (std::isfinite(mu_allowed) && (friction_n > mu_allowed * truth.normal_force_n * (1 + kRounding) ||
+                                             truth.mu_required_max > mu_allowed * (1 + kRounding)));
   if (!too_light && !slips) {
     undetected_ticks_ = 0;
     return;
