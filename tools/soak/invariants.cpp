@@ -5,7 +5,6 @@
 #include <cstdarg>
 #include <cstdio>
 #include <numbers>
-#include <string_view>
 
 #include "hal/lcm/channels.h"
 #include "tools/program/program.h"
