@@ -367,14 +367,17 @@ void Invariants::see_stop(const sil::Lap& lap, const Sample& truth) {
     } else if (status.at_rest == 0) {
       fail(Invariant::kAtRest, tick_, "the controller trips while its masses move, and promises no stop");
     }
-    // The end may lie inside a tick; at a tick's start it has to be right to rounding.
-    rest_due_tick_ += static_cast<std::int64_t>(std::ceil(std::max(left_s, 0.0) / period_s - 1e-9));
+    // The end may lie inside a tick. Often it is a tick's start, but for rounding: a stop out of a ramp takes three
+    // times the ticks that the ramp has lasted. Then the tick after it is right too.
+    stop_ticks_ = std::max(left_s, 0.0) / period_s;
+    rest_due_tick_ += static_cast<std::int64_t>(std::ceil(stop_ticks_ + 1e-9));
   }
   // `at_rest` speaks of the start of the next tick, whose steps come with it.
   if (status.tick + 1 < rest_due_tick_) return;
   if (status.at_rest == 0) {
-    fail(Invariant::kAtRest, tick_, "the commanded masses move on after the stop's promised end, tick %lld",
-         static_cast<long long>(rest_due_tick_));
+    fail(Invariant::kAtRest, tick_,
+         "the commanded masses move on after the stop's promised end, tick %lld, %.12g ticks after it began",
+         static_cast<long long>(rest_due_tick_), stop_ticks_);
   }
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
     if (lap.steps.steps[i] != 0 && lap.steps.tick > rest_due_tick_) {
