@@ -174,6 +174,18 @@ TEST(Monitor, PerfectFrictionIsNeverBroken) {
               0);
 }
 
+// A floor that was to be perfect, and is not.
+TEST(Monitor, SlidingOnAPerfectFloorTrips) {
+  MonitorLimits perfect = limits();
+  perfect.static_friction = kInfinity;
+  expect_trip(judge_changed(perfect,
+                            [](Tick& t) {
+                              t.contact.regime = contact_t::REGIME_SLIDING;
+                              t.contact.static_friction_n = 0.5;
+                            }),
+              trip_t::CAUSE_FRICTION, 3, 0.5 / 8, kInfinity);
+}
+
 TEST(Monitor, NumbersInAVerdictAreNeverNan) {
   MonitorLimits odd = limits();
   odd.min_normal_force_n = -1;  // so that N = 0 gets as far as the friction

@@ -50,7 +50,7 @@ TEST(SoakCommand, ASeedThatFailsCanBeShownAgain) {
 
 TEST(SoakCommand, RefusesSeedsThatAreNone) {
   const Folder folder;
-  for (const std::string seeds : {"''", "x..3", "3..x", "4..3", "1..2..3", "-1..3", "0..99999999999999999999"}) {
+  for (const std::string seeds : {"x..3", "3..x", "4..3", "1..2..3", "-1..3", "0..99999999999999999999"}) {
     SCOPED_TRACE(seeds);
     const Outcome soak = folder.run("ballast soak --seeds=" + seeds);
     EXPECT_EQ(soak.exit_status, 1);

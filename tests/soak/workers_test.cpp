@@ -62,6 +62,12 @@ TEST(Workers, NobodyWaitsForEver) {
   }
 }
 
+// Killed at any moment, between its answer and the next seed too.
+TEST(Workers, ASeedThatIsKilledIsToldOfOnce) {
+  const auto results = run_all({.first = 0, .last = 199, .jobs = 3, .seed_limit_s = 1e-6}, result_of);
+  EXPECT_EQ(results.size(), 200u);
+}
+
 TEST(Workers, AnInterruptEndsThem) {
   const volatile std::sig_atomic_t interrupted = SIGINT;
   WorkerOptions options{.first = 0, .last = 5, .jobs = 2};

@@ -101,8 +101,8 @@ class Progress {
 };
 
 // Empty: it is kept.
-std::string keep(const std::filesystem::path& folder, std::uint64_t seed) {
-  const auto random = soak::random_scenario(seed);
+std::string keep(const std::filesystem::path& folder, std::uint64_t seed, bool table) {
+  const auto random = table ? soak::table_scenario(seed) : soak::random_scenario(seed);
   std::error_code code;
   std::filesystem::create_directories(folder, code);
   const auto path = folder / (std::to_string(seed) + ".toml");
@@ -151,12 +151,13 @@ int run(const SoakCommand& command) {
     const auto& invariant = soak::text_of(static_cast<soak::Invariant>(result.broken));
     const std::string seed = std::to_string(result.seed);
     const std::string folder = command.keep.empty() ? "soak" : command.keep;
-    std::printf("seed %s: \"%s\" is broken in tick %" PRId64 ": %s\n  again: ballast soak --seeds %s..%s --keep %s\n",
-                seed.c_str(), invariant.name, result.broken_tick, result.broken_text, seed.c_str(), seed.c_str(),
-                folder.c_str());
+    std::printf("seed %s: \"%s\" is broken in tick %" PRId64 ": %s\n  again: ballast soak%s --seeds %s..%s --keep %s\n",
+                seed.c_str(), invariant.name, result.broken_tick, result.broken_text, command.table ? " --table" : "",
+                seed.c_str(), seed.c_str(), folder.c_str());
     if (!command.keep.empty()) {
-      if (trouble = keep(command.keep, result.seed); trouble.empty())
-        std::printf("  its run: ballast run %s/%s.toml\n", command.keep.c_str(), seed.c_str());
+      const std::string why = keep(command.keep, result.seed, command.table);
+      if (why.empty()) std::printf("  its run: ballast run %s/%s.toml\n", command.keep.c_str(), seed.c_str());
+      if (trouble.empty()) trouble = why;
     }
     std::fflush(stdout);
   };

@@ -112,12 +112,15 @@ void Monitor::judge_envelope(const Samples& samples) {
   if (least_n <= limits_.min_normal_force_n) {
     trip(trip_t::CAUSE_NORMAL_FORCE, least_n, limits_.min_normal_force_n);
   }
-  if (std::isinf(limits_.static_friction)) return;  // and infinity times N = 0 would be a NaN
   const double mu_allowed = limits_.friction_use * limits_.static_friction;
   const bool slipped = has_rolled_ && contact.regime == contact_t::REGIME_SLIDING;
   has_rolled_ = has_rolled_ || contact.regime == contact_t::REGIME_ROLLING;
-  if (slipped || contact.static_friction_n > mu_allowed * contact.normal_force_n ||
-      contact.mu_required_max > mu_allowed) {
+  // With perfect friction no force is too much (and infinity times N = 0 would be a NaN); a floor that has turned out
+  // to be none can still be slipped on.
+  const bool too_much =
+      !std::isinf(limits_.static_friction) &&
+      (contact.static_friction_n > mu_allowed * contact.normal_force_n || contact.mu_required_max > mu_allowed);
+  if (slipped || too_much) {
     const double now = contact.static_friction_n / contact.normal_force_n;
     trip(trip_t::CAUSE_FRICTION, std::max(now, contact.mu_required_max), mu_allowed);
   }

@@ -47,8 +47,9 @@ struct Samples {
 //                 plant state or sensors; mu_required may be +infinity
 //   normal_force  N <= min_normal_force, now or since the message before     value: least N, limit: min_normal_force
 //   friction      f_s > friction_use mu_s N, likewise, or the ball slides    value: greatest f_s / N,
-//                 after it has been seen to roll (the kinetic friction is    limit: friction_use mu_s
-//                 less, but rolling is lost); never with perfect friction
+//                 after it has been seen to roll (the kinetic friction is    limit: friction_use mu_s; +infinity
+//                 less, but rolling is lost); with perfect friction only              with perfect friction
+//                 the latter, of a floor that is not what it should be
 //   stale         the controller's newest status is older than the tick      value: age, limit: age allowed, in ticks
 //                 before; one never heard counts as one tick too old;
 //                 at the first tick there is nothing yet to be heard; or

@@ -107,6 +107,7 @@ class Invariants {
 
   std::array<std::int64_t, sim::kMaxMasses> position_steps_{}, steps_issued_{};
   std::int64_t rest_due_tick_ = 0;                    // of a stop: from whose start on the masses have to stand
+  double stop_ticks_ = 0;                             // what it promised to take
   std::array<bool, sim::kMaxMasses> carried_away_{};  // a mass further from there than its motor's field could hold it
   double top_speed_mps_ = 0;
   Sample truth_{};  // the latest

@@ -189,12 +189,15 @@ SeedResult run_seed(std::uint64_t seed) {
   return out;
 }
 
-SeedResult run_table_seed(std::uint64_t seed) {
+RandomScenario table_scenario(std::uint64_t seed) {
   const std::size_t kinds = sim::fault_kinds().size();
   const sim::FaultKind kind = sim::fault_kinds()[seed % kinds].kind;
   const bool one_severity = std::string_view(severity_text(kind, 0)) == severity_text(kind, 1);
-  const int severity = one_severity ? 0 : static_cast<int>(seed / kinds % 2);
-  const RandomScenario random = calm_scenario(seed, kind, severity);
+  return calm_scenario(seed, kind, one_severity ? 0 : static_cast<int>(seed / kinds % 2));
+}
+
+SeedResult run_table_seed(std::uint64_t seed) {
+  const RandomScenario random = table_scenario(seed);
   if (!random.trouble.empty()) return without_scenario(seed, random);
   const Run with_fault = run(random.scenario);
   SeedResult out = result_of(seed, random, with_fault);
@@ -203,8 +206,8 @@ SeedResult run_table_seed(std::uint64_t seed) {
   const Run without = run(twin);
   for (const Broken& broken : without.broken) note_broken(broken, out);
   if (sil::exit_status(without.result) != 0 || outcome_of(without.result) != Outcome::kCompleted) return out;
-  out.fault_kind = static_cast<std::int32_t>(kind);
-  out.severity = severity;
+  out.fault_kind = static_cast<std::int32_t>(random.faults.front().kind);
+  out.severity = random.faults.front().severity;
   note_detection(random.scenario, with_fault.result, out);
   return out;
 }

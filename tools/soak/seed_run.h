@@ -50,5 +50,6 @@ SeedResult run_seed(std::uint64_t seed);
 
 // For the failure table: a calm robot that suffers one fault. Kinds and severities take turns, seed by seed.
 SeedResult run_table_seed(std::uint64_t seed);
+RandomScenario table_scenario(std::uint64_t seed);
 
 }  // namespace ballast::soak

@@ -14,6 +14,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <new>
+#include <optional>
 #include <type_traits>
 #include <vector>
 
@@ -44,6 +45,7 @@ struct Shared {
 struct Worker {
   pid_t pid = -1;  // -1: there is none
   bool hung = false;
+  std::optional<std::uint64_t> answered = std::nullopt;  // the latest seed of which it has told the result
 };
 
 [[noreturn]] void work(const WorkerOptions& options, Shared& shared, Desk& desk, int pipe,
@@ -119,7 +121,7 @@ class Pool {
     const pid_t pid = fork();
     if (pid == 0) work(options_, *shared_, shared_->desks[i], pipe_[1], run_);
     if (pid < 0) trouble_ = std::strerror(errno);
-    workers_[i] = {pid, false};
+    workers_[i] = {pid, false, std::nullopt};
   }
 
   [[nodiscard]] bool working() const {
@@ -131,7 +133,11 @@ class Pool {
 
   void read_one() {
     SeedResult result;
-    if (read(pipe_[0], &result, sizeof result) == static_cast<ssize_t>(sizeof result)) done_(result);
+    if (read(pipe_[0], &result, sizeof result) != static_cast<ssize_t>(sizeof result)) return;
+    for (std::size_t i = 0; i < workers_.size(); ++i) {
+      if (shared_->desks[i].seed == result.seed) workers_[i].answered = result.seed;
+    }
+    done_(result);
   }
 
   void drain() {
@@ -153,7 +159,8 @@ class Pool {
       drain();  // what it still said
       worker.pid = -1;
       if (WIFEXITED(status) && WEXITSTATUS(status) == 0) continue;  // all seeds are taken
-      if (desk.since_ns != 0) done_(lost(desk.seed, options_, worker, status));
+      // It may have been killed between its answer and the next seed.
+      if (desk.since_ns != 0 && worker.answered != desk.seed) done_(lost(desk.seed, options_, worker, status));
       desk.since_ns = 0;
       start(i);
     }
