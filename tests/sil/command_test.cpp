@@ -485,7 +485,7 @@ INSTANTIATE_TEST_SUITE_P(
 // Files may not grow beyond 64 KiB: what a full disk is to the program.
 TEST(Run, AFullDiskIsReportedAndKeepsTheLogUpToThere) {
   const Folder folder;
-  for (const std::string how : {"", " --processes --lcm '" + test::bus_url(26) + "'"}) {
+  for (const std::string& how : {std::string(), " --processes --lcm '" + test::bus_url(26) + "'"}) {
     SCOPED_TRACE(how);
     const Outcome run =
         folder.run("(trap '' XFSZ; ulimit -f 64; ballast run paper_ball --set duration=2 --out r" + how + ")");

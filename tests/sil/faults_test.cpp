@@ -38,7 +38,9 @@ struct Outcome {
 Outcome suffer(const sim::Scenario& scenario, const std::string& log = "/dev/null") {
   auto params = std::make_unique<firmware::ControllerParams>();
   const bool stepper = scenario.run.actuation == sim::Actuation::kStepper;
-  if (stepper) EXPECT_FALSE(program::to_controller_params(scenario, *params));
+  if (stepper) {
+    EXPECT_FALSE(program::to_controller_params(scenario, *params));
+  }
   const auto peers = peers_in_process(scenario, stepper ? params.get() : nullptr, program::to_monitor_limits(scenario));
   Recorder recorder(log);
   for (const auto& fault : scenario.faults) {
@@ -148,7 +150,9 @@ TEST(MessageFault, WhatIsHarmlessChangesNothing) {
     EXPECT_EQ(result.motors[0].steps, healthy.motors[0].steps);
     EXPECT_EQ(result.final_sample.orientation, healthy.final_sample.orientation);
     EXPECT_EQ(result.missing_commands, 0);
-    if (std::string(fault).starts_with("messages_doubled")) EXPECT_GT(result.refused.here.repeated, 0);
+    if (std::string(fault).starts_with("messages_doubled")) {
+      EXPECT_GT(result.refused.here.repeated, 0);
+    }
   }
 }
 
@@ -350,7 +354,9 @@ TEST(MotorFault, StepsAreLostBehindTheControllersBack) {
     EXPECT_GT(result.final_sample.lost_steps[0], 0);
     EXPECT_FALSE(lost_steps_text(scenario, result).empty());
     // The controller knows nothing of it: if it stopped at all, the monitor told it to.
-    if (result.controller_trip) EXPECT_TRUE(has(result, firmware::Fault::kMonitorTrip));
+    if (result.controller_trip) {
+      EXPECT_TRUE(has(result, firmware::Fault::kMonitorTrip));
+    }
   }
   const RunResult swallowed = suffer("lost_steps@2:200").result;
   EXPECT_EQ(swallowed.final_sample.lost_steps[0] % 64, 200 % 64);  // but for whole teeth

@@ -354,7 +354,7 @@ TEST_F(ByHand, EveryPulseOfMovesStopsAndLaterStartsIsInItsPlace) {
   EXPECT_GT(timing.plan_steps, 300);
   EXPECT_GT(checked_steps - timing.plan_steps, 300);
   EXPECT_LT(hand_->modes[controller_status_t::MODE_MOVING], 10000) << "the last move has come to its end";
-  EXPECT_NEAR(hand_->modes[controller_status_t::MODE_RUNNING], 5110, 1);
+  EXPECT_NEAR(static_cast<double>(hand_->modes[controller_status_t::MODE_RUNNING]), 5110, 1);
   ASSERT_TRUE(result.move && result.stop);
   EXPECT_NEAR(result.move->start_s, 6.021, 1e-9);
   EXPECT_NEAR(result.stop->start_s, 5.112, 1e-9);

@@ -63,7 +63,7 @@ void MonitorTick(benchmark::State& state) {
   sil::PlantMessages m = sil::plant_messages(s, plant.sample(), 0, false);
   monitor::Monitor monitor(program::to_monitor_limits(s));
   for (auto _ : state) {
-    benchmark::DoNotOptimize(monitor.judge({&m.contact, &m.state, &m.sensors, {}}));
+    benchmark::DoNotOptimize(monitor.judge({&m.contact, &m.state, &m.sensors, {}, {}}));
     ++m.contact.tick, ++m.state.tick, ++m.sensors.tick;
   }
 }
