@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "firmware/model/rail_ends.h"
+#include "firmware/motion/rail_ends.h"
 #include "firmware/motion/crossing.h"
 
 namespace ballast::firmware {

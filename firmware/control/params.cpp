@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "firmware/control/controller.h"
-#include "firmware/model/rail_ends.h"
+#include "firmware/motion/rail_ends.h"
 
 namespace ballast::firmware {
 

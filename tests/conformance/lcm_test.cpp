@@ -159,7 +159,7 @@ TEST(LcmBoard, MalformedMessagesAreCountedAndIgnored) {
   tripped.tripped = -1;
   send(kChannelTrip, encoded(tripped));
   trip_t cause = LcmWorld::trip(world_tick(5).verdict);
-  cause.cause = 7;
+  cause.cause = 8;
   send(kChannelTrip, encoded(cause));
   for (const int command : {0, 6, -1}) {
     operator_t message = to_message(firmware::OperatorCommand::kArm, 0, 1, kControlPeriod_s);

@@ -39,10 +39,16 @@ TEST(Fault, EveryKindCanBeAskedFor) {
     const Fault fault = only_fault(std::string(kind.name) + "@2" + (kind.value_default ? "" : ":0.25"));
     EXPECT_EQ(fault.kind, kind.kind);
     EXPECT_EQ(fault.time_s, 2);
-    if (kind.value_means[0] != '\0') EXPECT_EQ(fault.value, kind.value_default.value_or(0.25));
+    if (kind.value_means[0] != '\0') {
+      EXPECT_EQ(fault.value, kind.value_default.value_or(0.25));
+    }
     EXPECT_TRUE(contains(to_string(fault), kind.name));
-    if (kind.lasts_s == kAnInstant) EXPECT_EQ(fault.end_s, 2);
-    if (kind.lasts_s == kOnePeriod) EXPECT_DOUBLE_EQ(fault.end_s, 2.002);  // kFull's control period is 2 ms
+    if (kind.lasts_s == kAnInstant) {
+      EXPECT_EQ(fault.end_s, 2);
+    }
+    if (kind.lasts_s == kOnePeriod) {
+      EXPECT_DOUBLE_EQ(fault.end_s, 2.002);  // kFull's control period is 2 ms
+    }
   }
 }
 

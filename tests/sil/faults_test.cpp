@@ -267,12 +267,13 @@ TEST(PeerFault, ASlowMonitorIsStaleFromTwoTicksOn) {
 // --- sensors ---
 
 // The controller moves the masses by the clock: what its sensors say wrongly, but finitely, changes its predictions and
-// not one step. That is why no trip is to be had from them.
+// not one step. No trip is to be had from them but the monitor's, where they make the controller's N and f_s so wrong
+// that they disagree with the plant's.
 TEST(SensorFault, WhatIsWrongButFiniteMovesNothing) {
   const RunResult healthy = suffer(desk_ball({})).result;
   for (const char* fault :
        {"sensor_bias@2:0.1", "sensor_bias@2:0.1,sensor=orientation,axis=1", "sensor_noise@2:0.1,sensor=accelerometer",
-        "sensor_freeze@2", "sensor_freeze@2:sensor=limit_switch", "sensor_spike@2:5", "sensor_saturation@2:0.01"}) {
+        "sensor_freeze@2", "sensor_freeze@2:sensor=limit_switch", "sensor_spike@2:0.1", "sensor_saturation@2:0.01"}) {
     SCOPED_TRACE(fault);
     const RunResult result = suffer(fault).result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
@@ -280,6 +281,15 @@ TEST(SensorFault, WhatIsWrongButFiniteMovesNothing) {
     EXPECT_EQ(result.motors[0].steps, healthy.motors[0].steps);
     EXPECT_EQ(result.final_sample.orientation, healthy.final_sample.orientation);
   }
+}
+
+TEST(SensorFault, WhatMakesTheControllerDisagreeWithThePlantTrips) {
+  const RunResult result = suffer("sensor_spike@2:5").result;
+  ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
+  EXPECT_EQ(result.end_reason, EndReason::kTripped);
+  EXPECT_EQ(result.trip.cause, trip_t::CAUSE_DISAGREEMENT);
+  // The controller's estimate is in the status of the tick in which it is told; the monitor has that a tick later.
+  EXPECT_EQ(result.trip.trip_tick, 2001);
 }
 
 std::vector<sensors_t> sensors_of(const std::string& path) {
@@ -345,9 +355,10 @@ TEST(SensorFault, EachDoesWhatItSays) {
 TEST(MotorFault, StepsAreLostBehindTheControllersBack) {
   const RunResult healthy = suffer(desk_ball({})).result;
   ASSERT_EQ(healthy.final_sample.lost_steps[0], 0);
-  for (const char* fault : {"motor_stall@2", "reversed_wiring@2", "blocked_rail@2", "lost_steps@2:200"}) {
+  for (const char* fault : {"motor_stall@2", "reversed_wiring@2", "blocked_rail@0", "lost_steps@2:200"}) {
     SCOPED_TRACE(fault);
-    // On its own floor a mass that is held makes the ball slip before a step is lost.
+    // On its own floor a mass that is held makes the ball slip before a step is lost; one that is stopped at full speed
+    // throws it off any floor.
     const sim::Scenario scenario = desk_ball({fault}, {"surface.static_friction=inf", "surface.kinetic_friction=inf"});
     const RunResult result = suffer(scenario).result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
@@ -443,7 +454,7 @@ TEST(EveryFault, LeavesAHealthyRunAlone) {
   EXPECT_TRUE(FaultyPeers::needed(desk_ball({"peer_killed@1"})));
   // And these peers, with a fault that never strikes, are those of a healthy run, byte for byte.
   const std::string folder = testing::TempDir();
-  sim::Scenario scenario = desk_ball({"messages_dropped@2:1e-300"});
+  sim::Scenario scenario = desk_ball({"messages_dropped@2:1e-15"});
   suffer(scenario, folder + "never.lcmlog");
   scenario.faults.clear();  // the same fingerprint
   suffer(scenario, folder + "none.lcmlog");

@@ -226,17 +226,17 @@ RunOptions checked() {
   return options;
 }
 
-// Passes everything on, but loses one pulse of motor 1.
-class Loses : public Peers {
+// Passes everything on, but one burst of motor 1 comes 2 us late.
+class Delays : public Peers {
  public:
-  explicit Loses(Peers& peers) : peers_(peers) {}
+  explicit Delays(Peers& peers) : peers_(peers) {}
   hal::Status connect() override { return peers_.connect(); }
   hal::Status exchange(Lap& lap) override {
     const hal::Status status = peers_.exchange(lap);
-    for (int b = 0; b < lap.steps.burst_count && !lost_; ++b) {
+    for (int b = 0; b < lap.steps.burst_count && !late_; ++b) {
       if (lap.steps.motor[b] != 1 || lap.steps.tick < 300) continue;
-      lost_ = true;
-      lap.steps.motor[b] = 2;
+      late_ = true;
+      lap.steps.first[b] += 20;
     }
     return status;
   }
@@ -244,7 +244,7 @@ class Loses : public Peers {
 
  private:
   Peers& peers_;
-  bool lost_ = false;
+  bool late_ = false;
 };
 
 TEST(RunLoop, APulseInTheWrongPlaceEndsACheckedRun) {
@@ -252,9 +252,9 @@ TEST(RunLoop, APulseInTheWrongPlaceEndsACheckedRun) {
   auto params = std::make_unique<firmware::ControllerParams>();
   ASSERT_FALSE(program::to_controller_params(scenario, *params));
   InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
-  Loses loses(peers);
+  Delays delays(peers);
   Recorder recorder("/dev/null");
-  const RunResult result = run(scenario, loses, recorder, checked());
+  const RunResult result = run(scenario, delays, recorder, checked());
   EXPECT_EQ(result.end_reason, EndReason::kStepTiming);
   ASSERT_TRUE(result.step_timing && result.step_timing->violation);
   EXPECT_EQ(result.step_timing->violation_motor, 1);

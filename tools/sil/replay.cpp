@@ -64,8 +64,12 @@ class RecordedRun {
     LogReader first(path);
     LogEvent event;
     operator_t message{};
+    contact_t contact{};
+    std::size_t before = 0;  // commands of laps that have begun
     while (first.next(event)) {
-      if (event.channel == hal::kChannelOperator && take(event, message)) commands_.push_back(message);
+      if (event.channel == hal::kChannelOperator && take(event, message)) commands_.push_back({message});
+      if (event.channel != hal::kChannelContact || before == commands_.size() || !take(event, contact)) continue;
+      for (; before < commands_.size(); ++before) commands_[before].tick = contact.tick;
     }
   }
 
@@ -82,13 +86,16 @@ class RecordedRun {
     if (!reader_.damage().empty()) end_ = reader_.damage();
     return false;
   }
-  // As in hal::OperatorQueue, a stop takes back what waits.
-  std::optional<operator_t> next_command() {
-    const auto stop = std::find_if(commands_.rbegin(), commands_.rend(),
-                                   [](const operator_t& m) { return m.command == operator_t::COMMAND_STOP; });
+  // The command that the controller counted in this tick. As in hal::OperatorQueue, a stop takes back what waits; over
+  // a bus the controller may hear a command before the log does.
+  std::optional<operator_t> next_command(std::int64_t tick) {
+    const auto later =
+        std::find_if(commands_.begin(), commands_.end(), [tick](const Said& s) { return s.tick > tick; });
+    const auto stop = std::find_if(std::make_reverse_iterator(later), commands_.rend(),
+                                   [](const Said& s) { return s.message.command == operator_t::COMMAND_STOP; });
     if (stop != commands_.rend()) commands_.erase(commands_.begin(), stop.base() - 1);
     if (commands_.empty()) return std::nullopt;
-    const operator_t command = commands_.front();
+    const operator_t command = commands_.front().message;
     commands_.pop_front();
     return command;
   }
@@ -187,7 +194,11 @@ class RecordedRun {
   LogReader reader_;
   bool peers_answer_;
   RecordedLap ahead_;  // of a log with faults: what has been read of the next tick
-  std::deque<operator_t> commands_;
+  struct Said {
+    operator_t message;
+    std::int64_t tick = std::numeric_limits<std::int64_t>::max();  // of the lap it is logged in; none: after the last
+  };
+  std::deque<Said> commands_;
   std::optional<std::int64_t> tick_;  // of the last whole lap
   std::string trouble_, end_;
 };
@@ -243,7 +254,7 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
     lap.replayed = true;
     lap.verdict = was.trip;
     if (counted > given) {
-      lap.command = recorded.next_command();
+      lap.command = recorded.next_command(tick);
       if (!lap.command) return unusable("the controller was given a command that is not in the log");
       ++given;
     }

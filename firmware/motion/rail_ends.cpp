@@ -1,4 +1,4 @@
-#include "firmware/model/rail_ends.h"
+#include "firmware/motion/rail_ends.h"
 
 #include <algorithm>
 #include <cmath>
