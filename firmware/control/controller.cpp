@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "firmware/motion/rail_ends.h"
 #include "firmware/motion/crossing.h"
+#include "firmware/motion/rail_ends.h"
 
 namespace ballast::firmware {
 

@@ -17,8 +17,9 @@ namespace ballast::hal {
 // not been heard, so that its sender can say it again.
 //
 // There is memory for kMostSenders. One more makes the one silent for longest be forgotten, but never oneself. From
-// then on only messages given after the newest tick of those forgotten are taken from a sender who is not known, so
-// that none of theirs can come back; those before are counted as `old`. Stops are taken from anybody, any time.
+// then on only messages given after the newest tick of those forgotten are taken from a sender who is not known, nor
+// later, when a stop has made it known, so that none of theirs can come back; those before are counted as `old`. Stops
+// are taken from anybody, any time.
 class OperatorInbox {
  public:
   static constexpr std::size_t kMostSenders = 32;
@@ -27,11 +28,15 @@ class OperatorInbox {
   void hear(const operator_t& message) {
     const bool stop = message.command == operator_t::COMMAND_STOP;
     Sender* sender = find(message.sender);
-    if (sender == nullptr && forgotten_tick_ && message.tick <= *forgotten_tick_ && !stop) {
+    const std::optional<std::int64_t> after_tick = sender == nullptr ? forgotten_tick_ : sender->after_tick;
+    if (message.tick <= after_tick && !stop) {
       ++counters_.old;
       return;
     }
-    if (sender == nullptr) sender = &take_place(message.sender);
+    if (sender == nullptr) {
+      sender = &take_place(message.sender);
+      sender->after_tick = after_tick;
+    }
     sender->used = ++heard_;
     if (message.sequence <= sender->newest_own) return;  // a bus gives back what is published on it
     const std::optional<std::int64_t>& newest = stop ? sender->newest_stop : sender->newest;
@@ -76,7 +81,8 @@ class OperatorInbox {
   struct Sender {
     std::int64_t id = 0;
     std::optional<std::int64_t> newest, newest_stop, newest_own, newest_tick;
-    std::int64_t used = 0;  // when, in messages heard; 0: the place is free
+    std::optional<std::int64_t> after_tick;  // commands up to it may be of the time before it was forgotten
+    std::int64_t used = 0;                   // when, in messages heard; 0: the place is free
   };
 
   Sender* find(std::int64_t id) {

@@ -68,7 +68,7 @@ bool Machine::start(const firmware::ControllerParams& params, const target::Comm
   const double counts = static_cast<double>(params.control_period_s) * commit.stretch * kClockHz;
   if (!(counts >= 2 && counts <= 1 << 24)) return false;  // the tick timer has 24 bits
   const double counts_per_step_tick = commit.stretch * (kClockHz / static_cast<double>(params.timer_frequency_hz));
-  if (!(counts_per_step_tick < 4096)) return false;
+  if (!(counts_per_step_tick >= 1.0 / 32 && counts_per_step_tick < 4096)) return false;
   play_ = commit.play;
   player_.configure(counts_per_step_tick);
 

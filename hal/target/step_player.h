@@ -1,6 +1,7 @@
 // Gives the pulses of a StepCommand from a timer interrupt, burst by burst: no list of pulses is made.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -35,7 +36,8 @@ concept StepHardware = requires(std::uint32_t counts, std::uint8_t motor, std::i
 template <StepHardware H>
 class StepPlayer {
  public:
-  // `counts_per_tick`: hardware counts per tick of the firmware's step timer; 0 < .. < 4096.
+  // `counts_per_tick`: hardware counts per tick of the firmware's step timer; 1/32 <= .. < 4096. A control tick has at
+  // most 2^24 counts. Then kNever is beyond its end.
   void configure(double counts_per_tick) {
     playing_ = &programs_[0];
     loading_ = &programs_[1];
@@ -112,7 +114,7 @@ class StepPlayer {
     }
     H::cancel();
     last_ = static_cast<std::int32_t>(H::span()) - 1;
-    due_ = playing_->end == playing_->tracks.data() ? kNever : earliest()->due;
+    due_ = playing_->end == playing_->tracks.data() ? kNever : std::min(earliest()->due, kNever);
     due_left_ = left_at(due_);
     const std::int32_t wait = difference(H::left(), static_cast<std::uint32_t>(due_left_));
     if (wait > 0) {
@@ -123,13 +125,13 @@ class StepPlayer {
   }
 
   // The step interrupt: what it was armed for is due. Each turn of the loop gives a pulse at least, and there are never
-  // more than kMaxPulses.
+  // more than kMaxPulses: what is due at kNever is always waited for, and never comes. So there is a track, too.
+  // Nothing more is asked here, since every instruction counts for every pulse.
   void on_timer() {
     std::uint32_t due = due_;
     std::int32_t due_left = due_left_;
     Given* record = record_;
     Program& program = *playing_;
-    if (program.end == program.tracks.data()) return;
     for (;;) {
       // All motors whose pulse is due, and when the next one is.
       std::uint32_t next = kNever;
@@ -155,7 +157,6 @@ class StepPlayer {
         H::arm(static_cast<std::uint32_t>(wait));
         break;
       }
-      if (due == kNever) break;  // whatever the clocks' ratio
     }
     due_ = due;
     due_left_ = due_left;

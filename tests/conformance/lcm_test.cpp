@@ -353,6 +353,11 @@ TEST(OperatorInbox, CopiesAreRefusedWhateverCameBetween) {
   ASSERT_TRUE(inbox.next());
   inbox.hear(said(kStop, 1, 2000, 1));
   EXPECT_FALSE(inbox.next());
+  // One that was forgotten, known again by an old stop: what came after that stop stays obeyed once.
+  inbox.hear(said(kStop, 2, 1, 2));
+  ASSERT_TRUE(inbox.next());
+  inbox.hear(all[1]);
+  EXPECT_FALSE(inbox.next());
   // More new senders in one tick than there are places: those who did not get one are heard in the next.
   int taken = 0;
   for (int sender = 1000; sender < 1100; ++sender) {

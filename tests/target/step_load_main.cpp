@@ -86,11 +86,13 @@ void prepare(int motors) {
 // Turns until the next control tick; a tick that is due already is late.
 std::uint32_t idle(std::uint32_t& late_ticks) {
   std::uint32_t turns = 0;
+  const bool late = the_machine.tick_due();
   while (!the_machine.tick_due()) {
     asm volatile("" : "+r"(turns));
     ++turns;
   }
-  late_ticks += the_machine.wait_tick() - 1;
+  const std::uint32_t begun = the_machine.wait_tick();
+  late_ticks += late ? begun : begun - 1;
   return turns;
 }
 

@@ -143,10 +143,10 @@ TEST(StepPlayer, IsBoundedWhateverItIsGiven) {
   const std::uint64_t seed = std::random_device{}();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
-  std::uniform_real_distribution<double> log_ratio(std::log(1e-9), std::log(4095.999));
+  std::uniform_real_distribution<double> log_ratio(std::log(1.0 / 32), std::log(4095.999));
   for (int round = 0; round < 3000; ++round) {
     StepPlayer<FakePins> player;
-    const double special[] = {1 - 0x1p-53, 1 - 0x1p-33, 0x1p-40, 1e-300, 4096 - 0x1p-41};
+    const double special[] = {1 - 0x1p-53, 1 - 0x1p-33, 1.0 / 32, 0.5 - 0x1p-54, 4096 - 0x1p-41};
     player.configure(round % 4 == 0 ? special[random() % 5] : std::exp(log_ratio(random)));
     FakePins::length = 2 + static_cast<std::uint32_t>(random() % (1 << 24));
     for (int tick = 0; tick < 3; ++tick) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 #include <deque>
+#include <iterator>
+#include <limits>
 #include <utility>
 
 #include "hal/lcm/channels.h"
