@@ -46,20 +46,21 @@ constexpr std::array kKinds{
                   "controller: monitor trips (stale); monitor: controller trips (monitor_stale) from 2 ticks on"},
     FaultKindInfo{kSensorBias, "sensor_bias", kSensor, kToTheEnd, "what is added; orientation: an angle",
                   "rad/s, m/s^2 or rad", kGiven, -kInfinity, kInfinity, false, false, "a sensor is off",
-                  "by nobody: the controller's predictions are off with it"},
+                  "monitor (disagreement), in the next tick, if the controller's N or f_s is off by more than 5 % of the "
+                  "weight; else nobody"},
     FaultKindInfo{kSensorNoise, "sensor_noise", kSensor, kToTheEnd, "standard deviation", "rad/s, m/s^2 or rad", kGiven,
                   0, kInfinity, true, false, "a sensor is noisy: Gaussian, each tick by itself",
-                  "by nobody: the controller's predictions are noisy with it"},
+                  "as bias"},
     FaultKindInfo{kSensorFreeze, "sensor_freeze", kSensor, kToTheEnd, "", "", kNone, 0, 0, false, false,
-                  "a sensor keeps saying what it said last", "by nobody: its messages are fresh"},
+                  "a sensor keeps saying what it said last", "as bias: its messages are fresh"},
     FaultKindInfo{kSensorNan, "sensor_nan", kSensor, kToTheEnd, "", "", kNone, 0, 0, false, false, "a sensor says NaN",
                   "monitor (nonfinite) and controller (sensor_not_finite), in the same tick"},
     FaultKindInfo{kSensorSpike, "sensor_spike", kSensor, kOnePeriod, "what is added; orientation: an angle",
                   "rad/s, m/s^2 or rad", kGiven, -kInfinity, kInfinity, false, false, "a sensor jumps for a moment",
-                  "by nobody, as bias"},
+                  "as bias"},
     FaultKindInfo{kSensorSaturation, "sensor_saturation", kSensor, kToTheEnd, "greatest magnitude it can say",
                   "rad/s or m/s^2", kGiven, 0, kInfinity, true, false, "a sensor's range ends early",
-                  "by nobody, as bias"},
+                  "as bias"},
     FaultKindInfo{kMotorStall, "motor_stall", kMotor, kToTheEnd, "", "", kNone, 0, 0, false, false,
                   "a motor's windings have no current: pulses turn nothing",
                   "by nobody aboard; the summary counts the lost steps"},
@@ -73,12 +74,17 @@ constexpr std::array kKinds{
                   "a motor's pulses turn it the other way",
                   "by nobody aboard, but for an end switch; the summary counts the lost steps"},
     FaultKindInfo{kBlockedRail, "blocked_rail", kMotor, kToTheEnd, "", "", kNone, 0, 0, false, false,
-                  "a mass is held where it is on its rail", "by nobody aboard; the summary counts the lost steps"},
+                  "a mass is held where it is on its rail",
+                  "by nobody aboard; the summary counts the lost steps; monitor (normal_force, friction), if a mass at speed "
+                  "lifts the ball or makes it slip"},
     FaultKindInfo{kFrictionFalls, "friction_falls", kWorld, kToTheEnd,
                   "the floor's static friction; the kinetic falls in proportion", "", kGiven, 0, kInfinity, true, false,
-                  "the floor becomes slippery", "monitor (friction) in the tick after rolling is lost, if it is"},
+                  "the floor becomes slippery",
+                  "monitor (friction), in the first tick in which the ball slides; with on_violation = stop the run ends there"},
     FaultKindInfo{kPush, "push", kWorld, 0.1, "force at the geometric centre", "N", kGiven, 0, kInfinity, true, false,
-                  "somebody pushes the ball", "monitor (friction, normal_force), if it leaves the envelope"},
+                  "somebody pushes the ball",
+                  "monitor (disagreement), in the next tick, if N or f_s change by more than 5 % of the weight, and (friction, "
+                  "normal_force), if it leaves the envelope"},
     FaultKindInfo{kClockJump, "clock_jump", kProgram, kAnInstant, "by how much, forth or back", "ticks", 100.0, -1e9,
                   1e9, false, true, "the sensors' clock, which stamps their messages, jumps",
                   "monitor (missing) and controller (sensor_stale), in the same tick"},
@@ -147,12 +153,33 @@ const FaultKindInfo& info(FaultKind kind) { return kKinds[static_cast<std::size_
 
 std::span<const FaultChannel> fault_channels() { return kChannels; }
 
+namespace {
+
+// A kind's unit names those of all sensors; a fault is of one.
+const char* unit_of(const Fault& fault) {
+  if (!fault.of(kSensor)) return info(fault.kind).unit;
+  switch (fault.sensor) {
+    case FaultSensor::kOrientation:
+      return "rad";
+    case FaultSensor::kGyro:
+      return "rad/s";
+    case FaultSensor::kAccelerometer:
+      return "m/s^2";
+    case FaultSensor::kLimitSwitch:
+      return "";
+  }
+  return "";
+}
+
+}  // namespace
+
 std::string to_string(const Fault& fault) {
   const FaultKindInfo& kind = info(fault.kind);
+  const std::string unit = unit_of(fault);
   std::string text = std::string(kind.name) + " at " + number(fault.time_s) + " s";
   std::string more;
   const auto add = [&more](const std::string& word) { more += (more.empty() ? ": " : ", ") + word; };
-  if (kind.value_means[0] != '\0') add(number(fault.value) + (kind.unit[0] != '\0' ? " " : "") + kind.unit);
+  if (kind.value_means[0] != '\0') add(number(fault.value) + (unit.empty() ? "" : " ") + unit);
   switch (kind.layer) {
     case kMessage:
       add(fault.channel + (fault.peer ? std::string(" to the ") + to_string(*fault.peer) : ""));

@@ -113,7 +113,7 @@ struct Fault {
   [[nodiscard]] bool of(FaultLayer layer) const { return info(kind).layer == layer; }
 };
 
-// "sensor_bias at 2 s: value 0.1, sensor gyro"
+// "sensor_bias at 2 s: 0.1 rad/s, gyro axis 1"
 std::string to_string(const Fault& fault);
 
 }  // namespace ballast::sim

@@ -1,4 +1,5 @@
-// The assignments of --set. Input: one after the other, each but the last ended by a zero byte.
+// The assignments of --set, and --fault. Input: one after the other, each but the last ended by a zero byte; what begins
+// with '!' is a --fault.
 #include <string>
 #include <vector>
 
@@ -42,7 +43,13 @@ bool take(std::span<const std::uint8_t> input) {
       overrides.back() += static_cast<char>(byte);
     }
   }
-  return check(sim::parse_scenario(kScenario, "fuzz.toml", overrides));
+  std::vector<std::string> faults;
+  std::erase_if(overrides, [&faults](const std::string& text) {
+    const bool fault = text.starts_with('!');
+    if (fault) faults.push_back(text.substr(1));
+    return fault;
+  });
+  return check(sim::parse_scenario(kScenario, "fuzz.toml", overrides, faults));
 }
 
 }  // namespace ballast::fuzz

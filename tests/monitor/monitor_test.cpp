@@ -373,6 +373,7 @@ TEST(Monitor, DisagreementOfPlantAndControllerTrips) {
     expect_trip(judge_estimates({8, 1}, {8, 1 + sign * 0.75}), trip_t::CAUSE_DISAGREEMENT, 3, 0.75, 0.5);
   }
   expect_trip(judge_estimates({8, 1}, {6, 2}), trip_t::CAUSE_DISAGREEMENT, 3, 2, 0.5);
+  expect_trip(judge_estimates({8, 1}, {-8, 1}), trip_t::CAUSE_DISAGREEMENT, 3, 16, 0.5);  // a sign
 }
 
 TEST(Monitor, DisagreementIsOfRollingBallsAndKnownNumbersOnly) {

@@ -135,6 +135,13 @@ TEST(Params, MonitorGetsTheLimits) {
   EXPECT_EQ(limits.scenario_id, s.id);
   // 5 % of the weight; four roundings.
   EXPECT_NEAR(limits.disagreement_n, 0.05 * (2.0 + 0.3 + 0.4) * 9.81, 1e-15);
+  // Where nothing weighs, of what presses the ball down instead.
+  sim::Scenario pressed = s;
+  pressed.gravity_mps2 = 0;
+  pressed.external_force_W_n = {0, 0, -20};
+  EXPECT_EQ(to_monitor_limits(pressed).disagreement_n, 0.05 * 20);
+  pressed.external_force_W_n.setZero();
+  EXPECT_EQ(to_monitor_limits(pressed).disagreement_n, std::numeric_limits<double>::infinity());
   EXPECT_EQ(to_monitor_limits(scenario({"drag.coefficient=0.1"})).disagreement_n,
             std::numeric_limits<double>::infinity());
   EXPECT_FALSE(to_monitor_limits(scenario({"run.actuation=prescribed"})).controller_expected);

@@ -1,13 +1,14 @@
 """Breaks Ballast, one thing at a time, and shows which guard catches it: the mutants of mutants.toml.
 
   test_mutants.py BUILD_DIR [--only REGEX] [--every N] [--record] [--table README.md]
+  test_mutants.py --check
 
 Of each mutant one file is compiled with its fault and linked before the libraries of the build, whose own object of that
 file is then left out: nothing in the sources knows of this. `ballast` so broken makes the mutant's run, and the mutant's
 test program is run. A mutant that neither the run nor the test tells from the sound program has survived, which is a
 failure; so is a run that ends otherwise than mutants.toml says. --every N takes every Nth mutant only, --record writes
 how the runs ended into mutants.toml, to be read before it is believed, --table what was seen into the file, between its
-markers.
+markers. --check builds nothing: it only looks whether the text of each mutant still stands once in its file.
 """
 
 import argparse
@@ -148,7 +149,8 @@ def table(rows):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("build", type=pathlib.Path)
+    parser.add_argument("build", type=pathlib.Path, nargs="?")
+    parser.add_argument("--check", action="store_true")
     parser.add_argument("--only", default="")
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--record", action="store_true")
@@ -161,6 +163,12 @@ def main():
     chosen = [m for m in mutants if re.search(options.only, m["name"])][:: options.every]
     if not chosen:
         fail(f"--only {options.only}: no mutant is called so")
+    if options.check:
+        lost = [m["name"] for m in mutants if (ROOT / m["file"]).read_text().count(m["old"]) != 1]
+        print("\n".join(f"{name}: its text does not stand once in its file" for name in lost) or f"{len(mutants)} mutants apply")
+        return 1 if lost else 0
+    if options.build is None:
+        parser.error("BUILD_DIR is missing; allowed without it: --check")
     build = Build(options.build.resolve())
 
     with tempfile.TemporaryDirectory(prefix="ballast-mutants-") as scratch:
@@ -175,6 +183,12 @@ def main():
             (scratch / name).mkdir()
             sound[name] = outcome(build.folder / "bin/ballast", line, scratch / name)
             print(f"sound program, {name}: {sound[name]}", flush=True)
+
+        # A test that fails anyway would catch every mutant.
+        for test in sorted({mutant["test"] for mutant in chosen}):
+            program, test_filter = test.split(" ", 1)
+            if test_fails(build.folder / "tests" / program, test_filter):
+                fail(f"{test}: fails on the sound program")
 
         rows, bad = [], 0
         with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:

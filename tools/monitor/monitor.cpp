@@ -128,10 +128,11 @@ void Monitor::judge_envelope(const Samples& samples) {
 
 void Monitor::judge_agreement(const Samples& samples) {
   const auto known = [](const Estimate& e) {
-    return std::isfinite(e.normal_force_n) && std::isfinite(e.static_friction_n) && e.normal_force_n > 0;
+    return std::isfinite(e.normal_force_n) && std::isfinite(e.static_friction_n);
   };
   const bool of_one_instant = commanded_ && samples.estimate && samples.controller_tick == last_tick_;
-  if (of_one_instant && known(*commanded_) && known(*samples.estimate)) {
+  // A plant whose floor would have to pull says 0, which is no number to compare with.
+  if (of_one_instant && known(*commanded_) && commanded_->normal_force_n > 0 && known(*samples.estimate)) {
     const double apart_n = std::max(std::abs(commanded_->normal_force_n - samples.estimate->normal_force_n),
                                     std::abs(commanded_->static_friction_n - samples.estimate->static_friction_n));
     if (apart_n > limits_.disagreement_n) trip(trip_t::CAUSE_DISAGREEMENT, apart_n, limits_.disagreement_n);

@@ -60,7 +60,7 @@ struct Samples {
 //                 status a tick later. Two derivations that share no
 //                 line: one of them is wrong, or was told another robot,
 //                 attitude or motion. Not judged where either is not
-//                 finite or has N <= 0
+//                 finite, or the plant's floor would have to pull
 class Monitor {
  public:
   explicit Monitor(const MonitorLimits& limits);

@@ -1,5 +1,6 @@
 #include "tools/program/params.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <numbers>
@@ -106,7 +107,9 @@ monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {
   if (scenario.force_table.times_s.empty() && scenario.drag.coefficient_kgpm == 0) {
     double total_mass_kg = scenario.ball.mass_kg;
     for (const sim::Mass& mass : scenario.masses) total_mass_kg += mass.mass_kg;
-    limits.disagreement_n = kPartOfTheWeight * total_mass_kg * scenario.gravity_mps2;
+    // Without gravity an outside force presses the ball down, if anything does.
+    const double presses_n = std::max(total_mass_kg * scenario.gravity_mps2, scenario.external_force_W_n.norm());
+    if (presses_n > 0) limits.disagreement_n = kPartOfTheWeight * presses_n;
   }
   return limits;
 }

@@ -318,7 +318,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       } else if (answered) {
         next_due = lap.steps;
       }
-      std::string wrong = StepLedger::fault_of(next_due);
+      std::string wrong = StepLedger::fault_of(next_due, period_s * scenario.run.timer_frequency_hz);
       if (next_due.tick != tick + 1 || !wrong.empty()) {
         ++result.missing_commands;
         next_due = step_command_t{};

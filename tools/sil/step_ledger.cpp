@@ -2,7 +2,28 @@
 
 namespace ballast::sil {
 
-std::string StepLedger::fault_of(const step_command_t& command) {
+namespace {
+
+// What is believed may be any number: differences wrap, they do not overflow.
+std::int64_t minus(std::int64_t a, std::int64_t b) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
+}
+
+bool inside(const step_command_t& command, int b, double timer_ticks) {
+  const std::int64_t pulses = command.count[b], interval = command.interval[b], add = command.add[b];
+  const std::int64_t last = command.first[b] + (pulses - 1) * interval + add * ((pulses - 1) * (pulses - 2) / 2);
+  const bool in_order = pulses < 2 || (interval >= 0 && interval + add * (pulses - 2) >= 0);
+  return in_order && command.first[b] >= 0 && static_cast<double>(last) <= timer_ticks;
+}
+
+}  // namespace
+
+std::string StepLedger::fault_of(const step_command_t& command, double timer_ticks) {
+  for (int b = 0; b < command.burst_count; ++b) {
+    if (inside(command, b, timer_ticks)) continue;
+    return "the step command of tick " + std::to_string(command.tick) + " has pulses of motor " +
+           std::to_string(command.motor[b]) + " outside their tick";
+  }
   std::int64_t sum[8]{};
   for (int b = 0; b < command.burst_count; ++b) sum[command.motor[b]] += command.direction[b] * command.count[b];
   for (int i = 0; i < command.motor_count; ++i) {
@@ -17,8 +38,8 @@ std::string StepLedger::fault_of(const step_command_t& command) {
 bool StepLedger::enter(const step_command_t& command) {
   bool agrees = true;
   for (int i = 0; i < command.motor_count; ++i) {
-    const std::int64_t before = command.position_steps[i] - command.steps[i];
-    const std::int64_t missing = before - given_[i];
+    const std::int64_t before = minus(command.position_steps[i], command.steps[i]);
+    const std::int64_t missing = minus(before, given_[i]);
     agrees = agrees && missing == missing_[i];
     if (missing != missing_[i] && text_.empty()) {
       text_ = "not all steps reach the motors: before tick " + std::to_string(command.tick) +

@@ -11,8 +11,9 @@ namespace ballast::sil {
 class StepLedger {
  public:
   // The command whose pulses the motors are given next. Empty, or what is wrong with it: then it is not to be executed.
-  // What is looked at is that it says of its pulses what they are.
-  [[nodiscard]] static std::string fault_of(const step_command_t& command);
+  // What is looked at is that it says of its pulses what they are, and that they come in order and inside their tick:
+  // no others are ever made. `timer_ticks`: of a control period.
+  [[nodiscard]] static std::string fault_of(const step_command_t& command, double timer_ticks);
 
   // Enters it. False: the controller counts other steps before this command than the motors have been given; text()
   // says which, of the first such command.

@@ -151,7 +151,9 @@ Json motor_share_json(const RunResult& result) {
 // Whether the ball of a run that started rolling rolls on such a floor, as far as this run can tell: up to where
 // rolling was lost. One that slipped did not hold on its own floor, nor on a smoother.
 bool holds(const sim::Scenario& scenario, const RunResult& result, double static_friction) {
-  if (result.end_reason == EndReason::kSlipped && static_friction <= scenario.surface.static_friction) return false;
+  // The floor it slipped on may be worse than the scenario's: a fault has made it so.
+  const double slipped_on = std::min(scenario.surface.static_friction, result.final_sample.floor_static_friction);
+  if (result.end_reason == EndReason::kSlipped && static_friction <= slipped_on) return false;
   return result.extrema.normal_force_min.value > 0 && result.extrema.mu_required_max.value <= static_friction;
 }
 
@@ -448,7 +450,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
       break;
     case EndReason::kSlipped:
       text += format("  ended       slipped at t = %.10g s: f_s reached mu_s N (mu_s = %g)", end_s,
-                     scenario.surface.static_friction);
+                     result.final_sample.floor_static_friction);
       break;
     case EndReason::kDetached:
       text += format("  ended       detached at t = %.10g s: N fell to 0, the floor no longer carries the ball", end_s);
