@@ -44,13 +44,20 @@ std::string printable(std::string_view text) {
   return out;
 }
 
-// A name that came from the file's is written down; what was published of another robot is left out.
+// A name that came from the file's is written down, and the kinetic friction that a smoother floor of --set took down
+// with it (scenario_check.cpp); what was published of another robot is left out.
 std::string file_text(Node& root, const Scenario& scenario) {
   if (root.find("name") == nullptr) {
     Node name;
     name.kind = NodeKind::kString;
     name.text = scenario.name;
     root.entries.emplace_back("name", std::move(name));
+  }
+  Node* surface = root.find("surface");
+  Node* kinetic = surface == nullptr ? nullptr : surface->find("kinetic_friction");
+  if (kinetic != nullptr && kinetic->number != scenario.surface.kinetic_friction) {
+    kinetic->kind = NodeKind::kFloat;
+    kinetic->number = scenario.surface.kinetic_friction;
   }
   if (scenario.published.empty()) {
     std::erase_if(root.entries, [](const auto& entry) { return entry.first == "published"; });

@@ -28,6 +28,13 @@ TEST(Overrides, CreateMissingTables) {
   EXPECT_EQ(accepted(kFull, {"mass.2.motor.microsteps=64"}).masses[2].motor.microsteps, 64);
 }
 
+// A smoother floor takes the kinetic friction of the file down with it, in the file that is left too.
+TEST(Overrides, ASmootherFloorIsWrittenDownWhole) {
+  const Scenario s = accepted(kFull, {"surface.static_friction=0.01"});
+  ASSERT_EQ(s.surface.kinetic_friction, 0.01);
+  EXPECT_EQ(accepted(s.toml).id, s.id);
+}
+
 TEST(Overrides, MakeAWholeScenario) {
   const Scenario s = accepted("", {"duration=1", "gravity=1", "ball={radius=1, mass=1, inertia=[1,1,1]}",
                                    "mass=[{mass=1, rail={shape=\"line\", origin=[0,0,0], direction=[1,0,0]}}]"});

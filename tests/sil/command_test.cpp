@@ -690,6 +690,14 @@ TEST(Move, GoesThereAndSaysWhatItDoes) {
 }
 
 // How long a move takes is its own affair.
+TEST(Move, OneThatTakesForEverIsRefused) {
+  const Folder folder;
+  const Outcome move = folder.run("ballast move paper_ball --mass 1 --to 2.5 --speed-fraction 1e-9 --out r");
+  EXPECT_EQ(move.exit_status, 1);
+  EXPECT_NE(move.err.find("allowed: at most 600 s"), std::string::npos) << move.err;
+  EXPECT_FALSE(std::filesystem::exists(folder / "r"));
+}
+
 TEST(Move, IsNotCutShortByTheScenariosDuration) {
   const Folder folder;
   const Outcome move = folder.run("ballast move paper_ball --mass 1 --to 2.2 --speed-fraction 0.3 --set duration=0.1");
