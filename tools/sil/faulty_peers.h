@@ -34,7 +34,6 @@ class InjuredLink {
   void send(const M& message, std::int64_t tick, double time_s);
   // What has arrived by this tick, in the order of arrival.
   [[nodiscard]] std::vector<M> arrive(std::int64_t tick);
-  [[nodiscard]] bool injured() const { return !faults_.empty(); }
   [[nodiscard]] std::int64_t malformed() const { return malformed_; }
 
  private:
