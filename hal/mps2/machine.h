@@ -9,7 +9,7 @@
 namespace ballast::hal::mps2 {
 
 struct StepPins {
-  static std::uint32_t span() { return reg(kSysTickReload); }
+  static std::uint32_t span() { return reload; }
   static std::uint32_t left() { return reg(kSysTickValue); }
   // Its reload is the longest there is: an expiry comes once.
   static void arm(std::uint32_t counts) {
@@ -18,17 +18,18 @@ struct StepPins {
   }
   static void cancel() {
     reg(kTimer0 + 4) = 0xffffffff;
+    if (reg(kTimer0 + 0x0c) == 0) return;  // nothing has come of it
     reg(kTimer0 + 0x0c) = 1;
     reg(kNvicClearPending) = 1u << kTimer0Irq;
   }
-  static std::uint32_t pin(std::uint8_t motor) { return 1u << (2 * motor); }
-  // The drivers step on both edges.
-  static void step(std::uint32_t pin) { reg(kGpio0 + 4) = levels ^= pin; }
+  static std::uint32_t pin(std::uint8_t motor) { return step_pin(motor); }
+  static void step(std::uint32_t pin) { reg(kPins) = levels ^= pin; }
   static void turn(std::uint8_t motor, std::int8_t direction) {
-    const std::uint32_t turn = 2u << (2 * motor);
-    reg(kGpio0 + 4) = levels = direction > 0 ? levels & ~turn : levels | turn;
+    const std::uint32_t turn = direction_pin(motor);
+    reg(kPins) = levels = direction > 0 ? levels & ~turn : levels | turn;
   }
   static inline std::uint32_t levels = 0;
+  static inline std::uint32_t reload = 0;  // of the tick timer
 };
 
 class Machine {

@@ -134,6 +134,7 @@ struct LastWords {
 struct Farewell {
   Status status = Status::kEnded;
   LinkCounters counters;
+  std::int64_t overruns = 0;  // late ticks, the last one too
   std::int64_t watchdog_kicks = 0;
   std::uint32_t stack_bytes = 0;       // reserved
   std::uint32_t stack_used_bytes = 0;  // ever written
@@ -377,6 +378,7 @@ void farewell_fields(A& archive, M& m) {
   archive(m.counters.out_of_order);
   archive(m.counters.foreign);
   archive(m.counters.dropped);
+  archive(m.overruns);
   archive(m.watchdog_kicks);
   archive(m.stack_bytes);
   archive(m.stack_used_bytes);

@@ -80,9 +80,10 @@ Status serve(M& machine, const Identity& identity) {
   status = loop.run();
   if (status == Status::kIo) return give_up(link, board.tick());
   if (status != Status::kEnded) return status;
+  static Farewell farewell;
+  farewell.overruns = board.overruns();  // before the next tick begins
   // The last tick's pulses are given before anything is said about them.
   static_cast<void>(machine.wait_tick());
-  static Farewell farewell;
   farewell.status = status;
   farewell.counters = board.counters();
   farewell.watchdog_kicks = board.watchdog_kicks();

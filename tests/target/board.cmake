@@ -1,4 +1,8 @@
-# For the microcontroller: the programs the tests in this folder talk to.
+# For the microcontroller: the programs the tests in this folder talk to. They are written for the boards on an MPS2.
+get_target_property(board_dir ballast_board SOURCE_DIR)
+if(NOT board_dir STREQUAL ${PROJECT_SOURCE_DIR}/hal/mps2)
+  return()
+endif()
 foreach(program conformance sabotage step_cost step_load)
   ballast_target(${program} ${CMAKE_CURRENT_LIST_DIR}/${program}_main.cpp)
 endforeach()

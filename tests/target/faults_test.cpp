@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <fstream>
+
 #include "sim/scenario_reader.h"
 #include "tests/sil/shell.h"
 #include "tools/program/params.h"
@@ -46,8 +48,8 @@ class Target : public testing::Test {
     EXPECT_TRUE(pid_ == 0 || kill(pid_, 0) != 0) << "QEMU is still there";
     return {exit_status, testing::internal::GetCapturedStderr()};
   }
-  void expect_end(const std::string& sabotage, int exit_status, const std::string& text) {
-    const End end = run("sabotage.elf", sabotage + "@100");
+  void expect_end(const std::string& sabotage, int exit_status, const std::string& text, int tick = 100) {
+    const End end = run("sabotage.elf", sabotage + "@" + std::to_string(tick));
     EXPECT_EQ(end.exit_status, exit_status) << sabotage << ": " << end.err;
     EXPECT_NE(end.err.find(text), std::string::npos) << end.err;
     EXPECT_EQ(std::filesystem::exists(folder_ / "run/summary.json"), exit_status == program::kExitCompleted);
@@ -81,6 +83,44 @@ TEST_F(Target, TheWatchdogEndsAFirmwareThatHangs) {
 TEST_F(Target, ALateTickEndsTheRun) {
   expect_end("late", program::kExitLate, "tick 100 is late: the next one began before it was served");
   expect_end("late-after", program::kExitLate, "tick 100 is late: the next one began before its end");
+}
+
+// After which no answer comes that could say so: 0.2 s end with tick 200.
+TEST_F(Target, AsTheLastDoes) {
+  expect_end("late-after", program::kExitLate, "tick 200 is late: the next one began before its end", 200);
+  expect_end("late-after", program::kExitCompleted, "", 201);  // there is no such tick
+}
+
+// 5 us are 1,250 instructions: no tick is served in four periods, so that is no firmware that hangs. What is told to
+// show it again has it in QEMU, too.
+TEST_F(Target, APeriodTooShortIsToldFromAFirmwareThatHangs) {
+  const test::Folder folder;
+  const std::string elf = BALLAST_BUILD_DIR "/mps2_an500/bin/ballast-mps2_an500.elf";
+  const test::Outcome run = folder.run(
+      "ballast run paper_ball --set run.control_period=5e-6 --set duration=0.001 --firmware qemu --firmware-elf " +
+      elf + " --out r");
+  EXPECT_EQ(run.exit_status, program::kExitLate) << run.err;
+  EXPECT_NE(
+      run.err.find("run.control_period = 5e-06 s is too short for this target; its watchdog ended a tick that did "
+                   "not come back within 4 periods, 5000 instructions"),
+      std::string::npos)
+      << run.err;
+  EXPECT_NE(run.err.find("/r/run.lcmlog' --firmware qemu --firmware-elf '" + elf + "'"), std::string::npos) << run.err;
+}
+
+TEST_F(Target, WhatIsNoFirmwareIsNotStarted) {
+  const test::Folder folder;
+  std::ofstream(folder / "text.elf") << "\x7f"
+                                        "ELF, it says";
+  for (const std::string& file :
+       {std::string("/etc/passwd"), std::string("/proc/self/exe"), (folder / "text.elf").string()}) {
+    const test::Outcome run = folder.run("ballast run paper_ball --firmware qemu --firmware-elf " + file + " --out r");
+    EXPECT_EQ(run.exit_status, program::kExitCouldNotRun);
+    EXPECT_NE(run.err.find(file + ": is no program for mps2_an500; allowed: an ELF file for ARM, as tools/firmware "
+                                  "builds it"),
+              std::string::npos)
+        << run.err;
+  }
 }
 
 TEST_F(Target, AnAnswerThatIsNotThisRunsEndsTheRun) {

@@ -28,7 +28,7 @@ class QemuProcess : public testing::Test {
 
   [[nodiscard]] std::string start(int pipe_pairs) const {
     sil::QemuProcess qemu;
-    return qemu.start({.elf = "/proc/self/exe", .pipe_pairs = pipe_pairs});
+    return qemu.start({.elf = BALLAST_BUILD_DIR "/mps2_an500/bin/sabotage.elf", .pipe_pairs = pipe_pairs});
   }
 
   std::string path_;

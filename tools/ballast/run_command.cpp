@@ -88,13 +88,20 @@ void print_target(const sil::TargetRecord& target) {
               target.farewell->stack_used_bytes, target.farewell->stack_bytes);
 }
 
+// As one word of a shell's line, whatever is in it.
+std::string quoted(const std::filesystem::path& path) {
+  std::string text = "'";
+  for (const char c : path.string()) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
+}
+
 int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const firmware::ControllerParams& params,
                 lcm::LCM* bus, sil::OutputDir& output) {
   sil::RecordOptions record = command.record;
   record.bus = bus;
   record.run_id = hal::draw_bus_number();
   record.run_options = " --firmware " + command.firmware;
-  if (!command.elf.empty()) record.run_options += " --firmware-elf '" + command.elf + "'";
+  if (!command.elf.empty()) record.run_options += " --firmware-elf " + quoted(std::filesystem::absolute(command.elf));
   sil::QemuPeersOptions options;
   options.qemu = qemu_options(command);
   options.start_timeout = sil::Seconds(command.bus.start_timeout_s);
@@ -108,13 +115,6 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   const int exit_status = sil::record_run("ballast", scenario, peers, output, record);
   if (!record.quiet && peers.record().farewell) print_target(peers.record());
   return exit_status;
-}
-
-// As one word of a shell's line, whatever is in it.
-std::string quoted(const std::filesystem::path& path) {
-  std::string text = "'";
-  for (const char c : path.string()) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return text + "'";
 }
 
 void draw_pictures(const sil::OutputDir& output) {

@@ -65,7 +65,7 @@ std::string repeat_command(const RunResult& result, const RunOptions& options, c
                            const OutputDir& output) {
   const bool scenario_says_all =
       result.status == hal::Status::kOk && !result.operators_heard && !options.by_hand && !options.move;
-  if (!scenario_says_all) return "ballast replay " + shell_word(output.log_path());
+  if (!scenario_says_all) return "ballast replay " + shell_word(output.log_path()) + run_options;
   const fs::path box = output.path() / kBlackBox;
   return "ballast run " + shell_word(box / "scenario.toml") + run_options +
          (options.check_steps ? " --check-steps" : "") + " --out " + shell_word(box / "again");

@@ -359,11 +359,16 @@ Status QemuPeers::check_reply(std::int64_t tick) {
   const double period_counts = params_.control_period_s * options_.commit.stretch * record_.counter_hz;
   const std::string instructions =
       std::to_string(static_cast<std::int64_t>(reply_->tick_counts * record_.instructions_per_count));
+  if (reply_->tick_counts < period_counts / 2) return late_after(tick - 1);
   return fail(Status::kIo,
-              reply_->tick_counts < period_counts / 2
-                  ? "the firmware's tick " + std::to_string(tick - 1) + " is late: the next one began before its end"
-                  : "the firmware's tick " + std::to_string(tick) +
-                        " is late: the next one began before it was served (" + instructions + " instructions)",
+              "the firmware's tick " + std::to_string(tick) + " is late: the next one began before it was served (" +
+                  instructions + " instructions)",
+              program::kExitLate);
+}
+
+Status QemuPeers::late_after(std::int64_t tick) {
+  return fail(Status::kIo,
+              "the firmware's tick " + std::to_string(tick) + " is late: the next one began before its end",
               program::kExitLate);
 }
 
@@ -420,6 +425,7 @@ Status QemuPeers::finish() {
   if (!target::decode(frame, farewell)) {
     return fail(Status::kIo, "the firmware does not say how it ended", program::kExitCouldNotRun);
   }
+  if (farewell.overruns > 0) return late_after(*tick_);
   if (const Status s = check_pulses(*tick_, farewell.played); s != Status::kOk) return s;
   record_.farewell = farewell;
   const std::string end = qemu_.ended(options_.peer_timeout);

@@ -64,6 +64,7 @@ class QemuPeers : public Peers {
   hal::Status send_params();
   hal::Status judge(const hal::target::Verdict& verdict);
   hal::Status check_reply(std::int64_t tick);
+  hal::Status late_after(std::int64_t tick);
   hal::Status check_pulses(std::int64_t tick, const hal::target::PlayedPulses& played);
   hal::Status hear_operators(Lap& lap);
   hal::Status finish();

@@ -9,8 +9,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 #include <optional>
 #include <sstream>
+#include <string_view>
 #include <thread>
 #include <utility>
 
@@ -41,8 +43,9 @@ class NoPipeSignal {
     sigaddset(&pipe, SIGPIPE);
     pthread_sigmask(SIG_BLOCK, &pipe, &before_);
   }
+  void raised() { raised_ = true; }  // write() said EPIPE
   ~NoPipeSignal() {
-    if (sigismember(&before_, SIGPIPE) == 0) {
+    if (raised_ && sigismember(&before_, SIGPIPE) == 0) {
       sigset_t pipe;
       sigemptyset(&pipe);
       sigaddset(&pipe, SIGPIPE);
@@ -57,6 +60,7 @@ class NoPipeSignal {
 
  private:
   sigset_t before_{};
+  bool raised_ = false;
 };
 
 // A file descriptor that is closed with the object.
@@ -120,11 +124,29 @@ std::optional<Pipe> open_pipe(int above) {
   _exit(127);
 }
 
+// A program for a 32-bit ARM, by its header (System V ABI, "ELF header"). QEMU would take anything else for machine
+// code.
+bool is_arm_program(const std::filesystem::path& file) {
+  constexpr std::string_view kIdentity(
+      "\x7f"
+      "ELF\1\1\1",
+      7);                                                      // 32 bits, little-endian
+  constexpr std::string_view kExecutableArm("\2\0\x28\0", 4);  // e_type, e_machine
+  char header[20] = {};
+  std::ifstream(file, std::ios::binary).read(header, sizeof header);
+  const std::string_view bytes(header, sizeof header);
+  return bytes.starts_with(kIdentity) && bytes.substr(16) == kExecutableArm;
+}
+
 }  // namespace
 
 std::string QemuProcess::start(const QemuOptions& options) {
   if (!std::filesystem::is_regular_file(options.elf))
     return options.elf.string() + ": no such file; tools/firmware builds the firmware";
+  if (!is_arm_program(options.elf)) {
+    return options.elf.string() + ": is no program for " + options.board +
+           "; allowed: an ELF file for ARM, as tools/firmware builds it";
+  }
   std::string arguments = "enable=on,target=native,arg=";
   std::vector<Fd> child_fds;
   const int above = kFirstChildFd + 2 * options.pipe_pairs + 1;
@@ -175,7 +197,7 @@ std::string QemuProcess::start(const QemuOptions& options) {
 }
 
 Status QemuProcess::write(int pair, std::span<const std::uint8_t> bytes, Seconds timeout) {
-  const NoPipeSignal guard;
+  NoPipeSignal guard;
   const int fd = pairs_[static_cast<std::size_t>(pair)].to;
   if (fd < 0) return Status::kPeerLost;
   const auto deadline = deadline_in(timeout);
@@ -188,6 +210,7 @@ Status QemuProcess::write(int pair, std::span<const std::uint8_t> bytes, Seconds
       pollfd wait{fd, POLLOUT, 0};
       poll(&wait, 1, milliseconds_until(deadline));
     } else if (errno != EINTR) {
+      if (errno == EPIPE) guard.raised();
       return Status::kPeerLost;
     }
   }

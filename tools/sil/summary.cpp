@@ -631,7 +631,8 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
         static_cast<long long>(refused.dropped));
     text += format("; by the controller %lld\n", static_cast<long long>(result.refused.by_controller));
   }
-  text += format("  speed       %.0f times real time", end_s / std::max(result.wall_time_s, 1e-9));
+  const double speed = end_s / std::max(result.wall_time_s, 1e-9);
+  text += format(speed < 9.95 ? "  speed       %.2g times real time" : "  speed       %.0f times real time", speed);
   if (result.ticks > 0)
     text += format(", %.2f us per tick", 1e6 * result.wall_time_s / static_cast<double>(result.ticks));
   text += "\n";
