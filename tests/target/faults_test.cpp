@@ -110,7 +110,7 @@ TEST_F(Target, APeriodTooShortIsToldFromAFirmwareThatHangs) {
 
 TEST_F(Target, WhatIsNoFirmwareIsNotStarted) {
   const test::Folder folder;
-  std::ofstream(folder / "text.elf") << "\x7f"
+  std::ofstream(folder / "text.elf") << "\177"
                                         "ELF, it says";
   for (const std::string& file :
        {std::string("/etc/passwd"), std::string("/proc/self/exe"), (folder / "text.elf").string()}) {

@@ -127,10 +127,7 @@ std::optional<Pipe> open_pipe(int above) {
 // A program for a 32-bit ARM, by its header (System V ABI, "ELF header"). QEMU would take anything else for machine
 // code.
 bool is_arm_program(const std::filesystem::path& file) {
-  constexpr std::string_view kIdentity(
-      "\x7f"
-      "ELF\1\1\1",
-      7);                                                      // 32 bits, little-endian
+  constexpr std::string_view kIdentity("\177ELF\1\1\1", 7);    // 32 bits, little-endian
   constexpr std::string_view kExecutableArm("\2\0\x28\0", 4);  // e_type, e_machine
   char header[20] = {};
   std::ifstream(file, std::ios::binary).read(header, sizeof header);
