@@ -53,6 +53,19 @@ TEST(Run, LeavesSummaryAndLogAndExitsWith0) {
   EXPECT_TRUE(std::filesystem::exists(folder / "runs/paper_ball/run.lcmlog"));
 }
 
+// Slower than that, and nobody knows how much: the wall clock keeps a run back, and does not hurry it.
+TEST(Run, SaysHowSlowItWas) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run paper_ball --set duration=0.01 --speed 0.02 --out r");
+  EXPECT_EQ(run.exit_status, 0) << run.err;
+  const std::size_t at = run.out.find("  speed       ");
+  ASSERT_NE(at, std::string::npos) << run.out;
+  double speed = 0;
+  EXPECT_EQ(std::sscanf(run.out.c_str() + at, " speed %lf times real time", &speed), 1) << run.out;
+  EXPECT_GT(speed, 0);
+  EXPECT_LE(speed, 0.02);
+}
+
 TEST(Run, SameScenarioSameBytes) {
   const Folder folder;
   ASSERT_EQ(folder.run("ballast run desk_ball --set duration=1 --quiet --out a").exit_status, 0);

@@ -110,8 +110,7 @@ TEST_F(Target, APeriodTooShortIsToldFromAFirmwareThatHangs) {
 
 TEST_F(Target, WhatIsNoFirmwareIsNotStarted) {
   const test::Folder folder;
-  std::ofstream(folder / "text.elf") << "\177"
-                                        "ELF, it says";
+  std::ofstream(folder / "text.elf") << "\177ELF, it says";
   for (const std::string& file :
        {std::string("/etc/passwd"), std::string("/proc/self/exe"), (folder / "text.elf").string()}) {
     const test::Outcome run = folder.run("ballast run paper_ball --firmware qemu --firmware-elf " + file + " --out r");

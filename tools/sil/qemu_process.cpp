@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -222,10 +223,9 @@ Status QemuProcess::read(int pair, std::vector<std::uint8_t>& bytes, Seconds tim
     if (interrupted != nullptr && *interrupted != 0) return Status::kInterrupted;
     pollfd wait{fd, POLLIN, 0};
     if (poll(&wait, 1, milliseconds_until(deadline)) > 0) {
-      const std::size_t before = bytes.size();
-      bytes.resize(before + 65536);
-      const ssize_t count = ::read(fd, bytes.data() + before, 65536);
-      bytes.resize(before + static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
+      std::array<std::uint8_t, 65536> chunk;  // as large as a pipe
+      const ssize_t count = ::read(fd, chunk.data(), chunk.size());
+      bytes.insert(bytes.end(), chunk.begin(), chunk.begin() + std::max<ssize_t>(count, 0));
       if (count > 0) return Status::kOk;
       if (count == 0 || errno != EINTR) return Status::kPeerLost;
     } else if (Clock::now() >= deadline) {
