@@ -134,7 +134,8 @@ export class Robot {
   }
 
   makeShell() {
-    const r = this.radius, geometry = new THREE.SphereGeometry(r, 56, 30).rotateX(Math.PI / 2);
+    const r = this.radius, fineness = this.fine ? [64, 40] : [40, 20];
+    const geometry = new THREE.SphereGeometry(r, ...fineness).rotateX(Math.PI / 2);
     const map = shellPattern(this.fine);
     const options = {map, transparent: true, depthWrite: false};
     const opacity = this.several ? 0.4 : 1;  // one sees through two shells
