@@ -42,6 +42,21 @@ TEST(Doctor, AUrlThatIsNoneFails) {
   EXPECT_EQ(folder.run("ballast doctor --listen nan").exit_status, 1);
 }
 
+// Whoever is asked, the words are the same, and lead here.
+TEST(Doctor, IsNamedByEveryProgramThatGetsAUrlThatIsNone) {
+  const Folder folder;
+  for (const char* line : {"ballast run paper_ball --out r", "ballast run paper_ball --processes --out r",
+                           "ballast move --mass 0 --to 1", "ballast operate status", "ballast watch",
+                           "ballast-plant paper_ball", "ballast-controller paper_ball", "ballast-monitor paper_ball"}) {
+    const Outcome refused = folder.run(std::string(line) + " --lcm nonsense://");
+    EXPECT_EQ(refused.exit_status, 2) << line;
+    EXPECT_NE(refused.err.find(": cannot use the LCM bus nonsense://; ballast doctor --lcm 'nonsense://' looks why\n"),
+              std::string::npos)
+        << line << "\n"
+        << refused.err;
+  }
+}
+
 TEST(Doctor, HearsARunAndFindsItSound) {
   const Folder folder;
   const std::string bus = " --lcm '" + bus_url(1) + "'";
