@@ -36,10 +36,25 @@ TEST(Doctor, AUrlThatIsNoneFails) {
   const Folder folder;
   const Outcome doctor = folder.run("ballast doctor --lcm nonsense:// --listen 0.1");
   EXPECT_EQ(doctor.exit_status, 2);
-  EXPECT_NE(doctor.out.find("FAIL  multicast: LCM cannot open nonsense://"), std::string::npos) << doctor.out;
+  EXPECT_NE(doctor.out.find("FAIL  multicast: cannot use the LCM bus nonsense://"), std::string::npos) << doctor.out;
   const Outcome unicast = folder.run("ballast doctor --lcm udpm://10.0.0.1:7667 --listen 0.1");
   EXPECT_NE(unicast.out.find("FAIL  multicast: 10.0.0.1 is no multicast group"), std::string::npos) << unicast.out;
   EXPECT_EQ(folder.run("ballast doctor --listen nan").exit_status, 1);
+}
+
+// Whoever is asked, the words are the same, and lead here.
+TEST(Doctor, IsNamedByEveryProgramThatGetsAUrlThatIsNone) {
+  const Folder folder;
+  for (const char* line : {"ballast run paper_ball --out r", "ballast run paper_ball --processes --out r",
+                           "ballast move --mass 0 --to 1", "ballast operate status", "ballast watch",
+                           "ballast-plant paper_ball", "ballast-controller paper_ball", "ballast-monitor paper_ball"}) {
+    const Outcome refused = folder.run(std::string(line) + " --lcm nonsense://");
+    EXPECT_EQ(refused.exit_status, 2) << line;
+    EXPECT_NE(refused.err.find(": cannot use the LCM bus nonsense://; ballast doctor --lcm 'nonsense://' looks why\n"),
+              std::string::npos)
+        << line << "\n"
+        << refused.err;
+  }
 }
 
 TEST(Doctor, HearsARunAndFindsItSound) {

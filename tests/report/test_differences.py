@@ -80,6 +80,24 @@ class DifferencesTest(unittest.TestCase):
         self.assertEqual((state.tick, state.field, state.differing), (57, "mass_position_B_m[1][2]", 2))
         self.assertNotEqual(state.a, state.b)
 
+    def test_the_number_of_the_run_is_not_compared(self):
+        ball().write(self.a)
+        on_a_bus = ball()
+        for tick in range(3):
+            self.change(on_a_bus, "BALLAST_PLANT_STATE", tick, lambda message: setattr(message, "run_id", 77))
+        on_a_bus.write(self.b)
+        found = compare.Comparison(self.a, self.b)
+        self.assertTrue(found.identical)
+        self.assertIn("but its run_id", compare.terminal_text(found))
+        # Beside it, what does differ is still found, and is what is named.
+        self.change(on_a_bus, "BALLAST_PLANT_STATE", 2, lambda message: setattr(message, "last", 1))
+        on_a_bus.write(self.b)
+        found = compare.Comparison(self.a, self.b)
+        state = next(log for log in found.logs if log.channel == "BALLAST_PLANT_STATE")
+        self.assertEqual((state.tick, state.field, state.differing), (2, "last", 1))
+        self.assertIn("without run_id", compare.terminal_text(found))
+        self.assertIn("without run_id", compare._tables(found))
+
     def test_a_longer_log(self):
         ball().write(self.a)
         longer = ball()

@@ -61,7 +61,7 @@ int examine(const DoctorCommand& command) {
   if (doctor::listen(command.url, time, listener)) {
     report.say(doctor::judge(listener, command.url, time));
   } else {
-    report.say({Finding::Verdict::kFail, "peers", "LCM cannot listen on " + command.url,
+    report.say({Finding::Verdict::kFail, "peers", program::bad_bus(command.url),
                 std::string("what mends the lines above, or ballast doctor --lcm '") + hal::kDefaultLcmUrl + "'"});
   }
   if (report.failed() == 0) return program::kExitCompleted;

@@ -91,10 +91,7 @@ int move_on_the_bus(const MoveCommand& command) {
     if (!scenario) return program::kExitUsage;
   }
   hal::Bus bus(command.bus.url, program::catch_signals());
-  if (!bus.good()) {
-    program::complain("ballast", "cannot use the LCM bus " + command.bus.url);
-    return program::kExitCouldNotRun;
-  }
+  if (!bus.good()) return program::refuse_bus("ballast", command.bus.url);
   sil::BusOperator end(bus, hal::Seconds(command.bus.peer_timeout_s));
   if (end.connect() != hal::Status::kOk) return bus_trouble(end);
   if (scenario && end.status().scenario_id != scenario->id) {

@@ -28,10 +28,7 @@ OperatorCommand command_of(const std::string& word) {
 
 int operate(const OperateCommand& command) {
   hal::Bus bus(command.bus.url, program::catch_signals());
-  if (!bus.good()) {
-    program::complain("ballast", "cannot use the LCM bus " + command.bus.url);
-    return program::kExitCouldNotRun;
-  }
+  if (!bus.good()) return program::refuse_bus("ballast", command.bus.url);
   sil::BusOperator end(bus, hal::Seconds(command.bus.peer_timeout_s));
   if (end.connect() != hal::Status::kOk) return bus_trouble(end);
   const OperatorCommand said = command_of(command.command);

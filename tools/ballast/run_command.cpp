@@ -190,7 +190,7 @@ int run(const RunCommand& command) {
   else if (command.url->count() > 0)
     watchers_bus = std::make_unique<lcm::LCM>(command.bus.url);
   if ((peers_bus && !peers_bus->good()) || (watchers_bus && !watchers_bus->good())) {
-    return fail("cannot use the LCM bus " + command.bus.url);
+    return program::refuse_bus("ballast", command.bus.url);
   }
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name : command.out);
   if (!output.good()) return fail(output.error());

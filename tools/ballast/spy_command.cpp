@@ -22,10 +22,7 @@ int spy_on(const spy::SpyOptions& options) {
   }
   if (!good(spy::look_at_types(options))) return program::kExitCouldNotRun;
   // lcm-spy would open its window on a bus that is none, and stay empty.
-  if (!lcm::LCM(options.url).good()) {
-    program::complain("ballast", "cannot use the LCM bus " + options.url + "; ballast doctor looks why");
-    return program::kExitCouldNotRun;
-  }
+  if (!lcm::LCM(options.url).good()) return program::refuse_bus("ballast", options.url);
   program::complain("ballast", spy::become_spy(options));
   return program::kExitCouldNotRun;
 }
@@ -33,7 +30,7 @@ int spy_on(const spy::SpyOptions& options) {
 }  // namespace
 
 std::function<int()> add_spy_command(CLI::App& app, CLI::App*& command) {
-  command = app.add_subcommand("spy", "Shows every message of a run in lcm-spy; a double-click on a number plots it");
+  command = app.add_subcommand("spy", "Shows every message of a run in lcm-spy; a click on a number plots it");
   auto options = std::make_shared<spy::SpyOptions>();
   options->url = hal::kDefaultLcmUrl;
   command->add_option("--lcm", options->url, "URL of the LCM bus")->check(program::not_empty())->capture_default_str();

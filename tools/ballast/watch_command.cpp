@@ -69,10 +69,7 @@ class Terminal {
 
 int watch_run(const WatchCommand& command) {
   hal::Bus bus(with_receive_buffer(command.url), program::catch_signals());
-  if (!bus.good()) {
-    program::complain("ballast", "cannot use the LCM bus " + command.url + "; ballast doctor looks why");
-    return program::kExitCouldNotRun;
-  }
+  if (!bus.good()) return program::refuse_bus("ballast", command.url);
   const auto start = hal::WallClock::now();
   const auto now_s = [start] { return hal::Seconds(hal::WallClock::now() - start).count(); };
   watch::View view;

@@ -33,10 +33,7 @@ int main(int argc, char** argv) {
   }
 
   hal::Bus bus(bus_options.url, program::catch_signals());
-  if (!bus.good()) {
-    program::complain("ballast-controller", "cannot use the LCM bus " + bus_options.url);
-    return program::kExitCouldNotRun;
-  }
+  if (!bus.good()) return program::refuse_bus("ballast-controller", bus_options.url);
   hal::LcmBoard board(bus, {.scenario_id = scenario->id,
                             .control_period_s = scenario->run.control_period_s,
                             .start_timeout = hal::Seconds(bus_options.start_timeout_s),

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <lcm/lcm-cpp.hpp>
 
+#include "tools/program/program.h"
 #include "tools/program/subprocess.h"
 
 namespace ballast::doctor {
@@ -77,7 +78,7 @@ Finding look_at_multicast(const std::string& url) {
   const std::string what = "multicast";
   if (!url.starts_with("udpm://")) {
     if (lcm::LCM(url).good()) return {Verdict::kOk, what, "not used by " + url, ""};
-    return {Verdict::kFail, what, "LCM cannot open " + url, "ballast doctor --lcm 'udpm://239.255.76.67:7667?ttl=0'"};
+    return {Verdict::kFail, what, program::bad_bus(url), "ballast doctor --lcm 'udpm://239.255.76.67:7667?ttl=0'"};
   }
   const std::string group = group_of(url);
   sockaddr_in there{};

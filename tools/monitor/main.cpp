@@ -20,10 +20,7 @@ int main(int argc, char** argv) {
   if (!scenario) return program::kExitUsage;
 
   hal::Bus bus(bus_options.url, program::catch_signals());
-  if (!bus.good()) {
-    program::complain("ballast-monitor", "cannot use the LCM bus " + bus_options.url);
-    return program::kExitCouldNotRun;
-  }
+  if (!bus.good()) return program::refuse_bus("ballast-monitor", bus_options.url);
   monitor::MonitorLoop loop(bus, program::to_monitor_limits(*scenario),
                             {.control_period_s = scenario->run.control_period_s,
                              .start_timeout = hal::Seconds(bus_options.start_timeout_s),

@@ -42,10 +42,7 @@ int main(int argc, char** argv) {
   }
   record.interrupted = program::catch_signals();
   hal::Bus bus(bus_options.url, record.interrupted);
-  if (!bus.good()) {
-    program::complain("ballast-plant", "cannot use the LCM bus " + bus_options.url);
-    return program::kExitCouldNotRun;
-  }
+  if (!bus.good()) return program::refuse_bus("ballast-plant", bus_options.url);
   sil::OutputDir output(out.empty() ? "runs/" + scenario->name : out);
   if (!output.good()) {
     program::complain("ballast-plant", output.error());

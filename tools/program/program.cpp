@@ -124,6 +124,13 @@ void complain(const std::string& program_name, const std::string& text) {
   std::cerr << program_name + ": " + text + "\n";
 }
 
+std::string bad_bus(const std::string& url) { return "cannot use the LCM bus " + url; }
+
+int refuse_bus(const std::string& program_name, const std::string& url) {
+  complain(program_name, bad_bus(url) + "; ballast doctor --lcm '" + url + "' looks why");
+  return kExitCouldNotRun;
+}
+
 const volatile std::sig_atomic_t* catch_signals() {
   struct sigaction action {};
   action.sa_handler = on_signal;   // no SA_RESTART: waiting calls return

@@ -62,6 +62,12 @@ void add_bus_options(CLI::App& app, BusOptions& options);
 // "name: text" on stderr, in one piece: processes share a terminal.
 void complain(const std::string& program_name, const std::string& text);
 
+// What every program says of a URL of which LCM can make no bus.
+[[nodiscard]] std::string bad_bus(const std::string& url);
+
+// Complains of it, names who looks why, and gives the exit status for it.
+[[nodiscard]] int refuse_bus(const std::string& program_name, const std::string& url);
+
 // SIGINT and SIGTERM no longer kill; they set the flag returned here to their number.
 const volatile std::sig_atomic_t* catch_signals();
 

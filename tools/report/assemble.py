@@ -21,7 +21,8 @@ from packages import Package
 
 _PAGE = Path(__file__).resolve().parent / "page"
 _LONG_CELL = 32  # letters; longer ones are broken into lines
-_OWN_MODULES = ("main.js", "samples.js", "clock.js", "panels.js", "plots.js", "scene.js", "robot.js", "theme.js")
+_OWN_MODULES = ("main.js", "samples.js", "clock.js", "panels.js", "plots.js", "scene.js", "robot.js", "resolution.js",
+                "theme.js")
 
 
 def page_begins(maker):

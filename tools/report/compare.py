@@ -64,6 +64,7 @@ class Comparison:
 
 
 _FIELD_HEAD = ["field", "A", "B", "B − A"]
+_LOG_TITLE = "Logs, channel by channel, without run_id (a number drawn on a bus)"
 _LOG_HEAD = ["channel", "messages A / B", "differing", "first tick", "first field", "A", "B"]
 
 
@@ -94,7 +95,7 @@ def terminal_text(comparison):
     lines += [f"   {which}: {note}" for which, recording in zip("AB", (a, b)) for note in recording.notes]
     lines.append("")
     if comparison.identical:
-        return "\n".join(lines + ["The runs are identical: every field but wall_time and speed, and every message."])
+        return "\n".join(lines + ["The runs are identical: every field but wall_time and speed, and every message but its run_id."])
     rows = comparison.field_rows()
     if rows:
         lines += _columns([_FIELD_HEAD] + rows[:_LONGEST_TERMINAL_LIST])
@@ -102,7 +103,8 @@ def terminal_text(comparison):
             lines.append(f"  ... and {len(rows) - _LONGEST_TERMINAL_LIST} more fields, which the page has")
     else:
         lines.append("The summaries are the same.")
-    lines += [""] + _columns([_LOG_HEAD] + comparison.log_rows()) + ["", comparison.first_difference()]
+    lines += ["", f"  {_LOG_TITLE}"] + _columns([_LOG_HEAD] + comparison.log_rows()) + [
+        "", comparison.first_difference()]
     return "\n".join(lines)
 
 
@@ -144,7 +146,7 @@ def _tables(comparison):
                          "" if difference is None else f"{difference:+.6g}"])
     fields = comparison.field_rows()
     return (table_html(words.Table("What one asks first", ["", "A", "B", "B − A"], headline))
-            + table_html(words.Table("Logs, channel by channel", _LOG_HEAD, comparison.log_rows()), "full")
+            + table_html(words.Table(_LOG_TITLE, _LOG_HEAD, comparison.log_rows()), "full")
             + (table_html(words.Table(f"Fields that differ: {len(fields)}", _FIELD_HEAD, fields), "full")
                if fields else ""))
 

@@ -12,6 +12,9 @@ import numpy as np
 
 from event_log import EventLog
 
+# Say whose a message is, not what happened. run_id is a number the plant has drawn on a bus: in what lcm-logger
+# recorded it differs from every other log, which has 0.
+_IDENTITY = ("scenario_id", "run_id")
 # The only fields of a summary that differ between identical runs.
 _NEVER_THE_SAME = ("wall_time", "speed")
 _CHANNELS = {
@@ -139,8 +142,8 @@ def robot_differences(a, b):
 def log_differences(path_a, path_b):
     """(what differs of all messages, [FieldDifference]; a LogDifference per channel that either log has).
 
-    The fingerprint of the scenario is in every message of three channels: it is held against the other's once, and
-    left out of the messages.
+    The fingerprint of the scenario is in every message of three channels: it is held against the other's once. Both it
+    and the number of the run are left out of the messages.
     """
     logs = [EventLog(path, list(_CHANNELS)) for path in (path_a, path_b)]
     ids = [_scenario_id(log) for log in logs]
@@ -162,7 +165,7 @@ def _channel_difference(channel, a, b):
     # Several messages of one tick, such as the operator's arm and start, are told apart by their order.
     keys_a, keys_b = _keys(a), _keys(b)
     _, rows_a, rows_b = np.intersect1d(keys_a, keys_b, assume_unique=True, return_indices=True)
-    bytes_a, bytes_b = (_without_scenario(rows).view(np.uint8).reshape(len(rows), rows.itemsize)
+    bytes_a, bytes_b = (_without_identity(rows).view(np.uint8).reshape(len(rows), rows.itemsize)
                         for rows in (a[rows_a], b[rows_b]))
     differing = np.flatnonzero((bytes_a != bytes_b).any(axis=1))
     sizes = len(a), len(b)
@@ -178,10 +181,11 @@ def _channel_difference(channel, a, b):
     return LogDifference(channel, sizes, first, "", *there, 0)
 
 
-def _without_scenario(messages):
+def _without_identity(messages):
     messages = messages.copy()
-    if "scenario_id" in messages.dtype.names:
-        messages["scenario_id"] = 0
+    for name in _IDENTITY:
+        if name in messages.dtype.names:
+            messages[name] = 0
     return messages
 
 
@@ -200,7 +204,7 @@ def _keys(messages):
 def _first_field(one, other):
     for name in one.dtype.names:
         a, b = np.atleast_1d(one[name]), np.atleast_1d(other[name])
-        if name == "scenario_id" or a.tobytes() == b.tobytes():
+        if name in _IDENTITY or a.tobytes() == b.tobytes():
             continue
         for index in np.ndindex(a.shape):
             if a[index].tobytes() != b[index].tobytes():

@@ -43,9 +43,14 @@ function connectTransport(clock) {
   });
   play.addEventListener("click", () => clock.toggle());
   element("speed").addEventListener("change", (event) => (clock.speed = Number(event.target.value)));
+  // While it plays, only what would be seen: a thumb moved by a pixel, numbers one can read.
+  let width = slider.clientWidth, shownAt = -Infinity;
+  new ResizeObserver(() => (width = slider.clientWidth)).observe(slider);
   const show = () => {
-    slider.valueAsNumber = clock.time;
-    slider.style.setProperty("--part", clock.end > 0 ? clock.time / clock.end : 0);
+    if (!clock.playing || Math.abs(clock.time - slider.valueAsNumber) * width >= clock.end)
+      slider.valueAsNumber = clock.time;
+    if (clock.playing && performance.now() - shownAt < NUMBERS_EVERY_MS) return;
+    shownAt = performance.now();
     const text = `${clock.time.toFixed(digits)} s`;
     now.textContent = text;
     slider.setAttribute("aria-valuetext", text);
@@ -188,12 +193,14 @@ function start(runs) {
   makeHud(runs, scene, clock);
   connectButtons(scene, plots);
   connectKeys(clock, plots);
-  let last = 0, drawn = 0;
+  let last = 0, drawn = 0, played = false;
   const frame = (now) => {
     // A page that was hidden goes on where it was.
     const seconds = (now - last) / 1000;
     clock.advance(Math.min(seconds, 0.25));
-    if (clock.playing) scene?.adapt(seconds);
+    if (clock.playing && played) scene?.resolution.frame(seconds);
+    if (!clock.playing) scene?.resolution.forget();
+    played = clock.playing;
     last = now;
     if (scene?.render()) ++drawn;
     requestAnimationFrame(frame);

@@ -299,12 +299,15 @@ class Plot {
     this.placeNeedle(this.all.clock.time);
   }
 
+  // On whole pixels of the screen: then it is sharp, and most frames of a replay leave it, and the page, as they are.
   placeNeedle(time) {
-    const [from, to] = this.all.range;
-    this.needle.hidden = time < from || time > to;
-    // uPlot's own width: asking the page for it would make it lay itself out, in every frame and panel.
-    const width = this.chart.bbox.width / devicePixelRatio;
-    this.needle.style.transform = `translateX(${((time - from) / (to - from)) * width}px)`;
+    const [from, to] = this.all.range, hidden = time < from || time > to;
+    // uPlot's own width, in the screen's pixels: asking the page for it would make it lay itself out, in every frame.
+    const place = Math.round(((time - from) / (to - from)) * this.chart.bbox.width) / devicePixelRatio;
+    if (hidden !== this.needle.hidden) this.needle.hidden = hidden;
+    if (hidden || place === this.needlePlace) return;
+    this.needlePlace = place;
+    this.needle.style.transform = `translateX(${place}px)`;
   }
 
   showNumbers(time, rows) {

@@ -10,12 +10,12 @@ const CONE_SLANT = 1.3;
 const HEAVIEST_MASS = 0.115;  // radius of its sphere; the others by the cube root of their mass
 const LEAST_MASS = 0.045;
 const PATH_POINTS = 3000;
-const NOISE = 1e-9;                // of the weight: what rounding leaves of forces that are 0
-const SHORTEST_PATH_PIECE = 4e-3;  // ball radii: the direction of a shorter one would be noise
-const PATH_WIDTH = 0.056;          // ball radii; where the path is long
-const PATH_OF_EXTENT = 0.004;      // part of its extent, to be seen from where all of it is
+const NOISE = 1e-9;                 // of the weight: what rounding leaves of forces that are 0
+const SHORTEST_PATH_PIECE = 0.015;  // ball radii, a quarter of the path's width: the eye sees no corners
+const PATH_WIDTH = 0.056;           // ball radii; where the path is long
+const PATH_OF_EXTENT = 0.004;       // part of its extent, to be seen from where all of it is
 const RAIL_POINTS = 600;
-const RAIL_PIECES = 240;  // of each rail; the chords of a circle are off by 1e-4 of its radius
+const RAIL_PIECES = 120;  // of each rail; the chords of a circle are off by 3e-4 of its radius, a tenth of a pixel
 const REGIMES = ["rolling", "sliding", "flight"];
 const UP = new THREE.Vector3(0, 0, 1);
 
@@ -44,31 +44,27 @@ function shellPattern(fine) {
   const texture = new THREE.CanvasTexture(canvas);
   texture.colorSpace = THREE.SRGBColorSpace;
   texture.anisotropy = fine ? 8 : 1;
+  if (!fine) texture.minFilter = THREE.LinearMipmapNearestFilter;
   return texture;
 }
 
-// Brighter towards the edge, as glass is.
-function rimMaterial() {
-  return new THREE.ShaderMaterial({
-    transparent: true,
-    depthWrite: false,
-    uniforms: {tint: {value: new THREE.Color()}},
-    vertexShader: `
-      varying vec3 n, v;
-      void main() {
-        vec4 p = modelViewMatrix * vec4(position, 1.0);
-        n = normalMatrix * normal;
-        v = -p.xyz;
-        gl_Position = projectionMatrix * p;
-      }`,
-    fragmentShader: `
-      uniform vec3 tint;
-      varying vec3 n, v;
-      void main() {
-        float edge = 1.0 - abs(dot(normalize(n), normalize(v)));
-        gl_FragColor = vec4(tint, 0.75 * edge * edge * edge);
-      }`,
-  });
+// Brighter towards the edge, as glass is: over the material's own colour, in the same pass.
+function addRim(material) {
+  const tint = new THREE.Color();
+  material.premultipliedAlpha = true;  // one colour over another is then a mix
+  material.onBeforeCompile = (shader) => {
+    shader.uniforms.rimTint = {value: tint};
+    shader.vertexShader = "varying vec3 rimNormal, rimView;\n" +
+        shader.vertexShader.replace("#include <project_vertex>", `#include <project_vertex>
+          rimNormal = normalMatrix * normal;
+          rimView = -mvPosition.xyz;`);
+    shader.fragmentShader = "uniform vec3 rimTint;\nvarying vec3 rimNormal, rimView;\n" +
+        shader.fragmentShader.replace(
+            "#include <premultiplied_alpha_fragment>", `#include <premultiplied_alpha_fragment>
+          float edge = 1.0 - abs(dot(normalize(rimNormal), normalize(rimView)));
+          gl_FragColor = mix(gl_FragColor, vec4(rimTint, 1.0), 0.75 * edge * edge * edge);`);
+  };
+  return tint;
 }
 
 function shadowTexture() {
@@ -88,7 +84,7 @@ class Arrow {
   constructor(thickness) {
     this.material = new THREE.MeshLambertMaterial();
     this.shaft = new THREE.Mesh(
-        new THREE.CylinderGeometry(thickness, thickness, 1, 20).translate(0, 0.5, 0).rotateX(Math.PI / 2),
+        new THREE.CylinderGeometry(thickness, thickness, 1, 12).translate(0, 0.5, 0).rotateX(Math.PI / 2),
         this.material);
     this.tip = new THREE.Mesh(
         new THREE.ConeGeometry(2.6 * thickness, 7 * thickness, 24)
@@ -138,16 +134,17 @@ export class Robot {
   }
 
   makeShell() {
-    const r = this.radius, geometry = new THREE.SphereGeometry(r, 64, 40).rotateX(Math.PI / 2);
+    const r = this.radius, fineness = this.fine ? [64, 40] : [40, 20];
+    const geometry = new THREE.SphereGeometry(r, ...fineness).rotateX(Math.PI / 2);
     const map = shellPattern(this.fine);
     const options = {map, transparent: true, depthWrite: false};
     const opacity = this.several ? 0.4 : 1;  // one sees through two shells
     const inside = new THREE.MeshBasicMaterial({...options, side: THREE.BackSide, opacity: 0.55 * opacity});
     const outside = this.fine ? new THREE.MeshPhongMaterial({...options, shininess: 90, specular: 0x555555, opacity}) :
                                 new THREE.MeshBasicMaterial({...options, opacity});
-    const rim = rimMaterial();
+    const rim = addRim(outside);
     this.shell = new THREE.Group();
-    [[inside, 1], [outside, 5], [rim, 6]].forEach(([material, order]) => {
+    [[inside, 1], [outside, 5]].forEach(([material, order]) => {
       const mesh = new THREE.Mesh(geometry, material);
       mesh.renderOrder = order;
       this.shell.add(mesh);
@@ -157,7 +154,7 @@ export class Robot {
       const name = this.several ? `run-${this.run}` : "shell";
       paint(inside, name);
       paint(outside, name);
-      rim.uniforms.tint.value.setStyle(color(name));
+      rim.setStyle(color(name));
     });
     this.shadow = new THREE.Mesh(
         new THREE.PlaneGeometry(2.2 * r, 2.2 * r),
@@ -187,11 +184,11 @@ export class Robot {
       const railMaterial = new THREE.MeshLambertMaterial();
       if (points.length > 1) {
         const curve = new THREE.CatmullRomCurve3(points, closed, "centripetal");
-        this.rails.add(new THREE.Mesh(new THREE.TubeGeometry(curve, RAIL_PIECES, 0.011 * r, 6, closed), railMaterial));
+        this.rails.add(new THREE.Mesh(new THREE.TubeGeometry(curve, RAIL_PIECES, 0.011 * r, 5, closed), railMaterial));
       }
       const size = heaviest > 0 ? Math.max(HEAVIEST_MASS * Math.cbrt(mass / heaviest), LEAST_MASS) : 0.09;
       const material = new THREE.MeshPhongMaterial({shininess: 70, specular: 0x333333});
-      const sphere = new THREE.Mesh(new THREE.SphereGeometry(size * r, 24, 16), material);
+      const sphere = new THREE.Mesh(new THREE.SphereGeometry(size * r, 20, 12), material);
       this.body.add(sphere);
       this.onPaint(() => {
         paint(material, `mass-${i}`);
@@ -232,10 +229,10 @@ export class Robot {
     const angle = Math.atan(limit), height = CONE_SLANT * r * Math.cos(angle), width = CONE_SLANT * r * Math.sin(angle);
     const geometry =
         new THREE.ConeGeometry(width, height, 64, 1, true).translate(0, -height / 2, 0).rotateX(-Math.PI / 2);
-    this.coneMaterial =
-        new THREE.MeshBasicMaterial({transparent: true, opacity: 0.17, side: THREE.DoubleSide, depthWrite: false});
+    this.coneMaterial = new THREE.MeshBasicMaterial(
+        {transparent: true, opacity: 0.17, side: THREE.DoubleSide, depthWrite: false, forceSinglePass: true});
     const ringMaterial = new THREE.MeshBasicMaterial({transparent: true, opacity: 0.8});
-    const ring = new THREE.Mesh(new THREE.TorusGeometry(width, 0.008 * r, 8, 80).translate(0, 0, height), ringMaterial);
+    const ring = new THREE.Mesh(new THREE.TorusGeometry(width, 0.008 * r, 4, 64).translate(0, 0, height), ringMaterial);
     const mesh = new THREE.Mesh(geometry, this.coneMaterial);
     mesh.renderOrder = 3;
     ring.renderOrder = 3;
@@ -277,16 +274,15 @@ export class Robot {
     geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
     geometry.setAttribute("color", new THREE.BufferAttribute(colors, 3));
     geometry.setIndex(triangles);
-    this.gone = new THREE.Mesh(
-        geometry.clone(), new THREE.MeshBasicMaterial({vertexColors: true, side: THREE.DoubleSide, depthWrite: false}));
-    const whole = new THREE.Mesh(
-        geometry,
-        new THREE.MeshBasicMaterial(
-            {vertexColors: true, side: THREE.DoubleSide, transparent: true, opacity: 0.34, depthWrite: false}));
-    this.gone.renderOrder = -1;
-    whole.renderOrder = -1;
-    this.gone.frustumCulled = whole.frustumCulled = false;
-    this.path = new THREE.Group().add(whole, this.gone);
+    const look = {vertexColors: true, side: THREE.DoubleSide, depthWrite: false};
+    this.gone = new THREE.Mesh(geometry.clone(), new THREE.MeshBasicMaterial(look));
+    this.toCome = new THREE.Mesh(
+        geometry, new THREE.MeshBasicMaterial({...look, transparent: true, opacity: 0.34, forceSinglePass: true}));
+    for (const mesh of [this.gone, this.toCome]) {
+      mesh.renderOrder = -1;
+      mesh.frustumCulled = false;
+    }
+    this.path = new THREE.Group().add(this.toCome, this.gone);
     this.onPaint(() => {
       const names = [this.several ? `run-${this.run}` : "path", "friction", "flight-path"];
       const tints = names.map((name) => new THREE.Color().setStyle(color(name)));
@@ -317,8 +313,9 @@ export class Robot {
     this.center.position.set(...samples.vectorAt("center_of_mass", 3, place));
     this.regime = REGIMES[samples.get("regime")[row]] ?? "unknown";
     this.updateForces(place);
-    const gone = this.pathRows.findLastIndex((pathRow) => pathRow <= row);
-    this.gone.geometry.setDrawRange(0, 6 * Math.max(gone, 0));
+    const gone = 6 * Math.max(this.pathRows.findLastIndex((pathRow) => pathRow <= row), 0);
+    this.gone.geometry.setDrawRange(0, gone);
+    this.toCome.geometry.setDrawRange(gone, Infinity);
   }
 
   between(name, [row, next, part]) {

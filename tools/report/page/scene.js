@@ -1,13 +1,15 @@
 // The replay: floor, light, camera, and a ball per run.
+import {Resolution} from "ballast/resolution.js";
 import {Robot} from "ballast/robot.js";
 import {color, onThemeChange} from "ballast/theme.js";
 import * as THREE from "three";
 import {OrbitControls} from "three/OrbitControls";
 
 const FIELD_OF_VIEW = 34;  // degrees
-const SLOW_FRAME_S = 0.03;
-const SLOW_FRAMES = 12;  // one after another
-const LEAST_PIXEL_RATIO = 0.35;
+// Pixels per CSS pixel:
+const MOST_PIXELS = 2;
+const FIRST_PIXELS_IN_SOFTWARE = 0.7;
+const LEAST_PIXELS = 0.35;   // the ball is then 80 pixels wide on a phone, and still seen to roll
 const STILL_AFTER_MS = 200;  // without a change: then all pixels are drawn
 const DIRECTION = new THREE.Vector3(-0.62, -1, 0.52).normalize();
 
@@ -69,10 +71,9 @@ export class Scene {
     const fine = !drawsInSoftware();
     this.renderer = new THREE.WebGLRenderer({antialias: fine, alpha: true});
     this.renderer.debug.checkShaderErrors = false;  // asking would wait for the compiler
-    this.stillRatio = Math.min(devicePixelRatio, 2);
-    this.movingRatio = fine ? this.stillRatio : 0.7;
-    this.setPixelRatio(this.stillRatio);
-    this.slowFrames = 0;
+    const most = Math.min(devicePixelRatio, MOST_PIXELS);
+    this.resolution = new Resolution(most, fine ? most : FIRST_PIXELS_IN_SOFTWARE, LEAST_PIXELS);
+    this.setPixelRatio(most);
     this.movedAt = -Infinity;
     const canvas = this.renderer.domElement;
     canvas.setAttribute("role", "img");
@@ -185,20 +186,12 @@ export class Scene {
     this.renderer.setPixelRatio(ratio);
   }
 
-  // Where frames come late while it plays, it is drawn with fewer pixels: a slow machine shows motion rather than
-  // edges. Once nothing moves, it is drawn with all of them.
-  adapt(frameSeconds) {
-    this.slowFrames = frameSeconds > SLOW_FRAME_S ? this.slowFrames + 1 : 0;
-    if (this.slowFrames < SLOW_FRAMES || this.movingRatio <= LEAST_PIXEL_RATIO) return;
-    this.slowFrames = 0;
-    this.movingRatio = Math.max(0.7 * this.movingRatio, LEAST_PIXEL_RATIO);
-  }
-
   // Draws if there is something new; says whether it did.
   render() {
     const now = performance.now();
     if (this.dirty) this.movedAt = now;
-    const ratio = now - this.movedAt < STILL_AFTER_MS ? this.movingRatio : this.stillRatio;
+    const {ratio: moving, most: still} = this.resolution;
+    const ratio = now - this.movedAt < STILL_AFTER_MS ? moving : still;
     if (!this.dirty && ratio === this.pixelRatio) return false;
     if (ratio !== this.pixelRatio) this.setPixelRatio(ratio);
     this.dirty = false;
