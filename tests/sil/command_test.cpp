@@ -53,7 +53,7 @@ TEST(Run, LeavesSummaryAndLogAndExitsWith0) {
   EXPECT_TRUE(std::filesystem::exists(folder / "runs/paper_ball/run.lcmlog"));
 }
 
-// Slower than that, and nobody knows how much: the wall clock keeps a run back, and does not hurry it.
+// The wall clock keeps a run back and does not hurry it: how much slower it was depends on the machine.
 TEST(Run, SaysHowSlowItWas) {
   const Folder folder;
   const Outcome run = folder.run("ballast run paper_ball --set duration=0.01 --speed 0.02 --out r");
