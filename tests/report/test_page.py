@@ -36,7 +36,10 @@ def start_browser():
     if os.geteuid() == 0:
         options.add_argument("--no-sandbox")  # which root cannot have
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    return webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
+    browser = webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
+    # A script waits for the frame that is being drawn, which is long with a dozen programs beside; Selenium gives 30 s.
+    browser.set_script_timeout(2 * LONGEST_WAIT)
+    return browser
 
 
 class PageTest(unittest.TestCase):
