@@ -124,20 +124,6 @@ RefusalReport refused(Refusal reason, int motor = -1, Wide value = 0, int piece 
   return {reason, motor, piece, value};
 }
 
-// The first piece in which the mass leaves its rail, and how far it goes there; -1: none.
-int leaves_rail(const BallParams& ball, int i, const Profile& profile, Wide& position) {
-  for (int p = 0; p < profile.piece_count(); ++p) {
-    const Cubic& c = profile.cubic(p);
-    const StepCubic x{c.position, c.velocity, c.acceleration, c.jerk};
-    const MonotoneSpans spans = monotone_spans(x, c.duration_s);
-    for (int k = 0; k < spans.count; ++k) {
-      position = x.at(spans.end_s[at(k)]);
-      if (!on_rail(ball, i, position)) return p;
-    }
-  }
-  return -1;
-}
-
 // The motion from where the masses stand, into `active`; nothing else changes.
 RefusalReport prepare_motion(const ControllerParams& params, ControllerState& state) {
   for (int i = 0; i < params.ball.mass_count; ++i) {
@@ -150,9 +136,8 @@ RefusalReport prepare_motion(const ControllerParams& params, ControllerState& st
     if (breach.what == Limited::kVelocity) return refused(Refusal::kVelocity, i, breach.value, breach.piece);
     if (breach.what == Limited::kAcceleration) return refused(Refusal::kAcceleration, i, breach.value, breach.piece);
     if (breach.what == Limited::kJerk) return refused(Refusal::kJerk, i, breach.value, breach.piece);
-    Wide position = 0;
-    const int piece = leaves_rail(params.ball, i, state.active[at(i)], position);
-    if (piece >= 0) return refused(Refusal::kRailEnd, i, position, piece);
+    const LeavesRail leaves = leaves_rail(params.ball, i, state.active[at(i)]);
+    if (leaves.piece >= 0) return refused(Refusal::kRailEnd, i, leaves.position, leaves.piece);
   }
   return {};
 }
@@ -176,10 +161,13 @@ RefusalReport prepare_move(const ControllerParams& params, const MoveRequest& mo
   for (int i = 0; i < count; ++i) {
     if ((move.masses >> i & 1u) == 0) continue;
     const Wide target = move.target_position[at(i)];
+    if (!std::isfinite(target)) return refused(Refusal::kTarget, i, target);
+    const RailEnds ends = rail_ends(params.ball, i);
+    const Wide swing = params.motor[at(i)].swing;
+    if (target < ends.lower + swing) return refused(Refusal::kLowerEnd, i, ends.lower + swing);
+    if (!(target <= ends.upper - swing)) return refused(Refusal::kUpperEnd, i, ends.upper - swing);
     const Wide steps = (target - params.motion[at(i)].at(0).position) * params.motor[at(i)].steps_per_unit;
-    if (!std::isfinite(target) || !(std::fabs(steps) <= kMaxStepsFromZero) || !on_rail(params.ball, i, target)) {
-      return refused(Refusal::kTarget, i, target);
-    }
+    if (!(std::fabs(steps) <= kMaxStepsFromZero)) return refused(Refusal::kTarget, i, target);
     if (!plan_move(distance(i), motion_limits(params, i), 0, pieces)) {
       return refused(Refusal::kNotPlanned, i, distance(i));
     }
@@ -367,16 +355,16 @@ void predict(const ControllerParams& params, const Sensors& sensors, const MassM
   friction_use(f, params.static_friction, status.mu_required, status.margin);
 }
 
-// What the profiles that begin at the start of `next` will do.
+// What the profiles that begin at the start of `next` will do. An overload's tick has little time left for it.
 void predict_plan(const ControllerParams& params, const Sensors& sensors, const MassMotion& now, std::int64_t next,
-                  ControllerState& state) {
+                  bool overloaded, ControllerState& state) {
   Wide duration_s = 0;
   for (int i = 0; i < params.ball.mass_count; ++i) duration_s = std::fmax(duration_s, state.active[at(i)].end_s());
   state.planned = true;
   state.plan_tick = next;
   if (valid(sensors)) {
     state.plan = predict_motion(params.ball, params.static_friction, unit(sensors.orientation), sensors.gyro_B_radps,
-                                now, params.control_period_s, state.active, duration_s);
+                                now, params.control_period_s, state.active, duration_s, overloaded);
   } else {
     state.plan = {duration_s, 0, kUnknown, std::numeric_limits<Real>::infinity(), -1};
   }
@@ -472,12 +460,13 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
       begin_stop(params, state, next, true);
       plan_begins = true;
     }
-    if (!generate_steps_of_tick(params, state, steps)) {
+    const bool overloaded = !generate_steps_of_tick(params, state, steps);
+    if (overloaded) {
       state.faults |= bit(Fault::kStepOverload);
       generate_overloaded(params, state, steps);
       plan_begins = true;
     }
-    if (plan_begins) predict_plan(params, inputs.sensors, now, next, state);
+    if (plan_begins) predict_plan(params, inputs.sensors, now, next, overloaded, state);
     for (int b = 0; b < steps.burst_count; ++b) {
       state.steps_issued[steps.bursts[at(b)].motor] += steps.bursts[at(b)].count;
     }

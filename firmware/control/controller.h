@@ -20,6 +20,7 @@ struct MotorParams {
   Wide max_acceleration = 0;   // rail unit / s^2, > 0: of motion, moves and stops
   Wide max_jerk = 0;           // rail unit / s^3, > 0: likewise, inside the motion's pieces
   Wide direction_setup_s = 0;  // 0..1e-3: least time between two opposite pulses, which the driver needs to turn
+  Wide swing = 0;              // rail unit, >= 0: how far the rotor may be off and lose no step (two full steps)
 };
 
 // Inert until validate() accepts it.
@@ -94,13 +95,16 @@ enum class Refusal : std::uint8_t {
   kMode = 1,           // not in this mode, or not healthy
   kNoMass = 2,         // the move names no mass
   kUnknownMass = 3,    // one there is not; value: its number
-  kTarget = 4,         // not finite, or beyond an end of its rail, or too many steps away; value: the target
+  kTarget = 4,         // not finite, or too many steps away; value: the target
   kSpeedFraction = 5,  // outside 0 < .. <= 1; value: it
   kVelocity = 6,       // the motion, begun from where the masses stand, breaks a limit; value: its extreme
   kAcceleration = 7,
   kJerk = 8,
   kNotPlanned = 9,  // no profile came of these numbers; value: the distance
   kRailEnd = 10,    // the motion, begun from where the masses stand, leaves its rail; value: how far it goes
+  kLowerEnd = 11,   // the move's target is beyond the lower end of its rail, or nearer to it than MotorParams::swing;
+                    // value: the least target allowed there
+  kUpperEnd = 12,   // the same at the upper end; value: the greatest
 };
 
 struct RefusalReport {
@@ -185,12 +189,14 @@ void reset(const ControllerParams& params, ControllerState& state);
 //   masses stand, at rest; refused if that breaks a limit or leaves a rail. (At what velocity a motion goes on after
 //   its last piece, and for how long, is not looked at: how long it runs is not known here.)
 // - MOVE in tick k, armed: from the start of tick k + 1 each mass asked goes to its target by plan_move(), all in the
-//   same time. Then they hold, and the mode is armed again.
+//   same time. Then they hold, and the mode is armed again. A target at an end of its rail is refused: the rotor swings
+//   about what is commanded, would close the end's switch on the way there, and be tripped for it. From
+//   MotorParams::swing before the end on it does not, as long as it loses no step.
 // - A stop or a trip in tick k: from the start of tick k + 1 each mass stops by plan_stop() from its profile's
 //   position, velocity and acceleration there, all in the time the slowest needs at least (a mass that would be
 //   stretched beyond an end of its rail takes its own shortest: lines end where the ball does, open splines at their
-//   ends, both at their stops); then it holds. The acceleration has no jump, except where the motion itself has one there. A motion that
-//   ends by itself leaves the mode running.
+//   ends, both at their stops); then it holds. The acceleration has no jump, except where the motion itself has one
+//   there. A motion that ends by itself leaves the mode running.
 // - N and f_s along the stop or move are predicted in tick k, from the sensed attitude: prediction.h.
 // - Step overload: the tick's steps are made again with all masses stopping from the commanded state, each in its own
 //   shortest time, without a jump. Only a motor whose pulses would still come too fast gets one, as small as will do:

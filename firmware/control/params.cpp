@@ -37,6 +37,14 @@ class Checker {
     error_.piece = breach.piece;
     error_.limit = speed ? limits.max_velocity : (acceleration ? limits.max_acceleration : limits.max_jerk);
   }
+  void ends(const BallParams& ball, const Profile& profile, int mass) {
+    const LeavesRail leaves = leaves_rail(ball, mass, profile);
+    if (leaves.piece < 0) return;
+    const RailEnds ends = rail_ends(ball, mass);
+    require(false, "motion position", mass, leaves.position, "the end of its rail");
+    error_.piece = leaves.piece;
+    error_.limit = leaves.position < ends.lower ? ends.lower : ends.upper;
+  }
   void finite(const Vector3& v, const char* field, int index = -1) {
     for (int j = 0; j < 3; ++j) require(std::isfinite(v[j]), field, index, v[j], "finite");
   }
@@ -135,6 +143,7 @@ ParamError validate(const ControllerParams& params) {
     check.require(motor.direction_setup_s >= 0 && motor.direction_setup_s <= 1e-3, "motor.direction_setup_s", i,
                   motor.direction_setup_s, "0..1e-3");
     check.positive(motor.max_jerk, "motor.max_jerk", i);
+    check.require(std::isfinite(motor.swing) && motor.swing >= 0, "motor.swing", i, motor.swing, "finite, >= 0");
     // A profile refuses what is not finite when it is set; the count of steps at its start has to fit too.
     const Wide start = params.motion[k].at(0).position;
     check.require(std::fabs(start * motor.steps_per_unit) <= 1e15, "motion", i, start,
@@ -143,6 +152,7 @@ ParamError validate(const ControllerParams& params) {
       check.require(on_rail(params.ball, i, start), "motion", i, start, "initial position between its rail's ends");
     }
     if (check.error().ok()) check.motion(params.motion[k], motion_limits(params, i), i);
+    if (check.error().ok()) check.ends(params.ball, params.motion[k], i);
   }
   return check.error();
 }

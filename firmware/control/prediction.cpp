@@ -62,7 +62,7 @@ void friction_use(const RollingForces& forces, Real static_friction, Real& mu_re
 
 Prediction predict_motion(const BallParams& ball, Real static_friction, const Quaternion& orientation,
                           const Vector3& angular_velocity_B_radps, const MassMotion& now, Wide lead_s,
-                          const PerMass<Profile>& profiles, Wide duration_s) {
+                          const PerMass<Profile>& profiles, Wide duration_s, bool coarse) {
   const int count = ball.mass_count;
   Prediction result{duration_s, 0, std::numeric_limits<Real>::infinity(), 0, 1};
   Attitude at{orientation, angular_velocity_B_radps};
@@ -92,14 +92,16 @@ Prediction predict_motion(const BallParams& ball, Real static_friction, const Qu
   // Never more than the grid's intervals and the borders; the bound also ends it should a number be none or a step
   // vanish beside the time.
   int borders = 0;
-  for (int i = 0; i < count; ++i) borders += profiles[static_cast<std::size_t>(i)].piece_count();
+  for (int i = 0; i < count && !coarse; ++i) borders += profiles[static_cast<std::size_t>(i)].piece_count();
+  const int intervals = coarse ? kCoarseIntervals : kPredictionIntervals;
   int grid = 1;
-  for (int k = 0; k < kPredictionIntervals + borders && time_s < duration_s; ++k) {
+  for (int k = 0; k < intervals + borders && time_s < duration_s; ++k) {
     const RollingForces start = forces(masses_at(profiles, count, time_s));
     look(start);
-    const Wide grid_s = grid < kPredictionIntervals ? duration_s * grid / kPredictionIntervals : duration_s;
+    const Wide grid_s = grid < intervals ? duration_s * grid / intervals : duration_s;
     const Real longest_s = longest_step_s(ball, at.angular_velocity_B_radps, start.angular_acceleration_B_radps2);
-    const Wide end_s = std::fmin(std::fmin(grid_s, time_s + Wide{longest_s}), next_border(profiles, count, time_s));
+    Wide end_s = std::fmin(grid_s, time_s + Wide{longest_s});
+    if (!coarse) end_s = std::fmin(end_s, next_border(profiles, count, time_s));
     if (end_s == grid_s) ++grid;
     advance(start, masses_at(profiles, count, (time_s + end_s) / 2), static_cast<Real>(end_s - time_s));
     time_s = end_s;

@@ -15,7 +15,10 @@ struct Prediction {
   Real margin_min = 0;       // 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0
 };
 
-// Grid of a prediction. It is refined by the borders of all pieces, where accelerations have their corners.
+// Grid of a prediction. It is refined by the borders of all pieces, where accelerations have their corners, unless it
+// is to be coarse: then a piece shorter than its intervals may be passed over, for 19 evaluations however many masses
+// stop each in their own time.
+inline constexpr int kCoarseIntervals = 8;
 inline constexpr int kPredictionIntervals = 16;
 inline constexpr Real kPredictionStep = 0.5;
 
@@ -31,7 +34,7 @@ inline constexpr Real kPredictionStep = 0.5;
 // used up before duration_s, that is the horizon.
 [[nodiscard]] Prediction predict_motion(const BallParams& ball, Real static_friction, const Quaternion& orientation,
                                         const Vector3& angular_velocity_B_radps, const MassMotion& now, Wide lead_s,
-                                        const PerMass<Profile>& profiles, Wide duration_s);
+                                        const PerMass<Profile>& profiles, Wide duration_s, bool coarse = false);
 
 // A point of a profile as the model takes it.
 inline void put(const ProfilePoint& point, std::size_t mass, MassMotion& masses) {

@@ -63,8 +63,8 @@ void raise_lows(std::span<PulseWindow> pulses, std::int32_t earliest);
 // always fits.
 StepBurst longest_burst(std::span<const PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest = 0);
 
-// All these pulses, of one direction and with widened windows, in one burst: a parabola through three of them or, where
-// that breaks a rule, a straight line, which never does.
+// All these pulses, of one direction and with widened windows, in one burst: a straight line from the first to the
+// last, which breaks no rule.
 StepBurst one_burst(std::span<const PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest);
 
 }  // namespace ballast::firmware

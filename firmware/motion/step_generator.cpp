@@ -241,14 +241,18 @@ struct Before {
   }
 };
 
-// The fewest bursts found that keep every pulse in its window, to bursts[0..room); 0: more than that.
+// The fewest bursts found that keep every pulse in its window, to bursts[0..room); 0: more than that. In an overload
+// it is said as soon as those to come would have to be several times as long as the one before.
 int fine_bursts(std::span<PulseWindow> windows, const PulseRules& rules, std::int32_t earliest, StepBurst* bursts,
                 int room) {
-  int count = 0;
+  // Pulses of one burst, which it is not worth looking for more than: a search costs as much as it has pulses.
+  constexpr int kSearched = 8;
+  int count = 0, hopeless = kSearched * room;
   for (std::size_t done = 0; done < windows.size(); ++count) {
-    if (count == room) return 0;
+    if (count == room || (rules.may_delay && static_cast<int>(windows.size() - done) > hopeless)) return 0;
     StepBurst& burst = bursts[count];
     burst = longest_burst(windows.subspan(done), rules, earliest);
+    hopeless = kHopeless * burst.count * (room - count - 1);
     done += static_cast<std::size_t>(burst.count);
     if (done < windows.size()) {
       earliest = last_ticks(burst) + windows[done].gap;
@@ -316,8 +320,17 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
     run.earliest = before.earliest(rules, run.direction);
     const Wide fastest_hz = std::max(std::fabs(run.cubic.velocity), std::fabs(run.cubic.velocity_at(run.end_s)));
     if (fastest_hz <= max_step_rate_hz * (1 + kRateSlack)) {
-      const int bursts =
-          smooth_bursts(run, rules, timing.timer_frequency_hz, timing.sparing, out.bursts.data() + used, room);
+      StepBurst* free = out.bursts.data() + used;
+      int bursts = timing.sparing && !timing.overloaded
+                       ? sparing_smooth_bursts(run, rules, timing.timer_frequency_hz, free, room)
+                       : smooth_bursts(run, rules, timing.timer_frequency_hz, free, room);
+      // Pulse by pulse a few less may do. Unless the motor has all of them, sparing is tried first.
+      if (bursts == kNoRoom && !timing.overloaded && !timing.sparing && room < kMaxBursts) {
+        return refuse(StepError::kTooManyBursts, kMaxBursts + 1, kMaxBursts);
+      }
+      if (bursts == kNoRoom && timing.overloaded) {
+        bursts = coarse_smooth_bursts(run, rules, timing.timer_frequency_hz, free, room);
+      }
       if (bursts > 0) {
         commit(out, motor, bursts, out.position_steps[m] + run.direction * run.steps);
         return StepError::kNone;

@@ -79,8 +79,8 @@ struct StepTrouble {
 // replaced meanwhile, the step comes as soon as it is seen.
 //
 // StepTiming::overloaded: distances, the tick and the count at its end are kept as ever. Where most_bursts do not
-// suffice, each way of the motor gets its part of them, in equal numbers of pulses, each a parabola through three
-// crossings or a straight line: in the tick, but not within the tolerance. What finds no room in the tick is left to
+// suffice, each way of the motor gets its part of them, in equal numbers of pulses, each a straight line from
+// crossing to crossing: in the tick, but not within the tolerance. What finds no room in the tick is left to
 // the next: pulses that cannot keep their distances, and ways beyond most_bursts.
 [[nodiscard]] StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, Wide steps_per_unit,
                                        Wide max_step_rate_hz, const StepTiming& timing, int motor, StepCommand& out,

@@ -238,7 +238,7 @@ bool in_range(const controller_status_t& message) {
          is_count(message.motor_count, kMaxMasses) && is_count(message.overload_error, 3) &&
          message.overload_motor >= -1 && message.overload_motor < kMaxMasses &&
          message.refusal >= controller_status_t::REFUSAL_NONE &&
-         message.refusal <= controller_status_t::REFUSAL_RAIL_END && message.refusal_motor >= -1 &&
+         message.refusal <= controller_status_t::REFUSAL_UPPER_END && message.refusal_motor >= -1 &&
          message.refusal_motor < 32 && message.refusal_piece >= -1 && message.refusal_piece <= firmware::kMaxPieces &&
          is_flag(message.planned) && is_tick(message.plan_tick);
 }

@@ -217,6 +217,7 @@ void motor_fields(A& archive, M& m) {
   archive(m.max_acceleration);
   archive(m.max_jerk);
   archive(m.direction_setup_s);
+  archive(m.swing);
 }
 
 template <class A, class M>
@@ -324,7 +325,7 @@ void status_fields(A& archive, M& m) {
   archive(m.overload.trouble.limit);
   archive.bounded(m.overload.motor, -1, firmware::kMaxMasses - 1);
   archive(m.overload.tick);
-  archive.bounded(m.refusal.reason, 0, static_cast<int>(firmware::Refusal::kRailEnd));
+  archive.bounded(m.refusal.reason, 0, static_cast<int>(firmware::Refusal::kUpperEnd));
   archive.bounded(m.refusal.motor, -1, 31);
   archive.bounded(m.refusal.piece, -1, firmware::kMaxPieces);
   archive(m.refusal.value);

@@ -418,24 +418,27 @@ TEST(Controller, AMassAtItsEndSwitchTripsIfItIsCommandedOn) {
   EXPECT_EQ(bench.out.status.mode, Mode::kTripped);
 }
 
-// Stops end a line before the ball does.
-TEST(Controller, AMoveBeyondAnEndStopIsRefused) {
+// Stops end a line before the ball does. The line is drawn where the rotor's swing would close the end's switch.
+TEST(Controller, AMoveToAnEndStopOrBeyondIsRefused) {
   ControllerParams params = testing::paper_params();
   params.ball.rail[1] = line(Vector3(0, 0, 0), Vector3(1, 0, 0));
   params.ball.rail[1].lower_end = -0.3;
   params.ball.rail[1].upper_end = 0.35;
   params.motion[1] = Profile();
+  params.motor[1].swing = 0.004;
   Bench bench(params);
   bench.tick(OperatorCommand::kArm);
   MoveRequest move;
   move.masses = 2;
-  for (const Real target : {-0.31, 0.36}) {
+  for (const Wide target : {-0.31, -0.3, -0.2961, 0.3461, 0.35, 0.36, 1e300, -1e300}) {
     move.target_position[1] = target;
     bench.tick(move);
-    EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kTarget) << target;
+    EXPECT_EQ(bench.out.status.refusal.reason, target < 0 ? Refusal::kLowerEnd : Refusal::kUpperEnd) << target;
+    EXPECT_EQ(bench.out.status.refusal.motor, 1);
+    EXPECT_EQ(bench.out.status.refusal.value, target < 0 ? -0.3 + 0.004 : 0.35 - 0.004) << "what is allowed";
     EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
   }
-  move.target_position[1] = 0.35;
+  move.target_position[1] = 0.35 - 0.004;
   bench.tick(move);
   EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kNone);
   EXPECT_EQ(bench.out.status.mode, Mode::kMoving);
@@ -780,8 +783,8 @@ TEST(Controller, RefusedMovesSayWhyAndMoveNothing) {
   };
   for (const Case& c :
        {Case{0, 0, 1, Refusal::kNoMass, -1, 0}, Case{8, 0, 1, Refusal::kUnknownMass, 3, 3},
-        Case{1u << 31, 0, 1, Refusal::kUnknownMass, 31, 31}, Case{2, 0.81, 1, Refusal::kTarget, 1, 0.81},
-        Case{2, -0.81, 1, Refusal::kTarget, 1, -0.81}, Case{1, 1e300, 1, Refusal::kTarget, 0, 1e300},
+        Case{1u << 31, 0, 1, Refusal::kUnknownMass, 31, 31}, Case{2, 0.81, 1, Refusal::kUpperEnd, 1, 0.8},
+        Case{2, -0.81, 1, Refusal::kLowerEnd, 1, -0.8}, Case{1, 1e300, 1, Refusal::kTarget, 0, 1e300},
         Case{4, kNan, 1, Refusal::kTarget, 2, kNan}, Case{1, 1, 0, Refusal::kSpeedFraction, -1, 0},
         Case{1, 1, 1.01, Refusal::kSpeedFraction, -1, 1.01}, Case{1, 1, kNan, Refusal::kSpeedFraction, -1, kNan}}) {
     Bench bench(params);
@@ -794,7 +797,9 @@ TEST(Controller, RefusedMovesSayWhyAndMoveNothing) {
     EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
     EXPECT_EQ(bench.out.status.refusal.reason, c.reason);
     EXPECT_EQ(bench.out.status.refusal.motor, c.motor);
-    EXPECT_TRUE(bench.out.status.refusal.value == c.value || std::isnan(c.value));
+    // Where the line meets the ball is a square root.
+    EXPECT_TRUE(std::fabs(bench.out.status.refusal.value - c.value) <= 1e-15 * std::fabs(c.value) ||
+                std::isnan(c.value));
     bench.run(10);
     EXPECT_EQ(bench.out.status.refusal.reason, c.reason) << "stays until the next command";
     EXPECT_EQ(bench.out.steps.position_steps[0], 0);
@@ -843,7 +848,9 @@ TEST(Controller, MovesStayOnAnOpenSplineAndGoRoundAClosedOne) {
     move.target_position[1] = c.target;
     bench.tick(move);
     EXPECT_EQ(bench.out.status.mode, c.allowed ? Mode::kMoving : Mode::kArmed);
-    EXPECT_EQ(bench.out.status.refusal.reason, c.allowed ? Refusal::kNone : Refusal::kTarget);
+    EXPECT_EQ(bench.out.status.refusal.reason, c.allowed      ? Refusal::kNone
+                                               : c.target < 0 ? Refusal::kLowerEnd
+                                                              : Refusal::kUpperEnd);
     EXPECT_EQ(bench.out.status.refusal.motor, c.allowed ? -1 : 1);
     // Limits and plan are those of a line: 12.3 m at 2 m/s^2 take 5.1 s.
     bench.expect_counts_follow_status(5500);

@@ -158,6 +158,7 @@ TEST(Validate, MotorsAndMotion) {
                         [](auto& p) -> Real& { return p.motor[2].direction_setup_s; });
   expect_refused_values("motor.max_step_rate_hz", 2, {0, -1, kNan, kInfinity, 1.1e7},
                         [](auto& p) -> Real& { return p.motor[2].max_step_rate_hz; });
+  expect_refused_values("motor.swing", 1, {-1e-9, kNan, kInfinity}, [](auto& p) -> Real& { return p.motor[1].swing; });
   expect_refused_values("motor.max_acceleration", 0, {0, -1, kNan, kInfinity},
                         [](auto& p) -> Real& { return p.motor[0].max_acceleration; });
   expect_refused("motion", 1, [](auto& p) { ASSERT_TRUE(p.motion[1].set(1e14, 0, nullptr, 0)); });
@@ -201,6 +202,42 @@ TEST(Validate, MassesStandBetweenTheirRailsEnds) {
   expect_refused("motion", 1, standing_at(1, [](ControllerParams& p) {
                    p.ball.rail[1] = line(Vector3(0, 0, -0.1), Vector3::UnitX());
                  }));
+}
+
+// Not only where it begins: a motion that leaves its rail in any piece, and be it inside one and back, is refused by
+// piece, position and end.
+TEST(Validate, AMotionStaysBetweenItsRailsEnds) {
+  const auto moving = [](Wide sign, Wide first_s) {
+    return [=](ControllerParams& p) {
+      p.ball.rail[1] = line(Vector3(0, 0, -0.1), Vector3::UnitX());
+      p.ball.rail[1].lower_end = -0.3;
+      p.ball.rail[1].upper_end = 0.3;
+      p.motor[1].max_jerk = 1e3;
+      // There for first_s at 1 per s^2, turned round in the second piece, and back where it came from.
+      const ProfilePiece pieces[] = {{first_s, sign, sign}, {2 * first_s, -sign, -sign}, {first_s, sign, sign}};
+      ASSERT_TRUE(p.motion[1].set(0, 0, pieces, 3));
+    };
+  };
+  // first_s^2 is the farthest, in the middle of the second piece.
+  EXPECT_TRUE(validated(moving(1, std::sqrt(0.3))).ok()) << "to the end itself";
+  EXPECT_TRUE(validated(moving(-1, std::sqrt(0.3))).ok());
+  for (const Wide sign : {1., -1.}) {
+    const ParamError error = validated(moving(sign, std::sqrt(0.31)));
+    ASSERT_FALSE(error.ok());
+    EXPECT_STREQ(error.field, "motion position");
+    EXPECT_EQ(error.index, 1);
+    EXPECT_EQ(error.piece, 1);
+    EXPECT_NEAR(error.value, sign * 0.31, 1e-12);  // rounding
+    EXPECT_EQ(error.limit, sign * 0.3);
+  }
+  // A line without stops ends where the ball does: sqrt(1 - 0.1^2).
+  const ParamError out = validated([&](ControllerParams& p) {
+    moving(1, 1.0)(p);
+    p.ball.rail[1].lower_end = -kInfinity;
+    p.ball.rail[1].upper_end = kInfinity;
+  });
+  EXPECT_STREQ(out.field, "motion position");
+  EXPECT_NEAR(out.limit, std::sqrt(0.99), 1e-15);
 }
 
 TEST(Validate, AMotionThatBreaksALimitIsNamedByPieceMotorAndValue) {

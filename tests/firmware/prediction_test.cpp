@@ -137,6 +137,31 @@ TEST(Prediction, OfALongMoveEndsAtItsHorizon) {
   }
 }
 
+// An overload's tick looks at the grid alone: what it misses lies in pieces shorter than that, or between its points.
+TEST(Prediction, TheGridAloneMissesNoMoreThanItsIntervals) {
+  PerMass<Profile> profiles;
+  MassMotion now;
+  for (std::size_t i = 0; i < 3; ++i) {
+    // Stops of 0.7 to 1.0 s whose accelerations come and go in 0.2 s, three of the grid's intervals.
+    const Wide flat = 0.3 + 0.15 * static_cast<Wide>(i);
+    const ProfilePiece pieces[] = {{0.2, 0, -1}, {flat, -1, -1}, {0.2, -1, 0}};
+    ASSERT_TRUE(profiles[i].set(testing::kPaperStart[i], 0.2 + flat, pieces, 3));
+    put(profiles[i].at(0), i, now);
+  }
+  const Quaternion askew(std::cos(0.2), std::sin(0.2), 0, 0);
+  const Prediction fine =
+      predict_motion(testing::paper_ball(), 0.35, askew, Vector3::Zero(), now, 0.001, profiles, 1.0);
+  const Prediction grid =
+      predict_motion(testing::paper_ball(), 0.35, askew, Vector3::Zero(), now, 0.001, profiles, 1.0, true);
+  EXPECT_EQ(grid.horizon_s, fine.horizon_s);
+  // The accelerations are linear: of their way in an interval, a third of 1, a mass's share of N's change is m, and
+  // an extremum of N lies where one of them ends. So N is off by less than the masses' weight / 3.
+  EXPECT_NEAR(grid.normal_force_min_n, fine.normal_force_min_n, 1.0);
+  EXPECT_GE(grid.normal_force_min_n, fine.normal_force_min_n - 1e-3) << "it sees less, not more";
+  EXPECT_LE(grid.mu_required_max, fine.mu_required_max + 1e-3);
+  EXPECT_NEAR(grid.mu_required_max, fine.mu_required_max, 0.05);
+}
+
 TEST(Prediction, OfABallAtRestIsItsWeight) {
   BallParams ball = testing::paper_ball();
   ball.mass_count = 0;

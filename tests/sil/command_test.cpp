@@ -828,6 +828,41 @@ TEST(Move, IsRefusedWithAReason) {
   }
 }
 
+// Two full steps before an end, 0.5 mm here, the rotor's swing does not close its switch, in full steps either. From
+// there on a move is refused, by mass, end, target and what is allowed.
+TEST(Move, GoesAsCloseToAnEndStopAsTheRotorMaySwing) {
+  const Folder folder;
+  folder.write("line.toml", test::kIntoItsStop);
+  const std::string strong =
+      "ballast move line.toml --set mass.0.motor.holding_torque=0.2 "
+      "--set surface.static_friction=inf --quiet --out m ";
+  for (const std::string microsteps : {"1", "16"}) {
+    const std::string line = strong + "--set mass.0.motor.microsteps=" + microsteps + " --mass 0 --to ";
+    for (const std::string target : {"0.1495", "-0.0195"}) {
+      const Outcome move = folder.run(line + target);
+      EXPECT_EQ(move.exit_status, 0) << microsteps << ", " << target << ": " << move.err;
+      EXPECT_EQ(folder.summary("m")["move_end"]["arrived"], true);
+      EXPECT_EQ(folder.summary("m")["motors"][0]["end_stop"], nullptr) << "it has touched its stop";
+    }
+    for (const std::string target : {"0.1496", "0.15", "0.2"}) {
+      const Outcome move = folder.run(line + target);
+      EXPECT_EQ(move.exit_status, 1);
+      EXPECT_NE(move.err.find("mass 0: the target " + target +
+                              " is beyond the upper end of its rail or too close to it; "
+                              "allowed: at most 0.1495,"),
+                std::string::npos)
+          << move.err;
+    }
+    const Outcome move = folder.run(line + "-0.02");
+    EXPECT_EQ(move.exit_status, 1);
+    EXPECT_NE(
+        move.err.find("the target -0.02 is beyond the lower end of its rail or too close to it; allowed: at least "
+                      "-0.0195,"),
+        std::string::npos)
+        << move.err;
+  }
+}
+
 TEST(Move, ToWhereTheMassesAreIsOverAtOnce) {
   const Folder folder;
   const Outcome move = folder.run("ballast move paper_ball --mass 0 --to 0 --out m");

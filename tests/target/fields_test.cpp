@@ -148,12 +148,12 @@ static_assert(fields_in<firmware::MoveRequest>() == 3, "command_fields()");
 static_assert(fields_in<firmware::ControllerParams>() == 9, "ball_fields()");
 static_assert(fields_in<firmware::BallParams>() == 9, "ball_fields()");
 static_assert(fields_in<firmware::Rail>() == 11, "rail_fields()");
-static_assert(fields_in<firmware::MotorParams>() == 5, "motor_fields()");
+static_assert(fields_in<firmware::MotorParams>() == 6, "motor_fields()");
 
 // The last of each enumeration is in range.
 TEST(TargetFields, EveryRefusalTravels) {
   const auto sent = std::make_unique<Reply>(), received = std::make_unique<Reply>();
-  for (int reason = 0; reason <= static_cast<int>(firmware::Refusal::kRailEnd); ++reason) {
+  for (int reason = 0; reason <= static_cast<int>(firmware::Refusal::kUpperEnd); ++reason) {
     sent->status.refusal.reason = static_cast<firmware::Refusal>(reason);
     std::vector<std::uint8_t> bytes(kMaxFrame);
     bytes.resize(encode(*sent, 0, bytes));

@@ -213,7 +213,7 @@ std::vector<Change> changes() {
       }
     }
     {
-      [[maybe_unused]] const auto& [steps, rate, acceleration, jerk, setup] = robot.params.motor[i];
+      [[maybe_unused]] const auto& [steps, rate, acceleration, jerk, setup, swing] = robot.params.motor[i];
       const auto motor = [i](Robot& r) -> firmware::MotorParams& { return r.params.motor[i]; };
       number(
           "motor.steps_per_unit" + of, [motor](Robot & r) -> auto& { return motor(r).steps_per_unit; });
@@ -225,6 +225,8 @@ std::vector<Change> changes() {
           "motor.max_jerk" + of, [motor](Robot & r) -> auto& { return motor(r).max_jerk; });
       number(
           "motor.direction_setup_s" + of, [motor](Robot & r) -> auto& { return motor(r).direction_setup_s; });
+      number(
+          "motor.swing" + of, [motor](Robot & r) -> auto& { return motor(r).swing; });
     }
     // A motion is what it was built from.
     const auto motion = [&](const std::string& what, auto change) {

@@ -14,7 +14,8 @@ int bus_trouble(const sil::BusOperator& operator_end) {
 
 std::optional<int> tell(sil::BusOperator& operator_end, const firmware::OperatorInput& input, const std::string& what) {
   if (operator_end.tell(input) != hal::Status::kOk) return bus_trouble(operator_end);
-  const std::string refusal = sil::refusal_text(operator_end.status());
+  const bool moves = input.command == firmware::OperatorCommand::kMove;
+  const std::string refusal = sil::refusal_text(operator_end.status(), moves ? &input.move : nullptr);
   if (refusal.empty()) return std::nullopt;
   program::complain("ballast", "the controller refuses the " + what + ": " + refusal);
   return program::kExitUsage;

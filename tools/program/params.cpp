@@ -1,6 +1,7 @@
 #include "tools/program/params.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <numbers>
@@ -75,6 +76,9 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
     p->motor[i].direction_setup_s = mass.motor.direction_setup_s;
     p->motor[i].max_acceleration = mass.motor.max_acceleration;
     p->motor[i].max_jerk = mass.motor.max_jerk;
+    // A rotor further than that from what is commanded falls into the next tooth: sim/PHYSICS.md, section 5.
+    constexpr double kSwingFullSteps = 2;
+    p->motor[i].swing = kSwingFullSteps * mass.motor.microsteps / std::fabs(p->motor[i].steps_per_unit);
 
     if (mass.motion.size() > firmware::kMaxPieces) {
       return mass_key(i, "motion") + ": " + std::to_string(mass.motion.size()) +

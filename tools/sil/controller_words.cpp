@@ -17,6 +17,22 @@ std::string restart_text(const controller_status_t& status, const char* what, co
   return text;
 }
 
+// A move to an end of its rail, or beyond.
+std::string rail_end_text(const controller_status_t& status, const firmware::MoveRequest* move) {
+  const bool lower = status.refusal == controller_status_t::REFUSAL_LOWER_END;
+  const auto mass = static_cast<std::size_t>(status.refusal_motor);
+  char target[32] = "", text[240];
+  if (move != nullptr && mass < move->target_position.size()) {
+    std::snprintf(target, sizeof target, " %.10g", move->target_position[mass]);
+  }
+  std::snprintf(
+      text, sizeof text,
+      "mass %d: the target%s is beyond the %s end of its rail or too close to it; allowed: at %s %.10g, which "
+      "leaves the two full steps that its motor may swing before its end switch",
+      status.refusal_motor, target, lower ? "lower" : "upper", lower ? "least" : "most", status.refusal_value);
+  return text;
+}
+
 }  // namespace
 
 std::string mode_text(std::int8_t mode) {
@@ -38,7 +54,7 @@ std::string mode_text(std::int8_t mode) {
   }
 }
 
-std::string refusal_text(const controller_status_t& status) {
+std::string refusal_text(const controller_status_t& status, const firmware::MoveRequest* move) {
   const std::string mass = "mass " + std::to_string(status.refusal_motor) + ": ";
   char value[32];
   std::snprintf(value, sizeof value, "%.10g", status.refusal_value);
@@ -51,7 +67,10 @@ std::string refusal_text(const controller_status_t& status) {
       return "there is no mass " + std::string(value) + " (they count from 0)";
     case controller_status_t::REFUSAL_TARGET:
       return mass + "the target " + value +
-             " cannot be reached; allowed: finite, on its rail inside the ball, at most 1e15 microsteps";
+             " cannot be reached; allowed: finite, at most 1e15 microsteps from its start";
+    case controller_status_t::REFUSAL_LOWER_END:
+    case controller_status_t::REFUSAL_UPPER_END:
+      return rail_end_text(status, move);
     case controller_status_t::REFUSAL_SPEED_FRACTION:
       return std::string("the speed fraction ") + value + " is out of range; allowed: 0 < .. <= 1";
     case controller_status_t::REFUSAL_VELOCITY:

@@ -5,15 +5,16 @@
 #include <cstdint>
 #include <string>
 
-#include "firmware/control/prediction.h"
+#include "firmware/control/controller.h"
 
 namespace ballast::sil {
 
 // "armed", "running", ..
 std::string mode_text(std::int8_t mode);
 
-// Why the operator's last command was not obeyed; empty: it was.
-std::string refusal_text(const controller_status_t& status);
+// Why the operator's last command was not obeyed; empty: it was. `move`: what it asked for, if that is known and it was
+// a move.
+std::string refusal_text(const controller_status_t& status, const firmware::MoveRequest* move = nullptr);
 
 // What of the monitor's limits (monitor::MonitorLimits) a plan is predicted to break: "least margin -0.2, allowed: >=
 // 0"; empty: nothing.

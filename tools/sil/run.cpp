@@ -263,7 +263,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     }
     if (tick == -1 && options.move && lap.status.refusal != controller_status_t::REFUSAL_NONE &&
         lap.trip.tripped == 0 && lap.status.faults == 0) {
-      result.refusal = refusal_text(lap.status);
+      result.refusal = refusal_text(lap.status, &*options.move);
       return finished();
     }
     // Every command of the countdown must have been obeyed, unless something tripped.

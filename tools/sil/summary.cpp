@@ -269,6 +269,16 @@ std::string outside_ball_text(const sim::Scenario& scenario, const RunResult& re
          "(rail.end_stop_stiffness) or stops further in (rail.end_stops)";
 }
 
+// The faults that motor had been made to suffer by the end of the run; empty: none.
+std::string motor_faults_text(const sim::Scenario& scenario, std::size_t motor, double end_s) {
+  std::string text;
+  for (const sim::Fault& fault : scenario.faults) {
+    if (!fault.of(sim::FaultLayer::kMotor) || fault.mass != static_cast<int>(motor) || !fault.begun(end_s)) continue;
+    text += (text.empty() ? "" : ", and ") + to_string(fault);
+  }
+  return text;
+}
+
 }  // namespace
 
 const char* trip_cause(int cause) {
@@ -650,21 +660,26 @@ std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const Ru
 }
 
 std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result) {
-  std::string who, stopped;
+  std::string who, suffered, stopped;
   bool in_free_motion = false;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const auto lost = static_cast<long long>(result.final_sample.lost_steps[i]);
     if (lost == 0) continue;
     who += format("%smotor %zu lost %lld", who.empty() ? "" : ", ", i, lost);
-    if (const sim::EndStopRecord& stop = result.end_stops[i]; stop.touches > 0)
+    // Of steps that a fault took the motion's limits say nothing.
+    if (const std::string faults = motor_faults_text(scenario, i, result.final_sample.time_s); !faults.empty())
+      suffered += format(" Motor %zu was made to suffer %s.", i, faults.c_str());
+    else if (const sim::EndStopRecord& stop = result.end_stops[i]; stop.touches > 0)
       stopped +=
           format(" Mass %zu met its end stop at t = %.6g s: which steps were lost there is not told.", i, stop.first_s);
     else
       in_free_motion = true;
   }
   if (who.empty()) return "";
-  return who + " microsteps: its mass is not where the controller believes it is." + stopped +
-         (in_free_motion ? " The torque did not carry the motion" : " If the torque did not carry the motion") +
+  const std::string text =
+      who + " microsteps: its mass is not where the controller believes it is." + suffered + stopped;
+  if (!in_free_motion && stopped.empty()) return text.substr(0, text.size() - 1);
+  return text + (in_free_motion ? " The torque did not carry the motion" : " If the torque did not carry the motion") +
          ": allow it less speed, acceleration or jerk (motor.max_step_rate, max_acceleration, max_jerk, or "
          "ballast move --speed-fraction), or give it more torque";
 }
