@@ -19,7 +19,7 @@ import ballast
 import strict_mcap
 
 BALLAST = os.environ["BALLAST"]
-URL = f"udpm://239.255.76.67:{20000 + os.getpid() % 12000}?ttl=0"
+URL = f"udpm://239.255.76.67:{12000 + os.getpid() % 8000}?ttl=0"
 CLASSES = {name: value for name, value in vars(ballast).items() if hasattr(value, "_get_packed_fingerprint")}
 
 

@@ -73,7 +73,7 @@ def outcome(program, arguments, folder):
     # A bus of its own on this machine, below the ports that the system hands out itself.
     global buses
     buses += 1
-    arguments = arguments.replace("URL", f"'udpm://239.255.76.67:{20000 + (os.getpid() + buses) % 12000}?ttl=0'")
+    arguments = arguments.replace("URL", f"'udpm://239.255.76.67:{12000 + (os.getpid() + buses) % 8000}?ttl=0'")
     try:
         said = subprocess.run([str(program), "run", *shlex.split(arguments), "--quiet", "--out", str(out)], cwd=folder,
                               capture_output=True, text=True, timeout=TIME_LIMIT_S)

@@ -7,32 +7,12 @@
 
 #include "sim/plant.h"
 #include "tests/physics/random_robot.h"
+#include "tests/physics/solid_ball.h"
 
 namespace ballast::sim {
 namespace {
 
 using Eigen::Vector3d;
-
-// Homogeneous: 2/5 m r^2.
-Scenario solid_ball() {
-  Scenario s;
-  s.duration_s = 3;
-  s.gravity_mps2 = 9.81;
-  s.run.actuation = Actuation::kPrescribed;
-  s.run.on_violation = OnViolation::kContinue;
-  s.ball = {.radius_m = 0.1,
-            .mass_kg = 0.5,
-            .inertia_kgm2 = Eigen::Vector3d::Zero(),
-            .center_of_mass_B_m = Eigen::Vector3d::Zero()};
-  s.ball.inertia_kgm2.setConstant(0.4 * 0.5 * 0.1 * 0.1);
-  return s;
-}
-
-void go(Plant& plant, double end_s, double period_s) {
-  for (int k = 1; plant.time_s() < end_s && plant.end() == PhysicsEnd::kNone; ++k) {
-    plant.advance(std::min(k * period_s, end_s), {});
-  }
-}
 
 // v = v_t tanh(g t / v_t), fallen v_t^2 / g ln cosh(g t / v_t), with v_t = sqrt(m g / c).
 TEST(Drag, AFallingBallComesToItsTerminalVelocity) {

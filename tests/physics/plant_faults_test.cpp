@@ -6,25 +6,12 @@
 
 #include "sim/plant.h"
 #include "sim/stepper.h"
+#include "tests/physics/solid_ball.h"
 
 namespace ballast::sim {
 namespace {
 
 using Eigen::Vector3d;
-
-// Homogeneous: 2/5 m r^2.
-Scenario solid_ball() {
-  Scenario s;
-  s.duration_s = 3;
-  s.gravity_mps2 = 9.81;
-  s.run.actuation = Actuation::kPrescribed;
-  s.run.on_violation = OnViolation::kContinue;
-  s.ball = {.radius_m = 0.1,
-            .mass_kg = 0.5,
-            .inertia_kgm2 = Eigen::Vector3d::Constant(0.4 * 0.5 * 0.1 * 0.1),
-            .center_of_mass_B_m = Eigen::Vector3d::Zero()};
-  return s;
-}
 
 Fault fault(FaultKind kind, double time_s, double value, double end_s = kToTheEnd) {
   Fault f;
@@ -33,12 +20,6 @@ Fault fault(FaultKind kind, double time_s, double value, double end_s = kToTheEn
   f.end_s = end_s;
   f.value = value;
   return f;
-}
-
-void go(Plant& plant, double end_s, double period_s) {
-  for (int k = 1; plant.time_s() < end_s && plant.end() == PhysicsEnd::kNone; ++k) {
-    plant.advance(std::min(k * period_s, end_s), {});
-  }
 }
 
 // A rolling solid ball has 7/5 m of inertia along the floor: v = F t / (7/5 m) while it is pushed, and keeps it. The

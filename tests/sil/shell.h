@@ -1,6 +1,9 @@
 // Programs run as people run them: through a shell, in a folder of their own, with everything they say caught.
 #pragma once
 
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -69,10 +72,23 @@ class Folder {
   std::filesystem::path path_;
 };
 
-// A bus of this test process alone, `which` < 32 of them: neighbouring pids, which run at the same time, share none.
-// The ports are below those the system hands out itself.
+// One of 375 places that no other test process has while this one runs: a lock says so, which ends with the process.
+inline int place_of_this_process() {
+  for (int tried = 0; tried < 375; ++tried) {
+    const int place = (getpid() + tried) % 375;
+    const auto lock = std::filesystem::temp_directory_path() / ("ballast-test-bus-" + std::to_string(place));
+    const int file = open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
+    if (file >= 0 && flock(file, LOCK_EX | LOCK_NB) == 0) return place;  // kept open
+    if (file >= 0) close(file);
+  }
+  ADD_FAILURE() << "no bus is free";
+  return 0;
+}
+
+// A bus of this test process alone, `which` < 32 of them. The ports are below those the system hands out itself.
 inline std::string bus_url(int which) {
-  return "udpm://239.255.76.67:" + std::to_string(20000 + getpid() % 375 * 32 + which) + "?ttl=0";
+  static const int place = place_of_this_process();
+  return "udpm://239.255.76.67:" + std::to_string(20000 + place * 32 + which) + "?ttl=0";
 }
 
 }  // namespace ballast::test

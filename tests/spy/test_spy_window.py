@@ -12,7 +12,7 @@ import ballast
 
 BALLAST = os.environ["BALLAST"]
 PROBE = os.environ["BALLAST_SPY_PROBE"]
-URL = f"udpm://239.255.76.67:{20000 + os.getpid() % 12000}?ttl=0"
+URL = f"udpm://239.255.76.67:{12000 + os.getpid() % 8000}?ttl=0"
 PER_TICK = {"CONTACT": "contact_t", "PLANT_STATE": "plant_state_t", "SENSORS": "sensors_t", "TRIP": "trip_t",
             "STEP_COMMAND": "step_command_t", "CONTROLLER_STATUS": "controller_status_t"}
 MESSAGES = 2000  # per channel before and after the windows are opened

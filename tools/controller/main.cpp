@@ -1,4 +1,5 @@
 // ballast-controller: the firmware as a process of its own, over LCM.
+#include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
 

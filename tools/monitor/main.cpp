@@ -1,4 +1,5 @@
 // ballast-monitor: judges a run over LCM, tick by tick.
+#include <CLI/CLI.hpp>
 #include <iostream>
 
 #include "tools/monitor/monitor_loop.h"

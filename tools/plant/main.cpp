@@ -1,5 +1,6 @@
 // ballast-plant: the ball as a process of its own. It sets the pace of the lockstep, plays the operator (arm, start)
 // unless one is on the bus, and records.
+#include <CLI/CLI.hpp>
 #include <iostream>
 
 #include "tools/program/program.h"

@@ -1,5 +1,6 @@
 #include "tools/program/program.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
 #include <cmath>

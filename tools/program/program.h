@@ -1,7 +1,6 @@
 // What all programs have in common: exit statuses, command line, reading the scenario, signals.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdint>
 #include <optional>
@@ -10,6 +9,11 @@
 
 #include "hal/lcm/channels.h"
 #include "sim/scenario.h"
+
+namespace CLI {  // its header costs the compiler 9 s wherever it is read: only where options are added
+class App;
+class Validator;
+}  // namespace CLI
 
 namespace ballast::program {
 

@@ -165,7 +165,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   if (options.check_steps && has_controller) step_check.emplace(scenario);
   std::deque<step_command_t> history;
   double end_s = scenario.duration_s;
-  if (options.move) result.move_end.emplace(*options.move);
+  if (options.move) result.move_end = MoveEnd{*options.move};
   SensorFaults sensor_faults(scenario);
   StepLedger ledger;
   std::int64_t commands_missed = 0;    // on end
