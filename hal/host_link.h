@@ -28,9 +28,19 @@ struct LinkCounters {
   std::int64_t repeated = 0;      // a tick that is already there, or a command already obeyed
   std::int64_t out_of_order = 0;  // any other tick than the next
   std::int64_t foreign = 0;       // of another scenario or another run
-  std::int64_t old = 0;           // commands older than their sender's newest
+  std::int64_t old = 0;           // commands older than their sender's newest, or of a tick still to come
   std::int64_t dropped = 0;       // commands taken back by a stop before their turn, or too many of them
   std::int64_t taken_back = 0;    // verdicts that take back a trip; these are used as if they did not
+  LinkCounters& operator+=(const LinkCounters& more) {
+    malformed += more.malformed;
+    repeated += more.repeated;
+    out_of_order += more.out_of_order;
+    foreign += more.foreign;
+    old += more.old;
+    dropped += more.dropped;
+    taken_back += more.taken_back;
+    return *this;
+  }
   [[nodiscard]] std::int64_t refused() const { return malformed + repeated + out_of_order + foreign + old + dropped; }
 };
 

@@ -1,6 +1,7 @@
 // What a run can be made to suffer: the kinds of faults, and one of them as a scenario asks for it ([[fault]], or
 // --fault KIND@TIME[:PARAM]). Who injects which: plant.h (plant), tools/sil/sensor_faults.h (sensors),
-// tools/sil/faulty_peers.h (messages, peers, and the program's own).
+// tools/sil/hearing.h (messages and the sensors' clock), tools/sil/faulty_peers.h (peers, and the program's own),
+// tools/ballast/peer_faults.h (peers that are processes).
 #pragma once
 
 #include <Eigen/Core>

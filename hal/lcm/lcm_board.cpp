@@ -52,8 +52,9 @@ void LcmBoard::on_sensors(const sensors_t& message) {
     peer_ = "plant";
     return;
   }
-  if (bus_.run_id() == 0) join(message.run_id);
   accept(message, sensors_);
+  if (sensors_) operator_.now(sensors_->tick);
+  if (bus_.run_id() == 0) join(message.run_id);
 }
 
 void LcmBoard::on_trip(const trip_t& message) {
@@ -65,6 +66,9 @@ void LcmBoard::on_trip(const trip_t& message) {
     peer_ = "monitor";
   } else if (message.run_id == 0) {
     if (!waits) ++counters_.foreign;
+  } else if (!waits && options_.suffer) {
+    if (trip_) ++counters_.repeated;
+    if (!trip_) trip_ = message;
   } else if (!waits) {
     accept(message, trip_);
   }
@@ -86,7 +90,7 @@ void LcmBoard::on_operator(const operator_t& message) {
   }
 }
 
-bool LcmBoard::complete() const { return sensors_ && trip_ && sensors_->tick == trip_->tick; }
+bool LcmBoard::complete() const { return sensors_ && trip_ && (options_.suffer || sensors_->tick == trip_->tick); }
 
 Status LcmBoard::wait_tick(std::int64_t& tick) {
   if (ended_) return Status::kEnded;
@@ -122,9 +126,11 @@ Status LcmBoard::wait_tick(std::int64_t& tick) {
   if (const operator_t* next = operator_.peek(); next != nullptr && next->command == operator_t::COMMAND_RESET) {
     tripped_ = false;
   }
-  if (tripped_ && trip_->tripped == 0) ++counters_.taken_back;
-  tripped_ = tripped_ || trip_->tripped == 1;
-  sensors_read_ = verdict_read_ = false;
+  delivered_ = options_.suffer ? options_.suffer(*sensors_, *trip_) : Delivered{sensors_, trip_};
+  if (delivered_.trip) {
+    if (tripped_ && delivered_.trip->tripped == 0) ++counters_.taken_back;
+    tripped_ = tripped_ || delivered_.trip->tripped == 1;
+  }
   last_tick_ = sensors_->tick;
   ended_ = sensors_->last == 1;
   tick = *last_tick_;
@@ -132,17 +138,17 @@ Status LcmBoard::wait_tick(std::int64_t& tick) {
 }
 
 Status LcmBoard::read_sensors(firmware::Sensors& sensors) {
-  if (!sensors_ || sensors_read_) return Status::kEmpty;
-  sensors = from_message(*sensors_);
-  sensors_read_ = true;
+  if (!delivered_.sensors) return Status::kEmpty;
+  sensors = from_message(*delivered_.sensors);
+  delivered_.sensors.reset();
   return Status::kOk;
 }
 
 Status LcmBoard::read_verdict(firmware::MonitorVerdict& verdict) {
-  if (!trip_ || verdict_read_) return Status::kEmpty;
-  verdict = from_message(*trip_);
+  if (!delivered_.trip) return Status::kEmpty;
+  verdict = from_message(*delivered_.trip);
   verdict.tripped = tripped_;
-  verdict_read_ = true;
+  delivered_.trip.reset();
   return Status::kOk;
 }
 
@@ -165,11 +171,12 @@ Status LcmBoard::write_status(const firmware::ControllerStatus& status) {
 
 LinkCounters LcmBoard::counters() const {
   LinkCounters counters = counters_;
-  counters.malformed = bus_.malformed();
+  counters.malformed += bus_.malformed();
   counters.foreign += bus_.foreign();
   counters.repeated += operator_.counters().repeated;
   counters.old += operator_.counters().old;
   counters.dropped += operator_.counters().dropped;
+  counters += delivered_.lost;
   return counters;
 }
 

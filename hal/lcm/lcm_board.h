@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -12,11 +13,21 @@
 
 namespace ballast::hal {
 
+// What of a tick's messages has reached the controller, and what, up to this tick, was lost on the way.
+struct Delivered {
+  std::optional<sensors_t> sensors;
+  std::optional<trip_t> trip;
+  LinkCounters lost{};
+};
+
 struct LcmBoardOptions {
   std::int64_t scenario_id = 0;
   double control_period_s = 0;
   Seconds start_timeout{30};  // until the first complete tick
   Seconds peer_timeout{2};    // from one tick to the next
+  // Where messages are made to suffer: what becomes of those of a tick, after they have made it due. Verdicts may then
+  // name any tick: each answers the sensors before it.
+  std::function<Delivered(const sensors_t&, const trip_t&)> suffer{};
 };
 
 // A tick k is due when sensors(k) and trip(k) are both there. The first tick may have any number; then only the next
@@ -65,7 +76,7 @@ class LcmBoard {
   bool ended_ = false;
   std::optional<sensors_t> sensors_;  // of the tick waited for
   std::optional<trip_t> trip_;
-  bool sensors_read_ = false, verdict_read_ = false;
+  Delivered delivered_;   // and not yet read
   bool tripped_ = false;  // a verdict of this run has said so, and nobody has said reset since
   OperatorInbox operator_;
   std::deque<operator_t> early_;  // commands heard before it was known which run this is

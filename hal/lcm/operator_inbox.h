@@ -12,21 +12,33 @@
 namespace ballast::hal {
 
 // A sender's messages count up, so what is not after its newest is a copy or comes late, and is not handed out. A stop
-// is, unless it or a later one of its sender's was before: to stop once more than was meant does no harm, not to stop
-// does. What is handed out waits in an OperatorQueue, where a stop goes first; a message for which there is no room has
-// not been heard, so that its sender can say it again.
+// is handed out however late it comes, unless that stop or a later one of its sender's was before: to stop once more
+// than was meant does no harm, not to stop does. What is handed out waits in an OperatorQueue, where a stop goes first;
+// a message for which there is no room has not been heard, so that its sender can say it again.
+//
+// A command is given in a tick that its sender has heard of, so one of a tick still to come is not believed: it is
+// counted as `old` too, and not handed out. A stop is; its tick is forgotten.
 //
 // There is memory for kMostSenders. One more makes the one silent for longest be forgotten, but never oneself. From
 // then on only messages given after the newest tick of those forgotten are taken from a sender who is not known, nor
 // later, when a stop has made it known, so that none of theirs can come back; those before are counted as `old`. Stops
-// are taken from anybody, any time.
+// are taken from anybody, any time; one of a sender forgotten may be so once more.
 class OperatorInbox {
  public:
   static constexpr std::size_t kMostSenders = 32;
   static constexpr std::size_t kMostWaiting = 64;
+  static constexpr std::int64_t kMostAhead = 2;  // ticks; the run's own commands come before the tick they are of
+
+  // Which tick it is. Until this is said any is believed.
+  void now(std::int64_t tick) { now_tick_ = tick; }
 
   void hear(const operator_t& message) {
     const bool stop = message.command == operator_t::COMMAND_STOP;
+    const bool to_come = now_tick_ && message.tick > *now_tick_ + kMostAhead;
+    if (to_come && !stop) {
+      ++counters_.old;
+      return;
+    }
     Sender* sender = find(message.sender);
     const std::optional<std::int64_t> after_tick = sender == nullptr ? forgotten_tick_ : sender->after_tick;
     if (message.tick <= after_tick && !stop) {
@@ -47,7 +59,7 @@ class OperatorInbox {
     if (!waiting_.push(message, stop)) return;
     if (stop) sender->newest_stop = message.sequence;
     sender->newest = std::max(sender->newest, std::optional(message.sequence));
-    sender->newest_tick = std::max(sender->newest_tick, std::optional(message.tick));
+    if (!to_come) sender->newest_tick = std::max(sender->newest_tick, std::optional(message.tick));
   }
 
   // One's own, about to be published: it is not handed out when it comes back.
@@ -104,6 +116,7 @@ class OperatorInbox {
   OperatorQueue<operator_t, kMostWaiting> waiting_;
   std::array<Sender, kMostSenders> senders_{};
   std::optional<std::int64_t> forgotten_tick_;
+  std::optional<std::int64_t> now_tick_;
   std::int64_t heard_ = 0;
   LinkCounters counters_;
 };

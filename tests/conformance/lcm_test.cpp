@@ -369,6 +369,29 @@ TEST(OperatorInbox, CopiesAreRefusedWhateverCameBetween) {
   EXPECT_TRUE(inbox.next());
 }
 
+// Or it would silence whoever is not known yet, once its sender is forgotten.
+TEST(OperatorInbox, ACommandOfATickStillToComeIsNotBelieved) {
+  using enum firmware::OperatorCommand;
+  OperatorInbox inbox;
+  inbox.now(100);
+  inbox.hear(said(kArm, 100 + OperatorInbox::kMostAhead + 1, 1, 1));
+  inbox.hear(said(kMove, std::int64_t{1} << 61, 2, 1));
+  EXPECT_FALSE(inbox.next());
+  EXPECT_EQ(inbox.counters().old, 2);
+  inbox.hear(said(kArm, 100 + OperatorInbox::kMostAhead, 3, 1));
+  EXPECT_TRUE(inbox.next());
+  inbox.hear(said(kStop, std::int64_t{1} << 61, 4, 2));
+  ASSERT_TRUE(inbox.next()) << "a stop is obeyed";
+  // All of these are forgotten for others'.
+  for (int sender = 1000; sender < 1100; ++sender) {
+    inbox.hear(said(kStop, std::int64_t{1} << 61, 1, sender));
+    ASSERT_TRUE(inbox.next());
+  }
+  inbox.now(103);
+  inbox.hear(said(kArm, 103, 1, 5000));
+  EXPECT_TRUE(inbox.next()) << "of a sender who is not known, and speaks in time";
+}
+
 // A log played back is of no run, a run before this one is another: neither moves anything, before the first tick and
 // after it, whatever its ticks and sequences are.
 TEST(LcmBoard, OtherRunsAreCountedAndNeverUsed) {

@@ -1,29 +1,17 @@
-// The reader of event logs, and a replay of what it reads. Input: a log.
-#include <sys/mman.h>
-#include <unistd.h>
+// The reader of event logs, and replays of what it reads: as the log of a run without faults, given to a firmware that
+// answers nothing, and as that of a run with faults of messages, peers and clock, given to the firmware itself. Input:
+// a log.
+#include <memory>
 
 #include "tests/fuzz/fuzz_target.h"
+#include "tools/program/memory_file.h"
+#include "tools/program/params.h"
+#include "tools/sil/faulty_peers.h"
 #include "tools/sil/log_reader.h"
 #include "tools/sil/replay.h"
 
 namespace ballast::fuzz {
 namespace {
-
-// A file that is nowhere but in memory, and has a name as long as it is open.
-class MemoryFile {
- public:
-  explicit MemoryFile(std::span<const std::uint8_t> bytes) : file_(memfd_create("fuzz", MFD_CLOEXEC)) {
-    require(file_ >= 0, "a file in memory");
-    require(write(file_, bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size()), "room for the input");
-  }
-  ~MemoryFile() { close(file_); }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-  [[nodiscard]] std::string path() const { return "/proc/self/fd/" + std::to_string(file_); }
-
- private:
-  int file_;
-};
 
 // Answers nothing that was recorded: every tick differs.
 class Silent final : public sil::Peers {
@@ -36,10 +24,60 @@ class Silent final : public sil::Peers {
   [[nodiscard]] std::string trouble() const override { return ""; }
 };
 
+// A robot, and faults of everything that can stand between a log and the firmware.
+constexpr char kRobot[] = R"(
+duration = 1
+gravity = 1
+[ball]
+radius = 1
+mass = 1
+inertia = [1, 1, 1]
+[[mass]]
+mass = 1
+rail = { shape = "circle", radius = 0.9, direction = { azimuth = 0, elevation = 0 } }
+motion = [{ duration = 0.5, acceleration = [1, 1] }]
+[run]
+actuation = "stepper"
+)";
+const std::vector<std::string> kFaults{
+    "messages_dropped@0.001:0.3",
+    "messages_doubled@0.002:0.3,peer=controller",
+    "messages_delayed@0.003:2,channel=BALLAST_TRIP,duration=0.005",
+    "messages_reordered@0:0.3,channel=BALLAST_CONTROLLER_STATUS",
+    "messages_corrupted@0.004:3",
+    "messages_truncated@0.006:1,channel=BALLAST_STEP_COMMAND,duration=0.002",
+    "peer_frozen@0.008:duration=0.002",
+    "peer_too_slow@0.012:2,duration=0.002",
+    "clock_jump@0.014:-5",
+    "peer_restarted@0.016",
+};
+
+void hold_to_its_word(const sil::ReplayResult& result) {
+  using End = sil::ReplayResult::End;
+  require((result.end == End::kReplayed) == result.trouble.empty(), "a failure has a reason");
+  require(result.end != End::kReplayed || result.ticks > 0, "a replay has ticks");
+  require(result.ticks_that_differ <= result.ticks, "no more ticks differ than there are");
+  require(result.end != End::kReplayed || result.last_tick - result.first_tick + 1 == result.ticks,
+          "what is replayed has no gap");
+}
+
+// `id`: the log's, or nothing would be replayed.
+void replay_with_faults(const std::string& log, std::int64_t id) {
+  static sim::ScenarioResult robot = sim::parse_scenario(kRobot, "robot.toml", {}, kFaults);
+  static const auto params = std::make_unique<firmware::ControllerParams>();
+  static const bool built = robot.ok() && !program::to_controller_params(robot.scenario, *params);
+  require(built, "the robot is one");
+  robot.scenario.id = id;
+  const auto peers =
+      sil::peers_in_process(robot.scenario, params.get(), program::to_monitor_limits(robot.scenario), nullptr);
+  hold_to_its_word(sil::replay(robot.scenario, log, *peers, "/dev/null", {}));
+}
+
 }  // namespace
 
 bool take(std::span<const std::uint8_t> input) {
-  const MemoryFile file(input);
+  const program::MemoryFile file(input);
+  require(file.good(), "a file in memory with the input");
   sil::LogReader reader(file.path());
   std::size_t bytes = 0;
   sil::LogEvent event;
@@ -55,9 +93,8 @@ bool take(std::span<const std::uint8_t> input) {
   scenario.id = of_log.id.value_or(0);
   Silent peers;
   const sil::ReplayResult result = sil::replay(scenario, file.path(), peers, "/dev/null", {});
-  require((result.end == sil::ReplayResult::End::kReplayed) == result.trouble.empty(), "a failure has a reason");
-  require(result.end != sil::ReplayResult::End::kReplayed || result.ticks > 0, "a replay has ticks");
-  require(result.ticks_that_differ <= result.ticks, "no more ticks differ than there are");
+  hold_to_its_word(result);
+  replay_with_faults(file.path(), scenario.id);
   return result.ticks > 0;
 }
 

@@ -555,7 +555,8 @@ TEST(Faults, EndAsTheySay) {
       {"ballast run paper_ball --fault motor_stal@1", 1, "did you mean motor_stall?"},
       {"ballast check paper_ball --fault motor_stal@1", 1, "did you mean motor_stall?"},
       {"ballast run paper_ball --actuation prescribed --fault motor_stall@1", 1, "no motors"},
-      {"ballast run paper_ball --fault peer_killed@1 --processes", 1, "cannot be had with --processes"},
+      {"ballast run paper_ball --fault controller_overrun@1 --processes", 1, "cannot be had with --processes"},
+      {"ballast run paper_ball --fault peer_killed@1 --processes --check-steps", 1, "cannot be had with --check-steps"},
       {"ballast run paper_ball --fault peer_killed@1 --firmware qemu", 1, "cannot be had with --firmware qemu"},
       {"ballast run paper_ball --fault peer_killed@1 --check-steps", 1, "cannot be had with --check-steps"},
       {"ballast friction paper_ball --fault push@1:1", 1, "not with ballast friction"},
@@ -896,7 +897,7 @@ TEST(Run, SaysWhatAStopWasPredictedToDo) {
       folder.run("ballast run paper_ball --set envelope.friction_use=0.5 --out r --set duration=" + until.str());
   ASSERT_TRUE(folder.summary("r")["stop"].is_object()) << cut.out;
   EXPECT_EQ(folder.summary("r")["stop"]["margin_min"], nullptr);
-  EXPECT_NE(cut.out.find("; seen nothing"), std::string::npos) << cut.out;
+  EXPECT_NE(cut.out.find("; never begun: the run ended at t = "), std::string::npos) << cut.out;
 }
 
 TEST(Check, SaysGoodOrEveryFault) {

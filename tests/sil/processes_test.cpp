@@ -174,20 +174,25 @@ TEST(Processes, AMoveOnABusThatIsInterruptedSaysThatItGoesOn) {
   EXPECT_NE(said.err.find("ballast operate stop stops them"), std::string::npos) << said.err;
 }
 
-// One is armed by hand, and hears another being armed and started: both are what they are alone, byte for byte.
-TEST(Processes, TwoRunsInAProcessEachOnOneBusHearNothingOfEachOther) {
+// The one that comes later is refused, and the other is what it is alone, byte for byte; of two that begin at once none
+// is taken for a result.
+TEST(Processes, ARunInOneProcessIsRefusedOnABusWhereAnotherIs) {
   const Folder folder;
   const std::string bus = " --lcm '" + bus_url(28) + "' --quiet --speed 1";
-  const std::string armed = "ballast run paper_ball --by-hand --set duration=3 --out ";
-  const std::string other = "ballast run paper_ball --set duration=1 --out ";
-  ASSERT_EQ(folder.run(armed + "armed" + bus + " && " + other + "other" + bus).exit_status, 0);
-  const Outcome both =
-      folder.run(armed + "a" + bus + " & a=$!; sleep 0.5; " + other + "b" + bus + "; b=$?; wait $a; echo $? $b");
-  EXPECT_NE(both.out.find("0 0\n"), std::string::npos) << both.out << both.err;
-  EXPECT_TRUE(read_file(folder / "a/run.lcmlog") == read_file(folder / "armed/run.lcmlog"));
-  EXPECT_TRUE(read_file(folder / "b/run.lcmlog") == read_file(folder / "other/run.lcmlog"));
-  // They did share the bus.
-  EXPECT_GE(folder.summary("a")["refused_messages"]["foreign"], 2);  // arm, start
+  const std::string run = "ballast run paper_ball --set duration=3 --out ";
+  ASSERT_EQ(folder.run(run + "alone" + bus).exit_status, 0);
+  const Outcome later = folder.run(run + "a" + bus + " & a=$!; sleep 1.5; " + run + "b" + bus + "; b=$?; " + run +
+                                   "c --processes" + bus + "; c=$?; wait $a; echo $? $b $c");
+  EXPECT_NE(later.out.find("0 2 2\n"), std::string::npos) << later.out << later.err;
+  EXPECT_NE(later.err.find("another plant is on this bus (tick "), std::string::npos) << later.err;
+  EXPECT_TRUE(read_file(folder / "a/run.lcmlog") == read_file(folder / "alone/run.lcmlog"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "b/run.lcmlog"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "c/run.lcmlog"));
+
+  const Outcome together = folder.run(run + "d" + bus + " & d=$!; " + run + "e" + bus + "; e=$?; wait $d; echo $? $e");
+  EXPECT_NE(together.out.find("2 2\n"), std::string::npos) << together.out << together.err;
+  EXPECT_FALSE(std::filesystem::exists(folder / "d/summary.json"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "e/summary.json"));
 }
 
 TEST(Processes, AnOperatorWithoutAControllerIsToldSo) {
@@ -237,6 +242,124 @@ TEST_P(DeadPeer, IsNoticedAndNamedByTheOthers) {
 
 INSTANTIATE_TEST_SUITE_P(Processes, DeadPeer, testing::Values("plant", "controller", "monitor"),
                          [](const auto& peer) { return std::string(peer.param); });
+
+// --- faults ---
+
+// Messages and clock suffer the same in three processes as in one: the same log, to the byte, the same end, and a log
+// that replays.
+class MessageFaultInProcesses : public testing::TestWithParam<const char*> {};
+
+TEST_P(MessageFaultInProcesses, GivesTheSameLogAsInOne) {
+  const Folder folder;
+  const std::string url = bus_url(11);
+  // In the motion, which is over at 0.2 s; the stop takes 0.2 s. On a floor that holds whatever the motors do.
+  const std::string run =
+      "ballast run paper_ball --quiet --set duration=0.5 --set surface.static_friction=inf --set "
+      "surface.kinetic_friction=inf --fault " +
+      std::string(GetParam());
+  const Outcome one = folder.run(run + " --out one");
+  const Outcome three = folder.run(run + " --out three --processes --lcm '" + url + "'");
+  EXPECT_EQ(three.exit_status, one.exit_status) << three.err;
+  EXPECT_TRUE(read_file(folder / "one/run.lcmlog") == read_file(folder / "three/run.lcmlog"));
+  const Outcome replay = folder.run("ballast replay three --verify");
+  EXPECT_EQ(replay.exit_status, 0) << replay.out << replay.err;
+  if (one.exit_status == 2) {
+    EXPECT_FALSE(std::filesystem::exists(folder / "three/summary.json"));
+    return;
+  }
+  auto a = folder.summary("one"), b = folder.summary("three");
+  for (auto* s : {&a, &b}) s->erase("wall_time"), s->erase("speed"), s->erase("refused_messages");
+  EXPECT_EQ(a, b);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Processes, MessageFaultInProcesses,
+    testing::Values("messages_dropped@0.1", "messages_dropped@0.1:0.02,channel=BALLAST_TRIP",
+                    "messages_dropped@0.1:channel=BALLAST_CONTACT,duration=0.001",
+                    "messages_dropped@0.1:channel=BALLAST_PLANT_STATE",
+                    "messages_dropped@0.1:channel=BALLAST_CONTROLLER_STATUS",
+                    "messages_dropped@0.1:channel=BALLAST_STEP_COMMAND", "messages_dropped@0.1:peer=controller",
+                    "messages_delayed@0.1:1,peer=controller", "messages_delayed@0.1:1,channel=BALLAST_CONTACT",
+                    "messages_delayed@0.1:2,channel=BALLAST_TRIP", "messages_doubled@0.1",
+                    "messages_doubled@0.1:channel=BALLAST_STEP_COMMAND", "messages_reordered@0.1:0.1",
+                    "messages_reordered@0.1:peer=controller", "messages_corrupted@0.1:8",
+                    "messages_corrupted@0.1:1,channel=BALLAST_TRIP", "messages_truncated@0.1:1,peer=monitor",
+                    "messages_truncated@0.1:channel=BALLAST_TRIP", "clock_jump@0.1:100", "clock_jump@0.1:-1"),
+    [](const auto& fault) { return "Case" + std::to_string(fault.index); });
+
+// Peers suffer for good there: `ballast run` sends them signals.
+struct SufferingRun {
+  explicit SufferingRun(const std::string& fault, const std::string& more = "")
+      : run(folder.run("ballast run paper_ball --set duration=0.3 --out r --processes --lcm '" + bus_url(12) +
+                       "' --fault " + fault + " " + more)) {}
+  Folder folder;
+  Outcome run;
+
+  // The log is whole up to the tick before the fault's.
+  void expect_given_up(const std::string& peer, const std::string& last_tick) const {
+    EXPECT_EQ(run.exit_status, 2) << run.out << run.err;
+    EXPECT_NE(run.err.find(peer), std::string::npos) << run.err;
+    EXPECT_FALSE(std::filesystem::exists(folder / "r/summary.json"));
+    expect_replays(last_tick);
+  }
+  // Nobody has noticed anything, but for the clock on the wall.
+  void expect_unharmed() const {
+    EXPECT_EQ(run.exit_status, 0) << run.out << run.err;
+    ASSERT_EQ(folder.run("ballast run paper_ball --set duration=0.3 --quiet --out healthy").exit_status, 0);
+    EXPECT_EQ(folder.summary("r")["final"], folder.summary("healthy")["final"]);
+    expect_replays("300");
+  }
+  void expect_replays(const std::string& last_tick) const {
+    const Outcome replay = folder.run("ballast replay r --verify");
+    EXPECT_EQ(replay.exit_status, 0) << replay.out << replay.err;
+    EXPECT_NE(replay.out.find("ticks -2 to " + last_tick + " of "), std::string::npos) << replay.out;
+  }
+};
+
+TEST(PeerFaultInProcesses, WhoIsKilledIsNamedAndEndsTheRun) {
+  SufferingRun("peer_killed@0.1").expect_given_up("ballast-controller ended: Killed", "99");
+  SufferingRun("peer_killed@0.1:peer=monitor").expect_given_up("ballast-monitor ended: Killed", "99");
+}
+
+TEST(PeerFaultInProcesses, WhoIsFrozenForTooLongIsNamedAndEndsTheRun) {
+  const std::string timeout = "--peer-timeout 1";
+  SufferingRun("peer_frozen@0.1", timeout).expect_given_up("controller", "99");
+  SufferingRun("peer_frozen@0.1:peer=monitor", timeout).expect_given_up("monitor", "99");
+}
+
+TEST(PeerFaultInProcesses, WhoIsFrozenForLessIsWaitedFor) {
+  SufferingRun("peer_frozen@0.1:duration=0.3").expect_unharmed();
+  SufferingRun("peer_frozen@0.1:peer=monitor,duration=0.3").expect_unharmed();
+}
+
+// 5 ms late in each of 50 ticks; the run would be over in less.
+TEST(PeerFaultInProcesses, WhoIsSlowIsWaitedFor) {
+  for (const char* peer : {"controller", "monitor"}) {
+    const SufferingRun slow("peer_too_slow@0.1:5,duration=0.05,peer=" + std::string(peer));
+    slow.expect_unharmed();
+    EXPECT_GE(slow.folder.summary("r")["wall_time"].get<double>(), 0.25);
+  }
+  SufferingRun("peer_too_slow@0.1:1000", "--peer-timeout 0.5").expect_given_up("controller", "99");
+}
+
+TEST(PeerFaultInProcesses, AControllerStartedAnewIsFoundOut) {
+  // It answers the tick, and so the tick is in the log: it counts no commands.
+  SufferingRun("peer_restarted@0.1").expect_given_up("the controller was started again: in tick 100", "100");
+}
+
+TEST(PeerFaultInProcesses, AMonitorStartedAnewGoesOn) {
+  SufferingRun("peer_restarted@0.1:peer=monitor").expect_unharmed();
+}
+
+TEST(PeerFaultInProcesses, WhatCannotBeHadIsRefused) {
+  const Folder folder;
+  const Outcome overrun = folder.run("ballast run paper_ball --processes --fault controller_overrun@0.1");
+  EXPECT_EQ(overrun.exit_status, 1);
+  EXPECT_NE(overrun.err.find("controller_overrun at 0.1 s"), std::string::npos) << overrun.err;
+  const Outcome by_hand = folder.run("ballast-plant paper_ball --fault peer_killed@0.1");
+  EXPECT_EQ(by_hand.exit_status, 1);
+  EXPECT_NE(by_hand.err.find("cannot be had in processes started by hand"), std::string::npos) << by_hand.err;
+}
 
 // The programs `ballast run --processes` starts do not outlive it, and their end is noticed at once.
 TEST(Processes, AChildThatDiesEndsTheRun) {

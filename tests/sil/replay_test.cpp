@@ -3,7 +3,9 @@
 
 #include <cmath>
 #include <functional>
+#include <lcm/lcm-cpp.hpp>
 #include <limits>
+#include <set>
 
 #include "hal/lcm/channels.h"
 #include "hal/lcm/messages.h"
@@ -132,6 +134,54 @@ TEST(Replay, OtherInputsGiveOtherOutputs) {
   EXPECT_SAYS(nan.out, "trip        in tick 200, faults 0x1");
   copy_run<trip_t>(folder, "r", "trip", hal::kChannelTrip, [](trip_t& m) { m.tripped = m.tick >= 150 ? 1 : 0; });
   EXPECT_SAYS(folder.run("ballast replay trip").out, "trip        in tick 150, faults 0x8");
+}
+
+// A log of lcm-logger's that lacks a message, or a tick: what is behind it cannot be verified, and that is no success.
+TEST(Replay, ALogWithAGapIsNotEqual) {
+  const Folder folder;
+  for (const std::string fault : {"", " --fault messages_delayed@0.05:1,peer=controller"}) {
+    SCOPED_TRACE(fault);
+    folder.run("ballast run paper_ball --set duration=0.3 --quiet --out r" + fault);
+    const auto without = [&](const std::string& to, const std::set<std::int64_t>& ticks, const char* only) {
+      std::filesystem::create_directory(folder / to);
+      std::filesystem::copy_file(folder / "r/scenario.toml", folder / to / "scenario.toml",
+                                 std::filesystem::copy_options::overwrite_existing);
+      sil::LogReader reader((folder / "r/run.lcmlog").string());
+      std::int64_t tick = hal::kWaitingTick;
+      lcm::LogFile log((folder / to / "run.lcmlog").string(), "w");
+      for (sil::LogEvent event; reader.next(event);) {
+        contact_t contact{};
+        if (event.channel == hal::kChannelContact) {
+          ASSERT_TRUE(hal::decode(event.data.data(), event.data.size(), contact));
+          tick = contact.tick;
+        }
+        if (ticks.contains(tick) && (*only == 0 || event.channel == only)) continue;
+        lcm::LogEvent out{0, event.timestamp, event.channel, static_cast<std::int32_t>(event.data.size()),
+                          event.data.data()};
+        ASSERT_EQ(log.writeEvent(&out), 0);
+      }
+    };
+    const auto expect_gap = [&](const std::string& what) {
+      const Outcome replay = folder.run("ballast replay gap --verify");
+      EXPECT_EQ(replay.exit_status, 8) << replay.out << replay.err;
+      EXPECT_SAYS(replay.out, "GAP         " + what);
+      EXPECT_SAYS(replay.out, "; the log goes on to tick 300, and nothing after tick 99 was replayed");
+      EXPECT_SAYS(replay.out, "equal       up to the gap: every step command and every status of ticks -2 to 99, bit");
+      EXPECT_EQ(folder.run("ballast replay gap").exit_status, 0) << "only --verify judges";
+      EXPECT_EQ(folder.run("ballast replay gap --verify --until 99").exit_status, 0);
+    };
+    without("gap", {100}, "");
+    expect_gap("tick 100 is not in it");
+    without("gap", {100, 101, 102}, "");
+    expect_gap("ticks 100 to 102 are not in it");
+    without("gap", {100}, hal::kChannelControllerStatus);
+    expect_gap("tick 100 is not whole");
+    without("gap", {100}, hal::kChannelSensors);
+    expect_gap("tick 100 is not whole");
+    // At its end there is no gap.
+    without("gap", {300}, hal::kChannelStepCommand);
+    EXPECT_EQ(folder.run("ballast replay gap --verify").exit_status, 0);
+  }
 }
 
 TEST(Replay, LogsThatDoNotFitAreRefusedOrNoted) {

@@ -8,6 +8,7 @@
 
 #include "tools/program/params.h"
 #include "tools/sil/in_process_peers.h"
+#include "tools/sil/summary.h"
 
 namespace ballast::sil {
 namespace {
@@ -413,6 +414,51 @@ TEST(RunLoop, ABallSetDownOutsideItsEnvelopeTripsAtTheStart) {
   EXPECT_EQ(low.end_reason, EndReason::kTripped);
   EXPECT_EQ(low.trip.cause, trip_t::CAUSE_NORMAL_FORCE);
   EXPECT_EQ(low.motors[0].steps, 0);
+}
+
+// A controller that a fault keeps from arming, for its first ticks or for ever; its masses stand.
+class NeverArms final : public Peers {
+ public:
+  NeverArms(Peers& peers, std::int64_t faulty_until) : peers_(peers), faulty_until_(faulty_until) {}
+  hal::Status connect() override { return peers_.connect(); }
+  hal::Status exchange(Lap& lap) override {
+    const hal::Status status = peers_.exchange(lap);
+    const std::int64_t tick = lap.steps.tick;
+    if (!standing_) standing_ = lap.steps;  // of the first tick of the countdown: none is made
+    lap.steps = *standing_;
+    lap.steps.tick = tick;
+    lap.status.mode = controller_status_t::MODE_DISARMED;
+    lap.status.faults = lap.status.tick <= faulty_until_ ? static_cast<int>(firmware::Fault::kSensorStale) : 0;
+    lap.status.at_rest = 1;
+    return status;
+  }
+  [[nodiscard]] std::string trouble() const override { return peers_.trouble(); }
+
+ private:
+  Peers& peers_;
+  std::int64_t faulty_until_;
+  std::optional<step_command_t> standing_;
+};
+
+// No monitor trips: the ball lies still. All the same this is not the run that was asked for.
+TEST(StepperRun, AControllerThatNeverArmsHasNotCompleted) {
+  const sim::Scenario scenario = load("paper_ball", {"duration=0.3"});
+  auto params = std::make_unique<firmware::ControllerParams>();
+  ASSERT_FALSE(program::to_controller_params(scenario, *params));
+  for (const std::int64_t faulty_until : {-2, -1, 100, 1000}) {
+    SCOPED_TRACE(faulty_until);
+    InProcessPeers inner(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
+    NeverArms peers(inner, faulty_until);
+    Recorder recorder("/dev/null");
+    const RunResult result = run(scenario, peers, recorder, {});
+    EXPECT_EQ(result.status, hal::Status::kOk) << result.trouble;
+    EXPECT_EQ(result.end_reason, EndReason::kTripped);
+    EXPECT_EQ(exit_status(result), 3);
+    ASSERT_TRUE(result.controller_trip);
+    EXPECT_EQ(result.controller_trip->faults, static_cast<int>(firmware::Fault::kSensorStale));
+    EXPECT_EQ(result.controller_trip->tick, -2);
+    EXPECT_EQ(result.last_tick, 0);
+  }
 }
 
 }  // namespace

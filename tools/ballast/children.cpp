@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstring>
 #include <thread>
@@ -25,8 +26,24 @@ std::string Children::start(const std::string& name, const std::vector<std::stri
   if (const int error = posix_spawn(&pid, path.c_str(), nullptr, nullptr, argv.data(), environ); error != 0) {
     return path.string() + ": cannot be started: " + std::strerror(error);
   }
-  children_.push_back({name, pid});
+  children_.push_back({name, arguments, pid});
   return "";
+}
+
+void Children::signal(const std::string& name, int number) {
+  for (const Child& child : children_) {
+    if (child.name == name) kill(child.pid, number);
+  }
+}
+
+std::string Children::restart(const std::string& name) {
+  const auto child = std::find_if(children_.begin(), children_.end(), [&](const Child& c) { return c.name == name; });
+  if (child == children_.end()) return name + ": is not there, and cannot be started again";
+  const std::vector<std::string> arguments = child->arguments;
+  kill(child->pid, SIGKILL);
+  waitpid(child->pid, nullptr, 0);
+  children_.erase(child);
+  return start(name, arguments);
 }
 
 std::string Children::ended() {
@@ -43,22 +60,24 @@ std::string Children::ended() {
 }
 
 Children::~Children() {
-  using namespace std::chrono_literals;
-  const auto all_gone_within = [this](std::chrono::milliseconds time) {
-    const auto deadline = std::chrono::steady_clock::now() + time;
+  const auto all_gone = [this] {
+    constexpr std::chrono::seconds kPatience{1};
+    const auto deadline = std::chrono::steady_clock::now() + kPatience;
     for (;;) {
       while (!ended().empty()) {
       }
       if (children_.empty()) return true;
       if (std::chrono::steady_clock::now() >= deadline) return false;
-      std::this_thread::sleep_for(5ms);
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
   };
-  if (all_gone_within(1000ms)) return;
+  // One that is stopped would hear of nothing.
+  for (const auto& child : children_) kill(child.pid, SIGCONT);
+  if (all_gone()) return;
   for (const auto& child : children_) kill(child.pid, SIGTERM);
-  if (all_gone_within(1000ms)) return;
+  if (all_gone()) return;
   for (const auto& child : children_) kill(child.pid, SIGKILL);
-  all_gone_within(1000ms);
+  all_gone();
 }
 
 }  // namespace ballast

@@ -203,7 +203,8 @@ std::function<int()> add_move_command(CLI::App& app, CLI::App*& command) {
       "URL of the LCM bus of a run that is under way: ask its controller, instead of running");
   command->add_option("--mass", options->masses, "a mass, counted from 0; repeatable, each with its --to")
       ->allow_extra_args(false);
-  command->add_option("--to", options->targets, "its target: rad on a circle, m on a line")->allow_extra_args(false);
+  command->add_option("--to", options->targets, "its target: rad on a circle, m on a line or spline")
+      ->allow_extra_args(false);
   command->add_option("--all", options->all, "a target for all masses; --mass and --to may differ from it");
   command
       ->add_option("--speed-fraction", options->speed_fraction,

@@ -25,6 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kExitDiffers = 3;
+constexpr int kExitGap = 8;  // 4 to 7 are the microcontroller's
 
 struct ReplayCommand : FirmwareOption {
   std::string log;
@@ -94,7 +95,22 @@ void print(const ReplayCommand& command, const sim::Scenario& scenario, const st
     std::printf("  trip        in tick %lld, faults 0x%x\n", static_cast<long long>(result.trip->tick),
                 static_cast<unsigned>(result.trip->faults));
   }
-  if (!result.first_difference) {
+  if (result.gap) {
+    std::printf("  GAP         %s; the log goes on to tick %" PRId64 ", and nothing after tick %" PRId64
+                " was replayed\n",
+                result.gap->what.c_str(), result.gap->goes_on_to, result.last_tick);
+  }
+  if (result.recorded_floats && *result.recorded_floats != (command.firmware == kQemuAn386)) {
+    std::printf(
+        "  precision   the log is of a firmware in %s precision, and this one's is %s: replay it with --firmware %s\n",
+        *result.recorded_floats ? "single" : "double", *result.recorded_floats ? "double" : "single",
+        *result.recorded_floats ? kQemuAn386 : kHost);
+  }
+  if (!result.first_difference && result.gap) {
+    std::printf("  equal       up to the gap: every step command and every status of ticks %" PRId64 " to %" PRId64
+                ", bit for bit\n",
+                result.first_tick, result.last_tick);
+  } else if (!result.first_difference) {
     std::printf("  equal       every step command and every status, bit for bit\n");
   } else {
     std::printf("  DIFFERS     in %" PRId64 " of %" PRId64 " ticks, first in tick %" PRId64 "\n",
@@ -143,8 +159,11 @@ int replay(const ReplayCommand& given) {
   const monitor::MonitorLimits limits = program::to_monitor_limits(*scenario);
   std::unique_ptr<sil::Peers> peers;
   if (command.in_qemu()) {
-    if (const auto why = sil::FaultyPeers::not_possible(*scenario, "with --firmware " + command.firmware); !why.empty())
+    if (const auto why = sil::FaultyPeers::not_possible(*scenario, sil::FaultyPeers::Elsewhere::kNothing,
+                                                        "with --firmware " + command.firmware);
+        !why.empty()) {
       return refuse(why);
+    }
     sil::QemuPeersOptions qemu;
     qemu.qemu = qemu_options(command);
     qemu.interrupted = command.replay.interrupted;
@@ -159,7 +178,8 @@ int replay(const ReplayCommand& given) {
     return peers->exit_status();
   }
   print(command, *scenario, options.scenario, result, replayed);
-  return command.verify && result.first_difference ? kExitDiffers : program::kExitCompleted;
+  if (command.verify && result.first_difference) return kExitDiffers;
+  return command.verify && result.gap ? kExitGap : program::kExitCompleted;
 }
 
 }  // namespace
@@ -172,7 +192,7 @@ std::function<int()> add_replay_command(CLI::App& app, CLI::App*& command) {
   command->add_option("LOG", options->log, "run.lcmlog, or the folder of the run")
       ->required()
       ->check(program::not_empty());
-  command->add_flag("--verify", options->verify, "exit status 3 if anything differs");
+  command->add_flag("--verify", options->verify, "exit status 3 if anything differs, 8 if the log has a gap");
   command->add_option("--until", options->replay.until_tick, "the last tick to replay; default all");
   command->add_option("--scenario", options->scenario, "the run's scenario; default scenario.toml beside the log")
       ->check(program::not_empty());

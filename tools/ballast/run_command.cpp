@@ -7,6 +7,7 @@
 #include "tools/ballast/children.h"
 #include "tools/ballast/commands.h"
 #include "tools/ballast/firmware_option.h"
+#include "tools/ballast/peer_faults.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
@@ -40,6 +41,8 @@ int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario,
   sil::RecordOptions record = command.record;
   record.bus = bus;
   record.run_id = hal::draw_bus_number();
+  std::optional<sil::OtherPlant> other_plant;
+  if (bus != nullptr) record.other_plant = &other_plant.emplace(command.bus.url, record.run_id);
   std::optional<hal::Bus> operator_bus;
   if (bus != nullptr && params != nullptr) operator_bus.emplace(command.bus.url);
   if (operator_bus) operator_bus->join(record.run_id);
@@ -64,12 +67,20 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
   if (has_controller) {
     if (const auto why = children.start("ballast-controller", arguments); !why.empty()) return fail(why);
   }
-  sil::LcmPeers peers(bus, {.scenario_id = scenario.id,
-                            .controller_expected = has_controller,
-                            .start_timeout = hal::Seconds(command.bus.start_timeout_s),
-                            .peer_timeout = hal::Seconds(command.bus.peer_timeout_s),
-                            .peer_ended = [&children] { return children.ended(); }});
+  PeerFaults faults(scenario, children);
+  sil::LcmPeersOptions options{.scenario_id = scenario.id,
+                               .controller_expected = has_controller,
+                               .start_timeout = hal::Seconds(command.bus.start_timeout_s),
+                               .peer_timeout = hal::Seconds(command.bus.peer_timeout_s),
+                               .peer_ended = [&faults] { return faults.look(); },
+                               .faults = sil::messages_suffer(scenario) ? &scenario : nullptr};
   sil::RecordOptions record = command.record;
+  if (PeerFaults::any(scenario)) {
+    options.look = hal::Seconds(1e-3);  // a peer may be slow by one short period
+    options.before_tick = [&faults](std::int64_t tick) { return faults.strike(tick); };
+    record.run_options = " --processes";
+  }
+  sil::LcmPeers peers(bus, options);
   record.unbuffered = true;
   return sil::record_run("ballast", scenario, peers, output, record);
 }
@@ -107,6 +118,8 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   options.start_timeout = sil::Seconds(command.bus.start_timeout_s);
   options.peer_timeout = sil::Seconds(command.bus.peer_timeout_s);
   options.interrupted = record.interrupted;
+  std::optional<sil::OtherPlant> other_plant;
+  if (bus != nullptr) record.other_plant = &other_plant.emplace(command.bus.url, record.run_id);
   std::optional<hal::Bus> operator_bus;
   if (bus != nullptr) operator_bus.emplace(command.bus.url);
   if (operator_bus) operator_bus->join(record.run_id);
@@ -145,12 +158,16 @@ int run(const RunCommand& command) {
                                      ", which takes no file; allowed: with --firmware " + kQemu + " or " + kQemuAn386);
     return program::kExitUsage;
   }
-  const std::string elsewhere = command.processes            ? "with --processes"
-                                : in_qemu                    ? "with --firmware " + command.firmware
-                                : command.record.check_steps ? "with --check-steps"
-                                                             : "";
-  if (const std::string why = sil::FaultyPeers::not_possible(*scenario, elsewhere);
-      !elsewhere.empty() && !why.empty()) {
+  using Elsewhere = sil::FaultyPeers::Elsewhere;
+  std::string why;
+  if (command.processes) why = sil::FaultyPeers::not_possible(*scenario, Elsewhere::kProcesses, "with --processes");
+  if (in_qemu) {
+    why = sil::FaultyPeers::not_possible(*scenario, Elsewhere::kNothing, "with --firmware " + command.firmware);
+  }
+  if (why.empty() && command.record.check_steps) {
+    why = sil::FaultyPeers::not_possible(*scenario, Elsewhere::kNothing, "with --check-steps");
+  }
+  if (!why.empty()) {
     program::complain("ballast", why);
     return program::kExitUsage;
   }

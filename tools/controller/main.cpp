@@ -7,6 +7,7 @@
 #include "hal/lcm/lcm_board.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
+#include "tools/sil/hearing.h"
 
 int main(int argc, char** argv) {
   using namespace ballast;
@@ -34,10 +35,15 @@ int main(int argc, char** argv) {
 
   hal::Bus bus(bus_options.url, program::catch_signals());
   if (!bus.good()) return program::refuse_bus("ballast-controller", bus_options.url);
-  hal::LcmBoard board(bus, {.scenario_id = scenario->id,
-                            .control_period_s = scenario->run.control_period_s,
-                            .start_timeout = hal::Seconds(bus_options.start_timeout_s),
-                            .peer_timeout = hal::Seconds(bus_options.peer_timeout_s)});
+  sil::ControllerHearing hearing(*scenario);
+  hal::LcmBoardOptions options{.scenario_id = scenario->id,
+                               .control_period_s = scenario->run.control_period_s,
+                               .start_timeout = hal::Seconds(bus_options.start_timeout_s),
+                               .peer_timeout = hal::Seconds(bus_options.peer_timeout_s)};
+  if (sil::messages_suffer(*scenario)) {
+    options.suffer = [&hearing](const sensors_t& sensors, const trip_t& trip) { return hearing.hear(sensors, &trip); };
+  }
+  hal::LcmBoard board(bus, options);
   const auto loop = std::make_unique<hal::ControlLoop<hal::LcmBoard>>(*params, board);
   const Status status = loop->run();
   if (status == Status::kEnded) return program::kExitCompleted;

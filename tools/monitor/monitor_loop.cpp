@@ -48,6 +48,7 @@ MonitorLoop::MonitorLoop(hal::Bus& bus, const MonitorLimits& limits, const Monit
       if (message.tick < controller_tick_.value_or(message.tick)) return;
       controller_tick_ = message.tick;
       estimate_ = {message.normal_force_n, message.static_friction_n};
+      status_ = message;
     });
   }
 }
@@ -150,7 +151,13 @@ Status MonitorLoop::judge() {
                         current_.sensors ? &*current_.sensors : nullptr, controller_tick_, estimate_};
   const std::int64_t tick = current_.tick();
   if (last_tick_ && tick <= *last_tick_) ++counters_.repeated;
-  monitor_.judge(samples);
+  if (options_.suffer && current_.complete()) {
+    const bool of_the_tick_before = status_ && last_tick_ && status_->tick == *last_tick_;
+    monitor::judge(monitor_, options_.suffer(*current_.contact, *current_.plant_state, *current_.sensors,
+                                             of_the_tick_before ? &*status_ : nullptr));
+  } else {
+    monitor_.judge(samples);
+  }
   if (current_.repeated) monitor_.judge(samples);
   last_complete_ = current_.complete();
   last_tick_ = std::max(tick, last_tick_.value_or(tick));

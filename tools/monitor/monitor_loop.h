@@ -2,12 +2,13 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 
 #include "hal/host_link.h"
 #include "hal/lcm/bus.h"
-#include "tools/monitor/monitor.h"
+#include "tools/monitor/heard.h"
 
 namespace ballast::monitor {
 
@@ -15,6 +16,10 @@ struct MonitorLoopOptions {
   double control_period_s = 0;
   hal::Seconds start_timeout{30};  // until the plant's first message
   hal::Seconds peer_timeout{2};    // from one tick to the next
+  // Where messages are made to suffer: what the monitor has heard of a tick in which all of these came. `before`: the
+  // controller's status of the tick before; null: none. Empty: it hears what comes.
+  std::function<Heard(const contact_t&, const plant_state_t&, const sensors_t&, const controller_status_t* before)>
+      suffer{};
 };
 
 // Before the first tick a trip_t with tick -3 goes out every 50 ms. The plant's first message says which run this is;
@@ -68,7 +73,8 @@ class MonitorLoop {
   std::optional<std::int64_t> last_tick_;  // judged
   bool last_complete_ = false;             // with all of the plant's messages
   std::optional<std::int64_t> controller_tick_;
-  std::optional<Estimate> estimate_;  // of that tick
+  std::optional<Estimate> estimate_;           // of that tick
+  std::optional<controller_status_t> status_;  // that one
   hal::LinkCounters counters_;
   hal::Status failure_ = hal::Status::kOk;
   bool controller_lost_ = false;

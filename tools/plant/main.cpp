@@ -30,7 +30,9 @@ int main(int argc, char** argv) {
   const auto scenario = program::load_scenario(scenario_options);
   if (!scenario) return program::kExitUsage;
 
-  if (const std::string why = sil::FaultyPeers::not_possible(*scenario, "in three processes"); !why.empty()) {
+  if (const std::string why = sil::FaultyPeers::not_possible(*scenario, sil::FaultyPeers::Elsewhere::kProcessesByHand,
+                                                             "in processes started by hand");
+      !why.empty()) {
     program::complain("ballast-plant", why);
     return program::kExitUsage;
   }
@@ -52,6 +54,6 @@ int main(int argc, char** argv) {
                             .controller_expected = scenario->run.actuation == sim::Actuation::kStepper,
                             .start_timeout = hal::Seconds(bus_options.start_timeout_s),
                             .peer_timeout = hal::Seconds(bus_options.peer_timeout_s),
-                            .peer_ended = {}});
+                            .faults = sil::messages_suffer(*scenario) ? &*scenario : nullptr});
   return sil::record_run("ballast-plant", *scenario, peers, output, record);
 }

@@ -20,36 +20,11 @@
 #include "hal/lcm/operator_inbox.h"
 #include "hal/lockstep/lockstep_board.h"
 #include "sim/scenario.h"
-#include "tools/monitor/monitor.h"
+#include "tools/monitor/heard.h"
+#include "tools/sil/hearing.h"
 #include "tools/sil/lap.h"
 
 namespace ballast::sil {
-
-// One channel on its way to one who hears it. Counts what arrives and is no message.
-template <class M>
-class InjuredLink {
- public:
-  InjuredLink(const sim::Scenario& scenario, const char* channel, std::optional<sim::FaultPeer> to);
-
-  void send(const M& message, std::int64_t tick, double time_s);
-  // What has arrived by this tick, in the order of arrival.
-  [[nodiscard]] std::vector<M> arrive(std::int64_t tick);
-  [[nodiscard]] std::int64_t malformed() const { return malformed_; }
-
- private:
-  struct OnItsWay {
-    std::int64_t due_tick;
-    double order;
-    std::vector<std::uint8_t> bytes;
-  };
-  [[nodiscard]] bool strikes(const sim::Fault& fault);
-
-  std::vector<sim::Fault> faults_;
-  std::uint64_t random_;
-  std::vector<OnItsWay> on_its_way_;
-  std::int64_t sent_ = 0;
-  std::int64_t malformed_ = 0;
-};
 
 // Controller and monitor in this process: InProcessPeers, or FaultyPeers if the scenario needs them. Arguments as
 // theirs; the scenario must outlive the peers.
@@ -60,9 +35,15 @@ class FaultyPeers : public Peers {
  public:
   // Whether a scenario has faults that take these peers; those of plant and sensors, and the full disk, do not.
   [[nodiscard]] static bool needed(const sim::Scenario& scenario);
-  // Of a run that has its peers elsewhere, or is not a run: the first fault that cannot be had there, and why. Empty:
-  // there is none. `where`: "with --processes".
-  [[nodiscard]] static std::string not_possible(const sim::Scenario& scenario, const std::string& where);
+  // Of a run that has its peers elsewhere: the first fault that cannot be had there, and why. Empty: there is none.
+  // `where`: "with --processes".
+  enum class Elsewhere {
+    kProcesses,        // started by who can kill them: all but overruns
+    kProcessesByHand,  // messages and the clock only
+    kNothing,
+  };
+  [[nodiscard]] static std::string not_possible(const sim::Scenario& scenario, Elsewhere elsewhere,
+                                                const std::string& where);
 
   // As InProcessPeers. The scenario must outlive the peers.
   FaultyPeers(const sim::Scenario& scenario, const firmware::ControllerParams* params,
@@ -82,19 +63,11 @@ class FaultyPeers : public Peers {
   };
   [[nodiscard]] Suffered suffered(sim::FaultPeer peer, double time_s, double before_s) const;
 
-  // What the monitor, and the controller, find in one tick.
-  struct MonitorInbox {
-    std::vector<contact_t> contact;
-    std::vector<plant_state_t> state;
-    std::vector<sensors_t> sensors;
-    std::optional<std::int64_t> controller_tick;
-    std::optional<monitor::Estimate> estimate;
-  };
+  // What the controller finds in one tick.
   struct ControllerInbox {
     std::int64_t tick;
     bool last;
-    std::vector<sensors_t> sensors;
-    std::vector<trip_t> verdicts;
+    hal::Delivered heard;
     std::vector<operator_t> commands;
   };
   struct Answer {
@@ -107,39 +80,30 @@ class FaultyPeers : public Peers {
     trip_t trip;
   };
   void ask_monitor(Lap& lap, double time_s);
-  trip_t judge(const MonitorInbox& inbox);
   hal::Status ask_controller(Lap& lap, double time_s);
   hal::Status serve(const ControllerInbox& inbox, std::int64_t due_tick);
   hal::Status hear_operators(Lap& lap, ControllerInbox& inbox);
-  void deliver_steps(Lap& lap);
 
   const sim::Scenario& scenario_;
   const firmware::ControllerParams* params_;
   monitor::MonitorLimits limits_;
   double before_s_ = -1;  // time of the tick before
 
-  InjuredLink<contact_t> contact_to_monitor_;
-  InjuredLink<plant_state_t> state_to_monitor_;
-  InjuredLink<sensors_t> sensors_to_monitor_, sensors_to_controller_;
-  InjuredLink<trip_t> trip_to_controller_;
-  InjuredLink<controller_status_t> status_to_monitor_;
-  InjuredLink<step_command_t> steps_to_plant_;
+  MonitorHearing monitor_hearing_;
+  ControllerHearing controller_hearing_;
+  MotorHearing motor_hearing_;
 
   monitor::Monitor monitor_;
-  std::deque<MonitorInbox> monitor_inbox_;
+  std::deque<monitor::Heard> monitor_inbox_;
   std::deque<Verdict> verdicts_;
-  std::optional<std::int64_t> controller_tick_;  // of the newest status the monitor has been sent
-  std::optional<monitor::Estimate> estimate_;    // in it
 
   hal::LockstepBoard board_;
   std::optional<hal::ControlLoop<hal::LockstepBoard>> controller_;
   std::deque<ControllerInbox> controller_inbox_;
   std::deque<Answer> answers_;
-  std::int64_t newest_sensors_ = hal::kWaitingTick, newest_verdict_ = hal::kWaitingTick;
 
   hal::Bus* operator_bus_;
   hal::OperatorInbox operator_;
-  hal::LinkCounters counters_;
   std::string trouble_ = "the controller did not answer";
   int exit_status_ = program::kExitCouldNotRun;
 };

@@ -24,6 +24,7 @@ hal::Status InProcessPeers::exchange(Lap& lap) {
     if (const hal::Status s = board_.give_operator(hal::from_message(*lap.command)); s != hal::Status::kOk) return s;
   }
   if (operator_bus_ != nullptr) {
+    operator_.now(lap.plant.contact.tick);
     if (lap.command) operator_.know(*lap.command);
     const hal::Status s = operator_bus_->receive_until(hal::WallClock::now(), [] { return false; });
     if (s == hal::Status::kIo) return s;

@@ -19,6 +19,7 @@ struct Lap {
   PlantMessages plant;
   bool replayed = false;          // no monitor of today's is asked:
   std::optional<trip_t> verdict;  // in a replay: what the monitor said; none: nothing
+  bool answered = false;          // in a replay: the controller answered this very tick
   trip_t trip{};
   bool has_controller = true;  // false in prescribed runs: the next two stay empty
   controller_status_t status{};

@@ -7,18 +7,24 @@ namespace ballast::sil {
 using hal::Status;
 
 LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_(std::move(options)) {
+  if (options_.faults != nullptr) motors_.emplace(*options_.faults);
   bus_.subscribe<trip_t>(hal::kChannelTrip, [this](const trip_t& m) {
-    if (waits_for_another_run(m)) return;
+    if (waits_for_another_run(m)) {
+      monitor_waits_ = true;
+      return;
+    }
     check_scenario(m.scenario_id, "monitor");
+    // Of a monitor that has heard what was made of the plant's messages the verdict may name any tick.
+    const bool of_this_tick = m.tick == tick_ || (motors_ && !trip_ && m.tick != hal::kWaitingTick);
     // The last word of a monitor that hears nobody any more; who went silent is found by the timeout here.
-    if (m.tripped == 1 && m.cause == trip_t::CAUSE_STALE && (m.tick != tick_ || trip_)) return;
-    if (m.tick == tick_ && tripped_ && m.tripped == 0 && failure_ == Status::kOk) {
+    if (m.tripped == 1 && m.cause == trip_t::CAUSE_STALE && (!of_this_tick || trip_)) return;
+    if (of_this_tick && tripped_ && m.tripped == 0 && failure_ == Status::kOk) {
       failure_ = Status::kForeignPeer;
       trouble_ = "another monitor is on this bus, or it was started again: it takes back the trip (tick " +
                  std::to_string(m.tick) + ")";
     }
-    tripped_ = tripped_ || (m.tick == tick_ && m.tripped == 1);
-    accept(m, m.tick, tick_, trip_, "monitor");
+    tripped_ = tripped_ || (of_this_tick && m.tripped == 1);
+    accept(m, m.tick, of_this_tick ? m.tick : tick_, trip_, "monitor");
   });
   // A bus gives back what is published on it: each of our ticks must be heard once, and nobody else's.
   bus_.subscribe<sensors_t>(hal::kChannelSensors,
@@ -26,7 +32,10 @@ LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_
   if (!options_.controller_expected) return;
   bus_.subscribe<operator_t>(hal::kChannelOperator, [this](const operator_t& m) { operator_.hear(m); });
   bus_.subscribe<controller_status_t>(hal::kChannelControllerStatus, [this](const controller_status_t& m) {
-    if (waits_for_another_run(m)) return;
+    if (waits_for_another_run(m)) {
+      controller_waits_ = true;
+      return;
+    }
     refused_by_controller_ = m.refused_messages;
     check_scenario(m.scenario_id, "controller");
     accept(m, m.tick, tick_, status_, "controller");
@@ -68,11 +77,10 @@ void LcmPeers::accept(const M& message, std::int64_t tick, std::int64_t tick_due
 
 template <class Done>
 Status LcmPeers::wait(hal::Seconds timeout, const Done& done) {
-  constexpr hal::Seconds kLook{0.1};  // how often to look whether a peer has ended
   const auto deadline = hal::after(hal::WallClock::now(), timeout);
   for (;;) {
     const auto now = hal::WallClock::now();
-    const Status status = bus_.receive_until(std::min(deadline, hal::after(now, kLook)),
+    const Status status = bus_.receive_until(std::min(deadline, hal::after(now, options_.look)),
                                              [&] { return failure_ != Status::kOk || done(); });
     if (failure_ != Status::kOk) return failure_;
     if (status == Status::kInterrupted) trouble_ = "interrupted";
@@ -105,9 +113,28 @@ Status LcmPeers::connect() {
   return status;
 }
 
+// Who is there before the tick's first message hears all of it.
+Status LcmPeers::wait_for_the_new(const LcmPeersOptions::StartedAnew& anew) {
+  if (!anew.controller && !anew.monitor) return Status::kOk;
+  controller_waits_ = monitor_waits_ = false;
+  const Status status = wait(options_.start_timeout, [&] {
+    return (controller_waits_ || !anew.controller) && (monitor_waits_ || !anew.monitor);
+  });
+  if (status == Status::kPeerLost && trouble_.empty()) {
+    trouble_ = std::string(anew.controller && !controller_waits_ ? "controller" : "monitor") +
+               " lost: was started again and is not there";
+  }
+  return status;
+}
+
 Status LcmPeers::exchange(Lap& lap) {
   if (tick_ == hal::kWaitingTick) bus_.join(options_.run_id);
+  if (options_.before_tick) {
+    const Status status = wait_for_the_new(options_.before_tick(lap.plant.contact.tick));
+    if (status != Status::kOk) return status;
+  }
   tick_ = lap.plant.contact.tick;
+  operator_.now(tick_);
   last_lap_ = lap.plant.contact.last != 0;
   echo_.reset();
   trip_.reset();
@@ -138,6 +165,10 @@ Status LcmPeers::exchange(Lap& lap) {
   if (options_.controller_expected) {
     lap.status = *status_;
     lap.steps = *steps_;
+    if (motors_) {
+      motors_->tell(lap.steps, tick_);
+      motors_->deliver(lap);
+    }
   }
   return Status::kOk;
 }
@@ -146,6 +177,7 @@ RefusedMessages LcmPeers::refused() const {
   RefusedMessages refused{operator_.counters(), refused_by_controller_};
   refused.here.malformed = bus_.malformed();
   refused.here.foreign = bus_.foreign();
+  if (motors_) refused.here += motors_->counters();
   return refused;
 }
 

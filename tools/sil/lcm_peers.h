@@ -6,6 +6,7 @@
 #include "hal/lcm/bus.h"
 #include "hal/lcm/channels.h"
 #include "hal/lcm/operator_inbox.h"
+#include "tools/sil/hearing.h"
 #include "tools/sil/lap.h"
 
 namespace ballast::sil {
@@ -16,8 +17,17 @@ struct LcmPeersOptions {
   bool controller_expected = true;
   hal::Seconds start_timeout{30};  // until both peers are there
   hal::Seconds peer_timeout{2};    // from the plant's messages to the last answer
-  // Asked while waiting: a line that says which peer has ended, or empty. For whoever started the peers.
-  std::function<std::string()> peer_ended;
+  // For whoever started the peers. Asked while waiting, at least so often: a line that says which peer has ended, or
+  // empty.
+  std::function<std::string()> peer_ended{};
+  hal::Seconds look{0.1};
+  // Likewise, before the plant speaks in a tick: whom they have started anew. The plant waits until those are there.
+  struct StartedAnew {
+    bool controller = false, monitor = false;
+  };
+  std::function<StartedAnew(std::int64_t tick)> before_tick{};
+  // Whose faults the messages suffer; null: none does. Must outlive the peers.
+  const sim::Scenario* faults = nullptr;
 };
 
 class LcmPeers : public Peers {
@@ -36,6 +46,7 @@ class LcmPeers : public Peers {
   template <class Done>
   hal::Status wait(hal::Seconds timeout, const Done& done);
   void lost(const std::string& when, hal::Seconds silence);
+  hal::Status wait_for_the_new(const LcmPeersOptions::StartedAnew& anew);
   template <class M>
   [[nodiscard]] bool waits_for_another_run(const M& message) const;
   void check_scenario(std::int64_t scenario_id, const char* sender);
@@ -51,6 +62,8 @@ class LcmPeers : public Peers {
   std::optional<step_command_t> steps_;
   std::optional<sensors_t> echo_;  // our own, heard back
   hal::OperatorInbox operator_;
+  std::optional<MotorHearing> motors_;
+  bool controller_waits_ = false, monitor_waits_ = false;  // for a run, as one said that has just been started
   bool last_lap_ = false;
   bool tripped_ = false;                    // by some verdict of this run
   std::int64_t refused_by_controller_ = 0;  // as it said last

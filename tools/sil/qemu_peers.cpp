@@ -323,6 +323,7 @@ Status QemuPeers::check_pulses(std::int64_t tick, const target::PlayedPulses& pl
 // As InProcessPeers does: one a tick, and none in the countdown, which is the run's own.
 Status QemuPeers::hear_operators(Lap& lap) {
   if (options_.operator_bus == nullptr) return Status::kOk;
+  operator_.now(lap.plant.contact.tick);
   if (lap.command) operator_.know(*lap.command);
   if (options_.operator_bus->receive_until(hal::WallClock::now(), [] { return false; }) == Status::kIo) {
     return fail(Status::kIo, "the LCM bus failed", program::kExitCouldNotRun);

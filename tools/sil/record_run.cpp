@@ -43,6 +43,9 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     program::complain(program_name, text);
     return program::kExitCouldNotRun;
   };
+  if (options.other_plant != nullptr) {
+    if (const std::string why = options.other_plant->listen(); !why.empty()) return fail(why);
+  }
   // Only once the run can begin does it replace what an earlier one has left.
   if (peers.connect() != hal::Status::kOk) {
     program::complain(program_name, peers.trouble());
@@ -65,6 +68,7 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
                          .progress = {},
                          .move = options.move,
                          .by_hand = options.by_hand};
+  if (options.other_plant != nullptr) run_options.disturbed = [&options] { return options.other_plant->heard(); };
   RunResult result;
   {
     const ProgressBar bar(!options.quiet);

@@ -4,17 +4,19 @@
 #include <filesystem>
 #include <optional>
 
+#include "tools/sil/other_plant.h"
 #include "tools/sil/output_dir.h"
 #include "tools/sil/run.h"
 
 namespace ballast::sil {
 
 struct RecordOptions {
-  bool quiet = false;        // no progress bar, no summary; what must not stay unsaid is said on stderr
-  double speed = 0;          // as in RunOptions
-  lcm::LCM* bus = nullptr;   // every message also goes there
-  std::int64_t run_id = 0;   // on that bus
-  bool check_steps = false;  // as in RunOptions
+  bool quiet = false;                 // no progress bar, no summary; what must not stay unsaid is said on stderr
+  double speed = 0;                   // as in RunOptions
+  lcm::LCM* bus = nullptr;            // every message also goes there
+  std::int64_t run_id = 0;            // on that bus
+  OtherPlant* other_plant = nullptr;  // who listens whether it is one's own; null: nobody does
+  bool check_steps = false;           // as in RunOptions
   std::string
       run_options{};        // of the command line, that a run of this scenario needs to be the same: " --firmware qemu"
   bool unbuffered = false;  // every message is on disk at once: for runs whose processes may be killed

@@ -1,6 +1,8 @@
 #include "tools/sil/replay.h"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
 #include <cstring>
 #include <deque>
 #include <iterator>
@@ -104,6 +106,16 @@ class RecordedRun {
 
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
   [[nodiscard]] const std::string& end() const { return end_; }
+  // Once next() is false: the log ends there in its middle; what it is that end() says, and the last tick after that.
+  std::optional<ReplayResult::Gap> gap() {
+    if (!gap_) return std::nullopt;
+    for (LogEvent event; reader_.next(event);) {
+      contact_t contact{};
+      if (event.channel == hal::kChannelContact && hal::decode(event.data.data(), event.data.size(), contact))
+        goes_on_to_ = std::max(goes_on_to_, contact.tick);
+    }
+    return ReplayResult::Gap{end_, goes_on_to_};
+  }
   [[nodiscard]] std::size_t commands_left() const { return commands_.size(); }
 
  private:
@@ -114,7 +126,7 @@ class RecordedRun {
       bool good = true;
       if (event.channel == hal::kChannelContact && take(event, contact)) {
         (lap.empty() ? lap : ahead_).contact = contact;
-        if (ahead_.contact) return whole(lap);
+        if (ahead_.contact) return whole(lap) && follows(lap.contact->tick);
       }
       if (event.channel == hal::kChannelPlantState) good = take_one(event, lap.state);
       if (event.channel == hal::kChannelSensors) good = take_one(event, lap.sensors);
@@ -125,7 +137,7 @@ class RecordedRun {
     }
     if (trouble_.empty() && !reader_.error().empty()) trouble_ = reader_.error();
     if (!reader_.damage().empty()) end_ = reader_.damage();
-    return trouble_.empty() && !lap.empty() && whole(lap);
+    return trouble_.empty() && !lap.empty() && whole(lap) && follows(lap.contact->tick);
   }
   template <class M>
   bool take_one(const LogEvent& event, std::optional<M>& slot) {
@@ -135,9 +147,34 @@ class RecordedRun {
     return true;
   }
   bool whole(const RecordedLap& lap) {
-    if (lap.has_inputs()) return true;
+    if (lap.has_inputs()) {
+      const std::int64_t tick = lap.contact->tick;
+      if (lap.state->tick == tick && lap.sensors->tick == tick) return true;
+      return cut("tick " + std::to_string(tick) + " is not whole", lap.sensors->tick);
+    }
+    if (ahead_.contact)
+      return cut("tick " + std::to_string(lap.contact->tick) + " is not whole: no " + lap.missing(),
+                 ahead_.contact->tick);
     if (end_.empty()) end_ = std::string("its last tick is not whole: no ") + lap.missing();
     return false;
+  }
+  // There is more behind it. Always false.
+  bool cut(const std::string& why, std::int64_t later_tick) {
+    end_ = why;
+    gap_ = true;
+    goes_on_to_ = later_tick;
+    return false;
+  }
+  bool follows(std::int64_t tick) {
+    if (tick_ && tick == *tick_ + 2) return cut("tick " + std::to_string(*tick_ + 1) + " is not in it", tick);
+    if (tick_ && tick != *tick_ + 1) {
+      return cut(tick > *tick_
+                     ? "ticks " + std::to_string(*tick_ + 1) + " to " + std::to_string(tick - 1) + " are not in it"
+                     : "tick " + std::to_string(tick) + " follows tick " + std::to_string(*tick_),
+                 tick);
+    }
+    tick_ = tick;
+    return true;
   }
 
   template <class M>
@@ -162,14 +199,11 @@ class RecordedRun {
     const std::int64_t tick = message.tick - later;
     if (tick == hal::kWaitingTick) return true;  // peers that wait, in a log of a bus
     if (tick_ && tick <= *tick_) {
-      end_ = "in " + event.channel + " tick " + std::to_string(tick) + " follows tick " + std::to_string(*tick_) +
-             ": more than one run, or messages out of order";
-      return false;
+      return cut("in " + event.channel + " tick " + std::to_string(tick) + " follows tick " + std::to_string(*tick_) +
+                     ": more than one run, or messages out of order",
+                 tick);
     }
-    if (slot) {
-      end_ = "tick " + std::to_string(tick - 1) + " is not whole";
-      return false;
-    }
+    if (slot) return cut("tick " + std::to_string(tick_ ? *tick_ + 1 : tick - 1) + " is not whole", tick);
     slot = message;
     return true;
   }
@@ -186,9 +220,8 @@ class RecordedRun {
       const std::int64_t tick = lap.sensors->tick;
       const bool one_tick = lap.contact->tick == tick && lap.state->tick == tick && lap.trip->tick == tick &&
                             lap.status->tick == tick && lap.steps->tick == tick + 1;
-      if (!one_tick) end_ = "tick " + std::to_string(tick) + " is not whole";
-      if (!one_tick) return false;
-      tick_ = tick;
+      if (!one_tick) return cut("tick " + std::to_string(tick_ ? *tick_ + 1 : tick) + " is not whole", tick);
+      return follows(tick);
     }
     return good;
   }
@@ -202,7 +235,31 @@ class RecordedRun {
   };
   std::deque<Said> commands_;
   std::optional<std::int64_t> tick_;  // of the last whole lap
+  bool gap_ = false;
+  std::int64_t goes_on_to_ = 0;
   std::string trouble_, end_;
+};
+
+// Whether the model that has said these numbers has floats. A double may happen to be one if it is short, as a weight
+// in round numbers is; so only those that use a float's last three bits say that it has.
+class Precision {
+ public:
+  void see(double number) {
+    if (!std::isfinite(number)) return;
+    const auto as_float = static_cast<float>(number);
+    if (static_cast<double>(as_float) != number) {
+      doubles_ = true;
+    } else if ((std::bit_cast<std::uint32_t>(as_float) & 7u) != 0) {
+      floats_ = true;
+    }
+  }
+  [[nodiscard]] std::optional<bool> floats() const {
+    if (doubles_) return false;
+    return floats_ ? std::optional(true) : std::nullopt;
+  }
+
+ private:
+  bool doubles_ = false, floats_ = false;
 };
 
 ReplayResult failed(ReplayResult result, ReplayResult::End end, const std::string& why) {
@@ -235,6 +292,7 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
   Recorder recorder(replayed_log);
   std::int64_t given = 0;
   bool last = false;
+  Precision precision;
   for (RecordedLap was; recorded.next(was);) {
     const std::int64_t tick = was.sensors->tick;
     if (tick > options.until_tick) break;
@@ -255,6 +313,7 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
     lap.plant = {*was.contact, *was.state, *was.sensors};
     lap.replayed = true;
     lap.verdict = was.trip;
+    lap.answered = was.status && was.status->tick == tick;
     if (counted > given) {
       lap.command = recorded.next_command(tick);
       if (!lap.command) return unusable("the controller was given a command that is not in the log");
@@ -273,6 +332,7 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
 
     if (result.ticks++ == 0) result.first_tick = tick;
     result.last_tick = tick;
+    if (was.status) precision.see(was.status->normal_force_n);
     const bool answered = !lap.controller_silent;
     if (answered != was.status.has_value() ||
         (answered && (!same_bytes(lap.status, *was.status) || !same_bytes(lap.steps, *was.steps)))) {
@@ -292,8 +352,12 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
     const std::string why = recorded.end().empty() ? "no tick of a controller" : recorded.end();
     return failed(result, End::kUnusable, log_path + ": nothing to replay: " + why);
   }
+  result.recorded_floats = precision.floats();
+  if (last || result.last_tick >= options.until_tick) return result;
+  result.gap = recorded.gap();
+  if (result.gap) return result;
   if (!recorded.end().empty()) result.notes.push_back("the log ends early: " + recorded.end());
-  if (!last && recorded.end().empty() && result.last_tick < options.until_tick) {
+  if (recorded.end().empty()) {
     result.notes.emplace_back("the log ends without the run's last tick: the run did not come to its end");
   }
   return result;

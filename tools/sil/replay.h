@@ -24,9 +24,19 @@ struct ReplayResult {
   std::string trouble;             // if it is not kReplayed: why, in one line
   std::vector<std::string> notes;  // what the log lacks
   std::int64_t first_tick = 0, last_tick = 0;
+  // In the middle of the log a tick is not there, or not whole: nothing after last_tick has been replayed. What is
+  // wrong there, and the last tick that the log has after it.
+  struct Gap {
+    std::string what;
+    std::int64_t goes_on_to;
+  };
+  std::optional<Gap> gap;
   std::int64_t ticks = 0, ticks_that_differ = 0;
   std::optional<std::int64_t> first_difference;  // its tick
   std::optional<controller_status_t> trip;       // of the tick in which today's firmware trips
+  // The recorded firmware's model has floats (true), doubles (false): every N it estimates is a float, or some are not.
+  // None: too few numbers to tell.
+  std::optional<bool> recorded_floats;
 };
 
 // What of a log has to fit before anything is replayed: the scenario whose fingerprint its sensors carry.

@@ -171,6 +171,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   std::int64_t commands_missed = 0;    // on end
   std::int64_t silent_ticks = 0;       // of the controller, on end
   std::int64_t operator_commands = 0;  // as it counted them last
+  bool armed = false;                  // at least once
 
   // What is known at the end, good or bad.
   const auto finished = [&] {
@@ -281,6 +282,11 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     if (tick == -1 && lap.status.mode == controller_status_t::MODE_MOVING) {
       end_s = std::max(end_s, lap.status.plan_duration_s + kCountdown * period_s + kSwingsToRest * rest.swing_s());
     }
+    if (std::string why = options.disturbed ? options.disturbed() : ""; !why.empty()) {
+      result.status = hal::Status::kForeignPeer;
+      result.trouble = std::move(why);
+      return finished();
+    }
     if (!recorder.good() || (options.interrupted != nullptr && *options.interrupted != 0)) {
       result.status = recorder.good() ? hal::Status::kInterrupted : hal::Status::kIo;
       result.trouble = recorder.good() ? "interrupted" : recorder.error();
@@ -294,10 +300,12 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     if (options.move && tick >= -1 && !move_done_tick && lap.status.mode == controller_status_t::MODE_ARMED) {
       move_done_tick = tick + 2;
     }
-    // A controller that is still disarmed has nothing to stop, and will not start.
-    const bool stopping =
-        answered && (lap.status.mode == controller_status_t::MODE_TRIPPED ||
-                     (lap.status.mode == controller_status_t::MODE_DISARMED && result.trip.tripped != 0));
+    // A controller that is still disarmed has nothing to stop, and will not start: after a trip, or if a fault keeps it
+    // from arming, which is no trip of its own, for nothing moves.
+    armed = armed || (answered && lap.status.mode != controller_status_t::MODE_DISARMED);
+    const bool not_to_start = lap.status.mode == controller_status_t::MODE_DISARMED &&
+                              (result.trip.tripped != 0 || (!armed && lap.status.faults != 0));
+    const bool stopping = answered && (lap.status.mode == controller_status_t::MODE_TRIPPED || not_to_start);
     if (stopping) {
       if (result.trip.tripped != 0 && !result.latency_ticks) result.latency_ticks = tick + 1 - result.trip.trip_tick;
       if (!result.controller_trip) {

@@ -34,8 +34,8 @@ struct MotorRecord {
   std::int64_t slips = 0;              // of the rotor from tooth to tooth, forth and back
 };
 
-// When the controller went to kTripped, or saw a trip while still disarmed, and the faults it had then (bits of
-// firmware::Fault).
+// When the controller went to kTripped, or while still disarmed saw a trip or was kept by a fault from arming, and the
+// faults it had then (bits of firmware::Fault).
 struct ControllerTrip {
   std::int32_t faults;
   std::int64_t tick;
@@ -105,14 +105,15 @@ struct RunOptions {
   std::optional<firmware::MoveRequest> move;  // asked for instead of the scenario's motion
   bool plan_only = false;                     // ends where the move is refused, or planned: `move` has it
   bool by_hand = false;                       // the controller is armed; the rest is said by operators
+  std::function<std::string()> disturbed{};   // asked in every tick: why the run must end, or empty
 };
 
 // With check_steps a pulse in the wrong place ends the run at once with kStepTiming.
 //
 // Two countdown ticks, -2 and -1, come before t = 0 in runs with a controller: the ball is held at its initial state,
 // the operator says arm, then start (by_hand: only arm), and the controller computes the steps of tick 0. In tick k the
-// plant executes what
-// the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed; so does a move that
+// plant executes what the controller computed in tick k - 1. A trip ends the run once the stop's last step is executed,
+// and at once if it comes, or any fault of the controller's, before that is armed: kTripped. So does a move that
 // was asked for instead of the start, once its last step is executed and the masses rest: completed. It is run to its
 // end whatever the scenario's duration, and the masses then have ten swings of the slowest motor to come to rest.
 //

@@ -19,7 +19,6 @@ class StepLedger {
   // says which, of the first such command.
   bool enter(const step_command_t& command);
 
-  [[nodiscard]] bool whole() const { return text_.empty(); }
   [[nodiscard]] const std::string& text() const { return text_; }
   // Microsteps of a motor that the controller counts and the motor has not been given, as of the last command.
   [[nodiscard]] std::int64_t missing(std::size_t motor) const { return missing_[motor]; }

@@ -279,6 +279,15 @@ std::string motor_faults_text(const sim::Scenario& scenario, std::size_t motor, 
   return text;
 }
 
+// What the plant then showed of a plan.
+std::string seen_text(const RunResult& result, const PlanRecord& plan) {
+  if (plan.seen_margin_min) return format("seen %.4f", *plan.seen_margin_min);
+  const double end_s = result.final_sample.time_s;
+  if (end_s > plan.start_s) return "nothing seen of it: the ball was in the air";
+  return std::string("never begun: the run ") + (result.end_reason == EndReason::kSlipped ? "slipped" : "ended") +
+         format(" at t = %.6g s", end_s);
+}
+
 }  // namespace
 
 const char* trip_cause(int cause) {
@@ -530,10 +539,10 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     const PlanRecord& p = **plan;
     text += format(
         "  %s        from t = %.6g s, %.6g s; predicted before it%s: least N %.6g N, most f_s/N %.6f, least margin "
-        "%.4f; seen %s\n",
+        "%.4f; %s\n",
         name, p.start_s, p.predicted.duration_s, horizon_text(p.predicted.duration_s, p.predicted.horizon_s).c_str(),
         p.predicted.normal_force_min_n, p.predicted.mu_required_max, p.predicted.margin_min,
-        p.seen_margin_min ? format("%.4f", *p.seen_margin_min).c_str() : "nothing");
+        seen_text(result, p).c_str());
   }
   if (result.move_end)
     text += (arrived(result) ? "  arrived     " : "  NOT THERE   ") + move_end_text(scenario, result) + "\n";

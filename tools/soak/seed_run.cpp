@@ -1,8 +1,5 @@
 #include "tools/soak/seed_run.h"
 
-#include <sys/mman.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -10,6 +7,7 @@
 #include <memory>
 #include <string_view>
 
+#include "tools/program/memory_file.h"
 #include "tools/program/params.h"
 #include "tools/sil/faulty_peers.h"
 #include "tools/sil/recorder.h"
@@ -18,19 +16,6 @@
 namespace ballast::soak {
 
 namespace {
-
-// A file without a disk, that other code can open by its name.
-class MemoryFile {
- public:
-  MemoryFile() : descriptor_(memfd_create("soak", MFD_CLOEXEC)) {}
-  ~MemoryFile() { close(descriptor_); }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-  [[nodiscard]] std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
-
- private:
-  int descriptor_;
-};
 
 struct Run {
   sil::RunResult result;
@@ -49,7 +34,7 @@ Run run(const sim::Scenario& scenario) {
       return run;
     }
   }
-  const MemoryFile log;
+  const program::MemoryFile log;
   const auto peers =
       sil::peers_in_process(scenario, has_controller ? params.get() : nullptr, program::to_monitor_limits(scenario));
   sil::Recorder recorder(log.path());

@@ -1,0 +1,61 @@
+#include "tools/ballast/peer_faults.h"
+
+#include <signal.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace ballast {
+
+using sim::Fault;
+using sim::FaultKind;
+using sim::FaultLayer;
+using sim::FaultPeer;
+
+bool PeerFaults::any(const sim::Scenario& scenario) {
+  return std::ranges::any_of(scenario.faults, [](const Fault& fault) { return fault.of(FaultLayer::kPeer); });
+}
+
+const char* PeerFaults::program_of(FaultPeer peer) {
+  return peer == FaultPeer::kController ? "ballast-controller" : "ballast-monitor";
+}
+
+sil::LcmPeersOptions::StartedAnew PeerFaults::strike(std::int64_t tick) {
+  sil::LcmPeersOptions::StartedAnew anew;
+  const double time_s = sil::fault_time_s(scenario_, tick), before_s = sil::fault_time_s(scenario_, tick - 1);
+  for (const Fault& fault : scenario_.faults) {
+    if (!fault.of(FaultLayer::kPeer) || !fault.begun(time_s)) continue;
+    const char* program = program_of(*fault.peer);
+    const bool first = !fault.begun(before_s);
+    const auto sleep = [&](double seconds) {
+      children_.signal(program, SIGSTOP);
+      if (!std::isfinite(seconds)) return;
+      const auto until = hal::after(Clock::now(), hal::Seconds(seconds));
+      sleepers_.push_back({program, until});
+    };
+    if (first) done_ += (done_.empty() ? "" : ", ") + to_string(fault);
+    if (first && fault.kind == FaultKind::kPeerKilled) children_.signal(program, SIGKILL);
+    if (first && fault.kind == FaultKind::kPeerFrozen) sleep(fault.end_s - fault.time_s);
+    if (first && fault.kind == FaultKind::kPeerRestarted) {
+      trouble_ = children_.restart(program);
+      (*fault.peer == FaultPeer::kController ? anew.controller : anew.monitor) = true;
+    }
+    if (fault.kind == FaultKind::kPeerTooSlow && fault.active(time_s)) {
+      sleep(fault.value * scenario_.run.control_period_s);
+    }
+  }
+  return anew;
+}
+
+std::string PeerFaults::look() {
+  std::erase_if(sleepers_, [this](const Sleeper& sleeper) {
+    if (Clock::now() < sleeper.until) return false;
+    children_.signal(sleeper.program, SIGCONT);
+    return true;
+  });
+  if (!trouble_.empty()) return trouble_;
+  const std::string ended = children_.ended();
+  return ended.empty() || done_.empty() ? ended : ended + " (as asked: " + done_ + ")";
+}
+
+}  // namespace ballast

@@ -1,0 +1,150 @@
+#include "tools/sil/hearing.h"
+
+#include <algorithm>
+
+namespace ballast::sil {
+namespace {
+
+using sim::FaultKind;
+using sim::FaultPeer;
+
+// As it is in a run in one process, so that the same bits of it suffer.
+template <class M>
+M off_the_bus(M message) {
+  message.run_id = 0;
+  if constexpr (std::is_same_v<M, controller_status_t>) message.refused_messages = 0;
+  return message;
+}
+
+// By a clock that may have jumped.
+sensors_t stamped(const sim::Scenario& scenario, const sensors_t& sensors) {
+  sensors_t message = off_the_bus(sensors);
+  for (const sim::Fault& fault : scenario.faults) {
+    if (fault.kind != FaultKind::kClockJump || !fault.begun(fault_time_s(scenario, sensors.tick))) continue;
+    message.tick += static_cast<std::int64_t>(fault.value);
+    message.utime = hal::tick_utime(message.tick, scenario.run.control_period_s);
+  }
+  return message;
+}
+
+// A message is of another scenario only if its bytes have been injured.
+template <class M>
+void take_out_foreign(std::vector<M>& messages, std::int64_t scenario_id, std::int64_t& foreign) {
+  foreign += static_cast<std::int64_t>(
+      std::erase_if(messages, [scenario_id](const M& message) { return message.scenario_id != scenario_id; }));
+}
+
+}  // namespace
+
+bool messages_suffer(const sim::Scenario& scenario) {
+  return std::ranges::any_of(scenario.faults, [](const sim::Fault& fault) {
+    return fault.of(sim::FaultLayer::kMessage) || fault.kind == FaultKind::kClockJump;
+  });
+}
+
+// --- monitor ---
+
+MonitorHearing::MonitorHearing(const sim::Scenario& scenario)
+    : scenario_(scenario),
+      contact_(scenario, hal::kChannelContact, FaultPeer::kMonitor),
+      state_(scenario, hal::kChannelPlantState, FaultPeer::kMonitor),
+      sensors_(scenario, hal::kChannelSensors, FaultPeer::kMonitor),
+      status_(scenario, hal::kChannelControllerStatus, FaultPeer::kMonitor) {}
+
+void MonitorHearing::tell(const controller_status_t& status, std::int64_t tick) {
+  status_.send(off_the_bus(status), tick, fault_time_s(scenario_, tick));
+}
+
+monitor::Heard MonitorHearing::hear(const contact_t& contact, const plant_state_t& state, const sensors_t& sensors) {
+  const std::int64_t tick = contact.tick;
+  const double time_s = fault_time_s(scenario_, tick);
+  contact_.send(off_the_bus(contact), tick, time_s);
+  state_.send(off_the_bus(state), tick, time_s);
+  sensors_.send(stamped(scenario_, sensors), tick, time_s);
+  monitor::Heard heard{contact_.arrive(tick), state_.arrive(tick), sensors_.arrive(tick), std::nullopt, std::nullopt};
+  take_out_foreign(heard.sensors, scenario_.id, counters_.foreign);
+  for (const controller_status_t& status : status_.arrive(tick - 1)) {
+    if (status.scenario_id != scenario_.id) {
+      ++counters_.foreign;
+    } else if (controller_tick_ && status.tick == *controller_tick_) {
+      ++counters_.repeated;
+    } else if (status.tick >= controller_tick_.value_or(status.tick)) {
+      controller_tick_ = status.tick;
+      estimate_ = {status.normal_force_n, status.static_friction_n};
+    }
+  }
+  heard.controller_tick = controller_tick_;
+  heard.estimate = estimate_;
+  return heard;
+}
+
+hal::LinkCounters MonitorHearing::counters() const {
+  hal::LinkCounters all = counters_;
+  all.malformed = contact_.malformed() + state_.malformed() + sensors_.malformed() + status_.malformed();
+  return all;
+}
+
+// --- controller ---
+
+ControllerHearing::ControllerHearing(const sim::Scenario& scenario)
+    : scenario_(scenario),
+      sensors_(scenario, hal::kChannelSensors, FaultPeer::kController),
+      trip_(scenario, hal::kChannelTrip, FaultPeer::kController) {}
+
+hal::Delivered ControllerHearing::hear(const sensors_t& sensors, const trip_t* trip) {
+  const std::int64_t tick = sensors.tick;
+  const double time_s = fault_time_s(scenario_, tick);
+  sensors_.send(stamped(scenario_, sensors), tick, time_s);
+  if (trip != nullptr) trip_.send(off_the_bus(*trip), tick, time_s);
+  hal::Delivered heard;
+  const auto take_newer = [&]<class M>(std::vector<M> messages, std::int64_t& newest, std::optional<M>& slot) {
+    take_out_foreign(messages, scenario_.id, counters_.foreign);
+    for (const M& message : messages) {
+      if (message.tick > newest) {
+        newest = message.tick;
+        slot = message;
+      } else {
+        ++(message.tick == newest ? counters_.repeated : counters_.old);
+      }
+    }
+  };
+  take_newer(sensors_.arrive(tick), newest_sensors_, heard.sensors);
+  take_newer(trip_.arrive(tick), newest_trip_, heard.trip);
+  heard.lost = counters();
+  return heard;
+}
+
+hal::LinkCounters ControllerHearing::counters() const {
+  hal::LinkCounters all = counters_;
+  all.malformed = sensors_.malformed() + trip_.malformed();
+  return all;
+}
+
+// --- motors ---
+
+MotorHearing::MotorHearing(const sim::Scenario& scenario)
+    : scenario_(scenario), steps_(scenario, hal::kChannelStepCommand, std::nullopt) {}
+
+void MotorHearing::tell(const step_command_t& steps, std::int64_t tick) {
+  steps_.send(off_the_bus(steps), tick, fault_time_s(scenario_, tick));
+}
+
+void MotorHearing::deliver(Lap& lap) {
+  const std::int64_t tick = lap.plant.contact.tick;
+  lap.steps_injured = true;
+  for (const step_command_t& command : steps_.arrive(tick)) {
+    if (command.tick == tick + 1 && !lap.delivered) {
+      lap.delivered = command;
+    } else {
+      ++(command.tick == tick + 1 ? counters_.repeated : counters_.old);
+    }
+  }
+}
+
+hal::LinkCounters MotorHearing::counters() const {
+  hal::LinkCounters all = counters_;
+  all.malformed = steps_.malformed();
+  return all;
+}
+
+}  // namespace ballast::sil
