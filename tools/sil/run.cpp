@@ -294,10 +294,10 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     if (options.move && tick >= -1 && !move_done_tick && lap.status.mode == controller_status_t::MODE_ARMED) {
       move_done_tick = tick + 2;
     }
-    // A controller that is still disarmed has nothing to stop, and will not start.
-    const bool stopping =
-        answered && (lap.status.mode == controller_status_t::MODE_TRIPPED ||
-                     (lap.status.mode == controller_status_t::MODE_DISARMED && result.trip.tripped != 0));
+    // A controller that is still disarmed has nothing to stop, and will not start: a trip or a fault of its own is why.
+    const bool stopping = answered && (lap.status.mode == controller_status_t::MODE_TRIPPED ||
+                                       (lap.status.mode == controller_status_t::MODE_DISARMED &&
+                                        (result.trip.tripped != 0 || lap.status.faults != 0)));
     if (stopping) {
       if (result.trip.tripped != 0 && !result.latency_ticks) result.latency_ticks = tick + 1 - result.trip.trip_tick;
       if (!result.controller_trip) {
@@ -354,6 +354,10 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     if (tick >= 0) {
       const double start_s = plant.time_s();
       expand(due, scenario.run.timer_frequency_hz, pulses);
+      if (!StepLedger::gives(due, scenario.run.timer_frequency_hz, pulses)) {
+        return lost("the motors would be given other pulses in tick " + std::to_string(tick) +
+                    " than the step command speaks of: a fault of this program");
+      }
       plant.advance(std::min(static_cast<double>(tick + 1) * period_s, end_s), pulses);
       pulse_record.add(start_s, plant.time_s(), pulses);
       ++result.ticks;

@@ -34,7 +34,7 @@ struct MotorRecord {
   std::int64_t slips = 0;              // of the rotor from tooth to tooth, forth and back
 };
 
-// When the controller went to kTripped, or saw a trip while still disarmed, and the faults it had then (bits of
+// When the controller went to kTripped, or had a fault while still disarmed, and the faults it had then (bits of
 // firmware::Fault).
 struct ControllerTrip {
   std::int32_t faults;
@@ -119,7 +119,8 @@ struct RunOptions {
 // It ends as kPeerLost where what it hears cannot be of one controller and one monitor that hear it: the controller has
 // been started again (it counts fewer commands than before), the monitor takes a trip back, the controller counts steps
 // that the motors have not been given or more than kAllowedMissedCommands have not come (neither counts during the stop
-// after a trip: then the record keeps how many), or it has been silent for kGivenUpTicks.
+// after a trip: then the record keeps how many), or it has been silent for kGivenUpTicks. So it does where the motors
+// would be given other pulses than the command speaks of, which would be a fault of the plant's.
 RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options);
 
 }  // namespace ballast::sil
