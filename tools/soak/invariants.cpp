@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <numbers>
 
+#include "firmware/safety/fault.h"
 #include "hal/lcm/channels.h"
 #include "tools/program/program.h"
 #include "tools/sil/log_reader.h"
