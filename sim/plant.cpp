@@ -985,7 +985,7 @@ Plant::Sample Plant::sample() const {
   s.angular_velocity_B_radps = {y_[kOmega], y_[kOmega + 1], y_[kOmega + 2]};
   s.position_W_m = {y_[kZ], y_[kZ + 1], 0};
   s.velocity_W_mps = {dydt_[kZ], dydt_[kZ + 1], 0};
-  s.regime = regime_;
+  s.regime = end_ == PhysicsEnd::kSlipped ? Regime::kSliding : regime_;
   s.floor_static_friction = static_friction_;
   if (regime_ != Regime::kRolling) {
     s.position_W_m[2] = y_[contact_size_];

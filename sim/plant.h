@@ -147,7 +147,7 @@ class Plant {
   // The state now. Where something jumps now, the value after the jump.
   struct Sample {
     double time_s;
-    Regime regime;
+    Regime regime;  // sliding too where rolling ends by slip, and the run with it; N and f_s are then still rolling's
     Eigen::Vector4d orientation;  // w, x, y, z
     Eigen::Vector3d angular_velocity_B_radps;
     Eigen::Vector3d position_W_m;

@@ -404,6 +404,20 @@ TEST(Monitor, DisagreementIsOfOneInstant) {
   expect_trip(judge(3, 4, 8, 2), trip_t::CAUSE_DISAGREEMENT, 3, 4, 0.5);
 }
 
+// 1 - f_s / (mu_s N) = 1 - 0.25 / (0.25 8) = 0.875 of the messages here.
+TEST(Monitor, AMarginBetterThanItsForcesTrips) {
+  const auto judge_margin = [](double margin) { return judge_changed([=](Tick& t) { t.contact.margin = margin; }); };
+  for (const double fine : {0.875, 0.874, 0.0, -0.5, -1.0, -2.0}) expect_quiet(judge_margin(fine));
+  EXPECT_EQ(judge_margin(0.875 + 1e-9).cause, trip_t::CAUSE_DISAGREEMENT);
+  expect_trip(judge_margin(1), trip_t::CAUSE_DISAGREEMENT, 3, 0.25, 1e-12 * 2);
+  EXPECT_EQ(judge_margin(kInfinity).cause, trip_t::CAUSE_DISAGREEMENT);
+  EXPECT_EQ(judge_margin(kNan).cause, trip_t::CAUSE_DISAGREEMENT);
+  EXPECT_FALSE(std::isnan(judge_margin(kNan).value));
+  MonitorLimits perfect = limits();
+  perfect.static_friction = kInfinity;
+  expect_quiet(judge_changed(perfect, [](Tick& t) { t.contact.margin = 1; }));
+}
+
 TEST(Monitor, SilentPlantTrips) {
   Monitor monitor(limits());
   for (std::int64_t k = 0; k < 3; ++k) expect_quiet(monitor.judge(Tick(k).samples()));

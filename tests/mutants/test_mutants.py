@@ -1,33 +1,42 @@
 """Breaks Ballast, one thing at a time, and shows which guard catches it: the mutants of mutants.toml.
 
-  test_mutants.py BUILD_DIR [--only REGEX] [--every N] [--record] [--table README.md]
+  test_mutants.py BUILD_DIR [--only REGEX] [--every N [--turn K]] [--record] [--table README.md]
   test_mutants.py --check
 
 Of each mutant one file is compiled with its fault and linked before the libraries of the build, whose own object of that
-file is then left out: nothing in the sources knows of this. `ballast` so broken makes the mutant's run, and the mutant's
-test program is run. A mutant that neither the run nor the test tells from the sound program has survived, which is a
-failure; so is a run that ends otherwise than mutants.toml says. --every N takes every Nth mutant only, --record writes
-how the runs ended into mutants.toml, to be read before it is believed, --table what was seen into the file, between its
-markers. --check builds nothing: it only looks whether the text of each mutant still stands once in its file.
+file is then left out: nothing in the sources knows of this. The guards are tried in the order of their price, and the
+first that tells the broken program from the sound one ends it: `ballast`, so broken, makes the mutant's run, in which
+monitor, firmware and step check are the guards; else the mutant's test program is run, and has to fail. A mutant that
+neither catches has survived, which is a failure; so is one that is not caught as mutants.toml says.
+
+--every N takes each N-th mutant only, beginning with the K-th; without --turn K is the number of the repository's
+commits, so that every commit is tried with others and each with the same ones (0 without a repository). --record tries
+the run of every mutant, whatever mutants.toml says, and writes how it ended into it, to be read before it is believed;
+--table writes what was seen into the file, between its markers. --check builds nothing: it only looks whether the text
+of each mutant still stands once in its file.
 """
 
 import argparse
 import concurrent.futures
+import fcntl
 import json
 import os
 import pathlib
 import re
+import resource
 import shlex
+import shutil
 import subprocess
 import sys
-import tempfile
 import tomllib
+from dataclasses import dataclass
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 BEGIN, END = "<!-- the table: test_mutants.py --table -->", "<!-- end of the table -->"
-buses = 0
 TIME_LIMIT_S = 300  # of one program; a broken one may hang
+MONITORS_CAUSES = {"normal_force", "friction", "nonfinite", "stale", "missing", "repeated", "disagreement"}
+buses = 0
 
 
 def fail(text):
@@ -51,7 +60,7 @@ class Build:
         words = [str(mutated) if pathlib.Path(w).name == source.name and w.endswith(source.name) else w for w in words]
         words[words.index("-o") + 1] = str(out)
         # The optimiser would take most of the time and changes no result: no fast mathematics is allowed to it.
-        words = ["-O0" if w in ("-O2", "-O3") else w for w in words]
+        words = ["-O1" if w in ("-O2", "-O3") else w for w in words]
         return subprocess.run(words, cwd=entry["directory"], capture_output=True, text=True)
 
     def link(self, program, obj, out):
@@ -67,8 +76,25 @@ class Build:
         return subprocess.run(words, cwd=self.folder, capture_output=True, text=True)
 
 
-def outcome(program, arguments, folder):
-    """How a run ends, in a few words."""
+@dataclass
+class Ending:
+    """How a run ends."""
+
+    words: str
+    cause: str = ""  # of the trip
+    tick: int | None = None  # of the trip, or the last; None: there was none
+    by: str = ""  # whose doing the end is, where that is not the trip's
+
+    def guard(self, sound):
+        """Who has told it from the sound program's."""
+        if self.by:
+            return self.by
+        if self.cause and self.cause != sound.cause:
+            return ("monitor: " if self.cause in MONITORS_CAUSES else "controller: ") + self.cause
+        return "the summary"
+
+
+def ending(program, arguments, folder):
     out = folder / "run"
     # A bus of its own on this machine, below the ports that the system hands out itself.
     global buses
@@ -78,20 +104,23 @@ def outcome(program, arguments, folder):
         said = subprocess.run([str(program), "run", *shlex.split(arguments), "--quiet", "--out", str(out)], cwd=folder,
                               capture_output=True, text=True, timeout=TIME_LIMIT_S)
     except subprocess.TimeoutExpired:
-        return "hangs"
+        return Ending("hangs", by="the clock")
     if said.returncode < 0:
-        return f"dies of signal {-said.returncode}"
+        return Ending(f"dies of signal {-said.returncode}", by="the system")
     if not (out / "summary.json").exists():
-        return f"could not run: {said.stderr.strip().splitlines()[0].split(';')[0].removeprefix('ballast: ')}"
+        text = (said.stderr.strip().splitlines() or ["says nothing"])[0].removeprefix("ballast: ")
+        tick = re.search(r"tick (-?\d+)", text)
+        return Ending(f"could not run: {text.split(';')[0]}", by="the run", tick=int(tick[1]) if tick else None)
     summary = json.loads((out / "summary.json").read_text())
-    words = [summary["end"]["reason"]]
-    if summary["trip"]:
-        words.append("trip: " + summary["trip"]["cause"])
+    end = Ending(summary["end"]["reason"], tick=summary["ticks"])
+    if trip := summary["trip"]:
+        end.cause, end.tick = trip["cause"], trip["tick"]
+        end.words += f", trip: {end.cause} in tick {end.tick}"
     if any(m and m["lost_steps"] for m in summary["motors"]):
-        words.append("steps lost")
-    if summary.get("step_timing") and summary["step_timing"]["violations"]:
-        words.append("pulses out of place")
-    return ", ".join(words)
+        end.words += ", steps lost"
+    if summary["end"]["reason"] == "step_timing":
+        end.by = "step check"
+    return end
 
 
 def test_fails(program, test_filter):
@@ -106,26 +135,61 @@ def test_fails(program, test_filter):
     return said.returncode != 0
 
 
-def try_mutant(build, mutant, runs, folder):
-    """(how the run ended, whether the test failed), or a text that says why it could not be tried."""
-    source = ROOT / mutant["file"]
-    text = source.read_text()
-    if text.count(mutant["old"]) != 1:
-        return f"{mutant['file']} has the text to be broken {text.count(mutant['old'])} times; allowed: once"
-    folder.mkdir()
-    mutated, obj = folder / source.name, folder / "mutated.o"
-    mutated.write_text(text.replace(mutant["old"], mutant["new"]))
-    done = build.compile(source, mutated, obj)
-    if done.returncode != 0:
-        return "does not compile:\n" + done.stderr
-    test, test_filter = mutant["test"].split(" ", 1)
-    for program, out in (("bin/ballast", folder / "ballast"), ("tests/" + test, folder / test)):
-        done = build.link(program, obj, out)
+class Trial:
+    """One mutant."""
+
+    def __init__(self, build, mutant, folder):
+        self.build, self.mutant, self.folder = build, mutant, folder
+        self.trouble = ""  # why it could not be tried
+        self.ended = None  # its run; None: not made
+        self.seen = ""  # how that ended, if otherwise than the sound program's
+        self.guard = ""  # who has caught it
+        self.object = folder / "mutated.o"
+
+    def try_guards(self, runs, sound, with_run):
+        source = ROOT / self.mutant["file"]
+        text = source.read_text()
+        if (times := text.count(self.mutant["old"])) != 1:
+            self.trouble = f"{self.mutant['file']} has the text to be broken {times} times; allowed: once"
+            return self
+        self.folder.mkdir(parents=True)
+        mutated = self.folder / source.name
+        mutated.write_text(text.replace(self.mutant["old"], self.mutant["new"]))
+        done = self.build.compile(source, mutated, self.object)
         if done.returncode != 0:
-            return f"{program} does not link:\n" + done.stderr
-    for peer in ("ballast-controller", "ballast-monitor"):
-        (folder / peer).symlink_to(build.folder / "bin" / peer)
-    return outcome(folder / "ballast", runs[mutant["run"]], folder), test_fails(folder / test, test_filter)
+            self.trouble = "does not compile:\n" + done.stderr
+            return self
+        if with_run:
+            self.make_run(runs, sound)
+        if not self.guard and not self.trouble:
+            self.make_test()
+        shutil.rmtree(self.folder)
+        return self
+
+    def link(self, program):
+        out = self.folder / pathlib.Path(program).name
+        done = self.build.link(program, self.object, out)
+        if done.returncode != 0:
+            self.trouble = f"{program} does not link:\n" + done.stderr
+        return out
+
+    def make_run(self, runs, sound):
+        program = self.link("bin/ballast")
+        if self.trouble:
+            return
+        for peer in ("ballast-controller", "ballast-monitor"):
+            (self.folder / peer).symlink_to(self.build.folder / "bin" / peer)
+        name = self.mutant["run"]
+        self.ended = ending(program, runs[name], self.folder)
+        if self.ended.words != sound[name].words:
+            self.seen = self.ended.words
+            self.guard = self.ended.guard(sound[name])
+
+    def make_test(self):
+        test, test_filter = self.mutant["test"].split(" ", 1)
+        program = self.link("tests/" + test)
+        if not self.trouble and test_fails(program, test_filter):
+            self.guard = f"test: {test_filter.strip('*')}" if test_filter != "*" else f"test: {test}"
 
 
 def record(name, seen):
@@ -135,16 +199,26 @@ def record(name, seen):
     path.write_text(before + f'name = "{name}"\n' + after)
 
 
-def table(rows):
-    lines = [BEGIN, "", "| broken | file | the run | ends | test that fails |", "|---|---|---|---|---|"]
-    for mutant, ended, failed in rows:
-        test = mutant["test"].split(" ", 1)[1].strip("*") if failed else "-"
-        lines.append(f"| {mutant['breaks']} | `{mutant['file']}` | {mutant['run']} | "
-                     f"{ended if mutant['caught'] else 'as it should'} | {test or mutant['test'].split()[0]} |")
-    caught = sum(1 for mutant, _, _ in rows if mutant["caught"])
-    lines += ["", f"{len(rows)} mutants: {caught} are caught in the run itself, {sum(f for _, _, f in rows)} by the test "
-              f"beside them, none by neither.", "", END]
+def table(trials):
+    lines = [BEGIN, "", "| broken | file | run | caught by | in tick | the run ends |", "|---|---|---|---|---|---|"]
+    for t in trials:
+        tick = "-" if not t.seen else "before the first" if t.ended.tick is None else str(t.ended.tick)
+        if t.guard == "the summary":
+            tick = "at the end"
+        lines.append(f"| {t.mutant['breaks']} | `{t.mutant['file']}` | {t.mutant['run']} | {t.guard} | {tick} | "
+                     f"{t.seen or 'as it should'} |")
+    counts = {}
+    for t in trials:
+        kind = t.guard.split(":")[0]
+        counts[kind] = counts.get(kind, 0) + 1
+    said = ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items(), key=lambda c: -c[1]))
+    lines += ["", f"{len(trials)} mutants, all caught: {said}.", "", END]
     return "\n".join(lines)
+
+
+def turn_of_today():
+    said = subprocess.run(["git", "-C", str(ROOT), "rev-list", "--count", "HEAD"], capture_output=True, text=True)
+    return int(said.stdout) if said.returncode == 0 else 0
 
 
 def main():
@@ -153,6 +227,7 @@ def main():
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--only", default="")
     parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--turn", type=int)
     parser.add_argument("--record", action="store_true")
     parser.add_argument("--table", type=pathlib.Path)
     options = parser.parse_args()
@@ -160,7 +235,10 @@ def main():
     runs, mutants = listed["runs"], listed["mutant"]
     if len({m["name"] for m in mutants}) != len(mutants):
         fail("two mutants have one name")
-    chosen = [m for m in mutants if re.search(options.only, m["name"])][:: options.every]
+    if options.every < 1:
+        fail(f"--every {options.every}: allowed: 1 and more")
+    turn = options.turn if options.turn is not None else turn_of_today() if options.every > 1 else 0
+    chosen = [m for m in mutants if re.search(options.only, m["name"])][turn % options.every :: options.every]
     if not chosen:
         fail(f"--only {options.only}: no mutant is called so")
     if options.check:
@@ -171,52 +249,67 @@ def main():
         parser.error("BUILD_DIR is missing; allowed without it: --check")
     build = Build(options.build.resolve())
 
-    with tempfile.TemporaryDirectory(prefix="ballast-mutants-") as scratch:
-        scratch = pathlib.Path(scratch)
-        # The robot of the end-stop tests, from where they have it.
-        header = (ROOT / "tests/sil/into_its_stop.h").read_text()
-        stop = scratch / "into_its_stop.toml"
-        stop.write_text(header.split('R"(')[1].split(')"')[0])
-        runs = {name: line.replace(stop.name, shlex.quote(str(stop))) for name, line in runs.items()}
-        sound = {}
-        for name, line in runs.items():
-            (scratch / name).mkdir()
-            sound[name] = outcome(build.folder / "bin/ballast", line, scratch / name)
-            print(f"sound program, {name}: {sound[name]}", flush=True)
+    scratch = build.folder / "mutants"
+    scratch.mkdir(exist_ok=True)
+    with open(scratch / "lock", "w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            fail(f"{scratch}: mutants are being made there already")
+        for left in scratch.iterdir():
+            if left.is_dir():
+                shutil.rmtree(left)
+        bad = try_all(build, scratch, chosen, runs, options)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    print(f"{len(chosen)} of {len(mutants)} mutants, {bad} not caught as listed; {used.ru_utime + used.ru_stime:.0f} s of CPU")
+    return 1 if bad else 0
 
-        # A test that fails anyway would catch every mutant.
-        for test in sorted({mutant["test"] for mutant in chosen}):
-            program, test_filter = test.split(" ", 1)
-            if test_fails(build.folder / "tests" / program, test_filter):
-                fail(f"{test}: fails on the sound program")
 
-        rows, bad = [], 0
-        with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-            tried = pool.map(lambda m: try_mutant(build, m, runs, scratch / ("of " + m["name"])), chosen)
-            for mutant, result in zip(chosen, tried):
-                name = mutant["name"]
-                if isinstance(result, str):
-                    print(f"{name}: {result}", flush=True)
-                    bad += 1
-                    continue
-                ended, failed = result
-                seen = ended if ended != sound[mutant["run"]] else ""
-                survives = not seen and not failed
-                if options.record:
-                    record(name, seen)
-                    mutant["caught"] = seen
-                unlike = seen != mutant["caught"]
-                print(f"{name}: {'run: ' + seen if seen else 'run as sound'}; test {'fails' if failed else 'passes'}"
-                      + ("  SURVIVES" if survives else "")
-                      + (f"  NOT AS LISTED: {mutant['caught']!r}" if unlike else ""), flush=True)
-                bad += survives or unlike
-                rows.append((mutant, ended, failed))
-    print(f"{len(chosen)} mutants, {bad} not caught as listed")
+def try_all(build, scratch, chosen, runs, options):
+    """How many are not as they should be."""
+    # The robot of the end-stop tests, from where they have it.
+    header = (ROOT / "tests/sil/into_its_stop.h").read_text()
+    stop = scratch / "into_its_stop.toml"
+    stop.write_text(header.split('R"(')[1].split(')"')[0])
+    runs = {name: line.replace(stop.name, shlex.quote(str(stop))) for name, line in runs.items()}
+    with_run = [m for m in chosen if m["caught"] or options.record]
+    sound = {}
+    for name in sorted({m["run"] for m in with_run}):
+        folder = scratch / ("sound " + name)
+        folder.mkdir()
+        sound[name] = ending(build.folder / "bin/ballast", runs[name], folder)
+        print(f"sound program, {name}: {sound[name].words}", flush=True)
+        shutil.rmtree(folder)
+    # A test that fails anyway would catch every mutant.
+    for test in sorted({m["test"] for m in chosen if options.record or not m["caught"]}):
+        program, test_filter = test.split(" ", 1)
+        if test_fails(build.folder / "tests" / program, test_filter):
+            fail(f"{test}: fails on the sound program")
+
+    trials, bad = [], 0
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        tried = pool.map(lambda m: Trial(build, m, scratch / m["name"]).try_guards(runs, sound, m in with_run), chosen)
+        for trial in tried:
+            name, listed = trial.mutant["name"], trial.mutant["caught"]
+            if trial.trouble:
+                print(f"{name}: {trial.trouble}", flush=True)
+                bad += 1
+                continue
+            if options.record:
+                record(name, trial.seen)
+            # Numbers aside: a tick may move with every change of the robots' motion.
+            alike = re.sub(r"-?\d+", "#", trial.seen) == re.sub(r"-?\d+", "#", listed)
+            unlike = trial.guard != "" and not alike and not options.record
+            at = f", tick {trial.ended.tick}" if trial.seen and trial.ended.tick is not None else ""
+            print(f"{name}: {trial.guard or 'SURVIVES'}{at}" + (f" ({trial.seen})" if trial.seen else "")
+                  + (f"  NOT AS LISTED: {listed!r}" if unlike else ""), flush=True)
+            bad += not trial.guard or unlike
+            trials.append(trial)
     if options.table and not bad:
         text = options.table.read_text()
         start, end = text.index(BEGIN), text.index(END) + len(END)
-        options.table.write_text(text[:start] + table(rows) + text[end:])
-    return 1 if bad else 0
+        options.table.write_text(text[:start] + table(trials) + text[end:])
+    return bad
 
 
 if __name__ == "__main__":

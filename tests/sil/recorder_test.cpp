@@ -6,6 +6,7 @@
 #include <lcm/lcm-cpp.hpp>
 
 #include "tools/sil/plant_messages.h"
+#include "tools/sil/step_ledger.h"
 
 namespace ballast::sil {
 namespace {
@@ -101,6 +102,42 @@ TEST(Expand, GivesPulsesInOrderOfTime) {
     EXPECT_EQ(pulses[i].motor, motors[i]);
     EXPECT_EQ(pulses[i].direction, motors[i] == 1 ? -1 : 1);
   }
+}
+
+// Two motors, one of them forth and back, with intervals that grow and shrink.
+TEST(StepLedger, SeesPulsesThatTheCommandDoesNotSpeakOf) {
+  constexpr double kTimer_hz = 1e7;
+  step_command_t command{};
+  command.motor_count = 2;
+  command.burst_count = 3;
+  for (std::size_t b = 0; b < 3; ++b) {
+    command.motor[b] = b == 2;
+    command.direction[b] = b == 0 ? -1 : 1;
+    command.count[b] = static_cast<std::int16_t>(5 + 2 * b);
+    command.first[b] = 1234 + 4000 * static_cast<std::int32_t>(b);
+    command.interval[b] = 400;
+    command.add[b] = b == 1 ? 17 : -13;
+  }
+  std::vector<sim::StepPulse> pulses;
+  expand(command, kTimer_hz, pulses);
+  ASSERT_EQ(pulses.size(), 5u + 7u + 9u);
+  EXPECT_TRUE(StepLedger::gives(command, kTimer_hz, pulses));
+  const auto with = [&](auto change) {
+    auto changed = pulses;
+    change(changed);
+    return StepLedger::gives(command, kTimer_hz, changed);
+  };
+  EXPECT_FALSE(with([](auto& p) { p.pop_back(); }));
+  EXPECT_FALSE(with([](auto& p) { p.push_back(p.back()); }));
+  EXPECT_FALSE(with([](auto& p) { std::swap(p[3], p[4]); }));
+  EXPECT_FALSE(with([](auto& p) { p[7].direction *= -1; }));
+  EXPECT_FALSE(with([](auto& p) { p[7].offset_s += 1 / kTimer_hz; }));
+  EXPECT_FALSE(with([](auto& p) { p[7].motor = 2; }));
+  EXPECT_FALSE(with([](auto& p) { p[7].motor = -1; }));
+  EXPECT_FALSE(with([](auto& p) {
+    for (auto& pulse : p) pulse.motor = 1 - pulse.motor;
+  }));
+  EXPECT_TRUE(StepLedger::gives(step_command_t{}, kTimer_hz, {}));
 }
 
 }  // namespace

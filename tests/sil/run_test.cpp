@@ -404,6 +404,39 @@ TEST(RunLoop, AStepOverloadSaysWhatItWas) {
   EXPECT_FALSE(result.step_timing->violation) << result.step_timing->violation->text();
 }
 
+// A monitor that speaks of two ticks ago.
+class IsLate : public Peers {
+ public:
+  explicit IsLate(Peers& peers) : peers_(peers) {}
+  hal::Status connect() override { return peers_.connect(); }
+  hal::Status exchange(Lap& lap) override {
+    lap.replayed = true;
+    lap.verdict = trip_t{};
+    lap.verdict->tick = lap.plant.contact.tick - 2;
+    return peers_.exchange(lap);
+  }
+  std::string trouble() const override { return peers_.trouble(); }
+
+ private:
+  Peers& peers_;
+};
+
+// The controller refuses to be armed then, and says why; nothing will ever move.
+TEST(RunLoop, AFaultBeforeTheStartIsNoRunThatCompletes) {
+  const sim::Scenario scenario = load("paper_ball", {"duration=0.1"});
+  auto params = std::make_unique<firmware::ControllerParams>();
+  ASSERT_FALSE(program::to_controller_params(scenario, *params));
+  InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
+  IsLate late(peers);
+  Recorder recorder("/dev/null");
+  const RunResult result = run(scenario, late, recorder, {});
+  EXPECT_EQ(result.status, hal::Status::kOk) << result.trouble;
+  EXPECT_EQ(result.end_reason, EndReason::kTripped);
+  ASSERT_TRUE(result.controller_trip);
+  EXPECT_EQ(result.controller_trip->tick, -2);
+  EXPECT_EQ(result.controller_trip->faults, static_cast<std::int32_t>(firmware::Fault::kMonitorStale));
+}
+
 // A robot set down outside its envelope trips at once and never starts.
 TEST(RunLoop, ABallSetDownOutsideItsEnvelopeTripsAtTheStart) {
   const RunResult slips = run_scenario(load("paper_ball", {"surface.static_friction=0.1", "run.actuation=prescribed"}));

@@ -121,6 +121,69 @@ TEST(Invariants, AViolationThatNobodyReports) {
   EXPECT_EQ(unseen([](auto& truth) { truth.regime = sim::Regime::kSliding; }), due);
 }
 
+// The run was to end where the ball slips, and nobody says that it has.
+TEST(Invariants, ALossOfRollingThatNobodyReports) {
+  for (const sil::EndReason reason : {sil::EndReason::kSlipped, sil::EndReason::kDetached}) {
+    const Recorded& stops = completed();
+    const auto broken = stops.broken([reason](Recorded& run) {
+      run.scenario.run.on_violation = sim::OnViolation::kStop;
+      run.result.end_reason = reason;
+      run.result.rolling_lost = true;
+    });
+    EXPECT_EQ(broken, Which{Invariant::kDetected}) << stops.words_;
+  }
+}
+
+// On a floor that has become slippery f_s is far below what the scenario's floor would give.
+TEST(Invariants, AFloorThatBecomesSlipperyIsNoticedWhereTheRunEndsToo) {
+  for (const char* on_violation : {"stop", "continue"}) {
+    const Recorded run({"duration=0.5", std::string("run.on_violation=\"") + on_violation + "\""},
+                       {"friction_falls@0.2:0.001"});
+    EXPECT_EQ(run.result.end_reason == sil::EndReason::kSlipped, std::string_view(on_violation) == "stop");
+    EXPECT_EQ(run.result.trip.cause, trip_t::CAUSE_FRICTION) << on_violation;
+    EXPECT_EQ(run.broken(), Which{}) << run.words_;
+  }
+}
+
+TEST(Invariants, AFalseAlarm) {
+  const auto but_end = [](Which broken) {  // a trip that is made up ends no run, and takes no stop
+    std::erase_if(broken, [](Invariant i) { return i != Invariant::kNoFalseAlarm; });
+    return broken;
+  };
+  const Which due{Invariant::kNoFalseAlarm};
+  EXPECT_EQ(but_end(completed().broken([](Recorded& run) {
+              trip_t& trip = run.ticks[200].lap.trip;
+              trip.tripped = 1;
+              trip.cause = trip_t::CAUSE_DISAGREEMENT;
+              trip.trip_tick = trip.tick;
+            })),
+            due);
+  // One in whose tick the true ball was inside.
+  EXPECT_EQ(but_end(tripped().broken([](Recorded& run) {
+              Tick& trip = run.ticks[run.trip()];
+              trip.truth = run.ticks[run.trip() - 1].truth;
+            })),
+            due);
+  const auto with_faults = [&](firmware::Fault fault, auto change) {
+    return but_end(completed().broken([&](Recorded& run) {
+      run.ticks[200].lap.status.faults = static_cast<std::int32_t>(fault);
+      change(run.ticks[200]);
+    }));
+  };
+  using firmware::Fault;
+  for (const Fault fault : {Fault::kSensorNotFinite, Fault::kSensorStale, Fault::kMonitorStale, Fault::kMonitorTrip,
+                            Fault::kStepOverload, Fault::kTickOutOfOrder, Fault::kInternal, Fault::kEndSwitch}) {
+    EXPECT_EQ(with_faults(fault, [](Tick&) {}), due) << static_cast<std::uint32_t>(fault);
+  }
+  EXPECT_EQ(with_faults(Fault::kEndSwitch, [](Tick& tick) { tick.truth.end_switches[1] = 2; }), Which{});
+  EXPECT_EQ(with_faults(Fault::kStepOverload,
+                        [](Tick& tick) {
+                          tick.lap.status.overload_value = 5;
+                          tick.lap.status.overload_limit = 4;
+                        }),
+            Which{});
+}
+
 TEST(Invariants, ATripOneTickLate) {
   EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
               const std::size_t trip = run.trip();
@@ -228,7 +291,10 @@ TEST(Invariants, AnEndThatIsNotWhatHappened) {
   for (const EndReason reason : {EndReason::kTripped, EndReason::kSlipped, EndReason::kDetached,
                                  EndReason::kInconsistent, EndReason::kStepTiming}) {
     SCOPED_TRACE(to_string(reason));
-    EXPECT_EQ(completed().broken([&](Recorded& run) { run.result.end_reason = reason; }), Which{Invariant::kEnded});
+    const auto broken = completed().broken([&](Recorded& run) { run.result.end_reason = reason; });
+    // A loss of rolling would have to be noticed besides.
+    const bool lost = reason == EndReason::kSlipped || reason == EndReason::kDetached;
+    EXPECT_EQ(broken, lost ? (Which{Invariant::kDetected, Invariant::kEnded}) : Which{Invariant::kEnded});
   }
   EXPECT_EQ(completed().broken([](Recorded& run) { run.result.status = hal::Status::kPeerLost; }),
             Which{Invariant::kEnded});

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 namespace ballast::monitor {
 namespace {
@@ -33,6 +34,19 @@ bool finite(const plant_state_t& state) {
 
 bool finite(const sensors_t& sensors) {
   return finite(sensors.orientation) && finite(sensors.gyro_B_radps) && finite(sensors.accelerometer_B_mps2);
+}
+
+// Of a margin: a few operations on numbers of about 1, and room.
+constexpr double kRounding = 1e-12;
+
+// Judged is N and f_s, watched is the margin: by how much f_s is more than that says of it; -infinity where it
+// says nothing. `cone_n`: mu_s N.
+double hidden_friction_n(const contact_t& contact, double cone_n) {
+  // -1 is said of anything worse too.
+  if (!std::isfinite(cone_n) || cone_n <= 0 || contact.margin <= -1) return -std::numeric_limits<double>::infinity();
+  if (std::isnan(contact.margin))
+    return contact.static_friction_n + cone_n;  // as good as none: the most there is to hide
+  return contact.static_friction_n - (1 - contact.margin) * cone_n;
 }
 
 }  // namespace
@@ -138,6 +152,10 @@ void Monitor::judge_agreement(const Samples& samples) {
     if (apart_n > limits_.disagreement_n) trip(trip_t::CAUSE_DISAGREEMENT, apart_n, limits_.disagreement_n);
   }
   const contact_t& contact = *samples.contact;
+  const double cone_n = limits_.static_friction * contact.normal_force_n;
+  if (const double hidden_n = hidden_friction_n(contact, cone_n); hidden_n > kRounding * cone_n) {
+    trip(trip_t::CAUSE_DISAGREEMENT, hidden_n, kRounding * cone_n);
+  }
   commanded_.reset();
   if (contact.regime == contact_t::REGIME_ROLLING) {
     commanded_ = {contact.commanded_normal_force_n, contact.commanded_static_friction_n};

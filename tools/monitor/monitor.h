@@ -60,7 +60,11 @@ struct Samples {
 //                 status a tick later. Two derivations that share no
 //                 line: one of them is wrong, or was told another robot,
 //                 attitude or motion. Not judged where either is not
-//                 finite, or the plant's floor would have to pull
+//                 finite, or the plant's floor would have to pull.
+//                 Also a margin that is better than N and f_s of the       value: the f_s it hides, in N,
+//                 same message make it on the floor of the limits          limit: what rounding can hide
+//                 (a worse floor makes it less); none with perfect
+//                 friction
 class Monitor {
  public:
   explicit Monitor(const MonitorLimits& limits);

@@ -362,6 +362,10 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     if (tick >= 0) {
       const double start_s = plant.time_s();
       expand(due, scenario.run.timer_frequency_hz, pulses);
+      if (!StepLedger::gives(due, scenario.run.timer_frequency_hz, pulses)) {
+        return lost("the motors would be given other pulses in tick " + std::to_string(tick) +
+                    " than the step command speaks of: a fault of this program");
+      }
       plant.advance(std::min(static_cast<double>(tick + 1) * period_s, end_s), pulses);
       pulse_record.add(start_s, plant.time_s(), pulses);
       ++result.ticks;

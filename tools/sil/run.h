@@ -120,7 +120,8 @@ struct RunOptions {
 // It ends as kPeerLost where what it hears cannot be of one controller and one monitor that hear it: the controller has
 // been started again (it counts fewer commands than before), the monitor takes a trip back, the controller counts steps
 // that the motors have not been given or more than kAllowedMissedCommands have not come (neither counts during the stop
-// after a trip: then the record keeps how many), or it has been silent for kGivenUpTicks.
+// after a trip: then the record keeps how many), or it has been silent for kGivenUpTicks. So it does where the motors
+// would be given other pulses than the command speaks of, which would be a fault of the plant's.
 RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options);
 
 }  // namespace ballast::sil

@@ -1,5 +1,8 @@
 #include "tools/sil/step_ledger.h"
 
+#include <array>
+#include <cmath>
+
 namespace ballast::sil {
 
 namespace {
@@ -33,6 +36,33 @@ std::string StepLedger::fault_of(const step_command_t& command, double timer_tic
            std::to_string(sum[i]);
   }
   return "";
+}
+
+bool StepLedger::gives(const step_command_t& command, double timer_frequency_hz,
+                       std::span<const sim::StepPulse> pulses) {
+  struct Sums {
+    std::int64_t forth = 0, back = 0, timer_ticks = 0;
+    bool operator==(const Sums&) const = default;
+  };
+  std::array<Sums, sim::kMaxMasses> said{}, given{};
+  for (int b = 0; b < command.burst_count; ++b) {
+    Sums& sums = said[static_cast<std::size_t>(command.motor[b])];
+    const std::int64_t n = command.count[b];
+    (command.direction[b] > 0 ? sums.forth : sums.back) += n;
+    // Sums of j and of j (j - 1) / 2 over j = 0..n-1; without a fault all times are in the tick, so that nothing
+    // overflows.
+    sums.timer_ticks +=
+        n * command.first[b] + n * (n - 1) / 2 * command.interval[b] + n * (n - 1) * (n - 2) / 6 * command.add[b];
+  }
+  double last_s = 0;
+  for (const sim::StepPulse& pulse : pulses) {
+    if (pulse.offset_s < last_s || pulse.motor < 0 || pulse.motor >= sim::kMaxMasses) return false;
+    last_s = pulse.offset_s;
+    Sums& sums = given[static_cast<std::size_t>(pulse.motor)];
+    ++(pulse.direction > 0 ? sums.forth : sums.back);
+    sums.timer_ticks += std::llround(pulse.offset_s * timer_frequency_hz);
+  }
+  return given == said;
 }
 
 bool StepLedger::enter(const step_command_t& command) {

@@ -4,7 +4,10 @@
 
 #include <ballast/step_command_t.hpp>
 #include <cstdint>
+#include <span>
 #include <string>
+
+#include "sim/plant.h"
 
 namespace ballast::sil {
 
@@ -14,6 +17,11 @@ class StepLedger {
   // What is looked at is that it says of its pulses what they are, and that they come in order and inside their tick:
   // no others are ever made. `timer_ticks`: of a control period.
   [[nodiscard]] static std::string fault_of(const step_command_t& command, double timer_ticks);
+
+  // Whether the motors are given the pulses that a command without fault speaks of: of each motor as many in each
+  // direction, at times with the same sum, in order. By sums in closed form; which pulse is which is not looked at.
+  [[nodiscard]] static bool gives(const step_command_t& command, double timer_frequency_hz,
+                                  std::span<const sim::StepPulse> pulses);
 
   // Enters it. False: the controller counts other steps before this command than the motors have been given; text()
   // says which, of the first such command.

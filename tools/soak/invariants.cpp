@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <numbers>
 
+#include "firmware/safety/fault.h"
 #include "hal/lcm/channels.h"
 #include "tools/program/program.h"
 #include "tools/sil/log_reader.h"
@@ -18,9 +19,14 @@ namespace {
 constexpr InvariantText kTexts[kInvariantCount] = {
     {"detected",
      "An envelope violation of the true ball (N at or below min_normal_force; f_s above friction_use mu_s N; sliding "
-     "after rolling) is a trip of monitor or controller in the tick at whose end it shows; where messages or peers are "
-     "made to suffer, a tick later at most. Not looked at while both are silent: then nobody is left, and the motors "
-     "stand."},
+     "after rolling; a run that the loss of rolling ends) is a trip of monitor or controller in the tick at whose end "
+     "it "
+     "shows; where messages or peers are made to suffer, a tick later at most. Not looked at while both are silent: "
+     "then nobody is left, and the motors stand."},
+    {"no_false_alarm",
+     "Without a fault in the scenario the monitor trips only in a tick in which the true ball is outside the envelope, "
+     "and the controller only after the monitor, at an end switch that a true mass is at, or over steps that it says "
+     "its motor cannot make."},
     {"obeyed",
      "A controller that hears of a trip is tripped in that very tick, or still disarmed; where the verdict does not "
      "reach it, two ticks later."},
@@ -123,6 +129,7 @@ void Invariants::see(const sil::Lap& lap, const Sample& truth) {
     status_ = lap.status;
   }
   see_envelope(lap, truth);
+  if (scenario_.faults.empty()) see_alarm(lap, truth);
   expect_in_log(lap);
   truth_ = truth;
   if (++laps_ == most_laps_ + 1) {
@@ -257,6 +264,7 @@ void Invariants::see_finite(const sil::Lap& lap) {
 }
 
 void Invariants::see_envelope(const sil::Lap& lap, const Sample& truth) {
+  nobody_left_ = lap.monitor_silent && (lap.controller_silent || !has_controller_);
   // The force's own length: what the plant says of it is not taken for granted. It may differ in the last digits.
   constexpr double kRounding = 1e-12;
   const double friction_n = truth.friction_force_W_n.norm();
@@ -266,10 +274,12 @@ void Invariants::see_envelope(const sil::Lap& lap, const Sample& truth) {
   // On a floor that was to be perfect, and is not, the ball may slide too.
   const bool lost = has_rolled_ && truth.regime == sim::Regime::kSliding;
   has_rolled_ = has_rolled_ || truth.regime == sim::Regime::kRolling;
-  const bool slips =
-      lost || (std::isfinite(mu_allowed) && (friction_n > mu_allowed * truth.normal_force_n * (1 + kRounding) ||
-                                             truth.mu_required_max > mu_allowed * (1 + kRounding)));
-  if (!too_light && !slips) {
+  const auto slips_with = [&](double allowed) {
+    return lost ||
+           (std::isfinite(allowed) && (friction_n > allowed * truth.normal_force_n || truth.mu_required_max > allowed));
+  };
+  outside_but_for_rounding_ = too_light || slips_with(mu_allowed * (1 - kRounding));
+  if (!too_light && !slips_with(mu_allowed * (1 + kRounding))) {
     undetected_ticks_ = 0;
     return;
   }
@@ -277,7 +287,7 @@ void Invariants::see_envelope(const sil::Lap& lap, const Sample& truth) {
   const bool by_controller =
       controller_heard_ && (status_.mode == controller_status_t::MODE_TRIPPED || status_.faults != 0);
   const bool detected = trip_.tripped != 0 || by_controller;
-  if (detected || (lap.monitor_silent && (lap.controller_silent || !has_controller_))) {
+  if (detected || nobody_left_) {
     undetected_ticks_ = 0;
     return;
   }
@@ -287,6 +297,31 @@ void Invariants::see_envelope(const sil::Lap& lap, const Sample& truth) {
          "N = %g N (least %g), f_s = %g N (most f_s/N %g), and no trip; allowed N > %g, f_s/N <= %g",
          truth.normal_force_n, least_n, friction_n, truth.mu_required_max, scenario_.envelope.min_normal_force_n,
          mu_allowed);
+  }
+}
+
+void Invariants::see_alarm(const sil::Lap& lap, const Sample& truth) {
+  if (trip_.tripped != 0 && heard_trip_tick_ == tick_ && !outside_but_for_rounding_) {
+    fail(Invariant::kNoFalseAlarm, tick_,
+         "the monitor trips (cause %d, value %g, limit %g) while N = %g N (least %g), f_s = %g N (most f_s/N %g)",
+         trip_.cause, trip_.value, trip_.limit, truth.normal_force_n, truth.normal_force_min_n,
+         truth.friction_force_W_n.norm(), truth.mu_required_max);
+  }
+  if (!has_controller_) return;
+  const auto has = [&](firmware::Fault fault) {
+    return (static_cast<std::uint32_t>(lap.status.faults) & static_cast<std::uint32_t>(fault)) != 0;
+  };
+  using firmware::Fault;
+  const bool at_an_end = std::ranges::any_of(truth.end_switches, [](int switches) { return switches != 0; });
+  at_an_end_ = at_an_end_ || at_an_end;
+  const auto known = static_cast<std::uint32_t>(Fault::kMonitorTrip) | static_cast<std::uint32_t>(Fault::kEndSwitch) |
+                     static_cast<std::uint32_t>(Fault::kStepOverload);
+  const bool alarm = (has(Fault::kMonitorTrip) && trip_.tripped == 0) || (has(Fault::kEndSwitch) && !at_an_end_) ||
+                     (has(Fault::kStepOverload) && !(lap.status.overload_value > lap.status.overload_limit)) ||
+                     (static_cast<std::uint32_t>(lap.status.faults) & ~known) != 0;
+  if (alarm) {
+    fail(Invariant::kNoFalseAlarm, tick_, "the controller has faults 0x%x, and nothing explains them",
+         static_cast<std::uint32_t>(lap.status.faults));
   }
 }
 
@@ -411,6 +446,7 @@ void Invariants::expect_in_log(const sil::Lap& lap) {
 void Invariants::finish(const sil::RunResult& result, const std::string& log_path) {
   if (taken_back_ && (result.status == hal::Status::kOk || taken_back_->tick != tick_))
     fail(Invariant::kLatched, taken_back_->tick, "%s", taken_back_->text.c_str());
+  finish_detected(result);
   finish_end(result);
   finish_stop(result);
   read_log(log_path, result.status == hal::Status::kIo && suffers(sim::FaultKind::kDiskFull));
@@ -462,6 +498,16 @@ void Invariants::finish_end(const sil::RunResult& result) {
       !all_finite(x.normal_force_min.value, x.normal_force_max.value, x.static_friction_max.value)) {
     fail(Invariant::kFinite, tick_, "the summary's extrema are not finite");
   }
+}
+
+// Whatever the plant said of its regime.
+void Invariants::finish_detected(const sil::RunResult& result) {
+  const bool lost = result.status == hal::Status::kOk &&
+                    (result.end_reason == sil::EndReason::kSlipped || result.end_reason == sil::EndReason::kDetached);
+  const bool detected = trip_.tripped != 0 || (controller_heard_ && status_.faults != 0);
+  // Of a ball that has never rolled nothing is lost; of injured messages the last may be the one that speaks of it.
+  if (!lost || detected || !has_rolled_ || bus_suffers_ || nobody_left_) return;
+  fail(Invariant::kDetected, tick_, "the run ended as %s, and nobody has tripped", to_string(result.end_reason));
 }
 
 void Invariants::finish_stop(const sil::RunResult& result) {

@@ -19,6 +19,7 @@ namespace ballast::soak {
 
 enum class Invariant {
   kDetected,
+  kNoFalseAlarm,
   kObeyed,
   kLatched,
   kAtRest,
@@ -29,7 +30,7 @@ enum class Invariant {
   kPatient,
   kRepeatable,
 };
-inline constexpr int kInvariantCount = 10;
+inline constexpr int kInvariantCount = 11;
 
 struct InvariantText {
   const char* name;
@@ -73,9 +74,11 @@ class Invariants {
   void see_controller_latch(const sil::Lap& lap);
   void see_finite(const sil::Lap& lap);
   void see_envelope(const sil::Lap& lap, const Sample& truth);
+  void see_alarm(const sil::Lap& lap, const Sample& truth);
   void see_obeyed(const sil::Lap& lap);
   void see_stop(const sil::Lap& lap, const Sample& truth);
   void expect_in_log(const sil::Lap& lap);
+  void finish_detected(const sil::RunResult& result);
   void finish_stop(const sil::RunResult& result);
   void finish_end(const sil::RunResult& result);
   void read_log(const std::string& path, bool cut_short);
@@ -94,6 +97,9 @@ class Invariants {
   bool has_ended_ = false;
   bool has_rolled_ = false, violated_ = false;
   std::int64_t undetected_ticks_ = 0;  // in which the truth was outside, on end
+  // In the latest lap: the truth is outside, or at the edge; both who could notice are silent.
+  bool outside_but_for_rounding_ = false, nobody_left_ = false;
+  bool at_an_end_ = false;  // some true mass has been at an end of its rail
 
   bool monitor_tripped_ = false;      // as it last said
   std::int64_t heard_trip_tick_ = 0;  // in which it first did
