@@ -73,14 +73,7 @@ bool Machine::start(const firmware::ControllerParams& params, const target::Comm
   const double counts_per_step_tick = commit.stretch * (kClockHz / static_cast<double>(params.timer_frequency_hz));
   if (!(counts_per_step_tick >= 1.0 / 32 && counts_per_step_tick < 4096)) return false;
   play_ = commit.play;
-  // Half the shortest distance the motor is ever asked for, which the host allows too: pulses stay in order, and at
-  // least so far apart.
-  auto most_late = target::StepPlayer<StepPins>::any_lateness();
-  for (std::size_t i = 0; i < static_cast<std::size_t>(params.ball.mass_count); ++i) {
-    most_late[i] = static_cast<std::uint32_t>(
-        std::fmin(kClockHz / (2 * static_cast<double>(params.motor[i].max_step_rate_hz)), 0x7fffffff));
-  }
-  player_.configure(counts_per_step_tick, most_late);
+  player_.configure(counts_per_step_tick);
 
   reg(kTimer0 + 8) = 0xffffffff;  // reload
   StepPins::cancel();

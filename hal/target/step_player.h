@@ -31,27 +31,14 @@ concept StepHardware = requires(std::uint32_t counts, std::uint8_t motor, std::i
 // The direction changes right after the motor's last pulse the other way or, if that was in an earlier control tick, at
 // the beginning of this one.
 //
-// A pulse that is later than its motor may have it (configure()) is given, and is the last of that motor: what follows
-// would come closer behind it than the motor can follow. The record lacks it, and who commanded it sees that.
-//
 // load() is for the control loop; begin_tick() and on_timer() are for two interrupts of the same priority, so that
 // neither can come between the other's lines.
 template <StepHardware H>
 class StepPlayer {
  public:
-  // Hardware counts by which a motor's pulses may be late.
-  using Lateness = std::array<std::uint32_t, firmware::kMaxMasses>;
-  static constexpr Lateness any_lateness() {
-    Lateness any{};
-    any.fill(0x7fffffff);
-    return any;
-  }
-
   // `counts_per_tick`: hardware counts per tick of the firmware's step timer; 1/32 <= .. < 4096. A control tick has at
-  // most 2^24 counts. Then kNever is beyond its end. Motors that were given no more pulses are given them again.
-  void configure(double counts_per_tick, const Lateness& most_late = any_lateness()) {
-    most_late_ = most_late;
-    held_ = 0;
+  // most 2^24 counts. Then kNever is beyond its end.
+  void configure(double counts_per_tick) {
     playing_ = &programs_[0];
     loading_ = &programs_[1];
     for (Program& program : programs_) program.end = program.tracks.data();
@@ -100,7 +87,6 @@ class StepPlayer {
       if (segment == track->next) continue;
       track->end = segment;
       track->pin = H::pin(static_cast<std::uint8_t>(motor));
-      track->most_late = most_late_[static_cast<std::size_t>(motor)];
       ++track;
     }
     program.end = pulses <= kMaxPulses ? track : program.tracks.data();
@@ -109,8 +95,8 @@ class StepPlayer {
   }
 
   // A control tick begins. A motor's pulse of the one before that is still due is given now: it was due with that
-  // tick's last breath, as this interrupt comes first. A second one of the same motor is not given, nor any more of
-  // that motor, as with one that is too late.
+  // tick's last breath, as this interrupt comes first. A second one of the same motor is not given, as it would come
+  // closer after the first than the motor can follow: the record does not have it, and who commanded it sees that.
   void begin_tick() {
     for (const Track* t = playing_->tracks.data(); t != playing_->end; ++t) finish(*t);
     playing_->end = playing_->tracks.data();
@@ -124,13 +110,7 @@ class StepPlayer {
       loading_ = playing_;
       playing_ = ready;
       ready_ = false;
-      for (Track* t = ready->tracks.data(); t != ready->end;) {
-        if ((held_ >> t->next->motor & 1u) != 0) {
-          *t = *--ready->end;
-        } else {
-          begin_segment(*t++);
-        }
-      }
+      for (Track* t = ready->tracks.data(); t != ready->end; ++t) begin_segment(*t);
     }
     H::cancel();
     last_ = static_cast<std::int32_t>(H::span()) - 1;
@@ -159,9 +139,7 @@ class StepPlayer {
       do {
         if (t->due <= due) {
           H::step(t->pin);
-          const std::int32_t late = difference(static_cast<std::uint32_t>(due_left), H::left());
-          *record++ = {due, late, t->id};
-          if (static_cast<std::uint32_t>(late) >= t->most_late && too_late(program, *t, late)) continue;
+          *record++ = {due, difference(static_cast<std::uint32_t>(due_left), H::left()), t->id};
           if (--t->left != 0) {
             t->due += t->interval;
             t->interval += t->add;
@@ -190,7 +168,9 @@ class StepPlayer {
     const Record& record = records_[1 - open_];
     pulses.count = 0;
     for (const Given* g = record.pulse.data(); g != record.end; ++g) {
-      const std::int64_t late = lateness(g->late_counts);
+      // None is early: below 0, the timer began anew between the pulse's time and the pulse.
+      std::int64_t late = std::int64_t{g->late_counts} + 1;
+      if (late < 0) late += last_ + 2;
       pulses.pulse[static_cast<std::size_t>(pulses.count++)] = {
           g->due >> shift_, static_cast<std::uint16_t>(late < 65535 ? late : 65535), static_cast<std::uint8_t>(g->id),
           static_cast<std::int8_t>(g->id >> 8)};
@@ -211,7 +191,7 @@ class StepPlayer {
   };
   // A motor that has pulses left.
   struct Track {
-    std::uint32_t due, interval, add, left, pin, id, most_late;
+    std::uint32_t due, interval, add, left, pin, id;
     const Segment *next, *end;
   };
   struct Program {
@@ -258,23 +238,6 @@ class StepPlayer {
     return false;
   }
 
-  // Counts after a pulse's time, as the record has them. None is early: below 0, the timer began anew between the
-  // pulse's time and the pulse.
-  [[nodiscard]] std::int64_t lateness(std::int32_t late_counts) const {
-    const std::int64_t late = std::int64_t{late_counts} + 1;
-    return late < 0 ? late + last_ + 2 : late;
-  }
-
-  // True: the motor is given no more pulses, and another one stands in its place.
-  [[gnu::noinline]] bool too_late(Program& program, Track& t, std::int32_t late_counts) {
-    if (lateness(late_counts) <= t.most_late) return false;
-    hold(t);
-    t = *--program.end;
-    return true;
-  }
-
-  void hold(const Track& t) { held_ |= 1u << (t.id & 0xffu); }
-
   [[nodiscard]] Track* earliest() const {
     Track* best = playing_->tracks.data();
     for (Track* t = best; t != playing_->end; ++t) {
@@ -287,9 +250,7 @@ class StepPlayer {
   void finish(const Track& t) {
     H::step(t.pin);
     const auto left = static_cast<std::uint32_t>(left_at(t.due)) + static_cast<std::uint32_t>(last_) + 2;
-    const std::int32_t late = difference(left, H::left());
-    *record_++ = {t.due, late, t.id};
-    if (t.left > 1 || t.next != t.end || lateness(late) > t.most_late) hold(t);
+    *record_++ = {t.due, difference(left, H::left()), t.id};
   }
 
   std::array<Program, 2> programs_{};
@@ -302,8 +263,6 @@ class StepPlayer {
   std::uint32_t due_ = 0;  // the pulse waited for
   std::int32_t due_left_ = 0;
   std::int32_t last_ = 0;  // left_at(0)
-  Lateness most_late_{};
-  std::uint32_t held_ = 0;  // bit i: motor i is given no more pulses
   std::uint32_t shift_ = 0;
   std::uint32_t scale_ = 0;
 };

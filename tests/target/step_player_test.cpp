@@ -4,11 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <array>
 #include <cmath>
 #include <random>
-#include <vector>
 
 namespace ballast::hal::target {
 namespace {
@@ -253,116 +250,6 @@ TEST(StepPlayer, SaysHowLateAPulseWasAcrossTheTicksEnd) {
   player.played(played);
   ASSERT_EQ(played.count, 1);
   EXPECT_EQ(played.pulse[0].late_counts, 25000 + 2 - 24997);
-}
-
-firmware::StepCommand two_motors() {
-  firmware::StepCommand command;
-  command.motor_count = command.burst_count = 2;
-  command.bursts[0] = {.motor = 0, .direction = 1, .count = 10, .first_ticks = 1000, .interval_ticks = 100};
-  command.bursts[1] = {.motor = 1, .direction = 1, .count = 3, .first_ticks = 1050, .interval_ticks = 3000};
-  return command;
-}
-
-int given_to(int motor) {
-  return static_cast<int>(std::ranges::count_if(FakePins::pulses, [motor](const auto& p) { return p.motor == motor; }));
-}
-
-// The step interrupt is held up once, for longer than motor 0's pulses may be late: what is due of it meanwhile does
-// not come one upon the other, and nothing more of it comes at all. Motor 1, which is slow, goes on.
-TEST(StepPlayer, AfterAPulseThatIsTooLateTheMotorIsGivenNoMore) {
-  StepPlayer<FakePins> player;
-  auto most_late = StepPlayer<FakePins>::any_lateness();
-  most_late[0] = 125;  // counts: half of what its pulses are apart
-  most_late[1] = 3750;
-  FakePins::length = 25000;
-  // Held up by up to 123 counts, a pulse is not too late; it comes a count after its time, and its time is a whole
-  // count.
-  for (const std::uint32_t late : {0u, 123u, 125u, 249u, 251u, 600u}) {
-    SCOPED_TRACE(late);
-    player.configure(2.5, most_late);
-    player.load(two_motors());
-    FakePins::time = 0;
-    FakePins::pulses.clear();
-    player.begin_tick();
-    for (int interrupts = 0; FakePins::armed < FakePins::length - FakePins::time; ++interrupts) {
-      FakePins::time += FakePins::armed + (interrupts == 4 ? late : 0);
-      player.on_timer();
-    }
-    const bool too_late = late > 123;
-    // Before the fifth interrupt came 1000, 1050 (motor 1), 1100, 1200.
-    EXPECT_EQ(given_to(0), too_late ? 4 : 10);
-    EXPECT_EQ(given_to(1), 3);
-    std::uint32_t before = 0;
-    for (const auto& pulse : FakePins::pulses) {
-      if (pulse.motor != 0) continue;
-      EXPECT_TRUE(before == 0 || pulse.time - before >= 125) << pulse.time;
-      before = pulse.time;
-    }
-    // Nor in the next control tick; the record lacks all of them, which is what the host ends the run for.
-    player.load(two_motors());
-    play(player, 0);
-    EXPECT_EQ(given_to(0), too_late ? 0 : 10);
-    EXPECT_EQ(given_to(1), 3);
-    player.begin_tick();
-    PlayedPulses played;
-    player.played(played);
-    EXPECT_EQ(played.count, too_late ? 3 : 13);
-  }
-  player.configure(2.5, most_late);  // a new run
-  player.load(two_motors());
-  play(player, 0);
-  EXPECT_EQ(given_to(0), 10);
-}
-
-// However long interrupts are held up: no motor's pulses come closer than its distance less what they may be late.
-TEST(StepPlayer, KeepsTheDistancesWhateverHoldsItUp) {
-  const std::uint64_t seed = std::random_device{}();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937_64 random(seed);
-  StepPlayer<FakePins> player;
-  constexpr std::int32_t kGap = 200;
-  constexpr std::uint32_t kMostLate = 80;
-  auto most_late = StepPlayer<FakePins>::any_lateness();
-  most_late.fill(kMostLate);
-  FakePins::length = 25000;
-  int lost = 0, complete = 0;
-  for (int round = 0; round < 2000; ++round) {
-    player.configure(1, most_late);
-    std::array<std::uint32_t, 3> before{};
-    std::array<int, 3> given{};
-    for (std::uint32_t tick = 0; tick < 3; ++tick) {
-      firmware::StepCommand command;
-      command.motor_count = command.burst_count = 3;
-      for (std::uint8_t m = 0; m < 3; ++m) {
-        command.bursts[m] = {.motor = m,
-                             .direction = 1,
-                             .count = 60,
-                             .first_ticks = static_cast<std::int32_t>(random() % kGap),
-                             // The last one a distance before the tick's end.
-                             .interval_ticks = kGap + static_cast<std::int32_t>(random() % 210)};
-      }
-      player.load(command);
-      FakePins::time = 0;
-      FakePins::pulses.clear();
-      player.begin_tick();
-      while (FakePins::armed < FakePins::length - FakePins::time) {
-        FakePins::time += FakePins::armed;
-        if (random() % 50 == 0) {
-          FakePins::time += static_cast<std::uint32_t>(random() % std::min(400u, FakePins::length - FakePins::time));
-        }
-        player.on_timer();
-      }
-      for (const auto& pulse : FakePins::pulses) {
-        const std::uint32_t at = tick * FakePins::length + pulse.time + 1;  // 0: none yet
-        ASSERT_TRUE(before[pulse.motor] == 0 || at - before[pulse.motor] >= kGap - kMostLate - 1) << pulse.time;
-        before[pulse.motor] = at;
-        ++given[pulse.motor];
-      }
-    }
-    for (const int count : given) (count < 180 ? lost : complete) += 1;
-  }
-  EXPECT_GT(lost, 100);
-  EXPECT_GT(complete, 100);
 }
 
 TEST(StepPlayer, GivesNothingThatWasNotLoaded) {

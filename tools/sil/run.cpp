@@ -267,13 +267,14 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       result.refusal = refusal_text(lap.status, &*options.move);
       return finished();
     }
-    // Every command of the countdown must have been obeyed, unless something tripped.
+    // Every command of the countdown must have been obeyed, unless something tripped or kept the controller from it.
     const bool armed_due = tick == -kCountdown || options.by_hand;
     const std::int8_t mode_due = armed_due      ? controller_status_t::MODE_ARMED
                                  : options.move ? controller_status_t::MODE_MOVING
                                                 : controller_status_t::MODE_RUNNING;
     already_there = already_there || (tick == -1 && options.move && lap.status.mode == controller_status_t::MODE_ARMED);
-    if (tick < 0 && lap.trip.tripped == 0 && lap.status.faults == 0 && lap.status.mode != mode_due && !already_there) {
+    if (tick < 0 && lap.trip.tripped == 0 && lap.status.faults == 0 && !result.controller_trip &&
+        lap.status.mode != mode_due && !already_there) {
       result.status = hal::Status::kPeerLost;
       result.trouble = "the controller did not obey the operator's " + std::string(armed_due ? "arm" : "start");
       return finished();
