@@ -11,8 +11,8 @@
 
 namespace ballast::sil {
 
-// Listens for another plant before the run, and for the first second of it: two that begin at once hear each other
-// then. Later ones are refused by their own.
+// Listens for another plant before the run, and for the first second of it: of two that begin at once
+// one hears the other then, or each does. Later ones are refused by their own.
 class OtherPlant {
  public:
   // `run_id`: one's own.
