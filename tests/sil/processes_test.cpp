@@ -303,6 +303,12 @@ struct SufferingRun {
     EXPECT_NE(run.err.find(peer), std::string::npos) << run.err;
     EXPECT_FALSE(std::filesystem::exists(folder / "r/summary.json"));
     expect_replays(last_tick);
+    const std::string before = "; again: ";  // the command that is printed does what it says
+    const auto again = run.err.find(before);
+    ASSERT_NE(again, std::string::npos) << run.err;
+    const auto command = again + before.size();
+    const Outcome repeated = folder.run(run.err.substr(command, run.err.find('\n', command) - command));
+    EXPECT_EQ(repeated.exit_status, 0) << repeated.out << repeated.err;
   }
   // Nobody has noticed anything, but for the clock on the wall.
   void expect_unharmed() const {
@@ -341,6 +347,8 @@ TEST(PeerFaultInProcesses, WhoIsSlowIsWaitedFor) {
     slow.expect_unharmed();
     EXPECT_GE(slow.folder.summary("r")["wall_time"].get<double>(), 0.25);
   }
+  SufferingRun("peer_too_slow@0.1").expect_unharmed();             // to the last tick
+  SufferingRun("peer_frozen@0.2995:duration=0.1").expect_unharmed();  // in it
   SufferingRun("peer_too_slow@0.1:1000", "--peer-timeout 0.5").expect_given_up("controller", "99");
 }
 

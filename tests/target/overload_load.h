@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "firmware/control/controller.h"
 
@@ -73,8 +74,9 @@ inline void overload_params(const OverloadRobot& robot, OverloadRandom& random, 
   ball.mass_count = robot.motors;
   for (std::size_t i = 0; i < static_cast<std::size_t>(robot.motors); ++i) {
     ball.mass_kg[i] = firmware::Real(0.3);
-    ball.rail[i] = firmware::circle_about(firmware::Real(0.95), static_cast<firmware::Real>(static_cast<Wide>(i % 3) * kPi / 4),
-                                          static_cast<firmware::Real>(static_cast<Wide>(i % 2) * kPi / 4));
+    ball.rail[i] =
+        firmware::circle_about(firmware::Real(0.95), static_cast<firmware::Real>(static_cast<Wide>(i % 3) * kPi / 4),
+                               static_cast<firmware::Real>(static_cast<Wide>(i % 2) * kPi / 4));
     const Wide rate_hz = 60 / kPeriod_s, top = rate_hz / 3200;
     const Wide ticks = random.between(robot.fastest_ticks, robot.slowest_ticks);
     const Wide most = top / (kPeriod_s * ticks);

@@ -78,7 +78,7 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
   if (PeerFaults::any(scenario)) {
     options.look = hal::Seconds(1e-3);  // a peer may be slow by one short period
     options.before_tick = [&faults](std::int64_t tick) { return faults.strike(tick); };
-    record.run_options = " --processes";
+    record.processes = true;
   }
   sil::LcmPeers peers(bus, options);
   record.unbuffered = true;
@@ -111,8 +111,9 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   sil::RecordOptions record = command.record;
   record.bus = bus;
   record.run_id = hal::draw_bus_number();
-  record.run_options = " --firmware " + command.firmware;
-  if (!command.elf.empty()) record.run_options += " --firmware-elf " + quoted(std::filesystem::absolute(command.elf));
+  record.firmware_options = " --firmware " + command.firmware;
+  if (!command.elf.empty())
+    record.firmware_options += " --firmware-elf " + quoted(std::filesystem::absolute(command.elf));
   sil::QemuPeersOptions options;
   options.qemu = qemu_options(command);
   options.start_timeout = sil::Seconds(command.bus.start_timeout_s);

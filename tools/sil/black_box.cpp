@@ -61,13 +61,13 @@ bool ended_badly(const RunResult& result) {
   return result.status != hal::Status::kOk || exit_status(result) != 0;
 }
 
-std::string repeat_command(const RunResult& result, const RunOptions& options, const std::string& run_options,
-                           const OutputDir& output) {
+std::string repeat_command(const RunResult& result, const RunOptions& options, const std::string& firmware_options,
+                           bool processes, const OutputDir& output) {
   const bool scenario_says_all =
       result.status == hal::Status::kOk && !result.operators_heard && !options.by_hand && !options.move;
-  if (!scenario_says_all) return "ballast replay " + shell_word(output.log_path()) + run_options;
+  if (!scenario_says_all) return "ballast replay " + shell_word(output.log_path()) + firmware_options;
   const fs::path box = output.path() / kBlackBox;
-  return "ballast run " + shell_word(box / "scenario.toml") + run_options +
+  return "ballast run " + shell_word(box / "scenario.toml") + firmware_options + (processes ? " --processes" : "") +
          (options.check_steps ? " --check-steps" : "") + " --out " + shell_word(box / "again");
 }
 

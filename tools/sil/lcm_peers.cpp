@@ -86,9 +86,10 @@ Status LcmPeers::wait(hal::Seconds timeout, const Done& done) {
     if (status == Status::kInterrupted) trouble_ = "interrupted";
     if (status == Status::kIo) trouble_ = "the LCM bus failed";
     if (status != Status::kEmpty) return status;
-    // On the last lap a peer ends as soon as it has answered.
-    if (options_.peer_ended && !last_lap_) {
-      if (trouble_ = options_.peer_ended(); !trouble_.empty()) return Status::kPeerLost;
+    // Asked on the last lap too, since who sleeps is woken there; but then a peer ends as soon as it has answered.
+    if (std::string ended = options_.peer_ended ? options_.peer_ended() : ""; !ended.empty() && !last_lap_) {
+      trouble_ = std::move(ended);
+      return Status::kPeerLost;
     }
     if (now >= deadline) return Status::kPeerLost;
   }

@@ -103,8 +103,8 @@ std::optional<Pipe> open_pipe(int above) {
   return pipe;
 }
 
-// This thread stays on the processor it is on, and so does what it starts. The processors it had before; none where that
-// is not allowed, which costs time only.
+// This thread stays on the processor it is on, and so does what it starts. The processors it had before; none where
+// that is not allowed, which costs time only.
 std::optional<cpu_set_t> keep_to_one_processor() {
   cpu_set_t before, one;
   const int here = sched_getcpu();

@@ -83,7 +83,7 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   }
   std::string repeat;
   if (ended_badly(result)) {
-    repeat = repeat_command(result, run_options, options.run_options, output);
+    repeat = repeat_command(result, run_options, options.firmware_options, options.processes, output);
     if (!write_black_box(scenario, result, repeat, recorder, output)) return fail(output.error());
   }
   if (result.status != hal::Status::kOk) {

@@ -17,8 +17,8 @@ struct RecordOptions {
   std::int64_t run_id = 0;            // on that bus
   OtherPlant* other_plant = nullptr;  // who listens whether it is one's own; null: nobody does
   bool check_steps = false;           // as in RunOptions
-  std::string
-      run_options{};        // of the command line, that a run of this scenario needs to be the same: " --firmware qemu"
+  std::string firmware_options{};  // of the command line, that a run or replay needs to be the same: " --firmware qemu"
+  bool processes = false;          // likewise --processes, which a replay has not
   bool unbuffered = false;  // every message is on disk at once: for runs whose processes may be killed
   const volatile std::sig_atomic_t* interrupted = nullptr;
   std::optional<firmware::MoveRequest> move = std::nullopt;  // as in RunOptions

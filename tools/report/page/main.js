@@ -194,6 +194,10 @@ function start(runs) {
   connectButtons(scene, plots);
   connectKeys(clock, plots);
   let last = 0, drawn = 0, played = false;
+  // How long a page was hidden is no frame's time.
+  document.addEventListener("visibilitychange", () => {
+    played = false;
+  });
   const frame = (now) => {
     // A page that was hidden goes on where it was.
     const seconds = (now - last) / 1000;
