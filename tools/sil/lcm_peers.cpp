@@ -26,7 +26,8 @@ LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_
     tripped_ = tripped_ || (of_this_tick && m.tripped == 1);
     accept(m, m.tick, of_this_tick ? m.tick : tick_, trip_, "monitor");
   });
-  // A bus gives back what is published on it: each of our ticks must be heard once, and nobody else's.
+  // A bus gives back what is published on it: each of our ticks must be heard once, and nobody else's. It may come after
+  // the answers to it, so a lap waits for it too: in the next it would be another plant's.
   bus_.subscribe<sensors_t>(hal::kChannelSensors,
                             [this](const sensors_t& m) { accept(m, m.tick, tick_, echo_, "plant"); });
   if (!options_.controller_expected) return;
@@ -154,8 +155,11 @@ Status LcmPeers::exchange(Lap& lap) {
       !publish(hal::kChannelSensors, lap.plant.sensors)) {
     return Status::kIo;
   }
-  const Status status =
-      wait(options_.peer_timeout, [this] { return trip_ && (!options_.controller_expected || (status_ && steps_)); });
+  const auto answered = [this] { return trip_ && (!options_.controller_expected || (status_ && steps_)); };
+  const Status status = wait(options_.peer_timeout, [&] { return answered() && echo_; });
+  if (status == Status::kPeerLost && answered() && trouble_.empty()) {
+    trouble_ = "the LCM bus does not give back what is said on it (tick " + std::to_string(tick_) + ")";
+  }
   if (status == Status::kPeerLost) lost("at tick " + std::to_string(tick_), options_.peer_timeout);
   if (status != Status::kOk) return status;
   lap.trip = *trip_;
