@@ -864,6 +864,31 @@ TEST(Move, GoesAsCloseToAnEndStopAsTheRotorMaySwing) {
   }
 }
 
+// What a refusal says is allowed can be typed back, however many digits it has.
+TEST(Move, ToWhatARefusalAllows) {
+  const Folder folder;
+  folder.write("line.toml", test::kIntoItsStop);
+  const std::string line =
+      "ballast move line.toml --set 'mass.0.rail.end_stops=[-0.02,0.14513131313131313]' --set "
+      "mass.0.motor.holding_torque=0.2 "
+      "--set surface.static_friction=inf --quiet --out m --mass 0 --to ";
+  const std::string refused = folder.run(line + "1").err;
+  const std::string before = "allowed: at most ";
+  const auto at = refused.find(before);
+  ASSERT_NE(at, std::string::npos) << refused;
+  const auto begin = at + before.size();
+  const Outcome move = folder.run(line + refused.substr(begin, refused.find(',', begin) - begin));
+  EXPECT_EQ(move.exit_status, 0) << refused << move.err;
+}
+
+// Its mass brakes so hard that it lifts the ball: that nothing is seen in the air must not look like a good margin.
+TEST(Move, ThatLiftsTheBallIsSeenToHaveNoMargin) {
+  const Folder folder;
+  const Outcome move = folder.run("ballast move hop --mass 0 --to 0 --actuation stepper --out m");
+  EXPECT_EQ(move.exit_status, 3) << move.err;
+  EXPECT_EQ(folder.summary("m")["move"]["margin_min"], -1) << move.out;
+}
+
 TEST(Move, ToWhereTheMassesAreIsOverAtOnce) {
   const Folder folder;
   const Outcome move = folder.run("ballast move paper_ball --mass 0 --to 0 --out m");

@@ -2,6 +2,8 @@
 
 #include <cstdio>
 
+#include "sim/scenario_reader.h"
+
 namespace ballast::sil {
 
 namespace {
@@ -21,16 +23,15 @@ std::string restart_text(const controller_status_t& status, const char* what, co
 std::string rail_end_text(const controller_status_t& status, const firmware::MoveRequest* move) {
   const bool lower = status.refusal == controller_status_t::REFUSAL_LOWER_END;
   const auto mass = static_cast<std::size_t>(status.refusal_motor);
-  char target[32] = "", text[240];
+  std::string target;
   if (move != nullptr && mass < move->target_position.size()) {
-    std::snprintf(target, sizeof target, " %.10g", move->target_position[mass]);
+    target = " " + sim::number_text(move->target_position[mass]);
   }
-  std::snprintf(
-      text, sizeof text,
-      "mass %d: the target%s is beyond the %s end of its rail or too close to it; allowed: at %s %.10g, which "
-      "leaves the two full steps that its motor may swing before its end switch",
-      status.refusal_motor, target, lower ? "lower" : "upper", lower ? "least" : "most", status.refusal_value);
-  return text;
+  // In full: what is said to be allowed is.
+  return "mass " + std::to_string(mass) + ": the target" + target + " is beyond the " + (lower ? "lower" : "upper") +
+         " end of its rail or too close to it; allowed: at " + (lower ? "least " : "most ") +
+         sim::number_text(status.refusal_value) +
+         ", which leaves the two full steps that its motor may swing before its end switch";
 }
 
 }  // namespace

@@ -113,11 +113,19 @@ class PlanWatch {
 
  private:
   void see_contact(const contact_t& contact) {
-    if (!current_ || contact.tick < plan_tick_ || contact.regime == contact_t::REGIME_FLIGHT) return;
+    if (!current_ || contact.tick < plan_tick_) return;
     PlanRecord& plan = **current_;
     // A plan may end between two ticks.
     if (static_cast<double>(contact.tick - plan_tick_) > std::ceil(plan.predicted.duration_s / period_s_)) return;
-    plan.seen_margin_min = std::min(plan.seen_margin_min.value_or(contact.margin), contact.margin);
+    // In the air there is no margin; but to leave the ground, between two ticks too, is the worst there is: -1 as in the
+    // prediction.
+    const bool in_flight = contact.regime == contact_t::REGIME_FLIGHT;
+    if (!plan.seen_margin_min) {
+      if (!in_flight) plan.seen_margin_min = contact.margin;
+    } else {
+      const double margin = in_flight || contact.normal_force_min_n <= 0 ? -1 : contact.margin;
+      plan.seen_margin_min = std::min(*plan.seen_margin_min, margin);
+    }
   }
 
   double period_s_;
