@@ -5,9 +5,8 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 
-#include "firmware/control/controller.h"
+#include "tests/target/unit_ball.h"
 
 namespace ballast::hal::test {
 
@@ -63,15 +62,7 @@ inline void overload_params(const OverloadRobot& robot, OverloadRandom& random, 
   constexpr Wide kPeriod_s = 1e-3, kPi = 3.14159265358979323846;
   params.control_period_s = kPeriod_s;
   params.timer_frequency_hz = robot.timer_hz;
-  params.static_friction = std::numeric_limits<firmware::Real>::infinity();
-  params.sensor_stale_ticks = 3;
-  params.monitor_stale_ticks = 5;
-  firmware::BallParams& ball = params.ball;
-  ball.radius_m = 1;
-  ball.gravity_mps2 = 1;
-  ball.shell_mass_kg = 1;
-  ball.inertia_kgm2 = firmware::Vector3(firmware::Real(0.9), 1, firmware::Real(1.1));
-  ball.mass_count = robot.motors;
+  firmware::BallParams& ball = unit_ball(robot.motors, params);
   for (std::size_t i = 0; i < static_cast<std::size_t>(robot.motors); ++i) {
     ball.mass_kg[i] = firmware::Real(0.3);
     ball.rail[i] =

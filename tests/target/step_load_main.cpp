@@ -7,6 +7,7 @@
 #include "hal/mps2/machine.h"
 #include "hal/mps2/startup.h"
 #include "tests/target/step_load.h"
+#include "tests/target/unit_ball.h"
 
 using namespace ballast;
 using namespace ballast::hal;
@@ -61,15 +62,7 @@ firmware::Outputs outputs;
 void prepare(int motors) {
   params.control_period_s = kPeriod_s;
   params.timer_frequency_hz = kTimer_hz;
-  params.static_friction = std::numeric_limits<firmware::Real>::infinity();
-  params.sensor_stale_ticks = 3;
-  params.monitor_stale_ticks = 5;
-  firmware::BallParams& ball = params.ball;
-  ball.radius_m = 1;
-  ball.gravity_mps2 = 1;
-  ball.shell_mass_kg = 1;
-  ball.inertia_kgm2 = firmware::Vector3(firmware::Real(0.9), 1, firmware::Real(1.1));
-  ball.mass_count = motors;
+  firmware::BallParams& ball = test::unit_ball(motors, params);
   constexpr firmware::Wide kPi = 3.14159265358979323846;
   constexpr firmware::Wide kRadius[] = {0.95, 0.9, 0.85}, kAzimuth[] = {0, kPi / 2, kPi / 4},
                            kElevation[] = {0, 0, kPi / 4};

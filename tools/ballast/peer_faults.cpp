@@ -29,9 +29,10 @@ sil::LcmPeersOptions::StartedAnew PeerFaults::strike(std::int64_t tick) {
     const bool first = !fault.begun(before_s);
     const auto sleep = [&](double seconds) {
       children_.signal(program, SIGSTOP);
-      if (!std::isfinite(seconds)) return;
-      const auto until = hal::after(Clock::now(), hal::Seconds(seconds));
-      sleepers_.push_back({program, until});
+      const auto until =
+          std::isfinite(seconds) ? hal::after(Clock::now(), hal::Seconds(seconds)) : Clock::time_point::max();
+      Clock::time_point& awake = asleep_until_.try_emplace(*fault.peer, until).first->second;
+      awake = std::max(awake, until);
     };
     if (first) done_ += (done_.empty() ? "" : ", ") + to_string(fault);
     if (first && fault.kind == FaultKind::kPeerKilled) children_.signal(program, SIGKILL);
@@ -48,9 +49,10 @@ sil::LcmPeersOptions::StartedAnew PeerFaults::strike(std::int64_t tick) {
 }
 
 std::string PeerFaults::look() {
-  std::erase_if(sleepers_, [this](const Sleeper& sleeper) {
-    if (Clock::now() < sleeper.until) return false;
-    children_.signal(sleeper.program, SIGCONT);
+  std::erase_if(asleep_until_, [this](const auto& sleeper) {
+    const auto& [peer, until] = sleeper;
+    if (Clock::now() < until) return false;
+    children_.signal(program_of(peer), SIGCONT);
     return true;
   });
   if (!trouble_.empty()) return trouble_;

@@ -5,8 +5,8 @@
 
 #include <chrono>
 #include <cstdint>
+#include <map>
 #include <string>
-#include <vector>
 
 #include "sim/scenario.h"
 #include "tools/ballast/children.h"
@@ -30,15 +30,11 @@ class PeerFaults {
 
  private:
   using Clock = std::chrono::steady_clock;
-  struct Sleeper {
-    const char* program;
-    Clock::time_point until;
-  };
 
   const sim::Scenario& scenario_;
   Children& children_;
-  std::vector<Sleeper> sleepers_;
-  std::string done_;  // "peer_killed at 2 s: the controller"
+  std::map<sim::FaultPeer, Clock::time_point> asleep_until_;  // of two faults the later
+  std::string done_;                                          // "peer_killed at 2 s: the controller"
   std::string trouble_;
 };
 

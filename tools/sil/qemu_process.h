@@ -38,7 +38,7 @@ class QemuProcess {
 
   // Empty, or why it could not be started. The machine and the thread that calls this take turns, so both are kept to
   // the processor this one is on, as long as the object lives: half as much time again is saved where waking another
-  // processor is dear, as in virtual machines.
+  // processor is dear, as in virtual machines. The price: two runs that begin on one processor share it to their end.
   [[nodiscard]] std::string start(const QemuOptions& options);
 
   // All bytes. kPeerLost: the machine does not read any more, or not within the timeout.
@@ -62,7 +62,7 @@ class QemuProcess {
     int to = -1, from = -1;
   };
   std::vector<Pair> pairs_;
-  int said_ = -1;  // QEMU's stderr
+  int said_ = -1;                               // QEMU's stderr
   std::optional<cpu_set_t> processors_before_;  // of the thread that started it
   pid_t pid_ = 0;
   std::string end_;

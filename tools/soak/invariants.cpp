@@ -20,9 +20,8 @@ constexpr InvariantText kTexts[kInvariantCount] = {
     {"detected",
      "An envelope violation of the true ball (N at or below min_normal_force; f_s above friction_use mu_s N; sliding "
      "after rolling; a run that the loss of rolling ends) is a trip of monitor or controller in the tick at whose end "
-     "it "
-     "shows; where messages or peers are made to suffer, a tick later at most. Not looked at while both are silent: "
-     "then nobody is left, and the motors stand."},
+     "it shows; where messages or peers are made to suffer, a tick later at most. Not looked at while both are "
+     "silent: then nobody is left, and the motors stand."},
     {"no_false_alarm",
      "Without a fault in the scenario the monitor trips only in a tick in which the true ball is outside the envelope, "
      "and the controller only after the monitor, at an end switch that a true mass is at, or over steps that it says "
