@@ -247,6 +247,18 @@ TEST(Invariants, MassesThatDoNotStop) {
               lap.status.steps_issued[0] += 1;
             })),
             Which{Invariant::kAtRest});
+  // Of a controller that is silent as soon as it has said so, the stop is kept.
+  const auto silent_once = [](auto is_time) {
+    return but_logged(tripped().broken([&](Recorded& run) {
+      bool silent = false;
+      for (Tick& tick : run.ticks) {
+        tick.lap.controller_silent = silent;
+        silent = silent || is_time(tick.lap.status);
+      }
+    }));
+  };
+  EXPECT_EQ(silent_once([](const auto& status) { return status.faults != 0 && status.at_rest != 0; }), Which{});
+  EXPECT_EQ(silent_once([](const auto& status) { return status.faults != 0; }), Which{Invariant::kAtRest});
   // No promise at all.
   EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
               for (Tick& tick : run.ticks) tick.lap.status.planned = 0;

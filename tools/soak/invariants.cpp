@@ -511,8 +511,9 @@ void Invariants::finish_detected(const sil::RunResult& result) {
 
 void Invariants::finish_stop(const sil::RunResult& result) {
   if (!controller_tripped_ || result.status != hal::Status::kOk) return;
-  // The ball is gone, or the scenario's time is over, before the stop: `end` says so.
-  if (status_.tick < rest_due_tick_) {
+  // The ball is gone, or the scenario's time is over, before the stop: `end` says so. What the controller said last is
+  // of the start of the tick after.
+  if (status_.tick + 1 < rest_due_tick_) {
     if (result.end_reason == sil::EndReason::kTripped)
       fail(Invariant::kAtRest, tick_, "ended as stopped before the stop's promised end, tick %lld",
            static_cast<long long>(rest_due_tick_));
