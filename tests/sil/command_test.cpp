@@ -526,7 +526,7 @@ TEST(Faults, AreListedAndEachOfThemIsInTheReadme) {
     EXPECT_NE(list.out.find(std::string("  ") + kind.name + " "), std::string::npos) << kind.name;
     // By its name, or by the end of it after another of its family: `peer_killed`, `_frozen`.
     const std::string name = kind.name;
-    const std::string end = "`" + name.substr(std::min(name.find('_'), name.size())) + "`";
+    const std::string end = std::string("`").append(name, std::min(name.find('_'), name.size())) + "`";
     EXPECT_TRUE(text.find("`" + name + "`") != std::string::npos || text.find(end) != std::string::npos) << name;
     ++kinds;
   }
@@ -899,6 +899,46 @@ TEST(Move, ToWhereTheMassesAreIsOverAtOnce) {
   EXPECT_EQ(s["motors"][0]["steps"], 0);
   EXPECT_LT(s["end"]["time"], 0.1);
   EXPECT_EQ(s["move_end"]["arrived"], true);
+  EXPECT_EQ(move.out.find("still moving"), std::string::npos) << move.out;
+  EXPECT_NE(move.out.find("nearly cancels"), std::string::npos) << "a ball let go at rest: " << move.out;
+}
+
+TEST(Move, OfOneThatIsPredictedForItsFirstSecondsOnlyThatIsSaidBefore) {
+  const Folder folder;
+  const Outcome move = folder.run("ballast move paper_ball --all 0 --quiet --out m");
+  const auto planned = folder.summary("m")["move"];
+  ASSERT_LT(planned["predicted_for"], planned["duration"]);
+  EXPECT_NE(move.err.find(" s only the first "), std::string::npos) << move.err;
+}
+
+TEST(Program, AWordThatIsNoCommandIsNamed) {
+  const Folder folder;
+  const Outcome outcome = folder.run("ballast rnu paper_ball");
+  EXPECT_EQ(outcome.exit_status, 1);
+  EXPECT_NE(outcome.err.find("ballast: rnu: no such command; allowed: run, "), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("did you mean run?"), std::string::npos) << outcome.err;
+}
+
+TEST(Program, SaysItsVersion) {
+  const Folder folder;
+  for (const std::string name : {"ballast", "ballast-plant", "ballast-controller", "ballast-monitor"}) {
+    const Outcome outcome = folder.run(name + " --version");
+    EXPECT_EQ(outcome.exit_status, 0) << outcome.err;
+    EXPECT_EQ(outcome.out, name + " " BALLAST_VERSION "\n");
+  }
+}
+
+TEST(Trip, SaysWhatWasSeenAndAllowedInItsOwnTerms) {
+  const Folder folder;
+  const auto trip_of = [&](const std::string& options) {
+    const std::string out = folder.run("ballast run paper_ball --set duration=0.6 " + options).out;
+    const auto begin = out.find("  trip  ");
+    return begin == std::string::npos ? out : out.substr(begin, out.find('\n', begin) - begin);
+  };
+  EXPECT_NE(trip_of("--fault messages_dropped@0.5").find("the newest tick was 499 where 500 was due;"),
+            std::string::npos);
+  EXPECT_NE(trip_of("--fault sensor_nan@0.5").find("nonfinite at t = 0.500000 s; the stop"), std::string::npos);
+  EXPECT_NE(trip_of("--set envelope.min_normal_force=3.9999").find(" N; allowed: > 3.9999 N"), std::string::npos);
 }
 
 TEST(Run, SaysWhatAStopWasPredictedToDo) {

@@ -59,6 +59,7 @@ std::function<int()> add_friction_command(CLI::App& app, CLI::App*& command) {
   command = app.add_subcommand("friction", "Says how much friction a scenario needs, when, and because of which mass");
   auto options = std::make_shared<program::ScenarioOptions>();
   program::add_scenario_options(*command, *options);
+  command->get_option("--fault")->group("");  // refused with a reason, so not offered
   return [options] { return say_required_friction(*options); };
 }
 

@@ -64,8 +64,16 @@ std::optional<firmware::MoveRequest> request_of(const MoveCommand& command, int 
   return request;
 }
 
-void warn_of_breach(const std::string& breach) {
-  if (!breach.empty()) program::complain("ballast", "the move is predicted to break the envelope: " + breach);
+void warn_of_breach(const firmware::Prediction& plan, const sim::Scenario::Envelope& envelope) {
+  const std::string breach = sil::breach_text(plan, envelope.friction_use, envelope.min_normal_force_n);
+  if (!breach.empty()) {
+    program::complain("ballast", "the move is predicted to break the envelope: " + breach);
+  } else if (plan.horizon_s < plan.duration_s) {
+    char text[96];
+    std::snprintf(text, sizeof text, "of the move's %.6g s only the first %.6g s are predicted", plan.duration_s,
+                  plan.horizon_s);
+    program::complain("ballast", text);
+  }
 }
 
 // "mass 1 is at 2.1 (asked: 2.5, 0.4 to go)", as far as the controller knows.
@@ -106,8 +114,7 @@ int move_on_the_bus(const MoveCommand& command) {
   // The bus does not say what the run allows; without a scenario it is what the ball and the floor do.
   const sim::Scenario::Envelope envelope = scenario ? scenario->envelope : sim::Scenario::Envelope{};
   if (end.status().mode == controller_status_t::MODE_MOVING) {
-    warn_of_breach(
-        sil::breach_text(hal::from_message(end.status()).plan, envelope.friction_use, envelope.min_normal_force_n));
+    warn_of_breach(hal::from_message(end.status()).plan, envelope);
   }
   const auto over = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_MOVING; };
   const hal::Status followed = end.follow(over);
@@ -142,7 +149,9 @@ int move(const MoveCommand& command) {
   auto scenario = program::load_scenario(command.scenario);
   if (!scenario) return program::kExitUsage;
   if (scenario->run.actuation != sim::Actuation::kStepper) {
-    return refuse(scenario->name + " is prescribed: there is no controller to ask (try --actuation stepper)");
+    return refuse(
+        scenario->name +
+        " is prescribed: there is no controller to ask; allowed: --actuation stepper, where every mass is on a rail");
   }
   for (std::size_t i = 0; i < scenario->masses.size(); ++i) {
     const double velocity = scenario->masses[i].initial_velocity;
@@ -166,14 +175,13 @@ int move(const MoveCommand& command) {
       sil::run(*scenario, *planner, nowhere, {.progress = {}, .move = *request, .plan_only = true});
   if (!plan.refusal.empty()) return refuse("the controller refuses the move: " + plan.refusal);
   if (plan.move) {
-    const sim::Scenario::Envelope& envelope = scenario->envelope;
-    warn_of_breach(sil::breach_text(plan.move->predicted, envelope.friction_use, envelope.min_normal_force_n));
     const double most_s = std::max(kLongestMove_s, scenario->duration_s), takes_s = plan.move->predicted.duration_s;
     if (takes_s > most_s) {
-      return refuse("--speed-fraction: so slow a move takes " + sim::number_text(takes_s) + " s; allowed: at most " +
-                    sim::number_text(most_s) +
+      return refuse("so far a move, or so slow a one (--speed-fraction), takes " + sim::number_text(takes_s) +
+                    " s; allowed: at most " + sim::number_text(most_s) +
                     " s, or the scenario's duration where that is longer (--set duration=...)");
     }
+    warn_of_breach(plan.move->predicted, scenario->envelope);
   }
 
   sil::RecordOptions record = command.record;

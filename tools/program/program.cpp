@@ -48,6 +48,15 @@ std::string unknown_scenario(const std::string& name) {
   return near.empty() ? text : text + "; did you mean " + near + "?";
 }
 
+std::string unknown_command(const std::string& word, const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
+  std::string text = word + ": no such command; allowed:";
+  for (std::size_t i = 0; i < names.size(); ++i) text += (i == 0 ? " " : ", ") + names[i];
+  const std::string near = sim::nearest(word, names);
+  return near.empty() ? text : text + "; did you mean " + near + "?";
+}
+
 }  // namespace
 
 CLI::Validator positive_finite() {
@@ -97,9 +106,17 @@ std::string default_firmware(const std::string& board) {
 }
 
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {
+  app.set_version_flag("--version", app.get_name() + " " BALLAST_VERSION, "print the version and exit");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
+    // CLI11 says the same of a word that is no command as of none at all.
+    const std::vector<std::string> rest = app.remaining();
+    if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::RequiredError) &&
+        app.get_require_subcommand_min() > 0 && !rest.empty()) {
+      complain(app.get_name(), unknown_command(rest.front(), app));
+      return kExitUsage;
+    }
     return app.exit(error) == 0 ? kExitCompleted : kExitUsage;
   }
   return std::nullopt;

@@ -291,10 +291,11 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
   if (peers.connect() != hal::Status::kOk) return failed(result, End::kFailed, peers.trouble());
   Recorder recorder(replayed_log);
   std::int64_t given = 0;
-  bool last = false;
+  bool last = false, before_it = false;
   Precision precision;
   for (RecordedLap was; recorded.next(was);) {
     const std::int64_t tick = was.sensors->tick;
+    before_it = result.ticks == 0 && tick > options.until_tick;
     if (tick > options.until_tick) break;
     const std::int64_t counted = was.status ? was.status->operator_commands : given;
     const auto unusable = [&](const std::string& why) {
@@ -349,7 +350,9 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
   if (!recorder.close()) return failed(result, End::kFailed, recorder.error());
   if (!recorded.trouble().empty()) return failed(result, End::kUnusable, log_path + ": " + recorded.trouble());
   if (result.ticks == 0) {
-    const std::string why = recorded.end().empty() ? "no tick of a controller" : recorded.end();
+    const std::string why = before_it                ? "it begins after tick " + std::to_string(options.until_tick)
+                            : recorded.end().empty() ? "no tick of a controller"
+                                                     : recorded.end();
     return failed(result, End::kUnusable, log_path + ": nothing to replay: " + why);
   }
   result.recorded_floats = precision.floats();

@@ -14,6 +14,9 @@ using Json = nlohmann::ordered_json;
 // Less than this part of what the greatest cause does is not named beside it.
 constexpr double kWorthNaming = 0.5;
 
+// Parts so many times what is left of them nearly cancel, as where a ball is let go at rest: then nobody is the cause.
+constexpr double kNearlyCancel = 100;
+
 std::string number(const char* format, double value) {
   char text[128];
   std::snprintf(text, sizeof text, format, value);
@@ -31,6 +34,7 @@ std::string list(const std::vector<std::string>& names) {
 
 // Whoever does at least half of what the greatest does, and who takes as much of it away.
 std::string because(const std::vector<FrictionPart>& parts) {
+  if (!parts.empty() && parts.front().part > kNearlyCancel) return ": what the masses ask for nearly cancels";
   std::vector<std::string> causes, remedies;
   for (const FrictionPart& part : parts) {
     if (std::abs(part.part) < kWorthNaming * parts.front().part) continue;

@@ -250,7 +250,7 @@ std::string move_end_text(const sim::Scenario& scenario, const RunResult& result
     else
       held += format("%smass %zu at %.6g", held.empty() ? "; held: " : ", ", i, position);
   }
-  return moved + held + (result.masses_rested ? "" : "; still moving");
+  return moved + held + (result.masses_rested || !result.move ? "" : "; still moving");
 }
 
 // Which masses were outside the ball, and what to do about it; empty: none.
@@ -277,6 +277,33 @@ std::string motor_faults_text(const sim::Scenario& scenario, std::size_t motor, 
     text += (text.empty() ? "" : ", and ") + to_string(fault);
   }
   return text;
+}
+
+// What was seen, and what was allowed: as the .lcm file says, in words.
+std::string trip_values_text(const trip_t& trip) {
+  switch (trip.cause) {
+    case trip_t::CAUSE_NORMAL_FORCE:
+      return format(": N was %.6g N; allowed: > %.6g N", trip.value, trip.limit);
+    case trip_t::CAUSE_FRICTION:
+      return format(": f_s/N was %.6g; allowed: <= %.6g", trip.value, trip.limit);
+    case trip_t::CAUSE_DISAGREEMENT:
+      return format(": plant and controller were %.6g N apart; allowed: <= %.6g N", trip.value, trip.limit);
+    case trip_t::CAUSE_MISSING:
+    case trip_t::CAUSE_REPEATED:
+      return format(": the newest tick was %.0f where %.0f was due", trip.value, trip.limit);
+    case trip_t::CAUSE_STALE:
+      return format(": silent for %.6g ticks; allowed: %.6g", trip.value, trip.limit);
+    default:
+      return "";
+  }
+}
+
+// A prediction knows nothing if the controller's sensors tell it nothing.
+std::string predicted_text(const firmware::Prediction& predicted) {
+  if (std::isnan(predicted.normal_force_min_n)) return "nothing predicted: the sensors gave no attitude";
+  return format("predicted before it%s: least N %.6g N, most f_s/N %.6f, least margin %.4f",
+                horizon_text(predicted.duration_s, predicted.horizon_s).c_str(), predicted.normal_force_min_n,
+                predicted.mu_required_max, predicted.margin_min);
 }
 
 // What the plant then showed of a plan.
@@ -511,8 +538,8 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
                    result.impacts.front().time_s, hardest);
   }
   if (result.trip.tripped != 0) {
-    text += format("  trip        %s at t = %.6f s: %.6g, limit %.6g", trip_cause(result.trip.cause),
-                   result.trip.trip_time_s, result.trip.value, result.trip.limit);
+    text += format("  trip        %s at t = %.6f s%s", trip_cause(result.trip.cause), result.trip.trip_time_s,
+                   trip_values_text(result.trip).c_str());
     const bool physics_ended = result.end_reason != EndReason::kCompleted && result.end_reason != EndReason::kTripped;
     if (stepper && result.latency_ticks && !physics_ended) {
       text += format("; the stop began %lld tick%s later", static_cast<long long>(*result.latency_ticks),
@@ -537,12 +564,8 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   for (const auto& [name, plan] : {std::pair("move", &result.move), std::pair("stop", &result.stop)}) {
     if (!*plan) continue;
     const PlanRecord& p = **plan;
-    text += format(
-        "  %s        from t = %.6g s, %.6g s; predicted before it%s: least N %.6g N, most f_s/N %.6f, least margin "
-        "%.4f; %s\n",
-        name, p.start_s, p.predicted.duration_s, horizon_text(p.predicted.duration_s, p.predicted.horizon_s).c_str(),
-        p.predicted.normal_force_min_n, p.predicted.mu_required_max, p.predicted.margin_min,
-        seen_text(result, p).c_str());
+    text += format("  %s        from t = %.6g s, %.6g s; %s; %s\n", name, p.start_s, p.predicted.duration_s,
+                   predicted_text(p.predicted).c_str(), seen_text(result, p).c_str());
   }
   if (result.move_end)
     text += (arrived(result) ? "  arrived     " : "  NOT THERE   ") + move_end_text(scenario, result) + "\n";
