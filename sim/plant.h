@@ -188,7 +188,7 @@ class Plant {
   // Layout of the integrator's state: q, Omega, z, then with driven masses theta and thetadot, then, unless it rolls,
   // height and velocity of the geometric centre (space frame), from contact_size_ on.
   static constexpr std::size_t kQ = 0, kOmega = 4, kZ = 7, kTheta = 9;
-  static constexpr std::size_t kCapacity = kTheta + 2 * kMaxMasses + 4;
+  static constexpr std::size_t kCapacity = kTheta + 2 * std::size_t{kMaxMasses} + 4;
   using State = std::array<double, kCapacity>;
 
   // The equations' answer, and what else decides whether a regime goes on: the slip velocity along the direction of the

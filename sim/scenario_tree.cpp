@@ -29,7 +29,8 @@ std::string one_line(std::string_view text, std::size_t longest = kMaxWritten) {
   if (out.size() > longest) {
     std::size_t cut = longest;
     while (cut > 0 && (static_cast<unsigned char>(out[cut]) & 0xC0) == 0x80) --cut;  // not inside a UTF-8 character
-    out = out.substr(0, cut) + "...";
+    out.resize(cut);
+    out += "...";
   }
   return out;
 }
@@ -95,6 +96,24 @@ class SourceText {
   std::vector<std::size_t> character_start_;  // bytes
 };
 
+// The first value that lies in more than `levels` others; nullptr: there is none. toml++ bounds how many brackets lie
+// in each other, and a key's parts are bounded above, but brackets with dotted keys in each other make thousands of
+// levels of both.
+const toml::node* deeper_than(std::size_t levels, const toml::node& from) {
+  if (levels == 0) return &from;
+  if (const toml::table* table = from.as_table()) {
+    for (const auto& [key, value] : *table) {
+      if (const toml::node* found = deeper_than(levels - 1, value)) return found;
+    }
+  } else if (const toml::array* array = from.as_array()) {
+    for (const toml::node& item : *array) {
+      if (const toml::node* found = deeper_than(levels - 1, item)) return found;
+    }
+  }
+  return nullptr;
+}
+
+// Of values that are not too deep.
 Node convert(const toml::node& from, const SourceText& text, const std::string& source, bool with_lines) {
   Node to;
   to.source = source;
@@ -193,7 +212,7 @@ Node value_node(std::string_view value, const char* source) {
       const toml::table table = toml::parse(std::string_view(document));
       const toml::node* parsed = table.get("x");
       // More than one entry: the value went on after a line's end, and only looked like TOML.
-      if (parsed != nullptr && table.size() == 1) {
+      if (parsed != nullptr && table.size() == 1 && deeper_than(kMaxKeyParts, *parsed) == nullptr) {
         return convert(*parsed, SourceText(document), source, false);
       }
     }
@@ -264,6 +283,12 @@ bool read_tree(std::string_view toml, std::string_view source_name, Node& root, 
   }
   try {
     const toml::table table = toml::parse(toml, source_name);
+    if (const toml::node* deep = deeper_than(kMaxKeyParts + 1, table)) {
+      errors.push_back(
+          {std::string(source_name), static_cast<int>(deep->source().begin.line), "", "",
+           "has a value in more than " + std::to_string(kMaxKeyParts) + " others; no value of a scenario is so deep"});
+      return false;
+    }
     root = convert(table, SourceText(toml), std::string(source_name), true);
     root.line = 0;
     root.written.clear();

@@ -84,7 +84,7 @@ bool fit(std::span<const PulseWindow> pulses, std::int32_t gap, std::int32_t ear
 
 std::int32_t last_timer_tick(const StepTiming& timing) {
   const Wide ticks = timing.control_period_s * timing.timer_frequency_hz;
-  const auto whole = static_cast<std::int32_t>(ticks + 0.5);
+  const auto whole = static_cast<std::int32_t>(ticks + 0.5);  // NOLINT(bugprone-incorrect-roundings): it is positive
   // A whole number of timer ticks, but for the rounding of the product: the last one belongs to the next control tick.
   if (std::fabs(ticks - whole) <= 1e-6) return whole - 1;
   return static_cast<std::int32_t>(ticks);

@@ -18,7 +18,8 @@ struct PulseWindow {
 
   // The timer tick in [low, high] nearest to exact_ticks.
   [[nodiscard]] std::int32_t nearest() const {
-    const auto rounded = static_cast<std::int32_t>(exact_ticks + 0.5);
+    // Inside the tick it is positive; elsewhere it is clamped.
+    const auto rounded = static_cast<std::int32_t>(exact_ticks + 0.5);  // NOLINT(bugprone-incorrect-roundings)
     return rounded < low ? low : (rounded > high ? high : rounded);
   }
 };

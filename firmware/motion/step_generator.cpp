@@ -332,7 +332,7 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
         bursts = coarse_smooth_bursts(run, rules, timing.timer_frequency_hz, free, room);
       }
       if (bursts > 0) {
-        commit(out, motor, bursts, out.position_steps[m] + run.direction * run.steps);
+        commit(out, motor, bursts, out.position_steps[m] + static_cast<std::int64_t>(run.direction * run.steps));
         return StepError::kNone;
       }
     }

@@ -213,7 +213,7 @@ class StepPlayer {
   // and none may be early. Below 0 after the tick's end.
   [[nodiscard]] std::int32_t left_at(std::uint32_t shifted) const {
     return difference(static_cast<std::uint32_t>(last_),
-                      static_cast<std::uint32_t>(std::uint64_t{shifted} * scale_ >> 32));
+                      static_cast<std::uint32_t>(static_cast<std::uint64_t>(shifted) * scale_ >> 32));
   }
   // Also of times that no command has: those wrap.
   static std::int32_t difference(std::uint32_t a, std::uint32_t b) { return static_cast<std::int32_t>(a - b); }

@@ -61,8 +61,8 @@ TEST(CubicSpline, IsSmoothThroughItsKnotsAndItsSeam) {
   std::uniform_real_distribution<double> uniform(-1, 1);
   for (const std::size_t count : {3, 4, 5, 20}) {
     const std::vector<double> knots = uneven_knots(count, random);
-    std::vector<Vector3d> points;
-    for (std::size_t i = 0; i < count; ++i) points.emplace_back(uniform(random), uniform(random), uniform(random));
+    std::vector<Vector3d> points(count);
+    for (Vector3d& point : points) point = {uniform(random), uniform(random), uniform(random)};
     points.back() = points.front();
     const CubicSpline closed = CubicSpline::closed(knots, points);
     const CubicSpline open = CubicSpline::open(knots, points);

@@ -464,6 +464,24 @@ TEST(Scenario, StopsAtATomlSyntaxErrorWithItsLine) {
   }
 }
 
+// Each is within what toml++ bounds; together they end the stack of whoever follows them down.
+TEST(Scenario, AValueInThousandsOfOthersIsRefusedByItsLine) {
+  const auto nested = [](int levels, const std::string& key) {
+    std::string text = "1";
+    for (int i = 0; i < levels; ++i) text = std::string("{ ").append(key).append(" = ").append(text).append(" }");
+    return text;
+  };
+  for (const std::string& value : {nested(200, "a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a"), nested(16, "a")}) {
+    const ScenarioResult result = parse("duration = 1\nx = " + value + "\n");
+    ASSERT_EQ(result.errors.size(), 1u) << all_errors(result);
+    EXPECT_EQ(result.errors[0].line, 2);
+    EXPECT_TRUE(contains(result.errors[0].message, "has a value in more than 16 others")) << result.errors[0].message;
+    EXPECT_EQ(only_error(kMinimal, {"x=" + value}).key, "x");
+  }
+  // One less is read: it is the key that is wrong.
+  EXPECT_EQ(parse("x = " + nested(15, "a") + "\n").errors[0].key, "x");
+}
+
 TEST(Scenario, NamesAKeyGivenTwice) {
   const std::string long_key(60, 'k');
   for (const auto& [text, key] : std::vector<std::pair<std::string, std::string>>{

@@ -377,7 +377,7 @@ TEST(StepRate, TheControllerIssuesOnlySoManyStepsPerTick) {
 TEST(Steps, TheInitialPositionHasToBeCountable) {
   const std::vector<std::string> one_to_one = {"mass.0.motor={steps_per_revolution=4, microsteps=250}",
                                                "mass.0.motion=[]"};
-  const auto with = [&](std::string more, std::string actuation = "stepper") {
+  const auto with = [&](const std::string& more, const std::string& actuation = "stepper") {
     std::vector<std::string> overrides = one_to_one;
     overrides.push_back("run.actuation=" + actuation);
     overrides.push_back("mass.0.initial_position=" + more);

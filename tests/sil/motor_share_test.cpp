@@ -27,7 +27,7 @@ struct Recorded {
   std::map<std::int64_t, controller_status_t> status;
 };
 
-Recorded record(const std::string& name, const std::vector<std::string>& overrides, RunOptions options = {}) {
+Recorded record(const std::string& name, const std::vector<std::string>& overrides, const RunOptions& options = {}) {
   const auto read = sim::read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/" + name + ".toml", overrides);
   for (const auto& error : read.errors) ADD_FAILURE() << to_string(error);
   Recorded r{read.scenario, {}, {}, {}};

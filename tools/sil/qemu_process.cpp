@@ -181,6 +181,7 @@ std::string QemuProcess::start(const QemuOptions& options) {
   for (const char* none : {"-display", "-monitor", "-serial"}) words.insert(words.end(), {none, "none"});
   words.insert(words.end(), {"-icount", icount, "-semihosting-config", arguments, "-kernel", options.elf.string()});
   std::vector<char*> argv;
+  argv.reserve(words.size() + 1);
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
 

@@ -27,7 +27,7 @@ struct Run {
 Run run(const sim::Scenario& scenario) {
   auto params = std::make_unique<firmware::ControllerParams>();
   const bool has_controller = scenario.run.actuation == sim::Actuation::kStepper;
-  Run run;
+  Run run{};
   if (has_controller) {
     if (const auto refusal = program::to_controller_params(scenario, *params)) {
       run.broken.push_back({Invariant::kEnded, 0, *refusal});
