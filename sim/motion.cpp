@@ -39,7 +39,8 @@ double PrescribedMotion::end_s(std::size_t piece) const {
     const double period_s = times.back() - times.front();
     // The table that begins last at or before t = 0 is the first.
     const double first_s = times.front() - period_s * std::ceil(times.front() / period_s);
-    return first_s + static_cast<double>(piece / in_table) * period_s + (times[piece % in_table + 1] - times.front());
+    const std::size_t tables = piece / in_table;
+    return first_s + static_cast<double>(tables) * period_s + (times[piece % in_table + 1] - times.front());
   }
   if (!times.empty()) return piece + 1 < times.size() ? times[piece + 1] : std::numeric_limits<double>::infinity();
   return piece + 1 < pieces_.size() ? pieces_[piece + 1].start_s : std::numeric_limits<double>::infinity();

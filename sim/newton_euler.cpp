@@ -28,7 +28,7 @@ struct Attitude {
 
 // What Eigen's own assignment of three values would do with a temporary.
 template <class T>
-[[gnu::always_inline]] inline void store(const Vec3<T>& v, T* out, int stride = 1) {
+[[gnu::always_inline]] inline void store(const Vec3<T>& v, T* out, std::ptrdiff_t stride = 1) {
   out[0] = v.x;
   out[stride] = v.y;
   out[2 * stride] = v.z;

@@ -567,7 +567,7 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
        motor.detent_torque_nm);
   // Damping ratio 0.2 of the resonance of rotor and load on the field's stiffness N_r tau_hold; but at the motion's
   // greatest speed the drag may take no more than a tenth of the holding torque.
-  const double stiffness = motor.steps_per_revolution / 4 * motor.holding_torque_nm;
+  const double stiffness = motor.steps_per_revolution / 4.0 * motor.holding_torque_nm;
   const double damped = 2 * 0.2 * std::sqrt(stiffness * (motor.rotor_inertia_kgm2 + load_inertia));
   const double most_drag = 0.1 * motor.holding_torque_nm / std::max(ratio * extent.greatest_speed, 1e-300);
   read("viscous_damping", Range::non_negative("N m s"), std::min(damped, most_drag), motor.viscous_damping_nms);

@@ -101,7 +101,7 @@ class Reader {
   void bounded(T& value, std::int64_t low, std::int64_t high) {
     T read{};
     if (!take(read)) return;
-    const auto number = static_cast<std::int64_t>(read);
+    const auto number = static_cast<std::int64_t>(read);  // NOLINT(bugprone-signed-char-misuse): a number
     if (number < low || number > high) ok_ = false;
     if (ok_) value = read;
   }

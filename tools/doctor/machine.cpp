@@ -45,14 +45,17 @@ std::string group_of(const std::string& url) {
   return group.empty() ? "239.255.76.67" : group;
 }
 
-// A port that is nobody's now: a run on the URL's own port must not hear the test.
+// A port that is nobody's now: a run on the URL's own port must not hear the test. 0: there is none, and no message
+// will come back.
 int free_port() {
   const Socket socket;
   sockaddr_in here{};
   here.sin_family = AF_INET;
   socklen_t size = sizeof here;
-  bind(socket.get(), reinterpret_cast<const sockaddr*>(&here), sizeof here);
-  getsockname(socket.get(), reinterpret_cast<sockaddr*>(&here), &size);
+  if (bind(socket.get(), reinterpret_cast<const sockaddr*>(&here), sizeof here) != 0 ||
+      getsockname(socket.get(), reinterpret_cast<sockaddr*>(&here), &size) != 0) {
+    return 0;
+  }
   return ntohs(here.sin_port);
 }
 

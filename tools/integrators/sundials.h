@@ -27,7 +27,8 @@ class SunContext {
   ~SunContext() { SUNContext_Free(&context_); }
   SunContext(const SunContext&) = delete;
   SunContext& operator=(const SunContext&) = delete;
-  operator SUNContext() const { return context_; }
+  // To be handed to SUNDIALS as it is.
+  operator SUNContext() const { return context_; }  // NOLINT(google-explicit-constructor)
 
  private:
   SUNContext context_ = nullptr;
@@ -39,7 +40,7 @@ class SunVector {
   ~SunVector() { N_VDestroy(vector_); }
   SunVector(const SunVector&) = delete;
   SunVector& operator=(const SunVector&) = delete;
-  operator N_Vector() const { return vector_; }
+  operator N_Vector() const { return vector_; }  // NOLINT(google-explicit-constructor)
   double* data() { return NV_DATA_S(vector_); }
   void set(const State& y) { std::copy_n(y.begin(), NV_LENGTH_S(vector_), data()); }
   void get(State& y) { std::copy_n(data(), NV_LENGTH_S(vector_), y.begin()); }

@@ -17,6 +17,7 @@ namespace {
 
 std::vector<char*> pointers(const std::vector<std::string>& argv) {
   std::vector<char*> out;
+  out.reserve(argv.size() + 1);
   for (const auto& argument : argv) out.push_back(const_cast<char*>(argument.c_str()));  // exec only reads them
   out.push_back(nullptr);
   return out;

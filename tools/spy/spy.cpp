@@ -7,6 +7,7 @@
 #include <ballast/sensors_t.hpp>
 #include <ballast/step_command_t.hpp>
 #include <ballast/trip_t.hpp>
+#include <charconv>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -42,9 +43,11 @@ fs::path java() {
 int major_version(const std::string& text) {
   const auto quote = text.find("version \"");
   if (quote == std::string::npos) return 0;
+  const char* end = text.data() + text.size();
   int first = 0, second = 0;
-  const int read = std::sscanf(text.c_str() + quote + 9, "%d.%d", &first, &second);
-  return read == 2 && first == 1 ? second : first;
+  const char* dot = std::from_chars(text.data() + quote + 9, end, first).ptr;
+  if (first == 1 && dot != end && *dot == '.') std::from_chars(dot + 1, end, second);
+  return second != 0 ? second : first;
 }
 
 Finding look_for_java() {
