@@ -283,6 +283,31 @@ class PageTest(unittest.TestCase):
         with self.subTest("which then turns out to cost: fewer after all"):
             ratios = self.resolution(2, 2, "n < 300 ? 1 / 30 : 0.02 + 0.1 * ratio")
             self.assertEqual(ratios[-1][1], 0.35)
+        with self.subTest("fewer seemed not to help while the browser was busy: they are tried again"):
+            ratios = self.resolution(1, 0.5, "n < 8 ? 0.05 : n < 20 ? 0.3 : 0.02 + 0.05 * ratio * ratio")
+            self.assertEqual(max(ratio for _, ratio in ratios), 1)
+            self.assertEqual(ratios[-1][1], 0.35)
+
+    def test_looks_little_is_drawn_without_a_graphics_card(self):
+        """What a frame costs a processor, as far as it does not depend on the machine; README has the figures."""
+        self.keep_open()
+        self.slide_to(5)
+        drawn = self.js("""const { scene, scene: { renderer } } = window.ballastReport;
+          scene.dirty = true; scene.render();
+          const { calls, triangles } = renderer.info.render;
+          return { calls, triangles, smoothed: renderer.getContextAttributes().antialias };""")
+        self.assertLessEqual(drawn["calls"], 19)
+        # 5,100; the fine ones are 16,000, and a part as large as the shell that is not made coarser is seen.
+        self.assertLess(drawn["triangles"], 6000)
+        self.assertFalse(drawn["smoothed"])
+        # A clip with round corners is computed in every pixel of the view when the page is put together.
+        clipped = self.js("""const faults = [];
+          for (let e = document.querySelector("#view canvas"); e; e = e.parentElement) {
+            const { overflow, borderRadius } = getComputedStyle(e);
+            if (overflow !== "visible" && borderRadius !== "0px") faults.push(e.className);
+          }
+          return faults;""")
+        self.assertEqual(clipped, [])
 
     def test_the_replay_uses_it_while_it_moves_only(self):
         self.open("paper_ball/report.html", SMALL)

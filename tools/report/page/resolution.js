@@ -42,7 +42,7 @@ export class Resolution {
     const mean = this.seconds / this.frames, late = mean > LATE * FRAME_S;
     this.inTime = late ? 0 : this.inTime + this.seconds;
     this.frames = this.seconds = 0;
-    if (this.pixelsMatter === false && mean > this.meanAtLeast / GAIN) this.pixelsMatter = true;
+    if (this.pixelsMatter === false) this.doubt(mean);
     if (this.pixelsMatter === false) return;
     if (late)
       this.fall(mean);
@@ -63,6 +63,13 @@ export class Resolution {
       this.pixelsMatter = mean < GAIN * this.meanBefore;
       if (!this.pixelsMatter) this.ratio = this.most;
     }
+  }
+
+  // All are drawn because fewer did not help. If frames come later now, fewer did; if sooner, what was seen of fewer
+  // was something else, as a browser that was still compiling: it is tried again.
+  doubt(mean) {
+    if (mean > this.meanAtLeast / GAIN) this.pixelsMatter = true;
+    if (mean < this.meanAtLeast * GAIN) this.pixelsMatter = this.meanBefore = null;
   }
 
   rise() {

@@ -10,12 +10,29 @@ const CONE_SLANT = 1.3;
 const HEAVIEST_MASS = 0.115;  // radius of its sphere; the others by the cube root of their mass
 const LEAST_MASS = 0.045;
 const PATH_POINTS = 3000;
-const NOISE = 1e-9;                 // of the weight: what rounding leaves of forces that are 0
-const SHORTEST_PATH_PIECE = 0.015;  // ball radii, a quarter of the path's width: the eye sees no corners
-const PATH_WIDTH = 0.056;           // ball radii; where the path is long
-const PATH_OF_EXTENT = 0.004;       // part of its extent, to be seen from where all of it is
+const NOISE = 1e-9;            // of the weight: what rounding leaves of forces that are 0
+const PATH_WIDTH = 0.056;      // ball radii; where the path is long
+const PATH_OF_EXTENT = 0.004;  // part of its extent, to be seen from where all of it is
 const RAIL_POINTS = 600;
-const RAIL_PIECES = 120;  // of each rail; the chords of a circle are off by 3e-4 of its radius, a tenth of a pixel
+// Into how many pieces round things are cut. Of a rail in 120, the chords of a circle are off by 3e-4 of its radius, a
+// tenth of a pixel. `path`: its shortest piece in ball radii, a quarter of its width: the eye sees no corners. A
+// processor that draws takes the longer the more triangles there are, however small.
+const FINE = {
+  shell: [64, 40],
+  mass: [20, 12],
+  rail: [120, 5],
+  arrow: [12, 24],
+  cone: [64, 4],
+  path: 0.015
+};
+const COARSE = {
+  shell: [36, 18],
+  mass: [14, 8],
+  rail: [72, 3],
+  arrow: [6, 10],
+  cone: [32, 3],
+  path: 0.03
+};
 const REGIMES = ["rolling", "sliding", "flight"];
 const UP = new THREE.Vector3(0, 0, 1);
 
@@ -24,7 +41,7 @@ const paint = (material, name) => material.color.setStyle(color(name));
 // A sphere's texture: a ball of gores and bands, by which one sees it roll. Alpha only; the material has the colour.
 function shellPattern(fine) {
   const canvas = document.createElement("canvas");
-  [canvas.width, canvas.height] = [1024, 512];
+  [canvas.width, canvas.height] = fine ? [1024, 512] : [512, 256];
   const context = canvas.getContext("2d");
   const gores = 8, bands = 4, width = canvas.width / gores, height = canvas.height / bands;
   for (let i = 0; i < gores; ++i)
@@ -33,7 +50,7 @@ function shellPattern(fine) {
       context.fillRect(i * width, j * height, width, height);
     }
   context.strokeStyle = "rgba(255, 255, 255, 0.75)";
-  context.lineWidth = 5;
+  context.lineWidth = canvas.width / 205;
   context.strokeRect(-10, canvas.height / 2, canvas.width + 20, 2 * canvas.height);
   for (const i of [0, 2, 4, 6, 8]) {
     context.beginPath();
@@ -42,29 +59,84 @@ function shellPattern(fine) {
     context.stroke();
   }
   const texture = new THREE.CanvasTexture(canvas);
-  texture.colorSpace = THREE.SRGBColorSpace;
   texture.anisotropy = fine ? 8 : 1;
-  if (!fine) texture.minFilter = THREE.LinearMipmapNearestFilter;
+  texture.generateMipmaps = fine;
+  if (!fine) texture.minFilter = THREE.LinearFilter;
   return texture;
 }
 
 // Brighter towards the edge, as glass is: over the material's own colour, in the same pass.
-function addRim(material) {
-  const tint = new THREE.Color();
+const RIM = `
+  float edge = 1.0 - abs(dot(across, view)) * inversesqrt(dot(across, across) * dot(view, view));
+  gl_FragColor = mix(gl_FragColor, vec4(rimTint, 1.0), 0.75 * edge * edge * edge);`;
+
+function litShell(map, opacity) {
+  const rimTint = {value: new THREE.Color()};
+  const material = new THREE.MeshPhongMaterial(
+      {map, opacity, shininess: 90, specular: 0x555555, transparent: true, depthWrite: false});
   material.premultipliedAlpha = true;  // one colour over another is then a mix
   material.onBeforeCompile = (shader) => {
-    shader.uniforms.rimTint = {value: tint};
-    shader.vertexShader = "varying vec3 rimNormal, rimView;\n" +
+    shader.uniforms.rimTint = rimTint;
+    shader.vertexShader = "varying vec3 across, view;\n" +
         shader.vertexShader.replace("#include <project_vertex>", `#include <project_vertex>
-          rimNormal = normalMatrix * normal;
-          rimView = -mvPosition.xyz;`);
-    shader.fragmentShader = "uniform vec3 rimTint;\nvarying vec3 rimNormal, rimView;\n" +
+          across = normalMatrix * normal;
+          view = -mvPosition.xyz;`);
+    shader.fragmentShader = "uniform vec3 rimTint;\nvarying vec3 across, view;\n" +
         shader.fragmentShader.replace(
-            "#include <premultiplied_alpha_fragment>", `#include <premultiplied_alpha_fragment>
-          float edge = 1.0 - abs(dot(normalize(rimNormal), normalize(rimView)));
-          gl_FragColor = mix(gl_FragColor, vec4(rimTint, 1.0), 0.75 * edge * edge * edge);`);
+            "#include <premultiplied_alpha_fragment>", `#include <premultiplied_alpha_fragment>${RIM}`);
   };
-  return tint;
+  return {
+    material,
+    paint(tint) {
+      material.color.copy(tint);
+      rimTint.value.copy(tint);
+    }
+  };
+}
+
+// Without light. three.js' own materials turn colours into linear light and back in every pixel, which a processor that
+// draws is slow at.
+function plainShell(map, opacity, side) {
+  const uniforms = {
+    map: {value: map},
+    opacity: {value: opacity},
+    tint: {value: new THREE.Color()},
+    rimTint: {value: new THREE.Color()}
+  };
+  const material = new THREE.ShaderMaterial({
+    transparent: true,
+    depthWrite: false,
+    premultipliedAlpha: true,
+    side,
+    uniforms,
+    vertexShader: `
+      varying vec2 place;
+      varying vec3 across, view;
+      void main() {
+        vec4 p = modelViewMatrix * vec4(position, 1.0);
+        place = uv;
+        across = normalMatrix * normal;
+        view = -p.xyz;
+        gl_Position = projectionMatrix * p;
+      }`,
+    fragmentShader: `
+      uniform sampler2D map;
+      uniform float opacity;
+      uniform vec3 tint, rimTint;
+      varying vec2 place;
+      varying vec3 across, view;
+      void main() {
+        gl_FragColor = opacity * texture2D(map, place).a * vec4(tint, 1.0);
+        ${side === THREE.FrontSide ? RIM : ""}
+      }`,
+  });
+  return {
+    material,
+    paint(tint) {
+      uniforms.tint.value.copy(tint).convertLinearToSRGB();
+      uniforms.rimTint.value.copy(tint);
+    }
+  };
 }
 
 function shadowTexture() {
@@ -81,13 +153,13 @@ function shadowTexture() {
 }
 
 class Arrow {
-  constructor(thickness) {
+  constructor(thickness, [sides, tipSides]) {
     this.material = new THREE.MeshLambertMaterial();
     this.shaft = new THREE.Mesh(
-        new THREE.CylinderGeometry(thickness, thickness, 1, 12).translate(0, 0.5, 0).rotateX(Math.PI / 2),
+        new THREE.CylinderGeometry(thickness, thickness, 1, sides, 1, true).translate(0, 0.5, 0).rotateX(Math.PI / 2),
         this.material);
     this.tip = new THREE.Mesh(
-        new THREE.ConeGeometry(2.6 * thickness, 7 * thickness, 24)
+        new THREE.ConeGeometry(2.6 * thickness, 7 * thickness, tipSides)
             .translate(0, -3.5 * thickness, 0)
             .rotateX(Math.PI / 2),
         this.material);
@@ -112,6 +184,7 @@ export class Robot {
   constructor({samples, described}, run, several, fine) {
     Object.assign(this, {samples, described, run, several, fine});
     this.radius = described.radius;
+    this.detail = fine ? FINE : COARSE;
     this.object = new THREE.Group();
     this.body = new THREE.Group();
     this.contact = new THREE.Group();
@@ -134,27 +207,23 @@ export class Robot {
   }
 
   makeShell() {
-    const r = this.radius, fineness = this.fine ? [64, 40] : [40, 20];
-    const geometry = new THREE.SphereGeometry(r, ...fineness).rotateX(Math.PI / 2);
+    const r = this.radius;
+    const geometry = new THREE.SphereGeometry(r, ...this.detail.shell).rotateX(Math.PI / 2);
     const map = shellPattern(this.fine);
-    const options = {map, transparent: true, depthWrite: false};
     const opacity = this.several ? 0.4 : 1;  // one sees through two shells
-    const inside = new THREE.MeshBasicMaterial({...options, side: THREE.BackSide, opacity: 0.55 * opacity});
-    const outside = this.fine ? new THREE.MeshPhongMaterial({...options, shininess: 90, specular: 0x555555, opacity}) :
-                                new THREE.MeshBasicMaterial({...options, opacity});
-    const rim = addRim(outside);
+    const inside = plainShell(map, 0.55 * opacity, THREE.BackSide);
+    const outside = this.fine ? litShell(map, opacity) : plainShell(map, opacity, THREE.FrontSide);
     this.shell = new THREE.Group();
-    [[inside, 1], [outside, 5]].forEach(([material, order]) => {
+    [[inside, 1], [outside, 5]].forEach(([{material}, order]) => {
       const mesh = new THREE.Mesh(geometry, material);
       mesh.renderOrder = order;
       this.shell.add(mesh);
     });
     this.body.add(this.shell);
     this.onPaint(() => {
-      const name = this.several ? `run-${this.run}` : "shell";
-      paint(inside, name);
-      paint(outside, name);
-      rim.setStyle(color(name));
+      const tint = new THREE.Color().setStyle(color(this.several ? `run-${this.run}` : "shell"));
+      inside.paint(tint);
+      outside.paint(tint);
     });
     this.shadow = new THREE.Mesh(
         new THREE.PlaneGeometry(2.2 * r, 2.2 * r),
@@ -176,7 +245,7 @@ export class Robot {
   }
 
   makeMasses() {
-    const r = this.radius, masses = this.described.masses;
+    const r = this.radius, masses = this.described.masses, [rails, railSides] = this.detail.rail;
     const heaviest = Math.max(...masses.map(({mass}) => mass ?? 0));
     this.rails = new THREE.Group();
     this.masses = masses.map(({mass}, i) => {
@@ -184,11 +253,12 @@ export class Robot {
       const railMaterial = new THREE.MeshLambertMaterial();
       if (points.length > 1) {
         const curve = new THREE.CatmullRomCurve3(points, closed, "centripetal");
-        this.rails.add(new THREE.Mesh(new THREE.TubeGeometry(curve, RAIL_PIECES, 0.011 * r, 5, closed), railMaterial));
+        this.rails.add(
+            new THREE.Mesh(new THREE.TubeGeometry(curve, rails, 0.011 * r, railSides, closed), railMaterial));
       }
       const size = heaviest > 0 ? Math.max(HEAVIEST_MASS * Math.cbrt(mass / heaviest), LEAST_MASS) : 0.09;
       const material = new THREE.MeshPhongMaterial({shininess: 70, specular: 0x333333});
-      const sphere = new THREE.Mesh(new THREE.SphereGeometry(size * r, 20, 12), material);
+      const sphere = new THREE.Mesh(new THREE.SphereGeometry(size * r, ...this.detail.mass), material);
       this.body.add(sphere);
       this.onPaint(() => {
         paint(material, `mass-${i}`);
@@ -214,8 +284,8 @@ export class Robot {
     const most = samples.get("static_friction").reduce((least, value) => Math.max(least, value), 0);
     const room = most > NOISE * weight ? (FRICTION_ARROW * r) / (most * this.forceScale) : 1;
     this.frictionFactor = [10, 5, 2].find((factor) => factor <= room) ?? 1;
-    this.force = new Arrow(0.026 * r);
-    this.friction = new Arrow(0.022 * r);
+    this.force = new Arrow(0.026 * r, this.detail.arrow);
+    this.friction = new Arrow(0.022 * r, this.detail.arrow);
     this.forces = new THREE.Group().add(this.force.object, this.friction.object);
     this.contact.add(this.forces);
     this.cone = new THREE.Group();
@@ -224,15 +294,16 @@ export class Robot {
       paint(this.force.material, "force");
       paint(this.friction.material, "friction");
     });
-    const limit = described.static_friction;
+    const limit = described.static_friction, [coneSides, rimSides] = this.detail.cone;
     if (limit === null || limit <= 0) return;
     const angle = Math.atan(limit), height = CONE_SLANT * r * Math.cos(angle), width = CONE_SLANT * r * Math.sin(angle);
     const geometry =
-        new THREE.ConeGeometry(width, height, 64, 1, true).translate(0, -height / 2, 0).rotateX(-Math.PI / 2);
+        new THREE.ConeGeometry(width, height, coneSides, 1, true).translate(0, -height / 2, 0).rotateX(-Math.PI / 2);
     this.coneMaterial = new THREE.MeshBasicMaterial(
         {transparent: true, opacity: 0.17, side: THREE.DoubleSide, depthWrite: false, forceSinglePass: true});
     const ringMaterial = new THREE.MeshBasicMaterial({transparent: true, opacity: 0.8});
-    const ring = new THREE.Mesh(new THREE.TorusGeometry(width, 0.008 * r, 4, 64).translate(0, 0, height), ringMaterial);
+    const ring = new THREE.Mesh(
+        new THREE.TorusGeometry(width, 0.008 * r, rimSides, coneSides).translate(0, 0, height), ringMaterial);
     const mesh = new THREE.Mesh(geometry, this.coneMaterial);
     mesh.renderOrder = 3;
     ring.renderOrder = 3;
@@ -255,8 +326,7 @@ export class Robot {
     for (const row of rows) {
       this.bounds.expandByPoint(new THREE.Vector3(x[row], y[row], 0));
       const before = kept.at(-1) ?? row;
-      if (row === 0 || Math.hypot(x[row] - x[before], y[row] - y[before]) > SHORTEST_PATH_PIECE * radius)
-        kept.push(row);
+      if (row === 0 || Math.hypot(x[row] - x[before], y[row] - y[before]) > this.detail.path * radius) kept.push(row);
     }
     this.pathRows = kept;
     const extent = this.bounds.getSize(new THREE.Vector3()).length();

@@ -8,7 +8,7 @@ import {OrbitControls} from "three/OrbitControls";
 const FIELD_OF_VIEW = 34;  // degrees
 // Pixels per CSS pixel:
 const MOST_PIXELS = 2;
-const FIRST_PIXELS_IN_SOFTWARE = 0.7;
+const FIRST_PIXELS_IN_SOFTWARE = 0.5;
 const LEAST_PIXELS = 0.35;   // the ball is then 80 pixels wide on a phone, and still seen to roll
 const STILL_AFTER_MS = 200;  // without a change: then all pixels are drawn
 const DIRECTION = new THREE.Vector3(-0.62, -1, 0.52).normalize();
@@ -31,7 +31,8 @@ function drawsInSoftware() {
 // A grid that fades away from where one looks; every fifth line is stronger.
 function floorMaterial() {
   return new THREE.ShaderMaterial({
-    transparent: true,
+    blending: THREE.NoBlending,  // it is drawn first
+    depthTest: false,
     depthWrite: false,
     side: THREE.DoubleSide,
     uniforms: {
@@ -52,13 +53,14 @@ function floorMaterial() {
       uniform float spacing, reach;
       uniform vec2 middle;
       varying vec2 place;
-      float lines(float s) {
-        vec2 c = place / s, pixels = abs(fract(c - 0.5) - 0.5) / fwidth(c);
-        return 1.0 - min(min(pixels.x, pixels.y), 1.0);
+      float lines(float s, vec2 pixel) {
+        vec2 off = abs(fract(place / s - 0.5) - 0.5) * (s / pixel);
+        return 1.0 - min(min(off.x, off.y), 1.0);
       }
       void main() {
+        vec2 pixel = fwidth(place);
         float far = 1.0 - smoothstep(0.25 * reach, reach, distance(place, middle));
-        gl_FragColor = vec4(tint, far * max(0.45 * lines(spacing), 0.95 * lines(5.0 * spacing)));
+        gl_FragColor = far * max(0.45 * lines(spacing, pixel), 0.95 * lines(5.0 * spacing, pixel)) * vec4(tint, 1.0);
       }`,
   });
 }
