@@ -234,7 +234,7 @@ TEST(OneBurst, AlwaysKeepsTheDistancesAndTheTick) {
       exact.push_back(exact.back() + rules.spacing_ticks * std::pow(100, u(random) * u(random)));
     if (!(exact.back() < rules.last_tick)) continue;
     auto pulses = at_ticks(exact);
-    const auto earliest = static_cast<std::int32_t>(exact[0] + 0.5);
+    const auto earliest = static_cast<std::int32_t>(std::lround(exact[0]));
     if (!make_windows(pulses, rules, earliest)) continue;
     const std::int32_t latest = pulses.back().high;
     widen_windows(pulses, earliest);

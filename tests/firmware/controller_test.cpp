@@ -42,7 +42,7 @@ class Bench {
     PerMass<std::int64_t> pulses{};
     for (int b = 0; b < out.steps.burst_count; ++b) {
       const StepBurst& burst = out.steps.bursts[static_cast<std::size_t>(b)];
-      pulses[burst.motor] += burst.direction * burst.count;
+      pulses[burst.motor] += static_cast<std::int64_t>(burst.direction * burst.count);
     }
     for (std::size_t i = 0; i < kMaxMasses; ++i) {
       EXPECT_EQ(out.steps.position_steps[i], before[i] + out.steps.steps[i]);

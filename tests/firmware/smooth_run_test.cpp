@@ -110,8 +110,8 @@ TEST(CoarseSmoothBursts, StayNearTheCrossings) {
       const Wide allowed = m / 2 + 2 + m * m / 8 * second;
       for (std::int64_t j = 0; j < burst.count; ++j) {
         const Wide w = crossing_time(x, static_cast<Wide>(c.run.direction * (n + j)), 0, c.run.end_s, 1e-12);
-        const auto at =
-            static_cast<Wide>(burst.first_ticks + j * burst.interval_ticks + burst.add_ticks * (j * (j - 1) / 2));
+        const auto added = burst.add_ticks * (j * (j - 1) / 2);
+        const auto at = static_cast<Wide>(burst.first_ticks + j * burst.interval_ticks + added);
         ASSERT_LE(std::fabs(at - w * c.timer_frequency_hz), allowed) << "pulse " << j << " of burst " << b;
       }
       n += burst.count;

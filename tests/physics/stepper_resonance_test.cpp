@@ -105,7 +105,7 @@ std::vector<Peak> sweep(const Scenario& s, double low_hz, double high_hz, double
   const double behind =
       static_cast<double>(pulses) - (motor.shaft_ratio * plant.sample().mass_position[0] - start) / microstep;
   EXPECT_NEAR(plant.motor_steps_behind(0), behind, 1e-6);
-  EXPECT_EQ(4 * motor.microsteps * std::abs(std::llround(behind / (4 * motor.microsteps))),
+  EXPECT_EQ(4LL * motor.microsteps * std::abs(std::llround(behind / (4 * motor.microsteps))),
             plant.sample().lost_steps[0]);
   return peaks;
 }

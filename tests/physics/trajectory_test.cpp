@@ -242,7 +242,7 @@ TEST(SplineRuns, CircleAsASplineRailConvergesToTheCircle) {
 
 // Where the plant's steps stop: at every row of the table after t = 0, in every period.
 TEST(Trajectories, TheRowsOfTheTableAreStops) {
-  const auto stops = [](std::vector<double> times_s, bool periodic) {
+  const auto stops = [](const std::vector<double>& times_s, bool periodic) {
     Mass mass;
     mass.trajectory = {times_s, std::vector<Vector3d>(times_s.size(), Vector3d::Zero()), periodic};
     const PrescribedMotion motion(mass);

@@ -18,7 +18,7 @@ using Exact = __int128;
 // position in microsteps at every control tick is a whole number of 2^-40 microsteps, and integers know it exactly.
 TEST(Drift, ADayOfToAndFro) {
   const char* text = std::getenv("BALLAST_STEPCHECK_HOURS");
-  const double hours = text == nullptr ? 24 : std::atof(text);
+  const double hours = text == nullptr ? 24 : std::strtod(text, nullptr);
   // Ticks of 1/128 s. A stroke: 2 s of acceleration +a, 4 s of -a, 2 s of +a; it comes back to rest 8 s later, shifted
   // by 0 in velocity and back in position. x''= a: |x| up to 4 a.
   constexpr Real kPeriod = 1.0 / 128;
@@ -35,7 +35,7 @@ TEST(Drift, ADayOfToAndFro) {
   }
   Profile profile;
   ASSERT_TRUE(profile.set(0.25, 0, pieces, 126));
-  constexpr std::int64_t kTicksPerProfile = 42 * 8 * kPerSecond;
+  constexpr std::int64_t kTicksPerProfile = std::int64_t{42} * 8 * kPerSecond;
   // a scale, in 2^-12 microsteps / s^2; times in 2^-7 s; so x in 2^-12 2^-14 / 2 microsteps
   constexpr auto kAcceleration = static_cast<std::int64_t>(a * scale * 4096);
   static_assert(static_cast<Real>(kAcceleration) == a * scale * 4096);

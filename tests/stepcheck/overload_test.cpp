@@ -157,8 +157,8 @@ TEST_P(Overloads, NoMotorBrakesHarderThanItMay) {
         std::int64_t n = out.steps.position_steps[m] - out.steps.steps[m];
         for (const stepcheck::Burst& burst : bursts[m]) {
           for (std::int64_t j = 0; j < burst.count; ++j, n += burst.direction) {
-            const auto timer_ticks =
-                static_cast<double>(burst.first + j * burst.interval + burst.add * (j * (j - 1) / 2));
+            const auto added = burst.add * (j * (j - 1) / 2);
+            const auto timer_ticks = static_cast<double>(burst.first + j * burst.interval + added);
             const double t = static_cast<double>(out.steps.tick - state->start_tick) * kPeriod_s +
                              timer_ticks / robot.timer_frequency_hz;
             const ProfilePoint p = state->active[m].at(t);

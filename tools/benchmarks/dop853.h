@@ -15,7 +15,7 @@ namespace ballast::benchmarks {
 template <std::size_t kSize>
 class Dop853 {
  public:
-  using State = sim::Dop853<kSize>::State;
+  using State = typename sim::Dop853<kSize>::State;
 
   // From y at t0 to t1 > t0 with local errors of about tolerance * (1 + |y|). rhs(t, y, dydt) must be smooth in
   // between. False if the steps become too small to go on; y is then where it got to.

@@ -172,7 +172,8 @@ void load(const Target& target) {
 
 int main(int argc, char** argv) {
   using namespace ballast;
-  const double slow_mhz = argc == 5 ? std::atof(argv[3]) : 0, fast_mhz = argc == 5 ? std::atof(argv[4]) : 0;
+  const double slow_mhz = argc == 5 ? std::strtod(argv[3], nullptr) : 0,
+               fast_mhz = argc == 5 ? std::strtod(argv[4], nullptr) : 0;
   if (!(slow_mhz > 0 && fast_mhz > 0)) {
     std::fprintf(stderr, "usage: ballast-target-figures BUILD BOARD SLOW_MHZ FAST_MHZ\n");
     return program::kExitUsage;
