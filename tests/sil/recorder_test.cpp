@@ -111,7 +111,7 @@ TEST(StepLedger, SeesPulsesThatTheCommandDoesNotSpeakOf) {
   command.motor_count = 2;
   command.burst_count = 3;
   for (std::size_t b = 0; b < 3; ++b) {
-    command.motor[b] = b == 2;
+    command.motor[b] = b == 2 ? 1 : 0;
     command.direction[b] = b == 0 ? -1 : 1;
     command.count[b] = static_cast<std::int16_t>(5 + 2 * b);
     command.first[b] = 1234 + 4000 * static_cast<std::int32_t>(b);

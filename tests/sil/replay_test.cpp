@@ -198,8 +198,17 @@ TEST(Replay, LogsThatDoNotFitAreRefusedOrNoted) {
   std::string bad = log;
   bad[log.find("BALLAST_SENSORS", log.size() / 2) - 28] ^= 1;
   const Outcome damaged = beside("damaged.lcmlog", bad);
-  EXPECT_EQ(damaged.exit_status, 0) << damaged.err;
-  EXPECT_SAYS(damaged.out, "damaged at byte ");
+  EXPECT_EQ(damaged.exit_status, 8) << damaged.err;
+  EXPECT_SAYS(damaged.out, "GAP         damaged at byte ");
+  EXPECT_SAYS(damaged.out, "the log goes on to tick 300");
+  bad[log.find("BALLAST_SENSORS", log.size() / 2) - 28] ^= 1;
+  bad[log.find("BALLAST_SENSORS", log.size() / 2) - 4] ^= 0x10;  // the message's length
+  const Outcome longer = beside("longer.lcmlog", bad);
+  EXPECT_EQ(longer.exit_status, 8) << longer.err;
+  EXPECT_SAYS(longer.out, "GAP         cut off inside an event at byte ");
+  const auto hole = static_cast<std::ptrdiff_t>(log.size() / 2);
+  const Outcome holed = beside("holed.lcmlog", std::string(log).erase(hole, 10000));
+  EXPECT_TRUE(holed.exit_status == 8 || holed.exit_status == 1) << "a message may be half of one: " << holed.err;
   const Outcome twice = beside("twice.lcmlog", log + log);
   EXPECT_EQ(twice.exit_status, 0) << twice.err;
 

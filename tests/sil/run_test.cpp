@@ -13,7 +13,7 @@
 namespace ballast::sil {
 namespace {
 
-sim::Scenario load(const std::string& name, std::vector<std::string> overrides = {}) {
+sim::Scenario load(const std::string& name, const std::vector<std::string>& overrides = {}) {
   const auto result = sim::read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/" + name + ".toml", overrides);
   for (const auto& error : result.errors) ADD_FAILURE() << to_string(error);
   return result.scenario;

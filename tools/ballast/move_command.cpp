@@ -93,8 +93,13 @@ std::string way_to_go_text(const firmware::MoveRequest& request, const controlle
 // Asks the controller of a run that is under way.
 int move_on_the_bus(const MoveCommand& command) {
   if (!command.out.empty()) return refuse("--out: the run on the bus keeps its own results; allowed without --lcm");
+  const program::ScenarioOptions& given = command.scenario;
+  if (!given.fault.empty()) return refuse("--fault: the run on the bus has its own; allowed without --lcm");
+  if (given.scenario.empty() && (!given.set.empty() || !given.actuation.empty() || given.seed)) {
+    return refuse("--set, --actuation and --seed change a scenario, and none is given; allowed with SCENARIO");
+  }
   std::optional<sim::Scenario> scenario;
-  if (!command.scenario.scenario.empty()) {
+  if (!given.scenario.empty()) {
     scenario = program::load_scenario(command.scenario);
     if (!scenario) return program::kExitUsage;
   }

@@ -39,6 +39,7 @@ sil::LcmPeersOptions::StartedAnew PeerFaults::strike(std::int64_t tick) {
     if (first && fault.kind == FaultKind::kPeerFrozen) sleep(fault.end_s - fault.time_s);
     if (first && fault.kind == FaultKind::kPeerRestarted) {
       trouble_ = children_.restart(program);
+      asleep_until_.erase(*fault.peer);  // it is another process now
       (*fault.peer == FaultPeer::kController ? anew.controller : anew.monitor) = true;
     }
     if (fault.kind == FaultKind::kPeerTooSlow && fault.active(time_s)) {

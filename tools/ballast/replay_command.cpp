@@ -192,7 +192,7 @@ std::function<int()> add_replay_command(CLI::App& app, CLI::App*& command) {
   command->add_option("LOG", options->log, "run.lcmlog, or the folder of the run")
       ->required()
       ->check(program::not_empty());
-  command->add_flag("--verify", options->verify, "exit status 3 if anything differs, 8 if the log has a gap");
+  command->add_flag("--verify", options->verify, "exit status 3 if anything differs, 8 if the log has a gap, or damage in its middle");
   command->add_option("--until", options->replay.until_tick, "the last tick to replay; default all");
   command->add_option("--scenario", options->scenario, "the run's scenario; default scenario.toml beside the log")
       ->check(program::not_empty());

@@ -49,6 +49,7 @@ std::string unknown_scenario(const std::string& name) {
 }
 
 std::string unknown_command(const std::string& word, const CLI::App& app) {
+  if (word.starts_with('-')) return word + ": options come after the command; allowed before it: --help, --version";
   std::vector<std::string> names;
   for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
   std::string text = word + ": no such command; allowed:";

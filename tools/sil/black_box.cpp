@@ -71,8 +71,10 @@ std::string repeat_command(const RunResult& result, const RunOptions& options, c
          (options.check_steps ? " --check-steps" : "") + " --out " + shell_word(box / "again");
 }
 
-bool write_black_box(const sim::Scenario& scenario, const RunResult& result, const std::string& command,
-                     const Recorder& recorder, OutputDir& output) {
+namespace {
+
+bool try_black_box(const sim::Scenario& scenario, const RunResult& result, const std::string& command,
+                   const Recorder& recorder, OutputDir& output) {
   auto summary = nlohmann::ordered_json::parse(summary_json(scenario, result));
   if (result.status != hal::Status::kOk) {
     summary["end"] = {{"reason", "could_not_go_on"}, {"time", result.final_sample.time_s}, {"text", result.trouble}};
@@ -97,6 +99,15 @@ bool write_black_box(const sim::Scenario& scenario, const RunResult& result, con
   }
   return output.write(std::string(kBlackBox) + "/scenario.toml", scenario_file(scenario)) &&
          output.write(std::string(kBlackBox) + "/blackbox.json", box.dump(2) + "\n");
+}
+
+}  // namespace
+
+bool write_black_box(const sim::Scenario& scenario, const RunResult& result, const std::string& command,
+                     const Recorder& recorder, OutputDir& output) {
+  if (try_black_box(scenario, result, command, recorder, output)) return true;
+  output.clear_black_box();
+  return false;
 }
 
 }  // namespace ballast::sil

@@ -22,14 +22,15 @@ std::string own_firmware_sources();
 // Whether a run's end deserves one: everything but completed inside the envelope, refused, or ended by the user.
 bool ended_badly(const RunResult& result);
 
-// The command that repeats the run, with `firmware_options` (" --firmware qemu", or none): `ballast run` of its scenario
-// where that says all, in `processes` if it was; `ballast replay` of its log where somebody has said something on the
-// way, or a peer was lost. Paths are absolute and quoted for a shell.
+// The command that repeats the run, with `firmware_options` (" --firmware qemu", or none): `ballast run` of its
+// scenario where that says all, in `processes` if it was; `ballast replay` of its log where somebody has said something
+// on the way, or a peer was lost. Paths are absolute and quoted for a shell.
 std::string repeat_command(const RunResult& result, const RunOptions& options, const std::string& firmware_options,
                            bool processes, const OutputDir& output);
 
 // Writes blackbox/ into the output folder: run.lcmlog (the last Recorder::tail_ticks() or a few more),
-// scenario.toml, blackbox.json. The log must be closed. False: `output.error()` says why.
+// scenario.toml, blackbox.json. The log must be closed. False: `output.error()` says why, and
+// nothing of it is left.
 bool write_black_box(const sim::Scenario& scenario, const RunResult& result, const std::string& command,
                      const Recorder& recorder, OutputDir& output);
 

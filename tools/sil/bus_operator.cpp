@@ -1,7 +1,8 @@
 #include "tools/sil/bus_operator.h"
 
-#include <algorithm>
 #include <cstdio>
+
+#include "tools/sil/least_margin.h"
 
 namespace ballast::sil {
 
@@ -31,7 +32,7 @@ BusOperator::BusOperator(hal::Bus& bus, hal::Seconds silence) : bus_(bus), silen
     fresh_ = true;
   });
   bus_.subscribe<contact_t>(hal::kChannelContact, [this](const contact_t& m) {
-    if (m.regime != contact_t::REGIME_FLIGHT) least_margin_ = std::min(least_margin_.value_or(m.margin), m.margin);
+    see_margin(m, least_margin_);
     if (m.last != 0) last_tick_ = m.tick;
   });
 }

@@ -26,8 +26,8 @@ LcmPeers::LcmPeers(hal::Bus& bus, LcmPeersOptions options) : bus_(bus), options_
     tripped_ = tripped_ || (of_this_tick && m.tripped == 1);
     accept(m, m.tick, of_this_tick ? m.tick : tick_, trip_, "monitor");
   });
-  // A bus gives back what is published on it: each of our ticks must be heard once, and nobody else's. It may come after
-  // the answers to it, so a lap waits for it too: in the next it would be another plant's.
+  // A bus gives back what is published on it: each of our ticks must be heard once, and nobody else's. It may come
+  // after the answers to it, so a lap waits for it too: in the next it would be another plant's.
   bus_.subscribe<sensors_t>(hal::kChannelSensors,
                             [this](const sensors_t& m) { accept(m, m.tick, tick_, echo_, "plant"); });
   if (!options_.controller_expected) return;

@@ -64,6 +64,32 @@ bool LogReader::read_header(LogEvent& event, std::int64_t& data_size) {
   return true;
 }
 
+bool LogReader::resume() {
+  if (damage_.empty()) return false;
+  constexpr std::size_t kLongestChannel = 63;  // LCM's own limit
+  file_.clear();
+  file_.seekg(offset_ + 1);
+  std::uint32_t last_bytes = 0;
+  for (std::int64_t end = offset_ + 1; end < size_; ++end) {
+    last_bytes = last_bytes << 8 | static_cast<unsigned char>(file_.get());
+    if (last_bytes != kSyncWord || end - 3 <= offset_) continue;
+    const std::int64_t damaged_at = offset_;
+    offset_ = end - 3;
+    file_.seekg(offset_);
+    LogEvent event;
+    std::int64_t data_size = 0;
+    if (read_header(event, data_size) && !event.channel.empty() && event.channel.size() <= kLongestChannel) {
+      damage_.clear();
+      file_.seekg(offset_);
+      return true;
+    }
+    offset_ = damaged_at;
+    file_.clear();
+    file_.seekg(end + 1);
+  }
+  return false;
+}
+
 bool LogReader::next(LogEvent& event) {
   if (!error_.empty() || !damage_.empty() || offset_ == size_) return false;
   std::int64_t data_size = 0;

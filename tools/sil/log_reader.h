@@ -22,6 +22,9 @@ class LogReader {
   // False: there is no more. damage() is then empty, or says where and why reading stopped before the end of the file.
   bool next(LogEvent& event);
 
+  // After damage: on with the next event behind it. False: nothing behind it looks like one.
+  bool resume();
+
   [[nodiscard]] const std::string& error() const { return error_; }    // the file is no event log; empty: it is
   [[nodiscard]] const std::string& damage() const { return damage_; }  // "damaged at byte 28: no event starts there"
 

@@ -53,7 +53,12 @@ void OutputDir::clear() {
   for (const char* name : kFiles) {
     if (!fs::is_directory(path_ / name, code)) fs::remove(path_ / name, code);
   }
-  // Of the black box only what we put there: what somebody has added stays.
+  clear_black_box();
+}
+
+void OutputDir::clear_black_box() {
+  std::error_code code;
+  // Only what we put there: what somebody has added stays.
   const fs::path box = path_ / kBlackBox;
   for (const char* name : {"run.lcmlog", "scenario.toml", "blackbox.json"}) fs::remove(box / name, code);
   if (fs::is_directory(box, code)) fs::remove(box, code);

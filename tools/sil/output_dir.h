@@ -21,6 +21,7 @@ class OutputDir {
 
   // Takes away what an earlier run has left, so that no file there speaks of another run than the log.
   void clear();
+  void clear_black_box();
   // All of it or nothing. False: error() says why.
   bool write(const std::string& name, const std::string& text);
   // Always false: error() says it.

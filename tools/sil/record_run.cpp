@@ -82,17 +82,24 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     return program::kExitUsage;
   }
   std::string repeat;
-  if (ended_badly(result)) {
+  const auto keep_black_box = [&] {
+    if (!ended_badly(result)) return;
     repeat = repeat_command(result, run_options, options.firmware_options, options.processes, output);
-    if (!write_black_box(scenario, result, repeat, recorder, output)) return fail(output.error());
-  }
+    if (write_black_box(scenario, result, repeat, recorder, output)) return;
+    program::complain(program_name, output.error() + "; nothing of the black box is kept");
+    repeat.clear();
+  };
   if (result.status != hal::Status::kOk) {
+    keep_black_box();
     std::string text = result.trouble + "; " + output.log_path() + " holds what happened up to then";
     if (!repeat.empty()) text += "; again: " + repeat;
     program::complain(program_name, text);
     return peers.exit_status();
   }
-  if (!output.write_summary(summary_json(scenario, result))) return fail(output.error());
+  // On a disk that is nearly full what happened comes before copies of it.
+  const bool written = output.write_summary(summary_json(scenario, result));
+  if (!written) program::complain(program_name, output.error());
+  if (written) keep_black_box();
   if (options.quiet) {
     for (const std::string& warning : warnings(scenario, result)) program::complain(program_name, warning);
   } else {
@@ -104,7 +111,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   }
   if (!options.quiet && !std::cout)
     return fail("the summary cannot be printed; the results are in " + output.path().string());
-  return exit_status(result);
+  const int status = exit_status(result);
+  return written || status != program::kExitCompleted ? status : program::kExitCouldNotRun;
 }
 
 }  // namespace ballast::sil

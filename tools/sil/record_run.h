@@ -19,7 +19,7 @@ struct RecordOptions {
   bool check_steps = false;           // as in RunOptions
   std::string firmware_options{};  // of the command line, that a run or replay needs to be the same: " --firmware qemu"
   bool processes = false;          // likewise --processes, which a replay has not
-  bool unbuffered = false;  // every message is on disk at once: for runs whose processes may be killed
+  bool unbuffered = false;         // every message is on disk at once: for runs whose processes may be killed
   const volatile std::sig_atomic_t* interrupted = nullptr;
   std::optional<firmware::MoveRequest> move = std::nullopt;  // as in RunOptions
   bool by_hand = false;                                      // as in RunOptions

@@ -108,12 +108,19 @@ class RecordedRun {
   [[nodiscard]] const std::string& end() const { return end_; }
   // Once next() is false: the log ends there in its middle; what it is that end() says, and the last tick after that.
   std::optional<ReplayResult::Gap> gap() {
+    // Behind damage, too, there may be more of the run.
+    if (!gap_ && reader_.damage().empty()) return std::nullopt;
+    do {
+      for (LogEvent event; reader_.next(event);) {
+        contact_t contact{};
+        if (event.channel == hal::kChannelContact && hal::decode(event.data.data(), event.data.size(), contact) &&
+            contact.tick > tick_.value_or(contact.tick)) {
+          goes_on_to_ = std::max(goes_on_to_, contact.tick);
+          gap_ = true;
+        }
+      }
+    } while (reader_.resume());
     if (!gap_) return std::nullopt;
-    for (LogEvent event; reader_.next(event);) {
-      contact_t contact{};
-      if (event.channel == hal::kChannelContact && hal::decode(event.data.data(), event.data.size(), contact))
-        goes_on_to_ = std::max(goes_on_to_, contact.tick);
-    }
     return ReplayResult::Gap{end_, goes_on_to_};
   }
   [[nodiscard]] std::size_t commands_left() const { return commands_.size(); }

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "tools/sil/controller_words.h"
+#include "tools/sil/least_margin.h"
 #include "tools/sil/sensor_faults.h"
 #include "tools/sil/step_ledger.h"
 
@@ -117,15 +118,7 @@ class PlanWatch {
     PlanRecord& plan = **current_;
     // A plan may end between two ticks.
     if (static_cast<double>(contact.tick - plan_tick_) > std::ceil(plan.predicted.duration_s / period_s_)) return;
-    // In the air there is no margin; but to leave the ground, between two ticks too, is the worst there is: -1 as in the
-    // prediction.
-    const bool in_flight = contact.regime == contact_t::REGIME_FLIGHT;
-    if (!plan.seen_margin_min) {
-      if (!in_flight) plan.seen_margin_min = contact.margin;
-    } else {
-      const double margin = in_flight || contact.normal_force_min_n <= 0 ? -1 : contact.margin;
-      plan.seen_margin_min = std::min(*plan.seen_margin_min, margin);
-    }
+    see_margin(contact, plan.seen_margin_min);
   }
 
   double period_s_;
@@ -381,8 +374,12 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     }
     due = next_due;
     if (options.speed > 0 && tick >= 0) {
-      std::this_thread::sleep_until(wall_start + std::chrono::duration_cast<Clock::duration>(
-                                                     std::chrono::duration<double>(plant.time_s() / options.speed)));
+      // A signal that came just before a sleep would not end it: no sleep is long.
+      const hal::Seconds until(plant.time_s() / options.speed);
+      for (hal::Seconds gone(0); (gone = Clock::now() - wall_start) < until;) {
+        if (options.interrupted != nullptr && *options.interrupted != 0) break;
+        std::this_thread::sleep_for(std::min(until - gone, hal::Seconds(0.1)));
+      }
     }
     // Looking at the clock in every tick would cost more than the tick's messages.
     if (options.progress && (tick & 63) == 0 && Clock::now() >= next_progress) {

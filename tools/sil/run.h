@@ -47,8 +47,8 @@ struct ControllerTrip {
 inline constexpr std::size_t kHistoryTicks = 8;
 
 // A stop or a move: what the controller predicted before its first step (firmware/control/prediction.h), and the least
-// margin of the plant's contact messages from its start to the first one at or after its end (samples, from the first in
-// contact; -1 if the ball then left the ground; none: there was no such sample).
+// margin of the plant's contact messages from its start to the first one at or after its end (samples, from the first
+// in contact; -1 if the ball then left the ground; none: there was no such sample).
 struct PlanRecord {
   double start_s = 0;
   firmware::Prediction predicted;

@@ -285,13 +285,15 @@ std::string trip_values_text(const trip_t& trip) {
     case trip_t::CAUSE_NORMAL_FORCE:
       return format(": N was %.6g N; allowed: > %.6g N", trip.value, trip.limit);
     case trip_t::CAUSE_FRICTION:
-      return format(": f_s/N was %.6g; allowed: <= %.6g", trip.value, trip.limit);
+      if (trip.value > trip.limit) return format(": f_s/N was %.6g; allowed: <= %.6g", trip.value, trip.limit);
+      return format(": the ball slid at f_s/N = %.6g, on a floor that was to hold up to %.6g", trip.value, trip.limit);
     case trip_t::CAUSE_DISAGREEMENT:
-      return format(": plant and controller were %.6g N apart; allowed: <= %.6g N", trip.value, trip.limit);
+      return format(": what was said of N and f_s was %.6g N apart; allowed: <= %.6g N", trip.value, trip.limit);
     case trip_t::CAUSE_MISSING:
     case trip_t::CAUSE_REPEATED:
       return format(": the newest tick was %.0f where %.0f was due", trip.value, trip.limit);
     case trip_t::CAUSE_STALE:
+      if (trip.value < 0) return ": the controller spoke of a tick that was still to come";
       return format(": silent for %.6g ticks; allowed: %.6g", trip.value, trip.limit);
     default:
       return "";
@@ -300,7 +302,7 @@ std::string trip_values_text(const trip_t& trip) {
 
 // A prediction knows nothing if the controller's sensors tell it nothing.
 std::string predicted_text(const firmware::Prediction& predicted) {
-  if (std::isnan(predicted.normal_force_min_n)) return "nothing predicted: the sensors gave no attitude";
+  if (std::isnan(predicted.normal_force_min_n)) return "nothing predicted: the sensors said what is no number";
   return format("predicted before it%s: least N %.6g N, most f_s/N %.6f, least margin %.4f",
                 horizon_text(predicted.duration_s, predicted.horizon_s).c_str(), predicted.normal_force_min_n,
                 predicted.mu_required_max, predicted.margin_min);
@@ -541,7 +543,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     text += format("  trip        %s at t = %.6f s%s", trip_cause(result.trip.cause), result.trip.trip_time_s,
                    trip_values_text(result.trip).c_str());
     const bool physics_ended = result.end_reason != EndReason::kCompleted && result.end_reason != EndReason::kTripped;
-    if (stepper && result.latency_ticks && !physics_ended) {
+    if (stepper && result.latency_ticks.value_or(-1) >= 0 && !physics_ended) {
       text += format("; the stop began %lld tick%s later", static_cast<long long>(*result.latency_ticks),
                      *result.latency_ticks == 1 ? "" : "s");
     }

@@ -116,6 +116,11 @@ void Invariants::fail(Invariant invariant, std::int64_t tick, const char* format
 }
 
 void Invariants::see(const sil::Lap& lap, const Sample& truth) {
+  for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
+    const auto& rail = scenario_.masses[i].rail;
+    const double lever = rail.shape == firmware::RailShape::kCircle ? rail.radius_m : 1;
+    top_speed_mps_ = std::max(top_speed_mps_, lever * std::abs(truth.mass_velocity[i]));
+  }
   see_order(lap);
   see_finite(lap);
   if (!lap.monitor_silent) see_verdict(lap);
@@ -380,11 +385,6 @@ void Invariants::see_controller_latch(const sil::Lap& lap) {
 // The promise is the plan's. It is given in the tick of the trip, and anew only if what it asks for cannot be stepped:
 // then the controller says so with a fault of its own.
 void Invariants::see_stop(const sil::Lap& lap, const Sample& truth) {
-  for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
-    const auto& rail = scenario_.masses[i].rail;
-    const double lever = rail.shape == firmware::RailShape::kCircle ? rail.radius_m : 1;
-    top_speed_mps_ = std::max(top_speed_mps_, lever * std::abs(truth.mass_velocity[i]));
-  }
   const controller_status_t& status = lap.status;
   if (status.mode != controller_status_t::MODE_TRIPPED) return;
   const double period_s = scenario_.run.control_period_s;
@@ -484,10 +484,11 @@ void Invariants::finish_end(const sil::RunResult& result) {
   }
   if (!has_ended_) fail(Invariant::kEnded, tick_, "the last message does not say that it is the last");
   const int status = sil::exit_status(result);
-  const int due =
-      violated_ || trip_.tripped != 0 || controller_tripped_ || result.end_reason != sil::EndReason::kCompleted
-          ? program::kExitEnvelope
-          : program::kExitCompleted;
+  // A slip that begins and ends between two ticks shows at neither; the run knows of it.
+  const int due = violated_ || result.rolling_lost || trip_.tripped != 0 || controller_tripped_ ||
+                          result.end_reason != sil::EndReason::kCompleted
+                      ? program::kExitEnvelope
+                      : program::kExitCompleted;
   if (status != due) fail(Invariant::kEnded, tick_, "exit status %d where %d is due", status, due);
   if ((result.trip.tripped != 0) != (trip_.tripped != 0) || (result.controller_trip.has_value() && !tripped)) {
     fail(Invariant::kEnded, tick_, "the summary's trip is not the one of the messages");

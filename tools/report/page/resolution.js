@@ -26,6 +26,7 @@ export class Resolution {
     this.meanBefore = null;  // of a frame, before the number fell
     this.meanAtLeast = null;
     this.pixelsMatter = null;  // not known yet
+    this.doubted = false;
     this.forget();
   }
 
@@ -66,10 +67,13 @@ export class Resolution {
   }
 
   // All are drawn because fewer did not help. If frames come later now, fewer did; if sooner, what was seen of fewer
-  // was something else, as a browser that was still compiling: it is tried again.
+  // was something else, as a browser that was still compiling: it is tried again, once.
   doubt(mean) {
     if (mean > this.meanAtLeast / GAIN) this.pixelsMatter = true;
-    if (mean < this.meanAtLeast * GAIN) this.pixelsMatter = this.meanBefore = null;
+    if (mean < this.meanAtLeast * GAIN && !this.doubted) {
+      this.pixelsMatter = this.meanBefore = null;
+      this.doubted = true;
+    }
   }
 
   rise() {
