@@ -18,7 +18,7 @@ using Loads = std::array<hal::test::OverloadLoad, kOverloadRobots.size()>;
 // An instruction takes 256 ns of the machine's time, 6.4 counts of its 25 MHz: whole instructions come of whole counts.
 constexpr int kShift = 8;
 std::uint32_t instructions(std::uint32_t counts) {
-  return static_cast<std::uint32_t>(counts * 40.0 / (1 << kShift) + 0.5);
+  return static_cast<std::uint32_t>(counts * 40.0 / (1 << kShift) + 0.5);  // NOLINT(bugprone-incorrect-roundings): > 0
 }
 
 Loads on_the_target(const std::string& board) {

@@ -32,7 +32,7 @@ struct StepLoad {
   std::array<GeneratorLoad, 5> generator;
   std::array<TogetherLoad, 2> together;
 };
-inline constexpr std::size_t kStepLoadBytes = 4u * (5 * 4 + 2 * 9);
+inline constexpr std::size_t kStepLoadBytes = std::size_t{4} * (5 * 4 + 2 * 9);
 
 template <class A, class M>
 void step_load_fields(A& archive, M& m) {
