@@ -29,7 +29,7 @@ std::string StepLedger::fault_of(const step_command_t& command, double timer_tic
   }
   std::int64_t sum[8]{};
   for (int b = 0; b < command.burst_count; ++b)
-    sum[command.motor[b]] += std::int64_t{command.direction[b]} * command.count[b];
+    sum[command.motor[b]] += static_cast<std::int64_t>(command.direction[b]) * command.count[b];
   for (int i = 0; i < command.motor_count; ++i) {
     if (sum[i] == command.steps[i]) continue;
     return "the step command of tick " + std::to_string(command.tick) + " speaks of " +

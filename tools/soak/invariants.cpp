@@ -187,7 +187,7 @@ void Invariants::see_steps(const sil::Lap& lap) {
   std::array<std::int64_t, sim::kMaxMasses> sum{}, pulses{};
   for (int b = 0; b < lap.steps.burst_count; ++b) {
     const auto motor = static_cast<std::size_t>(lap.steps.motor[b]);
-    sum[motor] += std::int64_t{lap.steps.direction[b]} * lap.steps.count[b];
+    sum[motor] += static_cast<std::int64_t>(lap.steps.direction[b]) * lap.steps.count[b];
     pulses[motor] += lap.steps.count[b];
   }
   // Of a controller that was started again, or says several ticks' commands at once, only the last is seen.
