@@ -44,6 +44,7 @@ class StepPlayer {
     for (Program& program : programs_) program.end = program.tracks.data();
     for (Record& record : records_) record.end = record.pulse.data();
     record_ = records_[open_].pulse.data();
+    unarmed_ = false;
     shift_ = 0;
     while (counts_per_tick >= 1) {
       counts_per_tick /= 2;
@@ -112,9 +113,11 @@ class StepPlayer {
       ready_ = false;
       for (Track* t = ready->tracks.data(); t != ready->end; ++t) begin_segment(*t);
     }
-    H::cancel();
     last_ = static_cast<std::int32_t>(H::span()) - 1;
-    due_ = playing_->end == playing_->tracks.data() ? kNever : std::min(earliest()->due, kNever);
+    if (!unarmed_) H::cancel();
+    unarmed_ = playing_->end == playing_->tracks.data();
+    if (unarmed_) return;  // a device's registers are slow: no tick without pulses touches them
+    due_ = std::min(earliest()->due, kNever);
     due_left_ = left_at(due_);
     const std::int32_t wait = difference(H::left(), static_cast<std::uint32_t>(due_left_));
     if (wait > 0) {
@@ -260,6 +263,7 @@ class StepPlayer {
   std::uint32_t open_ = 0;
   Given* record_ = nullptr;  // where the next pulse is written down
   std::uint32_t given_ = 0;
+  bool unarmed_ = false;   // in this control tick. Before the first: not known, so false
   std::uint32_t due_ = 0;  // the pulse waited for
   std::int32_t due_left_ = 0;
   std::int32_t last_ = 0;  // left_at(0)

@@ -47,7 +47,8 @@ TEST(QemuWork, OfAControlTick) {
   EXPECT_GT(blocks, 488);
   EXPECT_LT(blocks, 2000);
   EXPECT_GT(device_accesses, 0);  // the log says such things at all
-  EXPECT_LT(device_accesses, 12);
+  // Both ends of the tick's own time, the watchdog; and the step timer, in ticks that have pulses.
+  EXPECT_LT(device_accesses, 5);
 }
 
 }  // namespace

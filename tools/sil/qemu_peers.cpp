@@ -257,6 +257,7 @@ Status QemuPeers::connect() {
   target::Frame frame;
   target::Hello hello;
   if (const Status s = receive(frame, options_.start_timeout); s != Status::kOk) return s;
+  qemu_.let_main_loop_wait();
   if (!target::decode(frame, hello)) {
     return fail(Status::kForeignPeer, "the firmware does not introduce itself as this program expects",
                 program::kExitForeignFirmware);

@@ -208,6 +208,11 @@ std::string QemuProcess::start(const QemuOptions& options) {
   return std::string(kQemu) + ": cannot be started: " + std::strerror(error);
 }
 
+void QemuProcess::let_main_loop_wait() const {
+  const sched_param none{};
+  static_cast<void>(sched_setscheduler(pid_, SCHED_BATCH, &none));  // the thread of that number; costs time only
+}
+
 Status QemuProcess::write(int pair, std::span<const std::uint8_t> bytes, Seconds timeout) {
   NoPipeSignal guard;
   const int fd = pairs_[static_cast<std::size_t>(pair)].to;

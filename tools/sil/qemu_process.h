@@ -41,6 +41,10 @@ class QemuProcess {
   // processor is dear, as in virtual machines. The price: two runs that begin on one processor share it to their end.
   [[nodiscard]] std::string start(const QemuOptions& options);
 
+  // Once the machine runs. QEMU's main loop is woken in every control tick and has nothing to do: it waits until the
+  // machine's own thread does, instead of interrupting it.
+  void let_main_loop_wait() const;
+
   // All bytes. kPeerLost: the machine does not read any more, or not within the timeout.
   hal::Status write(int pair, std::span<const std::uint8_t> bytes, Seconds timeout);
   // What is there, at least one byte, appended to `bytes`. kEmpty: nothing within the timeout. kPeerLost: the machine
