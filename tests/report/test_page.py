@@ -1,8 +1,13 @@
 """The pages in headless Chromium: they load without an error or a request, show what the run's files say, and work."""
 
+import base64
+import colorsys
+import io
+import itertools
 import json
 import math
 import os
+import re
 import subprocess
 import tempfile
 import time
@@ -24,6 +29,14 @@ DESKTOP, PHONE = (1440, 900), (390, 844)
 SMALL = (600, 500)  # where only loading matters: pixels cost time without a graphics card
 # Seconds. A page is ready in 1 to 3 on an idle machine without a graphics card; this is for a busy one.
 LONGEST_WAIT = 60
+
+# Run before a page's own scripts: WebGL goes by the name of a graphics card, and so the page draws as for one.
+NAMED_GRAPHICS_CARD = """
+  const getParameter = WebGL2RenderingContext.prototype.getParameter;
+  WebGL2RenderingContext.prototype.getParameter = function (name) {
+    const isName = name === this.getExtension("WEBGL_debug_renderer_info").UNMASKED_RENDERER_WEBGL;
+    return isName ? "a graphics card" : getParameter.call(this, name);
+  };"""
 
 
 def start_browser():
@@ -74,6 +87,10 @@ class PageTest(unittest.TestCase):
 
     def open(self, page, size=DESKTOP):
         """Loads it, waits until it is ready, and sees that the console is empty and nothing was asked for."""
+        self.load(page, size)
+        self.assert_clean()
+
+    def load(self, page, size):
         width, height = size
         self.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
             "width": width, "height": height, "deviceScaleFactor": 1, "mobile": size == PHONE})
@@ -82,12 +99,15 @@ class PageTest(unittest.TestCase):
         while not self.js("return window.ballastReport?.ready"):
             trouble = self.js("return document.getElementById('trouble')?.textContent")
             self.assertFalse(trouble)
-            self.assertLess(time.monotonic() - start, LONGEST_WAIT, self.browser.get_log("browser"))
+            self.assertLess(time.monotonic() - start, LONGEST_WAIT, self.console())
             time.sleep(0.05)
-        self.assert_clean()
+
+    def console(self):
+        """What it says since it was last asked; without the modules' texts, which are their addresses."""
+        return [re.sub(r"data:\S*", "data:", entry["message"]) for entry in self.browser.get_log("browser")]
 
     def assert_clean(self):
-        self.assertEqual(self.browser.get_log("browser"), [])
+        self.assertEqual(self.console(), [])
         self.assertTrue(self.js("return document.getElementById('trouble').hidden"))
         asked = self.js("return performance.getEntriesByType('resource').map((entry) => entry.name)")
         self.assertEqual([name for name in asked if not name.startswith(("data:", "blob:"))], [])
@@ -308,6 +328,100 @@ class PageTest(unittest.TestCase):
           }
           return faults;""")
         self.assertEqual(clipped, [])
+
+    def drawn_alone(self, *path):
+        """What the replay draws of the part of it that stands there in `scene`: RGBA, rows from the top."""
+        png = self.js("""
+          const { scene } = window.ballastReport, inPart = new Set(), meshes = [];
+          [...arguments].reduce((object, key) => object[key], scene).traverse((object) => inPart.add(object));
+          scene.scene.traverse((object) => object.isMesh && meshes.push([object, object.visible]));
+          for (const [mesh, visible] of meshes) mesh.visible = visible && inPart.has(mesh);
+          scene.dirty = true;
+          scene.render();
+          const png = scene.renderer.domElement.toDataURL();  // in the same task, or the browser has taken it away
+          for (const [mesh, visible] of meshes) mesh.visible = visible;
+          scene.dirty = true;
+          return png.split(",")[1];""", *path)
+        return imread(io.BytesIO(base64.b64decode(png)))
+
+    def shell_on_screen(self):
+        """Of the sphere that the camera sees: its middle, from the picture's top left, and radius; pixels."""
+        return self.js("""
+          const { camera, box, robots: [{ body, radius }] } = window.ballastReport.scene;
+          const { x, y } = body.position.clone().project(camera), { clientWidth: width, clientHeight: height } = box;
+          const angle = Math.asin(radius / camera.position.distanceTo(body.position));
+          return [0.5 * (1 + x) * width, 0.5 * (1 - y) * height,
+                  (0.5 * height * Math.tan(angle)) / Math.tan((0.5 * camera.fov * Math.PI) / 180)];""")
+
+    def test_what_a_graphics_card_is_given_to_draw(self):
+        """Other materials and triangles than the other tests see; the processor draws these, too."""
+        added = self.browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": NAMED_GRAPHICS_CARD})
+        self.addCleanup(self.browser.execute_cdp_cmd, "Page.removeScriptToEvaluateOnNewDocument", added)
+        self.load("paper_ball/report.html", SMALL)
+        self.assertTrue(self.js("return window.ballastReport.scene.renderer.getContextAttributes().antialias"))
+        self.assert_shaders_compile()
+        self.assert_parts_are_drawn()
+        self.assert_slider_moves_what_is_drawn()
+        self.assert_clean()  # three.js writes there what the compiler warns of
+
+    def assert_shaders_compile(self):
+        faults, error = self.js("""
+          const { scene, scene: { renderer } } = window.ballastReport, faults = [], gl = renderer.getContext();
+          renderer.debug.checkShaderErrors = true;
+          renderer.debug.onShaderError = (gl, program, vertex, fragment) =>
+            faults.push(gl.getProgramInfoLog(program) + gl.getShaderInfoLog(vertex) + gl.getShaderInfoLog(fragment));
+          scene.scene.traverse(({ material }) => material?.dispose());  // all are compiled anew
+          scene.dirty = true;
+          scene.render();
+          return [faults, gl.getError()];""")
+        self.assertEqual(faults, [])
+        self.assertEqual(error, 0)
+
+    def assert_parts_are_drawn(self):
+        colors = self.js("""const styles = getComputedStyle(document.documentElement), colors = {};
+          for (const name of ["floor", "shell", "mass-0", "mass-1", "mass-2"])
+            colors[name] = styles.getPropertyValue(`--${name}`);
+          window.ballastReport.scene.robots[0].rails.children.forEach(  // their masses', mixed with the background's
+            ({ material }, k) => (colors[`rail-${k}`] = `#${material.color.getHexString()}`));
+          return colors;""")
+        paths = {"floor": ["floor"], "shell": ["robots", 0, "shell"]}
+        for k in range(3):
+            paths[f"mass-{k}"] = ["robots", 0, "masses", k]
+            paths[f"rail-{k}"] = ["robots", 0, "rails", "children", k]
+        means = []
+        for name, path in paths.items():
+            with self.subTest(part=name):
+                picture = self.drawn_alone(*path)
+                means.append(picture[picture[..., 3] > 0.2][:, :3].mean(axis=0))
+                hue, _, value = colorsys.rgb_to_hsv(*means[-1])
+                expected_hue, _, expected_value = colorsys.rgb_to_hsv(
+                    *(int(colors[name][k:k + 2], 16) / 255 for k in (1, 3, 5)))
+                # Light from above leaves the hue; from below it is bluish, by less than 10 degrees.
+                self.assertAlmostEqual(hue, expected_hue, delta=10 / 360)
+                self.assertGreater(value, 0.5 * expected_value)  # unlit it would be 0
+        for one, other in itertools.combinations(means, 2):
+            self.assertGreater(np.linalg.norm(one - other), 0.05)  # black and white: 1.7
+        alpha = self.drawn_alone("robots", 0, "shell")[..., 3]
+        x, y, radius = self.shell_on_screen()
+        away = np.hypot(*np.ogrid[0.5 - y:alpha.shape[0] - y, 0.5 - x:alpha.shape[1] - x]) / radius
+        # A pixel around the edge is 2 / radius of the disc; the sides of its polygon are 0.3 % of it inside.
+        self.assertAlmostEqual((alpha > 0).sum() / (np.pi * radius ** 2), 1, delta=2 / radius)
+        # The rim, which this page adds to the shader of three.js, hides at its edge a good third of what is behind it.
+        self.assertGreater(np.median(alpha[(away > 0.95) & (away < 0.98)]), np.median(alpha[away < 0.5]) + 0.2)
+
+    def assert_slider_moves_what_is_drawn(self):
+        self.browser.find_element(By.CSS_SELECTOR, "[data-camera=path]").click()
+        log, places = self.state_log("paper_ball"), []
+        for seconds in (0.0, 6.0, 11.0):
+            self.slide_to(seconds)
+            position = log["position_W_m"][int(np.argmin(np.abs(log["time_s"] - seconds)))]
+            np.testing.assert_allclose(self.ball()["position"][:2], position[:2], atol=1e-5)
+            rows, columns = np.nonzero(self.drawn_alone("robots", 0, "shell")[..., 3])
+            places.append((columns.mean() + 0.5, rows.mean() + 0.5))
+            # Off the view's axis a sphere's outline is an ellipse, whose middle is not quite the sphere's.
+            np.testing.assert_allclose(places[-1], self.shell_on_screen()[:2], atol=1)
+        for one, other in itertools.pairwise(places):
+            self.assertGreater(math.dist(one, other), 5)  # pixels
 
     def test_the_replay_uses_it_while_it_moves_only(self):
         self.open("paper_ball/report.html", SMALL)
