@@ -317,7 +317,7 @@ class PageTest(unittest.TestCase):
           const { calls, triangles } = renderer.info.render;
           return { calls, triangles, smoothed: renderer.getContextAttributes().antialias };""")
         self.assertLessEqual(drawn["calls"], 19)
-        # 5,100; the fine ones are 16,000, and a part as large as the shell that is not made coarser is seen.
+        # 5,100; the fine ones are 16,500, and a part as large as the shell that is not made coarser is seen.
         self.assertLess(drawn["triangles"], 6000)
         self.assertFalse(drawn["smoothed"])
         # A clip with round corners is computed in every pixel of the view when the page is put together.
@@ -459,6 +459,11 @@ class PageTest(unittest.TestCase):
           };
           requestAnimationFrame(frame);""")
         self.assertGreater(self.slider_time(), 0.1)
+        self.js("window.ballastReport.clock.toggle()")
+        self.slide_to(5)  # which pauses, there
+        self.assertEqual(self.js("const { clock } = window.ballastReport; return [clock.time, clock.playing]"),
+                         [5, False])
+        self.assertEqual(self.slider_time(), 5)
         cost = self.js("""
           const { clock, scene } = window.ballastReport, start = performance.now();
           for (let k = 0; k < 200; ++k) { clock.set(0.1 * k); scene.render(); }

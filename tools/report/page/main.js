@@ -38,8 +38,9 @@ function connectTransport(clock) {
   const slider = element("slider"), play = element("play"), now = element("now"), digits = timeDigits(clock.end);
   slider.max = clock.end;
   slider.addEventListener("input", () => {
+    const time = slider.valueAsNumber;  // pausing puts the thumb back to the replay's time
     clock.pause();
-    clock.set(slider.valueAsNumber);
+    clock.set(time);
   });
   play.addEventListener("click", () => clock.toggle());
   element("speed").addEventListener("change", (event) => (clock.speed = Number(event.target.value)));
