@@ -1,4 +1,5 @@
 // The panels drawn with uPlot, with one zoom and one time for all of them.
+import {runLetter} from "ballast/panels.js";
 import {color, onThemeChange} from "ballast/theme.js";
 import uPlot from "uplot";
 
@@ -267,7 +268,7 @@ class Plot {
     const right = x > bbox.left + 0.75 * bbox.width;
     ctx.textAlign = right ? "right" : "left";
     ctx.textBaseline = "middle";
-    const who = this.runs.length > 1 ? `${"AB"[run]} ` : "";
+    const who = this.runs.length > 1 ? `${runLetter(run)} ` : "";
     const text = `${who}${what} ${Number(value.toPrecision(6))}`;
     const place =
         this.freePlace(ctx, text, x, Math.min(Math.max(y, bbox.top + 8 * scale), bbox.top + bbox.height - 8 * scale));
