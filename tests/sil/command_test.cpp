@@ -682,7 +682,8 @@ TEST(Move, GoesThereAndSaysWhatItDoes) {
   const Folder folder;
   const Outcome move = folder.run("ballast move paper_ball --mass 1 --to 2.2 --speed-fraction 0.3 --set duration=10");
   EXPECT_EQ(move.exit_status, 0) << move.err;
-  EXPECT_NE(move.out.find("predicted before it"), std::string::npos) << move.out;
+  EXPECT_NE(move.out.find("predicted before it, masses as commanded: "), std::string::npos) << move.out;
+  EXPECT_EQ(move.out.find("WARNING"), std::string::npos) << move.out;
   const auto s = folder.summary("runs/paper_ball-move");
   EXPECT_EQ(s["end"]["reason"], "completed");
   EXPECT_LT(s["end"]["time"], 10.0) << "ends when the mass rests";
@@ -904,12 +905,27 @@ TEST(Move, ToWhereTheMassesAreIsOverAtOnce) {
   EXPECT_NE(move.out.find("nearly cancels"), std::string::npos) << "a ball let go at rest: " << move.out;
 }
 
+// Started at once, two motors' masses swing so that the ball slips, of which the closed forms know nothing.
+TEST(Move, ThatTheMotorsSwingTookWhatWasPredictedIsSaid) {
+  const Folder folder;
+  const Outcome move = folder.run("ballast move desk_ball --all 0.5 --out m");
+  EXPECT_EQ(move.exit_status, 3) << move.err;
+  const auto planned = folder.summary("m")["move"];
+  ASSERT_GT(planned["predicted_margin_min"].get<double>(), planned["margin_min"].get<double>() + 0.1);
+  char words[160];
+  std::snprintf(words, sizeof words, "  WARNING     the least margin was %.4f where %.4f was predicted: a prediction",
+                planned["margin_min"].get<double>(), planned["predicted_margin_min"].get<double>());
+  EXPECT_NE(move.out.find(words), std::string::npos) << move.out << words;
+  EXPECT_NE(move.out.find("their motors' swing (how much: share)\n"), std::string::npos) << move.out;
+}
+
 TEST(Move, OfOneThatIsPredictedForItsFirstSecondsOnlyThatIsSaidBefore) {
   const Folder folder;
   const Outcome move = folder.run("ballast move paper_ball --all 0 --quiet --out m");
   const auto planned = folder.summary("m")["move"];
   ASSERT_LT(planned["predicted_for"], planned["duration"]);
   EXPECT_NE(move.err.find(" s only the first "), std::string::npos) << move.err;
+  EXPECT_NE(move.err.find(" are predicted: a tick has time for few steps of it"), std::string::npos) << move.err;
 }
 
 TEST(Program, AWordThatIsNoCommandIsNamed) {
@@ -921,6 +937,22 @@ TEST(Program, AWordThatIsNoCommandIsNamed) {
   const Outcome early = folder.run("ballast --set gravity=1 paper_ball");
   EXPECT_EQ(early.exit_status, 1);
   EXPECT_NE(early.err.find("ballast: --set: options come after the command"), std::string::npos) << early.err;
+}
+
+TEST(Program, WordsThatAreTooManyAreSaidInTheOrderTyped) {
+  const Folder folder;
+  const Outcome outcome = folder.run("ballast run paper_ball x y --foo 3");
+  EXPECT_EQ(outcome.exit_status, 1);
+  EXPECT_NE(outcome.err.find("not expected: x y --foo 3\n"), std::string::npos) << outcome.err;
+}
+
+// Whoever has it not on the PATH can type what is printed.
+TEST(Program, NamesItselfAsItWasTyped) {
+  const Folder folder;
+  const Outcome outcome =
+      folder.run("cd \"$(dirname \"$(command -v ballast)\")\" && ./ballast-plant paper_ball --lcm nonsense://");
+  EXPECT_EQ(outcome.exit_status, 2);
+  EXPECT_NE(outcome.err.find("; ./ballast doctor --lcm nonsense:// looks why"), std::string::npos) << outcome.err;
 }
 
 TEST(Program, SaysItsVersion) {
@@ -984,6 +1016,22 @@ TEST(Check, SaysGoodOrEveryFault) {
   const Outcome bad = folder.run("ballast check ball.toml --set gravity=-1 --set duration=0 --set mass.0.mass=nan");
   EXPECT_EQ(bad.exit_status, 1);
   for (const char* key : {"gravity", "duration", "mass.0.mass"}) EXPECT_NE(bad.err.find(key), std::string::npos) << key;
+}
+
+// The file's value is named where another one does not fit it; that it is the command line's doing has to be said.
+TEST(Check, WhatTheCommandLineBrokeIsNotLeftToTheFile) {
+  const Folder folder;
+  folder.write("ball.toml", kBall);
+  const Outcome both = folder.run("ballast check ball.toml --set duration=1e9 --set gravity=2 --actuation stepper");
+  EXPECT_EQ(both.exit_status, 1);
+  EXPECT_NE(both.err.find("makes 1e+12 control periods of the duration"), std::string::npos) << both.err;
+  EXPECT_NE(both.err.find("ball.toml is good without --set 'duration=1e9' --set 'gravity=2' --actuation stepper\n"),
+            std::string::npos)
+      << both.err;
+  // Not where --set is named already, nor where the file is wrong by itself.
+  EXPECT_EQ(folder.run("ballast check ball.toml --set gravity=-1").err.find("good without"), std::string::npos);
+  folder.write("bad.toml", "frikction = 1\n" + kBall);
+  EXPECT_EQ(folder.run("ballast check bad.toml --set gravity=2").err.find("good without"), std::string::npos);
 }
 
 TEST(Help, IsThereForEveryCommand) {

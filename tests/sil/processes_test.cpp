@@ -310,7 +310,16 @@ struct SufferingRun {
     ASSERT_NE(again, std::string::npos) << run.err;
     const auto command = again + before.size();
     const Outcome repeated = folder.run(run.err.substr(command, run.err.find('\n', command) - command));
-    EXPECT_EQ(repeated.exit_status, 0) << repeated.out << repeated.err;
+    EXPECT_EQ(repeated.exit_status, 2) << repeated.out << repeated.err;
+    EXPECT_TRUE(test::read_file(folder / "r/run.lcmlog") == test::read_file(folder / "r/blackbox/again/run.lcmlog"));
+    const std::string told = "only what the controller was told: ";
+    const auto replay = run.err.find(told);
+    ASSERT_NE(replay, std::string::npos) << run.err;
+    const auto replay_command = replay + told.size();
+    EXPECT_EQ(
+        folder.run(run.err.substr(replay_command, run.err.find('\n', replay_command) - replay_command) + " --verify")
+            .exit_status,
+        0);
   }
   // Nobody has noticed anything, but for the clock on the wall.
   void expect_unharmed() const {

@@ -10,6 +10,7 @@
 #include "hal/lcm/channels.h"
 #include "hal/lcm/messages.h"
 #include "tests/sil/shell.h"
+#include "tools/sil/black_box.h"
 #include "tools/sil/log_reader.h"
 #include "tools/sil/recorder.h"
 
@@ -107,6 +108,13 @@ TEST(Replay, NamesTheFirstTickAndField) {
   EXPECT_SAYS(bit.out, "DIFFERS     in 2 of 303 ticks, first in tick 100");
   EXPECT_SAYS(bit.out, "BALLAST_CONTROLLER_STATUS, tick 100, normal_force_n: ");
   EXPECT_SAYS(bit.out, " N, 1 ULP); 2 messages differ");
+  EXPECT_SAYS(bit.out, "why         not the firmware's sources, which are the same: the log is damaged, ");
+  // Of a firmware with other sources nobody knows.
+  std::string scenario = read_file(folder / "bit/scenario.toml");
+  const std::string sources = "# Firmware sources: ";
+  scenario[scenario.find(sources) + sources.size()] ^= 1;
+  folder.write("other.toml", scenario);
+  EXPECT_SAYS(folder.run("ballast replay bit --scenario other.toml").out, "the firmware's sources, or a damaged log");
   EXPECT_EQ(folder.run("ballast replay bit").exit_status, 0) << "only --verify judges";
   const Outcome before = folder.run("ballast replay bit/run.lcmlog --verify --until 99");
   EXPECT_EQ(before.exit_status, 0) << before.out << before.err;
@@ -212,6 +220,19 @@ TEST(Replay, LogsThatDoNotFitAreRefusedOrNoted) {
   const Outcome twice = beside("twice.lcmlog", log + log);
   EXPECT_EQ(twice.exit_status, 0) << twice.err;
 
+  // Of its own log the summary knows the length: whole events at its end, or too few, are no run's either.
+  const auto as_run_log = [&](const std::string& text) {
+    const Outcome replay = beside("run.lcmlog", text);
+    beside("run.lcmlog", log);
+    EXPECT_EQ(replay.exit_status, 8) << replay.out << replay.err;
+    EXPECT_SAYS(replay.out, "DAMAGED     the log has " + std::to_string(text.size()) + " bytes; the run has left " +
+                                std::to_string(log.size()));
+  };
+  as_run_log(log + "x");
+  as_run_log(log + log);
+  as_run_log(log.substr(0, log.rfind("BALLAST_STEP_COMMAND") - 28));
+  EXPECT_EQ(folder.run("ballast replay r --verify").out.find("DAMAGED"), std::string::npos);
+
   const auto refused = [](const Outcome& outcome, const std::string& words) {
     EXPECT_EQ(outcome.exit_status, 1) << outcome.out;
     EXPECT_SAYS(outcome.err, words);
@@ -292,6 +313,9 @@ TEST(BlackBox, HoldsTheEndOfALongRunAndIsRefusedAsAWholeOne) {
   const Outcome replay = folder.run("ballast replay r/blackbox");
   EXPECT_EQ(replay.exit_status, 1);
   EXPECT_SAYS(replay.err, "begins in the middle of a run");
+  EXPECT_SAYS(replay.err, "; the whole run is in r/run.lcmlog\n");
+  EXPECT_SAYS(folder.run("cd r/blackbox && ballast replay run.lcmlog").err, "; the whole run is in ../run.lcmlog\n");
+  EXPECT_EQ(folder.run("ballast replay r/run.lcmlog --verify").exit_status, 0);
 }
 
 TEST(BlackBox, ARunThatEndsWellLeavesNoneNotEvenAnothers) {
@@ -304,7 +328,39 @@ TEST(BlackBox, ARunThatEndsWellLeavesNoneNotEvenAnothers) {
   EXPECT_EQ(well.out.find("black box"), std::string::npos);
 }
 
-// A peer that dies cannot be repeated by the scenario; what the controller was told can.
+// Its targets are not in the scenario. The program was not on the PATH, and the command works from everywhere.
+TEST(BlackBox, OfAMoveItsCommandMovesAgain) {
+  const Folder folder;
+  const Outcome move = folder.run(
+      "r=$PWD/r; cd \"$(dirname \"$(command -v ballast)\")\" && PATH=/usr/bin:/bin && "
+      "./ballast move desk_ball --all 0.5 --mass 2 --to -0.25 --speed-fraction 0.95 --seed 3 "
+      "--out \"$r\"");
+  ASSERT_EQ(move.exit_status, 3) << move.out << move.err;
+  const auto command =
+      nlohmann::json::parse(read_file(folder / "r/blackbox/blackbox.json"))["command"].get<std::string>();
+  EXPECT_SAYS(move.out, "; again: " + command + "\n");
+  const Outcome again = folder.run("PATH=/usr/bin:/bin; " + command);
+  EXPECT_EQ(again.exit_status, 3) << again.err;
+  EXPECT_TRUE(read_file(folder / "r/run.lcmlog") == read_file(folder / "r/blackbox/again/run.lcmlog"));
+}
+
+TEST(BlackBox, WhatPeopleSaidIsOnlyInTheLog) {
+  const Folder folder;
+  const auto scenario = sim::read_scenario(BALLAST_SCENARIO_DIR "/paper_ball.toml").scenario;
+  const sil::OutputDir output(folder / "r");
+  sil::RunResult result;
+  result.operators_heard = true;
+  const sil::Again heard = sil::again_of(*scenario, result, {}, " --firmware qemu", " --processes", output);
+  EXPECT_EQ(heard.run, "");
+  EXPECT_SAYS(heard.replay, "ballast replay " + (folder / "r/run.lcmlog").string() + " --firmware qemu");
+  result.operators_heard = false;
+  const sil::Again alone = sil::again_of(*scenario, result, {}, " --firmware qemu", "", output);
+  EXPECT_EQ(alone.replay, "");
+  EXPECT_SAYS(alone.run, "scenario.toml --firmware qemu --out ");
+  EXPECT_EQ(sil::again_of(*scenario, result, {.by_hand = true}, "", "", output).run, "");
+}
+
+// One that dies by itself may not die again; what the controller was told can be repeated at any rate.
 TEST(BlackBox, ALostPeersRunIsRepeatedFromItsLog) {
   const Folder folder;
   const Outcome run = folder.run("ballast run paper_ball --processes --speed 0.33 --out r --lcm '" + bus_url(2) +
@@ -316,7 +372,9 @@ TEST(BlackBox, ALostPeersRunIsRepeatedFromItsLog) {
   const auto box = nlohmann::json::parse(read_file(folder / "r/blackbox/blackbox.json"));
   EXPECT_EQ(box["end"]["reason"], "could_not_go_on");
   EXPECT_SAYS(box["end"]["text"].get<std::string>(), "ballast-monitor ended");
-  const auto command = box["command"].get<std::string>();
+  EXPECT_SAYS(box["command"].get<std::string>(), "blackbox/scenario.toml --processes --lcm 'udpm://");
+  EXPECT_SAYS(run.err, "; again: " + box["command"].get<std::string>() + "\n");
+  const auto command = box["replay"].get<std::string>();
   EXPECT_SAYS(run.err, command);
   const Outcome again = folder.run(command + " --verify");
   EXPECT_EQ(again.exit_status, 0) << again.out << again.err;

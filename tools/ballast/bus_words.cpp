@@ -2,6 +2,7 @@
 
 #include <cstdio>
 
+#include "hal/lcm/messages.h"
 #include "tools/program/program.h"
 #include "tools/sil/controller_words.h"
 
@@ -22,11 +23,9 @@ std::optional<int> tell(sil::BusOperator& operator_end, const firmware::Operator
 }
 
 std::string plan_text(const controller_status_t& status) {
-  char text[200];
-  std::snprintf(text, sizeof text, "%.6g s; predicted before it%s: least N %.6g N, most f_s/N %.6f, least margin %.4f",
-                status.plan_duration_s, sil::horizon_text(status.plan_duration_s, status.plan_horizon_s).c_str(),
-                status.plan_normal_force_min_n, status.plan_mu_required_max, status.plan_margin_min);
-  return text;
+  char duration[32];
+  std::snprintf(duration, sizeof duration, "%.6g s; ", status.plan_duration_s);
+  return duration + sil::predicted_text(hal::from_message(status).plan);
 }
 
 std::string positions_text(const controller_status_t& status) {

@@ -62,7 +62,7 @@ int examine(const DoctorCommand& command) {
     report.say(doctor::judge(listener, command.url, time));
   } else {
     report.say({Finding::Verdict::kFail, "peers", program::bad_bus(command.url),
-                std::string("what mends the lines above, or ballast doctor --lcm '") + hal::kDefaultLcmUrl + "'"});
+                "what mends the lines above, or " + program::typed() + " doctor"});
   }
   if (report.failed() == 0) return program::kExitCompleted;
   std::cout << report.failed() << (report.failed() == 1 ? " line fails" : " lines fail")

@@ -69,9 +69,11 @@ void warn_of_breach(const firmware::Prediction& plan, const sim::Scenario::Envel
   if (!breach.empty()) {
     program::complain("ballast", "the move is predicted to break the envelope: " + breach);
   } else if (plan.horizon_s < plan.duration_s) {
-    char text[96];
-    std::snprintf(text, sizeof text, "of the move's %.6g s only the first %.6g s are predicted", plan.duration_s,
-                  plan.horizon_s);
+    char text[192];
+    std::snprintf(text, sizeof text,
+                  "of the move's %.6g s only the first %.6g s are predicted: a tick has time for few steps of it, and "
+                  "they are short where the ball turns fast",
+                  plan.duration_s, plan.horizon_s);
     program::complain("ballast", text);
   }
 }
@@ -118,9 +120,9 @@ int move_on_the_bus(const MoveCommand& command) {
   if (!command.record.quiet) std::cout << "moving, " << plan_text(end.status()) << std::endl;
   // The bus does not say what the run allows; without a scenario it is what the ball and the floor do.
   const sim::Scenario::Envelope envelope = scenario ? scenario->envelope : sim::Scenario::Envelope{};
-  if (end.status().mode == controller_status_t::MODE_MOVING) {
-    warn_of_breach(hal::from_message(end.status()).plan, envelope);
-  }
+  const bool moving = end.status().mode == controller_status_t::MODE_MOVING;
+  const firmware::Prediction plan = hal::from_message(end.status()).plan;
+  if (moving) warn_of_breach(plan, envelope);
   const auto over = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_MOVING; };
   const hal::Status followed = end.follow(over);
   const controller_status_t& status = end.status();
@@ -129,9 +131,14 @@ int move_on_the_bus(const MoveCommand& command) {
     if (end.least_margin()) std::cout << "; least margin seen " << *end.least_margin();
     std::cout << std::endl;
   }
+  if (moving && end.least_margin()) {
+    const std::string missed = sil::far_below_text(plan, *end.least_margin());
+    if (!missed.empty()) program::complain("ballast", missed);
+  }
   if (followed == hal::Status::kInterrupted) {
     program::complain("ballast", "interrupted: the masses go on to where they were sent, " +
-                                     way_to_go_text(*request, status) + "; ballast operate stop stops them");
+                                     way_to_go_text(*request, status) + "; " + program::typed() + " operate stop" +
+                                     program::typed(command.bus) + " stops them");
     return program::kExitCouldNotRun;
   }
   if (followed != hal::Status::kOk) return bus_trouble(end);

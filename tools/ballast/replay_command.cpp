@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "tools/ballast/commands.h"
@@ -67,6 +68,18 @@ std::string file_text(const std::string& path) {
   return text.str();
 }
 
+// By the summary that the run has left beside its log; empty: the log is as long as it was, or there is no summary.
+std::string length_fault(const fs::path& log) {
+  if (log.filename() != "run.lcmlog") return "";  // another one, which the summary does not speak of
+  std::ifstream file(log.parent_path() / "summary.json");
+  const auto summary = nlohmann::json::parse(file, nullptr, false);
+  if (!summary.is_object() || !summary.value("log_bytes", nlohmann::json()).is_number_integer()) return "";
+  std::error_code code;
+  const auto is = static_cast<std::int64_t>(fs::file_size(log, code)), was = summary["log_bytes"].get<std::int64_t>();
+  if (is == was || code) return "";
+  return "the log has " + std::to_string(is) + " bytes; the run has left " + std::to_string(was) + " (summary.json)";
+}
+
 // The words of `ballast compare`, which knows fields and units.
 std::string first_difference(const std::string& log, const std::string& replayed) {
   const auto compare = program::beside_this_program("ballast-compare");
@@ -77,7 +90,7 @@ std::string first_difference(const std::string& log, const std::string& replayed
 }
 
 void print(const ReplayCommand& command, const sim::Scenario& scenario, const std::string& scenario_file,
-           const sil::ReplayResult& result, const std::string& replayed) {
+           const sil::ReplayResult& result, const std::string& replayed, const std::string& damage) {
   std::printf("%s: ticks %" PRId64 " to %" PRId64 " of %s, given to the firmware %s\n", scenario.name.c_str(),
               result.first_tick, result.last_tick, command.log.c_str(),
               command.in_qemu() ? ("in QEMU, on " + qemu_options(command).board).c_str() : "on this machine");
@@ -95,6 +108,7 @@ void print(const ReplayCommand& command, const sim::Scenario& scenario, const st
     std::printf("  trip        in tick %lld, faults 0x%x\n", static_cast<long long>(result.trip->tick),
                 static_cast<unsigned>(result.trip->faults));
   }
+  if (!damage.empty()) std::printf("  DAMAGED     %s\n", damage.c_str());
   if (result.gap) {
     std::printf("  GAP         %s; the log goes on to tick %" PRId64 ", and nothing after tick %" PRId64
                 " was replayed\n",
@@ -116,6 +130,11 @@ void print(const ReplayCommand& command, const sim::Scenario& scenario, const st
     std::printf("  DIFFERS     in %" PRId64 " of %" PRId64 " ticks, first in tick %" PRId64 "\n",
                 result.ticks_that_differ, result.ticks, *result.first_difference);
     std::fputs(first_difference(command.log, replayed).c_str(), stdout);
+    // A log has no checksum: a flipped bit in it is an input, or an output, like any other.
+    std::printf("  why         %s\n", recorded == own
+                                          ? "not the firmware's sources, which are the same: the log is "
+                                            "damaged, or of another build of them (compiler, options)"
+                                          : "the firmware's sources, or a damaged log, which looks the same");
   }
   std::fflush(stdout);
 }
@@ -177,9 +196,10 @@ int replay(const ReplayCommand& given) {
     program::complain("ballast", result.trouble);
     return peers->exit_status();
   }
-  print(command, *scenario, options.scenario, result, replayed);
+  const std::string damage = length_fault(command.log);
+  print(command, *scenario, options.scenario, result, replayed, damage);
   if (command.verify && result.first_difference) return kExitDiffers;
-  return command.verify && result.gap ? kExitGap : program::kExitCompleted;
+  return command.verify && (result.gap || !damage.empty()) ? kExitGap : program::kExitCompleted;
 }
 
 }  // namespace
@@ -192,7 +212,8 @@ std::function<int()> add_replay_command(CLI::App& app, CLI::App*& command) {
   command->add_option("LOG", options->log, "run.lcmlog, or the folder of the run")
       ->required()
       ->check(program::not_empty());
-  command->add_flag("--verify", options->verify, "exit status 3 if anything differs, 8 if the log has a gap, or damage in its middle");
+  command->add_flag("--verify", options->verify,
+                    "exit status 3 if anything differs, 8 if the log has a gap or is damaged");
   command->add_option("--until", options->replay.until_tick, "the last tick to replay; default all");
   command->add_option("--scenario", options->scenario, "the run's scenario; default scenario.toml beside the log")
       ->check(program::not_empty());

@@ -78,10 +78,10 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
   if (PeerFaults::any(scenario)) {
     options.look = hal::Seconds(1e-3);  // a peer may be slow by one short period
     options.before_tick = [&faults](std::int64_t tick) { return faults.strike(tick); };
-    record.processes = true;
   }
   sil::LcmPeers peers(bus, options);
   record.unbuffered = true;
+  record.run_options = " --processes" + program::typed(command.bus);
   return sil::record_run("ballast", scenario, peers, output, record);
 }
 
@@ -99,13 +99,6 @@ void print_target(const sil::TargetRecord& target) {
               target.farewell->stack_used_bytes, target.farewell->stack_bytes);
 }
 
-// As one word of a shell's line, whatever is in it.
-std::string quoted(const std::filesystem::path& path) {
-  std::string text = "'";
-  for (const char c : path.string()) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return text + "'";
-}
-
 int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const firmware::ControllerParams& params,
                 lcm::LCM* bus, sil::OutputDir& output) {
   sil::RecordOptions record = command.record;
@@ -113,7 +106,7 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   record.run_id = hal::draw_bus_number();
   record.firmware_options = " --firmware " + command.firmware;
   if (!command.elf.empty())
-    record.firmware_options += " --firmware-elf " + quoted(std::filesystem::absolute(command.elf));
+    record.firmware_options += " --firmware-elf " + program::shell_word(std::filesystem::absolute(command.elf));
   sil::QemuPeersOptions options;
   options.qemu = qemu_options(command);
   options.start_timeout = sil::Seconds(command.bus.start_timeout_s);
@@ -133,7 +126,8 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
 
 void draw_pictures(const sil::OutputDir& output) {
   const auto plot = program::beside_this_program("ballast-plot");
-  const std::string line = quoted(plot) + " " + quoted(std::filesystem::absolute(output.path()));
+  const std::string line =
+      program::shell_word(plot) + " " + program::shell_word(std::filesystem::absolute(output.path()));
   if (std::system(line.c_str()) != 0)
     program::complain("ballast", "the pictures could not be drawn; the run itself is complete");
 }

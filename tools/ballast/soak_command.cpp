@@ -7,12 +7,13 @@
 #include <chrono>
 #include <cinttypes>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
+#include <optional>
 #include <thread>
 
+#include "sim/scenario_reader.h"
 #include "tools/ballast/commands.h"
 #include "tools/program/program.h"
+#include "tools/sil/output_dir.h"
 #include "tools/soak/failure_table.h"
 #include "tools/soak/workers.h"
 
@@ -100,17 +101,6 @@ class Progress {
   Clock::time_point begun_, next_;
 };
 
-// Empty: it is kept.
-std::string keep(const std::filesystem::path& folder, std::uint64_t seed, bool table) {
-  const auto random = table ? soak::table_scenario(seed) : soak::random_scenario(seed);
-  std::error_code code;
-  std::filesystem::create_directories(folder, code);
-  const auto path = folder / (std::to_string(seed) + ".toml");
-  std::ofstream file(path);
-  file << random.toml << std::flush;
-  return file ? "" : path.string() + ": cannot be written";
-}
-
 void print_totals(const Totals& totals, double wall_s) {
   const double simulated_s = 1e-6 * static_cast<double>(totals.simulated_us);
   const auto part = [&](std::uint64_t count) {
@@ -138,11 +128,12 @@ int run(const SoakCommand& command) {
   options.seed_limit_s = command.seed_limit_s;
   options.interrupted = program::catch_signals();
   const std::uint64_t count = options.last - options.first + 1;
+  std::optional<sil::OutputDir> kept;
+  if (!command.keep.empty() && !kept.emplace(command.keep).good()) return fail("--keep: " + kept->error());
 
   Totals totals;
   soak::FailureTable table;
   Progress progress(count, !command.quiet);
-  std::string trouble;
   const auto done = [&](const soak::SeedResult& result) {
     totals.add(result);
     table.add(result);
@@ -150,14 +141,17 @@ int run(const SoakCommand& command) {
     progress.clear();
     const auto& invariant = soak::text_of(static_cast<soak::Invariant>(result.broken));
     const std::string seed = std::to_string(result.seed);
-    const std::string folder = command.keep.empty() ? "soak" : command.keep;
-    std::printf("seed %s: \"%s\" is broken in tick %" PRId64 ": %s\n  again: ballast soak%s --seeds %s..%s --keep %s\n",
-                seed.c_str(), invariant.name, result.broken_tick, result.broken_text, command.table ? " --table" : "",
-                seed.c_str(), seed.c_str(), folder.c_str());
-    if (!command.keep.empty()) {
-      const std::string why = keep(command.keep, result.seed, command.table);
-      if (why.empty()) std::printf("  its run: ballast run %s/%s.toml\n", command.keep.c_str(), seed.c_str());
-      if (trouble.empty()) trouble = why;
+    const std::string folder = program::shell_word(command.keep.empty() ? "soak" : command.keep);
+    const double limit_s = command.seed_limit_s;
+    std::printf("seed %s: \"%s\" is broken in tick %" PRId64 ": %s\n  again: %s soak%s --seeds %s..%s%s --keep %s\n",
+                seed.c_str(), invariant.name, result.broken_tick, result.broken_text, program::typed().c_str(),
+                command.table ? " --table" : "", seed.c_str(), seed.c_str(),
+                limit_s == SoakCommand().seed_limit_s ? "" : (" --seed-limit " + sim::number_text(limit_s)).c_str(),
+                folder.c_str());
+    if (kept) {
+      const auto random = command.table ? soak::table_scenario(result.seed) : soak::random_scenario(result.seed);
+      if (kept->write(seed + ".toml", random.toml))
+        std::printf("  its run: %s run %s/%s.toml\n", program::typed().c_str(), folder.c_str(), seed.c_str());
     }
     std::fflush(stdout);
   };
@@ -165,7 +159,7 @@ int run(const SoakCommand& command) {
                                           [&] { progress.show(totals); });
   progress.clear();
   if (!why.empty()) return fail(why);
-  if (!trouble.empty()) return fail(trouble);
+  if (kept && !kept->good()) return fail(kept->error());
   if (command.table) std::printf("%s", table.markdown().c_str());
   if (totals.seeds > 0 && !command.table) print_totals(totals, progress.seconds());
   if (totals.broken > 0) return program::kExitEnvelope;

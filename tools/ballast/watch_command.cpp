@@ -94,7 +94,8 @@ int watch_run(const WatchCommand& command) {
       std::cout << view.line(now_s(), bus.malformed()) << std::endl;
     }
   };
-  const std::string would = "; ballast run SCENARIO --speed 1 --lcm '" + command.url + "' would";
+  const std::string would =
+      "; " + program::typed() + " run SCENARIO --speed 1 --lcm " + program::shell_word(command.url) + " would";
   bool said_so = false;
   for (;;) {
     const auto over = [&] { return view.ended() && !command.forever; };

@@ -2,6 +2,8 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <iostream>
@@ -118,6 +120,11 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
       complain(app.get_name(), unknown_command(rest.front(), app));
       return kExitUsage;
     }
+    // CLI11 2.1 says those backwards.
+    if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) {
+      app.exit(CLI::ExtrasError(app.remaining_for_passthrough(true)));
+      return kExitUsage;
+    }
     return app.exit(error) == 0 ? kExitCompleted : kExitUsage;
   }
   return std::nullopt;
@@ -134,8 +141,43 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options) {
   if (options.seed) overrides.push_back("seed=" + std::to_string(*options.seed));
   sim::ScenarioResult result = sim::read_scenario(file, overrides, options.fault);
   for (const sim::ScenarioError& error : result.errors) std::cerr << sim::to_string(error) << '\n';
-  if (!result.ok()) return std::nullopt;
-  return std::move(result.scenario);
+  if (result.ok()) return std::move(result.scenario);
+  // Where two values do not fit each other only one of them is named, which may be the file's.
+  const bool file_is_blamed = std::any_of(result.errors.begin(), result.errors.end(),
+                                          [](const sim::ScenarioError& e) { return !e.source.starts_with("--"); });
+  if (file_is_blamed && !overrides.empty() && sim::read_scenario(file).ok()) {
+    std::string changed;
+    for (const std::string& set : options.set) changed += " --set " + shell_word(set);
+    if (!options.actuation.empty()) changed += " --actuation " + options.actuation;
+    std::cerr << file.string() << " is good without" << changed << '\n';
+  }
+  return std::nullopt;
+}
+
+std::string typed(const std::string& program, bool from_everywhere) {
+  const std::filesystem::path self(program_invocation_name);  // argv[0]
+  if (!self.has_parent_path()) return program;                // found on the PATH
+  const std::filesystem::path path = self.parent_path() / program;
+  return shell_word(from_everywhere ? std::filesystem::absolute(path).lexically_normal() : path);
+}
+
+std::string shell_word(const std::string& text) {
+  const auto plain = [](unsigned char c) {
+    return std::isalnum(c) != 0 || std::string_view("/._-+,:@%").find(static_cast<char>(c)) != std::string_view::npos;
+  };
+  if (!text.empty() && std::all_of(text.begin(), text.end(), plain)) return text;
+  std::string word = "'";
+  for (const char c : text) word += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return word + "'";
+}
+
+std::string typed(const BusOptions& options) {
+  const BusOptions usual;
+  std::string text;
+  if (options.url != usual.url) text += " --lcm " + shell_word(options.url);
+  if (options.peer_timeout_s != usual.peer_timeout_s)
+    text += " --peer-timeout " + sim::number_text(options.peer_timeout_s);
+  return text;
 }
 
 void complain(const std::string& program_name, const std::string& text) {
@@ -145,7 +187,7 @@ void complain(const std::string& program_name, const std::string& text) {
 std::string bad_bus(const std::string& url) { return "cannot use the LCM bus " + url; }
 
 int refuse_bus(const std::string& program_name, const std::string& url) {
-  complain(program_name, bad_bus(url) + "; ballast doctor --lcm '" + url + "' looks why");
+  complain(program_name, bad_bus(url) + "; " + typed() + " doctor --lcm " + shell_word(url) + " looks why");
   return kExitCouldNotRun;
 }
 

@@ -100,7 +100,7 @@ def _how_it_ended(summary):
     elif reason == "detached":
         ended = f"At {time_text(time)} N fell to 0: the floor no longer carries the ball."
     elif reason == "tripped":
-        rest = "at rest" if end.get("masses_at_rest") else "still moving"
+        rest = "at rest" if end.get("masses_at_rest") else "still swinging in their motors"
         ended = f"It was stopped after a trip and ended at {time_text(time)}, the masses {rest}."
     elif reason == "inconsistent":
         ended = f"It could not be followed beyond {time_text(time)}: {end.get('text', 'no consistent contact force')}."

@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "hal/target/build_id.h"
+#include "sim/scenario_reader.h"
+#include "tools/program/program.h"
 #include "tools/sil/summary.h"
 
 namespace ballast::sil {
@@ -17,12 +19,17 @@ namespace {
 
 constexpr char kSourcesAre[] = "# Firmware sources: ";
 
-std::string shell_word(const fs::path& path) {
-  std::string text = "'";
-  for (const char c : fs::absolute(path).lexically_normal().string()) {
-    text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+std::string absolute_word(const fs::path& path) { return program::shell_word(fs::absolute(path).lexically_normal()); }
+
+// " --mass 1 --to 2.5", as `ballast move` takes it.
+std::string move_words(const firmware::MoveRequest& move) {
+  std::string text;
+  for (std::size_t i = 0; i < move.target_position.size(); ++i) {
+    if ((move.masses >> i & 1u) != 0)
+      text += " --mass " + std::to_string(i) + " --to " + sim::number_text(move.target_position[i]);
   }
-  return text + "'";
+  if (move.speed_fraction != 1) text += " --speed-fraction " + sim::number_text(move.speed_fraction);
+  return text;
 }
 
 // Everything from a byte on. False: errno says why.
@@ -61,20 +68,32 @@ bool ended_badly(const RunResult& result) {
   return result.status != hal::Status::kOk || exit_status(result) != 0;
 }
 
-std::string repeat_command(const RunResult& result, const RunOptions& options, const std::string& firmware_options,
-                           bool processes, const OutputDir& output) {
-  const bool scenario_says_all =
-      result.status == hal::Status::kOk && !result.operators_heard && !options.by_hand && !options.move;
-  if (!scenario_says_all) return "ballast replay " + shell_word(output.log_path()) + firmware_options;
+std::string Again::text() const {
+  if (run.empty()) return replay.empty() ? "" : "; what the controller was told, again: " + replay;
+  return "; again: " + run + (replay.empty() ? "" : "\n  only what the controller was told: " + replay);
+}
+
+Again again_of(const sim::Scenario& scenario, const RunResult& result, const RunOptions& options,
+               const std::string& firmware_options, const std::string& run_options, const OutputDir& output) {
+  Again again;
+  const std::string ballast = program::typed("ballast", true);
   const fs::path box = output.path() / kBlackBox;
-  return "ballast run " + shell_word(box / "scenario.toml") + firmware_options + (processes ? " --processes" : "") +
-         (options.check_steps ? " --check-steps" : "") + " --out " + shell_word(box / "again");
+  const bool people_spoke = result.operators_heard || options.by_hand;
+  if (!people_spoke) {
+    again.run = ballast + (options.move ? " move " : " run ") + absolute_word(box / "scenario.toml") +
+                (options.move ? move_words(*options.move) : "") + firmware_options + run_options +
+                (options.check_steps ? " --check-steps" : "") + " --out " + absolute_word(box / "again");
+  }
+  const bool has_controller = scenario.run.actuation == sim::Actuation::kStepper;
+  if (has_controller && (people_spoke || result.status != hal::Status::kOk))
+    again.replay = ballast + " replay " + absolute_word(output.log_path()) + firmware_options;
+  return again;
 }
 
 namespace {
 
-bool try_black_box(const sim::Scenario& scenario, const RunResult& result, const std::string& command,
-                   const Recorder& recorder, OutputDir& output) {
+bool try_black_box(const sim::Scenario& scenario, const RunResult& result, const Again& again, const Recorder& recorder,
+                   OutputDir& output) {
   auto summary = nlohmann::ordered_json::parse(summary_json(scenario, result));
   if (result.status != hal::Status::kOk) {
     summary["end"] = {{"reason", "could_not_go_on"}, {"time", result.final_sample.time_s}, {"text", result.trouble}};
@@ -83,7 +102,8 @@ bool try_black_box(const sim::Scenario& scenario, const RunResult& result, const
   box["scenario"] = scenario.name;
   box["seed"] = scenario.seed;
   box["firmware_sources"] = own_firmware_sources();
-  box["command"] = command;
+  box["command"] = again.run.empty() ? again.replay : again.run;
+  if (!again.run.empty() && !again.replay.empty()) box["replay"] = again.replay;
   box["end"] = summary["end"];
   box["trip"] = summary["trip"];
   box["faults"] = result.controller_trip ? result.controller_trip->faults : 0;
@@ -103,9 +123,9 @@ bool try_black_box(const sim::Scenario& scenario, const RunResult& result, const
 
 }  // namespace
 
-bool write_black_box(const sim::Scenario& scenario, const RunResult& result, const std::string& command,
+bool write_black_box(const sim::Scenario& scenario, const RunResult& result, const Again& again,
                      const Recorder& recorder, OutputDir& output) {
-  if (try_black_box(scenario, result, command, recorder, output)) return true;
+  if (try_black_box(scenario, result, again, recorder, output)) return true;
   output.clear_black_box();
   return false;
 }

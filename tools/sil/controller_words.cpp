@@ -1,5 +1,6 @@
 #include "tools/sil/controller_words.h"
 
+#include <cmath>
 #include <cstdio>
 
 #include "sim/scenario_reader.h"
@@ -25,7 +26,8 @@ std::string rail_end_text(const controller_status_t& status, const firmware::Mov
   const auto mass = static_cast<std::size_t>(status.refusal_motor);
   std::string target;
   if (move != nullptr && mass < move->target_position.size()) {
-    target = " " + sim::number_text(move->target_position[mass]);
+    target = " ";
+    target += sim::number_text(move->target_position[mass]);
   }
   // In full: what is said to be allowed is.
   return "mass " + std::to_string(mass) + ": the target" + target + " is beyond the " + (lower ? "lower" : "upper") +
@@ -111,10 +113,26 @@ std::string breach_text(const firmware::Prediction& plan, double friction_use, d
   return text;
 }
 
-std::string horizon_text(double duration_s, double horizon_s) {
-  if (!(horizon_s < duration_s)) return "";
-  char text[48];
-  std::snprintf(text, sizeof text, " for its first %.3g s", horizon_s);
+std::string predicted_text(const firmware::Prediction& plan) {
+  if (std::isnan(plan.normal_force_min_n)) return "nothing predicted: the sensors said what is no number";
+  char horizon[48] = "";
+  if (plan.horizon_s < plan.duration_s) std::snprintf(horizon, sizeof horizon, " for its first %.3g s", plan.horizon_s);
+  char text[240];
+  std::snprintf(text, sizeof text,
+                "predicted before it%s, masses as commanded: least N %.6g N, most f_s/N %.6f, least margin %.4f",
+                horizon, plan.normal_force_min_n, plan.mu_required_max, plan.margin_min);
+  return text;
+}
+
+std::string far_below_text(const firmware::Prediction& plan, double seen_margin_min) {
+  constexpr double kFar = 0.1;  // of the friction cone; on the robots that ship steady motors take less
+  if (!(seen_margin_min < plan.margin_min - kFar)) return "";
+  char text[240];
+  std::snprintf(text, sizeof text,
+                "the least margin was %.4f where %.4f was predicted: a prediction takes the masses as commanded and "
+                "leaves out their motors' swing%s",
+                seen_margin_min, plan.margin_min,
+                plan.horizon_s < plan.duration_s ? ", and this one the move's end" : "");
   return text;
 }
 

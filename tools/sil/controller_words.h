@@ -20,7 +20,10 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
 // 0"; empty: nothing.
 std::string breach_text(const firmware::Prediction& plan, double friction_use, double min_normal_force_n);
 
-// " for its first 0.9 s", where a prediction did not look to the end; else nothing.
-std::string horizon_text(double duration_s, double horizon_s);
+// "predicted before it, ..: least N ..", of a plan.
+std::string predicted_text(const firmware::Prediction& plan);
+
+// That a plan was seen to leave a margin far below the predicted one, and why; empty: it was not.
+std::string far_below_text(const firmware::Prediction& plan, double seen_margin_min);
 
 }  // namespace ballast::sil

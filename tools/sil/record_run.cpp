@@ -81,18 +81,18 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     program::complain(program_name, "the controller refuses the move: " + result.refusal);
     return program::kExitUsage;
   }
-  std::string repeat;
+  Again again;
   const auto keep_black_box = [&] {
     if (!ended_badly(result)) return;
-    repeat = repeat_command(result, run_options, options.firmware_options, options.processes, output);
-    if (write_black_box(scenario, result, repeat, recorder, output)) return;
+    again = again_of(scenario, result, run_options, options.firmware_options, options.run_options, output);
+    if (write_black_box(scenario, result, again, recorder, output)) return;
     program::complain(program_name, output.error() + "; nothing of the black box is kept");
-    repeat.clear();
+    again = Again();
   };
   if (result.status != hal::Status::kOk) {
     keep_black_box();
     std::string text = result.trouble + "; " + output.log_path() + " holds what happened up to then";
-    if (!repeat.empty()) text += "; again: " + repeat;
+    text += again.text();
     program::complain(program_name, text);
     return peers.exit_status();
   }
@@ -104,9 +104,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     for (const std::string& warning : warnings(scenario, result)) program::complain(program_name, warning);
   } else {
     std::cout << summary_text(scenario, result, output.path());
-    if (!repeat.empty()) {
-      std::cout << "  black box   " << (output.path() / kBlackBox).string() << "; again: " << repeat << '\n';
-    }
+    if (const std::string text = again.text(); !text.empty())
+      std::cout << "  black box   " << (output.path() / kBlackBox).string() << text << '\n';
     std::cout << std::flush;
   }
   if (!options.quiet && !std::cout)

@@ -18,7 +18,7 @@ struct RecordOptions {
   OtherPlant* other_plant = nullptr;  // who listens whether it is one's own; null: nobody does
   bool check_steps = false;           // as in RunOptions
   std::string firmware_options{};  // of the command line, that a run or replay needs to be the same: " --firmware qemu"
-  bool processes = false;          // likewise --processes, which a replay has not
+  std::string run_options{};       // likewise, that a replay has not: " --processes"
   bool unbuffered = false;         // every message is on disk at once: for runs whose processes may be killed
   const volatile std::sig_atomic_t* interrupted = nullptr;
   std::optional<firmware::MoveRequest> move = std::nullopt;  // as in RunOptions

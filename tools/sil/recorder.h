@@ -61,6 +61,9 @@ class Recorder {
     return std::max(kTailTicks, static_cast<std::int64_t>(std::ceil(kTailSeconds / control_period_s)));
   }
 
+  // Of the log, so far.
+  [[nodiscard]] std::int64_t bytes() const { return bytes_; }
+
   // Flushes. False once anything could not be written; error() says what.
   bool close();
   [[nodiscard]] bool good() const { return error_.empty(); }

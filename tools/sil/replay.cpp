@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <deque>
+#include <filesystem>
 #include <iterator>
 #include <limits>
 #include <utility>
@@ -12,9 +13,12 @@
 #include "hal/lcm/channels.h"
 #include "tools/sil/faulty_peers.h"
 #include "tools/sil/log_reader.h"
+#include "tools/sil/output_dir.h"
 #include "tools/sil/recorder.h"
 
 namespace ballast::sil {
+
+namespace fs = std::filesystem;
 
 namespace {
 
@@ -310,7 +314,10 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
     };
     if (was.sensors->scenario_id != scenario.id) return unusable("is of another scenario than the ticks before");
     if (result.ticks == 0 && (tick > 0 || counted > 1)) {
-      return unusable("the log begins in the middle of a run, and what the controller knew there is not in it");
+      const auto whole = (fs::path(log_path).parent_path() / ".." / "run.lcmlog").lexically_normal();
+      const bool in_black_box = fs::exists(whole.parent_path() / kBlackBox / "blackbox.json");
+      return unusable("the log begins in the middle of a run, and what the controller knew there is not in it" +
+                      (in_black_box ? "; the whole run is in " + whole.string() : ""));
     }
     // A controller that was made to start again has forgotten them.
     if (counted == 0 && FaultyPeers::needed(scenario)) given = 0;

@@ -179,6 +179,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     result.wall_time_s = std::chrono::duration<double>(Clock::now() - wall_start).count();
     result.end_text = plant.end_text();
     result.masses_rested = rest.at_rest();
+    result.log_bytes = recorder.bytes();
     result.final_sample = plant.sample();
     result.regimes = plant.regimes();
     result.impacts = plant.impacts();

@@ -85,6 +85,7 @@ struct RunResult {
   std::optional<MoveEnd> move_end;              // of the move that was asked for, if one was
   bool operators_heard = false;                 // somebody beside the run itself
   std::int64_t last_tick = 0;                   // in the log
+  std::int64_t log_bytes = 0;                   // its length
   std::int64_t missing_commands = 0;            // ticks for which no step command reached the motors
   RefusedMessages refused;                      // what came over the bus and was not used
   std::string refusal;                          // the controller refused the move: which, and why; nothing ran

@@ -250,7 +250,8 @@ std::string move_end_text(const sim::Scenario& scenario, const RunResult& result
     else
       held += format("%smass %zu at %.6g", held.empty() ? "; held: " : ", ", i, position);
   }
-  return moved + held + (result.masses_rested || !result.move ? "" : "; still moving");
+  if (result.masses_rested || !result.move) return moved + held;
+  return moved + held + (result.move_end->steps_made ? "; still swinging in their motors" : "; still moving");
 }
 
 // Which masses were outside the ball, and what to do about it; empty: none.
@@ -301,13 +302,6 @@ std::string trip_values_text(const trip_t& trip) {
 }
 
 // A prediction knows nothing if the controller's sensors tell it nothing.
-std::string predicted_text(const firmware::Prediction& predicted) {
-  if (std::isnan(predicted.normal_force_min_n)) return "nothing predicted: the sensors said what is no number";
-  return format("predicted before it%s: least N %.6g N, most f_s/N %.6f, least margin %.4f",
-                horizon_text(predicted.duration_s, predicted.horizon_s).c_str(), predicted.normal_force_min_n,
-                predicted.mu_required_max, predicted.margin_min);
-}
-
 // What the plant then showed of a plan.
 std::string seen_text(const RunResult& result, const PlanRecord& plan) {
   if (plan.seen_margin_min) return format("seen %.4f", *plan.seen_margin_min);
@@ -476,6 +470,7 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                               {"source", published.source}});
   }
   j["ticks"] = result.ticks;
+  j["log_bytes"] = result.log_bytes;
   const hal::LinkCounters& refused = result.refused.here;
   j["refused_messages"] = {{"malformed", refused.malformed}, {"foreign", refused.foreign},
                            {"repeated", refused.repeated},   {"old", refused.old},
@@ -504,9 +499,12 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
       text += format("  ended       detached at t = %.10g s: N fell to 0, the floor no longer carries the ball", end_s);
       break;
     case EndReason::kTripped:
-      text += format(result.masses_rested ? "  ended       tripped; the masses were at rest at t = %.6g s"
-                                          : "  ended       tripped; the masses were still moving at t = %.6g s",
-                     end_s);
+      if (result.masses_rested) {
+        text += format("  ended       tripped; the masses were at rest at t = %.6g s", end_s);
+      } else {
+        text += format("  ended       tripped; the stop's last step was made at t = %.6g s, and the masses still %s",
+                       end_s, lost_steps_text(scenario, result).empty() ? "swung in their motors" : "moved");
+      }
       break;
     case EndReason::kInconsistent:
       text += format("  ended       inconsistent at t = %.10g s: %s", end_s, result.end_text.c_str());
@@ -568,6 +566,10 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
     const PlanRecord& p = **plan;
     text += format("  %s        from t = %.6g s, %.6g s; %s; %s\n", name, p.start_s, p.predicted.duration_s,
                    predicted_text(p.predicted).c_str(), seen_text(result, p).c_str());
+  }
+  if (const auto& move = result.move; move && move->seen_margin_min) {
+    const std::string missed = far_below_text(move->predicted, *move->seen_margin_min);
+    if (!missed.empty()) text += "  WARNING     " + missed + " (how much: share)\n";
   }
   if (result.move_end)
     text += (arrived(result) ? "  arrived     " : "  NOT THERE   ") + move_end_text(scenario, result) + "\n";
