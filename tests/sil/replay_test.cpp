@@ -346,18 +346,20 @@ TEST(BlackBox, OfAMoveItsCommandMovesAgain) {
 
 TEST(BlackBox, WhatPeopleSaidIsOnlyInTheLog) {
   const Folder folder;
-  const auto scenario = sim::read_scenario(BALLAST_SCENARIO_DIR "/paper_ball.toml").scenario;
+  const sim::Scenario scenario = sim::read_scenario(BALLAST_SCENARIO_DIR "/paper_ball.toml").scenario;
   const sil::OutputDir output(folder / "r");
   sil::RunResult result;
   result.operators_heard = true;
-  const sil::Again heard = sil::again_of(*scenario, result, {}, " --firmware qemu", " --processes", output);
+  const sil::Again heard = sil::again_of(scenario, result, {}, " --firmware qemu", " --processes", output);
   EXPECT_EQ(heard.run, "");
   EXPECT_SAYS(heard.replay, "ballast replay " + (folder / "r/run.lcmlog").string() + " --firmware qemu");
   result.operators_heard = false;
-  const sil::Again alone = sil::again_of(*scenario, result, {}, " --firmware qemu", "", output);
+  const sil::Again alone = sil::again_of(scenario, result, {}, " --firmware qemu", "", output);
   EXPECT_EQ(alone.replay, "");
   EXPECT_SAYS(alone.run, "scenario.toml --firmware qemu --out ");
-  EXPECT_EQ(sil::again_of(*scenario, result, {.by_hand = true}, "", "", output).run, "");
+  sil::RunOptions by_hand;
+  by_hand.by_hand = true;
+  EXPECT_EQ(sil::again_of(scenario, result, by_hand, "", "", output).run, "");
 }
 
 // One that dies by itself may not die again; what the controller was told can be repeated at any rate.
