@@ -182,6 +182,21 @@ TEST(Run, TripStopsTheMasses) {
   for (const auto& velocity : s["final"]["mass_velocity"]) EXPECT_LT(std::abs(velocity.get<double>()), 0.0095);
 }
 
+// The stop's steps end at 1.226 s, the swing 35 ms later: what a run that ends between them shows is the swing.
+TEST(Run, MassesThatAreStoppedAndStillSwingAreSaidTo) {
+  const Folder folder;
+  const std::string line = "ballast run desk_ball --set envelope.friction_use=0.5 --out r --set duration=";
+  const Outcome cut = folder.run(line + "1.24");
+  const auto s = folder.summary("r");
+  ASSERT_EQ(s["end"]["reason"], "tripped");
+  ASSERT_EQ(s["end"]["masses_at_rest"], false);
+  EXPECT_GT(1.24, s["stop"]["start"].get<double>() + s["stop"]["duration"].get<double>());
+  EXPECT_NE(cut.out.find("stopped; at t = 1.24 s, the run's end, the masses still swung in their motors\n"),
+            std::string::npos)
+      << cut.out;
+  EXPECT_NE(folder.run(line + "2").out.find("tripped; the masses were at rest at t = 1.2"), std::string::npos);
+}
+
 // A peak between two ticks is a violation, seen by the monitor in the tick after it: exit 0 means the located maximum
 // is inside.
 TEST(Run, APeakBetweenTicksTrips) {

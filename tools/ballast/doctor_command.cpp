@@ -62,7 +62,7 @@ int examine(const DoctorCommand& command) {
     report.say(doctor::judge(listener, command.url, time));
   } else {
     report.say({Finding::Verdict::kFail, "peers", program::bad_bus(command.url),
-                "what mends the lines above, or " + program::typed() + " doctor"});
+                "what mends the lines above, or " + program::ballast_as_typed() + " doctor"});
   }
   if (report.failed() == 0) return program::kExitCompleted;
   std::cout << report.failed() << (report.failed() == 1 ? " line fails" : " lines fail")

@@ -137,8 +137,8 @@ int move_on_the_bus(const MoveCommand& command) {
   }
   if (followed == hal::Status::kInterrupted) {
     program::complain("ballast", "interrupted: the masses go on to where they were sent, " +
-                                     way_to_go_text(*request, status) + "; " + program::typed() + " operate stop" +
-                                     program::typed(command.bus) + " stops them");
+                                     way_to_go_text(*request, status) + "; " + program::ballast_as_typed() +
+                                     " operate stop" + program::as_typed(command.bus) + " stops them");
     return program::kExitCouldNotRun;
   }
   if (followed != hal::Status::kOk) return bus_trouble(end);

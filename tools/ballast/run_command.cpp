@@ -81,7 +81,7 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
   }
   sil::LcmPeers peers(bus, options);
   record.unbuffered = true;
-  record.run_options = " --processes" + program::typed(command.bus);
+  record.run_options = " --processes" + program::as_typed(command.bus);
   return sil::record_run("ballast", scenario, peers, output, record);
 }
 

@@ -144,14 +144,15 @@ int run(const SoakCommand& command) {
     const std::string folder = program::shell_word(command.keep.empty() ? "soak" : command.keep);
     const double limit_s = command.seed_limit_s;
     std::printf("seed %s: \"%s\" is broken in tick %" PRId64 ": %s\n  again: %s soak%s --seeds %s..%s%s --keep %s\n",
-                seed.c_str(), invariant.name, result.broken_tick, result.broken_text, program::typed().c_str(),
-                command.table ? " --table" : "", seed.c_str(), seed.c_str(),
+                seed.c_str(), invariant.name, result.broken_tick, result.broken_text,
+                program::ballast_as_typed().c_str(), command.table ? " --table" : "", seed.c_str(), seed.c_str(),
                 limit_s == SoakCommand().seed_limit_s ? "" : (" --seed-limit " + sim::number_text(limit_s)).c_str(),
                 folder.c_str());
     if (kept) {
       const auto random = command.table ? soak::table_scenario(result.seed) : soak::random_scenario(result.seed);
       if (kept->write(seed + ".toml", random.toml))
-        std::printf("  its run: %s run %s/%s.toml\n", program::typed().c_str(), folder.c_str(), seed.c_str());
+        std::printf("  its run: %s run %s/%s.toml\n", program::ballast_as_typed().c_str(), folder.c_str(),
+                    seed.c_str());
     }
     std::fflush(stdout);
   };

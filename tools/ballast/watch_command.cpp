@@ -94,8 +94,8 @@ int watch_run(const WatchCommand& command) {
       std::cout << view.line(now_s(), bus.malformed()) << std::endl;
     }
   };
-  const std::string would =
-      "; " + program::typed() + " run SCENARIO --speed 1 --lcm " + program::shell_word(command.url) + " would";
+  const std::string would = "; " + program::ballast_as_typed() + " run SCENARIO --speed 1 --lcm " +
+                            program::shell_word(command.url) + " would";
   bool said_so = false;
   for (;;) {
     const auto over = [&] { return view.ended() && !command.forever; };

@@ -81,14 +81,14 @@ Finding look_at_multicast(const std::string& url) {
   const std::string what = "multicast";
   if (!url.starts_with("udpm://")) {
     if (lcm::LCM(url).good()) return {Verdict::kOk, what, "not used by " + url, ""};
-    return {Verdict::kFail, what, program::bad_bus(url), program::typed() + " doctor"};
+    return {Verdict::kFail, what, program::bad_bus(url), program::ballast_as_typed() + " doctor"};
   }
   const std::string group = group_of(url);
   sockaddr_in there{};
   there.sin_family = AF_INET;
   there.sin_port = htons(9);
   if (inet_pton(AF_INET, group.c_str(), &there.sin_addr) != 1 || !IN_MULTICAST(ntohl(there.sin_addr.s_addr))) {
-    return {Verdict::kFail, what, group + " is no multicast group", program::typed() + " doctor"};
+    return {Verdict::kFail, what, group + " is no multicast group", program::ballast_as_typed() + " doctor"};
   }
   const Socket socket;
   if (connect(socket.get(), reinterpret_cast<const sockaddr*>(&there), sizeof there) != 0) {

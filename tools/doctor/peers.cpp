@@ -92,7 +92,7 @@ bool listen(const std::string& url, hal::Seconds time, Listener& listener) {
 std::vector<Finding> judge(const Listener& listener, const std::string& url, hal::Seconds time) {
   if (listener.channels().empty()) {
     return {{Verdict::kNote, "peers", format("nobody has said anything on %s for %g s", url.c_str(), time.count()),
-             program::typed() + " run paper_ball --speed 1 --lcm " + program::shell_word(url)}};
+             program::ballast_as_typed() + " run paper_ball --speed 1 --lcm " + program::shell_word(url)}};
   }
   std::vector<Finding> findings;
   std::set<std::int64_t> scenarios, runs;

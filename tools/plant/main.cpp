@@ -42,7 +42,7 @@ int main(int argc, char** argv) {
                       "--peer-timeout");
     return program::kExitUsage;
   }
-  record.run_options = " --processes" + program::typed(bus_options);
+  record.run_options = " --processes" + program::as_typed(bus_options);
   record.interrupted = program::catch_signals();
   hal::Bus bus(bus_options.url, record.interrupted);
   if (!bus.good()) return program::refuse_bus("ballast-plant", bus_options.url);

@@ -142,10 +142,15 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options) {
   sim::ScenarioResult result = sim::read_scenario(file, overrides, options.fault);
   for (const sim::ScenarioError& error : result.errors) std::cerr << sim::to_string(error) << '\n';
   if (result.ok()) return std::move(result.scenario);
-  // Where two values do not fit each other only one of them is named, which may be the file's.
-  const bool file_is_blamed = std::any_of(result.errors.begin(), result.errors.end(),
-                                          [](const sim::ScenarioError& e) { return !e.source.starts_with("--"); });
-  if (file_is_blamed && !overrides.empty() && sim::read_scenario(file).ok()) {
+  // Where two values do not fit each other only one of them is named, which may be another than --set has changed.
+  const auto is_named = [&overrides](const sim::ScenarioError& error) {
+    return error.source == "--fault" || error.key.empty() ||
+           std::any_of(overrides.begin(), overrides.end(), [&error](const std::string& set) {
+             return (error.key + ".").starts_with(set.substr(0, set.find('=')) + ".");
+           });
+  };
+  const auto& errors = result.errors;
+  if (!overrides.empty() && !std::all_of(errors.begin(), errors.end(), is_named) && sim::read_scenario(file).ok()) {
     std::string changed;
     for (const std::string& set : options.set) changed += " --set " + shell_word(set);
     if (!options.actuation.empty()) changed += " --actuation " + options.actuation;
@@ -154,10 +159,10 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options) {
   return std::nullopt;
 }
 
-std::string typed(const std::string& program, bool from_everywhere) {
+std::string ballast_as_typed(bool from_everywhere) {
   const std::filesystem::path self(program_invocation_name);  // argv[0]
-  if (!self.has_parent_path()) return program;                // found on the PATH
-  const std::filesystem::path path = self.parent_path() / program;
+  if (!self.has_parent_path()) return "ballast";              // found on the PATH
+  const std::filesystem::path path = self.parent_path() / "ballast";
   return shell_word(from_everywhere ? std::filesystem::absolute(path).lexically_normal() : path);
 }
 
@@ -171,7 +176,7 @@ std::string shell_word(const std::string& text) {
   return word + "'";
 }
 
-std::string typed(const BusOptions& options) {
+std::string as_typed(const BusOptions& options) {
   const BusOptions usual;
   std::string text;
   if (options.url != usual.url) text += " --lcm " + shell_word(options.url);
@@ -187,7 +192,7 @@ void complain(const std::string& program_name, const std::string& text) {
 std::string bad_bus(const std::string& url) { return "cannot use the LCM bus " + url; }
 
 int refuse_bus(const std::string& program_name, const std::string& url) {
-  complain(program_name, bad_bus(url) + "; " + typed() + " doctor --lcm " + shell_word(url) + " looks why");
+  complain(program_name, bad_bus(url) + "; " + ballast_as_typed() + " doctor --lcm " + shell_word(url) + " looks why");
   return kExitCouldNotRun;
 }
 

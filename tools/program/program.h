@@ -59,15 +59,15 @@ void add_bus_options(CLI::App& app, BusOptions& options);
 // Reads and checks; prints every fault to stderr. nullopt: end with kExitUsage.
 [[nodiscard]] std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options);
 
-// What to type for `ballast` (or another program) where this one was started, which need not be on the PATH: as the
-// user typed it, or from everywhere. As one word of a shell's line.
-[[nodiscard]] std::string typed(const std::string& program = "ballast", bool from_everywhere = false);
+// What to type for `ballast`, which need not be on the PATH: where this program was started, as it was typed there, or
+// from everywhere. One word of a shell's line.
+[[nodiscard]] std::string ballast_as_typed(bool from_everywhere = false);
 
 // As one word of a shell's line, whatever is in it; quoted only if it has to be.
 [[nodiscard]] std::string shell_word(const std::string& text);
 
-// " --lcm URL --peer-timeout S", those that are not as by default.
-[[nodiscard]] std::string typed(const BusOptions& options);
+// " --lcm URL --peer-timeout S", where they are not as by default.
+[[nodiscard]] std::string as_typed(const BusOptions& options);
 
 // "name: text" on stderr, in one piece: processes share a terminal.
 void complain(const std::string& program_name, const std::string& text);

@@ -76,7 +76,7 @@ std::string Again::text() const {
 Again again_of(const sim::Scenario& scenario, const RunResult& result, const RunOptions& options,
                const std::string& firmware_options, const std::string& run_options, const OutputDir& output) {
   Again again;
-  const std::string ballast = program::typed("ballast", true);
+  const std::string ballast = program::ballast_as_typed(true);
   const fs::path box = output.path() / kBlackBox;
   const bool people_spoke = result.operators_heard || options.by_hand;
   if (!people_spoke) {

@@ -502,8 +502,9 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
       if (result.masses_rested) {
         text += format("  ended       tripped; the masses were at rest at t = %.6g s", end_s);
       } else {
-        text += format("  ended       tripped; the stop's last step was made at t = %.6g s, and the masses still %s",
-                       end_s, lost_steps_text(scenario, result).empty() ? "swung in their motors" : "moved");
+        // Its steps are all made, or it would not have ended so; what still moves has slipped, or swings.
+        text += format("  ended       tripped and stopped; at t = %.6g s, the run's end, the masses still %s", end_s,
+                       lost_steps_text(scenario, result).empty() ? "swung in their motors" : "moved");
       }
       break;
     case EndReason::kInconsistent:
