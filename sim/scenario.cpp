@@ -1,6 +1,8 @@
 #include "sim/scenario.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <system_error>
 
@@ -17,10 +19,12 @@ constexpr std::size_t kMaxFileSize = 1 << 22;  // bytes; a device or a log given
 std::string read_file(const std::filesystem::path& file, std::string& text) {
   std::error_code error;
   const auto status = std::filesystem::status(file, error);
-  if (!std::filesystem::exists(status)) return "no such file, and no scenario of that name ships; allowed: a TOML file";
+  if (status.type() == std::filesystem::file_type::not_found)
+    return "no such file, and no scenario of that name ships; allowed: a TOML file";
+  if (!std::filesystem::exists(status)) return "cannot be read: " + error.message() + "; allowed: a readable TOML file";
   if (std::filesystem::is_directory(status)) return "is a directory; allowed: a TOML file";
   std::ifstream stream(file, std::ios::binary);
-  if (!stream) return "cannot be opened for reading; allowed: a readable TOML file";
+  if (!stream) return std::string("cannot be read: ") + std::strerror(errno) + "; allowed: a readable TOML file";
   std::string chunk(1 << 16, '\0');
   while (stream.read(chunk.data(), static_cast<std::streamsize>(chunk.size())) || stream.gcount() > 0) {
     text.append(chunk, 0, static_cast<std::size_t>(stream.gcount()));
@@ -113,14 +117,15 @@ ScenarioResult read_scenario(const std::filesystem::path& file, const std::vecto
 std::filesystem::path find_scenario(const std::string& name_or_path, const std::filesystem::path& shipped_dir) {
   std::error_code error;
   const std::filesystem::path path(name_or_path);
-  const bool exists = !name_or_path.empty() && std::filesystem::exists(path, error);
+  const std::filesystem::file_status status = std::filesystem::status(path, error);
   // A directory of a scenario's name (its results, say) does not hide the scenario.
-  if (exists && !std::filesystem::is_directory(path, error)) return path;
+  if (std::filesystem::exists(status) && !std::filesystem::is_directory(status)) return path;
   if (!name_or_path.empty() && path.filename() == path) {
     const std::filesystem::path shipped = shipped_dir / (name_or_path + ".toml");
     if (std::filesystem::is_regular_file(shipped, error)) return shipped;
   }
-  return exists ? path : std::filesystem::path{};
+  // Why one cannot even be looked at is said by who reads it.
+  return status.type() == std::filesystem::file_type::not_found ? std::filesystem::path{} : path;
 }
 
 }  // namespace ballast::sim

@@ -181,7 +181,8 @@ ScenarioResult parse_scenario(std::string_view toml, std::string_view source_nam
                               const std::vector<std::string>& overrides = {},
                               const std::vector<std::string>& faults = {});
 
-// A path that exists, or the name of a scenario that ships (in `shipped_dir`, "NAME.toml"); empty if neither.
+// A path that exists, or the name of a scenario that ships (in `shipped_dir`, "NAME.toml"); empty if neither. A path
+// that may not be looked at is given back: read_scenario() says why.
 std::filesystem::path find_scenario(const std::string& name_or_path, const std::filesystem::path& shipped_dir);
 
 }  // namespace ballast::sim

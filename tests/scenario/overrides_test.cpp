@@ -1,4 +1,6 @@
 // --set: what an assignment may look like, and what it reaches.
+#include <unistd.h>
+
 #include <filesystem>
 #include <fstream>
 
@@ -167,6 +169,24 @@ TEST_F(Files, ThatCannotBeReadGiveOneError) {
   if (std::filesystem::exists("/dev/zero")) {
     EXPECT_TRUE(contains(error_of("/dev/zero"), "too large"));
   }
+}
+
+TEST_F(Files, ThatMayNotBeReadAreSaidToBeSo) {
+  const auto shut = [this](const std::filesystem::path& path) {
+    std::filesystem::permissions(path, std::filesystem::perms::none);
+    // Root may read everything; nobody may not.
+    EXPECT_TRUE(geteuid() != 0 || seteuid(65534) == 0);
+    const std::string file = (directory_ / "folder/mine.toml").string();
+    const ScenarioResult result = read_scenario(find_scenario(file, directory_));
+    EXPECT_TRUE(getuid() != 0 || seteuid(0) == 0);
+    std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+    return all_errors(result);
+  };
+  std::filesystem::permissions(directory_, std::filesystem::perms(0755));
+  std::filesystem::create_directories(directory_ / "folder");
+  write("folder/mine.toml", kMinimal);
+  EXPECT_TRUE(contains(shut(directory_ / "folder/mine.toml"), "cannot be read: Permission denied"));
+  EXPECT_TRUE(contains(shut(directory_ / "folder"), "cannot be read: Permission denied"));
 }
 
 TEST_F(Files, AreFoundByPathOrByShippedName) {
