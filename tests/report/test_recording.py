@@ -115,6 +115,16 @@ class RecordingTest(unittest.TestCase):
         self.assertAlmostEqual(alone.summary["control_period"], 1e-3, delta=1e-12)
         self.assertIn("commanded_0", alone.columns)
 
+    def test_of_a_run_that_broke_off_the_black_box_says_what_it_was_and_why(self):
+        line = [os.environ["BALLAST"], "run", "paper_ball", "--fault", "peer_killed@0.2", "--out", str(self.folder)]
+        self.assertEqual(subprocess.run(line, capture_output=True, check=False).returncode, 2)
+        for folder in (self.folder, self.folder / "blackbox"):
+            found = Recording(folder)
+            self.assertTrue(found.from_log)
+            self.assertEqual((found.name, found.summary["seed"], found.summary["surface"]["kinetic_friction"]),
+                             ("paper_ball", 0, 0.3))
+            self.assertIn("The run could not go on: controller lost: silent for 100 ticks", found.notes[1])
+
     def test_without_a_robot_file_the_radius_is_the_rolling_one(self):
         found = Recording(ball().write(self.folder))
         # The synthetic run rolls exactly with radius 1, but for the resampling of its attitude.

@@ -1,8 +1,9 @@
 """One run as the page shows it: a table of samples, what the run was made of, and what its summary says of it.
 
 Everything comes from run.lcmlog, summary.json and robot.json. Where a log has no summary beside it, what the summary
-would say and the log shows takes its place, with the same names; `from_log` is then true. Likewise where the log ends
-elsewhere than the run that the summary speaks of.
+would say and the log shows takes its place, with the same names; `from_log` is then true, and what was run and why it
+broke off is what the black box says, if there is one. Likewise where the log ends elsewhere than the run that the
+summary speaks of.
 """
 
 import math
@@ -88,9 +89,14 @@ class Recording:
         """What summary.json says, as far as it speaks of what the log holds."""
         name = self.log_path.name
         if self.from_log:
+            box = self._black_box()
+            said, end = box.get("summary", {}), box.get("end", {})
             written.update(summary_from_log(self._run, self.log_path))
+            written.update({key: said[key] for key in _SAID_BEFORE_THE_RUN if key in said})
             self.notes.append(f"There is no summary.json for {name}: all numbers are those of its samples, and what a "
                               "log does not say is left out.")
+            if end.get("reason") == "could_not_go_on":
+                self.notes.append(f"The run could not go on: {end['text']} (blackbox.json).")
             return written
         end_s = (written.get("end") or {}).get("time")
         if end_s is None or abs(end_s - self.end_s) <= _SAME_END * max(end_s, 1):
@@ -100,6 +106,13 @@ class Recording:
                           "these would say is left out.")
         kept = {key: written[key] for key in _SAID_BEFORE_THE_RUN if key in written}
         return {**summary_from_log(self._run, self.log_path), **kept}
+
+    def _black_box(self):
+        """What takes the place of summary.json where a run broke off; {} where there is none."""
+        for path in (self.folder / "blackbox.json", self.folder / "blackbox" / "blackbox.json"):
+            if self.log_path.name == "run.lcmlog" and path.exists():
+                return _mapping(path)
+        return {}
 
     def _refuse_two_runs(self):
         for channel, messages in (("BALLAST_CONTACT", self._run.contact), ("BALLAST_PLANT_STATE", self._run.state)):
