@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <limits>
 #include <memory>
@@ -159,6 +160,7 @@ class Program {
       dup2(ends[1], STDERR_FILENO);
       close(ends[0]);
       close(ends[1]);
+      ::signal(SIGHUP, SIG_DFL);  // the tests themselves may be run under nohup
       std::vector<char*> argv;
       for (std::string& argument : arguments) argv.push_back(argument.data());
       argv.push_back(nullptr);
@@ -168,7 +170,7 @@ class Program {
     close(ends[1]);
     output_fd_ = ends[0];
   }
-  void signal(int number) { kill(pid_, number); }
+  [[nodiscard]] pid_t pid() const { return pid_; }
   // Exit status; -1: it did not end by itself.
   int wait() {
     char buffer[512];
@@ -230,8 +232,15 @@ TEST_P(Programs, LostPlantExitsWith2AndIsNamed) {
   EXPECT_NE(program.output().find("0.2 s"), std::string::npos) << program.output();
 }
 
+// Sent by the test, which has started them, or by a shell, which has not.
 TEST_P(Programs, SignalsEndThemWithAMessage) {
-  for (const int number : {SIGINT, SIGTERM}) {
+  struct Case {
+    int number;
+    bool by_shell;
+    const char* says;
+  };
+  for (const auto& [number, by_shell, says] : {Case{SIGINT, false, "told to end by the program that started it"},
+                                               Case{SIGTERM, true, "interrupted"}, Case{SIGHUP, true, "interrupted"}}) {
     hal::Bus bus(hal::test::test_bus_url());
     bool alive = false;
     bus.subscribe<controller_status_t>(hal::kChannelControllerStatus,
@@ -240,9 +249,13 @@ TEST_P(Programs, SignalsEndThemWithAMessage) {
     Program program({GetParam(), file_, "--lcm", hal::test::test_bus_url()});
     EXPECT_EQ(bus.receive_until(hal::after(hal::WallClock::now(), hal::Seconds(30)), [&] { return alive; }),
               hal::Status::kOk);
-    program.signal(number);
+    if (by_shell) {
+      EXPECT_EQ(std::system(("kill -" + std::to_string(number) + " " + std::to_string(program.pid())).c_str()), 0);
+    } else {
+      kill(program.pid(), number);
+    }
     EXPECT_EQ(program.wait(), 2);
-    EXPECT_NE(program.output().find("interrupted"), std::string::npos) << program.output();
+    EXPECT_NE(program.output().find(says), std::string::npos) << program.output();
   }
 }
 

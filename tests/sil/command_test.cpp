@@ -15,6 +15,7 @@ namespace {
 
 using test::Folder;
 using test::Outcome;
+using test::read_file;
 
 const std::string kBall = R"(
 duration = 0.2
@@ -507,6 +508,9 @@ INSTANTIATE_TEST_SUITE_P(
         BadInput{"OutputIsAFile", "ball.toml --out file", 2, "file: is a file; allowed: a folder"},
         BadInput{"ElfForTheHost", "ball.toml --firmware-elf file", 1,
                  "--firmware-elf: is given, and --firmware is host"},
+        // What a run was to be made of is looked at after its folder was made.
+        BadInput{"NoElf", "paper_ball --firmware qemu --firmware-elf nowhere.elf --out e/f/", 2, "nowhere.elf"},
+        BadInput{"ElfThatIsNone", "paper_ball --firmware qemu --firmware-elf file --out e", 2, "file: is no program"},
         BadInput{"OutputOnProc", "ball.toml --out /proc/results", 2, "/proc/results"},
         BadInput{"BadBus", "ball.toml --lcm nonsense://", 2, "nonsense://"}),
     [](const auto& bad) { return std::string(bad.param.name); });
@@ -531,6 +535,50 @@ TEST(Run, AFullDiskIsReportedAndKeepsTheLogUpToThere) {
   }
 }
 
+// In the background and under way: its log grows. `$run` is its process. Waited for at most 30 s.
+std::string started(const std::string& command, const std::string& log) {
+  return "(" + command + ") & run=$!; i=0; while [ $i -lt 300 ] && [ \"$(stat -c %s " + log +
+         " 2>/dev/null || echo 0)\" -le 100000 ]; do sleep 0.1; i=$((i + 1)); done; ";
+}
+
+// Whoever comes second leaves alone what the first one writes, and says so; killed, the first one locks nobody out.
+TEST(Run, AFolderTakesOneRunAtATime) {
+  const Folder folder;
+  folder.write("ball.toml", kBall);
+  const Outcome run =
+      folder.run(started("exec ballast run paper_ball --set duration=600 --speed 1 --out r", "r/run.lcmlog") +
+                 "ln -s r link;"
+                 "ballast run ball.toml --out r; echo second $?;"
+                 "ballast run ball.toml --out link/../r; echo third $?;"
+                 "ballast move paper_ball --all 1 --out link; echo move $?;"
+                 "ballast integrate ball.toml --out r; echo integrate $?;"
+                 "cp r/scenario.toml while.toml; kill -9 $run; wait $run;"
+                 "ballast run ball.toml --quiet --out r; echo after $?");
+  EXPECT_EQ(run.out, "second 2\nthird 2\nmove 2\nintegrate 2\nafter 0\n") << run.err;
+  EXPECT_NE(run.err.find("ballast: r: another run is writing there; allowed: another folder (--out)"),
+            std::string::npos)
+      << run.err;
+  EXPECT_NE(read_file(folder / "while.toml").find("duration = 600"), std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(folder / "r/integrators.json"));
+}
+
+// A terminal that is closed says so to what runs in it, and its shell says it once more.
+TEST(Run, AClosedTerminalEndsItWithAWholeLog) {
+  const Folder folder;
+  const std::string run = "ballast run paper_ball --set duration=600 --speed 1 --quiet --out r";
+  const Outcome closed = folder.run(started("exec env --default-signal=HUP " + run, "r/run.lcmlog") +
+                                    "kill -HUP $run; kill -HUP $run; wait $run; echo $?");
+  EXPECT_EQ(closed.out, "2\n") << closed.err;
+  EXPECT_NE(closed.err.find("ballast: interrupted; r/run.lcmlog holds"), std::string::npos) << closed.err;
+  const Outcome replay = folder.run("ballast replay r --verify");
+  EXPECT_EQ(replay.exit_status, 0) << replay.out << replay.err;
+  EXPECT_EQ(replay.out.find("ends early"), std::string::npos) << replay.out;
+  // Under nohup it is to go on.
+  const Outcome nohup = folder.run(started("trap '' HUP; exec " + run + "2", "r2/run.lcmlog") +
+                                   "kill -HUP $run; sleep 0.5; kill -0 $run && echo there; kill -TERM $run; wait $run");
+  EXPECT_EQ(nohup.out, "there\n") << nohup.err;
+}
+
 TEST(Faults, AreListedAndEachOfThemIsInTheReadme) {
   const Folder folder;
   const Outcome list = folder.run("ballast faults");
@@ -547,6 +595,7 @@ TEST(Faults, AreListedAndEachOfThemIsInTheReadme) {
     ++kinds;
   }
   EXPECT_EQ(kinds, 26);
+  EXPECT_NE(list.out.find("With --processes these are signals"), std::string::npos) << list.out;
 }
 
 TEST(Faults, AreRunAndWrittenDown) {
@@ -580,7 +629,7 @@ TEST(Faults, EndAsTheySay) {
       {"ballast run paper_ball --fault peer_killed@1 --out a", 2, "controller lost"},
       {"ballast run paper_ball --fault peer_killed@1:peer=monitor --out b", 3, ""},
       {"ballast run paper_ball --fault controller_overrun@1 --out c", 6, "overruns"},
-      {"ballast run paper_ball --fault disk_full@1 --out d", 2, "No space left"},
+      {"ballast run paper_ball --fault disk_full@1 --out d", 2, "No space left on device (as asked: disk_full at 1 s)"},
   };
   for (const Case& c : cases) {
     SCOPED_TRACE(c.arguments);
@@ -589,6 +638,7 @@ TEST(Faults, EndAsTheySay) {
     EXPECT_NE(run.err.find(c.said), std::string::npos) << run.err;
   }
   EXPECT_GT(std::filesystem::file_size(folder / "d/run.lcmlog"), 100'000u);
+  EXPECT_FALSE(std::filesystem::exists(folder / "d/blackbox"));  // there is no room for it
 }
 
 // The program that draws stands beside this one, wherever that is: here in a folder a shell's line has to quote.
@@ -968,6 +1018,24 @@ TEST(Program, NamesItselfAsItWasTyped) {
       folder.run("cd \"$(dirname \"$(command -v ballast)\")\" && ./ballast-plant paper_ball --lcm nonsense://");
   EXPECT_EQ(outcome.exit_status, 2);
   EXPECT_NE(outcome.err.find("; ./ballast doctor --lcm nonsense:// looks why"), std::string::npos) << outcome.err;
+}
+
+// Success is that it was said; what went wrong otherwise stays what it was.
+TEST(Program, SaysWhenItsOutputIsNotTaken) {
+  const Folder folder;
+  folder.write("ball.toml", kBall);
+  ASSERT_EQ(folder.run("ballast run ball.toml --actuation stepper --quiet --out r").exit_status, 0);
+  for (const char* command :
+       {"ballast faults", "ballast check ball.toml", "ballast friction ball.toml", "ballast replay r",
+        "ballast soak --seeds 0..0", "ballast run ball.toml", "ballast integrate ball.toml", "ballast --help",
+        "ballast run --help", "ballast-plant --version"}) {
+    SCOPED_TRACE(command);
+    const Outcome full = folder.run(std::string(command) + " >/dev/full");
+    EXPECT_EQ(full.exit_status, 2);
+    EXPECT_NE(full.err.find("standard output has not taken everything"), std::string::npos) << full.err;
+  }
+  EXPECT_EQ(folder.run("ballast run ball.toml --quiet >/dev/full").exit_status, 0);
+  EXPECT_EQ(folder.run("ballast run ball.toml --set surface.static_friction=0.01 >/dev/full").exit_status, 3);
 }
 
 TEST(Program, SaysItsVersion) {

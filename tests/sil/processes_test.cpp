@@ -320,6 +320,7 @@ struct SufferingRun {
         folder.run(run.err.substr(replay_command, run.err.find('\n', replay_command) - replay_command) + " --verify")
             .exit_status,
         0);
+    EXPECT_EQ(run.err.find("interrupted"), std::string::npos) << "nobody has: " << run.err;
   }
   // Nobody has noticed anything, but for the clock on the wall.
   void expect_unharmed() const {

@@ -68,6 +68,20 @@ TEST(Recorder, SaysWhenTheDiskIsFull) {
   EXPECT_NE(recorder.error().find("/dev/full"), std::string::npos);
 }
 
+TEST(Recorder, OfTwoFullDisksTheFirstOneIsFull) {
+  Recorder recorder("/dev/null");
+  recorder.disk_full_from(1);
+  recorder.disk_full_from(2);
+  contact_t message{};
+  message.utime = 999'999;
+  recorder.record(hal::kChannelContact, message);
+  EXPECT_TRUE(recorder.good());
+  message.utime = 1'000'000;
+  recorder.record(hal::kChannelContact, message);
+  EXPECT_NE(recorder.error().find("No space left on device (as asked: disk_full at 1 s)"), std::string::npos)
+      << recorder.error();
+}
+
 TEST(Recorder, SaysWhenTheFolderIsNotThere) {
   const Recorder recorder("/nonexistent/run.lcmlog");
   EXPECT_FALSE(recorder.good());

@@ -12,6 +12,10 @@ namespace ballast {
 
 namespace {
 
+constexpr char kPeersInProcesses[] =
+    "  With --processes these are signals, and the run waits for the peer: frozen or slow for less than\n"
+    "  --peer-timeout it is not noticed (exit status 0); for longer, or killed, it ends the run there (2, not 3).\n";
+
 std::string value_text(const sim::FaultKindInfo& kind) {
   if (kind.value_means[0] == '\0') return "none";
   std::string text = kind.value_means;
@@ -64,6 +68,7 @@ std::function<int()> add_faults_command(CLI::App& app, CLI::App*& command) {
     for (const sim::FaultKindInfo& kind : sim::fault_kinds()) {
       if (before == nullptr || *before != kind.layer) {
         std::printf("\n%s; on: %s\n", to_string(kind.layer), target_text(kind));
+        if (kind.layer == sim::FaultLayer::kPeer) std::printf("%s", kPeersInProcesses);
         before = &kind.layer;
       }
       std::printf("  %-20s %s\n", kind.name, kind.what);

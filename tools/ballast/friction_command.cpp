@@ -49,7 +49,6 @@ int say_required_friction(const program::ScenarioOptions& options) {
   if (const std::string lost = sil::lost_steps_text(*scenario, result); !lost.empty()) {
     std::cout << "  WARNING: " << lost << '\n';
   }
-  std::cout << std::flush;
   return sil::exit_status(result);
 }
 

@@ -31,7 +31,7 @@ int main(int argc, char** argv) {
   for (Command& command : commands) command.run = command.add(app, command.app);
   if (const auto exit_status = program::parse(app, argc, argv)) return *exit_status;
   for (const Command& command : commands) {
-    if (command.app->parsed()) return command.run();
+    if (command.app->parsed()) return program::after_output("ballast", command.run());
   }
   return program::kExitUsage;
 }

@@ -47,7 +47,9 @@ int main(int argc, char** argv) {
   const auto loop = std::make_unique<hal::ControlLoop<hal::LcmBoard>>(*params, board);
   const Status status = loop->run();
   if (status == Status::kEnded) return program::kExitCompleted;
-  program::complain("ballast-controller",
-                    (status == Status::kIo ? "the LCM bus " + bus_options.url + " failed" : board.trouble()));
+  std::string why = board.trouble();
+  if (status == Status::kInterrupted) why = program::interruption();
+  if (status == Status::kIo) why = "the LCM bus " + bus_options.url + " failed";
+  program::complain("ballast-controller", why);
   return program::kExitCouldNotRun;
 }

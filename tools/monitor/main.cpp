@@ -39,7 +39,7 @@ int main(int argc, char** argv) {
     program::complain("ballast-monitor", std::to_string(refused) + " messages on the bus were not used");
   }
   if (!loop.trouble().empty()) program::complain("ballast-monitor", loop.trouble());
-  if (status == Status::kInterrupted) program::complain("ballast-monitor", "interrupted");
+  if (status == Status::kInterrupted) program::complain("ballast-monitor", program::interruption());
   if (status == Status::kIo) program::complain("ballast-monitor", "the LCM bus " + bus_options.url + " failed");
   if (status != Status::kEnded) return program::kExitCouldNotRun;
   return loop.verdict().tripped == 1 ? program::kExitEnvelope : program::kExitCompleted;

@@ -56,5 +56,5 @@ int main(int argc, char** argv) {
                             .start_timeout = hal::Seconds(bus_options.start_timeout_s),
                             .peer_timeout = hal::Seconds(bus_options.peer_timeout_s),
                             .faults = sil::messages_suffer(*scenario) ? &*scenario : nullptr});
-  return sil::record_run("ballast-plant", *scenario, peers, output, record);
+  return program::after_output("ballast-plant", sil::record_run("ballast-plant", *scenario, peers, output, record));
 }

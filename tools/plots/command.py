@@ -9,8 +9,10 @@ COULD_NOT_RUN = 2  # as of every program here
 
 def run_program(name, body, *errors):
     """The exit status of what body() does. `errors` are of what it reads and writes: said on stderr, after `name`."""
-    # As Ctrl-C does, so that what is half made is taken away.
+    # As Ctrl-C does, so that what is half made is taken away. Under nohup a closed terminal is none of its business.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.default_int_handler)
     try:
         body()
         sys.stdout.flush()

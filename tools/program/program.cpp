@@ -1,11 +1,15 @@
 #include "tools/program/program.h"
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
+#include <cstring>
 #include <iostream>
 
 #include "sim/scenario_reader.h"
@@ -14,9 +18,12 @@
 namespace ballast::program {
 namespace {
 
-volatile std::sig_atomic_t caught_signal = 0;
+volatile std::sig_atomic_t caught_signal = 0, sent_by_parent = 0;
 
-void on_signal(int number) { caught_signal = number; }
+void on_signal(int number, siginfo_t* info, void*) {
+  sent_by_parent = info->si_code == SI_USER && info->si_pid == getppid();
+  caught_signal = number;
+}
 
 // As a scenario's seed: TOML's integers end at 2^63 - 1.
 CLI::Validator seed_number() {
@@ -125,7 +132,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
       app.exit(CLI::ExtrasError(app.remaining_for_passthrough(true)));
       return kExitUsage;
     }
-    return app.exit(error) == 0 ? kExitCompleted : kExitUsage;
+    return after_output(app.get_name(), app.exit(error) == 0 ? kExitCompleted : kExitUsage);
   }
   return std::nullopt;
 }
@@ -198,10 +205,28 @@ int refuse_bus(const std::string& program_name, const std::string& url) {
 
 const volatile std::sig_atomic_t* catch_signals() {
   struct sigaction action {};
-  action.sa_handler = on_signal;   // no SA_RESTART: waiting calls return
-  action.sa_flags = SA_RESETHAND;  // a second one kills, should the first not be looked at soon enough
+  action.sa_sigaction = on_signal;              // no SA_RESTART: waiting calls return
+  action.sa_flags = SA_SIGINFO | SA_RESETHAND;  // a second one kills, should the first not be looked at soon enough
   for (const int number : {SIGINT, SIGTERM}) sigaction(number, &action, nullptr);
+  // A terminal that is closed says so more than once: itself, and by its shell.
+  action.sa_flags = SA_SIGINFO;
+  struct sigaction before {};
+  sigaction(SIGHUP, nullptr, &before);
+  if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
   return &caught_signal;
+}
+
+const char* interruption() {
+  return sent_by_parent != 0 ? "told to end by the program that started it" : "interrupted";
+}
+
+int after_output(const std::string& program_name, int exit_status) {
+  errno = 0;
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout) return exit_status;
+  std::string text = "standard output has not taken everything";
+  if (errno != 0) text += std::string(": ") + std::strerror(errno);  // else it was said earlier
+  complain(program_name, text);
+  return exit_status == kExitCompleted ? kExitCouldNotRun : exit_status;
 }
 
 }  // namespace ballast::program

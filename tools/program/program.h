@@ -78,7 +78,15 @@ void complain(const std::string& program_name, const std::string& text);
 // Complains of it, names who looks why, and gives the exit status for it.
 [[nodiscard]] int refuse_bus(const std::string& program_name, const std::string& url);
 
-// SIGINT and SIGTERM no longer kill; they set the flag returned here to their number.
+// SIGINT, SIGTERM and SIGHUP (unless it is ignored, as under nohup) no longer kill; they set the flag returned here to
+// their number.
 const volatile std::sig_atomic_t* catch_signals();
+
+// What a program says that one of these has ended: "interrupted", or that it was told so by the one that started it.
+[[nodiscard]] const char* interruption();
+
+// What main() gives back: `exit_status`; but kExitCouldNotRun for success if standard output has not taken all that was
+// printed, which is complained of.
+[[nodiscard]] int after_output(const std::string& program_name, int exit_status);
 
 }  // namespace ballast::program

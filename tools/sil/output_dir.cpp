@@ -1,5 +1,9 @@
 #include "tools/sil/output_dir.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -32,19 +36,32 @@ OutputDir::OutputDir(fs::path path) : path_(std::move(path)) {
     error_ = path_.string() + ": is a file; allowed: a folder, which is made if there is none";
     return;
   }
-  // The topmost folder that has to be made, to be taken away again if the rest fails.
-  fs::path made;
   for (fs::path p = fs::absolute(path_).lexically_normal(); !p.empty() && !fs::exists(p, code); p = p.parent_path())
-    made = p;
+    made_.push_back(p);
   fs::create_directories(path_, code);
   if (code) {
     error_ = path_.string() + ": cannot be made: " + code.message();
-  } else if (const fs::path probe = path_ / ".ballast-probe"; !write_file(probe, "")) {
-    error_ = path_.string() + ": cannot be written to: " + std::strerror(errno);
-  } else {
-    fs::remove(probe, code);
+    return;
   }
-  if (!good() && !made.empty()) fs::remove_all(made, code);
+  // Not for the programs that this one starts: it is to end with this process, however that ends.
+  lock_ = open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    error_ = path_.string() + ": another run is writing there; allowed: another folder (--out), or to wait for its end";
+    made_.clear();  // it is the other one's now
+    return;
+  }
+  const fs::path probe = path_ / ".ballast-probe";
+  if (!write_file(probe, "")) error_ = path_.string() + ": cannot be written to: " + std::strerror(errno);
+  fs::remove(probe, code);
+}
+
+OutputDir::~OutputDir() {
+  std::error_code code;
+  for (const fs::path& folder : made_) {
+    fs::remove(folder, code);
+    if (code) break;  // it is not empty
+  }
+  if (lock_ >= 0) close(lock_);
 }
 
 void OutputDir::clear() {

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 namespace ballast::sil {
 
@@ -10,9 +11,13 @@ inline constexpr char kBlackBox[] = "blackbox";  // the folder in it that a run 
 
 class OutputDir {
  public:
-  // Creates it if need be and sees that files can be written there. On failure nothing is left behind; error() says
-  // why.
+  // Creates it if need be, keeps other runs out of it as long as the object lives (where the file system has locks),
+  // and sees that files can be written there. error() says what could not be done.
   explicit OutputDir(std::filesystem::path path);
+  // Folders that were made and have stayed empty are taken away again.
+  ~OutputDir();
+  OutputDir(const OutputDir&) = delete;
+  OutputDir& operator=(const OutputDir&) = delete;
 
   [[nodiscard]] bool good() const { return error_.empty(); }
   [[nodiscard]] const std::string& error() const { return error_; }
@@ -30,6 +35,8 @@ class OutputDir {
 
  private:
   std::filesystem::path path_;
+  std::vector<std::filesystem::path> made_;  // the innermost first
+  int lock_ = -1;                            // the folder itself: nothing is left when its holder is killed
   std::string error_;
 };
 

@@ -27,7 +27,8 @@ struct RecordOptions {
 
 // Runs, writes run.lcmlog, robot.json, scenario.toml and summary.json, prints the summary. Returns the program's exit
 // status; trouble goes to stderr, after `program_name`. A run that could not go to its end leaves the log up to there
-// and no summary; one that ended badly, so or otherwise, a black box (but not on a disk that is full).
+// and no summary; one that ended badly, so or otherwise, a black box (but not on a disk that is full, be it by the
+// fault disk_full).
 int record_run(const char* program_name, const sim::Scenario& scenario, Peers& peers, OutputDir& output,
                const RecordOptions& options);
 

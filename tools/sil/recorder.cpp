@@ -3,6 +3,7 @@
 #include <stdio_ext.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 
 namespace ballast::sil {
@@ -30,7 +31,9 @@ Recorder::~Recorder() { close(); }
 void Recorder::write(const char* channel, std::int64_t utime) {
   if (!good()) return;
   if (utime >= full_utime_) {
-    error_ = log_path_ + ": cannot be written: " + std::strerror(ENOSPC);
+    char asked[48];
+    std::snprintf(asked, sizeof asked, " (as asked: disk_full at %.6g s)", 1e-6 * static_cast<double>(full_utime_));
+    error_ = log_path_ + ": cannot be written: " + std::strerror(ENOSPC) + asked;
     return;
   }
   if (log_ != nullptr) {

@@ -43,8 +43,11 @@ class Recorder {
     write(channel, utime);
   }
 
-  // From this simulated time on the disk has no room: nothing more is written, and what is asked for is an error.
-  void disk_full_from(double time_s) { full_utime_ = static_cast<std::int64_t>(std::llround(time_s * 1e6)); }
+  // The fault disk_full: from this simulated time on the disk has no room. Nothing more is written, and what is asked
+  // for is an error, which says that it was asked for.
+  void disk_full_from(double time_s) {
+    full_utime_ = std::min(full_utime_, static_cast<std::int64_t>(std::llround(time_s * 1e6)));
+  }
 
   // Between two laps, so that the log's end can be cut off at the beginning of one.
   void begin_lap() {
