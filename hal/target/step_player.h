@@ -13,7 +13,7 @@ namespace ballast::hal::target {
 // Pins and timer of a board, as static functions (a step is one store, nothing is looked up):
 //   span(), left()           a timer that counts down over a control tick: what it begins with, and where it stands
 //   arm(counts)              the step interrupt comes after so many counts, at least 1; replaces what was armed
-//   cancel()                 nothing comes of what was armed, though it be on its way already
+//   cancel()                 nothing comes of what was armed, though it be on its way already, for 2^32 - 1 counts
 //   pin(motor)               what step() wants
 //   step(pin)                one step
 //   turn(motor, direction)   the direction of the motor's steps from now on
@@ -114,9 +114,14 @@ class StepPlayer {
       for (Track* t = ready->tracks.data(); t != ready->end; ++t) begin_segment(*t);
     }
     last_ = static_cast<std::int32_t>(H::span()) - 1;
-    if (!unarmed_) H::cancel();
+    // A device's registers are slow, so few ticks without pulses touch them: the timer goes on counting, and is wound up
+    // long before it is through.
+    if (!unarmed_ || ++ticks_unarmed_ == kTicksUnarmed) {
+      H::cancel();
+      ticks_unarmed_ = 0;
+    }
     unarmed_ = playing_->end == playing_->tracks.data();
-    if (unarmed_) return;  // a device's registers are slow: no tick without pulses touches them
+    if (unarmed_) return;
     due_ = std::min(earliest()->due, kNever);
     due_left_ = left_at(due_);
     const std::int32_t wait = difference(H::left(), static_cast<std::uint32_t>(due_left_));
@@ -184,6 +189,7 @@ class StepPlayer {
 
  private:
   static constexpr int kNone = kMaxPulses + 1;
+  static constexpr std::uint32_t kTicksUnarmed = 128;  // of 2^24 counts, half of cancel()'s
   static constexpr std::uint32_t kNever = 0x3fffffff;  // beyond any control tick's end, and its counts are too
 
   // Times in step timer ticks, shifted so that one multiplication gives counts.
@@ -264,6 +270,7 @@ class StepPlayer {
   Given* record_ = nullptr;  // where the next pulse is written down
   std::uint32_t given_ = 0;
   bool unarmed_ = false;   // in this control tick. Before the first: not known, so false
+  std::uint32_t ticks_unarmed_ = 0;
   std::uint32_t due_ = 0;  // the pulse waited for
   std::int32_t due_left_ = 0;
   std::int32_t last_ = 0;  // left_at(0)

@@ -34,14 +34,15 @@ inline Rail wavy_spline() {
   rail.closed = true;
   rail.piece_count = kMaxRailPieces;
   const Wide angle = 2 * kPi / kMaxRailPieces;
-  rail.piece_length_m = 0.8 * angle;
+  rail.piece_length_m = static_cast<Real>(0.8 * angle);
   const auto bend = [&](int waves) {
-    const Real c = std::cos(waves * angle);
+    const Wide c = std::cos(waves * angle);
     return -6 * (1 - c) / ((2 + c) * rail.piece_length_m * rail.piece_length_m);
   };
   for (int k = 0; k < kMaxRailPieces; ++k) {
-    const Vector3 p(0.8 * std::cos(k * angle), 0.1 * std::sin(3 * k * angle), 0.8 * std::sin(k * angle));
-    rail.knots[static_cast<std::size_t>(k)] = {p, Vector3(bend(1) * p[0], bend(3) * p[1], bend(1) * p[2])};
+    const Eigen::Vector3d p(0.8 * std::cos(k * angle), 0.1 * std::sin(3 * k * angle), 0.8 * std::sin(k * angle));
+    const Eigen::Vector3d second(bend(1) * p[0], bend(3) * p[1], bend(1) * p[2]);
+    rail.knots[static_cast<std::size_t>(k)] = {p.cast<Real>(), second.cast<Real>()};
   }
   rail.knots[kMaxRailPieces] = rail.knots[0];
   return rail;

@@ -59,7 +59,7 @@ Fields balanced_fields(const sim::Scenario& scenario, const sim::Plant::Sample& 
   Fields field{};
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const sim::Motor& motor = scenario.masses[i].motor;
-    const double teeth = motor.steps_per_revolution / 4;
+    const double teeth = motor.steps_per_revolution / 4.0;
     field[i] =
         motor.shaft_ratio * p.mass_position[i] + std::asin(p.motor_torque_nm[i] / motor.holding_torque_nm) / teeth;
   }
@@ -70,7 +70,7 @@ double magnetic_energy_j(const sim::Scenario& scenario, const sim::Plant::Sample
   double energy = 0;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const sim::Motor& motor = scenario.masses[i].motor;
-    const double teeth = motor.steps_per_revolution / 4;
+    const double teeth = motor.steps_per_revolution / 4.0;
     energy -=
         motor.holding_torque_nm * std::cos(teeth * (field_rad[i] - motor.shaft_ratio * p.mass_position[i])) / teeth;
   }

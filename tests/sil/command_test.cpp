@@ -1035,6 +1035,8 @@ TEST(Program, SaysWhenItsOutputIsNotTaken) {
     EXPECT_NE(full.err.find("standard output has not taken everything"), std::string::npos) << full.err;
   }
   EXPECT_EQ(folder.run("ballast run ball.toml --quiet >/dev/full").exit_status, 0);
+  // Closed, and not the first file that is opened instead.
+  EXPECT_EQ(folder.run("ballast run ball.toml <&- >&-").exit_status, 2);
   EXPECT_EQ(folder.run("ballast run ball.toml --set surface.static_friction=0.01 >/dev/full").exit_status, 3);
 }
 

@@ -472,8 +472,9 @@ TEST(EveryFault, LeavesAHealthyRunAlone) {
 }
 
 TEST(EveryFault, SummaryNamesIt) {
-  const sim::Scenario scenario = desk_ball({"motor_stall@2:mass=1,duration=0.1"});
+  const sim::Scenario scenario = desk_ball({"motor_stall@2:mass=1,duration=0.1", "push@1000:5"});
   const RunResult result = suffer(scenario).result;
+  EXPECT_NE(summary_text(scenario, result, "x").find("not reached push at 1000 s"), std::string::npos);
   EXPECT_NE(summary_text(scenario, result, "x").find("suffered    motor_stall at 2 s: mass 1, for 0.1 s"),
             std::string::npos);
   EXPECT_NE(summary_json(scenario, result).find("\"kind\": \"motor_stall\""), std::string::npos);

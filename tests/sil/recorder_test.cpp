@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <lcm/lcm-cpp.hpp>
 
+#include "tools/sil/output_dir.h"
 #include "tools/sil/plant_messages.h"
 #include "tools/sil/step_ledger.h"
 
@@ -152,6 +153,29 @@ TEST(StepLedger, SeesPulsesThatTheCommandDoesNotSpeakOf) {
     for (auto& pulse : p) pulse.motor = 1 - pulse.motor;
   }));
   EXPECT_TRUE(StepLedger::gives(step_command_t{}, kTimer_hz, {}));
+}
+
+// Its lock is on the folder, and files are written by name: after a move the name may be another run's.
+TEST(OutputDir, WritesNothingIntoAnotherFolderOfItsName) {
+  const std::filesystem::path root = testing::TempDir() + "output_dir_test";
+  std::filesystem::remove_all(root);
+  {
+    OutputDir output(root / "r");
+    ASSERT_TRUE(output.good()) << output.error();
+    ASSERT_TRUE(output.write("robot.json", "{}"));
+    std::filesystem::rename(root / "r", root / "moved");
+    std::filesystem::create_directory(root / "r");
+    EXPECT_FALSE(output.write("summary.json", "{}"));
+    EXPECT_NE(output.error().find("is no longer the folder that it was"), std::string::npos) << output.error();
+    EXPECT_FALSE(std::filesystem::exists(root / "r" / "summary.json"));
+  }
+  {
+    // What was made goes where nothing was put in it, whatever way its name takes.
+    const OutputDir output(root / "x" / "y" / ".." / "z" / "");
+    EXPECT_TRUE(std::filesystem::exists(root / "x" / "z"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(root / "x"));
+  std::filesystem::remove_all(root);
 }
 
 }  // namespace

@@ -105,7 +105,7 @@ TEST_F(Target, APeriodTooShortIsToldFromAFirmwareThatHangs) {
                    "not come back within 4 periods, 5000 instructions"),
       std::string::npos)
       << run.err;
-  EXPECT_NE(run.err.find("/r/run.lcmlog' --firmware qemu --firmware-elf '" + elf + "'"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("/r/run.lcmlog --firmware qemu --firmware-elf " + elf), std::string::npos) << run.err;
 }
 
 TEST_F(Target, WhatIsNoFirmwareIsNotStarted) {

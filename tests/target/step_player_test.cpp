@@ -252,6 +252,20 @@ TEST(StepPlayer, SaysHowLateAPulseWasAcrossTheTicksEnd) {
   EXPECT_EQ(played.pulse[0].late_counts, 25000 + 2 - 24997);
 }
 
+// The step timer of a cancelled interrupt counts on, over all ticks of a rest: it must never come to its end.
+TEST(StepPlayer, NothingComesOfALongRest) {
+  StepPlayer<FakePins> player;
+  player.configure(2.5);
+  FakePins::length = 1 << 24;  // the longest tick
+  FakePins::armed = 1;         // by whoever was there before
+  for (int tick = 0; tick < 1000; ++tick) {
+    FakePins::time = 0;
+    player.begin_tick();
+    ASSERT_GT(FakePins::armed, FakePins::length) << tick;
+    FakePins::armed -= FakePins::length;
+  }
+}
+
 TEST(StepPlayer, GivesNothingThatWasNotLoaded) {
   StepPlayer<FakePins> player;
   player.configure(2.5);

@@ -61,7 +61,7 @@ TEST(View, ShowsTheFirstOfTwoRunsAndSaysThatThereIsAnother) {
   for (int i = 0; i < 20; ++i) {
     const double now_s = 0.1 * i;
     ours.tick = 700 + i;
-    ours.last = i == 19;
+    ours.last = i == 19 ? 1 : 0;
     view.see(ours, now_s);
     if (i == 5) {
       EXPECT_FALSE(says(view.page(now_s, 100, 0), "ANOTHER RUN")) << view.page(now_s, 100, 0);

@@ -114,7 +114,9 @@ void print(const ReplayCommand& command, const sim::Scenario& scenario, const st
                 " was replayed\n",
                 result.gap->what.c_str(), result.gap->goes_on_to, result.last_tick);
   }
-  if (result.recorded_floats && *result.recorded_floats != (command.firmware == kQemuAn386)) {
+  const bool other_precision =
+      result.recorded_floats && *result.recorded_floats != (command.firmware == kQemuAn386);
+  if (other_precision) {
     std::printf(
         "  precision   the log is of a firmware in %s precision, and this one's is %s: replay it with --firmware %s\n",
         *result.recorded_floats ? "single" : "double", *result.recorded_floats ? "double" : "single",
@@ -131,10 +133,12 @@ void print(const ReplayCommand& command, const sim::Scenario& scenario, const st
                 result.ticks_that_differ, result.ticks, *result.first_difference);
     std::fputs(first_difference(command.log, replayed).c_str(), stdout);
     // A log has no checksum: a flipped bit in it is an input, or an output, like any other.
-    std::printf("  why         %s\n", recorded == own
-                                          ? "not the firmware's sources, which are the same: the log is "
-                                            "damaged, or of another build of them (compiler, options)"
-                                          : "the firmware's sources, or a damaged log, which looks the same");
+    const char* why = "the firmware's sources, or a damaged log, which looks the same";
+    if (recorded == own)
+      why = "not the firmware's sources, which are the same: the log is damaged, or of another build of them (compiler, "
+            "options)";
+    if (other_precision) why = "the other precision, above";
+    std::printf("  why         %s\n", why);
   }
   std::fflush(stdout);
 }

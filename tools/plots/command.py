@@ -12,7 +12,7 @@ def run_program(name, body, *errors):
     # As Ctrl-C does, so that what is half made is taken away. Under nohup a closed terminal is none of its business.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-        signal.signal(signal.SIGHUP, signal.default_int_handler)
+        signal.signal(signal.SIGHUP, _terminal_closed)
     try:
         body()
         sys.stdout.flush()
@@ -27,6 +27,11 @@ def run_program(name, body, *errors):
     if not _can_flush():
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python would complain of the rest once more
     return COULD_NOT_RUN
+
+
+def _terminal_closed(number, frame):
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the terminal says so, and its shell once more
+    signal.default_int_handler(number, frame)
 
 
 def _can_flush():

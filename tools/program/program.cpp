@@ -1,5 +1,6 @@
 #include "tools/program/program.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -23,6 +24,14 @@ volatile std::sig_atomic_t caught_signal = 0, sent_by_parent = 0;
 void on_signal(int number, siginfo_t* info, void*) {
   sent_by_parent = info->si_code == SI_USER && info->si_pid == getppid();
   caught_signal = number;
+}
+
+// A standard file that is closed would be the next one opened, a bus or a log, and what is printed would go there. Now
+// printing fails.
+void keep_standard_files() {
+  for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (fcntl(file, F_GETFD) < 0) static_cast<void>(open("/dev/null", file == STDIN_FILENO ? O_WRONLY : O_RDONLY));
+  }
 }
 
 // As a scenario's seed: TOML's integers end at 2^63 - 1.
@@ -116,6 +125,7 @@ std::string default_firmware(const std::string& board) {
 }
 
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {
+  keep_standard_files();
   app.set_version_flag("--version", app.get_name() + " " BALLAST_VERSION, "print the version and exit");
   try {
     app.parse(argc, argv);
@@ -169,7 +179,9 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options) {
 std::string ballast_as_typed(bool from_everywhere) {
   const std::filesystem::path self(program_invocation_name);  // argv[0]
   if (!self.has_parent_path()) return "ballast";              // found on the PATH
-  const std::filesystem::path path = self.parent_path() / "ballast";
+  std::filesystem::path path = self.parent_path() / "ballast";
+  std::error_code code;
+  if (!std::filesystem::exists(path, code)) path = beside_this_program("ballast");  // a link of another name
   return shell_word(from_everywhere ? std::filesystem::absolute(path).lexically_normal() : path);
 }
 

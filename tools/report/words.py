@@ -161,7 +161,8 @@ def _faults(summary):
     for fault in summary.get("faults") or []:
         kind, more = fault_words(fault)
         when = f" at {time_text(fault['time'])}" if _is_number(fault.get("time")) else ""
-        told.append(kind + when + (f" ({more})" if more else ""))
+        reached = not when or fault["time"] <= summary.get("end", {}).get("time", math.inf)
+        told.append(kind + when + (f" ({more})" if more else "") + ("" if reached else ", which the run did not reach"))
     return f"Made to go wrong: {'; '.join(told)}." if told else ""
 
 

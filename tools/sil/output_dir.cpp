@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -19,7 +20,8 @@ namespace {
 constexpr const char* kFiles[] = {"summary.json",          "integrators.json", "run.lcmlog",           "robot.json",
                                   "scenario.toml",         "normal_force.png", "static_friction.png",  "path.png",
                                   "friction_required.png", "masses.png",       "angular_velocity.png", "body_frame.png",
-                                  "report.html",           "compare.html"};
+                                  "motor_share.png",       "motors.png",       "height.png",           "report.html",
+                                  "compare.html"};
 
 bool write_file(const fs::path& path, const std::string& text) {
   std::FILE* file = std::fopen(path.c_str(), "w");
@@ -36,8 +38,7 @@ OutputDir::OutputDir(fs::path path) : path_(std::move(path)) {
     error_ = path_.string() + ": is a file; allowed: a folder, which is made if there is none";
     return;
   }
-  for (fs::path p = fs::absolute(path_).lexically_normal(); !p.empty() && !fs::exists(p, code); p = p.parent_path())
-    made_.push_back(p);
+  for (fs::path p = fs::absolute(path_); !p.empty() && !fs::exists(p, code); p = p.parent_path()) made_.push_back(p);
   fs::create_directories(path_, code);
   if (code) {
     error_ = path_.string() + ": cannot be made: " + code.message();
@@ -50,6 +51,7 @@ OutputDir::OutputDir(fs::path path) : path_(std::move(path)) {
     made_.clear();  // it is the other one's now
     return;
   }
+  if (!is_still_there()) return;
   const fs::path probe = path_ / ".ballast-probe";
   if (!write_file(probe, "")) error_ = path_.string() + ": cannot be written to: " + std::strerror(errno);
   fs::remove(probe, code);
@@ -58,10 +60,19 @@ OutputDir::OutputDir(fs::path path) : path_(std::move(path)) {
 OutputDir::~OutputDir() {
   std::error_code code;
   for (const fs::path& folder : made_) {
-    fs::remove(folder, code);
-    if (code) break;  // it is not empty
+    fs::remove(folder, code);  // not if there is something in it
   }
   if (lock_ >= 0) close(lock_);
+}
+
+bool OutputDir::is_still_there() {
+  struct stat locked {};
+  struct stat named {};
+  if (lock_ < 0 || (fstat(lock_, &locked) == 0 && stat(path_.c_str(), &named) == 0 && locked.st_dev == named.st_dev &&
+                    locked.st_ino == named.st_ino)) {
+    return true;
+  }
+  return fail(path_.string() + ": is no longer the folder that it was: it was moved or removed");
 }
 
 void OutputDir::clear() {
@@ -87,6 +98,7 @@ bool OutputDir::fail(const std::string& why) {
 }
 
 bool OutputDir::write(const std::string& name, const std::string& text) {
+  if (!is_still_there()) return false;
   const fs::path target = path_ / name, draft = path_ / (name + ".part");
   std::error_code code;
   if (!write_file(draft, text)) {

@@ -34,6 +34,9 @@ class OutputDir {
   bool write_summary(const std::string& text) { return write("summary.json", text); }
 
  private:
+  // False: it was moved away, or removed, and what is there now may be another run's. error() says so.
+  bool is_still_there();
+
   std::filesystem::path path_;
   std::vector<std::filesystem::path> made_;  // the innermost first
   int lock_ = -1;                            // the folder itself: nothing is left when its holder is killed

@@ -104,7 +104,8 @@ std::string required_friction_text(const RunResult& result, const std::vector<Fl
   } else if (std::isfinite(mu.value)) {
     text = (result.rolling_lost || result.end_reason != EndReason::kCompleted ? "needs at least " : "needs ") +
            number("%.3g at ", mu.value) + number("%.2f s", mu.time_s);
-    if (!result.friction_shares) text += ", sliding";
+    const auto slides = [](const sim::RegimeStart& start) { return start.regime == sim::Regime::kSliding; };
+    if (!result.friction_shares && std::any_of(result.regimes.begin(), result.regimes.end(), slides)) text += ", sliding";
   } else {
     text = unbounded_text(result);
   }

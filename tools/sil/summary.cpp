@@ -286,7 +286,10 @@ std::string trip_values_text(const trip_t& trip) {
     case trip_t::CAUSE_NORMAL_FORCE:
       return format(": N was %.6g N; allowed: > %.6g N", trip.value, trip.limit);
     case trip_t::CAUSE_FRICTION:
-      if (trip.value > trip.limit) return format(": f_s/N was %.6g; allowed: <= %.6g", trip.value, trip.limit);
+      // A limit that is just passed, at an instant that was located, differs in no digit that says anything.
+      if (trip.value > trip.limit * (1 + 1e-6))
+        return format(": f_s/N was %.6g; allowed: <= %.6g", trip.value, trip.limit);
+      if (trip.value > trip.limit) return format(": f_s/N came to the allowed %.6g and grew", trip.limit);
       return format(": the ball slid at f_s/N = %.6g, on a floor that was to hold up to %.6g", trip.value, trip.limit);
     case trip_t::CAUSE_DISAGREEMENT:
       return format(": what was said of N and f_s was %.6g N apart; allowed: <= %.6g N", trip.value, trip.limit);
@@ -301,7 +304,6 @@ std::string trip_values_text(const trip_t& trip) {
   }
 }
 
-// A prediction knows nothing if the controller's sensors tell it nothing.
 // What the plant then showed of a plan.
 std::string seen_text(const RunResult& result, const PlanRecord& plan) {
   if (plan.seen_margin_min) return format("seen %.4f", *plan.seen_margin_min);
@@ -470,7 +472,7 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                               {"source", published.source}});
   }
   j["ticks"] = result.ticks;
-  j["log_bytes"] = result.log_bytes;
+  if (result.log_bytes > 0) j["log_bytes"] = result.log_bytes;  // else there is no log
   const hal::LinkCounters& refused = result.refused.here;
   j["refused_messages"] = {{"malformed", refused.malformed}, {"foreign", refused.foreign},
                            {"repeated", refused.repeated},   {"old", refused.old},
@@ -517,7 +519,8 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
       break;
   }
   text += "\n";
-  for (const sim::Fault& fault : scenario.faults) text += "  suffered    " + to_string(fault) + "\n";
+  for (const sim::Fault& fault : scenario.faults)
+    text += (fault.begun(end_s) ? "  suffered    " : "  not reached ") + to_string(fault) + "\n";
   if (result.missing_commands > 0) {
     text += format("  WARNING     in %lld ticks no step command reached the motors: they stood\n",
                    static_cast<long long>(result.missing_commands));
