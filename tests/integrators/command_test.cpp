@@ -20,6 +20,7 @@ TEST(Integrate, LeavesASummaryLikeThatOfRun) {
   EXPECT_EQ(integrate.err, "");
   for (const char* word : {"completed", "most f_s/N", "published", "dop853", "Jacobians", "distance"})
     EXPECT_NE(integrate.out.find(word), std::string::npos) << word;
+  EXPECT_EQ(integrate.out.find("sliding"), std::string::npos) << integrate.out;
   ASSERT_EQ(folder.run("ballast run paper_ball --actuation prescribed --quiet").exit_status, 0);
 
   const auto here = folder.summary("runs/paper_ball-integrate"), there = folder.summary("runs/paper_ball");

@@ -50,7 +50,7 @@ struct PrescribedRun::Impl {
 };
 
 PrescribedRun::PrescribedRun(const sim::Scenario& scenario, const std::vector<double>& y0, Law law,
-                             std::vector<double> kinks_s)
+                             const std::vector<double>& kinks_s)
     : impl_(new Impl) {
   impl_->law = std::move(law);
   for (const double kink_s : kinks_s) {

@@ -22,7 +22,7 @@ class PrescribedRun {
 
   // `kinks_s`: where the law's rate of time jumps, beside the ends of motion pieces; in any order.
   PrescribedRun(const sim::Scenario& scenario, const std::vector<double>& y0, Law law,
-                std::vector<double> kinks_s = {});
+                const std::vector<double>& kinks_s = {});
   ~PrescribedRun();
   PrescribedRun(const PrescribedRun&) = delete;
   PrescribedRun& operator=(const PrescribedRun&) = delete;

@@ -109,7 +109,7 @@ Study study(std::uint64_t seed, int balls) {
 // Continuous accelerations, finite mu_s from 0.1 to 1000: every ball that would detach slips before.
 TEST(SlipStudy, RandomBallsSlipBeforeTheyDetach) {
   const char* asked = std::getenv("BALLAST_STUDY");
-  const int balls = asked != nullptr ? std::atoi(asked) : 250;
+  const int balls = asked != nullptr ? std::stoi(asked) : 250;
   constexpr std::uint64_t kSeed = 61'000'000;
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   const Study s = study(kSeed, balls);

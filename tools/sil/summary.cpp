@@ -472,7 +472,7 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
                               {"source", published.source}});
   }
   j["ticks"] = result.ticks;
-  if (result.log_bytes > 0) j["log_bytes"] = result.log_bytes;  // else there is no log
+  j["log_bytes"] = result.log_bytes > 0 ? Json(result.log_bytes) : Json(nullptr);
   const hal::LinkCounters& refused = result.refused.here;
   j["refused_messages"] = {{"malformed", refused.malformed}, {"foreign", refused.foreign},
                            {"repeated", refused.repeated},   {"old", refused.old},
