@@ -32,6 +32,9 @@ TEST(TargetEquality, AStop) { expect_equal("paper_ball --set envelope.friction_u
 TEST(TargetEquality, ASpline) { expect_equal("seam_ball --set duration=2", 0); }
 TEST(TargetEquality, ALineWithEndsAndAStopOnIt) { expect_equal("hop --actuation stepper", 3); }
 
+// No pulse for longer than the step timer counts, 172 s.
+TEST(TargetEquality, ALongRest) { expect_equal("desk_ball --set duration=180 --set run.control_period=0.01", 0); }
+
 // A log of the host's, given to the microcontroller's.
 TEST(TargetEquality, AReplay) {
   const Folder folder;
