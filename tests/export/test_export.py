@@ -260,7 +260,7 @@ class ExportTest(unittest.TestCase):
         """What lcm-logger records of a run is the run's own log but for its number; lcm-logplayer plays a log back."""
         self.ballast("run", "paper_ball", "--set", "duration=1", "--quiet", "--out", "r")
         own = [e[1:] for e in events(self.folder / "r/run.lcmlog")]
-        for name, command in (("live", [BALLAST, "run", "paper_ball", "--set", "duration=1", "--speed", "1", "--lcm",
+        for name, command in (("live", [BALLAST, "run", "paper_ball", "--set", "duration=1", "--speed", "0.5", "--lcm",
                                         URL, "--quiet", "--out", "r2"]),
                               ("replayed", ["lcm-logplayer", "--lcm-url", URL, "r/run.lcmlog"])):
             logger = subprocess.Popen(["lcm-logger", "--quiet", "--lcm-url", URL, name], cwd=self.folder)
