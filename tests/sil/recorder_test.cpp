@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <lcm/lcm-cpp.hpp>
 
 #include "tools/sil/output_dir.h"
@@ -164,7 +165,10 @@ TEST(OutputDir, WritesNothingIntoAnotherFolderOfItsName) {
     ASSERT_TRUE(output.good()) << output.error();
     ASSERT_TRUE(output.write("robot.json", "{}"));
     std::filesystem::rename(root / "r", root / "moved");
-    std::filesystem::create_directory(root / "r");
+    std::filesystem::create_directories(root / "r" / "blackbox" / "of another run");
+    std::ofstream(root / "r" / "blackbox" / "run.lcmlog") << "its";
+    output.clear_black_box();
+    EXPECT_TRUE(std::filesystem::exists(root / "r" / "blackbox" / "run.lcmlog"));
     EXPECT_FALSE(output.write("summary.json", "{}"));
     EXPECT_NE(output.error().find("is no longer the folder that it was"), std::string::npos) << output.error();
     EXPECT_FALSE(std::filesystem::exists(root / "r" / "summary.json"));

@@ -85,6 +85,7 @@ void OutputDir::clear() {
 }
 
 void OutputDir::clear_black_box() {
+  if (!is_still_there()) return;  // it is another run's
   std::error_code code;
   // Only what we put there: what somebody has added stays.
   const fs::path box = path_ / kBlackBox;
