@@ -110,6 +110,7 @@ bool try_black_box(const sim::Scenario& scenario, const RunResult& result, const
   box["last_tick"] = result.last_tick;
   box["summary"] = std::move(summary);
 
+  if (!output.is_still_there()) return false;
   const fs::path folder = output.path() / kBlackBox;
   std::error_code code;
   fs::create_directory(folder, code);

@@ -24,6 +24,8 @@ class OutputDir {
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   [[nodiscard]] std::string log_path() const { return (path_ / "run.lcmlog").string(); }
 
+  // False: it was moved away, or removed, and what is there now may be another run's. error() says so.
+  bool is_still_there();
   // Takes away what an earlier run has left, so that no file there speaks of another run than the log.
   void clear();
   void clear_black_box();
@@ -34,9 +36,6 @@ class OutputDir {
   bool write_summary(const std::string& text) { return write("summary.json", text); }
 
  private:
-  // False: it was moved away, or removed, and what is there now may be another run's. error() says so.
-  bool is_still_there();
-
   std::filesystem::path path_;
   std::vector<std::filesystem::path> made_;  // the innermost first
   int lock_ = -1;                            // the folder itself: nothing is left when its holder is killed
