@@ -48,6 +48,19 @@ std::uint32_t mps2::stack_used_bytes() {
 
 extern "C" {
 
+#if (__ARM_FP & 8) != 0
+// What a cast of an integer of 64 bits to a double calls, by ARM's run-time ABI (IHI 0043, 4.1.2). libgcc's does
+// without the FPU, in five times as many instructions. Only the sum is rounded.
+[[gnu::pcs("aapcs")]] double __aeabi_l2d(std::int64_t value) {
+  return static_cast<double>(static_cast<std::int32_t>(value >> 32)) * 0x1p32 +
+         static_cast<double>(static_cast<std::uint32_t>(value));
+}
+[[gnu::pcs("aapcs")]] double __aeabi_ul2d(std::uint64_t value) {
+  return static_cast<double>(static_cast<std::uint32_t>(value >> 32)) * 0x1p32 +
+         static_cast<double>(static_cast<std::uint32_t>(value));
+}
+#endif
+
 // No C++ may run before the FPU is on, so this begins in assembler; it also paints the stack it does not use.
 [[gnu::naked, noreturn]] void ballast_reset() {
   asm volatile(

@@ -56,10 +56,14 @@ class Writer {
   template <class T>
   void put(T value) {
     static_assert(std::is_integral_v<T> || std::is_enum_v<T>);
-    if (bytes_.size() - size_ < sizeof value) ok_ = false;
-    if (!ok_) return;
+    if (bytes_.size() - size_ < sizeof value) return fail();
     std::memcpy(bytes_.data() + size_, &value, sizeof value);
     size_ += sizeof value;
+  }
+  // No room is left, so that nothing more is put.
+  void fail() {
+    ok_ = false;
+    bytes_ = bytes_.first(size_);
   }
 
   std::span<std::uint8_t> bytes_;
@@ -82,8 +86,8 @@ class Reader {
     } else if constexpr (std::is_same_v<T, bool>) {
       std::uint8_t flag = 0;
       if (!take(flag)) return;
-      if (flag > 1) ok_ = false;
-      if (ok_) value = flag == 1;
+      if (flag > 1) return fail();
+      value = flag == 1;
     } else {
       T read = 0;
       if (take(read)) value = read;
@@ -92,9 +96,8 @@ class Reader {
   // Rounded where T has less.
   template <class T>
   void real(T& value) {
-    double read = 0;
-    (*this)(read);
-    if (ok_) value = static_cast<T>(read);
+    std::uint64_t bits = 0;
+    if (take(bits)) value = static_cast<T>(std::bit_cast<double>(bits));
   }
   // Outside low..high: not ok.
   template <class T>
@@ -102,8 +105,8 @@ class Reader {
     T read{};
     if (!take(read)) return;
     const auto number = static_cast<std::int64_t>(read);  // NOLINT(bugprone-signed-char-misuse): a number
-    if (number < low || number > high) ok_ = false;
-    if (ok_) value = read;
+    if (number < low || number > high) return fail();
+    value = read;
   }
 
   // Anything but -1 and 1: not ok.
@@ -111,8 +114,8 @@ class Reader {
   void sign(T& value) {
     T read{};
     if (!take(read)) return;
-    if (read != 1 && read != -1) ok_ = false;
-    if (ok_) value = read;
+    if (read != 1 && read != -1) return fail();
+    value = read;
   }
 
   // All was there and in range, and nothing is left over.
@@ -122,11 +125,18 @@ class Reader {
  private:
   template <class T>
   bool take(T& value) {
-    if (bytes_.size() - at_ < sizeof value) ok_ = false;
-    if (!ok_) return false;
+    if (bytes_.size() - at_ < sizeof value) {
+      fail();
+      return false;
+    }
     std::memcpy(&value, bytes_.data() + at_, sizeof value);
     at_ += sizeof value;
     return true;
+  }
+  // Nothing is left, so that nothing more is taken.
+  void fail() {
+    ok_ = false;
+    bytes_ = bytes_.first(at_);
   }
 
   std::span<const std::uint8_t> bytes_;
@@ -155,6 +165,7 @@ constexpr auto kCrcTables = [] {
 [[gnu::noinline]] inline std::uint32_t crc32(std::span<const std::uint8_t> bytes, std::uint32_t crc = 0) {
   const auto& table = detail::kCrcTables;
   crc = ~crc;
+#pragma GCC unroll 4
   for (; bytes.size() >= 4; bytes = bytes.subspan(4)) {
     std::uint32_t four = 0;
     std::memcpy(&four, bytes.data(), 4);

@@ -82,6 +82,13 @@ bool serve(Call call, target::Reader& in, target::Writer& out) {
       out(board.watchdog_kicks());
       out(board.overruns());
       return true;
+    case Call::kToDouble: {
+      std::int64_t n = 0;
+      in(n);
+      out(static_cast<double>(n));
+      out(static_cast<double>(static_cast<std::uint64_t>(n)));
+      return in.complete();
+    }
   }
   return false;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "hal/target/messages.h"
@@ -92,6 +93,20 @@ class RemoteBoard {
     in(c.overruns);
     EXPECT_TRUE(in.complete());
     return c;
+  }
+
+  // As an integer, and as one without sign.
+  [[nodiscard]] std::pair<double, double> to_double(std::int64_t n) const {
+    std::vector<std::uint8_t> argument(sizeof n);
+    target::Writer out(argument);
+    out(n);
+    const auto answer = call(Call::kToDouble, argument);
+    target::Reader in(answer);
+    std::pair<double, double> is;
+    in(is.first);
+    in(is.second);
+    EXPECT_TRUE(in.complete());
+    return is;
   }
 
  private:

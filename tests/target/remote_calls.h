@@ -14,6 +14,7 @@ enum class Call : std::uint32_t {
   kWriteStatus,
   kKickWatchdog,
   kCounters,
+  kToDouble,  // i64 n: double(n), double(uint64(n))
 };
 
 }  // namespace ballast::hal::test

@@ -1,6 +1,7 @@
 // One lap of the data flow: everything that is said in one control tick.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,6 +31,8 @@ struct Lap {
   bool monitor_silent = false, controller_silent = false;
   bool steps_injured = false;               // on their way to the motors; then
   std::optional<step_command_t> delivered;  // is what came of them: of the next tick, or nothing
+
+  std::function<void()> meanwhile = [] {};  // Peers::are_waited_for()
 };
 
 // What came over a bus and was not used.
@@ -56,6 +59,9 @@ class Peers {
   // Hands out command and plant, and fills in what was heard, trip, status and steps. In this process the controller is
   // given what was heard in this very tick; over LCM it hears it itself, in this tick or a neighbouring one.
   virtual hal::Status exchange(Lap& lap) = 0;
+  // True: every exchange() calls lap.meanwhile once, between having handed out and having heard. What the run does in
+  // there takes no time of its own.
+  [[nodiscard]] virtual bool are_waited_for() const { return false; }
   // After a failure, the whole story in one line.
   [[nodiscard]] virtual std::string trouble() const = 0;
   [[nodiscard]] virtual RefusedMessages refused() const { return {}; }

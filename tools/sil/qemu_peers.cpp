@@ -257,7 +257,7 @@ Status QemuPeers::connect() {
   target::Frame frame;
   target::Hello hello;
   if (const Status s = receive(frame, options_.start_timeout); s != Status::kOk) return s;
-  qemu_.let_main_loop_wait();
+  qemu_.take_turns();
   if (!target::decode(frame, hello)) {
     return fail(Status::kForeignPeer, "the firmware does not introduce itself as this program expects",
                 program::kExitForeignFirmware);
@@ -394,6 +394,7 @@ Status QemuPeers::exchange(Lap& lap) {
   if (lap.command) say(*lap.command);  // in the order of the log, by which a replay gives them
   for (const operator_t& heard : lap.heard) say(heard);
   if (const Status s = send(*world_, tick); s != Status::kOk) return s;
+  lap.meanwhile();
 
   target::Frame frame;
   if (const Status s = receive(frame, options_.peer_timeout); s != Status::kOk) return s;

@@ -48,6 +48,7 @@ class QemuPeers : public Peers {
 
   hal::Status connect() override;
   hal::Status exchange(Lap& lap) override;
+  [[nodiscard]] bool are_waited_for() const override { return true; }
   [[nodiscard]] RefusedMessages refused() const override { return refused_operators(options_.operator_bus, operator_); }
   [[nodiscard]] std::string trouble() const override { return trouble_; }
   [[nodiscard]] int exit_status() const override { return exit_status_; }

@@ -103,18 +103,6 @@ std::optional<Pipe> open_pipe(int above) {
   return pipe;
 }
 
-// This thread stays on the processor it is on, and so does what it starts. The processors it had before; none where
-// that is not allowed, which costs time only.
-std::optional<cpu_set_t> keep_to_one_processor() {
-  cpu_set_t before, one;
-  const int here = sched_getcpu();
-  if (here < 0 || sched_getaffinity(0, sizeof before, &before) != 0) return std::nullopt;
-  CPU_ZERO(&one);
-  CPU_SET(static_cast<std::size_t>(here), &one);
-  if (sched_setaffinity(0, sizeof one, &one) != 0) return std::nullopt;
-  return before;
-}
-
 // In the child, between fork and exec: nothing that allocates.
 [[noreturn]] void become_qemu(char** argv, std::span<const Fd> fds, int said, int report, pid_t parent) {
   // Ends with the process that started it, however that ends; a terminal's signals are for that one alone.
@@ -193,7 +181,7 @@ std::string QemuProcess::start(const QemuOptions& options) {
   // Nobody reads it before the end: what is too much is lost, and holds nobody up.
   for (const int fd : {said_, said->writing.get()}) fcntl(fd, F_SETFL, O_NONBLOCK);
   const pid_t parent = getpid();
-  processors_before_ = keep_to_one_processor();
+  turns_.start();
   pid_ = fork();
   int error = pid_ < 0 ? errno : 0;
   if (pid_ == 0) become_qemu(argv.data(), child_fds, said->writing.get(), report->writing.get(), parent);
@@ -208,9 +196,12 @@ std::string QemuProcess::start(const QemuOptions& options) {
   return std::string(kQemu) + ": cannot be started: " + std::strerror(error);
 }
 
-void QemuProcess::let_main_loop_wait() const {
+void QemuProcess::take_turns() {
+  // QEMU's main loop is woken in every control tick and has nothing to do: it waits until the machine's own thread
+  // does, instead of interrupting it. It is the thread that has the process's number.
   const sched_param none{};
-  static_cast<void>(sched_setscheduler(pid_, SCHED_BATCH, &none));  // the thread of that number; costs time only
+  static_cast<void>(sched_setscheduler(pid_, SCHED_BATCH, &none));
+  turns_.take_with(pid_);
 }
 
 Status QemuProcess::write(int pair, std::span<const std::uint8_t> bytes, Seconds timeout) {
@@ -237,16 +228,23 @@ Status QemuProcess::write(int pair, std::span<const std::uint8_t> bytes, Seconds
 Status QemuProcess::read(int pair, std::vector<std::uint8_t>& bytes, Seconds timeout,
                          const volatile std::sig_atomic_t* interrupted) {
   const int fd = pairs_[static_cast<std::size_t>(pair)].from;
-  const auto deadline = deadline_in(timeout);
-  for (;;) {
+  const auto begin = Clock::now(), deadline = begin + std::chrono::duration_cast<Clock::duration>(timeout);
+  if (!turns_.apart()) turns_.wait_together();
+  for (bool looking = turns_.apart();;) {
     if (interrupted != nullptr && *interrupted != 0) return Status::kInterrupted;
     pollfd wait{fd, POLLIN, 0};
-    if (poll(&wait, 1, milliseconds_until(deadline)) > 0) {
+    if (poll(&wait, 1, looking ? 0 : milliseconds_until(deadline)) > 0) {
       std::array<std::uint8_t, 65536> chunk;  // as large as a pipe
       const ssize_t count = ::read(fd, chunk.data(), chunk.size());
       bytes.insert(bytes.end(), chunk.begin(), chunk.begin() + std::max<ssize_t>(count, 0));
-      if (count > 0) return Status::kOk;
+      if (count > 0) {
+        if (looking) turns_.came();
+        return Status::kOk;
+      }
       if (count == 0 || errno != EINTR) return Status::kPeerLost;
+    } else if (looking) {
+      looking = Clock::now() - begin < Turns::kLookedFor;
+      if (!looking) turns_.did_not_come();
     } else if (Clock::now() >= deadline) {
       return Status::kEmpty;
     }
@@ -293,7 +291,6 @@ std::string QemuProcess::said() {
 }
 
 QemuProcess::~QemuProcess() {
-  if (processors_before_) sched_setaffinity(0, sizeof *processors_before_, &*processors_before_);
   for (const Pair& pair : pairs_) {
     if (pair.to >= 0) close(pair.to);
     close(pair.from);

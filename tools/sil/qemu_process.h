@@ -2,19 +2,18 @@
 // ends.
 #pragma once
 
-#include <sched.h>
 #include <sys/types.h>
 
 #include <chrono>
 #include <csignal>
 #include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "hal/status.h"
+#include "tools/sil/turns.h"
 
 namespace ballast::sil {
 
@@ -36,14 +35,11 @@ class QemuProcess {
   QemuProcess(const QemuProcess&) = delete;
   QemuProcess& operator=(const QemuProcess&) = delete;
 
-  // Empty, or why it could not be started. The machine and the thread that calls this take turns, so both are kept to
-  // the processor this one is on, as long as the object lives: half as much time again is saved where waking another
-  // processor is dear, as in virtual machines. The price: two runs that begin on one processor share it to their end.
+  // Empty, or why it could not be started.
   [[nodiscard]] std::string start(const QemuOptions& options);
 
-  // Once the machine runs. QEMU's main loop is woken in every control tick and has nothing to do: it waits until the
-  // machine's own thread does, instead of interrupting it.
-  void let_main_loop_wait() const;
+  // Once the machine runs, and from now on answers to what it is written. Costs nothing but time if it does not.
+  void take_turns();
 
   // All bytes. kPeerLost: the machine does not read any more, or not within the timeout.
   hal::Status write(int pair, std::span<const std::uint8_t> bytes, Seconds timeout);
@@ -66,8 +62,8 @@ class QemuProcess {
     int to = -1, from = -1;
   };
   std::vector<Pair> pairs_;
-  int said_ = -1;                               // QEMU's stderr
-  std::optional<cpu_set_t> processors_before_;  // of the thread that started it
+  int said_ = -1;  // QEMU's stderr
+  Turns turns_;
   pid_t pid_ = 0;
   std::string end_;
   int exit_status_ = -1;

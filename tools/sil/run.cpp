@@ -173,9 +173,15 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   std::int64_t silent_ticks = 0;       // of the controller, on end
   std::int64_t operator_commands = 0;  // as it counted them last
   bool armed = false;                  // at least once
+  std::optional<Lap> unrecorded;
+  const auto record_it = [&] {
+    if (unrecorded) record(recorder, *unrecorded);
+    unrecorded.reset();
+  };
 
   // What is known at the end, good or bad.
   const auto finished = [&] {
+    record_it();
     result.wall_time_s = std::chrono::duration<double>(Clock::now() - wall_start).count();
     result.end_text = plant.end_text();
     result.masses_rested = rest.at_rest();
@@ -217,6 +223,7 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     }
 
     Lap lap;
+    lap.meanwhile = record_it;
     lap.has_controller = has_controller;
     lap.plant = plant_messages(scenario, sample, tick, last, commanded);
     sensor_faults.suffer(sample.time_s, lap.plant.sensors);
@@ -232,7 +239,11 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       result.trouble = peers.trouble();
       return finished();
     }
-    record(recorder, lap);
+    if (peers.are_waited_for()) {
+      unrecorded = lap;
+    } else {
+      record(recorder, lap);
+    }
     if (options.observe) options.observe(lap, sample);
     result.last_tick = tick;
     result.operators_heard = result.operators_heard || !lap.heard.empty();
