@@ -78,7 +78,7 @@ TEST_F(TurnsTest, MessagesThatAreLateOneAfterTheOtherBringThemTogetherForAWhile)
     EXPECT_FALSE(are_together());
   }
   // All went well for long: what was before is forgotten.
-  for (int i = 0; i < Turns::kInTime; ++i) turns_->came();
+  for (int i = 0; i < Turns::kLongApart; ++i) turns_->came();
   miss(kMisses);
   for (int i = 0; i < Turns::kShortestTogether; ++i) turns_->wait_together();
   EXPECT_TRUE(turns_->apart());

@@ -57,16 +57,15 @@ void Turns::move_process(const cpu_set_t& processors) const {
 
 void Turns::came() {
   late_ = std::max(late_ - 1, 0);
-  if (++in_time_ == kInTime) together_for_ = kShortestTogether;
+  ++turns_apart_;
 }
 
 void Turns::did_not_come() {
-  in_time_ = 0;
   late_ += kForgiven;
   if (late_ < kTooOften) return;
-  late_ = 0;
+  together_for_ = turns_apart_ < kLongApart ? std::min(2 * together_for_, kLongestTogether) : kShortestTogether;
   together_left_ = together_for_;
-  together_for_ = std::min(2 * together_for_, kLongestTogether);
+  late_ = turns_apart_ = 0;
   be_together();
 }
 

@@ -20,8 +20,8 @@ class Turns {
   // Late messages that lie less than kForgiven turns apart add up to others who want a processor; a late one now and
   // then does not.
   static constexpr int kForgiven = 64, kTooOften = 4 * kForgiven;
-  static constexpr int kShortestTogether = 1000, kLongestTogether = 32'000;  // turns
-  static constexpr int kInTime = 10'000;  // so many in a row, and what was before counts no more
+  // Turns: twice as many as the last time, unless it went well for kLongApart in between.
+  static constexpr int kShortestTogether = 500, kLongestTogether = 8000, kLongApart = 2000;
 
   Turns() = default;
   ~Turns();
@@ -49,9 +49,8 @@ class Turns {
   bool started_ = false;
   bool apart_ = false;
   pid_t process_ = 0;
-  int in_time_ = 0, late_ = 0;
-  int together_for_ = kShortestTogether;
-  int together_left_ = 0;
+  int late_ = 0, turns_apart_ = 0;
+  int together_for_ = kShortestTogether / 2, together_left_ = 0;
 };
 
 }  // namespace ballast::sil
