@@ -3,9 +3,15 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <lcm/lcm-cpp.hpp>
 #include <map>
 
+#include "tests/sil/shell.h"
 #include "tools/program/params.h"
 #include "tools/sil/in_process_peers.h"
 #include "tools/sil/summary.h"
@@ -219,6 +225,84 @@ TEST(RunLoop, EndsWithTheRecordersTrouble) {
   Recorder recorder("/dev/full");
   const RunResult result = run(scenario, peers, recorder, {});
   EXPECT_EQ(result.status, hal::Status::kIo);
+}
+
+// Passes everything on, in its time or, for a run that has to record at once, out of it; until something happens.
+class TakesItsTime : public Peers {
+ public:
+  TakesItsTime(Peers& peers, const Recorder& recorder, bool is_waited_for)
+      : peers_(peers), recorder_(recorder), is_waited_for_(is_waited_for) {}
+  hal::Status connect() override { return peers_.connect(); }
+  hal::Status exchange(Lap& lap) override {
+    recorded.push_back(recorder_.bytes());
+    const std::int64_t tick = lap.plant.contact.tick;
+    if (tick == lost_before) return hal::Status::kPeerLost;
+    if (is_waited_for_) lap.meanwhile();
+    return tick == lost_after ? hal::Status::kPeerLost : peers_.exchange(lap);
+  }
+  [[nodiscard]] bool are_waited_for() const override { return is_waited_for_; }
+  std::string trouble() const override { return "lost"; }
+
+  std::int64_t lost_before = -99, lost_after = -99;
+  std::vector<std::int64_t> recorded;  // bytes of the log, as each exchange began
+
+ private:
+  Peers& peers_;
+  const Recorder& recorder_;
+  bool is_waited_for_;
+};
+
+struct HowItEnds {
+  const char* name;
+  std::int64_t lost_before = -99, lost_after = -99, interrupted_in = -99;
+  double disk_full_s = 1e9;
+  double speed = 0;
+};
+
+// The log, and how much of it there was as each exchange began.
+std::pair<std::string, std::vector<std::int64_t>> recorded_by(bool is_waited_for, const HowItEnds& end) {
+  const test::Folder folder;
+  const sim::Scenario scenario = load("paper_ball", {"duration=0.1"});
+  auto params = std::make_unique<firmware::ControllerParams>();
+  EXPECT_FALSE(program::to_controller_params(scenario, *params));
+  InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
+  Recorder recorder(folder / "run.lcmlog");
+  recorder.disk_full_from(end.disk_full_s);
+  TakesItsTime takes_its_time(peers, recorder, is_waited_for);
+  takes_its_time.lost_before = end.lost_before;
+  takes_its_time.lost_after = end.lost_after;
+  volatile std::sig_atomic_t interrupted = 0;
+  RunOptions options;
+  options.interrupted = &interrupted;
+  options.speed = end.speed;
+  options.observe = [&](const Lap& lap, const sim::Plant::Sample&) {
+    interrupted = lap.plant.contact.tick == end.interrupted_in;
+  };
+  const RunResult result = run(scenario, takes_its_time, recorder, options);
+  recorder.close();
+  EXPECT_EQ(result.log_bytes, static_cast<std::int64_t>(std::filesystem::file_size(folder / "run.lcmlog"))) << end.name;
+  std::ifstream in(folder / "run.lcmlog", std::ios::binary);
+  return {std::string(std::istreambuf_iterator<char>(in), {}), takes_its_time.recorded};
+}
+
+TEST(RunLoop, WhatIsRecordedWhilePeersAreWaitedForIsWhatIsRecordedAtOnce) {
+  for (const HowItEnds& end :
+       {HowItEnds{.name = "completed"}, HowItEnds{.name = "lost before", .lost_before = 50},
+        HowItEnds{.name = "lost after", .lost_after = 50}, HowItEnds{.name = "lost at once", .lost_before = -2},
+        HowItEnds{.name = "interrupted", .interrupted_in = 50}, HowItEnds{.name = "disk full", .disk_full_s = 0.05}}) {
+    const std::string at_once = recorded_by(false, end).first, meanwhile = recorded_by(true, end).first;
+    EXPECT_EQ(at_once.empty(), end.lost_before == -2) << end.name;
+    EXPECT_TRUE(at_once == meanwhile) << end.name << ": " << at_once.size() << " bytes, " << meanwhile.size();
+  }
+}
+
+// Who watches a run that sleeps between its ticks hears of a tick before the sleep.
+TEST(RunLoop, ARunAtAPaceRecordsBeforeItSleeps) {
+  const auto laps_behind = [](const std::vector<std::int64_t>& recorded) {
+    return std::count(recorded.begin(), recorded.end(), 0);
+  };
+  EXPECT_EQ(laps_behind(recorded_by(true, {.name = "as fast as it goes"}).second), 2);
+  EXPECT_EQ(laps_behind(recorded_by(true, {.name = "at a pace", .speed = 10}).second), 1);
 }
 
 RunOptions checked() {

@@ -59,8 +59,8 @@ class Peers {
   // Hands out command and plant, and fills in what was heard, trip, status and steps. In this process the controller is
   // given what was heard in this very tick; over LCM it hears it itself, in this tick or a neighbouring one.
   virtual hal::Status exchange(Lap& lap) = 0;
-  // True: every exchange() calls lap.meanwhile once, between having handed out and having heard. What the run does in
-  // there takes no time of its own.
+  // True: every exchange() that succeeds has called lap.meanwhile once, between having handed out and having heard; one
+  // that fails, at most once. What the run does in there takes no time of its own.
   [[nodiscard]] virtual bool are_waited_for() const { return false; }
   // After a failure, the whole story in one line.
   [[nodiscard]] virtual std::string trouble() const = 0;

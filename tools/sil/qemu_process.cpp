@@ -243,7 +243,7 @@ Status QemuProcess::read(int pair, std::vector<std::uint8_t>& bytes, Seconds tim
       }
       if (count == 0 || errno != EINTR) return Status::kPeerLost;
     } else if (looking) {
-      looking = Clock::now() - begin < Turns::kLookedFor;
+      looking = Clock::now() < std::min(begin + Turns::kLookedFor, deadline);
       if (!looking) turns_.did_not_come();
     } else if (Clock::now() >= deadline) {
       return Status::kEmpty;

@@ -173,6 +173,8 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   std::int64_t silent_ticks = 0;       // of the controller, on end
   std::int64_t operator_commands = 0;  // as it counted them last
   bool armed = false;                  // at least once
+  // Where the run sleeps between two ticks, who watches it would learn of the one only after that sleep.
+  const bool records_meanwhile = peers.are_waited_for() && options.speed <= 0;
   std::optional<Lap> unrecorded;
   const auto record_it = [&] {
     if (unrecorded) record(recorder, *unrecorded);
@@ -239,7 +241,8 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
       result.trouble = peers.trouble();
       return finished();
     }
-    if (peers.are_waited_for()) {
+    if (records_meanwhile) {
+      record_it();  // of peers that did not take their time
       unrecorded = lap;
     } else {
       record(recorder, lap);

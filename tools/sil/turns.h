@@ -4,7 +4,8 @@
 // wake a processor from its sleep is dear, on a virtual machine as dear as half a turn and more. Together: both on one
 // processor, where who waits sleeps; the other wakes it cheaply. Apart is faster where two processors are free for it,
 // and several times slower where they are not. Which it is shows in messages that do not come while they are looked
-// for; then it is together for a while, the longer the more often that happens.
+// for; then it is together for a while, the longer the more often that happens. Who is given a share of more processors
+// (a quota) and not processors of his own has to say so (taskset): that does not show.
 #pragma once
 
 #include <sched.h>
