@@ -264,19 +264,20 @@ class PageTest(unittest.TestCase):
         np.testing.assert_allclose(ranges, [[6, 14]] * len(ranges), atol=3 * 20 / box["width"])
         self.assert_clean()
 
-    def resolution(self, most, first, frames):
+    def resolution(self, most, first, frames, pixels_matter=None):
         """Where the replay's resolution is after every frame of a made-up screen: frames(ratio, n) are their seconds."""
         return self.browser.execute_async_script("""
-          const [most, first, frames, done] = arguments, seconds = new Function("ratio", "n", `return ${frames}`);
+          const [most, first, frames, pixelsMatter, done] = arguments;
+          const seconds = new Function("ratio", "n", `return ${frames}`);
           import("ballast/resolution.js").then(({Resolution}) => {
-            const resolution = new Resolution(most, first, 0.35), ratios = [];
+            const resolution = new Resolution(most, first, 0.35, pixelsMatter), ratios = [];
             for (let n = 0, time = 0; time < 60; ++n) {
               const frame = seconds(resolution.ratio, n);
               resolution.frame(frame);
               ratios.push([time += frame, resolution.ratio]);
             }
             done(ratios);
-          });""", most, first, frames)
+          });""", most, first, frames, pixels_matter)
 
     def test_looks_resolution_follows_the_frames(self):
         self.keep_open()
@@ -303,6 +304,10 @@ class PageTest(unittest.TestCase):
         with self.subTest("which then turns out to cost: fewer after all"):
             ratios = self.resolution(2, 2, "n < 300 ? 1 / 30 : 0.02 + 0.1 * ratio")
             self.assertEqual(ratios[-1][1], 0.35)
+        with self.subTest("a processor that draws, which others keep busy at first: few pixels stay few"):
+            busy = "n < 8 ? 0.05 : n < 200 ? 0.06 : 0.02 + 0.05 * ratio * ratio"
+            ratios = self.resolution(1, 0.5, busy, True)
+            self.assertEqual({ratio for time, ratio in ratios if time > 1}, {0.35})
         with self.subTest("fewer seemed not to help while the browser was busy: they are tried again"):
             ratios = self.resolution(1, 0.5, "n < 8 ? 0.05 : n < 20 ? 0.3 : 0.02 + 0.05 * ratio * ratio")
             self.assertEqual(max(ratio for _, ratio in ratios), 1)

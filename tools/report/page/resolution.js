@@ -16,8 +16,9 @@ const FIRST_TRY_S = 1;
 const LAST_TRY_S = 32;
 
 export class Resolution {
-  // Pixels of the drawing per pixel of the page (along a side): at most, to begin with, at least.
-  constructor(most, first, least) {
+  // Pixels of the drawing per pixel of the page (along a side): at most, to begin with, at least. Whether it is known
+  // that frames with fewer come sooner (true), as where a processor draws; null: it is to be found out.
+  constructor(most, first, least, pixelsMatter) {
     this.most = most;
     this.least = Math.min(least, most);
     this.ratio = Math.min(Math.max(first, this.least), most);
@@ -25,7 +26,7 @@ export class Resolution {
     this.rose = false;
     this.meanBefore = null;  // of a frame, before the number fell
     this.meanAtLeast = null;
-    this.pixelsMatter = null;  // not known yet
+    this.pixelsMatter = pixelsMatter;
     this.doubted = false;
     this.forget();
   }

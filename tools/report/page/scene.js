@@ -74,7 +74,8 @@ export class Scene {
     this.renderer = new THREE.WebGLRenderer({antialias: fine, alpha: true});
     this.renderer.debug.checkShaderErrors = false;  // asking would wait for the compiler
     const most = Math.min(devicePixelRatio, MOST_PIXELS);
-    this.resolution = new Resolution(most, fine ? most : FIRST_PIXELS_IN_SOFTWARE, LEAST_PIXELS);
+    this.resolution = fine ? new Resolution(most, most, LEAST_PIXELS, null) :
+                             new Resolution(most, FIRST_PIXELS_IN_SOFTWARE, LEAST_PIXELS, true);
     this.setPixelRatio(most);
     this.movedAt = -Infinity;
     const canvas = this.renderer.domElement;
