@@ -66,6 +66,11 @@ TEST(Run, SaysHowSlowItWas) {
   EXPECT_TRUE(std::string_view(rest).starts_with(" times real time")) << run.out;
   EXPECT_GT(speed, 0);
   EXPECT_LE(speed, 0.02);
+  EXPECT_EQ(run.out.find("did not keep"), std::string::npos) << run.out;
+  // No machine makes 2 us of 20 s.
+  const Outcome hurried = folder.run("ballast run slide_to_roll --set duration=20 --speed 1e7 --out r");
+  EXPECT_NE(hurried.out.find("; it was to be 1e+07, which this machine did not keep"), std::string::npos)
+      << hurried.out;
 }
 
 TEST(Run, SameScenarioSameBytes) {
@@ -684,6 +689,11 @@ actuation = "prescribed"
   EXPECT_NE(friction.out.find(needs), std::string::npos) << friction.out << needs;
   EXPECT_NE(friction.out.find("because of mass 0 (100 %); holds on"), std::string::npos) << friction.out;
   EXPECT_EQ(folder.entries(), 1) << "it leaves no files";
+  // Slides before it is thrown off: less than aluminium gives, and yet no floor is named.
+  const Outcome thrown = folder.run("ballast run paper_detach_flight --out thrown");
+  EXPECT_NE(thrown.out.find("needs at least 0.35 at"), std::string::npos) << thrown.out;
+  EXPECT_NE(thrown.out.find("; holds on none of the paper's floors: N falls to 0 at 4."), std::string::npos)
+      << thrown.out;
 
   // A floor that does not give it ends the run; what is needed is still said, and the run says up to where it speaks.
   const Outcome run = folder.run("ballast run held.toml --out r --set surface.static_friction=0.1");

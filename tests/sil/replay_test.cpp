@@ -216,7 +216,7 @@ TEST(Replay, LogsThatDoNotFitAreRefusedOrNoted) {
   EXPECT_SAYS(longer.out, "GAP         cut off inside an event at byte ");
   const auto hole = static_cast<std::ptrdiff_t>(log.size() / 2);
   const Outcome holed = beside("holed.lcmlog", std::string(log).erase(hole, 10000));
-  EXPECT_TRUE(holed.exit_status == 8 || holed.exit_status == 1) << "a message may be half of one: " << holed.err;
+  EXPECT_TRUE(holed.exit_status == 8 || holed.exit_status == 2) << "a message may be half of one: " << holed.err;
   const Outcome twice = beside("twice.lcmlog", log + log);
   EXPECT_EQ(twice.exit_status, 0) << twice.err;
 
@@ -233,20 +233,22 @@ TEST(Replay, LogsThatDoNotFitAreRefusedOrNoted) {
   as_run_log(log.substr(0, log.rfind("BALLAST_STEP_COMMAND") - 28));
   EXPECT_EQ(folder.run("ballast replay r --verify").out.find("DAMAGED"), std::string::npos);
 
-  const auto refused = [](const Outcome& outcome, const std::string& words) {
-    EXPECT_EQ(outcome.exit_status, 1) << outcome.out;
+  const auto ended = [](int status, const Outcome& outcome, const std::string& words) {
+    EXPECT_EQ(outcome.exit_status, status) << outcome.out;
     EXPECT_SAYS(outcome.err, words);
   };
-  refused(beside("empty.lcmlog", ""), "is empty");
-  refused(beside("noise.lcmlog", std::string(1000, 'x')), "is no LCM event log");
-  refused(beside("short.lcmlog", log.substr(0, 20)), "is no LCM event log");
+  const auto no_log = [&ended](const Outcome& outcome, const std::string& words) { ended(2, outcome, words); };
+  const auto refused = [&ended](const Outcome& outcome, const std::string& words) { ended(1, outcome, words); };
+  no_log(beside("empty.lcmlog", ""), "is empty");
+  no_log(beside("noise.lcmlog", std::string(1000, 'x')), "is no LCM event log");
+  no_log(beside("short.lcmlog", log.substr(0, 20)), "is no LCM event log");
   std::string type = log;
   type[log.find("BALLAST_SENSORS") + 15] ^= 1;
-  refused(beside("type.lcmlog", type), "not a sensors_t of this build");
+  no_log(beside("type.lcmlog", type), "not a sensors_t of this build");
   type = log;
   type[log.find("BALLAST_TRIP", log.size() / 2) + 12] ^= 1;
-  refused(beside("trip.lcmlog", type), "BALLAST_TRIP: not a trip_t of this build");
-  refused(folder.run("ballast replay nowhere"), "cannot be read");
+  no_log(beside("trip.lcmlog", type), "BALLAST_TRIP: not a trip_t of this build");
+  no_log(folder.run("ballast replay nowhere"), "cannot be read");
   refused(folder.run("ballast replay r --scenario paper_disk"), "of another scenario: fingerprint ");
   refused(folder.run("ballast replay r --scenario paper_ball"), "of another scenario");
   refused(folder.run("ballast replay r --out r/run.lcmlog"), "is the log that is replayed");
@@ -311,7 +313,7 @@ TEST(BlackBox, HoldsTheEndOfALongRunAndIsRefusedAsAWholeOne) {
   EXPECT_GE(laps, sil::Recorder::kTailTicks);
   EXPECT_LE(laps, sil::Recorder::kTailTicks + sil::Recorder::kTailStride);
   const Outcome replay = folder.run("ballast replay r/blackbox");
-  EXPECT_EQ(replay.exit_status, 1);
+  EXPECT_EQ(replay.exit_status, 2);
   EXPECT_SAYS(replay.err, "begins in the middle of a run");
   EXPECT_SAYS(replay.err, "; the whole run is in r/run.lcmlog\n");
   EXPECT_SAYS(folder.run("cd r/blackbox && ballast replay run.lcmlog").err, "; the whole run is in ../run.lcmlog\n");

@@ -41,6 +41,12 @@ int refuse(const std::string& text) {
   return program::kExitUsage;
 }
 
+// A log that says nothing to replay: of the files, not of how it was asked.
+int no_log(const std::string& text) {
+  program::complain("ballast", text);
+  return program::kExitCouldNotRun;
+}
+
 // A file of one's own, gone with the object.
 class TemporaryLog {
  public:
@@ -114,8 +120,7 @@ void print(const ReplayCommand& command, const sim::Scenario& scenario, const st
                 " was replayed\n",
                 result.gap->what.c_str(), result.gap->goes_on_to, result.last_tick);
   }
-  const bool other_precision =
-      result.recorded_floats && *result.recorded_floats != (command.firmware == kQemuAn386);
+  const bool other_precision = result.recorded_floats && *result.recorded_floats != (command.firmware == kQemuAn386);
   if (other_precision) {
     std::printf(
         "  precision   the log is of a firmware in %s precision, and this one's is %s: replay it with --firmware %s\n",
@@ -135,8 +140,9 @@ void print(const ReplayCommand& command, const sim::Scenario& scenario, const st
     // A log has no checksum: a flipped bit in it is an input, or an output, like any other.
     const char* why = "the firmware's sources, or a damaged log, which looks the same";
     if (recorded == own)
-      why = "not the firmware's sources, which are the same: the log is damaged, or of another build of them (compiler, "
-            "options)";
+      why =
+          "not the firmware's sources, which are the same: the log is damaged, or of another build of them (compiler, "
+          "options)";
     if (other_precision) why = "the other precision, above";
     std::printf("  why         %s\n", why);
   }
@@ -148,7 +154,7 @@ int replay(const ReplayCommand& given) {
   std::error_code code;
   if (fs::is_directory(command.log, code)) command.log = (fs::path(command.log) / "run.lcmlog").string();
   const sil::LogScenario of_log = sil::scenario_of_log(command.log);
-  if (!of_log.id) return refuse(of_log.trouble);
+  if (!of_log.id) return no_log(of_log.trouble);
 
   program::ScenarioOptions options;
   options.scenario =
@@ -175,8 +181,7 @@ int replay(const ReplayCommand& given) {
   const TemporaryLog temporary;
   const std::string replayed = command.out.empty() ? temporary.path() : command.out;
   if (replayed.empty()) {
-    program::complain("ballast", "no temporary file can be made; name one with --out");
-    return program::kExitCouldNotRun;
+    return no_log("no temporary file can be made; name one with --out");
   }
   command.replay.interrupted = program::catch_signals();
   const monitor::MonitorLimits limits = program::to_monitor_limits(*scenario);
@@ -195,7 +200,7 @@ int replay(const ReplayCommand& given) {
     peers = sil::peers_in_process(*scenario, params.get(), limits);
   }
   const sil::ReplayResult result = sil::replay(*scenario, command.log, *peers, replayed, command.replay);
-  if (result.end == sil::ReplayResult::End::kUnusable) return refuse(result.trouble);
+  if (result.end == sil::ReplayResult::End::kUnusable) return no_log(result.trouble);
   if (result.end == sil::ReplayResult::End::kFailed) {
     program::complain("ballast", result.trouble);
     return peers->exit_status();

@@ -113,9 +113,9 @@ void print_totals(const Totals& totals, double wall_s) {
   std::printf("  %-30s %5.1f %%\n", "left the envelope", part(totals.violated));
   std::printf("  %-30s %5.1f %%, %" PRIu64 " faults\n", "with faults", part(totals.faulty), totals.faults);
   std::printf("  %-30s %" PRId64 " of the scenarios drawn\n", "refused by the check", totals.refused);
-  std::printf("%" PRIu64 " seeds, %.2f h simulated in %" PRId64 " ticks, %.4g s, %.3g seeds/s, %" PRIu64 " broken\n",
-              totals.seeds, simulated_s / 3600, totals.ticks, wall_s, static_cast<double>(totals.seeds) / wall_s,
-              totals.broken);
+  std::printf("%" PRIu64 " seed%s, %.2f h simulated in %" PRId64 " ticks, %.4g s, %.3g seeds/s, %" PRIu64 " broken\n",
+              totals.seeds, totals.seeds == 1 ? "" : "s", simulated_s / 3600, totals.ticks, wall_s,
+              static_cast<double>(totals.seeds) / wall_s, totals.broken);
 }
 
 int run(const SoakCommand& command) {

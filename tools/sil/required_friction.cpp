@@ -105,7 +105,8 @@ std::string required_friction_text(const RunResult& result, const std::vector<Fl
     text = (result.rolling_lost || result.end_reason != EndReason::kCompleted ? "needs at least " : "needs ") +
            number("%.3g at ", mu.value) + number("%.2f s", mu.time_s);
     const auto slides = [](const sim::RegimeStart& start) { return start.regime == sim::Regime::kSliding; };
-    if (!result.friction_shares && std::any_of(result.regimes.begin(), result.regimes.end(), slides)) text += ", sliding";
+    if (!result.friction_shares && std::any_of(result.regimes.begin(), result.regimes.end(), slides))
+      text += ", sliding";
   } else {
     text = unbounded_text(result);
   }
@@ -115,7 +116,13 @@ std::string required_friction_text(const RunResult& result, const std::vector<Fl
   std::vector<std::string> holds, fails;
   for (const FloorVerdict& floor : floors) (floor.holds ? holds : fails).emplace_back(floor.name);
   if (fails.empty()) return text + "holds on all of the paper's floors";
-  if (holds.empty()) return text + "holds on none of the paper's floors";
+  if (holds.empty()) {
+    text += "holds on none of the paper's floors";
+    // What it needs is below what some of them give where rolling was lost first.
+    const sim::Extremum& normal = result.extrema.normal_force_min;
+    if (std::isfinite(mu.value) && normal.value <= 0) text += number(": N falls to 0 at %.2f s", normal.time_s);
+    return text;
+  }
   return text + "holds on " + list(holds) + ", not on " + list(fails);
 }
 

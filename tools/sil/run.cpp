@@ -148,6 +148,7 @@ const char* to_string(EndReason reason) {
 
 RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, const RunOptions& options) {
   RunResult result;
+  result.asked_speed = options.speed;
   const bool has_controller = scenario.run.actuation == sim::Actuation::kStepper;
   const double period_s = scenario.run.control_period_s;
   const auto wall_start = Clock::now();

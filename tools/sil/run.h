@@ -91,6 +91,7 @@ struct RunResult {
   std::string refusal;                          // the controller refused the move: which, and why; nothing ran
   std::int64_t ticks = 0;                       // control periods simulated
   double wall_time_s = 0;
+  double asked_speed = 0;  // RunOptions::speed
 
   // Why it could not run to its end; kOk: it did. Otherwise the rest is as far as it came.
   hal::Status status = hal::Status::kOk;

@@ -685,6 +685,11 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   text += format(speed < 9.95 ? "  speed       %.2g times real time" : "  speed       %.0f times real time", speed);
   if (result.ticks > 0)
     text += format(", %.2f us per tick", 1e6 * result.wall_time_s / static_cast<double>(result.ticks));
+  // A pace is kept to a tick; what is late by more than a person would see was not.
+  if (result.asked_speed > 0 && speed < 0.95 * result.asked_speed &&
+      result.wall_time_s > end_s / result.asked_speed + 0.2) {
+    text += format("; it was to be %.6g, which this machine did not keep", result.asked_speed);
+  }
   text += "\n";
   text += "  results     " + directory.string() + "\n";
   return text;
