@@ -37,6 +37,8 @@ TEST(Doctor, AUrlThatIsNoneFails) {
   const Outcome doctor = folder.run("ballast doctor --lcm nonsense:// --listen 0.1");
   EXPECT_EQ(doctor.exit_status, 2);
   EXPECT_NE(doctor.out.find("FAIL  multicast: cannot use the LCM bus nonsense://"), std::string::npos) << doctor.out;
+  EXPECT_NE(doctor.out.find("fix: ballast doctor --lcm 'udpm://239.255.76.67:7667?ttl=0'"), std::string::npos)
+      << doctor.out;
   const Outcome unicast = folder.run("ballast doctor --lcm udpm://10.0.0.1:7667 --listen 0.1");
   EXPECT_NE(unicast.out.find("FAIL  multicast: 10.0.0.1 is no multicast group"), std::string::npos) << unicast.out;
   EXPECT_EQ(folder.run("ballast doctor --listen nan").exit_status, 1);

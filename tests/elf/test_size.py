@@ -68,7 +68,9 @@ class Size(Folder):
     def test_growth_beyond_a_tenth_is_refused(self):
         record = os.path.join(self.folder, "sizes.txt")
         elf = self.built()
-        self.assertEqual(self.size(elf, "--record", record)[0], 2)  # there is none yet
+        status, _, complaint = self.size(elf, "--record", record)  # there is none yet
+        self.assertEqual(status, 2)
+        self.assertIn(f" {elf} --record {record} --update writes it", complaint)
         self.assertEqual(self.size(elf, "--record", record, "--update")[0], 0)
         before = self.parts(elf)["firmware/model"]
         self.assertEqual(self.size(elf, "--record", record)[0], 0)

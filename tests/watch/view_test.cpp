@@ -94,6 +94,22 @@ TEST(View, ASilentRunGivesWay) {
   EXPECT_TRUE(says(view.line(3, 0), "t=0.090")) << view.line(3, 0);
 }
 
+TEST(View, SaysThatARunIsSilent) {
+  View view;
+  EXPECT_FALSE(says(view.line(100, 0), "silent")) << "nobody is";
+  view.see(contact(700), 0);
+  EXPECT_FALSE(says(view.line(1.9, 0), "silent"));
+  EXPECT_TRUE(says(view.line(7, 0), " silent=7s")) << view.line(7, 0);
+  EXPECT_TRUE(says(view.page(7, 80, 0), "SILENT for 7 s: the run is stopped, or has ended without a last word\n"))
+      << view.page(7, 80, 0);
+  view.see(contact(701), 8);
+  EXPECT_FALSE(says(view.line(8, 0), "silent"));
+  contact_t last = contact(702);
+  last.last = 1;
+  view.see(last, 9);
+  EXPECT_FALSE(says(view.line(20, 0), "silent")) << "it has ended";
+}
+
 TEST(View, JoinsLateKeepsExtremesAndEnds) {
   View view;
   view.see(contact(700, 0.5), 0);

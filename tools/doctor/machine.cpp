@@ -10,6 +10,7 @@
 #include <cstring>
 #include <lcm/lcm-cpp.hpp>
 
+#include "hal/lcm/channels.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
 
@@ -81,7 +82,8 @@ Finding look_at_multicast(const std::string& url) {
   const std::string what = "multicast";
   if (!url.starts_with("udpm://")) {
     if (lcm::LCM(url).good()) return {Verdict::kOk, what, "not used by " + url, ""};
-    return {Verdict::kFail, what, program::bad_bus(url), program::ballast_as_typed() + " doctor"};
+    return {Verdict::kFail, what, program::bad_bus(url),
+            program::ballast_as_typed() + " doctor --lcm " + program::shell_word(hal::kDefaultLcmUrl)};
   }
   const std::string group = group_of(url);
   sockaddr_in there{};

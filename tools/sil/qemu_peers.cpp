@@ -1,6 +1,8 @@
 #include "tools/sil/qemu_peers.h"
 
 #include <cstdio>
+#include <fstream>
+#include <iterator>
 
 #include "hal/lcm/channels.h"
 #include "hal/target/build_id.h"
@@ -19,9 +21,9 @@ std::string hex(std::uint64_t value) {
   return text;
 }
 
-std::string number(double value) {
+std::string number(double value, const char* format = "%.17g") {
   char text[32];
-  std::snprintf(text, sizeof text, "%.17g", value);
+  std::snprintf(text, sizeof text, format, value);
   return text;
 }
 
@@ -165,10 +167,8 @@ Status QemuPeers::say_watchdog(const std::string& registers) {
     return fail(Status::kPeerLost, "the firmware hung " + when() + ": its watchdog ended it; " + registers,
                 program::kExitFirmwareHung);
   }
-  char period[32];
-  std::snprintf(period, sizeof period, "%g", period_s);
   return fail(Status::kPeerLost,
-              "the firmware is late " + when() + ": run.control_period = " + period +
+              "the firmware is late " + when() + ": run.control_period = " + number(period_s, "%g") +
                   " s is too short for this target; its watchdog ended a tick that did not come back within " +
                   std::to_string(kWatchdogPeriods) + " periods, " + std::to_string(fit) + " instructions; " + registers,
               program::kExitLate);
@@ -250,9 +250,21 @@ Status QemuPeers::judge(const target::Verdict& verdict) {
               program::kExitForeignFirmware);
 }
 
+// A program says in its first message what it is built for; one for another processor may not come so far.
+bool names_board(const std::filesystem::path& elf, const std::string& board) {
+  std::ifstream file(elf, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  return bytes.find(board + '\0') != std::string::npos;
+}
+
 Status QemuPeers::connect() {
   if (const std::string why = qemu_.start(options_.qemu); !why.empty()) {
     return fail(Status::kIo, why, program::kExitCouldNotRun);
+  }
+  if (!names_board(options_.qemu.elf, options_.qemu.board)) {
+    return fail(Status::kForeignPeer,
+                options_.qemu.elf.string() + " is not built for " + options_.qemu.board + ", which QEMU plays",
+                program::kExitForeignFirmware);
   }
   target::Frame frame;
   target::Hello hello;
@@ -364,7 +376,9 @@ Status QemuPeers::check_reply(std::int64_t tick) {
   if (reply_->tick_counts < period_counts / 2) return late_after(tick - 1);
   return fail(Status::kIo,
               "the firmware's tick " + std::to_string(tick) + " is late: the next one began before it was served (" +
-                  instructions + " instructions)",
+                  instructions + " instructions; run.control_period = " + number(params_.control_period_s, "%g") +
+                  " s has " +
+                  std::to_string(static_cast<std::int64_t>(period_counts * record_.instructions_per_count)) + ")",
               program::kExitLate);
 }
 

@@ -306,7 +306,8 @@ std::string trip_values_text(const trip_t& trip) {
 
 // What the plant then showed of a plan.
 std::string seen_text(const RunResult& result, const PlanRecord& plan) {
-  if (plan.seen_margin_min) return format("seen %.4f", *plan.seen_margin_min);
+  // Added 0: of what rounds to none no sign is left.
+  if (plan.seen_margin_min) return format("seen %.4f", std::round(1e4 * *plan.seen_margin_min) / 1e4 + 0.0);
   const double end_s = result.final_sample.time_s;
   if (end_s > plan.start_s) return "nothing seen of it: the ball was in the air";
   return std::string("never begun: the run ") + (result.end_reason == EndReason::kSlipped ? "slipped" : "ended") +

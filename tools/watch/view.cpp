@@ -42,9 +42,10 @@ const char* cause(std::int8_t code) {
 // `part` of 1 as a bar; where it is not a number or outside, what is left of it.
 std::string bar(double part, int width) {
   const double shown = part > 0 ? std::min(part, 1.0) : 0;  // NaN: none
-  const int full = static_cast<int>(std::lround(shown * width));
-  return "[" + std::string(static_cast<std::size_t>(full), '#') +
-         std::string(static_cast<std::size_t>(width - full), '.') + "]";
+  std::string text = "[]";
+  text.insert(1, static_cast<std::size_t>(width), '.');
+  std::fill_n(text.begin() + 1, std::lround(shown * width), '#');
+  return text;
 }
 
 std::string cut(std::string line, int width) {
@@ -106,6 +107,11 @@ bool View::is_over(double now_s) const { return !run_id_ || ended_ || now_s - he
 
 bool View::hears_another_run(double now_s) const { return heard_another_s_ && now_s - *heard_another_s_ <= kSilence_s; }
 
+std::optional<double> View::silent_s(double now_s) const {
+  if (!run_id_ || ended_ || now_s - heard_s_ <= kSilence_s) return std::nullopt;
+  return now_s - heard_s_;
+}
+
 void View::see(const contact_t& m, double now_s) {
   if (!is_shown(m.run_id, now_s)) return;
   start_again(m.tick);
@@ -154,6 +160,8 @@ std::string View::page(double now_s, int width, std::int64_t undecodable) const 
   std::string text;
   if (hears_another_run(now_s))
     text += cut("ANOTHER RUN talks on this bus, and is not shown: each needs its own", width);
+  if (const auto silence_s = silent_s(now_s))
+    text += cut(format("SILENT for %.0f s: the run is stopped, or has ended without a last word", *silence_s), width);
   if (contact_) {
     const contact_t& c = *contact_;
     text += cut(format("t = %.3f s  tick %lld  %s%s", c.time_s, static_cast<long long>(c.tick), regime(c.regime),
@@ -219,11 +227,13 @@ std::string View::line(double now_s, std::int64_t undecodable) const {
                                  : "none");
   std::int64_t missed = 0;
   for (const TickCounter& counter : counters_) missed += counter.missed();
-  return text +
-         format(" rate=%.0f missed=%lld refused=%lld undecodable=%lld", counters_[kContact].rate_hz(now_s),
-                static_cast<long long>(missed), static_cast<long long>(status_ ? status_->refused_messages : 0),
-                static_cast<long long>(undecodable)) +
-         (hears_another_run(now_s) ? " another_run_on_this_bus" : "") + (ended_ ? " ended" : "");
+  text += format(" rate=%.0f missed=%lld refused=%lld undecodable=%lld", counters_[kContact].rate_hz(now_s),
+                 static_cast<long long>(missed), static_cast<long long>(status_ ? status_->refused_messages : 0),
+                 static_cast<long long>(undecodable));
+  if (hears_another_run(now_s)) text += " another_run_on_this_bus";
+  if (ended_) text += " ended";
+  if (const auto silence_s = silent_s(now_s)) text += format(" silent=%.0fs", *silence_s);
+  return text;
 }
 
 }  // namespace ballast::watch

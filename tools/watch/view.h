@@ -56,6 +56,8 @@ class View {
   bool is_shown(std::int64_t run_id, double now_s);
   [[nodiscard]] bool is_over(double now_s) const;
   [[nodiscard]] bool hears_another_run(double now_s) const;
+  // Seconds since the run that is shown, which has not ended, was last heard; none: too few to say so.
+  [[nodiscard]] std::optional<double> silent_s(double now_s) const;
 
   std::optional<std::int64_t> run_id_;  // of the run that is shown
   double heard_s_ = 0;
