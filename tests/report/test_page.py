@@ -549,6 +549,17 @@ class PageTest(unittest.TestCase):
                 self.run_ballast(*arguments, out=name)
                 self.report(name)
                 self.open(f"{name}/report.html", SMALL)
+                self.assertEqual(self.labels_on_each_other(), [])
+
+    def labels_on_each_other(self):
+        """Of extremes and limits, in the plots: those that cannot be read. 15 px is a line."""
+        return self.js("""const faults = [];
+          for (const { panel, labels } of window.ballastReport.plots.plots)
+            labels.forEach((a, i) => labels.slice(i + 1).forEach((b) => {
+              const line = 0.98 * 15 * devicePixelRatio;
+              if (a.from < b.to && b.from < a.to && Math.abs(a.y - b.y) < line) faults.push([panel.title, a, b]);
+            }));
+          return faults;""")
 
     def test_a_cut_log_alone(self):
         folder = self.folder / "alone"

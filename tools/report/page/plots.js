@@ -211,8 +211,8 @@ class Plot {
       for (const {time} of described.events)
         this.drawUpright(u, time, [5, 3, 1, 3], this.runs.length > 1 ? `run-${run}` : "trip", 1.6);
     });
-    for (const {value, text} of this.panel.limits ?? []) this.drawLimit(u, value, text);
     this.labels = [];
+    for (const {value, text} of this.panel.limits ?? []) this.drawLimit(u, value, text);
     for (const extreme of this.panel.extremes ?? []) this.drawExtreme(u, extreme);
     ctx.restore();
   }
@@ -242,9 +242,11 @@ class Plot {
     ctx.setLineDash([]);
     if (!text) return;
     ctx.textAlign = "right";
-    ctx.textBaseline = y - bbox.top > 16 * scale ? "bottom" : "top";
-    this.write(
-        ctx, text, bbox.left + bbox.width - 4 * scale, y + (ctx.textBaseline === "bottom" ? -2 : 3) * scale, "limit");
+    ctx.textBaseline = "middle";
+    const right = bbox.left + bbox.width - 4 * scale, width = ctx.measureText(text).width;
+    const beside = y + (y - bbox.top > 16 * scale ? -8 : 9) * scale;
+    const place = this.freePlace(right - width, width, beside, bbox.top, bbox.top + bbox.height);
+    this.write(ctx, text, right, place, "limit");
   }
 
   drawExtreme(u, {run, value, time, what}) {
@@ -270,17 +272,19 @@ class Plot {
     ctx.textBaseline = "middle";
     const who = this.runs.length > 1 ? `${runLetter(run)} ` : "";
     const text = `${who}${what} ${Number(value.toPrecision(6))}`;
-    const place =
-        this.freePlace(ctx, text, x, Math.min(Math.max(y, bbox.top + 8 * scale), bbox.top + bbox.height - 8 * scale));
-    this.write(ctx, text, x + (right ? -8 : 8) * scale, place, "text");
+    const begin = x + (right ? -8 : 8) * scale, width = ctx.measureText(text).width;
+    const place = this.freePlace(right ? begin - width : begin, width, y, bbox.top, bbox.top + bbox.height);
+    this.write(ctx, text, begin, place, "text");
   }
 
   // Two labels that would lie on each other lie one above the other.
-  freePlace(ctx, text, x, y) {
-    const width = ctx.measureText(text).width + 16 * devicePixelRatio, line = 15 * devicePixelRatio;
-    const taken = (at) => this.labels.some((other) => Math.abs(other.x - x) < width && Math.abs(other.y - at) < line);
-    const place = [y, y - line, y + line].find((at) => !taken(at)) ?? y;
-    this.labels.push({x, y: place});
+  freePlace(from, width, y, top, bottom) {
+    const to = from + width, line = 15 * devicePixelRatio, high = top + line / 2, low = bottom - line / 2;
+    const taken = (at) =>
+        this.labels.some((other) => other.from < to && from < other.to && Math.abs(other.y - at) < 0.99 * line);
+    const wanted = Math.min(Math.max(y, high), low), places = [0, -1, 1, -2, 2].map((lines) => wanted + lines * line);
+    const place = places.find((at) => at >= high && at <= low && !taken(at)) ?? wanted;
+    this.labels.push({from, to, y: place});
     return place;
   }
 
