@@ -549,17 +549,18 @@ class PageTest(unittest.TestCase):
                 self.run_ballast(*arguments, out=name)
                 self.report(name)
                 self.open(f"{name}/report.html", SMALL)
-                self.assertEqual(self.labels_on_each_other(), [])
+                labels = self.labels_of_friction_needed()
+                if name == "slipped":
+                    self.assertEqual(labels, {"μs = 0.17", "most 0.17"})
 
-    def labels_on_each_other(self):
-        """Of extremes and limits, in the plots: those that cannot be read. 15 px is a line."""
-        return self.js("""const faults = [];
-          for (const { panel, labels } of window.ballastReport.plots.plots)
-            labels.forEach((a, i) => labels.slice(i + 1).forEach((b) => {
-              const line = 0.98 * 15 * devicePixelRatio;
-              if (a.from < b.to && b.from < a.to && Math.abs(a.y - b.y) < line) faults.push([panel.title, a, b]);
-            }));
-          return faults;""")
+    def labels_of_friction_needed(self):
+        """Texts written into that plot; all of them, in every plot, can be read: 15 px is a line."""
+        plots = self.js("""return window.ballastReport.plots.plots.map(({ panel, labels }) => [panel.id, labels]);""")
+        for panel, labels in plots:
+            for a, b in itertools.combinations(labels, 2):
+                apart = a["from"] >= b["to"] or b["from"] >= a["to"] or abs(a["y"] - b["y"]) >= 0.98 * 15
+                self.assertTrue(apart, (panel, a, b))
+        return {label["text"] for label in dict(plots)["mu_required"]}
 
     def test_a_cut_log_alone(self):
         folder = self.folder / "alone"
@@ -605,6 +606,13 @@ class PageTest(unittest.TestCase):
             for run, log in enumerate(logs):
                 row = int(np.argmin(np.abs(log["time_s"] - seconds)))
                 np.testing.assert_allclose(self.ball(run)["position"][:2], log["position_W_m"][row][:2], atol=1e-5)
+        self.run_ballast("paper_ball", "--set", "envelope.friction_use=0.9", "--set", "surface.static_friction=0.33",
+                         out="other")
+        self.command("compare", "stopped", "other", "--out", "limits.html")
+        self.open("limits.html")
+        self.assertLessEqual({"μs A = 0.35", "monitor's limit A 0.175", "μs B = 0.33", "monitor's limit B 0.297"},
+                             self.labels_of_friction_needed())
+        self.open("two.html")
         self.slide_to(end + 1)  # beyond the end of the second
         shown = self.js("return [...document.querySelectorAll('#panel-normal_force output')].map((o) => o.textContent)")
         self.assertTrue(math.isfinite(float(shown[0])))

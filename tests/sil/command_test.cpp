@@ -66,11 +66,6 @@ TEST(Run, SaysHowSlowItWas) {
   EXPECT_TRUE(std::string_view(rest).starts_with(" times real time")) << run.out;
   EXPECT_GT(speed, 0);
   EXPECT_LE(speed, 0.02);
-  EXPECT_EQ(run.out.find("did not keep"), std::string::npos) << run.out;
-  // No machine makes 2 us of 20 s.
-  const Outcome hurried = folder.run("ballast run slide_to_roll --set duration=20 --speed 1e7 --out r");
-  EXPECT_NE(hurried.out.find("; it was to be 1e+07, which this machine did not keep"), std::string::npos)
-      << hurried.out;
 }
 
 TEST(Run, SameScenarioSameBytes) {

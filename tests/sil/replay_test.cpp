@@ -255,6 +255,8 @@ TEST(Replay, LogsThatDoNotFitAreRefusedOrNoted) {
   refused(folder.run("ballast run paper_ball --actuation prescribed --set duration=0.1 --quiet --out p; "
                      "ballast replay p"),
           "prescribed");
+  refused(folder.run("ballast replay r --until -50"),
+          "--until: r/run.lcmlog: nothing to replay: it begins after tick -50");
   refused(folder.run("mkdir bare; cp r/run.lcmlog bare; ballast replay bare"), "--scenario");
   EXPECT_TRUE(log == read_file(folder / "r/run.lcmlog"));
 }

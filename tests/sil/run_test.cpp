@@ -305,6 +305,21 @@ TEST(RunLoop, ARunAtAPaceRecordsBeforeItSleeps) {
   EXPECT_EQ(laps_behind(recorded_by(true, {.name = "at a pace", .speed = 10}).second), 1);
 }
 
+TEST(SummaryText, SaysThatAPaceWasNotKept) {
+  const sim::Scenario scenario = load("paper_ball", {"duration=1"});
+  RunResult result = run_scenario(scenario);
+  const auto not_kept = [&](double asked, double wall_s) {
+    result.asked_speed = asked;
+    result.wall_time_s = wall_s;
+    return summary_text(scenario, result, "r").find(" per tick; it was to be 2, which was not kept\n") !=
+           std::string::npos;
+  };
+  EXPECT_FALSE(not_kept(0, 100)) << "none was asked for";
+  EXPECT_FALSE(not_kept(2, 0.52)) << "within a twentieth";
+  EXPECT_FALSE(not_kept(2, 0.6)) << "a stall that nobody sees";
+  EXPECT_TRUE(not_kept(2, 0.8));
+}
+
 RunOptions checked() {
   RunOptions options;
   options.check_steps = true;

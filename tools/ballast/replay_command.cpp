@@ -41,8 +41,8 @@ int refuse(const std::string& text) {
   return program::kExitUsage;
 }
 
-// A log that says nothing to replay: of the files, not of how it was asked.
-int no_log(const std::string& text) {
+// It is the files' fault, not of how it was asked.
+int could_not(const std::string& text) {
   program::complain("ballast", text);
   return program::kExitCouldNotRun;
 }
@@ -154,7 +154,7 @@ int replay(const ReplayCommand& given) {
   std::error_code code;
   if (fs::is_directory(command.log, code)) command.log = (fs::path(command.log) / "run.lcmlog").string();
   const sil::LogScenario of_log = sil::scenario_of_log(command.log);
-  if (!of_log.id) return no_log(of_log.trouble);
+  if (!of_log.id) return could_not(of_log.trouble);
 
   program::ScenarioOptions options;
   options.scenario =
@@ -181,7 +181,7 @@ int replay(const ReplayCommand& given) {
   const TemporaryLog temporary;
   const std::string replayed = command.out.empty() ? temporary.path() : command.out;
   if (replayed.empty()) {
-    return no_log("no temporary file can be made; name one with --out");
+    return could_not("no temporary file can be made; name one with --out");
   }
   command.replay.interrupted = program::catch_signals();
   const monitor::MonitorLimits limits = program::to_monitor_limits(*scenario);
@@ -200,7 +200,8 @@ int replay(const ReplayCommand& given) {
     peers = sil::peers_in_process(*scenario, params.get(), limits);
   }
   const sil::ReplayResult result = sil::replay(*scenario, command.log, *peers, replayed, command.replay);
-  if (result.end == sil::ReplayResult::End::kUnusable) return no_log(result.trouble);
+  if (result.end == sil::ReplayResult::End::kAskedForNothing) return refuse("--until: " + result.trouble);
+  if (result.end == sil::ReplayResult::End::kUnusable) return could_not(result.trouble);
   if (result.end == sil::ReplayResult::End::kFailed) {
     program::complain("ballast", result.trouble);
     return peers->exit_status();

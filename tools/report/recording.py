@@ -45,6 +45,7 @@ class Recording:
         self.log_path = path / "run.lcmlog" if path.is_dir() else path
         self.folder = self.log_path.parent
         self.notes = []
+        self.faults = []  # those of the notes that say what is wrong with the files
         summary_path = self.folder / "summary.json"
         # A log of another name is not what a summary beside it speaks of.
         self.from_log = self.log_path.name != "run.lcmlog" or not summary_path.exists()
@@ -53,7 +54,8 @@ class Recording:
         self._refuse_two_runs()
         self.summary = self._said_by(written)
         if self._run.damage:
-            self.notes.append(f"{self.log_path.name}: {self._run.damage}. Shown is what comes before.")
+            self.faults.append(f"{self.log_path.name}: {self._run.damage}. Shown is what comes before.")
+            self.notes += self.faults
         self.mass_count = self._run.mass_count
         self.robot = self._read_robot()
         self.columns = self._columns()

@@ -32,8 +32,8 @@ def main():
         out = arguments.out or recording.folder / "report.html"
         check_place(out, _PAGE, recording.files)  # before the work is done
         write_page(out, report_page(recording), _PAGE, recording.files)
-        for note in recording.notes:  # which the page has, too
-            print(f"ballast-report: {note}", file=sys.stderr)
+        for fault in recording.faults:  # which the page has, too
+            print(f"ballast-report: {fault}", file=sys.stderr)
 
     return run_program("ballast-report", body, *ERRORS)
 

@@ -27,6 +27,13 @@ std::string number(double value, const char* format = "%.17g") {
   return text;
 }
 
+// A program says in its first message what it is built for; one for another processor may not come so far.
+bool names_board(const std::filesystem::path& elf, const std::string& board) {
+  std::ifstream file(elf, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  return bytes.find(board + '\0') != std::string::npos;
+}
+
 // ARMv7-M, B3.2.15: the bits of the fault status that say what happened.
 std::string fault_text(const target::LastWords& words) {
   struct Bit {
@@ -250,13 +257,6 @@ Status QemuPeers::judge(const target::Verdict& verdict) {
               program::kExitForeignFirmware);
 }
 
-// A program says in its first message what it is built for; one for another processor may not come so far.
-bool names_board(const std::filesystem::path& elf, const std::string& board) {
-  std::ifstream file(elf, std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  return bytes.find(board + '\0') != std::string::npos;
-}
-
 Status QemuPeers::connect() {
   if (const std::string why = qemu_.start(options_.qemu); !why.empty()) {
     return fail(Status::kIo, why, program::kExitCouldNotRun);
@@ -377,8 +377,7 @@ Status QemuPeers::check_reply(std::int64_t tick) {
   return fail(Status::kIo,
               "the firmware's tick " + std::to_string(tick) + " is late: the next one began before it was served (" +
                   instructions + " instructions; run.control_period = " + number(params_.control_period_s, "%g") +
-                  " s has " +
-                  std::to_string(static_cast<std::int64_t>(period_counts * record_.instructions_per_count)) + ")",
+                  " s has " + std::to_string(std::llround(period_counts * record_.instructions_per_count)) + ")",
               program::kExitLate);
 }
 

@@ -367,7 +367,7 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
     const std::string why = before_it                ? "it begins after tick " + std::to_string(options.until_tick)
                             : recorded.end().empty() ? "no tick of a controller"
                                                      : recorded.end();
-    return failed(result, End::kUnusable, log_path + ": nothing to replay: " + why);
+    return failed(result, before_it ? End::kAskedForNothing : End::kUnusable, log_path + ": nothing to replay: " + why);
   }
   result.recorded_floats = precision.floats();
   if (last || result.last_tick >= options.until_tick) return result;

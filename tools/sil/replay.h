@@ -19,7 +19,7 @@ struct ReplayOptions {
 };
 
 struct ReplayResult {
-  enum class End { kReplayed, kUnusable, kFailed };
+  enum class End { kReplayed, kUnusable, kAskedForNothing, kFailed };  // the third: until_tick is before the log
   End end = End::kReplayed;
   std::string trouble;             // if it is not kReplayed: why, in one line
   std::vector<std::string> notes;  // what the log lacks

@@ -689,7 +689,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   // A pace is kept to a tick; what is late by more than a person would see was not.
   if (result.asked_speed > 0 && speed < 0.95 * result.asked_speed &&
       result.wall_time_s > end_s / result.asked_speed + 0.2) {
-    text += format("; it was to be %.6g, which this machine did not keep", result.asked_speed);
+    text += format("; it was to be %.6g, which was not kept", result.asked_speed);
   }
   text += "\n";
   text += "  results     " + directory.string() + "\n";

@@ -212,7 +212,8 @@ class Plot {
         this.drawUpright(u, time, [5, 3, 1, 3], this.runs.length > 1 ? `run-${run}` : "trip", 1.6);
     });
     this.labels = [];
-    for (const {value, text} of this.panel.limits ?? []) this.drawLimit(u, value, text);
+    const limits = [...this.panel.limits ?? []].sort((a, b) => b.value - a.value);  // labels in the limits' order
+    for (const {value, text} of limits) this.drawLimit(u, value, text);
     for (const extreme of this.panel.extremes ?? []) this.drawExtreme(u, extreme);
     ctx.restore();
   }
@@ -277,19 +278,20 @@ class Plot {
     this.write(ctx, text, begin, place, "text");
   }
 
-  // Two labels that would lie on each other lie one above the other.
+  // Two labels that would lie on each other lie one above the other, as near as there is room.
   freePlace(from, width, y, top, bottom) {
-    const to = from + width, line = 15 * devicePixelRatio, high = top + line / 2, low = bottom - line / 2;
-    const taken = (at) =>
-        this.labels.some((other) => other.from < to && from < other.to && Math.abs(other.y - at) < 0.99 * line);
-    const wanted = Math.min(Math.max(y, high), low), places = [0, -1, 1, -2, 2].map((lines) => wanted + lines * line);
-    const place = places.find((at) => at >= high && at <= low && !taken(at)) ?? wanted;
-    this.labels.push({from, to, y: place});
-    return place;
+    const line = 15 * devicePixelRatio, high = top + line / 2, low = bottom - line / 2, gap = 8 * devicePixelRatio;
+    const taken = (at) => this.labels.some(
+        (other) => other.from < from + width + gap && from < other.to + gap && Math.abs(other.y - at) < 0.99 * line);
+    const wanted = Math.min(Math.max(y, high), low), places = [wanted];
+    for (let away = line; away < bottom - top; away += line) places.push(wanted + away, wanted - away);
+    return places.find((at) => at >= high && at <= low && !taken(at)) ?? wanted;
   }
 
   // On lines, text stays readable with a rim of the background.
   write(ctx, text, x, y, name) {
+    const width = ctx.measureText(text).width, from = ctx.textAlign === "right" ? x - width : x;
+    this.labels.push({text, from, to: from + width, y});
     ctx.lineWidth = 3 * devicePixelRatio;
     ctx.lineJoin = "round";
     ctx.strokeStyle = color("panel");
