@@ -439,12 +439,20 @@ class PageTest(unittest.TestCase):
                 self.assertLess(time.monotonic() - start, LONGEST_WAIT)
                 time.sleep(0.05)
 
+        # With fewer pixels the shell is a cage of lines, too; the still picture has the whole of it.
+        shell = """const { cage, surface } = window.ballastReport.scene.robots[0];
+                   return [cage.visible, ...surface.map((mesh) => mesh.visible)]"""
         wait_for_all_pixels()
+        self.assertEqual(self.js(shell), [False, True, True])
         self.js("""const { scene, clock } = window.ballastReport; scene.resolution.ratio = 0.5;
                    clock.set(5); scene.render();
-                   window.widthMoving = scene.renderer.domElement.width;""")
+                   window.widthMoving = scene.renderer.domElement.width;
+                   const { cage, surface } = scene.robots[0];
+                   window.shellMoving = [cage.visible, ...surface.map((mesh) => mesh.visible)];""")
         self.assertEqual(self.js("return window.widthMoving"), view // 2)
+        self.assertEqual(self.js("return window.shellMoving"), [True, False, False])
         wait_for_all_pixels()
+        self.assertEqual(self.js(shell), [False, True, True])
 
     def test_keys_and_playing(self):
         self.open("paper_ball/report.html")

@@ -6,9 +6,10 @@
 // a browser that saves power shows 30 frames a second whatever they cost.
 
 export const FRAME_S = 1 / 60;
-const LATE = 1.25;     // of that: a mean beyond it is late
-const WINDOW = 8;      // frames whose mean is judged,
-const WINDOW_S = 0.4;  // or those of that time, if they are fewer
+const LATE = 1.25;       // of that: a mean beyond it is late;
+const SOON_LATE = 1.05;  // likewise, where fewer pixels are known to help
+const WINDOW = 8;        // frames whose mean is judged,
+const WINDOW_S = 0.4;    // or those of that time, if they are fewer
 const STEP = 0.8;
 const LONGEST_STEP = 0.5;
 const GAIN = 0.85;  // fewer pixels help where a frame takes at most that part of what it did
@@ -27,6 +28,7 @@ export class Resolution {
     this.meanBefore = null;  // of a frame, before the number fell
     this.meanAtLeast = null;
     this.pixelsMatter = pixelsMatter;
+    this.late = pixelsMatter ? SOON_LATE : LATE;
     this.doubted = false;
     this.forget();
   }
@@ -41,7 +43,7 @@ export class Resolution {
     ++this.frames;
     this.seconds += seconds;
     if (this.frames < WINDOW && this.seconds < WINDOW_S) return;
-    const mean = this.seconds / this.frames, late = mean > LATE * FRAME_S;
+    const mean = this.seconds / this.frames, late = mean > this.late * FRAME_S;
     this.inTime = late ? 0 : this.inTime + this.seconds;
     this.frames = this.seconds = 0;
     if (this.pixelsMatter === false) this.doubt(mean);

@@ -33,6 +33,7 @@ const COARSE = {
   cone: [32, 3],
   path: 0.03
 };
+const CAGE_PIECES = 48;
 const REGIMES = ["rolling", "sliding", "flight"];
 const UP = new THREE.Vector3(0, 0, 1);
 
@@ -139,6 +140,23 @@ function plainShell(map, opacity, side) {
   };
 }
 
+// The shell's gores and bands as lines, which cost a processor that draws a quarter of what its surface does.
+function cageGeometry(radius) {
+  const points = [], circle = (place) => {
+    for (let k = 0; k < CAGE_PIECES; ++k)
+      for (const end of [k, k + 1]) points.push(place((2 * Math.PI * end) / CAGE_PIECES).multiplyScalar(radius));
+  };
+  for (let k = 0; k < 4; ++k) {
+    const [c, s] = [Math.cos((k * Math.PI) / 4), Math.sin((k * Math.PI) / 4)];
+    circle((t) => new THREE.Vector3(Math.cos(t) * c, Math.cos(t) * s, Math.sin(t)));
+  }
+  for (const latitude of [-Math.PI / 4, 0, Math.PI / 4]) {
+    const [c, s] = [Math.cos(latitude), Math.sin(latitude)];
+    circle((t) => new THREE.Vector3(c * Math.cos(t), c * Math.sin(t), s));
+  }
+  return new THREE.BufferGeometry().setFromPoints(points);
+}
+
 function shadowTexture() {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 128;
@@ -220,10 +238,15 @@ export class Robot {
       this.shell.add(mesh);
     });
     this.body.add(this.shell);
+    this.surface = [...this.shell.children];
+    this.cage = new THREE.LineSegments(cageGeometry(r), new THREE.LineBasicMaterial());
+    this.cage.visible = false;
+    this.shell.add(this.cage);
     this.onPaint(() => {
       const tint = new THREE.Color().setStyle(color(this.several ? `run-${this.run}` : "shell"));
       inside.paint(tint);
       outside.paint(tint);
+      this.cage.material.color.copy(tint).lerp(new THREE.Color().setStyle(color("view")), 0.4);
     });
     this.shadow = new THREE.Mesh(
         new THREE.PlaneGeometry(2.2 * r, 2.2 * r),
@@ -415,6 +438,12 @@ export class Robot {
       this.isInside = inside;
       this.paintCone?.(inside);
     }
+  }
+
+  // The shell as a cage, where its surface takes too long.
+  simplify(simple) {
+    this.cage.visible = simple;
+    for (const mesh of this.surface) mesh.visible = !simple;
   }
 
   show(what, shown) {

@@ -70,12 +70,13 @@ export class Scene {
     this.box = box;
     this.clock = clock;
     this.scaleText = scaleText;
-    const fine = !drawsInSoftware();
+    const fine = this.fine = !drawsInSoftware();
     this.renderer = new THREE.WebGLRenderer({antialias: fine, alpha: true});
     this.renderer.debug.checkShaderErrors = false;  // asking would wait for the compiler
     const most = Math.min(devicePixelRatio, MOST_PIXELS);
     this.resolution = fine ? new Resolution(most, most, LEAST_PIXELS, null) :
                              new Resolution(most, FIRST_PIXELS_IN_SOFTWARE, LEAST_PIXELS, true);
+    this.robots = [];
     this.setPixelRatio(most);
     this.movedAt = -Infinity;
     const canvas = this.renderer.domElement;
@@ -187,6 +188,9 @@ export class Scene {
   setPixelRatio(ratio) {
     this.pixelRatio = ratio;
     this.renderer.setPixelRatio(ratio);
+    const simple = !this.fine && ratio < this.resolution.most;
+    for (const robot of this.robots) robot.simplify(simple);
+    this.renderer.domElement.style.imageRendering = simple ? "pixelated" : "";  // smoothing costs, too
   }
 
   // Draws if there is something new; says whether it did.
