@@ -575,7 +575,9 @@ class PageTest(unittest.TestCase):
         folder.mkdir()
         log = (self.folder / "paper_ball" / "run.lcmlog").read_bytes()
         (folder / "run.lcmlog").write_bytes(log[:len(log) // 3])
-        self.report("alone/run.lcmlog")
+        done = subprocess.run([os.environ["BALLAST"], "report", "alone/run.lcmlog"], capture_output=True, text=True,
+                              cwd=self.folder, check=True)
+        self.assertRegex(done.stderr, r"^ballast-report: run\.lcmlog: cut off .*\. Shown is what comes before\.\n$")
         self.open("alone/report.html")
         notes = self.js("return [...document.querySelectorAll('.note[role=note]')].map((note) => note.textContent)")
         for said in ("no summary.json", "cut off", "no robot.json"):

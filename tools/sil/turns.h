@@ -19,7 +19,8 @@ class Turns {
  public:
   static constexpr std::chrono::microseconds kLookedFor{1000};  // at most, of messages that take a tenth of it
   // Late messages that lie less than kForgiven turns apart add up to others who want a processor; a late one now and
-  // then does not.
+  // then does not. On an idle virtual machine with two processors one in 500 to 3000 was late; beside another run, or a
+  // program that never sleeps, one in 10 to 40.
   static constexpr int kForgiven = 64, kTooOften = 4 * kForgiven;
   // Turns: twice as many as the last time, unless it went well for kLongApart in between.
   static constexpr int kShortestTogether = 500, kLongestTogether = 8000, kLongApart = 2000;

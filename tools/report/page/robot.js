@@ -140,7 +140,7 @@ function plainShell(map, opacity, side) {
   };
 }
 
-// The shell's gores and bands as lines, which cost a processor that draws a quarter of what its surface does.
+// The shell's gores and bands as lines, which cost a processor that draws a sixth of what its surface does.
 function cageGeometry(radius) {
   const points = [], circle = (place) => {
     for (let k = 0; k < CAGE_PIECES; ++k)
