@@ -24,7 +24,7 @@ struct RailKnot {
   Vector3 d2_B_per_m = Vector3::Zero();
 };
 
-// Inert data; build with circle(), circle_about() or line(), which normalise. Who builds a spline (sim/spline_rail.h
+// Inert data; build with circle(), circle_about() or line(), which normalise. Who builds a spline (sim/masses/spline_rail.h
 // does) makes it C2 and |zeta'| = 1 up to what it states.
 struct Rail {
   RailShape shape = RailShape::kLine;

@@ -5,10 +5,10 @@
 #include <Eigen/LU>
 #include <vector>
 
-#include "firmware/model/detached.h"
+#include "sim/closed_forms/detached.h"
 #include "firmware/model/rolling.h"
-#include "firmware/model/rolling_disk.h"
-#include "sim/newton_euler.h"
+#include "sim/closed_forms/rolling_disk.h"
+#include "sim/plant/newton_euler.h"
 #include "tests/physics/random_robot.h"
 
 namespace ballast::firmware {

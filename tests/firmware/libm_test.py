@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""libm_test.py NM LIBRARY: the firmware calls no function of libm whose bits IEEE does not fix.
+"""libm_test.py NM LIBRARY...: the firmware calls no function of libm whose bits IEEE does not fix.
 
 They differ between glibc and newlib, and so would the step commands. What the library leaves undefined is compared with
 what it may.
@@ -16,10 +16,10 @@ COMPILERS_OWN = re.compile(r"__(asan|ubsan|tsan|sanitizer|stack_chk|aeabi|gcov|c
 PROBES = {"sin", "cosf", "pow", "cbrt"}  # have to be refused, or this test sees nothing
 
 
-def undefined(nm, library):
-    """Names the library's members want and none of them has."""
+def undefined(nm, libraries):
+    """Names that members of the libraries want and none of them has."""
     wanted, had = set(), set()
-    for line in subprocess.run([nm, library], check=True, capture_output=True, text=True).stdout.splitlines():
+    for line in subprocess.run([nm, *libraries], check=True, capture_output=True, text=True).stdout.splitlines():
         match = re.fullmatch(r"[0-9a-f]* *(\w) (\S+)", line)
         if match:
             (wanted if match[1] in "Uw" else had).add(match[2])
@@ -31,15 +31,15 @@ def refused(names):
 
 
 def main():
-    nm, library = sys.argv[1:]
-    names = undefined(nm, library)
+    nm, *libraries = sys.argv[1:]
+    names = undefined(nm, libraries)
     if not names:
-        sys.exit(f"{library}: nothing is undefined, which cannot be: not even fmod?")
+        sys.exit(f"{libraries}: nothing is undefined, which cannot be: not even fmod?")
     if refused(names | PROBES) != sorted(set(refused(names)) | PROBES):
         sys.exit("this test would let sin pass")
     bad = refused(names)
     if bad:
-        sys.exit(f"{library}: calls {', '.join(bad)}: not exact, or not the firmware's business")
+        sys.exit(f"{libraries}: calls {', '.join(bad)}: not exact, or not the firmware's business")
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@
 #include <memory>
 #include <new>
 
-#include "firmware/model/detached.h"
-#include "firmware/model/rolling_disk.h"
+#include "sim/closed_forms/detached.h"
+#include "sim/closed_forms/rolling_disk.h"
 #include "tests/firmware/paper_ball.h"
 #include "tests/target/overload_load.h"
 

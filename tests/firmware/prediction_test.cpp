@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "firmware/control/controller.h"
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/firmware/paper_ball.h"
 
 namespace ballast::firmware {

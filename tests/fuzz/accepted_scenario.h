@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/scenario.h"
+#include "sim/scenario/scenario.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace ballast::fuzz {

@@ -6,9 +6,9 @@
 #include "tests/fuzz/fuzz_target.h"
 #include "tools/program/memory_file.h"
 #include "tools/program/params.h"
-#include "tools/sil/faulty_peers.h"
-#include "tools/sil/log_reader.h"
-#include "tools/sil/replay.h"
+#include "tools/faults/faulty_peers.h"
+#include "tools/recording/log_reader.h"
+#include "tools/recording/replay.h"
 
 namespace ballast::fuzz {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "hal/lcm/messages.h"
-#include "sim/scenario.h"
+#include "sim/scenario/scenario.h"
 #include "tests/fuzz/byte_link.h"
 #include "tools/program/params.h"
 

@@ -1,4 +1,4 @@
-#include "sim/dop853.h"
+#include "sim/integrators/dop853.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "sim/rolling_ode.h"
+#include "sim/plant/rolling_ode.h"
 
 #include <gtest/gtest.h>
 

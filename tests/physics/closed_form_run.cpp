@@ -1,6 +1,6 @@
 #include "tests/physics/closed_form_run.h"
 
-#include "firmware/model/detached.h"
+#include "sim/closed_forms/detached.h"
 
 namespace ballast::test {
 

@@ -15,7 +15,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/mechanics.h"
 #include "tests/physics/random_robot.h"
 

@@ -1,11 +1,11 @@
 // Whose doing the contact force is: against the paper's closed forms, a case by hand, and what is left when a cause is
 // taken away.
-#include "sim/contact_shares.h"
+#include "sim/plant/contact_shares.h"
 
 #include <gtest/gtest.h>
 
 #include "firmware/model/rolling.h"
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/closed_form_run.h"
 #include "tests/physics/random_robot.h"
 

@@ -1,5 +1,5 @@
 // Cubic curves through points, and rails made of them, against closed forms and convergence orders.
-#include "sim/cubic_spline.h"
+#include "sim/masses/cubic_spline.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <numbers>
 #include <random>
 
-#include "sim/spline_rail.h"
+#include "sim/masses/spline_rail.h"
 
 namespace ballast::sim {
 namespace {

@@ -1,13 +1,13 @@
 // In the air: the plant against the paper's closed forms for a detached ball and disk (app_detachment), which the
 // firmware has and the plant has not.
-#include "firmware/model/detached.h"
+#include "sim/closed_forms/detached.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "firmware/model/rolling_disk.h"
-#include "sim/plant.h"
+#include "sim/closed_forms/rolling_disk.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/closed_form_run.h"
 #include "tests/physics/random_robot.h"
 

@@ -1,4 +1,4 @@
-#include "sim/dormand_prince.h"
+#include "sim/integrators/dormand_prince.h"
 
 #include <gtest/gtest.h>
 

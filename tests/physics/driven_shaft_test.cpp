@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/mechanics.h"
 
 namespace ballast::sim {

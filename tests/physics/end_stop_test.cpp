@@ -1,5 +1,5 @@
 // End stops: their law against its closed form, what they do to N and f_s, and what they keep: energy and momentum.
-#include "sim/end_stop.h"
+#include "sim/motors/end_stop.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/mechanics.h"
 #include "tests/physics/random_robot.h"
 

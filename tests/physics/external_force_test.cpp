@@ -1,11 +1,11 @@
 // Forces that change with time, and drag in a wind: the plant against closed forms and the balance of energy.
-#include "sim/external_force.h"
+#include "sim/plant/external_force.h"
 
 #include <gtest/gtest.h>
 
 #include <numbers>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/random_robot.h"
 #include "tests/physics/solid_ball.h"
 

@@ -4,7 +4,7 @@
 
 #include <array>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 
 namespace ballast::test {
 

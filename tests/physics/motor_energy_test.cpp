@@ -3,9 +3,9 @@
 
 #include <cmath>
 
-#include "sim/motor_presets.h"
-#include "sim/phase_current.h"
-#include "sim/plant.h"
+#include "sim/motors/motor_presets.h"
+#include "sim/motors/phase_current.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/mechanics.h"
 
 namespace ballast::sim {

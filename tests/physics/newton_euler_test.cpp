@@ -1,6 +1,6 @@
 // The plant's Newton-Euler formulation against the firmware's closed forms, and against Newton's laws written out mass
 // by mass.
-#include "sim/newton_euler.h"
+#include "sim/plant/newton_euler.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // What currents the supply can drive: against the winding's own differential equations, and the greatest torque against
 // a search.
-#include "sim/phase_current.h"
+#include "sim/motors/phase_current.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <numbers>
 
-#include "sim/motor_presets.h"
+#include "sim/motors/motor_presets.h"
 
 namespace ballast::sim {
 namespace {

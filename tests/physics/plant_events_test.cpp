@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/closed_form_run.h"
 #include "tests/physics/random_robot.h"
 

@@ -4,8 +4,8 @@
 
 #include <numbers>
 
-#include "sim/plant.h"
-#include "sim/stepper.h"
+#include "sim/plant/plant.h"
+#include "sim/motors/stepper.h"
 #include "tests/physics/solid_ball.h"
 
 namespace ballast::sim {

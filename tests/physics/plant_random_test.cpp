@@ -1,7 +1,7 @@
 // Scenarios nobody designed: the plant against CVODE on the paper's closed forms.
 #include <gtest/gtest.h>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/closed_form_run.h"
 #include "tests/physics/random_robot.h"
 

@@ -2,7 +2,7 @@
 // good to about 1e-10 in the state at t = 20.
 #include <gtest/gtest.h>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/data/reference.h"
 
 namespace ballast::sim {

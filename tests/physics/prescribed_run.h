@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "firmware/model/rolling.h"
-#include "sim/scenario.h"
+#include "sim/scenario/scenario.h"
 
 namespace ballast::test {
 

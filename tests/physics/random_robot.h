@@ -3,7 +3,7 @@
 
 #include <random>
 
-#include "sim/scenario.h"
+#include "sim/scenario/scenario.h"
 
 namespace ballast::test {
 

@@ -5,8 +5,8 @@
 #include <Eigen/LU>
 #include <numbers>
 
-#include "sim/motion.h"
-#include "sim/plant.h"
+#include "sim/masses/motion.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/mechanics.h"
 #include "tests/physics/random_robot.h"
 

@@ -6,7 +6,7 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/mechanics.h"
 #include "tests/physics/prescribed_run.h"
 #include "tests/physics/random_robot.h"

@@ -17,7 +17,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/closed_form_run.h"
 #include "tests/physics/random_robot.h"
 

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 
 namespace ballast::sim {
 

@@ -9,9 +9,9 @@
 #include <limits>
 #include <numbers>
 
-#include "sim/motion.h"
-#include "sim/plant.h"
-#include "sim/scenario.h"
+#include "sim/masses/motion.h"
+#include "sim/plant/plant.h"
+#include "sim/scenario/scenario.h"
 
 namespace ballast::sim {
 namespace {

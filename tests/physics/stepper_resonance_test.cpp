@@ -9,9 +9,9 @@
 #include <fstream>
 #include <numbers>
 
-#include "sim/motor_presets.h"
-#include "sim/phase_current.h"
-#include "sim/plant.h"
+#include "sim/motors/motor_presets.h"
+#include "sim/motors/phase_current.h"
+#include "sim/plant/plant.h"
 
 namespace ballast::sim {
 namespace {

@@ -1,12 +1,12 @@
 // The motor model of PHYSICS.md section 5, alone and coupled to the ball.
-#include "sim/stepper.h"
+#include "sim/motors/stepper.h"
 
 #include <gtest/gtest.h>
 
 #include <numbers>
 
-#include "sim/motor_presets.h"
-#include "sim/plant.h"
+#include "sim/motors/motor_presets.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/mechanics.h"
 
 namespace ballast::sim {

@@ -3,7 +3,7 @@
 // trajectories, their curve (cubic_spline.h).
 #pragma once
 
-#include "sim/cubic_spline.h"
+#include "sim/masses/cubic_spline.h"
 #include "tests/physics/prescribed_run.h"
 
 namespace ballast::test {

@@ -4,9 +4,9 @@
 
 #include <numbers>
 
-#include "firmware/model/detached.h"
-#include "sim/plant.h"
-#include "sim/spline_rail.h"
+#include "sim/closed_forms/detached.h"
+#include "sim/plant/plant.h"
+#include "sim/masses/spline_rail.h"
 #include "tests/physics/random_robot.h"
 #include "tests/physics/trajectory_run.h"
 

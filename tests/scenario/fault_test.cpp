@@ -1,5 +1,5 @@
 // [[fault]] and --fault: what they may say, and that nothing of it is ever ignored.
-#include "sim/fault.h"
+#include "sim/scenario/fault.h"
 
 #include <set>
 

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/motion_extent.h"
+#include "sim/masses/motion_extent.h"
 #include "tests/scenario/scenario_texts.h"
 
 namespace ballast::sim {

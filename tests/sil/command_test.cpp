@@ -6,7 +6,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "sim/fault.h"
+#include "sim/scenario/fault.h"
 #include "tests/sil/into_its_stop.h"
 #include "tests/sil/shell.h"
 

@@ -9,7 +9,7 @@
 #include "tools/program/params.h"
 #include "tools/sil/in_process_peers.h"
 #include "tools/sil/run.h"
-#include "tools/sil/summary.h"
+#include "tools/summary/summary.h"
 
 namespace ballast::sil {
 namespace {

@@ -9,12 +9,12 @@
 #include <set>
 
 #include "hal/lcm/channels.h"
-#include "sim/fault.h"
+#include "sim/scenario/fault.h"
 #include "tools/program/params.h"
-#include "tools/sil/faulty_peers.h"
-#include "tools/sil/replay.h"
+#include "tools/faults/faulty_peers.h"
+#include "tools/recording/replay.h"
 #include "tools/sil/run.h"
-#include "tools/sil/summary.h"
+#include "tools/summary/summary.h"
 
 namespace ballast::sil {
 namespace {

@@ -16,7 +16,7 @@
 
 #include "hal/lcm/bus.h"
 #include "tests/sil/shell.h"
-#include "tools/sil/log_reader.h"
+#include "tools/recording/log_reader.h"
 
 extern char** environ;
 

@@ -9,7 +9,7 @@
 #include <map>
 #include <memory>
 
-#include "sim/motion.h"
+#include "sim/masses/motion.h"
 #include "tools/program/params.h"
 #include "tools/sil/in_process_peers.h"
 #include "tools/sil/run.h"

@@ -1,4 +1,4 @@
-#include "tools/sil/recorder.h"
+#include "tools/recording/recorder.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <fstream>
 #include <lcm/lcm-cpp.hpp>
 
-#include "tools/sil/output_dir.h"
+#include "tools/recording/output_dir.h"
 #include "tools/sil/plant_messages.h"
 #include "tools/sil/step_ledger.h"
 

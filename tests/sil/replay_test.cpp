@@ -10,9 +10,9 @@
 #include "hal/lcm/channels.h"
 #include "hal/lcm/messages.h"
 #include "tests/sil/shell.h"
-#include "tools/sil/black_box.h"
-#include "tools/sil/log_reader.h"
-#include "tools/sil/recorder.h"
+#include "tools/recording/black_box.h"
+#include "tools/recording/log_reader.h"
+#include "tools/recording/recorder.h"
 
 namespace ballast {
 namespace {

@@ -14,7 +14,7 @@
 #include "tests/sil/shell.h"
 #include "tools/program/params.h"
 #include "tools/sil/in_process_peers.h"
-#include "tools/sil/summary.h"
+#include "tools/summary/summary.h"
 
 namespace ballast::sil {
 namespace {

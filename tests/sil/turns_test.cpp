@@ -1,5 +1,5 @@
 // Who runs where while two processes take turns.
-#include "tools/sil/turns.h"
+#include "tools/qemu/turns.h"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>

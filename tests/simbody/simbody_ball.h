@@ -16,7 +16,7 @@
 #include <array>
 #include <memory>
 
-#include "sim/scenario.h"
+#include "sim/scenario/scenario.h"
 
 namespace ballast::peer {
 

@@ -12,7 +12,7 @@
 #include <limits>
 #include <memory>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tests/simbody/simbody_ball.h"
 
 namespace ballast {

@@ -11,7 +11,7 @@
 #include <memory>
 
 #include "tools/program/params.h"
-#include "tools/sil/faulty_peers.h"
+#include "tools/faults/faulty_peers.h"
 
 namespace ballast::soak {
 namespace {

@@ -5,12 +5,12 @@
 
 #include <fstream>
 
-#include "sim/scenario_reader.h"
+#include "sim/scenario/reader.h"
 #include "tests/sil/shell.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
-#include "tools/sil/qemu_peers.h"
-#include "tools/sil/record_run.h"
+#include "tools/qemu/qemu_peers.h"
+#include "tools/recording/record_run.h"
 
 namespace ballast {
 namespace {

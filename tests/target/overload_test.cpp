@@ -7,7 +7,7 @@
 
 #include "hal/target/wire.h"
 #include "tests/target/overload_load.h"
-#include "tools/sil/qemu_process.h"
+#include "tools/qemu/qemu_process.h"
 
 namespace ballast {
 namespace {

@@ -1,5 +1,5 @@
 // The process around QEMU: what it leaves behind when it cannot be started.
-#include "tools/sil/qemu_process.h"
+#include "tools/qemu/qemu_process.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>

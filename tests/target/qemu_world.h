@@ -9,7 +9,7 @@
 #include "hal/target/messages.h"
 #include "tests/conformance/board_conformance.h"
 #include "tests/target/remote_calls.h"
-#include "tools/sil/qemu_process.h"
+#include "tools/qemu/qemu_process.h"
 
 namespace ballast::hal::test {
 

@@ -10,7 +10,7 @@
 #include <map>
 
 #include "hal/lcm/channels.h"
-#include "sim/scenario_reader.h"
+#include "sim/scenario/reader.h"
 #include "tests/sil/shell.h"
 
 namespace ballast {

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "hal/target/wire.h"
-#include "tools/sil/qemu_process.h"
+#include "tools/qemu/qemu_process.h"
 
 namespace ballast {
 namespace {

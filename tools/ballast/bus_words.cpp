@@ -4,7 +4,7 @@
 
 #include "hal/lcm/messages.h"
 #include "tools/program/program.h"
-#include "tools/sil/controller_words.h"
+#include "tools/summary/controller_words.h"
 
 namespace ballast {
 

@@ -3,8 +3,8 @@
 #include <cstdio>
 #include <string>
 
-#include "sim/fault.h"
-#include "sim/scenario_reader.h"
+#include "sim/scenario/fault.h"
+#include "sim/scenario/reader.h"
 #include "tools/ballast/commands.h"
 #include "tools/program/program.h"
 

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "tools/program/program.h"
-#include "tools/sil/qemu_process.h"
+#include "tools/qemu/qemu_process.h"
 
 namespace ballast {
 

@@ -7,7 +7,7 @@
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/sil/in_process_peers.h"
-#include "tools/sil/required_friction.h"
+#include "tools/summary/required_friction.h"
 
 namespace ballast {
 

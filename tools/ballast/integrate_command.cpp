@@ -6,8 +6,8 @@
 #include "tools/ballast/commands.h"
 #include "tools/integrators/comparison.h"
 #include "tools/program/program.h"
-#include "tools/sil/output_dir.h"
-#include "tools/sil/summary.h"
+#include "tools/recording/output_dir.h"
+#include "tools/summary/summary.h"
 
 namespace ballast {
 

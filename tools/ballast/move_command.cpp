@@ -4,14 +4,14 @@
 #include <iostream>
 #include <memory>
 
-#include "sim/scenario_reader.h"
+#include "sim/scenario/reader.h"
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
-#include "tools/sil/controller_words.h"
-#include "tools/sil/faulty_peers.h"
-#include "tools/sil/record_run.h"
+#include "tools/summary/controller_words.h"
+#include "tools/faults/faulty_peers.h"
+#include "tools/recording/record_run.h"
 
 namespace ballast {
 

@@ -5,7 +5,7 @@
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
 #include "tools/program/program.h"
-#include "tools/sil/controller_words.h"
+#include "tools/summary/controller_words.h"
 
 namespace ballast {
 

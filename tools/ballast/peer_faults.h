@@ -8,7 +8,7 @@
 #include <map>
 #include <string>
 
-#include "sim/scenario.h"
+#include "sim/scenario/scenario.h"
 #include "tools/ballast/children.h"
 #include "tools/sil/lcm_peers.h"
 

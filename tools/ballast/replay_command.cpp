@@ -14,10 +14,10 @@
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
-#include "tools/sil/black_box.h"
-#include "tools/sil/faulty_peers.h"
-#include "tools/sil/qemu_peers.h"
-#include "tools/sil/replay.h"
+#include "tools/recording/black_box.h"
+#include "tools/faults/faulty_peers.h"
+#include "tools/qemu/qemu_peers.h"
+#include "tools/recording/replay.h"
 
 namespace ballast {
 

@@ -11,10 +11,10 @@
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
-#include "tools/sil/faulty_peers.h"
+#include "tools/faults/faulty_peers.h"
 #include "tools/sil/lcm_peers.h"
-#include "tools/sil/qemu_peers.h"
-#include "tools/sil/record_run.h"
+#include "tools/qemu/qemu_peers.h"
+#include "tools/recording/record_run.h"
 
 namespace ballast {
 

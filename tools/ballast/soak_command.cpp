@@ -10,10 +10,10 @@
 #include <optional>
 #include <thread>
 
-#include "sim/scenario_reader.h"
+#include "sim/scenario/reader.h"
 #include "tools/ballast/commands.h"
 #include "tools/program/program.h"
-#include "tools/sil/output_dir.h"
+#include "tools/recording/output_dir.h"
 #include "tools/soak/failure_table.h"
 #include "tools/soak/workers.h"
 

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "sim/dop853.h"
+#include "sim/integrators/dop853.h"
 
 namespace ballast::benchmarks {
 

@@ -16,7 +16,7 @@
 #include <cstdint>
 #include <stdexcept>
 
-#include "sim/scenario.h"
+#include "sim/scenario/scenario.h"
 #include "tools/benchmarks/dop853.h"
 
 namespace ballast::benchmarks {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/newton_euler.h"
-#include "sim/plant.h"
+#include "sim/plant/newton_euler.h"
+#include "sim/plant/plant.h"
 #include "tests/data/reference.h"
 #include "tools/benchmarks/calls.h"
 #include "tools/benchmarks/limit.h"

@@ -7,11 +7,11 @@
 #include <limits>
 
 #include "hal/target/wire.h"
-#include "sim/scenario_reader.h"
+#include "sim/scenario/reader.h"
 #include "tests/target/step_load.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
-#include "tools/sil/qemu_peers.h"
+#include "tools/qemu/qemu_peers.h"
 #include "tools/sil/run.h"
 
 namespace ballast {

@@ -2,8 +2,8 @@
 // Hairer's dopri5.f and dop853.f.
 #include <cmath>
 
-#include "sim/dop853.h"
-#include "sim/dormand_prince.h"
+#include "sim/integrators/dop853.h"
+#include "sim/integrators/dormand_prince.h"
 #include "tools/integrators/methods.h"
 #include "tools/integrators/step_control.h"
 

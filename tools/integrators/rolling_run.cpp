@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "sim/step_search.h"
-#include "sim/stepper.h"
+#include "sim/integrators/step_search.h"
+#include "sim/motors/stepper.h"
 
 namespace ballast::integrators {
 
@@ -20,7 +20,7 @@ using Motion = MotionOf<double>;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// As in sim/plant.cpp: two forces closer than this part of the weight, and two ratios closer than this, differ by
+// As in sim/plant/plant.cpp: two forces closer than this part of the weight, and two ratios closer than this, differ by
 // rounding only.
 constexpr double kNoise = 1e-13;
 
@@ -304,7 +304,7 @@ std::string why_not_rolling(const sim::Scenario& scenario) {
   const Eigen::Vector3d omega_W = initial.orientation * initial.angular_velocity_B_radps;
   const Eigen::Vector3d rolling_W = omega_W.cross(Eigen::Vector3d(0, 0, scenario.ball.radius_m));
   const Eigen::Vector3d slip_W = initial.velocity_W_mps - rolling_W;
-  // The speed below which sim/plant.cpp, too, takes a slip for rounding.
+  // The speed below which sim/plant/plant.cpp, too, takes a slip for rounding.
   if (slip_W.norm() <= 1e-12 * std::sqrt(scenario.gravity_mps2 * scenario.ball.radius_m)) return "";
   if (slip_W[2] > 0) return "leaving the ground (initial.velocity)";
   if (slip_W[2] < 0) return "landing (initial.velocity)";

@@ -10,7 +10,7 @@
 
 #include <string>
 
-#include "sim/rolling_ode.h"
+#include "sim/plant/rolling_ode.h"
 #include "tools/integrators/methods.h"
 #include "tools/sil/run.h"
 

@@ -45,7 +45,7 @@ class Motor(NamedTuple):
     """One motor over the samples of `state`, at its shaft, and what summary.json says of the whole run.
 
     The margin is the part of the available torque that the field leaves unused (PHYSICS.md, section 5). The field has
-    to supply the shaft's torque and what drag and detent take: in prescribed runs as sim/plant.cpp counts it, without
+    to supply the shaft's torque and what drag and detent take: in prescribed runs as sim/plant/plant.cpp counts it, without
     detent. A rotor that lags its field by more than the angle of greatest torque is, at these samples, not told from
     one that lags as much less; `least_margin`, then below 0, is.
     """

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "firmware/control/controller.h"
-#include "sim/scenario.h"
+#include "sim/scenario/scenario.h"
 #include "tools/monitor/monitor.h"
 
 namespace ballast::program {

@@ -13,7 +13,7 @@
 #include <cstring>
 #include <iostream>
 
-#include "sim/scenario_reader.h"
+#include "sim/scenario/reader.h"
 #include "tools/program/subprocess.h"
 
 namespace ballast::program {

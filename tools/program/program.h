@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "hal/lcm/channels.h"
-#include "sim/scenario.h"
+#include "sim/scenario/scenario.h"
 
 namespace CLI {  // its header costs the compiler 9 s wherever it is read: only where options are added
 class App;

@@ -10,7 +10,7 @@
 #include "hal/lcm/channels.h"
 #include "hal/lcm/lcm_board.h"
 #include "tools/monitor/heard.h"
-#include "tools/sil/injured_link.h"
+#include "tools/faults/injured_link.h"
 #include "tools/sil/lap.h"
 
 namespace ballast::sil {

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "hal/lcm/messages.h"
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 
 namespace ballast::sil {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "hal/lcm/messages.h"
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 
 namespace ballast::sil {
 

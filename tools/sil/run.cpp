@@ -6,9 +6,9 @@
 #include <deque>
 #include <thread>
 
-#include "tools/sil/controller_words.h"
+#include "tools/summary/controller_words.h"
 #include "tools/sil/least_margin.h"
-#include "tools/sil/sensor_faults.h"
+#include "tools/faults/sensor_faults.h"
 #include "tools/sil/step_ledger.h"
 
 namespace ballast::sil {

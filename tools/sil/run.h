@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tools/sil/lap.h"
 #include "tools/sil/motor_share.h"
-#include "tools/sil/recorder.h"
+#include "tools/recording/recorder.h"
 #include "tools/sil/step_timing.h"
 
 namespace ballast::sil {

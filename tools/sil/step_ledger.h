@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 
 namespace ballast::sil {
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "hal/lcm/messages.h"
-#include "sim/scenario.h"
+#include "sim/scenario/scenario.h"
 #include "tools/stepcheck/step_check.h"
 
 namespace ballast::sil {

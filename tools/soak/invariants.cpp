@@ -9,8 +9,8 @@
 #include "firmware/safety/fault.h"
 #include "hal/lcm/channels.h"
 #include "tools/program/program.h"
-#include "tools/sil/log_reader.h"
-#include "tools/sil/summary.h"
+#include "tools/recording/log_reader.h"
+#include "tools/summary/summary.h"
 
 namespace ballast::soak {
 

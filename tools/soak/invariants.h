@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/plant.h"
+#include "sim/plant/plant.h"
 #include "tools/sil/lap.h"
 #include "tools/sil/run.h"
 

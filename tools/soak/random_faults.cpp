@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "sim/scenario_reader.h"
+#include "sim/scenario/reader.h"
 
 namespace ballast::soak {
 

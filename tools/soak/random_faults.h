@@ -1,12 +1,12 @@
-// What goes wrong in a random scenario: none to three faults, of all kinds of sim/fault.h that apply to it, each mild
+// What goes wrong in a random scenario: none to three faults, of all kinds of sim/scenario/fault.h that apply to it, each mild
 // or severe.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "sim/fault.h"
-#include "sim/scenario.h"
+#include "sim/scenario/fault.h"
+#include "sim/scenario/scenario.h"
 #include "tools/soak/random.h"
 
 namespace ballast::soak {

@@ -3,7 +3,7 @@
 #include <memory>
 #include <vector>
 
-#include "sim/scenario_reader.h"
+#include "sim/scenario/reader.h"
 #include "tools/program/params.h"
 #include "tools/soak/random.h"
 

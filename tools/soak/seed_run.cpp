@@ -9,9 +9,9 @@
 
 #include "tools/program/memory_file.h"
 #include "tools/program/params.h"
-#include "tools/sil/faulty_peers.h"
-#include "tools/sil/recorder.h"
-#include "tools/sil/summary.h"
+#include "tools/faults/faulty_peers.h"
+#include "tools/recording/recorder.h"
+#include "tools/summary/summary.h"
 
 namespace ballast::soak {
 

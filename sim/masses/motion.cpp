@@ -1,0 +1,87 @@
+#include "sim/masses/motion.h"
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace ballast::sim {
+
+PrescribedMotion::PrescribedMotion(const Mass& mass) : trajectory_(mass.trajectory) {
+  if (!trajectory_.times_s.empty()) {
+    pieces_.push_back({0, 0, 1, 0, 0});
+    return;
+  }
+  if (mass.rail.shape == firmware::RailShape::kSpline) knot_spacing_ = mass.rail.piece_length_m;
+  double start = 0, position = mass.initial_position, velocity = mass.initial_velocity;
+  for (const MotionPiece& piece : mass.motion) {
+    const double h = piece.duration_s;
+    const double a0 = piece.acceleration_start, a1 = piece.acceleration_end;
+    pieces_.push_back({start, position, velocity, a0, (a1 - a0) / h});
+    position += h * velocity + h * h * (2 * a0 + a1) / 6;
+    velocity += h * (a0 + a1) / 2;
+    start += h;
+  }
+  pieces_.push_back({start, position, velocity, 0, 0});
+}
+
+PrescribedMotion::Point PrescribedMotion::at(std::size_t piece, double time_s) const {
+  const Piece& p = pieces_[trajectory_.times_s.empty() ? piece : 0];
+  const double s = time_s - p.start_s;
+  return {p.position + s * (p.velocity + s * (p.acceleration / 2 + s * p.jerk / 6)),
+          p.velocity + s * (p.acceleration + s * p.jerk / 2), p.acceleration + s * p.jerk};
+}
+
+double PrescribedMotion::end_s(std::size_t piece) const {
+  const auto& times = trajectory_.times_s;
+  if (trajectory_.periodic) {
+    const std::size_t in_table = times.size() - 1;
+    const double period_s = times.back() - times.front();
+    // The table that begins last at or before t = 0 is the first.
+    const double first_s = times.front() - period_s * std::ceil(times.front() / period_s);
+    const std::size_t tables = piece / in_table;
+    return first_s + static_cast<double>(tables) * period_s + (times[piece % in_table + 1] - times.front());
+  }
+  if (!times.empty()) return piece + 1 < times.size() ? times[piece + 1] : std::numeric_limits<double>::infinity();
+  return piece + 1 < pieces_.size() ? pieces_[piece + 1].start_s : std::numeric_limits<double>::infinity();
+}
+
+double PrescribedMotion::smooth_until_s(std::size_t piece, double time_s) const {
+  const double end = end_s(piece);
+  if (knot_spacing_ == 0) return end;
+  const Piece& p = pieces_[piece];
+  // theta is monotone between the instants at which thetadot = 0; in each such stretch the next knot on its way is
+  // known.
+  const double discriminant = p.acceleration * p.acceleration - 2 * p.jerk * p.velocity;
+  const double q = -(p.acceleration + std::copysign(std::sqrt(discriminant), p.acceleration)) / 2;
+  std::array<double, 3> until{p.start_s + 2 * q / p.jerk, p.start_s + p.velocity / q, end};
+  if (!(until[0] < until[1])) std::swap(until[0], until[1]);
+  double from = time_s;
+  for (const double to : until) {
+    if (!(to > from) || to > end) continue;
+    if (const double knot = next_knot_s(piece, from, to); knot < to) return knot;
+    from = to;
+  }
+  return end;
+}
+
+// In a stretch in which theta is monotone; `to_s` if there is none. A knot that is nearer than 1e-9 of the spacing has
+// been passed.
+double PrescribedMotion::next_knot_s(std::size_t piece, double from_s, double to_s) const {
+  const double probe_s = std::isfinite(to_s) ? to_s : from_s + 1;  // beyond all pieces the velocity is constant
+  const double here = at(piece, from_s).position / knot_spacing_;
+  const double there = at(piece, probe_s).position / knot_spacing_;
+  const bool up = there > here;
+  const double knot = up ? std::floor(here + 1e-9) + 1 : std::ceil(here - 1e-9) - 1;
+  const auto passed = [&](double t) {
+    const double place = at(piece, t).position / knot_spacing_;
+    return up ? place >= knot : place <= knot;
+  };
+  if (!std::isfinite(to_s)) return there == here ? to_s : from_s + (knot - here) / (there - here);
+  if (!passed(to_s)) return to_s;
+  double before = from_s, after = to_s;
+  for (double half; half = (before + after) / 2, before < half && half < after;) (passed(half) ? after : before) = half;
+  return after;
+}
+
+}  // namespace ballast::sim

@@ -1,0 +1,38 @@
+#include "sim/motors/end_stop.h"
+
+#include <cmath>
+
+namespace ballast::sim {
+
+namespace {
+
+// - ln e.
+double loss(double damping_ratio) {
+  const double d = damping_ratio;
+  const double s = std::sqrt(std::abs(1 - d * d));
+  if (s < 1e-8) return 2 * d;
+  return 2 * d * (d < 1 ? std::acos(d) : std::acosh(d)) / s;
+}
+
+}  // namespace
+
+double end_stop_damping_ratio(double restitution) {
+  // The loss rises with D_r without bound: bisection, to rounding.
+  if (restitution >= 1) return 0;
+  const double wanted = -std::log(restitution);
+  double low = 0, high = 1;
+  while (loss(high) < wanted) high *= 2;
+  for (double half; half = (low + high) / 2, low < half && half < high;) (loss(half) < wanted ? low : high) = half;
+  return high;
+}
+
+EndStops::EndStops(const Mass& mass) : lower_(mass.rail.lower_end), upper_(mass.rail.upper_end) {
+  if (!std::isfinite(lower_) || !std::isfinite(upper_)) return;
+  const double ratio = mass.motor.shaft_ratio;
+  // |zeta'| = 1 on a line, and on a spline to what its reader allows.
+  const double inertia = mass.mass_kg + mass.motor.rotor_inertia_kgm2 * ratio * ratio;
+  stiffness_npm_ = mass.end_stops.stiffness_npm;
+  time_s_ = 2 * end_stop_damping_ratio(mass.end_stops.restitution) * std::sqrt(inertia / stiffness_npm_);
+}
+
+}  // namespace ballast::sim

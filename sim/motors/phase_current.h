@@ -1,0 +1,83 @@
+// The currents of a two-phase hybrid stepper under a chopper driver: what of the commanded current the supply can
+// force through the winding at a speed. Derivation: DERIVATION.md, "The motor's currents".
+//
+// Both phases are one vector in the rotor's frame, d along the magnet, q a quarter of an electrical turn ahead. Its
+// length is sqrt(i_a^2 + i_b^2): sqrt(2) times the rms current of sine microstepping, and of both phases full on at the
+// rated current, which is how datasheets state holding torque and heat (2 I^2 R). The torque is K i_q, the back EMF
+// K phidot along q, with K = tau_hold / (sqrt(2) rated current).
+//
+// The chopper commands a current of full length at the angle `lag` from d and has a voltage vector of at most the
+// supply's length. The winding follows a microstep within 0.1 ms; here it is taken to have done so (quasi-static): seen
+// by the winding the current turns evenly, with the field's mean speed, while the back EMF is that of the rotor's speed
+// at the instant, which swings about it.
+#pragma once
+
+#include <cmath>
+
+#include "sim/scenario/scenario.h"
+
+namespace ballast::sim {
+
+class PhaseCurrent {
+ public:
+  struct Vector {
+    double direct_a = 0, quadrature_a = 0;
+    [[nodiscard]] double squared() const { return direct_a * direct_a + quadrature_a * quadrature_a; }
+  };
+  // The greatest torque against a load, and the lag at which the motor gives it.
+  struct PullOut {
+    double torque_nm, lag_rad;
+  };
+
+  PhaseCurrent() = default;                   // no winding
+  explicit PhaseCurrent(const Motor& motor);  // motor.has_winding()
+
+  // The current at a lag of the rotor (electrical angle from d to the commanded current), a speed of the shaft and one
+  // of the field, in rad/s of the shaft: the commanded one where the supply suffices, else the one at which the whole
+  // supply voltage along what is missing of the current balances resistance, inductance and back EMF. Continuous in
+  // all.
+  [[nodiscard]] Vector at(double lag_rad, double shaft_radps, double field_radps) const {
+    const double d = amplitude_a_ * std::cos(lag_rad), q = amplitude_a_ * std::sin(lag_rad);
+    const double reactance = inductance_per_rad_h_ * field_radps;
+    const double v_d = resistance_ohm_ * d - reactance * q;
+    const double v_q = resistance_ohm_ * q + reactance * d + torque_constant_nmpa_ * shaft_radps;
+    const double needed2 = v_d * v_d + v_q * v_q;
+    return needed2 <= supply_v_ * supply_v_ ? Vector{d, q} : limited({d, q}, {v_d, v_q}, reactance);
+  }
+
+  [[nodiscard]] double torque_nm(double lag_rad, double shaft_radps, double field_radps) const {
+    return torque_constant_nmpa_ * at(lag_rad, shaft_radps, field_radps).quadrature_a;
+  }
+
+  // Driving evenly at `shaft_radps`, either way; most_braking() is at least as much. At least a millionth of the holding
+  // torque, where in truth there is none.
+  [[nodiscard]] PullOut pull_out(double shaft_radps) const;
+  // Likewise against a load that drives the motor, at a lag the other way; searched, to 1e-6 of a radian.
+  [[nodiscard]] PullOut most_braking(double shaft_radps) const;
+
+  // The speed up to which the whole holding torque can be driven, at a lag of a quarter turn; smaller lags need more
+  // voltage, since their current strengthens the magnet's field, and run short of it before.
+  [[nodiscard]] double corner_speed_radps() const;
+
+  [[nodiscard]] double copper_loss_w(const Vector& i) const { return resistance_ohm_ * i.squared(); }
+  [[nodiscard]] double field_energy_j(const Vector& i) const { return 0.5 * inductance_h_ * i.squared(); }
+  // Power through the terminals while the currents keep their lengths: v . i with v = (R + j w L) i + back EMF.
+  [[nodiscard]] double terminal_power_w(const Vector& i, double shaft_radps, double field_radps) const {
+    const double reactance = inductance_per_rad_h_ * field_radps;
+    const double v_d = resistance_ohm_ * i.direct_a - reactance * i.quadrature_a;
+    const double v_q = resistance_ohm_ * i.quadrature_a + reactance * i.direct_a + torque_constant_nmpa_ * shaft_radps;
+    return v_d * i.direct_a + v_q * i.quadrature_a;
+  }
+
+ private:
+  [[nodiscard]] Vector limited(const Vector& commanded, const Vector& needed_v, double reactance_ohm) const;
+
+  double amplitude_a_ = 0;           // sqrt(2) rated current
+  double torque_constant_nmpa_ = 0;  // K
+  double resistance_ohm_ = 0;
+  double inductance_h_ = 0;
+  double inductance_per_rad_h_ = 0;  // N_r L: w L per rad/s of the shaft
+  double supply_v_ = 0;
+};
+
+}  // namespace ballast::sim

@@ -1,0 +1,54 @@
+// Whose doing the contact force is: N and f taken apart by mass, at one instant of rolling. Derivation: DERIVATION.md,
+// "Whose friction it is".
+//
+// In rolling the contact force is linear in the loads on the ball: every mass's weight, its own motion in the body
+// (Coriolis term included) and its being carried round by the ball's turning, the same of the shell, and the outside
+// force. So R is the sum of what each of them would cause alone in a ball with all the inertia of this one:
+//   R = sum R_k.
+// What a share of f_s / N is counts both ways of needing friction, to push along f and to lift: with sigma the
+// direction of f, mu = f_s / N, w_k the weight in load k and W = sum w_k,
+//   mu_k = (R_k . sigma + mu (w_k - R_k . e3)) / W,     sum mu_k = mu,
+// because f_s = mu N.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+#include "sim/plant/newton_euler.h"
+
+namespace ballast::sim {
+
+// Parts of the contact force, N, space frame (third entry: of N).
+struct LoadShare {
+  Eigen::Vector3d weight_W_n = Eigen::Vector3d::Zero();   // of its weight, where it is
+  Eigen::Vector3d motion_W_n = Eigen::Vector3d::Zero();   // of its own motion in the body; the shell has none
+  Eigen::Vector3d turning_W_n = Eigen::Vector3d::Zero();  // of its being carried round by the ball's angular velocity
+  double static_weight_n = 0;                             // what it would weigh on the floor at rest
+
+  [[nodiscard]] Eigen::Vector3d total_W_n() const { return weight_W_n + motion_W_n + turning_W_n; }
+};
+
+struct ContactShares {
+  int mass_count = 0;
+  std::array<LoadShare, kMaxMasses> mass;
+  LoadShare shell;                                      // with its static internals
+  LoadShare outside;                                    // the external force: all of it is called its weight
+  Eigen::Vector3d force_W_n = Eigen::Vector3d::Zero();  // R, the sum of all
+  double static_weight_n = 0;                           // W, likewise
+};
+
+// mu_k / mu of `part_W_n`, which holds static_weight_n of W (0 of all but weights): what it contributes to f_s / N, as
+// a part of it. Where N <= 0 and the ratio has no bound it is the limit, in which only lifting counts, divided by the
+// whole lift W - N. NaN where nothing presses the ball on the floor at rest (W <= 0) or no friction is needed.
+double part_of_friction(const ContactShares& shares, const Eigen::Vector3d& part_W_n, double static_weight_n);
+
+// The whole load's.
+inline double part_of_friction(const ContactShares& shares, const LoadShare& load) {
+  return part_of_friction(shares, load.total_W_n(), load.static_weight_n);
+}
+
+// Rolling. Masses that are driven are given as they move, like prescribed ones.
+ContactShares contact_shares(const Body& body, double time_s, const double* q, const double* angular_velocity_B,
+                             const CarriedMasses& masses);
+
+}  // namespace ballast::sim

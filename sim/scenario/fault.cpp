@@ -1,0 +1,209 @@
+#include "sim/scenario/fault.h"
+
+#include <array>
+#include <cstdio>
+
+namespace ballast::sim {
+namespace {
+
+using enum FaultKind;
+using enum FaultLayer;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::nullopt_t kGiven = std::nullopt;  // the value has to be
+constexpr std::optional<double> kNone = 0;       // there is no value
+
+constexpr std::array kKinds{
+    FaultKindInfo{kMessagesDropped, "messages_dropped", kMessage, kToTheEnd, "probability, each message by itself", "",
+                  1.0, 0, 1, true, false, "messages of a channel do not come",
+                  "monitor: missing or stale; controller: sensor_stale, monitor_stale; plant: pulses not delivered"},
+    FaultKindInfo{kMessagesDelayed, "messages_delayed", kMessage, kToTheEnd, "by how much", "ticks", 2.0, 1, 1000,
+                  false, true, "messages of a channel come later",
+                  "as dropped; the controller takes sensors and verdicts one tick late"},
+    FaultKindInfo{kMessagesDoubled, "messages_doubled", kMessage, kToTheEnd, "probability, each message by itself", "",
+                  1.0, 0, 1, true, false, "messages of a channel come twice",
+                  "monitor: repeated; controller and plant use the first and count the second"},
+    FaultKindInfo{kMessagesReordered, "messages_reordered", kMessage, kToTheEnd, "probability, each message by itself",
+                  "", 1.0, 0, 1, true, false, "messages of a channel come after the one that follows",
+                  "monitor: missing or stale; plant: pulses not delivered; the controller uses the newer"},
+    FaultKindInfo{kMessagesCorrupted, "messages_corrupted", kMessage, kToTheEnd, "bits turned over in each message", "",
+                  8.0, 1, 64, false, true, "bits of a channel's messages are turned over",
+                  "as dropped, where it leaves no message of ours; what is in range is believed"},
+    FaultKindInfo{kMessagesTruncated, "messages_truncated", kMessage, kToTheEnd, "bytes cut off the end", "", 1.0, 1,
+                  65536, false, true, "messages of a channel lack their end", "as dropped"},
+    FaultKindInfo{kPeerKilled, "peer_killed", kPeer, kAnInstant, "", "", kNone, 0, 0, false, false,
+                  "a peer is gone for good",
+                  "controller: monitor trips (stale) a tick later, then the run is given up; monitor: controller trips "
+                  "(monitor_stale)"},
+    FaultKindInfo{kPeerFrozen, "peer_frozen", kPeer, kToTheEnd, "", "", kNone, 0, 0, false, false,
+                  "a peer says nothing, and goes on later with what it missed", "as killed, while it lasts"},
+    FaultKindInfo{kPeerRestarted, "peer_restarted", kPeer, kAnInstant, "", "", kNone, 0, 0, false, false,
+                  "a peer starts again from nothing, between two ticks",
+                  "controller: the run sees that it has forgotten its commands; monitor: by nobody unless it takes a "
+                  "trip back"},
+    FaultKindInfo{kPeerTooSlow, "peer_too_slow", kPeer, kToTheEnd, "by how much its answers are late", "ticks", 2.0, 1,
+                  1000, false, true, "a peer answers late",
+                  "controller: monitor trips (stale); monitor: controller trips (monitor_stale) from 2 ticks on"},
+    FaultKindInfo{kSensorBias, "sensor_bias", kSensor, kToTheEnd, "what is added; orientation: an angle",
+                  "rad/s, m/s^2 or rad", kGiven, -kInfinity, kInfinity, false, false, "a sensor is off",
+                  "monitor (disagreement), in the next tick, if the controller's N or f_s is off by more than 5 % of the "
+                  "weight; else nobody"},
+    FaultKindInfo{kSensorNoise, "sensor_noise", kSensor, kToTheEnd, "standard deviation", "rad/s, m/s^2 or rad", kGiven,
+                  0, kInfinity, true, false, "a sensor is noisy: Gaussian, each tick by itself",
+                  "as bias"},
+    FaultKindInfo{kSensorFreeze, "sensor_freeze", kSensor, kToTheEnd, "", "", kNone, 0, 0, false, false,
+                  "a sensor keeps saying what it said last", "as bias: its messages are fresh"},
+    FaultKindInfo{kSensorNan, "sensor_nan", kSensor, kToTheEnd, "", "", kNone, 0, 0, false, false, "a sensor says NaN",
+                  "monitor (nonfinite) and controller (sensor_not_finite), in the same tick"},
+    FaultKindInfo{kSensorSpike, "sensor_spike", kSensor, kOnePeriod, "what is added; orientation: an angle",
+                  "rad/s, m/s^2 or rad", kGiven, -kInfinity, kInfinity, false, false, "a sensor jumps for a moment",
+                  "as bias"},
+    FaultKindInfo{kSensorSaturation, "sensor_saturation", kSensor, kToTheEnd, "greatest magnitude it can say",
+                  "rad/s or m/s^2", kGiven, 0, kInfinity, true, false, "a sensor's range ends early",
+                  "as bias"},
+    FaultKindInfo{kMotorStall, "motor_stall", kMotor, kToTheEnd, "", "", kNone, 0, 0, false, false,
+                  "a motor's windings have no current: pulses turn nothing",
+                  "by nobody aboard; the summary counts the lost steps"},
+    FaultKindInfo{kWeakCoil, "weak_coil", kMotor, kToTheEnd, "its part of the rated current", "", 0.5, 0, 1, false,
+                  false, "one of a motor's two coils has less current",
+                  "by nobody aboard; the summary has the torque margin and lost steps"},
+    FaultKindInfo{kLostSteps, "lost_steps", kMotor, kAnInstant, "pulses swallowed, from then on", "microsteps", 16.0, 1,
+                  1e9, false, true, "a motor's driver does not see pulses",
+                  "by nobody aboard; the summary counts the lost steps"},
+    FaultKindInfo{kReversedWiring, "reversed_wiring", kMotor, kToTheEnd, "", "", kNone, 0, 0, false, false,
+                  "a motor's pulses turn it the other way",
+                  "by nobody aboard, but for an end switch; the summary counts the lost steps"},
+    FaultKindInfo{kBlockedRail, "blocked_rail", kMotor, kToTheEnd, "", "", kNone, 0, 0, false, false,
+                  "a mass is held where it is on its rail",
+                  "by nobody aboard; the summary counts the lost steps; monitor (normal_force, friction), if a mass at speed "
+                  "lifts the ball or makes it slip"},
+    FaultKindInfo{kFrictionFalls, "friction_falls", kWorld, kToTheEnd,
+                  "the floor's static friction; the kinetic falls in proportion", "", kGiven, 0, kInfinity, true, false,
+                  "the floor becomes slippery",
+                  "monitor (friction), in the first tick in which the ball slides; with on_violation = stop the run ends there"},
+    FaultKindInfo{kPush, "push", kWorld, 0.1, "force at the geometric centre", "N", kGiven, 0, kInfinity, true, false,
+                  "somebody pushes the ball",
+                  "monitor (disagreement), in the next tick, if N or f_s change by more than 5 % of the weight, and (friction, "
+                  "normal_force), if it leaves the envelope"},
+    FaultKindInfo{kClockJump, "clock_jump", kProgram, kAnInstant, "by how much, forth or back", "ticks", 100.0, -1e9,
+                  1e9, false, true, "the sensors' clock, which stamps their messages, jumps",
+                  "monitor (missing) and controller (sensor_stale), in the same tick"},
+    FaultKindInfo{kControllerOverrun, "controller_overrun", kProgram, kAnInstant, "ticks that came late", "ticks", 1.0,
+                  1, 1e6, false, true, "the controller's board counts overruns",
+                  "the run, in the same tick: it ends with exit status 6"},
+    FaultKindInfo{kDiskFull, "disk_full", kProgram, kAnInstant, "", "", kNone, 0, 0, false, false,
+                  "the log cannot be written any more",
+                  "the run, in the same tick: it ends with exit status 2 and keeps the log up to there"},
+};
+
+constexpr std::array kChannels{
+    FaultChannel{"BALLAST_SENSORS", true, true, false, false},
+    FaultChannel{"BALLAST_CONTACT", false, true, false, false},
+    FaultChannel{"BALLAST_PLANT_STATE", false, true, false, false},
+    FaultChannel{"BALLAST_TRIP", true, false, false, true},
+    FaultChannel{"BALLAST_CONTROLLER_STATUS", false, true, false, true},
+    FaultChannel{"BALLAST_STEP_COMMAND", false, false, true, true},
+};
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+}  // namespace
+
+const char* to_string(FaultLayer layer) {
+  switch (layer) {
+    case kMessage:
+      return "message";
+    case kPeer:
+      return "peer";
+    case kSensor:
+      return "sensor";
+    case kMotor:
+      return "motor";
+    case kWorld:
+      return "world";
+    case kProgram:
+      return "program";
+  }
+  return "";
+}
+
+const char* to_string(FaultPeer peer) { return peer == FaultPeer::kController ? "controller" : "monitor"; }
+
+const char* to_string(FaultSensor sensor) {
+  switch (sensor) {
+    case FaultSensor::kOrientation:
+      return "orientation";
+    case FaultSensor::kGyro:
+      return "gyro";
+    case FaultSensor::kAccelerometer:
+      return "accelerometer";
+    case FaultSensor::kLimitSwitch:
+      return "limit_switch";
+  }
+  return "";
+}
+
+std::span<const FaultKindInfo> fault_kinds() { return kKinds; }
+
+const FaultKindInfo& info(FaultKind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
+
+std::span<const FaultChannel> fault_channels() { return kChannels; }
+
+namespace {
+
+// A kind's unit names those of all sensors; a fault is of one.
+const char* unit_of(const Fault& fault) {
+  if (!fault.of(kSensor)) return info(fault.kind).unit;
+  switch (fault.sensor) {
+    case FaultSensor::kOrientation:
+      return "rad";
+    case FaultSensor::kGyro:
+      return "rad/s";
+    case FaultSensor::kAccelerometer:
+      return "m/s^2";
+    case FaultSensor::kLimitSwitch:
+      return "";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string to_string(const Fault& fault) {
+  const FaultKindInfo& kind = info(fault.kind);
+  const std::string unit = unit_of(fault);
+  std::string text = std::string(kind.name) + " at " + number(fault.time_s) + " s";
+  std::string more;
+  const auto add = [&more](const std::string& word) { more += (more.empty() ? ": " : ", ") + word; };
+  if (kind.value_means[0] != '\0') add(number(fault.value) + (unit.empty() ? "" : " ") + unit);
+  switch (kind.layer) {
+    case kMessage:
+      add(fault.channel + (fault.peer ? std::string(" to the ") + to_string(*fault.peer) : ""));
+      break;
+    case kPeer:
+      add(std::string("the ") + to_string(*fault.peer));
+      break;
+    case kSensor:
+      add(std::string(to_string(fault.sensor)) + (fault.axis < 0 ? "" : " axis " + std::to_string(fault.axis)));
+      break;
+    case kMotor:
+      add("mass " + std::to_string(fault.mass));
+      break;
+    case kWorld:
+      if (fault.kind == kPush) {
+        add("along (" + number(fault.direction_W[0]) + ", " + number(fault.direction_W[1]) + ", " +
+            number(fault.direction_W[2]) + ")");
+      }
+      break;
+    case kProgram:
+      break;
+  }
+  if (fault.end_s > fault.time_s && fault.end_s < kInfinity) add("for " + number(fault.end_s - fault.time_s) + " s");
+  return text + more;
+}
+
+}  // namespace ballast::sim

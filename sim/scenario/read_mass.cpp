@@ -1,0 +1,734 @@
+#include "sim/scenario/read_mass.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "sim/masses/cubic_spline.h"
+#include "sim/masses/motion_extent.h"
+#include "sim/motors/motor_presets.h"
+#include "sim/motors/phase_current.h"
+#include "sim/masses/spline_rail.h"
+
+namespace ballast::sim {
+namespace {
+
+constexpr double kRoundOff = 1e-12;      // relative; what the evaluation of a rail may add to a radius
+constexpr double kUnitTolerance = 1e-6;  // of lengths and right angles written with few digits
+// How far a spline rail may be from what was asked for: from running along at 1 m per m, and from the given points, in
+// parts of its length.
+constexpr double kMostSpeedError = 0.01;
+constexpr double kMostPointDistance = 1e-3;
+
+// As the controller computes it.
+double microsteps_per_unit(const Motor& motor) {
+  return motor.steps_per_revolution * motor.microsteps * motor.shaft_ratio / (2 * std::numbers::pi);
+}
+
+bool outside(double distance_m, double radius_m) { return !(distance_m <= radius_m * (1 + kRoundOff)); }
+
+std::string allowed_in_ball(double radius_m) { return "; allowed: <= ball.radius = " + number_text(radius_m); }
+
+// The farthest point of a circle from the geometric centre.
+double farthest_m(const firmware::Rail& circle) {
+  const Eigen::Vector3d normal = circle.axis_cos_B.cross(circle.axis_sin_B);
+  const double above_plane = circle.origin_B_m.dot(normal);
+  const double in_plane = (circle.origin_B_m - above_plane * normal).norm();
+  return std::hypot(in_plane + circle.radius_m, above_plane);
+}
+
+std::optional<firmware::Rail> read_circle(TableReader& rail) {
+  const auto radius = rail.number("radius", Range::positive("m"));
+  rail.know({"direction", "center", "axes"});
+  const bool by_direction = rail.has("direction"), by_axes = rail.has("center") || rail.has("axes");
+  if (by_direction == by_axes) {
+    const std::string allowed = "; allowed: direction = { azimuth, elevation }, or center and axes";
+    if (by_axes) {
+      rail.refuse(rail.has("center") ? "center" : "axes", "is given together with direction" + allowed);
+    } else {
+      rail.refuse("direction", "is missing" + allowed);
+    }
+    return std::nullopt;
+  }
+  if (by_direction) {
+    TableReader direction = rail.table("direction");
+    const auto azimuth = direction.number("azimuth", Range::any("rad"));
+    const auto elevation = direction.number("elevation", Range::any("rad"));
+    direction.refuse_unknown_keys();
+    if (!radius || !azimuth || !elevation) return std::nullopt;
+    return firmware::circle_about(*radius, *azimuth, *elevation);
+  }
+  const auto center = rail.vector<3>("center", Range::any("m"));
+  const auto axes = rail.vectors("axes", 2, 2, Range::any());
+  if (!axes) return std::nullopt;
+  Eigen::Vector3d cos_axis = (*axes)[0], sin_axis = (*axes)[1];
+  // stableNorm: no overflow, so that any finite numbers get the right answer.
+  const bool unit =
+      std::abs(cos_axis.stableNorm() - 1) <= kUnitTolerance && std::abs(sin_axis.stableNorm() - 1) <= kUnitTolerance;
+  if (!unit || std::abs(cos_axis.dot(sin_axis)) > kUnitTolerance) {
+    rail.refuse("axes",
+                "are not two perpendicular unit vectors; allowed: lengths within 1e-6 of 1, dot product within "
+                "1e-6 of 0");
+    return std::nullopt;
+  }
+  if (!radius || !center) return std::nullopt;
+  cos_axis.normalize();
+  sin_axis = (sin_axis - sin_axis.dot(cos_axis) * cos_axis).normalized();
+  return firmware::circle(*center, *radius, cos_axis, sin_axis);
+}
+
+std::optional<firmware::Rail> read_line(TableReader& rail) {
+  const auto origin = rail.vector<3>("origin", Range::any("m"));
+  auto direction = rail.vector<3>("direction", Range::any());
+  if (!direction) return std::nullopt;
+  const double length = direction->stableNorm();
+  if (!(length > 0) || !std::isfinite(length)) {
+    rail.refuse("direction", "has no direction; allowed: a vector that is not zero");
+    return std::nullopt;
+  }
+  if (!origin) return std::nullopt;
+  return firmware::line(*origin, *direction / length);
+}
+
+// Points of a curve: inside the ball, neighbours distinct (`closed`: the last and the first are neighbours too).
+bool check_points(TableReader& table, const std::vector<Eigen::Vector3d>& points, bool closed,
+                  std::optional<double> ball_radius_m) {
+  bool good = true;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const std::string key = "points." + std::to_string(i);
+    const double distance = points[i].stableNorm();
+    if (ball_radius_m && outside(distance, *ball_radius_m)) {
+      table.refuse(key,
+                   "is " + number_text(distance) + " m from the geometric centre" + allowed_in_ball(*ball_radius_m));
+      good = false;
+    }
+    if (i > 0 && points[i] == points[i - 1]) {
+      table.refuse(key, "is the point before it; allowed: neighbours that differ");
+      good = false;
+    }
+  }
+  if (closed && points.front() == points.back()) {
+    table.refuse(
+        "points." + std::to_string(points.size() - 1),
+        "is the first point again; allowed: the last point of a closed rail, from which it goes on to the first");
+    good = false;
+  }
+  return good;
+}
+
+std::optional<firmware::Rail> read_spline(TableReader& rail, std::optional<double> ball_radius_m) {
+  const auto closed = rail.boolean("closed", false);
+  const auto points = rail.vectors("points", closed.value_or(false) ? 3 : 2, kMaxTableEntries, Range::any("m"));
+  if (!points || !closed) return std::nullopt;
+  if (!check_points(rail, *points, *closed, ball_radius_m)) return std::nullopt;
+  const SplineRail spline = spline_rail(*points, *closed);
+  const double length = spline.length_m;
+  if (!std::isfinite(length) || !(length > 0) || !std::isfinite(spline.speed_error) ||
+      !std::isfinite(spline.point_distance_m)) {
+    rail.refuse("points", "allow no smooth curve in floating-point numbers; allowed: points at distances less extreme");
+    return std::nullopt;
+  }
+  const std::string too_sharp = "; allowed: bends that " + std::to_string(firmware::kMaxRailPieces) + " pieces of " +
+                                number_text(spline.rail.piece_length_m) +
+                                " m can follow (gentler ones, points more evenly spread, or a shorter rail)";
+  if (spline.speed_error > kMostSpeedError) {
+    rail.refuse("points", "make too sharp a curve: along it |zeta'| would be off 1 by " +
+                              number_text(spline.speed_error) + ", more than " + number_text(kMostSpeedError) +
+                              too_sharp);
+    return std::nullopt;
+  }
+  if (spline.point_distance_m > kMostPointDistance * length) {
+    rail.refuse("points." + std::to_string(spline.worst_point),
+                "makes too sharp a curve: the rail would pass it at " + number_text(spline.point_distance_m) +
+                    " m, more than " + number_text(kMostPointDistance) + " of its length" + too_sharp);
+    return std::nullopt;
+  }
+  if (ball_radius_m && outside(spline.farthest_m, *ball_radius_m)) {
+    rail.refuse("points", "make a curve that is " + number_text(spline.farthest_m) +
+                              " m from the geometric centre at theta = " + number_text(spline.farthest_theta_m) + " m" +
+                              allowed_in_ball(*ball_radius_m));
+    return std::nullopt;
+  }
+  return spline.rail;
+}
+
+// Where a line leaves the ball; nowhere, if it does not meet it.
+void end_in_ball(firmware::Rail& line, double ball_radius_m) {
+  const double along = line.origin_B_m.dot(line.axis_cos_B);
+  const double beside = (line.origin_B_m - along * line.axis_cos_B).stableNorm();
+  if (!(beside < ball_radius_m)) return;
+  const double half = std::sqrt((ball_radius_m - beside) * (ball_radius_m + beside));
+  line.lower_end = -along - half;
+  line.upper_end = -along + half;
+}
+
+// The ends of a line or an open spline; given ones have to be on the rail and in the ball.
+void read_ends(TableReader& table, std::optional<double> ball_radius_m, firmware::Rail& rail) {
+  const bool on_line = rail.shape == firmware::RailShape::kLine;
+  if (!on_line) {
+    rail.lower_end = 0;
+    rail.upper_end = firmware::length_m(rail);
+  } else if (ball_radius_m) {
+    end_in_ball(rail, *ball_radius_m);
+  }
+  table.know({"end_stops"});
+  if (!table.has("end_stops")) return;
+  const auto ends = table.vector<2>("end_stops", Range::any("m"));
+  if (!ends) return;
+  bool good = true;
+  for (int i = 0; i < 2; ++i) {
+    const double end = (*ends)[i];
+    const std::string key = "end_stops." + std::to_string(i);
+    if (!on_line && !Range::between(0, firmware::length_m(rail)).contains(end)) {
+      table.refuse(key, "is off the rail; allowed: 0 to its length " + number_text(firmware::length_m(rail)) + " m");
+      good = false;
+    }
+    const double distance = firmware::evaluate(rail, end).position.stableNorm();
+    if (on_line && ball_radius_m && outside(distance, *ball_radius_m)) {
+      table.refuse(key,
+                   "is " + number_text(distance) + " m from the geometric centre" + allowed_in_ball(*ball_radius_m));
+      good = false;
+    }
+  }
+  if (good && !((*ends)[0] < (*ends)[1])) {
+    table.refuse("end_stops.1", "is not above the lower stop; allowed: > " + number_text((*ends)[0]));
+    good = false;
+  }
+  if (!good) return;
+  rail.lower_end = (*ends)[0];
+  rail.upper_end = (*ends)[1];
+}
+
+// What they are of. The stiffness has a default only once the motor is known.
+void read_end_stop_material(TableReader& table, bool has_ends, EndStopMaterial& out) {
+  for (const char* key : {"end_stops", "end_stop_stiffness", "end_stop_restitution"}) {
+    table.know({key});
+    if (!has_ends && table.has(key)) {
+      table.refuse(key, "belongs to a rail that has ends; allowed: on a line or an open spline");
+    }
+  }
+  if (!has_ends) return;
+  if (table.has("end_stop_stiffness")) {
+    out.stiffness_npm = table.number("end_stop_stiffness", Range::positive("N/m")).value_or(0);
+  }
+  out.restitution = table.number("end_stop_restitution", Range::between(0.01, 1), out.restitution).value_or(0.5);
+}
+
+std::optional<firmware::Rail> read_rail(TableReader rail, std::optional<double> ball_radius_m,
+                                        EndStopMaterial& end_stops) {
+  const auto shape = rail.word("shape", {"circle", "line", "spline"});
+  if (!shape) return std::nullopt;  // which keys belong here is not known either
+  std::optional<firmware::Rail> result;
+  if (*shape == "circle") {
+    result = read_circle(rail);
+    if (result && ball_radius_m) {
+      const double distance = farthest_m(*result);
+      if (outside(distance, *ball_radius_m)) {
+        rail.refuse("radius", "takes the mass " + number_text(distance) + " m from the geometric centre" +
+                                  allowed_in_ball(*ball_radius_m));
+        result.reset();
+      }
+    }
+  } else if (*shape == "line") {
+    result = read_line(rail);
+  } else {
+    result = read_spline(rail, ball_radius_m);
+  }
+  if (result) {
+    const bool has_ends = *shape == "line" || (*shape == "spline" && !result->closed);
+    if (has_ends) read_ends(rail, ball_radius_m, *result);
+    read_end_stop_material(rail, has_ends, end_stops);
+  } else {
+    rail.know({"end_stops", "end_stop_stiffness", "end_stop_restitution"});
+  }
+  rail.refuse_unknown_keys();
+  return result;
+}
+
+std::optional<std::vector<MotionPiece>> read_motion(TableReader& mass) {
+  const std::string allowed =
+      "an array of at most " + std::to_string(kMaxMotionPieces) + " tables { duration, acceleration = [start, end] }";
+  std::vector<TableReader> pieces = mass.tables("motion", allowed);
+  const Node* node = mass.node("motion");
+  if (node != nullptr && node->kind != NodeKind::kArray) return std::nullopt;
+  if (pieces.size() > static_cast<std::size_t>(kMaxMotionPieces)) {
+    mass.refuse("motion", "has " + std::to_string(pieces.size()) + " pieces; allowed: " + allowed);
+    return std::nullopt;
+  }
+  std::vector<MotionPiece> motion;
+  for (TableReader& piece : pieces) {
+    const auto duration = piece.number("duration", Range::positive("s"));
+    const auto acceleration = piece.vector<2>("acceleration", Range::any("rail unit / s^2"));
+    piece.refuse_unknown_keys();
+    if (!duration || !acceleration) continue;
+    const double start = (*acceleration)[0], end = (*acceleration)[1];
+    if (!Range::any().contains((end - start) / *duration)) {
+      piece.refuse("acceleration", "changes too fast; allowed: (end - start) / duration of at most " +
+                                       number_text(kMostSize) + " in size");
+      continue;
+    }
+    motion.push_back({*duration, start, end});
+  }
+  return motion.size() == pieces.size() ? std::optional(motion) : std::nullopt;
+}
+
+// The key to blame for what happens in a piece of the motion.
+std::string piece_key(const Mass& mass, std::size_t piece) {
+  if (mass.motion.empty()) return "initial_velocity";
+  return piece < mass.motion.size() ? "motion." + std::to_string(piece) : "motion";
+}
+
+// Before what happens at an extreme beyond `end`. The velocity that goes on after the last piece has no key of its own:
+// which piece it comes from, and when it passes the end, is said.
+std::string after_the_motion(const Mass& mass, const Extreme& worst, double end) {
+  if (mass.motion.empty() || worst.piece < mass.motion.size() || !std::isfinite(end)) return "";
+  double over_s = 0, velocity = mass.initial_velocity;
+  for (const MotionPiece& piece : mass.motion) {
+    over_s += piece.duration_s;
+    velocity += piece.duration_s * (piece.acceleration_start + piece.acceleration_end) / 2;
+  }
+  const double passes_s = worst.time_s - (worst.position - end) / velocity;
+  return "goes on with " + number_text(velocity) + " m/s after its last piece, motion." +
+         std::to_string(mass.motion.size() - 1) + ", which ends at t = " + number_text(over_s) + " s" +
+         (passes_s > over_s ? ", passes the end of its rail at t = " + number_text(passes_s) + " s"
+                            : " with the mass already beyond the end of its rail") +
+         ", and ";
+}
+
+// A mass on a line has to stay in the ball for the whole run. The distance is convex in theta: its ends suffice.
+void check_line_in_ball(TableReader& table, const Mass& mass, const MassSurroundings& around) {
+  if (!around.ball_radius_m || !around.duration_s) return;
+  const PositionExtent extent = position_extent(mass, *around.duration_s);
+  Extreme worst = extent.least;
+  double worst_distance = 0;
+  for (const Extreme& extreme : {extent.least, extent.greatest}) {
+    const double distance = firmware::evaluate(mass.rail, extreme.position).position.stableNorm();
+    if (distance > worst_distance) {
+      worst = extreme;
+      worst_distance = distance;
+    }
+  }
+  if (!outside(worst_distance, *around.ball_radius_m)) return;
+  const double end = worst.position < mass.rail.lower_end ? mass.rail.lower_end : mass.rail.upper_end;
+  const std::string message = after_the_motion(mass, worst, end) + "takes the mass " + number_text(worst_distance) +
+                              " m from the geometric centre at t = " + number_text(worst.time_s) + " s" +
+                              allowed_in_ball(*around.ball_radius_m);
+  if (worst.time_s > 0) {
+    table.refuse(piece_key(mass, worst.piece), message);
+  } else {
+    table.refuse(table.has("initial_position") ? "initial_position" : "rail", message);
+  }
+}
+
+// Rails end, at their stops at the latest.
+void check_between_ends(TableReader& table, const Mass& mass, const MassSurroundings& around) {
+  if (!around.duration_s) return;
+  const double lower = mass.rail.lower_end, upper = mass.rail.upper_end;
+  const double rounding = kRoundOff * (upper - lower);
+  const PositionExtent extent = position_extent(mass, *around.duration_s);
+  const bool below = extent.least.position < lower - rounding;
+  if (!below && extent.greatest.position <= upper + rounding) return;
+  const Extreme& worst = below ? extent.least : extent.greatest;
+  const bool whole =
+      mass.rail.shape == firmware::RailShape::kSpline && lower == 0 && upper == firmware::length_m(mass.rail);
+  const std::string allowed =
+      whole ? "on the rail, 0 to its length " + number_text(upper) + " m"
+            : "between the rail's end_stops, " + number_text(lower) + " to " + number_text(upper) + " m";
+  const std::string message = after_the_motion(mass, worst, below ? lower : upper) +
+                              "takes the mass to theta = " + number_text(worst.position) +
+                              " m at t = " + number_text(worst.time_s) + " s; allowed: " + allowed;
+  if (worst.time_s > 0) {
+    table.refuse(piece_key(mass, worst.piece), message);
+  } else {
+    table.refuse("initial_position", message);
+  }
+}
+
+// Default: the greatest force of the motor presses the mass in by a thousandth of the way between the stops.
+void default_stiffness(TableReader& table, Mass& mass) {
+  double& stiffness = mass.end_stops.stiffness_npm;
+  if (stiffness > 0 || !std::isfinite(mass.rail.lower_end)) return;
+  stiffness =
+      mass.motor.holding_torque_nm * mass.motor.shaft_ratio / (1e-3 * (mass.rail.upper_end - mass.rail.lower_end));
+  const Range range = Range::positive("N/m");
+  if (range.contains(stiffness)) return;
+  table.refuse("rail.end_stop_stiffness", "is not given, and its default " + number_text(stiffness) +
+                                              " is out of range; allowed: a " + range.text_for(stiffness));
+}
+
+// A stop so soft that the motor alone presses the mass out through the shell is none. The mass is a point: a hundredth
+// of the radius beyond the shell is within what that leaves open, and more than the default stiffness gives way at an
+// end on the shell, a thousandth of at most two radii.
+constexpr double kMostOutside = 0.01;
+
+void check_stops_hold_in_ball(TableReader& table, const Mass& mass, double ball_radius_m) {
+  const firmware::Rail& rail = mass.rail;
+  if (!std::isfinite(rail.lower_end) || !(mass.end_stops.stiffness_npm > 0)) return;
+  const double give_m = mass.motor.holding_torque_nm * mass.motor.shaft_ratio / mass.end_stops.stiffness_npm;
+  for (const double pressed : {rail.lower_end - give_m, rail.upper_end + give_m}) {
+    const double distance = firmware::evaluate(rail, pressed).position.stableNorm();
+    if (distance <= ball_radius_m * (1 + kMostOutside)) continue;
+    table.refuse("rail.end_stop_stiffness",
+                 "lets the motor's holding torque press the mass to theta = " + number_text(pressed) + " m, " +
+                     number_text(distance) + " m from the geometric centre; allowed: a stop that holds it within " +
+                     number_text(1 + kMostOutside) +
+                     " ball.radius = " + number_text((1 + kMostOutside) * ball_radius_m) + " (stiffer, or further in)");
+    return;
+  }
+}
+
+// In place of rail, initial position and velocity, motion and motor.
+void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajectory& trajectory) {
+  for (const char* key : {"rail", "initial_position", "initial_velocity", "motion", "motor"}) {
+    mass.know({key});
+    if (!mass.has(key)) continue;
+    mass.refuse(key, std::string(key) == "rail"
+                         ? "is given together with trajectory; allowed: one of the two"
+                         : "belongs to a mass on a rail; allowed: none of it with a trajectory, which says it all");
+  }
+  if (around.actuation == Actuation::kStepper) {
+    mass.refuse("trajectory",
+                "cannot be driven by a motor, which moves a mass along one rail; allowed: run.actuation = "
+                "\"prescribed\", or a rail");
+  }
+  TableReader table = mass.table("trajectory");
+  const auto times = read_times(table);
+  const auto periodic = table.boolean("periodic", false);
+  const auto points = table.vectors("points", periodic.value_or(false) ? 3 : 2, kMaxTableEntries, Range::any("m"));
+  table.refuse_unknown_keys();
+  if (!times || !periodic || !points) return;
+  if (points->size() != times->size()) {
+    table.refuse("points", "has " + std::to_string(points->size()) + " elements; allowed: one for each of the " +
+                               std::to_string(times->size()) + " times");
+    return;
+  }
+  if (*periodic && points->front() != points->back()) {
+    table.refuse("points." + std::to_string(points->size() - 1),
+                 "is not the first point; allowed: with periodic = true the table ends where it starts");
+    return;
+  }
+  if (!*periodic && times->front() > 0) {
+    table.refuse("times.0", "is after the start; allowed: <= 0, or periodic = true");
+  }
+  if (!*periodic && around.duration_s && times->back() < *around.duration_s) {
+    table.refuse("times." + std::to_string(times->size() - 1),
+                 "is before the end of the run; allowed: >= duration = " + number_text(*around.duration_s) +
+                     ", or periodic = true");
+  }
+  const CubicSpline curve = *periodic ? CubicSpline::closed(*times, *points) : CubicSpline::open(*times, *points);
+  double farthest_m = 0, when_s = 0;
+  bool good = curve.finite();
+  for (std::size_t i = 0; good && i < curve.pieces(); ++i) {
+    constexpr int kPlaces = 32;
+    for (int k = 0; k <= kPlaces; ++k) {
+      const double time = (*times)[i] + k * ((*times)[i + 1] - (*times)[i]) / kPlaces;
+      const CubicSpline::Point p = curve.at(i, time);
+      for (const Eigen::Vector3d& v : {p.position, p.d1, p.d2}) good = good && Range::any().contains(v.stableNorm());
+      if (const double distance = p.position.stableNorm(); distance > farthest_m) {
+        farthest_m = distance;
+        when_s = time;
+      }
+    }
+  }
+  if (!good) {
+    table.refuse("times", "allow no curve whose speeds and accelerations are at most " + number_text(kMostSize) +
+                              "; allowed: times at distances less extreme");
+  } else if (around.ball_radius_m && outside(farthest_m, *around.ball_radius_m)) {
+    table.refuse("points", "take the mass " + number_text(farthest_m) + " m from the geometric centre at t = " +
+                               number_text(when_s) + " s" + allowed_in_ball(*around.ball_radius_m));
+  }
+  trajectory = {*times, *points, *periodic};
+}
+
+// nullptr: none given, or none that ships.
+const MotorPreset* read_preset(TableReader& table) {
+  const Node* node = table.node("preset");
+  if (node == nullptr) return nullptr;
+  const MotorPreset* preset = node->kind == NodeKind::kString ? find_motor_preset(node->text) : nullptr;
+  if (preset == nullptr) {
+    std::string allowed;
+    for (const MotorPreset& known : motor_presets()) {
+      allowed += (allowed.empty() ? "\"" : ", \"") + std::string(known.name) + "\"";
+    }
+    table.refuse("preset", "is no motor that ships; allowed: one of " + allowed);
+  }
+  return preset;
+}
+
+// Winding and supply: all of it or nothing, since no default of one would suit another. From a preset it gives way to a
+// corner_speed of the scenario's own; written out it does not, and the two contradict each other.
+void read_winding(TableReader& table, const MotorPreset* preset, Motor& motor) {
+  constexpr const char* kKeys[] = {"rated_current", "resistance", "inductance", "supply_voltage"};
+  bool written = false;
+  for (const char* key : kKeys) {
+    table.know({key});
+    written = written || table.has(key);
+  }
+  if (table.has("corner_speed") && written) {
+    table.refuse("corner_speed",
+                 "follows from the winding, which is given too; allowed: corner_speed, or rated_current, resistance, "
+                 "inductance and supply_voltage");
+    return;
+  }
+  if (table.has("corner_speed") || (!written && preset == nullptr)) return;
+  const auto number = [&](const char* key, const char* unit, double MotorPreset::*figure) {
+    return table.number(key, Range::positive(unit), preset ? std::optional(preset->*figure) : std::nullopt);
+  };
+  const auto current = number(kKeys[0], "A", &MotorPreset::rated_current_a);
+  const auto resistance = number(kKeys[1], "ohm", &MotorPreset::resistance_ohm);
+  const auto inductance = number(kKeys[2], "H", &MotorPreset::inductance_h);
+  const auto supply = number(kKeys[3], "V", &MotorPreset::supply_voltage_v);
+  if (!current || !resistance || !inductance || !supply) return;
+  const double peak_v = std::numbers::sqrt2 * *current * *resistance;
+  if (!(*supply > peak_v)) {
+    table.refuse("supply_voltage",
+                 "cannot drive the rated current through the winding; allowed: > sqrt(2) * "
+                 "rated_current * resistance = " +
+                     number_text(peak_v));
+    return;
+  }
+  motor.rated_current_a = *current;
+  motor.resistance_ohm = *resistance;
+  motor.inductance_h = *inductance;
+  motor.supply_voltage_v = *supply;
+  motor.corner_speed_radps = PhaseCurrent(motor).corner_speed_radps();
+  if (const Range range = Range::positive("rad/s"); !range.contains(motor.corner_speed_radps)) {
+    table.refuse("rated_current", "and the rest of the winding make a corner speed of " +
+                                      number_text(motor.corner_speed_radps) + "; allowed: figures that make it a " +
+                                      range.text_for(motor.corner_speed_radps));
+    motor.corner_speed_radps = std::numeric_limits<double>::infinity();  // what follows from it has no fault of its own
+  }
+}
+
+// Defaults that drive any scenario faithfully: ten times the static torque, a light rotor, a well damped resonance.
+// `complete`: the mass and its surroundings are without fault; else the defaults mean nothing, and go unchecked.
+void read_motor(TableReader table, const MassSurroundings& around, const std::optional<firmware::Rail>& rail,
+                bool complete, const SpeedExtent& extent, Mass& mass) {
+  Motor& motor = mass.motor;
+
+  const MotorPreset* preset = read_preset(table);
+  if (preset != nullptr) motor.steps_per_revolution = preset->steps_per_revolution;
+  if (const auto steps = table.integer("steps_per_revolution", 4, 2000, motor.steps_per_revolution)) {
+    motor.steps_per_revolution = static_cast<int>(*steps);
+    if (*steps % 4 != 0) table.refuse("steps_per_revolution", "is no multiple of 4; allowed: 4, 8, .. 2000");
+  }
+  if (const auto microsteps = table.integer("microsteps", 1, 256, motor.microsteps)) {
+    motor.microsteps = static_cast<int>(*microsteps);
+  }
+
+  const bool on_circle = !rail || rail->shape == firmware::RailShape::kCircle;
+  const bool on_line = !rail || rail->shape != firmware::RailShape::kCircle;  // theta in m: a line or a spline
+  table.know({"gear_ratio", "travel_per_revolution"});
+  if (on_circle) {
+    motor.gear_ratio = table.number("gear_ratio", Range::positive(), 1.0).value_or(1.0);
+    motor.shaft_ratio = motor.gear_ratio;
+  } else if (table.has("gear_ratio")) {
+    table.refuse("gear_ratio", "belongs to a circle rail; allowed on a line or a spline: travel_per_revolution, in m");
+  }
+  if (on_line) {
+    const double fallback = around.ball_radius_m.value_or(1.0) / 2;
+    motor.travel_per_revolution =
+        table.number("travel_per_revolution", Range::positive("m"), fallback).value_or(fallback);
+    if (!on_circle) motor.shaft_ratio = 2 * std::numbers::pi / motor.travel_per_revolution;
+  } else if (table.has("travel_per_revolution")) {
+    table.refuse("travel_per_revolution", "belongs to a line or spline rail; allowed on a circle: gear_ratio");
+  }
+
+  // What the shaft has to carry.
+  const double mass_kg = complete ? mass.mass_kg : 1;
+  const double lever = complete && on_circle ? mass.rail.radius_m : 1;  // |zeta'|
+  const double ratio = motor.shaft_ratio;
+  const double rail_inertia = mass_kg * lever * lever;
+  const double load_inertia = rail_inertia / (ratio * ratio);  // J_L
+  // `fallback` is a default: it too has to be usable, which it is not if a scenario's numbers are absurdly large or
+  // small.
+  const auto read = [&](const char* key, const Range& range, double fallback, double& out) {
+    out = table.number(key, range, fallback).value_or(fallback);
+    if (!complete || table.has(key) || range.contains(fallback)) return;
+    table.refuse(key, "is not given, and its default " + number_text(fallback) + " is out of range; allowed: a " +
+                          range.text_for(fallback));
+  };
+  // A rotor three times as heavy as its load: each microstep then shakes the load a quarter as much, at the same
+  // margin.
+  read("rotor_inertia", Range::positive("kg m^2"), preset ? preset->rotor_inertia_kgm2 : 3 * load_inertia,
+       motor.rotor_inertia_kgm2);
+  // Three times what carries the mass against gravity and gives mass and rotor the motion's greatest acceleration.
+  const double moved_inertia = rail_inertia + motor.rotor_inertia_kgm2 * ratio * ratio;
+  double rail_torque = mass_kg * around.gravity_mps2.value_or(1) * lever + moved_inertia * extent.greatest_acceleration;
+  if (rail_torque == 0) rail_torque = moved_inertia;  // for 1 rail unit / s^2
+  read("holding_torque", Range::positive("N m"), preset ? preset->holding_torque_nm : 3 * rail_torque / ratio,
+       motor.holding_torque_nm);
+  Range below_half = Range::between(0, motor.holding_torque_nm / 2, "N m (the upper end is half the holding torque)");
+  below_half.high_excluded = true;
+  if (!complete && !table.has("holding_torque")) below_half = Range::non_negative("N m");
+  const bool printed = preset != nullptr && preset->detent_torque_nm > 0;
+  read("detent_torque", below_half, printed ? preset->detent_torque_nm : 0.04 * motor.holding_torque_nm,
+       motor.detent_torque_nm);
+  // Damping ratio 0.2 of the resonance of rotor and load on the field's stiffness N_r tau_hold; but at the motion's
+  // greatest speed the drag may take no more than a tenth of the holding torque.
+  const double stiffness = motor.steps_per_revolution / 4.0 * motor.holding_torque_nm;
+  const double damped = 2 * 0.2 * std::sqrt(stiffness * (motor.rotor_inertia_kgm2 + load_inertia));
+  const double most_drag = 0.1 * motor.holding_torque_nm / std::max(ratio * extent.greatest_speed, 1e-300);
+  read("viscous_damping", Range::non_negative("N m s"), std::min(damped, most_drag), motor.viscous_damping_nms);
+  read_winding(table, preset, motor);
+  if (!motor.has_winding()) {
+    read("corner_speed", Range::positive("rad/s of the motor shaft"), std::max(30.0, 2 * ratio * extent.greatest_speed),
+         motor.corner_speed_radps);
+  }
+  read("step_error", Range::between(0, 0.1), motor.step_error, motor.step_error);
+  read("direction_setup", Range::between(0, 1e-3, "s"), motor.direction_setup_s, motor.direction_setup_s);
+  // What half the holding torque gives; the motion's own in any case, so that only a limit somebody has set refuses it.
+  const double half_torque = 0.5 * ratio * motor.holding_torque_nm / moved_inertia;
+  read("max_acceleration", Range::positive("rail unit / s^2"), std::max(half_torque, extent.greatest_acceleration),
+       motor.max_acceleration);
+  // What nine tenths of the holding torque leave for the drag, beside gravity and that acceleration, so that moves at
+  // full speed lose no steps; but no faster than the corner speed, and a tenth faster than the motion in any case. And
+  // a little below what the controller can issue in one tick, so that rounding to ticks never overloads it.
+  const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);
+  const double gravity_torque = mass_kg * around.gravity_mps2.value_or(1) * lever / ratio;
+  const double acceleration_torque = moved_inertia * motor.max_acceleration / ratio;
+  const double left_torque =
+      std::max(0.9 * motor.holding_torque_nm - gravity_torque - acceleration_torque, 0.01 * motor.holding_torque_nm);
+  const double carried_radps = std::min(left_torque / motor.viscous_damping_nms, motor.corner_speed_radps);
+  const double carried_hz = std::max(carried_radps / ratio, 1.1 * extent.greatest_speed) * microsteps_per_unit(motor);
+  read("max_step_rate", Range::positive("1/s"), std::min({timer / 10, 60 / period, carried_hz}),
+       motor.max_step_rate_hz);
+  // To that acceleration in one swing of load and rotor on the field's stiffness, which then swings on least.
+  const double swing_s = 2 * std::numbers::pi * std::sqrt(moved_inertia / (stiffness * ratio * ratio));
+  read("max_jerk", Range::positive("rail unit / s^3"), std::max(motor.max_acceleration / swing_s, extent.greatest_jerk),
+       motor.max_jerk);
+  table.refuse_unknown_keys();
+}
+
+// What the controller refuses: here with the key that is to blame.
+void check_steps(TableReader& table, const Mass& mass, const MassSurroundings& around) {
+  const double per_unit = microsteps_per_unit(mass.motor);
+  if (const Range range = Range::positive(); !range.contains(per_unit)) {
+    const bool on_line = mass.rail.shape != firmware::RailShape::kCircle;
+    table.refuse(
+        on_line ? "motor.travel_per_revolution" : "motor.gear_ratio",
+        "makes " + number_text(per_unit) + " microsteps per rail unit; allowed: a " + range.text_for(per_unit));
+    return;
+  }
+  if (!(std::abs(mass.initial_position * per_unit) <= kMaxInitialMicrosteps)) {
+    table.refuse("initial_position", "is more microsteps from 0 than can be counted; allowed: within " +
+                                         number_text(kMaxInitialMicrosteps) + " microsteps, here " +
+                                         number_text(kMaxInitialMicrosteps / per_unit));
+  }
+  if (around.timer_frequency_hz && mass.motor.max_step_rate_hz > *around.timer_frequency_hz) {
+    table.refuse("motor.max_step_rate",
+                 "is out of range; allowed: <= run.timer_frequency = " + number_text(*around.timer_frequency_hz));
+  }
+}
+
+// The motion must keep to the motor's limits; its jumps of acceleration, where pieces meet, are allowed.
+void check_acceleration(TableReader& table, const Mass& mass, const SpeedExtent& extent) {
+  const Motor& motor = mass.motor;
+  if (extent.greatest_acceleration > motor.max_acceleration) {
+    table.refuse(piece_key(mass, extent.hardest_piece),
+                 "has acceleration " + number_text(extent.greatest_acceleration) +
+                     "; allowed: <= " + number_text(motor.max_acceleration) + " (motor.max_acceleration)");
+  }
+  if (extent.greatest_jerk > motor.max_jerk) {
+    table.refuse(piece_key(mass, extent.jerkiest_piece), "has jerk " + number_text(extent.greatest_jerk) +
+                                                             "; allowed: <= " + number_text(motor.max_jerk) +
+                                                             " (motor.max_jerk)");
+  }
+}
+
+// The controller must be able to issue the steps of the fastest part of the motion.
+void check_step_rate(TableReader& table, const Mass& mass, const SpeedExtent& extent, const MassSurroundings& around) {
+  if (!around.control_period_s || !around.timer_frequency_hz) return;
+  const Motor& motor = mass.motor;
+  const double needed_hz = extent.greatest_speed * microsteps_per_unit(motor);
+  // In a tick of constant speed one step more than the mean can fall.
+  const double per_tick_hz = (kMaxStepsPerControlPeriod - 1) / *around.control_period_s;
+  const double possible_hz = std::min({motor.max_step_rate_hz, per_tick_hz, *around.timer_frequency_hz});
+  if (needed_hz <= possible_hz) return;
+  const char* limit = possible_hz == motor.max_step_rate_hz ? "motor.max_step_rate"
+                      : possible_hz == per_tick_hz          ? "steps per control period"
+                                                            : "run.timer_frequency";
+  table.refuse(piece_key(mass, extent.fastest_piece),
+               "needs " + number_text(needed_hz) + " microsteps/s at its greatest speed " +
+                   number_text(extent.greatest_speed) + "; allowed: <= " + number_text(possible_hz) + " (" + limit +
+                   ")");
+}
+
+}  // namespace
+
+// No integrator's step is much shorter than that: see Plant.
+constexpr double kLeastGap = 1e-9;
+
+std::optional<std::vector<double>> read_times(TableReader& table) {
+  const auto times = table.list("times", 2, kMaxTableEntries, Range::any("s"));
+  if (!times) return std::nullopt;
+  for (std::size_t i = 1; i < times->size(); ++i) {
+    const double before = (*times)[i - 1], gap = (*times)[i] - before;
+    if (gap >= kLeastGap * std::max(1.0, std::abs(before)) && std::isfinite(gap)) continue;
+    table.refuse("times." + std::to_string(i), "is not after the time before it, " + number_text(before) +
+                                                   "; allowed: times that increase, by finite steps of at least 1e-9 "
+                                                   "and 1e-9 of the time");
+    return std::nullopt;
+  }
+  return times;
+}
+
+Mass read_mass(TableReader& table, const MassSurroundings& around) {
+  Mass mass;
+  const auto mass_kg = table.number("mass", Range::positive("kg"));
+  table.know({"trajectory"});
+  if (table.has("trajectory")) {
+    if (mass_kg) mass.mass_kg = *mass_kg;
+    read_trajectory(table, around, mass.trajectory);
+    table.refuse_unknown_keys();
+    return mass;
+  }
+  const auto rail = read_rail(table.table("rail"), around.ball_radius_m, mass.end_stops);
+  const auto initial_position = table.number("initial_position", Range::any("rad or m"), 0.0);
+  const auto initial_velocity = table.number("initial_velocity", Range::any("rad/s or m/s"), 0.0);
+  const auto motion = read_motion(table);
+  if (mass_kg) mass.mass_kg = *mass_kg;
+  if (rail) mass.rail = *rail;
+  if (initial_position) mass.initial_position = *initial_position;
+  if (initial_velocity) mass.initial_velocity = *initial_velocity;
+  if (motion) mass.motion = *motion;
+
+  bool motion_known = initial_position && initial_velocity && motion && around.duration_s;
+  SpeedExtent speed;
+  if (motion_known) {
+    const PositionExtent extent = position_extent(mass, *around.duration_s);
+    speed = speed_extent(mass);
+    const Range range = Range::any();
+    if (!range.contains(extent.least.position) || !range.contains(extent.greatest.position) ||
+        !range.contains(speed.greatest_speed)) {
+      table.refuse("motion", "grows beyond all sense; allowed: positions and speeds of at most " +
+                                 number_text(kMostSize) + " in size");
+      motion_known = false;
+    }
+  }
+  if (motion_known && rail) {
+    const bool on_line = rail->shape == firmware::RailShape::kLine;
+    const bool ends = std::isfinite(rail->lower_end) && std::isfinite(rail->upper_end);
+    if (on_line && !table.table("rail").has("end_stops")) {
+      check_line_in_ball(table, mass, around);
+    } else if (ends) {
+      check_between_ends(table, mass, around);
+    }
+  }
+
+  const bool complete = mass_kg && rail && motion_known && around.gravity_mps2 && around.ball_radius_m &&
+                        around.control_period_s && around.timer_frequency_hz;
+  read_motor(table.table("motor"), around, rail, complete, speed, mass);
+  if (complete) default_stiffness(table, mass);
+  if (complete && around.actuation == Actuation::kStepper) {
+    check_steps(table, mass, around);
+    check_step_rate(table, mass, speed, around);
+    check_acceleration(table, mass, speed);
+    check_stops_hold_in_ball(table, mass, *around.ball_radius_m);
+  }
+  table.refuse_unknown_keys();
+  return mass;
+}
+
+}  // namespace ballast::sim

@@ -1,0 +1,400 @@
+#include "sim/scenario/reader.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+namespace ballast::sim {
+namespace {
+
+const char* kind_name(NodeKind kind) {
+  switch (kind) {
+    case NodeKind::kTable:
+      return "a table";
+    case NodeKind::kArray:
+      return "an array";
+    case NodeKind::kString:
+      return "a string";
+    case NodeKind::kInteger:
+      return "an integer";
+    case NodeKind::kFloat:
+      return "a float";
+    case NodeKind::kBoolean:
+      return "a boolean";
+    case NodeKind::kDateOrTime:
+      return "a date or time";
+  }
+  return "";
+}
+
+std::string with_article(const std::string& text) { return "a " + text; }
+
+// Levenshtein distance with swapped neighbours as one edit (optimal string alignment).
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
+  for (std::size_t i = 0; i <= a.size(); ++i) {
+    for (std::size_t j = 0; j <= b.size(); ++j) {
+      if (i == 0 || j == 0) {
+        d[i][j] = i + j;
+        continue;
+      }
+      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1)});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
+    }
+  }
+  return d[a.size()][b.size()];
+}
+
+std::string place(const std::string& path) { return path.empty() ? "the top level" : "[" + path + "]"; }
+
+template <class List>
+std::string joined(const List& words, std::string_view quote, std::string_view separator) {
+  std::string text;
+  for (const auto& word : words) {
+    if (!text.empty()) text += separator;
+    text += std::string(quote) + std::string(word) + std::string(quote);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string nearest(std::string_view word, const std::vector<std::string>& known) {
+  constexpr std::size_t kLongest = 64;  // the distance costs the product of the lengths
+  std::string best;
+  std::size_t best_distance = 0;
+  if (word.size() > kLongest) return best;
+  for (const std::string& candidate : known) {
+    const std::size_t distance = edit_distance(word, candidate);
+    if (3 * distance > std::max(word.size(), candidate.size())) continue;
+    if (best.empty() || distance < best_distance) {
+      best = candidate;
+      best_distance = distance;
+    }
+  }
+  return best;
+}
+
+std::string number_text(double value) {
+  char buffer[32];
+  const auto result = std::to_chars(buffer, buffer + sizeof buffer, value);
+  return {buffer, result.ptr};
+}
+
+Range Range::any(std::string unit) {
+  Range range;
+  range.unit = std::move(unit);
+  return range;
+}
+
+Range Range::positive(std::string unit) {
+  Range range = any(std::move(unit));
+  range.low = 0;
+  range.low_excluded = true;
+  return range;
+}
+
+Range Range::non_negative(std::string unit) {
+  Range range = any(std::move(unit));
+  range.low = 0;
+  return range;
+}
+
+Range Range::between(double low, double high, std::string unit) {
+  Range range = any(std::move(unit));
+  range.low = low;
+  range.high = high;
+  return range;
+}
+
+bool Range::contains(double value) const {
+  if (std::isinf(value)) return infinity_allowed && value > 0;
+  return good_size(value) && (low_excluded ? value > low : value >= low) &&
+         (high_excluded ? value < high : value <= high);
+}
+
+bool Range::good_size(double value) const {
+  const bool too_small = low == 0 && low_excluded && value > 0 && value < kLeastSize;
+  return std::abs(value) <= kMostSize && !too_small;
+}
+
+std::string Range::text_for(double value) const {
+  if (!std::isfinite(value) || good_size(value)) return text();
+  return text() + ", " + number_text(kLeastSize) + " to " + number_text(kMostSize) + " in size";
+}
+
+std::string Range::text() const {
+  std::string text = infinity_allowed ? "number" : "finite number";
+  const bool bounded_below = std::isfinite(low), bounded_above = std::isfinite(high);
+  if (bounded_below && bounded_above) {
+    text += std::string(" in ") + (low_excluded ? "(" : "[") + number_text(low) + ", " + number_text(high) +
+            (high_excluded ? ")" : "]");
+  } else if (bounded_below) {
+    text += (low_excluded ? " > " : " >= ") + number_text(low);
+  } else if (bounded_above) {
+    text += (high_excluded ? " < " : " <= ") + number_text(high);
+  }
+  if (!unit.empty()) text += ", in " + unit;
+  if (infinity_allowed && !bounded_above) text += ", or inf";
+  return text;
+}
+
+TableReader::TableReader(const Node* node, std::string path, ReadContext& context)
+    : node_(node), source_(context.source_name), path_(std::move(path)), context_(&context) {
+  if (node != nullptr && node->kind != NodeKind::kTable) {
+    fault(*node, path_, std::string("is ") + kind_name(node->kind) + "; allowed: a table");
+    node_ = nullptr;
+    silent_ = true;
+  }
+  if (node_ != nullptr) {
+    source_ = node_->source;
+    line_ = node_->line;
+  }
+}
+
+bool TableReader::is_table(std::string_view key) const {
+  const Node* value = node_ == nullptr ? nullptr : node_->find(key);
+  return value != nullptr && value->kind == NodeKind::kTable;
+}
+
+std::string TableReader::path_of(std::string_view key) const {
+  return path_.empty() ? std::string(key) : path_ + "." + std::string(key);
+}
+
+const Node* TableReader::node(std::string_view key) {
+  if (std::find(known_.begin(), known_.end(), key) == known_.end()) known_.emplace_back(key);
+  return node_ == nullptr ? nullptr : node_->find(key);
+}
+
+void TableReader::know(std::initializer_list<std::string_view> keys) {
+  for (const std::string_view key : keys) static_cast<void>(node(key));
+}
+
+void TableReader::fault(const Node& node, const std::string& path, const std::string& message) {
+  context_->errors.push_back({node.source, node.line, path, node.written, message});
+}
+
+void TableReader::missing(std::string_view key, const std::string& allowed) {
+  if (silent_) return;
+  context_->errors.push_back(
+      {source_, line_, path_of(key), "", "is missing from " + place(path_) + "; allowed: " + allowed});
+}
+
+void TableReader::refuse(std::string_view key, const std::string& message) {
+  const Node* at = node(key.substr(0, key.find('.')));
+  for (std::size_t dot = key.find('.'); at != nullptr && dot != std::string_view::npos; dot = key.find('.', dot + 1)) {
+    const std::string_view part = key.substr(dot + 1, key.find('.', dot + 1) - dot - 1);
+    at = at->child(part);
+  }
+  if (at != nullptr) {
+    fault(*at, path_of(key), message);
+  } else if (!silent_) {
+    context_->errors.push_back({source_, line_, path_of(key), "", message});
+  }
+}
+
+std::optional<double> TableReader::checked_number(const Node& node, const std::string& path, const Range& range) {
+  if (node.kind != NodeKind::kInteger && node.kind != NodeKind::kFloat) {
+    fault(node, path, std::string("is ") + kind_name(node.kind) + "; allowed: " + with_article(range.text()));
+    return std::nullopt;
+  }
+  if (!range.contains(node.number)) {
+    fault(node, path, "is out of range; allowed: " + with_article(range.text_for(node.number)));
+    return std::nullopt;
+  }
+  return node.number;
+}
+
+std::optional<double> TableReader::number(std::string_view key, const Range& range, std::optional<double> fallback) {
+  const Node* value = node(key);
+  if (value != nullptr) return checked_number(*value, path_of(key), range);
+  if (!fallback) missing(key, with_article(range.text()));
+  return fallback;
+}
+
+std::optional<std::int64_t> TableReader::integer(std::string_view key, std::int64_t low, std::int64_t high,
+                                                 std::int64_t fallback) {
+  const Node* value = node(key);
+  if (value == nullptr) return fallback;
+  const std::string allowed = "an integer in [" + std::to_string(low) + ", " + std::to_string(high) + "]";
+  if (value->kind != NodeKind::kInteger) {
+    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
+    return std::nullopt;
+  }
+  if (value->integer < low || value->integer > high) {
+    fault(*value, path_of(key), "is out of range; allowed: " + allowed);
+    return std::nullopt;
+  }
+  return value->integer;
+}
+
+std::optional<std::string> TableReader::word(std::string_view key, std::initializer_list<std::string_view> allowed,
+                                             std::optional<std::string> fallback) {
+  const std::string choice = joined(allowed, "\"", " or ");
+  const Node* value = node(key);
+  if (value == nullptr) {
+    if (!fallback) missing(key, choice);
+    return fallback;
+  }
+  if (value->kind != NodeKind::kString) {
+    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + choice);
+    return std::nullopt;
+  }
+  if (std::find(allowed.begin(), allowed.end(), value->text) == allowed.end()) {
+    fault(*value, path_of(key), "is none of the choices; allowed: " + choice);
+    return std::nullopt;
+  }
+  return value->text;
+}
+
+std::optional<std::string> TableReader::text(std::string_view key) {
+  const std::string allowed = "a string that is not empty";
+  const Node* value = node(key);
+  if (value == nullptr) {
+    missing(key, allowed);
+    return std::nullopt;
+  }
+  if (value->kind != NodeKind::kString || value->text.empty()) {
+    const std::string is = value->kind == NodeKind::kString ? "empty" : kind_name(value->kind);
+    fault(*value, path_of(key), "is " + is + "; allowed: " + allowed);
+    return std::nullopt;
+  }
+  return value->text;
+}
+
+std::optional<bool> TableReader::boolean(std::string_view key, bool fallback) {
+  const Node* value = node(key);
+  if (value == nullptr) return fallback;
+  if (value->kind != NodeKind::kBoolean) {
+    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: true or false");
+    return std::nullopt;
+  }
+  return value->boolean;
+}
+
+std::optional<std::vector<double>> TableReader::numbers(std::string_view key, std::size_t size, const Range& range,
+                                                        bool required) {
+  const std::string allowed = "an array of " + std::to_string(size) + " numbers, each a " + range.text();
+  const Node* value = node(key);
+  if (value == nullptr) {
+    if (!required) return std::vector<double>(size, 0.0);
+    missing(key, allowed);
+    return std::nullopt;
+  }
+  if (value->kind != NodeKind::kArray) {
+    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
+    return std::nullopt;
+  }
+  if (value->items.size() != size) {
+    fault(*value, path_of(key), "has " + std::to_string(value->items.size()) + " elements; allowed: " + allowed);
+    return std::nullopt;
+  }
+  std::vector<double> numbers;
+  for (std::size_t i = 0; i < size; ++i) {
+    const auto number = checked_number(value->items[i], path_of(key) + "." + std::to_string(i), range);
+    if (number) numbers.push_back(*number);
+  }
+  return numbers.size() == size ? std::optional(numbers) : std::nullopt;
+}
+
+std::optional<std::vector<double>> TableReader::list(std::string_view key, std::size_t least, std::size_t most,
+                                                     const Range& range) {
+  const std::string allowed =
+      "an array of " + std::to_string(least) + " to " + std::to_string(most) + " numbers, each a " + range.text();
+  const Node* value = node(key);
+  if (value == nullptr) {
+    missing(key, allowed);
+    return std::nullopt;
+  }
+  if (value->kind != NodeKind::kArray) {
+    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
+    return std::nullopt;
+  }
+  if (value->items.size() < least || value->items.size() > most) {
+    fault(*value, path_of(key), "has " + std::to_string(value->items.size()) + " elements; allowed: " + allowed);
+    return std::nullopt;
+  }
+  return numbers(key, value->items.size(), range, true);
+}
+
+std::optional<std::vector<Eigen::Vector3d>> TableReader::vectors(std::string_view key, std::size_t least,
+                                                                 std::size_t most, const Range& range) {
+  const std::string count =
+      least == most ? std::to_string(least) : std::to_string(least) + " to " + std::to_string(most);
+  const std::string allowed = "an array of " + count + " vectors of 3 numbers, each a " + range.text();
+  const Node* value = node(key);
+  if (value == nullptr) {
+    missing(key, allowed);
+    return std::nullopt;
+  }
+  if (value->kind != NodeKind::kArray) {
+    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
+    return std::nullopt;
+  }
+  if (value->items.size() < least || value->items.size() > most) {
+    fault(*value, path_of(key), "has " + std::to_string(value->items.size()) + " elements; allowed: " + allowed);
+    return std::nullopt;
+  }
+  std::vector<Eigen::Vector3d> vectors;
+  for (std::size_t i = 0; i < value->items.size(); ++i) {
+    const Node& item = value->items[i];
+    const std::string path = path_of(key) + "." + std::to_string(i);
+    const std::string item_allowed = "an array of 3 numbers, each a " + range.text();
+    if (item.kind != NodeKind::kArray) {
+      fault(item, path, std::string("is ") + kind_name(item.kind) + "; allowed: " + item_allowed);
+    } else if (item.items.size() != 3) {
+      fault(item, path, "has " + std::to_string(item.items.size()) + " elements; allowed: " + item_allowed);
+    } else {
+      Eigen::Vector3d vector;
+      int good = 0;
+      for (int j = 0; j < 3; ++j) {
+        const auto number =
+            checked_number(item.items[static_cast<std::size_t>(j)], path + "." + std::to_string(j), range);
+        if (number) {
+          vector[j] = *number;
+          ++good;
+        }
+      }
+      if (good == 3) vectors.push_back(vector);
+    }
+  }
+  return vectors.size() == value->items.size() ? std::optional(vectors) : std::nullopt;
+}
+
+TableReader TableReader::table(std::string_view key) {
+  TableReader reader(node(key), path_of(key), *context_);
+  reader.silent_ = reader.silent_ || silent_;
+  if (!reader.present()) {
+    reader.source_ = source_;
+    reader.line_ = line_;
+  }
+  return reader;
+}
+
+std::vector<TableReader> TableReader::tables(std::string_view key, std::string_view allowed) {
+  std::vector<TableReader> readers;
+  const Node* value = node(key);
+  if (value == nullptr) return readers;
+  if (value->kind != NodeKind::kArray) {
+    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + std::string(allowed));
+    return readers;
+  }
+  for (std::size_t i = 0; i < value->items.size(); ++i) {
+    readers.emplace_back(&value->items[i], path_of(key) + "." + std::to_string(i), *context_);
+  }
+  return readers;
+}
+
+void TableReader::refuse_unknown_keys() {
+  if (node_ == nullptr) return;
+  for (const auto& [key, value] : node_->entries) {
+    if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
+    const std::string suggestion = nearest(key, known_);
+    fault(value, path_of(key),
+          "unknown key" + (suggestion.empty() ? "" : "; did you mean " + suggestion + "?") + "; allowed in " +
+              place(path_) + ": " + joined(known_, "", ", "));
+  }
+}
+
+}  // namespace ballast::sim

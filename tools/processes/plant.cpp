@@ -1,0 +1,60 @@
+// ballast-plant: the ball as a process of its own. It sets the pace of the lockstep, plays the operator (arm, start)
+// unless one is on the bus, and records.
+#include <CLI/CLI.hpp>
+#include <iostream>
+
+#include "tools/program/program.h"
+#include "tools/faults/faulty_peers.h"
+#include "tools/sil/lcm_peers.h"
+#include "tools/recording/record_run.h"
+
+int main(int argc, char** argv) {
+  using namespace ballast;
+
+  CLI::App app{
+      "Runs the plant as a process of its own, over LCM: waits for controller and monitor, then runs and records.",
+      "ballast-plant"};
+  program::ScenarioOptions scenario_options;
+  program::BusOptions bus_options;
+  std::string out;
+  sil::RecordOptions record{.unbuffered = true};
+  program::add_scenario_options(app, scenario_options);
+  program::add_bus_options(app, bus_options);
+  app.add_option("--out", out, "folder for the results; default runs/NAME")->check(program::not_empty());
+  app.add_option("--speed", record.speed, "simulated over wall time; default as fast as it goes")
+      ->check(program::positive_finite());
+  app.add_flag("--by-hand", record.by_hand,
+               "arm the controller, and leave start, stop and moves to operators; give --speed 1 with it");
+  app.add_flag("--quiet", record.quiet, "no progress bar and no summary");
+  if (const auto exit_status = program::parse(app, argc, argv)) return *exit_status;
+  const auto scenario = program::load_scenario(scenario_options);
+  if (!scenario) return program::kExitUsage;
+
+  if (const std::string why = sil::FaultyPeers::not_possible(*scenario, sil::FaultyPeers::Elsewhere::kProcessesByHand,
+                                                             "in processes started by hand");
+      !why.empty()) {
+    program::complain("ballast-plant", why);
+    return program::kExitUsage;
+  }
+  if (record.speed > 0 && 2 * scenario->run.control_period_s / record.speed > bus_options.peer_timeout_s) {
+    program::complain("ballast-plant",
+                      "--speed: at this pace a tick takes more than half the peer timeout; give all processes a longer "
+                      "--peer-timeout");
+    return program::kExitUsage;
+  }
+  record.run_options = " --processes" + program::as_typed(bus_options);
+  record.interrupted = program::catch_signals();
+  hal::Bus bus(bus_options.url, record.interrupted);
+  if (!bus.good()) return program::refuse_bus("ballast-plant", bus_options.url);
+  sil::OutputDir output(out.empty() ? "runs/" + scenario->name : out);
+  if (!output.good()) {
+    program::complain("ballast-plant", output.error());
+    return program::kExitCouldNotRun;
+  }
+  sil::LcmPeers peers(bus, {.scenario_id = scenario->id,
+                            .controller_expected = scenario->run.actuation == sim::Actuation::kStepper,
+                            .start_timeout = hal::Seconds(bus_options.start_timeout_s),
+                            .peer_timeout = hal::Seconds(bus_options.peer_timeout_s),
+                            .faults = sil::messages_suffer(*scenario) ? &*scenario : nullptr});
+  return program::after_output("ballast-plant", sil::record_run("ballast-plant", *scenario, peers, output, record));
+}

@@ -1,0 +1,150 @@
+#include "tools/summary/required_friction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+namespace ballast::sil {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Less than this part of what the greatest cause does is not named beside it.
+constexpr double kWorthNaming = 0.5;
+
+// Parts so many times what is left of them nearly cancel, as where a ball is let go at rest: then nobody is the cause.
+constexpr double kNearlyCancel = 100;
+
+std::string number(const char* format, double value) {
+  char text[128];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+std::string list(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (i > 0) text += i + 1 == names.size() ? " and " : ", ";
+    text += names[i];
+  }
+  return text;
+}
+
+// Whoever does at least half of what the greatest does, and who takes as much of it away.
+std::string because(const std::vector<FrictionPart>& parts) {
+  if (!parts.empty() && parts.front().part > kNearlyCancel) return ": what the masses ask for nearly cancels";
+  std::vector<std::string> causes, remedies;
+  for (const FrictionPart& part : parts) {
+    if (std::abs(part.part) < kWorthNaming * parts.front().part) continue;
+    (part.part > 0 ? causes : remedies).push_back(part.of + number(" (%.0f %%)", 100 * part.part));
+  }
+  if (causes.empty()) return "";
+  return " because of " + list(causes) + (remedies.empty() ? "" : " against " + list(remedies));
+}
+
+// What is needed where f_s / N has no bound. Rounding leaves an f_s of 1e-15 of the weight where there is none.
+std::string unbounded_text(const RunResult& result) {
+  const double time_s = result.extrema.mu_required_max.time_s;
+  if (!result.friction_shares) return number("N falls to 0 at %.2f s", time_s);
+  const sim::ContactShares& shares = *result.friction_shares;
+  if (shares.force_W_n.head<2>().norm() <= 1e-9 * std::abs(shares.static_weight_n))
+    return number("leaves the ground at %.2f s on any floor", time_s);
+  return number("needs more friction than any floor gives at %.2f s: N falls to 0", time_s);
+}
+
+// Before what is said of floors: a run that ended early knows nothing of what would have come.
+std::string up_to_its_end(const RunResult& result) {
+  if (result.end_reason == EndReason::kCompleted) return "";
+  std::string reason = to_string(result.end_reason);
+  if (result.end_reason == EndReason::kTripped && result.trip.tripped == 0) reason += " by the controller";
+  return number("up to its end at %.2f s (", result.final_sample.time_s) + reason + ") ";
+}
+
+}  // namespace
+
+std::vector<FrictionPart> friction_parts(const RunResult& result) {
+  std::vector<FrictionPart> parts;
+  if (!result.friction_shares || !(result.extrema.mu_required_max.value > 0)) return parts;
+  const sim::ContactShares& shares = *result.friction_shares;
+  const auto add = [&](std::string of, const sim::LoadShare& load) {
+    parts.push_back({std::move(of), part_of_friction(shares, load),
+                     part_of_friction(shares, load.weight_W_n, load.static_weight_n),
+                     part_of_friction(shares, load.motion_W_n, 0), part_of_friction(shares, load.turning_W_n, 0)});
+  };
+  for (int i = 0; i < shares.mass_count; ++i)
+    add("mass " + std::to_string(i), shares.mass[static_cast<std::size_t>(i)]);
+  add("the ball", shares.shell);
+  if (!shares.outside.weight_W_n.isZero(0)) add("the outside force", shares.outside);
+  if (std::any_of(parts.begin(), parts.end(), [](const FrictionPart& p) { return !std::isfinite(p.part); })) return {};
+  std::stable_sort(parts.begin(), parts.end(), [](const auto& a, const auto& b) { return a.part > b.part; });
+  return parts;
+}
+
+std::string friction_parts_text(const RunResult& result) {
+  std::string text;
+  for (const FrictionPart& p : friction_parts(result)) {
+    char line[128];
+    std::snprintf(line, sizeof line, "  %-18s %6.1f %%: weight %.1f, own motion %.1f, carried round %.1f\n",
+                  p.of.c_str(), 100 * p.part, 100 * p.weight, 100 * p.motion, 100 * p.turning);
+    text += line;
+  }
+  return text;
+}
+
+std::string required_friction_text(const RunResult& result, const std::vector<FloorVerdict>& floors) {
+  const sim::Extremum& mu = result.extrema.mu_required_max;
+  std::string text;
+  const bool starts_rolling = result.regimes.front().regime == sim::Regime::kRolling;
+  const char* unknown_floors = "does not start rolling: nothing can be said of other floors";
+  if (mu.value == 0) {
+    if (!starts_rolling) return unknown_floors;
+    text = "needs no friction";
+  } else if (std::isfinite(mu.value)) {
+    text = (result.rolling_lost || result.end_reason != EndReason::kCompleted ? "needs at least " : "needs ") +
+           number("%.3g at ", mu.value) + number("%.2f s", mu.time_s);
+    const auto slides = [](const sim::RegimeStart& start) { return start.regime == sim::Regime::kSliding; };
+    if (!result.friction_shares && std::any_of(result.regimes.begin(), result.regimes.end(), slides))
+      text += ", sliding";
+  } else {
+    text = unbounded_text(result);
+  }
+  text += because(friction_parts(result));
+  if (!starts_rolling) return text + "; " + unknown_floors;
+  text += "; " + up_to_its_end(result);
+  std::vector<std::string> holds, fails;
+  for (const FloorVerdict& floor : floors) (floor.holds ? holds : fails).emplace_back(floor.name);
+  if (fails.empty()) return text + "holds on all of the paper's floors";
+  if (holds.empty()) {
+    text += "holds on none of the paper's floors";
+    // What it needs is below what some of them give where rolling was lost first.
+    const sim::Extremum& normal = result.extrema.normal_force_min;
+    if (std::isfinite(mu.value) && normal.value <= 0) text += number(": N falls to 0 at %.2f s", normal.time_s);
+    return text;
+  }
+  return text + "holds on " + list(holds) + ", not on " + list(fails);
+}
+
+Json required_friction_json(const RunResult& result, const std::vector<FloorVerdict>& floors) {
+  Json json;
+  json["text"] = required_friction_text(result, floors);
+  if (result.friction_shares) {
+    const Eigen::Vector3d& force_W_n = result.friction_shares->force_W_n;
+    json["normal_force"] = force_W_n[2];
+    json["static_friction"] = force_W_n.head<2>().norm();
+  } else {
+    json["normal_force"] = json["static_friction"] = nullptr;
+  }
+  json["parts"] = Json::array();
+  for (const FrictionPart& part : friction_parts(result)) {
+    json["parts"].push_back({{"of", part.of},
+                             {"part", part.part},
+                             {"weight", part.weight},
+                             {"motion", part.motion},
+                             {"turning", part.turning}});
+  }
+  return json;
+}
+
+}  // namespace ballast::sil
