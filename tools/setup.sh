@@ -14,16 +14,12 @@ run_packages=(
 # The browser: for the tests of `ballast report`. Java and what follows it: for those of `ballast spy`, which says itself
 # what it lacks where it is run.
 test_packages=(
-  libgtest-dev
+  libgtest-dev libbenchmark-dev libsimbody-dev
   chromium chromium-driver python3-selenium
   default-jdk-headless default-jre libjchart2d-java liblcm-java xvfb
 )
 # The firmware on a microcontroller: its compiler, and the machine it runs on.
 target_packages=(gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib qemu-system-arm)
-# Neither installed nor built by tools/test: the comparison with Simbody (tests/simbody), with libsimbody-dev and
-#   cmake --preset release -DBALLAST_PEERS=ON
-# after which tools/test runs it too.
-
 # missing_packages NAME...: those that are not installed, one per line.
 missing_packages() {
   local name

@@ -3,8 +3,8 @@
 #include <Simbody.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
-#include <stdexcept>
 #include <vector>
 
 namespace ballast::peer {
@@ -21,9 +21,9 @@ struct Stretch {
 // theta'' goes linearly along each piece; behind the last one it is 0.
 class RailMotion : public SimTK::Motion::Custom::Implementation {
  public:
-  RailMotion(const sim::Mass& mass, const Stretch& stretch) : stretch_(stretch) {
+  RailMotion(const Robot::Mass& mass, const Stretch& stretch) : stretch_(stretch) {
     Cubic c{0, mass.initial_position, mass.initial_velocity, 0, 0};
-    for (const sim::MotionPiece& piece : mass.motion) {
+    for (const Robot::Piece& piece : mass.motion) {
       const double h = piece.duration_s;
       c.acceleration = piece.acceleration_start;
       c.jerk = (piece.acceleration_end - piece.acceleration_start) / h;
@@ -74,16 +74,16 @@ class RailMotion : public SimTK::Motion::Custom::Implementation {
   std::vector<Cubic> cubics_;
 };
 
-// The scenario's force on the geometric centre: constant or a table, and drag.
+// The external force on the geometric centre: constant or a table, and drag.
 class CenterForce : public SimTK::Force::Custom::Implementation {
  public:
-  CenterForce(const sim::Scenario& s, const SimTK::MobilizedBody& ball)
+  CenterForce(const Robot& s, const SimTK::MobilizedBody& ball)
       : ball_(ball),
-        constant_(vec3(s.external_force_W_n)),
-        times_s_(s.force_table.times_s),
-        drag_kgpm_(s.drag.coefficient_kgpm),
-        wind_(vec3(s.drag.wind_W_mps)) {
-    for (const Eigen::Vector3d& force : s.force_table.forces_W_n) forces_.push_back(vec3(force));
+        constant_(vec3(s.force_W_n)),
+        times_s_(s.force_times_s),
+        drag_kgpm_(s.drag_kgpm),
+        wind_(vec3(s.wind_W_mps)) {
+    for (const Eigen::Vector3d& force : s.forces_W_n) forces_.push_back(vec3(force));
   }
 
   void calcForce(const SimTK::State& state, SimTK::Vector_<SimTK::SpatialVec>& body_forces,
@@ -114,20 +114,20 @@ class CenterForce : public SimTK::Force::Custom::Implementation {
 };
 
 // The joint's frame in the shell: x and y span the circle, or x points along the line.
-SimTK::Transform joint_frame(const firmware::Rail& rail) {
-  const SimTK::UnitVec3 x(vec3(rail.axis_cos_B));
-  if (rail.shape == firmware::RailShape::kLine) return {SimTK::Rotation(x, SimTK::XAxis), vec3(rail.origin_B_m)};
-  return {SimTK::Rotation(x, SimTK::XAxis, vec3(rail.axis_sin_B), SimTK::YAxis), vec3(rail.origin_B_m)};
+SimTK::Transform joint_frame(const Robot::Mass& mass) {
+  const SimTK::UnitVec3 x(vec3(mass.axis_cos_B));
+  if (!mass.on_circle) return {SimTK::Rotation(x, SimTK::XAxis), vec3(mass.origin_B_m)};
+  return {SimTK::Rotation(x, SimTK::XAxis, vec3(mass.axis_sin_B), SimTK::YAxis), vec3(mass.origin_B_m)};
 }
 
 SimTK::MassProperties point_mass(double mass_kg, const SimTK::Vec3& where) {
   return {mass_kg, where, SimTK::Inertia::pointMassAt(where, mass_kg)};
 }
 
-SimTK::MassProperties shell(const sim::Scenario::Ball& ball) {
-  const SimTK::Inertia about_own_center(vec3(ball.inertia_kgm2));
-  const SimTK::Vec3 com = vec3(ball.center_of_mass_B_m);
-  return {ball.mass_kg, com, about_own_center.shiftFromMassCenter(-com, ball.mass_kg)};
+SimTK::MassProperties shell(const Robot& robot) {
+  const SimTK::Inertia about_own_center(vec3(robot.inertia_kgm2));
+  const SimTK::Vec3 com = vec3(robot.center_of_mass_B_m);
+  return {robot.shell_mass_kg, com, about_own_center.shiftFromMassCenter(-com, robot.shell_mass_kg)};
 }
 
 }  // namespace
@@ -148,23 +148,21 @@ struct SimbodyBall::Model {
   std::vector<double> borders_s;  // of motion pieces and the force's table; increasing, the last one infinite
   std::unique_ptr<SimTK::RungeKuttaMersonIntegrator> integrator;
 
-  explicit Model(const sim::Scenario& s)
-      : ball(matter.Ground(), SimTK::Transform(), SimTK::Body::Rigid(shell(s.ball)), SimTK::Transform()),
-        contact(matter.updGround(), SimTK::Transform(SimTK::Vec3(0, 0, -s.ball.radius_m)), ball, SimTK::Vec3(0),
-                s.ball.radius_m, true) {
-    if (s.initial.has_velocity || s.initial.height_m != 0)
-      throw std::invalid_argument("initial: the Simbody ball starts rolling, without `velocity` or `height`");
+  explicit Model(const Robot& s)
+      : ball(matter.Ground(), SimTK::Transform(), SimTK::Body::Rigid(shell(s)), SimTK::Transform()),
+        contact(matter.updGround(), SimTK::Transform(SimTK::Vec3(0, 0, -s.radius_m)), ball, SimTK::Vec3(0),
+                s.radius_m, true) {
     // The handles of forces and motions may go: the system keeps, and owns, what they stand for.
     SimTK::Force::UniformGravity(forces, matter, SimTK::Vec3(0, 0, -s.gravity_mps2));
     SimTK::Force::Custom(forces, new CenterForce(s, ball));
-    borders_s = s.force_table.times_s;
-    for (const sim::Mass& mass : s.masses) {
-      if (mass.rail.shape == firmware::RailShape::kCircle) {
-        const SimTK::Body::Rigid body(point_mass(mass.mass_kg, SimTK::Vec3(mass.rail.radius_m, 0, 0)));
-        masses.push_back(SimTK::MobilizedBody::Pin(ball, joint_frame(mass.rail), body, SimTK::Transform()));
+    borders_s = s.force_times_s;
+    for (const Robot::Mass& mass : s.masses) {
+      if (mass.on_circle) {
+        const SimTK::Body::Rigid body(point_mass(mass.mass_kg, SimTK::Vec3(mass.circle_radius_m, 0, 0)));
+        masses.push_back(SimTK::MobilizedBody::Pin(ball, joint_frame(mass), body, SimTK::Transform()));
       } else {
         const SimTK::Body::Rigid body(point_mass(mass.mass_kg, SimTK::Vec3(0)));
-        masses.push_back(SimTK::MobilizedBody::Slider(ball, joint_frame(mass.rail), body, SimTK::Transform()));
+        masses.push_back(SimTK::MobilizedBody::Slider(ball, joint_frame(mass), body, SimTK::Transform()));
       }
       auto motion = std::make_unique<RailMotion>(mass, stretch);
       for (const double border : motion->borders_s()) borders_s.push_back(border);
@@ -187,13 +185,13 @@ struct SimbodyBall::Model {
   }
 };
 
-SimbodyBall::SimbodyBall(const sim::Scenario& scenario, double accuracy) : model_(std::make_unique<Model>(scenario)) {
+SimbodyBall::SimbodyBall(const Robot& robot, double accuracy) : model_(std::make_unique<Model>(robot)) {
   Model& m = *model_;
   SimTK::State state = m.system.realizeTopology();
-  const Eigen::Quaterniond& q = scenario.initial.orientation;
-  const Eigen::Vector3d omega_W = q * scenario.initial.angular_velocity_B_radps;
-  const Eigen::Vector3d velocity_W = omega_W.cross(Eigen::Vector3d(0, 0, scenario.ball.radius_m));
-  const Eigen::Vector2d& z = scenario.initial.position_W_m;
+  const Eigen::Quaterniond& q = robot.orientation;
+  const Eigen::Vector3d omega_W = q * robot.angular_velocity_B_radps;
+  const Eigen::Vector3d velocity_W = omega_W.cross(Eigen::Vector3d(0, 0, robot.radius_m));
+  const Eigen::Vector2d& z = robot.position_W_m;
   m.ball.setQToFitRotation(state, SimTK::Rotation(SimTK::Quaternion(q.w(), q.x(), q.y(), q.z())));
   m.ball.setQToFitTranslation(state, SimTK::Vec3(z[0], z[1], 0));
   m.ball.setUToFitAngularVelocity(state, vec3(omega_W));

@@ -13,7 +13,7 @@
 #include <memory>
 
 #include "sim/plant/plant.h"
-#include "tests/simbody/simbody_ball.h"
+#include "tests/simbody/robot_of.h"
 
 namespace ballast {
 namespace {
@@ -51,7 +51,7 @@ struct Distances {
 // The largest along the way, looked at ten times per time unit.
 Distances compare(const sim::Scenario& scenario, double accuracy, double end_s) {
   sim::Plant plant(scenario);
-  peer::SimbodyBall ball(scenario, accuracy);
+  peer::SimbodyBall ball(peer::robot_of(scenario), accuracy);
   Distances worst;
   for (int k = 0; k <= std::lround(10 * end_s); ++k) {
     plant.advance(k / 10., {});
@@ -75,7 +75,7 @@ sim::Extremum greatest(const sim::Scenario& scenario, double end_s,
     std::shared_ptr<const peer::SimbodyBall::Snapshot> state;
   };
   std::vector<GridPoint> grid;
-  peer::SimbodyBall ball(scenario, kAccuracy);
+  peer::SimbodyBall ball(peer::robot_of(scenario), kAccuracy);
   sim::Extremum best{-std::numeric_limits<double>::infinity(), 0};
   for (int k = 0; k <= std::lround(end_s / kGrid_s); ++k) {
     ball.advance(k * kGrid_s);
@@ -146,7 +146,7 @@ TEST(Simbody, ConvergesToThePlant) {
   sim::Plant plant(scenario);
   plant.advance(20, {});
   const auto distance = [&](double accuracy) {
-    peer::SimbodyBall ball(scenario, accuracy);
+    peer::SimbodyBall ball(peer::robot_of(scenario), accuracy);
     ball.advance(20);
     return state_distance(plant.sample(), ball.sample(), scenario.masses.size());
   };
@@ -163,7 +163,7 @@ TEST(Simbody, HeavyMassDetachesAtTheSameInstant) {
   plant.advance(20, {});
   ASSERT_EQ(plant.end(), sim::PhysicsEnd::kDetached);
 
-  peer::SimbodyBall ball(scenario, kAccuracy);
+  peer::SimbodyBall ball(peer::robot_of(scenario), kAccuracy);
   auto before = ball.snapshot();
   double on_s = 0;
   while (ball.sample().normal_force_n > 0) {

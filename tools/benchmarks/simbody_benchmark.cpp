@@ -1,10 +1,10 @@
-// The same way to T = 20 in Simbody, an independent multibody program (tests/simbody): only with -DBALLAST_PEERS=ON.
+// The same way to T = 20 in Simbody, an independent multibody program (tests/simbody).
 #include <benchmark/benchmark.h>
 
 #include <cmath>
 
 #include "tests/data/reference.h"
-#include "tests/simbody/simbody_ball.h"
+#include "tests/simbody/robot_of.h"
 #include "tools/benchmarks/calls.h"
 #include "tools/benchmarks/scenario.h"
 
@@ -14,7 +14,7 @@ namespace {
 // At the accuracy that ends within about 3e-7: the nearest to LimitIntegration/1e-8 among powers of ten. Building the
 // model is not counted.
 void SimbodyIntegration(benchmark::State& state) {
-  peer::SimbodyBall ball(paper_ball("prescribed"), 1e-8);
+  peer::SimbodyBall ball(peer::robot_of(paper_ball("prescribed")), 1e-8);
   const auto start = ball.snapshot();
   for (auto _ : state) {
     ball.restore(*start);
