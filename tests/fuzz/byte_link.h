@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "hal/target/link.h"
+#include "tests/fuzz/change_parts.h"
+#include "tests/fuzz/fuzz_target.h"
 
 namespace ballast::fuzz {
-
-using Bytes = std::vector<std::uint8_t>;
 
 constexpr std::uint8_t kAsTheyAre = 1;
 // Bits 1..7: by how many bytes the link hands out what it has; 0: all.
@@ -33,7 +33,24 @@ inline void mend_frames(std::span<std::uint8_t> bytes) {
   }
 }
 
-// What a microcontroller's link would bring.
+// The frames of an input, each with its payload; they end where a length is wrong.
+inline std::vector<Part> frames_of(std::span<const std::uint8_t> input) {
+  namespace target = hal::target;
+  std::vector<Part> frames;
+  std::size_t at = 1;  // after the flags
+  while (input.size() - std::min(at, input.size()) >= target::kHeaderSize + target::kTrailerSize) {
+    std::uint32_t length = 0;
+    target::Reader reader(input.subspan(at + 8, 4));
+    reader(length);
+    const std::size_t size = target::kHeaderSize + std::size_t{length} + target::kTrailerSize;
+    if (length > target::kMaxPayload || size > input.size() - at) break;
+    frames.push_back({at, size, at + target::kHeaderSize, length});
+    at += size;
+  }
+  return frames;
+}
+
+// A microcontroller's link that brings an input's bytes.
 class ByteLink {
  public:
   explicit ByteLink(std::span<const std::uint8_t> input) {

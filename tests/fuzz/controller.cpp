@@ -35,6 +35,10 @@ void check(const target::Reply& reply, const firmware::ControllerParams& params)
 
 }  // namespace
 
+Bytes change_one_thing(Bytes input, std::mt19937_64& random) {
+  return change_one_part(input, frames_of(input), random);
+}
+
 bool take(std::span<const std::uint8_t> input) {
   static const auto params = std::make_unique<firmware::ControllerParams>();
   *params = firmware::ControllerParams();

@@ -1,6 +1,11 @@
-// corpus_test FOLDER...: gives a fuzz target every file of its corpus, and mutations of them. A crash or a broken
-// promise aborts, as it would end a fuzzer's run.
+// corpus_test FOLDER...: gives a fuzz target every file of its corpus, then mutations of them: wild ones of all files,
+// and changes of one thing (change_one_thing) in files that are let through. A crash or a broken promise ends it, as it
+// would end a fuzzer's run, and leaves the input in `fuzz_finding`. BALLAST_SEED repeats a run's mutations.
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <array>
 #include <csignal>
 #include <cstring>
 #include <filesystem>
@@ -15,28 +20,39 @@
 namespace ballast::fuzz {
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
-
-constexpr int kMutations = 4000;
+constexpr int kMutations = 4000;           // of each kind
 constexpr std::size_t kLongest = 1 << 17;  // of a mutation, bytes
 
-// The input that was being taken, for whoever has to look at it.
+// The input that take() is given.
 Bytes current;
 
-void keep_finding(int) {
-  static const char path[] = "fuzz_finding";
-  if (std::FILE* file = std::fopen(path, "wb"); file != nullptr) {
-    std::fwrite(current.data(), 1, current.size(), file);
-    std::fclose(file);
+// Saves the input, whatever ends the program: an abort, a fault of memory or arithmetic, the end of the stack.
+void keep_finding(int signal) {
+  const int file = open("fuzz_finding", O_WRONLY | O_CREAT | O_TRUNC, 0644);
+  if (file >= 0 && write(file, current.data(), current.size()) == static_cast<ssize_t>(current.size())) {
+    static const char text[] = "the input is in fuzz_finding\n";
+    static_cast<void>(!write(STDERR_FILENO, text, sizeof text - 1));
   }
-  std::fprintf(stderr, "the input is in %s\n", path);
-  std::signal(SIGABRT, SIG_DFL);
-  std::abort();
+  raise(signal);  // its default now: SA_RESETHAND
+}
+
+void keep_findings() {
+  static std::array<char, 1 << 16> alternate;  // a stack that has ended cannot carry a handler
+  stack_t stack{};
+  stack.ss_sp = alternate.data();
+  stack.ss_size = alternate.size();
+  sigaltstack(&stack, nullptr);
+  struct sigaction action {};
+  action.sa_handler = keep_finding;
+  action.sa_flags = static_cast<int>(SA_ONSTACK | SA_RESETHAND | SA_NODEFER);
+  for (const int signal : {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGALRM, SIGTERM, SIGXCPU}) {
+    sigaction(signal, &action, nullptr);
+  }
 }
 
 // As fuzzers do it: bits, bytes, runs of them gone, doubled, moved in from another, and numbers that hurt.
-Bytes mutated(Bytes bytes, const Bytes& other, std::mt19937_64& random) {
-  const auto below = [&](std::size_t n) { return n == 0 ? 0 : static_cast<std::size_t>(random() % n); };
+Bytes mutated_wildly(Bytes bytes, const Bytes& other, std::mt19937_64& random) {
+  const auto below = [&](std::size_t n) { return fuzz::below(n, random); };
   static const std::uint64_t kNumbers[] = {0,
                                            1,
                                            0x7f,
@@ -96,41 +112,59 @@ bool give(Bytes bytes) {
   return take(current);
 }
 
-int run(const std::vector<std::string>& folders) {
+std::vector<Bytes> read_corpus(const std::vector<std::string>& folders) {
   std::vector<std::filesystem::path> files;
   for (const std::string& folder : folders) {
     for (const auto& entry : std::filesystem::directory_iterator(folder)) files.push_back(entry.path());
   }
-  std::sort(files.begin(), files.end());  // the order of a folder is nobody's
+  std::sort(files.begin(), files.end());  // a folder has no order of its own
   std::vector<Bytes> corpus;
-  int through = 0;
   for (const std::filesystem::path& file : files) {
     std::ifstream stream(file, std::ios::binary);
     corpus.emplace_back(std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>());
-    through += give(corpus.back()) ? 1 : 0;
   }
-  std::printf("%zu files, %d let through\n", files.size(), through);
-  if (through == 0) {
+  return corpus;
+}
+
+std::uint64_t chosen_seed() {
+  const char* given = std::getenv("BALLAST_SEED");
+  return given != nullptr ? std::strtoull(given, nullptr, 10) : std::random_device{}();
+}
+
+int run(const std::vector<std::string>& folders) {
+  const std::vector<Bytes> corpus = read_corpus(folders);
+  std::vector<Bytes> sound;
+  for (const Bytes& bytes : corpus) {
+    if (give(bytes)) sound.push_back(bytes);
+  }
+  std::printf("%zu files, %zu let through\n", corpus.size(), sound.size());
+  if (sound.empty()) {
     std::fprintf(stderr, "the corpus tests nothing: none of it is let through; was a format changed?\n");
     return 1;
   }
-  const std::uint64_t seed = std::random_device{}();
-  std::printf("%d mutations, seed %llu\n", kMutations, static_cast<unsigned long long>(seed));
+  const std::uint64_t seed = chosen_seed();
+  std::printf("%d mutations of each kind, BALLAST_SEED=%llu\n", kMutations, static_cast<unsigned long long>(seed));
   std::fflush(stdout);
   std::mt19937_64 random(seed);
-  through = 0;
+  const auto any = [&](const std::vector<Bytes>& inputs) -> const Bytes& {
+    return inputs[below(inputs.size(), random)];
+  };
+  int wild = 0, whole = 0;
   for (int i = 0; i < kMutations; ++i) {
-    const Bytes& base = corpus[random() % corpus.size()];
-    through += give(mutated(base, corpus[random() % corpus.size()], random)) ? 1 : 0;
+    const Bytes& base = any(corpus);
+    wild += give(mutated_wildly(base, any(corpus), random)) ? 1 : 0;
+    whole += give(change_one_thing(any(sound), random)) ? 1 : 0;
   }
-  std::printf("%d of them let through\n", through);
-  return 0;
+  std::printf("let through: %d of the wild ones, %d of those with one thing changed\n", wild, whole);
+  if (2 * whole >= kMutations) return 0;
+  std::fprintf(stderr, "fewer than half of the inputs with one thing changed get past the parser\n");
+  return 1;
 }
 
 }  // namespace
 }  // namespace ballast::fuzz
 
 int main(int argc, char** argv) {
-  std::signal(SIGABRT, ballast::fuzz::keep_finding);
+  ballast::fuzz::keep_findings();
   return ballast::fuzz::run({argv + 1, argv + argc});
 }

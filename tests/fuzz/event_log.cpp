@@ -3,10 +3,10 @@
 // a log.
 #include <memory>
 
-#include "tests/fuzz/fuzz_target.h"
+#include "tests/fuzz/change_parts.h"
+#include "tools/faults/faulty_peers.h"
 #include "tools/program/memory_file.h"
 #include "tools/program/params.h"
-#include "tools/faults/faulty_peers.h"
 #include "tools/recording/log_reader.h"
 #include "tools/recording/replay.h"
 
@@ -73,7 +73,28 @@ void replay_with_faults(const std::string& log, std::int64_t id) {
   hold_to_its_word(sil::replay(robot.scenario, log, *peers, "/dev/null", {}));
 }
 
+// 28 bytes of header: sync word, number, time, length of the channel's name, length of the data; all big-endian.
+std::vector<Part> events_of(std::span<const std::uint8_t> input) {
+  constexpr std::size_t kHeader = 28;
+  const auto length = [&](std::size_t at) {
+    return std::size_t{input[at]} << 24 | std::size_t{input[at + 1]} << 16 | std::size_t{input[at + 2]} << 8 |
+           std::size_t{input[at + 3]};
+  };
+  std::vector<Part> events;
+  for (std::size_t at = 0; input.size() - at >= kHeader;) {
+    const std::size_t channel = length(at + 20), data = length(at + 24), left = input.size() - at - kHeader;
+    if (channel > left || data > left - channel) break;
+    events.push_back({at, kHeader + channel + data, at + kHeader + channel, data});
+    at += events.back().size;
+  }
+  return events;
+}
+
 }  // namespace
+
+Bytes change_one_thing(Bytes input, std::mt19937_64& random) {
+  return change_one_part(input, events_of(input), random);
+}
 
 bool take(std::span<const std::uint8_t> input) {
   const program::MemoryFile file(input);

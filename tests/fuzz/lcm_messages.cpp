@@ -9,7 +9,7 @@
 
 #include "hal/lcm/messages.h"
 #include "hal/lcm/operator_inbox.h"
-#include "tests/fuzz/fuzz_target.h"
+#include "tests/fuzz/change_parts.h"
 
 namespace ballast::fuzz {
 namespace {
@@ -137,7 +137,32 @@ class Messages {
   bool through_ = false;
 };
 
+// The lengths of the seven types, by the number that the input calls them.
+std::size_t length_of(std::uint8_t type) {
+  const int lengths[] = {contact_t().getEncodedSize(),           plant_state_t().getEncodedSize(),
+                         sensors_t().getEncodedSize(),           step_command_t().getEncodedSize(),
+                         controller_status_t().getEncodedSize(), trip_t().getEncodedSize(),
+                         operator_t().getEncodedSize()};
+  return static_cast<std::size_t>(lengths[(type & ~kRaw) % 7]);
+}
+
+std::vector<Part> messages_of(std::span<const std::uint8_t> input) {
+  constexpr std::size_t kFingerprint = 8;
+  std::vector<Part> messages;
+  for (std::size_t at = 0; at < input.size() && (input[at] & kRaw) == 0;) {
+    const std::size_t size = std::min(1 + length_of(input[at]), input.size() - at);
+    if (size <= 1 + kFingerprint) break;
+    messages.push_back({at, size, at + 1 + kFingerprint, size - 1 - kFingerprint});
+    at += size;
+  }
+  return messages;
+}
+
 }  // namespace
+
+Bytes change_one_thing(Bytes input, std::mt19937_64& random) {
+  return change_one_part(input, messages_of(input), random);
+}
 
 bool take(std::span<const std::uint8_t> input) { return Messages(input).take(); }
 

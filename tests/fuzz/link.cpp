@@ -33,6 +33,10 @@ int decoded_by_all(const target::Frame& frame, std::span<const std::uint8_t> byt
 
 }  // namespace
 
+Bytes change_one_thing(Bytes input, std::mt19937_64& random) {
+  return change_one_part(input, frames_of(input), random);
+}
+
 bool take(std::span<const std::uint8_t> input) {
   BareMachine machine(input);
   const auto link = std::make_unique<target::Link<BareMachine>>(machine);

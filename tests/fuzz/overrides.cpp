@@ -1,9 +1,10 @@
-// The assignments of --set, and --fault. Input: one after the other, each but the last ended by a zero byte; what begins
-// with '!' is a --fault.
+// The assignments of --set, and --fault. Input: one after the other, each but the last ended by a zero byte; what
+// begins with '!' is a --fault.
 #include <string>
 #include <vector>
 
 #include "tests/fuzz/accepted_scenario.h"
+#include "tests/fuzz/change_toml.h"
 
 namespace ballast::fuzz {
 namespace {
@@ -33,6 +34,8 @@ motor = { travel_per_revolution = 0.1, holding_torque = 20, rotor_inertia = 0.01
 )";
 
 }  // namespace
+
+Bytes change_one_thing(Bytes input, std::mt19937_64& random) { return change_toml(std::move(input), random); }
 
 bool take(std::span<const std::uint8_t> input) {
   std::vector<std::string> overrides(1);
