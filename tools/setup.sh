@@ -7,7 +7,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 # The one list of packages. libglib2.0-dev: lcm.pc asks for it, and Debian's liblcm-dev does not bring it.
 run_packages=(
   cmake g++ ninja-build pkg-config
-  libcli11-dev libeigen3-dev libglib2.0-dev liblcm-bin liblcm-dev libsundials-dev libtomlplusplus-dev nlohmann-json3-dev
+  libcli11-dev libeigen3-dev libfmt-dev libglib2.0-dev liblcm-bin liblcm-dev libsundials-dev libtomlplusplus-dev nlohmann-json3-dev
   python3 python3-matplotlib
   ca-certificates  # for what `ballast report` fetches once from the npm registry
 )

@@ -1,4 +1,4 @@
-"""What programs write: whole or not at all, and nothing else is written over; whatever the name and the disk are."""
+"""Output files appear whole or not at all and replace no other file, whatever their name and however full the disk."""
 
 import os
 import resource
@@ -86,10 +86,13 @@ class OutputFilesTest(unittest.TestCase):
             check_place("/dev/null", KIND)
         self.assertEqual(os.lstat("/dev/null").st_rdev, before.st_rdev)
 
-    @unittest.skipIf(os.geteuid() == 0, "root may write everything")
     def test_a_write_protected_file_is_refused(self):
         (self.folder / "page").write_text("<test>kept")
         (self.folder / "page").chmod(0o444)
+        self.folder.chmod(0o755)
+        if os.geteuid() == 0:  # root may write every file, so another user has to try
+            os.setresuid(65534, 65534, 0)
+            self.addCleanup(os.setresuid, 0, 0, 0)
         self.assert_refused(self.folder / "page", "is write-protected")
 
     def test_a_failure_half_way_leaves_what_was_there(self):
@@ -114,12 +117,13 @@ class OutputFilesTest(unittest.TestCase):
             self.write(self.folder / "nowhere/page")
 
     def test_a_full_disk_says_so_and_leaves_what_was_there(self):
-        # No disk to fill here: a limit on the size of files fails the same write, with another word for it.
+        # A limit on the size of files fails the same write as a full disk, with another message. It would also cut off the
+        # bytecode that Python caches, and every later import would fail: hence -B.
         (self.folder / "page").write_text("<test>old")
         before = self.seen()
         for size in (100, 5000000):  # found out when the file is closed, and in the midst of writing
             done = subprocess.run(
-                [sys.executable, "-c", "import sys, test_output_files as t\n"
+                [sys.executable, "-B", "-s", "-c", "import sys, test_output_files as t\n"
                  "from output_files import OutputFiles\n"
                  "with OutputFiles(sys.argv[1]) as files:\n"
                  "    files.open(sys.argv[1], t.KIND).write(b'x' * int(sys.argv[2]))",
