@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <sstream>
 
 namespace ballast::sim {
 namespace {
@@ -29,7 +30,7 @@ const char* kind_name(NodeKind kind) {
 
 std::string with_article(const std::string& text) { return "a " + text; }
 
-// Levenshtein distance with swapped neighbours as one edit (optimal string alignment).
+// Levenshtein distance that counts two swapped neighbours as one edit (optimal string alignment).
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i) {
@@ -61,7 +62,7 @@ std::string joined(const List& words, std::string_view quote, std::string_view s
 }  // namespace
 
 std::string nearest(std::string_view word, const std::vector<std::string>& known) {
-  constexpr std::size_t kLongest = 64;  // the distance costs the product of the lengths
+  constexpr std::size_t kLongest = 64;  // the distance takes time in proportion to the product of the lengths
   std::string best;
   std::size_t best_distance = 0;
   if (word.size() > kLongest) return best;
@@ -143,7 +144,7 @@ std::string Range::text() const {
 TableReader::TableReader(const Node* node, std::string path, ReadContext& context)
     : node_(node), source_(context.source_name), path_(std::move(path)), context_(&context) {
   if (node != nullptr && node->kind != NodeKind::kTable) {
-    fault(*node, path_, std::string("is ") + kind_name(node->kind) + "; allowed: a table");
+    report(*node, path_, std::string("is ") + kind_name(node->kind) + "; allowed: a table");
     node_ = nullptr;
     silent_ = true;
   }
@@ -163,7 +164,10 @@ std::string TableReader::path_of(std::string_view key) const {
 }
 
 const Node* TableReader::node(std::string_view key) {
-  if (std::find(known_.begin(), known_.end(), key) == known_.end()) known_.emplace_back(key);
+  if (std::find(known_.begin(), known_.end(), key) == known_.end()) {
+    known_.emplace_back(key);
+    note(key, "");
+  }
   return node_ == nullptr ? nullptr : node_->find(key);
 }
 
@@ -171,8 +175,21 @@ void TableReader::know(std::initializer_list<std::string_view> keys) {
   for (const std::string_view key : keys) static_cast<void>(node(key));
 }
 
-void TableReader::fault(const Node& node, const std::string& path, const std::string& message) {
+void TableReader::report(const Node& node, const std::string& path, const std::string& message) {
   context_->errors.push_back({node.source, node.line, path, node.written, message});
+}
+
+// Entries of arrays are counted: their index is the one part of a path that is a number.
+void TableReader::note(std::string_view key, const std::string& allowed, const std::string& fallback) {
+  if (context_->keys == nullptr) return;
+  std::string path, part;
+  std::stringstream parts(path_of(key));
+  while (std::getline(parts, part, '.')) {
+    const bool index = part.find_first_not_of("0123456789") == std::string::npos;
+    if (!path.empty()) path += '.';
+    path += index ? "N" : part;
+  }
+  context_->keys->push_back({path, allowed, fallback});
 }
 
 void TableReader::missing(std::string_view key, const std::string& allowed) {
@@ -188,7 +205,7 @@ void TableReader::refuse(std::string_view key, const std::string& message) {
     at = at->child(part);
   }
   if (at != nullptr) {
-    fault(*at, path_of(key), message);
+    report(*at, path_of(key), message);
   } else if (!silent_) {
     context_->errors.push_back({source_, line_, path_of(key), "", message});
   }
@@ -196,17 +213,18 @@ void TableReader::refuse(std::string_view key, const std::string& message) {
 
 std::optional<double> TableReader::checked_number(const Node& node, const std::string& path, const Range& range) {
   if (node.kind != NodeKind::kInteger && node.kind != NodeKind::kFloat) {
-    fault(node, path, std::string("is ") + kind_name(node.kind) + "; allowed: " + with_article(range.text()));
+    report(node, path, std::string("is ") + kind_name(node.kind) + "; allowed: " + with_article(range.text()));
     return std::nullopt;
   }
   if (!range.contains(node.number)) {
-    fault(node, path, "is out of range; allowed: " + with_article(range.text_for(node.number)));
+    report(node, path, "is out of range; allowed: " + with_article(range.text_for(node.number)));
     return std::nullopt;
   }
   return node.number;
 }
 
 std::optional<double> TableReader::number(std::string_view key, const Range& range, std::optional<double> fallback) {
+  note(key, range.text(), fallback ? number_text(*fallback) : "");
   const Node* value = node(key);
   if (value != nullptr) return checked_number(*value, path_of(key), range);
   if (!fallback) missing(key, with_article(range.text()));
@@ -215,15 +233,16 @@ std::optional<double> TableReader::number(std::string_view key, const Range& ran
 
 std::optional<std::int64_t> TableReader::integer(std::string_view key, std::int64_t low, std::int64_t high,
                                                  std::int64_t fallback) {
+  const std::string allowed = "an integer in [" + std::to_string(low) + ", " + std::to_string(high) + "]";
+  note(key, allowed, std::to_string(fallback));
   const Node* value = node(key);
   if (value == nullptr) return fallback;
-  const std::string allowed = "an integer in [" + std::to_string(low) + ", " + std::to_string(high) + "]";
   if (value->kind != NodeKind::kInteger) {
-    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
+    report(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
     return std::nullopt;
   }
   if (value->integer < low || value->integer > high) {
-    fault(*value, path_of(key), "is out of range; allowed: " + allowed);
+    report(*value, path_of(key), "is out of range; allowed: " + allowed);
     return std::nullopt;
   }
   return value->integer;
@@ -232,17 +251,18 @@ std::optional<std::int64_t> TableReader::integer(std::string_view key, std::int6
 std::optional<std::string> TableReader::word(std::string_view key, std::initializer_list<std::string_view> allowed,
                                              std::optional<std::string> fallback) {
   const std::string choice = joined(allowed, "\"", " or ");
+  note(key, choice, fallback ? "\"" + *fallback + "\"" : "");
   const Node* value = node(key);
   if (value == nullptr) {
     if (!fallback) missing(key, choice);
     return fallback;
   }
   if (value->kind != NodeKind::kString) {
-    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + choice);
+    report(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + choice);
     return std::nullopt;
   }
   if (std::find(allowed.begin(), allowed.end(), value->text) == allowed.end()) {
-    fault(*value, path_of(key), "is none of the choices; allowed: " + choice);
+    report(*value, path_of(key), "is none of the choices; allowed: " + choice);
     return std::nullopt;
   }
   return value->text;
@@ -250,6 +270,7 @@ std::optional<std::string> TableReader::word(std::string_view key, std::initiali
 
 std::optional<std::string> TableReader::text(std::string_view key) {
   const std::string allowed = "a string that is not empty";
+  note(key, allowed);
   const Node* value = node(key);
   if (value == nullptr) {
     missing(key, allowed);
@@ -257,106 +278,88 @@ std::optional<std::string> TableReader::text(std::string_view key) {
   }
   if (value->kind != NodeKind::kString || value->text.empty()) {
     const std::string is = value->kind == NodeKind::kString ? "empty" : kind_name(value->kind);
-    fault(*value, path_of(key), "is " + is + "; allowed: " + allowed);
+    report(*value, path_of(key), "is " + is + "; allowed: " + allowed);
     return std::nullopt;
   }
   return value->text;
 }
 
 std::optional<bool> TableReader::boolean(std::string_view key, bool fallback) {
+  note(key, "true or false", fallback ? "true" : "false");
   const Node* value = node(key);
   if (value == nullptr) return fallback;
   if (value->kind != NodeKind::kBoolean) {
-    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: true or false");
+    report(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: true or false");
     return std::nullopt;
   }
   return value->boolean;
 }
 
+const Node* TableReader::array(std::string_view key, std::size_t least, std::size_t most, const std::string& allowed) {
+  note(key, allowed);
+  const Node* value = node(key);
+  if (value == nullptr) {
+    missing(key, allowed);
+    return nullptr;
+  }
+  if (value->kind != NodeKind::kArray) {
+    report(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
+    return nullptr;
+  }
+  if (value->items.size() < least || value->items.size() > most) {
+    report(*value, path_of(key), "has " + std::to_string(value->items.size()) + " elements; allowed: " + allowed);
+    return nullptr;
+  }
+  return value;
+}
+
+std::optional<std::vector<double>> TableReader::checked_numbers(const Node& array, const std::string& path,
+                                                                const Range& range) {
+  std::vector<double> numbers;
+  for (std::size_t i = 0; i < array.items.size(); ++i) {
+    const auto number = checked_number(array.items[i], path + "." + std::to_string(i), range);
+    if (number) numbers.push_back(*number);
+  }
+  return numbers.size() == array.items.size() ? std::optional(numbers) : std::nullopt;
+}
+
 std::optional<std::vector<double>> TableReader::numbers(std::string_view key, std::size_t size, const Range& range,
                                                         bool required) {
   const std::string allowed = "an array of " + std::to_string(size) + " numbers, each a " + range.text();
-  const Node* value = node(key);
-  if (value == nullptr) {
-    if (!required) return std::vector<double>(size, 0.0);
-    missing(key, allowed);
-    return std::nullopt;
+  if (!required && node(key) == nullptr) {
+    note(key, allowed, "zeros");
+    return std::vector<double>(size, 0.0);
   }
-  if (value->kind != NodeKind::kArray) {
-    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
-    return std::nullopt;
-  }
-  if (value->items.size() != size) {
-    fault(*value, path_of(key), "has " + std::to_string(value->items.size()) + " elements; allowed: " + allowed);
-    return std::nullopt;
-  }
-  std::vector<double> numbers;
-  for (std::size_t i = 0; i < size; ++i) {
-    const auto number = checked_number(value->items[i], path_of(key) + "." + std::to_string(i), range);
-    if (number) numbers.push_back(*number);
-  }
-  return numbers.size() == size ? std::optional(numbers) : std::nullopt;
+  const Node* value = array(key, size, size, allowed);
+  return value == nullptr ? std::nullopt : checked_numbers(*value, path_of(key), range);
 }
 
 std::optional<std::vector<double>> TableReader::list(std::string_view key, std::size_t least, std::size_t most,
                                                      const Range& range) {
-  const std::string allowed =
-      "an array of " + std::to_string(least) + " to " + std::to_string(most) + " numbers, each a " + range.text();
-  const Node* value = node(key);
-  if (value == nullptr) {
-    missing(key, allowed);
-    return std::nullopt;
-  }
-  if (value->kind != NodeKind::kArray) {
-    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
-    return std::nullopt;
-  }
-  if (value->items.size() < least || value->items.size() > most) {
-    fault(*value, path_of(key), "has " + std::to_string(value->items.size()) + " elements; allowed: " + allowed);
-    return std::nullopt;
-  }
-  return numbers(key, value->items.size(), range, true);
+  const Node* value = array(key, least, most,
+                            "an array of " + std::to_string(least) + " to " + std::to_string(most) +
+                                " numbers, each a " + range.text());
+  return value == nullptr ? std::nullopt : checked_numbers(*value, path_of(key), range);
 }
 
 std::optional<std::vector<Eigen::Vector3d>> TableReader::vectors(std::string_view key, std::size_t least,
                                                                  std::size_t most, const Range& range) {
   const std::string count =
       least == most ? std::to_string(least) : std::to_string(least) + " to " + std::to_string(most);
-  const std::string allowed = "an array of " + count + " vectors of 3 numbers, each a " + range.text();
-  const Node* value = node(key);
-  if (value == nullptr) {
-    missing(key, allowed);
-    return std::nullopt;
-  }
-  if (value->kind != NodeKind::kArray) {
-    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
-    return std::nullopt;
-  }
-  if (value->items.size() < least || value->items.size() > most) {
-    fault(*value, path_of(key), "has " + std::to_string(value->items.size()) + " elements; allowed: " + allowed);
-    return std::nullopt;
-  }
+  const Node* value =
+      array(key, least, most, "an array of " + count + " vectors of 3 numbers, each a " + range.text());
+  if (value == nullptr) return std::nullopt;
   std::vector<Eigen::Vector3d> vectors;
   for (std::size_t i = 0; i < value->items.size(); ++i) {
     const Node& item = value->items[i];
     const std::string path = path_of(key) + "." + std::to_string(i);
-    const std::string item_allowed = "an array of 3 numbers, each a " + range.text();
+    const std::string allowed = "; allowed: an array of 3 numbers, each a " + range.text();
     if (item.kind != NodeKind::kArray) {
-      fault(item, path, std::string("is ") + kind_name(item.kind) + "; allowed: " + item_allowed);
+      report(item, path, std::string("is ") + kind_name(item.kind) + allowed);
     } else if (item.items.size() != 3) {
-      fault(item, path, "has " + std::to_string(item.items.size()) + " elements; allowed: " + item_allowed);
-    } else {
-      Eigen::Vector3d vector;
-      int good = 0;
-      for (int j = 0; j < 3; ++j) {
-        const auto number =
-            checked_number(item.items[static_cast<std::size_t>(j)], path + "." + std::to_string(j), range);
-        if (number) {
-          vector[j] = *number;
-          ++good;
-        }
-      }
-      if (good == 3) vectors.push_back(vector);
+      report(item, path, "has " + std::to_string(item.items.size()) + " elements" + allowed);
+    } else if (const auto numbers = checked_numbers(item, path, range)) {
+      vectors.emplace_back(numbers->data());
     }
   }
   return vectors.size() == value->items.size() ? std::optional(vectors) : std::nullopt;
@@ -374,10 +377,11 @@ TableReader TableReader::table(std::string_view key) {
 
 std::vector<TableReader> TableReader::tables(std::string_view key, std::string_view allowed) {
   std::vector<TableReader> readers;
+  note(key, std::string(allowed));
   const Node* value = node(key);
   if (value == nullptr) return readers;
   if (value->kind != NodeKind::kArray) {
-    fault(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + std::string(allowed));
+    report(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + std::string(allowed));
     return readers;
   }
   for (std::size_t i = 0; i < value->items.size(); ++i) {
@@ -391,7 +395,7 @@ void TableReader::refuse_unknown_keys() {
   for (const auto& [key, value] : node_->entries) {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
     const std::string suggestion = nearest(key, known_);
-    fault(value, path_of(key),
+    report(value, path_of(key),
           "unknown key" + (suggestion.empty() ? "" : "; did you mean " + suggestion + "?") + "; allowed in " +
               place(path_) + ": " + joined(known_, "", ", "));
   }

@@ -1,4 +1,5 @@
-// Typed reading of one table of a scenario's tree. Every fault becomes a ScenarioError; reading goes on.
+// Typed reading of one table of a scenario's tree. Each error is added to a list and reading continues, so that one run
+// reports all of them.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,19 +13,19 @@
 
 namespace ballast::sim {
 
-// What lies further out is no robot's, in whatever consistent units: products and quotients of such numbers lose the
-// digits of all others, or overflow.
-inline constexpr double kLeastSize = 1e-15;  // of numbers that must be > 0
+// Numbers of larger or smaller magnitude are refused: their products and quotients lose the digits of the others, or
+// overflow.
+inline constexpr double kLeastSize = 1e-15;  // for numbers that must be > 0
 inline constexpr double kMostSize = 1e15;
 
-// The numbers allowed for a key: between low and high, and of a size that can be computed with. NaN never is.
+// The numbers allowed for a key: between `low` and `high`, with a magnitude of at most kMostSize. NaN is never allowed.
 struct Range {
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
   bool low_excluded = false;
   bool high_excluded = false;
   bool infinity_allowed = false;
-  std::string unit;  // for people; empty: none
+  std::string unit;  // printed in messages; empty: dimensionless
 
   static Range any(std::string unit = "");
   static Range positive(std::string unit = "");
@@ -34,28 +35,36 @@ struct Range {
   [[nodiscard]] bool contains(double value) const;
   [[nodiscard]] bool good_size(double value) const;
   [[nodiscard]] std::string text() const;  // "finite number > 0, in m"
-  // text(), and what sizes are good where that is what is wrong with a value.
+  // text(), with the allowed magnitudes if those are what `value` breaks.
   [[nodiscard]] std::string text_for(double value) const;
 };
 
-// Of `known`, the word nearest to what somebody wrote, with at most a third of the longer one wrong. Empty if none is.
+// The entry of `known` nearest to `word`: at most a third of the longer one may differ. Empty if none is that near.
 std::string nearest(std::string_view word, const std::vector<std::string>& known);
 
-// As people write it: the fewest digits that read back as the same number.
+// The number with the fewest digits that read back as the same double.
 std::string number_text(double value);
+
+// A key that the reader asked for.
+struct ReadKey {
+  std::string key;       // dotted; the index of an array's entry is N
+  std::string allowed;   // empty: the key was looked for, its value not read
+  std::string fallback;  // the value of a missing key; empty: none, or one that the caller computes
+};
 
 struct ReadContext {
   std::string source_name;
   std::vector<ScenarioError>& errors;
+  std::vector<ReadKey>* keys = nullptr;  // if given, every key that is asked for is added
 };
 
 class TableReader {
  public:
-  // `node` may be nullptr (the table is missing: every required key is then reported) or something else than a table
-  // (reported here, once, and its keys then no more). `path` is the dotted key of the table, empty for the top level.
+  // `node` may be nullptr: the table is missing, and every required key is reported. A `node` that is no table is
+  // reported here, and its keys are not reported again. `path` is the table's dotted key, empty for the top level.
   TableReader(const Node* node, std::string path, ReadContext& context);
 
-  // Each reads one key: nothing if it is missing without a fallback or faulty, which is then reported.
+  // Each of these reads one key. A value that is wrong, or missing without a fallback, is reported and gives nullopt.
   std::optional<double> number(std::string_view key, const Range& range, std::optional<double> fallback = std::nullopt);
   std::optional<std::int64_t> integer(std::string_view key, std::int64_t low, std::int64_t high, std::int64_t fallback);
   std::optional<std::string> word(std::string_view key, std::initializer_list<std::string_view> allowed,
@@ -78,32 +87,36 @@ class TableReader {
                                                       const Range& range);
 
   TableReader table(std::string_view key);
-  // One reader per table of an array of tables; none if the key is missing or no such array, which is reported.
+  // One reader per entry of an array of tables. A missing key gives none; a value that is no array is reported.
   std::vector<TableReader> tables(std::string_view key, std::string_view allowed);
 
-  [[nodiscard]] bool present() const { return node_ != nullptr; }  // it is a table
+  [[nodiscard]] bool present() const { return node_ != nullptr; }  // the table exists
   [[nodiscard]] bool has(std::string_view key) const { return node_ != nullptr && node_->find(key) != nullptr; }
   [[nodiscard]] const Node* node(std::string_view key);     // marks the key as known
-  void know(std::initializer_list<std::string_view> keys);  // keys that belong here, though not read
+  void know(std::initializer_list<std::string_view> keys);  // marks keys as known without reading them
   [[nodiscard]] const std::string& path() const { return path_; }
   [[nodiscard]] bool is_table(std::string_view key) const;
   [[nodiscard]] std::string path_of(std::string_view key) const;
 
-  // Reports a fault of a key, which may be deeper ("motion.1"); where the key is missing, with the table's line.
+  // Reports an error of a key, which may be nested ("motion.1"). A missing key is reported with the table's line.
   void refuse(std::string_view key, const std::string& message);
-  // Every key that was not asked for is unknown: suggests the nearest that was.
+  // Reports every key that was not asked for, with the nearest known key.
   void refuse_unknown_keys();
 
  private:
   std::optional<std::vector<double>> numbers(std::string_view key, std::size_t size, const Range& range, bool required);
   std::optional<double> checked_number(const Node& node, const std::string& path, const Range& range);
+  std::optional<std::vector<double>> checked_numbers(const Node& array, const std::string& path, const Range& range);
+  // The array of a key that must have `least` to `most` elements; anything else is reported and gives nullptr.
+  const Node* array(std::string_view key, std::size_t least, std::size_t most, const std::string& allowed);
   void missing(std::string_view key, const std::string& allowed);
-  void fault(const Node& node, const std::string& path, const std::string& message);
+  void report(const Node& node, const std::string& path, const std::string& message);
+  void note(std::string_view key, const std::string& allowed, const std::string& fallback = "");
 
   const Node* node_ = nullptr;
-  std::string source_;   // of what line_ speaks of
-  int line_ = 0;         // of the table; of the table around it, if it is missing; 0: not known
-  bool silent_ = false;  // something else than a table stands here
+  std::string source_;   // the file or option of `line_`
+  int line_ = 0;         // line of the table, or of the enclosing one if the table is missing; 0: unknown
+  bool silent_ = false;  // the value here is no table, which has been reported
   std::string path_;
   ReadContext* context_;
   std::vector<std::string> known_;
