@@ -15,7 +15,7 @@ run_packages=(
 # what it lacks where it is run.
 test_packages=(
   libgtest-dev libbenchmark-dev libsimbody-dev
-  chromium chromium-driver python3-selenium
+  chromium chromium-driver python3-selenium python3-jsonschema
   default-jdk-headless default-jre libjchart2d-java liblcm-java xvfb
 )
 # The firmware on a microcontroller: its compiler, and the machine it runs on.
