@@ -20,7 +20,7 @@
 namespace ballast::hal::target {
 
 inline constexpr std::uint32_t kMagic = 0x54534c42;
-inline constexpr std::uint16_t kProtocolVersion = 1;
+inline constexpr std::uint16_t kProtocolVersion = 2;
 inline constexpr std::size_t kHeaderSize = 20;
 inline constexpr std::size_t kTrailerSize = 4;
 inline constexpr std::size_t kMaxPayload = 8192;

@@ -38,15 +38,11 @@ class Link {
     }
   }
 
-  template <class Payload>
-  Status send_payload(MessageType type, std::int64_t tick, const Payload& payload) {
-    const std::size_t size = encode_frame(sent_, type, tick, payload);
+  template <Message T>
+  Status send(const T& message, std::int64_t tick) {
+    const std::size_t size = encode(message, tick, sent_);
     if (size == 0) return Status::kIo;
     return machine_.write(std::span<const std::uint8_t>(sent_).first(size));
-  }
-  template <class Message>
-  Status send(const Message& message, std::int64_t tick) {
-    return send_payload(kTypeOf<Message>, tick, [&](Writer& writer) { fields(writer, message); });
   }
 
  private:

@@ -80,8 +80,7 @@ class LinkBoard {
   }
   Status write_status(const firmware::ControllerStatus& status) {
     machine_.played(played_);
-    return link_.send_payload(MessageType::kReply, tick_,
-                              [&](Writer& writer) { reply_fields(writer, status, steps_, tick_counts_, played_); });
+    return link_.send(ReplyView{status, steps_, tick_counts_, played_}, tick_);
   }
   void kick_watchdog() {
     ++watchdog_kicks_;

@@ -3,29 +3,30 @@
 namespace ballast::hal::target {
 namespace {
 
-// An archive that keeps nothing but the checksum.
-class Checksum {
+// A visitor that keeps nothing but the checksum of what it visits.
+class Checksum : public Visitor<Checksum> {
  public:
   explicit Checksum(std::uint8_t real_bytes) : single_(real_bytes == sizeof(float)) {}
+
+  template <class Name, class T, class Rule>
+  void leaf(const Name&, const T& value, const Rule&) {
+    if constexpr (std::is_same_v<Rule, Real>) {
+      add(single_ ? static_cast<double>(static_cast<float>(value)) : static_cast<double>(value));
+    } else {
+      add(value);
+    }
+  }
+  [[nodiscard]] std::uint32_t crc() const { return crc_; }
+
+ private:
   template <class T>
-  void operator()(const T& value) {
+  void add(const T& value) {
     std::array<std::uint8_t, 8> bytes{};
     Writer writer(bytes);
     writer(value);
     crc_ = crc32(std::span<const std::uint8_t>(bytes).first(writer.size()), crc_);
   }
-  template <class T>
-  void real(const T& value) {
-    (*this)(single_ ? static_cast<double>(static_cast<float>(value)) : static_cast<double>(value));
-  }
-  template <class T>
-  void bounded(const T& value, std::int64_t, std::int64_t) {
-    (*this)(value);
-  }
-  [[nodiscard]] bool ok() const { return true; }
-  [[nodiscard]] std::uint32_t crc() const { return crc_; }
 
- private:
   bool single_;
   std::uint32_t crc_ = 0;
 };
@@ -34,21 +35,15 @@ class Checksum {
 
 std::uint32_t fingerprint(const firmware::ControllerParams& params, std::uint8_t real_bytes) {
   Checksum sum(real_bytes);
-  ball_fields(sum, params);
+  visit(sum, params);
   for (std::size_t i = 0; i < static_cast<std::size_t>(params.ball.mass_count); ++i) {
-    sum.real(params.ball.mass_kg[i]);
-    rail_fields(sum, params.ball.rail[i]);
-    motor_fields(sum, params.motor[i]);
+    sum.field(params.ball.mass_kg[i], Real()).field(params.ball.rail[i]).field(params.motor[i]);
     const firmware::Profile& motion = params.motion[i];
-    sum(motion.piece_count());
-    for (int k = 0; k <= motion.piece_count(); ++k) {
-      const firmware::Cubic& cubic = motion.cubic(k);
-      sum(motion.cubic_start_s(k));
-      sum(cubic.duration_s);
-      sum(cubic.position);
-      sum(cubic.velocity);
-      sum(cubic.acceleration);
-      sum(cubic.jerk);
+    const int pieces = motion.piece_count();
+    sum.field(pieces);
+    for (int k = 0; k <= pieces; ++k) {
+      const firmware::Wide start_s = motion.cubic_start_s(k);
+      sum.field(start_s).field(motion.cubic(k));
     }
   }
   return sum.crc();

@@ -1,6 +1,7 @@
-// What host and microcontroller say to each other; the payloads of frame.h. A message is described once, by fields(),
-// for both directions and both ends. decode() takes any bytes: false, and the message unusable, unless they are exactly
-// one message with every count, index, flag and enumeration in range. Physical values are not judged: NaN passes.
+// The messages between a host and a microcontroller: payloads of the frames in frame.h.
+//
+// decode() accepts any bytes. It returns false unless they are exactly one message with every count, index, flag and
+// enumeration in range. Physical values are not judged: NaN passes.
 //
 //   target                       host
 //     Hello ------------------->         types and build are compared
@@ -15,14 +16,16 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <type_traits>
 
 #include "firmware/control/controller.h"
 #include "hal/host_link.h"
+#include "hal/messages.h"
 #include "hal/target/frame.h"
 
 namespace ballast::hal::target {
 
-// A text of at most N - 1 characters.
+// A text of at most N - 1 characters; longer ones are cut.
 template <std::size_t N>
 struct Text {
   std::array<char, N> characters{};
@@ -141,309 +144,181 @@ struct Farewell {
   PlayedPulses played;                 // during the last control tick
 };
 
-// --- fields ---
+// A Reply whose parts lie elsewhere, as LinkBoard sends it.
+struct ReplyView {
+  ReplyView(const firmware::ControllerStatus& s, const firmware::StepCommand& c, std::uint32_t t, const PlayedPulses& p)
+      : status(s), steps(c), tick_counts(t), played(p) {}
+  const firmware::ControllerStatus& status;
+  const firmware::StepCommand& steps;
+  std::uint32_t tick_counts;
+  const PlayedPulses& played;
+};
 
-template <class A, class V>
-void vector_fields(A& archive, V& vector) {
-  for (int j = 0; j < vector.size(); ++j) archive.real(vector[j]);
+// --- fields (hal/fields.h); those of the controller's messages are in hal/messages.h ---
+
+template <class T>
+inline constexpr bool kIsText = false;
+template <std::size_t N>
+inline constexpr bool kIsText<Text<N>> = true;
+template <class V, class M>
+requires kIsText<std::remove_const_t<M>>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  for (std::size_t i = 0; i + 1 < m.characters.size(); ++i) visitor.field(m.characters[i], Within(0, 127));
+  return visitor.field(m.characters.back(), Within(0, 0));
 }
 
-template <class A, class T>
-void text_fields(A& archive, T& text) {
-  const auto* last = &text.characters.back();
-  for (auto& character : text.characters) archive.bounded(character, 0, &character == last ? 0 : 127);
+template <class V, Of<Identity> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.sources)
+      .field(m.real_bytes)
+      .field(m.max_masses)
+      .field(m.max_pieces)
+      .field(m.max_rail_pieces)
+      .field(m.max_bursts)
+      .field(m.max_steps_per_tick);
 }
 
-// One pattern for all that follows: M is the message, or const when it is written.
-template <class A, class M>
-void identity_fields(A& archive, M& m) {
-  archive(m.sources);
-  archive(m.real_bytes);
-  archive(m.max_masses);
-  archive(m.max_pieces);
-  archive(m.max_rail_pieces);
-  archive(m.max_bursts);
-  archive(m.max_steps_per_tick);
+template <class V, Of<Hello> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.identity).field(m.board).field(m.counter_hz);
 }
 
-template <class A, class M>
-void hello_fields(A& archive, M& m) {
-  identity_fields(archive, m.identity);
-  text_fields(archive, m.board);
-  archive(m.counter_hz);
+template <class V, Of<MassParams> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.mass_kg, Real())
+      .field(m.rail)
+      .field(m.motor)
+      .field(m.initial_position)
+      .field(m.initial_velocity)
+      .field(m.piece_count, Within(0, firmware::kMaxPieces))
+      .field(m.pieces, first(m.piece_count));
 }
 
-// ControllerParams without what belongs to a mass.
-template <class A, class M>
-void ball_fields(A& archive, M& m) {
-  archive(m.scenario_id);
-  archive(m.control_period_s);
-  archive(m.timer_frequency_hz);
-  archive.real(m.static_friction);
-  archive(m.sensor_stale_ticks);
-  archive(m.monitor_stale_ticks);
-  archive.real(m.ball.radius_m);
-  archive.real(m.ball.gravity_mps2);
-  archive.real(m.ball.shell_mass_kg);
-  vector_fields(archive, m.ball.inertia_kgm2);
-  vector_fields(archive, m.ball.center_of_mass_B_m);
-  vector_fields(archive, m.ball.external_force_W_n);
-  archive.bounded(m.ball.mass_count, 0, firmware::kMaxMasses);
+template <class V, Of<Commit> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.stretch, Within(1, 1000)).field(m.play);
 }
 
-template <class A, class M>
-void rail_fields(A& archive, M& m) {
-  archive.bounded(m.shape, 0, static_cast<int>(firmware::RailShape::kSpline));
-  vector_fields(archive, m.origin_B_m);
-  vector_fields(archive, m.axis_cos_B);
-  vector_fields(archive, m.axis_sin_B);
-  archive.real(m.radius_m);
-  archive.real(m.lower_end);
-  archive.real(m.upper_end);
-  archive(m.closed);
-  archive.bounded(m.piece_count, 0, firmware::kMaxRailPieces);
-  archive.real(m.piece_length_m);
-  if (!archive.ok() || m.shape != firmware::RailShape::kSpline) return;
-  for (std::size_t k = 0; k <= static_cast<std::size_t>(m.piece_count) && archive.ok(); ++k) {
-    vector_fields(archive, m.knots[k].position_B_m);
-    vector_fields(archive, m.knots[k].d2_B_per_m);
-  }
+template <class V, Of<Verdict> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.acceptance, Within(Acceptance::kAccepted, Acceptance::kPeriod))
+      .field(m.fingerprint)
+      .field(m.field)
+      .field(m.index)
+      .field(m.piece)
+      .field(m.value)
+      .field(m.limit)
+      .field(m.allowed);
 }
 
-template <class A, class M>
-void motor_fields(A& archive, M& m) {
-  archive(m.steps_per_unit);
-  archive(m.max_step_rate_hz);
-  archive(m.max_acceleration);
-  archive(m.max_jerk);
-  archive(m.direction_setup_s);
-  archive(m.swing);
+template <class V, Of<World> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.last)
+      .field(m.has_verdict)
+      .field(m.sensors)
+      .field(m.verdict)
+      .field(m.command_count, Within(0, kMaxCommands))
+      .field(m.commands, first(m.command_count));
 }
 
-template <class A, class M>
-void mass_fields(A& archive, M& m) {
-  archive.real(m.mass_kg);
-  rail_fields(archive, m.rail);
-  motor_fields(archive, m.motor);
-  archive(m.initial_position);
-  archive(m.initial_velocity);
-  archive.bounded(m.piece_count, 0, firmware::kMaxPieces);
-  for (std::size_t k = 0; archive.ok() && k < static_cast<std::size_t>(m.piece_count); ++k) {
-    archive(m.pieces[k].duration_s);
-    archive(m.pieces[k].acceleration_start);
-    archive(m.pieces[k].acceleration_end);
-  }
+template <class V, Of<PlayedPulse> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.due_ticks)
+      .field(m.late_counts)
+      .field(m.motor, Within(0, firmware::kMaxMasses - 1))
+      .field(m.direction, Sign());
 }
 
-template <class A, class M>
-void commit_fields(A& archive, M& m) {
-  archive.bounded(m.stretch, 1, 1000);
-  archive(m.play);
+template <class V, Of<PlayedPulses> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.count, Within(0, kMaxPulses)).field(m.pulse, first(m.count));
 }
 
-template <class A, class M>
-void verdict_fields(A& archive, M& m) {
-  archive.bounded(m.acceptance, 0, static_cast<int>(Acceptance::kPeriod));
-  archive(m.fingerprint);
-  text_fields(archive, m.field);
-  archive(m.index);
-  archive(m.piece);
-  archive(m.value);
-  archive(m.limit);
-  text_fields(archive, m.allowed);
+template <class V, class M>
+requires Of<M, Reply> || Of<M, ReplyView>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.status).field(m.steps).field(m.tick_counts).field(m.played);
 }
 
-template <class A, class M>
-void command_fields(A& archive, M& m) {
-  archive.bounded(m.command, 1, static_cast<int>(firmware::OperatorCommand::kMove));
-  if (!archive.ok() || m.command != firmware::OperatorCommand::kMove) return;
-  archive(m.move.masses);
-  for (auto& target : m.move.target_position) archive(target);
-  archive(m.move.speed_fraction);
+template <class V, Of<LastWords> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.cause, Within(Cause::kFault, Cause::kLink))
+      .field(m.r)
+      .field(m.sp)
+      .field(m.lr)
+      .field(m.pc)
+      .field(m.xpsr)
+      .field(m.cfsr)
+      .field(m.hfsr)
+      .field(m.mmfar)
+      .field(m.bfar);
 }
 
-template <class A, class M>
-void world_fields(A& archive, M& m) {
-  archive(m.last);
-  archive(m.has_verdict);
-  archive(m.sensors.tick);
-  vector_fields(archive, m.sensors.orientation.coeffs());
-  vector_fields(archive, m.sensors.gyro_B_radps);
-  vector_fields(archive, m.sensors.accelerometer_B_mps2);
-  for (auto& bits : m.sensors.limit_switch) archive.bounded(bits, 0, 3);
-  archive(m.verdict.tick);
-  archive(m.verdict.tripped);
-  archive.bounded(m.command_count, 0, kMaxCommands);
-  for (std::size_t i = 0; archive.ok() && i < static_cast<std::size_t>(m.command_count); ++i) {
-    command_fields(archive, m.commands[i]);
-  }
+template <class V, Of<Farewell> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.status, Within(Status::kOk, Status::kIo))
+      .field(m.counters)
+      .field(m.overruns)
+      .field(m.watchdog_kicks)
+      .field(m.stack_bytes)
+      .field(m.stack_used_bytes)
+      .field(m.played);
 }
 
-template <class A, class M>
-void steps_fields(A& archive, M& m) {
-  archive(m.tick);
-  archive.bounded(m.motor_count, 0, firmware::kMaxMasses);
-  for (std::size_t i = 0; archive.ok() && i < static_cast<std::size_t>(m.motor_count); ++i) {
-    archive(m.steps[i]);
-    archive(m.position_steps[i]);
-  }
-  archive.bounded(m.burst_count, 0, firmware::kMaxBursts);
-  for (std::size_t i = 0; archive.ok() && i < static_cast<std::size_t>(m.burst_count); ++i) {
-    archive.bounded(m.bursts[i].motor, 0, m.motor_count - 1);
-    archive.sign(m.bursts[i].direction);
-    archive.bounded(m.bursts[i].count, 1, 32767);
-    archive.bounded(m.bursts[i].first_ticks, 0, 0x7fffffff);
-    archive.bounded(m.bursts[i].interval_ticks, 0, 0x7fffffff);
-    archive(m.bursts[i].add_ticks);
-  }
-}
+// --- messages ---
 
-template <class A, class M>
-void status_fields(A& archive, M& m) {
-  archive(m.tick);
-  archive(m.scenario_id);
-  archive.bounded(m.mode, 0, static_cast<int>(firmware::Mode::kMoving));
-  archive(m.at_rest);
-  archive(m.faults);
-  archive.bounded(m.motor_count, 0, firmware::kMaxMasses);
-  for (std::size_t i = 0; archive.ok() && i < static_cast<std::size_t>(m.motor_count); ++i) {
-    archive.real(m.commanded_position[i]);
-    archive.real(m.commanded_velocity[i]);
-    archive(m.next[i].position);
-    archive(m.next[i].velocity);
-    archive(m.next[i].acceleration);
-    archive(m.steps_issued[i]);
-  }
-  archive.real(m.predicted.normal_force_n);
-  archive.real(m.predicted.static_friction_n);
-  archive.real(m.mu_required);
-  archive.real(m.margin);
-  archive(m.overruns);
-  archive(m.operator_commands);
-  archive.bounded(m.overload.trouble.error, 0, static_cast<int>(firmware::StepError::kTooFast));
-  archive(m.overload.trouble.value);
-  archive(m.overload.trouble.limit);
-  archive.bounded(m.overload.motor, -1, firmware::kMaxMasses - 1);
-  archive(m.overload.tick);
-  archive.bounded(m.refusal.reason, 0, static_cast<int>(firmware::Refusal::kUpperEnd));
-  archive.bounded(m.refusal.motor, -1, 31);
-  archive.bounded(m.refusal.piece, -1, firmware::kMaxPieces);
-  archive(m.refusal.value);
-  archive(m.planned);
-  archive(m.plan_tick);
-  archive(m.plan.duration_s);
-  archive(m.plan.horizon_s);
-  archive.real(m.plan.normal_force_min_n);
-  archive.real(m.plan.mu_required_max);
-  archive.real(m.plan.margin_min);
-}
-
-template <class A, class M>
-void played_fields(A& archive, M& m) {
-  archive.bounded(m.count, 0, kMaxPulses);
-  for (std::size_t i = 0; archive.ok() && i < static_cast<std::size_t>(m.count); ++i) {
-    archive(m.pulse[i].due_ticks);
-    archive(m.pulse[i].late_counts);
-    archive.bounded(m.pulse[i].motor, 0, firmware::kMaxMasses - 1);
-    archive.sign(m.pulse[i].direction);
-  }
-}
-
-template <class A, class S, class C, class P, class N>
-void reply_fields(A& archive, S& status, C& steps, N& tick_counts, P& played) {
-  status_fields(archive, status);
-  steps_fields(archive, steps);
-  archive(tick_counts);
-  played_fields(archive, played);
-}
-
-template <class A, class M>
-void last_words_fields(A& archive, M& m) {
-  archive.bounded(m.cause, 0, static_cast<int>(Cause::kLink));
-  for (auto& value : m.r) archive(value);
-  archive(m.sp);
-  archive(m.lr);
-  archive(m.pc);
-  archive(m.xpsr);
-  archive(m.cfsr);
-  archive(m.hfsr);
-  archive(m.mmfar);
-  archive(m.bfar);
-}
-
-template <class A, class M>
-void farewell_fields(A& archive, M& m) {
-  archive.bounded(m.status, 0, static_cast<int>(Status::kIo));
-  archive(m.counters.malformed);
-  archive(m.counters.repeated);
-  archive(m.counters.out_of_order);
-  archive(m.counters.foreign);
-  archive(m.counters.dropped);
-  archive(m.overruns);
-  archive(m.watchdog_kicks);
-  archive(m.stack_bytes);
-  archive(m.stack_used_bytes);
-  played_fields(archive, m.played);
-}
-
-// --- which message is which ---
-
-template <class A, class M>
-void fields(A& archive, M& m) {
-  using T = std::remove_const_t<M>;
-  if constexpr (std::is_same_v<T, Hello>) hello_fields(archive, m);
-  if constexpr (std::is_same_v<T, firmware::ControllerParams>) ball_fields(archive, m);
-  if constexpr (std::is_same_v<T, MassParams>) mass_fields(archive, m);
-  if constexpr (std::is_same_v<T, Commit>) commit_fields(archive, m);
-  if constexpr (std::is_same_v<T, Verdict>) verdict_fields(archive, m);
-  if constexpr (std::is_same_v<T, World>) world_fields(archive, m);
-  if constexpr (std::is_same_v<T, Reply>) reply_fields(archive, m.status, m.steps, m.tick_counts, m.played);
-  if constexpr (std::is_same_v<T, LastWords>) last_words_fields(archive, m);
-  if constexpr (std::is_same_v<T, Farewell>) farewell_fields(archive, m);
-}
+// The type of a message; what has none is no message and cannot be sent.
+template <class M>
+struct TypeOf;
+template <MessageType kType>
+using Type = std::integral_constant<MessageType, kType>;
+template <>
+struct TypeOf<Hello> : Type<MessageType::kHello> {};
+template <>
+struct TypeOf<firmware::ControllerParams> : Type<MessageType::kBall> {};
+template <>
+struct TypeOf<MassParams> : Type<MessageType::kMass> {};
+template <>
+struct TypeOf<Commit> : Type<MessageType::kCommit> {};
+template <>
+struct TypeOf<Verdict> : Type<MessageType::kVerdict> {};
+template <>
+struct TypeOf<World> : Type<MessageType::kWorld> {};
+template <>
+struct TypeOf<Reply> : Type<MessageType::kReply> {};
+template <>
+struct TypeOf<ReplyView> : Type<MessageType::kReply> {};
+template <>
+struct TypeOf<LastWords> : Type<MessageType::kLastWords> {};
+template <>
+struct TypeOf<Farewell> : Type<MessageType::kFarewell> {};
 
 template <class M>
-inline constexpr MessageType kTypeOf = MessageType{};
-template <>
-inline constexpr MessageType kTypeOf<Hello> = MessageType::kHello;
-template <>
-inline constexpr MessageType kTypeOf<firmware::ControllerParams> = MessageType::kBall;
-template <>
-inline constexpr MessageType kTypeOf<MassParams> = MessageType::kMass;
-template <>
-inline constexpr MessageType kTypeOf<Commit> = MessageType::kCommit;
-template <>
-inline constexpr MessageType kTypeOf<Verdict> = MessageType::kVerdict;
-template <>
-inline constexpr MessageType kTypeOf<World> = MessageType::kWorld;
-template <>
-inline constexpr MessageType kTypeOf<Reply> = MessageType::kReply;
-template <>
-inline constexpr MessageType kTypeOf<LastWords> = MessageType::kLastWords;
-template <>
-inline constexpr MessageType kTypeOf<Farewell> = MessageType::kFarewell;
+concept Message = requires {
+  TypeOf<M>::value;
+};
 
-// 0: it does not fit.
-template <class M>
+// Writes the whole frame and returns its size; 0: it does not fit.
+template <Message M>
 [[nodiscard]] std::size_t encode(const M& message, std::int64_t tick, std::span<std::uint8_t> bytes) {
-  return encode_frame(bytes, kTypeOf<M>, tick, [&](Writer& writer) { fields(writer, message); });
+  return encode_frame(bytes, TypeOf<M>::value, tick, [&](Writer& writer) { visit(writer, message); });
 }
 
-// False: another message, or not one in range. `message` is then to be thrown away.
-template <class M>
+// False: the frame holds another message, or not exactly one in range. `message` is then unusable.
+template <Message M>
 [[nodiscard]] bool decode(const Frame& frame, M& message) {
-  if (frame.type != kTypeOf<M>) return false;
+  if (frame.type != TypeOf<M>::value) return false;
   Reader reader(frame.payload);
-  fields(reader, message);
+  visit(reader, message);
   return reader.complete();
 }
 
-// Of all that decides what the firmware computes, taken from the parameters as they are in memory, motions as they were
-// built. `real_bytes` 4: as they are in the memory of a target with single precision.
+// A checksum of all parameters the firmware computes with, as they are in memory, motions as they were built.
+// `real_bytes` is 4 for the memory of a target with single precision.
 [[nodiscard]] std::uint32_t fingerprint(const firmware::ControllerParams& params,
                                         std::uint8_t real_bytes = sizeof(firmware::Real));
 
-// Puts a mass's parameters in their place. False: its motion is no motion.
+// Puts a mass's parameters in their place. False: its pieces are no motion (Profile::set).
 [[nodiscard]] bool set_mass(const MassParams& mass, int index, firmware::ControllerParams& params);
 
 }  // namespace ballast::hal::target

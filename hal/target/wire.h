@@ -1,4 +1,5 @@
-// Numbers to bytes and back: little-endian, without padding, the same on every machine. No allocation.
+// Bytes of the link: visitors that write and read fields (hal/fields.h), little-endian and without padding, and the
+// checksum of frames. No allocation.
 #pragma once
 
 #include <array>
@@ -9,26 +10,23 @@
 #include <span>
 #include <type_traits>
 
+#include "hal/fields.h"
+
 namespace ballast::hal::target {
 
 static_assert(std::endian::native == std::endian::little, "both ends of the link are little-endian");
 
-// Messages are described once, as functions that hand every field to an archive: Writer, Reader. Both keep going after
-// a failure without touching anything, and say so in ok().
-//
-// Real numbers travel as the 8 bytes of a double, whatever their type is: a double keeps its bits, NaN included. Those
-// of the model, which are floats on a target with single precision, go through real(): what only looks at the fields
-// must be able to tell them from those that are double everywhere.
+// Every floating-point number travels as the 8 bytes of a double. A number of the model (Real) is converted where the
+// target has floats; every other one keeps its bits. After a failure Writer and Reader touch nothing and ok() is false.
 
-class Writer {
+class Writer : public Visitor<Writer> {
  public:
-  static constexpr bool kReads = false;
   explicit Writer(std::span<std::uint8_t> bytes) : bytes_(bytes) {}
 
   template <class T>
   void operator()(const T& value) {
-    static_assert(!std::is_same_v<T, float>, "a number of the model goes through real()");
-    if constexpr (std::is_floating_point_v<T>) {
+    static_assert(!std::is_same_v<T, float>, "a number of the model has the rule Real");
+    if constexpr (std::is_same_v<T, double>) {
       put(std::bit_cast<std::uint64_t>(value));
     } else if constexpr (std::is_same_v<T, bool>) {
       put(static_cast<std::uint8_t>(value ? 1 : 0));
@@ -36,17 +34,13 @@ class Writer {
       put(value);
     }
   }
-  template <class T>
-  void real(const T& value) {
-    (*this)(static_cast<double>(value));
-  }
-  template <class T>
-  void bounded(const T& value, std::int64_t, std::int64_t) {
-    (*this)(value);
-  }
-  template <class T>
-  void sign(const T& value) {
-    (*this)(value);
+  template <class Name, class T, class Rule>
+  [[gnu::always_inline]] void leaf(const Name&, const T& value, const Rule&) {
+    if constexpr (std::is_same_v<Rule, Real>) {
+      (*this)(static_cast<double>(value));
+    } else {
+      (*this)(value);
+    }
   }
 
   [[nodiscard]] bool ok() const { return ok_; }
@@ -56,14 +50,13 @@ class Writer {
   template <class T>
   void put(T value) {
     static_assert(std::is_integral_v<T> || std::is_enum_v<T>);
-    if (bytes_.size() - size_ < sizeof value) return fail();
+    if (bytes_.size() - size_ < sizeof value) {
+      ok_ = false;
+      bytes_ = bytes_.first(size_);  // nothing more fits
+      return;
+    }
     std::memcpy(bytes_.data() + size_, &value, sizeof value);
     size_ += sizeof value;
-  }
-  // No room is left, so that nothing more is put.
-  void fail() {
-    ok_ = false;
-    bytes_ = bytes_.first(size_);
   }
 
   std::span<std::uint8_t> bytes_;
@@ -71,35 +64,46 @@ class Writer {
   bool ok_ = true;
 };
 
-class Reader {
+class Reader : public Visitor<Reader> {
  public:
-  static constexpr bool kReads = true;
   explicit Reader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
 
   template <class T>
   void operator()(T& value) {
-    static_assert(!std::is_enum_v<T>, "an enumeration has bounds");
-    static_assert(!std::is_same_v<T, float>, "a number of the model goes through real()");
-    if constexpr (std::is_floating_point_v<T>) {
-      std::uint64_t bits = 0;
-      if (take(bits)) value = std::bit_cast<T>(bits);
-    } else if constexpr (std::is_same_v<T, bool>) {
+    static_assert(!std::is_enum_v<T>, "an enumeration has the rule Within");
+    static_assert(!std::is_same_v<T, float>, "a number of the model has the rule Real");
+    if constexpr (std::is_same_v<T, bool>) {
       std::uint8_t flag = 0;
       if (!take(flag)) return;
       if (flag > 1) return fail();
       value = flag == 1;
     } else {
-      T read = 0;
-      if (take(read)) value = read;
+      take(value);
     }
   }
-  // Rounded where T has less.
-  template <class T>
-  void real(T& value) {
-    std::uint64_t bits = 0;
-    if (take(bits)) value = static_cast<T>(std::bit_cast<double>(bits));
+  // The rule Tick does not bound what travels here: a frame carries its own tick, which is what counts.
+  template <class Name, class T, class Rule>
+  [[gnu::always_inline]] void leaf(const Name&, T& value, const Rule& rule) {
+    if constexpr (std::is_same_v<Rule, Real>) {
+      double wide = 0;
+      if (take(wide)) value = static_cast<T>(wide);
+    } else if constexpr (std::is_same_v<Rule, Within>) {
+      bounded(value, rule.low, rule.high);
+    } else if constexpr (std::is_same_v<Rule, Sign>) {
+      T sign{};
+      if (!take(sign)) return;
+      if (sign != 1 && sign != -1) return fail();
+      value = sign;
+    } else {
+      (*this)(value);
+    }
   }
-  // Outside low..high: not ok.
+
+  // Everything was there and in range, and nothing is left over.
+  [[nodiscard]] bool complete() const { return ok_ && at_ == bytes_.size(); }
+  [[nodiscard]] bool ok() const { return ok_; }
+
+ private:
   template <class T>
   void bounded(T& value, std::int64_t low, std::int64_t high) {
     T read{};
@@ -108,21 +112,6 @@ class Reader {
     if (number < low || number > high) return fail();
     value = read;
   }
-
-  // Anything but -1 and 1: not ok.
-  template <class T>
-  void sign(T& value) {
-    T read{};
-    if (!take(read)) return;
-    if (read != 1 && read != -1) return fail();
-    value = read;
-  }
-
-  // All was there and in range, and nothing is left over.
-  [[nodiscard]] bool complete() const { return ok_ && at_ == bytes_.size(); }
-  [[nodiscard]] bool ok() const { return ok_; }
-
- private:
   template <class T>
   bool take(T& value) {
     if (bytes_.size() - at_ < sizeof value) {
@@ -133,10 +122,9 @@ class Reader {
     at_ += sizeof value;
     return true;
   }
-  // Nothing is left, so that nothing more is taken.
   void fail() {
     ok_ = false;
-    bytes_ = bytes_.first(at_);
+    bytes_ = bytes_.first(at_);  // nothing more is taken
   }
 
   std::span<const std::uint8_t> bytes_;
@@ -144,9 +132,8 @@ class Reader {
   bool ok_ = true;
 };
 
-// CRC-32 as in IEEE 802.3 (reflected, polynomial 0x04c11db7), continued from `crc`. Four bytes at a time ("slicing by
-// four"): table[j] says what a byte does that has j more behind it.
 namespace detail {
+// kCrcTables[j][b] is what byte b does to the checksum with j more bytes behind it ("slicing by four").
 constexpr auto kCrcTables = [] {
   std::array<std::array<std::uint32_t, 256>, 4> table{};
   for (std::uint32_t i = 0; i < 256; ++i) {
@@ -161,7 +148,7 @@ constexpr auto kCrcTables = [] {
 }();
 }  // namespace detail
 
-// One copy of it: it is asked for in many places.
+// CRC-32 of IEEE 802.3 (reflected, polynomial 0x04c11db7), continued from `crc`. Not inlined: callers share one copy.
 [[gnu::noinline]] inline std::uint32_t crc32(std::span<const std::uint8_t> bytes, std::uint32_t crc = 0) {
   const auto& table = detail::kCrcTables;
   crc = ~crc;

@@ -602,6 +602,24 @@ TEST(LcmMessages, OtherTypesOutOfRangeAreRefused) {
   EXPECT_FALSE(in_range(status));
 }
 
+// Every number of a message comes from the firmware's struct, but for those that the sender adds.
+TEST(LcmMessages, EveryNumberOfAMessageIsDescribed) {
+  firmware::StepCommand steps;
+  steps.motor_count = firmware::kMaxMasses;
+  steps.burst_count = firmware::kMaxBursts;
+  firmware::ControllerStatus status;
+  status.motor_count = firmware::kMaxMasses;
+  const auto count = [](const auto& message) { return static_cast<int>(values_of(message).size()); };
+  using hal::detail::member_count;  // elements of arrays count one by one
+  EXPECT_EQ(count(firmware::Sensors()) + 5, member_count<sensors_t>()) << "utime, two ids, mass_count, last";
+  EXPECT_EQ(count(steps) + 2, member_count<step_command_t>()) << "utime, run_id";
+  EXPECT_EQ(count(status) + 3, member_count<controller_status_t>()) << "utime, run_id, refused_messages";
+  EXPECT_EQ(count(firmware::OperatorInput(firmware::MoveRequest())) + 5, member_count<operator_t>())
+      << "tick, utime, run_id, sender, sequence";
+  EXPECT_EQ(count(firmware::MonitorVerdict()) + 8, member_count<trip_t>())
+      << "utime, two ids, cause, trip_tick, trip_time_s, value, limit";
+}
+
 // Ticks far from 0 would overflow in differences: refused on the wire, whatever the message.
 template <class M>
 void expect_ticks_bounded(M message) {

@@ -41,47 +41,46 @@ bool serve(Call call, target::Reader& in, target::Writer& out) {
       return true;
     }
     case Call::kReadSensors: {
-      target::World world;
-      out(static_cast<std::uint8_t>(board.read_sensors(world.sensors)));
-      target::world_fields(out, world);
+      firmware::Sensors sensors;
+      const Status s = board.read_sensors(sensors);
+      out(static_cast<std::uint8_t>(s));
+      if (s == Status::kOk) visit(out, sensors);
       return true;
     }
     case Call::kReadVerdict: {
       firmware::MonitorVerdict verdict;
-      out(static_cast<std::uint8_t>(board.read_verdict(verdict)));
-      out(verdict.tick);
-      out(verdict.tripped);
+      const Status s = board.read_verdict(verdict);
+      out(static_cast<std::uint8_t>(s));
+      if (s == Status::kOk) visit(out, verdict);
       return true;
     }
     case Call::kReadOperator: {
       firmware::OperatorInput command;
       const Status s = board.read_operator(command);
       out(static_cast<std::uint8_t>(s));
-      if (s == Status::kOk) target::command_fields(out, command);
+      if (s == Status::kOk) visit(out, command);
       return true;
     }
     case Call::kWriteSteps:
-      target::steps_fields(in, steps);
+      visit(in, steps);
       if (!in.complete()) return false;
       out(static_cast<std::uint8_t>(board.write_steps(steps)));
       return true;
     case Call::kWriteStatus:
-      target::status_fields(in, status);
+      visit(in, status);
       if (!in.complete()) return false;
       out(static_cast<std::uint8_t>(board.write_status(status)));
       return true;
     case Call::kKickWatchdog:
       board.kick_watchdog();
       return true;
-    case Call::kCounters:
-      out(board.counters().malformed);
-      out(board.counters().repeated);
-      out(board.counters().out_of_order);
-      out(board.counters().foreign);
-      out(board.counters().dropped);
+    case Call::kCounters: {
+      const LinkCounters counters = board.counters();
+      visit(out, counters);
       out(board.watchdog_kicks());
       out(board.overruns());
       return true;
+    }
     case Call::kToDouble: {
       std::int64_t n = 0;
       in(n);

@@ -43,36 +43,31 @@ class RemoteBoard {
     const auto answer = call(Call::kReadSensors, {});
     target::Reader in(answer);
     const Status status = status_of(in);
-    target::World world;
-    target::world_fields(in, world);
+    if (status == Status::kOk) visit(in, sensors);
     EXPECT_TRUE(in.complete());
-    if (status == Status::kOk) sensors = world.sensors;
     return status;
   }
   Status read_verdict(firmware::MonitorVerdict& verdict) {
     const auto answer = call(Call::kReadVerdict, {});
     target::Reader in(answer);
     const Status status = status_of(in);
-    firmware::MonitorVerdict read;
-    in(read.tick);
-    in(read.tripped);
+    if (status == Status::kOk) visit(in, verdict);
     EXPECT_TRUE(in.complete());
-    if (status == Status::kOk) verdict = read;
     return status;
   }
   Status read_operator(firmware::OperatorInput& command) {
     const auto answer = call(Call::kReadOperator, {});
     target::Reader in(answer);
     const Status status = status_of(in);
-    if (status == Status::kOk) target::command_fields(in, command);
+    if (status == Status::kOk) visit(in, command);
     EXPECT_TRUE(in.complete());
     return status;
   }
   Status write_steps(const firmware::StepCommand& steps) {
-    return write(Call::kWriteSteps, [&](target::Writer& out) { target::steps_fields(out, steps); });
+    return write(Call::kWriteSteps, [&](target::Writer& out) { visit(out, steps); });
   }
   Status write_status(const firmware::ControllerStatus& status) {
-    return write(Call::kWriteStatus, [&](target::Writer& out) { target::status_fields(out, status); });
+    return write(Call::kWriteStatus, [&](target::Writer& out) { visit(out, status); });
   }
   void kick_watchdog() { call(Call::kKickWatchdog, {}); }
 
@@ -84,11 +79,7 @@ class RemoteBoard {
     const auto answer = call(Call::kCounters, {});
     target::Reader in(answer);
     Counters c;
-    in(c.link.malformed);
-    in(c.link.repeated);
-    in(c.link.out_of_order);
-    in(c.link.foreign);
-    in(c.link.dropped);
+    visit(in, c.link);
     in(c.watchdog_kicks);
     in(c.overruns);
     EXPECT_TRUE(in.complete());

@@ -1,0 +1,225 @@
+// The fields of the messages between controller and world (fields.h): the firmware's structs, and what each member is
+// called in the .lcm files. Messages without such names, and members, do not travel on LCM.
+#pragma once
+
+#include "firmware/control/controller.h"
+#include "hal/fields.h"
+#include "hal/host_link.h"
+#include "hal/status.h"
+
+#define LCM(member)                                        \
+  LcmMember {                                              \
+#member, [](auto& lcm) -> auto& { return lcm.member; } \
+  }
+
+namespace ballast::hal {
+
+// sensors_t
+template <class V, Of<firmware::Sensors> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(tick), m.tick, Tick())
+      .field(LCM(orientation), m.orientation)
+      .field(LCM(gyro_B_radps), m.gyro_B_radps)
+      .field(LCM(accelerometer_B_mps2), m.accelerometer_B_mps2)
+      .field(LCM(limit_switch), m.limit_switch, Within(0, 3));
+}
+
+// trip_t
+template <class V, Of<firmware::MonitorVerdict> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(tick), m.tick, Tick()).field(LCM(tripped), m.tripped);
+}
+
+// operator_t
+template <class V, Of<firmware::MoveRequest> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(move_masses), m.masses)
+      .field(LCM(target_position), m.target_position)
+      .field(LCM(speed_fraction), m.speed_fraction);
+}
+
+template <class V, Of<firmware::OperatorInput> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  using enum firmware::OperatorCommand;
+  return visitor.field(LCM(command), m.command, Within(kArm, kMove)).field(m.move, When(m.command == kMove));
+}
+
+// step_command_t
+template <class V, Of<firmware::StepBurst> M>
+constexpr decltype(auto) fields(V& visitor, M& m, int motor_count = firmware::kMaxMasses) {
+  constexpr int kMaxTicks = 0x7fffffff;
+  return visitor.field(LCM(motor), m.motor, Within(0, motor_count - 1))
+      .field(LCM(direction), m.direction, Sign())
+      .field(LCM(count), m.count, Within(1, 32767))
+      .field(LCM(first), m.first_ticks, Within(0, kMaxTicks))
+      .field(LCM(interval), m.interval_ticks, Within(0, kMaxTicks))
+      .field(LCM(add), m.add_ticks);
+}
+
+template <class V, Of<firmware::StepCommand> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(tick), m.tick, Tick())
+      .field(LCM(motor_count), m.motor_count, Within(0, firmware::kMaxMasses))
+      .field(LCM(steps), m.steps, first(m.motor_count))
+      .field(LCM(position_steps), m.position_steps, first(m.motor_count))
+      .field(m.last_pulse, Unsent())  // for the firmware's next command
+      .field(LCM(burst_count), m.burst_count, Within(0, m.motor_count > 0 ? firmware::kMaxBursts : 0))
+      .field(m.bursts, first(m.burst_count, m.motor_count));
+}
+
+// controller_status_t
+template <class V, Of<firmware::ProfilePoint> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(next_position), m.position)
+      .field(LCM(next_velocity), m.velocity)
+      .field(LCM(next_acceleration), m.acceleration);
+}
+
+template <class V, Of<firmware::RollingForces> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor
+      .field(m.angular_acceleration_B_radps2, Unsent())  // both Unsent: for the firmware's own use
+      .field(LCM(normal_force_n), m.normal_force_n, Real())
+      .field(m.friction_force_W_n, Unsent())
+      .field(LCM(static_friction_n), m.static_friction_n, Real());
+}
+
+template <class V, Of<firmware::StepTrouble> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(overload_error), m.error, Within(firmware::StepError::kNone, firmware::StepError::kTooFast))
+      .field(LCM(overload_value), m.value)
+      .field(LCM(overload_limit), m.limit);
+}
+
+template <class V, Of<firmware::StepOverload> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.trouble)
+      .field(LCM(overload_motor), m.motor, Within(-1, firmware::kMaxMasses - 1))
+      .field(LCM(overload_tick), m.tick);
+}
+
+template <class V, Of<firmware::RefusalReport> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(refusal), m.reason, Within(firmware::Refusal::kNone, firmware::Refusal::kUpperEnd))
+      .field(LCM(refusal_motor), m.motor, Within(-1, 31))
+      .field(LCM(refusal_piece), m.piece, Within(-1, firmware::kMaxPieces))
+      .field(LCM(refusal_value), m.value);
+}
+
+template <class V, Of<firmware::Prediction> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(plan_duration_s), m.duration_s)
+      .field(LCM(plan_horizon_s), m.horizon_s)
+      .field(LCM(plan_normal_force_min_n), m.normal_force_min_n, Real())
+      .field(LCM(plan_mu_required_max), m.mu_required_max, Real())
+      .field(LCM(plan_margin_min), m.margin_min, Real());
+}
+
+template <class V, Of<firmware::ControllerStatus> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(tick), m.tick, Tick())
+      .field(LCM(scenario_id), m.scenario_id)
+      .field(LCM(mode), m.mode, Within(firmware::Mode::kDisarmed, firmware::Mode::kMoving))
+      .field(LCM(at_rest), m.at_rest)
+      .field(LCM(faults), m.faults)
+      .field(LCM(motor_count), m.motor_count, Within(0, firmware::kMaxMasses))
+      .field(LCM(commanded_position), m.commanded_position, first(m.motor_count, Real()))
+      .field(LCM(commanded_velocity), m.commanded_velocity, first(m.motor_count, Real()))
+      .field(m.next, first(m.motor_count))
+      .field(m.predicted)
+      .field(LCM(mu_required), m.mu_required, Real())
+      .field(LCM(margin), m.margin, Real())
+      .field(LCM(overruns), m.overruns)
+      .field(LCM(steps_issued), m.steps_issued, first(m.motor_count))
+      .field(m.overload)
+      .field(LCM(operator_commands), m.operator_commands)
+      .field(m.refusal)
+      .field(LCM(planned), m.planned)
+      .field(LCM(plan_tick), m.plan_tick, Tick())
+      .field(m.plan);
+}
+
+// The parameters. Those of a mass are Unsent here: they travel mass by mass (target::MassParams).
+template <class V, Of<firmware::BallParams> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.radius_m, Real())
+      .field(m.gravity_mps2, Real())
+      .field(m.shell_mass_kg, Real())
+      .field(m.inertia_kgm2)
+      .field(m.center_of_mass_B_m)
+      .field(m.external_force_W_n)
+      .field(m.mass_count, Within(0, firmware::kMaxMasses))
+      .field(m.mass_kg, Unsent())
+      .field(m.rail, Unsent());
+}
+
+template <class V, Of<firmware::ControllerParams> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.scenario_id)
+      .field(m.control_period_s)
+      .field(m.timer_frequency_hz)
+      .field(m.static_friction, Real())
+      .field(m.sensor_stale_ticks)
+      .field(m.monitor_stale_ticks)
+      .field(m.ball)
+      .field(m.motor, Unsent())
+      .field(m.motion, Unsent());
+}
+
+template <class V, Of<firmware::RailKnot> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.position_B_m).field(m.d2_B_per_m);
+}
+
+template <class V, Of<firmware::Rail> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  using enum firmware::RailShape;
+  return visitor.field(m.shape, Within(kCircle, kSpline))
+      .field(m.origin_B_m)
+      .field(m.axis_cos_B)
+      .field(m.axis_sin_B)
+      .field(m.radius_m, Real())
+      .field(m.lower_end, Real())
+      .field(m.upper_end, Real())
+      .field(m.closed)
+      .field(m.piece_count, Within(0, firmware::kMaxRailPieces))
+      .field(m.piece_length_m, Real())
+      .field(m.knots, first(m.shape == kSpline ? m.piece_count + 1 : 0));
+}
+
+template <class V, Of<firmware::MotorParams> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.steps_per_unit)
+      .field(m.max_step_rate_hz)
+      .field(m.max_acceleration)
+      .field(m.max_jerk)
+      .field(m.direction_setup_s)
+      .field(m.swing);
+}
+
+template <class V, Of<firmware::ProfilePiece> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.duration_s).field(m.acceleration_start).field(m.acceleration_end);
+}
+
+// A piece of a motion as Profile keeps it.
+template <class V, Of<firmware::Cubic> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.duration_s).field(m.position).field(m.velocity).field(m.acceleration).field(m.jerk);
+}
+
+// What a link counts.
+template <class V, Of<LinkCounters> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.malformed)
+      .field(m.repeated)
+      .field(m.out_of_order)
+      .field(m.foreign)
+      .field(m.old)
+      .field(m.dropped)
+      .field(m.taken_back);
+}
+
+}  // namespace ballast::hal
+
+#undef LCM
