@@ -125,10 +125,10 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
 }
 
 void draw_pictures(const sil::OutputDir& output) {
-  const auto plot = program::beside_this_program("ballast-plot");
-  const std::string line =
-      program::shell_word(plot) + " " + program::shell_word(std::filesystem::absolute(output.path()));
-  if (std::system(line.c_str()) != 0)
+  program::Subprocess plot;
+  const auto error = plot.start(
+      {.arguments = {program::beside_this_program("ballast-plot"), std::filesystem::absolute(output.path())}});
+  if (error || plot.wait().exit_status != 0)
     program::complain("ballast", "the pictures could not be drawn; the run itself is complete");
 }
 

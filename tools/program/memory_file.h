@@ -1,4 +1,4 @@
-// A file without a disk, that other code can open by its name; gone with the object.
+// A file in memory that other code can open by name. It is gone with the object.
 #pragma once
 
 #include <sys/mman.h>
@@ -8,25 +8,23 @@
 #include <span>
 #include <string>
 
+#include "tools/program/descriptor.h"
+
 namespace ballast::program {
 
 class MemoryFile {
  public:
   explicit MemoryFile(std::span<const std::uint8_t> bytes = {})
       : descriptor_(memfd_create("ballast", MFD_CLOEXEC)),
-        good_(descriptor_ >= 0 &&
-              write(descriptor_, bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size())) {}
-  ~MemoryFile() {
-    if (descriptor_ >= 0) close(descriptor_);
-  }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
+        good_(descriptor_.good() &&
+              write(descriptor_.get(), bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size())) {}
 
-  [[nodiscard]] bool good() const { return good_; }  // it is there, with all of the bytes
-  [[nodiscard]] std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
+  // The file exists and holds all bytes.
+  [[nodiscard]] bool good() const { return good_; }
+  [[nodiscard]] std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor_.get()); }
 
  private:
-  int descriptor_;
+  Descriptor descriptor_;
   bool good_;
 };
 

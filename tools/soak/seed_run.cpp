@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <memory>
 #include <string_view>
 
+#include "tools/faults/faulty_peers.h"
 #include "tools/program/memory_file.h"
 #include "tools/program/params.h"
-#include "tools/faults/faulty_peers.h"
 #include "tools/recording/recorder.h"
 #include "tools/summary/summary.h"
 
@@ -81,7 +80,7 @@ void note_broken(const Broken& broken, SeedResult& out) {
   if (out.broken >= 0) return;
   out.broken = static_cast<std::int32_t>(broken.invariant);
   out.broken_tick = broken.tick;
-  std::snprintf(out.broken_text, sizeof out.broken_text, "%s", broken.text.c_str());
+  set_text(out.broken_text, broken.text);
 }
 
 constexpr std::uint64_t kRepeatEvery = 32;
@@ -132,7 +131,7 @@ void note_detection(const sim::Scenario& scenario, const sil::RunResult& result,
                          std::ranges::any_of(result.motors, [](const auto& motor) { return motor.slips != 0; });
     if (counted) who = "the summary: lost steps";
   }
-  std::snprintf(out.detected_by, sizeof out.detected_by, "%s", who.c_str());
+  set_text(out.detected_by, who);
   if (!out.detected) return;
   // A fault between two ticks touches the later one; rounded as in Fault::begun().
   const double onset = scenario.faults.front().time_s / scenario.run.control_period_s;

@@ -1,7 +1,9 @@
 // One seed: its scenario, its run in this process, and what came of it.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <string_view>
 
 #include "tools/soak/invariants.h"
 #include "tools/soak/random_scenario.h"
@@ -44,6 +46,12 @@ struct SeedResult {
   std::int64_t detected_after = 0;  // ticks, from the first that the fault could touch
   char detected_by[40] = {};        // who was the first to notice, and as what
 };
+
+// Sets a text field of a SeedResult to as much of `text` as fits.
+template <std::size_t N>
+void set_text(char (&field)[N], std::string_view text) {
+  field[text.copy(field, N - 1)] = '\0';
+}
 
 // A random scenario with its random faults.
 SeedResult run_seed(std::uint64_t seed);
