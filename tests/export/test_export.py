@@ -199,7 +199,7 @@ class ExportTest(unittest.TestCase):
         (self.folder / "log").write_bytes(whole + event(2, 2, "A", contact)[:-3])
         done = self.ballast("export", "log", "--csv", "t")
         self.assertIn("cut off inside an event", done.stderr)
-        self.assertIn("GOSSIP: 1 messages are of no type of this build", done.stderr)
+        self.assertIn("GOSSIP: left out 1 messages of a type that this build does not know", done.stderr)
         self.assertEqual(len((self.folder / "t/A.csv").read_text().splitlines()), 2)
 
     def test_nonsense_is_refused_and_leaves_nothing(self):
@@ -230,12 +230,12 @@ class ExportTest(unittest.TestCase):
         (self.folder / "t/A.csv").write_text("somebody's,table\n")
         os.symlink("log", self.folder / "link")
         kept = {path: path.read_bytes() for path in self.folder.rglob("*") if path.is_file()}
-        for option, target, words in (("--mcap", "log", "log is what is read: it stays as it is"),
-                                      ("--mcap", "link", "link is what is read"),
-                                      ("--mcap", "scenario.toml", "is there, and no MCAP file"),
+        for option, target, words in (("--mcap", "log", "log is an input of this program: it stays as it is"),
+                                      ("--mcap", "link", "link is an input of this program"),
+                                      ("--mcap", "scenario.toml", "exists and is no MCAP file"),
                                       ("--mcap", "/dev/null", "is a device"), ("--mcap", "t", "t is a folder"),
-                                      ("--csv", "t", "t/A.csv is there, and no CSV table of ballast export"),
-                                      ("--csv", "log", "log: is there, and no folder")):
+                                      ("--csv", "t", "t/A.csv exists and is no CSV table of ballast export"),
+                                      ("--csv", "log", "log: exists and is not a folder")):
             self.assertIn(words, self.ballast("export", "log", option, target, status=2).stderr)
         self.assertEqual({path: path.read_bytes() for path in self.folder.rglob("*") if path.is_file()}, kept)
         (self.folder / "t/A.csv").unlink()
@@ -254,7 +254,7 @@ class ExportTest(unittest.TestCase):
                                   text=True, timeout=120, check=False,
                                   preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9999, 9999)))
             self.assertEqual(done.returncode, 2, done.stderr)
-            self.assertIn(f"{target}: cannot be written: File too large; nothing of it is kept", done.stderr)
+            self.assertIn(f"{target}: cannot be written: File too large; nothing is kept", done.stderr)
             self.assertEqual({path: path.read_bytes() for path in self.folder.rglob("*") if path.is_file()}, kept)
 
     def test_lcm_logplayer_plays_a_log_of_ours(self):

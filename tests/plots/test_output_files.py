@@ -62,7 +62,7 @@ class OutputFilesTest(unittest.TestCase):
         os.link(log, self.folder / "hard")
         os.symlink(log, self.folder / "soft")
         for name in ("run.lcmlog", "hard", "soft", "../" + self.folder.name + "/run.lcmlog"):
-            self.assert_refused(self.folder / name, "is what is read", inputs=[log])
+            self.assert_refused(self.folder / name, "is an input of this program", inputs=[log])
 
     def test_everything_that_is_no_file_of_the_kind_is_refused(self):
         (self.folder / "scenario.toml").write_text("[ball]\n")
@@ -74,7 +74,7 @@ class OutputFilesTest(unittest.TestCase):
         listener = socket.socket(socket.AF_UNIX)
         self.addCleanup(listener.close)
         listener.bind(str(self.folder / "socket"))
-        for name, said in (("scenario.toml", "is there, and no test page"), ("folder", "is a folder"),
+        for name, said in (("scenario.toml", "exists and is no test page"), ("folder", "is a folder"),
                            ("link", "is a symbolic link, to page"), ("dangling", "is a symbolic link, to nowhere"),
                            ("pipe", "is a device, a pipe or a socket"), ("socket", "is a device")):
             with self.subTest(name):
@@ -130,7 +130,7 @@ class OutputFilesTest(unittest.TestCase):
                  str(self.folder / "page"), str(size)], cwd=Path(__file__).parent, capture_output=True, text=True,
                 preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64)), check=False)
             self.assertIn("OutputError", done.stderr)
-            self.assertIn("page: cannot be written: File too large; nothing of it is kept", done.stderr)
+            self.assertIn("page: cannot be written: File too large; nothing is kept", done.stderr)
             self.assertEqual(self.seen(), before)
 
 

@@ -473,7 +473,7 @@ class PicturesTest(unittest.TestCase):
         log.write_bytes(log.read_bytes()[:log.stat().st_size // 2])
         status, said = self.call_plot(only=("path",))
         self.assertEqual(status, 0)
-        self.assertRegex(said, r"run\.lcmlog: cut off inside an event at byte \d+; drawing what comes before")
+        self.assertRegex(said, r"run\.lcmlog: cut off inside an event at byte \d+; drew what comes before")
         self.assertEqual(self.drawn(), {"path"})
         self.assertLess(RecordedRun(self.folder).end_s, 11)
 

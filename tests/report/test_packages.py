@@ -94,7 +94,7 @@ class PackagesTest(unittest.TestCase):
 
     def test_another_archive_is_not_used(self):
         registry = self.registry(archive("steal();\n"))
-        with self.assertRaisesRegex(PackageError, "thing-1.2.3.tgz: what came has another sha512"):
+        with self.assertRaisesRegex(PackageError, "thing-1.2.3.tgz: the download.s sha512 is not"):
             self.package(registry.url)
         self.assertFalse(self.kept.exists())
 

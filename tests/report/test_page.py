@@ -577,7 +577,7 @@ class PageTest(unittest.TestCase):
         (folder / "run.lcmlog").write_bytes(log[:len(log) // 3])
         done = subprocess.run([os.environ["BALLAST"], "report", "alone/run.lcmlog"], capture_output=True, text=True,
                               cwd=self.folder, check=True)
-        self.assertRegex(done.stderr, r"^ballast-report: run\.lcmlog: cut off .*\. Shown is what comes before\.\n$")
+        self.assertRegex(done.stderr, r"^ballast-report: run\.lcmlog: cut off .*\. The page shows what comes before\.\n$")
         self.open("alone/report.html")
         notes = self.js("return [...document.querySelectorAll('.note[role=note]')].map((note) => note.textContent)")
         for said in ("no summary.json", "cut off", "no robot.json"):

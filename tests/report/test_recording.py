@@ -135,7 +135,7 @@ class RecordingTest(unittest.TestCase):
     def test_a_robot_file_of_another_robot_is_refused(self):
         ball().write(self.folder)
         (self.folder / "robot.json").write_text('{"ball": {"radius": 1}, "masses": []}')
-        with self.assertRaisesRegex(LogError, "speaks of another robot"):
+        with self.assertRaisesRegex(LogError, "describes another robot"):
             Recording(self.folder)
         (self.folder / "robot.json").write_text('{"ball": 3}')
         with self.assertRaisesRegex(LogError, "robot.json: not what a run writes"):
@@ -161,8 +161,8 @@ class RecordingTest(unittest.TestCase):
         self.assertEqual(found.summary["mu_required"]["max"], contact["mu_required"].max())
         self.assertEqual(found.summary["end"], {"reason": None, "time": time[-1]})
         self.assertNotEqual(found.summary["end"]["time"], whole["end"]["time"])
-        self.assertTrue(any(f"run.lcmlog ends at t = {time[-1]:.6g} s, the run that summary.json speaks of at t = "
-                            f"{whole['end']['time']:.6g} s" in note for note in found.notes), found.notes)
+        self.assertTrue(any(f"run.lcmlog ends at t = {time[-1]:.6g} s, but summary.json is of a run that ends "
+                            f"at t = {whole['end']['time']:.6g} s" in note for note in found.notes), found.notes)
         # What a run begins with holds of every part of it.
         self.assertEqual((found.name, found.summary["surface"]), (whole["scenario"], whole["surface"]))
         self.assertEqual(words.badge(found), ("End not recorded", "unknown"))
@@ -268,15 +268,15 @@ class RecordingTest(unittest.TestCase):
 
     def test_faults_are_said_whatever_they_are(self):
         run = ball()
-        self.assertNotIn("made to go wrong", " ".join(words.sentences(Recording(run.write(self.folder)))).lower())
+        self.assertNotIn("injected faults", " ".join(words.sentences(Recording(run.write(self.folder)))).lower())
         run.summary["faults"] = [{"kind": "lost_steps", "time": 0.5, "mass": 2, "steps": -16, "until": None},
                                  {"kind": "sensor_stuck", "time": None, "loud": True, "at": [1, 2]},
                                  {"what": "a kind of its own"}]
         found = Recording(run.write(self.folder))
         said = " ".join(words.sentences(found)).replace("\u00a0", " ")
-        self.assertIn("Made to go wrong: lost steps at t = 0.5 s (mass 2, steps -16); sensor stuck (loud yes, at "
+        self.assertIn("Injected faults: lost steps at t = 0.5 s (mass 2, steps -16); sensor stuck (loud yes, at "
                       "[1, 2]); fault (what a kind of its own).", said)
-        table = next(table for table in words.tables(found) if table.title == "Faults put in")
+        table = next(table for table in words.tables(found) if table.title == "Injected faults")
         self.assertEqual(table.rows[:2], [["lost steps", "0.5", "mass 2, steps -16"],
                                           ["sensor stuck", "–", "loud yes, at [1, 2]"]])
         self.assertEqual(words.events(found), [(0.5, "fault: lost steps")])
@@ -303,8 +303,8 @@ class RecordingTest(unittest.TestCase):
         os.symlink("nowhere.html", self.folder / "link.html")
         kept = {path.name: path.read_bytes() for path in self.folder.iterdir() if not path.is_symlink()}
         both = [str(self.folder)] * 2
-        for name, said in (("run.lcmlog", "is what is read"), ("summary.json", "is what is read"),
-                           ("robot.json", "is what is read"), ("other.html", "is there, and no page of ballast"),
+        for name, said in (("run.lcmlog", "is an input of this program"), ("summary.json", "is an input of this program"),
+                           ("robot.json", "is an input of this program"), ("other.html", "exists and is no page of ballast"),
                            ("link.html", "is a symbolic link"), ("/dev/null", "is a device")):
             for program, runs in ((report, both[:1]), (compare, both)):
                 stderr = io.StringIO()

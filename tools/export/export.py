@@ -1,4 +1,4 @@
-"""ballast-export LOG [--csv DIR] [--mcap FILE]: an event log as tables, one per channel, or for Foxglove."""
+"""ballast-export LOG [--csv DIR] [--mcap FILE]: Converts an event log to CSV, one table per channel, or to MCAP."""
 
 import argparse
 import json
@@ -14,7 +14,7 @@ from mcap import MAGIC, McapWriter
 from output_files import Kind, OutputError, OutputFiles, check_place
 from text import MessageType, types_by_fingerprint
 
-# So many messages at a time, that a long log needs no more memory than a short one.
+# Messages are converted in blocks of this size, so that memory does not grow with the log.
 BLOCK = 20000
 LATEST_US = (2**64 - 1) // 1000  # MCAP counts ns in 64 bits
 _TABLE = Kind("CSV table of ballast export", b"timestamp_us,")
@@ -22,17 +22,20 @@ _MCAP = Kind("MCAP file", MAGIC)
 
 
 class Log:
-    """The messages of a log in blocks, types found by their fingerprints."""
+    """Reads the messages of a log in blocks. A message's type is found by its fingerprint."""
 
     def __init__(self, path):
         self.path = path
         self.damage = None
-        self.unknown = {}  # events by channel that are of no type of this build
+        self.unknown = {}  # number of events per channel whose type this build does not know
         self._classes = types_by_fingerprint()
-        self._types = {}  # by channel
+        self._types = {}  # (fingerprint, MessageType) per channel
 
     def read(self, take_block):
-        """Calls take_block(events, payloads): (timestamp, channel) in the log's order, and payloads by channel."""
+        """Calls take_block(events, payloads) for each block.
+
+        `events` are (timestamp, channel) in the log's order; `payloads` are the messages of each channel.
+        """
         events, payloads = [], {}
 
         def take(timestamp, channel, payload):
@@ -74,12 +77,12 @@ class Log:
 
 
 def write_csv(log, folder):
-    """CHANNEL.csv for every channel; `timestamp_us` is the log's, the rest are the message's fields."""
+    """Writes CHANNEL.csv for every channel. `timestamp_us` is the log's; the other columns are the message's fields."""
     if not folder.is_dir():
         try:
             folder.mkdir(parents=True)
         except FileExistsError as error:
-            raise OutputError(f"{folder}: is there, and no folder; it stays as it is") from error
+            raise OutputError(f"{folder}: exists and is not a folder; it stays as it is") from error
     files, names = {}, set()
 
     def take_block(events, payloads):
@@ -105,8 +108,10 @@ def write_csv(log, folder):
 
 
 def shaped(shape, number, array, record):
-    """A field of this shape: its first dimension becomes an array, further ones objects. Foxglove refuses a channel
-    that has an array of arrays."""
+    """Builds a field of this shape. The first dimension becomes an array, further ones objects.
+
+    Foxglove refuses a channel that has an array of arrays.
+    """
     if not shape:
         return number
     return array(shape[0], shaped_entry(shape[1:], number, record))
@@ -120,7 +125,7 @@ def shaped_entry(shape, number, record):
 
 
 def json_schema(message_type):
-    """The JSON Schema of a message, of the constructs that Foxglove reads."""
+    """The JSON Schema of a message, limited to what Foxglove reads."""
 
     def array(_, items):
         return {"type": "array", "items": items}
@@ -137,7 +142,7 @@ def json_schema(message_type):
 
 
 def json_pattern(message_type):
-    """What makes a message's JSON of its numbers with %."""
+    """The format string that makes a message's JSON from its numbers."""
 
     def array(size, item):
         return "[" + ",".join([item] * size) + "]"
@@ -150,7 +155,10 @@ def json_pattern(message_type):
 
 
 def write_mcap(log, path):
-    """JSON has no infinity: it is written as 1e999, which every parser of doubles reads as one. NaN is null."""
+    """Writes all channels into one MCAP file.
+
+    JSON has no infinity; it is written as 1e999, which parsers of doubles read as infinity. NaN is written as null.
+    """
     check_place(path, _MCAP, [log.path])
     path.parent.mkdir(parents=True, exist_ok=True)
     channels = {}
@@ -171,7 +179,7 @@ def write_mcap(log, path):
                 if timestamp > LATEST_US:
                     raise LogError(f"{log.path}: {channel}: an event has the timestamp {timestamp} us; allowed in "
                                    f"MCAP: at most {LATEST_US}")
-                # MCAP has no time before 0: the countdown is put there. Its tick and utime say what it is.
+                # MCAP has no time before 0, so the countdown is at 0. Its messages keep their tick and utime.
                 writer.add_message(number, max(timestamp, 0) * 1000, (pattern % next(texts[channel])).encode())
 
         log.read(take_block)
@@ -182,8 +190,8 @@ def write_mcap(log, path):
 def main():
     parser = argparse.ArgumentParser(prog="ballast export", description=__doc__.split(": ", 1)[1])
     parser.add_argument("log", type=Path, help="an LCM event log, or the folder of a run")
-    parser.add_argument("--csv", type=Path, metavar="DIR", help="one CSV per channel into this folder")
-    parser.add_argument("--mcap", type=Path, metavar="FILE", help="an MCAP file, which Foxglove opens")
+    parser.add_argument("--csv", type=Path, metavar="DIR", help="write one CSV file per channel into this folder")
+    parser.add_argument("--mcap", type=Path, metavar="FILE", help="write an MCAP file, which Foxglove opens")
     arguments = parser.parse_args()
 
     def body():
@@ -194,9 +202,9 @@ def main():
             log = Log(path)
             channels = write(log, target)
             if log.damage:
-                print(f"ballast: {path}: {log.damage}; exported is what comes before", file=sys.stderr)
+                print(f"ballast: {path}: {log.damage}; exported what comes before", file=sys.stderr)
             for channel, count in sorted(log.unknown.items()):
-                print(f"ballast: {path}: {channel}: {count} messages are of no type of this build, and left out",
+                print(f"ballast: {path}: {channel}: left out {count} messages of a type that this build does not know",
                       file=sys.stderr)
             print(f"{channels} channels in {target}")
 

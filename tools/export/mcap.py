@@ -1,4 +1,4 @@
-"""Writes MCAP (https://mcap.dev/spec, format version 0): what Foxglove needs to seek in a log, and no more.
+"""Writes MCAP files (https://mcap.dev/spec, format version 0) with what Foxglove needs to seek in a log.
 
 Messages go into uncompressed chunks with message indexes; the summary repeats schemas and channels and points at the
 chunks. All integers are little-endian; a record is opcode, uint64 length, content.
@@ -28,14 +28,14 @@ def _map(pairs, key, value):
 
 
 class McapWriter:
-    """`file` is open for writing binary. Nothing is valid before finish()."""
+    """Writes to `file`, which is open for binary writing. The file is valid after finish()."""
 
     def __init__(self, file, library):
         self._file = file
         self._offset = 0
         self._crc = 0
         self._definitions = {SCHEMA: [], CHANNEL: []}  # records, for the summary
-        self._counts = {}  # messages by channel
+        self._counts = {}  # number of messages per channel
         self._times = []  # earliest and latest
         self._chunk_indexes = []
         self._start_chunk()
@@ -48,10 +48,10 @@ class McapWriter:
 
     def _start_chunk(self):
         self._chunk = bytearray()
-        self._index = {}  # (time, offset in the chunk) by channel
+        self._index = {}  # [(time, offset in the chunk)] per channel
 
     def add_channel(self, topic, schema_name, schema):
-        """A channel of JSON messages with a schema of its own; returns its number."""
+        """Adds a channel of JSON messages with its own schema. Returns its number."""
         number = len(self._definitions[CHANNEL]) + 1
         definitions = {
             SCHEMA: struct.pack("<H", number) + _string(schema_name) + _string("jsonschema") + _string(schema),

@@ -1,4 +1,4 @@
-"""Encoded messages as texts of their numbers: what CSV and JSON have in common."""
+"""Converts encoded messages to the text of their numbers, for CSV and JSON."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from event_log import LogError, layout_of
 
 
 class MessageType:
-    """A type of lcmtypes/, with the numpy layout of its bytes. `columns` names every number, arrays as NAME[0][1]."""
+    """A message type, with the numpy layout of its bytes. `columns` names every number, in arrays NAME[0][1]."""
 
     def __init__(self, message_class):
         self.name = f"ballast.{message_class.__name__}"
@@ -19,7 +19,7 @@ class MessageType:
             self.columns += [field + "".join(f"[{i}]" for i in index) for index in np.ndindex(shape)]
 
     def numbers(self, payloads, where, infinity="inf", nan="nan"):
-        """One tuple of texts per message, a text per column. Floats have the digits that give the same double back."""
+        """One tuple per message with a text per column. A float's text reads back as the same double."""
         for number, payload in enumerate(payloads):
             if len(payload) != self.layout.itemsize:
                 raise LogError(f"{where}, message {number}: {len(payload)} bytes, expected {self.layout.itemsize}")

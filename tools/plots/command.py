@@ -1,15 +1,15 @@
-"""What the programs in Python have in common: how they end."""
+"""How the Python programs end: exit status, messages and signals."""
 
 import os
 import signal
 import sys
 
-COULD_NOT_RUN = 2  # as of every program here
+COULD_NOT_RUN = 2  # the same in all programs of this project
 
 
 def run_program(name, body, *errors):
-    """The exit status of what body() does. `errors` are of what it reads and writes: said on stderr, after `name`."""
-    # As Ctrl-C does, so that what is half made is taken away. Under nohup a closed terminal is none of its business.
+    """Runs body() and returns the exit status. Exceptions of the types `errors` are printed to stderr after `name`."""
+    # SIGTERM and SIGHUP act like Ctrl-C, so that half-written files are removed. nohup's ignored SIGHUP stays ignored.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
         signal.signal(signal.SIGHUP, _terminal_closed)
@@ -25,12 +25,12 @@ def run_program(name, body, *errors):
         why = "interrupted"
     print(f"{name}: {why}", file=sys.stderr)
     if not _can_flush():
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python would complain of the rest once more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # otherwise Python complains again at exit
     return COULD_NOT_RUN
 
 
 def _terminal_closed(number, frame):
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the terminal says so, and its shell once more
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the terminal sends one, and its shell another
     signal.default_int_handler(number, frame)
 
 

@@ -3,8 +3,8 @@
 An event log is a sequence of events, all numbers big-endian:
     uint32 sync word 0xEDA1DA01, int64 event number, int64 timestamp in us, int32 channel length, int32 data length,
     channel, data
-Every message of this project has a fixed size, so all messages of one channel are decoded at once. The layout comes
-from the classes lcm-gen made, not from a second description of it.
+Every message of this project has a fixed size, so all messages of one channel are decoded at once. The layout is taken
+from the classes that lcm-gen generates.
 """
 
 import io
@@ -22,11 +22,11 @@ _FINGERPRINT_SIZE = 8
 
 
 class LogError(Exception):
-    """The log cannot be used; the message says which file and why."""
+    """The log cannot be used. The message names the file and the reason."""
 
 
 class EventLog:
-    """The messages of some channels of a log. `damage` is None, or says where and why reading stopped early."""
+    """The messages of some channels of a log. `damage` is None, or the place and reason where reading stopped early."""
 
     def __init__(self, path, channels):
         self.path = path
@@ -51,7 +51,7 @@ class EventLog:
         self.damage = scan(data, self.path, take)
 
     def messages(self, channel, message_class):
-        """All messages of a channel as a structured array with the fields of the .lcm file; empty if there are none."""
+        """All messages of a channel as a structured array with the fields of the .lcm file."""
         payloads = self._messages[channel]
         layout = layout_of(message_class)
         fingerprint = message_class._get_packed_fingerprint()
@@ -69,7 +69,10 @@ class EventLog:
 
 
 def scan(data, path, take):
-    """Calls take(timestamp, channel, payload) for every event; returns None, or where and why reading stopped early."""
+    """Calls take(timestamp, channel, payload) for every event.
+
+    Returns None, or the place and reason where reading stopped early.
+    """
     offset, size = 0, len(data)
     while offset < size:
         body = offset + _HEADER.size
@@ -90,11 +93,11 @@ def scan(data, path, take):
 
 def layout_of(message_class):
     """The numpy layout of an encoded message, fingerprint first."""
-    # lcm-gen 1.3 writes no type names into a class. The struct formats its encoder uses, in order, are the types, and
-    # a fresh object shows the shapes; so the encoder runs once with a `struct` that takes notes instead of packing.
+    # lcm-gen 1.3 writes no type names into a class. The struct formats that its encoder uses give the types in order,
+    # and a fresh object gives the shapes. So the encoder runs once with a `struct` that records formats.
     codes = []
 
-    class Notes:
+    class RecordedFormats:
         @staticmethod
         def pack(packing, *_):
             for count, code in re.findall(r"(\d*)([a-z?])", packing, re.IGNORECASE):
@@ -102,7 +105,7 @@ def layout_of(message_class):
             return b""
 
     fresh = message_class()
-    types.FunctionType(message_class._encode_one.__code__, {"struct": Notes})(fresh, io.BytesIO())
+    types.FunctionType(message_class._encode_one.__code__, {"struct": RecordedFormats})(fresh, io.BytesIO())
     fields = [("fingerprint", f"V{_FINGERPRINT_SIZE}")]
     position = 0
     for name in message_class.__slots__:

@@ -1,7 +1,7 @@
-"""The files a program makes: all of them whole, or none, and never in the place of anything else.
+"""Output files: a program's files appear all together and complete, or not at all.
 
-A name may be free, or that of an earlier file of the same kind. Everything else stays as it is, the program's own input
-before all: devices, links, folders, files of other kinds.
+An output file may replace an earlier file of the same kind. Anything else at its path is kept and makes the program
+fail: input files, devices, links, folders, files of other kinds.
 """
 
 import os
@@ -12,23 +12,23 @@ from typing import NamedTuple
 
 
 class OutputError(Exception):
-    """A file cannot be made; the message says which, why, and what is allowed."""
+    """A file cannot be written. The message names the file, the reason and what is allowed."""
 
 
 class Kind(NamedTuple):
     name: str      # "CSV table of ballast export"
-    begins: bytes  # as every file of the kind does
+    begins: bytes  # the first bytes of every file of this kind
 
 
 def check_place(path, kind, inputs=()):
-    """OutputError unless a file of this kind may be put there. An empty file holds nothing that could be lost."""
+    """Raises OutputError unless a file of this kind may be written there. An empty file may be replaced."""
     try:
         status = os.lstat(path)
     except FileNotFoundError:
         return
     what = None
     if any(_same_file(path, other) for other in inputs):
-        what = "is what is read"
+        what = "is an input of this program"
     elif stat.S_ISLNK(status.st_mode):
         what = f"is a symbolic link, to {os.readlink(path)}"
     elif stat.S_ISDIR(status.st_mode):
@@ -40,29 +40,29 @@ def check_place(path, kind, inputs=()):
     elif status.st_size > 0:
         with open(path, "rb") as file:
             if file.read(len(kind.begins)) != kind.begins:
-                what = f"is there, and no {kind.name}"
+                what = f"exists and is no {kind.name}"
     if what is not None:
-        raise OutputError(f"{path} {what}: it stays as it is; allowed: a new name, or that of an earlier {kind.name}")
+        raise OutputError(f"{path} {what}: it stays as it is; allowed: a new name, or an earlier {kind.name}")
 
 
 def _same_file(path, other):
     try:
         return os.path.samefile(path, other)
     except OSError:
-        return False  # one of them is not there
+        return False  # one of them does not exist
 
 
 class OutputFiles:
-    """A context that makes the files opened in it appear when it ends well; otherwise nothing of them stays.
+    """A context manager. Files opened in it appear when it ends without an exception; otherwise they are removed.
 
-    `inputs`: what the program reads. `place`: what to name when writing fails and the system does not say which file.
+    `inputs` are the files that the program reads. `place` is named in an error that does not name a file itself.
     """
 
     def __init__(self, place, inputs=()):
         self._place, self._inputs, self._open = place, inputs, []
 
     def open(self, path, kind, encoding=None):
-        """A file to write to, binary unless an encoding is given; it lies beside `path` until the context ends."""
+        """Opens a file for writing, binary unless `encoding` is given. It gets its name when the context ends."""
         path = Path(path)
         check_place(path, kind, self._inputs)
         try:
@@ -90,7 +90,7 @@ class OutputFiles:
     def _finish(self):
         for file, part, *_ in self._open:
             file.flush()
-            os.fsync(file.fileno())  # a full disk may say so only now
+            os.fsync(file.fileno())  # some file systems report a full disk only now
             os.chmod(part, 0o666 & ~_umask())
             file.close()
         for _, _, path, kind in self._open:
@@ -99,14 +99,14 @@ class OutputFiles:
             os.replace(part, path)
 
     def _fail(self, error):
-        raise OutputError(f"{self._place}: cannot be written: {error.strerror}; nothing of it is kept") from error
+        raise OutputError(f"{self._place}: cannot be written: {error.strerror}; nothing is kept") from error
 
     def _discard(self):
         for file, part, *_ in self._open:
             try:
                 file.close()
             except OSError:
-                pass  # what could not be written is not wanted any more
+                pass  # the file is removed anyway
             Path(part).unlink(missing_ok=True)
 
 

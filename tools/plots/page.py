@@ -1,4 +1,4 @@
-"""What all pictures share: type and colours, the page, its head, events over time, marks and arrows."""
+"""Parts that all pictures share: fonts and colours, page, title, legend, events over time, marks and arrows."""
 
 import matplotlib
 import numpy as np
@@ -28,15 +28,15 @@ matplotlib.rcParams.update({
     "svg.hashsalt": "ballast",
 })
 
-# Okabe and Ito's colours, which people with any colour vision can tell apart; yellow is left out, it vanishes on white.
+# Okabe and Ito's colours, which people with any colour vision can tell apart, without yellow, which is faint on white.
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 BLACK, GREY, LIGHT_GREY = "#000000", "#7F7F7F", "#C8C8C8"
 MASS_COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, GREY, "#6B4C1E")
 _REGIME_SHADES = {"sliding": "#FAE3D5", "flight": "#CFE8F7"}
 
-# Events closer together than this part of the run share one line in a picture.
+# Events closer together than this fraction of the run's duration share one line.
 _SAME_INSTANT = 2e-3
-# Letters of a scenario's name that fit beside the longest title.
+# Number of letters of a scenario's name that fit beside the longest title.
 _LONGEST_NAME = 28
 
 
@@ -45,7 +45,7 @@ def number_text(value):
 
 
 def mass_name(i):
-    """From 0, as on the command line and in scenarios."""
+    """The name of a mass. Masses count from 0, as on the command line and in scenarios."""
     return f"mass {i}"
 
 
@@ -65,7 +65,7 @@ def blank_page(size, rows=1):
 
 
 def legend_above(axes, rows):
-    """The legend, a row per list: above the axes, where it covers nothing. Returns its height in points."""
+    """Draws a legend above the axes, one row per list. Returns its height in points."""
     rows = [row for row in rows if row]
     line_pt = 1.4 * matplotlib.rcParams["legend.fontsize"]
     for above, row in enumerate(reversed(rows)):
@@ -78,7 +78,7 @@ def legend_above(axes, rows):
 
 
 def head(axes, run, title, rows, name_axes=None):
-    """Title, the scenario's name (at the right end, above `name_axes` if given), and the legend, above the axes."""
+    """Draws the legend, the title and, at the right end, the scenario's name (above `name_axes` if given)."""
     above_legend_pt = 10 + legend_above(axes, rows)
     axes.set_title(title, loc="left", pad=above_legend_pt)
     name = run.name if len(run.name) <= _LONGEST_NAME else run.name[:_LONGEST_NAME - 1] + "\u2026"
@@ -86,7 +86,7 @@ def head(axes, run, title, rows, name_axes=None):
 
 
 def mark_events(all_axes, run):
-    """Regimes other than rolling shaded, impacts and early ends as vertical lines; returns their legend rows."""
+    """Shades regimes other than rolling; draws impacts and early ends as vertical lines. Returns their legend rows."""
     shades = []
     for regime, color in _REGIME_SHADES.items():
         spans = run.spans(regime)
@@ -96,13 +96,13 @@ def mark_events(all_axes, run):
         if spans:
             shades.append(Patch(color=color, label=regime))
     impacts = run.impact_times()
-    seen = []
+    distinct = []
     for time in impacts:
-        # Bounces come ever faster before the ball rests: what would fall on one line is drawn once.
-        if not seen or time - seen[-1] > _SAME_INSTANT * run.end_s:
-            seen.append(time)
+        # Bounces follow each other ever faster before the ball rests. Those at one place are drawn once.
+        if not distinct or time - distinct[-1] > _SAME_INSTANT * run.end_s:
+            distinct.append(time)
     for axes in all_axes:
-        for time in seen:
+        for time in distinct:
             axes.axvline(time, color=BLACK, linewidth=1.0, linestyle=":")
     if impacts:
         label = "impact" if len(impacts) == 1 else f"{len(impacts)} impacts"
@@ -122,7 +122,7 @@ def mark_events(all_axes, run):
 
 
 def mark_regimes_along(axes, run, z):
-    """As mark_events, for a curve in the plane: other regimes than rolling as bands under it, impacts as crosses."""
+    """Marks a curve in the plane: regimes other than rolling as bands under it, impacts as crosses."""
     time = np.asarray(run.state["time_s"], dtype=float)
     row = []
     for regime, color in _REGIME_SHADES.items():
@@ -143,7 +143,7 @@ def mark_regimes_along(axes, run, z):
 
 def finish_time_axis(axes, run):
     end = run.end_s
-    # A little air on the right keeps a marker or an event line at the very end whole.
+    # A margin on the right keeps a marker or a line at the end of the run visible.
     axes.set_xlim(0, end * 1.01 if end > 0 else 1)
     axes.set_xlabel(r"$t$ [s]")
 
@@ -151,17 +151,17 @@ def finish_time_axis(axes, run):
 def mark_extremum(axes, what, found, color, note=""):
     value, time = found
     low, high = axes.get_ylim()
-    if np.isfinite(value) and not low <= value <= high:  # found between the ticks, and beyond what they show
-        air = 0.06 * (high - low)
-        axes.set_ylim(min(low, value - air), max(high, value + air))
+    if np.isfinite(value) and not low <= value <= high:  # an extremum between two ticks may exceed all samples
+        margin = 0.06 * (high - low)
+        axes.set_ylim(min(low, value - margin), max(high, value + margin))
     axes.plot(time, value, zorder=5, clip_on=False, **hollow(color, 7))
     return Line2D([], [], label=f"{what} {number_text(value)} at {time_text(time)}{note}", **hollow(color, 7))
 
 
-def room_above(axes, values, top=None):
-    """From 0, where the envelope ends, or a little below the lowest value, to a little above `top`.
+def limit_height(axes, values, top=None):
+    """Sets the vertical limits: from 0, or a little below the lowest value, to a little above `top`.
 
-    `top`: default the highest finite value. A stretch of zeros gets room below 0: it would hide in the axis.
+    `top` defaults to the highest finite value. A stretch of zeros gets a margin below 0, or the axis would hide it.
     """
     finite = values[np.isfinite(values)]
     lowest, highest = finite.min(initial=0), finite.max(initial=0) if top is None else top
@@ -171,12 +171,12 @@ def room_above(axes, values, top=None):
 
 
 def rows_over_time(run, count):
-    """`count` samples, evenly spread over time."""
+    """The indices of `count` samples, evenly spread over time."""
     return np.unique(np.linspace(0, len(run.state) - 1, count).round().astype(int))
 
 
 def rows_along(z, count):
-    """`count` samples, evenly spread along the way, so that arrows do not pile up where the ball is slow."""
+    """The indices of `count` samples, evenly spread along the path, so that arrows do not overlap at low speed."""
     way = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(z, axis=0), axis=1))])
     return np.unique(np.searchsorted(way, np.linspace(0, way[-1], count)))
 
@@ -187,21 +187,21 @@ def mark_ends(axes, first, last):
 
 
 def friction_arrows(axes, x, y, force, arrow_size, equal_axes):
-    """Force vectors from points; the longest is `arrow_size` long in units of y. Returns its legend entry."""
+    """Draws forces as arrows; the longest is `arrow_size` long in units of y. Returns the legend entry."""
     longest = float(np.hypot(force[:, 0], force[:, 1]).max(initial=0))
     if longest == 0:
         return []
-    seen = np.hypot(force[:, 0], force[:, 1]) > 0.02 * longest  # shorter ones would be dots without a direction
-    drawn = force[seen] * (arrow_size / longest)
+    visible = np.hypot(force[:, 0], force[:, 1]) > 0.02 * longest  # shorter ones would be dots without a direction
+    drawn = force[visible] * (arrow_size / longest)
     scale_units = "xy" if equal_axes else "y"
-    axes.quiver(x[seen], y[seen], drawn[:, 0], drawn[:, 1], angles="xy", scale_units=scale_units, scale=1,
+    axes.quiver(x[visible], y[visible], drawn[:, 0], drawn[:, 1], angles="xy", scale_units=scale_units, scale=1,
                 color=VERMILLION, width=0.0035, headwidth=4, headlength=5, headaxislength=4.5, zorder=4)
     label = f"friction force on the ball, longest {number_text(longest)} N"
     return [Line2D([], [], color=VERMILLION, marker=">", markersize=7, label=label)]
 
 
 def space_axes(figure, place, half_width, names):
-    """Axes in space from -half_width to half_width in every direction, seen from the front right above."""
+    """3-d axes from -half_width to half_width in every direction, viewed from the front right above."""
     axes = figure.add_axes(place, projection="3d", computed_zorder=False)
     axes.set_proj_type("persp", focal_length=1.4)
     axes.view_init(elev=22, azim=-58)
@@ -217,7 +217,7 @@ def space_axes(figure, place, half_width, names):
 
 
 def draw_sphere(axes, radius):
-    """The ball as a net of meridians and parallels, behind everything else."""
+    """Draws the ball as meridians and parallels, behind everything else."""
     turn = np.linspace(0, 2 * np.pi, 121)
     cos, sin = radius * np.cos(turn), radius * np.sin(turn)
     for angle in np.arange(0, np.pi, np.pi / 6):

@@ -1,9 +1,9 @@
-"""ballast-paper-figures RUNS_DIR SCENARIOS_DIR OUT_DIR: the figures of the paper's sections of numerical simulations.
+"""ballast-paper-figures RUNS_DIR SCENARIOS_DIR OUT_DIR: Draws the figures of the paper's numerical simulations.
 
-RUNS_DIR holds the finished runs paper_disk, paper_ball and paper_detach, with prescribed masses as the paper has them;
-SCENARIOS_DIR the files they were run from. One picture per figure of the paper, named by its label there; the same
-panels in the same places, drawn from Ballast's runs alone. What the paper's captions leave open (colours, arrows, the
-part of an axis that is shown) is chosen here.
+RUNS_DIR holds the finished runs paper_disk, paper_ball and paper_detach with prescribed masses, as in the paper.
+SCENARIOS_DIR holds their scenario files. Each figure of the paper becomes one picture, named by its label in the paper,
+with the same panels in the same places, drawn from Ballast's runs alone. Colours, arrows and axis limits, which the
+paper's captions leave open, are chosen here.
 """
 
 import argparse
@@ -27,12 +27,12 @@ from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION,
 from recorded_run import RecordedRun
 
 _WIDTH_PX = 1500
-_CAPTION_LETTERS = 72  # of one line below a panel
+_CAPTION_LETTERS = 72  # per line below a panel
 _ARROWS = 16
 
 
 class PaperRun:
-    """A finished run and the scenario it was run from."""
+    """A finished run and its scenario."""
 
     def __init__(self, runs_dir, scenarios_dir, name):
         self.run = RecordedRun(Path(runs_dir) / name)
@@ -54,15 +54,15 @@ class PaperRun:
         return np.asarray(self.run.state["time_s"], dtype=float)
 
     def masses_B_m(self):
-        """(samples, masses, 3), from the GC."""
+        """(samples, masses, 3): positions relative to the GC."""
         return np.asarray(self.run.state["mass_position_B_m"][:, :self.run.mass_count], dtype=float)
 
     def center_of_mass_B_m(self):
-        """(samples, 3), of the whole system, from the GC."""
+        """(samples, 3): the system's centre of mass relative to the GC."""
         return np.asarray(self.run.state["center_of_mass_B_m"], dtype=float)
 
     def to_space(self, vectors_B):
-        """(samples, ..., 3) vectors of the body frame in the space frame, by each sample's orientation."""
+        """Rotates (samples, ..., 3) vectors from the body frame to the space frame by each sample's orientation."""
         w, x, y, z = np.asarray(self.run.state["orientation"], dtype=float).T
         rotation = np.array([
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -72,17 +72,16 @@ class PaperRun:
         return np.einsum("jkn,n...k->n...j", rotation, vectors_B)
 
     def acceleration(self):
-        """(time, theta''), the mean over each tick, in its middle.
+        """(time, theta'') in the middle of each tick, as the mean over the tick.
 
-        The paper's theta'' is linear between kinks that fall on ticks, so that the mean over a tick is the value in
-        its middle.
+        The paper's theta'' is linear between kinks, and the kinks fall on ticks, so the two are equal.
         """
         time = self.time_s
         velocity = np.asarray(self.run.state["mass_velocity"][:, :self.run.mass_count], dtype=float)
         return 0.5 * (time[1:] + time[:-1]), np.diff(velocity, axis=0) / np.diff(time)[:, None]
 
     def rail_circles_B_m(self, count=181):
-        """Per mass, (count, 3): its whole rail, the circle center + cos(theta) a + sin(theta) b fitted to its way."""
+        """(count, 3) per mass: its whole rail, the circle center + cos(theta) a + sin(theta) b fitted to its path."""
         turn = np.linspace(0, 2 * np.pi, count)
         around = np.stack([np.ones_like(turn), np.cos(turn), np.sin(turn)], axis=1)
         circles = []
@@ -95,14 +94,14 @@ class PaperRun:
 
 
 class Panel(NamedTuple):
-    label: str      # the paper's
-    caption: str    # what it shows
-    draw: Callable  # (figure, place, paper run), `place` as for Figure.add_axes
+    label: str      # in the paper
+    caption: str
+    draw: Callable  # draw(figure, place, paper_run), `place` as for Figure.add_axes
     in_space: bool = False
 
 
 class PaperFigure(NamedTuple):
-    label: str       # the paper's, and the file's name
+    label: str       # in the paper; also the name of the file
     scenario: str
     title: str
     panels: tuple
@@ -127,7 +126,7 @@ def _trajectory_legend(count):
 
 
 def _trajectories(paper_run, rows, in_space_frame):
-    """(points, colour, width) of the masses and, last and thin, of the system's centre of mass."""
+    """(points, colour, width) of each mass and, last and thin, of the system's centre of mass."""
     masses, center = paper_run.masses_B_m(), paper_run.center_of_mass_B_m()
     if in_space_frame:
         masses, center = paper_run.to_space(masses), paper_run.to_space(center)
@@ -146,7 +145,7 @@ def _disk_trajectories(in_space_frame):
     letter = "e" if in_space_frame else "E"
 
     def draw(figure, place, paper_run):
-        # The masses run to and fro on their circles: time as the third axis keeps what would cover itself apart.
+        # The masses swing to and fro on their circles. Time as the third axis keeps the curves from overlapping.
         rows = rows_over_time(paper_run.run, 2000)
         time = paper_run.time_s[rows]
         axes = space_axes(figure, place, paper_run.radius_m, ("$t$ [s]", f"${letter}_1$ [m]", f"${letter}_3$ [m]"))
@@ -183,7 +182,7 @@ def _magnitude_of_acceleration(figure, place, paper_run):
     axes = figure.add_axes(place)
     time, acceleration = paper_run.acceleration()
     handles = []
-    # All masses share one curve; the first is drawn broad and the last thin, so that every one is seen.
+    # All masses share one curve. The first is drawn broad and the last thin, so that all are visible.
     for i, name in enumerate(_mass_names(paper_run.run.mass_count)):
         width = 1.4 + 2.4 * (paper_run.run.mass_count - 1 - i)
         handles += axes.plot(time, np.abs(acceleration[:, i]), color=MASS_COLORS[i], linewidth=width, label=name)
@@ -234,7 +233,7 @@ def _ball_configuration(figure, place, paper_run):
 
 def _disk_rate(figure, place, paper_run):
     axes = _over_time(figure, place, paper_run, r"$\dot\phi$ [rad/s]")
-    # phi is counted from e1 to E1, e2 pointing into the page: against Omega_2.
+    # phi counts from e1 to E1 with e2 pointing into the page, so it has the opposite sign of Omega_2.
     axes.plot(paper_run.time_s, -np.asarray(paper_run.run.state["angular_velocity_B_radps"][:, 1]), color=BLUE)
 
 
@@ -364,7 +363,7 @@ SCENARIOS = tuple(dict.fromkeys(figure.scenario for figure in FIGURES))
 
 
 def published_value(run, quantity):
-    """What the paper prints, from the scenario by way of summary.json."""
+    """The value printed in the paper, which summary.json has from the scenario."""
     for entry in run.summary.get("published", []):
         if entry["quantity"] == quantity:
             return float(entry["published"])
@@ -380,7 +379,7 @@ def detachment_s(run):
 
 
 def draw_figure(paper_figure, paper_run):
-    """A matplotlib figure with the panels in the paper's places: two side by side, an odd last one in the middle."""
+    """Draws the panels in the paper's places: two side by side, an odd last one in the middle."""
     count = len(paper_figure.panels)
     single = count == 1
     width = 7.5 if single else 12.0
@@ -399,7 +398,7 @@ def draw_figure(paper_figure, paper_run):
         caption = panel.caption if single else f"({chr(ord('a') + i)}) {panel.caption}"
         figure.text((left + cell_width / 2) / width, (bottom + 0.62) / height,
                     textwrap.fill(f"{caption}.", _CAPTION_LETTERS), ha="center", va="top", fontsize=13)
-        # Axes in space draw inside their place, flat ones beyond it with their numbers.
+        # 3-d axes draw inside their place; the labels of flat axes lie outside it.
         inner = (0.0, 1.05, 0.45, 0.5) if panel.in_space else (0.95, 1.35, 0.35, 0.55)
         place = (left + inner[0], bottom + inner[1], cell_width - inner[0] - inner[2], row_height - inner[1] - inner[3])
         panel.draw(figure, (place[0] / width, place[1] / height, place[2] / width, place[3] / height), paper_run)
@@ -407,7 +406,7 @@ def draw_figure(paper_figure, paper_run):
 
 
 def _comparison(paper_runs):
-    """(panel's label, what, here, in the paper)"""
+    """(label of the panel, quantity, value here, value in the paper) of each comparison."""
     disk, ball, detach = (paper_runs[name].run for name in SCENARIOS)
     for label, run in (("fig_disk_coeff_sf", disk), ("fig_ball_coeff_sf", ball)):
         here = run.extremum("mu_required", "max", "time")
@@ -418,7 +417,7 @@ def _comparison(paper_runs):
 
 
 def report(paper_runs, out_dir):
-    """Which file is which figure, and the numbers they share with the paper."""
+    """The text that the program prints: the figures and the numbers that the paper gives too."""
     lines = ["figure (label in the paper)   panels"]
     for figure in FIGURES:
         panels = [panel.label for panel in figure.panels if panel.label != figure.label]
@@ -435,12 +434,12 @@ def main():
     parser = argparse.ArgumentParser(prog="ballast-paper-figures",
                                      description="Draws the figures of the paper's simulations from finished runs.")
     parser.add_argument("runs_dir", type=Path, help=f"folder with the runs {', '.join(SCENARIOS)}, prescribed")
-    parser.add_argument("scenarios_dir", type=Path, help="folder with the scenarios' files")
-    parser.add_argument("out_dir", type=Path, help="where the pictures go")
+    parser.add_argument("scenarios_dir", type=Path, help="folder with the scenario files")
+    parser.add_argument("out_dir", type=Path, help="folder for the pictures")
     arguments = parser.parse_args()
     try:
         paper_runs = {name: PaperRun(arguments.runs_dir, arguments.scenarios_dir, name) for name in SCENARIOS}
-        said = report(paper_runs, arguments.out_dir)
+        text = report(paper_runs, arguments.out_dir)
         arguments.out_dir.mkdir(parents=True, exist_ok=True)
         for figure in FIGURES:
             picture = draw_figure(figure, paper_runs[figure.scenario])
@@ -451,7 +450,7 @@ def main():
     except OSError as error:
         print(f"ballast-paper-figures: {error.filename}: {error.strerror}", file=sys.stderr)
         return 2
-    print(said, end="")
+    print(text, end="")
     return 0
 
 

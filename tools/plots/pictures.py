@@ -1,4 +1,5 @@
-"""The pictures of a run, one function each; the symbols are the paper's. Every function returns a matplotlib figure."""
+"""The pictures of a run. Each function draws one and returns a matplotlib figure, or None where the picture does not
+apply. Symbols are the paper's."""
 
 import math
 
@@ -10,17 +11,17 @@ from matplotlib.patches import Circle
 
 from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION, blank_page, draw_sphere,
                   finish_time_axis, friction_arrows, head, hollow, legend_above, mark_ends, mark_events, mark_extremum,
-                  mark_regimes_along, mass_name, number_text, room_above, rows_along, rows_over_time, space_axes,
+                  limit_height, mark_regimes_along, mass_name, number_text, rows_along, rows_over_time, space_axes,
                   time_text)
 
-# A path or a drawing is flat in a direction in which it extends less than this part of its size: far above what 20 s of
-# integration leave in a coordinate that should stay 0 (1e-10), far below what an eye could see.
+# A path is flat in a direction in which it extends less than this fraction of its size. 20 s of integration leave 1e-10
+# in a coordinate that should stay 0; an eye sees nothing below 1e-3.
 _FLAT = 1e-6
-# A ratio beyond this has no meaning as a number: N is 0 but for rounding.
+# f_s / N beyond this is not a meaningful number: N is 0 except for rounding.
 _WITHOUT_BOUND = 1e6
-# An available torque up to this many times the greatest torque is drawn beside it.
+# The available torque is drawn if it is at most this many times the greatest torque.
 _LIMIT_IN_SIGHT = 4
-# Percent. Far below 0 the size of a margin says nothing more: the motor is too weak.
+# Percent. Margins below this are cut off: the motor is too weak, by however much.
 _LEAST_MARGIN_SHOWN = -110
 
 
@@ -29,7 +30,7 @@ def _force_picture(run, value, found, found_name, label, title):
     axes.plot(run.contact["time_s"], value, color=BLUE, linewidth=1.2)
     marks = [mark_extremum(axes, found_name, found, BLUE)] if found is not None else []
     events = mark_events([axes], run)
-    room_above(axes, value)
+    limit_height(axes, value)
     axes.set_ylabel(label)
     finish_time_axis(axes, run)
     head(axes, run, title, [marks, *events])
@@ -40,12 +41,12 @@ def normal_force(run):
     value = run.contact["normal_force_n"]
     least = run.extremum("normal_force", "min", "min_time")
     if least is not None and abs(least[0]) < 1e-9 * value.max():
-        least = 0.0, least[1]  # what detachment leaves of N is rounding
+        least = 0.0, least[1]  # at detachment N is 0 except for rounding
     return _force_picture(run, value, least, "minimum", "$N$ [N]", "Normal force")
 
 
 def static_friction(run):
-    # While it slides, the friction in the log is kinetic.
+    # While the ball slides, the friction in the log is kinetic.
     title = "Friction" if run.spans("sliding") else "Static friction"
     greatest = run.extremum("static_friction", "max", "time")
     return _force_picture(run, run.contact["static_friction_n"], greatest, "maximum", r"$f_\mathrm{s}$ [N]", title)
@@ -60,10 +61,10 @@ def friction_required(run):
     top = 0.0
     marks = []
     if largest is not None:
-        # More than rounding above every sample: what the curve does not show needs a word.
+        # A maximum above every sample, by more than rounding, lies between two ticks. The curve does not show it.
         hidden = np.nanmax(ratio) * (1 + 1e-9) < largest[0] <= _WITHOUT_BOUND
         between = " (between ticks)" if hidden else ""
-        # Near N = 0 the ratio grows without bound; an axis made for that would flatten everything else to a line at 0.
+        # Near N = 0 the ratio grows without bound, and an axis up to there would flatten everything else.
         usual = 4 * float(np.nanpercentile(ratio, 90))
         top = min(largest[0], usual if math.isinf(limit) else max(usual, 1.5 * limit))
         if largest[0] <= top:
@@ -83,10 +84,10 @@ def friction_required(run):
         note = Line2D([], [], color=VERMILLION, linestyle="--",
                       label=f"limit {symbol} = {number_text(limit)}, far above")
     events = mark_events([axes], run)
-    room_above(axes, ratio, top)
+    limit_height(axes, ratio, top)
     axes.set_ylabel(r"$f_\mathrm{s}/N$")
     finish_time_axis(axes, run)
-    # While the ball slides, f_s / N is the kinetic coefficient, not what rolling would need.
+    # While the ball slides, f_s / N is the kinetic coefficient.
     title = "Friction coefficient needed to roll; kinetic where it slides"
     head(axes, run, title if run.spans("sliding") else "Friction coefficient needed", [marks + [note], *events])
     return figure
@@ -105,8 +106,8 @@ def angular_velocity(run):
     return figure
 
 
-def _who(run):
-    """GC and contact point share their place on the floor; in flight there is no contact point."""
+def _path_label(run):
+    """The label of the path. GC and contact point have the same path on the floor; in flight there is no contact."""
     return "GC" if run.leaves_the_ground() else "GC and CP"
 
 
@@ -136,12 +137,12 @@ def _curved_path(run, z, low, high):
     margin = 0.5 * arrow_size + 0.06 * extent.max()
     width = extent + 2 * margin
     figure, (axes,) = blank_page((8.5, float(np.clip(8.5 * width[1] / width[0] + 1.0, 5, 9.5))))
-    handles = axes.plot(z[:, 0], z[:, 1], color=BLUE, label=_who(run))
+    handles = axes.plot(z[:, 0], z[:, 1], color=BLUE, label=_path_label(run))
     rows = rows_along(z, 40)
     arrows = friction_arrows(axes, z[rows, 0], z[rows, 1], run.friction_force_W()[rows], arrow_size, True)
     regimes = mark_regimes_along(axes, run, z)
     mark_ends(axes, z[0], z[-1])
-    # The page keeps its shape: where the path is slim the axes reach further, so title and legend have their room.
+    # The page keeps its shape. For a slim path the axes reach further, so that title and legend fit.
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
@@ -152,19 +153,18 @@ def _curved_path(run, z, low, high):
 
 
 def _straight_path(run, z, along):
-    """Against time, as the paper shows its disk; the friction force, too, is drawn along the line."""
+    """Draws the distance over time, as the paper does for its disk, with the friction force along the line."""
     axis = int(np.argmax(np.abs(along)))
     on_axis = abs(along[1 - axis]) <= _FLAT
     distance = z[:, axis] if on_axis else (z - z[0]) @ along
     force = run.friction_force_W() @ along
     figure, (axes,) = blank_page((9, 5.5))
     time = np.asarray(run.state["time_s"], dtype=float)
-    handles = axes.plot(time, distance, color=BLUE, label=_who(run))
+    handles = axes.plot(time, distance, color=BLUE, label=_path_label(run))
     extent = float(np.ptp(distance)) or 1.0
     arrow_size = 0.14 * extent
     rows = rows_over_time(run, 60)
-    # Matplotlib finds an arrow's direction with a step it takes from the extent of the data, which a run of one sample
-    # has not.
+    # Matplotlib needs data of nonzero extent to find an arrow's direction; a run of one sample has none.
     axes.update_datalim([(run.end_s, distance.max() + arrow_size)])
     upright = np.stack([np.zeros(len(rows)), force[rows]], axis=1)
     arrows = friction_arrows(axes, time[rows], distance[rows], upright, arrow_size, False)
@@ -180,7 +180,7 @@ def _straight_path(run, z, along):
 
 
 def body_frame(run):
-    """None for a ball without masses."""
+    """Draws the paths of the masses in the body frame; None for a ball without masses."""
     if run.mass_count == 0:
         return None
     rows = rows_over_time(run, 3000)
@@ -190,10 +190,10 @@ def body_frame(run):
     everything = np.concatenate([masses.reshape(-1, 3), center])
     reach = float(np.linalg.norm(everything, axis=1).max())
     half_width = max(radius or 0.0, reach) or 1.0
-    # The centre of mass comes last and thin: where a heavy mass takes it along, both stay visible.
+    # The centre of mass comes last and thin, so that it does not cover the path of a heavy mass.
     curves = [(masses[:, i], MASS_COLORS[i], 2.4, mass_name(i)) for i in range(run.mass_count)]
     curves.append((center, BLACK, 1.2, "centre of mass of the system"))
-    # E_1-E_3 comes first: it is the plane of the paper's disk.
+    # E_1-E_3, the plane of the paper's disk, comes first.
     for normal, plane in ((1, (0, 2)), (2, (0, 1)), (0, (1, 2))):
         if np.abs(everything[:, normal]).max() <= _FLAT * half_width:
             return _body_plane(run, curves, plane, radius, half_width)
@@ -235,7 +235,7 @@ def _body_space(run, curves, radius, half_width):
     for points, color, width, _ in curves:
         axes.plot(*points.T, color=color, linewidth=width, zorder=3)
         axes.plot(*points[:1].T, zorder=4, **hollow(color, 8))
-    # A flat frame over the whole page carries title and legend as in every other picture.
+    # A flat frame over the whole page carries title and legend.
     frame = figure.add_axes((0.03, 0.0, 0.94, 0.89), zorder=1)
     frame.axis("off")
     head(frame, run, "Masses in the body frame, from the GC", _body_legend(curves, radius))
@@ -243,7 +243,7 @@ def _body_space(run, curves, radius, half_width):
 
 
 def masses(run):
-    """Where the controller asked the masses to be and where they were; None for a run without a controller."""
+    """Draws commanded and true positions of the masses; None for a run without a controller."""
     pair = run.commanded_and_true()
     if pair is None:
         return None
@@ -269,7 +269,7 @@ def masses(run):
 
 
 def motor_share(run):
-    """N, f_s and f_s / N of the real motion beside the commanded one's, and the difference; None if nothing commands."""
+    """Draws N, f_s and f_s / N of the real and the commanded motion, and the difference; None if nothing commands."""
     found = run.commanded_contact()
     if found is None:
         return None
@@ -278,7 +278,7 @@ def motor_share(run):
     figure.get_layout_engine().set(w_pad=0.12, h_pad=0.12, hspace=0.04)
     rows = figure.subplots(3, 2, sharex=True)
     events = mark_events(list(rows.flat), run)
-    # Samples where the ball does not roll are left out; a line across such a stretch would be made up.
+    # Samples where the ball does not roll are left out, and no line is drawn across the gap.
     breaks = np.flatnonzero(np.diff(time) > 1.5 * run.summary["control_period"]) + 1
     for (name, (real, commanded)), (left, right), symbol, unit in zip(
             pairs.items(), rows, ("$N$", r"$f_\mathrm{s}$", r"$f_\mathrm{s}/N$"), (" [N]", " [N]", "")):
@@ -292,7 +292,7 @@ def motor_share(run):
         right.set_ylabel(rf"$\Delta$ {symbol}{unit}")
         both = np.concatenate([real, commanded])
         usual = 4 * float(np.nanpercentile(both, 90))
-        if np.nanmax(both) > 5 * usual > 0:  # near N = 0 the ratio grows without bound and would flatten all else
+        if np.nanmax(both) > 5 * usual > 0:  # near N = 0 the ratio grows without bound and would flatten the rest
             left.set_ylim(0, usual)
             right.set_ylim(-usual, usual)
         greatest = run.greatest_deviation(name.removesuffix("_n"))
@@ -314,7 +314,7 @@ def motor_share(run):
 
 
 def height(run):
-    """None for a ball that stays on the ground."""
+    """Draws the height above contact; None for a ball that stays on the ground."""
     if not run.leaves_the_ground():
         return None
     figure, (axes,) = blank_page((9, 5))
@@ -325,14 +325,14 @@ def height(run):
     marks = [mark_extremum(axes, "highest", (float(value[top]), float(time[top])), BLUE)]
     events = mark_events([axes], run)
     axes.set_ylabel("height above contact [m]")
-    room_above(axes, value)
+    limit_height(axes, value)
     finish_time_axis(axes, run)
     head(axes, run, "Height of the GC above where it is in contact", [marks, *events])
     return figure
 
 
 def motors(run):
-    """A row per motor: torque at its shaft, and what is left of what it has; None for a ball without motors."""
+    """Draws the torque and the torque margin of each motor; None for a ball without motors."""
     found = run.motors()
     if not found:
         return None
@@ -350,7 +350,7 @@ def motors(run):
         available = least if least == most else f"{least} to {most}"
         label = f"{mass_name(motor.mass)}: at most {number_text(motor.greatest_nm)} of {available} N m"
         torque_legend = [Line2D([], [], color=color, label=label)]
-        # A limit far above would press the torque flat.
+        # A limit far above would flatten the torque's curve.
         if motor.available_nm.min() <= _LIMIT_IN_SIGHT * motor.greatest_nm:
             for sign in (1, -1):
                 left.plot(time, sign * motor.available_nm, color=BLACK, linestyle="--", linewidth=1.1)

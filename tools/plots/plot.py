@@ -1,4 +1,4 @@
-"""ballast-plot RUN_DIR: draws a finished run's log as pictures into RUN_DIR."""
+"""ballast-plot RUN_DIR: Draws the pictures of a finished run into its folder."""
 
 import argparse
 import sys
@@ -25,13 +25,13 @@ def main():
         run = RecordedRun(arguments.run_dir)
         if run.damage:
             log = arguments.run_dir / "run.lcmlog"
-            print(f"ballast-plot: {log}: {run.damage}; drawing what comes before", file=sys.stderr)
+            print(f"ballast-plot: {log}: {run.damage}; drew what comes before", file=sys.stderr)
         for name, draw in PICTURES.items():
             figure = draw(run)
             path = arguments.run_dir / f"{name}.{arguments.format}"
             check_place(path, kind)
             if figure is None:
-                path.unlink(missing_ok=True)  # of an earlier run in this folder
+                path.unlink(missing_ok=True)  # a picture of an earlier run in this folder
                 continue
             with OutputFiles(path) as files:
                 figure.savefig(files.open(path, kind), dpi=150, format=arguments.format)

@@ -1,4 +1,4 @@
-"""One finished run: its log and summary.json, as arrays over time. Units and frames are those of the .lcm files."""
+"""A finished run's log and summary as arrays over time. Units and frames are those of the .lcm files."""
 
 import json
 import math
@@ -20,7 +20,7 @@ _TRIP_CAUSES = {
     "normal_force": "$N$ at its limit",
     "friction": "friction at its limit",
     "nonfinite": "a value was not finite",
-    "stale": "messages stayed out",
+    "stale": "messages were overdue",
     "missing": "a message was missing",
     "repeated": "a message came twice",
     "disagreement": "plant and controller disagree",
@@ -42,27 +42,27 @@ def read_json(path):
 
 
 class Motor(NamedTuple):
-    """One motor over the samples of `state`, at its shaft, and what summary.json says of the whole run.
+    """One motor at the samples of `state`, at its shaft, with its extrema from summary.json.
 
-    The margin is the part of the available torque that the field leaves unused (PHYSICS.md, section 5). The field has
-    to supply the shaft's torque and what drag and detent take: in prescribed runs as sim/plant/plant.cpp counts it, without
-    detent. A rotor that lags its field by more than the angle of greatest torque is, at these samples, not told from
-    one that lags as much less; `least_margin`, then below 0, is.
+    The margin is the fraction of the available torque that the field leaves unused (PHYSICS.md, section 5). The field
+    supplies the shaft's torque, drag and detent; in prescribed runs detent is left out, as in the plant. These samples
+    cannot tell a rotor that lags its field by more than the angle of greatest torque from one that lags by less;
+    `least_margin` can, and is then below 0.
     """
 
-    mass: int                  # that it moves, from 0
-    torque_nm: np.ndarray      # positive drives theta up; prescribed runs: needed, the rotor's inertia included
+    mass: int                  # number of the mass that it moves
+    torque_nm: np.ndarray      # positive drives theta up; in prescribed runs the torque needed, rotor inertia included
     available_nm: np.ndarray   # > 0: the holding torque up to the corner speed, falling with 1 / speed above
-    margin: np.ndarray         # 1: unused, 0: all of it; below 0: more was needed than there is
-    greatest_nm: float         # largest |torque|, between samples too
-    least_margin: float        # likewise
+    margin: np.ndarray         # 1: nothing used; 0: all used; below 0: more was needed than is available
+    greatest_nm: float         # largest |torque|, also between samples
+    least_margin: float        # also between samples
 
 
 class RecordedRun:
-    """`contact`, `state`: the plant's messages from t = 0 on; `status`: the controller's, empty if there was none."""
+    """A run's messages from t = 0 on: `contact` and `state` of the plant, `status` of the controller (may be empty)."""
 
     def __init__(self, folder, log_path=None, summary=None):
-        """`log_path` and `summary`, if given, are taken in place of run.lcmlog and summary.json of the folder."""
+        """`log_path` and `summary`, if given, replace run.lcmlog and summary.json of the folder."""
         folder = Path(folder)
         if not folder.is_dir():
             raise LogError(f"{folder}: no such folder")
@@ -101,7 +101,7 @@ class RecordedRun:
         return max(float(self.contact["time_s"][-1]), float(self.state["time_s"][-1]))
 
     def extremum(self, section, value_key, time_key):
-        """(value, time) as summary.json locates it, between samples; None if it gives none, as for an infinite one."""
+        """(value, time) from summary.json, which may lie between samples; None if it has none or an infinite one."""
         entry = self.summary.get(section) or {}
         value, time = entry.get(value_key), entry.get(time_key)
         if isinstance(value, (int, float)) and isinstance(time, (int, float)) and math.isfinite(value):
@@ -109,14 +109,14 @@ class RecordedRun:
         return None
 
     def largest_friction_required(self):
-        """(f_s / N, time), infinite where N reached 0, which JSON can only give as null; None without contact."""
+        """(f_s / N, time), infinite where N reached 0 (null in summary.json); None without contact."""
         entry = self.summary.get("mu_required") or {}
         if not np.isfinite(self.friction_required()).any() or not isinstance(entry.get("time"), (int, float)):
             return None
         return self.extremum("mu_required", "max", "time") or (math.inf, float(entry["time"]))
 
     def early_ends(self):
-        """(time, what happened) of the monitor's trip and of the physics that ended the run, in order of time."""
+        """(time, text) of the monitor's trip and of the physical event that ended the run, in order of time."""
         found = []
         trip = self.summary.get("trip")
         if trip:
@@ -128,7 +128,7 @@ class RecordedRun:
         return sorted(found)
 
     def spans(self, regime_name):
-        """(start, end) of every stretch in this contact regime."""
+        """(start, end) of every interval in this contact regime."""
         return [(r["start"], r["end"]) for r in self.summary.get("regimes", []) if r["regime"] == regime_name]
 
     def leaves_the_ground(self):
@@ -138,15 +138,15 @@ class RecordedRun:
         return [impact["time"] for impact in self.summary.get("impacts", [])]
 
     def friction_required(self):
-        """f_s / N per contact sample; NaN in flight and where N <= 0."""
+        """f_s / N at the samples of `contact`; NaN in flight and where N <= 0."""
         ratio = np.array(self.contact["mu_required"], dtype=float)
         ratio[~np.isfinite(ratio) | (self.contact["regime"] == ballast.contact_t.REGIME_FLIGHT)] = np.nan
         return ratio
 
     def commanded_contact(self):
-        """(time, {name: (real, commanded)}) of N, f_s and f_s / N at the rolling samples with a command; None if none.
+        """(time, {name: (real, commanded)}) of N, f_s and f_s / N at the rolling samples with a command.
 
-        NaN where f_s / N has no bound.
+        NaN where f_s / N has no bound. None if there is no such sample.
         """
         rows = np.isfinite(self.contact["commanded_normal_force_n"])
         rows &= self.contact["regime"] == ballast.contact_t.REGIME_ROLLING
@@ -161,7 +161,7 @@ class RecordedRun:
         return np.asarray(self.contact["time_s"][rows], dtype=float), pairs
 
     def greatest_deviation(self, quantity):
-        """(real less commanded, time) where they are furthest apart, from summary.json; None if that has no bound."""
+        """(real minus commanded, time) of greatest size, from summary.json; None if it has no bound."""
         entry = (self.summary.get("motor_share") or {}).get(quantity) or {}
         difference, time = entry.get("difference"), entry.get("time")
         if isinstance(difference, (int, float)) and isinstance(time, (int, float)):
@@ -169,13 +169,13 @@ class RecordedRun:
         return None
 
     def friction_force_W(self):
-        """(n, 2) horizontal force of the surface on the ball at the times of `state`."""
+        """(n, 2): the horizontal force of the surface on the ball at the times of `state`."""
         contact_s, state_s = self.contact["time_s"], self.state["time_s"]
         force = self.contact["friction_force_W_n"]
         return np.stack([np.interp(state_s, contact_s, force[:, j]) for j in range(2)], axis=1)
 
     def ball_radius_m(self):
-        """From rolling itself, |zdot| = r |horizontal part of the angular velocity|; None if the ball never rolls."""
+        """The ball's radius, fitted to |zdot| = r |horizontal angular velocity|; None if the ball never rolls."""
         w, x, y, z = np.asarray(self.state["orientation"], dtype=float).T
         up_B = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
         rate_B = np.asarray(self.state["angular_velocity_B_radps"], dtype=float)
@@ -187,7 +187,7 @@ class RecordedRun:
         return float(speed[rolls] @ weight / (weight @ weight)) if weight.any() and speed[rolls].any() else None
 
     def motors(self):
-        """One Motor per mass on a rail, in their order; a mass on a trajectory has none."""
+        """One Motor per mass on a rail, in order; a mass on a trajectory has none."""
         entries = self.summary.get("motors", [])
         if len(entries) != self.mass_count:
             raise LogError(f"{self.summary_path}: motors has {len(entries)} entries; the log shows {self.mass_count}")
@@ -212,12 +212,12 @@ class RecordedRun:
         return found
 
     def commanded_and_true(self):
-        """(time, commanded, true) rail coordinates at the tick starts both sides report; None without a controller."""
+        """(time, commanded, true) rail coordinates at tick starts that both sides report; None without a controller."""
         if len(self.status) == 0 or self.status["motor_count"][0] == 0:
             return None
         _, status_rows, state_rows = np.intersect1d(self.status["tick"], self.state["tick"], return_indices=True)
         state = self.state[state_rows]
-        # The last sample may lie between two tick starts, where the physics ended the run: there is no command for it.
+        # The last sample may lie between two tick starts, where the run ended. No command belongs to it.
         period_s = float(self.summary["control_period"])
         at_start = np.abs(state["time_s"] - state["tick"] * period_s) < 1e-3 * period_s
         if not at_start.any():
@@ -229,12 +229,15 @@ class RecordedRun:
 
 
 def _available_torque_nm(p, speed_radps):
-    """The holding torque up to the corner speed; above, what the supply drives through the winding, or corner / speed."""
+    """The holding torque up to the corner speed; above, what the supply can drive through the winding.
+
+    Without data of the winding the torque falls with corner speed / speed.
+    """
     over_corner = np.maximum(speed_radps / p["corner_speed"], 1)
     if p.get("rated_current") is None:
         return p["holding_torque"] / over_corner
-    # Currents as complex numbers in the rotor's frame, j ahead of the magnet: |i| <= I and |Z i + j E| <= V. The
-    # greatest Im i is at the top of the voltage's circle, where that is inside the current's, else where they cross.
+    # Currents are complex numbers in the rotor's frame, with j ahead of the magnet: |i| <= I and |Z i + j E| <= V. The
+    # greatest Im i is at the top of the voltage's circle if that lies inside the current's, otherwise where they cross.
     most_a, supply_v = np.sqrt(2) * p["rated_current"], p["supply_voltage"]
     constant = p["holding_torque"] / most_a
     speed = np.where(over_corner > 1, speed_radps, p["corner_speed"])
@@ -250,5 +253,5 @@ def _available_torque_nm(p, speed_radps):
 
 
 def _from_start(messages):
-    """Without the countdown, the ticks before 0 in which the ball is held."""
+    """Drops the countdown: the ticks before 0, in which the ball is held."""
     return messages[messages["tick"] >= 0]

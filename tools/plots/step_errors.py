@@ -1,9 +1,9 @@
 #!/usr/bin/python3
-"""Draws how far step pulses are from their crossings: step_errors.py CSV SUMMARY PNG.
+"""step_errors.py CSV SUMMARY PNG: Draws how far step pulses are from their crossings, and prints it as a table.
 
-CSV is what stepcheck_test wrote to BALLAST_STEPCHECK_OUT, one line per kind of motion: name, steps, worst error in us,
-worst error as a part of the tolerance, 20 bins from -1 to 1 tolerances. SUMMARY is the summary.json of a run with
---check-steps. Prints the same as a table.
+stepcheck_test writes CSV to BALLAST_STEPCHECK_OUT, one line per kind of motion: name, steps, worst error in us, worst
+error as a fraction of the tolerance, 20 bins from -1 to 1 tolerances. SUMMARY is the summary.json of a run with
+--check-steps.
 """
 
 import json
@@ -29,7 +29,7 @@ def read(csv_path, summary_path):
 
 
 def table(rows):
-    """Bins of opposite sign and equal size added up, as parts of all steps."""
+    """Prints the table. Bins of opposite sign and equal size are added up, as fractions of all steps."""
     limits = (0.1, 0.2, 0.5, 0.8, 1.0)
     print("| motion | steps | worst, of the tolerance | " + " | ".join(f"to {limit:g}" for limit in limits) + " |")
     print("|---|---|---|" + "---|" * len(limits))

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Draws a motor swept through its resonance: stepper_resonance.py CSV PNG.
+"""stepper_resonance.py CSV PNG: Draws the swing of a motor's rotor while its speed sweeps through the resonance.
 
-CSV is what physics_test's Resonance.MicrosteppingCalmsIt wrote to BALLAST_RESONANCE_OUT, one line per look: microsteps,
+physics_test's Resonance.MicrosteppingCalmsIt writes CSV to BALLAST_RESONANCE_OUT, one line per speed: microsteps,
 natural frequency in Hz, full steps per second, swing of the rotor about the even motion in full steps (half of peak to
 peak).
 """
@@ -19,8 +19,8 @@ def draw(rows, png_path):
     natural_hz = rows[0, 1]
     lines = []
     for microsteps, color in zip(NAMES, page.MASS_COLORS):
-        mine = rows[rows[:, 0] == microsteps]
-        lines.append(axes.plot(mine[:, 2], mine[:, 3], color=color, linewidth=2, label=NAMES[microsteps])[0])
+        selected = rows[rows[:, 0] == microsteps]
+        lines.append(axes.plot(selected[:, 2], selected[:, 3], color=color, linewidth=2, label=NAMES[microsteps])[0])
     top = 1.05 * rows[:, 3].max()
     for part, text in ((1, "f"), (2, "f/2"), (3, "f/3"), (4, "f/4")):
         axes.axvline(natural_hz / part, color=page.GREY, linewidth=1, linestyle=":")

@@ -1,4 +1,4 @@
-"""Refuses a summary.json that no run has written, before anything is made of it."""
+"""Checks the shape of a summary.json before it is used. A file that no run has written is refused."""
 
 import json
 
@@ -6,7 +6,7 @@ from event_log import LogError
 
 
 def _number(value):
-    # The second half keeps out what JSON's readers take but no run writes, and integers that no double holds.
+    # Python's JSON reader accepts true as a number, NaN, infinity and integers beyond the range of a double.
     return isinstance(value, (int, float)) and not isinstance(value, bool) and -1.7e308 <= value <= 1.7e308
 
 
@@ -21,35 +21,35 @@ def _flag(value):
 _NAMES = {_number: "a number", _text: "a text", _flag: "true or false"}
 
 
-class _Or:
-    """null, or of this shape."""
+class _OrNull:
+    """null, or a value of this shape."""
 
     def __init__(self, shape):
         self.shape = shape
 
 
-_MAYBE = _Or(_number)
+_MAYBE = _OrNull(_number)
 _PLAN = {"start!": _number, "duration!": _number, "predicted_normal_force_min": _MAYBE,
          "predicted_mu_required_max": _MAYBE, "predicted_margin_min": _MAYBE, "margin_min": _MAYBE}
-# Of what is drawn or said. A key that ends in ! has to be there; keys that are not here may be anything.
+# The keys that the pictures and reports use. A key that ends in ! is required; the others are optional.
 _SHAPE = {
-    "actuation": _Or(_text),
+    "actuation": _OrNull(_text),
     "control_period": _MAYBE,
-    "end": {"reason": _Or(_text), "time": _number},
+    "end": {"reason": _OrNull(_text), "time": _number},
     "mu_required": {"max": _MAYBE, "time!": _number},
     "normal_force": {"min": _MAYBE, "min_time": _number, "max": _MAYBE, "max_time": _number},
     "static_friction": {"max": _MAYBE, "time": _number},
     "surface": {"static_friction": _MAYBE},
-    "envelope": _Or({}),
-    "motor_share": _Or({name: _Or({}) for name in ("normal_force", "static_friction", "mu_required")}),
+    "envelope": _OrNull({}),
+    "motor_share": _OrNull({name: _OrNull({}) for name in ("normal_force", "static_friction", "mu_required")}),
     "regimes": [{"regime!": _text, "start!": _number, "end!": _number}],
     "impacts": [{"time!": _number, "normal_impulse": _number, "friction_impulse": _number, "sticking": _flag}],
-    "trip": _Or({"cause!": _text, "time!": _number, "value": _MAYBE, "limit": _MAYBE, "latency_ticks": _MAYBE}),
-    "move": _Or(_PLAN),
-    "stop": _Or(_PLAN),
+    "trip": _OrNull({"cause!": _text, "time!": _number, "value": _MAYBE, "limit": _MAYBE, "latency_ticks": _MAYBE}),
+    "move": _OrNull(_PLAN),
+    "stop": _OrNull(_PLAN),
     "faults": [{}],
-    "required_friction": _Or({"text": _Or(_text)}),
-    "motors": [_Or({"steps": _number, "lost_steps": _number, "max_step_rate": _number, "max_torque": _number,
+    "required_friction": _OrNull({"text": _OrNull(_text)}),
+    "motors": [_OrNull({"steps": _number, "lost_steps": _number, "max_step_rate": _number, "max_torque": _number,
                     "torque_margin!": _number,
                     "parameters": {name: _number for name in (
                         "shaft_ratio", "steps_per_revolution", "holding_torque", "detent_torque", "viscous_damping",
@@ -61,12 +61,12 @@ _SHAPE = {
 
 
 def check_summary(summary, path):
-    """LogError with file, key and what is allowed there, if something that is read has another shape."""
+    """Raises LogError with file, key and allowed shape if a key in use has another shape."""
     _check(summary, _SHAPE, path, "")
 
 
 def _check(value, shape, path, place):
-    if isinstance(shape, _Or):
+    if isinstance(shape, _OrNull):
         if value is not None:
             _check(value, shape.shape, path, place)
     elif isinstance(shape, dict):

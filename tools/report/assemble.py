@@ -1,8 +1,8 @@
-"""Puts the page together: one HTML file that needs nothing else, neither a network nor a server.
+"""Assembles the page: one HTML file that works without a network or a server.
 
-The sources in page/ and the packages' files go in as they are, as modules of an import map (data: URLs, which work from
-file://). Samples go in as columns of float32: differences of their bit patterns, byte planes apart, gzip, base64;
-smooth signals then take a third of their size. page/samples.js undoes it.
+The sources in page/ and the files of the packages become modules of an import map. Their data: URLs work from file://.
+Samples are stored as columns of float32: differences of bit patterns, separated into byte planes, gzip, base64. Smooth
+signals then take a third of their size. page/samples.js decodes them.
 """
 
 import base64
@@ -20,13 +20,13 @@ import words
 from packages import Package
 
 _PAGE = Path(__file__).resolve().parent / "page"
-_LONG_CELL = 32  # letters; longer ones are broken into lines
+_LONG_CELL = 32  # letters; longer cells are broken into lines
 _OWN_MODULES = ("main.js", "samples.js", "clock.js", "panels.js", "plots.js", "scene.js", "robot.js", "resolution.js",
                 "theme.js")
 
 
 def page_begins(maker):
-    """How every page of that command begins, "report" or "compare"."""
+    """The first bytes of every page of the command `maker`, "report" or "compare"."""
     return f"<!doctype html>\n<!-- ballast {maker} -->\n".encode()
 
 
@@ -35,7 +35,7 @@ def report_page(recording):
 
 
 def compare_page(recordings, title, head, tables):
-    """`head`, `tables`: HTML, of what is said above and below the plots."""
+    """`head` and `tables` are the HTML above and below the plots."""
     return _page("compare", recordings, title, head, tables)
 
 
@@ -70,7 +70,7 @@ def _page(maker, recordings, title, head, tables):
         "start": start,
     }
     template = (_PAGE / "page.html").read_text(encoding="utf-8")
-    # One pass: what is put in is not looked at again.
+    # One pass, so that inserted text is not substituted again.
     return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], template)
 
 
@@ -88,7 +88,7 @@ def _script_json(value):
 
 
 def finite(value):
-    """With None in the place of what JSON cannot say."""
+    """A copy of `value` with None in place of NaN and infinity, which JSON lacks."""
     if isinstance(value, dict):
         return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
@@ -99,7 +99,7 @@ def finite(value):
 
 
 def _described(recording):
-    """What the page's scripts know of a run beside its samples."""
+    """The data of a run, other than its samples, that the page's scripts use."""
     summary = recording.summary
     friction = recording.static_friction_coefficient
     return {
@@ -133,7 +133,7 @@ def _extreme(summary, section, key, when):
 
 
 def packed_names(recording):
-    """Time goes in as the sum of two columns, `time` and `time_rest`: float32 alone has no microseconds at 20 s."""
+    """The names of the packed columns. Time is `time` + `time_rest`, since float32 has no microseconds at 20 s."""
     return [*recording.columns, "time_rest"]
 
 
@@ -165,7 +165,7 @@ def _cell(text):
 
 
 def symbols(text):
-    """Escaped, with the paper's symbols as they are printed."""
+    """`text` as HTML, with the paper's symbols in print."""
     text = html.escape(str(text))
     text = re.sub(r"\bf_s\b", "<i>f</i><sub>s</sub>", text)
     return re.sub(r"\bmu_s\b", "<i>μ</i><sub>s</sub>", text)
@@ -187,7 +187,7 @@ def _report_head(recording):
 
 
 def _card(number):
-    """`data-value` has all digits of the summary."""
+    """The HTML of one number. `data-value` has all digits of the summary."""
     value = "perfect" if number.path == "surface.static_friction" and number.value is None else \
         words.number_text(number.value)
     unit = f" <small>{html.escape(number.unit)}</small>" if number.unit and number.value is not None else ""

@@ -1,4 +1,4 @@
-"""ballast-compare RUN_A RUN_B: says in what two runs differ, and makes a page of both. `ballast compare` calls it."""
+"""ballast-compare RUN_A RUN_B: Lists how two runs differ and makes a page of both, for `ballast compare`."""
 
 import argparse
 import html
@@ -15,13 +15,13 @@ from recording import Recording
 from report import ERRORS, write_page
 
 _PAGE = Kind("page of ballast compare", page_begins("compare"))
-# In the terminal; the page has all.
+# Limits of the lists in the terminal. The page has everything.
 _LONGEST_TERMINAL_LIST = 40
 _WIDEST_VALUE = 28
 
 
 class Comparison:
-    """Two recordings, and what differs."""
+    """Two recordings and their differences."""
 
     def __init__(self, path_a, path_b):
         self.recordings = [Recording(path_a), Recording(path_b)]
@@ -43,18 +43,18 @@ class Comparison:
         for log in self.logs:
             counts = " / ".join(str(size) for size in log.messages)
             if log.differs:
-                rows.append([log.channel, counts, str(log.differing), str(log.tick), log.field or "(one has none)",
+                rows.append([log.channel, counts, str(log.differing), str(log.tick), log.field or "(only one has it)",
                              value_text(log.a), value_text(log.b)])
             else:
                 rows.append([log.channel, counts, "0", "–", "–", "–", "–"])
         return rows
 
     def first_difference(self):
-        """The earliest of all channels, as a sentence; what the plant says comes before what others make of it."""
+        """A sentence on the earliest difference. In one tick, the plant's messages come before the other's."""
         differing = [log for log in self.logs if log.differs]
         if not differing:
             return "The logs are the same, message by message."
-        # A log that begins or ends elsewhere says less than a field.
+        # A field that differs says more than a log that begins or ends elsewhere.
         first = min(differing, key=lambda log: (not log.field, log.tick))
         where = f"The logs first differ in tick {first.tick}: {first.channel}"
         if not first.field:
@@ -68,12 +68,12 @@ _LOG_TITLE = "Logs, channel by channel, without run_id (a number drawn on a bus)
 _LOG_HEAD = ["channel", "messages A / B", "differing", "first tick", "first field", "A", "B"]
 
 
-# What the controller says, commands first.
+# The controller's channels, commands first.
 _CONTROLLER = ("BALLAST_STEP_COMMAND", "BALLAST_CONTROLLER_STATUS")
 
 
 def controller_text(recorded, replayed):
-    """Of two logs of the same inputs: the first field of the controller's in which they differ, a line per channel.
+    """The first field in which the controller's messages differ, one line per channel, for two logs of the same inputs.
 
     The steps of tick k are commanded with the status of tick k - 1.
     """
@@ -100,7 +100,7 @@ def terminal_text(comparison):
     if rows:
         lines += _columns([_FIELD_HEAD] + rows[:_LONGEST_TERMINAL_LIST])
         if len(rows) > _LONGEST_TERMINAL_LIST:
-            lines.append(f"  ... and {len(rows) - _LONGEST_TERMINAL_LIST} more fields, which the page has")
+            lines.append(f"  ... and {len(rows) - _LONGEST_TERMINAL_LIST} more fields, on the page")
     else:
         lines.append("The summaries are the same.")
     lines += ["", f"  {_LOG_TITLE}"] + _columns([_LOG_HEAD] + comparison.log_rows()) + [
@@ -145,7 +145,7 @@ def _tables(comparison):
         headline.append([label, *(words.number_text(v) if v is not MISSING else "–" for v in values),
                          "" if difference is None else f"{difference:+.6g}"])
     fields = comparison.field_rows()
-    return (table_html(words.Table("What one asks first", ["", "A", "B", "B − A"], headline))
+    return (table_html(words.Table("Key numbers", ["", "A", "B", "B − A"], headline))
             + table_html(words.Table(_LOG_TITLE, _LOG_HEAD, comparison.log_rows()), "full")
             + (table_html(words.Table(f"Fields that differ: {len(fields)}", _FIELD_HEAD, fields), "full")
                if fields else ""))
@@ -153,11 +153,11 @@ def _tables(comparison):
 
 def main():
     parser = argparse.ArgumentParser(prog="ballast-compare",
-                                     description="Says in what two runs differ, and makes an HTML page of both.")
+                                     description="Lists how two runs differ, and makes an HTML page of both.")
     parser.add_argument("run_a", type=Path, help="folder of a run, or its log")
-    parser.add_argument("run_b", type=Path, help="folder of another, or its log")
+    parser.add_argument("run_b", type=Path, help="folder of another run, or its log")
     parser.add_argument("--controller", action="store_true",
-                        help="of two logs with the same inputs: only say where the controllers' words differ first")
+                        help="for two logs of the same inputs: print only where the controller's messages differ first")
     parser.add_argument("--out", type=Path, help="default: compare.html beside the log of RUN_B")
     arguments = parser.parse_args()
 

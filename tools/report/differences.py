@@ -1,4 +1,4 @@
-"""In what two runs differ: fields of their summaries and robots, and the first tick and field of their logs."""
+"""The differences of two runs: fields of their summaries and robots, and the first tick and field of their logs."""
 
 import json
 import math
@@ -12,10 +12,9 @@ import numpy as np
 
 from event_log import EventLog
 
-# Say whose a message is, not what happened. run_id is a number the plant has drawn on a bus: in what lcm-logger
-# recorded it differs from every other log, which has 0.
+# Fields that identify a run and are not part of its course. The plant draws run_id on a bus; elsewhere it is 0.
 _IDENTITY = ("scenario_id", "run_id")
-# The only fields of a summary that differ between identical runs.
+# The fields of a summary that differ between identical runs.
 _NEVER_THE_SAME = ("wall_time", "speed")
 _CHANNELS = {
     "BALLAST_CONTACT": ballast.contact_t,
@@ -29,7 +28,7 @@ _CHANNELS = {
 
 
 class FieldDifference(NamedTuple):
-    """One field; a run that lacks it has MISSING."""
+    """A field that differs. MISSING stands for a run that lacks it."""
 
     path: str
     a: object
@@ -37,7 +36,7 @@ class FieldDifference(NamedTuple):
 
     @property
     def difference(self):
-        """b - a of two numbers; None of anything else."""
+        """b - a for two finite numbers, otherwise None."""
         both = (self.a, self.b)
         if all(isinstance(v, (int, float)) and not isinstance(v, bool) and math.isfinite(v) for v in both):
             return self.b - self.a
@@ -51,17 +50,17 @@ _UNITS = ("1", "N", "N m", "m", "m/s", "m/s^2", "rad/s", "s", "us", "microsteps"
 
 
 def ulps(a, b):
-    """How many doubles lie from a to b, b included; None where one is not a finite float."""
+    """The number of doubles from a to b, b included; None unless both are finite floats."""
     if not all(isinstance(v, float) and math.isfinite(v) for v in (a, b)):
         return None
-    # Patterns of doubles of one sign are in the order of the doubles.
+    # Bit patterns of doubles of one sign have the order of the doubles.
     ranks = [pattern if pattern >= 0 else -(pattern + 2**63) for pattern in
              (struct.unpack(">q", struct.pack(">d", v))[0] for v in (a, b))]
     return abs(ranks[1] - ranks[0])
 
 
 def unit_of(channel, field):
-    """As the .lcm file's comment on the field begins with it; empty if it names none. 1: a pure number."""
+    """The unit at the start of the field's comment in the .lcm file; empty if there is none. 1: a pure number."""
     text = (_LCM_TYPES / f"{_CHANNELS[channel].__name__.removesuffix('_t')}.lcm").read_text()
     comment = re.search(rf"\s{re.escape(field.partition('[')[0])}(?:\[\d+\])*;\s*// *([^\n]*)", text)
     if not comment:
@@ -73,7 +72,7 @@ def unit_of(channel, field):
 
 
 def how_far(channel, field, a, b):
-    """' (+3e-16 N, 2 ULP)' of two numbers; empty of anything else."""
+    """' (+3e-16 N, 2 ULP)' for two numbers, otherwise empty."""
     difference = FieldDifference(field, a, b).difference
     if difference is None:
         return ""
@@ -92,15 +91,15 @@ def value_text(value):
 
 
 class LogDifference(NamedTuple):
-    """One channel: None where there is none of that. Values are those of the first field that differs there."""
+    """The differences of one channel. `tick` is None if there are none. `a`, `b` are the first field that differs."""
 
     channel: str
     messages: tuple           # number of them in a, in b
-    tick: int | None          # the first of which a field differs; if none does, the first that only one log has
+    tick: int | None          # the first tick with a field that differs, or else the first that only one log has
     field: str                # with its index, as in mass_position[2]; empty: only one log has the message
     a: object
     b: object
-    differing: int            # messages of ticks both have that differ
+    differing: int            # number of messages that both have and that differ
 
     @property
     def differs(self):
@@ -108,7 +107,7 @@ class LogDifference(NamedTuple):
 
 
 def summary_differences(a, b, path=""):
-    """FieldDifference of every field that differs, in a's order; a and b as json.loads gives them."""
+    """A FieldDifference for every field that differs, in a's order. `a` and `b` are results of json.loads."""
     if any(isinstance(value, (dict, list)) and value for value in (a, b)):
         children_a, children_b = _children(a), _children(b)
         found = []
@@ -121,14 +120,14 @@ def summary_differences(a, b, path=""):
 
 
 def _children(value):
-    """What null, or nothing, lacks shows in the rows of what the other has."""
+    """The entries of an object or a list. Anything else has none, so that all of the other's entries are missing."""
     if isinstance(value, dict):
         return value
     return dict(enumerate(value)) if isinstance(value, list) else {}
 
 
 def robot_differences(a, b):
-    """As summary_differences, for what robot.json says; of rails only that they differ."""
+    """A FieldDifference for every field of robot.json that differs, and one for each rail that differs."""
     found = []
     for difference in summary_differences(a, b):
         head, rail, _ = difference.path.partition(".rail")
@@ -140,10 +139,10 @@ def robot_differences(a, b):
 
 
 def log_differences(path_a, path_b):
-    """(what differs of all messages, [FieldDifference]; a LogDifference per channel that either log has).
+    """([FieldDifference] of the fields that all messages share, a LogDifference per channel that either log has).
 
-    The fingerprint of the scenario is in every message of three channels: it is held against the other's once. Both it
-    and the number of the run are left out of the messages.
+    The fingerprint of the scenario, which is in every message of three channels, is compared once. It and the number of
+    the run are left out when messages are compared.
     """
     logs = [EventLog(path, list(_CHANNELS)) for path in (path_a, path_b)]
     ids = [_scenario_id(log) for log in logs]
@@ -162,7 +161,7 @@ def _scenario_id(log):
 
 
 def _channel_difference(channel, a, b):
-    # Several messages of one tick, such as the operator's arm and start, are told apart by their order.
+    # Several messages of one tick, such as the operator's arm and start, are matched by their order.
     keys_a, keys_b = _keys(a), _keys(b)
     _, rows_a, rows_b = np.intersect1d(keys_a, keys_b, assume_unique=True, return_indices=True)
     bytes_a, bytes_b = (_without_identity(rows).view(np.uint8).reshape(len(rows), rows.itemsize)
@@ -190,7 +189,7 @@ def _without_identity(messages):
 
 
 def _keys(messages):
-    """Tick and number within the tick, as one integer."""
+    """One integer per message, made of its tick and its number within the tick."""
     ticks = np.asarray(messages["tick"], dtype=np.int64)
     order = np.argsort(ticks, kind="stable")
     ordered = ticks[order]

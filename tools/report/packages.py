@@ -1,8 +1,8 @@
-"""The npm packages the page draws with: fetched once, exactly those that package-lock.json names.
+"""The npm packages that the page draws with, in exactly the versions of package-lock.json, downloaded once.
 
-Node and npm are not needed. A package is kept as the archive the registry gave, in the folder BALLAST_PACKAGES (the
-build tree's, set by tools/plots/python-tool.in), and held against the lock file's integrity every time it is used.
-`npm_config_registry` names another registry, as it does for npm.
+Node and npm are not needed. The registry's archive of a package is kept in the folder BALLAST_PACKAGES (in the build
+tree, set by tools/plots/python-tool.in). Its checksum is compared with the lock file's whenever it is used.
+`npm_config_registry` names another registry, as for npm.
 """
 
 import base64
@@ -23,11 +23,11 @@ _TIMEOUT_S = 60
 
 
 class PackageError(Exception):
-    """A package cannot be had; the message says which, from where, and what to do."""
+    """A package is not available. The message names it, its source and what to do."""
 
 
 class Package:
-    """`text(path)`: a file of the package, paths as in its archive without the leading `package/`."""
+    """A package. `text(path)` is a file in it, with paths relative to `package/` in the archive."""
 
     def __init__(self, name):
         entry = json.loads(_LOCK_FILE.read_text(encoding="utf-8"))["packages"][f"node_modules/{name}"]
@@ -72,13 +72,13 @@ def _fetch(name, entry, path):
         why = getattr(error, "reason", None) or error
         raise PackageError(
             f"{name} {entry['version']}, with which the page draws, cannot be fetched from {url}: {why}\n"
-            f"It is needed once. Try again with a network, or put that file, fetched elsewhere, in its place: {path}"
+            f"It is needed once. Try again with a network, or download that file elsewhere and put it here: {path}"
         ) from error
     if not _is_whole(archive, entry):
-        raise PackageError(f"{url}: what came has another sha512 than {_LOCK_FILE} says; it is not used")
+        raise PackageError(f"{url}: the download's sha512 is not that of {_LOCK_FILE}; it is not used")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Whole or not at all: two reports may be made at once.
+        # The rename makes the file appear complete, since two reports may be made at once.
         with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
             try:
                 part.write(archive)

@@ -1,9 +1,9 @@
-"""One run as the page shows it: a table of samples, what the run was made of, and what its summary says of it.
+"""A run as the page shows it: a table of samples, the robot, and the summary.
 
-Everything comes from run.lcmlog, summary.json and robot.json. Where a log has no summary beside it, what the summary
-would say and the log shows takes its place, with the same names; `from_log` is then true, and what was run and why it
-broke off is what the black box says, if there is one. Likewise where the log ends elsewhere than the run that the
-summary speaks of.
+The sources are run.lcmlog, summary.json and robot.json. If a log has no summary beside it, `from_log` is true and the
+summary is computed from the log, as far as possible and with the same names; a black box adds the scenario's data and
+the reason why the run could not go on. The summary is also computed from a log that ends at another time than
+summary.json says.
 """
 
 import math
@@ -15,13 +15,13 @@ import numpy as np
 from event_log import EventLog, LogError
 from recorded_run import REGIME_NAMES, RecordedRun, read_json
 
-# More samples than this are thinned: a page of 20 s at 1 kHz shows each. Twice what the widest screen has pixels in a
-# plot would do; zooming in wants more.
+# More samples than this are thinned. 20 s at 1 kHz are shown in full. Twice the pixels of the widest plot would do for
+# the whole run; the rest is for zooming in.
 MOST_SAMPLES = 30000
 
-# What summary.json says of a run however much of it there is.
+# The keys of summary.json that do not depend on how far the run got.
 _SAID_BEFORE_THE_RUN = ("scenario", "actuation", "surface", "envelope", "control_period", "seed")
-# A run's last sample is that of its end; both files have all digits of it, and this is rounding.
+# Tolerance on the time of the end: both files have all digits of it, so this covers rounding only.
 _SAME_END = 1e-9
 
 _TRIP_CAUSES = {
@@ -36,7 +36,7 @@ _TRIP_CAUSES = {
 
 
 class Recording:
-    """`columns`: name -> array of one length, a row per sample; `notes`: sentences on what is missing or left out."""
+    """`columns` maps names to arrays with a row per sample. `notes` are sentences on what is missing or left out."""
 
     def __init__(self, path):
         path = Path(path)
@@ -45,16 +45,16 @@ class Recording:
         self.log_path = path / "run.lcmlog" if path.is_dir() else path
         self.folder = self.log_path.parent
         self.notes = []
-        self.faults = []  # those of the notes that say what is wrong with the files
+        self.faults = []  # the notes about damaged files
         summary_path = self.folder / "summary.json"
-        # A log of another name is not what a summary beside it speaks of.
+        # A summary beside a log of another name does not belong to that log.
         self.from_log = self.log_path.name != "run.lcmlog" or not summary_path.exists()
         written = {} if self.from_log else _mapping(summary_path)
         self._run = RecordedRun(self.folder, self.log_path, written)
         self._refuse_two_runs()
         self.summary = self._said_by(written)
         if self._run.damage:
-            self.faults.append(f"{self.log_path.name}: {self._run.damage}. Shown is what comes before.")
+            self.faults.append(f"{self.log_path.name}: {self._run.damage}. The page shows what comes before.")
             self.notes += self.faults
         self.mass_count = self._run.mass_count
         self.robot = self._read_robot()
@@ -63,13 +63,13 @@ class Recording:
 
     @property
     def name(self):
-        """The scenario's, where the summary says it; else that of the log, or of its folder."""
+        """The scenario's name if the summary has it, otherwise the name of the log or of its folder."""
         own = self.log_path.name if self.log_path.name != "run.lcmlog" else self.folder.resolve().name
         return str(self.summary.get("scenario") or own)
 
     @property
     def files(self):
-        """What a run's folder holds of it, read here or not: nothing of it may be written over."""
+        """The files that a run leaves in its folder. None of them may be overwritten."""
         return [self.log_path, *(self.folder / name for name in ("summary.json", "robot.json", "scenario.toml"))]
 
     @property
@@ -78,39 +78,39 @@ class Recording:
 
     @property
     def static_friction_coefficient(self):
-        """Infinite for perfect friction; None where nothing says."""
+        """mu_s: infinite for perfect friction, None if it is not known."""
         if "surface" not in self.summary:
             return None
         return self._run.static_friction_coefficient
 
     def motors(self):
-        """As RecordedRun's; none where nothing says what the motors are."""
+        """RecordedRun.motors(), or none where the motors' parameters are not known."""
         return [] if self.from_log else self._run.motors()
 
     def _said_by(self, written):
-        """What summary.json says, as far as it speaks of what the log holds."""
+        """The summary of what the log holds: summary.json, or computed from the log."""
         name = self.log_path.name
         if self.from_log:
             box = self._black_box()
             said, end = box.get("summary", {}), box.get("end", {})
             written.update(summary_from_log(self._run, self.log_path))
             written.update({key: said[key] for key in _SAID_BEFORE_THE_RUN if key in said})
-            self.notes.append(f"There is no summary.json for {name}: all numbers are those of its samples, and what a "
-                              "log does not say is left out.")
+            self.notes.append(f"There is no summary.json for {name}: all numbers are from its samples, and whatever a "
+                              "log does not hold is left out.")
             if end.get("reason") == "could_not_go_on":
                 self.notes.append(f"The run could not go on: {end['text']} (blackbox.json).")
             return written
         end_s = (written.get("end") or {}).get("time")
         if end_s is None or abs(end_s - self.end_s) <= _SAME_END * max(end_s, 1):
             return written
-        self.notes.append(f"{name} ends at t = {self.end_s:.6g} s, the run that summary.json speaks of at t = "
-                          f"{end_s:.6g} s: all numbers are those of the log's samples, and what only a summary of "
-                          "these would say is left out.")
+        self.notes.append(f"{name} ends at t = {self.end_s:.6g} s, but summary.json is of a run that ends at t = "
+                          f"{end_s:.6g} s: all numbers are from the log's samples, and whatever a log does not hold is "
+                          "left out.")
         kept = {key: written[key] for key in _SAID_BEFORE_THE_RUN if key in written}
         return {**summary_from_log(self._run, self.log_path), **kept}
 
     def _black_box(self):
-        """What takes the place of summary.json where a run broke off; {} where there is none."""
+        """The black box, which a run that could not go on leaves in place of summary.json; {} if there is none."""
         for path in (self.folder / "blackbox.json", self.folder / "blackbox" / "blackbox.json"):
             if self.log_path.name == "run.lcmlog" and path.exists():
                 return _mapping(path)
@@ -125,19 +125,19 @@ class Recording:
                                "in a log, or a copy of its messages; allowed: one run")
 
     def _read_robot(self):
-        """robot.json; without it, what the log shows of it: no masses, no rails."""
+        """robot.json, or what the log shows of the robot: the ball's radius, without masses and rails."""
         path = self.folder / "robot.json"
         if path.exists():
             try:
                 robot = _mapping(path)
                 if len(robot["masses"]) == self.mass_count and float(robot["ball"]["radius"]) > 0:
                     return robot
-                raise LogError(f"{path}: speaks of another robot than {self.log_path}")
+                raise LogError(f"{path}: describes another robot than {self.log_path}")
             except (KeyError, TypeError, ValueError) as error:
                 raise LogError(f"{path}: not what a run writes ({error!r})") from error
         radius = self._run.ball_radius_m()
-        self.notes.append("There is no robot.json beside the log: the ball's radius is the one with which it rolls, "
-                          "the rails are drawn as far as the masses went, and all masses have one size.")
+        self.notes.append("There is no robot.json beside the log: the ball's radius is computed from its rolling, the "
+                          "rails are drawn as far as the masses moved, and all masses have one size.")
         if radius is None:
             reach = np.linalg.norm(self._run.state["mass_position_B_m"], axis=2).max()
             radius = float(reach) / 0.9 if reach > 0 else 1.0
@@ -173,7 +173,7 @@ class Recording:
         return columns
 
     def _add_commanded(self, columns, state):
-        """NaN where the controller said nothing: the last sample may lie between two tick starts."""
+        """Adds commanded positions, NaN where there is no status: the last sample may lie between two tick starts."""
         if len(self._run.status) == 0 or self._run.status["motor_count"][0] == 0:
             return
         period_s = float(self.summary.get("control_period") or np.nan)
@@ -194,8 +194,8 @@ class Recording:
         keep = thinned_rows([self.columns[name] for name in ("normal_force", "static_friction", "mu_required")],
                             MOST_SAMPLES)
         self.columns = {name: values[keep] for name, values in self.columns.items()}
-        self.notes.append(f"{len(keep)} of {len(time)} samples are drawn, the extremes among them. The numbers are of "
-                          "all of them.")
+        self.notes.append(f"{len(keep)} of {len(time)} samples are drawn, including the extremes. The numbers take all "
+                          "samples into account.")
 
 
 def _mapping(path):
@@ -211,7 +211,7 @@ def _add(columns, name, values):
 
 
 def thinned_rows(signals, most):
-    """About `most` rows at most: of equal stretches the first, and each signal's least and greatest; and the last."""
+    """About `most` rows: of each of many equal blocks the first row and every signal's extremes; and the last row."""
     count = len(signals[0])
     stretch = -(-count * (1 + 2 * len(signals)) // most)
     keep = {count - 1}
@@ -225,7 +225,7 @@ def thinned_rows(signals, most):
 
 
 def summary_from_log(run, log_path):
-    """What of summary.json a log shows."""
+    """The part of summary.json that a log shows."""
     state = run.state
     sound = np.isfinite(run.contact["normal_force_n"]) & np.isfinite(run.contact["static_friction_n"])
     if not sound.any():
@@ -244,7 +244,7 @@ def summary_from_log(run, log_path):
         unbounded = in_contact & ~np.isfinite(ratio)
         row = int(np.argmax(unbounded)) if unbounded.any() else int(np.nanargmax(ratio))
         found["mu_required"] = {"max": None if unbounded.any() else float(ratio[row]), "time": time[row]}
-    # margin = 1 - f_s / (mu_s N), contact.lcm; 1 with any friction means perfect friction.
+    # margin = 1 - f_s / (mu_s N) (contact.lcm), so a margin of 1 with friction means perfect friction.
     shows = np.isfinite(ratio) & (ratio > 0) & (normal > 0)
     if shows.any():
         used = 1 - contact["margin"][shows]

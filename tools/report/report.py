@@ -1,4 +1,4 @@
-"""ballast-report LOG: one HTML page of a finished run. `ballast report` calls it."""
+"""ballast-report LOG: Makes one HTML page of a finished run, for `ballast report`."""
 
 import argparse
 import sys
@@ -32,7 +32,7 @@ def main():
         out = arguments.out or recording.folder / "report.html"
         check_place(out, _PAGE, recording.files)  # before the work is done
         write_page(out, report_page(recording), _PAGE, recording.files)
-        for fault in recording.faults:  # which the page has, too
+        for fault in recording.faults:  # the page shows them too
             print(f"ballast-report: {fault}", file=sys.stderr)
 
     return run_program("ballast-report", body, *ERRORS)

@@ -1,4 +1,4 @@
-"""What a summary says, in sentences and tables. Plain text: whoever puts it into a page escapes it."""
+"""A run's summary as sentences and tables. They are plain text; the caller escapes them for HTML."""
 
 import json
 import math
@@ -8,7 +8,7 @@ _CAUSES = {
     "normal_force": "the normal force N came down to its limit",
     "friction": "the friction came up to its limit",
     "nonfinite": "a value was not finite",
-    "stale": "messages stayed out",
+    "stale": "messages were overdue",
     "missing": "a message was missing",
     "repeated": "a message came twice",
     "disagreement": "plant and controller disagree about the contact force",
@@ -20,17 +20,17 @@ _BADGES = {
     "detached": ("Left the ground", False),
     "tripped": ("Tripped", False),
     "inconsistent": ("No consistent force", False),
-    "step_timing": ("Step out of place", False),
+    "step_timing": ("Step mistimed", False),
 }
 
 
 def number_text(value):
-    """Six digits, as the summary in the terminal has them; no number is infinity, which JSON cannot say."""
+    """Six digits, as in the terminal. None stands for infinity, which JSON lacks."""
     return "unbounded" if value is None else f"{value:.6g}"
 
 
 def time_text(value):
-    return f"t\u00a0=\u00a0{value:.6g}\u00a0s"  # in one line
+    return f"t\u00a0=\u00a0{value:.6g}\u00a0s"  # does not break over lines
 
 
 def cause_text(cause):
@@ -38,7 +38,7 @@ def cause_text(cause):
 
 
 def badge(recording):
-    """(words, "good", "bad" or "unknown") for how the run ended."""
+    """(text, "good", "bad" or "unknown") for how the run ended."""
     summary = recording.summary
     reason = (summary.get("end") or {}).get("reason")
     if reason is None:
@@ -54,7 +54,7 @@ def badge(recording):
 
 
 def _left_rolling(summary):
-    """True if it left rolling for another regime; a run that starts sliding or in flight comes to rolling first."""
+    """True if the ball rolled and later did not. A run that starts sliding or in flight has to roll first."""
     names = [regime["regime"] for regime in summary.get("regimes", [])]
     return "rolling" in names and any(name != "rolling" for name in names[names.index("rolling"):])
 
@@ -62,7 +62,7 @@ def _left_rolling(summary):
 def sentences(recording):
     summary = recording.summary
     found = [_what_it_was(recording), _how_it_ended(summary), _envelope(recording)]
-    found += [_faults(summary), _trip(summary), _motors(summary), _blame(summary) or _floors(summary)]
+    found += [_faults(summary), _trip(summary), _motors(summary), _required_friction(summary) or _floors(summary)]
     return [sentence for sentence in found if sentence]
 
 
@@ -94,22 +94,22 @@ def _how_it_ended(summary):
         ended = f"The log ends at {time_text(time)}."
     elif reason == "completed":
         ended = ("It rolled without slipping to the end and never left the ground." if names == {"rolling"} else
-                 f"It went on to the end, {time_text(time)}.")
+                 f"The run completed at {time_text(time)}.")
     elif reason == "slipped":
-        ended = f"Rolling ended at {time_text(time)}: the friction it needed reached what the floor gives."
+        ended = f"Rolling ended at {time_text(time)}: the friction it needed reached the floor's limit."
     elif reason == "detached":
-        ended = f"At {time_text(time)} N fell to 0: the floor no longer carries the ball."
+        ended = f"At {time_text(time)} N fell to 0: the ball left the floor."
     elif reason == "tripped":
         rest = "at rest" if end.get("masses_at_rest") else "still swinging in their motors"
-        ended = f"It was stopped after a trip and ended at {time_text(time)}, the masses {rest}."
+        ended = f"It stopped after a trip and ended at {time_text(time)} with the masses {rest}."
     elif reason == "inconsistent":
-        ended = f"It could not be followed beyond {time_text(time)}: {end.get('text', 'no consistent contact force')}."
+        ended = f"The simulation ended at {time_text(time)}: {end.get('text', 'no consistent contact force')}."
     else:
         ended = f"It ended at {time_text(time)}: {str(reason).replace('_', ' ')}."
     if names - {"rolling"}:
-        stretches = [_count(sum(regime["regime"] == name for regime in regimes), f"stretch of {name}",
-                            f"stretches of {name}") for name in ("rolling", "sliding", "flight") if name in names]
-        ended += " There were " + ", ".join(stretches)
+        phases = [_count(sum(regime["regime"] == name for regime in regimes), f"phase of {name}", f"phases of {name}")
+                  for name in ("rolling", "sliding", "flight") if name in names]
+        ended += " There were " + ", ".join(phases)
         impacts = len(summary.get("impacts") or [])
         ended += f", and {_count(impacts, 'impact')}." if impacts else "."
     return ended
@@ -124,28 +124,28 @@ def _envelope(recording):
     if not needed:
         return words
     if needed.get("max") is None:
-        return words + f"At {time_text(needed['time'])} it was 0 in contact: no friction is enough there."
+        return words + f"At {time_text(needed['time'])} it was 0 in contact, where no friction is enough."
     limit = recording.static_friction_coefficient
     words += f"The most friction it needed, f_s/N, was {number_text(needed['max'])}, at {time_text(needed['time'])}"
     if limit is None:
         return words + "."
     if math.isinf(limit):
         return words + "; this floor's friction is perfect."
-    return words + f": {100 * needed['max'] / limit:.0f} % of the {number_text(limit)} that this floor gives."
+    return words + f": {100 * needed['max'] / limit:.0f} % of this floor's {number_text(limit)}."
 
 
-def _blame(summary):
-    """Whose friction it was, and which floors would have held, in the words of `ballast friction`."""
+def _required_friction(summary):
+    """The verdict of `ballast friction`: where the required friction comes from and on which floors the ball holds."""
     text = (summary.get("required_friction") or {}).get("text")
     return f"In short: {text}." if text else ""
 
 
 def fault_words(fault):
-    """(kind, further words) of one of `faults`, whatever keys it has beside `kind` and `time`."""
+    """(kind, text of all further keys) of one of `faults`."""
     kind = str(fault.get("kind", "fault")).replace("_", " ")
-    told = [f"{str(key).replace('_', ' ')} {_value_words(value)}" for key, value in fault.items()
+    parts = [f"{str(key).replace('_', ' ')} {_value_words(value)}" for key, value in fault.items()
             if key not in ("kind", "time") and value is not None]
-    return kind, ", ".join(told)
+    return kind, ", ".join(parts)
 
 
 def _value_words(value):
@@ -157,13 +157,13 @@ def _value_words(value):
 
 
 def _faults(summary):
-    told = []
+    parts = []
     for fault in summary.get("faults") or []:
         kind, more = fault_words(fault)
         when = f" at {time_text(fault['time'])}" if _is_number(fault.get("time")) else ""
         reached = not when or fault["time"] <= summary.get("end", {}).get("time", math.inf)
-        told.append(kind + when + (f" ({more})" if more else "") + ("" if reached else ", which the run did not reach"))
-    return f"Made to go wrong: {'; '.join(told)}." if told else ""
+        parts.append(kind + when + (f" ({more})" if more else "") + ("" if reached else ", after the run's end"))
+    return f"Injected faults: {'; '.join(parts)}." if parts else ""
 
 
 def _is_number(value):
@@ -188,7 +188,7 @@ def _motors(summary):
     if not motors:
         return ""
     margin = min(motor["torque_margin"] for motor in motors)
-    words = (f"Of the motors' torque {100 * margin:.0f} % always stayed unused" if margin >= 0 else
+    words = (f"At least {100 * margin:.0f} % of the motors' torque stayed unused" if margin >= 0 else
              "The motors had less torque than was needed")
     if summary.get("actuation") != "stepper":
         return words + "."
@@ -209,7 +209,7 @@ def _floors(summary):
 
 
 class Number(NamedTuple):
-    """One number of the summary: `path` says where in summary.json it stands."""
+    """One number of the summary. `path` is its place in summary.json."""
 
     label: str
     path: str
@@ -219,7 +219,7 @@ class Number(NamedTuple):
 
 
 def numbers(summary):
-    """What a visitor asks for first."""
+    """The numbers at the top of the page."""
     found = []
 
     def add(label, section, key, unit, when_key=None):
@@ -231,12 +231,12 @@ def numbers(summary):
     add("most normal force", "normal_force", "max", "N", "max_time")
     add("most friction f_s", "static_friction", "max", "N", "time")
     add("needed: most f_s/N", "mu_required", "max", "", "time")
-    add("floor gives mu_s", "surface", "static_friction", "")
+    add("the floor's mu_s", "surface", "static_friction", "")
     add("end", "end", "time", "s")
     motors = [(motor["torque_margin"], i) for i, motor in enumerate(summary.get("motors") or []) if motor]
     if motors:
         margin, i = min(motors)
-        found.append(Number(f"least torque left, {mass_name(i)}", f"motors.{i}.torque_margin", margin, ""))
+        found.append(Number(f"least torque margin, {mass_name(i)}", f"motors.{i}.torque_margin", margin, ""))
     return found
 
 
@@ -251,7 +251,7 @@ class Table(NamedTuple):
 
 
 def tables(recording):
-    """Of everything that comes in lists."""
+    """The tables below the plots, one per list of the summary."""
     summary, found = recording.summary, []
     motors = summary.get("motors") or []
     if any(motors):
@@ -280,8 +280,8 @@ def tables(recording):
                             for impact in summary["impacts"]]))
     plans = [(name, summary[name]) for name in ("move", "stop") if summary.get(name)]
     if plans:
-        found.append(Table("Moves and stops", ["last", "from [s]", "takes [s]", "least N foreseen [N]",
-                                               "most f_s/N foreseen", "least margin foreseen", "least margin seen"],
+        found.append(Table("Moves and stops", ["last", "from [s]", "takes [s]", "least N predicted [N]",
+                                               "most f_s/N predicted", "least margin predicted", "least margin true"],
                            [[name, number_text(plan["start"]), number_text(plan["duration"])] +
                             [_maybe_text(plan.get(key)) for key in (
                                 "predicted_normal_force_min", "predicted_mu_required_max", "predicted_margin_min",
@@ -291,7 +291,7 @@ def tables(recording):
         for fault in summary["faults"]:
             kind, more = fault_words(fault)
             rows.append([kind, number_text(fault["time"]) if _is_number(fault.get("time")) else "–", more])
-        found.append(Table("Faults put in", ["what", "t [s]", "how"], rows))
+        found.append(Table("Injected faults", ["kind", "t [s]", "parameters"], rows))
     if summary.get("published"):
         found.append(Table("Published", ["quantity", "published", "here", "by"],
                            [[str(p["quantity"]), number_text(p["published"]), number_text(p.get("here")),
@@ -300,7 +300,7 @@ def tables(recording):
 
 
 def events(recording):
-    """(time, words) of what is marked in the plots: faults, the trip, and what ended the run early."""
+    """(time, text) of each mark in the plots: faults, the trip, and an early end."""
     summary, found = recording.summary, []
     trip, end = summary.get("trip"), summary.get("end") or {}
     for fault in summary.get("faults") or []:
@@ -309,7 +309,7 @@ def events(recording):
     if trip and trip.get("time") is not None:
         found.append((trip["time"], f"trip: {cause_text(trip.get('cause'))}"))
     what = {"slipped": "the ball slips", "detached": "the ball leaves the ground",
-            "inconsistent": "no consistent contact force", "step_timing": "a step out of place"}.get(end.get("reason"))
+            "inconsistent": "no consistent contact force", "step_timing": "a step mistimed"}.get(end.get("reason"))
     if what:
         found.append((end["time"], what))
     return sorted(found)

@@ -1,4 +1,4 @@
-// The one time that replay, slider and plots share.
+// The time that replay, slider and plots share.
 
 export class Clock {
   constructor(end) {
@@ -24,7 +24,7 @@ export class Clock {
     this.changed();
   }
 
-  // From the start again, once the end is reached.
+  // At the end, playing starts from the beginning.
   toggle() {
     this.playing = !this.playing;
     if (this.playing && this.time >= this.end) this.time = 0;
@@ -37,7 +37,7 @@ export class Clock {
     this.changed();
   }
 
-  // One frame of the screen later.
+  // Called for every frame of the screen, with the time since the last one.
   advance(seconds) {
     if (!this.playing) return;
     this.set(this.time + this.speed * seconds);

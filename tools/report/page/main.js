@@ -1,4 +1,4 @@
-// Starts the page: reads the run, or two, makes plots and replay, connects slider, buttons and keys to the one clock.
+// Starts the page: reads the runs, makes plots and replay, and connects slider, buttons and keys to the clock.
 import {Clock} from "ballast/clock.js";
 import {FRICTION, makePanels, runLetter} from "ballast/panels.js";
 import {NUMBERS_EVERY_MS, numberText, Plots} from "ballast/plots.js";
@@ -7,7 +7,7 @@ import {Scene} from "ballast/scene.js";
 import {connectThemeButton} from "ballast/theme.js";
 
 const element = (id) => document.getElementById(id);
-const FRAMES_PER_SECOND = 60;  // a step of the arrow keys is one such frame at full speed
+const FRAMES_PER_SECOND = 60;  // an arrow key steps by one such frame at the replay's speed
 
 function complain(text) {
   element("trouble").textContent = text;
@@ -38,13 +38,13 @@ function connectTransport(clock) {
   const slider = element("slider"), play = element("play"), now = element("now"), digits = timeDigits(clock.end);
   slider.max = clock.end;
   slider.addEventListener("input", () => {
-    const time = slider.valueAsNumber;  // pausing puts the thumb back to the replay's time
+    const time = slider.valueAsNumber;  // read before pausing, which moves the thumb back to the replay's time
     clock.pause();
     clock.set(time);
   });
   play.addEventListener("click", () => clock.toggle());
   element("speed").addEventListener("change", (event) => (clock.speed = Number(event.target.value)));
-  // While it plays, only what would be seen: a thumb moved by a pixel, numbers one can read.
+  // While it plays, the thumb moves by whole pixels and the numbers change slowly enough to be read.
   let width = slider.clientWidth, shownAt = -Infinity;
   new ResizeObserver(() => (width = slider.clientWidth)).observe(slider);
   const show = () => {
@@ -62,7 +62,7 @@ function connectTransport(clock) {
   show();
 }
 
-// Regimes and events along the slider.
+// Marks regimes and events along the slider.
 function markSlider(runs, end) {
   const place = element("marks");
   const add = (name, from, to, title) => {
@@ -81,7 +81,7 @@ function markSlider(runs, end) {
   }
 }
 
-// What the shades and lines of the plots mean, once for all of them.
+// Makes the legend of the shades and lines, which all plots share.
 function describeMarks(runs) {
   const place = element("legend"), entries = [];
   const names = new Set(runs.flatMap(({described}) => described.regimes.map(({regime}) => regime)));
@@ -177,7 +177,8 @@ function connectKeys(clock, plots) {
     if (event.ctrlKey || event.altKey || event.metaKey || !Object.hasOwn(keys, event.key)) return;
     const {tagName, type} = event.target;
     const isChoice = tagName === "SELECT" || tagName === "SUMMARY" || tagName === "BUTTON" || type === "checkbox";
-    if (isChoice && [" ", "ArrowLeft", "ArrowRight", "Home", "End"].includes(event.key)) return;  // theirs
+    // These keys operate the element that has the focus.
+    if (isChoice && [" ", "ArrowLeft", "ArrowRight", "Home", "End"].includes(event.key)) return;
     event.preventDefault();
     keys[event.key](event);
   });
@@ -195,12 +196,12 @@ function start(runs) {
   connectButtons(scene, plots);
   connectKeys(clock, plots);
   let last = 0, drawn = 0, played = false;
-  // How long a page was hidden is no frame's time.
+  // The first frame after the page was hidden is not measured.
   document.addEventListener("visibilitychange", () => {
     played = false;
   });
   const frame = (now) => {
-    // A page that was hidden goes on where it was.
+    // After the page was hidden, the replay continues where it was.
     const seconds = (now - last) / 1000;
     clock.advance(Math.min(seconds, 0.25));
     if (clock.playing && played) scene?.resolution.frame(seconds);
@@ -214,13 +215,13 @@ function start(runs) {
   return {clock, plots, scene, runs, framesDrawn: () => drawn};
 }
 
-// What a test, or a visitor's console, may ask: see tests/report.
+// For tests (tests/report) and the browser's console.
 window.ballastReport = {};
 
 async function main() {
   const parts = start(await readRuns());
   const nextFrame = () => new Promise(requestAnimationFrame);
-  // One frame to lay out and draw, one that comes when that is done.
+  // The first frame lays out and draws; the second one comes when that is done.
   await nextFrame();
   await nextFrame();
   Object.assign(window.ballastReport, parts, {ready: true, readyAfterMs: performance.now()});

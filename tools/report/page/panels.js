@@ -1,9 +1,9 @@
-// What is plotted: a list of panels, each with its lines, limits and marks. How, is plots.js.
+// The panels to plot, each with its lines, limits and marks. plots.js draws them.
 //
-// panel: {id, title (HTML), unit, lines, limits, extremes, top, bottom}
+// panel: {id, title (HTML), unit, lines, limits, extremes, top, bottom, noise}
 // line: {run, column, label (HTML; none: not in the legend), color (of theme.js), dash, width}
-// top, bottom: beyond them values have no meaning as numbers; the axis ends there.
-// noise: what rounding leaves of a value that is 0; the axis does not blow it up.
+// top, bottom: the axis ends there, because values beyond them are not meaningful.
+// noise: values below this are rounding errors of 0, which the axis does not magnify.
 
 const DASHED = [6, 4];
 
@@ -14,7 +14,7 @@ const NEEDED = `${FRICTION}/<i>N</i>`;
 
 export const runLetter = (run) => "AB"[run];
 
-// One line per run. Alone, it has the quantity's colour; of two runs, each its own.
+// One line per run. A single run has the quantity's colour; of two runs, each has its own.
 function single(runs, column, label, color) {
   const lines = [];
   runs.forEach(({samples}, run) => {
@@ -23,8 +23,8 @@ function single(runs, column, label, color) {
       run,
       label: several ? runLetter(run) : label,
       color: several ? `run-${run}` : color,
-      width: several && run === 0 ? 2.6 : 1.3
-    };  // where both are the same, both are seen
+      width: several && run === 0 ? 2.6 : 1.3  // where both are equal, the wider one shows behind the other
+    };
     if (samples.has(column)) lines.push({...line, column});
     const commanded = `commanded_${column}`;
     if (!several && samples.has(commanded))
@@ -33,7 +33,7 @@ function single(runs, column, label, color) {
   return lines;
 }
 
-// A line per component; the second run's are dashed.
+// One line per component. The second run's lines are dashed.
 function several(runs, column, count, label, color) {
   const lines = [];
   runs.forEach(({samples}, run) => {
@@ -49,7 +49,7 @@ function several(runs, column, count, label, color) {
 
 const finite = (values) => values.filter(Number.isFinite);
 
-// Near N = 0 f_s/N grows without bound; an axis made for that would flatten everything else to a line at 0.
+// Near N = 0 f_s/N grows without bound, and an axis up to there would flatten everything else.
 function neededTop(runs) {
   const tops = runs.map(({samples, described}) => {
     const values = finite(samples.get("mu_required")).sort();
@@ -75,18 +75,17 @@ function frictionLimits(runs) {
   return limits;
 }
 
-export function makePanels(runs) {
-  const masses = (run) => runs[run].described.masses.length;
-  const mass = (j) => `mass-${j}`, massName = (j) => `mass ${j}`;  // from 0, as on the command line
-  const flies = runs.some(({described}) => described.regimes.some(({regime}) => regime === "flight"));
-  const slides = runs.some(({described}) => described.regimes.some(({regime}) => regime === "sliding"));
-  const prescribed = runs.every(({described}) => described.actuation !== "stepper");
+const occurs = (runs, name) =>
+    runs.some(({described}) => described.regimes.some(({regime}) => regime === name));
+
+function contactPanels(runs) {
+  const slides = occurs(runs, "sliding");
   const perfect = runs.every(({described}) => described.friction_known && described.static_friction === null);
   const leastNormal = runs.map(({described}) => described.envelope?.min_normal_force ?? 0);
   const extremes = (column) =>
       runs.flatMap(({described}, run) => (described.extremes[column] ? [{run, ...described.extremes[column]}] : []));
 
-  const panels = [
+  return [
     {
       id: "normal_force",
       title: "Normal force <i>N</i>",
@@ -121,47 +120,61 @@ export function makePanels(runs) {
       limits: [{value: 0, text: ""}],
       bottom: -1.1
     },
+  ];
+}
+
+function massPanels(runs) {
+  const masses = (run) => runs[run].described.masses.length;
+  const mass = (j) => `mass-${j}`, massName = (j) => `mass ${j}`;  // masses count from 0, as on the command line
+  const prescribed = runs.every(({described}) => described.actuation !== "stepper");
+  const positions = several(runs, "mass_position", masses, massName, mass);
+  if (runs.length === 1)
+    for (const line of several(runs, "commanded", masses, () => "", mass))
+      positions.push({...line, label: undefined, color: "text", dash: [4, 4], width: 1});
+  const commanded = runs.length === 1 && runs[0].samples.has("commanded_0");
+  return [
+    {
+      id: "mass_position",
+      title: `Masses: place on the rail${commanded ? "; dashed: commanded" : ""}`,
+      unit: "rad, or m",
+      lines: positions
+    },
+    {
+      id: "deviation",
+      title: "Masses: true − commanded",
+      unit: "rad, or m",
+      limits: [{value: 0, text: ""}],
+      lines: several(runs, "deviation", masses, massName, mass)
+    },
+    {
+      id: "motor_torque",
+      title: `Motor torque ${prescribed ? "needed " : ""}at the shaft`,
+      unit: "N m",
+      lines: several(runs, "motor_torque", masses, massName, mass)
+    },
+    {
+      id: "motor_margin",
+      title: "Motor torque margin",
+      unit: "%",
+      limits: [{value: 0, text: ""}],
+      bottom: -110,
+      lines: several(runs, "motor_margin", masses, massName, mass)
+    },
+  ];
+}
+
+export function makePanels(runs) {
+  const panels = [
+    ...contactPanels(runs),
     {
       id: "angular_velocity",
       title: "Angular velocity <b>Ω</b>, body frame",
       unit: "rad/s",
       lines: several(runs, "angular_velocity", () => 3, (j) => sub("Ω", j + 1), (j) => `axis-${j}`)
     },
+    ...massPanels(runs),
   ];
-  const positions = several(runs, "mass_position", masses, massName, mass);
-  if (runs.length === 1)
-    for (const line of several(runs, "commanded", masses, () => "", mass))
-      positions.push({...line, label: undefined, color: "text", dash: [4, 4], width: 1});
-  const commanded = runs.length === 1 && runs[0].samples.has("commanded_0");
-  panels.push(
-      {
-        id: "mass_position",
-        title: `Masses: place on the rail${commanded ? "; dashed: commanded" : ""}`,
-        unit: "rad, or m",
-        lines: positions
-      },
-      {
-        id: "deviation",
-        title: "Masses: true − commanded",
-        unit: "rad, or m",
-        limits: [{value: 0, text: ""}],
-        lines: several(runs, "deviation", masses, massName, mass)
-      },
-      {
-        id: "motor_torque",
-        title: `Motor torque ${prescribed ? "needed " : ""}at the shaft`,
-        unit: "N m",
-        lines: several(runs, "motor_torque", masses, massName, mass)
-      },
-      {
-        id: "motor_margin",
-        title: "Motor torque left",
-        unit: "%",
-        limits: [{value: 0, text: ""}],
-        bottom: -110,
-        lines: several(runs, "motor_margin", masses, massName, mass)
-      });
-  if (flies)
+  if (occurs(runs, "flight"))
     panels.push({
       id: "height",
       title: "Height of the centre above contact",

@@ -1,4 +1,4 @@
-// The panels drawn with uPlot, with one zoom and one time for all of them.
+// Draws the panels with uPlot. All of them share one zoom and one time.
 import {runLetter} from "ballast/panels.js";
 import {color, onThemeChange} from "ballast/theme.js";
 import uPlot from "uplot";
@@ -22,7 +22,7 @@ function axisText(value) {
   return text.replace("-", "−");
 }
 
-// The times of all runs in one row, and per run which of its samples stands there; -1: none.
+// The times of all runs in order, and for each run the index of its sample at that time; -1: none.
 function commonGrid(runs) {
   const times = runs.map(({samples}) => samples.time), next = runs.map(() => 0);
   const time = [], rows = runs.map(() => []);
@@ -48,7 +48,7 @@ export class Plots {
     this.showTime();
   }
 
-  // While it plays, the numbers change no faster than one can read.
+  // While it plays, the numbers change slowly enough to be read.
   showTime() {
     const {time, playing} = this.clock, now = performance.now();
     for (const plot of this.plots) plot.placeNeedle(time);
@@ -67,7 +67,7 @@ export class Plots {
     this.showTime();
   }
 
-  // Around a time, which stays where it is.
+  // Zooms around a time, which keeps its place.
   zoomBy(factor, around = this.clock.time) {
     const [from, to] = this.range;
     const center = Math.min(Math.max(around, from), to);
@@ -115,7 +115,7 @@ class Plot {
     return item.querySelector("output");
   }
 
-  // undefined where only the other run has a sample, which uPlot draws over; null where there is no number, a gap.
+  // uPlot draws across undefined, where only the other run has a sample. It leaves a gap at null, where a value is NaN.
   data() {
     const {time, rows} = this.all.grid;
     return [
@@ -157,7 +157,7 @@ class Plot {
   valueRange(low, high) {
     const {top = Infinity, bottom = -Infinity, limits = []} = this.panel;
     if (low === null || low === undefined) [low, high] = [0, limits[0]?.value ?? 1];
-    // Extremes are found between samples too.
+    // Extremes may lie between samples.
     const [from, to] = this.all.range;
     for (const {value, time} of this.panel.extremes ?? []) {
       if (time < from || time > to || value > top || value < bottom) continue;
@@ -169,16 +169,16 @@ class Plot {
     const near = Math.max(Math.abs(low), Math.abs(high));
     for (const {value} of limits) {
       if (Math.abs(value) > 4 * near) continue;
-      if (this.panel.id === "normal_force" && low > 3 * (high - low)) continue;  // what N does would be a flat line
+      if (this.panel.id === "normal_force" && low > 3 * (high - low)) continue;  // the limit would flatten the curve
       low = Math.min(low, value);
       high = Math.max(high, value);
     }
     if (near <= this.panel.noise || near === 0) return [-0.1, 1];
-    const span = high - low, room = span > 1e-12 * near ? 0.09 * span : 0.1 * near || 1;
-    return [low - room, high + room];
+    const span = high - low, space = span > 1e-12 * near ? 0.09 * span : 0.1 * near || 1;
+    return [low - space, high + space];
   }
 
-  // Regimes other than rolling lie under everything.
+  // Shades regimes other than rolling, under everything else.
   drawShades(u) {
     const {ctx, bbox} = u;
     ctx.save();
@@ -200,7 +200,7 @@ class Plot {
   drawMarks(u) {
     const {ctx, bbox} = u, scale = devicePixelRatio;
     ctx.save();
-    ctx.setLineDash([]);  // a dashed line leaves its dashes behind
+    ctx.setLineDash([]);  // the dashes of an earlier line would remain
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top - 4 * scale, bbox.width, bbox.height + 4 * scale);
     ctx.clip();
@@ -258,11 +258,14 @@ class Plot {
     const y = above ? bbox.top + 5 * scale : u.valToPos(value, "y", true);
     const name = this.runs.length > 1 ? `run-${run}` : this.panel.lines[0].color;
     ctx.beginPath();
-    if (above)
-      ctx.moveTo(x - 5 * scale, y + 4 * scale), ctx.lineTo(x + 5 * scale, y + 4 * scale), ctx.lineTo(x, y - 5 * scale),
-          ctx.closePath();
-    else
+    if (above) {
+      ctx.moveTo(x - 5 * scale, y + 4 * scale);
+      ctx.lineTo(x + 5 * scale, y + 4 * scale);
+      ctx.lineTo(x, y - 5 * scale);
+      ctx.closePath();
+    } else {
       ctx.arc(x, y, 4 * scale, 0, 2 * Math.PI);
+    }
     ctx.fillStyle = color("panel");
     ctx.strokeStyle = color(name);
     ctx.lineWidth = 1.8 * scale;
@@ -278,7 +281,7 @@ class Plot {
     this.write(ctx, text, begin, place, "text");
   }
 
-  // Two labels that would lie on each other lie one above the other, as near as there is room.
+  // The height nearest to `y` at which a label overlaps no other.
   freePlace(from, width, y, top, bottom) {
     const line = 15 * devicePixelRatio, high = top + line / 2, low = bottom - line / 2, gap = 8 * devicePixelRatio;
     const taken = (at) => this.labels.some(
@@ -288,7 +291,7 @@ class Plot {
     return places.find((at) => at >= high && at <= low && !taken(at)) ?? wanted;
   }
 
-  // On lines, text stays readable with a rim of the background.
+  // A rim in the background's colour keeps text readable on lines.
   write(ctx, text, x, y, name) {
     const width = ctx.measureText(text).width, from = ctx.textAlign === "right" ? x - width : x;
     this.labels.push({text, from, to: from + width, y});
@@ -306,10 +309,10 @@ class Plot {
     this.placeNeedle(this.all.clock.time);
   }
 
-  // On whole pixels of the screen: then it is sharp, and most frames of a replay leave it, and the page, as they are.
+  // The needle moves by whole pixels of the screen. It is then sharp, and most frames of a replay change nothing.
   placeNeedle(time) {
     const [from, to] = this.all.range, hidden = time < from || time > to;
-    // uPlot's own width, in the screen's pixels: asking the page for it would make it lay itself out, in every frame.
+    // The width, in pixels of the screen, comes from uPlot: reading it from the page forces a layout in every frame.
     const place = Math.round(((time - from) / (to - from)) * this.chart.bbox.width) / devicePixelRatio;
     if (hidden !== this.needle.hidden) this.needle.hidden = hidden;
     if (hidden || place === this.needlePlace) return;
@@ -336,8 +339,8 @@ class Plot {
   connectPointer(over) {
     const {clock} = this.all;
     const pointers = new Map();
-    let down = null;   // where a mouse was pressed
-    let pinch = null;  // the two times under two fingers
+    let down = null;   // where a mouse button was pressed
+    let pinch = null;  // the times under two fingers
     const release = (event) => {
       pointers.delete(event.pointerId);
       if (pointers.size < 2) pinch = null;
@@ -383,7 +386,7 @@ class Plot {
     });
     over.addEventListener("dblclick", () => this.all.zoomAll());
     over.addEventListener("wheel", (event) => {
-      if (!event.ctrlKey && !event.shiftKey) return;  // the page scrolls
+      if (!event.ctrlKey && !event.shiftKey) return;  // without a key the wheel scrolls the page
       event.preventDefault();
       this.all.zoomBy(Math.exp((event.deltaY || event.deltaX) * 0.003), this.timeAt(event));
     }, {passive: false});
@@ -399,7 +402,7 @@ class Plot {
     this.selection.style.width = `${right - left}px`;
   }
 
-  // The times that were under the fingers stay under them.
+  // Zooms so that the times under the fingers stay under them.
   pinchTo([first, second], [a, b]) {
     const box = this.chart.over.getBoundingClientRect();
     const [u, v] = [a, b].map((event) => (event.clientX - box.left) / box.width);

@@ -1,31 +1,31 @@
-// How many pixels the replay is drawn with while it moves: as many as come in time.
+// Chooses the resolution of the moving replay: as many pixels as can be drawn in time.
 //
-// Only the times between frames are known here, and they say nothing of what a frame could have cost: on a fast machine
-// they are the screen's. So the number falls where frames come late; after frames that came in time more are tried,
-// each time that fails twice as long after; and where the fewest pixels do not make frames come sooner, all are drawn:
-// a browser that saves power shows 30 frames a second whatever they cost.
+// Only the times between frames can be measured, and on a fast machine these are the screen's. So the resolution falls
+// when frames come late. After a time without late frames a higher one is tried; each failure doubles that time. Where
+// even the lowest resolution does not make frames come sooner, the highest is used: a browser that saves power shows 30
+// frames a second whatever they cost.
 
 export const FRAME_S = 1 / 60;
-const LATE = 1.25;       // of that: a mean beyond it is late;
-const SOON_LATE = 1.05;  // likewise, where fewer pixels are known to help
-const WINDOW = 8;        // frames whose mean is judged,
-const WINDOW_S = 0.4;    // or those of that time, if they are fewer
+const LATE = 1.25;       // frames are late if their mean time exceeds this many FRAME_S
+const SOON_LATE = 1.05;  // the same, where fewer pixels are known to help
+const WINDOW = 8;        // the mean is taken over this many frames
+const WINDOW_S = 0.4;    // or over this time, if that has fewer
 const STEP = 0.8;
 const LONGEST_STEP = 0.5;
-const GAIN = 0.85;  // fewer pixels help where a frame takes at most that part of what it did
+const GAIN = 0.85;  // fewer pixels help if they reduce the time of a frame to at most this fraction
 const FIRST_TRY_S = 1;
 const LAST_TRY_S = 32;
 
 export class Resolution {
-  // Pixels of the drawing per pixel of the page (along a side): at most, to begin with, at least. Whether it is known
-  // that frames with fewer come sooner (true), as where a processor draws; null: it is to be found out.
+  // Pixels of the drawing per pixel of the page, along a side: the greatest, first and least ratio. `pixelsMatter` is
+  // true if fewer pixels are known to make frames come sooner, as where a processor draws, and null if that is unknown.
   constructor(most, first, least, pixelsMatter) {
     this.most = most;
     this.least = Math.min(least, most);
     this.ratio = Math.min(Math.max(first, this.least), most);
     this.tryAfter = FIRST_TRY_S;
     this.rose = false;
-    this.meanBefore = null;  // of a frame, before the number fell
+    this.meanBefore = null;  // mean time of a frame before the resolution fell
     this.meanAtLeast = null;
     this.pixelsMatter = pixelsMatter;
     this.late = pixelsMatter ? SOON_LATE : LATE;
@@ -33,12 +33,12 @@ export class Resolution {
     this.forget();
   }
 
-  // What was, says nothing of what comes: after a pause.
+  // Discards measurements, which are worthless after a pause.
   forget() {
     this.frames = this.seconds = this.inTime = 0;
   }
 
-  // A frame came so long after the one before.
+  // Called for every frame, with the time since the one before.
   frame(seconds) {
     ++this.frames;
     this.seconds += seconds;
@@ -59,7 +59,7 @@ export class Resolution {
     this.rose = false;
     this.meanBefore ??= mean;
     if (this.ratio > this.least) {
-      // The cost of pixels goes with the square.
+      // The cost grows with the square of the ratio.
       const step = Math.min(Math.max(Math.sqrt(FRAME_S / mean), LONGEST_STEP), STEP);
       this.ratio = Math.max(step * this.ratio, this.least);
     } else if (this.pixelsMatter === null) {
@@ -69,8 +69,8 @@ export class Resolution {
     }
   }
 
-  // All are drawn because fewer did not help. If frames come later now, fewer did; if sooner, what was seen of fewer
-  // was something else, as a browser that was still compiling: it is tried again, once.
+  // Called while all pixels are drawn because fewer seemed not to help. If frames now come later, fewer did help. If
+  // they come sooner, the measurement was disturbed, as by a browser that was still compiling; it is repeated once.
   doubt(mean) {
     if (mean > this.meanAtLeast / GAIN) this.pixelsMatter = true;
     if (mean < this.meanAtLeast * GAIN && !this.doubted) {

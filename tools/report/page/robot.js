@@ -1,22 +1,23 @@
-// One run's ball in the replay: shell, rails, masses, contact force, friction cone, path. All lengths are the run's
-// own.
+// One run's ball in the replay: shell, rails, masses, contact force, friction cone and path. Lengths are in m.
 import {color} from "ballast/theme.js";
 import * as THREE from "three";
 
-const WEIGHT_ARROW = 1.15;   // ball radii: the contact force of a ball at rest
-const LONGEST_ARROW = 2.6;   // likewise; impacts and jumps end there
-const FRICTION_ARROW = 0.8;  // likewise, of the most friction at the most
+// Lengths in ball radii:
+const WEIGHT_ARROW = 1.15;   // arrow of the contact force of a ball at rest
+const LONGEST_ARROW = 2.6;   // impacts and jumps are cut off there
+const FRICTION_ARROW = 0.8;  // greatest arrow of the greatest friction
 const CONE_SLANT = 1.3;
-const HEAVIEST_MASS = 0.115;  // radius of its sphere; the others by the cube root of their mass
+const HEAVIEST_MASS = 0.115;  // radius of the heaviest mass; the others scale with the cube root of their mass
 const LEAST_MASS = 0.045;
+const PATH_WIDTH = 0.056;  // least width of the path
+
 const PATH_POINTS = 3000;
-const NOISE = 1e-9;            // of the weight: what rounding leaves of forces that are 0
-const PATH_WIDTH = 0.056;      // ball radii; where the path is long
-const PATH_OF_EXTENT = 0.004;  // part of its extent, to be seen from where all of it is
+const NOISE = 1e-9;            // forces below this fraction of the weight are rounding errors of 0
+const PATH_OF_EXTENT = 0.004;  // least width as a fraction of the path's extent, so that a long one is visible
 const RAIL_POINTS = 600;
-// Into how many pieces round things are cut. Of a rail in 120, the chords of a circle are off by 3e-4 of its radius, a
-// tenth of a pixel. `path`: its shortest piece in ball radii, a quarter of its width: the eye sees no corners. A
-// processor that draws takes the longer the more triangles there are, however small.
+// Numbers of segments of round shapes. With 120 segments, a rail's chords are off its circle by 3e-4 of the radius, a
+// tenth of a pixel. `path` is the shortest segment in ball radii, a quarter of the path's width, so that no corner
+// shows. Where a processor draws, the cost grows with the number of triangles, however small they are.
 const FINE = {
   shell: [64, 40],
   mass: [20, 12],
@@ -39,7 +40,7 @@ const UP = new THREE.Vector3(0, 0, 1);
 
 const paint = (material, name) => material.color.setStyle(color(name));
 
-// A sphere's texture: a ball of gores and bands, by which one sees it roll. Alpha only; the material has the colour.
+// The shell's texture: gores and bands that make rolling visible. It has alpha only; the material has the colour.
 function shellPattern(fine) {
   const canvas = document.createElement("canvas");
   [canvas.width, canvas.height] = fine ? [1024, 512] : [512, 256];
@@ -66,7 +67,7 @@ function shellPattern(fine) {
   return texture;
 }
 
-// Brighter towards the edge, as glass is: over the material's own colour, in the same pass.
+// Brightens the material towards the edge, as glass, in the same pass.
 const RIM = `
   float edge = 1.0 - abs(dot(across, view)) * inversesqrt(dot(across, across) * dot(view, view));
   gl_FragColor = mix(gl_FragColor, vec4(rimTint, 1.0), 0.75 * edge * edge * edge);`;
@@ -75,7 +76,7 @@ function litShell(map, opacity) {
   const rimTint = {value: new THREE.Color()};
   const material = new THREE.MeshPhongMaterial(
       {map, opacity, shininess: 90, specular: 0x555555, transparent: true, depthWrite: false});
-  material.premultipliedAlpha = true;  // one colour over another is then a mix
+  material.premultipliedAlpha = true;  // RIM mixes premultiplied colours
   material.onBeforeCompile = (shader) => {
     shader.uniforms.rimTint = rimTint;
     shader.vertexShader = "varying vec3 across, view;\n" +
@@ -95,8 +96,8 @@ function litShell(map, opacity) {
   };
 }
 
-// Without light. three.js' own materials turn colours into linear light and back in every pixel, which a processor that
-// draws is slow at.
+// A shell without light. three.js' own materials convert colours to linear light and back in every pixel, which is slow
+// where a processor draws.
 function plainShell(map, opacity, side) {
   const uniforms = {
     map: {value: map},
@@ -140,7 +141,7 @@ function plainShell(map, opacity, side) {
   };
 }
 
-// The shell's gores and bands as lines, which cost a processor that draws a sixth of what its surface does.
+// The shell's gores and bands as lines. Where a processor draws, they cost a sixth of the surface.
 function cageGeometry(radius) {
   const points = [], circle = (place) => {
     for (let k = 0; k < CAGE_PIECES; ++k)
@@ -198,7 +199,7 @@ class Arrow {
 }
 
 export class Robot {
-  // `fine`: with what a graphics card does for nothing.
+  // `fine`: with details that are cheap on a graphics card.
   constructor({samples, described}, run, several, fine) {
     Object.assign(this, {samples, described, run, several, fine});
     this.radius = described.radius;
@@ -228,7 +229,7 @@ export class Robot {
     const r = this.radius;
     const geometry = new THREE.SphereGeometry(r, ...this.detail.shell).rotateX(Math.PI / 2);
     const map = shellPattern(this.fine);
-    const opacity = this.several ? 0.4 : 1;  // one sees through two shells
+    const opacity = this.several ? 0.4 : 1;  // two shells overlap
     const inside = plainShell(map, 0.55 * opacity, THREE.BackSide);
     const outside = this.fine ? litShell(map, opacity) : plainShell(map, opacity, THREE.FrontSide);
     this.shell = new THREE.Group();
@@ -255,7 +256,7 @@ export class Robot {
     this.object.add(this.shadow);
   }
 
-  // Of robot.json; where a mass has none there, the way it went.
+  // The rail of robot.json, or else the path of the mass.
   railPoints(mass) {
     const rail = this.described.masses[mass].rail;
     if (rail) return {closed: rail.closed, points: rail.points.map((point) => new THREE.Vector3(...point))};
@@ -291,7 +292,7 @@ export class Robot {
       return sphere;
     });
     this.body.add(this.rails);
-    // The system's centre of mass: what leads the ball.
+    // The system's centre of mass.
     const center = new THREE.MeshLambertMaterial();
     this.center = new THREE.Mesh(new THREE.OctahedronGeometry(0.055 * r), center);
     this.body.add(this.center);
@@ -305,8 +306,8 @@ export class Robot {
     const weight = described.gravity && inside ? described.gravity * inside : normals[normals.length >> 1];
     this.forceScale = weight > 0 ? (WEIGHT_ARROW * r) / weight : 0;
     const most = samples.get("static_friction").reduce((least, value) => Math.max(least, value), 0);
-    const room = most > NOISE * weight ? (FRICTION_ARROW * r) / (most * this.forceScale) : 1;
-    this.frictionFactor = [10, 5, 2].find((factor) => factor <= room) ?? 1;
+    const greatest = most > NOISE * weight ? (FRICTION_ARROW * r) / (most * this.forceScale) : 1;
+    this.frictionFactor = [10, 5, 2].find((factor) => factor <= greatest) ?? 1;
     this.force = new Arrow(0.026 * r, this.detail.arrow);
     this.friction = new Arrow(0.022 * r, this.detail.arrow);
     this.forces = new THREE.Group().add(this.force.object, this.friction.object);
@@ -336,7 +337,7 @@ export class Robot {
     this.onPaint(() => this.paintCone(this.isInside ?? true));
   }
 
-  // A ribbon on the floor: lines are one pixel wide in WebGL. Coloured by regime; what is still to come is faint.
+  // The path is a ribbon, since lines are one pixel wide in WebGL. Its colour is the regime's, faint after the present.
   makePath() {
     const {samples, radius} = this;
     const stride = Math.max(1, Math.floor(samples.rows / PATH_POINTS));
@@ -416,7 +417,7 @@ export class Robot {
     return column[row] + part * (column[next] - column[row]);
   }
 
-  // Quaternions of one attitude come with both signs.
+  // q and -q are the same attitude, so both samples are given the same sign before they are interpolated.
   orientation([row, next, part]) {
     const columns = [0, 1, 2, 3].map((c) => this.samples.get(`orientation_${c}`));
     const sign = columns.reduce((sum, column) => sum + column[row] * column[next], 0) < 0 ? -1 : 1;
@@ -440,7 +441,7 @@ export class Robot {
     }
   }
 
-  // The shell as a cage, where its surface takes too long.
+  // Draws the shell as a cage of lines, where its surface would take too long.
   simplify(simple) {
     this.cage.visible = simple;
     for (const mesh of this.surface) mesh.visible = !simple;

@@ -1,4 +1,4 @@
-// The samples of a run: columns of float32, unpacked from what assemble.py has packed.
+// The samples of a run: columns of float32, in the encoding of assemble.py.
 
 const BYTES = 4;
 
@@ -16,7 +16,7 @@ async function gunzip(text) {
 export async function readSamples(text, described) {
   const bytes = await gunzip(text);
   const {rows, columns: names} = described;
-  if (bytes.length !== BYTES * rows * names.length) throw new Error("The samples are not whole.");
+  if (bytes.length !== BYTES * rows * names.length) throw new Error("The samples are incomplete.");
   const columns = new Map();
   names.forEach((name, number) => {
     const start = BYTES * rows * number;
@@ -64,14 +64,14 @@ export class Samples {
     return low;
   }
 
-  // Where between two samples: [row, next row, part of the way].
+  // The place between two samples: [row, next row, fraction of the interval].
   placeAt(time) {
     const row = this.rowAt(time), next = Math.min(row + 1, this.rows - 1);
     const span = this.time[next] - this.time[row];
     return [row, next, span > 0 ? Math.min(Math.max((time - this.time[row]) / span, 0), 1) : 0];
   }
 
-  // `count` columns NAME_0, NAME_1, ... at a place, joined by straight lines.
+  // The columns NAME_0, NAME_1, ... at a place, by linear interpolation.
   vectorAt(name, count, [row, next, part], out = []) {
     for (let j = 0; j < count; ++j) {
       const column = this.get(`${name}_${j}`);

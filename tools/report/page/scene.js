@@ -1,4 +1,4 @@
-// The replay: floor, light, camera, and a ball per run.
+// The replay: floor, light, camera, and one ball per run.
 import {Resolution} from "ballast/resolution.js";
 import {Robot} from "ballast/robot.js";
 import {color, onThemeChange} from "ballast/theme.js";
@@ -9,8 +9,8 @@ const FIELD_OF_VIEW = 34;  // degrees
 // Pixels per CSS pixel:
 const MOST_PIXELS = 2;
 const FIRST_PIXELS_IN_SOFTWARE = 0.5;
-const LEAST_PIXELS = 0.35;   // the ball is then 80 pixels wide on a phone, and still seen to roll
-const STILL_AFTER_MS = 200;  // without a change: then all pixels are drawn
+const LEAST_PIXELS = 0.35;   // the ball is then 80 pixels wide on a phone, and its rolling is still visible
+const STILL_AFTER_MS = 200;  // after this time without a change, all pixels are drawn
 const DIRECTION = new THREE.Vector3(-0.62, -1, 0.52).normalize();
 
 // 1, 2 or 5 times a power of ten, at most `value`.
@@ -19,7 +19,7 @@ function roundLength(value) {
   return power * ([5, 2, 1].find((factor) => factor * power <= value) ?? 1);
 }
 
-// Without a graphics card the processor computes every pixel, and several times where edges are smoothed.
+// True without a graphics card. The processor then computes every pixel, several times with smooth edges.
 function drawsInSoftware() {
   const gl = document.createElement("canvas").getContext("webgl2");
   const named = gl?.getExtension("WEBGL_debug_renderer_info");
@@ -28,7 +28,7 @@ function drawsInSoftware() {
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 }
 
-// A grid that fades away from where one looks; every fifth line is stronger.
+// A grid that fades with the distance from the camera's target. Every fifth line is stronger.
 function floorMaterial() {
   return new THREE.ShaderMaterial({
     blending: THREE.NoBlending,  // it is drawn first
@@ -72,7 +72,7 @@ export class Scene {
     this.scaleText = scaleText;
     const fine = this.fine = !drawsInSoftware();
     this.renderer = new THREE.WebGLRenderer({antialias: fine, alpha: true});
-    this.renderer.debug.checkShaderErrors = false;  // asking would wait for the compiler
+    this.renderer.debug.checkShaderErrors = false;  // a check waits for the compiler
     const most = Math.min(devicePixelRatio, MOST_PIXELS);
     this.resolution = fine ? new Resolution(most, most, LEAST_PIXELS, null) :
                              new Resolution(most, FIRST_PIXELS_IN_SOFTWARE, LEAST_PIXELS, true);
@@ -120,7 +120,7 @@ export class Scene {
     this.scene.add(sun);
   }
 
-  // Midst of the balls.
+  // The mean position of the balls.
   get middle() {
     return this.robots.reduce((sum, {body}) => sum.add(body.position), new THREE.Vector3())
         .divideScalar(this.robots.length);
@@ -152,7 +152,7 @@ export class Scene {
     this.dirty = true;
   }
 
-  // From `direction` at a sphere that has to be seen whole.
+  // Points the camera from `direction` at a sphere, at the distance where all of it is visible.
   lookAt(center, size, direction) {
     const upright = THREE.MathUtils.degToRad(FIELD_OF_VIEW) / 2;
     const across = Math.atan(Math.tan(upright) * this.camera.aspect);
@@ -190,10 +190,10 @@ export class Scene {
     this.renderer.setPixelRatio(ratio);
     const simple = !this.fine && ratio < this.resolution.most;
     for (const robot of this.robots) robot.simplify(simple);
-    this.renderer.domElement.style.imageRendering = simple ? "pixelated" : "";  // smoothing costs, too
+    this.renderer.domElement.style.imageRendering = simple ? "pixelated" : "";  // smoothing costs time too
   }
 
-  // Draws if there is something new; says whether it did.
+  // Draws if something has changed. Returns whether it did.
   render() {
     const now = performance.now();
     if (this.dirty) this.movedAt = now;

@@ -1,4 +1,4 @@
-// Colours: all of them are variables of style.css, so that text, plots and replay agree.
+// Colours. All are variables of style.css, so that text, plots and replay agree.
 
 const root = document.documentElement;
 const listeners = [];
