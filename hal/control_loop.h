@@ -24,11 +24,14 @@ class ControlLoop {
     inputs_.operator_command = firmware::OperatorInput();
     if (const Status status = board_.read_operator(inputs_.operator_command); failed(status)) return status;
 
-    firmware::tick(params_, state_, inputs_, outputs_);
-    outputs_.status.overruns = board_.overruns();
+    // Steps first: what takes longer than deciding on them comes after they are on their way.
+    firmware::tick(params_, state_, inputs_, steps_);
+    if (const Status status = board_.write_steps(steps_); status != Status::kOk) return status;
 
-    if (const Status status = board_.write_steps(outputs_.steps); status != Status::kOk) return status;
-    if (const Status status = board_.write_status(outputs_.status); status != Status::kOk) return status;
+    firmware::predict(params_, state_);
+    firmware::report(params_, state_, inputs_, status_);
+    status_.overruns = board_.overruns();
+    if (const Status status = board_.write_status(status_); status != Status::kOk) return status;
     board_.kick_watchdog();
     return Status::kOk;
   }
@@ -49,7 +52,8 @@ class ControlLoop {
   B& board_;
   firmware::ControllerState state_;
   firmware::Inputs inputs_;
-  firmware::Outputs outputs_;
+  firmware::StepCommand steps_;
+  firmware::ControllerStatus status_;
 };
 
 }  // namespace ballast::hal

@@ -100,7 +100,7 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 
 template <class V, Of<firmware::RefusalReport> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(LCM(refusal), m.reason, Within(firmware::Refusal::kNone, firmware::Refusal::kUpperEnd))
+  return visitor.field(LCM(refusal), m.reason, Within(firmware::Refusal::kNone, firmware::Refusal::kCancelled))
       .field(LCM(refusal_motor), m.motor, Within(-1, 31))
       .field(LCM(refusal_piece), m.piece, Within(-1, firmware::kMaxPieces))
       .field(LCM(refusal_value), m.value);
@@ -119,7 +119,7 @@ template <class V, Of<firmware::ControllerStatus> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(LCM(tick), m.tick, Tick())
       .field(LCM(scenario_id), m.scenario_id)
-      .field(LCM(mode), m.mode, Within(firmware::Mode::kDisarmed, firmware::Mode::kMoving))
+      .field(LCM(mode), m.mode, Within(firmware::Mode::kDisarmed, firmware::Mode::kPending))
       .field(LCM(at_rest), m.at_rest)
       .field(LCM(faults), m.faults)
       .field(LCM(motor_count), m.motor_count, Within(0, firmware::kMaxMasses))

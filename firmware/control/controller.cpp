@@ -341,8 +341,9 @@ Quaternion unit(const Quaternion& q) {
 
 constexpr Real kUnknown = std::numeric_limits<Real>::quiet_NaN();
 
-void predict(const ControllerParams& params, const Sensors& sensors, const MassMotion& masses,
-             ControllerStatus& status) {
+// N and f_s at the start of this tick.
+void estimate(const ControllerParams& params, const Sensors& sensors, const MassMotion& masses,
+              ControllerStatus& status) {
   RollingForces& f = status.predicted;
   if (valid(sensors)) {
     f = rolling_forces(params.ball, unit(sensors.orientation), sensors.gyro_B_radps, masses);
@@ -355,19 +356,76 @@ void predict(const ControllerParams& params, const Sensors& sensors, const MassM
   friction_use(f, params.static_friction, status.mu_required, status.margin);
 }
 
-// What the profiles that begin at the start of `next` will do. An overload's tick has little time left for it.
-void predict_plan(const ControllerParams& params, const Sensors& sensors, const MassMotion& now, std::int64_t next,
-                  bool overloaded, ControllerState& state) {
-  Wide duration_s = 0;
-  for (int i = 0; i < params.ball.mass_count; ++i) duration_s = std::fmax(duration_s, state.active[at(i)].end_s());
-  state.planned = true;
-  state.plan_tick = next;
-  if (valid(sensors)) {
-    state.plan = predict_motion(params.ball, params.static_friction, unit(sensors.orientation), sensors.gyro_B_radps,
-                                now, params.control_period_s, state.active, duration_s, overloaded);
-  } else {
-    state.plan = {duration_s, 0, kUnknown, std::numeric_limits<Real>::infinity(), -1};
+// Starts to predict the profiles that begin at the start of state.plan_tick, from this tick's sensed state. Without one
+// the prediction is complete at once: unknown.
+void begin_prediction(const ControllerParams& params, const Inputs& inputs, ControllerState& state) {
+  const Sensors& sensors = inputs.sensors;
+  state.planned_motion_now = true;
+  state.planned = false;
+  state.plan = {};
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    state.plan.duration_s = std::fmax(state.plan.duration_s, state.active[at(i)].end_s());
   }
+  if (!valid(sensors)) {
+    state.predictor.drop();
+    state.planned = true;
+    state.plan = {state.plan.duration_s, 0, kUnknown, std::numeric_limits<Real>::infinity(), -1};
+    return;
+  }
+  const auto lead_ticks = static_cast<int>(minus(state.plan_tick, inputs.tick));
+  state.predictor.begin(unit(sensors.orientation), sensors.gyro_B_radps, state.now, params.control_period_s, lead_ticks,
+                        state.active, params.ball.mass_count);
+}
+
+void drop_plan(ControllerState& state) {
+  state.predictor.drop();
+  state.planned = false;
+  state.plan_tick = 0;
+  state.plan = {};
+}
+
+// The tick whose start a move begins with that is asked for now: its prediction is complete by then.
+std::int64_t move_begins(const ControllerParams& params, const ControllerState& state, std::int64_t tick) {
+  int borders = 0;
+  for (int i = 0; i < params.ball.mass_count; ++i) borders += state.active[at(i)].piece_count();
+  return plus(tick, pending_ticks(borders) + 1);
+}
+
+// Trips if a fault allows nothing else. A pending move is cancelled.
+void trip(ControllerState& state, const GuardState& guards) {
+  const Mode after = next_mode(state.mode, Event::kFault, guards);
+  if (state.mode == Mode::kPending && after != state.mode) {
+    drop_plan(state);
+    state.refusal = refused(Refusal::kCancelled);
+  }
+  state.mode = after;
+}
+
+// Obeys the operator, or says why not.
+RefusalReport obey(const ControllerParams& params, const Inputs& inputs, Mode after, ControllerState& state) {
+  const std::int64_t next = plus(inputs.tick, 1);
+  const Mode before = state.mode;
+  if (after == before) return refused(Refusal::kMode);
+  if (after == Mode::kRunning || after == Mode::kPending) {
+    // Both write the profiles that a prediction under way still reads.
+    if (!state.planned) drop_plan(state);
+    const RefusalReport refusal = after == Mode::kRunning
+                                      ? prepare_motion(params, state)
+                                      : prepare_move(params, inputs.operator_command.move, state);
+    if (refusal.reason != Refusal::kNone) return refusal;
+  }
+  if (after == Mode::kRunning) begin(state, next);
+  if (after == Mode::kPending) {
+    state.plan_tick = move_begins(params, state, inputs.tick);
+    begin_prediction(params, inputs, state);
+  }
+  if (before == Mode::kPending) drop_plan(state);
+  if (before == Mode::kTripped) {
+    state.faults = 0;
+    state.overload = {};
+  }
+  state.mode = after;
+  return {};
 }
 
 }  // namespace
@@ -398,15 +456,14 @@ void reset(const ControllerParams& params, ControllerState& state) {
   state.overload = {};
   state.operator_commands = 0;
   state.refusal = {};
-  state.planned = false;
-  state.plan_tick = 0;
-  state.plan = {};
+  drop_plan(state);
+  state.planned_motion_now = false;
+  state.now = {};
+  state.at_rest = true;
 }
 
-void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, Outputs& outputs) {
+void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, StepCommand& steps) {
   const std::int64_t next = plus(inputs.tick, 1);
-  StepCommand& steps = outputs.steps;
-  ControllerStatus& status = outputs.status;
 
   // Continuity. Commands were issued for every tick up to last_tick + 1, whose end is the start of last_tick + 2.
   const Order order = order_of(state, inputs.tick);
@@ -417,56 +474,42 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   }
   state.ticked = true;
   state.last_tick = inputs.tick;
-
-  MassMotion now;
+  state.planned_motion_now = false;
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    put(commanded(params, state, inputs.tick, i), at(i), now);
+    put(commanded(params, state, inputs.tick, i), at(i), state.now);
   }
 
   // Faults, events, mode. While disarmed nothing is at stake: faults are shown and forbid arming, but do not latch.
-  const std::uint32_t causes = causes_of(params, inputs, now, order);
+  const std::uint32_t causes = causes_of(params, inputs, state.now, order);
   state.faults = state.mode == Mode::kDisarmed ? causes : state.faults | causes;
   const GuardState guards{state.faults == 0, at_rest_from(params, state, next), causes != 0};
-  if (state.faults != 0) state.mode = next_mode(state.mode, Event::kFault, guards);
-  bool plan_begins = false;
+  if (state.faults != 0) trip(state, guards);
   if (Event event{}; event_of(inputs.operator_command.command, event)) {
     ++state.operator_commands;
-    const Mode before = state.mode;
-    const Mode after = next_mode(before, event, guards);
-    if (after == before) {
-      state.refusal = refused(Refusal::kMode);
-    } else if (after == Mode::kRunning) {
-      state.refusal = prepare_motion(params, state);
-    } else if (after == Mode::kMoving) {
-      state.refusal = prepare_move(params, inputs.operator_command.move, state);
-    } else {
-      state.refusal = {};
-    }
-    if (state.refusal.reason == Refusal::kNone) {
-      state.mode = after;
-      if (before == Mode::kTripped) {
-        state.faults = 0;
-        state.overload = {};
-      }
-      if (after == Mode::kRunning || after == Mode::kMoving) begin(state, next);
-      plan_begins = after == Mode::kMoving;
-    }
+    state.refusal = obey(params, inputs, next_mode(state.mode, event, guards), state);
+  }
+  if (state.mode == Mode::kPending && next == state.plan_tick) {
+    state.mode = next_mode(state.mode, Event::kDue, guards);
+    begin(state, next);
   }
 
   // Steps of the next tick; those of a repeated tick are on their way already.
   clear(params, state, next, steps);
   if (state.moving && order != Order::kRepeated) {
+    bool stop_begins = false;
     if (state.mode != Mode::kRunning && state.mode != Mode::kMoving && !state.braking) {
       begin_stop(params, state, next, true);
-      plan_begins = true;
+      stop_begins = true;
     }
-    const bool overloaded = !generate_steps_of_tick(params, state, steps);
-    if (overloaded) {
+    if (!generate_steps_of_tick(params, state, steps)) {
       state.faults |= bit(Fault::kStepOverload);
       generate_overloaded(params, state, steps);
-      plan_begins = true;
+      stop_begins = true;
     }
-    if (plan_begins) predict_plan(params, inputs.sensors, now, next, overloaded, state);
+    if (stop_begins) {
+      state.plan_tick = next;
+      begin_prediction(params, inputs, state);
+    }
     for (int b = 0; b < steps.burst_count; ++b) {
       state.steps_issued[steps.bursts[at(b)].motor] += steps.bursts[at(b)].count;
     }
@@ -474,20 +517,33 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
     state.last_pulse = steps.last_pulse;
   }
   // What turned up while making the steps.
-  if (state.faults != 0) state.mode = next_mode(state.mode, Event::kFault, guards);
-  const bool at_rest = at_rest_from(params, state, next);
-  if (at_rest && state.moving && (state.braking || state.mode == Mode::kMoving)) hold(params, state, next);
-  if (at_rest) state.mode = next_mode(state.mode, Event::kAtRest, guards);
+  if (state.faults != 0) trip(state, guards);
+  state.at_rest = at_rest_from(params, state, next);
+  if (state.at_rest && state.moving && (state.braking || state.mode == Mode::kMoving)) hold(params, state, next);
+  if (state.at_rest) state.mode = next_mode(state.mode, Event::kAtRest, guards);
+}
 
-  predict(params, inputs.sensors, now, status);
+void predict(const ControllerParams& params, ControllerState& state) {
+  if (state.planned_motion_now) return;
+  state.predictor.advance(params.ball, params.static_friction, state.active,
+                          state.moving ? kPredictionStepsMoving : kPredictionStepsHolding);
+  if (state.planned || !state.predictor.complete()) return;
+  state.planned = true;
+  state.plan = state.predictor.result();
+}
+
+void report(const ControllerParams& params, const ControllerState& state, const Inputs& inputs,
+            ControllerStatus& status) {
+  estimate(params, inputs.sensors, state.now, status);
   status.tick = inputs.tick;
   status.scenario_id = params.scenario_id;
   status.mode = state.mode;
-  status.at_rest = at_rest;
+  status.at_rest = state.at_rest;
   status.faults = state.faults;
   status.motor_count = params.ball.mass_count;
-  status.commanded_position = now.position;
-  status.commanded_velocity = now.velocity;
+  status.commanded_position = state.now.position;
+  status.commanded_velocity = state.now.velocity;
+  const std::int64_t next = plus(inputs.tick, 1);
   for (int i = 0; i < params.ball.mass_count; ++i) status.next[at(i)] = commanded(params, state, next, i);
   status.steps_issued = state.steps_issued;
   status.overload = state.overload;

@@ -73,7 +73,7 @@ struct MonitorVerdict {
 
 enum class OperatorCommand : std::uint8_t { kNone = 0, kArm = 1, kStart = 2, kStop = 3, kReset = 4, kMove = 5 };
 
-// Of kMove: from rest to rest, all at once, in the time the slowest needs. Judged before anything moves.
+// Moves masses from rest to rest, all in the time that the slowest needs. It is judged before anything moves.
 struct MoveRequest {
   std::uint32_t masses = 0;         // bit i: mass i moves; the others stay
   PerMass<Wide> target_position{};  // rail coordinate, rad or m; read where the bit is set
@@ -105,6 +105,7 @@ enum class Refusal : std::uint8_t {
   kLowerEnd = 11,   // the move's target is beyond the lower end of its rail, or nearer to it than MotorParams::swing;
                     // value: the least target allowed there
   kUpperEnd = 12,   // the same at the upper end; value: the greatest
+  kCancelled = 13,  // a fault came while the move was pending
 };
 
 struct RefusalReport {
@@ -148,14 +149,9 @@ struct ControllerStatus {
   StepOverload overload;                 // kNone: there was none
   std::int64_t operator_commands = 0;    // given since reset(), obeyed or not
   RefusalReport refusal;                 // of the operator's last command; stays until the next
-  bool planned = false;                  // there has been a stop or a move since reset(); the next two are of the last
-  std::int64_t plan_tick = 0;            // at whose start it begins
-  Prediction plan;                       // what it will do, computed before its first step
-};
-
-struct Outputs {
-  StepCommand steps;  // of tick + 1
-  ControllerStatus status;
+  std::int64_t plan_tick = 0;            // at whose start the last stop or move since reset() begins; 0: there was none
+  bool planned = false;                  // its prediction is complete
+  Prediction plan;                       // until then zeros, but for the duration
 };
 
 struct ControllerState {
@@ -175,29 +171,45 @@ struct ControllerState {
   StepOverload overload;
   std::int64_t operator_commands = 0;
   RefusalReport refusal;
-  bool planned = false;
-  std::int64_t plan_tick = 0;
-  Prediction plan;
+  std::int64_t plan_tick = 0;  // of the last stop or move; `active` holds its profiles until its prediction is complete
+  bool planned = false;        // that prediction is complete
+  Prediction plan;             // as published in the status
+  Predictor predictor;
+  bool planned_motion_now = false;  // a stop or move was planned in this tick, which leaves no time to predict
+  MassMotion now;                   // commanded at the start of the last tick
+  bool at_rest = true;              // from the start of the next tick on
 };
 
 // State before the first tick: disarmed, masses holding at their initial positions.
 void reset(const ControllerParams& params, ControllerState& state);
 
-// One tick. `params` must have been accepted by validate(). Steps written are those of inputs.tick + 1.
+// Ticks from the request of a move to the tick that begins it: B, for profiles with so many pieces. The request's tick
+// plans and predicts nothing; B - 1 ticks with kPredictionStepsHolding steps each follow, and the lead is B + 1 ticks:
+// most_prediction_steps(B + 1, borders) <= kPredictionStepsHolding (B - 1).
+constexpr int pending_ticks(int borders) {
+  constexpr int kPerTick = kPredictionStepsHolding - 1;  // the lead grows by a step with each tick
+  return (most_prediction_steps(1, borders) + kPredictionStepsHolding + kPerTick - 1) / kPerTick;
+}
+inline constexpr int kMostPendingTicks = pending_ticks(kMaxMasses * kMaxPlannedPieces);  // 16
+
+// A control tick consists of three calls, in this order. `params` must have been accepted by validate().
+//
+// tick() decides what the masses do and makes the steps of inputs.tick + 1. Nothing in it waits for a prediction.
 // - START in tick k: profile time 0 is the start of tick k + 1. The first motion starts with the parameters' initial
 //   position and velocity. A later one (after a stop, a move, or a trip and reset) runs the same pieces from where the
-//   masses stand, at rest; refused if that breaks a limit or leaves a rail. (At what velocity a motion goes on after
-//   its last piece, and for how long, is not looked at: how long it runs is not known here.)
-// - MOVE in tick k, armed: from the start of tick k + 1 each mass asked goes to its target by plan_move(), all in the
-//   same time. Then they hold, and the mode is armed again. A target at an end of its rail is refused: the rotor swings
-//   about what is commanded, would close the end's switch on the way there, and be tripped for it. From
-//   MotorParams::swing before the end on it does not, as long as it loses no step.
+//   masses stand, at rest; it is refused if that breaks a limit or leaves a rail. The motion after its last piece is
+//   not checked, because its length is not known here.
+// - MOVE in tick k, armed: plan_move() plans it for each mass asked, all in the same time. The move is then pending
+//   while it is predicted, and the masses hold. It begins with the start of tick k + 1 + pending_ticks(). A stop
+//   cancels a pending move, and so does a fault (kCancelled). When the masses have arrived they hold, and the mode is
+//   armed again. A target at an end of its rail is refused: the rotor swings about the commanded position, would close
+//   the end switch on the way there, and be tripped for it. From MotorParams::swing before the end on it does not, as
+//   long as it loses no step.
 // - A stop or a trip in tick k: from the start of tick k + 1 each mass stops by plan_stop() from its profile's
-//   position, velocity and acceleration there, all in the time the slowest needs at least (a mass that would be
+//   position, velocity and acceleration there, all in the time that the slowest needs at least (a mass that would be
 //   stretched beyond an end of its rail takes its own shortest: lines end where the ball does, open splines at their
 //   ends, both at their stops); then it holds. The acceleration has no jump, except where the motion itself has one
 //   there. A motion that ends by itself leaves the mode running.
-// - N and f_s along the stop or move are predicted in tick k, from the sensed attitude: prediction.h.
 // - Step overload: the tick's steps are made again with all masses stopping from the commanded state, each in its own
 //   shortest time, without a jump. Only a motor whose pulses would still come too fast gets one, as small as will do:
 //   an acceleration that still raises its speed ends at once, since at the step rate there is no room for it to fade;
@@ -205,7 +217,16 @@ void reset(const ControllerParams& params, ControllerState& state);
 //   in the end.
 // - A tick repeated issues nothing: its steps are on their way already. A tick skipped, or one from the past, left the
 //   motors without pulses; they stand, and hold there.
-// All of `outputs` is written, except overruns.
-void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, Outputs& outputs);
+void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, StepCommand& steps);
+
+// Predicts N and f_s along the last stop or move, a few steps per tick. The prediction starts from the attitude sensed
+// in the tick that planned it and advances from the next tick on: while the masses stop, while they hold after a short
+// stop, or while a move is pending. A new stop or move replaces it. A start drops it, because the motion takes its
+// profiles' place; so does a start or a move that is refused for other reasons than the mode.
+void predict(const ControllerParams& params, ControllerState& state);
+
+// Writes the status, except overruns.
+void report(const ControllerParams& params, const ControllerState& state, const Inputs& inputs,
+            ControllerStatus& status);
 
 }  // namespace ballast::firmware

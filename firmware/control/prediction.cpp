@@ -7,11 +7,6 @@ namespace ballast::firmware {
 
 namespace {
 
-struct Attitude {
-  Quaternion orientation;  // unit
-  Vector3 angular_velocity_B_radps;
-};
-
 // q + h/2 q (0, Omega), normalised: the rotation by h Omega up to order h^3.
 Quaternion turned(const Quaternion& q, const Vector3& omega, Real h) {
   const Real x = omega[0] * h / 2, y = omega[1] * h / 2, z = omega[2] * h / 2;
@@ -31,7 +26,7 @@ MassMotion masses_at(const PerMass<Profile>& profiles, int count, Wide time_s) {
   return masses;
 }
 
-// The first border of any piece after time_s.
+// Returns the first border of any piece after time_s; infinity if there is none.
 Wide next_border(const PerMass<Profile>& profiles, int count, Wide time_s) {
   Wide next = std::numeric_limits<Wide>::infinity();
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
@@ -60,55 +55,90 @@ void friction_use(const RollingForces& forces, Real static_friction, Real& mu_re
   margin = std::isinf(static_friction) ? 1 : 1 - mu_required / static_friction;
 }
 
-Prediction predict_motion(const BallParams& ball, Real static_friction, const Quaternion& orientation,
-                          const Vector3& angular_velocity_B_radps, const MassMotion& now, Wide lead_s,
-                          const PerMass<Profile>& profiles, Wide duration_s, bool coarse) {
-  const int count = ball.mass_count;
-  Prediction result{duration_s, 0, std::numeric_limits<Real>::infinity(), 0, 1};
-  Attitude at{orientation, angular_velocity_B_radps};
-  const auto forces = [&](const MassMotion& masses) {
-    return rolling_forces(ball, at.orientation, at.angular_velocity_B_radps, masses);
-  };
-  // One step of the midpoint rule; `start` are the forces at its beginning.
-  const auto advance = [&](const RollingForces& start, const MassMotion& middle_masses, Real h) {
-    const Attitude begin = at;
-    at.orientation = turned(begin.orientation, begin.angular_velocity_B_radps, h / 2);
-    at.angular_velocity_B_radps = begin.angular_velocity_B_radps + h / 2 * start.angular_acceleration_B_radps2;
-    const RollingForces middle = forces(middle_masses);
-    at.orientation = turned(begin.orientation, at.angular_velocity_B_radps, h);
-    at.angular_velocity_B_radps = begin.angular_velocity_B_radps + h * middle.angular_acceleration_B_radps2;
-  };
-  const auto look = [&](const RollingForces& f) {
-    Real mu = 0, margin = 0;
-    friction_use(f, static_friction, mu, margin);
-    // Written so that NaN is taken over.
-    if (!(f.normal_force_n >= result.normal_force_min_n)) result.normal_force_min_n = f.normal_force_n;
-    if (!(mu <= result.mu_required_max)) result.mu_required_max = mu;
-    if (!(margin >= result.margin_min)) result.margin_min = margin;
-  };
-
-  advance(forces(now), now, static_cast<Real>(lead_s));
-  Wide time_s = 0;
-  // Never more than the grid's intervals and the borders; the bound also ends it should a number be none or a step
-  // vanish beside the time.
-  int borders = 0;
-  for (int i = 0; i < count && !coarse; ++i) borders += profiles[static_cast<std::size_t>(i)].piece_count();
-  const int intervals = coarse ? kCoarseIntervals : kPredictionIntervals;
-  int grid = 1;
-  for (int k = 0; k < intervals + borders && time_s < duration_s; ++k) {
-    const RollingForces start = forces(masses_at(profiles, count, time_s));
-    look(start);
-    const Wide grid_s = grid < intervals ? duration_s * grid / intervals : duration_s;
-    const Real longest_s = longest_step_s(ball, at.angular_velocity_B_radps, start.angular_acceleration_B_radps2);
-    Wide end_s = std::fmin(grid_s, time_s + Wide{longest_s});
-    if (!coarse) end_s = std::fmin(end_s, next_border(profiles, count, time_s));
-    if (end_s == grid_s) ++grid;
-    advance(start, masses_at(profiles, count, (time_s + end_s) / 2), static_cast<Real>(end_s - time_s));
-    time_s = end_s;
+void Predictor::begin(const Quaternion& orientation, const Vector3& angular_velocity_B_radps, const MassMotion& masses,
+                      Wide control_period_s, int lead_ticks, const PerMass<Profile>& profiles, int mass_count) {
+  phase_ = Phase::kLead;
+  orientation_ = orientation;
+  angular_velocity_B_radps_ = angular_velocity_B_radps;
+  lead_masses_ = masses;
+  lead_step_s_ = control_period_s;
+  lead_steps_left_ = lead_ticks;
+  // Never more than the grid's intervals and the borders. The bound also ends a prediction whose step is NaN or
+  // vanishes beside the time.
+  intervals_left_ = kPredictionIntervals;
+  grid_ = 1;
+  time_s_ = 0;
+  result_ = {0, 0, std::numeric_limits<Real>::infinity(), 0, 1};
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    intervals_left_ += profiles[i].piece_count();
+    result_.duration_s = std::fmax(result_.duration_s, profiles[i].end_s());
   }
-  look(forces(masses_at(profiles, count, time_s)));
-  result.horizon_s = time_s;
-  return result;
+}
+
+void Predictor::advance(const BallParams& ball, Real static_friction, const PerMass<Profile>& profiles, int steps) {
+  for (int k = 0; k < steps; ++k) {
+    if (phase_ == Phase::kLead && lead_steps_left_ == 0) phase_ = Phase::kIntervals;
+    if (phase_ == Phase::kIntervals && !(intervals_left_ > 0 && time_s_ < result_.duration_s)) {
+      phase_ = Phase::kLastPoint;
+    }
+    switch (phase_) {
+      case Phase::kLead:
+        step_attitude(ball, forces(ball, lead_masses_), lead_masses_, static_cast<Real>(lead_step_s_));
+        --lead_steps_left_;
+        break;
+      case Phase::kIntervals:
+        step_interval(ball, static_friction, profiles);
+        --intervals_left_;
+        break;
+      case Phase::kLastPoint:
+        take(forces(ball, masses_at(profiles, ball.mass_count, time_s_)), static_friction);
+        result_.horizon_s = time_s_;
+        phase_ = Phase::kComplete;
+        return;
+      case Phase::kIdle:
+      case Phase::kComplete:
+        return;
+    }
+  }
+}
+
+void Predictor::step_interval(const BallParams& ball, Real static_friction, const PerMass<Profile>& profiles) {
+  const RollingForces start = forces(ball, masses_at(profiles, ball.mass_count, time_s_));
+  take(start, static_friction);
+  const Wide duration_s = result_.duration_s;
+  const Wide grid_s = grid_ < kPredictionIntervals ? duration_s * grid_ / kPredictionIntervals : duration_s;
+  const Real longest_s = longest_step_s(ball, angular_velocity_B_radps_, start.angular_acceleration_B_radps2);
+  const Wide border_s = next_border(profiles, ball.mass_count, time_s_);
+  const Wide end_s = std::fmin(std::fmin(grid_s, time_s_ + Wide{longest_s}), border_s);
+  if (end_s == grid_s) ++grid_;
+  const MassMotion middle = masses_at(profiles, ball.mass_count, (time_s_ + end_s) / 2);
+  step_attitude(ball, start, middle, static_cast<Real>(end_s - time_s_));
+  time_s_ = end_s;
+}
+
+// One step of the midpoint rule; `start` are the forces at its beginning.
+void Predictor::step_attitude(const BallParams& ball, const RollingForces& start, const MassMotion& middle_masses,
+                              Real h_s) {
+  const Quaternion orientation = orientation_;
+  const Vector3 omega = angular_velocity_B_radps_;
+  orientation_ = turned(orientation, omega, h_s / 2);
+  angular_velocity_B_radps_ = omega + h_s / 2 * start.angular_acceleration_B_radps2;
+  const RollingForces middle = forces(ball, middle_masses);
+  orientation_ = turned(orientation, angular_velocity_B_radps_, h_s);
+  angular_velocity_B_radps_ = omega + h_s * middle.angular_acceleration_B_radps2;
+}
+
+RollingForces Predictor::forces(const BallParams& ball, const MassMotion& masses) const {
+  return rolling_forces(ball, orientation_, angular_velocity_B_radps_, masses);
+}
+
+// Each comparison lets NaN through.
+void Predictor::take(const RollingForces& forces, Real static_friction) {
+  Real mu = 0, margin = 0;
+  friction_use(forces, static_friction, mu, margin);
+  if (!(forces.normal_force_n >= result_.normal_force_min_n)) result_.normal_force_min_n = forces.normal_force_n;
+  if (!(mu <= result_.mu_required_max)) result_.mu_required_max = mu;
+  if (!(margin >= result_.margin_min)) result_.margin_min = margin;
 }
 
 }  // namespace ballast::firmware

@@ -8,12 +8,15 @@ namespace {
 
 // A fault has no row in kDisarmed: nothing moves there, and what is missing at power-up only keeps the robot from
 // arming.
-constexpr std::array<Transition, 13> kTable{{
+constexpr std::array<Transition, 16> kTable{{
     {Mode::kDisarmed, Event::kArm, Guard::kHealthy, Mode::kArmed},
     {Mode::kArmed, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kArmed, Event::kStop, Guard::kAlways, Mode::kDisarmed},
     {Mode::kArmed, Event::kStart, Guard::kHealthy, Mode::kRunning},
-    {Mode::kArmed, Event::kMove, Guard::kHealthy, Mode::kMoving},
+    {Mode::kArmed, Event::kMove, Guard::kHealthy, Mode::kPending},
+    {Mode::kPending, Event::kFault, Guard::kAlways, Mode::kTripped},
+    {Mode::kPending, Event::kStop, Guard::kAlways, Mode::kArmed},
+    {Mode::kPending, Event::kDue, Guard::kAlways, Mode::kMoving},
     {Mode::kRunning, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kRunning, Event::kStop, Guard::kAlways, Mode::kStopping},
     {Mode::kMoving, Event::kFault, Guard::kAlways, Mode::kTripped},

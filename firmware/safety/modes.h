@@ -15,6 +15,7 @@ enum class Mode : std::uint8_t {
   kStopping = 3,  // decelerating at the operator's wish
   kTripped = 4,   // decelerating, then holding, because of a fault; left only by reset, at rest, with the cause gone
   kMoving = 5,    // the masses go where the operator has asked them to
+  kPending = 6,   // a move is planned and being predicted; the masses hold
 };
 
 enum class Event : std::uint8_t {
@@ -25,6 +26,7 @@ enum class Event : std::uint8_t {
   kReset,   // operator
   kMove,    // operator
   kAtRest,  // all commanded velocities are zero and stay so
+  kDue,     // the pending move begins with the next tick
 };
 
 // What has to hold for a row to fire, beside its mode and event.

@@ -48,7 +48,7 @@ class LinkBoard {
       static_cast<void>(commands_.push(command, command.command == firmware::OperatorCommand::kStop));  // it counts
     }
     tick = tick_;
-    inputs_came_ = machine_.counter();
+    counted_from_ = machine_.counter();
     return Status::kOk;
   }
   [[nodiscard]] std::int64_t overruns() const { return overruns_ + (machine_.tick_due() ? 1 : 0); }
@@ -73,12 +73,14 @@ class LinkBoard {
   }
 
   Status write_steps(const firmware::StepCommand& steps) {
-    tick_counts_ = machine_.counter() - inputs_came_;
+    tick_counts_ = machine_.counter() - counted_from_;
     machine_.load(steps);
     steps_ = steps;
+    counted_from_ = machine_.counter();
     return Status::kOk;
   }
   Status write_status(const firmware::ControllerStatus& status) {
+    tick_counts_ += machine_.counter() - counted_from_;
     machine_.played(played_);
     return link_.send(ReplyView{status, steps_, tick_counts_, played_}, tick_);
   }
@@ -107,8 +109,8 @@ class LinkBoard {
   std::int64_t overruns_ = 0;
   bool has_sensors_ = false, has_verdict_ = false;
   OperatorQueue<firmware::OperatorInput, kMaxCommands> commands_;
-  std::uint32_t inputs_came_ = 0;  // counter
-  std::uint32_t tick_counts_ = 0;
+  std::uint32_t counted_from_ = 0;  // counter
+  std::uint32_t tick_counts_ = 0;   // of the controller in this tick: up to its steps, and from there to its status
   firmware::StepCommand steps_;
   PlayedPulses played_;
   LinkCounters counters_;

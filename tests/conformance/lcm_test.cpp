@@ -589,7 +589,7 @@ TEST(LcmMessages, OtherTypesOutOfRangeAreRefused) {
   status.motor_count = 9;
   EXPECT_FALSE(in_range(status));
   status = {};
-  status.refusal = controller_status_t::REFUSAL_UPPER_END + 1;
+  status.refusal = controller_status_t::REFUSAL_CANCELLED + 1;
   EXPECT_FALSE(in_range(status));
   status = {};
   status.refusal_motor = -2;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tests/firmware/paper_ball.h"
+#include "tests/firmware/whole_tick.h"
 
 namespace ballast::firmware {
 namespace {
@@ -33,7 +34,7 @@ class Bench {
     if (monitor_alive) in.monitor.tick = in.tick - 1;
     in.operator_command = command;
     const PerMass<std::int64_t> before = state_->position_steps;
-    firmware::tick(*params_, *state_, in, out);
+    whole_tick(*params_, *state_, in, out);
     EXPECT_EQ(out.steps.tick, in.tick + 1);
     EXPECT_EQ(out.steps.motor_count, params_->ball.mass_count);
     EXPECT_EQ(out.status.tick, in.tick);
@@ -54,6 +55,15 @@ class Bench {
 
   void run(int ticks) {
     for (int k = 0; k < ticks; ++k) tick();
+  }
+
+  // Asks for a move and waits until it is due; then the masses move from the next tick on.
+  void move(const MoveRequest& request) {
+    tick(request);
+    while (out.status.mode == Mode::kPending) {
+      ASSERT_LT(in.tick, out.status.plan_tick);
+      tick();
+    }
   }
 
   void arm_and_start() {
@@ -410,7 +420,7 @@ TEST(Controller, AMassAtItsEndSwitchTripsIfItIsCommandedOn) {
   MoveRequest move;
   move.masses = 1;
   move.target_position[0] = bench.out.status.commanded_position[0] - 0.05;
-  bench.tick(move);
+  bench.move(move);
   bench.run(100);
   EXPECT_EQ(bench.out.status.mode, Mode::kMoving) << "down, away from the upper end";
   bench.in.sensors.limit_switch[0] = 1;
@@ -441,7 +451,7 @@ TEST(Controller, AMoveToAnEndStopOrBeyondIsRefused) {
   move.target_position[1] = 0.35 - 0.004;
   bench.tick(move);
   EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kNone);
-  EXPECT_EQ(bench.out.status.mode, Mode::kMoving);
+  EXPECT_EQ(bench.out.status.mode, Mode::kPending);
 
   params.ball.rail[1].upper_end = -0.3;
   EXPECT_STREQ(validate(params).field, "ball.rail.lower_end");
@@ -519,7 +529,7 @@ TEST(Controller, TickNumbersAtTheEndOfTheirRange) {
       in.tick = t;
       in.sensors.tick = in.monitor.tick = t;
       in.operator_command = OperatorCommand::kArm;
-      firmware::tick(*params, *state, in, out);
+      whole_tick(*params, *state, in, out);
       EXPECT_EQ(out.status.mode, t == 5 ? Mode::kArmed : Mode::kTripped);
     }
   }
@@ -670,7 +680,7 @@ TEST(Controller, AStopFromAnyTickOfThePaperMotionKeepsTheLimitsAndEndsTogether) 
     bench.arm_and_start();
     bench.run(ticks);
     bench.tick(OperatorCommand::kStop);
-    ASSERT_TRUE(bench.out.status.planned);
+    EXPECT_FALSE(bench.out.status.planned) << "it is predicted while it runs";
     EXPECT_EQ(bench.out.status.plan_tick, bench.in.tick) << "from the next tick on";
     const Real duration = bench.out.status.plan.duration_s;
     PerMass<std::vector<Real>> velocity;
@@ -709,10 +719,11 @@ TEST(Controller, MovesReachTheirTargetsTogetherAndAreArmedAgain) {
   move.target_position[0] = 0.4;
   move.target_position[1] = std::numeric_limits<Real>::quiet_NaN();  // not asked for: not read
   move.target_position[2] = testing::kPaperStart[2] - 0.05;
-  bench.tick(move);
+  bench.move(move);
   ASSERT_EQ(bench.out.status.mode, Mode::kMoving);
   EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kNone);
   EXPECT_EQ(bench.out.status.plan_tick, bench.in.tick);
+  EXPECT_TRUE(bench.out.status.planned);
   // 0.4 = 2 j t^3: a peak of 20 t = 4.3 is more than 2, so v (v / 2 + 0.1) = 0.4: v = 0.8, twice 0.4 + 0.1 s.
   EXPECT_NEAR(bench.out.status.plan.duration_s, 1, 1e-12);
   EXPECT_GT(bench.out.status.plan.margin_min, -1);
@@ -736,7 +747,7 @@ TEST(Controller, MovesReachTheirTargetsTogetherAndAreArmedAgain) {
   move.masses = 1;
   move.target_position[0] = -0.4;
   move.speed_fraction = 0.25;
-  bench.tick(move);
+  bench.move(move);
   ASSERT_EQ(bench.out.status.mode, Mode::kMoving);
   EXPECT_GT(bench.out.status.plan.duration_s, 4);
   bench.expect_counts_follow_status(1500);
@@ -758,7 +769,7 @@ TEST(Controller, ATripDuringAMoveStopsIt) {
   MoveRequest move;
   move.masses = 7;
   move.target_position = {1, 1, 1};
-  bench.tick(move);
+  bench.move(move);
   bench.run(300);
   bench.in.monitor.tripped = true;
   bench.tick();
@@ -767,6 +778,201 @@ TEST(Controller, ATripDuringAMoveStopsIt) {
   bench.expect_counts_follow_status(2000);
   EXPECT_TRUE(bench.out.status.at_rest);
   EXPECT_LT(bench.out.status.commanded_position[0], 0.9);
+}
+
+MoveRequest move_all(Wide target, std::uint32_t masses = 7) {
+  MoveRequest move;
+  move.masses = masses;
+  move.target_position.fill(target);
+  return move;
+}
+
+// The masses hold while a move is pending; it begins in the tick announced, with its prediction complete.
+TEST(Controller, AMoveIsPendingUntilItIsPredicted) {
+  static_assert(kMostPendingTicks == 16);
+  struct Case {
+    std::uint32_t masses;
+    int pieces;
+  };
+  ControllerParams params = testing::paper_params();
+  for (MotorParams& motor : params.motor) motor.max_step_rate_hz = 300;  // so that there is a cruise
+  for (const Case& c : {Case{1, 7}, Case{7, 21}}) {
+    Bench bench(params);
+    bench.tick(OperatorCommand::kArm);
+    const std::int64_t asked = bench.in.tick;
+    bench.tick(move_all(2, c.masses));
+    const std::int64_t begins = bench.out.status.plan_tick;
+    EXPECT_EQ(begins, asked + pending_ticks(c.pieces) + 1);
+    EXPECT_GT(bench.out.status.plan.duration_s, 0) << "known at once";
+    const Wide duration_s = bench.out.status.plan.duration_s;
+    bool was_planned = false;
+    for (; bench.in.tick < begins - 1; bench.tick()) {
+      ASSERT_EQ(bench.out.status.mode, Mode::kPending);
+      ASSERT_TRUE(bench.out.status.at_rest);
+      ASSERT_EQ(bench.out.status.plan_tick, begins);
+      ASSERT_EQ(bench.out.status.plan.duration_s, duration_s);
+      ASSERT_EQ(bench.out.steps.burst_count, 0);
+      if (!bench.out.status.planned) {
+        ASSERT_EQ(bench.out.status.plan.horizon_s, 0);
+      }
+      ASSERT_TRUE(bench.out.status.planned || !was_planned);
+      was_planned = bench.out.status.planned;
+    }
+    EXPECT_EQ(bench.out.status.mode, Mode::kPending);
+    EXPECT_TRUE(bench.out.status.planned) << "before it begins";
+    EXPECT_GT(bench.out.status.plan.normal_force_min_n, 0);
+    bench.tick();
+    EXPECT_EQ(bench.out.status.mode, Mode::kMoving);
+    EXPECT_FALSE(bench.out.status.at_rest);
+    for (int i = 0; i < 3; ++i) {
+      const auto m = static_cast<std::size_t>(i);
+      EXPECT_EQ(bench.out.status.next[m].position, testing::kPaperStart[m]) << "profile time 0 is the next tick's start";
+      EXPECT_EQ(bench.out.status.next[m].velocity, 0);
+    }
+    bench.tick();
+    EXPECT_GT(bench.out.status.next[0].velocity, 0);
+  }
+}
+
+TEST(Controller, AStopOrAFaultCancelsAPendingMove) {
+  for (const int after : {0, 3, pending_ticks(21) - 1}) {
+    for (const bool fault : {false, true}) {
+      SCOPED_TRACE(::testing::Message() << (fault ? "fault " : "stop ") << after << " ticks later");
+      Bench bench;
+      bench.tick(OperatorCommand::kArm);
+      bench.tick(move_all(1));
+      bench.run(after);
+      EXPECT_EQ(bench.out.status.mode, Mode::kPending);
+      bench.in.monitor.tripped = fault;
+      bench.tick(fault ? OperatorCommand::kNone : OperatorCommand::kStop);
+      bench.in.monitor.tripped = false;
+      EXPECT_EQ(bench.out.status.mode, fault ? Mode::kTripped : Mode::kArmed);
+      // The last command is the move in the one case, the stop in the other, which was obeyed.
+      EXPECT_EQ(bench.out.status.refusal.reason, fault ? Refusal::kCancelled : Refusal::kNone);
+      EXPECT_EQ(bench.out.status.operator_commands, fault ? 2 : 3);
+      bench.run(100);
+      EXPECT_FALSE(bench.out.status.planned);
+      EXPECT_EQ(bench.out.status.plan_tick, 0);
+      EXPECT_EQ(bench.out.status.plan.duration_s, 0);
+      EXPECT_EQ(bench.out.status.steps_issued, (PerMass<std::int64_t>{})) << "nothing has moved";
+      EXPECT_EQ(bench.out.status.mode, fault ? Mode::kTripped : Mode::kArmed);
+      if (fault) {
+        bench.tick(OperatorCommand::kReset);
+        bench.tick(OperatorCommand::kArm);
+      }
+      bench.move(move_all(1));
+      EXPECT_EQ(bench.out.status.mode, Mode::kMoving);
+      EXPECT_TRUE(bench.out.status.planned);
+    }
+  }
+}
+
+TEST(Controller, NothingElseBeginsWhileAMoveIsPending) {
+  Bench bench;
+  bench.tick(OperatorCommand::kArm);
+  bench.tick(move_all(1));
+  const std::int64_t begins = bench.out.status.plan_tick;
+  for (const OperatorInput& command : {OperatorInput(OperatorCommand::kStart), OperatorInput(move_all(0.5)),
+                                       OperatorInput(OperatorCommand::kArm), OperatorInput(OperatorCommand::kReset)}) {
+    bench.tick(command);
+    EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kMode);
+    EXPECT_EQ(bench.out.status.mode, Mode::kPending);
+    EXPECT_EQ(bench.out.status.plan_tick, begins);
+  }
+  bench.run(3000);
+  EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
+  EXPECT_NEAR(bench.out.status.commanded_position[0], 1, 1e-14) << "the first move";
+}
+
+// Motors that stop from a speed of 2e-3 in a few ticks.
+ControllerParams quick_params() {
+  ControllerParams params = testing::paper_params();
+  for (MotorParams& motor : params.motor) {
+    motor.max_acceleration = 20;
+    motor.max_jerk = 2e4;
+  }
+  return params;
+}
+
+// A stop from hardly any speed ends before its prediction is complete; that goes on while the masses hold.
+TEST(Controller, AStopIsPredictedAlsoAfterItsEnd) {
+  Bench bench(quick_params());
+  bench.arm_and_start();
+  bench.run(1);
+  bench.tick(OperatorCommand::kStop);
+  int rested = 0, planned = 0;
+  for (int k = 1; k <= 20; ++k) {
+    bench.tick();
+    if (bench.out.status.at_rest && rested == 0) rested = k;
+    if (bench.out.status.planned && planned == 0) planned = k;
+  }
+  EXPECT_GT(rested, 0);
+  EXPECT_GT(planned, rested);
+  EXPECT_EQ(bench.out.status.plan.horizon_s, bench.out.status.plan.duration_s);
+  EXPECT_LT(bench.out.status.plan.normal_force_min_n, bench.out.status.predicted.normal_force_n);
+}
+
+// Whatever takes the profiles' place while a stop is predicted ends that prediction: a start, a move, and those that
+// are refused after they were planned. What the mode refuses does not.
+TEST(Controller, AStartOrMoveDropsAStopsPrediction) {
+  enum class What { kNothing, kStart, kMove, kRefusedMove, kRefusedMode };
+  for (const What what : {What::kNothing, What::kStart, What::kMove, What::kRefusedMove, What::kRefusedMode}) {
+    SCOPED_TRACE(static_cast<int>(what));
+    Bench bench(quick_params());
+    bench.arm_and_start();
+    bench.run(1);
+    bench.tick(OperatorCommand::kStop);
+    const std::int64_t stop_tick = bench.out.status.plan_tick;
+    while (bench.out.status.mode != Mode::kArmed) bench.tick();
+    ASSERT_FALSE(bench.out.status.planned);
+    bench.tick(what == What::kNothing       ? OperatorInput(OperatorCommand::kNone)
+               : what == What::kStart       ? OperatorInput(OperatorCommand::kStart)
+               : what == What::kMove        ? OperatorInput(move_all(1))
+               : what == What::kRefusedMove ? OperatorInput(move_all(std::numeric_limits<Wide>::infinity()))
+                                            : OperatorInput(OperatorCommand::kArm));
+    bench.run(30);
+    const bool goes_on = what == What::kNothing || what == What::kRefusedMode;
+    EXPECT_EQ(bench.out.status.planned, goes_on || what == What::kMove);
+    const std::int64_t plan_tick = bench.out.status.plan_tick;
+    EXPECT_EQ(plan_tick == stop_tick, goes_on);
+    EXPECT_EQ(plan_tick > stop_tick, what == What::kMove);
+    EXPECT_EQ(plan_tick == 0, what == What::kStart || what == What::kRefusedMove);
+  }
+}
+
+// A trip during an ordinary stop goes on with that stop, and with its prediction.
+TEST(Controller, ATripKeepsTheStopAndItsPrediction) {
+  Bench bench, other;
+  for (Bench* b : {&bench, &other}) {
+    b->arm_and_start();
+    b->run(500);
+    b->tick(OperatorCommand::kStop);
+    b->run(3);
+    b->in.monitor.tripped = b == &other;
+    b->run(30);
+    ASSERT_TRUE(b->out.status.planned);
+  }
+  EXPECT_EQ(other.out.status.mode, Mode::kTripped);
+  EXPECT_EQ(other.out.status.plan_tick, bench.out.status.plan_tick);
+  EXPECT_EQ(other.out.status.plan.margin_min, bench.out.status.plan.margin_min);
+}
+
+TEST(Controller, WithoutAnAttitudeAStopsPredictionIsUnknownAtOnce) {
+  Bench bench;
+  bench.arm_and_start();
+  bench.run(500);
+  bench.in.sensors.gyro_B_radps[0] = std::numeric_limits<Real>::quiet_NaN();
+  bench.tick();
+  EXPECT_EQ(bench.out.status.mode, Mode::kTripped);
+  EXPECT_TRUE(bench.out.status.planned);
+  EXPECT_GT(bench.out.status.plan.duration_s, 0);
+  EXPECT_EQ(bench.out.status.plan.horizon_s, 0);
+  EXPECT_TRUE(std::isnan(bench.out.status.plan.normal_force_min_n));
+  EXPECT_TRUE(std::isinf(bench.out.status.plan.mu_required_max));
+  EXPECT_EQ(bench.out.status.plan.margin_min, -1);
+  bench.in.sensors = Sensors{};
+  bench.run(30);
+  EXPECT_EQ(bench.out.status.plan.horizon_s, 0);
 }
 
 TEST(Controller, RefusedMovesSayWhyAndMoveNothing) {
@@ -807,9 +1013,10 @@ TEST(Controller, RefusedMovesSayWhyAndMoveNothing) {
     move.target_position[1] = 0.79;
     move.speed_fraction = 1;
     bench.tick(move);
-    EXPECT_EQ(bench.out.status.mode, Mode::kMoving);
+    EXPECT_EQ(bench.out.status.mode, Mode::kPending);
     EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kNone);
-    bench.tick(move);
+    bench.move(move);
+    EXPECT_EQ(bench.out.status.mode, Mode::kMoving);
     EXPECT_EQ(bench.out.status.refusal.reason, Refusal::kMode) << "one at a time";
   }
   Bench disarmed;
@@ -846,7 +1053,7 @@ TEST(Controller, MovesStayOnAnOpenSplineAndGoRoundAClosedOne) {
     MoveRequest move;
     move.masses = 2;
     move.target_position[1] = c.target;
-    bench.tick(move);
+    bench.move(move);
     EXPECT_EQ(bench.out.status.mode, c.allowed ? Mode::kMoving : Mode::kArmed);
     EXPECT_EQ(bench.out.status.refusal.reason, c.allowed      ? Refusal::kNone
                                                : c.target < 0 ? Refusal::kLowerEnd

@@ -8,9 +8,9 @@ namespace ballast::firmware {
 namespace {
 
 constexpr std::array kModes{Mode::kDisarmed, Mode::kArmed,   Mode::kRunning,
-                            Mode::kStopping, Mode::kTripped, Mode::kMoving};
+                            Mode::kStopping, Mode::kTripped, Mode::kMoving,   Mode::kPending};
 constexpr std::array kEvents{Event::kFault, Event::kStop, Event::kStart, Event::kArm,
-                             Event::kReset, Event::kMove, Event::kAtRest};
+                             Event::kReset, Event::kMove, Event::kAtRest, Event::kDue};
 
 // The supervisor once more, as prose would say it.
 Mode expected(Mode mode, Event event, const GuardState& g) {
@@ -18,7 +18,9 @@ Mode expected(Mode mode, Event event, const GuardState& g) {
   if (mode == Mode::kDisarmed && event == Event::kArm && g.healthy) return Mode::kArmed;
   if (mode == Mode::kArmed && event == Event::kStart && g.healthy) return Mode::kRunning;
   if (mode == Mode::kArmed && event == Event::kStop) return Mode::kDisarmed;
-  if (mode == Mode::kArmed && event == Event::kMove && g.healthy) return Mode::kMoving;
+  if (mode == Mode::kArmed && event == Event::kMove && g.healthy) return Mode::kPending;
+  if (mode == Mode::kPending && event == Event::kStop) return Mode::kArmed;
+  if (mode == Mode::kPending && event == Event::kDue) return Mode::kMoving;
   if (mode == Mode::kMoving && event == Event::kStop) return Mode::kStopping;
   if (mode == Mode::kMoving && event == Event::kAtRest) return Mode::kArmed;
   if (mode == Mode::kRunning && event == Event::kStop) return Mode::kStopping;
@@ -74,6 +76,7 @@ TEST(Modes, NumbersAreThoseOfTheStatusMessage) {
   EXPECT_EQ(static_cast<int>(Mode::kStopping), 3);
   EXPECT_EQ(static_cast<int>(Mode::kTripped), 4);
   EXPECT_EQ(static_cast<int>(Mode::kMoving), 5);
+  EXPECT_EQ(static_cast<int>(Mode::kPending), 6);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "sim/closed_forms/detached.h"
 #include "sim/closed_forms/rolling_disk.h"
 #include "tests/firmware/paper_ball.h"
+#include "tests/firmware/whole_tick.h"
 #include "tests/target/overload_load.h"
 
 namespace {
@@ -182,7 +183,7 @@ TEST(NoHeap, AMillionTicks) {
           k == 1 ? OperatorCommand::kArm : (k == 2 ? OperatorCommand::kStart : OperatorCommand::kNone);
       in.monitor.tripped = k >= 990'000;
       if (k == 990'000) pulses_before_trip = out->status.steps_issued[0];
-      tick(*params, *state, in, *out);
+      whole_tick(*params, *state, in, *out);
       overloaded = overloaded || (state->faults & static_cast<std::uint32_t>(Fault::kStepOverload)) != 0;
     }
   });
@@ -211,8 +212,8 @@ TEST(NoHeap, MovesAndStops) {
                 if (state->mode == Mode::kArmed) in.operator_command = move;
                 if (k % 700 == 699 && state->mode == Mode::kMoving) in.operator_command = OperatorCommand::kStop;
                 const Mode before = state->mode;
-                tick(*params, *state, in, *out);
-                moves += before == Mode::kArmed && state->mode == Mode::kMoving;
+                whole_tick(*params, *state, in, *out);
+                moves += before == Mode::kPending && state->mode == Mode::kMoving;
                 stops += before == Mode::kMoving && state->mode == Mode::kStopping;
                 refusals += before == Mode::kArmed && state->refusal.reason == Refusal::kUnknownMass;
               }
@@ -255,7 +256,7 @@ TEST(NoHeap, OverloadAndOutOfOrderTicks) {
                 in.tick = in.sensors.tick = in.monitor.tick = k % 100 == 99 ? k - 1 : k;
                 in.operator_command = k % 10 == 0 ? OperatorCommand::kReset
                                                   : (k % 10 == 1 ? OperatorCommand::kArm : OperatorCommand::kStart);
-                tick(*params, *state, in, *out);
+                whole_tick(*params, *state, in, *out);
               }
             }),
             0);

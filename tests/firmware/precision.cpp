@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "tests/firmware/paper_ball.h"
+#include "tests/firmware/whole_tick.h"
 
 namespace precision {
 
@@ -72,7 +73,7 @@ PaperRun paper_run<Real>(int ticks, int stop_tick) {
       move.target_position = {0.5, 2.5, -1.25};
       if (k < stop_tick + 5000) in.operator_command = move;
     }
-    tick(*params, *state, in, *out);
+    whole_tick(*params, *state, in, *out);
     run.envelope.push_back(envelope(out->status.predicted));
     for (int b = 0; b < out->steps.burst_count; ++b) {
       const firmware::StepBurst& burst = out->steps.bursts[static_cast<std::size_t>(b)];

@@ -12,6 +12,7 @@
 #include "firmware/control/controller.h"
 #include "sim/plant/plant.h"
 #include "tests/firmware/paper_ball.h"
+#include "tests/firmware/whole_tick.h"
 
 namespace ballast::firmware {
 namespace {
@@ -41,6 +42,19 @@ sim::Scenario paper_scenario(double duration_s) {
   return s;
 }
 
+// The whole prediction at once. `count`: how many steps it took.
+Prediction predict_motion(const BallParams& ball, const Quaternion& orientation, const MassMotion& masses,
+                          const PerMass<Profile>& profiles, int steps_at_once = 1, int* count = nullptr) {
+  Predictor predictor;
+  predictor.begin(orientation, Vector3::Zero(), masses, 0.001, 1, profiles, ball.mass_count);
+  EXPECT_FALSE(predictor.complete());
+  int steps = 0;
+  for (; !predictor.complete() && steps < 1000; ++steps) predictor.advance(ball, 0.35, profiles, steps_at_once);
+  EXPECT_TRUE(predictor.complete());
+  if (count != nullptr) *count = steps;
+  return predictor.result();
+}
+
 void expect_prediction_is_what_the_plant_shows(int stop_tick) {
   SCOPED_TRACE(::testing::Message() << "stop in tick " << stop_tick);
   const double start_s = (stop_tick + 1) * 0.001;
@@ -62,10 +76,18 @@ void expect_prediction_is_what_the_plant_shows(int stop_tick) {
                           : k == -1        ? OperatorCommand::kStart
                           : k == stop_tick ? OperatorCommand::kStop
                                            : OperatorCommand::kNone;
-    tick(*params, *state, in, out);
+    whole_tick(*params, *state, in, out);
   }
   ASSERT_EQ(out.status.mode, Mode::kStopping);
-  ASSERT_TRUE(out.status.planned);
+  // The prediction goes on by itself, from what was sensed in the tick of the stop.
+  for (int k = 0; !out.status.planned; ++k) {
+    ASSERT_LT(k, 14) << "27 steps, 2 a tick";
+    ++in.tick;
+    in.sensors = Sensors();
+    in.sensors.tick = in.monitor.tick = in.tick;
+    in.operator_command = OperatorCommand::kNone;
+    whole_tick(*params, *state, in, out);
+  }
   const Prediction& plan = out.status.plan;
 
   // The same run once more with the stop as part of what is prescribed: the paper's pieces cut off at its start (they
@@ -111,16 +133,15 @@ TEST(Prediction, OfALongMoveEndsAtItsHorizon) {
   scenario.initial.orientation = askew;
   PerMass<Profile> profiles;
   MassMotion now;
-  for (std::size_t i = 0; i < 3; ++i) {
-    ASSERT_TRUE(profiles[i].set(testing::kPaperStart[i], 0, nullptr, 0));
-    now.position[i] = testing::kPaperStart[i];
-  }
+  for (std::size_t i = 0; i < 3; ++i) now.position[i] = testing::kPaperStart[i];
   for (const double duration_s : {1.0, 5.0, 100.0, 1e5}) {
-    const Prediction p =
-        predict_motion(testing::paper_ball(), 0.35, askew, Vector3::Zero(), now, 0.001, profiles, duration_s);
+    // At rest for so long.
+    const ProfilePiece resting[] = {{duration_s, 0, 0}};
+    for (std::size_t i = 0; i < 3; ++i) ASSERT_TRUE(profiles[i].set(testing::kPaperStart[i], 0, resting, 1));
+    const Prediction p = predict_motion(testing::paper_ball(), askew, now, profiles);
     EXPECT_EQ(p.duration_s, duration_s);
-    // 16 steps of 0.5 sqrt(r / g) or less.
-    EXPECT_LE(p.horizon_s, std::min(duration_s, 8.0));
+    // 16 intervals and 3 borders: 19 steps of 0.5 sqrt(r / g) or less.
+    EXPECT_LE(p.horizon_s, std::min(duration_s, 9.5));
     EXPECT_GT(p.horizon_s, std::min(duration_s, 4.0) - 1e-12);
     sim::Plant truth(scenario);
     double n_min = 1e300, mu_max = 0;
@@ -137,37 +158,71 @@ TEST(Prediction, OfALongMoveEndsAtItsHorizon) {
   }
 }
 
-// An overload's tick looks at the grid alone: what it misses lies in pieces shorter than that, or between its points.
-TEST(Prediction, TheGridAloneMissesNoMoreThanItsIntervals) {
+bool same(const Prediction& a, const Prediction& b) {
+  return a.duration_s == b.duration_s && a.horizon_s == b.horizon_s && a.normal_force_min_n == b.normal_force_min_n &&
+         a.mu_required_max == b.mu_required_max && a.margin_min == b.margin_min;
+}
+
+// How many steps are done at once changes nothing, and there are never more than stated.
+TEST(Prediction, DoesNotDependOnItsSlices) {
   PerMass<Profile> profiles;
   MassMotion now;
+  int borders = 0;
   for (std::size_t i = 0; i < 3; ++i) {
-    // Stops of 0.7 to 1.0 s whose accelerations come and go in 0.2 s, three of the grid's intervals.
     const Wide flat = 0.3 + 0.15 * static_cast<Wide>(i);
     const ProfilePiece pieces[] = {{0.2, 0, -1}, {flat, -1, -1}, {0.2, -1, 0}};
     ASSERT_TRUE(profiles[i].set(testing::kPaperStart[i], 0.2 + flat, pieces, 3));
+    borders += profiles[i].piece_count();
     put(profiles[i].at(0), i, now);
   }
   const Quaternion askew(std::cos(0.2), std::sin(0.2), 0, 0);
-  const Prediction fine =
-      predict_motion(testing::paper_ball(), 0.35, askew, Vector3::Zero(), now, 0.001, profiles, 1.0);
-  const Prediction grid =
-      predict_motion(testing::paper_ball(), 0.35, askew, Vector3::Zero(), now, 0.001, profiles, 1.0, true);
-  EXPECT_EQ(grid.horizon_s, fine.horizon_s);
-  // The accelerations are linear: of their way in an interval, a third of 1, a mass's share of N's change is m, and
-  // an extremum of N lies where one of them ends. So N is off by less than the masses' weight / 3.
-  EXPECT_NEAR(grid.normal_force_min_n, fine.normal_force_min_n, 1.0);
-  EXPECT_GE(grid.normal_force_min_n, fine.normal_force_min_n - 1e-3) << "it sees less, not more";
-  EXPECT_LE(grid.mu_required_max, fine.mu_required_max + 1e-3);
-  EXPECT_NEAR(grid.mu_required_max, fine.mu_required_max, 0.05);
+  int steps = 0;
+  const Prediction one = predict_motion(testing::paper_ball(), askew, now, profiles, 1, &steps);
+  EXPECT_EQ(one.horizon_s, 1.0);
+  EXPECT_GT(steps, kPredictionIntervals);
+  EXPECT_LE(steps, most_prediction_steps(1, borders));
+  for (const int at_once : {2, 6, 1000}) {
+    int calls = 0;
+    EXPECT_TRUE(same(predict_motion(testing::paper_ball(), askew, now, profiles, at_once, &calls), one)) << at_once;
+    EXPECT_EQ(calls, (steps + at_once - 1) / at_once);
+  }
+}
+
+TEST(Prediction, DroppedItEndsAndBegunAgainItStartsAnew) {
+  PerMass<Profile> profiles, others;
+  MassMotion now;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const ProfilePiece pieces[] = {{0.3, -1, 0}};
+    ASSERT_TRUE(profiles[i].set(testing::kPaperStart[i], 0.15, pieces, 1));
+    ASSERT_TRUE(others[i].set(testing::kPaperStart[i], 0, nullptr, 0));
+    put(profiles[i].at(0), i, now);
+  }
+  const BallParams ball = testing::paper_ball();
+  Predictor predictor;
+  EXPECT_FALSE(predictor.complete());
+  predictor.advance(ball, 0.35, others, 5);
+  EXPECT_FALSE(predictor.complete()) << "nothing has begun";
+  predictor.begin(Quaternion(1, 0, 0, 0), Vector3(0, 1, 0), now, 0.001, 1, others, 3);
+  predictor.advance(ball, 0.35, others, 1);
+  predictor.drop();
+  predictor.advance(ball, 0.35, others, 1000);
+  EXPECT_FALSE(predictor.complete());
+  predictor.begin(Quaternion(1, 0, 0, 0), Vector3::Zero(), now, 0.001, 1, profiles, 3);
+  predictor.advance(ball, 0.35, profiles, 3);
+  predictor.begin(Quaternion(1, 0, 0, 0), Vector3::Zero(), now, 0.001, 1, profiles, 3);
+  predictor.advance(ball, 0.35, profiles, 1000);
+  ASSERT_TRUE(predictor.complete());
+  const Prediction result = predictor.result();
+  EXPECT_TRUE(same(result, predict_motion(ball, Quaternion(1, 0, 0, 0), now, profiles)));
+  predictor.advance(ball, 0.35, others, 1000);
+  EXPECT_TRUE(same(predictor.result(), result)) << "complete";
 }
 
 TEST(Prediction, OfABallAtRestIsItsWeight) {
   BallParams ball = testing::paper_ball();
   ball.mass_count = 0;
   ball.center_of_mass_B_m = Vector3::Zero();
-  const Prediction p = predict_motion(ball, 0.35, Quaternion(1, 0, 0, 0), Vector3::Zero(), {}, 0.001, {}, 1);
-  EXPECT_EQ(p.duration_s, 1);
+  const Prediction p = predict_motion(ball, Quaternion(1, 0, 0, 0), {}, {});
   EXPECT_NEAR(p.normal_force_min_n, 1, 1e-15);
   EXPECT_NEAR(p.mu_required_max, 0, 1e-15);
   EXPECT_NEAR(p.margin_min, 1, 1e-15);
@@ -177,7 +232,7 @@ TEST(Prediction, WithoutNormalForceTheMarginIsGone) {
   BallParams ball = testing::paper_ball();
   ball.mass_count = 0;
   ball.external_force_W_n = Vector3(0, 0, 10);
-  const Prediction p = predict_motion(ball, 0.35, Quaternion(1, 0, 0, 0), Vector3::Zero(), {}, 0.001, {}, 0);
+  const Prediction p = predict_motion(ball, Quaternion(1, 0, 0, 0), {}, {});
   EXPECT_LT(p.normal_force_min_n, 0);
   EXPECT_TRUE(std::isinf(p.mu_required_max));
   EXPECT_EQ(p.margin_min, -1);

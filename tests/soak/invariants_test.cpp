@@ -261,7 +261,7 @@ TEST(Invariants, MassesThatDoNotStop) {
   EXPECT_EQ(silent_once([](const auto& status) { return status.faults != 0; }), Which{Invariant::kAtRest});
   // No promise at all.
   EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
-              for (Tick& tick : run.ticks) tick.lap.status.planned = 0;
+              for (Tick& tick : run.ticks) tick.lap.status.plan_duration_s = 0;
             })),
             Which{Invariant::kAtRest});
 }

@@ -14,6 +14,7 @@
 #include "firmware/control/controller.h"
 #include "tests/firmware/paper_ball.h"
 #include "tools/stepcheck/step_check.h"
+#include "tests/firmware/whole_tick.h"
 
 namespace ballast::firmware {
 namespace {
@@ -116,7 +117,7 @@ TEST_P(Overloads, NoMotorBrakesHarderThanItMay) {
                             : in.tick == 1         ? OperatorCommand::kStart
                             : in.tick == stop_tick ? OperatorCommand::kStop
                                                    : OperatorCommand::kNone;
-      tick(*params, *state, in, out);
+      whole_tick(*params, *state, in, out);
       running_ticks += out.status.mode == Mode::kRunning ? 1u : 0u;
       if ((out.status.faults & static_cast<std::uint32_t>(Fault::kStepOverload)) != 0) {
         overloaded = true;

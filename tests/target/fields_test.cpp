@@ -150,7 +150,7 @@ static_assert(!Sendable<Sound> && !Sendable<firmware::StepCommand> && !Sendable<
 // The last of each enumeration is in range.
 TEST(TargetFields, EveryRefusalTravels) {
   const auto sent = std::make_unique<Reply>(), received = std::make_unique<Reply>();
-  for (int reason = 0; reason <= static_cast<int>(firmware::Refusal::kUpperEnd); ++reason) {
+  for (int reason = 0; reason <= static_cast<int>(firmware::Refusal::kCancelled); ++reason) {
     sent->status.refusal.reason = static_cast<firmware::Refusal>(reason);
     std::vector<std::uint8_t> bytes(kMaxFrame);
     bytes.resize(encode(*sent, 0, bytes));

@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "tests/target/unit_ball.h"
+#include "tests/firmware/whole_tick.h"
 
 namespace ballast::hal::test {
 
@@ -112,7 +113,7 @@ bool measure_overloads(const OverloadRobot& robot, Counter counter, firmware::Co
                                 : k == 1 ? OperatorCommand::kStart
                                          : OperatorCommand::kNone;
       const std::uint32_t began = counter();
-      firmware::tick(params, state, inputs, outputs);
+      firmware::whole_tick(params, state, inputs, outputs);
       const std::uint32_t took = counter() - began;
       const bool now = (state.faults & static_cast<std::uint32_t>(firmware::Fault::kStepOverload)) != 0;
       std::uint32_t& most = now ? (overloaded ? load.counts_stop : load.counts_overload) : load.counts_before;

@@ -8,6 +8,7 @@
 #include "hal/mps2/startup.h"
 #include "tests/target/step_load.h"
 #include "tests/target/unit_ball.h"
+#include "tests/firmware/whole_tick.h"
 
 using namespace ballast;
 using namespace ballast::hal;
@@ -109,7 +110,7 @@ std::uint32_t measure(What what, test::TogetherLoad& load) {
     inputs.operator_command = k == 0   ? firmware::OperatorCommand::kArm
                               : k == 1 ? firmware::OperatorCommand::kStart
                                        : firmware::OperatorCommand::kNone;
-    firmware::tick(params, state, inputs, outputs);
+    firmware::whole_tick(params, state, inputs, outputs);
     the_machine.load(outputs.steps);
     // Those of this tick are given in the next, and counted at the beginning of the one after that.
     if (k >= 2 && k < test::kLoadTicks + 2) {

@@ -13,7 +13,7 @@ int bus_trouble(const sil::BusOperator& operator_end);
 // Tells it; nullopt: obeyed, and status() is the controller's answer. Otherwise the exit status, and why is printed.
 std::optional<int> tell(sil::BusOperator& operator_end, const firmware::OperatorInput& input, const std::string& what);
 
-// "1.2 s; predicted before it, ..", of the plan in the status.
+// Says how long the plan in the status takes and what is predicted of it: "1.2 s; predicted, ..".
 std::string plan_text(const controller_status_t& status);
 
 // "0.1, 2.2", the commanded positions.

@@ -117,10 +117,12 @@ int move_on_the_bus(const MoveCommand& command) {
   if (!request) return program::kExitUsage;
   if (const auto exit_status = tell(end, *request, "move")) return *exit_status;
   const std::int64_t plan_tick = end.status().plan_tick;
-  if (!command.record.quiet) std::cout << "moving, " << plan_text(end.status()) << std::endl;
+  const auto begins = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_PENDING; };
+  if (end.follow(begins) != hal::Status::kOk) return bus_trouble(end);
+  const bool moving = end.status().planned != 0 && end.status().plan_tick == plan_tick;
+  if (moving && !command.record.quiet) std::cout << "moving, " << plan_text(end.status()) << std::endl;
   // The bus does not say what the run allows; without a scenario it is what the ball and the floor do.
   const sim::Scenario::Envelope envelope = scenario ? scenario->envelope : sim::Scenario::Envelope{};
-  const bool moving = end.status().mode == controller_status_t::MODE_MOVING;
   const firmware::Prediction plan = hal::from_message(end.status()).plan;
   if (moving) warn_of_breach(plan, envelope);
   const auto over = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_MOVING; };

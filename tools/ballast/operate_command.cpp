@@ -36,6 +36,9 @@ int operate(const OperateCommand& command) {
     if (const auto exit_status = tell(end, said, command.command)) return *exit_status;
   }
   if (end.status().mode == controller_status_t::MODE_STOPPING && said == OperatorCommand::kStop) {
+    const std::int64_t plan_tick = end.status().plan_tick;
+    const auto predicted = [&](const controller_status_t& s) { return s.planned != 0 || s.plan_tick != plan_tick; };
+    if (end.follow(predicted) != hal::Status::kOk) return bus_trouble(end);
     std::cout << "stopping, " << plan_text(end.status()) << std::endl;
     const auto stopped = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_STOPPING; };
     if (end.follow(stopped) != hal::Status::kOk) return bus_trouble(end);

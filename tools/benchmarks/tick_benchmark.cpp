@@ -44,11 +44,14 @@ void ControllerTick(benchmark::State& state) {
   auto controller = std::make_unique<firmware::ControllerState>();
   firmware::reset(*params, *controller);
   firmware::Inputs inputs;
-  firmware::Outputs outputs;
+  firmware::StepCommand steps;
+  firmware::ControllerStatus status;
   const auto tick = [&](std::int64_t k, firmware::OperatorCommand command) {
     inputs.tick = inputs.sensors.tick = inputs.monitor.tick = k;
     inputs.operator_command = command;
-    firmware::tick(*params, *controller, inputs, outputs);
+    firmware::tick(*params, *controller, inputs, steps);
+    firmware::predict(*params, *controller);
+    firmware::report(*params, *controller, inputs, status);
   };
   tick(-2, firmware::OperatorCommand::kArm);
   tick(-1, firmware::OperatorCommand::kStart);

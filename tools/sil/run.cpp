@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <deque>
+#include <limits>
 #include <thread>
 
 #include "tools/summary/controller_words.h"
@@ -101,14 +102,23 @@ class PlanWatch {
   void see(const Lap& lap, RunResult& result) {
     see_contact(lap.plant.contact);  // of the plan in force: one that this tick has brought about begins with the next
     const controller_status_t& status = lap.status;
+    // A move that was cancelled before it began leaves no record.
+    if (current_ && status.plan_tick != plan_tick_ && status.tick < plan_tick_) {
+      current_->reset();
+      current_ = nullptr;
+    }
     // One over in its own tick, as a move to where the masses are, is none.
-    if (status.planned != 0 && status.plan_duration_s > 0 && (!current_ || status.plan_tick != plan_tick_)) {
+    if (status.plan_duration_s > 0 && (!current_ || status.plan_tick != plan_tick_)) {
       plan_tick_ = status.plan_tick;
-      current_ = status.mode == controller_status_t::MODE_MOVING ? &result.move : &result.stop;
-      *current_ = PlanRecord{static_cast<double>(plan_tick_) * period_s_,
-                             {status.plan_duration_s, status.plan_horizon_s, status.plan_normal_force_min_n,
-                              status.plan_mu_required_max, status.plan_margin_min},
-                             std::nullopt};
+      const bool moves =
+          status.mode == controller_status_t::MODE_PENDING || status.mode == controller_status_t::MODE_MOVING;
+      current_ = moves ? &result.move : &result.stop;
+      *current_ = PlanRecord{static_cast<double>(plan_tick_) * period_s_, kNotPredicted, std::nullopt};
+      (*current_)->predicted.duration_s = status.plan_duration_s;
+    }
+    if (current_ && status.planned != 0 && status.plan_tick == plan_tick_) {
+      (*current_)->predicted = {status.plan_duration_s, status.plan_horizon_s, status.plan_normal_force_min_n,
+                                status.plan_mu_required_max, status.plan_margin_min};
     }
   }
 
@@ -120,6 +130,10 @@ class PlanWatch {
     if (static_cast<double>(contact.tick - plan_tick_) > std::ceil(plan.predicted.duration_s / period_s_)) return;
     see_margin(contact, plan.seen_margin_min);
   }
+
+  // A plan's, until the controller has said more of it than how long it takes.
+  static constexpr firmware::Prediction kNotPredicted{0, 0, std::numeric_limits<double>::quiet_NaN(),
+                                                      std::numeric_limits<double>::infinity(), -1};
 
   double period_s_;
   std::optional<PlanRecord>* current_ = nullptr;
@@ -159,7 +173,8 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
   std::optional<controller_status_t> heard;    // the controller's, of the tick before: it asks for those steps
   std::optional<std::int64_t> stop_done_tick;  // at whose start the stop's last step has been executed
   std::optional<std::int64_t> move_done_tick;  // likewise the move's
-  bool already_there = false;                  // a move to where the masses are is over at once
+  bool was_pending = false;                    // the move that was asked for, when the controller was last heard
+  bool already_there = false;                  // a move to where the masses are is over as it begins
   RestWatch rest(scenario);
   PlanWatch plans(period_s);
   auto next_progress = wall_start;
@@ -287,18 +302,22 @@ RunResult run(const sim::Scenario& scenario, Peers& peers, Recorder& recorder, c
     // Every command of the countdown must have been obeyed, unless something tripped or kept the controller from it.
     const bool armed_due = tick == -kCountdown || options.by_hand;
     const std::int8_t mode_due = armed_due      ? controller_status_t::MODE_ARMED
-                                 : options.move ? controller_status_t::MODE_MOVING
+                                 : options.move ? controller_status_t::MODE_PENDING
                                                 : controller_status_t::MODE_RUNNING;
-    already_there = already_there || (tick == -1 && options.move && lap.status.mode == controller_status_t::MODE_ARMED);
+    const bool pending = answered && lap.status.mode == controller_status_t::MODE_PENDING;
+    already_there = already_there || (was_pending && answered && lap.status.mode == controller_status_t::MODE_ARMED);
+    was_pending = pending || (was_pending && !answered);
     if (tick < 0 && lap.trip.tripped == 0 && lap.status.faults == 0 && !result.controller_trip &&
-        lap.status.mode != mode_due && !already_there) {
+        lap.status.mode != mode_due) {
       result.status = hal::Status::kPeerLost;
       result.trouble = "the controller did not obey the operator's " + std::string(armed_due ? "arm" : "start");
       return finished();
     }
-    if (tick == -1 && options.plan_only) return finished();
-    if (tick == -1 && lap.status.mode == controller_status_t::MODE_MOVING) {
-      end_s = std::max(end_s, lap.status.plan_duration_s + kCountdown * period_s + kSwingsToRest * rest.swing_s());
+    if (tick >= -1 && options.plan_only && (!pending || lap.status.planned != 0)) return finished();
+    if (tick == -1 && pending) {
+      const double begins_s = static_cast<double>(lap.status.plan_tick) * period_s;
+      end_s = std::max(end_s, begins_s + lap.status.plan_duration_s + kCountdown * period_s +
+                                  kSwingsToRest * rest.swing_s());
     }
     if (std::string why = options.disturbed ? options.disturbed() : ""; !why.empty()) {
       result.status = hal::Status::kForeignPeer;

@@ -46,7 +46,8 @@ struct ControllerTrip {
 };
 inline constexpr std::size_t kHistoryTicks = 8;
 
-// A stop or a move: what the controller predicted before its first step (firmware/control/prediction.h), and the least
+// A stop or a move: what the controller predicts of it (firmware/control/prediction.h; N is NaN if the run ended before
+// the prediction was complete), and the least
 // margin of the plant's contact messages from its start to the first one at or after its end (samples, from the first
 // in contact; -1 if the ball then left the ground; none: there was no such sample).
 struct PlanRecord {
@@ -105,7 +106,7 @@ struct RunOptions {
   std::function<void(double time_s, double end_s)> progress;  // called now and then
   std::function<void(const Lap&, const sim::Plant::Sample& truth)> observe{};  // called in every tick, once it is said
   std::optional<firmware::MoveRequest> move;  // asked for instead of the scenario's motion
-  bool plan_only = false;                     // ends where the move is refused, or planned: `move` has it
+  bool plan_only = false;                     // ends where the move is refused, or predicted: `move` has it
   bool by_hand = false;                       // the controller is armed; the rest is said by operators
   std::function<std::string()> disturbed{};   // asked in every tick: why the run must end, or empty
 };

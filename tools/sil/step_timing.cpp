@@ -135,7 +135,7 @@ bool StepTimingCheck::see(const controller_status_t& status, const step_command_
       (static_cast<std::uint32_t>(status.faults) & static_cast<std::uint32_t>(firmware::Fault::kStepOverload)) != 0;
   if (overload && !overloaded_) {
     begin(Kind::kUnknown, steps.tick, status);
-  } else if (status.planned != 0 && status.plan_tick == steps.tick) {
+  } else if (status.plan_duration_s > 0 && status.plan_tick == steps.tick) {
     begin(Kind::kPlan, steps.tick, status);
   } else if (status.mode == controller_status_t::MODE_RUNNING && mode_ != controller_status_t::MODE_RUNNING) {
     begin(Kind::kMotion, steps.tick, status);

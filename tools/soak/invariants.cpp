@@ -390,13 +390,13 @@ void Invariants::see_stop(const sil::Lap& lap, const Sample& truth) {
   const double period_s = scenario_.run.control_period_s;
   const bool begins = !controller_tripped_;
   controller_tripped_ = true;
-  const bool planned_now = status.planned != 0 && status.plan_tick == status.tick + 1;
+  const bool planned_now = status.plan_duration_s > 0 && status.plan_tick == status.tick + 1;
   if (begins || (planned_now && status.overload_error != 0)) {
     rest_due_tick_ = status.tick + 1;
     double left_s = 0;
     if (planned_now) {
       left_s = status.plan_duration_s;
-    } else if (status.at_rest == 0 && status.planned != 0) {  // it was stopping already
+    } else if (status.at_rest == 0 && status.plan_duration_s > 0) {  // it was stopping already
       left_s = status.plan_duration_s - static_cast<double>(status.tick + 1 - status.plan_tick) * period_s;
     } else if (status.at_rest == 0) {
       fail(Invariant::kAtRest, tick_, "the controller trips while its masses move, and promises no stop");

@@ -52,6 +52,8 @@ std::string mode_text(std::int8_t mode) {
       return "tripped";
     case controller_status_t::MODE_MOVING:
       return "moving";
+    case controller_status_t::MODE_PENDING:
+      return "about to move";
     default:
       return "mode " + std::to_string(mode);
   }
@@ -87,6 +89,8 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
              " of its motion, begun from where it stands, takes it to " + value + ", beyond the end of its rail";
     case controller_status_t::REFUSAL_NOT_PLANNED:
       return mass + "no profile over the distance " + value + " could be made";
+    case controller_status_t::REFUSAL_CANCELLED:
+      return "a fault came before it began";
     default:
       break;
   }
@@ -114,12 +118,14 @@ std::string breach_text(const firmware::Prediction& plan, double friction_use, d
 }
 
 std::string predicted_text(const firmware::Prediction& plan) {
-  if (std::isnan(plan.normal_force_min_n)) return "nothing predicted: the sensors said what is no number";
+  if (std::isnan(plan.normal_force_min_n)) {
+    return "nothing predicted: the sensors gave no number, or it ended before its prediction was complete";
+  }
   char horizon[48] = "";
   if (plan.horizon_s < plan.duration_s) std::snprintf(horizon, sizeof horizon, " for its first %.3g s", plan.horizon_s);
   char text[240];
   std::snprintf(text, sizeof text,
-                "predicted before it%s, masses as commanded: least N %.6g N, most f_s/N %.6f, least margin %.4f",
+                "predicted%s, masses as commanded: least N %.6g N, most f_s/N %.6f, least margin %.4f",
                 horizon, plan.normal_force_min_n, plan.mu_required_max, plan.margin_min);
   return text;
 }

@@ -20,7 +20,7 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
 // 0"; empty: nothing.
 std::string breach_text(const firmware::Prediction& plan, double friction_use, double min_normal_force_n);
 
-// "predicted before it, ..: least N ..", of a plan.
+// Says what a plan is predicted to do: "predicted, ..: least N ..".
 std::string predicted_text(const firmware::Prediction& plan);
 
 // That a plan was seen to leave a margin far below the predicted one, and why; empty: it was not.

@@ -29,7 +29,7 @@ const char* regime(std::int8_t code) {
 }
 
 const char* mode(std::int8_t code) {
-  constexpr const char* kNames[] = {"disarmed", "armed", "running", "stopping", "tripped", "moving"};
+  constexpr const char* kNames[] = {"disarmed", "armed", "running", "stopping", "tripped", "moving", "pending"};
   return kNames[code];
 }
 
