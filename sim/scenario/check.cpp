@@ -10,8 +10,8 @@
 namespace ballast::sim {
 namespace {
 
-constexpr double kRoundOff = 1e-9;       // relative, of numbers written by hand to be equal
-constexpr double kUnitTolerance = 1e-6;  // of an orientation written with few digits
+constexpr double kRoundOff = 1e-9;       // relative, for numbers written by hand that should be equal
+constexpr double kUnitTolerance = 1e-6;  // for an orientation written with few digits
 constexpr std::size_t kMaxNameLength = 64;
 
 bool good_in_a_name(char c) {
@@ -23,7 +23,7 @@ bool usable_as_folder(const std::string& name) {
          std::all_of(name.begin(), name.end(), good_in_a_name);
 }
 
-// The file's, as near as a folder may be called.
+// The file's name with `_` for every character that a folder's name may not have.
 std::string default_name(const std::string& source_name) {
   std::string name = std::filesystem::path(source_name).stem().string().substr(0, kMaxNameLength);
   for (char& c : name) {
@@ -39,9 +39,9 @@ void read_name(TableReader& root, const std::string& source_name, std::string& o
   if (node == nullptr) {
     out = default_name(source_name);
   } else if (node->kind != NodeKind::kString) {
-    root.refuse("name", "is no string; " + allowed);
+    root.refuse("name", "is not a string; " + allowed);
   } else if (!usable_as_folder(node->text)) {
-    root.refuse("name", "is no name; " + allowed);
+    root.refuse("name", "cannot name a folder; " + allowed);
   } else {
     out = node->text;
   }
@@ -61,7 +61,7 @@ void read_ball(TableReader table, std::optional<double>& radius, Scenario::Ball&
       const double others = (*inertia)[(j + 1) % 3] + (*inertia)[(j + 2) % 3];
       if ((*inertia)[j] > others * (1 + kRoundOff)) {
         table.refuse("inertia." + std::to_string(j),
-                     "belongs to no body; allowed: at most the sum of the other two, " + number_text(others));
+                     "is impossible for a body; allowed: at most the sum of the other two, " + number_text(others));
       }
     }
   }
@@ -93,7 +93,7 @@ void read_surface(TableReader table, Scenario::Surface& surface) {
   const Node* written_kinetic = table.node("kinetic_friction");
   if (written_static != nullptr && written_static->source == kOverrideSource && written_kinetic != nullptr &&
       written_kinetic->source != kOverrideSource) {
-    // --set surface.static_friction=0.17 means a smoother floor, whatever the file says of the rougher one.
+    // --set surface.static_friction=0.17 lowers both: the file's kinetic friction is that of the rougher floor.
     surface.kinetic_friction = *static_friction;
   } else {
     table.refuse("kinetic_friction",
@@ -124,7 +124,7 @@ void read_initial(TableReader table, std::optional<double> ball_radius_m, Scenar
   if (position) initial.position_W_m = *position;
   if (height) initial.height_m = *height;
   if (!table.has("velocity") || !velocity || !angular_velocity || !ball_radius_m) return;
-  // Rolling: zdot = omega x r e3. A velocity equal to it says nothing new.
+  // A velocity equal to the rolling one, zdot = omega x r e3, starts rolling.
   const Eigen::Vector3d omega_W = initial.orientation * *angular_velocity;
   const Eigen::Vector3d rolling = omega_W.cross(Eigen::Vector3d(0, 0, *ball_radius_m));
   if ((*velocity - rolling).norm() <= kRoundOff * rolling.norm()) return;
@@ -234,7 +234,7 @@ void read_published(TableReader table, std::vector<Scenario::Published>& publish
   if (quantity && value && source) published.push_back({*quantity, *value, *source});
 }
 
-// In contact and neither arriving nor leaving, a ball that does not roll slides, and that takes a finite friction.
+// Refuses a start in sliding on a floor of infinite friction.
 void check_start(TableReader& root, const Scenario& scenario) {
   const auto& initial = scenario.initial;
   if (!initial.has_velocity || initial.height_m > 0 || initial.velocity_W_mps[2] != 0) return;

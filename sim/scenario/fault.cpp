@@ -10,90 +10,89 @@ using enum FaultKind;
 using enum FaultLayer;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr std::nullopt_t kGiven = std::nullopt;  // the value has to be
-constexpr std::optional<double> kNone = 0;       // there is no value
+constexpr std::nullopt_t kGiven = std::nullopt;  // the value is required
+constexpr std::optional<double> kNone = 0;       // the kind has no value
 
 constexpr std::array kKinds{
-    FaultKindInfo{kMessagesDropped, "messages_dropped", kMessage, kToTheEnd, "probability, each message by itself", "",
-                  1.0, 0, 1, true, false, "messages of a channel do not come",
+    FaultKindInfo{kMessagesDropped, "messages_dropped", kMessage, kToTheEnd, "probability per message", "", 1.0, 0, 1,
+                  true, false, "messages of a channel are lost",
                   "monitor: missing or stale; controller: sensor_stale, monitor_stale; plant: pulses not delivered"},
-    FaultKindInfo{kMessagesDelayed, "messages_delayed", kMessage, kToTheEnd, "by how much", "ticks", 2.0, 1, 1000,
-                  false, true, "messages of a channel come later",
-                  "as dropped; the controller takes sensors and verdicts one tick late"},
-    FaultKindInfo{kMessagesDoubled, "messages_doubled", kMessage, kToTheEnd, "probability, each message by itself", "",
-                  1.0, 0, 1, true, false, "messages of a channel come twice",
+    FaultKindInfo{kMessagesDelayed, "messages_delayed", kMessage, kToTheEnd, "delay", "ticks", 2.0, 1, 1000, false, true,
+                  "messages of a channel arrive late",
+                  "as messages_dropped; the controller accepts sensors and verdicts that are one tick late"},
+    FaultKindInfo{kMessagesDoubled, "messages_doubled", kMessage, kToTheEnd, "probability per message", "", 1.0, 0, 1,
+                  true, false, "messages of a channel arrive twice",
                   "monitor: repeated; controller and plant use the first and count the second"},
-    FaultKindInfo{kMessagesReordered, "messages_reordered", kMessage, kToTheEnd, "probability, each message by itself",
-                  "", 1.0, 0, 1, true, false, "messages of a channel come after the one that follows",
+    FaultKindInfo{kMessagesReordered, "messages_reordered", kMessage, kToTheEnd, "probability per message", "", 1.0, 0,
+                  1, true, false, "messages of a channel arrive after the following one",
                   "monitor: missing or stale; plant: pulses not delivered; the controller uses the newer"},
-    FaultKindInfo{kMessagesCorrupted, "messages_corrupted", kMessage, kToTheEnd, "bits turned over in each message", "",
-                  8.0, 1, 64, false, true, "bits of a channel's messages are turned over",
-                  "as dropped, where it leaves no message of ours; what is in range is believed"},
+    FaultKindInfo{kMessagesCorrupted, "messages_corrupted", kMessage, kToTheEnd, "bits flipped per message", "", 8.0, 1,
+                  64, false, true, "bits of a channel's messages are flipped",
+                  "as messages_dropped if the message can no longer be decoded; a value in range is accepted"},
     FaultKindInfo{kMessagesTruncated, "messages_truncated", kMessage, kToTheEnd, "bytes cut off the end", "", 1.0, 1,
-                  65536, false, true, "messages of a channel lack their end", "as dropped"},
+                  65536, false, true, "messages of a channel lose their end", "as messages_dropped"},
     FaultKindInfo{kPeerKilled, "peer_killed", kPeer, kAnInstant, "", "", kNone, 0, 0, false, false,
-                  "a peer is gone for good",
-                  "controller: monitor trips (stale) a tick later, then the run is given up; monitor: controller trips "
-                  "(monitor_stale)"},
+                  "a peer ends for good",
+                  "controller: monitor (stale) one tick later, then the run ends; monitor: controller (monitor_stale)"},
     FaultKindInfo{kPeerFrozen, "peer_frozen", kPeer, kToTheEnd, "", "", kNone, 0, 0, false, false,
-                  "a peer says nothing, and goes on later with what it missed", "as killed, while it lasts"},
+                  "a peer is silent and later continues with what it missed", "as peer_killed, while it lasts"},
     FaultKindInfo{kPeerRestarted, "peer_restarted", kPeer, kAnInstant, "", "", kNone, 0, 0, false, false,
-                  "a peer starts again from nothing, between two ticks",
-                  "controller: the run sees that it has forgotten its commands; monitor: by nobody unless it takes a "
-                  "trip back"},
-    FaultKindInfo{kPeerTooSlow, "peer_too_slow", kPeer, kToTheEnd, "by how much its answers are late", "ticks", 2.0, 1,
-                  1000, false, true, "a peer answers late",
-                  "controller: monitor trips (stale); monitor: controller trips (monitor_stale) from 2 ticks on"},
-    FaultKindInfo{kSensorBias, "sensor_bias", kSensor, kToTheEnd, "what is added; orientation: an angle",
-                  "rad/s, m/s^2 or rad", kGiven, -kInfinity, kInfinity, false, false, "a sensor is off",
-                  "monitor (disagreement), in the next tick, if the controller's N or f_s is off by more than 5 % of the "
-                  "weight; else nobody"},
+                  "a peer starts again without its state, between two ticks",
+                  "controller: the run, because the count of its commands goes back; monitor: the run, but only if it "
+                  "takes a trip back"},
+    FaultKindInfo{kPeerTooSlow, "peer_too_slow", kPeer, kToTheEnd, "delay of its answers", "ticks", 2.0, 1, 1000, false,
+                  true, "a peer answers late",
+                  "controller: monitor (stale); monitor: controller (monitor_stale), from 2 ticks on"},
+    FaultKindInfo{kSensorBias, "sensor_bias", kSensor, kToTheEnd, "offset; orientation: an angle", "rad/s, m/s^2 or rad",
+                  kGiven, -kInfinity, kInfinity, false, false, "a sensor has an offset",
+                  "monitor (disagreement) in the next tick, if it moves the controller's N or f_s by more than 5 % of "
+                  "the weight; otherwise nobody"},
     FaultKindInfo{kSensorNoise, "sensor_noise", kSensor, kToTheEnd, "standard deviation", "rad/s, m/s^2 or rad", kGiven,
-                  0, kInfinity, true, false, "a sensor is noisy: Gaussian, each tick by itself",
-                  "as bias"},
+                  0, kInfinity, true, false, "a sensor has Gaussian noise, independent per tick", "as sensor_bias"},
     FaultKindInfo{kSensorFreeze, "sensor_freeze", kSensor, kToTheEnd, "", "", kNone, 0, 0, false, false,
-                  "a sensor keeps saying what it said last", "as bias: its messages are fresh"},
-    FaultKindInfo{kSensorNan, "sensor_nan", kSensor, kToTheEnd, "", "", kNone, 0, 0, false, false, "a sensor says NaN",
+                  "a sensor repeats its last value in fresh messages", "as sensor_bias"},
+    FaultKindInfo{kSensorNan, "sensor_nan", kSensor, kToTheEnd, "", "", kNone, 0, 0, false, false,
+                  "a sensor reports NaN",
                   "monitor (nonfinite) and controller (sensor_not_finite), in the same tick"},
-    FaultKindInfo{kSensorSpike, "sensor_spike", kSensor, kOnePeriod, "what is added; orientation: an angle",
+    FaultKindInfo{kSensorSpike, "sensor_spike", kSensor, kOnePeriod, "offset; orientation: an angle",
                   "rad/s, m/s^2 or rad", kGiven, -kInfinity, kInfinity, false, false, "a sensor jumps for a moment",
-                  "as bias"},
-    FaultKindInfo{kSensorSaturation, "sensor_saturation", kSensor, kToTheEnd, "greatest magnitude it can say",
-                  "rad/s or m/s^2", kGiven, 0, kInfinity, true, false, "a sensor's range ends early",
-                  "as bias"},
+                  "as sensor_bias"},
+    FaultKindInfo{kSensorSaturation, "sensor_saturation", kSensor, kToTheEnd, "greatest magnitude", "rad/s or m/s^2",
+                  kGiven, 0, kInfinity, true, false, "a sensor saturates early", "as sensor_bias"},
     FaultKindInfo{kMotorStall, "motor_stall", kMotor, kToTheEnd, "", "", kNone, 0, 0, false, false,
-                  "a motor's windings have no current: pulses turn nothing",
-                  "by nobody aboard; the summary counts the lost steps"},
-    FaultKindInfo{kWeakCoil, "weak_coil", kMotor, kToTheEnd, "its part of the rated current", "", 0.5, 0, 1, false,
-                  false, "one of a motor's two coils has less current",
-                  "by nobody aboard; the summary has the torque margin and lost steps"},
-    FaultKindInfo{kLostSteps, "lost_steps", kMotor, kAnInstant, "pulses swallowed, from then on", "microsteps", 16.0, 1,
-                  1e9, false, true, "a motor's driver does not see pulses",
-                  "by nobody aboard; the summary counts the lost steps"},
+                  "a motor's windings have no current, so that pulses turn nothing",
+                  "nobody during the run; the summary counts lost steps"},
+    FaultKindInfo{kWeakCoil, "weak_coil", kMotor, kToTheEnd, "part of the rated current", "", 0.5, 0, 1, false, false,
+                  "one of a motor's two coils has less current",
+                  "nobody during the run; the summary has torque margin and lost steps"},
+    FaultKindInfo{kLostSteps, "lost_steps", kMotor, kAnInstant, "pulses ignored, from then on", "microsteps", 16.0, 1,
+                  1e9, false, true, "a motor's driver ignores pulses",
+                  "nobody during the run; the summary counts lost steps"},
     FaultKindInfo{kReversedWiring, "reversed_wiring", kMotor, kToTheEnd, "", "", kNone, 0, 0, false, false,
-                  "a motor's pulses turn it the other way",
-                  "by nobody aboard, but for an end switch; the summary counts the lost steps"},
+                  "a motor turns in the opposite direction",
+                  "controller (end_switch), if the mass reaches one; the summary counts lost steps"},
     FaultKindInfo{kBlockedRail, "blocked_rail", kMotor, kToTheEnd, "", "", kNone, 0, 0, false, false,
                   "a mass is held where it is on its rail",
-                  "by nobody aboard; the summary counts the lost steps; monitor (normal_force, friction), if a mass at speed "
-                  "lifts the ball or makes it slip"},
+                  "monitor (normal_force, friction), if stopping the mass lifts the ball or makes it slip; the summary "
+                  "counts lost steps"},
     FaultKindInfo{kFrictionFalls, "friction_falls", kWorld, kToTheEnd,
-                  "the floor's static friction; the kinetic falls in proportion", "", kGiven, 0, kInfinity, true, false,
-                  "the floor becomes slippery",
-                  "monitor (friction), in the first tick in which the ball slides; with on_violation = stop the run ends there"},
+                  "the floor's static friction; the kinetic friction falls in proportion", "", kGiven, 0, kInfinity,
+                  true, false, "the floor becomes slippery",
+                  "monitor (friction), in the first tick in which the ball slides; with on_violation = stop the run "
+                  "ends there"},
     FaultKindInfo{kPush, "push", kWorld, 0.1, "force at the geometric centre", "N", kGiven, 0, kInfinity, true, false,
-                  "somebody pushes the ball",
-                  "monitor (disagreement), in the next tick, if N or f_s change by more than 5 % of the weight, and (friction, "
-                  "normal_force), if it leaves the envelope"},
-    FaultKindInfo{kClockJump, "clock_jump", kProgram, kAnInstant, "by how much, forth or back", "ticks", 100.0, -1e9,
-                  1e9, false, true, "the sensors' clock, which stamps their messages, jumps",
+                  "an external force pushes the ball",
+                  "monitor (disagreement) in the next tick, if N or f_s change by more than 5 % of the weight; "
+                  "(friction, normal_force), if the ball leaves the envelope"},
+    FaultKindInfo{kClockJump, "clock_jump", kProgram, kAnInstant, "jump, forward or back", "ticks", 100.0, -1e9, 1e9,
+                  false, true, "the clock that stamps the sensors' messages jumps",
                   "monitor (missing) and controller (sensor_stale), in the same tick"},
-    FaultKindInfo{kControllerOverrun, "controller_overrun", kProgram, kAnInstant, "ticks that came late", "ticks", 1.0,
-                  1, 1e6, false, true, "the controller's board counts overruns",
-                  "the run, in the same tick: it ends with exit status 6"},
+    FaultKindInfo{kControllerOverrun, "controller_overrun", kProgram, kAnInstant, "late ticks", "ticks", 1.0, 1, 1e6,
+                  false, true, "the controller's board counts overruns",
+                  "the run, in the same tick: exit status 6"},
     FaultKindInfo{kDiskFull, "disk_full", kProgram, kAnInstant, "", "", kNone, 0, 0, false, false,
-                  "the log cannot be written any more",
-                  "the run, in the same tick: it ends with exit status 2 and keeps the log up to there"},
+                  "the log can no longer be written",
+                  "the run, in the same tick: exit status 2; the log is complete up to there"},
 };
 
 constexpr std::array kChannels{
@@ -155,7 +154,7 @@ std::span<const FaultChannel> fault_channels() { return kChannels; }
 
 namespace {
 
-// A kind's unit names those of all sensors; a fault is of one.
+// The unit of one fault. FaultKindInfo::unit lists those of all sensors.
 const char* unit_of(const Fault& fault) {
   if (!fault.of(kSensor)) return info(fault.kind).unit;
   switch (fault.sensor) {

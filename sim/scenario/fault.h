@@ -1,7 +1,6 @@
-// What a run can be made to suffer: the kinds of faults, and one of them as a scenario asks for it ([[fault]], or
-// --fault KIND@TIME[:PARAM]). Who injects which: plant.h (plant), tools/faults/sensor_faults.h (sensors),
-// tools/sil/hearing.h (messages and the sensors' clock), tools/faults/faulty_peers.h (peers, and the program's own),
-// tools/ballast/peer_faults.h (peers that are processes).
+// Faults that can be injected into a run: the table of their kinds, and one fault as a scenario describes it ([[fault]],
+// or --fault KIND@TIME[:PARAM]). The plant injects those of motors and world, tools/faults/ all others, and `ballast run
+// --processes` those of peers, with signals. User page: tools/docs/faults.md.
 #pragma once
 
 #include <Eigen/Core>
@@ -43,14 +42,14 @@ enum class FaultKind {
   kDiskFull,
 };
 
-// Where a fault bites, and with that what else has to be said of it.
+// Where a fault acts, and the keys that select its target.
 enum class FaultLayer {
-  kMessage,  // `channel`, and `peer`: the receiver it happens to; without: all that hear the channel
+  kMessage,  // `channel`; `peer` selects one receiver, the default is all of them
   kPeer,     // `peer`
-  kSensor,   // `sensor`, and `axis`: 0, 1, 2; without: all three
+  kSensor,   // `sensor`; `axis` selects one of three, the default is all of them
   kMotor,    // `mass`
-  kWorld,    // the floor, or a hand: `direction` of a push
-  kProgram,  // controller's clock and time, the log
+  kWorld,    // `direction` of a push
+  kProgram,  // the sensors' clock, the controller's overruns, the log
 };
 const char* to_string(FaultLayer layer);
 
@@ -60,53 +59,51 @@ const char* to_string(FaultPeer peer);
 enum class FaultSensor { kOrientation, kGyro, kAccelerometer, kLimitSwitch };
 const char* to_string(FaultSensor sensor);
 
-// How long a fault lasts, in s, if its `duration` is not given; beside a number of seconds:
+// Special values of FaultKindInfo::lasts_s, beside a number of seconds.
 inline constexpr double kToTheEnd = std::numeric_limits<double>::infinity();
 inline constexpr double kOnePeriod = -1;  // one control period
-inline constexpr double kAnInstant = 0;   // it has no duration, and takes none
+inline constexpr double kAnInstant = 0;   // no duration; the key `duration` is refused
 
 struct FaultKindInfo {
   FaultKind kind;
   const char* name;
   FaultLayer layer;
-  double lasts_s;
-  // `value`. An empty meaning: there is none, and none is taken. No default: it has to be given.
-  const char* value_means;
+  double lasts_s;           // default of `duration`
+  const char* value_means;  // meaning of `value`; empty: the kind has none, and the key is refused
   const char* unit;
-  std::optional<double> value_default;
+  std::optional<double> value_default;  // none: the key is required
   double low, high;
   bool low_excluded;
   bool integer;
-  const char* what;  // what happens
-  const char* seen;  // who notices, when, and how the run ends
+  const char* what;
+  const char* detected_by;  // and when
 };
 
-// All of them, in the order of FaultKind.
+// All kinds, in the order of FaultKind.
 std::span<const FaultKindInfo> fault_kinds();
 const FaultKindInfo& info(FaultKind kind);
 
-// The channels whose messages can be made to suffer (names of hal/lcm/channels.h, which says the same in a test) and
-// who hears each of them.
+// The channels that message faults act on, with their receivers. A test compares the names with hal/lcm/channels.h.
 struct FaultChannel {
   const char* name;
   bool to_controller, to_monitor, to_plant;
-  bool of_controller;  // there only in runs with a controller
+  bool of_controller;  // exists only in runs with a controller
 };
 std::span<const FaultChannel> fault_channels();
 
 struct Fault {
   FaultKind kind{};
   double time_s = 0;
-  double end_s = std::numeric_limits<double>::infinity();  // not before time_s; an instant's is time_s
+  double end_s = std::numeric_limits<double>::infinity();  // at least time_s; equal to it for an instant
   double value = 0;
   std::string channel;            // messages
-  std::optional<FaultPeer> peer;  // messages: the one receiver; peers: which
+  std::optional<FaultPeer> peer;  // messages: the one receiver, none: all; peers: which one
   FaultSensor sensor = FaultSensor::kGyro;
-  int axis = -1;  // sensors; -1: all
-  int mass = 0;   // motors
-  Eigen::Vector3d direction_W = Eigen::Vector3d::UnitX();
+  int axis = -1;                                           // sensors; -1: all three
+  int mass = 0;                                            // motors
+  Eigen::Vector3d direction_W = Eigen::Vector3d::UnitX();  // push
 
-  // Times of ticks and of faults are both rounded.
+  // A tick within kRounding of the fault's time counts as at that time: both are rounded.
   [[nodiscard]] bool active(double at_s) const { return begun(at_s) && at_s < end_s - kRounding; }
   [[nodiscard]] bool begun(double at_s) const { return at_s >= time_s - kRounding; }
   static constexpr double kRounding = 1e-9;  // s; a thousandth of the shortest control period

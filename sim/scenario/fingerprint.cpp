@@ -10,7 +10,7 @@ class CanonicalText {
  public:
   void add(const char* field, double value) {
     char buffer[64];
-    // + 0.0: the two zeros are one number.
+    // + 0.0 makes -0 and +0 the same text.
     const auto end = std::to_chars(buffer, buffer + sizeof buffer, value + 0.0, std::chars_format::hex).ptr;
     line(field, std::string_view(buffer, static_cast<std::size_t>(end - buffer)));
   }
@@ -33,7 +33,7 @@ class CanonicalText {
   std::string text_;
 };
 
-// Rails without an end have no line about ends.
+// Rails without ends add no lines.
 void add_ends(CanonicalText& text, const Mass& mass) {
   if (!std::isfinite(mass.rail.lower_end) && !std::isfinite(mass.rail.upper_end)) return;
   text.add("rail.lower_end", mass.rail.lower_end);
@@ -42,7 +42,7 @@ void add_ends(CanonicalText& text, const Mass& mass) {
   text.add("end_stops.restitution", mass.end_stops.restitution);
 }
 
-// Scenarios without a spline, a trajectory, a table of forces, drag or a motor's winding have no line about them.
+// A spline, a trajectory, a table of forces, drag and a winding add lines only where they are used.
 void add_spline(CanonicalText& text, const firmware::Rail& rail) {
   if (rail.shape != firmware::RailShape::kSpline) return;
   text.add("rail.closed", static_cast<int>(rail.closed));
@@ -106,7 +106,7 @@ void add_mass(CanonicalText& text, const Mass& mass) {
   text.add("shaft_ratio", motor.shaft_ratio);
 }
 
-// Scenarios without faults have no line about them.
+// Scenarios without faults add no lines.
 void add_fault(CanonicalText& text, const Fault& fault) {
   text.add("fault", std::string(info(fault.kind).name));
   text.add("fault.time", fault.time_s);

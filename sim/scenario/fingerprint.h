@@ -1,4 +1,4 @@
-// The fingerprint by which processes tell that they run the same scenario.
+// The fingerprint by which processes check that they run the same scenario.
 #pragma once
 
 #include "sim/scenario/scenario.h"

@@ -18,7 +18,7 @@ std::string joined(const std::vector<std::string>& words) {
   return text;
 }
 
-// Commas inside brackets or quotes do not separate.
+// Splits at commas outside brackets and quotes.
 std::vector<std::string> split(std::string_view text) {
   std::vector<std::string> parts(1);
   int depth = 0;
@@ -42,22 +42,22 @@ std::optional<FaultKind> read_kind(TableReader& table) {
   if (node == nullptr) {
     table.refuse("kind", "is missing" + allowed);
   } else if (node->kind != NodeKind::kString) {
-    table.refuse("kind", "is no string" + allowed);
+    table.refuse("kind", "is not a string" + allowed);
   } else {
     for (const FaultKindInfo& kind : fault_kinds()) {
       if (node->text == kind.name) return kind.kind;
     }
     const std::string near = nearest(node->text, kind_names());
-    table.refuse("kind", "is no kind of fault" + (near.empty() ? "" : "; did you mean " + near + "?") + allowed);
+    table.refuse("kind", "is not a kind of fault" + (near.empty() ? "" : "; did you mean " + near + "?") + allowed);
   }
   return std::nullopt;
 }
 
-// What is allowed for a fault's value, and whether it is.
+// Reads `value` within the range of the kind. False: an error was reported.
 bool read_value(TableReader& table, const FaultKindInfo& kind, double& out) {
   if (kind.value_means[0] == '\0') {
     if (!table.has("value")) return true;
-    table.refuse("value", std::string("is not for ") + kind.name + ", which has none");
+    table.refuse("value", std::string("does not apply to ") + kind.name + ", which has no value");
     return false;
   }
   Range range = Range::between(kind.low, kind.high, kind.unit);
@@ -65,24 +65,24 @@ bool read_value(TableReader& table, const FaultKindInfo& kind, double& out) {
   const auto value = table.number("value", range, kind.value_default);
   if (!value) return false;
   if (kind.integer && *value != std::floor(*value)) {
-    table.refuse("value", "is no whole number; allowed: " + range.text() + ", whole");
+    table.refuse("value", "is not a whole number; allowed: " + range.text() + ", whole");
     return false;
   }
   if (kind.kind == FaultKind::kClockJump && *value == 0) {
-    table.refuse("value", "is no jump; allowed: any other whole number of ticks");
+    table.refuse("value", "is not a jump; allowed: a whole number of ticks other than 0");
     return false;
   }
   out = *value;
   return true;
 }
 
-// A key of another layer's faults is no unknown key; it is one that would be ignored.
+// Refuses keys of other layers' faults, which would be ignored.
 bool refuse_others(TableReader& table, const FaultKindInfo& kind, std::initializer_list<std::string_view> own) {
   bool good = true;
   for (const std::string_view key : {"channel", "peer", "sensor", "axis", "mass", "direction"}) {
     table.know({key});
     if (std::find(own.begin(), own.end(), key) != own.end() || !table.has(key)) continue;
-    table.refuse(key, std::string("is not for ") + kind.name);
+    table.refuse(key, std::string("does not apply to ") + kind.name);
     good = false;
   }
   return good;
@@ -100,12 +100,12 @@ bool read_channel(TableReader& table, const Scenario& scenario, Fault& fault) {
   const auto found = std::find_if(channels.begin(), channels.end(), [&](const auto& c) { return *name == c.name; });
   if (found == channels.end()) {
     const std::string near = nearest(*name, names);
-    table.refuse("channel", "is no channel that can be made to suffer" +
+    table.refuse("channel", "is not a channel that faults act on" +
                                 (near.empty() ? "" : "; did you mean " + near + "?") + allowed);
     return false;
   }
   if (found->of_controller && !has_controller) {
-    table.refuse("channel", "is not there in a run with prescribed masses, which has no controller");
+    table.refuse("channel", "does not exist in a run with prescribed masses, which has no controller");
     return false;
   }
   fault.channel = *name;
@@ -114,7 +114,7 @@ bool read_channel(TableReader& table, const Scenario& scenario, Fault& fault) {
   if (!peer) return false;
   fault.peer = *peer == "controller" ? FaultPeer::kController : FaultPeer::kMonitor;
   if (*fault.peer == FaultPeer::kController ? found->to_controller && has_controller : found->to_monitor) return true;
-  table.refuse("peer", "does not hear " + *name + " in this run");
+  table.refuse("peer", "does not receive " + *name + " in this run");
   return false;
 }
 
@@ -128,22 +128,22 @@ bool read_sensor(TableReader& table, Fault& fault) {
   const bool of_switch = fault.sensor == FaultSensor::kLimitSwitch;
   if (of_switch && fault.kind != FaultKind::kSensorFreeze) {
     table.refuse("sensor",
-                 std::string("is a switch, which has no ") + info(fault.kind).name + "; allowed: sensor_freeze");
+                 std::string("is a switch, for which there is no ") + info(fault.kind).name + "; allowed: sensor_freeze");
     return false;
   }
   if (fault.sensor == FaultSensor::kOrientation && fault.kind == FaultKind::kSensorSaturation) {
-    table.refuse("sensor", "is an attitude, which has no range that could end; allowed: gyro, accelerometer");
+    table.refuse("sensor", "is an attitude, which does not saturate; allowed: gyro, accelerometer");
     return false;
   }
   table.know({"axis"});
   if (!table.has("axis")) return true;
   if (of_switch) {
-    table.refuse("axis", "is not for limit_switch");
+    table.refuse("axis", "does not apply to limit_switch");
     return false;
   }
   if (fault.sensor == FaultSensor::kOrientation &&
       (fault.kind == FaultKind::kSensorFreeze || fault.kind == FaultKind::kSensorNan)) {
-    table.refuse("axis", "is not for an attitude that freezes or is NaN: that is all of it");
+    table.refuse("axis", "does not apply to orientation with sensor_freeze or sensor_nan, which act on all of it");
     return false;
   }
   const auto axis = table.integer("axis", 0, 2, 0);
@@ -154,12 +154,12 @@ bool read_sensor(TableReader& table, Fault& fault) {
 bool read_mass_index(TableReader& table, const Scenario& scenario, Fault& fault) {
   if (scenario.run.actuation != Actuation::kStepper) {
     table.refuse("kind",
-                 "is a motor's, and a run with prescribed masses has no motors; allowed with "
+                 "acts on a motor, and a run with prescribed masses has none; allowed with "
                  "run.actuation = \"stepper\"");
     return false;
   }
   if (scenario.masses.empty()) {
-    table.refuse("kind", "is a motor's, and this ball has none");
+    table.refuse("kind", "acts on a motor, and this ball has none");
     return false;
   }
   const auto mass = table.integer("mass", 0, static_cast<std::int64_t>(scenario.masses.size()) - 1, 0);
@@ -173,7 +173,7 @@ bool read_direction(TableReader& table, Fault& fault) {
   if (!direction) return false;
   const double length = direction->stableNorm();
   if (!(length > 0)) {
-    table.refuse("direction", "has no length; allowed: a vector of the space frame other than 0");
+    table.refuse("direction", "is zero; allowed: a vector of the space frame other than 0");
     return false;
   }
   fault.direction_W = *direction / length;
@@ -194,7 +194,7 @@ bool read_target(TableReader& table, const Scenario& scenario, Fault& fault) {
       if (has_controller) return true;
       if (*fault.peer == FaultPeer::kMonitor && fault.kind == FaultKind::kPeerRestarted) return true;
       table.refuse(table.has("peer") ? "peer" : "kind",
-                   "is of no use in a run with prescribed masses: it has no controller, and nobody hears the monitor; "
+                   "has no effect in a run with prescribed masses: it has no controller, and nothing reads the monitor; "
                    "allowed with run.actuation = \"stepper\"");
       return false;
     }
@@ -207,14 +207,14 @@ bool read_target(TableReader& table, const Scenario& scenario, Fault& fault) {
         return refuse_others(table, kind, {"direction"}) && read_direction(table, fault);
       if (!refuse_others(table, kind, {})) return false;
       if (fault.value <= scenario.surface.static_friction) return true;
-      table.refuse("value", "is no fall; allowed: at most surface.static_friction = " +
+      table.refuse("value", "does not lower the friction; allowed: at most surface.static_friction = " +
                                 number_text(scenario.surface.static_friction));
       return false;
     case FaultLayer::kProgram:
       if (!refuse_others(table, kind, {})) return false;
       if (fault.kind != FaultKind::kControllerOverrun || has_controller) return true;
       table.refuse("kind",
-                   "is the controller's, and a run with prescribed masses has none; allowed with "
+                   "acts on the controller, and a run with prescribed masses has none; allowed with "
                    "run.actuation = \"stepper\"");
       return false;
   }
@@ -229,7 +229,7 @@ bool read_times(TableReader& table, const FaultKindInfo& kind, const Scenario& s
   table.know({"duration"});
   if (kind.lasts_s == kAnInstant) {
     if (table.has("duration")) {
-      table.refuse("duration", std::string("is not for ") + kind.name + ", which happens once");
+      table.refuse("duration", std::string("does not apply to ") + kind.name + ", which happens once");
       return false;
     }
     if (time) fault.time_s = fault.end_s = *time;
@@ -284,14 +284,14 @@ void add_fault(const std::string& text, Node& root, std::vector<ScenarioError>& 
     root.entries.emplace_back("fault", std::move(array));
     faults = root.find("fault");
   }
-  // Something else than an array is the reader's to refuse.
+  // The reader refuses a `fault` that is no array.
   if (faults->kind == NodeKind::kArray) faults->items.push_back(std::move(fault));
 }
 
 std::optional<Fault> read_fault(TableReader& table, const Scenario& scenario) {
   Fault fault;
   const auto kind = read_kind(table);
-  if (!kind) return std::nullopt;  // what else belongs here depends on it
+  if (!kind) return std::nullopt;  // the other keys depend on it
   fault.kind = *kind;
   const bool timed = read_times(table, info(*kind), scenario, fault);
   const bool valued = read_value(table, info(*kind), fault.value);

@@ -11,11 +11,11 @@ namespace ballast::sim {
 
 inline constexpr const char* kFaultOption = "--fault";
 
-// "KIND@TIME[:PARAM]": PARAM is VALUE, or KEY=VALUE of a [[fault]], or several of these between commas. Added to the
-// tree as one more [[fault]]; an error leaves the tree as it was.
+// Adds "KIND@TIME[:PARAM]" to the tree as one more [[fault]]. PARAM is VALUE, KEY=VALUE, or several of these separated by
+// commas. An error leaves the tree unchanged.
 void add_fault(const std::string& text, Node& root, std::vector<ScenarioError>& errors);
 
-// Of a scenario that is read but for its faults. Nothing if the table is faulty.
+// Reads one [[fault]] of a scenario whose other tables have been read. nullopt: an error was reported.
 std::optional<Fault> read_fault(TableReader& table, const Scenario& scenario);
 
 }  // namespace ballast::sim

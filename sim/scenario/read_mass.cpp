@@ -14,14 +14,13 @@
 namespace ballast::sim {
 namespace {
 
-constexpr double kRoundOff = 1e-12;      // relative; what the evaluation of a rail may add to a radius
-constexpr double kUnitTolerance = 1e-6;  // of lengths and right angles written with few digits
-// How far a spline rail may be from what was asked for: from running along at 1 m per m, and from the given points, in
-// parts of its length.
+constexpr double kRoundOff = 1e-12;      // relative rounding error of the distance of a rail's point
+constexpr double kUnitTolerance = 1e-6;  // for unit lengths and right angles written with few digits
+// Largest deviation of a spline rail: of |zeta'| from 1, and of the curve from the given points as a part of its length.
 constexpr double kMostSpeedError = 0.01;
 constexpr double kMostPointDistance = 1e-3;
 
-// As the controller computes it.
+// The same expression as the controller's, for the same rounding.
 double microsteps_per_unit(const Motor& motor) {
   return motor.steps_per_revolution * motor.microsteps * motor.shaft_ratio / (2 * std::numbers::pi);
 }
@@ -30,7 +29,7 @@ bool outside(double distance_m, double radius_m) { return !(distance_m <= radius
 
 std::string allowed_in_ball(double radius_m) { return "; allowed: <= ball.radius = " + number_text(radius_m); }
 
-// The farthest point of a circle from the geometric centre.
+// Distance of the circle's farthest point from the geometric centre.
 double farthest_m(const firmware::Rail& circle) {
   const Eigen::Vector3d normal = circle.axis_cos_B.cross(circle.axis_sin_B);
   const double above_plane = circle.origin_B_m.dot(normal);
@@ -63,7 +62,7 @@ std::optional<firmware::Rail> read_circle(TableReader& rail) {
   const auto axes = rail.vectors("axes", 2, 2, Range::any());
   if (!axes) return std::nullopt;
   Eigen::Vector3d cos_axis = (*axes)[0], sin_axis = (*axes)[1];
-  // stableNorm: no overflow, so that any finite numbers get the right answer.
+  // stableNorm does not overflow.
   const bool unit =
       std::abs(cos_axis.stableNorm() - 1) <= kUnitTolerance && std::abs(sin_axis.stableNorm() - 1) <= kUnitTolerance;
   if (!unit || std::abs(cos_axis.dot(sin_axis)) > kUnitTolerance) {
@@ -84,14 +83,14 @@ std::optional<firmware::Rail> read_line(TableReader& rail) {
   if (!direction) return std::nullopt;
   const double length = direction->stableNorm();
   if (!(length > 0) || !std::isfinite(length)) {
-    rail.refuse("direction", "has no direction; allowed: a vector that is not zero");
+    rail.refuse("direction", "is zero; allowed: a vector that is not zero");
     return std::nullopt;
   }
   if (!origin) return std::nullopt;
   return firmware::line(*origin, *direction / length);
 }
 
-// Points of a curve: inside the ball, neighbours distinct (`closed`: the last and the first are neighbours too).
+// Checks that the points of a curve are inside the ball and neighbours differ. `closed`: last and first are neighbours.
 bool check_points(TableReader& table, const std::vector<Eigen::Vector3d>& points, bool closed,
                   std::optional<double> ball_radius_m) {
   bool good = true;
@@ -104,14 +103,14 @@ bool check_points(TableReader& table, const std::vector<Eigen::Vector3d>& points
       good = false;
     }
     if (i > 0 && points[i] == points[i - 1]) {
-      table.refuse(key, "is the point before it; allowed: neighbours that differ");
+      table.refuse(key, "equals the point before it; allowed: neighbours that differ");
       good = false;
     }
   }
   if (closed && points.front() == points.back()) {
     table.refuse(
         "points." + std::to_string(points.size() - 1),
-        "is the first point again; allowed: the last point of a closed rail, from which it goes on to the first");
+        "repeats the first point; allowed: a last point from which the closed rail continues to the first");
     good = false;
   }
   return good;
@@ -126,7 +125,7 @@ std::optional<firmware::Rail> read_spline(TableReader& rail, std::optional<doubl
   const double length = spline.length_m;
   if (!std::isfinite(length) || !(length > 0) || !std::isfinite(spline.speed_error) ||
       !std::isfinite(spline.point_distance_m)) {
-    rail.refuse("points", "allow no smooth curve in floating-point numbers; allowed: points at distances less extreme");
+    rail.refuse("points", "make a curve that overflows; allowed: points at distances less extreme");
     return std::nullopt;
   }
   const std::string too_sharp = "; allowed: bends that " + std::to_string(firmware::kMaxRailPieces) + " pieces of " +
@@ -153,7 +152,7 @@ std::optional<firmware::Rail> read_spline(TableReader& rail, std::optional<doubl
   return spline.rail;
 }
 
-// Where a line leaves the ball; nowhere, if it does not meet it.
+// Sets the ends where a line leaves the ball. A line that does not meet the ball keeps infinite ends.
 void end_in_ball(firmware::Rail& line, double ball_radius_m) {
   const double along = line.origin_B_m.dot(line.axis_cos_B);
   const double beside = (line.origin_B_m - along * line.axis_cos_B).stableNorm();
@@ -163,7 +162,7 @@ void end_in_ball(firmware::Rail& line, double ball_radius_m) {
   line.upper_end = -along + half;
 }
 
-// The ends of a line or an open spline; given ones have to be on the rail and in the ball.
+// Reads the ends of a line or an open spline. Given ends must be on the rail and in the ball.
 void read_ends(TableReader& table, std::optional<double> ball_radius_m, firmware::Rail& rail) {
   const bool on_line = rail.shape == firmware::RailShape::kLine;
   if (!on_line) {
@@ -200,7 +199,7 @@ void read_ends(TableReader& table, std::optional<double> ball_radius_m, firmware
   rail.upper_end = (*ends)[1];
 }
 
-// What they are of. The stiffness has a default only once the motor is known.
+// Reads stiffness and restitution of the stops. default_stiffness() sets a missing stiffness once the motor is known.
 void read_end_stop_material(TableReader& table, bool has_ends, EndStopMaterial& out) {
   for (const char* key : {"end_stops", "end_stop_stiffness", "end_stop_restitution"}) {
     table.know({key});
@@ -218,7 +217,7 @@ void read_end_stop_material(TableReader& table, bool has_ends, EndStopMaterial& 
 std::optional<firmware::Rail> read_rail(TableReader rail, std::optional<double> ball_radius_m,
                                         EndStopMaterial& end_stops) {
   const auto shape = rail.word("shape", {"circle", "line", "spline"});
-  if (!shape) return std::nullopt;  // which keys belong here is not known either
+  if (!shape) return std::nullopt;  // the other keys depend on it
   std::optional<firmware::Rail> result;
   if (*shape == "circle") {
     result = read_circle(rail);
@@ -273,14 +272,15 @@ std::optional<std::vector<MotionPiece>> read_motion(TableReader& mass) {
   return motion.size() == pieces.size() ? std::optional(motion) : std::nullopt;
 }
 
-// The key to blame for what happens in a piece of the motion.
+// The key that an error in a piece of the motion is reported under.
 std::string piece_key(const Mass& mass, std::size_t piece) {
   if (mass.motion.empty()) return "initial_velocity";
   return piece < mass.motion.size() ? "motion." + std::to_string(piece) : "motion";
 }
 
-// Before what happens at an extreme beyond `end`. The velocity that goes on after the last piece has no key of its own:
-// which piece it comes from, and when it passes the end, is said.
+// First part of the message about an extreme beyond `end`, if it lies after the last piece. The velocity with which the
+// mass continues has no key of its own, so the message names the piece it comes from and the time at which the mass
+// passes the end.
 std::string after_the_motion(const Mass& mass, const Extreme& worst, double end) {
   if (mass.motion.empty() || worst.piece < mass.motion.size() || !std::isfinite(end)) return "";
   double over_s = 0, velocity = mass.initial_velocity;
@@ -289,14 +289,15 @@ std::string after_the_motion(const Mass& mass, const Extreme& worst, double end)
     velocity += piece.duration_s * (piece.acceleration_start + piece.acceleration_end) / 2;
   }
   const double passes_s = worst.time_s - (worst.position - end) / velocity;
-  return "goes on with " + number_text(velocity) + " m/s after its last piece, motion." +
+  return "continues with " + number_text(velocity) + " m/s after its last piece, motion." +
          std::to_string(mass.motion.size() - 1) + ", which ends at t = " + number_text(over_s) + " s" +
          (passes_s > over_s ? ", passes the end of its rail at t = " + number_text(passes_s) + " s"
                             : " with the mass already beyond the end of its rail") +
          ", and ";
 }
 
-// A mass on a line has to stay in the ball for the whole run. The distance is convex in theta: its ends suffice.
+// Checks that a mass on a line stays in the ball for the whole run. The distance is convex in theta, so the extremes
+// suffice.
 void check_line_in_ball(TableReader& table, const Mass& mass, const MassSurroundings& around) {
   if (!around.ball_radius_m || !around.duration_s) return;
   const PositionExtent extent = position_extent(mass, *around.duration_s);
@@ -321,7 +322,7 @@ void check_line_in_ball(TableReader& table, const Mass& mass, const MassSurround
   }
 }
 
-// Rails end, at their stops at the latest.
+// Checks that the motion stays between the ends of the rail.
 void check_between_ends(TableReader& table, const Mass& mass, const MassSurroundings& around) {
   if (!around.duration_s) return;
   const double lower = mass.rail.lower_end, upper = mass.rail.upper_end;
@@ -345,7 +346,7 @@ void check_between_ends(TableReader& table, const Mass& mass, const MassSurround
   }
 }
 
-// Default: the greatest force of the motor presses the mass in by a thousandth of the way between the stops.
+// Default: the motor's holding torque presses the mass in by a thousandth of the distance between the stops.
 void default_stiffness(TableReader& table, Mass& mass) {
   double& stiffness = mass.end_stops.stiffness_npm;
   if (stiffness > 0 || !std::isfinite(mass.rail.lower_end)) return;
@@ -357,9 +358,9 @@ void default_stiffness(TableReader& table, Mass& mass) {
                                               " is out of range; allowed: a " + range.text_for(stiffness));
 }
 
-// A stop so soft that the motor alone presses the mass out through the shell is none. The mass is a point: a hundredth
-// of the radius beyond the shell is within what that leaves open, and more than the default stiffness gives way at an
-// end on the shell, a thousandth of at most two radii.
+// The motor alone must not press the mass out through the shell. The tolerance of a hundredth of the radius is within the
+// idealisation of a point mass, and more than the default stiffness yields at an end on the shell (a thousandth of at
+// most two radii).
 constexpr double kMostOutside = 0.01;
 
 void check_stops_hold_in_ball(TableReader& table, const Mass& mass, double ball_radius_m) {
@@ -378,18 +379,18 @@ void check_stops_hold_in_ball(TableReader& table, const Mass& mass, double ball_
   }
 }
 
-// In place of rail, initial position and velocity, motion and motor.
+// Reads a trajectory, which replaces rail, initial position and velocity, motion and motor.
 void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajectory& trajectory) {
   for (const char* key : {"rail", "initial_position", "initial_velocity", "motion", "motor"}) {
     mass.know({key});
     if (!mass.has(key)) continue;
     mass.refuse(key, std::string(key) == "rail"
                          ? "is given together with trajectory; allowed: one of the two"
-                         : "belongs to a mass on a rail; allowed: none of it with a trajectory, which says it all");
+                         : "belongs to a mass on a rail; allowed: no such key beside a trajectory");
   }
   if (around.actuation == Actuation::kStepper) {
     mass.refuse("trajectory",
-                "cannot be driven by a motor, which moves a mass along one rail; allowed: run.actuation = "
+                "cannot be driven by a motor; allowed: run.actuation = "
                 "\"prescribed\", or a rail");
   }
   TableReader table = mass.table("trajectory");
@@ -432,7 +433,7 @@ void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajecto
     }
   }
   if (!good) {
-    table.refuse("times", "allow no curve whose speeds and accelerations are at most " + number_text(kMostSize) +
+    table.refuse("times", "make a curve with speeds or accelerations above " + number_text(kMostSize) +
                               "; allowed: times at distances less extreme");
   } else if (around.ball_radius_m && outside(farthest_m, *around.ball_radius_m)) {
     table.refuse("points", "take the mass " + number_text(farthest_m) + " m from the geometric centre at t = " +
@@ -441,7 +442,7 @@ void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajecto
   trajectory = {*times, *points, *periodic};
 }
 
-// nullptr: none given, or none that ships.
+// nullptr: none given, or an unknown one, which is reported.
 const MotorPreset* read_preset(TableReader& table) {
   const Node* node = table.node("preset");
   if (node == nullptr) return nullptr;
@@ -451,13 +452,13 @@ const MotorPreset* read_preset(TableReader& table) {
     for (const MotorPreset& known : motor_presets()) {
       allowed += (allowed.empty() ? "\"" : ", \"") + std::string(known.name) + "\"";
     }
-    table.refuse("preset", "is no motor that ships; allowed: one of " + allowed);
+    table.refuse("preset", "is not a known motor; allowed: one of " + allowed);
   }
   return preset;
 }
 
-// Winding and supply: all of it or nothing, since no default of one would suit another. From a preset it gives way to a
-// corner_speed of the scenario's own; written out it does not, and the two contradict each other.
+// Reads winding and supply. The four keys are given together or not at all, because no default of one suits another. A
+// corner_speed overrides the winding of a preset and contradicts one that is written out.
 void read_winding(TableReader& table, const MotorPreset* preset, Motor& motor) {
   constexpr const char* kKeys[] = {"rated_current", "resistance", "inductance", "supply_voltage"};
   bool written = false;
@@ -483,7 +484,7 @@ void read_winding(TableReader& table, const MotorPreset* preset, Motor& motor) {
   const double peak_v = std::numbers::sqrt2 * *current * *resistance;
   if (!(*supply > peak_v)) {
     table.refuse("supply_voltage",
-                 "cannot drive the rated current through the winding; allowed: > sqrt(2) * "
+                 "is too low for the rated current; allowed: > sqrt(2) * "
                  "rated_current * resistance = " +
                      number_text(peak_v));
     return;
@@ -497,12 +498,12 @@ void read_winding(TableReader& table, const MotorPreset* preset, Motor& motor) {
     table.refuse("rated_current", "and the rest of the winding make a corner speed of " +
                                       number_text(motor.corner_speed_radps) + "; allowed: figures that make it a " +
                                       range.text_for(motor.corner_speed_radps));
-    motor.corner_speed_radps = std::numeric_limits<double>::infinity();  // what follows from it has no fault of its own
+    motor.corner_speed_radps = std::numeric_limits<double>::infinity();  // avoids further errors that follow from it
   }
 }
 
-// Defaults that drive any scenario faithfully: ten times the static torque, a light rotor, a well damped resonance.
-// `complete`: the mass and its surroundings are without fault; else the defaults mean nothing, and go unchecked.
+// Reads the motor. The defaults can drive any scenario: three times the torque it needs and a well damped resonance.
+// `complete`: the mass and its surroundings have no errors. Otherwise defaults mean nothing and are not checked.
 void read_motor(TableReader table, const MassSurroundings& around, const std::optional<firmware::Rail>& rail,
                 bool complete, const SpeedExtent& extent, Mass& mass) {
   Motor& motor = mass.motor;
@@ -535,25 +536,23 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
     table.refuse("travel_per_revolution", "belongs to a line or spline rail; allowed on a circle: gear_ratio");
   }
 
-  // What the shaft has to carry.
+  // The load at the shaft.
   const double mass_kg = complete ? mass.mass_kg : 1;
   const double lever = complete && on_circle ? mass.rail.radius_m : 1;  // |zeta'|
   const double ratio = motor.shaft_ratio;
   const double rail_inertia = mass_kg * lever * lever;
   const double load_inertia = rail_inertia / (ratio * ratio);  // J_L
-  // `fallback` is a default: it too has to be usable, which it is not if a scenario's numbers are absurdly large or
-  // small.
+  // A computed default must be in range too, which fails for extreme numbers in the scenario.
   const auto read = [&](const char* key, const Range& range, double fallback, double& out) {
     out = table.number(key, range, fallback).value_or(fallback);
     if (!complete || table.has(key) || range.contains(fallback)) return;
     table.refuse(key, "is not given, and its default " + number_text(fallback) + " is out of range; allowed: a " +
                           range.text_for(fallback));
   };
-  // A rotor three times as heavy as its load: each microstep then shakes the load a quarter as much, at the same
-  // margin.
+  // A rotor inertia of three times the load's: a microstep moves the load a quarter as much at the same margin.
   read("rotor_inertia", Range::positive("kg m^2"), preset ? preset->rotor_inertia_kgm2 : 3 * load_inertia,
        motor.rotor_inertia_kgm2);
-  // Three times what carries the mass against gravity and gives mass and rotor the motion's greatest acceleration.
+  // Three times the torque for gravity and the greatest acceleration of mass and rotor.
   const double moved_inertia = rail_inertia + motor.rotor_inertia_kgm2 * ratio * ratio;
   double rail_torque = mass_kg * around.gravity_mps2.value_or(1) * lever + moved_inertia * extent.greatest_acceleration;
   if (rail_torque == 0) rail_torque = moved_inertia;  // for 1 rail unit / s^2
@@ -565,8 +564,8 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   const bool printed = preset != nullptr && preset->detent_torque_nm > 0;
   read("detent_torque", below_half, printed ? preset->detent_torque_nm : 0.04 * motor.holding_torque_nm,
        motor.detent_torque_nm);
-  // Damping ratio 0.2 of the resonance of rotor and load on the field's stiffness N_r tau_hold; but at the motion's
-  // greatest speed the drag may take no more than a tenth of the holding torque.
+  // Damping ratio 0.2 for rotor and load on the field's stiffness N_r tau_hold, but at most a tenth of the holding torque
+  // at the motion's greatest speed.
   const double stiffness = motor.steps_per_revolution / 4.0 * motor.holding_torque_nm;
   const double damped = 2 * 0.2 * std::sqrt(stiffness * (motor.rotor_inertia_kgm2 + load_inertia));
   const double most_drag = 0.1 * motor.holding_torque_nm / std::max(ratio * extent.greatest_speed, 1e-300);
@@ -578,7 +577,7 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   }
   read("step_error", Range::between(0, 0.1), motor.step_error, motor.step_error);
   read("direction_setup", Range::between(0, 1e-3, "s"), motor.direction_setup_s, motor.direction_setup_s);
-  // What half the holding torque gives; the motion's own in any case, so that only a limit somebody has set refuses it.
+  // What half the holding torque gives, and at least the motion's own, so that only an explicit limit refuses a motion.
   const double half_torque = 0.5 * ratio * motor.holding_torque_nm / moved_inertia;
   read("max_acceleration", Range::positive("rail unit / s^2"), std::max(half_torque, extent.greatest_acceleration),
        motor.max_acceleration);
@@ -594,14 +593,14 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   const double carried_hz = std::max(carried_radps / ratio, 1.1 * extent.greatest_speed) * microsteps_per_unit(motor);
   read("max_step_rate", Range::positive("1/s"), std::min({timer / 10, 60 / period, carried_hz}),
        motor.max_step_rate_hz);
-  // To that acceleration in one swing of load and rotor on the field's stiffness, which then swings on least.
+  // That acceleration within one oscillation of load and rotor on the field's stiffness, which excites it least.
   const double swing_s = 2 * std::numbers::pi * std::sqrt(moved_inertia / (stiffness * ratio * ratio));
   read("max_jerk", Range::positive("rail unit / s^3"), std::max(motor.max_acceleration / swing_s, extent.greatest_jerk),
        motor.max_jerk);
   table.refuse_unknown_keys();
 }
 
-// What the controller refuses: here with the key that is to blame.
+// Checks what the controller would refuse, and reports it under the key that causes it.
 void check_steps(TableReader& table, const Mass& mass, const MassSurroundings& around) {
   const double per_unit = microsteps_per_unit(mass.motor);
   if (const Range range = Range::positive(); !range.contains(per_unit)) {
@@ -622,7 +621,7 @@ void check_steps(TableReader& table, const Mass& mass, const MassSurroundings& a
   }
 }
 
-// The motion must keep to the motor's limits; its jumps of acceleration, where pieces meet, are allowed.
+// Checks the motion against the motor's limits. Jumps of acceleration where pieces meet are allowed.
 void check_acceleration(TableReader& table, const Mass& mass, const SpeedExtent& extent) {
   const Motor& motor = mass.motor;
   if (extent.greatest_acceleration > motor.max_acceleration) {
@@ -637,7 +636,7 @@ void check_acceleration(TableReader& table, const Mass& mass, const SpeedExtent&
   }
 }
 
-// The controller must be able to issue the steps of the fastest part of the motion.
+// Checks that the controller can issue the steps of the fastest part of the motion.
 void check_step_rate(TableReader& table, const Mass& mass, const SpeedExtent& extent, const MassSurroundings& around) {
   if (!around.control_period_s || !around.timer_frequency_hz) return;
   const Motor& motor = mass.motor;
@@ -702,7 +701,7 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
     const Range range = Range::any();
     if (!range.contains(extent.least.position) || !range.contains(extent.greatest.position) ||
         !range.contains(speed.greatest_speed)) {
-      table.refuse("motion", "grows beyond all sense; allowed: positions and speeds of at most " +
+      table.refuse("motion", "overflows; allowed: positions and speeds of at most " +
                                  number_text(kMostSize) + " in size");
       motion_known = false;
     }

@@ -7,7 +7,7 @@
 
 namespace ballast::sim {
 
-// What of the rest of the scenario a mass is checked against; nothing where that is missing or faulty itself.
+// The parts of the scenario that a mass is checked against. nullopt: missing or wrong, which has been reported.
 struct MassSurroundings {
   std::optional<double> duration_s;
   std::optional<double> gravity_mps2;
@@ -17,10 +17,10 @@ struct MassSurroundings {
   std::optional<Actuation> actuation;
 };
 
-// The most rows of a table of times, and the most points of a rail.
+// Limit for rows of a table and points of a rail.
 inline constexpr std::size_t kMaxTableEntries = 10000;
 
-// The key `times` of a table: increasing, 2 to kMaxTableEntries of them.
+// Reads the key `times` of a table: 2 to kMaxTableEntries increasing numbers.
 std::optional<std::vector<double>> read_times(TableReader& table);
 
 Mass read_mass(TableReader& table, const MassSurroundings& around);

@@ -13,9 +13,9 @@
 namespace ballast::sim {
 namespace {
 
-constexpr std::size_t kMaxFileSize = 1 << 22;  // bytes; a device or a log given by mistake must not be read to its end
+constexpr std::size_t kMaxFileSize = 1 << 22;  // bytes; bounds the reading of a device or a log given by mistake
 
-// Empty error: `text` holds the file.
+// Reads the file into `text`. Returns the error, empty if there is none.
 std::string read_file(const std::filesystem::path& file, std::string& text) {
   std::error_code error;
   const auto status = std::filesystem::status(file, error);
@@ -33,7 +33,7 @@ std::string read_file(const std::filesystem::path& file, std::string& text) {
   return stream.bad() ? "cannot be read; allowed: a readable TOML file" : "";
 }
 
-// A quoted key may hold anything: a terminal must not be told by it what to do, nor a line end in it.
+// Replaces control characters: a quoted key may contain escape sequences and line ends.
 std::string printable(std::string_view text) {
   std::string out;
   for (const char c : text) {
@@ -48,8 +48,8 @@ std::string printable(std::string_view text) {
   return out;
 }
 
-// A name that came from the file's is written down, and the kinetic friction that a smoother floor of --set took down
-// with it (check.cpp); what was published of another robot is left out.
+// The scenario as TOML. It gets the name that came from the file, and the kinetic friction that --set lowered (check.cpp).
+// Published numbers of another robot are left out.
 std::string file_text(Node& root, const Scenario& scenario) {
   if (root.find("name") == nullptr) {
     Node name;
@@ -88,10 +88,10 @@ ScenarioResult parse_scenario(std::string_view toml, std::string_view source_nam
   for (const std::string& fault : faults) add_fault(fault, root, result.errors);
   ReadContext context{std::string(source_name), result.errors};
   result.scenario = check_scenario(root, context);
-  // In the file's order, what has no line first.
+  // Errors in the order of the file; those without a line come first.
   std::stable_sort(result.errors.begin(), result.errors.end(),
                    [](const ScenarioError& a, const ScenarioError& b) { return a.line < b.line; });
-  // What is published speaks of the scenario as it is in the file; how it is run may differ.
+  // Published numbers belong to the robot of the file, however it is run.
   const auto changes_robot = [](const std::string& o) { return !o.starts_with("run.") && !o.starts_with("seed="); };
   if (std::any_of(overrides.begin(), overrides.end(), changes_robot) || !result.scenario.faults.empty()) {
     result.scenario.published.clear();
@@ -118,13 +118,13 @@ std::filesystem::path find_scenario(const std::string& name_or_path, const std::
   std::error_code error;
   const std::filesystem::path path(name_or_path);
   const std::filesystem::file_status status = std::filesystem::status(path, error);
-  // A directory of a scenario's name (its results, say) does not hide the scenario.
+  // A directory with the name of a scenario, such as its results, does not hide the scenario.
   if (std::filesystem::exists(status) && !std::filesystem::is_directory(status)) return path;
   if (!name_or_path.empty() && path.filename() == path) {
     const std::filesystem::path shipped = shipped_dir / (name_or_path + ".toml");
     if (std::filesystem::is_regular_file(shipped, error)) return shipped;
   }
-  // Why one cannot even be looked at is said by who reads it.
+  // read_scenario() reports why a path cannot be read.
   return status.type() == std::filesystem::file_type::not_found ? std::filesystem::path{} : path;
 }
 

@@ -11,7 +11,7 @@ namespace ballast::sim {
 namespace {
 
 constexpr std::size_t kMaxWritten = 60;       // characters of a value repeated in a message
-constexpr std::size_t kMaxDescription = 200;  // of what the TOML parser says, which names a repeated key at its end
+constexpr std::size_t kMaxDescription = 200;  // characters of the TOML parser's message
 constexpr std::size_t kMaxKeyParts = 16;      // no scenario key is half as deep
 
 std::string one_line(std::string_view text, std::size_t longest = kMaxWritten) {
@@ -23,7 +23,7 @@ std::string one_line(std::string_view text, std::size_t longest = kMaxWritten) {
     } else if (!out.empty() && out.back() != ' ') {
       out += ' ';
     }
-    if (out.size() > longest + 1) break;  // it is cut below; texts may be long, and in every array around a value again
+    if (out.size() > longest + 1) break;  // cut below; a long text is repeated in every enclosing array
   }
   while (!out.empty() && out.back() == ' ') out.pop_back();
   if (out.size() > longest) {
@@ -35,9 +35,9 @@ std::string one_line(std::string_view text, std::size_t longest = kMaxWritten) {
   return out;
 }
 
-// The line in which a key has more parts than any key of a scenario; 0: there is none. toml++ 3.3 bounds how deep
-// values lie in each other, but not how many parts a dotted key has, and takes them apart recursively: some
-// hundred thousand end the stack. What is no TOML may be misread here only beyond the place where toml++ gives up.
+// The line of the first key with more parts than any scenario key; 0: none. toml++ 3.3 limits the nesting of values, but
+// not the parts of a dotted key, which it splits recursively: some hundred thousand overflow the stack. Text that is not
+// TOML may be misread here only beyond the place where toml++ stops.
 int line_of_too_deep_key(std::string_view text) {
   int line = 1;
   std::size_t parts = 1;
@@ -84,7 +84,7 @@ class SourceText {
   }
 
  private:
-  // At once, wherever in a line: a line may be the whole file.
+  // Takes constant time, because a line may be the whole file.
   [[nodiscard]] std::size_t offset(const toml::source_position& position) const {
     if (position.line < 1 || position.line > line_start_.size()) return text_.size();
     const std::size_t character = line_start_[position.line - 1] + std::max<std::size_t>(position.column, 1) - 1;
@@ -96,9 +96,8 @@ class SourceText {
   std::vector<std::size_t> character_start_;  // bytes
 };
 
-// The first value that lies in more than `levels` others; nullptr: there is none. toml++ bounds how many brackets lie
-// in each other, and a key's parts are bounded above, but brackets with dotted keys in each other make thousands of
-// levels of both.
+// The first value nested deeper than `levels`; nullptr: none. toml++ limits nested brackets and the function above the
+// parts of a key, but dotted keys inside brackets still multiply to thousands of levels.
 const toml::node* deeper_than(std::size_t levels, const toml::node& from) {
   if (levels == 0) return &from;
   if (const toml::table* table = from.as_table()) {
@@ -113,7 +112,7 @@ const toml::node* deeper_than(std::size_t levels, const toml::node& from) {
   return nullptr;
 }
 
-// Of values that are not too deep.
+// Converts a value whose nesting has been checked.
 Node convert(const toml::node& from, const SourceText& text, const std::string& source, bool with_lines) {
   Node to;
   to.source = source;
@@ -157,7 +156,7 @@ toml::array to_array(const Node& node);
 
 toml::table to_table(const Node& node, bool is_inline);
 
-// Calls `put` with the value as toml++ has it. Dates are left out: no scenario has one.
+// Calls `put` with the value in toml++'s type. Dates are left out, because no scenario has one.
 template <class Put>
 void with_value(const Node& node, bool is_inline, const Put& put) {
   switch (node.kind) {
@@ -181,7 +180,7 @@ void with_value(const Node& node, bool is_inline, const Put& put) {
 toml::array to_array(const Node& node) {
   toml::array array;
   for (const Node& item : node.items) {
-    // Only what the file wrote as [[name]] becomes that again.
+    // Only entries that the file wrote as [[name]] are written so.
     with_value(item, !item.written.empty(), [&array](auto&& value) { array.push_back(value); });
   }
   return array;
@@ -278,7 +277,7 @@ bool read_tree(std::string_view toml, std::string_view source_name, Node& root, 
   if (const int line = line_of_too_deep_key(toml); line != 0) {
     errors.push_back(
         {std::string(source_name), line, "", "",
-         "has a key of more than " + std::to_string(kMaxKeyParts) + " parts; no key of a scenario is so deep"});
+         "has a key of more than " + std::to_string(kMaxKeyParts) + " parts; no scenario key has as many"});
     return false;
   }
   try {
@@ -286,7 +285,7 @@ bool read_tree(std::string_view toml, std::string_view source_name, Node& root, 
     if (const toml::node* deep = deeper_than(kMaxKeyParts + 1, table)) {
       errors.push_back(
           {std::string(source_name), static_cast<int>(deep->source().begin.line), "", "",
-           "has a value in more than " + std::to_string(kMaxKeyParts) + " others; no value of a scenario is so deep"});
+           "has a value nested deeper than " + std::to_string(kMaxKeyParts) + "; no scenario value is as deep"});
       return false;
     }
     root = convert(table, SourceText(toml), std::string(source_name), true);
@@ -323,7 +322,7 @@ void apply_override(const std::string& assignment, Node& root, std::vector<Scena
   }
   if (parts.size() > kMaxKeyParts) return refuse(one_line(key), written, "is nested too deep; no key of a scenario is");
 
-  // First the part of the path that exists; what is missing is created only once nothing can go wrong any more.
+  // Follows the part of the path that exists. Missing parts are created after all checks.
   Node* node = &root;
   std::string path;
   std::size_t depth = 0;

@@ -11,11 +11,11 @@
 
 namespace ballast::sim {
 
-// Anything TOML can hold. Dates and times are kept only as what they are not: no scenario key takes one.
+// The kinds of TOML values. The value of a date or time is not kept, because no scenario key takes one.
 enum class NodeKind { kTable, kArray, kString, kInteger, kFloat, kBoolean, kDateOrTime };
 
 struct Node {
-  Node();  // not here: its entries' type is complete only where Node is
+  Node();  // defined where Node is complete, as `entries` needs it
 
   NodeKind kind = NodeKind::kTable;
   std::string source;  // file name, "--set" or "--fault"

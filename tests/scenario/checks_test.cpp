@@ -139,7 +139,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Rejection{"external_force=[0,\"x\",0]", "external_force.1", "a string"},
                       Rejection{"seed=-1", "seed", "[0, 9223372036854775807]"},
                       Rejection{"seed=1.0", "seed", "an integer"}, Rejection{"name=\"a/b\"", "name", "letters, digits"},
-                      Rejection{"name=.hidden", "name", "no . at the start"}, Rejection{"name=5", "name", "no string"},
+                      Rejection{"name=.hidden", "name", "no . at the start"}, Rejection{"name=5", "name", "not a string"},
                       Rejection{"name=\"a b\"", "name", "letters"}, Rejection{"ball=5", "ball", "a table"},
                       Rejection{"run=[]", "run", "a table"}, Rejection{"mass=5", "mass", "[[mass]]"},
                       Rejection{"mass={mass=1}", "mass", "[[mass]]"}, Rejection{"mass=[1]", "mass.0", "a table"}));
@@ -475,7 +475,7 @@ TEST(Scenario, AValueInThousandsOfOthersIsRefusedByItsLine) {
     const ScenarioResult result = parse("duration = 1\nx = " + value + "\n");
     ASSERT_EQ(result.errors.size(), 1u) << all_errors(result);
     EXPECT_EQ(result.errors[0].line, 2);
-    EXPECT_TRUE(contains(result.errors[0].message, "has a value in more than 16 others")) << result.errors[0].message;
+    EXPECT_TRUE(contains(result.errors[0].message, "has a value nested deeper than 16")) << result.errors[0].message;
     EXPECT_EQ(only_error(kMinimal, {"x=" + value}).key, "x");
   }
   // One less is read: it is the key that is wrong.

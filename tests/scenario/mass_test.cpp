@@ -125,7 +125,7 @@ TEST(Lines, AMassHasToStayInTheBallForTheWholeRun) {
             "mass.0.motion.1", "4.5 m from the geometric centre at t = 4 s"},
            // 0.5 m after 1 s, then 1 m/s.
            {"after the pieces", "motion = [{ duration = 1, acceleration = [1, 1] }]\n", "mass.0.motion",
-            "goes on with 1 m/s after its last piece, motion.0, which ends at t = 1 s, passes the end of its rail at "
+            "continues with 1 m/s after its last piece, motion.0, which ends at t = 1 s, passes the end of its rail at "
             "t = 2.5 s, and takes the mass 3.5 m from the geometric centre at t = 4 s"},
            // 2.5 m after 1 s: beyond the end before the motion is over.
            {"before and after the pieces", "motion = [{ duration = 1, acceleration = [5, 5] }]\n", "mass.0.motion",

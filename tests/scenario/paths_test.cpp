@@ -84,7 +84,7 @@ TEST(SplineScenario, FaultsAreNamed) {
            {{"mass.0.rail.points.1=[0,1]"}, "mass.0.rail.points.1", "array of 3"},
            {{"mass.0.rail.points.1=[0,inf,0]"}, "mass.0.rail.points.1.1", "finite"},
            {{"mass.0.rail.points.1=[1,0,0]"}, "mass.0.rail.points.1", "neighbours that differ"},
-           {{"mass.0.rail.points.3=[1,0,0]"}, "mass.0.rail.points.3", "is the first point again"},
+           {{"mass.0.rail.points.3=[1,0,0]"}, "mass.0.rail.points.3", "repeats the first point"},
            {{"mass.0.rail.points.2=[-2.1,0,0]"}, "mass.0.rail.points.2", "ball.radius = 2"},
            {{"mass.0.rail.closed=1"}, "mass.0.rail.closed", "true or false"},
            {{"mass.0.rail.radius=1"}, "mass.0.rail.radius", "unknown key"},

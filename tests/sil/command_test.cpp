@@ -241,7 +241,7 @@ TEST(Run, TheStepRateIsThatOfTheMasses) {
   for (const auto& motor : motors) EXPECT_NEAR(motor["max_step_rate"].get<double>(), rate_hz, tolerance_hz);
 }
 
-// Every field that tools/README.md names, in both actuations.
+// The fields of the contract, in both actuations. tests/summary holds all of them to the schema.
 TEST(Run, SummaryHasEveryFieldOfTheContract) {
   const Folder folder;
   for (const std::string actuation : {"stepper", "prescribed"}) {
@@ -579,12 +579,12 @@ TEST(Run, AClosedTerminalEndsItWithAWholeLog) {
   EXPECT_EQ(nohup.out, "there\n") << nohup.err;
 }
 
-TEST(Faults, AreListedAndEachOfThemIsInTheReadme) {
+TEST(Faults, AreListedAndEachOfThemIsOnThePage) {
   const Folder folder;
   const Outcome list = folder.run("ballast faults");
   EXPECT_EQ(list.exit_status, 0) << list.err;
-  std::ifstream readme(BALLAST_SIM_README);
-  const std::string text{std::istreambuf_iterator<char>(readme), {}};
+  std::ifstream page(BALLAST_FAULT_PAGE);
+  const std::string text{std::istreambuf_iterator<char>(page), {}};
   int kinds = 0;
   for (const sim::FaultKindInfo& kind : sim::fault_kinds()) {
     EXPECT_NE(list.out.find(std::string("  ") + kind.name + " "), std::string::npos) << kind.name;

@@ -76,16 +76,16 @@ TEST(SoakCommand, RefusesSeedsThatAreNone) {
 // The table of the docs is the one that is generated. If this fails because Ballast has changed, put the new one there.
 TEST(SoakCommand, TheFailureTableIsTheOneOfTheDocs) {
   const Folder folder;
-  const std::string readme = read_file(BALLAST_SOURCE_DIR "/tools/soak/README.md");
+  const std::string page = read_file(BALLAST_SOURCE_DIR "/tools/docs/soak.md");
   const std::string header = "| fault | severity |";
-  const std::size_t begin = readme.find(header);
+  const std::size_t begin = page.find(header);
   ASSERT_NE(begin, std::string::npos);
-  const std::size_t end = readme.find("\n\n", begin);
-  const std::size_t command = readme.rfind("ballast soak --table --seeds ", begin);
+  const std::size_t end = page.find("\n\n", begin);
+  const std::size_t command = page.rfind("ballast soak --table --seeds ", begin);
   ASSERT_NE(command, std::string::npos);
-  const Outcome table = folder.run(readme.substr(command, readme.find('\n', command) - command) + " --quiet");
+  const Outcome table = folder.run(page.substr(command, page.find('\n', command) - command) + " --quiet");
   EXPECT_EQ(table.exit_status, 0) << table.err;
-  EXPECT_EQ(table.out, readme.substr(begin, end + 1 - begin));
+  EXPECT_EQ(table.out, page.substr(begin, end + 1 - begin));
 }
 
 }  // namespace

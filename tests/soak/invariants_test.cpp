@@ -397,12 +397,12 @@ TEST(Invariants, AnotherLogHasAnotherHash) {
 
 // What the docs say must hold is what the code says.
 TEST(Invariants, AreThoseOfTheDocs) {
-  std::ifstream file(BALLAST_SOURCE_DIR "/tools/soak/README.md");
-  const std::string readme(std::istreambuf_iterator<char>(file), {});
+  std::ifstream file(BALLAST_SOURCE_DIR "/tools/docs/soak.md");
+  const std::string page(std::istreambuf_iterator<char>(file), {});
   for (int i = 0; i < kInvariantCount; ++i) {
     const InvariantText& text = text_of(static_cast<Invariant>(i));
     const std::string row = std::string("| `") + text.name + "` | " + text.statement + " |";
-    EXPECT_NE(readme.find(row), std::string::npos) << row;
+    EXPECT_NE(page.find(row), std::string::npos) << row;
   }
 }
 

@@ -1,4 +1,4 @@
-// ballast faults: the kinds of faults there are for --fault and [[fault]].
+// ballast faults: lists the kinds of faults for --fault and [[fault]].
 #include <cmath>
 #include <cstdio>
 #include <string>
@@ -14,7 +14,7 @@ namespace {
 
 constexpr char kPeersInProcesses[] =
     "  With --processes these are signals, and the run waits for the peer: frozen or slow for less than\n"
-    "  --peer-timeout it is not noticed (exit status 0); for longer, or killed, it ends the run there (2, not 3).\n";
+    "  --peer-timeout nobody detects it (exit status 0); for longer, or killed, it ends the run there (2, not 3).\n";
 
 std::string value_text(const sim::FaultKindInfo& kind) {
   if (kind.value_means[0] == '\0') return "none";
@@ -27,7 +27,7 @@ std::string value_text(const sim::FaultKindInfo& kind) {
   }();
   if (!allowed.empty()) text += ", " + allowed;
   if (kind.unit[0] != '\0') text += std::string(", ") + kind.unit;
-  return text + (kind.value_default ? "; default " + sim::number_text(*kind.value_default) : "; has to be given");
+  return text + (kind.value_default ? "; default " + sim::number_text(*kind.value_default) : "; required");
 }
 
 std::string lasts_text(const sim::FaultKindInfo& kind) {
@@ -40,7 +40,7 @@ std::string lasts_text(const sim::FaultKindInfo& kind) {
 const char* target_text(const sim::FaultKindInfo& kind) {
   switch (kind.layer) {
     case sim::FaultLayer::kMessage:
-      return "channel (default BALLAST_SENSORS), peer that hears it (default all)";
+      return "channel (default BALLAST_SENSORS), peer that receives it (default all)";
     case sim::FaultLayer::kPeer:
       return "peer: controller (default) or monitor";
     case sim::FaultLayer::kSensor:
@@ -48,7 +48,7 @@ const char* target_text(const sim::FaultKindInfo& kind) {
     case sim::FaultLayer::kMotor:
       return "mass, counted from 0 (default 0)";
     case sim::FaultLayer::kWorld:
-      return kind.kind == sim::FaultKind::kPush ? "direction, space frame (default [1, 0, 0])" : "none";
+      return "push: direction, space frame (default [1, 0, 0])";
     case sim::FaultLayer::kProgram:
       return "none";
   }
@@ -58,7 +58,7 @@ const char* target_text(const sim::FaultKindInfo& kind) {
 }  // namespace
 
 std::function<int()> add_faults_command(CLI::App& app, CLI::App*& command) {
-  command = app.add_subcommand("faults", "Lists what a run can be made to suffer, for --fault KIND@TIME[:PARAM]");
+  command = app.add_subcommand("faults", "Lists the faults that --fault KIND@TIME[:PARAM] can inject");
   return [] {
     std::printf(
         "--fault KIND@TIME[:PARAM], TIME in s; PARAM: the value, or KEY=VALUE, or several of these between commas:\n"
@@ -74,7 +74,7 @@ std::function<int()> add_faults_command(CLI::App& app, CLI::App*& command) {
       std::printf("  %-20s %s\n", kind.name, kind.what);
       if (kind.value_means[0] != '\0') std::printf("  %20s value: %s\n", "", value_text(kind).c_str());
       std::printf("  %20s lasts: %s\n", "", lasts_text(kind).c_str());
-      std::printf("  %20s noticed: %s\n", "", kind.seen);
+      std::printf("  %20s detected by: %s\n", "", kind.detected_by);
     }
     return program::kExitCompleted;
   };

@@ -18,39 +18,38 @@ namespace {
 
 constexpr InvariantText kTexts[kInvariantCount] = {
     {"detected",
-     "An envelope violation of the true ball (N at or below min_normal_force; f_s above friction_use mu_s N; sliding "
-     "after rolling; a run that the loss of rolling ends) is a trip of monitor or controller in the tick at whose end "
-     "it shows; where messages or peers are made to suffer, a tick later at most. Not looked at while both are "
-     "silent: then nobody is left, and the motors stand."},
+     "An envelope violation of the true ball trips monitor or controller in the tick at whose end it shows; one "
+     "tick later at most if messages or peers are disturbed. A violation is N <= min_normal_force, f_s > "
+     "friction_use mu_s N, sliding after rolling, or a loss of rolling that ends the run. Not checked while both "
+     "are silent: the motors then stand."},
     {"no_false_alarm",
-     "Without a fault in the scenario the monitor trips only in a tick in which the true ball is outside the envelope, "
-     "and the controller only after the monitor, at an end switch that a true mass is at, or over steps that it says "
+     "Without a fault the monitor trips only in a tick in which the true ball is outside the envelope. The "
+     "controller trips only after the monitor, at an end switch that the true mass has reached, or for steps that "
      "its motor cannot make."},
     {"obeyed",
-     "A controller that hears of a trip is tripped in that very tick, or still disarmed; where the verdict does not "
-     "reach it, two ticks later."},
+     "A controller that receives a trip is tripped in the same tick, or disarmed; two ticks later if the verdict "
+     "does not reach it."},
     {"latched",
      "A trip keeps its cause, tick, value and limit to the end; a tripped controller stays tripped and keeps its "
-     "faults. A peer that was started again cannot know: then the run ends in that tick, with reason."},
+     "faults. If a restarted peer forgets them, the run ends in that tick with a reason."},
     {"at_rest",
-     "After a trip the commanded masses stand when the stop promised they would, and no pulse comes after that. The "
-     "true masses are then held where they were sent, or the run reports why not: slips, lost or undelivered steps, an "
-     "end stop, an end before the stop's."},
+     "After a trip the commanded masses rest when the stop said they would, and no pulse follows. The true masses "
+     "are then at the commanded positions, or the run reports why not: slips, lost or undelivered steps, an end "
+     "stop, an early end."},
     {"logged",
-     "The log has every message of every tick up to the last, in order, byte for byte, and can be read back."},
+     "The log contains every message of every tick up to the last, in order and byte for byte, and can be read."},
     {"ended",
-     "The run ends with a defined reason and exit status, and with 0 only if nothing tripped and the true ball "
+     "The run ends with a defined reason and exit status. Status 0 means that nothing tripped and the true ball "
      "stayed inside the envelope."},
     {"finite",
-     "Nothing that is published is NaN or infinite, but where its .lcm file says so. What the controller estimates and "
-     "predicts of N from sensors that make no number (NaN, or injured on their way) is NaN: then its f_s / N is "
-     "+infinity and its margin -1."},
+     "No published value is NaN or infinite unless its .lcm file allows it. From sensors that are NaN or corrupted "
+     "the controller's estimate of N is NaN; f_s / N is then +infinity and the margin -1."},
     {"in_order",
-     "Ticks count up by one; every message is of its tick; pulses, positions and counts of the steps add up."},
+     "Ticks count up by one, every message belongs to its tick, and pulses, positions and counts of the steps agree."},
     {"patient",
-     "No run has more ticks than its duration, and none takes longer on the clock than the limit: nobody waits for "
-     "ever."},
-    {"repeatable", "The same seed gives the same log, byte for byte (looked at in one seed of 32)."},
+     "No run has more ticks than its duration, and none exceeds the limit of wall-clock time."},
+    {"repeatable",
+     "The same seed gives the same log, byte for byte (checked for one seed in 32)."},
 };
 
 // FNV-1a.
