@@ -55,6 +55,14 @@ class Links(unittest.TestCase):
         broken = [found for page in pages() for found in broken_links(page, page.read_text())]
         self.assertEqual(broken, [])
 
+    def test_the_first_page_stays_short(self):
+        self.assertLessEqual((ROOT / "README.md").stat().st_size, 10_000)
+
+    def test_every_page_of_tools_docs_is_listed(self):
+        listed = (ROOT / "tools/docs/README.md").read_text()
+        for page in sorted((ROOT / "tools/docs").glob("*.md")):
+            self.assertTrue(page.name == "README.md" or f"({page.name})" in listed, page.name)
+
     def test_a_broken_link_is_found(self):
         page = ROOT / "README.md"
         self.assertEqual(len(list(broken_links(page, "[a](no/such.md) [b](LICENSE) `[c](code)`"))), 1)
