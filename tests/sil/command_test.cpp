@@ -619,7 +619,7 @@ TEST(Faults, EndAsTheySay) {
   const Case cases[] = {
       {"ballast run paper_ball --fault motor_stal@1", 1, "did you mean motor_stall?"},
       {"ballast check paper_ball --fault motor_stal@1", 1, "did you mean motor_stall?"},
-      {"ballast run paper_ball --actuation prescribed --fault motor_stall@1", 1, "no motors"},
+      {"ballast run paper_ball --actuation prescribed --fault motor_stall@1", 1, "acts on a motor"},
       {"ballast run paper_ball --fault controller_overrun@1 --processes", 1, "cannot be had with --processes"},
       {"ballast run paper_ball --fault peer_killed@1 --processes --check-steps", 1, "cannot be had with --check-steps"},
       {"ballast run paper_ball --fault peer_killed@1 --firmware qemu", 1, "cannot be had with --firmware qemu"},
