@@ -1,4 +1,5 @@
-// All a controller needs of the world. A backend is one class that satisfies this; it is chosen at compile time.
+// Everything a controller needs from the world. A backend is one class that satisfies Board, chosen at compile time.
+// All calls come from the control loop, never from an interrupt.
 #pragma once
 
 #include "hal/clock.h"

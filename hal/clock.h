@@ -1,4 +1,4 @@
-// Control ticks. Time is the tick number; nothing above this line reads a wall clock.
+// Control ticks. Time is the tick number: no code above this contract reads a wall clock.
 #pragma once
 
 #include <concepts>
@@ -9,8 +9,8 @@
 namespace ballast::hal {
 
 // wait_tick(tick): waits until a control tick is due and writes its number. Each tick is handed out once, in order.
-//   kOk: serve it. kEmpty: this clock does not block and no tick is due. Anything else: there will be no more ticks.
-// overruns(): ticks that came late since the start, >= 0.
+//   kOk: the caller serves the tick. kEmpty: no tick is due, and this clock does not block. Any other: no tick follows.
+// overruns(): ticks that were late since the start, >= 0.
 template <class B>
 concept Clock = requires(B& board, const B& const_board, std::int64_t& tick) {
   { board.wait_tick(tick) } -> std::same_as<Status>;

@@ -1,4 +1,4 @@
-// The line to the outside: the monitor's verdict and the operator in, the status out.
+// The line to the host: the monitor's verdict and the operator's commands in, the status out.
 #pragma once
 
 #include <concepts>
@@ -9,11 +9,10 @@
 
 namespace ballast::hal {
 
-// read_verdict(verdict):  kOk: one that has not been read before. kEmpty: none came, `verdict` is untouched.
-// read_operator(command): kOk: a command not yet handed out, with what belongs to it; each is handed out once, one
-//                         per tick, in the order given, but a stop goes first and takes back those before it
-//                         (operator_queue.h). kEmpty: none.
-// write_status(status):   reports the tick just served.
+// read_verdict(verdict):  kOk: a verdict that has not been read before. kEmpty: none came, `verdict` is untouched.
+// read_operator(command): kOk: the next command. Each is handed out once, one per tick, in the order of arrival. A stop
+//                         goes first and cancels the commands before it (operator_queue.h). kEmpty: none waits.
+// write_status(status):   reports the tick being served.
 template <class B>
 concept HostLink = requires(B& board, firmware::MonitorVerdict& verdict, firmware::OperatorInput& command,
                             const firmware::ControllerStatus& status) {
@@ -22,15 +21,15 @@ concept HostLink = requires(B& board, firmware::MonitorVerdict& verdict, firmwar
   { board.write_status(status) } -> std::same_as<Status>;
 };
 
-// What came in and was not used, since the start.
+// Messages that came in and were not used, since the start.
 struct LinkCounters {
   std::int64_t malformed = 0;     // wrong size, wrong type or a value outside its range
-  std::int64_t repeated = 0;      // a tick that is already there, or a command already obeyed
+  std::int64_t repeated = 0;      // a tick that had come before, or a command that was handed out before
   std::int64_t out_of_order = 0;  // any other tick than the next
   std::int64_t foreign = 0;       // of another scenario or another run
   std::int64_t old = 0;           // commands older than their sender's newest, or of a tick still to come
-  std::int64_t dropped = 0;       // commands taken back by a stop before their turn, or too many of them
-  std::int64_t taken_back = 0;    // verdicts that take back a trip; these are used as if they did not
+  std::int64_t dropped = 0;       // commands cancelled by a stop, or without a free place
+  std::int64_t taken_back = 0;    // verdicts that take back a trip; they are used as if they did not
   LinkCounters& operator+=(const LinkCounters& more) {
     malformed += more.malformed;
     repeated += more.repeated;

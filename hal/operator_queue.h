@@ -1,19 +1,20 @@
-// Commands that wait for their tick. The controller obeys one per tick.
+// Operators' commands that wait for their tick. The controller obeys one per tick.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
 
+#include "hal/status.h"
+
 namespace ballast::hal {
 
-// First in, first out, but for the stop, the only command that makes less move: it takes back what waits, an older stop
-// too, and goes first. So there is always room for it, and it is obeyed in the next tick. Any other command is refused
-// when there is no room.
+// First in, first out, except for a stop: it cancels every command that waits, an older stop too, and goes first. So a
+// stop always finds a place and is obeyed in the next tick. Any other command is refused when the queue is full.
 template <class Command, std::size_t kCapacity>
 class OperatorQueue {
  public:
-  // False: there was no room; never of a stop.
+  // False: the queue is full; never for a stop.
   [[nodiscard]] bool push(const Command& command, bool stop) {
     if (stop) {
       dropped_ += static_cast<std::int64_t>(count_);
@@ -25,14 +26,18 @@ class OperatorQueue {
     commands_[(first_ + count_++) % kCapacity] = command;
     return true;
   }
-  // What pop() takes; nullptr: nothing.
+  // The next command; nullptr: none waits.
   [[nodiscard]] const Command* front() const { return count_ == 0 ? nullptr : &commands_[first_]; }
-  void pop() {
+  // Takes the next command out.
+  Status take(Command& command) {
+    if (count_ == 0) return Status::kEmpty;
+    command = commands_[first_];
     first_ = (first_ + 1) % kCapacity;
     --count_;
+    return Status::kOk;
   }
 
-  // Commands that were never at the front: taken back by a stop, or refused.
+  // Commands that were cancelled by a stop or refused.
   [[nodiscard]] std::int64_t dropped() const { return dropped_; }
 
  private:

@@ -1,4 +1,4 @@
-// What the robot measures of itself.
+// The robot's own sensors.
 #pragma once
 
 #include <concepts>
@@ -8,8 +8,9 @@
 
 namespace ballast::hal {
 
-// read_sensors(sensors): kOk: a sample that has not been read before, passed on bit for bit, NaN included (judging it
-// is the firmware's business). kEmpty: none came; `sensors` keeps the old sample with its old tick.
+// read_sensors(sensors):
+//   kOk: a sample that has not been read before, bit for bit. NaN passes; the firmware judges it.
+//   kEmpty: none came. `sensors` keeps the old sample with its old tick.
 template <class B>
 concept SensorSource = requires(B& board, firmware::Sensors& sensors) {
   { board.read_sensors(sensors) } -> std::same_as<Status>;

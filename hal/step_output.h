@@ -8,7 +8,7 @@
 
 namespace ballast::hal {
 
-// write_steps(steps): hands over the pulses of control tick `steps.tick`, which is the tick after the one being served.
+// write_steps(steps): hands over the pulses of control tick `steps.tick`, the one after the tick being served.
 template <class B>
 concept StepOutput = requires(B& board, const firmware::StepCommand& steps) {
   { board.write_steps(steps) } -> std::same_as<Status>;

@@ -1,11 +1,11 @@
-// Cuts the motors' power unless it is kicked once per control tick.
+// The watchdog cuts the motors' power unless it is kicked in every control tick.
 #pragma once
 
 #include <concepts>
 
 namespace ballast::hal {
 
-// kick_watchdog(): the tick is served, its outputs are written.
+// kick_watchdog(): called once per tick, after its outputs were written.
 template <class B>
 concept Watchdog = requires(B& board) {
   { board.kick_watchdog() } -> std::same_as<void>;

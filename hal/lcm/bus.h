@@ -1,8 +1,10 @@
-// One connection to an LCM bus: only whole, valid messages of one's own run get through, and waiting always ends.
+// A connection to an LCM bus. Only whole, valid messages of the joined run get through, and every wait ends.
 //
-// A bus is anybody's: LCM knows no senders and no keys. So every run has a number, drawn by its plant, which all its
-// messages carry, and whoever has joined a run hears no other. That keeps out accidents: a log played back, a run
-// before this one that still talks, a second run on the same bus. It keeps out nobody who reads the bus and means harm.
+// LCM knows no senders and no keys. So every run has a number, drawn by its plant, that all its messages carry; a bus
+// that has joined a run drops messages of others. This protects against accidents: a log played back, an earlier run
+// that still sends, a second run on the same bus. It does not protect against a sender that copies the number.
+//
+// One thread uses a bus; callbacks run inside receive_until().
 #pragma once
 
 #include <cerrno>
@@ -26,13 +28,13 @@ namespace ballast::hal {
 using WallClock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
 
-// Callers measure silence in seconds that may be huge; this saturates where WallClock would overflow.
+// `start` + `wait`, limited to about 3 years: callers' timeouts may be too large for WallClock.
 inline WallClock::time_point after(WallClock::time_point start, Seconds wait) {
   constexpr Seconds kAboutForever{1e8};
   return start + std::chrono::duration_cast<WallClock::duration>(wait < kAboutForever ? wait : kAboutForever);
 }
 
-// For a run, or for a sender of operator_t: hardly ever one that somebody else has drawn; never 0.
+// A random number for a run or for a sender of operator_t, never 0. With 63 bits, two draws hardly ever agree.
 inline std::int64_t draw_bus_number() {
   std::random_device random;
   for (;;) {
@@ -43,7 +45,8 @@ inline std::int64_t draw_bus_number() {
 
 class Bus {
  public:
-  // `interrupted`: nonzero makes every wait return kInterrupted within 50 ms; must outlive the bus. Check good() first.
+  // Check good() first. Once `*interrupted` is nonzero, every wait returns kInterrupted within 50 ms. `interrupted`
+  // must outlive the bus.
   explicit Bus(const std::string& url, const volatile std::sig_atomic_t* interrupted = nullptr)
       : interrupted_(interrupted), lcm_(url) {}
   Bus(const Bus&) = delete;
@@ -51,19 +54,19 @@ class Bus {
 
   [[nodiscard]] bool good() const { return lcm_.good(); }
 
-  // From now on what is published carries this run's number, and what is heard of other runs is counted and dropped;
-  // but for the words of peers that wait for a run. Before, everything is heard, and what is published is of no run.
+  // Joins a run. From now on published messages carry its number, and messages of other runs are counted and dropped,
+  // except those of peers that wait for a run. Before, all messages are heard, and published ones carry 0.
   void join(std::int64_t run_id) { run_id_ = run_id; }
-  [[nodiscard]] std::int64_t run_id() const { return run_id_; }  // 0: none joined
+  [[nodiscard]] std::int64_t run_id() const { return run_id_; }  // 0: no run joined
 
-  // Calls `on_message` for each valid message of this channel, from inside receive_until(). Others are counted.
+  // Calls `on_message` for each valid message of the channel, from inside receive_until(). Invalid ones are counted.
   template <class M>
   void subscribe(const char* channel, std::function<void(const M&)> on_message) {
     if (!good()) return;
     auto receiver = std::make_shared<Receiver<M>>(Receiver<M>{std::move(on_message), this});
     // A plain function: GCC 12's undefined-behaviour sanitizer breaks LCM's call through a pointer to member.
     lcm::Subscription* subscription = lcm_.subscribeFunction(channel, &Receiver<M>::handle, receiver.get());
-    // LCM's own limit of 30 would silently drop messages while this process is not scheduled.
+    // LCM's default of 30 silently drops messages while this process is not scheduled.
     subscription->setQueueCapacity(kQueueCapacity);
     receivers_.push_back(std::move(receiver));
   }
@@ -74,8 +77,8 @@ class Bus {
     return lcm_.publish(channel, &message) == 0 ? Status::kOk : Status::kIo;
   }
 
-  // Handles messages one by one until done(); kEmpty: it was not by the deadline. What has already arrived by then is
-  // still handled (a process that was suspended must not blame its peers), up to a bound.
+  // Handles messages one by one until done(). kEmpty: the deadline passed first. Messages that have arrived by then are
+  // still handled, up to kQueueCapacity, so that a process that was suspended does not blame its peers.
   template <class Done>
   Status receive_until(WallClock::time_point deadline, const Done& done) {
     int late = 0;
@@ -126,7 +129,7 @@ class Bus {
   std::int64_t run_id_ = 0;
   std::int64_t malformed_ = 0, foreign_ = 0;
   std::vector<std::shared_ptr<void>> receivers_;
-  lcm::LCM lcm_;  // last: goes first, so that no receiver is called after its end
+  lcm::LCM lcm_;  // last member, so destroyed first: no receiver is called after its end
 };
 
 }  // namespace ballast::hal

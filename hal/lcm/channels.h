@@ -1,11 +1,11 @@
-// The bus: where it is and what its channels are called (message types: lcmtypes/).
+// Address and channels of the bus. The message types are in lcmtypes/.
 #pragma once
 
 #include <cstdint>
 
 namespace ballast::hal {
 
-inline constexpr char kDefaultLcmUrl[] = "udpm://239.255.76.67:7667?ttl=0";  // ttl 0: does not leave this machine
+inline constexpr char kDefaultLcmUrl[] = "udpm://239.255.76.67:7667?ttl=0";  // ttl 0: packets stay on this machine
 
 inline constexpr char kChannelContact[] = "BALLAST_CONTACT";
 inline constexpr char kChannelPlantState[] = "BALLAST_PLANT_STATE";
@@ -15,7 +15,7 @@ inline constexpr char kChannelControllerStatus[] = "BALLAST_CONTROLLER_STATUS";
 inline constexpr char kChannelTrip[] = "BALLAST_TRIP";
 inline constexpr char kChannelOperator[] = "BALLAST_OPERATOR";
 
-// Tick number in a controller_status_t or trip_t that says: alive, waiting for the first tick.
+// Tick of a controller_status_t or trip_t whose sender waits for the first tick.
 inline constexpr std::int64_t kWaitingTick = -3;
 
 }  // namespace ballast::hal

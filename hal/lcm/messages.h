@@ -1,4 +1,4 @@
-// Between the firmware's structs, the LCM messages and their bytes.
+// Conversions between the firmware's structs, the LCM messages and their bytes. The fields are those of hal/messages.h.
 #pragma once
 
 #include <ballast/contact_t.hpp>
@@ -18,8 +18,8 @@ namespace ballast::hal {
 // us at the start of a control tick, rounded.
 std::int64_t tick_utime(std::int64_t tick, double control_period_s);
 
-// Every byte of a message is determined by the arguments; array entries beyond a count are 0. Numbers go through bit
-// for bit.
+// The arguments determine every byte of the message; array entries beyond a count are 0. Numbers keep their bits.
+// run_id and what only the sender knows (refused_messages, sender) are 0.
 sensors_t to_message(const firmware::Sensors& sensors, int mass_count, bool last, std::int64_t scenario_id,
                      double control_period_s);
 step_command_t to_message(const firmware::StepCommand& steps, double control_period_s);
@@ -27,15 +27,15 @@ controller_status_t to_message(const firmware::ControllerStatus& status, double 
 operator_t to_message(const firmware::OperatorInput& input, std::int64_t tick, std::int64_t sequence,
                       double control_period_s);
 
-// The messages must satisfy in_range().
+// The message must satisfy in_range().
 firmware::Sensors from_message(const sensors_t& message);
 firmware::StepCommand from_message(const step_command_t& message);
-firmware::ControllerStatus from_message(const controller_status_t& message);  // of `predicted`: N and f_s only
+firmware::ControllerStatus from_message(const controller_status_t& message);  // `predicted` gets N and f_s only
 firmware::MonitorVerdict from_message(const trip_t& message);
 firmware::OperatorInput from_message(const operator_t& message);
 
-// Counts, indices, flags and enumerations are inside what the .lcm files state, ticks less than 2^62 from 0, so that
-// what is computed from them does not overflow. Physical values are not judged: NaN passes.
+// True if counts, indices, flags and enumerations are inside what the .lcm files state, and ticks are at most
+// kFarthestTick from 0, so that their differences do not overflow. Physical values are not judged: NaN passes.
 bool in_range(const contact_t& message);
 bool in_range(const plant_state_t& message);
 bool in_range(const sensors_t& message);
@@ -44,11 +44,11 @@ bool in_range(const controller_status_t& message);
 bool in_range(const trip_t& message);
 bool in_range(const operator_t& message);
 
-// True if the type's hash is in the first 8 of these bytes, big-endian as LCM writes it. Reads at most `size` bytes.
+// True if the first 8 bytes are the type's hash, big-endian as LCM writes it. Reads at most `size` bytes.
 bool has_hash(const void* data, std::size_t size, std::int64_t hash);
 
-// Bytes from anywhere -> message. False, and `message` untouched, unless they are exactly one message of this type with
-// everything in range; size and hash are checked before anything is decoded.
+// Decodes bytes from anywhere. False, and `message` untouched, unless they are exactly one message of this type and in
+// range. Size and hash are checked before anything is decoded.
 template <class M>
 [[nodiscard]] bool decode(const void* data, std::size_t size, M& message) {
   M decoded{};

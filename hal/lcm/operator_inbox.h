@@ -1,4 +1,4 @@
-// The operators' messages on a bus, each handed out once.
+// Operators' messages from a bus, each handed out once.
 #pragma once
 
 #include <algorithm>
@@ -11,25 +11,27 @@
 
 namespace ballast::hal {
 
-// A sender's messages count up, so what is not after its newest is a copy or comes late, and is not handed out. A stop
-// is handed out however late it comes, unless that stop or a later one of its sender's was before: to stop once more
-// than was meant does no harm, not to stop does. What is handed out waits in an OperatorQueue, where a stop goes first;
-// a message for which there is no room has not been heard, so that its sender can say it again.
+// The rules differ for stops, because an extra stop does no harm and a missing one does.
 //
-// A command is given in a tick that its sender has heard of, so one of a tick still to come is not believed: it is
-// counted as `old` too, and not handed out. A stop is; its tick is forgotten.
+// Order. A sender numbers its messages upward. A message that is not newer than its sender's newest is a copy or late:
+// it is counted and not handed out. A stop is handed out unless it, or a later stop of its sender, was before.
 //
-// There is memory for kMostSenders. One more makes the one silent for longest be forgotten, but never oneself. From
-// then on only messages given after the newest tick of those forgotten are taken from a sender who is not known, nor
-// later, when a stop has made it known, so that none of theirs can come back; those before are counted as `old`. Stops
-// are taken from anybody, any time; one of a sender forgotten may be so once more.
+// Future ticks. A sender knows the run's newest tick, so a message of a tick still to come is counted as `old` and not
+// handed out. A stop is handed out, and its tick is not remembered.
+//
+// Waiting. Messages wait in an OperatorQueue, where a stop goes first. A message that finds the queue full counts as
+// not heard, so its sender can repeat it.
+//
+// Memory. kMostSenders senders are known. A new one replaces the sender that has been silent for longest, but never the
+// process's own. From then on a sender that is not known needs a tick after the newest tick of all senders replaced;
+// earlier messages are counted as `old`. So no message of a replaced sender is handed out twice, except a stop.
 class OperatorInbox {
  public:
   static constexpr std::size_t kMostSenders = 32;
   static constexpr std::size_t kMostWaiting = 64;
-  static constexpr std::int64_t kMostAhead = 2;  // ticks; the run's own commands come before the tick they are of
+  static constexpr std::int64_t kMostAhead = 2;  // ticks; the run gives its own commands before their tick
 
-  // Which tick it is. Until this is said any is believed.
+  // Sets the run's newest tick. Before the first call no message is of a tick still to come.
   void now(std::int64_t tick) { now_tick_ = tick; }
 
   void hear(const operator_t& message) {
@@ -50,7 +52,7 @@ class OperatorInbox {
       sender->after_tick = after_tick;
     }
     sender->used = ++heard_;
-    if (message.sequence <= sender->newest_own) return;  // a bus gives back what is published on it
+    if (message.sequence <= sender->newest_own) return;  // the bus returned the process's own message
     const std::optional<std::int64_t>& newest = stop ? sender->newest_stop : sender->newest;
     if (message.sequence <= newest) {
       ++(message.sequence == newest ? counters_.repeated : counters_.old);
@@ -62,7 +64,7 @@ class OperatorInbox {
     if (!to_come) sender->newest_tick = std::max(sender->newest_tick, std::optional(message.tick));
   }
 
-  // One's own, about to be published: it is not handed out when it comes back.
+  // Announces the process's own message before it is published, so that it is not handed out when the bus returns it.
   void know(const operator_t& message) {
     Sender* sender = find(message.sender);
     if (sender == nullptr) sender = &take_place(message.sender);
@@ -72,16 +74,14 @@ class OperatorInbox {
   }
 
   std::optional<operator_t> next() {
-    if (waiting_.front() == nullptr) return std::nullopt;
-    const operator_t message = *waiting_.front();
-    waiting_.pop();
-    return message;
+    operator_t message;
+    return waiting_.take(message) == Status::kOk ? std::optional(message) : std::nullopt;
   }
 
-  // What next() would hand out; nullptr: nothing.
+  // The message next() will hand out; nullptr: none waits.
   [[nodiscard]] const operator_t* peek() const { return waiting_.front(); }
 
-  // Of these only `repeated`, `old` and `dropped` are counted here.
+  // Only `repeated`, `old` and `dropped` are counted here.
   [[nodiscard]] LinkCounters counters() const {
     LinkCounters counters = counters_;
     counters.dropped = waiting_.dropped();
@@ -89,12 +89,12 @@ class OperatorInbox {
   }
 
  private:
-  // Without a value: none; it is less than any.
+  // An optional without a value is less than any number.
   struct Sender {
     std::int64_t id = 0;
     std::optional<std::int64_t> newest, newest_stop, newest_own, newest_tick;
-    std::optional<std::int64_t> after_tick;  // commands up to it may be of the time before it was forgotten
-    std::int64_t used = 0;                   // when, in messages heard; 0: the place is free
+    std::optional<std::int64_t> after_tick;  // commands up to this tick may date from before the sender was replaced
+    std::int64_t used = 0;                   // messages heard in all when this one spoke last; 0: the place is free
   };
 
   Sender* find(std::int64_t id) {

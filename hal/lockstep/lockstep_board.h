@@ -1,15 +1,16 @@
-// Controller and world in one process: plain mailboxes, no threads, no allocation, no wall clock.
+// Controller and world in one process: plain mailboxes without threads, allocation or a wall clock.
 #pragma once
 
 #include <cstdint>
 
 #include "hal/board.h"
+#include "hal/board_parts.h"
 #include "hal/operator_queue.h"
 
 namespace ballast::hal {
 
-// The world fills the mailboxes, releases a tick, lets ControlLoop::step() serve it and takes what came out. A mailbox
-// left empty is a message that did not come. With no tick released wait_tick() returns kEmpty at once.
+// The world fills the mailboxes, releases a tick, lets ControlLoop::step() serve it and takes the outputs. An empty
+// mailbox stands for a message that did not come. While no tick is released, wait_tick() returns kEmpty at once.
 class LockstepBoard {
  public:
   // --- the world's side ---
@@ -21,37 +22,21 @@ class LockstepBoard {
     verdict_ = verdict;
     has_verdict_ = true;
   }
-  // Queued; kIo: the queue is full and the command was not taken.
+  // kIo: the queue is full and the command was refused.
   Status give_operator(const firmware::OperatorInput& command) {
     const bool taken = commands_.push(command, command.command == firmware::OperatorCommand::kStop);
     return taken ? Status::kOk : Status::kIo;
   }
-  // Makes a tick due. The first may have any number; later ones must be the next one, others are counted and ignored.
-  // `last`: once it is served wait_tick() returns kEnded.
+  // Makes a tick due if it is the first or the next one; any other is counted and ignored. `last`: once it is served,
+  // wait_tick() returns kEnded.
   void release_tick(std::int64_t tick, bool last = false) {
-    if (ticked_ && tick == tick_) {
-      ++counters_.repeated;
-    } else if (ticked_ && tick != tick_ + 1) {
-      ++counters_.out_of_order;
-    } else {
-      ticked_ = true;
-      due_ = true;
-      tick_ = tick;
-      last_ = last;
-    }
+    if (!order_.is_next(tick, counters_)) return;
+    order_.begin(tick);
+    due_ = true;
+    last_ = last;
   }
-  Status take_steps(firmware::StepCommand& steps) {
-    if (!has_steps_) return Status::kEmpty;
-    steps = steps_;
-    has_steps_ = false;
-    return Status::kOk;
-  }
-  Status take_status(firmware::ControllerStatus& status) {
-    if (!has_status_) return Status::kEmpty;
-    status = status_;
-    has_status_ = false;
-    return Status::kOk;
-  }
+  Status take_steps(firmware::StepCommand& steps) { return hand_out(has_steps_, steps_, steps); }
+  Status take_status(firmware::ControllerStatus& status) { return hand_out(has_status_, status_, status); }
   [[nodiscard]] LinkCounters counters() const {
     LinkCounters counters = counters_;
     counters.dropped = commands_.dropped();
@@ -63,28 +48,13 @@ class LockstepBoard {
   Status wait_tick(std::int64_t& tick) {
     if (!due_) return last_ ? Status::kEnded : Status::kEmpty;
     due_ = false;
-    tick = tick_;
+    tick = order_.newest();
     return Status::kOk;
   }
   [[nodiscard]] std::int64_t overruns() const { return 0; }
-  Status read_sensors(firmware::Sensors& sensors) {
-    if (!has_sensors_) return Status::kEmpty;
-    sensors = sensors_;
-    has_sensors_ = false;
-    return Status::kOk;
-  }
-  Status read_verdict(firmware::MonitorVerdict& verdict) {
-    if (!has_verdict_) return Status::kEmpty;
-    verdict = verdict_;
-    has_verdict_ = false;
-    return Status::kOk;
-  }
-  Status read_operator(firmware::OperatorInput& command) {
-    if (commands_.front() == nullptr) return Status::kEmpty;
-    command = *commands_.front();
-    commands_.pop();
-    return Status::kOk;
-  }
+  Status read_sensors(firmware::Sensors& sensors) { return hand_out(has_sensors_, sensors_, sensors); }
+  Status read_verdict(firmware::MonitorVerdict& verdict) { return hand_out(has_verdict_, verdict_, verdict); }
+  Status read_operator(firmware::OperatorInput& command) { return commands_.take(command); }
   Status write_steps(const firmware::StepCommand& steps) {
     steps_ = steps;
     has_steps_ = true;
@@ -105,10 +75,9 @@ class LockstepBoard {
   firmware::ControllerStatus status_;
   bool has_sensors_ = false, has_verdict_ = false, has_steps_ = false, has_status_ = false;
 
-  std::int64_t tick_ = 0;
-  bool ticked_ = false;  // a tick has been released
-  bool due_ = false;     // and not yet served
-  bool last_ = false;    // and it is the last one
+  TickOrder order_;    // of the ticks released
+  bool due_ = false;   // the newest is not yet served
+  bool last_ = false;  // it is the last one
   LinkCounters counters_;
   std::int64_t watchdog_kicks_ = 0;
 };

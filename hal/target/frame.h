@@ -1,5 +1,5 @@
-// What goes over the link between a host and a microcontroller: frames. The decoder is a function from bytes to a
-// frame, without state, for any bytes.
+// Frames of the link between a host and a microcontroller. decode_frame() is a function of bytes alone and accepts any;
+// FrameStream finds the frames in a stream that comes in pieces.
 //
 //   offset  size
 //        0     4  0x54534c42, "BLST"
@@ -11,8 +11,10 @@
 //   20 + n     4  CRC-32 of all bytes before it
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <span>
 
 #include "hal/target/wire.h"
@@ -28,14 +30,14 @@ inline constexpr std::size_t kMaxFrame = kHeaderSize + kMaxPayload + kTrailerSiz
 
 enum class MessageType : std::uint16_t {
   kHello = 1,      // target: what it is
-  kBall = 2,       // host: parameters, without the masses
+  kBall = 2,       // host: parameters without the masses
   kMass = 3,       // host: parameters of one mass, in order
-  kCommit = 4,     // host: that was all
-  kVerdict = 5,    // target: parameters accepted, or why not
-  kWorld = 6,      // host: what the controller hears in one tick
-  kReply = 7,      // target: what the controller says to it
-  kLastWords = 8,  // target: it cannot go on, and why
-  kFarewell = 9,   // target: the last tick is served
+  kCommit = 4,     // host: the parameters are complete
+  kVerdict = 5,    // target: parameters accepted or refused, with the reason
+  kWorld = 6,      // host: the controller's inputs of one tick
+  kReply = 7,      // target: the controller's outputs of that tick
+  kLastWords = 8,  // target: it cannot continue, with the reason
+  kFarewell = 9,   // target: the last tick was served
 };
 
 struct Frame {
@@ -46,21 +48,21 @@ struct Frame {
 
 enum class FrameError : std::uint8_t {
   kNone,
-  kIncomplete,  // the beginning of a frame; `needed` says how many bytes are needed to know more
-  kNotAFrame,   // no magic
+  kIncomplete,  // a frame begins here; FrameResult::needed bytes are needed to know more
+  kNotAFrame,   // not the magic number
   kVersion,     // another version of the protocol
-  kType,        // no such message
+  kType,        // unknown message type
   kLength,      // longer than any message
   kChecksum,
 };
 
 struct FrameResult {
   FrameError error = FrameError::kNone;
-  std::size_t size = 0;    // kNone: of the frame
-  std::size_t needed = 0;  // kIncomplete: bytes in all
+  std::size_t size = 0;    // of the frame, with kNone
+  std::size_t needed = 0;  // in all, with kIncomplete
 };
 
-// The frame at the beginning of `bytes`. On failure `frame` is untouched.
+// Decodes the frame at the beginning of `bytes`. On failure `frame` is untouched.
 [[nodiscard]] inline FrameResult decode_frame(std::span<const std::uint8_t> bytes, Frame& frame) {
   if (bytes.size() < kHeaderSize) return {FrameError::kIncomplete, 0, kHeaderSize};
   Reader reader(bytes.first(kHeaderSize));
@@ -91,7 +93,7 @@ struct FrameResult {
   return {FrameError::kNone, size, 0};
 }
 
-// Writes a frame around what `payload(Writer&)` writes; 0: it does not fit.
+// Writes a frame around the bytes that `payload(Writer&)` writes, and returns its size. 0: it does not fit.
 template <class Payload>
 [[nodiscard]] std::size_t encode_frame(std::span<std::uint8_t> bytes, MessageType type, std::int64_t tick,
                                        const Payload& payload) {
@@ -110,5 +112,37 @@ template <class Payload>
   trailer(crc32(bytes.first(size)));
   return size + kTrailerSize;
 }
+
+// Finds frames in a stream of bytes that comes in pieces of any size. Nothing after bytes that are no frame is looked
+// at: it could be an old frame.
+class FrameStream {
+ public:
+  // The next frame, with a payload that is good until the next call, or why there is none. kIncomplete: more bytes are
+  // needed.
+  FrameError next(Frame& frame) {
+    begin_ += taken_;
+    taken_ = 0;
+    const FrameResult result = decode_frame(std::span(bytes_).first(end_).subspan(begin_), frame);
+    if (result.error == FrameError::kNone) taken_ = result.size;
+    return result.error;
+  }
+
+  // Free space for the bytes that come next: at least one byte after kIncomplete. added() says how many came.
+  [[nodiscard]] std::span<std::uint8_t> space() {
+    if (begin_ == end_) begin_ = end_ = 0;  // the usual case: one read brings one frame, and nothing is moved
+    if (bytes_.size() - begin_ < kMaxFrame) {
+      std::memmove(bytes_.data(), bytes_.data() + begin_, end_ - begin_);
+      end_ -= begin_;
+      begin_ = 0;
+    }
+    return std::span(bytes_).subspan(end_);
+  }
+  void added(std::size_t count) { end_ += count; }
+
+ private:
+  std::array<std::uint8_t, 2 * kMaxFrame> bytes_;
+  std::size_t begin_ = 0, end_ = 0;  // of the bytes that came and are not yet used
+  std::size_t taken_ = 0;            // by the frame handed out
+};
 
 }  // namespace ballast::hal::target

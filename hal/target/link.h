@@ -1,4 +1,4 @@
-// Frames over a machine's byte stream.
+// Messages over a machine's byte stream. Used by the control loop only, never by an interrupt.
 #pragma once
 
 #include <array>
@@ -12,29 +12,15 @@ class Link {
  public:
   explicit Link(M& machine) : machine_(machine) {}
 
-  // Waits for a frame, whose payload is good until the next call. kIo: bytes came that are none; nothing after them can
-  // be trusted.
+  // Waits for a frame; its payload is good until the next call. kIo: the bytes are no frame, and the link has ended.
   Status receive(Frame& frame) {
-    // Usually one read brings one frame, and nothing has to be moved.
-    begin_ += taken_;
-    taken_ = 0;
-    if (begin_ == end_) begin_ = end_ = 0;
     for (;;) {
-      const std::span<const std::uint8_t> bytes(received_.data() + begin_, end_ - begin_);
-      const FrameResult result = decode_frame(bytes, frame);
-      if (result.error == FrameError::kNone) {
-        taken_ = result.size;
-        return Status::kOk;
-      }
-      if (result.error != FrameError::kIncomplete) return Status::kIo;
-      if (received_.size() - begin_ < kMaxFrame) {
-        std::memmove(received_.data(), received_.data() + begin_, end_ - begin_);
-        end_ -= begin_;
-        begin_ = 0;
-      }
+      const FrameError error = frames_.next(frame);
+      if (error == FrameError::kNone) return Status::kOk;
+      if (error != FrameError::kIncomplete) return Status::kIo;
       std::size_t count = 0;
-      if (const Status s = machine_.read(std::span(received_).subspan(end_), count); s != Status::kOk) return s;
-      end_ += count;
+      if (const Status s = machine_.read(frames_.space(), count); s != Status::kOk) return s;
+      frames_.added(count);
     }
   }
 
@@ -47,10 +33,8 @@ class Link {
 
  private:
   M& machine_;
-  std::array<std::uint8_t, 2 * kMaxFrame> received_;
+  FrameStream frames_;
   std::array<std::uint8_t, kMaxFrame> sent_;
-  std::size_t begin_ = 0, end_ = 0;  // of what has come and is not yet used
-  std::size_t taken_ = 0;            // of that, by the frame handed out
 };
 
 }  // namespace ballast::hal::target

@@ -1,4 +1,8 @@
-// What a board must be able to do so that the firmware runs on it over a link: all that a port supplies.
+// Machine: everything a port supplies so that the firmware runs on its board over a link.
+//
+// The control loop makes all calls, with interrupts on. The board has two interrupts of the same priority: its tick
+// timer and its step timer, which drive a StepPlayer (step_player.h). No function allocates. hal/README.md (Porting to
+// another board) has the time each may take.
 #pragma once
 
 #include <concepts>
@@ -11,18 +15,17 @@
 
 namespace ballast::hal::target {
 
-// kName, kCounterHz      its name, and the rate of all counts
-// read(bytes, count)     waits for bytes of the link: at least one. kPeerLost: there will be no more
-// write(bytes)           all of them
-// start(params, commit)  control ticks, step timer and watchdog from now on. False: this board cannot keep the period
-// wait_tick()            waits for the beginning of a control tick; how many have begun since the last call: 1, or
-//                        more if some were late
-// tick_due()             whether one has begun meanwhile: then the one being served is late
-// counter()              free-running, wraps
-// load(steps)            the pulses of the next control tick
-// played(pulses)         the pulses given during the control tick before this one
-// kick_watchdog()        the control tick is served
-// report(farewell)       fills in what only the board knows: stack
+// kName, kCounterHz      the board's name, and the rate of every count it reports
+// read(bytes, count)     waits for bytes of the link, at least one. kPeerLost: none will follow
+// write(bytes)           writes all bytes to the link
+// start(params, commit)  starts control ticks, step timer and watchdog. False: the board cannot keep the control period
+// wait_tick()            waits for a control tick to begin; returns how many have begun since the last call, 1 or more
+// tick_due()             whether a tick has begun since wait_tick(): then the one being served is late
+// counter()              a free-running counter that wraps
+// load(steps)            takes the pulses of the next control tick; at most one call per tick
+// played(pulses)         writes the pulses given during the previous control tick
+// kick_watchdog()        called once per tick, after its outputs were written
+// report(farewell)       fills in the fields only the board knows: the stack's
 template <class M>
 concept Machine = requires(M& machine, const M& constant, std::span<std::uint8_t> in, std::span<const std::uint8_t> out,
                            std::size_t& count, const firmware::StepCommand& steps,

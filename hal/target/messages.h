@@ -36,9 +36,9 @@ struct Text {
   [[nodiscard]] const char* c_str() const { return characters.data(); }
 };
 
-// What both ends must agree on before anything is sent that depends on it.
+// Sizes and sources that both ends compare before any other message.
 struct Identity {
-  std::uint64_t sources = 0;  // of everything that decides what the firmware computes and says
+  std::uint64_t sources = 0;  // number of the firmware's sources (build_id.cmake)
   std::uint8_t real_bytes = sizeof(firmware::Real);
   std::int32_t max_masses = firmware::kMaxMasses;
   std::int32_t max_pieces = firmware::kMaxPieces;
@@ -50,15 +50,15 @@ struct Identity {
 struct Hello {
   Identity identity;
   Text<32> board;
-  std::uint32_t counter_hz = 0;  // of all counts reported
+  std::uint32_t counter_hz = 0;  // rate of every count the target reports
 };
 
 struct MassParams {
   firmware::Real mass_kg = 0;
   firmware::Rail rail;
   firmware::MotorParams motor;
-  firmware::Wide initial_position = 0;  // of the motion
-  firmware::Wide initial_velocity = 0;
+  firmware::Wide initial_position = 0;  // of the motion, rail unit (rad or m)
+  firmware::Wide initial_velocity = 0;  // per s
   std::int32_t piece_count = 0;
   std::array<firmware::ProfilePiece, firmware::kMaxPieces> pieces{};
 };
@@ -66,21 +66,21 @@ struct MassParams {
 enum class Acceptance : std::uint8_t {
   kAccepted = 0,
   kRefused = 1,     // by firmware::validate()
-  kIncomplete = 2,  // masses are missing, or there are too many
-  kMotion = 3,      // a mass's motion is no motion
-  kPeriod = 4,      // this board cannot keep the control period
+  kIncomplete = 2,  // too few masses, or too many
+  kMotion = 3,      // the pieces of a mass are no motion (Profile::set)
+  kPeriod = 4,      // the board cannot keep the control period
 };
 
-// After the last mass.
+// Ends the parameters.
 struct Commit {
-  std::uint32_t stretch = 1;  // the target's control ticks and pulses take this many times as long
+  std::uint32_t stretch = 1;  // factor by which the target's control ticks and pulse times are stretched
   bool play = true;           // false: the pulses are not given
 };
 
 struct Verdict {
   Acceptance acceptance = Acceptance::kAccepted;
   std::uint32_t fingerprint = 0;  // of the parameters as they stand in the target's memory
-  Text<40> field;                 // of what was refused
+  Text<40> field;                 // the parameter that was refused; the rest is as in firmware::ParamError
   std::int32_t index = -1;
   std::int32_t piece = -1;
   firmware::Wide value = 0;
@@ -90,8 +90,9 @@ struct Verdict {
 
 inline constexpr int kMaxCommands = 8;
 
+// The controller's inputs of one tick.
 struct World {
-  bool last = false;  // no tick comes after this one
+  bool last = false;  // the last tick of the run
   bool has_verdict = true;
   firmware::Sensors sensors;
   firmware::MonitorVerdict verdict;
@@ -101,8 +102,8 @@ struct World {
 
 // A step pulse as the step interrupt gave it.
 struct PlayedPulse {
-  std::uint32_t due_ticks = 0;    // of the step timer, from the control tick's start: as commanded
-  std::uint16_t late_counts = 0;  // after that; 65535: so much or more
+  std::uint32_t due_ticks = 0;    // commanded time, step timer ticks from the control tick's start
+  std::uint16_t late_counts = 0;  // lateness; 65535 stands for any greater one, too
   std::uint8_t motor = 0;
   std::int8_t direction = 1;
 };
@@ -113,18 +114,19 @@ struct PlayedPulses {
   std::array<PlayedPulse, kMaxPulses> pulse{};
 };
 
+// The controller's outputs of one tick.
 struct Reply {
   firmware::ControllerStatus status;
   firmware::StepCommand steps;
-  std::uint32_t tick_counts = 0;  // from the inputs' arrival to the steps
-  PlayedPulses played;            // during the control tick before this one
+  std::uint32_t tick_counts = 0;  // time of the controller in this tick, counts
+  PlayedPulses played;            // of the previous control tick
 };
 
 enum class Cause : std::uint8_t {
-  kFault = 0,          // the processor took a fault
-  kStackOverflow = 1,  // it ran into the guard below the stack
-  kWatchdog = 2,       // the tick did not come back
-  kLink = 3,           // bytes that are no frame came, or a message out of turn
+  kFault = 0,          // processor fault
+  kStackOverflow = 1,  // access to the guard below the stack
+  kWatchdog = 2,       // the tick did not return in time
+  kLink = 3,           // bytes that are no frame, or a message out of turn
 };
 
 struct LastWords {
@@ -137,11 +139,11 @@ struct LastWords {
 struct Farewell {
   Status status = Status::kEnded;
   LinkCounters counters;
-  std::int64_t overruns = 0;  // late ticks, the last one too
+  std::int64_t overruns = 0;  // late ticks, the last one included
   std::int64_t watchdog_kicks = 0;
   std::uint32_t stack_bytes = 0;       // reserved
-  std::uint32_t stack_used_bytes = 0;  // ever written
-  PlayedPulses played;                 // during the last control tick
+  std::uint32_t stack_used_bytes = 0;  // written at least once
+  PlayedPulses played;                 // of the last control tick
 };
 
 // A Reply whose parts lie elsewhere, as LinkBoard sends it.

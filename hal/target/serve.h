@@ -1,4 +1,4 @@
-// A microcontroller's whole program: say what it is, take the parameters, serve ticks, say how it ended.
+// A microcontroller's whole program: it introduces itself, takes the parameters, serves ticks and reports how it ended.
 #pragma once
 
 #include "hal/control_loop.h"
@@ -6,7 +6,7 @@
 
 namespace ballast::hal::target {
 
-// Bytes came that are no frame, or a message out of turn: what was not understood cannot be answered.
+// Reports bytes that are no frame, or a message out of turn, and ends.
 template <Machine M>
 Status give_up(Link<M>& link, std::int64_t tick) {
   LastWords words;
@@ -15,7 +15,8 @@ Status give_up(Link<M>& link, std::int64_t tick) {
   return Status::kIo;
 }
 
-// Until the parameters are here, accepted, and the ticks run. kOk: they are. kEmpty: refused, and the host told why.
+// Takes the parameters and starts the ticks. kOk: the ticks run. kEmpty: the parameters were refused, and the host
+// knows why.
 template <Machine M>
 Status take_params(M& machine, Link<M>& link, const Identity& identity, firmware::ControllerParams& params) {
   static MassParams mass;
@@ -65,7 +66,7 @@ Status take_params(M& machine, Link<M>& link, const Identity& identity, firmware
   return verdict.acceptance == Acceptance::kAccepted ? Status::kOk : Status::kEmpty;
 }
 
-// `Loop` is ControlLoop, or something around it. Returns when there is nothing more to do, and why.
+// `Loop` is ControlLoop or a wrapper of it. Returns how the program ended.
 template <template <Board> class Loop = ControlLoop, Machine M>
 Status serve(M& machine, const Identity& identity) {
   static firmware::ControllerParams params;
@@ -82,7 +83,7 @@ Status serve(M& machine, const Identity& identity) {
   if (status != Status::kEnded) return status;
   static Farewell farewell;
   farewell.overruns = board.overruns();  // before the next tick begins
-  // The last tick's pulses are given before anything is said about them.
+  // Waits until the last tick's pulses were given.
   static_cast<void>(machine.wait_tick());
   farewell.status = status;
   farewell.counters = board.counters();

@@ -1,4 +1,12 @@
-// Gives the pulses of a StepCommand from a timer interrupt, burst by burst: no list of pulses is made.
+// StepPlayer gives the pulses of a StepCommand from a timer interrupt, burst by burst, without a list of pulses.
+//
+// The pulses of control tick k are loaded during tick k - 1 and given during tick k, each at its count of the hardware
+// timer: never early, late by the instructions of the interrupt before it. Every pulse given is recorded with its
+// lateness, so that the host can compare the record with the command.
+//
+// The control loop calls configure(), load(), played() and given(). Two interrupts of the same priority call
+// begin_tick() and on_timer(), so neither interrupts the other. Nothing allocates; loops are bounded by kMaxPulses and
+// kMaxBursts.
 #pragma once
 
 #include <algorithm>
@@ -10,13 +18,13 @@
 
 namespace ballast::hal::target {
 
-// Pins and timer of a board, as static functions (a step is one store, nothing is looked up):
-//   span(), left()           a timer that counts down over a control tick: what it begins with, and where it stands
-//   arm(counts)              the step interrupt comes after so many counts, at least 1; replaces what was armed
-//   cancel()                 nothing comes of what was armed, though it be on its way already, for 2^32 - 1 counts
-//   pin(motor)               what step() wants
-//   step(pin)                one step
-//   turn(motor, direction)   the direction of the motor's steps from now on
+// Pins and timer of a board. The functions are static, so that a step is one store without a look-up.
+//   span(), left()           start value and present value of a timer that counts down over a control tick
+//   arm(counts)              requests the step interrupt after `counts` >= 1 counts, in place of an earlier request
+//   cancel()                 withdraws the request, even if the interrupt is already pending; lasts 2^32 - 1 counts
+//   pin(motor)               the argument of step() for a motor
+//   step(pin)                gives one step
+//   turn(motor, direction)   sets the direction of the motor's next steps
 template <class H>
 concept StepHardware = requires(std::uint32_t counts, std::uint8_t motor, std::int8_t direction) {
   { H::span() } -> std::same_as<std::uint32_t>;
@@ -28,16 +36,13 @@ concept StepHardware = requires(std::uint32_t counts, std::uint8_t motor, std::i
   H::turn(motor, direction);
 };
 
-// The direction changes right after the motor's last pulse the other way or, if that was in an earlier control tick, at
+// A motor's direction changes right after its last pulse the other way or, if that was in an earlier control tick, at
 // the beginning of this one.
-//
-// load() is for the control loop; begin_tick() and on_timer() are for two interrupts of the same priority, so that
-// neither can come between the other's lines.
 template <StepHardware H>
 class StepPlayer {
  public:
-  // `counts_per_tick`: hardware counts per tick of the firmware's step timer; 1/32 <= .. < 4096. A control tick has at
-  // most 2^24 counts. Then kNever is beyond its end.
+  // `counts_per_tick`: hardware counts per tick of the firmware's step timer, from 1/32 to below 4096. A control tick
+  // has at most 2^24 counts, so kNever lies beyond its end.
   void configure(double counts_per_tick) {
     playing_ = &programs_[0];
     loading_ = &programs_[1];
@@ -50,7 +55,7 @@ class StepPlayer {
       counts_per_tick /= 2;
       ++shift_;
     }
-    // Rounded up: no pulse is early, and exact counts stay what they are. Just under 1 that is 2^32, which has no room.
+    // Rounding up keeps exact counts exact and makes no pulse early. A result of 2^32 does not fit and is halved.
     const double scaled = counts_per_tick * 4294967296.0;
     auto scale = static_cast<std::uint64_t>(scaled);
     if (static_cast<double>(scale) != scaled) ++scale;
@@ -61,8 +66,8 @@ class StepPlayer {
     scale_ = static_cast<std::uint32_t>(scale);
   }
 
-  // The pulses of the next control tick. At most one load per control tick. More than kMaxPulses, or counts that no
-  // command has: none.
+  // Takes the pulses of the next control tick; at most one call per tick. A command with more than kMaxPulses, or with
+  // counts out of range, gives no pulses.
   void load(const firmware::StepCommand& command) {
     Program& program = *loading_;
     Segment* segment = program.segments.data();
@@ -95,9 +100,9 @@ class StepPlayer {
     ready_ = true;
   }
 
-  // A control tick begins. A motor's pulse of the one before that is still due is given now: it was due with that
-  // tick's last breath, as this interrupt comes first. A second one of the same motor is not given, as it would come
-  // closer after the first than the motor can follow: the record does not have it, and who commanded it sees that.
+  // Begins a control tick. Emits one overdue pulse per motor of the tick that ends: this interrupt may come just before
+  // the pulse's own. A second is dropped and left out of the record, so the host detects it: it would follow the first
+  // more closely than the motor can.
   void begin_tick() {
     for (const Track* t = playing_->tracks.data(); t != playing_->end; ++t) finish(*t);
     playing_->end = playing_->tracks.data();
@@ -114,34 +119,26 @@ class StepPlayer {
       for (Track* t = ready->tracks.data(); t != ready->end; ++t) begin_segment(*t);
     }
     last_ = static_cast<std::int32_t>(H::span()) - 1;
-    // A device's registers are slow, so few ticks without pulses touch them: the timer goes on counting, and is wound up
-    // long before it is through.
+    // Device registers are slow, so most ticks without pulses leave the timer alone. It is rewound every kTicksUnarmed
+    // ticks, long before it expires.
     if (!unarmed_ || ++ticks_unarmed_ == kTicksUnarmed) {
       H::cancel();
       ticks_unarmed_ = 0;
     }
     unarmed_ = playing_->end == playing_->tracks.data();
-    if (unarmed_) return;
-    due_ = std::min(earliest()->due, kNever);
-    due_left_ = left_at(due_);
-    const std::int32_t wait = difference(H::left(), static_cast<std::uint32_t>(due_left_));
-    if (wait > 0) {
-      H::arm(static_cast<std::uint32_t>(wait));
-    } else {
-      on_timer();
-    }
+    if (!unarmed_) begin_pulses();
   }
 
-  // The step interrupt: what it was armed for is due. Each turn of the loop gives a pulse at least, and there are never
-  // more than kMaxPulses: what is due at kNever is always waited for, and never comes. So there is a track, too.
-  // Nothing more is asked here, since every instruction counts for every pulse.
+  // The step interrupt: gives every pulse that is due and arms the timer for the next. There is at least one track when
+  // it comes, because the timer is armed only then, and a time of kNever is waited for in vain. The loop gives at least
+  // one pulse a turn, so it has at most kMaxPulses turns. Every instruction here counts for every pulse.
   void on_timer() {
     std::uint32_t due = due_;
     std::int32_t due_left = due_left_;
     Given* record = record_;
     Program& program = *playing_;
     for (;;) {
-      // All motors whose pulse is due, and when the next one is.
+      // Steps all motors whose pulse is due, and finds the time of the next one.
       std::uint32_t next = kNever;
       Track* t = program.tracks.data();
       do {
@@ -171,12 +168,12 @@ class StepPlayer {
     record_ = record;
   }
 
-  // What was given during the control tick before this one.
+  // Writes the pulses given during the previous control tick.
   void played(PlayedPulses& pulses) const {
     const Record& record = records_[1 - open_];
     pulses.count = 0;
     for (const Given* g = record.pulse.data(); g != record.end; ++g) {
-      // None is early: below 0, the timer began anew between the pulse's time and the pulse.
+      // No pulse is early. A value below 0 says that the timer restarted between the pulse's time and the pulse.
       std::int64_t late = std::int64_t{g->late_counts} + 1;
       if (late < 0) late += last_ + 2;
       pulses.pulse[static_cast<std::size_t>(pulses.count++)] = {
@@ -184,47 +181,47 @@ class StepPlayer {
           static_cast<std::int8_t>(g->id >> 8)};
     }
   }
-  // Up to the beginning of this control tick.
+  // Pulses given up to the beginning of this control tick, in all.
   [[nodiscard]] std::uint32_t given() const { return given_; }
 
  private:
   static constexpr int kNone = kMaxPulses + 1;
-  static constexpr std::uint32_t kTicksUnarmed = 128;  // of 2^24 counts, half of cancel()'s
-  static constexpr std::uint32_t kNever = 0x3fffffff;  // beyond any control tick's end, and its counts are too
+  static constexpr std::uint32_t kTicksUnarmed = 128;  // 2^31 counts, half of the time cancel() lasts
+  static constexpr std::uint32_t kNever = 0x3fffffff;  // a time beyond the end of every control tick
 
-  // Times in step timer ticks, shifted so that one multiplication gives counts.
+  // A burst. Times are in step timer ticks, shifted left by shift_, so that one multiplication gives counts.
   struct Segment {
     std::uint32_t first, interval, add, count;
     std::uint8_t motor;
     std::int8_t direction;
   };
-  // A motor that has pulses left.
+  // A motor with pulses left: its next pulse, and its bursts after this one.
   struct Track {
     std::uint32_t due, interval, add, left, pin, id;
     const Segment *next, *end;
   };
   struct Program {
-    std::array<Track, firmware::kMaxMasses + 1> tracks{};  // one more for load() to try
+    std::array<Track, firmware::kMaxMasses + 1> tracks{};  // one more, which load() may begin and not use
     Track* end = nullptr;
     std::array<Segment, firmware::kMaxBursts> segments{};
   };
   struct Given {
     std::uint32_t due;
     std::int32_t late_counts;
-    std::uint32_t id;  // motor, and from bit 8 on its direction
+    std::uint32_t id;  // motor in bits 0..7, direction in bits 8..15
   };
   struct Record {
     std::array<Given, kMaxPulses> pulse{};
     const Given* end = nullptr;
   };
 
-  // What left() is when a pulse is given: a count after its time, since the counts of two timers do not begin together,
-  // and none may be early. Below 0 after the tick's end.
+  // The value of left() at which a pulse is given: one count after its time, because the counts of two timers do not
+  // begin together and no pulse may be early. Below 0 after the tick's end.
   [[nodiscard]] std::int32_t left_at(std::uint32_t shifted) const {
     return difference(static_cast<std::uint32_t>(last_),
                       static_cast<std::uint32_t>(static_cast<std::uint64_t>(shifted) * scale_ >> 32));
   }
-  // Also of times that no command has: those wrap.
+  // a - b with wrap-around, so that times that no command has are harmless, too.
   static std::int32_t difference(std::uint32_t a, std::uint32_t b) { return static_cast<std::int32_t>(a - b); }
 
   static void begin_segment(Track& t) {
@@ -237,7 +234,7 @@ class StepPlayer {
     H::turn(s.motor, s.direction);
   }
 
-  // False: the motor has no more pulses, and another one stands in its place.
+  // Begins the motor's next burst. False: it has none, and another track has taken its place.
   [[gnu::noinline]] static bool advance(Program& program, Track& t) {
     if (t.next != t.end) {
       begin_segment(t);
@@ -247,15 +244,20 @@ class StepPlayer {
     return false;
   }
 
-  [[nodiscard]] Track* earliest() const {
-    Track* best = playing_->tracks.data();
-    for (Track* t = best; t != playing_->end; ++t) {
-      if (t->due < best->due) best = t;
+  // Arms the timer for the tick's first pulse, or gives it if it is due now. There is at least one track.
+  void begin_pulses() {
+    due_ = kNever;
+    for (const Track* t = playing_->tracks.data(); t != playing_->end; ++t) due_ = std::min(due_, t->due);
+    due_left_ = left_at(due_);
+    const std::int32_t wait = difference(H::left(), static_cast<std::uint32_t>(due_left_));
+    if (wait > 0) {
+      H::arm(static_cast<std::uint32_t>(wait));
+    } else {
+      on_timer();
     }
-    return best;
   }
 
-  // A pulse of the control tick that has just ended.
+  // Gives an overdue pulse of the control tick that has just ended.
   void finish(const Track& t) {
     H::step(t.pin);
     const auto left = static_cast<std::uint32_t>(left_at(t.due)) + static_cast<std::uint32_t>(last_) + 2;
@@ -267,11 +269,11 @@ class StepPlayer {
   volatile bool ready_ = false;
   std::array<Record, 2> records_{};
   std::uint32_t open_ = 0;
-  Given* record_ = nullptr;  // where the next pulse is written down
+  Given* record_ = nullptr;  // place of the next pulse's record
   std::uint32_t given_ = 0;
-  bool unarmed_ = false;   // in this control tick. Before the first: not known, so false
+  bool unarmed_ = false;  // this control tick has no pulses; false before the first tick, where the timer may be armed
   std::uint32_t ticks_unarmed_ = 0;
-  std::uint32_t due_ = 0;  // the pulse waited for
+  std::uint32_t due_ = 0;  // time of the pulse the timer is armed for
   std::int32_t due_left_ = 0;
   std::int32_t last_ = 0;  // left_at(0)
   std::uint32_t shift_ = 0;
