@@ -12,10 +12,9 @@ namespace {
 std::array<char, 512> command_line{};
 const char* rest = "";
 
-// Idling costs QEMU time too, as it counts every instruction. It counts a long row of NOPs as fast as one, and its
-// WFI loses interrupts (7.2, with icount and sleep=off). It is fastest where the row is a loop of a piece that it
-// translates at once and can jump back in by itself: at most 512 instructions, within a KiB of memory that begins at a
-// multiple of one.
+// Waits with NOPs. QEMU counts every instruction, and its WFI loses interrupts (7.2, with icount and sleep=off). It is
+// fastest when the loop is one translation block that jumps back to itself: at most 512 instructions inside an aligned
+// KiB.
 [[gnu::noinline, gnu::naked, gnu::aligned(1024)]] void idle_while(const volatile std::uint32_t*, std::uint32_t) {
   asm volatile("1: .rept 505\n nop\n .endr\n ldr r3, [r0]\n cmp r3, r1\n beq.w 1b\n bx lr\n");
 }
@@ -37,7 +36,7 @@ bool Machine::open_link() {
     return begin;
   };
   std::size_t length = 0;
-  // A name has to end in a zero too, so each word becomes a text of its own.
+  // Semihosting wants names that end in a zero, so each word is copied.
   std::array<char, 256> name{};
   for (const auto& [file, mode] :
        {std::pair{&in_, semihosting::Mode::kRead}, std::pair{&out_, semihosting::Mode::kWrite}}) {

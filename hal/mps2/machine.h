@@ -1,4 +1,6 @@
-// hal::target::Machine on this board. Everything is static: there is one of each piece of hardware.
+// hal::target::Machine on these boards. There is one of each piece of hardware, so StepPins is static.
+//
+// on_tick() and on_step_timer() run in interrupts of the same priority; the control loop calls everything else.
 #pragma once
 
 #include "hal/mps2/board.h"
@@ -11,14 +13,14 @@ namespace ballast::hal::mps2 {
 struct StepPins {
   static std::uint32_t span() { return reload; }
   static std::uint32_t left() { return reg(kSysTickValue); }
-  // Its reload is the longest there is: an expiry comes once.
+  // The timer's reload value is its greatest, so an armed interrupt comes once.
   static void arm(std::uint32_t counts) {
     reg(kTimer0 + 0x0c) = 1;
     reg(kTimer0 + 4) = counts;
   }
   static void cancel() {
     reg(kTimer0 + 4) = 0xffffffff;
-    if (reg(kTimer0 + 0x0c) == 0) return;  // nothing has come of it
+    if (reg(kTimer0 + 0x0c) == 0) return;  // it has not expired
     reg(kTimer0 + 0x0c) = 1;
     reg(kNvicClearPending) = 1u << kTimer0Irq;
   }
@@ -37,8 +39,7 @@ class Machine {
   static constexpr const char* kName = mps2::kName;
   static constexpr std::uint32_t kCounterHz = kClockHz;
 
-  // The first two words of the command line: the files the link is read from and written to. False: they cannot be
-  // opened.
+  // Opens the files of the link, which the first two words of the command line name: input, then output. False: failed.
   [[nodiscard]] bool open_link();
 
   Status read(std::span<std::uint8_t> bytes, std::size_t& count);
@@ -55,7 +56,7 @@ class Machine {
   void kick_watchdog() { reg(kWatchdogBase + 0x0c) = 1; }
   void report(target::Farewell& farewell) const;
 
-  // For the interrupts.
+  // The interrupts.
   void on_tick() {
     ticks_begun_ = ticks_begun_ + 1;
     player_.begin_tick();
@@ -63,7 +64,8 @@ class Machine {
   void on_step_timer() { player_.on_timer(); }
 
  private:
-  std::int32_t in_ = 0, out_ = 0;  // all zero: no flash for what is written before it is read
+  // Members start as zero, so the object needs no place in flash.
+  std::int32_t in_ = 0, out_ = 0;
   volatile std::uint32_t ticks_begun_ = 0;
   std::uint32_t ticks_served_ = 0;
   bool play_ = false;
@@ -72,7 +74,6 @@ class Machine {
 
 static_assert(target::Machine<Machine>);
 
-// The board.
 extern Machine the_machine;
 
 // The text after the first two words of the command line.

@@ -1,4 +1,4 @@
-// The firmware on this board, over its link.
+// The firmware on an MPS2 board, over its link.
 #include "hal/mps2/machine.h"
 #include "hal/mps2/startup.h"
 #include "hal/target/build_id.h"

@@ -6,10 +6,10 @@
 namespace ballast::hal::mps2 {
 
 inline volatile std::uint32_t& reg(std::uintptr_t address) {
-  return *reinterpret_cast<volatile std::uint32_t*>(address);  // NOLINT: that is what a register is
+  return *reinterpret_cast<volatile std::uint32_t*>(address);  // NOLINT: a register is an address
 }
 
-// Of the processor itself (ARMv7-M, B3).
+// The processor's own registers (ARMv7-M, B3).
 inline constexpr std::uintptr_t kSysTickControl = 0xe000e010;
 inline constexpr std::uintptr_t kSysTickReload = 0xe000e014;
 inline constexpr std::uintptr_t kSysTickValue = 0xe000e018;

@@ -1,4 +1,5 @@
-// Files and exit of the machine QEMU runs on: ARM's semihosting (ARM IHI 0054, "Semihosting for AArch32 and AArch64").
+// Files and exit of the host that runs QEMU, by ARM's semihosting (ARM IHI 0054, "Semihosting for AArch32 and
+// AArch64"). QEMU only.
 #pragma once
 
 #include <cstddef>
@@ -16,13 +17,13 @@ inline std::int32_t call(std::uint32_t operation, const void* arguments) {
 
 enum class Mode : std::uint32_t { kRead = 1, kWrite = 5 };  // fopen's "rb" and "wb"
 
-// < 0: it could not be opened.
+// Returns a handle; below 0: the file could not be opened.
 inline std::int32_t open(const char* name, std::size_t length, Mode mode) {
   const std::uint32_t arguments[3] = {reinterpret_cast<std::uint32_t>(name), static_cast<std::uint32_t>(mode), length};
   return call(0x01, arguments);
 }
 
-// Bytes transferred; waits until there are some. 0: the other end is closed.
+// Both return the bytes transferred. read() waits for at least one; 0: the other end is closed.
 inline std::size_t read(std::int32_t file, std::span<std::uint8_t> bytes) {
   const std::uint32_t arguments[3] = {static_cast<std::uint32_t>(file), reinterpret_cast<std::uint32_t>(bytes.data()),
                                       bytes.size()};
@@ -40,7 +41,7 @@ inline std::size_t write(std::int32_t file, std::span<const std::uint8_t> bytes)
              : bytes.size() - static_cast<std::size_t>(missing);
 }
 
-// What QEMU was given with arg=..., separated by spaces. False: nothing, or more than fits.
+// The words QEMU was given with arg=..., separated by spaces. False: there are none, or they do not fit.
 inline bool command_line(std::span<char> text) {
   std::uint32_t arguments[2] = {reinterpret_cast<std::uint32_t>(text.data()), text.size()};
   return call(0x15, arguments) == 0;

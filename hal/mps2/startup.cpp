@@ -6,7 +6,7 @@
 using namespace ballast::hal;
 using namespace ballast::hal::mps2;
 
-// From the linker script.
+// Symbols of the linker script.
 extern "C" {
 extern std::uint32_t ballast_guard_begin[], ballast_stack_begin[], ballast_stack_end[];
 extern std::uint32_t ballast_data_begin[], ballast_data_end[], ballast_data_load[];
@@ -22,16 +22,16 @@ void ballast_start();
 namespace {
 
 constexpr std::uint32_t kPaint = 0xa5a5a5a5;
-constexpr std::uint32_t kGuardLog2 = 11;  // 2 KiB; the linker script says the same
+constexpr std::uint32_t kGuardLog2 = 11;  // 2 KiB, as in the linker script
 
-// The faults' own stack: the one that has just overflowed is of no use.
+// Fault handlers have a stack of their own, because the main stack may have overflowed.
 alignas(8) std::uint32_t fault_stack[512];
 
 void guard_stack() {
   reg(kMpuRegion) = 0;
   reg(kMpuBase) = reinterpret_cast<std::uint32_t>(ballast_guard_begin);
   reg(kMpuAttributes) = 1u << 28 | (kGuardLog2 - 1) << 1 | 1;  // execute never, no access, enabled
-  // Everything else as without MPU; and off in NMI and HardFault, whose entry may lie in the guard.
+  // Memory outside the guard is as without MPU. NMI and HardFault run without MPU: their frame may lie in the guard.
   reg(kMpuControl) = 1u << 2 | 1;
   asm volatile("dsb\n isb" ::: "memory");
 }
@@ -49,8 +49,8 @@ std::uint32_t mps2::stack_used_bytes() {
 extern "C" {
 
 #if (__ARM_FP & 8) != 0
-// What a cast of an integer of 64 bits to a double calls, by ARM's run-time ABI (IHI 0043, 4.1.2). libgcc's does
-// without the FPU, in five times as many instructions. Only the sum is rounded.
+// Conversions of 64-bit integers to double, as ARM's run-time ABI names them (IHI 0043, 4.1.2). libgcc's versions do not
+// use the FPU and take five times as many instructions. Only the sum is rounded.
 [[gnu::pcs("aapcs")]] double __aeabi_l2d(std::int64_t value) {
   return static_cast<double>(static_cast<std::int32_t>(value >> 32)) * 0x1p32 +
          static_cast<double>(static_cast<std::uint32_t>(value));
@@ -61,7 +61,7 @@ extern "C" {
 }
 #endif
 
-// No C++ may run before the FPU is on, so this begins in assembler; it also paints the stack it does not use.
+// Turns the FPU on, which must come before any C++, and paints the stack.
 [[gnu::naked, noreturn]] void ballast_reset() {
   asm volatile(
       "ldr r0, =0xe000ed88\n"
@@ -84,11 +84,11 @@ void ballast_start() {
   for (std::uint32_t* to = ballast_data_begin; to != ballast_data_end; ++to) *to = *from++;
   for (std::uint32_t* to = ballast_bss_begin; to != ballast_bss_end; ++to) *to = 0;
   guard_stack();
-  reg(kCcr) = reg(kCcr) | 1u << 4;  // dividing by zero is a fault
-  // Tick and step interrupt have the same priority: neither comes between the other's lines.
+  reg(kCcr) = reg(kCcr) | 1u << 4;  // a division by zero is a fault
+  // Tick and step interrupt have the same priority, so neither interrupts the other.
   reg(kSystemPriority3) = 0x40u << 24;
   reg(kNvicPriority + kTimer0Irq) = 0x40;
-  reg(kTimer1 + 8) = 0xffffffff;  // counts down all the time
+  reg(kTimer1 + 8) = 0xffffffff;  // free-running, counts down
   reg(kTimer1 + 4) = 0xffffffff;
   reg(kTimer1) = 1;
   for (auto init = ballast_init_begin; init != ballast_init_end; ++init) (*init)();
@@ -98,7 +98,7 @@ void ballast_start() {
 void ballast_sys_tick() { the_machine.on_tick(); }
 void ballast_timer0() { the_machine.on_step_timer(); }
 
-// r4..r11 onto the faults' own stack, then C++. The frame the processor pushed is at msp or, never here, at psp.
+// Saves r4..r11 on the fault stack and calls C++. The processor pushed its frame at msp; psp is not used.
 #define BALLAST_FAULT_ENTRY(cause)                       \
   asm volatile(                                          \
       "mrs r1, msp\n"                                    \
@@ -123,7 +123,7 @@ void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* fra
   words.hfsr = reg(kHfsr);
   words.mmfar = reg(kMmfar);
   words.bfar = reg(kBfar);
-  // Of a frame that could not be pushed whole nothing is known.
+  // These bits say that the frame could not be pushed, so its content is unknown.
   constexpr std::uint32_t kStackingErrors = 1u << 4 | 1u << 5 | 1u << 12 | 1u << 13;
   const bool in_guard = frame < ballast_stack_begin && frame >= ballast_guard_begin;
   const auto guard = reinterpret_cast<std::uint32_t>(ballast_guard_begin);
@@ -132,8 +132,8 @@ void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* fra
   if (cause == 0 && (in_guard || guard_hit || (words.cfsr & kStackingErrors) != 0)) {
     words.cause = target::Cause::kStackOverflow;
   }
-  // ARMv7-M, B1.5.7: room for the FPU's registers (s0..s15, FPSCR, one reserved) if EXC_RETURN's bit 4 is clear, and a
-  // word to keep the stack on multiples of 8 if bit 9 of the xPSR pushed is set.
+  // ARMv7-M, B1.5.7: the frame holds the FPU's registers (s0..s15, FPSCR, one reserved) if EXC_RETURN's bit 4 is clear,
+  // and a padding word if bit 9 of the pushed xPSR is set.
   const std::uint32_t pushed = (exc_return & 1u << 4) == 0 ? 26 : 8;
   words.sp = reinterpret_cast<std::uint32_t>(frame + pushed);
   if ((words.cfsr & kStackingErrors) == 0) {

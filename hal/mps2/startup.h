@@ -1,4 +1,4 @@
-// From reset to main(), and what becomes of faults.
+// From reset to main(), and the ends of the program.
 #pragma once
 
 #include <cstdint>
@@ -7,18 +7,18 @@
 
 namespace ballast::hal::mps2 {
 
-// How the emulator ends, for whoever started it: its exit status.
+// Exit status of the emulator.
 enum class Exit : std::uint32_t {
   kEnded = 0,
   kNoLink = 10,  // the link could not be opened
   kLinkCut = 11,
   kLinkGarbled = 12,
-  kRefused = 13,  // the parameters
+  kRefused = 13,  // the parameters were refused
   kFault = 14,
   kWatchdog = 15,
 };
 
-// Of target::serve().
+// The exit status for the result of target::serve().
 constexpr int exit_of(Status status) {
   switch (status) {
     case Status::kEnded:
@@ -33,6 +33,6 @@ constexpr int exit_of(Status status) {
 }
 
 [[nodiscard]] std::uint32_t stack_bytes();       // reserved
-[[nodiscard]] std::uint32_t stack_used_bytes();  // ever written, from the paint that is left
+[[nodiscard]] std::uint32_t stack_used_bytes();  // written at least once, by the paint that is left
 
 }  // namespace ballast::hal::mps2

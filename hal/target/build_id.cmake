@@ -1,9 +1,9 @@
-# A number that is the same for the same sources, for both ends of a link: of everything in this repository that a
-# microcontroller's program is made of, and of what says how it is compiled. One number, whatever the board: a host's
-# program talks to any, and a change to one costs no more than a build.
+# The number of the firmware's sources, which both ends of a link compare: a hash of all files a microcontroller's program
+# is built from and of the files with its compile options. All boards share one number, because a host's program talks to
+# any of them.
 #
-# Included, it gives build_id_sources. As a script (cmake -DROOT=... -DOUTPUT=... -P build_id.cmake) it writes a header
-# with the number.
+# Included, this file sets build_id_sources. As a script (cmake -DROOT=... -DOUTPUT=... -P build_id.cmake) it writes a
+# header with the number.
 cmake_minimum_required(VERSION 3.25)
 
 if(CMAKE_SCRIPT_MODE_FILE)
@@ -13,11 +13,11 @@ else()
   set(watch CONFIGURE_DEPENDS)
 endif()
 
-# Boards and what they share are the folders of hal/ that are not the host's; new ones are found by themselves.
+# Every folder of hal/ except the host's backends belongs to boards.
 file(GLOB_RECURSE build_id_sources RELATIVE ${ROOT} ${watch} ${ROOT}/firmware/*.h ${ROOT}/firmware/*.cpp ${ROOT}/hal/*.h
      ${ROOT}/hal/*.cpp ${ROOT}/hal/*.ld ${ROOT}/hal/*.cmake ${ROOT}/hal/CMakeLists.txt ${ROOT}/firmware/CMakeLists.txt)
 list(FILTER build_id_sources EXCLUDE REGEX "^hal/(lcm|lockstep)/")
-# Compile options stand here, those of every target and those of microcontrollers.
+# The files with compile options.
 list(APPEND build_id_sources CMakeLists.txt tools/toolchain/arm-none-eabi.cmake)
 list(SORT build_id_sources)
 
