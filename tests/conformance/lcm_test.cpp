@@ -578,9 +578,9 @@ TEST(LcmMessages, OtherTypesOutOfRangeAreRefused) {
   EXPECT_FALSE(in_range(state));
 
   controller_status_t status{};
-  status.mode = 5;
+  status.mode = controller_status_t::MODE_PENDING;
   EXPECT_TRUE(in_range(status));
-  status.mode = 6;
+  status.mode = controller_status_t::MODE_PENDING + 1;
   EXPECT_FALSE(in_range(status));
   status = {};
   status.at_rest = 2;
