@@ -1,4 +1,4 @@
-// hal::Board on a microcontroller: one exchange over the link per control tick. hal/README.md (Whose time it is) says
+// hal::Board on a microcontroller: one exchange over the link per control tick. tools/docs/porting.md (Timing) says
 // how the board's time and the world's go together.
 #pragma once
 

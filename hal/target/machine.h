@@ -1,8 +1,8 @@
 // Machine: everything a port supplies so that the firmware runs on its board over a link.
 //
 // The control loop makes all calls, with interrupts on. The board has two interrupts of the same priority: its tick
-// timer and its step timer, which drive a StepPlayer (step_player.h). No function allocates. hal/README.md (Porting to
-// another board) has the time each may take.
+// timer and its step timer, which drive a StepPlayer (step_player.h). No function allocates. tools/docs/porting.md
+// states the time and memory of each.
 #pragma once
 
 #include <concepts>
