@@ -121,7 +121,7 @@ template <class T>
 Rail circle(const Vector3& center_B_m, Real radius_m, const Vector3& axis_cos_B, const Vector3& axis_sin_B);
 
 // The paper's circle, r B(n) (cos theta, 0, sin theta), about the GC, with n the unit vector of the given azimuth and
-// elevation and B = [n, b2, -b1] from Frisvad's b1, b2 (PHYSICS.md section 2; Frisvad 2012, listing 2): theta = 0 lies
+// elevation and B = [n, b2, -b1] from Frisvad's b1, b2 (physics.md section 2; Frisvad 2012, listing 2): theta = 0 lies
 // on n.
 Rail circle_about(Real radius_m, Real azimuth_rad, Real elevation_rad);
 

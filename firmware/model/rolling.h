@@ -5,7 +5,7 @@
 
 namespace ballast::firmware {
 
-// What the model knows of the robot. Symbols: PHYSICS.md section 1.
+// What the model knows of the robot. Symbols: physics.md section 1.
 struct BallParams {
   Real radius_m = 0;                             // r > 0
   Real gravity_mps2 = 0;                         // g >= 0

@@ -1,4 +1,4 @@
-// Every closed form of the paper against the plant's Newton-Euler and against PHYSICS.md section 4 written out, on
+// Every closed form of the paper against the plant's Newton-Euler and against physics.md section 4 written out, on
 // random states; the forms that firmware/model computes in another arrangement also against the formula as printed.
 #include <gtest/gtest.h>
 
@@ -119,7 +119,7 @@ DiskCase draw_disk(test::RandomRobot& random, int mass_count) {
   return d;
 }
 
-// PHYSICS.md section 4: Newton, Euler and a closure, solved as they stand for (Omegadot, a, R_B).
+// physics.md section 4: Newton, Euler and a closure, solved as they stand for (Omegadot, a, R_B).
 struct Solution {
   LVec omega_dot, acceleration_W, contact_W;
 };

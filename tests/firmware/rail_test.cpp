@@ -83,7 +83,7 @@ TEST(Rail, PaperStartPutsTheCentreOfMassAboveTheGeometricCentre) {
   const Vector3 sum = Vector3(0, 0, -0.05) + evaluate<Real>(circle_about(0.95, 0, 0), 0).position +
                       evaluate<Real>(circle_about(0.9, kPi / 2, 0), 2.0369).position +
                       evaluate<Real>(circle_about(0.85, kPi / 4, kPi / 4), 0.7044).position;
-  // The paper prints the angles with four digits; PHYSICS.md section 2 gives offset 1e-5 and height +0.1708.
+  // The paper prints the angles with four digits; physics.md section 2 gives offset 1e-5 and height +0.1708.
   EXPECT_NEAR(sum[0] / 4, 0, 2e-5);
   EXPECT_NEAR(sum[1] / 4, 0, 2e-5);
   EXPECT_NEAR(sum[2] / 4, 0.1708, 5e-5);

@@ -79,12 +79,12 @@ ContactExtrema extrema_of(const std::string& name, double period_s) {
   return plant.extrema();
 }
 
-// Section 5 of the paper: .2951. PHYSICS.md section 3: 0.29510.
+// Section 5 of the paper: .2951. physics.md section 3: 0.29510.
 TEST(PaperNumbers, DiskNeedsThePrintedFriction) {
   EXPECT_NEAR(extrema_of("paper_disk", 0.001).mu_required_max.value, 0.2951, 0.5e-4);
 }
 
-// Section 6 of the paper: .19. PHYSICS.md section 3: 0.1906.
+// Section 6 of the paper: .19. physics.md section 3: 0.1906.
 TEST(PaperNumbers, BallNeedsThePrintedFriction) {
   EXPECT_NEAR(extrema_of("paper_ball", 0.001).mu_required_max.value, 0.1906, 0.5e-4);
 }
@@ -101,7 +101,7 @@ TEST(PaperNumbers, ExtremaDoNotDependOnTheTick) {
   EXPECT_NEAR(fine.normal_force_min.time_s, coarse.normal_force_min.time_s, 1e-5);
 }
 
-// PHYSICS.md section 3: 3.6095 by every independent computation (the paper prints 3.7358, which the stated parameters
+// physics.md section 3: 3.6095 by every independent computation (the paper prints 3.7358, which the stated parameters
 // do not give); the reference's last row is that instant.
 TEST(PaperNumbers, HeavyMassDetachesWhereTheReferenceDoes) {
   Plant plant(shipped("paper_detach"));

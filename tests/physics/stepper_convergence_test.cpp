@@ -1,5 +1,5 @@
 // Stiffer motors and finer microsteps take the stepper run to the prescribed one. BALLAST_CONVERGENCE_OUT=1 prints the
-// rows of the table in sim/README.md.
+// rows of a table.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// The motor model of PHYSICS.md section 5, alone and coupled to the ball.
+// The motor model of physics.md section 5, alone and coupled to the ball.
 #include "sim/motors/stepper.h"
 
 #include <gtest/gtest.h>

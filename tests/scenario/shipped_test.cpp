@@ -109,7 +109,7 @@ TEST(Shipped, PaperBall) {
   for (const Mass& mass : s.masses) EXPECT_EQ(mass.mass_kg, 1);
   EXPECT_EQ(s.surface.static_friction, 0.35);
   EXPECT_EQ(s.surface.kinetic_friction, 0.30);
-  // The paper: the centre of mass starts above the geometric centre. PHYSICS.md section 2: 1e-5 aside, 0.1708 up.
+  // The paper: the centre of mass starts above the geometric centre. physics.md section 2: 1e-5 aside, 0.1708 up.
   const Eigen::Vector3d c = center_of_mass(s);
   EXPECT_LT(c.head<2>().norm(), 1.5e-5);  // theta_a has 4 decimals
   EXPECT_NEAR(c[2], 0.1708, 5e-5);        // 4 decimals

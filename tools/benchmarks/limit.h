@@ -3,7 +3,7 @@
 // same instants; no library, no events, no extrema, no other regime than rolling. Not used by anything but the
 // benchmarks.
 //
-// Equations: PHYSICS.md section 4, rolling, summed about the geometric centre. On such a circle zeta'' = -zeta, zeta .
+// Equations: physics.md section 4, rolling, summed about the geometric centre. On such a circle zeta'' = -zeta, zeta .
 // zeta' = 0 and zeta x zeta' = R^2 n with n fixed in the body, which leaves of a mass's part of the sums
 //   S  += m zeta,   J += m (R^2 1 - zeta zeta^T),   of which R^2 1 is constant
 //   G  += Omega x (2 thetadot m zeta') - thetadot^2 m zeta + thetaddot m zeta'

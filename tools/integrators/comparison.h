@@ -41,6 +41,6 @@ Comparison compare(const sim::Scenario& scenario, const std::vector<const Method
                    const Settings& settings);
 
 std::string comparison_text(const Comparison& comparison);  // a table, ending in a newline
-std::string comparison_json(const Comparison& comparison);  // integrators.json: tools/integrators/README.md
+std::string comparison_json(const Comparison& comparison);  // integrators.json: tools/docs/integrate.md
 
 }  // namespace ballast::integrators

@@ -44,7 +44,7 @@ def read_json(path):
 class Motor(NamedTuple):
     """One motor at the samples of `state`, at its shaft, with its extrema from summary.json.
 
-    The margin is the fraction of the available torque that the field leaves unused (PHYSICS.md, section 5). The field
+    The margin is the fraction of the available torque that the field leaves unused (physics.md, section 5). The field
     supplies the shaft's torque, drag and detent; in prescribed runs detent is left out, as in the plant. These samples
     cannot tell a rotor that lags its field by more than the angle of greatest torque from one that lags by less;
     `least_margin` can, and is then below 0.
