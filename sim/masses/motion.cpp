@@ -1,5 +1,6 @@
 #include "sim/masses/motion.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -65,8 +66,8 @@ double PrescribedMotion::smooth_until_s(std::size_t piece, double time_s) const 
   return end;
 }
 
-// In a stretch in which theta is monotone; `to_s` if there is none. A knot that is nearer than 1e-9 of the spacing has
-// been passed.
+// The stretch is one in which theta is monotone. Returns `to_s` if there is no knot. A knot nearer than 1e-9 of the
+// spacing counts as passed.
 double PrescribedMotion::next_knot_s(std::size_t piece, double from_s, double to_s) const {
   const double probe_s = std::isfinite(to_s) ? to_s : from_s + 1;  // beyond all pieces the velocity is constant
   const double here = at(piece, from_s).position / knot_spacing_;
@@ -82,6 +83,33 @@ double PrescribedMotion::next_knot_s(std::size_t piece, double from_s, double to
   double before = from_s, after = to_s;
   for (double half; half = (before + after) / 2, before < half && half < after;) (passed(half) ? after : before) = half;
   return after;
+}
+
+bool PrescribedMasses::enter_pieces(double time_s) {
+  bool ended = false;
+  for (std::size_t i = 0; i < motion_.size(); ++i) {
+    for (; motion_[i].end_s(piece_[i]) <= time_s; ended = true) ++piece_[i];
+  }
+  return ended;
+}
+
+double PrescribedMasses::smooth_until_s(double time_s) const {
+  double until_s = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < motion_.size(); ++i) {
+    until_s = std::min(until_s, motion_[i].smooth_until_s(piece_[i], time_s));
+  }
+  return until_s;
+}
+
+MassPoint PrescribedMasses::at(double time_s, const Pieces& pieces) const {
+  MassPoint p{};
+  for (std::size_t i = 0; i < motion_.size(); ++i) {
+    const PrescribedMotion::Point point = motion_[i].at(pieces[i], time_s);
+    p.position[i] = point.position;
+    p.velocity[i] = point.velocity;
+    p.acceleration[i] = point.acceleration;
+  }
+  return p;
 }
 
 }  // namespace ballast::sim

@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "sim/scenario/scenario.h"
+#include "sim/masses/mass.h"
 
 namespace ballast::sim {
 

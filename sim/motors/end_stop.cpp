@@ -26,13 +26,11 @@ double end_stop_damping_ratio(double restitution) {
   return high;
 }
 
-EndStops::EndStops(const Mass& mass) : lower_(mass.rail.lower_end), upper_(mass.rail.upper_end) {
+EndStops::EndStops(const firmware::Rail& rail, double moving_inertia, const EndStopMaterial& material)
+    : lower_(rail.lower_end), upper_(rail.upper_end) {
   if (!std::isfinite(lower_) || !std::isfinite(upper_)) return;
-  const double ratio = mass.motor.shaft_ratio;
-  // |zeta'| = 1 on a line, and on a spline to what its reader allows.
-  const double inertia = mass.mass_kg + mass.motor.rotor_inertia_kgm2 * ratio * ratio;
-  stiffness_npm_ = mass.end_stops.stiffness_npm;
-  time_s_ = 2 * end_stop_damping_ratio(mass.end_stops.restitution) * std::sqrt(inertia / stiffness_npm_);
+  stiffness_npm_ = material.stiffness_npm;
+  time_s_ = 2 * end_stop_damping_ratio(material.restitution) * std::sqrt(moving_inertia / stiffness_npm_);
 }
 
 }  // namespace ballast::sim

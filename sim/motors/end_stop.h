@@ -12,9 +12,14 @@
 #include <algorithm>
 #include <limits>
 
-#include "sim/scenario/scenario.h"
+#include "firmware/model/rail.h"
 
 namespace ballast::sim {
+
+struct EndStopMaterial {
+  double stiffness_npm = 0;
+  double restitution = 0.5;  // 0.01..1, of the mass and its rotor against a ball held fast
+};
 
 // D_r for a restitution 0 < e <= 1.
 double end_stop_damping_ratio(double restitution);
@@ -23,7 +28,8 @@ double end_stop_damping_ratio(double restitution);
 class EndStops {
  public:
   EndStops() = default;  // there are none
-  explicit EndStops(const Mass& mass);
+  // `moving_inertia`: mass and rotor, m + J. Without stops unless both of the rail's ends are finite.
+  EndStops(const firmware::Rail& rail, double moving_inertia, const EndStopMaterial& material);
 
   // The stop that pushes on a mass there.
   [[nodiscard]] int touched(double position, double velocity) const {

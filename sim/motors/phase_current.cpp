@@ -17,7 +17,7 @@ PhaseCurrent::PhaseCurrent(const Motor& motor)
       torque_constant_nmpa_(motor.holding_torque_nm / amplitude_a_),
       resistance_ohm_(motor.resistance_ohm),
       inductance_h_(motor.inductance_h),
-      inductance_per_rad_h_(motor.steps_per_revolution / 4.0 * motor.inductance_h),
+      inductance_per_rad_h_(motor.rotor_teeth() * motor.inductance_h),
       supply_v_(motor.supply_voltage_v) {}
 
 // i = i_ref - s u with the voltage V u: (Z i_ref + e) = (V + Z s) u, and u has length 1, so |V + Z s| = |Z i_ref + e|

@@ -14,7 +14,7 @@
 
 #include <cmath>
 
-#include "sim/scenario/scenario.h"
+#include "sim/motors/motor.h"
 
 namespace ballast::sim {
 

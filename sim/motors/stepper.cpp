@@ -16,7 +16,7 @@ constexpr double kPi = std::numbers::pi;
 Stepper::Stepper(const Motor& motor, double initial_shaft_rad, std::uint64_t tooth_seed)
     : motor_(motor),
       phases_(motor.has_winding() ? PhaseCurrent(motor) : PhaseCurrent()),
-      teeth_(motor.steps_per_revolution / 4.0),
+      teeth_(motor.rotor_teeth()),
       initial_shaft_rad_(initial_shaft_rad) {
   const double full_step_rad = 2 * kPi / motor.steps_per_revolution;
   tooth_error_rad_.resize(static_cast<std::size_t>(motor.steps_per_revolution));

@@ -9,8 +9,8 @@
 #include <limits>
 #include <vector>
 
+#include "sim/motors/motor.h"
 #include "sim/motors/phase_current.h"
-#include "sim/scenario/scenario.h"
 
 namespace ballast::sim {
 
@@ -19,6 +19,8 @@ class Stepper {
   // At t = 0 the rotor stands at initial_shaft_rad; `tooth_seed` draws the fixed pattern of full-step errors.
   Stepper(const Motor& motor, double initial_shaft_rad, std::uint64_t tooth_seed);
 
+  [[nodiscard]] const Motor& motor() const { return motor_; }
+
   // Sets the field so that torque_nm() at t = 0 is torque_nm, as if the motor had been homed under that load. What is
   // more than the holding torque cannot be held: the field then leads by the angle of greatest torque.
   void balance(double torque_nm, double shaft_radps);
@@ -26,19 +28,19 @@ class Stepper {
   // One microstep of the field at time_s; direction +1 or -1.
   void step(int direction, double time_s);
 
-  // --- what it can be made to suffer (fault.h); each from now on ---
-  // Whether the windings have current. Without it pulses turn a field that is not there.
+  // --- injected faults; each holds from now on ---
+  // Whether the windings have current. Without it, pulses still turn the commanded field, which gives no torque.
   void power(bool on) { powered_ = on; }
   // One of the two coils has this part of its current. Two coils at a right angle with currents cos a and k sin a make
   // a field that turns with (1 + k) / 2 and one that turns against it with (k - 1) / 2: PHYSICS.md section 5. With a
-  // winding the second one's torque is what the speed leaves available, and the energies keep to the whole coil.
+  // winding, the second field's torque is what the speed leaves available, and the energies are those of a whole coil.
   void weaken_coil(double part) { coil_part_ = part; }
   void reverse(bool on) { direction_ = on ? -1 : 1; }
-  // The driver does not see this many pulses.
+  // The driver misses this many pulses.
   void swallow(std::int64_t pulses) { to_swallow_ += pulses; }
 
-  // To be called now and then: a field that waits longer than between its last two steps has become slower. True: the
-  // torque may be another now.
+  // Slows the field if it has waited longer than between its last two steps. To be called once per tick or more often.
+  // True: the torque may have changed.
   bool wait(double time_s);
 
   // Electromagnetic, detent and viscous torque on the rotor.

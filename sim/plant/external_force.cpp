@@ -5,16 +5,14 @@
 
 namespace ballast::sim {
 
-ExternalForce::ExternalForce(const Scenario& scenario)
-    : present_(!scenario.external_force_W_n.isZero(0) || !scenario.force_table.times_s.empty() ||
-               scenario.drag.coefficient_kgpm > 0 ||
-               std::any_of(scenario.faults.begin(), scenario.faults.end(),
-                           [](const Fault& fault) { return fault.kind == FaultKind::kPush; })),
-      constant_W_n_(vec3(scenario.external_force_W_n)),
-      times_s_(scenario.force_table.times_s),
-      drag_kgpm_(scenario.drag.coefficient_kgpm),
-      wind_W_mps_(vec3(scenario.drag.wind_W_mps)) {
-  for (const Eigen::Vector3d& force : scenario.force_table.forces_W_n) forces_W_n_.push_back(vec3(force));
+ExternalForce::ExternalForce(const World& world)
+    : present_(!world.external_force_W_n.isZero(0) || !world.force_table.times_s.empty() ||
+               world.drag.coefficient_kgpm > 0),
+      constant_W_n_(vec3(world.external_force_W_n)),
+      times_s_(world.force_table.times_s),
+      drag_kgpm_(world.drag.coefficient_kgpm),
+      wind_W_mps_(vec3(world.drag.wind_W_mps)) {
+  for (const Eigen::Vector3d& force : world.force_table.forces_W_n) forces_W_n_.push_back(vec3(force));
 }
 
 Vec3<double> ExternalForce::of_table(double time_s) const {

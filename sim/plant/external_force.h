@@ -3,16 +3,19 @@
 
 #include <cmath>
 
-#include "sim/scenario/scenario.h"
 #include "sim/plant/vec3.h"
+#include "sim/plant/world.h"
 
 namespace ballast::sim {
 
 class ExternalForce {
  public:
-  explicit ExternalForce(const Scenario& scenario);
+  explicit ExternalForce(const World& world);
 
+  // Whether the equations have to take a force into account.
   [[nodiscard]] bool present() const { return present_; }
+  // To be called at the start of a run that injects pushes.
+  void expect_pushes() { present_ = true; }
 
   // Space frame, N. `velocity_W_mps` is the geometric centre's; complex for derivatives by complex step.
   template <class T>
@@ -31,9 +34,10 @@ class ExternalForce {
     return force;
   }
 
-  // A push on top of all that, from now on. It is state and no function of time: it jumps between two steps of the
-  // integrator, never inside one.
-  void set_push(const Eigen::Vector3d& force_W_n) { push_W_n_ = vec3(force_W_n); }
+  // A push on top of the other forces, from now on. It is state, not a function of time: it jumps between two steps of
+  // the integrator, never inside one.
+  void set_push(const Vec3<double>& force_W_n) { push_W_n_ = force_W_n; }
+  [[nodiscard]] const Vec3<double>& push_W_n() const { return push_W_n_; }
 
   // The first instant after time_s at which the force's rate of time jumps; +infinity if there is none.
   [[nodiscard]] double next_kink_s(double time_s) const;

@@ -156,22 +156,22 @@ struct RollingEquations {
 
 }  // namespace
 
-Body::Body(const Scenario& scenario)
-    : radius_m(scenario.ball.radius_m),
-      gravity_mps2(scenario.gravity_mps2),
-      shell_mass_kg(scenario.ball.mass_kg),
-      total_mass_kg(scenario.ball.mass_kg),
-      inertia_kgm2(scenario.ball.inertia_kgm2),
-      center_of_mass_B_m(scenario.ball.center_of_mass_B_m),
+Body::Body(const World& world)
+    : radius_m(world.ball.radius_m),
+      gravity_mps2(world.gravity_mps2),
+      shell_mass_kg(world.ball.mass_kg),
+      total_mass_kg(world.ball.mass_kg),
+      inertia_kgm2(world.ball.inertia_kgm2),
+      center_of_mass_B_m(world.ball.center_of_mass_B_m),
       shell_first_moment(shell_mass_kg * vec3(center_of_mass_B_m)),
-      external_force(scenario),
-      mass_count(static_cast<int>(scenario.masses.size())) {
+      external_force(world),
+      mass_count(static_cast<int>(world.masses.size())) {
   const Vec3<double>& moment = shell_first_moment;
   const Vector3d& chi = center_of_mass_B_m;
   shell_second_moment = {moment.x * chi[0], moment.x * chi[1], moment.x * chi[2],
                          moment.y * chi[1], moment.y * chi[2], moment.z * chi[2]};
-  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
-    const Mass& mass = scenario.masses[i];
+  for (std::size_t i = 0; i < world.masses.size(); ++i) {
+    const Mass& mass = world.masses[i];
     mass_kg[i] = mass.mass_kg;
     const Trajectory& table = mass.trajectory;
     if (table.times_s.empty()) {
@@ -180,7 +180,7 @@ Body::Body(const Scenario& scenario)
       trajectory[i] = table.periodic ? CubicSpline::closed(table.times_s, table.points_B_m)
                                      : CubicSpline::open(table.times_s, table.points_B_m);
     }
-    reflected_inertia[i] = mass.motor.rotor_inertia_kgm2 * mass.motor.shaft_ratio * mass.motor.shaft_ratio;
+    reflected_inertia[i] = mass.motor.rail_inertia();
     total_mass_kg += mass.mass_kg;
   }
 }

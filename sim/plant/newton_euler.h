@@ -31,15 +31,13 @@
 #include "firmware/model/rail.h"
 #include "sim/masses/cubic_spline.h"
 #include "sim/plant/external_force.h"
-#include "sim/scenario/scenario.h"
+#include "sim/plant/world.h"
 
 namespace ballast::sim {
 
-inline constexpr int kMaxMasses = firmware::kMaxMasses;
-
-// The constants of the equations, unpacked from a scenario.
+// The constants of the equations, unpacked from the world.
 struct Body {
-  explicit Body(const Scenario& scenario);
+  explicit Body(const World& world);
 
   double radius_m;
   double gravity_mps2;

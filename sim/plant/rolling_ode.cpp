@@ -29,39 +29,24 @@ void rates(const Body& body, double time_s, const CarriedMasses& masses, const T
 
 }  // namespace
 
-RollingOde::RollingOde(const Scenario& scenario) : body_(scenario), piece_(scenario.masses.size(), 0) {
-  const auto& initial = scenario.initial;
+RollingOde::RollingOde(const World& world) : body_(world), motion_(world.masses) {
+  const auto& initial = world.initial;
   initial_[kQ] = initial.orientation.w();
   for (int j = 0; j < 3; ++j) {
     initial_[kQ + 1 + j] = initial.orientation.vec()[j];
     initial_[kOmega + j] = initial.angular_velocity_B_radps[j];
   }
   for (int j = 0; j < 2; ++j) initial_[kZ + j] = initial.position_W_m[j];
-  for (const Mass& mass : scenario.masses) motion_.emplace_back(mass);
   begin(0);
 }
 
 RollingOde::State RollingOde::initial_state() const { return initial_; }
 
 void RollingOde::begin(double time_s) {
-  end_s_ = body_.external_force.next_kink_s(time_s);
-  if (time_s < begin_s_) piece_.assign(motion_.size(), 0);
+  if (time_s < begin_s_) motion_.restart();
   begin_s_ = time_s;
-  for (std::size_t i = 0; i < motion_.size(); ++i) {
-    while (motion_[i].end_s(piece_[i]) <= time_s) ++piece_[i];
-    end_s_ = std::min(end_s_, motion_[i].smooth_until_s(piece_[i], time_s));
-  }
-}
-
-RollingOde::MassPoint RollingOde::masses(double time_s) const {
-  MassPoint out{};
-  for (std::size_t i = 0; i < motion_.size(); ++i) {
-    const auto point = motion_[i].at(piece_[i], time_s);
-    out.position[i] = point.position;
-    out.velocity[i] = point.velocity;
-    out.acceleration[i] = point.acceleration;
-  }
-  return out;
+  motion_.enter_pieces(time_s);
+  end_s_ = std::min(body_.external_force.next_kink_s(time_s), motion_.smooth_until_s(time_s));
 }
 
 CarriedMasses RollingOde::carried(double time_s) const {

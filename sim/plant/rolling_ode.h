@@ -13,7 +13,6 @@
 
 #include "sim/masses/motion.h"
 #include "sim/plant/newton_euler.h"
-#include "sim/scenario/scenario.h"
 
 namespace ballast::sim {
 
@@ -22,7 +21,7 @@ class RollingOde {
   static constexpr std::size_t kQ = 0, kOmega = 4, kZ = 7, kSize = 9;
   using State = std::array<double, kSize>;
 
-  explicit RollingOde(const Scenario& scenario);
+  explicit RollingOde(const World& world);
 
   [[nodiscard]] const Body& body() const { return body_; }
   [[nodiscard]] State initial_state() const;
@@ -34,11 +33,7 @@ class RollingOde {
   void begin(double time_s);
   [[nodiscard]] double end_s() const { return end_s_; }  // of the stretch; +infinity for the last
 
-  // Of a mass on a trajectory: the time, 1 and 0.
-  struct MassPoint {
-    std::array<double, kMaxMasses> position, velocity, acceleration;
-  };
-  [[nodiscard]] MassPoint masses(double time_s) const;
+  [[nodiscard]] MassPoint masses(double time_s) const { return motion_.at(time_s); }
 
   // T: double or std::complex<double>.
   template <class T>
@@ -55,8 +50,7 @@ class RollingOde {
 
   Body body_;
   State initial_;
-  std::vector<PrescribedMotion> motion_;
-  std::vector<std::size_t> piece_;
+  PrescribedMasses motion_;
   double begin_s_ = 0, end_s_ = 0;
 };
 

@@ -47,7 +47,7 @@ void read_name(TableReader& root, const std::string& source_name, std::string& o
   }
 }
 
-void read_ball(TableReader table, std::optional<double>& radius, Scenario::Ball& ball) {
+void read_ball(TableReader table, std::optional<double>& radius, Ball& ball) {
   radius = table.number("radius", Range::positive("m"));
   const auto mass = table.number("mass", Range::positive("kg"));
   const auto inertia = table.vector<3>("inertia", Range::positive("kg m^2"));
@@ -76,7 +76,7 @@ void read_ball(TableReader table, std::optional<double>& radius, Scenario::Ball&
   }
 }
 
-void read_surface(TableReader table, Scenario::Surface& surface) {
+void read_surface(TableReader table, Surface& surface) {
   Range friction = Range::positive();
   friction.infinity_allowed = true;
   const auto static_friction = table.number("static_friction", friction, surface.static_friction);
@@ -101,7 +101,7 @@ void read_surface(TableReader table, Scenario::Surface& surface) {
   }
 }
 
-void read_initial(TableReader table, std::optional<double> ball_radius_m, Scenario::Initial& initial) {
+void read_initial(TableReader table, std::optional<double> ball_radius_m, InitialState& initial) {
   const std::string orientation_allowed = "allowed: w, x, y, z of a unit quaternion, its length within 1e-6 of 1";
   table.know({"orientation"});
   if (table.has("orientation")) {
@@ -216,7 +216,7 @@ void read_external_force(TableReader& root, Scenario& scenario) {
   scenario.force_table = {*times, *forces};
 }
 
-void read_drag(TableReader table, Scenario::Drag& drag) {
+void read_drag(TableReader table, Drag& drag) {
   const bool present = table.present();
   const auto coefficient = table.number("coefficient", Range::non_negative("kg/m"),
                                         present ? std::nullopt : std::optional(drag.coefficient_kgpm));

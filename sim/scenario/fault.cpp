@@ -150,6 +150,27 @@ std::span<const FaultKindInfo> fault_kinds() { return kKinds; }
 
 const FaultKindInfo& info(FaultKind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
 
+std::optional<PlantFaultKind> plant_fault_kind(FaultKind kind) {
+  switch (kind) {
+    case kMotorStall:
+      return PlantFaultKind::kMotorStall;
+    case kWeakCoil:
+      return PlantFaultKind::kWeakCoil;
+    case kLostSteps:
+      return PlantFaultKind::kLostSteps;
+    case kReversedWiring:
+      return PlantFaultKind::kReversedWiring;
+    case kBlockedRail:
+      return PlantFaultKind::kBlockedRail;
+    case kFrictionFalls:
+      return PlantFaultKind::kFrictionFalls;
+    case kPush:
+      return PlantFaultKind::kPush;
+    default:
+      return std::nullopt;
+  }
+}
+
 std::span<const FaultChannel> fault_channels() { return kChannels; }
 
 namespace {

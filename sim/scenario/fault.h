@@ -11,6 +11,8 @@
 #include <string>
 #include <string_view>
 
+#include "sim/plant/plant_model.h"
+
 namespace ballast::sim {
 
 enum class FaultKind {
@@ -82,6 +84,8 @@ struct FaultKindInfo {
 // All kinds, in the order of FaultKind.
 std::span<const FaultKindInfo> fault_kinds();
 const FaultKindInfo& info(FaultKind kind);
+// The plant's name for a fault of motors, rails, floor or ball; none for the others.
+std::optional<PlantFaultKind> plant_fault_kind(FaultKind kind);
 
 // The channels that message faults act on, with their receivers. A test compares the names with hal/lcm/channels.h.
 struct FaultChannel {

@@ -20,11 +20,6 @@ constexpr double kUnitTolerance = 1e-6;  // for unit lengths and right angles wr
 constexpr double kMostSpeedError = 0.01;
 constexpr double kMostPointDistance = 1e-3;
 
-// The same expression as the controller's, for the same rounding.
-double microsteps_per_unit(const Motor& motor) {
-  return motor.steps_per_revolution * motor.microsteps * motor.shaft_ratio / (2 * std::numbers::pi);
-}
-
 bool outside(double distance_m, double radius_m) { return !(distance_m <= radius_m * (1 + kRoundOff)); }
 
 std::string allowed_in_ball(double radius_m) { return "; allowed: <= ball.radius = " + number_text(radius_m); }
@@ -553,7 +548,7 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   read("rotor_inertia", Range::positive("kg m^2"), preset ? preset->rotor_inertia_kgm2 : 3 * load_inertia,
        motor.rotor_inertia_kgm2);
   // Three times the torque for gravity and the greatest acceleration of mass and rotor.
-  const double moved_inertia = rail_inertia + motor.rotor_inertia_kgm2 * ratio * ratio;
+  const double moved_inertia = rail_inertia + motor.rail_inertia();
   double rail_torque = mass_kg * around.gravity_mps2.value_or(1) * lever + moved_inertia * extent.greatest_acceleration;
   if (rail_torque == 0) rail_torque = moved_inertia;  // for 1 rail unit / s^2
   read("holding_torque", Range::positive("N m"), preset ? preset->holding_torque_nm : 3 * rail_torque / ratio,
@@ -566,8 +561,7 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
        motor.detent_torque_nm);
   // Damping ratio 0.2 for rotor and load on the field's stiffness N_r tau_hold, but at most a tenth of the holding torque
   // at the motion's greatest speed.
-  const double stiffness = motor.steps_per_revolution / 4.0 * motor.holding_torque_nm;
-  const double damped = 2 * 0.2 * std::sqrt(stiffness * (motor.rotor_inertia_kgm2 + load_inertia));
+  const double damped = 2 * 0.2 * std::sqrt(motor.stiffness_nmprad() * (motor.rotor_inertia_kgm2 + load_inertia));
   const double most_drag = 0.1 * motor.holding_torque_nm / std::max(ratio * extent.greatest_speed, 1e-300);
   read("viscous_damping", Range::non_negative("N m s"), std::min(damped, most_drag), motor.viscous_damping_nms);
   read_winding(table, preset, motor);
@@ -590,11 +584,11 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   const double left_torque =
       std::max(0.9 * motor.holding_torque_nm - gravity_torque - acceleration_torque, 0.01 * motor.holding_torque_nm);
   const double carried_radps = std::min(left_torque / motor.viscous_damping_nms, motor.corner_speed_radps);
-  const double carried_hz = std::max(carried_radps / ratio, 1.1 * extent.greatest_speed) * microsteps_per_unit(motor);
+  const double carried_hz = std::max(carried_radps / ratio, 1.1 * extent.greatest_speed) * motor.microsteps_per_rail_unit();
   read("max_step_rate", Range::positive("1/s"), std::min({timer / 10, 60 / period, carried_hz}),
        motor.max_step_rate_hz);
   // That acceleration within one oscillation of load and rotor on the field's stiffness, which excites it least.
-  const double swing_s = 2 * std::numbers::pi * std::sqrt(moved_inertia / (stiffness * ratio * ratio));
+  const double swing_s = 2 * std::numbers::pi * std::sqrt(moved_inertia / motor.rail_stiffness());
   read("max_jerk", Range::positive("rail unit / s^3"), std::max(motor.max_acceleration / swing_s, extent.greatest_jerk),
        motor.max_jerk);
   table.refuse_unknown_keys();
@@ -602,7 +596,7 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
 
 // Checks what the controller would refuse, and reports it under the key that causes it.
 void check_steps(TableReader& table, const Mass& mass, const MassSurroundings& around) {
-  const double per_unit = microsteps_per_unit(mass.motor);
+  const double per_unit = mass.motor.microsteps_per_rail_unit();
   if (const Range range = Range::positive(); !range.contains(per_unit)) {
     const bool on_line = mass.rail.shape != firmware::RailShape::kCircle;
     table.refuse(
@@ -640,7 +634,7 @@ void check_acceleration(TableReader& table, const Mass& mass, const SpeedExtent&
 void check_step_rate(TableReader& table, const Mass& mass, const SpeedExtent& extent, const MassSurroundings& around) {
   if (!around.control_period_s || !around.timer_frequency_hz) return;
   const Motor& motor = mass.motor;
-  const double needed_hz = extent.greatest_speed * microsteps_per_unit(motor);
+  const double needed_hz = extent.greatest_speed * motor.microsteps_per_rail_unit();
   // In a tick of constant speed one step more than the mean can fall.
   const double per_tick_hz = (kMaxStepsPerControlPeriod - 1) / *around.control_period_s;
   const double possible_hz = std::min({motor.max_step_rate_hz, per_tick_hz, *around.timer_frequency_hz});

@@ -79,6 +79,17 @@ std::string to_string(const ScenarioError& error) {
   return printable(text + ": " + error.message);
 }
 
+Scenario::operator PlantModel() const {
+  PlantModel model{*this, run.actuation, run.on_violation, duration_s, run.control_period_s, seed, {}};
+  for (const Fault& fault : faults) {
+    if (const auto kind = plant_fault_kind(fault.kind)) {
+      const auto mass = static_cast<std::size_t>(fault.mass);
+      model.faults.push_back({*kind, fault.time_s, fault.end_s, fault.value, mass, fault.direction_W});
+    }
+  }
+  return model;
+}
+
 ScenarioResult parse_scenario(std::string_view toml, std::string_view source_name,
                               const std::vector<std::string>& overrides, const std::vector<std::string>& faults) {
   ScenarioResult result;

@@ -11,6 +11,7 @@
 
 #include "firmware/control/controller.h"
 #include "sim/plant/plant.h"
+#include "sim/scenario/scenario.h"
 #include "tests/firmware/paper_ball.h"
 #include "tests/firmware/whole_tick.h"
 

@@ -14,13 +14,13 @@ Eigen::Vector4d components(const Eigen::Quaterniond& q) { return {q.w(), q.x(), 
 void put(const Vector3d& v, double* to) { to[0] = v[0], to[1] = v[1], to[2] = v[2]; }
 
 // q, Omega and the position's first two components of the start.
-std::vector<double> start(const sim::Scenario::Initial& initial) {
+std::vector<double> start(const sim::InitialState& initial) {
   const auto& q = initial.orientation;
   const auto& w = initial.angular_velocity_B_radps;
   return {q.w(), q.x(), q.y(), q.z(), w[0], w[1], w[2], initial.position_W_m[0], initial.position_W_m[1]};
 }
 
-std::vector<double> flying_start(const sim::Scenario::Initial& initial) {
+std::vector<double> flying_start(const sim::InitialState& initial) {
   std::vector<double> y = start(initial);
   y.push_back(initial.height_m);
   for (int j = 0; j < 3; ++j) y.push_back(initial.velocity_W_mps[j]);

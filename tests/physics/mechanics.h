@@ -5,6 +5,7 @@
 #include <array>
 
 #include "sim/plant/plant.h"
+#include "sim/scenario/scenario.h"
 
 namespace ballast::test {
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/plant/plant.h"
+#include "sim/scenario/scenario.h"
 #include "tests/data/reference.h"
 
 namespace ballast::sim {

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "sim/plant/plant.h"
+#include "sim/scenario/scenario.h"
 
 namespace ballast::sim {
 

@@ -12,6 +12,7 @@
 #include "sim/motors/motor_presets.h"
 #include "sim/motors/phase_current.h"
 #include "sim/plant/plant.h"
+#include "sim/scenario/scenario.h"
 
 namespace ballast::sim {
 namespace {

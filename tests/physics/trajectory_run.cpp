@@ -6,7 +6,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-std::vector<double> start(const sim::Scenario::Initial& initial) {
+std::vector<double> start(const sim::InitialState& initial) {
   const auto& q = initial.orientation;
   const auto& w = initial.angular_velocity_B_radps;
   return {q.w(), q.x(), q.y(), q.z(), w[0], w[1], w[2], initial.position_W_m[0], initial.position_W_m[1]};

@@ -31,8 +31,8 @@ class TrajectoryRun {
 
   firmware::BallParams ball_;
   std::vector<sim::CubicSpline> trajectories_;  // per mass; empty where it is on its rail
-  sim::Scenario::ForceTable table_;
-  sim::Scenario::Drag drag_;
+  sim::ForceTable table_;
+  sim::Drag drag_;
   PrescribedRun run_;
 };
 

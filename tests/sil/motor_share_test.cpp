@@ -135,8 +135,8 @@ contact_t sample(double time_s, double n, double commanded_n, double fs, double 
   c.commanded_normal_force_n = commanded_n;
   c.static_friction_n = fs;
   c.commanded_static_friction_n = commanded_fs;
-  c.mu_required = sim::Plant::mu_required(n, fs);
-  c.commanded_mu_required = sim::Plant::mu_required(commanded_n, commanded_fs);
+  c.mu_required = sim::mu_required(n, fs);
+  c.commanded_mu_required = sim::mu_required(commanded_n, commanded_fs);
   return c;
 }
 

@@ -27,7 +27,7 @@ constexpr double kNoise = 1e-13;
 // More than any method takes at the tightest tolerance for a run of a day.
 constexpr std::int64_t kMostSteps = 200'000'000;
 
-double ratio(const Motion& m) { return sim::Plant::mu_required(m.normal_force_n, m.static_friction_n); }
+double ratio(const Motion& m) { return sim::mu_required(m.normal_force_n, m.static_friction_n); }
 
 // Drives a method through the stretches between kinks up to end_s. at_start() after each kink, and after_step() after
 // each step; false from either ends it. Returns the method's failure.
@@ -201,7 +201,7 @@ class Run {
       if (value > best.value + noise || best.time_s < 0) best = {value, t};
     };
     raise(x.mu_required_max, ratio(m), kNoise);
-    const double normal_force_n = sim::Plant::pushed(m.normal_force_n);
+    const double normal_force_n = sim::reported_normal_n(m.normal_force_n);
     raise(x.normal_force_max, normal_force_n, noise_n_);
     raise(x.static_friction_max, m.static_friction_n, noise_n_);
     sim::Extremum least{-x.normal_force_min.value, x.normal_force_min.time_s};
@@ -216,7 +216,7 @@ class Run {
   // Needed torque at the shaft, rotor inertia included.
   std::array<double, sim::kMaxMasses> needed_torques(double t, const State& y, const Motion& m) const {
     std::array<double, sim::kMaxMasses> torque{};
-    const RollingOde::MassPoint masses = problem_.ode.masses(t);
+    const sim::MassPoint masses = problem_.ode.masses(t);
     sim::generalised_forces(problem_.ode.body(), &y[RollingOde::kOmega], masses.position.data(), masses.velocity.data(),
                             masses.acceleration.data(), m, torque.data());
     for (std::size_t i = 0; i < steppers_.size(); ++i) {
@@ -227,7 +227,7 @@ class Run {
 
   void note_motors(double t, const State& y, const Motion& m) {
     if (steppers_.empty()) return;
-    const RollingOde::MassPoint masses = problem_.ode.masses(t);
+    const sim::MassPoint masses = problem_.ode.masses(t);
     const auto torque = needed_torques(t, y, m);
     for (std::size_t i = 0; i < steppers_.size(); ++i) {
       if (!has_motor(i)) continue;
@@ -257,7 +257,7 @@ class Run {
     now_ = motion(t, y);
     out_.end_state = y;
     const sim::Body& body = problem_.ode.body();
-    const RollingOde::MassPoint masses = problem_.ode.masses(t);
+    const sim::MassPoint masses = problem_.ode.masses(t);
     const auto torque = needed_torques(t, y, now_);
     sim::Plant::Sample s{};
     s.time_s = t;
@@ -268,7 +268,7 @@ class Run {
     s.velocity_W_mps = {now_.rolling_velocity_W_mps[0], now_.rolling_velocity_W_mps[1], 0};
     s.acceleration_B_mps2 = now_.acceleration_B_mps2;
     s.up_B = now_.up_B;
-    s.normal_force_n = s.normal_force_min_n = sim::Plant::pushed(now_.normal_force_n);
+    s.normal_force_n = s.normal_force_min_n = sim::reported_normal_n(now_.normal_force_n);
     s.static_friction_n = now_.static_friction_n;
     s.mu_required_max = ratio(now_);
     s.friction_force_W_n = (now_.rotation_B_to_W * now_.contact_force_B_n).head<2>();

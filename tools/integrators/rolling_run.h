@@ -11,6 +11,7 @@
 #include <string>
 
 #include "sim/plant/rolling_ode.h"
+#include "sim/scenario/scenario.h"
 #include "tools/integrators/methods.h"
 #include "tools/sil/run.h"
 

@@ -43,14 +43,14 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
   m.contact.normal_force_n = sample.normal_force_n;
   m.contact.static_friction_n = sample.static_friction_n;
   const bool flies = sample.regime == sim::Regime::kFlight;
-  m.contact.mu_required = flies ? 0 : sim::Plant::mu_required(sample.normal_force_n, sample.static_friction_n);
+  m.contact.mu_required = flies ? 0 : sim::mu_required(sample.normal_force_n, sample.static_friction_n);
   constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
   m.contact.commanded_normal_force_n = commanded ? commanded->normal_force_n : kNothing;
   m.contact.commanded_static_friction_n = commanded ? commanded->static_friction_n : kNothing;
   m.contact.commanded_mu_required =
       !commanded ? kNothing
       : flies    ? 0
-                 : sim::Plant::mu_required(commanded->normal_force_n, commanded->static_friction_n);
+                 : sim::mu_required(commanded->normal_force_n, commanded->static_friction_n);
   m.contact.normal_force_min_n = sample.normal_force_min_n;
   m.contact.mu_required_max = sample.mu_required_max;
   m.contact.margin = friction_margin(sample.normal_force_n, sample.static_friction_n, sample.floor_static_friction);

@@ -7,6 +7,7 @@
 
 #include "hal/lcm/messages.h"
 #include "sim/plant/plant.h"
+#include "sim/scenario/scenario.h"
 
 namespace ballast::sil {
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sim/plant/plant.h"
+#include "sim/scenario/scenario.h"
 #include "tools/sil/lap.h"
 #include "tools/sil/motor_share.h"
 #include "tools/recording/recorder.h"

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "sim/plant/plant.h"
+#include "sim/scenario/scenario.h"
 #include "tools/sil/lap.h"
 #include "tools/sil/run.h"
 

@@ -1,0 +1,162 @@
+#include "sim/plant/equations.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "sim/plant/contact.h"
+
+namespace ballast::sim {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+Equations::Equations(const PlantModel& model)
+    : body(model),
+      prescribed(model.masses),
+      motors(model),
+      contact(model, body.total_mass_kg),
+      driven_(model.actuation == Actuation::kStepper),
+      contact_start_(kTheta + (driven_ ? 2 * model.masses.size() : 0)) {
+  const auto pushes = [](const PlantFault& fault) { return fault.kind == PlantFaultKind::kPush; };
+  if (std::any_of(model.faults.begin(), model.faults.end(), pushes)) body.external_force.expect_pushes();
+}
+
+MassPoint Equations::mass_point(double time_s, const double* y) const {
+  if (!driven_) return prescribed.at(time_s);
+  MassPoint p{};
+  for (std::size_t i = 0; i < mass_count(); ++i) {
+    p.position[i] = y[kTheta + i];
+    p.velocity[i] = y[kTheta + mass_count() + i];
+  }
+  return p;
+}
+
+CarriedMasses Equations::carried(const MassPoint& masses) const {
+  CarriedMasses out;
+  carry_along(body, masses.position.data(), masses.velocity.data(), masses.acceleration.data(), out);
+  return out;
+}
+
+void Equations::evaluate(double time_s, const double* y, Instant& motion) const {
+  if (!driven_) return evaluate_prescribed(time_s, y, carried(prescribed.at(time_s)), motion);
+  const double *position = y + kTheta, *velocity = position + mass_count();
+  const PerMass force = motors.forces(position, velocity);
+  if (contact.regime == Regime::kRolling) {
+    rolling_driven(body, time_s, y + kQ, y + kOmega, position, velocity, force.data(), motion);
+  } else {
+    evaluate_open(y, open_contact_driven_at(time_s, y, force), motion);
+    motion.generalised_force = force;
+  }
+}
+
+void Equations::evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses,
+                                    Instant& motion) const {
+  if (contact.regime == Regime::kRolling) {
+    return rolling_prescribed(body, time_s, y + kQ, y + kOmega, masses, motion);
+  }
+  OpenContact open;
+  open_contact_prescribed(body, time_s, y + kQ, y + kOmega, velocity_W_mps(y), masses, open);
+  evaluate_open(y, open, motion);
+}
+
+// Sliding and flight.
+void Equations::evaluate_open(const double* y, const OpenContact& open, Instant& motion) const {
+  if (contact.regime == Regime::kFlight) {
+    close_contact(body, open, Vector3d::Zero(), motion);
+    motion.remaining = y[contact_start_];
+    motion.height_rate_mps = y[contact_start_ + 3];
+    return;
+  }
+  const double mu = contact.kinetic_friction;
+  const ContactRelation relation{open.free_slip_rate_W_mps2, open.compliance_W};
+  const Vector2d slip = slip_W_mps(y).head<2>();
+  motion.remaining = slip.dot(contact.slip_direction_W);
+  Vector2d e = contact.slip_direction_W;
+  if (contact.slip_begins) {
+    e = follow_slip_direction(relation, mu, contact.slip_direction_W);
+  } else if (motion.remaining > contact.slip_kept_mps) {
+    e = slip.normalized();
+  }
+  if (normal_coefficient(relation, mu, e) > 0) {
+    close_contact(body, open, sliding_force(relation, mu, e), motion);
+    motion.static_friction_n = mu * motion.normal_force_n;  // exactly, without the rounding of a norm
+  } else {
+    close_contact(body, open, Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()), motion);
+  }
+}
+
+void Equations::derivative(double time_s, const double* y, double* dydt, Instant& motion) const {
+  evaluate(time_s, y, motion);
+  quaternion_rate(y + kQ, y + kOmega, dydt + kQ);
+  for (int j = 0; j < 3; ++j) dydt[kOmega + j] = motion.angular_acceleration_B_radps2[j];
+  if (contact.regime == Regime::kRolling) {
+    dydt[kZ] = motion.rolling_velocity_W_mps[0];
+    dydt[kZ + 1] = motion.rolling_velocity_W_mps[1];
+  } else {
+    const Vector3d acceleration_W = motion.rotation_B_to_W * motion.acceleration_B_mps2;
+    const bool flies = contact.regime == Regime::kFlight;
+    const std::size_t c = contact_start_;
+    dydt[kZ] = y[c + 1];
+    dydt[kZ + 1] = y[c + 2];
+    dydt[c] = flies ? y[c + 3] : 0;
+    dydt[c + 1] = acceleration_W[0];
+    dydt[c + 2] = acceleration_W[1];
+    dydt[c + 3] = flies ? acceleration_W[2] : 0;
+  }
+  for (std::size_t i = 0; driven_ && i < mass_count(); ++i) {
+    dydt[kTheta + i] = y[kTheta + mass_count() + i];
+    dydt[kTheta + mass_count() + i] = motion.mass_acceleration[i];
+  }
+}
+
+OpenContact Equations::open_contact(double time_s, const double* y) const {
+  if (driven_) return open_contact_driven_at(time_s, y, motors.forces(y + kTheta, y + kTheta + mass_count()));
+  OpenContact open;
+  open_contact_prescribed(body, time_s, y + kQ, y + kOmega, velocity_W_mps(y), carried(prescribed.at(time_s)), open);
+  return open;
+}
+
+OpenContact Equations::open_contact_driven_at(double time_s, const double* y, const PerMass& force) const {
+  OpenContact open;
+  open_contact_driven(body, time_s, y + kQ, y + kOmega, velocity_W_mps(y), y + kTheta, y + kTheta + mass_count(),
+                      force.data(), open);
+  return open;
+}
+
+Vector3d Equations::velocity_W_mps(const double* y) const {
+  return {y[contact_start_ + 1], y[contact_start_ + 2], y[contact_start_ + 3]};
+}
+
+Vector3d Equations::slip_W_mps(const double* y) const {
+  const Vector3d omega_W = rotation_B_to_W(y + kQ) * Vector3d(y[kOmega], y[kOmega + 1], y[kOmega + 2]);
+  return velocity_W_mps(y) - omega_W.cross(Vector3d(0, 0, body.radius_m));
+}
+
+PerMass Equations::needed_torques(const double* y, const MotionOf<double>& motion, const MassPoint& masses) const {
+  PerMass torque{};
+  generalised_forces(body, y + kOmega, masses.position.data(), masses.velocity.data(), masses.acceleration.data(),
+                     motion, torque.data());
+  for (std::size_t i = 0; i < mass_count(); ++i) {
+    torque[i] = body.trajectory[i].empty() ? torque[i] / motors.stepper(i).motor().shaft_ratio : 0;
+  }
+  return torque;
+}
+
+Dynamics::Dynamics(const PlantModel& model) : equations(model) {
+  const InitialState& initial = model.initial;
+  State& y = now.y;
+  y[kQ] = initial.orientation.w();
+  for (int j = 0; j < 3; ++j) {
+    y[kQ + 1 + j] = initial.orientation.vec()[j];
+    y[kOmega + j] = initial.angular_velocity_B_radps[j];
+  }
+  y[kZ] = initial.position_W_m[0];
+  y[kZ + 1] = initial.position_W_m[1];
+  const std::size_t n = model.masses.size();
+  for (std::size_t i = 0; i < n && equations.driven(); ++i) {
+    y[kTheta + i] = model.masses[i].initial_position;
+    y[kTheta + n + i] = model.masses[i].initial_velocity;
+  }
+}
+
+}  // namespace ballast::sim
