@@ -6,14 +6,18 @@
 #include "firmware/model/ball_sums.h"
 #include "sim/closed_forms/disk_mass.h"
 
-namespace ballast::firmware {
+namespace ballast::closed_forms {
 
-using detail::from;
-using detail::Vec;
+using firmware::kMaxMasses;
+using firmware::sin_cos;
+using firmware::detail::Attitude;
+using firmware::detail::from;
+using firmware::detail::Sums;
+using firmware::detail::Vec;
 
 DetachedMotion detached_motion_3d(const BallParams& ball, const Quaternion& orientation,
                                   const Vector3& angular_velocity_B_radps, const MassTrajectories& masses) {
-  const detail::Attitude lambda(orientation);
+  const Attitude lambda(orientation);
   const Vec omega = from(angular_velocity_B_radps);
   const Vec inertia = from(ball.inertia_kgm2);
   const Vec chi0 = from(ball.center_of_mass_B_m);
@@ -30,7 +34,7 @@ DetachedMotion detached_motion_3d(const BallParams& ball, const Quaternion& orie
 
   // Levers d_i. Gravity has no torque about X.
   const Vec none{0, 0, 0};
-  detail::Sums sums;
+  Sums sums;
   sums.add(ball.shell_mass_kg, chi0 - center, cross(omega, cross(omega, chi0)), none);
   for (int i = 0; i < ball.mass_count; ++i) {
     const auto k = static_cast<std::size_t>(i);
@@ -61,10 +65,10 @@ DetachedDiskMotion detached_disk_motion(const BallParams& ball, const DiskState&
   const auto [sin_phi, cos_phi] = sin_cos(disk.angle_rad);
   const Real force1 = ball.external_force_W_n[0], force3 = ball.external_force_W_n[2];
 
-  std::array<detail::DiskMass, kMaxMasses + 1> all;
+  std::array<DiskMass, kMaxMasses + 1> all;
   Real mass = 0, mass_zeta1 = 0, mass_zeta3 = 0, mass_q = 0, mass_p = 0;
   for (int i = -1; i < ball.mass_count; ++i) {
-    const detail::DiskMass m = detail::disk_mass(ball, disk, masses, i);
+    const DiskMass m = disk_mass(ball, disk, masses, i);
     all[static_cast<std::size_t>(i + 1)] = m;
     mass += m.mass;
     mass_zeta1 += m.mass * m.zeta1;
@@ -77,7 +81,7 @@ DetachedDiskMotion detached_disk_motion(const BallParams& ball, const DiskState&
   Real inertia = ball.inertia_kgm2[1];
   Real torque = force1 * (center1 * sin_phi + center3 * cos_phi) - force3 * (center1 * cos_phi - center3 * sin_phi);
   for (int i = 0; i <= ball.mass_count; ++i) {
-    const detail::DiskMass& m = all[static_cast<std::size_t>(i)];
+    const DiskMass& m = all[static_cast<std::size_t>(i)];
     const Real d1 = m.zeta1 - center1, d3 = m.zeta3 - center3;
     inertia += m.mass * (d1 * d1 + d3 * d3);
     torque -= m.mass * (d1 * m.p - d3 * m.q);
@@ -93,4 +97,4 @@ DetachedDiskMotion detached_disk_motion(const BallParams& ball, const DiskState&
   return out;
 }
 
-}  // namespace ballast::firmware
+}  // namespace ballast::closed_forms

@@ -1,16 +1,16 @@
-// What the disk's closed forms, rolling and detached, need of each mass. For model/ only.
+// The terms of one mass in the disk's closed forms, rolling and detached.
 #pragma once
 
 #include "sim/closed_forms/rolling_disk.h"
 
-namespace ballast::firmware::detail {
+namespace ballast::closed_forms {
 
 // Body components 1 and 3, from the geometric centre.
 struct DiskMass {
   Real mass;
   Real zeta1, zeta3;
-  Real e1,
-      e3;     // -2 phidot thetadot_i zeta_i,3' + thetadot_i^2 zeta_i,1'' + thetaddot_i zeta_i,1', and its like along E3
+  // e1 = -2 phidot thetadot_i zeta_i,3' + thetadot_i^2 zeta_i,1'' + thetaddot_i zeta_i,1'; e3 is its like along E3.
+  Real e1, e3;
   Real q, p;  // Q_i and P_i of eq_detach_disk_1d: e with the centripetal part, the components of c_i
 };
 
@@ -20,7 +20,7 @@ inline DiskMass disk_mass(const BallParams& ball, const DiskState& disk, const M
   DiskMass out{ball.shell_mass_kg, ball.center_of_mass_B_m[0], ball.center_of_mass_B_m[2], 0, 0, 0, 0};
   if (i >= 0) {
     const auto k = static_cast<std::size_t>(i);
-    const RailPoint<Real> rail = evaluate<Real>(ball.rail[k], masses.position[k]);
+    const auto rail = firmware::evaluate<Real>(ball.rail[k], masses.position[k]);
     const Real rate = masses.velocity[k], acceleration = masses.acceleration[k];
     out.mass = ball.mass_kg[k];
     out.zeta1 = rail.position[0];
@@ -33,4 +33,4 @@ inline DiskMass disk_mass(const BallParams& ball, const DiskState& disk, const M
   return out;
 }
 
-}  // namespace ballast::firmware::detail
+}  // namespace ballast::closed_forms

@@ -4,10 +4,12 @@
 
 #include "sim/closed_forms/disk_mass.h"
 
-namespace ballast::firmware {
+namespace ballast::closed_forms {
+
+using firmware::sin_cos;
 
 Quaternion orientation_of(const DiskState& disk) {
-  const SinCos<Real> half = sin_cos(disk.angle_rad / 2);
+  const firmware::SinCos<Real> half = sin_cos(disk.angle_rad / 2);
   return Quaternion(half.cos, 0, -half.sin, 0);
 }
 
@@ -19,11 +21,11 @@ RollingDiskForces rolling_disk_forces(const BallParams& ball, const DiskState& d
   const Real r = ball.radius_m, g = ball.gravity_mps2;
   const Real force1 = ball.external_force_W_n[0], force3 = ball.external_force_W_n[2];
 
-  // phiddot enters N and f_s linearly, so one pass over the masses gathers all three.
+  // phiddot enters N and f_s linearly, so one pass over the masses gathers the sums of all three.
   Real mass = 0, mass_k = 0, inertia = ball.inertia_kgm2[1];
   Real mass_zeta1 = 0, mass_zeta3 = 0, mass_q = 0, mass_p = 0;
   for (int i = -1; i < ball.mass_count; ++i) {
-    const detail::DiskMass m = detail::disk_mass(ball, disk, masses, i);
+    const DiskMass m = disk_mass(ball, disk, masses, i);
     const Real s1 = r * sin_phi + m.zeta1, s3 = r * cos_phi + m.zeta3;
     const Real k = (g + r * spin * spin) * (m.zeta3 * sin_phi - m.zeta1 * cos_phi) + s3 * m.e1 - s1 * m.e3;  // eq_K_i
     mass += m.mass;
@@ -46,4 +48,4 @@ RollingDiskForces rolling_disk_forces(const BallParams& ball, const DiskState& d
   return out;
 }
 
-}  // namespace ballast::firmware
+}  // namespace ballast::closed_forms

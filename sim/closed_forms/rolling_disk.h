@@ -1,5 +1,9 @@
-// The paper's closed forms for a disk that rolls without slipping: the ball whose masses, centre of mass and external
-// force stay in the plane e1-e3, E2 being a principal axis orthogonal to it.
+// The closed forms of the paper that the controller does not use: here the disk that rolls without slipping, in
+// detached.h ball and disk in the air. They extend the firmware's model (firmware/model/rolling.h), take its parameters,
+// and serve tests as a derivation independent of the plant.
+//
+// The disk is the ball whose masses, centre of mass and external force stay in the plane e1-e3, with E2 a principal
+// axis orthogonal to it.
 //
 // phi is the angle from e1 to E1, counterclockwise seen with e2 directed into the page, so a disk with phidot > 0 rolls
 // towards -e1. The ball in the same state (paper, app_disk):
@@ -9,7 +13,14 @@
 
 #include "firmware/model/rolling.h"
 
-namespace ballast::firmware {
+namespace ballast::closed_forms {
+
+using firmware::BallParams;
+using firmware::MassMotion;
+using firmware::MassTrajectories;
+using firmware::Quaternion;
+using firmware::Real;
+using firmware::Vector3;
 
 struct DiskState {
   Real angle_rad = 0;               // phi
@@ -28,9 +39,9 @@ Quaternion orientation_of(const DiskState& disk);
 Vector3 angular_velocity_of(const DiskState& disk);  // body frame, rad/s
 
 // phiddot (eq_ddphi_disk with eq_K_i), N (eq_normal_disk) and -f_s sigma (eq_static_friction_disk). With mass_count = 0
-// these are eq_ddphi_sdisk, eq_normal_sdisk and eq_static_friction_sdisk. Of `ball`, I enters by d_2 alone and vectors
-// by their components 1 and 3: it is the caller's to see that rails, chi_0 and F_e have no other. Deviation from the
-// paper: none. Never fails for validated parameters; NaN in gives NaN out.
+// these are eq_ddphi_sdisk, eq_normal_sdisk and eq_static_friction_sdisk. The inertia enters by d_2 alone and vectors by
+// their components 1 and 3; the caller ensures that rails, chi_0 and F_e have no component 2. Deviation from the paper:
+// none. Never fails for validated parameters; NaN in gives NaN out.
 RollingDiskForces rolling_disk_forces(const BallParams& ball, const DiskState& disk, const MassMotion& masses);
 
-}  // namespace ballast::firmware
+}  // namespace ballast::closed_forms

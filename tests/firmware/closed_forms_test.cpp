@@ -14,6 +14,8 @@
 namespace ballast::firmware {
 namespace {
 
+using namespace closed_forms;
+
 // Double rounding of some hundred operations, times the condition of the 3x3 systems, stays below it;
 // each comparison names the size it is relative to.
 constexpr double kRelative = 1e-12;

@@ -95,6 +95,8 @@ void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { free(p
 namespace ballast::firmware {
 namespace {
 
+using namespace closed_forms;
+
 // Keeps the compiler from removing an allocation it can see through.
 void* volatile sink;
 

@@ -53,7 +53,7 @@ ClosedFormFlight::ClosedFormFlight(const sim::Scenario& scenario)
       run_(scenario, flying_start(scenario.initial),
            [this](double, const firmware::MassMotion& masses, const double* y, double* d) {
              const Vector3d w = vector3(y + 4);
-             const auto motion = firmware::detached_motion(ball_, attitude(y), w, masses);
+             const auto motion = closed_forms::detached_motion(ball_, attitude(y), w, masses);
              attitude_rate(y, w, d);
              put(motion.angular_acceleration_B_radps2, d + 4);
              put(vector3(y + 10), d + 7);

@@ -30,7 +30,7 @@ Scenario thrown(test::RandomRobot& random, int mass_count) {
 }
 
 // The rails, centre of mass and force of such a robot in the plane of e1 and e3, the ball turned by minus phi about e2.
-Scenario thrown_disk(test::RandomRobot& random, int mass_count, firmware::DiskState& start) {
+Scenario thrown_disk(test::RandomRobot& random, int mass_count, closed_forms::DiskState& start) {
   Scenario s = thrown(random, mass_count);
   const double r = s.ball.radius_m, speed = std::sqrt(s.gravity_mps2 * r);
   s.ball.center_of_mass_B_m[1] = s.external_force_W_n[1] = s.initial.velocity_W_mps[1] = 0;
@@ -43,8 +43,8 @@ Scenario thrown_disk(test::RandomRobot& random, int mass_count, firmware::DiskSt
                     : firmware::circle(center, r * random.uniform(0.1, 0.75), along, across);
   }
   start = {random.uniform(-3, 3), speed / r * random.uniform(-3, 3)};
-  s.initial.orientation = firmware::orientation_of(start);
-  s.initial.angular_velocity_B_radps = firmware::angular_velocity_of(start);
+  s.initial.orientation = closed_forms::orientation_of(start);
+  s.initial.angular_velocity_B_radps = closed_forms::angular_velocity_of(start);
   return s;
 }
 
@@ -83,7 +83,7 @@ TEST(Detached, AccelerationIsTheClosedFormOnRandomStates) {
     shake(s, random);
     const auto p = Plant(s).sample();
     const auto& initial = s.initial;
-    const auto form = firmware::detached_motion(test::ball_params(s), initial.orientation,
+    const auto form = closed_forms::detached_motion(test::ball_params(s), initial.orientation,
                                                 initial.angular_velocity_B_radps, at_start(s));
     const Vector3d plant_W = initial.orientation * p.acceleration_B_mps2;
     worst = std::max(worst, (plant_W - form.acceleration_W_mps2).norm() / form.acceleration_W_mps2.norm());
@@ -98,10 +98,10 @@ TEST(Detached, AccelerationIsTheDisksClosedFormInItsPlane) {
   test::RandomRobot random(kSeed);
   double worst = 0;
   for (int trial = 0; trial < 3000; ++trial) {
-    firmware::DiskState disk;
+    closed_forms::DiskState disk;
     Scenario s = thrown_disk(random, trial % (kMaxMasses + 1), disk);
     shake(s, random);
-    const auto form = firmware::detached_disk_motion(test::ball_params(s), disk, at_start(s));
+    const auto form = closed_forms::detached_disk_motion(test::ball_params(s), disk, at_start(s));
     const Vector3d plant_W = s.initial.orientation * Plant(s).sample().acceleration_B_mps2;
     worst = std::max(worst, (plant_W - form.acceleration_W_mps2).norm() / form.acceleration_W_mps2.norm());
   }
@@ -146,12 +146,12 @@ TEST(Detached, DiskFlightsAgreeWithCvodeOnTheClosedForm) {
   for (int trial = 0; trial < 27; ++trial) {
     SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
     test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
-    firmware::DiskState start;
+    closed_forms::DiskState start;
     const Scenario s = thrown_disk(random, trial % (kMaxMasses + 1), start);
     const double r = s.ball.radius_m, speed = std::sqrt(s.gravity_mps2 * r);
     const firmware::BallParams ball = test::ball_params(s);
     const auto law = [&](double, const firmware::MassMotion& masses, const double* y, double* d) {
-      const auto motion = firmware::detached_disk_motion(ball, {y[0], y[1]}, masses);
+      const auto motion = closed_forms::detached_disk_motion(ball, {y[0], y[1]}, masses);
       d[0] = y[1];
       d[1] = motion.angular_acceleration_radps2;
       d[2] = y[4], d[3] = y[5];
@@ -168,9 +168,9 @@ TEST(Detached, DiskFlightsAgreeWithCvodeOnTheClosedForm) {
     const auto p = plant.sample();
     ASSERT_EQ(p.regime, Regime::kFlight);
     const double* y = reference.y();
-    const Eigen::Quaterniond q = firmware::orientation_of({y[0], y[1]});
+    const Eigen::Quaterniond q = closed_forms::orientation_of({y[0], y[1]});
     const Eigen::Vector4d as_ball(q.w(), q.x(), q.y(), q.z());
-    const Vector3d omega = firmware::angular_velocity_of({y[0], y[1]});
+    const Vector3d omega = closed_forms::angular_velocity_of({y[0], y[1]});
     const double error = std::max({std::min((p.orientation - as_ball).norm(), (p.orientation + as_ball).norm()),
                                    (p.angular_velocity_B_radps - omega).norm() * r / speed,
                                    (p.position_W_m - Vector3d(y[2], s.initial.position_W_m[1], y[3])).norm() / r,

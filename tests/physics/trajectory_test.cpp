@@ -118,7 +118,7 @@ TEST(Trajectories, EveryInstantAgreesWithTheClosedForms) {
                   1e-12 * (acceleration_W.norm() + s.gravity_mps2));
       } else if (now.regime == Regime::kFlight) {
         ++flying;
-        const auto paper = firmware::detached_motion_3d(ball, q, now.angular_velocity_B_radps, masses);
+        const auto paper = closed_forms::detached_motion_3d(ball, q, now.angular_velocity_B_radps, masses);
         ASSERT_LT((q * now.acceleration_B_mps2 - paper.acceleration_W_mps2).norm(),
                   1e-12 * (paper.acceleration_W_mps2.norm() + s.gravity_mps2));
       }
