@@ -17,9 +17,9 @@ class Dop853 {
   using State = std::array<double, kCapacity>;
   static constexpr int kErrorOrder = 8;  // of error() in h
 
-  // From y0 at t0, where the derivative is k1, to t0 + h. rhs(t, y, dydt) is evaluated twelve times, last at the new
-  // state, so that end_derivative() may serve as the next step's k1. Only the first `size` entries of a State are used.
-  // `y0` and `k1` must not be this object's own end_state() and end_derivative().
+  // Steps from y0 at t0, where the derivative is k1, to t0 + h. rhs(t, y, dydt) is evaluated twelve times, last at the
+  // new state, so that end_derivative() may serve as the next step's k1. Only the first `size` entries of a State are
+  // used. `y0` and `k1` must not be this object's own end_state() and end_derivative().
   template <class Rhs>
   void step(Rhs&& rhs, double t0, double h, const State& y0, const State& k1, std::size_t size) {
     size_ = size;
@@ -71,9 +71,8 @@ class Dop853 {
   [[nodiscard]] const State& end_state() const { return y1_; }
   [[nodiscard]] const State& end_derivative() const { return k_[12]; }
 
-  // Root mean square over the components of the error estimate, each measured against tolerance * (1 + |y|): the
-  // order-5 estimate, drawn towards 0 by its ratio to the order-3 one, which makes the whole one of order 7. NaN if a
-  // stage was NaN.
+  // Root mean square over the components of the error estimate, each relative to tolerance * (1 + |y|). The order-5
+  // estimate is reduced by its ratio to the order-3 one, which makes the whole of order 7. NaN if a stage was NaN.
   [[nodiscard]] double error(double tolerance) const {
     double fifth = 0, third = 0;
     for (std::size_t i = 0; i < size_; ++i) {
@@ -95,7 +94,7 @@ class Dop853 {
     return both == 0 ? 0 : std::abs(h_) * fifth / std::sqrt(static_cast<double>(size_) * both);
   }
 
-  // Before interpolate(): evaluates rhs three times more. `y0` of the step must still be alive.
+  // To be called before interpolate(). Evaluates rhs three times more. The step's `y0` must still be alive.
   template <class Rhs>
   void prepare_dense(Rhs&& rhs) {
     stage<1, 7, 8, 9, 10, 11, 12, 13>(

@@ -15,7 +15,7 @@ class DormandPrince {
   using State = std::array<double, kCapacity>;
   static constexpr int kErrorOrder = 5;  // of error() in h
 
-  // From y0 at t0, where the derivative is k1, to t0 + h. rhs(t, y, dydt) is evaluated six times, last at the new
+  // Steps from y0 at t0, where the derivative is k1, to t0 + h. rhs(t, y, dydt) is evaluated six times, last at the new
   // state, so that end_derivative() may serve as the next step's k1. Only the first `size` entries of a State are used.
   // `y0` and `k1` must not be this object's own end_state() and end_derivative().
   template <class Rhs>
@@ -44,8 +44,7 @@ class DormandPrince {
   [[nodiscard]] const State& end_state() const { return y1_; }
   [[nodiscard]] const State& end_derivative() const { return k_[6]; }
 
-  // Largest component of the embedded error estimate, each measured against tolerance * (1 + |y|). NaN if a stage was
-  // NaN.
+  // Largest component of the embedded error estimate, each relative to tolerance * (1 + |y|). NaN if a stage was NaN.
   [[nodiscard]] double error(double tolerance) const {
     double worst = 0;
     for (std::size_t i = 0; i < size_; ++i) {
@@ -57,7 +56,7 @@ class DormandPrince {
     return worst;
   }
 
-  // State at t0 + part * h, 0 <= part <= 1, to order 4. `y0` of the step must still be alive.
+  // State at t0 + part * h, 0 <= part <= 1, to order 4. The step's `y0` must still be alive.
   void interpolate(double part, State& y) const {
     const double u = part;
     const double u2 = u * u, v = u * (u - 1), v2 = v * v;

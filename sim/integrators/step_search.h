@@ -1,4 +1,4 @@
-// Looking inside one step of an integrator: for the peak of a value, and for the instant at which a condition breaks.
+// Searches inside one step of an integrator: for the peak of a value, and for the instant at which a condition breaks.
 // Places are parts of the step, 0 at its start and 1 at its end.
 #pragma once
 
@@ -8,8 +8,8 @@
 namespace ballast::sim {
 
 // Whether a smooth function with these values at the start, the middle and the end of a step may have a peak above
-// `floor` in between: by the parabola through them, with half its bend as allowance for what a parabola leaves out. A
-// few vain searches cost less than a peak missed.
+// `floor` in between. The test takes the parabola through them and allows half its bend for higher terms. A few searches
+// in vain cost less than a missed peak.
 inline bool may_peak_above(double v0, double vm, double v1, double floor) {
   const double bend = 2 * vm - v0 - v1;  // the parabola rises bend / 4 above its chord's middle
   const double slope_0 = 4 * vm - 3 * v0 - v1, slope_1 = v0 - 4 * vm + 3 * v1;
@@ -17,7 +17,7 @@ inline bool may_peak_above(double v0, double vm, double v1, double floor) {
   return std::max({v0, vm, v1}) + std::abs(bend) / 2 > floor;
 }
 
-// Where in (0, 1) f is greatest, by golden section; f is taken to have one peak there.
+// The place in (0, 1) where f is greatest, by golden section. f is assumed to have one peak there.
 template <class F>
 double golden_section(F&& f) {
   constexpr double kGolden = 0.6180339887498949;
@@ -27,18 +27,24 @@ double golden_section(F&& f) {
   // 45 shrinkings: 4e-10 of the step, where a smooth peak is flat to rounding.
   for (int i = 0; i < 45; ++i) {
     if (f_left < f_right) {
-      lo = left, left = right, f_left = f_right;
-      f_right = f(right = lo + kGolden * (hi - lo));
+      lo = left;
+      left = right;
+      f_left = f_right;
+      right = lo + kGolden * (hi - lo);
+      f_right = f(right);
     } else {
-      hi = right, right = left, f_right = f_left;
-      f_left = f(left = hi - kGolden * (hi - lo));
+      hi = right;
+      right = left;
+      f_right = f_left;
+      left = hi - kGolden * (hi - lo);
+      f_left = f(left);
     }
   }
   return (lo + hi) / 2;
 }
 
 // Bisection in a step from time_s by h_s between its start, where broken(part) is false, and `broken_part`, where it is
-// true: down to rounding, and the side where it is true, so that whoever judges the result sees it broken.
+// true, down to rounding. Returns the side where it is true, so that the condition is broken at the result.
 template <class Broken>
 double first_broken(double time_s, double h_s, double broken_part, Broken&& broken) {
   double good = 0, bad = broken_part;

@@ -23,7 +23,7 @@ class Equations {
 
   [[nodiscard]] Eigen::MatrixX3d solve() const {
     Eigen::SparseMatrix<double> matrix(size_, size_);
-    matrix.setFromTriplets(entries_.begin(), entries_.end());  // adds up what falls on one place
+    matrix.setFromTriplets(entries_.begin(), entries_.end());  // adds up entries of the same place
     Eigen::SparseLU<Eigen::SparseMatrix<double>> factors(matrix);
     if (factors.info() != Eigen::Success) {
       return Eigen::MatrixX3d::Constant(size_, 3, std::numeric_limits<double>::quiet_NaN());

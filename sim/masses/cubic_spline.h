@@ -4,8 +4,8 @@
 // knots,
 //   c(u) = a c_i + b c_i+1 + ((a^3 - a) M_i + (b^3 - b) M_i+1) h^2 / 6,
 // and continuous first derivatives make the M_i the solution of a sparse linear system (de Boor, "A Practical Guide to
-// Splines", ch. IV). Eigen's own (unsupported) splines have no closed curves, and put the knots at averages of
-// the parameters: not at the instants of a table, and second derivatives at the knots are no part of what they give.
+// Splines", ch. IV). Eigen's own (unsupported) splines do not fit: they have no closed curves, they put the knots at
+// averages of the parameters instead of the instants of a table, and they do not give second derivatives at the knots.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,16 +15,16 @@ namespace ballast::sim {
 
 class CubicSpline {
  public:
-  // As many points as knots, at least 2; knots increasing. Where that has no finite solution, as with numbers near the
-  // ends of the range, finite() is false.
+  // The following need as many points as knots, at least 2, and increasing knots. Where the equations have no finite
+  // solution, as with numbers near the ends of the range, finite() is false.
 
-  // Not-a-knot: the third derivative is continuous at the second and the last but one knot too, so that any cubic is
-  // reproduced. Three points make a parabola, two a line.
+  // Not-a-knot: the third derivative is continuous at the second and the last but one knot too, so the spline reproduces
+  // any cubic. Three points make a parabola, two a line.
   static CubicSpline open(std::vector<double> knots, std::vector<Eigen::Vector3d> points);
   // Periodic with the length of the knots; first and last point equal, at least 3.
   static CubicSpline closed(std::vector<double> knots, std::vector<Eigen::Vector3d> points);
 
-  // The first derivatives at the ends given.
+  // With given first derivatives at the ends.
   static CubicSpline clamped(std::vector<double> knots, std::vector<Eigen::Vector3d> points,
                              const Eigen::Vector3d& first_d1, const Eigen::Vector3d& last_d1);
 
@@ -34,9 +34,9 @@ class CubicSpline {
   struct Point {
     Eigen::Vector3d position, d1, d2;
   };
-  // A closed curve repeats for ever; an open one goes on beyond its ends as the cubics there do.
+  // A closed curve repeats for ever; an open one continues beyond its ends with the cubics there.
   [[nodiscard]] Point at(double u) const;
-  // Of one piece's cubic, at any u.
+  // The cubic of one piece, at any u.
   [[nodiscard]] Point at(std::size_t piece, double u) const;
 
   [[nodiscard]] std::size_t pieces() const { return knots_.size() - 1; }

@@ -17,7 +17,7 @@ struct Start {
   [[nodiscard]] double velocity_at(double s) const { return velocity + s * (acceleration + s * jerk / 2); }
 };
 
-// Where the velocity is zero; NaN or infinite where it is not. The form that does not cancel.
+// The places where the velocity is zero; NaN or infinite if there are none. This form does not cancel.
 std::array<double, 2> turning_points(const Start& p) {
   const double discriminant = p.acceleration * p.acceleration - 2 * p.jerk * p.velocity;
   const double q = -(p.acceleration + std::copysign(std::sqrt(discriminant), p.acceleration)) / 2;
@@ -35,7 +35,7 @@ void for_each_piece(const Mass& mass, Visit visit) {
     p.acceleration = m.acceleration_start;
     p.jerk = (m.acceleration_end - m.acceleration_start) / m.duration_s;
     visit(piece++, p, time, m.duration_s);
-    // From the end accelerations, not from the jerk: exact zeros stay zero.
+    // The end accelerations, not the jerk, determine the next start, so that exact zeros stay zero.
     p.position += m.duration_s * (p.velocity + m.duration_s * (2 * m.acceleration_start + m.acceleration_end) / 6);
     p.velocity += m.duration_s * (m.acceleration_start + m.acceleration_end) / 2;
     time += m.duration_s;
@@ -53,7 +53,7 @@ PositionExtent position_extent(const Mass& mass, double duration_s) {
     const double end = std::min(length_s, duration_s - begin_s);
     const auto consider = [&](double s) {
       const Extreme here{p.position_at(s), begin_s + s, piece};
-      // Written so that the NaN or infinity of an overflow is taken over, stays, and is seen by the caller.
+      // An overflow's NaN or infinity is taken over and stays, so that the caller notices it.
       const auto beyond = [&](bool within, const Extreme& known) { return !within && std::isfinite(known.position); };
       if (beyond(here.position >= extent.least.position, extent.least)) extent.least = here;
       if (beyond(here.position <= extent.greatest.position, extent.greatest)) extent.greatest = here;
@@ -71,7 +71,7 @@ SpeedExtent speed_extent(const Mass& mass) {
   SpeedExtent extent;
   extent.greatest_speed = std::abs(mass.initial_velocity);
   for_each_piece(mass, [&](std::size_t piece, const Start& p, double, double length_s) {
-    if (piece == mass.motion.size()) return;  // has the speed with which the last piece ends
+    if (piece == mass.motion.size()) return;  // the last piece ends with this speed
     const MotionPiece& m = mass.motion[piece];
     const auto consider = [&](double speed) {
       if (speed <= extent.greatest_speed || !std::isfinite(extent.greatest_speed)) return;

@@ -1,4 +1,4 @@
-// The extremes of a prescribed motion, exact: a cubic's at the roots of its derivative, not at samples.
+// The extremes of a prescribed motion. They are exact, because a cubic's lie at the roots of its derivative.
 #pragma once
 
 #include <cstddef>
@@ -7,7 +7,7 @@
 
 namespace ballast::sim {
 
-// Where a coordinate is extreme. `piece` counts from 0; the motion's size means the constant velocity that follows.
+// A coordinate at its extreme. `piece` counts from 0; the motion's size means the constant velocity that follows.
 struct Extreme {
   double position = 0;
   double time_s = 0;
@@ -21,8 +21,8 @@ struct PositionExtent {
 };
 PositionExtent position_extent(const Mass& mass, double duration_s);
 
-// The greatest |theta'|, |theta''| and |theta'''| of the whole motion, the last inside the pieces, and the first piece
-// that has each; 0 if there is none.
+// The greatest |theta'|, |theta''| and |theta'''| of the whole motion, and the first piece that has each; 0 if there is
+// none. |theta'''| is taken inside the pieces, not where they meet.
 struct SpeedExtent {
   double greatest_speed = 0;
   std::size_t fastest_piece = 0;

@@ -13,9 +13,9 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr int kPlaces = 32;  // looked at in each piece of a rail
+constexpr int kPlaces = 32;  // samples in each piece of a rail
 
-// The way along a curve, its pieces cut into parts short enough for the rule of Gauss with five nodes.
+// The arc length along a curve, in parts short enough for Gauss's rule with five nodes.
 class ArcLength {
  public:
   explicit ArcLength(const CubicSpline& curve) : curve_(curve) {
@@ -34,13 +34,13 @@ class ArcLength {
     return knot == curve_.pieces() ? total_ : ends_[knot * kParts].way;
   }
 
-  // The point after this way.
+  // The point at this arc length.
   [[nodiscard]] Vector3d point_at(double way_m) const {
     const auto after = std::upper_bound(ends_.begin() + 1, ends_.end(), way_m,
                                         [](double way, const End& end) { return way < end.way; });
     const End& start = *(after - 1);
     double low = start.u, high = after == ends_.end() ? curve_.knots().back() : after->u;
-    // Newton's method, kept between the ends by bisection.
+    // Newton's method, with bisection to stay between the ends.
     double u = (low + high) / 2;
     for (int i = 0; i < 100 && high - low > 1e-15 * (1 + std::abs(u)); ++i) {
       const double excess = start.way + between(start.piece, start.u, u) - way_m;

@@ -17,7 +17,7 @@ double loss(double damping_ratio) {
 }  // namespace
 
 double end_stop_damping_ratio(double restitution) {
-  // The loss rises with D_r without bound: bisection, to rounding.
+  // The loss rises with D_r without bound, so bisection finds it, to rounding.
   if (restitution >= 1) return 0;
   const double wanted = -std::log(restitution);
   double low = 0, high = 1;

@@ -1,12 +1,12 @@
 // The stops at the ends of a line or an open spline: a one-sided spring and damper (Kelvin and Voigt), which pushes the
-// mass back along its rail and never pulls. With the depth x, how far the mass is beyond the end,
+// mass back along its rail and never pulls. With the depth x of the mass beyond the end,
 //   F = k x + c xdot   where x > 0 and that is > 0; else 0,   c = 2 D_r sqrt(k (m + J)).
-// J is the rotor's inertia in rail units. The damping ratio D_r belongs to the restitution e, outgoing over arriving
-// speed, of m + J against a ball held fast, nothing else acting. With time in units of sqrt((m + J) / k), D_r = cos(a)
-// and arriving speed 1 the depth is exp(-D_r t) sin(t sin(a)) / sin(a); each derivative turns the phase by pi - a. So
-// the force, -xddot, ends at t = 2 a / sin(a), where xdot = -exp(-D_r t):
+// J is the rotor's inertia in rail units. The damping ratio D_r follows from the restitution e, the outgoing over the
+// arriving speed of m + J against a ball held fast, with no other force. With time in units of sqrt((m + J) / k), D_r =
+// cos(a) and arriving speed 1 the depth is exp(-D_r t) sin(t sin(a)) / sin(a); each derivative turns the phase by pi - a.
+// So the force, -xddot, ends at t = 2 a / sin(a), where xdot = -exp(-D_r t):
 //   e = exp(-2 a cot(a)),   a = acos(D_r)   (e^-2 at D_r = 1; above it acosh and coth).
-// A stiff stop is short and hard: what it does to N and f_s depends on k, and an impulse would say nothing of it.
+// A stiff stop pushes hard for a short time. Its effect on N and f_s depends on k, so an impulse could not model it.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +27,7 @@ double end_stop_damping_ratio(double restitution);
 // Both stops of one rail. `side`: -1 the lower, +1 the upper, 0 neither. Positions in m.
 class EndStops {
  public:
-  EndStops() = default;  // there are none
+  EndStops() = default;  // no stops
   // `moving_inertia`: mass and rotor, m + J. Without stops unless both of the rail's ends are finite.
   EndStops(const firmware::Rail& rail, double moving_inertia, const EndStopMaterial& material);
 
@@ -35,11 +35,12 @@ class EndStops {
   [[nodiscard]] int touched(double position, double velocity) const {
     return push_ahead(1, position, velocity) > 0 ? 1 : push_ahead(-1, position, velocity) > 0 ? -1 : 0;
   }
-  // F of that side's spring and damper along the rail (0: none), smooth: it pulls where `side` is no longer touched.
+  // F of that side's spring and damper along the rail; 0 for side 0. It is smooth: it pulls where `side` is no longer
+  // touched.
   [[nodiscard]] double force_n(int side, double position, double velocity) const {
     return side == 0 ? 0 : -side * stiffness_npm_ * (depth(side, position) + time_s_ * side * velocity);
   }
-  // > 0 where touched() is another than `side`: what tells when a stop begins or ceases to push.
+  // > 0 where touched() differs from `side`. Its zero is where a stop begins or ceases to push.
   [[nodiscard]] double overdue_m(int side, double position, double velocity) const {
     if (side != 0) return -push_ahead(side, position, velocity);
     return std::max(push_ahead(1, position, velocity), push_ahead(-1, position, velocity));
@@ -50,7 +51,7 @@ class EndStops {
   [[nodiscard]] double depth(int side, double position) const {
     return side > 0 ? position - upper_ : lower_ - position;
   }
-  // The smaller of the depth and F / k: > 0 where that side pushes.
+  // The smaller of the depth and F / k, which is > 0 where that side pushes.
   [[nodiscard]] double push_ahead(int side, double position, double velocity) const {
     const double x = depth(side, position);
     return std::min(x, x + time_s_ * side * velocity);

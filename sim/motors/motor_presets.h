@@ -1,4 +1,4 @@
-// Motors one can buy, by the name of their class: what `preset` in a scenario's [mass.motor] stands for.
+// Motors one can buy, by the name of their class: the values of `preset` in a scenario's [mass.motor].
 #pragma once
 
 #include <span>
@@ -17,7 +17,7 @@ struct MotorPreset {
   double rated_current_a;
   double resistance_ohm;
   double inductance_h;
-  double supply_voltage_v;  // not the motor's: what the datasheet's torque curves are drawn for
+  double supply_voltage_v;  // the driver's, for which the datasheet draws its torque curves
 };
 
 std::span<const MotorPreset> motor_presets();

@@ -8,7 +8,7 @@ namespace ballast::sim {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kLeastTorque = 1e-6;  // of the holding torque
+constexpr double kLeastTorque = 1e-6;  // part of the holding torque
 
 }  // namespace
 
@@ -32,8 +32,8 @@ PhaseCurrent::Vector PhaseCurrent::limited(const Vector& commanded, const Vector
           commanded.quadrature_a - part * (needed_v.quadrature_a * along - needed_v.direct_a * across)};
 }
 
-// The greatest i_q with |i| <= I and |Z i + e| <= V: at the top of the circle of currents, or at that of the circle of
-// voltages, or where the two cross.
+// The greatest i_q with |i| <= I and |Z i + e| <= V lies at the top of the circle of currents, at the top of the circle
+// of voltages, or where the two cross.
 PhaseCurrent::PullOut PhaseCurrent::pull_out(double shaft_radps) const {
   const double speed = std::abs(shaft_radps);
   const double r = resistance_ohm_, x = inductance_per_rad_h_ * speed, e = torque_constant_nmpa_ * speed;
@@ -43,8 +43,8 @@ PhaseCurrent::PullOut PhaseCurrent::pull_out(double shaft_radps) const {
   };
   if (std::hypot(r * amplitude + e, x * amplitude) <= v) return found(amplitude, kPi / 2);
 
-  // Highest point of the circle of voltages, centre -e / Z, radius V / |Z|. Its voltage is V u, and the current that
-  // has to be commanded for it lies along u on the circle of currents.
+  // The top of the circle of voltages, whose centre is -e / Z and radius V / |Z|. Its voltage is V u, and the commanded
+  // current for it lies along u on the circle of currents.
   const Vector top{-e * x / (z * z), -e * r / (z * z) + v / z};
   const double room2 = amplitude * amplitude - top.squared();
   if (room2 >= 0) {
@@ -64,7 +64,7 @@ PhaseCurrent::PullOut PhaseCurrent::most_braking(double shaft_radps) const {
   const double speed = std::abs(shaft_radps);
   const auto torque = [&](double lag_rad) { return -torque_nm(-lag_rad, speed, speed); };
   if (speed <= corner_speed_radps()) return {torque_constant_nmpa_ * amplitude_a_, kPi / 2};
-  // The torque rises to one top and falls: golden section.
+  // The torque rises to one maximum and falls, so golden section finds it.
   constexpr double kGolden = 0.6180339887498949;
   double low = 0, high = kPi;
   for (int k = 0; k < 32; ++k) {

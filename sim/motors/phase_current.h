@@ -1,5 +1,5 @@
-// The currents of a two-phase hybrid stepper under a chopper driver: what of the commanded current the supply can
-// force through the winding at a speed. Derivation: DERIVATION.md, "The motor's currents".
+// The currents of a two-phase hybrid stepper under a chopper driver: the part of the commanded current that the supply
+// can drive through the winding at a speed. Derivation: DERIVATION.md, "The motor's currents".
 //
 // Both phases are one vector in the rotor's frame, d along the magnet, q a quarter of an electrical turn ahead. Its
 // length is sqrt(i_a^2 + i_b^2): sqrt(2) times the rms current of sine microstepping, and of both phases full on at the
@@ -7,9 +7,8 @@
 // K phidot along q, with K = tau_hold / (sqrt(2) rated current).
 //
 // The chopper commands a current of full length at the angle `lag` from d and has a voltage vector of at most the
-// supply's length. The winding follows a microstep within 0.1 ms; here it is taken to have done so (quasi-static): seen
-// by the winding the current turns evenly, with the field's mean speed, while the back EMF is that of the rotor's speed
-// at the instant, which swings about it.
+// supply's length. The winding follows a microstep within 0.1 ms, so the model is quasi-static: the current turns evenly
+// with the field's mean speed, and the back EMF follows the rotor's speed at the instant, which swings about it.
 #pragma once
 
 #include <cmath>
@@ -30,12 +29,12 @@ class PhaseCurrent {
   };
 
   PhaseCurrent() = default;                   // no winding
-  explicit PhaseCurrent(const Motor& motor);  // motor.has_winding()
+  explicit PhaseCurrent(const Motor& motor);  // requires motor.has_winding()
 
   // The current at a lag of the rotor (electrical angle from d to the commanded current), a speed of the shaft and one
-  // of the field, in rad/s of the shaft: the commanded one where the supply suffices, else the one at which the whole
-  // supply voltage along what is missing of the current balances resistance, inductance and back EMF. Continuous in
-  // all.
+  // of the field, in rad/s of the shaft. It is the commanded current where the supply suffices. Otherwise the whole
+  // supply voltage points along the missing current and balances resistance, inductance and back EMF. Continuous in all
+  // arguments.
   [[nodiscard]] Vector at(double lag_rad, double shaft_radps, double field_radps) const {
     const double d = amplitude_a_ * std::cos(lag_rad), q = amplitude_a_ * std::sin(lag_rad);
     const double reactance = inductance_per_rad_h_ * field_radps;
@@ -49,14 +48,14 @@ class PhaseCurrent {
     return torque_constant_nmpa_ * at(lag_rad, shaft_radps, field_radps).quadrature_a;
   }
 
-  // Driving evenly at `shaft_radps`, either way; most_braking() is at least as much. At least a millionth of the holding
-  // torque, where in truth there is none.
+  // The greatest driving torque at the even speed `shaft_radps`, either way; most_braking() is at least as much. Never
+  // below a millionth of the holding torque, even where there is none.
   [[nodiscard]] PullOut pull_out(double shaft_radps) const;
-  // Likewise against a load that drives the motor, at a lag the other way; searched, to 1e-6 of a radian.
+  // The same against a load that drives the motor, at a lag the other way; searched, to 1e-6 of a radian.
   [[nodiscard]] PullOut most_braking(double shaft_radps) const;
 
-  // The speed up to which the whole holding torque can be driven, at a lag of a quarter turn; smaller lags need more
-  // voltage, since their current strengthens the magnet's field, and run short of it before.
+  // The speed up to which the whole holding torque is available, at a lag of a quarter turn. Smaller lags run short of
+  // voltage at lower speeds, because their current strengthens the magnet's field.
   [[nodiscard]] double corner_speed_radps() const;
 
   [[nodiscard]] double copper_loss_w(const Vector& i) const { return resistance_ohm_ * i.squared(); }

@@ -7,7 +7,7 @@
 
 namespace ballast::sim {
 
-// SplitMix64 (Steele, Lea and Flood 2014): any state will do as a seed.
+// SplitMix64 (Steele, Lea and Flood 2014). Any state serves as a seed.
 inline std::uint64_t random_bits(std::uint64_t& state) {
   state += 0x9E3779B97F4A7C15u;
   std::uint64_t z = state;

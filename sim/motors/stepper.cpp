@@ -37,7 +37,7 @@ void Stepper::balance(double torque_nm, double shaft_radps) {
   update_field();
 }
 
-// Where the field gives a torque at a speed, on the branch that holds the rotor.
+// The lag at which the field gives a torque at a speed, on the branch that holds the rotor.
 double Stepper::balanced_lag_rad(double torque_nm, double shaft_radps) const {
   if (!motor_.has_winding() || shaft_radps == 0) {
     return std::asin(std::clamp(torque_nm / available_torque_nm(shaft_radps), -1.0, 1.0));
@@ -61,7 +61,7 @@ void Stepper::step(int direction, double time_s) {
   direction *= direction_;
   position_steps_ += direction;
   const double since_s = time_s - stepped_s_;
-  // Steps of one instant are one longer step: they say nothing of the speed.
+  // Steps at one instant are one longer step, so they do not determine the speed.
   if (since_s > 0) field_radps_ = direction == stepped_ ? direction * microstep_rad() / since_s : 0;
   stepped_s_ = time_s;
   stepped_ = direction;

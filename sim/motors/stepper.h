@@ -1,6 +1,6 @@
-// A hybrid stepper with current control: PHYSICS.md section 5. Angles and torques at the motor shaft. Of a motor with a
-// winding the electromagnetic torque is that of its currents (phase_current.h), which is tau_hold sin(lag) as long as
-// the supply can drive them; of one without, tau_hold falls above the corner speed as corner / speed.
+// A hybrid stepper with current control: PHYSICS.md section 5. Angles and torques are those of the motor shaft. A motor
+// with a winding has the torque of its currents (phase_current.h), which is tau_hold sin(lag) as long as the supply can
+// drive them. Without a winding, tau_hold falls above the corner speed as corner / speed.
 #pragma once
 
 #include <cmath>
@@ -21,8 +21,8 @@ class Stepper {
 
   [[nodiscard]] const Motor& motor() const { return motor_; }
 
-  // Sets the field so that torque_nm() at t = 0 is torque_nm, as if the motor had been homed under that load. What is
-  // more than the holding torque cannot be held: the field then leads by the angle of greatest torque.
+  // Sets the field so that torque_nm() at t = 0 is torque_nm, as if the motor had been homed under that load. A load
+  // beyond the holding torque cannot be held; the field then leads by the angle of greatest torque.
   void balance(double torque_nm, double shaft_radps);
 
   // One microstep of the field at time_s; direction +1 or -1.
@@ -49,7 +49,7 @@ class Stepper {
     return field_torque_nm(shaft_rad, shaft_radps) - detent - motor_.viscous_damping_nms * shaft_radps;
   }
 
-  // tau_hold: the greatest torque of the field at this speed.
+  // tau_hold, the greatest torque of the field at this speed.
   [[nodiscard]] double available_torque_nm(double shaft_radps) const {
     const double speed = std::abs(shaft_radps);
     if (speed <= motor_.corner_speed_radps) return motor_.holding_torque_nm;
@@ -57,11 +57,11 @@ class Stepper {
                                 : motor_.holding_torque_nm * motor_.corner_speed_radps / speed;
   }
 
-  // Part of the torque available at the field's speed that the rotor's lag leaves unused: 1 - |sin(lag)|, or what the
-  // currents make of it; below 0 once the lag is past the greatest torque.
+  // The part of the torque available at the field's speed that the rotor's lag leaves unused: 1 - |sin(lag)|, or with a
+  // winding the same by its currents. Below 0 once the lag is past the greatest torque.
   [[nodiscard]] double torque_margin(double shaft_rad, double shaft_radps) const;
 
-  // Of the winding, 0 without one: the current now, and the power through the terminals.
+  // The winding's current now, and the power through its terminals; 0 without a winding.
   [[nodiscard]] PhaseCurrent::Vector current(double shaft_rad, double shaft_radps) const {
     return motor_.has_winding() && powered_ ? phases_.at(lag_rad(shaft_rad), shaft_radps, field_radps_)
                                             : PhaseCurrent::Vector{};
@@ -74,18 +74,17 @@ class Stepper {
     return -motor_.detent_torque_nm / (4 * teeth_) * std::cos(4 * teeth_ * shaft_rad);
   }
 
-  // To be called as the rotor moves: past half a tooth pitch of lag it has slipped into another tooth.
+  // Counts a slip into another tooth once the lag is past half a tooth pitch. To be called as the rotor moves.
   void count_slips(double shaft_rad);
 
-  // Microsteps of the teeth by which the rotor is off the one it was to follow, either way, and of pulses that did not
-  // move the field as they were to; what it has slipped back is not lost.
+  // Microsteps lost: by the teeth between the rotor and the tooth it was to follow, and by pulses that did not move the
+  // field as commanded. Steps that the rotor has slipped back are not lost.
   [[nodiscard]] std::int64_t lost_steps() const {
     return std::abs(slipped_teeth_ * 4 * motor_.microsteps + missed_steps_);
   }
-  [[nodiscard]] std::int64_t slips() const { return slips_; }  // teeth, forth and back
+  [[nodiscard]] std::int64_t slips() const { return slips_; }  // teeth, in both directions
 
-  // Microsteps by which the rotor is behind what it was commanded since t = 0: the lag under load, and what of the lost
-  // steps it has not slipped back.
+  // Microsteps by which the rotor is behind its commands since t = 0: the lag under load and the lost steps.
   [[nodiscard]] double steps_behind(double shaft_rad) const;
 
  private:
@@ -109,11 +108,11 @@ class Stepper {
   double initial_shaft_rad_;
   double offset_rad_ = 0;   // field minus rotor at t = 0
   double field_rad_;        // phi_cmd
-  double field_radps_ = 0;  // its mean speed: by the time between its last two steps
+  double field_radps_ = 0;  // its mean speed, from the time between its last two steps
   double stepped_s_ = -std::numeric_limits<double>::infinity();  // when it last stepped
-  int stepped_ = 0;                                              // and which way
+  int stepped_ = 0;                                              // direction of that step
   std::int64_t position_steps_ = 0;                              // microsteps the field has made
-  std::int64_t missed_steps_ = 0;                                // commanded less those
+  std::int64_t missed_steps_ = 0;                                // commanded minus made
   bool powered_ = true;
   double coil_part_ = 1;
   int direction_ = 1;

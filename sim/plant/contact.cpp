@@ -33,7 +33,7 @@ Vector3d sliding_force(const ContactRelation& contact, double kinetic_friction, 
 
 std::optional<Vector2d> slip_direction(const ContactRelation& contact, double kinetic_friction, const Vector2d& towards,
                                        double negligible) {
-  // Roots over the circle of the part of y that is across e. They are few and wide apart compared with 1/360 of it.
+  // Finds the roots over the circle of the part of y across e. They are few, and much further apart than 1/360 of it.
   constexpr int kScan = 360;
   constexpr double kStep = 2 * std::numbers::pi / kScan;
   const double start = std::atan2(towards[1], towards[0]);
@@ -45,7 +45,7 @@ std::optional<Vector2d> slip_direction(const ContactRelation& contact, double ki
   std::optional<Vector2d> best;
   double best_dot = -2;
   for (int i = 0; i < kScan; ++i) {
-    // Half a step aside, so that `towards` itself, where the root often is, lies inside an interval.
+    // Intervals begin half a step aside, so that `towards` itself, where the root often is, lies inside one.
     double lo = start + (i - 0.5) * kStep, hi = lo + kStep;
     if (!possible(lo) || !possible(hi)) continue;
     double at_lo = across(lo);
@@ -55,7 +55,8 @@ std::optional<Vector2d> slip_direction(const ContactRelation& contact, double ki
       const double middle = (lo + hi) / 2;
       const double value = across(middle);
       if ((value > 0) == (at_lo > 0)) {
-        lo = middle, at_lo = value;
+        lo = middle;
+        at_lo = value;
       } else {
         hi = middle;
       }
@@ -73,7 +74,7 @@ std::optional<Vector2d> slip_direction(const ContactRelation& contact, double ki
 }
 
 Vector2d follow_slip_direction(const ContactRelation& contact, double kinetic_friction, const Vector2d& from) {
-  // Newton's method on the part of y across e, from an angle that is all but right.
+  // Newton's method on the part of y across e; the first angle is nearly right.
   const double mu = kinetic_friction;
   double angle = std::atan2(from[1], from[0]);
   for (int i = 0; i < 8; ++i) {

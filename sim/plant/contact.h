@@ -1,10 +1,10 @@
 // The contact laws of PHYSICS.md section 4: Coulomb's friction and Newton's restitution at one point. Space frame, the
 // third axis up.
 //
-// Everything is said of one linear relation between the force R at the contact and what it causes,
-//   y = free + C R,   C symmetric positive definite,
-// with y the rate of the slip velocity and R a force (newton_euler.h), or y the slip velocity after an impact and R an
-// impulse. The third entry of y is wanted to be 0: whoever wants another value puts it into `free`.
+// All laws concern one linear relation between the force R at the contact and its effect,
+//   y = free + C R,   C symmetric positive definite.
+// Either y is the rate of the slip velocity and R a force (newton_euler.h), or y is the slip velocity after an impact
+// and R an impulse. The laws make the third entry of y 0; a caller who wants another value subtracts it from `free`.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,20 +18,20 @@ struct ContactRelation {
   Eigen::Matrix3d compliance;  // C
 };
 
-// N's coefficient in the normal equation of sliding along the unit vector e, n . C (n - mu e). Not positive: pressing
-// the ball into the floor no longer pushes it out (Painleve), and sliding has no answer.
+// N's coefficient in the normal equation of sliding along the unit vector e, n . C (n - mu e). Where it is not positive,
+// pressing the ball into the floor no longer pushes it out (Painleve), and sliding has no solution.
 double normal_coefficient(const ContactRelation& contact, double kinetic_friction, const Eigen::Vector2d& e);
 
 // R = N (n - mu_k e) with y_3 = 0. N may be negative: the floor would have to pull. The coefficient must be positive.
 Eigen::Vector3d sliding_force(const ContactRelation& contact, double kinetic_friction, const Eigen::Vector2d& e);
 
-// Where slip begins (or what is left of it after an impact points): the unit vector e whose sliding force makes the
-// horizontal part of y point along e. Of several the one nearest to `towards`; none if there is none with N > 0. `free`
-// below `negligible` is rounding.
+// The direction in which slip begins, or in which the slip after an impact points: the unit vector e whose sliding force
+// makes the horizontal part of y point along e. Returns the one nearest to `towards` if there are several, and none if
+// there is none with N > 0. Values below `negligible` are rounding.
 std::optional<Eigen::Vector2d> slip_direction(const ContactRelation& contact, double kinetic_friction,
                                               const Eigen::Vector2d& towards, double negligible);
 
-// The same as a function of the contact as it changes: the solution that `from` has become.
+// The same for a contact that has changed a little since its direction was `from`.
 Eigen::Vector2d follow_slip_direction(const ContactRelation& contact, double kinetic_friction,
                                       const Eigen::Vector2d& from);
 
@@ -42,9 +42,9 @@ struct ImpactImpulse {
 };
 
 // One impulse at a contact point that arrives with the slip velocity `before_W_mps` (third entry < 0) and is to leave
-// at leaving_mps >= 0 along the normal. It sticks if |P_t| <= mu_s P_n; else |P_t| = mu_k P_n against the slip that is
-// left after it, which for a ball whose centre of mass is its geometric centre is also the direction of the slip
-// before. None: no impulse obeys the laws, and `why` says so in words.
+// at leaving_mps >= 0 along the normal. It sticks if |P_t| <= mu_s P_n; else |P_t| = mu_k P_n against the slip after it.
+// (If the ball's centre of mass is its geometric centre, the slip before has the same direction.) None: no impulse obeys
+// the laws; `why` explains.
 std::optional<ImpactImpulse> impact_impulse(const Eigen::Vector3d& before_W_mps, const Eigen::Matrix3d& compliance,
                                             double static_friction, double kinetic_friction, double leaving_mps,
                                             std::string& why);

@@ -12,7 +12,7 @@ namespace {
 
 Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
 
-// The ball's answer to a load: what it brings to G and E of newton_euler.h.
+// The contact force that a load on the ball causes. A load is its part of G and E of newton_euler.h.
 class Response {
  public:
   Response(const Body& body, const Matrix3d& rotation_B_to_W, const CarriedMasses& masses)
@@ -32,7 +32,7 @@ class Response {
     const Vector3d omega_dot = -factor_.solve(euler + contact_B_m_.cross(newton));
     return lambda_ * (omega_dot.cross(moment_) + newton);
   }
-  // Of m times an acceleration at zeta.
+  // The same for m times an acceleration at zeta.
   [[nodiscard]] Vector3d force_W_n(double m, const Vector3d& zeta, const Vector3d& acceleration) const {
     return force_W_n(m * acceleration, m * zeta.cross(acceleration));
   }
@@ -99,7 +99,7 @@ ContactShares contact_shares(const Body& body, double time_s, const double* q, c
   sum_up(out.shell);
 
   if (body.external_force.present()) {
-    // Of rolling: the geometric centre moves at omega x r e3.
+    // In rolling the geometric centre moves at omega x r e3.
     const Vector3d velocity_W = (lambda * omega).cross(Vector3d(0, 0, body.radius_m));
     const Vector3d force_W = eigen(body.external_force.at(time_s, vec3(velocity_W)));
     out.outside.weight_W_n = response.force_W_n(-(lambda.transpose() * force_W), Vector3d::Zero());

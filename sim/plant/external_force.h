@@ -27,8 +27,8 @@ class ExternalForce {
       const Vec3<T> relative{velocity_W_mps.x - wind_W_mps_.x, velocity_W_mps.y - wind_W_mps_.y,
                              velocity_W_mps.z - wind_W_mps_.z};
       const T squared = dot(relative, relative);
-      // At rest in the wind |v| v is 0 with all its first derivatives, and the square root of a complex 0 is not
-      // smooth.
+      // At rest relative to the wind, |v| v is 0 with all its first derivatives. The square root of a complex 0 is not
+      // smooth, so it is avoided.
       if (squared != T(0)) force = force - drag_kgpm_ * sqrt(squared) * relative;
     }
     return force;
@@ -39,7 +39,7 @@ class ExternalForce {
   void set_push(const Vec3<double>& force_W_n) { push_W_n_ = force_W_n; }
   [[nodiscard]] const Vec3<double>& push_W_n() const { return push_W_n_; }
 
-  // The first instant after time_s at which the force's rate of time jumps; +infinity if there is none.
+  // The first instant after time_s at which the force's time derivative jumps; +infinity if there is none.
   [[nodiscard]] double next_kink_s(double time_s) const;
 
  private:

@@ -26,7 +26,7 @@ struct Attitude {
   Vec3<T> row1, row2, up;
 };
 
-// What Eigen's own assignment of three values would do with a temporary.
+// Writes three values without the temporary that Eigen's assignment would make.
 template <class T>
 [[gnu::always_inline]] inline void store(const Vec3<T>& v, T* out, std::ptrdiff_t stride = 1) {
   out[0] = v.x;
@@ -58,7 +58,7 @@ template <class T>
           inverse * (c02 * b.x + c12 * b.y + c22 * b.z)};
 }
 
-// The sums of the header over shell and masses; what concerns positions only stays real.
+// The sums of the header over shell and masses. Sums of positions alone stay real.
 template <class T>
 struct Sums {
   [[gnu::always_inline]] explicit Sums(const Body& body)
@@ -74,8 +74,12 @@ struct Sums {
   [[gnu::always_inline]] Vec3<T> add(double m, const Vec3<T>& omega, const CarriedMass& mass) {
     const Vec3<double> moment = m * mass.position_B_m;
     first_moment = first_moment + moment;
-    xx += moment.x * mass.position_B_m.x, xy += moment.x * mass.position_B_m.y, xz += moment.x * mass.position_B_m.z;
-    yy += moment.y * mass.position_B_m.y, yz += moment.y * mass.position_B_m.z, zz += moment.z * mass.position_B_m.z;
+    xx += moment.x * mass.position_B_m.x;
+    xy += moment.x * mass.position_B_m.y;
+    xz += moment.x * mass.position_B_m.z;
+    yy += moment.y * mass.position_B_m.y;
+    yz += moment.y * mass.position_B_m.z;
+    zz += moment.z * mass.position_B_m.z;
     const Vec3<T> e = cross(omega, 2. * mass.velocity_B_mps) + mass.acceleration_B_mps2;
     sum_e = sum_e + m * e;
     sum_zeta_e = sum_zeta_e + cross(moment, e);
@@ -115,7 +119,7 @@ struct RollingEquations {
     // E + r Gamma x G, with g S x Gamma drawn into the second product.
     rhs = cross(r * newton - g * first_moment, up) - (cross(omega, j_omega) + sums.sum_zeta_e);
 
-    // Gamma (u + M r^2 Gamma / 2)^T and its transpose, u = r S, are what A takes from J and its diagonal.
+    // A = J + 2 (v . Gamma) 1 - Gamma v^T - v Gamma^T with v = r S + M r^2 Gamma / 2.
     const Vec3<T> v = r * first_moment + (0.5 * body.total_mass_kg * r * r) * up;
     const T x = up.x * v.x, y = up.y * v.y, z = up.z * v.z;
     matrix = {j00 + 2. * (y + z), -(sums.xy + up.x * v.y + v.x * up.y), -(sums.xz + up.x * v.z + v.x * up.z),
@@ -207,7 +211,7 @@ void carry_along(const Body& body, const double* position, const double* velocit
       carry_along_path(body, i, position[i], velocity[i], acceleration[i], out[i]);
       continue;
     }
-    // The same written out, in two thirds of the instructions: circles are what most robots have.
+    // A circle written out, which most robots have, takes two thirds of the instructions of the general path.
     const firmware::SinCos<double> angle = firmware::sin_cos(position[i]);
     const double c = rail.radius_m * angle.cos, s = rail.radius_m * angle.sin;
     const double squared = velocity[i] * velocity[i];
@@ -262,7 +266,7 @@ template <class T>
 }
 
 #ifdef __x86_64__
-// The same operations in the same order, so the same bits, in a sixth fewer instructions.
+// AVX does the same operations in the same order, so the bits are the same; it takes a sixth fewer instructions.
 const bool kHasAvx = __builtin_cpu_supports("avx") != 0;
 
 [[gnu::target("avx")]] void roll_avx(const Body& body, double time_s, const double* q, const double* angular_velocity_B,
@@ -295,7 +299,7 @@ void rolling_driven(const Body& body, double time_s, const double* q, const doub
   const Vec3<double> omega{angular_velocity_B[0], angular_velocity_B[1], angular_velocity_B[2]};
   const double r = body.radius_m;
   Sums<double> sums(body);
-  // What the elimination of thetaddot_i takes from A and from the right-hand side.
+  // Sums that the elimination of thetaddot_i subtracts from A and from the right-hand side.
   Symmetric<double> taken{};
   Vec3<double> taken_rhs{};
   std::array<Vec3<double>, kMaxMasses> tangent;    // zeta_i'
@@ -314,8 +318,12 @@ void rolling_driven(const Body& body, double time_s, const double* q, const doub
     const double centripetal = dot(omega, zeta) * dot(omega, d1) - dot(omega, omega) * dot(zeta, d1);
     const double t = generalised_force[i] - m * (centripetal + dot(d1, e + body.gravity_mps2 * lambda.up));
     const Vec3<double> scaled = inverse_d * b;
-    taken.xx += scaled.x * b.x, taken.xy += scaled.x * b.y, taken.xz += scaled.x * b.z;
-    taken.yy += scaled.y * b.y, taken.yz += scaled.y * b.z, taken.zz += scaled.z * b.z;
+    taken.xx += scaled.x * b.x;
+    taken.xy += scaled.x * b.y;
+    taken.xz += scaled.x * b.z;
+    taken.yy += scaled.y * b.y;
+    taken.yz += scaled.y * b.z;
+    taken.zz += scaled.z * b.z;
     taken_rhs = taken_rhs + t * scaled;
     tangent[j] = d1;
     lever[j] = b;
@@ -350,7 +358,7 @@ Matrix3d cross_matrix(const Vector3d& v) {
 
 namespace {
 
-// The six rows, with what driven masses take from them already taken.
+// The six rows, after the elimination of driven masses.
 struct OpenSums {
   OpenSums(const Body& body, double time_s, const double* q, const double* angular_velocity_B,
            const Vector3d& velocity_W_mps)
@@ -368,7 +376,7 @@ struct OpenSums {
     inertia += m * (at.squaredNorm() * Matrix3d::Identity() - at * at.transpose());
   }
 
-  // A mass at zeta with e (of a driven one: without its thetaddot).
+  // A mass at zeta with e; a driven mass's e is without its thetaddot.
   void add_moving_mass(double m, const Vector3d& zeta, const Vector3d& e) {
     add_mass(m, zeta);
     rhs.head<3>() -= m * e;

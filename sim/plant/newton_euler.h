@@ -5,7 +5,7 @@
 //   S = sum m_i zeta_i                                     first moment
 //   J = I + sum m_i (|zeta_i|^2 1 - zeta_i zeta_i^T)       inertia about the geometric centre
 //   e_i = 2 thetadot_i Omega x zeta_i' + thetadot_i^2 zeta_i'' + thetaddot_i zeta_i'     (c_i without its centripetal
-//   part; of a mass carried along any curve chi_i(t): 2 Omega x chidot_i + chiddot_i)
+//   part; for a mass carried along any curve chi_i(t) it is 2 Omega x chidot_i + chiddot_i)
 // so that section 4 reads, with the centripetal parts gathered in Omega x (Omega x S) and Omega x J Omega,
 //   Newton   M a + Omegadot x S + G = R_B,               G = Omega x (Omega x S) + sum m_i e_i + M g Gamma - F_B
 //   Euler    J Omegadot + S x a + E = -r Gamma x R_B,    E = Omega x J Omega + g S x Gamma + sum m_i zeta_i x e_i
@@ -20,7 +20,7 @@
 //   [ S^     J  ]
 // (S^ the cross-product matrix of S). W u is the rate, seen in space, of the slip velocity zdot - omega x r e3, so that
 //   rate of slip = (W u at R = 0) + C R,   C = W [..]^-1 W^T symmetric positive definite,
-// is all the contact regimes need (contact.h). A driven mass adds l_i . u + D_i thetaddot_i = tau_i - m_i zeta_i' .
+// contains everything that the contact regimes need (contact.h). A driven mass adds l_i . u + D_i thetaddot_i = tau_i - m_i zeta_i' .
 // (c'_i + g Gamma) with l_i = (m_i zeta_i', m_i zeta_i x zeta_i'), and thetaddot_i is eliminated as above. An impulse
 // changes the velocities by the same matrices; motor forces are finite, so a driven mass yields to it along its rail.
 #pragma once
@@ -51,7 +51,7 @@ struct Body {
   int mass_count;
   std::array<double, kMaxMasses> mass_kg{};
   std::array<firmware::Rail, kMaxMasses> rail{};
-  std::array<CubicSpline, kMaxMasses> trajectory;      // of prescribed masses without a rail, else empty
+  std::array<CubicSpline, kMaxMasses> trajectory;      // for prescribed masses without a rail, else empty
   std::array<double, kMaxMasses> reflected_inertia{};  // J_i = rotor inertia * shaft_ratio^2, in rail units
 
   // zeta_i(theta) and its derivatives. A trajectory chi_i(t) is a curve whose coordinate is the time: theta = t,
@@ -59,7 +59,7 @@ struct Body {
   [[nodiscard]] firmware::RailPoint<double> path(std::size_t i, double position) const;
 };
 
-// Where a prescribed mass is: chi_i from the geometric centre, and its derivatives as the body frame sees them.
+// The place of a prescribed mass: chi_i from the geometric centre, and its derivatives in the body frame.
 struct CarriedMass {
   Vec3<double> position_B_m, velocity_B_mps, acceleration_B_mps2;
 };
@@ -69,8 +69,8 @@ using CarriedMasses = std::array<CarriedMass, kMaxMasses>;
 void carry_along(const Body& body, const double* position, const double* velocity, const double* acceleration,
                  CarriedMasses& out);
 
-// What the equations give at one instant. Body frame; `mass` arrays hold mass_count entries. In flight R_B = N = f_s =
-// 0; in sliding f_s is the kinetic friction.
+// The solution of the equations at one instant. Body frame; arrays per mass hold mass_count entries. In flight R_B = N =
+// f_s = 0; in sliding f_s is the kinetic friction.
 template <class T>
 struct MotionOf {
   using Vector3 = Eigen::Matrix<T, 3, 1>;
@@ -81,10 +81,10 @@ struct MotionOf {
   Vector3 contact_force_B_n;                      // R_B
   T normal_force_n;                               // N = R_B . Gamma
   T static_friction_n;                            // f_s = |R_B - N Gamma|
-  Eigen::Matrix<T, 2, 1> rolling_velocity_W_mps;  // rolling only: of the geometric centre, omega x r e3
+  Eigen::Matrix<T, 2, 1> rolling_velocity_W_mps;  // of the geometric centre, omega x r e3; rolling only
 };
 struct Motion : MotionOf<double> {
-  // Of driven masses only.
+  // Driven masses only.
   std::array<double, kMaxMasses> mass_acceleration;
   std::array<double, kMaxMasses> generalised_force;  // tau
 };
@@ -103,7 +103,7 @@ struct OpenContact {
   std::array<double, kMaxMasses> drive;                          // the row's right-hand side
 };
 
-// Lambda of q = (w, x, y, z), unit up to round-off.
+// Lambda for q = (w, x, y, z), unit up to round-off.
 Eigen::Matrix3d rotation_B_to_W(const double* q);
 
 // Rolling with the masses prescribed. T: double, or std::complex<double> for derivatives by complex step.
@@ -126,10 +126,10 @@ void open_contact_driven(const Body& body, double time_s, const double* q, const
                          const Eigen::Vector3d& velocity_W_mps, const double* position, const double* velocity,
                          const double* generalised_force, OpenContact& out);
 
-// The motion under a contact force R, space frame. Of `out` everything but generalised_force is set.
+// The motion under a contact force R, space frame. Sets everything in `out` but generalised_force.
 void close_contact(const Body& body, const OpenContact& open, const Eigen::Vector3d& contact_force_W_n, Motion& out);
 
-// What an impulse at the contact point (N s, space frame) changes.
+// The changes of the velocities by an impulse at the contact point (N s, space frame).
 struct VelocityJump {
   Eigen::Vector3d velocity_W_mps;  // of the geometric centre
   Eigen::Vector3d angular_velocity_B_radps;
@@ -137,8 +137,8 @@ struct VelocityJump {
 };
 VelocityJump apply_impulse(const Body& body, const OpenContact& open, const Eigen::Vector3d& impulse_W_ns);
 
-// The generalised force each motor must supply for thetaddot = `acceleration`: section 5's second row turned round. Any
-// regime.
+// The generalised force that each motor must supply for thetaddot = `acceleration`: section 5's second row solved for
+// tau. Any regime.
 void generalised_forces(const Body& body, const double* angular_velocity_B, const double* position,
                         const double* velocity, const double* acceleration, const MotionOf<double>& motion,
                         double* generalised_force);

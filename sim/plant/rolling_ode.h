@@ -4,8 +4,8 @@
 // State: q (w, x, y, z; body to space), Omega (body frame), z (of the geometric centre, horizontal): nine numbers. The
 // paper carries theta and thetadot of the masses along as well; here they are the closed form they are prescribed in.
 //
-// q need not have unit length: the right-hand side is that of q / |q| for Lambda, as the paper's q v q^-1 is, and q
-// Omega / 2 for q's own rate, which keeps |q| as it is. Multistep and implicit methods let |q| drift by their error.
+// q need not have unit length: Lambda is taken at q / |q|, as in the paper's q v q^-1, and q's own rate is q Omega / 2,
+// which keeps |q|. Multistep and implicit methods let |q| drift by their error.
 #pragma once
 
 #include <array>
@@ -27,11 +27,11 @@ class RollingOde {
   [[nodiscard]] State initial_state() const;
 
   // The right-hand side is smooth between kinks: where a motion piece ends, a mass passes a knot of its spline rail, or
-  // a trajectory or the table of the external force has a row. Everything below is that of the stretch that begin() was
-  // last told of, even at its end, so that no step of an integrator sees a jump. At a kink begin() takes the stretch
-  // after it.
+  // a trajectory or the table of the external force has a row. begin() chooses the stretch between two kinks that starts
+  // at or before time_s; at a kink it is the stretch after it. Everything below belongs to that stretch, even at its end,
+  // so that no step of an integrator meets a jump.
   void begin(double time_s);
-  [[nodiscard]] double end_s() const { return end_s_; }  // of the stretch; +infinity for the last
+  [[nodiscard]] double end_s() const { return end_s_; }  // end of the stretch; +infinity for the last
 
   [[nodiscard]] MassPoint masses(double time_s) const { return motion_.at(time_s); }
 
@@ -39,8 +39,8 @@ class RollingOde {
   template <class T>
   void derivative(double time_s, const T* y, T* dydt) const;
 
-  // d(dydt_i)/dy_k at out[i + 9 k], by complex step: f(y + i h e_k) / h with h so small that nothing but the derivative
-  // is left, and no difference of near values is taken (the paper, section 5). Exact to rounding.
+  // d(dydt_i)/dy_k at out[i + 9 k], by complex step: the imaginary part of f(y + i h e_k) / h (the paper, section 5). h
+  // is so small that higher terms vanish, and no difference of near values is taken. Exact to rounding.
   void jacobian(double time_s, const double* y, double* out) const;
 
   void motion(double time_s, const double* y, MotionOf<double>& out) const;
