@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
-#include <numbers>
 #include <vector>
 
 namespace ballast::program {
@@ -70,8 +69,7 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
   p->monitor_stale_ticks = kMonitorStaleTicks;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const sim::Mass& mass = scenario.masses[i];
-    p->motor[i].steps_per_unit =
-        mass.motor.steps_per_revolution * mass.motor.microsteps * mass.motor.shaft_ratio / (2 * std::numbers::pi);
+    p->motor[i].steps_per_unit = mass.motor.microsteps_per_rail_unit();
     p->motor[i].max_step_rate_hz = mass.motor.max_step_rate_hz;
     p->motor[i].direction_setup_s = mass.motor.direction_setup_s;
     p->motor[i].max_acceleration = mass.motor.max_acceleration;
