@@ -1,6 +1,6 @@
 // The closed forms of the paper that the controller does not use: here the disk that rolls without slipping, in
-// detached.h ball and disk in the air. They extend the firmware's model (firmware/model/rolling.h), take its parameters,
-// and serve tests as a derivation independent of the plant.
+// detached.h ball and disk in the air. They extend the firmware's model (firmware/model/rolling.h), take its
+// parameters, and serve tests as a derivation independent of the plant.
 //
 // The disk is the ball whose masses, centre of mass and external force stay in the plane e1-e3, with E2 a principal
 // axis orthogonal to it.
@@ -39,9 +39,9 @@ Quaternion orientation_of(const DiskState& disk);
 Vector3 angular_velocity_of(const DiskState& disk);  // body frame, rad/s
 
 // phiddot (eq_ddphi_disk with eq_K_i), N (eq_normal_disk) and -f_s sigma (eq_static_friction_disk). With mass_count = 0
-// these are eq_ddphi_sdisk, eq_normal_sdisk and eq_static_friction_sdisk. The inertia enters by d_2 alone and vectors by
-// their components 1 and 3; the caller ensures that rails, chi_0 and F_e have no component 2. Deviation from the paper:
-// none. Never fails for validated parameters; NaN in gives NaN out.
+// these are eq_ddphi_sdisk, eq_normal_sdisk and eq_static_friction_sdisk. The inertia enters by d_2 alone and vectors
+// by their components 1 and 3; the caller ensures that rails, chi_0 and F_e have no component 2. Deviation from the
+// paper: none. Never fails for validated parameters; NaN in gives NaN out.
 RollingDiskForces rolling_disk_forces(const BallParams& ball, const DiskState& disk, const MassMotion& masses);
 
 }  // namespace ballast::closed_forms

@@ -8,8 +8,8 @@
 namespace ballast::sim {
 
 // Whether a smooth function with these values at the start, the middle and the end of a step may have a peak above
-// `floor` in between. The test takes the parabola through them and allows half its bend for higher terms. A few searches
-// in vain cost less than a missed peak.
+// `floor` in between. The test takes the parabola through them and allows half its bend for higher terms. A few
+// searches in vain cost less than a missed peak.
 inline bool may_peak_above(double v0, double vm, double v1, double floor) {
   const double bend = 2 * vm - v0 - v1;  // the parabola rises bend / 4 above its chord's middle
   const double slope_0 = 4 * vm - 3 * v0 - v1, slope_1 = v0 - 4 * vm + 3 * v1;

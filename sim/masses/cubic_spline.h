@@ -18,8 +18,8 @@ class CubicSpline {
   // The following need as many points as knots, at least 2, and increasing knots. Where the equations have no finite
   // solution, as with numbers near the ends of the range, finite() is false.
 
-  // Not-a-knot: the third derivative is continuous at the second and the last but one knot too, so the spline reproduces
-  // any cubic. Three points make a parabola, two a line.
+  // Not-a-knot: the third derivative is continuous at the second and the last but one knot too, so the spline
+  // reproduces any cubic. Three points make a parabola, two a line.
   static CubicSpline open(std::vector<double> knots, std::vector<Eigen::Vector3d> points);
   // Periodic with the length of the knots; first and last point equal, at least 3.
   static CubicSpline closed(std::vector<double> knots, std::vector<Eigen::Vector3d> points);

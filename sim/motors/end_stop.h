@@ -3,8 +3,8 @@
 //   F = k x + c xdot   where x > 0 and that is > 0; else 0,   c = 2 D_r sqrt(k (m + J)).
 // J is the rotor's inertia in rail units. The damping ratio D_r follows from the restitution e, the outgoing over the
 // arriving speed of m + J against a ball held fast, with no other force. With time in units of sqrt((m + J) / k), D_r =
-// cos(a) and arriving speed 1 the depth is exp(-D_r t) sin(t sin(a)) / sin(a); each derivative turns the phase by pi - a.
-// So the force, -xddot, ends at t = 2 a / sin(a), where xdot = -exp(-D_r t):
+// cos(a) and arriving speed 1 the depth is exp(-D_r t) sin(t sin(a)) / sin(a); each derivative turns the phase by pi -
+// a. So the force, -xddot, ends at t = 2 a / sin(a), where xdot = -exp(-D_r t):
 //   e = exp(-2 a cot(a)),   a = acos(D_r)   (e^-2 at D_r = 1; above it acosh and coth).
 // A stiff stop pushes hard for a short time. Its effect on N and f_s depends on k, so an impulse could not model it.
 #pragma once

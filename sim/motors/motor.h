@@ -14,15 +14,15 @@ struct Motor {
   double holding_torque_nm = 0;      // tau_hold at standstill
   double detent_torque_nm = 0;
   double rotor_inertia_kgm2 = 0;
-  double viscous_damping_nms = 0;   // b
-  double corner_speed_radps = 0;    // The full tau_hold is available up to this speed. Above it tau_hold falls as corner
-                                    // / speed, or with the currents where a winding is given (then this is derived).
-  double rated_current_a = 0;       // rms, per phase, both phases on; 0: neither a winding nor the next three are given
-  double resistance_ohm = 0;        // per phase
-  double inductance_h = 0;          // per phase
-  double supply_voltage_v = 0;      // of the driver
-  double step_error = 0.015;        // largest position error of a full step, as a part of the step angle
-  double max_step_rate_hz = 0;      // microsteps per second the driver accepts
+  double viscous_damping_nms = 0;  // b
+  double corner_speed_radps = 0;   // The full tau_hold is available up to this speed. Above it tau_hold falls as corner
+                                   // / speed, or with the currents where a winding is given (then this is derived).
+  double rated_current_a = 0;      // rms, per phase, both phases on; 0: neither a winding nor the next three are given
+  double resistance_ohm = 0;       // per phase
+  double inductance_h = 0;         // per phase
+  double supply_voltage_v = 0;     // of the driver
+  double step_error = 0.015;       // largest position error of a full step, as a part of the step angle
+  double max_step_rate_hz = 0;     // microsteps per second the driver accepts
   double direction_setup_s = 2e-6;  // least time between two opposite pulses
   double max_acceleration = 0;      // rail unit / s^2; limits the motion, moves and stops
   double max_jerk = 0;              // rail unit / s^3; limits moves, stops and each piece of the motion

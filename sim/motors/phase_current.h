@@ -7,8 +7,8 @@
 // K phidot along q, with K = tau_hold / (sqrt(2) rated current).
 //
 // The chopper commands a current of full length at the angle `lag` from d and has a voltage vector of at most the
-// supply's length. The winding follows a microstep within 0.1 ms, so the model is quasi-static: the current turns evenly
-// with the field's mean speed, and the back EMF follows the rotor's speed at the instant, which swings about it.
+// supply's length. The winding follows a microstep within 0.1 ms, so the model is quasi-static: the current turns
+// evenly with the field's mean speed, and the back EMF follows the rotor's speed at the instant, which swings about it.
 #pragma once
 
 #include <cmath>

@@ -25,7 +25,8 @@ bool ContactRegime::over(const Instant& m) const {
       return !(m.normal_force_n > 0) || m.remaining < 0;
     case Regime::kFlight:
       // As flight begins, height and its rate are 0 up to rounding of either sign.
-      return m.remaining < 0 && (m.height_rate_mps < -kSlipVanishes * speed_scale_mps || m.remaining < -1e-12 * radius_m);
+      return m.remaining < 0 &&
+             (m.height_rate_mps < -kSlipVanishes * speed_scale_mps || m.remaining < -1e-12 * radius_m);
   }
   return false;
 }

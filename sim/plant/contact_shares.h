@@ -1,10 +1,10 @@
 // The causes of the contact force: N and f taken apart by mass, at one instant of rolling. Derivation: DERIVATION.md,
 // "The causes of the friction".
 //
-// In rolling the contact force is linear in the loads on the ball. Each mass has three loads: its weight, its own motion
-// in the body (Coriolis term included), and its motion with the turning ball. The shell has the first and the third, and
-// the external force is a load of its own. So R is the sum of the forces that each load would cause alone in a ball with
-// all the inertia of this one:
+// In rolling the contact force is linear in the loads on the ball. Each mass has three loads: its weight, its own
+// motion in the body (Coriolis term included), and its motion with the turning ball. The shell has the first and the
+// third, and the external force is a load of its own. So R is the sum of the forces that each load would cause alone in
+// a ball with all the inertia of this one:
 //   R = sum R_k.
 // A load needs friction in two ways: it pushes along f, or it lifts. Its share of f_s / N counts both. With sigma the
 // direction of f, mu = f_s / N, w_k the weight in load k and W = sum w_k,
@@ -39,9 +39,9 @@ struct ContactShares {
 };
 
 // mu_k / mu of `part_W_n`: its contribution to f_s / N, as a part of it. `static_weight_n` is the part's share of W (0
-// for all but weights). Where N <= 0 the ratio has no bound; the result is then the limit, in which only lifting counts,
-// divided by the whole lift W - N. NaN where nothing presses the ball on the floor at rest (W <= 0) or no friction is
-// needed.
+// for all but weights). Where N <= 0 the ratio has no bound; the result is then the limit, in which only lifting
+// counts, divided by the whole lift W - N. NaN where nothing presses the ball on the floor at rest (W <= 0) or no
+// friction is needed.
 double part_of_friction(const ContactShares& shares, const Eigen::Vector3d& part_W_n, double static_weight_n);
 
 // The same for a whole load.

@@ -52,8 +52,8 @@ std::optional<ContactShares> ContactRecord::shares_at_mu_required_max(const Equa
   if (at_mu_max_.regime != Regime::kRolling) return std::nullopt;
   const double time_s = extrema_.mu_required_max.time_s;
   const double* y = at_mu_max_.y.data();
-  MassPoint masses = equations.driven() ? equations.mass_point(time_s, y)
-                                        : equations.prescribed.at(time_s, at_mu_max_.pieces);
+  MassPoint masses =
+      equations.driven() ? equations.mass_point(time_s, y) : equations.prescribed.at(time_s, at_mu_max_.pieces);
   if (equations.driven()) masses.acceleration = at_mu_max_.mass_acceleration;
   Body body = equations.body;
   body.external_force.set_push(at_mu_max_.push_W_n);

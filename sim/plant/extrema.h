@@ -54,7 +54,7 @@ class ContactRecord {
     Regime regime = Regime::kFlight;
     State y{};
     Vec3<double> push_W_n{};
-    PerMass mass_acceleration{};         // driven masses
+    PerMass mass_acceleration{};        // driven masses
     PrescribedMasses::Pieces pieces{};  // prescribed masses
   } at_mu_max_;
 };

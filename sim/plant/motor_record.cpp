@@ -89,8 +89,7 @@ MotorEnergy MotorRecord::energy(std::size_t i, const Dynamics& dynamics) const {
   MotorEnergy energy = energy_[i];
   if (!dynamics.equations.driven()) return energy;
   const MassPoint masses = dynamics.masses();
-  const StoredEnergy now =
-      stored_energy(dynamics.equations.motors.stepper(i), masses.position[i], masses.velocity[i]);
+  const StoredEnergy now = stored_energy(dynamics.equations.motors.stepper(i), masses.position[i], masses.velocity[i]);
   const double field_j = now.winding_j - stored_at_start_[i].winding_j;
   energy.electrical_j += field_j;
   energy.stored_j = field_j + now.detent_j - stored_at_start_[i].detent_j;

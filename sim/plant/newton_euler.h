@@ -20,9 +20,10 @@
 //   [ S^     J  ]
 // (S^ the cross-product matrix of S). W u is the rate, seen in space, of the slip velocity zdot - omega x r e3, so that
 //   rate of slip = (W u at R = 0) + C R,   C = W [..]^-1 W^T symmetric positive definite,
-// contains everything that the contact regimes need (contact.h). A driven mass adds l_i . u + D_i thetaddot_i = tau_i - m_i zeta_i' .
-// (c'_i + g Gamma) with l_i = (m_i zeta_i', m_i zeta_i x zeta_i'), and thetaddot_i is eliminated as above. An impulse
-// changes the velocities by the same matrices; motor forces are finite, so a driven mass yields to it along its rail.
+// contains everything that the contact regimes need (contact.h). A driven mass adds l_i . u + D_i thetaddot_i = tau_i -
+// m_i zeta_i' . (c'_i + g Gamma) with l_i = (m_i zeta_i', m_i zeta_i x zeta_i'), and thetaddot_i is eliminated as
+// above. An impulse changes the velocities by the same matrices; motor forces are finite, so a driven mass yields to it
+// along its rail.
 #pragma once
 
 #include <Eigen/Core>
@@ -69,8 +70,8 @@ using CarriedMasses = std::array<CarriedMass, kMaxMasses>;
 void carry_along(const Body& body, const double* position, const double* velocity, const double* acceleration,
                  CarriedMasses& out);
 
-// The solution of the equations at one instant. Body frame; arrays per mass hold mass_count entries. In flight R_B = N =
-// f_s = 0; in sliding f_s is the kinetic friction.
+// The solution of the equations at one instant. Body frame; arrays per mass hold mass_count entries. In flight R_B = N
+// = f_s = 0; in sliding f_s is the kinetic friction.
 template <class T>
 struct MotionOf {
   using Vector3 = Eigen::Matrix<T, 3, 1>;

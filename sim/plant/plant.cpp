@@ -22,11 +22,7 @@ constexpr double kShortestPart = 1e-13;
 }  // namespace
 
 Plant::Plant(const PlantModel& model)
-    : duration_s_(model.duration_s),
-      run_(model),
-      regimes_(model),
-      stepping_(model.control_period_s),
-      faults_(model) {
+    : duration_s_(model.duration_s), run_(model), regimes_(model), stepping_(model.control_period_s), faults_(model) {
   regimes_.start(model.initial, run_);
 }
 
@@ -50,8 +46,8 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
     if (std::exchange(jumped, false)) regimes_.continue_after_jump(run_);
     if (end() != PhysicsEnd::kNone || time_s() >= end_s) return;
 
-    double smooth_until_s = std::min({equations().body.external_force.next_kink_s(time_s()),
-                                      std::max(end_s, duration_s_), faults_.next_s()});
+    double smooth_until_s = std::min(
+        {equations().body.external_force.next_kink_s(time_s()), std::max(end_s, duration_s_), faults_.next_s()});
     if (!equations().driven()) {
       smooth_until_s = std::min(smooth_until_s, equations().prescribed.smooth_until_s(time_s()));
     }
@@ -91,9 +87,9 @@ void Plant::end_by(Stepping::Failure failure) {
     case Stepping::Failure::kNotFinite:
       return regimes_.end_inconsistent("the state stopped being finite", run_);
     case Stepping::Failure::kTooStiff:
-      return regimes_.end_inconsistent("the motion is too stiff: more than " + std::to_string(Stepping::kMaxSteps) +
-                                           " steps in one control period",
-                                       run_);
+      return regimes_.end_inconsistent(
+          "the motion is too stiff: more than " + std::to_string(Stepping::kMaxSteps) + " steps in one control period",
+          run_);
   }
 }
 

@@ -36,10 +36,10 @@ struct PlantFault {
 struct PlantModel : World {
   Actuation actuation = Actuation::kStepper;
   OnViolation on_violation = OnViolation::kStop;
-  double duration_s = 0;             // rolling with prescribed masses is integrated ahead up to here
-  double control_period_s = 0.001;   // the first trial step
-  std::uint64_t seed = 0;            // of the motors' full-step errors
-  std::vector<PlantFault> faults;    // in order of time
+  double duration_s = 0;            // rolling with prescribed masses is integrated ahead up to here
+  double control_period_s = 0.001;  // the first trial step
+  std::uint64_t seed = 0;           // of the motors' full-step errors
+  std::vector<PlantFault> faults;   // in order of time
 
   // Bound of the external force, without drag and with all pushes at once.
   [[nodiscard]] double greatest_force_n() const;

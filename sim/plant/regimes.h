@@ -37,11 +37,12 @@ enum class PhysicsEnd {
 
 class Regimes {
  public:
-  explicit Regimes(const PlantModel& model) : on_violation_(model.on_violation), restitution_(model.surface.restitution) {}
+  explicit Regimes(const PlantModel& model)
+      : on_violation_(model.on_violation), restitution_(model.surface.restitution) {}
 
   [[nodiscard]] PhysicsEnd end() const { return end_; }
-  [[nodiscard]] const std::string& end_text() const { return end_text_; }             // why it is inconsistent
-  [[nodiscard]] const std::vector<RegimeStart>& starts() const { return starts_; }    // neighbours differ
+  [[nodiscard]] const std::string& end_text() const { return end_text_; }           // why it is inconsistent
+  [[nodiscard]] const std::vector<RegimeStart>& starts() const { return starts_; }  // neighbours differ
   [[nodiscard]] const std::vector<ImpactRecord>& impacts() const { return impacts_; }
   [[nodiscard]] bool rolling_lost() const { return rolling_lost_; }
 

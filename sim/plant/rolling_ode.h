@@ -27,9 +27,9 @@ class RollingOde {
   [[nodiscard]] State initial_state() const;
 
   // The right-hand side is smooth between kinks: where a motion piece ends, a mass passes a knot of its spline rail, or
-  // a trajectory or the table of the external force has a row. begin() chooses the stretch between two kinks that starts
-  // at or before time_s; at a kink it is the stretch after it. Everything below belongs to that stretch, even at its end,
-  // so that no step of an integrator meets a jump.
+  // a trajectory or the table of the external force has a row. begin() chooses the stretch between two kinks that
+  // starts at or before time_s; at a kink it is the stretch after it. Everything below belongs to that stretch, even at
+  // its end, so that no step of an integrator meets a jump.
   void begin(double time_s);
   [[nodiscard]] double end_s() const { return end_s_; }  // end of the stretch; +infinity for the last
 

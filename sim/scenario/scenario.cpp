@@ -7,8 +7,8 @@
 #include <system_error>
 
 #include "sim/scenario/check.h"
-#include "sim/scenario/read_fault.h"
 #include "sim/scenario/fingerprint.h"
+#include "sim/scenario/read_fault.h"
 
 namespace ballast::sim {
 namespace {
