@@ -1,4 +1,4 @@
-// A hybrid stepper and its driver as a scenario describes them: PHYSICS.md section 5. Torques, angles and speeds are
+// A hybrid stepper and its driver as a scenario describes them: physics.md section 5. Torques, angles and speeds are
 // those of the shaft, but where a name says rail: phi = shaft_ratio * theta turns rail units into motor angle.
 #pragma once
 

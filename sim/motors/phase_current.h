@@ -1,5 +1,5 @@
 // The currents of a two-phase hybrid stepper under a chopper driver: the part of the commanded current that the supply
-// can drive through the winding at a speed. Derivation: DERIVATION.md, "The motor's currents".
+// can drive through the winding at a speed. Derivation: physics.md, section 8.
 //
 // Both phases are one vector in the rotor's frame, d along the magnet, q a quarter of an electrical turn ahead. Its
 // length is sqrt(i_a^2 + i_b^2): sqrt(2) times the rms current of sine microstepping, and of both phases full on at the

@@ -1,4 +1,4 @@
-// A hybrid stepper with current control: PHYSICS.md section 5. Angles and torques are those of the motor shaft. A motor
+// A hybrid stepper with current control: physics.md section 5. Angles and torques are those of the motor shaft. A motor
 // with a winding has the torque of its currents (phase_current.h), which is tau_hold sin(lag) as long as the supply can
 // drive them. Without a winding, tau_hold falls above the corner speed as corner / speed.
 #pragma once
@@ -32,7 +32,7 @@ class Stepper {
   // Whether the windings have current. Without it, pulses still turn the commanded field, which gives no torque.
   void power(bool on) { powered_ = on; }
   // One of the two coils has this part of its current. Two coils at a right angle with currents cos a and k sin a make
-  // a field that turns with (1 + k) / 2 and one that turns against it with (k - 1) / 2: PHYSICS.md section 5. With a
+  // a field that turns with (1 + k) / 2 and one that turns against it with (k - 1) / 2: physics.md section 5. With a
   // winding, the second field's torque is what the speed leaves available, and the energies are those of a whole coil.
   void weaken_coil(double part) { coil_part_ = part; }
   void reverse(bool on) { direction_ = on ? -1 : 1; }

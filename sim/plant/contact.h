@@ -1,4 +1,4 @@
-// The contact laws of PHYSICS.md section 4: Coulomb's friction and Newton's restitution at one point. Space frame, the
+// The contact laws of physics.md section 4: Coulomb's friction and Newton's restitution at one point. Space frame, the
 // third axis up.
 //
 // All laws concern one linear relation between the force R at the contact and its effect,

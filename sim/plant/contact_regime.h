@@ -1,4 +1,4 @@
-// The regime the contact is in, and the conditions under which it goes on: PHYSICS.md section 4.
+// The regime the contact is in, and the conditions under which it goes on: physics.md section 4.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,6 +1,6 @@
 // The equations of motion in the regime at hand: rolling, sliding or flight, with masses prescribed or driven.
 //
-// Choices that PHYSICS.md section 4 leaves open:
+// Choices that physics.md section 4 leaves open:
 //   - While a slip that has just begun is slower than 1e-6 sqrt(g r), its direction follows from the contact's
 //     accelerations (contact.h). The velocity's direction is mostly rounding at first, and its equation is stiff.
 //   - A slip that is about to vanish keeps its direction below 1e-3 of its speed at the start of the integrator's step,

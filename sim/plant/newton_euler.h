@@ -1,4 +1,4 @@
-// The ball by Newton and Euler: PHYSICS.md section 4 (masses prescribed) and section 5 (masses driven), in every
+// The ball by Newton and Euler: physics.md section 4 (masses prescribed) and section 5 (masses driven), in every
 // regime.
 //
 // All sums over the masses are taken once, about the geometric centre and in the body frame:

@@ -1,9 +1,9 @@
 // The plant: the true ball, its masses prescribed or driven by steppers, integrated from one control tick to the next,
-// through the contact regimes of PHYSICS.md section 4: rolling, sliding, flight, with impacts between them.
+// through the contact regimes of tools/docs/physics.md, section 4: rolling, sliding, flight, with impacts between them.
 //
 // No step of an integrator crosses an instant at which a `motion` piece changes, a prescribed mass passes a knot of its
 // spline rail, a trajectory or the table of the external force has a row, a step pulse comes, or an injected fault
-// begins or ends. Accelerations may jump at those instants; the value after the jump counts (PHYSICS.md section 4).
+// begins or ends. Accelerations may jump at those instants; the value after the jump counts (physics.md section 4).
 // Where a driven mass passes a knot, zeta''' jumps, and the error estimate shortens the step.
 //
 // Extrema of N, f_s and f_s/N, and the instants at which a regime ends, are located inside every step.

@@ -147,7 +147,7 @@ void Regimes::enter(Regime regime, Progress& run) {
   run.record();
 }
 
-// The height is 0 and falling: one impulse, PHYSICS.md section 4.
+// The height is 0 and falling: one impulse, physics.md section 4.
 void Regimes::land(Progress& run) {
   Dynamics& dynamics = run.dynamics;
   const ContactRegime& contact = dynamics.equations.contact;

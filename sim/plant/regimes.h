@@ -1,5 +1,5 @@
 // The sequence of contact regimes: how a run starts, what follows a regime that has ended, impacts, and the end of the
-// physics. PHYSICS.md section 4.
+// physics. physics.md section 4.
 //
 // Choices that section 4 leaves open:
 //   - In an impact prescribed masses keep their rail velocity. Driven masses yield along their rails with their rotors,

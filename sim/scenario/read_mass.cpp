@@ -7,16 +7,17 @@
 
 #include "sim/masses/cubic_spline.h"
 #include "sim/masses/motion_extent.h"
+#include "sim/masses/spline_rail.h"
 #include "sim/motors/motor_presets.h"
 #include "sim/motors/phase_current.h"
-#include "sim/masses/spline_rail.h"
 
 namespace ballast::sim {
 namespace {
 
 constexpr double kRoundOff = 1e-12;      // relative rounding error of the distance of a rail's point
 constexpr double kUnitTolerance = 1e-6;  // for unit lengths and right angles written with few digits
-// Largest deviation of a spline rail: of |zeta'| from 1, and of the curve from the given points as a part of its length.
+// Largest deviation of a spline rail: of |zeta'| from 1, and of the curve from the given points as a part of its
+// length.
 constexpr double kMostSpeedError = 0.01;
 constexpr double kMostPointDistance = 1e-3;
 
@@ -103,9 +104,8 @@ bool check_points(TableReader& table, const std::vector<Eigen::Vector3d>& points
     }
   }
   if (closed && points.front() == points.back()) {
-    table.refuse(
-        "points." + std::to_string(points.size() - 1),
-        "repeats the first point; allowed: a last point from which the closed rail continues to the first");
+    table.refuse("points." + std::to_string(points.size() - 1),
+                 "repeats the first point; allowed: a last point from which the closed rail continues to the first");
     good = false;
   }
   return good;
@@ -353,9 +353,9 @@ void default_stiffness(TableReader& table, Mass& mass) {
                                               " is out of range; allowed: a " + range.text_for(stiffness));
 }
 
-// The motor alone must not press the mass out through the shell. The tolerance of a hundredth of the radius is within the
-// idealisation of a point mass, and more than the default stiffness yields at an end on the shell (a thousandth of at
-// most two radii).
+// The motor alone must not press the mass out through the shell. The tolerance of a hundredth of the radius is within
+// the idealisation of a point mass, and more than the default stiffness yields at an end on the shell (a thousandth of
+// at most two radii).
 constexpr double kMostOutside = 0.01;
 
 void check_stops_hold_in_ball(TableReader& table, const Mass& mass, double ball_radius_m) {
@@ -559,8 +559,8 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   const bool printed = preset != nullptr && preset->detent_torque_nm > 0;
   read("detent_torque", below_half, printed ? preset->detent_torque_nm : 0.04 * motor.holding_torque_nm,
        motor.detent_torque_nm);
-  // Damping ratio 0.2 for rotor and load on the field's stiffness N_r tau_hold, but at most a tenth of the holding torque
-  // at the motion's greatest speed.
+  // Damping ratio 0.2 for rotor and load on the field's stiffness N_r tau_hold, but at most a tenth of the holding
+  // torque at the motion's greatest speed.
   const double damped = 2 * 0.2 * std::sqrt(motor.stiffness_nmprad() * (motor.rotor_inertia_kgm2 + load_inertia));
   const double most_drag = 0.1 * motor.holding_torque_nm / std::max(ratio * extent.greatest_speed, 1e-300);
   read("viscous_damping", Range::non_negative("N m s"), std::min(damped, most_drag), motor.viscous_damping_nms);
@@ -584,7 +584,8 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   const double left_torque =
       std::max(0.9 * motor.holding_torque_nm - gravity_torque - acceleration_torque, 0.01 * motor.holding_torque_nm);
   const double carried_radps = std::min(left_torque / motor.viscous_damping_nms, motor.corner_speed_radps);
-  const double carried_hz = std::max(carried_radps / ratio, 1.1 * extent.greatest_speed) * motor.microsteps_per_rail_unit();
+  const double carried_hz =
+      std::max(carried_radps / ratio, 1.1 * extent.greatest_speed) * motor.microsteps_per_rail_unit();
   read("max_step_rate", Range::positive("1/s"), std::min({timer / 10, 60 / period, carried_hz}),
        motor.max_step_rate_hz);
   // That acceleration within one oscillation of load and rotor on the field's stiffness, which excites it least.
@@ -695,8 +696,8 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
     const Range range = Range::any();
     if (!range.contains(extent.least.position) || !range.contains(extent.greatest.position) ||
         !range.contains(speed.greatest_speed)) {
-      table.refuse("motion", "overflows; allowed: positions and speeds of at most " +
-                                 number_text(kMostSize) + " in size");
+      table.refuse("motion",
+                   "overflows; allowed: positions and speeds of at most " + number_text(kMostSize) + " in size");
       motion_known = false;
     }
   }
