@@ -145,18 +145,8 @@ TEST(TargetSinglePrecision, AReplay) {
   EXPECT_EQ(folder.run("ballast replay single --verify").exit_status, 3);
 }
 
-// A stop's tick, most of it motion planned in software doubles, is longer than 1 ms of 250 million instructions a
-// second: there the run ends, since pulses would be missing. At 500 Hz it is served.
-TEST(TargetSinglePrecision, AStop) {
-  expect_same_run("paper_ball", {"envelope.friction_use=0.3", "run.control_period=0.002"}, 3);
-}
-TEST(TargetSinglePrecision, AStopAtOneKilohertzIsLate) {
-  const test::Folder folder;
-  const auto run =
-      folder.run("ballast run paper_ball --set envelope.friction_use=0.3 --quiet --firmware qemu-an386 --out r");
-  EXPECT_EQ(run.exit_status, 6) << run.err;
-  EXPECT_NE(run.err.find("is late: the next one began before it was served"), std::string::npos) << run.err;
-}
+// Its longest tick plans the stop, in software doubles. It is served within 1 ms.
+TEST(TargetSinglePrecision, AStop) { expect_same_run("paper_ball", {"envelope.friction_use=0.3"}, 3); }
 
 }  // namespace
 }  // namespace ballast

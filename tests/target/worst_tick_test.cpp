@@ -1,0 +1,71 @@
+// The longest control tick on the microcontrollers, requests for a stop and a move included. Instructions, as QEMU
+// counts them: the same every time.
+#include "tests/target/worst_tick.h"
+
+#include <gtest/gtest.h>
+
+#include <iostream>
+#include <memory>
+
+#include "hal/target/wire.h"
+#include "tools/qemu/qemu_process.h"
+
+namespace ballast {
+namespace {
+
+using Worst = std::array<hal::test::WorstTicks, hal::test::kWorstTickMasses.size()>;
+
+// An instruction takes 256 ns of the machine's time, 6.4 counts of its 25 MHz: whole instructions come of whole counts.
+constexpr int kShift = 8;
+std::uint32_t instructions(std::uint32_t counts) { return static_cast<std::uint32_t>(counts / 6.4 + 0.5); }
+
+Worst on_the_target(const std::string& board) {
+  Worst worst;
+  sil::QemuProcess qemu;
+  const auto why = qemu.start({.board = board,
+                               .elf = std::string(BALLAST_BUILD_DIR) + "/" + board + "/bin/worst_tick.elf",
+                               .icount_shift = kShift});
+  EXPECT_EQ(why, "");
+  std::vector<std::uint8_t> bytes;
+  while (bytes.size() < hal::test::kWorstTickBytes) {
+    if (qemu.read(0, bytes, sil::Seconds(120), nullptr) != hal::Status::kOk) {
+      ADD_FAILURE() << "worst_tick.elf ended: " << qemu.ended(sil::Seconds(1)) << ' ' << qemu.said();
+      return worst;
+    }
+  }
+  hal::target::Reader in(bytes);
+  hal::test::worst_tick_fields(in, worst);
+  EXPECT_TRUE(in.complete());
+  return worst;
+}
+
+// Instructions for each number of masses.
+using Allowed = std::array<std::uint32_t, 3>;
+
+void expect_at_most(const std::string& board, const Allowed& run_or_stop, const Allowed& move) {
+  const Worst worst = on_the_target(board);
+  for (std::size_t i = 0; i < worst.size(); ++i) {
+    const hal::test::WorstTicks& w = worst[i];
+    SCOPED_TRACE(::testing::Message() << board << ", " << w.masses << " masses");
+    EXPECT_EQ(w.masses, static_cast<std::uint32_t>(hal::test::kWorstTickMasses[i]));
+    EXPECT_EQ(w.predicted_stops, hal::test::kStopTicks.size());
+    EXPECT_EQ(w.predicted_moves, 1u);
+    EXPECT_GT(w.pulses, 300u);
+    EXPECT_GT(w.run, 0u);
+    EXPECT_LE(instructions(w.run), run_or_stop[i]);
+    EXPECT_LE(instructions(w.stop), run_or_stop[i]);
+    EXPECT_LE(instructions(w.move), move[i]);
+    std::cout << board << ", " << w.masses << (w.masses == 1 ? " mass" : " masses") << ": run " << instructions(w.run)
+              << ", stop " << instructions(w.stop) << ", move " << instructions(w.move) << " instructions at most\n";
+  }
+}
+
+// 25,000 is the project's bar for three masses. Eight may take a tenth of a 1 kHz tick at 480 MHz.
+TEST(WorstTick, OfTheCortexM7) { expect_at_most("mps2_an500", {25000, 25000, 48000}, {25000, 25000, 48000}); }
+
+// At 180 MHz, an instruction a clock, three masses run and stop at 1 kHz. The tick that plans a move of three needs
+// 800 Hz. Eight masses run and stop at 400 Hz and move at 300 Hz.
+TEST(WorstTick, OfTheCortexM4F) { expect_at_most("mps2_an386", {180000, 180000, 450000}, {225000, 225000, 600000}); }
+
+}  // namespace
+}  // namespace ballast
