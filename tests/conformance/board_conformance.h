@@ -1,14 +1,14 @@
-// One suite for every backend of hal/board.h. A backend is tested by giving it a World, the other end of the wires:
+// One suite for every backend of hal/board.h. Each backend supplies a World, the other end of its wires:
 //
 //   using BoardType                       satisfies hal::Board
 //   BoardType& board()
-//   void send(const WorldTick&)           hands one tick's inputs to the board, without waiting
-//   void send_sensors_only(Sensors)       a tick of which the monitor's verdict does not come
-//   bool receive(StepCommand&, ControllerStatus&)   what the board has written since the last call; false: nothing came
+//   void send(const WorldTick&)           gives one tick's inputs to the board, without waiting
+//   void send_sensors_only(Sensors)       gives a tick without the monitor's verdict
+//   bool receive(StepCommand&, ControllerStatus&)   the board's outputs since the last call; false: none came
 //   hal::LinkCounters counters()
 //   std::int64_t watchdog_kicks()
-//   void expect_silence(Status)           checks how the backend reports that nothing at all came after a tick
-//   void expect_no_verdict(Status)        and that only the verdict did not come
+//   void expect_silence(Status)           checks how the backend reports that nothing came after a tick
+//   void expect_no_verdict(Status)        checks how it reports that only the verdict did not come
 //   kSinglePrecision                      optional, true: a board whose model has floats
 #pragma once
 
@@ -194,7 +194,7 @@ TYPED_TEST_P(BoardConformance, OperatorIsObeyedOnceAndInOrder) {
     EXPECT_EQ(this->board_.read_operator(command), Status::kOk);
     EXPECT_EQ(command.command, expected);
   }
-  ASSERT_NO_FATAL_FAILURE(this->serve(world_tick(1)));  // what is left over waits
+  ASSERT_NO_FATAL_FAILURE(this->serve(world_tick(1)));  // the rest waits
   for (const firmware::OperatorCommand expected : {kStart, kArm}) {
     firmware::OperatorInput command = kNone;
     EXPECT_EQ(this->board_.read_operator(command), Status::kOk);
@@ -297,8 +297,8 @@ TYPED_TEST_P(BoardConformance, MissingVerdictIsReported) {
   this->world_.expect_no_verdict(this->board_.wait_tick(tick));
 }
 
-// The real firmware on this board: each tick served once, its outputs under the right tick, commands obeyed one per
-// tick.
+// The real firmware runs on this board: each tick is served once, its outputs carry the right tick, and one command is
+// obeyed per tick.
 TYPED_TEST_P(BoardConformance, ControlLoopServesTheFirmware) {
   using enum firmware::OperatorCommand;
   const auto params = resting_robot();

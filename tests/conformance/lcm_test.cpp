@@ -10,7 +10,7 @@
 namespace ballast::hal::test {
 namespace {
 
-// Only ever waited for in tests of silence, so that a busy machine does not fail the others.
+// Timeouts that only tests of silence wait for, so that the other tests pass on a busy machine.
 constexpr Seconds kShort{0.2};
 constexpr Seconds kLong{30};
 
@@ -111,7 +111,7 @@ std::vector<std::uint8_t> encoded(const M& message) {
   return bytes;
 }
 
-// Lets the board serve a tick that must get through whatever came before it.
+// Lets the board serve a tick, whatever messages came before it.
 void serve(LcmWorld& world, const WorldTick& tick) {
   world.send(tick);
   std::int64_t number = -99;
@@ -168,7 +168,7 @@ TEST(LcmBoard, MalformedMessagesAreCountedAndIgnored) {
   }
 
   serve(world, world_tick(0));
-  // Two senders, two sockets: they may overtake each other, so the rest is waited for over further ticks.
+  // Two sockets may overtake each other, so further ticks wait for the rest.
   for (std::int64_t tick = 1; world.counters().malformed < sent && tick < 100; ++tick) serve(world, world_tick(tick));
   EXPECT_EQ(world.counters().malformed, sent);
   firmware::OperatorInput command = firmware::OperatorCommand::kNone;
@@ -330,7 +330,7 @@ TEST(OperatorInbox, WhatFoundNoRoomCanBeSaidAgain) {
   EXPECT_EQ(inbox.counters().repeated, 1);
 }
 
-// However many others speak meanwhile, in ticks as they go by: nothing is obeyed twice.
+// No command is obeyed twice, however many other senders speak in the meantime.
 TEST(OperatorInbox, CopiesAreRefusedWhateverCameBetween) {
   using enum firmware::OperatorCommand;
   const std::uint64_t seed = std::random_device{}();
@@ -348,17 +348,17 @@ TEST(OperatorInbox, CopiesAreRefusedWhateverCameBetween) {
     ASSERT_FALSE(inbox.next());
   }
   EXPECT_EQ(inbox.counters().repeated + inbox.counters().old, 300 * 20);
-  // Of a sender forgotten, or never known and as old: a stop is obeyed, and then known.
+  // A stop of a sender that was replaced is obeyed once.
   inbox.hear(said(kStop, 1, 2000, 1));
   ASSERT_TRUE(inbox.next());
   inbox.hear(said(kStop, 1, 2000, 1));
   EXPECT_FALSE(inbox.next());
-  // One that was forgotten, known again by an old stop: what came after that stop stays obeyed once.
+  // An old stop makes a replaced sender known again. Its commands after that stop are still not obeyed twice.
   inbox.hear(said(kStop, 2, 1, 2));
   ASSERT_TRUE(inbox.next());
   inbox.hear(all[1]);
   EXPECT_FALSE(inbox.next());
-  // More new senders in one tick than there are places: those who did not get one are heard in the next.
+  // More new senders than places in one tick: senders without a place are heard in the next tick.
   int taken = 0;
   for (int sender = 1000; sender < 1100; ++sender) {
     inbox.hear(said(kArm, 400, 1, sender));
@@ -369,7 +369,7 @@ TEST(OperatorInbox, CopiesAreRefusedWhateverCameBetween) {
   EXPECT_TRUE(inbox.next());
 }
 
-// Or it would silence whoever is not known yet, once its sender is forgotten.
+// Once its sender is replaced, a command with a future tick would silence every sender that is not known yet.
 TEST(OperatorInbox, ACommandOfATickStillToComeIsNotBelieved) {
   using enum firmware::OperatorCommand;
   OperatorInbox inbox;
@@ -382,7 +382,7 @@ TEST(OperatorInbox, ACommandOfATickStillToComeIsNotBelieved) {
   EXPECT_TRUE(inbox.next());
   inbox.hear(said(kStop, std::int64_t{1} << 61, 4, 2));
   ASSERT_TRUE(inbox.next()) << "a stop is obeyed";
-  // All of these are forgotten for others'.
+  // Each of these replaces another sender.
   for (int sender = 1000; sender < 1100; ++sender) {
     inbox.hear(said(kStop, std::int64_t{1} << 61, 1, sender));
     ASSERT_TRUE(inbox.next());
@@ -392,8 +392,8 @@ TEST(OperatorInbox, ACommandOfATickStillToComeIsNotBelieved) {
   EXPECT_TRUE(inbox.next()) << "of a sender who is not known, and speaks in time";
 }
 
-// A log played back is of no run, a run before this one is another: neither moves anything, before the first tick and
-// after it, whatever its ticks and sequences are.
+// Messages of a log played back and of an earlier run have no effect, before the first tick and after it, whatever
+// their ticks and sequences are.
 TEST(LcmBoard, OtherRunsAreCountedAndNeverUsed) {
   LcmWorld world;
   const auto say_all = [&](std::int64_t run_id, std::int64_t tick) {
@@ -440,8 +440,8 @@ TEST(LcmBoard, ATripIsTakenBackByAnOperatorsResetOnly) {
   EXPECT_EQ(world.counters().taken_back, 1);
 }
 
-// The reset that was obeyed once, an older one, one of another run, and verdicts that say there never was a trip, be
-// they of this run and of this tick: none takes back the trip that came after.
+// A later trip stays after each of these: the same reset again, an older reset, a reset of another run, and verdicts of
+// this run and tick without a trip.
 TEST(LcmBoard, AReplayedOrForgedResetTakesNoTripBack) {
   LcmWorld world;
   operator_t reset = to_message(firmware::OperatorCommand::kReset, 0, 5, kControlPeriod_s);
@@ -492,8 +492,8 @@ TEST(LcmBoard, InterruptEndsTheWait) {
 
 TEST(LcmBus, BadUrlIsNotGood) { EXPECT_FALSE(Bus("nonsense://").good()); }
 
-// decode() against bytes it has never seen: any byte of a good message changed, or nothing but noise. It must refuse or
-// give a message in range, and leave its output alone when it refuses.
+// Gives decode() good messages with any bytes changed, and noise. It must refuse them or give a message in range, and
+// leave its output alone when it refuses.
 template <class M>
 void decode_noise(std::mt19937_64& random) {
   const auto good = encoded(M{});
@@ -602,7 +602,7 @@ TEST(LcmMessages, OtherTypesOutOfRangeAreRefused) {
   EXPECT_FALSE(in_range(status));
 }
 
-// Every number of a message comes from the firmware's struct, but for those that the sender adds.
+// Every number of a message comes from the firmware's struct, except those that the sender adds.
 TEST(LcmMessages, EveryNumberOfAMessageIsDescribed) {
   firmware::StepCommand steps;
   steps.motor_count = firmware::kMaxMasses;
@@ -620,7 +620,7 @@ TEST(LcmMessages, EveryNumberOfAMessageIsDescribed) {
       << "utime, two ids, cause, trip_tick, trip_time_s, value, limit";
 }
 
-// Ticks far from 0 would overflow in differences: refused on the wire, whatever the message.
+// Differences of ticks far from 0 would overflow, so every message with such a tick is refused.
 template <class M>
 void expect_ticks_bounded(M message) {
   constexpr std::int64_t kLimit = std::int64_t{1} << 62;

@@ -27,9 +27,9 @@ class LockstepWorld {
   LinkCounters counters() { return board_.counters(); }
   std::int64_t watchdog_kicks() { return board_.watchdog_kicks(); }
 
-  // Nobody to wait for in one process: an empty mailbox is simply empty,
+  // In one process nothing is waited for: an empty mailbox is reported as empty.
   void expect_silence(Status status) { EXPECT_EQ(status, Status::kEmpty); }
-  // and a tick is due when the world says so, verdict or not; the firmware judges the verdict's age.
+  // A tick is due without a verdict, too; the firmware judges the verdict's age.
   void expect_no_verdict(Status status) {
     EXPECT_EQ(status, Status::kOk);
     firmware::MonitorVerdict verdict;

@@ -1,5 +1,5 @@
-// The board under the conformance suite: whatever the suite calls, it calls here, through pipes of its own. Over the
-// link, meanwhile, the suite is the world.
+// The board's side of the conformance suite. The suite's calls come through pipes of their own; over the link the suite
+// plays the world.
 #include "hal/mps2/machine.h"
 #include "hal/mps2/semihosting.h"
 #include "hal/mps2/startup.h"
@@ -31,7 +31,7 @@ bool read_all(std::int32_t file, std::span<std::uint8_t> bytes) {
   return true;
 }
 
-// Makes the call and writes what came of it.
+// Makes the call and writes its results.
 bool serve(Call call, target::Reader& in, target::Writer& out) {
   switch (call) {
     case Call::kWaitTick: {
@@ -106,7 +106,7 @@ int main() {
   const std::int32_t calls = semihosting::open(from, kNameSize, semihosting::Mode::kRead);
   const std::int32_t answers = semihosting::open(to, kNameSize, semihosting::Mode::kWrite);
   if (calls < 0 || answers < 0) return static_cast<int>(mps2::Exit::kNoLink);
-  // The suite's steps are any numbers, so they are not for motors.
+  // The suite's steps are random numbers, so they are not given.
   static firmware::ControllerParams params;
   params.control_period_s = 0.001;
   params.timer_frequency_hz = 1e7;
@@ -125,7 +125,7 @@ int main() {
     target::Writer length{std::span<std::uint8_t>(reply).first(4)};
     length(static_cast<std::uint32_t>(out.size()));
     static_cast<void>(semihosting::write(answers, std::span<const std::uint8_t>(reply).first(4 + out.size())));
-    // Most tests of the suite kick nothing, and must not be bitten for it.
+    // Most tests of the suite do not kick the watchdog themselves.
     mps2::the_machine.kick_watchdog();
   }
 }

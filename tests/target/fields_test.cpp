@@ -1,4 +1,4 @@
-// A description (hal/fields.h) leaves nothing of its struct behind: every byte is visited, once.
+// Every chain of fields (hal/fields.h) visits every byte of its struct once.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,7 +21,7 @@ class Places : public Visitor<Places> {
     add(value);
   }
 
-  // Adds a member that is not visited, for a reason.
+  // Adds a member that the chain does not visit.
   template <class T>
   void add(const T& value) {
     places_.push_back({reinterpret_cast<std::uintptr_t>(&value), sizeof value, alignof(T)});
@@ -147,7 +147,7 @@ concept Sendable = requires(M& m, const Frame& frame, std::span<std::uint8_t> by
 static_assert(Sendable<World> && Sendable<Reply>);
 static_assert(!Sendable<Sound> && !Sendable<firmware::StepCommand> && !Sendable<int>);
 
-// The last of each enumeration is in range.
+// The range of the refusals covers the enumeration.
 TEST(TargetFields, EveryRefusalTravels) {
   const auto sent = std::make_unique<Reply>(), received = std::make_unique<Reply>();
   for (int reason = 0; reason <= static_cast<int>(firmware::Refusal::kCancelled); ++reason) {

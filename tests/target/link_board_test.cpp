@@ -1,5 +1,4 @@
-// The link and the board on it, with a machine of the test's: bytes as they may come, ticks that come late, commands
-// that come in floods.
+// Link and LinkBoard on a machine of the test's own: bytes in any pieces, late ticks, floods of commands.
 #include "hal/target/link_board.h"
 
 #include <gtest/gtest.h>
@@ -25,7 +24,7 @@ struct FakeMachine {
   }
   Status write(std::span<const std::uint8_t>) { return Status::kOk; }
   bool start(const firmware::ControllerParams&, const Commit&) { return true; }
-  // As on a board: those that have begun since, or else the next one.
+  // As on a board: the ticks that have begun since the last call, or the next one.
   std::uint32_t wait_tick() {
     const std::uint32_t since = std::max(begun, 1u);
     begun = 0;
@@ -106,7 +105,7 @@ TEST_F(TargetLinkBoard, AStopIsNeverLost) {
   EXPECT_EQ(board_.counters().malformed, 0);
 }
 
-// However the stream is cut into pieces.
+// Frames arrive whole, however the stream is cut into pieces.
 TEST(TargetLink, FramesComeWholeOutOfAnyPieces) {
   const std::uint64_t seed = std::random_device{}();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -128,7 +127,7 @@ TEST(TargetLink, FramesComeWholeOutOfAnyPieces) {
   }
 }
 
-// Nothing is looked for behind what is no frame: it could be an old one.
+// Bytes after garbage are not searched for a frame: it could be an old one.
 TEST(TargetLink, GarbageBetweenFramesEndsTheLink) {
   FakeMachine machine;
   machine.send({}, 0);
@@ -141,7 +140,7 @@ TEST(TargetLink, GarbageBetweenFramesEndsTheLink) {
   EXPECT_EQ(link.receive(frame), Status::kIo);
 }
 
-// One that promises more than ever comes is waited for, no further than the longest there is.
+// A frame that promises too many bytes is waited for up to the length of the longest frame.
 TEST(TargetLink, AFrameThatPromisesTooMuchEndsTheLink) {
   for (const std::uint32_t length : {std::uint32_t{kMaxPayload}, std::uint32_t{kMaxPayload} + 1, 0xffffffffu}) {
     FakeMachine machine;

@@ -1,4 +1,4 @@
-// The link's bytes: what goes in comes out, and nothing else gets through.
+// Messages of the link arrive unchanged, and no other bytes are accepted.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -68,7 +68,7 @@ TEST(TargetLink, MessagesArriveBitForBit) {
   for_every_message([&]<class M>() { expect_to_arrive<M>(random); });
 }
 
-// What LinkBoard sends is what the host reads.
+// The host reads LinkBoard's ReplyView as a Reply.
 TEST(TargetLink, AReplyIsSentFromWhereItsPartsLie) {
   std::mt19937_64 random(1);
   const auto reply = std::make_unique<Reply>();
@@ -77,7 +77,7 @@ TEST(TargetLink, AReplyIsSentFromWhereItsPartsLie) {
             frame_of(ReplyView{reply->status, reply->steps, reply->tick_counts, reply->played}, 1));
 }
 
-// Every cut and every flipped bit of a frame is seen.
+// Every cut and every flipped bit of a frame is detected.
 TEST(TargetLink, DamagedFramesAreRefused) {
   const auto bytes = frame_of(World{}, 5);
   Frame frame;
@@ -93,7 +93,7 @@ TEST(TargetLink, DamagedFramesAreRefused) {
   }
 }
 
-// A good frame with some bytes of its header changed, and made a frame again by its checksum, or not.
+// A good frame with some bytes of its header changed, with a new checksum or the old one.
 std::vector<std::uint8_t> changed(std::size_t at, std::uint64_t value, std::size_t size, bool new_checksum) {
   auto bytes = frame_of(World{}, 5);
   for (std::size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<std::uint8_t>(value >> 8 * i);
@@ -125,7 +125,7 @@ TEST(TargetLink, EveryFrameErrorHasItsCause) {
       EXPECT_EQ(error_of(changed(8, length, 4, checksum)), FrameError::kLength);
     }
   }
-  // A length that lies within what there is, or within what may come.
+  // Lengths shorter than the payload, and longer ones up to the limit.
   const auto good = frame_of(World{}, 5);
   const std::size_t payload = good.size() - kHeaderSize - kTrailerSize;
   for (const std::size_t length : {std::size_t{0}, std::size_t{1}, payload - 1}) {
@@ -143,19 +143,19 @@ TEST(TargetLink, EveryFrameErrorHasItsCause) {
   auto bad_checksum = good;
   bad_checksum.back() ^= 0x80;
   EXPECT_EQ(error_of(bad_checksum), FrameError::kChecksum);
-  // What follows a frame is none of its.
+  // Bytes after a frame do not belong to it.
   auto followed = good;
   followed.insert(followed.end(), 100, 0xff);
   const FrameResult result = decode_frame(followed, frame);
   EXPECT_EQ(result.error, FrameError::kNone);
   EXPECT_EQ(result.size, good.size());
   EXPECT_EQ(error_of(std::span(followed).subspan(good.size())), FrameError::kNotAFrame);
-  // Another tick is a good frame once its checksum is right: the number is the receiver's to judge.
+  // Another tick with its checksum is a good frame; the receiver judges the tick.
   EXPECT_EQ(error_of(changed(12, 6, 8, false)), FrameError::kChecksum);
   EXPECT_EQ(error_of(changed(12, 6, 8, true)), FrameError::kNone);
 }
 
-// The payload as bytes, in a frame that is good.
+// Whether a good frame around this payload decodes.
 template <class M>
 bool decodes(const std::vector<std::uint8_t>& payload, M& out) {
   std::vector<std::uint8_t> framed(kMaxFrame);
@@ -217,7 +217,7 @@ TEST(TargetLink, CountsThatLieAreRefused) {
   EXPECT_FALSE(decodes(flag, out));
 }
 
-// What is no number passes, wherever a number may stand: validate() and the controller judge it.
+// NaN passes in every physical value; validate() and the controller judge it.
 TEST(TargetLink, NansPass) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   World world, heard;
@@ -237,7 +237,7 @@ TEST(TargetLink, NansPass) {
   params->control_period_s = kNan;
   ASSERT_TRUE(decodes(payload_of(*params), *taken));
   EXPECT_STREQ(firmware::validate(*taken).field, "control_period_s");
-  // But a motion of them is none.
+  // A motion with NaN is refused.
   const auto mass = std::make_unique<MassParams>();
   mass->initial_position = kNan;
   EXPECT_FALSE(set_mass(*mass, 0, *taken));
@@ -263,7 +263,7 @@ void decode_noise(std::mt19937_64& random) {
     }));
     Frame frame;
     ASSERT_EQ(decode_frame(framed, frame).error, FrameError::kNone);
-    // What is accepted is in range: it can be said again, in as many bytes.
+    // An accepted message is in range, so it can be encoded again, in as many bytes.
     if (decode(frame, *out)) {
       EXPECT_EQ(frame_of(*out, 1).size(), framed.size());
     }

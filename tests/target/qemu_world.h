@@ -1,4 +1,4 @@
-// The board in QEMU under the conformance suite: calls go to it through pipes of their own, the world's messages over
+// The board in QEMU under the conformance suite. Calls go to it through pipes of their own, the world's messages over
 // the link.
 #pragma once
 
@@ -15,16 +15,17 @@ namespace ballast::hal::test {
 
 inline constexpr int kLinkPair = 0, kCallPair = 1;
 inline constexpr sil::Seconds kPatience{30};  // for QEMU on a busy machine; nothing is measured
-inline constexpr sil::Seconds kSilence{5};    // after which nothing more is taken to come; a busy machine needs some
+inline constexpr sil::Seconds kSilence{
+    5};  // of the board, after which it counts as silent; long enough for a busy machine
 
-// hal::Board: each function makes its call over there.
+// hal::Board: each function calls the board in QEMU.
 class RemoteBoard {
  public:
   explicit RemoteBoard(sil::QemuProcess& qemu) : qemu_(qemu) {}
 
   Status wait_tick(std::int64_t& tick) {
     send(Call::kWaitTick, {});
-    // The board waits with its clock at a standstill; it is the other end that notices silence, and cuts the link.
+    // The board waits with its clock stopped, so this end detects silence and cuts the link.
     std::vector<std::uint8_t> answer = receive(kSilence);
     if (answer.empty()) {
       qemu_.close_writing(kLinkPair);
@@ -86,7 +87,7 @@ class RemoteBoard {
     return c;
   }
 
-  // As an integer, and as one without sign.
+  // Converts n as a signed and as an unsigned integer.
   [[nodiscard]] std::pair<double, double> to_double(std::int64_t n) const {
     std::vector<std::uint8_t> argument(sizeof n);
     target::Writer out(argument);
@@ -128,7 +129,7 @@ class RemoteBoard {
     bytes.insert(bytes.end(), arguments.begin(), arguments.end());
     EXPECT_EQ(qemu_.write(kCallPair, bytes, kPatience), Status::kOk);
   }
-  // Empty: nothing came.
+  // Empty: nothing came in time.
   std::vector<std::uint8_t> receive(sil::Seconds timeout) const {
     std::vector<std::uint8_t> bytes;
     for (;;) {
@@ -210,7 +211,7 @@ class QemuWorld {
   LinkCounters counters() { return board_.counters().link; }
   std::int64_t watchdog_kicks() { return board_.counters().watchdog_kicks; }
   void expect_silence(Status status) { EXPECT_EQ(status, Status::kPeerLost); }
-  // The world's message says that there is none.
+  // The world's message says that it has no verdict.
   void expect_no_verdict(Status status) {
     EXPECT_EQ(status, Status::kOk);
     firmware::MonitorVerdict verdict;

@@ -1,4 +1,4 @@
-// What the conformance suite asks of the board on the other side: u32 call, u32 size, arguments; u32 size, results.
+// Calls of the conformance suite to the board in QEMU: u32 call, u32 size, arguments; answered by u32 size, results.
 #pragma once
 
 #include <cstdint>
