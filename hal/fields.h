@@ -26,7 +26,7 @@
 
 namespace ballast::hal {
 
-// --- what a field may hold ---
+// --- rules: the values of a field ---
 
 struct Any {};     // every value; a floating-point number keeps its bits, NaN included
 struct Real {};    // a number of the model: a float on a target with single precision, a double elsewhere
@@ -61,7 +61,7 @@ struct When {
 // The difference of two such ticks fits into 64 bits, with 1 added too.
 inline constexpr std::int64_t kFarthestTick = (std::int64_t{1} << 62) - 1;
 
-// --- what a field is called on LCM ---
+// --- names of fields on LCM ---
 
 // `in(message)` is a member of an LCM message. The type of `message` is open, so a target can do without LCM.
 template <class F>
@@ -120,7 +120,7 @@ constexpr bool is_whole() {
   return true;
 }
 
-// Takes `visitor` along the chain of `m`. `context`: what the chain wants to know beside the message itself.
+// Takes `visitor` along the chain of `m`. `context` holds further arguments of the chain.
 template <class V, class M, class... Context>
 constexpr void visit(V& visitor, M& m, const Context&... context) {
   static_assert(is_whole<std::remove_const_t<M>>(), "the chain of fields does not name every member of this struct");

@@ -1,5 +1,5 @@
-// The fields of the messages between controller and world (fields.h): the firmware's structs, and what each member is
-// called in the .lcm files. Messages without such names, and members, do not travel on LCM.
+// The fields of the messages between controller and world (fields.h): the members of the firmware's structs with their
+// ranges and their names in the .lcm files. Structs and members without such a name do not travel on LCM.
 #pragma once
 
 #include "firmware/control/controller.h"

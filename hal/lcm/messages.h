@@ -19,7 +19,7 @@ namespace ballast::hal {
 std::int64_t tick_utime(std::int64_t tick, double control_period_s);
 
 // The arguments determine every byte of the message; array entries beyond a count are 0. Numbers keep their bits.
-// run_id and what only the sender knows (refused_messages, sender) are 0.
+// run_id and the fields that only the sender knows (refused_messages, sender) are 0.
 sensors_t to_message(const firmware::Sensors& sensors, int mass_count, bool last, std::int64_t scenario_id,
                      double control_period_s);
 step_command_t to_message(const firmware::StepCommand& steps, double control_period_s);

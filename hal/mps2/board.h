@@ -10,7 +10,7 @@ namespace ballast::hal::mps2 {
 inline constexpr const char* kName = BALLAST_BOARD;  // the folder's name
 
 // Clocks.
-inline constexpr std::uint32_t kClockHz = 25000000;  // of the tick timer, both other timers and the watchdog
+inline constexpr std::uint32_t kClockHz = 25000000;            // of the tick timer, both other timers and the watchdog
 inline constexpr std::uint32_t kLongestTickCounts = 1u << 24;  // the tick timer has 24 bits
 
 // Pins of motor i as bits of the one port's output register. The drivers step on both edges.

@@ -49,8 +49,8 @@ std::uint32_t mps2::stack_used_bytes() {
 extern "C" {
 
 #if (__ARM_FP & 8) != 0
-// Conversions of 64-bit integers to double, as ARM's run-time ABI names them (IHI 0043, 4.1.2). libgcc's versions do not
-// use the FPU and take five times as many instructions. Only the sum is rounded.
+// Conversions of 64-bit integers to double, as ARM's run-time ABI names them (IHI 0043, 4.1.2). libgcc's versions do
+// not use the FPU and take five times as many instructions. Only the sum is rounded.
 [[gnu::pcs("aapcs")]] double __aeabi_l2d(std::int64_t value) {
   return static_cast<double>(static_cast<std::int32_t>(value >> 32)) * 0x1p32 +
          static_cast<double>(static_cast<std::uint32_t>(value));

@@ -29,7 +29,7 @@ inline constexpr std::size_t kMaxPayload = 8192;
 inline constexpr std::size_t kMaxFrame = kHeaderSize + kMaxPayload + kTrailerSize;
 
 enum class MessageType : std::uint16_t {
-  kHello = 1,      // target: what it is
+  kHello = 1,      // target: its identity
   kBall = 2,       // host: parameters without the masses
   kMass = 3,       // host: parameters of one mass, in order
   kCommit = 4,     // host: the parameters are complete

@@ -3,7 +3,7 @@
 namespace ballast::hal::target {
 namespace {
 
-// A visitor that keeps nothing but the checksum of what it visits.
+// Visits fields and keeps only their checksum.
 class Checksum : public Visitor<Checksum> {
  public:
   explicit Checksum(std::uint8_t real_bytes) : single_(real_bytes == sizeof(float)) {}

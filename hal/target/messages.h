@@ -269,7 +269,7 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 
 // --- messages ---
 
-// The type of a message; what has none is no message and cannot be sent.
+// The type of a message. A struct without one cannot be sent.
 template <class M>
 struct TypeOf;
 template <MessageType kType>

@@ -81,7 +81,7 @@ class Reader : public Visitor<Reader> {
       take(value);
     }
   }
-  // The rule Tick does not bound what travels here: a frame carries its own tick, which is what counts.
+  // Tick has no bounds here: the board goes by the frame's own tick, and the firmware judges the others.
   template <class Name, class T, class Rule>
   [[gnu::always_inline]] void leaf(const Name&, T& value, const Rule& rule) {
     if constexpr (std::is_same_v<Rule, Real>) {
