@@ -1,4 +1,4 @@
-// A scenario: one run of one robot on one floor, read from TOML and checked once. Format: sim/README.md. Units are
+// A scenario: one run of one robot on one floor, read from TOML and checked once. Keys: tools/docs/scenario.md. Units are
 // consistent.
 #pragma once
 
@@ -49,16 +49,16 @@ struct Scenario : World {
   std::uint64_t seed = 0;
   std::int64_t id = 0;  // fingerprint of everything above but `published`, equal for equal scenarios; never 0
 
-  std::string toml;  // a scenario file that gives this very scenario, overrides applied, wherever it lies
+  std::string toml;  // a scenario file that gives this scenario, with overrides applied, from any folder
 
   // The part that the plant takes. Implicit, so that a Plant is made from a scenario directly.
   operator PlantModel() const;  // NOLINT(google-explicit-constructor)
 };
 
-// One fault found in a scenario.
+// One error found in a scenario.
 struct ScenarioError {
   std::string source;   // file name, "--set" or "--fault"
-  int line = 0;         // 0: not known (a missing key)
+  int line = 0;         // 0: unknown (a missing key)
   std::string key;      // dotted, e.g. mass.2.rail.radius
   std::string value;    // as written; empty if the key is missing
   std::string message;  // what is wrong and what is allowed
@@ -68,8 +68,8 @@ struct ScenarioError {
 std::string to_string(const ScenarioError& error);
 
 struct ScenarioResult {
-  Scenario scenario;                  // meaningful only if errors is empty
-  std::vector<ScenarioError> errors;  // every fault found
+  Scenario scenario;                  // valid only if `errors` is empty
+  std::vector<ScenarioError> errors;  // all errors, in the order of the file
   [[nodiscard]] bool ok() const { return errors.empty(); }
 };
 
@@ -82,8 +82,8 @@ ScenarioResult parse_scenario(std::string_view toml, std::string_view source_nam
                               const std::vector<std::string>& overrides = {},
                               const std::vector<std::string>& faults = {});
 
-// A path that exists, or the name of a scenario that ships (in `shipped_dir`, "NAME.toml"); empty if neither. A path
-// that may not be looked at is given back: read_scenario() says why.
+// Finds a scenario by its path, or by its name in `shipped_dir` ("NAME.toml"). Empty if there is neither. A path that
+// cannot be accessed is returned as it is; read_scenario() reports why.
 std::filesystem::path find_scenario(const std::string& name_or_path, const std::filesystem::path& shipped_dir);
 
 }  // namespace ballast::sim
