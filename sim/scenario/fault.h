@@ -1,6 +1,6 @@
-// Faults that can be injected into a run: the table of their kinds, and one fault as a scenario describes it ([[fault]],
-// or --fault KIND@TIME[:PARAM]). The plant injects those of motors and world, tools/faults/ all others, and `ballast run
-// --processes` those of peers, with signals. User page: tools/docs/faults.md.
+// Faults that can be injected into a run: the table of their kinds, and one fault as a scenario describes it
+// ([[fault]], or --fault KIND@TIME[:PARAM]). The plant injects those of motors and world, tools/faults/ all others.
+// `ballast run --processes` injects those of peers with signals. User page: tools/docs/faults.md.
 #pragma once
 
 #include <Eigen/Core>

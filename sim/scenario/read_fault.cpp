@@ -127,8 +127,8 @@ bool read_sensor(TableReader& table, Fault& fault) {
   }
   const bool of_switch = fault.sensor == FaultSensor::kLimitSwitch;
   if (of_switch && fault.kind != FaultKind::kSensorFreeze) {
-    table.refuse("sensor",
-                 std::string("is a switch, for which there is no ") + info(fault.kind).name + "; allowed: sensor_freeze");
+    table.refuse("sensor", std::string("is a switch, for which there is no ") + info(fault.kind).name +
+                               "; allowed: sensor_freeze");
     return false;
   }
   if (fault.sensor == FaultSensor::kOrientation && fault.kind == FaultKind::kSensorSaturation) {
@@ -193,9 +193,10 @@ bool read_target(TableReader& table, const Scenario& scenario, Fault& fault) {
       fault.peer = *peer == "controller" ? FaultPeer::kController : FaultPeer::kMonitor;
       if (has_controller) return true;
       if (*fault.peer == FaultPeer::kMonitor && fault.kind == FaultKind::kPeerRestarted) return true;
-      table.refuse(table.has("peer") ? "peer" : "kind",
-                   "has no effect in a run with prescribed masses: it has no controller, and nothing reads the monitor; "
-                   "allowed with run.actuation = \"stepper\"");
+      table.refuse(
+          table.has("peer") ? "peer" : "kind",
+          "has no effect in a run with prescribed masses: it has no controller, and nothing reads the monitor; "
+          "allowed with run.actuation = \"stepper\"");
       return false;
     }
     case FaultLayer::kSensor:

@@ -336,9 +336,9 @@ std::optional<std::vector<double>> TableReader::numbers(std::string_view key, st
 
 std::optional<std::vector<double>> TableReader::list(std::string_view key, std::size_t least, std::size_t most,
                                                      const Range& range) {
-  const Node* value = array(key, least, most,
-                            "an array of " + std::to_string(least) + " to " + std::to_string(most) +
-                                " numbers, each a " + range.text());
+  const Node* value = array(
+      key, least, most,
+      "an array of " + std::to_string(least) + " to " + std::to_string(most) + " numbers, each a " + range.text());
   return value == nullptr ? std::nullopt : checked_numbers(*value, path_of(key), range);
 }
 
@@ -346,8 +346,7 @@ std::optional<std::vector<Eigen::Vector3d>> TableReader::vectors(std::string_vie
                                                                  std::size_t most, const Range& range) {
   const std::string count =
       least == most ? std::to_string(least) : std::to_string(least) + " to " + std::to_string(most);
-  const Node* value =
-      array(key, least, most, "an array of " + count + " vectors of 3 numbers, each a " + range.text());
+  const Node* value = array(key, least, most, "an array of " + count + " vectors of 3 numbers, each a " + range.text());
   if (value == nullptr) return std::nullopt;
   std::vector<Eigen::Vector3d> vectors;
   for (std::size_t i = 0; i < value->items.size(); ++i) {
@@ -396,8 +395,8 @@ void TableReader::refuse_unknown_keys() {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
     const std::string suggestion = nearest(key, known_);
     report(value, path_of(key),
-          "unknown key" + (suggestion.empty() ? "" : "; did you mean " + suggestion + "?") + "; allowed in " +
-              place(path_) + ": " + joined(known_, "", ", "));
+           "unknown key" + (suggestion.empty() ? "" : "; did you mean " + suggestion + "?") + "; allowed in " +
+               place(path_) + ": " + joined(known_, "", ", "));
   }
 }
 

@@ -48,8 +48,8 @@ std::string printable(std::string_view text) {
   return out;
 }
 
-// The scenario as TOML. It gets the name that came from the file, and the kinetic friction that --set lowered (check.cpp).
-// Published numbers of another robot are left out.
+// The scenario as TOML. It gets the name that came from the file, and the kinetic friction that --set lowered
+// (check.cpp). Published numbers of another robot are left out.
 std::string file_text(Node& root, const Scenario& scenario) {
   if (root.find("name") == nullptr) {
     Node name;

@@ -1,5 +1,5 @@
-// A scenario: one run of one robot on one floor, read from TOML and checked once. Keys: tools/docs/scenario.md. Units are
-// consistent.
+// A scenario: one run of one robot on one floor, read from TOML and checked once. Keys: tools/docs/scenario.md. Units
+// are consistent.
 #pragma once
 
 #include <cstdint>

@@ -35,9 +35,9 @@ std::string one_line(std::string_view text, std::size_t longest = kMaxWritten) {
   return out;
 }
 
-// The line of the first key with more parts than any scenario key; 0: none. toml++ 3.3 limits the nesting of values, but
-// not the parts of a dotted key, which it splits recursively: some hundred thousand overflow the stack. Text that is not
-// TOML may be misread here only beyond the place where toml++ stops.
+// The line of the first key with more parts than any scenario key; 0: none. toml++ 3.3 limits the nesting of values,
+// but not the parts of a dotted key, which it splits recursively: some hundred thousand overflow the stack. Text that
+// is not TOML may be misread here only beyond the place where toml++ stops.
 int line_of_too_deep_key(std::string_view text) {
   int line = 1;
   std::size_t parts = 1;

@@ -111,8 +111,12 @@ TEST(Keys, ThePageHasThoseOfTheReader) {
     }
     SCOPED_TRACE(key);
     if (kOwnWords.contains(key)) continue;
-    if (!row.allowed.empty() && !row.allowed_varies) { EXPECT_EQ(found->second.allowed, row.allowed); }
-    if (!row.fallback.empty() && !row.fallback_varies) { EXPECT_EQ(found->second.fallback, row.fallback); }
+    if (!row.allowed.empty() && !row.allowed_varies) {
+      EXPECT_EQ(found->second.allowed, row.allowed);
+    }
+    if (!row.fallback.empty() && !row.fallback_varies) {
+      EXPECT_EQ(found->second.fallback, row.fallback);
+    }
   }
 }
 
