@@ -4,7 +4,10 @@
 #include <cmath>
 
 #include "firmware/motion/crossing.h"
+#include "firmware/motion/jerk_limited.h"
+#include "firmware/motion/motion_limits.h"
 #include "firmware/motion/rail_ends.h"
+#include "firmware/motion/step_generator.h"
 
 namespace ballast::firmware {
 
@@ -199,21 +202,35 @@ void begin(ControllerState& state, std::int64_t next) {
   state.braking = false;
 }
 
-// `together`: all in the time the slowest needs; else each in its own shortest.
-void begin_stop(const ControllerParams& params, ControllerState& state, std::int64_t next, bool together) {
+// State from which mass i stops at the start of `next`. An acceleration that raises the speed takes time to fade at the
+// greatest jerk, and raises it by a^2 / (2 jerk) meanwhile. Near the motor's step rate it therefore begins lower, so
+// that the stop does not pass that rate.
+ProfilePoint stop_start(const ControllerParams& params, const ControllerState& state, std::int64_t next, int i) {
+  ProfilePoint p = commanded(params, state, next, i);
+  const MotionLimits limits = motion_limits(params, i);
+  const Wide left = std::fmax(limits.max_velocity - std::fabs(p.velocity), 0);
+  const Wide most = std::sqrt(2 * limits.max_jerk * left);
+  if (p.acceleration * p.velocity > 0 && std::fabs(p.acceleration) > most) {
+    p.acceleration = std::copysign(most, p.velocity);
+  }
+  return p;
+}
+
+// From the start of `next` all masses stop, in the time the slowest of them needs.
+void begin_stop(const ControllerParams& params, ControllerState& state, std::int64_t next) {
   PlannedPieces pieces;
   Wide slowest_s = 0;
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    const ProfilePoint p = commanded(params, state, next, i);
+    const ProfilePoint p = stop_start(params, state, next, i);
     if (plan_stop(p.velocity, p.acceleration, motion_limits(params, i), 0, pieces)) {
       slowest_s = std::fmax(slowest_s, pieces.duration_s());
     }
   }
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    const ProfilePoint p = commanded(params, state, next, i);
+    const ProfilePoint p = stop_start(params, state, next, i);
     const MotionLimits limits = motion_limits(params, i);
     Profile& profile = state.active[at(i)];
-    if (together && stop(profile, p, limits, slowest_s) && on_rail(params.ball, i, final_position(profile))) continue;
+    if (stop(profile, p, limits, slowest_s) && on_rail(params.ball, i, final_position(profile))) continue;
     if (stop(profile, p, limits, 0)) continue;
     state.faults |= bit(Fault::kInternal);
     // Where the last step left it; such a position fits any profile.
@@ -235,78 +252,36 @@ void clear(const ControllerParams& params, const ControllerState& state, std::in
   out.bursts = {};
 }
 
-// How the steps of a command are made.
-enum class Effort {
-  kUsual,
-  kSparing,     // the same in fewer bursts, with more work
-  kOverloaded,  // a stop after an overload: each motor with its part of the bursts
-};
-
-StepError generate(const ControllerParams& params, const ControllerState& state, int i, Effort effort, StepCommand& out,
-                   StepTrouble* trouble = nullptr) {
+StepError generate(const ControllerParams& params, const ControllerState& state, int i, StepCommand& out,
+                   StepTrouble& trouble) {
   const MotorParams& motor = params.motor[at(i)];
-  StepTiming timing{params.timer_frequency_hz, params.control_period_s, motor.direction_setup_s};
-  timing.sparing = effort != Effort::kUsual;
-  timing.overloaded = effort == Effort::kOverloaded;
-  // What a motor leaves goes to those after it.
-  if (timing.overloaded) timing.most_bursts = (kMaxBursts - out.burst_count) / (params.ball.mass_count - i);
+  const StepTiming timing{params.timer_frequency_hz, params.control_period_s, motor.direction_setup_s,
+                          bursts_per_motor(params.ball.mass_count)};
   return generate_steps(state.active[at(i)], profile_time(params, state, out.tick), params.motion[at(i)].at(0).position,
-                        motor.steps_per_unit, motor.max_step_rate_hz, timing, i, out, trouble);
+                        motor.steps_per_unit, motor.max_step_rate_hz, timing, i, out, &trouble);
 }
 
-// Of all motors, into a cleared command. kNone, or the error of the first whose profile cannot be stepped: that motor,
-// and why.
-StepError generate_all(const ControllerParams& params, const ControllerState& state, Effort effort, StepCommand& out,
-                       StepOverload& overload) {
+// Steps of all motors, into a cleared command. False: some motor's profile cannot be stepped. The first such overload
+// since the faults were cleared is kept.
+bool generate_all(const ControllerParams& params, ControllerState& state, StepCommand& out) {
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    const StepError error = generate(params, state, i, effort, out, &overload.trouble);
-    if (error == StepError::kNone) continue;
-    overload.motor = i;
-    overload.tick = out.tick;
-    return error;
+    StepTrouble trouble;
+    if (generate(params, state, i, out, trouble) == StepError::kNone) continue;
+    if (state.overload.trouble.error == StepError::kNone) state.overload = {trouble, i, out.tick};
+    return false;
   }
-  return StepError::kNone;
+  return true;
 }
 
-// False: some motor's profile cannot be stepped, and the first such overload is kept.
-bool generate_steps_of_tick(const ControllerParams& params, ControllerState& state, StepCommand& out) {
-  const bool overloaded = (state.faults & bit(Fault::kStepOverload)) != 0;
-  StepOverload overload;
-  StepError error = generate_all(params, state, overloaded ? Effort::kOverloaded : Effort::kUsual, out, overload);
-  if (error == StepError::kTooManyBursts) {
-    clear(params, state, out.tick, out);
-    error = generate_all(params, state, Effort::kSparing, out, overload);
-  }
-  if (error == StepError::kNone) return true;
-  if (state.overload.trouble.error == StepError::kNone) state.overload = overload;
-  return false;
-}
-
-// Largest speed whose steps can surely be issued: just under what the limits allow.
-Wide feasible_speed(const ControllerParams& params, int i) { return 0.999 * motion_limits(params, i).max_velocity; }
-
-// Something cannot be stepped: everything stops from the commanded state, each motor as well as it can. Too few bursts
-// are no reason to brake harder than the limits: from now on all motors share them. What is left is a motor that cannot
-// follow. Never more than four tries a motor; the last, holding, needs no pulses.
-void generate_overloaded(const ControllerParams& params, ControllerState& state, StepCommand& out) {
-  // Each by itself: one that moves faster than it can be stopped keeps no other going.
-  begin_stop(params, state, out.tick, false);
+// After an overload: all masses stop, and a motor whose stop cannot be stepped either holds. validate() admits no
+// motion that comes here; this is the second line of defence.
+void stop_overloaded(const ControllerParams& params, ControllerState& state, StepCommand& out) {
+  begin_stop(params, state, out.tick);
   clear(params, state, out.tick, out);
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    if (generate(params, state, i, Effort::kOverloaded, out) == StepError::kNone) continue;
-    ProfilePoint p = commanded(params, state, out.tick, i);
-    const MotionLimits limits = motion_limits(params, i);
-    if (p.acceleration * p.velocity > 0) {
-      p.acceleration = 0;
-      if (stop(state.active[at(i)], p, limits, 0) &&
-          generate(params, state, i, Effort::kOverloaded, out) == StepError::kNone)
-        continue;
-    }
-    p.velocity = std::copysign(std::fmin(std::fabs(p.velocity), feasible_speed(params, i)), p.velocity);
-    if (stop(state.active[at(i)], p, limits, 0) &&
-        generate(params, state, i, Effort::kOverloaded, out) == StepError::kNone)
-      continue;
-    static_cast<void>(state.active[at(i)].set(p.position, 0, nullptr, 0));
+    StepTrouble trouble;
+    if (generate(params, state, i, out, trouble) == StepError::kNone) continue;
+    static_cast<void>(state.active[at(i)].set(commanded(params, state, out.tick, i).position, 0, nullptr, 0));
   }
 }
 
@@ -409,9 +384,8 @@ RefusalReport obey(const ControllerParams& params, const Inputs& inputs, Mode af
   if (after == Mode::kRunning || after == Mode::kPending) {
     // Both write the profiles that a prediction under way still reads.
     if (!state.planned) drop_plan(state);
-    const RefusalReport refusal = after == Mode::kRunning
-                                      ? prepare_motion(params, state)
-                                      : prepare_move(params, inputs.operator_command.move, state);
+    const RefusalReport refusal = after == Mode::kRunning ? prepare_motion(params, state)
+                                                          : prepare_move(params, inputs.operator_command.move, state);
     if (refusal.reason != Refusal::kNone) return refusal;
   }
   if (after == Mode::kRunning) begin(state, next);
@@ -432,9 +406,7 @@ RefusalReport obey(const ControllerParams& params, const Inputs& inputs, Mode af
 
 MotionLimits motion_limits(const ControllerParams& params, int mass) {
   const MotorParams& motor = params.motor[at(mass)];
-  // In a tick of constant speed one step more than the mean can fall.
-  const Wide rate_hz = std::fmin(motor.max_step_rate_hz, (kMaxStepsPerTick - 1) / params.control_period_s);
-  return {rate_hz / std::fabs(motor.steps_per_unit), motor.max_acceleration, motor.max_jerk};
+  return {motor.max_step_rate_hz / std::fabs(motor.steps_per_unit), motor.max_acceleration, motor.max_jerk};
 }
 
 void reset(const ControllerParams& params, ControllerState& state) {
@@ -498,12 +470,12 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   if (state.moving && order != Order::kRepeated) {
     bool stop_begins = false;
     if (state.mode != Mode::kRunning && state.mode != Mode::kMoving && !state.braking) {
-      begin_stop(params, state, next, true);
+      begin_stop(params, state, next);
       stop_begins = true;
     }
-    if (!generate_steps_of_tick(params, state, steps)) {
+    if (!generate_all(params, state, steps)) {
       state.faults |= bit(Fault::kStepOverload);
-      generate_overloaded(params, state, steps);
+      stop_overloaded(params, state, steps);
       stop_begins = true;
     }
     if (stop_begins) {

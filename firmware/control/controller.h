@@ -6,9 +6,9 @@
 
 #include "firmware/control/prediction.h"
 #include "firmware/model/rolling.h"
-#include "firmware/motion/motion_limits.h"
+#include "firmware/motion/limits.h"
 #include "firmware/motion/profile.h"
-#include "firmware/motion/step_generator.h"
+#include "firmware/motion/step_command.h"
 #include "firmware/safety/fault.h"
 #include "firmware/safety/modes.h"
 
@@ -16,7 +16,7 @@ namespace ballast::firmware {
 
 struct MotorParams {
   Wide steps_per_unit = 0;     // microsteps per rail unit (rad or m), != 0; sign = wiring
-  Wide max_step_rate_hz = 0;   // microsteps per second, > 0
+  Wide max_step_rate_hz = 0;   // microsteps per second, > 0, at most (sure_steps_per_tick() - 1) / control_period_s
   Wide max_acceleration = 0;   // rail unit / s^2, > 0: of motion, moves and stops
   Wide max_jerk = 0;           // rail unit / s^3, > 0: likewise, inside the motion's pieces
   Wide direction_setup_s = 0;  // 0..1e-3: least time between two opposite pulses, which the driver needs to turn
@@ -43,14 +43,13 @@ struct ParamError {
   int piece = -1;               // of the motion, where the field is one
   Wide value = 0;
   const char* allowed = "";
-  Wide limit = 0;  // of a piece: what was allowed, in the unit of `value`
+  Wide limit = 0;  // what was allowed, in the unit of `value`; 0 where `allowed` says it all
   [[nodiscard]] bool ok() const { return field == nullptr; }
 };
 
 [[nodiscard]] ParamError validate(const ControllerParams& params);
 
-// A motor's limits as its profiles have to keep them. The speed is that of its step rate, and of the pulses one tick
-// has room for.
+// A motor's limits as its profiles have to keep them. The speed is that of its step rate.
 [[nodiscard]] MotionLimits motion_limits(const ControllerParams& params, int mass);
 
 // The tick of what never arrived: older than any limit.
@@ -209,12 +208,10 @@ inline constexpr int kMostPendingTicks = pending_ticks(kMaxMasses * kMaxPlannedP
 //   position, velocity and acceleration there, all in the time that the slowest needs at least (a mass that would be
 //   stretched beyond an end of its rail takes its own shortest: lines end where the ball does, open splines at their
 //   ends, both at their stops); then it holds. The acceleration has no jump, except where the motion itself has one
-//   there. A motion that ends by itself leaves the mode running.
-// - Step overload: the tick's steps are made again with all masses stopping from the commanded state, each in its own
-//   shortest time, without a jump. Only a motor whose pulses would still come too fast gets one, as small as will do:
-//   an acceleration that still raises its speed ends at once, since at the step rate there is no room for it to fade;
-//   then its speed falls to what it can follow; and if that fails too, it holds. The prediction is of what is commanded
-//   in the end.
+//   there, and near the step rate: an acceleration that would carry the speed past it begins lower. A motion that ends
+//   by itself leaves the mode running.
+// - Step overload: the tick's steps are made again with all masses stopping from the commanded state. A motor whose
+//   stop cannot be stepped either holds. validate() refuses every motion that could lead there.
 // - A tick repeated issues nothing: its steps are on their way already. A tick skipped, or one from the past, left the
 //   motors without pulses; they stand, and hold there.
 void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, StepCommand& steps);

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "firmware/control/controller.h"
+#include "firmware/motion/motion_limits.h"
 #include "firmware/motion/rail_ends.h"
 
 namespace ballast::firmware {
@@ -16,12 +17,13 @@ constexpr Real kUnitTolerance = std::max(static_cast<Real>(1e-9), 16 * std::nume
 // Keeps the first complaint.
 class Checker {
  public:
-  void require(bool ok, const char* field, int index, Wide value, const char* allowed) {
+  void require(bool ok, const char* field, int index, Wide value, const char* allowed, Wide limit = 0) {
     if (ok || !error_.ok()) return;
     error_.field = field;
     error_.index = index;
     error_.value = value;
     error_.allowed = allowed;
+    error_.limit = limit;
   }
   void positive(Wide value, const char* field, int index = -1) {
     require(std::isfinite(value) && value > 0, field, index, value, "finite, > 0");
@@ -31,11 +33,25 @@ class Checker {
     if (breach.ok() || !error_.ok()) return;
     const bool speed = breach.what == Limited::kVelocity, acceleration = breach.what == Limited::kAcceleration;
     require(false, speed ? "motion speed" : (acceleration ? "motion acceleration" : "motion jerk"), mass, breach.value,
-            speed          ? "what motor.max_step_rate_hz and 63 steps a tick allow"
+            speed          ? "what motor.max_step_rate_hz allows"
             : acceleration ? "<= motor.max_acceleration"
                            : "<= motor.max_jerk");
     error_.piece = breach.piece;
     error_.limit = speed ? limits.max_velocity : (acceleration ? limits.max_acceleration : limits.max_jerk);
+  }
+  // The motion's pulses fit the motor's share of the bursts in every tick, begun as it stands and from rest.
+  // sure_steps_per_tick() allows for one reversal in a tick; each further one costs two pulses.
+  void reversals(const ControllerParams& params, int mass) {
+    const auto k = static_cast<std::size_t>(mass);
+    const Profile& profile = params.motion[k];
+    const int bursts = bursts_per_motor(params.ball.mass_count);
+    const int pulses = static_cast<int>(params.motor[k].max_step_rate_hz * params.control_period_s) + 1;
+    // Also with a burst for every pulse: two crossings of a touch for each reversal stay within the generator's count.
+    constexpr int kMostReversals = kMaxStepsPerTick / 2;
+    const int allowed = pulses <= bursts ? kMostReversals : std::clamp((3 * bursts - pulses) / 2, 1, kMostReversals);
+    const int most = std::max(most_reversals(profile, params.control_period_s, 0),
+                              most_reversals(profile, params.control_period_s, -profile.at(0).velocity));
+    require(most <= allowed, "motion reversals in a tick", mass, most, "at this motor.max_step_rate_hz", allowed);
   }
   void ends(const BallParams& ball, const Profile& profile, int mass) {
     const LeavesRail leaves = leaves_rail(ball, mass, profile);
@@ -139,6 +155,9 @@ ParamError validate(const ControllerParams& params) {
                   motor.steps_per_unit, "finite, not 0");
     check.require(motor.max_step_rate_hz > 0 && motor.max_step_rate_hz <= params.timer_frequency_hz,
                   "motor.max_step_rate_hz", i, motor.max_step_rate_hz, "> 0, at most timer_frequency_hz");
+    const Wide sure_rate_hz = (sure_steps_per_tick(count) - 1) / params.control_period_s;
+    check.require(motor.max_step_rate_hz <= sure_rate_hz, "motor.max_step_rate_hz", i, motor.max_step_rate_hz,
+                  "at most what the motor's share of the 32 bursts of a tick surely carries", sure_rate_hz);
     check.positive(motor.max_acceleration, "motor.max_acceleration", i);
     check.require(motor.direction_setup_s >= 0 && motor.direction_setup_s <= 1e-3, "motor.direction_setup_s", i,
                   motor.direction_setup_s, "0..1e-3");
@@ -152,6 +171,7 @@ ParamError validate(const ControllerParams& params) {
       check.require(on_rail(params.ball, i, start), "motion", i, start, "initial position between its rail's ends");
     }
     if (check.error().ok()) check.motion(params.motion[k], motion_limits(params, i), i);
+    if (check.error().ok()) check.reversals(params, i);
     if (check.error().ok()) check.ends(params.ball, params.motion[k], i);
   }
   return check.error();

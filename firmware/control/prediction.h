@@ -44,8 +44,8 @@ constexpr int most_prediction_steps(int lead_ticks, int borders) {
 // step motors are not included.
 class Predictor {
  public:
-  // Starts a prediction of `profiles`, which begin `lead_ticks` control ticks after the sensed state. A prediction under
-  // way is dropped. `orientation`: body -> space, unit. `masses`: commanded at the time of the sensed state.
+  // Starts a prediction of `profiles`, which begin `lead_ticks` control ticks after the sensed state. A prediction
+  // under way is dropped. `orientation`: body -> space, unit. `masses`: commanded at the time of the sensed state.
   void begin(const Quaternion& orientation, const Vector3& angular_velocity_B_radps, const MassMotion& masses,
              Wide control_period_s, int lead_ticks, const PerMass<Profile>& profiles, int mass_count);
 

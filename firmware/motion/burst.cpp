@@ -100,8 +100,7 @@ PulseRules::PulseRules(const StepTiming& timing, Wide max_step_rate_hz)
       // Rounding to timer ticks may bring two pulses closer by one tick, which the set-up time does not allow for.
       touch_ticks(std::max(std::max(tolerance_ticks, spacing_ticks - kNoiseTicks), setup_ticks + 1 + kNoiseTicks)),
       gap(std::max(std::int32_t{1}, up_to_int32(spacing_ticks - 1 - kNoiseTicks))),
-      turn_gap(std::max(gap, up_to_int32(setup_ticks))),
-      may_delay(timing.overloaded) {
+      turn_gap(std::max(gap, up_to_int32(setup_ticks))) {
   // A period that is whole but for the rounding of the product.
   if (static_cast<Wide>(last_tick) + 1 - period_ticks <= 1e-6) period_ticks = static_cast<Wide>(last_tick) + 1;
 }
@@ -129,7 +128,6 @@ bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::i
     if (early > 0) least = std::max(least, up(early));
     p.low = least;
     p.high = static_cast<std::int32_t>(std::min(p.exact_ticks + tolerance, last));
-    if (rules.may_delay && p.high < least && least <= rules.last_tick) p.high = least;
   }
   PulseWindow& end = pulses.back();
   if (end.exact_ticks + tolerance + std::max(rules.spacing_ticks, rules.touch_ticks) >= rules.period_ticks) {
@@ -144,20 +142,6 @@ bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::i
     most -= p.gap;
   }
   return true;
-}
-
-void widen_windows(std::span<PulseWindow> pulses, std::int32_t earliest) {
-  std::int32_t least = earliest;
-  for (PulseWindow& p : pulses) {
-    if (&p != pulses.data()) least += p.gap;
-    p.low = least;
-  }
-  // The last one's latest time stays: the next control tick's distances rest on it.
-  std::int32_t most = pulses.back().high;
-  for (std::size_t j = pulses.size(); j-- > 0;) {
-    pulses[j].high = most;
-    most -= pulses[j].gap;
-  }
 }
 
 void raise_lows(std::span<PulseWindow> pulses, std::int32_t earliest) {
@@ -186,20 +170,6 @@ StepBurst longest_burst(std::span<const PulseWindow> pulses, const PulseRules& r
     }
     length = (fits + too_long) / 2;
   }
-  return burst;
-}
-
-StepBurst one_burst(std::span<const PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest) {
-  StepBurst burst;
-  burst.direction = static_cast<std::int8_t>(pulses[0].direction);
-  burst.count = static_cast<std::int16_t>(pulses.size());
-  burst.first_ticks = std::max(pulses[0].nearest(), earliest);
-  if (pulses.size() == 1) return burst;
-  // The windows are a gap apart, so that from any place in the first the last can be reached in equal intervals.
-  const auto intervals = static_cast<std::int32_t>(pulses.size()) - 1;
-  const std::int32_t span = std::max(pulses.back().nearest() - burst.first_ticks, intervals * rules.gap);
-  const std::int32_t most = (pulses.back().high - burst.first_ticks) / intervals;
-  burst.interval_ticks = std::min((span + intervals / 2) / intervals, most);
   return burst;
 }
 

@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "firmware/motion/step_generator.h"
+#include "firmware/motion/step_command.h"
 
 namespace ballast::firmware {
 
@@ -36,7 +36,6 @@ struct PulseRules {
   Wide touch_ticks;        // opposite crossings closer than this are a touch; their pulses would break a rule above
   std::int32_t gap;        // least distance of pulses: the spacing less a timer tick of rounding, and at least 1
   std::int32_t turn_gap;   // of opposite pulses: not less than setup_ticks either
-  bool may_delay;          // pulses may come late where only that keeps their distances
 
   // The first timer tick of a control tick that keeps the distance to a pulse `ago_ticks` before the tick's start.
   [[nodiscard]] std::int32_t earliest_after(Wide ago_ticks, bool turns) const;
@@ -51,9 +50,6 @@ std::int32_t last_timer_tick(const StepTiming& timing);
 // kept.
 [[nodiscard]] bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest = 0);
 
-// After make_windows(): windows as wide as the control tick and the distances leave them.
-void widen_windows(std::span<PulseWindow> pulses, std::int32_t earliest);
-
 // The first of these pulses will not come before `earliest`: where the others have to be later for that, their windows
 // say so, and what fits them is found. Without it a burst that ends late is followed by single pulses wherever the
 // motor is at its step rate, where no time can be made up but the rounding.
@@ -63,9 +59,5 @@ void raise_lows(std::span<PulseWindow> pulses, std::int32_t earliest);
 // window at least rules.gap after the one before, the first not before `earliest`. pulses must not be empty. One pulse
 // always fits.
 StepBurst longest_burst(std::span<const PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest = 0);
-
-// All these pulses, of one direction and with widened windows, in one burst: a straight line from the first to the
-// last, which breaks no rule.
-StepBurst one_burst(std::span<const PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest);
 
 }  // namespace ballast::firmware

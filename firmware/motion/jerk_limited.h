@@ -8,18 +8,10 @@
 
 #include <array>
 
+#include "firmware/motion/limits.h"
 #include "firmware/motion/profile.h"
 
 namespace ballast::firmware {
-
-// Rail unit per s, s^2, s^3; each finite and > 0.
-struct MotionLimits {
-  Wide max_velocity = 0;
-  Wide max_acceleration = 0;
-  Wide max_jerk = 0;
-};
-
-inline constexpr int kMaxPlannedPieces = 7;
 
 // Pieces of a motion, acceleration continuous where they meet. Without pieces: nothing has to be done.
 struct PlannedPieces {

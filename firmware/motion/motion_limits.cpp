@@ -1,6 +1,9 @@
 #include "firmware/motion/motion_limits.h"
 
+#include <algorithm>
 #include <cmath>
+
+#include "firmware/motion/crossing.h"
 
 namespace ballast::firmware {
 
@@ -28,6 +31,31 @@ LimitBreach check_limits(const Profile& profile, const MotionLimits& limits) {
     if (above(std::fabs(c.jerk), limits.max_jerk)) return {Limited::kJerk, i, std::fabs(c.jerk)};
   }
   return {};
+}
+
+int most_reversals(const Profile& profile, Wide control_period_s, Wide added_velocity) {
+  int most = 0, reversals = 0, direction = 0;
+  Wide tick = -1;  // the control tick that `reversals` counts
+  for (int i = 0; i <= profile.piece_count(); ++i) {
+    const Cubic& c = profile.cubic(i);
+    const StepCubic x{0, c.velocity + added_velocity, c.acceleration, c.jerk};
+    // The tail has constant velocity, so any length shows its direction.
+    const MonotoneSpans spans = monotone_spans(x, i < profile.piece_count() ? c.duration_s : 1);
+    Wide begin_s = 0;
+    for (int k = 0; k < spans.count; ++k) {
+      const Wide end_s = spans.end_s[static_cast<std::size_t>(k)], moved = x.at(end_s) - x.at(begin_s);
+      const int now = moved > 0 ? 1 : (moved < 0 ? -1 : direction);
+      if (now * direction < 0) {
+        const Wide in_tick = std::floor((profile.cubic_start_s(i) + begin_s) / control_period_s);
+        reversals = in_tick == tick ? reversals + 1 : 1;
+        tick = in_tick;
+        most = std::max(most, reversals);
+      }
+      direction = now;
+      begin_s = end_s;
+    }
+  }
+  return most;
 }
 
 }  // namespace ballast::firmware

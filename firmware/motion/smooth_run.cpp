@@ -126,90 +126,19 @@ class Prover {
 
 int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, StepBurst* bursts, int room) {
   Prover prover(run, rules, timer_frequency_hz);
-  int count = 0, hopeless = room > 0 ? run.steps : 0;  // more pulses than that are not to be expected to fit
+  int count = 0;
   std::int32_t earliest = run.earliest;
   for (int done = 0; done < run.steps;) {
-    if (run.steps - done > hopeless) return kNoRoom;
+    if (count == room) return 0;
     // A burst of one always fits, unless the distances say otherwise.
     int m = run.steps - done - 1;
     while (!prover.fits(done, m, earliest, bursts[count])) {
-      if (m == 0) return kNotProved;
+      if (m == 0) return 0;
       m /= 2;
     }
     ++count;
     done += m + 1;
-    hopeless = kHopeless * (m + 1) * (room - count);
     earliest = prover.end_ticks() + rules.gap;
-  }
-  return count;
-}
-
-int sparing_smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, StepBurst* bursts,
-                          int room) {
-  Prover prover(run, rules, timer_frequency_hz);
-  int count = 0, guess = run.steps;
-  std::int32_t earliest = run.earliest;
-  for (int done = 0; done < run.steps; ++count) {
-    if (count == room) return kNoRoom;
-    // From twice the length of the burst before: halved until it fits, or doubled until it does not; then between.
-    const int left = run.steps - done;
-    int fits = 0, too_long = left + 1;
-    StepBurst burst;
-    for (int tried = std::min(left, guess); too_long - fits > 1;) {
-      if (prover.fits(done, tried - 1, earliest, burst)) {
-        fits = tried;
-        bursts[count] = burst;
-        tried = too_long > left ? std::min(left, 2 * tried) : (fits + too_long) / 2;
-      } else {
-        if (tried == 1) return kNotProved;
-        too_long = tried;
-        tried = (fits + too_long) / 2;
-      }
-    }
-    done += fits;
-    guess = 2 * fits;
-    const StepBurst& b = bursts[count];
-    const int m = b.count - 1;
-    earliest = b.first_ticks + m * b.interval_ticks + b.add_ticks * (m * (m - 1) / 2) + rules.gap;
-  }
-  return count;
-}
-
-int coarse_smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, StepBurst* bursts,
-                         int room) {
-  const auto crossing_ticks = [&](int index) {
-    const Wide level = run.first_level + static_cast<Wide>(run.direction * index);
-    const Wide w = crossing_time(run.cubic, level, run.begin_s, run.end_s, 1e-3 / timer_frequency_hz);
-    return (run.start_s + w) * timer_frequency_hz;
-  };
-  // Of the last pulse: not later than its tolerance allows, on which the distances of the next control tick rest, and
-  // not than its crossing where one may soon follow there.
-  const Wide end = crossing_ticks(run.steps - 1);
-  const bool soon =
-      end + rules.tolerance_ticks + std::max(rules.spacing_ticks, rules.touch_ticks) >= rules.period_ticks;
-  const std::int64_t latest_end =
-      std::min<std::int64_t>(rules.last_tick, down(soon ? end : end + rules.tolerance_ticks));
-  if (room < 1 || run.earliest + std::int64_t{run.steps - 1} * rules.gap > latest_end) return kNotProved;
-  int count = 0;
-  std::int64_t earliest = run.earliest;
-  for (int done = 0; done < run.steps; ++count) {
-    // From here on `earliest` and `latest` leave room for these pulses, and for those after them.
-    const int size = (run.steps - done + room - count - 1) / (room - count), m = size - 1;
-    const Wide first = crossing_ticks(done), last = m > 0 ? crossing_ticks(done + m) : first;
-    done += size;
-    const std::int64_t latest = latest_end - std::int64_t{run.steps - done} * rules.gap;
-    const std::int64_t interval =
-        m > 0 ? std::clamp<std::int64_t>(nearest((last - first) / m), rules.gap, (latest - earliest) / m) : 0;
-    const std::int64_t span = interval * m;
-    // Off by as much at its end as at its beginning.
-    const std::int64_t middle = nearest((first + last - static_cast<Wide>(span)) / 2);
-    StepBurst& burst = bursts[count];
-    burst.direction = static_cast<std::int8_t>(run.direction);
-    burst.count = static_cast<std::int16_t>(size);
-    burst.first_ticks = static_cast<std::int32_t>(std::clamp(middle, earliest, latest - span));
-    burst.interval_ticks = static_cast<std::int32_t>(interval);
-    burst.add_ticks = 0;
-    earliest = burst.first_ticks + span + rules.gap;
   }
   return count;
 }

@@ -128,16 +128,6 @@ class Pulses {
     }
   }
 
-  // Takes back the last pulses, those after the first `ways` ways: runs of pulses in one direction.
-  void leave_ways_beyond(int ways) {
-    int size = 0;
-    for (; size < size_; ++size) {
-      const auto j = static_cast<std::size_t>(size);
-      if ((size == 0 || pulses_[j].direction != pulses_[j - 1].direction) && --ways < 0) break;
-    }
-    while (size_ > size) drop_last();
-  }
-
   void drop_last() { count_ -= pulses_[static_cast<std::size_t>(--size_)].direction; }
 
   [[nodiscard]] std::span<PulseWindow> windows() { return {pulses_.data(), static_cast<std::size_t>(size_)}; }
@@ -174,10 +164,8 @@ class Pulses {
   std::array<PulseWindow, kMaxStepsPerTick> pulses_;
 };
 
-// Timer tick of a burst's last pulse.
-std::int32_t last_ticks(const StepBurst& burst) {
-  const std::int64_t n = burst.count - 1;
-  return static_cast<std::int32_t>(burst.first_ticks + n * burst.interval_ticks + burst.add_ticks * (n * (n - 1) / 2));
+std::int32_t last_pulse_ticks(const StepBurst& burst) {
+  return static_cast<std::int32_t>(pulse_ticks(burst, burst.count - 1));
 }
 
 // The highest rate between neighbouring pulses: what to say if they cannot keep their distances.
@@ -241,45 +229,18 @@ struct Before {
   }
 };
 
-// The fewest bursts found that keep every pulse in its window, to bursts[0..room); 0: more than that. In an overload
-// it is said as soon as those to come would have to be several times as long as the one before.
-int fine_bursts(std::span<PulseWindow> windows, const PulseRules& rules, std::int32_t earliest, StepBurst* bursts,
-                int room) {
-  // Pulses of one burst, which it is not worth looking for more than: a search costs as much as it has pulses.
-  constexpr int kSearched = 8;
-  int count = 0, hopeless = kSearched * room;
-  for (std::size_t done = 0; done < windows.size(); ++count) {
-    if (count == room || (rules.may_delay && static_cast<int>(windows.size() - done) > hopeless)) return 0;
-    StepBurst& burst = bursts[count];
-    burst = longest_burst(windows.subspan(done), rules, earliest);
-    hopeless = kHopeless * burst.count * (room - count - 1);
-    done += static_cast<std::size_t>(burst.count);
-    if (done < windows.size()) {
-      earliest = last_ticks(burst) + windows[done].gap;
-      raise_lows(windows.subspan(done), earliest);
-    }
-  }
-  return count;
-}
-
-// At most `room` bursts of what has at most `room` ways: of each way as many of equal length as are its due.
-int coarse_bursts(std::span<PulseWindow> windows, const PulseRules& rules, std::int32_t earliest, StepBurst* bursts,
-                  int room) {
-  int ways = 1;
-  for (std::size_t j = 1; j < windows.size(); ++j) ways += windows[j].direction != windows[j - 1].direction ? 1 : 0;
-  widen_windows(windows, earliest);
+// Writes bursts that keep every pulse in its window to bursts[0..room) and returns their number; 0: `room` bursts do
+// not suffice.
+int fit_bursts(std::span<PulseWindow> windows, const PulseRules& rules, std::int32_t earliest, StepBurst* bursts,
+               int room) {
   int count = 0;
-  for (std::size_t done = 0; done < windows.size(); --ways) {
-    std::size_t end = done + 1;
-    while (end < windows.size() && windows[end].direction == windows[done].direction) ++end;
-    for (auto left = static_cast<std::size_t>((room - count) / ways); done < end; --left, ++count) {
-      const std::size_t size = (end - done + left - 1) / left;
-      bursts[count] = one_burst(windows.subspan(done, size), rules, earliest);
-      done += size;
-      if (done < windows.size()) {
-        earliest = last_ticks(bursts[count]) + windows[done].gap;
-        raise_lows(windows.subspan(done), earliest);
-      }
+  for (std::size_t done = 0; done < windows.size(); ++count) {
+    if (count == room) return 0;
+    bursts[count] = longest_burst(windows.subspan(done), rules, earliest);
+    done += static_cast<std::size_t>(bursts[count].count);
+    if (done < windows.size()) {
+      earliest = last_pulse_ticks(bursts[count]) + windows[done].gap;
+      raise_lows(windows.subspan(done), earliest);
     }
   }
   return count;
@@ -293,7 +254,7 @@ void commit(StepCommand& out, int motor, int burst_count, std::int64_t count) {
   }
   out.burst_count += burst_count;
   const StepBurst& burst = out.bursts[static_cast<std::size_t>(out.burst_count - 1)];
-  out.last_pulse[m] = {out.tick, last_ticks(burst), burst.direction};
+  out.last_pulse[m] = {out.tick, last_pulse_ticks(burst), burst.direction};
   out.steps[m] += static_cast<std::int32_t>(count - out.position_steps[m]);
   out.position_steps[m] = count;
 }
@@ -311,7 +272,7 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
   const PulseRules rules(timing, max_step_rate_hz);
   const Before before(out, m, rules);
   const auto used = static_cast<std::size_t>(out.burst_count);
-  const int room = std::min(kMaxBursts - out.burst_count, timing.most_bursts);
+  const int room = std::min(kMaxBursts - out.burst_count, timing.max_bursts);
 
   SmoothRun run;
   if (smooth_tick(profile, t0_s, position_zero, steps_per_unit, timing.control_period_s,
@@ -320,17 +281,7 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
     run.earliest = before.earliest(rules, run.direction);
     const Wide fastest_hz = std::max(std::fabs(run.cubic.velocity), std::fabs(run.cubic.velocity_at(run.end_s)));
     if (fastest_hz <= max_step_rate_hz * (1 + kRateSlack)) {
-      StepBurst* free = out.bursts.data() + used;
-      int bursts = timing.sparing && !timing.overloaded
-                       ? sparing_smooth_bursts(run, rules, timing.timer_frequency_hz, free, room)
-                       : smooth_bursts(run, rules, timing.timer_frequency_hz, free, room);
-      // Pulse by pulse a few less may do. Unless the motor has all of them, sparing is tried first.
-      if (bursts == kNoRoom && !timing.overloaded && !timing.sparing && room < kMaxBursts) {
-        return refuse(StepError::kTooManyBursts, kMaxBursts + 1, kMaxBursts);
-      }
-      if (bursts == kNoRoom && timing.overloaded) {
-        bursts = coarse_smooth_bursts(run, rules, timing.timer_frequency_hz, free, room);
-      }
+      const int bursts = smooth_bursts(run, rules, timing.timer_frequency_hz, out.bursts.data() + used, room);
       if (bursts > 0) {
         commit(out, motor, bursts, out.position_steps[m] + static_cast<std::int64_t>(run.direction * run.steps));
         return StepError::kNone;
@@ -350,27 +301,17 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
     return refuse(StepError::kTooFast, pulses.fastest_hz(), max_step_rate_hz);
   }
   pulses.drop_touches(walk, timing.control_period_s);
-  if (timing.overloaded) pulses.leave_ways_beyond(room);
-  std::span<PulseWindow> windows = pulses.windows();
+  const std::span<PulseWindow> windows = pulses.windows();
   if (windows.empty()) return StepError::kNone;
 
-  std::int32_t earliest = before.earliest(rules, windows[0].direction);
-  while (!make_windows(windows, rules, earliest)) {
-    if (!timing.overloaded) {
-      return refuse(StepError::kTooFast,
-                    highest_rate_hz(windows, before.ago_ticks + windows[0].exact_ticks, timing.timer_frequency_hz),
-                    max_step_rate_hz);
-    }
-    // What has no room is left to the next tick, which will find the count behind the profile.
-    pulses.drop_last();
-    windows = pulses.windows();
-    if (windows.empty()) return StepError::kNone;
+  const std::int32_t earliest = before.earliest(rules, windows[0].direction);
+  if (!make_windows(windows, rules, earliest)) {
+    return refuse(StepError::kTooFast,
+                  highest_rate_hz(windows, before.ago_ticks + windows[0].exact_ticks, timing.timer_frequency_hz),
+                  max_step_rate_hz);
   }
-  int bursts = fine_bursts(windows, rules, earliest, out.bursts.data() + used, room);
-  if (bursts == 0) {
-    if (!timing.overloaded) return refuse(StepError::kTooManyBursts, kMaxBursts + 1, kMaxBursts);
-    bursts = coarse_bursts(windows, rules, earliest, out.bursts.data() + used, room);
-  }
+  const int bursts = fit_bursts(windows, rules, earliest, out.bursts.data() + used, room);
+  if (bursts == 0) return refuse(StepError::kTooManyBursts, room + 1, room);
   commit(out, motor, bursts, pulses.count());
   return StepError::kNone;
 }

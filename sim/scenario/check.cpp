@@ -272,6 +272,7 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
   if (masses.size() > static_cast<std::size_t>(firmware::kMaxMasses)) {
     root.refuse("mass", "has " + std::to_string(masses.size()) + " entries; allowed: " + masses_allowed);
   }
+  known.mass_count = std::max(1, static_cast<int>(masses.size()));
   for (TableReader& mass : masses) scenario.masses.push_back(read_mass(mass, known));
 
   for (TableReader& table : root.tables("fault", "an array of tables, each headed [[fault]]")) {

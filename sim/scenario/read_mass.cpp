@@ -21,6 +21,12 @@ constexpr double kUnitTolerance = 1e-6;  // for unit lengths and right angles wr
 constexpr double kMostSpeedError = 0.01;
 constexpr double kMostPointDistance = 1e-3;
 
+// Microsteps per second that a motor's share of a command's bursts surely carries. At constant speed a control period
+// may have one step more than the mean.
+double sure_rate_hz(double control_period_s, int mass_count) {
+  return (sure_steps_per_control_period(mass_count) - 1) / control_period_s;
+}
+
 bool outside(double distance_m, double radius_m) { return !(distance_m <= radius_m * (1 + kRoundOff)); }
 
 std::string allowed_in_ball(double radius_m) { return "; allowed: <= ball.radius = " + number_text(radius_m); }
@@ -577,7 +583,7 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
        motor.max_acceleration);
   // What nine tenths of the holding torque leave for the drag, beside gravity and that acceleration, so that moves at
   // full speed lose no steps; but no faster than the corner speed, and a tenth faster than the motion in any case. And
-  // a little below what the controller can issue in one tick, so that rounding to ticks never overloads it.
+  // no more than what the bursts of a control tick surely carry.
   const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);
   const double gravity_torque = mass_kg * around.gravity_mps2.value_or(1) * lever / ratio;
   const double acceleration_torque = moved_inertia * motor.max_acceleration / ratio;
@@ -586,7 +592,8 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   const double carried_radps = std::min(left_torque / motor.viscous_damping_nms, motor.corner_speed_radps);
   const double carried_hz =
       std::max(carried_radps / ratio, 1.1 * extent.greatest_speed) * motor.microsteps_per_rail_unit();
-  read("max_step_rate", Range::positive("1/s"), std::min({timer / 10, 60 / period, carried_hz}),
+  read("max_step_rate", Range::positive("1/s"),
+       std::min({timer / 10, 60 / period, sure_rate_hz(period, around.mass_count), carried_hz}),
        motor.max_step_rate_hz);
   // That acceleration within one oscillation of load and rotor on the field's stiffness, which excites it least.
   const double swing_s = 2 * std::numbers::pi * std::sqrt(moved_inertia / motor.rail_stiffness());
@@ -613,6 +620,15 @@ void check_steps(TableReader& table, const Mass& mass, const MassSurroundings& a
   if (around.timer_frequency_hz && mass.motor.max_step_rate_hz > *around.timer_frequency_hz) {
     table.refuse("motor.max_step_rate",
                  "is out of range; allowed: <= run.timer_frequency = " + number_text(*around.timer_frequency_hz));
+    return;
+  }
+  const double sure_hz = sure_rate_hz(*around.control_period_s, around.mass_count);
+  if (mass.motor.max_step_rate_hz > sure_hz) {
+    table.refuse("motor.max_step_rate", "is out of range; allowed: <= " + number_text(sure_hz) + ", " +
+                                            std::to_string(sure_steps_per_control_period(around.mass_count) - 1) +
+                                            " steps in a run.control_period, what the 32 bursts of " +
+                                            std::to_string(around.mass_count) +
+                                            (around.mass_count == 1 ? " motor" : " motors") + " surely carry");
   }
 }
 
@@ -632,21 +648,14 @@ void check_acceleration(TableReader& table, const Mass& mass, const SpeedExtent&
 }
 
 // Checks that the controller can issue the steps of the fastest part of the motion.
-void check_step_rate(TableReader& table, const Mass& mass, const SpeedExtent& extent, const MassSurroundings& around) {
-  if (!around.control_period_s || !around.timer_frequency_hz) return;
-  const Motor& motor = mass.motor;
-  const double needed_hz = extent.greatest_speed * motor.microsteps_per_rail_unit();
-  // In a tick of constant speed one step more than the mean can fall.
-  const double per_tick_hz = (kMaxStepsPerControlPeriod - 1) / *around.control_period_s;
-  const double possible_hz = std::min({motor.max_step_rate_hz, per_tick_hz, *around.timer_frequency_hz});
+void check_step_rate(TableReader& table, const Mass& mass, const SpeedExtent& extent) {
+  const double needed_hz = extent.greatest_speed * mass.motor.microsteps_per_rail_unit();
+  const double possible_hz = mass.motor.max_step_rate_hz;
   if (needed_hz <= possible_hz) return;
-  const char* limit = possible_hz == motor.max_step_rate_hz ? "motor.max_step_rate"
-                      : possible_hz == per_tick_hz          ? "steps per control period"
-                                                            : "run.timer_frequency";
   table.refuse(piece_key(mass, extent.fastest_piece),
                "needs " + number_text(needed_hz) + " microsteps/s at its greatest speed " +
-                   number_text(extent.greatest_speed) + "; allowed: <= " + number_text(possible_hz) + " (" + limit +
-                   ")");
+                   number_text(extent.greatest_speed) + "; allowed: <= " + number_text(possible_hz) +
+                   " (motor.max_step_rate)");
 }
 
 }  // namespace
@@ -717,7 +726,7 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
   if (complete) default_stiffness(table, mass);
   if (complete && around.actuation == Actuation::kStepper) {
     check_steps(table, mass, around);
-    check_step_rate(table, mass, speed, around);
+    check_step_rate(table, mass, speed);
     check_acceleration(table, mass, speed);
     check_stops_hold_in_ball(table, mass, *around.ball_radius_m);
   }

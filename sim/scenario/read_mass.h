@@ -15,6 +15,7 @@ struct MassSurroundings {
   std::optional<double> control_period_s;
   std::optional<double> timer_frequency_hz;
   std::optional<Actuation> actuation;
+  int mass_count = 1;
 };
 
 // Limit for rows of a table and points of a rail.

@@ -2,6 +2,7 @@
 // are consistent.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -16,7 +17,8 @@ namespace ballast::sim {
 // Limits of the controller, repeated here because sim/ uses the firmware's rails only. tools/program/params.cpp asserts
 // that the first two are the firmware's; the third is that of its validate().
 inline constexpr int kMaxMotionPieces = 128;
-inline constexpr int kMaxStepsPerControlPeriod = 64;   // per motor
+// Per motor, with so many masses: 32 bursts are shared by all, each has at least three pulses, a reversal costs two.
+[[nodiscard]] constexpr int sure_steps_per_control_period(int masses) { return std::min(64, 3 * (32 / masses) - 2); }
 inline constexpr double kMaxInitialMicrosteps = 1e15;  // of a mass from 0; below 2^53, so that they can be counted
 
 struct Scenario : World {

@@ -86,7 +86,7 @@ inline std::unique_ptr<firmware::ControllerParams> resting_robot() {
   for (std::size_t i = 0; i < kMassCount; ++i) {
     params->ball.mass_kg[i] = 1;
     params->ball.rail[i] = firmware::line(firmware::Vector3(0, 0, -0.1), firmware::Vector3::Unit(static_cast<int>(i)));
-    params->motor[i] = {.steps_per_unit = 1000, .max_step_rate_hz = 1e5, .max_acceleration = 1, .max_jerk = 10};
+    params->motor[i] = {.steps_per_unit = 1000, .max_step_rate_hz = 1e4, .max_acceleration = 1, .max_jerk = 10};
   }
   EXPECT_TRUE(firmware::validate(*params).ok());
   return params;

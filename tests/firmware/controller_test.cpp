@@ -535,7 +535,9 @@ TEST(Controller, TickNumbersAtTheEndOfTheirRange) {
   }
 }
 
-TEST(Controller, StepOverloadBrakesFromWhatTheMotorCanFollow) {
+// validate() refuses such motions; what the tick does with one all the same is an ordinary stop, in which the motor
+// that cannot be stepped holds.
+TEST(Controller, AStepOverloadIsAFaultAndAStop) {
   ControllerParams params = testing::paper_params();
   // 0.15 rad/s * 3200/(2 pi) = 76 steps/s; the motor can do 60, which is passed at 0.118 rad/s.
   params.motor[1].max_step_rate_hz = 60;
@@ -559,23 +561,14 @@ TEST(Controller, StepOverloadBrakesFromWhatTheMotorCanFollow) {
   EXPECT_LT(overload.trouble.value, 69);
   EXPECT_EQ(overload.trouble.limit, 60);
   EXPECT_GE(bench.out.status.commanded_velocity[1], 0.117);
-  for (std::size_t i = 0; i < 3; ++i) EXPECT_LE(std::abs(bench.out.steps.position_steps[i] - counts[i]), 1);
-  // No motor halts: the slow one brakes from just under its rate, the others from the speed they had.
+  EXPECT_EQ(bench.out.steps.position_steps[1], counts[1]) << "it holds";
+  // The others stop from the speed they had, as at an operator's stop.
   const PerMass<Real> speed = bench.out.status.commanded_velocity;
   bench.tick();
-  EXPECT_NEAR(bench.out.status.commanded_velocity[1], 60 * 2 * testing::kPi / 3200, 0.002);
+  EXPECT_EQ(bench.out.status.commanded_velocity[1], 0);
   bench.tick();
   for (const std::size_t i : {0u, 2u}) EXPECT_NEAR(bench.out.status.commanded_velocity[i], speed[i], 0.004);
-  // The first pulse of the stop has to wait for 1/60 s since the last, where the motion would have had it after
-  // 1/value: by then its mass is at most `late` microsteps ahead. The stop's speed falls by jerk t^2 / 2 from under 60
-  // steps/s, so pulses at 60 steps/s have made that up after the t of jerk t^3 / 6 = late: 36 ms. Then the count is
-  // nearest again; 2 ticks because the helper looks back that far.
-  const Real late = 1 - 60 / overload.trouble.value;
-  const Real jerk = params.motor[1].max_jerk * params.motor[1].steps_per_unit;
-  const int made_up = static_cast<int>(std::ceil(std::cbrt(6 * late / jerk) / params.control_period_s)) + 2;
-  EXPECT_LT(made_up, 45);
-  bench.expect_counts_follow_status(made_up, late);
-  bench.expect_counts_follow_status(300 - made_up);
+  bench.expect_counts_follow_status(300);
   EXPECT_TRUE(bench.out.status.at_rest);
   EXPECT_EQ(bench.out.status.overload.tick, overload.tick) << "kept until the reset";
   bench.tick(OperatorCommand::kReset);
@@ -583,45 +576,27 @@ TEST(Controller, StepOverloadBrakesFromWhatTheMotorCanFollow) {
   EXPECT_EQ(bench.out.status.mode, Mode::kDisarmed);
 }
 
-// A motion that begins too fast, but brakes already: only the speed jumps, to what the motor can follow.
-TEST(Controller, AnOverloadWhileBrakingGoesOnBraking) {
+TEST(Controller, AMotionNoMotorCanStartMovesNothingButTheOthers) {
   ControllerParams params = testing::paper_params();
-  const ProfilePiece braking[] = {{0.3, -1, -1}};
-  ASSERT_TRUE(params.motion[1].set(0, 0.3, braking, 1));
-  params.motor[1].max_step_rate_hz = 60;
-  Bench bench(params, "motion speed");
-  bench.arm_and_start();
-  while (bench.out.status.mode == Mode::kRunning && bench.in.tick < 2000) bench.tick();
-  ASSERT_EQ(bench.out.status.faults, bit(Fault::kStepOverload));
-  bench.tick();
-  const Real first = bench.out.status.commanded_velocity[1];
-  EXPECT_NEAR(first, 0.999 * 60 * 2 * testing::kPi / 3200, 1e-12);
-  bench.tick();
-  // From -1 on at 20 rad/s^3, in a tick of 1 ms: 1.01e-3 in the mean.
-  EXPECT_NEAR(first - bench.out.status.commanded_velocity[1], 1.01e-3, 1e-12);
-}
-
-TEST(Controller, AMotionNoMotorCanStartIsRefusedWithoutAJump) {
-  ControllerParams params = testing::paper_params();
-  ASSERT_TRUE(params.motion[1].set(0, 1000, nullptr, 0));  // 509 steps a tick
+  ASSERT_TRUE(params.motion[1].set(0, 140, nullptr, 0));  // 71 steps a tick, 70 s to rest
   ASSERT_TRUE(params.motion[2].set(0, 0.1, nullptr, 0));
   Bench bench(params, "motion speed");
   bench.tick(OperatorCommand::kArm);
   bench.tick(OperatorCommand::kStart);
   EXPECT_EQ(bench.out.status.mode, Mode::kTripped);
   EXPECT_EQ(bench.out.status.faults, bit(Fault::kStepOverload));
-  EXPECT_LE(bench.out.steps.steps[1], 50) << "50 kHz for a millisecond";
-  EXPECT_GT(bench.out.steps.steps[1], 40) << "braking from the speed the motor can follow";
-  std::vector<std::int64_t> rates;
-  while (!bench.out.status.at_rest && rates.size() < 100000) {
+  const StepOverload overload = bench.out.status.overload;
+  EXPECT_EQ(overload.trouble.error, StepError::kTooManySteps);
+  EXPECT_EQ(overload.motor, 1);
+  Real last_speed = 1;
+  for (int k = 0; k < 100000 && !bench.out.status.at_rest; ++k) {
     bench.tick();
-    rates.push_back(bench.out.steps.steps[1]);
-    ASSERT_LE(rates.back(), 50);
-    ASSERT_GE(rates.back(), 0);
+    ASSERT_EQ(bench.out.steps.steps[1], 0);
+    ASSERT_LE(bench.out.status.commanded_velocity[2], last_speed + 1e-12) << "braking";
+    last_speed = bench.out.status.commanded_velocity[2];
   }
   EXPECT_TRUE(bench.out.status.at_rest);
-  // 50 kHz / 509 per rad = 98 rad/s, at 2 rad/s^2: 49 s.
-  EXPECT_NEAR(static_cast<Real>(rates.size()), 49000, 500);
+  EXPECT_EQ(bench.out.steps.position_steps[1], 0);
 }
 
 TEST(Controller, EnvelopeIsTheClosedFormAtCommandedMassesAndSensedAttitude) {
@@ -1169,7 +1144,7 @@ TEST(Controller, RandomLivesKeepCountAndProfileTogether) {
       for (ProfilePiece& piece : pieces) piece = {0.02 + 0.1 * std::fabs(u(random)), 20 * u(random), 20 * u(random)};
       ASSERT_TRUE(params.motion[i].set(u(random), u(random), pieces, 8));
       params.motor[i].steps_per_unit *= u(random) > 0 ? 4 : -4;
-      params.motor[i].max_step_rate_hz = life % 3 == 0 ? 2000 : 50000;
+      params.motor[i].max_step_rate_hz = life % 3 == 0 ? 2000 : 25000;
       // Above what the motion needs: only its speed is refused, in some lives.
       params.motor[i].max_acceleration = 20;
       params.motor[i].max_jerk = 2000;

@@ -13,7 +13,6 @@
 #include "sim/closed_forms/rolling_disk.h"
 #include "tests/firmware/paper_ball.h"
 #include "tests/firmware/whole_tick.h"
-#include "tests/target/overload_load.h"
 
 namespace {
 
@@ -224,26 +223,6 @@ TEST(NoHeap, MovesAndStops) {
   EXPECT_GT(moves, 10);
   EXPECT_GT(stops, 10);
   EXPECT_GT(refusals, 10);
-}
-
-// More to step than there are bursts: the steps are made again with fewer, then as a stop's with coarse ones.
-TEST(NoHeap, OutOfBursts) {
-  const auto params = std::make_unique<ControllerParams>();
-  const auto state = std::make_unique<ControllerState>();
-  const auto in = std::make_unique<Inputs>();
-  const auto out = std::make_unique<Outputs>();
-  hal::test::OverloadLoad load;
-  bool ran = true;
-  EXPECT_EQ(allocations_during([&] {
-              for (const auto& robot : hal::test::kOverloadRobots) {
-                ran = ran && hal::test::measure_overloads(
-                                 robot, [] { return 0u; }, *params, *state, *in, *out, load);
-              }
-            }),
-            0);
-  EXPECT_TRUE(ran);
-  EXPECT_GT(load.overloads, 10u);
-  EXPECT_EQ(load.rested, load.overloads);
 }
 
 TEST(NoHeap, OverloadAndOutOfOrderTicks) {

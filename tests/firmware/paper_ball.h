@@ -64,7 +64,7 @@ inline ControllerParams paper_params() {
   p.monitor_stale_ticks = 5;
   p.ball = paper_ball();
   for (std::size_t i = 0; i < 3; ++i) {
-    p.motor[i] = {3200 / (2 * kPi), 50000, 2, 20};
+    p.motor[i] = {3200 / (2 * kPi), 25000, 2, 20};
     static_cast<void>(p.motion[i].set(kPaperStart[i], 0, kPaperMotion, 2));
   }
   return p;

@@ -262,11 +262,57 @@ TEST(Validate, AMotionThatBreaksALimitIsNamedByPieceMotorAndValue) {
   const Real per_unit = 3200 / (2 * testing::kPi);
   EXPECT_TRUE(validated([&](auto& p) { p.motor[1].max_step_rate_hz = 0.15 * per_unit; }).ok());
   refused("motion speed", 1, 0.15, 0.149, [&](auto& p) { p.motor[1].max_step_rate_hz = 0.149 * per_unit; });
-  // 63 steps a tick: 63 kHz, whatever the motor can do.
-  refused("motion speed", 0, 150, 63000 / per_unit, [](auto& p) {
-    p.motor[1].max_step_rate_hz = 1e6;
-    ASSERT_TRUE(p.motion[1].set(0, 150, nullptr, 0));
-  });
+}
+
+// 32 bursts for n motors, three pulses each, less two for a reversal; at constant speed a tick may have one step more
+// than the mean.
+TEST(Validate, AStepRateBeyondTheMotorsShareOfTheBurstsIsRefusedWithTheNumber) {
+  const int steps[] = {64, 46, 28, 22, 16, 13, 10, 10};
+  for (int n = 1; n <= kMaxMasses; ++n) {
+    SCOPED_TRACE(n);
+    EXPECT_EQ(sure_steps_per_tick(n), steps[n - 1]);
+    const Real most_hz = (steps[n - 1] - 1) / 1e-3;
+    const auto with_rate = [n](Real rate_hz) {
+      return [n, rate_hz](ControllerParams& p) {
+        p.ball.mass_count = n;
+        for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+          p.ball.mass_kg[i] = p.ball.mass_kg[0];
+          p.ball.rail[i] = p.ball.rail[0];
+          p.motor[i] = p.motor[0];
+          p.motor[i].max_step_rate_hz = 1000;
+          p.motion[i] = p.motion[0];
+        }
+        p.motor[static_cast<std::size_t>(n - 1)].max_step_rate_hz = rate_hz;
+      };
+    };
+    EXPECT_TRUE(validated(with_rate(most_hz)).ok());
+    const ParamError error = validated(with_rate(most_hz * (1 + 1e-12)));
+    ASSERT_FALSE(error.ok());
+    EXPECT_STREQ(error.field, "motor.max_step_rate_hz");
+    EXPECT_EQ(error.index, n - 1);
+    EXPECT_DOUBLE_EQ(error.limit, most_hz);
+  }
+}
+
+// To and fro within a tick of 1 ms: each reversal beyond the first takes two pulses from the 28 of a motor's 10 bursts.
+TEST(Validate, AMotionWithTooManyReversalsInATickIsRefused) {
+  const auto with = [](Real rate_hz, Real offset_s, Real start_radps) {
+    return [=](ControllerParams& p) {
+      ProfilePiece pieces[9] = {{offset_s, 0, 0}};
+      for (int k = 0; k < 8; ++k) pieces[k + 1] = {1e-4, k % 2 == 0 ? -2.0 : 2.0, k % 2 == 0 ? -2.0 : 2.0};
+      ASSERT_TRUE(p.motion[1].set(0, start_radps, pieces, 9));
+      p.motor[1].max_step_rate_hz = rate_hz;
+    };
+  };
+  // From 1e-4 rad/s at -2 rad/s^2: it turns in the middle of every piece, eight times, and is back after the last.
+  EXPECT_TRUE(validated(with(9000, 1e-4, 1e-4)).ok()) << "10 pulses, one burst each";
+  EXPECT_TRUE(validated(with(13999, 1e-4, 1e-4)).ok()) << "14 pulses, (30 - 14) / 2 = 8 reversals";
+  const ParamError error = validated(with(25000, 1e-4, 1e-4));
+  ASSERT_FALSE(error.ok());
+  EXPECT_STREQ(error.field, "motion reversals in a tick");
+  EXPECT_EQ(error.index, 1);
+  EXPECT_EQ(error.value, 8);
+  EXPECT_EQ(error.limit, 2) << "26 pulses: (30 - 26) / 2";
 }
 
 TEST(Validate, FirstComplaintIsKept) {

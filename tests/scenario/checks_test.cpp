@@ -44,7 +44,7 @@ TEST(Scenario, ReadsEveryKey) {
   EXPECT_EQ(m.motor.viscous_damping_nms, 0.25);
   EXPECT_EQ(m.motor.corner_speed_radps, 40);
   EXPECT_EQ(m.motor.step_error, 0.02);
-  EXPECT_EQ(m.motor.max_step_rate_hz, 20000);
+  EXPECT_EQ(m.motor.max_step_rate_hz, 12000);
   EXPECT_EQ(m.motor.max_acceleration, 5);
   EXPECT_EQ(m.motor.max_jerk, 50);
   EXPECT_EQ(s.masses[1].rail.shape, firmware::RailShape::kLine);

@@ -368,9 +368,9 @@ TEST(StepRate, AMotionTooFastForTheMotorIsAnErrorOfItsPiece) {
 TEST(StepRate, TheControllerIssuesOnlySoManyStepsPerTick) {
   const std::string text = on_line("initial_velocity = 0.25\n");  // 800 microsteps/s
   EXPECT_TRUE(accepted(text, {"run.control_period=0.07"}).id != 0);
-  const ScenarioError error = only_error(text, {"run.control_period=0.08", "mass.0.motor.max_step_rate=1e5"});
+  const ScenarioError error = only_error(text, {"run.control_period=0.08"});
   EXPECT_EQ(error.key, "mass.0.initial_velocity");
-  EXPECT_TRUE(contains(error.message, "steps per control period"));
+  EXPECT_TRUE(contains(error.message, "allowed: <= 750 (motor.max_step_rate)")) << error.message;
 }
 
 // What the controller would refuse is refused with its key and file first.
@@ -395,10 +395,26 @@ TEST(Steps, TheInitialPositionHasToBeCountable) {
 }
 
 TEST(Steps, TheMotorsRateEndsAtTheTimers) {
-  EXPECT_TRUE(accepted(kFull, {"mass.1.motor.max_step_rate=1e6"}).id != 0);
-  const ScenarioError error = only_error(kFull, {"mass.1.motor.max_step_rate=1000001"});
+  const std::string short_ticks = "run.control_period=2e-5";
+  EXPECT_TRUE(accepted(kFull, {short_ticks, "mass.1.motor.max_step_rate=1e6"}).id != 0);
+  const ScenarioError error = only_error(kFull, {short_ticks, "mass.1.motor.max_step_rate=1000001"});
   EXPECT_EQ(error.key, "mass.1.motor.max_step_rate");
   EXPECT_TRUE(contains(error.message, "<= run.timer_frequency = 1e+06"));
+}
+
+// Three motors have 10 bursts each: 28 steps in a control period of 2 ms, one of them beyond the mean.
+TEST(StepRate, EndsAtTheMotorsShareOfTheBursts) {
+  EXPECT_TRUE(accepted(kFull, {"mass.1.motor.max_step_rate=13500"}).id != 0);
+  const ScenarioError error = only_error(kFull, {"mass.1.motor.max_step_rate=13501"});
+  EXPECT_EQ(error.key, "mass.1.motor.max_step_rate");
+  EXPECT_EQ(error.value, "13501");
+  EXPECT_TRUE(contains(error.message, "allowed: <= 13500, 27 steps in a run.control_period")) << error.message;
+  // Prescribed masses issue no steps.
+  EXPECT_TRUE(accepted(kFull, {"mass.1.motor.max_step_rate=13501", "run.actuation=prescribed"}).id != 0);
+  // A default stays within the bound.
+  const std::vector<std::string> fast = {"mass.1.motor={microsteps=256, viscous_damping=0}"};
+  const Mass mass = accepted(kFull, fast).masses[1];
+  EXPECT_EQ(mass.motor.max_step_rate_hz, 13500);
 }
 
 TEST(StepRate, OfTheShippedDefaultsLeavesRoom) {

@@ -45,7 +45,7 @@ rotor_inertia = 0.001
 viscous_damping = 0.25
 corner_speed = 40.0
 step_error = 0.02
-max_step_rate = 20000.0
+max_step_rate = 12000.0
 max_acceleration = 5.0
 max_jerk = 50.0
 

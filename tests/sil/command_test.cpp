@@ -840,7 +840,7 @@ TEST(Move, LostStepsAreSaidPlainly) {
   const Outcome carried = folder.run(line + " --quiet");
   EXPECT_EQ(carried.exit_status, 0);
   EXPECT_EQ(carried.out + carried.err, "");
-  const std::string too_fast = line + " --set mass.1.motor.max_step_rate=60000";
+  const std::string too_fast = line + " --set mass.1.motor.max_step_rate=27000";
   const Outcome move = folder.run(too_fast);
   EXPECT_NE(move.exit_status, 0) << "it is not where it was to be";
   const auto s = folder.summary("runs/paper_ball-move");

@@ -17,6 +17,8 @@ struct GeneratorLoad {
 // The whole controller tick with the step interrupt.
 struct TogetherLoad {
   std::uint32_t motors = 0;
+  std::uint32_t period_us = 0;  // of the control tick
+  std::uint32_t steps_per_tick = 0;
   std::uint32_t commanded = 0, given = 0;  // pulses
   std::uint32_t late_ticks = 0;            // control ticks that began before the one before was served
   std::uint32_t late_counts = 0;           // the most a pulse was late
@@ -26,13 +28,13 @@ struct TogetherLoad {
   std::uint32_t turns_idle = 0, turns_tick = 0, turns_pulses = 0;
 };
 
-inline constexpr std::uint32_t kLoadTicks = 100;  // of 1 ms, counted in TogetherLoad
+inline constexpr std::uint32_t kLoadTicks = 100;  // counted in TogetherLoad
 
 struct StepLoad {
   std::array<GeneratorLoad, 5> generator;
   std::array<TogetherLoad, 2> together;
 };
-inline constexpr std::size_t kStepLoadBytes = std::size_t{4} * (5 * 4 + 2 * 9);
+inline constexpr std::size_t kStepLoadBytes = std::size_t{4} * (5 * 4 + 2 * 11);
 
 template <class A, class M>
 void step_load_fields(A& archive, M& m) {
@@ -40,8 +42,8 @@ void step_load_fields(A& archive, M& m) {
     for (auto* field : {&g.steps_per_tick, &g.ticks, &g.pulses, &g.counts}) archive(*field);
   }
   for (auto& t : m.together) {
-    for (auto* field : {&t.motors, &t.commanded, &t.given, &t.late_ticks, &t.late_counts, &t.faults, &t.turns_idle,
-                        &t.turns_tick, &t.turns_pulses}) {
+    for (auto* field : {&t.motors, &t.period_us, &t.steps_per_tick, &t.commanded, &t.given, &t.late_ticks,
+                        &t.late_counts, &t.faults, &t.turns_idle, &t.turns_tick, &t.turns_pulses}) {
       archive(*field);
     }
   }

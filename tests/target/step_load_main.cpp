@@ -59,9 +59,10 @@ firmware::ControllerState state;
 firmware::Inputs inputs;
 firmware::Outputs outputs;
 
-// The paper's ball with so many of its masses, each at 50 microsteps a tick for good.
-void prepare(int motors) {
-  params.control_period_s = kPeriod_s;
+// The paper's ball with so many of its masses, each at constant speed.
+void prepare(const test::TogetherLoad& load) {
+  const auto motors = static_cast<int>(load.motors);
+  params.control_period_s = load.period_us * 1e-6;
   params.timer_frequency_hz = kTimer_hz;
   firmware::BallParams& ball = test::unit_ball(motors, params);
   constexpr firmware::Wide kPi = 3.14159265358979323846;
@@ -72,7 +73,8 @@ void prepare(int motors) {
     ball.rail[i] =
         firmware::circle_about(static_cast<firmware::Real>(kRadius[i]), static_cast<firmware::Real>(kAzimuth[i]),
                                static_cast<firmware::Real>(kElevation[i]));
-    params.motor[i] = {50000, 62000, 2, 20, 2e-6};
+    const firmware::Wide rate_hz = load.steps_per_tick / params.control_period_s;  // 1 rad/s
+    params.motor[i] = {rate_hz, 1.05 * rate_hz, 2, 20, 2e-6};
     static_cast<void>(params.motion[i].set(0, 1, nullptr, 0));
   }
 }
@@ -146,8 +148,11 @@ int main() {
   }
   for (std::size_t i = 0; i < load.together.size(); ++i) {
     test::TogetherLoad& together = load.together[i];
+    // 50 kHz each. The bursts of three motors surely carry 28 steps a tick, so theirs is half as long.
     together.motors = i == 0 ? 1 : 3;
-    prepare(static_cast<int>(together.motors));
+    together.period_us = i == 0 ? 1000 : 500;
+    together.steps_per_tick = together.period_us / 20;
+    prepare(together);
     if (!firmware::validate(params).ok()) return static_cast<int>(mps2::Exit::kRefused);
     together.turns_idle = measure(What::kIdle, together);
     together.turns_tick = measure(What::kTick, together);

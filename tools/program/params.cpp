@@ -15,7 +15,12 @@ constexpr int kSensorStaleTicks = 1;
 constexpr int kMonitorStaleTicks = 1;
 
 static_assert(sim::kMaxMotionPieces == firmware::kMaxPieces);
-static_assert(sim::kMaxStepsPerControlPeriod == firmware::kMaxStepsPerTick);
+static_assert([] {
+  for (int masses = 1; masses <= firmware::kMaxMasses; ++masses) {
+    if (sim::sure_steps_per_control_period(masses) != firmware::sure_steps_per_tick(masses)) return false;
+  }
+  return true;
+}());
 
 std::string mass_key(std::size_t mass, const char* field) { return "mass." + std::to_string(mass) + "." + field; }
 
@@ -28,6 +33,11 @@ std::string describe(const firmware::ParamError& error) {
   }
   const std::string field =
       error.index < 0 ? error.field : mass_key(static_cast<std::size_t>(error.index), error.field);
+  if (error.limit != 0) {
+    std::snprintf(text, sizeof text, "%s = %.17g: the controller allows %.17g, %s", field.c_str(), error.value,
+                  error.limit, error.allowed);
+    return text;
+  }
   std::snprintf(text, sizeof text, "%s = %.17g: the controller allows %s", field.c_str(), error.value, error.allowed);
   return text;
 }
