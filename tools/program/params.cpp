@@ -84,7 +84,7 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
     p->motor[i].direction_setup_s = mass.motor.direction_setup_s;
     p->motor[i].max_acceleration = mass.motor.max_acceleration;
     p->motor[i].max_jerk = mass.motor.max_jerk;
-    // A rotor further than that from what is commanded falls into the next tooth: sim/PHYSICS.md, section 5.
+    // A rotor further than that from what is commanded falls into the next tooth: tools/docs/physics.md, section 5.
     constexpr double kSwingFullSteps = 2;
     p->motor[i].swing = kSwingFullSteps * mass.motor.microsteps / std::fabs(p->motor[i].steps_per_unit);
 
