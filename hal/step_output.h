@@ -3,7 +3,7 @@
 
 #include <concepts>
 
-#include "firmware/motion/step_generator.h"
+#include "firmware/motion/step_command.h"
 #include "hal/status.h"
 
 namespace ballast::hal {

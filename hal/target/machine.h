@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <span>
 
-#include "firmware/motion/step_generator.h"
+#include "firmware/motion/step_command.h"
 #include "hal/status.h"
 #include "hal/target/messages.h"
 

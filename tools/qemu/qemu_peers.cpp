@@ -311,7 +311,7 @@ Status QemuPeers::check_pulses(std::int64_t tick, const target::PlayedPulses& pl
       const firmware::StepBurst& burst = commanded_.bursts[b];
       if (burst.motor != motor) continue;
       for (std::int64_t j = 0; j < burst.count; ++j, ++pulse) {
-        const std::int64_t due = burst.first_ticks + j * burst.interval_ticks + burst.add_ticks * (j * (j - 1) / 2);
+        const std::int64_t due = firmware::pulse_ticks(burst, j);
         const target::PlayedPulse* given = next();
         if (given == nullptr) return wrong(motor, pulse, "not given");
         if (given->due_ticks != due || given->direction != burst.direction) {
