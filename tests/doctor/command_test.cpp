@@ -52,7 +52,7 @@ TEST(Doctor, IsNamedByEveryProgramThatGetsAUrlThatIsNone) {
                            "ballast-plant paper_ball", "ballast-controller paper_ball", "ballast-monitor paper_ball"}) {
     const Outcome refused = folder.run(std::string(line) + " --lcm nonsense://");
     EXPECT_EQ(refused.exit_status, 2) << line;
-    EXPECT_NE(refused.err.find(": cannot use the LCM bus nonsense://; ballast doctor --lcm nonsense:// looks why\n"),
+    EXPECT_NE(refused.err.find(": cannot use the LCM bus nonsense://; ballast doctor --lcm nonsense:// examines it\n"),
               std::string::npos)
         << line << "\n"
         << refused.err;

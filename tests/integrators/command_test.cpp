@@ -100,7 +100,7 @@ TEST(Integrate, RefusesWhatItCannotDo) {
       {"--step 0", "allowed: a finite number > 0"},
       {"--method adams --step 0.1", "adams chooses its steps itself"},
       {"--method rk4 --step 1e-9", "allowed: at least 2e-07"},
-      {"--set initial.height=0.1", "in the air (initial.height); ballast integrate knows rolling only, ballast run"},
+      {"--set initial.height=0.1", "in the air (initial.height); ballast integrate simulates rolling only, ballast run"},
       {"--set gravity=-1", "gravity"},
       {"--actuation stepper", "--actuation"},
   };
@@ -117,7 +117,7 @@ TEST(Integrate, AMethodThatGivesUpIsStatus2) {
   const Folder folder;
   const Outcome failed = folder.run("ballast integrate paper_detach --method radau5 --step 2 --out r");
   EXPECT_EQ(failed.exit_status, 2) << failed.out;
-  EXPECT_NE(failed.err.find("radau5 gave up at t ="), std::string::npos) << failed.err;
+  EXPECT_NE(failed.err.find("radau5 failed at t ="), std::string::npos) << failed.err;
   EXPECT_NE(failed.err.find("Newton's iteration does not converge"), std::string::npos) << failed.err;
   EXPECT_FALSE(std::filesystem::exists(folder / "r/summary.json"));
   EXPECT_NE(table(folder, "r")["methods"][0]["failure"], nullptr);

@@ -225,7 +225,7 @@ TEST(Replay, LogsThatDoNotFitAreRefusedOrNoted) {
     const Outcome replay = beside("run.lcmlog", text);
     beside("run.lcmlog", log);
     EXPECT_EQ(replay.exit_status, 8) << replay.out << replay.err;
-    EXPECT_SAYS(replay.out, "DAMAGED     the log has " + std::to_string(text.size()) + " bytes; the run has left " +
+    EXPECT_SAYS(replay.out, "DAMAGED     the log has " + std::to_string(text.size()) + " bytes; the run left " +
                                 std::to_string(log.size()));
   };
   as_run_log(log + "x");

@@ -22,16 +22,16 @@ bool says(const std::string& text, const std::string& words) { return text.find(
 
 TEST(TickCounter, CountsWhatIsMissingAndForgivesWhatIsLate) {
   TickCounter counter;
-  for (const std::int64_t tick : {100, 101, 105, 103}) counter.see(tick, 0);
+  for (const std::int64_t tick : {100, 101, 105, 103}) counter.add(tick, 0);
   EXPECT_EQ(counter.count(), 4);
   EXPECT_EQ(counter.missed(), 2) << "102 and 104; 103 was late, and what came before 100 is not known";
 }
 
 TEST(TickCounter, StartsAgainWithTheNextRun) {
   TickCounter counter;
-  counter.see(5000, 0);
-  counter.see(5002, 0);
-  counter.see(-2, 1);
+  counter.add(5000, 0);
+  counter.add(5002, 0);
+  counter.add(-2, 1);
   EXPECT_EQ(counter.count(), 1);
   EXPECT_EQ(counter.missed(), 0);
 }
@@ -39,7 +39,7 @@ TEST(TickCounter, StartsAgainWithTheNextRun) {
 // 500 messages evenly over 2 s are 250 per second; after them, nothing.
 TEST(TickCounter, GivesTheRateAndLetsItGoToZero) {
   TickCounter counter;
-  for (int i = 0; i <= 500; ++i) counter.see(i, 0.004 * i);
+  for (int i = 0; i <= 500; ++i) counter.add(i, 0.004 * i);
   EXPECT_NEAR(counter.rate_hz(2), 250, 2);  // one message more or less at the window's edge
   EXPECT_EQ(counter.rate_hz(10), 0);
 }
@@ -62,14 +62,14 @@ TEST(View, ShowsTheFirstOfTwoRunsAndSaysThatThereIsAnother) {
     const double now_s = 0.1 * i;
     ours.tick = 700 + i;
     ours.last = i == 19 ? 1 : 0;
-    view.see(ours, now_s);
+    view.observe(ours, now_s);
     if (i == 5) {
       EXPECT_FALSE(says(view.page(now_s, 100, 0), "ANOTHER RUN")) << view.page(now_s, 100, 0);
     }
-    view.see(waiting, now_s);
-    if (i >= 8) view.see(theirs, now_s);
+    view.observe(waiting, now_s);
+    if (i >= 8) view.observe(theirs, now_s);
     if (i == 10) {
-      EXPECT_TRUE(says(view.page(now_s, 100, 0), "ANOTHER RUN talks on this bus")) << view.page(now_s, 100, 0);
+      EXPECT_TRUE(says(view.page(now_s, 100, 0), "ANOTHER RUN on this bus")) << view.page(now_s, 100, 0);
       EXPECT_TRUE(says(view.page(now_s, 100, 0), "tick 710")) << view.page(now_s, 100, 0);
       EXPECT_TRUE(says(view.page(now_s, 100, 0), "least 0.500")) << "of ours: " << view.page(now_s, 100, 0);
       EXPECT_TRUE(says(view.line(now_s, 0), " another_run_on_this_bus")) << view.line(now_s, 0);
@@ -87,64 +87,64 @@ TEST(View, ASilentRunGivesWay) {
   contact_t ours = contact(700), theirs = contact(90);
   ours.run_id = 11;
   theirs.run_id = 12;
-  view.see(ours, 0);
-  view.see(theirs, 1);
+  view.observe(ours, 0);
+  view.observe(theirs, 1);
   EXPECT_TRUE(says(view.line(1, 0), "t=0.700")) << view.line(1, 0);
-  view.see(theirs, 3);
+  view.observe(theirs, 3);
   EXPECT_TRUE(says(view.line(3, 0), "t=0.090")) << view.line(3, 0);
 }
 
 TEST(View, SaysThatARunIsSilent) {
   View view;
   EXPECT_FALSE(says(view.line(100, 0), "silent")) << "nobody is";
-  view.see(contact(700), 0);
+  view.observe(contact(700), 0);
   EXPECT_FALSE(says(view.line(1.9, 0), "silent"));
   EXPECT_TRUE(says(view.line(7, 0), " silent=7s")) << view.line(7, 0);
-  EXPECT_TRUE(says(view.page(7, 80, 0), "SILENT for 7 s: the run is stopped, or has ended without a last word\n"))
+  EXPECT_TRUE(says(view.page(7, 80, 0), "SILENT for 7 s: the run is stopped, or has ended without a last message\n"))
       << view.page(7, 80, 0);
-  view.see(contact(701), 8);
+  view.observe(contact(701), 8);
   EXPECT_FALSE(says(view.line(8, 0), "silent"));
   contact_t last = contact(702);
   last.last = 1;
-  view.see(last, 9);
+  view.observe(last, 9);
   EXPECT_FALSE(says(view.line(20, 0), "silent")) << "it has ended";
 }
 
 TEST(View, JoinsLateKeepsExtremesAndEnds) {
   View view;
-  view.see(contact(700, 0.5), 0);
-  view.see(contact(701, 0.1), 0);
+  view.observe(contact(700, 0.5), 0);
+  view.observe(contact(701, 0.1), 0);
   contact_t last = contact(702, 0.8);
   last.last = 1;
-  view.see(last, 0);
+  view.observe(last, 0);
   EXPECT_TRUE(view.ended());
   const std::string line = view.line(0, 0);
-  for (const char* words : {"t=0.702", "rolling", "margin=0.8000", "least=0.1000", "mode=none", "trip=unheard",
+  for (const char* words : {"t=0.702", "rolling", "margin=0.8000", "least=0.1000", "mode=none", "trip=no_monitor",
                             "missed=0", "undecodable=0", "ended"}) {
     EXPECT_TRUE(says(line, words)) << words << ": " << line;
   }
   // The next run on this bus is a new one.
-  view.see(contact(-2, 0.9), 1);
+  view.observe(contact(-2, 0.9), 1);
   EXPECT_FALSE(view.ended());
   EXPECT_TRUE(says(view.line(1, 0), "least=0.9000")) << view.line(1, 0);
 }
 
 TEST(View, SaysTripModeAndDrops) {
   View view;
-  view.see(contact(10), 0);
-  view.see(contact(14), 0);
+  view.observe(contact(10), 0);
+  view.observe(contact(14), 0);
   trip_t trip{};
   trip.tick = 14;
   trip.tripped = 1;
   trip.cause = trip_t::CAUSE_FRICTION;
   trip.value = 0.4;
   trip.limit = 0.35;
-  view.see(trip, 0);
+  view.observe(trip, 0);
   controller_status_t status{};
   status.tick = 14;
   status.mode = controller_status_t::MODE_TRIPPED;
   status.refused_messages = 5;
-  view.see(status, 0);
+  view.observe(status, 0);
   EXPECT_TRUE(says(view.line(0, 7), "refused=5"));
   const std::string page = view.page(0, 100, 7);
   for (const char* words :
@@ -158,8 +158,8 @@ TEST(View, PeersThatWaitAreShownWithoutAPlant) {
   View view;
   trip_t trip{};
   trip.tick = -3;
-  view.see(trip, 0);
-  view.see(trip, 1);
+  view.observe(trip, 0);
+  view.observe(trip, 1);
   EXPECT_FALSE(view.empty());
   EXPECT_TRUE(says(view.line(1, 0), "no plant yet")) << view.line(1, 0);
   EXPECT_TRUE(says(view.line(1, 0), "missed=0")) << view.line(1, 0);
@@ -171,14 +171,14 @@ TEST(View, NonsenseAndNarrowTerminalsAreDrawnToo) {
   contact_t nonsense = contact(0, std::numeric_limits<double>::quiet_NaN());
   nonsense.normal_force_n = -std::numeric_limits<double>::infinity();
   nonsense.mu_required = std::numeric_limits<double>::infinity();
-  view.see(nonsense, 0);
+  view.observe(nonsense, 0);
   contact_t flight = contact(1, -1);
   flight.regime = contact_t::REGIME_FLIGHT;
   flight.normal_force_n = 0;
-  view.see(flight, 0);
+  view.observe(flight, 0);
   plant_state_t state{};
   state.mass_count = 8;
-  view.see(state, 0);
+  view.observe(state, 0);
   for (const int width : {1, 20, 79, 500}) {
     const std::string page = view.page(0, width, 0);
     std::size_t start = 0;

@@ -1,6 +1,6 @@
 #include "tools/ballast/bus_words.h"
 
-#include <cstdio>
+#include <fmt/core.h>
 
 #include "hal/lcm/messages.h"
 #include "tools/program/program.h"
@@ -23,17 +23,13 @@ std::optional<int> tell(sil::BusOperator& operator_end, const firmware::Operator
 }
 
 std::string plan_text(const controller_status_t& status) {
-  char duration[32];
-  std::snprintf(duration, sizeof duration, "%.6g s; ", status.plan_duration_s);
-  return duration + sil::predicted_text(hal::from_message(status).plan);
+  return fmt::format("{:.6g} s; {}", status.plan_duration_s, sil::predicted_text(hal::from_message(status).plan));
 }
 
 std::string positions_text(const controller_status_t& status) {
   std::string text;
   for (int i = 0; i < status.motor_count; ++i) {
-    char number[32];
-    std::snprintf(number, sizeof number, "%s%.6g", i == 0 ? "" : ", ", status.commanded_position[i]);
-    text += number;
+    text += fmt::format("{}{:.6g}", i == 0 ? "" : ", ", status.commanded_position[i]);
   }
   return text;
 }

@@ -1,4 +1,4 @@
-// What the commands that speak to a controller on a bus have in common.
+// Parts shared by the commands that send to a controller on a bus.
 #pragma once
 
 #include <string>
@@ -7,16 +7,17 @@
 
 namespace ballast {
 
-// Prints the trouble and gives the exit status for it.
+// Prints the operator's trouble. Returns the exit status.
 int bus_trouble(const sil::BusOperator& operator_end);
 
-// Tells it; nullopt: obeyed, and status() is the controller's answer. Otherwise the exit status, and why is printed.
+// Sends an operator's command. nullopt: the controller has obeyed, and status() is its answer. Otherwise the exit
+// status; the reason is printed.
 std::optional<int> tell(sil::BusOperator& operator_end, const firmware::OperatorInput& input, const std::string& what);
 
-// Says how long the plan in the status takes and what is predicted of it: "1.2 s; predicted, ..".
+// Duration and prediction of the plan in the status: "1.2 s; predicted, ..".
 std::string plan_text(const controller_status_t& status);
 
-// "0.1, 2.2", the commanded positions.
+// The commanded positions: "0.1, 2.2".
 std::string positions_text(const controller_status_t& status);
 
 }  // namespace ballast

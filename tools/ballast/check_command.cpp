@@ -1,4 +1,6 @@
-// ballast check: every fault of a scenario, or what it says.
+// ballast check: lists every error in a scenario, or describes the scenario.
+#include <fmt/core.h>
+
 #include <cmath>
 #include <iostream>
 #include <memory>
@@ -10,7 +12,7 @@
 namespace ballast {
 
 std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
-  command = app.add_subcommand("check", "Validates a scenario and says every fault in it");
+  command = app.add_subcommand("check", "Validates a scenario and lists every error in it");
   auto options = std::make_shared<program::ScenarioOptions>();
   program::add_scenario_options(*command, *options);
   return [options] {
@@ -24,14 +26,11 @@ std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
         return program::kExitUsage;
       }
     }
-    std::cout << scenario->name << ": good. " << scenario->masses.size()
-              << (scenario->masses.size() == 1 ? " mass, " : " masses, ")
-              << (stepper ? "driven by steppers" : "prescribed") << ", " << scenario->duration_s << " s in ticks of "
-              << scenario->run.control_period_s << " s, mu_s ";
-    if (std::isinf(scenario->surface.static_friction))
-      std::cout << "infinite\n";
-    else
-      std::cout << scenario->surface.static_friction << '\n';
+    const double mu_s = scenario->surface.static_friction;
+    std::cout << fmt::format("{}: good. {} {}, {}, {:g} s in ticks of {:g} s, mu_s {}\n", scenario->name,
+                             scenario->masses.size(), scenario->masses.size() == 1 ? "mass" : "masses",
+                             stepper ? "driven by steppers" : "prescribed", scenario->duration_s,
+                             scenario->run.control_period_s, std::isinf(mu_s) ? "infinite" : fmt::format("{:g}", mu_s));
     return program::kExitCompleted;
   };
 }

@@ -1,4 +1,5 @@
-// The commands of `ballast`: each adds itself to the command line and, once chosen, runs and gives the exit status.
+// The commands of `ballast`. Each function adds a command to the command line and returns the function that runs it,
+// which returns the exit status.
 #pragma once
 
 #include <CLI/CLI.hpp>

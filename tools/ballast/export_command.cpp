@@ -1,5 +1,5 @@
-// ballast export: a log as CSV tables or as MCAP for Foxglove. The work is done by ballast-export, in Python, because
-// that reads a message's layout from its type, and needs no list of fields here.
+// ballast export: a log as CSV tables or as MCAP for Foxglove. ballast-export does the work in Python, which reads the
+// layout of a message from its type, so that no list of fields is needed.
 #include <memory>
 
 #include "tools/ballast/commands.h"
@@ -16,7 +16,7 @@ struct ExportCommand {
 
 int export_log(const ExportCommand& command) {
   if (command.csv.empty() && command.mcap.empty()) {
-    program::complain("ballast", "export: say where to: --csv DIR, --mcap FILE, or both");
+    program::complain("ballast", "export: no output is given; allowed: --csv DIR, --mcap FILE, or both");
     return program::kExitUsage;
   }
   const auto exporter = program::beside_this_program("ballast-export");

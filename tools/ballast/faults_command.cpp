@@ -1,6 +1,8 @@
 // ballast faults: lists the kinds of faults for --fault and [[fault]].
+#include <fmt/core.h>
+
 #include <cmath>
-#include <cstdio>
+#include <iostream>
 #include <string>
 
 #include "sim/scenario/fault.h"
@@ -13,8 +15,8 @@ namespace ballast {
 namespace {
 
 constexpr char kPeersInProcesses[] =
-    "  With --processes these are signals, and the run waits for the peer: frozen or slow for less than\n"
-    "  --peer-timeout nobody detects it (exit status 0); for longer, or killed, it ends the run there (2, not 3).\n";
+    "  With --processes these are signals, and the run waits for the peer. A peer that is frozen or slow for less\n"
+    "  than --peer-timeout is not detected (exit status 0). Otherwise, or killed, it ends the run (2, not 3).\n";
 
 std::string value_text(const sim::FaultKindInfo& kind) {
   if (kind.value_means[0] == '\0') return "none";
@@ -26,7 +28,7 @@ std::string value_text(const sim::FaultKindInfo& kind) {
     return low + (kind.low_excluded ? " < .. " : " .. ") + sim::number_text(kind.high);
   }();
   if (!allowed.empty()) text += ", " + allowed;
-  if (kind.unit[0] != '\0') text += std::string(", ") + kind.unit;
+  if (kind.unit[0] != '\0') text += fmt::format(", {}", kind.unit);
   return text + (kind.value_default ? "; default " + sim::number_text(*kind.value_default) : "; required");
 }
 
@@ -60,21 +62,21 @@ const char* target_text(const sim::FaultKindInfo& kind) {
 std::function<int()> add_faults_command(CLI::App& app, CLI::App*& command) {
   command = app.add_subcommand("faults", "Lists the faults that --fault KIND@TIME[:PARAM] can inject");
   return [] {
-    std::printf(
-        "--fault KIND@TIME[:PARAM], TIME in s; PARAM: the value, or KEY=VALUE, or several of these between commas:\n"
-        "  --fault sensor_bias@2:0.1,sensor=gyro,axis=1 --fault motor_stall@1.5:mass=2,duration=0.1\n"
-        "In a scenario: [[fault]] with kind, time, value and the same keys.\n");
+    std::cout
+        << "--fault KIND@TIME[:PARAM], TIME in s; PARAM: the value, or KEY=VALUE, or several, separated by commas:\n"
+           "  --fault sensor_bias@2:0.1,sensor=gyro,axis=1 --fault motor_stall@1.5:mass=2,duration=0.1\n"
+           "In a scenario: [[fault]] with kind, time, value and the same keys.\n";
     const sim::FaultLayer* before = nullptr;
     for (const sim::FaultKindInfo& kind : sim::fault_kinds()) {
       if (before == nullptr || *before != kind.layer) {
-        std::printf("\n%s; on: %s\n", to_string(kind.layer), target_text(kind));
-        if (kind.layer == sim::FaultLayer::kPeer) std::printf("%s", kPeersInProcesses);
+        std::cout << fmt::format("\n{}; on: {}\n", to_string(kind.layer), target_text(kind));
+        if (kind.layer == sim::FaultLayer::kPeer) std::cout << kPeersInProcesses;
         before = &kind.layer;
       }
-      std::printf("  %-20s %s\n", kind.name, kind.what);
-      if (kind.value_means[0] != '\0') std::printf("  %20s value: %s\n", "", value_text(kind).c_str());
-      std::printf("  %20s lasts: %s\n", "", lasts_text(kind).c_str());
-      std::printf("  %20s detected by: %s\n", "", kind.detected_by);
+      std::cout << fmt::format("  {:<20} {}\n", kind.name, kind.what);
+      if (kind.value_means[0] != '\0') std::cout << fmt::format("  {:20} value: {}\n", "", value_text(kind));
+      std::cout << fmt::format("  {:20} lasts: {}\n", "", lasts_text(kind));
+      std::cout << fmt::format("  {:20} detected by: {}\n", "", kind.detected_by);
     }
     return program::kExitCompleted;
   };

@@ -1,4 +1,4 @@
-// --firmware and --firmware-elf: what the controller of a run or of a replay runs on.
+// --firmware and --firmware-elf: the machine on which the controller of a run or a replay runs.
 #pragma once
 
 #include <string>
@@ -14,7 +14,7 @@ inline constexpr const char* kQemuAn386 = "qemu-an386";
 
 struct FirmwareOption {
   std::string firmware = kHost;
-  std::string elf;  // empty: the one built beside this program
+  std::string elf;  // empty: the one in this build tree
   [[nodiscard]] bool in_qemu() const { return firmware != kHost; }
 };
 
@@ -22,16 +22,15 @@ struct FirmwareOption {
 inline void add_firmware_options(CLI::App& command, FirmwareOption& option) {
   command
       .add_option("--firmware", option.firmware,
-                  "host: compiled into this program; qemu: the one built for a microcontroller, a Cortex-M7, in QEMU; "
-                  "qemu-an386: a Cortex-M4F, its model in single precision")
+                  "host: compiled into this program; qemu: built for a Cortex-M7 and run in QEMU; qemu-an386: built "
+                  "for a Cortex-M4F with the model in single precision")
       ->check(CLI::IsMember({kHost, kQemu, kQemuAn386}))
       ->capture_default_str();
-  command
-      .add_option("--firmware-elf", option.elf, "for a --firmware in QEMU; default: the one tools/firmware has built")
+  command.add_option("--firmware-elf", option.elf, "ELF file for QEMU; default: the one that tools/firmware builds")
       ->check(program::not_empty());
 }
 
-// Of a firmware in QEMU: which machine, and the program on it.
+// QEMU's machine and the firmware on it.
 inline sil::QemuOptions qemu_options(const FirmwareOption& option) {
   sil::QemuOptions qemu;
   if (option.firmware == kQemuAn386) qemu.board = "mps2_an386";

@@ -1,4 +1,6 @@
-// ballast friction: how much friction a scenario needs, when, and whose doing it is.
+// ballast friction: how much friction a scenario needs, when, and which mass causes it.
+#include <fmt/core.h>
+
 #include <iostream>
 #include <limits>
 #include <memory>
@@ -13,17 +15,17 @@ namespace ballast {
 
 namespace {
 
-int say_required_friction(const program::ScenarioOptions& options) {
+int print_required_friction(const program::ScenarioOptions& options) {
   auto scenario = program::load_scenario(options);
   if (!scenario) return program::kExitUsage;
   if (!scenario->faults.empty()) {
     program::complain("ballast", to_string(scenario->faults.front()) +
-                                     ": not with ballast friction, which asks what a healthy robot needs; allowed: "
+                                     ": not with ballast friction, which examines a robot without faults; allowed: "
                                      "ballast run");
     return program::kExitUsage;
   }
   const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
-  // What is needed shows only where it is given: on the scenario's own floor the run might end before.
+  // Perfect friction keeps the ball rolling to the end; on the scenario's own floor the run might end earlier.
   scenario->surface.static_friction = std::numeric_limits<double>::infinity();
   scenario->envelope.min_normal_force_n = 0;
   auto params = std::make_unique<firmware::ControllerParams>();
@@ -42,9 +44,9 @@ int say_required_friction(const program::ScenarioOptions& options) {
     program::complain("ballast", result.trouble);
     return program::kExitCouldNotRun;
   }
-  std::cout << scenario->name << ", " << (has_controller ? "stepper-driven" : "prescribed")
-            << " masses: " << sil::required_friction_text(result, sil::floor_verdicts(*scenario, result)) << '\n'
-            << sil::friction_parts_text(result);
+  std::cout << fmt::format("{}, {} masses: {}\n{}", scenario->name, has_controller ? "stepper-driven" : "prescribed",
+                           sil::required_friction_text(result, sil::floor_verdicts(*scenario, result)),
+                           sil::friction_parts_text(result));
   if (result.end_reason == sil::EndReason::kInconsistent) std::cout << "  up to its end: " << result.end_text << '\n';
   if (const std::string lost = sil::lost_steps_text(*scenario, result); !lost.empty()) {
     std::cout << "  WARNING: " << lost << '\n';
@@ -55,11 +57,11 @@ int say_required_friction(const program::ScenarioOptions& options) {
 }  // namespace
 
 std::function<int()> add_friction_command(CLI::App& app, CLI::App*& command) {
-  command = app.add_subcommand("friction", "Says how much friction a scenario needs, when, and because of which mass");
+  command = app.add_subcommand("friction", "Prints how much friction a scenario needs, when, and which mass causes it");
   auto options = std::make_shared<program::ScenarioOptions>();
   program::add_scenario_options(*command, *options);
-  command->get_option("--fault")->group("");  // refused with a reason, so not offered
-  return [options] { return say_required_friction(*options); };
+  command->get_option("--fault")->group("");  // hidden in the help; refused with a reason
+  return [options] { return print_required_friction(*options); };
 }
 
 }  // namespace ballast

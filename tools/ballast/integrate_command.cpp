@@ -1,5 +1,6 @@
-// ballast integrate: a prescribed run by a numerical method of one's choice, or by all of them side by side.
-#include <cstdio>
+// ballast integrate: a prescribed run with one numerical method, or with all of them in comparison.
+#include <fmt/core.h>
+
 #include <iostream>
 #include <memory>
 
@@ -29,11 +30,7 @@ int refuse(int status, const std::string& text) {
   return status;
 }
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.10g", value);
-  return text;
-}
+std::string number(double value) { return fmt::format("{:.10g}", value); }
 
 std::vector<std::string> method_names() {
   std::vector<std::string> names;
@@ -49,10 +46,28 @@ CLI::Validator tolerance_range() {
         value <= integrators::kMostTolerance) {
       return {};
     }
-    return text + " is out of range; allowed: " + number(integrators::kLeastTolerance) + " to " +
-           number(integrators::kMostTolerance);
+    return fmt::format("{} is out of range; allowed: {} to {}", text, number(integrators::kLeastTolerance),
+                       number(integrators::kMostTolerance));
   };
   return {check, ""};
+}
+
+// Empty, or why --step does not fit the methods and the run.
+std::string step_refusal(const IntegrateCommand& command, const std::vector<const integrators::MethodInfo*>& methods,
+                         double duration_s) {
+  const double step_s = command.settings.fixed_step_s;
+  if (!(step_s > 0)) return "";
+  if (methods.size() == 1 && methods.front()->fixed_steps == integrators::FixedSteps::kNever)
+    return fmt::format("--step: {} chooses its steps itself, by --tolerance", command.method);
+  if (step_s > duration_s) {
+    return fmt::format("--step: {} is longer than the run; allowed: <= duration = {}", number(step_s),
+                       number(duration_s));
+  }
+  if (duration_s / step_s > kMostFixedSteps) {
+    return fmt::format("--step: {} is more than {} steps in this run; allowed: at least {}", number(step_s),
+                       number(kMostFixedSteps), number(duration_s / kMostFixedSteps));
+  }
+  return "";
 }
 
 int integrate(IntegrateCommand command) {
@@ -61,49 +76,36 @@ int integrate(IntegrateCommand command) {
   if (!scenario) return program::kExitUsage;
   if (!scenario->faults.empty()) {
     return refuse(program::kExitUsage,
-                  to_string(scenario->faults.front()) + ": ballast integrate knows no faults; allowed: ballast run");
+                  to_string(scenario->faults.front()) + ": not with ballast integrate; allowed: ballast run");
   }
   if (const auto how = integrators::why_not_rolling(*scenario); !how.empty()) {
-    return refuse(program::kExitUsage, scenario->name + " starts " + how +
-                                           "; ballast integrate knows rolling only, ballast run every regime");
+    return refuse(program::kExitUsage,
+                  fmt::format("{} starts {}; ballast integrate simulates rolling only, ballast run every regime",
+                              scenario->name, how));
   }
 
   std::vector<const integrators::MethodInfo*> methods;
   for (const auto& method : integrators::all_methods()) {
     if (command.method == kAll || command.method == method.name) methods.push_back(&method);
   }
-  const integrators::Settings& settings = command.settings;
-  if (settings.fixed_step_s > 0) {
-    if (methods.size() == 1 && methods.front()->fixed_steps == integrators::FixedSteps::kNever) {
-      return refuse(program::kExitUsage, "--step: " + command.method + " chooses its steps itself, by --tolerance");
-    }
-    if (settings.fixed_step_s > scenario->duration_s) {
-      return refuse(program::kExitUsage,
-                    "--step: " + number(settings.fixed_step_s) +
-                        " is longer than the run; allowed: <= duration = " + number(scenario->duration_s));
-    }
-    if (scenario->duration_s / settings.fixed_step_s > kMostFixedSteps) {
-      return refuse(program::kExitUsage, "--step: " + number(settings.fixed_step_s) + " is more than " +
-                                             number(kMostFixedSteps) + " steps in this run; allowed: at least " +
-                                             number(scenario->duration_s / kMostFixedSteps));
-    }
-  }
+  if (const auto why = step_refusal(command, methods, scenario->duration_s); !why.empty())
+    return refuse(program::kExitUsage, why);
 
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name + "-integrate" : command.out);
   if (!output.good()) return refuse(program::kExitCouldNotRun, output.error());
   output.clear();
 
-  const auto comparison = integrators::compare(*scenario, methods, settings);
+  const auto comparison = integrators::compare(*scenario, methods, command.settings);
   if (!output.write("integrators.json", integrators::comparison_json(comparison)))
     return refuse(program::kExitCouldNotRun, output.error());
-  // Of all methods it is the default one that the summary is of.
+  // With several methods the summary is the default one's.
   const integrators::Row* shown = &comparison.rows.front();
   std::string failures;
   for (const auto& row : comparison.rows) {
     if (std::string(row.method->name) == integrators::kDefaultMethod) shown = &row;
     if (row.run.failure.empty()) continue;
-    failures += std::string(failures.empty() ? "" : "\n") + row.method->name +
-                " gave up at t = " + number(row.run.result.final_sample.time_s) + " s: " + row.run.failure;
+    failures += fmt::format("{}{} failed at t = {} s: {}", failures.empty() ? "" : "\n", row.method->name,
+                            number(row.run.result.final_sample.time_s), row.run.failure);
   }
   const sil::RunResult& result = shown->run.result;
   if (shown->run.failure.empty() && !output.write_summary(sil::summary_json(*scenario, result)))
@@ -119,22 +121,23 @@ int integrate(IntegrateCommand command) {
 }  // namespace
 
 std::function<int()> add_integrate_command(CLI::App& app, CLI::App*& command) {
-  command = app.add_subcommand("integrate", "Rolls a scenario's prescribed motion by a numerical method of choice");
+  command =
+      app.add_subcommand("integrate", "Simulates a scenario's prescribed motion with a numerical method of choice");
   auto options = std::make_shared<IntegrateCommand>();
   program::add_scenario_options(*command, options->scenario);
-  // Nothing is driven here, and nothing random.
+  // There are no motors here, and no random numbers.
   command->remove_option(command->get_option("--actuation"));
   command->remove_option(command->get_option("--seed"));
-  command->add_option("--method", options->method, "the method, or all of them side by side")
+  command->add_option("--method", options->method, "the method, or all of them in comparison")
       ->check(CLI::IsMember(method_names()))
       ->capture_default_str();
-  command->add_option("--tolerance", options->settings.tolerance, "relative and absolute, of each step's error")
+  command->add_option("--tolerance", options->settings.tolerance, "relative and absolute tolerance of a step's error")
       ->check(tolerance_range())
       ->capture_default_str();
   command
       ->add_option("--step", options->settings.fixed_step_s,
-                   "s; steps of this length whatever the error: rk4 (default: what suits the tolerance), dopri5, "
-                   "dop853, radau5, radau5_dae; with --method all only of rk4")
+                   "fixed step length in s, for rk4 (default: chosen by the tolerance), dopri5, dop853, radau5, "
+                   "radau5_dae; with --method all only for rk4")
       ->check(program::positive_finite());
   command->add_option("--out", options->out, "folder for the results; default runs/NAME-integrate")
       ->check(program::not_empty());

@@ -1,4 +1,4 @@
-// ballast: the program people run.
+// ballast: the program that users run.
 #include "tools/ballast/commands.h"
 #include "tools/program/program.h"
 
@@ -12,21 +12,9 @@ int main(int argc, char** argv) {
     std::function<int()> run = {};
   };
   Command commands[] = {
-      {add_run_command},
-      {add_integrate_command},
-      {add_check_command},
-      {add_faults_command},
-      {add_friction_command},
-      {add_move_command},
-      {add_operate_command},
-      {add_spy_command},
-      {add_watch_command},
-      {add_doctor_command},
-      {add_soak_command},
-      {add_replay_command},
-      {add_report_command},
-      {add_compare_command},
-      {add_export_command},
+      {add_run_command},  {add_integrate_command}, {add_check_command},  {add_faults_command},  {add_friction_command},
+      {add_move_command}, {add_operate_command},   {add_spy_command},    {add_watch_command},   {add_doctor_command},
+      {add_soak_command}, {add_replay_command},    {add_report_command}, {add_compare_command}, {add_export_command},
   };
   for (Command& command : commands) command.run = command.add(app, command.app);
   if (const auto exit_status = program::parse(app, argc, argv)) return *exit_status;

@@ -1,4 +1,6 @@
-// ballast move: masses moved by hand, and what it does to the ball.
+// ballast move: moves masses to positions, and shows the effect on the ball.
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iostream>
@@ -7,11 +9,11 @@
 #include "sim/scenario/reader.h"
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
+#include "tools/faults/faulty_peers.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
-#include "tools/summary/controller_words.h"
-#include "tools/faults/faulty_peers.h"
 #include "tools/recording/record_run.h"
+#include "tools/summary/controller_words.h"
 
 namespace ballast {
 
@@ -29,7 +31,7 @@ struct MoveCommand {
   sil::RecordOptions record;
 };
 
-// A run without --lcm keeps all that is said, 2.4 MB a second at 1 kHz. A move that takes longer has to be meant.
+// A run without --lcm records 2.4 MB a second at 1 kHz, so a longer move is probably a mistake.
 constexpr double kLongestMove_s = 600;
 
 int refuse(const std::string& text) {
@@ -37,7 +39,7 @@ int refuse(const std::string& text) {
   return program::kExitUsage;
 }
 
-// The masses asked, of `count`; nullopt: which are not there is printed.
+// The request for a robot of `count` masses. nullopt: a mass does not exist, which is printed.
 std::optional<firmware::MoveRequest> request_of(const MoveCommand& command, int count, const std::string& whose) {
   firmware::MoveRequest request;
   request.speed_fraction = command.speed_fraction;
@@ -48,14 +50,13 @@ std::optional<firmware::MoveRequest> request_of(const MoveCommand& command, int 
   for (std::size_t k = 0; k < command.masses.size(); ++k) {
     const int i = command.masses[k];
     if (i < 0 || i >= count) {
-      program::complain("ballast", "--mass " + std::to_string(i) + ": " + whose + " has " + std::to_string(count) +
-                                       (count == 1 ? " mass" : " masses") +
-                                       (count == 0 ? "" : "; allowed: 0.." + std::to_string(count - 1)));
+      program::complain("ballast",
+                        fmt::format("--mass {}: {} has {} {}{}", i, whose, count, count == 1 ? "mass" : "masses",
+                                    count == 0 ? "" : fmt::format("; allowed: 0..{}", count - 1)));
       return std::nullopt;
     }
     if (std::count(command.masses.begin(), command.masses.end(), i) > 1) {
-      program::complain("ballast",
-                        "--mass " + std::to_string(i) + ": is given more than once; allowed: one --to a mass");
+      program::complain("ballast", fmt::format("--mass {}: is given more than once; allowed: one --to per mass", i));
       return std::nullopt;
     }
     request.masses |= 1u << i;
@@ -69,30 +70,26 @@ void warn_of_breach(const firmware::Prediction& plan, const sim::Scenario::Envel
   if (!breach.empty()) {
     program::complain("ballast", "the move is predicted to break the envelope: " + breach);
   } else if (plan.horizon_s < plan.duration_s) {
-    char text[192];
-    std::snprintf(text, sizeof text,
-                  "of the move's %.6g s only the first %.6g s are predicted: a tick has time for few steps of it, and "
-                  "they are short where the ball turns fast",
-                  plan.duration_s, plan.horizon_s);
-    program::complain("ballast", text);
+    program::complain("ballast",
+                      fmt::format("only the first {:.6g} s of the move's {:.6g} s are predicted: the prediction has a "
+                                  "limited number of steps, which are short where the ball turns fast",
+                                  plan.horizon_s, plan.duration_s));
   }
 }
 
-// "mass 1 is at 2.1 (asked: 2.5, 0.4 to go)", as far as the controller knows.
+// The distance left by the commanded positions: "mass 1 is at 2.1 (asked: 2.5, 0.4 to go)".
 std::string way_to_go_text(const firmware::MoveRequest& request, const controller_status_t& status) {
   std::string text;
   for (int i = 0; i < status.motor_count; ++i) {
     if ((request.masses >> i & 1u) == 0) continue;
     const double target = request.target_position[static_cast<std::size_t>(i)], position = status.commanded_position[i];
-    char one[128];
-    std::snprintf(one, sizeof one, "%smass %d is at %.6g (asked: %.6g, %.2g to go)", text.empty() ? "" : ", ", i,
-                  position, target, target - position);
-    text += one;
+    text += fmt::format("{}mass {} is at {:.6g} (asked: {:.6g}, {:.2g} to go)", text.empty() ? "" : ", ", i, position,
+                        target, target - position);
   }
   return text;
 }
 
-// Asks the controller of a run that is under way.
+// Moves the masses of a run on a bus.
 int move_on_the_bus(const MoveCommand& command) {
   if (!command.out.empty()) return refuse("--out: the run on the bus keeps its own results; allowed without --lcm");
   const program::ScenarioOptions& given = command.scenario;
@@ -121,7 +118,7 @@ int move_on_the_bus(const MoveCommand& command) {
   if (end.follow(begins) != hal::Status::kOk) return bus_trouble(end);
   const bool moving = end.status().planned != 0 && end.status().plan_tick == plan_tick;
   if (moving && !command.record.quiet) std::cout << "moving, " << plan_text(end.status()) << std::endl;
-  // The bus does not say what the run allows; without a scenario it is what the ball and the floor do.
+  // The messages do not contain the run's envelope. Without a scenario it is the default one.
   const sim::Scenario::Envelope envelope = scenario ? scenario->envelope : sim::Scenario::Envelope{};
   const firmware::Prediction plan = hal::from_message(end.status()).plan;
   if (moving) warn_of_breach(plan, envelope);
@@ -129,8 +126,8 @@ int move_on_the_bus(const MoveCommand& command) {
   const hal::Status followed = end.follow(over);
   const controller_status_t& status = end.status();
   if (!command.record.quiet) {
-    std::cout << sil::mode_text(status.mode) << ", at " << positions_text(status);
-    if (end.least_margin()) std::cout << "; least margin seen " << *end.least_margin();
+    std::cout << fmt::format("{}, at {}", sil::mode_text(status.mode), positions_text(status));
+    if (end.least_margin()) std::cout << fmt::format("; least margin {:g}", *end.least_margin());
     std::cout << std::endl;
   }
   if (moving && end.least_margin()) {
@@ -138,23 +135,24 @@ int move_on_the_bus(const MoveCommand& command) {
     if (!missed.empty()) program::complain("ballast", missed);
   }
   if (followed == hal::Status::kInterrupted) {
-    program::complain("ballast", "interrupted: the masses go on to where they were sent, " +
-                                     way_to_go_text(*request, status) + "; " + program::ballast_as_typed() +
-                                     " operate stop" + program::as_typed(command.bus) + " stops them");
+    program::complain(
+        "ballast",
+        fmt::format("interrupted: the masses move on to their targets, {}; {} operate stop{} stops them",
+                    way_to_go_text(*request, status), program::ballast_as_typed(), program::as_typed(command.bus)));
     return program::kExitCouldNotRun;
   }
   if (followed != hal::Status::kOk) return bus_trouble(end);
   if (status.mode == controller_status_t::MODE_ARMED && status.plan_tick == plan_tick) return program::kExitCompleted;
   const bool tripped = status.mode == controller_status_t::MODE_TRIPPED;
-  program::complain("ballast", std::string("the move was ") + (tripped ? "ended by a trip" : "stopped on its way") +
-                                   ": " + way_to_go_text(*request, status));
+  program::complain("ballast", fmt::format("the move was {}: {}", tripped ? "ended by a trip" : "stopped on its way",
+                                           way_to_go_text(*request, status)));
   return tripped ? program::kExitEnvelope : program::kExitCouldNotRun;
 }
 
 int move(const MoveCommand& command) {
   if (command.masses.size() != command.targets.size()) {
-    return refuse("--mass and --to: " + std::to_string(command.masses.size()) + " masses and " +
-                  std::to_string(command.targets.size()) + " targets; allowed: --mass I --to X in pairs");
+    return refuse(fmt::format("--mass and --to: {} masses and {} targets; allowed: --mass I --to X in pairs",
+                              command.masses.size(), command.targets.size()));
   }
   if (command.masses.empty() && !command.all)
     return refuse("--mass: no mass is named; allowed: --mass I --to X, or --all X");
@@ -170,8 +168,7 @@ int move(const MoveCommand& command) {
   for (std::size_t i = 0; i < scenario->masses.size(); ++i) {
     const double velocity = scenario->masses[i].initial_velocity;
     if (velocity == 0) continue;
-    return refuse("mass." + std::to_string(i) + ".initial_velocity = " + std::to_string(velocity) +
-                  ": a move begins at rest; allowed: 0");
+    return refuse(fmt::format("mass.{}.initial_velocity = {:f}: a move begins at rest; allowed: 0", i, velocity));
   }
   const auto request = request_of(command, static_cast<int>(scenario->masses.size()), scenario->name);
   if (!request) return program::kExitUsage;
@@ -181,8 +178,8 @@ int move(const MoveCommand& command) {
   const auto new_peers = [&] {
     return sil::peers_in_process(*scenario, params.get(), program::to_monitor_limits(*scenario));
   };
-  // Asked first without a trace: what a refused move would replace stays, and what it will do is said before it does
-  // it.
+  // A run without output plans the move first. A refused move then keeps the results of an earlier one, and the
+  // prediction is printed before the move.
   const auto planner = new_peers();
   sil::Recorder nowhere("/dev/null");
   const sil::RunResult plan =
@@ -191,9 +188,10 @@ int move(const MoveCommand& command) {
   if (plan.move) {
     const double most_s = std::max(kLongestMove_s, scenario->duration_s), takes_s = plan.move->predicted.duration_s;
     if (takes_s > most_s) {
-      return refuse("so far a move, or so slow a one (--speed-fraction), takes " + sim::number_text(takes_s) +
-                    " s; allowed: at most " + sim::number_text(most_s) +
-                    " s, or the scenario's duration where that is longer (--set duration=...)");
+      return refuse(
+          fmt::format("the move takes {} s; allowed: at most {} s, or the scenario's duration where that is "
+                      "longer (--set duration=...); a shorter move or a greater --speed-fraction takes less",
+                      sim::number_text(takes_s), sim::number_text(most_s)));
     }
     warn_of_breach(plan.move->predicted, scenario->envelope);
   }
@@ -206,7 +204,7 @@ int move(const MoveCommand& command) {
     program::complain("ballast", output.error());
     return program::kExitCouldNotRun;
   }
-  scenario->published.clear();  // it speaks of the scenario's own motion
+  scenario->published.clear();  // published values belong to the scenario's own motion
   const auto peers = new_peers();
   return sil::record_run("ballast", *scenario, *peers, output, record);
 }
@@ -220,17 +218,17 @@ std::function<int()> add_move_command(CLI::App& app, CLI::App*& command) {
   program::add_scenario_options(*command, options->scenario);
   command->get_option("SCENARIO")->required(false);
   program::add_bus_options(*command, options->bus);
-  command->remove_option(command->get_option("--start-timeout"));  // it speaks to a run that is under way
+  command->remove_option(command->get_option("--start-timeout"));  // the run has already started
   options->url = command->get_option("--lcm")->description(
-      "URL of the LCM bus of a run that is under way: ask its controller, instead of running");
-  command->add_option("--mass", options->masses, "a mass, counted from 0; repeatable, each with its --to")
+      "URL of the LCM bus of a run: command its controller instead of running a scenario");
+  command->add_option("--mass", options->masses, "number of a mass, from 0; repeatable, each with its --to")
       ->allow_extra_args(false);
   command->add_option("--to", options->targets, "its target: rad on a circle, m on a line or spline")
       ->allow_extra_args(false);
-  command->add_option("--all", options->all, "a target for all masses; --mass and --to may differ from it");
+  command->add_option("--all", options->all, "a target for all masses; --mass and --to override it for one");
   command
       ->add_option("--speed-fraction", options->speed_fraction,
-                   "part of the greatest speed the motors' limits allow, 0 < .. <= 1")
+                   "fraction of the greatest speed that the motors' limits allow, 0 < .. <= 1")
       ->capture_default_str();
   command->add_option("--out", options->out, "folder for the results; default runs/NAME-move")
       ->check(program::not_empty());

@@ -1,4 +1,6 @@
-// ballast operate: tells the controller on a bus what to do.
+// ballast operate: sends an operator's command to the controller on a bus.
+#include <fmt/core.h>
+
 #include <iostream>
 #include <memory>
 
@@ -31,11 +33,11 @@ int operate(const OperateCommand& command) {
   if (!bus.good()) return program::refuse_bus("ballast", command.bus.url);
   sil::BusOperator end(bus, hal::Seconds(command.bus.peer_timeout_s));
   if (end.connect() != hal::Status::kOk) return bus_trouble(end);
-  const OperatorCommand said = command_of(command.command);
-  if (said != OperatorCommand::kNone) {
-    if (const auto exit_status = tell(end, said, command.command)) return *exit_status;
+  const OperatorCommand sent = command_of(command.command);
+  if (sent != OperatorCommand::kNone) {
+    if (const auto exit_status = tell(end, sent, command.command)) return *exit_status;
   }
-  if (end.status().mode == controller_status_t::MODE_STOPPING && said == OperatorCommand::kStop) {
+  if (end.status().mode == controller_status_t::MODE_STOPPING && sent == OperatorCommand::kStop) {
     const std::int64_t plan_tick = end.status().plan_tick;
     const auto predicted = [&](const controller_status_t& s) { return s.planned != 0 || s.plan_tick != plan_tick; };
     if (end.follow(predicted) != hal::Status::kOk) return bus_trouble(end);
@@ -44,21 +46,22 @@ int operate(const OperateCommand& command) {
     if (end.follow(stopped) != hal::Status::kOk) return bus_trouble(end);
   }
   const controller_status_t& status = end.status();
-  std::cout << sil::mode_text(status.mode) << (status.at_rest != 0 ? ", at rest at " : ", moving, at ")
-            << positions_text(status) << " in tick " << status.tick << '\n';
+  std::cout << fmt::format("{}, {} {} in tick {}\n", sil::mode_text(status.mode),
+                           status.at_rest != 0 ? "at rest at" : "moving, at", positions_text(status), status.tick);
   return status.mode == controller_status_t::MODE_TRIPPED ? program::kExitEnvelope : program::kExitCompleted;
 }
 
 }  // namespace
 
 std::function<int()> add_operate_command(CLI::App& app, CLI::App*& command) {
-  command = app.add_subcommand("operate", "Tells the controller on a bus to arm, start, stop or reset");
+  command = app.add_subcommand("operate", "Commands the controller on a bus to arm, start, stop or reset");
   auto options = std::make_shared<OperateCommand>();
-  command->add_option("COMMAND", options->command, "arm, start (the scenario's motion), stop, reset; status only asks")
+  command
+      ->add_option("COMMAND", options->command, "arm, start (the scenario's motion), stop or reset; status only asks")
       ->required()
       ->check(CLI::IsMember({"status", "arm", "start", "stop", "reset"}));
   program::add_bus_options(*command, options->bus);
-  command->remove_option(command->get_option("--start-timeout"));  // it speaks to a run that is under way
+  command->remove_option(command->get_option("--start-timeout"));  // the run has already started
   return [options] { return operate(*options); };
 }
 

@@ -34,12 +34,12 @@ sil::LcmPeersOptions::StartedAnew PeerFaults::strike(std::int64_t tick) {
       Clock::time_point& awake = asleep_until_.try_emplace(*fault.peer, until).first->second;
       awake = std::max(awake, until);
     };
-    if (first) done_ += (done_.empty() ? "" : ", ") + to_string(fault);
+    if (first) injected_ += (injected_.empty() ? "" : ", ") + to_string(fault);
     if (first && fault.kind == FaultKind::kPeerKilled) children_.signal(program, SIGKILL);
     if (first && fault.kind == FaultKind::kPeerFrozen) sleep(fault.end_s - fault.time_s);
     if (first && fault.kind == FaultKind::kPeerRestarted) {
       trouble_ = children_.restart(program);
-      asleep_until_.erase(*fault.peer);  // it is another process now
+      asleep_until_.erase(*fault.peer);  // the new process is awake
       (*fault.peer == FaultPeer::kController ? anew.controller : anew.monitor) = true;
     }
     if (fault.kind == FaultKind::kPeerTooSlow && fault.active(time_s)) {
@@ -58,7 +58,7 @@ std::string PeerFaults::look() {
   });
   if (!trouble_.empty()) return trouble_;
   const std::string ended = children_.ended();
-  return ended.empty() || done_.empty() ? ended : ended + " (as asked: " + done_ + ")";
+  return ended.empty() || injected_.empty() ? ended : ended + " (injected: " + injected_ + ")";
 }
 
 }  // namespace ballast

@@ -1,6 +1,6 @@
-// The scenario's faults of peers, done to processes: killed, stopped and started anew for good, at the ticks of the
-// faults. Over a bus the plant waits for its peers, and simulated time with it: how long a peer is frozen or slow is
-// measured on the wall clock, and it is lost when that is longer than the peer timeout.
+// Injects the scenario's peer faults into processes: kills, stops and restarts them at the ticks of the faults. Over a
+// bus the plant, and simulated time with it, waits for its peers. So the time for which a peer is frozen or slow is
+// measured on the wall clock, and a peer is lost if it exceeds the peer timeout.
 #pragma once
 
 #include <chrono>
@@ -22,10 +22,10 @@ class PeerFaults {
   [[nodiscard]] static bool any(const sim::Scenario& scenario);
   static const char* program_of(sim::FaultPeer peer);
 
-  // Before the plant speaks in a tick.
+  // Injects the faults of a tick, before the plant publishes.
   sil::LcmPeersOptions::StartedAnew strike(std::int64_t tick);
-  // While it waits: lets those go on whose time has come. A line about a peer that has ended, as Children::ended(),
-  // with what the scenario has done; or that one could not be started anew.
+  // Called while the plant waits: resumes peers whose time has come. Returns a line about a peer that has ended or
+  // could not be restarted, with the injected faults, or an empty one.
   std::string look();
 
  private:
@@ -33,8 +33,8 @@ class PeerFaults {
 
   const sim::Scenario& scenario_;
   Children& children_;
-  std::map<sim::FaultPeer, Clock::time_point> asleep_until_;  // of two faults the later
-  std::string done_;                                          // "peer_killed at 2 s: the controller"
+  std::map<sim::FaultPeer, Clock::time_point> asleep_until_;  // the later of two faults counts
+  std::string injected_;                                      // "peer_killed at 2 s: the controller"
   std::string trouble_;
 };
 

@@ -1,7 +1,7 @@
-// ballast replay: a recorded run's inputs, given to the firmware of today.
+// ballast replay: gives the inputs of a recorded run to this build's firmware.
+#include <fmt/core.h>
 #include <unistd.h>
 
-#include <cinttypes>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -11,12 +11,12 @@
 
 #include "tools/ballast/commands.h"
 #include "tools/ballast/firmware_option.h"
+#include "tools/faults/faulty_peers.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
-#include "tools/recording/black_box.h"
-#include "tools/faults/faulty_peers.h"
 #include "tools/qemu/qemu_peers.h"
+#include "tools/recording/black_box.h"
 #include "tools/recording/replay.h"
 
 namespace ballast {
@@ -26,12 +26,12 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kExitDiffers = 3;
-constexpr int kExitGap = 8;  // 4 to 7 are the microcontroller's
+constexpr int kExitGap = 8;  // program.h has 4 to 7
 
 struct ReplayCommand : FirmwareOption {
   std::string log;
   std::string scenario;  // empty: scenario.toml beside the log
-  std::string out;       // empty: the replayed log is thrown away
+  std::string out;       // empty: the replayed log is deleted
   sil::ReplayOptions replay;
   bool verify = false;
 };
@@ -41,17 +41,17 @@ int refuse(const std::string& text) {
   return program::kExitUsage;
 }
 
-// It is the files' fault, not of how it was asked.
+// For trouble with the files, while refuse() is for the command line.
 int could_not(const std::string& text) {
   program::complain("ballast", text);
   return program::kExitCouldNotRun;
 }
 
-// A file of one's own, gone with the object.
+// A temporary file, deleted with the object.
 class TemporaryLog {
  public:
   TemporaryLog() {
-    // mkdtemp puts six letters of its own in the place of the six X.
+    // mkdtemp replaces the six X.
     std::string name = (fs::temp_directory_path() / "ballast-replay-").string() + std::string(6, 'X');
     if (mkdtemp(name.data()) != nullptr) folder_ = name;
   }
@@ -74,79 +74,83 @@ std::string file_text(const std::string& path) {
   return text.str();
 }
 
-// By the summary that the run has left beside its log; empty: the log is as long as it was, or there is no summary.
+// Compares the length of the log with that in the run's summary. Empty: they are equal, or there is no summary.
 std::string length_fault(const fs::path& log) {
-  if (log.filename() != "run.lcmlog") return "";  // another one, which the summary does not speak of
+  if (log.filename() != "run.lcmlog") return "";  // a summary beside a log of another name does not belong to it
   std::ifstream file(log.parent_path() / "summary.json");
   const auto summary = nlohmann::json::parse(file, nullptr, false);
   if (!summary.is_object() || !summary.value("log_bytes", nlohmann::json()).is_number_integer()) return "";
   std::error_code code;
   const auto is = static_cast<std::int64_t>(fs::file_size(log, code)), was = summary["log_bytes"].get<std::int64_t>();
   if (is == was || code) return "";
-  return "the log has " + std::to_string(is) + " bytes; the run has left " + std::to_string(was) + " (summary.json)";
+  return fmt::format("the log has {} bytes; the run left {} (summary.json)", is, was);
 }
 
-// The words of `ballast compare`, which knows fields and units.
+// The first difference in the words of `ballast compare`, which knows fields and units.
 std::string first_difference(const std::string& log, const std::string& replayed) {
   const auto compare = program::beside_this_program("ballast-compare");
-  const program::ProgramOutcome said = program::run_program(
+  const program::ProgramOutcome compared = program::run_program(
       {compare.string(), "--controller", "--", fs::absolute(log).string(), fs::absolute(replayed).string()});
-  if (said.exit_status == 0) return said.output;
-  return "  which field it is ballast-compare would say, but: " + said.output + "\n";
+  if (compared.exit_status == 0) return compared.output;
+  return fmt::format("  ballast-compare, which names the field, failed: {}\n", compared.output);
+}
+
+std::string sources_text(const std::optional<std::string>& recorded, const std::string& own) {
+  if (!recorded) return fmt::format("  firmware    sources {}; those of the recorded run are not known\n", own);
+  if (*recorded == own) return fmt::format("  firmware    the sources of the recorded run, {}\n", own);
+  return fmt::format("  firmware    sources {}; the run was recorded with others, {}\n", own, *recorded);
+}
+
+std::string difference_text(const ReplayCommand& command, const sil::ReplayResult& result, const std::string& replayed,
+                            bool same_sources, bool other_precision) {
+  // A log has no checksum, so a flipped bit in it cannot be told from an input or an output.
+  const char* why = "the firmware's sources, or a damaged log, which looks the same";
+  if (same_sources) {
+    why =
+        "not the firmware's sources, which are the same: the log is damaged, or of another build of them (compiler, "
+        "options)";
+  }
+  if (other_precision) why = "the other precision, above";
+  return fmt::format("  DIFFERS     in {} of {} ticks, first in tick {}\n{}  why         {}\n",
+                     result.ticks_that_differ, result.ticks, *result.first_difference,
+                     first_difference(command.log, replayed), why);
 }
 
 void print(const ReplayCommand& command, const sim::Scenario& scenario, const std::string& scenario_file,
            const sil::ReplayResult& result, const std::string& replayed, const std::string& damage) {
-  std::printf("%s: ticks %" PRId64 " to %" PRId64 " of %s, given to the firmware %s\n", scenario.name.c_str(),
-              result.first_tick, result.last_tick, command.log.c_str(),
-              command.in_qemu() ? ("in QEMU, on " + qemu_options(command).board).c_str() : "on this machine");
-  for (const std::string& note : result.notes) std::printf("  note        %s\n", note.c_str());
+  std::cout << fmt::format("{}: ticks {} to {} of {}, given to the firmware {}\n", scenario.name, result.first_tick,
+                           result.last_tick, command.log,
+                           command.in_qemu() ? "in QEMU, on " + qemu_options(command).board : "on this machine");
+  for (const std::string& note : result.notes) std::cout << fmt::format("  note        {}\n", note);
   const auto recorded = sil::firmware_sources(file_text(scenario_file));
   const std::string own = sil::own_firmware_sources();
-  if (!recorded) {
-    std::printf("  firmware    sources %s; of the recorded run's nothing is known\n", own.c_str());
-  } else if (*recorded == own) {
-    std::printf("  firmware    the sources of the recorded run, %s\n", own.c_str());
-  } else {
-    std::printf("  firmware    sources %s; the run was recorded with others, %s\n", own.c_str(), recorded->c_str());
-  }
+  std::cout << sources_text(recorded, own);
   if (result.trip) {
-    std::printf("  trip        in tick %lld, faults 0x%x\n", static_cast<long long>(result.trip->tick),
-                static_cast<unsigned>(result.trip->faults));
+    std::cout << fmt::format("  trip        in tick {}, faults {:#x}\n", result.trip->tick,
+                             static_cast<std::uint32_t>(result.trip->faults));
   }
-  if (!damage.empty()) std::printf("  DAMAGED     %s\n", damage.c_str());
+  if (!damage.empty()) std::cout << fmt::format("  DAMAGED     {}\n", damage);
   if (result.gap) {
-    std::printf("  GAP         %s; the log goes on to tick %" PRId64 ", and nothing after tick %" PRId64
-                " was replayed\n",
-                result.gap->what.c_str(), result.gap->goes_on_to, result.last_tick);
+    std::cout << fmt::format("  GAP         {}; the log goes on to tick {}, and nothing after tick {} was replayed\n",
+                             result.gap->what, result.gap->goes_on_to, result.last_tick);
   }
   const bool other_precision = result.recorded_floats && *result.recorded_floats != (command.firmware == kQemuAn386);
   if (other_precision) {
-    std::printf(
-        "  precision   the log is of a firmware in %s precision, and this one's is %s: replay it with --firmware %s\n",
+    std::cout << fmt::format(
+        "  precision   the log is of a firmware in {} precision, and this one's is {}: replay it with --firmware {}\n",
         *result.recorded_floats ? "single" : "double", *result.recorded_floats ? "double" : "single",
         *result.recorded_floats ? kQemuAn386 : kHost);
   }
-  if (!result.first_difference && result.gap) {
-    std::printf("  equal       up to the gap: every step command and every status of ticks %" PRId64 " to %" PRId64
-                ", bit for bit\n",
-                result.first_tick, result.last_tick);
-  } else if (!result.first_difference) {
-    std::printf("  equal       every step command and every status, bit for bit\n");
+  if (result.first_difference) {
+    std::cout << difference_text(command, result, replayed, recorded == own, other_precision);
+  } else if (result.gap) {
+    std::cout << fmt::format(
+        "  equal       up to the gap: every step command and every status of ticks {} to {}, bit for bit\n",
+        result.first_tick, result.last_tick);
   } else {
-    std::printf("  DIFFERS     in %" PRId64 " of %" PRId64 " ticks, first in tick %" PRId64 "\n",
-                result.ticks_that_differ, result.ticks, *result.first_difference);
-    std::fputs(first_difference(command.log, replayed).c_str(), stdout);
-    // A log has no checksum: a flipped bit in it is an input, or an output, like any other.
-    const char* why = "the firmware's sources, or a damaged log, which looks the same";
-    if (recorded == own)
-      why =
-          "not the firmware's sources, which are the same: the log is damaged, or of another build of them (compiler, "
-          "options)";
-    if (other_precision) why = "the other precision, above";
-    std::printf("  why         %s\n", why);
+    std::cout << "  equal       every step command and every status, bit for bit\n";
   }
-  std::fflush(stdout);
+  std::cout << std::flush;
 }
 
 int replay(const ReplayCommand& given) {
@@ -160,14 +164,15 @@ int replay(const ReplayCommand& given) {
   options.scenario =
       command.scenario.empty() ? (fs::path(command.log).parent_path() / "scenario.toml").string() : command.scenario;
   if (command.scenario.empty() && !fs::exists(options.scenario, code)) {
-    return refuse(options.scenario + ": no such file, which a run leaves beside its log; name it with --scenario");
+    return refuse(options.scenario + ": no such file; a run leaves it beside its log; name it with --scenario");
   }
   const auto scenario = program::load_scenario(options);
   if (!scenario) return program::kExitUsage;
   if (scenario->id != *of_log.id) {
-    return refuse(command.log + " is of another scenario: fingerprint " + std::to_string(*of_log.id) + "; " +
-                  options.scenario + " has " + std::to_string(scenario->id) +
-                  " (or a build of today understands that file in another way)");
+    return refuse(
+        fmt::format("{} is of another scenario: fingerprint {}; {} has {} (or this build reads that file "
+                    "differently)",
+                    command.log, *of_log.id, options.scenario, scenario->id));
   }
   if (scenario->run.actuation != sim::Actuation::kStepper) {
     return refuse(command.log + ": a run with prescribed masses has no controller to replay; allowed: steppers");
@@ -216,7 +221,7 @@ int replay(const ReplayCommand& given) {
 
 std::function<int()> add_replay_command(CLI::App& app, CLI::App*& command) {
   command = app.add_subcommand("replay",
-                               "Gives a recorded run's inputs to the firmware of today, and says where its outputs "
+                               "Gives a recorded run's inputs to this build's firmware, and prints where its outputs "
                                "differ from the recorded ones");
   auto options = std::make_shared<ReplayCommand>();
   command->add_option("LOG", options->log, "run.lcmlog, or the folder of the run")
@@ -224,11 +229,11 @@ std::function<int()> add_replay_command(CLI::App& app, CLI::App*& command) {
       ->check(program::not_empty());
   command->add_flag("--verify", options->verify,
                     "exit status 3 if anything differs, 8 if the log has a gap or is damaged");
-  command->add_option("--until", options->replay.until_tick, "the last tick to replay; default all");
+  command->add_option("--until", options->replay.until_tick, "the last tick to replay; default: all");
   command->add_option("--scenario", options->scenario, "the run's scenario; default scenario.toml beside the log")
       ->check(program::not_empty());
   add_firmware_options(*command, *options);
-  command->add_option("--out", options->out, "keep the replayed log: the recorded one with the replayed outputs in it")
+  command->add_option("--out", options->out, "keep the replayed log: the recorded log with the replayed outputs")
       ->check(program::not_empty());
   return [options] { return replay(*options); };
 }

@@ -1,4 +1,5 @@
-// ballast report, ballast compare: pages about finished runs, made by the programs of tools/report beside this one.
+// ballast report, ballast compare: pages of finished runs. ballast-report and ballast-compare beside this program make
+// them.
 #include <memory>
 #include <string>
 #include <vector>
@@ -11,7 +12,7 @@ namespace ballast {
 
 namespace {
 
-// Becomes that program; comes back only if it cannot be started.
+// Replaces this process with that program. Returns only if it cannot be started.
 int become(const std::string& name, const std::vector<std::string>& arguments) {
   std::vector<std::string> argv{program::beside_this_program(name).string()};
   argv.insert(argv.end(), arguments.begin(), arguments.end());
@@ -23,7 +24,7 @@ void add_out_option(CLI::App& command, std::string& out, const std::string& fall
   command.add_option("--out", out, "the page's file; default " + fallback)->check(program::not_empty());
 }
 
-// "--" so that a file named like an option stays a file.
+// "--" separates the files, one of which may be named like an option.
 std::vector<std::string> command_line(const std::string& out, const std::vector<std::string>& files) {
   std::vector<std::string> arguments;
   if (!out.empty()) arguments.push_back("--out=" + out);
@@ -51,10 +52,10 @@ std::function<int()> add_compare_command(CLI::App& app, CLI::App*& command) {
   struct Options {
     std::string run_a, run_b, out;
   };
-  command = app.add_subcommand("compare", "Says in what two runs differ, and makes an HTML page of both");
+  command = app.add_subcommand("compare", "Lists how two runs differ, and makes an HTML page of both");
   auto options = std::make_shared<Options>();
   command->add_option("RUN_A", options->run_a, "folder of a run, or its log")->required()->check(program::not_empty());
-  command->add_option("RUN_B", options->run_b, "folder of another, or its log")
+  command->add_option("RUN_B", options->run_b, "folder of another run, or its log")
       ->required()
       ->check(program::not_empty());
   add_out_option(*command, options->out, "compare.html beside the log of RUN_B");

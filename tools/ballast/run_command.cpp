@@ -1,6 +1,6 @@
-// ballast run: the main job.
-#include <cstdio>
-#include <cstdlib>
+// ballast run: runs a scenario.
+#include <fmt/core.h>
+
 #include <iostream>
 #include <memory>
 
@@ -8,13 +8,13 @@
 #include "tools/ballast/commands.h"
 #include "tools/ballast/firmware_option.h"
 #include "tools/ballast/peer_faults.h"
+#include "tools/faults/faulty_peers.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
-#include "tools/faults/faulty_peers.h"
-#include "tools/sil/lcm_peers.h"
 #include "tools/qemu/qemu_peers.h"
 #include "tools/recording/record_run.h"
+#include "tools/sil/lcm_peers.h"
 
 namespace ballast {
 
@@ -36,6 +36,11 @@ int fail(const std::string& text) {
   return program::kExitCouldNotRun;
 }
 
+int refuse(const std::string& text) {
+  program::complain("ballast", text);
+  return program::kExitUsage;
+}
+
 int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario,
                        const firmware::ControllerParams* params, lcm::LCM* bus, sil::OutputDir& output) {
   sil::RecordOptions record = command.record;
@@ -51,7 +56,7 @@ int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario,
   return sil::record_run("ballast", scenario, *peers, output, record);
 }
 
-// This process is the plant; controller and monitor are started beside it.
+// Runs the plant in this process, and controller and monitor as children.
 int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, bool has_controller, hal::Bus& bus,
                      sil::OutputDir& output) {
   std::vector<std::string> arguments{command.scenario.scenario, "--lcm", command.bus.url};
@@ -85,18 +90,17 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
   return sil::record_run("ballast", scenario, peers, output, record);
 }
 
-// The lines of the target under the summary.
+// Prints the target's lines below the summary.
 void print_target(const sil::TargetRecord& target) {
   if (target.ticks == 0) return;
-  std::printf(
-      "  firmware    on %s in QEMU%s: %lld to %lld instructions per tick (most in tick %lld), %lld in the mean\n",
-      target.board.c_str(), target.real_bytes == sizeof(float) ? ", model in single precision" : "",
-      static_cast<long long>(target.min_instructions), static_cast<long long>(target.max_instructions),
-      static_cast<long long>(target.max_tick), static_cast<long long>(target.sum_instructions / target.ticks));
+  std::cout << fmt::format(
+      "  firmware    on {} in QEMU{}: {} to {} instructions per tick (most in tick {}), {} in the mean\n", target.board,
+      target.real_bytes == sizeof(float) ? ", model in single precision" : "", target.min_instructions,
+      target.max_instructions, target.max_tick, target.sum_instructions / target.ticks);
   if (!target.farewell) return;
-  std::printf("  pins        %lld pulses given as commanded, at most %.2f us late; stack %u of %u bytes\n",
-              static_cast<long long>(target.pulses), 1e6 * target.max_late_counts / target.counter_hz,
-              target.farewell->stack_used_bytes, target.farewell->stack_bytes);
+  std::cout << fmt::format("  pins        {} pulses given as commanded, at most {:.2f} us late; stack {} of {} bytes\n",
+                           target.pulses, 1e6 * target.max_late_counts / target.counter_hz,
+                           target.farewell->stack_used_bytes, target.farewell->stack_bytes);
 }
 
 int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const firmware::ControllerParams& params,
@@ -132,73 +136,64 @@ void draw_pictures(const sil::OutputDir& output) {
     program::complain("ballast", "the pictures could not be drawn; the run itself is complete");
 }
 
-int run(const RunCommand& command) {
+// Empty, or why options that need a controller do not fit this scenario or each other.
+std::string controller_refusal(const RunCommand& command, bool has_controller) {
+  if (command.record.check_steps && !has_controller)
+    return "--check-steps: a run with prescribed masses has no steps; allowed with steppers";
+  if (command.in_qemu() && !has_controller) {
+    return fmt::format("--firmware {}: a run with prescribed masses has no controller; allowed with steppers",
+                       command.firmware);
+  }
+  if (command.in_qemu() && command.processes)
+    return fmt::format("--firmware {}: not together with --processes", command.firmware);
+  if (!command.in_qemu() && !command.elf.empty()) {
+    return fmt::format("--firmware-elf: not with --firmware {}; allowed: with --firmware {} or {}", kHost, kQemu,
+                       kQemuAn386);
+  }
+  if (command.by_hand && !has_controller)
+    return "--by-hand: a run with prescribed masses has no controller; allowed with steppers";
+  if (command.by_hand && !command.processes && command.url->count() == 0)
+    return "--by-hand: there is no bus for an operator; allowed with --lcm or --processes";
+  return "";
+}
+
+// Empty, or why the scenario's faults or its pace are not possible with these options.
+std::string scenario_refusal(const RunCommand& command, const sim::Scenario& scenario) {
+  using Elsewhere = sil::FaultyPeers::Elsewhere;
+  std::string why;
+  if (command.processes) why = sil::FaultyPeers::not_possible(scenario, Elsewhere::kProcesses, "with --processes");
+  if (command.in_qemu())
+    why = sil::FaultyPeers::not_possible(scenario, Elsewhere::kNothing, "with --firmware " + command.firmware);
+  if (why.empty() && command.record.check_steps)
+    why = sil::FaultyPeers::not_possible(scenario, Elsewhere::kNothing, "with --check-steps");
+  if (!why.empty()) return why;
+  const double speed = command.record.speed;
+  if (command.processes && speed > 0 && 2 * scenario.run.control_period_s / speed > command.bus.peer_timeout_s) {
+    return "--speed: at this pace a tick takes more than half the peer timeout; give all processes a longer "
+           "--peer-timeout";
+  }
+  return "";
+}
+
+int run(const RunCommand& given) {
+  RunCommand command = given;
   const auto scenario = program::load_scenario(command.scenario);
   if (!scenario) return program::kExitUsage;
   const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
-  if (command.record.check_steps && !has_controller) {
-    program::complain("ballast", "--check-steps: a run with prescribed masses has no steps; allowed with steppers");
-    return program::kExitUsage;
-  }
-  const bool in_qemu = command.in_qemu();
-  if (in_qemu && (!has_controller || command.processes)) {
-    program::complain("ballast", "--firmware " + command.firmware + ": " +
-                                     (has_controller ? "not together with --processes"
-                                                     : "a run with prescribed masses has no controller; allowed with "
-                                                       "steppers"));
-    return program::kExitUsage;
-  }
-  if (!in_qemu && !command.elf.empty()) {
-    program::complain("ballast", std::string("--firmware-elf: is given, and --firmware is ") + kHost +
-                                     ", which takes no file; allowed: with --firmware " + kQemu + " or " + kQemuAn386);
-    return program::kExitUsage;
-  }
-  using Elsewhere = sil::FaultyPeers::Elsewhere;
-  std::string why;
-  if (command.processes) why = sil::FaultyPeers::not_possible(*scenario, Elsewhere::kProcesses, "with --processes");
-  if (in_qemu) {
-    why = sil::FaultyPeers::not_possible(*scenario, Elsewhere::kNothing, "with --firmware " + command.firmware);
-  }
-  if (why.empty() && command.record.check_steps) {
-    why = sil::FaultyPeers::not_possible(*scenario, Elsewhere::kNothing, "with --check-steps");
-  }
-  if (!why.empty()) {
-    program::complain("ballast", why);
-    return program::kExitUsage;
-  }
+  if (const auto why = controller_refusal(command, has_controller); !why.empty()) return refuse(why);
+  command.record.by_hand = command.by_hand;
+  if (command.by_hand && command.record.speed == 0) command.record.speed = 1;  // a person needs the wall clock's pace
+  if (const auto why = scenario_refusal(command, *scenario); !why.empty()) return refuse(why);
   auto params = std::make_unique<firmware::ControllerParams>();
   if (has_controller) {
-    if (const auto refusal = program::to_controller_params(*scenario, *params)) {
-      program::complain("ballast", *refusal);
-      return program::kExitUsage;
-    }
+    if (const auto refusal = program::to_controller_params(*scenario, *params)) return refuse(*refusal);
   }
-  RunCommand with_signals = command;
-  sil::RecordOptions& record = with_signals.record;
-  record.by_hand = command.by_hand;
-  if (command.by_hand) {
-    if (!has_controller || (!command.processes && command.url->count() == 0)) {
-      program::complain("ballast", std::string("--by-hand: ") +
-                                       (has_controller ? "nobody could say anything; allowed with --lcm or --processes"
-                                                       : "a run with prescribed masses has no controller to tell; "
-                                                         "allowed with steppers"));
-      return program::kExitUsage;
-    }
-    if (record.speed == 0) record.speed = 1;  // a hand is no faster
-  }
-  if (command.processes && record.speed > 0 &&
-      2 * scenario->run.control_period_s / record.speed > command.bus.peer_timeout_s) {
-    program::complain("ballast",
-                      "--speed: at this pace a tick takes more than half the peer timeout; give all processes a longer "
-                      "--peer-timeout");
-    return program::kExitUsage;
-  }
-  // The bus before the folder: a run that cannot be leaves none behind.
-  with_signals.record.interrupted = program::catch_signals();
+  // The bus is opened before the folder is made, so that a run without a bus leaves no folder.
+  command.record.interrupted = program::catch_signals();
   std::unique_ptr<hal::Bus> peers_bus;
   std::unique_ptr<lcm::LCM> watchers_bus;
   if (command.processes)
-    peers_bus = std::make_unique<hal::Bus>(command.bus.url, with_signals.record.interrupted);
+    peers_bus = std::make_unique<hal::Bus>(command.bus.url, command.record.interrupted);
   else if (command.url->count() > 0)
     watchers_bus = std::make_unique<lcm::LCM>(command.bus.url);
   if ((peers_bus && !peers_bus->good()) || (watchers_bus && !watchers_bus->good())) {
@@ -208,10 +203,10 @@ int run(const RunCommand& command) {
   if (!output.good()) return fail(output.error());
 
   const int exit_status =
-      command.processes ? run_in_processes(with_signals, *scenario, has_controller, *peers_bus, output)
-      : in_qemu         ? run_in_qemu(with_signals, *scenario, *params, watchers_bus.get(), output)
-                        : run_in_one_process(with_signals, *scenario, has_controller ? params.get() : nullptr,
-                                             watchers_bus.get(), output);
+      command.processes ? run_in_processes(command, *scenario, has_controller, *peers_bus, output)
+      : command.in_qemu()
+          ? run_in_qemu(command, *scenario, *params, watchers_bus.get(), output)
+          : run_in_one_process(command, *scenario, has_controller ? params.get() : nullptr, watchers_bus.get(), output);
   if (command.pictures && (exit_status == program::kExitCompleted || exit_status == program::kExitEnvelope)) {
     draw_pictures(output);
   }
@@ -227,16 +222,16 @@ std::function<int()> add_run_command(CLI::App& app, CLI::App*& command) {
   program::add_bus_options(*command, options->bus);
   options->url = command->get_option("--lcm");
   command->add_option("--out", options->out, "folder for the results; default runs/NAME")->check(program::not_empty());
-  command->add_option("--speed", options->record.speed, "simulated over wall time; default as fast as it goes")
+  command->add_option("--speed", options->record.speed, "simulated time per wall time; default: as fast as possible")
       ->check(program::positive_finite());
   command->add_flag("--processes", options->processes, "plant, controller and monitor as three processes over LCM");
   command->add_flag("--by-hand", options->by_hand,
-                    "arm the controller, and leave start, stop and moves to ballast operate and ballast move on the "
-                    "bus; at the wall clock's pace unless --speed says otherwise");
+                    "arm the controller, and leave start, stop and moves to `ballast operate` and `ballast move` on "
+                    "the bus; --speed is then 1 by default");
   add_firmware_options(*command, *options);
-  command->add_flag("--pictures", options->pictures, "draw the pictures when it is done");
+  command->add_flag("--pictures", options->pictures, "draw the pictures after the run");
   command->add_flag("--check-steps", options->record.check_steps,
-                    "hold every step pulse against the motion, by other code than made it");
+                    "compare every step pulse with the motion, by independent code");
   command->add_flag("--quiet", options->record.quiet, "no progress bar and no summary");
   return [options] { return run(*options); };
 }

@@ -1,12 +1,12 @@
-// ballast soak: random scenarios with random faults, each held to the invariants of tools/soak/invariants.h.
+// ballast soak: runs random scenarios with random faults, and checks the invariants of tools/soak/invariants.h in each.
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <chrono>
-#include <cinttypes>
-#include <cstdio>
+#include <iostream>
 #include <optional>
 #include <thread>
 
@@ -37,7 +37,7 @@ int fail(const std::string& text) {
   return program::kExitCouldNotRun;
 }
 
-// "A..B", or "A" for that one.
+// Parses "A..B", or "A" for one seed.
 bool parse_seeds(const std::string& text, soak::WorkerOptions& out) {
   const auto number = [](std::string_view digits, std::uint64_t& value) {
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
@@ -46,7 +46,8 @@ bool parse_seeds(const std::string& text, soak::WorkerOptions& out) {
   const std::size_t dots = text.find("..");
   const std::string_view all(text);
   if (!number(all.substr(0, dots), out.first)) return false;
-  if (dots == std::string::npos) return out.last = out.first, true;
+  out.last = out.first;
+  if (dots == std::string::npos) return true;
   return number(all.substr(dots + 2), out.last) && out.first <= out.last;
 }
 
@@ -68,7 +69,7 @@ struct Totals {
   }
 };
 
-// A bar on a terminal, else a line every ten seconds.
+// Shows a bar on a terminal, otherwise prints a line every ten seconds.
 class Progress {
  public:
   Progress(std::uint64_t count, bool wanted)
@@ -83,14 +84,14 @@ class Progress {
     constexpr int kWidth = 40;
     std::string bar(kWidth, '.');
     std::fill_n(bar.begin(), static_cast<int>(part * kWidth), '#');
-    std::fprintf(stderr, "%s[%s] %3.0f %%  %" PRIu64 " of %" PRIu64 " seeds, %.3g/s, %.0f s left, %" PRIu64 " broken%s",
-                 terminal_ ? "\r\033[K" : "", bar.c_str(), 100 * part, totals.seeds, count_,
-                 static_cast<double>(totals.seeds) / passed_s, part > 0 ? passed_s * (1 / part - 1) : 0.0,
-                 totals.broken, terminal_ ? "" : "\n");
+    std::cerr << fmt::format("{}[{}] {:3.0f} %  {} of {} seeds, {:.3g}/s, {:.0f} s left, {} broken{}",
+                             terminal_ ? "\r\033[K" : "", bar, 100 * part, totals.seeds, count_,
+                             static_cast<double>(totals.seeds) / passed_s, part > 0 ? passed_s * (1 / part - 1) : 0.0,
+                             totals.broken, terminal_ ? "" : "\n");
     drawn_ = terminal_;
   }
   void clear() {
-    if (drawn_) std::fprintf(stderr, "\r\033[K");
+    if (drawn_) std::cerr << "\r\033[K";
     drawn_ = false;
   }
   [[nodiscard]] double seconds() const { return std::chrono::duration<double>(Clock::now() - begun_).count(); }
@@ -108,14 +109,33 @@ void print_totals(const Totals& totals, double wall_s) {
   };
   for (std::size_t i = 0; i < totals.outcomes.size(); ++i) {
     if (totals.outcomes[i] == 0) continue;
-    std::printf("  %-30s %5.1f %%\n", to_string(static_cast<soak::Outcome>(i)), part(totals.outcomes[i]));
+    std::cout << fmt::format("  {:<30} {:5.1f} %\n", to_string(static_cast<soak::Outcome>(i)),
+                             part(totals.outcomes[i]));
   }
-  std::printf("  %-30s %5.1f %%\n", "left the envelope", part(totals.violated));
-  std::printf("  %-30s %5.1f %%, %" PRIu64 " faults\n", "with faults", part(totals.faulty), totals.faults);
-  std::printf("  %-30s %" PRId64 " of the scenarios drawn\n", "refused by the check", totals.refused);
-  std::printf("%" PRIu64 " seed%s, %.2f h simulated in %" PRId64 " ticks, %.4g s, %.3g seeds/s, %" PRIu64 " broken\n",
-              totals.seeds, totals.seeds == 1 ? "" : "s", simulated_s / 3600, totals.ticks, wall_s,
-              static_cast<double>(totals.seeds) / wall_s, totals.broken);
+  std::cout << fmt::format("  {:<30} {:5.1f} %\n", "left the envelope", part(totals.violated));
+  std::cout << fmt::format("  {:<30} {:5.1f} %, {} faults\n", "with faults", part(totals.faulty), totals.faults);
+  std::cout << fmt::format("  {:<30} {} of the scenarios drawn\n", "refused by the check", totals.refused);
+  std::cout << fmt::format("{} seed{}, {:.2f} h simulated in {} ticks, {:.4g} s, {:.3g} seeds/s, {} broken\n",
+                           totals.seeds, totals.seeds == 1 ? "" : "s", simulated_s / 3600, totals.ticks, wall_s,
+                           static_cast<double>(totals.seeds) / wall_s, totals.broken);
+}
+
+// Prints a seed that failed, with the command that repeats it, and keeps its scenario.
+void report_broken(const SoakCommand& command, const soak::SeedResult& result, sil::OutputDir* kept) {
+  const auto& invariant = soak::text_of(static_cast<soak::Invariant>(result.broken));
+  const std::string folder = program::shell_word(command.keep.empty() ? "soak" : command.keep);
+  const bool usual_limit = command.seed_limit_s == SoakCommand().seed_limit_s;
+  std::cout << fmt::format(
+      "seed {0}: \"{1}\" is broken in tick {2}: {3}\n  again: {4} soak{5} --seeds {0}..{0}{6} --keep {7}\n",
+      result.seed, invariant.name, result.broken_tick, result.broken_text, program::ballast_as_typed(),
+      command.table ? " --table" : "", usual_limit ? "" : " --seed-limit " + sim::number_text(command.seed_limit_s),
+      folder);
+  if (kept != nullptr) {
+    const auto random = command.table ? soak::table_scenario(result.seed) : soak::random_scenario(result.seed);
+    if (kept->write(fmt::format("{}.toml", result.seed), random.toml))
+      std::cout << fmt::format("  its run: {} run {}/{}.toml\n", program::ballast_as_typed(), folder, result.seed);
+  }
+  std::cout << std::flush;
 }
 
 int run(const SoakCommand& command) {
@@ -139,51 +159,36 @@ int run(const SoakCommand& command) {
     table.add(result);
     if (result.broken < 0) return;
     progress.clear();
-    const auto& invariant = soak::text_of(static_cast<soak::Invariant>(result.broken));
-    const std::string seed = std::to_string(result.seed);
-    const std::string folder = program::shell_word(command.keep.empty() ? "soak" : command.keep);
-    const double limit_s = command.seed_limit_s;
-    std::printf("seed %s: \"%s\" is broken in tick %" PRId64 ": %s\n  again: %s soak%s --seeds %s..%s%s --keep %s\n",
-                seed.c_str(), invariant.name, result.broken_tick, result.broken_text,
-                program::ballast_as_typed().c_str(), command.table ? " --table" : "", seed.c_str(), seed.c_str(),
-                limit_s == SoakCommand().seed_limit_s ? "" : (" --seed-limit " + sim::number_text(limit_s)).c_str(),
-                folder.c_str());
-    if (kept) {
-      const auto random = command.table ? soak::table_scenario(result.seed) : soak::random_scenario(result.seed);
-      if (kept->write(seed + ".toml", random.toml))
-        std::printf("  its run: %s run %s/%s.toml\n", program::ballast_as_typed().c_str(), folder.c_str(),
-                    seed.c_str());
-    }
-    std::fflush(stdout);
+    report_broken(command, result, kept ? &*kept : nullptr);
   };
   const std::string why = soak::run_seeds(options, command.table ? soak::run_table_seed : soak::run_seed, done,
                                           [&] { progress.show(totals); });
   progress.clear();
   if (!why.empty()) return fail(why);
   if (kept && !kept->good()) return fail(kept->error());
-  if (command.table) std::printf("%s", table.markdown().c_str());
+  if (command.table) std::cout << table.markdown();
   if (totals.seeds > 0 && !command.table) print_totals(totals, progress.seconds());
   if (totals.broken > 0) return program::kExitEnvelope;
-  return totals.seeds < count
-             ? fail("interrupted after " + std::to_string(totals.seeds) + " of " + std::to_string(count) + " seeds")
-             : program::kExitCompleted;
+  return totals.seeds < count ? fail(fmt::format("interrupted after {} of {} seeds", totals.seeds, count))
+                              : program::kExitCompleted;
 }
 
 }  // namespace
 
 std::function<int()> add_soak_command(CLI::App& app, CLI::App*& command) {
-  command =
-      app.add_subcommand("soak", "Runs random scenarios with random faults, and holds each to what must always hold");
+  command = app.add_subcommand("soak", "Runs random scenarios with random faults, and checks invariants in each");
   auto options = std::make_shared<SoakCommand>();
   command->add_option("--seeds", options->seeds, "A..B: the seeds to run, both included")->required();
   command->add_option("--jobs", options->jobs, "runs at a time; default: one per core")->check(CLI::Range(1, 1024));
-  command->add_option("--keep", options->keep, "folder for the scenarios of seeds that fail, SEED.toml")
+  command->add_option("--keep", options->keep, "folder in which the scenarios of failed seeds are kept as SEED.toml")
       ->check(program::not_empty());
-  command->add_option("--seed-limit", options->seed_limit_s, "s on the clock after which a seed has failed")
+  command
+      ->add_option("--seed-limit", options->seed_limit_s,
+                   "s of wall time after which a seed is killed and counts as failed")
       ->check(program::positive_finite())
       ->capture_default_str();
   command->add_flag("--table", options->table,
-                    "calm robots that suffer one fault each, and what came of it as a table in Markdown");
+                    "inject one fault into each of many calm robots, and print the effects as a Markdown table");
   command->add_flag("--quiet", options->quiet, "no progress");
   return [options] { return run(*options); };
 }

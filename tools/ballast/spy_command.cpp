@@ -1,4 +1,4 @@
-// ballast spy: every message of a run in lcm-spy's window.
+// ballast spy: shows every message of a run in lcm-spy.
 #include <lcm/lcm-cpp.hpp>
 #include <memory>
 
@@ -17,11 +17,11 @@ bool good(const program::Finding& part) {
 }
 
 int spy_on(const spy::SpyOptions& options) {
-  for (const program::Finding& part : spy::look_for_parts(options)) {
+  for (const program::Finding& part : spy::check_parts(options)) {
     if (!good(part)) return program::kExitCouldNotRun;
   }
-  if (!good(spy::look_at_types(options))) return program::kExitCouldNotRun;
-  // lcm-spy would open its window on a bus that is none, and stay empty.
+  if (!good(spy::check_types(options))) return program::kExitCouldNotRun;
+  // lcm-spy itself does not notice that a bus cannot be used.
   if (!lcm::LCM(options.url).good()) return program::refuse_bus("ballast", options.url);
   program::complain("ballast", spy::become_spy(options));
   return program::kExitCouldNotRun;
@@ -34,9 +34,9 @@ std::function<int()> add_spy_command(CLI::App& app, CLI::App*& command) {
   auto options = std::make_shared<spy::SpyOptions>();
   options->url = hal::kDefaultLcmUrl;
   command->add_option("--lcm", options->url, "URL of the LCM bus")->check(program::not_empty())->capture_default_str();
-  command->add_option("--types", options->types_jar, "another types jar than the one built with this program")
+  command->add_option("--types", options->types_jar, "jar of message types; default: the one built with this program")
       ->check(program::not_empty());
-  command->add_option("--heap", options->heap_mb, "MB of Java heap at most")
+  command->add_option("--heap", options->heap_mb, "limit of the Java heap in MB")
       ->check(CLI::Range(64, 65536))
       ->capture_default_str();
   return [options] { return spy_on(*options); };

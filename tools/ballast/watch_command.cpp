@@ -1,4 +1,4 @@
-// ballast watch: a run in a terminal, as it happens.
+// ballast watch: shows a run in a terminal while it runs.
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -18,35 +18,35 @@ namespace ballast {
 
 namespace {
 
-constexpr double kPatience_s = 3;  // with nobody there, before that is said
+constexpr double kPatience_s = 3;  // without a message, before that is reported
 
 struct WatchCommand {
   std::string url = hal::kDefaultLcmUrl;
   double every_s = 0;  // 0: 0.1 on a terminal, 1 elsewhere
-  double wait_s = 0;   // for the first message; 0: for ever
+  double wait_s = 0;   // for the first message; 0: without limit
   bool forever = false;
 };
 
-// LCM leaves the receive buffer at the system's default unless the URL says otherwise.
+// LCM uses the system's default receive buffer unless the URL gives a size.
 std::string with_receive_buffer(const std::string& url) {
   if (!url.starts_with("udpm://") || url.find("recv_buf_size") != std::string::npos) return url;
   return url + (url.find('?') == std::string::npos ? "?" : "&") + "recv_buf_size=2097152";
 }
 
-// Draws over what it has drawn before.
+// Draws pages in place, each over the one before.
 class Terminal {
  public:
   Terminal() : is_one_(isatty(STDOUT_FILENO) == 1 && knows_control_sequences()) {}
   [[nodiscard]] bool is_one() const { return is_one_; }
-  // `page(width)`: lines of at most that width. Those for which the screen has no room are left out: it could not be
-  // drawn over them.
+  // `page(width)` gives lines of at most that width. Lines below the screen are left out, since they could not be drawn
+  // over.
   template <class Page>
   void show(const Page& page) {
     winsize size{};
     const bool known = ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1 && size.ws_row > 1;
     const int width = known ? size.ws_col - 1 : 79, height = known ? size.ws_row - 1 : 24;
     if (width < width_) {
-      std::cout << "\033[H\033[2J";  // the terminal has broken the lines that were there, nobody knows into how many
+      std::cout << "\033[H\033[2J";  // the terminal has broken the old lines into an unknown number of lines
     } else if (lines_ > 0) {
       std::cout << "\033[" << lines_ << "A\r\033[J";
     }
@@ -73,15 +73,15 @@ int watch_run(const WatchCommand& command) {
   const auto start = hal::WallClock::now();
   const auto now_s = [start] { return hal::Seconds(hal::WallClock::now() - start).count(); };
   watch::View view;
-  const auto hear = [&]<class M>(const char* channel, M*) {
-    bus.subscribe<M>(channel, [&](const M& message) { view.see(message, now_s()); });
+  const auto subscribe = [&]<class M>(const char* channel, M*) {
+    bus.subscribe<M>(channel, [&](const M& message) { view.observe(message, now_s()); });
   };
-  hear(hal::kChannelContact, static_cast<contact_t*>(nullptr));
-  hear(hal::kChannelPlantState, static_cast<plant_state_t*>(nullptr));
-  hear(hal::kChannelSensors, static_cast<sensors_t*>(nullptr));
-  hear(hal::kChannelControllerStatus, static_cast<controller_status_t*>(nullptr));
-  hear(hal::kChannelStepCommand, static_cast<step_command_t*>(nullptr));
-  hear(hal::kChannelTrip, static_cast<trip_t*>(nullptr));
+  subscribe(hal::kChannelContact, static_cast<contact_t*>(nullptr));
+  subscribe(hal::kChannelPlantState, static_cast<plant_state_t*>(nullptr));
+  subscribe(hal::kChannelSensors, static_cast<sensors_t*>(nullptr));
+  subscribe(hal::kChannelControllerStatus, static_cast<controller_status_t*>(nullptr));
+  subscribe(hal::kChannelStepCommand, static_cast<step_command_t*>(nullptr));
+  subscribe(hal::kChannelTrip, static_cast<trip_t*>(nullptr));
 
   Terminal terminal;
   const hal::Seconds every(command.every_s > 0 ? command.every_s : terminal.is_one() ? 0.1 : 1.0);
@@ -94,14 +94,15 @@ int watch_run(const WatchCommand& command) {
       std::cout << view.line(now_s(), bus.malformed()) << std::endl;
     }
   };
-  const std::string would = "; " + program::ballast_as_typed() + " run SCENARIO --speed 1 --lcm " +
-                            program::shell_word(command.url) + " would";
-  bool said_so = false;
+  const std::string no_message = "no message on " + command.url;
+  const std::string hint = "; start a run: " + program::ballast_as_typed() + " run SCENARIO --speed 1 --lcm " +
+                           program::shell_word(command.url);
+  bool reported = false;
   for (;;) {
     const auto over = [&] { return view.ended() && !command.forever; };
     hal::Status status = bus.receive_until(hal::after(hal::WallClock::now(), every), over);
     if (over()) {
-      // The answers to the last tick are on their way.
+      // The answers to the last tick still have to arrive.
       status = bus.receive_until(hal::after(hal::WallClock::now(), hal::Seconds(0.1)), [] { return false; });
     }
     show();
@@ -113,12 +114,12 @@ int watch_run(const WatchCommand& command) {
     if (over()) return program::kExitCompleted;
     if (!std::cout) return program::kExitCouldNotRun;
     if (view.empty() && command.wait_s > 0 && now_s() >= command.wait_s) {
-      program::complain("ballast", "nobody has said anything on " + command.url + would);
+      program::complain("ballast", no_message + hint);
       return program::kExitCouldNotRun;
     }
-    if (view.empty() && !said_so && now_s() >= kPatience_s) {
-      program::complain("ballast", "nobody has said anything on " + command.url + " yet" + would);
-      said_so = true;
+    if (view.empty() && !reported && now_s() >= kPatience_s) {
+      program::complain("ballast", no_message + " yet" + hint);
+      reported = true;
     }
   }
 }
@@ -129,11 +130,11 @@ std::function<int()> add_watch_command(CLI::App& app, CLI::App*& command) {
   command = app.add_subcommand("watch", "Shows a run in this terminal: margin, N, f_s/N, mode, trip, rates, drops");
   auto options = std::make_shared<WatchCommand>();
   command->add_option("--lcm", options->url, "URL of the LCM bus")->check(program::not_empty())->capture_default_str();
-  command->add_option("--every", options->every_s, "seconds between two looks; default 0.1, or 1 if not on a terminal")
+  command->add_option("--every", options->every_s, "seconds between updates; default 0.1, or 1 if not on a terminal")
       ->check(program::positive_finite());
-  command->add_option("--wait", options->wait_s, "seconds to wait for the first message; default for ever")
+  command->add_option("--wait", options->wait_s, "seconds to wait for the first message; default: no limit")
       ->check(program::positive_finite());
-  command->add_flag("--forever", options->forever, "go on after the end of a run, for the next one");
+  command->add_flag("--forever", options->forever, "after the end of a run, wait for the next one");
   return [options] { return watch_run(*options); };
 }
 

@@ -1,4 +1,4 @@
-// What Ballast needs of the machine, looked at without privileges.
+// Checks of the machine. They need no privileges.
 #pragma once
 
 #include <string>
@@ -7,20 +7,20 @@
 
 namespace ballast::doctor {
 
-// A route to the group of a "udpm://GROUP:PORT..." URL, and whether what is sent there comes back. Talks on the same
-// group but a port of its own, so that no run is disturbed. Other URLs need neither, and are only opened.
-program::Finding look_at_multicast(const std::string& url);
+// Checks the route to the group of a "udpm://GROUP:PORT..." URL and that messages sent there come back. It uses a port
+// of its own in that group, so it disturbs no run. A URL of another kind is only opened.
+program::Finding check_multicast(const std::string& url);
 
-// The largest receive buffer a program may ask for.
-program::Finding look_at_receive_buffer();
+// Checks the largest receive buffer that a program may use.
+program::Finding check_receive_buffer();
 
-// C++20 for the Cortex-M7 of the emulated target, headers and specs included.
-program::Finding look_at_cross_compiler();
+// Checks the C++20 compiler for the Cortex-M7, including its headers and specs.
+program::Finding check_cross_compiler();
 
-// QEMU, and that it knows the target's machine.
-program::Finding look_at_qemu();
+// Checks that QEMU is installed and has the target's machine.
+program::Finding check_qemu();
 
-// An X display for lcm-spy.
-program::Finding look_at_display();
+// Checks that there is an X display for lcm-spy.
+program::Finding check_display();
 
 }  // namespace ballast::doctor

@@ -1,8 +1,9 @@
 #include "tools/doctor/peers.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 #include <lcm/lcm-cpp.hpp>
 
 #include "hal/lcm/channels.h"
@@ -48,13 +49,7 @@ const std::map<std::string, Judge> kJudges = {{hal::kChannelContact, judge_messa
                                               {hal::kChannelTrip, judge_message<trip_t>},
                                               {hal::kChannelOperator, judge_message<operator_t>}};
 
-std::string format(const char* pattern, auto... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
-
-// The same group with another port: a bus of its own.
+// A bus other than this one: the same group with another port.
 std::string another_bus(const std::string& url) {
   return url.find(":7667") == std::string::npos ? "udpm://239.255.76.67:7667?ttl=0" : "udpm://239.255.76.67:7668?ttl=0";
 }
@@ -62,7 +57,7 @@ std::string another_bus(const std::string& url) {
 }  // namespace
 
 void Listener::hear(const std::string& name, const void* data, std::size_t size) {
-  if (name == "LCM_SELF_TEST") return;  // LCM's own, whenever somebody connects
+  if (name == "LCM_SELF_TEST") return;  // LCM sends it whenever a program connects
   Channel& channel = channels_[name];
   ++channel.count;
   if (const auto judge = kJudges.find(name); judge != kJudges.end()) judge->second(data, size, channel);
@@ -91,44 +86,41 @@ bool listen(const std::string& url, hal::Seconds time, Listener& listener) {
 
 std::vector<Finding> judge(const Listener& listener, const std::string& url, hal::Seconds time) {
   if (listener.channels().empty()) {
-    return {{Verdict::kNote, "peers", format("nobody has said anything on %s for %g s", url.c_str(), time.count()),
+    return {{Verdict::kNote, "peers", fmt::format("no message on {} for {:g} s", url, time.count()),
              program::ballast_as_typed() + " run paper_ball --speed 1 --lcm " + program::shell_word(url)}};
   }
   std::vector<Finding> findings;
   std::set<std::int64_t> scenarios, runs;
   for (const auto& [name, channel] : listener.channels()) {
-    const std::string rate = format("%.0f messages/s", static_cast<double>(channel.count) / time.count());
+    const std::string rate = fmt::format("{:.0f} messages/s", static_cast<double>(channel.count) / time.count());
     scenarios.insert(channel.scenario_ids.begin(), channel.scenario_ids.end());
     runs.insert(channel.run_ids.begin(), channel.run_ids.end());
     if (!kJudges.contains(name)) {
       findings.push_back({Verdict::kNote, name, rate + ", not a channel of Ballast", ""});
     } else if (channel.foreign > 0) {
       findings.push_back({Verdict::kFail, name,
-                          format("%lld of %lld have the fingerprint %llx: of another build than this",
-                                 static_cast<long long>(channel.foreign), static_cast<long long>(channel.count),
-                                 static_cast<unsigned long long>(channel.fingerprint)),
+                          fmt::format("{} of {} have the fingerprint {:x}: they are of another build", channel.foreign,
+                                      channel.count, channel.fingerprint),
                           "end that program, ninja -C build, and start it again; or --lcm '" + another_bus(url) + "'"});
     } else if (channel.malformed > 0) {
-      findings.push_back({Verdict::kFail, name,
-                          format("%lld of %lld do not decode", static_cast<long long>(channel.malformed),
-                                 static_cast<long long>(channel.count)),
-                          "end who sends them; or --lcm '" + another_bus(url) + "'"});
+      findings.push_back({Verdict::kFail, name, fmt::format("{} of {} do not decode", channel.malformed, channel.count),
+                          "end the program that sends them; or --lcm '" + another_bus(url) + "'"});
     } else {
       findings.push_back({Verdict::kOk, name, rate + ", all decoded", ""});
     }
   }
   std::string ids;
   for (const std::int64_t id : scenarios) {
-    ids += format("%s%016llx", ids.empty() ? "" : ", ", static_cast<unsigned long long>(id));
+    ids += fmt::format("{}{:016x}", ids.empty() ? "" : ", ", static_cast<std::uint64_t>(id));
   }
   if (scenarios.size() > 1) {
-    findings.push_back({Verdict::kFail, "scenario", "several on one bus, which answer each other: " + ids,
+    findings.push_back({Verdict::kFail, "scenario", "several on one bus, whose messages mix: " + ids,
                         "give each run a bus of its own: --lcm '" + another_bus(url) + "'"});
   } else if (!scenarios.empty()) {
     findings.push_back({Verdict::kOk, "scenario", ids + ", the same in every message", ""});
   }
   if (runs.size() > 1) {
-    findings.push_back({Verdict::kFail, "runs", format("%zu on one bus within %g s", runs.size(), time.count()),
+    findings.push_back({Verdict::kFail, "runs", fmt::format("{} on one bus within {:g} s", runs.size(), time.count()),
                         "give each run a bus of its own: --lcm '" + another_bus(url) + "'"});
   }
   return findings;

@@ -1,4 +1,4 @@
-// Who talks on a bus, and whether this build understands them.
+// Checks which programs send on a bus and whether this build can decode their messages.
 #pragma once
 
 #include <cstdint>
@@ -12,14 +12,14 @@
 
 namespace ballast::doctor {
 
-// What has been heard on one channel.
+// The messages received on one channel.
 struct Channel {
   std::int64_t count = 0;
-  std::int64_t foreign = 0;             // of a type with another fingerprint: another build, or not Ballast at all
-  std::int64_t malformed = 0;           // the right fingerprint, but not that message, or not in its range
-  std::uint64_t fingerprint = 0;        // of the last foreign one
-  std::set<std::int64_t> scenario_ids;  // fingerprints of scenarios, where the message has one
-  std::set<std::int64_t> run_ids;       // the runs' numbers; messages of no run have none
+  std::int64_t foreign = 0;             // messages of a type with another fingerprint: of another build or program
+  std::int64_t malformed = 0;           // messages with the right fingerprint that do not decode or are out of range
+  std::uint64_t fingerprint = 0;        // of the latest foreign message
+  std::set<std::int64_t> scenario_ids;  // fingerprints of scenarios
+  std::set<std::int64_t> run_ids;       // numbers of runs
 };
 
 class Listener {
@@ -31,14 +31,13 @@ class Listener {
   std::map<std::string, Channel> channels_;
 };
 
-// How long LCM is to wait for the next message when this much is left: at most 1 s, so that it fits LCM's int of ms
-// however long the listening; 0: the time is over.
+// The time in ms that LCM may wait for the next message: at most 1 s, so that it fits LCM's int; 0 if no time is left.
 int wait_ms(hal::WallClock::duration left);
 
-// Everything said on the bus for this long. False: it cannot be listened to.
+// Passes all messages on the bus during this time to `listener`. False: the bus cannot be used.
 bool listen(const std::string& url, hal::Seconds time, Listener& listener);
 
-// Each channel a line, and what does not fit together as failures.
+// One finding per channel, and failures for messages that do not fit together.
 std::vector<program::Finding> judge(const Listener& listener, const std::string& url, hal::Seconds time);
 
 }  // namespace ballast::doctor

@@ -1,16 +1,17 @@
 #include "tools/program/params.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <memory>
 #include <vector>
 
 namespace ballast::program {
 namespace {
 
-// One tick of age is no fault, so that on a board that does not wait for its messages one may come late. The backends
-// there are hand over a tick only with its sensors and its verdict: in them the age is 0.
+// Messages one tick old are no fault, so that a board that does not wait for its messages may receive one late. In all
+// present backends a tick begins only with its own sensors and verdict, so the age is 0.
 constexpr int kSensorStaleTicks = 1;
 constexpr int kMonitorStaleTicks = 1;
 
@@ -22,32 +23,28 @@ static_assert([] {
   return true;
 }());
 
-std::string mass_key(std::size_t mass, const char* field) { return "mass." + std::to_string(mass) + "." + field; }
+std::string mass_key(std::size_t mass, const char* field) { return fmt::format("mass.{}.{}", mass, field); }
 
 std::string describe(const firmware::ParamError& error) {
-  char text[256];
   if (error.piece >= 0) {
-    std::snprintf(text, sizeof text, "mass.%d.motion.%d: %s %.17g: the controller allows %.17g, %s", error.index,
-                  error.piece, error.field, error.value, error.limit, error.allowed);
-    return text;
+    return fmt::format("mass.{}.motion.{}: {} {:.17g}: the controller allows {:.17g}, {}", error.index, error.piece,
+                       error.field, error.value, error.limit, error.allowed);
   }
   const std::string field =
       error.index < 0 ? error.field : mass_key(static_cast<std::size_t>(error.index), error.field);
   if (error.limit != 0) {
-    std::snprintf(text, sizeof text, "%s = %.17g: the controller allows %.17g, %s", field.c_str(), error.value,
-                  error.limit, error.allowed);
-    return text;
+    return fmt::format("{} = {:.17g}: the controller allows {:.17g}, {}", field, error.value, error.limit,
+                       error.allowed);
   }
-  std::snprintf(text, sizeof text, "%s = %.17g: the controller allows %s", field.c_str(), error.value, error.allowed);
-  return text;
+  return fmt::format("{} = {:.17g}: the controller allows {}", field, error.value, error.allowed);
 }
 
 }  // namespace
 
 std::optional<std::string> to_ball_params(const sim::Scenario& scenario, firmware::BallParams& ball) {
   if (scenario.masses.size() > firmware::kMaxMasses) {
-    return "mass: " + std::to_string(scenario.masses.size()) + " masses: the controller allows at most " +
-           std::to_string(firmware::kMaxMasses);
+    return fmt::format("mass: {} masses: the controller allows at most {}", scenario.masses.size(),
+                       firmware::kMaxMasses);
   }
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     if (scenario.masses[i].trajectory.times_s.empty()) continue;
@@ -58,7 +55,7 @@ std::optional<std::string> to_ball_params(const sim::Scenario& scenario, firmwar
   ball.shell_mass_kg = scenario.ball.mass_kg;
   ball.inertia_kgm2 = scenario.ball.inertia_kgm2;
   ball.center_of_mass_B_m = scenario.ball.center_of_mass_B_m;
-  ball.external_force_W_n = scenario.external_force_W_n;  // the controller knows of no table and no drag
+  ball.external_force_W_n = scenario.external_force_W_n;  // the controller models no force table and no drag
   ball.mass_count = static_cast<int>(scenario.masses.size());
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     ball.mass_kg[i] = scenario.masses[i].mass_kg;
@@ -68,8 +65,7 @@ std::optional<std::string> to_ball_params(const sim::Scenario& scenario, firmwar
 }
 
 std::optional<std::string> to_controller_params(const sim::Scenario& scenario, firmware::ControllerParams& params) {
-  const auto p =
-      std::make_unique<firmware::ControllerParams>();  // large, and the output must stay untouched on failure
+  const auto p = std::make_unique<firmware::ControllerParams>();  // too large for the stack
   if (const auto refusal = to_ball_params(scenario, p->ball)) return refusal;
   p->scenario_id = scenario.id;
   p->control_period_s = scenario.run.control_period_s;
@@ -84,13 +80,13 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
     p->motor[i].direction_setup_s = mass.motor.direction_setup_s;
     p->motor[i].max_acceleration = mass.motor.max_acceleration;
     p->motor[i].max_jerk = mass.motor.max_jerk;
-    // A rotor further than that from what is commanded falls into the next tooth: tools/docs/physics.md, section 5.
+    // A rotor further than this from its commanded position slips to the next tooth: tools/docs/physics.md, section 5.
     constexpr double kSwingFullSteps = 2;
     p->motor[i].swing = kSwingFullSteps * mass.motor.microsteps / std::fabs(p->motor[i].steps_per_unit);
 
     if (mass.motion.size() > firmware::kMaxPieces) {
-      return mass_key(i, "motion") + ": " + std::to_string(mass.motion.size()) +
-             " pieces: the controller allows at most " + std::to_string(firmware::kMaxPieces);
+      return fmt::format("{}: {} pieces: the controller allows at most {}", mass_key(i, "motion"), mass.motion.size(),
+                         firmware::kMaxPieces);
     }
     std::vector<firmware::ProfilePiece> pieces;
     for (const sim::MotionPiece& piece : mass.motion) {
@@ -113,15 +109,16 @@ monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {
   limits.static_friction = scenario.surface.static_friction;
   limits.controller_expected = scenario.run.actuation == sim::Actuation::kStepper;
   limits.scenario_id = scenario.id;
-  // The controller knows of no table and no drag. Elsewhere exact sensors leave nothing but rounding between the two, a
-  // billionth; an attitude that is wrong by a degree 2 % of the weight. A sign, a unit or a forgotten term is more.
-  constexpr double kPartOfTheWeight = 0.05;
+  // The controller models no force table and no drag, so there the two forces are not compared. Elsewhere they differ
+  // by rounding with exact sensors (1e-9 of the weight) and by 2 % of the weight if the attitude is off by a degree. A
+  // wrong sign, a wrong unit or a missing term exceeds 5 %.
+  constexpr double kFractionOfWeight = 0.05;
   if (scenario.force_table.times_s.empty() && scenario.drag.coefficient_kgpm == 0) {
     double total_mass_kg = scenario.ball.mass_kg;
     for (const sim::Mass& mass : scenario.masses) total_mass_kg += mass.mass_kg;
-    // Without gravity an outside force presses the ball down, if anything does.
-    const double presses_n = std::max(total_mass_kg * scenario.gravity_mps2, scenario.external_force_W_n.norm());
-    if (presses_n > 0) limits.disagreement_n = kPartOfTheWeight * presses_n;
+    // Without gravity only an external force can press the ball down.
+    const double pressing_n = std::max(total_mass_kg * scenario.gravity_mps2, scenario.external_force_W_n.norm());
+    if (pressing_n > 0) limits.disagreement_n = kFractionOfWeight * pressing_n;
   }
   return limits;
 }

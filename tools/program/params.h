@@ -1,4 +1,4 @@
-// What the firmware and the monitor are told of a scenario.
+// The parameters of firmware and monitor for a scenario.
 #pragma once
 
 #include <optional>
@@ -10,12 +10,12 @@
 
 namespace ballast::program {
 
-// The ball with its rails, whatever moves the masses: what the paper's closed forms take. nullopt: `ball` is set;
-// otherwise what the firmware has no words for, and `ball` is untouched.
+// Sets the ball and its rails, which the paper's closed forms take. Returns nullopt, or the reason why the firmware
+// cannot represent the scenario; `ball` is then unchanged.
 [[nodiscard]] std::optional<std::string> to_ball_params(const sim::Scenario& scenario, firmware::BallParams& ball);
 
-// Motor, rail and motion data as the firmware wants them. nullopt: `params` is set and firmware::validate() accepts it;
-// otherwise what was refused, with field, value and allowed range, and `params` is untouched.
+// Sets the controller's parameters, which firmware::validate() then accepts. Returns nullopt, or field, value and
+// allowed range of what is refused; `params` is then unchanged.
 [[nodiscard]] std::optional<std::string> to_controller_params(const sim::Scenario& scenario,
                                                               firmware::ControllerParams& params);
 

@@ -1,6 +1,7 @@
 #include "tools/program/program.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -26,22 +27,22 @@ void on_signal(int number, siginfo_t* info, void*) {
   caught_signal = number;
 }
 
-// A standard file that is closed would be the next one opened, a bus or a log, and what is printed would go there. Now
-// printing fails.
+// Opens standard files that are closed. Otherwise the next file opened, a bus or a log, would become standard output.
+// Printing to a file that was closed fails.
 void keep_standard_files() {
   for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
     if (fcntl(file, F_GETFD) < 0) static_cast<void>(open("/dev/null", file == STDIN_FILENO ? O_WRONLY : O_RDONLY));
   }
 }
 
-// As a scenario's seed: TOML's integers end at 2^63 - 1.
+// Checks a seed. As in a scenario, the limit is that of TOML's integers, 2^63 - 1.
 CLI::Validator seed_number() {
   const auto check = [](std::string& text) -> std::string {
     std::int64_t value = 0;
     const char* end = text.data() + text.size();
     const auto [parsed, error] = std::from_chars(text.data(), end, value);
     if (error == std::errc{} && parsed == end && value >= 0) return {};
-    return text + " is no seed; allowed: an integer from 0 to 9223372036854775807";
+    return fmt::format("{} is no seed; allowed: an integer from 0 to 9223372036854775807", text);
   };
   return {check, ""};
 }
@@ -57,23 +58,23 @@ std::vector<std::string> shipped_names() {
   return names;
 }
 
+std::string did_you_mean(const std::string& word, const std::vector<std::string>& names) {
+  const std::string near = sim::nearest(word, names);
+  return near.empty() ? "" : fmt::format("; did you mean {}?", near);
+}
+
 std::string unknown_scenario(const std::string& name) {
   const std::vector<std::string> names = shipped_names();
-  std::string text = name + ": neither a file nor the name of a scenario that ships";
-  for (std::size_t i = 0; i < names.size(); ++i) text += (i == 0 ? " (" : ", ") + names[i];
-  if (!names.empty()) text += ")";
-  const std::string near = sim::nearest(std::filesystem::path(name).stem().string(), names);
-  return near.empty() ? text : text + "; did you mean " + near + "?";
+  std::string text = name + ": neither a file nor the name of a shipped scenario";
+  if (!names.empty()) text += fmt::format(" ({})", fmt::join(names, ", "));
+  return text + did_you_mean(std::filesystem::path(name).stem().string(), names);
 }
 
 std::string unknown_command(const std::string& word, const CLI::App& app) {
   if (word.starts_with('-')) return word + ": options come after the command; allowed before it: --help, --version";
   std::vector<std::string> names;
   for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
-  std::string text = word + ": no such command; allowed:";
-  for (std::size_t i = 0; i < names.size(); ++i) text += (i == 0 ? " " : ", ") + names[i];
-  const std::string near = sim::nearest(word, names);
-  return near.empty() ? text : text + "; did you mean " + near + "?";
+  return fmt::format("{}: no such command; allowed: {}{}", word, fmt::join(names, ", "), did_you_mean(word, names));
 }
 
 }  // namespace
@@ -82,7 +83,7 @@ CLI::Validator positive_finite() {
   const auto check = [](std::string& text) -> std::string {
     double value = 0;
     if (CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value > 0) return {};
-    return text + " is out of range; allowed: a finite number > 0";
+    return fmt::format("{} is out of range; allowed: a finite number > 0", text);
   };
   return {check, ""};
 }
@@ -93,21 +94,21 @@ CLI::Validator not_empty() {
 }
 
 void add_scenario_options(CLI::App& app, ScenarioOptions& options) {
-  app.add_option("SCENARIO", options.scenario, "a scenario file, or the name of a scenario that ships")
+  app.add_option("SCENARIO", options.scenario, "a scenario file, or the name of a shipped scenario")
       ->required()
       ->check(not_empty());
-  app.add_option("--set", options.set, "KEY=VALUE: replaces a value of the scenario, e.g. mass.2.mass=60; repeatable")
-      ->allow_extra_args(false)  // otherwise it would swallow SCENARIO
+  app.add_option("--set", options.set, "KEY=VALUE: replace a value of the scenario, e.g. mass.2.mass=60; repeatable")
+      ->allow_extra_args(false)  // otherwise it would take SCENARIO as a second value
       ->check(not_empty());
   app.add_option(
          "--fault", options.fault,
-         "KIND@TIME[:PARAM]: makes the run suffer, e.g. motor_stall@1.5:mass=0; repeatable; ballast faults lists "
-         "the kinds")
+         "KIND@TIME[:PARAM]: inject a fault, e.g. motor_stall@1.5:mass=0; repeatable; `ballast faults` lists the "
+         "kinds")
       ->allow_extra_args(false)
       ->check(not_empty());
-  app.add_option("--actuation", options.actuation, "prescribed or stepper, instead of what the scenario says")
+  app.add_option("--actuation", options.actuation, "prescribed or stepper; default: the scenario's")
       ->check(CLI::IsMember({"prescribed", "stepper"}));
-  app.add_option("--seed", options.seed, "seed of all random numbers, instead of the scenario's")->check(seed_number());
+  app.add_option("--seed", options.seed, "seed of all random numbers; default: the scenario's")->check(seed_number());
 }
 
 void add_bus_options(CLI::App& app, BusOptions& options) {
@@ -130,14 +131,14 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    // CLI11 says the same of a word that is no command as of none at all.
+    // CLI11 reports an unknown command like a missing one.
     const std::vector<std::string> rest = app.remaining();
     if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::RequiredError) &&
         app.get_require_subcommand_min() > 0 && !rest.empty()) {
       complain(app.get_name(), unknown_command(rest.front(), app));
       return kExitUsage;
     }
-    // CLI11 2.1 says those backwards.
+    // CLI11 2.1 lists these words in reverse order.
     if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) {
       app.exit(CLI::ExtrasError(app.remaining_for_passthrough(true)));
       return kExitUsage;
@@ -159,7 +160,7 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options) {
   sim::ScenarioResult result = sim::read_scenario(file, overrides, options.fault);
   for (const sim::ScenarioError& error : result.errors) std::cerr << sim::to_string(error) << '\n';
   if (result.ok()) return std::move(result.scenario);
-  // Where two values do not fit each other only one of them is named, which may be another than --set has changed.
+  // If two values do not fit each other, the error names one of them, which may not be the one that --set has changed.
   const auto is_named = [&overrides](const sim::ScenarioError& error) {
     return error.source == "--fault" || error.key.empty() ||
            std::any_of(overrides.begin(), overrides.end(), [&error](const std::string& set) {
@@ -171,18 +172,18 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options) {
     std::string changed;
     for (const std::string& set : options.set) changed += " --set " + shell_word(set);
     if (!options.actuation.empty()) changed += " --actuation " + options.actuation;
-    std::cerr << file.string() << " is good without" << changed << '\n';
+    std::cerr << fmt::format("{} is valid without{}\n", file.string(), changed);
   }
   return std::nullopt;
 }
 
-std::string ballast_as_typed(bool from_everywhere) {
+std::string ballast_as_typed(bool absolute) {
   const std::filesystem::path self(program_invocation_name);  // argv[0]
-  if (!self.has_parent_path()) return "ballast";              // found on the PATH
+  if (!self.has_parent_path()) return "ballast";              // found in PATH
   std::filesystem::path path = self.parent_path() / "ballast";
   std::error_code code;
-  if (!std::filesystem::exists(path, code)) path = beside_this_program("ballast");  // a link of another name
-  return shell_word(from_everywhere ? std::filesystem::absolute(path).lexically_normal() : path);
+  if (!std::filesystem::exists(path, code)) path = beside_this_program("ballast");  // started by a link
+  return shell_word(absolute ? std::filesystem::absolute(path).lexically_normal() : path);
 }
 
 std::string shell_word(const std::string& text) {
@@ -196,31 +197,32 @@ std::string shell_word(const std::string& text) {
 }
 
 std::string as_typed(const BusOptions& options) {
-  const BusOptions usual;
+  const BusOptions defaults;
   std::string text;
-  if (options.url != usual.url) text += " --lcm " + shell_word(options.url);
-  if (options.peer_timeout_s != usual.peer_timeout_s)
+  if (options.url != defaults.url) text += " --lcm " + shell_word(options.url);
+  if (options.peer_timeout_s != defaults.peer_timeout_s)
     text += " --peer-timeout " + sim::number_text(options.peer_timeout_s);
   return text;
 }
 
 void complain(const std::string& program_name, const std::string& text) {
-  std::cerr << program_name + ": " + text + "\n";
+  std::cerr << fmt::format("{}: {}\n", program_name, text);
 }
 
 std::string bad_bus(const std::string& url) { return "cannot use the LCM bus " + url; }
 
 int refuse_bus(const std::string& program_name, const std::string& url) {
-  complain(program_name, bad_bus(url) + "; " + ballast_as_typed() + " doctor --lcm " + shell_word(url) + " looks why");
+  complain(program_name,
+           fmt::format("{}; {} doctor --lcm {} examines it", bad_bus(url), ballast_as_typed(), shell_word(url)));
   return kExitCouldNotRun;
 }
 
 const volatile std::sig_atomic_t* catch_signals() {
   struct sigaction action {};
   action.sa_sigaction = on_signal;              // no SA_RESTART: waiting calls return
-  action.sa_flags = SA_SIGINFO | SA_RESETHAND;  // a second one kills, should the first not be looked at soon enough
+  action.sa_flags = SA_SIGINFO | SA_RESETHAND;  // a second signal kills, in case the first takes too long
   for (const int number : {SIGINT, SIGTERM}) sigaction(number, &action, nullptr);
-  // A terminal that is closed says so more than once: itself, and by its shell.
+  // A closed terminal sends SIGHUP, and its shell sends another.
   action.sa_flags = SA_SIGINFO;
   struct sigaction before {};
   sigaction(SIGHUP, nullptr, &before);
@@ -235,8 +237,8 @@ const char* interruption() {
 int after_output(const std::string& program_name, int exit_status) {
   errno = 0;
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout) return exit_status;
-  std::string text = "standard output has not taken everything";
-  if (errno != 0) text += std::string(": ") + std::strerror(errno);  // else it was said earlier
+  std::string text = "standard output could not be written";
+  if (errno != 0) text += fmt::format(": {}", std::strerror(errno));  // 0: an earlier write failed
   complain(program_name, text);
   return exit_status == kExitCompleted ? kExitCouldNotRun : exit_status;
 }

@@ -1,4 +1,4 @@
-// What all programs have in common: exit statuses, command line, reading the scenario, signals.
+// Parts that all programs share: exit statuses, command line, reading the scenario, signals.
 #pragma once
 
 #include <csignal>
@@ -10,25 +10,25 @@
 #include "hal/lcm/channels.h"
 #include "sim/scenario/scenario.h"
 
-namespace CLI {  // its header costs the compiler 9 s wherever it is read: only where options are added
+namespace CLI {  // CLI11's header costs the compiler 9 s, so only files that add options read it
 class App;
 class Validator;
 }  // namespace CLI
 
 namespace ballast::program {
 
-inline constexpr int kExitCompleted = 0;    // inside the envelope
+inline constexpr int kExitCompleted = 0;    // completed inside the envelope
 inline constexpr int kExitUsage = 1;        // bad command line or scenario
-inline constexpr int kExitCouldNotRun = 2;  // files, bus, a peer lost
+inline constexpr int kExitCouldNotRun = 2;  // file or bus error, or a peer was lost
 inline constexpr int kExitEnvelope = 3;     // the envelope was violated, or the monitor tripped
-// Of runs with the firmware on a microcontroller:
-inline constexpr int kExitFirmwareFault = 4;    // it took a fault, its stack's guard included
-inline constexpr int kExitFirmwareHung = 5;     // its watchdog ended it
-inline constexpr int kExitLate = 6;             // a control tick, or a step pulse, came late
-inline constexpr int kExitForeignFirmware = 7;  // types, build or parameters are not this program's
+// With the firmware on a microcontroller:
+inline constexpr int kExitFirmwareFault = 4;    // processor fault, including the stack guard's
+inline constexpr int kExitFirmwareHung = 5;     // the watchdog ended it
+inline constexpr int kExitLate = 6;             // a control tick or a step pulse was late
+inline constexpr int kExitForeignFirmware = 7;  // types, build or parameters differ from this program's
 
 struct ScenarioOptions {
-  std::string scenario;               // a file, or the name of one that ships
+  std::string scenario;               // a file, or the name of a shipped scenario
   std::vector<std::string> set;       // KEY=VALUE
   std::vector<std::string> fault;     // KIND@TIME[:PARAM]
   std::string actuation;              // empty: as the scenario says
@@ -41,52 +41,52 @@ struct BusOptions {
   double peer_timeout_s = 2;    // from one tick to the next
 };
 
-// For numbers of options: finite and > 0. CLI11's own check lets NaN and infinity through.
+// Checks that a number is finite and > 0. CLI11's own check accepts NaN and infinity.
 CLI::Validator positive_finite();
-// For texts of options: an empty one is a shell variable that was not set.
+// Checks that a text is not empty, as that of a shell variable that is not set.
 CLI::Validator not_empty();
 
-// Both structs must outlive the parsing.
+// `options` must outlive the parsing.
 void add_scenario_options(CLI::App& app, ScenarioOptions& options);
 void add_bus_options(CLI::App& app, BusOptions& options);
 
-// A microcontroller's firmware that was built beside this program; its board is a folder of hal/.
+// The firmware for a microcontroller in the build tree of this program. `board` is a folder of hal/.
 [[nodiscard]] std::string default_firmware(const std::string& board);
 
-// A value: the program ends here with this status; help or the error has been printed.
+// Parses the command line. With a value, the program ends here with this status; help or the error has been printed.
 [[nodiscard]] std::optional<int> parse(CLI::App& app, int argc, char** argv);
 
-// Reads and checks; prints every fault to stderr. nullopt: end with kExitUsage.
+// Reads and checks a scenario. Prints every fault to stderr; nullopt: end with kExitUsage.
 [[nodiscard]] std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options);
 
-// What to type for `ballast`, which need not be on the PATH: where this program was started, as it was typed there, or
-// from everywhere. One word of a shell's line.
-[[nodiscard]] std::string ballast_as_typed(bool from_everywhere = false);
+// The shell word that starts `ballast`, which may not be in PATH: as typed by the user for this program, or as an
+// absolute path.
+[[nodiscard]] std::string ballast_as_typed(bool absolute = false);
 
-// As one word of a shell's line, whatever is in it; quoted only if it has to be.
+// `text` as one word of a shell command, quoted only where necessary.
 [[nodiscard]] std::string shell_word(const std::string& text);
 
-// " --lcm URL --peer-timeout S", where they are not as by default.
+// " --lcm URL --peer-timeout S", without those that have their default.
 [[nodiscard]] std::string as_typed(const BusOptions& options);
 
-// "name: text" on stderr, in one piece: processes share a terminal.
+// Prints "name: text" to stderr in one write, since processes share a terminal.
 void complain(const std::string& program_name, const std::string& text);
 
-// What every program says of a URL of which LCM can make no bus.
+// The message for a URL that LCM does not accept.
 [[nodiscard]] std::string bad_bus(const std::string& url);
 
-// Complains of it, names who looks why, and gives the exit status for it.
+// Prints that message with the command that examines the bus. Returns the exit status.
 [[nodiscard]] int refuse_bus(const std::string& program_name, const std::string& url);
 
-// SIGINT, SIGTERM and SIGHUP (unless it is ignored, as under nohup) no longer kill; they set the flag returned here to
-// their number.
+// After this call SIGINT, SIGTERM and SIGHUP (unless ignored, as under nohup) no longer kill the process. They set the
+// returned flag to their number.
 const volatile std::sig_atomic_t* catch_signals();
 
-// What a program says that one of these has ended: "interrupted", or that it was told so by the one that started it.
+// The message of a program that such a signal has ended: "interrupted", or that its parent process has ended it.
 [[nodiscard]] const char* interruption();
 
-// What main() gives back: `exit_status`; but kExitCouldNotRun for success if standard output has not taken all that was
-// printed, which is complained of.
+// The exit status for main(): `exit_status`, or kExitCouldNotRun in place of success if standard output could not be
+// written. The failure is printed.
 [[nodiscard]] int after_output(const std::string& program_name, int exit_status);
 
 }  // namespace ballast::program

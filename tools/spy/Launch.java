@@ -17,16 +17,16 @@ import java.util.TreeMap;
 import lcm.util.ClassDiscoverer;
 
 /**
- * Starts lcm-spy once it is sure to decode everything: Launch --types NAME=FINGERPRINT... [--lcm URL].
+ * Checks the message types and then starts lcm-spy: Launch --types NAME=FINGERPRINT... [--lcm URL].
  *
- * <p>The types named must be on the class path, found as lcm-spy itself will find them, with these fingerprints (hex).
- * Without --lcm that is all it looks at. Exit status 0, or 2 with one line on stderr that says why not.
+ * <p>The types must be on the class path, where lcm-spy finds them, with these fingerprints (hex). Without --lcm it only
+ * checks. Exit status 0, or 2 with the reason in one line on stderr.
  */
 public final class Launch {
-    /** At 1 kHz about a quarter of a second of messages, longer than a collection of garbage takes. */
+    /** About a quarter of a second of messages at 1 kHz, longer than a garbage collection takes. */
     private static final int RECEIVE_BUFFER_BYTES = 2 << 20;
     private static final Dimension SPYS_CHANNEL_WINDOW = new Dimension(650, 400);
-    private static final Dimension CHANNEL_WINDOW = new Dimension(840, 460); // columns are 200 wide from 800 on
+    private static final Dimension CHANNEL_WINDOW = new Dimension(840, 460); // from 800 on, columns are 200 wide
 
     public static void main(String[] arguments) {
         String url = null;
@@ -90,7 +90,7 @@ public final class Launch {
         }
     }
 
-    /** Whatever connects to the bus says a text of LCM's own there, which is no message and would be undecodable. */
+    /** LCM sends a text of its own whenever a program connects to the bus. lcm-spy cannot decode it, so it is ignored. */
     @SuppressWarnings("unchecked")
     private static void leaveOutSelfTests(lcm.spy.Spy spy) throws ReflectiveOperationException {
         Object lcm = value(spy, "lcm");
@@ -100,11 +100,11 @@ public final class Launch {
     }
 
     /**
-     * A click that opens a channel's window shows the window's panel to the receiving thread before it has a window,
-     * and lcm-spy then counts the messages of those milliseconds as undecodable. LCM hands out messages holding its
-     * list of subscriptions; so do clicks now.
+     * Fixes two details of lcm-spy. A click that opens a channel's window shows the window's panel to the receiving
+     * thread before the window exists, and lcm-spy counts the messages of those milliseconds as undecodable. LCM locks
+     * its list of subscriptions while it delivers messages, so clicks are handled under the same lock.
      *
-     * <p>The window gets the width from which on lcm-spy has room between its columns for our longest names.
+     * <p>The window is made wide enough for the longest names of fields.
      */
     private static void watchEvents(lcm.spy.Spy spy) throws ReflectiveOperationException {
         final Object messages = value(value(spy, "lcm"), "subscriptions");
@@ -126,7 +126,7 @@ public final class Launch {
         });
     }
 
-    /** LCM for Java leaves the receive buffer at the system's default, and has no option for it. */
+    /** Enlarges the receive buffer. LCM for Java uses the system's default and has no option for it. */
     private static void widen(lcm.spy.Spy spy) {
         try {
             for (Object provider : (List<?>) value(value(spy, "lcm"), "providers")) {
@@ -136,12 +136,12 @@ public final class Launch {
                 int got = socket.getReceiveBufferSize();
                 System.out.println("receive buffer " + got + " bytes");
                 if (got < RECEIVE_BUFFER_BYTES) {
-                    System.err.println("ballast spy: the system allows a receive buffer of " + got
-                        + " bytes only, and messages may be missed; as root: sysctl -w net.core.rmem_max="
+                    System.err.println("ballast spy: the system limits the receive buffer to " + got
+                        + " bytes, so messages may be lost; as root: sysctl -w net.core.rmem_max="
                         + RECEIVE_BUFFER_BYTES);
                 }
             }
-        } catch (Exception other) { // another LCM than 1.3 to 1.5: it works, with the system's default
+        } catch (Exception other) { // an LCM other than 1.3 to 1.5 works, with the system's default
             System.err.println("ballast spy: the receive buffer stays at the system's default: " + other);
         }
     }

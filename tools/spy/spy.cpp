@@ -1,5 +1,7 @@
 #include "tools/spy/spy.h"
 
+#include <fmt/core.h>
+
 #include <ballast/contact_t.hpp>
 #include <ballast/controller_status_t.hpp>
 #include <ballast/operator_t.hpp>
@@ -9,7 +11,6 @@
 #include <ballast/trip_t.hpp>
 #include <charconv>
 #include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 #include <string_view>
 
@@ -31,7 +32,7 @@ fs::path types_jar(const SpyOptions& options) {
   return options.types_jar.empty() ? kBuiltJars / "ballast-types.jar" : options.types_jar;
 }
 
-// JAVA_HOME goes before PATH, as everywhere in Java's world.
+// JAVA_HOME takes precedence over PATH, as is usual with Java.
 fs::path java() {
   if (const char* home = std::getenv("JAVA_HOME"); home != nullptr && *home != '\0') {
     return fs::path(home) / "bin" / "java";
@@ -39,7 +40,7 @@ fs::path java() {
   return program::find_program("java");
 }
 
-// 8 of `version "1.8.0_392"`, 17 of `version "17.0.15"`; 0 if there is none.
+// 8 for `version "1.8.0_392"`, 17 for `version "17.0.15"`, 0 without a version.
 int major_version(const std::string& text) {
   const auto quote = text.find("version \"");
   if (quote == std::string::npos) return 0;
@@ -50,19 +51,19 @@ int major_version(const std::string& text) {
   return second != 0 ? second : first;
 }
 
-Finding look_for_java() {
+Finding check_java() {
   const std::string fix = "apt-get install -y default-jre";
   const fs::path program = java();
   if (program.empty()) return {Verdict::kFail, "java", "no java in PATH", fix};
   const auto outcome = program::run_program({program.string(), "-version"});
   const int version = outcome.exit_status == 0 ? major_version(outcome.output) : 0;
   if (version == 0) return {Verdict::kFail, "java", program.string() + " does not run", fix};
-  const std::string text = program.string() + " is Java " + std::to_string(version);
+  const std::string text = fmt::format("{} is Java {}", program.string(), version);
   if (version < kOldestJava) return {Verdict::kFail, "java", text + "; needed: 8 or later", fix};
   return {Verdict::kOk, "java", text, ""};
 }
 
-Finding look_for_file(const char* what, const fs::path& file, const std::string& fix) {
+Finding check_file(const char* what, const fs::path& file, const std::string& fix) {
   std::error_code code;
   if (fs::is_regular_file(file, code)) return {Verdict::kOk, what, file.string(), ""};
   return {Verdict::kFail, what, file.string() + " is missing", fix};
@@ -75,7 +76,7 @@ std::string last_line(std::string text) {
   return text;
 }
 
-// Configuring again looks for the Java compiler again.
+// The command that builds the jars. Configuring again finds a Java compiler installed since.
 std::string build_jars() {
   return "apt-get install -y default-jdk-headless liblcm-java && cmake " BALLAST_BUILD_DIR
          " && ninja -C " BALLAST_BUILD_DIR " tools/all";
@@ -83,17 +84,14 @@ std::string build_jars() {
 
 template <class M>
 std::string type() {
-  char text[64];
-  std::snprintf(text, sizeof text, "ballast.%s=%llx", M::getTypeName(),
-                static_cast<unsigned long long>(static_cast<std::uint64_t>(M::getHash())));
-  return text;
+  return fmt::format("ballast.{}={:x}", M::getTypeName(), static_cast<std::uint64_t>(M::getHash()));
 }
 
 std::vector<std::string> launch(const SpyOptions& options) {
   const std::string class_path = types_jar(options).string() + ":" + (kBuiltJars / "ballast-spy.jar").string() + ":" +
                                  (kSystemJars / "lcm.jar").string() + ":" + (kSystemJars / "jchart2d.jar").string();
   return {java().string(),
-          "-Xmx" + std::to_string(options.heap_mb) + "m",
+          fmt::format("-Xmx{}m", options.heap_mb),
           "-Djava.net.preferIPv4Stack=true",
           "-cp",
           class_path,
@@ -110,21 +108,21 @@ std::vector<std::string> launch(const SpyOptions& options) {
 
 }  // namespace
 
-std::vector<Finding> look_for_parts(const SpyOptions& options) {
-  return {look_for_java(), look_for_file("lcm for java", kSystemJars / "lcm.jar", "apt-get install -y liblcm-java"),
-          look_for_file("spy's plots", kSystemJars / "jchart2d.jar", "apt-get install -y libjchart2d-java"),
-          look_for_file("spy launcher", kBuiltJars / "ballast-spy.jar", build_jars()),
-          look_for_file("types jar", types_jar(options), build_jars())};
+std::vector<Finding> check_parts(const SpyOptions& options) {
+  return {check_java(), check_file("lcm for java", kSystemJars / "lcm.jar", "apt-get install -y liblcm-java"),
+          check_file("spy's plots", kSystemJars / "jchart2d.jar", "apt-get install -y libjchart2d-java"),
+          check_file("spy launcher", kBuiltJars / "ballast-spy.jar", build_jars()),
+          check_file("types jar", types_jar(options), build_jars())};
 }
 
-Finding look_at_types(const SpyOptions& options) {
+Finding check_types(const SpyOptions& options) {
   const auto outcome = program::run_program(launch(options));
-  std::string said = last_line(outcome.output);
-  if (outcome.exit_status == 0) return {Verdict::kOk, "types", said + ", all of this build", ""};
-  constexpr std::string_view kSpeaker = "ballast spy: ";  // the launcher's
-  if (said.starts_with(kSpeaker)) said.erase(0, kSpeaker.size());
-  if (said.empty()) said = "java ended without a word";
-  return {Verdict::kFail, "types", said + " in " + types_jar(options).string(), build_jars()};
+  std::string message = last_line(outcome.output);
+  if (outcome.exit_status == 0) return {Verdict::kOk, "types", message + ", all of this build", ""};
+  constexpr std::string_view kPrefix = "ballast spy: ";  // the launcher's
+  if (message.starts_with(kPrefix)) message.erase(0, kPrefix.size());
+  if (message.empty()) message = "java ended without a message";
+  return {Verdict::kFail, "types", fmt::format("{} in {}", message, types_jar(options).string()), build_jars()};
 }
 
 std::string become_spy(const SpyOptions& options) {

@@ -1,4 +1,4 @@
-// What is known of a run that is being watched, and how it looks in a terminal.
+// The state of a run that `ballast watch` shows, as text for a terminal.
 #pragma once
 
 #include <array>
@@ -10,14 +10,14 @@
 
 namespace ballast::watch {
 
-// Counts the messages of one channel, and by their tick numbers those that should have come between them. A tick that
-// goes back by more than kLate is another run, or the same once more: counting starts again.
+// Counts the messages of one channel and, by their tick numbers, the missing ones. A tick that goes back by more than
+// kLate belongs to another run, or to a repetition, and counting starts again.
 class TickCounter {
  public:
   static constexpr std::int64_t kLate = 64;
 
-  void see(std::int64_t tick, double now_s);
-  // Messages per second, of the last whole second or so; 0 once nothing comes any more.
+  void add(std::int64_t tick, double now_s);
+  // Messages per second over about the last second; 0 if no message comes any more.
   [[nodiscard]] double rate_hz(double now_s) const;
   [[nodiscard]] std::int64_t count() const { return count_; }
   [[nodiscard]] std::int64_t missed() const { return missed_; }
@@ -25,43 +25,46 @@ class TickCounter {
  private:
   std::optional<std::int64_t> newest_;
   std::int64_t count_ = 0, missed_ = 0;
-  double window_start_s_ = 0, seen_s_ = 0;
+  double window_start_s_ = 0, latest_s_ = 0;
   std::int64_t window_count_ = 0;
   double rate_hz_ = 0;
 };
 
-// Fed with valid messages and the wall clock's seconds; draws the state it has been told of. Of several runs on one bus
-// it shows the first it hears, until that has ended or is silent; of the others, that they are there.
+// Takes valid messages with the wall clock's seconds. Of several runs on one bus it shows the first until that ends or
+// is silent, and tells that there are others.
 class View {
  public:
-  void see(const contact_t& message, double now_s);
-  void see(const plant_state_t& message, double now_s);
-  void see(const sensors_t& message, double now_s);
-  void see(const controller_status_t& message, double now_s);
-  void see(const step_command_t& message, double now_s);
-  void see(const trip_t& message, double now_s);
+  void observe(const contact_t& message, double now_s);
+  void observe(const plant_state_t& message, double now_s);
+  void observe(const sensors_t& message, double now_s);
+  void observe(const controller_status_t& message, double now_s);
+  void observe(const step_command_t& message, double now_s);
+  void observe(const trip_t& message, double now_s);
 
-  // Nothing of a run has been heard yet.
+  // No message of a run has come yet.
   [[nodiscard]] bool empty() const { return !contact_ && !status_ && !trip_; }
-  // The plant has said that the run ends with its last message.
+  // The plant's latest message is marked as the run's last.
   [[nodiscard]] bool ended() const { return ended_; }
 
-  // Several lines, each ending in a newline, `width` columns at most, for a terminal that shows them in place.
+  // Lines of at most `width` columns, each ending in a newline, for a terminal.
   [[nodiscard]] std::string page(double now_s, int width, std::int64_t undecodable) const;
-  // The same in one line without an end, for files and pipes.
+  // One line without a newline, for files and pipes.
   [[nodiscard]] std::string line(double now_s, std::int64_t undecodable) const;
 
  private:
-  void start_again(std::int64_t tick);
+  void restart_if_new_run(std::int64_t tick);
   bool is_shown(std::int64_t run_id, double now_s);
   [[nodiscard]] bool is_over(double now_s) const;
-  [[nodiscard]] bool hears_another_run(double now_s) const;
-  // Seconds since the run that is shown, which has not ended, was last heard; none: too few to say so.
+  [[nodiscard]] bool has_another_run(double now_s) const;
+  [[nodiscard]] std::string contact_lines(int width) const;
+  [[nodiscard]] std::string controller_lines(int width) const;
+  [[nodiscard]] std::string rate_lines(double now_s, int width, std::int64_t undecodable) const;
+  // How long the shown run has been silent; nullopt: it has ended, or not long enough to report.
   [[nodiscard]] std::optional<double> silent_s(double now_s) const;
 
-  std::optional<std::int64_t> run_id_;  // of the run that is shown
-  double heard_s_ = 0;
-  std::optional<double> heard_another_s_;
+  std::optional<std::int64_t> run_id_;  // of the shown run
+  double latest_s_ = 0;                 // time of the shown run's latest message
+  std::optional<double> another_run_s_;
   std::optional<contact_t> contact_;
   std::optional<plant_state_t> state_;
   std::optional<controller_status_t> status_;
