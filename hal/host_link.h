@@ -4,7 +4,8 @@
 #include <concepts>
 #include <cstdint>
 
-#include "firmware/control/controller.h"
+#include "firmware/control/inputs.h"
+#include "firmware/control/status.h"
 #include "hal/status.h"
 
 namespace ballast::hal {

@@ -2,7 +2,9 @@
 // ranges and their names in the .lcm files. Structs and members without such a name do not travel on LCM.
 #pragma once
 
-#include "firmware/control/controller.h"
+#include "firmware/control/inputs.h"
+#include "firmware/control/params.h"
+#include "firmware/control/status.h"
 #include "hal/fields.h"
 #include "hal/host_link.h"
 #include "hal/status.h"

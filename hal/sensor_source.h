@@ -3,7 +3,7 @@
 
 #include <concepts>
 
-#include "firmware/control/controller.h"
+#include "firmware/control/inputs.h"
 #include "hal/status.h"
 
 namespace ballast::hal {

@@ -1,10 +1,12 @@
 // validate(): what the controller may be asked to run with.
+#include "firmware/control/params.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "firmware/control/controller.h"
 #include "firmware/motion/motion_limits.h"
+#include "firmware/motion/step_command.h"
 #include "firmware/motion/rail_ends.h"
 
 namespace ballast::firmware {
@@ -128,6 +130,11 @@ void check_rail(const Rail& rail, int i, Checker& check) {
 }
 
 }  // namespace
+
+MotionLimits motion_limits(const ControllerParams& params, int mass) {
+  const MotorParams& motor = params.motor[static_cast<std::size_t>(mass)];
+  return {motor.max_step_rate_hz / std::fabs(motor.steps_per_unit), motor.max_acceleration, motor.max_jerk};
+}
 
 ParamError validate(const ControllerParams& params) {
   Checker check;

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <limits>
 
+#include "firmware/model/rolling.h"
+
 namespace ballast::firmware {
 
 namespace {

@@ -3,19 +3,9 @@
 // Invariants: fixed size, no heap; one call does at most the number of steps that the caller allows.
 #pragma once
 
-#include "firmware/model/rolling.h"
-#include "firmware/motion/profile.h"
+#include "firmware/control/status.h"
 
 namespace ballast::firmware {
-
-// Least and greatest of the paper's closed forms along profiles, from profile time 0 to horizon_s.
-struct Prediction {
-  Wide duration_s = 0;
-  Wide horizon_s = 0;  // the predicted part: duration_s, or less of a long motion
-  Real normal_force_min_n = 0;
-  Real mu_required_max = 0;  // f_s / N; +infinity where N <= 0
-  Real margin_min = 0;       // 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0
-};
 
 // Intervals of the grid over the whole motion. The borders of all pieces, where accelerations have their corners,
 // refine it.

@@ -64,13 +64,19 @@ bool Profile::set(Wide initial_position, Wide initial_velocity, const ProfilePie
   for (int i = 0; i < piece_count; ++i) cubics_[static_cast<std::size_t>(i)] = cubic_of(pieces[i]);
   cubics_[static_cast<std::size_t>(piece_count)] = Cubic{};
   cubics_[static_cast<std::size_t>(piece_count)].duration_s = std::numeric_limits<Wide>::infinity();
-  return rebase(initial_position, initial_velocity);
+  lay(initial_position, initial_velocity);
+  return true;
 }
 
 bool Profile::rebase(Wide initial_position, Wide initial_velocity) {
   Walk check(initial_position, initial_velocity);
   for (int i = 0; i < piece_count_; ++i) check.step(cubics_[static_cast<std::size_t>(i)]);
   if (!check.finite()) return false;
+  lay(initial_position, initial_velocity);
+  return true;
+}
+
+void Profile::lay(Wide initial_position, Wide initial_velocity) {
   Walk walk(initial_position, initial_velocity);
   for (int i = 0; i <= piece_count_; ++i) {
     const auto k = static_cast<std::size_t>(i);
@@ -79,7 +85,6 @@ bool Profile::rebase(Wide initial_position, Wide initial_velocity) {
     cubics_[k].velocity = walk.velocity;
     if (i < piece_count_) walk.step(cubics_[k]);
   }
-  return true;
 }
 
 Profile::Location Profile::locate(Wide time_s) const {

@@ -60,12 +60,16 @@ class Profile {
   [[nodiscard]] Wide end_s() const {
     return starts_s_[static_cast<std::size_t>(piece_count_)];
   }  // end of the last piece
+  [[nodiscard]] Wide final_position() const { return cubics_[static_cast<std::size_t>(piece_count_)].position; }
   [[nodiscard]] Wide final_velocity() const { return cubics_[static_cast<std::size_t>(piece_count_)].velocity; }
 
   // From time_s on the velocity is zero and stays so.
   [[nodiscard]] bool at_rest_from(Wide time_s) const;
 
  private:
+  // Sets the start of every cubic. Their sums are finite.
+  void lay(Wide initial_position, Wide initial_velocity);
+
   int piece_count_ = 0;
   std::array<Cubic, kMaxPieces + 1> cubics_{};   // [piece_count_] is the constant-velocity tail
   std::array<Wide, kMaxPieces + 1> starts_s_{};  // start time of each cubic

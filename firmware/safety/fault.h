@@ -1,4 +1,4 @@
-// What can go wrong in the world, as seen by the firmware. Latched until an operator's reset.
+// Faults of the world as the firmware observes them. They latch until an operator's reset.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +10,13 @@ enum class Fault : std::uint32_t {
   kSensorNotFinite = 1u << 0,  // NaN or infinity, or a quaternion far from unit length, in the sensors
   kSensorStale = 1u << 1,      // no sensors of this tick for more than the stated number of ticks
   kMonitorStale = 1u << 2,     // no heartbeat of the monitor for more than the stated number of ticks
-  kMonitorTrip = 1u << 3,      // the monitor says: stop
+  kMonitorTrip = 1u << 3,      // the monitor has tripped
   kStepOverload = 1u << 4,     // a profile asks for steps that cannot be issued
   kTickOutOfOrder = 1u << 5,   // a control tick was repeated or skipped
-  kInternal = 1u << 6,         // a bug of ours (assert)
-  kEndSwitch = 1u << 7,  // a mass is at an end of its rail and is commanded on over it: it is not where it should be
+  kInternal = 1u << 6,         // a bug of the firmware (assert)
+  kEndSwitch = 1u << 7,        // a mass closes the switch at an end of its rail and is commanded on over that end
 };
+
+constexpr std::uint32_t bit(Fault fault) { return static_cast<std::uint32_t>(fault); }
 
 }  // namespace ballast::firmware

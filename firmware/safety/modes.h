@@ -5,18 +5,9 @@
 #include <cstdint>
 #include <span>
 
-namespace ballast::firmware {
+#include "firmware/safety/mode.h"
 
-// The numbers are those of controller_status_t.
-enum class Mode : std::uint8_t {
-  kDisarmed = 0,  // motors hold, nothing moves, commands other than arm are ignored
-  kArmed = 1,     // checks passed, waiting for start
-  kRunning = 2,   // the masses follow their profiles
-  kStopping = 3,  // decelerating at the operator's wish
-  kTripped = 4,   // decelerating, then holding, because of a fault; left only by reset, at rest, with the cause gone
-  kMoving = 5,    // the masses go where the operator has asked them to
-  kPending = 6,   // a move is planned and being predicted; the masses hold
-};
+namespace ballast::firmware {
 
 enum class Event : std::uint8_t {
   kFault,   // any Fault; strongest
@@ -29,7 +20,7 @@ enum class Event : std::uint8_t {
   kDue,     // the pending move begins with the next tick
 };
 
-// What has to hold for a row to fire, beside its mode and event.
+// Condition of a row, beside its mode and event.
 enum class Guard : std::uint8_t {
   kAlways,
   kHealthy,         // sensors valid and fresh, monitor alive and not tripped, no fault

@@ -11,7 +11,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "firmware/control/controller.h"
+#include "firmware/control/inputs.h"
+#include "firmware/control/status.h"
 
 namespace ballast::hal {
 

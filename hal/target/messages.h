@@ -18,7 +18,9 @@
 #include <cstdint>
 #include <type_traits>
 
-#include "firmware/control/controller.h"
+#include "firmware/control/inputs.h"
+#include "firmware/control/params.h"
+#include "firmware/control/status.h"
 #include "hal/host_link.h"
 #include "hal/messages.h"
 #include "hal/target/frame.h"

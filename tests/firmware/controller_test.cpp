@@ -8,13 +8,12 @@
 #include <random>
 #include <vector>
 
+#include "firmware/model/rolling.h"
 #include "tests/firmware/paper_ball.h"
 #include "tests/firmware/whole_tick.h"
 
 namespace ballast::firmware {
 namespace {
-
-constexpr std::uint32_t bit(Fault fault) { return static_cast<std::uint32_t>(fault); }
 
 // A robot on the bench: healthy sensors and heartbeat every tick unless a test spoils them.
 class Bench {

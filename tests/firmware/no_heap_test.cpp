@@ -9,6 +9,7 @@
 #include <memory>
 #include <new>
 
+#include "firmware/model/rolling.h"
 #include "sim/closed_forms/detached.h"
 #include "sim/closed_forms/rolling_disk.h"
 #include "tests/firmware/paper_ball.h"

@@ -3,6 +3,7 @@
 
 #include <memory>
 
+#include "firmware/model/rolling.h"
 #include "tests/firmware/paper_ball.h"
 #include "tests/firmware/whole_tick.h"
 

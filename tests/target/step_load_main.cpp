@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "firmware/control/controller.h"
+#include "firmware/motion/step_generator.h"
 #include "hal/mps2/machine.h"
 #include "hal/mps2/startup.h"
 #include "tests/target/step_load.h"

@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "firmware/control/controller.h"
+#include "firmware/control/params.h"
 
 namespace ballast::hal::test {
 

@@ -6,6 +6,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "firmware/control/controller.h"
 #include "tools/benchmarks/calls.h"
 #include "tools/benchmarks/scenario.h"
 #include "tools/program/params.h"

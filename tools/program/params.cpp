@@ -7,6 +7,8 @@
 #include <memory>
 #include <vector>
 
+#include "firmware/motion/step_command.h"
+
 namespace ballast::program {
 namespace {
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "firmware/control/controller.h"
+#include "firmware/control/params.h"
 #include "sim/scenario/scenario.h"
 #include "tools/monitor/monitor.h"
 

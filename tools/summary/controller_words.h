@@ -5,7 +5,8 @@
 #include <cstdint>
 #include <string>
 
-#include "firmware/control/controller.h"
+#include "firmware/control/inputs.h"
+#include "firmware/control/status.h"
 
 namespace ballast::sil {
 

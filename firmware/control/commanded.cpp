@@ -1,0 +1,37 @@
+#include "firmware/control/commanded.h"
+
+namespace ballast::firmware {
+
+Wide profile_time(const ControllerParams& params, const ControllerState& state, std::int64_t tick) {
+  return static_cast<Wide>(minus(tick, state.start_tick)) * params.control_period_s;
+}
+
+ProfilePoint commanded(const ControllerParams& params, const ControllerState& state, std::int64_t tick, int i) {
+  if (!state.moving) return {state.hold_position[at(i)], 0, 0};
+  return state.active[at(i)].at(profile_time(params, state, tick));
+}
+
+bool at_rest_from(const ControllerParams& params, const ControllerState& state, std::int64_t tick) {
+  if (!state.moving) return true;
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    if (!state.active[at(i)].at_rest_from(profile_time(params, state, tick))) return false;
+  }
+  return true;
+}
+
+void hold(const ControllerParams& params, ControllerState& state, std::int64_t tick) {
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    state.hold_position[at(i)] = commanded(params, state, tick, i).position;
+  }
+  state.moving = false;
+  state.braking = false;
+}
+
+void begin(ControllerState& state, std::int64_t next) {
+  state.start_tick = next;
+  state.started = true;
+  state.moving = true;
+  state.braking = false;
+}
+
+}  // namespace ballast::firmware

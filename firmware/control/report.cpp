@@ -1,0 +1,53 @@
+// The status of a tick.
+#include <limits>
+
+#include "firmware/control/causes.h"
+#include "firmware/control/commanded.h"
+#include "firmware/control/controller.h"
+#include "firmware/model/rolling.h"
+
+namespace ballast::firmware {
+
+namespace {
+
+// Estimates N and f_s at the start of this tick. Without valid sensors they are unknown.
+void estimate(const ControllerParams& params, const Sensors& sensors, const MassMotion& masses,
+              ControllerStatus& status) {
+  constexpr Real kUnknown = std::numeric_limits<Real>::quiet_NaN();
+  RollingForces& f = status.predicted;
+  if (valid(sensors)) {
+    f = rolling_forces(params.ball, attitude(sensors), sensors.gyro_B_radps, masses);
+  } else {
+    f.angular_acceleration_B_radps2 = Vector3(kUnknown, kUnknown, kUnknown);
+    f.normal_force_n = kUnknown;
+    f.friction_force_W_n = Vector2(kUnknown, kUnknown);
+    f.static_friction_n = kUnknown;
+  }
+  friction_use(f, params.static_friction, status.mu_required, status.margin);
+}
+
+}  // namespace
+
+void report(const ControllerParams& params, const ControllerState& state, const Inputs& inputs,
+            ControllerStatus& status) {
+  estimate(params, inputs.sensors, state.now, status);
+  status.tick = inputs.tick;
+  status.scenario_id = params.scenario_id;
+  status.mode = state.mode;
+  status.at_rest = state.at_rest;
+  status.faults = state.faults;
+  status.motor_count = params.ball.mass_count;
+  status.commanded_position = state.now.position;
+  status.commanded_velocity = state.now.velocity;
+  const std::int64_t next = plus(inputs.tick, 1);
+  for (int i = 0; i < params.ball.mass_count; ++i) status.next[at(i)] = commanded(params, state, next, i);
+  status.steps_issued = state.steps_issued;
+  status.overload = state.overload;
+  status.operator_commands = state.operator_commands;
+  status.refusal = state.refusal;
+  status.planned = state.planned;
+  status.plan_tick = state.plan_tick;
+  status.plan = state.plan;
+}
+
+}  // namespace ballast::firmware

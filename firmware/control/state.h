@@ -1,0 +1,45 @@
+// State of the controller from one control tick to the next. The parts of the controller share it.
+#pragma once
+
+#include "firmware/control/prediction.h"
+#include "firmware/control/status.h"
+
+namespace ballast::firmware {
+
+struct ControllerState {
+  Mode mode = Mode::kDisarmed;
+  std::uint32_t faults = 0;
+  bool ticked = false;  // a tick has been seen
+  std::int64_t last_tick = 0;
+  std::int64_t start_tick = 0;  // tick at whose start the active profiles are at time 0
+  bool started = false;         // a motion or a move has begun since reset(): motions start from where the masses stand
+  bool moving = false;          // active profiles are in force; otherwise the masses hold at hold_position
+  bool braking = false;         // the active profiles are stops
+  PerMass<Profile> active{};    // the scenario's motion, a move, or a stop from where one of them is
+  PerMass<Wide> hold_position{};
+  PerMass<std::int64_t> position_steps{};
+  PerMass<LastPulse> last_pulse{};
+  PerMass<std::int64_t> steps_issued{};
+  StepOverload overload;
+  std::int64_t operator_commands = 0;
+  RefusalReport refusal;
+  std::int64_t plan_tick = 0;  // of the last stop or move; `active` holds its profiles until its prediction is complete
+  bool planned = false;        // that prediction is complete
+  Prediction plan;             // as published in the status
+  Predictor predictor;
+  bool planned_motion_now = false;  // a stop or move was planned in this tick, which leaves no time to predict
+  MassMotion now;                   // commanded at the start of the last tick
+  bool at_rest = true;              // from the start of the next tick on
+};
+
+inline std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+// Tick numbers come from outside: sums and differences wrap, they do not overflow.
+inline std::int64_t plus(std::int64_t tick, int n) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(tick) + static_cast<std::uint64_t>(n));
+}
+inline std::int64_t minus(std::int64_t a, std::int64_t b) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
+}
+
+}  // namespace ballast::firmware
