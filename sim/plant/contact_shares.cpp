@@ -10,8 +10,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
-
 // The contact force that a load on the ball causes. A load is its part of G and E of newton_euler.h.
 class Response {
  public:

@@ -354,10 +354,6 @@ Matrix3d cross_matrix(const Vector3d& v) {
   return m;
 }
 
-}  // namespace
-
-namespace {
-
 // The six rows, after the elimination of driven masses.
 struct OpenSums {
   OpenSums(const Body& body, double time_s, const double* q, const double* angular_velocity_B,
@@ -412,8 +408,6 @@ struct OpenSums {
   Eigen::Matrix<double, 6, 6> matrix = Eigen::Matrix<double, 6, 6>::Zero();
   Vector6d rhs;  // (-G, -E)
 };
-
-Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
 
 }  // namespace
 

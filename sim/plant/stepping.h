@@ -32,9 +32,9 @@ class Stepping {
   void begin_advance();
 
   // The next span on the way to target_s. Its length is 0 if the trial step was too long; the next call tries a shorter
-  // one. Equations and motion are smooth up to smooth_until_s >= target_s.
+  // one. Forces and prescribed motion have to be smooth up to smooth_until_s >= target_s.
   Span next_span(Dynamics& dynamics, double target_s, double smooth_until_s);
-  // Why no step will do; empty: one may. kPainleve: sliding has come to where it has no solution.
+  // Why no further step is possible. kPainleve: sliding has no solution from here on.
   enum class Failure { kNone, kTooSmall, kPainleve, kNotFinite, kTooStiff };
   [[nodiscard]] Failure failure() const { return failure_; }
 

@@ -1,5 +1,5 @@
 // Three components of any scalar, for the equations of motion: real, or complex for derivatives by complex step, where
-// a product must never conjugate. Plain scalars, because the temporaries of a matrix library would double the cost.
+// a product must never conjugate. They are plain scalars, because a matrix library's temporaries would double the cost.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,6 +12,7 @@ struct Vec3 {
 };
 
 inline Vec3<double> vec3(const Eigen::Vector3d& v) { return {v[0], v[1], v[2]}; }
+inline Eigen::Vector3d eigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
 
 template <class A, class B>
 auto operator+(const Vec3<A>& a, const Vec3<B>& b) -> Vec3<decltype(a.x + b.x)> {
