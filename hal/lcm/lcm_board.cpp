@@ -66,7 +66,7 @@ void LcmBoard::on_trip(const trip_t& message) {
     peer_ = "monitor";
   } else if (message.run_id == 0) {
     if (!waits) ++counters_.foreign;
-  } else if (!waits && options_.suffer) {
+  } else if (!waits && !options_.verdicts_name_their_tick) {
     if (trip_) ++counters_.repeated;
     if (!trip_) trip_ = message;
   } else if (!waits) {
@@ -90,7 +90,9 @@ void LcmBoard::on_operator(const operator_t& message) {
   }
 }
 
-bool LcmBoard::complete() const { return sensors_ && trip_ && (options_.suffer || sensors_->tick == trip_->tick); }
+bool LcmBoard::complete() const {
+  return sensors_ && trip_ && (!options_.verdicts_name_their_tick || sensors_->tick == trip_->tick);
+}
 
 Status LcmBoard::wait_tick(std::int64_t& tick) {
   if (ended_) return Status::kEnded;
@@ -126,11 +128,8 @@ Status LcmBoard::wait_tick(std::int64_t& tick) {
   if (const operator_t* next = operator_.peek(); next != nullptr && next->command == operator_t::COMMAND_RESET) {
     tripped_ = false;
   }
-  delivered_ = options_.suffer ? options_.suffer(*sensors_, *trip_) : Delivered{sensors_, trip_};
-  if (delivered_.trip) {
-    if (tripped_ && delivered_.trip->tripped == 0) ++counters_.taken_back;
-    tripped_ = tripped_ || delivered_.trip->tripped == 1;
-  }
+  mail_.sensors = sensors_;
+  mail_.trip = trip_;
   last_tick_ = sensors_->tick;
   ended_ = sensors_->last == 1;
   tick = *last_tick_;
@@ -138,17 +137,19 @@ Status LcmBoard::wait_tick(std::int64_t& tick) {
 }
 
 Status LcmBoard::read_sensors(firmware::Sensors& sensors) {
-  if (!delivered_.sensors) return Status::kEmpty;
-  sensors = from_message(*delivered_.sensors);
-  delivered_.sensors.reset();
+  if (!mail_.sensors) return Status::kEmpty;
+  sensors = from_message(*mail_.sensors);
+  mail_.sensors.reset();
   return Status::kOk;
 }
 
 Status LcmBoard::read_verdict(firmware::MonitorVerdict& verdict) {
-  if (!delivered_.trip) return Status::kEmpty;
-  verdict = from_message(*delivered_.trip);
+  if (!mail_.trip) return Status::kEmpty;
+  verdict = from_message(*mail_.trip);
+  mail_.trip.reset();
+  if (tripped_ && !verdict.tripped) ++counters_.taken_back;
+  tripped_ = tripped_ || verdict.tripped;
   verdict.tripped = tripped_;
-  delivered_.trip.reset();
   return Status::kOk;
 }
 
@@ -176,7 +177,7 @@ LinkCounters LcmBoard::counters() const {
   counters.repeated += operator_.counters().repeated;
   counters.old += operator_.counters().old;
   counters.dropped += operator_.counters().dropped;
-  counters += delivered_.lost;
+  counters += mail_.refused;
   return counters;
 }
 

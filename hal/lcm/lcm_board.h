@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <deque>
-#include <functional>
 #include <optional>
 #include <string>
 
@@ -13,11 +12,11 @@
 
 namespace ballast::hal {
 
-// What of a tick's messages has reached the controller, and what, up to this tick, was lost on the way.
-struct Delivered {
+// The messages of a tick that the firmware has not read yet.
+struct TickMail {
   std::optional<sensors_t> sensors;
   std::optional<trip_t> trip;
-  LinkCounters lost{};
+  LinkCounters refused{};  // since the start, by whoever has handled the mail before the board
 };
 
 struct LcmBoardOptions {
@@ -25,9 +24,8 @@ struct LcmBoardOptions {
   double control_period_s = 0;
   Seconds start_timeout{30};  // until the first complete tick
   Seconds peer_timeout{2};    // from one tick to the next
-  // Where messages are made to suffer: what becomes of those of a tick, after they have made it due. Verdicts may then
-  // name any tick: each answers the sensors before it.
-  std::function<Delivered(const sensors_t&, const trip_t&)> suffer{};
+  // False: a verdict answers the sensors before it, whatever tick it names.
+  bool verdicts_name_their_tick = true;
 };
 
 // A tick k is due when sensors(k) and trip(k) are both there. The first tick may have any number; then only the next
@@ -60,6 +58,10 @@ class LcmBoard {
   [[nodiscard]] const char* peer() const { return peer_; }
   [[nodiscard]] std::string trouble() const;
 
+ protected:
+  // Between wait_tick() and the reads of its tick, a subclass may change the mail.
+  [[nodiscard]] TickMail& mail() { return mail_; }
+
  private:
   void on_sensors(const sensors_t& message);
   void on_trip(const trip_t& message);
@@ -76,7 +78,7 @@ class LcmBoard {
   bool ended_ = false;
   std::optional<sensors_t> sensors_;  // of the tick waited for
   std::optional<trip_t> trip_;
-  Delivered delivered_;   // and not yet read
+  TickMail mail_;
   bool tripped_ = false;  // a verdict of this run has said so, and nobody has said reset since
   OperatorInbox operator_;
   std::deque<operator_t> early_;  // commands heard before it was known which run this is

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "tests/fuzz/change_parts.h"
-#include "tools/faults/faulty_peers.h"
+#include "tools/faults/injection.h"
 #include "tools/program/memory_file.h"
 #include "tools/program/params.h"
 #include "tools/recording/log_reader.h"
@@ -14,11 +14,11 @@ namespace ballast::fuzz {
 namespace {
 
 // Answers nothing that was recorded: every tick differs.
-class Silent final : public sil::Peers {
+class Silent final : public sil::Peer {
  public:
-  hal::Status connect() override { return hal::Status::kOk; }
-  hal::Status exchange(sil::Lap& lap) override {
-    lap.status.tick = lap.plant.sensors.tick;
+  hal::Status send(sil::Lap&) override { return hal::Status::kOk; }
+  hal::Status receive(sil::Lap& lap) override {
+    lap.answer.emplace().status.tick = lap.plant.sensors.tick;
     return hal::Status::kOk;
   }
   [[nodiscard]] std::string trouble() const override { return ""; }
@@ -68,9 +68,9 @@ void replay_with_faults(const std::string& log, std::int64_t id) {
   static const bool built = robot.ok() && !program::to_controller_params(robot.scenario, *params);
   require(built, "the robot is one");
   robot.scenario.id = id;
-  const auto peers =
-      sil::peers_in_process(robot.scenario, params.get(), program::to_monitor_limits(robot.scenario), nullptr);
-  hold_to_its_word(sil::replay(robot.scenario, log, *peers, "/dev/null", {}));
+  const sil::ReplayedFirmware firmware = sil::firmware_for_replay(robot.scenario, *params);
+  hold_to_its_word(
+      sil::replay(robot.scenario, log, *firmware.peer, "/dev/null", {.before_tick = firmware.before_tick}));
 }
 
 // 28 bytes of header: sync word, number, time, length of the channel's name, length of the data; all big-endian.

@@ -42,7 +42,8 @@ class MonitorLoopTest : public ::testing::Test {
   }
 
   void start(bool controller_expected, Seconds start_timeout = kLong) {
-    loop_.emplace(loop_bus_, limits(controller_expected),
+    monitor_.emplace(limits(controller_expected));
+    loop_.emplace(loop_bus_, *monitor_, limits(controller_expected),
                   MonitorLoopOptions{
                       .control_period_s = kControlPeriod_s, .start_timeout = start_timeout, .peer_timeout = kShort});
     thread_ = std::thread([this] { end_ = loop_->run(); });
@@ -111,6 +112,7 @@ class MonitorLoopTest : public ::testing::Test {
 
   hal::Bus bus_, loop_bus_;
   std::deque<trip_t> trips_;
+  std::optional<Monitor> monitor_;
   std::optional<MonitorLoop> loop_;
   std::thread thread_;
   Status end_ = Status::kOk;

@@ -32,9 +32,10 @@ struct Tick {
   contact_t contact{};
   plant_state_t state{};
   sensors_t sensors{};
-  std::optional<std::int64_t> controller_tick;
+  std::optional<controller_status_t> status;
 
-  explicit Tick(std::int64_t tick) : controller_tick(tick - 1) {
+  explicit Tick(std::int64_t tick) {
+    status.emplace().tick = tick - 1;
     contact.tick = state.tick = sensors.tick = tick;
     contact.utime = state.utime = sensors.utime = 1000 * tick;
     contact.time_s = state.time_s = 0.001 * static_cast<double>(tick);
@@ -45,7 +46,7 @@ struct Tick {
     state.orientation[0] = sensors.orientation[0] = 1;
     state.mass_count = sensors.mass_count = kMassCount;
   }
-  Samples samples() const { return {&contact, &state, &sensors, controller_tick, {}}; }
+  Samples samples() const { return {&contact, &state, &sensors, status ? &*status : nullptr}; }
 };
 
 void expect_trip(const trip_t& verdict, std::int8_t cause, std::int64_t tick, double value, double limit) {
@@ -306,21 +307,21 @@ TEST(Monitor, MessageOfAnotherTickIsMissing) {
 }
 
 TEST(Monitor, ControllerMayBeOneTickOld) {
-  expect_quiet(judge_changed([](Tick& t) { t.controller_tick = 2; }));
-  expect_quiet(judge_changed([](Tick& t) { t.controller_tick = 3; }));
+  expect_quiet(judge_changed([](Tick& t) { t.status->tick = 2; }));
+  expect_quiet(judge_changed([](Tick& t) { t.status->tick = 3; }));
 }
 
 TEST(Monitor, OlderControllerIsStale) {
-  expect_trip(judge_changed([](Tick& t) { t.controller_tick = 1; }), trip_t::CAUSE_STALE, 3, 2, 1);
-  expect_trip(judge_changed([](Tick& t) { t.controller_tick = -3; }), trip_t::CAUSE_STALE, 3, 6, 1);
-  expect_trip(judge_changed([](Tick& t) { t.controller_tick.reset(); }), trip_t::CAUSE_STALE, 3, 2, 1);
+  expect_trip(judge_changed([](Tick& t) { t.status->tick = 1; }), trip_t::CAUSE_STALE, 3, 2, 1);
+  expect_trip(judge_changed([](Tick& t) { t.status->tick = -3; }), trip_t::CAUSE_STALE, 3, 6, 1);
+  expect_trip(judge_changed([](Tick& t) { t.status.reset(); }), trip_t::CAUSE_STALE, 3, 2, 1);
 }
 
 TEST(Monitor, ControllerFromTheFutureIsAViolation) {
-  expect_trip(judge_changed([](Tick& t) { t.controller_tick = 4; }), trip_t::CAUSE_STALE, 3, -1, 1);
+  expect_trip(judge_changed([](Tick& t) { t.status->tick = 4; }), trip_t::CAUSE_STALE, 3, -1, 1);
   Monitor monitor(limits());
   Tick tick(0);
-  tick.controller_tick = 1;
+  tick.status->tick = 1;
   expect_trip(monitor.judge(tick.samples()), trip_t::CAUSE_STALE, 0, -1, 1);
 }
 
@@ -328,10 +329,11 @@ TEST(Monitor, NoControllerIsNeededAtTheFirstTick) {
   for (const std::optional<std::int64_t> heard : {std::optional<std::int64_t>(-3), std::optional<std::int64_t>()}) {
     Monitor monitor(limits());
     Tick tick(100);
-    tick.controller_tick = heard;
+    tick.status.reset();
+    if (heard) tick.status.emplace().tick = *heard;
     expect_quiet(monitor.judge(tick.samples()));
     tick = Tick(101);
-    tick.controller_tick.reset();
+    tick.status.reset();
     EXPECT_EQ(monitor.judge(tick.samples()).cause, trip_t::CAUSE_STALE);
   }
 }
@@ -342,12 +344,16 @@ TEST(Monitor, NoControllerIsNeededInPrescribedRuns) {
   Monitor monitor(prescribed);
   for (std::int64_t k = 0; k < 5; ++k) {
     Tick tick(k);
-    tick.controller_tick.reset();
+    tick.status.reset();
     expect_quiet(monitor.judge(tick.samples()));
   }
 }
 
-// The verdict on tick 3, after a tick 2 of which plant and controller said this.
+struct Estimate {
+  double normal_force_n, static_friction_n;
+};
+
+// The verdict on tick 3, after a tick 2 for which plant and controller report these forces.
 trip_t judge_estimates(const Estimate& plant, const Estimate& controller, std::int8_t regime, double disagreement_n) {
   MonitorLimits l = limits();
   l.disagreement_n = disagreement_n;
@@ -357,9 +363,9 @@ trip_t judge_estimates(const Estimate& plant, const Estimate& controller, std::i
   second.contact.commanded_normal_force_n = plant.normal_force_n;
   second.contact.commanded_static_friction_n = plant.static_friction_n;
   expect_quiet(monitor.judge(second.samples()));
-  Samples samples = third.samples();
-  samples.estimate = controller;
-  return monitor.judge(samples);
+  third.status->normal_force_n = controller.normal_force_n;
+  third.status->static_friction_n = controller.static_friction_n;
+  return monitor.judge(third.samples());
 }
 trip_t judge_estimates(const Estimate& plant, const Estimate& controller) {
   return judge_estimates(plant, controller, contact_t::REGIME_ROLLING, 0.5);
@@ -394,10 +400,9 @@ TEST(Monitor, DisagreementIsOfOneInstant) {
   const auto judge = [&monitor](std::int64_t k, double plant_n, double controller_n, std::int64_t controller_tick) {
     Tick tick(k);
     tick.contact.commanded_normal_force_n = plant_n;
-    tick.controller_tick = controller_tick;
-    Samples samples = tick.samples();
-    samples.estimate = Estimate{controller_n, 0};
-    return monitor.judge(samples);
+    tick.status->tick = controller_tick;
+    tick.status->normal_force_n = controller_n;
+    return monitor.judge(tick.samples());
   };
   expect_quiet(judge(1, 8, 8, 0));
   expect_quiet(judge(2, 4, 8, 1));  // what the status of tick 1 says is held against contact 1, not contact 2
@@ -445,7 +450,7 @@ TEST(Monitor, FirstCauseIsKeptForEver) {
   std::vector<Tick> later = {Tick(4), Tick(5), Tick(5), Tick(9), Tick(10), Tick(11)};
   later[1].contact.normal_force_n = -1;
   later[4].contact.normal_force_n = kNan;
-  later[5].controller_tick = 0;
+  later[5].status->tick = 0;
   for (const Tick& tick : later) {
     const trip_t verdict = monitor.judge(tick.samples());
     expect_trip(verdict, trip_t::CAUSE_FRICTION, 3, 0.25, 0.125);
@@ -465,7 +470,7 @@ TEST(Monitor, OrderOfChecks) {
     if (level < 4) tick.sensors.gyro_B_radps[0] = kNan;
     if (level < 5) tick.contact.normal_force_n = 0.5;
     if (level < 6) tick.contact.static_friction_n = 4;
-    tick.controller_tick = -3;
+    tick.status->tick = -3;
     return monitor.judge(tick.samples());
   };
   expect_trip(judge(0), trip_t::CAUSE_REPEATED, 2, 2, 3);

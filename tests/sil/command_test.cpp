@@ -602,7 +602,7 @@ TEST(Faults, AreRunAndWrittenDown) {
   const Folder folder;
   const Outcome run = folder.run("ballast run paper_ball --set duration=1 --fault sensor_bias@0.5:0.1,axis=1 --out r");
   EXPECT_EQ(run.exit_status, 0) << run.err;
-  EXPECT_NE(run.out.find("suffered    sensor_bias at 0.5 s"), std::string::npos) << run.out;
+  EXPECT_NE(run.out.find("fault       sensor_bias at 0.5 s"), std::string::npos) << run.out;
   EXPECT_EQ(folder.run("ballast run r/scenario.toml --out again --quiet").exit_status, 0);
   EXPECT_EQ(folder.run("cmp r/run.lcmlog again/run.lcmlog").exit_status, 0);
   EXPECT_EQ(folder.run("ballast replay r --verify").exit_status, 0);
@@ -620,10 +620,11 @@ TEST(Faults, EndAsTheySay) {
       {"ballast run paper_ball --fault motor_stal@1", 1, "did you mean motor_stall?"},
       {"ballast check paper_ball --fault motor_stal@1", 1, "did you mean motor_stall?"},
       {"ballast run paper_ball --actuation prescribed --fault motor_stall@1", 1, "acts on a motor"},
-      {"ballast run paper_ball --fault controller_overrun@1 --processes", 1, "cannot be had with --processes"},
-      {"ballast run paper_ball --fault peer_killed@1 --processes --check-steps", 1, "cannot be had with --check-steps"},
-      {"ballast run paper_ball --fault peer_killed@1 --firmware qemu", 1, "cannot be had with --firmware qemu"},
-      {"ballast run paper_ball --fault peer_killed@1 --check-steps", 1, "cannot be had with --check-steps"},
+      {"ballast run paper_ball --fault controller_overrun@1 --processes", 1, "cannot be injected with --processes"},
+      {"ballast run paper_ball --fault peer_killed@1 --processes --check-steps", 1,
+       "cannot be injected with --check-steps"},
+      {"ballast run paper_ball --fault peer_killed@1 --firmware qemu", 1, "cannot be injected with --firmware qemu"},
+      {"ballast run paper_ball --fault peer_killed@1 --check-steps", 1, "cannot be injected with --check-steps"},
       {"ballast friction paper_ball --fault push@1:1", 1, "not with ballast friction"},
       {"ballast integrate paper_ball --fault push@1:1", 1, "not with ballast integrate"},
       {"ballast run paper_ball --fault peer_killed@1 --out a", 2, "controller lost"},

@@ -7,7 +7,7 @@
 
 #include "tests/sil/into_its_stop.h"
 #include "tools/program/params.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/sil/local_peers.h"
 #include "tools/sil/run.h"
 #include "tools/summary/summary.h"
 
@@ -26,7 +26,7 @@ Done run_into_its_stop(const std::vector<std::string>& overrides) {
   const auto refusal = program::to_controller_params(read.scenario, *params);
   EXPECT_FALSE(refusal) << *refusal;
   InProcessPeers peers(params.get(), program::to_monitor_limits(read.scenario), read.scenario.run.control_period_s);
-  Recorder recorder("/dev/null");
+  NoRecord recorder;
   RunOptions options;
   options.check_steps = true;
   return {read.scenario, run(read.scenario, peers, recorder, options)};

@@ -1,5 +1,5 @@
-// What a run is made to suffer: given a fault at t = 2 s on the desk robot, in full motion, when the run goes on, then
-// who notices, in which tick, and how it ends. sim/README.md says the same in words.
+// Injected faults: given a fault at t = 2 s on the desk robot in full motion, who detects it, in which tick, and how
+// the run ends. sim/README.md describes the same.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -10,8 +10,9 @@
 
 #include "hal/lcm/channels.h"
 #include "sim/scenario/fault.h"
+#include "tools/faults/injection.h"
 #include "tools/program/params.h"
-#include "tools/faults/faulty_peers.h"
+#include "tools/recording/recorder.h"
 #include "tools/recording/replay.h"
 #include "tools/sil/run.h"
 #include "tools/summary/summary.h"
@@ -31,11 +32,10 @@ sim::Scenario desk_ball(const std::vector<std::string>& faults, const std::vecto
 
 struct Outcome {
   RunResult result;
-  int peers_exit_status;
-  std::string recorder_error;
+  PeerFailure failure;
 };
 
-Outcome suffer(const sim::Scenario& scenario, const std::string& log = "/dev/null") {
+Outcome run_desk_ball(const sim::Scenario& scenario, const std::string& log = "/dev/null") {
   auto params = std::make_unique<firmware::ControllerParams>();
   const bool stepper = scenario.run.actuation == sim::Actuation::kStepper;
   if (stepper) {
@@ -43,20 +43,17 @@ Outcome suffer(const sim::Scenario& scenario, const std::string& log = "/dev/nul
   }
   const auto peers = peers_in_process(scenario, stepper ? params.get() : nullptr, program::to_monitor_limits(scenario));
   Recorder recorder(log);
-  for (const auto& fault : scenario.faults) {
-    if (fault.kind == sim::FaultKind::kDiskFull) recorder.disk_full_from(fault.time_s);
-  }
-  Outcome outcome{run(scenario, *peers, recorder, {}), peers->exit_status(), ""};
-  recorder.close();
-  outcome.recorder_error = recorder.error();
+  Outcome outcome{run_with_faults(scenario, *peers, recorder, {}), PeerFailure::kLost};
+  outcome.failure = peers->failure();
+  EXPECT_TRUE(recorder.close());
   return outcome;
 }
 
-Outcome suffer(const std::string& fault) { return suffer(desk_ball({fault})); }
+Outcome run_desk_ball(const std::string& fault) { return run_desk_ball(desk_ball({fault})); }
 
 // On a floor that holds whatever comes: motors that stand all at once, in full motion, make the ball slip within ticks.
-Outcome suffer_on_perfect_floor(const std::string& fault) {
-  return suffer(desk_ball({fault}, {"surface.static_friction=inf", "surface.kinetic_friction=inf"}));
+Outcome run_on_perfect_floor(const std::string& fault) {
+  return run_desk_ball(desk_ball({fault}, {"surface.static_friction=inf", "surface.kinetic_friction=inf"}));
 }
 
 bool has(const RunResult& result, firmware::Fault fault) {
@@ -93,7 +90,7 @@ TEST(MessageFault, TheMonitorMissesWhatDoesNotCome) {
   };
   for (const MonitorCase& c : cases) {
     SCOPED_TRACE(c.fault);
-    const Outcome outcome = suffer(c.fault);
+    const Outcome outcome = run_desk_ball(c.fault);
     const RunResult& result = outcome.result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
     EXPECT_EQ(result.end_reason, EndReason::kTripped);
@@ -123,7 +120,7 @@ TEST(MessageFault, TheControllerTripsOnWhatIsStale) {
   };
   for (const Case& c : cases) {
     SCOPED_TRACE(c.fault);
-    const RunResult result = suffer(c.fault).result;
+    const RunResult result = run_desk_ball(c.fault).result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
     EXPECT_EQ(result.end_reason, EndReason::kTripped);
     EXPECT_EQ(result.trip.tripped, 0);
@@ -136,14 +133,14 @@ TEST(MessageFault, TheControllerTripsOnWhatIsStale) {
 
 // One tick late is no fault, and twice is once.
 TEST(MessageFault, WhatIsHarmlessChangesNothing) {
-  const RunResult healthy = suffer(desk_ball({})).result;
+  const RunResult healthy = run_desk_ball(desk_ball({})).result;
   for (const char* fault :
        {"messages_delayed@2:1,peer=controller", "messages_delayed@2:1,channel=BALLAST_TRIP",
         "messages_reordered@2:peer=controller", "messages_doubled@2:peer=controller",
         "messages_doubled@2:channel=BALLAST_STEP_COMMAND", "messages_doubled@2:channel=BALLAST_TRIP",
         "peer_restarted@2:peer=monitor", "peer_too_slow@2:1,peer=monitor"}) {
     SCOPED_TRACE(fault);
-    const RunResult result = suffer(fault).result;
+    const RunResult result = run_desk_ball(fault).result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
     EXPECT_EQ(result.end_reason, EndReason::kCompleted);
     EXPECT_EQ(exit_status(result), 0);
@@ -165,7 +162,7 @@ TEST(MessageFault, StepsThatDoNotReachTheMotorsEndTheRun) {
         "messages_reordered@2:channel=BALLAST_STEP_COMMAND,duration=0.001",
         "messages_truncated@2:channel=BALLAST_STEP_COMMAND"}) {
     SCOPED_TRACE(fault);
-    const RunResult result = suffer(fault).result;
+    const RunResult result = run_desk_ball(fault).result;
     EXPECT_EQ(result.status, hal::Status::kPeerLost);
     EXPECT_EQ(result.last_tick, kTick + 1);
     EXPECT_NE(result.trouble.find("motors"), std::string::npos) << result.trouble;
@@ -181,7 +178,7 @@ TEST(MessageFault, CorruptedMessagesAreRefusedOrBelieved) {
                             "messages_corrupted@2:8,channel=BALLAST_STEP_COMMAND",
                             "messages_corrupted@2:8,channel=BALLAST_CONTROLLER_STATUS"}) {
     SCOPED_TRACE(fault);
-    const RunResult result = suffer(fault).result;
+    const RunResult result = run_desk_ball(fault).result;
     EXPECT_GT(result.refused.here.refused(), 0);
     EXPECT_TRUE(result.status == hal::Status::kPeerLost || result.end_reason == EndReason::kTripped);
   }
@@ -190,7 +187,7 @@ TEST(MessageFault, CorruptedMessagesAreRefusedOrBelieved) {
 // --- peers ---
 
 TEST(PeerFault, AKilledControllerIsNoticedAndGivenUp) {
-  const RunResult result = suffer_on_perfect_floor("peer_killed@2").result;
+  const RunResult result = run_on_perfect_floor("peer_killed@2").result;
   EXPECT_EQ(result.status, hal::Status::kPeerLost);
   EXPECT_NE(result.trouble.find("controller lost"), std::string::npos) << result.trouble;
   EXPECT_EQ(result.trip.cause, trip_t::CAUSE_STALE);
@@ -199,7 +196,7 @@ TEST(PeerFault, AKilledControllerIsNoticedAndGivenUp) {
 }
 
 TEST(PeerFault, AKilledMonitorStopsTheRobot) {
-  const RunResult result = suffer("peer_killed@2:peer=monitor").result;
+  const RunResult result = run_desk_ball("peer_killed@2:peer=monitor").result;
   ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
   EXPECT_EQ(result.end_reason, EndReason::kTripped);
   EXPECT_EQ(result.controller_trip->tick, kTick + 1);
@@ -211,7 +208,7 @@ TEST(PeerFault, AFrozenControllerStopsWhenItWakes) {
   for (const std::int64_t ticks : {1, 50}) {
     SCOPED_TRACE(ticks);
     const RunResult result =
-        suffer_on_perfect_floor("peer_frozen@2:duration=" + std::to_string(0.001 * static_cast<double>(ticks))).result;
+        run_on_perfect_floor("peer_frozen@2:duration=" + std::to_string(0.001 * static_cast<double>(ticks))).result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
     EXPECT_EQ(result.end_reason, EndReason::kTripped);
     EXPECT_EQ(result.trip.cause, trip_t::CAUSE_STALE);
@@ -224,7 +221,7 @@ TEST(PeerFault, AFrozenControllerStopsWhenItWakes) {
 }
 
 TEST(PeerFault, AFrozenMonitorStopsTheRobot) {
-  const RunResult result = suffer("peer_frozen@2:peer=monitor,duration=0.05").result;
+  const RunResult result = run_desk_ball("peer_frozen@2:peer=monitor,duration=0.05").result;
   EXPECT_EQ(result.end_reason, EndReason::kTripped);
   EXPECT_EQ(result.controller_trip->tick, kTick + 1);
   EXPECT_TRUE(has(result, firmware::Fault::kMonitorStale));
@@ -232,7 +229,7 @@ TEST(PeerFault, AFrozenMonitorStopsTheRobot) {
 
 // Disarmed and at rest it would say that all is well.
 TEST(PeerFault, ARestartedControllerDoesNotPassForTheOneBefore) {
-  const RunResult result = suffer("peer_restarted@2").result;
+  const RunResult result = run_desk_ball("peer_restarted@2").result;
   EXPECT_EQ(result.status, hal::Status::kPeerLost);
   EXPECT_NE(result.trouble.find("started again"), std::string::npos) << result.trouble;
   EXPECT_EQ(result.last_tick, kTick);
@@ -240,7 +237,7 @@ TEST(PeerFault, ARestartedControllerDoesNotPassForTheOneBefore) {
 
 TEST(PeerFault, AMonitorThatIsRestartedAfterATripTakesItBack) {
   const RunResult result =
-      suffer(desk_ball({"sensor_nan@2:duration=0.001", "peer_restarted@2.002:peer=monitor"})).result;
+      run_desk_ball(desk_ball({"sensor_nan@2:duration=0.001", "peer_restarted@2.002:peer=monitor"})).result;
   EXPECT_EQ(result.status, hal::Status::kPeerLost);
   EXPECT_NE(result.trouble.find("takes back"), std::string::npos) << result.trouble;
   EXPECT_EQ(result.last_tick, kTick + 2);
@@ -249,7 +246,7 @@ TEST(PeerFault, AMonitorThatIsRestartedAfterATripTakesItBack) {
 TEST(PeerFault, ASlowControllerIsStale) {
   for (const char* fault : {"peer_too_slow@2:1", "peer_too_slow@2:2"}) {
     SCOPED_TRACE(fault);
-    const RunResult result = suffer_on_perfect_floor(fault).result;
+    const RunResult result = run_on_perfect_floor(fault).result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
     EXPECT_EQ(result.trip.cause, trip_t::CAUSE_STALE);
     EXPECT_EQ(result.trip.trip_tick, kTick + 1);
@@ -258,7 +255,7 @@ TEST(PeerFault, ASlowControllerIsStale) {
 }
 
 TEST(PeerFault, ASlowMonitorIsStaleFromTwoTicksOn) {
-  const RunResult result = suffer("peer_too_slow@2:2,peer=monitor").result;
+  const RunResult result = run_desk_ball("peer_too_slow@2:2,peer=monitor").result;
   EXPECT_EQ(result.end_reason, EndReason::kTripped);
   EXPECT_EQ(result.controller_trip->tick, kTick + 1);
   EXPECT_TRUE(has(result, firmware::Fault::kMonitorStale));
@@ -270,12 +267,12 @@ TEST(PeerFault, ASlowMonitorIsStaleFromTwoTicksOn) {
 // not one step. No trip is to be had from them but the monitor's, where they make the controller's N and f_s so wrong
 // that they disagree with the plant's.
 TEST(SensorFault, WhatIsWrongButFiniteMovesNothing) {
-  const RunResult healthy = suffer(desk_ball({})).result;
+  const RunResult healthy = run_desk_ball(desk_ball({})).result;
   for (const char* fault :
        {"sensor_bias@2:0.1", "sensor_bias@2:0.1,sensor=orientation,axis=1", "sensor_noise@2:0.1,sensor=accelerometer",
         "sensor_freeze@2", "sensor_freeze@2:sensor=limit_switch", "sensor_spike@2:0.1", "sensor_saturation@2:0.01"}) {
     SCOPED_TRACE(fault);
-    const RunResult result = suffer(fault).result;
+    const RunResult result = run_desk_ball(fault).result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
     EXPECT_EQ(result.end_reason, EndReason::kCompleted);
     EXPECT_EQ(result.motors[0].steps, healthy.motors[0].steps);
@@ -284,7 +281,7 @@ TEST(SensorFault, WhatIsWrongButFiniteMovesNothing) {
 }
 
 TEST(SensorFault, WhatMakesTheControllerDisagreeWithThePlantTrips) {
-  const RunResult result = suffer("sensor_spike@2:5").result;
+  const RunResult result = run_desk_ball("sensor_spike@2:5").result;
   ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
   EXPECT_EQ(result.end_reason, EndReason::kTripped);
   EXPECT_EQ(result.trip.cause, trip_t::CAUSE_DISAGREEMENT);
@@ -305,11 +302,11 @@ std::vector<sensors_t> sensors_of(const std::string& path) {
 
 TEST(SensorFault, EachDoesWhatItSays) {
   const std::string folder = testing::TempDir();
-  suffer(desk_ball({}), folder + "healthy.lcmlog");
+  run_desk_ball(desk_ball({}), folder + "healthy.lcmlog");
   const auto truth = sensors_of(folder + "healthy.lcmlog");
   const auto said = [&](const std::string& fault) {
-    suffer(desk_ball({fault}), folder + "suffered.lcmlog");
-    return sensors_of(folder + "suffered.lcmlog");
+    run_desk_ball(desk_ball({fault}), folder + "faulty.lcmlog");
+    return sensors_of(folder + "faulty.lcmlog");
   };
   const auto at = [](std::int64_t tick) { return static_cast<std::size_t>(tick); };
 
@@ -353,19 +350,21 @@ TEST(SensorFault, EachDoesWhatItSays) {
 // --- motors, floor, ball ---
 
 TEST(MotorFault, StepsAreLostBehindTheControllersBack) {
-  const RunResult healthy = suffer(desk_ball({})).result;
+  const RunResult healthy = run_desk_ball(desk_ball({})).result;
   ASSERT_EQ(healthy.final_sample.lost_steps[0], 0);
   for (const char* fault : {"motor_stall@2", "reversed_wiring@2", "blocked_rail@0", "lost_steps@2:200"}) {
     SCOPED_TRACE(fault);
     // On its own floor a mass that is held makes the ball slip before a step is lost; one that is stopped at full speed
     // throws it off any floor.
     const sim::Scenario scenario = desk_ball({fault}, {"surface.static_friction=inf", "surface.kinetic_friction=inf"});
-    const RunResult result = suffer(scenario).result;
+    const RunResult result = run_desk_ball(scenario).result;
     ASSERT_EQ(result.status, hal::Status::kOk) << result.trouble;
     EXPECT_GT(result.final_sample.lost_steps[0], 0);
     // Less speed would not have helped, and is not advised.
     const std::string text = lost_steps_text(scenario, result);
-    EXPECT_NE(text.find("Motor 0 was made to suffer " + to_string(scenario.faults[0])), std::string::npos) << text;
+    EXPECT_NE(text.find("The fault " + to_string(scenario.faults[0]) + " was injected into motor 0"),
+              std::string::npos)
+        << text;
     EXPECT_EQ(text.find("max_acceleration"), std::string::npos) << text;
     // A fault of another motor, or one that would have begun later, explains nothing.
     sim::Scenario other = scenario;
@@ -379,12 +378,12 @@ TEST(MotorFault, StepsAreLostBehindTheControllersBack) {
       EXPECT_TRUE(has(result, firmware::Fault::kMonitorTrip));
     }
   }
-  const RunResult swallowed = suffer("lost_steps@2:200").result;
+  const RunResult swallowed = run_desk_ball("lost_steps@2:200").result;
   EXPECT_EQ(swallowed.final_sample.lost_steps[0] % 64, 200 % 64);  // but for whole teeth
 }
 
 TEST(WorldFault, ASlipperyFloorIsSeenWhereRollingIsLost) {
-  const RunResult result = suffer("friction_falls@2:0.001").result;
+  const RunResult result = run_desk_ball("friction_falls@2:0.001").result;
   EXPECT_EQ(result.end_reason, EndReason::kSlipped);
   EXPECT_GE(result.final_sample.time_s, 2);
   EXPECT_LE(result.final_sample.time_s, 2.1);  // it needs more than 0.001 nearly always
@@ -392,25 +391,27 @@ TEST(WorldFault, ASlipperyFloorIsSeenWhereRollingIsLost) {
 }
 
 TEST(WorldFault, APushIsFelt) {
-  const RunResult healthy = suffer(desk_ball({})).result, pushed = suffer("push@2:3").result;
+  const RunResult healthy = run_desk_ball(desk_ball({})).result, pushed = run_desk_ball("push@2:3").result;
   EXPECT_GT((pushed.final_sample.velocity_W_mps - healthy.final_sample.velocity_W_mps).norm(), 0.01);
 }
 
 // --- the program's own ---
 
 TEST(ProgramFault, AnOverrunEndsTheRunAsLate) {
-  const Outcome outcome = suffer("controller_overrun@2:3");
+  const Outcome outcome = run_desk_ball("controller_overrun@2:3");
   EXPECT_EQ(outcome.result.status, hal::Status::kIo);
-  EXPECT_EQ(outcome.peers_exit_status, program::kExitLate);
+  EXPECT_EQ(outcome.failure, PeerFailure::kLate);
   EXPECT_EQ(outcome.result.last_tick, kTick - 1);
   EXPECT_NE(outcome.result.trouble.find("3 overruns"), std::string::npos) << outcome.result.trouble;
 }
 
 TEST(ProgramFault, AFullDiskEndsTheRunAndKeepsTheLog) {
   const std::string log = testing::TempDir() + "full.lcmlog";
-  const Outcome outcome = suffer(desk_ball({"disk_full@2"}), log);
+  const Outcome outcome = run_desk_ball(desk_ball({"disk_full@2"}), log);
   EXPECT_EQ(outcome.result.status, hal::Status::kIo);
-  EXPECT_NE(outcome.recorder_error.find("No space left"), std::string::npos) << outcome.recorder_error;
+  EXPECT_TRUE(outcome.result.sink_failed);
+  EXPECT_NE(outcome.result.trouble.find("No space left on device (as asked: disk_full at 2 s)"), std::string::npos)
+      << outcome.result.trouble;
   EXPECT_EQ(sensors_of(log).back().tick, kTick - 1);
 }
 
@@ -421,8 +422,8 @@ std::string bytes_of(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// Twice the same bytes, and the log replays: the firmware of today, given what it says and made to suffer the same,
-// answers the same.
+// A second run gives the same bytes, and the log replays: with the same inputs and faults the firmware answers the
+// same.
 TEST(EveryFault, IsRepeatedAndReplayed) {
   const std::string folder = testing::TempDir();
   for (const sim::FaultKindInfo& kind : sim::fault_kinds()) {
@@ -431,15 +432,16 @@ TEST(EveryFault, IsRepeatedAndReplayed) {
     const bool chance = std::string(kind.value_means).starts_with("probability");
     const std::string value = chance ? ":0.1" : kind.value_default ? "" : ":0.25";
     const sim::Scenario scenario = desk_ball({std::string(kind.name) + "@0.3" + value}, {"duration=0.6"});
-    const Outcome first = suffer(scenario, folder + "first.lcmlog");
-    const Outcome second = suffer(scenario, folder + "second.lcmlog");
+    const Outcome first = run_desk_ball(scenario, folder + "first.lcmlog");
+    const Outcome second = run_desk_ball(scenario, folder + "second.lcmlog");
     EXPECT_EQ(first.result.last_tick, second.result.last_tick);
     EXPECT_TRUE(bytes_of(folder + "first.lcmlog") == bytes_of(folder + "second.lcmlog"));
 
     auto params = std::make_unique<firmware::ControllerParams>();
     ASSERT_FALSE(program::to_controller_params(scenario, *params));
-    const auto peers = peers_in_process(scenario, params.get(), program::to_monitor_limits(scenario));
-    const ReplayResult replayed = replay(scenario, folder + "first.lcmlog", *peers, folder + "replayed.lcmlog", {});
+    const ReplayedFirmware firmware = firmware_for_replay(scenario, *params);
+    const ReplayResult replayed = replay(scenario, folder + "first.lcmlog", *firmware.peer, folder + "replayed.lcmlog",
+                                         {.before_tick = firmware.before_tick});
     EXPECT_EQ(replayed.end, ReplayResult::End::kReplayed) << replayed.trouble;
     EXPECT_EQ(replayed.ticks_that_differ, 0) << "first in tick " << replayed.first_difference.value_or(-9);
     EXPECT_GT(replayed.ticks, 295);
@@ -451,7 +453,7 @@ TEST(EveryFault, DependsOnTheSeed) {
   const char* fault = "messages_dropped@1:0.02,channel=BALLAST_TRIP";
   std::set<std::int64_t> ticks;
   for (const char* seed : {"seed=1", "seed=2", "seed=3", "seed=4"}) {
-    const RunResult result = suffer(desk_ball({fault}, {seed})).result;
+    const RunResult result = run_desk_ball(desk_ball({fault}, {seed})).result;
     ticks.insert(result.controller_trip ? result.controller_trip->tick : -1);
   }
   EXPECT_GT(ticks.size(), 1u);
@@ -459,29 +461,29 @@ TEST(EveryFault, DependsOnTheSeed) {
 
 // A run without faults does not know that there are any.
 TEST(EveryFault, LeavesAHealthyRunAlone) {
-  EXPECT_FALSE(FaultyPeers::needed(desk_ball({})));
-  EXPECT_FALSE(FaultyPeers::needed(desk_ball({"motor_stall@1", "push@1:1", "sensor_nan@1", "disk_full@1"})));
-  EXPECT_TRUE(FaultyPeers::needed(desk_ball({"peer_killed@1"})));
+  EXPECT_FALSE(has_peer_faults(desk_ball({})));
+  EXPECT_FALSE(has_peer_faults(desk_ball({"motor_stall@1", "push@1:1", "sensor_nan@1", "disk_full@1"})));
+  EXPECT_TRUE(has_peer_faults(desk_ball({"peer_killed@1"})));
   // And these peers, with a fault that never strikes, are those of a healthy run, byte for byte.
   const std::string folder = testing::TempDir();
   sim::Scenario scenario = desk_ball({"messages_dropped@2:1e-15"});
-  suffer(scenario, folder + "never.lcmlog");
+  run_desk_ball(scenario, folder + "never.lcmlog");
   scenario.faults.clear();  // the same fingerprint
-  suffer(scenario, folder + "none.lcmlog");
+  run_desk_ball(scenario, folder + "none.lcmlog");
   EXPECT_TRUE(bytes_of(folder + "never.lcmlog") == bytes_of(folder + "none.lcmlog"));
 }
 
 TEST(EveryFault, SummaryNamesIt) {
   const sim::Scenario scenario = desk_ball({"motor_stall@2:mass=1,duration=0.1"});
-  const RunResult result = suffer(scenario).result;
-  EXPECT_NE(summary_text(scenario, result, "x").find("suffered    motor_stall at 2 s: mass 1, for 0.1 s"),
+  const RunResult result = run_desk_ball(scenario).result;
+  EXPECT_NE(summary_text(scenario, result, "x").find("fault       motor_stall at 2 s: mass 1, for 0.1 s"),
             std::string::npos);
   EXPECT_NE(summary_json(scenario, result).find("\"kind\": \"motor_stall\""), std::string::npos);
   EXPECT_EQ(summary_json(desk_ball({}), result).find("\"faults\""), std::string::npos);
 
   const sim::Scenario slips = desk_ball({"friction_falls@1:0.01", "push@3.5:5"});
-  const std::string text = summary_text(slips, suffer(slips).result, "x");
-  EXPECT_NE(text.find("suffered    friction_falls at 1 s"), std::string::npos) << text;
+  const std::string text = summary_text(slips, run_desk_ball(slips).result, "x");
+  EXPECT_NE(text.find("fault       friction_falls at 1 s"), std::string::npos) << text;
   EXPECT_NE(text.find("not reached push at 3.5 s"), std::string::npos) << text;
 }
 

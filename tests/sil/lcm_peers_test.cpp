@@ -69,12 +69,12 @@ class LcmPeersTest : public testing::Test {
     expect_right_lap();
   }
   void expect_right_lap() const {
-    EXPECT_EQ(lap_.trip.tick, kTick);
-    EXPECT_EQ(lap_.trip.value, kRight);
-    EXPECT_EQ(lap_.status.tick, kTick);
-    EXPECT_EQ(lap_.status.overruns, kRight);
-    EXPECT_EQ(lap_.steps.tick, kTick + 1);
-    EXPECT_EQ(lap_.steps.position_steps[0], kRight);
+    EXPECT_EQ(lap_.verdict->tick, kTick);
+    EXPECT_EQ(lap_.verdict->value, kRight);
+    EXPECT_EQ(lap_.answer->status.tick, kTick);
+    EXPECT_EQ(lap_.answer->status.overruns, kRight);
+    EXPECT_EQ(lap_.answer->steps.tick, kTick + 1);
+    EXPECT_EQ(lap_.answer->steps.position_steps[0], kRight);
   }
 
   std::string url_;
@@ -183,7 +183,7 @@ TEST_F(LcmPeersTest, AnotherRunsAnswersAreNotHeard) {
   ASSERT_EQ(peers_.exchange(lap_), Status::kOk) << peers_.trouble();
   expect_right_lap();
   EXPECT_EQ(peers_.refused().here.foreign, 6);
-  EXPECT_EQ(lap_.trip.run_id + lap_.status.run_id + lap_.steps.run_id, 0);
+  EXPECT_EQ(lap_.verdict->run_id + lap_.answer->status.run_id + lap_.answer->steps.run_id, 0);
 }
 
 // A monitor that was started again knows of no trip; the run must not end as if there had been none.

@@ -11,7 +11,8 @@
 
 #include "sim/masses/motion.h"
 #include "tools/program/params.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/recording/recorder.h"
+#include "tools/sil/local_peers.h"
 #include "tools/sil/run.h"
 
 namespace ballast::sil {
@@ -145,17 +146,17 @@ TEST(MotorShare, KeepsWhereTheyAreFurthestApart) {
   EXPECT_FALSE(share.seen());
   contact_t nothing = sample(0, 4, kNaN, 1, kNaN);
   nothing.commanded_mu_required = kNaN;
-  share.see(nothing);
+  share.observe(nothing);
   EXPECT_FALSE(share.seen());
-  share.see(sample(1, 4, 4, 1, 1));
+  share.observe(sample(1, 4, 4, 1, 1));
   ASSERT_TRUE(share.seen());
   EXPECT_EQ(share.normal_force_n.difference(), 0);
   EXPECT_EQ(share.commanded_mu_required_max.value, 0.25);
-  share.see(sample(2, 4, 5, 2, 1));
-  share.see(sample(3, 4, 4.5, 1, 2.5));
+  share.observe(sample(2, 4, 5, 2, 1));
+  share.observe(sample(3, 4, 4.5, 1, 2.5));
   contact_t slides = sample(4, 4, 400, 1, 100);
   slides.regime = contact_t::REGIME_SLIDING;
-  share.see(slides);
+  share.observe(slides);
   EXPECT_EQ(share.normal_force_n.difference(), -1);
   EXPECT_EQ(share.normal_force_n.time_s, 2);
   EXPECT_EQ(share.static_friction_n.difference(), -1.5);
@@ -165,9 +166,9 @@ TEST(MotorShare, KeepsWhereTheyAreFurthestApart) {
   EXPECT_EQ(share.commanded_mu_required_max.value, 2.5 / 4.5);
   EXPECT_EQ(share.commanded_mu_required_max.time_s, 3);
   // Commanded, the ball would leave the ground: no number says how far apart they are.
-  share.see(sample(5, 4, 0, 1, 1));
+  share.observe(sample(5, 4, 0, 1, 1));
   EXPECT_EQ(share.mu_required.difference(), -kInfinity);
-  share.see(sample(6, 0, 0, 1, 1));
+  share.observe(sample(6, 0, 0, 1, 1));
   EXPECT_EQ(share.mu_required.time_s, 5);
   EXPECT_EQ(share.commanded_mu_required_max.value, kInfinity);
   EXPECT_EQ(share.commanded_mu_required_max.time_s, 5);

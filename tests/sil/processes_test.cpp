@@ -382,7 +382,7 @@ TEST(PeerFaultInProcesses, WhatCannotBeHadIsRefused) {
   EXPECT_NE(overrun.err.find("controller_overrun at 0.1 s"), std::string::npos) << overrun.err;
   const Outcome by_hand = folder.run("ballast-plant paper_ball --fault peer_killed@0.1");
   EXPECT_EQ(by_hand.exit_status, 1);
-  EXPECT_NE(by_hand.err.find("cannot be had in processes started by hand"), std::string::npos) << by_hand.err;
+  EXPECT_NE(by_hand.err.find("cannot be injected in processes started by hand"), std::string::npos) << by_hand.err;
 }
 
 // The programs `ballast run --processes` starts do not outlive it, and their end is noticed at once.

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <lcm/lcm-cpp.hpp>
 
+#include "tools/faults/full_disk.h"
 #include "tools/recording/output_dir.h"
 #include "tools/sil/plant_messages.h"
 #include "tools/sil/step_ledger.h"
@@ -50,10 +51,7 @@ TEST(Recorder, KnowsWhereTheLastSecondsOfItsLogBegin) {
   const std::string path = testing::TempDir() + "recorder_tail_test.lcmlog";
   constexpr std::int64_t kTail = 5000, kLaps = 12345;
   Recorder recorder(path, nullptr, false, 0, kTail);
-  for (std::int64_t k = 0; k < kLaps; ++k) {
-    recorder.begin_lap();
-    recorder.record(hal::kChannelTrip, trip_t{});
-  }
+  for (std::int64_t k = 0; k < kLaps; ++k) recorder.take(Lap{});
   ASSERT_TRUE(recorder.close());
   const auto bytes = static_cast<std::int64_t>(std::filesystem::file_size(path));
   const std::int64_t lap = bytes / kLaps;
@@ -70,18 +68,30 @@ TEST(Recorder, SaysWhenTheDiskIsFull) {
   EXPECT_NE(recorder.error().find("/dev/full"), std::string::npos);
 }
 
-TEST(Recorder, OfTwoFullDisksTheFirstOneIsFull) {
-  Recorder recorder("/dev/null");
-  recorder.disk_full_from(1);
-  recorder.disk_full_from(2);
-  contact_t message{};
-  message.utime = 999'999;
-  recorder.record(hal::kChannelContact, message);
-  EXPECT_TRUE(recorder.good());
-  message.utime = 1'000'000;
-  recorder.record(hal::kChannelContact, message);
-  EXPECT_NE(recorder.error().find("No space left on device (as asked: disk_full at 1 s)"), std::string::npos)
-      << recorder.error();
+TEST(FullDisk, TheFirstOfTwoCounts) {
+  sim::Scenario scenario;
+  for (const double time_s : {2, 1}) {
+    sim::Fault& fault = scenario.faults.emplace_back();
+    fault.kind = sim::FaultKind::kDiskFull;
+    fault.time_s = time_s;
+  }
+  const std::string path = testing::TempDir() + "full_disk_test.lcmlog";
+  Recorder recorder(path);
+  FullDisk disk(scenario, recorder);
+  Lap lap;
+  lap.plant.contact.utime = 999'999;
+  disk.take(lap);
+  EXPECT_TRUE(disk.good());
+  const std::int64_t bytes = disk.bytes();
+  EXPECT_GT(bytes, 0);
+  lap.plant.contact.utime = 1'000'000;
+  disk.take(lap);
+  EXPECT_FALSE(disk.good());
+  EXPECT_NE(disk.error().find("No space left on device (as asked: disk_full at 1 s)"), std::string::npos)
+      << disk.error();
+  EXPECT_EQ(disk.bytes(), bytes);
+  EXPECT_TRUE(recorder.close());
+  std::filesystem::remove(path);
 }
 
 TEST(Recorder, SaysWhenTheFolderIsNotThere) {

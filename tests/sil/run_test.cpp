@@ -12,8 +12,11 @@
 #include <map>
 
 #include "tests/sil/shell.h"
+#include "tools/faults/full_disk.h"
 #include "tools/program/params.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/recording/recorder.h"
+#include "tools/sil/host_firmware.h"
+#include "tools/sil/local_peers.h"
 #include "tools/summary/summary.h"
 
 namespace ballast::sil {
@@ -204,10 +207,10 @@ TEST(Log, FirmwareEnvelopeFollowsThePlants) {
 }
 
 // A peer that answers nothing: the run says so and does not go on.
-class Silent : public Peers {
+class Silent : public Peer {
  public:
-  hal::Status connect() override { return hal::Status::kOk; }
-  hal::Status exchange(Lap&) override { return hal::Status::kPeerLost; }
+  hal::Status send(Lap&) override { return hal::Status::kOk; }
+  hal::Status receive(Lap&) override { return hal::Status::kPeerLost; }
   std::string trouble() const override { return "nobody there"; }
 };
 
@@ -227,29 +230,29 @@ TEST(RunLoop, EndsWithTheRecordersTrouble) {
   EXPECT_EQ(result.status, hal::Status::kIo);
 }
 
-// Passes everything on, in its time or, for a run that has to record at once, out of it; until something happens.
-class TakesItsTime : public Peers {
+// Passes everything on until something happens, and may compute in parallel with the run.
+class TakesItsTime : public Peer {
  public:
-  TakesItsTime(Peers& peers, const Recorder& recorder, bool is_waited_for)
-      : peers_(peers), recorder_(recorder), is_waited_for_(is_waited_for) {}
+  TakesItsTime(Peer& peers, const Recorder& recorder, bool in_parallel)
+      : peers_(peers), recorder_(recorder), in_parallel_(in_parallel) {}
   hal::Status connect() override { return peers_.connect(); }
-  hal::Status exchange(Lap& lap) override {
+  hal::Status send(Lap& lap) override {
     recorded.push_back(recorder_.bytes());
-    const std::int64_t tick = lap.plant.contact.tick;
-    if (tick == lost_before) return hal::Status::kPeerLost;
-    if (is_waited_for_) lap.meanwhile();
-    return tick == lost_after ? hal::Status::kPeerLost : peers_.exchange(lap);
+    return lap.tick() == lost_before ? hal::Status::kPeerLost : peers_.send(lap);
   }
-  [[nodiscard]] bool are_waited_for() const override { return is_waited_for_; }
+  hal::Status receive(Lap& lap) override {
+    return lap.tick() == lost_after ? hal::Status::kPeerLost : peers_.receive(lap);
+  }
+  [[nodiscard]] bool computes_in_parallel() const override { return in_parallel_; }
   std::string trouble() const override { return "lost"; }
 
   std::int64_t lost_before = -99, lost_after = -99;
   std::vector<std::int64_t> recorded;  // bytes of the log, as each exchange began
 
  private:
-  Peers& peers_;
+  Peer& peers_;
   const Recorder& recorder_;
-  bool is_waited_for_;
+  bool in_parallel_;
 };
 
 struct HowItEnds {
@@ -260,15 +263,19 @@ struct HowItEnds {
 };
 
 // The log, and how much of it there was as each exchange began.
-std::pair<std::string, std::vector<std::int64_t>> recorded_by(bool is_waited_for, const HowItEnds& end) {
+std::pair<std::string, std::vector<std::int64_t>> recorded_by(bool in_parallel, const HowItEnds& end) {
   const test::Folder folder;
   const sim::Scenario scenario = load("paper_ball", {"duration=0.1"});
   auto params = std::make_unique<firmware::ControllerParams>();
   EXPECT_FALSE(program::to_controller_params(scenario, *params));
   InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
   Recorder recorder(folder / "run.lcmlog");
-  recorder.disk_full_from(end.disk_full_s);
-  TakesItsTime takes_its_time(peers, recorder, is_waited_for);
+  sim::Scenario with_fault = scenario;
+  with_fault.faults.emplace_back();
+  with_fault.faults.back().kind = sim::FaultKind::kDiskFull;
+  with_fault.faults.back().time_s = end.disk_full_s;
+  FullDisk disk(with_fault, recorder);
+  TakesItsTime takes_its_time(peers, recorder, in_parallel);
   takes_its_time.lost_before = end.lost_before;
   takes_its_time.lost_after = end.lost_after;
   volatile std::sig_atomic_t interrupted = 0;
@@ -278,14 +285,14 @@ std::pair<std::string, std::vector<std::int64_t>> recorded_by(bool is_waited_for
   options.observe = [&](const Lap& lap, const sim::Plant::Sample&) {
     interrupted = lap.plant.contact.tick == end.interrupted_in;
   };
-  const RunResult result = run(scenario, takes_its_time, recorder, options);
+  const RunResult result = run(scenario, takes_its_time, disk, options);
   recorder.close();
   EXPECT_EQ(result.log_bytes, static_cast<std::int64_t>(std::filesystem::file_size(folder / "run.lcmlog"))) << end.name;
   std::ifstream in(folder / "run.lcmlog", std::ios::binary);
   return {std::string(std::istreambuf_iterator<char>(in), {}), takes_its_time.recorded};
 }
 
-TEST(RunLoop, WhatIsRecordedWhilePeersAreWaitedForIsWhatIsRecordedAtOnce) {
+TEST(RunLoop, WhatIsRecordedWhilePeersComputeIsWhatIsRecordedAtOnce) {
   for (const HowItEnds& end :
        {HowItEnds{.name = "completed"}, HowItEnds{.name = "lost before", .lost_before = 50},
         HowItEnds{.name = "lost after", .lost_after = 50}, HowItEnds{.name = "lost at once", .lost_before = -2},
@@ -327,23 +334,25 @@ RunOptions checked() {
 }
 
 // Passes everything on, but one burst of motor 1 comes 2 us late.
-class Delays : public Peers {
+class Delays : public Peer {
  public:
-  explicit Delays(Peers& peers) : peers_(peers) {}
+  explicit Delays(Peer& peers) : peers_(peers) {}
   hal::Status connect() override { return peers_.connect(); }
-  hal::Status exchange(Lap& lap) override {
-    const hal::Status status = peers_.exchange(lap);
-    for (int b = 0; b < lap.steps.burst_count && !late_; ++b) {
-      if (lap.steps.motor[b] != 1 || lap.steps.tick < 300) continue;
+  hal::Status send(Lap& lap) override { return peers_.send(lap); }
+  hal::Status receive(Lap& lap) override {
+    const hal::Status status = peers_.receive(lap);
+    step_command_t& steps = lap.answer->steps;
+    for (int b = 0; b < steps.burst_count && !late_; ++b) {
+      if (steps.motor[b] != 1 || steps.tick < 300) continue;
       late_ = true;
-      lap.steps.first[b] += 20;
+      steps.first[b] += 20;
     }
     return status;
   }
   std::string trouble() const override { return peers_.trouble(); }
 
  private:
-  Peers& peers_;
+  Peer& peers_;
   bool late_ = false;
 };
 
@@ -371,20 +380,24 @@ firmware::MoveRequest move_to(std::uint32_t masses, double target, double speed_
 }
 
 // Passes everything on, but says things as an operator, and may move one burst of a tick by some timer ticks.
-class SaysThings : public Peers {
+class SaysThings : public Peer {
  public:
-  SaysThings(Peers& peers, double period_s) : peers_(peers), period_s_(period_s) {}
+  SaysThings(Peer& peers, double period_s) : peers_(peers), period_s_(period_s) {}
   hal::Status connect() override { return peers_.connect(); }
-  hal::Status exchange(Lap& lap) override {
-    const std::int64_t tick = lap.plant.contact.tick;
+  hal::Status send(Lap& lap) override {
+    const std::int64_t tick = lap.tick();
     if (const auto said = says.find(tick); said != says.end()) {
       lap.command = hal::to_message(said->second, tick, tick, period_s_);
     }
-    const hal::Status status = peers_.exchange(lap);
-    modes[lap.status.mode] = tick;
-    if (moves_tick && !moved && lap.steps.tick >= *moves_tick && lap.steps.burst_count > 0) {
-      moved = lap.steps.tick;
-      lap.steps.first[0] += moves_by;
+    return peers_.send(lap);
+  }
+  hal::Status receive(Lap& lap) override {
+    const hal::Status status = peers_.receive(lap);
+    modes[lap.answer->status.mode] = lap.tick();
+    step_command_t& steps = lap.answer->steps;
+    if (moves_tick && !moved && steps.tick >= *moves_tick && steps.burst_count > 0) {
+      moved = steps.tick;
+      steps.first[0] += moves_by;
     }
     return status;
   }
@@ -396,7 +409,7 @@ class SaysThings : public Peers {
   int moves_by = 0;
 
  private:
-  Peers& peers_;
+  Peer& peers_;
   double period_s_;
 };
 
@@ -456,7 +469,7 @@ TEST_F(ByHand, EveryPulseOfMovesStopsAndLaterStartsIsInItsPlace) {
   EXPECT_LT(hand_->modes[controller_status_t::MODE_MOVING], 10000) << "the last move has come to its end";
   EXPECT_NEAR(static_cast<double>(hand_->modes[controller_status_t::MODE_RUNNING]), 5110, 1);
   ASSERT_TRUE(result.move && result.stop);
-  EXPECT_NEAR(result.move->start_s, 6.021, 1e-9);
+  EXPECT_NEAR(result.move->start_s, 6.029, 1e-9);  // said in tick 6020, pending for eight ticks
   EXPECT_NEAR(result.stop->start_s, 5.112, 1e-9);
 }
 
@@ -504,20 +517,10 @@ TEST(RunLoop, AStepOverloadSaysWhatItWas) {
 }
 
 // A monitor that speaks of two ticks ago.
-class IsLate : public Peers {
+class LateMonitor : public LocalMonitor {
  public:
-  explicit IsLate(Peers& peers) : peers_(peers) {}
-  hal::Status connect() override { return peers_.connect(); }
-  hal::Status exchange(Lap& lap) override {
-    lap.replayed = true;
-    lap.verdict = trip_t{};
-    lap.verdict->tick = lap.plant.contact.tick - 2;
-    return peers_.exchange(lap);
-  }
-  std::string trouble() const override { return peers_.trouble(); }
-
- private:
-  Peers& peers_;
+  using LocalMonitor::LocalMonitor;
+  void judge(Lap& lap) override { lap.verdict.emplace().tick = lap.tick() - 2; }
 };
 
 // The controller refuses to be armed then, and says why; nothing will ever move.
@@ -525,8 +528,8 @@ TEST(RunLoop, AFaultBeforeTheStartIsNoRunThatCompletes) {
   const sim::Scenario scenario = load("paper_ball", {"duration=0.1"});
   auto params = std::make_unique<firmware::ControllerParams>();
   ASSERT_FALSE(program::to_controller_params(scenario, *params));
-  InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
-  IsLate late(peers);
+  LocalPeers late(std::make_unique<LateMonitor>(program::to_monitor_limits(scenario)),
+                  std::make_unique<HostFirmware>(*params, scenario.run.control_period_s), nullptr);
   Recorder recorder("/dev/null");
   const RunResult result = run(scenario, late, recorder, {});
   EXPECT_EQ(result.status, hal::Status::kOk) << result.trouble;
@@ -549,25 +552,27 @@ TEST(RunLoop, ABallSetDownOutsideItsEnvelopeTripsAtTheStart) {
 }
 
 // A controller that a fault keeps from arming, for its first ticks or for ever; its masses stand.
-class NeverArms final : public Peers {
+class NeverArms final : public Peer {
  public:
-  NeverArms(Peers& peers, std::int64_t faulty_until) : peers_(peers), faulty_until_(faulty_until) {}
+  NeverArms(Peer& peers, std::int64_t faulty_until) : peers_(peers), faulty_until_(faulty_until) {}
   hal::Status connect() override { return peers_.connect(); }
-  hal::Status exchange(Lap& lap) override {
-    const hal::Status status = peers_.exchange(lap);
-    const std::int64_t tick = lap.steps.tick;
-    if (!standing_) standing_ = lap.steps;  // of the first tick of the countdown: none is made
-    lap.steps = *standing_;
-    lap.steps.tick = tick;
-    lap.status.mode = controller_status_t::MODE_DISARMED;
-    lap.status.faults = lap.status.tick <= faulty_until_ ? static_cast<int>(firmware::Fault::kSensorStale) : 0;
-    lap.status.at_rest = 1;
-    return status;
+  hal::Status send(Lap& lap) override { return peers_.send(lap); }
+  hal::Status receive(Lap& lap) override {
+    const hal::Status result = peers_.receive(lap);
+    auto& [status, steps] = *lap.answer;
+    const std::int64_t tick = steps.tick;
+    if (!standing_) standing_ = steps;  // of the first tick of the countdown: none is made
+    steps = *standing_;
+    steps.tick = tick;
+    status.mode = controller_status_t::MODE_DISARMED;
+    status.faults = status.tick <= faulty_until_ ? static_cast<int>(firmware::Fault::kSensorStale) : 0;
+    status.at_rest = 1;
+    return result;
   }
   [[nodiscard]] std::string trouble() const override { return peers_.trouble(); }
 
  private:
-  Peers& peers_;
+  Peer& peers_;
   std::int64_t faulty_until_;
   std::optional<step_command_t> standing_;
 };

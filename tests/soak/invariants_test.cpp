@@ -10,8 +10,9 @@
 #include <limits>
 #include <memory>
 
+#include "tools/faults/injection.h"
 #include "tools/program/params.h"
-#include "tools/faults/faulty_peers.h"
+#include "tools/recording/recorder.h"
 
 namespace ballast::soak {
 namespace {
@@ -41,7 +42,7 @@ struct Recorded {
     sil::Recorder recorder(path);
     sil::RunOptions options;
     options.observe = [this](const sil::Lap& lap, const sim::Plant::Sample& truth) { ticks.push_back({lap, truth}); };
-    result = sil::run(scenario, *peers, recorder, options);
+    result = sil::run_with_faults(scenario, *peers, recorder, options);
     EXPECT_TRUE(recorder.close());
     std::ifstream file(path, std::ios::binary);
     log.assign(std::istreambuf_iterator<char>(file), {});
@@ -51,7 +52,7 @@ struct Recorded {
   // The index of the first tripped tick.
   [[nodiscard]] std::size_t trip() const {
     return static_cast<std::size_t>(
-        std::find_if(ticks.begin(), ticks.end(), [](const Tick& t) { return t.lap.trip.tripped != 0; }) -
+        std::find_if(ticks.begin(), ticks.end(), [](const Tick& t) { return t.lap.verdict->tripped != 0; }) -
         ticks.begin());
   }
 
@@ -152,7 +153,7 @@ TEST(Invariants, AFalseAlarm) {
   };
   const Which due{Invariant::kNoFalseAlarm};
   EXPECT_EQ(but_end(completed().broken([](Recorded& run) {
-              trip_t& trip = run.ticks[200].lap.trip;
+              trip_t& trip = *run.ticks[200].lap.verdict;
               trip.tripped = 1;
               trip.cause = trip_t::CAUSE_DISAGREEMENT;
               trip.trip_tick = trip.tick;
@@ -166,7 +167,7 @@ TEST(Invariants, AFalseAlarm) {
             due);
   const auto with_faults = [&](firmware::Fault fault, auto change) {
     return but_end(completed().broken([&](Recorded& run) {
-      run.ticks[200].lap.status.faults = static_cast<std::int32_t>(fault);
+      run.ticks[200].lap.answer->status.faults = static_cast<std::int32_t>(fault);
       change(run.ticks[200]);
     }));
   };
@@ -178,8 +179,8 @@ TEST(Invariants, AFalseAlarm) {
   EXPECT_EQ(with_faults(Fault::kEndSwitch, [](Tick& tick) { tick.truth.end_switches[1] = 2; }), Which{});
   EXPECT_EQ(with_faults(Fault::kStepOverload,
                         [](Tick& tick) {
-                          tick.lap.status.overload_value = 5;
-                          tick.lap.status.overload_limit = 4;
+                          tick.lap.answer->status.overload_value = 5;
+                          tick.lap.answer->status.overload_limit = 4;
                         }),
             Which{});
 }
@@ -187,17 +188,18 @@ TEST(Invariants, AFalseAlarm) {
 TEST(Invariants, ATripOneTickLate) {
   EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
               const std::size_t trip = run.trip();
-              run.ticks[trip].lap.trip = run.ticks[trip - 1].lap.trip;
-              run.ticks[trip].lap.trip.tick += 1;
-              run.ticks[trip].lap.status.mode = controller_status_t::MODE_RUNNING;
-              run.ticks[trip].lap.status.faults = 0;
+              run.ticks[trip].lap.verdict = run.ticks[trip - 1].lap.verdict;
+              run.ticks[trip].lap.verdict->tick += 1;
+              run.ticks[trip].lap.answer->status.mode = controller_status_t::MODE_RUNNING;
+              run.ticks[trip].lap.answer->status.faults = 0;
             })),
             (Which{Invariant::kDetected, Invariant::kLatched}));  // and the later ones speak of a tick that was none
 }
 
 TEST(Invariants, AControllerThatGoesOnAfterATrip) {
-  EXPECT_EQ(but_logged(tripped().broken(
-                [](Recorded& run) { run.ticks[run.trip()].lap.status.mode = controller_status_t::MODE_RUNNING; })),
+  EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
+              run.ticks[run.trip()].lap.answer->status.mode = controller_status_t::MODE_RUNNING;
+            })),
             Which{Invariant::kObeyed});
 }
 
@@ -218,33 +220,33 @@ TEST(Invariants, ATripTakenBack) {
   const auto later = [](auto change) {
     return but_logged(tripped().broken([&](Recorded& run) { change(run.ticks[run.trip() + 5].lap); }));
   };
-  EXPECT_EQ(later([](sil::Lap& lap) { lap.trip.cause = trip_t::CAUSE_NORMAL_FORCE; }), Which{Invariant::kLatched});
-  EXPECT_EQ(later([](sil::Lap& lap) { lap.trip.trip_tick += 1; }), Which{Invariant::kLatched});
-  EXPECT_EQ(later([](sil::Lap& lap) { lap.trip.value += 1; }), Which{Invariant::kLatched});
-  EXPECT_EQ(later([](sil::Lap& lap) { lap.status.faults = 0; }), Which{Invariant::kLatched});
-  EXPECT_TRUE(has(later([](sil::Lap& lap) { lap.trip.tripped = 0; }), Invariant::kLatched));
-  EXPECT_TRUE(
-      has(later([](sil::Lap& lap) { lap.status.mode = controller_status_t::MODE_ARMED; }), Invariant::kLatched));
+  EXPECT_EQ(later([](sil::Lap& lap) { lap.verdict->cause = trip_t::CAUSE_NORMAL_FORCE; }), Which{Invariant::kLatched});
+  EXPECT_EQ(later([](sil::Lap& lap) { lap.verdict->trip_tick += 1; }), Which{Invariant::kLatched});
+  EXPECT_EQ(later([](sil::Lap& lap) { lap.verdict->value += 1; }), Which{Invariant::kLatched});
+  EXPECT_EQ(later([](sil::Lap& lap) { lap.answer->status.faults = 0; }), Which{Invariant::kLatched});
+  EXPECT_TRUE(has(later([](sil::Lap& lap) { lap.verdict->tripped = 0; }), Invariant::kLatched));
+  EXPECT_TRUE(has(later([](sil::Lap& lap) { lap.answer->status.mode = controller_status_t::MODE_ARMED; }),
+                  Invariant::kLatched));
 }
 
 TEST(Invariants, MassesThatDoNotStop) {
-  EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) { run.ticks.back().lap.status.at_rest = 0; })),
+  EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) { run.ticks.back().lap.answer->status.at_rest = 0; })),
             Which{Invariant::kAtRest});
   // The promise is the plan's; a shorter one is not kept.
   EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
-              for (Tick& tick : run.ticks) tick.lap.status.plan_duration_s /= 2;
+              for (Tick& tick : run.ticks) tick.lap.answer->status.plan_duration_s /= 2;
             })),
             Which{Invariant::kAtRest});
   // A pulse after the end. The counts have to agree with it.
   EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
               sil::Lap& lap = run.ticks.back().lap;
-              lap.steps.burst_count = 1;
-              lap.steps.motor[0] = 0;
-              lap.steps.direction[0] = 1;
-              lap.steps.steps[0] = 1;
-              lap.steps.count[0] = 1;
-              lap.steps.position_steps[0] += 1;
-              lap.status.steps_issued[0] += 1;
+              lap.answer->steps.burst_count = 1;
+              lap.answer->steps.motor[0] = 0;
+              lap.answer->steps.direction[0] = 1;
+              lap.answer->steps.steps[0] = 1;
+              lap.answer->steps.count[0] = 1;
+              lap.answer->steps.position_steps[0] += 1;
+              lap.answer->status.steps_issued[0] += 1;
             })),
             Which{Invariant::kAtRest});
   // Of a controller that is silent as soon as it has said so, the stop is kept.
@@ -252,8 +254,8 @@ TEST(Invariants, MassesThatDoNotStop) {
     return but_logged(tripped().broken([&](Recorded& run) {
       bool silent = false;
       for (Tick& tick : run.ticks) {
-        tick.lap.controller_silent = silent;
-        silent = silent || is_time(tick.lap.status);
+        if (silent) tick.lap.answer.reset();
+        silent = silent || is_time(tick.lap.answer->status);
       }
     }));
   };
@@ -261,7 +263,7 @@ TEST(Invariants, MassesThatDoNotStop) {
   EXPECT_EQ(silent_once([](const auto& status) { return status.faults != 0; }), Which{Invariant::kAtRest});
   // No promise at all.
   EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
-              for (Tick& tick : run.ticks) tick.lap.status.plan_duration_s = 0;
+              for (Tick& tick : run.ticks) tick.lap.answer->status.plan_duration_s = 0;
             })),
             Which{Invariant::kAtRest});
 }
@@ -339,10 +341,10 @@ TEST(Invariants, ANumberThatIsNone) {
   EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.state.mass_position_B_m[2][0] = kNan; }), due);
   EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.state.motor_torque_nm[1] = INFINITY; }), due);
   EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.sensors.accelerometer_B_mps2[2] = kNan; }), due);
-  EXPECT_EQ(with([](sil::Lap& lap) { lap.trip.value = kNan; }), due);
-  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.next_acceleration[0] = kNan; }), due);
-  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.mu_required = kNan; }), due);
-  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.plan_margin_min = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.verdict->value = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.answer->status.next_acceleration[0] = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.answer->status.mu_required = kNan; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.answer->status.plan_margin_min = kNan; }), due);
   EXPECT_EQ(completed().broken([](Recorded& run) { run.result.extrema.mu_required_max.value = kNan; }), due);
   // Where the floor would have to pull, f_s / N is +infinity, and that is no fault.
   EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.contact.mu_required = INFINITY; }), Which{});
@@ -361,14 +363,14 @@ TEST(Invariants, TicksAndStepsThatDoNotAddUp) {
   };
   EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.sensors.tick -= 1; }), due);
   EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.state.tick -= 1; }), due);
-  EXPECT_EQ(with([](sil::Lap& lap) { lap.trip.tick += 1; }), due);
-  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.tick += 1; }), due);
-  EXPECT_EQ(with([](sil::Lap& lap) { lap.steps.tick -= 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.verdict->tick += 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.answer->status.tick += 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.answer->steps.tick -= 1; }), due);
   EXPECT_EQ(with([](sil::Lap& lap) { lap.plant.contact.time_s += 1e-9; }), due);
-  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.scenario_id ^= 1; }), due);
-  EXPECT_EQ(with([](sil::Lap& lap) { lap.steps.steps[0] += 1; }), due);
-  EXPECT_EQ(with([](sil::Lap& lap) { lap.steps.position_steps[2] -= 1; }), due);
-  EXPECT_EQ(with([](sil::Lap& lap) { lap.status.steps_issued[1] += 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.answer->status.scenario_id ^= 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.answer->steps.steps[0] += 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.answer->steps.position_steps[2] -= 1; }), due);
+  EXPECT_EQ(with([](sil::Lap& lap) { lap.answer->status.steps_issued[1] += 1; }), due);
 }
 
 TEST(Invariants, ARunWithoutEnd) {

@@ -9,8 +9,9 @@
 #include "tests/sil/shell.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
-#include "tools/qemu/qemu_peers.h"
+#include "tools/qemu/qemu_firmware.h"
 #include "tools/recording/record_run.h"
+#include "tools/sil/local_peers.h"
 
 namespace ballast {
 namespace {
@@ -32,7 +33,7 @@ class Target : public testing::Test {
   Target() : scenario_(paper_ball(0.2)) { EXPECT_EQ(program::to_controller_params(scenario_, *params_), std::nullopt); }
 
   End run(const std::string& elf, const std::string& arguments, double peer_timeout_s = 20) {
-    sil::QemuPeersOptions options;
+    sil::QemuFirmwareOptions options;
     options.qemu.elf = std::string(BALLAST_BUILD_DIR) + "/" + board_ + "/bin/" + elf;
     options.qemu.board = board_;
     options.qemu.arguments = arguments;
@@ -41,9 +42,11 @@ class Target : public testing::Test {
     testing::internal::CaptureStderr();
     int exit_status = 0;
     {
-      sil::QemuPeers peers(scenario_, *params_, program::to_monitor_limits(scenario_), options);
+      auto owned = std::make_unique<sil::QemuFirmware>(scenario_, *params_, options);
+      const sil::QemuFirmware& firmware = *owned;
+      sil::LocalPeers peers(program::to_monitor_limits(scenario_), std::move(owned));
       exit_status = sil::record_run("ballast", scenario_, peers, output, {.quiet = true});
-      pid_ = peers.pid();
+      pid_ = firmware.pid();
     }
     EXPECT_TRUE(pid_ == 0 || kill(pid_, 0) != 0) << "QEMU is still there";
     return {exit_status, testing::internal::GetCapturedStderr()};

@@ -249,7 +249,7 @@ std::vector<Change> changes() {
   return list;
 }
 
-// As tools/qemu/qemu_peers.cpp judges: accepted over there, and the same over there as here.
+// As tools/qemu/qemu_firmware.cpp judges: accepted over there, and the same over there as here.
 bool would_run(const Verdict& verdict, const Robot& host) {
   return verdict.acceptance == Acceptance::kAccepted && verdict.fingerprint == fingerprint(host.params);
 }

@@ -140,7 +140,7 @@ class RemoteBoard {
       const Status status = qemu_.read(kCallPair, bytes, timeout, nullptr);
       if (status == Status::kEmpty) return {};
       if (status != Status::kOk) {
-        ADD_FAILURE() << "QEMU has ended: " << qemu_.ended(kPatience) << ' ' << qemu_.said();
+        ADD_FAILURE() << "QEMU has ended: " << qemu_.ended(kPatience) << ' ' << qemu_.messages();
         return {};
       }
     }

@@ -24,7 +24,7 @@ hal::test::StepLoad load_of(const std::string& board) {
   std::vector<std::uint8_t> bytes;
   while (bytes.size() < hal::test::kStepLoadBytes) {
     if (qemu.read(0, bytes, sil::Seconds(120), nullptr) != hal::Status::kOk) {
-      ADD_FAILURE() << "step_load.elf ended: " << qemu.ended(sil::Seconds(1)) << ' ' << qemu.said();
+      ADD_FAILURE() << "step_load.elf ended: " << qemu.ended(sil::Seconds(1)) << ' ' << qemu.messages();
       return load;
     }
   }

@@ -29,7 +29,7 @@ Worst on_the_target(const std::string& board) {
   std::vector<std::uint8_t> bytes;
   while (bytes.size() < hal::test::kWorstTickBytes) {
     if (qemu.read(0, bytes, sil::Seconds(120), nullptr) != hal::Status::kOk) {
-      ADD_FAILURE() << "worst_tick.elf ended: " << qemu.ended(sil::Seconds(1)) << ' ' << qemu.said();
+      ADD_FAILURE() << "worst_tick.elf ended: " << qemu.ended(sil::Seconds(1)) << ' ' << qemu.messages();
       return worst;
     }
   }

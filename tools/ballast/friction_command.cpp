@@ -8,7 +8,8 @@
 #include "tools/ballast/commands.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/sil/local_peers.h"
+#include "tools/sil/run.h"
 #include "tools/summary/required_friction.h"
 
 namespace ballast {
@@ -37,7 +38,7 @@ int print_required_friction(const program::ScenarioOptions& options) {
   }
   sil::InProcessPeers peers(has_controller ? params.get() : nullptr, program::to_monitor_limits(*scenario),
                             scenario->run.control_period_s);
-  sil::Recorder nowhere("/dev/null");
+  sil::NoRecord nowhere;
   const sil::RunResult result =
       sil::run(*scenario, peers, nowhere, {.interrupted = program::catch_signals(), .progress = {}, .move = {}});
   if (result.status != hal::Status::kOk) {

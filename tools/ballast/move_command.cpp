@@ -9,7 +9,7 @@
 #include "sim/scenario/reader.h"
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
-#include "tools/faults/faulty_peers.h"
+#include "tools/faults/injection.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/recording/record_run.h"
@@ -181,10 +181,10 @@ int move(const MoveCommand& command) {
   // A run without output plans the move first. A refused move then keeps the results of an earlier one, and the
   // prediction is printed before the move.
   const auto planner = new_peers();
-  sil::Recorder nowhere("/dev/null");
+  sil::NoRecord nowhere;
   const sil::RunResult plan =
-      sil::run(*scenario, *planner, nowhere, {.progress = {}, .move = *request, .plan_only = true});
-  if (!plan.refusal.empty()) return refuse("the controller refuses the move: " + plan.refusal);
+      sil::run_with_faults(*scenario, *planner, nowhere, {.progress = {}, .move = *request, .plan_only = true});
+  if (plan.refusal) return refuse("the controller refuses the move: " + sil::refusal_text(*plan.refusal, &*request));
   if (plan.move) {
     const double most_s = std::max(kLongestMove_s, scenario->duration_s), takes_s = plan.move->predicted.duration_s;
     if (takes_s > most_s) {

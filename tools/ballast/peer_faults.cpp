@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tools/faults/faulty_link.h"
+
 namespace ballast {
 
 using sim::Fault;
@@ -20,8 +22,8 @@ const char* PeerFaults::program_of(FaultPeer peer) {
   return peer == FaultPeer::kController ? "ballast-controller" : "ballast-monitor";
 }
 
-sil::LcmPeersOptions::StartedAnew PeerFaults::strike(std::int64_t tick) {
-  sil::LcmPeersOptions::StartedAnew anew;
+PeerFaults::Restarted PeerFaults::strike(std::int64_t tick) {
+  Restarted restarted;
   const double time_s = sil::fault_time_s(scenario_, tick), before_s = sil::fault_time_s(scenario_, tick - 1);
   for (const Fault& fault : scenario_.faults) {
     if (!fault.of(FaultLayer::kPeer) || !fault.begun(time_s)) continue;
@@ -39,14 +41,14 @@ sil::LcmPeersOptions::StartedAnew PeerFaults::strike(std::int64_t tick) {
     if (first && fault.kind == FaultKind::kPeerFrozen) sleep(fault.end_s - fault.time_s);
     if (first && fault.kind == FaultKind::kPeerRestarted) {
       trouble_ = children_.restart(program);
-      asleep_until_.erase(*fault.peer);  // the new process is awake
-      (*fault.peer == FaultPeer::kController ? anew.controller : anew.monitor) = true;
+      asleep_until_.erase(*fault.peer);  // it is another process now
+      (*fault.peer == FaultPeer::kController ? restarted.controller : restarted.monitor) = true;
     }
     if (fault.kind == FaultKind::kPeerTooSlow && fault.active(time_s)) {
       sleep(fault.value * scenario_.run.control_period_s);
     }
   }
-  return anew;
+  return restarted;
 }
 
 std::string PeerFaults::look() {
@@ -59,6 +61,12 @@ std::string PeerFaults::look() {
   if (!trouble_.empty()) return trouble_;
   const std::string ended = children_.ended();
   return ended.empty() || injected_.empty() ? ended : ended + " (injected: " + injected_ + ")";
+}
+
+hal::Status FaultyProcesses::send(sil::Lap& lap) {
+  const PeerFaults::Restarted restarted = faults_.strike(lap.tick());
+  const hal::Status status = peers_.wait_for_restarted(restarted.controller, restarted.monitor);
+  return status == hal::Status::kOk ? peers_.send(lap) : status;
 }
 
 }  // namespace ballast

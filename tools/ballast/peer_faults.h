@@ -1,6 +1,6 @@
-// Injects the scenario's peer faults into processes: kills, stops and restarts them at the ticks of the faults. Over a
-// bus the plant, and simulated time with it, waits for its peers. So the time for which a peer is frozen or slow is
-// measured on the wall clock, and a peer is lost if it exceeds the peer timeout.
+// The scenario's faults of peers, injected into processes: they are killed, stopped and started again at the ticks of
+// the faults. Over a bus the plant waits for its peers, and simulated time with it. So how long a peer is frozen or
+// slow is measured on the wall clock, and the peer is lost when that is longer than the peer timeout.
 #pragma once
 
 #include <chrono>
@@ -22,10 +22,13 @@ class PeerFaults {
   [[nodiscard]] static bool any(const sim::Scenario& scenario);
   static const char* program_of(sim::FaultPeer peer);
 
-  // Injects the faults of a tick, before the plant publishes.
-  sil::LcmPeersOptions::StartedAnew strike(std::int64_t tick);
-  // Called while the plant waits: resumes peers whose time has come. Returns a line about a peer that has ended or
-  // could not be restarted, with the injected faults, or an empty one.
+  struct Restarted {
+    bool controller = false, monitor = false;
+  };
+  // Call before the plant sends a tick's messages. Returns the peers started again.
+  Restarted strike(std::int64_t tick);
+  // Call while the plant waits: wakes the peers whose time has come. Returns a line about a peer that has ended, as
+  // Children::ended(), with the faults that have struck; or one about a peer that could not be started again.
   std::string look();
 
  private:
@@ -36,6 +39,23 @@ class PeerFaults {
   std::map<sim::FaultPeer, Clock::time_point> asleep_until_;  // the later of two faults counts
   std::string injected_;                                      // "peer_killed at 2 s: the controller"
   std::string trouble_;
+};
+
+// The peers of a run in three processes, with the faults that strike them.
+class FaultyProcesses final : public sil::Peer {
+ public:
+  // Both must outlive it.
+  FaultyProcesses(sil::LcmPeers& peers, PeerFaults& faults) : peers_(peers), faults_(faults) {}
+
+  hal::Status connect() override { return peers_.connect(); }
+  hal::Status send(sil::Lap& lap) override;
+  hal::Status receive(sil::Lap& lap) override { return peers_.receive(lap); }
+  [[nodiscard]] std::string trouble() const override { return peers_.trouble(); }
+  [[nodiscard]] sil::RefusedMessages refused() const override { return peers_.refused(); }
+
+ private:
+  sil::LcmPeers& peers_;
+  PeerFaults& faults_;
 };
 
 }  // namespace ballast

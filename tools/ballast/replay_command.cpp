@@ -11,12 +11,13 @@
 
 #include "tools/ballast/commands.h"
 #include "tools/ballast/firmware_option.h"
-#include "tools/faults/faulty_peers.h"
+#include "tools/faults/injection.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
-#include "tools/qemu/qemu_peers.h"
+#include "tools/qemu/qemu_firmware.h"
 #include "tools/recording/black_box.h"
+#include "tools/recording/record_run.h"
 #include "tools/recording/replay.h"
 
 namespace ballast {
@@ -189,27 +190,28 @@ int replay(const ReplayCommand& given) {
     return could_not("no temporary file can be made; name one with --out");
   }
   command.replay.interrupted = program::catch_signals();
-  const monitor::MonitorLimits limits = program::to_monitor_limits(*scenario);
-  std::unique_ptr<sil::Peers> peers;
+  std::unique_ptr<sil::Peer> firmware;
   if (command.in_qemu()) {
-    if (const auto why = sil::FaultyPeers::not_possible(*scenario, sil::FaultyPeers::Elsewhere::kNothing,
-                                                        "with --firmware " + command.firmware);
+    if (const auto why =
+            sil::cannot_inject(*scenario, sil::PeersAre::kOutOfReach, "with --firmware " + command.firmware);
         !why.empty()) {
       return refuse(why);
     }
-    sil::QemuPeersOptions qemu;
+    sil::QemuFirmwareOptions qemu;
     qemu.qemu = qemu_options(command);
     qemu.interrupted = command.replay.interrupted;
-    peers = std::make_unique<sil::QemuPeers>(*scenario, *params, limits, qemu);
+    firmware = std::make_unique<sil::QemuFirmware>(*scenario, *params, qemu);
   } else {
-    peers = sil::peers_in_process(*scenario, params.get(), limits);
+    sil::ReplayedFirmware replayed_firmware = sil::firmware_for_replay(*scenario, *params);
+    firmware = std::move(replayed_firmware.peer);
+    command.replay.before_tick = std::move(replayed_firmware.before_tick);
   }
-  const sil::ReplayResult result = sil::replay(*scenario, command.log, *peers, replayed, command.replay);
+  const sil::ReplayResult result = sil::replay(*scenario, command.log, *firmware, replayed, command.replay);
   if (result.end == sil::ReplayResult::End::kAskedForNothing) return refuse("--until: " + result.trouble);
   if (result.end == sil::ReplayResult::End::kUnusable) return could_not(result.trouble);
   if (result.end == sil::ReplayResult::End::kFailed) {
     program::complain("ballast", result.trouble);
-    return peers->exit_status();
+    return sil::exit_status(firmware->failure());
   }
   const std::string damage = length_fault(command.log);
   print(command, *scenario, options.scenario, result, replayed, damage);

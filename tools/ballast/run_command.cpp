@@ -8,11 +8,11 @@
 #include "tools/ballast/commands.h"
 #include "tools/ballast/firmware_option.h"
 #include "tools/ballast/peer_faults.h"
-#include "tools/faults/faulty_peers.h"
+#include "tools/faults/injection.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
-#include "tools/qemu/qemu_peers.h"
+#include "tools/qemu/qemu_firmware.h"
 #include "tools/recording/record_run.h"
 #include "tools/sil/lcm_peers.h"
 
@@ -78,13 +78,11 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
                                .start_timeout = hal::Seconds(command.bus.start_timeout_s),
                                .peer_timeout = hal::Seconds(command.bus.peer_timeout_s),
                                .peer_ended = [&faults] { return faults.look(); },
-                               .faults = sil::messages_suffer(scenario) ? &scenario : nullptr};
+                               .verdicts_name_their_tick = !sil::has_link_faults(scenario)};
   sil::RecordOptions record = command.record;
-  if (PeerFaults::any(scenario)) {
-    options.look = hal::Seconds(1e-3);  // a peer may be slow by one short period
-    options.before_tick = [&faults](std::int64_t tick) { return faults.strike(tick); };
-  }
-  sil::LcmPeers peers(bus, options);
+  if (PeerFaults::any(scenario)) options.poll_period = hal::Seconds(1e-3);  // a peer may be slow by one short period
+  sil::LcmPeers lcm_peers(bus, options);
+  FaultyProcesses peers(lcm_peers, faults);
   record.unbuffered = true;
   record.run_options = " --processes" + program::as_typed(command.bus);
   return sil::record_run("ballast", scenario, peers, output, record);
@@ -111,7 +109,7 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   record.firmware_options = " --firmware " + command.firmware;
   if (!command.elf.empty())
     record.firmware_options += " --firmware-elf " + program::shell_word(std::filesystem::absolute(command.elf));
-  sil::QemuPeersOptions options;
+  sil::QemuFirmwareOptions options;
   options.qemu = qemu_options(command);
   options.start_timeout = sil::Seconds(command.bus.start_timeout_s);
   options.peer_timeout = sil::Seconds(command.bus.peer_timeout_s);
@@ -121,10 +119,12 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   std::optional<hal::Bus> operator_bus;
   if (bus != nullptr) operator_bus.emplace(command.bus.url);
   if (operator_bus) operator_bus->join(record.run_id);
-  if (operator_bus) options.operator_bus = &*operator_bus;
-  sil::QemuPeers peers(scenario, params, program::to_monitor_limits(scenario), options);
+  auto owned = std::make_unique<sil::QemuFirmware>(scenario, params, options);
+  const sil::QemuFirmware& firmware = *owned;
+  sil::LocalPeers peers(program::to_monitor_limits(scenario), std::move(owned),
+                        operator_bus ? &*operator_bus : nullptr);
   const int exit_status = sil::record_run("ballast", scenario, peers, output, record);
-  if (!record.quiet && peers.record().farewell) print_target(peers.record());
+  if (!record.quiet && firmware.record().farewell) print_target(firmware.record());
   return exit_status;
 }
 
@@ -159,13 +159,13 @@ std::string controller_refusal(const RunCommand& command, bool has_controller) {
 
 // Empty, or why the scenario's faults or its pace are not possible with these options.
 std::string scenario_refusal(const RunCommand& command, const sim::Scenario& scenario) {
-  using Elsewhere = sil::FaultyPeers::Elsewhere;
+  using sil::PeersAre;
   std::string why;
-  if (command.processes) why = sil::FaultyPeers::not_possible(scenario, Elsewhere::kProcesses, "with --processes");
+  if (command.processes) why = sil::cannot_inject(scenario, PeersAre::kProcesses, "with --processes");
   if (command.in_qemu())
-    why = sil::FaultyPeers::not_possible(scenario, Elsewhere::kNothing, "with --firmware " + command.firmware);
+    why = sil::cannot_inject(scenario, PeersAre::kOutOfReach, "with --firmware " + command.firmware);
   if (why.empty() && command.record.check_steps)
-    why = sil::FaultyPeers::not_possible(scenario, Elsewhere::kNothing, "with --check-steps");
+    why = sil::cannot_inject(scenario, PeersAre::kOutOfReach, "with --check-steps");
   if (!why.empty()) return why;
   const double speed = command.record.speed;
   if (command.processes && speed > 0 && 2 * scenario.run.control_period_s / speed > command.bus.peer_timeout_s) {

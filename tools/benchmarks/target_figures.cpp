@@ -11,7 +11,8 @@
 #include "tests/target/step_load.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
-#include "tools/qemu/qemu_peers.h"
+#include "tools/qemu/qemu_firmware.h"
+#include "tools/sil/local_peers.h"
 #include "tools/sil/run.h"
 
 namespace ballast {
@@ -58,18 +59,20 @@ struct Measured {
 Measured measure(const sim::Scenario& scenario, const Target& target) {
   auto params = std::make_unique<firmware::ControllerParams>();
   if (const auto refusal = program::to_controller_params(scenario, *params)) throw std::runtime_error(*refusal);
-  sil::QemuPeersOptions options;
+  sil::QemuFirmwareOptions options;
   options.qemu.board = target.board;
   options.qemu.elf = target.folder / ("ballast-" + target.board + ".elf");
   options.qemu.icount_shift = kShift;
   options.commit = kMeasuring;
   options.peer_timeout = sil::Seconds(60);
-  sil::QemuPeers peers(scenario, *params, program::to_monitor_limits(scenario), options);
+  auto owned = std::make_unique<sil::QemuFirmware>(scenario, *params, options);
+  const sil::QemuFirmware& firmware = *owned;
+  sil::LocalPeers peers(program::to_monitor_limits(scenario), std::move(owned));
   if (peers.connect() != hal::Status::kOk) throw std::runtime_error(peers.trouble());
-  sil::Recorder recorder("/dev/null");
+  sil::NoRecord recorder;
   const sil::RunResult result = sil::run(scenario, peers, recorder, {});
   if (result.status != hal::Status::kOk) throw std::runtime_error(result.trouble);
-  return {peers.record(), result.extrema.normal_force_min.value, result.controller_trip.has_value()};
+  return {firmware.record(), result.extrema.normal_force_min.value, result.controller_trip.has_value()};
 }
 
 void print_tick(const char* what, std::size_t masses, const sil::TargetRecord& r, const Target& target) {
@@ -113,7 +116,7 @@ void steps(const Target& target) {
   std::vector<std::uint8_t> bytes;
   while (bytes.size() < 3 * kRecord) {
     if (qemu.read(0, bytes, sil::Seconds(60), nullptr) != hal::Status::kOk) {
-      throw std::runtime_error("step_cost.elf ended: " + qemu.ended(sil::Seconds(1)) + " " + qemu.said());
+      throw std::runtime_error("step_cost.elf ended: " + qemu.ended(sil::Seconds(1)) + " " + qemu.messages());
     }
   }
   for (std::size_t i = 0; i < 3; ++i) {
@@ -142,7 +145,7 @@ void load(const Target& target) {
   std::vector<std::uint8_t> bytes;
   while (bytes.size() < hal::test::kStepLoadBytes) {
     if (qemu.read(0, bytes, sil::Seconds(60), nullptr) != hal::Status::kOk) {
-      throw std::runtime_error("step_load.elf ended: " + qemu.ended(sil::Seconds(1)) + " " + qemu.said());
+      throw std::runtime_error("step_load.elf ended: " + qemu.ended(sil::Seconds(1)) + " " + qemu.messages());
     }
   }
   hal::test::StepLoad load;

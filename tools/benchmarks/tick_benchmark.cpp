@@ -10,7 +10,8 @@
 #include "tools/benchmarks/calls.h"
 #include "tools/benchmarks/scenario.h"
 #include "tools/program/params.h"
-#include "tools/sil/in_process_peers.h"
+#include "tools/recording/recorder.h"
+#include "tools/sil/local_peers.h"
 #include "tools/sil/run.h"
 
 namespace ballast::benchmarks {
@@ -67,7 +68,7 @@ void MonitorTick(benchmark::State& state) {
   sil::PlantMessages m = sil::plant_messages(s, plant.sample(), 0, false);
   monitor::Monitor monitor(program::to_monitor_limits(s));
   for (auto _ : state) {
-    benchmark::DoNotOptimize(monitor.judge({&m.contact, &m.state, &m.sensors, {}, {}}));
+    benchmark::DoNotOptimize(monitor.judge({&m.contact, &m.state, &m.sensors, nullptr}));
     ++m.contact.tick, ++m.state.tick, ++m.sensors.tick;
   }
 }

@@ -12,12 +12,12 @@ namespace {
 using sim::FaultKind;
 using sim::FaultSensor;
 
-// The three numbers of a rate or an acceleration.
+// The three components of a rate or an acceleration.
 double* axes(FaultSensor sensor, sensors_t& sensors) {
   return sensor == FaultSensor::kGyro ? sensors.gyro_B_radps : sensors.accelerometer_B_mps2;
 }
 
-// An attitude that is off by a turn about the body's axes stays one.
+// Turns the attitude about the body's axes, so that it stays a unit quaternion.
 void turn(const Eigen::Vector3d& turn_B_rad, sensors_t& sensors) {
   const double angle = turn_B_rad.norm();
   if (angle == 0) return;
@@ -60,7 +60,7 @@ SensorFaults::SensorFaults(const sim::Scenario& scenario) {
   }
 }
 
-void SensorFaults::suffer(double time_s, sensors_t& sensors) {
+void SensorFaults::apply(double time_s, sensors_t& sensors) {
   if (states_.empty()) return;
   for (State& state : states_) {
     const sim::Fault& fault = state.fault;
@@ -77,7 +77,7 @@ void SensorFaults::suffer(double time_s, sensors_t& sensors) {
         break;
       }
       case FaultKind::kSensorFreeze:
-        if (!state.frozen) state.kept = spoken_ ? said_ : sensors;
+        if (!state.frozen) state.kept = previous_.value_or(sensors);
         state.frozen = true;
         keep(fault.sensor, fault.axis, state.kept, sensors);
         break;
@@ -98,8 +98,7 @@ void SensorFaults::suffer(double time_s, sensors_t& sensors) {
         break;
     }
   }
-  said_ = sensors;
-  spoken_ = true;
+  previous_ = sensors;
 }
 
 }  // namespace ballast::sil

@@ -1,8 +1,9 @@
-// What faults make of the sensors: of the message as it leaves them, before anybody hears it.
+// The scenario's faults of sensors, applied to the message as it leaves them, before anybody hears it.
 #pragma once
 
 #include <ballast/sensors_t.hpp>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "sim/scenario/scenario.h"
@@ -13,19 +14,18 @@ class SensorFaults {
  public:
   explicit SensorFaults(const sim::Scenario& scenario);
 
-  // To be called tick by tick with the true sensors, from the countdown on.
-  void suffer(double time_s, sensors_t& sensors);
+  // Call once per tick with the true sensors, from the countdown on.
+  void apply(double time_s, sensors_t& sensors);
 
  private:
   struct State {
     sim::Fault fault;
-    std::uint64_t random;  // its own, so that one fault's draws do not depend on another's
-    sensors_t kept{};      // what a frozen one goes on saying
+    std::uint64_t random;  // one per fault, so that the draws of one do not depend on another
+    sensors_t kept{};      // the values that a frozen sensor repeats
     bool frozen = false;
   };
   std::vector<State> states_;
-  sensors_t said_{};  // in the tick before
-  bool spoken_ = false;
+  std::optional<sensors_t> previous_;  // the message of the tick before
 };
 
 }  // namespace ballast::sil

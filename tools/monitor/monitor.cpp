@@ -36,16 +36,15 @@ bool finite(const sensors_t& sensors) {
   return finite(sensors.orientation) && finite(sensors.gyro_B_radps) && finite(sensors.accelerometer_B_mps2);
 }
 
-// Of a margin: a few operations on numbers of about 1, and room.
+// Tolerance on the margin: a few roundings of O(1) values.
 constexpr double kRounding = 1e-12;
 
-// Judged is N and f_s, watched is the margin: by how much f_s is more than that says of it; -infinity where it
-// says nothing. `cone_n`: mu_s N.
+// The f_s that a message's margin hides, in N: f_s itself less the f_s that the margin stands for. -infinity where the
+// margin hides nothing. `cone_n`: mu_s N.
 double hidden_friction_n(const contact_t& contact, double cone_n) {
-  // -1 is said of anything worse too.
+  // A margin of -1 stands for anything worse too.
   if (!std::isfinite(cone_n) || cone_n <= 0 || contact.margin <= -1) return -std::numeric_limits<double>::infinity();
-  if (std::isnan(contact.margin))
-    return contact.static_friction_n + cone_n;  // as good as none: the most there is to hide
+  if (std::isnan(contact.margin)) return contact.static_friction_n + cone_n;  // the most that a margin can hide
   return contact.static_friction_n - (1 - contact.margin) * cone_n;
 }
 
@@ -71,7 +70,7 @@ trip_t Monitor::judge(const Samples& samples) {
   const plant_state_t* state = samples.plant_state;
   const sensors_t* sensors = samples.sensors;
 
-  // The contact says which tick this is; without it the next best message does; without any it is the one expected.
+  // The contact names the tick; without it the plant state or the sensors do; without any it is the tick expected.
   std::int64_t tick = last_tick_.value_or(-3) + 1;
   if (contact != nullptr) {
     tick = contact->tick;
@@ -87,7 +86,7 @@ trip_t Monitor::judge(const Samples& samples) {
   }
   const bool first = !last_tick_;
   const std::int64_t expected = first ? tick : *last_tick_ + 1;
-  const auto seen_instead = [&](const auto* message) {
+  const auto tick_instead = [&](const auto* message) {
     return static_cast<double>(message != nullptr ? message->tick : expected - 1);
   };
 
@@ -97,18 +96,18 @@ trip_t Monitor::judge(const Samples& samples) {
   } else if (tick > expected) {
     trip(trip_t::CAUSE_MISSING, static_cast<double>(tick), static_cast<double>(expected));
   } else if (contact == nullptr) {
-    trip(trip_t::CAUSE_MISSING, seen_instead(contact), static_cast<double>(expected));
+    trip(trip_t::CAUSE_MISSING, tick_instead(contact), static_cast<double>(expected));
   } else if (state == nullptr || state->tick != tick) {
-    trip(trip_t::CAUSE_MISSING, seen_instead(state), static_cast<double>(expected));
+    trip(trip_t::CAUSE_MISSING, tick_instead(state), static_cast<double>(expected));
   } else if (sensors == nullptr || sensors->tick != tick) {
-    trip(trip_t::CAUSE_MISSING, seen_instead(sensors), static_cast<double>(expected));
+    trip(trip_t::CAUSE_MISSING, tick_instead(sensors), static_cast<double>(expected));
   } else if (!finite(*contact) || !finite(*state) || !finite(*sensors)) {
     trip(trip_t::CAUSE_NONFINITE, 0, 0);
   } else {
     judge_envelope(samples);
     if (limits_.controller_expected) {
       const std::int64_t if_never = first ? tick : tick - kAllowedControllerAge - 1;
-      const std::int64_t heard = samples.controller_tick.value_or(if_never);
+      const std::int64_t heard = samples.status != nullptr ? samples.status->tick : if_never;
       const std::int64_t age = tick - heard;
       if (age < 0 || (age > kAllowedControllerAge && !first)) {
         trip(trip_t::CAUSE_STALE, static_cast<double>(age), static_cast<double>(kAllowedControllerAge));
@@ -129,8 +128,8 @@ void Monitor::judge_envelope(const Samples& samples) {
   const double mu_allowed = limits_.friction_use * limits_.static_friction;
   const bool slipped = has_rolled_ && contact.regime == contact_t::REGIME_SLIDING;
   has_rolled_ = has_rolled_ || contact.regime == contact_t::REGIME_ROLLING;
-  // With perfect friction no force is too much (and infinity times N = 0 would be a NaN); a floor that has turned out
-  // to be none can still be slipped on.
+  // With perfect friction no force is too much, and infinity times N = 0 would be a NaN. The ball can still slip if the
+  // floor is not what it should be.
   const bool too_much =
       !std::isinf(limits_.static_friction) &&
       (contact.static_friction_n > mu_allowed * contact.normal_force_n || contact.mu_required_max > mu_allowed);
@@ -140,16 +139,18 @@ void Monitor::judge_envelope(const Samples& samples) {
   }
 }
 
+bool Monitor::Forces::known() const { return std::isfinite(normal_n) && std::isfinite(static_friction_n); }
+
 void Monitor::judge_agreement(const Samples& samples) {
-  const auto known = [](const Estimate& e) {
-    return std::isfinite(e.normal_force_n) && std::isfinite(e.static_friction_n);
-  };
-  const bool of_one_instant = commanded_ && samples.estimate && samples.controller_tick == last_tick_;
+  const bool of_one_instant = commanded_ && samples.status != nullptr && samples.status->tick == last_tick_;
   // A plant whose floor would have to pull says 0, which is no number to compare with.
-  if (of_one_instant && known(*commanded_) && commanded_->normal_force_n > 0 && known(*samples.estimate)) {
-    const double apart_n = std::max(std::abs(commanded_->normal_force_n - samples.estimate->normal_force_n),
-                                    std::abs(commanded_->static_friction_n - samples.estimate->static_friction_n));
-    if (apart_n > limits_.disagreement_n) trip(trip_t::CAUSE_DISAGREEMENT, apart_n, limits_.disagreement_n);
+  if (of_one_instant && commanded_->known() && commanded_->normal_n > 0) {
+    const Forces estimate{samples.status->normal_force_n, samples.status->static_friction_n};
+    const double apart_n = std::max(std::abs(commanded_->normal_n - estimate.normal_n),
+                                    std::abs(commanded_->static_friction_n - estimate.static_friction_n));
+    if (estimate.known() && apart_n > limits_.disagreement_n) {
+      trip(trip_t::CAUSE_DISAGREEMENT, apart_n, limits_.disagreement_n);
+    }
   }
   const contact_t& contact = *samples.contact;
   const double cone_n = limits_.static_friction * contact.normal_force_n;
@@ -158,7 +159,7 @@ void Monitor::judge_agreement(const Samples& samples) {
   }
   commanded_.reset();
   if (contact.regime == contact_t::REGIME_ROLLING) {
-    commanded_ = {contact.commanded_normal_force_n, contact.commanded_static_friction_n};
+    commanded_ = Forces{contact.commanded_normal_force_n, contact.commanded_static_friction_n};
   }
 }
 

@@ -1,7 +1,8 @@
 #include "tools/monitor/monitor_loop.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <utility>
 
 #include "hal/lcm/channels.h"
@@ -15,14 +16,8 @@ namespace {
 constexpr std::chrono::milliseconds kWaitingPeriod{50};
 
 std::string lost(const char* peer, const char* what, hal::Seconds silence, std::optional<std::int64_t> last_tick) {
-  char text[160];
-  if (last_tick) {
-    std::snprintf(text, sizeof text, "lost %s: no %s for %g s after tick %lld", peer, what, silence.count(),
-                  static_cast<long long>(*last_tick));
-  } else {
-    std::snprintf(text, sizeof text, "lost %s: no %s for %g s before the first tick", peer, what, silence.count());
-  }
-  return text;
+  return fmt::format("lost {}: no {} for {:g} s {}", peer, what, silence.count(),
+                     last_tick ? fmt::format("after tick {}", *last_tick) : "before the first tick");
 }
 
 }  // namespace
@@ -31,8 +26,9 @@ std::int64_t MonitorLoop::TickMessages::tick() const {
   return contact ? contact->tick : plant_state ? plant_state->tick : sensors->tick;
 }
 
-MonitorLoop::MonitorLoop(hal::Bus& bus, const MonitorLimits& limits, const MonitorLoopOptions& options)
-    : bus_(bus), limits_(limits), options_(options), monitor_(limits) {
+MonitorLoop::MonitorLoop(hal::Bus& bus, Monitor& monitor, const MonitorLimits& limits,
+                         const MonitorLoopOptions& options)
+    : bus_(bus), monitor_(monitor), limits_(limits), options_(options) {
   bus_.subscribe<contact_t>(hal::kChannelContact,
                             [this](const contact_t& message) { on_plant(message, &TickMessages::contact); });
   bus_.subscribe<plant_state_t>(
@@ -42,13 +38,10 @@ MonitorLoop::MonitorLoop(hal::Bus& bus, const MonitorLimits& limits, const Monit
   });
   if (limits_.controller_expected) {
     bus_.subscribe<controller_status_t>(hal::kChannelControllerStatus, [this](const controller_status_t& message) {
-      // Of no run: a controller that still waits, which is no part of a run under way.
+      // A controller that still waits names no run, and is no part of a run under way.
       if (message.run_id == 0 && last_tick_) return;
       if (is_foreign(message.scenario_id, "controller")) return;
-      if (message.tick < controller_tick_.value_or(message.tick)) return;
-      controller_tick_ = message.tick;
-      estimate_ = {message.normal_force_n, message.static_friction_n};
-      status_ = message;
+      if (!status_ || message.tick >= status_->tick) status_ = message;
     });
   }
 }
@@ -68,7 +61,7 @@ bool MonitorLoop::is_foreign(std::int64_t scenario_id, const char* sender) {
   return true;
 }
 
-// Nothing is thrown away here: repetitions and gaps must reach the monitor, which trips on them.
+// Keeps repetitions and gaps: they must reach the monitor, which trips on them.
 template <class M>
 void MonitorLoop::on_plant(const M& message, std::optional<M> TickMessages::*slot) {
   if (message.run_id == 0) {
@@ -87,10 +80,10 @@ void MonitorLoop::on_plant(const M& message, std::optional<M> TickMessages::*slo
 
 bool MonitorLoop::controller_heard() const {
   if (!limits_.controller_expected || controller_lost_ || !last_tick_) return true;
-  return controller_tick_ && *controller_tick_ >= *last_tick_;
+  return status_ && status_->tick >= *last_tick_;
 }
 
-// Complete; or it is clear that it never will be: the plant has gone on, or it repeats what is already judged.
+// The tick is complete, or it never will be: the plant has gone on, or it repeats a tick already judged.
 bool MonitorLoop::ready() const {
   if (failure_ != Status::kOk) return true;
   if (current_.empty()) return false;
@@ -98,7 +91,7 @@ bool MonitorLoop::ready() const {
          (last_tick_ && current_.tick() <= *last_tick_);
 }
 
-// kOk: there is something to judge.
+// kOk: there is a tick to judge.
 Status MonitorLoop::wait() {
   const auto some = [this] { return failure_ != Status::kOk || !current_.empty(); };
   const hal::WallClock::time_point start = hal::WallClock::now();
@@ -124,12 +117,12 @@ Status MonitorLoop::wait() {
 
 Status MonitorLoop::plant_silent(hal::Seconds silence) {
   if (!last_tick_) {
-    const bool both = limits_.controller_expected && !controller_tick_;
+    const bool both = limits_.controller_expected && !status_;
     complain(lost(both ? "plant and controller" : "plant", "message", options_.start_timeout, last_tick_));
     return Status::kPeerLost;
   }
-  // The plant waits for the controller: if the controller never answered a whole tick, it went first. Part of a tick is
-  // all that a plant leaves that ends while sending it, and nothing a controller could answer.
+  // The plant waits for the controller, so if the controller has not answered a whole tick, it went first. A plant that
+  // ends while sending leaves part of a tick, which a controller cannot answer.
   if (controller_heard() || !last_complete_) {
     complain(lost("plant", "contact", options_.peer_timeout, last_tick_));
   } else {
@@ -146,18 +139,12 @@ Status MonitorLoop::judge() {
     controller_lost_ = true;
     complain(lost("controller", "status", options_.peer_timeout / 2, last_tick_));
   }
-  const Samples samples{current_.contact ? &*current_.contact : nullptr,
-                        current_.plant_state ? &*current_.plant_state : nullptr,
-                        current_.sensors ? &*current_.sensors : nullptr, controller_tick_, estimate_};
+  const auto address = [](const auto& message) { return message ? &*message : nullptr; };
+  const Samples samples{address(current_.contact), address(current_.plant_state), address(current_.sensors),
+                        address(status_)};
   const std::int64_t tick = current_.tick();
   if (last_tick_ && tick <= *last_tick_) ++counters_.repeated;
-  if (options_.suffer && current_.complete()) {
-    const bool of_the_tick_before = status_ && last_tick_ && status_->tick == *last_tick_;
-    monitor::judge(monitor_, options_.suffer(*current_.contact, *current_.plant_state, *current_.sensors,
-                                             of_the_tick_before ? &*status_ : nullptr));
-  } else {
-    monitor_.judge(samples);
-  }
+  monitor_.judge(samples);
   if (current_.repeated) monitor_.judge(samples);
   last_complete_ = current_.complete();
   last_tick_ = std::max(tick, last_tick_.value_or(tick));

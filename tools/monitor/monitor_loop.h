@@ -1,14 +1,14 @@
-// The monitor as a process of its own: hears the plant and the controller over LCM, and gives a verdict on every tick.
+// The monitor as a process of its own: hears the plant and the controller over LCM and publishes a verdict on every
+// tick.
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
 
 #include "hal/host_link.h"
 #include "hal/lcm/bus.h"
-#include "tools/monitor/heard.h"
+#include "tools/monitor/monitor.h"
 
 namespace ballast::monitor {
 
@@ -16,21 +16,18 @@ struct MonitorLoopOptions {
   double control_period_s = 0;
   hal::Seconds start_timeout{30};  // until the plant's first message
   hal::Seconds peer_timeout{2};    // from one tick to the next
-  // Where messages are made to suffer: what the monitor has heard of a tick in which all of these came. `before`: the
-  // controller's status of the tick before; null: none. Empty: it hears what comes.
-  std::function<Heard(const contact_t&, const plant_state_t&, const sensors_t&, const controller_status_t* before)>
-      suffer{};
 };
 
-// Before the first tick a trip_t with tick -3 goes out every 50 ms. The plant's first message says which run this is;
-// from then on nobody else is heard (hal/lcm/bus.h). Tick k is judged, and the verdict published, as
-// soon as contact(k), plant_state(k), sensors(k) and, with a controller, its status of k-1 are there. What is still
-// missing half a peer timeout after the tick's first message is judged as missing, so that the verdict is out before
-// the controller gives the monitor up. Nothing at all for the whole timeout: a `stale` verdict goes out and run() ends.
-// The bus must outlive it.
+// Before the first tick the loop publishes a trip_t with tick -3 every 50 ms. The plant's first message names the run;
+// from then on messages of other runs are dropped (hal/lcm/bus.h). Tick k is judged, and the verdict published, as soon
+// as contact(k), plant_state(k), sensors(k) and, with a controller, its status of k-1 are there. Messages still missing
+// half a peer timeout after the tick's first one are judged as missing, so that the verdict is out before the
+// controller gives the monitor up. After a whole timeout without any message the loop publishes a `stale` verdict and
+// ends. The bus and the monitor must outlive the loop.
 class MonitorLoop {
  public:
-  MonitorLoop(hal::Bus& bus, const MonitorLimits& limits, const MonitorLoopOptions& options);
+  // `limits`: those of `monitor`.
+  MonitorLoop(hal::Bus& bus, Monitor& monitor, const MonitorLimits& limits, const MonitorLoopOptions& options);
   MonitorLoop(const MonitorLoop&) = delete;
   MonitorLoop& operator=(const MonitorLoop&) = delete;
 
@@ -40,7 +37,7 @@ class MonitorLoop {
   [[nodiscard]] const trip_t& verdict() const { return monitor_.verdict(); }
   [[nodiscard]] hal::LinkCounters counters() const;
 
-  // What went wrong, one line per peer; empty: nothing.
+  // One line per peer that failed.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
 
  private:
@@ -66,15 +63,13 @@ class MonitorLoop {
   void complain(const std::string& line);
 
   hal::Bus& bus_;
+  Monitor& monitor_;
   MonitorLimits limits_;
   MonitorLoopOptions options_;
-  Monitor monitor_;
-  TickMessages current_, next_;            // next_: came before current_ was complete
-  std::optional<std::int64_t> last_tick_;  // judged
-  bool last_complete_ = false;             // with all of the plant's messages
-  std::optional<std::int64_t> controller_tick_;
-  std::optional<Estimate> estimate_;           // of that tick
-  std::optional<controller_status_t> status_;  // that one
+  TickMessages current_, next_;                // next_: came before current_ was complete
+  std::optional<std::int64_t> last_tick_;      // judged
+  bool last_complete_ = false;                 // with all of the plant's messages
+  std::optional<controller_status_t> status_;  // the newest
   hal::LinkCounters counters_;
   hal::Status failure_ = hal::Status::kOk;
   bool controller_lost_ = false;

@@ -2,12 +2,12 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
+#include <type_traits>
 
 #include "hal/control_loop.h"
-#include "hal/lcm/lcm_board.h"
+#include "tools/faults/faulty_board.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
-#include "tools/sil/hearing.h"
 
 int main(int argc, char** argv) {
   using namespace ballast;
@@ -35,21 +35,26 @@ int main(int argc, char** argv) {
 
   hal::Bus bus(bus_options.url, program::catch_signals());
   if (!bus.good()) return program::refuse_bus("ballast-controller", bus_options.url);
-  sil::ControllerHearing hearing(*scenario);
-  hal::LcmBoardOptions options{.scenario_id = scenario->id,
-                               .control_period_s = scenario->run.control_period_s,
-                               .start_timeout = hal::Seconds(bus_options.start_timeout_s),
-                               .peer_timeout = hal::Seconds(bus_options.peer_timeout_s)};
-  if (sil::messages_suffer(*scenario)) {
-    options.suffer = [&hearing](const sensors_t& sensors, const trip_t& trip) { return hearing.hear(sensors, &trip); };
+  const bool link_faults = sil::has_link_faults(*scenario);
+  const hal::LcmBoardOptions options{.scenario_id = scenario->id,
+                                     .control_period_s = scenario->run.control_period_s,
+                                     .start_timeout = hal::Seconds(bus_options.start_timeout_s),
+                                     .peer_timeout = hal::Seconds(bus_options.peer_timeout_s),
+                                     .verdicts_name_their_tick = !link_faults};
+  const auto serve = [&](auto& board) {
+    const auto loop = std::make_unique<hal::ControlLoop<std::remove_reference_t<decltype(board)>>>(*params, board);
+    const Status status = loop->run();
+    if (status == Status::kEnded) return program::kExitCompleted;
+    std::string why = board.trouble();
+    if (status == Status::kInterrupted) why = program::interruption();
+    if (status == Status::kIo) why = "the LCM bus " + bus_options.url + " failed";
+    program::complain("ballast-controller", why);
+    return program::kExitCouldNotRun;
+  };
+  if (link_faults) {
+    sil::FaultyBoard board(bus, options, *scenario);
+    return serve(board);
   }
   hal::LcmBoard board(bus, options);
-  const auto loop = std::make_unique<hal::ControlLoop<hal::LcmBoard>>(*params, board);
-  const Status status = loop->run();
-  if (status == Status::kEnded) return program::kExitCompleted;
-  std::string why = board.trouble();
-  if (status == Status::kInterrupted) why = program::interruption();
-  if (status == Status::kIo) why = "the LCM bus " + bus_options.url + " failed";
-  program::complain("ballast-controller", why);
-  return program::kExitCouldNotRun;
+  return serve(board);
 }

@@ -2,10 +2,10 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "tools/faults/faulty_monitor.h"
 #include "tools/monitor/monitor_loop.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
-#include "tools/sil/hearing.h"
 
 int main(int argc, char** argv) {
   using namespace ballast;
@@ -22,20 +22,16 @@ int main(int argc, char** argv) {
 
   hal::Bus bus(bus_options.url, program::catch_signals());
   if (!bus.good()) return program::refuse_bus("ballast-monitor", bus_options.url);
-  sil::MonitorHearing hearing(*scenario);
-  monitor::MonitorLoopOptions options{.control_period_s = scenario->run.control_period_s,
-                                      .start_timeout = hal::Seconds(bus_options.start_timeout_s),
-                                      .peer_timeout = hal::Seconds(bus_options.peer_timeout_s)};
-  if (sil::messages_suffer(*scenario)) {
-    options.suffer = [&hearing](const contact_t& contact, const plant_state_t& state, const sensors_t& sensors,
-                                const controller_status_t* before) {
-      if (before != nullptr) hearing.tell(*before, before->tick);
-      return hearing.hear(contact, state, sensors);
-    };
-  }
-  monitor::MonitorLoop loop(bus, program::to_monitor_limits(*scenario), options);
+  const monitor::MonitorLimits limits = program::to_monitor_limits(*scenario);
+  monitor::Monitor sound_monitor(limits);
+  sil::FaultyLinksMonitor faulty_monitor(limits, *scenario);
+  monitor::Monitor& monitor = sil::has_link_faults(*scenario) ? faulty_monitor : sound_monitor;
+  const monitor::MonitorLoopOptions options{.control_period_s = scenario->run.control_period_s,
+                                            .start_timeout = hal::Seconds(bus_options.start_timeout_s),
+                                            .peer_timeout = hal::Seconds(bus_options.peer_timeout_s)};
+  monitor::MonitorLoop loop(bus, monitor, limits, options);
   const Status status = loop.run();
-  if (const auto refused = loop.counters().refused() + hearing.counters().refused(); refused > 0) {
+  if (const auto refused = loop.counters().refused() + faulty_monitor.counters().refused(); refused > 0) {
     program::complain("ballast-monitor", std::to_string(refused) + " messages on the bus were not used");
   }
   if (!loop.trouble().empty()) program::complain("ballast-monitor", loop.trouble());

@@ -3,10 +3,10 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "tools/faults/injection.h"
 #include "tools/program/program.h"
-#include "tools/faults/faulty_peers.h"
-#include "tools/sil/lcm_peers.h"
 #include "tools/recording/record_run.h"
+#include "tools/sil/lcm_peers.h"
 
 int main(int argc, char** argv) {
   using namespace ballast;
@@ -30,8 +30,8 @@ int main(int argc, char** argv) {
   const auto scenario = program::load_scenario(scenario_options);
   if (!scenario) return program::kExitUsage;
 
-  if (const std::string why = sil::FaultyPeers::not_possible(*scenario, sil::FaultyPeers::Elsewhere::kProcessesByHand,
-                                                             "in processes started by hand");
+  if (const std::string why =
+          sil::cannot_inject(*scenario, sil::PeersAre::kProcessesByHand, "in processes started by hand");
       !why.empty()) {
     program::complain("ballast-plant", why);
     return program::kExitUsage;
@@ -55,6 +55,6 @@ int main(int argc, char** argv) {
                             .controller_expected = scenario->run.actuation == sim::Actuation::kStepper,
                             .start_timeout = hal::Seconds(bus_options.start_timeout_s),
                             .peer_timeout = hal::Seconds(bus_options.peer_timeout_s),
-                            .faults = sil::messages_suffer(*scenario) ? &*scenario : nullptr});
+                            .verdicts_name_their_tick = !sil::has_link_faults(*scenario)});
   return program::after_output("ballast-plant", sil::record_run("ballast-plant", *scenario, peers, output, record));
 }

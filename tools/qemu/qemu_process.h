@@ -1,5 +1,5 @@
-// A machine QEMU plays, with pipes to the program on it. It ends with this object, and with this process, however that
-// ends.
+// A machine emulated by QEMU, with pipes to the program on it. QEMU ends with this object, and with this process
+// however that ends.
 #pragma once
 
 #include <sys/types.h>
@@ -13,6 +13,8 @@
 #include <vector>
 
 #include "hal/status.h"
+#include "tools/program/descriptor.h"
+#include "tools/program/subprocess.h"
 #include "tools/qemu/turns.h"
 
 namespace ballast::sil {
@@ -29,43 +31,40 @@ struct QemuOptions {
 
 class QemuProcess {
  public:
+  // Kills QEMU if it still runs when the object ends.
   QemuProcess() = default;
-  // Nobody waits for it: it is killed if it is still there.
-  ~QemuProcess();
-  QemuProcess(const QemuProcess&) = delete;
-  QemuProcess& operator=(const QemuProcess&) = delete;
 
   // Empty, or why it could not be started.
   [[nodiscard]] std::string start(const QemuOptions& options);
 
-  // Once the machine runs, and from now on answers to what it is written. Costs nothing but time if it does not.
+  // Call once the machine runs and answers each message written to it; from then on read() expects that. A machine that
+  // does not answer costs time only.
   void take_turns();
 
-  // All bytes. kPeerLost: the machine does not read any more, or not within the timeout.
+  // Writes all bytes. kPeerLost: the machine does not read any more, or not within the timeout.
   hal::Status write(int pair, std::span<const std::uint8_t> bytes, Seconds timeout);
-  // What is there, at least one byte, appended to `bytes`. kEmpty: nothing within the timeout. kPeerLost: the machine
-  // has ended. kInterrupted: `interrupted` is set.
+  // Appends at least one byte to `bytes`. kEmpty: none came within the timeout. kPeerLost: the machine has ended.
+  // kInterrupted: `interrupted` is set.
   hal::Status read(int pair, std::vector<std::uint8_t>& bytes, Seconds timeout,
                    const volatile std::sig_atomic_t* interrupted);
-  // Our end for writing: the machine reads an end of file.
+  // Closes this process's end for writing: the machine reads an end of file.
   void close_writing(int pair);
 
-  // How it ended, if it does so within the timeout: "" still there; "exit status 3"; "Killed".
+  // How QEMU ended, if it does so within the timeout: "exit status 3", "Killed"; "": it still runs.
   [[nodiscard]] std::string ended(Seconds timeout);
-  // What QEMU itself had to say, warnings apart.
-  [[nodiscard]] std::string said();
-  [[nodiscard]] int exit_status() const { return exit_status_; }  // -1: not by itself
-  [[nodiscard]] pid_t pid() const { return pid_; }
+  // QEMU's own messages, without warnings.
+  [[nodiscard]] std::string messages();
+  [[nodiscard]] int exit_status() const { return exit_status_; }  // -1: it has not ended by itself
+  [[nodiscard]] pid_t pid() const { return qemu_.pid(); }
 
  private:
   struct Pair {
-    int to = -1, from = -1;
+    program::Descriptor to, from;
   };
   std::vector<Pair> pairs_;
-  int said_ = -1;  // QEMU's stderr
+  program::Descriptor messages_;  // QEMU's stderr
   Turns turns_;
-  pid_t pid_ = 0;
-  std::string end_;
+  program::Subprocess qemu_;  // last: ends first
   int exit_status_ = -1;
 };
 

@@ -22,7 +22,7 @@ void Turns::take_with(pid_t process) {
   if (started_ && CPU_COUNT(&allowed_) >= 2) be_apart();
 }
 
-// The scheduler alone would leave both on one processor for a while.
+// Without this the scheduler would leave both on one processor for a while.
 void Turns::be_apart() {
   cpu_set_t others = allowed_;
   CPU_CLR(static_cast<std::size_t>(std::max(sched_getcpu(), 0)), &others);
@@ -42,7 +42,7 @@ void Turns::be_together() {
   apart_ = false;
 }
 
-// All its threads: each has processors of its own.
+// Moves all threads of the process: each has its own set of processors.
 void Turns::move_process(const cpu_set_t& processors) const {
   if (process_ == 0) return;
   std::error_code gone;

@@ -1,11 +1,10 @@
-// The processors of this thread and of a process it takes turns with: one message there, one back.
+// The processors of this thread and of a process that it takes turns with: one message there, one back.
 //
-// Apart: on any processors, so each on one of its own, and this thread looks for the message again and again, for to
-// wake a processor from its sleep is dear, on a virtual machine as dear as half a turn and more. Together: both on one
-// processor, where who waits sleeps; the other wakes it cheaply. Apart is faster where two processors are free for it,
-// and several times slower where they are not. Which it is shows in messages that do not come while they are looked
-// for; then it is together for a while, the longer the more often that happens. Who is given a share of more processors
-// (a quota) and not processors of his own has to say so (taskset): that does not show.
+// Waking a sleeping processor is slow: on a virtual machine it takes half a turn and more. So this thread spins for its
+// message while a second processor is free for the other process ("apart"). Where none is free, spinning makes turns
+// several times slower. Messages that do not come while this thread spins reveal that. Then both share one processor
+// for a while ("together"), where the waiting side sleeps and is woken cheaply; the while grows if this happens often.
+// A CPU quota is not detected; pin with `taskset`.
 #pragma once
 
 #include <sched.h>
@@ -17,12 +16,12 @@ namespace ballast::sil {
 
 class Turns {
  public:
-  static constexpr std::chrono::microseconds kLookedFor{1000};  // at most, of messages that take a tenth of it
-  // Late messages that lie less than kForgiven turns apart add up to others who want a processor; a late one now and
-  // then does not. On an idle virtual machine with two processors one in 500 to 3000 was late; beside another run, or a
+  static constexpr std::chrono::microseconds kSpin{1000};  // at most; a message usually takes a tenth of it
+  // Late messages less than kForgiven turns apart show that other programs want the processors; a single one does not.
+  // On an idle virtual machine with two processors one message in 500 to 3000 was late; beside another run, or a
   // program that never sleeps, one in 10 to 40.
   static constexpr int kForgiven = 64, kTooOften = 4 * kForgiven;
-  // Turns: twice as many as the last time, unless it went well for kLongApart in between.
+  // Turns together: twice as many as the last time, unless kLongApart turns went well in between.
   static constexpr int kShortestTogether = 500, kLongestTogether = 8000, kLongApart = 2000;
 
   Turns() = default;
@@ -30,16 +29,16 @@ class Turns {
   Turns(const Turns&) = delete;
   Turns& operator=(const Turns&) = delete;
 
-  // Together, with what this thread starts from now on. Where the system does not allow it nothing is changed here or
-  // below, which costs time only.
+  // Moves this thread, and processes it starts from now on, to one processor. Where the system does not allow that,
+  // nothing changes here or below, which costs time only.
   void start();
-  // The process has been started: apart, if there are two processors.
+  // Call once the process runs. Goes apart if there are two processors.
   void take_with(pid_t process);
   [[nodiscard]] bool apart() const { return apart_; }
-  // A message has come, or has not come in kLookedFor. Only while apart.
+  // While apart: a message has come, or has not come within kSpin.
   void came();
   void did_not_come();
-  // A message is waited for otherwise.
+  // While together: a message is waited for.
   void wait_together();
 
  private:

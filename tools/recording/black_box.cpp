@@ -1,7 +1,8 @@
 #include "tools/recording/black_box.h"
 
+#include <fmt/format.h>
+
 #include <cerrno>
-#include <cinttypes>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -32,7 +33,7 @@ std::string move_words(const firmware::MoveRequest& move) {
   return text;
 }
 
-// Everything from a byte on. False: errno says why.
+// Copies a file from a byte on. False: errno says why.
 bool copy_tail(const fs::path& from, std::int64_t offset, const fs::path& to) {
   std::ifstream in(from, std::ios::binary);
   in.seekg(offset);
@@ -57,14 +58,10 @@ std::optional<std::string> firmware_sources(const std::string& scenario_file) {
   return scenario_file.substr(begin, scenario_file.find('\n', begin) - begin);
 }
 
-std::string own_firmware_sources() {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016" PRIx64, hal::target::kSourcesId);
-  return text;
-}
+std::string own_firmware_sources() { return fmt::format("{:016x}", hal::target::kSourcesId); }
 
 bool ended_badly(const RunResult& result) {
-  if (!result.refusal.empty() || result.status == hal::Status::kInterrupted) return false;
+  if (result.refusal || result.status == hal::Status::kInterrupted) return false;
   return result.status != hal::Status::kOk || exit_status(result) != 0;
 }
 

@@ -1,5 +1,5 @@
-// What it takes to see once more how a run ended: the scenario as it was run, and, of a run that ended badly, the
-// folder `blackbox/` with the last ticks of its log, what is known of the end, and the commands that show it again.
+// The files that reproduce a run's end: the scenario as it ran, and for a run that ended badly the folder `blackbox/`
+// with the last ticks of its log, a description of the end, and the commands that show it again.
 #pragma once
 
 #include <optional>
@@ -15,22 +15,21 @@ namespace ballast::sil {
 // fingerprint.
 std::string scenario_file(const sim::Scenario& scenario);
 
-// The number of the firmware's sources in such a text, or of this program's. nullopt: the text has none.
+// The number of the firmware's sources, from such a text (none: the text has none) or of this program.
 std::optional<std::string> firmware_sources(const std::string& scenario_file);
 std::string own_firmware_sources();
 
-// Whether a run's end deserves one: everything but completed inside the envelope, refused, or ended by the user.
+// Whether a run gets a black box: not if it completed inside the envelope, was refused, or was ended by the user.
 bool ended_badly(const RunResult& result);
 
 // The commands that show a run's end again; empty: there is none. Paths are absolute, and all is quoted for a shell.
 struct Again {
-  // Does all of it again: `ballast run` or `ballast move` of its scenario. Not where people have had their say.
+  // Repeats the run: `ballast run` or `ballast move` of its scenario. Empty if operators have given commands.
   std::string run;
-  // Gives the whole log to the firmware, where `run` is empty, or where the run broke off over something that may not
-  // come again.
+  // Replays the whole log, where `run` is empty or where the run broke off for a reason that may not recur.
   std::string replay;
 
-  // "; again: ..", for people, a command to a line; empty if both are.
+  // "; again: .." for the terminal, one command per line; empty if both are empty.
   [[nodiscard]] std::string text() const;
 };
 
@@ -39,8 +38,7 @@ Again again_of(const sim::Scenario& scenario, const RunResult& result, const Run
                const std::string& firmware_options, const std::string& run_options, const OutputDir& output);
 
 // Writes blackbox/ into the output folder: run.lcmlog (the last Recorder::tail_ticks() or a few more),
-// scenario.toml, blackbox.json. The log must be closed. False: `output.error()` says why, and
-// nothing of it is left.
+// scenario.toml, blackbox.json. The log must be closed. False: `output.error()` says why, and no part is left.
 bool write_black_box(const sim::Scenario& scenario, const RunResult& result, const Again& again,
                      const Recorder& recorder, OutputDir& output);
 

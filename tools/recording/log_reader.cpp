@@ -42,7 +42,7 @@ LogReader::LogReader(const std::string& path) {
   file_.seekg(0);
 }
 
-// Without the channel's name, of which only the length is set.
+// Parses a header. Of the channel's name it sets only the length.
 bool LogReader::read_header(LogEvent& event, std::int64_t& data_size) {
   unsigned char header[kHeaderSize];
   if (offset_ + kHeaderSize > size_ || !file_.read(reinterpret_cast<char*>(header), kHeaderSize)) {

@@ -1,4 +1,4 @@
-// Reads an LCM event log, event by event; the file may be anything.
+// Reads an LCM event log event by event. The file may hold anything.
 #pragma once
 
 #include <cstdint>
@@ -19,10 +19,10 @@ class LogReader {
   // Check error() first.
   explicit LogReader(const std::string& path);
 
-  // False: there is no more. damage() is then empty, or says where and why reading stopped before the end of the file.
+  // False: no more events. damage() is then empty, or says where and why reading stopped before the end of the file.
   bool next(LogEvent& event);
 
-  // After damage: on with the next event behind it. False: nothing behind it looks like one.
+  // After damage: goes on with the next event behind it. False: nothing behind it looks like an event.
   bool resume();
 
   [[nodiscard]] const std::string& error() const { return error_; }    // the file is no event log; empty: it is

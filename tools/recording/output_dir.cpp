@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// Everything a run leaves; the pictures are those of tools/plots, the pages those of tools/report.
+// All files of a run, with the pictures of tools/plots and the pages of tools/report.
 constexpr const char* kFiles[] = {"summary.json",          "integrators.json", "run.lcmlog",           "robot.json",
                                   "scenario.toml",         "normal_force.png", "static_friction.png",  "path.png",
                                   "friction_required.png", "masses.png",       "angular_velocity.png", "body_frame.png",
@@ -44,7 +44,7 @@ OutputDir::OutputDir(fs::path path) : path_(std::move(path)) {
     error_ = path_.string() + ": cannot be made: " + code.message();
     return;
   }
-  // Not for the programs that this one starts: it is to end with this process, however that ends.
+  // Not inherited by programs that this one starts: the lock must end with this process, however that ends.
   lock_ = open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
     error_ = path_.string() + ": another run is writing there; allowed: another folder (--out), or to wait for its end";
@@ -77,7 +77,7 @@ bool OutputDir::is_still_there() {
 
 void OutputDir::clear() {
   std::error_code code;
-  // What cannot be removed cannot be replaced either, and is reported by whoever writes it.
+  // A file that cannot be removed cannot be replaced either; writing it reports the error.
   for (const char* name : kFiles) {
     if (!fs::is_directory(path_ / name, code)) fs::remove(path_ / name, code);
   }
@@ -87,7 +87,7 @@ void OutputDir::clear() {
 void OutputDir::clear_black_box() {
   if (!is_still_there()) return;  // it is another run's
   std::error_code code;
-  // Only what we put there: what somebody has added stays.
+  // Only files of a black box; other files stay.
   const fs::path box = path_ / kBlackBox;
   for (const char* name : {"run.lcmlog", "scenario.toml", "blackbox.json"}) fs::remove(box / name, code);
   if (fs::is_directory(box, code)) fs::remove(box, code);

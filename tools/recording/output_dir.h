@@ -1,4 +1,4 @@
-// The folder a run leaves its results in.
+// The folder that holds a run's results.
 #pragma once
 
 #include <filesystem>
@@ -7,14 +7,14 @@
 
 namespace ballast::sil {
 
-inline constexpr char kBlackBox[] = "blackbox";  // the folder in it that a run leaves that ended badly
+inline constexpr char kBlackBox[] = "blackbox";  // its subfolder for a run that ended badly
 
 class OutputDir {
  public:
   // Creates it if need be, keeps other runs out of it as long as the object lives (where the file system has locks),
   // and sees that files can be written there. error() says what could not be done.
   explicit OutputDir(std::filesystem::path path);
-  // Folders that were made and have stayed empty are taken away again.
+  // Removes folders that it has made and that are still empty.
   ~OutputDir();
   OutputDir(const OutputDir&) = delete;
   OutputDir& operator=(const OutputDir&) = delete;
@@ -24,12 +24,12 @@ class OutputDir {
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   [[nodiscard]] std::string log_path() const { return (path_ / "run.lcmlog").string(); }
 
-  // False: it was moved away, or removed, and what is there now may be another run's. error() says so.
+  // False: the folder was moved away or removed, and one there now may be another run's. error() says so.
   bool is_still_there();
-  // Takes away what an earlier run has left, so that no file there speaks of another run than the log.
+  // Removes an earlier run's files, so that none is of another run than the log.
   void clear();
   void clear_black_box();
-  // All of it or nothing. False: error() says why.
+  // Writes a whole file or none. False: error() says why.
   bool write(const std::string& name, const std::string& text);
   // Always false: error() says it.
   bool fail(const std::string& why);
@@ -38,7 +38,7 @@ class OutputDir {
  private:
   std::filesystem::path path_;
   std::vector<std::filesystem::path> made_;  // the innermost first
-  int lock_ = -1;                            // the folder itself: nothing is left when its holder is killed
+  int lock_ = -1;                            // on the folder itself, so that nothing is left when its holder is killed
   std::string error_;
 };
 

@@ -6,16 +6,19 @@
 #include <cstdio>
 #include <iostream>
 
+#include "tools/faults/injection.h"
 #include "tools/program/program.h"
 #include "tools/recording/black_box.h"
+#include "tools/recording/recorder.h"
 #include "tools/sil/robot.h"
+#include "tools/summary/controller_words.h"
 #include "tools/summary/summary.h"
 
 namespace ballast::sil {
 
 namespace {
 
-// On stderr, and only if that is a terminal.
+// A progress bar on stderr, shown only if that is a terminal.
 class ProgressBar {
  public:
   explicit ProgressBar(bool wanted) : shown_(wanted && isatty(STDERR_FILENO) == 1) {}
@@ -37,7 +40,7 @@ class ProgressBar {
 
 }  // namespace
 
-int record_run(const char* program_name, const sim::Scenario& scenario, Peers& peers, OutputDir& output,
+int record_run(const char* program_name, const sim::Scenario& scenario, Peer& peers, OutputDir& output,
                const RecordOptions& options) {
   const auto fail = [&](const std::string& text) {
     program::complain(program_name, text);
@@ -46,21 +49,18 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   if (options.other_plant != nullptr) {
     if (const std::string why = options.other_plant->listen(); !why.empty()) return fail(why);
   }
-  // Only once the run can begin does it replace what an earlier one has left.
+  // The results of an earlier run stay until this one can begin.
   if (peers.connect() != hal::Status::kOk) {
     program::complain(program_name, peers.trouble());
-    return peers.exit_status();
+    return exit_status(peers.failure());
   }
   output.clear();
-  // Before the log, so that a run that is interrupted leaves it too.
+  // Written before the log, so that an interrupted run leaves them too.
   if (!output.write("robot.json", robot_json(scenario)) || !output.write("scenario.toml", scenario_file(scenario)))
     return fail(output.error());
   Recorder recorder(output.log_path(), options.bus, options.unbuffered, options.run_id,
                     Recorder::tail_ticks(scenario.run.control_period_s));
   if (!recorder.good()) return fail(recorder.error());
-  for (const sim::Fault& fault : scenario.faults) {
-    if (fault.kind == sim::FaultKind::kDiskFull) recorder.disk_full_from(fault.time_s);
-  }
 
   RunOptions run_options{.speed = options.speed,
                          .interrupted = options.interrupted,
@@ -73,12 +73,15 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   {
     const ProgressBar bar(!options.quiet);
     run_options.progress = [&bar](double time_s, double end_s) { bar.show(time_s, end_s); };
-    result = run(scenario, peers, recorder, run_options);
+    result = run_with_faults(scenario, peers, recorder, run_options);
   }
-  // A disk that is full keeps what it has: readers of logs stop where the last event is cut off.
-  if (!recorder.close()) return fail(recorder.error() + "; it holds what happened up to there");
-  if (!result.refusal.empty()) {
-    program::complain(program_name, "the controller refuses the move: " + result.refusal);
+  // A full disk keeps what it has: readers of logs stop where the last event is cut off.
+  if (!recorder.close() || result.sink_failed) {
+    return fail((recorder.good() ? result.trouble : recorder.error()) + "; it holds what happened up to there");
+  }
+  if (result.refusal) {
+    program::complain(program_name,
+                      "the controller refuses the move: " + refusal_text(*result.refusal, &*options.move));
     return program::kExitUsage;
   }
   Again again;
@@ -94,9 +97,9 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
     std::string text = result.trouble + "; " + output.log_path() + " holds what happened up to then";
     text += again.text();
     program::complain(program_name, text);
-    return peers.exit_status();
+    return exit_status(peers.failure());
   }
-  // On a disk that is nearly full what happened comes before copies of it.
+  // The summary comes first: a disk that is nearly full may have no room for the black box.
   const bool written = output.write_summary(summary_json(scenario, result));
   if (!written) program::complain(program_name, output.error());
   if (written) keep_black_box();
@@ -110,6 +113,22 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peers& p
   }
   const int status = exit_status(result);
   return written || status != program::kExitCompleted ? status : program::kExitCouldNotRun;
+}
+
+int exit_status(PeerFailure failure) {
+  switch (failure) {
+    case PeerFailure::kLost:
+      return program::kExitCouldNotRun;
+    case PeerFailure::kFirmwareFault:
+      return program::kExitFirmwareFault;
+    case PeerFailure::kFirmwareHung:
+      return program::kExitFirmwareHung;
+    case PeerFailure::kLate:
+      return program::kExitLate;
+    case PeerFailure::kForeignFirmware:
+      return program::kExitForeignFirmware;
+  }
+  return program::kExitCouldNotRun;
 }
 
 }  // namespace ballast::sil

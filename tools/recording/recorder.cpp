@@ -3,14 +3,14 @@
 #include <stdio_ext.h>
 
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 
 namespace ballast::sil {
 
 namespace {
 
-constexpr std::int64_t kEventHeaderSize = 28;  // of LCM's event log: sync word, number, time, two lengths
+// An event of LCM's log begins with a sync word, number, time and two lengths.
+constexpr std::int64_t kEventHeaderSize = 28;
 
 }  // namespace
 
@@ -28,14 +28,28 @@ Recorder::Recorder(const std::string& log_path, lcm::LCM* bus, bool unbuffered, 
 
 Recorder::~Recorder() { close(); }
 
+void Recorder::take(const Lap& lap) {
+  mark_lap();
+  if (lap.command) record(hal::kChannelOperator, *lap.command);
+  for (const operator_t& heard : lap.heard) record_heard(hal::kChannelOperator, heard, lap.plant.contact.utime);
+  record(hal::kChannelContact, lap.plant.contact);
+  record(hal::kChannelPlantState, lap.plant.state);
+  record(hal::kChannelSensors, lap.plant.sensors);
+  if (lap.verdict) record(hal::kChannelTrip, *lap.verdict);
+  if (!lap.answer) return;
+  record(hal::kChannelControllerStatus, lap.answer->status);
+  record(hal::kChannelStepCommand, lap.answer->steps);
+}
+
+// Keeps where laps begin, so that the log's end can be cut off at the beginning of one.
+void Recorder::mark_lap() {
+  if (laps_++ % kTailStride != 0) return;
+  tail_.push_back(bytes_);
+  if (static_cast<std::int64_t>(tail_.size()) > (tail_ticks_ - 1) / kTailStride + 2) tail_.pop_front();
+}
+
 void Recorder::write(const char* channel, std::int64_t utime) {
   if (!good()) return;
-  if (utime >= full_utime_) {
-    char asked[48];
-    std::snprintf(asked, sizeof asked, " (as asked: disk_full at %.6g s)", 1e-6 * static_cast<double>(full_utime_));
-    error_ = log_path_ + ": cannot be written: " + std::strerror(ENOSPC) + asked;
-    return;
-  }
   if (log_ != nullptr) {
     lcm_eventlog_event_t event{};
     event.timestamp = utime;
@@ -58,7 +72,7 @@ void Recorder::publish(const char* channel) {
 
 bool Recorder::close() {
   if (log_ == nullptr) return good();
-  // What was written before anything failed is worth keeping, as far as there is room for it.
+  // Keeps what was written before anything failed, as far as there is room for it.
   if ((std::fflush(log_->f) != 0 || std::ferror(log_->f) != 0) && good()) {
     error_ = log_path_ + ": cannot be written: " + std::strerror(errno);
   }

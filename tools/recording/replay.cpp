@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "hal/lcm/channels.h"
-#include "tools/faults/faulty_peers.h"
+#include "tools/faults/injection.h"
 #include "tools/recording/log_reader.h"
 #include "tools/recording/output_dir.h"
 #include "tools/recording/recorder.h"
@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// As a log has it: nothing that belongs to a bus.
+// Clears the fields that belong to a bus, which a log does not have.
 void strip(controller_status_t& message) { message.run_id = message.refused_messages = 0; }
 template <class M>
 void strip(M& message) {
@@ -38,7 +38,7 @@ bool same_bytes(const M& a, const M& b) {
   return std::memcmp(bytes_a.data(), bytes_b.data(), size) == 0;
 }
 
-// What a log says of one tick. A message of another tick begins the next.
+// The messages of one tick in a log.
 struct RecordedLap {
   std::optional<contact_t> contact;
   std::optional<plant_state_t> state;
@@ -49,7 +49,7 @@ struct RecordedLap {
 
   [[nodiscard]] bool empty() const { return !contact && !state && !sensors && !trip && !status && !steps; }
   [[nodiscard]] bool complete() const { return contact && state && sensors && trip && status && steps; }
-  // All that there has to be of a tick whose peers may be silent or late.
+  // Complete for a tick in which peers may be silent or late.
   [[nodiscard]] bool has_inputs() const {
     return contact && state && sensors && status.has_value() == steps.has_value();
   }
@@ -63,11 +63,11 @@ struct RecordedLap {
   }
 };
 
-// Lap after lap of a log, and before them all that operators have said in it.
+// Reads a log lap by lap. All commands of operators are read first.
 class RecordedRun {
  public:
-  // `peers_answer`: every tick has a verdict, a status and a step command of that tick. Otherwise, in the log of a run
-  // with faults, a tick is what the recorder has put down between one contact and the next.
+  // `peers_answer`: every tick has a verdict, a status and a step command of that tick. In the log of a run with faults
+  // it need not; there a tick is all that is recorded between one contact message and the next.
   RecordedRun(const std::string& path, bool peers_answer) : reader_(path), peers_answer_(peers_answer) {
     LogReader first(path);
     LogEvent event;
@@ -81,7 +81,7 @@ class RecordedRun {
     }
   }
 
-  // False: there are no more whole laps; trouble() says why the log cannot be used, end() what is left over.
+  // False: there are no more whole laps. trouble() says why the log cannot be used, end() where it stops.
   bool next(RecordedLap& lap) {
     if (!peers_answer_) return next_as_recorded(lap);
     lap = RecordedLap();
@@ -94,8 +94,8 @@ class RecordedRun {
     if (!reader_.damage().empty()) end_ = reader_.damage();
     return false;
   }
-  // The command that the controller counted in this tick. As in hal::OperatorQueue, a stop takes back what waits; over
-  // a bus the controller may hear a command before the log does.
+  // The command that the controller counted in this tick. As in hal::OperatorQueue, a stop drops the commands that
+  // wait. Over a bus the controller may hear a command before the recorder does.
   std::optional<operator_t> next_command(std::int64_t tick) {
     const auto later =
         std::find_if(commands_.begin(), commands_.end(), [tick](const Said& s) { return s.tick > tick; });
@@ -110,9 +110,9 @@ class RecordedRun {
 
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
   [[nodiscard]] const std::string& end() const { return end_; }
-  // Once next() is false: the log ends there in its middle; what it is that end() says, and the last tick after that.
+  // Once next() is false: the reason in end() and the last tick after it, if the log goes on behind that point.
   std::optional<ReplayResult::Gap> gap() {
-    // Behind damage, too, there may be more of the run.
+    // More of the run may follow behind damage.
     if (!gap_ && reader_.damage().empty()) return std::nullopt;
     do {
       for (LogEvent event; reader_.next(event);) {
@@ -169,7 +169,7 @@ class RecordedRun {
     if (end_.empty()) end_ = std::string("its last tick is not whole: no ") + lap.missing();
     return false;
   }
-  // There is more behind it. Always false.
+  // Marks a gap: more of the log follows. Always false.
   bool cut(const std::string& why, std::int64_t later_tick) {
     end_ = why;
     gap_ = true;
@@ -202,7 +202,7 @@ class RecordedRun {
     return true;
   }
 
-  // `tick`: what the message's lap is called.
+  // `later`: how many ticks the message is ahead of its lap.
   template <class M>
   bool put(const LogEvent& event, std::optional<M>& slot, std::int64_t later = 0) {
     M message{};
@@ -251,11 +251,11 @@ class RecordedRun {
   std::string trouble_, end_;
 };
 
-// Whether the model that has said these numbers has floats. A double may happen to be one if it is short, as a weight
-// in round numbers is; so only those that use a float's last three bits say that it has.
+// Tells from a model's numbers whether it has floats. A short double, such as a weight in round numbers, may happen to
+// be a float, so only floats that use their last three bits count.
 class Precision {
  public:
-  void see(double number) {
+  void observe(double number) {
     if (!std::isfinite(number)) return;
     const auto as_float = static_cast<float>(number);
     if (static_cast<double>(as_float) != number) {
@@ -294,12 +294,12 @@ LogScenario scenario_of_log(const std::string& log_path) {
                             (reader.damage().empty() ? "" : "; " + reader.damage())};
 }
 
-ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, Peers& peers,
+ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, Peer& firmware,
                     const std::string& replayed_log, const ReplayOptions& options) {
   using End = ReplayResult::End;
   ReplayResult result;
-  RecordedRun recorded(log_path, !FaultyPeers::needed(scenario));
-  if (peers.connect() != hal::Status::kOk) return failed(result, End::kFailed, peers.trouble());
+  RecordedRun recorded(log_path, !has_peer_faults(scenario));
+  if (firmware.connect() != hal::Status::kOk) return failed(result, End::kFailed, firmware.trouble());
   Recorder recorder(replayed_log);
   std::int64_t given = 0;
   bool last = false, before_it = false;
@@ -319,42 +319,43 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
       return unusable("the log begins in the middle of a run, and what the controller knew there is not in it" +
                       (in_black_box ? "; the whole run is in " + whole.string() : ""));
     }
-    // A controller that was made to start again has forgotten them.
-    if (counted == 0 && FaultyPeers::needed(scenario)) given = 0;
+    // A restarted controller has forgotten the commands before.
+    if (counted == 0 && has_peer_faults(scenario)) given = 0;
     if (counted < given || counted > given + 1) {
       return unusable("the controller counts " + std::to_string(counted) + " commands after " + std::to_string(given));
     }
     Lap lap;
     lap.plant = {*was.contact, *was.state, *was.sensors};
-    lap.replayed = true;
     lap.verdict = was.trip;
-    lap.answered = was.status && was.status->tick == tick;
+    if (options.before_tick) options.before_tick(was.status && was.status->tick == tick);
     if (counted > given) {
       lap.command = recorded.next_command(tick);
       if (!lap.command) return unusable("the controller was given a command that is not in the log");
       ++given;
     }
-    if (peers.exchange(lap) != hal::Status::kOk) return failed(result, End::kFailed, peers.trouble());
+    if (firmware.exchange(lap) != hal::Status::kOk) return failed(result, End::kFailed, firmware.trouble());
 
     if (lap.command) recorder.record(hal::kChannelOperator, *lap.command);
     recorder.record(hal::kChannelContact, *was.contact);
     recorder.record(hal::kChannelPlantState, *was.state);
     recorder.record(hal::kChannelSensors, *was.sensors);
     if (was.trip) recorder.record(hal::kChannelTrip, *was.trip);
-    if (!lap.controller_silent) recorder.record(hal::kChannelControllerStatus, lap.status);
-    if (!lap.controller_silent) recorder.record(hal::kChannelStepCommand, lap.steps);
+    if (lap.answer) recorder.record(hal::kChannelControllerStatus, lap.answer->status);
+    if (lap.answer) recorder.record(hal::kChannelStepCommand, lap.answer->steps);
     if (!recorder.good()) return failed(result, End::kFailed, recorder.error());
 
     if (result.ticks++ == 0) result.first_tick = tick;
     result.last_tick = tick;
-    if (was.status) precision.see(was.status->normal_force_n);
-    const bool answered = !lap.controller_silent;
-    if (answered != was.status.has_value() ||
-        (answered && (!same_bytes(lap.status, *was.status) || !same_bytes(lap.steps, *was.steps)))) {
+    if (was.status) precision.observe(was.status->normal_force_n);
+    const bool same =
+        lap.answer.has_value() == was.status.has_value() &&
+        (!lap.answer || (same_bytes(lap.answer->status, *was.status) && same_bytes(lap.answer->steps, *was.steps)));
+    if (!same) {
       ++result.ticks_that_differ;
       if (!result.first_difference) result.first_difference = tick;
     }
-    if (answered && lap.status.mode == controller_status_t::MODE_TRIPPED && !result.trip) result.trip = lap.status;
+    const bool tripped = lap.answer && lap.answer->status.mode == controller_status_t::MODE_TRIPPED;
+    if (tripped && !result.trip) result.trip = lap.answer->status;
     last = was.sensors->last != 0;
     if (last) break;
     if (options.interrupted != nullptr && *options.interrupted != 0) {

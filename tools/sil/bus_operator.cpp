@@ -1,6 +1,6 @@
 #include "tools/sil/bus_operator.h"
 
-#include <cstdio>
+#include <fmt/format.h>
 
 #include "tools/sil/least_margin.h"
 
@@ -10,9 +10,9 @@ using hal::Status;
 
 namespace {
 
-constexpr hal::Seconds kSayAgain{0.1};
+constexpr hal::Seconds kRepeatAfter{0.1};
 
-// Counts up per sender.
+// A number that counts up per sender.
 std::int64_t sequence_now() {
   return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
       .count();
@@ -32,7 +32,7 @@ BusOperator::BusOperator(hal::Bus& bus, hal::Seconds silence) : bus_(bus), silen
     fresh_ = true;
   });
   bus_.subscribe<contact_t>(hal::kChannelContact, [this](const contact_t& m) {
-    see_margin(m, least_margin_);
+    lower_margin(m, least_margin_);
     if (m.last != 0) last_tick_ = m.tick;
   });
 }
@@ -48,11 +48,10 @@ Status BusOperator::connect() {
   const Status status = bus_.receive_until(hal::after(hal::WallClock::now(), silence_), [this] { return fresh_; });
   if (status == Status::kOk) return status;
   if (status != Status::kEmpty) return fail(status, "");
-  char seconds[32];
-  std::snprintf(seconds, sizeof seconds, "%g", silence_.count());
-  return fail(Status::kPeerLost, std::string(waiting_ ? "the controller on this bus waits for its plant"
-                                                      : "no controller is at work on this bus") +
-                                     " (listened for " + seconds + " s)");
+  return fail(Status::kPeerLost, fmt::format("{} (listened for {:g} s)",
+                                             waiting_ ? "the controller on this bus waits for its plant"
+                                                      : "no controller is at work on this bus",
+                                             silence_.count()));
 }
 
 Status BusOperator::tell(const firmware::OperatorInput& input) {
@@ -64,8 +63,8 @@ Status BusOperator::tell(const firmware::OperatorInput& input) {
   const auto deadline = hal::after(hal::WallClock::now(), silence_);
   for (;;) {
     if (bus_.publish(hal::kChannelOperator, message) != Status::kOk) return fail(Status::kIo, "");
-    const auto say_again = hal::after(hal::WallClock::now(), kSayAgain);
-    const Status status = bus_.receive_until(std::min(deadline, say_again),
+    const auto repeat_at = hal::after(hal::WallClock::now(), kRepeatAfter);
+    const Status status = bus_.receive_until(std::min(deadline, repeat_at),
                                              [&] { return status_->operator_commands > before || last_tick_; });
     if (status_->operator_commands > before) return Status::kOk;
     if (status == Status::kOk) return fail(Status::kEnded, "the run ended before the controller heard the command");

@@ -1,4 +1,4 @@
-// A person's end of the bus: hears the controller, tells it commands, and knows its answer to them.
+// An operator's end of the bus: sends commands to the controller and hears its status.
 #pragma once
 
 #include <functional>
@@ -17,18 +17,18 @@ class BusOperator {
   BusOperator(const BusOperator&) = delete;
   BusOperator& operator=(const BusOperator&) = delete;
 
-  // Until a controller's run is under way on this bus.
+  // Waits until a controller's run is under way on this bus.
   hal::Status connect();
-  // Says it, and waits until the controller has taken it, obeyed or not: status() then holds the answer. Said again
-  // meanwhile, since a bus may lose messages; an exact copy is not obeyed twice.
+  // Sends a command and waits until the controller has taken it, obeyed or not: status() then holds the answer. Repeats
+  // the message meanwhile, since a bus may lose some; an exact copy is not obeyed twice.
   hal::Status tell(const firmware::OperatorInput& input);
-  // Until a status satisfies `done`, that of the run's last tick included. kEnded: the run ended before that.
+  // Waits until a status satisfies `done`, the one of the run's last tick included. kEnded: the run ended before that.
   hal::Status follow(const std::function<bool(const controller_status_t&)>& done);
 
   [[nodiscard]] const controller_status_t& status() const { return *status_; }
-  // Of the contact messages heard since the last tell(), as long as the ball was in contact; none: there was none.
+  // The least margin of the contact messages since the last tell(); none: the ball has not been on the ground.
   [[nodiscard]] std::optional<double> least_margin() const { return least_margin_; }
-  // After a failure, the whole story in one line.
+  // After a failure, why; one line.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
 
  private:
@@ -38,9 +38,9 @@ class BusOperator {
   hal::Seconds silence_;
   std::int64_t sender_ = hal::draw_bus_number();
   std::optional<controller_status_t> status_;  // the newest of a tick of the run
-  bool fresh_ = false;                         // and not looked at yet
-  bool waiting_ = false;                       // a controller said that it waits for the first tick
-  std::optional<std::int64_t> last_tick_;      // the plant said that this was it
+  bool fresh_ = false;                         // it came after follow() last looked
+  bool waiting_ = false;                       // a controller waits for the first tick
+  std::optional<std::int64_t> last_tick_;      // of the run, by the plant
   std::optional<double> least_margin_;
   std::string trouble_;
 };

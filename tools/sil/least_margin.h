@@ -1,4 +1,4 @@
-// The least margin that was seen of a ball, over some ticks.
+// The least margin of a ball over some ticks.
 #pragma once
 
 #include <algorithm>
@@ -7,9 +7,9 @@
 
 namespace ballast::sil {
 
-// In the air there is no margin; but to leave the ground, between two ticks too, is the worst there is: -1, as in the
-// firmware's prediction. Until the ball has been seen on the ground nothing is known.
-inline void see_margin(const contact_t& contact, std::optional<double>& least) {
+// Lowers `least` to this message's margin. A ball in the air has no margin, but leaving the ground, between two ticks
+// too, counts as -1, as in the firmware's prediction. `least` stays empty until the ball has been on the ground.
+inline void lower_margin(const contact_t& contact, std::optional<double>& least) {
   const bool in_flight = contact.regime == contact_t::REGIME_FLIGHT;
   if (!least) {
     if (!in_flight) least = contact.margin;

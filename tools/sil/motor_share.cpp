@@ -16,7 +16,7 @@ void widen(Deviation& greatest, double real, double commanded, double time_s) {
 
 }  // namespace
 
-void MotorShare::see(const contact_t& contact) {
+void MotorShare::observe(const contact_t& contact) {
   if (std::isnan(contact.commanded_normal_force_n) || contact.regime != contact_t::REGIME_ROLLING) return;
   const double time_s = contact.time_s;
   widen(normal_force_n, contact.normal_force_n, contact.commanded_normal_force_n, time_s);

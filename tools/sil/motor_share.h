@@ -1,5 +1,5 @@
-// The motors' share: how far N, f_s and f_s / N of the real motion go from those of the commanded one. From the contact
-// messages, so at the ticks, and while the ball rolls: in sliding f_s is no friction that is needed.
+// The motors' share: how far N, f_s and f_s / N of the real motion deviate from those of the commanded motion. Taken
+// from the contact messages, so at the ticks, and while the ball rolls: in sliding f_s is not a friction needed.
 #pragma once
 
 #include "hal/lcm/messages.h"
@@ -7,11 +7,11 @@
 
 namespace ballast::sil {
 
-// Where real and commanded were furthest apart.
+// The greatest deviation of a quantity.
 struct Deviation {
   double real = 0;
   double commanded = 0;
-  double time_s = -1;  // before the start: none seen
+  double time_s = -1;  // before the start: none
   // Infinite where only one of the two is finite.
   [[nodiscard]] double difference() const { return real - commanded; }
 };
@@ -22,8 +22,8 @@ struct MotorShare {
   Deviation mu_required;
   sim::Extremum commanded_mu_required_max{0, -1};
 
-  // Messages without a command (their commanded_ fields are NaN) say nothing.
-  void see(const contact_t& contact);
+  // Ignores messages without a command, whose commanded_ fields are NaN.
+  void observe(const contact_t& contact);
   [[nodiscard]] bool seen() const { return normal_force_n.time_s >= 0; }
 };
 

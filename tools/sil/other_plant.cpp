@@ -5,7 +5,7 @@ namespace ballast::sil {
 OtherPlant::OtherPlant(const std::string& url, std::int64_t run_id)
     : bus_(std::make_unique<hal::Bus>(url)), run_id_(run_id) {
   bus_->subscribe<sensors_t>(hal::kChannelSensors, [this](const sensors_t& message) {
-    // Of no run: a log that is played back.
+    // Messages without a run are those of a log that is played back.
     if (message.run_id == 0 || message.run_id == run_id_ || !found_.empty()) return;
     found_ = "another plant is on this bus (tick " + std::to_string(message.tick) +
              "): give every run a bus of its own with --lcm";

@@ -1,5 +1,5 @@
-// Whether a run begins on a bus where another is under way: for runs with their peers in their own process, or in QEMU,
-// which say on a bus what happens but go on without it. (LcmPeers, which need the bus, find out by themselves.)
+// Detects another run on the same bus, for runs that publish on a bus but do not depend on it: those in one process and
+// those in QEMU. (LcmPeers, which need the bus, detect it by themselves.)
 #pragma once
 
 #include <cstdint>
@@ -11,16 +11,16 @@
 
 namespace ballast::sil {
 
-// Listens for another plant before the run, and for the first second of it: of two that begin at once
-// one hears the other then, or each does. Later ones are refused by their own.
+// Listens for another plant before the run and for its first second: of two runs that begin at once, at least one hears
+// the other then. A run that begins later hears this one.
 class OtherPlant {
  public:
-  // `run_id`: one's own.
+  // `run_id`: this run's.
   OtherPlant(const std::string& url, std::int64_t run_id);
 
-  // Long enough to hear a plant that is at work at any usual pace. Empty, or who is there.
+  // Listens long enough to hear a plant at any usual pace. Returns empty, or a line about the other plant.
   std::string listen();
-  // In every tick; it costs nothing after that second. Likewise.
+  // Call in every tick; costs nothing after the first second. Returns as listen().
   std::string heard();
 
  private:

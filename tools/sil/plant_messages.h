@@ -18,13 +18,12 @@ struct PlantMessages {
   sensors_t sensors;
 };
 
-// In the countdown (tick < 0) time_s is that of the sample, 0, and utime the tick's own. `commanded`: what the
-// commanded masses would make of this instant; none where nothing is commanded.
+// In the countdown (tick < 0) time_s is the sample's, 0, and utime the tick's own. `commanded`: N and f_s of the
+// commanded masses at this instant; none where nothing is commanded.
 PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick,
                              bool last, const std::optional<sim::Plant::ContactForces>& commanded = std::nullopt);
 
-// What is left of the friction cone: 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0, and never below
-// that.
+// The unused part of the friction cone: 1 - f_s / (mu_s N), at least -1; 1 with perfect friction; -1 where N <= 0.
 double friction_margin(double normal_force_n, double static_friction_n, double static_friction_coefficient);
 
 // The single pulses of a command, in order of time (equal times: in order of the motors), into `pulses`.

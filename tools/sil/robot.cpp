@@ -14,7 +14,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 using firmware::RailShape;
 
-// Chords of a circle this short leave it by 3e-4 of its radius: less than a pixel.
+// With so many chords a circle is off by 3e-4 of its radius, less than a pixel.
 constexpr int kCirclePoints = 128;
 constexpr int kPointsPerSplinePiece = 4;
 

@@ -1,4 +1,4 @@
-// What a run's ball was made of, for whoever draws it: robot.json beside the log.
+// robot.json: the geometry of a run's ball, beside the log, for programs that draw it.
 #pragma once
 
 #include <string>
@@ -10,10 +10,9 @@ namespace ballast::sil {
 // {"gravity": m/s^2, "ball": {"radius": m, "mass": kg, "center_of_mass": [m, body frame]},
 //  "masses": [{"mass": kg, "rail": {"shape": "circle" | "line" | "spline", "closed": bool, "points": [[m, body
 //  frame]]}}]}
-// of the scenario as it ran, overrides and defaults applied. `points` lie along the rail near enough to each other to
-// be joined by straight lines; a line or an open spline goes from end stop to end stop, where it has none a line to the
-// shell and a spline to its last knots. `rail` is null for a mass on a trajectory, whose curve is
-// in the log.
+// The scenario is taken as it ran, overrides and defaults applied. `points` lie along the rail, close enough to be
+// joined by straight lines. A line or an open spline goes from end stop to end stop; without end stops a line ends at
+// the shell and a spline at its last knots. `rail` is null for a mass on a trajectory: its curve is in the log.
 std::string robot_json(const sim::Scenario& scenario);
 
 }  // namespace ballast::sil

@@ -7,7 +7,7 @@ namespace ballast::sil {
 
 namespace {
 
-// What is believed may be any number: differences wrap, they do not overflow.
+// A corrupted command may hold any number, so differences wrap instead of overflowing.
 std::int64_t minus(std::int64_t a, std::int64_t b) {
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
 }
@@ -32,9 +32,8 @@ std::string StepLedger::fault_of(const step_command_t& command, double timer_tic
     sum[command.motor[b]] += static_cast<std::int64_t>(command.direction[b]) * command.count[b];
   for (int i = 0; i < command.motor_count; ++i) {
     if (sum[i] == command.steps[i]) continue;
-    return "the step command of tick " + std::to_string(command.tick) + " speaks of " +
-           std::to_string(command.steps[i]) + " microsteps of motor " + std::to_string(i) + ", its pulses make " +
-           std::to_string(sum[i]);
+    return "the step command of tick " + std::to_string(command.tick) + " counts " + std::to_string(command.steps[i]) +
+           " microsteps of motor " + std::to_string(i) + ", its pulses make " + std::to_string(sum[i]);
   }
   return "";
 }
@@ -50,7 +49,7 @@ bool StepLedger::gives(const step_command_t& command, double timer_frequency_hz,
     Sums& sums = said[static_cast<std::size_t>(command.motor[b])];
     const std::int64_t n = command.count[b];
     (command.direction[b] > 0 ? sums.forth : sums.back) += n;
-    // Sums of j and of j (j - 1) / 2 over j = 0..n-1; without a fault all times are in the tick, so that nothing
+    // Sums of j and of j (j - 1) / 2 over j = 0..n-1. Without an error all times are inside the tick, so nothing
     // overflows.
     sums.timer_ticks +=
         n * command.first[b] + n * (n - 1) / 2 * command.interval[b] + n * (n - 1) * (n - 2) / 6 * command.add[b];

@@ -36,7 +36,7 @@ StepTimingCheck::StepTimingCheck(const sim::Scenario& scenario) : scenario_(scen
   }
 }
 
-// `stand`: the masses' positions; null: the scenario's initial state.
+// The scenario's motion, begun at rest from the positions in `stand`; null: begun from the initial state.
 std::vector<stepcheck::MotionInSteps> StepTimingCheck::motions(const controller_status_t* stand) const {
   std::vector<stepcheck::MotionInSteps> motions;
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
@@ -93,7 +93,7 @@ bool StepTimingCheck::check_command(const step_command_t& command) {
   return true;
 }
 
-// All commands so far.
+// Checks the stretch's commands so far.
 bool StepTimingCheck::check(Stretch& stretch) {
   if (!stretch.followed) {
     stretch.followed = true;
@@ -119,7 +119,7 @@ bool StepTimingCheck::check(Stretch& stretch) {
   return true;
 }
 
-bool StepTimingCheck::see(const controller_status_t& status, const step_command_t& steps) {
+bool StepTimingCheck::observe(const controller_status_t& status, const step_command_t& steps) {
   if (steps.tick < 0) {  // the countdown, in which nothing may move
     mode_ = status.mode;
     return check_command(steps);
@@ -151,7 +151,7 @@ bool StepTimingCheck::see(const controller_status_t& status, const step_command_
     Stretch& first = stretches_.front();
     const bool replaced = stretches_.size() > 1;
     if (first.kind == Kind::kPlan && first.what.empty()) {
-      // Known up to its end: the next stretch's start, or a sample at rest.
+      // The plan is known once it is up to its end: the next stretch's start, or a sample at rest.
       const std::int64_t newest_sample = first.start_tick + static_cast<std::int64_t>(first.samples.size()) - 1;
       const bool known =
           replaced ? newest_sample >= stretches_[1].start_tick : first.rests_tick && newest_sample > *first.rests_tick;
@@ -170,7 +170,7 @@ bool StepTimingCheck::finish() {
   while (!stretches_.empty()) {
     Stretch& stretch = stretches_.front();
     if (stretch.kind == Kind::kPlan && stretch.what.empty()) {
-      // Pulses within the time of a touch from the last sample may depend on what is not known.
+      // Pulses within the time of a touch from the last sample may depend on samples not yet known.
       double touch_s = 0;
       for (const sim::Mass& mass : scenario_.masses) {
         touch_s = std::max({touch_s, 1 / mass.motor.max_step_rate_hz, mass.motor.direction_setup_s});

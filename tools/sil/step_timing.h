@@ -1,11 +1,11 @@
-// A run's step pulses, every motor's, held against what its mass was told to do; tools/stepcheck.
+// Checks the step pulses of all motors of a run against the motions of their masses (tools/stepcheck).
 //
-// Known from the messages: a start runs the scenario's motion, the first from the scenario's initial state, a later one
-// at rest from where the status says the masses stand. A stop or a move is only known by the positions and velocities
-// that the status gives at every tick's start: its pulses are held against the cubics between those, once they are
-// known (stepcheck::SampledMotion). That the plan itself keeps the limits and ends at its target is not judged here.
-// The pulses of a stop after a step overload, which may come late, and those of a plan whose end the run does not see,
-// from the last touch on, are checked for spacing, set-up and counts only.
+// The motions follow from the messages. A start runs the scenario's motion: the first start from the scenario's initial
+// state, a later one at rest from the positions in the status. A stop or a move is known only by the positions and
+// velocities that the status gives at every tick's start; its pulses are checked against the cubics between those
+// (stepcheck::SampledMotion). Whether the plan itself keeps the limits and ends at its target is not checked here.
+// Spacing, set-up and counts alone are checked of the pulses of a stop after a step overload, which may come late, and
+// of a plan that the run does not follow to its end, from the last touch on.
 #pragma once
 
 #include <deque>
@@ -20,8 +20,8 @@ namespace ballast::sil {
 
 struct StepTimingRecord {
   std::vector<stepcheck::Statistics> motors;
-  std::int64_t plan_steps = 0;                   // of the checked ones, those of stops and moves
-  std::optional<std::int64_t> motion_left_tick;  // whose pulses are the first not of the scenario's motion
+  std::int64_t plan_steps = 0;                   // checked steps of stops and moves
+  std::optional<std::int64_t> motion_left_tick;  // the first tick with pulses not of the scenario's motion
   std::optional<stepcheck::Violation> violation;
   int violation_motor = -1;
 };
@@ -32,9 +32,9 @@ class StepTimingCheck {
   StepTimingCheck(const StepTimingCheck&) = delete;
   StepTimingCheck& operator=(const StepTimingCheck&) = delete;
 
-  // A lap's status and the steps made in it, for the tick after. False: a violation, which is then in record().
-  bool see(const controller_status_t& status, const step_command_t& steps);
-  // There are no more laps. False: as above.
+  // A lap's answer: its status and the steps for the tick after. False: record() holds a violation.
+  bool observe(const controller_status_t& status, const step_command_t& steps);
+  // Call after the last lap. False: as above.
   bool finish();
   [[nodiscard]] StepTimingRecord record() const;
 

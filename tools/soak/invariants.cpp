@@ -122,14 +122,14 @@ void Invariants::see(const sil::Lap& lap, const Sample& truth) {
   }
   see_order(lap);
   see_finite(lap);
-  if (!lap.monitor_silent) see_verdict(lap);
-  if (has_controller_ && !lap.controller_silent) {
+  if (lap.verdict) see_verdict(lap);
+  if (has_controller_ && lap.answer) {
     see_steps(lap);
     see_obeyed(lap);
     see_controller_latch(lap);
     see_stop(lap, truth);
     controller_heard_ = true;
-    status_ = lap.status;
+    status_ = lap.answer->status;
   }
   see_envelope(lap, truth);
   if (scenario_.faults.empty()) see_alarm(lap, truth);
@@ -162,7 +162,7 @@ void Invariants::see_order(const sil::Lap& lap) {
   };
   due("the plant state's tick", lap.plant.state.tick, tick_);
   due("the sensors' tick", lap.plant.sensors.tick, tick_);
-  if (!lap.monitor_silent && !bus_suffers_) due("the verdict's tick", lap.trip.tick, tick_);
+  if (lap.verdict && !bus_suffers_) due("the verdict's tick", lap.verdict->tick, tick_);
   due("the sensors' scenario_id", lap.plant.sensors.scenario_id, scenario_.id);
   due("the plant state's last", lap.plant.state.last, contact.last);
   due("the sensors' last", lap.plant.sensors.last, contact.last);
@@ -171,41 +171,42 @@ void Invariants::see_order(const sil::Lap& lap) {
   if (contact.time_s != tick_s && !has_ended_) {
     fail(Invariant::kInOrder, tick_, "tick at t = %.17g s where %.17g s is due", contact.time_s, tick_s);
   }
-  if (!has_controller_ || lap.controller_silent) return;
-  due("the status's scenario_id", lap.status.scenario_id, scenario_.id);
-  due("the step command's tick", lap.steps.tick, lap.status.tick + 1);
+  if (!has_controller_ || !lap.answer) return;
+  due("the status's scenario_id", lap.answer->status.scenario_id, scenario_.id);
+  due("the step command's tick", lap.answer->steps.tick, lap.answer->status.tick + 1);
   if (!bus_suffers_) {
-    due("the status's tick", lap.status.tick, tick_);
-  } else if (lap.status.tick > tick_) {
+    due("the status's tick", lap.answer->status.tick, tick_);
+  } else if (lap.answer->status.tick > tick_) {
     fail(Invariant::kInOrder, tick_, "a status of tick %lld, which is still to come",
-         static_cast<long long>(lap.status.tick));
+         static_cast<long long>(lap.answer->status.tick));
   }
 }
 
 void Invariants::see_steps(const sil::Lap& lap) {
   std::array<std::int64_t, sim::kMaxMasses> sum{}, pulses{};
-  for (int b = 0; b < lap.steps.burst_count; ++b) {
-    const auto motor = static_cast<std::size_t>(lap.steps.motor[b]);
-    sum[motor] += static_cast<std::int64_t>(lap.steps.direction[b]) * lap.steps.count[b];
-    pulses[motor] += lap.steps.count[b];
+  for (int b = 0; b < lap.answer->steps.burst_count; ++b) {
+    const auto motor = static_cast<std::size_t>(lap.answer->steps.motor[b]);
+    sum[motor] += static_cast<std::int64_t>(lap.answer->steps.direction[b]) * lap.answer->steps.count[b];
+    pulses[motor] += lap.answer->steps.count[b];
   }
   // Of a controller that was started again, or says several ticks' commands at once, only the last is seen.
-  const bool goes_on = controller_heard_ && lap.status.tick == status_.tick + 1 &&
-                       lap.status.operator_commands >= status_.operator_commands;
+  const bool goes_on = controller_heard_ && lap.answer->status.tick == status_.tick + 1 &&
+                       lap.answer->status.operator_commands >= status_.operator_commands;
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
     if (!goes_on) {
-      position_steps_[i] = lap.steps.position_steps[i] - sum[i];
-      steps_issued_[i] = lap.status.steps_issued[i] - pulses[i];
+      position_steps_[i] = lap.answer->steps.position_steps[i] - sum[i];
+      steps_issued_[i] = lap.answer->status.steps_issued[i] - pulses[i];
     }
     position_steps_[i] += sum[i];
     steps_issued_[i] += pulses[i];
-    if (lap.steps.steps[i] != sum[i] || lap.steps.position_steps[i] != position_steps_[i] ||
-        lap.status.steps_issued[i] != steps_issued_[i]) {
+    if (lap.answer->steps.steps[i] != sum[i] || lap.answer->steps.position_steps[i] != position_steps_[i] ||
+        lap.answer->status.steps_issued[i] != steps_issued_[i]) {
       fail(Invariant::kInOrder, tick_,
            "motor %zu: the bursts' sum %lld, position %lld and count %lld are said to be %d, %lld and %lld", i,
            static_cast<long long>(sum[i]), static_cast<long long>(position_steps_[i]),
-           static_cast<long long>(steps_issued_[i]), lap.steps.steps[i],
-           static_cast<long long>(lap.steps.position_steps[i]), static_cast<long long>(lap.status.steps_issued[i]));
+           static_cast<long long>(steps_issued_[i]), lap.answer->steps.steps[i],
+           static_cast<long long>(lap.answer->steps.position_steps[i]),
+           static_cast<long long>(lap.answer->status.steps_issued[i]));
     }
   }
 }
@@ -239,15 +240,15 @@ void Invariants::see_finite(const sil::Lap& lap) {
   const bool good_sensors =
       finite(sensors.orientation) && finite(sensors.gyro_B_radps) && finite(sensors.accelerometer_B_mps2);
   check(good_sensors || suffers(sim::FaultKind::kSensorNan), "sensors_t");
-  if (!lap.monitor_silent) {
+  if (lap.verdict) {
     // The limit of f_s / N on a perfect floor, if that turns out to be none.
-    const bool no_limit = lap.trip.cause == trip_t::CAUSE_FRICTION && std::isinf(scenario_.surface.static_friction);
-    check(std::isfinite(lap.trip.trip_time_s) && ratio(lap.trip.value) &&
-              (std::isfinite(lap.trip.limit) || (no_limit && lap.trip.limit > 0)),
+    const bool no_limit = lap.verdict->cause == trip_t::CAUSE_FRICTION && std::isinf(scenario_.surface.static_friction);
+    check(std::isfinite(lap.verdict->trip_time_s) && ratio(lap.verdict->value) &&
+              (std::isfinite(lap.verdict->limit) || (no_limit && lap.verdict->limit > 0)),
           "trip_t");
   }
-  if (!has_controller_ || lap.controller_silent) return;
-  const controller_status_t& status = lap.status;
+  if (!has_controller_ || !lap.answer) return;
+  const controller_status_t& status = lap.answer->status;
   check(finite(status.commanded_position) && finite(status.commanded_velocity) && finite(status.next_position) &&
             finite(status.next_velocity) && finite(status.next_acceleration) &&
             all_finite(status.margin, status.overload_value, status.overload_limit, status.refusal_value,
@@ -267,7 +268,7 @@ void Invariants::see_finite(const sil::Lap& lap) {
 }
 
 void Invariants::see_envelope(const sil::Lap& lap, const Sample& truth) {
-  nobody_left_ = lap.monitor_silent && (lap.controller_silent || !has_controller_);
+  nobody_left_ = !lap.verdict && (!lap.answer || !has_controller_);
   // The force's own length: what the plant says of it is not taken for granted. It may differ in the last digits.
   constexpr double kRounding = 1e-12;
   const double friction_n = truth.friction_force_W_n.norm();
@@ -312,28 +313,29 @@ void Invariants::see_alarm(const sil::Lap& lap, const Sample& truth) {
   }
   if (!has_controller_) return;
   const auto has = [&](firmware::Fault fault) {
-    return (static_cast<std::uint32_t>(lap.status.faults) & static_cast<std::uint32_t>(fault)) != 0;
+    return (static_cast<std::uint32_t>(lap.answer->status.faults) & static_cast<std::uint32_t>(fault)) != 0;
   };
   using firmware::Fault;
   const bool at_an_end = std::ranges::any_of(truth.end_switches, [](int switches) { return switches != 0; });
   at_an_end_ = at_an_end_ || at_an_end;
   const auto known = static_cast<std::uint32_t>(Fault::kMonitorTrip) | static_cast<std::uint32_t>(Fault::kEndSwitch) |
                      static_cast<std::uint32_t>(Fault::kStepOverload);
-  const bool alarm = (has(Fault::kMonitorTrip) && trip_.tripped == 0) || (has(Fault::kEndSwitch) && !at_an_end_) ||
-                     (has(Fault::kStepOverload) && !(lap.status.overload_value > lap.status.overload_limit)) ||
-                     (static_cast<std::uint32_t>(lap.status.faults) & ~known) != 0;
+  const bool alarm =
+      (has(Fault::kMonitorTrip) && trip_.tripped == 0) || (has(Fault::kEndSwitch) && !at_an_end_) ||
+      (has(Fault::kStepOverload) && !(lap.answer->status.overload_value > lap.answer->status.overload_limit)) ||
+      (static_cast<std::uint32_t>(lap.answer->status.faults) & ~known) != 0;
   if (alarm) {
     fail(Invariant::kNoFalseAlarm, tick_, "the controller has faults 0x%x, and nothing explains them",
-         static_cast<std::uint32_t>(lap.status.faults));
+         static_cast<std::uint32_t>(lap.answer->status.faults));
   }
 }
 
 void Invariants::see_obeyed(const sil::Lap& lap) {
-  const std::int8_t mode = lap.status.mode;
+  const std::int8_t mode = lap.answer->status.mode;
   if (!monitor_tripped_ || mode == controller_status_t::MODE_TRIPPED || mode == controller_status_t::MODE_DISARMED)
     return;
   // A verdict a tick old is not stale yet, one of two ticks is.
-  const std::int64_t late = lap.status.tick - heard_trip_tick_;
+  const std::int64_t late = lap.answer->status.tick - heard_trip_tick_;
   if (late < (bus_suffers_ ? 2 : 0)) return;
   fail(Invariant::kObeyed, tick_,
        "the monitor says since tick %lld that it has tripped, and the controller is in mode %d",
@@ -341,7 +343,7 @@ void Invariants::see_obeyed(const sil::Lap& lap) {
 }
 
 void Invariants::see_verdict(const sil::Lap& lap) {
-  const trip_t& trip = lap.trip;
+  const trip_t& trip = *lap.verdict;
   if (trip_.tripped == 0 && trip.tripped != 0) {
     trip_ = trip;
     heard_trip_tick_ = tick_;
@@ -369,12 +371,12 @@ void Invariants::see_verdict(const sil::Lap& lap) {
 }
 
 void Invariants::see_controller_latch(const sil::Lap& lap) {
-  const auto faults = static_cast<std::uint32_t>(lap.status.faults);
-  const bool tripped = lap.status.mode == controller_status_t::MODE_TRIPPED;
+  const auto faults = static_cast<std::uint32_t>(lap.answer->status.faults);
+  const bool tripped = lap.answer->status.mode == controller_status_t::MODE_TRIPPED;
   if (controller_tripped_ && (!tripped || (faults & faults_) != faults_)) {
     char text[160];
     std::snprintf(text, sizeof text, "the controller tripped with faults 0x%x, and is in mode %d with 0x%x", faults_,
-                  lap.status.mode, faults);
+                  lap.answer->status.mode, faults);
     if (!taken_back_) taken_back_ = {Invariant::kLatched, tick_, text};
   }
   if (tripped && faults == 0) fail(Invariant::kLatched, tick_, "the controller is tripped and has no fault");
@@ -384,7 +386,7 @@ void Invariants::see_controller_latch(const sil::Lap& lap) {
 // The promise is the plan's. It is given in the tick of the trip, and anew only if what it asks for cannot be stepped:
 // then the controller says so with a fault of its own.
 void Invariants::see_stop(const sil::Lap& lap, const Sample& truth) {
-  const controller_status_t& status = lap.status;
+  const controller_status_t& status = lap.answer->status;
   if (status.mode != controller_status_t::MODE_TRIPPED) return;
   const double period_s = scenario_.run.control_period_s;
   const bool begins = !controller_tripped_;
@@ -413,9 +415,9 @@ void Invariants::see_stop(const sil::Lap& lap, const Sample& truth) {
          static_cast<long long>(rest_due_tick_), stop_ticks_);
   }
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
-    if (lap.steps.steps[i] != 0 && lap.steps.tick > rest_due_tick_) {
+    if (lap.answer->steps.steps[i] != 0 && lap.answer->steps.tick > rest_due_tick_) {
       fail(Invariant::kAtRest, tick_, "motor %zu is sent %d steps after the stop's promised end, tick %lld", i,
-           lap.steps.steps[i], static_cast<long long>(rest_due_tick_));
+           lap.answer->steps.steps[i], static_cast<long long>(rest_due_tick_));
     }
     // A rotor further than a tooth from where its field stands is held by another tooth.
     const sim::Motor& motor = scenario_.masses[i].motor;
@@ -435,10 +437,10 @@ void Invariants::expect_in_log(const sil::Lap& lap) {
   expect(hal::kChannelContact, lap.plant.contact, lap.plant.contact.utime);
   expect(hal::kChannelPlantState, lap.plant.state, lap.plant.state.utime);
   expect(hal::kChannelSensors, lap.plant.sensors, lap.plant.sensors.utime);
-  if (!lap.monitor_silent) expect(hal::kChannelTrip, lap.trip, lap.trip.utime);
-  if (!has_controller_ || lap.controller_silent) return;
-  expect(hal::kChannelControllerStatus, lap.status, lap.status.utime);
-  expect(hal::kChannelStepCommand, lap.steps, lap.steps.utime);
+  if (lap.verdict) expect(hal::kChannelTrip, *lap.verdict, lap.verdict->utime);
+  if (!has_controller_ || !lap.answer) return;
+  expect(hal::kChannelControllerStatus, lap.answer->status, lap.answer->status.utime);
+  expect(hal::kChannelStepCommand, lap.answer->steps, lap.answer->steps.utime);
 }
 
 void Invariants::finish(const sil::RunResult& result, const std::string& log_path) {

@@ -6,7 +6,7 @@
 #include <memory>
 #include <string_view>
 
-#include "tools/faults/faulty_peers.h"
+#include "tools/faults/injection.h"
 #include "tools/program/memory_file.h"
 #include "tools/program/params.h"
 #include "tools/recording/recorder.h"
@@ -37,9 +37,6 @@ Run run(const sim::Scenario& scenario) {
   const auto peers =
       sil::peers_in_process(scenario, has_controller ? params.get() : nullptr, program::to_monitor_limits(scenario));
   sil::Recorder recorder(log.path());
-  for (const sim::Fault& fault : scenario.faults) {
-    if (fault.kind == sim::FaultKind::kDiskFull) recorder.disk_full_from(fault.time_s);
-  }
   Invariants invariants(scenario);
   volatile std::sig_atomic_t enough = 0;
   sil::RunOptions options;
@@ -48,7 +45,7 @@ Run run(const sim::Scenario& scenario) {
     invariants.see(lap, truth);
     if (invariants.endless()) enough = 1;
   };
-  run.result = sil::run(scenario, *peers, recorder, options);
+  run.result = sil::run_with_faults(scenario, *peers, recorder, options);
   recorder.close();
   invariants.finish(run.result, log.path());
   run.broken = invariants.broken();

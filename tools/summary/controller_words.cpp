@@ -1,7 +1,8 @@
 #include "tools/summary/controller_words.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
-#include <cstdio>
 
 #include "sim/scenario/reader.h"
 
@@ -9,18 +10,16 @@ namespace ballast::sil {
 
 namespace {
 
-// A later start: the motion from where the masses stand.
+// The refusal of a later start, which runs the motion from where the masses stand.
 std::string restart_text(const controller_status_t& status, const char* what, const char* unit) {
-  char text[160];
-  std::snprintf(
-      text, sizeof text,
-      "mass %d, piece %d of its motion: begun at rest from where it stands, its %s would reach %.10g %s, more "
-      "than its motor's limit",
+  return fmt::format(
+      "mass {}, piece {} of its motion: begun at rest from where it stands, its {} would reach {:.10g} {}, more than "
+      "its "
+      "motor's limit",
       status.refusal_motor, status.refusal_piece, what, status.refusal_value, unit);
-  return text;
 }
 
-// A move to an end of its rail, or beyond.
+// The refusal of a move to an end of its rail or beyond.
 std::string rail_end_text(const controller_status_t& status, const firmware::MoveRequest* move) {
   const bool lower = status.refusal == controller_status_t::REFUSAL_LOWER_END;
   const auto mass = static_cast<std::size_t>(status.refusal_motor);
@@ -29,7 +28,7 @@ std::string rail_end_text(const controller_status_t& status, const firmware::Mov
     target = " ";
     target += sim::number_text(move->target_position[mass]);
   }
-  // In full: what is said to be allowed is.
+  // Printed with all digits, so that the value given as allowed is allowed.
   return "mass " + std::to_string(mass) + ": the target" + target + " is beyond the " + (lower ? "lower" : "upper") +
          " end of its rail or too close to it; allowed: at " + (lower ? "least " : "most ") +
          sim::number_text(status.refusal_value) +
@@ -61,15 +60,14 @@ std::string mode_text(std::int8_t mode) {
 
 std::string refusal_text(const controller_status_t& status, const firmware::MoveRequest* move) {
   const std::string mass = "mass " + std::to_string(status.refusal_motor) + ": ";
-  char value[32];
-  std::snprintf(value, sizeof value, "%.10g", status.refusal_value);
+  const std::string value = fmt::format("{:.10g}", status.refusal_value);
   switch (status.refusal) {
     case controller_status_t::REFUSAL_NONE:
       return "";
     case controller_status_t::REFUSAL_NO_MASS:
       return "it names no mass";
     case controller_status_t::REFUSAL_UNKNOWN_MASS:
-      return "there is no mass " + std::string(value) + " (they count from 0)";
+      return "there is no mass " + value + " (they count from 0)";
     case controller_status_t::REFUSAL_TARGET:
       return mass + "the target " + value +
              " cannot be reached; allowed: finite, at most 1e15 microsteps from its start";
@@ -77,7 +75,7 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
     case controller_status_t::REFUSAL_UPPER_END:
       return rail_end_text(status, move);
     case controller_status_t::REFUSAL_SPEED_FRACTION:
-      return std::string("the speed fraction ") + value + " is out of range; allowed: 0 < .. <= 1";
+      return "the speed fraction " + value + " is out of range; allowed: 0 < .. <= 1";
     case controller_status_t::REFUSAL_VELOCITY:
       return restart_text(status, "speed", "per s");
     case controller_status_t::REFUSAL_ACCELERATION:
@@ -95,51 +93,42 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
       break;
   }
   std::string text = "it is " + mode_text(status.mode);
-  if (status.faults != 0) {
-    char faults[48];
-    std::snprintf(faults, sizeof faults, ", with faults 0x%x", static_cast<unsigned>(status.faults));
-    text += faults;
-  }
+  if (status.faults != 0) text += fmt::format(", with faults 0x{:x}", static_cast<unsigned>(status.faults));
   return text +
          "; allowed: arm when disarmed and healthy, start and move when armed, stop when armed or in motion, "
          "reset when tripped and at rest";
 }
 
 std::string breach_text(const firmware::Prediction& plan, double friction_use, double min_normal_force_n) {
-  char text[160] = "";
-  // Written so that a NaN, of an attitude that is not known, is one too.
+  // The negations make a NaN, from an unknown attitude, a breach too.
   if (!(plan.normal_force_min_n > min_normal_force_n)) {
-    std::snprintf(text, sizeof text, "least N %.6g N; allowed: > %.6g N", plan.normal_force_min_n, min_normal_force_n);
-  } else if (!(plan.margin_min >= 1 - friction_use)) {
-    std::snprintf(text, sizeof text, "least margin %.4f (f_s/N %.6f); allowed: >= %.4g", plan.margin_min,
-                  plan.mu_required_max, 1 - friction_use);
+    return fmt::format("least N {:.6g} N; allowed: > {:.6g} N", plan.normal_force_min_n, min_normal_force_n);
   }
-  return text;
+  if (!(plan.margin_min >= 1 - friction_use)) {
+    return fmt::format("least margin {:.4f} (f_s/N {:.6f}); allowed: >= {:.4g}", plan.margin_min, plan.mu_required_max,
+                       1 - friction_use);
+  }
+  return "";
 }
 
 std::string predicted_text(const firmware::Prediction& plan) {
   if (std::isnan(plan.normal_force_min_n)) {
     return "nothing predicted: the sensors gave no number, or it ended before its prediction was complete";
   }
-  char horizon[48] = "";
-  if (plan.horizon_s < plan.duration_s) std::snprintf(horizon, sizeof horizon, " for its first %.3g s", plan.horizon_s);
-  char text[240];
-  std::snprintf(text, sizeof text,
-                "predicted%s, masses as commanded: least N %.6g N, most f_s/N %.6f, least margin %.4f",
-                horizon, plan.normal_force_min_n, plan.mu_required_max, plan.margin_min);
-  return text;
+  const bool in_part = plan.horizon_s < plan.duration_s;
+  return fmt::format("predicted{}, masses as commanded: least N {:.6g} N, most f_s/N {:.6f}, least margin {:.4f}",
+                     in_part ? fmt::format(" for its first {:.3g} s", plan.horizon_s) : "", plan.normal_force_min_n,
+                     plan.mu_required_max, plan.margin_min);
 }
 
 std::string far_below_text(const firmware::Prediction& plan, double seen_margin_min) {
-  constexpr double kFar = 0.1;  // of the friction cone; on the robots that ship steady motors take less
+  constexpr double kFar = 0.1;  // of the friction cone; sound motors of the shipped robots take less
   if (!(seen_margin_min < plan.margin_min - kFar)) return "";
-  char text[240];
-  std::snprintf(text, sizeof text,
-                "the least margin was %.4f where %.4f was predicted: a prediction takes the masses as commanded and "
-                "leaves out their motors' swing%s",
-                seen_margin_min, plan.margin_min,
-                plan.horizon_s < plan.duration_s ? ", and this one the move's end" : "");
-  return text;
+  return fmt::format(
+      "the least margin was {:.4f} where {:.4f} was predicted: a prediction takes the masses as commanded and leaves "
+      "out "
+      "their motors' swing{}",
+      seen_margin_min, plan.margin_min, plan.horizon_s < plan.duration_s ? ", and this one the move's end" : "");
 }
 
 }  // namespace ballast::sil

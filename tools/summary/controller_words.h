@@ -1,4 +1,4 @@
-// What a controller's status says, in words for people.
+// Texts for the terminal about a controller's status.
 #pragma once
 
 #include <ballast/controller_status_t.hpp>
@@ -17,14 +17,14 @@ std::string mode_text(std::int8_t mode);
 // a move.
 std::string refusal_text(const controller_status_t& status, const firmware::MoveRequest* move = nullptr);
 
-// What of the monitor's limits (monitor::MonitorLimits) a plan is predicted to break: "least margin -0.2, allowed: >=
-// 0"; empty: nothing.
+// The first of the monitor's limits (monitor::MonitorLimits) that a plan is predicted to break: "least margin -0.2,
+// allowed: >= 0"; empty: none.
 std::string breach_text(const firmware::Prediction& plan, double friction_use, double min_normal_force_n);
 
-// Says what a plan is predicted to do: "predicted, ..: least N ..".
+// A plan's prediction: "predicted, ..: least N ..".
 std::string predicted_text(const firmware::Prediction& plan);
 
-// That a plan was seen to leave a margin far below the predicted one, and why; empty: it was not.
+// A line for a plan that left a margin far below the predicted one, with the reason; empty: it did not.
 std::string far_below_text(const firmware::Prediction& plan, double seen_margin_min);
 
 }  // namespace ballast::sil

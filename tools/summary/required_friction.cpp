@@ -1,8 +1,9 @@
 #include "tools/summary/required_friction.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 namespace ballast::sil {
@@ -11,17 +12,12 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Less than this part of what the greatest cause does is not named beside it.
+// A cause below this part of the greatest one is not named.
 constexpr double kWorthNaming = 0.5;
 
-// Parts so many times what is left of them nearly cancel, as where a ball is let go at rest: then nobody is the cause.
+// Parts that exceed their sum by this factor nearly cancel, as where a ball is let go at rest. Then no load is named as
+// the cause.
 constexpr double kNearlyCancel = 100;
-
-std::string number(const char* format, double value) {
-  char text[128];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
 
 std::string list(const std::vector<std::string>& names) {
   std::string text;
@@ -32,34 +28,34 @@ std::string list(const std::vector<std::string>& names) {
   return text;
 }
 
-// Whoever does at least half of what the greatest does, and who takes as much of it away.
+// The loads that contribute, or take away, at least half as much as the greatest.
 std::string because(const std::vector<FrictionPart>& parts) {
   if (!parts.empty() && parts.front().part > kNearlyCancel) return ": what the masses ask for nearly cancels";
   std::vector<std::string> causes, remedies;
   for (const FrictionPart& part : parts) {
     if (std::abs(part.part) < kWorthNaming * parts.front().part) continue;
-    (part.part > 0 ? causes : remedies).push_back(part.of + number(" (%.0f %%)", 100 * part.part));
+    (part.part > 0 ? causes : remedies).push_back(part.of + fmt::format(" ({:.0f} %)", 100 * part.part));
   }
   if (causes.empty()) return "";
   return " because of " + list(causes) + (remedies.empty() ? "" : " against " + list(remedies));
 }
 
-// What is needed where f_s / N has no bound. Rounding leaves an f_s of 1e-15 of the weight where there is none.
+// Text for an unbounded f_s / N. Rounding leaves an f_s of 1e-15 of the weight where there is none.
 std::string unbounded_text(const RunResult& result) {
   const double time_s = result.extrema.mu_required_max.time_s;
-  if (!result.friction_shares) return number("N falls to 0 at %.2f s", time_s);
+  if (!result.friction_shares) return fmt::format("N falls to 0 at {:.2f} s", time_s);
   const sim::ContactShares& shares = *result.friction_shares;
   if (shares.force_W_n.head<2>().norm() <= 1e-9 * std::abs(shares.static_weight_n))
-    return number("leaves the ground at %.2f s on any floor", time_s);
-  return number("needs more friction than any floor gives at %.2f s: N falls to 0", time_s);
+    return fmt::format("leaves the ground at {:.2f} s on any floor", time_s);
+  return fmt::format("needs more friction than any floor gives at {:.2f} s: N falls to 0", time_s);
 }
 
-// Before what is said of floors: a run that ended early knows nothing of what would have come.
+// Prefix to statements about floors: a run that ended early says nothing of what would have come.
 std::string up_to_its_end(const RunResult& result) {
   if (result.end_reason == EndReason::kCompleted) return "";
   std::string reason = to_string(result.end_reason);
   if (result.end_reason == EndReason::kTripped && result.trip.tripped == 0) reason += " by the controller";
-  return number("up to its end at %.2f s (", result.final_sample.time_s) + reason + ") ";
+  return fmt::format("up to its end at {:.2f} s (", result.final_sample.time_s) + reason + ") ";
 }
 
 }  // namespace
@@ -85,10 +81,8 @@ std::vector<FrictionPart> friction_parts(const RunResult& result) {
 std::string friction_parts_text(const RunResult& result) {
   std::string text;
   for (const FrictionPart& p : friction_parts(result)) {
-    char line[128];
-    std::snprintf(line, sizeof line, "  %-18s %6.1f %%: weight %.1f, own motion %.1f, carried round %.1f\n",
-                  p.of.c_str(), 100 * p.part, 100 * p.weight, 100 * p.motion, 100 * p.turning);
-    text += line;
+    text += fmt::format("  {:<18} {:6.1f} %: weight {:.1f}, own motion {:.1f}, carried round {:.1f}\n", p.of,
+                        100 * p.part, 100 * p.weight, 100 * p.motion, 100 * p.turning);
   }
   return text;
 }
@@ -103,7 +97,7 @@ std::string required_friction_text(const RunResult& result, const std::vector<Fl
     text = "needs no friction";
   } else if (std::isfinite(mu.value)) {
     text = (result.rolling_lost || result.end_reason != EndReason::kCompleted ? "needs at least " : "needs ") +
-           number("%.3g at ", mu.value) + number("%.2f s", mu.time_s);
+           fmt::format("{:.3g} at ", mu.value) + fmt::format("{:.2f} s", mu.time_s);
     const auto slides = [](const sim::RegimeStart& start) { return start.regime == sim::Regime::kSliding; };
     if (!result.friction_shares && std::any_of(result.regimes.begin(), result.regimes.end(), slides))
       text += ", sliding";
@@ -118,9 +112,9 @@ std::string required_friction_text(const RunResult& result, const std::vector<Fl
   if (fails.empty()) return text + "holds on all of the paper's floors";
   if (holds.empty()) {
     text += "holds on none of the paper's floors";
-    // What it needs is below what some of them give where rolling was lost first.
+    // The friction needed may lie below that of a floor on which rolling was lost earlier.
     const sim::Extremum& normal = result.extrema.normal_force_min;
-    if (std::isfinite(mu.value) && normal.value <= 0) text += number(": N falls to 0 at %.2f s", normal.time_s);
+    if (std::isfinite(mu.value) && normal.value <= 0) text += fmt::format(": N falls to 0 at {:.2f} s", normal.time_s);
     return text;
   }
   return text + "holds on " + list(holds) + ", not on " + list(fails);

@@ -1,4 +1,4 @@
-// The friction a run needs at a glance: how much, when, whose doing it is, and which floors give it.
+// The friction a run needs: how much, when, which load causes it, and which floors give it.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -9,7 +9,7 @@
 
 namespace ballast::sil {
 
-// What one load contributes to the greatest f_s / N, as a part of it (sim/plant/contact_shares.h); the parts sum to 1.
+// The part of the greatest f_s / N that one load contributes (sim/plant/contact_shares.h); the parts sum to 1.
 struct FrictionPart {
   std::string of;  // "mass 2", "the ball", "the outside force"
   double part;

@@ -1,4 +1,4 @@
-// What a run has shown: summary.json for programs, and a page of words for people.
+// A run's result: summary.json for programs, and a page of text for the terminal.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,15 @@
 namespace ballast::sil {
 
 // summary.json, field by field in tools/README.md, ending in a newline. Numbers are written with the digits that give
-// back the same double (17 at most); what is infinite (a friction no surface gives, perfect friction) is null.
+// back the same double (17 at most). Infinite values (a friction no surface gives, perfect friction) are null.
 std::string summary_json(const sim::Scenario& scenario, const RunResult& result);
 
 // For the terminal, ending in a newline. `directory` is where the results are.
 std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
                          const std::filesystem::path& directory);
 
-// The paper's floors for an aluminium shell (PHYSICS.md section 6), and whether the ball rolls on each as far as this
-// run can tell: up to where rolling was lost. Empty if the run did not start rolling: it says nothing of other floors.
+// The paper's floors for an aluminium shell (PHYSICS.md section 6), and whether the ball rolls on each. A run in which
+// rolling was lost tells this only up to there. Empty if the run did not start rolling.
 struct FloorVerdict {
   const char* name;
   double static_friction;
@@ -27,20 +27,21 @@ struct FloorVerdict {
 };
 std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const RunResult& result);
 
-// trip_t's cause, by its name in the summary.
+// The name of trip_t's cause in the summary.
 const char* trip_cause(int cause);
 
-// The controller's own reason to trip, where the monitor had none: the first of firmware/safety/fault.h.
+// The controller's own reason to trip, where the monitor had none: the first fault in the order of
+// firmware/safety/fault.h.
 const char* fault_cause(std::int32_t faults);
 
-// Which motors lost steps, and what to do about it; empty: none.
+// The motors that lost steps, and what to do about it; empty: none.
 std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result);
 
-// What must not stay unsaid, --quiet or not: lost steps, masses outside the ball, a move that did not arrive.
+// Warnings that --quiet does not suppress: lost steps, masses outside the ball, a move that did not arrive.
 std::vector<std::string> warnings(const sim::Scenario& scenario, const RunResult& result);
 
-// A move that was asked for: its steps are all made and none was lost, so that every mass is where it was to be, but
-// for what its motor lags in its tooth.
+// Whether the move that was asked for has made all its steps and lost none. Every mass is then at its target, but for
+// its motor's lag within a tooth.
 bool arrived(const RunResult& result);
 
 // 0 inside the envelope, 3 outside or tripped; 2 a move that was inside and did not arrive.

@@ -1,4 +1,4 @@
-#include "tools/sil/hearing.h"
+#include "tools/faults/faulty_links.h"
 
 #include <algorithm>
 
@@ -8,7 +8,7 @@ namespace {
 using sim::FaultKind;
 using sim::FaultPeer;
 
-// As it is in a run in one process, so that the same bits of it suffer.
+// Clears the fields that belong to a bus, so that a corrupted message loses the same bits as in one process.
 template <class M>
 M off_the_bus(M message) {
   message.run_id = 0;
@@ -16,7 +16,7 @@ M off_the_bus(M message) {
   return message;
 }
 
-// By a clock that may have jumped.
+// Stamps the message by a clock that may have jumped.
 sensors_t stamped(const sim::Scenario& scenario, const sensors_t& sensors) {
   sensors_t message = off_the_bus(sensors);
   for (const sim::Fault& fault : scenario.faults) {
@@ -27,16 +27,16 @@ sensors_t stamped(const sim::Scenario& scenario, const sensors_t& sensors) {
   return message;
 }
 
-// A message is of another scenario only if its bytes have been injured.
+// Removes messages of another scenario. Only a corrupted message is one.
 template <class M>
-void take_out_foreign(std::vector<M>& messages, std::int64_t scenario_id, std::int64_t& foreign) {
+void drop_foreign(std::vector<M>& messages, std::int64_t scenario_id, std::int64_t& foreign) {
   foreign += static_cast<std::int64_t>(
       std::erase_if(messages, [scenario_id](const M& message) { return message.scenario_id != scenario_id; }));
 }
 
 }  // namespace
 
-bool messages_suffer(const sim::Scenario& scenario) {
+bool has_link_faults(const sim::Scenario& scenario) {
   return std::ranges::any_of(scenario.faults, [](const sim::Fault& fault) {
     return fault.of(sim::FaultLayer::kMessage) || fault.kind == FaultKind::kClockJump;
   });
@@ -44,41 +44,39 @@ bool messages_suffer(const sim::Scenario& scenario) {
 
 // --- monitor ---
 
-MonitorHearing::MonitorHearing(const sim::Scenario& scenario)
+MonitorLinks::MonitorLinks(const sim::Scenario& scenario)
     : scenario_(scenario),
       contact_(scenario, hal::kChannelContact, FaultPeer::kMonitor),
       state_(scenario, hal::kChannelPlantState, FaultPeer::kMonitor),
       sensors_(scenario, hal::kChannelSensors, FaultPeer::kMonitor),
       status_(scenario, hal::kChannelControllerStatus, FaultPeer::kMonitor) {}
 
-void MonitorHearing::tell(const controller_status_t& status, std::int64_t tick) {
+void MonitorLinks::send(const controller_status_t& status, std::int64_t tick) {
   status_.send(off_the_bus(status), tick, fault_time_s(scenario_, tick));
 }
 
-monitor::Heard MonitorHearing::hear(const contact_t& contact, const plant_state_t& state, const sensors_t& sensors) {
+Heard MonitorLinks::deliver(const contact_t& contact, const plant_state_t& state, const sensors_t& sensors) {
   const std::int64_t tick = contact.tick;
   const double time_s = fault_time_s(scenario_, tick);
   contact_.send(off_the_bus(contact), tick, time_s);
   state_.send(off_the_bus(state), tick, time_s);
   sensors_.send(stamped(scenario_, sensors), tick, time_s);
-  monitor::Heard heard{contact_.arrive(tick), state_.arrive(tick), sensors_.arrive(tick), std::nullopt, std::nullopt};
-  take_out_foreign(heard.sensors, scenario_.id, counters_.foreign);
+  Heard heard{contact_.arrive(tick), state_.arrive(tick), sensors_.arrive(tick), std::nullopt};
+  drop_foreign(heard.sensors, scenario_.id, counters_.foreign);
   for (const controller_status_t& status : status_.arrive(tick - 1)) {
     if (status.scenario_id != scenario_.id) {
       ++counters_.foreign;
-    } else if (controller_tick_ && status.tick == *controller_tick_) {
+    } else if (newest_status_ && status.tick == newest_status_->tick) {
       ++counters_.repeated;
-    } else if (status.tick >= controller_tick_.value_or(status.tick)) {
-      controller_tick_ = status.tick;
-      estimate_ = {status.normal_force_n, status.static_friction_n};
+    } else if (!newest_status_ || status.tick > newest_status_->tick) {
+      newest_status_ = status;
     }
   }
-  heard.controller_tick = controller_tick_;
-  heard.estimate = estimate_;
+  heard.status = newest_status_;
   return heard;
 }
 
-hal::LinkCounters MonitorHearing::counters() const {
+hal::LinkCounters MonitorLinks::counters() const {
   hal::LinkCounters all = counters_;
   all.malformed = contact_.malformed() + state_.malformed() + sensors_.malformed() + status_.malformed();
   return all;
@@ -86,19 +84,19 @@ hal::LinkCounters MonitorHearing::counters() const {
 
 // --- controller ---
 
-ControllerHearing::ControllerHearing(const sim::Scenario& scenario)
+ControllerLinks::ControllerLinks(const sim::Scenario& scenario)
     : scenario_(scenario),
       sensors_(scenario, hal::kChannelSensors, FaultPeer::kController),
       trip_(scenario, hal::kChannelTrip, FaultPeer::kController) {}
 
-hal::Delivered ControllerHearing::hear(const sensors_t& sensors, const trip_t* trip) {
+hal::TickMail ControllerLinks::deliver(const sensors_t& sensors, const trip_t* trip) {
   const std::int64_t tick = sensors.tick;
   const double time_s = fault_time_s(scenario_, tick);
   sensors_.send(stamped(scenario_, sensors), tick, time_s);
   if (trip != nullptr) trip_.send(off_the_bus(*trip), tick, time_s);
-  hal::Delivered heard;
+  hal::TickMail mail;
   const auto take_newer = [&]<class M>(std::vector<M> messages, std::int64_t& newest, std::optional<M>& slot) {
-    take_out_foreign(messages, scenario_.id, counters_.foreign);
+    drop_foreign(messages, scenario_.id, counters_.foreign);
     for (const M& message : messages) {
       if (message.tick > newest) {
         newest = message.tick;
@@ -108,13 +106,13 @@ hal::Delivered ControllerHearing::hear(const sensors_t& sensors, const trip_t* t
       }
     }
   };
-  take_newer(sensors_.arrive(tick), newest_sensors_, heard.sensors);
-  take_newer(trip_.arrive(tick), newest_trip_, heard.trip);
-  heard.lost = counters();
-  return heard;
+  take_newer(sensors_.arrive(tick), newest_sensors_, mail.sensors);
+  take_newer(trip_.arrive(tick), newest_trip_, mail.trip);
+  mail.refused = counters();
+  return mail;
 }
 
-hal::LinkCounters ControllerHearing::counters() const {
+hal::LinkCounters ControllerLinks::counters() const {
   hal::LinkCounters all = counters_;
   all.malformed = sensors_.malformed() + trip_.malformed();
   return all;
@@ -122,26 +120,23 @@ hal::LinkCounters ControllerHearing::counters() const {
 
 // --- motors ---
 
-MotorHearing::MotorHearing(const sim::Scenario& scenario)
+MotorLink::MotorLink(const sim::Scenario& scenario)
     : scenario_(scenario), steps_(scenario, hal::kChannelStepCommand, std::nullopt) {}
 
-void MotorHearing::tell(const step_command_t& steps, std::int64_t tick) {
-  steps_.send(off_the_bus(steps), tick, fault_time_s(scenario_, tick));
-}
-
-void MotorHearing::deliver(Lap& lap) {
-  const std::int64_t tick = lap.plant.contact.tick;
-  lap.steps_injured = true;
+std::optional<step_command_t> MotorLink::deliver(std::int64_t tick, const step_command_t* steps) {
+  if (steps != nullptr) steps_.send(off_the_bus(*steps), tick, fault_time_s(scenario_, tick));
+  std::optional<step_command_t> delivered;
   for (const step_command_t& command : steps_.arrive(tick)) {
-    if (command.tick == tick + 1 && !lap.delivered) {
-      lap.delivered = command;
+    if (command.tick == tick + 1 && !delivered) {
+      delivered = command;
     } else {
       ++(command.tick == tick + 1 ? counters_.repeated : counters_.old);
     }
   }
+  return delivered;
 }
 
-hal::LinkCounters MotorHearing::counters() const {
+hal::LinkCounters MotorLink::counters() const {
   hal::LinkCounters all = counters_;
   all.malformed = steps_.malformed();
   return all;

@@ -1,12 +1,13 @@
-#include "tools/qemu/qemu_peers.h"
+#include "tools/qemu/qemu_firmware.h"
 
-#include <cstdio>
+#include <fmt/format.h>
+
+#include <cmath>
 #include <fstream>
 #include <iterator>
 
 #include "hal/lcm/channels.h"
 #include "hal/target/build_id.h"
-#include "tools/program/program.h"
 
 namespace ballast::sil {
 
@@ -15,26 +16,18 @@ namespace target = hal::target;
 
 namespace {
 
-std::string hex(std::uint64_t value) {
-  char text[20];
-  std::snprintf(text, sizeof text, "0x%08llx", static_cast<unsigned long long>(value));
-  return text;
-}
+std::string hex(std::uint64_t value) { return fmt::format("0x{:08x}", value); }
 
-std::string number(double value, const char* format = "%.17g") {
-  char text[32];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
+std::string number(double value) { return fmt::format("{:.17g}", value); }
 
-// A program says in its first message what it is built for; one for another processor may not come so far.
+// A program names its board in its first message; one for another processor may fail before that.
 bool names_board(const std::filesystem::path& elf, const std::string& board) {
   std::ifstream file(elf, std::ios::binary);
   const std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   return bytes.find(board + '\0') != std::string::npos;
 }
 
-// ARMv7-M, B3.2.15: the bits of the fault status that say what happened.
+// The cause of a fault, from the bits of the fault status register (ARMv7-M, B3.2.15).
 std::string fault_text(const target::LastWords& words) {
   struct Bit {
     int bit;
@@ -68,45 +61,39 @@ std::string registers_text(const target::LastWords& words) {
 
 }  // namespace
 
-QemuPeers::QemuPeers(const sim::Scenario& scenario, const firmware::ControllerParams& params,
-                     const monitor::MonitorLimits& limits, QemuPeersOptions options)
+QemuFirmware::QemuFirmware(const sim::Scenario& scenario, const firmware::ControllerParams& params,
+                           QemuFirmwareOptions options)
     : scenario_(scenario),
       params_(params),
       options_(std::move(options)),
-      monitor_(limits),
       world_(std::make_unique<target::World>()),
       reply_(std::make_unique<target::Reply>()),
-      sent_(target::kMaxFrame),
-      exit_status_(program::kExitCouldNotRun) {
-  if (options_.operator_bus == nullptr) return;
-  options_.operator_bus->subscribe<operator_t>(hal::kChannelOperator,
-                                               [this](const operator_t& m) { operator_.hear(m); });
-}
+      sent_(target::kMaxFrame) {}
 
-std::string QemuPeers::when() const {
+std::string QemuFirmware::when() const {
   return tick_ ? "at tick " + std::to_string(*tick_) : std::string("before the first tick");
 }
 
-Status QemuPeers::fail(Status status, const std::string& text, int exit_status) {
+Status QemuFirmware::fail(Status status, const std::string& text, PeerFailure failure) {
   trouble_ = text;
-  exit_status_ = exit_status;
+  failure_ = failure;
   return status;
 }
 
 template <class M>
-Status QemuPeers::send(const M& message, std::int64_t tick) {
+Status QemuFirmware::send_message(const M& message, std::int64_t tick) {
   const std::size_t size = target::encode(message, tick, sent_);
-  if (size == 0) return fail(Status::kIo, "a message to the firmware is too long", program::kExitCouldNotRun);
+  if (size == 0) return fail(Status::kIo, "a message to the firmware is too long");
   const Status status = qemu_.write(0, std::span(sent_).first(size), options_.peer_timeout);
   if (status == Status::kOk) return status;
-  // It may have said why before it stopped reading.
+  // The firmware may have sent its cause before it stopped reading.
   target::Frame frame;
-  if (const Status s = receive(frame, options_.peer_timeout); s != Status::kOk) return s;
-  return fail(Status::kPeerLost, "the firmware does not listen any more " + when(), program::kExitCouldNotRun);
+  if (const Status s = receive_frame(frame, options_.peer_timeout); s != Status::kOk) return s;
+  return fail(Status::kPeerLost, "the firmware does not read any more " + when());
 }
 
-// kOk: a frame that is not the firmware's last words.
-Status QemuPeers::receive(target::Frame& frame, Seconds timeout) {
+// kOk: a frame other than a cause of death, which becomes the failure.
+Status QemuFirmware::receive_frame(target::Frame& frame, Seconds timeout) {
   received_.erase(received_.begin(), received_.begin() + static_cast<std::ptrdiff_t>(used_));
   used_ = 0;
   for (;;) {
@@ -114,12 +101,11 @@ Status QemuPeers::receive(target::Frame& frame, Seconds timeout) {
     if (result.error == target::FrameError::kNone) {
       used_ = result.size;
       target::LastWords words;
-      if (frame.type == target::MessageType::kLastWords && target::decode(frame, words)) return say_last_words(words);
+      if (frame.type == target::MessageType::kLastWords && target::decode(frame, words)) return report_death(words);
       return Status::kOk;
     }
     if (result.error != target::FrameError::kIncomplete) {
-      return fail(Status::kIo, "what came from the firmware " + when() + " is no message of this program's protocol",
-                  program::kExitCouldNotRun);
+      return fail(Status::kIo, "what came from the firmware " + when() + " is no message of this program's protocol");
     }
     if (const Status s = qemu_.read(0, received_, timeout, options_.interrupted); s != Status::kOk) {
       return no_answer(s, timeout);
@@ -127,41 +113,40 @@ Status QemuPeers::receive(target::Frame& frame, Seconds timeout) {
   }
 }
 
-Status QemuPeers::no_answer(Status status, Seconds timeout) {
-  if (status == Status::kInterrupted) return fail(status, "interrupted", program::kExitCouldNotRun);
+Status QemuFirmware::no_answer(Status status, Seconds timeout) {
+  if (status == Status::kInterrupted) return fail(status, "interrupted");
   if (status == Status::kEmpty) {
-    return fail(Status::kPeerLost, "the firmware is lost: silent for " + number(timeout.count()) + " s " + when(),
-                program::kExitCouldNotRun);
+    return fail(Status::kPeerLost,
+                "the firmware is lost: silent for " + fmt::format("{:g}", timeout.count()) + " s " + when());
   }
   const std::string end = qemu_.ended(Seconds(1));
-  const std::string said = qemu_.said();
-  return fail(Status::kPeerLost,
-              "the link to the firmware was cut " + when() + (end.empty() ? "" : "; QEMU ended: " + end) +
-                  (said.empty() ? "" : "; " + said),
-              program::kExitCouldNotRun);
+  const std::string messages = qemu_.messages();
+  return fail(Status::kPeerLost, "the link to the firmware was cut " + when() +
+                                     (end.empty() ? "" : "; QEMU ended: " + end) +
+                                     (messages.empty() ? "" : "; " + messages));
 }
 
-Status QemuPeers::say_last_words(const target::LastWords& words) {
+Status QemuFirmware::report_death(const target::LastWords& words) {
   switch (words.cause) {
     case target::Cause::kFault:
       return fail(Status::kPeerLost,
                   "the firmware faulted " + when() + ": " + fault_text(words) + "; " + registers_text(words),
-                  program::kExitFirmwareFault);
+                  PeerFailure::kFirmwareFault);
     case target::Cause::kStackOverflow:
       return fail(Status::kPeerLost,
                   "the firmware faulted " + when() + ": its stack ran into the guard; " + registers_text(words),
-                  program::kExitFirmwareFault);
+                  PeerFailure::kFirmwareFault);
     case target::Cause::kWatchdog:
-      return say_watchdog(registers_text(words));
+      return report_watchdog(registers_text(words));
     case target::Cause::kLink:
       break;
   }
-  return fail(Status::kIo, "the firmware did not understand what it was told " + when(), program::kExitCouldNotRun);
+  return fail(Status::kIo, "the firmware could not decode its messages " + when());
 }
 
-// No tick came back for kWatchdogPeriods. That is a firmware that hangs, unless so few instructions fit into them that
-// a tick of this robot may well need more.
-Status QemuPeers::say_watchdog(const std::string& registers) {
+// No tick came back for kWatchdogPeriods. The firmware hangs, or so few instructions fit into these periods that a tick
+// of this robot may well need more.
+Status QemuFirmware::report_watchdog(const std::string& registers) {
   constexpr int kWatchdogPeriods = 4;  // hal/README.md
   // A tick that begins a stop and predicts it takes up to 6.5 times the most of other ticks (tools/firmware, 1 to 8
   // masses); before the first tick nothing is known but what the smallest robot needs.
@@ -172,23 +157,23 @@ Status QemuPeers::say_watchdog(const std::string& registers) {
   const std::int64_t may_need = kStopFactor * (record_.ticks > 0 ? record_.max_instructions : kSmallestRobot);
   if (fit >= may_need) {
     return fail(Status::kPeerLost, "the firmware hung " + when() + ": its watchdog ended it; " + registers,
-                program::kExitFirmwareHung);
+                PeerFailure::kFirmwareHung);
   }
   return fail(Status::kPeerLost,
-              "the firmware is late " + when() + ": run.control_period = " + number(period_s, "%g") +
+              "the firmware is late " + when() + ": run.control_period = " + fmt::format("{:g}", period_s) +
                   " s is too short for this target; its watchdog ended a tick that did not come back within " +
                   std::to_string(kWatchdogPeriods) + " periods, " + std::to_string(fit) + " instructions; " + registers,
-              program::kExitLate);
+              PeerFailure::kLate);
 }
 
-Status QemuPeers::compare(const target::Hello& hello) {
+Status QemuFirmware::compare(const target::Hello& hello) {
   const target::Identity& other = hello.identity;
   const target::Identity ours{.sources = target::kSourcesId};
   if (options_.qemu.board != hello.board.c_str()) {
     return fail(
         Status::kForeignPeer,
         std::string("the firmware is built for ") + hello.board.c_str() + ", and QEMU plays " + options_.qemu.board,
-        program::kExitForeignFirmware);
+        PeerFailure::kForeignFirmware);
   }
   const auto differs = [&](const char* what, auto here, auto there) {
     if (here == there) return false;
@@ -196,10 +181,10 @@ Status QemuPeers::compare(const target::Hello& hello) {
                            std::string("the firmware does not fit this program: ") + what + ": " +
                                std::to_string(there) + " there, " + std::to_string(here) + " here; " +
                                "it was built from other sources: build it again with tools/firmware",
-                           program::kExitForeignFirmware));
+                           PeerFailure::kForeignFirmware));
     return true;
   };
-  // A model in single precision is the target's right.
+  // The target's model may be in single precision.
   if ((other.real_bytes != sizeof(float) &&
        differs("bytes of a real number", int{ours.real_bytes}, int{other.real_bytes})) ||
       differs("masses", ours.max_masses, other.max_masses) || differs("pieces", ours.max_pieces, other.max_pieces) ||
@@ -212,8 +197,8 @@ Status QemuPeers::compare(const target::Hello& hello) {
   return Status::kOk;
 }
 
-Status QemuPeers::send_params() {
-  if (const Status s = send(params_, 0); s != Status::kOk) return s;
+Status QemuFirmware::send_params() {
+  if (const Status s = send_message(params_, 0); s != Status::kOk) return s;
   const auto mass = std::make_unique<target::MassParams>();
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
     const sim::Mass& from = scenario_.masses[i];
@@ -226,14 +211,14 @@ Status QemuPeers::send_params() {
     for (std::size_t k = 0; k < from.motion.size(); ++k) {
       mass->pieces[k] = {from.motion[k].duration_s, from.motion[k].acceleration_start, from.motion[k].acceleration_end};
     }
-    if (const Status s = send(*mass, 0); s != Status::kOk) return s;
+    if (const Status s = send_message(*mass, 0); s != Status::kOk) return s;
   }
-  return send(options_.commit, 0);
+  return send_message(options_.commit, 0);
 }
 
-Status QemuPeers::judge(const target::Verdict& verdict) {
+Status QemuFirmware::judge(const target::Verdict& verdict) {
   const auto refused = [&](const std::string& why) {
-    return fail(Status::kForeignPeer, "the firmware refuses its parameters: " + why, program::kExitForeignFirmware);
+    return fail(Status::kForeignPeer, "the firmware refuses its parameters: " + why, PeerFailure::kForeignFirmware);
   };
   const std::string mass = "mass " + std::to_string(verdict.index) + ": ";
   switch (verdict.acceptance) {
@@ -254,25 +239,25 @@ Status QemuPeers::judge(const target::Verdict& verdict) {
   return fail(Status::kForeignPeer,
               "the firmware's parameters are not this run's: fingerprint " + hex(verdict.fingerprint) + " there, " +
                   hex(ours) + " here",
-              program::kExitForeignFirmware);
+              PeerFailure::kForeignFirmware);
 }
 
-Status QemuPeers::connect() {
+Status QemuFirmware::connect() {
   if (const std::string why = qemu_.start(options_.qemu); !why.empty()) {
-    return fail(Status::kIo, why, program::kExitCouldNotRun);
+    return fail(Status::kIo, why);
   }
   if (!names_board(options_.qemu.elf, options_.qemu.board)) {
     return fail(Status::kForeignPeer,
                 options_.qemu.elf.string() + " is not built for " + options_.qemu.board + ", which QEMU plays",
-                program::kExitForeignFirmware);
+                PeerFailure::kForeignFirmware);
   }
   target::Frame frame;
   target::Hello hello;
-  if (const Status s = receive(frame, options_.start_timeout); s != Status::kOk) return s;
+  if (const Status s = receive_frame(frame, options_.start_timeout); s != Status::kOk) return s;
   qemu_.take_turns();
   if (!target::decode(frame, hello)) {
     return fail(Status::kForeignPeer, "the firmware does not introduce itself as this program expects",
-                program::kExitForeignFirmware);
+                PeerFailure::kForeignFirmware);
   }
   record_.board = hello.board.c_str();
   record_.counter_hz = hello.counter_hz;
@@ -280,27 +265,27 @@ Status QemuPeers::connect() {
   record_.real_bytes = hello.identity.real_bytes;
   if (const Status s = compare(hello); s != Status::kOk) return s;
   if (const Status s = send_params(); s != Status::kOk) return s;
-  if (const Status s = receive(frame, options_.start_timeout); s != Status::kOk) return s;
+  if (const Status s = receive_frame(frame, options_.start_timeout); s != Status::kOk) return s;
   target::Verdict verdict;
   if (!target::decode(frame, verdict)) {
-    return fail(Status::kForeignPeer, "the firmware does not answer to its parameters", program::kExitForeignFirmware);
+    return fail(Status::kForeignPeer, "the firmware does not answer to its parameters", PeerFailure::kForeignFirmware);
   }
   return judge(verdict);
 }
 
-// What the step interrupt gave during `tick`, against what was commanded for it.
-Status QemuPeers::check_pulses(std::int64_t tick, const target::PlayedPulses& played) {
+// Checks the pulses that the step interrupt gave during `tick` against the command.
+Status QemuFirmware::check_pulses(std::int64_t tick, const target::PlayedPulses& played) {
   if (!options_.commit.play || commanded_.tick != tick) return Status::kOk;
   const auto wrong = [&](int motor, int pulse, const std::string& what) {
     return fail(Status::kIo,
                 "the pins did not do what was commanded in tick " + std::to_string(tick) + ": motor " +
                     std::to_string(motor) + ", pulse " + std::to_string(pulse) + ": " + what,
-                program::kExitLate);
+                PeerFailure::kLate);
   };
   for (int motor = 0; motor < commanded_.motor_count; ++motor) {
     int pulse = 0;
     std::int32_t at = 0;
-    // Half the shortest distance the motor is ever asked for: pulses stay in order, and at least so far apart.
+    // Half the shortest time between pulses of this motor: pulses stay in order and at least so far apart.
     const double allowed_late_counts =
         record_.counter_hz / (2 * params_.motor[static_cast<std::size_t>(motor)].max_step_rate_hz);
     const auto next = [&]() -> const target::PlayedPulse* {
@@ -333,32 +318,14 @@ Status QemuPeers::check_pulses(std::int64_t tick, const target::PlayedPulses& pl
   return Status::kOk;
 }
 
-// As InProcessPeers does: one a tick, and none in the countdown, which is the run's own.
-Status QemuPeers::hear_operators(Lap& lap) {
-  if (options_.operator_bus == nullptr) return Status::kOk;
-  operator_.now(lap.plant.contact.tick);
-  if (lap.command) operator_.know(*lap.command);
-  if (options_.operator_bus->receive_until(hal::WallClock::now(), [] { return false; }) == Status::kIo) {
-    return fail(Status::kIo, "the LCM bus failed", program::kExitCouldNotRun);
-  }
-  if (lap.plant.contact.tick < 0) return Status::kOk;
-  if (const auto message = operator_.next()) {
-    lap.heard.push_back(*message);
-    lap.heard.back().run_id = 0;
-  }
-  return Status::kOk;
-}
-
-// The decoder lets every tick and every count through that could be some run's; these have to be this one's.
-Status QemuPeers::check_reply(std::int64_t tick) {
+// The decoder accepts any run's ticks and counts; these must be this run's.
+Status QemuFirmware::check_reply(std::int64_t tick) {
   const firmware::ControllerStatus& status = reply_->status;
   const firmware::StepCommand& steps = reply_->steps;
   const auto wrong = [&](const char* what, std::int64_t is, std::int64_t expected) {
     if (is == expected) return false;
-    static_cast<void>(fail(Status::kIo,
-                           "the firmware's answer " + when() + " is not of this run: " + what + " " +
-                               std::to_string(is) + ", expected " + std::to_string(expected),
-                           program::kExitCouldNotRun));
+    static_cast<void>(fail(Status::kIo, "the firmware's answer " + when() + " is not of this run: " + what + " " +
+                                            std::to_string(is) + ", expected " + std::to_string(expected)));
     return true;
   };
   if (wrong("status.motor_count", status.motor_count, params_.ball.mass_count) ||
@@ -368,86 +335,84 @@ Status QemuPeers::check_reply(std::int64_t tick) {
     return Status::kIo;
   }
   if (status.overruns == 0) return Status::kOk;
-  // Which tick was it? One that is late itself has taken about a control period or more to its steps; otherwise it is
-  // the one before, which took too long after them.
+  // Finds the late tick. A tick that is late itself has taken about a control period or more up to its steps; otherwise
+  // the tick before took too long after its steps.
   const double period_counts = params_.control_period_s * options_.commit.stretch * record_.counter_hz;
   const std::string instructions =
       std::to_string(static_cast<std::int64_t>(reply_->tick_counts * record_.instructions_per_count));
   if (reply_->tick_counts < period_counts / 2) return late_after(tick - 1);
   return fail(Status::kIo,
               "the firmware's tick " + std::to_string(tick) + " is late: the next one began before it was served (" +
-                  instructions + " instructions; run.control_period = " + number(params_.control_period_s, "%g") +
-                  " s has " + std::to_string(std::llround(period_counts * record_.instructions_per_count)) + ")",
-              program::kExitLate);
+                  instructions +
+                  " instructions; run.control_period = " + fmt::format("{:g}", params_.control_period_s) + " s has " +
+                  std::to_string(std::llround(period_counts * record_.instructions_per_count)) + ")",
+              PeerFailure::kLate);
 }
 
-Status QemuPeers::late_after(std::int64_t tick) {
+Status QemuFirmware::late_after(std::int64_t tick) {
   return fail(Status::kIo,
               "the firmware's tick " + std::to_string(tick) + " is late: the next one began before its end",
-              program::kExitLate);
+              PeerFailure::kLate);
 }
 
-Status QemuPeers::exchange(Lap& lap) {
+// Commands go in the order of the log, which is the order of a replay.
+Status QemuFirmware::send(Lap& lap) {
   const std::int64_t tick = lap.plant.sensors.tick;
-  const bool last = lap.plant.sensors.last != 0;
   tick_ = tick;
-  lap.trip =
-      lap.verdict
-          ? *lap.verdict
-          : monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, controller_tick_, estimate_});
-  world_->last = last;
-  world_->has_verdict = true;
+  world_->last = lap.plant.sensors.last != 0;
   world_->sensors = hal::from_message(lap.plant.sensors);
-  world_->verdict = hal::from_message(lap.trip);
-  if (const Status s = hear_operators(lap); s != Status::kOk) return s;
+  world_->has_verdict = lap.verdict.has_value();
+  if (lap.verdict) world_->verdict = hal::from_message(*lap.verdict);
   world_->command_count = 0;
-  const auto say = [this](const operator_t& command) {
+  const auto add = [this](const operator_t& command) {
     world_->commands[static_cast<std::size_t>(world_->command_count++)] = hal::from_message(command);
   };
-  if (lap.command) say(*lap.command);  // in the order of the log, by which a replay gives them
-  for (const operator_t& heard : lap.heard) say(heard);
-  if (const Status s = send(*world_, tick); s != Status::kOk) return s;
-  lap.meanwhile();
+  if (lap.command) add(*lap.command);
+  for (const operator_t& heard : lap.heard) add(heard);
+  return send_message(*world_, tick);
+}
 
+Status QemuFirmware::receive(Lap& lap) {
+  const std::int64_t tick = *tick_;
   target::Frame frame;
-  if (const Status s = receive(frame, options_.peer_timeout); s != Status::kOk) return s;
+  if (const Status s = receive_frame(frame, options_.peer_timeout); s != Status::kOk) return s;
   if (!target::decode(frame, *reply_) || frame.tick != tick || reply_->status.tick != tick) {
-    return fail(Status::kIo, "the firmware's answer " + when() + " is out of turn or out of range",
-                program::kExitCouldNotRun);
+    return fail(Status::kIo, "the firmware's answer " + when() + " is out of turn or out of range");
   }
   if (const Status s = check_reply(tick); s != Status::kOk) return s;
   if (const Status s = check_pulses(tick - 1, reply_->played); s != Status::kOk) return s;
   commanded_ = commanded_next_;
   commanded_next_ = reply_->steps;
+  count_instructions(tick);
+  Answer& answer = lap.answer.emplace();
+  answer.status = hal::to_message(reply_->status, params_.control_period_s);
+  answer.steps = hal::to_message(reply_->steps, params_.control_period_s);
+  return lap.plant.sensors.last != 0 ? finish() : Status::kOk;
+}
+
+void QemuFirmware::count_instructions(std::int64_t tick) {
   ++record_.ticks;
   const std::int64_t instructions = std::llround(reply_->tick_counts * record_.instructions_per_count);
   record_.sum_instructions += instructions;
   record_.min_instructions = std::min(record_.min_instructions, instructions);
-  if (instructions > record_.max_instructions) {
-    record_.max_instructions = instructions;
-    record_.max_tick = tick;
-  }
-  lap.status = hal::to_message(reply_->status, params_.control_period_s);
-  lap.steps = hal::to_message(reply_->steps, params_.control_period_s);
-  controller_tick_ = tick;
-  estimate_ = {lap.status.normal_force_n, lap.status.static_friction_n};
-  return last ? finish() : Status::kOk;
+  if (instructions <= record_.max_instructions) return;
+  record_.max_instructions = instructions;
+  record_.max_tick = tick;
 }
 
-Status QemuPeers::finish() {
+Status QemuFirmware::finish() {
   target::Frame frame;
-  if (const Status s = receive(frame, options_.peer_timeout); s != Status::kOk) return s;
+  if (const Status s = receive_frame(frame, options_.peer_timeout); s != Status::kOk) return s;
   target::Farewell farewell;
   if (!target::decode(frame, farewell)) {
-    return fail(Status::kIo, "the firmware does not say how it ended", program::kExitCouldNotRun);
+    return fail(Status::kIo, "the firmware does not report how it ended");
   }
   if (farewell.overruns > 0) return late_after(*tick_);
   if (const Status s = check_pulses(*tick_, farewell.played); s != Status::kOk) return s;
   record_.farewell = farewell;
   const std::string end = qemu_.ended(options_.peer_timeout);
   if (qemu_.exit_status() == 0) return Status::kOk;
-  return fail(Status::kIo, "QEMU did not end well: " + (end.empty() ? std::string("it goes on") : end),
-              program::kExitCouldNotRun);
+  return fail(Status::kIo, "QEMU did not end well: " + (end.empty() ? std::string("it goes on") : end));
 }
 
 }  // namespace ballast::sil

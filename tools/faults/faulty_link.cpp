@@ -1,4 +1,4 @@
-#include "tools/faults/injured_link.h"
+#include "tools/faults/faulty_link.h"
 
 #include <algorithm>
 
@@ -10,10 +10,10 @@ using sim::FaultLayer;
 using sim::FaultPeer;
 
 template <class M>
-InjuredLink<M>::InjuredLink(const sim::Scenario& scenario, const char* channel, std::optional<FaultPeer> to)
+FaultyLink<M>::FaultyLink(const sim::Scenario& scenario, const char* channel, std::optional<FaultPeer> to)
     : random_(scenario.seed) {
   for (const char* c = channel; *c != '\0'; ++c) random_ = random_ * 31 + static_cast<unsigned char>(*c);
-  random_ = 3 * random_ + (to ? static_cast<std::uint64_t>(*to) : 2);  // each link draws for itself
+  random_ = 3 * random_ + (to ? static_cast<std::uint64_t>(*to) : 2);  // each link has its own random numbers
   for (const Fault& fault : scenario.faults) {
     if (fault.of(FaultLayer::kMessage) && fault.channel == channel && (!fault.peer || fault.peer == to)) {
       faults_.push_back(fault);
@@ -22,14 +22,14 @@ InjuredLink<M>::InjuredLink(const sim::Scenario& scenario, const char* channel, 
 }
 
 template <class M>
-bool InjuredLink<M>::strikes(const Fault& fault) {
+bool FaultyLink<M>::strikes(const Fault& fault) {
   return fault.value >= 1 || sim::uniform(random_) < fault.value;
 }
 
 template <class M>
-void InjuredLink<M>::send(const M& message, std::int64_t tick, double time_s) {
+void FaultyLink<M>::send(const M& message, std::int64_t tick, double time_s) {
   const int size = message.getEncodedSize();
-  OnItsWay one{tick, static_cast<double>(sent_++), std::vector<std::uint8_t>(static_cast<std::size_t>(size))};
+  InTransit one{tick, static_cast<double>(sent_++), std::vector<std::uint8_t>(static_cast<std::size_t>(size))};
   message.encode(one.bytes.data(), 0, size);
   bool dropped = false, doubled = false;
   for (const Fault& fault : faults_) {
@@ -45,7 +45,7 @@ void InjuredLink<M>::send(const M& message, std::int64_t tick, double time_s) {
         one.due_tick += static_cast<std::int64_t>(fault.value);
         break;
       case FaultKind::kMessagesReordered:
-        // After the next one, and not before that comes.
+        // Arrives after the next message, and not before it.
         if (strikes(fault)) {
           one.due_tick += 1;
           one.order += 1.5;
@@ -65,16 +65,16 @@ void InjuredLink<M>::send(const M& message, std::int64_t tick, double time_s) {
     }
   }
   if (dropped) return;
-  if (doubled) on_its_way_.push_back(one);
-  on_its_way_.push_back(std::move(one));
+  if (doubled) in_transit_.push_back(one);
+  in_transit_.push_back(std::move(one));
 }
 
 template <class M>
-std::vector<M> InjuredLink<M>::arrive(std::int64_t tick) {
-  std::stable_sort(on_its_way_.begin(), on_its_way_.end(),
-                   [](const OnItsWay& a, const OnItsWay& b) { return a.order < b.order; });
+std::vector<M> FaultyLink<M>::arrive(std::int64_t tick) {
+  std::stable_sort(in_transit_.begin(), in_transit_.end(),
+                   [](const InTransit& a, const InTransit& b) { return a.order < b.order; });
   std::vector<M> arrived;
-  for (const OnItsWay& one : on_its_way_) {
+  for (const InTransit& one : in_transit_) {
     if (one.due_tick > tick) continue;
     M message{};
     if (hal::decode(one.bytes.data(), one.bytes.size(), message)) {
@@ -83,15 +83,15 @@ std::vector<M> InjuredLink<M>::arrive(std::int64_t tick) {
       ++malformed_;
     }
   }
-  std::erase_if(on_its_way_, [tick](const OnItsWay& one) { return one.due_tick <= tick; });
+  std::erase_if(in_transit_, [tick](const InTransit& one) { return one.due_tick <= tick; });
   return arrived;
 }
 
-template class InjuredLink<contact_t>;
-template class InjuredLink<plant_state_t>;
-template class InjuredLink<sensors_t>;
-template class InjuredLink<step_command_t>;
-template class InjuredLink<controller_status_t>;
-template class InjuredLink<trip_t>;
+template class FaultyLink<contact_t>;
+template class FaultyLink<plant_state_t>;
+template class FaultyLink<sensors_t>;
+template class FaultyLink<step_command_t>;
+template class FaultyLink<controller_status_t>;
+template class FaultyLink<trip_t>;
 
 }  // namespace ballast::sil

@@ -1,9 +1,9 @@
-#include "tools/monitor/heard.h"
+#include "tools/faults/heard.h"
 
-namespace ballast::monitor {
+namespace ballast::sil {
 namespace {
 
-// The one of this tick, or the newest.
+// The message of this tick, or the newest.
 template <class M>
 const M* best(const std::vector<M>& messages, std::int64_t tick) {
   const M* newest = nullptr;
@@ -26,15 +26,15 @@ bool repeated(const std::vector<M>& messages) {
 
 }  // namespace
 
-trip_t judge(Monitor& monitor, const Heard& heard) {
+trip_t judge(monitor::Monitor& monitor, const Heard& heard) {
   constexpr std::int64_t kNoneYet = -3;
   const bool first = monitor.verdict().tick == kNoneYet;
   const std::int64_t tick = first && !heard.contact.empty() ? heard.contact.front().tick : monitor.verdict().tick + 1;
-  const Samples samples{best(heard.contact, tick), best(heard.state, tick), best(heard.sensors, tick),
-                        heard.controller_tick, heard.estimate};
+  const monitor::Samples samples{best(heard.contact, tick), best(heard.state, tick), best(heard.sensors, tick),
+                                 heard.status ? &*heard.status : nullptr};
   trip_t verdict = monitor.judge(samples);
   if (repeated(heard.contact) || repeated(heard.state) || repeated(heard.sensors)) verdict = monitor.judge(samples);
   return verdict;
 }
 
-}  // namespace ballast::monitor
+}  // namespace ballast::sil

@@ -1,6 +1,6 @@
-// One channel on its way to one who hears it, made to suffer by the scenario's faults of messages: it loses, delays,
-// doubles, reorders and injures them. All of it follows from the scenario, its seed and what was said, tick by tick, so
-// that it is the same wherever the hearer is: in the plant's process or in one of its own.
+// One channel from its sender to one receiver, with the scenario's message faults: messages are lost, delayed, doubled,
+// reordered, corrupted or truncated. The result follows from the scenario, its seed and the messages, tick by tick, so
+// it is the same in the plant's process and in the receiver's own.
 #pragma once
 
 #include <cstdint>
@@ -13,24 +13,25 @@
 
 namespace ballast::sil {
 
-// What the faults of messages and peers go by; in the countdown none is there yet.
+// The time by which faults of messages and peers begin. Negative in the countdown, where no fault is active.
 inline double fault_time_s(const sim::Scenario& scenario, std::int64_t tick) {
   return tick < 0 ? -1 : static_cast<double>(tick) * scenario.run.control_period_s;
 }
 
-// Counts what arrives and is no message. `to`: none is the plant.
 template <class M>
-class InjuredLink {
+class FaultyLink {
  public:
-  InjuredLink(const sim::Scenario& scenario, const char* channel, std::optional<sim::FaultPeer> to);
+  // `to`: the receiver; none: the plant's motors.
+  FaultyLink(const sim::Scenario& scenario, const char* channel, std::optional<sim::FaultPeer> to);
 
   void send(const M& message, std::int64_t tick, double time_s);
-  // What has arrived by this tick, in the order of arrival.
+  // The messages that arrive by this tick and decode, in order of arrival.
   [[nodiscard]] std::vector<M> arrive(std::int64_t tick);
+  // Messages that arrived and did not decode.
   [[nodiscard]] std::int64_t malformed() const { return malformed_; }
 
  private:
-  struct OnItsWay {
+  struct InTransit {
     std::int64_t due_tick;
     double order;
     std::vector<std::uint8_t> bytes;
@@ -39,7 +40,7 @@ class InjuredLink {
 
   std::vector<sim::Fault> faults_;
   std::uint64_t random_;
-  std::vector<OnItsWay> on_its_way_;
+  std::vector<InTransit> in_transit_;
   std::int64_t sent_ = 0;
   std::int64_t malformed_ = 0;
 };

@@ -1,0 +1,29 @@
+#include "tools/sil/countdown.h"
+
+namespace ballast::sil {
+
+std::optional<operator_t> Countdown::command(std::int64_t tick) const {
+  if (tick >= 0 || (options_.by_hand && tick > -kTicks)) return std::nullopt;
+  firmware::OperatorInput input = firmware::OperatorCommand::kArm;
+  if (tick > -kTicks) input = firmware::OperatorCommand::kStart;
+  if (tick > -kTicks && options_.move) input = *options_.move;
+  return hal::to_message(input, tick, tick + kTicks + 1, period_s_);
+}
+
+bool Countdown::refuses_move(const Lap& lap) const {
+  if (lap.tick() != -1 || !options_.move || !lap.answer) return false;
+  const controller_status_t& status = lap.answer->status;
+  const bool tripped = lap.verdict && lap.verdict->tripped != 0;
+  return status.refusal != controller_status_t::REFUSAL_NONE && !tripped && status.faults == 0;
+}
+
+bool Countdown::ignores_command(const Lap& lap) const {
+  if (lap.tick() >= 0) return false;
+  if (!lap.answer) return true;
+  const controller_status_t& status = lap.answer->status;
+  if (status.faults != 0 || (lap.verdict && lap.verdict->tripped != 0)) return false;
+  if (arms(lap.tick())) return status.mode != controller_status_t::MODE_ARMED;
+  return status.mode != (options_.move ? controller_status_t::MODE_PENDING : controller_status_t::MODE_RUNNING);
+}
+
+}  // namespace ballast::sil

@@ -1,0 +1,72 @@
+// The monitor in the plant's own process, with a controller that may be anywhere and operators on a bus.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "firmware/control/controller.h"
+#include "tools/monitor/monitor.h"
+#include "tools/sil/operator_ear.h"
+#include "tools/sil/peer.h"
+
+namespace ballast::sil {
+
+// Judges each lap, and hears the controller's answer one tick later, as a monitor on a bus does.
+class LocalMonitor {
+ public:
+  explicit LocalMonitor(const monitor::MonitorLimits& limits) : monitor_(limits) {}
+  virtual ~LocalMonitor() = default;
+  // Fills in the verdict.
+  virtual void judge(Lap& lap) {
+    lap.verdict =
+        monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, status_ ? &*status_ : nullptr});
+  }
+  virtual void hear(const Lap& lap) {
+    if (lap.answer) status_ = lap.answer->status;
+  }
+  [[nodiscard]] virtual hal::LinkCounters refused() const { return {}; }
+
+ private:
+  monitor::Monitor monitor_;
+  std::optional<controller_status_t> status_;  // the newest
+};
+
+class LocalPeers : public Peer {
+ public:
+  // `controller`: null in prescribed runs. `operator_bus`: must outlive the peers; null: no operators are heard.
+  LocalPeers(std::unique_ptr<LocalMonitor> monitor, std::unique_ptr<Peer> controller, hal::Bus* operator_bus);
+  LocalPeers(const monitor::MonitorLimits& limits, std::unique_ptr<Peer> controller, hal::Bus* operator_bus = nullptr)
+      : LocalPeers(std::make_unique<LocalMonitor>(limits), std::move(controller), operator_bus) {}
+
+  hal::Status connect() override { return controller_ ? controller_->connect() : hal::Status::kOk; }
+  hal::Status send(Lap& lap) override;
+  hal::Status receive(Lap& lap) override;
+  [[nodiscard]] bool computes_in_parallel() const override {
+    return controller_ != nullptr && controller_->computes_in_parallel();
+  }
+  [[nodiscard]] std::string trouble() const override {
+    return bus_failed_ ? "the LCM bus failed" : controller_->trouble();
+  }
+  [[nodiscard]] PeerFailure failure() const override {
+    return bus_failed_ ? PeerFailure::kLost : controller_->failure();
+  }
+  [[nodiscard]] RefusedMessages refused() const override;
+
+ private:
+  std::unique_ptr<LocalMonitor> monitor_;
+  std::unique_ptr<Peer> controller_;
+  OperatorEar ear_;
+  bool bus_failed_ = false;
+};
+
+// Monitor and controller both in this process.
+class InProcessPeers : public LocalPeers {
+ public:
+  // `params` (accepted by firmware::validate()) must outlive the peers; null in prescribed runs.
+  InProcessPeers(const firmware::ControllerParams* params, const monitor::MonitorLimits& limits,
+                 double control_period_s, hal::Bus* operator_bus = nullptr);
+};
+
+}  // namespace ballast::sil

@@ -1,0 +1,25 @@
+#include "tools/sil/pace.h"
+
+#include <algorithm>
+#include <thread>
+
+namespace ballast::sil {
+
+void Pace::keep(std::int64_t tick, double time_s, double end_s) {
+  using Seconds = std::chrono::duration<double>;
+  if (options_.speed > 0 && tick >= 0) {
+    const Seconds until(time_s / options_.speed);
+    // A signal that comes just before a sleep does not end it, so no sleep is long.
+    for (Seconds gone(0); (gone = Clock::now() - start_) < until;) {
+      if (options_.interrupted != nullptr && *options_.interrupted != 0) break;
+      std::this_thread::sleep_for(std::min(until - gone, Seconds(0.1)));
+    }
+  }
+  // Reading the clock in every tick would cost more than the tick's messages.
+  if (options_.progress && (tick & 63) == 0 && Clock::now() >= next_progress_) {
+    options_.progress(time_s, end_s);
+    next_progress_ = Clock::now() + std::chrono::milliseconds(100);
+  }
+}
+
+}  // namespace ballast::sil

@@ -1,0 +1,93 @@
+// The result of a run.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "firmware/control/controller.h"
+#include "sim/plant/plant.h"
+#include "tools/sil/motor_share.h"
+#include "tools/sil/peer.h"
+#include "tools/sil/step_timing.h"
+
+namespace ballast::sil {
+
+enum class EndReason { kCompleted, kSlipped, kDetached, kTripped, kInconsistent, kStepTiming };
+const char* to_string(EndReason reason);
+
+struct MotorRecord {
+  std::int64_t steps = 0;              // pulses executed, counted up in both directions
+  double max_step_rate_hz = 0;         // from the closest two pulses
+  double steps_behind = 0;             // at the end: microsteps commanded less those the rotor has made
+  std::int64_t undelivered_steps = 0;  // microsteps that the controller counts and the motor has not been given
+  std::int64_t slips = 0;              // of the rotor from tooth to tooth, either way
+};
+
+// The tick in which the controller went to kTripped, or was kept from leaving kDisarmed by a trip or a fault.
+struct ControllerTrip {
+  std::int32_t faults;  // bits of firmware::Fault
+  std::int64_t tick;
+  double time_s;
+  controller_status_t status{};
+  sensors_t sensors{};
+  std::vector<step_command_t> history;  // the last commands up to that tick, oldest first; at most kHistoryTicks
+};
+inline constexpr std::size_t kHistoryTicks = 8;
+
+// A stop or a move, as the controller predicted it (firmware/control/prediction.h) and as the plant did it. The
+// predicted N is NaN if the run ended before the prediction was complete.
+struct PlanRecord {
+  double start_s = 0;
+  firmware::Prediction predicted;
+  // The least margin of the contact messages from the plan's start to the first one at or after its end, counted from
+  // the first in contact; -1 if the ball then left the ground; none if there was no such message.
+  std::optional<double> seen_margin_min;
+};
+
+// The end of a move that the run was asked for. The final sample tells where its masses are.
+struct MoveEnd {
+  firmware::MoveRequest asked;
+  bool steps_made = false;  // all of them
+};
+
+struct RunResult {
+  EndReason end_reason = EndReason::kCompleted;
+  std::string end_text;  // inconsistent: why
+  sim::Plant::Sample final_sample;
+  std::vector<sim::RegimeStart> regimes;
+  std::vector<sim::ImpactRecord> impacts;
+  bool rolling_lost = false;  // rolling ended by slip or detachment at least once
+  sim::ContactExtrema extrema;
+  std::optional<sim::ContactShares> friction_shares;  // of extrema.mu_required_max; rolling only
+  std::array<sim::MotorExtrema, sim::kMaxMasses> motor_extrema;
+  std::array<sim::MotorEnergy, sim::kMaxMasses> motor_energy{};
+  std::array<MotorRecord, sim::kMaxMasses> motors;
+  MotorShare motor_share;
+  std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
+  trip_t trip{};  // the last verdict
+  std::optional<ControllerTrip> controller_trip;
+  std::optional<std::int64_t> latency_ticks;    // from the violating contact to the first tick with the stop's steps
+  std::optional<StepTimingRecord> step_timing;  // if it was asked for
+  bool masses_rested = false;                   // at the end; RestWatch
+  std::optional<PlanRecord> move, stop;         // the last of each
+  std::optional<MoveEnd> move_end;              // of the move that was asked for
+  bool operators_heard = false;                 // somebody beside the run itself
+  std::int64_t last_tick = 0;                   // recorded
+  std::int64_t log_bytes = 0;                   // length of the log
+  std::int64_t missing_commands = 0;            // ticks for which no step command reached the motors
+  RefusedMessages refused;                      // came over the bus and were not used
+  std::optional<controller_status_t> refusal;   // the status that refuses the move; nothing ran
+  std::int64_t ticks = 0;                       // control periods simulated
+  double wall_time_s = 0;
+  double asked_speed = 0;  // RunOptions::speed
+
+  // kOk: the run came to its end. Otherwise `trouble` says why it did not, and the rest is as far as it came.
+  hal::Status status = hal::Status::kOk;
+  std::string trouble;
+  bool sink_failed = false;  // the trouble is the sink's
+};
+
+}  // namespace ballast::sil

@@ -1,0 +1,31 @@
+#include "tools/sil/step_feed.h"
+
+#include "tools/sil/plant_messages.h"
+
+namespace ballast::sil {
+
+std::string StepFeed::take(std::int64_t tick, const step_command_t* command) {
+  due_ = next_;
+  const bool on_time = command != nullptr && command->tick == tick + 1;
+  std::string wrong =
+      command == nullptr ? "" : StepLedger::fault_of(*command, run_.control_period_s * run_.timer_frequency_hz);
+  if (on_time && wrong.empty()) {
+    consecutive_ = 0;
+    next_ = *command;
+    return ledger_.enter(next_) ? "" : ledger_.text();
+  }
+  ++missing_commands_;
+  next_ = step_command_t{};
+  if (wrong.empty() && ++consecutive_ > kAllowedMissedCommands) {
+    wrong = "no step command has reached the motors for " + std::to_string(consecutive_) + " ticks at tick " +
+            std::to_string(tick);
+  }
+  return wrong;
+}
+
+bool StepFeed::expand() {
+  sil::expand(due_, run_.timer_frequency_hz, pulses_);
+  return StepLedger::gives(due_, run_.timer_frequency_hz, pulses_);
+}
+
+}  // namespace ballast::sil
