@@ -44,7 +44,7 @@ std::optional<firmware::Rail> read_circle(TableReader& rail) {
   rail.know({"direction", "center", "axes"});
   const bool by_direction = rail.has("direction"), by_axes = rail.has("center") || rail.has("axes");
   if (by_direction == by_axes) {
-    const std::string allowed = "; allowed: direction = { azimuth, elevation }, or center and axes";
+    const std::string allowed = "; allowed: direction = { azimuth, elevation }, or axes (and center)";
     if (by_axes) {
       rail.refuse(rail.has("center") ? "center" : "axes", "is given together with direction" + allowed);
     } else {
@@ -60,7 +60,7 @@ std::optional<firmware::Rail> read_circle(TableReader& rail) {
     if (!radius || !azimuth || !elevation) return std::nullopt;
     return firmware::circle_about(*radius, *azimuth, *elevation);
   }
-  const auto center = rail.vector<3>("center", Range::any("m"));
+  const auto center = rail.vector_or_zero<3>("center", Range::any("m"));
   const auto axes = rail.vectors("axes", 2, 2, Range::any());
   if (!axes) return std::nullopt;
   Eigen::Vector3d cos_axis = (*axes)[0], sin_axis = (*axes)[1];

@@ -199,15 +199,21 @@ void TableReader::missing(std::string_view key, const std::string& allowed) {
 }
 
 void TableReader::refuse(std::string_view key, const std::string& message) {
+  report_at(key, message, context_->errors);
+}
+
+void TableReader::warn(std::string_view key, const std::string& message) { report_at(key, message, context_->warnings); }
+
+void TableReader::report_at(std::string_view key, const std::string& message, std::vector<ScenarioError>& to) {
   const Node* at = node(key.substr(0, key.find('.')));
   for (std::size_t dot = key.find('.'); at != nullptr && dot != std::string_view::npos; dot = key.find('.', dot + 1)) {
     const std::string_view part = key.substr(dot + 1, key.find('.', dot + 1) - dot - 1);
     at = at->child(part);
   }
   if (at != nullptr) {
-    report(*at, path_of(key), message);
+    to.push_back({at->source, at->line, path_of(key), at->written, message});
   } else if (!silent_) {
-    context_->errors.push_back({source_, line_, path_of(key), "", message});
+    to.push_back({source_, line_, path_of(key), "", message});
   }
 }
 

@@ -55,6 +55,7 @@ struct ReadKey {
 struct ReadContext {
   std::string source_name;
   std::vector<ScenarioError>& errors;
+  std::vector<ScenarioError>& warnings;
   std::vector<ReadKey>* keys = nullptr;  // if given, every key that is asked for is added
 };
 
@@ -100,6 +101,8 @@ class TableReader {
 
   // Reports an error of a key, which may be nested ("motion.1"). A missing key is reported with the table's line.
   void refuse(std::string_view key, const std::string& message);
+  // The same for a value that is allowed and implausible.
+  void warn(std::string_view key, const std::string& message);
   // Reports every key that was not asked for, with the nearest known key.
   void refuse_unknown_keys();
 
@@ -112,6 +115,7 @@ class TableReader {
   void missing(std::string_view key, const std::string& allowed);
   void report(const Node& node, const std::string& path, const std::string& message);
   void note(std::string_view key, const std::string& allowed, const std::string& fallback = "");
+  void report_at(std::string_view key, const std::string& message, std::vector<ScenarioError>& to);
 
   const Node* node_ = nullptr;
   std::string source_;   // the file or option of `line_`

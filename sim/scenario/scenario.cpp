@@ -8,6 +8,7 @@
 
 #include "sim/scenario/check.h"
 #include "sim/scenario/fingerprint.h"
+#include "sim/scenario/plausibility.h"
 #include "sim/scenario/read_fault.h"
 
 namespace ballast::sim {
@@ -97,11 +98,14 @@ ScenarioResult parse_scenario(std::string_view toml, std::string_view source_nam
   if (!read_tree(toml, source_name, root, result.errors)) return result;
   for (const std::string& assignment : overrides) apply_override(assignment, root, result.errors);
   for (const std::string& fault : faults) add_fault(fault, root, result.errors);
-  ReadContext context{std::string(source_name), result.errors};
+  ReadContext context{std::string(source_name), result.errors, result.warnings};
   result.scenario = check_scenario(root, context);
-  // Errors in the order of the file; those without a line come first.
-  std::stable_sort(result.errors.begin(), result.errors.end(),
-                   [](const ScenarioError& a, const ScenarioError& b) { return a.line < b.line; });
+  if (result.ok()) warn_of_implausible_values(root, context.source_name, result.scenario, result.warnings);
+  // In the order of the file; those without a line come first.
+  for (auto* found : {&result.errors, &result.warnings}) {
+    std::stable_sort(found->begin(), found->end(),
+                     [](const ScenarioError& a, const ScenarioError& b) { return a.line < b.line; });
+  }
   // Published numbers belong to the robot of the file, however it is run.
   const auto changes_robot = [](const std::string& o) { return !o.starts_with("run.") && !o.starts_with("seed="); };
   if (std::any_of(overrides.begin(), overrides.end(), changes_robot) || !result.scenario.faults.empty()) {

@@ -72,6 +72,8 @@ std::string to_string(const ScenarioError& error);
 struct ScenarioResult {
   Scenario scenario;                  // valid only if `errors` is empty
   std::vector<ScenarioError> errors;  // all errors, in the order of the file
+  // Values that are allowed and implausible (plausibility.h), if there are no errors.
+  std::vector<ScenarioError> warnings;
   [[nodiscard]] bool ok() const { return errors.empty(); }
 };
 

@@ -24,7 +24,8 @@ std::map<std::string, Row> keys_of_reader(const std::vector<std::string>& texts)
     Node root;
     std::vector<ScenarioError> errors;
     std::vector<ReadKey> keys;
-    ReadContext context{"keys.toml", errors, &keys};
+    std::vector<ScenarioError> warnings;
+    ReadContext context{"keys.toml", errors, warnings, &keys};
     EXPECT_TRUE(read_tree(text, "keys.toml", root, errors));
     check_scenario(root, context);
     for (const ScenarioError& error : errors) ADD_FAILURE() << to_string(error);

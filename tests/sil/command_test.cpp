@@ -1109,6 +1109,24 @@ TEST(Check, SaysGoodOrEveryFault) {
   for (const char* key : {"gravity", "duration", "mass.0.mass"}) EXPECT_NE(bad.err.find(key), std::string::npos) << key;
 }
 
+// Robots that cannot work are not called good, and are said to be what is wrong with them.
+TEST(Check, NamesMotorsThatLackTorqueAndValuesNoRobotHas) {
+  const Folder folder;
+  // 0.1 N m s/rad at the shaft is 0.5 N m at desk_ball's greatest speed; the motor holds 0.4 N m.
+  const Outcome weak = folder.run("ballast check desk_ball --set mass.0.motor.viscous_damping=0.1");
+  EXPECT_EQ(weak.exit_status, 0) << weak.err;
+  EXPECT_NE(weak.out.find("warning: mass.0.motor: lacks torque at t = "), std::string::npos) << weak.out;
+  EXPECT_NE(weak.out.find("can be run, with 1 warning"), std::string::npos) << weak.out;
+  EXPECT_EQ(weak.out.find(": good"), std::string::npos) << weak.out;
+  const Outcome sound = folder.run("ballast check desk_ball");
+  EXPECT_NE(sound.out.find("desk_ball: good"), std::string::npos) << sound.out;
+  EXPECT_NE(sound.out.find("note: mass.0.motor: full steps come at the "), std::string::npos) << sound.out;
+  const Outcome paper = folder.run("ballast check paper_ball");
+  EXPECT_NE(paper.out.find("ball.inertia.2 = 1.1: is more than 1 kg m^2"), std::string::npos) << paper.out;
+  const Outcome long_run = folder.run("ballast check desk_ball --set duration=1e5");
+  EXPECT_NE(long_run.out.find("make a log of about "), std::string::npos) << long_run.out;
+}
+
 // The file's value is named where another one does not fit it; that it is the command line's doing has to be said.
 TEST(Check, WhatTheCommandLineBrokeIsNotLeftToTheFile) {
   const Folder folder;

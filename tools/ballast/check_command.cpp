@@ -1,4 +1,4 @@
-// ballast check: lists every error in a scenario, or describes the scenario.
+// ballast check: lists every error in a scenario; else its implausible values, what its motors lack, and what it is.
 #include <fmt/core.h>
 
 #include <cmath>
@@ -6,17 +6,38 @@
 #include <memory>
 
 #include "tools/ballast/commands.h"
+#include "tools/ballast/motor_check.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 
 namespace ballast {
+namespace {
+
+// The messages of one tick in the log of a run with steppers; a prescribed run writes less. The size from which a log
+// is worth a warning.
+constexpr double kLogBytesPerTick = 2450;
+constexpr double kLargeLog_bytes = 10e9;
+
+std::vector<std::string> warnings_of(const sim::Scenario& scenario, const std::vector<sim::ScenarioError>& found) {
+  std::vector<std::string> texts;
+  for (const sim::ScenarioError& warning : found) texts.push_back(sim::to_string(warning));
+  const double log_bytes = scenario.duration_s / scenario.run.control_period_s * kLogBytesPerTick;
+  if (log_bytes > kLargeLog_bytes) {
+    texts.push_back(fmt::format("duration: {:g} s in ticks of {:g} s make a log of about {:.3g} GB",
+                                scenario.duration_s, scenario.run.control_period_s, log_bytes / 1e9));
+  }
+  return texts;
+}
+
+}  // namespace
 
 std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
   command = app.add_subcommand("check", "Validates a scenario and lists every error in it");
   auto options = std::make_shared<program::ScenarioOptions>();
   program::add_scenario_options(*command, *options);
   return [options] {
-    const auto scenario = program::load_scenario(*options);
+    std::vector<sim::ScenarioError> found;
+    const auto scenario = program::load_scenario(*options, &found);
     if (!scenario) return program::kExitUsage;
     const bool stepper = scenario->run.actuation == sim::Actuation::kStepper;
     if (stepper) {
@@ -26,11 +47,21 @@ std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
         return program::kExitUsage;
       }
     }
-    const double mu_s = scenario->surface.static_friction;
-    std::cout << fmt::format("{}: good. {} {}, {}, {:g} s in ticks of {:g} s, mu_s {}\n", scenario->name,
+    std::vector<std::string> warnings = warnings_of(*scenario, found);
+    MotorFindings motors;
+    if (stepper) motors = check_motors(*scenario);
+    warnings.insert(warnings.end(), motors.warnings.begin(), motors.warnings.end());
+    for (const std::string& warning : warnings) std::cout << "warning: " << warning << '\n';
+    for (const std::string& note : motors.notes) std::cout << "note: " << note << '\n';
+    const std::string verdict = warnings.empty()       ? "good"
+                                : warnings.size() == 1 ? "can be run, with 1 warning"
+                                                       : fmt::format("can be run, with {} warnings", warnings.size());
+    const double friction = scenario->surface.static_friction;
+    std::cout << fmt::format("{}: {}. {} {}, {}, {:g} s in ticks of {:g} s, mu_s {}\n", scenario->name, verdict,
                              scenario->masses.size(), scenario->masses.size() == 1 ? "mass" : "masses",
                              stepper ? "driven by steppers" : "prescribed", scenario->duration_s,
-                             scenario->run.control_period_s, std::isinf(mu_s) ? "infinite" : fmt::format("{:g}", mu_s));
+                             scenario->run.control_period_s,
+                             std::isinf(friction) ? "infinite" : fmt::format("{:g}", friction));
     return program::kExitCompleted;
   };
 }

@@ -148,7 +148,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   return std::nullopt;
 }
 
-std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options) {
+std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options, std::vector<sim::ScenarioError>* warnings) {
   const std::filesystem::path file = sim::find_scenario(options.scenario, BALLAST_SCENARIO_DIR);
   if (file.empty()) {
     std::cerr << unknown_scenario(options.scenario) << '\n';
@@ -159,6 +159,7 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options) {
   if (options.seed) overrides.push_back("seed=" + std::to_string(*options.seed));
   sim::ScenarioResult result = sim::read_scenario(file, overrides, options.fault);
   for (const sim::ScenarioError& error : result.errors) std::cerr << sim::to_string(error) << '\n';
+  if (warnings != nullptr) *warnings = result.warnings;
   if (result.ok()) return std::move(result.scenario);
   // If two values do not fit each other, the error names one of them, which may not be the one that --set has changed.
   const auto is_named = [&overrides](const sim::ScenarioError& error) {

@@ -56,8 +56,10 @@ void add_bus_options(CLI::App& app, BusOptions& options);
 // Parses the command line. With a value, the program ends here with this status; help or the error has been printed.
 [[nodiscard]] std::optional<int> parse(CLI::App& app, int argc, char** argv);
 
-// Reads and checks a scenario. Prints every fault to stderr; nullopt: end with kExitUsage.
-[[nodiscard]] std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options);
+// Reads and checks a scenario; prints every error to stderr. Without a value, end with kExitUsage. `warnings`: the values
+// that are allowed and implausible.
+[[nodiscard]] std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options,
+                                                         std::vector<sim::ScenarioError>* warnings = nullptr);
 
 // The shell word that starts `ballast`, which may not be in PATH: as typed by the user for this program, or as an
 // absolute path.

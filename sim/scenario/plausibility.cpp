@@ -1,0 +1,171 @@
+#include "sim/scenario/plausibility.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+namespace ballast::sim {
+namespace {
+
+constexpr double kGreatestGravity_mps2 = 30;  // Jupiter: 24.8
+constexpr double kGreatestRadius_m = 20;      // the largest rolling robots are a few metres across
+constexpr double kGreatestDensity = 12'000;   // kg/m^3 of the whole ball: more than lead throughout
+constexpr double kGreatestFriction = 2;       // rubber on dry asphalt: about 1
+constexpr double kTouching = 2e-3;            // of ball.radius: rails nearer than this cannot be built
+constexpr double kRounding = 1 + 1e-9;        // inertias written with ten digits
+
+// Where on a rail a mass may stand.
+std::array<double, 2> reach(const firmware::Rail& rail) {
+  if (rail.shape == firmware::RailShape::kCircle) return {0, 2 * std::numbers::pi};
+  if (std::isfinite(rail.lower_end) && std::isfinite(rail.upper_end)) return {rail.lower_end, rail.upper_end};
+  return {0, firmware::length_m(rail)};
+}
+
+Eigen::Vector3d point(const firmware::Rail& rail, double theta) { return firmware::evaluate(rail, theta).position; }
+
+bool same_curve(const firmware::Rail& a, const firmware::Rail& b, double touching_m) {
+  constexpr int kProbes = 8;
+  const auto [low, high] = reach(a);
+  for (int i = 0; i < kProbes; ++i) {
+    const Eigen::Vector3d here = point(a, low + (high - low) * i / kProbes);
+    const auto [b_low, b_high] = reach(b);
+    double nearest_m = std::numeric_limits<double>::infinity();
+    for (int k = 0; k <= 256; ++k) {
+      nearest_m = std::min(nearest_m, (point(b, b_low + (b_high - b_low) * k / 256) - here).norm());
+    }
+    if (nearest_m > touching_m + (b_high - b_low) / 512) return false;
+  }
+  return true;
+}
+
+void warn_of_ball(TableReader ball, const Scenario& scenario) {
+  const double radius_m = scenario.ball.radius_m, mass_kg = scenario.ball.mass_kg;
+  if (radius_m > kGreatestRadius_m) {
+    ball.warn("radius",
+              "is " + number_text(radius_m) + " m; a radius in mm would be " + number_text(radius_m / 1000) + " m");
+  }
+  const double most = mass_kg * radius_m * radius_m;
+  for (int j = 0; j < 3; ++j) {
+    if (scenario.ball.inertia_kgm2[j] <= most * kRounding) continue;
+    ball.warn("inertia." + std::to_string(j),
+              "is more than " + number_text(most) +
+                  " kg m^2 = ball.mass * ball.radius^2, which no body inside the ball exceeds; a hollow sphere has two "
+                  "thirds of that");
+    break;
+  }
+  double total_kg = mass_kg;
+  for (const Mass& mass : scenario.masses) total_kg += mass.mass_kg;
+  const double density = total_kg / (4.0 / 3.0 * std::numbers::pi * radius_m * radius_m * radius_m);
+  if (density > kGreatestDensity) {
+    ball.warn("mass", "makes the whole robot " + number_text(std::round(density)) +
+                          " kg/m^3, denser than lead; masses in g would be kg / 1000");
+  }
+}
+
+void warn_of_surface(TableReader& root, const Scenario& scenario) {
+  TableReader surface = root.table("surface");
+  const double friction = scenario.surface.static_friction;
+  if (!surface.has("static_friction")) {
+    root.warn("surface.static_friction",
+              "is not given: friction is infinite, and the monitor never trips on it; rubber on a floor has about 0.5, "
+              "steel on steel 0.35");
+  } else if (std::isfinite(friction) && friction > kGreatestFriction) {
+    surface.warn("static_friction", "is more than any floor has; rubber on dry asphalt has about 1");
+  }
+}
+
+void warn_of_direction(TableReader direction) {
+  const auto degrees = [&](std::string_view key, double most) {
+    const Node* node = direction.node(key);
+    if (node == nullptr || !(std::abs(node->number) > most * kRounding)) return;
+    direction.warn(key, "is in radians; if " + number_text(node->number) + " degrees are meant, write " +
+                            number_text(node->number * std::numbers::pi / 180));
+  };
+  degrees("azimuth", 2 * std::numbers::pi);
+  degrees("elevation", std::numbers::pi / 2);
+}
+
+void warn_of_rails(std::vector<TableReader>& tables, const Scenario& scenario) {
+  const double touching_m = kTouching * scenario.ball.radius_m;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    TableReader rail = tables[i].table("rail");
+    if (scenario.masses[i].rail.shape == firmware::RailShape::kCircle && rail.has("direction"))
+      warn_of_direction(rail.table("direction"));
+    for (std::size_t k = 0; k < i; ++k) {
+      const Mass &a = scenario.masses[k], &b = scenario.masses[i];
+      if (!a.trajectory.times_s.empty() || !b.trajectory.times_s.empty()) continue;
+      const double distance_m = rail_distance_m(a.rail, b.rail);
+      if (distance_m > touching_m) continue;
+      const std::string other = "mass." + std::to_string(k);
+      tables[i].warn("rail", same_curve(a.rail, b.rail, touching_m)
+                                 ? "is the rail of " + other + ": the two masses can run into each other"
+                                 : "comes within " + number_text(distance_m) + " m of the rail of " + other +
+                                       ": rails that cross cannot both be built, and the masses can meet there");
+    }
+  }
+}
+
+}  // namespace
+
+double rail_distance_m(const firmware::Rail& a, const firmware::Rail& b) {
+  constexpr int kSamples = 96;
+  const auto [a_low, a_high] = reach(a);
+  const auto [b_low, b_high] = reach(b);
+  double step_a = (a_high - a_low) / kSamples, step_b = (b_high - b_low) / kSamples;
+  std::array<Eigen::Vector3d, kSamples + 1> points_b;
+  for (int k = 0; k <= kSamples; ++k) points_b[static_cast<std::size_t>(k)] = point(b, b_low + step_b * k);
+  double best_m = std::numeric_limits<double>::infinity(), at_a = a_low, at_b = b_low;
+  for (int i = 0; i <= kSamples; ++i) {
+    const Eigen::Vector3d here = point(a, a_low + step_a * i);
+    for (int k = 0; k <= kSamples; ++k) {
+      const double distance_m = (here - points_b[static_cast<std::size_t>(k)]).norm();
+      if (!(distance_m < best_m)) continue;
+      best_m = distance_m;
+      at_a = a_low + step_a * i;
+      at_b = b_low + step_b * k;
+    }
+  }
+  // A pattern search about the nearest samples: a few moves for each of some 14 halvings.
+  for (int move = 0; move < 1000 && step_a > 1e-6 * (a_high - a_low); ++move) {
+    bool better = false;
+    for (const auto& [da, db] : {std::array{1.0, 0.0},
+                                 {-1.0, 0.0},
+                                 {0.0, 1.0},
+                                 {0.0, -1.0},
+                                 {1.0, 1.0},
+                                 {-1.0, -1.0},
+                                 {1.0, -1.0},
+                                 {-1.0, 1.0}}) {
+      const double to_a = std::clamp(at_a + da * step_a, a_low, a_high);
+      const double to_b = std::clamp(at_b + db * step_b, b_low, b_high);
+      const double distance_m = (point(a, to_a) - point(b, to_b)).norm();
+      if (!(distance_m < best_m)) continue;
+      best_m = distance_m;
+      at_a = to_a;
+      at_b = to_b;
+      better = true;
+    }
+    if (better) continue;
+    step_a /= 2;
+    step_b /= 2;
+  }
+  return best_m;
+}
+
+void warn_of_implausible_values(const Node& root_node, const std::string& source_name, const Scenario& scenario,
+                                std::vector<ScenarioError>& warnings) {
+  std::vector<ScenarioError> errors;  // none: the scenario has been accepted
+  ReadContext context{source_name, errors, warnings};
+  TableReader root(&root_node, "", context);
+  if (scenario.gravity_mps2 > kGreatestGravity_mps2) {
+    root.warn("gravity", "is " + number_text(scenario.gravity_mps2) +
+                             " m/s^2; the Earth's is 9.81 m/s^2, which is 9810 mm/s^2 and 32.2 ft/s^2");
+  }
+  warn_of_ball(root.table("ball"), scenario);
+  warn_of_surface(root, scenario);
+  std::vector<TableReader> masses = root.tables("mass", "");
+  if (masses.size() == scenario.masses.size()) warn_of_rails(masses, scenario);
+}
+
+}  // namespace ballast::sim
