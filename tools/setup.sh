@@ -1,26 +1,30 @@
-# Shared by tools/run and tools/test: packages, configure, build. Sourced, not run; `root` is the project's folder,
-# `preset` the one of CMakePresets.json that is built. Nothing is said when there is nothing to do.
+# Shared by the scripts of tools/: packages, configure, build. Sourced, not run. It sets `root`, the project's folder, and
+# `preset`, the one of CMakePresets.json to build. It prints nothing when there is nothing to do.
 
 preset=release
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
-# The one list of packages. libglib2.0-dev: lcm.pc asks for it, and Debian's liblcm-dev does not bring it.
+# The only lists of packages, by the first script that needs them.
+# tools/run, before it builds. Debian's liblcm-dev lacks libglib2.0-dev, which lcm.pc asks for.
 run_packages=(
-  cmake g++ ninja-build pkg-config
-  libcli11-dev libeigen3-dev libfmt-dev libglib2.0-dev liblcm-bin liblcm-dev libsundials-dev libtomlplusplus-dev nlohmann-json3-dev
-  python3 python3-matplotlib
-  ca-certificates  # for what `ballast report` fetches once from the npm registry
+  cmake g++ ninja-build pkg-config python3
+  libcli11-dev libeigen3-dev libfmt-dev libglib2.0-dev liblcm-bin liblcm-dev libtomlplusplus-dev nlohmann-json3-dev
 )
-# The browser: for the tests of `ballast report`. Java and what follows it: for those of `ballast spy`, which says itself
-# what it lacks where it is run.
+# tools/run, before it draws pictures.
+picture_packages=(python3-matplotlib)
+# tools/build: SUNDIALS for `ballast integrate`, certificates for what `ballast report` fetches once from the npm registry.
+build_packages=(libsundials-dev ca-certificates)
+# tools/test. The browser opens the pages of `ballast report`. Java and the packages after it are for `ballast spy`, which
+# says itself what a machine lacks.
 test_packages=(
-  libgtest-dev libbenchmark-dev libsimbody-dev
-  chromium chromium-driver python3-selenium python3-jsonschema
+  libgtest-dev libbenchmark-dev libsimbody-dev python3-jsonschema
+  chromium chromium-driver python3-selenium
   default-jdk-headless default-jre libjchart2d-java liblcm-java xvfb
 )
-# The firmware on a microcontroller: its compiler, and the machine it runs on.
+# tools/firmware and tools/test: the compiler for microcontrollers, and the machine that their programs run on.
 target_packages=(gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib qemu-system-arm)
-# missing_packages NAME...: those that are not installed, one per line.
+
+# missing_packages NAME...: the packages that are not installed, one per line.
 missing_packages() {
   local name
   for name in "$@"; do
@@ -28,76 +32,119 @@ missing_packages() {
   done
 }
 
-# install_packages NAME...: what is missing of these, with apt-get; exit status 2 if that cannot be done.
+# report_progress LABEL PERCENT: prints a line for every fifth of the work. The caller has a variable `reported`, 0 at first.
+report_progress() {
+  (($2 >= reported + 20)) || return 0
+  reported=$(($2 / 20 * 20))
+  printf '%s: %d %%\n' "$1" "$reported" >&2
+}
+
+# apt_progress LABEL: reads what apt-get prints with APT::Status-Fd=1, reports its progress and passes the rest on.
+apt_progress() {
+  local line percent reported=0 phase=''
+  while IFS= read -r line; do
+    if [[ $line =~ ^(dl|pm)status:[^:]*:([0-9]+) ]]; then
+      [[ ${BASH_REMATCH[1]} == "$phase" ]] || phase=${BASH_REMATCH[1]} reported=0
+      percent=${BASH_REMATCH[2]}
+      [[ $phase == dl ]] || report_progress "$1" "$percent"
+    else
+      printf '%s\n' "$line"
+    fi
+  done
+}
+
+# install_packages NAME...: installs the missing ones with apt-get. Exit status 2 if that fails.
 install_packages() {
   if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
-    printf 'This is not a Debian system: packages are not looked after here. Needed are: %s\n' "$*" >&2
+    printf 'This is not a Debian system, so no packages are installed. Needed: %s\n' "$*" >&2
     return
   fi
-  local missing as_root=() log get='apt-get install -y --no-install-recommends'
+  local missing as_root=() log install=(apt-get install -y --no-install-recommends)
   mapfile -t missing < <(missing_packages "$@")
   ((${#missing[@]})) || return 0
   if ((EUID != 0)); then
     if ! command -v sudo >/dev/null; then
       printf 'Packages are missing, and installing them needs root. As root, run:\n' >&2
-      printf '  apt-get update && %s %s\n' "$get" "${missing[*]}" >&2
+      printf '  apt-get update && %s %s\n' "${install[*]}" "${missing[*]}" >&2
       exit 2
     fi
     as_root=(sudo)
   fi
-  printf 'Installing packages, which takes a minute or two: %s\n' "${missing[*]}" >&2
+  printf 'Installing packages: %s\n' "${missing[*]}" >&2
   log=$(mktemp)
   as_root+=(env DEBIAN_FRONTEND=noninteractive)
-  if ! { "${as_root[@]}" apt-get update && "${as_root[@]}" $get "${missing[@]}"; } >"$log" 2>&1; then
+  if ! { "${as_root[@]}" apt-get update &&
+    "${as_root[@]}" "${install[@]}" -o APT::Status-Fd=1 "${missing[@]}"; } 2>&1 |
+    apt_progress "Installing ${missing[0]} and others" >"$log"; then
     cat "$log" >&2
     rm -f "$log"
-    printf 'The packages could not be installed; apt-get says why above.\n' >&2
+    printf 'The packages could not be installed; see the messages of apt-get above.\n' >&2
     exit 2
   fi
   rm -f "$log"
 }
 
-# build_dir PRESET: its folder.
+# build_dir PRESET: the folder that the preset is built in.
 build_dir() {
   if [[ $1 == release ]]; then printf '%s/build' "$root"; else printf '%s/build-%s' "$root" "$1"; fi
 }
 
-# configured ON|OFF: whether the preset is, and with tests if they are wanted; where they are not they do no harm.
+# configured LEVEL: whether the preset is configured for the level or a higher one.
 configured() {
   local dir
   dir=$(build_dir "$preset")
   [[ -e $dir/build.ninja ]] || return
-  [[ $1 == OFF ]] || grep -qx 'BALLAST_TESTS:BOOL=ON' "$dir/CMakeCache.txt"
+  case $1 in
+    run) ;;
+    tools) ! grep -qx 'BALLAST_RUN_ONLY:BOOL=ON' "$dir/CMakeCache.txt" ;;
+    tests) grep -qx 'BALLAST_TESTS:BOOL=ON' "$dir/CMakeCache.txt" ;;
+  esac
 }
 
-# build ON|OFF TARGET...: configures the preset, with or without tests, if need be, and builds the targets.
+# configure LEVEL: configures the preset, unless it is. The levels are run, tools and tests; each contains those before it.
+configure() {
+  local log run_only=OFF tests=OFF
+  case $1 in
+    run) run_only=ON ;;
+    tests) tests=ON ;;
+  esac
+  configured "$1" && return
+  log=$(mktemp)
+  if ! (cd "$root" && cmake --preset "$preset" -DBALLAST_RUN_ONLY="$run_only" -DBALLAST_TESTS="$tests") >"$log" 2>&1; then
+    cat "$log" >&2
+    rm -f "$log"
+    printf 'Configuring failed; see the messages of CMake above.\n' >&2
+    exit 2
+  fi
+  rm -f "$log"
+}
+
+# build LEVEL TARGET...: configures the preset for the level and builds the targets. Exit status 2 if that fails.
 build() {
-  local tests=$1 dir log first='' said='' line
+  local level=$1 dir log line reported=0 said=''
   shift
   dir=$(build_dir "$preset")
-  [[ -e $dir/bin/ballast ]] || first=', which takes some minutes the first time'
+  configure "$level"
   log=$(mktemp)
-  if ! configured "$tests"; then
-    if ! (cd "$root" && cmake --preset "$preset" -DBALLAST_TESTS="$tests") >"$log" 2>&1; then
-      cat "$log" >&2
-      rm -f "$log"
-      printf 'Configuring failed, as said above.\n' >&2
-      exit 2
-    fi
-  fi
-  : >"$log"
-  # Ninja numbers its steps; one that is not the look for new files means that there is something to build.
+  # Ninja numbers its steps: '[12/96] ...'. The step that looks for new source files does not count as building.
   if ! ninja -C "$dir" "$@" 2>&1 | while IFS= read -r line; do
-    if [[ ! $said && $line == '['*/*']'* && $line != *'Re-checking globbed directories'* ]]; then
-      printf 'Building%s ...\n' "$first" >&2
+    if [[ $line =~ ^\[([0-9]+)/([0-9]+)\] && $line != *'Re-checking globbed directories'* ]]; then
+      [[ $said ]] || printf 'Building ...\n' >&2
       said=yes
+      report_progress Building $((100 * BASH_REMATCH[1] / BASH_REMATCH[2]))
     fi
     printf '%s\n' "$line" >>"$log"
   done; then
     if grep -q '^FAILED:' "$log"; then sed -n '/^FAILED:/,$p' "$log" >&2; else cat "$log" >&2; fi
     rm -f "$log"
-    printf 'The build failed, as said above.\n' >&2
+    printf 'The build failed; see the messages above.\n' >&2
     exit 2
   fi
   rm -f "$log"
+}
+
+# build_tools: packages and build of everything but the tests.
+build_tools() {
+  install_packages "${run_packages[@]}" "${picture_packages[@]}" "${build_packages[@]}"
+  build tools tools/all
 }

@@ -1,4 +1,4 @@
-# Cross build for the microcontroller board BALLAST_BOARD, a folder of hal/ whose board.cmake says which processor it has.
+# Cross build for the microcontroller board BALLAST_BOARD, a folder of hal/. Its board.cmake names the processor.
 #   cmake --preset mps2-an500
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR arm)
@@ -13,10 +13,10 @@ if(NOT BALLAST_BOARD OR NOT EXISTS ${board_file})
   message(FATAL_ERROR "BALLAST_BOARD = '${BALLAST_BOARD}': there is no hal/${BALLAST_BOARD}/board.cmake")
 endif()
 include(${board_file})
-# No position-independent tables, no guards around static objects (there are no threads), no registered destructors.
+# Static objects need no guards, because there are no threads, and no registered destructors.
 set(CMAKE_CXX_FLAGS_INIT "${BALLAST_CPU_FLAGS} -ffunction-sections -fdata-sections -fno-exceptions -fno-rtti \
 -fno-threadsafe-statics -fno-use-cxa-atexit -fno-unwind-tables -fno-asynchronous-unwind-tables")
 set(CMAKE_C_FLAGS_INIT "${BALLAST_CPU_FLAGS}")
-# nano.specs without nosys or rdimon: there is no _sbrk, so whatever would allocate does not link.
+# nano.specs without nosys or rdimon has no _sbrk, so a program that allocates does not link.
 set(CMAKE_EXE_LINKER_FLAGS_INIT "${BALLAST_CPU_FLAGS} --specs=nano.specs -nostartfiles -Wl,--gc-sections \
 -Wl,--fatal-warnings")
