@@ -51,16 +51,14 @@ class LinkBoard {
   Status read_operator(firmware::OperatorInput& command) { return commands_.take(command); }
 
   Status write_steps(const firmware::StepCommand& steps) {
-    tick_counts_ = machine_.counter() - counted_from_;
     machine_.load(steps);
     steps_ = steps;
-    counted_from_ = machine_.counter();
     return Status::kOk;
   }
   Status write_status(const firmware::ControllerStatus& status) {
-    tick_counts_ += machine_.counter() - counted_from_;
+    const std::uint32_t tick_counts = machine_.counter() - counted_from_;
     machine_.played(played_);
-    return link_.send(ReplyView(status, steps_, tick_counts_, played_), order_.newest());
+    return link_.send(ReplyView(status, steps_, tick_counts, played_), order_.newest());
   }
   void kick_watchdog() {
     ++watchdog_kicks_;
@@ -85,7 +83,6 @@ class LinkBoard {
   bool has_sensors_ = false, has_verdict_ = false;
   OperatorQueue<firmware::OperatorInput, kMaxCommands> commands_;
   std::uint32_t counted_from_ = 0;  // counter
-  std::uint32_t tick_counts_ = 0;   // of the controller in this tick: up to its steps, and from there to its status
   firmware::StepCommand steps_;
   PlayedPulses played_;
   LinkCounters counters_;

@@ -192,7 +192,7 @@ INSTANTIATE_TEST_SUITE_P(
         Rejection{"mass.0.rail.radius=2.0001", "mass.0.rail.radius", "ball.radius = 2"},
         Rejection{"mass.0.rail.direction=5", "mass.0.rail.direction", "a table"},
         Rejection{"mass.0.rail.direction.azimuth=inf", "mass.0.rail.direction.azimuth", "finite"},
-        Rejection{"mass.0.rail.center=[0,0,0]", "mass.0.rail.center", "direction = { azimuth, elevation }, or center"},
+        Rejection{"mass.0.rail.center=[0,0,0]", "mass.0.rail.center", "direction = { azimuth, elevation }, or axes"},
         Rejection{"mass.2.rail.center=[0,0]", "mass.2.rail.center", "array of 3"},
         Rejection{"mass.2.rail.axes=[[1,0,0]]", "mass.2.rail.axes", "2 vectors"},
         Rejection{"mass.2.rail.axes=[[1,0,0],5]", "mass.2.rail.axes.1", "array of 3"},

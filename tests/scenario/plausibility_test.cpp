@@ -44,17 +44,18 @@ TEST_P(Implausible, IsNamedWithItsLikelyMeaning) {
 
 INSTANTIATE_TEST_SUITE_P(
     Value, Implausible,
-    testing::Values(Doubt{"gravity=9810", "gravity", "9810 mm/s^2"},
-                    Doubt{"ball.inertia=[0.01, 0.01, 0.01]", "ball.inertia.0", "no body inside the ball exceeds"},
-                    Doubt{"ball.mass=500", "ball.mass", "masses in g"},
-                    Doubt{"surface.static_friction=50", "surface.static_friction", "more than any floor"},
-                    Doubt{"mass.1.rail={ shape = \"circle\", radius = 0.05, direction = { azimuth = 0, elevation = 60 } }",
-                          "mass.1.rail.direction.elevation", "write 1.047"},
-                    Doubt{"mass.1.rail={ shape = \"circle\", radius = 0.05, direction = { azimuth = 90, elevation = 0 } }",
-                          "mass.1.rail.direction.azimuth", "write 1.5707"},
-                    Doubt{"mass.1.rail.radius=0.07", "mass.1.rail", "rail of mass.0"},
-                    Doubt{"mass.1.rail={ shape = \"circle\", radius = 0.07, axes = [[0, 0, -1], [1, 0, 0]] }", "mass.1.rail",
-                          "is the rail of mass.0"}));
+    testing::Values(
+        Doubt{"gravity=9810", "gravity", "9810 mm/s^2"},
+        Doubt{"ball.inertia=[0.01, 0.01, 0.01]", "ball.inertia.0", "no body inside the ball exceeds"},
+        Doubt{"ball.mass=500", "ball.mass", "masses in g"},
+        Doubt{"surface.static_friction=50", "surface.static_friction", "more than any floor"},
+        Doubt{"mass.1.rail={ shape = \"circle\", radius = 0.05, direction = { azimuth = 0, elevation = 60 } }",
+              "mass.1.rail.direction.elevation", "write 1.047"},
+        Doubt{"mass.1.rail={ shape = \"circle\", radius = 0.05, direction = { azimuth = 90, elevation = 0 } }",
+              "mass.1.rail.direction.azimuth", "write 1.5707"},
+        Doubt{"mass.1.rail.radius=0.07", "mass.1.rail", "rail of mass.0"},
+        Doubt{"mass.1.rail={ shape = \"circle\", radius = 0.07, axes = [[0, 0, -1], [1, 0, 0]] }", "mass.1.rail",
+              "is the rail of mass.0"}));
 
 TEST(Plausibility, ASoundRobotHasNoWarning) {
   const ScenarioResult result = parse(kSound);
@@ -63,8 +64,10 @@ TEST(Plausibility, ASoundRobotHasNoWarning) {
 }
 
 TEST(Plausibility, ARobotInMillimetresAndGramsIsNamedByItsRadius) {
-  const ScenarioResult result = parse(replaced(replaced(kSound, "radius = 0.1\nmass = 0.5", "radius = 100\nmass = 500"),
-                                               "[0.003, 0.003, 0.003]", "[3e6, 3e6, 3e6]"));
+  std::string robot = replaced(kSound, "radius = 0.1\nmass = 0.5", "radius = 100\nmass = 500");
+  robot = replaced(robot, "[0.003, 0.003, 0.003]", "[3e6, 3e6, 3e6]");
+  const ScenarioResult result =
+      parse(replaced(replaced(robot, "radius = 0.07", "radius = 70"), "radius = 0.05", "radius = 50"));
   ASSERT_TRUE(result.ok()) << all_errors(result);
   ASSERT_EQ(result.warnings.size(), 1u);
   EXPECT_EQ(result.warnings[0].key, "ball.radius");

@@ -68,7 +68,9 @@ void reset_signals() {
 // before it is used.
 bool place_descriptors(std::vector<int>& sources, int& report) {
   const int above = static_cast<int>(sources.size());
-  report = fcntl(report, F_DUPFD_CLOEXEC, above);
+  const int moved = fcntl(report, F_DUPFD_CLOEXEC, above);
+  if (moved < 0) return false;
+  report = moved;
   for (int& source : sources) {
     if (source == ProcessStart::kInherit) continue;
     source = fcntl(source, F_DUPFD_CLOEXEC, above);
