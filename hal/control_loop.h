@@ -18,7 +18,7 @@ class ControlLoop {
   Status step() {
     if (const Status status = board_.wait_tick(inputs_.tick); status != Status::kOk) return status;
 
-    // What did not arrive keeps its last value and its old tick: the firmware judges staleness.
+    // An input that did not arrive keeps its last value and its old tick. The firmware judges staleness.
     if (const Status status = board_.read_sensors(inputs_.sensors); failed(status)) return status;
     if (const Status status = board_.read_verdict(inputs_.monitor); failed(status)) return status;
     inputs_.operator_command = firmware::OperatorInput();

@@ -127,7 +127,7 @@ constexpr void visit(V& visitor, M& m, const Context&... context) {
   fields(visitor, m, context...);
 }
 
-// What all visitors share: arrays, vectors and structs are taken apart. A visitor supplies
+// Base of all visitors: takes arrays, vectors and structs apart. A visitor supplies
 //   leaf(name, value, rule)   one number, flag or enumeration; `rule` is Any, Real, Sign, Tick or Within
 //   at(index)                 the index of the leaves that follow in their array; optional
 template <class Self>

@@ -210,7 +210,7 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.duration_s).field(m.position).field(m.velocity).field(m.acceleration).field(m.jerk);
 }
 
-// What a link counts.
+// Counters of a link.
 template <class V, Of<LinkCounters> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.malformed)

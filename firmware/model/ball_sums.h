@@ -1,4 +1,4 @@
-// What the closed forms of the ball share: the attitude's rows and the sums over the masses. For model/ only.
+// Shared by the ball's closed forms: the attitude's rows and the sums over the masses. For model/ only.
 #pragma once
 
 #include "firmware/model/types.h"

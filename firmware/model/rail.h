@@ -36,7 +36,7 @@ struct Rail {
   Real lower_end = -std::numeric_limits<Real>::infinity();
   Real upper_end = std::numeric_limits<Real>::infinity();
 
-  // Of a spline; unused by the others. Piece k goes from knot k, at theta = k piece_length_m, to knot k + 1. A closed
+  // Splines only. Piece k goes from knot k, at theta = k piece_length_m, to knot k + 1. A closed
   // one repeats with its length; its last knot is its first. An open one goes straight on beyond its ends, along the
   // tangents there: zeta'' jumps to 0.
   bool closed = false;
@@ -45,7 +45,7 @@ struct Rail {
   std::array<RailKnot, kMaxRailPieces + 1> knots{};
 };
 
-// Of a spline.
+// Splines only.
 inline Real length_m(const Rail& rail) { return static_cast<Real>(rail.piece_count) * rail.piece_length_m; }
 
 // zeta, zeta' and zeta'' (derivatives by theta), body frame.

@@ -7,7 +7,7 @@ namespace ballast::firmware {
 
 namespace {
 
-// Of the crossings' times, and of rounding in a profile exactly at the motor's rate.
+// Covers the error of the crossings' times and rounding in a profile exactly at the motor's rate.
 constexpr Wide kNoiseTicks = 0.01;
 
 // Rounds up; by conversion, since ceil() is a call on processors without the instruction.

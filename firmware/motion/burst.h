@@ -24,7 +24,7 @@ struct PulseWindow {
   }
 };
 
-// What pulses of one motor have to keep, in timer ticks. From StepTiming and the motor's rate.
+// Limits on the pulses of one motor, in timer ticks. Derived from StepTiming and the motor's rate.
 struct PulseRules {
   PulseRules(const StepTiming& timing, Wide max_step_rate_hz);
 

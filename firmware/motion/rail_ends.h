@@ -7,7 +7,7 @@
 namespace ballast::firmware {
 
 // Lines end where the ball does or at their stops, open splines at their ends or their stops; no other rail has an end.
-// What is beyond one by rounding is on the rail. `rail_coordinate` of mass `mass`, finite.
+// A position beyond an end by rounding is on the rail. `rail_coordinate` of mass `mass`, finite.
 [[nodiscard]] bool on_rail(const BallParams& ball, int mass, Wide rail_coordinate);
 
 // The rail coordinates of those ends; infinite where there is none, and where the line does not meet the ball both NaN.

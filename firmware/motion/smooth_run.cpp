@@ -95,7 +95,7 @@ class Prover {
   [[nodiscard]] std::int32_t end_ticks() const { return end_ticks_; }
 
  private:
-  // Of level `index`, in timer ticks; `ahead` > 0: that many levels after crossing first_.
+  // Time of level `index`, in timer ticks; `ahead` > 0: that many levels after crossing first_.
   [[nodiscard]] Wide crossing(int index, int ahead) const {
     const Wide level = run_.first_level + static_cast<Wide>(run_.direction * index);
     Wide w = ahead == 0 ? run_.begin_s + mean_interval_s_ * static_cast<Wide>(index)

@@ -95,9 +95,9 @@ std::uint32_t Machine::wait_tick() {
   return since;
 }
 
-void Machine::report(target::Farewell& farewell) const {
-  farewell.stack_bytes = stack_bytes();
-  farewell.stack_used_bytes = stack_used_bytes();
+void Machine::report(target::EndReport& end_report) const {
+  end_report.stack_bytes = stack_bytes();
+  end_report.stack_used_bytes = stack_used_bytes();
 }
 
 }  // namespace ballast::hal::mps2

@@ -54,7 +54,7 @@ class Machine {
   void played(target::PlayedPulses& pulses) const { player_.played(pulses); }
   [[nodiscard]] std::uint32_t pulses_given() const { return player_.given(); }  // up to the last control tick
   void kick_watchdog() { reg(kWatchdogBase + 0x0c) = 1; }
-  void report(target::Farewell& farewell) const;
+  void report(target::EndReport& end_report) const;
 
   // The interrupts.
   void on_tick() {

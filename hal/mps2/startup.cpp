@@ -15,7 +15,7 @@ extern void (*ballast_init_begin[])();
 extern void (*ballast_init_end[])();
 int main();
 void ballast_start();
-[[noreturn]] void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause,
+[[noreturn]] void ballast_fault_report(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause,
                                      std::uint32_t exc_return);
 }
 
@@ -108,16 +108,16 @@ void ballast_timer0() { the_machine.on_step_timer(); }
       "mov r0, sp\n"                                     \
       "mov r2, %1\n"                                     \
       "mov r3, lr\n"                                     \
-      "b ballast_last_words\n" ::"i"(fault_stack + 512), \
+      "b ballast_fault_report\n" ::"i"(fault_stack + 512), \
       "i"(cause))
 
 [[gnu::naked, noreturn]] void ballast_fault() { BALLAST_FAULT_ENTRY(0); }
 [[gnu::naked, noreturn]] void ballast_nmi() { BALLAST_FAULT_ENTRY(2); }
 
-void ballast_last_words(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause,
+void ballast_fault_report(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause,
                         std::uint32_t exc_return) {
   reg(kTimer0) = 0;  // no more pulses
-  target::LastWords words;
+  target::FaultReport words;
   words.cause = static_cast<target::Cause>(cause);
   words.cfsr = reg(kCfsr);
   words.hfsr = reg(kHfsr);

@@ -36,8 +36,8 @@ enum class MessageType : std::uint16_t {
   kVerdict = 5,    // target: parameters accepted or refused, with the reason
   kWorld = 6,      // host: the controller's inputs of one tick
   kReply = 7,      // target: the controller's outputs of that tick
-  kLastWords = 8,  // target: it cannot continue, with the reason
-  kFarewell = 9,   // target: the last tick was served
+  kFaultReport = 8,  // target: it cannot continue, with the reason
+  kEndReport = 9,   // target: the last tick was served
 };
 
 struct Frame {
@@ -77,7 +77,7 @@ struct FrameResult {
   if (magic != kMagic) return {FrameError::kNotAFrame, 0, 0};
   if (version != kProtocolVersion) return {FrameError::kVersion, 0, 0};
   if (type < static_cast<std::uint16_t>(MessageType::kHello) ||
-      type > static_cast<std::uint16_t>(MessageType::kFarewell)) {
+      type > static_cast<std::uint16_t>(MessageType::kEndReport)) {
     return {FrameError::kType, 0, 0};
   }
   if (length > kMaxPayload) return {FrameError::kLength, 0, 0};

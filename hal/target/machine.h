@@ -25,11 +25,11 @@ namespace ballast::hal::target {
 // load(steps)            takes the pulses of the next control tick; at most one call per tick
 // played(pulses)         writes the pulses given during the previous control tick
 // kick_watchdog()        called once per tick, after its outputs were written
-// report(farewell)       fills in the fields only the board knows: the stack's
+// report(end_report)       fills in the fields only the board knows: the stack's
 template <class M>
 concept Machine = requires(M& machine, const M& constant, std::span<std::uint8_t> in, std::span<const std::uint8_t> out,
                            std::size_t& count, const firmware::StepCommand& steps,
-                           const firmware::ControllerParams& params, const Commit& commit, Farewell& farewell,
+                           const firmware::ControllerParams& params, const Commit& commit, EndReport& end_report,
                            PlayedPulses& pulses) {
   { M::kName } -> std::convertible_to<const char*>;
   { M::kCounterHz } -> std::convertible_to<std::uint32_t>;
@@ -42,7 +42,7 @@ concept Machine = requires(M& machine, const M& constant, std::span<std::uint8_t
   machine.load(steps);
   constant.played(pulses);
   machine.kick_watchdog();
-  constant.report(farewell);
+  constant.report(end_report);
 };
 
 }  // namespace ballast::hal::target

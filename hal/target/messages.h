@@ -10,7 +10,7 @@
 //           <------------------ World    tick k
 //     Reply ------------------->         tick k; the pulses the pins gave during tick k - 1
 //           ...
-//     Farewell ---------------->         after the last tick; or, at any time, LastWords
+//     EndReport ---------------->         after the last tick; or, at any time, FaultReport
 #pragma once
 
 #include <algorithm>
@@ -131,14 +131,14 @@ enum class Cause : std::uint8_t {
   kLink = 3,           // bytes that are no frame, or a message out of turn
 };
 
-struct LastWords {
+struct FaultReport {
   Cause cause = Cause::kFault;
   std::array<std::uint32_t, 13> r{};  // r0..r12
   std::uint32_t sp = 0, lr = 0, pc = 0, xpsr = 0;
   std::uint32_t cfsr = 0, hfsr = 0, mmfar = 0, bfar = 0;  // fault status and addresses, ARMv7-M B3.2.15
 };
 
-struct Farewell {
+struct EndReport {
   Status status = Status::kEnded;
   LinkCounters counters;
   std::int64_t overruns = 0;  // late ticks, the last one included
@@ -244,7 +244,7 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.status).field(m.steps).field(m.tick_counts).field(m.played);
 }
 
-template <class V, Of<LastWords> M>
+template <class V, Of<FaultReport> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.cause, Within(Cause::kFault, Cause::kLink))
       .field(m.r)
@@ -258,7 +258,7 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(m.bfar);
 }
 
-template <class V, Of<Farewell> M>
+template <class V, Of<EndReport> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.status, Within(Status::kOk, Status::kIo))
       .field(m.counters)
@@ -293,9 +293,9 @@ struct TypeOf<Reply> : Type<MessageType::kReply> {};
 template <>
 struct TypeOf<ReplyView> : Type<MessageType::kReply> {};
 template <>
-struct TypeOf<LastWords> : Type<MessageType::kLastWords> {};
+struct TypeOf<FaultReport> : Type<MessageType::kFaultReport> {};
 template <>
-struct TypeOf<Farewell> : Type<MessageType::kFarewell> {};
+struct TypeOf<EndReport> : Type<MessageType::kEndReport> {};
 
 template <class M>
 concept Message = requires {

@@ -9,7 +9,7 @@ namespace ballast::hal::target {
 // Reports bytes that are no frame, or a message out of turn, and ends.
 template <Machine M>
 Status give_up(Link<M>& link, std::int64_t tick) {
-  LastWords words;
+  FaultReport words;
   words.cause = Cause::kLink;
   static_cast<void>(link.send(words, tick));
   return Status::kIo;
@@ -81,16 +81,16 @@ Status serve(M& machine, const Identity& identity) {
   status = loop.run();
   if (status == Status::kIo) return give_up(link, board.tick());
   if (status != Status::kEnded) return status;
-  static Farewell farewell;
-  farewell.overruns = board.overruns();  // before the next tick begins
+  static EndReport end_report;
+  end_report.overruns = board.overruns();  // before the next tick begins
   // Waits until the last tick's pulses were given.
   static_cast<void>(machine.wait_tick());
-  farewell.status = status;
-  farewell.counters = board.counters();
-  farewell.watchdog_kicks = board.watchdog_kicks();
-  machine.played(farewell.played);
-  machine.report(farewell);
-  static_cast<void>(link.send(farewell, board.tick()));
+  end_report.status = status;
+  end_report.counters = board.counters();
+  end_report.watchdog_kicks = board.watchdog_kicks();
+  machine.played(end_report.played);
+  machine.report(end_report);
+  static_cast<void>(link.send(end_report, board.tick()));
   return status;
 }
 

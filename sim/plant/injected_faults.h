@@ -22,7 +22,7 @@ class InjectedFaults {
     std::size_t fault;  // of faults_
     bool begins;
   };
-  // Of several active faults of one kind the worst counts; pushes add up.
+  // The worst of several active faults of one kind counts; pushes add up.
   void apply_active(Equations& equations) const;
 
   Surface surface_;  // without faults

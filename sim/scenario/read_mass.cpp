@@ -577,11 +577,11 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   }
   read("step_error", Range::between(0, 0.1), motor.step_error, motor.step_error);
   read("direction_setup", Range::between(0, 1e-3, "s"), motor.direction_setup_s, motor.direction_setup_s);
-  // What half the holding torque gives, and at least the motion's own, so that only an explicit limit refuses a motion.
+  // The default is what half the holding torque gives, and at least the motion's own, so that only an explicit limit refuses a motion.
   const double half_torque = 0.5 * ratio * motor.holding_torque_nm / moved_inertia;
   read("max_acceleration", Range::positive("rail unit / s^2"), std::max(half_torque, extent.greatest_acceleration),
        motor.max_acceleration);
-  // What nine tenths of the holding torque leave for the drag, beside gravity and that acceleration, so that moves at
+  // The default is what nine tenths of the holding torque leave for the drag, beside gravity and that acceleration, so that moves at
   // full speed lose no steps; but no faster than the corner speed, and a tenth faster than the motion in any case. And
   // no more than what the bursts of a control tick surely carry.
   const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);

@@ -95,7 +95,7 @@ class BareMachine {
   void load(const firmware::StepCommand&) {}
   void played(hal::target::PlayedPulses& pulses) const { pulses.count = 0; }
   void kick_watchdog() {}
-  void report(hal::target::Farewell&) const {}
+  void report(hal::target::EndReport&) const {}
 
   [[nodiscard]] const Bytes& bytes() const { return link_.bytes(); }
   Bytes& said() { return said_; }

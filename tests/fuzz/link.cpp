@@ -27,8 +27,8 @@ int decoded_by_all(const target::Frame& frame, std::span<const std::uint8_t> byt
   return decoded<target::Hello>(frame, bytes) + decoded<firmware::ControllerParams>(frame, bytes) +
          decoded<target::MassParams>(frame, bytes) + decoded<target::Commit>(frame, bytes) +
          decoded<target::Verdict>(frame, bytes) + decoded<target::World>(frame, bytes) +
-         decoded<target::Reply>(frame, bytes) + decoded<target::LastWords>(frame, bytes) +
-         decoded<target::Farewell>(frame, bytes);
+         decoded<target::Reply>(frame, bytes) + decoded<target::FaultReport>(frame, bytes) +
+         decoded<target::EndReport>(frame, bytes);
 }
 
 }  // namespace

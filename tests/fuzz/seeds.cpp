@@ -91,13 +91,13 @@ void write_link(const std::filesystem::path& folder) {
   reply->steps.burst_count = 1;
   reply->steps.bursts[0] = {.motor = 1, .direction = -1, .count = 3, .first_ticks = 5, .interval_ticks = 9};
   reply->played.count = 1;
-  const auto farewell = std::make_unique<target::Farewell>();
+  const auto end_report = std::make_unique<target::EndReport>();
   Bytes target_says{0};
   add(target::Hello(), 0, target_says);
   add(target::Verdict(), 0, target_says);
   add(*reply, 0, target_says);
-  add(target::LastWords(), 1, target_says);
-  add(*farewell, 2, target_says);
+  add(target::FaultReport(), 1, target_says);
+  add(*end_report, 2, target_says);
   write(folder / "target_says", target_says);
   target::World world;
   world.command_count = 2;

@@ -1,4 +1,4 @@
-// What plant and motors suffer, against closed forms: pushes, a floor that becomes slippery, motors without current,
+// Faults of plant and motors against closed forms: pushes, a floor that becomes slippery, motors without current,
 // with half a coil, reversed, or with their mass held.
 #include <gtest/gtest.h>
 

@@ -247,7 +247,7 @@ INSTANTIATE_TEST_SUITE_P(Processes, DeadPeer, testing::Values("plant", "controll
 
 // --- faults ---
 
-// Messages and clock suffer the same in three processes as in one: the same log, to the byte, the same end, and a log
+// Faults of messages and clock act the same in three processes as in one: the same log, to the byte, the same end, and a log
 // that replays.
 class MessageFaultInProcesses : public testing::TestWithParam<const char*> {};
 
@@ -289,9 +289,9 @@ INSTANTIATE_TEST_SUITE_P(
                     "messages_truncated@0.1:channel=BALLAST_TRIP", "clock_jump@0.1:100", "clock_jump@0.1:-1"),
     [](const auto& fault) { return "Case" + std::to_string(fault.index); });
 
-// Peers suffer for good there: `ballast run` sends them signals.
-struct SufferingRun {
-  explicit SufferingRun(const std::string& fault, const std::string& more = "")
+// Faults of peers are real there: `ballast run` sends them signals.
+struct FaultedRun {
+  explicit FaultedRun(const std::string& fault, const std::string& more = "")
       : run(folder.run("ballast run paper_ball --set duration=0.3 --out r --processes --lcm '" + bus_url(12) +
                        "' --fault " + fault + " " + more)) {}
   Folder folder;
@@ -337,42 +337,42 @@ struct SufferingRun {
 };
 
 TEST(PeerFaultInProcesses, WhoIsKilledIsNamedAndEndsTheRun) {
-  SufferingRun("peer_killed@0.1").expect_given_up("ballast-controller ended: Killed", "99");
-  SufferingRun("peer_killed@0.1:peer=monitor").expect_given_up("ballast-monitor ended: Killed", "99");
+  FaultedRun("peer_killed@0.1").expect_given_up("ballast-controller ended: Killed", "99");
+  FaultedRun("peer_killed@0.1:peer=monitor").expect_given_up("ballast-monitor ended: Killed", "99");
 }
 
 TEST(PeerFaultInProcesses, WhoIsFrozenForTooLongIsNamedAndEndsTheRun) {
   const std::string timeout = "--peer-timeout 1";
-  SufferingRun("peer_frozen@0.1", timeout).expect_given_up("controller", "99");
-  SufferingRun("peer_frozen@0.1:peer=monitor", timeout).expect_given_up("monitor", "99");
+  FaultedRun("peer_frozen@0.1", timeout).expect_given_up("controller", "99");
+  FaultedRun("peer_frozen@0.1:peer=monitor", timeout).expect_given_up("monitor", "99");
 }
 
 TEST(PeerFaultInProcesses, WhoIsFrozenForLessIsWaitedFor) {
-  SufferingRun("peer_frozen@0.1:duration=0.3").expect_unharmed();
-  SufferingRun("peer_frozen@0.1:peer=monitor,duration=0.3").expect_unharmed();
+  FaultedRun("peer_frozen@0.1:duration=0.3").expect_unharmed();
+  FaultedRun("peer_frozen@0.1:peer=monitor,duration=0.3").expect_unharmed();
 }
 
 // 5 ms late in each of 50 ticks; the run would be over in less.
 TEST(PeerFaultInProcesses, WhoIsSlowIsWaitedFor) {
   for (const char* peer : {"controller", "monitor"}) {
-    const SufferingRun slow("peer_too_slow@0.1:5,duration=0.05,peer=" + std::string(peer));
+    const FaultedRun slow("peer_too_slow@0.1:5,duration=0.05,peer=" + std::string(peer));
     slow.expect_unharmed();
     EXPECT_GE(slow.folder.summary("r")["wall_time"].get<double>(), 0.25);
   }
-  SufferingRun("peer_too_slow@0.1").expect_unharmed();                // to the last tick
-  SufferingRun("peer_frozen@0.2995:duration=0.1").expect_unharmed();  // in it
+  FaultedRun("peer_too_slow@0.1").expect_unharmed();                // to the last tick
+  FaultedRun("peer_frozen@0.2995:duration=0.1").expect_unharmed();  // in it
   // Of two sleeps the longer one counts.
-  SufferingRun("peer_frozen@0.1 --fault peer_too_slow@0.1:1", "--peer-timeout 0.5").expect_given_up("controller", "99");
-  SufferingRun("peer_too_slow@0.1:1000", "--peer-timeout 0.5").expect_given_up("controller", "99");
+  FaultedRun("peer_frozen@0.1 --fault peer_too_slow@0.1:1", "--peer-timeout 0.5").expect_given_up("controller", "99");
+  FaultedRun("peer_too_slow@0.1:1000", "--peer-timeout 0.5").expect_given_up("controller", "99");
 }
 
 TEST(PeerFaultInProcesses, AControllerStartedAnewIsFoundOut) {
   // It answers the tick, and so the tick is in the log: it counts no commands.
-  SufferingRun("peer_restarted@0.1").expect_given_up("the controller was started again: in tick 100", "100");
+  FaultedRun("peer_restarted@0.1").expect_given_up("the controller was started again: in tick 100", "100");
 }
 
 TEST(PeerFaultInProcesses, AMonitorStartedAnewGoesOn) {
-  SufferingRun("peer_restarted@0.1:peer=monitor").expect_unharmed();
+  FaultedRun("peer_restarted@0.1:peer=monitor").expect_unharmed();
 }
 
 TEST(PeerFaultInProcesses, WhatCannotBeHadIsRefused) {

@@ -63,7 +63,7 @@ struct Recorded {
     const std::string path = testing::TempDir() + "soak-changed-" + std::to_string(getpid()) + ".lcmlog";
     std::ofstream(path, std::ios::binary) << changed->log;
     Invariants invariants(changed->scenario);
-    for (const Tick& tick : changed->ticks) invariants.see(tick.lap, tick.truth);
+    for (const Tick& tick : changed->ticks) invariants.observe(tick.lap, tick.truth);
     invariants.finish(changed->result, path);
     std::filesystem::remove(path);
     std::vector<Invariant> which;
@@ -205,10 +205,10 @@ TEST(Invariants, AControllerThatGoesOnAfterATrip) {
 
 // Whose messages are injured may be heard a tick late, and no later.
 TEST(Invariants, PeersThatSuffer) {
-  const Recorded suffering({"duration=0.5"}, {"messages_doubled@0.05:channel=BALLAST_STEP_COMMAND"});
-  ASSERT_EQ(suffering.broken(), Which{}) << suffering.words_;
+  const Recorded faulted({"duration=0.5"}, {"messages_doubled@0.05:channel=BALLAST_STEP_COMMAND"});
+  ASSERT_EQ(faulted.broken(), Which{}) << faulted.words_;
   const auto outside_for = [&](std::size_t ticks) {
-    return suffering.broken([&](Recorded& run) {
+    return faulted.broken([&](Recorded& run) {
       for (std::size_t k = 100; k < 100 + ticks; ++k) run.ticks[k].truth.normal_force_n = 0;
     });
   };
@@ -377,8 +377,8 @@ TEST(Invariants, ARunWithoutEnd) {
   Invariants invariants(completed().scenario);
   Tick tick = completed().ticks[0];
   const double ticks = completed().scenario.duration_s / completed().scenario.run.control_period_s;
-  for (int k = 0; k < ticks + 10; ++k) invariants.see(tick.lap, tick.truth);
-  EXPECT_TRUE(invariants.endless());
+  for (int k = 0; k < ticks + 10; ++k) invariants.observe(tick.lap, tick.truth);
+  EXPECT_TRUE(invariants.too_long());
   EXPECT_TRUE(std::any_of(invariants.broken().begin(), invariants.broken().end(),
                           [](const Broken& broken) { return broken.invariant == Invariant::kPatient; }));
 }
@@ -388,7 +388,7 @@ TEST(Invariants, AnotherLogHasAnotherHash) {
     const std::string path = testing::TempDir() + "soak-hash-" + std::to_string(getpid()) + ".lcmlog";
     std::ofstream(path, std::ios::binary) << run.log;
     Invariants invariants(run.scenario);
-    for (const Tick& tick : run.ticks) invariants.see(tick.lap, tick.truth);
+    for (const Tick& tick : run.ticks) invariants.observe(tick.lap, tick.truth);
     invariants.finish(run.result, path);
     std::filesystem::remove(path);
     return invariants.log_hash();

@@ -137,7 +137,7 @@ TEST_F(Target, AnAnswerThatIsNotThisRunsEndsTheRun) {
 
 // The stack pointer is the one before the processor pushed its frame, whatever the frame had in it: sabotage_main.cpp
 // leaves it in r0.
-TEST_F(Target, LastWordsKnowTheStackPointer) {
+TEST_F(Target, FaultReportsKnowTheStackPointer) {
   for (const char* board : {"mps2_an500", "mps2_an386"}) {
     board_ = board;
     for (const char* sabotage : {"sp-fpu", "sp-fpu-odd", "sp-plain", "sp-plain-odd"}) {

@@ -35,7 +35,7 @@ struct FakeMachine {
   void load(const firmware::StepCommand&) {}
   void played(PlayedPulses&) const {}
   void kick_watchdog() {}
-  void report(Farewell&) const {}
+  void report(EndReport&) const {}
 
   void send(const World& world, std::int64_t tick) {
     std::vector<std::uint8_t> bytes(kMaxFrame);

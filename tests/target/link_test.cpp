@@ -57,8 +57,8 @@ void for_every_message(const Visitor& visitor) {
   visitor.template operator()<Verdict>();
   visitor.template operator()<World>();
   visitor.template operator()<Reply>();
-  visitor.template operator()<LastWords>();
-  visitor.template operator()<Farewell>();
+  visitor.template operator()<FaultReport>();
+  visitor.template operator()<EndReport>();
 }
 
 TEST(TargetLink, MessagesArriveBitForBit) {
@@ -106,10 +106,10 @@ std::vector<std::uint8_t> changed(std::size_t at, std::uint64_t value, std::size
 
 TEST(TargetLink, EveryFrameErrorHasItsCause) {
   const auto error_of = [](std::span<const std::uint8_t> bytes) {
-    Frame frame{.type = MessageType::kFarewell, .tick = 4711, .payload = {}};
+    Frame frame{.type = MessageType::kEndReport, .tick = 4711, .payload = {}};
     const FrameResult result = decode_frame(bytes, frame);
     if (result.error != FrameError::kNone) {
-      EXPECT_EQ(frame.type, MessageType::kFarewell);
+      EXPECT_EQ(frame.type, MessageType::kEndReport);
       EXPECT_EQ(frame.tick, 4711) << "untouched on failure";
       EXPECT_EQ(frame.payload.size(), 0u);
     }

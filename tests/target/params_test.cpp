@@ -65,7 +65,7 @@ struct LinkOnly {
   void load(const firmware::StepCommand&) {}
   void played(PlayedPulses&) const {}
   void kick_watchdog() {}
-  void report(Farewell&) const {}
+  void report(EndReport&) const {}
 
   template <class M>
   void say(const M& message) {

@@ -1,4 +1,4 @@
-// What the motors of a scenario are asked for along its motion: whether they have the torque, and which resonances
+// The load on a scenario's motors along its motion: whether they have the torque, and which resonances
 // their full steps pass through.
 #pragma once
 

@@ -95,10 +95,10 @@ void print_target(const sil::TargetRecord& target) {
       "  firmware    on {} in QEMU{}: {} to {} instructions per tick (most in tick {}), {} in the mean\n", target.board,
       target.real_bytes == sizeof(float) ? ", model in single precision" : "", target.min_instructions,
       target.max_instructions, target.max_tick, target.sum_instructions / target.ticks);
-  if (!target.farewell) return;
+  if (!target.end_report) return;
   std::cout << fmt::format("  pins        {} pulses given as commanded, at most {:.2f} us late; stack {} of {} bytes\n",
                            target.pulses, 1e6 * target.max_late_counts / target.counter_hz,
-                           target.farewell->stack_used_bytes, target.farewell->stack_bytes);
+                           target.end_report->stack_used_bytes, target.end_report->stack_bytes);
 }
 
 int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const firmware::ControllerParams& params,
@@ -124,7 +124,7 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   sil::LocalPeers peers(program::to_monitor_limits(scenario), std::move(owned),
                         operator_bus ? &*operator_bus : nullptr);
   const int exit_status = sil::record_run("ballast", scenario, peers, output, record);
-  if (!record.quiet && firmware.record().farewell) print_target(firmware.record());
+  if (!record.quiet && firmware.record().end_report) print_target(firmware.record());
   return exit_status;
 }
 

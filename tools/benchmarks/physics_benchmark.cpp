@@ -1,4 +1,4 @@
-// What the paper's ball costs, masses prescribed: one right-hand side, and the way to T = 20 with the error it ends
+// The cost of the paper's ball with prescribed masses: one right-hand side, and the way to T = 20 with the error it ends
 // with, beside the yardstick (limit.h). tools/benchmarks/ratios prints them as a table.
 #include <benchmark/benchmark.h>
 

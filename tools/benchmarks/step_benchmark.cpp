@@ -1,4 +1,4 @@
-// What the step generator costs: a tick of one motor, at N microsteps per tick. Divide by N for the cost of a step.
+// The cost of the step generator: a tick of one motor, at N microsteps per tick. Divide by N for the cost of a step.
 #include <benchmark/benchmark.h>
 
 #include <array>

@@ -1,4 +1,4 @@
-// What one control tick of the paper's ball costs, and where: each station of the lap alone, then the lap.
+// The cost of one control tick of the paper's ball: each station of the lap alone, then the lap.
 //   build/bin/ballast-benchmarks --benchmark_repetitions=9 --benchmark_report_aggregates_only=true
 // Machines are noisy: read the ratios between lines of one run.
 #include <benchmark/benchmark.h>

@@ -26,7 +26,7 @@ class Comparison {
   std::string scenario;
   double tolerance = 0;
   std::vector<Row> rows;
-  // Of those that came to the end of the run; nullptr: none.
+  // The best of those that reached the end of the run; nullptr: none.
   [[nodiscard]] const Row* fastest() const;
   [[nodiscard]] const Row* fewest_evaluations() const;  // of the right-hand side, in Jacobians too
 

@@ -27,7 +27,7 @@ struct MethodInfo {
   FixedSteps fixed_steps;
   int looks;  // into how many parts its steps are cut to look for extrema: 1 where steps are far shorter than the
               // motion
-  // Of the tolerance that the local error gets, so that at one tolerance all methods end about equally far off: the
+  // Share of the tolerance that the local error gets, so that at one tolerance all methods end about equally far off: the
   // errors of methods that take many times the steps add up to many times as much.
   double share;
   std::unique_ptr<Method> (*construct)(Problem& problem, const Settings& settings);

@@ -1,4 +1,4 @@
-// What an integrator is given to solve: M y' = f(t, y), with M the unit matrix, or the unit matrix with a 0 in the row
+// The problem an integrator solves: M y' = f(t, y), with M the unit matrix, or the unit matrix with a 0 in the row
 // of a constraint 0 = f_c(t, y).
 #pragma once
 

@@ -34,7 +34,7 @@ const double kThird3 = std::cbrt(3.0), kThird9 = std::cbrt(9.0);
 const double kGamma = 3 + kThird9 - kThird3;
 const Complex kAlphaBeta(3 + (kThird3 - kThird9) / 2, std::sqrt(3.0) * (kThird3 + kThird9) / 2);
 
-// Of A^-1 = T diag T^-1, radau5.f's T and TI.
+// T and T^-1 of A^-1 = T diag T^-1: radau5.f's T and TI.
 constexpr double kT[3][3] = {{9.1232394870892942792e-2, -0.14125529502095420843, -3.0029194105147424492e-2},
                              {0.24171793270710701896, 0.20412935229379993199, 0.38294211275726193779},
                              {0.96604818261509293619, 1, 0}};
@@ -42,7 +42,7 @@ constexpr double kTi[3][3] = {{4.3255798900631553510, 0.33919925181580986954, 0.
                               {-4.1787185915519047273, -0.32768282076106238708, 0.47662355450055045196},
                               {-0.50287263494578687595, 2.5719269498556054292, -0.59603920482822492497}};
 
-// Of the error estimate: radau5.f's DD1, DD2, DD3.
+// Coefficients of the error estimate: radau5.f's DD1, DD2, DD3.
 const double kError[3] = {-(13 + 7 * kRoot6) / 3, (-13 + 7 * kRoot6) / 3, -1.0 / 3};
 
 constexpr double kSafety = 0.9;

@@ -1,4 +1,4 @@
-// What one-step methods share: the first step's length, the cubic through a step's ends, and when to give up.
+// Shared by the one-step methods: the first step's length, the cubic through a step's ends, and when to give up.
 #pragma once
 
 #include <algorithm>
@@ -54,7 +54,7 @@ class EvenSteps {
 
   void start() { left_ = 0; }
 
-  // Of the next step from t, `last` if it ends at `stop`.
+  // Length of the next step from t, `last` if it ends at `stop`.
   struct Next {
     double h = 0;
     bool last = false;

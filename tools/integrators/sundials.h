@@ -1,4 +1,4 @@
-// What the SUNDIALS methods share: owners of its objects, its complaints in words, and what goes before and after a
+// Shared by the SUNDIALS methods: owners of its objects, its complaints in words, and what goes before and after a
 // step.
 #pragma once
 
@@ -74,7 +74,7 @@ inline void keep_complaint(int code, const char* /*module*/, const char* /*funct
   if (code < 0) *static_cast<std::string*>(text) = message;
 }
 
-// Of a set-up that cannot go wrong but for memory and our own mistakes.
+// Checks a set-up that only lack of memory or our own mistake can make fail.
 inline void must(int flag, const char* what) {
   if (flag != 0) throw std::runtime_error(std::string("SUNDIALS refuses ") + what);
 }
@@ -102,7 +102,7 @@ class SunMethod : public Method {
     rejected_before_ = counters_.rejected;
   }
 
-  // What step() returns, after one that ended with `flag`. `name_of` gives its name, to be freed; the counts are of
+  // The result of step() after a step that ended with `flag`. `name_of` gives its name, to be freed; the counts are of
   // what was rejected since the code's own new start.
   using Count = int (*)(void* memory, long* count);
   bool took(int flag, char* (*name_of)(long flag), Count error_tests, Count convergence) {

@@ -28,7 +28,7 @@ bool names_board(const std::filesystem::path& elf, const std::string& board) {
 }
 
 // The cause of a fault, from the bits of the fault status register (ARMv7-M, B3.2.15).
-std::string fault_text(const target::LastWords& words) {
+std::string fault_text(const target::FaultReport& words) {
   struct Bit {
     int bit;
     const char* text;
@@ -50,7 +50,7 @@ std::string fault_text(const target::LastWords& words) {
   return "fault";
 }
 
-std::string registers_text(const target::LastWords& words) {
+std::string registers_text(const target::FaultReport& words) {
   std::string text = "pc " + hex(words.pc) + ", lr " + hex(words.lr) + ", sp " + hex(words.sp) + ", xpsr " +
                      hex(words.xpsr) + ", cfsr " + hex(words.cfsr) + ", hfsr " + hex(words.hfsr);
   if ((words.cfsr & 1u << 7) != 0) text += ", address " + hex(words.mmfar);
@@ -100,8 +100,8 @@ Status QemuFirmware::receive_frame(target::Frame& frame, Seconds timeout) {
     const target::FrameResult result = target::decode_frame(received_, frame);
     if (result.error == target::FrameError::kNone) {
       used_ = result.size;
-      target::LastWords words;
-      if (frame.type == target::MessageType::kLastWords && target::decode(frame, words)) return report_death(words);
+      target::FaultReport words;
+      if (frame.type == target::MessageType::kFaultReport && target::decode(frame, words)) return report_death(words);
       return Status::kOk;
     }
     if (result.error != target::FrameError::kIncomplete) {
@@ -126,7 +126,7 @@ Status QemuFirmware::no_answer(Status status, Seconds timeout) {
                                      (messages.empty() ? "" : "; " + messages));
 }
 
-Status QemuFirmware::report_death(const target::LastWords& words) {
+Status QemuFirmware::report_death(const target::FaultReport& words) {
   switch (words.cause) {
     case target::Cause::kFault:
       return fail(Status::kPeerLost,
@@ -403,13 +403,13 @@ void QemuFirmware::count_instructions(std::int64_t tick) {
 Status QemuFirmware::finish() {
   target::Frame frame;
   if (const Status s = receive_frame(frame, options_.peer_timeout); s != Status::kOk) return s;
-  target::Farewell farewell;
-  if (!target::decode(frame, farewell)) {
+  target::EndReport end_report;
+  if (!target::decode(frame, end_report)) {
     return fail(Status::kIo, "the firmware does not report how it ended");
   }
-  if (farewell.overruns > 0) return late_after(*tick_);
-  if (const Status s = check_pulses(*tick_, farewell.played); s != Status::kOk) return s;
-  record_.farewell = farewell;
+  if (end_report.overruns > 0) return late_after(*tick_);
+  if (const Status s = check_pulses(*tick_, end_report.played); s != Status::kOk) return s;
+  record_.end_report = end_report;
   const std::string end = qemu_.ended(options_.peer_timeout);
   if (qemu_.exit_status() == 0) return Status::kOk;
   return fail(Status::kIo, "QEMU did not end well: " + (end.empty() ? std::string("it goes on") : end));

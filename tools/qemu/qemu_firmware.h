@@ -34,7 +34,7 @@ struct TargetRecord {
   std::int64_t max_tick = 0;          // the tick of max_instructions
   std::int64_t pulses = 0;            // of the step interrupt, each checked against the command
   std::uint32_t max_late_counts = 0;  // of them
-  std::optional<hal::target::Farewell> farewell;
+  std::optional<hal::target::EndReport> end_report;
   std::uint32_t counter_hz = 0;
 };
 
@@ -58,7 +58,7 @@ class QemuFirmware final : public Peer {
   hal::Status send_message(const M& message, std::int64_t tick);
   hal::Status receive_frame(hal::target::Frame& frame, Seconds timeout);
   hal::Status no_answer(hal::Status status, Seconds timeout);
-  hal::Status report_death(const hal::target::LastWords& words);
+  hal::Status report_death(const hal::target::FaultReport& words);
   hal::Status report_watchdog(const std::string& registers);
   hal::Status compare(const hal::target::Hello& hello);
   hal::Status send_params();

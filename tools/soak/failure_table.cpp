@@ -1,5 +1,7 @@
 #include "tools/soak/failure_table.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <vector>
 
@@ -9,12 +11,12 @@ namespace ballast::soak {
 
 namespace {
 
-// "monitor: missing 12, nobody 3": the most frequent first.
+// Words with their counts, the most frequent first: "monitor: missing 12, nobody 3".
 std::string counted(const std::map<std::string, std::int64_t>& counts) {
   std::vector<std::pair<std::string, std::int64_t>> sorted(counts.begin(), counts.end());
   std::ranges::stable_sort(sorted, [](const auto& a, const auto& b) { return a.second > b.second; });
   std::string text;
-  for (const auto& [word, count] : sorted) text += (text.empty() ? "" : ", ") + word + " " + std::to_string(count);
+  for (const auto& [word, count] : sorted) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", word, count);
   return text;
 }
 
@@ -44,11 +46,11 @@ std::string FailureTable::markdown() const {
       if (row.outcomes[i] > 0) outcomes[to_string(static_cast<Outcome>(i))] = row.outcomes[i];
     }
     std::string ticks = "-";
-    if (row.detected > 0) ticks = std::to_string(row.least_ticks);
-    if (row.most_ticks > row.least_ticks) ticks += " to " + std::to_string(row.most_ticks);
-    text += "| `" + std::string(sim::info(kind).name) + "` | " + severity_text(kind, key.second) + " | " +
-            std::to_string(row.runs) + " | " + counted(row.detected_by) + " | " + ticks + " | " +
-            std::to_string(row.violated) + " | " + counted(outcomes) + " |\n";
+    if (row.detected > 0) ticks = fmt::format("{}", row.least_ticks);
+    if (row.most_ticks > row.least_ticks) ticks += fmt::format(" to {}", row.most_ticks);
+    text +=
+        fmt::format("| `{}` | {} | {} | {} | {} | {} | {} |\n", sim::info(kind).name, severity_text(kind, key.second),
+                    row.runs, counted(row.detected_by), ticks, row.violated, counted(outcomes));
   }
   return text;
 }

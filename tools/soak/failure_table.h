@@ -1,5 +1,5 @@
-// The failure table: fault x severity -> detected by whom, after how many ticks, outcome. From runs of calm robots
-// that suffer one fault each, and whose twins without it come to their end untripped.
+// The failure table: for each kind and severity of fault who detected it, after how many ticks, and the outcome. It is
+// made from runs of calm robots with one fault each that complete without a trip if the fault is left out.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@ namespace ballast::soak {
 
 class FailureTable {
  public:
-  // In any order. Runs that are of no use for it change nothing.
+  // Results may come in any order. Those without a use for the table are ignored.
   void add(const SeedResult& result);
   [[nodiscard]] std::string markdown() const;
 

@@ -1,9 +1,9 @@
 #include "tools/soak/invariants.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <numbers>
 
 #include "firmware/safety/fault.h"
@@ -65,7 +65,7 @@ std::uint64_t hash_of(std::int64_t utime, const std::vector<char>& bytes) {
   return hash(hash(kHashSeed, &utime, sizeof utime), bytes.data(), bytes.size());
 }
 
-// Finite, or as the .lcm files allow: +infinity where rolling would need N <= 0.
+// Whether f_s / N is finite or +infinity, which the .lcm files allow where N <= 0.
 bool ratio(double value) { return std::isfinite(value) || value > 0; }
 
 bool finite(const double* values, std::size_t count) {
@@ -89,109 +89,104 @@ const InvariantText& text_of(Invariant invariant) { return kTexts[static_cast<st
 Invariants::Invariants(const sim::Scenario& scenario)
     : scenario_(scenario),
       has_controller_(scenario.run.actuation == sim::Actuation::kStepper),
-      // Two of the countdown, the first and the last tick, and one for the rounding of the division.
+      // The countdown has two ticks, the first and the last tick add one, and rounding of the division another.
       most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) + 4) {
   for (const sim::Fault& fault : scenario.faults) {
-    const bool of_bus = fault.of(sim::FaultLayer::kMessage) || fault.of(sim::FaultLayer::kPeer) ||
-                        fault.kind == sim::FaultKind::kClockJump;
-    if (of_bus) bus_suffers_from_s_ = std::min(bus_suffers_from_s_, fault.time_s);
+    const bool on_the_bus = fault.of(sim::FaultLayer::kMessage) || fault.of(sim::FaultLayer::kPeer) ||
+                            fault.kind == sim::FaultKind::kClockJump;
+    if (on_the_bus) bus_faults_from_s_ = std::min(bus_faults_from_s_, fault.time_s);
   }
 }
 
-bool Invariants::suffers(sim::FaultKind kind) const {
+bool Invariants::has_fault(sim::FaultKind kind) const {
   return std::ranges::any_of(scenario_.faults, [kind](const sim::Fault& fault) { return fault.kind == kind; });
 }
 
-void Invariants::fail(Invariant invariant, std::int64_t tick, const char* format, ...) {
+void Invariants::fail(Invariant invariant, std::int64_t tick, const std::string& text) {
   for (const Broken& known : broken_) {
     if (known.invariant == invariant) return;
   }
-  char text[256];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof text, format, arguments);
-  va_end(arguments);
   broken_.push_back({invariant, tick, text});
 }
 
-void Invariants::see(const sil::Lap& lap, const Sample& truth) {
+void Invariants::observe(const sil::Lap& lap, const Sample& truth) {
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
     const auto& rail = scenario_.masses[i].rail;
     const double lever = rail.shape == firmware::RailShape::kCircle ? rail.radius_m : 1;
     top_speed_mps_ = std::max(top_speed_mps_, lever * std::abs(truth.mass_velocity[i]));
   }
-  see_order(lap);
-  see_finite(lap);
-  if (lap.verdict) see_verdict(lap);
+  check_order(lap);
+  check_finite(lap);
+  if (lap.verdict) check_verdict(lap);
   if (has_controller_ && lap.answer) {
-    see_steps(lap);
-    see_obeyed(lap);
-    see_controller_latch(lap);
-    see_stop(lap, truth);
-    controller_heard_ = true;
+    check_steps(lap);
+    check_obeyed(lap);
+    check_controller_latch(lap);
+    check_stop(lap, truth);
+    has_status_ = true;
     status_ = lap.answer->status;
   }
-  see_envelope(lap, truth);
-  if (scenario_.faults.empty()) see_alarm(lap, truth);
+  check_envelope(lap, truth);
+  if (scenario_.faults.empty()) check_alarm(lap, truth);
   expect_in_log(lap);
   truth_ = truth;
   if (++laps_ == most_laps_ + 1) {
-    fail(Invariant::kPatient, tick_, "the run has had %lld ticks and goes on; %g s have at most %lld",
-         static_cast<long long>(laps_), scenario_.duration_s, static_cast<long long>(most_laps_));
+    fail(Invariant::kPatient, tick_,
+         fmt::format("the run has had {} ticks and goes on; {:g} s have at most {}", laps_, scenario_.duration_s,
+                     most_laps_));
   }
 }
 
-void Invariants::see_order(const sil::Lap& lap) {
+void Invariants::check_order(const sil::Lap& lap) {
   const contact_t& contact = lap.plant.contact;
-  const auto tick = static_cast<long long>(contact.tick);
+  const std::int64_t tick = contact.tick;
   if (laps_ == 0) {
-    // The countdown begins at -2; runs without a controller, or whose ball cannot even be set down, have none.
+    // The countdown begins at -2. Without a controller, or if the ball cannot be set down, there is none.
     if (contact.tick != -2 && contact.tick != 0)
-      fail(Invariant::kInOrder, contact.tick, "the first tick is %lld", tick);
+      fail(Invariant::kInOrder, contact.tick, fmt::format("the first tick is {}", tick));
   } else if (contact.tick != tick_ + 1) {
-    fail(Invariant::kInOrder, contact.tick, "tick %lld after %lld", tick, static_cast<long long>(tick_));
+    fail(Invariant::kInOrder, contact.tick, fmt::format("tick {} after {}", tick, tick_));
   }
   tick_ = contact.tick;
-  bus_suffers_ = tick_ >= 0 && contact.time_s >= bus_suffers_from_s_ - sim::Fault::kRounding;
+  bus_faults_active_ = tick_ >= 0 && contact.time_s >= bus_faults_from_s_ - sim::Fault::kRounding;
   if (has_ended_) fail(Invariant::kInOrder, tick_, "the tick before said that it was the last");
   has_ended_ = contact.last != 0;
   const auto due = [&](const char* what, std::int64_t is, std::int64_t should_be) {
     if (is == should_be) return;
-    fail(Invariant::kInOrder, tick_, "%s is %lld where %lld is due", what, static_cast<long long>(is),
-         static_cast<long long>(should_be));
+    fail(Invariant::kInOrder, tick_, fmt::format("{} is {} where {} is due", what, is, should_be));
   };
   due("the plant state's tick", lap.plant.state.tick, tick_);
   due("the sensors' tick", lap.plant.sensors.tick, tick_);
-  if (lap.verdict && !bus_suffers_) due("the verdict's tick", lap.verdict->tick, tick_);
+  if (lap.verdict && !bus_faults_active_) due("the verdict's tick", lap.verdict->tick, tick_);
   due("the sensors' scenario_id", lap.plant.sensors.scenario_id, scenario_.id);
   due("the plant state's last", lap.plant.state.last, contact.last);
   due("the sensors' last", lap.plant.sensors.last, contact.last);
   const double tick_s =
       std::clamp(static_cast<double>(tick_) * scenario_.run.control_period_s, 0.0, scenario_.duration_s);
   if (contact.time_s != tick_s && !has_ended_) {
-    fail(Invariant::kInOrder, tick_, "tick at t = %.17g s where %.17g s is due", contact.time_s, tick_s);
+    fail(Invariant::kInOrder, tick_,
+         fmt::format("tick at t = {:.17g} s where {:.17g} s is due", contact.time_s, tick_s));
   }
   if (!has_controller_ || !lap.answer) return;
   due("the status's scenario_id", lap.answer->status.scenario_id, scenario_.id);
   due("the step command's tick", lap.answer->steps.tick, lap.answer->status.tick + 1);
-  if (!bus_suffers_) {
+  if (!bus_faults_active_) {
     due("the status's tick", lap.answer->status.tick, tick_);
   } else if (lap.answer->status.tick > tick_) {
-    fail(Invariant::kInOrder, tick_, "a status of tick %lld, which is still to come",
-         static_cast<long long>(lap.answer->status.tick));
+    fail(Invariant::kInOrder, tick_, fmt::format("a status of tick {}, which is still to come", lap.answer->status.tick));
   }
 }
 
-void Invariants::see_steps(const sil::Lap& lap) {
+void Invariants::check_steps(const sil::Lap& lap) {
   std::array<std::int64_t, sim::kMaxMasses> sum{}, pulses{};
   for (int b = 0; b < lap.answer->steps.burst_count; ++b) {
     const auto motor = static_cast<std::size_t>(lap.answer->steps.motor[b]);
     sum[motor] += static_cast<std::int64_t>(lap.answer->steps.direction[b]) * lap.answer->steps.count[b];
     pulses[motor] += lap.answer->steps.count[b];
   }
-  // Of a controller that was started again, or says several ticks' commands at once, only the last is seen.
-  const bool goes_on = controller_heard_ && lap.answer->status.tick == status_.tick + 1 &&
-                       lap.answer->status.operator_commands >= status_.operator_commands;
+  // After a restart, or if commands of several ticks arrive at once, only the latest command is known.
+  const bool goes_on =
+      has_status_ && lap.answer->status.tick == status_.tick + 1 && lap.answer->status.operator_commands >= status_.operator_commands;
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
     if (!goes_on) {
       position_steps_[i] = lap.answer->steps.position_steps[i] - sum[i];
@@ -202,18 +197,16 @@ void Invariants::see_steps(const sil::Lap& lap) {
     if (lap.answer->steps.steps[i] != sum[i] || lap.answer->steps.position_steps[i] != position_steps_[i] ||
         lap.answer->status.steps_issued[i] != steps_issued_[i]) {
       fail(Invariant::kInOrder, tick_,
-           "motor %zu: the bursts' sum %lld, position %lld and count %lld are said to be %d, %lld and %lld", i,
-           static_cast<long long>(sum[i]), static_cast<long long>(position_steps_[i]),
-           static_cast<long long>(steps_issued_[i]), lap.answer->steps.steps[i],
-           static_cast<long long>(lap.answer->steps.position_steps[i]),
-           static_cast<long long>(lap.answer->status.steps_issued[i]));
+           fmt::format("motor {}: the bursts' sum {}, position {} and count {} are said to be {}, {} and {}", i, sum[i],
+                       position_steps_[i], steps_issued_[i], lap.answer->steps.steps[i], lap.answer->steps.position_steps[i],
+                       lap.answer->status.steps_issued[i]));
     }
   }
 }
 
-void Invariants::see_finite(const sil::Lap& lap) {
+void Invariants::check_finite(const sil::Lap& lap) {
   const auto check = [&](bool good, const char* what) {
-    if (!good) fail(Invariant::kFinite, tick_, "%s has a number that is not finite", what);
+    if (!good) fail(Invariant::kFinite, tick_, fmt::format("{} has a number that is not finite", what));
   };
   const contact_t& contact = lap.plant.contact;
   check(all_finite(contact.time_s, contact.normal_force_n, contact.static_friction_n, contact.margin,
@@ -222,8 +215,8 @@ void Invariants::see_finite(const sil::Lap& lap) {
         "contact_t");
   const bool commanded = all_finite(contact.commanded_normal_force_n, contact.commanded_static_friction_n) &&
                          ratio(contact.commanded_mu_required);
-  // Those of the tick before ask for them.
-  const bool none_due = !has_controller_ || tick_ < 0 || laps_ == 0 || contact.last != 0 || bus_suffers_;
+  // The step commands of the tick before give them.
+  const bool none_due = !has_controller_ || tick_ < 0 || laps_ == 0 || contact.last != 0 || bus_faults_active_;
   check(commanded || (none_due && std::isnan(contact.commanded_normal_force_n) &&
                       std::isnan(contact.commanded_static_friction_n) && std::isnan(contact.commanded_mu_required)),
         "commanded_ of contact_t");
@@ -236,12 +229,12 @@ void Invariants::see_finite(const sil::Lap& lap) {
             finite(state.mass_position) && finite(state.mass_velocity) && finite(state.motor_torque_nm),
         "plant_state_t");
   const sensors_t& sensors = lap.plant.sensors;
-  // What a sensor that says NaN makes of its own message is the fault itself.
+  // A message of sensors that give NaN is the fault itself.
   const bool good_sensors =
       finite(sensors.orientation) && finite(sensors.gyro_B_radps) && finite(sensors.accelerometer_B_mps2);
-  check(good_sensors || suffers(sim::FaultKind::kSensorNan), "sensors_t");
+  check(good_sensors || has_fault(sim::FaultKind::kSensorNan), "sensors_t");
   if (lap.verdict) {
-    // The limit of f_s / N on a perfect floor, if that turns out to be none.
+    // On a floor of perfect friction f_s / N has no limit, but the ball may slip if rolling is impossible.
     const bool no_limit = lap.verdict->cause == trip_t::CAUSE_FRICTION && std::isinf(scenario_.surface.static_friction);
     check(std::isfinite(lap.verdict->trip_time_s) && ratio(lap.verdict->value) &&
               (std::isfinite(lap.verdict->limit) || (no_limit && lap.verdict->limit > 0)),
@@ -255,11 +248,10 @@ void Invariants::see_finite(const sil::Lap& lap) {
                        status.plan_duration_s, status.plan_horizon_s, status.plan_margin_min) &&
             ratio(status.mu_required) && ratio(status.plan_mu_required_max),
         "controller_status_t");
-  // What sensors that make no number say of N is not known, and a number in its place would be made up. Then f_s / N
-  // and the margin say the worst.
-  const bool senseless = suffers(sim::FaultKind::kSensorNan) || suffers(sim::FaultKind::kMessagesCorrupted);
+  // N cannot be estimated from sensors without numbers. f_s / N and the margin then have their worst values.
+  const bool no_numbers = has_fault(sim::FaultKind::kSensorNan) || has_fault(sim::FaultKind::kMessagesCorrupted);
   const auto unknown = [&](double mu_required, double margin) {
-    return senseless && std::isinf(mu_required) && margin == -1;
+    return no_numbers && std::isinf(mu_required) && margin == -1;
   };
   check(all_finite(status.normal_force_n, status.static_friction_n) || unknown(status.mu_required, status.margin),
         "the estimate of controller_status_t");
@@ -267,49 +259,50 @@ void Invariants::see_finite(const sil::Lap& lap) {
         "the prediction of controller_status_t");
 }
 
-void Invariants::see_envelope(const sil::Lap& lap, const Sample& truth) {
-  nobody_left_ = !lap.verdict && (!lap.answer || !has_controller_);
-  // The force's own length: what the plant says of it is not taken for granted. It may differ in the last digits.
+void Invariants::check_envelope(const sil::Lap& lap, const Sample& truth) {
+  all_silent_ = !lap.verdict && (!lap.answer || !has_controller_);
+  // The norm of the force is computed here instead of taken from the plant. It may differ in the last digits.
   constexpr double kRounding = 1e-12;
   const double friction_n = truth.friction_force_W_n.norm();
   const double least_n = std::min(truth.normal_force_n, truth.normal_force_min_n);
   const double mu_allowed = scenario_.envelope.friction_use * scenario_.surface.static_friction;
   const bool too_light = least_n <= scenario_.envelope.min_normal_force_n;
-  // On a floor that was to be perfect, and is not, the ball may slide too.
+  // The ball may also slide on a floor of perfect friction, where rolling is impossible.
   const bool lost = has_rolled_ && truth.regime == sim::Regime::kSliding;
   has_rolled_ = has_rolled_ || truth.regime == sim::Regime::kRolling;
   const auto slips_with = [&](double allowed) {
     return lost ||
            (std::isfinite(allowed) && (friction_n > allowed * truth.normal_force_n || truth.mu_required_max > allowed));
   };
-  outside_but_for_rounding_ = too_light || slips_with(mu_allowed * (1 - kRounding));
+  outside_within_rounding_ = too_light || slips_with(mu_allowed * (1 - kRounding));
   if (!too_light && !slips_with(mu_allowed * (1 + kRounding))) {
     undetected_ticks_ = 0;
     return;
   }
   violated_ = true;
-  const bool by_controller =
-      controller_heard_ && (status_.mode == controller_status_t::MODE_TRIPPED || status_.faults != 0);
+  const bool by_controller = has_status_ && (status_.mode == controller_status_t::MODE_TRIPPED || status_.faults != 0);
   const bool detected = trip_.tripped != 0 || by_controller;
-  if (detected || nobody_left_) {
+  if (detected || all_silent_) {
     undetected_ticks_ = 0;
     return;
   }
-  const std::int64_t allowed = bus_suffers_ ? 1 : 0;
+  const std::int64_t allowed = bus_faults_active_ ? 1 : 0;
   if (++undetected_ticks_ > allowed) {
     fail(Invariant::kDetected, tick_,
-         "N = %g N (least %g), f_s = %g N (most f_s/N %g), and no trip; allowed N > %g, f_s/N <= %g",
-         truth.normal_force_n, least_n, friction_n, truth.mu_required_max, scenario_.envelope.min_normal_force_n,
-         mu_allowed);
+         fmt::format(
+             "N = {:g} N (least {:g}), f_s = {:g} N (most f_s/N {:g}), and no trip; allowed N > {:g}, f_s/N <= {:g}",
+             truth.normal_force_n, least_n, friction_n, truth.mu_required_max, scenario_.envelope.min_normal_force_n,
+             mu_allowed));
   }
 }
 
-void Invariants::see_alarm(const sil::Lap& lap, const Sample& truth) {
-  if (trip_.tripped != 0 && heard_trip_tick_ == tick_ && !outside_but_for_rounding_) {
+void Invariants::check_alarm(const sil::Lap& lap, const Sample& truth) {
+  if (trip_.tripped != 0 && first_trip_tick_ == tick_ && !outside_within_rounding_) {
     fail(Invariant::kNoFalseAlarm, tick_,
-         "the monitor trips (cause %d, value %g, limit %g) while N = %g N (least %g), f_s = %g N (most f_s/N %g)",
-         trip_.cause, trip_.value, trip_.limit, truth.normal_force_n, truth.normal_force_min_n,
-         truth.friction_force_W_n.norm(), truth.mu_required_max);
+         fmt::format("the monitor trips (cause {}, value {:g}, limit {:g}) while N = {:g} N (least {:g}), f_s = {:g} N "
+                     "(most f_s/N {:g})",
+                     trip_.cause, trip_.value, trip_.limit, truth.normal_force_n, truth.normal_force_min_n,
+                     truth.friction_force_W_n.norm(), truth.mu_required_max));
   }
   if (!has_controller_) return;
   const auto has = [&](firmware::Fault fault) {
@@ -325,67 +318,64 @@ void Invariants::see_alarm(const sil::Lap& lap, const Sample& truth) {
       (has(Fault::kStepOverload) && !(lap.answer->status.overload_value > lap.answer->status.overload_limit)) ||
       (static_cast<std::uint32_t>(lap.answer->status.faults) & ~known) != 0;
   if (alarm) {
-    fail(Invariant::kNoFalseAlarm, tick_, "the controller has faults 0x%x, and nothing explains them",
-         static_cast<std::uint32_t>(lap.answer->status.faults));
+    fail(Invariant::kNoFalseAlarm, tick_,
+         fmt::format("the controller has faults 0x{:x}, and nothing explains them",
+                     static_cast<std::uint32_t>(lap.answer->status.faults)));
   }
 }
 
-void Invariants::see_obeyed(const sil::Lap& lap) {
+void Invariants::check_obeyed(const sil::Lap& lap) {
   const std::int8_t mode = lap.answer->status.mode;
   if (!monitor_tripped_ || mode == controller_status_t::MODE_TRIPPED || mode == controller_status_t::MODE_DISARMED)
     return;
-  // A verdict a tick old is not stale yet, one of two ticks is.
-  const std::int64_t late = lap.answer->status.tick - heard_trip_tick_;
-  if (late < (bus_suffers_ ? 2 : 0)) return;
+  // A verdict is stale when it is two ticks old.
+  const std::int64_t late = lap.answer->status.tick - first_trip_tick_;
+  if (late < (bus_faults_active_ ? 2 : 0)) return;
   fail(Invariant::kObeyed, tick_,
-       "the monitor says since tick %lld that it has tripped, and the controller is in mode %d",
-       static_cast<long long>(heard_trip_tick_), mode);
+       fmt::format("the monitor says since tick {} that it has tripped, and the controller is in mode {}",
+                   first_trip_tick_, mode));
 }
 
-void Invariants::see_verdict(const sil::Lap& lap) {
+void Invariants::check_verdict(const sil::Lap& lap) {
   const trip_t& trip = *lap.verdict;
   if (trip_.tripped == 0 && trip.tripped != 0) {
     trip_ = trip;
-    heard_trip_tick_ = tick_;
-    if (trip.cause == trip_t::CAUSE_NONE || (trip.trip_tick != tick_ && !bus_suffers_)) {
-      fail(Invariant::kLatched, tick_, "a trip begins with cause %d and tick %lld", trip.cause,
-           static_cast<long long>(trip.trip_tick));
+    first_trip_tick_ = tick_;
+    if (trip.cause == trip_t::CAUSE_NONE || (trip.trip_tick != tick_ && !bus_faults_active_)) {
+      fail(Invariant::kLatched, tick_,
+           fmt::format("a trip begins with cause {} and tick {}", trip.cause, trip.trip_tick));
     }
   } else if (trip_.tripped != 0) {
-    // The value may be +infinity, never NaN.
+    // The value may be +infinity but not NaN, so it can be compared.
     const bool same = trip.cause == trip_.cause && trip.trip_tick == trip_.trip_tick &&
                       trip.trip_time_s == trip_.trip_time_s && trip.value == trip_.value && trip.limit == trip_.limit;
-    // One that was started again may find the ball outside again, in the very tick: that is a trip of its own, which
-    // nobody who has latched the first can tell from it, or need.
-    if (trip.tripped == 1 && (same || suffers(sim::FaultKind::kPeerRestarted))) {
+    // A restarted monitor may find the ball outside again in the same tick. That second trip is as good as the first.
+    if (trip.tripped == 1 && (same || has_fault(sim::FaultKind::kPeerRestarted))) {
       monitor_tripped_ = true;
       return;
     }
-    char text[160];
-    std::snprintf(text, sizeof text, "the trip of tick %lld (cause %d) has become tripped = %d, tick %lld, cause %d",
-                  static_cast<long long>(trip_.trip_tick), trip_.cause, trip.tripped,
-                  static_cast<long long>(trip.trip_tick), trip.cause);
-    if (!taken_back_) taken_back_ = {Invariant::kLatched, tick_, text};
+    const std::string text = fmt::format("the trip of tick {} (cause {}) has become tripped = {}, tick {}, cause {}",
+                                         trip_.trip_tick, trip_.cause, trip.tripped, trip.trip_tick, trip.cause);
+    if (!reopened_latch_) reopened_latch_ = {Invariant::kLatched, tick_, text};
   }
   monitor_tripped_ = trip.tripped != 0;
 }
 
-void Invariants::see_controller_latch(const sil::Lap& lap) {
+void Invariants::check_controller_latch(const sil::Lap& lap) {
   const auto faults = static_cast<std::uint32_t>(lap.answer->status.faults);
   const bool tripped = lap.answer->status.mode == controller_status_t::MODE_TRIPPED;
   if (controller_tripped_ && (!tripped || (faults & faults_) != faults_)) {
-    char text[160];
-    std::snprintf(text, sizeof text, "the controller tripped with faults 0x%x, and is in mode %d with 0x%x", faults_,
-                  lap.answer->status.mode, faults);
-    if (!taken_back_) taken_back_ = {Invariant::kLatched, tick_, text};
+    const std::string text = fmt::format("the controller tripped with faults 0x{:x}, and is in mode {} with 0x{:x}",
+                                         faults_, lap.answer->status.mode, faults);
+    if (!reopened_latch_) reopened_latch_ = {Invariant::kLatched, tick_, text};
   }
   if (tripped && faults == 0) fail(Invariant::kLatched, tick_, "the controller is tripped and has no fault");
   if (tripped) faults_ |= faults;
 }
 
-// The promise is the plan's. It is given in the tick of the trip, and anew only if what it asks for cannot be stepped:
-// then the controller says so with a fault of its own.
-void Invariants::see_stop(const sil::Lap& lap, const Sample& truth) {
+// The plan of the stop gives its end. It is made in the tick of the trip, and again only if its steps are impossible,
+// which the controller reports with a fault.
+void Invariants::check_stop(const sil::Lap& lap, const Sample& truth) {
   const controller_status_t& status = lap.answer->status;
   if (status.mode != controller_status_t::MODE_TRIPPED) return;
   const double period_s = scenario_.run.control_period_s;
@@ -397,29 +387,31 @@ void Invariants::see_stop(const sil::Lap& lap, const Sample& truth) {
     double left_s = 0;
     if (planned_now) {
       left_s = status.plan_duration_s;
-    } else if (status.at_rest == 0 && status.plan_duration_s > 0) {  // it was stopping already
+    } else if (status.at_rest == 0 && status.plan_duration_s > 0) {  // an earlier stop is still going on
       left_s = status.plan_duration_s - static_cast<double>(status.tick + 1 - status.plan_tick) * period_s;
     } else if (status.at_rest == 0) {
       fail(Invariant::kAtRest, tick_, "the controller trips while its masses move, and promises no stop");
     }
-    // The end may lie inside a tick. Often it is a tick's start, but for rounding: a stop out of a ramp takes three
-    // times the ticks that the ramp has lasted. Then the tick after it is right too.
+    // The end may lie inside a tick. Often it is the start of a tick except for rounding, since a stop out of a ramp
+    // takes three times as long as the ramp so far. The next tick is then correct too.
     stop_ticks_ = std::max(left_s, 0.0) / period_s;
     rest_due_tick_ += static_cast<std::int64_t>(std::ceil(stop_ticks_ + 1e-9));
   }
-  // `at_rest` speaks of the start of the next tick, whose steps come with it.
+  // `at_rest` is the state at the start of the next tick, whose steps are in the same lap.
   if (status.tick + 1 < rest_due_tick_) return;
   if (status.at_rest == 0) {
-    fail(Invariant::kAtRest, tick_,
-         "the commanded masses move on after the stop's promised end, tick %lld, %.12g ticks after it began",
-         static_cast<long long>(rest_due_tick_), stop_ticks_);
+    fail(
+        Invariant::kAtRest, tick_,
+        fmt::format("the commanded masses move on after the stop's promised end, tick {}, {:.12g} ticks after it began",
+                    rest_due_tick_, stop_ticks_));
   }
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
     if (lap.answer->steps.steps[i] != 0 && lap.answer->steps.tick > rest_due_tick_) {
-      fail(Invariant::kAtRest, tick_, "motor %zu is sent %d steps after the stop's promised end, tick %lld", i,
-           lap.answer->steps.steps[i], static_cast<long long>(rest_due_tick_));
+      fail(Invariant::kAtRest, tick_,
+           fmt::format("motor {} is sent {} steps after the stop's promised end, tick {}", i, lap.answer->steps.steps[i],
+                       rest_due_tick_));
     }
-    // A rotor further than a tooth from where its field stands is held by another tooth.
+    // A rotor further than a tooth from its field is held by another tooth.
     const sim::Motor& motor = scenario_.masses[i].motor;
     const double tooth = 2 * std::numbers::pi * 4 / motor.steps_per_revolution / motor.shaft_ratio;
     if (status.tick > rest_due_tick_ && std::abs(truth.mass_position[i] - status.commanded_position[i]) > tooth)
@@ -444,20 +436,20 @@ void Invariants::expect_in_log(const sil::Lap& lap) {
 }
 
 void Invariants::finish(const sil::RunResult& result, const std::string& log_path) {
-  if (taken_back_ && (result.status == hal::Status::kOk || taken_back_->tick != tick_))
-    fail(Invariant::kLatched, taken_back_->tick, "%s", taken_back_->text.c_str());
+  if (reopened_latch_ && (result.status == hal::Status::kOk || reopened_latch_->tick != tick_))
+    fail(Invariant::kLatched, reopened_latch_->tick, reopened_latch_->text);
   finish_detected(result);
   finish_end(result);
   finish_stop(result);
-  read_log(log_path, result.status == hal::Status::kIo && suffers(sim::FaultKind::kDiskFull));
+  read_log(log_path, result.status == hal::Status::kIo && has_fault(sim::FaultKind::kDiskFull));
 }
 
 void Invariants::finish_end(const sil::RunResult& result) {
   if (result.status != hal::Status::kOk) {
     const bool has_reason =
-        bus_suffers_ || suffers(sim::FaultKind::kControllerOverrun) || suffers(sim::FaultKind::kDiskFull);
+        bus_faults_active_ || has_fault(sim::FaultKind::kControllerOverrun) || has_fault(sim::FaultKind::kDiskFull);
     if (!has_reason || result.trouble.empty())
-      fail(Invariant::kEnded, tick_, "the run broke off: \"%s\"", result.trouble.c_str());
+      fail(Invariant::kEnded, tick_, fmt::format("the run broke off: \"{}\"", result.trouble));
     return;
   }
   const bool tripped = result.trip.tripped != 0 || result.controller_trip.has_value();
@@ -477,20 +469,21 @@ void Invariants::finish_end(const sil::RunResult& result) {
       as_it_says = !result.end_text.empty();
       break;
     case sil::EndReason::kStepTiming:
-      break;  // nobody has asked for it
+      break;  // --check-steps is off
   }
   if (!as_it_says) {
-    fail(Invariant::kEnded, tick_, "it ended as %s at t = %.17g s, which is not what happened",
-         to_string(result.end_reason), result.final_sample.time_s);
+    fail(Invariant::kEnded, tick_,
+         fmt::format("it ended as {} at t = {:.17g} s, which is not what happened", to_string(result.end_reason),
+                     result.final_sample.time_s));
   }
   if (!has_ended_) fail(Invariant::kEnded, tick_, "the last message does not say that it is the last");
   const int status = sil::exit_status(result);
-  // A slip that begins and ends between two ticks shows at neither; the run knows of it.
+  // A slip that begins and ends between two ticks shows in no sample, but the run reports it.
   const int due = violated_ || result.rolling_lost || trip_.tripped != 0 || controller_tripped_ ||
                           result.end_reason != sil::EndReason::kCompleted
                       ? program::kExitEnvelope
                       : program::kExitCompleted;
-  if (status != due) fail(Invariant::kEnded, tick_, "exit status %d where %d is due", status, due);
+  if (status != due) fail(Invariant::kEnded, tick_, fmt::format("exit status {} where {} is due", status, due));
   if ((result.trip.tripped != 0) != (trip_.tripped != 0) || (result.controller_trip.has_value() && !tripped)) {
     fail(Invariant::kEnded, tick_, "the summary's trip is not the one of the messages");
   }
@@ -501,24 +494,25 @@ void Invariants::finish_end(const sil::RunResult& result) {
   }
 }
 
-// Whatever the plant said of its regime.
+// A run that ends because rolling is lost needs a trip, whatever regime the plant reported.
 void Invariants::finish_detected(const sil::RunResult& result) {
   const bool lost = result.status == hal::Status::kOk &&
                     (result.end_reason == sil::EndReason::kSlipped || result.end_reason == sil::EndReason::kDetached);
-  const bool detected = trip_.tripped != 0 || (controller_heard_ && status_.faults != 0);
-  // Of a ball that has never rolled nothing is lost; of injured messages the last may be the one that speaks of it.
-  if (!lost || detected || !has_rolled_ || bus_suffers_ || nobody_left_) return;
-  fail(Invariant::kDetected, tick_, "the run ended as %s, and nobody has tripped", to_string(result.end_reason));
+  const bool detected = trip_.tripped != 0 || (has_status_ && status_.faults != 0);
+  // A ball that has never rolled loses nothing. With faulty messages, the trip may be in a message that was lost.
+  if (!lost || detected || !has_rolled_ || bus_faults_active_ || all_silent_) return;
+  fail(Invariant::kDetected, tick_,
+       fmt::format("the run ended as {}, and nobody has tripped", to_string(result.end_reason)));
 }
 
 void Invariants::finish_stop(const sil::RunResult& result) {
   if (!controller_tripped_ || result.status != hal::Status::kOk) return;
-  // The ball is gone, or the scenario's time is over, before the stop: `end` says so. What the controller said last is
-  // of the start of the tick after.
+  // The run may end before the stop does, because rolling is lost or the scenario is over. The controller's latest
+  // status is of the start of the next tick.
   if (status_.tick + 1 < rest_due_tick_) {
     if (result.end_reason == sil::EndReason::kTripped)
-      fail(Invariant::kAtRest, tick_, "ended as stopped before the stop's promised end, tick %lld",
-           static_cast<long long>(rest_due_tick_));
+      fail(Invariant::kAtRest, tick_,
+           fmt::format("ended as stopped before the stop's promised end, tick {}", rest_due_tick_));
     return;
   }
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
@@ -527,15 +521,16 @@ void Invariants::finish_stop(const sil::RunResult& result) {
                           result.end_stops[i].touches != 0;
     if (carried_away_[i] && !reported) {
       fail(Invariant::kAtRest, tick_,
-           "mass %zu was not held where the stop had sent it, and nothing that explains it is reported", i);
+           fmt::format("mass {} was not held where the stop had sent it, and nothing that explains it is reported", i));
     }
     if (result.end_reason != sil::EndReason::kTripped || !result.masses_rested) continue;
-    // What the run calls rest: slower than a twentieth of the fastest there was.
+    // The run calls a mass at rest if it is slower than a twentieth of the greatest speed.
     const auto& rail = scenario_.masses[i].rail;
     const double lever = rail.shape == firmware::RailShape::kCircle ? rail.radius_m : 1;
     if (lever * std::abs(truth_.mass_velocity[i]) > top_speed_mps_ / 20 * (1 + 1e-12)) {
-      fail(Invariant::kAtRest, tick_, "mass %zu is said to be at rest, and moves at %g m/s of at most %g", i,
-           lever * std::abs(truth_.mass_velocity[i]), top_speed_mps_);
+      fail(Invariant::kAtRest, tick_,
+           fmt::format("mass {} is said to be at rest, and moves at {:g} m/s of at most {:g}", i,
+                       lever * std::abs(truth_.mass_velocity[i]), top_speed_mps_));
     }
   }
 }
@@ -543,33 +538,35 @@ void Invariants::finish_stop(const sil::RunResult& result) {
 void Invariants::read_log(const std::string& path, bool cut_short) {
   sil::LogReader reader(path);
   if (!reader.error().empty()) {
-    // Of a run that breaks off in its first tick nothing has been said: its log is empty.
-    const bool nothing_said = cut_short ? laps_ <= 1 : laps_ == 0;
-    if (!nothing_said) fail(Invariant::kLogged, tick_, "%s", reader.error().c_str());
+    // A run that fails in its first tick has published nothing, and its log is empty.
+    const bool empty_log = cut_short ? laps_ <= 1 : laps_ == 0;
+    if (!empty_log) fail(Invariant::kLogged, tick_, reader.error());
     return;
   }
   log_hash_ = kHashSeed;
   std::size_t read = 0;
   for (sil::LogEvent event; reader.next(event); ++read) {
     if (read >= expected_.size()) {
-      fail(Invariant::kLogged, tick_, "the log goes on after the last tick with %s", event.channel.c_str());
+      fail(Invariant::kLogged, tick_, fmt::format("the log goes on after the last tick with {}", event.channel));
       return;
     }
     const Logged& due = expected_[read];
     const std::uint64_t hash_here = hash_of(event.timestamp, event.data);
     log_hash_ = hash(log_hash_, &hash_here, sizeof hash_here);
     if (event.channel != due.channel || hash_here != due.hash) {
-      fail(Invariant::kLogged, due.tick, "event %zu is %s where this tick's %s is due, or its bytes are others", read,
-           event.channel.c_str(), due.channel);
+      fail(Invariant::kLogged, due.tick,
+           fmt::format("event {} is {} where this tick's {} is due, or its bytes are others", read, event.channel,
+                       due.channel));
       return;
     }
   }
-  // A full disk has taken every tick but the last; the run has said why it ends.
+  // A full disk has stored every tick but the last, and the run has reported it.
   if (cut_short && read < expected_.size() && expected_[read].tick == tick_) return;
   if (!reader.damage().empty()) {
-    fail(Invariant::kLogged, tick_, "the log is %s", reader.damage().c_str());
+    fail(Invariant::kLogged, tick_, fmt::format("the log is {}", reader.damage()));
   } else if (read < expected_.size()) {
-    fail(Invariant::kLogged, expected_[read].tick, "the log ends before this tick's %s", expected_[read].channel);
+    fail(Invariant::kLogged, expected_[read].tick,
+         fmt::format("the log ends before this tick's {}", expected_[read].channel));
   }
 }
 

@@ -1,5 +1,5 @@
-// Random numbers that are the same on every machine: the distributions of <random> are their library's own. Draw one
-// number per expression: in which order the parts of one are computed is the compiler's.
+// Random numbers that are the same on every machine, unlike the distributions of <random>. Draw one number per
+// expression, since the compiler chooses the order in which the parts of an expression are computed.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -19,9 +19,9 @@ class Random {
     constexpr double kUnit = 0x1p-53;
     return low + (high - low) * (static_cast<double>(engine_() >> 11) * kUnit);
   }
-  // Every power of ten is as likely as the next.
+  // The logarithm is uniformly distributed.
   double log_uniform(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
-  int integer(int low, int high) {  // both included; their distance is far below 2^32, so that no number is favoured
+  int integer(int low, int high) {  // both included; high - low is far below 2^32, so that no number is favoured
     return low + static_cast<int>((engine_() >> 32) * static_cast<std::uint64_t>(high - low + 1) >> 32);
   }
   bool chance(double probability) { return uniform(0, 1) < probability; }

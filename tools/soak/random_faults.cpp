@@ -22,7 +22,7 @@ struct SeverityText {
   const char* severe;
 };
 
-// Of each kind, in the order of FaultKind; what FaultDraw draws.
+// One entry per kind, in the order of FaultKind; FaultDraw draws from them.
 constexpr SeverityText kSeverities[] = {
     {"for one tick", "all of a channel"},                                       // messages_dropped
     {"1 tick late, for one tick", "2 to 20 ticks late"},                        // messages_delayed
@@ -137,7 +137,7 @@ class FaultDraw {
     return out + line("axis", std::to_string(random_.integer(0, 2)));
   }
 
-  // What the sensor usually says.
+  // The sensor's usual value.
   [[nodiscard]] double usual() const {
     switch (sensor_) {
       case FaultSensor::kGyro:
@@ -165,7 +165,7 @@ class FaultDraw {
   std::string whole(int low, int high) { return line("value", std::to_string(random_.integer(low, high))); }
   int sign() { return random_.chance(0.5) ? 1 : -1; }
 
-  // Of the floor's friction; of 1 where it is perfect.
+  // Share of the floor's friction; of 1 where it is perfect.
   std::string friction(double low, double high) {
     const double now = std::min(scenario_.surface.static_friction, 1.0);
     return value(low * now, high * now);

@@ -1,5 +1,4 @@
-// What goes wrong in a random scenario: none to three faults, of all kinds of sim/scenario/fault.h that apply to it, each mild
-// or severe.
+// The faults of a random scenario: none to three, mild or severe, of all kinds of sim/scenario/fault.h that apply.
 #pragma once
 
 #include <string>
@@ -19,10 +18,10 @@ struct RandomFault {
 
 std::vector<RandomFault> random_faults(const sim::Scenario& scenario, Random& random);
 
-// One of this kind, early enough to be seen. The kind has to apply.
+// A fault of this kind, early enough to have an effect. The kind has to apply to the scenario.
 RandomFault random_fault(const sim::Scenario& scenario, sim::FaultKind kind, int severity, Random& random);
 
-// What mild and severe mean for a kind; the same words where it has only one severity.
+// The meaning of a severity for a kind. A kind with one severity has the same text for both.
 const char* severity_text(sim::FaultKind kind, int severity);
 
 }  // namespace ballast::soak

@@ -42,8 +42,8 @@ Run run(const sim::Scenario& scenario) {
   sil::RunOptions options;
   options.interrupted = &enough;
   options.observe = [&](const sil::Lap& lap, const sim::Plant::Sample& truth) {
-    invariants.see(lap, truth);
-    if (invariants.endless()) enough = 1;
+    invariants.observe(lap, truth);
+    if (invariants.too_long()) enough = 1;
   };
   run.result = sil::run_with_faults(scenario, *peers, recorder, options);
   recorder.close();
@@ -102,8 +102,8 @@ SeedResult result_of(std::uint64_t seed, const RandomScenario& random, const Run
   return out;
 }
 
-// The first to notice, as messages and summary have it; of monitor and controller in the same tick, the one that need
-// not be told by the other.
+// The first to notice, by messages and summary. If monitor and controller notice in the same tick, the one that did not
+// learn it from the other counts.
 void note_detection(const sim::Scenario& scenario, const sil::RunResult& result, SeedResult& out) {
   constexpr auto kToldByTheMonitor = static_cast<std::uint32_t>(firmware::Fault::kMonitorTrip);
   std::int64_t tick = std::numeric_limits<std::int64_t>::max();
@@ -119,7 +119,7 @@ void note_detection(const sim::Scenario& scenario, const sil::RunResult& result,
     if ((static_cast<std::uint32_t>(trip->faults) & ~kToldByTheMonitor) != 0)
       notice(trip->tick, std::string("controller: ") + sil::fault_cause(trip->faults));
   }
-  // last_tick is in the log: what could not be written, or said, belongs to the next.
+  // last_tick is in the log. What could not be written or published belongs to the next tick.
   if (out.outcome == Outcome::kGivenUp) notice(result.last_tick + (result.status == hal::Status::kIo), "the run");
   out.detected = tick != std::numeric_limits<std::int64_t>::max();
   if (!out.detected) {
@@ -130,7 +130,7 @@ void note_detection(const sim::Scenario& scenario, const sil::RunResult& result,
   }
   set_text(out.detected_by, who);
   if (!out.detected) return;
-  // A fault between two ticks touches the later one; rounded as in Fault::begun().
+  // A fault between two ticks affects the later one, with the rounding of Fault::begun().
   const double onset = scenario.faults.front().time_s / scenario.run.control_period_s;
   out.detected_after = tick - static_cast<std::int64_t>(std::ceil(onset - 1e-6));
 }

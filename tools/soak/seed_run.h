@@ -1,4 +1,4 @@
-// One seed: its scenario, its run in this process, and what came of it.
+// The run of one seed: its scenario, the run in this process, and the result.
 #pragma once
 
 #include <cstddef>
@@ -12,19 +12,19 @@ namespace ballast::soak {
 
 // How the run ended.
 enum class Outcome : std::int8_t {
-  kCompleted,    // to the scenario's end, no trip
+  kCompleted,    // reached the scenario's end without a trip
   kStopped,      // tripped, and the masses came to rest
-  kStillMoving,  // tripped; stopped as commanded, and said that the masses still move
-  kCutShort,     // tripped; the scenario's time was over before they rested
+  kStillMoving,  // tripped and stopped as commanded; the run reports that the masses still move
+  kCutShort,     // tripped; the scenario ended before the masses rested
   kSlipped,
   kDetached,
   kInconsistent,
-  kGivenUp,  // could not go on; says why, and the log holds what happened
+  kGivenUp,  // could not go on; the run reports why, and the log is complete up to there
 };
 inline constexpr int kOutcomeCount = 8;
 const char* to_string(Outcome outcome);
 
-// Goes through a pipe as it is.
+// Sent through a pipe byte by byte.
 struct SeedResult {
   std::uint64_t seed = 0;
   std::int64_t ticks = 0;
@@ -34,17 +34,17 @@ struct SeedResult {
   Outcome outcome = Outcome::kCompleted;
   bool violated = false;  // the true ball left the envelope
 
-  // Of the first invariant that broke; -1: none did.
+  // The first invariant that broke; -1: none.
   std::int32_t broken = -1;
   std::int64_t broken_tick = 0;
   char broken_text[300] = {};
 
-  // For the failure table, if asked for; kind -1: it is of no use there.
+  // For the failure table; kind -1: the result is not used there.
   std::int32_t fault_kind = -1;
   std::int32_t severity = 0;
   bool detected = false;
-  std::int64_t detected_after = 0;  // ticks, from the first that the fault could touch
-  char detected_by[40] = {};        // who was the first to notice, and as what
+  std::int64_t detected_after = 0;  // in ticks, from the first that the fault can affect
+  char detected_by[40] = {};        // who noticed first, and the cause
 };
 
 // Sets a text field of a SeedResult to as much of `text` as fits.
@@ -56,7 +56,7 @@ void set_text(char (&field)[N], std::string_view text) {
 // A random scenario with its random faults.
 SeedResult run_seed(std::uint64_t seed);
 
-// For the failure table: a calm robot that suffers one fault. Kinds and severities take turns, seed by seed.
+// For the failure table: a calm robot with one fault. Kinds and severities alternate with the seed.
 SeedResult run_table_seed(std::uint64_t seed);
 RandomScenario table_scenario(std::uint64_t seed);
 

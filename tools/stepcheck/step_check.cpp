@@ -8,7 +8,7 @@ namespace ballast::stepcheck {
 
 namespace {
 
-// Of a timer tick: rounding where pulses are just as close as the step rate allows.
+// Part of a timer tick: rounding where pulses are just as close as the step rate allows.
 constexpr long double kSpacingSlackTicks = 0.02L;
 // Crossings this close to a border between ticks, in timer ticks, may be seen on its other side.
 constexpr long double kBorderTicks = 5e-3L;
@@ -239,7 +239,7 @@ std::optional<Violation> MotorCheck::tick(std::int64_t tick, std::span<const Bur
   }
   if (!on_motion_) return std::nullopt;
 
-  // What was crossed in this tick has its pulse by now, or is part of a touch, or lies on the border.
+  // A level crossed in this tick has its pulse by now, belongs to a touch, or lies on the border.
   const long double end_s = time_s(tick + 1, 0);
   const long double border_s = kBorderTicks / frequency_hz_;
   while (expect(1, end_s) && due_.front().time_s < end_s - border_s) {
