@@ -162,6 +162,9 @@ void warn_of_implausible_values(const Node& root_node, const std::string& source
     root.warn("gravity", "is " + number_text(scenario.gravity_mps2) +
                              " m/s^2; the Earth's is 9.81 m/s^2, which is 9810 mm/s^2 and 32.2 ft/s^2");
   }
+  if (scenario.gravity_mps2 == 0 && !(scenario.external_force_W_n[2] < 0)) {
+    root.warn("gravity", "is zero: nothing presses the ball on the floor, so it detaches at once");
+  }
   warn_of_ball(root.table("ball"), scenario);
   warn_of_surface(root, scenario);
   std::vector<TableReader> masses = root.tables("mass", "");

@@ -1120,7 +1120,7 @@ TEST(Check, NamesMotorsThatLackTorqueAndValuesNoRobotHas) {
   EXPECT_EQ(weak.out.find(": good"), std::string::npos) << weak.out;
   const Outcome sound = folder.run("ballast check desk_ball");
   EXPECT_NE(sound.out.find("desk_ball: good"), std::string::npos) << sound.out;
-  EXPECT_NE(sound.out.find("note: mass.0.motor: full steps come at "), std::string::npos) << sound.out;
+  EXPECT_NE(sound.out.find("note: mass.0.motor: passes a resonance at t = "), std::string::npos) << sound.out;
   const Outcome paper = folder.run("ballast check paper_ball");
   EXPECT_NE(paper.out.find("ball.inertia.2 = 1.1: is more than 1 kg m^2"), std::string::npos) << paper.out;
   const Outcome long_run = folder.run("ballast check desk_ball --set duration=1e5");

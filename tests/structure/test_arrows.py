@@ -1,7 +1,7 @@
 """The arrows between rooms point down: each source includes only its own room and rooms below it.
 
-ROOMS lists every room that holds C++, bottom first. A room may include those above it in this list only if it is one of
-the few exceptions in ALLOWED_EXTRA. A new room has to be entered here, at the height where it belongs.
+ROOMS lists every room that holds C++, bottom first. A room may include only rooms listed before it; ALLOWED_EXTRA has the
+exceptions. A new room has to be entered here, at the height where it belongs.
 """
 import pathlib
 import re

@@ -60,9 +60,10 @@ std::string resonance(std::size_t i, const sim::Mass& mass, const std::vector<do
   for (std::size_t k = 0; k < shown; ++k) times += fmt::format("{}{:.3g}", k == 0 ? "" : ", ", times_s[k]);
   if (times_s.size() > shown) times += fmt::format(" and {} times more", times_s.size() - shown);
   return fmt::format(
-      "mass.{}.motor: full steps come at {}{:.3g} Hz, the frequency at which rotor and mass swing, at t = {} s "
-      "(damping ratio {:.2g}); finer microsteps, more viscous_damping, or passing through quickly helps",
-      i, order == 1 ? "" : "twice ", swing_hz(mass), times, damping_ratio(mass));
+      "mass.{}.motor: passes a resonance at t = {} s: its full steps come at {}{:.3g} Hz, the natural frequency of "
+      "rotor "
+      "and mass (damping ratio {:.2g}); finer microsteps, more viscous_damping, or passing through quickly helps",
+      i, times, order == 1 ? "" : "twice ", swing_hz(mass), damping_ratio(mass));
 }
 
 // Where the rate of full steps passes `hz`.

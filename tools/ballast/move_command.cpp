@@ -83,7 +83,7 @@ std::string way_to_go_text(const firmware::MoveRequest& request, const controlle
   for (int i = 0; i < status.motor_count; ++i) {
     if ((request.masses >> i & 1u) == 0) continue;
     const double target = request.target_position[static_cast<std::size_t>(i)], position = status.commanded_position[i];
-    text += fmt::format("{}mass {} is at {:.6g} (asked: {:.6g}, {:.2g} to go)", text.empty() ? "" : ", ", i, position,
+    text += fmt::format("{}mass {} is at {:.6g} (asked: {:.6g}, {:.3g} to go)", text.empty() ? "" : ", ", i, position,
                         target, target - position);
   }
   return text;
@@ -189,9 +189,9 @@ int move(const MoveCommand& command) {
     const double most_s = std::max(kLongestMove_s, scenario->duration_s), takes_s = plan.move->predicted.duration_s;
     if (takes_s > most_s) {
       return refuse(
-          fmt::format("the move takes {} s; allowed: at most {} s, or the scenario's duration where that is "
+          fmt::format("the move takes {:.6g} s; allowed: at most {} s, or the scenario's duration where that is "
                       "longer (--set duration=...); a shorter move or a greater --speed-fraction takes less",
-                      sim::number_text(takes_s), sim::number_text(most_s)));
+                      takes_s, sim::number_text(most_s)));
     }
     warn_of_breach(plan.move->predicted, scenario->envelope);
   }

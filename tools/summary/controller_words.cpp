@@ -113,7 +113,7 @@ std::string breach_text(const firmware::Prediction& plan, double friction_use, d
 
 std::string predicted_text(const firmware::Prediction& plan) {
   if (std::isnan(plan.normal_force_min_n)) {
-    return "nothing predicted: the sensors gave no number, or it ended before its prediction was complete";
+    return "nothing predicted: the run ended first, or the sensors gave no valid attitude";
   }
   const bool in_part = plan.horizon_s < plan.duration_s;
   return fmt::format("predicted{}, masses as commanded: least N {:.6g} N, most f_s/N {:.6f}, least margin {:.4f}",

@@ -105,7 +105,7 @@ std::string move_end_text(const sim::Scenario& scenario, const RunResult& result
     const double position = result.final_sample.mass_position[i];
     const double target = result.move_end->asked.target_position[i];
     if (asked(*result.move_end, i))
-      moved += fmt::format("{}mass {} at {:.6g} (asked: {:.6g}, {:.2g} to go)", moved.empty() ? "" : ", ", i, position,
+      moved += fmt::format("{}mass {} at {:.6g} (asked: {:.6g}, {:.3g} to go)", moved.empty() ? "" : ", ", i, position,
                            target, target - position);
     else
       held += fmt::format("{}mass {} at {:.6g}", held.empty() ? "; held: " : ", ", i, position);

@@ -173,9 +173,9 @@ std::string friction_lines(const sim::Scenario& scenario, const RunResult& resul
     }
   }
   if (result.end_reason != EndReason::kCompleted) {
-    text += "; what follows holds up to the end";
+    text += "; the lines below hold only up to the run's end";
   } else if (result.rolling_lost) {
-    text += "; rolling was lost, so what follows says nothing of other floors after that";
+    text += "; rolling was lost: the lines below hold only up to then";
   }
   std::string holds_on, slips_on;
   const auto floors = floor_verdicts(scenario, result);
@@ -211,7 +211,7 @@ std::string step_lines(const sim::Scenario& scenario, const RunResult& result) {
       slips += result.motors[i].slips;
     }
     text += fmt::format("  steps       {} issued, {} lost", issued.empty() ? "0" : issued, lost);
-    if (slips > 0) text += fmt::format(" ({} slips, forth and back)", slips);
+    if (slips > 0) text += fmt::format(" ({} slips, both directions counted)", slips);
     text += "\n";
   }
   for (const std::string& warning : warnings_of_masses(scenario, result)) text += "  WARNING     " + warning + "\n";
@@ -260,7 +260,7 @@ std::string share_line(const MotorShare& share) {
   };
   const double commanded = share.commanded_mu_required_max.value;
   return fmt::format(
-      "  share       the motors move N by up to {} N, f_s by {} N, f_s/N by {}; commanded most f_s/N {}\n",
+      "  share       the motors change N by up to {} N, f_s by {} N, f_s/N by {}; commanded most f_s/N {}\n",
       part(share.normal_force_n), part(share.static_friction_n), part(share.mu_required),
       std::isfinite(commanded) ? fmt::format("{:.6f}", commanded) : "unbounded");
 }
