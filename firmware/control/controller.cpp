@@ -97,7 +97,10 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   const GuardState guards{state.faults == 0, at_rest_from(params, state, next), causes != 0};
   if (state.faults != 0) trip(state, guards);
   obey(params, inputs, guards, state);
-  if (state.mode == Mode::kPending && next == state.plan_tick) {
+  if (state.mode == Mode::kPending && next == state.plan_tick && !state.planned) {
+    state.faults |= bit(Fault::kInternal);  // pending_ticks() would be too few
+    trip(state, guards);
+  } else if (state.mode == Mode::kPending && next == state.plan_tick) {
     state.mode = next_mode(state.mode, Event::kDue, guards);
     begin(state, next);
   }

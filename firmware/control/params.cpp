@@ -6,8 +6,8 @@
 #include <limits>
 
 #include "firmware/motion/motion_limits.h"
-#include "firmware/motion/step_command.h"
 #include "firmware/motion/rail_ends.h"
+#include "firmware/motion/step_command.h"
 
 namespace ballast::firmware {
 

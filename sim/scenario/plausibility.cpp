@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace ballast::sim {
@@ -25,16 +26,18 @@ std::array<double, 2> reach(const firmware::Rail& rail) {
 Eigen::Vector3d point(const firmware::Rail& rail, double theta) { return firmware::evaluate(rail, theta).position; }
 
 bool same_curve(const firmware::Rail& a, const firmware::Rail& b, double touching_m) {
-  constexpr int kProbes = 8;
+  constexpr int kProbes = 8, kSamples = 256;
   const auto [low, high] = reach(a);
+  const auto [b_low, b_high] = reach(b);
+  const double unit_m = b.shape == firmware::RailShape::kCircle ? b.radius_m : 1;
+  const double allowed_m = touching_m + unit_m * (b_high - b_low) / (2 * kSamples);
   for (int i = 0; i < kProbes; ++i) {
-    const Eigen::Vector3d here = point(a, low + (high - low) * i / kProbes);
-    const auto [b_low, b_high] = reach(b);
+    const Eigen::Vector3d here = point(a, low + (high - low) * i / (kProbes - 1));
     double nearest_m = std::numeric_limits<double>::infinity();
-    for (int k = 0; k <= 256; ++k) {
-      nearest_m = std::min(nearest_m, (point(b, b_low + (b_high - b_low) * k / 256) - here).norm());
+    for (int k = 0; k <= kSamples; ++k) {
+      nearest_m = std::min(nearest_m, (point(b, b_low + (b_high - b_low) * k / kSamples) - here).norm());
     }
-    if (nearest_m > touching_m + (b_high - b_low) / 512) return false;
+    if (nearest_m > allowed_m) return false;
   }
   return true;
 }

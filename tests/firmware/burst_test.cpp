@@ -191,6 +191,9 @@ TEST(LongestBurst, AnyThreePulsesOfOneDirectionFit) {
       const StepBurst burst = longest_burst(left, rules, earliest);
       const auto count = static_cast<std::size_t>(burst.count);
       ASSERT_GE(count, std::min<std::size_t>(3, left.size()));
+      ASSERT_GE(pulse_ticks(burst, 0), earliest);
+      for (int j = 1; j < burst.count; ++j) ASSERT_GE(pulse_ticks(burst, j) - pulse_ticks(burst, j - 1), rules.gap);
+      ASSERT_LE(static_cast<Real>(pulse_ticks(burst, burst.count - 1)), rules.last_tick);
       done += count;
       earliest = static_cast<std::int32_t>(pulse_ticks(burst, burst.count - 1)) + rules.gap;
       if (done < size) raise_lows(std::span(pulses).subspan(done), earliest);

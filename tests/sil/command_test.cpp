@@ -506,8 +506,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadInput{"NoScenario", "", 1, "SCENARIO"},
         BadInput{"OutputUnderAFile", "ball.toml --out file/results", 2, "file/results"},
         BadInput{"OutputIsAFile", "ball.toml --out file", 2, "file: is a file; allowed: a folder"},
-        BadInput{"ElfForTheHost", "ball.toml --firmware-elf file", 1,
-                 "--firmware-elf: not with --firmware host"},
+        BadInput{"ElfForTheHost", "ball.toml --firmware-elf file", 1, "--firmware-elf: not with --firmware host"},
         // What a run was to be made of is looked at after its folder was made.
         BadInput{"NoElf", "paper_ball --firmware qemu --firmware-elf nowhere.elf --out e/f/", 2, "nowhere.elf"},
         BadInput{"ElfThatIsNone", "paper_ball --firmware qemu --firmware-elf file --out e", 2, "file: is no program"},
@@ -996,7 +995,8 @@ TEST(Move, OfOneThatIsPredictedForItsFirstSecondsOnlyThatIsSaidBefore) {
   const auto planned = folder.summary("m")["move"];
   ASSERT_LT(planned["predicted_for"], planned["duration"]);
   EXPECT_NE(move.err.find("only the first "), std::string::npos) << move.err;
-  EXPECT_NE(move.err.find(" are predicted: the prediction has a limited number of steps"), std::string::npos) << move.err;
+  EXPECT_NE(move.err.find(" are predicted: the prediction has a limited number of steps"), std::string::npos)
+      << move.err;
 }
 
 TEST(Program, AWordThatIsNoCommandIsNamed) {
@@ -1067,7 +1067,8 @@ TEST(Trip, SaysWhatWasSeenAndAllowedInItsOwnTerms) {
   EXPECT_NE(trip_of("--fault sensor_nan@0.5").find("nonfinite at t = 0.500000 s; the stop"), std::string::npos);
   EXPECT_NE(trip_of("--fault friction_falls@0.5:0.001").find("the ball slid at f_s/N = "), std::string::npos);
   EXPECT_NE(trip_of("--set envelope.friction_use=0.001").find(": f_s/N was "), std::string::npos);
-  EXPECT_NE(trip_of("--fault sensor_bias@0.5:3,sensor=gyro").find(" N about N and f_s; allowed: <= "), std::string::npos);
+  EXPECT_NE(trip_of("--fault sensor_bias@0.5:3,sensor=gyro").find(" N about N and f_s; allowed: <= "),
+            std::string::npos);
   EXPECT_NE(trip_of("--fault messages_dropped@0.5:channel=BALLAST_CONTROLLER_STATUS")
                 .find(": silent for 2 ticks; allowed: 1"),
             std::string::npos);
@@ -1096,6 +1097,16 @@ TEST(Run, SaysWhatAStopWasPredictedToDo) {
   ASSERT_TRUE(folder.summary("r")["stop"].is_object()) << cut.out;
   EXPECT_EQ(folder.summary("r")["stop"]["margin_min"], nullptr);
   EXPECT_NE(cut.out.find("; never begun: the run ended at t = "), std::string::npos) << cut.out;
+}
+
+// There is no controller to ask why.
+TEST(Run, APrescribedRunThatIsInterruptedCouldNotRun) {
+  const Folder folder;
+  const std::string run = "ballast run paper_ball --actuation prescribed --speed 1 --out r";
+  const Outcome ended = folder.run(started("exec env --default-signal=INT " + run, "r/run.lcmlog") +
+                                   "kill -INT $run; wait $run; echo \"status $?\"");
+  EXPECT_NE(ended.out.find("status 2\n"), std::string::npos) << ended.out << ended.err;
+  EXPECT_NE(ended.err.find("interrupted"), std::string::npos) << ended.err;
 }
 
 TEST(Check, SaysGoodOrEveryFault) {

@@ -116,6 +116,9 @@ MotorFindings check_motors(const sim::Scenario& scenario) {
       for (Passes& pass : passes[i]) pass.add(sample.time_s, rate_hz);
     }
   }
+  if (plant.time_s() < std::min(scenario.duration_s, motion_end_s(scenario))) {
+    findings.notes.push_back(fmt::format("the motors are checked up to t = {:.3g} s only", plant.time_s()));
+  }
   for (std::size_t i = 0; i < count; ++i) {
     if (worst[i].margin < 0) findings.warnings.push_back(lack_of_torque(i, worst[i]));
     for (int order = 1; order <= 2; ++order) {

@@ -131,6 +131,7 @@ Subprocess::~Subprocess() {
 }
 
 std::error_code Subprocess::start(const ProcessStart& start) {
+  if (running()) return std::make_error_code(std::errc::device_or_resource_busy);
   std::vector<char*> arguments = pointers(start.arguments);
   const Descriptor null(open("/dev/null", O_RDWR | O_CLOEXEC));
   auto report = open_pipe();
@@ -154,11 +155,13 @@ std::error_code Subprocess::start(const ProcessStart& start) {
 }
 
 std::error_code Subprocess::start(const std::function<int()>& body) {
+  if (running()) return std::make_error_code(std::errc::device_or_resource_busy);
   const pid_t parent = getpid();
   pid_ = fork();
   if (pid_ == 0) {
     end_with(parent);
-    _exit(body());
+    // An exception must not unwind the parent's copied stack: it ends the child here.
+    _exit([&]() noexcept { return body(); }());
   }
   return pid_ < 0 ? not_forked() : std::error_code();
 }

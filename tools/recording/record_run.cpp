@@ -97,7 +97,7 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
     std::string text = result.trouble + "; " + output.log_path() + " holds what happened up to then";
     text += again.text();
     program::complain(program_name, text);
-    return exit_status(peers.failure());
+    return exit_status(result.failure);
   }
   // The summary comes first: a disk that is nearly full may have no room for the black box.
   const bool written = output.write_summary(summary_json(scenario, result));

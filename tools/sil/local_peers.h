@@ -47,10 +47,11 @@ class LocalPeers : public Peer {
     return controller_ != nullptr && controller_->computes_in_parallel();
   }
   [[nodiscard]] std::string trouble() const override {
-    return bus_failed_ ? "the LCM bus failed" : controller_->trouble();
+    if (bus_failed_) return "the LCM bus failed";
+    return controller_ ? controller_->trouble() : "";
   }
   [[nodiscard]] PeerFailure failure() const override {
-    return bus_failed_ ? PeerFailure::kLost : controller_->failure();
+    return bus_failed_ || !controller_ ? PeerFailure::kLost : controller_->failure();
   }
   [[nodiscard]] RefusedMessages refused() const override;
 

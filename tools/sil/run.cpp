@@ -140,7 +140,9 @@ bool Run::exchange() {
   Status status = peers_.send(lap_);
   record_previous();
   if (status == Status::kOk) status = peers_.receive(lap_);
-  return status == Status::kOk || fail(status, peers_.trouble());
+  if (status == Status::kOk) return true;
+  result_.failure = peers_.failure();
+  return fail(status, peers_.trouble());
 }
 
 void Run::record() {
@@ -215,6 +217,9 @@ bool Run::follow_move() {
   const controller_status_t& status = lap_.answer->status;
   const bool pending = status.mode == controller_status_t::MODE_PENDING;
   const bool armed = status.mode == controller_status_t::MODE_ARMED;
+  if (was_pending_ && armed && status.planned == 0) {
+    return fail(Status::kInterrupted, "the pending move was cancelled by an operator's stop");
+  }
   already_there_ = already_there_ || (was_pending_ && armed);
   was_pending_ = pending;
   if (options_.plan_only && (!pending || status.planned != 0)) return false;

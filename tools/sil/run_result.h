@@ -86,6 +86,7 @@ struct RunResult {
 
   // kOk: the run came to its end. Otherwise `trouble` says why it did not, and the rest is as far as it came.
   hal::Status status = hal::Status::kOk;
+  PeerFailure failure = PeerFailure::kLost;  // of a peer, where one has failed
   std::string trouble;
   bool sink_failed = false;  // the trouble is the sink's
 };
