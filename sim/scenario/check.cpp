@@ -1,6 +1,7 @@
 #include "sim/scenario/check.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 
@@ -49,19 +50,18 @@ void read_name(TableReader& root, const std::string& source_name, std::string& o
 
 void read_ball(TableReader table, std::optional<double>& radius, Ball& ball) {
   radius = table.number("radius", Range::positive("m"));
-  const auto mass = table.number("mass", Range::positive("kg"));
+  ball.mass_kg = table.number("mass", Range::positive("kg")).value_or(0);
   const auto inertia = table.vector<3>("inertia", Range::positive("kg m^2"));
   const auto center = table.vector_or_zero<3>("center_of_mass", Range::any("m"));
   table.refuse_unknown_keys();
-  if (radius) ball.radius_m = *radius;
-  if (mass) ball.mass_kg = *mass;
+  ball.radius_m = radius.value_or(0);
   if (inertia) {
     ball.inertia_kgm2 = *inertia;
     for (int j = 0; j < 3; ++j) {
       const double others = (*inertia)[(j + 1) % 3] + (*inertia)[(j + 2) % 3];
       if ((*inertia)[j] > others * (1 + kRoundOff)) {
-        table.refuse("inertia." + std::to_string(j),
-                     "is impossible for a body; allowed: at most the sum of the other two, " + number_text(others));
+        table.refuse(message("inertia.{}", j),
+                     "is impossible for a body; allowed: at most the sum of the other two, {}", others);
       }
     }
   }
@@ -69,9 +69,8 @@ void read_ball(TableReader table, std::optional<double>& radius, Ball& ball) {
     ball.center_of_mass_B_m = *center;
     const double distance = center->stableNorm();
     if (radius && !(distance < *radius)) {
-      table.refuse("center_of_mass", "is " + number_text(distance) +
-                                         " m from the geometric centre; allowed: inside the ball, < ball.radius = " +
-                                         number_text(*radius));
+      table.refuse("center_of_mass", "is {} m from the geometric centre; allowed: inside the ball, < ball.radius = {}",
+                   distance, *radius);
     }
   }
 }
@@ -82,9 +81,8 @@ void read_surface(TableReader table, Surface& surface) {
   const auto static_friction = table.number("static_friction", friction, surface.static_friction);
   const auto kinetic_friction =
       table.number("kinetic_friction", friction, static_friction.value_or(surface.kinetic_friction));
-  const auto restitution = table.number("restitution", Range::between(0, 1), surface.restitution);
+  surface.restitution = table.number("restitution", Range::between(0, 1), surface.restitution).value_or(0);
   table.refuse_unknown_keys();
-  if (restitution) surface.restitution = *restitution;
   if (!static_friction || !kinetic_friction) return;
   surface.static_friction = *static_friction;
   surface.kinetic_friction = *kinetic_friction;
@@ -96,13 +94,12 @@ void read_surface(TableReader table, Surface& surface) {
     // --set surface.static_friction=0.17 lowers both: the file's kinetic friction is that of the rougher floor.
     surface.kinetic_friction = *static_friction;
   } else {
-    table.refuse("kinetic_friction",
-                 "is out of range; allowed: > 0 and <= surface.static_friction = " + number_text(*static_friction));
+    table.refuse("kinetic_friction", "is out of range; allowed: > 0 and <= surface.static_friction = {}",
+                 *static_friction);
   }
 }
 
 void read_initial(TableReader table, std::optional<double> ball_radius_m, InitialState& initial) {
-  const std::string orientation_allowed = "allowed: w, x, y, z of a unit quaternion, its length within 1e-6 of 1";
   table.know({"orientation"});
   if (table.has("orientation")) {
     if (const auto q = table.vector<4>("orientation", Range::any())) {
@@ -111,18 +108,17 @@ void read_initial(TableReader table, std::optional<double> ball_radius_m, Initia
         const Eigen::Vector4d unit = *q / length;
         initial.orientation = Eigen::Quaterniond(unit[0], unit[1], unit[2], unit[3]);
       } else {
-        table.refuse("orientation", "has length " + number_text(length) + "; " + orientation_allowed);
+        table.refuse("orientation",
+                     "has length {}; allowed: w, x, y, z of a unit quaternion, its length within 1e-6 of 1", length);
       }
     }
   }
   const auto angular_velocity = table.vector_or_zero<3>("angular_velocity", Range::any("rad/s"));
-  const auto position = table.vector_or_zero<2>("position", Range::any("m"));
+  initial.position_W_m = table.vector_or_zero<2>("position", Range::any("m")).value_or(initial.position_W_m);
   const auto velocity = table.vector_or_zero<3>("velocity", Range::any("m/s"));
-  const auto height = table.number("height", Range::non_negative("m"), 0.0);
+  initial.height_m = table.number("height", Range::non_negative("m"), 0.0).value_or(0);
   table.refuse_unknown_keys();
   if (angular_velocity) initial.angular_velocity_B_radps = *angular_velocity;
-  if (position) initial.position_W_m = *position;
-  if (height) initial.height_m = *height;
   if (!table.has("velocity") || !velocity || !angular_velocity || !ball_radius_m) return;
   // A velocity equal to the rolling one, zdot = omega x r e3, starts rolling.
   const Eigen::Vector3d omega_W = initial.orientation * *angular_velocity;
@@ -134,27 +130,20 @@ void read_initial(TableReader table, std::optional<double> ball_radius_m, Initia
 
 void read_run(TableReader& root, MassSurroundings& known, Scenario::Run& run) {
   TableReader table = root.table("run");
-  const auto actuation = table.word("actuation", {"prescribed", "stepper"}, "stepper");
+  known.actuation = table.choice<Actuation>("actuation", {"prescribed", "stepper"}, run.actuation);
   const auto period = table.number("control_period", Range::between(1e-6, 10, "s"), run.control_period_s);
   const auto timer = table.number("timer_frequency", Range::between(1e6, 1e8, "Hz"), run.timer_frequency_hz);
-  const auto on_violation = table.word("on_violation", {"stop", "continue"}, "stop");
+  run.on_violation =
+      table.choice<OnViolation>("on_violation", {"stop", "continue"}, run.on_violation).value_or(run.on_violation);
   table.refuse_unknown_keys();
-  if (on_violation) run.on_violation = *on_violation == "stop" ? OnViolation::kStop : OnViolation::kContinue;
-  if (actuation) {
-    run.actuation = *actuation == "stepper" ? Actuation::kStepper : Actuation::kPrescribed;
-    known.actuation = run.actuation;
-  }
-  if (period) {
-    run.control_period_s = *period;
-    known.control_period_s = period;
-  }
-  if (timer) {
-    run.timer_frequency_hz = *timer;
-    known.timer_frequency_hz = timer;
-  }
+  run.actuation = known.actuation.value_or(run.actuation);
+  run.control_period_s = period.value_or(run.control_period_s);
+  run.timer_frequency_hz = timer.value_or(run.timer_frequency_hz);
+  known.control_period_s = period;
+  known.timer_frequency_hz = timer;
   // Clocks that do not go together are no ground to judge step rates on.
-  const auto refuse_clock = [&](std::string_view key, const std::string& message) {
-    table.refuse(key, message);
+  const auto refuse_clock = [&](std::string_view key, const std::string& why) {
+    table.refuse(key, why);
     known.control_period_s.reset();
     known.timer_frequency_hz.reset();
   };
@@ -162,31 +151,30 @@ void read_run(TableReader& root, MassSurroundings& known, Scenario::Run& run) {
     const double ticks = *period * *timer;
     if (!(ticks >= 10 && ticks <= 1e9)) {
       refuse_clock(table.has("timer_frequency") ? "timer_frequency" : "control_period",
-                   "makes " + number_text(ticks) + " timer ticks per control period; allowed: 10 to 1e9");
+                   message("makes {} timer ticks per control period; allowed: 10 to 1e9", ticks));
     }
   }
   if (period && known.duration_s) {
     const double duration = *known.duration_s;
     if (*period > duration && !table.has("control_period")) {
-      root.refuse("duration", "is less than one control period; allowed: >= run.control_period = " +
-                                  number_text(*period) + " s, its default");
+      root.refuse("duration", "is less than one control period; allowed: >= run.control_period = {} s, its default",
+                  *period);
     } else if (*period > duration) {
-      refuse_clock("control_period", "is longer than the run; allowed: <= duration = " + number_text(duration) + " s");
+      refuse_clock("control_period", message("is longer than the run; allowed: <= duration = {} s", duration));
     } else if (duration / *period > 1e9) {
-      refuse_clock("control_period", "makes " + number_text(duration / *period) +
-                                         " control periods of the duration; allowed: at most 1e9");
+      refuse_clock("control_period",
+                   message("makes {} control periods of the duration; allowed: at most 1e9", duration / *period));
     }
   }
 }
 
 void read_envelope(TableReader table, Scenario::Envelope& envelope) {
-  const auto force = table.number("min_normal_force", Range::non_negative("N"), envelope.min_normal_force_n);
+  envelope.min_normal_force_n =
+      table.number("min_normal_force", Range::non_negative("N"), envelope.min_normal_force_n).value_or(0);
   Range use = Range::between(0, 1);
   use.low_excluded = true;
-  const auto friction = table.number("friction_use", use, envelope.friction_use);
+  envelope.friction_use = table.number("friction_use", use, envelope.friction_use).value_or(1);
   table.refuse_unknown_keys();
-  if (force) envelope.min_normal_force_n = *force;
-  if (friction) envelope.friction_use = *friction;
 }
 
 void read_external_force(TableReader& root, Scenario& scenario) {
@@ -202,15 +190,14 @@ void read_external_force(TableReader& root, Scenario& scenario) {
   table.refuse_unknown_keys();
   if (!times || !forces) return;
   if (forces->size() != times->size()) {
-    table.refuse("forces", "has " + std::to_string(forces->size()) + " elements; allowed: one for each of the " +
-                               std::to_string(times->size()) + " times");
+    table.refuse("forces", "has {} elements; allowed: one for each of the {} times", forces->size(), times->size());
     return;
   }
   for (std::size_t i = 1; i < times->size(); ++i) {
     const Eigen::Vector3d rate = ((*forces)[i] - (*forces)[i - 1]) / ((*times)[i] - (*times)[i - 1]);
     if (Range::any().contains(rate.stableNorm())) continue;
-    table.refuse("forces." + std::to_string(i), "changes too fast; allowed: a rate of at most " +
-                                                    number_text(kMostSize) + " N/s from each force to the next");
+    table.refuse(message("forces.{}", i),
+                 "changes too fast; allowed: a rate of at most {} N/s from each force to the next", kMostSize);
     return;
   }
   scenario.force_table = {*times, *forces};
@@ -220,18 +207,18 @@ void read_drag(TableReader table, Drag& drag) {
   const bool present = table.present();
   const auto coefficient = table.number("coefficient", Range::non_negative("kg/m"),
                                         present ? std::nullopt : std::optional(drag.coefficient_kgpm));
-  const auto wind = table.vector_or_zero<3>("wind", Range::any("m/s"));
+  drag.wind_W_mps = table.vector_or_zero<3>("wind", Range::any("m/s")).value_or(drag.wind_W_mps);
   table.refuse_unknown_keys();
-  if (coefficient) drag.coefficient_kgpm = *coefficient;
-  if (wind) drag.wind_W_mps = *wind;
+  drag.coefficient_kgpm = coefficient.value_or(0);
 }
 
 void read_published(TableReader table, std::vector<Scenario::Published>& published) {
-  const auto quantity = table.word("quantity", {"mu_required.max", "normal_force.min", "end.time"});
+  constexpr std::array<std::string_view, 3> kQuantities{"mu_required.max", "normal_force.min", "end.time"};
+  const auto quantity = table.choice("quantity", kQuantities);
   const auto value = table.number("value", Range::any());
   const auto source = table.text("source");
   table.refuse_unknown_keys();
-  if (quantity && value && source) published.push_back({*quantity, *value, *source});
+  if (quantity && value && source) published.push_back({std::string(kQuantities[*quantity]), *value, *source});
 }
 
 // Refuses a start in sliding on a floor of infinite friction.
@@ -266,11 +253,10 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
     scenario.seed = static_cast<std::uint64_t>(*seed);
   }
 
-  const std::string masses_allowed =
-      "an array of at most " + std::to_string(firmware::kMaxMasses) + " tables, each headed [[mass]]";
+  const std::string masses_allowed = message("an array of at most {} tables, each headed [[mass]]", kMaxMasses);
   std::vector<TableReader> masses = root.tables("mass", masses_allowed);
-  if (masses.size() > static_cast<std::size_t>(firmware::kMaxMasses)) {
-    root.refuse("mass", "has " + std::to_string(masses.size()) + " entries; allowed: " + masses_allowed);
+  if (masses.size() > static_cast<std::size_t>(kMaxMasses)) {
+    root.refuse("mass", "has {} entries; allowed: {}", masses.size(), masses_allowed);
   }
   known.mass_count = std::max(1, static_cast<int>(masses.size()));
   for (TableReader& mass : masses) scenario.masses.push_back(read_mass(mass, known));

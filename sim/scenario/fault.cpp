@@ -1,7 +1,8 @@
 #include "sim/scenario/fault.h"
 
+#include <fmt/core.h>
+
 #include <array>
-#include <cstdio>
 
 namespace ballast::sim {
 namespace {
@@ -102,46 +103,24 @@ constexpr std::array kChannels{
     FaultChannel{"BALLAST_STEP_COMMAND", false, false, true, true},
 };
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", value);
-  return text;
+// The unit of one fault. FaultKindInfo::unit lists those of all sensors.
+const char* unit_of(const Fault& fault) {
+  constexpr std::array kOfSensor{"rad", "rad/s", "m/s^2", ""};  // in the order of FaultSensor
+  return fault.of(kSensor) ? kOfSensor[static_cast<std::size_t>(fault.sensor)] : info(fault.kind).unit;
 }
 
 }  // namespace
 
 const char* to_string(FaultLayer layer) {
-  switch (layer) {
-    case kMessage:
-      return "message";
-    case kPeer:
-      return "peer";
-    case kSensor:
-      return "sensor";
-    case kMotor:
-      return "motor";
-    case kWorld:
-      return "world";
-    case kProgram:
-      return "program";
-  }
-  return "";
+  constexpr std::array kNames{"message", "peer", "sensor", "motor", "world", "program"};
+  return kNames[static_cast<std::size_t>(layer)];
 }
 
 const char* to_string(FaultPeer peer) { return peer == FaultPeer::kController ? "controller" : "monitor"; }
 
 const char* to_string(FaultSensor sensor) {
-  switch (sensor) {
-    case FaultSensor::kOrientation:
-      return "orientation";
-    case FaultSensor::kGyro:
-      return "gyro";
-    case FaultSensor::kAccelerometer:
-      return "accelerometer";
-    case FaultSensor::kLimitSwitch:
-      return "limit_switch";
-  }
-  return "";
+  constexpr std::array kNames{"orientation", "gyro", "accelerometer", "limit_switch"};
+  return kNames[static_cast<std::size_t>(sensor)];
 }
 
 std::span<const FaultKindInfo> fault_kinds() { return kKinds; }
@@ -149,79 +128,37 @@ std::span<const FaultKindInfo> fault_kinds() { return kKinds; }
 const FaultKindInfo& info(FaultKind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
 
 std::optional<PlantFaultKind> plant_fault_kind(FaultKind kind) {
-  switch (kind) {
-    case kMotorStall:
-      return PlantFaultKind::kMotorStall;
-    case kWeakCoil:
-      return PlantFaultKind::kWeakCoil;
-    case kLostSteps:
-      return PlantFaultKind::kLostSteps;
-    case kReversedWiring:
-      return PlantFaultKind::kReversedWiring;
-    case kBlockedRail:
-      return PlantFaultKind::kBlockedRail;
-    case kFrictionFalls:
-      return PlantFaultKind::kFrictionFalls;
-    case kPush:
-      return PlantFaultKind::kPush;
-    default:
-      return std::nullopt;
-  }
+  if (kind < kMotorStall || kind > kPush) return std::nullopt;
+  return static_cast<PlantFaultKind>(static_cast<int>(kind) - static_cast<int>(kMotorStall));
 }
 
 std::span<const FaultChannel> fault_channels() { return kChannels; }
 
-namespace {
-
-// The unit of one fault. FaultKindInfo::unit lists those of all sensors.
-const char* unit_of(const Fault& fault) {
-  if (!fault.of(kSensor)) return info(fault.kind).unit;
-  switch (fault.sensor) {
-    case FaultSensor::kOrientation:
-      return "rad";
-    case FaultSensor::kGyro:
-      return "rad/s";
-    case FaultSensor::kAccelerometer:
-      return "m/s^2";
-    case FaultSensor::kLimitSwitch:
-      return "";
-  }
-  return "";
-}
-
-}  // namespace
-
 std::string to_string(const Fault& fault) {
   const FaultKindInfo& kind = info(fault.kind);
   const std::string unit = unit_of(fault);
-  std::string text = std::string(kind.name) + " at " + number(fault.time_s) + " s";
-  std::string more;
-  const auto add = [&more](const std::string& word) { more += (more.empty() ? ": " : ", ") + word; };
-  if (kind.value_means[0] != '\0') add(number(fault.value) + (unit.empty() ? "" : " ") + unit);
-  switch (kind.layer) {
-    case kMessage:
-      add(fault.channel + (fault.peer ? std::string(" to the ") + to_string(*fault.peer) : ""));
-      break;
-    case kPeer:
-      add(std::string("the ") + to_string(*fault.peer));
-      break;
-    case kSensor:
-      add(std::string(to_string(fault.sensor)) + (fault.axis < 0 ? "" : " axis " + std::to_string(fault.axis)));
-      break;
-    case kMotor:
-      add("mass " + std::to_string(fault.mass));
-      break;
-    case kWorld:
-      if (fault.kind == kPush) {
-        add("along (" + number(fault.direction_W[0]) + ", " + number(fault.direction_W[1]) + ", " +
-            number(fault.direction_W[2]) + ")");
-      }
-      break;
-    case kProgram:
-      break;
+  std::string text = fmt::format("{} at {:.6g} s", kind.name, fault.time_s);
+  const char* separator = ": ";
+  const auto add = [&](const std::string& word) {
+    text += separator + word;
+    separator = ", ";
+  };
+  if (kind.value_means[0] != '\0') add(fmt::format("{:.6g}{}{}", fault.value, unit.empty() ? "" : " ", unit));
+  if (kind.layer == kMessage)
+    add(fault.channel + (fault.peer ? fmt::format(" to the {}", to_string(*fault.peer)) : ""));
+  if (kind.layer == kPeer) add(fmt::format("the {}", to_string(*fault.peer)));
+  if (kind.layer == kSensor) {
+    add(to_string(fault.sensor) + (fault.axis < 0 ? "" : fmt::format(" axis {}", fault.axis)));
   }
-  if (fault.end_s > fault.time_s && fault.end_s < kInfinity) add("for " + number(fault.end_s - fault.time_s) + " s");
-  return text + more;
+  if (kind.layer == kMotor) add(fmt::format("mass {}", fault.mass));
+  if (fault.kind == kPush) {
+    const Eigen::Vector3d& along = fault.direction_W;
+    add(fmt::format("along ({:.6g}, {:.6g}, {:.6g})", along[0], along[1], along[2]));
+  }
+  if (fault.end_s > fault.time_s && fault.end_s < kInfinity) {
+    add(fmt::format("for {:.6g} s", fault.end_s - fault.time_s));
+  }
+  return text;
 }
 
 }  // namespace ballast::sim

@@ -84,7 +84,8 @@ struct FaultKindInfo {
 // All kinds, in the order of FaultKind.
 std::span<const FaultKindInfo> fault_kinds();
 const FaultKindInfo& info(FaultKind kind);
-// The plant's name for a fault of motors, rails, floor or ball; none for the others.
+// The plant's name for a fault of motors, rails, floor or ball; none for the others. These kinds stand in the order of
+// PlantFaultKind.
 std::optional<PlantFaultKind> plant_fault_kind(FaultKind kind);
 
 // The channels that message faults act on, with their receivers. A test compares the names with hal/lcm/channels.h.

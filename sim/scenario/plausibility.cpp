@@ -45,24 +45,23 @@ bool same_curve(const firmware::Rail& a, const firmware::Rail& b, double touchin
 void warn_of_ball(TableReader ball, const Scenario& scenario) {
   const double radius_m = scenario.ball.radius_m, mass_kg = scenario.ball.mass_kg;
   if (radius_m > kGreatestRadius_m) {
-    ball.warn("radius",
-              "is " + number_text(radius_m) + " m; a radius in mm would be " + number_text(radius_m / 1000) + " m");
+    ball.warn("radius", "is {} m; a radius in mm would be {} m", radius_m, radius_m / 1000);
   }
   const double most = mass_kg * radius_m * radius_m;
   for (int j = 0; j < 3; ++j) {
     if (scenario.ball.inertia_kgm2[j] <= most * kRounding) continue;
-    ball.warn("inertia." + std::to_string(j),
-              "is more than " + number_text(most) +
-                  " kg m^2 = ball.mass * ball.radius^2, which no body inside the ball exceeds; a hollow sphere has two "
-                  "thirds of that");
+    ball.warn(message("inertia.{}", j),
+              "is more than {} kg m^2 = ball.mass * ball.radius^2, which no body inside the ball exceeds; a hollow "
+              "sphere has two thirds of that",
+              most);
     break;
   }
   double total_kg = mass_kg;
   for (const Mass& mass : scenario.masses) total_kg += mass.mass_kg;
   const double density = total_kg / (4.0 / 3.0 * std::numbers::pi * radius_m * radius_m * radius_m);
   if (density > kGreatestDensity) {
-    ball.warn("mass", "makes the whole robot " + number_text(std::round(density)) +
-                          " kg/m^3, denser than lead; masses in g would be kg / 1000");
+    ball.warn("mass", "makes the whole robot {} kg/m^3, denser than lead; masses in g would be kg / 1000",
+              std::round(density));
   }
 }
 
@@ -82,8 +81,8 @@ void warn_of_direction(TableReader direction) {
   const auto degrees = [&](std::string_view key, double most) {
     const Node* node = direction.node(key);
     if (node == nullptr || !(std::abs(node->number) > most * kRounding)) return;
-    direction.warn(key, "is in radians; if " + number_text(node->number) + " degrees are meant, write " +
-                            number_text(node->number * std::numbers::pi / 180));
+    direction.warn(key, "is in radians; if {} degrees are meant, write {}", node->number,
+                   node->number * std::numbers::pi / 180);
   };
   degrees("azimuth", 2 * std::numbers::pi);
   degrees("elevation", std::numbers::pi / 2);
@@ -100,11 +99,15 @@ void warn_of_rails(std::vector<TableReader>& tables, const Scenario& scenario) {
       if (!a.trajectory.times_s.empty() || !b.trajectory.times_s.empty()) continue;
       const double distance_m = rail_distance_m(a.rail, b.rail);
       if (distance_m > touching_m) continue;
-      const std::string other = "mass." + std::to_string(k);
-      tables[i].warn("rail", same_curve(a.rail, b.rail, touching_m)
-                                 ? "is the rail of " + other + ": the two masses can run into each other"
-                                 : "comes within " + number_text(distance_m) + " m of the rail of " + other +
-                                       ": rails that cross cannot both be built, and the masses can meet there");
+      if (same_curve(a.rail, b.rail, touching_m)) {
+        tables[i].warn("rail", "is the rail of mass.{}: the two masses can run into each other", k);
+      } else {
+        tables[i].warn(
+            "rail",
+            "comes within {} m of the rail of mass.{}: rails that cross cannot both be built, and the masses "
+            "can meet there",
+            distance_m, k);
+      }
     }
   }
 }
@@ -162,8 +165,8 @@ void warn_of_implausible_values(const Node& root_node, const std::string& source
   ReadContext context{source_name, errors, warnings};
   TableReader root(&root_node, "", context);
   if (scenario.gravity_mps2 > kGreatestGravity_mps2) {
-    root.warn("gravity", "is " + number_text(scenario.gravity_mps2) +
-                             " m/s^2; the Earth's is 9.81 m/s^2, which is 9810 mm/s^2 and 32.2 ft/s^2");
+    root.warn("gravity", "is {} m/s^2; the Earth's is 9.81 m/s^2, which is 9810 mm/s^2 and 32.2 ft/s^2",
+              scenario.gravity_mps2);
   }
   if (scenario.gravity_mps2 == 0 && !(scenario.external_force_W_n[2] < 0)) {
     root.warn("gravity", "is zero: nothing presses the ball on the floor, so it detaches at once");

@@ -6,16 +6,12 @@
 namespace ballast::sim {
 namespace {
 
-std::vector<std::string> kind_names() {
-  std::vector<std::string> names;
-  for (const FaultKindInfo& kind : fault_kinds()) names.emplace_back(kind.name);
+// The names in a table of kinds or channels.
+template <class Table>
+std::vector<std::string_view> names_of(const Table& table) {
+  std::vector<std::string_view> names;
+  for (const auto& row : table) names.emplace_back(row.name);
   return names;
-}
-
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
 }
 
 // Splits at commas outside brackets and quotes.
@@ -36,28 +32,11 @@ std::vector<std::string> split(std::string_view text) {
   return parts;
 }
 
-std::optional<FaultKind> read_kind(TableReader& table) {
-  const Node* node = table.node("kind");
-  const std::string allowed = "; allowed: " + joined(kind_names());
-  if (node == nullptr) {
-    table.refuse("kind", "is missing" + allowed);
-  } else if (node->kind != NodeKind::kString) {
-    table.refuse("kind", "is not a string" + allowed);
-  } else {
-    for (const FaultKindInfo& kind : fault_kinds()) {
-      if (node->text == kind.name) return kind.kind;
-    }
-    const std::string near = nearest(node->text, kind_names());
-    table.refuse("kind", "is not a kind of fault" + (near.empty() ? "" : "; did you mean " + near + "?") + allowed);
-  }
-  return std::nullopt;
-}
-
 // Reads `value` within the range of the kind. False: an error was reported.
 bool read_value(TableReader& table, const FaultKindInfo& kind, double& out) {
   if (kind.value_means[0] == '\0') {
     if (!table.has("value")) return true;
-    table.refuse("value", std::string("does not apply to ") + kind.name + ", which has no value");
+    table.refuse("value", "does not apply to {}, which has no value", kind.name);
     return false;
   }
   Range range = Range::between(kind.low, kind.high, kind.unit);
@@ -65,7 +44,7 @@ bool read_value(TableReader& table, const FaultKindInfo& kind, double& out) {
   const auto value = table.number("value", range, kind.value_default);
   if (!value) return false;
   if (kind.integer && *value != std::floor(*value)) {
-    table.refuse("value", "is not a whole number; allowed: " + range.text() + ", whole");
+    table.refuse("value", "is not a whole number; allowed: {}, whole", range.text());
     return false;
   }
   if (kind.kind == FaultKind::kClockJump && *value == 0) {
@@ -82,53 +61,43 @@ bool refuse_others(TableReader& table, const FaultKindInfo& kind, std::initializ
   for (const std::string_view key : {"channel", "peer", "sensor", "axis", "mass", "direction"}) {
     table.know({key});
     if (std::find(own.begin(), own.end(), key) != own.end() || !table.has(key)) continue;
-    table.refuse(key, std::string("does not apply to ") + kind.name);
+    table.refuse(key, "does not apply to {}", kind.name);
     good = false;
   }
   return good;
 }
 
+std::optional<FaultPeer> read_peer(TableReader& table, std::optional<FaultPeer> fallback) {
+  return table.choice<FaultPeer>("peer", {"controller", "monitor"}, fallback);
+}
+
 bool read_channel(TableReader& table, const Scenario& scenario, Fault& fault) {
   const bool has_controller = scenario.run.actuation == Actuation::kStepper;
-  std::vector<std::string> names;
-  for (const FaultChannel& channel : fault_channels()) names.emplace_back(channel.name);
-  const std::string allowed = "; allowed: " + joined(names);
-  table.know({"channel"});
-  const auto name = table.has("channel") ? table.text("channel") : std::optional(names[0]);
-  if (!name) return false;
   const auto channels = fault_channels();
-  const auto found = std::find_if(channels.begin(), channels.end(), [&](const auto& c) { return *name == c.name; });
-  if (found == channels.end()) {
-    const std::string near = nearest(*name, names);
-    table.refuse("channel", "is not a channel that faults act on" +
-                                (near.empty() ? "" : "; did you mean " + near + "?") + allowed);
-    return false;
-  }
-  if (found->of_controller && !has_controller) {
+  const auto place = table.choice("channel", names_of(channels), 0);
+  if (!place) return false;
+  const FaultChannel& channel = channels[*place];
+  if (channel.of_controller && !has_controller) {
     table.refuse("channel", "does not exist in a run with prescribed masses, which has no controller");
     return false;
   }
-  fault.channel = *name;
+  fault.channel = channel.name;
   if (!table.has("peer")) return true;
-  const auto peer = table.word("peer", {"controller", "monitor"});
-  if (!peer) return false;
-  fault.peer = *peer == "controller" ? FaultPeer::kController : FaultPeer::kMonitor;
-  if (*fault.peer == FaultPeer::kController ? found->to_controller && has_controller : found->to_monitor) return true;
-  table.refuse("peer", "does not receive " + *name + " in this run");
+  fault.peer = read_peer(table, std::nullopt);
+  if (!fault.peer) return false;
+  if (*fault.peer == FaultPeer::kController ? channel.to_controller && has_controller : channel.to_monitor) return true;
+  table.refuse("peer", "does not receive {} in this run", channel.name);
   return false;
 }
 
 bool read_sensor(TableReader& table, Fault& fault) {
-  const auto sensor = table.word("sensor", {"orientation", "gyro", "accelerometer", "limit_switch"}, "gyro");
+  const auto sensor =
+      table.choice<FaultSensor>("sensor", {"orientation", "gyro", "accelerometer", "limit_switch"}, FaultSensor::kGyro);
   if (!sensor) return false;
-  for (const FaultSensor candidate :
-       {FaultSensor::kOrientation, FaultSensor::kGyro, FaultSensor::kAccelerometer, FaultSensor::kLimitSwitch}) {
-    if (*sensor == to_string(candidate)) fault.sensor = candidate;
-  }
+  fault.sensor = *sensor;
   const bool of_switch = fault.sensor == FaultSensor::kLimitSwitch;
   if (of_switch && fault.kind != FaultKind::kSensorFreeze) {
-    table.refuse("sensor", std::string("is a switch, for which there is no ") + info(fault.kind).name +
-                               "; allowed: sensor_freeze");
+    table.refuse("sensor", "is a switch, for which there is no {}; allowed: sensor_freeze", info(fault.kind).name);
     return false;
   }
   if (fault.sensor == FaultSensor::kOrientation && fault.kind == FaultKind::kSensorSaturation) {
@@ -188,9 +157,8 @@ bool read_target(TableReader& table, const Scenario& scenario, Fault& fault) {
       return refuse_others(table, kind, {"channel", "peer"}) && read_channel(table, scenario, fault);
     case FaultLayer::kPeer: {
       if (!refuse_others(table, kind, {"peer"})) return false;
-      const auto peer = table.word("peer", {"controller", "monitor"}, "controller");
-      if (!peer) return false;
-      fault.peer = *peer == "controller" ? FaultPeer::kController : FaultPeer::kMonitor;
+      fault.peer = read_peer(table, FaultPeer::kController);
+      if (!fault.peer) return false;
       if (has_controller) return true;
       if (*fault.peer == FaultPeer::kMonitor && fault.kind == FaultKind::kPeerRestarted) return true;
       table.refuse(
@@ -208,8 +176,8 @@ bool read_target(TableReader& table, const Scenario& scenario, Fault& fault) {
         return refuse_others(table, kind, {"direction"}) && read_direction(table, fault);
       if (!refuse_others(table, kind, {})) return false;
       if (fault.value <= scenario.surface.static_friction) return true;
-      table.refuse("value", "does not lower the friction; allowed: at most surface.static_friction = " +
-                                number_text(scenario.surface.static_friction));
+      table.refuse("value", "does not lower the friction; allowed: at most surface.static_friction = {}",
+                   scenario.surface.static_friction);
       return false;
     case FaultLayer::kProgram:
       if (!refuse_others(table, kind, {})) return false;
@@ -230,7 +198,7 @@ bool read_times(TableReader& table, const FaultKindInfo& kind, const Scenario& s
   table.know({"duration"});
   if (kind.lasts_s == kAnInstant) {
     if (table.has("duration")) {
-      table.refuse("duration", std::string("does not apply to ") + kind.name + ", which happens once");
+      table.refuse("duration", "does not apply to {}, which happens once", kind.name);
       return false;
     }
     if (time) fault.time_s = fault.end_s = *time;
@@ -291,11 +259,12 @@ void add_fault(const std::string& text, Node& root, std::vector<ScenarioError>& 
 
 std::optional<Fault> read_fault(TableReader& table, const Scenario& scenario) {
   Fault fault;
-  const auto kind = read_kind(table);
+  const auto kind = table.choice("kind", names_of(fault_kinds()));
   if (!kind) return std::nullopt;  // the other keys depend on it
-  fault.kind = *kind;
-  const bool timed = read_times(table, info(*kind), scenario, fault);
-  const bool valued = read_value(table, info(*kind), fault.value);
+  const FaultKindInfo& found = fault_kinds()[*kind];
+  fault.kind = found.kind;
+  const bool timed = read_times(table, found, scenario, fault);
+  const bool valued = read_value(table, found, fault.value);
   const bool aimed = read_target(table, scenario, fault);
   table.refuse_unknown_keys();
   return timed && valued && aimed ? std::optional(fault) : std::nullopt;

@@ -29,7 +29,12 @@ double sure_rate_hz(double control_period_s, int mass_count) {
 
 bool outside(double distance_m, double radius_m) { return !(distance_m <= radius_m * (1 + kRoundOff)); }
 
-std::string allowed_in_ball(double radius_m) { return "; allowed: <= ball.radius = " + number_text(radius_m); }
+// Reports a distance from the geometric centre outside the ball. `place` says what is there.
+void refuse_outside(TableReader& table, std::string_view key, const std::string& place, double distance_m,
+                    const std::string& where, double ball_radius_m) {
+  table.refuse(key, "{} {} m from the geometric centre{}; allowed: <= ball.radius = {}", place, distance_m, where,
+               ball_radius_m);
+}
 
 // Distance of the circle's farthest point from the geometric centre.
 double farthest_m(const firmware::Rail& circle) {
@@ -97,11 +102,10 @@ bool check_points(TableReader& table, const std::vector<Eigen::Vector3d>& points
                   std::optional<double> ball_radius_m) {
   bool good = true;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const std::string key = "points." + std::to_string(i);
+    const std::string key = message("points.{}", i);
     const double distance = points[i].stableNorm();
     if (ball_radius_m && outside(distance, *ball_radius_m)) {
-      table.refuse(key,
-                   "is " + number_text(distance) + " m from the geometric centre" + allowed_in_ball(*ball_radius_m));
+      refuse_outside(table, key, "is", distance, "", *ball_radius_m);
       good = false;
     }
     if (i > 0 && points[i] == points[i - 1]) {
@@ -110,7 +114,7 @@ bool check_points(TableReader& table, const std::vector<Eigen::Vector3d>& points
     }
   }
   if (closed && points.front() == points.back()) {
-    table.refuse("points." + std::to_string(points.size() - 1),
+    table.refuse(message("points.{}", points.size() - 1),
                  "repeats the first point; allowed: a last point from which the closed rail continues to the first");
     good = false;
   }
@@ -129,25 +133,23 @@ std::optional<firmware::Rail> read_spline(TableReader& rail, std::optional<doubl
     rail.refuse("points", "make a curve that overflows; allowed: points at distances less extreme");
     return std::nullopt;
   }
-  const std::string too_sharp = "; allowed: bends that " + std::to_string(firmware::kMaxRailPieces) + " pieces of " +
-                                number_text(spline.rail.piece_length_m) +
-                                " m can follow (gentler ones, points more evenly spread, or a shorter rail)";
+  const std::string too_sharp = message(
+      "; allowed: bends that {} pieces of {} m can follow (gentler ones, points more evenly spread, or a shorter rail)",
+      firmware::kMaxRailPieces, spline.rail.piece_length_m);
   if (spline.speed_error > kMostSpeedError) {
-    rail.refuse("points", "make too sharp a curve: along it |zeta'| would be off 1 by " +
-                              number_text(spline.speed_error) + ", more than " + number_text(kMostSpeedError) +
-                              too_sharp);
+    rail.refuse("points", "make too sharp a curve: along it |zeta'| would be off 1 by {}, more than {}{}",
+                spline.speed_error, kMostSpeedError, too_sharp);
     return std::nullopt;
   }
   if (spline.point_distance_m > kMostPointDistance * length) {
-    rail.refuse("points." + std::to_string(spline.worst_point),
-                "makes too sharp a curve: the rail would pass it at " + number_text(spline.point_distance_m) +
-                    " m, more than " + number_text(kMostPointDistance) + " of its length" + too_sharp);
+    rail.refuse(message("points.{}", spline.worst_point),
+                "makes too sharp a curve: the rail would pass it at {} m, more than {} of its length{}",
+                spline.point_distance_m, kMostPointDistance, too_sharp);
     return std::nullopt;
   }
   if (ball_radius_m && outside(spline.farthest_m, *ball_radius_m)) {
-    rail.refuse("points", "make a curve that is " + number_text(spline.farthest_m) +
-                              " m from the geometric centre at theta = " + number_text(spline.farthest_theta_m) + " m" +
-                              allowed_in_ball(*ball_radius_m));
+    refuse_outside(rail, "points", "make a curve that is", spline.farthest_m,
+                   message(" at theta = {} m", spline.farthest_theta_m), *ball_radius_m);
     return std::nullopt;
   }
   return spline.rail;
@@ -179,20 +181,19 @@ void read_ends(TableReader& table, std::optional<double> ball_radius_m, firmware
   bool good = true;
   for (int i = 0; i < 2; ++i) {
     const double end = (*ends)[i];
-    const std::string key = "end_stops." + std::to_string(i);
+    const std::string key = message("end_stops.{}", i);
     if (!on_line && !Range::between(0, firmware::length_m(rail)).contains(end)) {
-      table.refuse(key, "is off the rail; allowed: 0 to its length " + number_text(firmware::length_m(rail)) + " m");
+      table.refuse(key, "is off the rail; allowed: 0 to its length {} m", firmware::length_m(rail));
       good = false;
     }
     const double distance = firmware::evaluate(rail, end).position.stableNorm();
     if (on_line && ball_radius_m && outside(distance, *ball_radius_m)) {
-      table.refuse(key,
-                   "is " + number_text(distance) + " m from the geometric centre" + allowed_in_ball(*ball_radius_m));
+      refuse_outside(table, key, "is", distance, "", *ball_radius_m);
       good = false;
     }
   }
   if (good && !((*ends)[0] < (*ends)[1])) {
-    table.refuse("end_stops.1", "is not above the lower stop; allowed: > " + number_text((*ends)[0]));
+    table.refuse("end_stops.1", "is not above the lower stop; allowed: > {}", (*ends)[0]);
     good = false;
   }
   if (!good) return;
@@ -217,26 +218,26 @@ void read_end_stop_material(TableReader& table, bool has_ends, EndStopMaterial& 
 
 std::optional<firmware::Rail> read_rail(TableReader rail, std::optional<double> ball_radius_m,
                                         EndStopMaterial& end_stops) {
-  const auto shape = rail.word("shape", {"circle", "line", "spline"});
+  using enum firmware::RailShape;
+  const auto shape = rail.choice<firmware::RailShape>("shape", {"circle", "line", "spline"});
   if (!shape) return std::nullopt;  // the other keys depend on it
   std::optional<firmware::Rail> result;
-  if (*shape == "circle") {
+  if (*shape == kCircle) {
     result = read_circle(rail);
     if (result && ball_radius_m) {
       const double distance = farthest_m(*result);
       if (outside(distance, *ball_radius_m)) {
-        rail.refuse("radius", "takes the mass " + number_text(distance) + " m from the geometric centre" +
-                                  allowed_in_ball(*ball_radius_m));
+        refuse_outside(rail, "radius", "takes the mass", distance, "", *ball_radius_m);
         result.reset();
       }
     }
-  } else if (*shape == "line") {
+  } else if (*shape == kLine) {
     result = read_line(rail);
   } else {
     result = read_spline(rail, ball_radius_m);
   }
   if (result) {
-    const bool has_ends = *shape == "line" || (*shape == "spline" && !result->closed);
+    const bool has_ends = *shape == kLine || (*shape == kSpline && !result->closed);
     if (has_ends) read_ends(rail, ball_radius_m, *result);
     read_end_stop_material(rail, has_ends, end_stops);
   } else {
@@ -248,12 +249,12 @@ std::optional<firmware::Rail> read_rail(TableReader rail, std::optional<double> 
 
 std::optional<std::vector<MotionPiece>> read_motion(TableReader& mass) {
   const std::string allowed =
-      "an array of at most " + std::to_string(kMaxMotionPieces) + " tables { duration, acceleration = [start, end] }";
+      message("an array of at most {} tables {{ duration, acceleration = [start, end] }}", kMaxMotionPieces);
   std::vector<TableReader> pieces = mass.tables("motion", allowed);
   const Node* node = mass.node("motion");
   if (node != nullptr && node->kind != NodeKind::kArray) return std::nullopt;
   if (pieces.size() > static_cast<std::size_t>(kMaxMotionPieces)) {
-    mass.refuse("motion", "has " + std::to_string(pieces.size()) + " pieces; allowed: " + allowed);
+    mass.refuse("motion", "has {} pieces; allowed: {}", pieces.size(), allowed);
     return std::nullopt;
   }
   std::vector<MotionPiece> motion;
@@ -264,8 +265,8 @@ std::optional<std::vector<MotionPiece>> read_motion(TableReader& mass) {
     if (!duration || !acceleration) continue;
     const double start = (*acceleration)[0], end = (*acceleration)[1];
     if (!Range::any().contains((end - start) / *duration)) {
-      piece.refuse("acceleration", "changes too fast; allowed: (end - start) / duration of at most " +
-                                       number_text(kMostSize) + " in size");
+      piece.refuse("acceleration", "changes too fast; allowed: (end - start) / duration of at most {} in size",
+                   kMostSize);
       continue;
     }
     motion.push_back({*duration, start, end});
@@ -276,7 +277,7 @@ std::optional<std::vector<MotionPiece>> read_motion(TableReader& mass) {
 // The key that an error in a piece of the motion is reported under.
 std::string piece_key(const Mass& mass, std::size_t piece) {
   if (mass.motion.empty()) return "initial_velocity";
-  return piece < mass.motion.size() ? "motion." + std::to_string(piece) : "motion";
+  return piece < mass.motion.size() ? message("motion.{}", piece) : "motion";
 }
 
 // First part of the message about an extreme beyond `end`, if it lies after the last piece. The velocity with which the
@@ -290,11 +291,10 @@ std::string after_the_motion(const Mass& mass, const Extreme& worst, double end)
     velocity += piece.duration_s * (piece.acceleration_start + piece.acceleration_end) / 2;
   }
   const double passes_s = worst.time_s - (worst.position - end) / velocity;
-  return "continues with " + number_text(velocity) + " m/s after its last piece, motion." +
-         std::to_string(mass.motion.size() - 1) + ", which ends at t = " + number_text(over_s) + " s" +
-         (passes_s > over_s ? ", passes the end of its rail at t = " + number_text(passes_s) + " s"
-                            : " with the mass already beyond the end of its rail") +
-         ", and ";
+  return message("continues with {} m/s after its last piece, motion.{}, which ends at t = {} s{}, and ", velocity,
+                 mass.motion.size() - 1, over_s,
+                 passes_s > over_s ? message(", passes the end of its rail at t = {} s", passes_s)
+                                   : " with the mass already beyond the end of its rail");
 }
 
 // Checks that a mass on a line stays in the ball for the whole run. The distance is convex in theta, so the extremes
@@ -313,14 +313,10 @@ void check_line_in_ball(TableReader& table, const Mass& mass, const MassSurround
   }
   if (!outside(worst_distance, *around.ball_radius_m)) return;
   const double end = worst.position < mass.rail.lower_end ? mass.rail.lower_end : mass.rail.upper_end;
-  const std::string message = after_the_motion(mass, worst, end) + "takes the mass " + number_text(worst_distance) +
-                              " m from the geometric centre at t = " + number_text(worst.time_s) + " s" +
-                              allowed_in_ball(*around.ball_radius_m);
-  if (worst.time_s > 0) {
-    table.refuse(piece_key(mass, worst.piece), message);
-  } else {
-    table.refuse(table.has("initial_position") ? "initial_position" : "rail", message);
-  }
+  const std::string at_start = table.has("initial_position") ? "initial_position" : "rail";
+  refuse_outside(table, worst.time_s > 0 ? piece_key(mass, worst.piece) : at_start,
+                 after_the_motion(mass, worst, end) + "takes the mass", worst_distance,
+                 message(" at t = {} s", worst.time_s), *around.ball_radius_m);
 }
 
 // Checks that the motion stays between the ends of the rail.
@@ -334,17 +330,17 @@ void check_between_ends(TableReader& table, const Mass& mass, const MassSurround
   const Extreme& worst = below ? extent.least : extent.greatest;
   const bool whole =
       mass.rail.shape == firmware::RailShape::kSpline && lower == 0 && upper == firmware::length_m(mass.rail);
-  const std::string allowed =
-      whole ? "on the rail, 0 to its length " + number_text(upper) + " m"
-            : "between the rail's end_stops, " + number_text(lower) + " to " + number_text(upper) + " m";
-  const std::string message = after_the_motion(mass, worst, below ? lower : upper) +
-                              "takes the mass to theta = " + number_text(worst.position) +
-                              " m at t = " + number_text(worst.time_s) + " s; allowed: " + allowed;
-  if (worst.time_s > 0) {
-    table.refuse(piece_key(mass, worst.piece), message);
-  } else {
-    table.refuse("initial_position", message);
-  }
+  const std::string allowed = whole ? message("on the rail, 0 to its length {} m", upper)
+                                    : message("between the rail's end_stops, {} to {} m", lower, upper);
+  table.refuse(worst.time_s > 0 ? piece_key(mass, worst.piece) : "initial_position",
+               "{}takes the mass to theta = {} m at t = {} s; allowed: {}",
+               after_the_motion(mass, worst, below ? lower : upper), worst.position, worst.time_s, allowed);
+}
+
+// Reports a computed default that is out of range, as extreme numbers in the scenario make it.
+void refuse_default(TableReader& table, std::string_view key, const Range& range, double value) {
+  if (range.contains(value)) return;
+  table.refuse(key, "is not given, and its default {} is out of range; allowed: a {}", value, range.text_for(value));
 }
 
 // Default: the motor's holding torque presses the mass in by a thousandth of the distance between the stops.
@@ -353,10 +349,7 @@ void default_stiffness(TableReader& table, Mass& mass) {
   if (stiffness > 0 || !std::isfinite(mass.rail.lower_end)) return;
   stiffness =
       mass.motor.holding_torque_nm * mass.motor.shaft_ratio / (1e-3 * (mass.rail.upper_end - mass.rail.lower_end));
-  const Range range = Range::positive("N/m");
-  if (range.contains(stiffness)) return;
-  table.refuse("rail.end_stop_stiffness", "is not given, and its default " + number_text(stiffness) +
-                                              " is out of range; allowed: a " + range.text_for(stiffness));
+  refuse_default(table, "rail.end_stop_stiffness", Range::positive("N/m"), stiffness);
 }
 
 // The motor alone must not press the mass out through the shell. The tolerance of a hundredth of the radius is within
@@ -372,10 +365,9 @@ void check_stops_hold_in_ball(TableReader& table, const Mass& mass, double ball_
     const double distance = firmware::evaluate(rail, pressed).position.stableNorm();
     if (distance <= ball_radius_m * (1 + kMostOutside)) continue;
     table.refuse("rail.end_stop_stiffness",
-                 "lets the motor's holding torque press the mass to theta = " + number_text(pressed) + " m, " +
-                     number_text(distance) + " m from the geometric centre; allowed: a stop that holds it within " +
-                     number_text(1 + kMostOutside) +
-                     " ball.radius = " + number_text((1 + kMostOutside) * ball_radius_m) + " (stiffer, or further in)");
+                 "lets the motor's holding torque press the mass to theta = {} m, {} m from the geometric centre; "
+                 "allowed: a stop that holds it within {} ball.radius = {} (stiffer, or further in)",
+                 pressed, distance, 1 + kMostOutside, (1 + kMostOutside) * ball_radius_m);
     return;
   }
 }
@@ -390,9 +382,7 @@ void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajecto
                          : "belongs to a mass on a rail; allowed: no such key beside a trajectory");
   }
   if (around.actuation == Actuation::kStepper) {
-    mass.refuse("trajectory",
-                "cannot be driven by a motor; allowed: run.actuation = "
-                "\"prescribed\", or a rail");
+    mass.refuse("trajectory", "cannot be driven by a motor; allowed: run.actuation = \"prescribed\", or a rail");
   }
   TableReader table = mass.table("trajectory");
   const auto times = read_times(table);
@@ -401,12 +391,11 @@ void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajecto
   table.refuse_unknown_keys();
   if (!times || !periodic || !points) return;
   if (points->size() != times->size()) {
-    table.refuse("points", "has " + std::to_string(points->size()) + " elements; allowed: one for each of the " +
-                               std::to_string(times->size()) + " times");
+    table.refuse("points", "has {} elements; allowed: one for each of the {} times", points->size(), times->size());
     return;
   }
   if (*periodic && points->front() != points->back()) {
-    table.refuse("points." + std::to_string(points->size() - 1),
+    table.refuse(message("points.{}", points->size() - 1),
                  "is not the first point; allowed: with periodic = true the table ends where it starts");
     return;
   }
@@ -414,9 +403,8 @@ void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajecto
     table.refuse("times.0", "is after the start; allowed: <= 0, or periodic = true");
   }
   if (!*periodic && around.duration_s && times->back() < *around.duration_s) {
-    table.refuse("times." + std::to_string(times->size() - 1),
-                 "is before the end of the run; allowed: >= duration = " + number_text(*around.duration_s) +
-                     ", or periodic = true");
+    table.refuse(message("times.{}", times->size() - 1),
+                 "is before the end of the run; allowed: >= duration = {}, or periodic = true", *around.duration_s);
   }
   const CubicSpline curve = *periodic ? CubicSpline::closed(*times, *points) : CubicSpline::open(*times, *points);
   double farthest_m = 0, when_s = 0;
@@ -434,28 +422,24 @@ void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajecto
     }
   }
   if (!good) {
-    table.refuse("times", "make a curve with speeds or accelerations above " + number_text(kMostSize) +
-                              "; allowed: times at distances less extreme");
+    table.refuse("times",
+                 "make a curve with speeds or accelerations above {}; allowed: times at distances less extreme",
+                 kMostSize);
   } else if (around.ball_radius_m && outside(farthest_m, *around.ball_radius_m)) {
-    table.refuse("points", "take the mass " + number_text(farthest_m) + " m from the geometric centre at t = " +
-                               number_text(when_s) + " s" + allowed_in_ball(*around.ball_radius_m));
+    refuse_outside(table, "points", "take the mass", farthest_m, message(" at t = {} s", when_s),
+                   *around.ball_radius_m);
   }
   trajectory = {*times, *points, *periodic};
 }
 
 // nullptr: none given, or an unknown one, which is reported.
 const MotorPreset* read_preset(TableReader& table) {
-  const Node* node = table.node("preset");
-  if (node == nullptr) return nullptr;
-  const MotorPreset* preset = node->kind == NodeKind::kString ? find_motor_preset(node->text) : nullptr;
-  if (preset == nullptr) {
-    std::string allowed;
-    for (const MotorPreset& known : motor_presets()) {
-      allowed += (allowed.empty() ? "\"" : ", \"") + std::string(known.name) + "\"";
-    }
-    table.refuse("preset", "is not a known motor; allowed: one of " + allowed);
-  }
-  return preset;
+  table.know({"preset"});
+  if (!table.has("preset")) return nullptr;
+  std::vector<std::string_view> names;
+  for (const MotorPreset& known : motor_presets()) names.push_back(known.name);
+  const auto place = table.choice("preset", names);
+  return place ? &motor_presets()[*place] : nullptr;
 }
 
 // Reads winding and supply. The four keys are given together or not at all, because no default of one suits another. A
@@ -485,9 +469,7 @@ void read_winding(TableReader& table, const MotorPreset* preset, Motor& motor) {
   const double peak_v = std::numbers::sqrt2 * *current * *resistance;
   if (!(*supply > peak_v)) {
     table.refuse("supply_voltage",
-                 "is too low for the rated current; allowed: > sqrt(2) * "
-                 "rated_current * resistance = " +
-                     number_text(peak_v));
+                 "is too low for the rated current; allowed: > sqrt(2) * rated_current * resistance = {}", peak_v);
     return;
   }
   motor.rated_current_a = *current;
@@ -496,9 +478,9 @@ void read_winding(TableReader& table, const MotorPreset* preset, Motor& motor) {
   motor.supply_voltage_v = *supply;
   motor.corner_speed_radps = PhaseCurrent(motor).corner_speed_radps();
   if (const Range range = Range::positive("rad/s"); !range.contains(motor.corner_speed_radps)) {
-    table.refuse("rated_current", "and the rest of the winding make a corner speed of " +
-                                      number_text(motor.corner_speed_radps) + "; allowed: figures that make it a " +
-                                      range.text_for(motor.corner_speed_radps));
+    table.refuse("rated_current",
+                 "and the rest of the winding make a corner speed of {}; allowed: figures that make it a {}",
+                 motor.corner_speed_radps, range.text_for(motor.corner_speed_radps));
     motor.corner_speed_radps = std::numeric_limits<double>::infinity();  // avoids further errors that follow from it
   }
 }
@@ -543,12 +525,9 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   const double ratio = motor.shaft_ratio;
   const double rail_inertia = mass_kg * lever * lever;
   const double load_inertia = rail_inertia / (ratio * ratio);  // J_L
-  // A computed default must be in range too, which fails for extreme numbers in the scenario.
   const auto read = [&](const char* key, const Range& range, double fallback, double& out) {
     out = table.number(key, range, fallback).value_or(fallback);
-    if (!complete || table.has(key) || range.contains(fallback)) return;
-    table.refuse(key, "is not given, and its default " + number_text(fallback) + " is out of range; allowed: a " +
-                          range.text_for(fallback));
+    if (complete && !table.has(key)) refuse_default(table, key, range, fallback);
   };
   // A rotor inertia of three times the load's: a microstep moves the load a quarter as much at the same margin.
   read("rotor_inertia", Range::positive("kg m^2"), preset ? preset->rotor_inertia_kgm2 : 3 * load_inertia,
@@ -577,13 +556,13 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   }
   read("step_error", Range::between(0, 0.1), motor.step_error, motor.step_error);
   read("direction_setup", Range::between(0, 1e-3, "s"), motor.direction_setup_s, motor.direction_setup_s);
-  // The default is what half the holding torque gives, and at least the motion's own, so that only an explicit limit refuses a motion.
+  // Default: what half the holding torque gives, at least the motion's own. Only an explicit limit refuses a motion.
   const double half_torque = 0.5 * ratio * motor.holding_torque_nm / moved_inertia;
   read("max_acceleration", Range::positive("rail unit / s^2"), std::max(half_torque, extent.greatest_acceleration),
        motor.max_acceleration);
-  // The default is what nine tenths of the holding torque leave for the drag, beside gravity and that acceleration, so that moves at
-  // full speed lose no steps; but no faster than the corner speed, and a tenth faster than the motion in any case. And
-  // no more than what the bursts of a control tick surely carry.
+  // Default: the speed at which gravity, that acceleration and the drag use nine tenths of the holding torque, so that
+  // moves at full speed lose no steps. It is at most the corner speed, at least a tenth above the motion's speed, and
+  // at most what the bursts of a control tick surely carry.
   const double period = around.control_period_s.value_or(1e-3), timer = around.timer_frequency_hz.value_or(1e7);
   const double gravity_torque = mass_kg * around.gravity_mps2.value_or(1) * lever / ratio;
   const double acceleration_torque = moved_inertia * motor.max_acceleration / ratio;
@@ -607,28 +586,27 @@ void check_steps(TableReader& table, const Mass& mass, const MassSurroundings& a
   const double per_unit = mass.motor.microsteps_per_rail_unit();
   if (const Range range = Range::positive(); !range.contains(per_unit)) {
     const bool on_line = mass.rail.shape != firmware::RailShape::kCircle;
-    table.refuse(
-        on_line ? "motor.travel_per_revolution" : "motor.gear_ratio",
-        "makes " + number_text(per_unit) + " microsteps per rail unit; allowed: a " + range.text_for(per_unit));
+    table.refuse(on_line ? "motor.travel_per_revolution" : "motor.gear_ratio",
+                 "makes {} microsteps per rail unit; allowed: a {}", per_unit, range.text_for(per_unit));
     return;
   }
   if (!(std::abs(mass.initial_position * per_unit) <= kMaxInitialMicrosteps)) {
-    table.refuse("initial_position", "is more microsteps from 0 than can be counted; allowed: within " +
-                                         number_text(kMaxInitialMicrosteps) + " microsteps, here " +
-                                         number_text(kMaxInitialMicrosteps / per_unit));
+    table.refuse("initial_position",
+                 "is more microsteps from 0 than can be counted; allowed: within {} microsteps, here {}",
+                 kMaxInitialMicrosteps, kMaxInitialMicrosteps / per_unit);
   }
   if (around.timer_frequency_hz && mass.motor.max_step_rate_hz > *around.timer_frequency_hz) {
-    table.refuse("motor.max_step_rate",
-                 "is out of range; allowed: <= run.timer_frequency = " + number_text(*around.timer_frequency_hz));
+    table.refuse("motor.max_step_rate", "is out of range; allowed: <= run.timer_frequency = {}",
+                 *around.timer_frequency_hz);
     return;
   }
   const double sure_hz = sure_rate_hz(*around.control_period_s, around.mass_count);
   if (mass.motor.max_step_rate_hz > sure_hz) {
-    table.refuse("motor.max_step_rate", "is out of range; allowed: <= " + number_text(sure_hz) + ", " +
-                                            std::to_string(sure_steps_per_control_period(around.mass_count) - 1) +
-                                            " steps in a run.control_period, what the 32 bursts of " +
-                                            std::to_string(around.mass_count) +
-                                            (around.mass_count == 1 ? " motor" : " motors") + " surely carry");
+    table.refuse("motor.max_step_rate",
+                 "is out of range; allowed: <= {}, {} steps in a run.control_period, what the 32 bursts of {} motor{} "
+                 "surely carry",
+                 sure_hz, sure_steps_per_control_period(around.mass_count) - 1, around.mass_count,
+                 around.mass_count == 1 ? "" : "s");
   }
 }
 
@@ -636,14 +614,12 @@ void check_steps(TableReader& table, const Mass& mass, const MassSurroundings& a
 void check_acceleration(TableReader& table, const Mass& mass, const SpeedExtent& extent) {
   const Motor& motor = mass.motor;
   if (extent.greatest_acceleration > motor.max_acceleration) {
-    table.refuse(piece_key(mass, extent.hardest_piece),
-                 "has acceleration " + number_text(extent.greatest_acceleration) +
-                     "; allowed: <= " + number_text(motor.max_acceleration) + " (motor.max_acceleration)");
+    table.refuse(piece_key(mass, extent.hardest_piece), "has acceleration {}; allowed: <= {} (motor.max_acceleration)",
+                 extent.greatest_acceleration, motor.max_acceleration);
   }
   if (extent.greatest_jerk > motor.max_jerk) {
-    table.refuse(piece_key(mass, extent.jerkiest_piece), "has jerk " + number_text(extent.greatest_jerk) +
-                                                             "; allowed: <= " + number_text(motor.max_jerk) +
-                                                             " (motor.max_jerk)");
+    table.refuse(piece_key(mass, extent.jerkiest_piece), "has jerk {}; allowed: <= {} (motor.max_jerk)",
+                 extent.greatest_jerk, motor.max_jerk);
   }
 }
 
@@ -653,14 +629,13 @@ void check_step_rate(TableReader& table, const Mass& mass, const SpeedExtent& ex
   const double possible_hz = mass.motor.max_step_rate_hz;
   if (needed_hz <= possible_hz) return;
   table.refuse(piece_key(mass, extent.fastest_piece),
-               "needs " + number_text(needed_hz) + " microsteps/s at its greatest speed " +
-                   number_text(extent.greatest_speed) + "; allowed: <= " + number_text(possible_hz) +
-                   " (motor.max_step_rate)");
+               "needs {} microsteps/s at its greatest speed {}; allowed: <= {} (motor.max_step_rate)", needed_hz,
+               extent.greatest_speed, possible_hz);
 }
 
 }  // namespace
 
-// No integrator's step is much shorter than that: see Plant.
+// Least distance of two rows of a table, in s and as a part of the time. The integrator's steps are longer.
 constexpr double kLeastGap = 1e-9;
 
 std::optional<std::vector<double>> read_times(TableReader& table) {
@@ -669,9 +644,11 @@ std::optional<std::vector<double>> read_times(TableReader& table) {
   for (std::size_t i = 1; i < times->size(); ++i) {
     const double before = (*times)[i - 1], gap = (*times)[i] - before;
     if (gap >= kLeastGap * std::max(1.0, std::abs(before)) && std::isfinite(gap)) continue;
-    table.refuse("times." + std::to_string(i), "is not after the time before it, " + number_text(before) +
-                                                   "; allowed: times that increase, by finite steps of at least 1e-9 "
-                                                   "and 1e-9 of the time");
+    table.refuse(
+        message("times.{}", i),
+        "is not after the time before it, {}; allowed: times that increase, by finite steps of at least 1e-9 and "
+        "1e-9 of the time",
+        before);
     return std::nullopt;
   }
   return times;
@@ -680,9 +657,9 @@ std::optional<std::vector<double>> read_times(TableReader& table) {
 Mass read_mass(TableReader& table, const MassSurroundings& around) {
   Mass mass;
   const auto mass_kg = table.number("mass", Range::positive("kg"));
+  mass.mass_kg = mass_kg.value_or(0);
   table.know({"trajectory"});
   if (table.has("trajectory")) {
-    if (mass_kg) mass.mass_kg = *mass_kg;
     read_trajectory(table, around, mass.trajectory);
     table.refuse_unknown_keys();
     return mass;
@@ -691,10 +668,9 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
   const auto initial_position = table.number("initial_position", Range::any("rad or m"), 0.0);
   const auto initial_velocity = table.number("initial_velocity", Range::any("rad/s or m/s"), 0.0);
   const auto motion = read_motion(table);
-  if (mass_kg) mass.mass_kg = *mass_kg;
   if (rail) mass.rail = *rail;
-  if (initial_position) mass.initial_position = *initial_position;
-  if (initial_velocity) mass.initial_velocity = *initial_velocity;
+  mass.initial_position = initial_position.value_or(0);
+  mass.initial_velocity = initial_velocity.value_or(0);
   if (motion) mass.motion = *motion;
 
   bool motion_known = initial_position && initial_velocity && motion && around.duration_s;
@@ -705,8 +681,7 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
     const Range range = Range::any();
     if (!range.contains(extent.least.position) || !range.contains(extent.greatest.position) ||
         !range.contains(speed.greatest_speed)) {
-      table.refuse("motion",
-                   "overflows; allowed: positions and speeds of at most " + number_text(kMostSize) + " in size");
+      table.refuse("motion", "overflows; allowed: positions and speeds of at most {} in size", kMostSize);
       motion_known = false;
     }
   }

@@ -8,25 +8,9 @@
 namespace ballast::sim {
 namespace {
 
-const char* kind_name(NodeKind kind) {
-  switch (kind) {
-    case NodeKind::kTable:
-      return "a table";
-    case NodeKind::kArray:
-      return "an array";
-    case NodeKind::kString:
-      return "a string";
-    case NodeKind::kInteger:
-      return "an integer";
-    case NodeKind::kFloat:
-      return "a float";
-    case NodeKind::kBoolean:
-      return "a boolean";
-    case NodeKind::kDateOrTime:
-      return "a date or time";
-  }
-  return "";
-}
+// In the order of NodeKind.
+constexpr const char* kKindNames[] = {"a table", "an array",  "a string",      "an integer",
+                                      "a float", "a boolean", "a date or time"};
 
 std::string with_article(const std::string& text) { return "a " + text; }
 
@@ -47,16 +31,29 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return d[a.size()][b.size()];
 }
 
-std::string place(const std::string& path) { return path.empty() ? "the top level" : "[" + path + "]"; }
+// A table as the author of a scenario writes it: "[surface]", "[[fault]] 0", "rail of [[mass]] 2".
+std::string place(const std::string& path) {
+  if (path.empty()) return "the top level";
+  const std::size_t dot = path.find('.');
+  if (dot == std::string::npos) return "[" + path + "]";
+  const std::size_t inner = path.find('.', dot + 1);
+  const std::string entry = "[[" + path.substr(0, dot) + "]] " + path.substr(dot + 1, inner - dot - 1);
+  return inner == std::string::npos ? entry : path.substr(inner + 1) + " of " + entry;
+}
 
-template <class List>
-std::string joined(const List& words, std::string_view quote, std::string_view separator) {
+// Words in quotes, or not, with commas between them and `last` before the last one.
+template <class Words>
+std::string listed(const Words& words, const char* quote, const char* last) {
   std::string text;
-  for (const auto& word : words) {
-    if (!text.empty()) text += separator;
-    text += std::string(quote) + std::string(word) + std::string(quote);
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    text += fmt::format("{}{}{}{}", i == 0 ? "" : i + 1 < words.size() ? ", " : last, quote, words[i], quote);
   }
   return text;
+}
+
+std::string suggestion(std::string_view word, const std::vector<std::string>& known) {
+  const std::string near = nearest(word, known);
+  return near.empty() ? "" : "; did you mean " + near + "?";
 }
 
 }  // namespace
@@ -144,7 +141,7 @@ std::string Range::text() const {
 TableReader::TableReader(const Node* node, std::string path, ReadContext& context)
     : node_(node), source_(context.source_name), path_(std::move(path)), context_(&context) {
   if (node != nullptr && node->kind != NodeKind::kTable) {
-    report(*node, path_, std::string("is ") + kind_name(node->kind) + "; allowed: a table");
+    report_kind(*node, path_, "a table");
     node_ = nullptr;
     silent_ = true;
   }
@@ -179,6 +176,10 @@ void TableReader::report(const Node& node, const std::string& path, const std::s
   context_->errors.push_back({node.source, node.line, path, node.written, message});
 }
 
+void TableReader::report_kind(const Node& node, const std::string& path, const std::string& allowed) {
+  report(node, path, message("is {}; allowed: {}", kKindNames[static_cast<std::size_t>(node.kind)], allowed));
+}
+
 // Entries of arrays are counted: their index is the one part of a path that is a number.
 void TableReader::note(std::string_view key, const std::string& allowed, const std::string& fallback) {
   if (context_->keys == nullptr) return;
@@ -198,12 +199,6 @@ void TableReader::missing(std::string_view key, const std::string& allowed) {
       {source_, line_, path_of(key), "", "is missing from " + place(path_) + "; allowed: " + allowed});
 }
 
-void TableReader::refuse(std::string_view key, const std::string& message) {
-  report_at(key, message, context_->errors);
-}
-
-void TableReader::warn(std::string_view key, const std::string& message) { report_at(key, message, context_->warnings); }
-
 void TableReader::report_at(std::string_view key, const std::string& message, std::vector<ScenarioError>& to) {
   const Node* at = node(key.substr(0, key.find('.')));
   for (std::size_t dot = key.find('.'); at != nullptr && dot != std::string_view::npos; dot = key.find('.', dot + 1)) {
@@ -219,7 +214,7 @@ void TableReader::report_at(std::string_view key, const std::string& message, st
 
 std::optional<double> TableReader::checked_number(const Node& node, const std::string& path, const Range& range) {
   if (node.kind != NodeKind::kInteger && node.kind != NodeKind::kFloat) {
-    report(node, path, std::string("is ") + kind_name(node.kind) + "; allowed: " + with_article(range.text()));
+    report_kind(node, path, with_article(range.text()));
     return std::nullopt;
   }
   if (!range.contains(node.number)) {
@@ -237,86 +232,63 @@ std::optional<double> TableReader::number(std::string_view key, const Range& ran
   return fallback;
 }
 
-std::optional<std::int64_t> TableReader::integer(std::string_view key, std::int64_t low, std::int64_t high,
-                                                 std::int64_t fallback) {
-  const std::string allowed = "an integer in [" + std::to_string(low) + ", " + std::to_string(high) + "]";
-  note(key, allowed, std::to_string(fallback));
-  const Node* value = node(key);
-  if (value == nullptr) return fallback;
-  if (value->kind != NodeKind::kInteger) {
-    report(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
-    return std::nullopt;
-  }
-  if (value->integer < low || value->integer > high) {
-    report(*value, path_of(key), "is out of range; allowed: " + allowed);
-    return std::nullopt;
-  }
-  return value->integer;
-}
-
-std::optional<std::string> TableReader::word(std::string_view key, std::initializer_list<std::string_view> allowed,
-                                             std::optional<std::string> fallback) {
-  const std::string choice = joined(allowed, "\"", " or ");
-  note(key, choice, fallback ? "\"" + *fallback + "\"" : "");
+const Node* TableReader::value_of(std::string_view key, NodeKind kind, const std::string& allowed,
+                                  const std::optional<std::string>& fallback) {
+  note(key, allowed, fallback.value_or(""));
   const Node* value = node(key);
   if (value == nullptr) {
-    if (!fallback) missing(key, choice);
-    return fallback;
+    if (!fallback) missing(key, allowed);
+  } else if (value->kind != kind) {
+    report_kind(*value, path_of(key), allowed);
+    return nullptr;
   }
-  if (value->kind != NodeKind::kString) {
-    report(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + choice);
-    return std::nullopt;
-  }
-  if (std::find(allowed.begin(), allowed.end(), value->text) == allowed.end()) {
-    report(*value, path_of(key), "is none of the choices; allowed: " + choice);
-    return std::nullopt;
-  }
-  return value->text;
+  return value;
+}
+
+std::optional<std::int64_t> TableReader::integer(std::string_view key, std::int64_t low, std::int64_t high,
+                                                 std::int64_t fallback) {
+  const std::string allowed = message("an integer in [{}, {}]", low, high);
+  const Node* value = value_of(key, NodeKind::kInteger, allowed, std::to_string(fallback));
+  if (value == nullptr) return has(key) ? std::nullopt : std::optional(fallback);
+  if (value->integer >= low && value->integer <= high) return value->integer;
+  report(*value, path_of(key), "is out of range; allowed: " + allowed);
+  return std::nullopt;
+}
+
+std::optional<std::size_t> TableReader::choice(std::string_view key, std::span<const std::string_view> words,
+                                               std::optional<std::size_t> fallback) {
+  const std::string allowed = listed(words, "\"", " or ");
+  const Node* value = value_of(key, NodeKind::kString, allowed,
+                               fallback ? std::optional(message("\"{}\"", words[*fallback])) : std::nullopt);
+  if (value == nullptr) return has(key) ? std::nullopt : fallback;
+  const auto found = std::find(words.begin(), words.end(), value->text);
+  if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
+  report(
+      *value, path_of(key),
+      message("is none of the choices{}; allowed: {}", suggestion(value->text, {words.begin(), words.end()}), allowed));
+  return std::nullopt;
 }
 
 std::optional<std::string> TableReader::text(std::string_view key) {
   const std::string allowed = "a string that is not empty";
-  note(key, allowed);
-  const Node* value = node(key);
-  if (value == nullptr) {
-    missing(key, allowed);
-    return std::nullopt;
-  }
-  if (value->kind != NodeKind::kString || value->text.empty()) {
-    const std::string is = value->kind == NodeKind::kString ? "empty" : kind_name(value->kind);
-    report(*value, path_of(key), "is " + is + "; allowed: " + allowed);
-    return std::nullopt;
-  }
-  return value->text;
+  const Node* value = value_of(key, NodeKind::kString, allowed, std::nullopt);
+  if (value == nullptr) return std::nullopt;
+  if (!value->text.empty()) return value->text;
+  report(*value, path_of(key), "is empty; allowed: " + allowed);
+  return std::nullopt;
 }
 
 std::optional<bool> TableReader::boolean(std::string_view key, bool fallback) {
-  note(key, "true or false", fallback ? "true" : "false");
-  const Node* value = node(key);
-  if (value == nullptr) return fallback;
-  if (value->kind != NodeKind::kBoolean) {
-    report(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: true or false");
-    return std::nullopt;
-  }
+  const Node* value = value_of(key, NodeKind::kBoolean, "true or false", fallback ? "true" : "false");
+  if (value == nullptr) return has(key) ? std::nullopt : std::optional(fallback);
   return value->boolean;
 }
 
 const Node* TableReader::array(std::string_view key, std::size_t least, std::size_t most, const std::string& allowed) {
-  note(key, allowed);
-  const Node* value = node(key);
-  if (value == nullptr) {
-    missing(key, allowed);
-    return nullptr;
-  }
-  if (value->kind != NodeKind::kArray) {
-    report(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + allowed);
-    return nullptr;
-  }
-  if (value->items.size() < least || value->items.size() > most) {
-    report(*value, path_of(key), "has " + std::to_string(value->items.size()) + " elements; allowed: " + allowed);
-    return nullptr;
-  }
-  return value;
+  const Node* value = value_of(key, NodeKind::kArray, allowed, std::nullopt);
+  if (value == nullptr || (value->items.size() >= least && value->items.size() <= most)) return value;
+  report(*value, path_of(key), message("has {} elements; allowed: {}", value->items.size(), allowed));
+  return nullptr;
 }
 
 std::optional<std::vector<double>> TableReader::checked_numbers(const Node& array, const std::string& path,
@@ -331,7 +303,7 @@ std::optional<std::vector<double>> TableReader::checked_numbers(const Node& arra
 
 std::optional<std::vector<double>> TableReader::numbers(std::string_view key, std::size_t size, const Range& range,
                                                         bool required) {
-  const std::string allowed = "an array of " + std::to_string(size) + " numbers, each a " + range.text();
+  const std::string allowed = message("an array of {} numbers, each a {}", size, range.text());
   if (!required && node(key) == nullptr) {
     note(key, allowed, "zeros");
     return std::vector<double>(size, 0.0);
@@ -342,27 +314,25 @@ std::optional<std::vector<double>> TableReader::numbers(std::string_view key, st
 
 std::optional<std::vector<double>> TableReader::list(std::string_view key, std::size_t least, std::size_t most,
                                                      const Range& range) {
-  const Node* value = array(
-      key, least, most,
-      "an array of " + std::to_string(least) + " to " + std::to_string(most) + " numbers, each a " + range.text());
+  const Node* value =
+      array(key, least, most, message("an array of {} to {} numbers, each a {}", least, most, range.text()));
   return value == nullptr ? std::nullopt : checked_numbers(*value, path_of(key), range);
 }
 
 std::optional<std::vector<Eigen::Vector3d>> TableReader::vectors(std::string_view key, std::size_t least,
                                                                  std::size_t most, const Range& range) {
-  const std::string count =
-      least == most ? std::to_string(least) : std::to_string(least) + " to " + std::to_string(most);
+  const std::string count = least == most ? std::to_string(least) : message("{} to {}", least, most);
   const Node* value = array(key, least, most, "an array of " + count + " vectors of 3 numbers, each a " + range.text());
   if (value == nullptr) return std::nullopt;
   std::vector<Eigen::Vector3d> vectors;
   for (std::size_t i = 0; i < value->items.size(); ++i) {
     const Node& item = value->items[i];
     const std::string path = path_of(key) + "." + std::to_string(i);
-    const std::string allowed = "; allowed: an array of 3 numbers, each a " + range.text();
+    const std::string allowed = "an array of 3 numbers, each a " + range.text();
     if (item.kind != NodeKind::kArray) {
-      report(item, path, std::string("is ") + kind_name(item.kind) + allowed);
+      report_kind(item, path, allowed);
     } else if (item.items.size() != 3) {
-      report(item, path, "has " + std::to_string(item.items.size()) + " elements" + allowed);
+      report(item, path, message("has {} elements; allowed: {}", item.items.size(), allowed));
     } else if (const auto numbers = checked_numbers(item, path, range)) {
       vectors.emplace_back(numbers->data());
     }
@@ -382,13 +352,8 @@ TableReader TableReader::table(std::string_view key) {
 
 std::vector<TableReader> TableReader::tables(std::string_view key, std::string_view allowed) {
   std::vector<TableReader> readers;
-  note(key, std::string(allowed));
-  const Node* value = node(key);
+  const Node* value = value_of(key, NodeKind::kArray, std::string(allowed), "");
   if (value == nullptr) return readers;
-  if (value->kind != NodeKind::kArray) {
-    report(*value, path_of(key), std::string("is ") + kind_name(value->kind) + "; allowed: " + std::string(allowed));
-    return readers;
-  }
   for (std::size_t i = 0; i < value->items.size(); ++i) {
     readers.emplace_back(&value->items[i], path_of(key) + "." + std::to_string(i), *context_);
   }
@@ -399,10 +364,9 @@ void TableReader::refuse_unknown_keys() {
   if (node_ == nullptr) return;
   for (const auto& [key, value] : node_->entries) {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
-    const std::string suggestion = nearest(key, known_);
-    report(value, path_of(key),
-           "unknown key" + (suggestion.empty() ? "" : "; did you mean " + suggestion + "?") + "; allowed in " +
-               place(path_) + ": " + joined(known_, "", ", "));
+    report(
+        value, path_of(key),
+        message("unknown key{}; allowed in {}: {}", suggestion(key, known_), place(path_), listed(known_, "", ", ")));
   }
 }
 

@@ -2,9 +2,12 @@
 // reports all of them.
 #pragma once
 
+#include <fmt/core.h>
+
 #include <Eigen/Core>
 #include <initializer_list>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -45,6 +48,19 @@ std::string nearest(std::string_view word, const std::vector<std::string>& known
 // The number with the fewest digits that read back as the same double.
 std::string number_text(double value);
 
+// The text of a message: fmt::format() with number_text() for doubles.
+template <class T>
+using Printed = std::conditional_t<std::is_same_v<T, double>, std::string, T>;
+inline std::string printed(double value) { return number_text(value); }
+template <class T>
+T printed(T value) {
+  return value;
+}
+template <class... Args>
+std::string message(fmt::format_string<Printed<Args>...> format, Args... args) {
+  return fmt::format(format, printed(args)...);
+}
+
 // A key that the reader asked for.
 struct ReadKey {
   std::string key;       // dotted; the index of an array's entry is N
@@ -68,8 +84,17 @@ class TableReader {
   // Each of these reads one key. A value that is wrong, or missing without a fallback, is reported and gives nullopt.
   std::optional<double> number(std::string_view key, const Range& range, std::optional<double> fallback = std::nullopt);
   std::optional<std::int64_t> integer(std::string_view key, std::int64_t low, std::int64_t high, std::int64_t fallback);
-  std::optional<std::string> word(std::string_view key, std::initializer_list<std::string_view> allowed,
-                                  std::optional<std::string> fallback = std::nullopt);
+  // The place among `words` of the one that is given.
+  std::optional<std::size_t> choice(std::string_view key, std::span<const std::string_view> words,
+                                    std::optional<std::size_t> fallback = std::nullopt);
+  // The same as an enumerator of E, in whose order the words stand.
+  template <class E>
+  std::optional<E> choice(std::string_view key, std::initializer_list<std::string_view> words,
+                          std::optional<E> fallback = std::nullopt) {
+    const auto place = choice(key, std::span(words.begin(), words.size()),
+                              fallback ? std::optional(static_cast<std::size_t>(*fallback)) : std::nullopt);
+    return place ? std::optional(static_cast<E>(*place)) : std::nullopt;
+  }
   std::optional<std::string> text(std::string_view key);  // required, not empty
   std::optional<bool> boolean(std::string_view key, bool fallback);
   template <int kSize>
@@ -100,9 +125,17 @@ class TableReader {
   [[nodiscard]] std::string path_of(std::string_view key) const;
 
   // Reports an error of a key, which may be nested ("motion.1"). A missing key is reported with the table's line.
-  void refuse(std::string_view key, const std::string& message);
+  void refuse(std::string_view key, const std::string& message) { report_at(key, message, context_->errors); }
+  template <class... Args>
+  void refuse(std::string_view key, fmt::format_string<Printed<Args>...> format, Args... args) {
+    refuse(key, message(format, args...));
+  }
   // The same for a value that is allowed and implausible.
-  void warn(std::string_view key, const std::string& message);
+  void warn(std::string_view key, const std::string& message) { report_at(key, message, context_->warnings); }
+  template <class... Args>
+  void warn(std::string_view key, fmt::format_string<Printed<Args>...> format, Args... args) {
+    warn(key, message(format, args...));
+  }
   // Reports every key that was not asked for, with the nearest known key.
   void refuse_unknown_keys();
 
@@ -110,10 +143,14 @@ class TableReader {
   std::optional<std::vector<double>> numbers(std::string_view key, std::size_t size, const Range& range, bool required);
   std::optional<double> checked_number(const Node& node, const std::string& path, const Range& range);
   std::optional<std::vector<double>> checked_numbers(const Node& array, const std::string& path, const Range& range);
+  // The value of a key, if it is of this kind. Another kind, or a missing key without a fallback, is reported.
+  const Node* value_of(std::string_view key, NodeKind kind, const std::string& allowed,
+                       const std::optional<std::string>& fallback);
   // The array of a key that must have `least` to `most` elements; anything else is reported and gives nullptr.
   const Node* array(std::string_view key, std::size_t least, std::size_t most, const std::string& allowed);
   void missing(std::string_view key, const std::string& allowed);
   void report(const Node& node, const std::string& path, const std::string& message);
+  void report_kind(const Node& node, const std::string& path, const std::string& allowed);
   void note(std::string_view key, const std::string& allowed, const std::string& fallback = "");
   void report_at(std::string_view key, const std::string& message, std::vector<ScenarioError>& to);
 

@@ -1,5 +1,7 @@
 #include "sim/scenario/scenario.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -74,7 +76,7 @@ std::string file_text(Node& root, const Scenario& scenario) {
 
 std::string to_string(const ScenarioError& error) {
   std::string text = error.source;
-  if (error.line > 0) text += ":" + std::to_string(error.line);
+  if (error.line > 0) text += fmt::format(":{}", error.line);
   if (!error.key.empty()) text += ": " + error.key;
   if (!error.value.empty()) text += (error.key.empty() ? ": " : " = ") + error.value;
   return printable(text + ": " + error.message);

@@ -1,5 +1,6 @@
 #include "sim/scenario/tree.h"
 
+#include <fmt/core.h>
 #include <toml++/toml.h>
 
 #include <algorithm>
@@ -249,9 +250,13 @@ std::optional<std::size_t> index_of(std::string_view part) {
   return index;
 }
 
-std::string entries_text(std::size_t count) {
-  if (count == 0) return "has no entries";
-  return "has " + std::to_string(count) + (count == 1 ? " entry, 0" : " entries, 0.." + std::to_string(count - 1));
+// The text of a value after a part of it has changed.
+std::string rewritten(const Node& node) {
+  std::ostringstream text;
+  with_value(node, true, [&text](auto&& value) {
+    if constexpr (std::is_base_of_v<toml::node, std::decay_t<decltype(value)>>) text << toml::toml_formatter(value);
+  });
+  return one_line(text.str());
 }
 
 }  // namespace
@@ -275,17 +280,15 @@ const Node* Node::child(std::string_view key_or_index) const {
 
 bool read_tree(std::string_view toml, std::string_view source_name, Node& root, std::vector<ScenarioError>& errors) {
   if (const int line = line_of_too_deep_key(toml); line != 0) {
-    errors.push_back(
-        {std::string(source_name), line, "", "",
-         "has a key of more than " + std::to_string(kMaxKeyParts) + " parts; no scenario key has as many"});
+    errors.push_back({std::string(source_name), line, "", "",
+                      fmt::format("has a key of more than {} parts; no scenario key has as many", kMaxKeyParts)});
     return false;
   }
   try {
     const toml::table table = toml::parse(toml, source_name);
     if (const toml::node* deep = deeper_than(kMaxKeyParts + 1, table)) {
-      errors.push_back(
-          {std::string(source_name), static_cast<int>(deep->source().begin.line), "", "",
-           "has a value nested deeper than " + std::to_string(kMaxKeyParts) + "; no scenario value is as deep"});
+      errors.push_back({std::string(source_name), static_cast<int>(deep->source().begin.line), "", "",
+                        fmt::format("has a value nested deeper than {}; no scenario value is as deep", kMaxKeyParts)});
       return false;
     }
     root = convert(table, SourceText(toml), std::string(source_name), true);
@@ -306,8 +309,8 @@ std::string to_toml(const Node& root) {
 }
 
 void apply_override(const std::string& assignment, Node& root, std::vector<ScenarioError>& errors) {
-  const auto refuse = [&](std::string key, std::string value, std::string message) {
-    errors.push_back({kOverrideSource, 0, std::move(key), std::move(value), std::move(message)});
+  const auto refuse = [&](std::string key, std::string value, std::string why) {
+    errors.push_back({kOverrideSource, 0, std::move(key), std::move(value), std::move(why)});
   };
   const std::size_t equals = assignment.find('=');
   if (equals == std::string::npos) {
@@ -325,14 +328,20 @@ void apply_override(const std::string& assignment, Node& root, std::vector<Scena
   // Follows the part of the path that exists. Missing parts are created after all checks.
   Node* node = &root;
   std::string path;
+  std::vector<Node*> enclosing;
   std::size_t depth = 0;
   for (; depth < parts.size(); ++depth) {
+    enclosing.push_back(node);
     const std::string& part = parts[depth];
     if (node->kind == NodeKind::kArray) {
       const std::optional<std::size_t> index = index_of(part);
       if (!index || *index >= node->items.size()) {
+        const std::size_t count = node->items.size();
         return refuse(key, written,
-                      path + " " + entries_text(node->items.size()) + "; \"" + one_line(part) + "\" is none of them");
+                      fmt::format("{} has no entry \"{}\"; allowed: {}", path, one_line(part),
+                                  count == 0   ? "none, as it is empty"
+                                  : count == 1 ? "0"
+                                               : fmt::format("0 to {}", count - 1)));
       }
       node = &node->items[*index];
     } else if (node->kind == NodeKind::kTable) {
@@ -340,7 +349,7 @@ void apply_override(const std::string& assignment, Node& root, std::vector<Scena
       if (next == nullptr) break;
       node = next;
     } else {
-      return refuse(key, written, path + " is a single value, it has no keys of its own");
+      return refuse(key, written, path + " is a single value and has no keys; allowed: " + path + "=VALUE");
     }
     path += (path.empty() ? "" : ".") + part;
   }
@@ -358,6 +367,10 @@ void apply_override(const std::string& assignment, Node& root, std::vector<Scena
     node = &node->entries.back().second;
   }
   *node = value_node(value_text, kOverrideSource);
+  // Messages repeat the values around it as they are now.
+  std::for_each(enclosing.rbegin(), enclosing.rend(), [](Node* outer) {
+    if (!outer->written.empty()) outer->written = rewritten(*outer);
+  });
 }
 
 }  // namespace ballast::sim

@@ -125,24 +125,23 @@ TEST_P(Rejects, WithKeyValueAndWhatIsAllowed) {
 
 INSTANTIATE_TEST_SUITE_P(
     TopLevel, Rejects,
-    ::testing::Values(Rejection{"duration=0", "duration", "> 0"}, Rejection{"duration=-1", "duration", "> 0"},
-                      Rejection{"duration=inf", "duration", "finite"}, Rejection{"duration=nan", "duration", "finite"},
-                      Rejection{"duration=ten", "duration", "a string"},
-                      Rejection{"duration=true", "duration", "a boolean"},
-                      Rejection{"duration=[1]", "duration", "an array"},
-                      Rejection{"duration=1979-05-27", "duration", "a date"},
-                      Rejection{"gravity=-1e-9", "gravity", ">= 0"}, Rejection{"gravity=inf", "gravity", "finite"},
-                      Rejection{"gravity=nan", "gravity", "finite"},
-                      Rejection{"external_force=[0,0]", "external_force", "array of 3"},
-                      Rejection{"external_force=5", "external_force", "array of 3"},
-                      Rejection{"external_force=[0,0,nan]", "external_force.2", "finite"},
-                      Rejection{"external_force=[0,\"x\",0]", "external_force.1", "a string"},
-                      Rejection{"seed=-1", "seed", "[0, 9223372036854775807]"},
-                      Rejection{"seed=1.0", "seed", "an integer"}, Rejection{"name=\"a/b\"", "name", "letters, digits"},
-                      Rejection{"name=.hidden", "name", "no . at the start"}, Rejection{"name=5", "name", "not a string"},
-                      Rejection{"name=\"a b\"", "name", "letters"}, Rejection{"ball=5", "ball", "a table"},
-                      Rejection{"run=[]", "run", "a table"}, Rejection{"mass=5", "mass", "[[mass]]"},
-                      Rejection{"mass={mass=1}", "mass", "[[mass]]"}, Rejection{"mass=[1]", "mass.0", "a table"}));
+    ::testing::Values(
+        Rejection{"duration=0", "duration", "> 0"}, Rejection{"duration=-1", "duration", "> 0"},
+        Rejection{"duration=inf", "duration", "finite"}, Rejection{"duration=nan", "duration", "finite"},
+        Rejection{"duration=ten", "duration", "a string"}, Rejection{"duration=true", "duration", "a boolean"},
+        Rejection{"duration=[1]", "duration", "an array"}, Rejection{"duration=1979-05-27", "duration", "a date"},
+        Rejection{"gravity=-1e-9", "gravity", ">= 0"}, Rejection{"gravity=inf", "gravity", "finite"},
+        Rejection{"gravity=nan", "gravity", "finite"},
+        Rejection{"external_force=[0,0]", "external_force", "array of 3"},
+        Rejection{"external_force=5", "external_force", "array of 3"},
+        Rejection{"external_force=[0,0,nan]", "external_force.2", "finite"},
+        Rejection{"external_force=[0,\"x\",0]", "external_force.1", "a string"},
+        Rejection{"seed=-1", "seed", "[0, 9223372036854775807]"}, Rejection{"seed=1.0", "seed", "an integer"},
+        Rejection{"name=\"a/b\"", "name", "letters, digits"}, Rejection{"name=.hidden", "name", "no . at the start"},
+        Rejection{"name=5", "name", "not a string"}, Rejection{"name=\"a b\"", "name", "letters"},
+        Rejection{"ball=5", "ball", "a table"}, Rejection{"run=[]", "run", "a table"},
+        Rejection{"mass=5", "mass", "[[mass]]"}, Rejection{"mass={mass=1}", "mass", "[[mass]]"},
+        Rejection{"mass=[1]", "mass.0", "a table"}));
 
 INSTANTIATE_TEST_SUITE_P(
     BallAndSurface, Rejects,
@@ -187,7 +186,7 @@ INSTANTIATE_TEST_SUITE_P(
     Mass, Rejects,
     ::testing::Values(
         Rejection{"mass.0.mass=0", "mass.0.mass", "> 0"}, Rejection{"mass.0.rail=1", "mass.0.rail", "a table"},
-        Rejection{"mass.0.rail.shape=square", "mass.0.rail.shape", "\"circle\" or \"line\" or \"spline\""},
+        Rejection{"mass.0.rail.shape=square", "mass.0.rail.shape", "\"circle\", \"line\" or \"spline\""},
         Rejection{"mass.0.rail.radius=0", "mass.0.rail.radius", "> 0"},
         Rejection{"mass.0.rail.radius=2.0001", "mass.0.rail.radius", "ball.radius = 2"},
         Rejection{"mass.0.rail.direction=5", "mass.0.rail.direction", "a table"},
@@ -307,7 +306,7 @@ INSTANTIATE_TEST_SUITE_P(
         Rejection{"mass.0.motor.rotor_inertia=0", "mass.0.motor.rotor_inertia", "> 0"},
         Rejection{"mass.0.motor.viscous_damping=-1", "mass.0.motor.viscous_damping", ">= 0"},
         Rejection{"mass.0.motor.corner_speed=0", "mass.0.motor.corner_speed", "> 0"},
-        Rejection{"mass.0.motor.preset=nema99", "mass.0.motor.preset", "\"nema11\", \"nema17\", \"nema23\""},
+        Rejection{"mass.0.motor.preset=nema99", "mass.0.motor.preset", "\"nema11\", \"nema17\" or \"nema23\""},
         Rejection{"mass.0.motor.preset=17", "mass.0.motor.preset", "\"nema17\""},
         Rejection{"mass.0.motor.step_error=0.11", "mass.0.motor.step_error", "[0, 0.1]"},
         Rejection{"mass.0.motor.step_error=-0.01", "mass.0.motor.step_error", "[0, 0.1]"},
@@ -320,7 +319,7 @@ INSTANTIATE_TEST_SUITE_P(
 INSTANTIATE_TEST_SUITE_P(Published, Rejects,
                          ::testing::Values(Rejection{"published=1", "published", "[[published]]"},
                                            Rejection{"published.0.quantity=speed", "published.0.quantity",
-                                                     "\"mu_required.max\" or"},
+                                                     "\"mu_required.max\", \"normal_force.min\" or"},
                                            Rejection{"published.0.value=nan", "published.0.value", "finite"},
                                            Rejection{"published.0.source=\"\"", "published.0.source", "not empty"},
                                            Rejection{"published.0.source=5", "published.0.source", "not empty"}));
@@ -512,7 +511,7 @@ TEST(Scenario, UnknownKeysSuggestTheNearestOfTheirLevel) {
            {"mass.0.inital_position=1", "mass.0.inital_position", "did you mean initial_position?"},
            {"mass.0.rail.raduis=1", "mass.0.rail.raduis", "did you mean radius?"},
            {"mass.0.rail.direction.azimut=1", "mass.0.rail.direction.azimut", "did you mean azimuth?"},
-           {"mass.1.rail.radius=1", "mass.1.rail.radius", "allowed in [mass.1.rail]: shape, origin, direction"},
+           {"mass.1.rail.radius=1", "mass.1.rail.radius", "allowed in rail of [[mass]] 1: shape, origin, direction"},
            {"mass.0.motion.0.accelaration=1", "mass.0.motion.0.accelaration", "did you mean acceleration?"},
            {"mass.0.motor.microstep=1", "mass.0.motor.microstep", "did you mean microsteps?"}}) {
     const ScenarioError error = only_error(kFull, {c.assignment});
@@ -526,6 +525,20 @@ TEST(Scenario, UnknownKeysSuggestTheNearestOfTheirLevel) {
     EXPECT_EQ(error.message.find("did you mean"), std::string::npos) << error.message;
     EXPECT_TRUE(contains(error.message, "allowed in"));
   }
+}
+
+TEST(Scenario, AWrongChoiceSuggestsTheNearest) {
+  EXPECT_EQ(only_error(kFull, {"run.actuation=steper"}).message,
+            "is none of the choices; did you mean stepper?; allowed: \"prescribed\" or \"stepper\"");
+  EXPECT_EQ(only_error(kFull, {"mass.0.motor.preset=nema71"}).message,
+            "is none of the choices; did you mean nema11?; allowed: \"nema11\", \"nema17\" or \"nema23\"");
+  EXPECT_EQ(only_error(kFull, {"run.actuation=zzz"}).message,
+            "is none of the choices; allowed: \"prescribed\" or \"stepper\"");
+}
+
+TEST(Scenario, MissingKeysNameTheirTableAsItIsWritten) {
+  const ScenarioError error = only_error(kFull + "[[fault]]\nkind = \"motor_stall\"\n");
+  EXPECT_TRUE(contains(error.message, "is missing from [[fault]] 0; allowed: ")) << error.message;
 }
 
 TEST(Scenario, OrientationIsNormalisedOnlyIfNearlyUnit) {

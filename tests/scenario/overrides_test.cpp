@@ -98,11 +98,12 @@ TEST(Overrides, MalformedOnesAreErrors) {
            {"ball.=5", "", "ball.=5", "empty key"},
            {".mass=5", "", ".mass=5", "empty key"},
            {"ball..mass=5", "", "ball..mass=5", "empty key"},
-           {"mass.3.mass=5", "mass.3.mass", "5", "mass has 3 entries, 0..2; \"3\" is none of them"},
-           {"mass.-1.mass=5", "mass.-1.mass", "5", "mass has 3 entries"},
-           {"mass.99999999999999999999.mass=5", "mass.99999999999999999999.mass", "5", "mass has 3 entries"},
-           {"mass.mass=5", "mass.mass", "5", "mass has 3 entries"},
-           {"mass.0.motion.2.duration=5", "mass.0.motion.2.duration", "5", "mass.0.motion has 2 entries"},
+           {"mass.3.mass=5", "mass.3.mass", "5", "mass has no entry \"3\"; allowed: 0 to 2"},
+           {"mass.-1.mass=5", "mass.-1.mass", "5", "allowed: 0 to 2"},
+           {"mass.99999999999999999999.mass=5", "mass.99999999999999999999.mass", "5", "allowed: 0 to 2"},
+           {"mass.mass=5", "mass.mass", "5", "allowed: 0 to 2"},
+           {"mass.0.motion.2.duration=5", "mass.0.motion.2.duration", "5",
+            "mass.0.motion has no entry \"2\"; allowed: 0 to 1"},
            {"mass.2.motion.0.duration=5", "mass.2.motion.0.duration", "5", "mass.2.motion has no entries"},
            {"gravity.x=5", "gravity.x", "5", "gravity is a single value"}}) {
     const ScenarioError error = only_error(kFull, {c.assignment});
@@ -228,6 +229,13 @@ TEST(Overrides, AreInTheTextOfTheScenario) {
   EXPECT_EQ(again.id, s.id) << s.toml;
   EXPECT_NE(s.id, accepted(kFull).id);
   EXPECT_EQ(again.seed, 9223372036854775807u);
+}
+
+TEST(Overrides, AnErrorAroundAChangedValueRepeatsItAsItIsNow) {
+  const ScenarioError error = only_error(kFull, {"mass.0.motion.0.acceleration=[5.5, 1]"});
+  EXPECT_EQ(error.key, "mass.0.motion.0");
+  EXPECT_TRUE(contains(error.value, "5.5")) << error.value;
+  EXPECT_TRUE(contains(error.value, "duration")) << error.value;
 }
 
 }  // namespace
