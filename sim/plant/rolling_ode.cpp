@@ -77,9 +77,4 @@ void RollingOde::jacobian(double time_s, const double* y, double* out) const {
   }
 }
 
-void RollingOde::motion(double time_s, const double* y, MotionOf<double>& out) const {
-  const std::array<double, 4> q = unit(y + kQ);
-  rolling_prescribed(body_, time_s, q.data(), y + kOmega, carried(time_s), out);
-}
-
 }  // namespace ballast::sim

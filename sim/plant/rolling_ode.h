@@ -43,8 +43,6 @@ class RollingOde {
   // is so small that higher terms vanish, and no difference of near values is taken. Exact to rounding.
   void jacobian(double time_s, const double* y, double* out) const;
 
-  void motion(double time_s, const double* y, MotionOf<double>& out) const;
-
  private:
   [[nodiscard]] CarriedMasses carried(double time_s) const;
 

@@ -16,15 +16,16 @@
 #include <cstdint>
 #include <stdexcept>
 
+#include "sim/integrators/dop853.h"
 #include "sim/scenario/scenario.h"
-#include "tools/benchmarks/dop853.h"
+#include "tools/integrators/embedded_pair.h"
 
 namespace ballast::benchmarks {
 
 class LimitBall {
  public:
   static constexpr std::size_t kSize = 9;  // q (w, x, y, z), Omega, z_1, z_2
-  using State = Dop853<kSize>::State;
+  using State = sim::Dop853<kSize>::State;
 
   struct Forces {
     double normal_n;
@@ -36,7 +37,9 @@ class LimitBall {
     if (s.masses.size() != kMasses || s.external_force_W_n.norm() != 0 || !s.force_table.times_s.empty() ||
         s.drag.coefficient_kgpm != 0)
       throw std::invalid_argument("the yardstick is for three masses and no external force");
-    r_ = s.ball.radius_m, g_ = s.gravity_mps2, total_ = s.ball.mass_kg;
+    r_ = s.ball.radius_m;
+    g_ = s.gravity_mps2;
+    total_ = s.ball.mass_kg;
     const Eigen::Vector3d chi = s.ball.center_of_mass_B_m;
     Eigen::Matrix3d inertia = s.ball.inertia_kgm2.asDiagonal();
     inertia += s.ball.mass_kg * (chi.squaredNorm() * Eigen::Matrix3d::Identity() - chi * chi.transpose());
@@ -76,8 +79,12 @@ class LimitBall {
       }
       add(0, 0);
     }
-    inertia_[0] = inertia(0, 0), inertia_[1] = inertia(0, 1), inertia_[2] = inertia(0, 2);
-    inertia_[3] = inertia(1, 1), inertia_[4] = inertia(1, 2), inertia_[5] = inertia(2, 2);
+    inertia_[0] = inertia(0, 0);
+    inertia_[1] = inertia(0, 1);
+    inertia_[2] = inertia(0, 2);
+    inertia_[3] = inertia(1, 1);
+    inertia_[4] = inertia(1, 2);
+    inertia_[5] = inertia(2, 2);
 
     const Eigen::Quaterniond& q = s.initial.orientation;
     const Eigen::Vector3d& omega = s.initial.angular_velocity_B_radps;
@@ -95,20 +102,31 @@ class LimitBall {
                                     : derivative<true>(pieces_[piece], time_s, y, dydt);
   }
 
-  // From t = 0 to end_s, starting anew where motion pieces meet; answers with the right-hand sides it took. Throws
-  // std::runtime_error if the integrator gives up.
-  long integrate(double end_s, double tolerance, State& y) const {
-    Dop853<kSize> dop853;
+  // Integrates from t = 0 to end_s and returns the number of right-hand sides. Starts anew where motion pieces meet.
+  // Throws std::runtime_error if the integrator gives up.
+  std::int64_t integrate(double end_s, double tolerance, State& y) const {
+    System system{*this};
+    integrators::EmbeddedPair<System, sim::Dop853<kSize>, 12> dop853(system, {.tolerance = tolerance});
     y = initial_;
-    for (std::size_t piece = 0; piece < piece_count_ && piece_start_s(piece) < end_s; ++piece) {
-      const double to = piece + 1 < piece_count_ ? std::min(piece_start_s(piece + 1), end_s) : end_s;
-      const auto rhs = [&](double t, const double* state, double* dydt) { derivative(piece, t, state, dydt); };
-      if (!dop853.integrate(rhs, piece_start_s(piece), to, tolerance, y)) throw std::runtime_error("DOP853 gave up");
+    for (; system.piece < piece_count_ && piece_start_s(system.piece) < end_s; ++system.piece) {
+      const double to = system.piece + 1 < piece_count_ ? std::min(piece_start_s(system.piece + 1), end_s) : end_s;
+      dop853.start(piece_start_s(system.piece), y);
+      while (dop853.time() < to) {
+        if (!dop853.step(to)) throw std::runtime_error("DOP853 gave up");
+      }
+      y = dop853.state();
     }
-    return dop853.right_hand_sides();
+    return dop853.counters().right_hand_sides;
   }
 
  private:
+  // The ball in one motion piece, as the integrator takes it.
+  struct System {
+    const LimitBall& ball;
+    std::size_t piece = 0;
+    [[nodiscard]] static constexpr std::size_t size() { return kSize; }
+    void rhs(double t, const double* y, double* f) const { ball.derivative(piece, t, y, f); }
+  };
   static constexpr std::size_t kMasses = 3;
   struct Cubic {
     double position, velocity, half_acceleration, sixth_jerk;
@@ -188,17 +206,34 @@ class LimitBall {
       const double d1 = mass.m * (cosine * mass.b[1] - sine * mass.a[1]);
       const double d2 = mass.m * (cosine * mass.b[2] - sine * mass.a[2]);
       const double m0 = mass.m * z0, m1 = mass.m * z1, m2 = mass.m * z2;
-      s0 += m0, s1 += m1, s2 += m2;
-      j00 -= m0 * z0, j01 -= m0 * z1, j02 -= m0 * z2, j11 -= m1 * z1, j12 -= m1 * z2, j22 -= m2 * z2;
-      c0 += rate * d0, c1 += rate * d1, c2 += rate * d2;
+      s0 += m0;
+      s1 += m1;
+      s2 += m2;
+      j00 -= m0 * z0;
+      j01 -= m0 * z1;
+      j02 -= m0 * z2;
+      j11 -= m1 * z1;
+      j12 -= m1 * z2;
+      j22 -= m2 * z2;
+      c0 += rate * d0;
+      c1 += rate * d1;
+      c2 += rate * d2;
       const double square = rate * rate;
-      gx0 -= square * m0, gx1 -= square * m1, gx2 -= square * m2;
+      gx0 -= square * m0;
+      gx1 -= square * m1;
+      gx2 -= square * m2;
       const double along = -2 * rate * (z0 * w0 + z1 * w1 + z2 * w2);
-      e0 += along * d0, e1 += along * d1, e2 += along * d2;
+      e0 += along * d0;
+      e1 += along * d1;
+      e2 += along * d2;
       if constexpr (!kCoasting) {
         const double acceleration = 2 * c.half_acceleration + 6 * t * c.sixth_jerk;
-        gx0 += acceleration * d0, gx1 += acceleration * d1, gx2 += acceleration * d2;
-        e0 += acceleration * mass.n[0], e1 += acceleration * mass.n[1], e2 += acceleration * mass.n[2];
+        gx0 += acceleration * d0;
+        gx1 += acceleration * d1;
+        gx2 += acceleration * d2;
+        e0 += acceleration * mass.n[0];
+        e1 += acceleration * mass.n[1];
+        e2 += acceleration * mass.n[2];
       }
     }
 
@@ -236,7 +271,9 @@ class LimitBall {
     dydt[1] = 0.5 * (q0 * w0 + q2 * w2 - q3 * w1);
     dydt[2] = 0.5 * (q0 * w1 + q3 * w0 - q1 * w2);
     dydt[3] = 0.5 * (q0 * w2 + q1 * w1 - q2 * w0);
-    dydt[4] = x0, dydt[5] = x1, dydt[6] = x2;
+    dydt[4] = x0;
+    dydt[5] = x1;
+    dydt[6] = x2;
     const double r0 = r_ * (w1 * u2 - w2 * u1), r1 = r_ * (w2 * u0 - w0 * u2), r2 = r_ * (w0 * u1 - w1 * u0);
     dydt[7] = r0 + 2 * (q1 * (q2 * r1 + q3 * r2) - (q2 * q2 + q3 * q3) * r0 + q0 * (q2 * r2 - q3 * r1));
     dydt[8] = r1 + 2 * (q2 * (q1 * r0 + q3 * r2) - (q1 * q1 + q3 * q3) * r1 + q0 * (q3 * r0 - q1 * r2));

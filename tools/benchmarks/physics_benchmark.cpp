@@ -1,5 +1,5 @@
-// The cost of the paper's ball with prescribed masses: one right-hand side, and the way to T = 20 with the error it ends
-// with, beside the yardstick (limit.h). tools/benchmarks/ratios prints them as a table.
+// The cost of the paper's ball with prescribed masses: one right-hand side, and the way to T = 20 with the error it
+// ends with, beside the yardstick (limit.h). tools/benchmarks/ratios prints them as a table.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -8,7 +8,6 @@
 #include "sim/plant/newton_euler.h"
 #include "sim/plant/plant.h"
 #include "tests/data/reference.h"
-#include "tools/benchmarks/calls.h"
 #include "tools/benchmarks/limit.h"
 #include "tools/benchmarks/scenario.h"
 #include "tools/integrators/rolling_run.h"
@@ -76,7 +75,7 @@ void report_position(benchmark::State& state, double z1, double z2, double allow
 void LimitIntegration(benchmark::State& state, double tolerance, double allowed) {
   const LimitBall ball(paper_ball("prescribed"));
   LimitBall::State y{};
-  long evaluations = 0;
+  std::int64_t evaluations = 0;
   for (auto _ : state) {
     evaluations = ball.integrate(kEnd_s, tolerance, y);
     benchmark::DoNotOptimize(y);

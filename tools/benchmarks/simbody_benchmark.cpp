@@ -5,7 +5,6 @@
 
 #include "tests/data/reference.h"
 #include "tests/simbody/robot_of.h"
-#include "tools/benchmarks/calls.h"
 #include "tools/benchmarks/scenario.h"
 
 namespace ballast::benchmarks {

@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 #include "firmware/motion/step_generator.h"
-#include "tools/benchmarks/calls.h"
+#include "tools/benchmarks/scenario.h"
 
 namespace ballast::benchmarks {
 namespace {

@@ -163,10 +163,12 @@ void load(const Target& target) {
     const double tick = turn * (static_cast<double>(t.turns_idle) - t.turns_tick) / hal::test::kLoadTicks;
     const double step = turn * (static_cast<double>(t.turns_tick) - t.turns_pulses) / t.given;
     std::printf(
-        "together     %u motor%s at 50 kHz beside the whole tick of %u us: %.1f instructions a step, all in; %.0f the tick; %u "
+        "together     %u motor%s at 50 kHz beside the whole tick of %u us: %.1f instructions a step, all in; %.0f the "
+        "tick; %u "
         "of "
         "%u given, at most %.2f us late; %u ticks late\n",
-        t.motors, t.motors == 1 ? "" : "s", t.period_us, step, tick, t.given, t.commanded, t.late_counts / 25.0, t.late_ticks);
+        t.motors, t.motors == 1 ? "" : "s", t.period_us, step, tick, t.given, t.commanded, t.late_counts / 25.0,
+        t.late_ticks);
   }
 }
 

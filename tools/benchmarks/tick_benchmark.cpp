@@ -7,7 +7,6 @@
 #include <stdexcept>
 
 #include "firmware/control/controller.h"
-#include "tools/benchmarks/calls.h"
 #include "tools/benchmarks/scenario.h"
 #include "tools/program/params.h"
 #include "tools/recording/recorder.h"

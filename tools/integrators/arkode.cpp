@@ -1,9 +1,9 @@
-// SUNDIALS ARKODE, diagonally implicit Runge-Kutta of order 2 with Newton's iteration on the complex-step Jacobian: the
-// methods of ode23tb and ode23t. Both advance the solution of order 2 and take its error from a companion of order 3,
-// so that the estimate is the local error itself, O(h^3).
+// SUNDIALS ARKODE: the methods of ode23tb and ode23t, diagonally implicit Runge-Kutta of order 2 with Newton's
+// iteration on the complex-step Jacobian. Both advance the solution of order 2 and take its error from a companion of
+// order 3, so that the estimate is the local error itself, O(h^3).
 //
-// Between the ends of a step: the cubic through values and slopes there (ARKODE's own interpolant of an order-2 method
-// is a line).
+// The interpolant is the cubic through values and slopes at both ends of a step. ARKODE's own one for order 2 is a
+// line.
 #include <arkode/arkode_arkstep.h>
 
 #include <memory>
@@ -21,20 +21,20 @@ struct FreeTable {
 };
 using Table = std::unique_ptr<std::remove_pointer_t<ARKodeButcherTable>, FreeTable>;
 
-// The error goes as h^3 in both: what ARKODE calls an embedding of order 2.
+// The error of both is O(h^3), which ARKODE calls an embedding of order 2.
 constexpr int kOrder = 2, kEstimate = 2;
 
-// Bank et al. (1985) as Hosea and Shampine (1996) have it: a trapezoidal step to 2 - sqrt 2 of the way, then BDF2. The
-// L-stable solution is the one that goes on.
+// Bank et al. (1985) in the form of Hosea and Shampine (1996): a trapezoidal step over 2 - sqrt 2 of the step, then
+// BDF2. The L-stable solution is advanced.
 Table trbdf2() {
   Table table(ARKodeButcherTable_LoadDIRK(ARKODE_TRBDF2_3_3_2));
   if (!table) throw std::runtime_error("SUNDIALS gives no TR-BDF2 table");
   return table;
 }
 
-// The trapezoidal rule over the whole step, y1 = y0 + h/2 (f0 + f1), with a trapezoidal half step beside it that only
-// serves the companion, Simpson's rule on 0, 1/2, 1. Of order 3: sum b c^2 = 2/3 1/4 + 1/6 = 1/3, sum b A c = 2/3 1/8 +
-// 1/6 1/2 = 1/6.
+// The trapezoidal rule over the whole step, y1 = y0 + h/2 (f0 + f1). The companion is Simpson's rule on 0, 1/2, 1, for
+// which a trapezoidal half step is added. Simpson's rule is of order 3: sum b c^2 = 2/3 1/4 + 1/6 = 1/3, sum b A c =
+// 2/3 1/8 + 1/6 1/2 = 1/6.
 Table trapezoid() {
   double c[] = {0, 0.5, 1};
   double a[] = {0, 0, 0, 0.25, 0.25, 0, 0.5, 0, 0.5};
@@ -54,7 +54,7 @@ class Arkode : public SunMethod {
     must(ARKStepSetUserData(memory_, static_cast<SunMethod*>(this)), "user data");
     must(ARKStepSetMaxHnilWarns(memory_, -1), "silence");
     must(ARKStepSetInterpolantDegree(memory_, 1), "an interpolant");
-    must(ARKStepSetLinearSolver(memory_, dense_.solver(), dense_.matrix()), "a linear solver");
+    must(ARKStepSetLinearSolver(memory_, solver_, matrix_), "a linear solver");
     must(ARKStepSetJacFn(memory_, jacobian), "a Jacobian");
   }
   ~Arkode() override { ARKStepFree(&memory_); }
@@ -84,7 +84,6 @@ class Arkode : public SunMethod {
   }
 
  private:
-  SunDense dense_{y_sun_, context_};
   bool slopes_ready_ = false;
   State start_{}, start_slope_{}, end_slope_{};
 };

@@ -1,8 +1,9 @@
 #include "tools/integrators/comparison.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 namespace ballast::integrators {
@@ -45,14 +46,6 @@ void measure(const sim::Scenario& scenario, Row& row) {
   std::nth_element(times.begin(), times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2), times.end());
   row.wall_time_s = times[times.size() / 2];
   row.repetitions = static_cast<int>(times.size());
-}
-
-template <class... Values>
-std::string format(const char* pattern, Values... values) {
-  const int size = std::snprintf(nullptr, 0, pattern, values...);
-  std::string text(static_cast<std::size_t>(size), '\0');
-  std::snprintf(text.data(), text.size() + 1, pattern, values...);
-  return text;
 }
 
 }  // namespace
@@ -101,30 +94,28 @@ Comparison compare(const sim::Scenario& scenario, const std::vector<const Method
 
 std::string comparison_text(const Comparison& comparison) {
   const Row* fastest = comparison.fastest();
-  std::string text = format("%s, prescribed masses, tolerance %g\n", comparison.scenario.c_str(), comparison.tolerance);
-  text += format("  %-11s %-8s %5s %8s %8s %10s %9s %12s  %-14s %9s\n", "method", "(paper)", "order", "steps",
-                 "rejected", "rhs", "Jacobians", "wall time", "max f_s/N", "distance");
+  std::string text = fmt::format("{}, prescribed masses, tolerance {:g}\n", comparison.scenario, comparison.tolerance);
+  text += fmt::format("  {:<11} {:<8} {:>5} {:>8} {:>8} {:>10} {:>9} {:>12}  {:<14} {:>9}\n", "method", "(paper)",
+                      "order", "steps", "rejected", "rhs", "Jacobians", "wall time", "max f_s/N", "distance");
   for (const Row& row : comparison.rows) {
-    const char* name = row.method->name;
     if (!row.run.failure.empty()) {
-      text += format("  %-11s failed at t = %.6g s: %s\n", name, row.run.result.final_sample.time_s,
-                     row.run.failure.c_str());
+      text += fmt::format("  {:<11} failed at t = {:.6g} s: {}\n", row.method->name, row.run.result.final_sample.time_s,
+                          row.run.failure);
       continue;
     }
     const Counters& c = row.counters;
-    text +=
-        format("  %-11s %-8s %5s %8lld %8lld %10lld %9lld %9.1f us%s %-14.10f %9.1e", name, row.method->counterpart,
-               row.method->order, static_cast<long long>(c.steps), static_cast<long long>(c.rejected),
-               static_cast<long long>(c.right_hand_sides), static_cast<long long>(c.jacobians), 1e6 * row.wall_time_s,
-               &row == fastest ? "*" : " ", row.run.result.extrema.mu_required_max.value, row.distance);
-    if (row.settings.fixed_step_s > 0) text += format("  fixed step %g", row.settings.fixed_step_s);
+    text += fmt::format("  {:<11} {:<8} {:>5} {:8} {:8} {:10} {:9} {:9.1f} us{} {:<14.10f} {:9.1e}", row.method->name,
+                        row.method->counterpart, row.method->order, c.steps, c.rejected, c.right_hand_sides,
+                        c.jacobians, 1e6 * row.wall_time_s, &row == fastest ? "*" : " ",
+                        row.run.result.extrema.mu_required_max.value, row.distance);
+    if (row.settings.fixed_step_s > 0) text += fmt::format("  fixed step {:g}", row.settings.fixed_step_s);
     text += "\n";
   }
-  text += format("  wall time: of the integration alone, median; distance: of the end state from dop853 at %g\n",
-                 kLeastTolerance);
+  text += fmt::format("  wall time: of the integration alone, median; distance: of the end state from dop853 at {:g}\n",
+                      kLeastTolerance);
   if (fastest != nullptr && comparison.rows.size() > 1) {
-    text += format(
-        "  * fastest: %s; fewest evaluations, a Jacobian counted as %d: %s.\n"
+    text += fmt::format(
+        "  * fastest: {}; fewest evaluations, a Jacobian counted as {}: {}.\n"
         "    The paper found ode113, here adams, the fastest in MATLAB, where evaluations are what costs\n",
         fastest->method->name, kJacobian, comparison.fewest_evaluations()->method->name);
   }

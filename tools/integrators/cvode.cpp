@@ -3,8 +3,6 @@
 #include <cvode/cvode.h>
 #include <sunnonlinsol/sunnonlinsol_fixedpoint.h>
 
-#include <optional>
-
 #include "tools/integrators/methods.h"
 #include "tools/integrators/sundials.h"
 
@@ -26,8 +24,7 @@ class Cvode : public SunMethod {
       fixed_point_ = SUNNonlinSol_FixedPoint(y_sun_, 0, context_);
       must(CVodeSetNonlinearSolver(memory_, fixed_point_), "fixed-point iteration");
     } else {
-      dense_.emplace(y_sun_, context_);
-      must(CVodeSetLinearSolver(memory_, dense_->solver(), dense_->matrix()), "a linear solver");
+      must(CVodeSetLinearSolver(memory_, solver_, matrix_), "a linear solver");
       must(CVodeSetJacFn(memory_, jacobian), "a Jacobian");
     }
   }
@@ -52,12 +49,11 @@ class Cvode : public SunMethod {
   // The polynomial of the method's own history.
   void dense(double t, State& y) override {
     CVodeGetDky(memory_, t, 0, inside_);
-    inside_.get(y);
+    get(inside_, y);
   }
 
  private:
-  SunVector inside_{size_, context_};
-  std::optional<SunDense> dense_;
+  sundials::experimental::NVectorView inside_ = vector();
   SUNNonlinearSolver fixed_point_ = nullptr;
 };
 

@@ -13,14 +13,14 @@ namespace {
 class Ida : public SunMethod {
  public:
   Ida(Problem& problem, double tolerance) : SunMethod(problem), tolerance_(tolerance) {
-    slope_.set(y_);
+    set(slope_, y_);
     memory_ = IDACreate(context_);
     if (memory_ == nullptr) throw std::runtime_error("SUNDIALS gives no IDA");
     must(IDASetErrHandlerFn(memory_, keep_complaint, &complaint_), "an error handler");
     must(IDAInit(memory_, residual, 0, y_sun_, slope_), "the problem");
     must(IDASStolerances(memory_, tolerance, tolerance), "the tolerance");
     must(IDASetUserData(memory_, static_cast<SunMethod*>(this)), "user data");
-    must(IDASetLinearSolver(memory_, dense_.solver(), dense_.matrix()), "a linear solver");
+    must(IDASetLinearSolver(memory_, solver_, matrix_), "a linear solver");
     must(IDASetJacFn(memory_, jacobian), "a Jacobian");
   }
   ~Ida() override { IDAFree(&memory_); }
@@ -29,7 +29,7 @@ class Ida : public SunMethod {
     begin(t, y);
     State slope{};
     problem_.slope(t, y.data(), slope.data());
-    slope_.set(slope);
+    set(slope_, slope);
     // IDA's own first step, half a tolerance over the slope, may be less than the rounding of the time. A hundredth of
     // what order 1 would allow, because the order rises by one with every step.
     const double h = first_step([this](double at, const double* v, double* f) { problem_.slope(at, v, f); }, t, y,
@@ -49,7 +49,7 @@ class Ida : public SunMethod {
   // The polynomial of the method's own history.
   void dense(double t, State& y) override {
     IDAGetDky(memory_, t, 0, inside_);
-    inside_.get(y);
+    get(inside_, y);
   }
 
  private:
@@ -81,8 +81,7 @@ class Ida : public SunMethod {
   }
 
   double tolerance_;
-  SunVector slope_{size_, context_}, inside_{size_, context_};
-  SunDense dense_{y_sun_, context_};
+  sundials::experimental::NVectorView slope_ = vector(), inside_ = vector();
 };
 
 }  // namespace

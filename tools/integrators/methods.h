@@ -14,7 +14,7 @@ enum class Form { kOde, kDae };  // rolling_ball_ode_f or rolling_ball_dae_g
 struct Settings {
   double tolerance = 1e-10;  // relative and absolute: the local error of y is held below tolerance * (1 + |y|), or a
                              // part of it (MethodInfo::share)
-  double fixed_step_s = 0;  // > 0: steps of about this length, whatever the error (see EvenSteps)
+  double fixed_step_s = 0;   // > 0: steps of about this length, whatever the error (see EvenSteps)
 };
 
 enum class FixedSteps { kNever, kOnRequest, kAlways };
@@ -27,8 +27,8 @@ struct MethodInfo {
   FixedSteps fixed_steps;
   int looks;  // into how many parts its steps are cut to look for extrema: 1 where steps are far shorter than the
               // motion
-  // Share of the tolerance that the local error gets, so that at one tolerance all methods end about equally far off: the
-  // errors of methods that take many times the steps add up to many times as much.
+  // Share of the tolerance that the local error gets, so that at one tolerance all methods end about equally far off:
+  // the errors of methods that take many times the steps add up to many times as much.
   double share;
   std::unique_ptr<Method> (*construct)(Problem& problem, const Settings& settings);
 

@@ -97,7 +97,10 @@ class Radau5 : public Method {
       }
       bool last = time_ + h_ * 1.0001 >= stop;
       double h = last ? stop - time_ : h_;
-      if (fixed_) h = even.h, last = even.last;
+      if (fixed_) {
+        h = even.h;
+        last = even.last;
+      }
       decomposed_ = decomposed_ && h == h_;
       h_ = h;
       if (jacobian_wanted_ && !jacobian_here_) {

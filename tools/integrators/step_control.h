@@ -1,10 +1,11 @@
 // Shared by the one-step methods: the first step's length, the cubic through a step's ends, and when to give up.
 #pragma once
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <string>
 
 #include "tools/integrators/problem.h"
@@ -78,9 +79,7 @@ class EvenSteps {
 inline double least_step(double t) { return 1e-15 * std::max(1.0, std::abs(t)); }
 
 inline std::string too_small(double h) {
-  char text[80];
-  std::snprintf(text, sizeof text, "no step is small enough to meet the tolerance (down to %.1e)", h);
-  return text;
+  return fmt::format("no step is small enough to meet the tolerance (down to {:.1e})", h);
 }
 
 }  // namespace ballast::integrators

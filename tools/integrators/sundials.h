@@ -1,9 +1,7 @@
-// Shared by the SUNDIALS methods: owners of its objects, its complaints in words, and what goes before and after a
-// step.
+// Shared by the SUNDIALS methods: the objects that all of them need, its messages, and the begin and end of a step.
 #pragma once
 
 #include <nvector/nvector_serial.h>
-#include <sundials/sundials_context.h>
 #include <sunlinsol/sunlinsol_dense.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
@@ -12,6 +10,10 @@
 #include <cstdlib>
 #include <stdexcept>
 #include <string>
+#include <sundials/sundials_context.hpp>
+#include <sundials/sundials_linearsolver.hpp>
+#include <sundials/sundials_matrix.hpp>
+#include <sundials/sundials_nvector.hpp>
 
 #include "tools/integrators/method.h"
 #include "tools/integrators/problem.h"
@@ -19,70 +21,23 @@
 
 namespace ballast::integrators {
 
-class SunContext {
- public:
-  SunContext() {
-    if (SUNContext_Create(nullptr, &context_) != 0) throw std::runtime_error("SUNDIALS gives no context");
-  }
-  ~SunContext() { SUNContext_Free(&context_); }
-  SunContext(const SunContext&) = delete;
-  SunContext& operator=(const SunContext&) = delete;
-  // To be handed to SUNDIALS as it is.
-  operator SUNContext() const { return context_; }  // NOLINT(google-explicit-constructor)
+inline void set(N_Vector vector, const State& y) { std::copy_n(y.begin(), NV_LENGTH_S(vector), NV_DATA_S(vector)); }
+inline void get(N_Vector vector, State& y) { std::copy_n(NV_DATA_S(vector), NV_LENGTH_S(vector), y.begin()); }
 
- private:
-  SUNContext context_ = nullptr;
-};
-
-class SunVector {
- public:
-  SunVector(std::size_t size, SUNContext context) : vector_(N_VNew_Serial(static_cast<sunindextype>(size), context)) {}
-  ~SunVector() { N_VDestroy(vector_); }
-  SunVector(const SunVector&) = delete;
-  SunVector& operator=(const SunVector&) = delete;
-  operator N_Vector() const { return vector_; }  // NOLINT(google-explicit-constructor)
-  double* data() { return NV_DATA_S(vector_); }
-  void set(const State& y) { std::copy_n(y.begin(), NV_LENGTH_S(vector_), data()); }
-  void get(State& y) { std::copy_n(data(), NV_LENGTH_S(vector_), y.begin()); }
-
- private:
-  N_Vector vector_;
-};
-
-// A dense matrix and the solver of its linear systems.
-class SunDense {
- public:
-  SunDense(N_Vector like, SUNContext context)
-      : matrix_(SUNDenseMatrix(NV_LENGTH_S(like), NV_LENGTH_S(like), context)),
-        solver_(SUNLinSol_Dense(like, matrix_, context)) {}
-  ~SunDense() {
-    SUNLinSolFree(solver_);
-    SUNMatDestroy(matrix_);
-  }
-  SunDense(const SunDense&) = delete;
-  SunDense& operator=(const SunDense&) = delete;
-  [[nodiscard]] SUNMatrix matrix() const { return matrix_; }
-  [[nodiscard]] SUNLinearSolver solver() const { return solver_; }
-
- private:
-  SUNMatrix matrix_;
-  SUNLinearSolver solver_;
-};
-
-// SUNDIALS calls this with its reason when it gives up; warnings (positive) are not complaints.
+// SUNDIALS calls this with its reason when it gives up. Warnings, whose codes are positive, are dropped.
 inline void keep_complaint(int code, const char* /*module*/, const char* /*function*/, char* message, void* text) {
   if (code < 0) *static_cast<std::string*>(text) = message;
 }
 
-// Checks a set-up that only lack of memory or our own mistake can make fail.
+// Checks the result of a set-up call. Only lack of memory or a bug here makes one fail.
 inline void must(int flag, const char* what) {
   if (flag != 0) throw std::runtime_error(std::string("SUNDIALS refuses ") + what);
 }
 
-// Steps that change nothing but the rounding of the time: SUNDIALS itself would go on like that without end.
+// Whether a step changes nothing but the rounding of the time. SUNDIALS itself would repeat such steps for ever.
 inline bool stalled(double from, double to) { return to - from < 1e-15 * std::abs(to); }
 
-// A right-hand side that is not finite makes SUNDIALS try a shorter step.
+// 1, which makes SUNDIALS try a shorter step, if a value is not finite; otherwise 0.
 inline int recoverable(const double* f, std::size_t size) {
   for (std::size_t i = 0; i < size; ++i) {
     if (!(f[i] - f[i] == 0)) return 1;
@@ -90,20 +45,20 @@ inline int recoverable(const double* f, std::size_t size) {
   return 0;
 }
 
-// One of SUNDIALS' codes, whose functions differ by name only. User data of the code is this object.
+// One of SUNDIALS' codes. Their functions differ by name only. This object is the code's user data.
 class SunMethod : public Method {
  protected:
-  explicit SunMethod(Problem& problem) : problem_(problem), size_(problem.size()) { y_sun_.set(y_); }
+  explicit SunMethod(Problem& problem) : problem_(problem), size_(problem.size()) { set(y_sun_, y_); }
 
   void begin(double t, const State& y) {
     time_ = step_start_ = t;
     y_ = y;
-    y_sun_.set(y);
+    set(y_sun_, y);
     rejected_before_ = counters_.rejected;
   }
 
-  // The result of step() after a step that ended with `flag`. `name_of` gives its name, to be freed; the counts are of
-  // what was rejected since the code's own new start.
+  // The result of step() after a step that ended with `flag`. `name_of` gives the flag's name, which has to be freed.
+  // The two counts are of the rejections since the code's own new start.
   using Count = int (*)(void* memory, long* count);
   bool took(int flag, char* (*name_of)(long flag), Count error_tests, Count convergence) {
     if (flag < 0) {
@@ -116,7 +71,7 @@ class SunMethod : public Method {
       failure_ = too_small(time_ - step_start_);
       return false;
     }
-    y_sun_.get(y_);
+    get(y_sun_, y_);
     ++counters_.steps;
     long by_error = 0, by_newton = 0;
     error_tests(memory_, &by_error);
@@ -125,7 +80,7 @@ class SunMethod : public Method {
     return true;
   }
 
-  // f(t, y) and its Jacobian, for the codes that take them so.
+  // f(t, y) and its Jacobian in the form that CVODE and ARKODE take.
   static int rhs(double t, N_Vector y, N_Vector f, void* self) {
     auto& method = *static_cast<SunMethod*>(self);
     ++method.counters_.right_hand_sides;
@@ -139,11 +94,17 @@ class SunMethod : public Method {
     return recoverable(SM_DATA_D(j), method.size_ * method.size_);
   }
 
+  [[nodiscard]] sunindextype length() const { return static_cast<sunindextype>(size_); }
+  [[nodiscard]] sundials::experimental::NVectorView vector() const { return {N_VNew_Serial(length(), context_)}; }
+
   Problem& problem_;
   std::size_t size_;
-  SunContext context_;
-  SunVector y_sun_{size_, context_};
-  void* memory_ = nullptr;  // the code's; whoever makes it frees it
+  sundials::Context context_;
+  sundials::experimental::NVectorView y_sun_ = vector();
+  // For the methods with Newton's iteration.
+  sundials::experimental::SUNMatrixView matrix_{SUNDenseMatrix(length(), length(), context_)};
+  sundials::experimental::SUNLinearSolverView solver_{SUNLinSol_Dense(y_sun_, matrix_, context_)};
+  void* memory_ = nullptr;  // the code's; the derived class makes and frees it
   std::string complaint_;
 
  private:

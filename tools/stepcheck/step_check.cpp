@@ -1,8 +1,10 @@
 #include "tools/stepcheck/step_check.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <iterator>
 
 namespace ballast::stepcheck {
 
@@ -16,71 +18,34 @@ constexpr long double kBorderTicks = 5e-3L;
 constexpr long double kTouchSlack = 1e-6L;
 constexpr int kMostBurstPulses = 1 << 20;
 
+struct KindText {
+  const char *name, *sentence, *unit;
+};
+
+// By the order of Kind.
+constexpr KindText kTexts[] = {
+    {"malformed", "a burst without pulses or direction, or whose times do not increase:", "timer ticks"},
+    {"outside_tick", "a pulse outside its control tick:", "us"},
+    {"spacing", "two pulses closer than the step rate allows:", "us"},
+    {"set_up", "two opposite pulses closer than the set-up time:", "us"},
+    {"count", "steps or position_steps are not what the pulses add up to:", "microsteps"},
+    {"off_time", "a pulse too far from its crossing:", "us"},
+    {"lost", "a crossing without its pulse; to the next pulse or the tick's end", "us"},
+    {"extra", "a pulse without its crossing; to the next crossing", "us"},
+    {"drift", "the count at the tick's end is off the motion by", "microsteps"},
+};
+static_assert(std::size(kTexts) == static_cast<std::size_t>(Kind::kDrift) + 1);
+
+const KindText& text_of(Kind kind) { return kTexts[static_cast<std::size_t>(kind)]; }
+
 }  // namespace
 
-const char* to_string(Kind kind) {
-  switch (kind) {
-    case Kind::kMalformed:
-      return "malformed";
-    case Kind::kOutsideTick:
-      return "outside_tick";
-    case Kind::kSpacing:
-      return "spacing";
-    case Kind::kSetUp:
-      return "set_up";
-    case Kind::kCount:
-      return "count";
-    case Kind::kOffTime:
-      return "off_time";
-    case Kind::kLost:
-      return "lost";
-    case Kind::kExtra:
-      return "extra";
-    case Kind::kDrift:
-      return "drift";
-  }
-  return "";
-}
+const char* to_string(Kind kind) { return text_of(kind).name; }
 
 std::string Violation::text() const {
-  const char* what = "";
-  const char* unit = "us";
-  switch (kind) {
-    case Kind::kMalformed:
-      what = "a burst without pulses or direction, or whose times do not increase:";
-      unit = "timer ticks";
-      break;
-    case Kind::kOutsideTick:
-      what = "a pulse outside its control tick:";
-      break;
-    case Kind::kSpacing:
-      what = "two pulses closer than the step rate allows:";
-      break;
-    case Kind::kSetUp:
-      what = "two opposite pulses closer than the set-up time:";
-      break;
-    case Kind::kCount:
-      what = "steps or position_steps are not what the pulses add up to:";
-      unit = "microsteps";
-      break;
-    case Kind::kOffTime:
-      what = "a pulse too far from its crossing:";
-      break;
-    case Kind::kLost:
-      what = "a crossing without its pulse; to the next pulse or the tick's end";
-      break;
-    case Kind::kExtra:
-      what = "a pulse without its crossing; to the next crossing";
-      break;
-    case Kind::kDrift:
-      what = "the count at the tick's end is off the motion by";
-      unit = "microsteps";
-      break;
-  }
-  char text[256];
-  std::snprintf(text, sizeof text, "tick %lld, %.3f timer ticks: %s %.6g %s (allowed %.6g)",
-                static_cast<long long>(tick), timer_ticks, what, value, unit, limit);
-  return text;
+  const auto& [name, sentence, unit] = text_of(kind);
+  return fmt::format("tick {}, {:.3f} timer ticks: {} {:.6g} {} (allowed {:.6g})", tick, timer_ticks, sentence, value,
+                     unit, limit);
 }
 
 MotorCheck::MotorCheck(const Drive& drive)
