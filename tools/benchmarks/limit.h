@@ -1,10 +1,9 @@
-// The yardstick: how fast this machine goes on the paper's ball when nothing but that ball has to be right. Plain
-// doubles, written out by hand for three masses on circles about the geometric centre whose motion pieces meet at the
-// same instants; no library, no events, no extrema, no other regime than rolling. Not used by anything but the
-// benchmarks.
+// The yardstick: how fast this machine integrates the paper's ball when nothing but that ball has to be right. Written by
+// hand for three masses on circles about the geometric centre whose motion pieces meet at the same instants. It has no
+// events, no extrema, and no regime but rolling. Only the benchmarks use it.
 //
 // Equations: physics.md section 4, rolling, summed about the geometric centre. On such a circle zeta'' = -zeta, zeta .
-// zeta' = 0 and zeta x zeta' = R^2 n with n fixed in the body, which leaves of a mass's part of the sums
+// zeta' = 0 and zeta x zeta' = R^2 n with n fixed in the body. A mass's part of the sums is then
 //   S  += m zeta,   J += m (R^2 1 - zeta zeta^T),   of which R^2 1 is constant
 //   G  += Omega x (2 thetadot m zeta') - thetadot^2 m zeta + thetaddot m zeta'
 //   E  += -2 thetadot (zeta . Omega) m zeta' + thetaddot m R^2 n
@@ -41,9 +40,9 @@ class LimitBall {
     g_ = s.gravity_mps2;
     total_ = s.ball.mass_kg;
     const Eigen::Vector3d chi = s.ball.center_of_mass_B_m;
-    Eigen::Matrix3d inertia = s.ball.inertia_kgm2.asDiagonal();
-    inertia += s.ball.mass_kg * (chi.squaredNorm() * Eigen::Matrix3d::Identity() - chi * chi.transpose());
-    for (int j = 0; j < 3; ++j) moment_[j] = s.ball.mass_kg * chi[j];
+    inertia_ = s.ball.inertia_kgm2.asDiagonal();
+    inertia_ += s.ball.mass_kg * (chi.squaredNorm() * Eigen::Matrix3d::Identity() - chi * chi.transpose());
+    moment_ = s.ball.mass_kg * chi;
     for (std::size_t i = 0; i < kMasses; ++i) {
       const sim::Mass& from = s.masses[i];
       const firmware::Rail& rail = from.rail;
@@ -53,14 +52,11 @@ class LimitBall {
       Mass& to = mass_[i];
       to.m = from.mass_kg;
       total_ += to.m;
-      const Eigen::Vector3d normal = rail.axis_cos_B.cross(rail.axis_sin_B);
       const double m_r2 = to.m * rail.radius_m * rail.radius_m;
-      for (int j = 0; j < 3; ++j) {
-        to.a[j] = rail.radius_m * rail.axis_cos_B[j];
-        to.b[j] = rail.radius_m * rail.axis_sin_B[j];
-        to.n[j] = m_r2 * normal[j];
-        inertia(j, j) += m_r2;
-      }
+      to.a = rail.radius_m * rail.axis_cos_B;
+      to.b = rail.radius_m * rail.axis_sin_B;
+      to.n = m_r2 * rail.axis_cos_B.cross(rail.axis_sin_B);
+      inertia_.diagonal().array() += m_r2;
       double start = 0, position = from.initial_position, velocity = from.initial_velocity;
       piece_count_ = 0;
       const auto add = [&](double acceleration, double jerk) {
@@ -79,13 +75,6 @@ class LimitBall {
       }
       add(0, 0);
     }
-    inertia_[0] = inertia(0, 0);
-    inertia_[1] = inertia(0, 1);
-    inertia_[2] = inertia(0, 2);
-    inertia_[3] = inertia(1, 1);
-    inertia_[4] = inertia(1, 2);
-    inertia_[5] = inertia(2, 2);
-
     const Eigen::Quaterniond& q = s.initial.orientation;
     const Eigen::Vector3d& omega = s.initial.angular_velocity_B_radps;
     initial_ = {
@@ -128,6 +117,7 @@ class LimitBall {
     void rhs(double t, const double* y, double* f) const { ball.derivative(piece, t, y, f); }
   };
   static constexpr std::size_t kMasses = 3;
+  using Vector = Eigen::Vector3d;
   struct Cubic {
     double position, velocity, half_acceleration, sixth_jerk;
   };
@@ -137,8 +127,8 @@ class LimitBall {
   };
   struct Mass {
     double m;
-    double a[3], b[3];  // R times the circle's axes
-    double n[3];        // m R^2 times its normal
+    Vector a, b;  // R times the circle's axes
+    Vector n;     // m R^2 times its normal
   };
 
   // sin and cos to 2e-16 for |x| < 1e5: x less a multiple of pi / 2 (its first 33 and following 53 bits), then the
@@ -173,7 +163,7 @@ class LimitBall {
   template <bool kCoasting>
   Forces derivative(const Piece& p, double time_s, const double* y, double* dydt) const {
     const double q0 = y[0], q1 = y[1], q2 = y[2], q3 = y[3];
-    const double w0 = y[4], w1 = y[5], w2 = y[6];
+    const Vector omega(y[4], y[5], y[6]);
     const double t = time_s - p.start_s;
 
     // Sines first, so that the three run beside one another.
@@ -186,109 +176,78 @@ class LimitBall {
       sine_and_cosine(theta, sines[i], cosines[i]);
     }
 
-    double s0 = moment_[0], s1 = moment_[1], s2 = moment_[2];
-    double j00 = inertia_[0], j01 = inertia_[1], j02 = inertia_[2];
-    double j11 = inertia_[3], j12 = inertia_[4], j22 = inertia_[5];
-    double c0 = 0, c1 = 0, c2 = 0;     // sum of thetadot m zeta'
-    double gx0 = 0, gx1 = 0, gx2 = 0;  // the rest of G
-    double e0 = 0, e1 = 0, e2 = 0;
+    Vector S = moment_, G = Vector::Zero(), E = Vector::Zero();
+    Vector moved = Vector::Zero();  // sum of thetadot m zeta'
+    double j00 = inertia_(0, 0), j01 = inertia_(0, 1), j02 = inertia_(0, 2);
+    double j11 = inertia_(1, 1), j12 = inertia_(1, 2), j22 = inertia_(2, 2);
 #pragma GCC unroll 3
     for (std::size_t i = 0; i < kMasses; ++i) {
       const Mass& mass = mass_[i];
       const Cubic& c = p.motion[i];
       double rate = c.velocity;
       if constexpr (!kCoasting) rate += t * (2 * c.half_acceleration + t * (3 * c.sixth_jerk));
-      const double sine = sines[i], cosine = cosines[i];
-      const double z0 = cosine * mass.a[0] + sine * mass.b[0];
-      const double z1 = cosine * mass.a[1] + sine * mass.b[1];
-      const double z2 = cosine * mass.a[2] + sine * mass.b[2];
-      const double d0 = mass.m * (cosine * mass.b[0] - sine * mass.a[0]);
-      const double d1 = mass.m * (cosine * mass.b[1] - sine * mass.a[1]);
-      const double d2 = mass.m * (cosine * mass.b[2] - sine * mass.a[2]);
-      const double m0 = mass.m * z0, m1 = mass.m * z1, m2 = mass.m * z2;
-      s0 += m0;
-      s1 += m1;
-      s2 += m2;
-      j00 -= m0 * z0;
-      j01 -= m0 * z1;
-      j02 -= m0 * z2;
-      j11 -= m1 * z1;
-      j12 -= m1 * z2;
-      j22 -= m2 * z2;
-      c0 += rate * d0;
-      c1 += rate * d1;
-      c2 += rate * d2;
-      const double square = rate * rate;
-      gx0 -= square * m0;
-      gx1 -= square * m1;
-      gx2 -= square * m2;
-      const double along = -2 * rate * (z0 * w0 + z1 * w1 + z2 * w2);
-      e0 += along * d0;
-      e1 += along * d1;
-      e2 += along * d2;
+      const Vector zeta = cosines[i] * mass.a + sines[i] * mass.b;
+      const Vector m_zeta = mass.m * zeta, m_slope = mass.m * (cosines[i] * mass.b - sines[i] * mass.a);
+      S += m_zeta;
+      j00 -= m_zeta[0] * zeta[0];
+      j01 -= m_zeta[0] * zeta[1];
+      j02 -= m_zeta[0] * zeta[2];
+      j11 -= m_zeta[1] * zeta[1];
+      j12 -= m_zeta[1] * zeta[2];
+      j22 -= m_zeta[2] * zeta[2];
+      moved += rate * m_slope;
+      G -= rate * rate * m_zeta;
+      E -= 2 * rate * zeta.dot(omega) * m_slope;
       if constexpr (!kCoasting) {
         const double acceleration = 2 * c.half_acceleration + 6 * t * c.sixth_jerk;
-        gx0 += acceleration * d0;
-        gx1 += acceleration * d1;
-        gx2 += acceleration * d2;
-        e0 += acceleration * mass.n[0];
-        e1 += acceleration * mass.n[1];
-        e2 += acceleration * mass.n[2];
+        G += acceleration * m_slope;
+        E += acceleration * mass.n;
       }
     }
 
-    const double u0 = 2 * (q1 * q3 - q0 * q2), u1 = 2 * (q2 * q3 + q0 * q1), u2 = 1 - 2 * (q1 * q1 + q2 * q2);
-
+    const double weight = total_ * g_, m_r2 = total_ * r_ * r_;
+    const Vector up(2 * (q1 * q3 - q0 * q2), 2 * (q2 * q3 + q0 * q1), 1 - 2 * (q1 * q1 + q2 * q2));
     // G = Omega x (Omega x S + 2 sum thetadot m zeta') + ... + M g Gamma
-    const double h0 = w1 * s2 - w2 * s1 + 2 * c0, h1 = w2 * s0 - w0 * s2 + 2 * c1, h2 = w0 * s1 - w1 * s0 + 2 * c2;
-    const double weight = total_ * g_;
-    gx0 += w1 * h2 - w2 * h1 + weight * u0;
-    gx1 += w2 * h0 - w0 * h2 + weight * u1;
-    gx2 += w0 * h1 - w1 * h0 + weight * u2;
+    G += omega.cross(Vector(omega.cross(S) + 2 * moved)) + weight * up;
     // E = Omega x J Omega + g S x Gamma + ...
-    const double l0 = j00 * w0 + j01 * w1 + j02 * w2, l1 = j01 * w0 + j11 * w1 + j12 * w2,
-                 l2 = j02 * w0 + j12 * w1 + j22 * w2;
-    e0 += w1 * l2 - w2 * l1 + g_ * (s1 * u2 - s2 * u1);
-    e1 += w2 * l0 - w0 * l2 + g_ * (s2 * u0 - s0 * u2);
-    e2 += w0 * l1 - w1 * l0 + g_ * (s0 * u1 - s1 * u0);
+    const Vector spin(j00 * omega[0] + j01 * omega[1] + j02 * omega[2],
+                      j01 * omega[0] + j11 * omega[1] + j12 * omega[2],
+                      j02 * omega[0] + j12 * omega[1] + j22 * omega[2]);
+    E += omega.cross(spin) + g_ * S.cross(up);
 
     // A Omegadot = -(E + r Gamma x G), A = J + r (2 S.Gamma 1 - Gamma S^T - S Gamma^T) + M r^2 (1 - Gamma Gamma^T)
-    const double m_r2 = total_ * r_ * r_, diagonal = 2 * r_ * (s0 * u0 + s1 * u1 + s2 * u2) + m_r2;
-    const double v0 = r_ * s0 + m_r2 / 2 * u0, v1 = r_ * s1 + m_r2 / 2 * u1, v2 = r_ * s2 + m_r2 / 2 * u2;
-    const double a00 = j00 + diagonal - 2 * u0 * v0, a11 = j11 + diagonal - 2 * u1 * v1,
-                 a22 = j22 + diagonal - 2 * u2 * v2;
-    const double a01 = j01 - u0 * v1 - v0 * u1, a02 = j02 - u0 * v2 - v0 * u2, a12 = j12 - u1 * v2 - v1 * u2;
-    const double b0 = -e0 - r_ * (u1 * gx2 - u2 * gx1), b1 = -e1 - r_ * (u2 * gx0 - u0 * gx2),
-                 b2 = -e2 - r_ * (u0 * gx1 - u1 * gx0);
-    const double k00 = a11 * a22 - a12 * a12, k01 = a02 * a12 - a01 * a22, k02 = a01 * a12 - a02 * a11;
-    const double k11 = a00 * a22 - a02 * a02, k12 = a01 * a02 - a00 * a12, k22 = a00 * a11 - a01 * a01;
-    const double inverse = 1 / (a00 * k00 + a01 * k01 + a02 * k02);
-    const double x0 = inverse * (k00 * b0 + k01 * b1 + k02 * b2), x1 = inverse * (k01 * b0 + k11 * b1 + k12 * b2),
-                 x2 = inverse * (k02 * b0 + k12 * b1 + k22 * b2);
+    const double diagonal = 2 * r_ * S.dot(up) + m_r2;
+    const Vector v = r_ * S + m_r2 / 2 * up;
+    const double a00 = j00 + diagonal - 2 * up[0] * v[0], a01 = j01 - up[0] * v[1] - v[0] * up[1],
+                 a02 = j02 - up[0] * v[2] - v[0] * up[2], a11 = j11 + diagonal - 2 * up[1] * v[1],
+                 a12 = j12 - up[1] * v[2] - v[1] * up[2], a22 = j22 + diagonal - 2 * up[2] * v[2];
+    const Vector b = -E - r_ * up.cross(G);
+    // By the cofactors of A.
+    const Vector k0(a11 * a22 - a12 * a12, a02 * a12 - a01 * a22, a01 * a12 - a02 * a11);
+    const Vector k1(k0[1], a00 * a22 - a02 * a02, a01 * a02 - a00 * a12);
+    const Vector k2(k0[2], k1[2], a00 * a11 - a01 * a01);
+    const double inverse = 1 / (a00 * k0[0] + a01 * k0[1] + a02 * k0[2]);
+    const Vector turn(inverse * k0.dot(b), inverse * k1.dot(b), inverse * k2.dot(b));
 
     // qdot = q Omega / 2, zdot = Lambda (Omega x r Gamma)
-    dydt[0] = -0.5 * (q1 * w0 + q2 * w1 + q3 * w2);
-    dydt[1] = 0.5 * (q0 * w0 + q2 * w2 - q3 * w1);
-    dydt[2] = 0.5 * (q0 * w1 + q3 * w0 - q1 * w2);
-    dydt[3] = 0.5 * (q0 * w2 + q1 * w1 - q2 * w0);
-    dydt[4] = x0;
-    dydt[5] = x1;
-    dydt[6] = x2;
-    const double r0 = r_ * (w1 * u2 - w2 * u1), r1 = r_ * (w2 * u0 - w0 * u2), r2 = r_ * (w0 * u1 - w1 * u0);
-    dydt[7] = r0 + 2 * (q1 * (q2 * r1 + q3 * r2) - (q2 * q2 + q3 * q3) * r0 + q0 * (q2 * r2 - q3 * r1));
-    dydt[8] = r1 + 2 * (q2 * (q1 * r0 + q3 * r2) - (q1 * q1 + q3 * q3) * r1 + q0 * (q3 * r0 - q1 * r2));
+    dydt[0] = -0.5 * (q1 * omega[0] + q2 * omega[1] + q3 * omega[2]);
+    dydt[1] = 0.5 * (q0 * omega[0] + q2 * omega[2] - q3 * omega[1]);
+    dydt[2] = 0.5 * (q0 * omega[1] + q3 * omega[0] - q1 * omega[2]);
+    dydt[3] = 0.5 * (q0 * omega[2] + q1 * omega[1] - q2 * omega[0]);
+    for (int j = 0; j < 3; ++j) dydt[4 + j] = turn[j];
+    const Vector z = r_ * omega.cross(up);
+    dydt[7] = z[0] + 2 * (q1 * (q2 * z[1] + q3 * z[2]) - (q2 * q2 + q3 * q3) * z[0] + q0 * (q2 * z[2] - q3 * z[1]));
+    dydt[8] = z[1] + 2 * (q2 * (q1 * z[0] + q3 * z[2]) - (q1 * q1 + q3 * q3) * z[1] + q0 * (q3 * z[0] - q1 * z[2]));
 
     // R = M a + Omegadot x S + G with a = Omegadot x r Gamma
-    const double p0 = total_ * r_ * u0 + s0, p1 = total_ * r_ * u1 + s1, p2 = total_ * r_ * u2 + s2;
-    const double f0 = x1 * p2 - x2 * p1 + gx0, f1 = x2 * p0 - x0 * p2 + gx1, f2 = x0 * p1 - x1 * p0 + gx2;
-    const double normal = f0 * u0 + f1 * u1 + f2 * u2;
-    const double t0 = f0 - normal * u0, t1 = f1 - normal * u1, t2 = f2 - normal * u2;
-    return {normal, std::sqrt(t0 * t0 + t1 * t1 + t2 * t2)};
+    const Vector force = turn.cross(Vector(total_ * r_ * up + S)) + G;
+    const double normal = force.dot(up);
+    return {normal, (force - normal * up).norm()};
   }
 
   double r_, g_, total_;
-  double moment_[3];   // of the shell
-  double inertia_[6];  // constant part, about the centre: 00 01 02 11 12 22
+  Vector moment_;            // of the shell
+  Eigen::Matrix3d inertia_;  // constant part, about the centre
   std::array<Mass, kMasses> mass_;
   std::array<Piece, 4> pieces_;
   std::size_t piece_count_ = 0;

@@ -1,5 +1,5 @@
 // The cost of the paper's ball with prescribed masses: one right-hand side, and the way to T = 20 with the error it
-// ends with, beside the yardstick (limit.h). tools/benchmarks/ratios prints them as a table.
+// ends with, beside the yardstick (limit.h). tools/benchmarks/figures ratios prints them as a table.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
