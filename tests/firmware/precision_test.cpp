@@ -1,124 +1,102 @@
-// The firmware with its model in single precision beside the one in double.
-#include "tests/firmware/precision.h"
-
+// The firmware with its model in single precision against the one in double: two programs, built from
+// precision_run.cpp.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <iostream>
 #include <limits>
-#include <numbers>
-#include <random>
+#include <map>
+#include <sstream>
+#include <string>
+#include <vector>
 
-namespace precision {
+namespace ballast {
 namespace {
 
 constexpr double kEpsilon = std::numeric_limits<float>::epsilon();  // 1.2e-7
 
-// Of the terms the forces are sums of. An angle of 10 rad is known to 4 epsilons, inputs and each of some 300
-// operations round by half of one, with either sign; 2 epsilons is the worst of the states here, and 4 times that is
+// Relative to the sum of the forces' terms. An angle of 10 rad is known to 4 epsilons; inputs and each of some 300
+// operations round by half of one, with either sign. 2 epsilons is the worst of the states here, and 4 times that is
 // allowed.
 constexpr double kTolerance = 8 * kEpsilon;
 
-State random_state(std::mt19937& random) {
-  const auto in = [&](double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); };
-  const auto three = [&](double size) {
-    return std::array<double, 3>{in(-size, size), in(-size, size), in(-size, size)};
-  };
-  State s;
-  s.radius_m = in(0.1, 1);
-  s.gravity_mps2 = 9.81;
-  s.shell_mass_kg = in(0.5, 2);
-  const double moment = 2. / 3 * s.shell_mass_kg * s.radius_m * s.radius_m;
-  s.inertia_kgm2 = {moment * in(0.9, 1.1), moment * in(0.9, 1.1), moment * in(0.9, 1.1)};
-  s.center_of_mass_B_m = three(0.1 * s.radius_m);
-  s.force_W_n = three(0.5);
-  for (std::size_t i = 0; i < 3; ++i) {
-    s.mass_kg[i] = in(0.1, 1);
-    s.rail_radius_m[i] = s.radius_m * in(0.5, 0.95);
-    s.azimuth_rad[i] = in(-3, 3);
-    s.elevation_rad[i] = in(-1, 1.5);  // near the pole Frisvad's frame divides by what single precision does not have
-    s.position_rad[i] = in(-10, 10);
-    s.velocity_radps[i] = in(-3, 3);
-    s.acceleration_radps2[i] = in(-10, 10);
+// The rows of a program's output, by name.
+using Rows = std::map<std::string, std::vector<std::vector<double>>>;
+
+Rows output_of(const std::string& program, const std::string& argument) {
+  Rows rows;
+  FILE* pipe = popen((program + " " + argument).c_str(), "r");
+  if (pipe == nullptr) return rows;
+  std::array<char, 512> line;
+  while (std::fgets(line.data(), line.size(), pipe) != nullptr) {
+    std::istringstream words(line.data());
+    std::string name, number;
+    words >> name;
+    std::vector<double> numbers;
+    while (words >> number) numbers.push_back(std::strtod(number.c_str(), nullptr));
+    rows[name].push_back(numbers);
   }
-  std::normal_distribution<double> normal;
-  double length = 0;
-  for (double& q : s.orientation) q = normal(random), length += q * q;
-  for (double& q : s.orientation) q /= std::sqrt(length);
-  s.omega_B_radps = three(3);
-  return s;
+  EXPECT_EQ(pclose(pipe), 0) << program << " " << argument;
+  return rows;
 }
 
-// What the forces are sums of: weight, and every mass's centripetal and tangential force.
-double scale_n(const State& s) {
-  double sum = s.shell_mass_kg * s.gravity_mps2 + 1;
-  double omega = 0;
-  for (const double o : s.omega_B_radps) omega += o * o;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const double rate = std::sqrt(omega) + std::fabs(s.velocity_radps[i]);
-    sum += s.mass_kg[i] * (s.gravity_mps2 + s.radius_m * (rate * rate + std::fabs(s.acceleration_radps2[i])));
+struct Both {
+  explicit Both(const std::string& argument)
+      : wide(output_of(BALLAST_PRECISION_DOUBLE, argument)), single(output_of(BALLAST_PRECISION_FLOAT, argument)) {}
+  Rows wide, single;
+};
+
+// Rows of N, f_s, f_s/N and the sum of the terms. f_s/N is compared where N is more than a tenth of that sum.
+void compare_forces(Both& both, const std::string& name, std::size_t count) {
+  const auto &wide = both.wide[name], &single = both.single[name];
+  ASSERT_EQ(wide.size(), count);
+  ASSERT_EQ(single.size(), count);
+  double worst = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    SCOPED_TRACE(name + " " + std::to_string(k));
+    const double n = wide[k][0], mu = wide[k][2], scale = wide[k][3], allowed = kTolerance * scale;
+    for (std::size_t j = 0; j < 2; ++j) {
+      ASSERT_NEAR(single[k][j], wide[k][j], allowed);
+      worst = std::fmax(worst, std::fabs(single[k][j] - wide[k][j]) / scale);
+    }
+    // d(f/N) = df / N + f dN / N^2
+    if (n > 0.1 * scale) {
+      ASSERT_NEAR(single[k][2], mu, allowed * (1 + mu) / n);
+    }
   }
-  return sum;
+  std::cout << name << ": off by " << worst / kEpsilon << " epsilons of the forces' terms\n";
+  EXPECT_GT(worst, 0) << "is this single precision?";
 }
 
 TEST(SinglePrecision, EnvelopeOfRandomStates) {
-  const unsigned seed = 20240719;
-  std::mt19937 random(seed);
-  double worst = 0;
-  for (int k = 0; k < 20'000; ++k) {
-    const State s = random_state(random);
-    const Envelope wide = envelope_of<double>(s), single = envelope_of<float>(s);
-    const double scale = scale_n(s), allowed = kTolerance * scale;
-    ASSERT_NEAR(single.normal_force_n, wide.normal_force_n, allowed) << "seed " << seed << " case " << k;
-    ASSERT_NEAR(single.static_friction_n, wide.static_friction_n, allowed) << "seed " << seed << " case " << k;
-    worst = std::fmax(worst, std::fabs(single.normal_force_n - wide.normal_force_n) / scale);
-    worst = std::fmax(worst, std::fabs(single.static_friction_n - wide.static_friction_n) / scale);
-    if (wide.normal_force_n > 0.1 * scale) {
-      // d(f/N) = df / N + f dN / N^2
-      const double per = (1 + wide.mu_required) / wide.normal_force_n;
-      ASSERT_NEAR(single.mu_required, wide.mu_required, allowed * per) << "seed " << seed << " case " << k;
-    }
-  }
-  std::cout << "worst " << worst / kEpsilon << " epsilons of the forces' terms\n";
-  EXPECT_GT(worst, kEpsilon / 10) << "is this single precision?";
+  Both both("states");
+  compare_forces(both, "state", 20'000);
 }
 
-// Times, positions and steps do not depend on the model's precision: they are double in both, so the steps are the
-// same.
+// Times, positions and steps are double in both, so the steps are the same.
 TEST(SinglePrecision, StepsOfThePapersRunAreTheSame) {
-  const PaperRun wide = paper_run<double>(20'000, -1), single = paper_run<float>(20'000, -1);
-  ASSERT_TRUE(wide.accepted);
-  ASSERT_TRUE(single.accepted);
-  EXPECT_GT(wide.pulses.size(), 3'000u);
-  EXPECT_EQ(single.pulses.size(), wide.pulses.size());
-  EXPECT_TRUE(single.pulses == wide.pulses);
-  ASSERT_EQ(single.envelope.size(), wide.envelope.size());
-  double worst_n = 0, worst_mu = 0;
-  for (std::size_t k = 0; k < wide.envelope.size(); ++k) {
-    const double n = wide.envelope[k].normal_force_n, mu = wide.envelope[k].mu_required;
-    // The weight is 4 N, the terms together up to 8 N.
-    ASSERT_NEAR(single.envelope[k].normal_force_n, n, 8 * kTolerance) << "tick " << k;
-    ASSERT_NEAR(single.envelope[k].mu_required, mu, 8 * kTolerance * (1 + mu) / n) << "tick " << k;
-    worst_n = std::fmax(worst_n, std::fabs(single.envelope[k].normal_force_n - n));
-    worst_mu = std::fmax(worst_mu, std::fabs(single.envelope[k].mu_required - mu));
-  }
-  EXPECT_GT(worst_n, 0) << "is this single precision?";
-  std::cout << "N off by " << worst_n << ", f_s/N by " << worst_mu << "\n";
+  Both both("motion");
+  EXPECT_GT(both.wide["burst"].size(), 3'000u);
+  EXPECT_TRUE(both.single["burst"] == both.wide["burst"]);
+  compare_forces(both, "tick", 20'000);
 }
 
-TEST(SinglePrecision, StopsAndMovesTakeTheSameStepsAndAreForetoldAlike) {
-  const PaperRun wide = paper_run<double>(12'000, 3'000), single = paper_run<float>(12'000, 3'000);
-  EXPECT_GT(wide.pulses.size(), 1'000u);
-  EXPECT_TRUE(single.pulses == wide.pulses);
-  ASSERT_EQ(single.plans.size(), wide.plans.size());
-  ASSERT_GE(wide.plans.size(), 2u) << "a stop and a move at least";
-  for (std::size_t k = 0; k < wide.plans.size(); ++k) {
-    EXPECT_EQ(single.plans[k][0], wide.plans[k][0]) << "duration";
-    // Up to 44 evaluations along an attitude that is integrated in single precision: its errors, an epsilon a step, add
-    // up, and grow with the ball's motion by no more than a factor of ten in these times.
-    for (std::size_t j = 1; j < 4; ++j) EXPECT_NEAR(single.plans[k][j], wide.plans[k][j], 8 * 10 * kTolerance);
+TEST(SinglePrecision, StopsAndMovesTakeTheSameStepsAndArePredictedAlike) {
+  Both both("stop");
+  EXPECT_GT(both.wide["burst"].size(), 1'000u);
+  EXPECT_TRUE(both.single["burst"] == both.wide["burst"]);
+  const auto &wide = both.wide["plan"], &single = both.single["plan"];
+  ASSERT_EQ(single.size(), wide.size());
+  ASSERT_GE(wide.size(), 2u) << "a stop and a move at least";
+  for (std::size_t k = 0; k < wide.size(); ++k) {
+    EXPECT_EQ(single[k][0], wide[k][0]) << "duration";
+    // Up to 44 evaluations along an attitude integrated in single precision. Its errors, an epsilon a step, add up, and
+    // grow with the ball's motion by no more than a factor of ten in these times.
+    for (std::size_t j = 1; j < 4; ++j) EXPECT_NEAR(single[k][j], wide[k][j], 8 * 10 * kTolerance);
   }
 }
 
 }  // namespace
-}  // namespace precision
+}  // namespace ballast
