@@ -14,7 +14,8 @@ class TickOrder {
   // True: `tick` is the first one or the next. False: it is repeated or out of order, and counted.
   [[nodiscard]] bool is_next(std::int64_t tick, LinkCounters& counters) const {
     if (!begun_ || tick == newest_ + 1) return true;
-    ++(tick == newest_ ? counters.repeated : counters.out_of_order);
+    std::int64_t& counter = tick == newest_ ? counters.repeated : counters.out_of_order;
+    ++counter;
     return false;
   }
   void begin(std::int64_t tick) {
@@ -30,7 +31,7 @@ class TickOrder {
   std::int64_t newest_ = 0;
 };
 
-// Copies `from` to `to` if it is `there`, and then no longer. kEmpty: it is not, and `to` is untouched.
+// Copies `from` to `to` once: if `there` is set, which is then cleared. kEmpty: it was not set, and `to` is untouched.
 template <class T>
 Status hand_out(bool& there, const T& from, T& to) {
   if (!there) return Status::kEmpty;

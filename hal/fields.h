@@ -84,6 +84,8 @@ struct Counter {
   static constexpr int kCount = kFields;
   template <class... A>
   Counter<kFields + 1> field(A&&...) const;
+  template <class... T>
+  Counter<kFields + sizeof...(T)> all(T&&...) const;
 };
 
 namespace detail {
@@ -159,6 +161,14 @@ class Visitor {
   template <class T, class Rule = Any>
   [[gnu::always_inline]] constexpr Self& field(T& member, const Rule& rule = {}) {
     return field(NotOnLcm(), member, rule);
+  }
+
+  // Fields without name and rule.
+  template <class T, class... More>
+  [[gnu::always_inline]] constexpr Self& all(T& member, More&... more) {
+    field(member);
+    if constexpr (sizeof...(More) > 0) all(more...);
+    return self();
   }
 
   constexpr void at(int) {}

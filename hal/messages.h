@@ -147,9 +147,7 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.radius_m, Real())
       .field(m.gravity_mps2, Real())
       .field(m.shell_mass_kg, Real())
-      .field(m.inertia_kgm2)
-      .field(m.center_of_mass_B_m)
-      .field(m.external_force_W_n)
+      .all(m.inertia_kgm2, m.center_of_mass_B_m, m.external_force_W_n)
       .field(m.mass_count, Within(0, firmware::kMaxMasses))
       .field(m.mass_kg, Unsent())
       .field(m.rail, Unsent());
@@ -157,29 +155,23 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 
 template <class V, Of<firmware::ControllerParams> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.scenario_id)
-      .field(m.control_period_s)
-      .field(m.timer_frequency_hz)
+  return visitor.all(m.scenario_id, m.control_period_s, m.timer_frequency_hz)
       .field(m.static_friction, Real())
-      .field(m.sensor_stale_ticks)
-      .field(m.monitor_stale_ticks)
-      .field(m.ball)
+      .all(m.sensor_stale_ticks, m.monitor_stale_ticks, m.ball)
       .field(m.motor, Unsent())
       .field(m.motion, Unsent());
 }
 
 template <class V, Of<firmware::RailKnot> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.position_B_m).field(m.d2_B_per_m);
+  return visitor.all(m.position_B_m, m.d2_B_per_m);
 }
 
 template <class V, Of<firmware::Rail> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   using enum firmware::RailShape;
   return visitor.field(m.shape, Within(kCircle, kSpline))
-      .field(m.origin_B_m)
-      .field(m.axis_cos_B)
-      .field(m.axis_sin_B)
+      .all(m.origin_B_m, m.axis_cos_B, m.axis_sin_B)
       .field(m.radius_m, Real())
       .field(m.lower_end, Real())
       .field(m.upper_end, Real())
@@ -191,35 +183,25 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 
 template <class V, Of<firmware::MotorParams> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.steps_per_unit)
-      .field(m.max_step_rate_hz)
-      .field(m.max_acceleration)
-      .field(m.max_jerk)
-      .field(m.direction_setup_s)
-      .field(m.swing);
+  return visitor.all(m.steps_per_unit, m.max_step_rate_hz, m.max_acceleration, m.max_jerk, m.direction_setup_s,
+                     m.swing);
 }
 
 template <class V, Of<firmware::ProfilePiece> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.duration_s).field(m.acceleration_start).field(m.acceleration_end);
+  return visitor.all(m.duration_s, m.acceleration_start, m.acceleration_end);
 }
 
 // A piece of a motion as Profile keeps it.
 template <class V, Of<firmware::Cubic> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.duration_s).field(m.position).field(m.velocity).field(m.acceleration).field(m.jerk);
+  return visitor.all(m.duration_s, m.position, m.velocity, m.acceleration, m.jerk);
 }
 
 // Counters of a link.
 template <class V, Of<LinkCounters> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.malformed)
-      .field(m.repeated)
-      .field(m.out_of_order)
-      .field(m.foreign)
-      .field(m.old)
-      .field(m.dropped)
-      .field(m.taken_back);
+  return visitor.all(m.malformed, m.repeated, m.out_of_order, m.foreign, m.old, m.dropped, m.taken_back);
 }
 
 }  // namespace ballast::hal

@@ -23,7 +23,8 @@ class OperatorQueue {
       ++dropped_;
       return false;
     }
-    commands_[(first_ + count_++) % kCapacity] = command;
+    commands_[(first_ + count_) % kCapacity] = command;
+    ++count_;
     return true;
   }
   // The next command; nullptr: none waits.

@@ -1,6 +1,6 @@
-#include "firmware/control/causes.h"
-
 #include <cmath>
+
+#include "firmware/control/parts.h"
 
 namespace ballast::firmware {
 

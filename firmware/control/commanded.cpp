@@ -1,4 +1,4 @@
-#include "firmware/control/commanded.h"
+#include "firmware/control/parts.h"
 
 namespace ballast::firmware {
 

@@ -1,10 +1,6 @@
 #include "firmware/control/controller.h"
 
-#include "firmware/control/causes.h"
-#include "firmware/control/commanded.h"
-#include "firmware/control/operator.h"
-#include "firmware/control/steps.h"
-#include "firmware/control/stopping.h"
+#include "firmware/control/parts.h"
 #include "firmware/safety/modes.h"
 
 namespace ballast::firmware {
@@ -17,7 +13,7 @@ Order follow_last_tick(const ControllerParams& params, ControllerState& state, s
   const Order order = order_of(state, tick);
   if (order == Order::kBroken) {
     if (state.moving) hold(params, state, plus(state.last_tick, 2));
-    // The time of the last pulses is not known; it is not later than now.
+    // The last pulses came at an unknown time, now at the latest.
     for (LastPulse& last : state.last_pulse) last.tick = tick;
   }
   state.ticked = true;

@@ -1,8 +1,6 @@
-#include "firmware/control/operator.h"
-
 #include <cmath>
 
-#include "firmware/control/commanded.h"
+#include "firmware/control/parts.h"
 #include "firmware/control/plan.h"
 #include "firmware/motion/motion_limits.h"
 #include "firmware/motion/rail_ends.h"
@@ -47,7 +45,7 @@ RefusalReport refused(Refusal reason, int motor = -1, Wide value = 0, int piece 
 RefusalReport prepare_motion(const ControllerParams& params, ControllerState& state) {
   for (int i = 0; i < params.ball.mass_count; ++i) {
     state.active[at(i)] = params.motion[at(i)];
-    if (!state.started) continue;  // validate() has seen it
+    if (!state.started) continue;  // checked by validate()
     if (!state.active[at(i)].rebase(state.hold_position[at(i)], 0)) {
       return refused(Refusal::kNotPlanned, i, state.hold_position[at(i)]);
     }
@@ -100,7 +98,7 @@ RefusalReport prepare_move(const ControllerParams& params, const MoveRequest& mo
         !profile.set(from, 0, pieces.piece.data(), pieces.count)) {
       return refused(Refusal::kNotPlanned, i, distance(i));
     }
-    // Checked by code that did not plan it; 1e-12: the rounding of seven pieces' sums, with room.
+    // Checked by code that did not plan it. 1e-12 is a few hundred times the rounding of seven pieces' sums.
     const Wide miss = std::fabs(profile.final_position() - (from + distance(i)));
     if (!profile.at_rest_from(profile.end_s()) || !check_limits(profile, limits).ok() ||
         !(miss <= 1e-12 * (std::fabs(from) + std::fabs(distance(i))))) {
@@ -110,7 +108,7 @@ RefusalReport prepare_move(const ControllerParams& params, const MoveRequest& mo
   return {};
 }
 
-// Returns the tick with whose start a move begins that is asked for now. Its prediction is complete by then.
+// Returns the tick at whose start a move requested now begins. Its prediction is complete by then.
 std::int64_t move_begins(const ControllerParams& params, const ControllerState& state, std::int64_t tick) {
   int borders = 0;
   for (int i = 0; i < params.ball.mass_count; ++i) borders += state.active[at(i)].piece_count();

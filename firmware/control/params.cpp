@@ -1,4 +1,4 @@
-// validate(): what the controller may be asked to run with.
+// validate(): the parameters that the controller accepts.
 #include "firmware/control/params.h"
 
 #include <algorithm>
@@ -13,10 +13,11 @@ namespace ballast::firmware {
 
 namespace {
 
-// Rails are built by functions that normalise: this is rounding with room to spare.
+// Tolerance on unit lengths and right angles. Rails are built by functions that normalise, so only rounding is left,
+// which is far smaller.
 constexpr Real kUnitTolerance = std::max(static_cast<Real>(1e-9), 16 * std::numeric_limits<Real>::epsilon());
 
-// Keeps the first complaint.
+// Keeps the first error.
 class Checker {
  public:
   void require(bool ok, const char* field, int index, Wide value, const char* allowed, Wide limit = 0) {
@@ -41,14 +42,14 @@ class Checker {
     error_.piece = breach.piece;
     error_.limit = speed ? limits.max_velocity : (acceleration ? limits.max_acceleration : limits.max_jerk);
   }
-  // The motion's pulses fit the motor's share of the bursts in every tick, begun as it stands and from rest.
-  // sure_steps_per_tick() allows for one reversal in a tick; each further one costs two pulses.
+  // Requires that the motion's pulses fit the motor's share of the bursts in every tick, started as given and from
+  // rest. sure_steps_per_tick() includes one reversal in a tick; each further one costs two pulses.
   void reversals(const ControllerParams& params, int mass) {
     const auto k = static_cast<std::size_t>(mass);
     const Profile& profile = params.motion[k];
     const int bursts = bursts_per_motor(params.ball.mass_count);
     const int pulses = static_cast<int>(params.motor[k].max_step_rate_hz * params.control_period_s) + 1;
-    // Also with a burst for every pulse: two crossings of a touch for each reversal stay within the generator's count.
+    // The limit for a burst per pulse, too: a touch has two crossings per reversal, and the generator counts them.
     constexpr int kMostReversals = kMaxStepsPerTick / 2;
     const int allowed = pulses <= bursts ? kMostReversals : std::clamp((3 * bursts - pulses) / 2, 1, kMostReversals);
     const int most = std::max(most_reversals(profile, params.control_period_s, 0),
@@ -170,7 +171,7 @@ ParamError validate(const ControllerParams& params) {
                   motor.direction_setup_s, "0..1e-3");
     check.positive(motor.max_jerk, "motor.max_jerk", i);
     check.require(std::isfinite(motor.swing) && motor.swing >= 0, "motor.swing", i, motor.swing, "finite, >= 0");
-    // A profile refuses what is not finite when it is set; the count of steps at its start has to fit too.
+    // Profile::set() refuses numbers that are not finite. The step count at the start must fit as well.
     const Wide start = params.motion[k].at(0).position;
     check.require(std::fabs(start * motor.steps_per_unit) <= 1e15, "motion", i, start,
                   "initial position within 1e15 microsteps of 0");

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "firmware/model/ball.h"
-#include "firmware/motion/limits.h"
 #include "firmware/motion/profile.h"
 
 namespace ballast::firmware {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <limits>
 
-#include "firmware/control/causes.h"
 #include "firmware/control/controller.h"
+#include "firmware/control/parts.h"
 
 namespace ballast::firmware {
 

@@ -1,9 +1,8 @@
 // The status of a tick.
 #include <limits>
 
-#include "firmware/control/causes.h"
-#include "firmware/control/commanded.h"
 #include "firmware/control/controller.h"
+#include "firmware/control/parts.h"
 #include "firmware/model/rolling.h"
 
 namespace ballast::firmware {

@@ -1,7 +1,4 @@
-#include "firmware/control/steps.h"
-
-#include "firmware/control/commanded.h"
-#include "firmware/control/stopping.h"
+#include "firmware/control/parts.h"
 #include "firmware/motion/step_generator.h"
 
 namespace ballast::firmware {

@@ -1,9 +1,7 @@
-#include "firmware/control/stopping.h"
-
 #include <cmath>
 #include <limits>
 
-#include "firmware/control/commanded.h"
+#include "firmware/control/parts.h"
 #include "firmware/motion/jerk_limited.h"
 #include "firmware/motion/motion_limits.h"
 #include "firmware/motion/rail_ends.h"
@@ -58,7 +56,7 @@ void begin_stop(const ControllerParams& params, ControllerState& state, std::int
     if (stop(profile, p, limits, slowest_s) && on_rail(params.ball, i, profile.final_position())) continue;
     if (stop(profile, p, limits, 0)) continue;
     state.faults |= bit(Fault::kInternal);
-    // Where the last step left it; such a position fits any profile.
+    // The motor's position after its last step. It fits any profile.
     const Wide position = params.motion[at(i)].at(0).position +
                           static_cast<Wide>(state.position_steps[at(i)]) / params.motor[at(i)].steps_per_unit;
     static_cast<void>(profile.set(position, 0, nullptr, 0));

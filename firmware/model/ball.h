@@ -1,11 +1,11 @@
-// The ball, its masses and the contact forces, as the model takes and gives them. Types only.
+// Input and output of the model: the ball, its masses and the contact forces. Types only.
 #pragma once
 
 #include "firmware/model/rail.h"
 
 namespace ballast::firmware {
 
-// The robot as the model knows it. Symbols: physics.md section 1.
+// Parameters of the robot. Symbols: physics.md section 1.
 struct BallParams {
   Real radius_m = 0;                             // r > 0
   Real gravity_mps2 = 0;                         // g >= 0
@@ -23,14 +23,6 @@ struct MassMotion {
   PerMass<Real> position{};
   PerMass<Real> velocity{};
   PerMass<Real> acceleration{};
-};
-
-// Masses on any trajectories: chi_i from the geometric centre, and its first two time derivatives as the body frame
-// sees them. Entries from mass_count on are not read.
-struct MassTrajectories {
-  PerMass<Vector3> position_B_m;
-  PerMass<Vector3> velocity_B_mps;
-  PerMass<Vector3> acceleration_B_mps2;
 };
 
 struct RollingForces {

@@ -1,11 +1,12 @@
-// Shared by the ball's closed forms: the attitude's rows and the sums over the masses. For model/ only.
+// Parts that the ball's closed forms share: the rows of the attitude, and the sums over the masses.
 #pragma once
 
-#include "firmware/model/types.h"
+#include "firmware/model/ball.h"
 
 namespace ballast::firmware::detail {
 
-// Plain scalars: the sums below run in every tick, and temporaries of a matrix library would double their cost.
+// Vectors of plain scalars. The sums below run in every tick, and temporaries of a matrix library would double their
+// cost.
 struct Vec {
   Real x, y, z;
 };
@@ -72,5 +73,9 @@ struct Sums {
 inline Vec gyroscopic(const Vec& inertia, const Vec& omega) {
   return cross(omega, {inertia.x * omega.x, inertia.y * omega.y, inertia.z * omega.z});
 }
+
+// eq_Om, eq_normal and eq_static_friction, and their 1-d forms. They differ in the sums only, which have the levers s_i
+// and u = g Gamma.
+RollingForces forces_of(const BallParams& ball, const Attitude& lambda, const Vec& omega, const Sums& sums);
 
 }  // namespace ballast::firmware::detail

@@ -14,7 +14,7 @@ Rail circle(const Vector3& center_B_m, Real radius_m, const Vector3& axis_cos_B,
   rail.origin_B_m = center_B_m;
   rail.radius_m = radius_m;
   rail.axis_cos_B = unit(axis_cos_B);
-  // One Gram-Schmidt step: axes written down with a few digits still give a true circle.
+  // One Gram-Schmidt step, so that axes written with a few digits give a true circle.
   rail.axis_sin_B = unit(axis_sin_B - rail.axis_cos_B * rail.axis_cos_B.dot(axis_sin_B));
   return rail;
 }
@@ -29,7 +29,7 @@ Rail circle_about(Real radius_m, Real azimuth_rad, Real elevation_rad) {
     const Real a = 1 / (1 + nz);
     b1 = Vector3(1 - nx * nx * a, -nx * ny * a, -nx);
   }
-  // B = [n, b2, -b1] acts on (cos theta, 0, sin theta), so b2 is not needed.
+  // B = [n, b2, -b1] is applied to (cos theta, 0, sin theta), so b2 is not needed.
   return circle(Vector3::Zero(), radius_m, Vector3(nx, ny, nz), -b1);
 }
 

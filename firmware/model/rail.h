@@ -24,21 +24,21 @@ struct RailKnot {
   Vector3 d2_B_per_m = Vector3::Zero();
 };
 
-// Inert data; build with circle(), circle_about() or line(), which normalise. Who builds a spline (sim/masses/spline_rail.h
-// does) makes it C2 and |zeta'| = 1 up to what it states.
+// Inert data. Build circles and lines with circle(), circle_about() or line(), which normalise. The builder of a spline
+// (sim/masses/spline_rail.h) makes it C2, and |zeta'| = 1 within a tolerance that it states.
 struct Rail {
   RailShape shape = RailShape::kLine;
   Vector3 origin_B_m = Vector3::Zero();   // centre of the circle, theta = 0 of the line
   Vector3 axis_cos_B = Vector3::UnitX();  // unit; direction of the line
   Vector3 axis_sin_B = Vector3::UnitZ();  // unit, perpendicular to axis_cos_B; unused by a line
   Real radius_m = 0;                      // of the circle; unused by a line
-  // Where the stops are at the ends of a line or an open spline, in its coordinate. Infinite: there are none.
+  // Rail coordinates of the stops at the ends of a line or an open spline. Infinite: no stop.
   Real lower_end = -std::numeric_limits<Real>::infinity();
   Real upper_end = std::numeric_limits<Real>::infinity();
 
-  // Splines only. Piece k goes from knot k, at theta = k piece_length_m, to knot k + 1. A closed
-  // one repeats with its length; its last knot is its first. An open one goes straight on beyond its ends, along the
-  // tangents there: zeta'' jumps to 0.
+  // Splines only. Piece k goes from knot k, at theta = k piece_length_m, to knot k + 1. A closed spline repeats with
+  // its length; its last knot equals its first. An open spline continues straight beyond its ends, along the tangents
+  // there, so zeta'' jumps to 0.
   bool closed = false;
   int piece_count = 0;      // 1..kMaxRailPieces
   Real piece_length_m = 0;  // h
@@ -57,7 +57,7 @@ struct RailPoint {
 };
 
 // zeta = a zeta_k + b zeta_k+1 + ((a^3 - a) zeta''_k + (b^3 - b) zeta''_k+1) h^2 / 6 with b = theta / h - k, a = 1 - b;
-// the piece is chosen by the real part. Out of line: the other shapes are to stay small where they are inlined.
+// the piece is chosen by the real part. Not inlined, so that the other shapes stay small where they are.
 template <class T>
 [[gnu::noinline]] RailPoint<T> evaluate_spline(const Rail& rail, T theta) {
   const Real length = length_m(rail), h = rail.piece_length_m;
@@ -70,7 +70,7 @@ template <class T>
   const bool below = along<0, beyond = along> length;
   const T outside = below ? theta : theta - length;  // along the tangent of an open rail's end
   if (below || beyond) theta = T(below ? 0 : length);
-  // Written so that NaN becomes the first piece.
+  // NaN selects the first piece.
   const Real place = std::real(theta) / h;
   const int last = rail.piece_count - 1;
   const int k = place > 0 ? (place < static_cast<Real>(last) ? static_cast<int>(place) : last) : 0;
@@ -91,7 +91,7 @@ template <class T>
   return p;
 }
 
-// Any scalar T that sin_cos() takes, so that derivatives by complex step are possible.
+// T: any scalar that sin_cos() accepts. Complex numbers give derivatives by complex step.
 template <class T>
 [[gnu::always_inline]] inline RailPoint<T> evaluate(const Rail& rail, const T& theta) {
   RailPoint<T> p;
@@ -117,7 +117,7 @@ template <class T>
   return p;
 }
 
-// Circle in the plane of two orthonormal axes.
+// A circle in the plane of two axes, which are made orthonormal.
 Rail circle(const Vector3& center_B_m, Real radius_m, const Vector3& axis_cos_B, const Vector3& axis_sin_B);
 
 // The paper's circle, r B(n) (cos theta, 0, sin theta), about the GC, with n the unit vector of the given azimuth and
@@ -125,7 +125,7 @@ Rail circle(const Vector3& center_B_m, Real radius_m, const Vector3& axis_cos_B,
 // on n.
 Rail circle_about(Real radius_m, Real azimuth_rad, Real elevation_rad);
 
-// Line through origin; direction is normalised here and must not be zero.
+// A line through `origin`. The direction is normalised and must not be zero.
 Rail line(const Vector3& origin_B_m, const Vector3& direction_B);
 
 }  // namespace ballast::firmware

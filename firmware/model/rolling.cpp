@@ -13,10 +13,9 @@ using detail::Vec;
 
 namespace {
 
-// eq_Om, eq_normal and eq_static_friction, and their 1-d forms: they differ in the sums only, whose levers are s_i and
-// whose u is g Gamma.
-[[gnu::always_inline]] inline RollingForces forces_of(const BallParams& ball, const Attitude& lambda, const Vec& omega,
-                                                      const Sums& sums) {
+// detail::forces_of(), inlined into the tick's own form.
+[[gnu::always_inline]] inline RollingForces forces_from(const BallParams& ball, const Attitude& lambda,
+                                                        const Vec& omega, const Sums& sums) {
   const Vec inertia = from(ball.inertia_kgm2);
   const Vec force_W = from(ball.external_force_W_n);
   const Vec force_B = lambda.to_B(force_W);  // Gamma~ = Lambda^-1 F_e
@@ -57,40 +56,11 @@ RollingForces rolling_forces(const BallParams& ball, const Quaternion& orientati
     const Vec c = cross(omega, cross(omega, zeta) + (2 * rate) * d1) + (rate * rate) * d2 + masses.acceleration[k] * d1;
     sums.add(ball.mass_kg[k], r_gamma + zeta, c, g_gamma);
   }
-  return forces_of(ball, lambda, omega, sums);
+  return forces_from(ball, lambda, omega, sums);
 }
 
-RollingForces rolling_forces_3d(const BallParams& ball, const Quaternion& orientation,
-                                const Vector3& angular_velocity_B_radps, const MassTrajectories& masses) {
-  const Attitude lambda(orientation);
-  const Vec r_gamma = ball.radius_m * lambda.gamma;
-  const Vec g_gamma = ball.gravity_mps2 * lambda.gamma;
-  const Vec omega = from(angular_velocity_B_radps);
-
-  Sums sums;
-  const Vec chi0 = from(ball.center_of_mass_B_m);
-  sums.add(ball.shell_mass_kg, r_gamma + chi0, cross(omega, cross(omega, chi0)), g_gamma);
-  for (int i = 0; i < ball.mass_count; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    const Vec chi = from(masses.position_B_m[k]);
-    const Vec c =
-        cross(omega, cross(omega, chi) + 2 * from(masses.velocity_B_mps[k])) + from(masses.acceleration_B_mps2[k]);
-    sums.add(ball.mass_kg[k], r_gamma + chi, c, g_gamma);
-  }
-  return forces_of(ball, lambda, omega, sums);
-}
-
-MassTrajectories along_rails(const BallParams& ball, const MassMotion& masses) {
-  MassTrajectories out;
-  for (int i = 0; i < ball.mass_count; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    const RailPoint<Real> rail = evaluate<Real>(ball.rail[k], masses.position[k]);
-    const Real rate = masses.velocity[k];
-    out.position_B_m[k] = rail.position;
-    out.velocity_B_mps[k] = rate * rail.d1;
-    out.acceleration_B_mps2[k] = rate * rate * rail.d2 + masses.acceleration[k] * rail.d1;
-  }
-  return out;
+RollingForces detail::forces_of(const BallParams& ball, const Attitude& lambda, const Vec& omega, const Sums& sums) {
+  return forces_from(ball, lambda, omega, sums);
 }
 
 }  // namespace ballast::firmware

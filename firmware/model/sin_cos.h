@@ -1,20 +1,20 @@
-// Sine and cosine of one angle, the same bits on every processor: libm's differ from library to library, and between
-// processors of one library. Nothing here but IEEE's +, -, * and fmod, which is exact.
+// Sine and cosine of one angle, with the same bits on every processor. libm's bits differ between libraries, and
+// between processors of one library. This file uses only IEEE's +, -, * and fmod, which is exact.
 //
-// Error at most 1 ulp for |x| <= kSinCosRange. Beyond it the result is, to 1 ulp too, that of a number at most half an
-// ulp of x away from x: more than that is not known of an x that was rounded. NaN and infinity give NaN. sin is odd
-// and cos even to the bit; sin(-0) = -0.
+// Error: at most 1 ulp for |x| <= kSinCosRange. Beyond it the result is within 1 ulp of that of a number at most half
+// an ulp of x away from x; an x that was rounded is not known better. NaN and infinity give NaN. sin is odd and cos
+// even to the bit; sin(-0) = -0.
 //
-// Why 1 ulp. With n = x 2/pi rounded, r = x - n pi/2 is taken from pi/2 = parts + rest. n times a part is exact, since
-// parts have so few bits; so is a difference where it cancels, and the error of one that does not is kept. What is lost
-// is the rounding of n times the rest, n 2^-129 (double) or n 2^-67 (float): 0.002 ulp of the least r that any x in the
-// range has. r is a sum hi + lo from there on. The polynomials err by 0.06 ulp; the last sum rounds by half an ulp, and
-// the smaller of its terms, at most 0.3 of the result, by what is missing to 0.79: the most that
-// tests/firmware/sin_cos_test.cpp has found.
+// Proof of 1 ulp: n = x 2/pi is rounded, and r = x - n pi/2 is computed with pi/2 = parts + rest. The parts have few
+// bits, so n times a part is exact. A difference that cancels is exact too, and the error of one that does not is kept.
+// The rounding of n times the rest, n 2^-129 (double) or n 2^-67 (float), is lost: 0.002 ulp of the least r of any x in
+// the range. From there on r is a sum hi + lo. The polynomials err by 0.06 ulp and the last sum rounds by half an ulp.
+// The smaller of its terms, at most 0.3 of the result, rounds too. tests/firmware/sin_cos_test.cpp finds 0.79 ulp in
+// all.
 //
-// Source: Cody and Waite's reduction in parts; the way of summing is that of the Sun Microsystems fdlibm kernels. The
-// polynomials are ours: Remez, relative error for sin and cos, coefficients rounded one after the other and the rest
-// fitted again.
+// Source: the reduction in parts is Cody and Waite's, the order of summation that of the Sun Microsystems fdlibm
+// kernels. The polynomials are our own Remez fits of the relative errors of sin and cos; coefficients are rounded one
+// after the other, and the remaining ones fitted again.
 #pragma once
 
 #include <array>
@@ -75,7 +75,7 @@ template <std::size_t first, class T, std::size_t size>
   return sum;
 }
 
-// Into the range. fmod is exact; 2 pi rounded is off by less than half an ulp, relatively.
+// Brings x into the range. fmod is exact, and 2 pi is rounded by less than half an ulp.
 template <class T>
 [[gnu::noinline, gnu::cold]] T turns_removed(T x) {
   return std::fmod(x, SinCosConstants<T>::kTwoPi);

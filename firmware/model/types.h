@@ -8,11 +8,12 @@
 
 namespace ballast::firmware {
 
-// The scalar of the model: rails, forces, attitude. BALLAST_REAL=float is for a processor whose FPU has single
-// precision only, and is read nowhere else. Wide is double in any case: what 24 bits are too few for. Those are times
-// and what becomes of them, since a float of seconds is 2 us off after 20 s and pulses are placed to 0.5 us; rail
-// coordinates over a whole run; microsteps counted from its start. So all of motion/ is Wide, and takes software where
-// the FPU does not have it.
+// Real is the scalar of the model: rails, forces, attitude. BALLAST_REAL=float suits a processor whose FPU has single
+// precision only; nothing else reads it.
+//
+// Wide is always double, for values that need more than 24 bits: times (a float of seconds is 2 us off after 20 s, and
+// pulses are placed to 0.5 us), rail coordinates over a whole run, and microsteps counted from its start. All of
+// motion/ is Wide, in software where the FPU has no double.
 #ifndef BALLAST_REAL
 #define BALLAST_REAL double
 #endif

@@ -10,7 +10,7 @@ namespace {
 // Covers the error of the crossings' times and rounding in a profile exactly at the motor's rate.
 constexpr Wide kNoiseTicks = 0.01;
 
-// Rounds up; by conversion, since ceil() is a call on processors without the instruction.
+// Rounds up by conversion, because ceil() is a call on processors without the instruction.
 std::int32_t up(Wide ticks) {
   const auto whole = static_cast<std::int32_t>(ticks);
   return static_cast<Wide>(whole) < ticks ? whole + 1 : whole;
@@ -18,12 +18,12 @@ std::int32_t up(Wide ticks) {
 
 std::int32_t up_to_int32(Wide ticks) { return up(std::min(ticks, 1e9)); }
 
-// a / b rounded to nearest, and the other neighbour; b > 0.
+// The two integers about a / b, the nearest first; b > 0.
 struct Rounded {
   std::int64_t nearest, other;
 };
 Rounded divide(std::int64_t a, std::int64_t b) {
-  // Nearly always 32 bits do, which the processor divides by itself; 64 take a function of a hundred instructions.
+  // 32 bits, which the processor divides, nearly always suffice. 64 take a function of a hundred instructions.
   const auto short_a = static_cast<std::int32_t>(a), short_b = static_cast<std::int32_t>(b);
   std::int64_t q = 0, r = 0;
   if (short_a == a && short_b == b) {
@@ -40,7 +40,7 @@ Rounded divide(std::int64_t a, std::int64_t b) {
   return 2 * r > b ? Rounded{q + 1, q} : Rounded{q, q + 1};
 }
 
-// With interval and add chosen, `first` has to lie in the intersection of the windows moved back to pulse 0.
+// Finds `first` for a given interval and add: it lies in the intersection of all windows moved back to pulse 0.
 bool verify(std::span<const PulseWindow> pulses, std::int32_t gap, std::int32_t earliest, std::int64_t interval,
             std::int64_t add, StepBurst& burst) {
   const std::size_t size = pulses.size();
@@ -60,7 +60,7 @@ bool verify(std::span<const PulseWindow> pulses, std::int32_t gap, std::int32_t 
   return true;
 }
 
-// Parabola through the first, middle and last pulse, with both roundings of its two integers.
+// Tries the parabola through the first, middle and last pulse, with both roundings of its two integers.
 bool fit(std::span<const PulseWindow> pulses, std::int32_t gap, std::int32_t earliest, StepBurst& burst) {
   const auto m = static_cast<std::int64_t>(pulses.size()) - 1;
   const std::int64_t h = m / 2;
@@ -85,7 +85,7 @@ bool fit(std::span<const PulseWindow> pulses, std::int32_t gap, std::int32_t ear
 std::int32_t last_timer_tick(const StepTiming& timing) {
   const Wide ticks = timing.control_period_s * timing.timer_frequency_hz;
   const auto whole = static_cast<std::int32_t>(ticks + 0.5);  // NOLINT(bugprone-incorrect-roundings): it is positive
-  // A whole number of timer ticks, but for the rounding of the product: the last one belongs to the next control tick.
+  // If the period is a whole number of timer ticks, up to rounding, the last one belongs to the next control tick.
   if (std::fabs(ticks - whole) <= 1e-6) return whole - 1;
   return static_cast<std::int32_t>(ticks);
 }
@@ -95,13 +95,13 @@ PulseRules::PulseRules(const StepTiming& timing, Wide max_step_rate_hz)
       last_tick(last_timer_tick(timing)),
       tolerance_ticks(std::max(1.0, 0.5e-6 * timing.timer_frequency_hz)),
       spacing_ticks(timing.timer_frequency_hz / max_step_rate_hz),
-      // Decimal times make whole numbers of ticks, though the product rounds.
+      // Decimal times make whole numbers of ticks; the product is rounded.
       setup_ticks(std::max(timing.direction_setup_s * timing.timer_frequency_hz - 1e-6, 0.0)),
-      // Rounding to timer ticks may bring two pulses closer by one tick, which the set-up time does not allow for.
+      // Rounding to timer ticks may bring two pulses one tick closer, and the set-up time holds in full.
       touch_ticks(std::max(std::max(tolerance_ticks, spacing_ticks - kNoiseTicks), setup_ticks + 1 + kNoiseTicks)),
       gap(std::max(std::int32_t{1}, up_to_int32(spacing_ticks - 1 - kNoiseTicks))),
       turn_gap(std::max(gap, up_to_int32(setup_ticks))) {
-  // A period that is whole but for the rounding of the product.
+  // A period that is a whole number of ticks up to rounding becomes exactly that.
   if (static_cast<Wide>(last_tick) + 1 - period_ticks <= 1e-6) period_ticks = static_cast<Wide>(last_tick) + 1;
 }
 
@@ -111,14 +111,14 @@ std::int32_t PulseRules::earliest_after(Wide ago_ticks, bool turns) const {
   return due > 0 ? up_to_int32(due) : 0;
 }
 
-// Why the distances can be kept if the crossings keep them: choosing for every pulse the last timer tick not after its
-// crossing would do, and every bound set here leaves that choice open. Where a pulse soon follows in the next control
-// tick, of which nothing is known here, the last one is not placed later than that.
+// If the crossings keep the distances, the pulses can: the last timer tick not after each crossing is always a valid
+// choice, and every bound set here leaves it open. Where a pulse may soon follow in the next control tick, the last
+// pulse is placed no later than its crossing.
 bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest) {
   const Wide tolerance = rules.tolerance_ticks, last = rules.last_tick;
   const std::int32_t gap = rules.gap, turn_gap = rules.turn_gap;
   const auto gaps = static_cast<std::int64_t>(pulses.size()) - 1;
-  if (earliest + gaps * gap > rules.last_tick) return false;  // so that what follows stays in range
+  if (earliest + gaps * gap > rules.last_tick) return false;  // keeps the sums below in range
   std::int32_t least = earliest, direction = pulses[0].direction;
   for (PulseWindow& p : pulses) {
     p.gap = p.direction == direction ? gap : turn_gap;
@@ -160,7 +160,7 @@ StepBurst longest_burst(std::span<const PulseWindow> pulses, const PulseRules& r
   burst.direction = static_cast<std::int8_t>(pulses[0].direction);
   burst.count = 1;
   burst.first_ticks = std::max(pulses[0].nearest(), earliest);
-  // Bisection on the length; that longer runs fit worse is not quite monotone, which costs a burst, never a pulse.
+  // Bisection on the length. Longer runs mostly fit worse; an exception costs a burst, never a pulse.
   std::size_t fits = 1, too_long = same + 1, length = same;
   while (too_long - fits > 1) {
     if (fit(pulses.first(length), rules.gap, earliest, burst)) {

@@ -7,8 +7,8 @@
 
 namespace ballast::firmware {
 
-// One pulse: its exact time, and the timer ticks [low, high] in which it may be replayed. Without initial values, since
-// setting room for a whole tick's pulses would cost more than the pulses.
+// One pulse: its exact time, and the timer ticks [low, high] in which it may be replayed. Members have no initial
+// values, because setting those of a whole tick's array would cost more than its pulses.
 struct PulseWindow {
   Wide exact_ticks;
   std::int32_t low;
@@ -18,7 +18,7 @@ struct PulseWindow {
 
   // The timer tick in [low, high] nearest to exact_ticks.
   [[nodiscard]] std::int32_t nearest() const {
-    // Inside the tick it is positive; elsewhere it is clamped.
+    // Positive inside the tick, clamped elsewhere.
     const auto rounded = static_cast<std::int32_t>(exact_ticks + 0.5);  // NOLINT(bugprone-incorrect-roundings)
     return rounded < low ? low : (rounded > high ? high : rounded);
   }
@@ -44,20 +44,20 @@ struct PulseRules {
 // Last timer tick strictly inside a control tick.
 std::int32_t last_timer_tick(const StepTiming& timing);
 
-// From exact_ticks and direction (at least one pulse, pulses in time order, inside the tick) to the rest. Whatever is
-// chosen in a window, the other pulses can keep their distances inside theirs, and the first one of the next control
-// tick too. `earliest`: for the first pulse, because of one before this control tick. False if the distances cannot be
-// kept.
+// Sets low, high and gap from exact_ticks and direction. There is at least one pulse; pulses are in time order and
+// inside the tick. Any choice in one window leaves the other pulses, and the first one of the next control tick, a
+// choice that keeps their distances. `earliest`: the first pulse's bound by a pulse before this control tick. False if
+// the distances cannot be kept.
 [[nodiscard]] bool make_windows(std::span<PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest = 0);
 
-// The first of these pulses will not come before `earliest`: where the others have to be later for that, their windows
-// say so, and what fits them is found. Without it a burst that ends late is followed by single pulses wherever the
-// motor is at its step rate, where no time can be made up but the rounding.
+// Raises windows so that the first pulse is not before `earliest` and the others keep their distances after it. At the
+// motor's step rate only the rounding leaves time to catch up, so without this a burst that ends late would be followed
+// by single pulses.
 void raise_lows(std::span<PulseWindow> pulses, std::int32_t earliest);
 
-// The longest burst found for pulses[0..count): same direction, every pulse replayed in integers and found in its
-// window at least rules.gap after the one before, the first not before `earliest`. pulses must not be empty. One pulse
-// always fits.
+// Returns the longest burst found from pulses[0] on, in one direction. Each pulse is replayed in integers and lies in
+// its window, at least rules.gap after the one before; the first is not before `earliest`. `pulses` must not be empty.
+// One pulse always fits.
 StepBurst longest_burst(std::span<const PulseWindow> pulses, const PulseRules& rules, std::int32_t earliest = 0);
 
 }  // namespace ballast::firmware

@@ -5,8 +5,8 @@
 namespace ballast::firmware {
 
 MonotoneSpans monotone_spans(const StepCubic& cubic, Wide length_s) {
-  // velocity + acceleration w + (jerk/2) w^2 = 0 in the form that does not cancel. A root that is not there comes out
-  // as NaN or infinity and fails the comparison below; a double root is no reversal, so losing it is right.
+  // velocity + acceleration w + (jerk/2) w^2 = 0 in the form that does not cancel. A missing root is NaN or infinite
+  // and fails the comparison below. A double root is no reversal, so it may be lost.
   const Wide a = cubic.jerk / 2, b = cubic.acceleration, c = cubic.velocity;
   const Wide discriminant = b * b - 4 * a * c;
   Wide first = -1, second = -1;
@@ -45,7 +45,7 @@ Wide crossing_time(const StepCubic& cubic, Wide level, Wide begin_s, Wide end_s,
       high = w;
     }
     Wide next = w - excess / (sign * cubic.velocity_at(w));
-    // Newton inside the bracket; every third time bisection, so that the bracket closes whatever the cubic does.
+    // Newton inside the bracket, and bisection every third time, so that the bracket closes for every cubic.
     if (i % 3 == 0 || !(next > low && next < high)) {
       next = low + (high - low) / 2;
     } else if (std::fabs(next - w) <= tolerance_s) {

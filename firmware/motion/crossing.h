@@ -1,4 +1,4 @@
-// When a cubic crosses a level: the mathematics under the step generator.
+// Times at which a cubic crosses a level, for the step generator.
 #pragma once
 
 #include <array>
@@ -27,15 +27,15 @@ struct MonotoneSpans {
 };
 MonotoneSpans monotone_spans(const StepCubic& cubic, Wide length_s);
 
-// The w in [begin_s, end_s], where the cubic is monotone, at which it crosses `level`, to tolerance_s. If rounding has
-// put the level outside the span, the end of the span nearer to it. At most kMaxCrossingIterations evaluations.
+// Returns the w in [begin_s, end_s], where the cubic is monotone, at which it crosses `level`, to tolerance_s. If
+// rounding puts the level outside the span, returns the nearer end. At most kMaxCrossingIterations evaluations.
 inline constexpr int kMaxCrossingIterations = 150;
 Wide crossing_time(const StepCubic& cubic, Wide level, Wide begin_s, Wide end_s, Wide tolerance_s);
 
-// The same from a guess, by at most three steps of Newton's method: few operations, and inline. False unless theory
-// says that w_s is now the crossing to tolerance_s: `bend` bounds |acceleration| about the guess; with bend |step| <=
-// |velocity| / 4 there is one crossing near by (Kantorovich), and the step leaves at most bend step^2 / |velocity|.
-// `velocity` is that at the last point looked at, a step away from the crossing.
+// Improves a guess w_s by at most three steps of Newton's method, inline. True only if w_s is then proved to be the
+// crossing to tolerance_s. `bend` bounds |acceleration| about the guess. With bend |step| <= |velocity| / 4 there is
+// one crossing near by (Kantorovich), and the step leaves at most bend step^2 / |velocity|. `velocity` is that at the
+// last point evaluated, one step away from the crossing.
 [[nodiscard]] inline bool crossing_near(const StepCubic& cubic, Wide level, Wide bend, Wide tolerance_s, Wide& w_s,
                                         Wide& velocity) {
   Wide w = w_s;

@@ -1,4 +1,4 @@
-// Cube root of a number >= 0, the same bits on every processor: libm's differ from library to library.
+// Cube root of a number >= 0, with the same bits on every processor. libm's bits differ between libraries.
 #pragma once
 
 #include <bit>
@@ -10,12 +10,11 @@
 
 namespace ballast::firmware {
 
-// To 1 ulp. NaN for x < 0 and NaN; 0 and infinity are their own.
-// A third of the bits, exponent and mantissa taken as one number, is the root to 3.2 % (W. Kahan). Each step of
-// Halley's method leaves two thirds of the error's cube: 2e-5, 7e-15. The last one starts from a root cut to so few
-// bits that its square is exact, and comes as a correction: what is left is the rounding of x / y^2, a third of which
-// counts, and that of the sum, together 0.84 ulp. Small and large x are taken times a cube, since x / y^2 and the sums
-// have to stay normal.
+// Error: at most 1 ulp. x < 0 and NaN give NaN; 0 and infinity are their own roots.
+// A third of the bits, exponent and mantissa as one number, is the root to 3.2 % (W. Kahan). Each step of Halley's
+// method leaves two thirds of the error's cube: 2e-5, 7e-15. The last step starts from a root cut to so few bits that
+// its square is exact, and is added as a correction. The rounding of x / y^2, a third of which counts, and that of the
+// sum remain, together 0.84 ulp. Small and large x are scaled by a cube, so that x / y^2 and the sums stay normal.
 template <std::floating_point T>
 [[nodiscard]] T cube_root(T x) {
   static_assert(std::is_same_v<T, double> || std::is_same_v<T, float>);

@@ -14,7 +14,7 @@ bool usable(const MotionLimits& limits, Wide duration_s) {
   return positive(limits.max_acceleration) && positive(limits.max_jerk) && std::isfinite(duration_s);
 }
 
-// Pieces that take no time are left out.
+// Adds a piece, unless it takes no time.
 void add(PlannedPieces& pieces, Wide duration_s, Wide acceleration_start, Wide acceleration_end) {
   if (!(duration_s > 0)) return;
   pieces.piece[static_cast<std::size_t>(pieces.count++)] = {duration_s, acceleration_start, acceleration_end};
@@ -42,7 +42,7 @@ Wide PlannedPieces::duration_s() const {
 bool plan_stop(Wide velocity, Wide acceleration, const MotionLimits& limits, Wide duration_s, PlannedPieces& out) {
   if (!usable(limits, duration_s) || !std::isfinite(velocity) || !std::isfinite(acceleration)) return false;
   const Wide jerk = limits.max_jerk;
-  // The velocity left if the acceleration went straight to 0 decides which way to brake.
+  // The velocity that would be left if the acceleration went straight to 0 decides the direction of braking.
   const Wide left = velocity + acceleration * std::fabs(acceleration) / (2 * jerk);
   if (!std::isfinite(left)) return false;
   if (left == 0) {
@@ -51,22 +51,22 @@ bool plan_stop(Wide velocity, Wide acceleration, const MotionLimits& limits, Wid
     out = pieces;
     return true;
   }
-  // From here on as if it were forward, so braking is negative.
+  // From here on the motion counts as forward, so braking is negative.
   const Wide sign = left > 0 ? 1 : -1;
   const Wide v = sign * velocity, a = sign * acceleration;
   const bool too_hard = a < -limits.max_acceleration;
-  // Straight down and up again, without a constant part: v + a^2/(2 jerk) = peak^2 / jerk.
+  // Down and up again without a constant part: v + a^2/(2 jerk) = peak^2 / jerk.
   const Wide without_constant = std::sqrt(std::fmax(jerk * v + a * a / 2, 0));
   Wide peak = too_hard ? limits.max_acceleration : std::fmin(limits.max_acceleration, without_constant);
   if (!(peak > 0)) return false;
   PlannedPieces pieces = through_peak(v, a, peak, jerk, sign);
   if (duration_s > pieces.duration_s()) {
-    // duration = a/jerk + peak/jerk + (v + a^2/(2 jerk)) / peak while the acceleration has to fall to -peak; the
-    // smaller root is the one with a constant part, in the form that does not cancel.
+    // While the acceleration has to fall to -peak, duration = a/jerk + peak/jerk + (v + a^2/(2 jerk)) / peak. The
+    // smaller root has a constant part; this form of it does not cancel.
     const Wide sum = v + a * a / (2 * jerk);
     const Wide b = jerk * duration_s - a;
     Wide lower = 2 * jerk * sum / (b + std::sqrt(std::fmax(b * b - 4 * jerk * sum, 0)));
-    // While it has to rise: duration = |a|/jerk + (v - a^2/(2 jerk)) / peak.
+    // While it has to rise, duration = |a|/jerk + (v - a^2/(2 jerk)) / peak.
     if (a < 0 && (too_hard || lower < -a)) lower = std::fabs(left) / (duration_s + a / jerk);
     if (lower > 0 && lower < peak) pieces = through_peak(v, a, lower, jerk, sign);
   }
@@ -84,8 +84,8 @@ bool plan_move(Wide distance, const MotionLimits& limits, Wide duration_s, Plann
     return true;
   }
   const Wide a_max = limits.max_acceleration, jerk = limits.max_jerk;
-  // Top speed: what the distance allows with the acceleration's triangle or trapezium, at most the limit's. Speeding up
-  // to v takes v / peak + peak / jerk, and so does braking: together they need v times that of distance.
+  // Top speed: the greatest that the distance allows with the acceleration's triangle or trapezium, at most the limit.
+  // Reaching v takes v / peak + peak / jerk, and so does braking; together they take v times that distance.
   const Wide triangle = a_max * a_max / jerk;  // speeds below it are reached without constant acceleration
   Wide top = 0;
   if (length >= 2 * a_max / jerk * triangle) {
@@ -99,8 +99,8 @@ bool plan_move(Wide distance, const MotionLimits& limits, Wide duration_s, Plann
   const Wide ramp = peak / jerk;
   Wide constant = std::fmax(top / peak - ramp, 0);
   Wide cruise = std::fmax(length / top - (top / peak + ramp), 0);
-  // Durations are rounded, and so is what a rounding error of the cruise leaves of the distance: the peak takes it up.
-  // Position gained is peak (ramp + constant) (2 ramp + constant + cruise).
+  // The peak is adjusted so that the rounded durations give the distance exactly, up to one rounding: the position
+  // gained is peak (ramp + constant) (2 ramp + constant + cruise).
   peak = length / ((ramp + constant) * (2 * ramp + constant + cruise));
   const Wide shortest = 4 * ramp + 2 * constant + cruise;
   const Wide stretch = duration_s > shortest ? duration_s / shortest : 1;

@@ -22,7 +22,7 @@ LimitBreach check_limits(const Profile& profile, const MotionLimits& limits) {
     if (i < profile.piece_count()) {
       const Wide d = c.duration_s;
       speed = std::fmax(speed, std::fabs(c.velocity + d * (c.acceleration + d * c.jerk / 2)));
-      const Wide turn = -c.acceleration / c.jerk;  // NaN or infinite without jerk: then nothing turns
+      const Wide turn = -c.acceleration / c.jerk;  // NaN or infinite without jerk: no extreme inside
       if (turn > 0 && turn < d) speed = std::fmax(speed, std::fabs(c.velocity + turn * c.acceleration / 2));
       acceleration = std::fmax(std::fabs(c.acceleration), std::fabs(c.acceleration + d * c.jerk));
     }

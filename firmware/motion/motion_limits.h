@@ -1,7 +1,6 @@
-// Whether a profile keeps its motor's limits: judged from the finished cubics, not from how they were made.
+// Checks that a profile keeps its motor's limits. The finished cubics are judged, independently of their planning.
 #pragma once
 
-#include "firmware/motion/limits.h"
 #include "firmware/motion/profile.h"
 
 namespace ballast::firmware {
@@ -16,12 +15,12 @@ struct LimitBreach {
   [[nodiscard]] bool ok() const { return what == Limited::kNothing; }
 };
 
-// Extremes are those of the cubics, exact. A part in 1e9 above a limit passes: rounding, with room to spare. The jerk
-// is the one inside the pieces; jumps of the acceleration where pieces meet, or at the start, are not looked at.
+// The extremes of the cubics are exact. Values up to 1e-9 of a limit above it pass, which is far more than rounding.
+// The jerk is that inside the pieces; jumps of the acceleration where pieces meet, or at the start, are not judged.
 [[nodiscard]] LimitBreach check_limits(const Profile& profile, const MotionLimits& limits);
 
-// Most reversals of the profile in one control tick, if its ticks begin at profile time 0. `added_velocity` is added to
-// the velocity everywhere: the same pieces from another start.
+// Returns the greatest number of reversals in one control tick, for ticks that begin at profile time 0.
+// `added_velocity` is added to the velocity everywhere, as a start with another velocity does.
 [[nodiscard]] int most_reversals(const Profile& profile, Wide control_period_s, Wide added_velocity);
 
 }  // namespace ballast::firmware

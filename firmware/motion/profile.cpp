@@ -7,15 +7,15 @@ namespace ballast::firmware {
 
 namespace {
 
-// Walks along the pieces, carrying the values at the border reached.
-struct Walk {
+// The values at a border between pieces; step() goes to the next one.
+struct Border {
   Wide time_s = 0;
   Wide position = 0;
   Wide velocity = 0;
   Wide velocity_scale = 0;  // largest term added into the velocity so far
   int borders = 0;
 
-  Walk(Wide initial_position, Wide initial_velocity)
+  Border(Wide initial_position, Wide initial_velocity)
       : position(initial_position), velocity(initial_velocity), velocity_scale(std::fabs(initial_velocity)) {}
 
   void step(const Cubic& piece) {
@@ -48,8 +48,8 @@ Cubic cubic_of(const ProfilePiece& piece) {
 
 bool Profile::set(Wide initial_position, Wide initial_velocity, const ProfilePiece* pieces, int piece_count) {
   if (piece_count < 0 || piece_count > kMaxPieces) return false;
-  // Once to check, once to write: a second profile to write into would need 6 kB of stack.
-  Walk check(initial_position, initial_velocity);
+  // The pieces are walked twice, to check and to write, because a second profile would need 6 kB of stack.
+  Border check(initial_position, initial_velocity);
   if (!check.finite()) return false;
   for (int i = 0; i < piece_count; ++i) {
     const Cubic c = cubic_of(pieces[i]);
@@ -69,7 +69,7 @@ bool Profile::set(Wide initial_position, Wide initial_velocity, const ProfilePie
 }
 
 bool Profile::rebase(Wide initial_position, Wide initial_velocity) {
-  Walk check(initial_position, initial_velocity);
+  Border check(initial_position, initial_velocity);
   for (int i = 0; i < piece_count_; ++i) check.step(cubics_[static_cast<std::size_t>(i)]);
   if (!check.finite()) return false;
   lay(initial_position, initial_velocity);
@@ -77,18 +77,18 @@ bool Profile::rebase(Wide initial_position, Wide initial_velocity) {
 }
 
 void Profile::lay(Wide initial_position, Wide initial_velocity) {
-  Walk walk(initial_position, initial_velocity);
+  Border border(initial_position, initial_velocity);
   for (int i = 0; i <= piece_count_; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    starts_s_[k] = walk.time_s;
-    cubics_[k].position = walk.position;
-    cubics_[k].velocity = walk.velocity;
-    if (i < piece_count_) walk.step(cubics_[k]);
+    starts_s_[k] = border.time_s;
+    cubics_[k].position = border.position;
+    cubics_[k].velocity = border.velocity;
+    if (i < piece_count_) border.step(cubics_[k]);
   }
 }
 
 Profile::Location Profile::locate(Wide time_s) const {
-  // Largest index whose start is not after time_s; NaN ends at 0. Bisection of at most kMaxPieces + 1 starts.
+  // Bisection for the largest index with a start not after time_s; NaN gives 0.
   std::size_t low = 0, left = static_cast<std::size_t>(piece_count_) + 1;  // it is one of starts[low .. low + left)
   while (left > 1) {
     const std::size_t half = left / 2;

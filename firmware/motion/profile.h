@@ -1,4 +1,4 @@
-// A rail coordinate as a function of time: pieces of linear acceleration, so cubic positions, evaluated exactly.
+// A rail coordinate as a function of time, in pieces of linear acceleration. Positions are cubics, evaluated exactly.
 #pragma once
 
 #include <array>
@@ -9,11 +9,19 @@
 namespace ballast::firmware {
 
 inline constexpr int kMaxPieces = 128;
+inline constexpr int kMaxPlannedPieces = 7;  // of a stop or a move
+
+// Limits of one motor's motion. Rail unit per s, s^2, s^3; each finite and > 0.
+struct MotionLimits {
+  Wide max_velocity = 0;
+  Wide max_acceleration = 0;
+  Wide max_jerk = 0;
+};
 
 struct ProfilePiece {
   Wide duration_s = 0;          // > 0
   Wide acceleration_start = 0;  // theta'' at the piece's start, rail unit / s^2
-  Wide acceleration_end = 0;    // and at its end; linear between
+  Wide acceleration_end = 0;    // at its end; linear between
 };
 
 struct ProfilePoint {
@@ -31,10 +39,9 @@ struct Cubic {
   Wide jerk = 0;
 };
 
-// Built once, then read only. Every piece keeps its own start values, so nothing drifts with time; after the last piece
-// the velocity stays constant; before t = 0 the mass is at the initial position with the initial velocity held as a
-// value. A velocity at a border that is zero but for the rounding of the sums before it is zero: a mass that brakes
-// comes to rest.
+// Built once, then read only. Every piece keeps its own start values, so errors do not accumulate with time. After the
+// last piece the velocity stays constant. Before t = 0, at() gives the initial position and velocity. A border velocity
+// within the rounding of the sums before it is set to zero, so that a mass that brakes comes to rest.
 class Profile {
  public:
   Profile() = default;

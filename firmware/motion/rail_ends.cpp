@@ -10,7 +10,7 @@ namespace ballast::firmware {
 
 namespace {
 
-// Some roundings of the model's numbers.
+// A few roundings of the model's numbers.
 constexpr Real kRounding = std::max(Real(1e-12), 16 * std::numeric_limits<Real>::epsilon());
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Where rails end.
+// Ends of the rails.
 #pragma once
 
 #include "firmware/model/rolling.h"
@@ -6,18 +6,18 @@
 
 namespace ballast::firmware {
 
-// Lines end where the ball does or at their stops, open splines at their ends or their stops; no other rail has an end.
-// A position beyond an end by rounding is on the rail. `rail_coordinate` of mass `mass`, finite.
+// Whether a finite rail coordinate of mass `mass` lies on its rail, up to rounding. A line ends at the ball's surface
+// or at its stops, an open spline at its ends or its stops. Other rails have no ends.
 [[nodiscard]] bool on_rail(const BallParams& ball, int mass, Wide rail_coordinate);
 
-// The rail coordinates of those ends; infinite where there is none, and where the line does not meet the ball both NaN.
+// The rail coordinates of the ends. Infinite: no end. Both NaN: the line does not meet the ball.
 struct RailEnds {
   Wide lower, upper;
 };
 [[nodiscard]] RailEnds rail_ends(const BallParams& ball, int mass);
 
-// The first piece in which mass `mass` leaves its rail, and how far it goes there. What follows the last piece is not
-// looked at: how long it lasts is not known.
+// The first piece in which mass `mass` leaves its rail, and how far it goes there. The constant velocity after the last
+// piece is not judged, because its duration is unknown here.
 struct LeavesRail {
   int piece = -1;  // counted from 0; -1: none
   Wide position = 0;

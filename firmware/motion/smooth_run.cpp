@@ -7,8 +7,7 @@ namespace ballast::firmware {
 
 namespace {
 
-// A value that fits an int32 rounded to nearest, by conversion: round() is a call on processors without the
-// instruction.
+// Rounds a value that fits an int32 by conversion, because round() is a call on processors without the instruction.
 std::int32_t nearest(Wide x) { return static_cast<std::int32_t>(x + std::copysign(0.5, x)); }
 
 std::int32_t down(Wide x) {
@@ -24,14 +23,14 @@ class Prover {
     const Wide v0 = std::fabs(c.velocity_at(run.begin_s)), v1 = std::fabs(c.velocity_at(run.end_s));
     const Wide a = std::max(std::fabs(c.acceleration_at(run.begin_s)), std::fabs(c.acceleration_at(run.end_s)));
     const Wide slowest = std::min(v0, v1), fastest = std::max(v0, v1);
-    bend_ = 5 * a;  // see Pulses::follow
+    bend_ = 5 * a;  // as in Pulses::follow
     const Wide inverse = 1 / slowest;
     const Wide square = inverse * inverse;
     third_ticks_ = (3 * a * a + fastest * std::fabs(c.jerk)) * square * square * inverse * timer_frequency_hz;
     mean_interval_s_ = 2 / (v0 + v1);
   }
 
-  // Crossings 0, h and m of the pulses from `begin` on. A half of what was looked at before ends at its middle.
+  // Sets crossings 0, h and m of the pulses from `begin` on. The first half of the previous stretch reuses its middle.
   void nodes(int begin, int m) {
     const int h = m / 2;
     const bool half = begin == at_ && m == middle_at_;
@@ -44,7 +43,7 @@ class Prover {
     middle_at_ = h;
   }
 
-  // The burst of m + 1 pulses from `begin` on; the first not before `earliest`.
+  // Makes the burst of m + 1 pulses from `begin` on, the first not before `earliest`. False: it is not proved.
   bool fits(int begin, int m, std::int32_t earliest, StepBurst& burst) {
     const int half = m / 2;
     const Wide n = m, h = half;
@@ -124,13 +123,13 @@ class Prover {
 
 }  // namespace
 
-int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, StepBurst* bursts, int room) {
+int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_frequency_hz, std::span<StepBurst> bursts) {
   Prover prover(run, rules, timer_frequency_hz);
-  int count = 0;
+  std::size_t count = 0;
   std::int32_t earliest = run.earliest;
   for (int done = 0; done < run.steps;) {
-    if (count == room) return 0;
-    // A burst of one always fits, unless the distances say otherwise.
+    if (count == bursts.size()) return 0;
+    // A burst of one pulse fails only for its distances.
     int m = run.steps - done - 1;
     while (!prover.fits(done, m, earliest, bursts[count])) {
       if (m == 0) return 0;
@@ -140,7 +139,7 @@ int smooth_bursts(const SmoothRun& run, const PulseRules& rules, Wide timer_freq
     done += m + 1;
     earliest = prover.end_ticks() + rules.gap;
   }
-  return count;
+  return static_cast<int>(count);
 }
 
 }  // namespace ballast::firmware

@@ -1,4 +1,4 @@
-// Step pulses of one control tick as integers, and what may go wrong while they are made. Types only.
+// Step pulses of one control tick as integers, and the errors of making them. Types only.
 #pragma once
 
 #include <algorithm>
@@ -15,14 +15,14 @@ inline constexpr int kMaxStepsPerTick = 64;  // per motor
 // Bursts that each of `motors` motors may use in one command: its equal share.
 [[nodiscard]] constexpr int bursts_per_motor(int motors) { return kMaxBursts / std::max(motors, 1); }
 
-// Pulses per control tick that a motor's share of the bursts surely carries. validate() derives the greatest step rate
-// from it. Any three pulses in one direction fit one burst, and a turn costs at most one burst more: firmware/README.md
-// has the proof. One turn per tick is allowed for.
+// Pulses per control tick that a motor's share of the bursts surely carries, with one turn per tick. validate() derives
+// the greatest step rate from it. Any three pulses in one direction fit one burst, and a turn costs at most one burst
+// more. Proof: firmware/README.md.
 [[nodiscard]] constexpr int sure_steps_per_tick(int motors) {
   return std::min(kMaxStepsPerTick, 3 * bursts_per_motor(motors) - 2);
 }
 
-// `count` pulses; pulse_ticks() says when each of them comes.
+// `count` pulses at the times of pulse_ticks().
 struct StepBurst {
   std::uint8_t motor = 0;
   std::int8_t direction = 1;  // +1 or -1
@@ -32,13 +32,13 @@ struct StepBurst {
   std::int32_t add_ticks = 0;
 };
 
-// Timer ticks from the control tick's start to pulse j = 0..count-1 of a burst. 64 bits: a burst from outside may hold
-// any numbers.
+// Timer ticks from the control tick's start to pulse j = 0..count-1 of a burst. They have 64 bits, because a burst from
+// outside may hold any numbers.
 [[nodiscard]] constexpr std::int64_t pulse_ticks(const StepBurst& burst, std::int64_t j) {
   return burst.first_ticks + j * burst.interval_ticks + j * (j - 1) / 2 * burst.add_ticks;
 }
 
-// The newest pulse of a motor. Distances between pulses are kept across the borders between control ticks with it.
+// The newest pulse of a motor, from which pulses of the next control tick keep their distance.
 struct LastPulse {
   std::int64_t tick = 0;         // control tick
   std::int32_t timer_ticks = 0;  // from its start

@@ -13,12 +13,12 @@ namespace {
 
 constexpr Wide kRateSlack = 1e-9;  // relative: a profile exactly at the motor's rate is not too fast by rounding
 
-// Microsteps. A reversal that ends as close as this above a level has come back through it: the tick that looks ahead
-// and the one that looks back expand the profile about different times, and must not disagree by rounding.
+// Microsteps. A reversal that ends less than this above a level counts as back below it. The tick before and the tick
+// after a border expand the profile about different times, and their rounding must not make them disagree.
 constexpr Wide kReturnSlack = 1e-7;
 
-// A piece of the profile in microsteps, expanded about the later of its own start and `t0`, so that times are small
-// numbers and resolution does not fade as the run goes on.
+// A piece of the profile in microsteps, expanded about `s` after its start, the later of its start and the tick's.
+// Times stay small numbers, so the resolution does not fall as the run goes on.
 StepCubic in_steps(const Cubic& c, Wide s, Wide position_zero, Wide steps_per_unit) {
   return {
       steps_per_unit * ((c.position - position_zero) + s * (c.velocity + s * (c.acceleration / 2 + s * (c.jerk / 6)))),
@@ -27,15 +27,15 @@ StepCubic in_steps(const Cubic& c, Wide s, Wide position_zero, Wide steps_per_un
 }
 
 // The monotone spans of the profile from t0 on, in order, in microsteps.
-class Walk {
+class Spans {
  public:
-  Walk(const Profile& profile, Wide t0_s, Wide position_zero, Wide steps_per_unit)
+  Spans(const Profile& profile, Wide t0_s, Wide position_zero, Wide steps_per_unit)
       : profile_(profile), t0_s_(t0_s), position_zero_(position_zero), steps_per_unit_(steps_per_unit) {}
 
   // Calls visit(cubic, begin, end, start) for each span with begin_s <= time from t0 <= end_s; `start` is the cubic's
-  // own zero of time. Ends early, and gives false, where visit does.
+  // own zero of time. Ends early and returns false where visit() does.
   template <class Visit>
-  bool spans(Wide begin_s, Wide end_s, Visit visit) const {
+  bool each(Wide begin_s, Wide end_s, Visit visit) const {
     const Profile::Location here = profile_.locate(t0_s_ + begin_s);
     Wide start = begin_s;
     Wide s = here.offset_s;
@@ -60,7 +60,7 @@ class Walk {
   Wide t0_s_, position_zero_, steps_per_unit_;
 };
 
-// The crossings of one control tick, in order, with the count they lead to.
+// The crossings of one control tick in order, and the step count after them.
 class Pulses {
  public:
   Pulses(std::int64_t count, const PulseRules& rules, Wide timer_frequency_hz)
@@ -69,7 +69,7 @@ class Pulses {
         timer_frequency_hz_(timer_frequency_hz),
         tolerance_s_(1e-3 / timer_frequency_hz) {}  // small beside the rounding to timer ticks
 
-  // All steps of a span that ends at x_end. False: too many.
+  // Adds all steps of a span. False: too many.
   bool follow(const StepCubic& cubic, Wide begin_s, Wide end_s, Wide cubic_start_s) {
     const Wide x_end = cubic.at(end_s);
     const Wide ahead = x_end - static_cast<Wide>(count_);
@@ -89,13 +89,13 @@ class Pulses {
     Wide velocity = cubic.velocity_at(w);
     Wide fastest_hz = std::fabs(velocity);
     if (!add((cubic_start_s + w) * timer_frequency_hz_, direction)) return false;
-    // Accelerations are linear: at twice the span's length from it they are no more than 5 times those at its ends.
+    // Accelerations are linear, so within twice the span's length of it they are at most 5 times those at its ends.
     const Wide bend = 5 * std::fmax(std::fabs(cubic.acceleration_at(begin_s)), std::fabs(cubic.acceleration_at(end_s)));
     Wide interval = 1 / fastest_hz, growth = 0;
     for (int j = 1; j < steps; ++j) {
       level += direction;
-      // The next one lies where the intervals so far lead, and a step of Newton's method from there; only where the
-      // profile bends too much for that does it take a search.
+      // The intervals so far give a guess, from which a step of Newton's method suffices unless the profile bends too
+      // much.
       Wide next = std::min(w + (interval + growth), end_s);
       if (!crossing_near(cubic, level, bend, tolerance_s_, next, velocity) || !(next >= w && next <= end_s)) {
         next = crossing_time(cubic, level, w, end_s, tolerance_s_);
@@ -111,24 +111,23 @@ class Pulses {
     return true;
   }
 
-  // Takes back the last pulses that are half of a touch: those whose level the profile leaves behind again within
-  // touch_ticks, after this control tick.
-  void drop_touches(const Walk& walk, Wide period_s) {
+  // Drops the last pulses that are half of a touch: after this control tick, but within touch_ticks, the profile comes
+  // back through their levels.
+  void drop_touches(const Spans& spans, Wide period_s) {
     while (size_ > 0) {
       const PulseWindow& last = pulses_[static_cast<std::size_t>(size_ - 1)];
       const Wide until_s = (last.exact_ticks + touch_ticks_) / timer_frequency_hz_;
       if (!(until_s > period_s)) return;
       const int direction = last.direction;
       const Wide level = static_cast<Wide>(count_) - 0.5 * direction;
-      const bool stays = walk.spans(period_s, until_s, [&](const StepCubic& cubic, Wide, Wide end_s, Wide) {
+      const bool stays = spans.each(period_s, until_s, [&](const StepCubic& cubic, Wide, Wide end_s, Wide) {
         return direction * (cubic.at(end_s) - level) > kReturnSlack;
       });
       if (stays) return;
-      drop_last();
+      count_ -= direction;
+      --size_;
     }
   }
-
-  void drop_last() { count_ -= pulses_[static_cast<std::size_t>(--size_)].direction; }
 
   [[nodiscard]] std::span<PulseWindow> windows() { return {pulses_.data(), static_cast<std::size_t>(size_)}; }
   [[nodiscard]] std::int64_t count() const { return count_; }
@@ -138,18 +137,20 @@ class Pulses {
  private:
   bool add(Wide exact_ticks, int direction) {
     count_ += direction;
-    if (++found_ > 2 * kMaxStepsPerTick) return false;  // touches count too: the work stays bounded
+    ++found_;
+    if (found_ > 2 * kMaxStepsPerTick) return false;  // touches count too, so that the work stays bounded
     if (size_ > 0) {
       const PulseWindow& last = pulses_[static_cast<std::size_t>(size_ - 1)];
       if (last.direction != direction && exact_ticks - last.exact_ticks < touch_ticks_) {
-        --size_;  // there and back: a touch
+        --size_;  // a touch
         return true;
       }
     }
     if (size_ == kMaxStepsPerTick) return false;
-    PulseWindow& pulse = pulses_[static_cast<std::size_t>(size_++)];
+    PulseWindow& pulse = pulses_[static_cast<std::size_t>(size_)];
     pulse.exact_ticks = exact_ticks;
     pulse.direction = direction;
+    ++size_;
     return true;
   }
 
@@ -157,7 +158,7 @@ class Pulses {
   Wide touch_ticks_;
   Wide timer_frequency_hz_;
   Wide tolerance_s_;     // of a crossing's time
-  int found_ = 0;        // crossings, touches too
+  int found_ = 0;        // crossings, including touches
   Wide fastest_hz_ = 0;  // the profile's greatest speed at a crossing
   int size_ = 0;
   // The first size_ entries are set.
@@ -168,7 +169,7 @@ std::int32_t last_pulse_ticks(const StepBurst& burst) {
   return static_cast<std::int32_t>(pulse_ticks(burst, burst.count - 1));
 }
 
-// The highest rate between neighbouring pulses: what to say if they cannot keep their distances.
+// The highest rate between neighbouring pulses, for the report that they cannot keep their distances.
 Wide highest_rate_hz(std::span<const PulseWindow> pulses, Wide first_gap_ticks, Wide timer_frequency_hz) {
   Wide least = first_gap_ticks;
   for (std::size_t j = 1; j < pulses.size(); ++j) {
@@ -177,8 +178,8 @@ Wide highest_rate_hz(std::span<const PulseWindow> pulses, Wide first_gap_ticks, 
   return timer_frequency_hz / std::fmax(least, 1e-3);
 }
 
-// The tick lies in one piece, and neither in it nor in the time of a touch after it does the mass turn: the usual case.
-// `steps` may be 0. False: it is not like that, or not surely.
+// The usual case: the tick lies in one piece, and the mass does not turn in it, nor in the time of a touch after it.
+// Fills in `run`; its steps may be 0. False: another case, or not surely this one.
 bool smooth_tick(const Profile& profile, Wide t0_s, Wide position_zero, Wide steps_per_unit, Wide period_s,
                  Wide touch_s, std::int64_t count, SmoothRun& run) {
   run.start_s = std::max(-t0_s, 0.0);
@@ -199,7 +200,7 @@ bool smooth_tick(const Profile& profile, Wide t0_s, Wide position_zero, Wide ste
   run.direction = run.cubic.velocity > 0 ? 1 : -1;
   run.first_level = static_cast<Wide>(count) + 0.5 * run.direction;
   const Wide before = run.direction * (run.cubic.x - run.first_level);
-  if (!(before <= 0 && before >= -1)) return false;  // it should have stepped before
+  if (!(before <= 0 && before >= -1)) return false;  // a step was due earlier
   const Wide beyond = run.direction * (run.cubic.at(run.end_s) - run.first_level);
   if (!(beyond < kMaxStepsPerTick)) return false;
   run.steps = beyond > 0 ? static_cast<int>(beyond) + 1 : 0;
@@ -208,14 +209,14 @@ bool smooth_tick(const Profile& profile, Wide t0_s, Wide position_zero, Wide ste
   return run.steps <= kMaxStepsPerTick;
 }
 
-// For the first pulse of a command, because of the one before it.
+// The pulse before a command, which bounds the command's first pulse.
 struct Before {
   Wide ago_ticks;  // at the control tick's start
   std::int8_t direction;
 
   Before(const StepCommand& out, std::size_t m, const PulseRules& rules)
       : ago_ticks(rules.period_ticks + rules.touch_ticks), direction(out.last_pulse[m].direction) {
-    // Wraps where tick numbers are absurd; a pulse from the future is no pulse before this one.
+    // The difference wraps for absurd tick numbers. A pulse from the future does not bound this command.
     const auto ticks = static_cast<std::int64_t>(static_cast<std::uint64_t>(out.tick) -
                                                  static_cast<std::uint64_t>(out.last_pulse[m].tick));
     if (direction != 0 && ticks > 0) {
@@ -229,13 +230,12 @@ struct Before {
   }
 };
 
-// Writes bursts that keep every pulse in its window to bursts[0..room) and returns their number; 0: `room` bursts do
-// not suffice.
-int fit_bursts(std::span<PulseWindow> windows, const PulseRules& rules, std::int32_t earliest, StepBurst* bursts,
-               int room) {
-  int count = 0;
+// Writes bursts that keep every pulse in its window to `bursts` and returns their number; 0: there are too few entries.
+int fit_bursts(std::span<PulseWindow> windows, const PulseRules& rules, std::int32_t earliest,
+               std::span<StepBurst> bursts) {
+  std::size_t count = 0;
   for (std::size_t done = 0; done < windows.size(); ++count) {
-    if (count == room) return 0;
+    if (count == bursts.size()) return 0;
     bursts[count] = longest_burst(windows.subspan(done), rules, earliest);
     done += static_cast<std::size_t>(bursts[count].count);
     if (done < windows.size()) {
@@ -243,10 +243,10 @@ int fit_bursts(std::span<PulseWindow> windows, const PulseRules& rules, std::int
       raise_lows(windows.subspan(done), earliest);
     }
   }
-  return count;
+  return static_cast<int>(count);
 }
 
-// Takes over burst_count bursts that already stand in `out`.
+// Takes over `burst_count` bursts that were written behind those of `out`.
 void commit(StepCommand& out, int motor, int burst_count, std::int64_t count) {
   const auto m = static_cast<std::size_t>(motor);
   for (int k = 0; k < burst_count; ++k) {
@@ -271,8 +271,8 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
   };
   const PulseRules rules(timing, max_step_rate_hz);
   const Before before(out, m, rules);
-  const auto used = static_cast<std::size_t>(out.burst_count);
-  const int room = std::min(kMaxBursts - out.burst_count, timing.max_bursts);
+  const int most_bursts = std::min(kMaxBursts - out.burst_count, timing.max_bursts);
+  const std::span<StepBurst> free(out.bursts.data() + out.burst_count, static_cast<std::size_t>(most_bursts));
 
   SmoothRun run;
   if (smooth_tick(profile, t0_s, position_zero, steps_per_unit, timing.control_period_s,
@@ -281,7 +281,7 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
     run.earliest = before.earliest(rules, run.direction);
     const Wide fastest_hz = std::max(std::fabs(run.cubic.velocity), std::fabs(run.cubic.velocity_at(run.end_s)));
     if (fastest_hz <= max_step_rate_hz * (1 + kRateSlack)) {
-      const int bursts = smooth_bursts(run, rules, timing.timer_frequency_hz, out.bursts.data() + used, room);
+      const int bursts = smooth_bursts(run, rules, timing.timer_frequency_hz, free);
       if (bursts > 0) {
         commit(out, motor, bursts, out.position_steps[m] + static_cast<std::int64_t>(run.direction * run.steps));
         return StepError::kNone;
@@ -290,8 +290,8 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
   }
 
   Pulses pulses(out.position_steps[m], rules, timing.timer_frequency_hz);
-  const Walk walk(profile, t0_s, position_zero, steps_per_unit);
-  const bool few = walk.spans(std::max(-t0_s, 0.0), timing.control_period_s,
+  const Spans spans(profile, t0_s, position_zero, steps_per_unit);
+  const bool few = spans.each(std::max(-t0_s, 0.0), timing.control_period_s,
                               [&pulses](const StepCubic& cubic, Wide begin_s, Wide end_s, Wide start_s) {
                                 return pulses.follow(cubic, begin_s, end_s, start_s);
                               });
@@ -300,7 +300,7 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
   if (pulses.fastest_hz() > max_step_rate_hz * (1 + kRateSlack)) {
     return refuse(StepError::kTooFast, pulses.fastest_hz(), max_step_rate_hz);
   }
-  pulses.drop_touches(walk, timing.control_period_s);
+  pulses.drop_touches(spans, timing.control_period_s);
   const std::span<PulseWindow> windows = pulses.windows();
   if (windows.empty()) return StepError::kNone;
 
@@ -310,8 +310,8 @@ StepError generate_steps(const Profile& profile, Wide t0_s, Wide position_zero, 
                   highest_rate_hz(windows, before.ago_ticks + windows[0].exact_ticks, timing.timer_frequency_hz),
                   max_step_rate_hz);
   }
-  const int bursts = fit_bursts(windows, rules, earliest, out.bursts.data() + used, room);
-  if (bursts == 0) return refuse(StepError::kTooManyBursts, room + 1, room);
+  const int bursts = fit_bursts(windows, rules, earliest, free);
+  if (bursts == 0) return refuse(StepError::kTooManyBursts, most_bursts + 1, most_bursts);
   commit(out, motor, bursts, pulses.count());
   return StepError::kNone;
 }

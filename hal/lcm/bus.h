@@ -85,7 +85,8 @@ class Bus {
     while (!done()) {
       if (interrupted_ != nullptr && *interrupted_ != 0) return Status::kInterrupted;
       const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - WallClock::now()).count();
-      if (left <= 0 && ++late > kQueueCapacity) return Status::kEmpty;
+      if (left <= 0) ++late;
+      if (late > kQueueCapacity) return Status::kEmpty;
       errno = 0;
       const int handled = lcm_.handleTimeout(left <= 0 ? 0 : left < kPollMs ? static_cast<int>(left) : kPollMs);
       if (handled < 0 && errno != EINTR) return Status::kIo;

@@ -1,7 +1,8 @@
 #include "hal/lcm/lcm_board.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
-#include <cstdio>
 
 #include "hal/lcm/channels.h"
 
@@ -31,12 +32,9 @@ void LcmBoard::join(std::int64_t run_id) {
 
 template <class M>
 void LcmBoard::accept(const M& message, std::optional<M>& mailbox) {
-  const bool pending_again = mailbox && message.tick == mailbox->tick;
-  if (pending_again || (last_tick_ && message.tick == *last_tick_)) {
+  if (mailbox && message.tick == mailbox->tick) {
     ++counters_.repeated;
-  } else if (last_tick_ && message.tick != *last_tick_ + 1) {
-    ++counters_.out_of_order;
-  } else {
+  } else if (order_.is_next(message.tick, counters_)) {
     mailbox = message;
   }
 }
@@ -61,7 +59,7 @@ void LcmBoard::on_trip(const trip_t& message) {
   const bool waits = message.tick == kWaitingTick;
   if (message.scenario_id != options_.scenario_id) {
     ++counters_.foreign;
-    if (waits && message.run_id == 0 && last_tick_) return;  // whoever that is, it is not of this run
+    if (waits && message.run_id == 0 && order_.begun()) return;  // a monitor that waits for another run
     trouble_ = Status::kForeignScenario;
     peer_ = "monitor";
   } else if (message.run_id == 0) {
@@ -76,7 +74,7 @@ void LcmBoard::on_trip(const trip_t& message) {
 
 void LcmBoard::on_operator(const operator_t& message) {
   if (bus_.run_id() == 0) {
-    // Nothing moves yet. Still the stops are the last to go.
+    // Nothing moves yet. When the list is full, the oldest command goes first, and stops go last.
     early_.push_back(message);
     if (early_.size() <= kMostEarly) return;
     const auto no_stop = [](const operator_t& m) { return m.command != operator_t::COMMAND_STOP; };
@@ -97,23 +95,24 @@ bool LcmBoard::complete() const {
 Status LcmBoard::wait_tick(std::int64_t& tick) {
   if (ended_) return Status::kEnded;
   if (trouble_ != Status::kOk) return trouble_;
-  if (last_tick_) {
+  if (order_.begun()) {
     sensors_.reset();
     trip_.reset();
   }
 
   const WallClock::time_point deadline =
-      after(WallClock::now(), last_tick_ ? options_.peer_timeout : options_.start_timeout);
+      after(WallClock::now(), order_.begun() ? options_.peer_timeout : options_.start_timeout);
   const auto done = [this] { return complete() || trouble_ != Status::kOk; };
   Status status = Status::kEmpty;
-  if (last_tick_) {
+  if (order_.begun()) {
     status = bus_.receive_until(deadline, done);
   } else {
     firmware::ControllerStatus waiting;
     waiting.tick = kWaitingTick;
     waiting.scenario_id = options_.scenario_id;
     do {
-      if (const Status written = write_status(waiting); written != Status::kOk) return trouble_ = written;
+      trouble_ = write_status(waiting);
+      if (trouble_ != Status::kOk) return trouble_;
       status = bus_.receive_until(std::min(deadline, WallClock::now() + kWaitingPeriod), done);
     } while (status == Status::kEmpty && WallClock::now() < deadline);
   }
@@ -121,18 +120,19 @@ Status LcmBoard::wait_tick(std::int64_t& tick) {
   if (trouble_ != Status::kOk) return trouble_;
   if (status == Status::kEmpty) {
     peer_ = sensors_ ? "monitor" : "plant";
-    return trouble_ = Status::kPeerLost;
+    status = Status::kPeerLost;
   }
-  if (status != Status::kOk) return trouble_ = status;
+  trouble_ = status;
+  if (trouble_ != Status::kOk) return trouble_;
 
   if (const operator_t* next = operator_.peek(); next != nullptr && next->command == operator_t::COMMAND_RESET) {
     tripped_ = false;
   }
   mail_.sensors = sensors_;
   mail_.trip = trip_;
-  last_tick_ = sensors_->tick;
+  order_.begin(sensors_->tick);
   ended_ = sensors_->last == 1;
-  tick = *last_tick_;
+  tick = order_.newest();
   return Status::kOk;
 }
 
@@ -186,16 +186,9 @@ std::string LcmBoard::trouble() const {
     case Status::kForeignScenario:
       return std::string(peer_) + " runs another scenario";
     case Status::kPeerLost: {
-      const char* what = sensors_ ? "verdict" : "sensors";
-      char text[160];
-      if (last_tick_) {
-        std::snprintf(text, sizeof text, "lost %s: no %s for %g s after tick %lld", peer_, what,
-                      options_.peer_timeout.count(), static_cast<long long>(*last_tick_));
-      } else {
-        std::snprintf(text, sizeof text, "lost %s: no %s for %g s before the first tick", peer_, what,
-                      options_.start_timeout.count());
-      }
-      return text;
+      const std::string when = order_.begun() ? fmt::format("after tick {}", order_.newest()) : "before the first tick";
+      return fmt::format("lost {}: no {} for {:g} s {}", peer_, sensors_ ? "verdict" : "sensors",
+                         (order_.begun() ? options_.peer_timeout : options_.start_timeout).count(), when);
     }
     case Status::kInterrupted:
       return "interrupted";

@@ -1,4 +1,4 @@
-// The controller as a process of its own: plant, monitor and operator are heard over LCM.
+// The board of a controller in a process of its own. Plant, monitor and operator are on an LCM bus.
 #pragma once
 
 #include <cstdint>
@@ -7,6 +7,7 @@
 #include <string>
 
 #include "hal/board.h"
+#include "hal/board_parts.h"
 #include "hal/lcm/bus.h"
 #include "hal/lcm/operator_inbox.h"
 
@@ -16,7 +17,7 @@ namespace ballast::hal {
 struct TickMail {
   std::optional<sensors_t> sensors;
   std::optional<trip_t> trip;
-  LinkCounters refused{};  // since the start, by whoever has handled the mail before the board
+  LinkCounters refused{};  // since the start, by a handler of the mail before the board
 };
 
 struct LcmBoardOptions {
@@ -28,13 +29,13 @@ struct LcmBoardOptions {
   bool verdicts_name_their_tick = true;
 };
 
-// A tick k is due when sensors(k) and trip(k) are both there. The first tick may have any number; then only the next
-// one counts, other messages are counted and ignored. The first sensors of this scenario say which run this is: from
-// then on nobody else is heard (bus.h). Messages of no run are never used.
+// A tick k is due when sensors(k) and trip(k) have both arrived. The first tick may have any number. After it, messages
+// of any other tick than the next are counted and ignored. The first sensors of this scenario determine the run, which
+// the bus joins (bus.h). Messages without a run are never used.
 //
-// A verdict that takes back a trip (of a monitor started again, say) is counted, and used as if it did not, until an
-// operator says reset: the firmware then judges whether it may be obeyed. Before the first tick a controller_status_t
-// with tick = kWaitingTick goes out every 50 ms, so that the plant knows that it can begin. The bus must outlive the
+// A verdict that takes back a trip, as of a restarted monitor, is counted and used as if it did not, until an operator
+// commands a reset; the firmware then judges whether it may be obeyed. Before the first tick the board publishes a
+// controller_status_t with tick = kWaitingTick every 50 ms, so that the plant can begin. The bus must outlive the
 // board.
 class LcmBoard {
  public:
@@ -54,7 +55,7 @@ class LcmBoard {
   [[nodiscard]] LinkCounters counters() const;
   [[nodiscard]] std::int64_t watchdog_kicks() const { return watchdog_kicks_; }
 
-  // After kPeerLost or kForeignScenario: which peer ("plant" or "monitor"), and the whole story in one line.
+  // After kPeerLost or kForeignScenario: the peer ("plant" or "monitor"), and the reason in one line.
   [[nodiscard]] const char* peer() const { return peer_; }
   [[nodiscard]] std::string trouble() const;
 
@@ -74,14 +75,14 @@ class LcmBoard {
   Bus& bus_;
   LcmBoardOptions options_;
 
-  std::optional<std::int64_t> last_tick_;  // served
+  TickOrder order_;  // of the ticks served
   bool ended_ = false;
   std::optional<sensors_t> sensors_;  // of the tick waited for
   std::optional<trip_t> trip_;
   TickMail mail_;
-  bool tripped_ = false;  // a verdict of this run has said so, and nobody has said reset since
+  bool tripped_ = false;  // by a verdict of this run, without a reset since
   OperatorInbox operator_;
-  std::deque<operator_t> early_;  // commands heard before it was known which run this is
+  std::deque<operator_t> early_;  // commands received before the run was known
 
   LinkCounters counters_;
   std::int64_t watchdog_kicks_ = 0;

@@ -51,11 +51,13 @@ class OperatorInbox {
       sender = &take_place(message.sender);
       sender->after_tick = after_tick;
     }
-    sender->used = ++heard_;
+    ++heard_;
+    sender->used = heard_;
     if (message.sequence <= sender->newest_own) return;  // the bus returned the process's own message
     const std::optional<std::int64_t>& newest = stop ? sender->newest_stop : sender->newest;
     if (message.sequence <= newest) {
-      ++(message.sequence == newest ? counters_.repeated : counters_.old);
+      std::int64_t& counter = message.sequence == newest ? counters_.repeated : counters_.old;
+      ++counter;
       return;
     }
     if (!waiting_.push(message, stop)) return;
@@ -68,7 +70,8 @@ class OperatorInbox {
   void know(const operator_t& message) {
     Sender* sender = find(message.sender);
     if (sender == nullptr) sender = &take_place(message.sender);
-    sender->used = ++heard_;
+    ++heard_;
+    sender->used = heard_;
     sender->newest = std::max(sender->newest, std::optional(message.sequence));
     sender->newest_own = message.sequence;
   }

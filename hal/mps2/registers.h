@@ -17,7 +17,6 @@ inline constexpr std::uintptr_t kNvicEnable = 0xe000e100;
 inline constexpr std::uintptr_t kNvicClearPending = 0xe000e280;
 inline constexpr std::uintptr_t kNvicPriority = 0xe000e400;     // one byte per interrupt
 inline constexpr std::uintptr_t kSystemPriority3 = 0xe000ed20;  // top byte: SysTick
-inline constexpr std::uintptr_t kCpacr = 0xe000ed88;
 inline constexpr std::uintptr_t kCfsr = 0xe000ed28;
 inline constexpr std::uintptr_t kHfsr = 0xe000ed2c;
 inline constexpr std::uintptr_t kMmfar = 0xe000ed34;

@@ -23,22 +23,19 @@ inline std::int32_t open(const char* name, std::size_t length, Mode mode) {
   return call(0x01, arguments);
 }
 
-// Both return the bytes transferred. read() waits for at least one; 0: the other end is closed.
+// Returns the bytes transferred. Semihosting returns those that are missing.
+inline std::size_t transfer(std::uint32_t operation, std::int32_t file, const std::uint8_t* bytes, std::size_t size) {
+  const std::uint32_t arguments[3] = {static_cast<std::uint32_t>(file), reinterpret_cast<std::uint32_t>(bytes), size};
+  const std::int32_t missing = call(operation, arguments);
+  return missing < 0 || static_cast<std::size_t>(missing) > size ? 0 : size - static_cast<std::size_t>(missing);
+}
+
+// Waits for at least one byte; 0: the other end is closed.
 inline std::size_t read(std::int32_t file, std::span<std::uint8_t> bytes) {
-  const std::uint32_t arguments[3] = {static_cast<std::uint32_t>(file), reinterpret_cast<std::uint32_t>(bytes.data()),
-                                      bytes.size()};
-  const std::int32_t missing = call(0x06, arguments);
-  return missing < 0 || static_cast<std::size_t>(missing) > bytes.size()
-             ? 0
-             : bytes.size() - static_cast<std::size_t>(missing);
+  return transfer(0x06, file, bytes.data(), bytes.size());
 }
 inline std::size_t write(std::int32_t file, std::span<const std::uint8_t> bytes) {
-  const std::uint32_t arguments[3] = {static_cast<std::uint32_t>(file), reinterpret_cast<std::uint32_t>(bytes.data()),
-                                      bytes.size()};
-  const std::int32_t missing = call(0x05, arguments);
-  return missing < 0 || static_cast<std::size_t>(missing) > bytes.size()
-             ? 0
-             : bytes.size() - static_cast<std::size_t>(missing);
+  return transfer(0x05, file, bytes.data(), bytes.size());
 }
 
 // The words QEMU was given with arg=..., separated by spaces. False: there are none, or they do not fit.

@@ -16,7 +16,7 @@ extern void (*ballast_init_end[])();
 int main();
 void ballast_start();
 [[noreturn]] void ballast_fault_report(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause,
-                                     std::uint32_t exc_return);
+                                       std::uint32_t exc_return);
 }
 
 namespace {
@@ -99,15 +99,15 @@ void ballast_sys_tick() { the_machine.on_tick(); }
 void ballast_timer0() { the_machine.on_step_timer(); }
 
 // Saves r4..r11 on the fault stack and calls C++. The processor pushed its frame at msp; psp is not used.
-#define BALLAST_FAULT_ENTRY(cause)                       \
-  asm volatile(                                          \
-      "mrs r1, msp\n"                                    \
-      "ldr r0, =%c0\n"                                   \
-      "mov sp, r0\n"                                     \
-      "push {r4-r11}\n"                                  \
-      "mov r0, sp\n"                                     \
-      "mov r2, %1\n"                                     \
-      "mov r3, lr\n"                                     \
+#define BALLAST_FAULT_ENTRY(cause)                         \
+  asm volatile(                                            \
+      "mrs r1, msp\n"                                      \
+      "ldr r0, =%c0\n"                                     \
+      "mov sp, r0\n"                                       \
+      "push {r4-r11}\n"                                    \
+      "mov r0, sp\n"                                       \
+      "mov r2, %1\n"                                       \
+      "mov r3, lr\n"                                       \
       "b ballast_fault_report\n" ::"i"(fault_stack + 512), \
       "i"(cause))
 
@@ -115,38 +115,38 @@ void ballast_timer0() { the_machine.on_step_timer(); }
 [[gnu::naked, noreturn]] void ballast_nmi() { BALLAST_FAULT_ENTRY(2); }
 
 void ballast_fault_report(const std::uint32_t* registers, const std::uint32_t* frame, std::uint32_t cause,
-                        std::uint32_t exc_return) {
+                          std::uint32_t exc_return) {
   reg(kTimer0) = 0;  // no more pulses
-  target::FaultReport words;
-  words.cause = static_cast<target::Cause>(cause);
-  words.cfsr = reg(kCfsr);
-  words.hfsr = reg(kHfsr);
-  words.mmfar = reg(kMmfar);
-  words.bfar = reg(kBfar);
+  target::FaultReport report;
+  report.cause = static_cast<target::Cause>(cause);
+  report.cfsr = reg(kCfsr);
+  report.hfsr = reg(kHfsr);
+  report.mmfar = reg(kMmfar);
+  report.bfar = reg(kBfar);
   // These bits say that the frame could not be pushed, so its content is unknown.
   constexpr std::uint32_t kStackingErrors = 1u << 4 | 1u << 5 | 1u << 12 | 1u << 13;
   const bool in_guard = frame < ballast_stack_begin && frame >= ballast_guard_begin;
   const auto guard = reinterpret_cast<std::uint32_t>(ballast_guard_begin);
-  const bool guard_hit = (words.cfsr & 1u << 7) != 0 && words.mmfar >= guard &&
-                         words.mmfar < reinterpret_cast<std::uint32_t>(ballast_stack_begin);
-  if (cause == 0 && (in_guard || guard_hit || (words.cfsr & kStackingErrors) != 0)) {
-    words.cause = target::Cause::kStackOverflow;
+  const bool guard_hit = (report.cfsr & 1u << 7) != 0 && report.mmfar >= guard &&
+                         report.mmfar < reinterpret_cast<std::uint32_t>(ballast_stack_begin);
+  if (cause == 0 && (in_guard || guard_hit || (report.cfsr & kStackingErrors) != 0)) {
+    report.cause = target::Cause::kStackOverflow;
   }
   // ARMv7-M, B1.5.7: the frame holds the FPU's registers (s0..s15, FPSCR, one reserved) if EXC_RETURN's bit 4 is clear,
   // and a padding word if bit 9 of the pushed xPSR is set.
   const std::uint32_t pushed = (exc_return & 1u << 4) == 0 ? 26 : 8;
-  words.sp = reinterpret_cast<std::uint32_t>(frame + pushed);
-  if ((words.cfsr & kStackingErrors) == 0) {
-    words.sp += (frame[7] >> 9 & 1) * 4;
-    for (std::size_t i = 0; i < 4; ++i) words.r[i] = frame[i];
-    words.r[12] = frame[4];
-    words.lr = frame[5];
-    words.pc = frame[6];
-    words.xpsr = frame[7];
+  report.sp = reinterpret_cast<std::uint32_t>(frame + pushed);
+  if ((report.cfsr & kStackingErrors) == 0) {
+    report.sp += (frame[7] >> 9 & 1) * 4;
+    for (std::size_t i = 0; i < 4; ++i) report.r[i] = frame[i];
+    report.r[12] = frame[4];
+    report.lr = frame[5];
+    report.pc = frame[6];
+    report.xpsr = frame[7];
   }
-  for (std::size_t i = 0; i < 8; ++i) words.r[4 + i] = registers[i];
+  for (std::size_t i = 0; i < 8; ++i) report.r[4 + i] = registers[i];
   static std::uint8_t bytes[256];
-  const std::size_t size = target::encode(words, 0, bytes);
+  const std::size_t size = target::encode(report, 0, bytes);
   static_cast<void>(the_machine.write(std::span<const std::uint8_t>(bytes).first(size)));
   semihosting::exit(static_cast<std::uint32_t>(cause == 2 ? Exit::kWatchdog : Exit::kFault));
 }

@@ -29,15 +29,15 @@ inline constexpr std::size_t kMaxPayload = 8192;
 inline constexpr std::size_t kMaxFrame = kHeaderSize + kMaxPayload + kTrailerSize;
 
 enum class MessageType : std::uint16_t {
-  kHello = 1,      // target: its identity
-  kBall = 2,       // host: parameters without the masses
-  kMass = 3,       // host: parameters of one mass, in order
-  kCommit = 4,     // host: the parameters are complete
-  kVerdict = 5,    // target: parameters accepted or refused, with the reason
-  kWorld = 6,      // host: the controller's inputs of one tick
-  kReply = 7,      // target: the controller's outputs of that tick
+  kHello = 1,        // target: its identity
+  kBall = 2,         // host: parameters without the masses
+  kMass = 3,         // host: parameters of one mass, in order
+  kCommit = 4,       // host: the parameters are complete
+  kVerdict = 5,      // target: parameters accepted or refused, with the reason
+  kWorld = 6,        // host: the controller's inputs of one tick
+  kReply = 7,        // target: the controller's outputs of that tick
   kFaultReport = 8,  // target: it cannot continue, with the reason
-  kEndReport = 9,   // target: the last tick was served
+  kEndReport = 9,    // target: the last tick was served
 };
 
 struct Frame {
@@ -113,8 +113,8 @@ template <class Payload>
   return size + kTrailerSize;
 }
 
-// Finds frames in a stream of bytes that comes in pieces of any size. Nothing after bytes that are no frame is looked
-// at: it could be an old frame.
+// Finds frames in a stream of bytes that comes in pieces of any size. Bytes that are no frame end the stream, because
+// the bytes after them could be an old frame.
 class FrameStream {
  public:
   // The next frame, with a payload that is good until the next call, or why there is none. kIncomplete: more bytes are

@@ -173,27 +173,19 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 
 template <class V, Of<Identity> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.sources)
-      .field(m.real_bytes)
-      .field(m.max_masses)
-      .field(m.max_pieces)
-      .field(m.max_rail_pieces)
-      .field(m.max_bursts)
-      .field(m.max_steps_per_tick);
+  return visitor.all(m.sources, m.real_bytes, m.max_masses, m.max_pieces, m.max_rail_pieces, m.max_bursts,
+                     m.max_steps_per_tick);
 }
 
 template <class V, Of<Hello> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.identity).field(m.board).field(m.counter_hz);
+  return visitor.all(m.identity, m.board, m.counter_hz);
 }
 
 template <class V, Of<MassParams> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.mass_kg, Real())
-      .field(m.rail)
-      .field(m.motor)
-      .field(m.initial_position)
-      .field(m.initial_velocity)
+      .all(m.rail, m.motor, m.initial_position, m.initial_velocity)
       .field(m.piece_count, Within(0, firmware::kMaxPieces))
       .field(m.pieces, first(m.piece_count));
 }
@@ -206,29 +198,19 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 template <class V, Of<Verdict> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.acceptance, Within(Acceptance::kAccepted, Acceptance::kPeriod))
-      .field(m.fingerprint)
-      .field(m.field)
-      .field(m.index)
-      .field(m.piece)
-      .field(m.value)
-      .field(m.limit)
-      .field(m.allowed);
+      .all(m.fingerprint, m.field, m.index, m.piece, m.value, m.limit, m.allowed);
 }
 
 template <class V, Of<World> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.last)
-      .field(m.has_verdict)
-      .field(m.sensors)
-      .field(m.verdict)
+  return visitor.all(m.last, m.has_verdict, m.sensors, m.verdict)
       .field(m.command_count, Within(0, kMaxCommands))
       .field(m.commands, first(m.command_count));
 }
 
 template <class V, Of<PlayedPulse> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.due_ticks)
-      .field(m.late_counts)
+  return visitor.all(m.due_ticks, m.late_counts)
       .field(m.motor, Within(0, firmware::kMaxMasses - 1))
       .field(m.direction, Sign());
 }
@@ -240,78 +222,51 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 
 template <class V, class M>
 requires Of<M, Reply> || Of<M, ReplyView>
-constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.status).field(m.steps).field(m.tick_counts).field(m.played);
-}
+constexpr decltype(auto) fields(V& visitor, M& m) { return visitor.all(m.status, m.steps, m.tick_counts, m.played); }
 
 template <class V, Of<FaultReport> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.cause, Within(Cause::kFault, Cause::kLink))
-      .field(m.r)
-      .field(m.sp)
-      .field(m.lr)
-      .field(m.pc)
-      .field(m.xpsr)
-      .field(m.cfsr)
-      .field(m.hfsr)
-      .field(m.mmfar)
-      .field(m.bfar);
+      .all(m.r, m.sp, m.lr, m.pc, m.xpsr, m.cfsr, m.hfsr, m.mmfar, m.bfar);
 }
 
 template <class V, Of<EndReport> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.status, Within(Status::kOk, Status::kIo))
-      .field(m.counters)
-      .field(m.overruns)
-      .field(m.watchdog_kicks)
-      .field(m.stack_bytes)
-      .field(m.stack_used_bytes)
-      .field(m.played);
+      .all(m.counters, m.overruns, m.watchdog_kicks, m.stack_bytes, m.stack_used_bytes, m.played);
 }
 
 // --- messages ---
 
 // The type of a message. A struct without one cannot be sent.
 template <class M>
-struct TypeOf;
-template <MessageType kType>
-using Type = std::integral_constant<MessageType, kType>;
-template <>
-struct TypeOf<Hello> : Type<MessageType::kHello> {};
-template <>
-struct TypeOf<firmware::ControllerParams> : Type<MessageType::kBall> {};
-template <>
-struct TypeOf<MassParams> : Type<MessageType::kMass> {};
-template <>
-struct TypeOf<Commit> : Type<MessageType::kCommit> {};
-template <>
-struct TypeOf<Verdict> : Type<MessageType::kVerdict> {};
-template <>
-struct TypeOf<World> : Type<MessageType::kWorld> {};
-template <>
-struct TypeOf<Reply> : Type<MessageType::kReply> {};
-template <>
-struct TypeOf<ReplyView> : Type<MessageType::kReply> {};
-template <>
-struct TypeOf<FaultReport> : Type<MessageType::kFaultReport> {};
-template <>
-struct TypeOf<EndReport> : Type<MessageType::kEndReport> {};
+using Tag = std::type_identity<M>;
+constexpr MessageType type_of(Tag<Hello>) { return MessageType::kHello; }
+constexpr MessageType type_of(Tag<firmware::ControllerParams>) { return MessageType::kBall; }
+constexpr MessageType type_of(Tag<MassParams>) { return MessageType::kMass; }
+constexpr MessageType type_of(Tag<Commit>) { return MessageType::kCommit; }
+constexpr MessageType type_of(Tag<Verdict>) { return MessageType::kVerdict; }
+constexpr MessageType type_of(Tag<World>) { return MessageType::kWorld; }
+constexpr MessageType type_of(Tag<Reply>) { return MessageType::kReply; }
+constexpr MessageType type_of(Tag<ReplyView>) { return MessageType::kReply; }
+constexpr MessageType type_of(Tag<FaultReport>) { return MessageType::kFaultReport; }
+constexpr MessageType type_of(Tag<EndReport>) { return MessageType::kEndReport; }
 
 template <class M>
 concept Message = requires {
-  TypeOf<M>::value;
+  type_of(Tag<M>());
 };
 
 // Writes the whole frame and returns its size; 0: it does not fit.
 template <Message M>
 [[nodiscard]] std::size_t encode(const M& message, std::int64_t tick, std::span<std::uint8_t> bytes) {
-  return encode_frame(bytes, TypeOf<M>::value, tick, [&](Writer& writer) { visit(writer, message); });
+  return encode_frame(bytes, type_of(Tag<M>()), tick, [&](Writer& writer) { visit(writer, message); });
 }
 
 // False: the frame holds another message, or not exactly one in range. `message` is then unusable.
 template <Message M>
 [[nodiscard]] bool decode(const Frame& frame, M& message) {
-  if (frame.type != TypeOf<M>::value) return false;
+  if (frame.type != type_of(Tag<M>())) return false;
   Reader reader(frame.payload);
   visit(reader, message);
   return reader.complete();

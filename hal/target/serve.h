@@ -9,9 +9,9 @@ namespace ballast::hal::target {
 // Reports bytes that are no frame, or a message out of turn, and ends.
 template <Machine M>
 Status give_up(Link<M>& link, std::int64_t tick) {
-  FaultReport words;
-  words.cause = Cause::kLink;
-  static_cast<void>(link.send(words, tick));
+  FaultReport report;
+  report.cause = Cause::kLink;
+  static_cast<void>(link.send(report, tick));
   return Status::kIo;
 }
 

@@ -1,5 +1,9 @@
 // StepPlayer gives the pulses of a StepCommand from a timer interrupt, burst by burst, without a list of pulses.
 //
+// A burst's pulse times are those of firmware::pulse_ticks(). The interrupt computes them by two additions per pulse,
+// because the formula's 64-bit products would take longer than the rest of it. The host compares the pulses with the
+// formula.
+//
 // The pulses of control tick k are loaded during tick k - 1 and given during tick k, each at its count of the hardware
 // timer: never early, late by the instructions of the interrupt before it. Every pulse given is recorded with its
 // lateness, so that the host can compare the record with the command.
@@ -121,7 +125,8 @@ class StepPlayer {
     last_ = static_cast<std::int32_t>(H::span()) - 1;
     // Device registers are slow, so most ticks without pulses leave the timer alone. It is rewound every kTicksUnarmed
     // ticks, long before it expires.
-    if (!unarmed_ || ++ticks_unarmed_ == kTicksUnarmed) {
+    if (unarmed_) ++ticks_unarmed_;
+    if (!unarmed_ || ticks_unarmed_ == kTicksUnarmed) {
       H::cancel();
       ticks_unarmed_ = 0;
     }
@@ -145,7 +150,8 @@ class StepPlayer {
         if (t->due <= due) {
           H::step(t->pin);
           *record++ = {due, difference(static_cast<std::uint32_t>(due_left), H::left()), t->id};
-          if (--t->left != 0) {
+          --t->left;
+          if (t->left != 0) {
             t->due += t->interval;
             t->interval += t->add;
           } else if (!advance(program, *t)) {

@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 
-#include "firmware/model/ball_sums.h"
 #include "sim/closed_forms/disk_mass.h"
 
 namespace ballast::closed_forms {
@@ -32,17 +31,8 @@ DetachedMotion detached_motion_3d(const BallParams& ball, const Quaternion& orie
   }
   const Vec center = (1 / mass) * mass_chi;  // X
 
-  // Levers d_i. Gravity has no torque about X.
-  const Vec none{0, 0, 0};
-  Sums sums;
-  sums.add(ball.shell_mass_kg, chi0 - center, cross(omega, cross(omega, chi0)), none);
-  for (int i = 0; i < ball.mass_count; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    const Vec chi = from(masses.position_B_m[k]);
-    const Vec c =
-        cross(omega, cross(omega, chi) + 2 * from(masses.velocity_B_mps[k])) + from(masses.acceleration_B_mps2[k]);
-    sums.add(ball.mass_kg[k], chi - center, c, none);
-  }
+  // Levers d_i = chi_i - X. Gravity has no torque about X.
+  const Sums sums = sums_of(ball, omega, masses, -1 * center, {0, 0, 0});
   const Vec omega_dot =
       sums.solve(inertia, gyroscopic(inertia, omega) + cross(center, lambda.to_B(force_W)) + sums.torque);
 

@@ -1,9 +1,7 @@
-// The paper's closed forms for a ball and a disk in the air, N = f_s = 0 (paper, app_detachment). What this room is
-// for: rolling_disk.h.
+// The paper's closed forms for a ball and a disk in the air, N = f_s = 0 (paper, app_detachment).
 #pragma once
 
-#include "firmware/model/rolling.h"
-#include "sim/closed_forms/rolling_disk.h"
+#include "sim/closed_forms/trajectories.h"
 
 namespace ballast::closed_forms {
 

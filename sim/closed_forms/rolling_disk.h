@@ -1,6 +1,7 @@
-// The closed forms of the paper that the controller does not use: here the disk that rolls without slipping, in
-// detached.h ball and disk in the air. They extend the firmware's model (firmware/model/rolling.h), take its
-// parameters, and serve tests as a derivation independent of the plant.
+// The disk that rolls without slipping. This room holds the closed forms of the paper that the controller does not use:
+// the disk here, masses on any trajectories in trajectories.h, ball and disk in the air in detached.h. They extend the
+// firmware's model (firmware/model/rolling.h), take its parameters, and serve tests as a derivation independent of the
+// plant.
 //
 // The disk is the ball whose masses, centre of mass and external force stay in the plane e1-e3, with E2 a principal
 // axis orthogonal to it.
@@ -17,7 +18,6 @@ namespace ballast::closed_forms {
 
 using firmware::BallParams;
 using firmware::MassMotion;
-using firmware::MassTrajectories;
 using firmware::Quaternion;
 using firmware::Real;
 using firmware::Vector3;

@@ -81,14 +81,16 @@ double PrescribedMotion::next_knot_s(std::size_t piece, double from_s, double to
   if (!std::isfinite(to_s)) return there == here ? to_s : from_s + (knot - here) / (there - here);
   if (!passed(to_s)) return to_s;
   double before = from_s, after = to_s;
-  for (double half; half = (before + after) / 2, before < half && half < after;) (passed(half) ? after : before) = half;
+  for (double half = (before + after) / 2; before < half && half < after; half = (before + after) / 2) {
+    (passed(half) ? after : before) = half;
+  }
   return after;
 }
 
 bool PrescribedMasses::enter_pieces(double time_s) {
   bool ended = false;
   for (std::size_t i = 0; i < motion_.size(); ++i) {
-    for (; motion_[i].end_s(piece_[i]) <= time_s; ended = true) ++piece_[i];
+    for (; motion_[i].end_s(piece_[i]) <= time_s; ++piece_[i]) ended = true;
   }
   return ended;
 }

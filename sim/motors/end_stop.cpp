@@ -22,7 +22,9 @@ double end_stop_damping_ratio(double restitution) {
   const double wanted = -std::log(restitution);
   double low = 0, high = 1;
   while (loss(high) < wanted) high *= 2;
-  for (double half; half = (low + high) / 2, low < half && half < high;) (loss(half) < wanted ? low : high) = half;
+  for (double half = (low + high) / 2; low < half && half < high; half = (low + high) / 2) {
+    (loss(half) < wanted ? low : high) = half;
+  }
   return high;
 }
 

@@ -46,11 +46,11 @@ PhaseCurrent::PullOut PhaseCurrent::pull_out(double shaft_radps) const {
   // The top of the circle of voltages, whose centre is -e / Z and radius V / |Z|. Its voltage is V u, and the commanded
   // current for it lies along u on the circle of currents.
   const Vector top{-e * x / (z * z), -e * r / (z * z) + v / z};
-  const double room2 = amplitude * amplitude - top.squared();
-  if (room2 >= 0) {
+  const double left2 = amplitude * amplitude - top.squared();
+  if (left2 >= 0) {
     const Vector u{(r * top.direct_a - x * top.quadrature_a) / v, (r * top.quadrature_a + x * top.direct_a + e) / v};
     const double along = top.direct_a * u.direct_a + top.quadrature_a * u.quadrature_a;
-    const double s = -along + std::sqrt(along * along + room2);
+    const double s = -along + std::sqrt(along * along + left2);
     return found(top.quadrature_a, std::atan2(top.quadrature_a + s * u.quadrature_a, top.direct_a + s * u.direct_a));
   }
   const double cosine = (v * v - e * e - z * z * amplitude * amplitude) / (2 * e * z * amplitude);
@@ -79,8 +79,8 @@ PhaseCurrent::PullOut PhaseCurrent::most_braking(double shaft_radps) const {
 double PhaseCurrent::corner_speed_radps() const {
   const double ri = resistance_ohm_ * amplitude_a_, k = torque_constant_nmpa_;
   const double xi = inductance_per_rad_h_ * amplitude_a_;
-  const double room = (supply_v_ - ri) * (supply_v_ + ri);
-  return room / (k * ri + std::sqrt(k * k * ri * ri + (k * k + xi * xi) * room));
+  const double left2 = (supply_v_ - ri) * (supply_v_ + ri);
+  return left2 / (k * ri + std::sqrt(k * k * ri * ri + (k * k + xi * xi) * left2));
 }
 
 }  // namespace ballast::sim

@@ -1,5 +1,5 @@
-// The causes of the contact force: N and f taken apart by mass, at one instant of rolling. Derivation: physics.md,
-// "Whose friction it is".
+// Shares of the contact force: N and f by mass, at one instant of rolling. Derivation: physics.md, "Whose friction it
+// is".
 //
 // In rolling the contact force is linear in the loads on the ball. Each mass has three loads: its weight, its own
 // motion in the body (Coriolis term included), and its motion with the turning ball. The shell has the first and the

@@ -1,7 +1,6 @@
 #include "sim/plant/motor_drives.h"
 
 #include <cmath>
-#include <utility>
 
 namespace ballast::sim {
 
@@ -42,8 +41,9 @@ PerMass MotorDrives::forces(const double* position, const double* velocity) cons
 }
 
 bool MotorDrives::update_stop(std::size_t i, double position, double velocity) {
-  const int side = end_stops_[i].touched(position, velocity);
-  return std::exchange(stop_side_[i], side) != side && side != 0;
+  const int before = stop_side_[i];
+  stop_side_[i] = end_stops_[i].touched(position, velocity);
+  return stop_side_[i] != before && stop_side_[i] != 0;
 }
 
 void MotorDrives::block(std::size_t i, double position) {

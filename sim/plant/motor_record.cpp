@@ -12,7 +12,8 @@ void MotorRecord::start(const Equations& equations, const MassPoint& masses) {
 }
 
 void MotorRecord::record_touch(std::size_t i, double time_s) {
-  if (end_stop_[i].touches++ == 0) end_stop_[i].first_s = time_s;
+  if (end_stop_[i].touches == 0) end_stop_[i].first_s = time_s;
+  ++end_stop_[i].touches;
 }
 
 void MotorRecord::record(Dynamics& dynamics) {

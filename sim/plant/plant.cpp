@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "sim/integrators/step_search.h"
 
@@ -34,16 +33,17 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
     const Instant& now = dynamics().now.motion;
     run_.contact.begin_tick(now.normal_force_n, equations().contact.mu_required(now));
     for (std::size_t i = 0; i < equations().mass_count(); ++i) {
-      jumped = equations().motors.stepper(i).wait(start_s) || jumped;
+      jumped |= equations().motors.stepper(i).wait(start_s);
     }
   }
   if (!equations().driven()) pulses = {};
   while (end() == PhysicsEnd::kNone) {
     // Everything that happens at this instant, before anything is evaluated again.
-    jumped = faults_.update(dynamics()) || jumped;
-    if (!equations().driven()) jumped = equations().prescribed.enter_pieces(time_s()) || jumped;
-    jumped = execute_pulses(start_s, pulses) || jumped;
-    if (std::exchange(jumped, false)) regimes_.continue_after_jump(run_);
+    jumped |= faults_.update(dynamics());
+    if (!equations().driven()) jumped |= equations().prescribed.enter_pieces(time_s());
+    jumped |= execute_pulses(start_s, pulses);
+    if (jumped) regimes_.continue_after_jump(run_);
+    jumped = false;
     if (end() != PhysicsEnd::kNone || time_s() >= end_s) return;
 
     double smooth_until_s = std::min(
@@ -107,8 +107,8 @@ bool Plant::event_at(const Point& point) const {
   return equations().contact.over(point.motion) || stops_overdue(point.y);
 }
 
-// Where in the span of length h a value that may rise above `floor` has its peak, as a part of it; +infinity if it has
-// none there.
+// Returns the place of a value's peak in the span of length h, as a part of it; +infinity if there is no peak above
+// `floor`.
 template <class Value>
 double Plant::find_peak(double h, const Instant& middle, const Instant& end, double floor, Value value) {
   if (!may_peak_above(value(dynamics().now.motion), value(middle), value(end), floor)) return kInfinity;
@@ -187,7 +187,7 @@ void Plant::take_span(const Span& span) {
     stepping_.look_inside(dynamics(), h / 2, middle);
   }
 
-  // Where a slip ends, its direction is that of the step's start, and so are the forces there: they do not count.
+  // At the end of a slip, direction and forces are those of the step's start, so they do not count.
   const bool regime_over = event && equations().contact.over(end.motion);
   const bool slip_ends = regime_over && regime == Regime::kSliding && end.motion.normal_force_n > 0;
   if (regime != Regime::kFlight && !slip_ends) record_peaks(h, middle, end);

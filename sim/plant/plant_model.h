@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -42,7 +43,12 @@ struct PlantModel : World {
   std::vector<PlantFault> faults;   // in order of time
 
   // Bound of the external force, without drag and with all pushes at once.
-  [[nodiscard]] double greatest_force_n() const;
+  [[nodiscard]] double greatest_force_n() const {
+    double greatest = external_force_W_n.norm();
+    for (const Eigen::Vector3d& force : force_table.forces_W_n) greatest = std::max(greatest, force.norm());
+    for (const PlantFault& fault : faults) greatest += fault.kind == PlantFaultKind::kPush ? fault.value : 0;
+    return greatest;
+  }
 };
 
 }  // namespace ballast::sim

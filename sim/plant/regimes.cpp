@@ -106,7 +106,8 @@ void Regimes::end_painleve(Progress& run) {
 bool Regimes::changes_without_end(double time_s) {
   if (time_s - last_change_s_ > kOneInstant * std::max(1.0, time_s)) changes_here_ = 0;
   last_change_s_ = time_s;
-  return ++changes_here_ > kMostChanges;
+  ++changes_here_;
+  return changes_here_ > kMostChanges;
 }
 
 void Regimes::leave(Progress& run) {
@@ -186,7 +187,7 @@ void Regimes::land(Progress& run) {
   }
 }
 
-// Also gives the motion that rolling would have.
+// Returns whether the ball can roll from here, and the motion that rolling would have.
 bool Regimes::can_roll(Progress& run, Instant& rolling) {
   Dynamics& dynamics = run.dynamics;
   ContactRegime& contact = dynamics.equations.contact;

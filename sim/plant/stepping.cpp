@@ -24,8 +24,8 @@ constexpr double kAheadTolerance = 1e-13;
 // 1e-9.
 constexpr double kOpenTolerance = 1e-14;
 
-// In units of sqrt(r/g). While a slip begins, steps are no longer than this, so that a step does not go far with an
-// outdated direction. The error estimate would not show that.
+// Longest step while a slip begins, in units of sqrt(r/g). A longer one would go far with an outdated direction, which
+// the error estimate does not show.
 constexpr double kSlipBeginsStep = 1e-5;
 
 // Spans in which a step of DOP853 is judged when advance() is given as much time at once. Such a step is about three
@@ -92,13 +92,16 @@ void Stepping::aim_slip(Dynamics& dynamics) {
   }
 }
 
-// Tries a step by at most longest_s and returns its length; 0 if it was too long, or no step will do.
+// Tries a step by at most longest_s and returns its length; 0 if it was too long, or failure() tells why no step is
+// possible.
 template <class Method>
 double Stepping::try_step(Method& method, Dynamics& dynamics, double longest_s) {
   const Equations& equations = dynamics.equations;
   const ContactRegime& contact = equations.contact;
   const double time_s = dynamics.time_s;
-  failure_ = Failure::kNone;
+  failure_ = steps_left_ > 0 ? Failure::kNone : Failure::kTooStiff;
+  if (failure_ != Failure::kNone) return 0;
+  --steps_left_;
   if (contact.regime == Regime::kSliding) {
     aim_slip(dynamics);
     if (contact.slip_begins) {
@@ -128,8 +131,6 @@ double Stepping::try_step(Method& method, Dynamics& dynamics, double longest_s) 
   if (!(error < kInfinity) && allowed_s < 1e-9 * control_period_s_) {
     // While sliding, a NaN means that the normal coefficient is not positive.
     failure_ = contact.regime == Regime::kSliding ? Failure::kPainleve : Failure::kNotFinite;
-  } else if (--steps_left_ == 0) {
-    failure_ = Failure::kTooStiff;
   }
   return error <= 1 ? h : 0;
 }

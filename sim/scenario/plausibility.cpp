@@ -16,7 +16,7 @@ constexpr double kGreatestFriction = 2;       // rubber on dry asphalt: about 1
 constexpr double kTouching = 2e-3;            // of ball.radius: rails nearer than this cannot be built
 constexpr double kRounding = 1 + 1e-9;        // inertias written with ten digits
 
-// Where on a rail a mass may stand.
+// The rail coordinates at which a mass may stand.
 std::array<double, 2> reach(const firmware::Rail& rail) {
   if (rail.shape == firmware::RailShape::kCircle) return {0, 2 * std::numbers::pi};
   if (std::isfinite(rail.lower_end) && std::isfinite(rail.upper_end)) return {rail.lower_end, rail.upper_end};

@@ -29,7 +29,8 @@ double sure_rate_hz(double control_period_s, int mass_count) {
 
 bool outside(double distance_m, double radius_m) { return !(distance_m <= radius_m * (1 + kRoundOff)); }
 
-// Reports a distance from the geometric centre outside the ball. `place` says what is there.
+// Reports a distance from the geometric centre that lies outside the ball. `place` begins the message, `where` follows
+// the distance.
 void refuse_outside(TableReader& table, std::string_view key, const std::string& place, double distance_m,
                     const std::string& where, double ball_radius_m) {
   table.refuse(key, "{} {} m from the geometric centre{}; allowed: <= ball.radius = {}", place, distance_m, where,
@@ -574,7 +575,8 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   read("max_step_rate", Range::positive("1/s"),
        std::min({timer / 10, 60 / period, sure_rate_hz(period, around.mass_count), carried_hz}),
        motor.max_step_rate_hz);
-  // That acceleration within one oscillation of load and rotor on the field's stiffness, which excites it least.
+  // Default: max_acceleration is reached within one oscillation of load and rotor on the field's stiffness, which
+  // excites that oscillation least.
   const double swing_s = 2 * std::numbers::pi * std::sqrt(moved_inertia / motor.rail_stiffness());
   read("max_jerk", Range::positive("rail unit / s^3"), std::max(motor.max_acceleration / swing_s, extent.greatest_jerk),
        motor.max_jerk);

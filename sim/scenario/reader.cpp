@@ -8,7 +8,7 @@
 namespace ballast::sim {
 namespace {
 
-// In the order of NodeKind.
+// Names of the kinds, in the order of NodeKind.
 constexpr const char* kKindNames[] = {"a table", "an array",  "a string",      "an integer",
                                       "a float", "a boolean", "a date or time"};
 

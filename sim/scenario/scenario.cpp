@@ -103,7 +103,7 @@ ScenarioResult parse_scenario(std::string_view toml, std::string_view source_nam
   ReadContext context{std::string(source_name), result.errors, result.warnings};
   result.scenario = check_scenario(root, context);
   if (result.ok()) warn_of_implausible_values(root, context.source_name, result.scenario, result.warnings);
-  // In the order of the file; those without a line come first.
+  // Errors stand in the order of the file; those without a line come first.
   for (auto* found : {&result.errors, &result.warnings}) {
     std::stable_sort(found->begin(), found->end(),
                      [](const ScenarioError& a, const ScenarioError& b) { return a.line < b.line; });

@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "sim/closed_forms/trajectories.h"
 #include "sim/plant/plant.h"
 #include "tests/physics/mechanics.h"
 #include "tests/physics/prescribed_run.h"
@@ -34,7 +35,7 @@ struct SlidingMotion {
 // with c_i = Omega x (Omega x chi_i + 2 chidot_i) + chiddot_i. Omegadot and zddot are affine in N, and zddot_3 = 0.
 SlidingMotion sliding_motion(const firmware::BallParams& ball, double kinetic_friction, const Eigen::Quaterniond& q,
                              const Vector3d& w, const Vector3d& velocity_W, const firmware::MassMotion& masses) {
-  const auto on_rails = firmware::along_rails(ball, masses);
+  const auto on_rails = closed_forms::along_rails(ball, masses);
   const double r = ball.radius_m;
   double mass = ball.shell_mass_kg;
   Vector3d center = mass * ball.center_of_mass_B_m;

@@ -1,5 +1,7 @@
 #include "tests/physics/trajectory_run.h"
 
+#include "sim/closed_forms/trajectories.h"
+
 namespace ballast::test {
 
 using Eigen::Vector3d;
@@ -86,13 +88,13 @@ firmware::RollingForces TrajectoryRun::forces_at(double time_s, const firmware::
   const Vector3d w(y[4], y[5], y[6]);
   firmware::BallParams now = ball_;
   now.external_force_W_n = force_W(time_s, (q * w).cross(Vector3d(0, 0, ball_.radius_m)));
-  firmware::MassTrajectories all = firmware::along_rails(now, masses);
+  closed_forms::MassTrajectories all = closed_forms::along_rails(now, masses);
   for (std::size_t i = 0; i < trajectories_.size(); ++i) {
     if (trajectories_[i].empty()) continue;
     const auto chi = trajectories_[i].at(time_s);
     all.position_B_m[i] = chi.position, all.velocity_B_mps[i] = chi.d1, all.acceleration_B_mps2[i] = chi.d2;
   }
-  return firmware::rolling_forces_3d(now, q, w, all);
+  return closed_forms::rolling_forces_3d(now, q, w, all);
 }
 
 Eigen::Vector4d TrajectoryRun::orientation() const {

@@ -5,8 +5,8 @@
 #include <numbers>
 
 #include "sim/closed_forms/detached.h"
-#include "sim/plant/plant.h"
 #include "sim/masses/spline_rail.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/random_robot.h"
 #include "tests/physics/trajectory_run.h"
 
@@ -56,7 +56,7 @@ Scenario random_scenario(test::RandomRobot& random) {
 }
 
 // chi, chidot and chiddot of every mass, from its curve or its rail.
-firmware::MassTrajectories trajectories(const Scenario& s, const firmware::BallParams& ball, double time_s) {
+closed_forms::MassTrajectories trajectories(const Scenario& s, const firmware::BallParams& ball, double time_s) {
   firmware::MassMotion motion;
   for (std::size_t i = 0; i < s.masses.size(); ++i) {
     const PrescribedMotion along(s.masses[i]);
@@ -65,7 +65,7 @@ firmware::MassTrajectories trajectories(const Scenario& s, const firmware::BallP
     const auto p = along.at(piece, time_s);
     motion.position[i] = p.position, motion.velocity[i] = p.velocity, motion.acceleration[i] = p.acceleration;
   }
-  firmware::MassTrajectories all = firmware::along_rails(ball, motion);
+  closed_forms::MassTrajectories all = closed_forms::along_rails(ball, motion);
   for (std::size_t i = 0; i < s.masses.size(); ++i) {
     const Trajectory& t = s.masses[i].trajectory;
     if (t.times_s.empty()) continue;
@@ -107,7 +107,7 @@ TEST(Trajectories, EveryInstantAgreesWithTheClosedForms) {
       for (const Mass& mass : s.masses) total_kg += mass.mass_kg;
       if (now.regime == Regime::kRolling) {
         ++rolling;
-        const auto paper = firmware::rolling_forces_3d(ball, q, now.angular_velocity_B_radps, masses);
+        const auto paper = closed_forms::rolling_forces_3d(ball, q, now.angular_velocity_B_radps, masses);
         const double size = total_kg * s.gravity_mps2 + std::abs(paper.normal_force_n) + paper.static_friction_n;
         // The velocity is the one the force was taken at.
         ASSERT_NEAR(now.normal_force_n, paper.normal_force_n, 1e-12 * size);

@@ -37,7 +37,7 @@ void expect_to_arrive(std::mt19937_64& random) {
     Frame frame;
     ASSERT_EQ(decode_frame(bytes, frame).error, FrameError::kNone);
     EXPECT_EQ(frame.tick, tick);
-    EXPECT_EQ(frame.type, TypeOf<M>::value);
+    EXPECT_EQ(frame.type, type_of(Tag<M>()));
     ASSERT_TRUE(decode(frame, *received));
     expect_same(*received, *sent);
     Commit commit;
@@ -159,7 +159,7 @@ TEST(TargetLink, EveryFrameErrorHasItsCause) {
 template <class M>
 bool decodes(const std::vector<std::uint8_t>& payload, M& out) {
   std::vector<std::uint8_t> framed(kMaxFrame);
-  framed.resize(encode_frame(framed, TypeOf<M>::value, 1, [&](Writer& writer) {
+  framed.resize(encode_frame(framed, type_of(Tag<M>()), 1, [&](Writer& writer) {
     for (const std::uint8_t byte : payload) writer(byte);
   }));
   Frame frame;
@@ -258,7 +258,7 @@ void decode_noise(std::mt19937_64& random) {
     }
     if (round % 3 == 0) payload.resize(random() % (2 * payload.size() + 1));
     std::vector<std::uint8_t> framed(kMaxFrame);
-    framed.resize(encode_frame(framed, TypeOf<M>::value, 1, [&](Writer& writer) {
+    framed.resize(encode_frame(framed, type_of(Tag<M>()), 1, [&](Writer& writer) {
       for (const std::uint8_t byte : payload) writer(byte);
     }));
     Frame frame;

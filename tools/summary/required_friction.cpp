@@ -91,7 +91,7 @@ std::string required_friction_text(const RunResult& result, const std::vector<Fl
   const sim::Extremum& mu = result.extrema.mu_required_max;
   std::string text;
   const bool starts_rolling = result.regimes.front().regime == sim::Regime::kRolling;
-  const char* unknown_floors = "does not start rolling: nothing can be said of other floors";
+  const char* unknown_floors = "does not start rolling, so other floors are not judged";
   if (mu.value == 0) {
     if (!starts_rolling) return unknown_floors;
     text = "needs no friction";

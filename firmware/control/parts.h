@@ -1,0 +1,73 @@
+// The parts of a control tick, in the order in which tick() uses them.
+#pragma once
+
+#include "firmware/control/inputs.h"
+#include "firmware/control/params.h"
+#include "firmware/control/state.h"
+#include "firmware/safety/modes.h"
+
+namespace ballast::firmware {
+
+// --- causes.cpp: judges the inputs of a control tick ---
+
+// How a tick follows the one before.
+enum class Order : std::uint8_t { kInOrder, kRepeated, kBroken };
+
+[[nodiscard]] Order order_of(const ControllerState& state, std::int64_t tick);
+
+// True if the attitude has about unit length, and it and the rates and accelerations are finite.
+[[nodiscard]] bool valid(const Sensors& sensors);
+
+// Returns the sensed attitude with unit length. `sensors` are valid.
+[[nodiscard]] Quaternion attitude(const Sensors& sensors);
+
+// Returns the bits of the world's faults that are present in this tick. state.now is the commanded motion.
+[[nodiscard]] std::uint32_t causes_of(const ControllerParams& params, const ControllerState& state,
+                                      const Inputs& inputs, Order order);
+
+// --- commanded.cpp: the motion that the masses are commanded to follow ---
+
+// Profile time at the start of a tick.
+[[nodiscard]] Wide profile_time(const ControllerParams& params, const ControllerState& state, std::int64_t tick);
+
+// Commanded point of mass i at the start of a tick.
+[[nodiscard]] ProfilePoint commanded(const ControllerParams& params, const ControllerState& state, std::int64_t tick,
+                                     int i);
+
+// True if all masses are commanded to rest from the start of a tick on.
+[[nodiscard]] bool at_rest_from(const ControllerParams& params, const ControllerState& state, std::int64_t tick);
+
+// Puts the profiles in `active` into force from the start of `next` on.
+void begin(ControllerState& state, std::int64_t next);
+
+// Makes the masses hold where their profiles are at the start of `tick`.
+void hold(const ControllerParams& params, ControllerState& state, std::int64_t tick);
+
+// --- operator.cpp ---
+
+// Obeys the operator's command, if there is one, or keeps the reason why not.
+void obey(const ControllerParams& params, const Inputs& inputs, const GuardState& guards, ControllerState& state);
+
+// --- stopping.cpp ---
+
+// Plans a stop of all masses from the start of `next` on, in the time that the slowest of them needs, and puts it into
+// force. A mass that would leave its rail by being stretched takes its own shortest time.
+void begin_stop(const ControllerParams& params, ControllerState& state, std::int64_t next);
+
+// --- steps.cpp: step pulses of all motors for one control tick ---
+
+// Empties `out`: a command for `tick` without pulses.
+void clear(const ControllerParams& params, const ControllerState& state, std::int64_t tick, StepCommand& out);
+
+// Makes the steps of all motors, into a cleared command. False: some motor's profile cannot be stepped. The first such
+// overload since the faults were cleared is kept.
+[[nodiscard]] bool generate_all(const ControllerParams& params, ControllerState& state, StepCommand& out);
+
+// Makes the steps of a stop after an overload: all masses stop, and a motor whose stop cannot be stepped either holds.
+// validate() admits no motion that comes here; this is the second line of defence.
+void stop_overloaded(const ControllerParams& params, ControllerState& state, StepCommand& out);
+
+// Takes over the counts of a command that is on its way.
+void count(const StepCommand& steps, ControllerState& state);
+
+}  // namespace ballast::firmware
