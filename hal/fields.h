@@ -1,4 +1,5 @@
-// How a message is described: once, as the chain of its fields. Every use of a message is a visitor of that chain.
+// Description of messages. Each is described once, as the chain of its fields, and every use is a visitor of that
+// chain.
 //
 //   template <class V, Of<firmware::StepBurst> M>
 //   auto fields(V& visitor, M& m, int motor_count = firmware::kMaxMasses) {

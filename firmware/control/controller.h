@@ -1,7 +1,7 @@
 // The controller: a step function from (inputs, state, parameters) to (outputs, state), called once per control tick.
 //
 // Invariants: time is the tick number. No heap, exceptions, RTTI, recursion, unbounded loops or virtual calls. One
-// thread calls it; it knows no interrupts.
+// thread calls it, never an interrupt.
 #pragma once
 
 #include "firmware/control/inputs.h"

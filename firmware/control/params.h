@@ -15,7 +15,7 @@ struct MotorParams {
   Wide swing = 0;              // rail unit, >= 0: the rotor may be off by this and lose no step (two full steps)
 };
 
-// All that the controller knows before its first tick. Inert until validate() accepts it.
+// Everything that the controller gets before its first tick. Inert until validate() accepts it.
 struct ControllerParams {
   std::int64_t scenario_id = 0;  // fingerprint, echoed in the status
   Wide control_period_s = 0;

@@ -10,7 +10,7 @@ namespace ballast::firmware {
 
 // --- causes.cpp: judges the inputs of a control tick ---
 
-// How a tick follows the one before.
+// The order of a tick after the one before.
 enum class Order : std::uint8_t { kInOrder, kRepeated, kBroken };
 
 [[nodiscard]] Order order_of(const ControllerState& state, std::int64_t tick);

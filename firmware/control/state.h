@@ -9,7 +9,7 @@ namespace ballast::firmware {
 struct ControllerState {
   Mode mode = Mode::kDisarmed;
   std::uint32_t faults = 0;
-  bool ticked = false;  // a tick has been seen
+  bool ticked = false;  // there has been a tick since reset()
   std::int64_t last_tick = 0;
   std::int64_t start_tick = 0;  // tick at whose start the active profiles are at time 0
   bool started = false;         // a motion or a move has begun since reset(): motions start from where the masses stand

@@ -1,4 +1,4 @@
-// From pulse times to integer bursts (first, interval, add, count).
+// Integer bursts (first, interval, add, count) from pulse times.
 #pragma once
 
 #include <span>

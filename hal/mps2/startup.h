@@ -1,4 +1,4 @@
-// From reset to main(), and the ends of the program.
+// Start of the program, from reset to main(), and its exit statuses.
 #pragma once
 
 #include <cstdint>

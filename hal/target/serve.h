@@ -15,8 +15,8 @@ Status give_up(Link<M>& link, std::int64_t tick) {
   return Status::kIo;
 }
 
-// Takes the parameters and starts the ticks. kOk: the ticks run. kEmpty: the parameters were refused, and the host
-// knows why.
+// Takes the parameters and starts the ticks. kOk: the ticks run. kEmpty: the parameters were refused, and the reason
+// was sent to the host.
 template <Machine M>
 Status take_params(M& machine, Link<M>& link, const Identity& identity, firmware::ControllerParams& params) {
   static MassParams mass;

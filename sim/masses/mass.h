@@ -31,7 +31,7 @@ struct Mass {
   firmware::Rail rail;
   EndStopMaterial end_stops;  // where the rail has ends
   Trajectory trajectory;
-  // For a mass on its rail:
+  // The following belong to a mass on a rail.
   double initial_position = 0;  // rad or m
   double initial_velocity = 0;
   std::vector<MotionPiece> motion;

@@ -13,7 +13,7 @@ class InjectedFaults {
 
   // Begins and ends the faults that are due at dynamics.time_s. True: there were some.
   bool update(Dynamics& dynamics);
-  // When the next fault begins or ends; +infinity if none does.
+  // The time at which the next fault begins or ends; +infinity if there is none.
   [[nodiscard]] double next_s() const;
 
  private:

@@ -59,7 +59,7 @@ class Regimes {
  private:
   void enter(Regime regime, Progress& run);
   void land(Progress& run);
-  // In contact, neither leaving nor arriving, with this slip.
+  // Continues a contact that neither leaves nor arrives, with this slip.
   void touch(const Eigen::Vector2d& slip_W_mps, Progress& run);
   [[nodiscard]] static bool can_roll(Progress& run, Instant& rolling);
   // The regime changes too often at one instant.

@@ -1,9 +1,9 @@
 // The integrator's steps: as long as the error estimate allows, and the state at any place inside them.
 //
-// Driven masses, and slides, are integrated from pulse to pulse and tick to tick with Dormand-Prince 5(4); a step is
-// looked into by integrating again from its start. Rolling and flying with prescribed masses are smooth and known in
-// advance: DOP853 steps ahead over any number of ticks, and a step is looked into by its dense output. The quaternion
-// is brought back to unit length after each step.
+// Driven masses, and slides, are integrated from pulse to pulse and tick to tick with Dormand-Prince 5(4). The state
+// inside a step comes from integrating again from its start. Rolling and flying with prescribed masses are smooth and
+// known in advance: DOP853 steps ahead over any number of ticks, and its dense output gives the state inside a step.
+// The quaternion is brought back to unit length after each step.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// From a scenario's tree to the checked Scenario.
+// Checks a scenario's tree and makes the Scenario.
 #pragma once
 
 #include "sim/scenario/reader.h"

@@ -44,7 +44,7 @@ enum class FaultKind {
   kDiskFull,
 };
 
-// Where a fault acts, and the keys that select its target.
+// The part of the run on which a fault acts, and the keys that select its target.
 enum class FaultLayer {
   kMessage,  // `channel`; `peer` selects one receiver, the default is all of them
   kPeer,     // `peer`
