@@ -237,6 +237,7 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
   Scenario scenario;
   MassSurroundings known;
   TableReader root(&root_node, "", context);
+  root.know({"task", "plan"});  // for and from ballast plan; a run ignores them
   read_name(root, context.source_name, scenario.name);
   known.duration_s = root.number("duration", Range::positive("s"));
   known.gravity_mps2 = root.number("gravity", Range::non_negative("m/s^2"));

@@ -30,8 +30,8 @@ T dot_of(const Vector3T<T>& a, const Vector3T<T>& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-// The same quantities by Newton and Euler as physics.md section 4 writes them: R_B and Omegadot are unknowns of one linear
-// system of six, in any scalar.
+// The same quantities by Newton and Euler as physics.md section 4 writes them: R_B and Omegadot are unknowns of one
+// linear system of six, in any scalar.
 template <class T>
 struct Outputs {
   Vector3T<T> omega_dot;
@@ -85,8 +85,7 @@ Outputs<T> newton_euler(const Robot& robot, const std::vector<T>& v) {
     a.template block<3, 1>(3, 3 + k) = cross_of<T>(Vector3T<T>(r * gamma), unit);
   }
   Vector3T<T> newton = force;
-  Vector3T<T> euler =
-      -cross_of<T>(omega, Vector3T<T>(ball.inertia_kgm2.template cast<T>().cwiseProduct(omega)));
+  Vector3T<T> euler = -cross_of<T>(omega, Vector3T<T>(ball.inertia_kgm2.template cast<T>().cwiseProduct(omega)));
   for (const Term& t : terms) {
     const Vector3T<T> of_mass = t.mass * (t.c + g * gamma);
     newton -= of_mass;
@@ -222,7 +221,8 @@ TEST(RollingModel, DerivativesAreThoseByComplexStep) {
         near(derivative.force_n[j][c], out.force[j]);
         if (column < 6) near(derivative.velocity_mps[j][c], out.velocity[j]);
       }
-      for (int i = 0; i < n; ++i) near(derivative.torque[static_cast<std::size_t>(i)][c], out.torque[static_cast<std::size_t>(i)]);
+      for (int i = 0; i < n; ++i)
+        near(derivative.torque[static_cast<std::size_t>(i)][c], out.torque[static_cast<std::size_t>(i)]);
     }
   }
   RecordProperty("worst", std::to_string(worst));
@@ -259,7 +259,8 @@ TEST(RollingModel, JacobianCostsAtMostTwelveEvaluations) {
     differentiate_rolling(s.robot, moving, false, value, derivative);
     sum += derivative.normal_n[3];
   });
-  std::printf("plain %.3g us, Jacobian %.3g us: %.2f (sum %g)\n", 1e6 * plain_s, 1e6 * jacobian_s, jacobian_s / plain_s, sum);
+  std::printf("plain %.3g us, Jacobian %.3g us: %.2f (sum %g)\n", 1e6 * plain_s, 1e6 * jacobian_s, jacobian_s / plain_s,
+              sum);
   EXPECT_LT(jacobian_s, 12 * plain_s);
 }
 

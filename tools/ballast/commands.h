@@ -10,6 +10,7 @@ namespace ballast {
 std::function<int()> add_run_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_integrate_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_check_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_plan_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_move_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_operate_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_faults_command(CLI::App& app, CLI::App*& command);

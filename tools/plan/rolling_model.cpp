@@ -46,8 +46,8 @@ struct Instant {
   explicit Instant(const RollingState& state) : attitude(state.q) {}
 
   Attitude attitude;
-  Vec omega, u;         // u = g Gamma
-  Vec inertia, force;   // F_B
+  Vec omega, u;        // u = g Gamma
+  Vec inertia, force;  // F_B
   double radius = 0, mass = 0;
   std::array<Term, kMaxMasses + 1> terms;
   int count = 0;

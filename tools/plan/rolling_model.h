@@ -1,8 +1,8 @@
 // The rolling ball with prescribed masses, and its exact first derivatives, for the planner.
 //
-// Values are those of firmware::rolling_forces() (eq_Om_1d, eq_normal_1d, eq_static_friction_1d). Derivatives are derived
-// by hand from the same equations: a derivative of Omegadot = A^-1 b is A^-1 (db - dA Omegadot), so that all columns share
-// one inverse. tests/plan compares values with the firmware's and derivatives with those by complex step.
+// Values are those of firmware::rolling_forces() (eq_Om_1d, eq_normal_1d, eq_static_friction_1d). Derivatives are
+// derived by hand from the same equations: a derivative of Omegadot = A^-1 b is A^-1 (db - dA Omegadot), so that all
+// columns share one inverse. tests/plan compares values with the firmware's and derivatives with those by complex step.
 //
 // Attitude is differentiated by a rotation vector phi in the body frame, Lambda -> Lambda exp(phi^): d(Lambda^T v) =
 // (Lambda^T v) x phi.
@@ -36,14 +36,14 @@ struct RollingState {
 // The rolling ball at that instant.
 struct RollingValue {
   Vec omega_dot_B;
-  double normal_n;                // N
-  std::array<double, 2> force_n;  // -f_s sigma, space frame
+  double normal_n;                     // N
+  std::array<double, 2> force_n;       // -f_s sigma, space frame
   std::array<double, 2> velocity_mps;  // of the geometric centre, space frame
-  PerMass<double> torque;         // generalised force of each motor, rotor included: N m on a circle, N on a line
+  PerMass<double> torque;              // generalised force of each motor, rotor included: N m on a circle, N on a line
 };
 
-// Columns of the derivatives: phi (3), Omega (3), then position, velocity and acceleration, mass by mass: 3 (i + 2) + 0,
-// 1, 2 for mass i.
+// Columns of the derivatives: phi (3), Omega (3), then position, velocity and acceleration, mass by mass: 3 (i + 2) +
+// 0, 1, 2 for mass i.
 inline constexpr int kStateColumns = 6;
 inline constexpr int kMaxColumns = kStateColumns + 3 * kMaxMasses;
 

@@ -1,0 +1,175 @@
+// ballast plan: from a task to a motion that holds.
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <sstream>
+
+#include "tools/ballast/commands.h"
+#include "tools/plan/write_plan.h"
+#include "tools/program/program.h"
+
+namespace ballast {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct PlanCommand {
+  std::string task;
+  std::string out;
+  std::string from;
+  std::uint64_t seed = 0;
+  std::optional<double> time_limit_s;
+  bool quiet = false;
+};
+
+int refuse(int status, const std::string& text) {
+  program::complain("ballast", text);
+  return status;
+}
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+std::string file_text(const std::filesystem::path& path) {
+  std::ifstream stream(path, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return text.str();
+}
+
+// Writes a whole file or none.
+bool write_file(const std::filesystem::path& path, const std::string& text) {
+  const std::filesystem::path draft = path.string() + ".draft";
+  {
+    std::ofstream stream(draft, std::ios::binary);
+    stream << text;
+    stream.close();
+    if (!stream) return false;
+  }
+  std::error_code error;
+  std::filesystem::rename(draft, path, error);
+  return !error;
+}
+
+// One line on a terminal that is written over; elsewhere a line a second.
+class ProgressLine {
+ public:
+  explicit ProgressLine(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0) {}
+
+  void show(int iteration, double best, double need, double error) {
+    if (quiet_ || seconds_since(shown_) < (terminal_ ? 0.1 : 1.0)) return;
+    shown_ = Clock::now();
+    const std::string found = std::isfinite(best) ? fmt::format("best f_s/N {:.4f}", best) : "no plan yet";
+    fmt::print(stderr, "{}iteration {}: {}; this search needs {:.4f}, violates by {:.1e}{}",
+               terminal_ ? "\r\x1b[K" : "", iteration, found, need, error, terminal_ ? "" : "\n");
+    std::fflush(stderr);
+    open_ = terminal_;
+  }
+
+  void end() {
+    if (open_) fmt::print(stderr, "\r\x1b[K");
+  }
+
+ private:
+  bool quiet_, terminal_, open_ = false;
+  Clock::time_point shown_ = Clock::now();
+};
+
+std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcome, const std::string& file) {
+  const plan::Plan& p = *outcome.plan;
+  const auto& mu = p.run.extrema.mu_required_max;
+  std::string text = fmt::format(
+      "{}: found. The ball gets to ({:.4g}, {:.4g}) m in {:.4g} s{}, {:.2g} mm off, and needs f_s/N = {:.4g} "
+      "at t = {:.3g} s\n",
+      task.scenario.name, p.run.final.position_W_m[0], p.run.final.position_W_m[1], p.grid.duration_s,
+      task.task.at_rest ? " and rests there" : "", 1e3 * p.goal_error_m, mu.value, mu.time_s);
+  text += fmt::format("  limited by: {}\n", outcome.binding);
+  text += fmt::format("  written: {}; run it with: {} run {}\n", file, program::ballast_as_typed(),
+                      program::shell_word(file));
+  return text;
+}
+
+int plan_task(const PlanCommand& command) {
+  const auto start = Clock::now();
+  const std::filesystem::path path = command.task;
+  std::vector<sim::ScenarioError> errors;
+  const auto task = plan::read_task(path, errors);
+  if (!task) {
+    std::string text;
+    for (const auto& error : errors) text += (text.empty() ? "" : "\n") + to_string(error);
+    return refuse(program::kExitUsage, text);
+  }
+  const std::filesystem::path toml_path =
+      command.out.empty() ? plan::plan_name(task->scenario.name) + ".toml" : command.out;
+  const std::filesystem::path json_path = std::filesystem::path(toml_path).replace_extension(".json");
+  if (toml_path == json_path)
+    return refuse(program::kExitUsage, "--out: ends in .json; allowed: a name for the scenario, such as plan.toml");
+  std::error_code same;
+  if (std::filesystem::equivalent(path, toml_path, same)) {
+    return refuse(program::kExitUsage, "--out: is the task itself; allowed: another file");
+  }
+
+  plan::SearchOptions options;
+  if (!command.from.empty()) {
+    const auto motion = sim::read_scenario(command.from);
+    if (!motion.ok()) return refuse(program::kExitUsage, to_string(motion.errors.front()));
+    if (motion.scenario.masses.size() != task->scenario.masses.size()) {
+      return refuse(program::kExitUsage,
+                    fmt::format("--from: {} has {} masses; allowed: the task's number, {}", command.from,
+                                motion.scenario.masses.size(), task->scenario.masses.size()));
+    }
+    for (const sim::Mass& mass : motion.scenario.masses) options.from.push_back(mass.motion);
+  }
+  const volatile std::sig_atomic_t* signalled = program::catch_signals();
+  ProgressLine line(command.quiet);
+  options.seed = command.seed;
+  options.stop = [&] {
+    return *signalled != 0 || (command.time_limit_s && seconds_since(start) > *command.time_limit_s);
+  };
+  options.progress = [&](int iteration, double best, double need, double error) {
+    line.show(iteration, best, need, error);
+  };
+  const plan::Problem problem = plan::make_problem(*task);
+  plan::Outcome outcome = plan::search(problem, task->scenario, options);
+  line.end();
+  if (!outcome.plan && *signalled != 0) outcome.binding = "interrupted before a plan was found";
+
+  std::string toml;
+  if (outcome.plan) {
+    toml = plan::plan_toml(file_text(path), *task, *outcome.plan);
+    const auto written = sim::parse_scenario(toml, toml_path.string());
+    if (!written.ok())
+      return refuse(program::kExitCouldNotRun, "the plan is no good scenario: " + to_string(written.errors.front()));
+  }
+  const std::string json = plan::outcome_json(*task, outcome, command.seed, seconds_since(start));
+  if ((outcome.plan && !write_file(toml_path, toml)) || !write_file(json_path, json)) {
+    return refuse(program::kExitCouldNotRun, fmt::format("{}: cannot be written", toml_path.string()));
+  }
+  if (!outcome.plan)
+    return refuse(program::kExitEnvelope, fmt::format("{}: no plan: {}", task->scenario.name, outcome.binding));
+  if (!command.quiet) std::cout << outcome_text(*task, outcome, toml_path.string()) << std::flush;
+  return program::kExitCompleted;
+}
+
+}  // namespace
+
+std::function<int()> add_plan_command(CLI::App& app, CLI::App*& command) {
+  command = app.add_subcommand("plan", "Finds a motion of the masses that takes the ball where a task says");
+  auto options = std::make_shared<PlanCommand>();
+  command->add_option("task", options->task, "scenario file with a [task]")->required()->check(program::not_empty());
+  command->add_option("--out", options->out, "file for the plan; default NAME_plan.toml, and .json beside it")
+      ->check(program::not_empty());
+  command->add_option("--from", options->from, "plan of a similar task, from which the search starts")
+      ->check(program::not_empty());
+  command->add_option("--seed", options->seed, "seed of the random starts")->capture_default_str();
+  command->add_option("--time-limit", options->time_limit_s, "wall time in s after which the best plan so far is taken")
+      ->check(program::positive_finite());
+  command->add_flag("--quiet", options->quiet, "no progress and no summary");
+  return [options] { return plan_task(*options); };
+}
+
+}  // namespace ballast

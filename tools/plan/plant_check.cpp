@@ -1,0 +1,57 @@
+#include "tools/plan/plant_check.h"
+
+#include <limits>
+
+namespace ballast::plan {
+
+sim::Scenario with_motion(const sim::Scenario& scenario, const Grid& grid, const std::vector<double>& knots) {
+  sim::Scenario out = scenario;
+  const std::size_t n = scenario.masses.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    auto& motion = out.masses[i].motion;
+    motion.clear();
+    for (std::size_t j = 0; j + 1 < static_cast<std::size_t>(grid.knots()); ++j) {
+      motion.push_back({grid.piece_s(), knots[j * n + i], knots[(j + 1) * n + i]});
+    }
+  }
+  out.duration_s = grid.duration_s;
+  out.run.actuation = sim::Actuation::kPrescribed;
+  out.faults.clear();
+  return out;
+}
+
+PlantRun roll_by_plant(const Problem& problem, const sim::Scenario& scenario, const Grid& grid,
+                       const std::vector<double>& knots) {
+  sim::Scenario moved = with_motion(scenario, grid, knots);
+  moved.surface.static_friction = moved.surface.kinetic_friction = std::numeric_limits<double>::infinity();
+  PlantRun run;
+  sim::Plant plant(moved);
+  for (int node = 0; node < grid.nodes() && plant.end() == sim::PhysicsEnd::kNone; ++node) {
+    const bool last = node + 1 == grid.nodes();
+    plant.advance(last ? grid.duration_s : node * grid.step_s(), {});
+    if (plant.end() != sim::PhysicsEnd::kNone) break;
+    const sim::Plant::Sample s = plant.sample();
+    Node at{};
+    at.state.q = {s.orientation[0], s.orientation[1], s.orientation[2], s.orientation[3]};
+    at.state.omega_B = sim::vec3(s.angular_velocity_B_radps);
+    for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+      at.state.position[i] = s.mass_position[i];
+      at.state.velocity[i] = s.mass_velocity[i];
+      // Where two pieces meet the acceleration is the same on both sides; at the end it is the motion's last.
+      const auto piece = static_cast<std::size_t>(std::min(node / grid.steps_per_piece, grid.pieces - 1));
+      const double part = static_cast<double>(node) / grid.steps_per_piece - static_cast<double>(piece);
+      const std::size_t n = scenario.masses.size();
+      at.state.acceleration[i] = (1 - part) * knots[piece * n + i] + part * knots[(piece + 1) * n + i];
+    }
+    at.place_m = {s.position_W_m[0], s.position_W_m[1]};
+    evaluate_rolling(problem.robot, at.state, at.value);
+    run.nodes.push_back(at);
+    run.final = s;
+  }
+  run.rolled = plant.end() == sim::PhysicsEnd::kNone;
+  run.extrema = plant.extrema();
+  run.end_s = plant.time_s();
+  return run;
+}
+
+}  // namespace ballast::plan

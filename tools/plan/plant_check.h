@@ -1,0 +1,26 @@
+// What the plant says of a motion: the judge of every plan.
+#pragma once
+
+#include "sim/plant/plant.h"
+#include "sim/scenario/scenario.h"
+#include "tools/plan/rollout.h"
+
+namespace ballast::plan {
+
+// The scenario with the motion of `knots`, its masses prescribed and its duration the motion's.
+[[nodiscard]] sim::Scenario with_motion(const sim::Scenario& scenario, const Grid& grid,
+                                        const std::vector<double>& knots);
+
+struct PlantRun {
+  bool rolled = false;  // N > 0 all the time
+  sim::ContactExtrema extrema;
+  sim::Plant::Sample final{};
+  double end_s = 0;
+  std::vector<Node> nodes;  // the plant's states at the grid's nodes; fewer if it did not roll to the end
+};
+
+// Rolls the motion with prescribed masses on a floor of infinite friction: the caller judges f_s / N.
+[[nodiscard]] PlantRun roll_by_plant(const Problem& problem, const sim::Scenario& scenario, const Grid& grid,
+                                     const std::vector<double>& knots);
+
+}  // namespace ballast::plan

@@ -1,0 +1,289 @@
+#include "tools/plan/read_task.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+#include "sim/scenario/reader.h"
+#include "sim/scenario/tree.h"
+#include "tools/program/params.h"
+
+namespace ballast::plan {
+
+using sim::Node;
+using sim::NodeKind;
+using sim::number_text;
+using sim::Range;
+using sim::TableReader;
+
+namespace {
+
+constexpr std::size_t kMostPlaces = 100;  // of via, keep_out and follow
+
+// Places of two numbers under `key`. Each wrong entry is reported.
+std::optional<std::vector<Eigen::Vector2d>> read_places(TableReader& table, const std::string& key, std::size_t least) {
+  const std::string allowed =
+      fmt::format("an array of {} to {} places, each an array of 2 numbers, in m", least, kMostPlaces);
+  const Node* node = table.node(key);
+  if (node == nullptr || node->kind != NodeKind::kArray || node->items.size() < least ||
+      node->items.size() > kMostPlaces) {
+    table.refuse(key, (node == nullptr ? "is missing; allowed: " : "is no such list; allowed: ") + allowed);
+    return std::nullopt;
+  }
+  std::vector<Eigen::Vector2d> places;
+  for (std::size_t k = 0; k < node->items.size(); ++k) {
+    const Node& item = node->items[k];
+    const auto number = [](const Node& n) { return n.kind == NodeKind::kInteger || n.kind == NodeKind::kFloat; };
+    const bool good = item.kind == NodeKind::kArray && item.items.size() == 2 && number(item.items[0]) &&
+                      number(item.items[1]) && Range::any().contains(item.items[0].number) &&
+                      Range::any().contains(item.items[1].number);
+    if (good) {
+      places.emplace_back(item.items[0].number, item.items[1].number);
+    } else {
+      table.refuse(fmt::format("{}.{}", key, k), "is no place; allowed: an array of 2 finite numbers, in m");
+    }
+  }
+  return places.size() == node->items.size() ? std::optional(places) : std::nullopt;
+}
+
+void read_via(TableReader& table, Task& task) {
+  const std::string allowed =
+      fmt::format("an array of at most {} tables {{ position = [x, y], time = t }}, time optional", kMostPlaces);
+  auto readers = table.tables("via", allowed);
+  if (readers.size() > kMostPlaces)
+    table.refuse("via", fmt::format("has {} entries; allowed: {}", readers.size(), allowed));
+  double before_s = 0;
+  for (std::size_t k = 0; k < readers.size(); ++k) {
+    const auto position = readers[k].vector<2>("position", Range::any("m"));
+    readers[k].know({"time"});
+    std::optional<double> time;
+    if (readers[k].has("time")) {
+      time = readers[k].number("time", Range::positive("s"));
+      if (time && task.duration_s > 0 && !(*time < task.duration_s)) {
+        readers[k].refuse(
+            "time", "is not before the end; allowed: below task.duration = " + number_text(task.duration_s) + " s");
+      } else if (time && !(*time > before_s)) {
+        readers[k].refuse("time", "is out of order; allowed: above the time of the via places before it, " +
+                                      number_text(before_s) + " s");
+      }
+      if (time) before_s = *time;
+    }
+    readers[k].refuse_unknown_keys();
+    if (position) task.via.push_back({*position, time});
+  }
+}
+
+void read_keep_out(TableReader& table, Task& task) {
+  const std::string allowed =
+      fmt::format("an array of at most {} tables {{ center = [x, y], radius = r }}", kMostPlaces);
+  auto readers = table.tables("keep_out", allowed);
+  if (readers.size() > kMostPlaces) {
+    table.refuse("keep_out", fmt::format("has {} entries; allowed: {}", readers.size(), allowed));
+  }
+  for (TableReader& reader : readers) {
+    const auto center = reader.vector<2>("center", Range::any("m"));
+    const auto radius = reader.number("radius", Range::positive("m"));
+    reader.refuse_unknown_keys();
+    if (center && radius) task.keep_out.push_back({*center, *radius});
+  }
+}
+
+void read_follow(TableReader& table, Task& task) {
+  table.know({"follow"});
+  if (!table.has("follow")) return;
+  TableReader follow = table.table("follow");
+  if (!follow.present()) return;
+  const auto points = read_places(follow, "points", 2);
+  const auto tolerance = follow.number("tolerance", Range::positive("m"));
+  follow.refuse_unknown_keys();
+  if (points && tolerance) task.follow = Follow{*points, *tolerance};
+}
+
+void read_mass_position(TableReader& table, const sim::Scenario& scenario, Task& task) {
+  table.know({"mass_position"});
+  if (!table.has("mass_position")) return;
+  const std::size_t count = scenario.masses.size();
+  const auto positions = table.list("mass_position", count, count, Range::any("rad or m"));
+  if (!positions) return;
+  for (std::size_t i = 0; i < count; ++i) {
+    const firmware::Rail& rail = scenario.masses[i].rail;
+    if ((*positions)[i] >= rail.lower_end && (*positions)[i] <= rail.upper_end) continue;
+    table.refuse(fmt::format("mass_position.{}", i),
+                 fmt::format("is beyond the end of its rail; allowed: {} to {}", number_text(rail.lower_end),
+                             number_text(rail.upper_end)));
+  }
+  task.mass_position = *positions;
+}
+
+double distance_to(const Follow& follow, const Eigen::Vector2d& place) {
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k + 1 < follow.points_m.size(); ++k) {
+    const Eigen::Vector2d along = follow.points_m[k + 1] - follow.points_m[k];
+    const double length = along.squaredNorm();
+    const double part = length > 0 ? std::clamp((place - follow.points_m[k]).dot(along) / length, 0.0, 1.0) : 0;
+    least = std::min(least, (place - follow.points_m[k] - part * along).norm());
+  }
+  return least;
+}
+
+// Refuses places of the task that contradict each other.
+void check_places(TableReader& table, const sim::Scenario& scenario, const Task& task) {
+  const double radius = scenario.ball.radius_m;
+  const auto check = [&](const std::string& key, const std::string& what, const Eigen::Vector2d& place) {
+    for (std::size_t c = 0; c < task.keep_out.size(); ++c) {
+      const KeepOut& circle = task.keep_out[c];
+      const double clear = circle.radius_m + radius, distance = (place - circle.center_m).norm();
+      if (distance >= clear) continue;
+      table.refuse(key, fmt::format("{} {:.4g} m from the center of keep_out.{}; allowed: at least its radius and the "
+                                    "ball's, {:.4g} m",
+                                    what, distance, c, clear));
+    }
+    if (task.follow && distance_to(*task.follow, place) > task.follow->tolerance_m) {
+      table.refuse(key,
+                   fmt::format("{} {:.4g} m from the path to follow; allowed: at most task.follow.tolerance = {:.4g} m",
+                               what, distance_to(*task.follow, place), task.follow->tolerance_m));
+    }
+  };
+  check("goal", "is", task.goal_m);
+  const Eigen::Vector2d start = scenario.initial.position_W_m;
+  check(task.keep_out.empty() ? "follow" : "keep_out", "contradicts the start, which is", start);
+  for (std::size_t v = 0; v < task.via.size(); ++v)
+    check(fmt::format("via.{}.position", v), "is", task.via[v].position_m);
+}
+
+// Refuses what the planner's model does not have.
+void check_scenario(TableReader& root, const sim::Scenario& scenario) {
+  const auto refuse = [&](const std::string& key, const std::string& why) { root.refuse(key, why); };
+  if (scenario.masses.empty())
+    refuse("mass", "is missing, so that nothing moves the ball; allowed in a task: at least one [[mass]]");
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    const sim::Mass& mass = scenario.masses[i];
+    if (!mass.motion.empty()) refuse(fmt::format("mass.{}.motion", i), "is what a plan gives; allowed in a task: none");
+    if (!mass.trajectory.times_s.empty())
+      refuse(fmt::format("mass.{}.trajectory", i), "cannot be planned; allowed in a task: a rail");
+  }
+  if (!scenario.force_table.times_s.empty())
+    refuse("external_force", "changes with time; allowed in a task: a constant force");
+  if (scenario.drag.coefficient_kgpm > 0) refuse("drag", "is not in the planner's model; allowed in a task: none");
+  if (scenario.initial.height_m > 0) refuse("initial.height", "starts in flight; allowed in a task: 0");
+  if (scenario.initial.has_velocity)
+    refuse("initial.velocity", "starts sliding; allowed in a task: the rolling velocity");
+  if (!(scenario.gravity_mps2 > 0)) refuse("gravity", "presses no ball to the floor; allowed in a task: > 0");
+}
+
+Task read_table(TableReader& root, const sim::Scenario& scenario) {
+  Task task;
+  root.know({"task"});
+  TableReader table = root.table("task");
+  if (!table.present()) {
+    if (!root.has("task")) {
+      root.refuse(
+          "task",
+          "is missing; allowed: a scenario with a [task], which says where the ball is to go (ballast run needs none)");
+    }
+    return task;
+  }
+  const auto goal = table.vector<2>("goal", Range::any("m"));
+  const auto rest = table.boolean("at_rest", true);
+  const auto duration = table.number("duration", Range::positive("s"));
+  const auto objective = table.choice<Objective>("objective", {"friction", "time", "effort"}, Objective::kFriction);
+  Range use = Range::between(0, 1);
+  use.low_excluded = true;
+  const auto friction_use = table.number("friction_use", use, task.friction_use);
+  const auto avoid = table.boolean("avoid_resonance", true);
+  Range margin = Range::between(0, 1);
+  margin.high_excluded = true;
+  const auto torque_margin = table.number("torque_margin", margin, task.torque_margin);
+  if (goal) task.goal_m = *goal;
+  if (rest) task.at_rest = *rest;
+  if (duration) task.duration_s = *duration;
+  if (objective) task.objective = *objective;
+  if (friction_use) task.friction_use = *friction_use;
+  if (avoid) task.avoid_resonance = *avoid;
+  if (torque_margin) task.torque_margin = *torque_margin;
+  read_via(table, task);
+  read_keep_out(table, task);
+  read_mass_position(table, scenario, task);
+  read_follow(table, task);
+  table.refuse_unknown_keys();
+  if (duration && *duration < scenario.run.control_period_s) {
+    table.refuse("duration", "is less than one control period; allowed: >= run.control_period = " +
+                                 number_text(scenario.run.control_period_s) + " s");
+  }
+  if (goal) check_places(table, scenario, task);
+  return task;
+}
+
+std::string whole_file(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return text.str();
+}
+
+}  // namespace
+
+std::optional<TaskFile> read_task(const std::filesystem::path& file, std::vector<sim::ScenarioError>& errors) {
+  // A task may leave the scenario's own duration out, because it is the task's.
+  auto result = sim::read_scenario(file);
+  Node root;
+  std::vector<sim::ScenarioError> unread;
+  if (!std::filesystem::is_regular_file(file) || !sim::read_tree(whole_file(file), file.string(), root, unread)) {
+    errors = result.errors;
+    return std::nullopt;
+  }
+  const Node* table = root.find("task");
+  const Node* duration = table == nullptr ? nullptr : table->find("duration");
+  const bool number =
+      duration != nullptr && (duration->kind == NodeKind::kFloat || duration->kind == NodeKind::kInteger);
+  if (root.find("duration") == nullptr) {
+    result =
+        sim::read_scenario(file, {"duration=" + number_text(number && duration->number > 0 ? duration->number : 1)});
+  }
+  errors = result.errors;
+  TaskFile out;
+  sim::ReadContext context{file.string(), errors, result.warnings};
+  TableReader reader(&root, "", context);
+  out.task = read_table(reader, result.scenario);
+  if (result.ok()) check_scenario(reader, result.scenario);
+  std::stable_sort(errors.begin(), errors.end(), [](const auto& a, const auto& b) { return a.line < b.line; });
+  if (!errors.empty()) return std::nullopt;
+  out.scenario = std::move(result.scenario);
+  return out;
+}
+
+Problem make_problem(const TaskFile& file) {
+  Problem problem;
+  const sim::Scenario& scenario = file.scenario;
+  static_cast<void>(program::to_ball_params(scenario, problem.robot.ball));  // read_task() refuses what this refuses
+  problem.task = file.task;
+  const auto& q = scenario.initial.orientation;
+  problem.start.q = {q.w(), q.x(), q.y(), q.z()};
+  problem.start.omega_B = sim::vec3(scenario.initial.angular_velocity_B_radps);
+  problem.start_m = scenario.initial.position_W_m;
+  problem.friction_limit =
+      std::min(file.task.friction_use, scenario.envelope.friction_use) * scenario.surface.static_friction;
+  problem.least_normal_n = scenario.envelope.min_normal_force_n;
+  const bool driven = scenario.run.actuation == sim::Actuation::kStepper;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    const sim::Mass& mass = scenario.masses[i];
+    problem.start.position[i] = mass.initial_position;
+    problem.start.velocity[i] = mass.initial_velocity;
+    problem.metres_per_unit[i] = mass.metres_per_rail_unit();
+    MassLimits& limits = problem.limits[i];
+    limits.lower = mass.rail.lower_end;
+    limits.upper = mass.rail.upper_end;
+    if (!driven) continue;
+    problem.robot.reflected_inertia[i] = mass.motor.rail_inertia();
+    limits.speed = mass.motor.max_step_rate_hz / mass.motor.microsteps_per_rail_unit();
+    limits.acceleration = mass.motor.max_acceleration;
+    limits.jerk = mass.motor.max_jerk;
+    limits.motor.emplace(mass.motor, 0, 0);
+  }
+  return problem;
+}
+
+}  // namespace ballast::plan

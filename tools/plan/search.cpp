@@ -1,0 +1,371 @@
+#include "tools/plan/search.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+#include <random>
+
+#include "tools/plan/words.h"
+
+namespace ballast::plan {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kPieces = 32;
+constexpr int kMostStarts = 24, kMostIterations = 2000;  // until a plan is found
+constexpr int kMoreStarts = 2;                           // after that, for a better one
+// What the plant may leave of the equalities, which are errors over r, sqrt(g r) and the like, and of limits over
+// themselves.
+constexpr double kEqualityTolerance = 1e-4, kLimitTolerance = 1e-4;
+
+std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+// The acceleration at time_s of a motion of linear pieces.
+double acceleration_at(const std::vector<sim::MotionPiece>& motion, double time_s) {
+  double start_s = 0;
+  for (const sim::MotionPiece& piece : motion) {
+    if (time_s <= start_s + piece.duration_s) {
+      const double part = (time_s - start_s) / piece.duration_s;
+      return (1 - part) * piece.acceleration_start + part * piece.acceleration_end;
+    }
+    start_s += piece.duration_s;
+  }
+  return 0;
+}
+
+// A try that failed, for the words that say why.
+struct Failure {
+  double error = kInfinity;
+  Merit merit;
+  Eigen::Vector2d reached_m = Eigen::Vector2d::Zero();
+  bool friction_only = false;  // all else holds
+};
+
+class Search {
+ public:
+  Search(const Problem& problem, const sim::Scenario& scenario, const SearchOptions& options)
+      : problem_(problem), scenario_(scenario), options_(options) {
+    effort_.stop = [this] { return effort_.iterations >= kMostIterations || (options_.stop && options_.stop()); };
+    if (options.progress) {
+      effort_.progress = [this](double need, double error) {
+        options_.progress(effort_.iterations, best_ ? need_of(*best_) : kInfinity, need, error);
+      };
+    }
+  }
+
+  Outcome run() {
+    Outcome out;
+    if (std::string why = impossible(); !why.empty()) {
+      out.status = Status::kInfeasible;
+      out.binding = why;
+      return out;
+    }
+    find(problem_.task.duration_s);
+    if (best_ && problem_.task.objective == Objective::kTime) shorten();
+    out.iterations = effort_.iterations;
+    if (best_) {
+      out.status = Status::kFound;
+      out.plan = best_;
+      out.binding = binding_;
+    } else {
+      out.binding = failure_words();
+    }
+    return out;
+  }
+
+ private:
+  static double need_of(const Plan& plan) { return plan.run.extrema.mu_required_max.value; }
+
+  // The friction that carries the whole robot over the distance in the time, at constant acceleration: 4 d / (g T^2)
+  // from rest to rest. No plan needs much less.
+  [[nodiscard]] double least_need(double duration_s) const {
+    const double distance = (problem_.task.goal_m - problem_.start_m).norm();
+    const double of_rest = problem_.task.at_rest ? 4 : 2;
+    return of_rest * distance / (problem_.robot.ball.gravity_mps2 * duration_s * duration_s);
+  }
+
+  [[nodiscard]] bool starts_at_rest() const {
+    const Vec& w = problem_.start.omega_B;
+    return w.x == 0 && w.y == 0 && w.z == 0;
+  }
+
+  // Why no motion can do it; empty if that is not certain. The bound is of the centre of mass, which may be beside the
+  // geometric centre by up to r, and N may differ from the weight.
+  [[nodiscard]] std::string impossible() const {
+    if (!starts_at_rest() || !std::isfinite(problem_.friction_limit)) return "";
+    const double distance = (problem_.task.goal_m - problem_.start_m).norm(), r = problem_.robot.ball.radius_m;
+    const double duration = problem_.task.duration_s, g = problem_.robot.ball.gravity_mps2;
+    const double of_rest = problem_.task.at_rest ? 4 : 2;
+    const double reach = problem_.friction_limit * g * duration * duration / of_rest;
+    constexpr double kRoom = 1.5;  // for N above the weight
+    if (distance - r < kRoom * reach) return "";
+    return fmt::format(
+        "friction stands in the way: {:.4g} m in {:.4g} s need f_s/N of about {:.3g}, and friction_use mu_s is {:.3g}; "
+        "in "
+        "that time the ball gets about {:.3g} m far, and this far it takes at least about {:.3g} s",
+        distance, duration, least_need(duration), problem_.friction_limit, reach,
+        std::sqrt(of_rest * distance / (g * problem_.friction_limit)));
+  }
+
+  [[nodiscard]] bool stopped() const { return effort_.stop(); }
+
+  // Best of several starts.
+  void find(double duration_s) {
+    int more = kMoreStarts;
+    for (int k = 0; k < kMostStarts && !stopped(); ++k) {
+      if (best_) {
+        const bool good = need_of(*best_) < 1.3 * least_need(duration_s);
+        const bool enough = problem_.task.objective != Objective::kFriction || !options_.from.empty();
+        if (good || enough || more-- <= 0) return;
+      }
+      try_start(duration_s, k);
+    }
+  }
+
+  // Start 0 leaves the masses as they move, or as the given motion does. The others are smooth random accelerations of
+  // low frequency.
+  [[nodiscard]] std::vector<double> initial_knots(const Grid& grid, int start) const {
+    const int n = problem_.masses();
+    std::vector<double> knots(index(grid.knots() * n), 0);
+    if (start == 0) {
+      for (std::size_t v = 0; v < knots.size() && !options_.from.empty(); ++v) {
+        const double time_s = static_cast<double>(v / index(n)) * grid.piece_s();
+        knots[v] = acceleration_at(options_.from[v % index(n)], time_s);
+      }
+      return knots;
+    }
+    std::mt19937_64 random(options_.seed * 1000003 + static_cast<std::uint64_t>(start));
+    // Uniform in [-1, 1), the same on every platform.
+    const auto uniform = [&] { return static_cast<double>(random() >> 11) * 0x1p-52 - 1; };
+    for (int i = 0; i < n; ++i) {
+      for (int wave = 1; wave <= 3; ++wave) {
+        const double rate = wave * std::numbers::pi / grid.duration_s;
+        const double travel = 0.5 * problem_.robot.ball.radius_m / problem_.metres_per_unit[i] * uniform();
+        for (int j = 0; j < grid.knots(); ++j) {
+          knots[index(j * n + i)] += travel * rate * rate * std::sin(rate * j * grid.piece_s());
+        }
+      }
+    }
+    return knots;
+  }
+
+  // The end of a motion has acceleration 0, so that f_s / N does not jump there. A stepper must not jump at the start.
+  [[nodiscard]] std::vector<bool> fixed_knots(const Grid& grid) const {
+    const int n = problem_.masses();
+    std::vector<bool> fixed(index(grid.knots() * n), false);
+    for (int i = 0; i < n; ++i) {
+      fixed[index(i)] = scenario_.run.actuation == sim::Actuation::kStepper;
+      fixed[index((grid.knots() - 1) * n + i)] = true;
+    }
+    return fixed;
+  }
+
+  [[nodiscard]] SqpSettings settings() const {
+    SqpSettings settings;
+    settings.friction_limit = problem_.friction_limit;
+    if (problem_.task.objective == Objective::kTime) settings.good_enough = 0.97 * problem_.friction_limit;
+    if (problem_.task.objective == Objective::kEffort) settings.good_enough = 0.9 * problem_.friction_limit;
+    return settings;
+  }
+
+  // The task on the way to the whole one: goal and via places at the part `part` of their distance from the start,
+  // obstacles as small, a path to follow as wide.
+  [[nodiscard]] Problem partial(double part) const {
+    Problem staged = problem_;
+    const auto nearer = [&](const Eigen::Vector2d& place) {
+      return Eigen::Vector2d(problem_.start_m + part * (place - problem_.start_m));
+    };
+    staged.task.goal_m = nearer(staged.task.goal_m);
+    for (Via& via : staged.task.via) via.position_m = nearer(via.position_m);
+    for (KeepOut& circle : staged.task.keep_out) {
+      circle.radius_m = part * (circle.radius_m + problem_.robot.ball.radius_m) - problem_.robot.ball.radius_m;
+    }
+    if (staged.task.follow) staged.task.follow->tolerance_m /= part;
+    return staged;
+  }
+
+  void try_start(double duration_s, int start) {
+    const Grid grid = make_grid(problem_, duration_s, kPieces);
+    std::vector<double> knots = initial_knots(grid, start);
+    std::vector<double> via_time_s;
+    const std::vector<bool> fixed = fixed_knots(grid);
+    for (std::size_t v = 0; v < knots.size(); ++v) {
+      if (fixed[v]) knots[v] = 0;
+    }
+    if (start % 2 == 1) {
+      for (const double part : {0.25, 0.5, 0.75}) {
+        const Problem staged = partial(part);
+        SqpSettings s = settings();
+        s.most_iterations = 10;
+        s.good_enough = kInfinity;
+        improve_on(staged, grid, fixed, s, knots, via_time_s);
+      }
+    }
+    SqpSettings s = settings();
+    s.most_iterations = 60;
+    const Merit merit = improve_on(problem_, grid, fixed, s, knots, via_time_s);
+    debug("start", start, merit);
+    if (merit.error() > 1e-2) return fail(grid, knots, merit);
+    refine(grid, fixed, knots, via_time_s);
+  }
+
+  static void debug(const char* what, int number, const Merit& merit) {
+    if (std::getenv("PLAN_DEBUG") == nullptr) return;
+    fmt::print(stderr, "{} {} need {:.5f} eq {:.2g} {} limit {:.2g} {}\n", what, number, merit.need, merit.equality,
+               equality_words(merit.worst_equality), merit.limit, limit_words(merit.worst_limit));
+  }
+
+  Merit improve_on(const Problem& problem, const Grid& grid, const std::vector<bool>& fixed, const SqpSettings& s,
+                   std::vector<double>& knots, std::vector<double>& via_time_s) {
+    Rollout rollout(problem, grid);
+    Transcription transcription = transcribe(problem, rollout, via_time_s);
+    const Merit merit = improve(rollout, transcription, fixed, s, knots, effort_);
+    via_time_s = transcription.via_time_s;
+    return merit;
+  }
+
+  Transcription transcribe(const Problem& problem, const Rollout& rollout,
+                           const std::vector<double>& via_time_s) const {
+    Transcription transcription(problem, rollout);
+    transcription.friction_unit = std::clamp(least_need(rollout.grid().duration_s), 0.005, 1.0);
+    transcription.corrections.room = 2e-3;  // the ball bends by less than that from its chord between two nodes
+    if (!via_time_s.empty()) transcription.via_time_s = via_time_s;
+    return transcription;
+  }
+
+  // The last part: nodes twice as dense, so that little happens between them, and the plant as the judge. True: a plan.
+  bool refine(const Grid& coarse, const std::vector<bool>& fixed, std::vector<double> knots,
+              std::vector<double> via_time_s) {
+    const Grid grid{coarse.duration_s, coarse.pieces, 2 * coarse.steps_per_piece};
+    Rollout rollout(problem_, grid);
+    Transcription transcription = transcribe(problem_, rollout, via_time_s);
+    SqpSettings s = settings();
+    s.most_iterations = 20;
+    Merit merit = improve(rollout, transcription, fixed, s, knots, effort_);
+    debug(" fine", effort_.iterations, merit);
+    if (problem_.task.objective == Objective::kEffort) {
+      s.objective = Objective::kEffort;
+      s.good_enough = 0;
+      s.most_iterations = 40;
+      merit = improve(rollout, transcription, fixed, s, knots, effort_);
+      debug(" effort", effort_.iterations, merit);
+    }
+    for (int round = 0; round < 4; ++round) {
+      Plan plan{grid, knots, roll_by_plant(problem_, scenario_, grid, knots), transcription.via_time_s, 0};
+      if (!plan.run.rolled || plan.run.nodes.size() != index(grid.nodes())) return false;
+      Rollout rolled(problem_, grid);
+      rolled.adopt(plan.run.nodes);
+      Transcription truth = transcribe(problem_, rolled, transcription.via_time_s);
+      truth.corrections.room = 0;
+      if (accept(plan, truth, merit)) return true;
+      // The model's errors, which hardly change with the motion, are moved into its equalities.
+      transcription.corrections.equality.clear();
+      const auto model = transcription.equalities(false), plant = truth.equalities(false);
+      std::vector<double> correction;
+      for (std::size_t k = 0; k < model.size(); ++k) correction.push_back(plant[k].value - model[k].value);
+      transcription.corrections.equality = correction;
+      s.most_iterations = 8;
+      s.good_enough = 0;
+      merit = improve(rollout, transcription, fixed, s, knots, effort_);
+    }
+    return false;
+  }
+
+  // Keeps the plan if it holds by the plant and is better than the best. True: it holds.
+  bool accept(Plan& plan, const Transcription& truth, const Merit& model) {
+    const Eigen::Vector2d end(plan.run.nodes.back().place_m[0], plan.run.nodes.back().place_m[1]);
+    plan.goal_error_m = (end - problem_.task.goal_m).norm();
+    Merit merit = judge(truth, plan.knots);
+    merit.need = need_of(plan);
+    debug("  plant", 0, merit);
+    if (merit.equality > kEqualityTolerance || merit.limit > kLimitTolerance || merit.need > problem_.friction_limit) {
+      merit.need = std::max(merit.need, model.need);
+      fail(plan.grid, plan.knots, merit);
+      return false;
+    }
+    if (!best_ || better(plan, merit)) {
+      best_ = plan;
+      best_effort_ = merit.effort;
+      binding_ = binding_words(truth, plan.knots, problem_.task.objective);
+    }
+    return true;
+  }
+
+  [[nodiscard]] bool better(const Plan& plan, const Merit& merit) const {
+    if (problem_.task.objective == Objective::kTime) return plan.grid.duration_s < best_->grid.duration_s;
+    if (problem_.task.objective == Objective::kEffort) return merit.effort < best_effort_;
+    return need_of(plan) < need_of(*best_);
+  }
+
+  // Shorter and shorter durations, each from the best plan, until the next one fails within a percent.
+  void shorten() {
+    double failed_s = 0;
+    for (int k = 0; k < 16 && !stopped(); ++k) {
+      const double held_s = best_->grid.duration_s;
+      if (held_s < 1.01 * failed_s) return;
+      const double ratio = std::clamp(std::sqrt(need_of(*best_) / problem_.friction_limit) * 1.02, 0.6, 0.985);
+      const double next_s = failed_s > 0 ? std::sqrt(failed_s * held_s) : ratio * held_s;
+      const Grid grid = make_grid(problem_, next_s, kPieces);
+      std::vector<double> knots = best_->knots, via_time_s = best_->via_time_s;
+      for (double& knot : knots) knot *= (held_s / next_s) * (held_s / next_s);
+      for (std::size_t v = 0; v < via_time_s.size(); ++v) {
+        const auto& given = problem_.task.via[v].time_s;
+        via_time_s[v] = given ? *given : via_time_s[v] * next_s / held_s;
+      }
+      const std::vector<bool> fixed = fixed_knots(grid);
+      SqpSettings s = settings();
+      s.most_iterations = 50;
+      const Merit merit = improve_on(problem_, grid, fixed, s, knots, via_time_s);
+      if (merit.error() > 1e-2 || !refine(grid, fixed, knots, via_time_s)) failed_s = next_s;
+    }
+  }
+
+  void fail(const Grid& grid, const std::vector<double>& knots, const Merit& merit) {
+    const double over = std::max(0.0, merit.need / problem_.friction_limit - 1);
+    const double error = merit.error() + over;
+    if (error >= failure_.error) return;
+    Rollout rollout(problem_, grid);
+    if (!rollout.roll(knots)) return;
+    const auto& end = rollout.nodes().back().place_m;
+    failure_ = {error, merit, {end[0], end[1]}, merit.error() <= 1e-3};
+  }
+
+  [[nodiscard]] std::string failure_words() const {
+    if (options_.stop && options_.stop()) return "the search was ended before it had found one";
+    if (!std::isfinite(failure_.error)) return "no motion that was tried kept the ball rolling";
+    const double limit = problem_.friction_limit;
+    if (failure_.friction_only) {
+      return fmt::format(
+          "friction stands in the way: the best motion found needs f_s/N = {:.4g}, and friction_use mu_s is {:.4g}; a "
+          "duration of about {:.3g} s, or mu_s = {:.3g}, would do",
+          failure_.merit.need, limit, problem_.task.duration_s * std::sqrt(failure_.merit.need / limit),
+          failure_.merit.need / (limit / scenario_.surface.static_friction));
+    }
+    const std::string what = failure_.merit.equality >= failure_.merit.limit
+                                 ? equality_words(failure_.merit.worst_equality)
+                                 : limit_words(failure_.merit.worst_limit);
+    return fmt::format(
+        "{} could not be met; the nearest motion found ends at ({:.4g}, {:.4g}) m, {:.3g} m from the goal", what,
+        failure_.reached_m[0], failure_.reached_m[1], (failure_.reached_m - problem_.task.goal_m).norm());
+  }
+
+  const Problem& problem_;
+  const sim::Scenario& scenario_;
+  const SearchOptions& options_;
+  Effort effort_;
+  std::optional<Plan> best_;
+  double best_effort_ = 0;
+  std::string binding_;
+  Failure failure_;
+};
+
+}  // namespace
+
+Outcome search(const Problem& problem, const sim::Scenario& scenario, const SearchOptions& options) {
+  return Search(problem, scenario, options).run();
+}
+
+}  // namespace ballast::plan

@@ -1,0 +1,45 @@
+// Finds a plan: several starts, continuation, and a polish against the plant.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "tools/plan/plant_check.h"
+#include "tools/plan/sqp.h"
+
+namespace ballast::plan {
+
+enum class Status {
+  kFound,
+  kInfeasible,  // a bound that no motion of this robot passes stands in the way
+  kNotFound,
+};
+
+// A motion and what the plant said of it.
+struct Plan {
+  Grid grid;
+  std::vector<double> knots;
+  PlantRun run;
+  std::vector<double> via_time_s;
+  double goal_error_m = 0;
+};
+
+struct Outcome {
+  Status status = Status::kNotFound;
+  std::optional<Plan> plan;  // kFound: the best that holds
+  std::string binding;       // what limits it, in words
+  int iterations = 0;
+};
+
+struct SearchOptions {
+  std::uint64_t seed = 0;
+  std::vector<std::vector<sim::MotionPiece>> from;  // motion of each mass to start from; empty: none
+  std::function<bool()> stop;                       // ends the search with the best plan so far
+  // Best need so far (infinite: none), the running search's need and its greatest violation.
+  std::function<void(int iteration, double best, double need, double error)> progress;
+};
+
+[[nodiscard]] Outcome search(const Problem& problem, const sim::Scenario& scenario, const SearchOptions& options);
+
+}  // namespace ballast::plan

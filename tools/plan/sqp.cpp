@@ -1,0 +1,351 @@
+#include "tools/plan/sqp.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tools/plan/quadratic_program.h"
+
+namespace ballast::plan {
+namespace {
+
+std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+constexpr double kFirstWeight = 300, kLastWeight = 3e5;  // of half a squared equality
+constexpr double kPenalty = 30;                          // of a limit's violation; a level's whole weight is 1
+constexpr double kRegularisation = 1e-4;
+
+class Sqp {
+ public:
+  Sqp(Rollout& rollout, Transcription& transcription, const std::vector<bool>& fixed, const SqpSettings& settings,
+      std::vector<double>& knots, Effort& effort)
+      : rollout_(rollout),
+        transcription_(transcription),
+        problem_(transcription.problem()),
+        fixed_(fixed),
+        settings_(settings),
+        knots_(knots),
+        effort_(effort),
+        size_(rollout.variables()) {
+    for (int v = 0; v < size_; ++v) unit_.push_back(acceleration_unit(problem_, v % problem_.masses()));
+    by_level_ = settings.objective != Objective::kEffort;
+  }
+
+  Merit run() {
+    bool good = rollout_.roll(knots_);
+    if (good) rollout_.differentiate();
+    Merit now = judge(transcription_, knots_);
+    double damping = 1e-3;
+    int quiet = 0;
+    for (int k = 0; good && k < settings_.most_iterations; ++k) {
+      if (effort_.stop && effort_.stop()) break;
+      ++effort_.iterations;
+      if (effort_.progress) effort_.progress(now.need, now.error());
+      weight_ = now.equality > 0.1 ? kFirstWeight : now.equality > 0.01 ? 10 * kFirstWeight : kLastWeight;
+      const double merit = true_merit();
+      build();
+      bool accepted = false;
+      for (int attempt = 0; attempt < 9 && !accepted; ++attempt) {
+        for (int v = 0; v < size_; ++v) program_.hessian[index(v) * index(size_) + index(v)] += damping;
+        const ProgramSolution step = solve(program_);
+        for (int v = 0; v < size_; ++v) program_.hessian[index(v) * index(size_) + index(v)] -= damping;
+        const std::vector<double> before = knots_;
+        for (int v = 0; v < size_; ++v) knots_[index(v)] += unit_[index(v)] * step.x[index(v)];
+        const bool rolled = step.decrease > 0 && rollout_.roll(knots_) && restore();
+        const double gained = rolled ? merit - true_merit() : -1;
+        accepted = rolled && gained > 0.05 * step.decrease;
+        if (accepted) {
+          if (gained > 0.7 * step.decrease) damping = std::max(damping / 5, 1e-7);
+          if (gained < 0.3 * step.decrease) damping *= 2;
+        } else {
+          knots_ = before;
+          damping = std::min(damping * 6, 1e8);
+        }
+      }
+      if (!accepted) {
+        good = rollout_.roll(knots_);
+        break;
+      }
+      rollout_.differentiate();
+      transcription_.move_via_times();
+      const Merit then = judge(transcription_, knots_);
+      const double size = std::max(then.need, 1e-6);
+      const bool holds = then.equality < settings_.most_equality && then.limit < settings_.most_limit;
+      const bool slow = by_level_ ? now.need - then.need < settings_.tolerance * size
+                                  : now.effort - then.effort < settings_.tolerance * then.effort;
+      now = then;
+      quiet = holds && slow ? quiet + 1 : 0;
+      if (quiet >= 3 || (holds && then.need <= settings_.good_enough)) break;
+    }
+    return now;
+  }
+
+ private:
+  // Penalised by how far it is out of [lower, upper].
+  static double outside(const Limit& limit) {
+    return std::max({0.0, limit.value - limit.upper, limit.lower - limit.value});
+  }
+
+  [[nodiscard]] double friction_bound() const {
+    return by_level_ ? std::numeric_limits<double>::infinity()
+                     : 0.998 * settings_.friction_limit / transcription_.friction_unit;
+  }
+
+  double true_merit() const {
+    double sum = 0, level = 0;
+    for (const double ratio : transcription_.ratios()) {
+      level = std::max(level, ratio);
+      sum += std::max(0.0, ratio - friction_bound());
+    }
+    transcription_.limits(false, [&](const Limit& limit, const NodeForm&) { sum += outside(limit); });
+    knot_limits([&](const Limit& limit, int, int, double) { sum += outside(limit); });
+    double merit = kPenalty * sum + (by_level_ ? level : 0);
+    const auto equalities = transcription_.equalities(false);
+    for (const auto& e : equalities) merit += 0.5 * weight_ * e.value * e.value;
+    for (int v = 0; v < size_; ++v) {
+      const double x = knots_[index(v)] / unit_[index(v)];
+      merit += 0.5 * effort_weight() * x * x;
+    }
+    return merit;
+  }
+
+  [[nodiscard]] double effort_weight() const { return (by_level_ ? kRegularisation : 1.0) / rollout_.grid().knots(); }
+
+  // Accelerations and jerks: sink(limit, variable, other variable or -1, derivative by the first).
+  template <class Sink>
+  void knot_limits(Sink sink) const {
+    const int n = problem_.masses();
+    for (int v = 0; v < size_; ++v) {
+      const MassLimits& limits = problem_.limits[index(v % n)];
+      if (std::isfinite(limits.acceleration)) {
+        constexpr double kRoom = 1e-4;
+        sink(Limit{LimitKind::kAcceleration, v % n, v / n, knots_[index(v)] / limits.acceleration, -1 + kRoom,
+                   1 - kRoom},
+             v, -1, unit_[index(v)] / limits.acceleration);
+      }
+      if (std::isfinite(limits.jerk) && v + n < size_) {
+        const double most = limits.jerk * rollout_.grid().piece_s();
+        constexpr double kRoom = 1e-4;
+        sink(Limit{LimitKind::kJerk, v % n, v / n, (knots_[index(v + n)] - knots_[index(v)]) / most, -1 + kRoom,
+                   1 - kRoom},
+             v + n, v, unit_[index(v)] / most);
+      }
+    }
+  }
+
+  // A row of zeros in the program.
+  double* new_row(ProgramRow& row) {
+    row.offset = program_.coefficients.size();
+    program_.coefficients.resize(row.offset + index(size_), 0.0);
+    return &program_.coefficients[row.offset];
+  }
+
+  // Scales a row to the program's variables and adds it.
+  void add_row(ProgramRow row) {
+    double* j = &program_.coefficients[row.offset];
+    for (int v = 0; v < row.end; ++v) j[v] = fixed_[index(v)] ? 0 : j[v] * unit_[index(v)];
+    row.offset += index(row.begin);
+    program_.rows.push_back(row);
+  }
+
+  void build() {
+    program_.size = size_;
+    program_.rows.clear();
+    program_.coefficients.clear();
+    program_.level_weight = by_level_ ? 1 : 0;
+    program_.penalty = kPenalty;
+    program_.gradient.assign(index(size_), 0);
+    program_.hessian.assign(index(size_) * index(size_), 0);
+    for (int v = 0; v < size_; ++v) {
+      program_.hessian[index(v) * index(size_) + index(v)] = effort_weight();
+      program_.gradient[index(v)] = fixed_[index(v)] ? 0 : effort_weight() * knots_[index(v)] / unit_[index(v)];
+    }
+    add_equalities();
+    add_ratios();
+    add_limits();
+  }
+
+  // Second-order correction: the smallest change that takes what the step has left of the equalities away, by the
+  // derivatives of the point before. Without it a heavy weight on curved equalities would allow tiny steps only. Kept
+  // if the equalities become smaller. False if the motion does not stay finite.
+  bool restore() {
+    const auto size_of = [this] {
+      double sum = 0;
+      for (const auto& e : transcription_.equalities(false)) sum += e.value * e.value;
+      return sum;
+    };
+    const std::size_t m = equality_rows_.size();
+    if (m == 0) return true;
+    double left = size_of();
+    for (int round = 0; round < 2 && left > 1e-12; ++round) {
+      std::vector<double> gram(m * m), pull(m);
+      const auto equalities = transcription_.equalities(false);
+      for (std::size_t a = 0; a < m; ++a) {
+        pull[a] = -equalities[a].value;
+        for (std::size_t b = 0; b <= a; ++b) {
+          for (std::size_t v = 0; v < index(size_); ++v) gram[a * m + b] += equality_rows_[a][v] * equality_rows_[b][v];
+        }
+        gram[a * m + a] += 1e-9 + 1e-9 * gram[a * m + a];
+      }
+      if (!factorise(gram, static_cast<int>(m))) return true;
+      solve_factorised(gram, static_cast<int>(m), pull);
+      const std::vector<double> before = knots_;
+      for (std::size_t a = 0; a < m; ++a) {
+        for (std::size_t v = 0; v < index(size_); ++v) knots_[v] += unit_[v] * equality_rows_[a][v] * pull[a];
+      }
+      const bool rolled = rollout_.roll(knots_);
+      const double now = rolled ? size_of() : left;
+      if (!(now < left)) {
+        knots_ = before;
+        return rollout_.roll(knots_);
+      }
+      left = now;
+    }
+    return true;
+  }
+
+  void add_equalities() {
+    const auto equalities = transcription_.equalities(true);
+    equality_rows_.assign(equalities.size(), std::vector<double>(index(size_), 0.0));
+    for (std::size_t k = 0; k < equalities.size(); ++k) {
+      const auto& e = equalities[k];
+      std::vector<double>& j = equality_rows_[k];
+      int end = 0;
+      for (int f = 0; f < e.forms; ++f) end = std::max(end, transcription_.expand(e.form[index(f)], 1, j.data()));
+      for (int v = 0; v < end; ++v) j[index(v)] = fixed_[index(v)] ? 0 : j[index(v)] * unit_[index(v)];
+      const double pull = weight_ * e.value;
+      for (int v = 0; v < end; ++v) {
+        program_.gradient[index(v)] += pull * j[index(v)];
+        const double factor = weight_ * j[index(v)];
+        double* row = &program_.hessian[index(v) * index(size_)];
+        for (int w = 0; w <= v; ++w) row[w] += factor * j[index(w)];
+      }
+    }
+  }
+
+  // Each node's f / N has a row along its direction and one across it, since the direction may turn in the step.
+  void add_ratios() {
+    for (int node = 0; node < rollout_.grid().nodes(); ++node) {
+      std::array<double, 2> q{};
+      std::array<NodeForm, 2> form{};
+      transcription_.ratio_forms(node, q, form);
+      const double size = std::hypot(q[0], q[1]);
+      const double along[2] = {size > 0 ? q[0] / size : 1, size > 0 ? q[1] / size : 0};
+      const double across[2] = {-along[1], along[0]};
+      for (const double* direction : {along, across}) {
+        ProgramRow row;
+        double* j = new_row(row);
+        for (std::size_t c = 0; c < 2; ++c) {
+          row.value += direction[c] * q[c];
+          row.end = transcription_.expand(form[c], direction[c], j);
+        }
+        row.level = by_level_;
+        row.upper = friction_bound();
+        row.lower = -row.upper;
+        if (!row.level && !std::isfinite(row.upper)) {
+          program_.coefficients.resize(row.offset);
+          continue;
+        }
+        add_row(row);
+      }
+    }
+  }
+
+  void add_limits() {
+    transcription_.limits(true, [&](const Limit& limit, const NodeForm& form) {
+      if (far(limit)) return;
+      ProgramRow row;
+      row.end = transcription_.expand(form, 1, new_row(row));
+      row.value = limit.value;
+      row.lower = limit.lower;
+      row.upper = limit.upper;
+      add_row(row);
+    });
+    knot_limits([&](const Limit& limit, int variable, int other, double slope) {
+      if (far(limit)) return;
+      ProgramRow row;
+      row.begin = std::min(variable, other < 0 ? variable : other);
+      row.end = std::max(variable, other) + 1;
+      row.value = limit.value;
+      row.lower = limit.lower;
+      row.upper = limit.upper;
+      row.offset = program_.coefficients.size();
+      program_.coefficients.resize(row.offset + index(row.end - row.begin), 0.0);
+      double* j = &program_.coefficients[row.offset];
+      if (!fixed_[index(variable)]) j[variable - row.begin] = slope;
+      if (other >= 0 && !fixed_[index(other)]) j[other - row.begin] = -slope;
+      program_.rows.push_back(row);
+    });
+  }
+
+  // A limit so far away that no step reaches it: steps are damped, and checked on the true merit.
+  static bool far(const Limit& limit) {
+    if (limit.kind == LimitKind::kKeepOut) return limit.value > limit.lower + 2;
+    if (limit.kind == LimitKind::kNormalForce) return limit.value > 0.7;
+    if (limit.kind == LimitKind::kStability || limit.kind == LimitKind::kRailEnd) return false;
+    return limit.value > 0.4 * limit.lower && limit.value < 0.4 * limit.upper;
+  }
+
+  Rollout& rollout_;
+  Transcription& transcription_;
+  const Problem& problem_;
+  const std::vector<bool>& fixed_;
+  const SqpSettings& settings_;
+  std::vector<double>& knots_;
+  Effort& effort_;
+  int size_;
+  bool by_level_ = true;
+  double weight_ = kFirstWeight;
+  std::vector<double> unit_;
+  std::vector<std::vector<double>> equality_rows_;  // by the program's variables
+  QuadraticProgram program_;
+};
+
+}  // namespace
+
+double acceleration_unit(const Problem& problem, int mass) {
+  const double time = time_unit_s(problem);
+  return 0.05 * problem.robot.ball.radius_m / (time * time) / problem.metres_per_unit[mass];
+}
+
+Merit judge(const Transcription& transcription, const std::vector<double>& knots) {
+  const Problem& problem = transcription.problem();
+  Merit merit;
+  for (const double ratio : transcription.ratios())
+    merit.need = std::max(merit.need, ratio * transcription.friction_unit);
+  const int n = problem.masses();
+  for (std::size_t v = 0; v < knots.size(); ++v) {
+    const double x = knots[v] / acceleration_unit(problem, static_cast<int>(v) % n);
+    merit.effort += x * x / static_cast<double>(knots.size());
+  }
+  const auto note = [&](const Limit& limit) {
+    const double over = std::max(limit.value - limit.upper, limit.lower - limit.value);
+    if (over <= merit.limit) return;
+    merit.limit = over;
+    merit.worst_limit = limit;
+  };
+  transcription.limits(false, [&](const Limit& limit, const NodeForm&) { note(limit); });
+  const double piece_s = transcription.rollout().grid().piece_s();
+  for (std::size_t v = 0; v < knots.size(); ++v) {
+    const int mass = static_cast<int>(v) % n, knot = static_cast<int>(v) / n;
+    const MassLimits& limits = problem.limits[index(mass)];
+    if (std::isfinite(limits.acceleration)) {
+      note({LimitKind::kAcceleration, mass, knot, knots[v] / limits.acceleration, -1, 1});
+    }
+    if (std::isfinite(limits.jerk) && v + index(n) < knots.size()) {
+      note({LimitKind::kJerk, mass, knot, (knots[v + index(n)] - knots[v]) / piece_s / limits.jerk, -1, 1});
+    }
+  }
+  for (const auto& e : transcription.equalities(false)) {
+    if (std::abs(e.value) <= merit.equality) continue;
+    merit.equality = std::abs(e.value);
+    merit.worst_equality = e.kind;
+  }
+  return merit;
+}
+
+Merit improve(Rollout& rollout, Transcription& transcription, const std::vector<bool>& fixed,
+              const SqpSettings& settings, std::vector<double>& knots, Effort& effort) {
+  return Sqp(rollout, transcription, fixed, settings, knots, effort).run();
+}
+
+}  // namespace ballast::plan

@@ -1,0 +1,101 @@
+// The planning problem in the planner's variables: what has to be small, to vanish or to stay within limits, as
+// functions of a rollout, each with its derivatives on request. All are dimensionless: lengths by r, times by sqrt(r /
+// g), forces by weight, limits by themselves.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "tools/plan/rollout.h"
+
+namespace ballast::plan {
+
+enum class LimitKind {
+  kNormalForce,
+  kRailEnd,
+  kSpeed,
+  kAcceleration,
+  kJerk,
+  kTorque,
+  kResonance,
+  kKeepOut,
+  kFollow,
+  kStability,
+};
+
+// Linear form in the tangent and the masses' motion at one node, or in the knots themselves.
+struct NodeForm {
+  int node = 0;
+  std::array<double, kTangent> tangent{};
+  PerMass<std::array<double, 3>> mass{};  // by position, velocity, acceleration
+};
+
+struct Limit {
+  LimitKind kind;
+  int index;  // of the mass or the circle
+  int node;   // or knot
+  double value, lower, upper;
+};
+
+// Corrections that make the planner's model agree with the plant, and room kept from limits.
+struct Corrections {
+  std::vector<double> equality;  // added to the equalities; empty: none
+  double room = 0;               // of limits that hold between nodes too
+  double friction = 1;           // the plant's located maximum of f_s / N over that at the nodes
+};
+
+// What an equality stands for.
+struct EqualityKind {
+  enum { kGoal, kVia, kSpin, kMassRate, kBalance, kMassPosition } kind;
+  int index;
+};
+
+class Transcription {
+ public:
+  Transcription(const Problem& problem, const Rollout& rollout);
+
+  // Reference of f_s / N, by which it is made dimensionless.
+  double friction_unit = 1;
+  Corrections corrections;
+  std::vector<double> via_time_s;  // of each via place
+
+  // f_s / N at the nodes, over friction_unit. A node whose N is not well above 0 has a large one.
+  [[nodiscard]] std::vector<double> ratios() const;
+  // f / N of a node (two components) over friction_unit, and its derivatives.
+  void ratio_forms(int node, std::array<double, 2>& value, std::array<NodeForm, 2>& form) const;
+
+  // Calls `sink` for each limit; `form` is filled only `with_forms`. Limits of knots come from knot_limits().
+  using Sink = std::function<void(const Limit& limit, const NodeForm& form)>;
+  void limits(bool with_forms, const Sink& sink) const;
+
+  // Each equality has up to two forms (a via place lies between two nodes).
+  struct Equality {
+    EqualityKind kind;
+    double value;
+    int forms;
+    std::array<NodeForm, 2> form;
+  };
+  [[nodiscard]] std::vector<Equality> equalities(bool with_forms) const;
+
+  // Moves the times of via places that have none given towards the nearest pass.
+  void move_via_times();
+
+  // Row of `form` over the variables, added to `out` times `factor`. Returns the end of its columns.
+  int expand(const NodeForm& form, double factor, double* out) const;
+
+  [[nodiscard]] const Problem& problem() const { return problem_; }
+  [[nodiscard]] const Rollout& rollout() const { return rollout_; }
+
+ private:
+  void motor_limits(int node, bool with_forms, const Sink& sink) const;
+  void place_limits(int node, bool with_forms, const Sink& sink) const;
+  void rest_equalities(bool with_forms, std::vector<Equality>& out) const;
+  void center_of_mass(Vec& center_B, std::array<Vec, kMaxMasses>& by_position) const;
+
+  const Problem& problem_;
+  const Rollout& rollout_;
+  double length_, time_, weight_, depth_;
+};
+
+}  // namespace ballast::plan

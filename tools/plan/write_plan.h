@@ -1,0 +1,27 @@
+// A plan as files: the scenario that runs it, and what is claimed of it.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+#include "tools/plan/read_task.h"
+#include "tools/plan/search.h"
+
+namespace ballast::plan {
+
+[[nodiscard]] const char* to_string(Status status);
+[[nodiscard]] const char* to_string(Objective objective);
+
+// The task's scenario with the plan's motion and duration, the name NAME_plan and [plan]. It keeps [task], so that
+// pictures can show goal, via places and obstacles; published numbers belong to another motion and are left out.
+// `toml`: the task's file.
+[[nodiscard]] std::string plan_toml(const std::string& toml, const TaskFile& task, const Plan& plan);
+
+// The name of the scenario that plan_toml() gives.
+[[nodiscard]] std::string plan_name(const std::string& task_name);
+
+[[nodiscard]] std::string outcome_json(const TaskFile& task, const Outcome& outcome, std::uint64_t seed,
+                                       double wall_time_s);
+
+}  // namespace ballast::plan
