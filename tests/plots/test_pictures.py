@@ -17,6 +17,7 @@ from matplotlib.legend import Legend
 from matplotlib.patches import Polygon
 from matplotlib.quiver import Quiver
 
+import page
 import pictures
 import plot
 from event_log import LogError
@@ -500,6 +501,20 @@ class PicturesTest(unittest.TestCase):
         synthetic.write(self.folder)
         with self.assertRaisesRegex(LogError, "BALLAST_CONTACT, message 0: not a contact_t"):
             RecordedRun(self.folder)
+
+    def test_a_ringing_signal_is_its_mean_and_a_band(self):
+        time = np.arange(30000) / 1000
+        swing = np.where(time < 20, np.sin(2 * np.pi * 97 * time), 0)
+        _, (axes,) = page.blank_page((9, 5))
+        self.assertTrue(page.draw_ringing(axes, time, time + swing, page.BLUE, 1.0))
+        line, = axes.get_lines()
+        # A block of 0.1 s has 9.7 periods; the rest of a period leaves at most 1 / (9.7 pi) in the mean.
+        np.testing.assert_allclose(line.get_ydata()[200:19800], time[200:19800], rtol=0, atol=0.04)
+        np.testing.assert_array_equal(line.get_ydata()[20000:], time[20000:])  # drawn as it is where it does not ring
+        band = axes.collections[0].get_paths()[0].vertices
+        self.assertLess(band[:, 0].max(), 20.2)
+        self.assertGreater(np.ptp(band[(band[:, 0] > 5) & (band[:, 0] < 5.35), 1]), 1.9)
+        self.assertFalse(page.draw_ringing(axes, time, np.sin(time), page.BLUE, 1.0))
 
     def test_eight_masses_have_eight_colors(self):
         self.assertEqual(len(set(pictures.MASS_COLORS)), 8)

@@ -1,5 +1,6 @@
 // ballast integrate: a prescribed run with one numerical method, or with all of them in comparison.
 #include <fmt/core.h>
+#include <unistd.h>
 
 #include <iostream>
 #include <memory>
@@ -95,7 +96,12 @@ int integrate(IntegrateCommand command) {
   if (!output.good()) return refuse(program::kExitCouldNotRun, output.error());
   output.clear();
 
-  const auto comparison = integrators::compare(*scenario, methods, command.settings);
+  // A sign of life on a terminal: all methods together take seconds.
+  const bool watched = !command.quiet && methods.size() > 1 && isatty(STDERR_FILENO) == 1;
+  const auto comparison = integrators::compare(*scenario, methods, command.settings, [&](const auto& method) {
+    if (watched) fmt::print(stderr, "\r\033[K{} ...", method.name);
+  });
+  if (watched) fmt::print(stderr, "\r\033[K");
   if (!output.write("integrators.json", integrators::comparison_json(comparison)))
     return refuse(program::kExitCouldNotRun, output.error());
   // With several methods the summary is the default one's.

@@ -1,6 +1,6 @@
-// The yardstick: how fast this machine integrates the paper's ball when nothing but that ball has to be right. Written by
-// hand for three masses on circles about the geometric centre whose motion pieces meet at the same instants. It has no
-// events, no extrema, and no regime but rolling. Only the benchmarks use it.
+// The yardstick: how fast this machine integrates the paper's ball when nothing but that ball has to be right. Written
+// by hand for three masses on circles about the geometric centre whose motion pieces meet at the same instants. It has
+// no events, no extrema, and no regime but rolling. Only the benchmarks use it.
 //
 // Equations: physics.md section 4, rolling, summed about the geometric centre. On such a circle zeta'' = -zeta, zeta .
 // zeta' = 0 and zeta x zeta' = R^2 n with n fixed in the body. A mass's part of the sums is then

@@ -1,4 +1,4 @@
-// The cost of the paper's ball with prescribed masses: one right-hand side, and the way to T = 20 with the error it
+// The cost of the paper's ball with prescribed masses: one right-hand side, and the run to T = 20 with the error it
 // ends with, beside the yardstick (limit.h). tools/benchmarks/figures ratios prints them as a table.
 #include <benchmark/benchmark.h>
 

@@ -1,4 +1,4 @@
-// The same way to T = 20 in Simbody, an independent multibody program (tests/simbody).
+// The paper's ball to T = 20 in Simbody, an independent multibody program (tests/simbody).
 #include <benchmark/benchmark.h>
 
 #include <cmath>

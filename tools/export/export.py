@@ -2,13 +2,11 @@
 
 import argparse
 import json
-import mmap
-import os
 import re
 import sys
 from pathlib import Path
 
-from command import run_program
+from command import run_program, show_progress
 from event_log import LogError, scan
 from mcap import MAGIC, McapWriter
 from output_files import Kind, OutputError, OutputFiles, check_place
@@ -36,9 +34,10 @@ class Log:
 
         `events` are (timestamp, channel) in the log's order; `payloads` are the messages of each channel.
         """
-        events, payloads = [], {}
+        events, payloads, blocks = [], {}, 0
 
         def take(timestamp, channel, payload):
+            nonlocal blocks
             channel = channel.decode(errors="backslashreplace")
             if payload[:8] not in self._classes:
                 self.unknown[channel] = self.unknown.get(channel, 0) + 1
@@ -54,23 +53,16 @@ class Log:
                 take_block(events, payloads)
                 events.clear()
                 payloads.clear()
+                blocks += 1
+                show_progress(f"exported {blocks * BLOCK:,} messages")
 
-        with self._mapped() as data:
-            self.damage = scan(data, self.path, take)
+        self.damage = scan(self.path, take)
+        show_progress("")
         if events:
             take_block(events, payloads)
         if not self._types:
             raise LogError(f"{self.path}: no message of a type of this build"
                            f" ({sum(self.unknown.values())} others)")
-
-    def _mapped(self):
-        try:
-            with open(self.path, "rb") as file:
-                if os.fstat(file.fileno()).st_size == 0:
-                    raise LogError(f"{self.path}: the log is empty")
-                return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        except OSError as error:
-            raise LogError(f"{self.path}: {error.strerror}") from error
 
     def type_of(self, channel):
         return self._types[channel][1]

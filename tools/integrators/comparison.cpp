@@ -69,13 +69,14 @@ const Row* Comparison::fewest_evaluations() const {
 }
 
 Comparison compare(const sim::Scenario& scenario, const std::vector<const MethodInfo*>& methods,
-                   const Settings& settings) {
+                   const Settings& settings, const std::function<void(const MethodInfo&)>& begins) {
   const Settings tightest{.tolerance = kLeastTolerance};
   const State reference = with_unit_q(run_rolling(scenario, *find_method(kDefaultMethod), tightest).end_state);
   Comparison out;
   out.scenario = scenario.name;
   out.tolerance = settings.tolerance;
   for (const MethodInfo* method : methods) {
+    if (begins) begins(*method);
     Row row;
     row.method = method;
     row.settings = settings;

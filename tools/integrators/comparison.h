@@ -1,6 +1,7 @@
 // Methods side by side on one scenario: what each costs, and how far each ends from the tightest solution.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -26,7 +27,7 @@ class Comparison {
   std::string scenario;
   double tolerance = 0;
   std::vector<Row> rows;
-  // The best of those that reached the end of the run; nullptr: none.
+  // The best method that reached the end of the run; nullptr: none did.
   [[nodiscard]] const Row* fastest() const;
   [[nodiscard]] const Row* fewest_evaluations() const;  // of the right-hand side, in Jacobians too
 
@@ -34,11 +35,12 @@ class Comparison {
   const Row* least(double (*cost)(const Row&)) const;
 };
 
-// A fixed step is meant for the one method, or of several for those that know no other; without one these take that of
+// A fixed step applies to a single method, or among several to those that have fixed steps only. Without one these use
 // fixed_step_for(). The tightest solution is dop853's at 1e-13. Each method is repeated for some tenths of a second, at
 // least three times.
+// Calls `begins` before each method.
 Comparison compare(const sim::Scenario& scenario, const std::vector<const MethodInfo*>& methods,
-                   const Settings& settings);
+                   const Settings& settings, const std::function<void(const MethodInfo&)>& begins = {});
 
 std::string comparison_text(const Comparison& comparison);  // a table, ending in a newline
 std::string comparison_json(const Comparison& comparison);  // integrators.json: tools/docs/integrate.md

@@ -1,4 +1,4 @@
-// A numerical method, step by step. Which there are: methods.h.
+// A numerical method, step by step. methods.h lists them.
 #pragma once
 
 #include <cstdint>
@@ -22,11 +22,11 @@ class Method {
   Method(const Method&) = delete;
   Method& operator=(const Method&) = delete;
 
-  // Begins at (t, y), forgetting whatever was before: at the start, and after a kink.
+  // Begins at (t, y) and forgets all earlier steps. Called at the start and after a kink.
   virtual void start(double t, const State& y) = 0;
 
-  // One accepted step, its length the method's choice but not beyond `stop`, which the last step before it meets
-  // exactly. False: it cannot go on, and failure() says why in words, without the time.
+  // Makes one accepted step. The method chooses its length and does not pass `stop`; the last step ends exactly there.
+  // False: it cannot go on, and failure() gives the reason, without the time.
   [[nodiscard]] virtual bool step(double stop) = 0;
 
   [[nodiscard]] double time() const { return time_; }
@@ -35,7 +35,7 @@ class Method {
 
   // The solution at t inside the last step, by the method's own interpolant.
   virtual void dense(double t, State& y) = 0;
-  // The same as accurately as the step itself: one-step methods go there by a step from step_start().
+  // The solution as accurate as the step itself. One-step methods make a step from step_start() to t.
   virtual void exact(double t, State& y) { dense(t, y); }
 
   [[nodiscard]] const Counters& counters() const { return counters_; }  // dense() and exact() do not count

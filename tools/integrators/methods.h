@@ -27,15 +27,15 @@ struct MethodInfo {
   FixedSteps fixed_steps;
   int looks;  // into how many parts its steps are cut to look for extrema: 1 where steps are far shorter than the
               // motion
-  // Share of the tolerance that the local error gets, so that at one tolerance all methods end about equally far off:
-  // the errors of methods that take many times the steps add up to many times as much.
+  // Share of the tolerance that the local error gets. The errors of many short steps add up to more, so these methods
+  // get less. At one tolerance all methods then end about equally far off.
   double share;
   std::unique_ptr<Method> (*construct)(Problem& problem, const Settings& settings);
 
   [[nodiscard]] std::unique_ptr<Method> make(Problem& problem, const Settings& settings) const;
 };
 
-// No method's local error is held to less than this for its share: rounding would be all it sees.
+// The share lowers no method's tolerance below this, where the error estimate is mostly rounding.
 inline constexpr double kLeastShared = 2e-13;
 
 std::span<const MethodInfo> all_methods();

@@ -25,8 +25,8 @@ class Problem {
   [[nodiscard]] virtual int constraint() const { return -1; }  // its row; -1: none
   // y' at a y that obeys the constraint.
   virtual void slope(double t, const double* y, double* dydt) const { rhs(t, y, dydt); }
-  // To be called before the first step and after every one: takes the row that serves best from y on. True: it is
-  // another one than before, and what a method knows of f is no longer true.
+  // Takes the best row from y on. To be called before the first step and after every one. True: the row has changed,
+  // and values of f that a method has kept are no longer valid.
   virtual bool choose_constraint(const double*) { return false; }
 };
 

@@ -1,11 +1,11 @@
-// A prescribed run by a method of one's choice: rolling from the scenario's start to its end, or to where rolling ends.
+// A prescribed run by a chosen method: rolling from the scenario's start to its end, or to where rolling ends.
 //
-// Methods start anew at every kink of the motion and of the external force. Between kinks extrema of N, f_s and f_s / N
-// and the end of rolling (N = 0, or f_s = mu_s N) are looked for in every step on the method's interpolant, and taken
-// from Method::exact() where they are found.
+// The method starts anew at every kink of the motion and of the external force. Between kinks the run searches every
+// step for extrema of N, f_s and f_s / N and for the end of rolling (N = 0, or f_s = mu_s N). It searches on the
+// method's interpolant and takes the values from Method::exact().
 //
-// Where rolling ends the run ends, `slipped` or `detached`, whatever the scenario's on_violation says. There is no
-// monitor: the result's trip stays empty.
+// The run ends, `slipped` or `detached`, with rolling, whatever the scenario's on_violation says. There is no monitor,
+// so the result's trip stays empty.
 #pragma once
 
 #include <string>
@@ -17,16 +17,16 @@
 
 namespace ballast::integrators {
 
-// Empty: the scenario starts rolling. Otherwise how it starts.
+// How the scenario starts, or empty if it starts rolling.
 std::string why_not_rolling(const sim::Scenario& scenario);
 
 // A fixed step that suits a tolerance: a method of order 4 errs by about (h / sqrt(r/g))^4 in a run like the paper's.
 double fixed_step_for(const sim::Scenario& scenario, double tolerance);
 
-// The rolling ball as rolling_ball_ode_f or rolling_ball_dae_g. In the latter |q|^2 - 1 = 0 stands in the place of the
-// rate of one component of q. The paper always takes q_0; but the DAE has index 1 only as long as that component is not
-// 0, and the ball comes through q_0 = 0 each time it has turned by half. So here it is the largest one, taken anew when
-// it has fallen below 0.4 (one of the four is at least 0.5).
+// The rolling ball as rolling_ball_ode_f or rolling_ball_dae_g. In the latter |q|^2 - 1 = 0 replaces the rate of one
+// component of q. The paper always replaces that of q_0. The DAE has index 1 only while that component is not 0, and
+// q_0 passes 0 with every half turn of the ball. Here the largest component is taken, and chosen again when it has
+// fallen below 0.4 (one of the four is at least 0.5).
 class RollingProblem : public Problem {
  public:
   RollingProblem(const sim::Scenario& scenario, Form form) : ode(scenario), form_(form) {}
@@ -54,7 +54,7 @@ struct RollingRun {
 };
 RollingRun run_rolling(const sim::Scenario& scenario, const MethodInfo& method, const Settings& settings);
 
-// The integration alone, to end_s, without a look inside the steps: what there is to compare between methods.
+// The integration alone, to end_s, without searches inside the steps. Its cost is what methods are compared by.
 struct BareRun {
   double wall_time_s = 0;
   Counters counters;

@@ -23,10 +23,17 @@ def run_program(name, body, *errors):
         why = f"{error.filename or 'standard output'}: {error.strerror}"
     except KeyboardInterrupt:
         why = "interrupted"
+    show_progress("")
     print(f"{name}: {why}", file=sys.stderr)
     if not _can_flush():
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # otherwise Python complains again at exit
     return COULD_NOT_RUN
+
+
+def show_progress(text):
+    """Replaces the line on a terminal that tells how far the program is. Empty: removes it. Without a terminal: nothing."""
+    if sys.stderr.isatty():
+        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
 
 
 def _terminal_closed(number, frame):

@@ -32,23 +32,13 @@ class EventLog:
         self.path = path
         self.damage = None
         self._messages = {channel: [] for channel in channels}
-        try:
-            with open(path, "rb") as file:
-                if os.fstat(file.fileno()).st_size == 0:
-                    raise LogError(f"{path}: the log is empty")
-                with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                    self._scan(data)
-        except OSError as error:
-            raise LogError(f"{path}: {error.strerror}") from error
-
-    def _scan(self, data):
         wanted = {channel.encode(): messages for channel, messages in self._messages.items()}
 
         def take(_, channel, payload):
             if channel in wanted:
                 wanted[channel].append(payload)
 
-        self.damage = scan(data, self.path, take)
+        self.damage = scan(path, take)
 
     def messages(self, channel, message_class):
         """All messages of a channel as a structured array with the fields of the .lcm file."""
@@ -68,11 +58,23 @@ class EventLog:
         return np.frombuffer(b"".join(payloads), dtype=layout)
 
 
-def scan(data, path, take):
-    """Calls take(timestamp, channel, payload) for every event.
+def scan(path, take):
+    """Calls take(timestamp, channel, payload) for every event of the log.
 
     Returns None, or the place and reason where reading stopped early.
     """
+    try:
+        with open(path, "rb") as file:
+            if os.fstat(file.fileno()).st_size == 0:
+                raise LogError(f"{path}: the log is empty")
+            data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from error
+    with data:
+        return _scan(data, path, take)
+
+
+def _scan(data, path, take):
     offset, size = 0, len(data)
     while offset < size:
         body = offset + _HEADER.size

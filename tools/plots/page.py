@@ -36,12 +36,16 @@ _REGIME_SHADES = {"sliding": "#FAE3D5", "flight": "#CFE8F7"}
 
 # Events closer together than this fraction of the run's duration share one line.
 _SAME_INSTANT = 2e-3
+# Blocks into which a run is divided to find where a signal rings, and the turns of a signal that rings in a block.
+_RINGING_BLOCKS = 300
+_RINGING_TURNS = 4
 # Number of letters of a scenario's name that fit beside the longest title.
 _LONGEST_NAME = 28
 
 
 def number_text(value):
-    return f"{value:.4g}"
+    """Four digits. Rounding of 0, of either sign, is 0."""
+    return f"{0.0 if abs(value) < 1e-12 else value:.4g}"
 
 
 def mass_name(i):
@@ -56,6 +60,35 @@ def time_text(value):
 def hollow(color, size):
     return {"linestyle": "", "marker": "o", "markersize": size, "markerfacecolor": "white", "markeredgecolor": color,
             "markeredgewidth": 1.7}
+
+
+def draw_ringing(axes, time, value, color, width):
+    """Draws a signal. Where it swings faster than a picture can show, draws its mean, and a band from least to greatest.
+
+    Returns whether there is such a band.
+    """
+    if len(value) < 4 * _RINGING_BLOCKS:
+        axes.plot(time, value, color=color, linewidth=width)
+        return False
+    value = np.asarray(value, dtype=float)
+    edges = np.linspace(0, len(value), _RINGING_BLOCKS + 1).astype(int)
+    starts, ends = edges[:-1], edges[1:] - 1
+    finite = np.isfinite(value)
+    low, high = np.fmin.reduceat(value, starts), np.fmax.reduceat(value, starts)
+    mean = np.add.reduceat(np.where(finite, value, 0), starts) / np.maximum(np.add.reduceat(finite.astype(int), starts), 1)
+    slope = np.diff(value, prepend=value[0])
+    turns = np.add.reduceat((slope[1:] * slope[:-1] < 0).astype(int), np.minimum(starts, len(value) - 2))
+    rings = (turns >= _RINGING_TURNS) & (high - low > 0.02 * np.nanmax(high - low) + 0.01 * np.ptp(value[finite]))
+    smooth = np.interp(np.arange(len(value)), (starts + ends) / 2, mean)
+    axes.plot(time, np.where(np.repeat(rings, np.diff(edges)) & finite, smooth, value), color=color, linewidth=width)
+    if rings.any():
+        axes.fill_between(time[np.stack([starts, ends], axis=1).ravel()], np.repeat(low, 2), np.repeat(high, 2),
+                          where=np.repeat(rings, 2), color=color, alpha=0.3, linewidth=0)
+    return bool(rings.any())
+
+
+def ringing_legend():
+    return Patch(color=GREY, alpha=0.4, label="band: range of fast swings around their mean")
 
 
 def blank_page(size, rows=1):

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
-from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION, blank_page, draw_sphere,
-                  finish_time_axis, friction_arrows, head, hollow, legend_above, mark_ends, mark_events, mark_extremum,
-                  limit_height, mark_regimes_along, mass_name, number_text, rows_along, rows_over_time, space_axes,
+from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION, blank_page, draw_ringing,
+                  draw_sphere, finish_time_axis, friction_arrows, head, hollow, legend_above, mark_ends, mark_events, mark_extremum,
+                  limit_height, mark_regimes_along, mass_name, number_text, ringing_legend, rows_along, rows_over_time, space_axes,
                   time_text)
 
 # A path is flat in a direction in which it extends less than this fraction of its size. 20 s of integration leave 1e-10
@@ -19,8 +19,9 @@ from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION,
 _FLAT = 1e-6
 # f_s / N beyond this is not a meaningful number: N is 0 except for rounding.
 _WITHOUT_BOUND = 1e6
-# The available torque is drawn if it is at most this many times the greatest torque.
-_LIMIT_IN_SIGHT = 4
+# The available torque is drawn if it is at most this many times the greatest torque. Further away it would flatten the
+# torque's curve.
+_LIMIT_IN_SIGHT = 2.5
 # Percent. Margins below this are cut off: the motor is too weak, by however much.
 _LEAST_MARGIN_SHOWN = -110
 
@@ -107,8 +108,8 @@ def angular_velocity(run):
 
 
 def _path_label(run):
-    """The label of the path. GC and contact point have the same path on the floor; in flight there is no contact."""
-    return "GC" if run.leaves_the_ground() else "GC and CP"
+    """The label of the path. Centre and contact point have the same path on the floor; in flight there is no contact."""
+    return "ball's centre" if run.leaves_the_ground() else "ball's centre and contact point"
 
 
 def _end_handles(run):
@@ -138,7 +139,7 @@ def _curved_path(run, z, low, high):
     width = extent + 2 * margin
     figure, (axes,) = blank_page((8.5, float(np.clip(8.5 * width[1] / width[0] + 1.0, 5, 9.5))))
     handles = axes.plot(z[:, 0], z[:, 1], color=BLUE, label=_path_label(run))
-    rows = rows_along(z, 40)
+    rows = rows_along(z, 24)
     arrows = friction_arrows(axes, z[rows, 0], z[rows, 1], run.friction_force_W()[rows], arrow_size, True)
     regimes = mark_regimes_along(axes, run, z)
     mark_ends(axes, z[0], z[-1])
@@ -148,7 +149,7 @@ def _curved_path(run, z, low, high):
     axes.set_ylim(low[1] - margin, high[1] + margin)
     axes.set_xlabel("$z_1$ [m]")
     axes.set_ylabel("$z_2$ [m]")
-    head(axes, run, "Path of the GC, with friction", [handles + _end_handles(run), arrows, regimes])
+    head(axes, run, "Path of the ball, with friction", [handles + _end_handles(run), arrows, regimes])
     return figure
 
 
@@ -174,7 +175,7 @@ def _straight_path(run, z, along):
     finish_time_axis(axes, run)
     axes.set_xlim(left=-0.015 * run.end_s if run.end_s > 0 else None)
     axes.set_ylabel(f"$z_{axis + 1}$ [m]" if on_axis else f"distance along ({along[0]:.3g}, {along[1]:.3g}) [m]")
-    title = "Straight path of the GC, with friction" if np.ptp(distance) > 0 else "Path of the GC: it stays in place"
+    title = "Straight path of the ball, with friction" if np.ptp(distance) > 0 else "Path of the ball: it stays in place"
     head(axes, run, title, [handles + _end_handles(run), arrows, *events])
     return figure
 
@@ -223,7 +224,7 @@ def _body_plane(run, curves, plane, radius, half_width):
     axes.set_ylim(-1.08 * half_width, 1.08 * half_width)
     axes.set_xlabel(f"$E_{plane[0] + 1}$ [m]")
     axes.set_ylabel(f"$E_{plane[1] + 1}$ [m]")
-    head(axes, run, "Masses in the body frame, from the GC", _body_legend(curves, radius))
+    head(axes, run, "Masses in the body frame, from the centre", _body_legend(curves, radius))
     return figure
 
 
@@ -238,7 +239,7 @@ def _body_space(run, curves, radius, half_width):
     # A flat frame over the whole page carries title and legend.
     frame = figure.add_axes((0.03, 0.0, 0.94, 0.89), zorder=1)
     frame.axis("off")
-    head(frame, run, "Masses in the body frame, from the GC", _body_legend(curves, radius))
+    head(frame, run, "Masses in the body frame, from the centre", _body_legend(curves, radius))
     return figure
 
 
@@ -279,14 +280,15 @@ def motor_share(run):
     rows = figure.subplots(3, 2, sharex=True)
     events = mark_events(list(rows.flat), run)
     # Samples where the ball does not roll are left out, and no line is drawn across the gap.
+    ringing = False
     breaks = np.flatnonzero(np.diff(time) > 1.5 * run.summary["control_period"]) + 1
     for (name, (real, commanded)), (left, right), symbol, unit in zip(
             pairs.items(), rows, ("$N$", r"$f_\mathrm{s}$", r"$f_\mathrm{s}/N$"), (" [N]", " [N]", "")):
         at, real, commanded = (np.insert(values, breaks, np.nan) for values in (time, real, commanded))
-        left.plot(at, real, color=VERMILLION, linewidth=0.9)
+        ringing = draw_ringing(left, at, real, VERMILLION, 0.9) or ringing
         left.plot(at, commanded, color=BLUE, linewidth=1.4)
         difference = real - commanded
-        right.plot(at, difference, color=BLACK, linewidth=0.8)
+        ringing = draw_ringing(right, at, difference, BLACK, 0.8) or ringing
         right.axhline(0, color=GREY, linewidth=0.6)
         left.set_ylabel(symbol + unit)
         right.set_ylabel(rf"$\Delta$ {symbol}{unit}")
@@ -309,7 +311,7 @@ def motor_share(run):
         if axes not in rows[-1]:
             axes.set_xlabel("")
     curves = [Line2D([], [], color=VERMILLION, label="real"), Line2D([], [], color=BLUE, label="commanded")]
-    head(rows[0, 0], run, "The motors' share: real less commanded", [curves, *events], name_axes=rows[0, 1])
+    head(rows[0, 0], run, "The motors' share: real less commanded", [curves, [ringing_legend()] if ringing else [], *events], name_axes=rows[0, 1])
     return figure
 
 
@@ -327,7 +329,7 @@ def height(run):
     axes.set_ylabel("height above contact [m]")
     limit_height(axes, value)
     finish_time_axis(axes, run)
-    head(axes, run, "Height of the GC above where it is in contact", [marks, *events])
+    head(axes, run, "Height of the ball above contact", [marks, *events])
     return figure
 
 
@@ -341,16 +343,15 @@ def motors(run):
     rows = figure.subplots(len(found), 2, sharex=True, squeeze=False)
     time = run.state["time_s"]
     events = mark_events(list(rows.flat), run)
-    top_legend = None
+    top_legend, ringing = None, False
     for i, (motor, (left, right)) in enumerate(zip(found, rows)):
         color = MASS_COLORS[motor.mass]
-        left.plot(time, motor.torque_nm, color=color, linewidth=1.0)
-        right.plot(time, 100 * motor.margin, color=color, linewidth=1.0)
+        ringing = draw_ringing(left, time, motor.torque_nm, color, 1.0) or ringing
+        ringing = draw_ringing(right, time, 100 * motor.margin, color, 1.0) or ringing
         least, most = number_text(motor.available_nm.min()), number_text(motor.available_nm.max())
         available = least if least == most else f"{least} to {most}"
         label = f"{mass_name(motor.mass)}: at most {number_text(motor.greatest_nm)} of {available} N m"
         torque_legend = [Line2D([], [], color=color, label=label)]
-        # A limit far above would flatten the torque's curve.
         if motor.available_nm.min() <= _LIMIT_IN_SIGHT * motor.greatest_nm:
             for sign in (1, -1):
                 left.plot(time, sign * motor.available_nm, color=BLACK, linestyle="--", linewidth=1.1)
@@ -373,7 +374,7 @@ def motors(run):
         if axes not in rows[-1]:
             axes.set_xlabel("")
     title = "Torque at the motors' shafts" if run.is_stepper else "Torque needed at the motors' shafts"
-    head(rows[0, 0], run, f"{title}, and margin", [*events, top_legend], name_axes=rows[0, 1])
+    head(rows[0, 0], run, f"{title}, and margin", [*events, [ringing_legend()] if ringing else [], top_legend], name_axes=rows[0, 1])
     return figure
 
 

@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from command import run_program
+from command import run_program, show_progress
 from event_log import LogError
 from output_files import Kind, OutputError, OutputFiles, check_place
 from pictures import PICTURES
@@ -26,7 +26,8 @@ def main():
         if run.damage:
             log = arguments.run_dir / "run.lcmlog"
             print(f"ballast-plot: {log}: {run.damage}; drew what comes before", file=sys.stderr)
-        for name, draw in PICTURES.items():
+        for number, (name, draw) in enumerate(PICTURES.items()):
+            show_progress(f"picture {number + 1} of {len(PICTURES)}: {name}")
             figure = draw(run)
             path = arguments.run_dir / f"{name}.{arguments.format}"
             check_place(path, kind)
@@ -35,6 +36,7 @@ def main():
                 continue
             with OutputFiles(path) as files:
                 figure.savefig(files.open(path, kind), dpi=150, format=arguments.format)
+        show_progress("")
 
     return run_program("ballast-plot", body, LogError, OutputError)
 

@@ -189,7 +189,7 @@ def _report_head(recording):
 def _card(number):
     """The HTML of one number. `data-value` has all digits of the summary."""
     value = "perfect" if number.path == "surface.static_friction" and number.value is None else \
-        words.number_text(number.value)
+        number.text
     unit = f" <small>{html.escape(number.unit)}</small>" if number.unit and number.value is not None else ""
     when = f'<small class="when">{words.time_text(number.when)}</small>' if number.when is not None else ""
     exact = html.escape(json.dumps(finite(number.value)), quote=True)

@@ -9,7 +9,7 @@ import differences
 import words
 from assemble import compare_page, notes_html, page_begins, symbols, table_html
 from command import run_program
-from differences import MISSING, value_text
+from differences import value_text
 from output_files import Kind, check_place
 from recording import Recording
 from report import ERRORS, write_page
@@ -29,6 +29,14 @@ class Comparison:
         self.fields, self.logs = differences.log_differences(a.log_path, b.log_path)
         self.fields += differences.robot_differences(a.robot, b.robot)
         self.fields += differences.summary_differences(a.summary, b.summary)
+
+    @property
+    def names(self):
+        """The runs' names. Where they are the same, the folders tell the runs apart."""
+        names = [recording.name for recording in self.recordings]
+        if names[0] != names[1]:
+            return names
+        return [f"{recording.name} ({recording.folder.resolve().name})" for recording in self.recordings]
 
     @property
     def identical(self):
@@ -116,11 +124,11 @@ def _columns(rows):
 
 
 def _head(comparison):
-    a, b = comparison.recordings
     verdict = ('<span class="badge good">Identical</span>' if comparison.identical else
                '<span class="badge">They differ</span>')
     pair = "".join(_run_box(recording, which) for which, recording in enumerate(comparison.recordings))
-    return (f"<h1>{html.escape(a.name)} <small>and</small> {html.escape(b.name)}{verdict}</h1>"
+    name_a, name_b = comparison.names
+    return (f"<h1>{html.escape(name_a)} <small>and</small> {html.escape(name_b)}{verdict}</h1>"
             f'<p class="subtitle">{html.escape(comparison.first_difference())}</p><div class="pair">{pair}</div>')
 
 
@@ -139,10 +147,13 @@ def _tables(comparison):
     numbers_b = {number.path: number for number in words.numbers(b.summary)}
     for number in words.numbers(a.summary):
         other = numbers_b.get(number.path)
-        values = number.value, MISSING if other is None else other.value
-        difference = differences.FieldDifference(number.path, *values).difference
+        difference = None
+        if other is not None:
+            difference = differences.FieldDifference(number.path, number.value, other.value).difference
+            if difference is not None and number.unit == "%":
+                difference *= 100
         label = f"{number.label} [{number.unit}]" if number.unit else number.label
-        headline.append([label, *(words.number_text(v) if v is not MISSING else "–" for v in values),
+        headline.append([label, number.text, "–" if other is None else other.text,
                          "" if difference is None else f"{difference:+.6g}"])
     fields = comparison.field_rows()
     return (table_html(words.Table("Key numbers", ["", "A", "B", "B − A"], headline))
@@ -170,7 +181,7 @@ def main():
         out, inputs = arguments.out or b.folder / "compare.html", [*a.files, *b.files]
         check_place(out, _PAGE, inputs)
         print(terminal_text(comparison), flush=True)
-        write_page(out, compare_page([a, b], f"{a.name} and {b.name}", _head(comparison), _tables(comparison)), _PAGE,
+        write_page(out, compare_page([a, b], " and ".join(comparison.names), _head(comparison), _tables(comparison)), _PAGE,
                    inputs)
 
     return run_program("ballast-compare", body, *ERRORS)

@@ -25,8 +25,8 @@ _BADGES = {
 
 
 def number_text(value):
-    """Six digits, as in the terminal. None stands for infinity, which JSON lacks."""
-    return "unbounded" if value is None else f"{value:.6g}"
+    """Six digits, as in the terminal. None stands for infinity, which JSON lacks. Rounding of 0, of either sign, is 0."""
+    return "unbounded" if value is None else f"{0.0 if abs(value) < 1e-12 else value:.6g}"
 
 
 def time_text(value):
@@ -217,6 +217,13 @@ class Number(NamedTuple):
     unit: str
     when: float | None = None
 
+    @property
+    def text(self):
+        """The value in its unit. Margins are fractions in the summary and percentages here."""
+        if self.unit == "%" and self.value is not None:
+            return f"{100 * self.value:.1f}"
+        return number_text(self.value)
+
 
 def numbers(summary):
     """The numbers at the top of the page."""
@@ -236,7 +243,7 @@ def numbers(summary):
     motors = [(motor["torque_margin"], i) for i, motor in enumerate(summary.get("motors") or []) if motor]
     if motors:
         margin, i = min(motors)
-        found.append(Number(f"least torque margin, {mass_name(i)}", f"motors.{i}.torque_margin", margin, ""))
+        found.append(Number(f"least torque margin, {mass_name(i)}", f"motors.{i}.torque_margin", margin, "%"))
     return found
 
 

@@ -11,7 +11,7 @@ namespace {
 
 constexpr long double kInfinity = std::numeric_limits<long double>::infinity();
 
-// Where the velocity changes sign inside (0, length).
+// Appends the places inside (0, length) at which the velocity changes sign, and the length.
 void add_turns(const MotionInSteps::Part& p, long double length_s, std::vector<long double>& ends_s) {
   const long double q = p.j / 2;
   std::vector<long double> roots;
@@ -38,7 +38,7 @@ void add_turns(const MotionInSteps::Part& p, long double length_s, std::vector<l
   ends_s.push_back(length_s);
 }
 
-// Halving, helped by false position: the bracket always closes, whatever the cubic does.
+// The place at which the part crosses the level, by bisection and false position. The bracket closes for any cubic.
 long double root(const MotionInSteps::Part& p, long double level, int direction, long double low, long double high) {
   const auto side = [&](long double w) { return direction * (p.at(w) - level); };
   if (side(low) >= 0) return low;

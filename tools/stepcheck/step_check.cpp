@@ -10,11 +10,11 @@ namespace ballast::stepcheck {
 
 namespace {
 
-// Part of a timer tick: rounding where pulses are just as close as the step rate allows.
+// Rounding, in timer ticks, of pulses that are just as close as the step rate allows.
 constexpr long double kSpacingSlackTicks = 0.02L;
-// Crossings this close to a border between ticks, in timer ticks, may be seen on its other side.
+// Crossings this close to a border between ticks, in timer ticks, may count on its other side.
 constexpr long double kBorderTicks = 5e-3L;
-// Relative: touches as long as the rule's limit, but for rounding.
+// Relative rounding of touches that are just as long as the rule allows.
 constexpr long double kTouchSlack = 1e-6L;
 constexpr int kMostBurstPulses = 1 << 20;
 
@@ -78,7 +78,7 @@ bool MotorCheck::expect(std::size_t count, long double until_s) {
   return due_.size() >= count;
 }
 
-// Takes the first crossing there and back out of those due. False: there is none up to the time of a touch after now_s.
+// Removes the first crossing there and back from those due. False: there is none up to the time of a touch after now_s.
 bool MotorCheck::touch_ahead(long double now_s) {
   const long double touch = touch_s_ * (1 + kTouchSlack) + 2e-3L / frequency_hz_;
   for (std::size_t i = 0; expect(i + 2, now_s + touch); ++i) {

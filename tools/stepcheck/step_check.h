@@ -1,5 +1,5 @@
-// Replays a controller's step bursts and holds every pulse against the motion that was asked for. Integers for the
-// bursts, long double for the motion; no code in common with the firmware that made them.
+// Replays a controller's step bursts and compares every pulse with the commanded motion. Bursts are integers, the
+// motion is long double. No code is shared with the firmware that made the bursts.
 #pragma once
 
 #include <array>
@@ -78,13 +78,13 @@ class MotorCheck {
   MotorCheck(const MotorCheck&) = delete;
   MotorCheck& operator=(const MotorCheck&) = delete;
 
-  // Ticks in order; tick 0 begins at the drive's motion's t = 0. Nothing, or the first violation; after one, nothing
-  // more is checked.
+  // Checks ticks in order; tick 0 begins at t = 0 of the drive's motion. Returns the first violation, if any. After
+  // one, nothing more is checked.
   std::optional<Violation> tick(std::int64_t tick, std::span<const Burst> bursts, std::int64_t steps,
                                 std::int64_t position_steps);
-  // From the start of `tick`, the next one, the pulses are another motion's, whose t = 0 is there. The count goes on.
+  // The pulses follow another motion from the start of `tick`, the next one. Its t = 0 is there. The count goes on.
   void follow(std::int64_t tick, const MotionInSteps& motion);
-  // From now on they are no motion's: structure only.
+  // The pulses follow no motion from now on. Only their structure is checked.
   void leave_motion() { on_motion_ = false; }
 
   [[nodiscard]] const Statistics& statistics() const { return statistics_; }
@@ -95,7 +95,7 @@ class MotorCheck {
   std::optional<Violation> match(std::int64_t tick, std::int64_t timer_tick, int direction);
   bool expect(std::size_t count, long double until_s);
   bool touch_ahead(long double now_s);
-  // From the motion's t = 0.
+  // Time since the motion's t = 0.
   [[nodiscard]] long double time_s(std::int64_t tick, long double timer_ticks) const {
     return static_cast<long double>(tick - start_tick_) * period_s_ + timer_ticks / frequency_hz_;
   }

@@ -11,8 +11,9 @@ const FONT = "12px system-ui, sans-serif";
 
 export const numberText = (value) => {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
-  const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return value.toExponential(2).replace("-", "−");
+  const size = Math.abs(value) < 1e-9 ? 0 : Math.abs(value);  // rounding of 0
+  if (size === 0) return "0.0000";
+  if (size < 1e-3 || size >= 1e6) return value.toExponential(2).replace("-", "−");
   return value.toFixed(size >= 1000 ? 1 : size >= 100 ? 2 : size >= 10 ? 3 : 4).replace("-", "−");
 };
 
@@ -21,6 +22,9 @@ function axisText(value) {
   const text = unusual ? value.toExponential(1) : String(Number(value.toPrecision(6)));
   return text.replace("-", "−");
 }
+
+// The last tick of a time axis names the unit.
+const timeTexts = (ticks) => ticks.map((tick, i) => axisText(tick) + (i + 1 === ticks.length ? " s" : ""));
 
 // The times of all runs in order, and for each run the index of its sample at that time; -1: none.
 function commonGrid(runs) {
@@ -136,13 +140,13 @@ class Plot {
     return {
       width: chart.clientWidth || 300,
       height: this.height(),
-      padding: [6, 10, 0, 0],
+      padding: [6, 18, 0, 0],
       legend: {show: false},
       cursor: {show: false},
       select: {show: false},
       scales: {x: {time: false, range: () => this.all.range}, y: {range: (u, low, high) => this.valueRange(low, high)}},
       axes: [
-        {...axis, size: 24, gap: 3, space: 60, values: (u, ticks) => ticks.map(axisText)},
+        {...axis, size: 24, gap: 3, space: 60, values: (u, ticks) => timeTexts(ticks)},
         {...axis, size: 54, gap: 4, space: 26, values: (u, ticks) => ticks.map(axisText)},
       ],
       series: [
