@@ -871,9 +871,9 @@ TEST(Move, AtFullSpeedLosesNoSteps) {
 
 TEST(Move, AllAndOneOtherwise) {
   const Folder folder;
-  ASSERT_EQ(
-      folder.run("ballast move desk_ball --all 0.1 --mass 2 --to 0 --speed-fraction 0.05 --quiet --out m").exit_status,
-      0);
+  ASSERT_EQ(folder.run("ballast move desk_ball --all 0.1 --mass 2 --to 0 --speed-fraction 0.05 --force --quiet --out m")
+                .exit_status,
+            0);
   const auto s = folder.summary("m");
   EXPECT_GT(s["motors"][0]["steps"], 0);
   EXPECT_EQ(s["motors"][0]["steps"], s["motors"][1]["steps"]);
@@ -989,14 +989,18 @@ TEST(Move, ThatTheMotorsSwingTookWhatWasPredictedIsSaid) {
   EXPECT_NE(move.out.find("their motors' swing (how much: share)\n"), std::string::npos) << move.out;
 }
 
-TEST(Move, OfOneThatIsPredictedForItsFirstSecondsOnlyThatIsSaidBefore) {
+TEST(Move, OneThatCannotBePredictedToItsEndIsRefusedUnlessForced) {
   const Folder folder;
-  const Outcome move = folder.run("ballast move paper_ball --all 0 --quiet --out m");
+  const Outcome refused = folder.run("ballast move paper_ball --all 0 --quiet --out m");
+  EXPECT_EQ(refused.exit_status, 1);
+  EXPECT_NE(refused.err.find("only the first "), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("can be predicted: a prediction has a limited number of steps"), std::string::npos)
+      << refused.err;
+  EXPECT_FALSE(std::filesystem::exists(folder / "m"));
+  const Outcome forced = folder.run("ballast move paper_ball --all 0 --quiet --force --out m");
   const auto planned = folder.summary("m")["move"];
   ASSERT_LT(planned["predicted_for"], planned["duration"]);
-  EXPECT_NE(move.err.find("only the first "), std::string::npos) << move.err;
-  EXPECT_NE(move.err.find(" are predicted: the prediction has a limited number of steps"), std::string::npos)
-      << move.err;
+  EXPECT_NE(forced.err.find("only the first "), std::string::npos) << forced.err;
 }
 
 TEST(Program, AWordThatIsNoCommandIsNamed) {
@@ -1010,11 +1014,66 @@ TEST(Program, AWordThatIsNoCommandIsNamed) {
   EXPECT_NE(early.err.find("ballast: --set: options come after the command"), std::string::npos) << early.err;
 }
 
-TEST(Program, WordsThatAreTooManyAreSaidInTheOrderTyped) {
+TEST(Program, NamesTheBadOptionItsValueAndWhatIsAllowed) {
   const Folder folder;
-  const Outcome outcome = folder.run("ballast run paper_ball x y --foo 3");
-  EXPECT_EQ(outcome.exit_status, 1);
-  EXPECT_NE(outcome.err.find("not expected: x y --foo 3\n"), std::string::npos) << outcome.err;
+  const std::pair<const char*, const char*> kCases[] = {
+      {"ballast", "ballast: a command is missing; ballast --help lists them"},
+      {"ballast nonsense --help", "ballast: nonsense: no such command; allowed: run, "},
+      {"ballast run", "ballast: SCENARIO: is missing; ballast run --help shows the usage"},
+      {"ballast run paper_ball x y --foo 3", "ballast: x: is one word too many; ballast run --help"},
+      {"ballast run paper_ball --quite", "ballast: --quite: no such option; did you mean --quiet?"},
+      {"ballast run paper_ball --speed", "ballast: --speed: its value is missing; allowed: a number"},
+      {"ballast run paper_ball --speed 1 --speed 2", "ballast: --speed: is given more than once; allowed: once"},
+      {"ballast run paper_ball --actuation steper",
+       "ballast: --actuation: steper is unknown; allowed: prescribed, stepper; did you mean stepper?"},
+      {"ballast move paper_ball --mass x --to 1", "ballast: --mass: x is not allowed; allowed: a whole number"},
+      {"ballast soak --seeds 1 --jobs 5000",
+       "ballast: --jobs: 5000 is out of range; allowed: a whole number from 1 to"},
+  };
+  for (const auto& [command, words] : kCases) {
+    const Outcome outcome = folder.run(command);
+    EXPECT_EQ(outcome.exit_status, 1) << command;
+    EXPECT_NE(outcome.err.find(words), std::string::npos) << command << "\n" << outcome.err;
+    EXPECT_EQ(outcome.out, "") << command;
+  }
+  EXPECT_EQ(folder.run("ballast run nonsense --help").exit_status, 0);
+}
+
+TEST(Run, WithoutALogKeepsEverythingElse) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run paper_ball --set duration=1 --no-log --out r");
+  EXPECT_EQ(run.exit_status, 0) << run.err;
+  EXPECT_FALSE(std::filesystem::exists(folder / "r/run.lcmlog"));
+  const auto s = folder.summary("r");
+  EXPECT_EQ(s["log_bytes"], nullptr);
+  EXPECT_EQ(s["ticks"], 1000);
+  // A run that ends badly tells how to repeat it, and names no log.
+  const Outcome slipped = folder.run("ballast run paper_ball --set surface.static_friction=0.17 --no-log --out s");
+  EXPECT_EQ(slipped.exit_status, 3) << slipped.err;
+  EXPECT_TRUE(std::filesystem::exists(folder / "s/blackbox/blackbox.json"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "s/blackbox/run.lcmlog"));
+  const Outcome pictures = folder.run("ballast run paper_ball --no-log --pictures --out s");
+  EXPECT_EQ(pictures.exit_status, 1);
+  EXPECT_NE(pictures.err.find("--pictures: not with --no-log"), std::string::npos) << pictures.err;
+}
+
+TEST(Run, SaysWhereTheBallHasGone) {
+  const Folder folder;
+  const Outcome run = folder.run("ballast run paper_ball --set duration=2 --out r");
+  EXPECT_EQ(run.exit_status, 0) << run.err;
+  EXPECT_NE(run.out.find("\n  travel      rolled to ("), std::string::npos) << run.out;
+  const auto s = folder.summary("r");
+  EXPECT_EQ(s["travel"]["position"], s["final"]["position"]);
+  const double x = s["final"]["position"][0], y = s["final"]["position"][1];
+  EXPECT_GE(s["travel"]["distance"].get<double>(), std::hypot(x, y));
+  const double vx = s["final"]["velocity"][0], vy = s["final"]["velocity"][1];
+  EXPECT_NEAR(s["travel"]["speed"].get<double>(), std::hypot(vx, vy), 1e-12);  // rolling: no vertical part but rounding
+  // A step of DOP853 lasts a hundred ticks and more. Its chord falls short of the arc by at most (1 - sinc(a / 2)) of
+  // it: 4 % for a turn a of 1 rad.
+  ASSERT_EQ(folder.run("ballast run paper_ball --set duration=2 --actuation prescribed --out p").exit_status, 0);
+  ASSERT_EQ(folder.run("ballast integrate paper_ball --set duration=2 --out i").exit_status, 0);
+  const double run_m = folder.summary("p")["travel"]["distance"];
+  EXPECT_NEAR(folder.summary("i")["travel"]["distance"].get<double>(), run_m, 0.04 * run_m);
 }
 
 // Whoever has it not on the PATH can type what is printed.
@@ -1096,7 +1155,8 @@ TEST(Run, SaysWhatAStopWasPredictedToDo) {
       folder.run("ballast run paper_ball --set envelope.friction_use=0.5 --out r --set duration=" + until.str());
   ASSERT_TRUE(folder.summary("r")["stop"].is_object()) << cut.out;
   EXPECT_EQ(folder.summary("r")["stop"]["margin_min"], nullptr);
-  EXPECT_NE(cut.out.find("; never begun: the run ended at t = "), std::string::npos) << cut.out;
+  EXPECT_NE(cut.out.find("never begun: the run ended at t = "), std::string::npos) << cut.out;
+  EXPECT_EQ(cut.out.find("nothing predicted"), std::string::npos) << cut.out;
 }
 
 // There is no controller to ask why.
@@ -1131,7 +1191,9 @@ TEST(Check, NamesMotorsThatLackTorqueAndValuesNoRobotHas) {
   EXPECT_EQ(weak.out.find(": good"), std::string::npos) << weak.out;
   const Outcome sound = folder.run("ballast check desk_ball");
   EXPECT_NE(sound.out.find("desk_ball: good"), std::string::npos) << sound.out;
-  EXPECT_NE(sound.out.find("note: mass.0.motor: passes a resonance at t = "), std::string::npos) << sound.out;
+  EXPECT_NE(sound.out.find("note: mass.0.motor: passes a resonance: rotor and mass swing at 52.1 Hz"),
+            std::string::npos)
+      << sound.out;
   const Outcome paper = folder.run("ballast check paper_ball");
   EXPECT_NE(paper.out.find("ball.inertia.2 = 1.1: is more than 1 kg m^2"), std::string::npos) << paper.out;
   const Outcome long_run = folder.run("ballast check desk_ball --set duration=1e5");

@@ -165,13 +165,29 @@ TEST(Processes, AMoveOnABusThatTripsSaysSoAndExitsWith3) {
 TEST(Processes, AMoveOnABusThatIsInterruptedSaysThatItGoesOn) {
   const Folder folder;
   const Outcome said = by_hand(folder, "paper_ball --speed 1 --set duration=60", " --lcm '" + bus_url(27) + "'",
-                               "ballast move --mass 1 --to 2.5 --speed-fraction 0.01 --lcm '" + bus_url(27) +
+                               "ballast move --mass 1 --to 2.5 --speed-fraction 0.01 --force --lcm '" + bus_url(27) +
                                    "' >move.out & move=$!; while ! grep -q moving move.out; do sleep 0.1; done; kill "
                                    "-INT $move; wait $move; echo \"interrupted: $?\";");
   EXPECT_NE(said.out.find("interrupted: 2\n"), std::string::npos) << said.out << said.err;
   EXPECT_NE(said.err.find("interrupted: the masses move on to their targets, mass 1 is at 2."), std::string::npos)
       << said.err;
   EXPECT_NE(said.err.find("; ballast operate stop --lcm 'udpm://"), std::string::npos) << said.err;
+}
+
+// A move is held to the same limits on a bus: it is taken back as soon as its length or its prediction is known.
+TEST(Processes, AMoveOnABusThatIsTooLongOrNotPredictedIsTakenBack) {
+  const Folder folder;
+  const Outcome said = by_hand(folder, "paper_ball --speed 1 --set duration=60", " --lcm '" + bus_url(29) + "'",
+                               "say ballast move --mass 1 --to 999; say ballast move --all 0; say ballast operate "
+                               "status; say ballast move --mass 1 --to 2.5;");
+  EXPECT_NE(said.out.find("1 <- ballast move --mass 1 --to 999\n"), std::string::npos) << said.out << said.err;
+  EXPECT_NE(said.err.find("allowed: at most 600 s"), std::string::npos) << said.err;
+  EXPECT_NE(said.out.find("1 <- ballast move --all 0\n"), std::string::npos) << said.out << said.err;
+  EXPECT_NE(said.err.find("can be predicted: a prediction has a limited number of steps"), std::string::npos)
+      << said.err;
+  EXPECT_NE(said.out.find("0 <- ballast operate status\n"), std::string::npos) << said.out << said.err;
+  EXPECT_NE(said.out.find("armed, at rest at "), std::string::npos) << said.out << said.err;
+  EXPECT_NE(said.out.find("0 <- ballast move --mass 1 --to 2.5\n"), std::string::npos) << said.out << said.err;
 }
 
 // The one that comes later is refused, and the other is what it is alone, byte for byte; of two that begin at once none
@@ -247,8 +263,8 @@ INSTANTIATE_TEST_SUITE_P(Processes, DeadPeer, testing::Values("plant", "controll
 
 // --- faults ---
 
-// Faults of messages and clock act the same in three processes as in one: the same log, to the byte, the same end, and a log
-// that replays.
+// Faults of messages and clock act the same in three processes as in one: the same log, to the byte, the same end, and
+// a log that replays.
 class MessageFaultInProcesses : public testing::TestWithParam<const char*> {};
 
 TEST_P(MessageFaultInProcesses, GivesTheSameLogAsInOne) {

@@ -517,10 +517,10 @@ TEST(RunLoop, AStepOverloadSaysWhatItWas) {
 }
 
 // A monitor that speaks of two ticks ago.
-class LateMonitor : public LocalMonitor {
+class LateMonitor final : public LapMonitor {
  public:
-  using LocalMonitor::LocalMonitor;
   void judge(Lap& lap) override { lap.verdict.emplace().tick = lap.tick() - 2; }
+  void hear(const Lap&) override {}
 };
 
 // The controller refuses to be armed then, and says why; nothing will ever move.
@@ -528,7 +528,7 @@ TEST(RunLoop, AFaultBeforeTheStartIsNoRunThatCompletes) {
   const sim::Scenario scenario = load("paper_ball", {"duration=0.1"});
   auto params = std::make_unique<firmware::ControllerParams>();
   ASSERT_FALSE(program::to_controller_params(scenario, *params));
-  LocalPeers late(std::make_unique<LateMonitor>(program::to_monitor_limits(scenario)),
+  LocalPeers late(std::make_unique<LateMonitor>(),
                   std::make_unique<HostFirmware>(*params, scenario.run.control_period_s), nullptr);
   Recorder recorder("/dev/null");
   const RunResult result = run(scenario, late, recorder, {});

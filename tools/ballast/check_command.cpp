@@ -9,19 +9,18 @@
 #include "tools/ballast/motor_check.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
+#include "tools/recording/record_run.h"
 
 namespace ballast {
 namespace {
 
-// The messages of one tick in the log of a run with steppers; a prescribed run writes less. The size from which a log
-// is worth a warning.
-constexpr double kLogBytesPerTick = 2450;
+// A log that is worth a warning.
 constexpr double kLargeLog_bytes = 10e9;
 
 std::vector<std::string> warnings_of(const sim::Scenario& scenario, const std::vector<sim::ScenarioError>& found) {
   std::vector<std::string> texts;
   for (const sim::ScenarioError& warning : found) texts.push_back(sim::to_string(warning));
-  const double log_bytes = scenario.duration_s / scenario.run.control_period_s * kLogBytesPerTick;
+  const double log_bytes = sil::expected_log_bytes(scenario);
   if (log_bytes > kLargeLog_bytes) {
     texts.push_back(fmt::format("duration: {:g} s in ticks of {:g} s make a log of about {:.3g} GB",
                                 scenario.duration_s, scenario.run.control_period_s, log_bytes / 1e9));
@@ -40,13 +39,7 @@ std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
     const auto scenario = program::load_scenario(*options, &found);
     if (!scenario) return program::kExitUsage;
     const bool stepper = scenario->run.actuation == sim::Actuation::kStepper;
-    if (stepper) {
-      auto params = std::make_unique<firmware::ControllerParams>();
-      if (const auto refusal = program::to_controller_params(*scenario, *params)) {
-        program::complain("ballast", *refusal);
-        return program::kExitUsage;
-      }
-    }
+    if (stepper && !program::make_controller_params("ballast", *scenario)) return program::kExitUsage;
     std::vector<std::string> warnings = warnings_of(*scenario, found);
     MotorFindings motors;
     if (stepper) motors = check_motors(*scenario);

@@ -2,9 +2,20 @@
 
 #include <vector>
 
+#include "tools/ballast/commands.h"
 #include "tools/program/program.h"
 
 namespace ballast {
+
+int refuse(const std::string& text) {
+  program::complain("ballast", text);
+  return program::kExitUsage;
+}
+
+int could_not(const std::string& text) {
+  program::complain("ballast", text);
+  return program::kExitCouldNotRun;
+}
 
 int run_command_line(int argc, char** argv, std::span<const AddCommand> commands) {
   CLI::App app{"Controller firmware, plant simulation and envelope monitor for rolling-ball robots.", "ballast"};

@@ -4,8 +4,14 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <string>
 
 namespace ballast {
+
+// Prints "ballast: TEXT" to stderr. refuse() returns the exit status of a bad command line or scenario, could_not()
+// that of trouble with files, buses and peers.
+int refuse(const std::string& text);
+int could_not(const std::string& text);
 
 std::function<int()> add_run_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_integrate_command(CLI::App& app, CLI::App*& command);

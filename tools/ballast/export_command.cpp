@@ -16,16 +16,14 @@ struct ExportCommand {
 
 int export_log(const ExportCommand& command) {
   if (command.csv.empty() && command.mcap.empty()) {
-    program::complain("ballast", "export: no output is given; allowed: --csv DIR, --mcap FILE, or both");
-    return program::kExitUsage;
+    return refuse("export: no output is given; allowed: --csv DIR, --mcap FILE, or both");
   }
   const auto exporter = program::beside_this_program("ballast-export");
   std::vector<std::string> argv{exporter.string()};
   if (!command.csv.empty()) argv.push_back("--csv=" + command.csv);
   if (!command.mcap.empty()) argv.push_back("--mcap=" + command.mcap);
   argv.insert(argv.end(), {"--", command.log});
-  program::complain("ballast", program::become_program(argv));
-  return program::kExitCouldNotRun;
+  return could_not(program::become_program(argv));
 }
 
 }  // namespace

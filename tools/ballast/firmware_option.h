@@ -24,7 +24,7 @@ inline void add_firmware_options(CLI::App& command, FirmwareOption& option) {
       .add_option("--firmware", option.firmware,
                   "host: compiled into this program; qemu: built for a Cortex-M7 and run in QEMU; qemu-an386: built "
                   "for a Cortex-M4F with the model in single precision")
-      ->check(CLI::IsMember({kHost, kQemu, kQemuAn386}))
+      ->check(program::one_of({kHost, kQemu, kQemuAn386}))
       ->capture_default_str();
   command.add_option("--firmware-elf", option.elf, "ELF file for QEMU; default: the one that tools/firmware builds")
       ->check(program::not_empty());

@@ -20,31 +20,23 @@ int print_required_friction(const program::ScenarioOptions& options) {
   auto scenario = program::load_scenario(options);
   if (!scenario) return program::kExitUsage;
   if (!scenario->faults.empty()) {
-    program::complain("ballast", to_string(scenario->faults.front()) +
-                                     ": not with ballast friction, which examines a robot without faults; allowed: "
-                                     "ballast run");
-    return program::kExitUsage;
+    return refuse(to_string(scenario->faults.front()) +
+                  ": not with ballast friction, which examines a robot without faults; allowed: ballast run");
   }
   const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
   // Perfect friction keeps the ball rolling to the end; on the scenario's own floor the run might end earlier.
   scenario->surface.static_friction = std::numeric_limits<double>::infinity();
   scenario->envelope.min_normal_force_n = 0;
-  auto params = std::make_unique<firmware::ControllerParams>();
+  std::unique_ptr<firmware::ControllerParams> params;  // null: there is no controller
   if (has_controller) {
-    if (const auto refusal = program::to_controller_params(*scenario, *params)) {
-      program::complain("ballast", *refusal);
-      return program::kExitUsage;
-    }
+    params = program::make_controller_params("ballast", *scenario);
+    if (!params) return program::kExitUsage;
   }
-  sil::InProcessPeers peers(has_controller ? params.get() : nullptr, program::to_monitor_limits(*scenario),
-                            scenario->run.control_period_s);
+  sil::InProcessPeers peers(params.get(), program::to_monitor_limits(*scenario), scenario->run.control_period_s);
   sil::NoRecord nowhere;
   const sil::RunResult result =
       sil::run(*scenario, peers, nowhere, {.interrupted = program::catch_signals(), .progress = {}, .move = {}});
-  if (result.status != hal::Status::kOk) {
-    program::complain("ballast", result.trouble);
-    return program::kExitCouldNotRun;
-  }
+  if (result.status != hal::Status::kOk) return could_not(result.trouble);
   std::cout << fmt::format("{}, {} masses: {}\n{}", scenario->name, has_controller ? "stepper-driven" : "prescribed",
                            sil::required_friction_text(result, sil::floor_verdicts(*scenario, result)),
                            sil::friction_parts_text(result));

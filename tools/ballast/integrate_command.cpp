@@ -26,11 +26,6 @@ struct IntegrateCommand {
   bool quiet = false;
 };
 
-int refuse(int status, const std::string& text) {
-  program::complain("ballast", text);
-  return status;
-}
-
 std::string number(double value) { return fmt::format("{:.10g}", value); }
 
 std::vector<std::string> method_names() {
@@ -76,12 +71,10 @@ int integrate(IntegrateCommand command) {
   const auto scenario = program::load_scenario(command.scenario);
   if (!scenario) return program::kExitUsage;
   if (!scenario->faults.empty()) {
-    return refuse(program::kExitUsage,
-                  to_string(scenario->faults.front()) + ": not with ballast integrate; allowed: ballast run");
+    return refuse(to_string(scenario->faults.front()) + ": not with ballast integrate; allowed: ballast run");
   }
   if (const auto how = integrators::why_not_rolling(*scenario); !how.empty()) {
-    return refuse(program::kExitUsage,
-                  fmt::format("{} starts {}; ballast integrate simulates rolling only, ballast run every regime",
+    return refuse(fmt::format("{} starts {}; ballast integrate simulates rolling only, ballast run every regime",
                               scenario->name, how));
   }
 
@@ -89,11 +82,10 @@ int integrate(IntegrateCommand command) {
   for (const auto& method : integrators::all_methods()) {
     if (command.method == kAll || command.method == method.name) methods.push_back(&method);
   }
-  if (const auto why = step_refusal(command, methods, scenario->duration_s); !why.empty())
-    return refuse(program::kExitUsage, why);
+  if (const auto why = step_refusal(command, methods, scenario->duration_s); !why.empty()) return refuse(why);
 
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name + "-integrate" : command.out);
-  if (!output.good()) return refuse(program::kExitCouldNotRun, output.error());
+  if (!output.good()) return could_not(output.error());
   output.clear();
 
   // A sign of life on a terminal: all methods together take seconds.
@@ -102,8 +94,7 @@ int integrate(IntegrateCommand command) {
     if (watched) fmt::print(stderr, "\r\033[K{} ...", method.name);
   });
   if (watched) fmt::print(stderr, "\r\033[K");
-  if (!output.write("integrators.json", integrators::comparison_json(comparison)))
-    return refuse(program::kExitCouldNotRun, output.error());
+  if (!output.write("integrators.json", integrators::comparison_json(comparison))) return could_not(output.error());
   // With several methods the summary is the default one's.
   const integrators::Row* shown = &comparison.rows.front();
   std::string failures;
@@ -115,12 +106,12 @@ int integrate(IntegrateCommand command) {
   }
   const sil::RunResult& result = shown->run.result;
   if (shown->run.failure.empty() && !output.write_summary(sil::summary_json(*scenario, result)))
-    return refuse(program::kExitCouldNotRun, output.error());
+    return could_not(output.error());
   if (!command.quiet) {
     if (shown->run.failure.empty()) std::cout << sil::summary_text(*scenario, result, output.path());
     std::cout << integrators::comparison_text(comparison) << std::flush;
   }
-  if (!failures.empty()) return refuse(program::kExitCouldNotRun, failures);
+  if (!failures.empty()) return could_not(failures);
   return sil::exit_status(result);
 }
 
@@ -135,7 +126,7 @@ std::function<int()> add_integrate_command(CLI::App& app, CLI::App*& command) {
   command->remove_option(command->get_option("--actuation"));
   command->remove_option(command->get_option("--seed"));
   command->add_option("--method", options->method, "the method, or all of them in comparison")
-      ->check(CLI::IsMember(method_names()))
+      ->check(program::one_of(method_names()))
       ->capture_default_str();
   command->add_option("--tolerance", options->settings.tolerance, "relative and absolute tolerance of a step's error")
       ->check(tolerance_range())

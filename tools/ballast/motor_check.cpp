@@ -54,16 +54,27 @@ std::string lack_of_torque(std::size_t mass, const Worst& worst) {
       worst.available_nm);
 }
 
-std::string resonance(std::size_t i, const sim::Mass& mass, const std::vector<double>& times_s, int order) {
+std::string times_text(const std::vector<double>& times_s) {
   std::string times;
   const std::size_t shown = std::min<std::size_t>(times_s.size(), 4);
   for (std::size_t k = 0; k < shown; ++k) times += fmt::format("{}{:.3g}", k == 0 ? "" : ", ", times_s[k]);
   if (times_s.size() > shown) times += fmt::format(" and {} times more", times_s.size() - shown);
+  return times;
+}
+
+// `once`, `twice`: when the full steps come at the natural frequency and at twice that; not both are empty.
+std::string resonance(std::size_t i, const sim::Mass& mass, const std::vector<double>& once,
+                      const std::vector<double>& twice) {
+  std::string passes;
+  if (!once.empty()) passes = fmt::format("at t = {} s its full steps come at it", times_text(once));
+  if (!twice.empty()) {
+    passes += fmt::format("{}at t = {} s {} at twice that", once.empty() ? "" : ", ", times_text(twice),
+                          once.empty() ? "its full steps come" : "they come");
+  }
   return fmt::format(
-      "mass.{}.motor: passes a resonance at t = {} s: its full steps come at {}{:.3g} Hz, the natural frequency of "
-      "rotor "
-      "and mass (damping ratio {:.2g}); finer microsteps, more viscous_damping, or passing through quickly helps",
-      i, times, order == 1 ? "" : "twice ", swing_hz(mass), damping_ratio(mass));
+      "mass.{}.motor: passes a resonance: rotor and mass swing at {:.3g} Hz (damping ratio {:.2g}), and {}; finer "
+      "microsteps, more viscous_damping, or passing through quickly helps",
+      i, swing_hz(mass), damping_ratio(mass), passes);
 }
 
 // Where the rate of full steps passes `hz`.
@@ -121,10 +132,8 @@ MotorFindings check_motors(const sim::Scenario& scenario) {
   }
   for (std::size_t i = 0; i < count; ++i) {
     if (worst[i].margin < 0) findings.warnings.push_back(lack_of_torque(i, worst[i]));
-    for (int order = 1; order <= 2; ++order) {
-      const auto& found = passes[i][static_cast<std::size_t>(order - 1)].found;
-      if (!found.empty()) findings.notes.push_back(resonance(i, scenario.masses[i], found, order));
-    }
+    const auto &once = passes[i][0].found, &twice = passes[i][1].found;
+    if (!once.empty() || !twice.empty()) findings.notes.push_back(resonance(i, scenario.masses[i], once, twice));
   }
   return findings;
 }

@@ -27,6 +27,7 @@ struct MoveCommand {
   std::vector<double> targets;
   std::optional<double> all;
   double speed_fraction = 1;
+  bool force = false;  // also a move that is too long, or that cannot be predicted to its end
   std::string out;
   sil::RecordOptions record;
 };
@@ -34,9 +35,26 @@ struct MoveCommand {
 // A run without --lcm records 2.4 MB a second at 1 kHz, so a longer move is probably a mistake.
 constexpr double kLongestMove_s = 600;
 
-int refuse(const std::string& text) {
-  program::complain("ballast", text);
-  return program::kExitUsage;
+// Empty, or why a move of this duration is not made. `scenario_s`: the scenario's duration; 0: it is not known.
+std::string length_refusal(const MoveCommand& command, double takes_s, double scenario_s) {
+  const double most_s = std::max(kLongestMove_s, scenario_s);
+  if (command.force || takes_s <= most_s) return "";
+  return fmt::format(
+      "the move takes {:.6g} s; allowed: at most {} s, or the scenario's duration where that is longer (--set "
+      "duration=...), or with --force; a shorter move or a greater --speed-fraction takes less",
+      takes_s, sim::number_text(most_s));
+}
+
+// Empty, or why a move is not made that has been predicted as far as it can be. A prediction that ends where the
+// envelope is broken says what will happen, so it is none.
+std::string prediction_refusal(const MoveCommand& command, const firmware::Prediction& plan,
+                               const sim::Scenario::Envelope& envelope) {
+  const bool broken = !sil::breach_text(plan, envelope.friction_use, envelope.min_normal_force_n).empty();
+  if (command.force || broken || plan.horizon_s >= plan.duration_s) return "";
+  return fmt::format(
+      "only the first {:.3g} s of the move's {:.3g} s can be predicted: a prediction has a limited number of steps, "
+      "which are short where the ball turns fast; allowed: a shorter move, or this one with --force",
+      plan.horizon_s, plan.duration_s);
 }
 
 // The request for a robot of `count` masses. nullopt: a mass does not exist, which is printed.
@@ -70,10 +88,8 @@ void warn_of_breach(const firmware::Prediction& plan, const sim::Scenario::Envel
   if (!breach.empty()) {
     program::complain("ballast", "the move is predicted to break the envelope: " + breach);
   } else if (plan.horizon_s < plan.duration_s) {
-    program::complain("ballast",
-                      fmt::format("only the first {:.6g} s of the move's {:.6g} s are predicted: the prediction has a "
-                                  "limited number of steps, which are short where the ball turns fast",
-                                  plan.horizon_s, plan.duration_s));
+    program::complain("ballast", fmt::format("only the first {:.3g} s of the move's {:.3g} s are predicted",
+                                             plan.horizon_s, plan.duration_s));
   }
 }
 
@@ -87,6 +103,18 @@ std::string way_to_go_text(const firmware::MoveRequest& request, const controlle
                         target, target - position);
   }
   return text;
+}
+
+// Takes back a move that has just been asked for. Returns the exit status; prints `why`.
+int take_back(sil::BusOperator& end, const std::string& why) {
+  if (const auto exit_status = tell(end, firmware::OperatorCommand::kStop, "stop of the move")) {
+    program::complain("ballast", why);
+    return *exit_status;
+  }
+  const auto stopped = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_STOPPING; };
+  const bool moved = end.status().mode == controller_status_t::MODE_STOPPING;
+  if (end.follow(stopped) != hal::Status::kOk) return bus_trouble(end);
+  return refuse(why + (moved ? "; it had begun, and is stopped" : ""));
 }
 
 // Moves the masses of a run on a bus.
@@ -114,16 +142,22 @@ int move_on_the_bus(const MoveCommand& command) {
   if (!request) return program::kExitUsage;
   if (const auto exit_status = tell(end, *request, "move")) return *exit_status;
   const std::int64_t plan_tick = end.status().plan_tick;
+  const std::string too_long =
+      length_refusal(command, end.status().plan_duration_s, scenario ? scenario->duration_s : 0);
+  if (!too_long.empty()) return take_back(end, too_long);
   const auto begins = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_PENDING; };
-  if (end.follow(begins) != hal::Status::kOk) return bus_trouble(end);
-  const bool moving = end.status().planned != 0 && end.status().plan_tick == plan_tick;
+  hal::Status followed = end.follow(begins);
+  const bool moving = followed == hal::Status::kOk && end.status().planned != 0 && end.status().plan_tick == plan_tick;
   if (moving && !command.record.quiet) std::cout << "moving, " << plan_text(end.status()) << std::endl;
   // The messages do not contain the run's envelope. Without a scenario it is the default one.
   const sim::Scenario::Envelope envelope = scenario ? scenario->envelope : sim::Scenario::Envelope{};
   const firmware::Prediction plan = hal::from_message(end.status()).plan;
-  if (moving) warn_of_breach(plan, envelope);
+  if (moving) {
+    if (const std::string why = prediction_refusal(command, plan, envelope); !why.empty()) return take_back(end, why);
+    warn_of_breach(plan, envelope);
+  }
   const auto over = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_MOVING; };
-  const hal::Status followed = end.follow(over);
+  if (followed == hal::Status::kOk) followed = end.follow(over);
   const controller_status_t& status = end.status();
   if (!command.record.quiet) {
     std::cout << fmt::format("{}, at {}", sil::mode_text(status.mode), positions_text(status));
@@ -172,8 +206,8 @@ int move(const MoveCommand& command) {
   }
   const auto request = request_of(command, static_cast<int>(scenario->masses.size()), scenario->name);
   if (!request) return program::kExitUsage;
-  auto params = std::make_unique<firmware::ControllerParams>();
-  if (const auto refusal = program::to_controller_params(*scenario, *params)) return refuse(*refusal);
+  const auto params = program::make_controller_params("ballast", *scenario);
+  if (!params) return program::kExitUsage;
 
   const auto new_peers = [&] {
     return sil::peers_in_process(*scenario, params.get(), program::to_monitor_limits(*scenario));
@@ -186,24 +220,20 @@ int move(const MoveCommand& command) {
       sil::run_with_faults(*scenario, *planner, nowhere, {.progress = {}, .move = *request, .plan_only = true});
   if (plan.refusal) return refuse("the controller refuses the move: " + sil::refusal_text(*plan.refusal, &*request));
   if (plan.move) {
-    const double most_s = std::max(kLongestMove_s, scenario->duration_s), takes_s = plan.move->predicted.duration_s;
-    if (takes_s > most_s) {
-      return refuse(
-          fmt::format("the move takes {:.6g} s; allowed: at most {} s, or the scenario's duration where that is "
-                      "longer (--set duration=...); a shorter move or a greater --speed-fraction takes less",
-                      takes_s, sim::number_text(most_s)));
-    }
+    const firmware::Prediction& predicted = plan.move->predicted;
+    const std::string too_long = length_refusal(command, predicted.duration_s, scenario->duration_s);
+    if (!too_long.empty()) return refuse(too_long);
+    if (const std::string why = prediction_refusal(command, predicted, scenario->envelope); !why.empty())
+      return refuse(why);
     warn_of_breach(plan.move->predicted, scenario->envelope);
   }
 
   sil::RecordOptions record = command.record;
   record.interrupted = program::catch_signals();
   record.move = *request;
+  if (command.force) record.run_options = " --force";
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name + "-move" : command.out);
-  if (!output.good()) {
-    program::complain("ballast", output.error());
-    return program::kExitCouldNotRun;
-  }
+  if (!output.good()) return could_not(output.error());
   scenario->published.clear();  // published values belong to the scenario's own motion
   const auto peers = new_peers();
   return sil::record_run("ballast", *scenario, *peers, output, record);
@@ -230,6 +260,9 @@ std::function<int()> add_move_command(CLI::App& app, CLI::App*& command) {
       ->add_option("--speed-fraction", options->speed_fraction,
                    "fraction of the greatest speed that the motors' limits allow, 0 < .. <= 1")
       ->capture_default_str();
+  command->add_flag("--force", options->force,
+                    "make the move even if it is longer than 600 s or cannot be predicted to its end");
+  command->add_flag("--no-log", options->record.no_log, "keep no run.lcmlog");
   command->add_option("--out", options->out, "folder for the results; default runs/NAME-move")
       ->check(program::not_empty());
   command->add_flag("--quiet", options->record.quiet, "no progress bar and no summary");

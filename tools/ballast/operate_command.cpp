@@ -59,7 +59,7 @@ std::function<int()> add_operate_command(CLI::App& app, CLI::App*& command) {
   command
       ->add_option("COMMAND", options->command, "arm, start (the scenario's motion), stop or reset; status only asks")
       ->required()
-      ->check(CLI::IsMember({"status", "arm", "start", "stop", "reset"}));
+      ->check(program::one_of({"status", "arm", "start", "stop", "reset"}));
   program::add_bus_options(*command, options->bus);
   command->remove_option(command->get_option("--start-timeout"));  // the run has already started
   return [options] { return operate(*options); };

@@ -37,17 +37,6 @@ struct ReplayCommand : FirmwareOption {
   bool verify = false;
 };
 
-int refuse(const std::string& text) {
-  program::complain("ballast", text);
-  return program::kExitUsage;
-}
-
-// For trouble with the files, while refuse() is for the command line.
-int could_not(const std::string& text) {
-  program::complain("ballast", text);
-  return program::kExitCouldNotRun;
-}
-
 // A temporary file, deleted with the object.
 class TemporaryLog {
  public:
@@ -178,8 +167,8 @@ int replay(const ReplayCommand& given) {
   if (scenario->run.actuation != sim::Actuation::kStepper) {
     return refuse(command.log + ": a run with prescribed masses has no controller to replay; allowed: steppers");
   }
-  const auto params = std::make_unique<firmware::ControllerParams>();
-  if (const auto refusal = program::to_controller_params(*scenario, *params)) return refuse(*refusal);
+  const auto params = program::make_controller_params("ballast", *scenario);
+  if (!params) return program::kExitUsage;
   if (!command.out.empty() && fs::exists(command.out, code) && fs::equivalent(command.out, command.log, code)) {
     return refuse("--out: " + command.out + " is the log that is replayed; allowed: another file");
   }

@@ -16,8 +16,7 @@ namespace {
 int become(const std::string& name, const std::vector<std::string>& arguments) {
   std::vector<std::string> argv{program::beside_this_program(name).string()};
   argv.insert(argv.end(), arguments.begin(), arguments.end());
-  program::complain("ballast", program::become_program(argv));
-  return program::kExitCouldNotRun;
+  return could_not(program::become_program(argv));
 }
 
 void add_out_option(CLI::App& command, std::string& out, const std::string& fallback) {

@@ -31,16 +31,6 @@ struct RunCommand : FirmwareOption {
   bool pictures = false;
 };
 
-int fail(const std::string& text) {
-  program::complain("ballast", text);
-  return program::kExitCouldNotRun;
-}
-
-int refuse(const std::string& text) {
-  program::complain("ballast", text);
-  return program::kExitUsage;
-}
-
 int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario,
                        const firmware::ControllerParams* params, lcm::LCM* bus, sil::OutputDir& output) {
   sil::RecordOptions record = command.record;
@@ -68,9 +58,9 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
   arguments.insert(arguments.end(), {"--start-timeout", std::to_string(command.bus.start_timeout_s), "--peer-timeout",
                                      std::to_string(command.bus.peer_timeout_s)});
   Children children;
-  if (const auto why = children.start("ballast-monitor", arguments); !why.empty()) return fail(why);
+  if (const auto why = children.start("ballast-monitor", arguments); !why.empty()) return could_not(why);
   if (has_controller) {
-    if (const auto why = children.start("ballast-controller", arguments); !why.empty()) return fail(why);
+    if (const auto why = children.start("ballast-controller", arguments); !why.empty()) return could_not(why);
   }
   PeerFaults faults(scenario, children);
   sil::LcmPeersOptions options{.scenario_id = scenario.id,
@@ -136,8 +126,8 @@ void draw_pictures(const sil::OutputDir& output) {
     program::complain("ballast", "the pictures could not be drawn; the run itself is complete");
 }
 
-// Empty, or why options that need a controller do not fit this scenario or each other.
-std::string controller_refusal(const RunCommand& command, bool has_controller) {
+// Empty, or why options do not fit each other, or need a controller that this scenario has not.
+std::string option_refusal(const RunCommand& command, bool has_controller) {
   if (command.record.check_steps && !has_controller)
     return "--check-steps: a run with prescribed masses has no steps; allowed with steppers";
   if (command.in_qemu() && !has_controller) {
@@ -154,6 +144,8 @@ std::string controller_refusal(const RunCommand& command, bool has_controller) {
     return "--by-hand: a run with prescribed masses has no controller; allowed with steppers";
   if (command.by_hand && !command.processes && command.url->count() == 0)
     return "--by-hand: there is no bus for an operator; allowed with --lcm or --processes";
+  if (command.pictures && command.record.no_log)
+    return "--pictures: not with --no-log, since they are drawn from the log";
   return "";
 }
 
@@ -180,13 +172,14 @@ int run(const RunCommand& given) {
   const auto scenario = program::load_scenario(command.scenario);
   if (!scenario) return program::kExitUsage;
   const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
-  if (const auto why = controller_refusal(command, has_controller); !why.empty()) return refuse(why);
+  if (const auto why = option_refusal(command, has_controller); !why.empty()) return refuse(why);
   command.record.by_hand = command.by_hand;
   if (command.by_hand && command.record.speed == 0) command.record.speed = 1;  // a person needs the wall clock's pace
   if (const auto why = scenario_refusal(command, *scenario); !why.empty()) return refuse(why);
-  auto params = std::make_unique<firmware::ControllerParams>();
+  std::unique_ptr<firmware::ControllerParams> params;  // null: there is no controller
   if (has_controller) {
-    if (const auto refusal = program::to_controller_params(*scenario, *params)) return refuse(*refusal);
+    params = program::make_controller_params("ballast", *scenario);
+    if (!params) return program::kExitUsage;
   }
   // The bus is opened before the folder is made, so that a run without a bus leaves no folder.
   command.record.interrupted = program::catch_signals();
@@ -200,13 +193,12 @@ int run(const RunCommand& given) {
     return program::refuse_bus("ballast", command.bus.url);
   }
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name : command.out);
-  if (!output.good()) return fail(output.error());
+  if (!output.good()) return could_not(output.error());
 
-  const int exit_status =
-      command.processes ? run_in_processes(command, *scenario, has_controller, *peers_bus, output)
-      : command.in_qemu()
-          ? run_in_qemu(command, *scenario, *params, watchers_bus.get(), output)
-          : run_in_one_process(command, *scenario, has_controller ? params.get() : nullptr, watchers_bus.get(), output);
+  const int exit_status = command.processes ? run_in_processes(command, *scenario, has_controller, *peers_bus, output)
+                          : command.in_qemu()
+                              ? run_in_qemu(command, *scenario, *params, watchers_bus.get(), output)
+                              : run_in_one_process(command, *scenario, params.get(), watchers_bus.get(), output);
   if (command.pictures && (exit_status == program::kExitCompleted || exit_status == program::kExitEnvelope)) {
     draw_pictures(output);
   }
@@ -220,7 +212,12 @@ std::function<int()> add_run_command(CLI::App& app, CLI::App*& command) {
   auto options = std::make_shared<RunCommand>();
   program::add_scenario_options(*command, options->scenario);
   program::add_bus_options(*command, options->bus);
-  options->url = command->get_option("--lcm");
+  options->url = command->get_option("--lcm")
+                     ->description(
+                         "URL of an LCM bus on which every message is also published; without it none is, "
+                         "but with --processes, which use " +
+                         options->bus.url + " then")
+                     ->default_str("");
   command->add_option("--out", options->out, "folder for the results; default runs/NAME")->check(program::not_empty());
   command->add_option("--speed", options->record.speed, "simulated time per wall time; default: as fast as possible")
       ->check(program::positive_finite());
@@ -229,6 +226,8 @@ std::function<int()> add_run_command(CLI::App& app, CLI::App*& command) {
                     "arm the controller, and leave start, stop and moves to `ballast operate` and `ballast move` on "
                     "the bus; --speed is then 1 by default");
   add_firmware_options(*command, *options);
+  command->add_flag("--no-log", options->record.no_log,
+                    "keep no run.lcmlog, which takes 2.4 MB per simulated second at 1 kHz");
   command->add_flag("--pictures", options->pictures, "draw the pictures after the run");
   command->add_flag("--check-steps", options->record.check_steps,
                     "compare every step pulse with the motion, by independent code");

@@ -32,11 +32,6 @@ struct SoakCommand {
   bool table = false;
 };
 
-int fail(const std::string& text) {
-  program::complain("ballast", text);
-  return program::kExitCouldNotRun;
-}
-
 // Parses "A..B", or "A" for one seed.
 bool parse_seeds(const std::string& text, soak::WorkerOptions& out) {
   const auto number = [](std::string_view digits, std::uint64_t& value) {
@@ -141,15 +136,14 @@ void report_broken(const SoakCommand& command, const soak::SeedResult& result, s
 int run(const SoakCommand& command) {
   soak::WorkerOptions options;
   if (!parse_seeds(command.seeds, options)) {
-    program::complain("ballast", "--seeds " + command.seeds + ": allowed: A..B, whole numbers, 0 <= A <= B < 2^62");
-    return program::kExitUsage;
+    return refuse("--seeds " + command.seeds + ": allowed: A..B, whole numbers, 0 <= A <= B < 2^62");
   }
   options.jobs = command.jobs > 0 ? command.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   options.seed_limit_s = command.seed_limit_s;
   options.interrupted = program::catch_signals();
   const std::uint64_t count = options.last - options.first + 1;
   std::optional<sil::OutputDir> kept;
-  if (!command.keep.empty() && !kept.emplace(command.keep).good()) return fail("--keep: " + kept->error());
+  if (!command.keep.empty() && !kept.emplace(command.keep).good()) return could_not("--keep: " + kept->error());
 
   Totals totals;
   soak::FailureTable table;
@@ -164,12 +158,12 @@ int run(const SoakCommand& command) {
   const std::string why = soak::run_seeds(options, command.table ? soak::run_table_seed : soak::run_seed, done,
                                           [&] { progress.show(totals); });
   progress.clear();
-  if (!why.empty()) return fail(why);
-  if (kept && !kept->good()) return fail(kept->error());
+  if (!why.empty()) return could_not(why);
+  if (kept && !kept->good()) return could_not(kept->error());
   if (command.table) std::cout << table.markdown();
   if (totals.seeds > 0 && !command.table) print_totals(totals, progress.seconds());
   if (totals.broken > 0) return program::kExitEnvelope;
-  return totals.seeds < count ? fail(fmt::format("interrupted after {} of {} seeds", totals.seeds, count))
+  return totals.seeds < count ? could_not(fmt::format("interrupted after {} of {} seeds", totals.seeds, count))
                               : program::kExitCompleted;
 }
 
@@ -179,7 +173,8 @@ std::function<int()> add_soak_command(CLI::App& app, CLI::App*& command) {
   command = app.add_subcommand("soak", "Runs random scenarios with random faults, and checks invariants in each");
   auto options = std::make_shared<SoakCommand>();
   command->add_option("--seeds", options->seeds, "A..B: the seeds to run, both included")->required();
-  command->add_option("--jobs", options->jobs, "runs at a time; default: one per core")->check(CLI::Range(1, 1024));
+  command->add_option("--jobs", options->jobs, "runs at a time; default: one per core")
+      ->check(program::whole_number(1, 1024));
   command->add_option("--keep", options->keep, "folder in which the scenarios of failed seeds are kept as SEED.toml")
       ->check(program::not_empty());
   command

@@ -23,8 +23,7 @@ int spy_on(const spy::SpyOptions& options) {
   if (!good(spy::check_types(options))) return program::kExitCouldNotRun;
   // lcm-spy itself does not notice that a bus cannot be used.
   if (!lcm::LCM(options.url).good()) return program::refuse_bus("ballast", options.url);
-  program::complain("ballast", spy::become_spy(options));
-  return program::kExitCouldNotRun;
+  return could_not(spy::become_spy(options));
 }
 
 }  // namespace
@@ -37,7 +36,7 @@ std::function<int()> add_spy_command(CLI::App& app, CLI::App*& command) {
   command->add_option("--types", options->types_jar, "jar of message types; default: the one built with this program")
       ->check(program::not_empty());
   command->add_option("--heap", options->heap_mb, "limit of the Java heap in MB")
-      ->check(CLI::Range(64, 65536))
+      ->check(program::whole_number(64, 65536))
       ->capture_default_str();
   return [options] { return spy_on(*options); };
 }

@@ -108,14 +108,12 @@ int watch_run(const WatchCommand& command) {
     show();
     if (status == hal::Status::kInterrupted) return program::kExitCompleted;
     if (status == hal::Status::kIo) {
-      program::complain("ballast", "the LCM bus " + command.url + " failed");
-      return program::kExitCouldNotRun;
+      return could_not("the LCM bus " + command.url + " failed");
     }
     if (over()) return program::kExitCompleted;
     if (!std::cout) return program::kExitCouldNotRun;
     if (view.empty() && command.wait_s > 0 && now_s() >= command.wait_s) {
-      program::complain("ballast", no_message + hint);
-      return program::kExitCouldNotRun;
+      return could_not(no_message + hint);
     }
     if (view.empty() && !reported && now_s() >= kPatience_s) {
       program::complain("ballast", no_message + " yet" + hint);

@@ -14,6 +14,7 @@ class FaultyBoard : public hal::LcmBoard {
 
   hal::Status wait_tick(std::int64_t& tick) {
     const hal::Status status = LcmBoard::wait_tick(tick);
+    // kOk: sensors and verdict of this tick have come (LcmBoard::wait_tick()), so both are there.
     if (status == hal::Status::kOk) mail() = links_.deliver(*mail().sensors, &*mail().trip);
     return status;
   }

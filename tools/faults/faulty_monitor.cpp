@@ -2,25 +2,23 @@
 
 namespace ballast::sil {
 
-// sil::judge() comes back here with what the links have delivered. A tick that is judged again (a repeated message) has
-// been through the links already.
-trip_t FaultyLinksMonitor::judge(const monitor::Samples& samples) {
+void FaultyLinksToMonitor::judge(const monitor::Samples& samples) {
   const bool complete = samples.contact != nullptr && samples.plant_state != nullptr && samples.sensors != nullptr;
-  if (delivering_ || !complete || samples.contact->tick == last_tick_) return Monitor::judge(samples);
+  // The messages of a tick that is judged again (a repeated message) have been through the links already.
+  if (!complete || samples.contact->tick == last_tick_) {
+    monitor_.judge(samples);
+    return;
+  }
   // Only the status of the tick before is new to the link.
   if (samples.status != nullptr && last_tick_ && samples.status->tick == *last_tick_) {
     links_.send(*samples.status, *last_tick_);
   }
   last_tick_ = samples.contact->tick;
-  delivering_ = true;
-  const trip_t verdict = sil::judge(*this, links_.deliver(*samples.contact, *samples.plant_state, *samples.sensors));
-  delivering_ = false;
-  return verdict;
+  sil::judge(monitor_, links_.deliver(*samples.contact, *samples.plant_state, *samples.sensors));
 }
 
 FaultyMonitor::FaultyMonitor(const sim::Scenario& scenario, const monitor::MonitorLimits& limits)
-    : LocalMonitor(limits),
-      scenario_(scenario),
+    : scenario_(scenario),
       limits_(limits),
       monitor_(limits),
       links_(scenario),

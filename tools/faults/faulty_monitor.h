@@ -9,24 +9,25 @@
 
 namespace ballast::sil {
 
-// The monitor of a process of its own, with faults on the links to it.
-class FaultyLinksMonitor final : public monitor::Monitor {
+// Faults on the links to the monitor of a process of its own.
+class FaultyLinksToMonitor {
  public:
-  // The scenario must outlive the monitor.
-  FaultyLinksMonitor(const monitor::MonitorLimits& limits, const sim::Scenario& scenario)
-      : Monitor(limits), links_(scenario) {}
+  // Scenario and monitor must outlive the links.
+  FaultyLinksToMonitor(monitor::Monitor& monitor, const sim::Scenario& scenario)
+      : monitor_(monitor), links_(scenario) {}
 
-  trip_t judge(const monitor::Samples& samples) override;
+  // In place of Monitor::judge(): the monitor judges what the links deliver.
+  void judge(const monitor::Samples& samples);
   [[nodiscard]] hal::LinkCounters counters() const { return links_.counters(); }
 
  private:
+  monitor::Monitor& monitor_;
   MonitorLinks links_;
   std::optional<std::int64_t> last_tick_;  // whose messages the links have carried
-  bool delivering_ = false;
 };
 
 // A monitor in the plant's process, with faults on the links to it; it may be killed, frozen, restarted or slow.
-class FaultyMonitor final : public LocalMonitor {
+class FaultyMonitor final : public LapMonitor {
  public:
   // The scenario must outlive the monitor.
   FaultyMonitor(const sim::Scenario& scenario, const monitor::MonitorLimits& limits);

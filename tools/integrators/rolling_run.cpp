@@ -134,6 +134,7 @@ class Run {
       const double h = last ? method_->time() - t : whole / looks_;
       const double end_s = last ? method_->time() : t + h;
       if (!look(t, h, dense_point(t + h / 2), last ? point(end_s, end_state) : dense_point(end_s))) return false;
+      if (last) travel(end_state);
     }
     return true;
   }
@@ -206,7 +207,14 @@ class Run {
     }
   }
 
+  void travel(const State& y) {
+    const Eigen::Vector2d place_W_m(y[sim::RollingOde::kZ], y[sim::RollingOde::kZ + 1]);
+    out_.result.distance_m += (place_W_m - place_W_m_).norm();
+    place_W_m_ = place_W_m;
+  }
+
   void end(double t, const State& y) {
+    travel(y);
     move_to(t, point(t, y));
     progress_.contact.begin_tick(now().normal_force_n, ratio(now()));
     out_.end_state = y;
@@ -217,7 +225,8 @@ class Run {
   double duration_s_;
   RollingProblem problem_;
   std::unique_ptr<Method> method_;
-  sim::Progress progress_;  // up to where the steps have been looked into
+  sim::Progress progress_;                               // up to where the steps have been looked into
+  Eigen::Vector2d place_W_m_ = Eigen::Vector2d::Zero();  // of the ball, at the last step
   RollingRun out_;
 };
 

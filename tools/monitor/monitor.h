@@ -61,9 +61,8 @@ struct Samples {
 class Monitor {
  public:
   explicit Monitor(const MonitorLimits& limits);
-  virtual ~Monitor() = default;
 
-  virtual trip_t judge(const Samples& samples);
+  trip_t judge(const Samples& samples);
 
   // Call when the whole plant has been silent for longer than allowed: trips as stale on the expected tick.
   trip_t silence(double silent_ticks, double allowed_ticks);

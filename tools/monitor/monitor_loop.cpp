@@ -29,6 +29,7 @@ std::int64_t MonitorLoop::TickMessages::tick() const {
 MonitorLoop::MonitorLoop(hal::Bus& bus, Monitor& monitor, const MonitorLimits& limits,
                          const MonitorLoopOptions& options)
     : bus_(bus), monitor_(monitor), limits_(limits), options_(options) {
+  if (!options_.judge) options_.judge = [this](const Samples& samples) { monitor_.judge(samples); };
   bus_.subscribe<contact_t>(hal::kChannelContact,
                             [this](const contact_t& message) { on_plant(message, &TickMessages::contact); });
   bus_.subscribe<plant_state_t>(
@@ -144,8 +145,8 @@ Status MonitorLoop::judge() {
                         address(status_)};
   const std::int64_t tick = current_.tick();
   if (last_tick_ && tick <= *last_tick_) ++counters_.repeated;
-  monitor_.judge(samples);
-  if (current_.repeated) monitor_.judge(samples);
+  options_.judge(samples);
+  if (current_.repeated) options_.judge(samples);
   last_complete_ = current_.complete();
   last_tick_ = std::max(tick, last_tick_.value_or(tick));
   return bus_.publish(hal::kChannelTrip, monitor_.verdict());

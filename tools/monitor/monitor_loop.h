@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -16,6 +17,8 @@ struct MonitorLoopOptions {
   double control_period_s = 0;
   hal::Seconds start_timeout{30};  // until the plant's first message
   hal::Seconds peer_timeout{2};    // from one tick to the next
+  // Passes the samples on to the monitor, changed or delayed; none: Monitor::judge().
+  std::function<void(const Samples&)> judge{};
 };
 
 // Before the first tick the loop publishes a trip_t with tick -3 every 50 ms. The plant's first message names the run;

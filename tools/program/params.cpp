@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "firmware/motion/step_command.h"
+#include "tools/program/program.h"
 
 namespace ballast::program {
 namespace {
@@ -102,6 +103,15 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
   if (const firmware::ParamError error = firmware::validate(*p); !error.ok()) return describe(error);
   params = *p;
   return std::nullopt;
+}
+
+std::unique_ptr<firmware::ControllerParams> make_controller_params(const char* program_name,
+                                                                   const sim::Scenario& scenario) {
+  auto params = std::make_unique<firmware::ControllerParams>();
+  const auto refusal = to_controller_params(scenario, *params);
+  if (!refusal) return params;
+  complain(program_name, *refusal);
+  return nullptr;
 }
 
 monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {

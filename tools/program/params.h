@@ -1,6 +1,7 @@
 // The parameters of firmware and monitor for a scenario.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -18,6 +19,10 @@ namespace ballast::program {
 // allowed range of what is refused; `params` is then unchanged.
 [[nodiscard]] std::optional<std::string> to_controller_params(const sim::Scenario& scenario,
                                                               firmware::ControllerParams& params);
+
+// The controller's parameters. Null: they are refused, and why is printed after `program_name`.
+[[nodiscard]] std::unique_ptr<firmware::ControllerParams> make_controller_params(const char* program_name,
+                                                                                 const sim::Scenario& scenario);
 
 monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario);
 

@@ -77,6 +77,55 @@ std::string unknown_command(const std::string& word, const CLI::App& app) {
   return fmt::format("{}: no such command; allowed: {}{}", word, fmt::join(names, ", "), did_you_mean(word, names));
 }
 
+std::string unexpected_text(const std::string& word, const CLI::App& command, const std::string& name) {
+  if (!word.starts_with('-')) return fmt::format("{}: is one word too many; {} --help shows the usage", word, name);
+  std::vector<std::string> names;
+  for (const CLI::Option* option : command.get_options()) {
+    for (const std::string& known : option->get_lnames()) names.push_back("--" + known);
+  }
+  return fmt::format("{}: no such option{}; {} --help lists them", word, did_you_mean(word, names), name);
+}
+
+const char* kind_of_value(const CLI::App& command, const std::string& option_name) {
+  const CLI::Option* option = command.get_option_no_throw(option_name);
+  const std::string type = option == nullptr ? "" : option->get_type_name();
+  return type.starts_with("FLOAT")                             ? "a number"
+         : type.starts_with("INT") || type.starts_with("UINT") ? "a whole number"
+                                                               : "a value";
+}
+
+// Says what is wrong with the command line: option, value, what is allowed. CLI11's own text is kept where that is the
+// text of a check of this program.
+std::string usage_error_text(const CLI::ParseError& error, const CLI::App& app) {
+  const std::vector<CLI::App*> commands = app.get_subcommands();
+  const std::vector<std::string> rest = app.remaining(true);
+  const bool lacks_command = app.get_require_subcommand_min() > 0 && commands.empty();
+  if (lacks_command && !rest.empty()) return unknown_command(rest.front(), app);
+  if (lacks_command) return "a command is missing; " + app.get_name() + " --help lists them";
+  const CLI::App& command = commands.empty() ? app : *commands.back();
+  const std::string name = commands.empty() ? app.get_name() : app.get_name() + " " + command.get_name();
+  const std::string text = error.what();
+  switch (static_cast<CLI::ExitCodes>(error.get_exit_code())) {
+    case CLI::ExitCodes::ExtrasError:
+      return rest.empty() ? text : unexpected_text(rest.front(), command, name);
+    case CLI::ExitCodes::RequiredError:  // "NAME is required"
+      return fmt::format("{}: is missing; {} --help shows the usage", text.substr(0, text.find(' ')), name);
+    case CLI::ExitCodes::ArgumentMismatch: {  // "NAME: 1 required TYPE missing" or "NAME: At Most 1 required .."
+      const std::string option = text.substr(0, text.find(':'));
+      if (text.find("At Most") != std::string::npos) return option + ": is given more than once; allowed: once";
+      return fmt::format("{}: its value is missing; allowed: {}", option, kind_of_value(command, option));
+    }
+    case CLI::ExitCodes::ConversionError: {  // "Could not convert: NAME = VALUE"
+      const std::size_t begin = text.find(": "), middle = text.find(" = ");
+      if (begin == std::string::npos || middle == std::string::npos) return text;
+      const std::string option = text.substr(begin + 2, middle - begin - 2), kind = kind_of_value(command, option);
+      return fmt::format("{}: {} is not allowed; allowed: {}", option, text.substr(middle + 3), kind);
+    }
+    default:
+      return text;
+  }
+}
+
 }  // namespace
 
 CLI::Validator positive_finite() {
@@ -86,6 +135,23 @@ CLI::Validator positive_finite() {
     return fmt::format("{} is out of range; allowed: a finite number > 0", text);
   };
   return {check, ""};
+}
+
+CLI::Validator one_of(const std::vector<std::string>& names) {
+  const auto check = [names](std::string& text) -> std::string {
+    if (std::find(names.begin(), names.end(), text) != names.end()) return {};
+    return fmt::format("{} is unknown; allowed: {}{}", text, fmt::join(names, ", "), did_you_mean(text, names));
+  };
+  return {check, fmt::format("{{{}}}", fmt::join(names, ","))};
+}
+
+CLI::Validator whole_number(int low, int high) {
+  const auto check = [low, high](std::string& text) -> std::string {
+    int value = 0;
+    if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high) return {};
+    return fmt::format("{} is out of range; allowed: a whole number from {} to {}", text, low, high);
+  };
+  return {check, fmt::format("{} to {}", low, high)};
 }
 
 CLI::Validator not_empty() {
@@ -107,7 +173,7 @@ void add_scenario_options(CLI::App& app, ScenarioOptions& options) {
       ->allow_extra_args(false)
       ->check(not_empty());
   app.add_option("--actuation", options.actuation, "prescribed or stepper; default: the scenario's")
-      ->check(CLI::IsMember({"prescribed", "stepper"}));
+      ->check(one_of({"prescribed", "stepper"}));
   app.add_option("--seed", options.seed, "seed of all random numbers; default: the scenario's")->check(seed_number());
 }
 
@@ -131,21 +197,24 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    // CLI11 reports an unknown command like a missing one.
-    const std::vector<std::string> rest = app.remaining();
-    if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::RequiredError) &&
-        app.get_require_subcommand_min() > 0 && !rest.empty()) {
-      complain(app.get_name(), unknown_command(rest.front(), app));
-      return kExitUsage;
+    // CLI11 takes a request for help or the version for good, whatever stands beside it.
+    const bool asks = error.get_exit_code() == 0;
+    if (asks && (app.remaining().empty() || !app.get_subcommands().empty())) {
+      app.exit(error);
+      return after_output(app.get_name(), kExitCompleted);
     }
-    // CLI11 2.1 lists these words in reverse order.
-    if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) {
-      app.exit(CLI::ExtrasError(app.remaining_for_passthrough(true)));
-      return kExitUsage;
-    }
-    return after_output(app.get_name(), app.exit(error) == 0 ? kExitCompleted : kExitUsage);
+    complain(app.get_name(), usage_error_text(error, app));
+    return kExitUsage;
   }
   return std::nullopt;
+}
+
+std::optional<int> parse_peer(CLI::App& app, int argc, char** argv, PeerOptions& options) {
+  add_scenario_options(app, options.scenario_options);
+  add_bus_options(app, options.bus);
+  if (const auto exit_status = parse(app, argc, argv)) return exit_status;
+  options.scenario = load_scenario(options.scenario_options);
+  return options.scenario ? std::nullopt : std::optional(kExitUsage);
 }
 
 std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options, std::vector<sim::ScenarioError>* warnings) {

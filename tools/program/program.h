@@ -43,6 +43,12 @@ struct BusOptions {
 
 // Checks that a number is finite and > 0. CLI11's own check accepts NaN and infinity.
 CLI::Validator positive_finite();
+// Checks that a text is one of these.
+CLI::Validator one_of(const std::vector<std::string>& names);
+
+// Checks that a number is whole, and in this range.
+CLI::Validator whole_number(int low, int high);
+
 // Checks that a text is not empty, as that of a shell variable that is not set.
 CLI::Validator not_empty();
 
@@ -56,8 +62,17 @@ void add_bus_options(CLI::App& app, BusOptions& options);
 // Parses the command line. With a value, the program ends here with this status; help or the error has been printed.
 [[nodiscard]] std::optional<int> parse(CLI::App& app, int argc, char** argv);
 
-// Reads and checks a scenario; prints every error to stderr. Without a value, end with kExitUsage. `warnings`: the values
-// that are allowed and implausible.
+// For the program of one peer: adds the options of scenario and bus to `app`, parses, and reads the scenario. nullopt:
+// `options.scenario` is there. Otherwise as parse().
+struct PeerOptions {
+  ScenarioOptions scenario_options;
+  BusOptions bus;
+  std::optional<sim::Scenario> scenario;
+};
+[[nodiscard]] std::optional<int> parse_peer(CLI::App& app, int argc, char** argv, PeerOptions& options);
+
+// Reads and checks a scenario; prints every error to stderr. Without a value, end with kExitUsage. `warnings`: the
+// values that are allowed and implausible.
 [[nodiscard]] std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options,
                                                          std::vector<sim::ScenarioError>* warnings = nullptr);
 

@@ -40,8 +40,6 @@ class SignalsBlocked {
   SignalsBlocked(const SignalsBlocked&) = delete;
   SignalsBlocked& operator=(const SignalsBlocked&) = delete;
 
-  [[nodiscard]] const sigset_t& before() const { return before_; }
-
  private:
   sigset_t before_;
 };
@@ -214,8 +212,11 @@ ProgramOutcome run_program(const std::vector<std::string>& arguments) {
     return outcome;
   pipe->writing = Descriptor();
   char buffer[4096];
-  for (ssize_t size; (size = read(pipe->reading.get(), buffer, sizeof buffer)) > 0 || (size < 0 && errno == EINTR);) {
-    if (size > 0) outcome.output.append(buffer, static_cast<std::size_t>(size));
+  for (;;) {
+    const ssize_t size = read(pipe->reading.get(), buffer, sizeof buffer);
+    if (size < 0 && errno == EINTR) continue;
+    if (size <= 0) break;
+    outcome.output.append(buffer, static_cast<std::size_t>(size));
   }
   outcome.exit_status = child.wait().exit_status;
   return outcome;

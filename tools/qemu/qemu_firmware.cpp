@@ -254,7 +254,7 @@ Status QemuFirmware::connect() {
   target::Frame frame;
   target::Hello hello;
   if (const Status s = receive_frame(frame, options_.start_timeout); s != Status::kOk) return s;
-  qemu_.take_turns();
+  qemu_.expect_answers();
   if (!target::decode(frame, hello)) {
     return fail(Status::kForeignPeer, "the firmware does not introduce itself as this program expects",
                 PeerFailure::kForeignFirmware);

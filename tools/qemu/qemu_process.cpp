@@ -76,6 +76,19 @@ bool is_arm_program(const std::filesystem::path& file) {
 
 }  // namespace
 
+OneProcessor::OneProcessor() {
+  const int here = sched_getcpu();
+  if (here < 0 || sched_getaffinity(0, sizeof before_, &before_) != 0) return;
+  cpu_set_t one;
+  CPU_ZERO(&one);
+  CPU_SET(static_cast<std::size_t>(here), &one);
+  moved_ = sched_setaffinity(0, sizeof one, &one) == 0;
+}
+
+OneProcessor::~OneProcessor() {
+  if (moved_) sched_setaffinity(0, sizeof before_, &before_);
+}
+
 std::string QemuProcess::start(const QemuOptions& options) {
   if (!std::filesystem::is_regular_file(options.elf))
     return options.elf.string() + ": no such file; tools/firmware builds the firmware";
@@ -118,7 +131,7 @@ std::string QemuProcess::start(const QemuOptions& options) {
                          {"-icount", icount, "-semihosting-config", arguments, "-kernel", options.elf.string()});
   start.input = start.output = program::ProcessStart::kNull;
   start.error = messages->writing.get();
-  turns_.start();
+  one_processor_.emplace();
   const std::error_code error = qemu_.start(start);
   if (!error) return "";
   if (error == std::errc::no_such_file_or_directory) {
@@ -127,12 +140,11 @@ std::string QemuProcess::start(const QemuOptions& options) {
   return program::cannot_start(kQemu, error);
 }
 
-void QemuProcess::take_turns() {
+void QemuProcess::expect_answers() {
   // QEMU's main loop is woken in every control tick without work. As SCHED_BATCH it waits until the machine's own
   // thread pauses, instead of preempting it. It is the thread that has the process's number.
   const sched_param none{};
   static_cast<void>(sched_setscheduler(pid(), SCHED_BATCH, &none));
-  turns_.take_with(pid());
 }
 
 Status QemuProcess::write(int pair, std::span<const std::uint8_t> bytes, Seconds timeout) {
@@ -159,23 +171,16 @@ Status QemuProcess::write(int pair, std::span<const std::uint8_t> bytes, Seconds
 Status QemuProcess::read(int pair, std::vector<std::uint8_t>& bytes, Seconds timeout,
                          const volatile std::sig_atomic_t* interrupted) {
   const int fd = pairs_[static_cast<std::size_t>(pair)].from.get();
-  const auto begin = Clock::now(), deadline = begin + std::chrono::duration_cast<Clock::duration>(timeout);
-  if (!turns_.apart()) turns_.wait_together();
-  for (bool spinning = turns_.apart();;) {
+  const auto deadline = deadline_in(timeout);
+  for (;;) {
     if (interrupted != nullptr && *interrupted != 0) return Status::kInterrupted;
     pollfd wait{fd, POLLIN, 0};
-    if (poll(&wait, 1, spinning ? 0 : milliseconds_until(deadline)) > 0) {
+    if (poll(&wait, 1, milliseconds_until(deadline)) > 0) {
       std::array<std::uint8_t, 65536> chunk;  // as large as a pipe
       const ssize_t count = ::read(fd, chunk.data(), chunk.size());
       bytes.insert(bytes.end(), chunk.begin(), chunk.begin() + std::max<ssize_t>(count, 0));
-      if (count > 0) {
-        if (spinning) turns_.came();
-        return Status::kOk;
-      }
+      if (count > 0) return Status::kOk;
       if (count == 0 || errno != EINTR) return Status::kPeerLost;
-    } else if (spinning) {
-      spinning = Clock::now() < std::min(begin + Turns::kSpin, deadline);
-      if (!spinning) turns_.did_not_come();
     } else if (Clock::now() >= deadline) {
       return Status::kEmpty;
     }

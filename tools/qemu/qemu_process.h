@@ -2,12 +2,14 @@
 // however that ends.
 #pragma once
 
+#include <sched.h>
 #include <sys/types.h>
 
 #include <chrono>
 #include <csignal>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -15,11 +17,25 @@
 #include "hal/status.h"
 #include "tools/program/descriptor.h"
 #include "tools/program/subprocess.h"
-#include "tools/qemu/turns.h"
 
 namespace ballast::sil {
 
 using Seconds = std::chrono::duration<double>;
+
+// Keeps this thread, and processes that it starts, on one processor while the object lives. A plant and a QEMU that
+// wait for each other never compute at once, and waking the other side is cheap on a processor that is awake. Where the
+// system refuses, nothing changes but the speed.
+class OneProcessor {
+ public:
+  OneProcessor();
+  ~OneProcessor();
+  OneProcessor(const OneProcessor&) = delete;
+  OneProcessor& operator=(const OneProcessor&) = delete;
+
+ private:
+  cpu_set_t before_{};
+  bool moved_ = false;
+};
 
 struct QemuOptions {
   std::string board = "mps2_an500";  // a folder of hal/; QEMU's machine has a hyphen there
@@ -37,9 +53,8 @@ class QemuProcess {
   // Empty, or why it could not be started.
   [[nodiscard]] std::string start(const QemuOptions& options);
 
-  // Call once the machine runs and answers each message written to it; from then on read() expects that. A machine that
-  // does not answer costs time only.
-  void take_turns();
+  // Call once the machine runs and answers each message written to it: makes the answers faster.
+  void expect_answers();
 
   // Writes all bytes. kPeerLost: the machine does not read any more, or not within the timeout.
   hal::Status write(int pair, std::span<const std::uint8_t> bytes, Seconds timeout);
@@ -63,7 +78,7 @@ class QemuProcess {
   };
   std::vector<Pair> pairs_;
   program::Descriptor messages_;  // QEMU's stderr
-  Turns turns_;
+  std::optional<OneProcessor> one_processor_;
   program::Subprocess qemu_;  // last: ends first
   int exit_status_ = -1;
 };

@@ -112,7 +112,7 @@ bool try_black_box(const sim::Scenario& scenario, const RunResult& result, const
   std::error_code code;
   fs::create_directory(folder, code);
   if (code) return output.fail(folder.string() + ": cannot be made: " + code.message());
-  if (!copy_tail(output.log_path(), recorder.tail_offset(), folder / "run.lcmlog")) {
+  if (recorder.bytes() > 0 && !copy_tail(output.log_path(), recorder.tail_offset(), folder / "run.lcmlog")) {
     return output.fail((folder / "run.lcmlog").string() + ": cannot be written: " + std::strerror(errno));
   }
   return output.write(std::string(kBlackBox) + "/scenario.toml", scenario_file(scenario)) &&

@@ -37,8 +37,8 @@ struct Again {
 Again again_of(const sim::Scenario& scenario, const RunResult& result, const RunOptions& options,
                const std::string& firmware_options, const std::string& run_options, const OutputDir& output);
 
-// Writes blackbox/ into the output folder: run.lcmlog (the last Recorder::tail_ticks() or a few more),
-// scenario.toml, blackbox.json. The log must be closed. False: `output.error()` says why, and no part is left.
+// Writes blackbox/ into the output folder: run.lcmlog (the last Recorder::tail_ticks() or a few more; none without a
+// log), scenario.toml, blackbox.json. The log must be closed. False: `output.error()` says why, and no part is left.
 bool write_black_box(const sim::Scenario& scenario, const RunResult& result, const Again& again,
                      const Recorder& recorder, OutputDir& output);
 

@@ -1,9 +1,10 @@
 #include "tools/recording/record_run.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
+#include <chrono>
 #include <iostream>
 
 #include "tools/faults/injection.h"
@@ -18,24 +19,39 @@ namespace ballast::sil {
 
 namespace {
 
-// A progress bar on stderr, shown only if that is a terminal.
+// A log that is worth a warning before the run.
+constexpr double kLargeLog_bytes = 1e9;
+
+// Shows the progress on stderr: a bar on a terminal, otherwise one line about a run that takes long.
 class ProgressBar {
  public:
-  explicit ProgressBar(bool wanted) : shown_(wanted && isatty(STDERR_FILENO) == 1) {}
+  explicit ProgressBar(bool wanted) : wanted_(wanted), terminal_(isatty(STDERR_FILENO) == 1) {}
   ~ProgressBar() {
-    if (shown_) std::fprintf(stderr, "\r\033[K");
+    if (wanted_ && terminal_) std::cerr << "\r\033[K";
   }
-  void show(double time_s, double end_s) const {
-    if (!shown_) return;
-    constexpr int kWidth = 40;
+  void show(double time_s, double end_s) {
+    if (!wanted_) return;
     const double part = std::clamp(time_s / end_s, 0.0, 1.0);
-    std::string bar(kWidth, '.');
-    std::fill_n(bar.begin(), static_cast<int>(part * kWidth), '#');
-    std::fprintf(stderr, "\r[%s] %3.0f %%  t = %.2f of %.6g s", bar.c_str(), 100 * part, time_s, end_s);
+    const double passed_s = std::chrono::duration<double>(Clock::now() - begun_).count();
+    const double left_s = part > 0 ? passed_s * (1 / part - 1) : 0;
+    if (terminal_) {
+      constexpr int kWidth = 40;
+      std::string bar(kWidth, '.');
+      std::fill_n(bar.begin(), static_cast<int>(part * kWidth), '#');
+      std::cerr << fmt::format("\r\033[K[{}] {:3.0f} %  t = {:.2f} of {:.6g} s", bar, 100 * part, time_s, end_s);
+      if (passed_s > kSure_s) std::cerr << fmt::format(", {:.0f} s left", left_s);
+    } else if (passed_s > kSure_s && left_s > kLong_s) {
+      std::cerr << fmt::format("t = {:.3g} of {:.6g} s; about {:.0f} s left\n", time_s, end_s, left_s);
+      wanted_ = false;
+    }
   }
 
  private:
-  bool shown_;
+  using Clock = std::chrono::steady_clock;
+  static constexpr double kSure_s = 2, kLong_s = 60;
+
+  bool wanted_, terminal_;
+  Clock::time_point begun_ = Clock::now();
 };
 
 }  // namespace
@@ -58,7 +74,12 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
   // Written before the log, so that an interrupted run leaves them too.
   if (!output.write("robot.json", robot_json(scenario)) || !output.write("scenario.toml", scenario_file(scenario)))
     return fail(output.error());
-  Recorder recorder(output.log_path(), options.bus, options.unbuffered, options.run_id,
+  const double log_bytes = expected_log_bytes(scenario);
+  if (!options.no_log && !options.move && log_bytes > kLargeLog_bytes) {
+    program::complain(program_name,
+                      fmt::format("a log of about {:.2g} GB is coming; --no-log runs without one", log_bytes / 1e9));
+  }
+  Recorder recorder(options.no_log ? "" : output.log_path(), options.bus, options.unbuffered, options.run_id,
                     Recorder::tail_ticks(scenario.run.control_period_s));
   if (!recorder.good()) return fail(recorder.error());
 
@@ -71,7 +92,7 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
   if (options.other_plant != nullptr) run_options.disturbed = [&options] { return options.other_plant->heard(); };
   RunResult result;
   {
-    const ProgressBar bar(!options.quiet);
+    ProgressBar bar(!options.quiet);
     run_options.progress = [&bar](double time_s, double end_s) { bar.show(time_s, end_s); };
     result = run_with_faults(scenario, peers, recorder, run_options);
   }
@@ -88,15 +109,16 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
   const auto keep_black_box = [&] {
     if (!ended_badly(result)) return;
     again = again_of(scenario, result, run_options, options.firmware_options, options.run_options, output);
+    if (options.no_log) again.replay.clear();
     if (write_black_box(scenario, result, again, recorder, output)) return;
     program::complain(program_name, output.error() + "; nothing of the black box is kept");
     again = Again();
   };
   if (result.status != hal::Status::kOk) {
     keep_black_box();
-    std::string text = result.trouble + "; " + output.log_path() + " holds what happened up to then";
-    text += again.text();
-    program::complain(program_name, text);
+    std::string text = result.trouble;
+    if (!options.no_log) text += "; " + output.log_path() + " holds what happened up to then";
+    program::complain(program_name, text + again.text());
     return exit_status(result.failure);
   }
   // The summary comes first: a disk that is nearly full may have no room for the black box.
@@ -113,6 +135,12 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
   }
   const int status = exit_status(result);
   return written || status != program::kExitCompleted ? status : program::kExitCouldNotRun;
+}
+
+double expected_log_bytes(const sim::Scenario& scenario) {
+  // The messages of one tick, with a controller and without.
+  const double bytes_per_tick = scenario.run.actuation == sim::Actuation::kStepper ? 2450 : 1130;
+  return scenario.duration_s / scenario.run.control_period_s * bytes_per_tick;
 }
 
 int exit_status(PeerFailure failure) {

@@ -16,6 +16,7 @@ struct RecordOptions {
   lcm::LCM* bus = nullptr;            // every message is also published there
   std::int64_t run_id = 0;            // on that bus
   OtherPlant* other_plant = nullptr;  // listens for another plant on that bus; null: nobody does
+  bool no_log = false;                // keep no run.lcmlog
   bool check_steps = false;           // as in RunOptions
   std::string firmware_options{};     // command-line options that a repeated run and a replay need: " --firmware qemu"
   std::string run_options{};          // command-line options that only a repeated run needs: " --processes"
@@ -31,6 +32,9 @@ struct RecordOptions {
 // unless the disk is full.
 int record_run(const char* program_name, const sim::Scenario& scenario, Peer& peers, OutputDir& output,
                const RecordOptions& options);
+
+// About how many bytes the log of a whole run will have.
+double expected_log_bytes(const sim::Scenario& scenario);
 
 // The exit status of a program whose peers have failed.
 int exit_status(PeerFailure failure);

@@ -17,6 +17,7 @@ constexpr std::int64_t kEventHeaderSize = 28;
 Recorder::Recorder(const std::string& log_path, lcm::LCM* bus, bool unbuffered, std::int64_t run_id,
                    std::int64_t tail_ticks)
     : log_path_(log_path), bus_(bus), flush_(unbuffered), run_id_(run_id), tail_ticks_(tail_ticks) {
+  if (log_path.empty()) return;
   log_ = lcm_eventlog_create(log_path.c_str(), "w");
   if (log_ == nullptr) {
     error_ = log_path + ": cannot be written: " + std::strerror(errno);
@@ -29,6 +30,7 @@ Recorder::Recorder(const std::string& log_path, lcm::LCM* bus, bool unbuffered, 
 Recorder::~Recorder() { close(); }
 
 void Recorder::take(const Lap& lap) {
+  if (log_ == nullptr && bus_ == nullptr) return;
   mark_lap();
   if (lap.command) record(hal::kChannelOperator, *lap.command);
   for (const operator_t& heard : lap.heard) record_heard(hal::kChannelOperator, heard, lap.plant.contact.utime);
@@ -43,7 +45,9 @@ void Recorder::take(const Lap& lap) {
 
 // Keeps where laps begin, so that the log's end can be cut off at the beginning of one.
 void Recorder::mark_lap() {
-  if (laps_++ % kTailStride != 0) return;
+  const bool marked = laps_ % kTailStride == 0;
+  ++laps_;
+  if (!marked) return;
   tail_.push_back(bytes_);
   if (static_cast<std::int64_t>(tail_.size()) > (tail_ticks_ - 1) / kTailStride + 2) tail_.pop_front();
 }

@@ -18,8 +18,8 @@ namespace ballast::sil {
 
 class Recorder final : public LapSink {
  public:
-  // Writes to `log_path`. Publishes on `bus` too unless it is null, with the run's number. `unbuffered`: every message
-  // is on disk at once. `tail_ticks`: how many laps tail_offset() leaves.
+  // Writes to `log_path`; empty: nowhere. Publishes on `bus` too unless it is null, with the run's number.
+  // `unbuffered`: every message is on disk at once. `tail_ticks`: how many laps tail_offset() leaves.
   explicit Recorder(const std::string& log_path, lcm::LCM* bus = nullptr, bool unbuffered = false,
                     std::int64_t run_id = 0, std::int64_t tail_ticks = kTailTicks);
   ~Recorder() override;

@@ -6,7 +6,7 @@ namespace ballast::sil {
 
 using hal::Status;
 
-LocalPeers::LocalPeers(std::unique_ptr<LocalMonitor> monitor, std::unique_ptr<Peer> controller, hal::Bus* operator_bus)
+LocalPeers::LocalPeers(std::unique_ptr<LapMonitor> monitor, std::unique_ptr<Peer> controller, hal::Bus* operator_bus)
     : monitor_(std::move(monitor)), controller_(std::move(controller)), ear_(operator_bus) {}
 
 Status LocalPeers::send(Lap& lap) {

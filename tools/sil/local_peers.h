@@ -14,19 +14,25 @@
 namespace ballast::sil {
 
 // Judges each lap, and hears the controller's answer one tick later, as a monitor on a bus does.
-class LocalMonitor {
+class LapMonitor {
+ public:
+  virtual ~LapMonitor() = default;
+  // Fills in the verdict.
+  virtual void judge(Lap& lap) = 0;
+  virtual void hear(const Lap& lap) = 0;
+  [[nodiscard]] virtual hal::LinkCounters refused() const { return {}; }
+};
+
+class LocalMonitor final : public LapMonitor {
  public:
   explicit LocalMonitor(const monitor::MonitorLimits& limits) : monitor_(limits) {}
-  virtual ~LocalMonitor() = default;
-  // Fills in the verdict.
-  virtual void judge(Lap& lap) {
+  void judge(Lap& lap) override {
     lap.verdict =
         monitor_.judge({&lap.plant.contact, &lap.plant.state, &lap.plant.sensors, status_ ? &*status_ : nullptr});
   }
-  virtual void hear(const Lap& lap) {
+  void hear(const Lap& lap) override {
     if (lap.answer) status_ = lap.answer->status;
   }
-  [[nodiscard]] virtual hal::LinkCounters refused() const { return {}; }
 
  private:
   monitor::Monitor monitor_;
@@ -36,7 +42,7 @@ class LocalMonitor {
 class LocalPeers : public Peer {
  public:
   // `controller`: null in prescribed runs. `operator_bus`: must outlive the peers; null: no operators are heard.
-  LocalPeers(std::unique_ptr<LocalMonitor> monitor, std::unique_ptr<Peer> controller, hal::Bus* operator_bus);
+  LocalPeers(std::unique_ptr<LapMonitor> monitor, std::unique_ptr<Peer> controller, hal::Bus* operator_bus);
   LocalPeers(const monitor::MonitorLimits& limits, std::unique_ptr<Peer> controller, hal::Bus* operator_bus = nullptr)
       : LocalPeers(std::make_unique<LocalMonitor>(limits), std::move(controller), operator_bus) {}
 
@@ -56,7 +62,7 @@ class LocalPeers : public Peer {
   [[nodiscard]] RefusedMessages refused() const override;
 
  private:
-  std::unique_ptr<LocalMonitor> monitor_;
+  std::unique_ptr<LapMonitor> monitor_;
   std::unique_ptr<Peer> controller_;
   OperatorEar ear_;
   bool bus_failed_ = false;

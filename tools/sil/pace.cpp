@@ -10,9 +10,11 @@ void Pace::keep(std::int64_t tick, double time_s, double end_s) {
   if (options_.speed > 0 && tick >= 0) {
     const Seconds until(time_s / options_.speed);
     // A signal that comes just before a sleep does not end it, so no sleep is long.
-    for (Seconds gone(0); (gone = Clock::now() - start_) < until;) {
-      if (options_.interrupted != nullptr && *options_.interrupted != 0) break;
-      std::this_thread::sleep_for(std::min(until - gone, Seconds(0.1)));
+    for (;;) {
+      const Seconds left = until - (Clock::now() - start_);
+      const bool interrupted = options_.interrupted != nullptr && *options_.interrupted != 0;
+      if (left <= Seconds(0) || interrupted) break;
+      std::this_thread::sleep_for(std::min(left, Seconds(0.1)));
     }
   }
   // Reading the clock in every tick would cost more than the tick's messages.

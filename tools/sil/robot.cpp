@@ -35,14 +35,20 @@ Json rail_json(const firmware::Rail& rail, double radius_m) {
   const char* shape = "";
   switch (rail.shape) {
     case RailShape::kCircle:
-      shape = "circle", closed = true, count = kCirclePoints, last = 2 * std::numbers::pi;
+      shape = "circle";
+      closed = true;
+      count = kCirclePoints;
+      last = 2 * std::numbers::pi;
       break;
     case RailShape::kLine:
       shape = "line";
       std::tie(first, last) = chord(rail, radius_m);
       break;
     case RailShape::kSpline:
-      shape = "spline", closed = rail.closed, count = kPointsPerSplinePiece * rail.piece_count, last = length_m(rail);
+      shape = "spline";
+      closed = rail.closed;
+      count = kPointsPerSplinePiece * rail.piece_count;
+      last = length_m(rail);
       break;
   }
   if (!closed && std::isfinite(rail.lower_end)) first = rail.lower_end;

@@ -6,7 +6,6 @@
 #include "tools/sil/countdown.h"
 #include "tools/sil/pace.h"
 #include "tools/sil/plan_watch.h"
-#include "tools/sil/pulse_record.h"
 #include "tools/sil/rest_watch.h"
 #include "tools/sil/trip_watch.h"
 
@@ -18,6 +17,29 @@ using hal::Status;
 
 // After a move's last step. At the default damping ratio of 0.2, exp(-0.2 * 2 pi * 10) = 3e-6 of a swing is left.
 constexpr double kSwingsToRest = 10;
+
+// Step counts and rates of the pulses that the motors have executed.
+class PulseRecord {
+ public:
+  // `pulses` are those of an interval that starts at start_s. Pulses after until_s, where the physics ended, are left
+  // out.
+  void add(double start_s, double until_s, std::span<const sim::StepPulse> pulses) {
+    for (const auto& pulse : pulses) {
+      const double time_s = start_s + pulse.offset_s;
+      if (time_s > until_s) break;
+      const auto i = static_cast<std::size_t>(pulse.motor);
+      if (motors[i].steps > 0)
+        motors[i].max_step_rate_hz = std::max(motors[i].max_step_rate_hz, 1 / (time_s - last_s_[i]));
+      ++motors[i].steps;
+      last_s_[i] = time_s;
+    }
+  }
+
+  std::array<MotorRecord, sim::kMaxMasses> motors{};
+
+ private:
+  std::array<double, sim::kMaxMasses> last_s_{};
+};
 
 class Run {
  public:
@@ -121,7 +143,9 @@ bool Run::lap() {
 
 // The plant's messages, and the countdown's command.
 void Run::begin() {
+  const Eigen::Vector3d before_W_m = sample_.position_W_m;
   sample_ = plant_.sample();
+  if (result_.ticks > 0) result_.distance_m += (sample_.position_W_m - before_W_m).norm();
   rest_.observe(sample_);
   const bool move_done = move_done_tick_ && tick_ >= *move_done_tick_;
   if (move_done) result_.move_end->steps_made = true;
@@ -180,7 +204,8 @@ bool Run::judge_verdict() {
 bool Run::judge_answer() {
   asks_.reset();
   if (!lap_.answer) {
-    if (++silent_ticks_ < kGivenUpTicks) return true;
+    ++silent_ticks_;
+    if (silent_ticks_ < kGivenUpTicks) return true;
     return lost("controller lost: silent for " + std::to_string(kGivenUpTicks) + " ticks at tick " +
                 std::to_string(tick_));
   }
@@ -322,7 +347,7 @@ RunResult Run::finish() {
 }
 
 void Run::copy_motors() {
-  result_.motors = pulses_.motors();
+  result_.motors = pulses_.motors;
   for (std::size_t i = 0; i < sim::kMaxMasses; ++i) {
     const int motor = static_cast<int>(i);
     result_.motor_extrema[i] = plant_.motor_extrema(motor);

@@ -38,7 +38,8 @@ struct ControllerTrip {
 inline constexpr std::size_t kHistoryTicks = 8;
 
 // A stop or a move, as the controller predicted it (firmware/control/prediction.h) and as the plant did it. The
-// predicted N is NaN if the run ended before the prediction was complete.
+// predicted N is NaN, and the horizon 0, if the run ended before the prediction was complete, or the sensors gave no
+// valid attitude.
 struct PlanRecord {
   double start_s = 0;
   firmware::Prediction predicted;
@@ -57,6 +58,7 @@ struct RunResult {
   EndReason end_reason = EndReason::kCompleted;
   std::string end_text;  // inconsistent: why
   sim::Plant::Sample final_sample;
+  double distance_m = 0;  // path of the geometric centre, from tick to tick
   std::vector<sim::RegimeStart> regimes;
   std::vector<sim::ImpactRecord> impacts;
   bool rolling_lost = false;  // rolling ended by slip or detachment at least once

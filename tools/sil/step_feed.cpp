@@ -1,5 +1,7 @@
 #include "tools/sil/step_feed.h"
 
+#include <fmt/format.h>
+
 #include "tools/sil/plant_messages.h"
 
 namespace ballast::sil {
@@ -16,11 +18,10 @@ std::string StepFeed::take(std::int64_t tick, const step_command_t* command) {
   }
   ++missing_commands_;
   next_ = step_command_t{};
-  if (wrong.empty() && ++consecutive_ > kAllowedMissedCommands) {
-    wrong = "no step command has reached the motors for " + std::to_string(consecutive_) + " ticks at tick " +
-            std::to_string(tick);
-  }
-  return wrong;
+  if (!wrong.empty()) return wrong;
+  ++consecutive_;
+  if (consecutive_ <= kAllowedMissedCommands) return "";
+  return fmt::format("no step command has reached the motors for {} ticks at tick {}", consecutive_, tick);
 }
 
 bool StepFeed::expand() {

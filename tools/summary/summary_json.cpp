@@ -299,6 +299,9 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
   j["static_friction"] = {{"max", x.static_friction_max.value}, {"time", x.static_friction_max.time_s}};
   j["motor_share"] = motor_share_json(result);
   j["final"] = final_json(scenario, f);
+  j["travel"] = {{"position", {f.position_W_m[0], f.position_W_m[1], f.position_W_m[2]}},
+                 {"distance", result.distance_m},
+                 {"speed", f.velocity_W_mps.norm()}};
   j["regimes"] = regimes_json(result);
   j["impacts"] = impacts_json(result);
   j["trip"] = trip_json(result);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "tools/program/short_number.h"
 #include "tools/summary/controller_words.h"
 #include "tools/summary/required_friction.h"
 #include "tools/summary/summary_parts.h"
@@ -84,6 +85,14 @@ std::string end_text(const sim::Scenario& scenario, const RunResult& result) {
   return "";
 }
 
+std::string travel_line(const RunResult& result) {
+  const sim::Plant::Sample& end = result.final_sample;
+  const bool rolled = result.regimes.size() == 1 && result.regimes.front().regime == sim::Regime::kRolling;
+  return fmt::format("  travel      {} to ({}, {}) m, {} m of path, {} m/s at the end\n", rolled ? "rolled" : "came",
+                     program::short_number(end.position_W_m[0]), program::short_number(end.position_W_m[1]),
+                     program::short_number(result.distance_m), program::short_number(end.velocity_W_mps.norm()));
+}
+
 std::string fault_lines(const sim::Scenario& scenario, const RunResult& result) {
   std::string text;
   for (const sim::Fault& fault : scenario.faults) {
@@ -147,8 +156,11 @@ std::string plan_lines(const sim::Scenario& scenario, const RunResult& result) {
   for (const auto& [name, plan] : {std::pair("move", &result.move), std::pair("stop", &result.stop)}) {
     if (!*plan) continue;
     const PlanRecord& p = **plan;
-    text += fmt::format("  {}        from t = {:.6g} s, {:.6g} s; {}; {}\n", name, p.start_s, p.predicted.duration_s,
-                        predicted_text(p.predicted), seen_text(result, p));
+    // A plan that the run's end forestalled needs no second reason for its missing prediction.
+    const bool predicted = !std::isnan(p.predicted.normal_force_min_n);
+    const bool begun = p.seen_margin_min || result.final_sample.time_s > p.start_s;
+    text += fmt::format("  {}        from t = {:.6g} s, {:.6g} s; {}{}\n", name, p.start_s, p.predicted.duration_s,
+                        predicted || begun ? predicted_text(p.predicted) + "; " : "", seen_text(result, p));
   }
   if (const auto& move = result.move; move && move->seen_margin_min) {
     const std::string missed = far_below_text(move->predicted, *move->seen_margin_min);
@@ -237,7 +249,14 @@ std::string motor_lines(const sim::Scenario& scenario, const RunResult& result) 
     any_motor = any_motor || scenario.masses[i].trajectory.times_s.empty();
   }
   if (any_motor) {
-    text += fmt::format("  motors      least torque margin {:.0f} %", 100 * margin);
+    if (scenario.run.actuation == sim::Actuation::kStepper) {
+      text += fmt::format("  motors      least torque margin {:.0f} %", 100 * margin);
+    } else if (margin < 0) {
+      text +=
+          fmt::format("  motors      not simulated; this motion needs {:.3g} times the torque they have", 1 - margin);
+    } else {
+      text += fmt::format("  motors      not simulated; this motion leaves {:.0f} % of their torque", 100 * margin);
+    }
     if (electrical_j != 0) {
       text += fmt::format("; {:.3g} J from the supply, {:.3g} J of it heat in the windings", electrical_j, copper_j);
     }
@@ -297,6 +316,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   const bool stepper = scenario.run.actuation == sim::Actuation::kStepper;
   std::string text = fmt::format("{}, {} masses\n", scenario.name, stepper ? "stepper-driven" : "prescribed");
   text += "  ended       " + end_text(scenario, result) + "\n";
+  text += travel_line(result);
   text += fault_lines(scenario, result);
   text += regime_lines(result);
   text += "  trip        " + trip_text(scenario, result) + "\n";
