@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -13,6 +14,9 @@
 #include "tools/faults/injection.h"
 #include "tools/program/params.h"
 #include "tools/recording/recorder.h"
+#include "tools/soak/bounds.h"
+#include "tools/soak/mode_rules.h"
+#include "tools/soak/seed_run.h"
 
 namespace ballast::soak {
 namespace {
@@ -159,6 +163,20 @@ TEST(Invariants, AFalseAlarm) {
               trip.trip_tick = trip.tick;
             })),
             due);
+  // A fault explains only what it can do, and only while it can do it.
+  const Recorded faulted({"duration=0.5"}, {"motor_stall@0.1:mass=1",
+                                            "messages_delayed@0.05:1,duration=0.001,"
+                                            "channel=BALLAST_STEP_COMMAND"});
+  ASSERT_EQ(faulted.broken(), Which{}) << faulted.words_;
+  for (const std::int8_t cause : {trip_t::CAUSE_DISAGREEMENT, trip_t::CAUSE_STALE, trip_t::CAUSE_NONFINITE}) {
+    EXPECT_EQ(but_end(faulted.broken([cause](Recorded& run) {
+                trip_t& trip = *run.ticks[200].lap.verdict;
+                trip.tripped = 1;
+                trip.cause = cause;
+                trip.trip_tick = trip.tick;
+              })),
+              due);
+  }
   // One in whose tick the true ball was inside.
   EXPECT_EQ(but_end(tripped().broken([](Recorded& run) {
               Tick& trip = run.ticks[run.trip()];
@@ -186,21 +204,22 @@ TEST(Invariants, AFalseAlarm) {
 }
 
 TEST(Invariants, ATripOneTickLate) {
-  EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
-              const std::size_t trip = run.trip();
-              run.ticks[trip].lap.verdict = run.ticks[trip - 1].lap.verdict;
-              run.ticks[trip].lap.verdict->tick += 1;
-              run.ticks[trip].lap.answer->status.mode = controller_status_t::MODE_RUNNING;
-              run.ticks[trip].lap.answer->status.faults = 0;
-            })),
-            (Which{Invariant::kDetected, Invariant::kLatched}));  // and the later ones speak of a tick that was none
+  EXPECT_EQ(
+      but_logged(tripped().broken([](Recorded& run) {
+        const std::size_t trip = run.trip();
+        run.ticks[trip].lap.verdict = run.ticks[trip - 1].lap.verdict;
+        run.ticks[trip].lap.verdict->tick += 1;
+        run.ticks[trip].lap.answer->status.mode = controller_status_t::MODE_RUNNING;
+        run.ticks[trip].lap.answer->status.faults = 0;
+      })),
+      (Which{Invariant::kDetected, Invariant::kLatched, Invariant::kTruthful}));  // the later ones have another tick
 }
 
 TEST(Invariants, AControllerThatGoesOnAfterATrip) {
   EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
               run.ticks[run.trip()].lap.answer->status.mode = controller_status_t::MODE_RUNNING;
             })),
-            Which{Invariant::kObeyed});
+            (Which{Invariant::kObeyed, Invariant::kLatched}));  // and its fault has not tripped it
 }
 
 // Whose messages are injured may be heard a tick late, and no later.
@@ -214,6 +233,93 @@ TEST(Invariants, PeersThatSuffer) {
   };
   EXPECT_FALSE(has(outside_for(1), Invariant::kDetected));
   EXPECT_TRUE(has(outside_for(2), Invariant::kDetected));
+}
+
+// Outside the fault's time a run is as sound as any other.
+TEST(Invariants, AFaultOfOneTickExcusesThatTime) {
+  const Recorded faulted({"duration=0.5"},
+                         {"messages_delayed@0.05:1,duration=0.001,channel=BALLAST_TRIP,peer=controller"});
+  ASSERT_EQ(faulted.broken(), Which{}) << faulted.words_;
+  const auto outside_in = [&](std::size_t k) {
+    return faulted.broken([&](Recorded& run) { run.ticks[k].truth.normal_force_n = 0; });
+  };
+  // The countdown has two ticks: tick 50 is the fault's.
+  EXPECT_FALSE(has(outside_in(52), Invariant::kDetected));
+  EXPECT_TRUE(has(outside_in(45), Invariant::kDetected));
+  EXPECT_TRUE(has(outside_in(60), Invariant::kDetected));
+  EXPECT_EQ(but_logged(faulted.broken([](Recorded& run) { run.ticks[60].lap.verdict->tick -= 1; })),
+            Which{Invariant::kInOrder});
+}
+
+TEST(Invariants, ATripThatIsNotWhatHappened) {
+  const auto all = [](auto change) {
+    return but_logged(tripped().broken([&](Recorded& run) {
+      for (std::size_t k = run.trip(); k < run.ticks.size(); ++k) change(*run.ticks[k].lap.verdict);
+      change(run.result.trip);
+    }));
+  };
+  const Which due{Invariant::kTruthful};
+  EXPECT_EQ(all([](trip_t&) {}), Which{});
+  EXPECT_EQ(all([](trip_t& trip) { trip.value *= 1 + 1e-6; }), due);
+  EXPECT_EQ(all([](trip_t& trip) { trip.limit = 1e9; }), due);
+  EXPECT_EQ(all([](trip_t& trip) { trip.trip_time_s = 12345; }), due);
+  EXPECT_EQ(all([](trip_t& trip) { trip.trip_time_s += 1e-9; }), due);
+  EXPECT_EQ(all([](trip_t& trip) {
+              trip.cause = trip_t::CAUSE_NORMAL_FORCE;
+              trip.value = trip.limit = 0;
+            }),
+            due);
+}
+
+TEST(Invariants, AnEstimateThatIsNotThePlants) {
+  const auto off = [](double by_n) {
+    return but_logged(
+        completed().broken([=](Recorded& run) { run.ticks[100].lap.answer->status.normal_force_n += by_n; }));
+  };
+  // The paper's ball weighs 4 N; rounding makes 1e-15 of that.
+  EXPECT_EQ(off(1e-12), Which{});
+  EXPECT_EQ(off(1e-7), Which{Invariant::kAgreed});
+  // 5 % of the weight trip a monitor that works; a difference that a fault explains is no exception.
+  const Recorded biased({"duration=0.5"}, {"sensor_bias@0.05:0.01,sensor=orientation"});
+  ASSERT_EQ(biased.broken(), Which{}) << biased.words_;
+  const auto biased_by = [&](double by_n) {
+    return but_logged(
+        biased.broken([=](Recorded& run) { run.ticks[100].lap.answer->status.static_friction_n += by_n; }));
+  };
+  EXPECT_EQ(biased_by(0.1), Which{});
+  EXPECT_EQ(biased_by(0.5), Which{Invariant::kAgreed});
+}
+
+TEST(Invariants, AModeThatNobodyCommanded) {
+  using Status = controller_status_t;
+  const auto step = [](std::int8_t before_mode, std::int8_t mode, std::int8_t command, bool monitor_tripped = false) {
+    Status before{}, now{};
+    before.mode = before_mode;
+    now.mode = mode;
+    now.at_rest = 1;
+    std::optional<operator_t> given;
+    if (command != 0) given.emplace().command = command;
+    return judge({before, now, given, monitor_tripped});
+  };
+  constexpr std::int8_t kNothing = 0;
+  EXPECT_EQ(step(Status::MODE_ARMED, Status::MODE_RUNNING, operator_t::COMMAND_START), ModeError::kNone);
+  EXPECT_EQ(step(Status::MODE_ARMED, Status::MODE_RUNNING, kNothing), ModeError::kNotCommanded);
+  EXPECT_EQ(step(Status::MODE_DISARMED, Status::MODE_RUNNING, operator_t::COMMAND_START), ModeError::kNotCommanded);
+  EXPECT_EQ(step(Status::MODE_RUNNING, Status::MODE_DISARMED, operator_t::COMMAND_STOP), ModeError::kNotCommanded);
+  EXPECT_EQ(step(Status::MODE_RUNNING, Status::MODE_RUNNING, operator_t::COMMAND_STOP), ModeError::kStopIgnored);
+  EXPECT_EQ(step(Status::MODE_RUNNING, Status::MODE_STOPPING, operator_t::COMMAND_STOP), ModeError::kNone);
+  EXPECT_EQ(step(Status::MODE_TRIPPED, Status::MODE_DISARMED, operator_t::COMMAND_RESET), ModeError::kNone);
+  EXPECT_EQ(step(Status::MODE_TRIPPED, Status::MODE_DISARMED, operator_t::COMMAND_RESET, true),
+            ModeError::kTripReleased);
+  EXPECT_EQ(step(Status::MODE_TRIPPED, Status::MODE_DISARMED, kNothing), ModeError::kTripReleased);
+  EXPECT_EQ(step(Status::MODE_TRIPPED, Status::MODE_ARMED, operator_t::COMMAND_RESET), ModeError::kTripReleased);
+
+  // In a run: running, then disarmed by the trip.
+  const auto broken = tripped().broken([](Recorded& run) {
+    for (std::size_t k = run.trip(); k < run.ticks.size(); ++k)
+      run.ticks[k].lap.answer->status.mode = Status::MODE_DISARMED;
+  });
+  EXPECT_TRUE(has(broken, Invariant::kLatched));
 }
 
 TEST(Invariants, ATripTakenBack) {
@@ -232,6 +338,11 @@ TEST(Invariants, ATripTakenBack) {
 TEST(Invariants, MassesThatDoNotStop) {
   EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) { run.ticks.back().lap.answer->status.at_rest = 0; })),
             Which{Invariant::kAtRest});
+  // A stop that takes longer than the motors need, and says so.
+  EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
+              for (Tick& tick : run.ticks) tick.lap.answer->status.plan_duration_s *= 50;
+            })),
+            Which{Invariant::kAtRest});
   // The promise is the plan's; a shorter one is not kept.
   EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
               for (Tick& tick : run.ticks) tick.lap.answer->status.plan_duration_s /= 2;
@@ -247,6 +358,18 @@ TEST(Invariants, MassesThatDoNotStop) {
               lap.answer->steps.count[0] = 1;
               lap.answer->steps.position_steps[0] += 1;
               lap.answer->status.steps_issued[0] += 1;
+            })),
+            Which{Invariant::kAtRest});
+  // Pulses that cancel each other are pulses.
+  EXPECT_EQ(but_logged(tripped().broken([](Recorded& run) {
+              sil::Lap& lap = run.ticks.back().lap;
+              lap.answer->steps.burst_count = 2;
+              for (int b = 0; b < 2; ++b) {
+                lap.answer->steps.motor[b] = 0;
+                lap.answer->steps.direction[b] = static_cast<std::int8_t>(1 - 2 * b);
+                lap.answer->steps.count[b] = 1;
+              }
+              lap.answer->status.steps_issued[0] += 2;
             })),
             Which{Invariant::kAtRest});
   // Of a controller that is silent as soon as it has said so, the stop is kept.
@@ -292,6 +415,7 @@ TEST(Invariants, ALogThatIsNotWhole) {
   EXPECT_EQ(with_log([](std::string& log) { log.clear(); }), Which{Invariant::kLogged});
   EXPECT_EQ(with_log([](std::string& log) { log[log.size() / 2] ^= 1; }), Which{Invariant::kLogged});
   EXPECT_EQ(with_log([](std::string& log) { log += log; }), Which{Invariant::kLogged});
+  EXPECT_EQ(with_log([](std::string& log) { log[11] ^= 1; }), Which{Invariant::kLogged});  // the first event's number
   // The last tick is not in it.
   EXPECT_EQ(completed().broken([](Recorded& run) { run.log.resize(run.log.rfind("BALLAST_CONTACT") - 28); }),
             Which{Invariant::kLogged});
@@ -395,6 +519,47 @@ TEST(Invariants, AnotherLogHasAnotherHash) {
   };
   EXPECT_EQ(hash(completed()), hash(Recorded({"duration=0.5"})));
   EXPECT_NE(hash(completed()), hash(Recorded({"duration=0.5", "seed=1"})));
+}
+
+// Seed 32 is one of those that are run twice.
+TEST(Invariants, ARunThatIsNotRepeatable) {
+  int runs = 0;
+  const auto result = run_seed(32, [&runs](const RandomScenario&) {
+    SeedRun run;
+    run.log_hash = static_cast<std::uint64_t>(++runs);
+    return run;
+  });
+  EXPECT_EQ(runs, 2);
+  EXPECT_EQ(result.broken, static_cast<std::int32_t>(Invariant::kRepeatable));
+  const auto same = run_seed(32, [](const RandomScenario&) { return SeedRun(); });
+  EXPECT_EQ(same.broken, -1);
+}
+
+// A motor with a_max 2 and jerk 4 takes sqrt(v / j) up and down again below v = 1, and v / 2 + 1/2 above.
+TEST(Bounds, TheLongestStopIsThatOfTheMotorsLimits) {
+  sim::Scenario scenario;
+  scenario.masses.resize(1);
+  scenario.masses[0].motor.max_acceleration = 2;
+  scenario.masses[0].motor.max_jerk = 4;
+  const auto longest_s = [&](double v, double a) { return longest_stop_s(scenario, &v, &a); };
+  EXPECT_EQ(longest_s(0, 0), 0);
+  EXPECT_DOUBLE_EQ(longest_s(0.25, 0), 0.5);
+  EXPECT_DOUBLE_EQ(longest_s(-3, 0), 2);
+  EXPECT_DOUBLE_EQ(longest_s(0, 2), 0.5 + 2 * std::sqrt(0.5 / 4));
+}
+
+// The same seed, the same commands; every command comes up.
+TEST(OperatorScripts, HaveEveryCommandInOrder) {
+  std::array<int, 6> seen{};
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    const OperatorScript script = random_scenario(seed).script;
+    EXPECT_EQ(comments(script), comments(random_scenario(seed).script));
+    for (std::size_t i = 0; i < script.commands.size(); ++i) {
+      if (i > 0) EXPECT_LT(script.commands[i - 1].tick, script.commands[i].tick);
+      ++seen[static_cast<std::size_t>(script.commands[i].input.command)];
+    }
+  }
+  for (std::size_t command = 1; command < seen.size(); ++command) EXPECT_GT(seen[command], 5) << command;
 }
 
 // What the docs say must hold is what the code says.

@@ -155,8 +155,10 @@ int run(const SoakCommand& command) {
     progress.clear();
     report_broken(command, result, kept ? &*kept : nullptr);
   };
-  const std::string why = soak::run_seeds(options, command.table ? soak::run_table_seed : soak::run_seed, done,
-                                          [&] { progress.show(totals); });
+  const auto run_one = [&command](std::uint64_t seed) {
+    return command.table ? soak::run_table_seed(seed) : soak::run_seed(seed);
+  };
+  const std::string why = soak::run_seeds(options, run_one, done, [&] { progress.show(totals); });
   progress.clear();
   if (!why.empty()) return could_not(why);
   if (kept && !kept->good()) return could_not(kept->error());

@@ -59,6 +59,7 @@ bool LogReader::read_header(LogEvent& event, std::int64_t& data_size) {
     damage_ = "cut off inside an event at byte " + std::to_string(offset_);
     return false;
   }
+  event.number = static_cast<std::int64_t>(big_endian(header + 4, 8));
   event.timestamp = static_cast<std::int64_t>(big_endian(header + 12, 8));
   event.channel.resize(static_cast<std::size_t>(channel_size));
   return true;

@@ -9,6 +9,7 @@
 namespace ballast::sil {
 
 struct LogEvent {
+  std::int64_t number = 0;     // counts from 0 in a whole log
   std::int64_t timestamp = 0;  // us
   std::string channel;
   std::vector<char> data;

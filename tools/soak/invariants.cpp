@@ -10,6 +10,8 @@
 #include "hal/lcm/channels.h"
 #include "tools/program/program.h"
 #include "tools/recording/log_reader.h"
+#include "tools/soak/bounds.h"
+#include "tools/soak/mode_rules.h"
 #include "tools/summary/summary.h"
 
 namespace ballast::soak {
@@ -23,19 +25,28 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "friction_use mu_s N, sliding after rolling, or a loss of rolling that ends the run. Not checked while both "
      "are silent: the motors then stand."},
     {"no_false_alarm",
-     "Without a fault the monitor trips only in a tick in which the true ball is outside the envelope. The "
-     "controller trips only after the monitor, at an end switch that the true mass has reached, or for steps that "
-     "its motor cannot make."},
+     "The monitor trips only in a tick in which the true ball is outside the envelope, or for what an injected fault "
+     "does at that time. The controller trips only after the monitor, at an end switch that the true mass has "
+     "reached, for steps that its motor cannot make, or for such a fault."},
+    {"truthful",
+     "A trip has the cause, value, limit and time of the true violation: of the plant's own N and f_s and the "
+     "scenario's limits, or of the two estimates that disagree."},
+    {"agreed",
+     "While the ball rolls and sensors and messages are sound, the controller's N and f_s are the plant's for the "
+     "commanded masses, except for rounding. Whatever is wrong, a difference of more than 5 % of the weight trips the "
+     "monitor in the next tick."},
     {"obeyed",
-     "A controller that receives a trip is tripped in the same tick, or disarmed; two ticks later if the verdict "
-     "does not reach it."},
+     "A controller that receives a trip is tripped in the same tick, or was never armed; two ticks later if the "
+     "verdict does not reach it. It changes its mode only for a fault, for a command that allows it, or when a motion "
+     "is complete."},
     {"latched",
-     "A trip keeps its cause, tick, value and limit to the end; a tripped controller stays tripped and keeps its "
-     "faults. If a restarted peer forgets them, the run ends in that tick with a reason."},
+     "A trip keeps its cause, tick, value and limit to the end. Every fault trips an armed controller; a tripped one "
+     "keeps its faults and is released only by a reset at rest with the cause gone. If a restarted peer forgets them, "
+     "the run ends in that tick with a reason."},
     {"at_rest",
-     "After a trip the commanded masses rest when the stop said they would, and no pulse follows. The true masses "
-     "are then at the commanded positions, or the run reports why not: slips, lost or undelivered steps, an end "
-     "stop, an early end."},
+     "A stop takes no longer than the motors' limits need, the commanded masses rest when the stop said they would, "
+     "and no pulse follows. After a trip the true masses are then at the commanded positions, or the run reports why "
+     "not: slips, lost or undelivered steps, an end stop, an early end."},
     {"logged",
      "The log contains every message of every tick up to the last, in order and byte for byte, and can be read."},
     {"ended",
@@ -46,10 +57,8 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "the controller's estimate of N is NaN; f_s / N is then +infinity and the margin -1."},
     {"in_order",
      "Ticks count up by one, every message belongs to its tick, and pulses, positions and counts of the steps agree."},
-    {"patient",
-     "No run has more ticks than its duration, and none exceeds the limit of wall-clock time."},
-    {"repeatable",
-     "The same seed gives the same log, byte for byte (checked for one seed in 32)."},
+    {"patient", "No run has more ticks than its duration, and none exceeds the limit of wall-clock time."},
+    {"repeatable", "The same seed gives the same log, byte for byte (checked for one seed in 32)."},
 };
 
 // FNV-1a.
@@ -61,8 +70,14 @@ std::uint64_t hash(std::uint64_t value, const void* data, std::size_t size) {
 
 constexpr std::uint64_t kHashSeed = 0xcbf29ce484222325;
 
-std::uint64_t hash_of(std::int64_t utime, const std::vector<char>& bytes) {
-  return hash(hash(kHashSeed, &utime, sizeof utime), bytes.data(), bytes.size());
+std::uint64_t hash_of(std::int64_t number, std::int64_t utime, const std::vector<char>& bytes) {
+  const std::uint64_t header = hash(hash(kHashSeed, &number, sizeof number), &utime, sizeof utime);
+  return hash(header, bytes.data(), bytes.size());
+}
+
+// Equal, infinities too, or within this part of the greater.
+bool near(double a, double b, double part) {
+  return a == b || std::abs(a - b) <= part * std::max(std::abs(a), std::abs(b));
 }
 
 // Whether f_s / N is finite or +infinity, which the .lcm files allow where N <= 0.
@@ -90,13 +105,8 @@ Invariants::Invariants(const sim::Scenario& scenario)
     : scenario_(scenario),
       has_controller_(scenario.run.actuation == sim::Actuation::kStepper),
       // The countdown has two ticks, the first and the last tick add one, and rounding of the division another.
-      most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) + 4) {
-  for (const sim::Fault& fault : scenario.faults) {
-    const bool on_the_bus = fault.of(sim::FaultLayer::kMessage) || fault.of(sim::FaultLayer::kPeer) ||
-                            fault.kind == sim::FaultKind::kClockJump;
-    if (on_the_bus) bus_faults_from_s_ = std::min(bus_faults_from_s_, fault.time_s);
-  }
-}
+      windows_(scenario),
+      most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) + 4) {}
 
 bool Invariants::has_fault(sim::FaultKind kind) const {
   return std::ranges::any_of(scenario_.faults, [kind](const sim::Fault& fault) { return fault.kind == kind; });
@@ -115,19 +125,26 @@ void Invariants::observe(const sil::Lap& lap, const Sample& truth) {
     const double lever = rail.shape == firmware::RailShape::kCircle ? rail.radius_m : 1;
     top_speed_mps_ = std::max(top_speed_mps_, lever * std::abs(truth.mass_velocity[i]));
   }
+  if (lap.command) commands_.push_back(*lap.command);
+  commands_.insert(commands_.end(), lap.heard.begin(), lap.heard.end());
   check_order(lap);
   check_finite(lap);
   if (lap.verdict) check_verdict(lap);
   if (has_controller_ && lap.answer) {
     check_steps(lap);
     check_obeyed(lap);
-    check_controller_latch(lap);
+    check_modes(lap);
     check_stop(lap, truth);
+    check_controllers_alarm(lap, truth);
     has_status_ = true;
     status_ = lap.answer->status;
   }
   check_envelope(lap, truth);
-  if (scenario_.faults.empty()) check_alarm(lap, truth);
+  if (trip_.tripped != 0 && first_trip_tick_ == tick_) {
+    check_monitors_alarm(truth);
+    check_trip(lap, truth);
+  }
+  if (has_controller_) check_agreement(lap);
   expect_in_log(lap);
   truth_ = truth;
   if (++laps_ == most_laps_ + 1) {
@@ -148,7 +165,7 @@ void Invariants::check_order(const sil::Lap& lap) {
     fail(Invariant::kInOrder, contact.tick, fmt::format("tick {} after {}", tick, tick_));
   }
   tick_ = contact.tick;
-  bus_faults_active_ = tick_ >= 0 && contact.time_s >= bus_faults_from_s_ - sim::Fault::kRounding;
+  bus_faults_active_ = windows_.bus(tick_);
   if (has_ended_) fail(Invariant::kInOrder, tick_, "the tick before said that it was the last");
   has_ended_ = contact.last != 0;
   const auto due = [&](const char* what, std::int64_t is, std::int64_t should_be) {
@@ -173,7 +190,8 @@ void Invariants::check_order(const sil::Lap& lap) {
   if (!bus_faults_active_) {
     due("the status's tick", lap.answer->status.tick, tick_);
   } else if (lap.answer->status.tick > tick_) {
-    fail(Invariant::kInOrder, tick_, fmt::format("a status of tick {}, which is still to come", lap.answer->status.tick));
+    fail(Invariant::kInOrder, tick_,
+         fmt::format("a status of tick {}, which is still to come", lap.answer->status.tick));
   }
 }
 
@@ -185,8 +203,8 @@ void Invariants::check_steps(const sil::Lap& lap) {
     pulses[motor] += lap.answer->steps.count[b];
   }
   // After a restart, or if commands of several ticks arrive at once, only the latest command is known.
-  const bool goes_on =
-      has_status_ && lap.answer->status.tick == status_.tick + 1 && lap.answer->status.operator_commands >= status_.operator_commands;
+  const bool goes_on = has_status_ && lap.answer->status.tick == status_.tick + 1 &&
+                       lap.answer->status.operator_commands >= status_.operator_commands;
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
     if (!goes_on) {
       position_steps_[i] = lap.answer->steps.position_steps[i] - sum[i];
@@ -198,8 +216,8 @@ void Invariants::check_steps(const sil::Lap& lap) {
         lap.answer->status.steps_issued[i] != steps_issued_[i]) {
       fail(Invariant::kInOrder, tick_,
            fmt::format("motor {}: the bursts' sum {}, position {} and count {} are said to be {}, {} and {}", i, sum[i],
-                       position_steps_[i], steps_issued_[i], lap.answer->steps.steps[i], lap.answer->steps.position_steps[i],
-                       lap.answer->status.steps_issued[i]));
+                       position_steps_[i], steps_issued_[i], lap.answer->steps.steps[i],
+                       lap.answer->steps.position_steps[i], lap.answer->status.steps_issued[i]));
     }
   }
 }
@@ -266,16 +284,19 @@ void Invariants::check_envelope(const sil::Lap& lap, const Sample& truth) {
   const double friction_n = truth.friction_force_W_n.norm();
   const double least_n = std::min(truth.normal_force_n, truth.normal_force_min_n);
   const double mu_allowed = scenario_.envelope.friction_use * scenario_.surface.static_friction;
-  const bool too_light = least_n <= scenario_.envelope.min_normal_force_n;
-  // The ball may also slide on a floor of perfect friction, where rolling is impossible.
+  too_light_ = least_n <= scenario_.envelope.min_normal_force_n;
+  // The ball may also slide on a floor of perfect friction, where rolling is impossible. A monitor that has been
+  // started again does not know that it has rolled.
+  if (windows_.monitor_restarts(tick_)) has_rolled_ = false;
   const bool lost = has_rolled_ && truth.regime == sim::Regime::kSliding;
   has_rolled_ = has_rolled_ || truth.regime == sim::Regime::kRolling;
   const auto slips_with = [&](double allowed) {
     return lost ||
            (std::isfinite(allowed) && (friction_n > allowed * truth.normal_force_n || truth.mu_required_max > allowed));
   };
-  outside_within_rounding_ = too_light || slips_with(mu_allowed * (1 - kRounding));
-  if (!too_light && !slips_with(mu_allowed * (1 + kRounding))) {
+  outside_within_rounding_ = too_light_ || slips_with(mu_allowed * (1 - kRounding));
+  outside_ = too_light_ || slips_with(mu_allowed * (1 + kRounding));
+  if (!outside_) {
     undetected_ticks_ = 0;
     return;
   }
@@ -296,31 +317,128 @@ void Invariants::check_envelope(const sil::Lap& lap, const Sample& truth) {
   }
 }
 
-void Invariants::check_alarm(const sil::Lap& lap, const Sample& truth) {
-  if (trip_.tripped != 0 && first_trip_tick_ == tick_ && !outside_within_rounding_) {
-    fail(Invariant::kNoFalseAlarm, tick_,
-         fmt::format("the monitor trips (cause {}, value {:g}, limit {:g}) while N = {:g} N (least {:g}), f_s = {:g} N "
-                     "(most f_s/N {:g})",
-                     trip_.cause, trip_.value, trip_.limit, truth.normal_force_n, truth.normal_force_min_n,
-                     truth.friction_force_W_n.norm(), truth.mu_required_max));
+// Whether an injected fault, or the ball itself, is a reason for this cause now.
+bool Invariants::explained(const trip_t& trip) const {
+  if (windows_.corruption(tick_)) return true;
+  switch (trip.cause) {
+    case trip_t::CAUSE_NORMAL_FORCE:
+    case trip_t::CAUSE_FRICTION:
+      return outside_within_rounding_ || (violated_ && bus_faults_active_);  // judged late
+    case trip_t::CAUSE_NONFINITE:
+      return windows_.nan(tick_);
+    case trip_t::CAUSE_STALE:
+    case trip_t::CAUSE_MISSING:
+    case trip_t::CAUSE_REPEATED:
+      return bus_faults_active_;
+    case trip_t::CAUSE_DISAGREEMENT:
+      return windows_.sensors(tick_) || windows_.push(tick_) || bus_faults_active_;
+    default:
+      return false;
   }
-  if (!has_controller_) return;
-  const auto has = [&](firmware::Fault fault) {
-    return (static_cast<std::uint32_t>(lap.answer->status.faults) & static_cast<std::uint32_t>(fault)) != 0;
+}
+
+void Invariants::check_monitors_alarm(const Sample& truth) {
+  if (outside_within_rounding_ || explained(trip_)) return;
+  fail(Invariant::kNoFalseAlarm, tick_,
+       fmt::format("the monitor trips (cause {}, value {:g}, limit {:g}) while N = {:g} N (least {:g}), f_s = {:g} N "
+                   "(most f_s/N {:g})",
+                   trip_.cause, trip_.value, trip_.limit, truth.normal_force_n, truth.normal_force_min_n,
+                   truth.friction_force_W_n.norm(), truth.mu_required_max));
+}
+
+// The first verdict that has tripped. A message that may be another than the plant's has no truth to be compared with.
+void Invariants::check_trip(const sil::Lap& lap, const Sample& truth) {
+  if (bus_faults_active_) return;
+  const auto due = [&](const char* what, double is, double should_be, double part) {
+    if (near(is, should_be, part)) return;
+    fail(Invariant::kTruthful, tick_,
+         fmt::format("the trip's {} is {:.17g} (cause {}) where {:.17g} is due", what, is, trip_.cause, should_be));
   };
+  due("time", trip_.trip_time_s, truth.time_s, 0);
+  const double least_n = std::min(truth.normal_force_n, truth.normal_force_min_n);
+  // The norm of the force is computed here: some roundings.
+  constexpr double kNorm = 1e-9;
+  switch (trip_.cause) {
+    case trip_t::CAUSE_NORMAL_FORCE:
+      due("value", trip_.value, least_n, 0);
+      due("limit", trip_.limit, scenario_.envelope.min_normal_force_n, 0);
+      break;
+    case trip_t::CAUSE_FRICTION:
+      due("value", trip_.value, std::max(truth.friction_force_W_n.norm() / truth.normal_force_n, truth.mu_required_max),
+          kNorm);
+      due("limit", trip_.limit, scenario_.envelope.friction_use * scenario_.surface.static_friction, 0);
+      break;
+    case trip_t::CAUSE_DISAGREEMENT:
+      due("value", trip_.value, apart_tick_ == tick_ - 1 ? apart_n_ : 0, 0);
+      due("limit", trip_.limit, disagreement_limit_n(scenario_), kNorm);
+      break;
+    default:
+      due("value", trip_.value, 0, 0);
+      due("limit", trip_.limit, 0, 0);
+  }
+  // The monitor's order: a message with a NaN says nothing; then N; then f_s.
+  const sensors_t& sensors = lap.plant.sensors;
+  const bool has_numbers =
+      finite(sensors.orientation) && finite(sensors.gyro_B_radps) && finite(sensors.accelerometer_B_mps2);
+  const std::int8_t cause = !has_numbers ? trip_t::CAUSE_NONFINITE
+                            : too_light_ ? trip_t::CAUSE_NORMAL_FORCE
+                            : outside_   ? trip_t::CAUSE_FRICTION
+                                         : trip_.cause;
+  due("cause", trip_.cause, cause, 0);
+}
+
+// The controller's own N and f_s beside the plant's, both for the commanded masses.
+void Invariants::check_agreement(const sil::Lap& lap) {
+  const double limit_n = disagreement_limit_n(scenario_);
+  const bool can_tell = apart_tick_ == tick_ - 1 && lap.verdict && !bus_faults_active_;
+  if (can_tell && apart_n_ > limit_n && lap.verdict->tripped == 0) {
+    fail(Invariant::kAgreed, tick_,
+         fmt::format("plant and controller differ by {:g} N in tick {} and the monitor allows it; allowed {:g} N",
+                     apart_n_, apart_tick_, limit_n));
+  }
+  const contact_t& contact = lap.plant.contact;
+  const bool rolls = contact.regime == contact_t::REGIME_ROLLING && contact.commanded_normal_force_n > 0;
+  if (!rolls || !lap.answer || lap.answer->status.tick != tick_) return;
+  const controller_status_t& status = lap.answer->status;
+  if (!all_finite(status.normal_force_n, status.static_friction_n, contact.commanded_static_friction_n)) return;
+  apart_n_ = std::max(std::abs(contact.commanded_normal_force_n - status.normal_force_n),
+                      std::abs(contact.commanded_static_friction_n - status.static_friction_n));
+  apart_tick_ = tick_;
+  if (bus_faults_active_ || windows_.sensors(tick_) || windows_.push(tick_)) return;
+  const double allowed_n = rounding_n(scenario_, contact.commanded_normal_force_n, contact.commanded_static_friction_n,
+                                      status.commanded_velocity, status.next_acceleration);
+  if (!(apart_n_ > allowed_n)) return;
+  fail(
+      Invariant::kAgreed, tick_,
+      fmt::format("the controller says N = {:.12g} N, f_s = {:.12g} N where the plant has {:.12g} and {:.12g}; allowed "
+                  "difference {:g}",
+                  status.normal_force_n, status.static_friction_n, contact.commanded_normal_force_n,
+                  contact.commanded_static_friction_n, allowed_n));
+}
+
+// Faults that were not there in the tick before.
+void Invariants::check_controllers_alarm(const sil::Lap& lap, const Sample& truth) {
   using firmware::Fault;
   const bool at_an_end = std::ranges::any_of(truth.end_switches, [](int switches) { return switches != 0; });
   at_an_end_ = at_an_end_ || at_an_end;
-  const auto known = static_cast<std::uint32_t>(Fault::kMonitorTrip) | static_cast<std::uint32_t>(Fault::kEndSwitch) |
-                     static_cast<std::uint32_t>(Fault::kStepOverload);
-  const bool alarm =
-      (has(Fault::kMonitorTrip) && trip_.tripped == 0) || (has(Fault::kEndSwitch) && !at_an_end_) ||
-      (has(Fault::kStepOverload) && !(lap.answer->status.overload_value > lap.answer->status.overload_limit)) ||
-      (static_cast<std::uint32_t>(lap.answer->status.faults) & ~known) != 0;
-  if (alarm) {
+  const controller_status_t& status = lap.answer->status;
+  const auto before = has_status_ ? static_cast<std::uint32_t>(status_.faults) : 0u;
+  const auto faults = static_cast<std::uint32_t>(status.faults) & ~before;
+  if (faults == 0 || windows_.corruption(tick_)) return;
+  std::uint32_t known = 0;
+  const auto explain = [&known](Fault fault, bool reason) {
+    if (reason) known |= static_cast<std::uint32_t>(fault);
+  };
+  explain(Fault::kMonitorTrip, trip_.tripped != 0);
+  explain(Fault::kEndSwitch, at_an_end_);
+  explain(Fault::kStepOverload, status.overload_value > status.overload_limit);
+  explain(Fault::kSensorNotFinite, windows_.nan(tick_));
+  for (const Fault fault : {Fault::kSensorStale, Fault::kMonitorStale, Fault::kTickOutOfOrder}) {
+    explain(fault, bus_faults_active_);
+  }
+  if ((faults & ~known) != 0) {
     fail(Invariant::kNoFalseAlarm, tick_,
-         fmt::format("the controller has faults 0x{:x}, and nothing explains them",
-                     static_cast<std::uint32_t>(lap.answer->status.faults)));
+         fmt::format("the controller has faults 0x{:x}, and nothing explains them", faults & ~known));
   }
 }
 
@@ -361,15 +479,47 @@ void Invariants::check_verdict(const sil::Lap& lap) {
   monitor_tripped_ = trip.tripped != 0;
 }
 
-void Invariants::check_controller_latch(const sil::Lap& lap) {
-  const auto faults = static_cast<std::uint32_t>(lap.answer->status.faults);
-  const bool tripped = lap.answer->status.mode == controller_status_t::MODE_TRIPPED;
-  if (controller_tripped_ && (!tripped || (faults & faults_) != faults_)) {
+// The commands that the controller has counted since its last status.
+std::vector<operator_t> Invariants::counted_commands(const controller_status_t& status) {
+  std::int64_t count = status.operator_commands - (has_status_ ? status_.operator_commands : 0);
+  std::vector<operator_t> counted;
+  for (; count > 0 && !commands_.empty(); --count) {
+    counted.push_back(commands_.front());
+    commands_.pop_front();
+  }
+  return counted;
+}
+
+void Invariants::check_modes(const sil::Lap& lap) {
+  const controller_status_t& status = lap.answer->status;
+  const auto faults = static_cast<std::uint32_t>(status.faults);
+  const bool tripped = status.mode == controller_status_t::MODE_TRIPPED;
+  const std::vector<operator_t> counted = counted_commands(status);
+  const bool restarted = has_status_ && status.operator_commands < status_.operator_commands;
+  const bool goes_on = has_status_ && status.tick == status_.tick + 1 && counted.size() <= 1 && !restarted;
+  bool released = controller_tripped_ && !tripped;
+  if (goes_on) {
+    const bool monitor_tripped = !bus_faults_active_ && lap.verdict && lap.verdict->tripped != 0;
+    const ModeError error =
+        judge({status_, status, counted.empty() ? std::nullopt : std::optional(counted.front()), monitor_tripped});
+    if (error != ModeError::kNone) {
+      const bool latch = error == ModeError::kFaultWithoutTrip || error == ModeError::kTripReleased;
+      fail(latch ? Invariant::kLatched : Invariant::kObeyed, tick_,
+           fmt::format("the controller goes from mode {} (faults 0x{:x}) to mode {} (faults 0x{:x}): {}", status_.mode,
+                       static_cast<std::uint32_t>(status_.faults), status.mode, faults, to_string(error)));
+    }
+  } else if (released && std::ranges::none_of(counted, [](const operator_t& command) {
+               return command.command == operator_t::COMMAND_RESET;
+             })) {
     const std::string text = fmt::format("the controller tripped with faults 0x{:x}, and is in mode {} with 0x{:x}",
-                                         faults_, lap.answer->status.mode, faults);
+                                         faults_, status.mode, faults);
     if (!reopened_latch_) reopened_latch_ = {Invariant::kLatched, tick_, text};
   }
-  if (tripped && faults == 0) fail(Invariant::kLatched, tick_, "the controller is tripped and has no fault");
+  if (released) faults_ = 0;
+  if (tripped && (faults == 0 || (faults & faults_) != faults_)) {
+    fail(Invariant::kLatched, tick_,
+         fmt::format("the controller tripped with faults 0x{:x}, and now has 0x{:x}", faults_, faults));
+  }
   if (tripped) faults_ |= faults;
 }
 
@@ -377,11 +527,22 @@ void Invariants::check_controller_latch(const sil::Lap& lap) {
 // which the controller reports with a fault.
 void Invariants::check_stop(const sil::Lap& lap, const Sample& truth) {
   const controller_status_t& status = lap.answer->status;
-  if (status.mode != controller_status_t::MODE_TRIPPED) return;
+  controller_tripped_ = status.mode == controller_status_t::MODE_TRIPPED;
+  controller_has_tripped_ = controller_has_tripped_ || controller_tripped_;
+  const bool begins = !stopping_;
+  stopping_ = controller_tripped_ || status.mode == controller_status_t::MODE_STOPPING;
+  if (!stopping_) return;
+  if (begins) carried_away_ = {};
   const double period_s = scenario_.run.control_period_s;
-  const bool begins = !controller_tripped_;
-  controller_tripped_ = true;
   const bool planned_now = status.plan_duration_s > 0 && status.plan_tick == status.tick + 1;
+  if (planned_now) {
+    const double longest_s = longest_stop_s(scenario_, status.next_velocity, status.next_acceleration);
+    // Sums of three durations each.
+    if (status.plan_duration_s > longest_s * (1 + 1e-9)) {
+      fail(Invariant::kAtRest, tick_,
+           fmt::format("a stop is to take {:g} s; the motors need at most {:g} s", status.plan_duration_s, longest_s));
+    }
+  }
   if (begins || (planned_now && status.overload_error != 0)) {
     rest_due_tick_ = status.tick + 1;
     double left_s = 0;
@@ -405,10 +566,14 @@ void Invariants::check_stop(const sil::Lap& lap, const Sample& truth) {
         fmt::format("the commanded masses move on after the stop's promised end, tick {}, {:.12g} ticks after it began",
                     rest_due_tick_, stop_ticks_));
   }
+  std::array<std::int64_t, sim::kMaxMasses> pulses{};
+  for (int b = 0; b < lap.answer->steps.burst_count; ++b) {
+    pulses[static_cast<std::size_t>(lap.answer->steps.motor[b])] += lap.answer->steps.count[b];
+  }
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
-    if (lap.answer->steps.steps[i] != 0 && lap.answer->steps.tick > rest_due_tick_) {
+    if ((pulses[i] != 0 || lap.answer->steps.steps[i] != 0) && lap.answer->steps.tick > rest_due_tick_) {
       fail(Invariant::kAtRest, tick_,
-           fmt::format("motor {} is sent {} steps after the stop's promised end, tick {}", i, lap.answer->steps.steps[i],
+           fmt::format("motor {} is sent {} pulses after the stop's promised end, tick {}", i, pulses[i],
                        rest_due_tick_));
     }
     // A rotor further than a tooth from its field is held by another tooth.
@@ -423,9 +588,10 @@ void Invariants::expect_in_log(const sil::Lap& lap) {
   const auto expect = [&](const char* channel, const auto& message, std::int64_t utime) {
     bytes_.resize(static_cast<std::size_t>(message.getEncodedSize()));
     message.encode(bytes_.data(), 0, static_cast<int>(bytes_.size()));
-    expected_.push_back({channel, tick_, hash_of(utime, bytes_)});
+    expected_.push_back({channel, tick_, hash_of(static_cast<std::int64_t>(expected_.size()), utime, bytes_)});
   };
   if (lap.command) expect(hal::kChannelOperator, *lap.command, lap.command->utime);
+  for (const operator_t& heard : lap.heard) expect(hal::kChannelOperator, heard, lap.plant.contact.utime);
   expect(hal::kChannelContact, lap.plant.contact, lap.plant.contact.utime);
   expect(hal::kChannelPlantState, lap.plant.state, lap.plant.state.utime);
   expect(hal::kChannelSensors, lap.plant.sensors, lap.plant.sensors.utime);
@@ -479,7 +645,7 @@ void Invariants::finish_end(const sil::RunResult& result) {
   if (!has_ended_) fail(Invariant::kEnded, tick_, "the last message does not say that it is the last");
   const int status = sil::exit_status(result);
   // A slip that begins and ends between two ticks shows in no sample, but the run reports it.
-  const int due = violated_ || result.rolling_lost || trip_.tripped != 0 || controller_tripped_ ||
+  const int due = violated_ || result.rolling_lost || trip_.tripped != 0 || controller_has_tripped_ ||
                           result.end_reason != sil::EndReason::kCompleted
                       ? program::kExitEnvelope
                       : program::kExitCompleted;
@@ -551,12 +717,12 @@ void Invariants::read_log(const std::string& path, bool cut_short) {
       return;
     }
     const Logged& due = expected_[read];
-    const std::uint64_t hash_here = hash_of(event.timestamp, event.data);
+    const std::uint64_t hash_here = hash_of(event.number, event.timestamp, event.data);
     log_hash_ = hash(log_hash_, &hash_here, sizeof hash_here);
     if (event.channel != due.channel || hash_here != due.hash) {
       fail(Invariant::kLogged, due.tick,
-           fmt::format("event {} is {} where this tick's {} is due, or its bytes are others", read, event.channel,
-                       due.channel));
+           fmt::format("event {} is {} where this tick's {} is due, or its number or bytes are others", read,
+                       event.channel, due.channel));
       return;
     }
   }

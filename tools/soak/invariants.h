@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <optional>
 #include <span>
@@ -14,12 +15,15 @@
 #include "sim/scenario/scenario.h"
 #include "tools/sil/lap.h"
 #include "tools/sil/run.h"
+#include "tools/soak/fault_windows.h"
 
 namespace ballast::soak {
 
 enum class Invariant {
   kDetected,
   kNoFalseAlarm,
+  kTruthful,
+  kAgreed,
   kObeyed,
   kLatched,
   kAtRest,
@@ -30,7 +34,7 @@ enum class Invariant {
   kPatient,
   kRepeatable,
 };
-inline constexpr int kInvariantCount = 11;
+inline constexpr int kInvariantCount = 13;
 
 struct InvariantText {
   const char* name;
@@ -71,10 +75,13 @@ class Invariants {
   void check_order(const sil::Lap& lap);
   void check_steps(const sil::Lap& lap);
   void check_verdict(const sil::Lap& lap);
-  void check_controller_latch(const sil::Lap& lap);
+  void check_trip(const sil::Lap& lap, const Sample& truth);
+  void check_modes(const sil::Lap& lap);
+  void check_agreement(const sil::Lap& lap);
   void check_finite(const sil::Lap& lap);
   void check_envelope(const sil::Lap& lap, const Sample& truth);
-  void check_alarm(const sil::Lap& lap, const Sample& truth);
+  void check_monitors_alarm(const Sample& truth);
+  void check_controllers_alarm(const sil::Lap& lap, const Sample& truth);
   void check_obeyed(const sil::Lap& lap);
   void check_stop(const sil::Lap& lap, const Sample& truth);
   void expect_in_log(const sil::Lap& lap);
@@ -84,12 +91,13 @@ class Invariants {
   void read_log(const std::string& path, bool cut_short);
 
   [[nodiscard]] bool has_fault(sim::FaultKind kind) const;
+  [[nodiscard]] bool explained(const trip_t& trip) const;
+  [[nodiscard]] std::vector<operator_t> counted_commands(const controller_status_t& status);
 
   const sim::Scenario& scenario_;
   bool has_controller_;
-  // The first fault of messages, peers or the sensors' clock. From then on messages may be late or wrong.
-  double bus_faults_from_s_ = std::numeric_limits<double>::infinity();
-  bool bus_faults_active_ = false;
+  FaultWindows windows_;
+  bool bus_faults_active_ = false;  // in this tick messages may be missing, late or wrong
   std::vector<Broken> broken_;
 
   std::int64_t laps_ = 0, most_laps_;
@@ -98,20 +106,27 @@ class Invariants {
   bool has_rolled_ = false, violated_ = false;
   std::int64_t undetected_ticks_ = 0;  // consecutive ticks in which the ball was outside without a trip
   // In the latest lap: the ball is outside or within rounding of it; monitor and controller are both silent.
-  bool outside_within_rounding_ = false, all_silent_ = false;
+  bool outside_within_rounding_ = false, outside_ = false, too_light_ = false, all_silent_ = false;
   bool at_an_end_ = false;  // a true mass has been at an end of its rail
 
   bool monitor_tripped_ = false;      // by its latest message
   std::int64_t first_trip_tick_ = 0;  // tick of its first message with a trip
   trip_t trip_{};                     // that message
   bool has_status_ = false;
-  controller_status_t status_{};  // the latest
-  bool controller_tripped_ = false;
-  std::uint32_t faults_ = 0;  // the controller's, since it tripped
+  controller_status_t status_{};         // the latest
+  bool controller_tripped_ = false;      // now
+  bool controller_has_tripped_ = false;  // at some time
+  std::uint32_t faults_ = 0;             // the controller's, since it tripped
+  std::deque<operator_t> commands_;      // given, and not yet counted by the controller
+  // Of the latest tick: how far plant and controller differ in N or f_s where they can be compared, and whether the
+  // monitor can see it.
+  double apart_n_ = 0;
+  std::int64_t apart_tick_ = std::numeric_limits<std::int64_t>::min();
   // A latch that has opened because a peer was restarted. The run has to end in that tick with that reason.
   std::optional<Broken> reopened_latch_;
 
   std::array<std::int64_t, sim::kMaxMasses> position_steps_{}, steps_issued_{};
+  bool stopping_ = false;                             // by a trip or by the operator
   std::int64_t rest_due_tick_ = 0;                    // from the start of this tick on the masses have to stand
   double stop_ticks_ = 0;                             // duration of the planned stop
   std::array<bool, sim::kMaxMasses> carried_away_{};  // masses that are further away than their motors could hold
@@ -121,7 +136,7 @@ class Invariants {
   struct Logged {
     const char* channel;
     std::int64_t tick;
-    std::uint64_t hash;  // of its time and bytes
+    std::uint64_t hash;  // of its number, time and bytes
   };
   std::vector<Logged> expected_;
   std::vector<char> bytes_;

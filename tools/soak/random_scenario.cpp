@@ -296,7 +296,14 @@ RandomScenario draw_scenario(std::uint64_t seed, bool calm, AddFaults add_faults
 
 }  // namespace
 
-RandomScenario random_scenario(std::uint64_t seed) { return draw_scenario(seed, false, random_faults); }
+RandomScenario random_scenario(std::uint64_t seed) {
+  RandomScenario random = draw_scenario(seed, false, random_faults);
+  // Random numbers of its own, so that a change of the scripts leaves every seed its robot and its faults.
+  Random of_script(~seed);
+  if (random.trouble.empty()) random.script = random_script(random.scenario, of_script);
+  random.toml = comments(random.script) + random.toml;
+  return random;
+}
 
 RandomScenario calm_scenario(std::uint64_t seed, sim::FaultKind kind, int severity) {
   return draw_scenario(seed, true, [&](const sim::Scenario& scenario, Random& random) {

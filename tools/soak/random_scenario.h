@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "sim/scenario/scenario.h"
+#include "tools/soak/operator_script.h"
 #include "tools/soak/random_faults.h"
 
 namespace ballast::soak {
@@ -14,6 +15,7 @@ struct RandomScenario {
   sim::Scenario scenario;           // accepted by `ballast check`, and by the controller if there is one
   std::string toml;                 // a scenario file that gives it
   std::vector<RandomFault> faults;  // the faults in the scenario
+  OperatorScript script;            // not part of the scenario file, which has it as comments
   int refused = 0;                  // number of scenarios drawn before it that the check refused
   std::string trouble;              // not empty: none was accepted; the reason for the last refusal
 };

@@ -16,44 +16,6 @@ namespace ballast::soak {
 
 namespace {
 
-struct Run {
-  sil::RunResult result;
-  std::vector<Broken> broken;
-  std::uint64_t log_hash = 0;
-  bool violated = false;
-};
-
-Run run(const sim::Scenario& scenario) {
-  auto params = std::make_unique<firmware::ControllerParams>();
-  const bool has_controller = scenario.run.actuation == sim::Actuation::kStepper;
-  Run run{};
-  if (has_controller) {
-    if (const auto refusal = program::to_controller_params(scenario, *params)) {
-      run.broken.push_back({Invariant::kEnded, 0, *refusal});
-      return run;
-    }
-  }
-  const program::MemoryFile log;
-  const auto peers =
-      sil::peers_in_process(scenario, has_controller ? params.get() : nullptr, program::to_monitor_limits(scenario));
-  sil::Recorder recorder(log.path());
-  Invariants invariants(scenario);
-  volatile std::sig_atomic_t enough = 0;
-  sil::RunOptions options;
-  options.interrupted = &enough;
-  options.observe = [&](const sil::Lap& lap, const sim::Plant::Sample& truth) {
-    invariants.observe(lap, truth);
-    if (invariants.too_long()) enough = 1;
-  };
-  run.result = sil::run_with_faults(scenario, *peers, recorder, options);
-  recorder.close();
-  invariants.finish(run.result, log.path());
-  run.broken = invariants.broken();
-  run.log_hash = invariants.log_hash();
-  run.violated = invariants.violated();
-  return run;
-}
-
 Outcome outcome_of(const sil::RunResult& result) {
   if (result.status != hal::Status::kOk) return Outcome::kGivenUp;
   const bool tripped = result.trip.tripped != 0 || result.controller_trip.has_value();
@@ -89,7 +51,7 @@ SeedResult without_scenario(std::uint64_t seed, const RandomScenario& random) {
   return out;
 }
 
-SeedResult result_of(std::uint64_t seed, const RandomScenario& random, const Run& run) {
+SeedResult result_of(std::uint64_t seed, const RandomScenario& random, const SeedRun& run) {
   SeedResult out;
   out.seed = seed;
   out.refused = random.refused;
@@ -159,12 +121,47 @@ const char* to_string(Outcome outcome) {
   return "";
 }
 
-SeedResult run_seed(std::uint64_t seed) {
+SeedRun run_scenario(const RandomScenario& random) {
+  const sim::Scenario& scenario = random.scenario;
+  auto params = std::make_unique<firmware::ControllerParams>();
+  const bool has_controller = scenario.run.actuation == sim::Actuation::kStepper;
+  SeedRun run{};
+  if (has_controller) {
+    if (const auto refusal = program::to_controller_params(scenario, *params)) {
+      run.broken.push_back({Invariant::kEnded, 0, *refusal});
+      return run;
+    }
+  }
+  const program::MemoryFile log;
+  const auto peers = with_operator(
+      sil::peers_in_process(scenario, has_controller ? params.get() : nullptr, program::to_monitor_limits(scenario)),
+      random.script, scenario.run.control_period_s);
+  sil::Recorder recorder(log.path());
+  Invariants invariants(scenario);
+  volatile std::sig_atomic_t enough = 0;
+  sil::RunOptions options;
+  options.interrupted = &enough;
+  options.observe = [&](const sil::Lap& lap, const sim::Plant::Sample& truth) {
+    invariants.observe(lap, truth);
+    if (invariants.too_long()) enough = 1;
+  };
+  run.result = sil::run_with_faults(scenario, *peers, recorder, options);
+  recorder.close();
+  invariants.finish(run.result, log.path());
+  run.broken = invariants.broken();
+  run.log_hash = invariants.log_hash();
+  run.violated = invariants.violated();
+  return run;
+}
+
+SeedResult run_seed(std::uint64_t seed) { return run_seed(seed, run_scenario); }
+
+SeedResult run_seed(std::uint64_t seed, const Runner& run) {
   const RandomScenario random = random_scenario(seed);
   if (!random.trouble.empty()) return without_scenario(seed, random);
-  const Run first = run(random.scenario);
+  const SeedRun first = run(random);
   SeedResult out = result_of(seed, random, first);
-  if (seed % kRepeatEvery == 0 && run(random.scenario).log_hash != first.log_hash) {
+  if (seed % kRepeatEvery == 0 && run(random).log_hash != first.log_hash) {
     note_broken({Invariant::kRepeatable, first.result.last_tick, "the second run's log is another"}, out);
   }
   return out;
@@ -180,11 +177,11 @@ RandomScenario table_scenario(std::uint64_t seed) {
 SeedResult run_table_seed(std::uint64_t seed) {
   const RandomScenario random = table_scenario(seed);
   if (!random.trouble.empty()) return without_scenario(seed, random);
-  const Run with_fault = run(random.scenario);
+  const SeedRun with_fault = run_scenario(random);
   SeedResult out = result_of(seed, random, with_fault);
-  sim::Scenario twin = random.scenario;
-  twin.faults.clear();
-  const Run without = run(twin);
+  RandomScenario twin = random;
+  twin.scenario.faults.clear();
+  const SeedRun without = run_scenario(twin);
   for (const Broken& broken : without.broken) note_broken(broken, out);
   if (sil::exit_status(without.result) != 0 || outcome_of(without.result) != Outcome::kCompleted) return out;
   out.fault_kind = static_cast<std::int32_t>(random.faults.front().kind);

@@ -3,7 +3,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <string_view>
+#include <vector>
 
 #include "tools/soak/invariants.h"
 #include "tools/soak/random_scenario.h"
@@ -53,7 +55,20 @@ void set_text(char (&field)[N], std::string_view text) {
   field[text.copy(field, N - 1)] = '\0';
 }
 
-// A random scenario with its random faults.
+// What a run leaves to be judged.
+struct SeedRun {
+  sil::RunResult result;
+  std::vector<Broken> broken;
+  std::uint64_t log_hash = 0;
+  bool violated = false;
+};
+using Runner = std::function<SeedRun(const RandomScenario&)>;
+
+// In this process, judged by the invariants.
+SeedRun run_scenario(const RandomScenario& random);
+
+// A random scenario with its random faults and its operator. One seed in 32 is run twice.
+SeedResult run_seed(std::uint64_t seed, const Runner& run);
 SeedResult run_seed(std::uint64_t seed);
 
 // For the failure table: a calm robot with one fault. Kinds and severities alternate with the seed.

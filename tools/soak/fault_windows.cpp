@@ -1,0 +1,75 @@
+#include "tools/soak/fault_windows.h"
+
+#include <algorithm>
+
+namespace ballast::soak {
+
+namespace {
+
+using sim::Fault;
+using sim::FaultKind;
+using sim::FaultLayer;
+using sim::FaultSensor;
+
+bool on_the_bus(const Fault& fault) {
+  return fault.of(FaultLayer::kMessage) || fault.of(FaultLayer::kPeer) || fault.kind == FaultKind::kClockJump;
+}
+
+// A peer that is gone, or a clock that has jumped, stays so.
+bool lasts_for_ever(const Fault& fault) {
+  return fault.kind == FaultKind::kPeerKilled || fault.kind == FaultKind::kClockJump;
+}
+
+// Ticks by which the effect of a fault outlasts it. A message that is lost in tick k is missed in k, or in k + 1 if it
+// is the controller's, and what that peer answers is judged one tick later: 2. A delay adds its own length.
+std::int64_t aftermath_ticks(const Fault& fault) {
+  const bool delays = fault.kind == FaultKind::kMessagesDelayed || fault.kind == FaultKind::kPeerTooSlow;
+  return 2 + (delays ? static_cast<std::int64_t>(fault.value) : 0);
+}
+
+bool turns_the_estimate(const Fault& fault) {
+  return fault.of(FaultLayer::kSensor) &&
+         (fault.sensor == FaultSensor::kOrientation || fault.sensor == FaultSensor::kGyro);
+}
+
+}  // namespace
+
+template <class Selects>
+bool FaultWindows::any(std::int64_t tick, Selects selects) const {
+  if (tick < 0) return false;  // no fault begins in the countdown
+  const double period_s = scenario_.run.control_period_s;
+  return std::ranges::any_of(scenario_.faults, [&](const Fault& fault) {
+    if (!selects(fault) || !fault.begun(static_cast<double>(tick) * period_s)) return false;
+    if (lasts_for_ever(fault)) return true;
+    // An instant between two ticks shows in the later one.
+    const double last_s = static_cast<double>(tick - aftermath_ticks(fault) - 1) * period_s;
+    return last_s < fault.end_s - Fault::kRounding;
+  });
+}
+
+bool FaultWindows::bus(std::int64_t tick) const { return any(tick, on_the_bus); }
+
+bool FaultWindows::corruption(std::int64_t tick) const {
+  return any(tick, [](const Fault& fault) { return fault.kind == FaultKind::kMessagesCorrupted; });
+}
+
+bool FaultWindows::sensors(std::int64_t tick) const { return any(tick, turns_the_estimate); }
+
+bool FaultWindows::nan(std::int64_t tick) const {
+  return any(tick, [](const Fault& fault) { return fault.kind == FaultKind::kSensorNan; });
+}
+
+bool FaultWindows::push(std::int64_t tick) const {
+  return any(tick, [](const Fault& fault) { return fault.kind == FaultKind::kPush; });
+}
+
+bool FaultWindows::monitor_restarts(std::int64_t tick) const {
+  const double period_s = scenario_.run.control_period_s;
+  const double now_s = static_cast<double>(tick) * period_s;
+  return tick >= 0 && std::ranges::any_of(scenario_.faults, [&](const Fault& fault) {
+           return fault.kind == FaultKind::kPeerRestarted && fault.peer == sim::FaultPeer::kMonitor &&
+                  fault.begun(now_s) && !fault.begun(now_s - period_s);
+         });
+}
+
+}  // namespace ballast::soak
