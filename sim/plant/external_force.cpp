@@ -15,6 +15,12 @@ ExternalForce::ExternalForce(const World& world)
   for (const Eigen::Vector3d& force : world.force_table.forces_W_n) forces_W_n_.push_back(vec3(force));
 }
 
+void ExternalForce::keep_told() {
+  times_s_.clear();
+  forces_W_n_.clear();
+  drag_kgpm_ = 0;
+}
+
 Vec3<double> ExternalForce::of_table(double time_s) const {
   const auto after = std::upper_bound(times_s_.begin(), times_s_.end(), time_s);
   if (after == times_s_.begin()) return forces_W_n_.front();

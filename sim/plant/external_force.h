@@ -14,6 +14,10 @@ class ExternalForce {
 
   // Whether the equations have to take a force into account.
   [[nodiscard]] bool present() const { return present_; }
+  // Whether there is a table or drag, which the controller is not told of.
+  [[nodiscard]] bool has_untold() const { return !times_s_.empty() || drag_kgpm_ > 0; }
+  // What is left without table and drag: the constant force, and pushes as they are now.
+  void keep_told();
   // To be called at the start of a run that injects pushes.
   void expect_pushes() { present_ = true; }
 

@@ -217,12 +217,18 @@ Sample Plant::sample() const {
   return s;
 }
 
-Plant::ContactForces Plant::contact_forces(const double* position, const double* velocity,
-                                           const double* acceleration) const {
+Plant::ContactForces Plant::contact_forces(const double* position, const double* velocity, const double* acceleration,
+                                           Forces forces) const {
   CarriedMasses masses;
   carry_along(equations().body, position, velocity, acceleration, masses);
   Instant motion;
-  equations().evaluate_prescribed(time_s(), dynamics().now.y.data(), masses, motion);
+  if (forces == Forces::kTold && has_untold_forces()) {
+    Equations told = equations();
+    told.body.external_force.keep_told();
+    told.evaluate_prescribed(time_s(), dynamics().now.y.data(), masses, motion);
+  } else {
+    equations().evaluate_prescribed(time_s(), dynamics().now.y.data(), masses, motion);
+  }
   return {reported_normal_n(motion.normal_force_n), motion.static_friction_n};
 }
 

@@ -70,13 +70,17 @@ class Plant {
   [[nodiscard]] Sample sample() const;
 
   // N and f_s for the ball's attitude, angular velocity and regime now, if the masses moved like this: rail
-  // coordinates, their rates and those' rates. In sliding with the slip as it is, in flight 0.
+  // coordinates, their rates and those' rates. In sliding with the slip as it is, in flight 0. `forces` selects the
+  // external forces: all, or all but force table and drag, which the controller is not told of.
+  enum class Forces { kAll, kTold };
   struct ContactForces {
     double normal_force_n;
     double static_friction_n;
   };
-  [[nodiscard]] ContactForces contact_forces(const double* position, const double* velocity,
-                                             const double* acceleration) const;
+  [[nodiscard]] ContactForces contact_forces(const double* position, const double* velocity, const double* acceleration,
+                                             Forces forces = Forces::kAll) const;
+  // Whether Forces::kTold differs from kAll.
+  [[nodiscard]] bool has_untold_forces() const { return equations().body.external_force.has_untold(); }
 
  private:
   [[nodiscard]] static std::size_t index(int i) { return static_cast<std::size_t>(i); }

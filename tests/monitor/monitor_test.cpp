@@ -40,7 +40,7 @@ struct Tick {
     contact.utime = state.utime = sensors.utime = 1000 * tick;
     contact.time_s = state.time_s = 0.001 * static_cast<double>(tick);
     contact.normal_force_n = 8;
-    contact.static_friction_n = 0.25;
+    contact.static_friction_n = contact.friction_force_W_n[1] = 0.25;
     contact.mu_required = contact.mu_required_max = 0.25 / 8;
     contact.normal_force_min_n = 8;
     state.orientation[0] = sensors.orientation[0] = 1;
@@ -96,7 +96,7 @@ TEST(Monitor, QuietInsideTheEnvelope) {
 TEST(Monitor, NormalForceTripsAtItsLimit) {
   expect_trip(judge_changed([](Tick& t) {
                 t.contact.normal_force_n = 0.5;
-                t.contact.static_friction_n = 0;
+                t.contact.static_friction_n = t.contact.friction_force_W_n[1] = 0;
               }),
               trip_t::CAUSE_NORMAL_FORCE, 3, 0.5, 0.5);
   expect_trip(judge_changed([](Tick& t) { t.contact.normal_force_n = -1; }), trip_t::CAUSE_NORMAL_FORCE, 3, -1, 0.5);
@@ -105,7 +105,7 @@ TEST(Monitor, NormalForceTripsAtItsLimit) {
 TEST(Monitor, NormalForceAboveItsLimitIsFine) {
   expect_quiet(judge_changed([](Tick& t) {
     t.contact.normal_force_n = std::nextafter(0.5, 1);
-    t.contact.static_friction_n = 0;
+    t.contact.static_friction_n = t.contact.friction_force_W_n[1] = 0;
   }));
 }
 
@@ -114,27 +114,29 @@ TEST(Monitor, NormalForceTripsInEveryRegime) {
     expect_trip(judge_changed([regime](Tick& t) {
                   t.contact.regime = regime;
                   t.contact.normal_force_n = 0;
-                  t.contact.static_friction_n = 0;
+                  t.contact.static_friction_n = t.contact.friction_force_W_n[1] = 0;
                 }),
                 trip_t::CAUSE_NORMAL_FORCE, 3, 0, 0.5);
   }
 }
 
 TEST(Monitor, FrictionAtItsLimitIsFine) {
-  expect_quiet(judge_changed([](Tick& t) { t.contact.static_friction_n = 0.5 * 0.25 * 8; }));
+  expect_quiet(
+      judge_changed([](Tick& t) { t.contact.static_friction_n = t.contact.friction_force_W_n[1] = 0.5 * 0.25 * 8; }));
 }
 
 TEST(Monitor, FrictionAboveItsLimitTrips) {
   const double just_above_n = std::nextafter(1.0, 2);
-  expect_trip(judge_changed([=](Tick& t) { t.contact.static_friction_n = just_above_n; }), trip_t::CAUSE_FRICTION, 3,
-              just_above_n / 8, 0.125);
+  expect_trip(
+      judge_changed([=](Tick& t) { t.contact.static_friction_n = t.contact.friction_force_W_n[1] = just_above_n; }),
+      trip_t::CAUSE_FRICTION, 3, just_above_n / 8, 0.125);
 }
 
 // Kinetic friction is within the cone: what has been lost shows in the regime only.
 TEST(Monitor, SlidingAfterRollingTrips) {
   expect_trip(judge_changed([](Tick& t) {
                 t.contact.regime = contact_t::REGIME_SLIDING;
-                t.contact.static_friction_n = 0.5;
+                t.contact.static_friction_n = t.contact.friction_force_W_n[1] = 0.5;
               }),
               trip_t::CAUSE_FRICTION, 3, 0.5 / 8, 0.125);
 }
@@ -144,22 +146,23 @@ TEST(Monitor, ABallThatStartsSlidingHasLostNothing) {
   for (std::int64_t k = 0; k < 5; ++k) {
     Tick tick(k);
     tick.contact.regime = contact_t::REGIME_SLIDING;
-    tick.contact.static_friction_n = 0.5;
+    tick.contact.static_friction_n = tick.contact.friction_force_W_n[1] = 0.5;
     expect_quiet(monitor.judge(tick.samples()));
   }
   expect_quiet(monitor.judge(Tick(5).samples()));  // rolls
   Tick again(6);
   again.contact.regime = contact_t::REGIME_SLIDING;
-  again.contact.static_friction_n = 0.5;
+  again.contact.static_friction_n = again.contact.friction_force_W_n[1] = 0.5;
   expect_trip(monitor.judge(again.samples()), trip_t::CAUSE_FRICTION, 6, 0.5 / 8, 0.125);
 }
 
 TEST(Monitor, FrictionUseScalesTheLimit) {
   MonitorLimits whole = limits();
   whole.friction_use = 1;
-  expect_quiet(judge_changed(whole, [](Tick& t) { t.contact.static_friction_n = 2; }));
-  expect_trip(judge_changed(whole, [](Tick& t) { t.contact.static_friction_n = 4; }), trip_t::CAUSE_FRICTION, 3, 0.5,
-              0.25);
+  expect_quiet(
+      judge_changed(whole, [](Tick& t) { t.contact.static_friction_n = t.contact.friction_force_W_n[1] = 2; }));
+  expect_trip(judge_changed(whole, [](Tick& t) { t.contact.static_friction_n = t.contact.friction_force_W_n[1] = 4; }),
+              trip_t::CAUSE_FRICTION, 3, 0.5, 0.25);
 }
 
 TEST(Monitor, PerfectFrictionIsNeverBroken) {
@@ -168,7 +171,7 @@ TEST(Monitor, PerfectFrictionIsNeverBroken) {
   perfect.min_normal_force_n = 0;
   expect_quiet(judge_changed(perfect, [](Tick& t) {
     t.contact.normal_force_n = std::numeric_limits<double>::denorm_min();
-    t.contact.static_friction_n = std::numeric_limits<double>::max();
+    t.contact.static_friction_n = t.contact.friction_force_W_n[1] = std::numeric_limits<double>::max();
     t.contact.mu_required = kInfinity;
   }));
   expect_trip(judge_changed(perfect, [](Tick& t) { t.contact.normal_force_n = 0; }), trip_t::CAUSE_NORMAL_FORCE, 3, 0,
@@ -182,7 +185,7 @@ TEST(Monitor, SlidingOnAPerfectFloorTrips) {
   expect_trip(judge_changed(perfect,
                             [](Tick& t) {
                               t.contact.regime = contact_t::REGIME_SLIDING;
-                              t.contact.static_friction_n = 0.5;
+                              t.contact.static_friction_n = t.contact.friction_force_W_n[1] = 0.5;
                             }),
               trip_t::CAUSE_FRICTION, 3, 0.5 / 8, kInfinity);
 }
@@ -195,7 +198,7 @@ TEST(Monitor, NumbersInAVerdictAreNeverNan) {
     for (const double friction_n : {0.0, 1.0}) {
       const trip_t verdict = judge_changed(odd, [=](Tick& t) {
         t.contact.normal_force_n = 0;
-        t.contact.static_friction_n = friction_n;
+        t.contact.static_friction_n = t.contact.friction_force_W_n[1] = friction_n;
       });
       EXPECT_EQ(verdict.tripped, mu < kInfinity && friction_n > 0);
       EXPECT_FALSE(std::isnan(verdict.value) || std::isnan(verdict.limit));
@@ -423,6 +426,24 @@ TEST(Monitor, AMarginBetterThanItsForcesTrips) {
   expect_quiet(judge_changed(perfect, [](Tick& t) { t.contact.margin = 1; }));
 }
 
+// |f| = 0.25 of the messages here, beside N = 8.
+TEST(Monitor, AFrictionForceThatIsNotItsMagnitudeTrips) {
+  const auto judge_force = [](double x, double y, std::int8_t regime) {
+    return judge_changed([=](Tick& t) {
+      t.contact.friction_force_W_n[0] = x;
+      t.contact.friction_force_W_n[1] = y;
+      t.contact.regime = regime;
+    });
+  };
+  expect_quiet(judge_force(-0.15, 0.2, contact_t::REGIME_ROLLING));  // any direction
+  expect_quiet(judge_force(0, 0.25 * (1 + 1e-10), contact_t::REGIME_ROLLING));
+  expect_trip(judge_force(0, 0.5, contact_t::REGIME_ROLLING), trip_t::CAUSE_DISAGREEMENT, 3, 0.25, 1e-10 * 8.5);
+  expect_trip(judge_force(0, 0, contact_t::REGIME_ROLLING), trip_t::CAUSE_DISAGREEMENT, 3, 0.25, 1e-10 * 8);
+  EXPECT_EQ(judge_force(0, 0.25 + 1e-8, contact_t::REGIME_ROLLING).cause, trip_t::CAUSE_DISAGREEMENT);
+  EXPECT_EQ(judge_force(0.25, 0.25, contact_t::REGIME_ROLLING).cause, trip_t::CAUSE_DISAGREEMENT);
+  expect_quiet(judge_force(0, 0.5, contact_t::REGIME_FLIGHT));  // there f_s is no friction that rolling needs
+}
+
 TEST(Monitor, SilentPlantTrips) {
   Monitor monitor(limits());
   for (std::int64_t k = 0; k < 3; ++k) expect_quiet(monitor.judge(Tick(k).samples()));
@@ -443,7 +464,7 @@ TEST(Monitor, FirstCauseIsKeptForEver) {
   Monitor monitor(limits());
   for (std::int64_t k = 0; k < 3; ++k) expect_quiet(monitor.judge(Tick(k).samples()));
   Tick slipping(3);
-  slipping.contact.static_friction_n = 2;
+  slipping.contact.static_friction_n = slipping.contact.friction_force_W_n[1] = 2;
   const trip_t first = monitor.judge(slipping.samples());
   expect_trip(first, trip_t::CAUSE_FRICTION, 3, 0.25, 0.125);
 
@@ -469,7 +490,7 @@ TEST(Monitor, OrderOfChecks) {
     if (level < 3) tick.sensors.tick = 77;
     if (level < 4) tick.sensors.gyro_B_radps[0] = kNan;
     if (level < 5) tick.contact.normal_force_n = 0.5;
-    if (level < 6) tick.contact.static_friction_n = 4;
+    if (level < 6) tick.contact.static_friction_n = tick.contact.friction_force_W_n[1] = 4;
     tick.status->tick = -3;
     return monitor.judge(tick.samples());
   };

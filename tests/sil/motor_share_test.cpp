@@ -115,6 +115,23 @@ TEST(MotorShare, FollowsStopsAndMoves) {
   EXPECT_EQ(moved.status.rbegin()->second.next_position[0], 0);
 }
 
+// The controller knows no drag and no force table; what is commanded is then computed without both. They are no share
+// of the motors.
+TEST(MotorShare, DragAndForceTablesAreInNeitherOfTheForcesThatAreCompared) {
+  const std::vector<std::string> world = {"duration=0.6", "drag.coefficient=0.05", "drag.wind=[2, 0, 0]"};
+  const Recorded r = record("paper_ball", world);
+  EXPECT_EQ(expect_the_firmwares_numbers(r), 601);
+  const Recorded still = record("paper_ball", {"duration=0.6"});
+  const double wind_n = 0.05 * 4;
+  EXPECT_GT(std::abs(r.contact.at(1).static_friction_n - r.contact.at(1).commanded_static_friction_n), 0.1 * wind_n);
+  EXPECT_LT(std::abs(r.result.motor_share.static_friction_n.difference()),
+            std::abs(still.result.motor_share.static_friction_n.difference()) + 0.1 * wind_n);
+
+  const Recorded tabled = record(
+      "paper_ball", {"duration=0.6", "external_force={ times = [0, 0.5], forces = [[0, 0, 0], [0.3, 0, -0.2]] }"});
+  EXPECT_EQ(expect_the_firmwares_numbers(tabled), 601);
+}
+
 // The run slips between two ticks: nothing is known to be commanded at that instant.
 TEST(MotorShare, AnEndBetweenTicksHasNoCommand) {
   const Recorded r = record("paper_ball", {"surface.static_friction=0.17"});

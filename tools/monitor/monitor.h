@@ -57,7 +57,9 @@ struct Samples {
 //                 judged where either is not finite, or where the plant's floor would have to pull. value: the greater
 //                 difference; limit: disagreement_n; both in N. Also a margin better than N and f_s of the same message
 //                 allow on the floor of the limits (a worse floor lowers it), or a margin of NaN; not with perfect
-//                 friction. value: the f_s it hides; limit: the f_s that rounding can hide; both in N.
+//                 friction. value: the f_s it hides; limit: the f_s that rounding can hide; both in N. Also, while the
+//                 ball rolls, a friction force whose magnitude is not the f_s of the same message. value: the
+//                 difference; limit: what rounding can make of it; both in N.
 class Monitor {
  public:
   explicit Monitor(const MonitorLimits& limits);

@@ -121,17 +121,15 @@ monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {
   limits.static_friction = scenario.surface.static_friction;
   limits.controller_expected = scenario.run.actuation == sim::Actuation::kStepper;
   limits.scenario_id = scenario.id;
-  // The controller models no force table and no drag, so there the two forces are not compared. Elsewhere they differ
-  // by rounding with exact sensors (1e-9 of the weight) and by 2 % of the weight if the attitude is off by a degree. A
-  // wrong sign, a wrong unit or a missing term exceeds 5 %.
+  // The two forces are compared under the external forces that the controller is told of. They differ by rounding with
+  // exact sensors (1e-9 of the weight) and by 2 % of the weight if the attitude is off by a degree. A wrong sign, a
+  // wrong unit or a missing term exceeds 5 %.
   constexpr double kFractionOfWeight = 0.05;
-  if (scenario.force_table.times_s.empty() && scenario.drag.coefficient_kgpm == 0) {
-    double total_mass_kg = scenario.ball.mass_kg;
-    for (const sim::Mass& mass : scenario.masses) total_mass_kg += mass.mass_kg;
-    // Without gravity only an external force can press the ball down.
-    const double pressing_n = std::max(total_mass_kg * scenario.gravity_mps2, scenario.external_force_W_n.norm());
-    if (pressing_n > 0) limits.disagreement_n = kFractionOfWeight * pressing_n;
-  }
+  double total_mass_kg = scenario.ball.mass_kg;
+  for (const sim::Mass& mass : scenario.masses) total_mass_kg += mass.mass_kg;
+  // Without gravity only an external force can press the ball down.
+  const double pressing_n = std::max(total_mass_kg * scenario.gravity_mps2, scenario.external_force_W_n.norm());
+  if (pressing_n > 0) limits.disagreement_n = kFractionOfWeight * pressing_n;
   return limits;
 }
 

@@ -27,6 +27,16 @@ std::int8_t regime_code(sim::Regime regime) {
 
 }  // namespace
 
+void set_commanded(const std::optional<sim::Plant::ContactForces>& commanded, contact_t& contact) {
+  constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
+  const bool flies = contact.regime == contact_t::REGIME_FLIGHT;
+  contact.commanded_normal_force_n = commanded ? commanded->normal_force_n : kNothing;
+  contact.commanded_static_friction_n = commanded ? commanded->static_friction_n : kNothing;
+  contact.commanded_mu_required = !commanded ? kNothing
+                                  : flies    ? 0
+                                          : sim::mu_required(commanded->normal_force_n, commanded->static_friction_n);
+}
+
 PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick,
                              bool last, const std::optional<sim::Plant::ContactForces>& commanded) {
   const std::int64_t utime = tick < 0 ? hal::tick_utime(tick, scenario.run.control_period_s)
@@ -44,17 +54,11 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
   m.contact.static_friction_n = sample.static_friction_n;
   const bool flies = sample.regime == sim::Regime::kFlight;
   m.contact.mu_required = flies ? 0 : sim::mu_required(sample.normal_force_n, sample.static_friction_n);
-  constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
-  m.contact.commanded_normal_force_n = commanded ? commanded->normal_force_n : kNothing;
-  m.contact.commanded_static_friction_n = commanded ? commanded->static_friction_n : kNothing;
-  m.contact.commanded_mu_required =
-      !commanded ? kNothing
-      : flies    ? 0
-                 : sim::mu_required(commanded->normal_force_n, commanded->static_friction_n);
   m.contact.normal_force_min_n = sample.normal_force_min_n;
   m.contact.mu_required_max = sample.mu_required_max;
   m.contact.margin = friction_margin(sample.normal_force_n, sample.static_friction_n, sample.floor_static_friction);
   m.contact.regime = regime_code(sample.regime);
+  set_commanded(commanded, m.contact);
 
   m.sensors.scenario_id = scenario.id;
   m.state.mass_count = m.sensors.mass_count = mass_count;

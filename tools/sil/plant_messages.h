@@ -19,9 +19,13 @@ struct PlantMessages {
 };
 
 // In the countdown (tick < 0) time_s is the sample's, 0, and utime the tick's own. `commanded`: N and f_s of the
-// commanded masses at this instant; none where nothing is commanded.
+// commanded masses at this instant, under the external forces that the controller is told of; none where nothing is
+// commanded.
 PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick,
                              bool last, const std::optional<sim::Plant::ContactForces>& commanded = std::nullopt);
+
+// Sets the commanded_ fields of a message whose regime is set.
+void set_commanded(const std::optional<sim::Plant::ContactForces>& commanded, contact_t& contact);
 
 // The unused part of the friction cone: 1 - f_s / (mu_s N), at least -1; 1 with perfect friction; -1 where N <= 0.
 double friction_margin(double normal_force_n, double static_friction_n, double static_friction_coefficient);

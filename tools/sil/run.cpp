@@ -56,6 +56,7 @@ class Run {
   bool judge();
   bool judge_verdict();
   bool judge_answer();
+  void observe_motor_share();
   bool judge_countdown();
   bool follow_move();
   bool is_undisturbed();
@@ -88,6 +89,9 @@ class Run {
   double end_s_;
   Lap lap_;
   std::optional<Lap> unrecorded_;
+  // N and f_s of the commanded masses at this tick under all external forces, where the message has those under the
+  // told ones.
+  std::optional<sim::Plant::ContactForces> commanded_under_all_;
 
   Pace pace_;
   Countdown countdown_;
@@ -153,8 +157,13 @@ void Run::begin() {
           (trips_.stop_done(tick_) && rest_.at_rest()) || (move_done && (rest_.at_rest() || already_there_));
 
   std::optional<sim::Plant::ContactForces> commanded;
+  commanded_under_all_.reset();
   if (asks_ && tick_ >= 0 && sample_.time_s == static_cast<double>(tick_) * period_s_) {
-    commanded = plant_.contact_forces(asks_->next_position, asks_->next_velocity, asks_->next_acceleration);
+    const auto forces = [this](sim::Plant::Forces which) {
+      return plant_.contact_forces(asks_->next_position, asks_->next_velocity, asks_->next_acceleration, which);
+    };
+    commanded = forces(sim::Plant::Forces::kTold);
+    if (plant_.has_untold_forces()) commanded_under_all_ = forces(sim::Plant::Forces::kAll);
   }
   lap_ = Lap{plant_messages(scenario_, sample_, tick_, last_, commanded), countdown_.command(tick_), {}, {}, {}};
   wires_.carry_sensors(sample_.time_s, lap_.plant.sensors);
@@ -213,7 +222,7 @@ bool Run::judge_answer() {
   silent_ticks_ = 0;
   if (status.tick == tick_) asks_ = status;
   plans_.observe(lap_.plant.contact, status);
-  result_.motor_share.observe(lap_.plant.contact);
+  observe_motor_share();
   if (status.operator_commands < operator_commands_) {
     return lost("the controller was started again: in tick " + std::to_string(status.tick) + " it counts " +
                 std::to_string(status.operator_commands) + " commands, and " + std::to_string(operator_commands_) +
@@ -221,6 +230,13 @@ bool Run::judge_answer() {
   }
   operator_commands_ = status.operator_commands;
   return true;
+}
+
+// A force table or drag is no part of the motors' share, so real and commanded masses are compared under both.
+void Run::observe_motor_share() {
+  contact_t contact = lap_.plant.contact;
+  if (commanded_under_all_) set_commanded(commanded_under_all_, contact);
+  result_.motor_share.observe(contact);
 }
 
 bool Run::judge_countdown() {
