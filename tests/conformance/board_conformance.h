@@ -23,6 +23,7 @@
 
 #include "hal/control_loop.h"
 #include "tests/conformance/random_message.h"
+#include "tests/random_seed.h"
 
 namespace ballast::hal::test {
 
@@ -96,13 +97,9 @@ template <class World>
 class BoardConformance : public ::testing::Test {
  protected:
   void SetUp() override {
-    std::random_device device;
-    seed_ = device();
+    seed_ = ballast::test::random_seed();
     random_.seed(seed_);
     RecordProperty("seed", std::to_string(seed_));
-  }
-  void TearDown() override {
-    if (this->HasFailure()) std::printf("seed %llu\n", static_cast<unsigned long long>(seed_));
   }
 
   // Sends a tick and expects the board to hand it out.

@@ -6,6 +6,7 @@
 #include "hal/lcm/lcm_board.h"
 #include "tests/conformance/board_conformance.h"
 #include "tests/conformance/test_bus.h"
+#include "tests/random_seed.h"
 
 namespace ballast::hal::test {
 namespace {
@@ -198,6 +199,15 @@ TEST(LcmBoard, NamesTheMonitorIfItNeverSpeaks) {
   EXPECT_STREQ(world.board().peer(), "monitor");
 }
 
+// The board keeps a trip by itself, so the conversion is tested by itself.
+TEST(LcmMessages, AVerdictKeepsItsTickAndItsTrip) {
+  for (const bool tripped : {false, true}) {
+    const firmware::MonitorVerdict verdict = from_message(LcmWorld::trip({.tick = 7, .tripped = tripped}));
+    EXPECT_EQ(verdict.tick, 7);
+    EXPECT_EQ(verdict.tripped, tripped);
+  }
+}
+
 TEST(LcmBoard, VerdictMayComeBeforeTheSensors) {
   LcmWorld world;
   world.publish(kChannelTrip, LcmWorld::trip({.tick = kWaitingTick, .tripped = false}));
@@ -333,7 +343,7 @@ TEST(OperatorInbox, WhatFoundNoRoomCanBeSaidAgain) {
 // No command is obeyed twice, however many other senders speak in the meantime.
 TEST(OperatorInbox, CopiesAreRefusedWhateverCameBetween) {
   using enum firmware::OperatorCommand;
-  const std::uint64_t seed = std::random_device{}();
+  const std::uint64_t seed = ballast::test::random_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
   OperatorInbox inbox;
@@ -513,7 +523,7 @@ void decode_noise(std::mt19937_64& random) {
 }
 
 TEST(LcmMessages, NoiseNeverGetsThrough) {
-  const std::uint64_t seed = std::random_device{}();
+  const std::uint64_t seed = ballast::test::random_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
   decode_noise<contact_t>(random);

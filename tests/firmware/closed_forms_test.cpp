@@ -5,11 +5,12 @@
 #include <Eigen/LU>
 #include <vector>
 
-#include "sim/closed_forms/detached.h"
 #include "firmware/model/rolling.h"
+#include "sim/closed_forms/detached.h"
 #include "sim/closed_forms/rolling_disk.h"
 #include "sim/plant/newton_euler.h"
 #include "tests/physics/random_robot.h"
+#include "tests/random_seed.h"
 
 namespace ballast::firmware {
 namespace {
@@ -192,9 +193,9 @@ void expect_rolls_like_the_plant(const RollingForces& form, const sim::MotionOf<
 // eq_Om, eq_normal, eq_static_friction. The plant knows masses on rails only, so each is given the osculating circle of
 // its trajectory: any chidot and chiddot are those of a motion on it.
 TEST(ClosedForms, BallOnTrajectories) {
-  constexpr std::uint64_t kSeed = 31;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(31);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < kTrials && !HasFailure(); ++trial) {
     SCOPED_TRACE("trial " + std::to_string(trial));
     const Case c = draw(random, random.integer(1, kMaxMasses));
@@ -233,9 +234,9 @@ TEST(ClosedForms, BallOnTrajectories) {
 
 // eq_Om_1d, eq_normal_1d, eq_static_friction_1d, and eq_1d_param into the 3-d forms.
 TEST(ClosedForms, RollingBallOnRails) {
-  constexpr std::uint64_t kSeed = 32;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(32);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < kTrials && !HasFailure(); ++trial) {
     SCOPED_TRACE("trial " + std::to_string(trial));
     const Case c = draw(random, random.integer(0, kMaxMasses));
@@ -252,9 +253,9 @@ TEST(ClosedForms, RollingBallOnRails) {
 
 // eq_dot_Omega_static, eq_normal_static, eq_static_friction_static, as printed.
 TEST(ClosedForms, RollingBallWithoutMasses) {
-  constexpr std::uint64_t kSeed = 33;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(33);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < kTrials && !HasFailure(); ++trial) {
     SCOPED_TRACE("trial " + std::to_string(trial));
     const Case c = draw(random, 0);
@@ -306,9 +307,9 @@ Solution printed_detach_ball_1d(const Case& c) {
 }
 
 TEST(ClosedForms, DetachedBallOnRails) {
-  constexpr std::uint64_t kSeed = 34;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(34);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < kTrials && !HasFailure(); ++trial) {
     SCOPED_TRACE("trial " + std::to_string(trial));
     const Case c = draw(random, random.integer(0, kMaxMasses));
@@ -322,9 +323,9 @@ TEST(ClosedForms, DetachedBallOnRails) {
 
 // eq_detach_ball_static, as printed.
 TEST(ClosedForms, DetachedBallWithoutMasses) {
-  constexpr std::uint64_t kSeed = 35;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(35);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < kTrials && !HasFailure(); ++trial) {
     SCOPED_TRACE("trial " + std::to_string(trial));
     const Case c = draw(random, 0);
@@ -366,9 +367,9 @@ Long disk_rate_size(const Case& c, const Solution& judge) {
 
 // eq_ddphi_disk with eq_K_i, eq_normal_disk, eq_static_friction_disk.
 TEST(ClosedForms, RollingDiskIsTheBallInItsPlane) {
-  constexpr std::uint64_t kSeed = 36;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(36);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < kTrials && !HasFailure(); ++trial) {
     SCOPED_TRACE("trial " + std::to_string(trial));
     const DiskCase d = draw_disk(random, random.integer(0, kMaxMasses));
@@ -397,9 +398,9 @@ TEST(ClosedForms, RollingDiskIsTheBallInItsPlane) {
 
 // eq_ddphi_sdisk, eq_normal_sdisk, eq_static_friction_sdisk, and eq_detach_disk_static, as printed.
 TEST(ClosedForms, DiskWithoutMasses) {
-  constexpr std::uint64_t kSeed = 37;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(37);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < kTrials && !HasFailure(); ++trial) {
     SCOPED_TRACE("trial " + std::to_string(trial));
     const DiskCase d = draw_disk(random, 0);
@@ -459,9 +460,9 @@ Long printed_detach_disk_1d(const DiskCase& d) {
 }
 
 TEST(ClosedForms, DetachedDiskIsTheBallInItsPlane) {
-  constexpr std::uint64_t kSeed = 38;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(38);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < kTrials && !HasFailure(); ++trial) {
     SCOPED_TRACE("trial " + std::to_string(trial));
     const DiskCase d = draw_disk(random, random.integer(0, kMaxMasses));

@@ -11,6 +11,7 @@
 #include "firmware/model/rolling.h"
 #include "tests/firmware/paper_ball.h"
 #include "tests/firmware/whole_tick.h"
+#include "tests/random_seed.h"
 
 namespace ballast::firmware {
 namespace {
@@ -800,7 +801,8 @@ TEST(Controller, AMoveIsPendingUntilItIsPredicted) {
     EXPECT_FALSE(bench.out.status.at_rest);
     for (int i = 0; i < 3; ++i) {
       const auto m = static_cast<std::size_t>(i);
-      EXPECT_EQ(bench.out.status.next[m].position, testing::kPaperStart[m]) << "profile time 0 is the next tick's start";
+      EXPECT_EQ(bench.out.status.next[m].position, testing::kPaperStart[m])
+          << "profile time 0 is the next tick's start";
       EXPECT_EQ(bench.out.status.next[m].velocity, 0);
     }
     bench.tick();
@@ -1131,7 +1133,7 @@ TEST(Controller, ARestartThatWouldLeaveTheRailIsRefusedByName) {
 
 // Whatever happens: the commanded position moves no faster than it may, and the count stays with it.
 TEST(Controller, RandomLivesKeepCountAndProfileTogether) {
-  const unsigned seed = 2718;
+  const auto seed = static_cast<unsigned>(ballast::test::random_seed(2718));
   RecordProperty("seed", static_cast<int>(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<Real> u(-1, 1);

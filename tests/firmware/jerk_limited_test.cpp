@@ -8,6 +8,7 @@
 #include <random>
 
 #include "firmware/motion/motion_limits.h"
+#include "tests/random_seed.h"
 
 namespace ballast::firmware {
 namespace {
@@ -51,7 +52,7 @@ Real unlimited_minimum(Real v, Real a, Real j) {
 }
 
 TEST(PlanStop, RandomStatesEndAtRestInsideTheLimits) {
-  const unsigned seed = 1618;
+  const auto seed = static_cast<unsigned>(ballast::test::random_seed(1618));
   RecordProperty("seed", static_cast<int>(seed));
   Random random(seed);
   int too_hard = 0, turned = 0, stretched = 0;
@@ -112,7 +113,7 @@ TEST(PlanStop, RandomStatesEndAtRestInsideTheLimits) {
 }
 
 TEST(PlanStop, WithoutAccelerationLimitItIsTheShortest) {
-  const unsigned seed = 3;
+  const auto seed = static_cast<unsigned>(ballast::test::random_seed(3));
   RecordProperty("seed", static_cast<int>(seed));
   Random random(seed);
   for (int n = 0; n < 5000; ++n) {
@@ -129,7 +130,7 @@ TEST(PlanStop, WithoutAccelerationLimitItIsTheShortest) {
 // With both limits: among all stops jerk +-J, constant, jerk +-J through any intermediate acceleration, found by
 // trying, none is shorter.
 TEST(PlanStop, NoOtherPeakIsShorter) {
-  const unsigned seed = 4;
+  const auto seed = static_cast<unsigned>(ballast::test::random_seed(4));
   RecordProperty("seed", static_cast<int>(seed));
   Random random(seed);
   for (int n = 0; n < 300; ++n) {
@@ -187,7 +188,7 @@ TEST(PlanStop, RefusesWhatIsNoNumber) {
 }
 
 TEST(PlanMove, RandomMovesReachTheTargetInsideTheLimits) {
-  const unsigned seed = 2236;
+  const auto seed = static_cast<unsigned>(ballast::test::random_seed(2236));
   RecordProperty("seed", static_cast<int>(seed));
   Random random(seed);
   int by_speed = 0, by_acceleration = 0, by_jerk = 0;

@@ -7,6 +7,8 @@
 #include <random>
 #include <vector>
 
+#include "tests/random_seed.h"
+
 namespace ballast::firmware {
 namespace {
 
@@ -51,7 +53,7 @@ TEST(Profile, PaperMotion) {
 }
 
 TEST(Profile, RandomProfilesAgreeWithLongDouble) {
-  const unsigned seed = 99;
+  const auto seed = static_cast<unsigned>(ballast::test::random_seed(99));
   RecordProperty("seed", static_cast<int>(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<Real> u(-1, 1);
@@ -115,7 +117,7 @@ TEST(Profile, NoDriftAfterAMillionSeconds) {
 }
 
 TEST(Profile, BrakingEndsAtRestExactly) {
-  const unsigned seed = 5;
+  const auto seed = static_cast<unsigned>(ballast::test::random_seed(5));
   std::mt19937 random(seed);
   std::uniform_real_distribution<Real> u(0.001, 30);
   for (int k = 0; k < 10000; ++k) {

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "tests/firmware/paper_ball.h"
+#include "tests/random_seed.h"
 
 namespace ballast::firmware {
 namespace {
@@ -32,7 +33,7 @@ void frisvad(const Vector3& n, Vector3& b1, Vector3& b2) {
 }
 
 TEST(Rail, CircleAboutIsFrisvadsFrame) {
-  const unsigned seed = 20240501;
+  const auto seed = static_cast<unsigned>(ballast::test::random_seed(20240501));
   RecordProperty("seed", static_cast<int>(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<Real> azimuth(-kPi, kPi), elevation(-kPi / 2, kPi / 2);
@@ -90,7 +91,7 @@ TEST(Rail, PaperStartPutsTheCentreOfMassAboveTheGeometricCentre) {
 }
 
 TEST(Rail, DerivativesAgreeWithDifferencesAndComplexStep) {
-  const unsigned seed = 7;
+  const auto seed = static_cast<unsigned>(ballast::test::random_seed(7));
   std::mt19937 random(seed);
   std::uniform_real_distribution<Real> uniform(-2, 2);
   const Rail rails[] = {circle_about(0.85, 0.3, 0.6),

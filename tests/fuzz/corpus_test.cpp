@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "tests/fuzz/fuzz_target.h"
+#include "tests/random_seed.h"
 
 namespace ballast::fuzz {
 namespace {
@@ -126,11 +127,6 @@ std::vector<Bytes> read_corpus(const std::vector<std::string>& folders) {
   return corpus;
 }
 
-std::uint64_t chosen_seed() {
-  const char* given = std::getenv("BALLAST_SEED");
-  return given != nullptr ? std::strtoull(given, nullptr, 10) : std::random_device{}();
-}
-
 int run(const std::vector<std::string>& folders) {
   const std::vector<Bytes> corpus = read_corpus(folders);
   std::vector<Bytes> sound;
@@ -142,8 +138,8 @@ int run(const std::vector<std::string>& folders) {
     std::fprintf(stderr, "the corpus tests nothing: none of it is let through; was a format changed?\n");
     return 1;
   }
-  const std::uint64_t seed = chosen_seed();
-  std::printf("%d mutations of each kind, BALLAST_SEED=%llu\n", kMutations, static_cast<unsigned long long>(seed));
+  std::printf("%d mutations of each kind\n", kMutations);
+  const std::uint64_t seed = ballast::test::random_seed();
   std::fflush(stdout);
   std::mt19937_64 random(seed);
   const auto any = [&](const std::vector<Bytes>& inputs) -> const Bytes& {

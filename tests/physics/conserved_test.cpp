@@ -18,6 +18,7 @@
 #include "sim/plant/plant.h"
 #include "tests/physics/mechanics.h"
 #include "tests/physics/random_robot.h"
+#include "tests/random_seed.h"
 
 namespace ballast::sim {
 namespace {
@@ -97,11 +98,11 @@ struct Seen {
 
 // Contact forces do no work in rolling, and the external force has a potential.
 TEST(Conserved, EnergyOfARollingBallWhoseMassesRest) {
-  constexpr std::uint64_t kSeed = 41;
+  const std::uint64_t seed = ballast::test::random_seed(41);
   double worst = 0;
   for (int trial = 0; trial < 30; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Scenario s = random.scenario(trial % 4);
     hold_still(s);
     const Scale scale(s);
@@ -156,12 +157,12 @@ Revolution body_of_revolution(test::RandomRobot& random, int mass_count) {
 // L . sdot = l (I1 omega + (I3 - I1) Omega_3 E3) . (omega x E3) = 0. Nothing was said of R: L . s = I Omega . (r Gamma
 // + l E3) keeps its value in rolling, sliding and flight and through impacts.
 TEST(Conserved, JellettsIntegralThroughEveryRegime) {
-  constexpr std::uint64_t kSeed = 42;
+  const std::uint64_t seed = ballast::test::random_seed(42);
   double worst = 0;
   Seen seen;
   for (int trial = 0; trial < 30; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Scenario s = body_of_revolution(random, trial % 3).scenario;
     throw_onto_a_floor(s, random);
     const Scale scale(s);
@@ -191,11 +192,11 @@ TEST(Conserved, JellettsIntegralThroughEveryRegime) {
 // and Jellett's I1 r omega_z + Omega_3 (I3 a - I1 r gamma) = const gives omega_z; all terms together are
 // D Omega_3dot + Ddot Omega_3 / 2 = 0.
 TEST(Conserved, RouthsIntegralInRolling) {
-  constexpr std::uint64_t kSeed = 43;
+  const std::uint64_t seed = ballast::test::random_seed(43);
   double worst = 0;
   for (int trial = 0; trial < 30; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Revolution b = body_of_revolution(random, trial % 3);
     Scenario& s = b.scenario;
     const Scale scale(s);
@@ -238,12 +239,12 @@ Scenario mirrored(test::RandomRobot& random, int pairs) {
 // space (Chaplygin 1903 for rolling). Kdot = -r e3 x R + r e3 x (R + F - M g e3) = 0 for a vertical F: in every regime,
 // through impacts, and with masses moving, whose momentum is part of L. Of a billiard ball this is the law of 5/7.
 TEST(Conserved, ChaplyginsMomentumThroughEveryRegimeWithMovingMasses) {
-  constexpr std::uint64_t kSeed = 44;
+  const std::uint64_t seed = ballast::test::random_seed(44);
   double worst = 0;
   Seen seen;
   for (int trial = 0; trial < 24; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Scenario s = mirrored(random, trial % 3);
     if (trial % 5 == 0) {
       s.duration_s = 5 * Scale(s).time;  // rolling from the start
@@ -269,10 +270,10 @@ TEST(Conserved, ChaplyginsMomentumThroughEveryRegimeWithMovingMasses) {
 // With driven masses flight keeps momentum too, the motors' forces being internal (prescribed masses: Flight.* in
 // regimes_test.cpp).
 TEST(Conserved, MomentumOfDrivenMassesInFlight) {
-  constexpr std::uint64_t kSeed = 45;
+  const std::uint64_t seed = ballast::test::random_seed(45);
   for (int trial = 0; trial < 8; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Scenario s = random.scenario(1 + trial % 4);
     const Scale scale(s);
     s.run.actuation = Actuation::kStepper;
@@ -369,11 +370,11 @@ class WorkOf : public testing::TestWithParam<Start> {};
 
 // Prescribed masses: the change of energy, stretch by stretch, is the motors' and the friction's work.
 TEST_P(WorkOf, MotorsAndFrictionIsTheChangeOfEnergy) {
-  constexpr std::uint64_t kSeed = 46;
+  const std::uint64_t seed = ballast::test::random_seed(46);
   double worst = 0, most_motor_work = 0, most_heat = 0;
   for (int trial = 0; trial < 12; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Scenario s = random.scenario(trial % 5);
     const Scale scale(s);
     s.run.on_violation = OnViolation::kContinue;
@@ -426,12 +427,12 @@ INSTANTIATE_TEST_SUITE_P(Conserved, WorkOf, testing::Values(Start::kRolling, Sta
 
 // Masses at rest, sliding: nothing but friction changes the energy, and it takes mu_k N |slip|.
 TEST(Conserved, SlidingLosesWhatFrictionTakes) {
-  constexpr std::uint64_t kSeed = 47;
+  const std::uint64_t seed = ballast::test::random_seed(47);
   double worst = 0;
   int slid = 0;
   for (int trial = 0; trial < 20; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Scenario s = random.scenario(trial % 4);
     hold_still(s);
     const Scale scale(s);
@@ -463,11 +464,11 @@ TEST(Conserved, SlidingLosesWhatFrictionTakes) {
 // Driven masses: the fields move, detent and damping act. The torques at the shafts do all the work there is, and the
 // rotors' energy is in the balance.
 TEST(Conserved, WorkOfSteppersIsTheChangeOfEnergy) {
-  constexpr std::uint64_t kSeed = 48;
+  const std::uint64_t seed = ballast::test::random_seed(48);
   double worst = 0, most = 0;
   for (int trial = 0; trial < 6; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Scenario s = random.scenario(1 + trial % 3);
     const Scale scale(s);
     s.run.actuation = Actuation::kStepper;

@@ -10,6 +10,7 @@
 #include "sim/plant/plant.h"
 #include "tests/physics/mechanics.h"
 #include "tests/physics/random_robot.h"
+#include "tests/random_seed.h"
 
 namespace ballast::sim {
 namespace {
@@ -245,12 +246,12 @@ double spring_energy_j(const Scenario& s, const Plant::Sample& p) {
 // Restitution 1 keeps the energy of ball, masses, rotors and springs; less takes it, and never gives any. Rolling and
 // in the air.
 TEST(EndStop, EnergyIsKeptByRestitutionOneAndNeverMade) {
-  constexpr std::uint64_t kSeed = 61;
+  const std::uint64_t seed = ballast::test::random_seed(61);
   int touches = 0;
   double lost = 0;
   for (int trial = 0; trial < 24; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     const bool keeps = trial % 2 == 0;
     Scenario s = with_stops(random, 1 + trial % 3, keeps ? 1 : 0.5);
     const double r = s.ball.radius_m, speed = std::sqrt(s.gravity_mps2 * r);
@@ -291,11 +292,11 @@ TEST(EndStop, EnergyIsKeptByRestitutionOneAndNeverMade) {
 
 // A stop's force is between ball and mass: in the air it changes neither momentum, wherever the line lies.
 TEST(EndStop, MomentumInTheAirIsKept) {
-  constexpr std::uint64_t kSeed = 62;
+  const std::uint64_t seed = ballast::test::random_seed(62);
   int touches = 0;
   for (int trial = 0; trial < 12; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Scenario s = with_stops(random, 1 + trial % 3, random.uniform(0.2, 1));
     const double r = s.ball.radius_m, speed = std::sqrt(s.gravity_mps2 * r);
     s.duration_s = 2 * r / speed;

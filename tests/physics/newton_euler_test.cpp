@@ -7,6 +7,7 @@
 #include "firmware/model/rolling.h"
 #include "tests/physics/closed_form_run.h"
 #include "tests/physics/random_robot.h"
+#include "tests/random_seed.h"
 
 namespace ballast::sim {
 namespace {
@@ -44,9 +45,9 @@ CarriedMasses carried(const RandomState& s, const Body& body) {
 // N and f_s are differences of larger forces, so they are held against the size of
 // the forces they are made of, which never exceeds a few times that of the masses' own accelerations.
 TEST(NewtonEuler, AgreesWithThePapersClosedFormsOnTenThousandRandomStates) {
-  constexpr std::uint64_t kSeed = 20261120;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(20261120);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   double worst_rate = 0, worst_force = 0;
   for (int trial = 0; trial < 10000; ++trial) {
     const RandomState s = draw(random);
@@ -78,9 +79,9 @@ TEST(NewtonEuler, AgreesWithThePapersClosedFormsOnTenThousandRandomStates) {
 
 // Section 4 without any of the sums' rearrangements: the residuals of Newton's and Euler's equations, mass by mass.
 TEST(NewtonEuler, SatisfiesSectionFourWrittenOut) {
-  constexpr std::uint64_t kSeed = 4;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(4);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < 1000; ++trial) {
     const RandomState s = draw(random);
     const Body body(s.scenario);
@@ -119,9 +120,9 @@ TEST(NewtonEuler, SatisfiesSectionFourWrittenOut) {
 
 // Section 5 turned round and back: the forces that a prescribed motion needs, given to driven masses, make that motion.
 TEST(NewtonEuler, DrivenMassesUnderTheNeededForcesMoveAsPrescribed) {
-  constexpr std::uint64_t kSeed = 5;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(5);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < 1000; ++trial) {
     const RandomState s = draw(random);
     const Body body(s.scenario);

@@ -11,6 +11,7 @@
 #include "tests/physics/mechanics.h"
 #include "tests/physics/prescribed_run.h"
 #include "tests/physics/random_robot.h"
+#include "tests/random_seed.h"
 
 namespace ballast::sim {
 namespace {
@@ -72,12 +73,12 @@ SlidingMotion sliding_motion(const firmware::BallParams& ball, double kinetic_fr
 // 1e-10 of the ball's own lengths and speeds over a slide of a radius or so: integrators good to 1e-13 and 1e-14 per
 // step, and no growth of errors to speak of in that time.
 TEST(SlidingLaw, BallsWithAcceleratingMassesAgreeWithCvode) {
-  constexpr std::uint64_t kSeed = 71;
+  const std::uint64_t seed = ballast::test::random_seed(71);
   int compared = 0;
   double worst = 0;
   for (int trial = 0; trial < 40; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Scenario s = random.scenario(trial % (kMaxMasses + 1));
     const double r = s.ball.radius_m, speed = std::sqrt(s.gravity_mps2 * r);
     const double kinetic = random.uniform(0.05, 0.4);
@@ -137,10 +138,10 @@ TEST(SlidingLaw, BallsWithAcceleratingMassesAgreeWithCvode) {
 // mu M g dt, so momenta to 1e-12 of M r sqrt(g r) are times to some 1e-12 sqrt(r / g). Looking for it costs a few more
 // steps.
 TEST(ShortSlide, EndsWhereTheSlipDoesWhateverTheTicks) {
-  constexpr std::uint64_t kSeed = 72;
+  const std::uint64_t seed = ballast::test::random_seed(72);
   for (int trial = 0; trial < 6; ++trial) {
     for (const double v0 : {1e-7, 1e-5, 1e-3, 1e-1}) {
-      test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+      test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
       Scenario s = random.scenario(0);
       s.gravity_mps2 = 10;
       s.run.on_violation = OnViolation::kContinue;
@@ -156,7 +157,7 @@ TEST(ShortSlide, EndsWhereTheSlipDoesWhateverTheTicks) {
       double ended_s = -1;
       for (const double tick_s : {0.001, 0.05, 0.3}) {
         SCOPED_TRACE(::testing::Message()
-                     << "seed " << kSeed << " trial " << trial << " v0 " << v0 << " tick " << tick_s);
+                     << "seed " << seed << " trial " << trial << " v0 " << v0 << " tick " << tick_s);
         s.run.control_period_s = tick_s;
         Plant plant(s);
         const auto momentum = [&] {

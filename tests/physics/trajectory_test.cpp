@@ -9,6 +9,7 @@
 #include "sim/plant/plant.h"
 #include "tests/physics/random_robot.h"
 #include "tests/physics/trajectory_run.h"
+#include "tests/random_seed.h"
 
 namespace ballast::sim {
 namespace {
@@ -80,11 +81,11 @@ closed_forms::MassTrajectories trajectories(const Scenario& s, const firmware::B
 // eq_Om, eq_normal and eq_static_friction; in flight eq_detach_dOm and eq_ddot_z_GC: at every tick of runs that roll,
 // fly and land, with the force of the instant.
 TEST(Trajectories, EveryInstantAgreesWithTheClosedForms) {
-  constexpr std::uint64_t kSeed = 41;
+  const std::uint64_t seed = ballast::test::random_seed(41);
   int rolling = 0, flying = 0;
   for (int trial = 0; trial < 60; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Scenario s = random_scenario(random);
     s.run.on_violation = OnViolation::kContinue;
     if (trial % 3 == 0) {
@@ -130,11 +131,11 @@ TEST(Trajectories, EveryInstantAgreesWithTheClosedForms) {
 
 // Whole runs against CVODE on eq_Om: 1e-8 is the bar for the shipped scenarios.
 TEST(Trajectories, RunsAgreeWithCvodeOnTheClosedForms) {
-  constexpr std::uint64_t kSeed = 43;
+  const std::uint64_t seed = ballast::test::random_seed(43);
   int completed = 0;
   for (int trial = 0; trial < 40; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     const Scenario s = random_scenario(random);
     Plant plant(s);
     for (int k = 1; plant.time_s() < s.duration_s && plant.end() == PhysicsEnd::kNone; ++k) {
@@ -183,10 +184,10 @@ double distance(const Plant::Sample& a, const Plant::Sample& b, const Scenario& 
 // A table that samples a motion round a circle: the state at the end with order 4, although the accelerations have 2,
 // because what they are wrong by between two knots comes to nothing over them.
 TEST(Trajectories, SampledCircleConvergesToTheRailWithOrderFour) {
-  constexpr std::uint64_t kSeed = 47;
+  const std::uint64_t seed = ballast::test::random_seed(47);
   for (int trial = 0; trial < 3; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     const Scenario on_rail = one_circle(random);
     const auto exact = end_of(on_rail);
     const Mass& mass = on_rail.masses[0];
@@ -213,8 +214,8 @@ TEST(Trajectories, SampledCircleConvergesToTheRailWithOrderFour) {
 
 // The same circle as a spline rail of ever more pieces, from knot to knot of the coarsest: order 4, as above.
 TEST(SplineRuns, CircleAsASplineRailConvergesToTheCircle) {
-  constexpr std::uint64_t kSeed = 53;
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(53);
+  test::RandomRobot random(seed);
   Scenario on_circle = one_circle(random);
   on_circle.masses[0].initial_position = 0;
   on_circle.masses[0].initial_velocity = 10. / 16 * 2 * std::numbers::pi / on_circle.duration_s;
@@ -263,8 +264,8 @@ TEST(Trajectories, TheRowsOfTheTableAreStops) {
 
 // A periodic table may begin anywhere in its period, and be written out period by period.
 TEST(Trajectories, APeriodicTableHasNoBeginning) {
-  constexpr std::uint64_t kSeed = 59;
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(59);
+  test::RandomRobot random(seed);
   Scenario s = one_circle(random);
   const double period_s = s.duration_s / 3.7;
   Trajectory& table = s.masses[0].trajectory;
@@ -297,10 +298,10 @@ TEST(Trajectories, APeriodicTableHasNoBeginning) {
 // Every place of a spline rail in the firmware's closed form and in the plant, prescribed and turned round: driven
 // masses under the forces needed.
 TEST(SplineRuns, DrivenAlongASplineUnderTheNeededForcesMovesAsPrescribed) {
-  constexpr std::uint64_t kSeed = 61;
+  const std::uint64_t seed = ballast::test::random_seed(61);
   for (int trial = 0; trial < 200; ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
-    test::RandomRobot random(kSeed * 1000 + static_cast<std::uint64_t>(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
+    test::RandomRobot random(seed * 1000 + static_cast<std::uint64_t>(trial));
     Scenario s = random.scenario(2);
     for (Mass& mass : s.masses) {
       std::vector<Vector3d> points;
@@ -342,9 +343,9 @@ TEST(SplineRuns, DrivenAlongASplineUnderTheNeededForcesMovesAsPrescribed) {
 // The stops that knots make, against a fine walk along the motion: between two of them the mass is between two knots,
 // and none comes without a knot or the end of a piece.
 TEST(SplineRails, MotionIsSmoothUntilTheNextKnot) {
-  constexpr std::uint64_t kSeed = 52;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = ballast::test::random_seed(52);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   int knots = 0;
   for (int trial = 0; trial < 200; ++trial) {
     Mass mass;

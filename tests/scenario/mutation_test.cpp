@@ -2,12 +2,12 @@
 #include <cmath>
 #include <random>
 
+#include "tests/random_seed.h"
 #include "tests/scenario/scenario_texts.h"
 
 namespace ballast::sim {
 namespace {
 
-constexpr unsigned kSeed = 20180701;
 constexpr int kTexts = 600;
 
 std::string mutated(std::string text, std::mt19937& random) {
@@ -87,11 +87,11 @@ std::string mutated(std::string text, std::mt19937& random) {
 }
 
 TEST(Mutations, AreAcceptedWholeOrRefusedWithReasons) {
-  std::printf("seed %u\n", kSeed);
-  std::mt19937 random(kSeed);
+  const auto seed = static_cast<unsigned>(ballast::test::random_seed(20180701));
+  std::mt19937 random(seed);
   int accepted_count = 0, refused_count = 0, syntax_count = 0;
   for (int i = 0; i < kTexts; ++i) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + ", text " + std::to_string(i));
+    SCOPED_TRACE("seed " + std::to_string(seed) + ", text " + std::to_string(i));
     const std::string text = mutated(i % 2 == 0 ? kFull : kPaths, random);
     const ScenarioResult result = parse(text);
     for (const ScenarioError& error : result.errors) {

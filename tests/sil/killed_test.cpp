@@ -1,5 +1,5 @@
 // Plant, controller and monitor as three processes, one of them killed with SIGKILL at a random tick and in a random
-// part of it. BALLAST_KILLS says how often (default 12), BALLAST_KILL_SEED which ones (default: drawn).
+// part of it. BALLAST_KILLS says how often (default 12), BALLAST_SEED which ones (default: drawn).
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -15,6 +15,7 @@
 #include <thread>
 
 #include "hal/lcm/bus.h"
+#include "tests/random_seed.h"
 #include "tests/sil/shell.h"
 #include "tools/recording/log_reader.h"
 
@@ -123,7 +124,7 @@ void kill_one(const std::string& victim, const std::string& url, std::uint64_t s
   std::mt19937_64 random(seed);
   const auto tick = static_cast<std::int64_t>(random() % 1000) - 2;
   const std::chrono::microseconds part(random() % 1000);  // laps at full speed take some hundred us
-  SCOPED_TRACE("BALLAST_KILLS=1 BALLAST_KILL_SEED=" + std::to_string(seed) + ": " + victim + " in tick " +
+  SCOPED_TRACE("BALLAST_KILLS=1 BALLAST_SEED=" + std::to_string(seed) + ": " + victim + " in tick " +
                std::to_string(tick));
   const Folder folder;
   hal::Bus bus(url);
@@ -193,7 +194,7 @@ std::uint64_t number(const char* variable, std::uint64_t otherwise) {
 // Four at a time, each on a bus of its own: they mostly wait for each other to be given up.
 TEST(Killed, OneOfThreeTheOthersEndAndTheLogIsKept) {
   const std::uint64_t kills = number("BALLAST_KILLS", 12);
-  const std::uint64_t seed = number("BALLAST_KILL_SEED", std::random_device{}());
+  const std::uint64_t seed = ballast::test::random_seed();
   std::atomic<std::uint64_t> next{0};
   std::vector<std::thread> worlds;
   for (int world = 0; world < 4; ++world) {

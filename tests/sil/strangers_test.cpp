@@ -15,6 +15,7 @@
 
 #include "hal/lcm/bus.h"
 #include "hal/lcm/channels.h"
+#include "tests/random_seed.h"
 #include "tests/sil/shell.h"
 
 namespace ballast {
@@ -195,7 +196,7 @@ class Stranger {
 
 // Strangers talk from the moment the countdown is over; before, a run does not begin on a bus that is not its own.
 TEST(Strangers, ChangeNothingInARunOfThreeProcesses) {
-  const std::uint64_t seed = std::random_device{}();
+  const std::uint64_t seed = ballast::test::random_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   const Folder folder;
   const std::string url = bus_url(3);

@@ -1,7 +1,7 @@
 // Random motions of 1 to 8 motors at the greatest step rate that validate() admits: none may overload, neither while it
 // runs nor in a stop out of it, and every pulse has to be where the checker wants it.
 //   BALLAST_ADMISSION_MOTIONS=n   per number of motors (default 120)
-//   BALLAST_ADMISSION_SEED=n
+//   BALLAST_SEED=n
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,6 +14,7 @@
 #include "firmware/control/controller.h"
 #include "tests/firmware/paper_ball.h"
 #include "tests/firmware/whole_tick.h"
+#include "tests/random_seed.h"
 #include "tools/stepcheck/step_check.h"
 
 namespace ballast::firmware {
@@ -152,7 +153,7 @@ class Admitted : public ::testing::TestWithParam<int> {};
 
 TEST_P(Admitted, NoMotionRunsOutOfBursts) {
   const int motors = GetParam();
-  const std::uint64_t seed = from_environment("BALLAST_ADMISSION_SEED", 20261122);
+  const std::uint64_t seed = ballast::test::random_seed(20261122);
   const std::uint64_t motions = from_environment("BALLAST_ADMISSION_MOTIONS", 120);
   RecordProperty("seed", std::to_string(seed));
   std::mt19937_64 random(seed + static_cast<std::uint64_t>(motors));

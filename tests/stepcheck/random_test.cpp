@@ -1,7 +1,7 @@
 // The firmware's steps on random motions, held against the checker.
 //   BALLAST_STEPCHECK_PROFILES=n   motions per shape, of which there are four (default 6000: some 10 s of CPU together;
 //                                  500000, two million in all, take some 14 minutes)
-//   BALLAST_STEPCHECK_SEED=n
+//   BALLAST_SEED=n
 //   BALLAST_STEPCHECK_OUT=file     error histogram as a table, for tools/plots
 #include <gtest/gtest.h>
 
@@ -10,6 +10,7 @@
 #include <fstream>
 #include <iostream>
 
+#include "tests/random_seed.h"
 #include "tests/stepcheck/drives.h"
 
 namespace ballast::stepcheck {
@@ -31,7 +32,7 @@ std::string describe(const Drive& d) {
 class RandomMotions : public ::testing::TestWithParam<Shape> {};
 
 TEST_P(RandomMotions, EveryStepWhereItBelongs) {
-  const std::uint64_t seed = from_environment("BALLAST_STEPCHECK_SEED", 20240607);
+  const std::uint64_t seed = ballast::test::random_seed(20240607);
   const std::uint64_t profiles = from_environment("BALLAST_STEPCHECK_PROFILES", 6000);
   RecordProperty("seed", std::to_string(seed));
   std::mt19937_64 random(seed + static_cast<std::uint64_t>(GetParam()));

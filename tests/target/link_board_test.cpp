@@ -7,6 +7,7 @@
 #include <random>
 
 #include "hal/board.h"
+#include "tests/random_seed.h"
 
 namespace ballast::hal::target {
 namespace {
@@ -107,7 +108,7 @@ TEST_F(TargetLinkBoard, AStopIsNeverLost) {
 
 // Frames arrive whole, however the stream is cut into pieces.
 TEST(TargetLink, FramesComeWholeOutOfAnyPieces) {
-  const std::uint64_t seed = std::random_device{}();
+  const std::uint64_t seed = ballast::test::random_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   for (const std::size_t most : {std::size_t{1}, std::size_t{7}, std::size_t{400}, kMaxFrame}) {
     FakeMachine machine;

@@ -9,6 +9,7 @@
 
 #include "hal/target/messages.h"
 #include "tests/conformance/random_message.h"
+#include "tests/random_seed.h"
 
 namespace ballast::hal::target {
 namespace {
@@ -62,7 +63,7 @@ void for_every_message(const Visitor& visitor) {
 }
 
 TEST(TargetLink, MessagesArriveBitForBit) {
-  const std::uint64_t seed = std::random_device{}();
+  const std::uint64_t seed = ballast::test::random_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
   for_every_message([&]<class M>() { expect_to_arrive<M>(random); });
@@ -271,7 +272,7 @@ void decode_noise(std::mt19937_64& random) {
 }
 
 TEST(TargetLink, NoiseNeverGetsThrough) {
-  const std::uint64_t seed = std::random_device{}();
+  const std::uint64_t seed = ballast::test::random_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
   for_every_message([&]<class M>() { decode_noise<M>(random); });

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <random>
 
+#include "tests/random_seed.h"
+
 namespace ballast::hal::target {
 namespace {
 
@@ -104,7 +106,7 @@ void expect_pulses_at_their_time(double timer_hz, double counter_hz, int rounds,
 class StepPlayerAtRatio : public testing::TestWithParam<std::pair<double, double>> {};
 
 TEST_P(StepPlayerAtRatio, PulsesComeAtTheirTime) {
-  const std::uint64_t seed = std::random_device{}();
+  const std::uint64_t seed = ballast::test::random_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
   expect_pulses_at_their_time(GetParam().first, GetParam().second, 200, random);
@@ -118,7 +120,7 @@ INSTANTIATE_TEST_SUITE_P(Clocks, StepPlayerAtRatio,
 
 // Any ratio, also those a rounding away from a power of two.
 TEST(StepPlayer, PulsesComeAtTheirTimeAtRandomRatios) {
-  const std::uint64_t seed = std::random_device{}();
+  const std::uint64_t seed = ballast::test::random_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> log_timer(std::log(1e6), std::log(1e8)),
@@ -140,7 +142,7 @@ TEST(StepPlayer, PulsesComeAtTheirTimeAtRandomRatios) {
 
 // Whatever command, ratio and delay: the interrupts come back, and give no more pulses than the record has room for.
 TEST(StepPlayer, IsBoundedWhateverItIsGiven) {
-  const std::uint64_t seed = std::random_device{}();
+  const std::uint64_t seed = ballast::test::random_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> log_ratio(std::log(1.0 / 32), std::log(4095.999));
