@@ -72,6 +72,87 @@ TEST(Replay, TheSameFirmwareSaysTheSame) {
   EXPECT_SAYS(trip.out, "trip        in tick " + folder.summary("r")["trip"]["tick"].dump() + ", faults 0x8");
 }
 
+// A log in which one number of one message is another: --verify names the tick, and says what is wrong.
+TEST(Replay, EveryFieldThatFollowsFromOthersIsJudgedAgain) {
+  const Folder folder;
+  folder.run("ballast run paper_ball --set duration=0.1 --quiet --out r");
+  const auto in_tick_50 = [&]<class M>(const char* channel, const char* words, auto change, M*) {
+    SCOPED_TRACE(std::string(channel) + ": " + words);
+    std::filesystem::remove_all(folder / "c");
+    copy_run<M>(folder, "r", "c", channel, [&](M& message) {
+      if (message.tick == 50) change(message);
+    });
+    const Outcome replay = folder.run("ballast replay c --verify");
+    EXPECT_EQ(replay.exit_status, 3);
+    EXPECT_SAYS(replay.out, "WRONG       in ");
+    EXPECT_SAYS(replay.out, "first in tick 50: ");
+    EXPECT_SAYS(replay.out, words);
+  };
+  const auto contact = [&](const char* words, auto change) {
+    in_tick_50(hal::kChannelContact, words, change, static_cast<contact_t*>(nullptr));
+  };
+  const auto state = [&](const char* words, auto change) {
+    in_tick_50(hal::kChannelPlantState, words, change, static_cast<plant_state_t*>(nullptr));
+  };
+  const auto sensors = [&](const char* words, auto change) {
+    in_tick_50(hal::kChannelSensors, words, change, static_cast<sensors_t*>(nullptr));
+  };
+  const auto trip = [&](auto change) {
+    in_tick_50(hal::kChannelTrip, "the monitor says", change, static_cast<trip_t*>(nullptr));
+  };
+  contact("time_s", [](contact_t& m) { m.time_s += 1e-6; });
+  contact("utime", [](contact_t& m) { m.utime += 1; });
+  contact("mu_required", [](contact_t& m) { m.normal_force_n *= 1 + 1e-6; });
+  contact("static_friction_n", [](contact_t& m) { m.static_friction_n += 1e-6; });
+  contact("|friction_force_W_n|", [](contact_t& m) { m.friction_force_W_n[0] += 1e-6; });
+  contact("|friction_force_W_n|", [](contact_t& m) { m.friction_force_W_n[1] += 1e-6; });
+  contact("mu_required", [](contact_t& m) { m.mu_required *= 1 + 1e-6; });
+  contact("commanded_mu_required", [](contact_t& m) { m.commanded_mu_required *= 1 + 1e-6; });
+  contact("commanded_mu_required", [](contact_t& m) { m.commanded_normal_force_n *= 1 + 1e-6; });
+  contact("commanded_mu_required", [](contact_t& m) { m.commanded_static_friction_n *= 1 + 1e-6; });
+  contact("margin", [](contact_t& m) { m.margin -= 1e-6; });
+  contact("normal_force_min_n", [](contact_t& m) { m.normal_force_min_n *= 2; });
+  contact("mu_required_max", [](contact_t& m) { m.mu_required_max /= 2; });
+  contact("flight", [](contact_t& m) { m.regime = contact_t::REGIME_FLIGHT; });
+  state("time_s", [](plant_state_t& m) { m.time_s += 1e-6; });
+  state("utime", [](plant_state_t& m) { m.utime += 1; });
+  state("the orientation's length", [](plant_state_t& m) { m.orientation[2] += 1e-4; });
+  state("velocity_W_mps", [](plant_state_t& m) { m.angular_velocity_B_radps[1] += 1e-6; });
+  state("velocity_W_mps", [](plant_state_t& m) { m.velocity_W_mps[0] += 1e-6; });
+  state("height", [](plant_state_t& m) { m.position_W_m[2] += 1e-6; });
+  state("mass 1", [](plant_state_t& m) { m.mass_position[1] += 1e-6; });
+  state("mass 2", [](plant_state_t& m) { m.mass_position_B_m[2][1] += 1e-6; });
+  state("center_of_mass_B_m", [](plant_state_t& m) { m.center_of_mass_B_m[0] += 1e-6; });
+  state("mass_count", [](plant_state_t& m) { m.mass_count = 2; });
+  sensors("utime", [](sensors_t& m) { m.utime += 1; });
+  sensors("orientation", [](sensors_t& m) { m.orientation[0] += 1e-6; });
+  sensors("gyro_B_radps", [](sensors_t& m) { m.gyro_B_radps[2] += 1e-6; });
+  trip([](trip_t& m) { m.cause = trip_t::CAUSE_FRICTION; });
+  trip([](trip_t& m) { m.value = 1; });
+  trip([](trip_t& m) { m.limit = 1; });
+  trip([](trip_t& m) { m.trip_tick = 3; });
+  trip([](trip_t& m) { m.trip_time_s = 3; });
+  // A contact that trips the monitor of today, and did not.
+  contact("the monitor says", [](contact_t& m) { m.normal_force_min_n = -1; });
+}
+
+// Logs with sliding, faults and ends between two ticks are as they should be.
+TEST(Replay, SoundLogsAreJudgedSound) {
+  const Folder folder;
+  for (const std::string run :
+       {"paper_ball --set surface.static_friction=0.17", "paper_ball --fault friction_falls@2:0.001 --set duration=3",
+        "desk_ball --set duration=1 --fault push@0.5:0.5", "paper_ball --set duration=0.5 --fault sensor_nan@0.2",
+        "paper_ball --set duration=0.5 --fault messages_dropped@0.2:channel=BALLAST_CONTACT",
+        "desk_ball --set duration=1 --set run.on_violation=continue --set surface.static_friction=0.02"}) {
+    SCOPED_TRACE(run);
+    folder.run("ballast run " + run + " --quiet --out r");
+    const Outcome replay = folder.run("ballast replay r --verify");
+    EXPECT_EQ(replay.out.find("WRONG"), std::string::npos) << replay.out;
+    EXPECT_SAYS(replay.out, "judged");
+    std::filesystem::remove_all(folder / "r");
+  }
+}
+
 // Commands of people, which reach the controller in a tick of its own.
 TEST(Replay, OperatorsAreObeyedInTheTickInWhichTheyWere) {
   const Folder folder;

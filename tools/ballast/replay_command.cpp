@@ -131,6 +131,12 @@ void print(const ReplayCommand& command, const sim::Scenario& scenario, const st
         *result.recorded_floats ? "single" : "double", *result.recorded_floats ? "double" : "single",
         *result.recorded_floats ? kQemuAn386 : kHost);
   }
+  if (result.misjudged) {
+    std::cout << fmt::format("  WRONG       in {} of {} ticks, first in tick {}: {}\n", result.ticks_misjudged,
+                             result.ticks, result.misjudged->tick, result.misjudged->text);
+  } else if (command.verify) {
+    std::cout << "  judged      the monitor's verdicts and the plant's messages, again: nothing wrong\n";
+  }
   if (result.first_difference) {
     std::cout << difference_text(command, result, replayed, recorded == own, other_precision);
   } else if (result.gap) {
@@ -195,6 +201,7 @@ int replay(const ReplayCommand& given) {
     firmware = std::move(replayed_firmware.peer);
     command.replay.before_tick = std::move(replayed_firmware.before_tick);
   }
+  if (command.verify) command.replay.judge = program::to_monitor_limits(*scenario);
   const sil::ReplayResult result = sil::replay(*scenario, command.log, *firmware, replayed, command.replay);
   if (result.end == sil::ReplayResult::End::kAskedForNothing) return refuse("--until: " + result.trouble);
   if (result.end == sil::ReplayResult::End::kUnusable) return could_not(result.trouble);
@@ -204,7 +211,7 @@ int replay(const ReplayCommand& given) {
   }
   const std::string damage = length_fault(command.log);
   print(command, *scenario, options.scenario, result, replayed, damage);
-  if (command.verify && result.first_difference) return kExitDiffers;
+  if (command.verify && (result.first_difference || result.misjudged)) return kExitDiffers;
   return command.verify && (result.gap || !damage.empty()) ? kExitGap : program::kExitCompleted;
 }
 
@@ -219,7 +226,8 @@ std::function<int()> add_replay_command(CLI::App& app, CLI::App*& command) {
       ->required()
       ->check(program::not_empty());
   command->add_flag("--verify", options->verify,
-                    "exit status 3 if anything differs, 8 if the log has a gap or is damaged");
+                    "judge verdicts and the plant's messages again; exit status 3 if anything differs or is wrong, 8 "
+                    "if the log has a gap or is damaged");
   command->add_option("--until", options->replay.until_tick, "the last tick to replay; default: all");
   command->add_option("--scenario", options->scenario, "the run's scenario; default scenario.toml beside the log")
       ->check(program::not_empty());

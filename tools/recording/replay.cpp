@@ -304,6 +304,8 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
   std::int64_t given = 0;
   bool last = false, before_it = false;
   Precision precision;
+  std::optional<Rejudge> rejudge;
+  if (options.judge) rejudge.emplace(scenario, *options.judge);
   for (RecordedLap was; recorded.next(was);) {
     const std::int64_t tick = was.sensors->tick;
     before_it = result.ticks == 0 && tick > options.until_tick;
@@ -344,6 +346,11 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
     if (lap.answer) recorder.record(hal::kChannelStepCommand, lap.answer->steps);
     if (!recorder.good()) return failed(result, End::kFailed, recorder.error());
 
+    if (rejudge) {
+      Lap said{{*was.contact, *was.state, *was.sensors}, {}, {}, was.trip, {}};
+      if (was.status) said.answer = Answer{*was.status, *was.steps};
+      rejudge->observe(said);
+    }
     if (result.ticks++ == 0) result.first_tick = tick;
     result.last_tick = tick;
     if (was.status) precision.observe(was.status->normal_force_n);
@@ -371,6 +378,14 @@ ReplayResult replay(const sim::Scenario& scenario, const std::string& log_path, 
     return failed(result, before_it ? End::kAskedForNothing : End::kUnusable, log_path + ": nothing to replay: " + why);
   }
   result.recorded_floats = precision.floats();
+  if (rejudge) {
+    result.misjudged = rejudge->first();
+    result.ticks_misjudged = rejudge->ticks_with_findings();
+    if (!rejudge->judges_verdicts()) {
+      result.notes.emplace_back(
+          "the log does not tell what a monitor with faults heard: its verdicts are not judged again");
+    }
+  }
   if (last || result.last_tick >= options.until_tick) return result;
   result.gap = recorded.gap();
   if (result.gap) return result;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sim/scenario/scenario.h"
+#include "tools/recording/rejudge.h"
 #include "tools/sil/peer.h"
 
 namespace ballast::sil {
@@ -19,6 +20,7 @@ struct ReplayOptions {
   // Called before each tick: whether the recorded controller answered in it.
   std::function<void(bool answered)> before_tick{};
   const volatile std::sig_atomic_t* interrupted = nullptr;
+  std::optional<monitor::MonitorLimits> judge{};  // judge plant and monitor of the log again (rejudge.h)
 };
 
 struct ReplayResult {
@@ -37,6 +39,8 @@ struct ReplayResult {
   std::int64_t ticks = 0, ticks_that_differ = 0;
   std::optional<std::int64_t> first_difference;  // its tick
   std::optional<controller_status_t> trip;       // the status in which today's firmware trips
+  std::optional<Misjudged> misjudged;            // the first finding of ReplayOptions::judge
+  std::int64_t ticks_misjudged = 0;
   // True: the recorded firmware's model has floats, as every N it estimates is one. False: it has doubles. None: too
   // few numbers to tell.
   std::optional<bool> recorded_floats;
