@@ -7,11 +7,13 @@
 #include <cstdint>
 #include <deque>
 #include <lcm/lcm-cpp.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "hal/lcm/channels.h"
 #include "hal/lcm/messages.h"
+#include "tools/recording/log_writer.h"
 #include "tools/sil/lap_sink.h"
 
 namespace ballast::sil {
@@ -22,27 +24,21 @@ class Recorder final : public LapSink {
   // `unbuffered`: every message is on disk at once. `tail_ticks`: how many laps tail_offset() leaves.
   explicit Recorder(const std::string& log_path, lcm::LCM* bus = nullptr, bool unbuffered = false,
                     std::int64_t run_id = 0, std::int64_t tail_ticks = kTailTicks);
-  ~Recorder() override;
-  Recorder(const Recorder&) = delete;
-  Recorder& operator=(const Recorder&) = delete;
 
   void take(const Lap& lap) override;
 
   template <class M>
   void record(const char* channel, const M& message) {
-    encode(message);
-    write(channel, message.utime);
+    record_heard(channel, message, message.utime);
     if (bus_ == nullptr) return;
     M published = message;
     published.run_id = run_id_;
-    encode(published);
-    publish(channel);
+    publish(channel, published);
   }
   // A message that somebody else has published; stamped with the time of the lap in which it was heard.
   template <class M>
   void record_heard(const char* channel, const M& message, std::int64_t utime) {
-    encode(message);
-    write(channel, utime);
+    if (log_ && good()) bytes_ += log_->append(channel, message, utime);
   }
 
   // The byte of the log at which its last tail_ticks laps begin, or up to 2 kTailStride more laps; 0 if there are
@@ -57,31 +53,28 @@ class Recorder final : public LapSink {
 
   [[nodiscard]] std::int64_t bytes() const override { return bytes_; }
 
-  // Flushes. False once anything could not be written; error() says what.
+  // Everything recorded is in the file, or this is false and error() says what is not.
   bool close();
-  [[nodiscard]] bool good() const override { return error_.empty(); }
-  [[nodiscard]] const std::string& error() const override { return error_; }
+  [[nodiscard]] bool good() const override { return bus_error_.empty() && (!log_ || log_->good()); }
+  [[nodiscard]] const std::string& error() const override { return !log_ || log_->good() ? bus_error_ : log_->error(); }
 
  private:
   template <class M>
-  void encode(const M& message) {
-    const int size = message.getEncodedSize();
-    buffer_.resize(static_cast<std::size_t>(size));
-    message.encode(buffer_.data(), 0, size);
+  void publish(const char* channel, const M& message) {
+    buffer_.resize(static_cast<std::size_t>(message.getEncodedSize()));
+    message.encode(buffer_.data(), 0, message.getEncodedSize());
+    publish_encoded(channel);
   }
   void mark_lap();
-  void write(const char* channel, std::int64_t utime);
-  void publish(const char* channel);
+  void publish_encoded(const char* channel);
 
-  std::string log_path_;
-  lcm_eventlog_t* log_ = nullptr;
+  std::optional<LogWriter> log_;
   lcm::LCM* bus_;
-  bool flush_;
   std::int64_t run_id_, tail_ticks_;
   std::vector<char> buffer_;
   std::int64_t bytes_ = 0, laps_ = 0;
   std::deque<std::int64_t> tail_;
-  std::string error_;
+  std::string bus_error_;
 };
 
 }  // namespace ballast::sil
