@@ -41,19 +41,27 @@ class DormandPrince {
     stage(6, 1., 35. / 384, 0., 500. / 1113, 125. / 192, -2187. / 6784, 11. / 84);
   }
 
+  [[nodiscard]] double length() const { return h_; }
   [[nodiscard]] const State& end_state() const { return y1_; }
   [[nodiscard]] const State& end_derivative() const { return k_[6]; }
 
-  // Largest component of the embedded error estimate, each relative to tolerance * (1 + |y|). NaN if a stage was NaN.
-  [[nodiscard]] double error(double tolerance) const {
+  // Largest component of the embedded error estimate, each relative to tolerance * (unit + |y|). NaN if a stage was
+  // NaN.
+  [[nodiscard]] double error(double tolerance, const State& scale) const {
     double worst = 0;
     for (std::size_t i = 0; i < size_; ++i) {
       const double e = h_ * (71. / 57600 * k_[0][i] - 71. / 16695 * k_[2][i] + 71. / 1920 * k_[3][i] -
                              17253. / 339200 * k_[4][i] + 22. / 525 * k_[5][i] - 1. / 40 * k_[6][i]);
-      const double scaled = std::abs(e) / (tolerance * (1 + std::abs(y1_[i])));
+      const double scaled = std::abs(e) / (tolerance * scale[i]);
       if (!(scaled <= worst)) worst = scaled;
     }
     return worst;
+  }
+  // The same with a scale of 1 + |y|.
+  [[nodiscard]] double error(double tolerance) const {
+    State scale;
+    for (std::size_t i = 0; i < size_; ++i) scale[i] = 1 + std::abs(y1_[i]);
+    return error(tolerance, scale);
   }
 
   // State at t0 + part * h, 0 <= part <= 1, to order 4. The step's `y0` must still be alive.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <vector>
 
 #include "firmware/model/rail.h"
@@ -45,6 +46,8 @@ struct Mass {
   [[nodiscard]] double moving_inertia() const {
     return mass_kg * metres_per_rail_unit() * metres_per_rail_unit() + motor.rail_inertia();
   }
+  // The angular frequency at which rotor and mass swing about the field of a motor at rest.
+  [[nodiscard]] double swing_radps() const { return std::sqrt(motor.rail_stiffness() / moving_inertia()); }
 };
 
 }  // namespace ballast::sim

@@ -21,7 +21,7 @@ constexpr double kShortestPart = 1e-13;
 }  // namespace
 
 Plant::Plant(const PlantModel& model)
-    : duration_s_(model.duration_s), run_(model), regimes_(model), stepping_(model.control_period_s), faults_(model) {
+    : duration_s_(model.duration_s), run_(model), regimes_(model), stepping_(model), faults_(model) {
   regimes_.start(model.initial, run_);
 }
 
@@ -114,7 +114,7 @@ double Plant::find_peak(double h, const Instant& middle, const Instant& end, dou
   if (!may_peak_above(value(dynamics().now.motion), value(middle), value(end), floor)) return kInfinity;
   Point inside;
   return golden_section([&](double part) {
-    stepping_.look_inside(dynamics(), part * h, inside);
+    stepping_.glance_inside(dynamics(), part * h, inside);
     return value(inside.motion);
   });
 }

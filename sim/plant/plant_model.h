@@ -39,6 +39,7 @@ struct PlantModel : World {
   OnViolation on_violation = OnViolation::kStop;
   double duration_s = 0;            // rolling with prescribed masses is integrated ahead up to here
   double control_period_s = 0.001;  // the first trial step
+  double tolerance = 1e-10;         // of a step: its error relative to 1 + |state|; a rate's to a driven mass's swing
   std::uint64_t seed = 0;           // of the motors' full-step errors
   std::vector<PlantFault> faults;   // in order of time
 

@@ -14,11 +14,10 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Allowed local error of a step, relative to 1 + |component|: some thousand times the rounding of one step, and with
-// the error growth of the paper's runs (about 1e3 over 20 time units) far below the 1e-8 they are held to.
-constexpr double kTolerance = 1e-12;
-// Steps ahead are as long as this tolerance allows, not as short as the ticks make them, so their errors come out as
-// estimated.
+// Bounds of the allowed local error of a step, relative to 1 + |component|, where PlantModel::tolerance would allow
+// more. Steps ahead are as long as this tolerance allows, not as short as pulses and ticks make them, so their errors
+// come out as estimated; with the error growth of the paper's runs (about 1e3 over 20 time units) they stay far below
+// the 1e-8 that these runs are held to.
 constexpr double kAheadTolerance = 1e-13;
 // Outside rolling, an error of the state grows about 100-fold in the time at which a slip ends, which must be good to
 // 1e-9.
@@ -27,6 +26,12 @@ constexpr double kOpenTolerance = 1e-14;
 // Longest step while a slip begins, in units of sqrt(r/g). A longer one would go far with an outdated direction, which
 // the error estimate does not show.
 constexpr double kSlipBeginsStep = 1e-5;
+
+// Weights that a motor's force may change by when its mass is one scale off: 1e-8 of the weight at a
+// tolerance of 1e-10. A scale is at most a radian or the ball's radius, and not much less where nothing weighs
+// anything.
+constexpr double kWeightsPerScale = 100;
+constexpr double kLeastScale = 1e-3;
 
 // Spans in which a step of DOP853 is judged when advance() is given as much time at once. Such a step is about three
 // times as long as one of Dormand-Prince 5(4).
@@ -42,6 +47,23 @@ auto right_hand_side(const Equations& equations, Instant& motion) {
 }
 
 }  // namespace
+
+// What a position's error is worth is the force by which its motor answers, and what a rate's is worth is the position
+// that it swings out to. So a step's error at `tolerance` changes no force by more than kWeightsPerScale * tolerance of
+// the weight.
+Stepping::Stepping(const PlantModel& model)
+    : tolerance_(model.tolerance), control_period_s_(model.control_period_s), step_s_(model.control_period_s) {
+  const double weight_n = Body(model).total_mass_kg * model.gravity_mps2;
+  const std::size_t n = model.masses.size();
+  for (std::size_t i = 0; i < n && model.actuation == Actuation::kStepper; ++i) {
+    const Mass& mass = model.masses[i];
+    const double size = mass.rail.shape == firmware::RailShape::kCircle ? 1 : model.ball.radius_m;
+    const double held = kWeightsPerScale * weight_n * mass.metres_per_rail_unit() / mass.motor.rail_stiffness();
+    const double scale = std::clamp(held, kLeastScale * size, size);
+    mass_scale_[kTheta + i] = scale;
+    mass_scale_[kTheta + n + i] = scale * std::max(1.0, mass.swing_radps());
+  }
+}
 
 void Stepping::begin_advance() { steps_left_ = kMaxSteps; }
 
@@ -92,6 +114,17 @@ void Stepping::aim_slip(Dynamics& dynamics) {
   }
 }
 
+// The error estimate of the latest step as a part of what is allowed.
+template <class Method>
+double Stepping::relative_error(const Method& method, const Equations& equations) const {
+  const bool rolls = equations.contact.regime == Regime::kRolling;
+  if (!rolls) return method.error(std::min(tolerance_, kOpenTolerance));
+  if (steps_ahead(equations)) return method.error(std::min(tolerance_, kAheadTolerance));
+  State scale = mass_scale_;
+  for (std::size_t i = 0; i < kTheta; ++i) scale[i] = 1 + std::abs(pulsed_.end_state()[i]);
+  return pulsed_.error(tolerance_, scale);
+}
+
 // Tries a step by at most longest_s and returns its length; 0 if it was too long, or failure() tells why no step is
 // possible.
 template <class Method>
@@ -113,9 +146,7 @@ double Stepping::try_step(Method& method, Dynamics& dynamics, double longest_s) 
   step_y_ = dynamics.now.y;
   step_dydt_ = dynamics.now.dydt;
   method.step(right_hand_side(equations, scratch_), time_s, h, step_y_, step_dydt_, equations.size());
-  const double error = method.error(contact.regime != Regime::kRolling ? kOpenTolerance
-                                    : steps_ahead(equations)           ? kAheadTolerance
-                                                                       : kTolerance);
+  const double error = relative_error(method, equations);
   // 0.9 error^(-1/order), between 0.2 and 5; far below the tolerance the power need not be computed. A trial step that
   // overflows is too long, like any other.
   const double growth = error < 1e-6        ? 5.0
@@ -150,6 +181,15 @@ void Stepping::look_inside(const Dynamics& dynamics, double offset_s, Point& out
   }
 }
 
+void Stepping::glance_inside(const Dynamics& dynamics, double offset_s, Point& out) {
+  const Equations& equations = dynamics.equations;
+  if (steps_ahead(equations) || equations.contact.regime != Regime::kRolling) {
+    return look_inside(dynamics, offset_s, out);
+  }
+  pulsed_.interpolate(offset_s / pulsed_.length(), out.y);
+  equations.evaluate(dynamics.time_s + offset_s, out.y.data(), out.motion);
+}
+
 void Stepping::look_at_span(const Dynamics& dynamics, const Span& span, Point& middle, Point& end) {
   const Equations& equations = dynamics.equations;
   if (steps_ahead(equations)) {
@@ -168,7 +208,7 @@ void Stepping::look_at_span(const Dynamics& dynamics, const Span& span, Point& m
 }
 
 bool Stepping::slide_part_holds(double part_s) {
-  const double error = probe_.error(kOpenTolerance);
+  const double error = probe_.error(std::min(tolerance_, kOpenTolerance));
   if (error <= 1) return true;
   step_s_ = part_s * (error < kInfinity ? std::clamp(0.9 * std::pow(error, -0.2), 0.2, 0.9) : 0.2);
   return false;

@@ -26,7 +26,7 @@ class Stepping {
   // Within one call of advance(); a robot at 1 kHz takes a few.
   static constexpr int kMaxSteps = 2'000'000;
 
-  explicit Stepping(double control_period_s) : control_period_s_(control_period_s), step_s_(control_period_s) {}
+  explicit Stepping(const PlantModel& model);
 
   // Bounds the number of trial steps from here to the next call.
   void begin_advance();
@@ -40,6 +40,8 @@ class Stepping {
 
   // The state at dynamics.time_s + offset_s, inside the latest step.
   void look_inside(const Dynamics& dynamics, double offset_s, Point& out);
+  // The same by the step's interpolation of order 4 where that is cheaper: good enough to search by.
+  void glance_inside(const Dynamics& dynamics, double offset_s, Point& out);
   // The end of a span, and the state and motion in its middle.
   void look_at_span(const Dynamics& dynamics, const Span& span, Point& middle, Point& end);
 
@@ -53,9 +55,13 @@ class Stepping {
 
  private:
   template <class Method>
+  [[nodiscard]] double relative_error(const Method& method, const Equations& equations) const;
+  template <class Method>
   double try_step(Method& method, Dynamics& dynamics, double longest_s);
   void aim_slip(Dynamics& dynamics);
 
+  double tolerance_;
+  State mass_scale_{};  // of driven masses: what their errors while rolling are relative to
   double control_period_s_;
   double step_s_;  // the length that the error estimate last allowed
   int steps_left_ = 0;

@@ -135,10 +135,12 @@ void read_run(TableReader& root, MassSurroundings& known, Scenario::Run& run) {
   const auto timer = table.number("timer_frequency", Range::between(1e6, 1e8, "Hz"), run.timer_frequency_hz);
   run.on_violation =
       table.choice<OnViolation>("on_violation", {"stop", "continue"}, run.on_violation).value_or(run.on_violation);
+  const auto tolerance = table.number("tolerance", Range::between(1e-14, 1e-8), run.tolerance);
   table.refuse_unknown_keys();
   run.actuation = known.actuation.value_or(run.actuation);
   run.control_period_s = period.value_or(run.control_period_s);
   run.timer_frequency_hz = timer.value_or(run.timer_frequency_hz);
+  run.tolerance = tolerance.value_or(run.tolerance);
   known.control_period_s = period;
   known.timer_frequency_hz = timer;
   // Clocks that do not go together are no ground to judge step rates on.

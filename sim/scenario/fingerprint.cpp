@@ -155,6 +155,7 @@ std::int64_t fingerprint(const Scenario& scenario) {
   text.add("run.control_period", scenario.run.control_period_s);
   text.add("run.timer_frequency", scenario.run.timer_frequency_hz);
   text.add("run.on_violation", static_cast<int>(scenario.run.on_violation));
+  text.add("run.tolerance", scenario.run.tolerance);
   text.add("envelope.min_normal_force", scenario.envelope.min_normal_force_n);
   text.add("envelope.friction_use", scenario.envelope.friction_use);
   text.add("seed", scenario.seed);

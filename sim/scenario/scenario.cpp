@@ -83,7 +83,7 @@ std::string to_string(const ScenarioError& error) {
 }
 
 Scenario::operator PlantModel() const {
-  PlantModel model{*this, run.actuation, run.on_violation, duration_s, run.control_period_s, seed, {}};
+  PlantModel model{*this, run.actuation, run.on_violation, duration_s, run.control_period_s, run.tolerance, seed, {}};
   for (const Fault& fault : faults) {
     if (const auto kind = plant_fault_kind(fault.kind)) {
       const auto mass = static_cast<std::size_t>(fault.mass);

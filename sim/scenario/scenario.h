@@ -30,6 +30,7 @@ struct Scenario : World {
     double control_period_s = 0.001;
     double timer_frequency_hz = 1e7;  // step timer of the controller
     OnViolation on_violation = OnViolation::kStop;
+    double tolerance = PlantModel{}.tolerance;
   } run;
 
   struct Envelope {

@@ -35,6 +35,7 @@ Scenario ball() {
   s.ball = {
       .radius_m = 0.15, .mass_kg = 0.8, .inertia_kgm2 = {0.010, 0.011, 0.012}, .center_of_mass_B_m = {0, 0, -0.01}};
   s.initial.angular_velocity_B_radps = {0.5, -0.3, 0.2};
+  s.run.tolerance = 1e-12;  // short steps for Simpson's rule
   const Motor motors[] = {motor("nema11", 10, 2e-4, 10), motor("nema17", 4, 0.01, 24), motor("nema23", 2, 0.02, 30)};
   for (int i = 0; i < 3; ++i) {
     Mass m;

@@ -13,7 +13,7 @@ TEST(Stepping, TakesItsLastStepAndRefusesTheNext) {
   model.ball = {.radius_m = 1, .mass_kg = 1, .inertia_kgm2 = {0.6, 0.6, 0.6}};
   Dynamics dynamics(model);
   dynamics.evaluate();
-  Stepping stepping(model.control_period_s);
+  Stepping stepping(model);
   const auto length_s = [&] { return stepping.next_span(dynamics, 1e-9, 1e-9).length_s; };
   stepping.begin_advance();
   for (int k = 0; k < Stepping::kMaxSteps; ++k) {
