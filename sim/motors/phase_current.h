@@ -13,6 +13,7 @@
 
 #include <cmath>
 
+#include "firmware/model/sin_cos.h"
 #include "sim/motors/motor.h"
 
 namespace ballast::sim {
@@ -36,7 +37,8 @@ class PhaseCurrent {
   // supply voltage points along the missing current and balances resistance, inductance and back EMF. Continuous in all
   // arguments.
   [[nodiscard]] Vector at(double lag_rad, double shaft_radps, double field_radps) const {
-    const double d = amplitude_a_ * std::cos(lag_rad), q = amplitude_a_ * std::sin(lag_rad);
+    const firmware::SinCos<double> lag = firmware::sin_cos(lag_rad);
+    const double d = amplitude_a_ * lag.cos, q = amplitude_a_ * lag.sin;
     const double reactance = inductance_per_rad_h_ * field_radps;
     const double v_d = resistance_ohm_ * d - reactance * q;
     const double v_q = resistance_ohm_ * q + reactance * d + torque_constant_nmpa_ * shaft_radps;
@@ -57,6 +59,14 @@ class PhaseCurrent {
   // The speed up to which the whole holding torque is available, at a lag of a quarter turn. Smaller lags run short of
   // voltage at lower speeds, because their current strengthens the magnet's field.
   [[nodiscard]] double corner_speed_radps() const;
+
+  // Voltages at the amplitude of the commanded current, and the back EMF per rad/s of the shaft.
+  [[nodiscard]] double resistance_v() const { return resistance_ohm_ * amplitude_a_; }
+  [[nodiscard]] double reactance_v(double field_radps) const {
+    return inductance_per_rad_h_ * field_radps * amplitude_a_;
+  }
+  [[nodiscard]] double back_emf_vs() const { return torque_constant_nmpa_; }
+  [[nodiscard]] double supply_v() const { return supply_v_; }
 
   [[nodiscard]] double copper_loss_w(const Vector& i) const { return resistance_ohm_ * i.squared(); }
   [[nodiscard]] double field_energy_j(const Vector& i) const { return 0.5 * inductance_h_ * i.squared(); }

@@ -92,13 +92,23 @@ void Stepper::update_field() {
   field_rad_ = initial_shaft_rad_ + offset_rad_ + static_cast<double>(position_steps_) * microstep_rad() + error;
 }
 
+const PhaseCurrent::PullOut& Stepper::greatest_torque(bool brakes) const {
+  PhaseCurrent::PullOut& most = brakes ? most_braking_ : most_driving_;
+  double& at_radps = brakes ? most_braking_at_radps_ : most_driving_at_radps_;
+  if (at_radps != field_radps_) {
+    most = brakes ? phases_.most_braking(field_radps_) : phases_.pull_out(field_radps_);
+    at_radps = field_radps_;
+  }
+  return most;
+}
+
 double Stepper::torque_margin(double shaft_rad, double shaft_radps) const {
   const double lag = lag_rad(shaft_rad) - 2 * kPi * static_cast<double>(slipped_teeth_);
   if (!motor_.has_winding()) {
     return std::abs(lag) <= kPi / 2 ? 1 - std::sin(std::abs(lag)) : std::sin(std::abs(lag)) - 1;
   }
   const bool brakes = lag * field_radps_ < 0;
-  const PhaseCurrent::PullOut most = brakes ? phases_.most_braking(field_radps_) : phases_.pull_out(field_radps_);
+  const PhaseCurrent::PullOut& most = greatest_torque(brakes);
   const double used = std::abs(phases_.torque_nm(lag, shaft_radps, field_radps_)) / most.torque_nm;
   return std::abs(lag) <= most.lag_rad ? std::max(1 - used, -1.0) : std::min(used, 1.0) - 1;
 }

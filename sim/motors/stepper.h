@@ -9,6 +9,7 @@
 #include <limits>
 #include <vector>
 
+#include "firmware/model/sin_cos.h"
 #include "sim/motors/motor.h"
 #include "sim/motors/phase_current.h"
 
@@ -20,6 +21,11 @@ class Stepper {
   Stepper(const Motor& motor, double initial_shaft_rad, std::uint64_t tooth_seed);
 
   [[nodiscard]] const Motor& motor() const { return motor_; }
+  // The field's commanded angle and mean speed.
+  [[nodiscard]] double field_rad() const { return field_rad_; }
+  [[nodiscard]] double field_radps() const { return field_radps_; }
+  // Whether both coils have their whole current.
+  [[nodiscard]] bool sound() const { return powered_ && coil_part_ == 1; }
 
   // Sets the field so that torque_nm() at t = 0 is torque_nm, as if the motor had been homed under that load. A load
   // beyond the holding torque cannot be held; the field then leads by the angle of greatest torque.
@@ -45,7 +51,8 @@ class Stepper {
 
   // Electromagnetic, detent and viscous torque on the rotor.
   [[nodiscard]] double torque_nm(double shaft_rad, double shaft_radps) const {
-    const double detent = motor_.detent_torque_nm == 0 ? 0 : motor_.detent_torque_nm * std::sin(4 * teeth_ * shaft_rad);
+    const double detent =
+        motor_.detent_torque_nm == 0 ? 0 : motor_.detent_torque_nm * firmware::sin_cos(4 * teeth_ * shaft_rad).sin;
     return field_torque_nm(shaft_rad, shaft_radps) - detent - motor_.viscous_damping_nms * shaft_radps;
   }
 
@@ -89,6 +96,7 @@ class Stepper {
 
  private:
   void update_field();
+  [[nodiscard]] const PhaseCurrent::PullOut& greatest_torque(bool brakes) const;
   [[nodiscard]] double microstep_rad() const;
   [[nodiscard]] double balanced_lag_rad(double torque_nm, double shaft_radps) const;
   [[nodiscard]] double lag_rad(double shaft_rad) const { return teeth_ * (field_rad_ - shaft_rad); }
@@ -96,7 +104,7 @@ class Stepper {
     if (!powered_) return 0;
     const double lag = lag_rad(shaft_rad);
     const double whole = motor_.has_winding() ? phases_.torque_nm(lag, shaft_radps, field_radps_)
-                                              : available_torque_nm(shaft_radps) * std::sin(lag);
+                                              : available_torque_nm(shaft_radps) * firmware::sin_cos(lag).sin;
     if (coil_part_ == 1) return whole;
     const double against = available_torque_nm(shaft_radps) * std::sin(teeth_ * (field_rad_ + shaft_rad));
     return (1 + coil_part_) / 2 * whole + (coil_part_ - 1) / 2 * against;
@@ -109,6 +117,10 @@ class Stepper {
   double offset_rad_ = 0;   // field minus rotor at t = 0
   double field_rad_;        // phi_cmd
   double field_radps_ = 0;  // its mean speed, from the time between its last two steps
+  // The greatest torques at the field's speed, and the speed that they were last computed for.
+  mutable PhaseCurrent::PullOut most_driving_{}, most_braking_{};
+  mutable double most_driving_at_radps_ = std::numeric_limits<double>::quiet_NaN(),
+                 most_braking_at_radps_ = std::numeric_limits<double>::quiet_NaN();
   double stepped_s_ = -std::numeric_limits<double>::infinity();  // when it last stepped
   int stepped_ = 0;                                              // direction of that step
   std::int64_t position_steps_ = 0;                              // microsteps the field has made

@@ -10,6 +10,43 @@ namespace ballast::sim {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
+namespace {
+
+bool all_on_circles(const std::vector<Mass>& masses) {
+  return std::all_of(masses.begin(), masses.end(),
+                     [](const Mass& mass) { return mass.rail.shape == firmware::RailShape::kCircle; });
+}
+
+void set_lane(LaneVectors& to, std::size_t i, const Vector3d& v) {
+  to.x[i] = v[0];
+  to.y[i] = v[1];
+  to.z[i] = v[2];
+}
+
+LaneBody to_lanes(const Body& body) {
+  LaneBody out;
+  out.mass_count = static_cast<std::size_t>(body.mass_count);
+  out.radius_m = body.radius_m;
+  out.gravity_mps2 = body.gravity_mps2;
+  out.total_mass_kg = body.total_mass_kg;
+  const Vec3<double>& moment = body.shell_first_moment;
+  out.inertia_kgm2 = {body.inertia_kgm2[0], body.inertia_kgm2[1], body.inertia_kgm2[2]};
+  out.shell_first_moment = {moment.x, moment.y, moment.z};
+  out.shell_second_moment = body.shell_second_moment;
+  out.mass_kg = body.mass_kg;
+  out.reflected_inertia.fill(1);
+  for (std::size_t i = 0; i < out.mass_count; ++i) {
+    const firmware::Rail& rail = body.rail[i];
+    out.reflected_inertia[i] = body.reflected_inertia[i];
+    set_lane(out.center_B_m, i, rail.origin_B_m);
+    set_lane(out.axis_cos_B_m, i, rail.radius_m * rail.axis_cos_B);
+    set_lane(out.axis_sin_B_m, i, rail.radius_m * rail.axis_sin_B);
+  }
+  return out;
+}
+
+}  // namespace
+
 Equations::Equations(const PlantModel& model)
     : body(model),
       prescribed(model.masses),
@@ -19,6 +56,9 @@ Equations::Equations(const PlantModel& model)
       contact_start_(kTheta + (driven_ ? 2 * model.masses.size() : 0)) {
   const auto pushes = [](const PlantFault& fault) { return fault.kind == PlantFaultKind::kPush; };
   if (std::any_of(model.faults.begin(), model.faults.end(), pushes)) body.external_force.expect_pushes();
+  const bool lanes = driven_ && !body.external_force.present() && all_on_circles(model.masses);
+  driven_lanes_ = lanes ? driven_lanes() : nullptr;
+  lane_body_ = to_lanes(body);
 }
 
 MassPoint Equations::mass_point(double time_s, const double* y) const {
@@ -39,6 +79,7 @@ CarriedMasses Equations::carried(const MassPoint& masses) const {
 
 void Equations::evaluate(double time_s, const double* y, Instant& motion) const {
   if (!driven_) return evaluate_prescribed(time_s, y, carried(prescribed.at(time_s)), motion);
+  if (contact.regime == Regime::kRolling && driven_lanes_ != nullptr && evaluate_lanes(y, motion)) return;
   const double *position = y + kTheta, *velocity = position + mass_count();
   const PerMass force = motors.forces(position, velocity);
   if (contact.regime == Regime::kRolling) {
@@ -47,6 +88,28 @@ void Equations::evaluate(double time_s, const double* y, Instant& motion) const 
     evaluate_open(y, open_contact_driven_at(time_s, y, force), motion);
     motion.generalised_force = force;
   }
+}
+
+// False: the motors or the state are not for driven_lanes().
+bool Equations::evaluate_lanes(const double* y, Instant& motion) const {
+  const LaneMotors* lanes = motors.lanes();
+  if (lanes == nullptr) return false;
+  const double *position = y + kTheta, *velocity = position + mass_count();
+  PerMass holding_force{};
+  motors.add_holding_forces(position, velocity, holding_force.data());
+  LaneMotion found;
+  if (!driven_lanes_(lane_body_, *lanes, y + kQ, y + kOmega, position, velocity, holding_force, found)) return false;
+  motion.rotation_B_to_W = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(found.rotation_B_to_W.data());
+  motion.up_B = motion.rotation_B_to_W.row(2);
+  motion.angular_acceleration_B_radps2 = Vector3d::Map(found.angular_acceleration_B_radps2.data());
+  motion.acceleration_B_mps2 = Vector3d::Map(found.acceleration_B_mps2.data());
+  motion.contact_force_B_n = Vector3d::Map(found.contact_force_B_n.data());
+  motion.normal_force_n = found.normal_force_n;
+  motion.static_friction_n = found.static_friction_n;
+  motion.rolling_velocity_W_mps = Vector2d::Map(found.rolling_velocity_W_mps.data());
+  motion.mass_acceleration = found.mass_acceleration;
+  motion.generalised_force = found.generalised_force;
+  return true;
 }
 
 void Equations::evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses,

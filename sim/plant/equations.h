@@ -9,6 +9,7 @@
 
 #include "sim/masses/motion.h"
 #include "sim/plant/contact_regime.h"
+#include "sim/plant/driven_lanes.h"
 #include "sim/plant/motor_drives.h"
 #include "sim/plant/newton_euler.h"
 #include "sim/plant/plant_model.h"
@@ -51,13 +52,19 @@ class Equations {
   // ball as `motion` does. 0 for a mass on a trajectory.
   [[nodiscard]] PerMass needed_torques(const double* y, const MotionOf<double>& motion, const MassPoint& masses) const;
 
+  // The robot for driven_lanes().
+  [[nodiscard]] const LaneBody& lane_body() const { return lane_body_; }
+
  private:
   [[nodiscard]] Eigen::Vector3d velocity_W_mps(const double* y) const;
   [[nodiscard]] OpenContact open_contact_driven_at(double time_s, const double* y, const PerMass& force) const;
   void evaluate_open(const double* y, const OpenContact& open, Instant& motion) const;
+  [[nodiscard]] bool evaluate_lanes(const double* y, Instant& motion) const;
 
   bool driven_;
   std::size_t contact_start_;
+  DrivenLanes driven_lanes_;  // null if the robot is not one for it
+  LaneBody lane_body_;
 };
 
 // The equations and the state that the plant has reached.

@@ -8,6 +8,7 @@
 #include "sim/masses/motion.h"
 #include "sim/motors/end_stop.h"
 #include "sim/motors/stepper.h"
+#include "sim/plant/driven_lanes.h"
 #include "sim/plant/plant_model.h"
 
 namespace ballast::sim {
@@ -17,7 +18,11 @@ class MotorDrives {
   explicit MotorDrives(const PlantModel& model);
 
   [[nodiscard]] std::size_t size() const { return steppers_.size(); }
-  [[nodiscard]] Stepper& stepper(std::size_t i) { return steppers_[i]; }
+  // Whoever takes it may change the field.
+  [[nodiscard]] Stepper& stepper(std::size_t i) {
+    lanes_are_old_ = true;
+    return steppers_[i];
+  }
   [[nodiscard]] const Stepper& stepper(std::size_t i) const { return steppers_[i]; }
 
   // The generalised force on each mass (N m on a circle, N on a line) at these rail coordinates and rates.
@@ -28,6 +33,13 @@ class MotorDrives {
     const Block& block = blocks_[i];
     return block.on ? stop_n - block.stiffness * (position - block.position) - block.damping * velocity : stop_n;
   }
+
+  // The motors for driven_lanes(); null if one of them is not sound.
+  [[nodiscard]] const LaneMotors* lanes() const;
+  // The part of forces() that end stops and blocks give.
+  void add_holding_forces(const double* position, const double* velocity, double* force) const;
+
+  void count_slips(std::size_t i, double shaft_rad) { steppers_[i].count_slips(shaft_rad); }
 
   // --- end stops ---
   [[nodiscard]] const std::vector<std::size_t>& with_stops() const { return with_stops_; }
@@ -57,6 +69,8 @@ class MotorDrives {
   };
 
   std::vector<Stepper> steppers_;
+  mutable LaneMotors lanes_;
+  mutable bool lanes_are_old_ = true, lanes_are_sound_ = false;
   std::array<EndStops, kMaxMasses> end_stops_{};  // of driven masses
   std::vector<std::size_t> with_stops_;           // masses that have end stops
   std::array<int, kMaxMasses> stop_side_{};

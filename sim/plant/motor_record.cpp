@@ -29,9 +29,9 @@ void MotorRecord::record(Dynamics& dynamics) {
     double margin;
     if (equations.driven()) {
       record_driven(dynamics, i, masses);
-      Stepper& stepper = dynamics.equations.motors.stepper(i);
+      const Stepper& stepper = equations.motors.stepper(i);
       const double shaft = stepper.motor().shaft_ratio;
-      stepper.count_slips(shaft * masses.position[i]);
+      dynamics.equations.motors.count_slips(i, shaft * masses.position[i]);
       margin = stepper.torque_margin(shaft * masses.position[i], shaft * masses.velocity[i]);
     } else {
       const Stepper& stepper = equations.motors.stepper(i);
