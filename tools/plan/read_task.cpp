@@ -13,7 +13,7 @@
 
 namespace ballast::plan {
 
-using sim::Node;
+using Toml = sim::Node;
 using sim::NodeKind;
 using sim::number_text;
 using sim::Range;
@@ -27,7 +27,7 @@ constexpr std::size_t kMostPlaces = 100;  // of via, keep_out and follow
 std::optional<std::vector<Eigen::Vector2d>> read_places(TableReader& table, const std::string& key, std::size_t least) {
   const std::string allowed =
       fmt::format("an array of {} to {} places, each an array of 2 numbers, in m", least, kMostPlaces);
-  const Node* node = table.node(key);
+  const Toml* node = table.node(key);
   if (node == nullptr || node->kind != NodeKind::kArray || node->items.size() < least ||
       node->items.size() > kMostPlaces) {
     table.refuse(key, (node == nullptr ? "is missing; allowed: " : "is no such list; allowed: ") + allowed);
@@ -35,8 +35,8 @@ std::optional<std::vector<Eigen::Vector2d>> read_places(TableReader& table, cons
   }
   std::vector<Eigen::Vector2d> places;
   for (std::size_t k = 0; k < node->items.size(); ++k) {
-    const Node& item = node->items[k];
-    const auto number = [](const Node& n) { return n.kind == NodeKind::kInteger || n.kind == NodeKind::kFloat; };
+    const Toml& item = node->items[k];
+    const auto number = [](const Toml& n) { return n.kind == NodeKind::kInteger || n.kind == NodeKind::kFloat; };
     const bool good = item.kind == NodeKind::kArray && item.items.size() == 2 && number(item.items[0]) &&
                       number(item.items[1]) && Range::any().contains(item.items[0].number) &&
                       Range::any().contains(item.items[1].number);
@@ -226,26 +226,27 @@ std::string whole_file(const std::filesystem::path& file) {
 
 }  // namespace
 
-std::optional<TaskFile> read_task(const std::filesystem::path& file, std::vector<sim::ScenarioError>& errors) {
-  // A task may leave the scenario's own duration out, because it is the task's.
-  auto result = sim::read_scenario(file);
-  Node root;
+std::optional<TaskFile> parse_task(const std::string& toml, const std::string& source,
+                                   std::vector<sim::ScenarioError>& errors) {
+  auto result = sim::parse_scenario(toml, source);
+  Toml root;
   std::vector<sim::ScenarioError> unread;
-  if (!std::filesystem::is_regular_file(file) || !sim::read_tree(whole_file(file), file.string(), root, unread)) {
+  if (!sim::read_tree(toml, source, root, unread)) {
     errors = result.errors;
     return std::nullopt;
   }
-  const Node* table = root.find("task");
-  const Node* duration = table == nullptr ? nullptr : table->find("duration");
+  // A task may leave the scenario's own duration out, because it is the task's.
+  const Toml* table = root.find("task");
+  const Toml* duration = table == nullptr ? nullptr : table->find("duration");
   const bool number =
       duration != nullptr && (duration->kind == NodeKind::kFloat || duration->kind == NodeKind::kInteger);
   if (root.find("duration") == nullptr) {
-    result =
-        sim::read_scenario(file, {"duration=" + number_text(number && duration->number > 0 ? duration->number : 1)});
+    const double length_s = number && duration->number > 0 ? duration->number : 1;
+    result = sim::parse_scenario(toml, source, {"duration=" + number_text(length_s)});
   }
   errors = result.errors;
   TaskFile out;
-  sim::ReadContext context{file.string(), errors, result.warnings};
+  sim::ReadContext context{source, errors, result.warnings};
   TableReader reader(&root, "", context);
   out.task = read_table(reader, result.scenario);
   if (result.ok()) check_scenario(reader, result.scenario);
@@ -253,6 +254,17 @@ std::optional<TaskFile> read_task(const std::filesystem::path& file, std::vector
   if (!errors.empty()) return std::nullopt;
   out.scenario = std::move(result.scenario);
   return out;
+}
+
+std::optional<TaskFile> read_task(const std::filesystem::path& file, std::vector<sim::ScenarioError>& errors) {
+  const auto result = sim::read_scenario(file);
+  const bool unreadable =
+      !result.errors.empty() && result.errors.front().key.empty() && result.errors.front().line == 0;
+  if (unreadable) {
+    errors = result.errors;
+    return std::nullopt;
+  }
+  return parse_task(whole_file(file), file.string(), errors);
 }
 
 Problem make_problem(const TaskFile& file) {

@@ -18,6 +18,8 @@ struct TaskFile {
 // Every error of scenario and task is added to `errors`, in the order of the file; then there is no value.
 [[nodiscard]] std::optional<TaskFile> read_task(const std::filesystem::path& file,
                                                 std::vector<sim::ScenarioError>& errors);
+[[nodiscard]] std::optional<TaskFile> parse_task(const std::string& toml, const std::string& source,
+                                                 std::vector<sim::ScenarioError>& errors);
 
 // The problem that the planner solves, from what the task believes of the robot.
 [[nodiscard]] Problem make_problem(const TaskFile& file);
