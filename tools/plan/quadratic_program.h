@@ -19,6 +19,7 @@ struct ProgramRow {
   double value = 0;
   double lower = 0, upper = 0;  // infinite: no limit on that side; ignored by level rows
   bool level = false;
+  bool whole = false;  // its coefficients are stored for all variables, zeros included
 };
 
 struct QuadraticProgram {
@@ -36,6 +37,9 @@ struct ProgramSolution {
   double level = 0;              // t
   double decrease = 0;           // of the objective from x = 0 with the best t and s there
   std::vector<double> pressure;  // per row: multiplier of its upper limit less that of its lower
+  // Cholesky factor of the Hessian with the limits' resistance at the solution, of x and (with level rows) t: the
+  // metric in which a small change disturbs the solution least. Empty if it could not be computed.
+  std::vector<double> factor;
   int iterations = 0;
 };
 

@@ -16,7 +16,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kPieces = 32;
 constexpr int kMostStarts = 24, kMostIterations = 2000;  // until a plan is found
-constexpr int kMoreStarts = 2;                           // after that, for a better one
+constexpr int kMoreStarts = 2, kCheapIterations = 150;   // after that, for a better one
 // What the plant may leave of the equalities, which are errors over r, sqrt(g r) and the like, and of limits over
 // themselves.
 constexpr double kEqualityTolerance = 1e-4, kLimitTolerance = 1e-4;
@@ -119,7 +119,7 @@ class Search {
       if (best_) {
         const bool good = need_of(*best_) < 1.3 * least_need(duration_s);
         const bool enough = problem_.task.objective != Objective::kFriction || !options_.from.empty();
-        if (good || enough || more-- <= 0) return;
+        if (good || enough || more-- <= 0 || effort_.iterations > kCheapIterations) return;
       }
       try_start(duration_s, k);
     }

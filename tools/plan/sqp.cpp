@@ -10,7 +10,7 @@ namespace {
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
-constexpr double kFirstWeight = 300, kLastWeight = 3e5;  // of half a squared equality
+constexpr double kFirstWeight = 300, kLastWeight = 3e4;  // of half a squared equality
 constexpr double kPenalty = 30;                          // of a limit's violation; a level's whole weight is 1
 constexpr double kRegularisation = 1e-4;
 
@@ -47,18 +47,17 @@ class Sqp {
       for (int attempt = 0; attempt < 9 && !accepted; ++attempt) {
         for (int v = 0; v < size_; ++v) program_.hessian[index(v) * index(size_) + index(v)] += damping;
         const ProgramSolution step = solve(program_);
-        for (int v = 0; v < size_; ++v) program_.hessian[index(v) * index(size_) + index(v)] -= damping;
         const std::vector<double> before = knots_;
         for (int v = 0; v < size_; ++v) knots_[index(v)] += unit_[index(v)] * step.x[index(v)];
-        const bool rolled = step.decrease > 0 && rollout_.roll(knots_) && restore();
+        const bool rolled = step.decrease > 0 && rollout_.roll(knots_) && restore(step.factor);
         const double gained = rolled ? merit - true_merit() : -1;
         accepted = rolled && gained > 0.05 * step.decrease;
         if (accepted) {
-          if (gained > 0.7 * step.decrease) damping = std::max(damping / 5, 1e-7);
+          if (gained > 0.7 * step.decrease && attempt == 0) damping = std::max(damping / 3, 1e-7);
           if (gained < 0.3 * step.decrease) damping *= 2;
         } else {
           knots_ = before;
-          damping = std::min(damping * 6, 1e8);
+          damping = std::min(damping * 5, 1e8);
         }
       }
       if (!accepted) {
@@ -74,7 +73,7 @@ class Sqp {
                                   : now.effort - then.effort < settings_.tolerance * then.effort;
       now = then;
       quiet = holds && slow ? quiet + 1 : 0;
-      if (quiet >= 3 || (holds && then.need <= settings_.good_enough)) break;
+      if (quiet >= 2 || (holds && then.need <= settings_.good_enough)) break;
     }
     return now;
   }
@@ -143,7 +142,7 @@ class Sqp {
   void add_row(ProgramRow row) {
     double* j = &program_.coefficients[row.offset];
     for (int v = 0; v < row.end; ++v) j[v] = fixed_[index(v)] ? 0 : j[v] * unit_[index(v)];
-    row.offset += index(row.begin);
+    row.whole = true;
     program_.rows.push_back(row);
   }
 
@@ -164,33 +163,43 @@ class Sqp {
     add_limits();
   }
 
-  // Second-order correction: the smallest change that takes what the step has left of the equalities away, by the
-  // derivatives of the point before. Without it a heavy weight on curved equalities would allow tiny steps only. Kept
-  // if the equalities become smaller. False if the motion does not stay finite.
-  bool restore() {
+  // Second-order correction: the change that takes what the step has left of the equalities away, by the derivatives of
+  // the point before, and disturbs limits and level least. Without it a heavy weight on curved equalities would allow
+  // tiny steps only. Kept if the equalities become smaller. False if the motion does not stay finite.
+  bool restore(const std::vector<double>& factor) {
     const auto size_of = [this] {
       double sum = 0;
       for (const auto& e : transcription_.equalities(false)) sum += e.value * e.value;
       return sum;
     };
     const std::size_t m = equality_rows_.size();
-    if (m == 0) return true;
+    if (m == 0 || factor.empty()) return true;
+    const int whole = size_ + (by_level_ ? 1 : 0);
+    std::vector<std::vector<double>> soft = equality_rows_;
+    for (auto& direction : soft) {
+      direction.resize(index(whole), 0.0);
+      solve_factorised(factor, whole, direction);
+    }
     double left = size_of();
-    for (int round = 0; round < 2 && left > 1e-12; ++round) {
+    for (int round = 0; round < 2 && left > 1e-14; ++round) {
       std::vector<double> gram(m * m), pull(m);
       const auto equalities = transcription_.equalities(false);
+      double greatest = 0;
       for (std::size_t a = 0; a < m; ++a) {
         pull[a] = -equalities[a].value;
         for (std::size_t b = 0; b <= a; ++b) {
-          for (std::size_t v = 0; v < index(size_); ++v) gram[a * m + b] += equality_rows_[a][v] * equality_rows_[b][v];
+          for (std::size_t v = 0; v < index(size_); ++v) gram[a * m + b] += equality_rows_[a][v] * soft[b][v];
         }
-        gram[a * m + a] += 1e-9 + 1e-9 * gram[a * m + a];
+        greatest = std::max(greatest, gram[a * m + a]);
       }
+      for (std::size_t a = 0; a < m; ++a) gram[a * m + a] += 1e-9 * greatest;
       if (!factorise(gram, static_cast<int>(m))) return true;
       solve_factorised(gram, static_cast<int>(m), pull);
       const std::vector<double> before = knots_;
       for (std::size_t a = 0; a < m; ++a) {
-        for (std::size_t v = 0; v < index(size_); ++v) knots_[v] += unit_[v] * equality_rows_[a][v] * pull[a];
+        for (std::size_t v = 0; v < index(size_); ++v) {
+          if (!fixed_[v]) knots_[v] += unit_[v] * soft[a][v] * pull[a];
+        }
       }
       const bool rolled = rollout_.roll(knots_);
       const double now = rolled ? size_of() : left;
@@ -222,7 +231,8 @@ class Sqp {
     }
   }
 
-  // Each node's f / N has a row along its direction and one across it, since the direction may turn in the step.
+  // Each node's f / N has a row along its direction. Every second one has a row across it too, since the
+  // direction may turn in the step.
   void add_ratios() {
     for (int node = 0; node < rollout_.grid().nodes(); ++node) {
       std::array<double, 2> q{};
@@ -232,6 +242,7 @@ class Sqp {
       const double along[2] = {size > 0 ? q[0] / size : 1, size > 0 ? q[1] / size : 0};
       const double across[2] = {-along[1], along[0]};
       for (const double* direction : {along, across}) {
+        if (direction == across && node % 2 == 1) continue;
         ProgramRow row;
         double* j = new_row(row);
         for (std::size_t c = 0; c < 2; ++c) {

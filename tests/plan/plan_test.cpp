@@ -1,0 +1,259 @@
+// Plans of small tasks: each is checked against a run of the file as it would be written.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+
+#include "tools/plan/random_task.h"
+#include "tools/plan/write_plan.h"
+
+namespace ballast::plan {
+namespace {
+
+const std::string kRobot = R"(name = "test"
+gravity = 9.81
+[ball]
+radius = 0.15
+mass = 0.8
+inertia = [0.0118, 0.0118, 0.0118]
+[surface]
+static_friction = 0.5
+[[mass]]
+mass = 0.28
+rail = { shape = "circle", radius = 0.095, center = [0, -0.06, 0], axes = [[0, 0, -1], [1, 0, 0]] }
+[[mass]]
+mass = 0.28
+rail = { shape = "circle", radius = 0.095, center = [0, 0.06, 0], axes = [[0, 0, -1], [1, 0, 0]] }
+[[mass]]
+mass = 0.28
+rail = { shape = "circle", radius = 0.05, center = [0, 0, 0.03], axes = [[0, 0, -1], [0, 1, 0]] }
+[run]
+actuation = "prescribed"
+[task]
+)";
+
+struct Planned {
+  std::optional<TaskFile> task;
+  Problem problem;
+  Outcome outcome;
+  sim::Scenario written;
+  std::vector<Node> nodes;  // of the plant, every 5 ms
+};
+
+std::string errors_of(const std::string& toml) {
+  std::vector<sim::ScenarioError> errors;
+  static_cast<void>(parse_task(toml, "task.toml", errors));
+  std::string text;
+  for (const auto& error : errors) text += sim::to_string(error) + "\n";
+  return text;
+}
+
+// Plans, checks what every plan has to keep, and rolls it.
+Planned plan_of(const std::string& toml) {
+  Planned p;
+  std::vector<sim::ScenarioError> errors;
+  p.task = parse_task(toml, "task.toml", errors);
+  EXPECT_TRUE(p.task) << errors_of(toml);
+  if (!p.task) return p;
+  p.problem = make_problem(*p.task);
+  p.outcome = search(p.problem, p.task->scenario, {});
+  EXPECT_EQ(p.outcome.status, Status::kFound) << p.outcome.binding;
+  if (!p.outcome.plan) return p;
+  const auto read = sim::parse_scenario(plan_toml(toml, *p.task, *p.outcome.plan), "plan.toml");
+  EXPECT_TRUE(read.ok()) << (read.ok() ? "" : sim::to_string(read.errors.front()));
+  p.written = read.scenario;
+  p.written.run.actuation = sim::Actuation::kPrescribed;
+  sim::Plant plant(p.written);
+  const int steps = static_cast<int>(std::ceil(p.written.duration_s / 0.005));
+  for (int k = 0; k <= steps; ++k) {
+    plant.advance(p.written.duration_s * k / steps, {});
+    Node node{};
+    const auto s = plant.sample();
+    node.place_m = {s.position_W_m[0], s.position_W_m[1]};
+    for (std::size_t i = 0; i < 3; ++i) {
+      node.state.position[i] = s.mass_position[i];
+      node.state.velocity[i] = s.mass_velocity[i];
+    }
+    node.state.omega_B = sim::vec3(s.angular_velocity_B_radps);
+    p.nodes.push_back(node);
+  }
+  EXPECT_EQ(plant.end(), sim::PhysicsEnd::kNone);
+  const double claim = p.outcome.plan->run.extrema.mu_required_max.value;
+  EXPECT_NEAR(plant.extrema().mu_required_max.value, claim, 1e-4 * claim);
+  EXPECT_LE(claim, p.problem.friction_limit);
+  const Eigen::Vector2d end = plant.sample().position_W_m.head<2>();
+  EXPECT_LT((end - p.task->task.goal_m).norm(), 1e-3);
+  return p;
+}
+
+double least_distance(const Planned& p, const Eigen::Vector2d& place) {
+  double least = 1e9;
+  for (const Node& node : p.nodes) {
+    least = std::min(least, (Eigen::Vector2d(node.place_m[0], node.place_m[1]) - place).norm());
+  }
+  return least;
+}
+
+TEST(Plan, RestToRestNeedsLittleMoreThanTheBound) {
+  const Planned p = plan_of(kRobot + "goal = [0.5, 0.0]\nduration = 6.0\n");
+  ASSERT_TRUE(p.outcome.plan);
+  const double bound = 4 * 0.5 / (9.81 * 36);
+  EXPECT_LT(p.outcome.plan->run.extrema.mu_required_max.value, 1.4 * bound);  // the bar; 1.15 was reached
+  const Node& end = p.nodes.back();
+  const double spin = std::sqrt(sim::dot(end.state.omega_B, end.state.omega_B));
+  EXPECT_LT(spin, 1e-3);  // rad/s: 0.15 mm/s
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_LT(std::abs(end.state.velocity[i]), 1e-3);
+}
+
+TEST(Plan, StaysAtRestAfterTheEnd) {
+  const std::string toml = kRobot + "goal = [0.3, 0.1]\nduration = 6.0\n";
+  const Planned p = plan_of(toml);
+  ASSERT_TRUE(p.outcome.plan);
+  sim::Scenario longer = p.written;
+  longer.duration_s = 16;
+  sim::Plant plant(longer);
+  plant.advance(16, {});
+  // A stable rest: what is left of its speed and tilt swings by less than the goal's millimetre.
+  EXPECT_LT((plant.sample().position_W_m.head<2>() - Eigen::Vector2d(0.3, 0.1)).norm(), 1e-3);
+}
+
+TEST(Plan, PassesViaPlaces) {
+  const Planned p = plan_of(kRobot +
+                            "goal = [0.5, 0.0]\nduration = 8.0\n"
+                            "via = [ { position = [0.2, 0.05] }, { position = [0.4, 0.03], time = 6.0 } ]\n");
+  ASSERT_TRUE(p.outcome.plan);
+  EXPECT_LT(least_distance(p, {0.2, 0.05}), 1.5e-3);  // samples are 5 ms apart
+  const std::size_t at = static_cast<std::size_t>(std::lround(6.0 / 8.0 * static_cast<double>(p.nodes.size() - 1)));
+  EXPECT_LT(std::hypot(p.nodes[at].place_m[0] - 0.4, p.nodes[at].place_m[1] - 0.03), 1e-3);
+}
+
+TEST(Plan, StaysOutOfCircles) {
+  const Planned p = plan_of(kRobot +
+                            "goal = [1.0, 0.0]\nduration = 10.0\nat_rest = false\n"
+                            "keep_out = [ { center = [0.5, 0.16], radius = 0.05 } ]\n");
+  ASSERT_TRUE(p.outcome.plan);
+  EXPECT_GE(least_distance(p, {0.5, 0.16}), 0.2 - 1e-9);
+}
+
+TEST(Plan, FollowsAPath) {
+  const Planned p = plan_of(kRobot +
+                            "goal = [0.5, 0.05]\nduration = 8.0\n"
+                            "follow = { points = [[0, 0], [0.25, 0.05], [0.5, 0.05]], tolerance = 0.01 }\n");
+  ASSERT_TRUE(p.outcome.plan);
+  for (const Node& node : p.nodes) {
+    const double y = std::min(0.2 * std::max(node.place_m[0], 0.0), 0.05);
+    EXPECT_LT(std::abs(node.place_m[1] - y), 0.0103);  // measured across, not normal to, the first leg
+  }
+}
+
+TEST(Plan, PutsMassesWhereTheyAreToBe) {
+  const Planned p =
+      plan_of(kRobot + "goal = [0.3, 0.0]\nduration = 6.0\nmass_position = [0.2, -0.2, 0.0]\nat_rest = false\n");
+  ASSERT_TRUE(p.outcome.plan);
+  EXPECT_NEAR(p.nodes.back().state.position[0], 0.2, 1e-3);
+  EXPECT_NEAR(p.nodes.back().state.position[1], -0.2, 1e-3);
+}
+
+TEST(Plan, TimeAndEffortAreObjectives) {
+  const std::string floor = "[surface]\nstatic_friction = 0.5";
+  std::string robot = kRobot;
+  robot.replace(robot.find(floor), floor.size(), "[surface]\nstatic_friction = 0.02");
+  const Planned fast = plan_of(robot + "goal = [0.5, 0.0]\nduration = 8.0\nobjective = \"time\"\n");
+  ASSERT_TRUE(fast.outcome.plan);
+  const double bound_s = std::sqrt(4 * 0.5 / (9.81 * 0.8 * 0.02));  // 3.6 s
+  EXPECT_LT(fast.outcome.plan->grid.duration_s, 1.3 * bound_s);
+  const Planned calm = plan_of(robot + "goal = [0.5, 0.0]\nduration = 8.0\nobjective = \"effort\"\n");
+  const Planned smooth = plan_of(robot + "goal = [0.5, 0.0]\nduration = 8.0\n");
+  ASSERT_TRUE(calm.outcome.plan && smooth.outcome.plan);
+  const auto effort = [](const Plan& plan) {
+    double sum = 0;
+    for (const double a : plan.knots) sum += a * a;
+    return sum;
+  };
+  EXPECT_LT(effort(*calm.outcome.plan), effort(*smooth.outcome.plan));
+}
+
+TEST(Plan, RandomTasksAreFound) {
+  int found = 0;
+  const int numbers[] = {0, 1, 2, 53, 56, 57, 72, 75};
+  for (const int number : numbers) {
+    SCOPED_TRACE("random_task(1, " + std::to_string(number) + ")");
+    found += plan_of(random_task(1, number)).outcome.plan ? 1 : 0;
+  }
+  EXPECT_EQ(found, static_cast<int>(std::size(numbers)));
+}
+
+TEST(Plan, TheSameSeedGivesTheSamePlan) {
+  const std::string toml = random_task(1, 56);
+  const Planned first = plan_of(toml), second = plan_of(toml);
+  ASSERT_TRUE(first.outcome.plan && second.outcome.plan);
+  EXPECT_EQ(plan_toml(toml, *first.task, *first.outcome.plan), plan_toml(toml, *second.task, *second.outcome.plan));
+}
+
+TEST(Plan, SaysWhichLimitStandsInTheWay) {
+  const auto outcome = [](const std::string& toml) {
+    std::vector<sim::ScenarioError> errors;
+    const auto task = parse_task(toml, "task.toml", errors);
+    EXPECT_TRUE(task) << errors_of(toml);
+    return task ? search(make_problem(*task), task->scenario, {}) : Outcome{};
+  };
+  const Outcome far = outcome(kRobot + "goal = [50, 0]\nduration = 3.0\n");
+  EXPECT_EQ(far.status, Status::kInfeasible);
+  EXPECT_NE(far.binding.find("friction stands in the way"), std::string::npos) << far.binding;
+  EXPECT_FALSE(far.plan);
+  std::string ice = kRobot;
+  ice.replace(ice.find("static_friction = 0.5"), 21, "static_friction = 0.001");
+  const Outcome slippery = outcome(ice + "goal = [0.5, 0]\nduration = 6.0\n");
+  EXPECT_NE(slippery.status, Status::kFound);
+  EXPECT_NE(slippery.binding.find("friction"), std::string::npos) << slippery.binding;
+}
+
+// Each wrong value gives one error, which names the key.
+TEST(PlanTask, EveryKeyWrongOnceIsOneClearError) {
+  const std::string good = "goal = [0.5, 0]\nduration = 6\n";
+  const std::pair<const char*, const char*> wrong[] = {
+      {"duration = 6\n", "task.goal"},
+      {"goal = [0.5]\nduration = 6\n", "task.goal"},
+      {"goal = [0.5, nan]\nduration = 6\n", "task.goal.1"},
+      {"goal = [0.5, 0]\n", "task.duration"},
+      {"goal = [0.5, 0]\nduration = -1\n", "task.duration"},
+      {"at_rest = 1\n", "task.at_rest"},
+      {"objective = \"speed\"\n", "task.objective"},
+      {"friction_use = 1.5\n", "task.friction_use"},
+      {"friction_use = 0\n", "task.friction_use"},
+      {"via = 3\n", "task.via"},
+      {"via = [ { time = 1 } ]\n", "task.via.0.position"},
+      {"via = [ { position = [0, 0, 0] } ]\n", "task.via.0.position"},
+      {"via = [ { position = [0.1, 0], time = 7 } ]\n", "task.via.0.time"},
+      {"via = [ { position = [0.1, 0], time = 3 }, { position = [0.2, 0], time = 2 } ]\n", "task.via.1.time"},
+      {"keep_out = [ { center = [0.3, 0] } ]\n", "task.keep_out.0.radius"},
+      {"keep_out = [ { center = [0.5, 0.1], radius = 0.1 } ]\n", "task.goal"},
+      {"keep_out = [ { center = [0, 0.1], radius = 0.1 } ]\n", "task.keep_out"},
+      {"mass_position = [0.0]\n", "task.mass_position"},
+      {"follow = { points = [[0, 0]], tolerance = 0.1 }\n", "task.follow.points"},
+      {"follow = { points = [[0, 0], [1, 0]] }\n", "task.follow.tolerance"},
+      {"follow = { points = [[0, 0], [0.2, 0]], tolerance = 0.1 }\n", "task.goal"},
+      {"avoid_resonance = \"yes\"\n", "task.avoid_resonance"},
+      {"torque_margin = 1.0\n", "task.torque_margin"},
+      {"friction_usage = 0.5\n", "task.friction_usage"},
+  };
+  EXPECT_EQ(errors_of(kRobot + good), "");
+  for (const auto& [text, key] : wrong) {
+    const bool whole = std::string(text).find("goal") == 0 || std::string(text).find("duration") == 0;
+    const std::string errors = errors_of(kRobot + (whole ? "" : good) + text);
+    EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << text << errors;
+    EXPECT_NE(errors.find(std::string(": ") + key), std::string::npos) << text << errors;
+    EXPECT_NE(errors.find("allowed"), std::string::npos) << text << errors;
+    EXPECT_EQ(errors.find("task.toml:"), 0u) << text << errors;
+  }
+}
+
+TEST(PlanTask, RefusesAScenarioThatIsNoTask) {
+  EXPECT_NE(errors_of(kRobot.substr(0, kRobot.find("[task]")) + "").find("task: is missing"), std::string::npos);
+  std::string moving = kRobot;
+  moving.insert(moving.find("rail ="), "motion = [ { duration = 1, acceleration = [0, 0] } ]\n");
+  EXPECT_NE(errors_of(moving + "goal = [0.5, 0]\nduration = 6\n").find("mass.0.motion"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace ballast::plan
