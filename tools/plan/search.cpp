@@ -204,12 +204,31 @@ class Search {
         improve_on(staged, grid, fixed, s, knots, via_time_s);
       }
     }
+    approach_path(grid, fixed, knots, via_time_s);
     SqpSettings s = settings();
     s.most_iterations = 60;
     const Merit merit = improve_on(problem_, grid, fixed, s, knots, via_time_s);
     debug("start", start, merit);
     if (merit.error() > 1e-2) return fail(grid, knots, merit);
     refine(grid, fixed, knots, via_time_s);
+  }
+
+  // A path to follow is tightened step by step: the nearest point of a polyline means little to a motion far from it.
+  void approach_path(const Grid& grid, const std::vector<bool>& fixed, std::vector<double>& knots,
+                     std::vector<double>& via_time_s) {
+    if (!problem_.task.follow) return;
+    SqpSettings s = settings();
+    s.most_iterations = 15;
+    s.good_enough = kInfinity;
+    Problem staged = problem_;
+    staged.task.follow.reset();
+    improve_on(staged, grid, fixed, s, knots, via_time_s);
+    for (double tolerance = 0.5 * problem_.robot.ball.radius_m; tolerance > problem_.task.follow->tolerance_m;
+         tolerance /= 2) {
+      staged.task.follow = problem_.task.follow;
+      staged.task.follow->tolerance_m = tolerance;
+      improve_on(staged, grid, fixed, s, knots, via_time_s);
+    }
   }
 
   static void debug(const char* what, int number, const Merit& merit) {
