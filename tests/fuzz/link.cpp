@@ -15,7 +15,7 @@ bool decoded(const target::Frame& frame, std::span<const std::uint8_t> bytes) {
   static const auto message = std::make_unique<M>();
   *message = M();
   if (!target::decode(frame, *message)) return false;
-  require(frame.type == type_of(target::Tag<M>()), "a message is of its frame's type");
+  require(frame.type == target::type_of(target::Tag<M>()), "a message is of its frame's type");
   static Bytes again(target::kMaxFrame);
   const std::size_t size = target::encode(*message, frame.tick, again);
   require(std::equal(again.begin(), again.begin() + static_cast<std::ptrdiff_t>(size), bytes.begin(), bytes.end()),
