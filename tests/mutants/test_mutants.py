@@ -6,8 +6,9 @@
 Of each mutant one file is compiled with its fault and linked before the libraries of the build, whose own object of that
 file is then left out: nothing in the sources knows of this. The guards are tried in the order of their price, and the
 first that tells the broken program from the sound one ends it: `ballast`, so broken, makes the mutant's run, in which
-monitor, firmware and step check are the guards; else the mutant's test program is run, and has to fail. A mutant that
-neither catches has survived, which is a failure; so is one that is not caught as mutants.toml says.
+monitor, firmware and step check are the guards. A run that only ends otherwise than the sound program's shows its user
+nothing, so the soak is tried then. The mutant's test program is run in any case, and has to fail: a guard that stands in
+mutants.toml is one that bites. A mutant that is not caught as mutants.toml says is a failure.
 
 --every N takes each N-th mutant only, beginning with the K-th; without --turn K is the number of the repository's
 commits, so that every commit is tried with others and each with the same ones (0 without a repository). --record tries
@@ -35,6 +36,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 BEGIN, END = "<!-- the table: test_mutants.py --table -->", "<!-- end of the table -->"
 TIME_LIMIT_S = 300  # of one program; a broken one may hang
+SOAK = "soak --seeds 0..199 --quiet --jobs 1"
 MONITORS_CAUSES = {"normal_force", "friction", "nonfinite", "stale", "missing", "repeated", "disagreement"}
 buses = 0
 
@@ -100,6 +102,8 @@ def ending(program, arguments, folder):
     global buses
     buses += 1
     arguments = arguments.replace("URL", f"'udpm://239.255.76.67:{12000 + (os.getpid() + buses) % 8000}?ttl=0'")
+    if arguments.startswith("soak "):
+        return soak_ending(program, arguments, folder)
     try:
         said = subprocess.run([str(program), "run", *shlex.split(arguments), "--quiet", "--out", str(out)], cwd=folder,
                               capture_output=True, text=True, timeout=TIME_LIMIT_S)
@@ -121,6 +125,19 @@ def ending(program, arguments, folder):
     if summary["end"]["reason"] == "step_timing":
         end.by = "step check"
     return end
+
+
+def soak_ending(program, arguments, folder):
+    try:
+        said = subprocess.run([str(program), *shlex.split(arguments)], cwd=folder, capture_output=True, text=True,
+                              timeout=TIME_LIMIT_S)
+    except subprocess.TimeoutExpired:
+        return Ending("hangs", by="the clock")
+    broken = re.findall(r'^seed (\d+): "(\w+)" is broken in tick (-?\d+)', said.stdout, re.MULTILINE)
+    if not broken:
+        return Ending("0 broken") if said.returncode == 0 else Ending("dies", by="the system")
+    seed, invariant, tick = min(broken, key=lambda found: int(found[0]))
+    return Ending(f"soak: {invariant} is broken in seed {seed}", tick=int(tick), by=f"soak: {invariant}")
 
 
 def test_fails(program, test_filter):
@@ -161,7 +178,7 @@ class Trial:
             return self
         if with_run:
             self.make_run(runs, sound)
-        if not self.guard and not self.trouble:
+        if not self.trouble:
             self.make_test()
         shutil.rmtree(self.folder)
         return self
@@ -184,11 +201,17 @@ class Trial:
         if self.ended.words != sound[name].words:
             self.seen = self.ended.words
             self.guard = self.ended.guard(sound[name])
+        if self.guard == "the summary" and (soaked := soak_ending(program, SOAK, self.folder)).by:
+            self.guard = soaked.by
 
     def make_test(self):
         test, test_filter = self.mutant["test"].split(" ", 1)
         program = self.link("tests/" + test)
-        if not self.trouble and test_fails(program, test_filter):
+        if self.trouble:
+            return
+        if not test_fails(program, test_filter):
+            self.trouble = f"SURVIVES its test, {self.mutant['test']}" + (f"; caught by {self.guard}" if self.guard else "")
+        elif not self.guard:
             self.guard = f"test: {test_filter.strip('*')}" if test_filter != "*" else f"test: {test}"
 
 
@@ -281,7 +304,7 @@ def try_all(build, scratch, chosen, runs, options):
         print(f"sound program, {name}: {sound[name].words}", flush=True)
         shutil.rmtree(folder)
     # A test that fails anyway would catch every mutant.
-    for test in sorted({m["test"] for m in chosen if options.record or not m["caught"]}):
+    for test in sorted({m["test"] for m in chosen}):
         program, test_filter = test.split(" ", 1)
         if test_fails(build.folder / "tests" / program, test_filter):
             fail(f"{test}: fails on the sound program")

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace ballast::sil {
 namespace {
@@ -131,6 +132,14 @@ TEST(PlantMessages, EveryNumberIsInItsPlace) {
     sample.motor_torque_nm[i] = 70 + x;
     sample.end_switches[i] = static_cast<int>(i) + 1;
     sample.lost_steps[i] = 80 + static_cast<std::int64_t>(i);
+  }
+  using sim::Regime;
+  const std::pair<Regime, std::int8_t> regimes[] = {{Regime::kSliding, contact_t::REGIME_SLIDING},
+                                                    {Regime::kFlight, contact_t::REGIME_FLIGHT},
+                                                    {Regime::kRolling, contact_t::REGIME_ROLLING}};
+  for (const auto& [regime, code] : regimes) {
+    sample.regime = regime;
+    EXPECT_EQ(plant_messages(s, sample, 5, false).contact.regime, code);
   }
   const PlantMessages m = plant_messages(s, sample, 5, false, sim::Plant::ContactForces{19, 19.5});
   EXPECT_EQ(m.sensors.scenario_id, 4711);
