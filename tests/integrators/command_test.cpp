@@ -94,7 +94,7 @@ TEST(Integrate, AForceBeyondNumbersIsRefused) {
 TEST(Integrate, RefusesWhatItCannotDo) {
   const Folder folder;
   const std::pair<const char*, const char*> kRefusals[] = {
-      {"--method euler", "rk4,dopri5,dop853,adams,bdf,trapezoid,trbdf2,radau5,radau5_dae,ida,all"},
+      {"--method euler", "rk4, dopri5, dop853, adams, bdf, trapezoid, trbdf2, radau5, radau5_dae, ida, all"},
       {"--tolerance 1e-20", "allowed: 1e-13 to 0.01"},
       {"--tolerance nan", "allowed: 1e-13 to 0.01"},
       {"--step 0", "allowed: a finite number > 0"},
