@@ -55,6 +55,8 @@ struct MassLimits {
   double speed = std::numeric_limits<double>::infinity();
   double acceleration = std::numeric_limits<double>::infinity();
   double jerk = std::numeric_limits<double>::infinity();
+  // Rail speeds at which the full steps come at the natural frequency of rotor and mass, and at twice it.
+  std::vector<double> resonant_speeds;
   std::optional<sim::Stepper> motor;  // torque and resonance are judged only where a motor drives the mass
 };
 

@@ -294,6 +294,11 @@ Problem make_problem(const TaskFile& file) {
     limits.acceleration = mass.motor.max_acceleration;
     limits.jerk = mass.motor.max_jerk;
     limits.motor.emplace(mass.motor, 0, 0);
+    const double swing_radps = std::sqrt(mass.motor.rail_stiffness() / mass.moving_inertia());
+    for (const int order : {1, 2}) {
+      limits.resonant_speeds.push_back(order * swing_radps /
+                                       (mass.motor.steps_per_revolution * mass.motor.shaft_ratio));
+    }
   }
   return problem;
 }

@@ -12,7 +12,9 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 constexpr double kFirstWeight = 300, kLastWeight = 3e4;  // of half a squared equality
 constexpr double kPenalty = 30;                          // of a limit's violation; a level's whole weight is 1
-constexpr double kRegularisation = 1e-4;
+// Of half the mean squared acceleration: enough to choose among motions of the same need. Motors swing with every
+// change of the acceleration, so theirs is worth more.
+constexpr double kRegularisation = 1e-4, kDrivenRegularisation = 0.01;
 
 class Sqp {
  public:
@@ -27,6 +29,7 @@ class Sqp {
         effort_(effort),
         size_(rollout.variables()) {
     for (int v = 0; v < size_; ++v) unit_.push_back(acceleration_unit(problem_, v % problem_.masses()));
+    for (int i = 0; i < problem_.masses(); ++i) driven_ = driven_ || problem_.limits[index(i)].motor;
     by_level_ = settings.objective != Objective::kEffort;
   }
 
@@ -75,10 +78,30 @@ class Sqp {
       quiet = holds && slow ? quiet + 1 : 0;
       if (quiet >= 2 || (holds && then.need <= settings_.good_enough)) break;
     }
+    if (good && now.equality > kMet && now.equality < kNearlyMet) now = meet_equalities(now);
     return now;
   }
 
  private:
+  static constexpr double kMet = 1e-6, kNearlyMet = 1e-2;
+
+  // Where the merit has come to its end a little beside the equalities: meets them, if the limits allow it.
+  Merit meet_equalities(const Merit& reached) {
+    const std::vector<double> before = knots_;
+    Merit now = reached;
+    for (int round = 0; round < 4 && now.equality > kMet; ++round) {
+      build();
+      if (!restore({})) break;
+      rollout_.differentiate();
+      now = judge(transcription_, knots_);
+    }
+    if (now.equality < reached.equality && now.limit < reached.limit + 1e-3) return now;
+    knots_ = before;
+    static_cast<void>(rollout_.roll(knots_));
+    rollout_.differentiate();
+    return reached;
+  }
+
   // Penalised by how far it is out of [lower, upper].
   static double outside(const Limit& limit) {
     return std::max({0.0, limit.value - limit.upper, limit.lower - limit.value});
@@ -98,6 +121,7 @@ class Sqp {
     transcription_.limits(false, [&](const Limit& limit, const NodeForm&) { sum += outside(limit); });
     knot_limits([&](const Limit& limit, int, int, double) { sum += outside(limit); });
     double merit = kPenalty * sum + (by_level_ ? level : 0);
+    transcription_.soft_terms([&](double residual, const NodeForm&) { merit += 0.5 * residual * residual; });
     const auto equalities = transcription_.equalities(false);
     for (const auto& e : equalities) merit += 0.5 * weight_ * e.value * e.value;
     for (int v = 0; v < size_; ++v) {
@@ -107,7 +131,10 @@ class Sqp {
     return merit;
   }
 
-  [[nodiscard]] double effort_weight() const { return (by_level_ ? kRegularisation : 1.0) / rollout_.grid().knots(); }
+  [[nodiscard]] double effort_weight() const {
+    const double smooth = driven_ ? kDrivenRegularisation : kRegularisation;
+    return (by_level_ ? smooth : 1.0) / rollout_.grid().knots();
+  }
 
   // Accelerations and jerks: sink(limit, variable, other variable or -1, derivative by the first).
   template <class Sink>
@@ -159,13 +186,15 @@ class Sqp {
       program_.gradient[index(v)] = fixed_[index(v)] ? 0 : effort_weight() * knots_[index(v)] / unit_[index(v)];
     }
     add_equalities();
+    add_soft_terms();
     add_ratios();
     add_limits();
   }
 
   // Second-order correction: the change that takes what the step has left of the equalities away, by the derivatives of
   // the point before, and disturbs limits and level least. Without it a heavy weight on curved equalities would allow
-  // tiny steps only. Kept if the equalities become smaller. False if the motion does not stay finite.
+  // tiny steps only. Without a factor, the change of the knots is
+  // the smallest. Kept if the equalities become smaller. False if the motion does not stay finite.
   bool restore(const std::vector<double>& factor) {
     const auto size_of = [this] {
       double sum = 0;
@@ -173,10 +202,11 @@ class Sqp {
       return sum;
     };
     const std::size_t m = equality_rows_.size();
-    if (m == 0 || factor.empty()) return true;
+    if (m == 0) return true;
     const int whole = size_ + (by_level_ ? 1 : 0);
     std::vector<std::vector<double>> soft = equality_rows_;
     for (auto& direction : soft) {
+      if (factor.empty()) continue;
       direction.resize(index(whole), 0.0);
       solve_factorised(factor, whole, direction);
     }
@@ -201,8 +231,7 @@ class Sqp {
           if (!fixed_[v]) knots_[v] += unit_[v] * soft[a][v] * pull[a];
         }
       }
-      const bool rolled = rollout_.roll(knots_);
-      const double now = rolled ? size_of() : left;
+      const double now = rollout_.roll(knots_) ? size_of() : left;
       if (!(now < left)) {
         knots_ = before;
         return rollout_.roll(knots_);
@@ -229,6 +258,20 @@ class Sqp {
         for (int w = 0; w <= v; ++w) row[w] += factor * j[index(w)];
       }
     }
+  }
+
+  void add_soft_terms() {
+    std::vector<double> j(index(size_));
+    transcription_.soft_terms([&](double residual, const NodeForm& form) {
+      std::fill(j.begin(), j.end(), 0.0);
+      const int end = transcription_.expand(form, 1, j.data());
+      for (int v = 0; v < end; ++v) j[index(v)] = fixed_[index(v)] ? 0 : j[index(v)] * unit_[index(v)];
+      for (int v = 0; v < end; ++v) {
+        program_.gradient[index(v)] += residual * j[index(v)];
+        double* row = &program_.hessian[index(v) * index(size_)];
+        for (int w = 0; w <= v; ++w) row[w] += j[index(v)] * j[index(w)];
+      }
+    });
   }
 
   // Each node's f / N has a row along its direction. Every second one has a row across it too, since the
@@ -304,7 +347,7 @@ class Sqp {
   std::vector<double>& knots_;
   Effort& effort_;
   int size_;
-  bool by_level_ = true;
+  bool by_level_ = true, driven_ = false;
   double weight_ = kFirstWeight;
   std::vector<double> unit_;
   std::vector<std::vector<double>> equality_rows_;  // by the program's variables
@@ -318,7 +361,8 @@ double acceleration_unit(const Problem& problem, int mass) {
   return 0.05 * problem.robot.ball.radius_m / (time * time) / problem.metres_per_unit[mass];
 }
 
-Merit judge(const Transcription& transcription, const std::vector<double>& knots) {
+Merit judge(const Transcription& transcription, const std::vector<double>& knots,
+            const std::function<double(LimitKind)>& tolerance) {
   const Problem& problem = transcription.problem();
   Merit merit;
   for (const double ratio : transcription.ratios())
@@ -329,7 +373,8 @@ Merit judge(const Transcription& transcription, const std::vector<double>& knots
     merit.effort += x * x / static_cast<double>(knots.size());
   }
   const auto note = [&](const Limit& limit) {
-    const double over = std::max(limit.value - limit.upper, limit.lower - limit.value);
+    const double allowed = tolerance ? tolerance(limit.kind) : 0;
+    const double over = std::max(limit.value - limit.upper, limit.lower - limit.value) - allowed;
     if (over <= merit.limit) return;
     merit.limit = over;
     merit.worst_limit = limit;

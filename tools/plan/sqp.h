@@ -45,7 +45,9 @@ struct SqpSettings {
 Merit improve(Rollout& rollout, Transcription& transcription, const std::vector<bool>& fixed,
               const SqpSettings& settings, std::vector<double>& knots, Effort& effort);
 
-[[nodiscard]] Merit judge(const Transcription& transcription, const std::vector<double>& knots);
+// `tolerance`: by how much a limit of each kind may be passed; none: not at all.
+[[nodiscard]] Merit judge(const Transcription& transcription, const std::vector<double>& knots,
+                          const std::function<double(LimitKind)>& tolerance = {});
 
 // The acceleration that counts as 1, of each mass.
 [[nodiscard]] double acceleration_unit(const Problem& problem, int mass);

@@ -161,6 +161,46 @@ void Transcription::motor_limits(int node, bool with_forms, const Sink& sink) co
   }
 }
 
+void Transcription::soft_terms(const SoftSink& sink) const {
+  if (!problem_.task.avoid_resonance) return;
+  // The whole time spent at a resonance costs as much as this many times the friction's unit.
+  constexpr double kWeight = 3;
+  const int nodes = rollout_.grid().nodes();
+  for (int node = 0; node < nodes; ++node) {
+    const Node& at = rollout_.nodes()[index(node)];
+    for (int i = 0; i < problem_.masses(); ++i) {
+      const auto k = index(i);
+      const double speed = std::abs(at.state.velocity[k]);
+      for (const double resonant : problem_.limits[k].resonant_speeds) {
+        // A tent, whose sides point away from the resonance even at its top.
+        const double off = (speed - resonant) / (2 * kNearResonance * resonant);
+        if (std::abs(off) >= 1) continue;
+        const double unit = std::sqrt(2 * kWeight / nodes), residual = unit * (1 - std::abs(off));
+        NodeForm form;
+        form.node = node;
+        const double slope = (off < 0 ? unit : -unit) / (2 * kNearResonance * resonant);
+        form.mass[k][1] = at.state.velocity[k] < 0 ? -slope : slope;
+        sink(residual, form);
+      }
+    }
+  }
+}
+
+double Transcription::time_near_resonance() const {
+  int near = 0;
+  for (const Node& node : rollout_.nodes()) {
+    bool any = false;
+    for (int i = 0; i < problem_.masses(); ++i) {
+      const double speed = std::abs(node.state.velocity[index(i)]);
+      for (const double resonant : problem_.limits[index(i)].resonant_speeds) {
+        any = any || std::abs(speed - resonant) < kNearResonance * resonant;
+      }
+    }
+    near += any ? 1 : 0;
+  }
+  return static_cast<double>(near) / static_cast<double>(rollout_.nodes().size());
+}
+
 void Transcription::place_limits(int node, bool with_forms, const Sink& sink) const {
   const Node& at = rollout_.nodes()[index(node)];
   const Eigen::Vector2d place(at.place_m[0], at.place_m[1]);

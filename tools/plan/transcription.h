@@ -51,6 +51,8 @@ struct EqualityKind {
   int index;
 };
 
+inline constexpr double kNearResonance = 0.15;  // of the speed
+
 class Transcription {
  public:
   Transcription(const Problem& problem, const Rollout& rollout);
@@ -68,6 +70,13 @@ class Transcription {
   // Calls `sink` for each limit; `form` is filled only `with_forms`. Limits of knots come from knot_limits().
   using Sink = std::function<void(const Limit& limit, const NodeForm& form)>;
   void limits(bool with_forms, const Sink& sink) const;
+
+  // What should be small without a limit, as residuals of a sum of squares: the time that motors spend near their
+  // resonances.
+  using SoftSink = std::function<void(double residual, const NodeForm& form)>;
+  void soft_terms(const SoftSink& sink) const;
+  // Part of the duration in which some motor is within kNearResonance of one.
+  [[nodiscard]] double time_near_resonance() const;
 
   // Each equality has up to two forms (a via place lies between two nodes).
   struct Equality {
