@@ -11,7 +11,11 @@
 
 #include "tools/ballast/commands.h"
 #include "tools/plan/write_plan.h"
+#include "tools/program/params.h"
 #include "tools/program/program.h"
+#include "tools/sil/lap_sink.h"
+#include "tools/sil/local_peers.h"
+#include "tools/sil/run.h"
 
 namespace ballast {
 namespace {
@@ -79,7 +83,8 @@ class ProgressLine {
   Clock::time_point shown_ = Clock::now();
 };
 
-std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcome, const std::string& file) {
+std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcome,
+                         const std::optional<sim::Extremum>& with_steppers, const std::string& file) {
   const plan::Plan& p = *outcome.plan;
   const auto& mu = p.run.extrema.mu_required_max;
   std::string text = fmt::format(
@@ -87,10 +92,27 @@ std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcom
       "at t = {:.3g} s\n",
       task.scenario.name, p.run.final.position_W_m[0], p.run.final.position_W_m[1], p.grid.duration_s,
       task.task.at_rest ? " and rests there" : "", 1e3 * p.goal_error_m, mu.value, mu.time_s);
+  if (with_steppers) {
+    text += fmt::format("  with its steppers it needs f_s/N = {:.3g} at t = {:.3g} s\n", with_steppers->value,
+                        with_steppers->time_s);
+  }
   text += fmt::format("  limited by: {}\n", outcome.binding);
   text += fmt::format("  written: {}; run it with: {} run {}\n", file, program::ballast_as_typed(),
                       program::shell_word(file));
   return text;
+}
+
+// f_s / N with firmware and steppers, up to where that run ends. None: the firmware refuses the plan, which is printed.
+std::optional<sim::Extremum> need_with_steppers(const sim::Scenario& scenario,
+                                                const volatile std::sig_atomic_t* signalled) {
+  const auto params = program::make_controller_params("ballast", scenario);
+  if (!params) return std::nullopt;
+  sil::InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
+  if (peers.connect() != hal::Status::kOk) return std::nullopt;
+  sil::NoRecord sink;
+  sil::RunOptions options;
+  options.interrupted = signalled;
+  return sil::run(scenario, peers, sink, options).extrema.mu_required_max;
 }
 
 int plan_task(const PlanCommand& command) {
@@ -139,19 +161,25 @@ int plan_task(const PlanCommand& command) {
   if (!outcome.plan && *signalled != 0) outcome.binding = "interrupted before a plan was found";
 
   std::string toml;
+  std::optional<sim::Extremum> with_steppers;
   if (outcome.plan) {
     toml = plan::plan_toml(file_text(path), *task, *outcome.plan);
     const auto written = sim::parse_scenario(toml, toml_path.string());
-    if (!written.ok())
+    if (!written.ok()) {
       return refuse(program::kExitCouldNotRun, "the plan is no good scenario: " + to_string(written.errors.front()));
+    }
+    if (written.scenario.run.actuation == sim::Actuation::kStepper) {
+      with_steppers = need_with_steppers(written.scenario, signalled);
+    }
   }
-  const std::string json = plan::outcome_json(*task, outcome, command.seed, seconds_since(start));
+  const std::string json =
+      plan::outcome_json(*task, outcome, with_steppers ? &*with_steppers : nullptr, command.seed, seconds_since(start));
   if ((outcome.plan && !write_file(toml_path, toml)) || !write_file(json_path, json)) {
     return refuse(program::kExitCouldNotRun, fmt::format("{}: cannot be written", toml_path.string()));
   }
   if (!outcome.plan)
     return refuse(program::kExitEnvelope, fmt::format("{}: no plan: {}", task->scenario.name, outcome.binding));
-  if (!command.quiet) std::cout << outcome_text(*task, outcome, toml_path.string()) << std::flush;
+  if (!command.quiet) std::cout << outcome_text(*task, outcome, with_steppers, toml_path.string()) << std::flush;
   return program::kExitCompleted;
 }
 

@@ -111,7 +111,8 @@ std::string plan_toml(const std::string& toml, const TaskFile& task, const Plan&
   return sim::to_toml(root) + "\n";
 }
 
-std::string outcome_json(const TaskFile& task, const Outcome& outcome, std::uint64_t seed, double wall_time_s) {
+std::string outcome_json(const TaskFile& task, const Outcome& outcome, const sim::Extremum* with_steppers,
+                         std::uint64_t seed, double wall_time_s) {
   nlohmann::ordered_json out;
   out["status"] = to_string(outcome.status);
   out["scenario"] = task.scenario.name;
@@ -120,6 +121,10 @@ std::string outcome_json(const TaskFile& task, const Outcome& outcome, std::uint
     const Plan& plan = *outcome.plan;
     const auto& mu = plan.run.extrema.mu_required_max;
     out["mu_required"] = {{"max", mu.value}, {"time", mu.time_s}};
+    out["stepper_mu_required"] = nullptr;
+    if (with_steppers != nullptr) {
+      out["stepper_mu_required"] = {{"max", with_steppers->value}, {"time", with_steppers->time_s}};
+    }
     const auto& normal = plan.run.extrema.normal_force_min;
     out["normal_force"] = {{"min", normal.value}, {"min_time", normal.time_s}};
     out["final"] = final_json(plan.run.final, task.scenario.masses.size());
@@ -127,7 +132,8 @@ std::string outcome_json(const TaskFile& task, const Outcome& outcome, std::uint
     out["goal_error"] = plan.goal_error_m;
     out["via_time"] = plan.via_time_s;
   } else {
-    for (const char* key : {"mu_required", "normal_force", "final", "duration", "goal_error"}) out[key] = nullptr;
+    for (const char* key : {"mu_required", "stepper_mu_required", "normal_force", "final", "duration", "goal_error"})
+      out[key] = nullptr;
   }
   out["iterations"] = outcome.iterations;
   out["seed"] = seed;

@@ -21,7 +21,8 @@ namespace ballast::plan {
 // The name of the scenario that plan_toml() gives.
 [[nodiscard]] std::string plan_name(const std::string& task_name);
 
-[[nodiscard]] std::string outcome_json(const TaskFile& task, const Outcome& outcome, std::uint64_t seed,
-                                       double wall_time_s);
+// `with_steppers`: what the plan needs with its motors and the firmware; null in a task of prescribed masses.
+[[nodiscard]] std::string outcome_json(const TaskFile& task, const Outcome& outcome, const sim::Extremum* with_steppers,
+                                       std::uint64_t seed, double wall_time_s);
 
 }  // namespace ballast::plan
