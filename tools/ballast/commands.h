@@ -16,6 +16,7 @@ int could_not(const std::string& text);
 std::function<int()> add_run_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_integrate_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_check_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_new_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_plan_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_move_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_operate_command(CLI::App& app, CLI::App*& command);
