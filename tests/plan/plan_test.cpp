@@ -206,6 +206,13 @@ TEST(Plan, SaysWhichLimitStandsInTheWay) {
   const Outcome slippery = outcome(ice + "goal = [0.5, 0]\nduration = 6.0\n");
   EXPECT_NE(slippery.status, Status::kFound);
   EXPECT_NE(slippery.binding.find("friction"), std::string::npos) << slippery.binding;
+  std::string stuck = kRobot;
+  stuck.replace(stuck.find("\"prescribed\""), 12, "\"stepper\"");
+  for (std::size_t at = 0; (at = stuck.find("rail =", at)) != std::string::npos; at += 100) {
+    stuck.insert(at, "motor = { preset = \"nema17\", gear_ratio = 4, max_acceleration = 1e-9 }\n");
+  }
+  const Outcome still = outcome(stuck + "goal = [0.5, 0]\nduration = 6.0\n");
+  EXPECT_NE(still.binding.find("max_acceleration"), std::string::npos) << still.binding;
 }
 
 // Each wrong value gives one error, which names the key.

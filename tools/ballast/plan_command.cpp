@@ -168,7 +168,7 @@ int plan_task(const PlanCommand& command) {
     if (!written.ok()) {
       return refuse(program::kExitCouldNotRun, "the plan is no good scenario: " + to_string(written.errors.front()));
     }
-    if (written.scenario.run.actuation == sim::Actuation::kStepper) {
+    if (written.scenario.run.actuation == sim::Actuation::kStepper && *signalled == 0) {
       with_steppers = need_with_steppers(written.scenario, signalled);
     }
   }

@@ -58,6 +58,7 @@ struct Failure {
   Merit merit;
   Eigen::Vector2d reached_m = Eigen::Vector2d::Zero();
   bool friction_only = false;  // all else holds
+  std::string at_limits;       // what the motion uses up
 };
 
 class Search {
@@ -108,9 +109,32 @@ class Search {
     return w.x == 0 && w.y == 0 && w.z == 0;
   }
 
+  // Which limit keeps all masses where they are; empty if one can move.
+  [[nodiscard]] std::string immobile() const {
+    constexpr double kLeastTravel = 1e-3;  // of r: moves a ball at rest by less than that
+    const double duration_s = problem_.task.duration_s;
+    std::string why;
+    for (int i = 0; i < problem_.masses(); ++i) {
+      const MassLimits& limits = problem_.limits[index(i)];
+      const double by_acceleration = limits.acceleration * duration_s * duration_s / 4;
+      const double by_speed = limits.speed * duration_s, by_ends = limits.upper - limits.lower;
+      const double travel = std::min({by_acceleration, by_speed, by_ends});
+      if (!(travel * problem_.metres_per_unit[i] < kLeastTravel * problem_.robot.ball.radius_m)) return "";
+      const LimitKind kind = travel == by_ends    ? LimitKind::kRailEnd
+                             : travel == by_speed ? LimitKind::kSpeed
+                                                  : LimitKind::kAcceleration;
+      why += fmt::format("{}{} lets it travel at most {:.2g} m", why.empty() ? "" : ", ",
+                         limit_words({kind, i, 0, 0, 0, 0}), travel * problem_.metres_per_unit[i]);
+    }
+    return "no mass can move: " + why + "; the nearest place is the start";
+  }
+
   // Why no motion can do it; empty if that is not certain. The bound is of the centre of mass, which may be beside the
   // geometric centre by up to r, and N may differ from the weight.
   [[nodiscard]] std::string impossible() const {
+    const double distance_m = (problem_.task.goal_m - problem_.start_m).norm();
+    const std::string stuck = starts_at_rest() && distance_m > 0.1 * problem_.robot.ball.radius_m ? immobile() : "";
+    if (!stuck.empty()) return stuck;
     if (!starts_at_rest() || !std::isfinite(problem_.friction_limit)) return "";
     const double distance = (problem_.task.goal_m - problem_.start_m).norm(), r = problem_.robot.ball.radius_m;
     const double duration = problem_.task.duration_s, g = problem_.robot.ball.gravity_mps2;
@@ -356,7 +380,9 @@ class Search {
     Rollout rollout(problem_, grid);
     if (!rollout.roll(knots)) return;
     const auto& end = rollout.nodes().back().place_m;
-    failure_ = {error, merit, {end[0], end[1]}, merit.error() <= 1e-3};
+    const Transcription transcription = transcribe(problem_, rollout, {});
+    failure_ = {
+        error, merit, {end[0], end[1]}, merit.error() <= 1e-3, binding_words(transcription, knots, Objective::kEffort)};
   }
 
   [[nodiscard]] std::string failure_words() const {
@@ -374,8 +400,10 @@ class Search {
                                  ? equality_words(failure_.merit.worst_equality)
                                  : limit_words(failure_.merit.worst_limit);
     return fmt::format(
-        "{} could not be met; the nearest motion found ends at ({:.4g}, {:.4g}) m, {:.3g} m from the goal", what,
-        failure_.reached_m[0], failure_.reached_m[1], (failure_.reached_m - problem_.task.goal_m).norm());
+        "{} could not be met; the nearest motion found ends at ({:.4g}, {:.4g}) m, {:.3g} m from the goal, and "
+        "has at their limits: {}",
+        what, failure_.reached_m[0], failure_.reached_m[1], (failure_.reached_m - problem_.task.goal_m).norm(),
+        failure_.at_limits);
   }
 
   const Problem& problem_;
