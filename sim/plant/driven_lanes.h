@@ -55,8 +55,8 @@ struct LaneMotion {
   PerLane mass_acceleration, generalised_force;
 };
 
-// False, and `out` undefined, where a winding runs short of voltage or a lag is beyond the range of sin_cos().
-// `other_force`: what end stops and blocks add to the motors' generalised forces.
+// False, and `out` undefined, where a winding runs short of voltage, or a lag or position is beyond the range of
+// sin_cos(). `other_force`: what end stops and blocks add to the motors' generalised forces.
 using DrivenLanes = bool (*)(const LaneBody& body, const LaneMotors& motors, const double* q,
                              const double* angular_velocity_B, const double* position, const double* velocity,
                              const PerLane& other_force, LaneMotion& out);

@@ -39,11 +39,6 @@ bool finite(const sensors_t& sensors) {
 // Tolerance on the margin: a few roundings of O(1) values.
 constexpr double kRounding = 1e-12;
 
-// Tolerance on f_s, as a part of the whole contact force. The plant computes f_s in the body frame and turns the force
-// into the space frame with a quaternion that is unit to 1e-12, which changes its length by twice that; the rest is for
-// roundings of the force's terms, which are greater than their sum.
-constexpr double kTurned = 1e-10;
-
 // The f_s that a message's margin hides, in N: f_s itself less the f_s that the margin stands for. -infinity where the
 // margin hides nothing. `cone_n`: mu_s N.
 double hidden_friction_n(const contact_t& contact, double cone_n) {
@@ -165,7 +160,7 @@ void Monitor::judge_agreement(const Samples& samples) {
   if (contact.regime == contact_t::REGIME_ROLLING) {
     const double force_n = std::hypot(contact.friction_force_W_n[0], contact.friction_force_W_n[1]);
     const double apart_n = std::abs(force_n - contact.static_friction_n);
-    const double rounding_n = kTurned * (force_n + std::abs(contact.normal_force_n));
+    const double rounding_n = limits_.turned_part * (force_n + std::abs(contact.normal_force_n));
     if (apart_n > rounding_n) trip(trip_t::CAUSE_DISAGREEMENT, apart_n, rounding_n);
   }
   commanded_.reset();

@@ -20,6 +20,8 @@ struct MonitorLimits {
   bool controller_expected = false;  // false in prescribed runs
   // How far plant and controller may differ in N or f_s; infinity: they need not agree.
   double disagreement_n = std::numeric_limits<double>::infinity();
+  // The part of the contact force by which |friction_force_W_n| and static_friction_n of rolling may differ.
+  double turned_part = 1e-10;
   std::int64_t scenario_id = 0;  // passed on in every trip_t
 };
 

@@ -121,6 +121,11 @@ monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {
   limits.static_friction = scenario.surface.static_friction;
   limits.controller_expected = scenario.run.actuation == sim::Actuation::kStepper;
   limits.scenario_id = scenario.id;
+  // The plant computes f_s in the body frame and turns the force into the space frame with the quaternion of a step's
+  // end, whose four components are off by up to 2 tolerances each. So its square is off by up to 8, the turned force by
+  // as much, and f_s, which takes N and the vertical from the same quaternion, by up to twice as much. The rest is for
+  // roundings of the force's terms, which are greater than their sum.
+  limits.turned_part = 1e-10 + 24 * scenario.run.tolerance;
   // The two forces are compared under the external forces that the controller is told of. They differ by rounding with
   // exact sensors (1e-9 of the weight) and by 2 % of the weight if the attitude is off by a degree. A wrong sign, a
   // wrong unit or a missing term exceeds 5 %.

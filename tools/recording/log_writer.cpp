@@ -4,6 +4,7 @@
 
 #include <cerrno>
 #include <csignal>
+#include <system_error>
 
 namespace ballast::sil {
 
@@ -30,7 +31,11 @@ LogWriter::LogWriter(const std::string& path, bool at_once)
   sigset_t all, before;
   sigfillset(&all);
   pthread_sigmask(SIG_SETMASK, &all, &before);
-  thread_ = std::thread(&LogWriter::run, this);
+  try {
+    thread_ = std::thread(&LogWriter::run, this);
+  } catch (const std::system_error&) {
+    at_once_ = true;  // no thread is to be had
+  }
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 

@@ -76,8 +76,9 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
     return fail(output.error());
   const double log_bytes = expected_log_bytes(scenario);
   if (!options.no_log && !options.move && log_bytes > kLargeLog_bytes) {
-    program::complain(program_name,
-                      fmt::format("a log of about {:.2g} GB is coming; --no-log runs without one", log_bytes / 1e9));
+    program::complain(
+        program_name,
+        fmt::format("a log of about {:.2g} GB is coming; `ballast run --no-log` runs without one", log_bytes / 1e9));
   }
   Recorder recorder(options.no_log ? "" : output.log_path(), options.bus, options.unbuffered, options.run_id,
                     Recorder::tail_ticks(scenario.run.control_period_s));
@@ -98,7 +99,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
   }
   // A full disk keeps what it has: readers of logs stop where the last event is cut off.
   if (!recorder.close() || result.sink_failed) {
-    return fail((recorder.good() ? result.trouble : recorder.error()) + "; it holds what happened up to there");
+    return fail((recorder.good() ? result.trouble : recorder.error()) +
+                (recorder.bus_failed() ? "" : "; it holds what happened up to there"));
   }
   if (result.refusal) {
     program::complain(program_name,

@@ -56,6 +56,7 @@ class Recorder final : public LapSink {
   // Everything recorded is in the file, or this is false and error() says what is not.
   bool close();
   [[nodiscard]] bool good() const override { return bus_error_.empty() && (!log_ || log_->good()); }
+  [[nodiscard]] bool bus_failed() const { return !bus_error_.empty(); }
   [[nodiscard]] const std::string& error() const override { return !log_ || log_->good() ? bus_error_ : log_->error(); }
 
  private:

@@ -17,7 +17,9 @@ namespace {
 // Some roundings of numbers that are as large as these.
 constexpr double kRounding = 1e-9;
 
-bool near(double a, double b, double scale) { return a == b || std::abs(a - b) <= kRounding * scale; }
+bool near(double a, double b, double scale) {
+  return a == b || (std::isfinite(scale) && std::abs(a - b) <= kRounding * scale);
+}
 
 // Equal, or NaN both.
 bool same(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)) || near(a, b, std::abs(b)); }
@@ -32,6 +34,7 @@ bool same_verdict(const trip_t& a, const trip_t& b) {
 
 Rejudge::Rejudge(const sim::Scenario& scenario, const monitor::MonitorLimits& limits)
     : scenario_(scenario),
+      turned_part_(limits.turned_part),
       sensors_are_true_(std::ranges::none_of(
           scenario.faults, [](const sim::Fault& fault) { return fault.of(sim::FaultLayer::kSensor); })),
       floor_is_known_(std::ranges::none_of(
@@ -93,7 +96,7 @@ void Rejudge::check_time(const Lap& recorded) {
 void Rejudge::check_forces(const contact_t& contact) {
   const double n = contact.normal_force_n, f_s = contact.static_friction_n;
   const double force_n = std::hypot(contact.friction_force_W_n[0], contact.friction_force_W_n[1]);
-  expect(near(force_n, f_s, force_n + f_s + std::abs(n)),
+  expect(std::abs(force_n - f_s) <= std::max(kRounding, turned_part_) * (force_n + f_s + std::abs(n)),
          fmt::format("|friction_force_W_n| is {:.9g} N, static_friction_n {:.9g} N", force_n, f_s));
   const bool flies = contact.regime == contact_t::REGIME_FLIGHT;
   expect(!flies || (n == 0 && f_s == 0), fmt::format("in flight N is {:.9g} N and f_s {:.9g} N", n, f_s));
@@ -104,6 +107,7 @@ void Rejudge::check_forces(const contact_t& contact) {
     expect(std::isnan(contact.commanded_static_friction_n) && std::isnan(contact.commanded_mu_required),
            "the commanded_ fields are NaN in part");
   } else {
+    expect(!std::isnan(contact.commanded_static_friction_n), "the commanded_ fields are NaN in part");
     const double commanded =
         flies ? 0 : sim::mu_required(contact.commanded_normal_force_n, contact.commanded_static_friction_n);
     expect(same(contact.commanded_mu_required, commanded),

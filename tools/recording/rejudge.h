@@ -52,6 +52,7 @@ class Rejudge {
   void check_sensors(const Lap& recorded);
 
   const sim::Scenario& scenario_;
+  double turned_part_;
   bool sensors_are_true_, floor_is_known_;
   std::unique_ptr<LocalMonitor> monitor_;
   std::int64_t tick_ = 0;

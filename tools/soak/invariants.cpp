@@ -77,7 +77,8 @@ std::uint64_t hash_of(std::int64_t number, std::int64_t utime, const std::vector
 
 // Equal, infinities too, or within this part of the greater.
 bool near(double a, double b, double part) {
-  return a == b || std::abs(a - b) <= part * std::max(std::abs(a), std::abs(b));
+  return a == b ||
+         (std::isfinite(a) && std::isfinite(b) && std::abs(a - b) <= part * std::max(std::abs(a), std::abs(b)));
 }
 
 // Whether f_s / N is finite or +infinity, which the .lcm files allow where N <= 0.
@@ -104,8 +105,8 @@ const InvariantText& text_of(Invariant invariant) { return kTexts[static_cast<st
 Invariants::Invariants(const sim::Scenario& scenario)
     : scenario_(scenario),
       has_controller_(scenario.run.actuation == sim::Actuation::kStepper),
-      // The countdown has two ticks, the first and the last tick add one, and rounding of the division another.
       windows_(scenario),
+      // The countdown has two ticks, the first and the last tick add one, and rounding of the division another.
       most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) + 4) {}
 
 bool Invariants::has_fault(sim::FaultKind kind) const {

@@ -38,8 +38,10 @@ std::string trip_values_text(const trip_t& trip) {
       return fmt::format(": the ball slid at f_s/N = {:.6g}, on a floor that was to hold up to {:.6g}", trip.value,
                          trip.limit);
     case trip_t::CAUSE_DISAGREEMENT:
-      return fmt::format(": plant and controller differed by {:.6g} N about N and f_s; allowed: <= {:.6g} N",
-                         trip.value, trip.limit);
+      return fmt::format(
+          ": plant and controller, or the plant's own messages, differed by {:.6g} N about N and f_s; allowed: <= "
+          "{:.6g} N",
+          trip.value, trip.limit);
     case trip_t::CAUSE_MISSING:
     case trip_t::CAUSE_REPEATED:
       return fmt::format(": the newest tick was {:.0f} where {:.0f} was due", trip.value, trip.limit);
