@@ -84,7 +84,7 @@ class ProgressLine {
 };
 
 std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcome,
-                         const std::optional<sim::Extremum>& with_steppers, const std::string& file) {
+                         const std::optional<plan::StepperRun>& with_steppers, const std::string& file) {
   const plan::Plan& p = *outcome.plan;
   const auto& mu = p.run.extrema.mu_required_max;
   std::string text = fmt::format(
@@ -93,8 +93,14 @@ std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcom
       task.scenario.name, p.run.final.position_W_m[0], p.run.final.position_W_m[1], p.grid.duration_s,
       task.task.at_rest ? " and rests there" : "", 1e3 * p.goal_error_m, mu.value, mu.time_s);
   if (with_steppers) {
-    text += fmt::format("  with its steppers it needs f_s/N = {:.3g} at t = {:.3g} s\n", with_steppers->value,
-                        with_steppers->time_s);
+    const sim::Extremum& need = with_steppers->mu_required_max;
+    const bool completed = with_steppers->end_reason == to_string(sil::EndReason::kCompleted);
+    text += completed
+                ? fmt::format("  with its steppers it needs f_s/N = {:.3g} at t = {:.3g} s\n", need.value, need.time_s)
+                : fmt::format(
+                      "  with its steppers it does not hold: {} at t = {:.3g} s, where f_s/N = {:.3g}. `ballast "
+                      "check` names resonances and what helps\n",
+                      with_steppers->end_reason, with_steppers->end_time_s, need.value);
   }
   text += fmt::format("  limited by: {}\n", outcome.binding);
   text += fmt::format("  written: {}; run it with: {} run {}\n", file, program::ballast_as_typed(),
@@ -102,9 +108,9 @@ std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcom
   return text;
 }
 
-// f_s / N with firmware and steppers, up to where that run ends. None: the firmware refuses the plan, which is printed.
-std::optional<sim::Extremum> need_with_steppers(const sim::Scenario& scenario,
-                                                const volatile std::sig_atomic_t* signalled) {
+// The plan with firmware and steppers. None: the firmware refuses the plan, which is printed.
+std::optional<plan::StepperRun> need_with_steppers(const sim::Scenario& scenario,
+                                                   const volatile std::sig_atomic_t* signalled) {
   const auto params = program::make_controller_params("ballast", scenario);
   if (!params) return std::nullopt;
   sil::InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
@@ -112,7 +118,8 @@ std::optional<sim::Extremum> need_with_steppers(const sim::Scenario& scenario,
   sil::NoRecord sink;
   sil::RunOptions options;
   options.interrupted = signalled;
-  return sil::run(scenario, peers, sink, options).extrema.mu_required_max;
+  const sil::RunResult result = sil::run(scenario, peers, sink, options);
+  return plan::StepperRun{result.extrema.mu_required_max, to_string(result.end_reason), result.final_sample.time_s};
 }
 
 int plan_task(const PlanCommand& command) {
@@ -161,7 +168,7 @@ int plan_task(const PlanCommand& command) {
   if (!outcome.plan && *signalled != 0) outcome.binding = "interrupted before a plan was found";
 
   std::string toml;
-  std::optional<sim::Extremum> with_steppers;
+  std::optional<plan::StepperRun> with_steppers;
   if (outcome.plan) {
     toml = plan::plan_toml(file_text(path), *task, *outcome.plan);
     const auto written = sim::parse_scenario(toml, toml_path.string());

@@ -111,7 +111,7 @@ std::string plan_toml(const std::string& toml, const TaskFile& task, const Plan&
   return sim::to_toml(root) + "\n";
 }
 
-std::string outcome_json(const TaskFile& task, const Outcome& outcome, const sim::Extremum* with_steppers,
+std::string outcome_json(const TaskFile& task, const Outcome& outcome, const StepperRun* with_steppers,
                          std::uint64_t seed, double wall_time_s) {
   nlohmann::ordered_json out;
   out["status"] = to_string(outcome.status);
@@ -123,7 +123,9 @@ std::string outcome_json(const TaskFile& task, const Outcome& outcome, const sim
     out["mu_required"] = {{"max", mu.value}, {"time", mu.time_s}};
     out["stepper_mu_required"] = nullptr;
     if (with_steppers != nullptr) {
-      out["stepper_mu_required"] = {{"max", with_steppers->value}, {"time", with_steppers->time_s}};
+      const sim::Extremum& need = with_steppers->mu_required_max;
+      out["stepper_mu_required"] = {{"max", need.value}, {"time", need.time_s}};
+      out["stepper_end"] = {{"reason", with_steppers->end_reason}, {"time", with_steppers->end_time_s}};
     }
     const auto& normal = plan.run.extrema.normal_force_min;
     out["normal_force"] = {{"min", normal.value}, {"min_time", normal.time_s}};

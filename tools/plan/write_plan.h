@@ -21,8 +21,16 @@ namespace ballast::plan {
 // The name of the scenario that plan_toml() gives.
 [[nodiscard]] std::string plan_name(const std::string& task_name);
 
-// `with_steppers`: what the plan needs with its motors and the firmware; null in a task of prescribed masses.
-[[nodiscard]] std::string outcome_json(const TaskFile& task, const Outcome& outcome, const sim::Extremum* with_steppers,
+// The plan's run with its motors and the firmware: the friction it needed up to its end, and "completed" or why it
+// ended.
+struct StepperRun {
+  sim::Extremum mu_required_max;
+  std::string end_reason;
+  double end_time_s = 0;
+};
+
+// `with_steppers`: null in a task of prescribed masses.
+[[nodiscard]] std::string outcome_json(const TaskFile& task, const Outcome& outcome, const StepperRun* with_steppers,
                                        std::uint64_t seed, double wall_time_s);
 
 }  // namespace ballast::plan

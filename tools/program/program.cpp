@@ -191,6 +191,23 @@ std::string default_firmware(const std::string& board) {
   return beside_this_program("").parent_path().parent_path() / board / "bin" / ("ballast-" + board + ".elf");
 }
 
+namespace {
+
+// An option for a number whose value is empty; CLI11 takes that for 0. Null: there is none.
+const CLI::Option* empty_number(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options()) {
+    const auto& values = option->results();
+    const bool number = option->get_type_name().find("TEXT") == std::string::npos;
+    if (number && std::find(values.begin(), values.end(), "") != values.end()) return option;
+  }
+  for (const CLI::App* command : app.get_subcommands()) {
+    if (const CLI::Option* option = empty_number(*command)) return option;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   keep_standard_files();
   app.set_version_flag("--version", app.get_name() + " " BALLAST_VERSION, "print the version and exit");
@@ -204,6 +221,10 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
       return after_output(app.get_name(), kExitCompleted);
     }
     complain(app.get_name(), usage_error_text(error, app));
+    return kExitUsage;
+  }
+  if (const CLI::Option* option = empty_number(app)) {
+    complain(app.get_name(), option->get_name() + ": is empty; allowed: a number");
     return kExitUsage;
   }
   return std::nullopt;
