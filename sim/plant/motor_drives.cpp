@@ -1,6 +1,7 @@
 #include "sim/plant/motor_drives.h"
 
 #include <cmath>
+#include <utility>
 
 namespace ballast::sim {
 

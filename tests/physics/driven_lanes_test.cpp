@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
-#include <cstring>
 
 #include "sim/motors/motor_presets.h"
 #include "sim/plant/equations.h"
@@ -119,7 +119,8 @@ TEST(DrivenLanes, GiveTheSameBitsOnEveryProcessor) {
     LaneMotion here{}, portable{};
     ASSERT_TRUE(robot.lanes(driven_lanes(), here));
     ASSERT_TRUE(robot.lanes(portable_driven_lanes(), portable));
-    EXPECT_EQ(std::memcmp(&here, &portable, sizeof here), 0) << "trial " << trial;
+    using Bits = std::array<std::uint64_t, sizeof(LaneMotion) / sizeof(double)>;
+    EXPECT_EQ(std::bit_cast<Bits>(here), std::bit_cast<Bits>(portable)) << "trial " << trial;
   }
 }
 

@@ -290,7 +290,7 @@ class Search {
 
   // The last part: nodes twice as dense, so that little happens between them, and the plant as the judge. True: a plan.
   bool refine(const Grid& coarse, const std::vector<bool>& fixed, std::vector<double> knots,
-              std::vector<double> via_time_s) {
+              const std::vector<double>& via_time_s) {
     const Grid grid{coarse.duration_s, coarse.pieces, 2 * coarse.steps_per_piece};
     Rollout rollout(problem_, grid);
     Transcription transcription = transcribe(problem_, rollout, via_time_s);

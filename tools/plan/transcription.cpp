@@ -337,7 +337,7 @@ void Transcription::move_via_times() {
   for (std::size_t v = 0; v < via_time_s.size(); ++v) {
     const Via& via = problem_.task.via[v];
     if (via.time_s) continue;
-    const int node = std::clamp(static_cast<int>(via_time_s[v] / h + 0.5), 0, grid.nodes() - 1);
+    const int node = std::clamp(static_cast<int>(std::lround(via_time_s[v] / h)), 0, grid.nodes() - 1);
     const Node& at = rollout_.nodes()[index(node)];
     const Eigen::Vector2d velocity(at.value.velocity_mps[0], at.value.velocity_mps[1]);
     const Eigen::Vector2d place(at.place_m[0], at.place_m[1]);

@@ -53,7 +53,7 @@ class LogWriter {
  private:
   // An event's sync word, number, time, and lengths of channel and data: big-endian.
   static constexpr std::int64_t kEventHeaderSize = 28;
-  static constexpr std::size_t kBatchBytes = 64 * 1024;  // stays in a core's cache
+  static constexpr std::size_t kBatchBytes = 1 << 16;  // stays in a core's cache
 
   using Bytes = std::vector<char>;
   // Precedes each message of a batch.
