@@ -16,7 +16,7 @@ class ExternalForce {
   [[nodiscard]] bool present() const { return present_; }
   // Whether there is a table or drag, which the controller is not told of.
   [[nodiscard]] bool has_untold() const { return !times_s_.empty() || drag_kgpm_ > 0; }
-  // What is left without table and drag: the constant force, and pushes as they are now.
+  // Leaves out table and drag: keeps the constant force, and pushes as they are now.
   void keep_told();
   // To be called at the start of a run that injects pushes.
   void expect_pushes() { present_ = true; }

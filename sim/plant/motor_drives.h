@@ -18,7 +18,7 @@ class MotorDrives {
   explicit MotorDrives(const PlantModel& model);
 
   [[nodiscard]] std::size_t size() const { return steppers_.size(); }
-  // Whoever takes it may change the field.
+  // The caller may change the field, so driven_lanes() is told anew.
   [[nodiscard]] Stepper& stepper(std::size_t i) {
     lanes_are_old_ = true;
     return steppers_[i];

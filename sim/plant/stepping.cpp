@@ -48,7 +48,7 @@ auto right_hand_side(const Equations& equations, Instant& motion) {
 
 }  // namespace
 
-// What a position's error is worth is the force by which its motor answers, and what a rate's is worth is the position
+// An error of a position counts as the force by which its motor answers, an error of a rate as the position
 // that it swings out to. So a step's error at `tolerance` changes no force by more than kWeightsPerScale * tolerance of
 // the weight.
 Stepping::Stepping(const PlantModel& model)

@@ -18,10 +18,11 @@ TEST(Doctor, EveryFailureHasItsFix) {
       folder.run("B=$(command -v ballast); unset DISPLAY JAVA_HOME; PATH=/nowhere $B doctor --lcm '" + bus_url(0) +
                  "' --listen 0.1 --types nowhere.jar");
   EXPECT_EQ(doctor.exit_status, 2);
-  for (const char* line : {"FAIL  java: no java in PATH\n        fix: apt-get install -y default-jre",
-                           "FAIL  types jar: nowhere.jar is missing\n        fix: ", "note  cross compiler: ",
-                           "fix: apt-get install -y g++-arm-none-eabi", "note  emulator: ",
-                           "fix: apt-get install -y qemu-system-arm", "note  display: ", "note  peers: no message on "}) {
+  for (const char* line :
+       {"FAIL  java: no java in PATH\n        fix: apt-get install -y default-jre",
+        "FAIL  types jar: nowhere.jar is missing\n        fix: ", "note  cross compiler: ",
+        "fix: apt-get install -y g++-arm-none-eabi", "note  emulator: ", "fix: apt-get install -y qemu-system-arm",
+        "note  display: ", "note  peers: no message on "}) {
     EXPECT_NE(doctor.out.find(line), std::string::npos) << line << "\n" << doctor.out;
   }
   std::istringstream lines(doctor.out);
@@ -44,7 +45,7 @@ TEST(Doctor, AUrlThatIsNoneFails) {
   EXPECT_EQ(folder.run("ballast doctor --listen nan").exit_status, 1);
 }
 
-// Whoever is asked, the words are the same, and lead here.
+// Every program gives the same words, which lead here.
 TEST(Doctor, IsNamedByEveryProgramThatGetsAUrlThatIsNone) {
   const Folder folder;
   for (const char* line : {"ballast run paper_ball --out r", "ballast run paper_ball --processes --out r",

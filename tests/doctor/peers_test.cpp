@@ -1,4 +1,4 @@
-// What the doctor makes of what is said on a bus.
+// The doctor's reading of the messages on a bus.
 #include "tools/doctor/peers.h"
 
 #include <gtest/gtest.h>

@@ -11,7 +11,7 @@ import unittest
 from cross import COMPILER, Folder
 
 ROOT = os.environ["BALLAST_ROOT"]
-# Of the toolchain file and the board, as its programs are built with.
+# The flags of the toolchain file and the board, with which its programs are built.
 OPTIONS = shlex.split(os.environ["BALLAST_OPTIONS"]) + [
     "-std=c++20", "-O2", "-Wno-psabi", "-DEIGEN_DONT_VECTORIZE", "-DEIGEN_MAX_ALIGN_BYTES=0", "-DNDEBUG",
     "-Deigen_assert(x)=((x)?(void)0:__builtin_trap())", "-I", ROOT, "-isystem", os.environ["BALLAST_EIGEN"],

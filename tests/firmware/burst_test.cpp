@@ -80,7 +80,7 @@ TEST(MakeWindows, OppositePulsesKeepTheSetUpTime) {
   EXPECT_EQ(rules.earliest_after(50, false), 0);
 }
 
-// Whatever is chosen in the windows of the pulses before, the next one can still keep its distance.
+// The next pulse can keep its distance for every choice in the windows of the pulses before.
 TEST(MakeWindows, AnyChoiceLeavesRoomForTheNext) {
   const PulseRules rules{{1e7, 0.001}, 1e6};
   auto pulses = at_ticks({10, 20, 29.5, 40, 51});

@@ -888,8 +888,8 @@ TEST(Controller, AStopIsPredictedAlsoAfterItsEnd) {
   EXPECT_LT(bench.out.status.plan.normal_force_min_n, bench.out.status.predicted.normal_force_n);
 }
 
-// Whatever takes the profiles' place while a stop is predicted ends that prediction: a start, a move, and those that
-// are refused after they were planned. What the mode refuses does not.
+// A prediction of a stop ends when something takes the profiles' place: a start, a move, and those that
+// are refused after they were planned. A command that the mode refuses does not end it.
 TEST(Controller, AStartOrMoveDropsAStopsPrediction) {
   enum class What { kNothing, kStart, kMove, kRefusedMove, kRefusedMode };
   for (const What what : {What::kNothing, What::kStart, What::kMove, What::kRefusedMove, What::kRefusedMode}) {
@@ -1131,7 +1131,7 @@ TEST(Controller, ARestartThatWouldLeaveTheRailIsRefusedByName) {
   }
 }
 
-// Whatever happens: the commanded position moves no faster than it may, and the count stays with it.
+// In every life the commanded position keeps its rate limit, and the count stays with it.
 TEST(Controller, RandomLivesKeepCountAndProfileTogether) {
   const auto seed = static_cast<unsigned>(ballast::test::random_seed(2718));
   RecordProperty("seed", static_cast<int>(seed));

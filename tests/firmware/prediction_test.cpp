@@ -1,4 +1,4 @@
-// What the controller says of a stop before it starts, against the plant that then executes it: another derivation,
+// The controller's prediction of a stop against the plant that then executes it: another derivation,
 // integrated to 1e-13. The masses are prescribed, so that the motors' swinging, which the prediction leaves out, is
 // left out here too.
 #include "firmware/control/prediction.h"

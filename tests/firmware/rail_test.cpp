@@ -166,7 +166,7 @@ TEST(Rail, ClosedSplineWraps) {
     }
   }
   EXPECT_EQ(evaluate<Real>(rail, -0.5).position, Vector3(0, 0.25, 3));
-  // What rounding leaves just below a turn belongs to the curve, not to a tangent.
+  // A position that rounding leaves just below a turn belongs to the curve, not to a tangent.
   EXPECT_NEAR(evaluate<Real>(rail, -1e-300).position[1], 0, kRounding);
 }
 

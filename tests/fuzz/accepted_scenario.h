@@ -1,4 +1,4 @@
-// What holds of every scenario, whatever it was read from.
+// Properties of every accepted scenario.
 #pragma once
 
 #include <algorithm>

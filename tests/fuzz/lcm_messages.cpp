@@ -36,8 +36,8 @@ std::vector<std::uint8_t> through_firmware(const M& message) {
   }
 }
 
-// Of one sender no command comes out twice, or after a newer one, but stops. That is promised as long as there are few
-// senders; who invents many makes old ones be forgotten.
+// No command but a stop comes out twice, or after a newer one of its sender. That is promised as long as there are few
+// senders; many invented ones push old ones out of the memory.
 class Inbox {
  public:
   void hear(const operator_t& message) {

@@ -503,7 +503,7 @@ TEST(Monitor, OrderOfChecks) {
   expect_trip(judge(6), trip_t::CAUSE_STALE, 3, 6, 1);
 }
 
-// What happened between two ticks counts, though both samples are inside.
+// An excursion between two ticks counts, though both samples are inside.
 TEST(Monitor, TripsOnWhatHappenedBetweenTicks) {
   expect_trip(judge_changed([](Tick& t) { t.contact.normal_force_min_n = 0.5; }), trip_t::CAUSE_NORMAL_FORCE, 3, 0.5,
               0.5);

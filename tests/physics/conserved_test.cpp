@@ -1,4 +1,4 @@
-// What mechanics keeps, kept by the plant: energy, the work of motors and friction, and the classical integrals of
+// The plant keeps the conserved quantities of mechanics: energy, the work of motors and friction, and the integrals of
 // Jellett, Routh and Chaplygin.
 //
 // Derivations, in the space frame: G the geometric centre, X the vector from G to the centre of mass of the whole, s =
@@ -328,7 +328,7 @@ double work(Plant& plant, double end_s, int panels, Power power) {
   return sum;
 }
 
-// What motors and friction put in: the torque at each shaft times its speed, which includes what the rotor takes, and
+// Power of motors and friction: the torque at each shaft times its speed, the rotor's share included, and
 // f . slip.
 double power_w(const Scenario& s, const Plant::Sample& p) {
   double power = p.friction_force_W_n.dot(test::contact_velocity_W_mps(s, p).head<2>());

@@ -1,5 +1,5 @@
-// Whose doing the contact force is: against the paper's closed forms, a case by hand, and what is left when a cause is
-// taken away.
+// The causes' shares of the contact force: against the paper's closed forms, a case by hand, and the rest when a cause
+// is taken away.
 #include "sim/plant/contact_shares.h"
 
 #include <gtest/gtest.h>
@@ -160,7 +160,7 @@ TEST(ContactShares, WithoutAWeightOnTheFloorNothingCanBeSaid) {
   EXPECT_TRUE(std::isnan(part_of_friction(ContactShares{}, Vector3d::Zero(), 0)));
 }
 
-// What the plant remembers of the instant of its greatest f_s / N gives that f_s / N again.
+// The plant's record of the instant of its greatest f_s / N gives that f_s / N again.
 TEST(ContactShares, ThePlantsAreThoseOfItsMaximum) {
   for (const char* name : {"paper_ball", "paper_disk", "paper_detach", "seam_ball", "tumbleweed"}) {
     SCOPED_TRACE(name);

@@ -178,7 +178,7 @@ TEST(SplineRail, OfTwoPointsIsTheLine) {
   }
 }
 
-// What the scenario reader refuses is visible here: points that a rail of 64 pieces cannot follow.
+// Points that a rail of 64 pieces cannot follow, which the scenario reader refuses, are visible here.
 TEST(SplineRail, MeasuresWhatItCannotFollow) {
   std::vector<Vector3d> zigzag;
   for (int i = 0; i < 60; ++i) zigzag.emplace_back(0.02 * i, i % 2 == 0 ? 0.0 : 0.2, 0);

@@ -214,7 +214,7 @@ TEST(EndStop, RestitutionWithTheBallRecoilingAndTheImpulse) {
   }
 }
 
-// Of random robots: masses on lines between stops, motors without current.
+// A random robot with masses on lines between stops and motors without current.
 Scenario with_stops(test::RandomRobot& random, int mass_count, double restitution) {
   Scenario s = random.scenario(mass_count);
   s.run.actuation = Actuation::kStepper;

@@ -47,7 +47,7 @@ TEST(Drag, ARollingBallIsTakenAlongByTheWind) {
     const double u0 = 5 - start_mps, u = u0 / (1 + k * u0 * 3);
     EXPECT_LT((plant.sample().velocity_W_mps - (5 - u) * along).norm(), 1e-10);
     EXPECT_LT((plant.sample().position_W_m - (5 * 3 - std::log(1 + k * u0 * 3) / k) * along).norm(), 1e-10);
-    // Of a force at the centre a rolling solid ball passes 2/7 to the floor.
+    // A rolling solid ball passes 2/7 of a force at its centre to the floor.
     EXPECT_NEAR(plant.sample().static_friction_n, 2.0 / 7 * 0.2 * u * u, 1e-10);
     EXPECT_NEAR(plant.extrema().static_friction_max.value, 2.0 / 7 * 0.2 * u0 * u0, 1e-10);
   }

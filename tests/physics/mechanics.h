@@ -20,7 +20,7 @@ struct Whole {
 // Shell and masses, without the motors' rotors.
 Whole whole(const sim::Scenario& scenario, const sim::Plant::Sample& sample);
 
-// Of the rotors' turning against the ball; the model does not couple their spin to the ball's.
+// Energy of the rotors' turning against the ball; the model does not couple their spin to the ball's.
 double rotor_energy_j(const sim::Scenario& scenario, const sim::Plant::Sample& sample);
 
 using Fields = std::array<double, sim::kMaxMasses>;  // shaft angles at which the fields of the steppers stand

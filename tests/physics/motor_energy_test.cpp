@@ -91,7 +91,7 @@ TEST(MotorEnergy, WhatGoesInIsWhatComesOut) {
   EXPECT_NEAR(mechanical() - before, work_j, 1e-8 * (1 + std::abs(work_j)));
 }
 
-// What a stop eats is the motor's work on mass and ball, and not a gap in its account.
+// The energy lost in a stop is the motor's work on mass and ball, and not a gap in its account.
 TEST(MotorEnergy, AStopsHeatIsWorkOfTheMotor) {
   Scenario s = ball();
   s.masses.resize(1);

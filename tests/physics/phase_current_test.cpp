@@ -1,5 +1,5 @@
-// What currents the supply can drive: against the winding's own differential equations, and the greatest torque against
-// a search.
+// The currents that the supply can drive: against the winding's own differential equations, and the greatest torque
+// against a search.
 #include "sim/motors/phase_current.h"
 
 #include <gtest/gtest.h>
@@ -113,7 +113,7 @@ TEST(PhaseCurrent, IsContinuousAndTheSameBothWays) {
   const Motor m = motor(*find_motor_preset("nema17"));
   const PhaseCurrent phases(m);
   const double amplitude = std::numbers::sqrt2 * m.rated_current_a, k = m.holding_torque_nm / amplitude;
-  // What a change of the voltage needed could do to the current at most, that of the back EMF and of the inductance.
+  // The most by which a change of the needed voltage (back EMF and inductance) can change the current.
   const double steepest = k * (k + 50 * m.inductance_h * amplitude) / m.resistance_ohm;
   for (double lag = -3; lag <= 3; lag += 0.1) {
     double before = phases.torque_nm(lag, 0, 0);

@@ -12,7 +12,7 @@
 
 namespace ballast::test {
 
-// What the firmware would be told of this ball. Throws what it was refused for.
+// The firmware's parameters of this ball. Throws the reason of a refusal.
 firmware::BallParams ball_params(const sim::Scenario& scenario);
 
 class PrescribedRun {

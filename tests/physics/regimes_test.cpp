@@ -603,7 +603,7 @@ TEST(Impact, BouncingWithoutGravityEndsByRest) {
   Plant plant(s);
   go(plant, s, 0.01);
   EXPECT_EQ(order(plant), (std::vector{Regime::kFlight, Regime::kRolling}));
-  // What is left out once bounces are slower than 1e-6 of the scale of speed, 1 m/s, is 1e-7 s each.
+  // Bounces slower than 1e-6 of the scale of speed, 1 m/s, are left out: 1e-7 s each.
   EXPECT_NEAR(plant.regimes()[1].time_s, std::sqrt(0.2) * 1.6 / 0.4, 1e-6);
   EXPECT_LT(plant.impacts().size(), 40u);
 }

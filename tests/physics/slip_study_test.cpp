@@ -173,7 +173,7 @@ TEST(SlipException, JumpPastZero) {
     Plant perfect(s);
     roll(perfect, s);
     if (perfect.end() != PhysicsEnd::kDetached || perfect.time_s() != s.masses[0].motion[0].duration_s) continue;
-    // What the ball needed until the jump: a floor twice as rough.
+    // The ball needed a floor twice as rough until the jump.
     Scenario before = s;
     for (Mass& m : before.masses) m.motion.clear();
     before.duration_s = 0.1 * time_scale_s(s);

@@ -81,7 +81,7 @@ TEST(Stepper, LostStepsAreCountedPerTooth) {
   EXPECT_EQ(s.lost_steps(), 128);
   EXPECT_EQ(s.slips(), 2);
   EXPECT_EQ(s.steps_behind(0), 97);
-  // What the rotor makes good is not lost; it has slipped once more for that.
+  // A tooth that the rotor recovers is not lost; it has slipped once more for that.
   s.count_slips(2 * kPi / 50);
   EXPECT_EQ(s.lost_steps(), 64);
   EXPECT_EQ(s.slips(), 3);

@@ -66,7 +66,7 @@ TrajectoryRun::TrajectoryRun(const sim::Scenario& scenario)
           },
           rows_s(scenario)) {}
 
-// What the closed forms take as constant, at this instant.
+// The quantities that the closed forms take as constant, at this instant.
 Vector3d TrajectoryRun::force_W(double time_s, const Vector3d& velocity_W) const {
   Vector3d force = ball_.external_force_W_n;
   const auto& times = table_.times_s;

@@ -8,7 +8,7 @@
 
 namespace ballast::test {
 
-// What the firmware would be told of this ball, its masses on their rails. Throws what it was refused for.
+// The firmware's parameters of this ball, its masses on their rails. Throws the reason of a refusal.
 firmware::BallParams ball_on_rails(const sim::Scenario& scenario);
 
 class TrajectoryRun {

@@ -113,7 +113,7 @@ TEST(Plan, StaysAtRestAfterTheEnd) {
   longer.duration_s = 16;
   sim::Plant plant(longer);
   plant.advance(16, {});
-  // What is left of its speed, 3e-4 sqrt(g r), takes it at most 3.6 mm in 10 s.
+  // The speed that is left, 3e-4 sqrt(g r), takes it at most 3.6 mm in 10 s.
   EXPECT_LT((plant.sample().position_W_m.head<2>() - Eigen::Vector2d(0.3, 0.1)).norm(), 4e-3);
 }
 

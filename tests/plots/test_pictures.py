@@ -413,7 +413,7 @@ class PicturesTest(unittest.TestCase):
         run = self.recorded(ball(controller=True))
         time, commanded, true = run.commanded_and_true()
         for i in range(3):
-            # What synthetic_run.py adds; theta is below 10, so subtracting leaves 1e-14.
+            # The ringing that synthetic_run.py adds; theta is below 10, so subtracting leaves 1e-14.
             offset = 2e-3 * (i + 1) * np.sin(5 * time + i)
             np.testing.assert_allclose(commanded[:, i] - true[:, i], offset, rtol=0, atol=1e-14)
         difference = self.line(pictures.masses(run).axes[1], pictures.MASS_COLORS[2])[1]

@@ -163,7 +163,7 @@ class RecordingTest(unittest.TestCase):
         self.assertNotEqual(found.summary["end"]["time"], whole["end"]["time"])
         self.assertTrue(any(f"run.lcmlog ends at t = {time[-1]:.6g} s, but summary.json is of a run that ends "
                             f"at t = {whole['end']['time']:.6g} s" in note for note in found.notes), found.notes)
-        # What a run begins with holds of every part of it.
+        # The parameters at a run's beginning hold for every part of it.
         self.assertEqual((found.name, found.summary["surface"]), (whole["scenario"], whole["surface"]))
         self.assertEqual(words.badge(found), ("End not recorded", "unknown"))
         said = " ".join(words.sentences(found)) + str(words.tables(found)) + str(words.numbers(found.summary))

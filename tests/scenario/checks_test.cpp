@@ -1,4 +1,4 @@
-// What a scenario may say, and what is said when it says something else.
+// The values that a scenario may have, and the errors for others.
 #include <cmath>
 #include <limits>
 

@@ -373,7 +373,7 @@ TEST(StepRate, TheControllerIssuesOnlySoManyStepsPerTick) {
   EXPECT_TRUE(contains(error.message, "allowed: <= 750 (motor.max_step_rate)")) << error.message;
 }
 
-// What the controller would refuse is refused with its key and file first.
+// A value that the controller would refuse is refused with its key and file first.
 TEST(Steps, TheInitialPositionHasToBeCountable) {
   const std::vector<std::string> one_to_one = {"mass.0.motor={steps_per_revolution=4, microsteps=250}",
                                                "mass.0.motion=[]"};

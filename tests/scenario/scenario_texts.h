@@ -82,7 +82,7 @@ value = 0.19
 source = "somewhere"
 )";
 
-// What kFull has no room for: splines, trajectories, forces that change.
+// Keys that exclude those of kFull: splines, trajectories, forces that change.
 inline const std::string kPaths = R"(duration = 4.0
 gravity = 9.0
 external_force = { times = [0.5, 1.5, 3.0], forces = [[0.1, 0, 0], [0, 0.2, 0], [0, 0, -0.1]] }

@@ -263,7 +263,7 @@ friction_use = 1.0                     # trips when f_s > friction_use * mu_s * 
   EXPECT_EQ(s.masses.size(), 1u);
 }
 
-// What a run leaves beside its log: the same scenario, from a file of another name.
+// A run leaves the same scenario beside its log, in a file of another name.
 TEST(Shipped, TheTextOfAScenarioGivesItAgain) {
   for (const auto& entry : std::filesystem::directory_iterator(kShipped)) {
     const Scenario s = shipped(entry.path().stem().string());

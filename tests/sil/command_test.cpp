@@ -113,7 +113,7 @@ TEST(Run, ChecksEveryStepIfAsked) {
   EXPECT_EQ(folder.run("ballast run paper_ball --check-steps --actuation prescribed").exit_status, 1);
 }
 
-// What no motor could follow may still be prescribed, as the paper does.
+// A motion that no motor could follow may still be prescribed, as the paper does.
 TEST(Run, APrescribedRunKnowsNoMotorLimits) {
   const Folder folder;
   for (const std::string limit : {"max_step_rate=10", "max_acceleration=0.5", "max_jerk=1"}) {
@@ -507,7 +507,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadInput{"OutputUnderAFile", "ball.toml --out file/results", 2, "file/results"},
         BadInput{"OutputIsAFile", "ball.toml --out file", 2, "file: is a file; allowed: a folder"},
         BadInput{"ElfForTheHost", "ball.toml --firmware-elf file", 1, "--firmware-elf: not with --firmware host"},
-        // What a run was to be made of is looked at after its folder was made.
+        // The run's parts are checked after its folder was made.
         BadInput{"NoElf", "paper_ball --firmware qemu --firmware-elf nowhere.elf --out e/f/", 2, "nowhere.elf"},
         BadInput{"ElfThatIsNone", "paper_ball --firmware qemu --firmware-elf file --out e", 2, "file: is no program"},
         BadInput{"OutputOnProc", "ball.toml --out /proc/results", 2, "/proc/results"},
@@ -540,7 +540,7 @@ std::string started(const std::string& command, const std::string& log) {
          " 2>/dev/null || echo 0)\" -le 100000 ]; do sleep 0.1; i=$((i + 1)); done; ";
 }
 
-// Whoever comes second leaves alone what the first one writes, and says so; killed, the first one locks nobody out.
+// The second run leaves the first one's files alone, and says so; a killed run locks nobody out.
 TEST(Run, AFolderTakesOneRunAtATime) {
   const Folder folder;
   folder.write("ball.toml", kBall);
@@ -814,8 +814,8 @@ TEST(Move, OneThatWillBreakTheEnvelopeIsSaidToBeforeAndWhereItEndedAfter) {
       folder.run("ballast move paper_ball --mass 1 --to 2.2 --set envelope.friction_use=0.001 --quiet --out m");
   EXPECT_EQ(limited.exit_status, 3);
   EXPECT_NE(limited.err.find("; allowed: >= 0.999\n"), std::string::npos) << limited.err;
-  // What tripped it is among what it was seen to do: f_s / N, by the floor's mu_s. The trip knows the peak between two
-  // ticks, the samples do not: half of it is enough to tell it from the rest before.
+  // The cause of the trip is among the recorded values: f_s / N, by the floor's mu_s. The trip knows the peak between
+  // two ticks, the samples do not: half of it is enough to tell it from the rest before.
   const auto tripped = folder.summary("m");
   EXPECT_LT(tripped["move"]["margin_min"].get<double>(), 1 - 0.5 * tripped["trip"]["value"].get<double>() / 0.35);
 }
@@ -936,7 +936,7 @@ TEST(Move, GoesAsCloseToAnEndStopAsTheRotorMaySwing) {
   }
 }
 
-// What a refusal says is allowed can be typed back, however many digits it has.
+// A value that a refusal names as allowed can be typed back, however many digits it has.
 TEST(Move, ToWhatARefusalAllows) {
   const Folder folder;
   folder.write("line.toml", test::kIntoItsStop);
@@ -1076,7 +1076,7 @@ TEST(Run, SaysWhereTheBallHasGone) {
   EXPECT_NEAR(folder.summary("i")["travel"]["distance"].get<double>(), run_m, 0.04 * run_m);
 }
 
-// Whoever has it not on the PATH can type what is printed.
+// The printed command works without `ballast` on the PATH.
 TEST(Program, NamesItselfAsItWasTyped) {
   const Folder folder;
   const Outcome outcome =
@@ -1146,7 +1146,7 @@ TEST(Run, SaysWhatAStopWasPredictedToDo) {
   // Jerk 10 (its default here: the motion's own) from 0.15 rad/s: a triangle, twice sqrt(0.15 / 10); the peak would be
   // 1.22 without the limit of 1.02, a part of which makes it longer.
   EXPECT_NEAR(s["stop"]["duration"].get<double>(), 2 * std::sqrt(0.15 / 10), 0.01);
-  // What the motors' swinging adds is 0.008 of f_s/N on the whole run, more where they brake: a tenth of the cone.
+  // The motors' swinging adds 0.008 of f_s/N on the whole run, more where they brake: a tenth of the cone.
   EXPECT_NEAR(s["stop"]["margin_min"].get<double>(), s["stop"]["predicted_margin_min"].get<double>(), 0.1);
   // A run that ends as the stop begins has seen nothing of it.
   std::ostringstream until;

@@ -170,8 +170,8 @@ TEST(MessageFault, StepsThatDoNotReachTheMotorsEndTheRun) {
   }
 }
 
-// What is turned over decides: some bits leave no message of ours (a 20th of them are the type's hash), some numbers in
-// their range. 8 of some 1,300 bits in each of 500 messages: that none of them is refused has a chance of (1 -
+// The place of the bit decides: some bits leave no message of ours (a 20th of them are the type's hash), some numbers
+// in their range. 8 of some 1,300 bits in each of 500 messages: that none of them is refused has a chance of (1 -
 // 1/20)^4000.
 TEST(MessageFault, CorruptedMessagesAreRefusedOrBelieved) {
   for (const char* fault : {"messages_corrupted@2:8", "messages_corrupted@2:8,channel=BALLAST_TRIP",
@@ -362,8 +362,7 @@ TEST(MotorFault, StepsAreLostBehindTheControllersBack) {
     EXPECT_GT(result.final_sample.lost_steps[0], 0);
     // Less speed would not have helped, and is not advised.
     const std::string text = lost_steps_text(scenario, result);
-    EXPECT_NE(text.find("The fault " + to_string(scenario.faults[0]) + " was injected into motor 0"),
-              std::string::npos)
+    EXPECT_NE(text.find("The fault " + to_string(scenario.faults[0]) + " was injected into motor 0"), std::string::npos)
         << text;
     EXPECT_EQ(text.find("max_acceleration"), std::string::npos) << text;
     // A fault of another motor, or one that would have begun later, explains nothing.

@@ -83,7 +83,7 @@ struct Heard {
   std::int64_t sensors = hal::kWaitingTick, steps = hal::kWaitingTick;
 };
 
-// What can be read of a log: how many messages of each tick, in the order of the ticks, and why it ends.
+// The readable part of a log: how many messages of each tick, in the order of the ticks, and why it ends.
 struct Laps {
   std::map<std::int64_t, int> messages;
   std::string damage;

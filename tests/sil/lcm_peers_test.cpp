@@ -91,7 +91,7 @@ TEST_F(LcmPeersTest, TakesTheAnswersOfItsTick) {
   expect_right_lap();
 }
 
-// What the plant said itself may come back after the answers to it, where a processor stands still in between: that is
+// The plant's own message may come back after the answers to it, where a processor stands still in between: that is
 // nobody else in the next tick.
 TEST_F(LcmPeersTest, ItsOwnMessageMayComeBackLast) {
   for (std::int64_t tick = kTick; tick < kTick + 3; ++tick) {
@@ -168,7 +168,7 @@ TEST_F(LcmPeersTest, ASecondVerdictDoesNotReplaceTheFirst) {
   expect_nothing_wrong_in_the_lap();
 }
 
-// Whatever another run says: it is counted, and the lap is as without it. What a lap holds is the same in every run.
+// Messages of another run are counted, and the lap is as without them. A lap holds the same in every run.
 TEST_F(LcmPeersTest, AnotherRunsAnswersAreNotHeard) {
   for (const std::int64_t run_id : {kRunId + 1, std::int64_t{0}}) {
     peer_bus_.join(run_id);

@@ -1,4 +1,4 @@
-// What the messages and the summary say of the motors' share.
+// The motors' share in the messages and the summary.
 #include "tools/sil/motor_share.h"
 
 #include <gtest/gtest.h>
@@ -79,7 +79,7 @@ TEST(MotorShare, CommandedForcesAreTheFirmwaresClosedForms) {
   EXPECT_TRUE(std::isnan(r.contact.at(-1).commanded_mu_required)) << "the countdown";
 }
 
-// What is commanded for the next tick is the scenario's motion there, the later piece's acceleration where two meet.
+// The command for the next tick is the scenario's motion there, the later piece's acceleration where two meet.
 TEST(MotorShare, WhatIsCommandedNextIsTheScenariosMotion) {
   const Recorded r = record("paper_ball", {"duration=0.5"});
   for (std::size_t i = 0; i < r.scenario.masses.size(); ++i) {

@@ -1,4 +1,4 @@
-// What the plant says, against statics and the pushed ball, and every field's place.
+// The plant's messages against statics and the pushed ball, and every field's place.
 #include "tools/sil/plant_messages.h"
 
 #include <gtest/gtest.h>

@@ -377,7 +377,7 @@ TEST(PeerFaultInProcesses, WhoIsSlowIsWaitedFor) {
   }
   FaultedRun("peer_too_slow@0.1").expect_unharmed();                // to the last tick
   FaultedRun("peer_frozen@0.2995:duration=0.1").expect_unharmed();  // in it
-  // Of two sleeps the longer one counts.
+  // The longer of two sleeps counts.
   FaultedRun("peer_frozen@0.1 --fault peer_too_slow@0.1:1", "--peer-timeout 0.5").expect_given_up("controller", "99");
   FaultedRun("peer_too_slow@0.1:1000", "--peer-timeout 0.5").expect_given_up("controller", "99");
 }

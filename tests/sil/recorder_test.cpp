@@ -184,7 +184,7 @@ TEST(OutputDir, WritesNothingIntoAnotherFolderOfItsName) {
     EXPECT_FALSE(std::filesystem::exists(root / "r" / "summary.json"));
   }
   {
-    // What was made goes where nothing was put in it, whatever way its name takes.
+    // A folder that was made goes if nothing was put in it, on every path to its name.
     const OutputDir output(root / "x" / "y" / ".." / "z" / "");
     EXPECT_TRUE(std::filesystem::exists(root / "x" / "z"));
   }

@@ -53,7 +53,7 @@ void copy_run(const Folder& folder, const std::string& from, const std::string& 
   ASSERT_TRUE(recorder.close());
 }
 
-// What a run said is what the same firmware says again; and the replayed log is the recorded one, byte for byte.
+// The same firmware repeats the run's outputs, and the replayed log is the recorded one, byte for byte.
 TEST(Replay, TheSameFirmwareSaysTheSame) {
   const Folder folder;
   for (const std::string scenario :
@@ -190,7 +190,7 @@ TEST(Replay, NamesTheFirstTickAndField) {
   EXPECT_SAYS(bit.out, "BALLAST_CONTROLLER_STATUS, tick 100, normal_force_n: ");
   EXPECT_SAYS(bit.out, " N, 1 ULP); 2 messages differ");
   EXPECT_SAYS(bit.out, "why         not the firmware's sources, which are the same: the log is damaged, ");
-  // Of a firmware with other sources nobody knows.
+  // Outputs of a firmware with other sources are unknown.
   std::string scenario = read_file(folder / "bit/scenario.toml");
   const std::string sources = "# Firmware sources: ";
   scenario[scenario.find(sources) + sources.size()] ^= 1;
@@ -210,7 +210,7 @@ TEST(Replay, NamesTheFirstTickAndField) {
   EXPECT_SAYS(step.out, "(+3 microsteps)");
 }
 
-// What is replayed is the inputs: with other sensors the firmware says something else, from that tick on.
+// Replay feeds the inputs: with other sensors the firmware's outputs differ from that tick on.
 TEST(Replay, OtherInputsGiveOtherOutputs) {
   const Folder folder;
   folder.run("ballast run paper_ball --set duration=0.3 --quiet --out r");
@@ -301,7 +301,7 @@ TEST(Replay, LogsThatDoNotFitAreRefusedOrNoted) {
   const Outcome twice = beside("twice.lcmlog", log + log);
   EXPECT_EQ(twice.exit_status, 0) << twice.err;
 
-  // Of its own log the summary knows the length: whole events at its end, or too few, are no run's either.
+  // The summary knows the length of its own log: whole events too many or too few at its end are found as well.
   const auto as_run_log = [&](const std::string& text) {
     const Outcome replay = beside("run.lcmlog", text);
     beside("run.lcmlog", log);

@@ -179,7 +179,7 @@ TEST(Log, HoldsEveryChannelAtEveryTick) {
   EXPECT_EQ(prescribed.at(hal::kChannelContact).front(), 0);
 }
 
-// What the firmware predicts from commanded masses is what the plant does, when the plant does what is commanded: with
+// The firmware's forces from commanded masses are the plant's, if the masses move as commanded: with
 // stiff motors, up to their ripple; compared over the log of a run.
 TEST(Log, FirmwareEnvelopeFollowsThePlants) {
   const std::string path = testing::TempDir() + "envelope_test.lcmlog";
@@ -303,7 +303,7 @@ TEST(RunLoop, WhatIsRecordedWhilePeersComputeIsWhatIsRecordedAtOnce) {
   }
 }
 
-// Who watches a run that sleeps between its ticks hears of a tick before the sleep.
+// A run that sleeps between its ticks records a tick before the sleep, so that watchers are not one tick late.
 TEST(RunLoop, ARunAtAPaceRecordsBeforeItSleeps) {
   const auto laps_behind = [](const std::vector<std::int64_t>& recorded) {
     return std::count(recorded.begin(), recorded.end(), 0);
@@ -463,7 +463,7 @@ TEST_F(ByHand, EveryPulseOfMovesStopsAndLaterStartsIsInItsPlace) {
   for (const auto& motor : result.motors) executed += motor.steps;
   EXPECT_EQ(checked_steps, executed);
   EXPECT_EQ(unchecked, 0);
-  // Of the motion: 0.15 rad/s for 0.43 s and 1.0 s beside its start, on three motors of 509 steps per rad: some 370.
+  // The motion makes 0.15 rad/s for 0.43 s and 1.0 s beside its start, on three motors of 509 steps per rad: some 370.
   EXPECT_GT(timing.plan_steps, 300);
   EXPECT_GT(checked_steps - timing.plan_steps, 300);
   EXPECT_LT(hand_->modes[controller_status_t::MODE_MOVING], 10000) << "the last move has come to its end";
@@ -493,7 +493,7 @@ TEST_F(ByHand, APulseTooLateIsFoundWhereverItIs) {
   }
 }
 
-// What the controller could not step is said, with the ticks before it.
+// The record names the steps that the controller could not make, with the ticks before them.
 TEST(RunLoop, AStepOverloadSaysWhatItWas) {
   const auto scenario = load("paper_ball");
   auto params = std::make_unique<firmware::ControllerParams>();

@@ -60,7 +60,7 @@ class Folder {
 
   void write(const std::string& name, const std::string& text) const { std::ofstream(path_ / name) << text; }
 
-  // What is in the folder, beside what run() caught.
+  // The folder's content, without the files in which run() caught the output.
   [[nodiscard]] int entries() const {
     int count = 0;
     for (const auto& entry : std::filesystem::directory_iterator(path_))

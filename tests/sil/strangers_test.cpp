@@ -1,4 +1,4 @@
-// Whatever strangers put on a run's bus: the run ends as without them, with the same log, byte for byte.
+// A run with strangers on its bus ends as without them, with the same log, byte for byte.
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
@@ -250,7 +250,7 @@ TEST(Strangers, ALogPlayedBackMovesNoController) {
   lcm::LCM player(url);
   lcm::LogFile log((folder / "r/run.lcmlog").string(), "r");
   while (const lcm::LogEvent* event = log.readNextEvent()) {
-    // What a controller hears; its own words would only be taken for this one's here.
+    // The messages that a controller hears; its own would be taken for this one's here.
     if (event->channel == hal::kChannelStepCommand || event->channel == hal::kChannelControllerStatus) continue;
     player.publish(event->channel, event->data, static_cast<unsigned>(event->datalen));
   }
@@ -295,7 +295,7 @@ TEST(Strangers, FragmentsFillNoMemoryAndHoldUpNobody) {
     if (sender % 20 == 0) expect_heard(1 + sender);
   }
   expect_heard(1000);
-  // What LCM keeps of unfinished messages is bounded at 16 MB of claimed size and one message more, and of that only
+  // LCM bounds unfinished messages at 16 MB of claimed size and one message more, and of that only
   // what has come is ever written. All 200 would be 40 GB claimed, and with pages for what has come 2 MB.
   EXPECT_LT(resident_bytes() - before, 64 << 20);
 

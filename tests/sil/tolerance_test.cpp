@@ -1,4 +1,4 @@
-// What run.tolerance is worth: whole runs of the shipped robots with their steppers, against steps at 1e-13.
+// The accuracy that run.tolerance gives: whole runs of the shipped robots with their steppers, against steps at 1e-13.
 #include <gtest/gtest.h>
 
 #include <cmath>

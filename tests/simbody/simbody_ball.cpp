@@ -150,8 +150,8 @@ struct SimbodyBall::Model {
 
   explicit Model(const Robot& s)
       : ball(matter.Ground(), SimTK::Transform(), SimTK::Body::Rigid(shell(s)), SimTK::Transform()),
-        contact(matter.updGround(), SimTK::Transform(SimTK::Vec3(0, 0, -s.radius_m)), ball, SimTK::Vec3(0),
-                s.radius_m, true) {
+        contact(matter.updGround(), SimTK::Transform(SimTK::Vec3(0, 0, -s.radius_m)), ball, SimTK::Vec3(0), s.radius_m,
+                true) {
     // The handles of forces and motions may go: the system keeps, and owns, what they stand for.
     SimTK::Force::UniformGravity(forces, matter, SimTK::Vec3(0, 0, -s.gravity_mps2));
     SimTK::Force::Custom(forces, new CenterForce(s, ball));
@@ -176,7 +176,7 @@ struct SimbodyBall::Model {
     return *std::upper_bound(borders_s.begin(), borders_s.end(), time_s);
   }
 
-  // What is cached in the state belongs to the stretch before.
+  // The state's cache belongs to the stretch before.
   void start_stretch(SimTK::State state) {
     const double start = state.getTime(), end = next_border_s(start);
     stretch.inside_s = std::isfinite(end) ? (start + end) / 2 : start + 1;

@@ -138,9 +138,9 @@ TEST_P(PaperRun, ExtremaAreSimbodys) {
 INSTANTIATE_TEST_SUITE_P(Simbody, PaperRun, testing::Values("paper_ball", "paper_disk"),
                          [](const auto& instance) { return std::string(instance.param); });
 
-// What is left between the two falls with Simbody's accuracy; a difference of the models would stay. Simbody keeps the
-// error of a step in proportion to its accuracy, so a hundredth of the one is about a hundredth of the other. Bar: a
-// fifth of that fall, because steps are not all chosen alike.
+// The difference between the two falls with Simbody's accuracy; a difference of the models would stay. Simbody keeps
+// the error of a step in proportion to its accuracy, so a hundredth of the one is about a hundredth of the other. Bar:
+// a fifth of that fall, because steps are not all chosen alike.
 TEST(Simbody, ConvergesToThePlant) {
   const auto scenario = shipped("paper_ball");
   sim::Plant plant(scenario);

@@ -13,7 +13,7 @@ using test::read_file;
 #define EXPECT_SAYS(text, words) EXPECT_NE((text).find(words), std::string::npos) << (text)
 #define ASSERT_SAYS(text, words) ASSERT_NE((text).find(words), std::string::npos) << (text)
 
-// What must hold holds; a seed that fails is printed with the command that shows it again.
+// The invariants hold; a seed that fails is printed with the command that shows it again.
 TEST(SoakCommand, NoInvariantBreaks) {
   const Folder folder;
   const Outcome soak = folder.run("ballast soak --seeds 0..199 --quiet --keep failed");

@@ -60,7 +60,7 @@ struct Recorded {
         ticks.begin());
   }
 
-  // What is broken in it, after a change.
+  // The invariants that it breaks after a change.
   [[nodiscard]] std::vector<Invariant> broken(const std::function<void(Recorded&)>& change = {}) const {
     auto changed = std::make_unique<Recorded>(*this);
     if (change) change(*changed);
@@ -222,7 +222,7 @@ TEST(Invariants, AControllerThatGoesOnAfterATrip) {
             (Which{Invariant::kObeyed, Invariant::kLatched}));  // and its fault has not tripped it
 }
 
-// Whose messages are injured may be heard a tick late, and no later.
+// A peer whose messages are injured may be heard a tick late, and no later.
 TEST(Invariants, PeersThatSuffer) {
   const Recorded faulted({"duration=0.5"}, {"messages_doubled@0.05:channel=BALLAST_STEP_COMMAND"});
   ASSERT_EQ(faulted.broken(), Which{}) << faulted.words_;
@@ -372,7 +372,7 @@ TEST(Invariants, MassesThatDoNotStop) {
               lap.answer->status.steps_issued[0] += 2;
             })),
             Which{Invariant::kAtRest});
-  // Of a controller that is silent as soon as it has said so, the stop is kept.
+  // The stop of a controller that is silent afterwards is kept.
   const auto silent_once = [](auto is_time) {
     return but_logged(tripped().broken([&](Recorded& run) {
       bool silent = false;
@@ -562,7 +562,7 @@ TEST(OperatorScripts, HaveEveryCommandInOrder) {
   for (std::size_t command = 1; command < seen.size(); ++command) EXPECT_GT(seen[command], 5) << command;
 }
 
-// What the docs say must hold is what the code says.
+// The invariants of the docs are those of the code.
 TEST(Invariants, AreThoseOfTheDocs) {
   std::ifstream file(BALLAST_SOURCE_DIR "/tools/docs/soak.md");
   const std::string page(std::istreambuf_iterator<char>(file), {});

@@ -48,7 +48,7 @@ class SpyWindowTest(unittest.TestCase):
         with Display() as display, tempfile.TemporaryDirectory() as folder:
             run = subprocess.Popen([BALLAST, "run", "paper_ball", "--speed", "1", "--lcm", URL, "--quiet", "--out",
                                     folder, "--set", "duration=60"])
-            # Whatever connects says LCM's self-test on the bus: here something does all the time.
+            # Every program that connects publishes LCM's self-test on the bus: here one does all the time.
             comers = subprocess.Popen(["sh", "-c", 'while :; do timeout 0.4 "$0" watch --lcm "$1"; done', BALLAST, URL],
                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
             try:

@@ -89,7 +89,7 @@ std::string test_name(const ::testing::TestParamInfo<Shape>& shape_info) {
   return "";
 }
 
-// Of the motions at the limit those that once needed more than the 32 bursts a command has room for: a burst late by
+// Motions at the limit that once needed more than the 32 bursts of a command: a burst late by
 // its tolerance, and then the step rate, where nothing can be made up.
 TEST(AtTheStepRate, AfterALateBurstATickStillNeedsFew) {
   std::mt19937_64 random(20240607 + static_cast<std::uint64_t>(Shape::kAtTheLimit));

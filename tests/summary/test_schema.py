@@ -13,7 +13,7 @@ import jsonschema
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SCHEMA = json.loads((ROOT / "tools/docs/summary.schema.json").read_text())
 
-# What is run, and the exit status it has to have. Few seconds each.
+# The runs, and the exit status that each has to have. Few seconds each.
 RUNS = [
     (["run", "paper_ball", "--actuation", "prescribed"], 0),
     (["run", "paper_ball", "--check-steps"], 0),

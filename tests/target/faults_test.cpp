@@ -1,4 +1,4 @@
-// Whatever goes wrong on the target or on the way to it ends the run, with its own reason and exit status, and leaves
+// Every fault on the target or on the way to it ends the run, with its own reason and exit status, and leaves
 // no QEMU behind. The faults are built into the firmware of sabotage_main.cpp.
 #include <gtest/gtest.h>
 #include <signal.h>

@@ -15,7 +15,7 @@
 namespace ballast::hal::target {
 namespace {
 
-// What the host has: the parameters, and the pieces its motions were built from.
+// The host's parameters, and the pieces from which its motions were built.
 struct Robot {
   firmware::ControllerParams params = firmware::testing::paper_params();
   struct Motion {
@@ -76,7 +76,7 @@ struct LinkOnly {
   }
 };
 
-// What a target says of a robot's parameters that were sent to it.
+// A target's answer to the parameters that were sent to it.
 Verdict verdict_of(const Robot& robot) {
   LinkOnly machine;
   machine.say(robot.params);

@@ -1,4 +1,4 @@
-// What a control tick costs whoever plays the microcontroller, counted in what QEMU has to do for it: blocks of
+// The cost of a control tick in QEMU, counted in the work it does: blocks of
 // instructions it enters (translation blocks), and those it must leave and begin anew because a register of a device is
 // read or written in the middle of them. Numbers, not times: the same every time, on any machine.
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@ struct Work {
   double blocks = 0, device_accesses = 0;
 };
 
-// Of a run so long, all of it: QEMU's log has a line for each.
+// The work of a whole run of this length: QEMU's log has a line for each piece.
 Work work_of(const test::Folder& folder, const std::string& duration_s) {
   const test::Outcome run = folder.run(
       "PATH=$PWD/logging:$PATH ballast run paper_ball --firmware qemu --peer-timeout 120 --set duration=" + duration_s +
@@ -36,7 +36,7 @@ TEST(QemuWork, OfAControlTick) {
   std::ofstream(qemu) << "#!/bin/sh\nexec " BALLAST_QEMU_ARM " \"$@\" -d exec,nochain -D exec.log\n";
   std::filesystem::permissions(qemu, std::filesystem::perms::owner_all);
 
-  // What is done once cancels.
+  // Work done once per run cancels.
   const Work some = work_of(folder, "0.02"), more = work_of(folder, "0.06");
   const double blocks = (more.blocks - some.blocks) / 40;
   const double device_accesses = (more.device_accesses - some.device_accesses) / 40;

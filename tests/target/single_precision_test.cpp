@@ -35,8 +35,8 @@ std::string bytes_of(const controller_status_t& status) {
 
 constexpr double kEpsilon = std::numeric_limits<float>::epsilon();  // 1.2e-7
 
-// What a status may differ by. Inputs and the model's some 300 operations round by half an epsilon of the terms N and
-// f_s are sums of, with either sign: 2 epsilons are the worst of the random states of
+// The allowed difference of a status. Inputs and the model's some 300 operations round by half an epsilon of the terms
+// N and f_s are sums of, with either sign: 2 epsilons are the worst of the random states of
 // tests/firmware/precision_test.cpp, 4 times that is allowed. The terms, weight and what the masses' motion adds, are
 // less than twice the weight here.
 struct Tolerance {

@@ -1,8 +1,8 @@
-// What step pulses cost: the loop that waits for control ticks counts its turns, once with pulses and once without;
-// what it misses went into them. Interrupts, their entry code, loading the commands and keeping the record of what was
-// given are all in it. Written to the link, per case: u32 motors, u32 offset of a motor's
-// pulses to the next motor's, pulses commanded and given, turns without and with
-// them, the most a pulse was late in counts. As many turns as there are without pulses take kTicks control ticks.
+// Measures the cost of step pulses: the loop that waits for control ticks counts its turns, once with pulses and once
+// without; what it misses went into them. Interrupts, their entry code, loading the commands and keeping the record of
+// what was given are all in it. Written to the link, per case: u32 motors, u32 offset of a motor's pulses to the next
+// motor's, pulses commanded and given, turns without and with them, the most a pulse was late in counts. As many turns
+// as there are without pulses take kTicks control ticks.
 #include "hal/mps2/machine.h"
 #include "hal/mps2/startup.h"
 

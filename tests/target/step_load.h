@@ -1,4 +1,4 @@
-// What step_load_main.cpp writes to the link, for whoever reads it.
+// The record that step_load_main.cpp writes to the link.
 #pragma once
 
 #include <array>

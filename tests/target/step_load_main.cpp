@@ -1,4 +1,4 @@
-// What steps cost the processor besides their interrupt, and whether all goes together: the step generator by itself,
+// Measures the processor's load by steps besides their interrupt: the step generator by itself,
 // and 50 kHz on one motor and on three beside the whole controller tick, with nothing at the other end of the link.
 #include <algorithm>
 #include <cmath>
@@ -7,9 +7,9 @@
 #include "firmware/motion/step_generator.h"
 #include "hal/mps2/machine.h"
 #include "hal/mps2/startup.h"
+#include "tests/firmware/whole_tick.h"
 #include "tests/target/step_load.h"
 #include "tests/target/unit_ball.h"
-#include "tests/firmware/whole_tick.h"
 
 using namespace ballast;
 using namespace ballast::hal;

@@ -140,7 +140,7 @@ TEST(StepPlayer, PulsesComeAtTheirTimeAtRandomRatios) {
   }
 }
 
-// Whatever command, ratio and delay: the interrupts come back, and give no more pulses than the record has room for.
+// The interrupts come back for every command, ratio and delay, and give no more pulses than the record holds.
 TEST(StepPlayer, IsBoundedWhateverItIsGiven) {
   const std::uint64_t seed = ballast::test::random_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));

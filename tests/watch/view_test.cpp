@@ -1,4 +1,4 @@
-// What a watcher sees of messages that come, do not come, come late or twice, and of the next run on the same bus.
+// A watcher's view of messages that come, do not come, come late or twice, and of the next run on the same bus.
 #include "tools/watch/view.h"
 
 #include <gtest/gtest.h>

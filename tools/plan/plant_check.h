@@ -1,4 +1,4 @@
-// What the plant says of a motion: the judge of every plan.
+// The plant's run of a motion: the judge of every plan.
 #pragma once
 
 #include "sim/plant/plant.h"

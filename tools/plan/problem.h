@@ -1,4 +1,4 @@
-// What is to be planned: the robot, where it starts, the task, and the limits. It knows nothing of how a plan is found.
+// The planning problem: the robot, where it starts, the task, and the limits. It knows nothing of how a plan is found.
 // Units consistent; keys: tools/docs/plan.md.
 #pragma once
 
@@ -49,7 +49,7 @@ struct Task {
   double torque_margin = 0.5;
 };
 
-// Of one mass. Infinite: no limit.
+// The limits of one mass. Infinite: no limit.
 struct MassLimits {
   double lower = -std::numeric_limits<double>::infinity(), upper = std::numeric_limits<double>::infinity();
   double speed = std::numeric_limits<double>::infinity();

@@ -26,7 +26,7 @@ struct Robot {
   PerMass<double> reflected_inertia{};
 };
 
-// What moves at one instant. q: w, x, y, z, body to space, of unit length up to rounding.
+// The ball's state at one instant. q: w, x, y, z, body to space, of unit length up to rounding.
 struct RollingState {
   std::array<double, 4> q{1, 0, 0, 0};
   Vec omega_B{0, 0, 0};

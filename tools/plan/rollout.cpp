@@ -101,6 +101,18 @@ void tangent_rate(const RollingDerivative& d, const Vec& omega, const Local& x, 
   }
 }
 
+// The state at a part of a step of length h, where the ball is `at` and the masses' accelerations change linearly.
+void set_stage(double part, double h, const Ball& at, const RollingState& from, const RollingState& to, int masses,
+               RollingState& state) {
+  state.q = at.q;
+  state.omega_B = at.omega;
+  for (int i = 0; i < masses; ++i) {
+    const auto k = index(i);
+    place_at({from.position[k], from.velocity[k], from.acceleration[k], to.acceleration[k]}, part, h, state.position[k],
+             state.velocity[k], state.acceleration[k]);
+  }
+}
+
 }  // namespace
 
 double time_unit_s(const Problem& problem) {
@@ -191,14 +203,7 @@ void Rollout::step(int node) {
   RollingValue value;
   for (int s = 0; s < 4; ++s) {
     if (s > 0) {
-      const Ball at = moved(base, rate, kStages[s] * h);
-      state.q = at.q;
-      state.omega_B = at.omega;
-      for (int i = 0; i < n; ++i) {
-        const auto k = index(i);
-        place_at({from.state.position[k], from.state.velocity[k], from.state.acceleration[k], to.state.acceleration[k]},
-                 kStages[s], h, state.position[k], state.velocity[k], state.acceleration[k]);
-      }
+      set_stage(kStages[s], h, moved(base, rate, kStages[s] * h), from.state, to.state, n, state);
       evaluate_rolling(problem_.robot, state, value);
     } else {
       value = from.value;
@@ -236,14 +241,7 @@ void Rollout::differentiate_step(int node) {
   for (int s = 0; s < 4; ++s) {
     x = start;
     if (s > 0) {
-      const Ball at = moved(base, rate, kStages[s] * h);
-      state.q = at.q;
-      state.omega_B = at.omega;
-      for (int i = 0; i < n; ++i) {
-        const auto k = index(i);
-        place_at({from.state.position[k], from.state.velocity[k], from.state.acceleration[k], to.state.acceleration[k]},
-                 kStages[s], h, state.position[k], state.velocity[k], state.acceleration[k]);
-      }
+      set_stage(kStages[s], h, moved(base, rate, kStages[s] * h), from.state, to.state, n, state);
       for (std::size_t row = 0; row < kTangent; ++row) {
         for (std::size_t k = 0; k < index(columns); ++k) x[row][k] += kStages[s] * h * tangent[row][k];
       }

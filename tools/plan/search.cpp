@@ -16,8 +16,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kPieces = 32;
 constexpr int kMostStarts = 24, kMostIterations = 2000;  // until a plan is found
 constexpr int kMoreStarts = 2, kCheapIterations = 150;   // after that, for a better one
-// What the plant may leave of the equalities: half a millimetre, and a tenth of the speed, over sqrt(g r), that counts
-// as rest.
+// Tolerances on the equalities, as the plant rolls them: half a millimetre, and a tenth of the speed, over sqrt(g r),
+// that counts as rest.
 constexpr double kPlaceTolerance_m = 5e-4, kRestTolerance = 3e-4;
 
 // Most of these limits keep more room than that (transcription.cpp, sqp.cpp); places are judged as they are.

@@ -12,8 +12,8 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 constexpr double kFirstWeight = 300, kLastWeight = 3e4;  // of half a squared equality
 constexpr double kPenalty = 30;                          // of a limit's violation; a level's whole weight is 1
-// Of half the mean squared acceleration: enough to choose among motions of the same need. Motors swing with every
-// change of the acceleration, so theirs is worth more.
+// Weights on half the mean squared acceleration: enough to choose among motions of the same need. Motors swing with
+// every change of the acceleration, so theirs is worth more.
 constexpr double kRegularisation = 1e-4, kDrivenRegularisation = 0.01;
 
 class Sqp {

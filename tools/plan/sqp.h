@@ -12,7 +12,7 @@
 
 namespace ballast::plan {
 
-// What a search may use, and how it is stopped. Effort is counted in iterations, so that results do not depend on the
+// The budget of a search, and how it is stopped. Effort is counted in iterations, so that results do not depend on the
 // speed of the machine.
 struct Effort {
   int iterations = 0;          // so far, of all searches

@@ -45,7 +45,7 @@ struct Corrections {
   double friction = 1;           // the plant's located maximum of f_s / N over that at the nodes
 };
 
-// What an equality stands for.
+// The condition that an equality stands for.
 struct EqualityKind {
   enum { kGoal, kVia, kSpin, kMassRate, kBalance, kMassPosition } kind;
   int index;
@@ -71,7 +71,7 @@ class Transcription {
   using Sink = std::function<void(const Limit& limit, const NodeForm& form)>;
   void limits(bool with_forms, const Sink& sink) const;
 
-  // What should be small without a limit, as residuals of a sum of squares: the time that motors spend near their
+  // Soft terms, small but without a limit, as residuals of a sum of squares: the time that motors spend near their
   // resonances.
   using SoftSink = std::function<void(double residual, const NodeForm& form)>;
   void soft_terms(const SoftSink& sink) const;

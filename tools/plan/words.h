@@ -12,7 +12,7 @@ namespace ballast::plan {
 // "the goal"
 [[nodiscard]] std::string equality_words(const EqualityKind& kind);
 
-// What a plan touches: limits used to 99 %, or the motion itself.
+// Names what binds a plan: limits used to 99 %, or the motion itself.
 [[nodiscard]] std::string binding_words(const Transcription& truth, const std::vector<double>& knots,
                                         Objective objective);
 

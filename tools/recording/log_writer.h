@@ -47,7 +47,7 @@ class LogWriter {
   // All events appended so far are in the file, or good() is false.
   void flush();
   [[nodiscard]] bool good() const { return !failed_; }
-  // What could not be written; to be asked once good() is false.
+  // Names the file that could not be written, and why; valid once good() is false.
   [[nodiscard]] const std::string& error() const { return error_; }
 
  private:

@@ -118,7 +118,7 @@ class Invariants {
   bool controller_has_tripped_ = false;  // at some time
   std::uint32_t faults_ = 0;             // the controller's, since it tripped
   std::deque<operator_t> commands_;      // given, and not yet counted by the controller
-  // Of the latest tick: how far plant and controller differ in N or f_s where they can be compared, and whether the
+  // The latest tick's difference of plant and controller in N or f_s where they can be compared, and whether the
   // monitor can see it.
   double apart_n_ = 0;
   std::int64_t apart_tick_ = std::numeric_limits<std::int64_t>::min();

@@ -21,7 +21,7 @@ struct ModeStep {
 
 enum class ModeError : std::int8_t { kNone, kFaultWithoutTrip, kTripReleased, kNotCommanded, kStopIgnored };
 
-// Of two successive ticks.
+// Judges two successive ticks.
 [[nodiscard]] ModeError judge(const ModeStep& step);
 
 const char* to_string(ModeError error);

@@ -33,7 +33,7 @@ const char* name_of(OperatorCommand command) {
   return "nothing";
 }
 
-// Of masses near their initial places; some targets lie beyond an end of the rail and are refused.
+// A move of masses near their initial places; some targets lie beyond an end of the rail and are refused.
 OperatorInput random_move(const sim::Scenario& scenario, Random& random) {
   firmware::MoveRequest move;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {

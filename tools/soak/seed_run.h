@@ -55,7 +55,7 @@ void set_text(char (&field)[N], std::string_view text) {
   field[text.copy(field, N - 1)] = '\0';
 }
 
-// What a run leaves to be judged.
+// The outcome of a seed's run.
 struct SeedRun {
   sil::RunResult result;
   std::vector<Broken> broken;
