@@ -112,7 +112,10 @@ def ending(program, arguments, folder):
     if said.returncode < 0:
         return Ending(f"dies of signal {-said.returncode}", by="the system")
     if not (out / "summary.json").exists():
-        text = (said.stderr.strip().splitlines() or ["says nothing"])[0].removeprefix("ballast: ")
+        lines = said.stderr.strip().splitlines() or ["says nothing"]
+        # The processes of a run complain in an order that changes with the machine's load.
+        peers = sorted(line for line in lines if re.match(r"ballast-(controller|monitor|plant): ", line))
+        text = (peers or lines)[0].removeprefix("ballast: ")
         tick = re.search(r"tick (-?\d+)", text)
         return Ending(f"could not run: {text.split(';')[0]}", by="the run", tick=int(tick[1]) if tick else None)
     summary = json.loads((out / "summary.json").read_text())
