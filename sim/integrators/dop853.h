@@ -71,12 +71,14 @@ class Dop853 {
   [[nodiscard]] const State& end_state() const { return y1_; }
   [[nodiscard]] const State& end_derivative() const { return k_[12]; }
 
-  // Root mean square over the components of the error estimate, each relative to tolerance * (1 + |y|). The order-5
-  // estimate is reduced by its ratio to the order-3 one, which makes the whole of order 7. NaN if a stage was NaN.
-  [[nodiscard]] double error(double tolerance) const {
+  [[nodiscard]] double length() const { return h_; }
+
+  // Root mean square over the components of the error estimate, each relative to tolerance * unit. The order-5 estimate
+  // is reduced by its ratio to the order-3 one, which makes the whole of order 7. NaN if a stage was NaN.
+  [[nodiscard]] double error(double tolerance, const State& unit) const {
     double fifth = 0, third = 0;
     for (std::size_t i = 0; i < size_; ++i) {
-      const double scale = tolerance * (1 + std::abs(y1_[i]));
+      const double scale = tolerance * unit[i];
       const double e5 =
           sum<1, 6, 7, 8, 9, 10, 11, 12>(
               i, {.1312004499419488073250102996e-1, -.1225156446376204440720569753e1, -.4957589496572501915214079952,
@@ -92,6 +94,12 @@ class Dop853 {
     }
     const double both = fifth + 0.01 * third;
     return both == 0 ? 0 : std::abs(h_) * fifth / std::sqrt(static_cast<double>(size_) * both);
+  }
+  // The same with a unit of 1 + |y|.
+  [[nodiscard]] double error(double tolerance) const {
+    State unit;
+    for (std::size_t i = 0; i < size_; ++i) unit[i] = 1 + std::abs(y1_[i]);
+    return error(tolerance, unit);
   }
 
   // To be called before interpolate(). Evaluates rhs three times more. The step's `y0` must still be alive.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace ballast::sim {
 
@@ -15,6 +16,14 @@ inline bool may_peak_above(double v0, double vm, double v1, double floor) {
   const double slope_0 = 4 * vm - 3 * v0 - v1, slope_1 = v0 - 4 * vm + 3 * v1;
   if (!(slope_0 > -std::abs(bend) && slope_1 < std::abs(bend))) return false;
   return std::max({v0, vm, v1}) + std::abs(bend) / 2 > floor;
+}
+
+// The peak of the parabola through these values between start and end; -infinity if it has none there.
+inline double parabola_peak(double v0, double vm, double v1) {
+  const double bend = 2 * vm - v0 - v1;
+  const double slope_0 = 4 * vm - 3 * v0 - v1, slope_1 = v0 - 4 * vm + 3 * v1;
+  const bool inside = slope_0 > 0 && slope_1 < 0;
+  return inside ? v0 + slope_0 * slope_0 / (8 * bend) : -std::numeric_limits<double>::infinity();
 }
 
 // The place in (0, 1) where f is greatest, by golden section. f is assumed to have one peak there.

@@ -25,6 +25,13 @@ void ContactRecord::begin_tick(double normal_force_n, double mu_required) {
   tick_mu_required_max_ = mu_required;
 }
 
+void ContactRecord::record_tick(double normal_force_min_n, double mu_required_max) {
+  const double least = std::max(normal_force_min_n, extrema_.normal_force_min.value);
+  const double most = std::min(mu_required_max, extrema_.mu_required_max.value);
+  tick_normal_force_min_n_ = std::min(tick_normal_force_min_n_, least);
+  tick_mu_required_max_ = std::max(tick_mu_required_max_, most);
+}
+
 void ContactRecord::record_mu(const Equations& equations, double time_s, const State& y, const Instant& motion) {
   const double mu = equations.contact.mu_required(motion);
   tick_mu_required_max_ = std::max(tick_mu_required_max_, mu);

@@ -33,6 +33,8 @@ class ContactRecord {
   void record(const Equations& equations, double time_s, const State& y, const Instant& motion);
   // The required friction alone, where the other forces do not come about.
   void record_mu(const Equations& equations, double time_s, const State& y, const Instant& motion);
+  // Extrema of the tick that were found less exactly: they never pass those of the run.
+  void record_tick(double normal_force_min_n, double mu_required_max);
   // Starts the extrema of a tick with the values now.
   void begin_tick(double normal_force_n, double mu_required);
 

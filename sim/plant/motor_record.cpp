@@ -5,6 +5,38 @@
 
 namespace ballast::sim {
 
+namespace {
+
+struct MassMotion {
+  double position, rate, acceleration;
+};
+
+// The inner point of Lobatto's rule that is nearer to `near`, on the polynomial of degree 5 through both ends. `h` is
+// the time from `near` to `far`. `acceleration` stays 0.
+MassMotion inside(const MassMotion& near, const MassMotion& far, double h) {
+  constexpr double kRoot5 = 2.23606797749978969;
+  const double travel = far.position - near.position;
+  const double bend = (0.01 + kRoot5 / 500) * near.acceleration + (0.01 - kRoot5 / 500) * far.acceleration;
+  const double slope = (4 * kRoot5 / 125 + 0.12) * near.rate + (4 * kRoot5 / 125 - 0.12) * far.rate;
+  const double position = near.position + (0.5 - 41 * kRoot5 / 250) * travel + h * (slope + h * bend);
+  const double rate = 1.2 * travel / h + (7 * kRoot5 / 50 - 0.1) * near.rate - (7 * kRoot5 / 50 + 0.1) * far.rate +
+                      kRoot5 / 50 * h * (near.acceleration + far.acceleration);
+  return {position, rate, 0};
+}
+
+// Adds `part_s` of the powers at an instant.
+void add_energy(double part_s, const Stepper& stepper, double torque_nm, double shaft_rad, double shaft_radps,
+                MotorEnergy& to) {
+  to.work_j += part_s * torque_nm * shaft_radps;
+  to.friction_j += part_s * stepper.motor().viscous_damping_nms * shaft_radps * shaft_radps;
+  if (!stepper.motor().has_winding()) return;
+  const auto current = stepper.current(shaft_rad, shaft_radps);
+  to.copper_j += part_s * stepper.phases().copper_loss_w(current);
+  to.electrical_j += part_s * stepper.terminal_power_w(current, shaft_radps);
+}
+
+}  // namespace
+
 void MotorRecord::start(const Equations& equations, const MassPoint& masses) {
   for (std::size_t i = 0; i < equations.mass_count(); ++i) {
     stored_at_start_[i] = stored_energy(equations.motors.stepper(i), masses.position[i], masses.velocity[i]);
@@ -58,26 +90,32 @@ void MotorRecord::record_driven(Dynamics& dynamics, std::size_t i, const MassPoi
   stop.outside_ball_m = std::max(stop.outside_ball_m, outside_m);
 }
 
-void MotorRecord::record_energy(const Dynamics& dynamics, double h, const Point& middle, const Point& end) {
-  const std::array<const Point*, 3> points{&dynamics.now, &middle, &end};
-  constexpr std::array<double, 3> kWeight{1. / 6, 4. / 6, 1. / 6};
+// Lobatto's rule of order 6: the ends of the span and two points inside, where the masses are by their positions, rates
+// and accelerations at the ends.
+void MotorRecord::record_energy(const Dynamics& dynamics, double h, const Point& end) {
+  constexpr double kAtEnds = 1. / 12, kInside = 5. / 12;
   const MotorDrives& motors = dynamics.equations.motors;
   const std::size_t n = motors.size();
   for (std::size_t i = 0; i < n; ++i) {
     const Stepper& stepper = motors.stepper(i);
-    const Motor& motor = stepper.motor();
-    MotorEnergy& energy = energy_[i];
-    for (std::size_t k = 0; k < 3; ++k) {
-      const State& y = points[k]->y;
-      const double rate = y[kTheta + n + i], speed = motor.shaft_ratio * rate, part_s = kWeight[k] * h;
-      const double held = motors.holding_force(i, y[kTheta + i], rate);
-      energy.work_j += part_s * (points[k]->motion.generalised_force[i] - held) * rate;
-      energy.friction_j += part_s * motor.viscous_damping_nms * speed * speed;
-      if (!motor.has_winding()) continue;
-      const auto current = stepper.current(motor.shaft_ratio * y[kTheta + i], speed);
-      energy.copper_j += part_s * stepper.phases().copper_loss_w(current);
-      energy.electrical_j += part_s * stepper.terminal_power_w(current, speed);
-    }
+    const double shaft = stepper.motor().shaft_ratio;
+    const auto mass_at = [&](const Point& point) {
+      return MassMotion{point.y[kTheta + i], point.y[kTheta + n + i], point.dydt[kTheta + n + i]};
+    };
+    const auto add_end = [&](double part_s, const MassMotion& mass, const Point& point) {
+      const double held = motors.holding_force(i, mass.position, mass.rate);
+      const double torque_nm = (point.motion.generalised_force[i] - held) / shaft;
+      add_energy(part_s, stepper, torque_nm, shaft * mass.position, shaft * mass.rate, energy_[i]);
+    };
+    const auto add_inside = [&](double part_s, const MassMotion& mass) {
+      const double angle = shaft * mass.position, speed = shaft * mass.rate;
+      add_energy(part_s, stepper, stepper.torque_nm(angle, speed), angle, speed, energy_[i]);
+    };
+    const MassMotion first = mass_at(dynamics.now), last = mass_at(end);
+    add_end(kAtEnds * h, first, dynamics.now);
+    add_inside(kInside * h, inside(first, last, h));
+    add_inside(kInside * h, inside(last, first, -h));
+    add_end(kAtEnds * h, last, end);
   }
 }
 

@@ -14,7 +14,7 @@ struct MotorExtrema {
 };
 
 // The energies of a stepper over the whole run, in J: electrical + (that from the load) = copper + friction + work +
-// stored. Integrals over the integrator's steps by Simpson's rule. Without a winding, electrical and copper are 0 and
+// stored. Integrals over the integrator's steps to order 6. Without a winding, electrical and copper are 0 and
 // mean nothing.
 struct MotorEnergy {
   double electrical_j = 0;  // through the terminals
@@ -42,7 +42,7 @@ class MotorRecord {
   // Torques, margins and pushes now. Counts the motors' slips.
   void record(Dynamics& dynamics);
   // The energies of the span of length h from where `dynamics` is.
-  void record_energy(const Dynamics& dynamics, double h, const Point& middle, const Point& end);
+  void record_energy(const Dynamics& dynamics, double h, const Point& end);
   void record_touch(std::size_t i, double time_s);
 
   [[nodiscard]] double torque_nm(std::size_t i) const { return torque_nm_[i]; }  // of the shaft, at the last record()

@@ -162,8 +162,14 @@ void Plant::record_peaks(double h, const Point& middle, const Point& end) {
   look(extrema.normal_force_max.value, [](const Instant& m) { return m.normal_force_n; });
   look(-extrema.normal_force_min.value, [](const Instant& m) { return -m.normal_force_n; });
   look(extrema.static_friction_max.value, [](const Instant& m) { return m.static_friction_n; });
-  if (!(end.motion.normal_force_n > 0)) return;
-  look(extrema.mu_required_max.value, [this](const Instant& m) { return equations().contact.mu_required(m); });
+  const auto mu_required = [this](const Instant& m) { return equations().contact.mu_required(m); };
+  if (end.motion.normal_force_n > 0) look(extrema.mu_required_max.value, mu_required);
+  if (!equations().driven()) return;
+  // Steps of driven masses are so long that the tick's extrema come from between their ends too.
+  const auto peak = [&](auto value) {
+    return parabola_peak(value(dynamics().now.motion), value(middle.motion), value(end.motion));
+  };
+  run_.contact.record_tick(-peak([](const Instant& m) { return -m.normal_force_n; }), peak(mu_required));
 }
 
 // Judges a span that has been integrated, then moves to its end, or to the first event in it.
@@ -191,7 +197,7 @@ void Plant::take_span(const Span& span) {
   const bool regime_over = event && equations().contact.over(end.motion);
   const bool slip_ends = regime_over && regime == Regime::kSliding && end.motion.normal_force_n > 0;
   if (regime != Regime::kFlight && !slip_ends) record_peaks(h, middle, end);
-  if (equations().driven()) run_.motors.record_energy(dynamics(), h, middle, end);
+  if (equations().driven()) run_.motors.record_energy(dynamics(), h, end);
   dynamics().time_s = span.exact && !event ? span.end_s : time_s() + h;
   dynamics().now = end;
   Stepping::normalise(dynamics().now.y);

@@ -37,6 +37,11 @@ constexpr double kLeastScale = 1e-3;
 // times as long as one of Dormand-Prince 5(4).
 constexpr double kSpansPerStep = 4;
 
+// Bounds of the growth from a step to the next, and the growth of a length that no error estimate has renewed.
+constexpr double kLeastGrowth = 0.2, kMostGrowth = 5, kRetryGrowth = 1.02;
+// A step that much longer than allowed is taken rather than leave a sliver for the last one.
+constexpr double kSliver = 1.001;
+
 // The motors' next pulses are not known, and where a slip ends its direction is no smooth function of time.
 bool steps_ahead(const Equations& equations) {
   return !equations.driven() && equations.contact.regime != Regime::kSliding;
@@ -52,7 +57,10 @@ auto right_hand_side(const Equations& equations, Instant& motion) {
 // that it swings out to. So a step's error at `tolerance` changes no force by more than kWeightsPerScale * tolerance of
 // the weight.
 Stepping::Stepping(const PlantModel& model)
-    : tolerance_(model.tolerance), control_period_s_(model.control_period_s), step_s_(model.control_period_s) {
+    : tolerance_(model.tolerance),
+      control_period_s_(model.control_period_s),
+      fifth_step_s_(model.control_period_s),
+      eighth_step_s_(model.control_period_s) {
   const double weight_n = Body(model).total_mass_kg * model.gravity_mps2;
   const std::size_t n = model.masses.size();
   for (std::size_t i = 0; i < n && model.actuation == Actuation::kStepper; ++i) {
@@ -73,17 +81,13 @@ void Stepping::normalise(State& y) {
 }
 
 Span Stepping::next_span(Dynamics& dynamics, double target_s, double smooth_until_s) {
+  if (!steps_ahead(dynamics.equations)) return next_driven_span(dynamics, target_s);
   const double time_s = dynamics.time_s;
-  if (!steps_ahead(dynamics.equations)) {
-    const double left_s = target_s - time_s;
-    const double h = try_step(pulsed_, dynamics, left_s);
-    return {h, h >= left_s, target_s};
-  }
   if (!(time_s < ahead_end_s_)) {
     const double left_s = smooth_until_s - time_s;
-    const double h = try_step(ahead_, dynamics, left_s);
+    const double h = try_step(eighth_, eighth_step_s_, dynamics, left_s);
     if (h <= 0) return {};
-    ahead_.prepare_dense(right_hand_side(dynamics.equations, scratch_));
+    eighth_.prepare_dense(right_hand_side(dynamics.equations, scratch_));
     ahead_start_s_ = time_s;
     ahead_end_s_ = h >= left_s ? smooth_until_s : time_s + h;
   }
@@ -92,6 +96,19 @@ Span Stepping::next_span(Dynamics& dynamics, double target_s, double smooth_unti
   const double end_s = std::min(target_s, ahead_end_s_);
   if (end_s - time_s > 1.001 * longest_s && time_s + longest_s > time_s) return {longest_s, false, 0};
   return {end_s - time_s, true, end_s};
+}
+
+// One step of driven masses or of a slide. The order whose length comes from steps of long ago may try a longer one.
+Span Stepping::next_driven_span(Dynamics& dynamics, double target_s) {
+  const double left_s = target_s - dynamics.time_s;
+  by_eighth_ = dynamics.equations.contact.regime != Regime::kSliding &&
+               std::min(left_s, eighth_step_s_) > kSliver * fifth_step_s_;
+  dense_ = false;
+  const double h = by_eighth_ ? try_step(eighth_, eighth_step_s_, dynamics, left_s)
+                              : try_step(fifth_, fifth_step_s_, dynamics, left_s);
+  double& other_s = by_eighth_ ? fifth_step_s_ : eighth_step_s_;
+  if (other_s < kMostGrowth * h) other_s *= kRetryGrowth;
+  return {h, h >= left_s, target_s};
 }
 
 // Determines the direction of the slip as a step begins.
@@ -121,14 +138,14 @@ double Stepping::relative_error(const Method& method, const Equations& equations
   if (!rolls) return method.error(std::min(tolerance_, kOpenTolerance));
   if (steps_ahead(equations)) return method.error(std::min(tolerance_, kAheadTolerance));
   State scale = mass_scale_;
-  for (std::size_t i = 0; i < kTheta; ++i) scale[i] = 1 + std::abs(pulsed_.end_state()[i]);
-  return pulsed_.error(tolerance_, scale);
+  for (std::size_t i = 0; i < kTheta; ++i) scale[i] = 1 + std::abs(method.end_state()[i]);
+  return method.error(tolerance_, scale);
 }
 
 // Tries a step by at most longest_s and returns its length; 0 if it was too long, or failure() tells why no step is
-// possible.
+// possible. `allowed_s` is the length that the error estimate last allowed.
 template <class Method>
-double Stepping::try_step(Method& method, Dynamics& dynamics, double longest_s) {
+double Stepping::try_step(Method& method, double& allowed_s, Dynamics& dynamics, double longest_s) {
   const Equations& equations = dynamics.equations;
   const ContactRegime& contact = equations.contact;
   const double time_s = dynamics.time_s;
@@ -141,44 +158,49 @@ double Stepping::try_step(Method& method, Dynamics& dynamics, double longest_s) 
       longest_s = std::min(longest_s, kSlipBeginsStep * contact.radius_m / contact.speed_scale_mps);
     }
   }
-  const bool whole = longest_s <= step_s_ * 1.001;  // no sliver for the last step
-  const double h = whole ? longest_s : step_s_;
+  const bool whole = longest_s <= kSliver * allowed_s;
+  const double h = whole ? longest_s : allowed_s;
   step_y_ = dynamics.now.y;
   step_dydt_ = dynamics.now.dydt;
   method.step(right_hand_side(equations, scratch_), time_s, h, step_y_, step_dydt_, equations.size());
   const double error = relative_error(method, equations);
   // 0.9 error^(-1/order), between 0.2 and 5; far below the tolerance the power need not be computed. A trial step that
   // overflows is too long, like any other.
-  const double growth = error < 1e-6        ? 5.0
-                        : error < kInfinity ? std::clamp(0.9 * std::pow(error, -1. / Method::kErrorOrder), 0.2, 5.0)
-                                            : 0.2;
-  const double allowed_s = h * growth;
-  if (error <= 1) {
-    step_s_ = whole ? std::max(step_s_, allowed_s) : allowed_s;
-  } else {
-    step_s_ = allowed_s;
-    if (allowed_s < 1e-14 * std::max(1.0, time_s)) failure_ = Failure::kTooSmall;
+  const double growth = error < 1e-6 ? kMostGrowth
+                        : error < kInfinity
+                            ? std::clamp(0.9 * std::pow(error, -1. / Method::kErrorOrder), kLeastGrowth, kMostGrowth)
+                            : kLeastGrowth;
+  const double next_s = h * growth;
+  allowed_s = error <= 1 && whole ? std::max(allowed_s, next_s) : next_s;
+  if (!(error <= 1)) {
+    if (next_s < 1e-14 * std::max(1.0, time_s)) failure_ = Failure::kTooSmall;
   }
-  if (!(error < kInfinity) && allowed_s < 1e-9 * control_period_s_) {
+  if (!(error < kInfinity) && next_s < 1e-9 * control_period_s_) {
     // While sliding, a NaN means that the normal coefficient is not positive.
     failure_ = contact.regime == Regime::kSliding ? Failure::kPainleve : Failure::kNotFinite;
   }
   return error <= 1 ? h : 0;
 }
 
+template <class Method>
+void Stepping::look_again(Method& probe, const Dynamics& dynamics, double offset_s, Point& out) {
+  const Equations& equations = dynamics.equations;
+  probe.step(right_hand_side(equations, scratch_), dynamics.time_s, offset_s, step_y_, step_dydt_, equations.size());
+  out.y = probe.end_state();
+  out.dydt = probe.end_derivative();
+  out.motion = scratch_;
+}
+
 void Stepping::look_inside(const Dynamics& dynamics, double offset_s, Point& out) {
   const Equations& equations = dynamics.equations;
-  const double time_s = dynamics.time_s;
   if (!steps_ahead(equations)) {
-    probe_.step(right_hand_side(equations, scratch_), time_s, offset_s, step_y_, step_dydt_, equations.size());
-    out.y = probe_.end_state();
-    out.dydt = probe_.end_derivative();
-    out.motion = scratch_;
-  } else {
-    ahead_.interpolate((time_s + offset_s - ahead_start_s_) / (ahead_end_s_ - ahead_start_s_), out.y);
-    normalise(out.y);
-    equations.derivative(time_s + offset_s, out.y.data(), out.dydt.data(), out.motion);
+    if (by_eighth_) return look_again(eighth_probe_, dynamics, offset_s, out);
+    return look_again(fifth_probe_, dynamics, offset_s, out);
   }
+  const double time_s = dynamics.time_s;
+  eighth_.interpolate((time_s + offset_s - ahead_start_s_) / (ahead_end_s_ - ahead_start_s_), out.y);
+  normalise(out.y);
+  equations.derivative(time_s + offset_s, out.y.data(), out.dydt.data(), out.motion);
 }
 
 void Stepping::glance_inside(const Dynamics& dynamics, double offset_s, Point& out) {
@@ -186,7 +208,13 @@ void Stepping::glance_inside(const Dynamics& dynamics, double offset_s, Point& o
   if (steps_ahead(equations) || equations.contact.regime != Regime::kRolling) {
     return look_inside(dynamics, offset_s, out);
   }
-  pulsed_.interpolate(offset_s / pulsed_.length(), out.y);
+  if (by_eighth_) {
+    if (!dense_) eighth_.prepare_dense(right_hand_side(equations, scratch_));
+    dense_ = true;
+    eighth_.interpolate(offset_s / eighth_.length(), out.y);
+  } else {
+    fifth_.interpolate(offset_s / fifth_.length(), out.y);
+  }
   equations.evaluate(dynamics.time_s + offset_s, out.y.data(), out.motion);
 }
 
@@ -195,22 +223,30 @@ void Stepping::look_at_span(const Dynamics& dynamics, const Span& span, Point& m
   if (steps_ahead(equations)) {
     look_inside(dynamics, span.length_s / 2, middle);
     if (!(span.exact && span.end_s == ahead_end_s_)) return look_inside(dynamics, span.length_s, end);
-    end.y = ahead_.end_state();
+    end.y = eighth_.end_state();
     normalise(end.y);
     equations.derivative(ahead_end_s_, end.y.data(), end.dydt.data(), end.motion);
     return;
   }
-  end.y = pulsed_.end_state();
-  end.dydt = pulsed_.end_derivative();
+  end.y = by_eighth_ ? eighth_.end_state() : fifth_.end_state();
+  end.dydt = by_eighth_ ? eighth_.end_derivative() : fifth_.end_derivative();
   end.motion = scratch_;
-  pulsed_.interpolate(0.5, middle.y);
+  if (by_eighth_) {
+    // The cubic of both ends costs no evaluation.
+    for (std::size_t i = 0; i < equations.size(); ++i) {
+      middle.y[i] = (step_y_[i] + end.y[i]) / 2 + span.length_s / 8 * (step_dydt_[i] - end.dydt[i]);
+    }
+  } else {
+    fifth_.interpolate(0.5, middle.y);
+  }
   equations.evaluate(dynamics.time_s + span.length_s / 2, middle.y.data(), middle.motion);
 }
 
 bool Stepping::slide_part_holds(double part_s) {
-  const double error = probe_.error(std::min(tolerance_, kOpenTolerance));
+  const double error = fifth_probe_.error(std::min(tolerance_, kOpenTolerance));
   if (error <= 1) return true;
-  step_s_ = part_s * (error < kInfinity ? std::clamp(0.9 * std::pow(error, -0.2), 0.2, 0.9) : 0.2);
+  fifth_step_s_ =
+      part_s * (error < kInfinity ? std::clamp(0.9 * std::pow(error, -0.2), kLeastGrowth, 0.9) : kLeastGrowth);
   return false;
 }
 
@@ -219,9 +255,9 @@ void Stepping::cut_step(Dynamics& dynamics) {
     // A step that ends here is better than the dense output.
     const Equations& equations = dynamics.equations;
     State& y = dynamics.now.y;
-    ahead_.step(right_hand_side(equations, scratch_), ahead_start_s_, dynamics.time_s - ahead_start_s_, step_y_,
-                step_dydt_, equations.size());
-    y = ahead_.end_state();
+    eighth_.step(right_hand_side(equations, scratch_), ahead_start_s_, dynamics.time_s - ahead_start_s_, step_y_,
+                 step_dydt_, equations.size());
+    y = eighth_.end_state();
     normalise(y);
     equations.derivative(dynamics.time_s, y.data(), dynamics.now.dydt.data(), scratch_);
   }

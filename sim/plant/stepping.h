@@ -1,9 +1,12 @@
 // The integrator's steps: as long as the error estimate allows, and the state at any place inside them.
 //
-// Driven masses, and slides, are integrated from pulse to pulse and tick to tick with Dormand-Prince 5(4). The state
-// inside a step comes from integrating again from its start. Rolling and flying with prescribed masses are smooth and
-// known in advance: DOP853 steps ahead over any number of ticks, and its dense output gives the state inside a step.
-// The quaternion is brought back to unit length after each step.
+// Driven masses, and slides, are integrated from pulse to pulse and tick to tick. Dormand-Prince 5(4) takes them where
+// its step reaches the next pulse, and slides always. DOP853 takes twice the evaluations and steps more than twice as
+// far. The state inside a step comes from integrating again from its start.
+//
+// Rolling and flying with prescribed masses are smooth and known in advance: DOP853 steps ahead over any number of
+// ticks, and its dense output gives the state inside a step. The quaternion is brought back to unit length after each
+// step.
 #pragma once
 
 #include <string>
@@ -40,7 +43,7 @@ class Stepping {
 
   // The state at dynamics.time_s + offset_s, inside the latest step.
   void look_inside(const Dynamics& dynamics, double offset_s, Point& out);
-  // The same by the step's interpolation of order 4 where that is cheaper: good enough to search by.
+  // The same by the step's interpolation where that is cheaper: good enough to search by.
   void glance_inside(const Dynamics& dynamics, double offset_s, Point& out);
   // The end of a span, and the state and motion in its middle.
   void look_at_span(const Dynamics& dynamics, const Span& span, Point& middle, Point& end);
@@ -57,22 +60,30 @@ class Stepping {
   template <class Method>
   [[nodiscard]] double relative_error(const Method& method, const Equations& equations) const;
   template <class Method>
-  double try_step(Method& method, Dynamics& dynamics, double longest_s);
+  double try_step(Method& method, double& allowed_s, Dynamics& dynamics, double longest_s);
+  Span next_driven_span(Dynamics& dynamics, double target_s);
+  template <class Method>
+  void look_again(Method& probe, const Dynamics& dynamics, double offset_s, Point& out);
   void aim_slip(Dynamics& dynamics);
 
   double tolerance_;
   State mass_scale_{};  // of driven masses: what their errors while rolling are relative to
   double control_period_s_;
-  double step_s_;  // the length that the error estimate last allowed
+  double fifth_step_s_, eighth_step_s_;  // the lengths that the error estimates last allowed
   int steps_left_ = 0;
   Failure failure_ = Failure::kNone;
   Instant scratch_{};  // the motion at the latest evaluation
   // State at the start of the latest step.
   State step_y_{};
   State step_dydt_{};
-  DormandPrince<kStateCapacity> pulsed_;
-  DormandPrince<kStateCapacity> probe_;  // integrates again from the start of the step of pulsed_
-  Dop853<kStateCapacity> ahead_;
+  DormandPrince<kStateCapacity> fifth_;
+  Dop853<kStateCapacity> eighth_;
+  // The latest step of driven masses is eighth_'s, and its dense output is prepared.
+  bool by_eighth_ = false, dense_ = false;
+  // Integrate again from the start of a step.
+  DormandPrince<kStateCapacity> fifth_probe_;
+  Dop853<kStateCapacity> eighth_probe_;
+  // Of a step ahead.
   double ahead_start_s_ = 0;
   double ahead_end_s_ = -1;  // before the time now: no step reaches beyond it
 };

@@ -35,7 +35,7 @@ Scenario ball() {
   s.ball = {
       .radius_m = 0.15, .mass_kg = 0.8, .inertia_kgm2 = {0.010, 0.011, 0.012}, .center_of_mass_B_m = {0, 0, -0.01}};
   s.initial.angular_velocity_B_radps = {0.5, -0.3, 0.2};
-  s.run.tolerance = 1e-12;  // short steps for Simpson's rule
+  s.run.tolerance = 1e-12;  // of the mechanics
   const Motor motors[] = {motor("nema11", 10, 2e-4, 10), motor("nema17", 4, 0.01, 24), motor("nema23", 2, 0.02, 30)};
   for (int i = 0; i < 3; ++i) {
     Mass m;
@@ -74,7 +74,7 @@ TEST(MotorEnergy, WhatGoesInIsWhatComesOut) {
   for (int i = 0; i < 3; ++i) {
     const MotorEnergy e = plant.motor_energy(i);
     const Motor& m = s.masses[static_cast<std::size_t>(i)].motor;
-    // Simpson's rule over steps of at most some 0.2 of a swing's radian, each: 1e-8 of what is exchanged.
+    // Lobatto's rule of order 6 over steps of at most a radian of a swing, each: 1e-8 of what is exchanged.
     const double scale = e.electrical_j + std::abs(e.work_j);
     EXPECT_NEAR(e.electrical_j, e.copper_j + e.friction_j + e.work_j + e.stored_j, 1e-8 * scale) << i;
     const double full_w = 2 * m.rated_current_a * m.rated_current_a * m.resistance_ohm;
