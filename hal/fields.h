@@ -70,6 +70,8 @@ struct LcmMember {
   const char* name;
   F in;
 };
+template <class F>
+LcmMember(const char*, F) -> LcmMember<F>;  // Clang 14 deduces it only so
 struct NotOnLcm {
   const char* name = "";
 };

@@ -43,7 +43,7 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 template <class V, Of<firmware::OperatorInput> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   using enum firmware::OperatorCommand;
-  return visitor.field(LCM(command), m.command, Within(kArm, kMove)).field(m.move, When(m.command == kMove));
+  return visitor.field(LCM(command), m.command, Within(kArm, kMove)).field(m.move, When{m.command == kMove});
 }
 
 // step_command_t
