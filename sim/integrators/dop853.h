@@ -19,9 +19,14 @@ class Dop853 {
 
   // Steps from y0 at t0, where the derivative is k1, to t0 + h. rhs(t, y, dydt) is evaluated twelve times, last at the
   // new state, so that end_derivative() may serve as the next step's k1. Only the first `size` entries of a State are
-  // used. `y0` and `k1` must not be this object's own end_state() and end_derivative().
+  // used. `y0` and `k1` must not be this object's own end_state() and end_derivative(). `end_rhs`: evaluated instead at
+  // the new state, if its caller wants more from there than the derivative.
   template <class Rhs>
   void step(Rhs&& rhs, double t0, double h, const State& y0, const State& k1, std::size_t size) {
+    step(rhs, rhs, t0, h, y0, k1, size);
+  }
+  template <class Rhs, class EndRhs>
+  void step(Rhs&& rhs, EndRhs&& end_rhs, double t0, double h, const State& y0, const State& k1, std::size_t size) {
     size_ = size;
     t0_ = t0;
     h_ = h;
@@ -64,7 +69,7 @@ class Dop853 {
         {2.27331014751653820792359768449, -1.05344954667372501984066689879e1, -2.00087205822486249909675718444,
          -1.79589318631187989172765950534e1, 2.79488845294199600508499808837e1, -2.85899827713502369474065508674,
          -8.87285693353062954433549289258, 1.23605671757943030647266201528e1, 6.43392746015763530355970484046e-1});
-    stage<1, 6, 7, 8, 9, 10, 11, 12>(rhs, 13, 1, kWeights);
+    stage<1, 6, 7, 8, 9, 10, 11, 12>(end_rhs, 13, 1, kWeights);
     y1_ = at_;
   }
 

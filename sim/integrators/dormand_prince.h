@@ -17,28 +17,33 @@ class DormandPrince {
 
   // Steps from y0 at t0, where the derivative is k1, to t0 + h. rhs(t, y, dydt) is evaluated six times, last at the new
   // state, so that end_derivative() may serve as the next step's k1. Only the first `size` entries of a State are used.
-  // `y0` and `k1` must not be this object's own end_state() and end_derivative().
+  // `y0` and `k1` must not be this object's own end_state() and end_derivative(). `end_rhs`: evaluated instead at the
+  // new state, if its caller wants more from there than the derivative.
   template <class Rhs>
   void step(Rhs&& rhs, double t0, double h, const State& y0, const State& k1, std::size_t size) {
+    step(rhs, rhs, t0, h, y0, k1, size);
+  }
+  template <class Rhs, class EndRhs>
+  void step(Rhs&& rhs, EndRhs&& end_rhs, double t0, double h, const State& y0, const State& k1, std::size_t size) {
     size_ = size;
     h_ = h;
     y0_ = &y0;
     k_[0] = k1;
-    const auto stage = [&](std::size_t target, double c, auto... a) {
+    const auto stage = [&](auto& f, std::size_t target, double c, auto... a) {
       const std::array<double, sizeof...(a)> weight{a...};
       for (std::size_t i = 0; i < size; ++i) {
         double sum = 0;
         for (std::size_t s = 0; s < sizeof...(a); ++s) sum += weight[s] * k_[s][i];
         y1_[i] = y0[i] + h * sum;
       }
-      rhs(t0 + c * h, y1_.data(), k_[target].data());
+      f(t0 + c * h, y1_.data(), k_[target].data());
     };
-    stage(1, 1. / 5, 1. / 5);
-    stage(2, 3. / 10, 3. / 40, 9. / 40);
-    stage(3, 4. / 5, 44. / 45, -56. / 15, 32. / 9);
-    stage(4, 8. / 9, 19372. / 6561, -25360. / 2187, 64448. / 6561, -212. / 729);
-    stage(5, 1., 9017. / 3168, -355. / 33, 46732. / 5247, 49. / 176, -5103. / 18656);
-    stage(6, 1., 35. / 384, 0., 500. / 1113, 125. / 192, -2187. / 6784, 11. / 84);
+    stage(rhs, 1, 1. / 5, 1. / 5);
+    stage(rhs, 2, 3. / 10, 3. / 40, 9. / 40);
+    stage(rhs, 3, 4. / 5, 44. / 45, -56. / 15, 32. / 9);
+    stage(rhs, 4, 8. / 9, 19372. / 6561, -25360. / 2187, 64448. / 6561, -212. / 729);
+    stage(rhs, 5, 1., 9017. / 3168, -355. / 33, 46732. / 5247, 49. / 176, -5103. / 18656);
+    stage(end_rhs, 6, 1., 35. / 384, 0., 500. / 1113, 125. / 192, -2187. / 6784, 11. / 84);
   }
 
   [[nodiscard]] double length() const { return h_; }

@@ -60,6 +60,7 @@ class PhaseCurrent {
   // voltage at lower speeds, because their current strengthens the magnet's field.
   [[nodiscard]] double corner_speed_radps() const;
 
+  [[nodiscard]] double amplitude_a() const { return amplitude_a_; }
   // Voltages at the amplitude of the commanded current, and the back EMF per rad/s of the shaft.
   [[nodiscard]] double resistance_v() const { return resistance_ohm_ * amplitude_a_; }
   [[nodiscard]] double reactance_v(double field_radps) const {

@@ -29,13 +29,18 @@ namespace avx2 {
 
 }  // namespace
 
-DrivenLanes driven_lanes() {
+const DrivenLanes& driven_lanes() {
 #ifdef __x86_64__
-  if (__builtin_cpu_supports("avx2")) return avx2::evaluate;
+  static constexpr DrivenLanes kAvx2{avx2::evaluate, avx2::derivative, avx2::energies};
+  static const bool has_avx2 = __builtin_cpu_supports("avx2");
+  if (has_avx2) return kAvx2;
 #endif
   return portable_driven_lanes();
 }
 
-DrivenLanes portable_driven_lanes() { return portable::evaluate; }
+const DrivenLanes& portable_driven_lanes() {
+  static constexpr DrivenLanes kPortable{portable::evaluate, portable::derivative, portable::energies};
+  return kPortable;
+}
 
 }  // namespace ballast::sim

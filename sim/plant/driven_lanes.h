@@ -1,6 +1,6 @@
 // Rolling with driven masses on circles under stepper motors, four masses to a vector register: what
-// MotorDrives::forces() and rolling_driven() compute one after the other, in half their instructions. Most robots spend
-// most of a run here.
+// MotorDrives::forces(), rolling_driven() and the record of the motors' energies compute one after the other, in half
+// their instructions. Most robots spend most of a run here.
 //
 // Plain data and no other header of the plant: the source is compiled for AVX2 as well, and no inline function of
 // another header may become one for AVX2 only.
@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 
 namespace ballast::sim {
 
@@ -34,6 +35,7 @@ struct LaneBody {
 
 // The motors with their fields as they are between two pulses. Angles are the shaft's, lags electrical.
 struct LaneMotors {
+  std::array<std::uint64_t, kLaneCapacity> present{};  // with a mass all bits, else none
   PerLane shaft_ratio{};
   PerLane teeth{};            // N_r
   PerLane viscous_damping{};  // N m s
@@ -43,6 +45,7 @@ struct LaneMotors {
   PerLane detent_sin_nm{}, detent_cos_nm{};  // detent torque times sine and cosine of 4 N_r field_rad
   // Windings; without one, 0.
   PerLane resistance_v{}, reactance_v{};  // times the amplitude of the current: R A, X A
+  PerLane amplitude_a{};                  // of the current, A
   PerLane back_emf_vs{};                  // K
   PerLane supply_v2{};                    // squared; without a winding 1e300
 };
@@ -55,14 +58,38 @@ struct LaneMotion {
   PerLane mass_acceleration, generalised_force;
 };
 
-// False, and `out` undefined, where a winding runs short of voltage, or a lag or position is beyond the range of
-// sin_cos(). `other_force`: what end stops and blocks add to the motors' generalised forces.
-using DrivenLanes = bool (*)(const LaneBody& body, const LaneMotors& motors, const double* q,
-                             const double* angular_velocity_B, const double* position, const double* velocity,
-                             const PerLane& other_force, LaneMotion& out);
+// Electrical, copper, friction and work of MotorEnergy, which see.
+struct LaneEnergies {
+  PerLane electrical_j{}, copper_j{}, friction_j{}, work_j{};
+};
 
-// The one for this processor, and the one for every processor. They give the same bits.
-DrivenLanes driven_lanes();
-DrivenLanes portable_driven_lanes();
+// Where Omega, the geometric centre and the masses begin in a state. It starts with q and ends with positions and
+// rates.
+inline constexpr std::size_t kLaneOmega = 4, kLaneZ = 7, kLaneTheta = 9;
+// What the plant's states have at least.
+inline constexpr std::size_t kLaneStateCapacity = kLaneTheta + 2 * kLaneCapacity + 4;
+
+// States and their derivatives at the ends of a span.
+struct LaneSpan {
+  const double *y0, *dydt0, *y1, *dydt1;
+};
+
+// The functions return false, with their results undefined, where a winding runs short of voltage, or a lag or position
+// is beyond the range of sin_cos(). `other_force`: what end stops and blocks add to the motors' generalised forces.
+// Pointers are to states of kLaneStateCapacity entries, or into them; entries without a mass are read and not used.
+struct DrivenLanes {
+  bool (*evaluate)(const LaneBody& body, const LaneMotors& motors, const double* q, const double* angular_velocity_B,
+                   const double* position, const double* velocity, const PerLane& other_force, LaneMotion& out);
+  // The state's derivative alone, to the bit. Entries of `dydt` beyond the state in use are overwritten.
+  bool (*derivative)(const LaneBody& body, const LaneMotors& motors, const double* y, const PerLane& other_force,
+                     double* dydt);
+  // Adds the energies of a span of length h, by Lobatto's rule of order 6. Nothing is added if it returns false. Rails
+  // need not be circles.
+  bool (*energies)(const LaneMotors& motors, std::size_t count, double h, const LaneSpan& span, LaneEnergies& to);
+};
+
+// Those for this processor, and those for every processor. They give the same bits.
+const DrivenLanes& driven_lanes();
+const DrivenLanes& portable_driven_lanes();
 
 }  // namespace ballast::sim

@@ -57,7 +57,7 @@ Equations::Equations(const PlantModel& model)
   const auto pushes = [](const PlantFault& fault) { return fault.kind == PlantFaultKind::kPush; };
   if (std::any_of(model.faults.begin(), model.faults.end(), pushes)) body.external_force.expect_pushes();
   const bool lanes = driven_ && !body.external_force.present() && all_on_circles(model.masses);
-  driven_lanes_ = lanes ? driven_lanes() : nullptr;
+  driven_lanes_ = lanes ? &driven_lanes() : nullptr;
   lane_body_ = to_lanes(body);
 }
 
@@ -90,15 +90,22 @@ void Equations::evaluate(double time_s, const double* y, Instant& motion) const 
   }
 }
 
+// What end stops and blocks add to the motors' forces.
+PerMass Equations::holding_forces(const double* y) const {
+  PerMass force{};
+  motors.add_holding_forces(y + kTheta, y + kTheta + mass_count(), force.data());
+  return force;
+}
+
 // False: the motors or the state are not for driven_lanes().
 bool Equations::evaluate_lanes(const double* y, Instant& motion) const {
   const LaneMotors* lanes = motors.lanes();
   if (lanes == nullptr) return false;
   const double *position = y + kTheta, *velocity = position + mass_count();
-  PerMass holding_force{};
-  motors.add_holding_forces(position, velocity, holding_force.data());
   LaneMotion found;
-  if (!driven_lanes_(lane_body_, *lanes, y + kQ, y + kOmega, position, velocity, holding_force, found)) return false;
+  if (!driven_lanes_->evaluate(lane_body_, *lanes, y + kQ, y + kOmega, position, velocity, holding_forces(y), found)) {
+    return false;
+  }
   motion.rotation_B_to_W = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(found.rotation_B_to_W.data());
   motion.up_B = motion.rotation_B_to_W.row(2);
   motion.angular_acceleration_B_radps2 = Vector3d::Map(found.angular_acceleration_B_radps2.data());
@@ -170,6 +177,13 @@ void Equations::derivative(double time_s, const double* y, double* dydt, Instant
     dydt[kTheta + i] = y[kTheta + mass_count() + i];
     dydt[kTheta + mass_count() + i] = motion.mass_acceleration[i];
   }
+}
+
+void Equations::derivative_alone(double time_s, const double* y, double* dydt, Instant& motion) const {
+  static_assert(kLaneOmega == kOmega && kLaneZ == kZ && kLaneTheta == kTheta && kLaneStateCapacity == kStateCapacity);
+  const bool lanes = contact.regime == Regime::kRolling && driven_lanes_ != nullptr && motors.lanes() != nullptr;
+  if (lanes && driven_lanes_->derivative(lane_body_, *motors.lanes(), y, holding_forces(y), dydt)) return;
+  derivative(time_s, y, dydt, motion);
 }
 
 OpenContact Equations::open_contact(double time_s, const double* y) const {

@@ -41,6 +41,8 @@ class Equations {
   void evaluate(double time_s, const double* y, Instant& motion) const;
   void evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses, Instant& motion) const;
   void derivative(double time_s, const double* y, double* dydt, Instant& motion) const;
+  // The same derivative, where the motion is not wanted: `motion` is undefined.
+  void derivative_alone(double time_s, const double* y, double* dydt, Instant& motion) const;
 
   // The equations with the contact force left open. The state has to hold the geometric centre's velocity, whatever the
   // regime.
@@ -59,11 +61,12 @@ class Equations {
   [[nodiscard]] Eigen::Vector3d velocity_W_mps(const double* y) const;
   [[nodiscard]] OpenContact open_contact_driven_at(double time_s, const double* y, const PerMass& force) const;
   void evaluate_open(const double* y, const OpenContact& open, Instant& motion) const;
+  [[nodiscard]] PerMass holding_forces(const double* y) const;
   [[nodiscard]] bool evaluate_lanes(const double* y, Instant& motion) const;
 
   bool driven_;
   std::size_t contact_start_;
-  DrivenLanes driven_lanes_;  // null if the robot is not one for it
+  const DrivenLanes* driven_lanes_;  // null if the robot is not one for it
   LaneBody lane_body_;
 };
 

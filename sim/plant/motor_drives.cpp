@@ -24,6 +24,7 @@ MotorDrives::MotorDrives(const PlantModel& model) : may_block_(!model.faults.emp
     steppers_.emplace_back(mass.motor, mass.motor.shaft_ratio * mass.initial_position, (model.seed << 3) + i);
     if (model.actuation != Actuation::kStepper) continue;
     const Motor& motor = mass.motor;
+    lanes_.present[i] = ~std::uint64_t{0};
     lanes_.shaft_ratio[i] = motor.shaft_ratio;
     lanes_.teeth[i] = motor.rotor_teeth();
     lanes_.viscous_damping[i] = motor.viscous_damping_nms;
@@ -31,6 +32,7 @@ MotorDrives::MotorDrives(const PlantModel& model) : may_block_(!model.faults.emp
     if (motor.has_winding()) {
       const PhaseCurrent& phases = steppers_[i].phases();
       lanes_.resistance_v[i] = phases.resistance_v();
+      lanes_.amplitude_a[i] = phases.amplitude_a();
       lanes_.back_emf_vs[i] = phases.back_emf_vs();
       lanes_.supply_v2[i] = phases.supply_v() * phases.supply_v();
     } else {
@@ -64,11 +66,12 @@ void MotorDrives::add_holding_forces(const double* position, const double* veloc
 }
 
 const LaneMotors* MotorDrives::lanes() const {
-  if (std::exchange(lanes_are_old_, false)) {
-    lanes_are_sound_ = true;
+  if (const std::uint32_t old = std::exchange(old_lanes_, 0); old != 0) {
     for (std::size_t i = 0; i < size(); ++i) {
+      if ((old >> i & 1) == 0) continue;
       const Stepper& stepper = steppers_[i];
-      lanes_are_sound_ = lanes_are_sound_ && stepper.sound();
+      unsound_lanes_ &= ~(std::uint32_t{1} << i);
+      if (!stepper.sound()) unsound_lanes_ |= std::uint32_t{1} << i;
       lanes_.field_rad[i] = stepper.field_rad();
       lanes_.reactance_v[i] = stepper.phases().reactance_v(stepper.field_radps());
       const auto detent = firmware::sin_cos(4 * lanes_.teeth[i] * stepper.field_rad());
@@ -76,7 +79,7 @@ const LaneMotors* MotorDrives::lanes() const {
       lanes_.detent_cos_nm[i] = stepper.motor().detent_torque_nm * detent.cos;
     }
   }
-  return lanes_are_sound_ ? &lanes_ : nullptr;
+  return unsound_lanes_ == 0 ? &lanes_ : nullptr;
 }
 
 bool MotorDrives::update_stop(std::size_t i, double position, double velocity) {

@@ -20,7 +20,7 @@ class MotorDrives {
   [[nodiscard]] std::size_t size() const { return steppers_.size(); }
   // The caller may change the field, so driven_lanes() is told anew.
   [[nodiscard]] Stepper& stepper(std::size_t i) {
-    lanes_are_old_ = true;
+    old_lanes_ |= std::uint32_t{1} << i;
     return steppers_[i];
   }
   [[nodiscard]] const Stepper& stepper(std::size_t i) const { return steppers_[i]; }
@@ -70,7 +70,8 @@ class MotorDrives {
 
   std::vector<Stepper> steppers_;
   mutable LaneMotors lanes_;
-  mutable bool lanes_are_old_ = true, lanes_are_sound_ = false;
+  // A bit per motor: its lanes are out of date, or it is not sound.
+  mutable std::uint32_t old_lanes_ = ~std::uint32_t{0}, unsound_lanes_ = 0;
   std::array<EndStops, kMaxMasses> end_stops_{};  // of driven masses
   std::vector<std::size_t> with_stops_;           // masses that have end stops
   std::array<int, kMaxMasses> stop_side_{};

@@ -96,6 +96,9 @@ void MotorRecord::record_energy(const Dynamics& dynamics, double h, const Point&
   constexpr double kAtEnds = 1. / 12, kInside = 5. / 12;
   const MotorDrives& motors = dynamics.equations.motors;
   const std::size_t n = motors.size();
+  const LaneSpan span{dynamics.now.y.data(), dynamics.now.dydt.data(), end.y.data(), end.dydt.data()};
+  const LaneMotors* lanes = motors.lanes();
+  if (lanes != nullptr && driven_lanes().energies(*lanes, n, h, span, lane_energies_)) return;
   for (std::size_t i = 0; i < n; ++i) {
     const Stepper& stepper = motors.stepper(i);
     const double shaft = stepper.motor().shaft_ratio;
@@ -126,6 +129,10 @@ MotorRecord::StoredEnergy MotorRecord::stored_energy(const Stepper& stepper, dou
 
 MotorEnergy MotorRecord::energy(std::size_t i, const Dynamics& dynamics) const {
   MotorEnergy energy = energy_[i];
+  energy.electrical_j += lane_energies_.electrical_j[i];
+  energy.copper_j += lane_energies_.copper_j[i];
+  energy.friction_j += lane_energies_.friction_j[i];
+  energy.work_j += lane_energies_.work_j[i];
   if (!dynamics.equations.driven()) return energy;
   const MassPoint masses = dynamics.masses();
   const StoredEnergy now = stored_energy(dynamics.equations.motors.stepper(i), masses.position[i], masses.velocity[i]);

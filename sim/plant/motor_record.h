@@ -60,7 +60,9 @@ class MotorRecord {
 
   PerMass torque_nm_{};
   std::array<MotorExtrema, kMaxMasses> extrema_{};
-  std::array<MotorEnergy, kMaxMasses> energy_{};  // without the stored energy
+  // The energies are the sums of both; `energy_` without the stored energy.
+  std::array<MotorEnergy, kMaxMasses> energy_{};
+  LaneEnergies lane_energies_{};
   std::array<StoredEnergy, kMaxMasses> stored_at_start_{};
   std::array<EndStopRecord, kMaxMasses> end_stop_{};
 };

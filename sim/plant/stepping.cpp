@@ -47,7 +47,15 @@ bool steps_ahead(const Equations& equations) {
   return !equations.driven() && equations.contact.regime != Regime::kSliding;
 }
 
+// For stages of a step. `motion` is undefined afterwards.
 auto right_hand_side(const Equations& equations, Instant& motion) {
+  return [&equations, &motion](double t, const double* y, double* dydt) {
+    equations.derivative_alone(t, y, dydt, motion);
+  };
+}
+
+// For the end of a step: sets the motion there too.
+auto end_of_step(const Equations& equations, Instant& motion) {
   return [&equations, &motion](double t, const double* y, double* dydt) { equations.derivative(t, y, dydt, motion); };
 }
 
@@ -162,7 +170,8 @@ double Stepping::try_step(Method& method, double& allowed_s, Dynamics& dynamics,
   const double h = whole ? longest_s : allowed_s;
   step_y_ = dynamics.now.y;
   step_dydt_ = dynamics.now.dydt;
-  method.step(right_hand_side(equations, scratch_), time_s, h, step_y_, step_dydt_, equations.size());
+  method.step(right_hand_side(equations, scratch_), end_of_step(equations, scratch_), time_s, h, step_y_, step_dydt_,
+              equations.size());
   const double error = relative_error(method, equations);
   // 0.9 error^(-1/order), between 0.2 and 5; far below the tolerance the power need not be computed. A trial step that
   // overflows is too long, like any other.
@@ -185,7 +194,8 @@ double Stepping::try_step(Method& method, double& allowed_s, Dynamics& dynamics,
 template <class Method>
 void Stepping::look_again(Method& probe, const Dynamics& dynamics, double offset_s, Point& out) {
   const Equations& equations = dynamics.equations;
-  probe.step(right_hand_side(equations, scratch_), dynamics.time_s, offset_s, step_y_, step_dydt_, equations.size());
+  probe.step(right_hand_side(equations, scratch_), end_of_step(equations, scratch_), dynamics.time_s, offset_s, step_y_,
+             step_dydt_, equations.size());
   out.y = probe.end_state();
   out.dydt = probe.end_derivative();
   out.motion = scratch_;

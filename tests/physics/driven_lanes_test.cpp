@@ -63,11 +63,17 @@ struct DrivenRobot {
     rolling_driven(equations.body, 0, &state[kQ], &state[kOmega], position, velocity, force.data(), out);
     return out;
   }
-  [[nodiscard]] bool lanes(DrivenLanes evaluate, LaneMotion& out) const {
+  [[nodiscard]] bool lanes(const DrivenLanes& functions, LaneMotion& out) const {
     const LaneMotors* motors = equations.motors.lanes();
     const double *position = &state[kTheta], *velocity = position + equations.mass_count();
-    return motors != nullptr &&
-           evaluate(equations.lane_body(), *motors, &state[kQ], &state[kOmega], position, velocity, PerLane{}, out);
+    return motors != nullptr && functions.evaluate(equations.lane_body(), *motors, &state[kQ], &state[kOmega], position,
+                                                   velocity, PerLane{}, out);
+  }
+  [[nodiscard]] State derivative(const DrivenLanes& functions) const {
+    State out{};
+    const LaneMotors* motors = equations.motors.lanes();
+    EXPECT_TRUE(functions.derivative(equations.lane_body(), *motors, state.data(), PerLane{}, out.data()));
+    return out;
   }
 
   Equations equations;
@@ -121,6 +127,78 @@ TEST(DrivenLanes, GiveTheSameBitsOnEveryProcessor) {
     ASSERT_TRUE(robot.lanes(portable_driven_lanes(), portable));
     using Bits = std::array<std::uint64_t, sizeof(LaneMotion) / sizeof(double)>;
     EXPECT_EQ(std::bit_cast<Bits>(here), std::bit_cast<Bits>(portable)) << "trial " << trial;
+  }
+}
+
+TEST(DrivenLanes, GiveTheDerivativeOfTheEquationsToTheBit) {
+  constexpr std::uint64_t kSeed = 9;
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  test::RandomRobot random(kSeed);
+  for (int trial = 0; trial < 1000; ++trial) {
+    const DrivenRobot robot(random);
+    State expected{};
+    Instant motion;
+    robot.equations.derivative(0, robot.state.data(), expected.data(), motion);
+    for (const DrivenLanes* functions : {&driven_lanes(), &portable_driven_lanes()}) {
+      const State found = robot.derivative(*functions);
+      for (std::size_t i = 0; i < robot.equations.size(); ++i) EXPECT_EQ(found[i], expected[i]) << "trial " << trial;
+    }
+  }
+}
+
+// Against the powers of Stepper and PhaseCurrent at the same four points: positions of a motion that is a polynomial of
+// degree 5.
+TEST(DrivenLanes, AddTheEnergiesOfEveryMotor) {
+  constexpr std::uint64_t kSeed = 10;
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  test::RandomRobot random(kSeed);
+  for (int trial = 0; trial < 300; ++trial) {
+    const DrivenRobot robot(random);
+    const MotorDrives& motors = robot.equations.motors;
+    const std::size_t n = robot.equations.mass_count();
+    constexpr double kLength = 1e-3;
+    const double kPlace[] = {0, (1 - std::sqrt(0.2)) / 2, (1 + std::sqrt(0.2)) / 2, 1};
+    const double kWeight[] = {1. / 12, 5. / 12, 5. / 12, 1. / 12};
+    State y[2] = {robot.state, robot.state}, dydt[2] = {State{}, State{}};
+    LaneEnergies expected{};
+    for (std::size_t i = 0; i < n; ++i) {
+      const Stepper& stepper = motors.stepper(i);
+      const Motor& motor = stepper.motor();
+      const double start = robot.state[kTheta + i], rate = robot.state[kTheta + n + i];
+      const double bend = random.uniform(-50, 50), twist = random.uniform(-1e7, 1e7);
+      const auto position = [&](double t) { return start + t * (rate + t * (bend + twist * t * t * t)); };
+      const auto velocity = [&](double t) { return rate + t * (2 * bend + 5 * twist * t * t * t); };
+      const auto acceleration = [&](double t) { return 2 * bend + 20 * twist * t * t * t; };
+      for (std::size_t k = 0; k < 2; ++k) {
+        const double t = static_cast<double>(k) * kLength;
+        y[k][kTheta + i] = position(t);
+        y[k][kTheta + n + i] = dydt[k][kTheta + i] = velocity(t);
+        dydt[k][kTheta + n + i] = acceleration(t);
+      }
+      for (std::size_t k = 0; k < 4; ++k) {
+        const double part_s = kWeight[k] * kLength, t = kPlace[k] * kLength;
+        const double angle = motor.shaft_ratio * position(t), speed = motor.shaft_ratio * velocity(t);
+        const PhaseCurrent::Vector current = stepper.current(angle, speed);
+        expected.work_j[i] += part_s * stepper.torque_nm(angle, speed) * speed;
+        expected.friction_j[i] += part_s * motor.viscous_damping_nms * speed * speed;
+        expected.copper_j[i] += part_s * stepper.phases().copper_loss_w(current);
+        if (motor.has_winding()) expected.electrical_j[i] += part_s * stepper.terminal_power_w(current, speed);
+      }
+    }
+    LaneEnergies found{}, portable{};
+    const LaneSpan span{y[0].data(), dydt[0].data(), y[1].data(), dydt[1].data()};
+    ASSERT_TRUE(driven_lanes().energies(*motors.lanes(), n, kLength, span, found)) << "trial " << trial;
+    ASSERT_TRUE(portable_driven_lanes().energies(*motors.lanes(), n, kLength, span, portable));
+    using Bits = std::array<std::uint64_t, sizeof(LaneEnergies) / sizeof(double)>;
+    EXPECT_EQ(std::bit_cast<Bits>(found), std::bit_cast<Bits>(portable)) << "trial " << trial;
+    for (std::size_t i = 0; i < n; ++i) {
+      // Rounding of travel / length: 1e-16 / 1e-3 of a rate.
+      const double scale = expected.friction_j[i] + expected.copper_j[i] + std::abs(expected.work_j[i]) + 1e-3;
+      EXPECT_NEAR(found.work_j[i], expected.work_j[i], 1e-10 * scale) << "trial " << trial;
+      EXPECT_NEAR(found.friction_j[i], expected.friction_j[i], 1e-10 * scale) << "trial " << trial;
+      EXPECT_NEAR(found.copper_j[i], expected.copper_j[i], 1e-10 * scale) << "trial " << trial;
+      EXPECT_NEAR(found.electrical_j[i], expected.electrical_j[i], 1e-10 * scale) << "trial " << trial;
+    }
   }
 }
 
