@@ -1,10 +1,14 @@
 #include "tools/recording/recorder.h"
 
 #include <gtest/gtest.h>
+#include <sched.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <lcm/lcm-cpp.hpp>
+#include <new>
+#include <stdexcept>
 
 #include "tools/faults/full_disk.h"
 #include "tools/recording/output_dir.h"
@@ -66,6 +70,66 @@ TEST(Recorder, SaysWhenTheDiskIsFull) {
   for (int k = 0; k < 100; ++k) recorder.record(hal::kChannelTrip, trip_t{});
   EXPECT_FALSE(recorder.close());
   EXPECT_NE(recorder.error().find("/dev/full"), std::string::npos);
+}
+
+template <class Error>
+struct MessageThatThrows {
+  static int getEncodedSize() { return 8; }
+  static int encode(void*, int, int) { throw Error("made by the test"); }
+};
+struct NoMemory : std::bad_alloc {
+  explicit NoMemory(const char*) {}
+};
+
+// Ballast ends with an error, exit status 2, where the record is not good.
+TEST(Recorder, SaysWhenEncodingThrows) {
+  const std::string path = testing::TempDir() + "recorder_throws_test.lcmlog";
+  for (const bool unbuffered : {false, true}) {
+    SCOPED_TRACE(unbuffered);
+    const auto error_after = [&](const auto& message) {
+      Recorder recorder(path, nullptr, unbuffered);
+      recorder.record_heard("THROWS", message, 0);
+      for (int k = 0; k < 10'000; ++k) recorder.record(hal::kChannelTrip, trip_t{});  // several batches
+      EXPECT_FALSE(recorder.close());
+      return recorder.error();
+    };
+    EXPECT_EQ(error_after(MessageThatThrows<NoMemory>()), path + ": cannot be written: Cannot allocate memory");
+    EXPECT_EQ(error_after(MessageThatThrows<std::length_error>()), path + ": cannot be written: made by the test");
+  }
+  std::filesystem::remove(path);
+}
+
+// The processors of each thread of this process.
+std::vector<cpu_set_t> processors_of_threads() {
+  std::vector<cpu_set_t> all;
+  for (const auto& thread : std::filesystem::directory_iterator("/proc/self/task")) {
+    cpu_set_t& its = all.emplace_back();
+    EXPECT_EQ(sched_getaffinity(std::stoi(thread.path().filename()), sizeof its, &its), 0);
+  }
+  return all;
+}
+
+// A lap beside QEMU keeps to one processor.
+TEST(Recorder, WritesOnAllProcessorsWhereTheLapKeepsToOne) {
+  cpu_set_t before, one;
+  ASSERT_EQ(sched_getaffinity(0, sizeof before, &before), 0);
+  CPU_ZERO(&one);
+  CPU_SET(static_cast<std::size_t>(sched_getcpu()), &one);
+  const std::string path = testing::TempDir() + "recorder_processors_test.lcmlog";
+  ASSERT_EQ(sched_setaffinity(0, sizeof one, &one), 0);
+  {
+    Recorder recorder(path);
+    recorder.record(hal::kChannelTrip, trip_t{});
+    EXPECT_TRUE(recorder.close());  // its thread has begun
+    const auto processors = processors_of_threads();
+    const auto on = [&](const cpu_set_t& set) {
+      return std::ranges::count_if(processors, [&](const cpu_set_t& its) { return CPU_EQUAL(&its, &set) != 0; });
+    };
+    EXPECT_GE(on(before), 1);
+    EXPECT_GE(on(one), 1);
+  }
+  EXPECT_EQ(sched_setaffinity(0, sizeof before, &before), 0);
+  std::filesystem::remove(path);
 }
 
 TEST(FullDisk, TheFirstOfTwoCounts) {

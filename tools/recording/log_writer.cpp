@@ -2,15 +2,21 @@
 
 #include <pthread.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
+#include <exception>
+#include <new>
 #include <system_error>
+
+#include "tools/program/processors.h"
 
 namespace ballast::sil {
 
 namespace {
 
 constexpr std::uint32_t kSyncWord = 0xEDA1DA01;
+constexpr std::size_t kLongestReason = 128;
 
 template <class T>
 void put(T value, std::vector<char>& to) {
@@ -20,9 +26,11 @@ void put(T value, std::vector<char>& to) {
 }  // namespace
 
 LogWriter::LogWriter(const std::string& path, bool at_once)
-    : path_(path), at_once_(at_once), file_(std::fopen(path.c_str(), "wb")) {
+    : at_once_(at_once), file_(std::fopen(path.c_str(), "wb")), error_(path + ": cannot be written: ") {
+  const int open_error = errno;
+  error_.reserve(error_.size() + kLongestReason);
   if (file_ == nullptr) {
-    fail();
+    fail(std::strerror(open_error));
     return;
   }
   std::setvbuf(file_, nullptr, _IONBF, 0);  // batches are large
@@ -69,6 +77,8 @@ void LogWriter::flush() {
 }
 
 void LogWriter::run() {
+  // The caller may keep to one processor, which it shares with an emulator.
+  program::use_all_processors();
   std::unique_lock lock(mutex_);
   while (true) {
     changed_.wait(lock, [&] { return ends_ || !handed_over_.empty(); });
@@ -83,6 +93,19 @@ void LogWriter::run() {
 
 void LogWriter::write(const Bytes& batch) {
   if (failed_) return;
+  try {
+    encode_all(batch);
+  } catch (const std::bad_alloc&) {
+    fail(std::strerror(ENOMEM));
+    return;
+  } catch (const std::exception& error) {
+    fail(error.what());
+    return;
+  }
+  if (std::fwrite(encoded_.data(), 1, encoded_.size(), file_) != encoded_.size()) fail(std::strerror(errno));
+}
+
+void LogWriter::encode_all(const Bytes& batch) {
   encoded_.clear();
   for (std::size_t at = 0; at < batch.size();) {
     Header header;
@@ -102,11 +125,11 @@ void LogWriter::write(const Bytes& batch) {
     const auto size = static_cast<std::uint32_t>(encoded_.size() - data_at);
     for (std::size_t i = 0; i < sizeof size; ++i) encoded_[size_at + i] = static_cast<char>(size >> (24 - 8 * i));
   }
-  if (std::fwrite(encoded_.data(), 1, encoded_.size(), file_) != encoded_.size()) fail();
 }
 
-void LogWriter::fail() {
-  error_ = path_ + ": cannot be written: " + std::strerror(errno);
+// Allocates no memory: its lack may be the reason.
+void LogWriter::fail(const char* why) {
+  error_.append(why, std::min(std::strlen(why), error_.capacity() - error_.size()));
   failed_ = true;
 }
 

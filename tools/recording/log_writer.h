@@ -1,6 +1,7 @@
 // Writes events in the format of LCM's logs from a thread of its own, so that the lap neither encodes nor waits for the
-// file. The caller's thread only copies messages. A failure shows after up to two batches, and at the latest in
-// flush().
+// file. The caller's thread only copies messages. A failure, lack of memory included, shows after up to two batches,
+// and at the latest in flush(). The file then ends with the last batch that was written, or inside the one that was
+// not.
 //
 // All functions are for one thread, the caller's.
 #pragma once
@@ -53,7 +54,7 @@ class LogWriter {
  private:
   // An event's sync word, number, time, and lengths of channel and data: big-endian.
   static constexpr std::int64_t kEventHeaderSize = 28;
-  static constexpr std::size_t kBatchBytes = 1 << 16;  // stays in a core's cache
+  static constexpr std::size_t kBatchBytes = std::size_t{1} << 16;  // stays in a core's cache
 
   using Bytes = std::vector<char>;
   // Precedes each message of a batch.
@@ -78,15 +79,15 @@ class LogWriter {
   void hand_over();
   void run();
   void write(const Bytes& batch);
-  void fail();
+  void encode_all(const Bytes& batch);
+  void fail(const char* why);
 
-  std::string path_;
   bool at_once_;
   std::FILE* file_ = nullptr;
   Bytes filling_;            // the caller's
   Bytes encoded_;            // the writing thread's
   std::int64_t events_ = 0;  // the writing thread's
-  std::string error_;        // written before failed_
+  std::string error_;        // complete before failed_ is set
   std::atomic<bool> failed_ = false;
 
   std::mutex mutex_;
