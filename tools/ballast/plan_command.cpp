@@ -162,6 +162,11 @@ int plan_task(const PlanCommand& command) {
   options.progress = [&](int iteration, double best, double need, double error) {
     line.show(iteration, best, need, error);
   };
+  options.stepper_need = [&](const sim::Scenario& moved) {
+    const auto run = need_with_steppers(moved, signalled);
+    const bool completed = run && run->end_reason == to_string(sil::EndReason::kCompleted);
+    return completed ? run->mu_required_max.value : std::numeric_limits<double>::infinity();
+  };
   const plan::Problem problem = plan::make_problem(*task);
   plan::Outcome outcome = plan::search(problem, task->scenario, options);
   line.end();

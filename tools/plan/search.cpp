@@ -61,10 +61,16 @@ struct Failure {
   std::string at_limits;       // what the motion uses up
 };
 
+// What a try makes small, once all limits hold.
+struct Aim {
+  Objective objective;
+  double resonance_weight = 0;
+};
+
 class Search {
  public:
   Search(const Problem& problem, const sim::Scenario& scenario, const SearchOptions& options)
-      : problem_(problem), scenario_(scenario), options_(options) {
+      : problem_(problem), scenario_(scenario), options_(options), aim_{problem.task.objective} {
     effort_.stop = [this] { return effort_.iterations >= kMostIterations || (options_.stop && options_.stop()); };
     if (options.progress) {
       effort_.progress = [this](double need, double error) {
@@ -82,6 +88,7 @@ class Search {
     }
     find(problem_.task.duration_s);
     if (best_ && problem_.task.objective == Objective::kTime) shorten();
+    if (best_ && options_.stepper_need && problem_.task.avoid_resonance && driven()) calm_motors();
     out.iterations = effort_.iterations;
     if (best_) {
       out.status = Status::kFound;
@@ -206,8 +213,8 @@ class Search {
   [[nodiscard]] SqpSettings settings() const {
     SqpSettings settings;
     settings.friction_limit = problem_.friction_limit;
-    if (problem_.task.objective == Objective::kTime) settings.good_enough = 0.97 * problem_.friction_limit;
-    if (problem_.task.objective == Objective::kEffort) settings.good_enough = 0.9 * problem_.friction_limit;
+    if (aim_.objective == Objective::kTime) settings.good_enough = 0.97 * problem_.friction_limit;
+    if (aim_.objective == Objective::kEffort) settings.good_enough = 0.9 * problem_.friction_limit;
     return settings;
   }
 
@@ -283,6 +290,7 @@ class Search {
                            const std::vector<double>& via_time_s) const {
     Transcription transcription(problem, rollout);
     transcription.friction_unit = std::clamp(least_need(rollout.grid().duration_s), 0.005, 1.0);
+    transcription.resonance_weight = aim_.resonance_weight;
     transcription.corrections.room = 2e-3;  // the ball bends by less than that from its chord between two nodes
     if (!via_time_s.empty()) transcription.via_time_s = via_time_s;
     return transcription;
@@ -297,7 +305,7 @@ class Search {
     SqpSettings s = settings();
     s.most_iterations = 20;
     Merit merit = improve(rollout, transcription, fixed, s, knots, effort_);
-    if (problem_.task.objective == Objective::kEffort) {
+    if (aim_.objective == Objective::kEffort) {
       s.objective = Objective::kEffort;
       s.good_enough = 0;
       s.most_iterations = 40;
@@ -336,6 +344,7 @@ class Search {
       fail(plan.grid, plan.knots, merit);
       return false;
     }
+    if (by_steppers_) plan.stepper_need = stepper_need(plan);
     if (!best_ || better(plan, merit)) {
       best_ = plan;
       best_effort_ = merit.effort;
@@ -345,6 +354,7 @@ class Search {
   }
 
   [[nodiscard]] bool better(const Plan& plan, const Merit& merit) const {
+    if (by_steppers_) return plan.stepper_need < best_->stepper_need;
     if (problem_.task.objective == Objective::kTime) return plan.grid.duration_s < best_->grid.duration_s;
     if (problem_.task.objective == Objective::kEffort) return merit.effort < best_effort_;
     return need_of(plan) < need_of(*best_);
@@ -370,6 +380,38 @@ class Search {
       s.most_iterations = 50;
       const Merit merit = improve_on(problem_, grid, fixed, s, knots, via_time_s);
       if (merit.error() > 1e-2 || !refine(grid, fixed, knots, via_time_s)) failed_s = next_s;
+    }
+  }
+
+  [[nodiscard]] bool driven() const {
+    bool any = false;
+    for (int i = 0; i < problem_.masses(); ++i) any = any || problem_.limits[index(i)].motor.has_value();
+    return any;
+  }
+
+  [[nodiscard]] double stepper_need(const Plan& plan) const {
+    sim::Scenario moved = with_motion(scenario_, plan.grid, plan.knots);
+    moved.run.actuation = sim::Actuation::kStepper;
+    return options_.stepper_need(moved);
+  }
+
+  // Motors shake the ball more than a plan itself needs, most of all where they dwell at a resonance. Variants of the
+  // best plan trade some of its friction for calmer motors. The run with motors tells which one needs least.
+  void calm_motors() {
+    constexpr double kCalm = 0.5;  // of the friction limit: little is gained below
+    constexpr Aim kAims[] = {{Objective::kEffort, 3},
+                             {Objective::kEffort, 30},
+                             {Objective::kFriction, 30},
+                             {Objective::kEffort, 100},
+                             {Objective::kFriction, 3}};
+    const Plan first = *best_;
+    const Grid grid = make_grid(problem_, first.grid.duration_s, kPieces);
+    best_->stepper_need = stepper_need(first);
+    by_steppers_ = true;
+    for (const Aim& aim : kAims) {
+      if (stopped() || best_->stepper_need <= kCalm * problem_.friction_limit) return;
+      aim_ = aim;
+      refine(grid, fixed_knots(grid), first.knots, first.via_time_s);
     }
   }
 
@@ -412,6 +454,8 @@ class Search {
   Effort effort_;
   std::optional<Plan> best_;
   double best_effort_ = 0;
+  Aim aim_;
+  bool by_steppers_ = false;  // judges plans by the run with their motors
   std::string binding_;
   Failure failure_;
 };

@@ -134,7 +134,7 @@ void Transcription::motor_limits(int node, bool with_forms, const Sink& sink) co
            form);
     }
     if (std::isfinite(limits.speed)) {
-      constexpr double kRoom = 0.002;  // between nodes
+      constexpr double kRoom = 0.004;  // between nodes
       form.mass[k] = {0, 1 / limits.speed, 0};
       sink({LimitKind::kSpeed, i, node, at.state.velocity[k] / limits.speed, -1 + kRoom, 1 - kRoom}, form);
     }
@@ -162,9 +162,7 @@ void Transcription::motor_limits(int node, bool with_forms, const Sink& sink) co
 }
 
 void Transcription::soft_terms(const SoftSink& sink) const {
-  if (!problem_.task.avoid_resonance) return;
-  // The whole time spent at a resonance costs as much as this many times the friction's unit.
-  constexpr double kWeight = 3;
+  if (resonance_weight == 0) return;
   const int nodes = rollout_.grid().nodes();
   for (int node = 0; node < nodes; ++node) {
     const Node& at = rollout_.nodes()[index(node)];
@@ -175,7 +173,7 @@ void Transcription::soft_terms(const SoftSink& sink) const {
         // A tent, whose sides point away from the resonance even at its top.
         const double off = (speed - resonant) / (2 * kNearResonance * resonant);
         if (std::abs(off) >= 1) continue;
-        const double unit = std::sqrt(2 * kWeight / nodes), residual = unit * (1 - std::abs(off));
+        const double unit = std::sqrt(2 * resonance_weight / nodes), residual = unit * (1 - std::abs(off));
         NodeForm form;
         form.node = node;
         const double slope = (off < 0 ? unit : -unit) / (2 * kNearResonance * resonant);

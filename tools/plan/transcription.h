@@ -60,6 +60,7 @@ class Transcription {
   // Reference of f_s / N, by which it is made dimensionless.
   double friction_unit = 1;
   Corrections corrections;
+  double resonance_weight = 0;     // of the whole time spent at a motor's resonance, beside the friction's 1
   std::vector<double> via_time_s;  // of each via place
 
   // f_s / N at the nodes, over friction_unit. A node whose N is not well above 0 has a large one.
@@ -72,7 +73,7 @@ class Transcription {
   void limits(bool with_forms, const Sink& sink) const;
 
   // Soft terms, small but without a limit, as residuals of a sum of squares: the time that motors spend near their
-  // resonances.
+  // resonances, times resonance_weight.
   using SoftSink = std::function<void(double residual, const NodeForm& form)>;
   void soft_terms(const SoftSink& sink) const;
   // Part of the duration in which some motor is within kNearResonance of one.
