@@ -183,6 +183,22 @@ TEST(Plan, RandomTasksAreFound) {
   EXPECT_EQ(found, static_cast<int>(std::size(numbers)));
 }
 
+TEST(Plan, ANeighboursPlanIsAWarmStart) {
+  const Planned first = plan_of(kRobot + "goal = [0.5, 0.0]\nduration = 6.0\n");
+  ASSERT_TRUE(first.outcome.plan);
+  const std::string toml = kRobot + "goal = [0.52, 0.01]\nduration = 6.0\n";
+  const Planned cold = plan_of(toml);
+  std::vector<sim::ScenarioError> errors;
+  const auto task = parse_task(toml, "task.toml", errors);
+  SearchOptions options;
+  for (const sim::Mass& mass : first.written.masses) options.from.push_back(mass.motion);
+  const Outcome warm = search(make_problem(*task), task->scenario, options);
+  ASSERT_TRUE(cold.outcome.plan && warm.plan);
+  EXPECT_LE(warm.iterations, 8);
+  const double need = warm.plan->run.extrema.mu_required_max.value;
+  EXPECT_LT(need, 1.1 * cold.outcome.plan->run.extrema.mu_required_max.value);  // 1.02 was reached
+}
+
 TEST(Plan, TheSameSeedGivesTheSamePlan) {
   const std::string toml = random_task(1, 56);
   const Planned first = plan_of(toml), second = plan_of(toml);

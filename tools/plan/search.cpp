@@ -157,6 +157,8 @@ class Search {
         std::sqrt(of_rest * distance / (g * problem_.friction_limit)));
   }
 
+  [[nodiscard]] bool warm() const { return !options_.from.empty(); }
+
   [[nodiscard]] bool stopped() const { return effort_.stop(); }
 
   // Best of several starts.
@@ -165,7 +167,7 @@ class Search {
     for (int k = 0; k < kMostStarts && !stopped(); ++k) {
       if (best_) {
         const bool good = need_of(*best_) < 1.3 * least_need(duration_s);
-        const bool enough = problem_.task.objective != Objective::kFriction || !options_.from.empty();
+        const bool enough = problem_.task.objective != Objective::kFriction || warm();
         if (good || enough || more-- <= 0 || effort_.iterations > kCheapIterations) return;
       }
       try_start(duration_s, k);
@@ -242,6 +244,7 @@ class Search {
     for (std::size_t v = 0; v < knots.size(); ++v) {
       if (fixed[v]) knots[v] = 0;
     }
+    if (warm() && start == 0 && refine(grid, fixed, knots, via_time_s)) return;
     if (start % 2 == 1) {
       for (const double part : {0.25, 0.5, 0.75}) {
         const Problem staged = partial(part);
@@ -304,6 +307,7 @@ class Search {
     Transcription transcription = transcribe(problem_, rollout, via_time_s);
     SqpSettings s = settings();
     s.most_iterations = 20;
+    if (warm()) s.most_iterations = 8;  // a neighbour's plan: the rest gains a few percent
     Merit merit = improve(rollout, transcription, fixed, s, knots, effort_);
     if (aim_.objective == Objective::kEffort) {
       s.objective = Objective::kEffort;
@@ -407,6 +411,7 @@ class Search {
     const Plan first = *best_;
     const Grid grid = make_grid(problem_, first.grid.duration_s, kPieces);
     best_->stepper_need = stepper_need(first);
+    if (warm() && std::isfinite(best_->stepper_need)) return;
     by_steppers_ = true;
     for (const Aim& aim : kAims) {
       if (stopped() || best_->stepper_need <= kCalm * problem_.friction_limit) return;

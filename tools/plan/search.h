@@ -37,8 +37,8 @@ struct SearchOptions {
   std::uint64_t seed = 0;
   std::vector<std::vector<sim::MotionPiece>> from;  // motion of each mass to start from; empty: none
   std::function<bool()> stop;                       // ends the search with the best plan so far
-  // Greatest f_s / N of the motion when the scenario's motors drive it; infinite if the run does not complete. None: the
-  // search does not ask.
+  // Greatest f_s / N of the motion when the scenario's motors drive it; infinite if the run does not complete. None:
+  // the search does not ask.
   std::function<double(const sim::Scenario& moved)> stepper_need;
   // Best need so far (infinite: none), the running search's need and its greatest violation.
   std::function<void(int iteration, double best, double need, double error)> progress;
