@@ -43,16 +43,21 @@ inline std::int64_t draw_bus_number() {
   }
 }
 
+// Whether the bus can be used. LCM calls a TCP server that does not answer good, and aborts later.
+inline bool usable(lcm::LCM& lcm, const std::string& url) {
+  return lcm.good() && (!url.starts_with("tcpq") || lcm.getFileno() >= 0);
+}
+
 class Bus {
  public:
   // Check good() first. Once `*interrupted` is nonzero, every wait returns kInterrupted within 50 ms. `interrupted`
   // must outlive the bus.
   explicit Bus(const std::string& url, const volatile std::sig_atomic_t* interrupted = nullptr)
-      : interrupted_(interrupted), lcm_(url) {}
+      : interrupted_(interrupted), lcm_(url), good_(usable(lcm_, url)) {}
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  [[nodiscard]] bool good() const { return lcm_.good(); }
+  [[nodiscard]] bool good() const { return good_; }
 
   // Joins a run. From now on published messages carry its number, and messages of other runs are counted and dropped,
   // except those of peers that wait for a run. Before, all messages are heard, and published ones carry 0.
@@ -130,7 +135,8 @@ class Bus {
   std::int64_t run_id_ = 0;
   std::int64_t malformed_ = 0, foreign_ = 0;
   std::vector<std::shared_ptr<void>> receivers_;
-  lcm::LCM lcm_;  // last member, so destroyed first: no receiver is called after its end
+  lcm::LCM lcm_;  // destroyed before the receivers: none is called after its end
+  bool good_;
 };
 
 }  // namespace ballast::hal

@@ -159,6 +159,18 @@ double rail_distance_m(const firmware::Rail& a, const firmware::Rail& b) {
   return best_m;
 }
 
+namespace {
+
+void warn_of_unplanned_task(TableReader& root, const std::string& source_name, const Scenario& scenario) {
+  root.know({"task", "plan"});
+  const auto moves = [](const Mass& mass) { return !mass.motion.empty() || !mass.trajectory.times_s.empty(); };
+  const bool any_moves = std::any_of(scenario.masses.begin(), scenario.masses.end(), moves);
+  if (!root.has("task") || root.has("plan") || any_moves) return;
+  root.warn("task", "has no motion yet, so no mass moves; `ballast plan {}` finds one", source_name);
+}
+
+}  // namespace
+
 void warn_of_implausible_values(const Node& root_node, const std::string& source_name, const Scenario& scenario,
                                 std::vector<ScenarioError>& warnings) {
   std::vector<ScenarioError> errors;  // none: the scenario has been accepted
@@ -171,6 +183,7 @@ void warn_of_implausible_values(const Node& root_node, const std::string& source
   if (scenario.gravity_mps2 == 0 && !(scenario.external_force_W_n[2] < 0)) {
     root.warn("gravity", "is zero: nothing presses the ball on the floor, so it detaches at once");
   }
+  warn_of_unplanned_task(root, source_name, scenario);
   warn_of_ball(root.table("ball"), scenario);
   warn_of_surface(root, scenario);
   std::vector<TableReader> masses = root.tables("mass", "");

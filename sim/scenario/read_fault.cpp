@@ -226,15 +226,17 @@ void add_fault(const std::string& text, Node& root, std::vector<ScenarioError>& 
   const std::size_t colon = text.find(':', at);
   const std::string time = text.substr(at + 1, colon == std::string::npos ? colon : colon - at - 1);
   if (time.empty()) return refuse("has no time after its '@'");
+  // The text tells which option it is, also among [[fault]] of the file.
+  const std::string source = std::string(kFaultOption) + " " + text;
   Node fault;
-  fault.source = kFaultOption;
+  fault.source = source;
   Node kind;
   kind.kind = NodeKind::kString;
-  kind.source = kFaultOption;
+  kind.source = source;
   kind.text = text.substr(0, at);
   kind.written = kind.text;
   fault.entries.emplace_back("kind", std::move(kind));
-  fault.entries.emplace_back("time", value_node(time, kFaultOption));
+  fault.entries.emplace_back("time", value_node(time, source.c_str()));
   if (colon != std::string::npos) {
     for (const std::string& part : split(std::string_view(text).substr(colon + 1))) {
       const std::size_t equals = part.find('=');
@@ -242,7 +244,7 @@ void add_fault(const std::string& text, Node& root, std::vector<ScenarioError>& 
       const std::string value = equals == std::string::npos ? part : part.substr(equals + 1);
       if (key.empty() || value.empty()) return refuse("has an empty parameter after its ':'");
       if (fault.find(key) != nullptr) return refuse("gives its " + key + " twice");
-      fault.entries.emplace_back(key, value_node(value, kFaultOption));
+      fault.entries.emplace_back(key, value_node(value, source.c_str()));
     }
   }
   Node* faults = root.find("fault");

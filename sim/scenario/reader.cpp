@@ -138,6 +138,24 @@ std::string Range::text() const {
   return text;
 }
 
+namespace {
+
+// The kind of a value that has the wrong one. A value of --set that TOML cannot read is a string here.
+std::string what_it_is(const Node& node) {
+  const std::string kind = kKindNames[static_cast<std::size_t>(node.kind)];
+  if (node.kind != NodeKind::kString) return kind;
+  if (node.text.empty()) return "empty";
+  double number = 0;
+  const char* end = node.text.data() + node.text.size();
+  const auto [parsed, error] = std::from_chars(node.text.data(), end, number);
+  const bool quoted = node.written != node.text;
+  if (quoted || parsed != end) return kind;
+  if (error == std::errc::result_out_of_range) return "too large for a number";
+  return error == std::errc{} ? "too large for an integer" : kind;
+}
+
+}  // namespace
+
 TableReader::TableReader(const Node* node, std::string path, ReadContext& context)
     : node_(node), source_(context.source_name), path_(std::move(path)), context_(&context) {
   if (node != nullptr && node->kind != NodeKind::kTable) {
@@ -177,7 +195,7 @@ void TableReader::report(const Node& node, const std::string& path, const std::s
 }
 
 void TableReader::report_kind(const Node& node, const std::string& path, const std::string& allowed) {
-  report(node, path, message("is {}; allowed: {}", kKindNames[static_cast<std::size_t>(node.kind)], allowed));
+  report(node, path, message("is {}; allowed: {}", what_it_is(node), allowed));
 }
 
 // Entries of arrays are counted: their index is the one part of a path that is a number.

@@ -60,7 +60,7 @@ struct Scenario : World {
 
 // One error found in a scenario.
 struct ScenarioError {
-  std::string source;   // file name, "--set" or "--fault"
+  std::string source;   // file name, "--set", or "--fault" with its text
   int line = 0;         // 0: unknown (a missing key)
   std::string key;      // dotted, e.g. mass.2.rail.radius
   std::string value;    // as written; empty if the key is missing

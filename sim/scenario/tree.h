@@ -18,7 +18,7 @@ struct Node {
   Node();  // defined where Node is complete, as `entries` needs it
 
   NodeKind kind = NodeKind::kTable;
-  std::string source;  // file name, "--set" or "--fault"
+  std::string source;  // file name, "--set", or "--fault" with its text
   int line = 0;        // 0: not known
   std::string
       written;  // the value's text on one line, shortened if long; empty for a [table] and an [[array of tables]]

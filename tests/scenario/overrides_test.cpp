@@ -53,7 +53,10 @@ TEST(Overrides, ValueIsTomlElseABareString) {
   const ScenarioError error = only_error(kFull, {"gravity=1\nduration=2"});
   EXPECT_EQ(error.key, "gravity");
   EXPECT_TRUE(contains(error.message, "a string"));
-  EXPECT_TRUE(contains(only_error(kFull, {"gravity="}).message, "a string"));
+  EXPECT_TRUE(contains(only_error(kFull, {"gravity="}).message, "is empty"));
+  EXPECT_TRUE(contains(only_error(kFull, {"gravity=1e400"}).message, "is too large for a number"));
+  EXPECT_TRUE(contains(only_error(kFull, {"gravity=99999999999999999999"}).message, "is too large for an integer"));
+  EXPECT_TRUE(contains(only_error(kFull, {"gravity='1e400'"}).message, "is a string"));
 }
 
 TEST(Overrides, TheLastOneWins) { EXPECT_EQ(accepted(kFull, {"gravity=1", "gravity=2"}).gravity_mps2, 2); }

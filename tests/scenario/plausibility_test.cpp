@@ -98,5 +98,15 @@ TEST(Plausibility, RailDistanceIsTheLeast) {
   EXPECT_NEAR(rail_distance_m(a, b), 0.3, 1e-9);
 }
 
+TEST(Plausibility, ATaskWithoutAMotionIsNamed) {
+  const std::string task = kSound.substr(0, kSound.find("motion")) + "[task]\ngoal = [0.1, 0]\nduration = 1\n";
+  const ScenarioResult unplanned = parse(task);
+  ASSERT_TRUE(unplanned.ok()) << all_errors(unplanned);
+  ASSERT_EQ(unplanned.warnings.size(), 1u);
+  EXPECT_EQ(unplanned.warnings[0].key, "task");
+  EXPECT_TRUE(contains(unplanned.warnings[0].message, "`ballast plan "));
+  EXPECT_TRUE(parse(kSound + "[task]\ngoal = [0.1, 0]\nduration = 1\n").warnings.empty());
+}
+
 }  // namespace
 }  // namespace ballast::sim

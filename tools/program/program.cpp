@@ -253,7 +253,7 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options, std::
   if (result.ok()) return std::move(result.scenario);
   // If two values do not fit each other, the error names one of them, which may not be the one that --set has changed.
   const auto is_named = [&overrides](const sim::ScenarioError& error) {
-    return error.source == "--fault" || error.key.empty() ||
+    return error.source.starts_with("--fault") || error.key.empty() ||
            std::any_of(overrides.begin(), overrides.end(), [&error](const std::string& set) {
              return (error.key + ".").starts_with(set.substr(0, set.find('=')) + ".");
            });
