@@ -1,8 +1,10 @@
-// precision_run states|motion|stop: results of the firmware as rows of numbers, one row a line: its name, then the
-// numbers in hexadecimal. Built with the model in double and in single precision, so that a test can compare the two.
+// precision_run states SEED | motion | stop: results of the firmware as rows of numbers, one row a line: its name, then
+// the numbers in hexadecimal. Built with the model in double and in single precision, so that a test can compare the
+// two.
 #include <fmt/core.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <memory>
 #include <random>
 #include <string_view>
@@ -31,7 +33,7 @@ void row_of(std::string_view name, const RollingForces& forces, double scale_n) 
 
 // A ball with three masses on circles in a random state. `scale_n`: the sum of the terms of its forces, which are the
 // weight and the centripetal and tangential force of every mass.
-void random_state(std::mt19937& random) {
+void random_state(std::mt19937_64& random) {
   const auto in = [&](double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); };
   const auto three = [&](double size) {
     const double x = in(-size, size), y = in(-size, size), z = in(-size, size);
@@ -114,11 +116,11 @@ int paper_run(int ticks, int stop_tick) {
 }  // namespace ballast::firmware
 
 int main(int argc, char** argv) {
-  const std::string_view what = argc == 2 ? argv[1] : "";
+  const std::string_view what = argc >= 2 ? argv[1] : "";
   if (what == "motion") return ballast::firmware::paper_run(20'000, -1);
   if (what == "stop") return ballast::firmware::paper_run(12'000, 3'000);
-  if (what != "states") return 2;
-  std::mt19937 random(20240719);
+  if (what != "states" || argc != 3) return 2;
+  std::mt19937_64 random(std::strtoull(argv[2], nullptr, 10));
   for (int k = 0; k < 20'000; ++k) ballast::firmware::random_state(random);
   return 0;
 }

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "firmware/motion/step_generator.h"
+#include "tests/random_seed.h"
 
 namespace ballast::firmware {
 namespace {
@@ -47,11 +48,11 @@ SmoothRun random_run(std::mt19937_64& random) {
 }
 
 TEST(SmoothRun, PulsesAreAtTheirCrossingsAndKeepTheirDistances) {
-  constexpr std::uint64_t kSeed = 20241122;
-  std::mt19937_64 random(kSeed);
+  const std::uint64_t seed = test::random_seed(20241122);
+  std::mt19937_64 random(seed);
   int proved = 0, pulses = 0;
   for (int trial = 0; trial < 20'000 && !HasFailure(); ++trial) {
-    SCOPED_TRACE("seed " + std::to_string(kSeed) + " trial " + std::to_string(trial));
+    SCOPED_TRACE("seed " + std::to_string(seed) + " trial " + std::to_string(trial));
     SmoothRun run = random_run(random);
     if (run.steps == 0 || run.steps > kMaxStepsPerTick) continue;
     const Wide fastest_hz = std::max(std::fabs(run.cubic.velocity), std::fabs(run.cubic.velocity_at(run.end_s)));

@@ -9,6 +9,7 @@
 #include "sim/motors/motor_presets.h"
 #include "sim/plant/equations.h"
 #include "tests/physics/random_robot.h"
+#include "tests/random_seed.h"
 
 namespace ballast::sim {
 namespace {
@@ -82,9 +83,9 @@ struct DrivenRobot {
 
 // The largest of the terms is the motors' torques; a few hundred operations round.
 TEST(DrivenLanes, AgreeWithTheMassesOneByOneOnTenThousandStates) {
-  constexpr std::uint64_t kSeed = 20261122;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = test::random_seed(20261122);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < 10000; ++trial) {
     const DrivenRobot robot(random);
     const Motion expected = robot.one_by_one();
@@ -117,9 +118,9 @@ TEST(DrivenLanes, AgreeWithTheMassesOneByOneOnTenThousandStates) {
 
 // A run has the same bytes on every processor.
 TEST(DrivenLanes, GiveTheSameBitsOnEveryProcessor) {
-  constexpr std::uint64_t kSeed = 6;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  test::RandomRobot random(kSeed);
+  const std::uint64_t seed = test::random_seed(6);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
   for (int trial = 0; trial < 1000; ++trial) {
     const DrivenRobot robot(random);
     LaneMotion here{}, portable{};
