@@ -34,14 +34,15 @@ struct MoveRequest {
   Wide speed_fraction = 1;          // 0 < .. <= 1: the shortest time is divided by it
 };
 
-// Command of the operator. A plain command converts.
+// Command of the operator. A plain command and a move convert.
 struct OperatorInput {
   OperatorCommand command = OperatorCommand::kNone;
   MoveRequest move;  // read with kMove only
   OperatorInput() = default;
-  OperatorInput(OperatorCommand c)
-      : command(c) {}  // NOLINT(google-explicit-constructor): the plain command is the usual case
-  OperatorInput(const MoveRequest& request) : command(OperatorCommand::kMove), move(request) {}  // NOLINT
+  // NOLINTBEGIN(google-explicit-constructor)
+  OperatorInput(OperatorCommand c) : command(c) {}
+  OperatorInput(const MoveRequest& request) : command(OperatorCommand::kMove), move(request) {}
+  // NOLINTEND(google-explicit-constructor)
 };
 
 // Everything that reaches the controller in one tick. A message that did not arrive keeps its last value and its old

@@ -22,7 +22,10 @@ InjectedFaults::InjectedFaults(const PlantModel& model)
   std::stable_sort(edges_.begin(), edges_.end(), [](const Edge& a, const Edge& b) { return a.time_s < b.time_s; });
 }
 
-double InjectedFaults::next_s() const { return next_edge_ < edges_.size() ? edges_[next_edge_].time_s : kInfinity; }
+double InjectedFaults::next_s() const {
+  if (next_edge_ == edges_.size()) return kInfinity;
+  return edges_[next_edge_].time_s;
+}
 
 bool InjectedFaults::update(Dynamics& dynamics) {
   const std::size_t first = next_edge_;

@@ -115,16 +115,16 @@ void warn_of_rails(std::vector<TableReader>& tables, const Scenario& scenario) {
 }  // namespace
 
 double rail_distance_m(const firmware::Rail& a, const firmware::Rail& b) {
-  constexpr int kSamples = 96;
+  constexpr int kSamples = 97;
   const auto [a_low, a_high] = reach(a);
   const auto [b_low, b_high] = reach(b);
-  double step_a = (a_high - a_low) / kSamples, step_b = (b_high - b_low) / kSamples;
-  std::array<Eigen::Vector3d, kSamples + 1> points_b;
-  for (int k = 0; k <= kSamples; ++k) points_b[static_cast<std::size_t>(k)] = point(b, b_low + step_b * k);
+  double step_a = (a_high - a_low) / (kSamples - 1), step_b = (b_high - b_low) / (kSamples - 1);
+  std::array<Eigen::Vector3d, kSamples> points_b;
+  for (int k = 0; k < kSamples; ++k) points_b[static_cast<std::size_t>(k)] = point(b, b_low + step_b * k);
   double best_m = std::numeric_limits<double>::infinity(), at_a = a_low, at_b = b_low;
-  for (int i = 0; i <= kSamples; ++i) {
+  for (int i = 0; i < kSamples; ++i) {
     const Eigen::Vector3d here = point(a, a_low + step_a * i);
-    for (int k = 0; k <= kSamples; ++k) {
+    for (int k = 0; k < kSamples; ++k) {
       const double distance_m = (here - points_b[static_cast<std::size_t>(k)]).norm();
       if (!(distance_m < best_m)) continue;
       best_m = distance_m;

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <random>
@@ -87,7 +88,7 @@ class Values : public Visitor<Values> {
       values.push_back({where, static_cast<std::uint64_t>(value)});
     } else if (single_precision_ && std::is_same_v<Rule, Real>) {
       const double rounded = static_cast<double>(static_cast<float>(value));
-      values.push_back({where, bits(value == value ? rounded : std::numeric_limits<double>::quiet_NaN())});
+      values.push_back({where, bits(std::isnan(value) ? std::numeric_limits<double>::quiet_NaN() : rounded)});
     } else {
       values.push_back({where, bits(static_cast<double>(value))});
     }

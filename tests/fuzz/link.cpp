@@ -1,5 +1,6 @@
 // The link between host and microcontroller: bytes -> frames -> messages, those of either end.
 #include <memory>
+#include <utility>
 
 #include "tests/fuzz/byte_link.h"
 #include "tests/fuzz/fuzz_target.h"
@@ -34,7 +35,8 @@ int decoded_by_all(const target::Frame& frame, std::span<const std::uint8_t> byt
 }  // namespace
 
 Bytes change_one_thing(Bytes input, std::mt19937_64& random) {
-  return change_one_part(input, frames_of(input), random);
+  const auto frames = frames_of(input);
+  return change_one_part(std::move(input), frames, random);
 }
 
 bool take(std::span<const std::uint8_t> input) {

@@ -86,10 +86,10 @@ TEST(QuadraticProgram, RandomProgramsKeepTheirConditions) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     std::mt19937_64 random(seed);
     std::uniform_real_distribution<double> u(-1, 1);
-    const int n = 10, m = 40;
+    constexpr int n = 10, m = 40;
     QuadraticProgram program;
     program.size = n;
-    program.hessian.assign(n * n, 0);
+    program.hessian.assign(std::size_t{n} * n, 0);
     for (int i = 0; i < n; ++i) program.hessian[static_cast<std::size_t>(i * n + i)] = 0.5 + u(random) * 0.3;
     for (int i = 0; i < n; ++i) program.gradient.push_back(u(random));
     for (int r = 0; r < m; ++r) {

@@ -37,7 +37,10 @@ std::string check(const std::string& toml, const plan::TaskFile& task, const pla
 }  // namespace
 
 int main(int argc, char** argv) {
-  const int first = argc > 1 ? std::atoi(argv[1]) : 0, count = argc > 2 ? std::atoi(argv[2]) : 50;
+  const auto number_at = [&](int i, int otherwise) {
+    return i < argc ? static_cast<int>(std::strtol(argv[i], nullptr, 10)) : otherwise;
+  };
+  const int first = number_at(1, 0), count = number_at(2, 50);
   const std::uint64_t seed = argc > 3 ? std::strtoull(argv[3], nullptr, 10) : 1;
   std::setvbuf(stdout, nullptr, _IOLBF, 1 << 12);  // shows the tasks as they are done
   int found = 0, wrong = 0;

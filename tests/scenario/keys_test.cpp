@@ -88,9 +88,9 @@ std::vector<std::string> texts() {
       with("corner_speed = 40.0", "preset = \"nema23\""),
       with("{ shape = \"circle\", radius = 0.3, center = [0, 0, 0.1], axes = [[1, 0, 0], [0, 0, 1]] }",
            "{ shape = \"spline\", points = [[0, 0, 0], [0.2, 0, 0], [0.4, 0.1, 0]] }"),
-      "duration = 1\ngravity = 10\nball = { radius = 1, mass = 1, inertia = [1, 1, 1] }\n"
-      "run = { actuation = \"prescribed\" }\n[[mass]]\nmass = 1\n"
-      "trajectory = { times = [0, 1], points = [[0, 0, 0], [0.1, 0, 0]] }\n"};
+      std::string("duration = 1\ngravity = 10\nball = { radius = 1, mass = 1, inertia = [1, 1, 1] }\n"
+                  "run = { actuation = \"prescribed\" }\n[[mass]]\nmass = 1\n"
+                  "trajectory = { times = [0, 1], points = [[0, 0, 0], [0.1, 0, 0]] }\n")};
   // `direction` of a push, `axis` and `sensor` of a sensor, `mass` of a motor, `channel` and `peer` of messages.
   for (const char* fault : {"kind = \"push\"\nvalue = 1\ndirection = [1, 0, 0]", "kind = \"weak_coil\"",
                             "kind = \"sensor_bias\"\nvalue = 1\naxis = 1", "kind = \"motor_stall\"",

@@ -152,9 +152,9 @@ struct SimbodyBall::Model {
       : ball(matter.Ground(), SimTK::Transform(), SimTK::Body::Rigid(shell(s)), SimTK::Transform()),
         contact(matter.updGround(), SimTK::Transform(SimTK::Vec3(0, 0, -s.radius_m)), ball, SimTK::Vec3(0), s.radius_m,
                 true) {
-    // The handles of forces and motions may go: the system keeps, and owns, what they stand for.
-    SimTK::Force::UniformGravity(forces, matter, SimTK::Vec3(0, 0, -s.gravity_mps2));
-    SimTK::Force::Custom(forces, new CenterForce(s, ball));
+    // The system owns what the handles of forces and motions stand for.
+    const SimTK::Force::UniformGravity gravity(forces, matter, SimTK::Vec3(0, 0, -s.gravity_mps2));
+    const SimTK::Force::Custom center_force(forces, new CenterForce(s, ball));
     borders_s = s.force_times_s;
     for (const Robot::Mass& mass : s.masses) {
       if (mass.on_circle) {
@@ -166,7 +166,7 @@ struct SimbodyBall::Model {
       }
       auto motion = std::make_unique<RailMotion>(mass, stretch);
       for (const double border : motion->borders_s()) borders_s.push_back(border);
-      SimTK::Motion::Custom(masses.back(), motion.release());
+      const SimTK::Motion::Custom prescribed(masses.back(), motion.release());
     }
     borders_s.push_back(std::numeric_limits<double>::infinity());
     std::sort(borders_s.begin(), borders_s.end());
@@ -176,8 +176,10 @@ struct SimbodyBall::Model {
     return *std::upper_bound(borders_s.begin(), borders_s.end(), time_s);
   }
 
-  // The state's cache belongs to the stretch before.
-  void start_stretch(SimTK::State state) {
+  // The cache of `last` belongs to the stretch before. `last` may be the integrator's own state, which initialize()
+  // overwrites, so a copy is taken.
+  void start_stretch(const SimTK::State& last) {
+    const SimTK::State state = last;  // NOLINT(performance-unnecessary-copy-initialization)
     const double start = state.getTime(), end = next_border_s(start);
     stretch.inside_s = std::isfinite(end) ? (start + end) / 2 : start + 1;
     state.invalidateAllCacheAtOrAbove(SimTK::Stage::Time);

@@ -525,7 +525,7 @@ TEST(Invariants, AnotherLogHasAnotherHash) {
 TEST(Invariants, ARunThatIsNotRepeatable) {
   int runs = 0;
   const auto result = run_seed(32, [&runs](const RandomScenario&) {
-    SeedRun run;
+    SeedRun run{};
     run.log_hash = static_cast<std::uint64_t>(++runs);
     return run;
   });

@@ -41,8 +41,8 @@ Status FaultyFirmware::receive(Lap& lap) {
   const std::int64_t tick = lap.tick();
   if (now_.works()) {
     for (const Inbox& inbox : inbox_) {
-      DueAnswer& next = answers_.emplace_back(DueAnswer{tick + now_.slow_ticks, {}});
-      if (const Status s = serve_tick(inbox, next.answer); s != Status::kOk) return s;
+      answers_.push_back({tick + now_.slow_ticks, {}});
+      if (const Status s = serve_tick(inbox, answers_.back().answer); s != Status::kOk) return s;
     }
     inbox_.clear();
   }

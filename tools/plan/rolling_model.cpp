@@ -23,14 +23,15 @@ void add(Vec& sum, const Vec& v) { sum = sum + v; }
 
 // Rows of Lambda; the third is Gamma.
 struct Attitude {
-  explicit Attitude(const std::array<double, 4>& q) {
-    const double w = q[0], x = q[1], y = q[2], z = q[3];
-    row1 = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)};
-    row2 = {2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)};
-    gamma = {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)};
-  }
   Vec row1, row2, gamma;
 };
+
+Attitude attitude_of(const std::array<double, 4>& q) {
+  const double w = q[0], x = q[1], y = q[2], z = q[3];
+  return {{1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)},
+          {2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)},
+          {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}};
+}
 
 // One mass, the shell included.
 struct Term {
@@ -43,7 +44,7 @@ struct Term {
 
 // All that values and derivatives share at one instant.
 struct Instant {
-  explicit Instant(const RollingState& state) : attitude(state.q) {}
+  explicit Instant(const RollingState& state) : attitude(attitude_of(state.q)) {}
 
   Attitude attitude;
   Vec omega, u;        // u = g Gamma
@@ -283,12 +284,12 @@ void differentiate_rolling(const Robot& robot, const RollingState& state, bool w
 }
 
 Vec to_space(const std::array<double, 4>& q, const Vec& v_B) {
-  const Attitude lambda(q);
+  const Attitude lambda = attitude_of(q);
   return {dot(lambda.row1, v_B), dot(lambda.row2, v_B), dot(lambda.gamma, v_B)};
 }
 
 Vec to_body(const std::array<double, 4>& q, const Vec& v_W) {
-  const Attitude lambda(q);
+  const Attitude lambda = attitude_of(q);
   return v_W.x * lambda.row1 + v_W.y * lambda.row2 + v_W.z * lambda.gamma;
 }
 

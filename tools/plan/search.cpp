@@ -181,7 +181,8 @@ class Search {
     std::vector<double> knots(index(grid.knots() * n), 0);
     if (start == 0) {
       for (std::size_t v = 0; v < knots.size() && !options_.from.empty(); ++v) {
-        const double time_s = static_cast<double>(v / index(n)) * grid.piece_s();
+        const std::size_t knot = v / index(n);
+        const double time_s = static_cast<double>(knot) * grid.piece_s();
         knots[v] = acceleration_at(options_.from[v % index(n)], time_s);
       }
       return knots;

@@ -87,7 +87,7 @@ class Run {
   std::int64_t tick_ = 0;
   bool last_ = false;
   double end_s_;
-  Lap lap_;
+  Lap lap_{};
   std::optional<Lap> unrecorded_;
   // N and f_s of the commanded masses at this tick under all external forces, where the message has those under the
   // told ones.
