@@ -1,6 +1,7 @@
 // The firmware behind its link: parameters, whatever validate() accepts of them, and ticks with whatever comes.
 #include <cmath>
 #include <memory>
+#include <utility>
 
 #include "hal/target/serve.h"
 #include "tests/fuzz/byte_link.h"
@@ -36,7 +37,8 @@ void check(const target::Reply& reply, const firmware::ControllerParams& params)
 }  // namespace
 
 Bytes change_one_thing(Bytes input, std::mt19937_64& random) {
-  return change_one_part(input, frames_of(input), random);
+  const auto frames = frames_of(input);
+  return change_one_part(std::move(input), frames, random);
 }
 
 bool take(std::span<const std::uint8_t> input) {

@@ -2,6 +2,7 @@
 // answers nothing, and as that of a run with faults of messages, peers and clock, given to the firmware itself. Input:
 // a log.
 #include <memory>
+#include <utility>
 
 #include "tests/fuzz/change_parts.h"
 #include "tools/faults/injection.h"
@@ -93,7 +94,8 @@ std::vector<Part> events_of(std::span<const std::uint8_t> input) {
 }  // namespace
 
 Bytes change_one_thing(Bytes input, std::mt19937_64& random) {
-  return change_one_part(input, events_of(input), random);
+  const auto events = events_of(input);
+  return change_one_part(std::move(input), events, random);
 }
 
 bool take(std::span<const std::uint8_t> input) {

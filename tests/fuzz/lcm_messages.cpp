@@ -5,6 +5,7 @@
 // - of that type's length (zeros where the input ends) and with its fingerprint, so that fuzzing gets past those two.
 #include <algorithm>
 #include <map>
+#include <utility>
 #include <vector>
 
 #include "hal/lcm/messages.h"
@@ -161,7 +162,8 @@ std::vector<Part> messages_of(std::span<const std::uint8_t> input) {
 }  // namespace
 
 Bytes change_one_thing(Bytes input, std::mt19937_64& random) {
-  return change_one_part(input, messages_of(input), random);
+  const auto messages = messages_of(input);
+  return change_one_part(std::move(input), messages, random);
 }
 
 bool take(std::span<const std::uint8_t> input) { return Messages(input).take(); }

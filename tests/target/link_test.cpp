@@ -15,7 +15,6 @@ namespace ballast::hal::target {
 namespace {
 
 using test::expect_same;
-using test::random_message;
 
 TEST(Crc32, IsThatOfIeee8023) {
   const std::string_view text = "123456789";  // the check value of every catalogue of CRCs

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <iostream>
 #include <memory>
 
@@ -17,7 +18,7 @@ using Worst = std::array<hal::test::WorstTicks, hal::test::kWorstTickMasses.size
 
 // An instruction takes 256 ns of the machine's time, 6.4 counts of its 25 MHz: whole instructions come of whole counts.
 constexpr int kShift = 8;
-std::uint32_t instructions(std::uint32_t counts) { return static_cast<std::uint32_t>(counts / 6.4 + 0.5); }
+std::uint32_t instructions(std::uint32_t counts) { return static_cast<std::uint32_t>(std::lround(counts / 6.4)); }
 
 Worst on_the_target(const std::string& board) {
   Worst worst;
