@@ -22,16 +22,6 @@ struct Worst {
   double time_s = 0, speed_radps = 0, load_nm = 0, drag_nm = 0, available_nm = 0;
 };
 
-// The frequency at which rotor and mass swing about the field of a motor at rest.
-double swing_hz(const sim::Mass& mass) {
-  return std::sqrt(mass.motor.rail_stiffness() / mass.moving_inertia()) / (2 * std::numbers::pi);
-}
-
-double damping_ratio(const sim::Mass& mass) {
-  const double damping = mass.motor.viscous_damping_nms * mass.motor.shaft_ratio * mass.motor.shaft_ratio;
-  return damping / (2 * std::sqrt(mass.motor.rail_stiffness() * mass.moving_inertia()));
-}
-
 double full_steps_hz(const sim::Motor& motor, double speed) {
   return motor.steps_per_revolution * std::abs(motor.shaft_ratio * speed) / (2 * std::numbers::pi);
 }
@@ -94,6 +84,15 @@ class Passes {
 };
 
 }  // namespace
+
+double swing_hz(const sim::Mass& mass) {
+  return std::sqrt(mass.motor.rail_stiffness() / mass.moving_inertia()) / (2 * std::numbers::pi);
+}
+
+double damping_ratio(const sim::Mass& mass) {
+  const double damping = mass.motor.viscous_damping_nms * mass.motor.shaft_ratio * mass.motor.shaft_ratio;
+  return damping / (2 * std::sqrt(mass.motor.rail_stiffness() * mass.moving_inertia()));
+}
 
 MotorFindings check_motors(const sim::Scenario& scenario) {
   MotorFindings findings;

@@ -1,4 +1,6 @@
 // ballast plan: from a task to a motion that holds.
+#include "tools/ballast/plan_command.h"
+
 #include <fmt/core.h>
 #include <unistd.h>
 
@@ -6,46 +8,19 @@
 #include <cmath>
 #include <fstream>
 #include <iostream>
+#include <limits>
 #include <memory>
 #include <sstream>
 
 #include "tools/ballast/commands.h"
+#include "tools/ballast/stepper_run.h"
 #include "tools/plan/write_plan.h"
-#include "tools/program/params.h"
 #include "tools/program/program.h"
-#include "tools/sil/lap_sink.h"
-#include "tools/sil/local_peers.h"
-#include "tools/sil/run.h"
 
 namespace ballast {
-namespace {
-
-using Clock = std::chrono::steady_clock;
-
-struct PlanCommand {
-  std::string task;
-  std::string out;
-  std::string from;
-  std::uint64_t seed = 0;
-  std::optional<double> time_limit_s;
-  bool quiet = false;
-};
-
-int refuse(int status, const std::string& text) {
-  program::complain("ballast", text);
-  return status;
-}
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-std::string file_text(const std::filesystem::path& path) {
-  std::ifstream stream(path, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return text.str();
-}
-
-// Writes a whole file or none.
 bool write_file(const std::filesystem::path& path, const std::string& text) {
   const std::filesystem::path draft = path.string() + ".draft";
   {
@@ -59,29 +34,44 @@ bool write_file(const std::filesystem::path& path, const std::string& text) {
   return !error;
 }
 
-// One line on a terminal that is written over; elsewhere a line a second.
-class ProgressLine {
- public:
-  explicit ProgressLine(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0) {}
+std::optional<plan::TaskFile> task_of(const PlanCommand& command) {
+  std::vector<sim::ScenarioError> errors;
+  auto task = plan::read_task(command.task, errors);
+  std::string text;
+  for (const auto& error : errors) text += (text.empty() ? "" : "\n") + to_string(error);
+  if (!task) program::complain("ballast", text);
+  return task;
+}
 
-  void show(int iteration, double best, double need, double error) {
-    if (quiet_ || seconds_since(shown_) < (terminal_ ? 0.1 : 1.0)) return;
-    shown_ = Clock::now();
-    const std::string found = std::isfinite(best) ? fmt::format("best f_s/N {:.4f}", best) : "no plan yet";
-    fmt::print(stderr, "{}iteration {}: {}; this search needs {:.4f}, violates by {:.1e}{}",
-               terminal_ ? "\r\x1b[K" : "", iteration, found, need, error, terminal_ ? "" : "\n");
-    std::fflush(stderr);
-    open_ = terminal_;
-  }
+ProgressLine::ProgressLine(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0) {}
 
-  void end() {
-    if (open_) fmt::print(stderr, "\r\x1b[K");
-  }
+bool ProgressLine::due() const { return !quiet_ && seconds_since(shown_) >= (terminal_ ? 0.1 : 1.0); }
 
- private:
-  bool quiet_, terminal_, open_ = false;
-  Clock::time_point shown_ = Clock::now();
-};
+void ProgressLine::show(const std::string& text) {
+  shown_ = Clock::now();
+  fmt::print(stderr, "{}{}{}", terminal_ ? "\r\x1b[K" : "", text, terminal_ ? "" : "\n");
+  std::fflush(stderr);
+  open_ = terminal_;
+}
+
+void ProgressLine::end() {
+  if (open_) fmt::print(stderr, "\r\x1b[K");
+  open_ = false;
+}
+
+namespace {
+
+int refuse(int status, const std::string& text) {
+  program::complain("ballast", text);
+  return status;
+}
+
+std::string file_text(const std::filesystem::path& path) {
+  std::ifstream stream(path, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return text.str();
+}
 
 std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcome,
                          const std::optional<plan::StepperRun>& with_steppers, const std::string& file) {
@@ -98,9 +88,10 @@ std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcom
     text += completed
                 ? fmt::format("  with its steppers it needs f_s/N = {:.3g} at t = {:.3g} s\n", need.value, need.time_s)
                 : fmt::format(
-                      "  with its steppers it does not hold: {} at t = {:.3g} s, where f_s/N = {:.3g}. `ballast "
-                      "check` names resonances and what helps\n",
-                      with_steppers->end_reason, with_steppers->end_time_s, need.value);
+                      "  with its steppers it does not hold: {} at t = {:.3g} s, where f_s/N = {:.3g}. What would "
+                      "help: {} tune {}\n",
+                      with_steppers->end_reason, with_steppers->end_time_s, need.value, program::ballast_as_typed(),
+                      program::shell_word(file));
   }
   text += fmt::format("  limited by: {}\n", outcome.binding);
   text += fmt::format("  written: {}; run it with: {} run {}\n", file, program::ballast_as_typed(),
@@ -108,30 +99,11 @@ std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcom
   return text;
 }
 
-// The plan with firmware and steppers. None: the firmware refuses the plan, which is printed.
-std::optional<plan::StepperRun> need_with_steppers(const sim::Scenario& scenario,
-                                                   const volatile std::sig_atomic_t* signalled) {
-  const auto params = program::make_controller_params("ballast", scenario);
-  if (!params) return std::nullopt;
-  sil::InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
-  if (peers.connect() != hal::Status::kOk) return std::nullopt;
-  sil::NoRecord sink;
-  sil::RunOptions options;
-  options.interrupted = signalled;
-  const sil::RunResult result = sil::run(scenario, peers, sink, options);
-  return plan::StepperRun{result.extrema.mu_required_max, to_string(result.end_reason), result.final_sample.time_s};
-}
-
 int plan_task(const PlanCommand& command) {
   const auto start = Clock::now();
   const std::filesystem::path path = command.task;
-  std::vector<sim::ScenarioError> errors;
-  const auto task = plan::read_task(path, errors);
-  if (!task) {
-    std::string text;
-    for (const auto& error : errors) text += (text.empty() ? "" : "\n") + to_string(error);
-    return refuse(program::kExitUsage, text);
-  }
+  const auto task = task_of(command);
+  if (!task) return program::kExitUsage;
   const std::filesystem::path toml_path =
       command.out.empty() ? plan::plan_name(task->scenario.name) + ".toml" : command.out;
   const std::filesystem::path json_path = std::filesystem::path(toml_path).replace_extension(".json");
@@ -160,12 +132,15 @@ int plan_task(const PlanCommand& command) {
     return *signalled != 0 || (command.time_limit_s && seconds_since(start) > *command.time_limit_s);
   };
   options.progress = [&](int iteration, double best, double need, double error) {
-    line.show(iteration, best, need, error);
+    if (!line.due()) return;
+    const std::string found = std::isfinite(best) ? fmt::format("best f_s/N {:.4f}", best) : "no plan yet";
+    line.show(
+        fmt::format("iteration {}: {}; this search needs {:.4f}, violates by {:.1e}", iteration, found, need, error));
   };
   options.stepper_need = [&](const sim::Scenario& moved) {
-    const auto run = need_with_steppers(moved, signalled);
-    const bool completed = run && run->end_reason == to_string(sil::EndReason::kCompleted);
-    return completed ? run->mu_required_max.value : std::numeric_limits<double>::infinity();
+    const SteppedRun run = run_with_steppers(moved, signalled);
+    const bool completed = run.result && run.result->end_reason == sil::EndReason::kCompleted;
+    return completed ? run.result->extrema.mu_required_max.value : std::numeric_limits<double>::infinity();
   };
   const plan::Problem problem = plan::make_problem(*task);
   plan::Outcome outcome = plan::search(problem, task->scenario, options);
@@ -181,7 +156,9 @@ int plan_task(const PlanCommand& command) {
       return refuse(program::kExitCouldNotRun, "the plan is no good scenario: " + to_string(written.errors.front()));
     }
     if (written.scenario.run.actuation == sim::Actuation::kStepper && *signalled == 0) {
-      with_steppers = need_with_steppers(written.scenario, signalled);
+      const SteppedRun run = run_with_steppers(written.scenario, signalled);
+      if (!run.result) return refuse(program::kExitUsage, run.refusal);
+      with_steppers = need_of(*run.result);
     }
   }
   const std::string json =
@@ -209,7 +186,10 @@ std::function<int()> add_plan_command(CLI::App& app, CLI::App*& command) {
   command->add_option("--time-limit", options->time_limit_s, "wall time in s after which the best plan so far is taken")
       ->check(program::positive_finite());
   command->add_flag("--quiet", options->quiet, "no progress and no summary");
-  return [options] { return plan_task(*options); };
+  command->add_flag("--chart", options->chart,
+                    "no plan, but what the robot can do over the distance: the least friction over the time, and the "
+                    "shortest time over the floor");
+  return [options] { return options->chart ? chart_task(*options) : plan_task(*options); };
 }
 
 }  // namespace ballast

@@ -14,8 +14,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kPieces = 32;
-constexpr int kMostStarts = 24, kMostIterations = 2000;  // until a plan is found
-constexpr int kMoreStarts = 2, kCheapIterations = 150;   // after that, for a better one
+constexpr int kMostStarts = 24;                         // until a plan is found
+constexpr int kMoreStarts = 2, kCheapIterations = 150;  // after that, for a better one
 // Tolerances on the equalities, as the plant rolls them: half a millimetre, and a tenth of the speed, over sqrt(g r),
 // that counts as rest.
 constexpr double kPlaceTolerance_m = 5e-4, kRestTolerance = 3e-4;
@@ -52,6 +52,25 @@ double acceleration_at(const std::vector<sim::MotionPiece>& motion, double time_
   return 0;
 }
 
+// The greatest speed of a mass over its limit, between nodes too.
+double greatest_speed(const Problem& problem, const Grid& grid, const std::vector<double>& knots) {
+  const std::size_t n = index(problem.masses());
+  double greatest = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    double speed = problem.start.velocity[i];
+    for (std::size_t v = i; v + n < knots.size(); v += n) {
+      const double from = knots[v], to = knots[v + n];
+      // Within a piece the speed is extreme where the acceleration passes 0.
+      const double turn_s = from * to < 0 ? grid.piece_s() * from / (from - to) : 0;
+      const double at_turn = speed + from * turn_s / 2;
+      speed += (from + to) / 2 * grid.piece_s();
+      greatest =
+          std::max({greatest, std::abs(at_turn) / problem.limits[i].speed, std::abs(speed) / problem.limits[i].speed});
+    }
+  }
+  return greatest;
+}
+
 // A try that failed, for the words that say why.
 struct Failure {
   double error = kInfinity;
@@ -71,7 +90,9 @@ class Search {
  public:
   Search(const Problem& problem, const sim::Scenario& scenario, const SearchOptions& options)
       : problem_(problem), scenario_(scenario), options_(options), aim_{problem.task.objective} {
-    effort_.stop = [this] { return effort_.iterations >= kMostIterations || (options_.stop && options_.stop()); };
+    effort_.stop = [this] {
+      return effort_.iterations >= options_.most_iterations || (options_.stop && options_.stop());
+    };
     if (options.progress) {
       effort_.progress = [this](double need, double error) {
         options_.progress(effort_.iterations, best_ ? need_of(*best_) : kInfinity, need, error);
@@ -323,7 +344,9 @@ class Search {
       rolled.adopt(plan.run.nodes);
       Transcription truth = transcribe(problem_, rolled, transcription.via_time_s);
       truth.corrections.room = 0;
-      if (accept(plan, truth, merit)) return true;
+      const double over = greatest_speed(problem_, grid, plan.knots) - 1;
+      if (over <= 0 && accept(plan, truth, merit)) return true;
+      if (over > 0) transcription.corrections.speed_room += over + 1e-4;
       // The model's errors, which hardly change with the motion, are moved into its equalities.
       transcription.corrections.equality.clear();
       const auto model = transcription.equalities(false), plant = truth.equalities(false);
@@ -437,7 +460,7 @@ class Search {
     if (options_.stop && options_.stop()) return "the search was ended before it had found one";
     if (!std::isfinite(failure_.error)) return "no motion that was tried kept the ball rolling";
     const double limit = problem_.friction_limit;
-    if (failure_.friction_only) {
+    if (failure_.friction_only && failure_.merit.need > limit) {
       return fmt::format(
           "friction stands in the way: the best motion found needs f_s/N = {:.4g}, and friction_use mu_s is {:.4g}; a "
           "duration of about {:.3g} s, or mu_s = {:.3g}, would do",

@@ -134,9 +134,9 @@ void Transcription::motor_limits(int node, bool with_forms, const Sink& sink) co
            form);
     }
     if (std::isfinite(limits.speed)) {
-      constexpr double kRoom = 0.004;  // between nodes
+      const double room = 0.004 + corrections.speed_room;  // between nodes
       form.mass[k] = {0, 1 / limits.speed, 0};
-      sink({LimitKind::kSpeed, i, node, at.state.velocity[k] / limits.speed, -1 + kRoom, 1 - kRoom}, form);
+      sink({LimitKind::kSpeed, i, node, at.state.velocity[k] / limits.speed, -1 + room, 1 - room}, form);
     }
     if (!limits.motor) continue;
     const sim::Motor& motor = limits.motor->motor();

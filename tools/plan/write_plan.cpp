@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -57,6 +58,22 @@ Toml motion_node(const Grid& grid, const std::vector<double>& knots, std::size_t
   return motion;
 }
 
+// Rows of time in s, place in m and f_s/N, as the plant rolled them.
+Toml path_node(const Plan& plan) {
+  constexpr int kPerPiece = 4;
+  const int every = std::max(1, plan.grid.steps_per_piece / kPerPiece);
+  Toml path;
+  path.kind = sim::NodeKind::kArray;
+  const auto count = static_cast<int>(plan.run.nodes.size());
+  for (int node = 0; node < count; ++node) {
+    if (node % every != 0 && node + 1 != count) continue;
+    const Node& at = plan.run.nodes[static_cast<std::size_t>(node)];
+    const double need = std::hypot(at.value.force_n[0], at.value.force_n[1]) / at.value.normal_n;
+    path.items.push_back(numbers({node * plan.grid.step_s(), at.place_m[0], at.place_m[1], need}));
+  }
+  return path;
+}
+
 nlohmann::ordered_json final_json(const sim::Plant::Sample& s, std::size_t masses) {
   nlohmann::ordered_json out;
   const auto list = [&](const auto& values) {
@@ -107,6 +124,8 @@ std::string plan_toml(const std::string& toml, const TaskFile& task, const Plan&
   set(about, "mu_required", number(plan.run.extrema.mu_required_max.value));
   set(about, "mu_required_time", number(plan.run.extrema.mu_required_max.time_s));
   set(about, "goal_error", number(plan.goal_error_m));
+  set(about, "friction_use", number(task.task.friction_use));
+  set(about, "path", path_node(plan));
   set(root, "plan", about);
   return sim::to_toml(root) + "\n";
 }

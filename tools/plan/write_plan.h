@@ -13,9 +13,9 @@ namespace ballast::plan {
 [[nodiscard]] const char* to_string(Status status);
 [[nodiscard]] const char* to_string(Objective objective);
 
-// The task's scenario with the plan's motion and duration, the name NAME_plan and [plan]. It keeps [task], so that
-// pictures can show goal, via places and obstacles; published numbers belong to another motion and are left out.
-// `toml`: the task's file.
+// The task's scenario with the plan's motion and duration, the name NAME_plan and [plan], which says what is claimed
+// and the path as rows of t, x, y and f_s/N. It keeps [task], so that pictures can show goal, via places and obstacles;
+// published numbers belong to another motion and are left out. `toml`: the task's file.
 [[nodiscard]] std::string plan_toml(const std::string& toml, const TaskFile& task, const Plan& plan);
 
 // The name of the scenario that plan_toml() gives.

@@ -20,6 +20,10 @@ class Kind(NamedTuple):
     begins: bytes  # the first bytes of every file of this kind
 
 
+# The first bytes of pictures, by the ending of their names.
+PICTURE_BEGINNINGS = {"png": b"\x89PNG\r\n\x1a\n", "svg": b"<?xml", "pdf": b"%PDF"}
+
+
 def check_place(path, kind, inputs=()):
     """Raises OutputError unless a file of this kind may be written there. An empty file may be replaced."""
     try:

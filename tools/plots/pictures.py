@@ -13,6 +13,7 @@ from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION,
                   draw_sphere, finish_time_axis, friction_arrows, head, hollow, legend_above, mark_ends, mark_events, mark_extremum,
                   limit_height, mark_regimes_along, mass_name, number_text, ringing_legend, rows_along, rows_over_time, space_axes,
                   time_text)
+from plan_pictures import plan_need, plan_path
 
 # A path is flat in a direction in which it extends less than this fraction of its size. 20 s of integration leave 1e-10
 # in a coordinate that should stay 0; an eye sees nothing below 1e-3.
@@ -390,4 +391,6 @@ PICTURES = {
     "masses": masses,
     "motors": motors,
     "motor_share": motor_share,
+    "plan_path": plan_path,
+    "plan_need": plan_need,
 }

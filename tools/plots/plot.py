@@ -6,20 +6,18 @@ from pathlib import Path
 
 from command import run_program, show_progress
 from event_log import LogError
-from output_files import Kind, OutputError, OutputFiles, check_place
+from output_files import PICTURE_BEGINNINGS, Kind, OutputError, OutputFiles, check_place
 from pictures import PICTURES
 from recorded_run import RecordedRun
-
-_BEGINNINGS = {"png": b"\x89PNG\r\n\x1a\n", "svg": b"<?xml", "pdf": b"%PDF"}
 
 
 def main():
     parser = argparse.ArgumentParser(prog="ballast-plot",
                                      description="Draws the pictures of a finished run into its folder.")
     parser.add_argument("run_dir", type=Path, help="folder with run.lcmlog and summary.json")
-    parser.add_argument("--format", choices=tuple(_BEGINNINGS), default="png", help="default: png")
+    parser.add_argument("--format", choices=tuple(PICTURE_BEGINNINGS), default="png", help="default: png")
     arguments = parser.parse_args()
-    kind = Kind(f"{arguments.format.upper()} picture", _BEGINNINGS[arguments.format])
+    kind = Kind(f"{arguments.format.upper()} picture", PICTURE_BEGINNINGS[arguments.format])
 
     def body():
         run = RecordedRun(arguments.run_dir)

@@ -9,6 +9,7 @@ import ballast
 import numpy as np
 
 from event_log import EventLog, LogError
+from planned import read_planned
 from summary_shape import check_summary
 
 REGIME_NAMES = {
@@ -83,6 +84,7 @@ class RecordedRun:
             if not 0 <= count <= most:
                 raise LogError(f"{log.path}: BALLAST_PLANT_STATE, tick {tick}: mass_count is {count}; allowed: 0 to {most}")
         self.mass_count = int(self.state["mass_count"][0])
+        self.planned = read_planned(folder)
 
     @property
     def is_stepper(self):

@@ -18,6 +18,7 @@ import numpy as np
 
 import words
 from packages import Package
+from plan_map import plan_html, plan_sentence, plan_table
 
 _PAGE = Path(__file__).resolve().parent / "page"
 _LONG_CELL = 32  # letters; longer cells are broken into lines
@@ -113,6 +114,7 @@ def _described(recording):
         "masses": recording.robot["masses"],
         "static_friction": friction,  # null: perfect, or not known
         "friction_known": friction is not None,
+        "plan_may_use": recording.planned.friction_limit if recording.planned is not None else None,
         "envelope": summary.get("envelope"),
         "regimes": summary.get("regimes") or [],
         "impacts": [impact["time"] for impact in summary.get("impacts") or []],
@@ -180,7 +182,8 @@ def _report_head(recording):
     actuation = {"stepper": "stepper-driven masses", "prescribed": "prescribed masses"}.get(
         recording.summary.get("actuation"), "")
     cards = "".join(_card(number) for number in words.numbers(recording.summary))
-    said = " ".join(f"<span>{symbols(sentence)}</span>" for sentence in words.sentences(recording))
+    sentences = [sentence for sentence in (*words.sentences(recording), plan_sentence(recording)) if sentence]
+    said = " ".join(f"<span>{symbols(sentence)}</span>" for sentence in sentences)
     return (f'<h1>{html.escape(recording.name)}<span class="badge {kind}">{html.escape(text)}</span></h1>'
             f'<p class="subtitle">{html.escape(actuation)}</p>{notes_html(recording)}'
             f'<p class="said">{said}</p><dl class="cards">{cards}</dl>')
@@ -198,4 +201,6 @@ def _card(number):
 
 
 def _report_tables(recording):
-    return "".join(table_html(table) for table in words.tables(recording))
+    planned = plan_table(recording)
+    tables = ([planned] if planned else []) + words.tables(recording)
+    return plan_html(recording) + "".join(table_html(table) for table in tables)

@@ -58,8 +58,17 @@ class Recording:
             self.notes += self.faults
         self.mass_count = self._run.mass_count
         self.robot = self._read_robot()
+        self.planned = self._run.planned
         self.columns = self._columns()
         self._thin()
+
+    def driven(self):
+        """(n, 2): the places of the geometric centre, at every state of the log."""
+        return np.asarray(self._run.state["position_W_m"][:, :2], dtype=float)
+
+    def columns_place(self):
+        """(n, 2): the same at the samples of `columns`."""
+        return np.stack([np.asarray(self.columns[f"position_{j}"], dtype=float) for j in range(2)], axis=1)
 
     @property
     def name(self):
@@ -154,6 +163,8 @@ class Recording:
                    "normal_force": contact["normal_force_n"], "static_friction": contact["static_friction_n"],
                    "mu_required": run.friction_required()[rows_contact],
                    "margin": np.where(contact["regime"] == ballast.contact_t.REGIME_FLIGHT, np.nan, contact["margin"])}
+        if self.planned is not None and len(self.planned.path):
+            columns["planned_mu_required"] = self.planned.need_at(columns["time"])
         for name in ("normal_force", "static_friction", "mu_required"):
             field = f"commanded_{name}" + ("" if name == "mu_required" else "_n")
             if field in contact.dtype.names and np.isfinite(contact[field]).any():

@@ -141,6 +141,20 @@ function makeHud(runs, scene, clock) {
   show(clock.time);
 }
 
+// Moves the ball on the map of the plan, if the page has one.
+function connectMap([{samples}], clock) {
+  const map = element("plan-map"), ball = element("plan-here");
+  if (!map) return;
+  const {scale, x, y} = Object.fromEntries(Object.entries(map.dataset).map(([key, value]) => [key, Number(value)]));
+  const show = (time) => {
+    const row = samples.rowAt(time);
+    ball.setAttribute("cx", x + scale * samples.get("position_0")[row]);
+    ball.setAttribute("cy", y - scale * samples.get("position_1")[row]);
+  };
+  clock.onChange(show);
+  show(clock.time);
+}
+
 function connectButtons(scene, plots) {
   for (const button of document.querySelectorAll("[data-camera]"))
     button.addEventListener("click", () => {
@@ -193,6 +207,7 @@ function start(runs) {
   markSlider(runs, clock.end);
   describeMarks(runs);
   makeHud(runs, scene, clock);
+  connectMap(runs, clock);
   connectButtons(scene, plots);
   connectKeys(clock, plots);
   let last = 0, drawn = 0, played = false;

@@ -29,6 +29,9 @@ function single(runs, column, label, color) {
     const commanded = `commanded_${column}`;
     if (!several && samples.has(commanded))
       lines.push({...line, column: commanded, label: "commanded", color: "text", dash: DASHED, width: 1});
+    const planned = `planned_${column}`;
+    if (!several && samples.has(planned))
+      lines.push({...line, column: planned, label: "planned", color: "good", dash: [2, 3], width: 1.6});
   });
   return lines;
 }
@@ -70,6 +73,8 @@ function frictionLimits(runs) {
     };
     add(limit, `μs${who} = ${Number(limit.toPrecision(4))}`);
     const use = described.envelope?.friction_use ?? 1;
+    if (described.plan_may_use)
+      add(described.plan_may_use, `a plan may use${who} ${Number(described.plan_may_use.toPrecision(4))}`);
     if (use < 1) add(use * limit, `monitor's limit${who} ${Number((use * limit).toPrecision(4))}`);
   });
   return limits;

@@ -1,0 +1,50 @@
+// What `ballast plan` and `ballast plan --chart` share.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "tools/plan/read_task.h"
+
+namespace ballast {
+
+struct PlanCommand {
+  std::string task;
+  std::string out;
+  std::string from;
+  std::uint64_t seed = 0;
+  std::optional<double> time_limit_s;
+  bool quiet = false;
+  bool chart = false;
+};
+
+using Clock = std::chrono::steady_clock;
+[[nodiscard]] double seconds_since(Clock::time_point start);
+
+// The task of the command; without a value its errors have been printed.
+[[nodiscard]] std::optional<plan::TaskFile> task_of(const PlanCommand& command);
+
+// Writes a whole file or none.
+[[nodiscard]] bool write_file(const std::filesystem::path& path, const std::string& text);
+
+// One line on a terminal that is written over; elsewhere a line a second.
+class ProgressLine {
+ public:
+  explicit ProgressLine(bool quiet);
+  // True: the line is due.
+  [[nodiscard]] bool due() const;
+  void show(const std::string& text);
+  void end();
+
+ private:
+  bool quiet_, terminal_, open_ = false;
+  Clock::time_point shown_ = Clock::now();
+};
+
+// `ballast plan --chart`: returns the exit status.
+int chart_task(const PlanCommand& command);
+
+}  // namespace ballast

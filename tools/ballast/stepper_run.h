@@ -1,0 +1,31 @@
+// A run with firmware and steppers in this process, of which only the result is kept.
+#pragma once
+
+#include <csignal>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "tools/plan/write_plan.h"
+#include "tools/sil/lap.h"
+#include "tools/sil/run_result.h"
+
+namespace ballast {
+
+struct SteppedRun {
+  std::optional<sil::RunResult> result;
+  std::string refusal;  // without a result: why the firmware does not take the scenario, or what broke the run off
+};
+
+// `signalled` != 0 ends the run; its result is then that of an early end. `observe` is called once per tick.
+using Observer = std::function<void(const sil::Lap&, const sim::Plant::Sample& truth)>;
+[[nodiscard]] SteppedRun run_with_steppers(const sim::Scenario& scenario, const volatile std::sig_atomic_t* signalled,
+                                           const Observer& observe = {});
+
+// The scenario on a floor of infinite friction and without a limit on N: the motion is rolled to its end, whatever it
+// needs.
+[[nodiscard]] sim::Scenario on_perfect_floor(const sim::Scenario& scenario);
+
+[[nodiscard]] plan::StepperRun need_of(const sil::RunResult& result);
+
+}  // namespace ballast
