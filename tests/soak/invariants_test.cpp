@@ -101,6 +101,12 @@ std::vector<Invariant> but_logged(std::vector<Invariant> broken) {
   return broken;
 }
 
+// A floor that gives too much, and a slip that no message says, break that beside.
+std::vector<Invariant> but_in_regime(std::vector<Invariant> broken) {
+  std::erase(broken, Invariant::kInRegime);
+  return broken;
+}
+
 using Which = std::vector<Invariant>;
 
 TEST(Invariants, HoldInRunsAsTheyAre) {
@@ -113,9 +119,26 @@ TEST(Invariants, HoldInRunsAsTheyAre) {
   EXPECT_GT(tripped().ticks.size() - tripped().trip(), 20u);
 }
 
+// Both end switches of mass 1, which moves.
+void close_both_switches(Tick& tick) {
+  tick.lap.plant.sensors.limit_switch[1] = 3;
+  EXPECT_NE(tick.lap.answer->status.commanded_velocity[1], 0);
+}
+
+// Motor 0 is commanded a tenth faster than it may be stepped, and the status says so.
+void command_too_fast(const sim::Scenario& scenario, controller_status_t& status) {
+  const sim::Motor& motor = scenario.masses[0].motor;
+  status.overload_error = controller_status_t::OVERLOAD_TOO_FAST;
+  status.overload_motor = 0;
+  status.overload_tick = status.tick + 1;
+  status.overload_limit = motor.max_step_rate_hz;
+  status.overload_value = 1.1 * motor.max_step_rate_hz;
+  status.next_velocity[0] = status.overload_value / motor.microsteps_per_rail_unit();
+}
+
 TEST(Invariants, AViolationThatNobodyReports) {
   const auto unseen = [](auto change) {
-    return completed().broken([&](Recorded& run) { change(run.ticks[200].truth); });
+    return but_in_regime(completed().broken([&](Recorded& run) { change(run.ticks[200].truth); }));
   };
   // A run that says exit status 0 of it is wrong too.
   const Which due{Invariant::kDetected, Invariant::kEnded};
@@ -135,7 +158,8 @@ TEST(Invariants, ALossOfRollingThatNobodyReports) {
       run.result.end_reason = reason;
       run.result.rolling_lost = true;
     });
-    EXPECT_EQ(broken, Which{Invariant::kDetected}) << stops.words_;
+    EXPECT_EQ(but_in_regime(broken), Which{Invariant::kDetected}) << stops.words_;
+    EXPECT_EQ(has(broken, Invariant::kInRegime), reason == sil::EndReason::kSlipped);
   }
 }
 
@@ -194,13 +218,47 @@ TEST(Invariants, AFalseAlarm) {
                             Fault::kStepOverload, Fault::kTickOutOfOrder, Fault::kInternal, Fault::kEndSwitch}) {
     EXPECT_EQ(with_faults(fault, [](Tick&) {}), due) << static_cast<std::uint32_t>(fault);
   }
-  EXPECT_EQ(with_faults(Fault::kEndSwitch, [](Tick& tick) { tick.truth.end_switches[1] = 2; }), Which{});
+  EXPECT_EQ(with_faults(Fault::kEndSwitch, close_both_switches), Which{});
+  // An end that a mass has been driven over is no reason ten ticks later.
+  EXPECT_EQ(but_end(completed().broken([](Recorded& run) {
+              close_both_switches(run.ticks[190]);
+              run.ticks[200].lap.answer->status.faults = static_cast<std::int32_t>(Fault::kEndSwitch);
+            })),
+            due);
+  // Numbers of the controller alone are no reason either.
   EXPECT_EQ(with_faults(Fault::kStepOverload,
                         [](Tick& tick) {
                           tick.lap.answer->status.overload_value = 5;
                           tick.lap.answer->status.overload_limit = 4;
                         }),
+            due);
+  EXPECT_EQ(with_faults(Fault::kStepOverload,
+                        [](Tick& tick) { command_too_fast(completed().scenario, tick.lap.answer->status); }),
             Which{});
+}
+
+// A trip that has been taken back explains nothing any more: neither a controller's fault nor a violation.
+TEST(Invariants, ATripOfThePastIsNoExcuse) {
+  const auto after_the_trip = [](auto change) {
+    return tripped().broken([&](Recorded& run) {
+      for (std::size_t k = run.trip() + 5; k < run.ticks.size(); ++k) {
+        run.ticks[k].truth.friction_force_W_n.setZero();
+        run.ticks[k].truth.mu_required_max = 0;
+        run.ticks[k].lap.verdict->tripped = 0;
+        run.ticks[k].lap.answer->status.mode = controller_status_t::MODE_DISARMED;
+        run.ticks[k].lap.answer->status.faults = 0;
+      }
+      change(run.ticks[run.trip() + 10]);
+    });
+  };
+  const auto unchanged = after_the_trip([](Tick&) {});
+  EXPECT_FALSE(has(unchanged, Invariant::kNoFalseAlarm));
+  EXPECT_FALSE(has(unchanged, Invariant::kDetected));
+  EXPECT_TRUE(has(after_the_trip([](Tick& tick) {
+                    tick.lap.answer->status.faults = static_cast<std::int32_t>(firmware::Fault::kMonitorTrip);
+                  }),
+                  Invariant::kNoFalseAlarm));
+  EXPECT_TRUE(has(after_the_trip([](Tick& tick) { tick.truth.normal_force_n = 0; }), Invariant::kDetected));
 }
 
 TEST(Invariants, ATripOneTickLate) {
@@ -290,6 +348,79 @@ TEST(Invariants, AnEstimateThatIsNotThePlants) {
   EXPECT_EQ(biased_by(0.5), Which{Invariant::kAgreed});
 }
 
+TEST(Invariants, ARegimeThatIsNotTheBalls) {
+  const auto with = [](auto change) {
+    return but_logged(completed().broken([&](Recorded& run) { change(run.ticks[100]); }));
+  };
+  const Which due{Invariant::kInRegime};
+  EXPECT_EQ(with([](Tick& tick) { tick.lap.plant.contact.regime = contact_t::REGIME_SLIDING; }), due);
+  EXPECT_EQ(with([](Tick& tick) { tick.lap.plant.contact.regime = contact_t::REGIME_FLIGHT; }), due);
+  EXPECT_EQ(with([](Tick& tick) { tick.truth.velocity_W_mps[0] += 1e-6; }), due);
+  EXPECT_EQ(with([](Tick& tick) { tick.truth.floor_static_friction = 1e-3; }), due);
+  EXPECT_EQ(with([](Tick& tick) {
+              tick.truth.regime = sim::Regime::kFlight;
+              tick.lap.plant.contact.regime = contact_t::REGIME_FLIGHT;
+            }),
+            due);
+  // The last message of a run that ends by slip.
+  const Recorded slips({"duration=0.5", "run.on_violation=\"stop\""}, {"friction_falls@0.2:0.001"});
+  ASSERT_EQ(slips.result.end_reason, sil::EndReason::kSlipped);
+  EXPECT_TRUE(has(slips.broken([](Recorded& run) {
+    run.ticks.back().truth.regime = sim::Regime::kRolling;
+    run.ticks.back().lap.plant.contact.regime = contact_t::REGIME_ROLLING;
+  }),
+                  Invariant::kInRegime));
+}
+
+// In tick 100 mass 1 is at the end of a rail that it moves towards.
+void arrive_at_the_end(Recorded& run) {
+  Tick& tick = run.ticks[100];
+  const double way = tick.lap.answer->status.commanded_velocity[1] > 0 ? 1 : -1;
+  run.scenario.masses[1].rail.lower_end = -1e3;
+  run.scenario.masses[1].rail.upper_end = 1e3;
+  tick.truth.mass_position[1] = way * 1e3;
+  tick.lap.plant.sensors.limit_switch[1] = way > 0 ? 2 : 1;
+}
+
+TEST(Invariants, AnEndSwitchThatIsNotTheMasss) {
+  const auto with = [](auto change) { return but_logged(completed().broken(change)); };
+  const Which due{Invariant::kSwitched};
+  const auto stand = [](Recorded& run) { run.ticks[100].lap.answer->status.commanded_velocity[1] = 0; };
+  EXPECT_EQ(with([&](Recorded& run) {
+              arrive_at_the_end(run);
+              stand(run);
+            }),
+            Which{});
+  // The switch is open at the end; it is closed elsewhere.
+  EXPECT_EQ(with([&](Recorded& run) {
+              arrive_at_the_end(run);
+              run.ticks[100].lap.plant.sensors.limit_switch[1] = 0;
+            }),
+            due);
+  EXPECT_EQ(with([&](Recorded& run) {
+              run.ticks[100].lap.plant.sensors.limit_switch[1] = 2;
+              stand(run);
+            }),
+            due);
+  // The mass is commanded on, and the controller has no fault; it has one.
+  EXPECT_EQ(with(arrive_at_the_end), due);
+  EXPECT_FALSE(has(with([&](Recorded& run) {
+                     arrive_at_the_end(run);
+                     run.ticks[100].lap.answer->status.faults = static_cast<std::int32_t>(firmware::Fault::kEndSwitch);
+                   }),
+                   Invariant::kSwitched));
+  // A switch that an injected fault has frozen.
+  const Recorded frozen({"duration=0.5"}, {"sensor_freeze@0.05:sensor=limit_switch,duration=0.001"});
+  ASSERT_EQ(frozen.broken(), Which{}) << frozen.words_;
+  for (const std::size_t k : {52u, 60u}) {
+    const auto broken = but_logged(frozen.broken([k](Recorded& run) {
+      run.ticks[k].lap.plant.sensors.limit_switch[1] = 3;
+      run.ticks[k].lap.answer->status.commanded_velocity[1] = 0;
+    }));
+    EXPECT_EQ(broken, k == 52 ? Which{} : due);
+  }
+}
+
 TEST(Invariants, AModeThatNobodyCommanded) {
   using Status = controller_status_t;
   const auto step = [](std::int8_t before_mode, std::int8_t mode, std::int8_t command, bool monitor_tripped = false) {
@@ -333,6 +464,29 @@ TEST(Invariants, ATripTakenBack) {
   EXPECT_TRUE(has(later([](sil::Lap& lap) { lap.verdict->tripped = 0; }), Invariant::kLatched));
   EXPECT_TRUE(has(later([](sil::Lap& lap) { lap.answer->status.mode = controller_status_t::MODE_ARMED; }),
                   Invariant::kLatched));
+}
+
+// A monitor that has been started again may trip again, then, and keeps that trip.
+TEST(Invariants, ARestartedMonitorTripsOnceMore) {
+  const auto trips_again = [](std::size_t after_restart, double value) {
+    return but_logged(tripped().broken([=](Recorded& run) {
+      const std::size_t restart = run.trip() + 5, again = restart + after_restart;
+      sim::Fault fault;
+      fault.kind = sim::FaultKind::kPeerRestarted;
+      fault.peer = sim::FaultPeer::kMonitor;
+      fault.time_s = fault.end_s = run.ticks[restart].truth.time_s;
+      run.scenario.faults.push_back(fault);
+      for (std::size_t k = again; k < run.ticks.size(); ++k) {
+        trip_t& trip = *run.ticks[k].lap.verdict;
+        trip.trip_tick = run.ticks[again].lap.plant.contact.tick;
+        trip.trip_time_s = run.ticks[again].truth.time_s;
+        if (k > again + 5) trip.value += value;
+      }
+    }));
+  };
+  EXPECT_EQ(trips_again(0, 0), Which{});
+  EXPECT_EQ(trips_again(0, 1), Which{Invariant::kLatched});
+  EXPECT_EQ(trips_again(10, 0), Which{Invariant::kLatched});
 }
 
 TEST(Invariants, MassesThatDoNotStop) {
@@ -432,7 +586,9 @@ TEST(Invariants, AnEndThatIsNotWhatHappened) {
     const auto broken = completed().broken([&](Recorded& run) { run.result.end_reason = reason; });
     // A loss of rolling would have to be noticed besides.
     const bool lost = reason == EndReason::kSlipped || reason == EndReason::kDetached;
-    EXPECT_EQ(broken, lost ? (Which{Invariant::kDetected, Invariant::kEnded}) : Which{Invariant::kEnded});
+    EXPECT_EQ(has(broken, Invariant::kInRegime), reason == EndReason::kSlipped);
+    EXPECT_EQ(but_in_regime(broken),
+              lost ? (Which{Invariant::kDetected, Invariant::kEnded}) : Which{Invariant::kEnded});
   }
   EXPECT_EQ(completed().broken([](Recorded& run) { run.result.status = hal::Status::kPeerLost; }),
             Which{Invariant::kEnded});
@@ -546,6 +702,68 @@ TEST(Bounds, TheLongestStopIsThatOfTheMotorsLimits) {
   EXPECT_DOUBLE_EQ(longest_s(0.25, 0), 0.5);
   EXPECT_DOUBLE_EQ(longest_s(-3, 0), 2);
   EXPECT_DOUBLE_EQ(longest_s(0, 2), 0.5 + 2 * std::sqrt(0.5 / 4));
+}
+
+TEST(Bounds, AnOverloadIsWhatTheCommandedMassesNeed) {
+  sim::Scenario scenario;
+  scenario.run.control_period_s = 0.01;
+  scenario.masses.resize(1);
+  sim::Motor& motor = scenario.masses[0].motor;
+  motor.shaft_ratio = 1;
+  motor.max_step_rate_hz = 5000;
+  motor.max_acceleration = 10;
+  controller_status_t possible{};
+  possible.tick = 41;
+  command_too_fast(scenario, possible);
+  const auto with = [&](auto change) {
+    controller_status_t status = possible;
+    change(status);
+    return overload_possible(scenario, status);
+  };
+  using Status = controller_status_t;
+  EXPECT_TRUE(with([](Status&) {}));
+  EXPECT_FALSE(with([](Status& s) { s.overload_tick = 41; }));
+  EXPECT_FALSE(with([](Status& s) { s.overload_motor = -1; }));
+  EXPECT_FALSE(with([](Status& s) { s.overload_motor = 1; }));
+  EXPECT_FALSE(with([](Status& s) { s.overload_limit = 4000; }));
+  EXPECT_FALSE(with([](Status& s) { s.overload_value = 5000; }));
+  EXPECT_FALSE(with([](Status& s) { s.overload_error = Status::OVERLOAD_NONE; }));
+  EXPECT_FALSE(with([](Status& s) { s.next_velocity[0] *= 0.5; }));
+  EXPECT_TRUE(with([](Status& s) { s.next_velocity[0] = 0.05; }));  // it may turn in that tick
+  // In 10 ms at 5500 microsteps/s there are 55, which is not more than 64, but more than 32 bursts.
+  const auto many_steps = [](Status& s) {
+    s.overload_error = Status::OVERLOAD_TOO_MANY_STEPS;
+    s.overload_limit = 64;
+    s.overload_value = 65;
+  };
+  EXPECT_FALSE(with(many_steps));
+  EXPECT_TRUE(with([&](Status& s) {
+    many_steps(s);
+    s.next_velocity[0] *= 1.2;
+  }));
+  EXPECT_TRUE(with([](Status& s) {
+    s.overload_error = Status::OVERLOAD_TOO_MANY_BURSTS;
+    s.overload_limit = 32;
+    s.overload_value = 33;
+  }));
+}
+
+// Chance alone hardly drives a mass into the end of its rail, or makes a ball slip within its envelope.
+TEST(RandomScenarios, DrawEndsOfRailsSlipperyFloorsAndTolerances) {
+  int lost_steps = 0, slippery = 0, tolerances = 0;
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    const sim::Scenario scenario = random_scenario(seed).scenario;
+    const auto has_fault = [&scenario](auto selects) { return std::ranges::any_of(scenario.faults, selects); };
+    lost_steps += has_fault([&scenario](const sim::Fault& fault) {
+      return fault.kind == sim::FaultKind::kLostSteps &&
+             std::isfinite(scenario.masses[static_cast<std::size_t>(fault.mass)].rail.lower_end);
+    });
+    slippery += has_fault([](const sim::Fault& fault) { return fault.kind == sim::FaultKind::kFrictionFalls; });
+    tolerances += scenario.run.tolerance != sim::Scenario().run.tolerance;
+  }
+  EXPECT_GT(lost_steps, 10);
+  EXPECT_GT(slippery, 10);
+  EXPECT_GT(tolerances, 20);
 }
 
 // The same seed, the same commands; every command comes up.

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "firmware/motion/step_command.h"
+
 namespace ballast::soak {
 
 double longest_stop_s(const sim::Scenario& scenario, const double* velocity, const double* acceleration) {
@@ -16,6 +18,29 @@ double longest_stop_s(const sim::Scenario& scenario, const double* velocity, con
     longest_s = std::max(longest_s, a / jerk + down_s);
   }
   return longest_s;
+}
+
+bool overload_possible(const sim::Scenario& scenario, const controller_status_t& status) {
+  const int count = static_cast<int>(scenario.masses.size());
+  if (status.overload_motor < 0 || status.overload_motor >= count) return false;
+  if (status.overload_tick != status.tick + 1 || !(status.overload_value > status.overload_limit)) return false;
+  const sim::Motor& motor = scenario.masses[static_cast<std::size_t>(status.overload_motor)].motor;
+  const double period_s = scenario.run.control_period_s, per_unit = motor.microsteps_per_rail_unit();
+  const double speed = std::abs(status.next_velocity[status.overload_motor]);
+  const double change = motor.max_acceleration * period_s;
+  const double greatest_hz = (speed + change) * per_unit;
+  const double most_steps = greatest_hz * period_s + 1;
+  const auto limit_is = [&status](double due) { return status.overload_limit == due; };
+  switch (status.overload_error) {
+    case controller_status_t::OVERLOAD_TOO_MANY_STEPS:
+      return limit_is(firmware::kMaxStepsPerTick) && most_steps > firmware::kMaxStepsPerTick;
+    case controller_status_t::OVERLOAD_TOO_MANY_BURSTS:
+      return limit_is(firmware::bursts_per_motor(count)) && most_steps > status.overload_limit;
+    case controller_status_t::OVERLOAD_TOO_FAST:
+      return limit_is(motor.max_step_rate_hz) && (greatest_hz > motor.max_step_rate_hz || speed <= change);
+    default:
+      return false;
+  }
 }
 
 namespace {

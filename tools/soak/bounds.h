@@ -1,6 +1,7 @@
 // Bounds that follow from a scenario alone.
 #pragma once
 
+#include "hal/lcm/messages.h"
 #include "sim/scenario/scenario.h"
 
 namespace ballast::soak {
@@ -10,6 +11,12 @@ namespace ballast::soak {
 // that speed off from rest to rest of the acceleration, which takes 2 sqrt(v / j), or v / a_max + a_max / j where it
 // reaches a_max. The masses stop in the time that the slowest of them needs.
 [[nodiscard]] double longest_stop_s(const sim::Scenario& scenario, const double* velocity, const double* acceleration);
+
+// Whether the steps that the controller says it cannot make are beyond what the scenario allows, and what the commanded
+// masses can need in that tick. `status` is of the tick before: its next_velocity changes by the motor's acceleration
+// at most. Each burst has a pulse at least, and the count takes one more pulse for the position between two microsteps.
+// Pulses are closer together than at the greatest speed only where a mass turns.
+[[nodiscard]] bool overload_possible(const sim::Scenario& scenario, const controller_status_t& status);
 
 // The difference of two forces on the ball by which plant and controller may not differ, N: 5 % of the weight, or of
 // the constant force where nothing weighs; infinity without both (tools/docs/physics.md, section 5).

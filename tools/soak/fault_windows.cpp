@@ -27,6 +27,10 @@ std::int64_t aftermath_ticks(const Fault& fault) {
   return 2 + (delays ? static_cast<std::int64_t>(fault.value) : 0);
 }
 
+bool restarts_the_monitor(const Fault& fault) {
+  return fault.kind == FaultKind::kPeerRestarted && fault.peer == sim::FaultPeer::kMonitor;
+}
+
 bool turns_the_estimate(const Fault& fault) {
   return fault.of(FaultLayer::kSensor) &&
          (fault.sensor == FaultSensor::kOrientation || fault.sensor == FaultSensor::kGyro);
@@ -63,12 +67,19 @@ bool FaultWindows::push(std::int64_t tick) const {
   return any(tick, [](const Fault& fault) { return fault.kind == FaultKind::kPush; });
 }
 
+bool FaultWindows::switches(std::int64_t tick) const {
+  return any(tick, [](const Fault& fault) {
+    return fault.of(FaultLayer::kSensor) && fault.sensor == FaultSensor::kLimitSwitch;
+  });
+}
+
+bool FaultWindows::monitor_restarted(std::int64_t tick) const { return any(tick, restarts_the_monitor); }
+
 bool FaultWindows::monitor_restarts(std::int64_t tick) const {
   const double period_s = scenario_.run.control_period_s;
   const double now_s = static_cast<double>(tick) * period_s;
   return tick >= 0 && std::ranges::any_of(scenario_.faults, [&](const Fault& fault) {
-           return fault.kind == FaultKind::kPeerRestarted && fault.peer == sim::FaultPeer::kMonitor &&
-                  fault.begun(now_s) && !fault.begun(now_s - period_s);
+           return restarts_the_monitor(fault) && fault.begun(now_s) && !fault.begun(now_s - period_s);
          });
 }
 

@@ -23,8 +23,12 @@ class FaultWindows {
   [[nodiscard]] bool nan(std::int64_t tick) const;
   // A force that the controller is not told of pushes the ball.
   [[nodiscard]] bool push(std::int64_t tick) const;
+  // The end switches that the controller gets are not the true ones.
+  [[nodiscard]] bool switches(std::int64_t tick) const;
   // The monitor has been started again in this tick, and has forgotten what it saw.
   [[nodiscard]] bool monitor_restarts(std::int64_t tick) const;
+  // In this tick or a little earlier: its verdicts may still be those of before.
+  [[nodiscard]] bool monitor_restarted(std::int64_t tick) const;
 
  private:
   template <class Selects>

@@ -12,6 +12,7 @@
 #include "tools/recording/log_reader.h"
 #include "tools/soak/bounds.h"
 #include "tools/soak/mode_rules.h"
+#include "tools/soak/plant_rules.h"
 #include "tools/summary/summary.h"
 
 namespace ballast::soak {
@@ -26,8 +27,8 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "are silent: the motors then stand."},
     {"no_false_alarm",
      "The monitor trips only in a tick in which the true ball is outside the envelope, or for what an injected fault "
-     "does at that time. The controller trips only after the monitor, at an end switch that the true mass has "
-     "reached, for steps that its motor cannot make, or for such a fault."},
+     "does at that time. The controller trips only after the monitor, for a mass that is commanded on over a "
+     "closed end switch, for steps that its motor cannot make, or for such a fault."},
     {"truthful",
      "A trip has the cause, value, limit and time of the true violation: of the plant's own N and f_s and the "
      "scenario's limits, or of the two estimates that disagree."},
@@ -35,6 +36,13 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "While the ball rolls and sensors and messages are sound, the controller's N and f_s are the plant's for the "
      "commanded masses, except for rounding. Whatever is wrong, a difference of more than 5 % of the weight trips the "
      "monitor in the next tick."},
+    {"in_regime",
+     "Every contact message says the regime of the true ball. Where it says rolling, the geometric centre moves as "
+     "rolling moves it; the floor gives no more friction than mu_s N, and no force in flight. A run that ends by slip "
+     "says sliding in its last message."},
+    {"switched",
+     "An end switch is closed exactly while the true mass is at or beyond that end of its rail. A controller that gets "
+     "it closed, and commands the mass on over that end, has the end-switch fault in the same tick."},
     {"obeyed",
      "A controller that receives a trip is tripped in the same tick, or was never armed; two ticks later if the "
      "verdict does not reach it. It changes its mode only for a fault, for a command that allows it, or when a motion "
@@ -131,12 +139,14 @@ void Invariants::observe(const sil::Lap& lap, const Sample& truth) {
   check_order(lap);
   check_finite(lap);
   if (lap.verdict) check_verdict(lap);
+  check_regime(lap, truth);
+  check_switches(lap, truth);
   if (has_controller_ && lap.answer) {
     check_steps(lap);
     check_obeyed(lap);
     check_modes(lap);
     check_stop(lap, truth);
-    check_controllers_alarm(lap, truth);
+    check_controllers_alarm(lap);
     has_status_ = true;
     status_ = lap.answer->status;
   }
@@ -303,7 +313,7 @@ void Invariants::check_envelope(const sil::Lap& lap, const Sample& truth) {
   }
   violated_ = true;
   const bool by_controller = has_status_ && (status_.mode == controller_status_t::MODE_TRIPPED || status_.faults != 0);
-  const bool detected = trip_.tripped != 0 || by_controller;
+  const bool detected = monitor_tripped_ || by_controller;
   if (detected || all_silent_) {
     undetected_ticks_ = 0;
     return;
@@ -417,11 +427,33 @@ void Invariants::check_agreement(const sil::Lap& lap) {
                   contact.commanded_static_friction_n, allowed_n));
 }
 
+void Invariants::check_regime(const sil::Lap& lap, const Sample& truth) {
+  regime_ = lap.plant.contact.regime;
+  const std::string error = regime_error(scenario_, lap.plant.contact, truth);
+  if (!error.empty()) fail(Invariant::kInRegime, tick_, error);
+}
+
+void Invariants::check_switches(const sil::Lap& lap, const Sample& truth) {
+  for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
+    const int is = lap.plant.sensors.limit_switch[i], due = switches_due(scenario_, truth, i);
+    if (is == due || windows_.switches(tick_)) continue;
+    fail(Invariant::kSwitched, tick_,
+         fmt::format("mass {} at {:.17g} has the switches {} where {} is due", i, truth.mass_position[i], is, due));
+  }
+  // The controller may have got another message while messages are disturbed, this one a few ticks later.
+  if (!bus_faults_active_) over_an_end_ = false;
+  if (!has_controller_ || !lap.answer) return;
+  const bool over_an_end = driven_over_an_end(lap.plant.sensors, lap.answer->status);
+  over_an_end_ = over_an_end_ || over_an_end;
+  const auto faults = static_cast<std::uint32_t>(lap.answer->status.faults);
+  const bool noticed = (faults & static_cast<std::uint32_t>(firmware::Fault::kEndSwitch)) != 0;
+  if (!over_an_end || noticed || bus_faults_active_) return;
+  fail(Invariant::kSwitched, tick_, "a mass is commanded on over a closed end switch, and the controller has no fault");
+}
+
 // Faults that were not there in the tick before.
-void Invariants::check_controllers_alarm(const sil::Lap& lap, const Sample& truth) {
+void Invariants::check_controllers_alarm(const sil::Lap& lap) {
   using firmware::Fault;
-  const bool at_an_end = std::ranges::any_of(truth.end_switches, [](int switches) { return switches != 0; });
-  at_an_end_ = at_an_end_ || at_an_end;
   const controller_status_t& status = lap.answer->status;
   const auto before = has_status_ ? static_cast<std::uint32_t>(status_.faults) : 0u;
   const auto faults = static_cast<std::uint32_t>(status.faults) & ~before;
@@ -430,9 +462,9 @@ void Invariants::check_controllers_alarm(const sil::Lap& lap, const Sample& trut
   const auto explain = [&known](Fault fault, bool reason) {
     if (reason) known |= static_cast<std::uint32_t>(fault);
   };
-  explain(Fault::kMonitorTrip, trip_.tripped != 0);
-  explain(Fault::kEndSwitch, at_an_end_);
-  explain(Fault::kStepOverload, status.overload_value > status.overload_limit);
+  explain(Fault::kMonitorTrip, monitor_tripped_ || (trip_.tripped != 0 && bus_faults_active_));
+  explain(Fault::kEndSwitch, over_an_end_);
+  explain(Fault::kStepOverload, overload_possible(scenario_, status));
   explain(Fault::kSensorNotFinite, windows_.nan(tick_));
   for (const Fault fault : {Fault::kSensorStale, Fault::kMonitorStale, Fault::kTickOutOfOrder}) {
     explain(fault, bus_faults_active_);
@@ -468,8 +500,12 @@ void Invariants::check_verdict(const sil::Lap& lap) {
     // The value may be +infinity but not NaN, so it can be compared.
     const bool same = trip.cause == trip_.cause && trip.trip_tick == trip_.trip_tick &&
                       trip.trip_time_s == trip_.trip_time_s && trip.value == trip_.value && trip.limit == trip_.limit;
-    // A restarted monitor may find the ball outside again in the same tick. That second trip is as good as the first.
-    if (trip.tripped == 1 && (same || has_fault(sim::FaultKind::kPeerRestarted))) {
+    // A restarted monitor may find the ball outside again. That second trip is as good as the first, and is kept.
+    if (trip.tripped == 1 && (same || windows_.monitor_restarted(tick_))) {
+      if (!same) {
+        trip_ = trip;
+        first_trip_tick_ = tick_;
+      }
       monitor_tripped_ = true;
       return;
     }
@@ -644,6 +680,10 @@ void Invariants::finish_end(const sil::RunResult& result) {
                      result.final_sample.time_s));
   }
   if (!has_ended_) fail(Invariant::kEnded, tick_, "the last message does not say that it is the last");
+  if (result.end_reason == sil::EndReason::kSlipped && regime_ != contact_t::REGIME_SLIDING) {
+    fail(Invariant::kInRegime, tick_,
+         fmt::format("the run ended by slip, and its last message says regime {}", regime_));
+  }
   const int status = sil::exit_status(result);
   // A slip that begins and ends between two ticks shows in no sample, but the run reports it.
   const int due = violated_ || result.rolling_lost || trip_.tripped != 0 || controller_has_tripped_ ||
@@ -665,7 +705,7 @@ void Invariants::finish_end(const sil::RunResult& result) {
 void Invariants::finish_detected(const sil::RunResult& result) {
   const bool lost = result.status == hal::Status::kOk &&
                     (result.end_reason == sil::EndReason::kSlipped || result.end_reason == sil::EndReason::kDetached);
-  const bool detected = trip_.tripped != 0 || (has_status_ && status_.faults != 0);
+  const bool detected = monitor_tripped_ || (has_status_ && status_.faults != 0);
   // A ball that has never rolled loses nothing. With faulty messages, the trip may be in a message that was lost.
   if (!lost || detected || !has_rolled_ || bus_faults_active_ || all_silent_) return;
   fail(Invariant::kDetected, tick_,

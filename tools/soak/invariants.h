@@ -24,6 +24,8 @@ enum class Invariant {
   kNoFalseAlarm,
   kTruthful,
   kAgreed,
+  kInRegime,
+  kSwitched,
   kObeyed,
   kLatched,
   kAtRest,
@@ -34,7 +36,7 @@ enum class Invariant {
   kPatient,
   kRepeatable,
 };
-inline constexpr int kInvariantCount = 13;
+inline constexpr int kInvariantCount = 15;
 
 struct InvariantText {
   const char* name;
@@ -78,10 +80,12 @@ class Invariants {
   void check_trip(const sil::Lap& lap, const Sample& truth);
   void check_modes(const sil::Lap& lap);
   void check_agreement(const sil::Lap& lap);
+  void check_regime(const sil::Lap& lap, const Sample& truth);
+  void check_switches(const sil::Lap& lap, const Sample& truth);
   void check_finite(const sil::Lap& lap);
   void check_envelope(const sil::Lap& lap, const Sample& truth);
   void check_monitors_alarm(const Sample& truth);
-  void check_controllers_alarm(const sil::Lap& lap, const Sample& truth);
+  void check_controllers_alarm(const sil::Lap& lap);
   void check_obeyed(const sil::Lap& lap);
   void check_stop(const sil::Lap& lap, const Sample& truth);
   void expect_in_log(const sil::Lap& lap);
@@ -107,7 +111,8 @@ class Invariants {
   std::int64_t undetected_ticks_ = 0;  // consecutive ticks in which the ball was outside without a trip
   // In the latest lap: the ball is outside or within rounding of it; monitor and controller are both silent.
   bool outside_within_rounding_ = false, outside_ = false, too_light_ = false, all_silent_ = false;
-  bool at_an_end_ = false;  // a true mass has been at an end of its rail
+  std::int8_t regime_ = contact_t::REGIME_ROLLING;  // by the latest contact message
+  bool over_an_end_ = false;                        // commanded over a closed switch: now, or since messages are late
 
   bool monitor_tripped_ = false;      // by its latest message
   std::int64_t first_trip_tick_ = 0;  // tick of its first message with a trip

@@ -1,6 +1,7 @@
 #include "tools/soak/random_faults.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "sim/scenario/reader.h"
@@ -74,6 +75,14 @@ class FaultDraw {
         return has_controller_ || kind.kind != FaultKind::kControllerOverrun;
     }
     return false;
+  }
+
+  // Of this mass, instead of one that chance chooses.
+  RandomFault lost_steps(int mass, double time_s) {
+    mass_ = mass;
+    const auto& kind = sim::info(FaultKind::kLostSteps);
+    const std::string out = "\n[[fault]]\n" + line("kind", quoted(kind.name)) + line("time", time_s);
+    return {kind.kind, 1, out + line("mass", std::to_string(mass)) + severe(kind)};
   }
 
   // At a tick's start, or anywhere.
@@ -297,6 +306,23 @@ std::vector<RandomFault> random_faults(const sim::Scenario& scenario, Random& ra
     const int severity = random.integer(0, 1);
     const double time_s = random.chance(0.05) ? 0 : draw.time_s(0, 0.9 * scenario.duration_s);
     faults.push_back(draw.fault(kind, severity, time_s));
+  }
+  return faults;
+}
+
+std::vector<RandomFault> aimed_faults(const sim::Scenario& scenario, Random& random) {
+  FaultDraw draw(scenario, random);
+  std::vector<RandomFault> faults;
+  const bool driven = scenario.run.actuation == sim::Actuation::kStepper;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    const bool has_ends = std::isfinite(scenario.masses[i].rail.lower_end);
+    if (!driven || !has_ends || !random.chance(0.5)) continue;
+    const double time_s = draw.time_s(0, 0.5 * scenario.duration_s);
+    faults.push_back(draw.lost_steps(static_cast<int>(i), time_s));
+  }
+  if (random.chance(0.08)) {
+    const double time_s = draw.time_s(0, 0.5 * scenario.duration_s);
+    faults.push_back(draw.fault(sim::info(FaultKind::kFrictionFalls), 1, time_s));
   }
   return faults;
 }

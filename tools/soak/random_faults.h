@@ -18,6 +18,10 @@ struct RandomFault {
 
 std::vector<RandomFault> random_faults(const sim::Scenario& scenario, Random& random);
 
+// Faults that bring about what chance hardly does: steps lost by a mass whose rail has ends, so that it is driven into
+// one, and a floor that becomes slippery, so that a ball slips within its envelope.
+std::vector<RandomFault> aimed_faults(const sim::Scenario& scenario, Random& random);
+
 // A fault of this kind, early enough to have an effect. The kind has to apply to the scenario.
 RandomFault random_fault(const sim::Scenario& scenario, sim::FaultKind kind, int severity, Random& random);
 

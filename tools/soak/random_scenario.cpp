@@ -1,5 +1,7 @@
 #include "tools/soak/random_scenario.h"
 
+#include <algorithm>
+#include <iterator>
 #include <memory>
 #include <vector>
 
@@ -16,6 +18,10 @@ using Eigen::Vector3d;
 
 // A scenario that is refused is followed by another of the same seed.
 constexpr int kMostDrawn = 50;
+
+// Random numbers of their own, so that a change of these parts leaves every seed its robot and its faults.
+constexpr std::uint64_t kOfTolerance = 0x746f6c6572616e63, kOfAimedFaults = 0x61696d6564206661,
+                        kOfEnds = 0x656e6473206f6620;
 
 std::string text(double value) { return sim::number_text(value); }
 
@@ -34,6 +40,7 @@ class Draw {
   Draw(Random& random, bool calm) : random_(random), calm_(calm) {}
 
   std::string scenario(std::uint64_t seed) {
+    of_ends_ = Random(seed ^ kOfEnds);
     hand_size_ = random_.chance(0.6);
     radius_ = hand_size_ ? random_.log_uniform(0.06, 0.3) : random_.uniform(0.5, 1.5);
     gravity_ = hand_size_ ? 9.81 : random_.uniform(1, 10);
@@ -59,7 +66,7 @@ class Draw {
     out += line("control_period", period_);
     out += line("timer_frequency", random_.one_of({1e6, 1e7, 1e7, 84e6}));
     out += line("on_violation", calm_ || random_.chance(0.6) ? "\"continue\"" : "\"stop\"");
-    if (!calm_) out += envelope();
+    if (!calm_) out += tolerance(seed) + envelope();
     return out;
   }
 
@@ -126,6 +133,7 @@ class Draw {
   struct Rail {
     std::string toml{};
     bool circle = false;
+    bool ends = false;             // at `lower` and `upper`, or a little beyond
     double unit = 1;               // a way along it that is as long as a radian of a circle
     double lower = -1, upper = 1;  // where a mass may start and go
   };
@@ -152,7 +160,8 @@ class Draw {
     Rail rail{.unit = 0.3 * radius_, .lower = -half, .upper = half};
     rail.toml = "{ shape = \"line\", origin = " + text(random_.vector(0, 0.3 * radius_));
     rail.toml += ", direction = " + text(random_.direction());
-    if (random_.chance(0.5)) {
+    rail.ends = random_.chance(0.5);
+    if (rail.ends) {
       rail.toml += ", end_stops = [" + text(-half) + ", " + text(half) + "]";
       rail.toml += ", end_stop_restitution = " + text(random_.uniform(0.1, 1));
     }
@@ -177,6 +186,7 @@ class Draw {
       list += (i > 0 ? ", " : "") + text(point);
     }
     Rail rail{.unit = size, .lower = closed ? -3 * size : 0, .upper = closed ? 3 * size : 0.95 * size * angle};
+    rail.ends = !closed;
     rail.toml =
         "{ shape = \"spline\", closed = " + std::string(closed ? "true" : "false") + ", points = [" + list + "] }";
     return rail;
@@ -196,6 +206,18 @@ class Draw {
     pieces.push_back(piece(time / 4, -a, 0));
   }
 
+  // From near an end of the rail and back to there, in most of the run: a mass that loses steps on its way out is
+  // driven into that end on its way back.
+  void go_and_come_back(const Rail& rail, double& position, std::vector<std::string>& pieces) {
+    const double length = rail.upper - rail.lower, time = 0.4 * duration_;
+    const double reach = rail.unit * std::min(1.0, 0.05 * pendulum_rate_ * pendulum_rate_ * time * time);
+    const double way = std::min(reach, of_ends_.uniform(0.2, 0.6) * length);
+    const bool lower = of_ends_.chance(0.5);
+    position = lower ? rail.lower + 0.01 * length : rail.upper - 0.01 * length;
+    add_trip(lower ? way : -way, time, pieces);
+    add_trip(lower ? -way : way, time, pieces);
+  }
+
   // Sets where the mass starts.
   std::string motion(const Rail& rail, double& position) {
     std::vector<std::string> pieces;
@@ -204,6 +226,8 @@ class Draw {
       const double reach = rail.unit * std::min(0.3, 0.02 * pendulum_rate_ * pendulum_rate_ * duration_ * duration_);
       const double to = position + (position > 0.5 * (rail.lower + rail.upper) ? -reach : reach);
       add_trip(std::clamp(to, rail.lower, rail.upper) - position, duration_, pieces);
+    } else if (rail.ends && of_ends_.chance(0.6)) {
+      go_and_come_back(rail, position, pieces);
     } else if (random_.chance(0.1)) {
       return "";
     } else if (random_.chance(0.7)) {
@@ -254,6 +278,12 @@ class Draw {
     return out;
   }
 
+  // The error that the plant's integrator may make changes what it finds, and must not change what is true of it.
+  static std::string tolerance(std::uint64_t seed) {
+    Random random(seed ^ kOfTolerance);
+    return random.chance(0.2) ? line("tolerance", random.log_uniform(1e-12, 1e-8)) : "";
+  }
+
   std::string envelope() {
     std::string out = "\n[envelope]\n";
     if (random_.chance(0.3)) out += line("min_normal_force", shell_mass_ * gravity_ * random_.uniform(0, 0.8));
@@ -262,6 +292,7 @@ class Draw {
   }
 
   Random& random_;
+  Random of_ends_{0};
   bool calm_;
   bool hand_size_ = true, stepper_ = true, floor_slides_ = true;
   double radius_ = 0, gravity_ = 0, shell_mass_ = 0, pendulum_rate_ = 0, duration_ = 0, period_ = 0;
@@ -297,8 +328,13 @@ RandomScenario draw_scenario(std::uint64_t seed, bool calm, AddFaults add_faults
 }  // namespace
 
 RandomScenario random_scenario(std::uint64_t seed) {
-  RandomScenario random = draw_scenario(seed, false, random_faults);
-  // Random numbers of its own, so that a change of the scripts leaves every seed its robot and its faults.
+  Random of_aimed_faults(seed ^ kOfAimedFaults);
+  RandomScenario random = draw_scenario(seed, false, [&](const sim::Scenario& scenario, Random& of_faults) {
+    std::vector<RandomFault> faults = random_faults(scenario, of_faults);
+    std::ranges::move(aimed_faults(scenario, of_aimed_faults), std::back_inserter(faults));
+    return faults;
+  });
+  // Random numbers of its own too.
   Random of_script(~seed);
   if (random.trouble.empty()) random.script = random_script(random.scenario, of_script);
   random.toml = comments(random.script) + random.toml;
