@@ -41,11 +41,12 @@ class MonitorLoopTest : public ::testing::Test {
     if (thread_.joinable()) thread_.join();
   }
 
-  void start(bool controller_expected, Seconds start_timeout = kLong) {
+  void start(bool controller_expected, Seconds start_timeout = kLong, Seconds peer_timeout = kShort) {
     monitor_.emplace(limits(controller_expected));
-    loop_.emplace(loop_bus_, *monitor_, limits(controller_expected),
-                  MonitorLoopOptions{
-                      .control_period_s = kControlPeriod_s, .start_timeout = start_timeout, .peer_timeout = kShort});
+    loop_.emplace(
+        loop_bus_, *monitor_, limits(controller_expected),
+        MonitorLoopOptions{
+            .control_period_s = kControlPeriod_s, .start_timeout = start_timeout, .peer_timeout = peer_timeout});
     thread_ = std::thread([this] { end_ = loop_->run(); });
   }
   Status end() {
@@ -275,6 +276,22 @@ TEST_F(MonitorLoopTest, RepeatedTickTrips) {
   EXPECT_EQ(verdict().tick, 1);
   EXPECT_EQ(end(), Status::kEnded);
   EXPECT_EQ(loop_->counters().repeated, 1);
+}
+
+// A repeated tick never gets complete. The verdict on it comes at once and not half a peer timeout later: the
+// controller waits for it, and the masses move on.
+TEST_F(MonitorLoopTest, RepeatedTickIsJudgedAtOnce) {
+  start(false, kLong, 2 * kLong);
+  wait_until_ready();
+  send_plant(0);
+  EXPECT_EQ(verdict().tripped, 0);
+  const auto sent = hal::WallClock::now();
+  send_contact(0);
+  EXPECT_EQ(verdict().cause, trip_t::CAUSE_REPEATED);
+  EXPECT_LT(Seconds(hal::WallClock::now() - sent), kLong / 3);  // half a peer timeout is kLong
+  send_plant(1, true);
+  EXPECT_EQ(verdict().tick, 1);
+  EXPECT_EQ(end(), Status::kEnded);
 }
 
 TEST_F(MonitorLoopTest, MessageTwiceWithinATickTrips) {
