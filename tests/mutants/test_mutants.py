@@ -293,11 +293,6 @@ def main():
 
 def try_all(build, scratch, chosen, runs, options):
     """How many are not as they should be."""
-    # The robot of the end-stop tests, from where they have it.
-    header = (ROOT / "tests/sil/into_its_stop.h").read_text()
-    stop = scratch / "into_its_stop.toml"
-    stop.write_text(header.split('R"(')[1].split(')"')[0])
-    runs = {name: line.replace(stop.name, shlex.quote(str(stop))) for name, line in runs.items()}
     with_run = [m for m in chosen if m["caught"] or options.record]
     sound = {}
     for name in sorted({m["run"] for m in with_run}):
