@@ -73,6 +73,8 @@ def code_of(text):
 
     text = re.sub(r'//[^\n]*|R"(\w*)\(.*?\)\1"|"(?:[^"\\\n]|\\.)*"|\'(?:[^\'\\\n]|\\.)\'', blank, text, flags=re.DOTALL)
     for call in TEXTS.finditer(text):
+        if text[call.start()] == " ":
+            continue  # inside of another one
         end, depth = call.end(), 1
         while depth > 0 and end < len(text):
             depth += {"(": 1, ")": -1}.get(text[end], 0)

@@ -316,8 +316,8 @@ std::vector<RandomFault> aimed_faults(const sim::Scenario& scenario, Random& ran
   const bool driven = scenario.run.actuation == sim::Actuation::kStepper;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const bool has_ends = std::isfinite(scenario.masses[i].rail.lower_end);
-    if (!driven || !has_ends || !random.chance(0.5)) continue;
-    const double time_s = draw.time_s(0, 0.5 * scenario.duration_s);
+    if (!driven || !has_ends || !random.chance(0.75)) continue;
+    const double time_s = draw.time_s(0, 0.15 * scenario.duration_s);  // on its way out
     faults.push_back(draw.lost_steps(static_cast<int>(i), time_s));
   }
   if (random.chance(0.08)) {

@@ -209,11 +209,12 @@ class Draw {
   // From near an end of the rail and back to there, in most of the run: a mass that loses steps on its way out is
   // driven into that end on its way back.
   void go_and_come_back(const Rail& rail, double& position, std::vector<std::string>& pieces) {
+    constexpr double kNear = 5e-4;  // less than most lose
     const double length = rail.upper - rail.lower, time = 0.4 * duration_;
     const double reach = rail.unit * std::min(1.0, 0.05 * pendulum_rate_ * pendulum_rate_ * time * time);
     const double way = std::min(reach, of_ends_.uniform(0.2, 0.6) * length);
     const bool lower = of_ends_.chance(0.5);
-    position = lower ? rail.lower + 0.01 * length : rail.upper - 0.01 * length;
+    position = lower ? rail.lower + kNear * length : rail.upper - kNear * length;
     add_trip(lower ? way : -way, time, pieces);
     add_trip(lower ? -way : way, time, pieces);
   }
@@ -226,7 +227,7 @@ class Draw {
       const double reach = rail.unit * std::min(0.3, 0.02 * pendulum_rate_ * pendulum_rate_ * duration_ * duration_);
       const double to = position + (position > 0.5 * (rail.lower + rail.upper) ? -reach : reach);
       add_trip(std::clamp(to, rail.lower, rail.upper) - position, duration_, pieces);
-    } else if (rail.ends && of_ends_.chance(0.6)) {
+    } else if (rail.ends && of_ends_.chance(0.8)) {
       go_and_come_back(rail, position, pieces);
     } else if (random_.chance(0.1)) {
       return "";
