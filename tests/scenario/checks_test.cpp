@@ -500,6 +500,7 @@ TEST(Scenario, UnknownKeysSuggestTheNearestOfTheirLevel) {
   for (const Case& c : std::vector<Case>{
            {"gravty=1", "gravty", "did you mean gravity?"},
            {"masses=1", "masses", "did you mean mass?"},
+           {"amss=1", "amss", "did you mean mass?"},
            {"Surface.restitution=1", "Surface", "did you mean surface?"},
            {"ball.raduis=1", "ball.raduis", "did you mean radius?"},
            {"surface.static_frictoin=1", "surface.static_frictoin", "did you mean static_friction?"},
