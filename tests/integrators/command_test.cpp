@@ -100,7 +100,8 @@ TEST(Integrate, RefusesWhatItCannotDo) {
       {"--step 0", "allowed: a finite number > 0"},
       {"--method adams --step 0.1", "adams chooses its steps itself"},
       {"--method rk4 --step 1e-9", "allowed: at least 2e-07"},
-      {"--set initial.height=0.1", "in the air (initial.height); ballast integrate simulates rolling only, ballast run"},
+      {"--set initial.height=0.1",
+       "in the air (initial.height); ballast integrate simulates rolling only, ballast run"},
       {"--set gravity=-1", "gravity"},
       {"--actuation stepper", "--actuation"},
   };
@@ -121,6 +122,26 @@ TEST(Integrate, AMethodThatGivesUpIsStatus2) {
   EXPECT_NE(failed.err.find("Newton's iteration does not converge"), std::string::npos) << failed.err;
   EXPECT_FALSE(std::filesystem::exists(folder / "r/summary.json"));
   EXPECT_NE(table(folder, "r")["methods"][0]["failure"], nullptr);
+}
+
+TEST(Integrate, NamesAStepThatIsTooCoarse) {
+  const Folder folder;
+  const Outcome coarse = folder.run("ballast integrate paper_ball --method rk4 --step 1 --quiet");
+  EXPECT_NE(coarse.err.find("rk4 is too coarse here: its end state is 0.5"), std::string::npos) << coarse.err;
+  const std::string advice = "; --step ";
+  const std::size_t at = coarse.err.find(advice);
+  ASSERT_NE(at, std::string::npos) << coarse.err;
+  const std::string step = std::to_string(std::stod(coarse.err.substr(at + advice.size())));
+  EXPECT_EQ(folder.run("ballast integrate paper_ball --method rk4 --quiet --step " + step).err, "");
+}
+
+TEST(Integrate, EndsWithOneLineWhenInterrupted) {
+  const Folder folder;
+  // A step that takes minutes.
+  const Outcome killed =
+      folder.run("timeout --preserve-status -s INT 1 ballast integrate paper_ball --method rk4 --step 1e-6");
+  EXPECT_EQ(killed.exit_status, 2);
+  EXPECT_EQ(killed.err, "ballast: interrupted; no results are written\n");
 }
 
 TEST(Integrate, SaysWhichFolderItCannotUse) {

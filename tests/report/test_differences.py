@@ -59,7 +59,7 @@ class DifferencesTest(unittest.TestCase):
                                      ("BALLAST_STEP_COMMAND", "position_steps[0]", "microsteps")):
             self.assertEqual(differences.unit_of(channel, field), unit)
         self.assertEqual(differences.how_far("BALLAST_CONTACT", "normal_force_n", 4.0, math.nextafter(4.0, 5)),
-                         " (+8.88178e-16 N, 1 ULP)")
+                         " (1 ULP)")
 
     def test_first_tick_and_field(self):
         ball().write(self.a)
@@ -128,7 +128,7 @@ class DifferencesTest(unittest.TestCase):
                               check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertRegex(done.stdout, r"masses\.0\.mass +1 +1\.25 +\+0\.25")
-        self.assertRegex(done.stdout, r"mu_required\.max +0\.128\d+ +0\.160\d+ +\+0\.03")
+        self.assertRegex(done.stdout, r"mu_required\.max +0\.128 +0\.16 +\+0\.03")
         # From the first tick on, which is the countdown's: a ball of 4 kg at g = 1, and one with a quarter kg more out
         # of balance.
         self.assertRegex(done.stdout, r"first differ in tick -2: BALLAST_CONTACT, normal_force_n: 4 in A, 4\.2\d+ in B")

@@ -191,13 +191,13 @@ class PageTest(unittest.TestCase):
             with self.subTest(path=path):
                 self.assertEqual(json.loads(exact), value)
                 is_margin = path.endswith("torque_margin")
-                self.assertEqual(text, f"{100 * value:.1f}" if is_margin else f"{value:.6g}")
+                self.assertEqual(text, f"{100 * value:.3g}" if is_margin else f"{value:.3g}")
         # The values beside the plots are the log's.
         contact = EventLog(self.folder / "paper_ball" / "run.lcmlog", ["BALLAST_CONTACT"]).messages(
             "BALLAST_CONTACT", ballast.contact_t)
         self.slide_to(5)
         shown = self.js("return document.querySelector('#panel-normal_force output').textContent")
-        self.assertAlmostEqual(float(shown), contact["normal_force_n"][contact["tick"] == 5000][0], delta=5e-5)
+        self.assertAlmostEqual(float(shown), contact["normal_force_n"][contact["tick"] == 5000][0], delta=5e-3)
 
     def test_looks_every_quantity_has_its_plot(self):
         self.keep_open()

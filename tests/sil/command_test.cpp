@@ -37,7 +37,7 @@ TEST(Run, LeavesSummaryAndLogAndExitsWith0) {
   const Outcome run = folder.run("ballast run paper_ball --set duration=1");
   EXPECT_EQ(run.exit_status, 0) << run.err;
   EXPECT_EQ(run.err, "");  // no progress bar where there is no terminal
-  for (const char* word : {"completed", "least N", "most f_s/N", "holds on", "steps", "speed", "runs/paper_ball"}) {
+  for (const char* word : {"completed", "least N", "most f_s/N", "rolls on", "steps", "speed", "runs/paper_ball"}) {
     EXPECT_NE(run.out.find(word), std::string::npos) << word;
   }
   const auto s = folder.summary("runs/paper_ball");
@@ -522,9 +522,9 @@ TEST(Run, AFullDiskIsReportedAndKeepsTheLogUpToThere) {
     const Outcome run =
         folder.run("(trap '' XFSZ; ulimit -f 64; ballast run paper_ball --set duration=2 --out r" + how + ")");
     EXPECT_EQ(run.exit_status, 2);
-    EXPECT_NE(run.err.find("run.lcmlog: cannot be written: File too large; it holds what happened up to there"),
-              std::string::npos)
+    EXPECT_NE(run.err.find("run.lcmlog: cannot be written: File too large; the run ended at t = "), std::string::npos)
         << run.err;
+    EXPECT_NE(run.err.find("Kept: r/run.lcmlog, as far as it could be written. Lost: "), std::string::npos) << run.err;
     EXPECT_FALSE(std::filesystem::exists(folder / "r/summary.json"));
     EXPECT_FALSE(std::filesystem::exists(folder / "r/blackbox"));
     EXPECT_EQ(std::filesystem::file_size(folder / "r/run.lcmlog"), 64u * 512);
@@ -682,12 +682,12 @@ actuation = "prescribed"
   const Outcome friction = folder.run("ballast friction held.toml");
   EXPECT_EQ(friction.exit_status, 0) << friction.err;
   EXPECT_NE(friction.out.find(needs), std::string::npos) << friction.out << needs;
-  EXPECT_NE(friction.out.find("because of mass 0 (100 %); holds on"), std::string::npos) << friction.out;
+  EXPECT_NE(friction.out.find("because of mass 0 (100 %); rolls on"), std::string::npos) << friction.out;
   EXPECT_EQ(folder.entries(), 1) << "it leaves no files";
   // Slides before it is thrown off: less than aluminium gives, and yet no floor is named.
   const Outcome thrown = folder.run("ballast run paper_detach_flight --out thrown");
   EXPECT_NE(thrown.out.find("needs at least 0.35 at"), std::string::npos) << thrown.out;
-  EXPECT_NE(thrown.out.find("; holds on none of the paper's floors: N falls to 0 at 4."), std::string::npos)
+  EXPECT_NE(thrown.out.find("; rolls on none of the paper's floors: N falls to 0 at 4."), std::string::npos)
       << thrown.out;
 
   // A floor that does not give it ends the run; what is needed is still said, and the run says up to where it speaks.
@@ -706,7 +706,7 @@ TEST(Friction, ABallThatLeavesTheGroundIsNotHelpedByAny) {
   const Folder folder;
   const Outcome friction = folder.run("ballast friction hop");
   EXPECT_EQ(friction.exit_status, 3);
-  EXPECT_NE(friction.out.find("leaves the ground at 0.20 s on any floor because of mass 0 (100 %)"), std::string::npos)
+  EXPECT_NE(friction.out.find("leaves the ground at 0.2 s on any floor because of mass 0 (100 %)"), std::string::npos)
       << friction.out;
   EXPECT_EQ(folder.run("ballast friction hop --set mass.0.mass=-1").exit_status, 1);
 }
@@ -717,7 +717,7 @@ TEST(Friction, ABallThatIsPushedWhileNFallsNeedsMoreThanAnyFloorGives) {
   const Folder folder;
   const Outcome friction = folder.run("ballast friction hop --set 'mass.0.rail.origin=[0.02,0,0]'");
   EXPECT_EQ(friction.exit_status, 3) << friction.err;
-  EXPECT_NE(friction.out.find("needs more friction than any floor gives at 0.20 s: N falls to 0"), std::string::npos)
+  EXPECT_NE(friction.out.find("needs more friction than any floor gives at 0.2 s: N falls to 0"), std::string::npos)
       << friction.out;
   EXPECT_EQ(friction.out.find("leaves the ground"), std::string::npos) << friction.out;
 }
@@ -728,8 +728,8 @@ TEST(Friction, ARunThatEndedEarlySaysUpToWhereItKnows) {
   const Outcome friction = folder.run("ballast friction stop.toml");
   EXPECT_EQ(friction.exit_status, 3) << friction.err;
   const Outcome run = folder.run("ballast run stop.toml --out r");
-  char end[64];
-  std::snprintf(end, sizeof end, "; up to its end at %.2f s (tripped by the controller) holds on",
+  char end[96];
+  std::snprintf(end, sizeof end, "; up to its end at %.4g s (tripped by the controller) rolls on",
                 folder.summary("r")["end"]["time"].get<double>());
   for (const Outcome& said : {friction, run}) {
     EXPECT_NE(said.out.find("needs at least "), std::string::npos) << said.out;
@@ -983,7 +983,7 @@ TEST(Move, ThatTheMotorsSwingTookWhatWasPredictedIsSaid) {
   const auto planned = folder.summary("m")["move"];
   ASSERT_GT(planned["predicted_margin_min"].get<double>(), planned["margin_min"].get<double>() + 0.1);
   char words[160];
-  std::snprintf(words, sizeof words, "  WARNING     the least margin was %.4f where %.4f was predicted: a prediction",
+  std::snprintf(words, sizeof words, "  WARNING     the least margin was %.3g where %.3g was predicted: a prediction",
                 planned["margin_min"].get<double>(), planned["predicted_margin_min"].get<double>());
   EXPECT_NE(move.out.find(words), std::string::npos) << move.out << words;
   EXPECT_NE(move.out.find("their motors' swing (how much: share)\n"), std::string::npos) << move.out;
@@ -994,8 +994,7 @@ TEST(Move, OneThatCannotBePredictedToItsEndIsRefusedUnlessForced) {
   const Outcome refused = folder.run("ballast move paper_ball --all 0 --quiet --out m");
   EXPECT_EQ(refused.exit_status, 1);
   EXPECT_NE(refused.err.find("only the first "), std::string::npos) << refused.err;
-  EXPECT_NE(refused.err.find("can be predicted: a prediction has a limited number of steps"), std::string::npos)
-      << refused.err;
+  EXPECT_NE(refused.err.find("it has a limited number of steps"), std::string::npos) << refused.err;
   EXPECT_FALSE(std::filesystem::exists(folder / "m"));
   const Outcome forced = folder.run("ballast move paper_ball --all 0 --quiet --force --out m");
   const auto planned = folder.summary("m")["move"];
@@ -1123,7 +1122,7 @@ TEST(Trip, SaysWhatWasSeenAndAllowedInItsOwnTerms) {
   };
   EXPECT_NE(trip_of("--fault messages_dropped@0.5").find("the newest tick was 499 where 500 was due;"),
             std::string::npos);
-  EXPECT_NE(trip_of("--fault sensor_nan@0.5").find("nonfinite at t = 0.500000 s; the stop"), std::string::npos);
+  EXPECT_NE(trip_of("--fault sensor_nan@0.5").find("nonfinite at t = 0.5 s; the stop"), std::string::npos);
   EXPECT_NE(trip_of("--fault friction_falls@0.5:0.001").find("the ball slid at f_s/N = "), std::string::npos);
   EXPECT_NE(trip_of("--set envelope.friction_use=0.001").find(": f_s/N was "), std::string::npos);
   EXPECT_NE(trip_of("--fault sensor_bias@0.5:3,sensor=gyro").find(" N about N and f_s; allowed: <= "),
@@ -1131,7 +1130,48 @@ TEST(Trip, SaysWhatWasSeenAndAllowedInItsOwnTerms) {
   EXPECT_NE(trip_of("--fault messages_dropped@0.5:channel=BALLAST_CONTROLLER_STATUS")
                 .find(": silent for 2 ticks; allowed: 1"),
             std::string::npos);
-  EXPECT_NE(trip_of("--set envelope.min_normal_force=3.9999").find(" N; allowed: > 3.9999 N"), std::string::npos);
+  EXPECT_NE(trip_of("--set envelope.min_normal_force=3.9999").find(" N; allowed: > 4 N"), std::string::npos);
+}
+
+TEST(Run, WarnsOfATaskThatNobodyHasPlanned) {
+  const Folder folder;
+  ASSERT_EQ(folder.run("ballast new first --yes").exit_status, 0);
+  const Outcome still = folder.run("ballast run first.toml --set duration=0.1 --quiet --no-log");
+  EXPECT_EQ(still.exit_status, 0) << still.err;
+  EXPECT_NE(still.err.find("task: has no motion yet, so no mass moves; `ballast plan first.toml` finds one"),
+            std::string::npos)
+      << still.err;
+  EXPECT_NE(folder.run("ballast check first.toml").out.find("can be run, with 1 warning"), std::string::npos);
+}
+
+TEST(Plan, AFailedSearchTakesAnOlderPlanOutOfTheWay) {
+  const Folder folder;
+  ASSERT_EQ(folder.run("ballast new first --yes").exit_status, 0);
+  folder.write("first_plan.toml", "# of an earlier search");
+  const Outcome failed = folder.run("ballast plan first.toml --time-limit 1e-9");
+  EXPECT_EQ(failed.exit_status, 3) << failed.err;
+  EXPECT_NE(failed.err.find("; the plan of an earlier search is now first_plan.old.toml"), std::string::npos)
+      << failed.err;
+  EXPECT_FALSE(std::filesystem::exists(folder / "first_plan.toml"));
+  EXPECT_EQ(test::read_file(folder / "first_plan.old.toml"), "# of an earlier search");
+}
+
+TEST(Plan, AShippedScenarioWithoutATaskIsToldSo) {
+  const Folder folder;
+  const Outcome refused = folder.run("ballast plan desk_ball");
+  EXPECT_EQ(refused.exit_status, 1);
+  EXPECT_NE(refused.err.find("desk_ball.toml: task: is missing"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("ballast new NAME` writes a robot with a [task]"), std::string::npos) << refused.err;
+}
+
+TEST(Run, AMissingLogIsExplainedByNoLog) {
+  const Folder folder;
+  ASSERT_EQ(folder.run("ballast run paper_ball --set duration=0.1 --quiet --no-log --out r").exit_status, 0);
+  for (const char* command : {"report r", "replay r", "export r --csv t", "compare r r"}) {
+    const Outcome outcome = folder.run(std::string("ballast ") + command);
+    EXPECT_EQ(outcome.exit_status, 2) << command;
+    EXPECT_NE(outcome.err.find("run.lcmlog: this run was made with --no-log"), std::string::npos) << outcome.err;
+  }
 }
 
 TEST(Run, SaysWhatAStopWasPredictedToDo) {
@@ -1155,8 +1195,8 @@ TEST(Run, SaysWhatAStopWasPredictedToDo) {
       folder.run("ballast run paper_ball --set envelope.friction_use=0.5 --out r --set duration=" + until.str());
   ASSERT_TRUE(folder.summary("r")["stop"].is_object()) << cut.out;
   EXPECT_EQ(folder.summary("r")["stop"]["margin_min"], nullptr);
-  EXPECT_NE(cut.out.find("never begun: the run ended at t = "), std::string::npos) << cut.out;
-  EXPECT_EQ(cut.out.find("nothing predicted"), std::string::npos) << cut.out;
+  EXPECT_NE(cut.out.find("did not begin: the run ended at t = "), std::string::npos) << cut.out;
+  EXPECT_EQ(cut.out.find("not predicted"), std::string::npos) << cut.out;
 }
 
 // There is no controller to ask why.
@@ -1191,7 +1231,7 @@ TEST(Check, NamesMotorsThatLackTorqueAndValuesNoRobotHas) {
   EXPECT_EQ(weak.out.find(": good"), std::string::npos) << weak.out;
   const Outcome sound = folder.run("ballast check desk_ball");
   EXPECT_NE(sound.out.find("desk_ball: good"), std::string::npos) << sound.out;
-  EXPECT_NE(sound.out.find("note: mass.0.motor: passes a resonance: rotor and mass swing at 52.1 Hz"),
+  EXPECT_NE(sound.out.find("note: mass.0.motor, mass.1.motor: passes a resonance: rotor and mass swing at 52.1 Hz"),
             std::string::npos)
       << sound.out;
   const Outcome paper = folder.run("ballast check paper_ball");

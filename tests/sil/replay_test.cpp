@@ -188,7 +188,7 @@ TEST(Replay, NamesTheFirstTickAndField) {
   EXPECT_EQ(bit.exit_status, 3);
   EXPECT_SAYS(bit.out, "DIFFERS     in 2 of 303 ticks, first in tick 100");
   EXPECT_SAYS(bit.out, "BALLAST_CONTROLLER_STATUS, tick 100, normal_force_n: ");
-  EXPECT_SAYS(bit.out, " N, 1 ULP); 2 messages differ");
+  EXPECT_SAYS(bit.out, " (1 ULP); 2 messages differ");
   EXPECT_SAYS(bit.out, "why         not the firmware's sources, which are the same: the log is damaged, ");
   // Outputs of a firmware with other sources are unknown.
   std::string scenario = read_file(folder / "bit/scenario.toml");
@@ -206,7 +206,7 @@ TEST(Replay, NamesTheFirstTickAndField) {
   });
   const Outcome step = folder.run("ballast replay step --verify");
   EXPECT_EQ(step.exit_status, 3);
-  EXPECT_SAYS(step.out, "BALLAST_STEP_COMMAND, tick 51, steps[2]: ");
+  EXPECT_SAYS(step.out, "BALLAST_STEP_COMMAND, tick 51 (commanded in tick 50), steps[2]: ");
   EXPECT_SAYS(step.out, "(+3 microsteps)");
 }
 

@@ -93,7 +93,7 @@ class SpyWindowTest(unittest.TestCase):
             self.assertIn(word, outcome.stderr)
 
     def test_a_missing_jar_is_named_with_what_makes_it(self):
-        self.assert_refused(spy("--types", "nowhere.jar"), "nowhere.jar is missing", "ninja")
+        self.assert_refused(spy("--types", "nowhere.jar"), "nowhere.jar is missing", "--types with a jar that exists")
 
     def test_a_jar_without_types_is_refused_before_a_window_opens(self):
         with tempfile.TemporaryDirectory() as folder:

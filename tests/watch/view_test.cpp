@@ -119,14 +119,14 @@ TEST(View, JoinsLateKeepsExtremesAndEnds) {
   view.observe(last, 0);
   EXPECT_TRUE(view.ended());
   const std::string line = view.line(0, 0);
-  for (const char* words : {"t=0.702", "rolling", "margin=0.8000", "least=0.1000", "mode=none", "trip=no_monitor",
+  for (const char* words : {"t=0.702", "rolling", "margin=0.800", "least=0.100", "mode=none", "trip=no_monitor",
                             "missed=0", "undecodable=0", "ended"}) {
     EXPECT_TRUE(says(line, words)) << words << ": " << line;
   }
   // The next run on this bus is a new one.
   view.observe(contact(-2, 0.9), 1);
   EXPECT_FALSE(view.ended());
-  EXPECT_TRUE(says(view.line(1, 0), "least=0.9000")) << view.line(1, 0);
+  EXPECT_TRUE(says(view.line(1, 0), "least=0.900")) << view.line(1, 0);
 }
 
 TEST(View, SaysTripModeAndDrops) {

@@ -5,6 +5,7 @@
 #include "hal/lcm/messages.h"
 #include "tools/ballast/commands.h"
 #include "tools/program/program.h"
+#include "tools/program/short_number.h"
 #include "tools/summary/controller_words.h"
 
 namespace ballast {
@@ -20,13 +21,14 @@ std::optional<int> tell(sil::BusOperator& operator_end, const firmware::Operator
 }
 
 std::string plan_text(const controller_status_t& status) {
-  return fmt::format("{:.6g} s; {}", status.plan_duration_s, sil::predicted_text(hal::from_message(status).plan));
+  return fmt::format("{} s; {}", program::short_time(status.plan_duration_s),
+                     sil::predicted_text(hal::from_message(status).plan));
 }
 
 std::string positions_text(const controller_status_t& status) {
   std::string text;
   for (int i = 0; i < status.motor_count; ++i) {
-    text += fmt::format("{}{:.6g}", i == 0 ? "" : ", ", status.commanded_position[i]);
+    text += (i == 0 ? "" : ", ") + program::short_number(status.commanded_position[i]);
   }
   return text;
 }

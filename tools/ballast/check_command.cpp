@@ -5,10 +5,12 @@
 #include <iostream>
 #include <memory>
 
+#include "sim/scenario/reader.h"
 #include "tools/ballast/commands.h"
 #include "tools/ballast/motor_check.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
+#include "tools/program/short_number.h"
 #include "tools/recording/record_run.h"
 
 namespace ballast {
@@ -22,8 +24,9 @@ std::vector<std::string> warnings_of(const sim::Scenario& scenario, const std::v
   for (const sim::ScenarioError& warning : found) texts.push_back(sim::to_string(warning));
   const double log_bytes = sil::expected_log_bytes(scenario);
   if (log_bytes > kLargeLog_bytes) {
-    texts.push_back(fmt::format("duration: {:g} s in ticks of {:g} s make a log of about {:.3g} GB",
-                                scenario.duration_s, scenario.run.control_period_s, log_bytes / 1e9));
+    texts.push_back(fmt::format("duration: {} s in ticks of {} s make a log of about {} GB",
+                                sim::number_text(scenario.duration_s), sim::number_text(scenario.run.control_period_s),
+                                program::short_number(log_bytes / 1e9)));
   }
   return texts;
 }
@@ -50,11 +53,11 @@ std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
                                 : warnings.size() == 1 ? "can be run, with 1 warning"
                                                        : fmt::format("can be run, with {} warnings", warnings.size());
     const double friction = scenario->surface.static_friction;
-    std::cout << fmt::format("{}: {}. {} {}, {}, {:g} s in ticks of {:g} s, mu_s {}\n", scenario->name, verdict,
+    std::cout << fmt::format("{}: {}. {} {}, {}, {} s in ticks of {} s, mu_s {}\n", scenario->name, verdict,
                              scenario->masses.size(), scenario->masses.size() == 1 ? "mass" : "masses",
-                             stepper ? "driven by steppers" : "prescribed", scenario->duration_s,
-                             scenario->run.control_period_s,
-                             std::isinf(friction) ? "infinite" : fmt::format("{:g}", friction));
+                             stepper ? "driven by steppers" : "prescribed", sim::number_text(scenario->duration_s),
+                             sim::number_text(scenario->run.control_period_s),
+                             std::isinf(friction) ? "infinite" : sim::number_text(friction));
     return program::kExitCompleted;
   };
 }

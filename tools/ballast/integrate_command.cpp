@@ -5,15 +5,19 @@
 #include <iostream>
 #include <memory>
 
+#include "sim/scenario/reader.h"
 #include "tools/ballast/commands.h"
 #include "tools/integrators/comparison.h"
 #include "tools/program/program.h"
+#include "tools/program/short_number.h"
 #include "tools/recording/output_dir.h"
 #include "tools/summary/summary.h"
 
 namespace ballast {
 
 namespace {
+
+using sim::number_text;
 
 constexpr const char* kAll = "all";
 constexpr double kMostFixedSteps = 1e8;
@@ -25,8 +29,6 @@ struct IntegrateCommand {
   std::string out;
   bool quiet = false;
 };
-
-std::string number(double value) { return fmt::format("{:.10g}", value); }
 
 std::vector<std::string> method_names() {
   std::vector<std::string> names;
@@ -42,8 +44,8 @@ CLI::Validator tolerance_range() {
         value <= integrators::kMostTolerance) {
       return {};
     }
-    return fmt::format("{} is out of range; allowed: {} to {}", text, number(integrators::kLeastTolerance),
-                       number(integrators::kMostTolerance));
+    return fmt::format("{} is out of range; allowed: {} to {}", text, number_text(integrators::kLeastTolerance),
+                       number_text(integrators::kMostTolerance));
   };
   return {check, ""};
 }
@@ -56,12 +58,12 @@ std::string step_refusal(const IntegrateCommand& command, const std::vector<cons
   if (methods.size() == 1 && methods.front()->fixed_steps == integrators::FixedSteps::kNever)
     return fmt::format("--step: {} chooses its steps itself, by --tolerance", command.method);
   if (step_s > duration_s) {
-    return fmt::format("--step: {} is longer than the run; allowed: <= duration = {}", number(step_s),
-                       number(duration_s));
+    return fmt::format("--step: {} is longer than the run; allowed: <= duration = {}", number_text(step_s),
+                       number_text(duration_s));
   }
   if (duration_s / step_s > kMostFixedSteps) {
-    return fmt::format("--step: {} is more than {} steps in this run; allowed: at least {}", number(step_s),
-                       number(kMostFixedSteps), number(duration_s / kMostFixedSteps));
+    return fmt::format("--step: {} is more than {} steps in this run; allowed: at least {}", number_text(step_s),
+                       number_text(kMostFixedSteps), number_text(duration_s / kMostFixedSteps));
   }
   return "";
 }
@@ -88,12 +90,15 @@ int integrate(IntegrateCommand command) {
   if (!output.good()) return could_not(output.error());
   output.clear();
 
+  const volatile std::sig_atomic_t* interrupted = program::catch_signals();
+  command.settings.interrupted = interrupted;
   // A sign of life on a terminal: all methods together take seconds.
   const bool watched = !command.quiet && methods.size() > 1 && isatty(STDERR_FILENO) == 1;
   const auto comparison = integrators::compare(*scenario, methods, command.settings, [&](const auto& method) {
     if (watched) fmt::print(stderr, "\r\033[K{} ...", method.name);
   });
   if (watched) fmt::print(stderr, "\r\033[K");
+  if (*interrupted != 0) return could_not("interrupted; no results are written");
   if (!output.write("integrators.json", integrators::comparison_json(comparison))) return could_not(output.error());
   // With several methods the summary is the default one's.
   const integrators::Row* shown = &comparison.rows.front();
@@ -102,7 +107,7 @@ int integrate(IntegrateCommand command) {
     if (std::string(row.method->name) == integrators::kDefaultMethod) shown = &row;
     if (row.run.failure.empty()) continue;
     failures += fmt::format("{}{} failed at t = {} s: {}", failures.empty() ? "" : "\n", row.method->name,
-                            number(row.run.result.final_sample.time_s), row.run.failure);
+                            program::short_time(row.run.result.final_sample.time_s), row.run.failure);
   }
   const sil::RunResult& result = shown->run.result;
   if (shown->run.failure.empty() && !output.write_summary(sil::summary_json(*scenario, result)))
@@ -110,6 +115,9 @@ int integrate(IntegrateCommand command) {
   if (!command.quiet) {
     if (shown->run.failure.empty()) std::cout << sil::summary_text(*scenario, result, output.path());
     std::cout << integrators::comparison_text(comparison) << std::flush;
+  }
+  for (const auto& row : comparison.rows) {
+    if (const std::string coarse = integrators::coarse_text(row); !coarse.empty()) program::complain("ballast", coarse);
   }
   if (!failures.empty()) return could_not(failures);
   return sil::exit_status(result);

@@ -10,9 +10,13 @@
 
 #include "sim/motors/stepper.h"
 #include "sim/plant/plant.h"
+#include "tools/program/short_number.h"
 
 namespace ballast {
 namespace {
+
+using program::short_number;
+using program::short_time;
 
 constexpr double kMostLookedAt_s = 1000;
 constexpr int kMostSamples = 20'000;
@@ -38,33 +42,41 @@ double motion_end_s(const sim::Scenario& scenario) {
 
 std::string lack_of_torque(std::size_t mass, const Worst& worst) {
   return fmt::format(
-      "mass.{}.motor: lacks torque at t = {:.3g} s: the load takes {:.3g} N m and drag {:.3g} N m at the shaft, and at "
-      "{:.3g} rad/s the motor has {:.3g} N m; a stronger motor, another gear ratio, or a slower motion helps",
-      mass, worst.time_s, std::abs(worst.load_nm), std::abs(worst.drag_nm), std::abs(worst.speed_radps),
-      worst.available_nm);
+      "mass.{}.motor: lacks torque at t = {} s: the load takes {} N m and drag {} N m at the shaft, and at {} rad/s "
+      "the motor has {} N m; a stronger motor, another gear ratio, or a slower motion helps",
+      mass, short_time(worst.time_s), short_number(std::abs(worst.load_nm)), short_number(std::abs(worst.drag_nm)),
+      short_number(std::abs(worst.speed_radps)), short_number(worst.available_nm));
 }
 
+// "1.2, 3.4 s", or "1.2, 3.4, 5, 6 s and 7 more times".
 std::string times_text(const std::vector<double>& times_s) {
   std::string times;
   const std::size_t shown = std::min<std::size_t>(times_s.size(), 4);
-  for (std::size_t k = 0; k < shown; ++k) times += fmt::format("{}{:.3g}", k == 0 ? "" : ", ", times_s[k]);
-  if (times_s.size() > shown) times += fmt::format(" and {} times more", times_s.size() - shown);
+  for (std::size_t k = 0; k < shown; ++k) times += (k == 0 ? "" : ", ") + short_time(times_s[k]);
+  times += " s";
+  const std::size_t more = times_s.size() - shown;
+  if (more > 0) times += fmt::format(" and {} more {}", more, more == 1 ? "time" : "times");
   return times;
 }
 
-// `once`, `twice`: when the full steps come at the natural frequency and at twice that; not both are empty.
-std::string resonance(std::size_t i, const sim::Mass& mass, const std::vector<double>& once,
-                      const std::vector<double>& twice) {
+// What one or several motors meet.
+struct Resonance {
+  std::string what, motors;
+};
+
+// The text of Resonance::what. `once`, `twice`: when the full steps come at the natural frequency and at twice that;
+// not both are empty.
+std::string resonance(const sim::Mass& mass, const std::vector<double>& once, const std::vector<double>& twice) {
   std::string passes;
-  if (!once.empty()) passes = fmt::format("at t = {} s its full steps come at it", times_text(once));
+  if (!once.empty()) passes = fmt::format("its full steps come at that rate at t = {}", times_text(once));
   if (!twice.empty()) {
-    passes += fmt::format("{}at t = {} s {} at twice that", once.empty() ? "" : ", ", times_text(twice),
-                          once.empty() ? "its full steps come" : "they come");
+    passes += once.empty() ? "its full steps come" : ", and";
+    passes += " at twice that rate at t = " + times_text(twice);
   }
   return fmt::format(
-      "mass.{}.motor: passes a resonance: rotor and mass swing at {:.3g} Hz (damping ratio {:.2g}), and {}; finer "
-      "microsteps, more viscous_damping, or passing through quickly helps",
-      i, swing_hz(mass), damping_ratio(mass), passes);
+      "passes a resonance: rotor and mass swing at {} Hz (damping ratio {}), and {}; finer microsteps, more "
+      "viscous_damping, or passing through quickly helps",
+      short_number(swing_hz(mass)), short_number(damping_ratio(mass)), passes);
 }
 
 // Where the rate of full steps passes `hz`.
@@ -127,13 +139,22 @@ MotorFindings check_motors(const sim::Scenario& scenario) {
     }
   }
   if (plant.time_s() < std::min(scenario.duration_s, motion_end_s(scenario))) {
-    findings.notes.push_back(fmt::format("the motors are checked up to t = {:.3g} s only", plant.time_s()));
+    findings.notes.push_back(fmt::format("the motors are checked up to t = {} s only", short_time(plant.time_s())));
   }
+  std::vector<Resonance> resonances;
   for (std::size_t i = 0; i < count; ++i) {
     if (worst[i].margin < 0) findings.warnings.push_back(lack_of_torque(i, worst[i]));
     const auto &once = passes[i][0].found, &twice = passes[i][1].found;
-    if (!once.empty() || !twice.empty()) findings.notes.push_back(resonance(i, scenario.masses[i], once, twice));
+    if (once.empty() && twice.empty()) continue;
+    const std::string what = resonance(scenario.masses[i], once, twice), motor = fmt::format("mass.{}.motor", i);
+    const auto same = std::find_if(resonances.begin(), resonances.end(), [&](const auto& r) { return r.what == what; });
+    if (same == resonances.end()) {
+      resonances.push_back({what, motor});
+    } else {
+      same->motors += ", " + motor;
+    }
   }
+  for (const Resonance& found : resonances) findings.notes.push_back(found.motors + ": " + found.what);
   return findings;
 }
 

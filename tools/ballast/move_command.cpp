@@ -12,12 +12,16 @@
 #include "tools/faults/injection.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
+#include "tools/program/short_number.h"
 #include "tools/recording/record_run.h"
 #include "tools/summary/controller_words.h"
 
 namespace ballast {
 
 namespace {
+
+using program::short_number;
+using program::short_time;
 
 struct MoveCommand {
   program::ScenarioOptions scenario;
@@ -40,21 +44,23 @@ std::string length_refusal(const MoveCommand& command, double takes_s, double sc
   const double most_s = std::max(kLongestMove_s, scenario_s);
   if (command.force || takes_s <= most_s) return "";
   return fmt::format(
-      "the move takes {:.6g} s; allowed: at most {} s, or the scenario's duration where that is longer (--set "
+      "the move takes {} s; allowed: at most {} s, or the scenario's duration where that is longer (--set "
       "duration=...), or with --force; a shorter move or a greater --speed-fraction takes less",
-      takes_s, sim::number_text(most_s));
+      short_time(takes_s), sim::number_text(most_s));
 }
 
+constexpr const char* kFasterOrShorter = "a greater --speed-fraction, or several shorter moves";
+
 // Empty, or why a move is not made that has been predicted as far as it can be. A prediction that ends where the
-// envelope is broken says what will happen, so it is none.
+// envelope is broken says what will happen, so it is none. `instead` is a move that would be made.
 std::string prediction_refusal(const MoveCommand& command, const firmware::Prediction& plan,
-                               const sim::Scenario::Envelope& envelope) {
+                               const sim::Scenario::Envelope& envelope, const std::string& instead) {
   const bool broken = !sil::breach_text(plan, envelope.friction_use, envelope.min_normal_force_n).empty();
   if (command.force || broken || plan.horizon_s >= plan.duration_s) return "";
   return fmt::format(
-      "only the first {:.3g} s of the move's {:.3g} s can be predicted: a prediction has a limited number of steps, "
-      "which are short where the ball turns fast; allowed: a shorter move, or this one with --force",
-      plan.horizon_s, plan.duration_s);
+      "the controller can predict only the first {} s of this move's {} s: it has a limited number of steps, which are "
+      "short where the ball may swing fast; allowed: {}, or this move with --force",
+      short_time(plan.horizon_s), short_time(plan.duration_s), instead);
 }
 
 // The request for a robot of `count` masses. nullopt: a mass does not exist, which is printed.
@@ -88,8 +94,8 @@ void warn_of_breach(const firmware::Prediction& plan, const sim::Scenario::Envel
   if (!breach.empty()) {
     program::complain("ballast", "the move is predicted to break the envelope: " + breach);
   } else if (plan.horizon_s < plan.duration_s) {
-    program::complain("ballast", fmt::format("only the first {:.3g} s of the move's {:.3g} s are predicted",
-                                             plan.horizon_s, plan.duration_s));
+    program::complain("ballast", fmt::format("only the first {} s of the move's {} s are predicted",
+                                             short_time(plan.horizon_s), short_time(plan.duration_s)));
   }
 }
 
@@ -99,8 +105,8 @@ std::string way_to_go_text(const firmware::MoveRequest& request, const controlle
   for (int i = 0; i < status.motor_count; ++i) {
     if ((request.masses >> i & 1u) == 0) continue;
     const double target = request.target_position[static_cast<std::size_t>(i)], position = status.commanded_position[i];
-    text += fmt::format("{}mass {} is at {:.6g} (asked: {:.6g}, {:.3g} to go)", text.empty() ? "" : ", ", i, position,
-                        target, target - position);
+    text += fmt::format("{}mass {} is at {} (asked: {}, {} to go)", text.empty() ? "" : ", ", i, short_number(position),
+                        sim::number_text(target), short_number(target - position));
   }
   return text;
 }
@@ -153,7 +159,8 @@ int move_on_the_bus(const MoveCommand& command) {
   const sim::Scenario::Envelope envelope = scenario ? scenario->envelope : sim::Scenario::Envelope{};
   const firmware::Prediction plan = hal::from_message(end.status()).plan;
   if (moving) {
-    if (const std::string why = prediction_refusal(command, plan, envelope); !why.empty()) return take_back(end, why);
+    if (const std::string why = prediction_refusal(command, plan, envelope, kFasterOrShorter); !why.empty())
+      return take_back(end, why);
     warn_of_breach(plan, envelope);
   }
   const auto over = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_MOVING; };
@@ -161,7 +168,7 @@ int move_on_the_bus(const MoveCommand& command) {
   const controller_status_t& status = end.status();
   if (!command.record.quiet) {
     std::cout << fmt::format("{}, at {}", sil::mode_text(status.mode), positions_text(status));
-    if (end.least_margin()) std::cout << fmt::format("; least margin {:g}", *end.least_margin());
+    if (end.least_margin()) std::cout << "; least margin seen " + short_number(*end.least_margin());
     std::cout << std::endl;
   }
   if (moving && end.least_margin()) {
@@ -183,9 +190,25 @@ int move_on_the_bus(const MoveCommand& command) {
   return tripped ? program::kExitEnvelope : program::kExitCouldNotRun;
 }
 
+// The slowest of some faster moves that is predicted to its end; advice if there is none. `planned` plans
+// a move.
+template <class Planned>
+std::string move_instead(const firmware::MoveRequest& request, const Planned& planned) {
+  constexpr double kFractions[] = {0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1};
+  for (const double fraction : kFractions) {
+    if (fraction <= request.speed_fraction) continue;
+    firmware::MoveRequest faster = request;
+    faster.speed_fraction = fraction;
+    const std::optional<sil::PlanRecord> move = planned(faster).move;
+    if (move && move->predicted.horizon_s >= move->predicted.duration_s)
+      return "--speed-fraction " + sim::number_text(fraction);
+  }
+  return "several shorter moves";
+}
+
 int move(const MoveCommand& command) {
   if (command.masses.size() != command.targets.size()) {
-    return refuse(fmt::format("--mass and --to: {} masses and {} targets; allowed: --mass I --to X in pairs",
+    return refuse(fmt::format("{} --mass and {} --to are given; allowed: --mass I --to X in pairs",
                               command.masses.size(), command.targets.size()));
   }
   if (command.masses.empty() && !command.all)
@@ -202,7 +225,8 @@ int move(const MoveCommand& command) {
   for (std::size_t i = 0; i < scenario->masses.size(); ++i) {
     const double velocity = scenario->masses[i].initial_velocity;
     if (velocity == 0) continue;
-    return refuse(fmt::format("mass.{}.initial_velocity = {:f}: a move begins at rest; allowed: 0", i, velocity));
+    return refuse(
+        fmt::format("mass.{}.initial_velocity = {}: a move begins at rest; allowed: 0", i, sim::number_text(velocity)));
   }
   const auto request = request_of(command, static_cast<int>(scenario->masses.size()), scenario->name);
   if (!request) return program::kExitUsage;
@@ -214,17 +238,19 @@ int move(const MoveCommand& command) {
   };
   // A run without output plans the move first. A refused move then keeps the results of an earlier one, and the
   // prediction is printed before the move.
-  const auto planner = new_peers();
-  sil::NoRecord nowhere;
-  const sil::RunResult plan =
-      sil::run_with_faults(*scenario, *planner, nowhere, {.progress = {}, .move = *request, .plan_only = true});
+  const auto planned = [&](const firmware::MoveRequest& move) {
+    const auto planner = new_peers();
+    sil::NoRecord nowhere;
+    return sil::run_with_faults(*scenario, *planner, nowhere, {.progress = {}, .move = move, .plan_only = true});
+  };
+  const sil::RunResult plan = planned(*request);
   if (plan.refusal) return refuse("the controller refuses the move: " + sil::refusal_text(*plan.refusal, &*request));
   if (plan.move) {
     const firmware::Prediction& predicted = plan.move->predicted;
     const std::string too_long = length_refusal(command, predicted.duration_s, scenario->duration_s);
     if (!too_long.empty()) return refuse(too_long);
-    if (const std::string why = prediction_refusal(command, predicted, scenario->envelope); !why.empty())
-      return refuse(why);
+    if (!prediction_refusal(command, predicted, scenario->envelope, "").empty())
+      return refuse(prediction_refusal(command, predicted, scenario->envelope, move_instead(*request, planned)));
     warn_of_breach(plan.move->predicted, scenario->envelope);
   }
 

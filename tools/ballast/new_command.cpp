@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -26,15 +27,18 @@ struct Question {
   double low, high, answer;
 };
 
+constexpr std::size_t kLongestName = 64;  // that a scenario may have
+
 constexpr double kShellThickness = 0.01;  // of the radius: the inertia is that of a hollow sphere
 
-// False: the input ended, or an answer was wrong, which is printed.
+// False: three answers were out of range, which is printed. Where the input ends, the usual answer counts.
 bool ask(Question& question) {
   for (int attempt = 0; attempt < 3; ++attempt) {
     fmt::print("{} [{:g}]: ", question.text, question.answer);
     std::fflush(stdout);
     std::string line;
-    if (!std::getline(std::cin, line) || line.empty()) return true;
+    if (!std::getline(std::cin, line)) fmt::print("\n");
+    if (line.empty()) return true;
     double value = 0;
     if (CLI::detail::lexical_cast(line, value) && value >= question.low && value <= question.high) {
       question.answer = value;
@@ -97,7 +101,18 @@ at_rest = true
   return text;
 }
 
+// Empty, or why no robot of this name is written.
+std::string name_refusal(const NewCommand& command) {
+  const std::string file = command.name + ".toml";
+  if (std::filesystem::exists(file)) return file + ": exists; allowed: the name of a new robot";
+  const auto good = [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_' || c == '.'; };
+  const bool usable = command.name.size() <= kLongestName && command.name.front() != '.' &&
+                      std::all_of(command.name.begin(), command.name.end(), good);
+  return usable ? "" : "NAME: " + command.name + " cannot name a robot; allowed: 1 to 64 of letters, digits, - _ .";
+}
+
 int write_robot(const NewCommand& command) {
+  if (const std::string why = name_refusal(command); !why.empty()) return refuse(why);
   Question radius{"Radius of the ball in m", 0.05, 1, 0.15};
   Question shell{"Mass of shell and everything fixed to it in kg", 0.05, 50, 0.8};
   Question mass{"Mass of each of the three moving masses in kg", 0.02, 20, 0.28};
@@ -111,10 +126,6 @@ int write_robot(const NewCommand& command) {
   const std::string file = command.name + ".toml";
   if (const auto read = sim::parse_scenario(text, file); !read.ok()) {
     program::complain("ballast", to_string(read.errors.front()));
-    return program::kExitUsage;
-  }
-  if (std::filesystem::exists(file)) {
-    program::complain("ballast", fmt::format("{}: exists; allowed: the name of a new robot", file));
     return program::kExitUsage;
   }
   std::ofstream stream(file);
@@ -136,7 +147,7 @@ int write_robot(const NewCommand& command) {
 std::function<int()> add_new_command(CLI::App& app, CLI::App*& command) {
   command = app.add_subcommand("new", "Writes a first robot with a task, after a few questions");
   auto options = std::make_shared<NewCommand>();
-  command->add_option("name", options->name, "name of the robot; the file is NAME.toml here")
+  command->add_option("NAME", options->name, "name of the robot; the file is NAME.toml here")
       ->required()
       ->check(program::not_empty());
   command->add_flag("--yes", options->yes, "asks nothing and takes the usual answers");

@@ -16,6 +16,7 @@
 #include "tools/ballast/stepper_run.h"
 #include "tools/plan/write_plan.h"
 #include "tools/program/program.h"
+#include "tools/program/short_number.h"
 
 namespace ballast {
 
@@ -35,12 +36,15 @@ bool write_file(const std::filesystem::path& path, const std::string& text) {
 }
 
 std::optional<plan::TaskFile> task_of(const PlanCommand& command) {
+  const std::filesystem::path path = program::find_scenario(command.task);
+  if (path.empty()) return std::nullopt;
   std::vector<sim::ScenarioError> errors;
-  auto task = plan::read_task(command.task, errors);
-  std::string text;
-  for (const auto& error : errors) text += (text.empty() ? "" : "\n") + to_string(error);
-  if (!task) program::complain("ballast", text);
-  return task;
+  auto task = plan::read_task(path, errors);
+  if (task) return task;
+  for (const auto& error : errors) std::cerr << to_string(error) << '\n';
+  if (!errors.empty() && errors.front().key == "task")
+    std::cerr << fmt::format("`{} new NAME` writes a robot with a [task]\n", program::ballast_as_typed());
+  return std::nullopt;
 }
 
 ProgressLine::ProgressLine(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0) {}
@@ -61,6 +65,11 @@ void ProgressLine::end() {
 
 namespace {
 
+using program::short_number;
+using program::short_time;
+
+constexpr double kNegligible_m = 1e-6;  // a place is met within 1 mm
+
 int refuse(int status, const std::string& text) {
   program::complain("ballast", text);
   return status;
@@ -73,25 +82,38 @@ std::string file_text(const std::filesystem::path& path) {
   return text.str();
 }
 
+// Takes the plan of an earlier search out of the way, so that nobody takes it for this task's. Returns what it did.
+std::string set_aside(const std::filesystem::path& toml_path) {
+  std::error_code error;
+  if (!std::filesystem::exists(toml_path, error)) return "";
+  const std::filesystem::path aside = std::filesystem::path(toml_path).replace_extension(".old.toml");
+  std::filesystem::rename(toml_path, aside, error);
+  if (error)
+    return fmt::format("; {} is of an earlier search and could not be renamed: do not run it", toml_path.string());
+  return fmt::format("; the plan of an earlier search is now {}", aside.string());
+}
+
 std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcome,
                          const std::optional<plan::StepperRun>& with_steppers, const std::string& file) {
   const plan::Plan& p = *outcome.plan;
   const auto& mu = p.run.extrema.mu_required_max;
-  std::string text = fmt::format(
-      "{}: found. The ball gets to ({:.4g}, {:.4g}) m in {:.4g} s{}, {:.2g} mm off, and needs f_s/N = {:.4g} "
-      "at t = {:.3g} s\n",
-      task.scenario.name, p.run.final.position_W_m[0], p.run.final.position_W_m[1], p.grid.duration_s,
-      task.task.at_rest ? " and rests there" : "", 1e3 * p.goal_error_m, mu.value, mu.time_s);
+  std::string text =
+      fmt::format("{}: found. The ball gets to ({}, {}) m in {} s{}, {} mm off, and needs f_s/N = {} at t = {} s\n",
+                  task.scenario.name, short_number(p.run.final.position_W_m[0], kNegligible_m),
+                  short_number(p.run.final.position_W_m[1], kNegligible_m), short_time(p.grid.duration_s),
+                  task.task.at_rest ? " and rests there" : "", short_number(1e3 * p.goal_error_m, 1e3 * kNegligible_m),
+                  short_number(mu.value), short_time(mu.time_s));
   if (with_steppers) {
     const sim::Extremum& need = with_steppers->mu_required_max;
     const bool completed = with_steppers->end_reason == to_string(sil::EndReason::kCompleted);
     text += completed
-                ? fmt::format("  with its steppers it needs f_s/N = {:.3g} at t = {:.3g} s\n", need.value, need.time_s)
+                ? fmt::format("  with its steppers it needs f_s/N = {} at t = {} s\n", short_number(need.value),
+                              short_time(need.time_s))
                 : fmt::format(
-                      "  with its steppers it does not hold: {} at t = {:.3g} s, where f_s/N = {:.3g}. What would "
-                      "help: {} tune {}\n",
-                      with_steppers->end_reason, with_steppers->end_time_s, need.value, program::ballast_as_typed(),
-                      program::shell_word(file));
+                      "  with its steppers it does not hold: {} at t = {} s, where f_s/N = {}. What would help: {} "
+                      "tune {}\n",
+                      with_steppers->end_reason, short_time(with_steppers->end_time_s), short_number(need.value),
+                      program::ballast_as_typed(), program::shell_word(file));
   }
   text += fmt::format("  limited by: {}\n", outcome.binding);
   text += fmt::format("  written: {}; run it with: {} run {}\n", file, program::ballast_as_typed(),
@@ -101,9 +123,9 @@ std::string outcome_text(const plan::TaskFile& task, const plan::Outcome& outcom
 
 int plan_task(const PlanCommand& command) {
   const auto start = Clock::now();
-  const std::filesystem::path path = command.task;
   const auto task = task_of(command);
   if (!task) return program::kExitUsage;
+  const std::filesystem::path path = program::find_scenario(command.task);
   const std::filesystem::path toml_path =
       command.out.empty() ? plan::plan_name(task->scenario.name) + ".toml" : command.out;
   const std::filesystem::path json_path = std::filesystem::path(toml_path).replace_extension(".json");
@@ -133,9 +155,9 @@ int plan_task(const PlanCommand& command) {
   };
   options.progress = [&](int iteration, double best, double need, double error) {
     if (!line.due()) return;
-    const std::string found = std::isfinite(best) ? fmt::format("best f_s/N {:.4f}", best) : "no plan yet";
-    line.show(
-        fmt::format("iteration {}: {}; this search needs {:.4f}, violates by {:.1e}", iteration, found, need, error));
+    const std::string found = std::isfinite(best) ? "best plan so far: f_s/N = " + short_number(best) : "no plan yet";
+    line.show(fmt::format("{:.0f} s, iteration {}: {}; this try: f_s/N = {}, constraints violated by {}",
+                          seconds_since(start), iteration, found, short_number(need), program::significant(error, 1)));
   };
   options.stepper_need = [&](const sim::Scenario& moved) {
     const SteppedRun run = run_with_steppers(moved, signalled);
@@ -167,7 +189,8 @@ int plan_task(const PlanCommand& command) {
     return refuse(program::kExitCouldNotRun, fmt::format("{}: cannot be written", toml_path.string()));
   }
   if (!outcome.plan)
-    return refuse(program::kExitEnvelope, fmt::format("{}: no plan: {}", task->scenario.name, outcome.binding));
+    return refuse(program::kExitEnvelope,
+                  fmt::format("{}: no plan: {}{}", task->scenario.name, outcome.binding, set_aside(toml_path)));
   if (!command.quiet) std::cout << outcome_text(*task, outcome, with_steppers, toml_path.string()) << std::flush;
   return program::kExitCompleted;
 }
@@ -177,7 +200,7 @@ int plan_task(const PlanCommand& command) {
 std::function<int()> add_plan_command(CLI::App& app, CLI::App*& command) {
   command = app.add_subcommand("plan", "Finds a motion of the masses that takes the ball where a task says");
   auto options = std::make_shared<PlanCommand>();
-  command->add_option("task", options->task, "scenario file with a [task]")->required()->check(program::not_empty());
+  command->add_option("TASK", options->task, "scenario file with a [task]")->required()->check(program::not_empty());
   command->add_option("--out", options->out, "file for the plan; default NAME_plan.toml, and .json beside it")
       ->check(program::not_empty());
   command->add_option("--from", options->from, "plan of a similar task, from which the search starts")

@@ -11,6 +11,7 @@
 #include "tools/faults/injection.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
+#include "tools/program/short_number.h"
 #include "tools/program/subprocess.h"
 #include "tools/qemu/qemu_firmware.h"
 #include "tools/recording/record_run.h"
@@ -86,8 +87,8 @@ void print_target(const sil::TargetRecord& target) {
       target.real_bytes == sizeof(float) ? ", model in single precision" : "", target.min_instructions,
       target.max_instructions, target.max_tick, target.sum_instructions / target.ticks);
   if (!target.end_report) return;
-  std::cout << fmt::format("  pins        {} pulses given as commanded, at most {:.2f} us late; stack {} of {} bytes\n",
-                           target.pulses, 1e6 * target.max_late_counts / target.counter_hz,
+  std::cout << fmt::format("  pins        {} pulses given as commanded, at most {} us late; stack {} of {} bytes\n",
+                           target.pulses, program::short_number(1e6 * target.max_late_counts / target.counter_hz),
                            target.end_report->stack_used_bytes, target.end_report->stack_bytes);
 }
 
@@ -169,8 +170,13 @@ std::string scenario_refusal(const RunCommand& command, const sim::Scenario& sce
 
 int run(const RunCommand& given) {
   RunCommand command = given;
-  const auto scenario = program::load_scenario(command.scenario);
+  std::vector<sim::ScenarioError> warnings;
+  const auto scenario = program::load_scenario(command.scenario, &warnings);
   if (!scenario) return program::kExitUsage;
+  // `ballast check` names implausible values. A run in which nothing moves is not what was meant.
+  for (const sim::ScenarioError& warning : warnings) {
+    if (warning.key == "task") program::complain("ballast", "warning: " + to_string(warning));
+  }
   const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
   if (const auto why = option_refusal(command, has_controller); !why.empty()) return refuse(why);
   command.record.by_hand = command.by_hand;
@@ -189,7 +195,7 @@ int run(const RunCommand& given) {
     peers_bus = std::make_unique<hal::Bus>(command.bus.url, command.record.interrupted);
   else if (command.url->count() > 0)
     watchers_bus = std::make_unique<lcm::LCM>(command.bus.url);
-  if ((peers_bus && !peers_bus->good()) || (watchers_bus && !watchers_bus->good())) {
+  if ((peers_bus && !peers_bus->good()) || (watchers_bus && !hal::usable(*watchers_bus, command.bus.url))) {
     return program::refuse_bus("ballast", command.bus.url);
   }
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name : command.out);

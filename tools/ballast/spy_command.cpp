@@ -2,6 +2,7 @@
 #include <lcm/lcm-cpp.hpp>
 #include <memory>
 
+#include "hal/lcm/bus.h"
 #include "tools/ballast/commands.h"
 #include "tools/program/program.h"
 #include "tools/spy/spy.h"
@@ -22,7 +23,8 @@ int spy_on(const spy::SpyOptions& options) {
   }
   if (!good(spy::check_types(options))) return program::kExitCouldNotRun;
   // lcm-spy itself does not notice that a bus cannot be used.
-  if (!lcm::LCM(options.url).good()) return program::refuse_bus("ballast", options.url);
+  lcm::LCM lcm(options.url);
+  if (!hal::usable(lcm, options.url)) return program::refuse_bus("ballast", options.url);
   return could_not(spy::become_spy(options));
 }
 

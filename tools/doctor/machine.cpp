@@ -10,6 +10,7 @@
 #include <cstring>
 #include <lcm/lcm-cpp.hpp>
 
+#include "hal/lcm/bus.h"
 #include "hal/lcm/channels.h"
 #include "tools/program/descriptor.h"
 #include "tools/program/program.h"
@@ -52,7 +53,7 @@ int free_port() {
 // Whether a message of `size` bytes that is sent to this URL comes back within a second.
 bool comes_back(const std::string& url, std::size_t size) {
   lcm::LCM lcm(url);
-  if (!lcm.good()) return false;
+  if (!hal::usable(lcm, url)) return false;
   std::size_t received = 0;
   const auto receive = [](const lcm::ReceiveBuffer* buffer, const std::string&, std::size_t* out) {
     *out = buffer->data_size;
@@ -70,7 +71,8 @@ std::string first_line(const std::string& text) { return text.substr(0, text.fin
 Finding check_multicast(const std::string& url) {
   const std::string what = "multicast";
   if (!url.starts_with("udpm://")) {
-    if (lcm::LCM(url).good()) return {Verdict::kOk, what, "not used by " + url, ""};
+    lcm::LCM lcm(url);
+    if (hal::usable(lcm, url)) return {Verdict::kOk, what, "not used by " + url, ""};
     return {Verdict::kFail, what, program::bad_bus(url),
             program::ballast_as_typed() + " doctor --lcm " + program::shell_word(hal::kDefaultLcmUrl)};
   }

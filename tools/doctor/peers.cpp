@@ -6,6 +6,7 @@
 #include <chrono>
 #include <lcm/lcm-cpp.hpp>
 
+#include "hal/lcm/bus.h"
 #include "hal/lcm/channels.h"
 #include "hal/lcm/messages.h"
 #include "tools/program/program.h"
@@ -71,7 +72,7 @@ int wait_ms(hal::WallClock::duration left) {
 
 bool listen(const std::string& url, hal::Seconds time, Listener& listener) {
   lcm::LCM lcm(url);
-  if (!lcm.good()) return false;
+  if (!hal::usable(lcm, url)) return false;
   const auto hear = [](const lcm::ReceiveBuffer* buffer, const std::string& channel, Listener* out) {
     out->hear(channel, buffer->data, buffer->data_size);
   };

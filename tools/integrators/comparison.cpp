@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
+
+#include "tools/program/short_number.h"
 
 namespace ballast::integrators {
 
@@ -32,6 +35,9 @@ State with_unit_q(State y) {
   for (std::size_t i = 0; i < 4; ++i) y[i] /= length;
   return y;
 }
+
+// A sum of errors above this shows in the three digits that are printed.
+constexpr double kCoarse = 1e-3;
 
 void measure(const sim::Scenario& scenario, Row& row) {
   const double end_s = row.run.result.final_sample.time_s;
@@ -70,7 +76,7 @@ const Row* Comparison::fewest_evaluations() const {
 
 Comparison compare(const sim::Scenario& scenario, const std::vector<const MethodInfo*>& methods,
                    const Settings& settings, const std::function<void(const MethodInfo&)>& begins) {
-  const Settings tightest{.tolerance = kLeastTolerance};
+  const Settings tightest{.tolerance = kLeastTolerance, .interrupted = settings.interrupted};
   const State reference = with_unit_q(run_rolling(scenario, *find_method(kDefaultMethod), tightest).end_state);
   Comparison out;
   out.scenario = scenario.name;
@@ -93,27 +99,41 @@ Comparison compare(const sim::Scenario& scenario, const std::vector<const Method
   return out;
 }
 
+std::string coarse_text(const Row& row) {
+  if (!row.run.failure.empty() || !(row.distance > kCoarse)) return "";
+  const double step_s = row.settings.fixed_step_s;
+  std::string text = fmt::format(
+      "{} is too coarse here: its end state is {} away from that of {} at tolerance {:g}, so its digits are not to be "
+      "trusted",
+      row.method->name, program::short_number(row.distance), kDefaultMethod, kLeastTolerance);
+  if (!(step_s > 0)) return text + "; a smaller --tolerance helps";
+  // The error of order p falls as step^p. Half of what that gives is on the safe side where the step was far too long.
+  const double order = std::atof(row.method->order);
+  return text + fmt::format("; --step {:.1g} or less helps", step_s * std::pow(kCoarse / row.distance, 1 / order) / 2);
+}
+
 std::string comparison_text(const Comparison& comparison) {
   const Row* fastest = comparison.fastest();
   std::string text = fmt::format("{}, prescribed masses, tolerance {:g}\n", comparison.scenario, comparison.tolerance);
-  text += fmt::format("  {:<11} {:<8} {:>5} {:>8} {:>8} {:>10} {:>9} {:>12}  {:<14} {:>9}\n", "method", "(paper)",
-                      "order", "steps", "rejected", "rhs", "Jacobians", "wall time", "max f_s/N", "distance");
+  text += fmt::format("  {:<11} {:<8} {:>5} {:>8} {:>8} {:>10} {:>9} {:>12}  {:<10} {:>9}\n", "method", "(paper)",
+                      "order", "steps", "rejected", "rhs", "Jacobians", "wall time", "most f_s/N", "distance");
   for (const Row& row : comparison.rows) {
     if (!row.run.failure.empty()) {
-      text += fmt::format("  {:<11} failed at t = {:.6g} s: {}\n", row.method->name, row.run.result.final_sample.time_s,
-                          row.run.failure);
+      text += fmt::format("  {:<11} failed at t = {} s: {}\n", row.method->name,
+                          program::short_time(row.run.result.final_sample.time_s), row.run.failure);
       continue;
     }
     const Counters& c = row.counters;
-    text += fmt::format("  {:<11} {:<8} {:>5} {:8} {:8} {:10} {:9} {:9.1f} us{} {:<14.10f} {:9.1e}", row.method->name,
+    text += fmt::format("  {:<11} {:<8} {:>5} {:8} {:8} {:10} {:9} {:>9} us{} {:<10} {:9.1e}", row.method->name,
                         row.method->counterpart, row.method->order, c.steps, c.rejected, c.right_hand_sides,
-                        c.jacobians, 1e6 * row.wall_time_s, &row == fastest ? "*" : " ",
-                        row.run.result.extrema.mu_required_max.value, row.distance);
+                        c.jacobians, program::short_number(1e6 * row.wall_time_s), &row == fastest ? "*" : " ",
+                        program::short_number(row.run.result.extrema.mu_required_max.value), row.distance);
     if (row.settings.fixed_step_s > 0) text += fmt::format("  fixed step {:g}", row.settings.fixed_step_s);
     text += "\n";
   }
-  text += fmt::format("  wall time: of the integration alone, median; distance: of the end state from dop853 at {:g}\n",
-                      kLeastTolerance);
+  text += fmt::format(
+      "  wall time: of the integration alone, median; distance: of the end state from dop853 at tolerance {:g}\n",
+      kLeastTolerance);
   if (fastest != nullptr && comparison.rows.size() > 1) {
     text += fmt::format(
         "  * fastest: {}; fewest evaluations, a Jacobian counted as {}: {}.\n"

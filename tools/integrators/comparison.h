@@ -42,6 +42,8 @@ class Comparison {
 Comparison compare(const sim::Scenario& scenario, const std::vector<const MethodInfo*>& methods,
                    const Settings& settings, const std::function<void(const MethodInfo&)>& begins = {});
 
+// Why the digits of this row are not to be trusted. Empty: they are.
+std::string coarse_text(const Row& row);
 std::string comparison_text(const Comparison& comparison);  // a table, ending in a newline
 std::string comparison_json(const Comparison& comparison);  // integrators.json: tools/docs/integrate.md
 

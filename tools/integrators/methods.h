@@ -1,6 +1,7 @@
 // The methods there are, by name.
 #pragma once
 
+#include <csignal>
 #include <memory>
 #include <span>
 #include <string>
@@ -15,6 +16,7 @@ struct Settings {
   double tolerance = 1e-10;  // relative and absolute: the local error of y is held below tolerance * (1 + |y|), or a
                              // part of it (MethodInfo::share)
   double fixed_step_s = 0;   // > 0: steps of about this length, whatever the error (see EvenSteps)
+  const volatile std::sig_atomic_t* interrupted = nullptr;  // where it becomes true, the integration ends
 };
 
 enum class FixedSteps { kNever, kOnRequest, kAlways };

@@ -27,9 +27,10 @@ constexpr std::int64_t kMostSteps = 200'000'000;
 double ratio(const sim::Instant& m) { return sim::mu_required(m.normal_force_n, m.static_friction_n); }
 
 // Drives a method through the stretches between kinks up to end_s. Calls at_start() after each kink and after_step()
-// after each step; false from either ends it. Returns the method's failure.
+// after each step; false from either ends it. Returns the method's failure, or that the run was interrupted.
 template <class AtStart, class AfterStep>
-std::string drive(RollingProblem& problem, Method& method, double end_s, AtStart at_start, AfterStep after_step) {
+std::string drive(RollingProblem& problem, Method& method, const Settings& settings, double end_s, AtStart at_start,
+                  AfterStep after_step) {
   double t = 0;
   State y = problem.ode.initial_state();
   for (;;) {
@@ -39,6 +40,7 @@ std::string drive(RollingProblem& problem, Method& method, double end_s, AtStart
     if (!at_start() || t >= end_s) return "";
     const double stop = std::min(end_s, problem.ode.end_s());
     while (method.time() < stop) {
+      if (settings.interrupted != nullptr && *settings.interrupted != 0) return "interrupted";
       if (!method.step(stop)) return method.failure();
       if (!after_step()) return "";
       if (method.counters().steps > kMostSteps) return "more than " + std::to_string(kMostSteps) + " steps";
@@ -55,6 +57,7 @@ class Run {
       : looks_(info.looks),
         duration_s_(scenario.duration_s),
         problem_(scenario, info.form),
+        settings_(settings),
         method_(info.make(problem_, settings)),
         progress_(scenario) {
     out_.result.regimes = {{sim::Regime::kRolling, 0}};
@@ -63,7 +66,7 @@ class Run {
   RollingRun run() {
     const auto wall_start = Clock::now();
     out_.failure = drive(
-        problem_, *method_, duration_s_, [this] { return start(); }, [this] { return look_inside(); });
+        problem_, *method_, settings_, duration_s_, [this] { return start(); }, [this] { return look_inside(); });
     out_.counters = method_->counters();
     sil::RunResult& result = out_.result;
     if (result.end_reason == sil::EndReason::kCompleted) {
@@ -224,6 +227,7 @@ class Run {
   int looks_;
   double duration_s_;
   RollingProblem problem_;
+  Settings settings_;
   std::unique_ptr<Method> method_;
   sim::Progress progress_;                               // up to where the steps have been looked into
   Eigen::Vector2d place_W_m_ = Eigen::Vector2d::Zero();  // of the ball, at the last step
@@ -281,7 +285,7 @@ BareRun integrate_only(const sim::Scenario& scenario, const MethodInfo& info, co
   RollingProblem problem(scenario, info.form);
   const auto method = info.make(problem, settings);
   drive(
-      problem, *method, end_s, [] { return true; }, [] { return true; });
+      problem, *method, settings, end_s, [] { return true; }, [] { return true; });
   out.wall_time_s = std::chrono::duration<double>(Clock::now() - wall_start).count();
   out.counters = method->counters();
   out.end_state = method->state();

@@ -12,7 +12,8 @@ from matplotlib.lines import Line2D
 
 from command import run_program
 from output_files import PICTURE_BEGINNINGS, Kind, OutputError, OutputFiles, check_place
-from page import BLUE, GREY, VERMILLION, head, legend_above, number_text
+from page import BLUE, GREY, VERMILLION, head, legend_above
+from short_number import short_number
 
 
 class ChartError(Exception):
@@ -61,9 +62,9 @@ def _friction_over_time(axes, chart):
     limits = []
     if chart.floor is not None:
         limits.append(axes.axhline(chart.floor, color=VERMILLION, linestyle="--", linewidth=1.2,
-                                   label=rf"$\mu_\mathrm{{s}}$ = {number_text(chart.floor)}"))
+                                   label=rf"$\mu_\mathrm{{s}}$ = {short_number(chart.floor)}"))
         limits.append(axes.axhline(chart.use * chart.floor, color=BLUE, linestyle="--", linewidth=1.2,
-                                   label=rf"{number_text(chart.use)} $\mu_\mathrm{{s}}$, which plans may use"))
+                                   label=rf"{short_number(chart.use)} $\mu_\mathrm{{s}}$, which plans may use"))
         high = max(high, chart.floor)
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -94,7 +95,7 @@ def _time_over_friction(axes, chart):
                              markeredgewidth=1.7, label="with its steppers")
     if chart.floor is not None:
         handles.append(axes.axvline(chart.floor, color=GREY, linestyle="--", linewidth=1.2,
-                                    label=rf"this floor, $\mu_\mathrm{{s}}$ = {number_text(chart.floor)}"))
+                                    label=rf"this floor, $\mu_\mathrm{{s}}$ = {short_number(chart.floor)}"))
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_ylim(0.9 * chart.duration[0], 1.1 * chart.duration[-1])
@@ -111,7 +112,7 @@ def draw(chart):
     left, right = figure.subplots(1, 2)
     how = "to rest" if chart.at_rest else "passing there"
     rows = _friction_over_time(left, chart)
-    head(left, chart, f"{number_text(chart.distance)} m {how}: least friction over time", rows, name_axes=right)
+    head(left, chart, f"{short_number(chart.distance)} m {how}: least friction over time", rows, name_axes=right)
     height = legend_above(right, [*_time_over_friction(right, chart), []])
     line = height  # one row: the right panel's title stands as high as the left one's
     right.set_title("Shortest time over the floor", loc="left", pad=10 + len(rows) * line)

@@ -8,11 +8,13 @@ from the classes that lcm-gen generates.
 """
 
 import io
+import json
 import mmap
 import os
 import re
 import struct
 import types
+from pathlib import Path
 
 import numpy as np
 
@@ -69,9 +71,22 @@ def scan(path, take):
                 raise LogError(f"{path}: the log is empty")
             data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except OSError as error:
-        raise LogError(f"{path}: {error.strerror}") from error
+        raise LogError(f"{path}: {_why_no_log(Path(path)) or error.strerror}") from error
     with data:
         return _scan(data, path, take)
+
+
+def _why_no_log(path):
+    """Why a run has no log, by the summary beside it. None: it should have one, or there is no run."""
+    try:
+        summary = json.loads((path.parent / "summary.json").read_bytes())
+    except (OSError, ValueError):
+        return None
+    says_none = isinstance(summary, dict) and summary.get("log_bytes", "unknown") is None
+    if path.exists() or path.name != "run.lcmlog" or not says_none:
+        return None
+    last = "; blackbox/ there holds the last seconds" if (path.parent / "blackbox" / "run.lcmlog").exists() else ""
+    return f"this run was made with --no-log (or by ballast integrate), which keeps no log; run it again without{last}"
 
 
 def _scan(data, path, take):

@@ -9,6 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import offset_copy
 
+from short_number import short_number, short_time
+
 matplotlib.use("Agg")
 matplotlib.rcdefaults()
 matplotlib.rcParams.update({
@@ -43,18 +45,13 @@ _RINGING_TURNS = 4
 _LONGEST_NAME = 28
 
 
-def number_text(value):
-    """Four digits. Rounding of 0, of either sign, is 0."""
-    return f"{0.0 if abs(value) < 1e-12 else value:.4g}"
-
-
 def mass_name(i):
     """The name of a mass. Masses count from 0, as on the command line and in scenarios."""
     return f"mass {i}"
 
 
 def time_text(value):
-    return rf"$t$ = {value:.4f} s"
+    return rf"$t$ = {short_time(value)} s"
 
 
 def hollow(color, size):
@@ -188,7 +185,7 @@ def mark_extremum(axes, what, found, color, note=""):
         margin = 0.06 * (high - low)
         axes.set_ylim(min(low, value - margin), max(high, value + margin))
     axes.plot(time, value, zorder=5, clip_on=False, **hollow(color, 7))
-    return Line2D([], [], label=f"{what} {number_text(value)} at {time_text(time)}{note}", **hollow(color, 7))
+    return Line2D([], [], label=f"{what} {short_number(value)} at {time_text(time)}{note}", **hollow(color, 7))
 
 
 def limit_height(axes, values, top=None):
@@ -229,7 +226,7 @@ def friction_arrows(axes, x, y, force, arrow_size, equal_axes):
     scale_units = "xy" if equal_axes else "y"
     axes.quiver(x[visible], y[visible], drawn[:, 0], drawn[:, 1], angles="xy", scale_units=scale_units, scale=1,
                 color=VERMILLION, width=0.0035, headwidth=4, headlength=5, headaxislength=4.5, zorder=4)
-    label = f"friction force on the ball, longest {number_text(longest)} N"
+    label = f"friction force on the ball, longest {short_number(longest)} N"
     return [Line2D([], [], color=VERMILLION, marker=">", markersize=7, label=label)]
 
 

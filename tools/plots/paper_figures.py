@@ -25,6 +25,7 @@ from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION,
                   friction_arrows, hollow, legend_above, mark_ends, mark_extremum, rows_along, rows_over_time,
                   space_axes, time_text)
 from recorded_run import RecordedRun
+from short_number import significant
 
 _WIDTH_PX = 1500
 _CAPTION_LETTERS = 72  # per line below a panel
@@ -412,8 +413,8 @@ def _comparison(paper_runs):
         here = run.extremum("mu_required", "max", "time")
         if here is None:
             raise LogError(f"{run.summary_path}: mu_required.max is missing")
-        yield label, "most f_s/N", f"{here[0]:.6f}", f"{published_value(run, 'mu_required.max'):g}"
-    yield "fig_dball_normal", "N = 0 at t", f"{detachment_s(detach):.6f}", f"{published_value(detach, 'end.time'):g}"
+        yield label, "most f_s/N", significant(here[0], 4), f"{published_value(run, 'mu_required.max'):g}"
+    yield "fig_dball_normal", "N = 0 at t", significant(detachment_s(detach), 4), f"{published_value(detach, 'end.time'):g}"
 
 
 def report(paper_runs, out_dir):

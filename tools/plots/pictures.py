@@ -11,9 +11,10 @@ from matplotlib.patches import Circle
 
 from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION, blank_page, draw_ringing,
                   draw_sphere, finish_time_axis, friction_arrows, head, hollow, legend_above, mark_ends, mark_events, mark_extremum,
-                  limit_height, mark_regimes_along, mass_name, number_text, ringing_legend, rows_along, rows_over_time, space_axes,
+                  limit_height, mark_regimes_along, mass_name, ringing_legend, rows_along, rows_over_time, space_axes,
                   time_text)
 from plan_pictures import plan_need, plan_path
+from short_number import short_number
 
 # A path is flat in a direction in which it extends less than this fraction of its size. 20 s of integration leave 1e-10
 # in a coordinate that should stay 0; an eye sees nothing below 1e-3.
@@ -74,17 +75,17 @@ def friction_required(run):
         else:
             style = {"linestyle": "", "marker": "^", "markersize": 9, "color": BLUE}
             axes.plot(largest[1], 1.06 * top, clip_on=False, zorder=5, **style)
-            what = "no bound, $N$ = 0" if largest[0] > _WITHOUT_BOUND else f"grows to {number_text(largest[0])}"
+            what = "no bound, $N$ = 0" if largest[0] > _WITHOUT_BOUND else f"grows to {short_number(largest[0])}"
             marks.append(Line2D([], [], label=f"{what}, above this axis, at {time_text(largest[1])}{between}", **style))
     symbol = r"$\mu_\mathrm{s}$"
     if math.isinf(limit):
         note = Line2D([], [], linestyle="", label=f"perfect friction: {symbol} has no limit")
     elif limit <= 4 * top or top == 0:
-        note = axes.axhline(limit, color=VERMILLION, linestyle="--", label=f"limit {symbol} = {number_text(limit)}")
+        note = axes.axhline(limit, color=VERMILLION, linestyle="--", label=f"limit {symbol} = {short_number(limit)}")
         top = max(top, limit)
     else:
         note = Line2D([], [], color=VERMILLION, linestyle="--",
-                      label=f"limit {symbol} = {number_text(limit)}, far above")
+                      label=f"limit {symbol} = {short_number(limit)}, far above")
     events = mark_events([axes], run)
     limit_height(axes, ratio, top)
     axes.set_ylabel(r"$f_\mathrm{s}/N$")
@@ -175,7 +176,7 @@ def _straight_path(run, z, along):
     axes.set_ylim(distance.min() - 0.05 * extent - arrow_size, distance.max() + 0.05 * extent + arrow_size)
     finish_time_axis(axes, run)
     axes.set_xlim(left=-0.015 * run.end_s if run.end_s > 0 else None)
-    axes.set_ylabel(f"$z_{axis + 1}$ [m]" if on_axis else f"distance along ({along[0]:.3g}, {along[1]:.3g}) [m]")
+    axes.set_ylabel(f"$z_{axis + 1}$ [m]" if on_axis else f"distance along ({short_number(along[0])}, {short_number(along[1])}) [m]")
     title = "Straight path of the ball, with friction" if np.ptp(distance) > 0 else "Path of the ball: it stays in place"
     head(axes, run, title, [handles + _end_handles(run), arrows, *events])
     return figure
@@ -207,7 +208,7 @@ def _body_legend(curves, radius):
     start = Line2D([], [], label="start", **hollow(BLACK, 7))
     second = [lines[-1], start]
     if radius:
-        second.append(Line2D([], [], color=LIGHT_GREY, linewidth=2, label=f"ball, $r$ = {number_text(radius)} m"))
+        second.append(Line2D([], [], color=LIGHT_GREY, linewidth=2, label=f"ball, $r$ = {short_number(radius)} m"))
     return [lines[:-1], second]
 
 
@@ -304,7 +305,7 @@ def motor_share(run):
             off = "" if low <= greatest[0] <= high else ", off this axis"
             if not off:
                 right.plot(greatest[1], greatest[0], zorder=5, clip_on=False, **hollow(VERMILLION, 7))
-            label = f"furthest apart {number_text(greatest[0])} at {time_text(greatest[1])}{off}"
+            label = f"furthest apart {short_number(greatest[0])} at {time_text(greatest[1])}{off}"
             legend_above(right, [[Line2D([], [], label=label, **hollow(VERMILLION, 7))]])
     for axes in rows.flat:
         finish_time_axis(axes, run)
@@ -349,9 +350,9 @@ def motors(run):
         color = MASS_COLORS[motor.mass]
         ringing = draw_ringing(left, time, motor.torque_nm, color, 1.0) or ringing
         ringing = draw_ringing(right, time, 100 * motor.margin, color, 1.0) or ringing
-        least, most = number_text(motor.available_nm.min()), number_text(motor.available_nm.max())
+        least, most = short_number(motor.available_nm.min()), short_number(motor.available_nm.max())
         available = least if least == most else f"{least} to {most}"
-        label = f"{mass_name(motor.mass)}: at most {number_text(motor.greatest_nm)} of {available} N m"
+        label = f"{mass_name(motor.mass)}: at most {short_number(motor.greatest_nm)} of {available} N m"
         torque_legend = [Line2D([], [], color=color, label=label)]
         if motor.available_nm.min() <= _LIMIT_IN_SIGHT * motor.greatest_nm:
             for sign in (1, -1):
@@ -359,7 +360,7 @@ def motors(run):
             torque_legend.append(Line2D([], [], color=BLACK, linestyle="--", linewidth=1.1, label="available"))
         lowest = 100 * min(motor.margin.min(), motor.least_margin)
         cut = ", off this axis" if lowest < _LEAST_MARGIN_SHOWN else ""
-        margin_legend = [Line2D([], [], color=color, label=f"least margin {100 * motor.least_margin:.1f} %{cut}")]
+        margin_legend = [Line2D([], [], color=color, label=f"least margin {short_number(100 * motor.least_margin)} %{cut}")]
         right.axhline(0, color=BLACK, linewidth=0.8)
         right.set_ylim(max(min(1.06 * lowest, -4), _LEAST_MARGIN_SHOWN), 104)
         left.set_ylabel(r"$\tau$ [N m]")

@@ -5,7 +5,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 
 from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, VERMILLION, blank_page, draw_ringing,
-                  finish_time_axis, head, hollow, mark_ends, mark_events, number_text, ringing_legend)
+                  finish_time_axis, head, hollow, mark_ends, mark_events, ringing_legend)
+from short_number import short_number
 
 _OBSTACLE, _CLEARANCE, _BAND = "#B0B0B0", "#EFE3DC", "#E3F1EC"
 # Below this a need is drawn as this: the logarithmic axis has to end somewhere.
@@ -126,22 +127,22 @@ def plan_need(run):
     shown = np.maximum(need, _LEAST_NEED) if apart else need
     rings = draw_ringing(axes, time, shown, VERMILLION if run.is_stepper else BLUE, 1.2)
     driven = Line2D([], [], color=VERMILLION if run.is_stepper else BLUE,
-                    label=f"driven, at most {number_text(highest)}")
+                    label=f"driven, at most {short_number(highest)}")
     handles = [driven]
     if len(planned.path):
         rows = planned.path
         axes.plot(rows[:, 0], np.maximum(rows[:, 3], _LEAST_NEED) if apart else rows[:, 3], color=BLACK,
                   linestyle=(0, (5, 4)), linewidth=1.4, zorder=4)
         handles.append(Line2D([], [], color=BLACK, linestyle=(0, (5, 4)), linewidth=1.4,
-                              label=f"planned, at most {number_text(planned.need or planned_most)}"))
+                              label=f"planned, at most {short_number(planned.need or planned_most)}"))
     limits, top = [], 1.3 * highest
     if planned.friction_limit is not None:
         floor = run.static_friction_coefficient
         limits.append(axes.axhline(planned.friction_limit, color=GREEN, linestyle="--", linewidth=1.4,
-                                   label=rf"a plan may use {number_text(planned.use)} $\mu_\mathrm{{s}}$ = "
-                                         f"{number_text(planned.friction_limit)}"))
+                                   label=rf"a plan may use {short_number(planned.use)} $\mu_\mathrm{{s}}$ = "
+                                         f"{short_number(planned.friction_limit)}"))
         limits.append(axes.axhline(floor, color=ORANGE, linestyle="--", linewidth=1.4,
-                                   label=rf"the floor's $\mu_\mathrm{{s}}$ = {number_text(floor)}"))
+                                   label=rf"the floor's $\mu_\mathrm{{s}}$ = {short_number(floor)}"))
         top = max(top, 1.1 * floor)
     if apart:
         axes.set_yscale("log")

@@ -39,6 +39,7 @@ int main(int argc, char** argv) {
     const Status status = loop->run();
     if (status == Status::kEnded) return program::kExitCompleted;
     std::string why = board.trouble();
+    if (status == Status::kForeignScenario) why += program::kOwnBus;
     if (status == Status::kInterrupted) why = program::interruption();
     if (status == Status::kIo) why = "the LCM bus " + peer.bus.url + " failed";
     program::complain("ballast-controller", why);

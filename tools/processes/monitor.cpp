@@ -28,9 +28,12 @@ int main(int argc, char** argv) {
   monitor::MonitorLoop loop(bus, monitor, limits, options);
   const Status status = loop.run();
   if (const auto refused = loop.counters().refused() + links.counters().refused(); refused > 0) {
-    program::complain("ballast-monitor", std::to_string(refused) + " messages on the bus were not used");
+    program::complain("ballast-monitor",
+                      std::to_string(refused) +
+                          (refused == 1 ? " message on the bus was not used" : " messages on the bus were not used"));
   }
-  if (!loop.trouble().empty()) program::complain("ballast-monitor", loop.trouble());
+  const char* advice = status == Status::kForeignScenario ? program::kOwnBus : "";
+  if (!loop.trouble().empty()) program::complain("ballast-monitor", loop.trouble() + advice);
   if (status == Status::kInterrupted) program::complain("ballast-monitor", program::interruption());
   if (status == Status::kIo) program::complain("ballast-monitor", "the LCM bus " + peer.bus.url + " failed");
   if (status != Status::kEnded) return program::kExitCouldNotRun;

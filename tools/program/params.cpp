@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "firmware/motion/step_command.h"
+#include "sim/scenario/reader.h"
 #include "tools/program/program.h"
 
 namespace ballast::program {
@@ -28,18 +29,19 @@ static_assert([] {
 
 std::string mass_key(std::size_t mass, const char* field) { return fmt::format("mass.{}.{}", mass, field); }
 
+// Numbers have all their digits, so that one given as allowed is allowed.
 std::string describe(const firmware::ParamError& error) {
+  const std::string value = sim::number_text(error.value), limit = sim::number_text(error.limit);
   if (error.piece >= 0) {
-    return fmt::format("mass.{}.motion.{}: {} {:.17g}: the controller allows {:.17g}, {}", error.index, error.piece,
-                       error.field, error.value, error.limit, error.allowed);
+    return fmt::format("mass.{}.motion.{}: {} {}: the controller allows {}, {}", error.index, error.piece, error.field,
+                       value, limit, error.allowed);
   }
   const std::string field =
       error.index < 0 ? error.field : mass_key(static_cast<std::size_t>(error.index), error.field);
   if (error.limit != 0) {
-    return fmt::format("{} = {:.17g}: the controller allows {:.17g}, {}", field, error.value, error.limit,
-                       error.allowed);
+    return fmt::format("{} = {}: the controller allows {}, {}", field, value, limit, error.allowed);
   }
-  return fmt::format("{} = {:.17g}: the controller allows {}", field, error.value, error.allowed);
+  return fmt::format("{} = {}: the controller allows {}", field, value, error.allowed);
 }
 
 }  // namespace

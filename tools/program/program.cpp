@@ -72,6 +72,8 @@ std::string unknown_scenario(const std::string& name) {
 
 std::string unknown_command(const std::string& word, const CLI::App& app) {
   if (word.starts_with('-')) return word + ": options come after the command; allowed before it: --help, --version";
+  if (word == "help")
+    return fmt::format("help: no such command; {0} --help and {0} COMMAND --help print help", app.get_name());
   std::vector<std::string> names;
   for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
   return fmt::format("{}: no such command; allowed: {}{}", word, fmt::join(names, ", "), did_you_mean(word, names));
@@ -86,9 +88,14 @@ std::string unexpected_text(const std::string& word, const CLI::App& command, co
   return fmt::format("{}: no such option{}; {} --help lists them", word, did_you_mean(word, names), name);
 }
 
-const char* kind_of_value(const CLI::App& command, const std::string& option_name) {
+// What an option's value is. A description such as "KEY=VALUE: replace a value" begins with its form.
+std::string kind_of_value(const CLI::App& command, const std::string& option_name) {
   const CLI::Option* option = command.get_option_no_throw(option_name);
   const std::string type = option == nullptr ? "" : option->get_type_name();
+  const std::string description = option == nullptr ? "" : option->get_description();
+  const std::string form = description.substr(0, description.find(": "));
+  const bool is_form = std::none_of(form.begin(), form.end(), [](unsigned char c) { return std::islower(c) != 0; });
+  if (is_form && !form.empty()) return form;
   return type.starts_with("FLOAT")                             ? "a number"
          : type.starts_with("INT") || type.starts_with("UINT") ? "a whole number"
                                                                : "a value";
@@ -238,12 +245,15 @@ std::optional<int> parse_peer(CLI::App& app, int argc, char** argv, PeerOptions&
   return options.scenario ? std::nullopt : std::optional(kExitUsage);
 }
 
+std::filesystem::path find_scenario(const std::string& file_or_name) {
+  std::filesystem::path file = sim::find_scenario(file_or_name, BALLAST_SCENARIO_DIR);
+  if (file.empty()) std::cerr << unknown_scenario(file_or_name) << '\n';
+  return file;
+}
+
 std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options, std::vector<sim::ScenarioError>* warnings) {
-  const std::filesystem::path file = sim::find_scenario(options.scenario, BALLAST_SCENARIO_DIR);
-  if (file.empty()) {
-    std::cerr << unknown_scenario(options.scenario) << '\n';
-    return std::nullopt;
-  }
+  const std::filesystem::path file = find_scenario(options.scenario);
+  if (file.empty()) return std::nullopt;
   std::vector<std::string> overrides = options.set;
   if (!options.actuation.empty()) overrides.push_back("run.actuation=" + options.actuation);
   if (options.seed) overrides.push_back("seed=" + std::to_string(*options.seed));

@@ -41,6 +41,9 @@ struct BusOptions {
   double peer_timeout_s = 2;    // from one tick to the next
 };
 
+// Advice to a peer that hears a run of another scenario.
+inline constexpr const char* kOwnBus = "; if another run is on this bus, give every run a bus of its own with --lcm";
+
 // Checks that a number is finite and > 0. CLI11's own check accepts NaN and infinity.
 CLI::Validator positive_finite();
 // Checks that a text is one of these.
@@ -70,6 +73,9 @@ struct PeerOptions {
   std::optional<sim::Scenario> scenario;
 };
 [[nodiscard]] std::optional<int> parse_peer(CLI::App& app, int argc, char** argv, PeerOptions& options);
+
+// The file of a scenario, or of the shipped scenario of that name. Empty: there is none, which is printed.
+[[nodiscard]] std::filesystem::path find_scenario(const std::string& file_or_name);
 
 // Reads and checks a scenario; prints every error to stderr. Without a value, end with kExitUsage. `warnings`: the
 // values that are allowed and implausible.

@@ -3,6 +3,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 namespace ballast::sil {
 
@@ -11,6 +12,17 @@ namespace {
 // Sync word, event number, timestamp, length of channel and of data; all big-endian.
 constexpr std::uint64_t kSyncWord = 0xEDA1DA01;
 constexpr std::int64_t kHeaderSize = 4 + 8 + 8 + 4 + 4;
+
+constexpr const char* kNoLog = "this run was made with --no-log, which keeps no log; run it again without";
+
+// Whether the run whose log this would be has a summary that says so.
+bool keeps_no_log(const std::filesystem::path& log) {
+  std::ifstream file(log.parent_path() / "summary.json");
+  const auto summary = nlohmann::json::parse(file, nullptr, false);
+  std::error_code code;
+  return log.filename() == "run.lcmlog" && !std::filesystem::exists(log, code) && summary.is_object() &&
+         summary.contains("log_bytes") && summary["log_bytes"].is_null();
+}
 
 std::uint64_t big_endian(const unsigned char* bytes, int count) {
   std::uint64_t value = 0;
@@ -28,7 +40,8 @@ LogReader::LogReader(const std::string& path) {
   }
   file_.open(path, std::ios::binary | std::ios::ate);
   if (!file_) {
-    error_ = path + ": cannot be read: " + std::strerror(errno);
+    const char* why = std::strerror(errno);
+    error_ = path + ": " + (keeps_no_log(path) ? kNoLog : std::string("cannot be read: ") + why);
     return;
   }
   size_ = file_.tellg();

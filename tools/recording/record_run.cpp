@@ -9,6 +9,7 @@
 
 #include "tools/faults/injection.h"
 #include "tools/program/program.h"
+#include "tools/program/short_number.h"
 #include "tools/recording/black_box.h"
 #include "tools/recording/recorder.h"
 #include "tools/sil/robot.h"
@@ -38,10 +39,12 @@ class ProgressBar {
       constexpr int kWidth = 40;
       std::string bar(kWidth, '.');
       std::fill_n(bar.begin(), static_cast<int>(part * kWidth), '#');
-      std::cerr << fmt::format("\r\033[K[{}] {:3.0f} %  t = {:.2f} of {:.6g} s", bar, 100 * part, time_s, end_s);
-      if (passed_s > kSure_s) std::cerr << fmt::format(", {:.0f} s left", left_s);
+      std::cerr << fmt::format("\r\033[K[{}] {:3.0f} %  t = {} of {} s", bar, 100 * part, program::short_time(time_s),
+                               program::short_time(end_s));
+      if (passed_s > kSure_s) std::cerr << fmt::format(", about {:.0f} s left", left_s);
     } else if (passed_s > kSure_s && left_s > kLong_s) {
-      std::cerr << fmt::format("t = {:.3g} of {:.6g} s; about {:.0f} s left\n", time_s, end_s, left_s);
+      std::cerr << fmt::format("t = {} of {} s; about {:.0f} s left\n", program::short_time(time_s),
+                               program::short_time(end_s), left_s);
       wanted_ = false;
     }
   }
@@ -53,6 +56,15 @@ class ProgressBar {
   bool wanted_, terminal_;
   Clock::time_point begun_ = Clock::now();
 };
+
+// What a full disk leaves. Readers of logs stop where the last event is cut off.
+std::string full_disk_text(const RunResult& result, const OutputDir& output) {
+  return fmt::format(
+      "; the run ended at t = {} s. Kept: {}, as far as it could be written. Lost: the rest of the log, the summary "
+      "and "
+      "the black box. `--no-log` runs without a log",
+      program::short_time(result.final_sample.time_s), output.log_path());
+}
 
 }  // namespace
 
@@ -76,9 +88,9 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
     return fail(output.error());
   const double log_bytes = expected_log_bytes(scenario);
   if (!options.no_log && !options.move && log_bytes > kLargeLog_bytes) {
-    program::complain(
-        program_name,
-        fmt::format("a log of about {:.2g} GB is coming; `ballast run --no-log` runs without one", log_bytes / 1e9));
+    program::complain(program_name,
+                      fmt::format("the log will have about {} GB; `ballast run --no-log` runs without one",
+                                  program::significant(log_bytes / 1e9, 2)));
   }
   Recorder recorder(options.no_log ? "" : output.log_path(), options.bus, options.unbuffered, options.run_id,
                     Recorder::tail_ticks(scenario.run.control_period_s));
@@ -97,10 +109,10 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
     run_options.progress = [&bar](double time_s, double end_s) { bar.show(time_s, end_s); };
     result = run_with_faults(scenario, peers, recorder, run_options);
   }
-  // A full disk keeps what it has: readers of logs stop where the last event is cut off.
   if (!recorder.close() || result.sink_failed) {
-    return fail((recorder.good() ? result.trouble : recorder.error()) +
-                (recorder.bus_failed() ? "" : "; it holds what happened up to there"));
+    std::string text = recorder.good() ? result.trouble : recorder.error();
+    if (!recorder.bus_failed()) text += full_disk_text(result, output);
+    return fail(text);
   }
   if (result.refusal) {
     program::complain(program_name,

@@ -22,8 +22,8 @@ from plan_map import plan_html, plan_sentence, plan_table
 
 _PAGE = Path(__file__).resolve().parent / "page"
 _LONG_CELL = 32  # letters; longer cells are broken into lines
-_OWN_MODULES = ("main.js", "samples.js", "clock.js", "panels.js", "plots.js", "scene.js", "robot.js", "resolution.js",
-                "theme.js")
+_OWN_MODULES = ("main.js", "numbers.js", "samples.js", "clock.js", "panels.js", "plots.js", "scene.js", "robot.js",
+                "resolution.js", "theme.js")
 
 
 def page_begins(maker):

@@ -9,10 +9,11 @@ import differences
 import words
 from assemble import compare_page, notes_html, page_begins, symbols, table_html
 from command import run_program
-from differences import value_text
+from differences import value_text, value_texts
 from output_files import Kind, check_place
 from recording import Recording
 from report import ERRORS, write_page
+from short_number import short_difference
 
 _PAGE = Kind("page of ballast compare", page_begins("compare"))
 # Limits of the lists in the terminal. The page has everything.
@@ -43,7 +44,7 @@ class Comparison:
         return not self.fields and not any(log.differs for log in self.logs)
 
     def field_rows(self):
-        return [[d.path, value_text(d.a), value_text(d.b), "" if d.difference is None else f"{d.difference:+.6g}"]
+        return [[d.path, *value_texts(d.a, d.b), "" if d.difference is None else short_difference(d.difference)]
                 for d in self.fields]
 
     def log_rows(self):
@@ -52,7 +53,7 @@ class Comparison:
             counts = " / ".join(str(size) for size in log.messages)
             if log.differs:
                 rows.append([log.channel, counts, str(log.differing), str(log.tick), log.field or "(only one has it)",
-                             value_text(log.a), value_text(log.b)])
+                             *value_texts(log.a, log.b)])
             else:
                 rows.append([log.channel, counts, "0", "–", "–", "–", "–"])
         return rows
@@ -68,7 +69,8 @@ class Comparison:
         if not first.field:
             return f"{where}, which only one of them has."
         far = differences.how_far(first.channel, first.field, first.a, first.b)
-        return f"{where}, {first.field}: {value_text(first.a)} in A, {value_text(first.b)} in B{far}."
+        a, b = value_texts(first.a, first.b)
+        return f"{where}, {first.field}: {a} in A, {b} in B{far}."
 
 
 _FIELD_HEAD = ["field", "A", "B", "B − A"]
@@ -88,9 +90,15 @@ def controller_text(recorded, replayed):
     _, logs = differences.log_differences(recorded, replayed)
     found = sorted((log for log in logs if log.channel in _CONTROLLER and log.field),
                    key=lambda log: (log.tick - (log.channel == "BALLAST_STEP_COMMAND"), _CONTROLLER.index(log.channel)))
-    return "".join(f"  {log.channel}, tick {log.tick}, {log.field}: {_exact(log.a)} recorded, {_exact(log.b)} replayed"
-                   f"{differences.how_far(log.channel, log.field, log.a, log.b)}; {log.differing} messages differ\n"
+    return "".join(f"  {log.channel}, {_when(log)}, {log.field}: {_exact(log.a)} recorded, {_exact(log.b)} replayed"
+                   f"{differences.how_far(log.channel, log.field, log.a, log.b)}; "
+                   f"{log.differing} {'message differs' if log.differing == 1 else 'messages differ'}\n"
                    for log in found)
+
+
+def _when(log):
+    computed = f" (commanded in tick {log.tick - 1})" if log.channel == "BALLAST_STEP_COMMAND" else ""
+    return f"tick {log.tick}{computed}"
 
 
 def _exact(value):
@@ -154,7 +162,7 @@ def _tables(comparison):
                 difference *= 100
         label = f"{number.label} [{number.unit}]" if number.unit else number.label
         headline.append([label, number.text, "–" if other is None else other.text,
-                         "" if difference is None else f"{difference:+.6g}"])
+                         "" if difference is None else short_difference(difference)])
     fields = comparison.field_rows()
     return (table_html(words.Table("Key numbers", ["", "A", "B", "B − A"], headline))
             + table_html(words.Table(_LOG_TITLE, _LOG_HEAD, comparison.log_rows()), "full")

@@ -11,6 +11,7 @@ import ballast
 import numpy as np
 
 from event_log import EventLog
+from short_number import NEGLIGIBLE, apart, short_difference, short_number
 
 # Fields that identify a run and are not part of its course. The plant draws run_id on a bus; elsewhere it is 0.
 _IDENTITY = ("scenario_id", "run_id")
@@ -72,22 +73,33 @@ def unit_of(channel, field):
 
 
 def how_far(channel, field, a, b):
-    """' (+3e-16 N, 2 ULP)' for two numbers, otherwise empty."""
+    """' (+0.3 N, 2 ULP)' for two numbers, ' (2 ULP)' if they differ by rounding, otherwise empty."""
     difference = FieldDifference(field, a, b).difference
     if difference is None:
         return ""
     unit = unit_of(channel, field)
-    text = f"{difference:+.6g}" + (f" {unit}" if unit and unit != "1" else "")
+    parts = []
+    if not abs(difference) < NEGLIGIBLE:
+        parts.append(short_difference(difference) + (f" {unit}" if unit and unit != "1" else ""))
     steps = ulps(a, b)
-    return f" ({text})" if steps is None else f" ({text}, {steps if steps < 1e6 else f'{steps:.3g}'} ULP)"
+    if steps is not None:
+        parts.append(f"{steps if steps < 1e6 else f'{steps:.3g}'} ULP")
+    return f" ({', '.join(parts)})" if parts else ""
 
 
 def value_text(value):
     if value is MISSING:
         return "–"
     if isinstance(value, float):
-        return f"{value:.10g}"
+        return short_number(value)
     return value if isinstance(value, str) else json.dumps(value)
+
+
+def value_texts(a, b):
+    """The values of a field in two runs, with as many digits as tell numbers apart."""
+    if isinstance(a, float) and isinstance(b, float):
+        return apart(a, b)
+    return value_text(a), value_text(b)
 
 
 class LogDifference(NamedTuple):

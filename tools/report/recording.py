@@ -14,6 +14,7 @@ import numpy as np
 
 from event_log import EventLog, LogError
 from recorded_run import REGIME_NAMES, RecordedRun, read_json
+from short_number import short_time
 
 # More samples than this are thinned. 20 s at 1 kHz are shown in full. Twice the pixels of the widest plot would do for
 # the whole run; the rest is for zooming in.
@@ -112,8 +113,8 @@ class Recording:
         end_s = (written.get("end") or {}).get("time")
         if end_s is None or abs(end_s - self.end_s) <= _SAME_END * max(end_s, 1):
             return written
-        self.notes.append(f"{name} ends at t = {self.end_s:.6g} s, but summary.json is of a run that ends at t = "
-                          f"{end_s:.6g} s: all numbers are from the log's samples, and whatever a log does not hold is "
+        self.notes.append(f"{name} ends at t = {short_time(self.end_s)} s, but summary.json is of a run that ends at t = "
+                          f"{short_time(end_s)} s: all numbers are from the log's samples, and whatever a log does not hold is "
                           "left out.")
         kept = {key: written[key] for key in _SAID_BEFORE_THE_RUN if key in written}
         return {**summary_from_log(self._run, self.log_path), **kept}

@@ -4,6 +4,8 @@ import json
 import math
 from typing import NamedTuple
 
+from short_number import apart, short_number, short_time
+
 _CAUSES = {
     "normal_force": "the normal force N came down to its limit",
     "friction": "the friction came up to its limit",
@@ -25,12 +27,12 @@ _BADGES = {
 
 
 def number_text(value):
-    """Six digits, as in the terminal. None stands for infinity, which JSON lacks. Rounding of 0, of either sign, is 0."""
-    return "unbounded" if value is None else f"{0.0 if abs(value) < 1e-12 else value:.6g}"
+    """Three digits, as in the terminal. None stands for infinity, which JSON lacks."""
+    return "unbounded" if value is None else short_number(value)
 
 
 def time_text(value):
-    return f"t\u00a0=\u00a0{value:.6g}\u00a0s"  # does not break over lines
+    return f"t\u00a0=\u00a0{short_time(value)}\u00a0s"  # does not break over lines
 
 
 def cause_text(cause):
@@ -82,7 +84,7 @@ def _what_it_was(recording):
               if summary.get("actuation") == "stepper" else
               f"{_count(recording.mass_count, 'mass', 'masses')} moved exactly as prescribed")
     radius = number_text(recording.robot["ball"]["radius"])
-    return f"A ball of radius {radius} m with {masses}, followed for {number_text(recording.end_s)} s."
+    return f"A ball of radius {radius} m with {masses}, followed for {short_time(recording.end_s)} s."
 
 
 def _how_it_ended(summary):
@@ -177,7 +179,8 @@ def _trip(summary):
     words = f"Tripped at {time_text(trip['time'])}: {cause_text(trip.get('cause'))}"
     value, limit = trip.get("value"), trip.get("limit")
     if trip.get("cause") in ("normal_force", "friction") and value is not None and limit is not None:
-        words += f", {number_text(value)} where {number_text(limit)} is the limit"
+        value_text, limit_text = apart(value, limit)
+        words += f", {value_text} where {limit_text} is the limit"
     latency = trip.get("latency_ticks")
     stops = latency is not None and summary.get("actuation") == "stepper"
     return words + (f"; the stop began {_count(latency, 'tick')} later." if stops else ".")
@@ -221,7 +224,7 @@ class Number(NamedTuple):
     def text(self):
         """The value in its unit. Margins are fractions in the summary and percentages here."""
         if self.unit == "%" and self.value is not None:
-            return f"{100 * self.value:.1f}"
+            return short_number(100 * self.value)
         return number_text(self.value)
 
 
@@ -269,7 +272,7 @@ def tables(recording):
             weight = "–" if weight is None else number_text(weight)
             rows.append([str(i), weight] + (["on a trajectory"] + [""] * 4 if motor is None else
                         [str(motor["steps"]), str(motor["lost_steps"]), number_text(motor["max_step_rate"]),
-                         number_text(motor["max_torque"]), f"{100 * motor['torque_margin']:.1f} %"]))
+                         number_text(motor["max_torque"]), f"{short_number(100 * motor['torque_margin'])} %"]))
         found.append(Table("Motors", head, rows))
     if summary.get("surfaces"):
         found.append(Table("The paper's floors", ["floor", "mu_s", "this run holds"],

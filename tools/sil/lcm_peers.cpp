@@ -58,7 +58,9 @@ void LcmPeers::on_status(const controller_status_t& message) {
 
 void LcmPeers::check_scenario(std::int64_t scenario_id, const char* sender) {
   if (scenario_id == options_.scenario_id) return;
-  fail(Status::kForeignScenario, std::string("the ") + sender + " runs another scenario than the plant");
+  fail(Status::kForeignScenario, std::string("the ") + sender +
+                                     " runs another scenario than the plant; if another run is on this bus, give every "
+                                     "run a bus of its own with --lcm");
 }
 
 // A waiting peer repeats its message. A run under way takes no notice of it.

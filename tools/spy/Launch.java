@@ -9,6 +9,9 @@ import java.awt.Window;
 import java.awt.event.MouseEvent;
 import java.awt.event.WindowEvent;
 import java.lang.reflect.Field;
+import java.lang.reflect.InvocationHandler;
+import java.lang.reflect.Method;
+import java.lang.reflect.Proxy;
 import java.net.MulticastSocket;
 import java.util.ArrayList;
 import java.util.List;
@@ -80,6 +83,7 @@ public final class Launch {
             fail("no window can be opened: " + String.valueOf(noWindows.getMessage()).trim().replaceAll("\\s+", " ")
                 + "\n  fix: set DISPLAY, or use ballast watch; a headless Java needs: apt-get install -y default-jre");
         }
+        endOnCtrlC();
         try {
             lcm.spy.Spy spy = new lcm.spy.Spy(url);
             leaveOutSelfTests(spy);
@@ -87,6 +91,25 @@ public final class Launch {
             widen(spy);
         } catch (Exception failure) {
             fail(url + ": " + failure.getMessage());
+        }
+    }
+
+    /** Ctrl-C is the usual end. By itself Java ends with status 130. The class is not part of Java's own interface. */
+    private static void endOnCtrlC() {
+        InvocationHandler end = new InvocationHandler() {
+            public Object invoke(Object proxy, Method method, Object[] arguments) {
+                Runtime.getRuntime().halt(0);
+                return null;
+            }
+        };
+        try {
+            Class<?> signal = Class.forName("sun.misc.Signal");
+            Class<?> handler = Class.forName("sun.misc.SignalHandler");
+            Object ends = Proxy.newProxyInstance(Launch.class.getClassLoader(), new Class<?>[] {handler}, end);
+            Object ctrlC = signal.getConstructor(String.class).newInstance("INT");
+            signal.getMethod("handle", signal, handler).invoke(null, ctrlC, ends);
+        } catch (ReflectiveOperationException withoutSignals) {
+            return;
         }
     }
 

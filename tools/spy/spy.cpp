@@ -112,7 +112,8 @@ std::vector<Finding> check_parts(const SpyOptions& options) {
   return {check_java(), check_file("lcm for java", kSystemJars / "lcm.jar", "apt-get install -y liblcm-java"),
           check_file("spy's plots", kSystemJars / "jchart2d.jar", "apt-get install -y libjchart2d-java"),
           check_file("spy launcher", kBuiltJars / "ballast-spy.jar", build_jars()),
-          check_file("types jar", types_jar(options), build_jars())};
+          check_file("types jar", types_jar(options),
+                     options.types_jar.empty() ? build_jars() : "--types with a jar that exists, or without --types")};
 }
 
 Finding check_types(const SpyOptions& options) {

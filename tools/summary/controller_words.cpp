@@ -5,18 +5,20 @@
 #include <cmath>
 
 #include "sim/scenario/reader.h"
+#include "tools/program/short_number.h"
 
 namespace ballast::sil {
 
 namespace {
 
+using program::short_number;
+
 // The refusal of a later start, which runs the motion from where the masses stand.
 std::string restart_text(const controller_status_t& status, const char* what, const char* unit) {
   return fmt::format(
-      "mass {}, piece {} of its motion: begun at rest from where it stands, its {} would reach {:.10g} {}, more than "
-      "its "
+      "mass {}, piece {} of its motion: begun at rest from where it stands, its {} would reach {} {}, more than its "
       "motor's limit",
-      status.refusal_motor, status.refusal_piece, what, status.refusal_value, unit);
+      status.refusal_motor, status.refusal_piece, what, short_number(status.refusal_value), unit);
 }
 
 // The refusal of a move to an end of its rail or beyond.
@@ -60,7 +62,7 @@ std::string mode_text(std::int8_t mode) {
 
 std::string refusal_text(const controller_status_t& status, const firmware::MoveRequest* move) {
   const std::string mass = "mass " + std::to_string(status.refusal_motor) + ": ";
-  const std::string value = fmt::format("{:.10g}", status.refusal_value);
+  const std::string value = sim::number_text(status.refusal_value);
   switch (status.refusal) {
     case controller_status_t::REFUSAL_NONE:
       return "";
@@ -102,33 +104,36 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
 std::string breach_text(const firmware::Prediction& plan, double friction_use, double min_normal_force_n) {
   // The negations make a NaN, from an unknown attitude, a breach too.
   if (!(plan.normal_force_min_n > min_normal_force_n)) {
-    return fmt::format("least N {:.6g} N; allowed: > {:.6g} N", plan.normal_force_min_n, min_normal_force_n);
+    const auto [least, allowed] = program::apart(plan.normal_force_min_n, min_normal_force_n);
+    return fmt::format("least N {} N; allowed: > {} N", least, allowed);
   }
   if (!(plan.margin_min >= 1 - friction_use)) {
-    return fmt::format("least margin {:.4f} (f_s/N {:.6f}); allowed: >= {:.4g}", plan.margin_min, plan.mu_required_max,
-                       1 - friction_use);
+    const auto [least, allowed] = program::apart(plan.margin_min, 1 - friction_use);
+    return fmt::format("least margin {} (f_s/N {}); allowed: >= {}", least, short_number(plan.mu_required_max),
+                       allowed);
   }
   return "";
 }
 
 std::string predicted_text(const firmware::Prediction& plan) {
   if (std::isnan(plan.normal_force_min_n)) {
-    return "nothing predicted: the run ended first, or the sensors gave no valid attitude";
+    return "not predicted: the run ended first, or the sensors gave no valid attitude";
   }
   const bool in_part = plan.horizon_s < plan.duration_s;
-  return fmt::format("predicted{}, masses as commanded: least N {:.6g} N, most f_s/N {:.6f}, least margin {:.4f}",
-                     in_part ? fmt::format(" for its first {:.3g} s", plan.horizon_s) : "", plan.normal_force_min_n,
-                     plan.mu_required_max, plan.margin_min);
+  return fmt::format("predicted{}, masses as commanded: least N {} N, most f_s/N {}, least margin {}",
+                     in_part ? fmt::format(" for its first {} s", short_number(plan.horizon_s)) : "",
+                     short_number(plan.normal_force_min_n), short_number(plan.mu_required_max),
+                     short_number(plan.margin_min));
 }
 
 std::string far_below_text(const firmware::Prediction& plan, double seen_margin_min) {
   constexpr double kFar = 0.1;  // of the friction cone; sound motors of the shipped robots take less
   if (!(seen_margin_min < plan.margin_min - kFar)) return "";
   return fmt::format(
-      "the least margin was {:.4f} where {:.4f} was predicted: a prediction takes the masses as commanded and leaves "
-      "out "
-      "their motors' swing{}",
-      seen_margin_min, plan.margin_min, plan.horizon_s < plan.duration_s ? ", and this one the move's end" : "");
+      "the least margin was {} where {} was predicted: a prediction takes the masses as commanded and leaves out their "
+      "motors' swing{}",
+      short_number(seen_margin_min), short_number(plan.margin_min),
+      plan.horizon_s < plan.duration_s ? ", and this one the move's end" : "");
 }
 
 }  // namespace ballast::sil

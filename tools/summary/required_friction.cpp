@@ -6,9 +6,14 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "tools/program/short_number.h"
+
 namespace ballast::sil {
 
 namespace {
+
+using program::short_number;
+using program::short_time;
 
 using Json = nlohmann::ordered_json;
 
@@ -34,7 +39,7 @@ std::string because(const std::vector<FrictionPart>& parts) {
   std::vector<std::string> causes, remedies;
   for (const FrictionPart& part : parts) {
     if (std::abs(part.part) < kWorthNaming * parts.front().part) continue;
-    (part.part > 0 ? causes : remedies).push_back(part.of + fmt::format(" ({:.0f} %)", 100 * part.part));
+    (part.part > 0 ? causes : remedies).push_back(part.of + " (" + program::fixed_number(100 * part.part, 0) + " %)");
   }
   if (causes.empty()) return "";
   return " because of " + list(causes) + (remedies.empty() ? "" : " against " + list(remedies));
@@ -43,11 +48,11 @@ std::string because(const std::vector<FrictionPart>& parts) {
 // Text for an unbounded f_s / N. Rounding leaves an f_s of 1e-15 of the weight where there is none.
 std::string unbounded_text(const RunResult& result) {
   const double time_s = result.extrema.mu_required_max.time_s;
-  if (!result.friction_shares) return fmt::format("N falls to 0 at {:.2f} s", time_s);
+  if (!result.friction_shares) return fmt::format("N falls to 0 at {} s", short_time(time_s));
   const sim::ContactShares& shares = *result.friction_shares;
   if (shares.force_W_n.head<2>().norm() <= 1e-9 * std::abs(shares.static_weight_n))
-    return fmt::format("leaves the ground at {:.2f} s on any floor", time_s);
-  return fmt::format("needs more friction than any floor gives at {:.2f} s: N falls to 0", time_s);
+    return fmt::format("leaves the ground at {} s on any floor", short_time(time_s));
+  return fmt::format("needs more friction than any floor gives at {} s: N falls to 0", short_time(time_s));
 }
 
 // Prefix to statements about floors: a run that ended early says nothing of what would have come.
@@ -55,7 +60,7 @@ std::string up_to_its_end(const RunResult& result) {
   if (result.end_reason == EndReason::kCompleted) return "";
   std::string reason = to_string(result.end_reason);
   if (result.end_reason == EndReason::kTripped && result.trip.tripped == 0) reason += " by the controller";
-  return fmt::format("up to its end at {:.2f} s (", result.final_sample.time_s) + reason + ") ";
+  return fmt::format("up to its end at {} s ({}) ", short_time(result.final_sample.time_s), reason);
 }
 
 }  // namespace
@@ -81,8 +86,9 @@ std::vector<FrictionPart> friction_parts(const RunResult& result) {
 std::string friction_parts_text(const RunResult& result) {
   std::string text;
   for (const FrictionPart& p : friction_parts(result)) {
-    text += fmt::format("  {:<18} {:6.1f} %: weight {:.1f}, own motion {:.1f}, carried round {:.1f}\n", p.of,
-                        100 * p.part, 100 * p.weight, 100 * p.motion, 100 * p.turning);
+    const auto percent = [](double part) { return program::fixed_number(100 * part, 1); };
+    text += fmt::format("  {:<18} {:>6} %: weight {}, own motion {}, carried round {}\n", p.of, percent(p.part),
+                        percent(p.weight), percent(p.motion), percent(p.turning));
   }
   return text;
 }
@@ -97,7 +103,7 @@ std::string required_friction_text(const RunResult& result, const std::vector<Fl
     text = "needs no friction";
   } else if (std::isfinite(mu.value)) {
     text = (result.rolling_lost || result.end_reason != EndReason::kCompleted ? "needs at least " : "needs ") +
-           fmt::format("{:.3g} at ", mu.value) + fmt::format("{:.2f} s", mu.time_s);
+           fmt::format("{} at {} s", short_number(mu.value), short_time(mu.time_s));
     const auto slides = [](const sim::RegimeStart& start) { return start.regime == sim::Regime::kSliding; };
     if (!result.friction_shares && std::any_of(result.regimes.begin(), result.regimes.end(), slides))
       text += ", sliding";
@@ -109,15 +115,16 @@ std::string required_friction_text(const RunResult& result, const std::vector<Fl
   text += "; " + up_to_its_end(result);
   std::vector<std::string> holds, fails;
   for (const FloorVerdict& floor : floors) (floor.holds ? holds : fails).emplace_back(floor.name);
-  if (fails.empty()) return text + "holds on all of the paper's floors";
+  if (fails.empty()) return text + "rolls on all of the paper's floors";
   if (holds.empty()) {
-    text += "holds on none of the paper's floors";
+    text += "rolls on none of the paper's floors";
     // The friction needed may lie below that of a floor on which rolling was lost earlier.
     const sim::Extremum& normal = result.extrema.normal_force_min;
-    if (std::isfinite(mu.value) && normal.value <= 0) text += fmt::format(": N falls to 0 at {:.2f} s", normal.time_s);
+    if (std::isfinite(mu.value) && normal.value <= 0)
+      text += fmt::format(": N falls to 0 at {} s", short_time(normal.time_s));
     return text;
   }
-  return text + "holds on " + list(holds) + ", not on " + list(fails);
+  return text + "rolls on " + list(holds) + ", not on " + list(fails);
 }
 
 Json required_friction_json(const RunResult& result, const std::vector<FloorVerdict>& floors) {

@@ -21,7 +21,7 @@ std::vector<FrictionPart> friction_parts(const RunResult& result);
 // The same as a table for the terminal, in per cent.
 std::string friction_parts_text(const RunResult& result);
 
-// "needs 0.31 at 2.14 s because of mass 2 (81 %); holds on aluminium and steel, not on glass".
+// "needs 0.31 at 2.14 s because of mass 2 (81 %); rolls on aluminium and steel, not on glass".
 std::string required_friction_text(const RunResult& result, const std::vector<FloorVerdict>& floors);
 
 // The field `required_friction` of summary.json.

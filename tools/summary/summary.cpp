@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "sim/scenario/reader.h"
+#include "tools/program/short_number.h"
 #include "tools/summary/summary_parts.h"
 
 namespace ballast::sil {
@@ -36,8 +38,9 @@ std::string outside_ball_text(const sim::Scenario& scenario, const RunResult& re
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const sim::EndStopRecord& stop = result.end_stops[i];
     if (stop.outside_ball_m > 0) {
-      who += fmt::format("{}mass {} was outside the ball by up to {:.3g} m, first seen at t = {:.6g} s",
-                         who.empty() ? "" : ", ", i, stop.outside_ball_m, stop.outside_ball_s);
+      who +=
+          fmt::format("{}mass {} was outside the ball by up to {} m, first seen at t = {} s", who.empty() ? "" : ", ",
+                      i, program::short_number(stop.outside_ball_m), program::short_time(stop.outside_ball_s));
     }
   }
   if (who.empty()) return "";
@@ -99,16 +102,21 @@ CheckedSteps checked_steps(const StepTimingRecord& record) {
   return sums;
 }
 
+// Of a rail coordinate, in rad or m.
+constexpr double kSmallPosition = 1e-6;
+
 std::string move_end_text(const sim::Scenario& scenario, const RunResult& result) {
   std::string moved, held;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const double position = result.final_sample.mass_position[i];
     const double target = result.move_end->asked.target_position[i];
     if (asked(*result.move_end, i))
-      moved += fmt::format("{}mass {} at {:.6g} (asked: {:.6g}, {:.3g} to go)", moved.empty() ? "" : ", ", i, position,
-                           target, target - position);
+      moved += fmt::format("{}mass {} at {} (asked: {}, {} to go)", moved.empty() ? "" : ", ", i,
+                           program::short_number(position), sim::number_text(target),
+                           program::short_number(target - position));
     else
-      held += fmt::format("{}mass {} at {:.6g}", held.empty() ? "; held: " : ", ", i, position);
+      held += fmt::format("{}mass {} at {}", held.empty() ? "; held: " : ", ", i,
+                          program::short_number(position, kSmallPosition));
   }
   if (result.masses_rested || !result.move) return moved + held;
   return moved + held + (result.move_end->steps_made ? "; still swinging in their motors" : "; still moving");
@@ -170,8 +178,8 @@ std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& resu
     if (const std::string faults = motor_faults_text(scenario, i, result.final_sample.time_s); !faults.empty())
       faulty += fmt::format(" The fault {1} was injected into motor {0}.", i, faults);
     else if (const sim::EndStopRecord& stop = result.end_stops[i]; stop.touches > 0)
-      stopped += fmt::format(" Mass {} met its end stop at t = {:.6g} s: how many steps were lost there is not known.",
-                             i, stop.first_s);
+      stopped += fmt::format(" Mass {} met its end stop at t = {} s: how many steps were lost there is not known.", i,
+                             program::short_time(stop.first_s));
     else
       in_free_motion = true;
   }

@@ -5,9 +5,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tools/program/short_number.h"
+
 namespace ballast::watch {
 
 namespace {
+
+using program::fixed_number;
+using program::short_number;
 
 constexpr double kRateWindow_s = 1;
 constexpr double kSilence_s = 2;           // longer than a tick of any useful pace
@@ -160,23 +165,26 @@ std::string View::contact_lines(int width) const {
   if (!contact_) return cut("no plant yet", width);
   const int bar_width = std::clamp(width - 46, 10, 50);
   const contact_t& c = *contact_;
-  return cut(fmt::format("t = {:.3f} s  tick {}  {}{}", c.time_s, c.tick, regime(c.regime),
+  return cut(fmt::format("t = {} s  tick {}  {}{}", fixed_number(c.time_s, 3), c.tick, regime(c.regime),
                          ended_ ? "  the run has ended" : ""),
              width) +
-         cut(fmt::format("margin {} {:7.3f}  least {:.3f}", bar(c.margin, bar_width), c.margin, margin_min_), width) +
-         cut(fmt::format("f_s/N  {} {:7.4f}  most  {:.4f}", bar(1 - c.margin, bar_width), c.mu_required,
-                         mu_required_max_),
+         cut(fmt::format("margin {} {:>6}  least {}", bar(c.margin, bar_width), fixed_number(c.margin, 3),
+                         fixed_number(margin_min_, 3)),
              width) +
-         cut(fmt::format("N      {} {:7.4g}  least {:.4g} N", bar(c.normal_force_n / normal_force_max_n_, bar_width),
-                         c.normal_force_n, normal_force_min_n_),
+         cut(fmt::format("f_s/N  {} {:>6}  most  {}", bar(1 - c.margin, bar_width), fixed_number(c.mu_required, 3),
+                         fixed_number(mu_required_max_, 3)),
+             width) +
+         cut(fmt::format("N      {} {:>6}  least {} N", bar(c.normal_force_n / normal_force_max_n_, bar_width),
+                         short_number(c.normal_force_n), short_number(normal_force_min_n_)),
              width);
 }
 
 std::string View::controller_lines(int width) const {
   std::string text;
   if (trip_ && trip_->tripped == 1) {
-    text += cut(fmt::format("TRIP   {} at t = {:.6f} s: {:.6g}, limit {:.6g}", cause(trip_->cause), trip_->trip_time_s,
-                            trip_->value, trip_->limit),
+    const auto [value, limit] = program::apart(trip_->value, trip_->limit);
+    text += cut(fmt::format("TRIP   {} at t = {} s: {}, limit {}", cause(trip_->cause),
+                            program::short_time(trip_->trip_time_s), value, limit),
                 width);
   } else {
     text += cut(trip_ ? "trip   none" : "trip   no monitor yet", width);
@@ -191,10 +199,10 @@ std::string View::controller_lines(int width) const {
   }
   if (!state_) return text;
   for (int i = 0; i < state_->mass_count; ++i) {
-    text +=
-        cut(fmt::format("mass {} at {:.4f}, {:.4f} /s, torque {:.3g} N m, {} steps lost", i, state_->mass_position[i],
-                        state_->mass_velocity[i], state_->motor_torque_nm[i], state_->lost_steps[i]),
-            width);
+    text += cut(fmt::format("mass {} at {}, {} /s, torque {} N m, {} steps lost", i,
+                            fixed_number(state_->mass_position[i], 3), fixed_number(state_->mass_velocity[i], 3),
+                            short_number(state_->motor_torque_nm[i]), state_->lost_steps[i]),
+                width);
   }
   return text;
 }
@@ -214,9 +222,10 @@ std::string View::rate_lines(double now_s, int width, std::int64_t undecodable) 
 std::string View::line(double now_s, std::int64_t undecodable) const {
   std::string text;
   if (contact_) {
-    text = fmt::format("t={:.3f} {} N={:.5g} f_s/N={:.5g} margin={:.4f} least={:.4f}", contact_->time_s,
-                       regime(contact_->regime), contact_->normal_force_n, contact_->mu_required, contact_->margin,
-                       margin_min_);
+    text = fmt::format("t={} {} N={} f_s/N={} margin={} least={}", fixed_number(contact_->time_s, 3),
+                       regime(contact_->regime), short_number(contact_->normal_force_n),
+                       fixed_number(contact_->mu_required, 3), fixed_number(contact_->margin, 3),
+                       fixed_number(margin_min_, 3));
   } else {
     text = "no plant yet";
   }

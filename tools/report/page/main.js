@@ -1,7 +1,8 @@
 // Starts the page: reads the runs, makes plots and replay, and connects slider, buttons and keys to the clock.
 import {Clock} from "ballast/clock.js";
+import {numberText, shortNumber} from "ballast/numbers.js";
 import {FRICTION, makePanels, runLetter} from "ballast/panels.js";
-import {NUMBERS_EVERY_MS, numberText, Plots} from "ballast/plots.js";
+import {NUMBERS_EVERY_MS, Plots} from "ballast/plots.js";
 import {readSamples} from "ballast/samples.js";
 import {Scene} from "ballast/scene.js";
 import {connectThemeButton} from "ballast/theme.js";
@@ -93,7 +94,7 @@ function describeMarks(runs) {
     for (const {time, text} of described.events) {
       const who = runs.length > 1 ? `${runLetter(run)}: ` : "";
       entries.push(
-          [`line event run-${runs.length > 1 ? run : "alone"}`, `${who}${text}, t = ${Number(time.toPrecision(6))} s`]);
+          [`line event run-${runs.length > 1 ? run : "alone"}`, `${who}${text}, t = ${shortNumber(time, 4)} s`]);
     }
   });
   for (const [name, text] of entries) {
@@ -109,7 +110,7 @@ function makeHud(runs, scene, clock) {
   const lines = runs.map(({samples, described}, run) => {
     const line = document.createElement("p");
     const letter = runs.length > 1 ? `<b style="color: var(--run-${run})">${runLetter(run)}</b> ` : "";
-    const limit = described.static_friction === null ? "" : ` of ${Number(described.static_friction.toPrecision(4))}`;
+    const limit = described.static_friction === null ? "" : ` of ${shortNumber(described.static_friction)}`;
     const factor = scene?.robots[run].frictionFactor ?? 1;
     const longer = factor > 1 ? ` <small>×${factor}</small>` : "";
     line.innerHTML = [

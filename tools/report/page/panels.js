@@ -5,6 +5,8 @@
 // top, bottom: the axis ends there, because values beyond them are not meaningful.
 // noise: values below this are rounding errors of 0, which the axis does not magnify.
 
+import {shortNumber} from "ballast/numbers.js";
+
 const DASHED = [6, 4];
 
 const sub = (symbol, index) => `<i>${symbol}</i><sub>${index}</sub>`;
@@ -71,11 +73,11 @@ function frictionLimits(runs) {
     const add = (value, text) => {
       if (!limits.some((other) => other.value === value)) limits.push({value, text});
     };
-    add(limit, `μs${who} = ${Number(limit.toPrecision(4))}`);
+    add(limit, `μs${who} = ${shortNumber(limit)}`);
     const use = described.envelope?.friction_use ?? 1;
     if (described.plan_may_use)
-      add(described.plan_may_use, `a plan may use${who} ${Number(described.plan_may_use.toPrecision(4))}`);
-    if (use < 1) add(use * limit, `monitor's limit${who} ${Number((use * limit).toPrecision(4))}`);
+      add(described.plan_may_use, `a plan may use${who} ${shortNumber(described.plan_may_use)}`);
+    if (use < 1) add(use * limit, `monitor's limit${who} ${shortNumber(use * limit)}`);
   });
   return limits;
 }

@@ -1,4 +1,5 @@
 // Draws the panels with uPlot. All of them share one zoom and one time.
+import {numberText, shortNumber} from "ballast/numbers.js";
 import {runLetter} from "ballast/panels.js";
 import {color, onThemeChange} from "ballast/theme.js";
 import uPlot from "uplot";
@@ -8,14 +9,6 @@ const DRAG_STARTS_AT = 6;  // px
 export const NUMBERS_EVERY_MS = 80;
 const LEAST_SPAN = 1e-4;  // of the whole time
 const FONT = "12px system-ui, sans-serif";
-
-export const numberText = (value) => {
-  if (value === null || value === undefined || Number.isNaN(value)) return "–";
-  const size = Math.abs(value) < 1e-9 ? 0 : Math.abs(value);  // rounding of 0
-  if (size === 0) return "0.0000";
-  if (size < 1e-3 || size >= 1e6) return value.toExponential(2).replace("-", "−");
-  return value.toFixed(size >= 1000 ? 1 : size >= 100 ? 2 : size >= 10 ? 3 : 4).replace("-", "−");
-};
 
 function axisText(value) {
   const size = Math.abs(value), unusual = size >= 1e5 || (size !== 0 && size < 1e-3);
@@ -279,7 +272,7 @@ class Plot {
     ctx.textAlign = right ? "right" : "left";
     ctx.textBaseline = "middle";
     const who = this.runs.length > 1 ? `${runLetter(run)} ` : "";
-    const text = `${who}${what} ${Number(value.toPrecision(6))}`;
+    const text = `${who}${what} ${shortNumber(value)}`;
     const begin = x + (right ? -8 : 8) * scale, width = ctx.measureText(text).width;
     const place = this.freePlace(right ? begin - width : begin, width, y, bbox.top, bbox.top + bbox.height);
     this.write(ctx, text, begin, place, "text");
