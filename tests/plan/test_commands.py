@@ -72,6 +72,19 @@ class Commands(unittest.TestCase):
     def test_tune_does_as_its_page_says(self):
         self.assert_page("tune.md")
 
+    def test_robots_of_all_sizes_plan_and_run(self):
+        """Answers of `ballast new`: radius, shell, masses, friction, distance."""
+        for answers in ((0.08, 0.2, 0.06, 0.5, 0.3), (0.1, 0.4, 0.12, 0.5, 0.4), (0.3, 3, 1.2, 0.6, 1.0)):
+            with self.subTest(answers):
+                name = f"robot{answers[0]}".replace(".", "_")
+                typed = "".join(f"{answer}\\n" for answer in answers)
+                done = subprocess.run(f"printf '{typed}' | {os.environ['BALLAST']} new {name}", shell=True,
+                                      cwd=self.folder, capture_output=True, text=True, check=False)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                self.assertIn(": good. ", self.ballast(f"check {name}.toml")[0])
+                self.ballast(f"plan {name}.toml --quiet")
+                self.ballast(f"run {name}_plan.toml --quiet --no-log")
+
     def test_chart_writes_table_and_picture(self):
         self.first(lambda text: text.replace('actuation = "stepper"', 'actuation = "prescribed"'))
         said, _ = self.ballast("plan --chart first.toml --out out.json")

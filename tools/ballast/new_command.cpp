@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <memory>
 
+#include "sim/motors/motor_presets.h"
 #include "sim/scenario/scenario.h"
 #include "tools/ballast/commands.h"
 #include "tools/program/program.h"
@@ -50,18 +52,37 @@ bool ask(Question& question) {
   return false;
 }
 
-std::string ring(double mass_kg, double radius_m, const std::string& center, const std::string& forward,
-                 const char* what) {
+// A motor that the masses can carry, geared so that it lifts its mass with a part of its torque.
+struct Drive {
+  const char* preset;
+  double gear_ratio, viscous_damping_nms;
+};
+
+// `speed`: that the masses reach on their rings, in rad/s.
+Drive drive_for(double mass_kg, double ring_m, double speed) {
+  constexpr double kLiftingPart = 0.19, kMovingPart = 0.4;  // of the holding torque: to lift, and to move and lift
+  constexpr double kDampingOfTorque = 0.06;                 // s: swings die away, and little torque is lost
+  const char* const name = mass_kg < 0.25 ? "nema11" : mass_kg < 0.7 ? "nema17" : "nema23";
+  const double holding_nm = sim::find_motor_preset(name)->holding_torque_nm;
+  const double load_nm = mass_kg * 9.81 * ring_m;
+  const double ratio = std::max(4.0, std::ceil(load_nm / (kLiftingPart * holding_nm)));
+  const double most = (kMovingPart * holding_nm - load_nm / ratio) / (ratio * speed);
+  return {name, ratio, std::min(kDampingOfTorque * holding_nm, most)};
+}
+
+std::string ring(double mass_kg, double radius_m, const Drive& drive, const std::string& center,
+                 const std::string& forward, const char* what) {
   return fmt::format(R"(
 [[mass]]  # {}
 mass = {:.4g}
 rail = {{ shape = "circle", radius = {:.4g}, center = {}, axes = [[0, 0, -1], {}] }}
 [mass.motor]
-preset = "nema17"
-gear_ratio = 4.0
-viscous_damping = 0.02  # N m s: carriage and drive; damps the motor's swing
+preset = "{}"
+gear_ratio = {:.1f}
+viscous_damping = {:.2g}  # N m s: carriage and drive; damps the motor's swing
 )",
-                     what, mass_kg, radius_m, center, forward);
+                     what, mass_kg, radius_m, center, forward, drive.preset, drive.gear_ratio,
+                     drive.viscous_damping_nms);
 }
 
 std::string robot_text(const std::string& name, double radius_m, double shell_kg, double mass_kg, double friction,
@@ -95,9 +116,11 @@ at_rest = true
 )",
       name, radius_m, shell_kg, inertia, friction, distance_m, duration_s);
   const auto beside = [&](double y_m) { return fmt::format("[0, {:.4g}, 0]", y_m); };
-  text += ring(mass_kg, ring_m, beside(-apart_m), "[1, 0, 0]", "drives");
-  text += ring(mass_kg, ring_m, beside(apart_m), "[1, 0, 0]", "drives");
-  text += ring(mass_kg, steer_m, fmt::format("[0, 0, {:.4g}]", 0.2 * radius_m), "[0, 1, 0]", "steers");
+  // The ball turns fastest halfway, at up to twice its mean rate; masses on rings turn a little less.
+  const Drive drive = drive_for(mass_kg, ring_m, 1.7 * distance_m / (duration_s * radius_m));
+  text += ring(mass_kg, ring_m, drive, beside(-apart_m), "[1, 0, 0]", "drives");
+  text += ring(mass_kg, ring_m, drive, beside(apart_m), "[1, 0, 0]", "drives");
+  text += ring(mass_kg, steer_m, drive, fmt::format("[0, 0, {:.4g}]", 0.2 * radius_m), "[0, 1, 0]", "steers");
   return text;
 }
 
