@@ -147,7 +147,10 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.radius_m, Real())
       .field(m.gravity_mps2, Real())
       .field(m.shell_mass_kg, Real())
-      .all(m.inertia_kgm2, m.center_of_mass_B_m, m.external_force_W_n)
+      .all(m.inertia_kgm2, m.center_of_mass_B_m, m.external_force_W_n, m.down_W)
+      .field(m.rolling_resistance, Real())
+      .field(m.spin_friction_m, Real())
+      .field(m.creep_radps, Real())
       .field(m.mass_count, Within(0, firmware::kMaxMasses))
       .field(m.mass_kg, Unsent())
       .field(m.rail, Unsent());

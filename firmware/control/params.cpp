@@ -31,6 +31,9 @@ class Checker {
   void positive(Wide value, const char* field, int index = -1) {
     require(std::isfinite(value) && value > 0, field, index, value, "finite, > 0");
   }
+  void not_negative(Wide value, const char* field) {
+    require(std::isfinite(value) && value >= 0, field, -1, value, "finite, >= 0");
+  }
   void motion(const Profile& profile, const MotionLimits& limits, int mass) {
     const LimitBreach breach = check_limits(profile, limits);
     if (breach.ok() || !error_.ok()) return;
@@ -73,6 +76,18 @@ class Checker {
   ParamError error_;
 };
 
+void check_floor(const BallParams& ball, Checker& check) {
+  const Real down2 = ball.down_W.dot(ball.down_W);
+  check.require(std::fabs(down2 - 1) <= kUnitTolerance, "ball.down_W", -1, std::sqrt(down2), "unit length");
+  check.require(ball.down_W[2] < 0, "ball.down_W", -1, ball.down_W[2], "into the floor, third entry < 0");
+  check.not_negative(ball.rolling_resistance, "ball.rolling_resistance");
+  check.not_negative(ball.spin_friction_m, "ball.spin_friction_m");
+  check.not_negative(ball.creep_radps, "ball.creep_radps");
+  const bool resists = ball.rolling_resistance > 0 || ball.spin_friction_m > 0;
+  check.require(ball.creep_radps > 0 || !resists, "ball.creep_radps", -1, ball.creep_radps,
+                "> 0 where the floor resists");
+}
+
 void check_ball(const BallParams& ball, Checker& check) {
   check.positive(ball.radius_m, "ball.radius_m");
   check.require(std::isfinite(ball.gravity_mps2) && ball.gravity_mps2 >= 0, "ball.gravity_mps2", -1, ball.gravity_mps2,
@@ -89,6 +104,7 @@ void check_ball(const BallParams& ball, Checker& check) {
   const Real offset = std::sqrt(chi.dot(chi));
   check.require(offset < ball.radius_m, "ball.center_of_mass_B_m", -1, offset, "inside the ball");
   check.finite(ball.external_force_W_n, "ball.external_force_W_n");
+  check_floor(ball, check);
 }
 
 void check_spline(const Rail& rail, int i, Checker& check) {

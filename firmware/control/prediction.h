@@ -31,7 +31,8 @@ constexpr int most_prediction_steps(int lead_ticks, int borders) {
 // used up before the motion ends, the prediction ends there: horizon_s.
 //
 // Limits: rolling without slip, masses exactly on their profiles, the constant external force. The lag and swing of
-// step motors are not included.
+// step motors are not included. The moment of a floor that resists fades below creep_radps, which is slower than a step
+// resolves: near rest Omega is off by up to h c_rr g / r, and f_s by a few c_rr N.
 class Predictor {
  public:
   // Starts a prediction of `profiles`, which begin `lead_ticks` control ticks after the sensed state. A prediction

@@ -13,6 +13,10 @@ struct BallParams {
   Vector3 inertia_kgm2 = Vector3::Zero();        // diag(I), about m_0's own centre of mass, body frame
   Vector3 center_of_mass_B_m = Vector3::Zero();  // chi_0, from the geometric centre
   Vector3 external_force_W_n = Vector3::Zero();  // F_e, constant, at the geometric centre, space frame
+  Vector3 down_W = Vector3(0, 0, -1);            // g_W / g: unit, (0, 0, -1) on a level floor; e3 is the floor's normal
+  Real rolling_resistance = 0;                   // c_rr >= 0
+  Real spin_friction_m = 0;                      // c_spin >= 0
+  Real creep_radps = 0;                          // omega_c >= 0; > 0 where the floor resists
   int mass_count = 0;                            // n, 0..kMaxMasses
   PerMass<Real> mass_kg{};                       // m_i > 0
   PerMass<Rail> rail{};

@@ -74,8 +74,17 @@ inline Vec gyroscopic(const Vec& inertia, const Vec& omega) {
   return cross(omega, {inertia.x * omega.x, inertia.y * omega.y, inertia.z * omega.z});
 }
 
-// eq_Om, eq_normal and eq_static_friction, and their 1-d forms. They differ in the sums only, which have the levers s_i
-// and u = g Gamma.
+// -Lambda^T g_W: g Gamma on a level floor.
+[[gnu::always_inline]] inline Vec against_weight(const BallParams& ball, const Attitude& lambda) {
+  const Vector3& down = ball.down_W;
+  if (down[0] == 0 && down[1] == 0) [[likely]] {
+    return ball.gravity_mps2 * lambda.gamma;
+  }
+  return (-ball.gravity_mps2) * lambda.to_B(from(down));
+}
+
+// eq_Om, eq_normal and eq_static_friction, and their 1-d forms, on any floor (rolling.h). They differ in the sums only,
+// which have the levers s_i and u = against_weight().
 RollingForces forces_of(const BallParams& ball, const Attitude& lambda, const Vec& omega, const Sums& sums);
 
 }  // namespace ballast::firmware::detail

@@ -38,11 +38,12 @@ DetachedMotion detached_motion_3d(const BallParams& ball, const Quaternion& orie
 
   // eq_ddot_z_GC.
   const Vec inertial = cross(omega_dot, center) + (1 / mass) * sums.mass_c;
+  const Vec weight_W = ball.gravity_mps2 * from(ball.down_W);  // per mass
   DetachedMotion out;
   out.angular_acceleration_B_radps2 = Vector3(omega_dot.x, omega_dot.y, omega_dot.z);
-  out.acceleration_W_mps2 =
-      Vector3(force_W.x / mass - dot(lambda.row1, inertial), force_W.y / mass - dot(lambda.row2, inertial),
-              force_W.z / mass - ball.gravity_mps2 - dot(lambda.gamma, inertial));
+  out.acceleration_W_mps2 = Vector3(force_W.x / mass + weight_W.x - dot(lambda.row1, inertial),
+                                    force_W.y / mass + weight_W.y - dot(lambda.row2, inertial),
+                                    force_W.z / mass + weight_W.z - dot(lambda.gamma, inertial));
   return out;
 }
 

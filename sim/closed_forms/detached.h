@@ -18,7 +18,8 @@ struct DetachedDiskMotion {
 // Omegadot and zddot_GC: eq_detach_ball_1d for masses on their rails, eq_detach_dOm and eq_ddot_z_GC for masses on any
 // trajectories (ball.rail is not read). With mass_count = 0 they are eq_detach_ball_static. Attitude q (body -> space,
 // unit) and angular velocity Omega (body frame) are those of rolling.h. Never fails for validated parameters; NaN in
-// gives NaN out. Deviation from the paper: its inner sums over j are carried out. With X = sum m_j chi_j / M, the
+// gives NaN out. Deviations from the paper: gravity points along ball.down_W, and the
+// inner sums over j are carried out. With X = sum m_j chi_j / M, the
 // centre of mass,
 //   sum_j (m_j / M - delta_ij) chi_j = X - chi_i = -d_i,   sum m_i d_i = 0,
 // which leaves n + 1 terms of the paper's (n + 1)^2 and a symmetric matrix, ^ being the cross-product matrix:
@@ -29,9 +30,9 @@ DetachedMotion detached_motion(const BallParams& ball, const Quaternion& orienta
 DetachedMotion detached_motion_3d(const BallParams& ball, const Quaternion& orientation,
                                   const Vector3& angular_velocity_B_radps, const MassTrajectories& masses);
 
-// phiddot and zddot_GC of eq_detach_disk_1d, with its P_i, Q_i and V_ij; with mass_count = 0, eq_detach_disk_static.
-// rolling_disk.h defines the plane and phi, and says what is read of `ball`. Deviation from the paper: the sums over j
-// are carried out as above, which leaves, divided by M and with d_i = zeta_i - X,
+// phiddot and zddot_GC of eq_detach_disk_1d, over a level floor, with its P_i, Q_i and V_ij; with mass_count = 0,
+// eq_detach_disk_static. rolling_disk.h defines the plane and phi, and says what is read of `ball`. Deviation from the
+// paper: the sums over j are carried out as above, which leaves, divided by M and with d_i = zeta_i - X,
 //   phiddot = [F_e,1 (X_1 sin phi + X_3 cos phi) - F_e,3 (X_1 cos phi - X_3 sin phi)
 //              - sum m_i (d_i,1 P_i - d_i,3 Q_i)] / [d_2 + sum m_i |d_i|^2].
 DetachedDiskMotion detached_disk_motion(const BallParams& ball, const DiskState& disk, const MassMotion& masses);

@@ -4,7 +4,7 @@
 // plant.
 //
 // The disk is the ball whose masses, centre of mass and external force stay in the plane e1-e3, with E2 a principal
-// axis orthogonal to it.
+// axis orthogonal to it, and that rolls on a level floor without resistance.
 //
 // phi is the angle from e1 to E1, counterclockwise seen with e2 directed into the page, so a disk with phidot > 0 rolls
 // towards -e1. The ball in the same state (paper, app_disk):

@@ -39,7 +39,8 @@ RollingForces rolling_forces_3d(const BallParams& ball, const Quaternion& orient
                                 const Vector3& angular_velocity_B_radps, const MassTrajectories& masses) {
   const Attitude lambda(orientation);
   const Vec omega = from(angular_velocity_B_radps);
-  const Sums sums = sums_of(ball, omega, masses, ball.radius_m * lambda.gamma, ball.gravity_mps2 * lambda.gamma);
+  const Sums sums =
+      sums_of(ball, omega, masses, ball.radius_m * lambda.gamma, firmware::detail::against_weight(ball, lambda));
   return firmware::detail::forces_of(ball, lambda, omega, sums);
 }
 

@@ -65,7 +65,10 @@ ContactShares contact_shares(const Body& body, double time_s, const double* q, c
                              const CarriedMasses& masses) {
   const Matrix3d lambda = rotation_B_to_W(q);
   const Vector3d omega(angular_velocity_B[0], angular_velocity_B[1], angular_velocity_B[2]);
-  const Vector3d weight_B = body.gravity_mps2 * lambda.row(2).transpose();
+  const Vector3d against_weight_W = eigen(body.floor.against_weight_W);
+  Vector3d weight_B = body.gravity_mps2 * lambda.row(2).transpose();
+  if (body.floor.slopes) weight_B = body.gravity_mps2 * (lambda.transpose() * against_weight_W);
+  const double pressing_mps2 = body.gravity_mps2 * against_weight_W[2];
   const Response response(body, lambda, masses);
 
   ContactShares out;
@@ -83,7 +86,7 @@ ContactShares contact_shares(const Body& body, double time_s, const double* q, c
     share.motion_W_n = response.force_W_n(
         m, zeta, 2 * omega.cross(eigen(masses[j].velocity_B_mps)) + eigen(masses[j].acceleration_B_mps2));
     share.turning_W_n = response.force_W_n(m, zeta, omega.cross(omega.cross(zeta)));
-    share.static_weight_n = m * body.gravity_mps2;
+    share.static_weight_n = m * pressing_mps2;
     sum_up(share);
   }
 
@@ -93,7 +96,7 @@ ContactShares contact_shares(const Body& body, double time_s, const double* q, c
   const Vector3d gyroscopic = omega.cross(body.inertia_kgm2.cwiseProduct(omega));
   out.shell.turning_W_n = response.force_W_n(m_0, chi_0, omega.cross(omega.cross(chi_0))) +
                           response.force_W_n(Vector3d::Zero(), gyroscopic);
-  out.shell.static_weight_n = m_0 * body.gravity_mps2;
+  out.shell.static_weight_n = m_0 * pressing_mps2;
   sum_up(out.shell);
 
   if (body.external_force.present()) {
@@ -103,6 +106,13 @@ ContactShares contact_shares(const Body& body, double time_s, const double* q, c
     out.outside.weight_W_n = response.force_W_n(-(lambda.transpose() * force_W), Vector3d::Zero());
     out.outside.static_weight_n = -force_W[2];
     sum_up(out.outside);
+  }
+  if (body.floor.resists && out.force_W_n[2] > 0) {
+    // The moment is in proportion to N, which it changes in proportion.
+    const Vector3d moment_B_m = lambda.transpose() * eigen(body.floor.moment_W_m(vec3(lambda * omega)));
+    const Vector3d per_n = response.force_W_n(Vector3d::Zero(), -moment_B_m);
+    out.floor.turning_W_n = out.force_W_n[2] / (1 - per_n[2]) * per_n;
+    sum_up(out.floor);
   }
   return out;
 }

@@ -3,8 +3,8 @@
 //
 // In rolling the contact force is linear in the loads on the ball. Each mass has three loads: its weight, its own
 // motion in the body (Coriolis term included), and its motion with the turning ball. The shell has the first and the
-// third, and the external force is a load of its own. So R is the sum of the forces that each load would cause alone in
-// a ball with all the inertia of this one:
+// third, and the external force and the floor's moment are loads of their own. So R is the sum of the forces that each
+// load would cause alone in a ball with all the inertia of this one:
 //   R = sum R_k.
 // A load needs friction in two ways: it pushes along f, or it lifts. Its share of f_s / N counts both. With sigma the
 // direction of f, mu = f_s / N, w_k the weight in load k and W = sum w_k,
@@ -34,6 +34,7 @@ struct ContactShares {
   std::array<LoadShare, kMaxMasses> mass;
   LoadShare shell;                                      // with its static internals
   LoadShare outside;                                    // of the external force; all of it is stored as its weight
+  LoadShare floor;                                      // of the floor's moment; all of it is stored as its turning
   Eigen::Vector3d force_W_n = Eigen::Vector3d::Zero();  // R, the sum of all
   double static_weight_n = 0;                           // W, likewise
 };

@@ -56,7 +56,7 @@ Equations::Equations(const PlantModel& model)
       contact_start_(kTheta + (driven_ ? 2 * model.masses.size() : 0)) {
   const auto pushes = [](const PlantFault& fault) { return fault.kind == PlantFaultKind::kPush; };
   if (std::any_of(model.faults.begin(), model.faults.end(), pushes)) body.external_force.expect_pushes();
-  const bool lanes = driven_ && !body.external_force.present() && all_on_circles(model.masses);
+  const bool lanes = driven_ && body.floor.ideal() && !body.external_force.present() && all_on_circles(model.masses);
   driven_lanes_ = lanes ? &driven_lanes() : nullptr;
   lane_body_ = to_lanes(body);
 }

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <complex>
+#include <limits>
 
 namespace ballast::sim {
 
@@ -23,8 +24,24 @@ struct Attitude {
     row2 = {xy + wz, 1. - (xx + zz), yz - wx};
     up = {xz - wy, yz + wx, 1. - (xx + yy)};
   }
+  [[nodiscard, gnu::always_inline]] Vec3<T> to_W(const Vec3<T>& v_B) const {
+    return {dot(row1, v_B), dot(row2, v_B), dot(up, v_B)};
+  }
+  template <class U>
+  [[nodiscard, gnu::always_inline]] Vec3<T> to_B(const Vec3<U>& v_W) const {
+    return v_W.x * row1 + v_W.y * row2 + v_W.z * up;
+  }
   Vec3<T> row1, row2, up;
 };
+
+// -Lambda^T g_W / g.
+template <class T>
+[[gnu::always_inline]] inline Vec3<T> against_weight(const Floor& floor, const Attitude<T>& lambda) {
+  if (!floor.slopes) [[likely]] {
+    return lambda.up;
+  }
+  return lambda.to_B(floor.against_weight_W);
+}
 
 // Writes three values without the temporary that Eigen's assignment would make.
 template <class T>
@@ -110,14 +127,18 @@ struct RollingEquations {
                           -sums.xy * omega.x + j11 * omega.y - sums.yz * omega.z,
                           -sums.xz * omega.x - sums.yz * omega.y + j22 * omega.z};
     // Omega x (Omega x S) = Omega (Omega.S) - S |Omega|^2.
+    const Vec3<T> against = against_weight(body.floor, lambda);
     newton = dot(omega, first_moment) * omega - dot(omega, omega) * first_moment + sums.sum_e +
-             (body.total_mass_kg * g) * up;
+             (body.total_mass_kg * g) * against;
     if (body.external_force.present()) {
       const Vec3<T> force_W = body.external_force.at(time_s, Vec3<T>{velocity_1, velocity_2, T(0)});
       newton = newton - (force_W.x * lambda.row1 + force_W.y * lambda.row2 + force_W.z * up);
     }
     // E + r Gamma x G, with g S x Gamma drawn into the second product.
     rhs = cross(r * newton - g * first_moment, up) - (cross(omega, j_omega) + sums.sum_zeta_e);
+    if (body.floor.slopes) [[unlikely]] {
+      rhs = rhs - cross(g * first_moment, against - up);
+    }
 
     // A = J + 2 (v . Gamma) 1 - Gamma v^T - v Gamma^T with v = r S + M r^2 Gamma / 2.
     const Vec3<T> v = r * first_moment + (0.5 * body.total_mass_kg * r * r) * up;
@@ -127,6 +148,20 @@ struct RollingEquations {
   }
 
   [[nodiscard, gnu::always_inline]] Vec3<T> solve() const { return sim::solve(matrix, rhs); }
+
+  // Omegadot with the floor's moment, from `free` without it. `driven_n` and `driven_n0` are what the elimination of
+  // driven masses takes from n and adds to n_0.
+  [[nodiscard, gnu::always_inline]] Vec3<T> resisted(const Vec3<T>& omega, const Vec3<T>& driven_n, const T& driven_n0,
+                                                     const Vec3<T>& free) const {
+    const Vec3<T> n = cross(sums.first_moment, lambda.up) - driven_n;
+    const T normal = dot(lambda.up, newton) + driven_n0 + dot(n, free);
+    if (!(std::real(normal) > 0)) return free;
+    const Vec3<T> of_moment = sim::solve(matrix, lambda.to_B(body.floor.moment_W_m(lambda.to_W(omega))));
+    const T determinant = 1. - dot(n, of_moment);
+    constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
+    if (!(std::real(determinant) > 0)) return {T(kNothing), T(kNothing), T(kNothing)};
+    return free + (normal / determinant) * of_moment;
+  }
 
   // `driven`: sum m_i thetaddot_i zeta_i' of driven masses, which `newton` lacks.
   [[gnu::always_inline]] void close(const Vec3<T>& omega_dot, const Vec3<T>& driven, MotionOf<T>& out) const {
@@ -169,6 +204,7 @@ Body::Body(const World& world)
       center_of_mass_B_m(world.ball.center_of_mass_B_m),
       shell_first_moment(shell_mass_kg * vec3(center_of_mass_B_m)),
       external_force(world),
+      floor(world),
       mass_count(static_cast<int>(world.masses.size())) {
   const Vec3<double>& moment = shell_first_moment;
   const Vector3d& chi = center_of_mass_B_m;
@@ -261,7 +297,10 @@ template <class T>
     sums.add(body.mass_kg[j], omega, masses[j]);
   }
   RollingEquations<T> equations(body, time_s, lambda, omega, sums);
-  const Vec3<T> omega_dot = equations.solve();
+  Vec3<T> omega_dot = equations.solve();
+  if (body.floor.resists) [[unlikely]] {
+    omega_dot = equations.resisted(omega, Vec3<T>{}, T(0), omega_dot);
+  }
   equations.close(omega_dot, Vec3<T>{}, out);
 }
 
@@ -306,6 +345,10 @@ void rolling_driven(const Body& body, double time_s, const double* q, const doub
   std::array<Vec3<double>, kMaxMasses> lever;      // b_i
   std::array<double, kMaxMasses> inverse_inertia;  // 1 / D_i
   std::array<double, kMaxMasses> force;            // tau_i - m_i zeta_i' . (c'_i + g Gamma)
+  const Vec3<double> weight = body.gravity_mps2 * against_weight(body.floor, lambda);
+  // Parts of n and n_0 that the elimination changes.
+  Vec3<double> driven_n{};
+  double driven_n0 = 0;
   for (int i = 0; i < body.mass_count; ++i) {
     const auto j = static_cast<std::size_t>(i);
     const auto rail = firmware::evaluate(body.rail[j], position[i]);
@@ -316,7 +359,7 @@ void rolling_driven(const Body& body, double time_s, const double* q, const doub
     const double inverse_d = 1 / (m * dot(d1, d1) + body.reflected_inertia[j]);
     // zeta' . (Omega x (Omega x zeta)), written out.
     const double centripetal = dot(omega, zeta) * dot(omega, d1) - dot(omega, omega) * dot(zeta, d1);
-    const double t = generalised_force[i] - m * (centripetal + dot(d1, e + body.gravity_mps2 * lambda.up));
+    const double t = generalised_force[i] - m * (centripetal + dot(d1, e + weight));
     const Vec3<double> scaled = inverse_d * b;
     taken.xx += scaled.x * b.x;
     taken.xy += scaled.x * b.y;
@@ -325,6 +368,11 @@ void rolling_driven(const Body& body, double time_s, const double* q, const doub
     taken.yz += scaled.y * b.z;
     taken.zz += scaled.z * b.z;
     taken_rhs = taken_rhs + t * scaled;
+    if (body.floor.resists) {
+      const double rise = m * dot(d1, lambda.up);  // of N, per thetaddot_i
+      driven_n = driven_n + rise * scaled;
+      driven_n0 += rise * t * inverse_d;
+    }
     tangent[j] = d1;
     lever[j] = b;
     inverse_inertia[j] = inverse_d;
@@ -333,7 +381,8 @@ void rolling_driven(const Body& body, double time_s, const double* q, const doub
   RollingEquations<double> equations(body, time_s, lambda, omega, sums);
   equations.matrix = equations.matrix - taken;
   equations.rhs = equations.rhs - taken_rhs;
-  const Vec3<double> omega_dot = equations.solve();
+  Vec3<double> omega_dot = equations.solve();
+  if (body.floor.resists) omega_dot = equations.resisted(omega, driven_n, driven_n0, omega_dot);
   Vec3<double> driven{};  // sum m_i thetaddot_i zeta_i'
   for (int i = 0; i < body.mass_count; ++i) {
     const auto j = static_cast<std::size_t>(i);
@@ -379,16 +428,22 @@ struct OpenSums {
     rhs.tail<3>() -= m * zeta.cross(e);
   }
 
+  // -Lambda^T g_W / g.
+  [[nodiscard]] Vector3d against_weight(const Body& body) const {
+    if (body.floor.slopes) return lambda.transpose() * eigen(body.floor.against_weight_W);
+    return lambda.row(2);
+  }
+
   void solve(const Body& body, OpenContact& out) {
-    const Vector3d up = lambda.row(2);
+    const Vector3d up = lambda.row(2), against = against_weight(body);
     const double g = body.gravity_mps2;
     const Matrix3d s_cross = cross_matrix(first_moment);
     matrix.topLeftCorner<3, 3>() += body.total_mass_kg * Matrix3d::Identity();
     matrix.topRightCorner<3, 3>() -= s_cross;
     matrix.bottomLeftCorner<3, 3>() += s_cross;
     matrix.bottomRightCorner<3, 3>() += inertia;
-    rhs.head<3>() -= omega.cross(omega.cross(first_moment)) + body.total_mass_kg * g * up;
-    rhs.tail<3>() -= omega.cross(inertia * omega) + g * first_moment.cross(up);
+    rhs.head<3>() -= omega.cross(omega.cross(first_moment)) + body.total_mass_kg * g * against;
+    rhs.tail<3>() -= omega.cross(inertia * omega) + g * first_moment.cross(against);
 
     Eigen::Matrix<double, 3, 6> slip;  // W
     slip << Matrix3d::Identity(), body.radius_m * cross_matrix(up);
@@ -398,7 +453,14 @@ struct OpenSums {
     out.free_acceleration = factor.solve(rhs);
     out.response = factor.solve(slip.transpose());
     out.free_slip_rate_W_mps2 = lambda * (slip * out.free_acceleration);
-    out.compliance_W = lambda * (slip * out.response) * lambda.transpose();
+    out.impulse_compliance_W = lambda * (slip * out.response) * lambda.transpose();
+    out.compliance_W = out.impulse_compliance_W;
+    out.moment_response.setZero();
+    if (!body.floor.resists) return;
+    Vector6d moment = Vector6d::Zero();
+    moment.tail<3>() = lambda.transpose() * eigen(body.floor.moment_W_m(vec3(lambda * omega)));
+    out.moment_response = factor.solve(moment);
+    out.compliance_W.col(2) += lambda * (slip * out.moment_response);
   }
 
   Matrix3d lambda;
@@ -429,7 +491,7 @@ void open_contact_driven(const Body& body, double time_s, const double* q, const
                          const double* generalised_force, OpenContact& out) {
   OpenSums sums(body, time_s, q, angular_velocity_B, velocity_W_mps);
   const Vector3d& omega = sums.omega;
-  const Vector3d up = sums.lambda.row(2);
+  const Vector3d weight = body.gravity_mps2 * sums.against_weight(body);
   for (int i = 0; i < body.mass_count; ++i) {
     const auto j = static_cast<std::size_t>(i);
     const auto rail = firmware::evaluate(body.rail[j], position[i]);
@@ -440,7 +502,7 @@ void open_contact_driven(const Body& body, double time_s, const double* q, const
     Vector6d& coupling = out.coupling[j];
     coupling << m * rail.d1, m * zeta.cross(rail.d1);
     out.inverse_inertia[j] = 1 / (m * rail.d1.squaredNorm() + body.reflected_inertia[j]);
-    out.drive[j] = generalised_force[i] - m * rail.d1.dot(omega.cross(omega.cross(zeta)) + e + body.gravity_mps2 * up);
+    out.drive[j] = generalised_force[i] - m * rail.d1.dot(omega.cross(omega.cross(zeta)) + e + weight);
     sums.matrix -= out.inverse_inertia[j] * coupling * coupling.transpose();
     sums.rhs -= out.inverse_inertia[j] * out.drive[j] * coupling;
   }
@@ -452,7 +514,8 @@ void close_contact(const Body& body, const OpenContact& open, const Vector3d& co
   out.rotation_B_to_W = open.rotation_B_to_W;
   out.up_B = open.up_B;
   out.contact_force_B_n = open.rotation_B_to_W.transpose() * contact_force_W_n;
-  const Vector6d u = open.free_acceleration + open.response * out.contact_force_B_n;
+  Vector6d u = open.free_acceleration + open.response * out.contact_force_B_n;
+  if (contact_force_W_n[2] > 0 && body.floor.resists) u += contact_force_W_n[2] * open.moment_response;
   out.acceleration_B_mps2 = u.head<3>();
   out.angular_acceleration_B_radps2 = u.tail<3>();
   out.normal_force_n = contact_force_W_n[2];
@@ -479,6 +542,10 @@ void generalised_forces(const Body& body, const double* angular_velocity_B, cons
                         const double* velocity, const double* acceleration, const MotionOf<double>& motion,
                         double* generalised_force) {
   const Vector3d omega(angular_velocity_B[0], angular_velocity_B[1], angular_velocity_B[2]);
+  Vector3d weight = body.gravity_mps2 * motion.up_B;
+  if (body.floor.slopes) {
+    weight = body.gravity_mps2 * (motion.rotation_B_to_W.transpose() * eigen(body.floor.against_weight_W));
+  }
   for (int i = 0; i < body.mass_count; ++i) {
     const auto j = static_cast<std::size_t>(i);
     const auto rail = body.path(j, position[i]);
@@ -486,8 +553,7 @@ void generalised_forces(const Body& body, const double* angular_velocity_B, cons
     const Vector3d a = motion.acceleration_B_mps2 + motion.angular_acceleration_B_radps2.cross(rail.position) +
                        omega.cross(omega.cross(rail.position) + 2 * rate * rail.d1) + rate * rate * rail.d2 +
                        acceleration[i] * rail.d1;
-    generalised_force[i] = body.mass_kg[j] * rail.d1.dot(a + body.gravity_mps2 * motion.up_B) +
-                           body.reflected_inertia[j] * acceleration[i];
+    generalised_force[i] = body.mass_kg[j] * rail.d1.dot(a + weight) + body.reflected_inertia[j] * acceleration[i];
   }
 }
 

@@ -24,6 +24,13 @@
 // m_i zeta_i' . (c'_i + g Gamma) with l_i = (m_i zeta_i', m_i zeta_i x zeta_i'), and thetaddot_i is eliminated as
 // above. An impulse changes the velocities by the same matrices; motor forces are finite, so a driven mass yields to it
 // along its rail.
+//
+// Real floors (physics.md, "Real floors"). On a slope the space frame is the floor's, so every g Gamma above that comes
+// from weight is g times the upward vertical `against_weight`, and every r Gamma stays. The floor's moment t N with
+// t = Lambda^T T_W / N joins the right side of Euler's equation. In rolling N = n_0 + n . Omegadot, with n = S x Gamma
+// and n_0 = Gamma . G before the elimination of driven masses, which changes both, so
+//   (A - t n^T) Omegadot = rhs + t n_0,   solved by Sherman and Morrison's formula from the symmetric solution.
+// With the contact force open, u gains N [..]^-1 (0, t), and C that response's slip rate in the column of N.
 #pragma once
 
 #include <Eigen/Core>
@@ -32,6 +39,7 @@
 #include "firmware/model/rail.h"
 #include "sim/masses/cubic_spline.h"
 #include "sim/plant/external_force.h"
+#include "sim/plant/floor.h"
 #include "sim/plant/world.h"
 
 namespace ballast::sim {
@@ -49,6 +57,7 @@ struct Body {
   Vec3<double> shell_first_moment;            // m_0 chi_0
   std::array<double, 6> shell_second_moment;  // m_0 chi_0 chi_0^T: xx, xy, xz, yy, yz, zz
   ExternalForce external_force;
+  Floor floor;
   int mass_count;
   std::array<double, kMaxMasses> mass_kg{};
   std::array<firmware::Rail, kMaxMasses> rail{};
@@ -71,7 +80,8 @@ void carry_along(const Body& body, const double* position, const double* velocit
                  CarriedMasses& out);
 
 // The solution of the equations at one instant. Body frame; arrays per mass hold mass_count entries. In flight R_B = N
-// = f_s = 0; in sliding f_s is the kinetic friction.
+// = f_s = 0; in sliding f_s is the kinetic friction. On a floor that resists, NaN where the
+// moment of each newton of N raises N by a newton or more: no N balances the ball.
 template <class T>
 struct MotionOf {
   using Vector3 = Eigen::Matrix<T, 3, 1>;
@@ -98,7 +108,9 @@ struct OpenContact {
   Eigen::Matrix<double, 6, 1> free_acceleration;  // u = (a, Omegadot) where R = 0, body frame
   Eigen::Matrix<double, 6, 3> response;           // of u to R_B, and of the velocities to an impulse, body frame
   Eigen::Vector3d free_slip_rate_W_mps2;          // rate of the slip velocity where R = 0; its third entry is zddot's
-  Eigen::Matrix3d compliance_W;                   // C, of that rate to R: 1/kg
+  Eigen::Matrix3d compliance_W;                   // C, of that rate to R with the floor's moment of N = R_3: 1/kg
+  Eigen::Matrix3d impulse_compliance_W;           // the same of the slip velocity to an impulse, which has no moment
+  Eigen::Matrix<double, 6, 1> moment_response;    // of u to N by the floor's moment; 0 where the floor does not resist
   std::array<Eigen::Matrix<double, 6, 1>, kMaxMasses> coupling;  // l_i of driven masses
   std::array<double, kMaxMasses> inverse_inertia;                // 1 / D_i
   std::array<double, kMaxMasses> drive;                          // the row's right-hand side
@@ -127,7 +139,8 @@ void open_contact_driven(const Body& body, double time_s, const double* q, const
                          const Eigen::Vector3d& velocity_W_mps, const double* position, const double* velocity,
                          const double* generalised_force, OpenContact& out);
 
-// The motion under a contact force R, space frame. Sets everything in `out` but generalised_force.
+// The motion under a contact force R, space frame, and under the floor's moment where N > 0. Sets everything in `out`
+// but generalised_force.
 void close_contact(const Body& body, const OpenContact& open, const Eigen::Vector3d& contact_force_W_n, Motion& out);
 
 // The changes of the velocities by an impulse at the contact point (N s, space frame).

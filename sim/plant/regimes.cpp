@@ -116,7 +116,12 @@ void Regimes::leave(Progress& run) {
   const Instant& motion = dynamics.now.motion;
   if (!std::isfinite(motion.normal_force_n) || !std::isfinite(motion.static_friction_n)) {
     if (regime == Regime::kSliding) return end_painleve(run);
-    return end_inconsistent("the contact force stopped being finite", run);
+    return end_inconsistent(
+        dynamics.equations.body.floor.resists
+            ? "rolling cannot go on: the moment of the floor's resistance presses the ball down by more "
+              "than the normal force that causes it, so that no normal force balances it"
+            : "the contact force stopped being finite",
+        run);
   }
   if (changes_without_end(dynamics.time_s)) {
     return end_inconsistent("the contact changes between its regimes without end at one instant", run);
@@ -159,8 +164,8 @@ void Regimes::land(Progress& run) {
   const double leaving = arriving > kRestSpeed * contact.speed_scale_mps ? restitution_ * arriving : 0.0;
   const OpenContact open = dynamics.open_contact();
   std::string why;
-  const auto impact =
-      impact_impulse(before, open.compliance_W, contact.static_friction, contact.kinetic_friction, leaving, why);
+  const auto impact = impact_impulse(before, open.impulse_compliance_W, contact.static_friction,
+                                     contact.kinetic_friction, leaving, why);
   if (!impact) return end_inconsistent(why, run);
   const Vector3d& impulse = impact->impulse_W_ns;
   const Vector3d after(impact->slip_W_mps[0], impact->slip_W_mps[1], leaving);

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -22,6 +23,11 @@ struct Surface {
   double static_friction = std::numeric_limits<double>::infinity();
   double kinetic_friction = std::numeric_limits<double>::infinity();  // default: = static
   double restitution = 0;
+  double rolling_resistance = 0;  // c_rr
+  double spin_friction_m = 0;     // c_spin
+  double creep_radps = 0;         // omega_c; 0: World::creep_radps() chooses it
+  double slope_rad = 0;           // of the floor; the space frame's third axis is its normal
+  double downhill_rad = 0;        // direction of steepest descent in the floor, from e1 towards e2
 };
 
 // A force on the geometric centre over time, space frame: linear between the times, constant before and after them.
@@ -54,6 +60,12 @@ struct World {
   Surface surface;
   std::vector<Mass> masses;  // 0..kMaxMasses
   InitialState initial;
+
+  // omega_c, the rate below which rolling resistance and spin friction fade: physics.md, "Real floors".
+  [[nodiscard]] double creep_radps() const {
+    if (surface.creep_radps > 0) return surface.creep_radps;
+    return gravity_mps2 > 0 ? 1e-3 * std::sqrt(gravity_mps2 / ball.radius_m) : 1e-3;
+  }
 };
 
 }  // namespace ballast::sim

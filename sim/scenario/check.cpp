@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <numbers>
 
 #include "sim/scenario/read_fault.h"
 #include "sim/scenario/read_mass.h"
@@ -75,6 +76,14 @@ void read_ball(TableReader table, std::optional<double>& radius, Ball& ball) {
   }
 }
 
+void read_slope(TableReader table, Surface& surface) {
+  Range angle = Range::between(0, std::numbers::pi / 2, "rad");
+  angle.high_excluded = true;
+  surface.slope_rad = table.number("angle", angle, surface.slope_rad).value_or(0);
+  surface.downhill_rad = table.number("downhill", Range::any("rad"), surface.downhill_rad).value_or(0);
+  table.refuse_unknown_keys();
+}
+
 void read_surface(TableReader table, Surface& surface) {
   Range friction = Range::positive();
   friction.infinity_allowed = true;
@@ -82,6 +91,12 @@ void read_surface(TableReader table, Surface& surface) {
   const auto kinetic_friction =
       table.number("kinetic_friction", friction, static_friction.value_or(surface.kinetic_friction));
   surface.restitution = table.number("restitution", Range::between(0, 1), surface.restitution).value_or(0);
+  surface.rolling_resistance =
+      table.number("rolling_resistance", Range::non_negative(), surface.rolling_resistance).value_or(0);
+  surface.spin_friction_m =
+      table.number("spin_friction", Range::non_negative("m"), surface.spin_friction_m).value_or(0);
+  surface.creep_radps = table.number("creep", Range::non_negative("rad/s"), surface.creep_radps).value_or(0);
+  read_slope(table.table("slope"), surface);
   table.refuse_unknown_keys();
   if (!static_friction || !kinetic_friction) return;
   surface.static_friction = *static_friction;

@@ -106,6 +106,18 @@ void add_mass(CanonicalText& text, const Mass& mass) {
   text.add("shaft_ratio", motor.shaft_ratio);
 }
 
+// An ideal floor adds no lines.
+void add_real_floor(CanonicalText& text, const Surface& surface) {
+  if (surface.rolling_resistance > 0 || surface.spin_friction_m > 0) {
+    text.add("surface.rolling_resistance", surface.rolling_resistance);
+    text.add("surface.spin_friction", surface.spin_friction_m);
+    text.add("surface.creep", surface.creep_radps);
+  }
+  if (surface.slope_rad == 0) return;
+  text.add("surface.slope.angle", surface.slope_rad);
+  text.add("surface.slope.downhill", surface.downhill_rad);
+}
+
 // Scenarios without faults add no lines.
 void add_fault(CanonicalText& text, const Fault& fault) {
   text.add("fault", std::string(info(fault.kind).name));
@@ -142,6 +154,7 @@ std::int64_t fingerprint(const Scenario& scenario) {
   text.add("surface.static_friction", scenario.surface.static_friction);
   text.add("surface.kinetic_friction", scenario.surface.kinetic_friction);
   text.add("surface.restitution", scenario.surface.restitution);
+  add_real_floor(text, scenario.surface);
   text.add("masses", static_cast<std::uint64_t>(scenario.masses.size()));
   for (const Mass& mass : scenario.masses) add_mass(text, mass);
   const Eigen::Quaterniond& q = scenario.initial.orientation;

@@ -9,12 +9,15 @@
 namespace ballast::sim {
 namespace {
 
-constexpr double kGreatestGravity_mps2 = 30;  // Jupiter: 24.8
-constexpr double kGreatestRadius_m = 20;      // the largest rolling robots are a few metres across
-constexpr double kGreatestDensity = 12'000;   // kg/m^3 of the whole ball: more than lead throughout
-constexpr double kGreatestFriction = 2;       // rubber on dry asphalt: about 1
-constexpr double kTouching = 2e-3;            // of ball.radius: rails nearer than this cannot be built
-constexpr double kRounding = 1 + 1e-9;        // inertias written with ten digits
+constexpr double kGreatestGravity_mps2 = 30;   // Jupiter: 24.8
+constexpr double kGreatestRadius_m = 20;       // the largest rolling robots are a few metres across
+constexpr double kGreatestDensity = 12'000;    // kg/m^3 of the whole ball: more than lead throughout
+constexpr double kGreatestFriction = 2;        // rubber on dry asphalt: about 1
+constexpr double kGreatestResistance = 0.3;    // loose sand
+constexpr double kGreatestSpinFriction = 0.1;  // of ball.radius
+constexpr double kSteepest_rad = 0.6;          // steeper than any street
+constexpr double kTouching = 2e-3;             // of ball.radius: rails nearer than this cannot be built
+constexpr double kRounding = 1 + 1e-9;         // inertias written with ten digits
 
 // The rail coordinates at which a mass may stand.
 std::array<double, 2> reach(const firmware::Rail& rail) {
@@ -74,6 +77,17 @@ void warn_of_surface(TableReader& root, const Scenario& scenario) {
               "steel on steel 0.35");
   } else if (std::isfinite(friction) && friction > kGreatestFriction) {
     surface.warn("static_friction", "is more than any floor has; rubber on dry asphalt has about 1");
+  }
+  if (scenario.surface.rolling_resistance > kGreatestResistance) {
+    surface.warn("rolling_resistance", "is more than that of loose sand, about 0.3; a ball on carpet has 0.03 to 0.1");
+  }
+  if (scenario.surface.spin_friction_m > kGreatestSpinFriction * scenario.ball.radius_m) {
+    surface.warn("spin_friction", "is more than {} m = ball.radius / 10, so that contact would be as wide as the ball",
+                 kGreatestSpinFriction * scenario.ball.radius_m);
+  }
+  if (scenario.surface.slope_rad > kSteepest_rad) {
+    surface.table("slope").warn("angle", "is in radians; if {} degrees are meant, write {}", scenario.surface.slope_rad,
+                                scenario.surface.slope_rad * std::numbers::pi / 180);
   }
 }
 

@@ -89,6 +89,21 @@ TEST(Validate, Ball) {
                           [j](auto& p) -> Real& { return p.ball.external_force_W_n[j]; });
   }
   expect_refused("ball.center_of_mass_B_m", -1, [](auto& p) { p.ball.center_of_mass_B_m = Vector3(0.8, 0.8, 0); });
+  for (int j = 0; j < 3; ++j) {
+    for (const Real value : {Real(1), kNan, kInfinity}) {
+      expect_refused("ball.down_W", -1, [j, value](auto& p) { p.ball.down_W[j] = value; });
+    }
+  }
+  expect_refused("ball.down_W", -1, [](auto& p) { p.ball.down_W = Vector3(0, 0, 1); });
+  expect_refused("ball.down_W", -1, [](auto& p) { p.ball.down_W = Vector3(0, 1, 0); });
+  expect_refused_values("ball.rolling_resistance", -1, {-1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.ball.rolling_resistance; });
+  expect_refused_values("ball.spin_friction_m", -1, {-1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.ball.spin_friction_m; });
+  expect_refused_values("ball.creep_radps", -1, {-1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.ball.creep_radps; });
+  expect_refused("ball.creep_radps", -1, [](auto& p) { p.ball.rolling_resistance = 0.01; });
+  expect_refused("ball.creep_radps", -1, [](auto& p) { p.ball.spin_friction_m = 0.01; });
   expect_refused("ball.mass_count", -1, [](auto& p) { p.ball.mass_count = -1; });
   expect_refused("ball.mass_count", -1, [](auto& p) {
     for (std::size_t i = 3; i < kMaxMasses; ++i) {

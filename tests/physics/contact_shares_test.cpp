@@ -102,6 +102,34 @@ TEST(ContactShares, AddUpAndAreWhatIsMissingWithoutTheirCause) {
   }
 }
 
+// On a sloping floor that resists, its moment is one load more.
+TEST(ContactShares, AddUpOnRealFloors) {
+  const std::uint64_t seed = ballast::test::random_seed(20261123);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
+  int resisted = 0;
+  for (int trial = 0; trial < 500; ++trial) {
+    RandomInstant s = draw(random);
+    random.make_floor_real(s.scenario);
+    const Body body(s.scenario);
+    CarriedMasses masses;
+    carry_along(body, s.position.data(), s.velocity.data(), s.acceleration.data(), masses);
+    const ContactShares shares = contact_shares(body, 0, s.q.data(), s.omega.data(), masses);
+    const Vector3d all = force_W_n(body, s, masses);
+    EXPECT_LT((shares.force_W_n - all).norm(), 1e-12 * (body.total_mass_kg * body.gravity_mps2 + all.norm()));
+    resisted += shares.floor.turning_W_n.isZero(0) ? 0 : 1;
+    if (!(shares.static_weight_n > 0)) continue;
+    double parts = part_of_friction(shares, shares.shell) + part_of_friction(shares, shares.outside) +
+                   part_of_friction(shares, shares.floor);
+    for (int i = 0; i < body.mass_count; ++i) {
+      parts += part_of_friction(shares, shares.mass[static_cast<std::size_t>(i)]);
+    }
+    const double sharpest = std::max(1.0, shares.force_W_n.norm() / shares.force_W_n.head<2>().norm());
+    EXPECT_NEAR(parts, 1, 1e-10 * sharpest * body.total_mass_kg * body.gravity_mps2 / shares.static_weight_n);
+  }
+  EXPECT_GE(resisted, 200);
+}
+
 // Two masses on the level of the centre, at x and -y of it along e1, everything at rest. By hand: about the contact
 // line the inertia is A = d + M r^2 + m x^2 + n y^2; m alone turns the ball by m g x / A, so it takes the friction
 // M r m g x / A and lifts its own weight by (m x - n y) m g x / A.

@@ -11,6 +11,12 @@ Eigen::Quaterniond attitude(const sim::Plant::Sample& p) {
   return {p.orientation[0], p.orientation[1], p.orientation[2], p.orientation[3]};
 }
 
+Vector3d gravity_W_mps2(const sim::Scenario& scenario) {
+  const double angle = scenario.surface.slope_rad, downhill = scenario.surface.downhill_rad;
+  return scenario.gravity_mps2 *
+         Vector3d(std::sin(angle) * std::cos(downhill), std::sin(angle) * std::sin(downhill), -std::cos(angle));
+}
+
 Whole whole(const sim::Scenario& scenario, const sim::Plant::Sample& p) {
   const Eigen::Quaterniond q = attitude(p);
   const Vector3d& w = p.angular_velocity_B_radps;
@@ -34,7 +40,7 @@ Whole whole(const sim::Scenario& scenario, const sim::Plant::Sample& p) {
     out.mass_kg += point.mass;
     out.center_W_m += point.mass * point.at;
     out.velocity_W_mps += point.mass * point.velocity;
-    out.energy_j += point.mass * (point.velocity.squaredNorm() / 2 + scenario.gravity_mps2 * point.at.z());
+    out.energy_j += point.mass * (point.velocity.squaredNorm() / 2 - gravity_W_mps2(scenario).dot(point.at));
   }
   out.center_W_m /= out.mass_kg;
   out.velocity_W_mps /= out.mass_kg;

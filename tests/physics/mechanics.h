@@ -14,8 +14,11 @@ struct Whole {
   Eigen::Vector3d center_W_m = Eigen::Vector3d::Zero();  // centre of mass
   Eigen::Vector3d velocity_W_mps = Eigen::Vector3d::Zero();
   Eigen::Vector3d angular_momentum_W = Eigen::Vector3d::Zero();  // about the centre of mass, kg m^2/s
-  double energy_j = 0;  // kinetic, height above the floor's GC, and the potential -F_e . z of the external force
+  double energy_j = 0;  // kinetic, of weight above the GC's start, and the potential -F_e . z of the external force
 };
+
+// Of a floor that may slope.
+Eigen::Vector3d gravity_W_mps2(const sim::Scenario& scenario);
 
 // Shell and masses, without the motors' rotors.
 Whole whole(const sim::Scenario& scenario, const sim::Plant::Sample& sample);

@@ -73,6 +73,29 @@ INSTANTIATE_TEST_SUITE_P(Reference, PaperRun,
                            return std::string(run.param.first) + (run.param.second < 0.01 ? "_1ms" : "_100ms");
                          });
 
+// A ball on a sloping floor that resists: shared with the project as a run of an independent program. Its forces have
+// jumps where motion pieces meet, at multiples of 0.5 s.
+TEST(FloorBall, FollowsTheReferenceFromEndToEnd) {
+  const auto rows = test::reference_rows("floor_ball");
+  ASSERT_GT(rows.size(), 50u);
+  const auto result = read_scenario(std::string(BALLAST_TEST_DATA) + "/floor_ball.toml", {});
+  for (const auto& error : result.errors) ADD_FAILURE() << to_string(error);
+  Plant plant(result.scenario);
+  double worst_state = 0, worst_force = 0;
+  for (const Row& row : rows) {
+    const double t = row.at("t");
+    plant.advance(t, {});
+    ASSERT_EQ(plant.end(), PhysicsEnd::kNone) << plant.end_text();
+    worst_state = std::max(worst_state, state_error(plant.sample(), row));
+    const bool jumps = t > 0 && std::abs(t - std::round(2 * t) / 2) < 1e-6;
+    if (!jumps) worst_force = std::max(worst_force, force_error(plant.sample(), row));
+  }
+  RecordProperty("worst",
+                 std::to_string(worst_state * 1e9) + "e-9 state, " + std::to_string(worst_force * 1e9) + "e-9 N");
+  EXPECT_LT(worst_state, 1e-6);
+  EXPECT_LT(worst_force, 1e-7);
+}
+
 ContactExtrema extrema_of(const std::string& name, double period_s) {
   Plant plant(shipped(name));
   for (int k = 1; plant.time_s() < 20 && plant.end() == PhysicsEnd::kNone; ++k)

@@ -1,6 +1,7 @@
 // Robots, floors, forces and motions that nobody designed, for tests. Everything comes from one seed.
 #pragma once
 
+#include <cmath>
 #include <random>
 
 #include "sim/scenario/scenario.h"
@@ -28,6 +29,16 @@ class RandomRobot {
     const Eigen::Vector3d x = direction();
     const Eigen::Vector3d y = x.cross(direction()).normalized();
     return firmware::circle(0.2 * ball_radius_m * direction(), ball_radius_m * uniform(0.1, 0.75), x, y);
+  }
+
+  // Makes the floor slope and resist. Every second robot has a creep rate near its own rates.
+  void make_floor_real(sim::Scenario& s) {
+    const double r = s.ball.radius_m;
+    s.surface.rolling_resistance = uniform(0.005, 0.1);
+    s.surface.spin_friction_m = r * uniform(0.001, 0.05);
+    s.surface.creep_radps = integer(0, 1) == 0 ? 0 : uniform(0.1, 1) * std::sqrt(s.gravity_mps2 / r);
+    s.surface.slope_rad = uniform(0.02, 0.4);
+    s.surface.downhill_rad = uniform(-4, 4);
   }
 
   // A robot with `mass_count` masses, at rest or slowly turning, pushed by a small force; its motion is gentle enough

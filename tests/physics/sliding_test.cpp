@@ -32,8 +32,9 @@ struct SlidingMotion {
 
 // With X the centre of mass in the body, d_i = chi_i - X and R_B = N p, p = Gamma - mu_k e_B:
 //   H Omegadot = -Omega x I Omega - sum m_i d_i x c_i - (r Gamma + X) x R_B - X x F_B,   H = I - sum m_i d_i^ d_i^
-//   xddot = (R + F) / M - g e3,   zddot = xddot - Lambda (Omegadot x X + sum m_i c_i / M)
-// with c_i = Omega x (Omega x chi_i + 2 chidot_i) + chiddot_i. Omegadot and zddot are affine in N, and zddot_3 = 0.
+//   xddot = (R + F) / M + g_W,   zddot = xddot - Lambda (Omegadot x X + sum m_i c_i / M)
+// with c_i = Omega x (Omega x chi_i + 2 chidot_i) + chiddot_i, and a floor that resists adds its moment to the first.
+// Omegadot and zddot are affine in N, and zddot_3 = 0.
 SlidingMotion sliding_motion(const firmware::BallParams& ball, double kinetic_friction, const Eigen::Quaterniond& q,
                              const Vector3d& w, const Vector3d& velocity_W, const firmware::MassMotion& masses) {
   const auto on_rails = closed_forms::along_rails(ball, masses);
@@ -63,8 +64,14 @@ SlidingMotion sliding_motion(const firmware::BallParams& ball, double kinetic_fr
   const Vector3d pushed = up - kinetic_friction * (q.conjugate() * e_W);
   const Eigen::FullPivLU<Matrix3d> solve(inertia);
   const Vector3d spin_free = solve.solve(torque);
-  const Vector3d spin_of_n = solve.solve(-(r * up + center).cross(pushed));
-  const Vector3d free = q * Vector3d(force / mass - ball.gravity_mps2 * up - spin_free.cross(center) - mean_c);
+  const Vector3d omega_W = q * w, level(omega_W[0], omega_W[1], 0);
+  Vector3d moment_W = Vector3d::Zero();  // T_W / N
+  if (ball.creep_radps > 0) {
+    moment_W = -ball.rolling_resistance * r * level / std::hypot(level.norm(), ball.creep_radps) -
+               Vector3d(0, 0, ball.spin_friction_m * omega_W[2] / std::hypot(omega_W[2], ball.creep_radps));
+  }
+  const Vector3d spin_of_n = solve.solve(q.conjugate() * moment_W - (r * up + center).cross(pushed));
+  const Vector3d free = ball.gravity_mps2 * ball.down_W + q * Vector3d(force / mass - spin_free.cross(center) - mean_c);
   const Vector3d of_n = q * Vector3d(pushed / mass - spin_of_n.cross(center));
   const double normal = -free[2] / of_n[2];
   return {spin_free + normal * spin_of_n, free + normal * of_n, normal};
@@ -84,6 +91,7 @@ TEST(SlidingLaw, BallsWithAcceleratingMassesAgreeWithCvode) {
     const double kinetic = random.uniform(0.05, 0.4);
     s.run.on_violation = OnViolation::kContinue;
     s.surface = {.static_friction = 1.2 * kinetic, .kinetic_friction = kinetic, .restitution = 0};
+    if (trial % 2 == 1) random.make_floor_real(s);
     s.initial.angular_velocity_B_radps = speed / r * random.vector(1);
     s.initial.has_velocity = true;
     s.initial.velocity_W_mps = 2 * speed * Vector3d(random.uniform(-1, 1), random.uniform(-1, 1), 0);

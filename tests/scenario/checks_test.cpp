@@ -23,6 +23,11 @@ TEST(Scenario, ReadsEveryKey) {
   EXPECT_EQ(s.surface.static_friction, 0.5);
   EXPECT_EQ(s.surface.kinetic_friction, 0.4);
   EXPECT_EQ(s.surface.restitution, 0.1);
+  EXPECT_EQ(s.surface.rolling_resistance, 0.02);
+  EXPECT_EQ(s.surface.spin_friction_m, 0.003);
+  EXPECT_EQ(s.surface.creep_radps, 0.04);
+  EXPECT_EQ(s.surface.slope_rad, 0.05);
+  EXPECT_EQ(s.surface.downhill_rad, 0.7);
   ASSERT_EQ(s.masses.size(), 3u);
   const Mass& m = s.masses[0];
   EXPECT_EQ(m.mass_kg, 0.5);
@@ -75,6 +80,10 @@ TEST(Scenario, DefaultsOfEverythingButMasses) {
   EXPECT_EQ(s.surface.static_friction, kInf);
   EXPECT_EQ(s.surface.kinetic_friction, kInf);
   EXPECT_EQ(s.surface.restitution, 0);
+  EXPECT_EQ(s.surface.rolling_resistance, 0);
+  EXPECT_EQ(s.surface.spin_friction_m, 0);
+  EXPECT_EQ(s.creep_radps(), 1e-3 * std::sqrt(s.gravity_mps2 / s.ball.radius_m));
+  EXPECT_EQ(s.surface.slope_rad, 0);
   EXPECT_TRUE(s.masses.empty());
   EXPECT_EQ(s.initial.orientation.coeffs(), Eigen::Vector4d(0, 0, 0, 1));
   EXPECT_EQ(s.initial.angular_velocity_B_radps, Eigen::Vector3d::Zero());
@@ -145,22 +154,35 @@ INSTANTIATE_TEST_SUITE_P(
 
 INSTANTIATE_TEST_SUITE_P(
     BallAndSurface, Rejects,
-    ::testing::Values(Rejection{"ball.radius=\"2\"", "ball.radius", "> 0"},
-                      Rejection{"ball.mass=0", "ball.mass", "> 0"}, Rejection{"ball.mass=-0.0", "ball.mass", "> 0"},
-                      Rejection{"ball.inertia=[1,1]", "ball.inertia", "array of 3"},
-                      Rejection{"ball.inertia=[1,0,1]", "ball.inertia.1", "> 0"},
-                      Rejection{"ball.inertia=[1,1,2.0001]", "ball.inertia.2", "sum of the other two, 2"},
-                      Rejection{"ball.center_of_mass=[0,0,2]", "ball.center_of_mass", "ball.radius = 2"},
-                      Rejection{"ball.center_of_mass=[0,0,inf]", "ball.center_of_mass.2", "finite"},
-                      Rejection{"surface.static_friction=0", "surface.static_friction", "> 0, or inf"},
-                      Rejection{"surface.static_friction=-inf", "surface.static_friction", "> 0, or inf"},
-                      Rejection{"surface.static_friction=nan", "surface.static_friction", "> 0, or inf"},
-                      Rejection{"surface.kinetic_friction=0", "surface.kinetic_friction", "> 0"},
-                      Rejection{"surface.kinetic_friction=nan", "surface.kinetic_friction", "> 0"},
-                      Rejection{"surface.kinetic_friction=0.51", "surface.kinetic_friction", "static_friction = 0.5"},
-                      Rejection{"surface.restitution=1.01", "surface.restitution", "[0, 1]"},
-                      Rejection{"surface.restitution=-0.01", "surface.restitution", "[0, 1]"},
-                      Rejection{"surface.restitution=inf", "surface.restitution", "[0, 1]"}));
+    ::testing::Values(
+        Rejection{"ball.radius=\"2\"", "ball.radius", "> 0"}, Rejection{"ball.mass=0", "ball.mass", "> 0"},
+        Rejection{"ball.mass=-0.0", "ball.mass", "> 0"}, Rejection{"ball.inertia=[1,1]", "ball.inertia", "array of 3"},
+        Rejection{"ball.inertia=[1,0,1]", "ball.inertia.1", "> 0"},
+        Rejection{"ball.inertia=[1,1,2.0001]", "ball.inertia.2", "sum of the other two, 2"},
+        Rejection{"ball.center_of_mass=[0,0,2]", "ball.center_of_mass", "ball.radius = 2"},
+        Rejection{"ball.center_of_mass=[0,0,inf]", "ball.center_of_mass.2", "finite"},
+        Rejection{"surface.static_friction=0", "surface.static_friction", "> 0, or inf"},
+        Rejection{"surface.static_friction=-inf", "surface.static_friction", "> 0, or inf"},
+        Rejection{"surface.static_friction=nan", "surface.static_friction", "> 0, or inf"},
+        Rejection{"surface.kinetic_friction=0", "surface.kinetic_friction", "> 0"},
+        Rejection{"surface.kinetic_friction=nan", "surface.kinetic_friction", "> 0"},
+        Rejection{"surface.kinetic_friction=0.51", "surface.kinetic_friction", "static_friction = 0.5"},
+        Rejection{"surface.restitution=1.01", "surface.restitution", "[0, 1]"},
+        Rejection{"surface.restitution=-0.01", "surface.restitution", "[0, 1]"},
+        Rejection{"surface.restitution=inf", "surface.restitution", "[0, 1]"},
+        Rejection{"surface.rolling_resistance=-0.01", "surface.rolling_resistance", ">= 0"},
+        Rejection{"surface.rolling_resistance=nan", "surface.rolling_resistance", ">= 0"},
+        Rejection{"surface.rolling_resistance=\"low\"", "surface.rolling_resistance", ">= 0"},
+        Rejection{"surface.spin_friction=-1e-6", "surface.spin_friction", ">= 0"},
+        Rejection{"surface.spin_friction=inf", "surface.spin_friction", ">= 0"},
+        Rejection{"surface.creep=-1", "surface.creep", ">= 0"}, Rejection{"surface.creep=nan", "surface.creep", ">= 0"},
+        Rejection{"surface.slope=0.1", "surface.slope", "a table"},
+        Rejection{"surface.slope.angle=-0.1", "surface.slope.angle", "[0, 1.57"},
+        Rejection{"surface.slope.angle=1.6", "surface.slope.angle", "[0, 1.57"},
+        Rejection{"surface.slope.angle=nan", "surface.slope.angle", "[0, 1.57"},
+        Rejection{"surface.slope.downhill=nan", "surface.slope.downhill", "finite"},
+        Rejection{"surface.slope.downhil=1", "surface.slope.downhil", "did you mean downhill?"},
+        Rejection{"surface.roling_resistance=1", "surface.roling_resistance", "did you mean rolling_resistance?"}));
 
 INSTANTIATE_TEST_SUITE_P(
     InitialRunEnvelope, Rejects,
@@ -505,7 +527,8 @@ TEST(Scenario, UnknownKeysSuggestTheNearestOfTheirLevel) {
            {"ball.raduis=1", "ball.raduis", "did you mean radius?"},
            {"surface.static_frictoin=1", "surface.static_frictoin", "did you mean static_friction?"},
            {"surface.kinetic=1", "surface.kinetic",
-            "allowed in [surface]: static_friction, kinetic_friction, restitution"},
+            "allowed in [surface]: static_friction, kinetic_friction, restitution, rolling_resistance, spin_friction, "
+            "creep, slope"},
            {"initial.angular_velocty=1", "initial.angular_velocty", "did you mean angular_velocity?"},
            {"run.control_periods=1", "run.control_periods", "did you mean control_period?"},
            {"envelope.friction_used=1", "envelope.friction_used", "did you mean friction_use?"},

@@ -27,6 +27,11 @@ TEST(ScenarioId, ChangesWithEveryField) {
                                             "surface.static_friction=inf",
                                             "surface.kinetic_friction=0.3",
                                             "surface.restitution=0.2",
+                                            "surface.rolling_resistance=0.03",
+                                            "surface.spin_friction=0.004",
+                                            "surface.creep=0.05",
+                                            "surface.slope.angle=0.06",
+                                            "surface.slope.downhill=0.8",
                                             "mass.0.mass=0.6",
                                             "mass.0.rail.radius=1.6",
                                             "mass.0.rail.direction.azimuth=0.35",
@@ -100,6 +105,7 @@ TEST(ScenarioId, IgnoresHowTheFileIsWritten) {
   // Defaults written out, either zero, and the rolling velocity of a ball at rest are no difference.
   EXPECT_EQ(accepted(kMinimal, {"surface.restitution=0.0", "run.control_period=0.001", "name=test"}).id, id);
   EXPECT_EQ(accepted(kMinimal, {"initial.position=[-0.0, 0]"}).id, id);
+  EXPECT_EQ(accepted(kMinimal, {"surface={creep=0.1, slope={angle=0, downhill=1}}"}).id, id) << "an ideal floor";
   EXPECT_EQ(accepted(kMinimal, {"initial.velocity=[0, 0, 0]"}).id, id);
   EXPECT_EQ(parse_scenario(kMinimal, "elsewhere/test.toml").scenario.id, id);
 }

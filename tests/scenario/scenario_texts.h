@@ -27,6 +27,10 @@ center_of_mass = [0.01, 0.02, -0.03]
 static_friction = 0.5
 kinetic_friction = 0.4
 restitution = 0.1
+rolling_resistance = 0.02
+spin_friction = 0.003
+creep = 0.04
+slope = { angle = 0.05, downhill = 0.7 }
 
 [[mass]]
 mass = 0.5

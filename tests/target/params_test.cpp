@@ -150,8 +150,8 @@ std::vector<Change> changes() {
         "monitor_stale_ticks", [](Robot & r) -> auto& { return r.params.monitor_stale_ticks; });
   }
   {
-    [[maybe_unused]] const auto& [radius, gravity, shell, inertia, center, force, count, mass, rail] =
-        robot.params.ball;
+    [[maybe_unused]] const auto& [radius, gravity, shell, inertia, center, force, down, resistance, spin, creep, count,
+                                  mass, rail] = robot.params.ball;
     number(
         "ball.radius_m", [](Robot & r) -> auto& { return r.params.ball.radius_m; });
     number(
@@ -164,6 +164,14 @@ std::vector<Change> changes() {
         "ball.center_of_mass_B_m", [](Robot & r) -> auto& { return r.params.ball.center_of_mass_B_m; });
     vector(
         "ball.external_force_W_n", [](Robot & r) -> auto& { return r.params.ball.external_force_W_n; });
+    vector(
+        "ball.down_W", [](Robot & r) -> auto& { return r.params.ball.down_W; });
+    number(
+        "ball.rolling_resistance", [](Robot & r) -> auto& { return r.params.ball.rolling_resistance; });
+    number(
+        "ball.spin_friction_m", [](Robot & r) -> auto& { return r.params.ball.spin_friction_m; });
+    number(
+        "ball.creep_radps", [](Robot & r) -> auto& { return r.params.ball.creep_radps; });
     add("ball.mass_count", [](Robot& r) {
       --r.params.ball.mass_count;
       r.motions.pop_back();

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iostream>
 #include <memory>
+#include <numbers>
 
 #include "sim/scenario/reader.h"
 #include "tools/ballast/commands.h"
@@ -31,6 +32,15 @@ std::vector<std::string> warnings_of(const sim::Scenario& scenario, const std::v
   return texts;
 }
 
+// Empty for an ideal floor.
+std::string real_floor_text(const sim::Surface& floor) {
+  std::string text;
+  if (floor.rolling_resistance > 0) text += fmt::format(", rolling resistance {:g}", floor.rolling_resistance);
+  if (floor.spin_friction_m > 0) text += fmt::format(", spin friction {:g} m", floor.spin_friction_m);
+  if (floor.slope_rad > 0) text += fmt::format(", slope {:.3g} degrees", floor.slope_rad * 180 / std::numbers::pi);
+  return text;
+}
+
 }  // namespace
 
 std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
@@ -53,11 +63,11 @@ std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
                                 : warnings.size() == 1 ? "can be run, with 1 warning"
                                                        : fmt::format("can be run, with {} warnings", warnings.size());
     const double friction = scenario->surface.static_friction;
-    std::cout << fmt::format("{}: {}. {} {}, {}, {} s in ticks of {} s, mu_s {}\n", scenario->name, verdict,
-                             scenario->masses.size(), scenario->masses.size() == 1 ? "mass" : "masses",
-                             stepper ? "driven by steppers" : "prescribed", sim::number_text(scenario->duration_s),
-                             sim::number_text(scenario->run.control_period_s),
-                             std::isinf(friction) ? "infinite" : sim::number_text(friction));
+    std::cout << fmt::format(
+        "{}: {}. {} {}, {}, {} s in ticks of {} s, mu_s {}{}\n", scenario->name, verdict, scenario->masses.size(),
+        scenario->masses.size() == 1 ? "mass" : "masses", stepper ? "driven by steppers" : "prescribed",
+        sim::number_text(scenario->duration_s), sim::number_text(scenario->run.control_period_s),
+        std::isinf(friction) ? "infinite" : sim::number_text(friction), real_floor_text(scenario->surface));
     return program::kExitCompleted;
   };
 }

@@ -171,6 +171,12 @@ void check_scenario(TableReader& root, const sim::Scenario& scenario) {
   if (scenario.initial.height_m > 0) refuse("initial.height", "starts in flight; allowed in a task: 0");
   if (scenario.initial.has_velocity)
     refuse("initial.velocity", "starts sliding; allowed in a task: the rolling velocity");
+  const sim::Surface& floor = scenario.surface;
+  if (floor.slope_rad != 0) refuse("surface.slope", "is not in the planner's model; allowed in a task: a level floor");
+  for (const auto& [key, value] : {std::pair("surface.rolling_resistance", floor.rolling_resistance),
+                                   std::pair("surface.spin_friction", floor.spin_friction_m)}) {
+    if (value > 0) refuse(key, "is not in the planner's model; allowed in a task: 0");
+  }
   if (!(scenario.gravity_mps2 > 0)) refuse("gravity", "presses no ball to the floor; allowed in a task: > 0");
 }
 

@@ -61,6 +61,14 @@ std::optional<std::string> to_ball_params(const sim::Scenario& scenario, firmwar
   ball.inertia_kgm2 = scenario.ball.inertia_kgm2;
   ball.center_of_mass_B_m = scenario.ball.center_of_mass_B_m;
   ball.external_force_W_n = scenario.external_force_W_n;  // the controller models no force table and no drag
+  const sim::Surface& floor = scenario.surface;
+  if (floor.slope_rad != 0) {
+    ball.down_W = {std::sin(floor.slope_rad) * std::cos(floor.downhill_rad),
+                   std::sin(floor.slope_rad) * std::sin(floor.downhill_rad), -std::cos(floor.slope_rad)};
+  }
+  ball.rolling_resistance = floor.rolling_resistance;
+  ball.spin_friction_m = floor.spin_friction_m;
+  if (floor.rolling_resistance > 0 || floor.spin_friction_m > 0) ball.creep_radps = scenario.creep_radps();
   ball.mass_count = static_cast<int>(scenario.masses.size());
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     ball.mass_kg[i] = scenario.masses[i].mass_kg;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "sim/plant/floor.h"
+
 namespace ballast::sil {
 
 double friction_margin(double normal_force_n, double static_friction_n, double static_friction_coefficient) {
@@ -62,7 +64,13 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
 
   m.sensors.scenario_id = scenario.id;
   m.state.mass_count = m.sensors.mass_count = mass_count;
-  const Eigen::Vector3d specific_force_B = sample.acceleration_B_mps2 + scenario.gravity_mps2 * sample.up_B;
+  Eigen::Vector3d specific_force_B = sample.acceleration_B_mps2 + scenario.gravity_mps2 * sample.up_B;
+  if (const sim::Floor floor(scenario); floor.slopes) {
+    const Eigen::Vector4d& q = sample.orientation;
+    const Eigen::Vector3d against_weight_B =
+        Eigen::Quaterniond(q[0], q[1], q[2], q[3]).conjugate() * sim::eigen(floor.against_weight_W);
+    specific_force_B = sample.acceleration_B_mps2 + scenario.gravity_mps2 * against_weight_B;
+  }
   for (int j = 0; j < 4; ++j) m.state.orientation[j] = m.sensors.orientation[j] = sample.orientation[j];
   for (int j = 0; j < 2; ++j) m.contact.friction_force_W_n[j] = sample.friction_force_W_n[j];
   for (int j = 0; j < 3; ++j) {

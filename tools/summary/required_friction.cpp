@@ -78,6 +78,7 @@ std::vector<FrictionPart> friction_parts(const RunResult& result) {
     add("mass " + std::to_string(i), shares.mass[static_cast<std::size_t>(i)]);
   add("the ball", shares.shell);
   if (!shares.outside.weight_W_n.isZero(0)) add("the outside force", shares.outside);
+  if (!shares.floor.turning_W_n.isZero(0)) add("the floor's resistance", shares.floor);
   if (std::any_of(parts.begin(), parts.end(), [](const FrictionPart& p) { return !std::isfinite(p.part); })) return {};
   std::stable_sort(parts.begin(), parts.end(), [](const auto& a, const auto& b) { return a.part > b.part; });
   return parts;

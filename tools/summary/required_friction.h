@@ -11,7 +11,7 @@ namespace ballast::sil {
 
 // The part of the greatest f_s / N that one load contributes (sim/plant/contact_shares.h); the parts sum to 1.
 struct FrictionPart {
-  std::string of;  // "mass 2", "the ball", "the outside force"
+  std::string of;  // "mass 2", "the ball", "the outside force", "the floor's resistance"
   double part;
   double weight, motion, turning;  // `part` again, by cause
 };
