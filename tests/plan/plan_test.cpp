@@ -271,6 +271,23 @@ TEST(PlanTask, EveryKeyWrongOnceIsOneClearError) {
   }
 }
 
+TEST(PlanTask, RefusesFloorsThatSlopeOrResist) {
+  const std::string good = "goal = [0.5, 0]\nduration = 6\n";
+  const std::pair<const char*, const char*> floors[] = {
+      {"slope = { angle = 0.05, downhill = 0.7 }\n", "surface.slope"},
+      {"rolling_resistance = 0.01\n", "surface.rolling_resistance"},
+      {"spin_friction = 0.001\n", "surface.spin_friction"},
+  };
+  for (const auto& [text, key] : floors) {
+    std::string task = kRobot + good;
+    task.insert(task.find("[[mass]]"), text);
+    const std::string errors = errors_of(task);
+    EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << text << errors;
+    EXPECT_NE(errors.find(std::string(": ") + key), std::string::npos) << text << errors;
+    EXPECT_NE(errors.find("allowed in a task"), std::string::npos) << text << errors;
+  }
+}
+
 TEST(PlanTask, RefusesAScenarioThatIsNoTask) {
   EXPECT_NE(errors_of(kRobot.substr(0, kRobot.find("[task]")) + "").find("task: is missing"), std::string::npos);
   std::string moving = kRobot;

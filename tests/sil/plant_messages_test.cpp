@@ -45,6 +45,15 @@ TEST(PlantMessages, AccelerometerAtRestReadsGUpward) {
   expect_accelerometer(at_start(s), {-9.81 * std::sin(kPi / 6), 0, 9.81 * std::cos(kPi / 6)});
 }
 
+// A sphere rolls down a slope with 5/7 of the pull along it, so the accelerometer reads 2/7 of that pull uphill.
+TEST(PlantMessages, AccelerometerOnASlopeReadsAgainstGravity) {
+  sim::Scenario s = sphere();
+  s.surface.slope_rad = 0.2;
+  s.surface.downhill_rad = 2.1;
+  const double uphill = -2. / 7 * 9.81 * std::sin(0.2);
+  expect_accelerometer(at_start(s), {uphill * std::cos(2.1), uphill * std::sin(2.1), 9.81 * std::cos(0.2)});
+}
+
 // Pushed through its centre by F, a sphere rolls with a = F / (7/5 M); the floor holds it back with 2/7 F.
 TEST(PlantMessages, PushedBallIsHeldBackByTheFloor) {
   sim::Scenario s = sphere();
