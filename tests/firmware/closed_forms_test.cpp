@@ -74,6 +74,10 @@ void take_from_scenario(Case& c) {
             body.inertia_kgm2,
             body.center_of_mass_B_m,
             c.scenario.external_force_W_n,
+            Vector3(0, 0, -1),
+            0,
+            0,
+            0,
             body.mass_count,
             body.mass_kg,
             body.rail};
