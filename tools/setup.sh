@@ -12,8 +12,9 @@ run_packages=(
 )
 # tools/run, before it draws pictures.
 picture_packages=(python3-matplotlib)
-# tools/build: SUNDIALS for `ballast integrate`, certificates for what `ballast report` fetches once from the npm registry.
-build_packages=(libsundials-dev ca-certificates)
+# tools/build: SUNDIALS for `ballast integrate`, NetCDF for `ballast sweep`, certificates for what `ballast report` fetches
+# once from the npm registry.
+build_packages=(libsundials-dev libnetcdf-dev ca-certificates)
 # tools/test. The browser opens the pages of `ballast report`. Java and the packages after it are for `ballast spy`, which
 # says itself what a machine lacks.
 test_packages=(

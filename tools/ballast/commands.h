@@ -24,6 +24,7 @@ std::function<int()> add_faults_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_friction_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_spy_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_soak_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_sweep_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_replay_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_report_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_compare_command(CLI::App& app, CLI::App*& command);

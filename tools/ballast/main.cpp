@@ -9,7 +9,7 @@ int main(int argc, char** argv) {
       add_run_command,  add_integrate_command, add_check_command,  add_faults_command,  add_friction_command,
       add_move_command, add_operate_command,   add_spy_command,    add_watch_command,   add_doctor_command,
       add_soak_command, add_replay_command,    add_report_command, add_compare_command, add_export_command,
-      add_plan_command, add_new_command,       add_tune_command,
+      add_plan_command, add_new_command,       add_tune_command,   add_sweep_command,
   };
   return run_command_line(argc, argv, kCommands);
 }

@@ -1,17 +1,16 @@
 // ballast soak: runs random scenarios with random faults, and checks the invariants of tools/soak/invariants.h in each.
 #include <fmt/core.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <chrono>
 #include <iostream>
 #include <optional>
 #include <thread>
 
 #include "sim/scenario/reader.h"
 #include "tools/ballast/commands.h"
+#include "tools/program/count_progress.h"
 #include "tools/program/program.h"
 #include "tools/recording/output_dir.h"
 #include "tools/soak/failure_table.h"
@@ -20,8 +19,6 @@
 namespace ballast {
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 struct SoakCommand {
   std::string seeds;
@@ -62,39 +59,6 @@ struct Totals {
     refused += result.refused;
     ++outcomes[static_cast<std::size_t>(result.outcome)];
   }
-};
-
-// Shows a bar on a terminal, otherwise prints a line every ten seconds.
-class Progress {
- public:
-  Progress(std::uint64_t count, bool wanted)
-      : count_(count), wanted_(wanted), terminal_(isatty(STDERR_FILENO) == 1), begun_(Clock::now()), next_(begun_) {
-    if (!terminal_) next_ += std::chrono::seconds(10);
-  }
-  void show(const Totals& totals) {
-    const auto now = Clock::now();
-    if (!wanted_ || now < next_) return;
-    next_ = now + (terminal_ ? std::chrono::milliseconds(200) : std::chrono::milliseconds(10000));
-    const double part = static_cast<double>(totals.seeds) / static_cast<double>(count_), passed_s = seconds();
-    constexpr int kWidth = 40;
-    std::string bar(kWidth, '.');
-    std::fill_n(bar.begin(), static_cast<int>(part * kWidth), '#');
-    std::cerr << fmt::format("{}[{}] {:3.0f} %  {} of {} seeds, {:.3g}/s, {:.0f} s left, {} broken{}",
-                             terminal_ ? "\r\033[K" : "", bar, 100 * part, totals.seeds, count_,
-                             static_cast<double>(totals.seeds) / passed_s, part > 0 ? passed_s * (1 / part - 1) : 0.0,
-                             totals.broken, terminal_ ? "" : "\n");
-    drawn_ = terminal_;
-  }
-  void clear() {
-    if (drawn_) std::cerr << "\r\033[K";
-    drawn_ = false;
-  }
-  [[nodiscard]] double seconds() const { return std::chrono::duration<double>(Clock::now() - begun_).count(); }
-
- private:
-  std::uint64_t count_;
-  bool wanted_, terminal_, drawn_ = false;
-  Clock::time_point begun_, next_;
 };
 
 void print_totals(const Totals& totals, double wall_s) {
@@ -147,7 +111,7 @@ int run(const SoakCommand& command) {
 
   Totals totals;
   soak::FailureTable table;
-  Progress progress(count, !command.quiet);
+  program::CountProgress progress(count, "seeds", !command.quiet);
   const auto done = [&](const soak::SeedResult& result) {
     totals.add(result);
     table.add(result);
@@ -158,7 +122,8 @@ int run(const SoakCommand& command) {
   const auto run_one = [&command](std::uint64_t seed) {
     return command.table ? soak::run_table_seed(seed) : soak::run_seed(seed);
   };
-  const std::string why = soak::run_seeds(options, run_one, done, [&] { progress.show(totals); });
+  const std::string why = soak::run_seeds(
+      options, run_one, done, [&] { progress.show(totals.seeds, fmt::format("{} broken", totals.broken)); });
   progress.clear();
   if (!why.empty()) return could_not(why);
   if (kept && !kept->good()) return could_not(kept->error());

@@ -246,8 +246,9 @@ std::optional<int> parse_peer(CLI::App& app, int argc, char** argv, PeerOptions&
 }
 
 std::filesystem::path find_scenario(const std::string& file_or_name) {
-  std::filesystem::path file = sim::find_scenario(file_or_name, BALLAST_SCENARIO_DIR);
-  if (file.empty()) std::cerr << unknown_scenario(file_or_name) << '\n';
+  std::string why;
+  std::filesystem::path file = scenario_file(file_or_name, why);
+  if (file.empty()) std::cerr << why << '\n';
   return file;
 }
 
@@ -276,6 +277,12 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options, std::
     std::cerr << fmt::format("{} is valid without{}\n", file.string(), changed);
   }
   return std::nullopt;
+}
+
+std::string scenario_file(const std::string& name_or_path, std::string& why) {
+  const std::filesystem::path file = sim::find_scenario(name_or_path, BALLAST_SCENARIO_DIR);
+  if (file.empty()) why = unknown_scenario(name_or_path);
+  return file.string();
 }
 
 std::string ballast_as_typed(bool absolute) {

@@ -82,6 +82,10 @@ struct PeerOptions {
 [[nodiscard]] std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options,
                                                          std::vector<sim::ScenarioError>* warnings = nullptr);
 
+// The file of a scenario that is given by its path, or by its name among those that ship. Empty: `why` says that there
+// is none.
+[[nodiscard]] std::string scenario_file(const std::string& name_or_path, std::string& why);
+
 // The shell word that starts `ballast`, which may not be in PATH: as typed by the user for this program, or as an
 // absolute path.
 [[nodiscard]] std::string ballast_as_typed(bool absolute = false);

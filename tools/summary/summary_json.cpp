@@ -5,6 +5,7 @@
 
 #include "tools/summary/required_friction.h"
 #include "tools/summary/summary_parts.h"
+#include "tools/summary/summary_tree.h"
 
 namespace ballast::sil {
 
@@ -268,7 +269,7 @@ Json refused_json(const RefusedMessages& refused) {
 
 }  // namespace
 
-std::string summary_json(const sim::Scenario& scenario, const RunResult& result) {
+Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
   const auto& x = result.extrema;
   const auto& f = result.final_sample;
   const bool stepper = scenario.run.actuation == sim::Actuation::kStepper;
@@ -327,7 +328,11 @@ std::string summary_json(const sim::Scenario& scenario, const RunResult& result)
   j["refused_messages"] = refused_json(result.refused);
   j["wall_time"] = result.wall_time_s;
   j["speed"] = result.wall_time_s > 0 ? f.time_s / result.wall_time_s : 0.0;
-  return j.dump(2) + "\n";
+  return j;
+}
+
+std::string summary_json(const sim::Scenario& scenario, const RunResult& result) {
+  return summary_tree(scenario, result).dump(2) + "\n";
 }
 
 }  // namespace ballast::sil

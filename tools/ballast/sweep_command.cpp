@@ -1,0 +1,272 @@
+// ballast sweep: runs a scenario many times with varied values, and keeps a row of results for each run.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <iostream>
+#include <limits>
+#include <optional>
+#include <thread>
+
+#include "tools/ballast/commands.h"
+#include "tools/program/count_progress.h"
+#include "tools/program/program.h"
+#include "tools/program/subprocess.h"
+#include "tools/sweep/errors_option.h"
+#include "tools/sweep/folder.h"
+#include "tools/sweep/read_spec.h"
+#include "tools/sweep/results.h"
+#include "tools/sweep/summary_page.h"
+#include "tools/sweep/workers.h"
+
+namespace ballast {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct SweepCommand {
+  std::string sweep;
+  std::string out;
+  int jobs = 0;
+  std::string shard;
+  bool resume = false;
+  std::vector<std::string> merge;
+  std::string row;
+  std::string errors;
+  std::uint64_t runs = 1000, seed = 0;  // of --errors
+  bool quiet = false;
+};
+
+// Parses a whole number.
+bool parse_number(std::string_view text, std::uint64_t& value) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc{} && end == text.data() + text.size() && value < sweep::kMostRuns;
+}
+
+// Parses "K/N".
+bool parse_shard(const std::string& text, sweep::Shard& shard) {
+  const std::size_t slash = text.find('/');
+  return slash != std::string::npos && parse_number(std::string_view(text).substr(0, slash), shard.number) &&
+         parse_number(std::string_view(text).substr(slash + 1), shard.count) && shard.number >= 1 &&
+         shard.number <= shard.count;
+}
+
+std::optional<sweep::Spec> load_sweep(const fs::path& file) {
+  std::vector<sim::ScenarioError> errors;
+  auto spec = sweep::read_spec(file, errors);
+  for (const sim::ScenarioError& error : errors) std::cerr << sim::to_string(error) << '\n';
+  return spec;
+}
+
+// The sweep of a scenario with errors.
+std::optional<sweep::Spec> load_errors(const SweepCommand& command) {
+  std::string why;
+  const std::string file = program::scenario_file(command.sweep, why);
+  std::vector<sim::ScenarioError> errors;
+  std::optional<sweep::Spec> spec;
+  if (file.empty())
+    std::cerr << why << '\n';
+  else
+    spec = sweep::errors_sweep(file, command.errors, command.runs, command.seed, errors);
+  for (const sim::ScenarioError& error : errors) std::cerr << sim::to_string(error) << '\n';
+  return spec;
+}
+
+// Empty, or why the folder cannot take this sweep's results.
+std::string folder_refusal(const fs::path& folder, const sweep::Spec& spec, bool resume) {
+  switch (sweep::content_of(folder, spec)) {
+    case sweep::FolderHolds::kOther:
+      return folder.string() + ": holds the results of another sweep or run; allowed: another --out, or a new folder";
+    case sweep::FolderHolds::kThisSweep:
+      if (resume) return "";
+      return folder.string() + ": holds an unfinished run of this sweep; allowed: --resume, or another --out";
+    case sweep::FolderHolds::kNothing:
+    case sweep::FolderHolds::kItsResults:
+      break;
+  }
+  return "";
+}
+
+// Writes summary.txt of complete results, removes the blocks, and prints the summary.
+int summarise(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output) {
+  const std::string file = sweep::results_file(output.path()).string();
+  sweep::remove_blocks(output.path());
+  std::string error;
+  const std::string page = sweep::summary_page(file, spec, error);
+  if (!error.empty()) return could_not(error);
+  if (!output.write("summary.txt", page)) return could_not(output.error());
+  std::cout << page << fmt::format("  {:<22} {}\n", "results", file);
+  if (command.errors.empty()) return program::kExitCompleted;
+  const std::string sentence = sweep::robustness_sentence(file, spec, error);
+  if (!error.empty()) return could_not(error);
+  std::cout << fmt::format("With errors of {} {} {}.\n", command.errors, spec.base_name, sentence);
+  return program::kExitCompleted;
+}
+
+// Writes sweep.nc from all blocks.
+int finish(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output,
+           const sweep::TakeBlock& take_block) {
+  const std::string error = sweep::write_results(sweep::results_file(output.path()).string(), spec, take_block);
+  if (!error.empty()) return could_not(error + "; the blocks are kept, and --resume continues");
+  return summarise(command, spec, output);
+}
+
+// The rows that are to be computed, and those that are there.
+struct Work {
+  std::vector<std::uint64_t> blocks;
+  std::uint64_t rows = 0;  // of the shard
+  sweep::WorkDone before;
+};
+
+Work work_of(const sweep::BlockPlan& plan, const fs::path& folder, const sweep::Shard& shard) {
+  Work work;
+  for (std::uint64_t block = shard.number - 1; block < plan.blocks(); block += shard.count) {
+    work.rows += plan.rows_of(block);
+    const auto finished = sweep::read_block_of(folder, plan, block);
+    if (!finished) {
+      work.blocks.push_back(block);
+      continue;
+    }
+    work.before.rows += plan.rows_of(block);
+    work.before.held += static_cast<std::uint64_t>(
+        std::count_if(finished->rows.begin(), finished->rows.end(), [](const auto& row) { return row.held(); }));
+  }
+  return work;
+}
+
+int run_sweep(const SweepCommand& command, const sweep::Spec& spec, const sweep::Shard& shard) {
+  const auto* interrupted = program::catch_signals();
+  const bool sharded = !command.shard.empty();
+  std::string folder = command.out.empty() ? "runs/" + spec.name : command.out;
+  if (command.out.empty() && sharded) folder += fmt::format("_shard_{}_of_{}", shard.number, shard.count);
+  sil::OutputDir output(folder);
+  if (!output.good()) return could_not(output.error());
+  if (const auto why = folder_refusal(output.path(), spec, command.resume); !why.empty()) return refuse(why);
+  const bool complete = sweep::content_of(output.path(), spec) == sweep::FolderHolds::kItsResults;
+  if (complete && command.resume) return summarise(command, spec, output);
+  if (complete) sweep::remove_blocks(output.path());
+  sweep::remove_drafts(output.path());
+  if (!sweep::begin_folder(output, spec)) return could_not(output.error());
+
+  const sweep::BlockPlan plan(spec);
+  const Work work = work_of(plan, output.path(), shard);
+  program::CountProgress progress(work.rows, "runs", !command.quiet, work.before.rows);
+  sweep::WorkOptions options;
+  options.jobs = command.jobs > 0 ? command.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  options.folder = output.path();
+  options.interrupted = interrupted;
+  sweep::WorkDone done = work.before;
+  const std::string why = sweep::run_blocks(spec, work.blocks, options, [&](const sweep::WorkDone& now) {
+    done = {work.before.rows + now.rows, work.before.held + now.held};
+    const double held = static_cast<double>(done.held) / static_cast<double>(std::max<std::uint64_t>(done.rows, 1));
+    progress.show(done.rows, fmt::format("{:.3g} % hold", 100 * held));
+  });
+  progress.clear();
+  if (!why.empty()) return could_not(why + "; the finished blocks are kept, and --resume continues");
+  if (done.rows < work.rows)
+    return could_not(fmt::format("interrupted after {} of {} runs; --resume continues", done.rows, work.rows));
+  if (sharded) {
+    std::cout << fmt::format("{}: shard {} of {}, {} of {} runs\n  join all shards with: {} sweep --merge {} ...\n",
+                             spec.name, shard.number, shard.count, work.rows, plan.rows(), program::ballast_as_typed(),
+                             program::shell_word(folder));
+    return program::kExitCompleted;
+  }
+  return finish(command, spec, output,
+                [&](std::uint64_t block) { return sweep::read_block_of(output.path(), plan, block); });
+}
+
+int merge(const SweepCommand& command) {
+  const auto spec = load_sweep(fs::path(command.merge.front()) / "sweep.toml");
+  if (!spec) return program::kExitUsage;
+  for (const std::string& folder : command.merge) {
+    const sweep::FolderHolds holds = sweep::content_of(folder, *spec);
+    if (holds == sweep::FolderHolds::kThisSweep) continue;
+    if (holds == sweep::FolderHolds::kItsResults)
+      return refuse(folder + ": holds complete results already, which need no merging");
+    return refuse(folder + ": holds no shard of the sweep in " + command.merge.front() +
+                  "; allowed: folders of one sweep with --shard");
+  }
+  sil::OutputDir output(command.out.empty() ? "runs/" + spec->name : command.out);
+  if (!output.good()) return could_not(output.error());
+  if (const auto why = folder_refusal(output.path(), *spec, true); !why.empty()) return refuse(why);
+  sweep::remove_drafts(output.path());
+  if (!sweep::begin_folder(output, *spec)) return could_not(output.error());
+  const sweep::BlockPlan plan(*spec);
+  return finish(command, *spec, output, [&](std::uint64_t number) {
+    std::optional<sweep::Block> block;
+    for (const std::string& folder : command.merge) {
+      if (!block) block = sweep::read_block_of(folder, plan, number);
+    }
+    return block;
+  });
+}
+
+// Writes the row's scenario beside the results' folder, and becomes `ballast run` of it.
+int run_row_again(const SweepCommand& command, const sweep::Spec& spec) {
+  std::uint64_t number = 0;
+  if (!parse_number(command.row, number) || number >= spec.rows())
+    return refuse(fmt::format("--row {}: is no row; allowed: 0 to {}", command.row, spec.rows() - 1));
+  const std::string folder = command.out.empty() ? fmt::format("runs/{}_row_{}", spec.name, number) : command.out;
+  const sweep::Row row = sweep::make_row(spec, number);
+  sil::OutputDir output(folder);
+  if (!output.good()) return could_not(output.error());
+  if (!output.write("row.toml", sweep::RowScenarios(spec).toml(row))) return could_not(output.error());
+  if (!command.quiet) {
+    std::cout << fmt::format("row {} of {}: seed {}", number, spec.name, row.seed);
+    for (std::size_t i = 0; i < row.values.size(); ++i)
+      std::cout << ", " << spec.vary[i].key << " = " << sweep::toml_value(row.values[i]);
+    std::cout << std::endl;
+  }
+  std::vector<std::string> arguments{program::beside_this_program("ballast"), "run",
+                                     (output.path() / "row.toml").string(), "--out", folder};
+  if (command.quiet) arguments.push_back("--quiet");
+  return could_not(program::become_program(arguments));
+}
+
+int run(const SweepCommand& command) {
+  if (!command.merge.empty()) {
+    if (!command.sweep.empty() || !command.shard.empty() || !command.row.empty())
+      return refuse("--merge: takes folders of shards only; allowed beside it: --out, --quiet");
+    return merge(command);
+  }
+  if (command.sweep.empty()) return refuse("sweep: a sweep file is missing; allowed: SWEEP.toml, or --merge DIR...");
+  sweep::Shard shard;
+  if (!command.shard.empty() && !parse_shard(command.shard, shard))
+    return refuse("--shard " + command.shard + ": allowed: K/N, whole numbers, 1 <= K <= N");
+  const auto spec = command.errors.empty() ? load_sweep(command.sweep) : load_errors(command);
+  if (!spec) return program::kExitUsage;
+  return command.row.empty() ? run_sweep(command, *spec, shard) : run_row_again(command, *spec);
+}
+
+}  // namespace
+
+std::function<int()> add_sweep_command(CLI::App& app, CLI::App*& command) {
+  command = app.add_subcommand("sweep", "Runs a scenario many times with varied values, on all cores");
+  auto options = std::make_shared<SweepCommand>();
+  command->add_option("sweep", options->sweep, "the sweep, a TOML file; with --errors a scenario");
+  command->add_option("--out", options->out, "folder for the results; default runs/NAME")->check(program::not_empty());
+  command->add_option("--jobs", options->jobs, "runs at a time; default: one per core")
+      ->check(program::whole_number(1, 1024));
+  command->add_option("--shard", options->shard, "K/N: only the K-th of N parts of the runs, for several machines");
+  command->add_flag("--resume", options->resume, "continue in a folder with finished blocks of this sweep");
+  command->add_option("--merge", options->merge, "join the folders of all shards")->expected(1, -1);
+  command->add_option("--row", options->row, "run one row again, as a full ballast run");
+  auto* errors = command
+                     ->add_option("--errors", options->errors,
+                                  "vary a scenario, given in place of a sweep file, by normal errors with these "
+                                  "standard deviations: " +
+                                      sweep::errors_allowed())
+                     ->check(program::not_empty());
+  command->add_option("--runs", options->runs, "runs of --errors")
+      ->check(program::whole_number(1, std::numeric_limits<int>::max()))
+      ->capture_default_str()
+      ->needs(errors);
+  command->add_option("--seed", options->seed, "seed of --errors")
+      ->check(program::whole_number(0, std::numeric_limits<int>::max()))
+      ->capture_default_str()
+      ->needs(errors);
+  command->add_flag("--quiet", options->quiet, "no progress");
+  return [options] { return run(*options); };
+}
+
+}  // namespace ballast

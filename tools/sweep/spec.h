@@ -1,0 +1,66 @@
+// A sweep: one scenario, what is varied in it, and which results are kept.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sim/scenario/tree.h"
+
+namespace ballast::sweep {
+
+// The largest number of runs: exact as a double, so that every reader of the results counts them.
+inline constexpr std::uint64_t kMostRuns = std::uint64_t{1} << 53;
+
+// The same in every run.
+struct Setting {
+  std::string key;  // dotted scenario key
+  sim::Node value;
+};
+
+inline constexpr std::string_view kDistributionNames[] = {"normal", "uniform", "log_uniform", "choice", "grid", "tilt"};
+enum class Distribution { kNormal, kUniform, kLogUniform, kChoice, kGrid, kTilt };
+
+// One varied key.
+struct Variation {
+  std::string key;  // dotted scenario key
+  Distribution distribution{};
+  // normal: mean and standard deviation; uniform, log_uniform: both ends; tilt: standard deviation in rad, about each
+  // of two horizontal axes
+  double a = 0, b = 0;
+  std::vector<sim::Node> values;  // choice, grid; tilt: the attitude that is tilted
+  int line = 0;                   // of the sweep file
+};
+
+struct Spec {
+  std::string name;
+  std::string source;         // the sweep file, or the option that stands for one
+  std::string base_name;      // of the scenario
+  std::string base_toml;      // the scenario with [set] applied, as TOML
+  std::uint64_t repeats = 1;  // `runs`: of random variation at each point of the grids
+  std::uint64_t seed = 0;
+  std::vector<Setting> set;
+  std::vector<Variation> vary;    // in the order of the file
+  std::vector<std::string> keep;  // names in summary.json
+
+  [[nodiscard]] std::uint64_t grid_points() const {
+    std::uint64_t points = 1;
+    for (const Variation& v : vary) {
+      if (v.distribution == Distribution::kGrid) points *= v.values.size();
+    }
+    return points;
+  }
+  [[nodiscard]] std::uint64_t rows() const { return grid_points() * repeats; }
+};
+
+// The value as TOML on one line, bit for bit.
+[[nodiscard]] std::string toml_value(const sim::Node& value);
+
+// The sweep as a sweep file beside `scenario.toml`, which holds base_toml. Read again, it is the same sweep.
+[[nodiscard]] std::string to_toml(const Spec& spec);
+
+// FNV-1a of everything that decides a byte of the results.
+[[nodiscard]] std::uint64_t identity(const Spec& spec);
+
+}  // namespace ballast::sweep

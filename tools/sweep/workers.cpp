@@ -1,0 +1,115 @@
+#include "tools/sweep/workers.h"
+
+#include <fmt/core.h>
+#include <sys/mman.h>
+
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <new>
+
+#include "tools/program/subprocess.h"
+
+namespace ballast::sweep {
+namespace {
+
+constexpr int kFailed = 1;  // exit status of a worker that has said why
+
+// Memory that the parent and all workers share.
+struct Shared {
+  std::atomic<std::uint64_t> taken;  // places in the list of blocks that workers have begun
+  std::atomic<std::uint64_t> rows, held;
+  std::atomic_flag failed;  // the first worker that fails sets it, and writes `trouble`
+  char trouble[2000];
+};
+
+// Shared memory of this process and its children.
+class SharedMemory {
+ public:
+  SharedMemory() {
+    void* memory = mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (memory != MAP_FAILED) shared_ = new (memory) Shared{};
+  }
+  ~SharedMemory() {
+    if (shared_ != nullptr) munmap(shared_, sizeof(Shared));
+  }
+  SharedMemory(const SharedMemory&) = delete;
+  SharedMemory& operator=(const SharedMemory&) = delete;
+  [[nodiscard]] Shared* get() { return shared_; }
+
+ private:
+  Shared* shared_ = nullptr;
+};
+
+// One worker: takes blocks until none is left.
+int work(const Spec& spec, const std::vector<std::uint64_t>& blocks, const std::filesystem::path& folder,
+         Shared& shared) {
+  const RowScenarios scenarios(spec);
+  const BlockPlan plan(spec);
+  BatchRows batch(spec, scenarios);
+  const auto row_done = [&shared](const RowResult& row) {
+    ++shared.rows;
+    if (row.held()) ++shared.held;
+  };
+  for (;;) {
+    const std::uint64_t mine = shared.taken.fetch_add(1);
+    if (mine >= blocks.size()) return 0;
+    const std::string why = run_block(spec, scenarios, batch, plan, folder, blocks[mine], row_done);
+    if (why.empty()) continue;
+    if (!shared.failed.test_and_set()) shared.trouble[why.copy(shared.trouble, sizeof shared.trouble - 1)] = '\0';
+    return kFailed;
+  }
+}
+
+}  // namespace
+
+std::string run_block(const Spec& spec, const RowScenarios& scenarios, BatchRows& batch, const BlockPlan& plan,
+                      const std::filesystem::path& folder, std::uint64_t block,
+                      const std::function<void(const RowResult&)>& row_done) {
+  Block out{plan.sweep(), plan.first_row(block), {}};
+  const auto take = [&](RowResult&& row) {
+    row_done(row);
+    out.rows.push_back(std::move(row));
+  };
+  if (batch.usable()) {
+    batch.run(out.first_row, plan.rows_of(block), take);
+  } else {
+    for (std::uint64_t i = 0; i < plan.rows_of(block); ++i) take(run_row(spec, scenarios, out.first_row + i));
+  }
+  return write_block(block_file(folder, block), out);
+}
+
+std::string run_blocks(const Spec& spec, const std::vector<std::uint64_t>& blocks, const WorkOptions& options,
+                       const std::function<void(const WorkDone&)>& show) {
+  std::fflush(nullptr);  // otherwise each worker would print what is still buffered here
+  SharedMemory memory;
+  Shared* shared = memory.get();
+  if (shared == nullptr) return std::strerror(errno);
+  std::vector<program::Subprocess> workers(static_cast<std::size_t>(options.jobs));
+  for (program::Subprocess& worker : workers) {
+    const auto error = worker.start([&] { return work(spec, blocks, options.folder, *shared); });
+    if (error) return error.message();
+  }
+  std::string trouble;
+  const auto interrupted = [&] { return options.interrupted != nullptr && *options.interrupted != 0; };
+  for (bool working = true; working && trouble.empty() && !interrupted();) {
+    working = false;
+    for (program::Subprocess& worker : workers) {
+      if (!worker.running()) continue;
+      const auto end = worker.wait(std::chrono::milliseconds(working ? 0 : 100));
+      if (!end) {
+        working = true;
+      } else if (end->exit_status == kFailed) {
+        trouble = shared->trouble;
+      } else if (end->exit_status != 0) {
+        trouble = fmt::format("a worker died: {}", end->text());
+      }
+    }
+    show({shared->rows, shared->held});
+  }
+  return trouble;  // the workers that are left end with their objects
+}
+
+}  // namespace ballast::sweep
