@@ -7,8 +7,6 @@
 #include <filesystem>
 #include <fstream>
 #include <lcm/lcm-cpp.hpp>
-#include <new>
-#include <stdexcept>
 
 #include "tools/faults/full_disk.h"
 #include "tools/recording/output_dir.h"
@@ -70,33 +68,6 @@ TEST(Recorder, SaysWhenTheDiskIsFull) {
   for (int k = 0; k < 100; ++k) recorder.record(hal::kChannelTrip, trip_t{});
   EXPECT_FALSE(recorder.close());
   EXPECT_NE(recorder.error().find("/dev/full"), std::string::npos);
-}
-
-template <class Error>
-struct MessageThatThrows {
-  static int getEncodedSize() { return 8; }
-  static int encode(void*, int, int) { throw Error("made by the test"); }
-};
-struct NoMemory : std::bad_alloc {
-  explicit NoMemory(const char*) {}
-};
-
-// Ballast ends with an error, exit status 2, where the record is not good.
-TEST(Recorder, SaysWhenEncodingThrows) {
-  const std::string path = testing::TempDir() + "recorder_throws_test.lcmlog";
-  for (const bool unbuffered : {false, true}) {
-    SCOPED_TRACE(unbuffered);
-    const auto error_after = [&](const auto& message) {
-      Recorder recorder(path, nullptr, unbuffered);
-      recorder.record_heard("THROWS", message, 0);
-      for (int k = 0; k < 10'000; ++k) recorder.record(hal::kChannelTrip, trip_t{});  // several batches
-      EXPECT_FALSE(recorder.close());
-      return recorder.error();
-    };
-    EXPECT_EQ(error_after(MessageThatThrows<NoMemory>()), path + ": cannot be written: Cannot allocate memory");
-    EXPECT_EQ(error_after(MessageThatThrows<std::length_error>()), path + ": cannot be written: made by the test");
-  }
-  std::filesystem::remove(path);
 }
 
 // The processors of each thread of this process.

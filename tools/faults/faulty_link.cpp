@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "hal/lcm/encode.h"
+
 namespace ballast::sil {
 
 using sim::Fault;
@@ -28,9 +30,8 @@ bool FaultyLink<M>::strikes(const Fault& fault) {
 
 template <class M>
 void FaultyLink<M>::send(const M& message, std::int64_t tick, double time_s) {
-  const int size = message.getEncodedSize();
-  InTransit one{tick, static_cast<double>(sent_++), std::vector<std::uint8_t>(static_cast<std::size_t>(size))};
-  message.encode(one.bytes.data(), 0, size);
+  InTransit one{tick, static_cast<double>(sent_++), std::vector<char>(hal::encoded_size(message))};
+  hal::encode(message, one.bytes.data());
   bool dropped = false, doubled = false;
   for (const Fault& fault : faults_) {
     if (tick < 0 || !fault.active(time_s)) continue;
@@ -54,7 +55,7 @@ void FaultyLink<M>::send(const M& message, std::int64_t tick, double time_s) {
       case FaultKind::kMessagesCorrupted:
         for (int bit = 0; bit < static_cast<int>(fault.value) && !one.bytes.empty(); ++bit) {
           const std::uint64_t at = sim::random_bits(random_) % (8 * one.bytes.size());
-          one.bytes[at / 8] ^= static_cast<std::uint8_t>(1u << (at % 8));
+          one.bytes[at / 8] ^= static_cast<char>(1u << (at % 8));
         }
         break;
       case FaultKind::kMessagesTruncated:

@@ -34,7 +34,7 @@ class FaultyLink {
   struct InTransit {
     std::int64_t due_tick;
     double order;
-    std::vector<std::uint8_t> bytes;
+    std::vector<char> bytes;
   };
   [[nodiscard]] bool strikes(const sim::Fault& fault);
 

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
-#include <exception>
 #include <new>
 #include <system_error>
+#include <utility>
 
 #include "tools/program/processors.h"
 
@@ -15,13 +15,7 @@ namespace ballast::sil {
 
 namespace {
 
-constexpr std::uint32_t kSyncWord = 0xEDA1DA01;
 constexpr std::size_t kLongestReason = 128;
-
-template <class T>
-void put(T value, std::vector<char>& to) {
-  for (std::size_t i = sizeof value; i-- > 0;) to.push_back(static_cast<char>(value >> (8 * i)));
-}
 
 }  // namespace
 
@@ -34,6 +28,13 @@ LogWriter::LogWriter(const std::string& path, bool at_once)
     return;
   }
   std::setvbuf(file_, nullptr, _IONBF, 0);  // batches are large
+  try {
+    filling_.resize(kBatchBytes);
+    if (!at_once_) handed_over_.resize(kBatchBytes);
+  } catch (const std::bad_alloc&) {
+    fail(std::strerror(ENOMEM));
+    return;
+  }
   if (at_once_) return;
   // Signals are for the caller's thread.
   sigset_t all, before;
@@ -63,17 +64,18 @@ LogWriter::~LogWriter() {
 void LogWriter::hand_over() {
   {
     std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return handed_over_.empty(); });
+    changed_.wait(lock, [&] { return handed_over_size_ == 0; });
     std::swap(filling_, handed_over_);
+    handed_over_size_ = std::exchange(filled_, 0);
   }
   changed_.notify_all();
 }
 
 void LogWriter::flush() {
   if (!thread_.joinable()) return;
-  if (!filling_.empty()) hand_over();
+  if (filled_ > 0) hand_over();
   std::unique_lock lock(mutex_);
-  changed_.wait(lock, [&] { return handed_over_.empty(); });
+  changed_.wait(lock, [&] { return handed_over_size_ == 0; });
 }
 
 void LogWriter::run() {
@@ -81,53 +83,26 @@ void LogWriter::run() {
   program::use_all_processors();
   std::unique_lock lock(mutex_);
   while (true) {
-    changed_.wait(lock, [&] { return ends_ || !handed_over_.empty(); });
-    if (handed_over_.empty()) return;
+    changed_.wait(lock, [&] { return ends_ || handed_over_size_ > 0; });
+    if (handed_over_size_ == 0) return;
     lock.unlock();
-    write(handed_over_);  // the caller leaves it alone until it is empty
+    write(handed_over_.data(), handed_over_size_);  // the caller leaves it alone until its size is 0
     lock.lock();
-    handed_over_.clear();
+    handed_over_size_ = 0;
     changed_.notify_all();
   }
 }
 
-void LogWriter::write(const Bytes& batch) {
-  if (failed_) return;
-  try {
-    encode_all(batch);
-  } catch (const std::bad_alloc&) {
-    fail(std::strerror(ENOMEM));
-    return;
-  } catch (const std::exception& error) {
-    fail(error.what());
-    return;
-  }
-  if (std::fwrite(encoded_.data(), 1, encoded_.size(), file_) != encoded_.size()) fail(std::strerror(errno));
+void LogWriter::write_at_once() {
+  write(filling_.data(), filled_);
+  filled_ = 0;
 }
 
-void LogWriter::encode_all(const Bytes& batch) {
-  encoded_.clear();
-  for (std::size_t at = 0; at < batch.size();) {
-    Header header;
-    std::memcpy(&header, &batch[at], sizeof header);
-    const char* message = &batch[at + sizeof header];
-    at += sizeof header + header.size;
-    const std::size_t channel_length = std::strlen(header.channel);
-    put(kSyncWord, encoded_);
-    put(static_cast<std::uint64_t>(events_++), encoded_);
-    put(static_cast<std::uint64_t>(header.utime), encoded_);
-    put(static_cast<std::uint32_t>(channel_length), encoded_);
-    const std::size_t size_at = encoded_.size();
-    put(std::uint32_t{0}, encoded_);
-    encoded_.insert(encoded_.end(), header.channel, header.channel + channel_length);
-    const std::size_t data_at = encoded_.size();
-    header.encode(message, encoded_);
-    const auto size = static_cast<std::uint32_t>(encoded_.size() - data_at);
-    for (std::size_t i = 0; i < sizeof size; ++i) encoded_[size_at + i] = static_cast<char>(size >> (24 - 8 * i));
-  }
+void LogWriter::write(const char* bytes, std::size_t size) {
+  if (!failed_ && std::fwrite(bytes, 1, size, file_) != size) fail(std::strerror(errno));
 }
 
-// Allocates no memory: its lack may be the reason.
+// Allocates no memory.
 void LogWriter::fail(const char* why) {
   error_.append(why, std::min(std::strlen(why), error_.capacity() - error_.size()));
   failed_ = true;

@@ -1,7 +1,7 @@
-// Writes events in the format of LCM's logs from a thread of its own, so that the lap neither encodes nor waits for the
-// file. The caller's thread only copies messages. A failure, lack of memory included, shows after up to two batches,
-// and at the latest in flush(). The file then ends with the last batch that was written, or inside the one that was
-// not.
+// Writes events in the format of LCM's logs. The caller's thread encodes them into a batch, and a thread of its own
+// writes the batches, so that the lap does not wait for the file. A failure shows after up to two batches, and at the
+// latest in flush(). The file then ends with the last batch that was written, or inside the one that was not. Nothing
+// allocates memory after the constructor.
 //
 // All functions are for one thread, the caller's.
 #pragma once
@@ -14,8 +14,9 @@
 #include <mutex>
 #include <string>
 #include <thread>
-#include <type_traits>
 #include <vector>
+
+#include "hal/lcm/encode.h"
 
 namespace ballast::sil {
 
@@ -27,22 +28,22 @@ class LogWriter {
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
 
-  // `channel` must outlive this object. Returns the event's size in the file.
+  // Returns the event's size in the file.
   template <class M>
   std::int64_t append(const char* channel, const M& message, std::int64_t utime) {
-    static_assert(std::is_trivially_copyable_v<M>);
-    const Header header{channel, &encode<M>, utime, sizeof(M)};
-    const std::size_t start = filling_.size();
-    filling_.resize(start + sizeof header + sizeof message);
-    std::memcpy(&filling_[start], &header, sizeof header);
-    std::memcpy(&filling_[start + sizeof header], &message, sizeof message);
-    if (at_once_) {
-      write(filling_);
-      filling_.clear();
-    } else if (filling_.size() >= kBatchBytes) {
-      hand_over();
-    }
-    return kEventHeaderSize + static_cast<std::int64_t>(std::strlen(channel)) + message.getEncodedSize();
+    const std::size_t channel_size = std::strlen(channel), data_size = hal::encoded_size(message);
+    const std::size_t size = kEventHeaderSize + channel_size + data_size;
+    static_assert(sizeof message < kBatchBytes / 2);  // and a channel's name is far shorter
+    if (filled_ + size > kBatchBytes) hand_over();
+    char* at = &filling_[filled_];
+    hal::BigEndian(at) << kSyncWord << events_ << utime << static_cast<std::uint32_t>(channel_size)
+                       << static_cast<std::uint32_t>(data_size);
+    std::memcpy(at + kEventHeaderSize, channel, channel_size);
+    hal::encode(message, at + kEventHeaderSize + channel_size);
+    ++events_;
+    filled_ += size;
+    if (at_once_) write_at_once();
+    return static_cast<std::int64_t>(size);
   }
 
   // All events appended so far are in the file, or good() is false.
@@ -53,46 +54,29 @@ class LogWriter {
 
  private:
   // An event's sync word, number, time, and lengths of channel and data: big-endian.
-  static constexpr std::int64_t kEventHeaderSize = 28;
-  static constexpr std::size_t kBatchBytes = std::size_t{1} << 16;  // stays in a core's cache
+  static constexpr std::size_t kEventHeaderSize = 28;
+  static constexpr std::uint32_t kSyncWord = 0xEDA1DA01;
+  static constexpr std::size_t kBatchBytes = std::size_t{1} << 18;  // two of them stay in a core's cache
 
-  using Bytes = std::vector<char>;
-  // Precedes each message of a batch.
-  struct Header {
-    const char* channel;
-    void (*encode)(const char* message, Bytes& to);
-    std::int64_t utime;
-    std::size_t size;
-  };
-
-  // Appends the encoded message.
-  template <class M>
-  static void encode(const char* from, Bytes& to) {
-    M message;
-    std::memcpy(&message, from, sizeof message);
-    const std::size_t start = to.size();
-    const int size = message.getEncodedSize();
-    to.resize(start + static_cast<std::size_t>(size));
-    message.encode(&to[start], 0, size);
-  }
-
+  void write_at_once();
   void hand_over();
   void run();
-  void write(const Bytes& batch);
-  void encode_all(const Bytes& batch);
+  void write(const char* bytes, std::size_t size);
   void fail(const char* why);
 
   bool at_once_;
   std::FILE* file_ = nullptr;
-  Bytes filling_;            // the caller's
-  Bytes encoded_;            // the writing thread's
-  std::int64_t events_ = 0;  // the writing thread's
-  std::string error_;        // complete before failed_ is set
+  // The caller's: the batch, its part in use, and the events so far.
+  std::vector<char> filling_;
+  std::size_t filled_ = 0;
+  std::int64_t events_ = 0;
+  std::string error_;  // complete before failed_ is set
   std::atomic<bool> failed_ = false;
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  Bytes handed_over_;  // empty: the thread is done with it
+  std::vector<char> handed_over_;
+  std::size_t handed_over_size_ = 0;  // 0: the thread is done with it
   bool ends_ = false;
   std::thread thread_;
 };

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "hal/lcm/channels.h"
+#include "hal/lcm/encode.h"
 #include "hal/lcm/messages.h"
 #include "tools/recording/log_writer.h"
 #include "tools/sil/lap_sink.h"
@@ -62,8 +63,8 @@ class Recorder final : public LapSink {
  private:
   template <class M>
   void publish(const char* channel, const M& message) {
-    buffer_.resize(static_cast<std::size_t>(message.getEncodedSize()));
-    message.encode(buffer_.data(), 0, message.getEncodedSize());
+    buffer_.resize(hal::encoded_size(message));
+    hal::encode(message, buffer_.data());
     publish_encoded(channel);
   }
   void mark_lap();

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "hal/lcm/channels.h"
+#include "hal/lcm/encode.h"
 #include "tools/faults/injection.h"
 #include "tools/recording/log_reader.h"
 #include "tools/recording/output_dir.h"
@@ -31,11 +32,10 @@ void strip(M& message) {
 
 template <class M>
 bool same_bytes(const M& a, const M& b) {
-  const auto size = static_cast<std::size_t>(a.getEncodedSize());
-  std::vector<char> bytes_a(size), bytes_b(size);
-  a.encode(bytes_a.data(), 0, static_cast<int>(size));
-  b.encode(bytes_b.data(), 0, static_cast<int>(size));
-  return std::memcmp(bytes_a.data(), bytes_b.data(), size) == 0;
+  std::vector<char> bytes_a(hal::encoded_size(a)), bytes_b(hal::encoded_size(b));
+  hal::encode(a, bytes_a.data());
+  hal::encode(b, bytes_b.data());
+  return bytes_a == bytes_b;
 }
 
 // The messages of one tick in a log.
