@@ -81,8 +81,8 @@ class Commands(unittest.TestCase):
                 done = subprocess.run(f"printf '{typed}' | {os.environ['BALLAST']} new {name}", shell=True,
                                       cwd=self.folder, capture_output=True, text=True, check=False)
                 self.assertEqual(done.returncode, 0, done.stderr)
-                self.assertIn(": good. ", self.ballast(f"check {name}.toml")[0])
                 self.ballast(f"plan {name}.toml --quiet")
+                self.assertIn(": good. ", self.ballast(f"check {name}_plan.toml")[0])
                 self.ballast(f"run {name}_plan.toml --quiet --no-log")
 
     def test_chart_writes_table_and_picture(self):

@@ -35,7 +35,8 @@ std::vector<std::string> warnings_of(const sim::Scenario& scenario, const std::v
 // Empty for an ideal floor.
 std::string real_floor_text(const sim::Surface& floor) {
   std::string text;
-  if (floor.rolling_resistance > 0) text += fmt::format(", rolling resistance {}", sim::number_text(floor.rolling_resistance));
+  if (floor.rolling_resistance > 0)
+    text += fmt::format(", rolling resistance {}", sim::number_text(floor.rolling_resistance));
   if (floor.spin_friction_m > 0) text += fmt::format(", spin friction {} m", sim::number_text(floor.spin_friction_m));
   if (floor.slope_rad > 0) text += fmt::format(", slope {:.3g} degrees", floor.slope_rad * 180 / std::numbers::pi);
   return text;
