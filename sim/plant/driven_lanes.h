@@ -66,7 +66,7 @@ struct LaneEnergies {
 // Where Omega, the geometric centre and the masses begin in a state. It starts with q and ends with positions and
 // rates.
 inline constexpr std::size_t kLaneOmega = 4, kLaneZ = 7, kLaneTheta = 9;
-// What the plant's states have at least.
+// Every state of the plant has at least these entries.
 inline constexpr std::size_t kLaneStateCapacity = kLaneTheta + 2 * kLaneCapacity + 4;
 
 // States and their derivatives at the ends of a span.

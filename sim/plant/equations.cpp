@@ -90,7 +90,7 @@ void Equations::evaluate(double time_s, const double* y, Instant& motion) const 
   }
 }
 
-// What end stops and blocks add to the motors' forces.
+// The forces that end stops and blocks add to the motors'.
 PerMass Equations::holding_forces(const double* y) const {
   PerMass force{};
   motors.add_holding_forces(y + kTheta, y + kTheta + mass_count(), force.data());

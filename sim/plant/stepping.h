@@ -83,7 +83,7 @@ class Stepping {
   // Integrate again from the start of a step.
   DormandPrince<kStateCapacity> fifth_probe_;
   Dop853<kStateCapacity> eighth_probe_;
-  // Of a step ahead.
+  // The span of a step ahead.
   double ahead_start_s_ = 0;
   double ahead_end_s_ = -1;  // before the time now: no step reaches beyond it
 };

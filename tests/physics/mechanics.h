@@ -17,7 +17,7 @@ struct Whole {
   double energy_j = 0;  // kinetic, of weight above the GC's start, and the potential -F_e . z of the external force
 };
 
-// Of a floor that may slope.
+// Gravity in the frame of the floor, which may slope.
 Eigen::Vector3d gravity_W_mps2(const sim::Scenario& scenario);
 
 // Shell and masses, without the motors' rotors.

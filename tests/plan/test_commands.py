@@ -121,7 +121,7 @@ class Commands(unittest.TestCase):
         self.assertGreater(found["now"]["mu_required"]["max"], 0.1)
         ladder = [row for row in found["microsteps"] if row["figures"]]
         self.assertGreater(len(ladder), 3)
-        # What tune says of a change is what a run with it gives.
+        # A run with the change needs the friction that tune says.
         change = next(row for row in found["changes"] if row["change"] == "half the detent torque")
         sets = " ".join(f"--set {item}" for item in change["set"])
         self.ballast(f"run desk_ball --quiet --no-log --set surface.static_friction=1 {sets} --out again")

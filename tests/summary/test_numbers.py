@@ -28,8 +28,8 @@ COMMANDS += [
     ["compare", "runs/paper_ball", "half"],
     ["compare", "runs/paper_ball", "runs/paper_ball-move"],
 ]
-# Of integrators, distances are the result. Published values have the digits that were published, and those of two logs
-# the digits that tell them apart.
+# Distances between integrators are a result. Published values have the digits that were published, and values of two
+# logs the digits that tell them apart.
 EXEMPT = re.compile(r"^ +(dop853|rk4|published|BALLAST_).*|tolerance 1e-1\d|\S*/\S*", re.M)
 
 

@@ -126,7 +126,7 @@ TEST(SweepCommand, KeepsTheResultsOfAnotherSweep) {
     EXPECT_SAYS(other.err, "r: holds the results of another sweep or run; allowed: another --out");
   }
   EXPECT_EQ(read_file(folder / "r/sweep.nc"), before);
-  // Of the same sweep it is complete, or made anew with the same bytes.
+  // The folder of the same sweep is complete, or made anew with the same bytes.
   EXPECT_SAYS(folder.run("ballast sweep stepper.toml --quiet --out r --resume").out, "stepper: 12 runs of paper_ball");
   EXPECT_EQ(folder.run("ballast sweep stepper.toml --quiet --out r").exit_status, 0);
   EXPECT_EQ(read_file(folder / "r/sweep.nc"), before);

@@ -59,7 +59,7 @@ std::string times_text(const std::vector<double>& times_s) {
   return times;
 }
 
-// What one or several motors meet.
+// A resonance that one or several motors meet.
 struct Resonance {
   std::string what, motors;
 };

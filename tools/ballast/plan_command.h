@@ -1,4 +1,4 @@
-// What `ballast plan` and `ballast plan --chart` share.
+// Parts that `ballast plan` and `ballast plan --chart` share.
 #pragma once
 
 #include <chrono>

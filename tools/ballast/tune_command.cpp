@@ -48,7 +48,7 @@ std::string refusal_of(const sim::Scenario& scenario, const std::string& file) {
   return "";
 }
 
-// What the floor and the envelope allow.
+// The limits of floor and envelope.
 struct Allowed {
   double friction, normal_n;
 };

@@ -1,5 +1,5 @@
-// What the motors add to the friction that a motion needs: where their full steps come at a resonance, and what the
-// need becomes when a property of the motors changes. Each change is rolled: firmware, motors and ball, on a floor that
+// The friction that motors add to what a motion needs: where their full steps come at a resonance, and how the need
+// changes with a property of the motors. Each change is rolled: firmware, motors and ball, on a floor that
 // holds whatever is needed.
 #pragma once
 

@@ -175,8 +175,8 @@ bool holds_with_steppers(const ChartPoint& point, double mu_s) {
          point.with_steppers->mu_required_max.value <= mu_s;
 }
 
-// What limits a plan, short enough for a table: "the step rate of masses 0, 2" for "the time (task.duration), the step
-// rate of mass 0 (motor.max_step_rate), ...".
+// The limits of a plan, short enough for a table: "the step rate of masses 0, 2" for "the time (task.duration), the
+// step rate of mass 0 (motor.max_step_rate), ...".
 std::string short_words(const std::string& binding) {
   std::vector<std::pair<std::string, std::set<std::string>>> groups;  // words, and the masses that they are said of
   std::string plain = binding;

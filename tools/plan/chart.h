@@ -1,4 +1,4 @@
-// What a robot can do over the distance of a task: the least friction over the time allowed, and from that curve the
+// The chart of a robot over the distance of a task: the least friction over the time allowed, and from that curve the
 // shortest time over mu_s.
 #pragma once
 

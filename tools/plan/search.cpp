@@ -80,7 +80,7 @@ struct Failure {
   std::string at_limits;       // what the motion uses up
 };
 
-// What a try makes small, once all limits hold.
+// The aim of a try, once all limits hold.
 struct Aim {
   Objective objective;
   double resonance_weight = 0;

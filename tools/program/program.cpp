@@ -88,7 +88,7 @@ std::string unexpected_text(const std::string& word, const CLI::App& command, co
   return fmt::format("{}: no such option{}; {} --help lists them", word, did_you_mean(word, names), name);
 }
 
-// What an option's value is. A description such as "KEY=VALUE: replace a value" begins with its form.
+// The kind of an option's value. A description such as "KEY=VALUE: replace a value" begins with its form.
 std::string kind_of_value(const CLI::App& command, const std::string& option_name) {
   const CLI::Option* option = command.get_option_no_throw(option_name);
   const std::string type = option == nullptr ? "" : option->get_type_name();

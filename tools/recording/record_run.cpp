@@ -57,7 +57,7 @@ class ProgressBar {
   Clock::time_point begun_ = Clock::now();
 };
 
-// What a full disk leaves. Readers of logs stop where the last event is cut off.
+// Says what a full disk leaves. Readers of logs stop where the last event is cut off.
 std::string full_disk_text(const RunResult& result, const OutputDir& output) {
   return fmt::format(
       "; the run ended at t = {} s. Kept: {}, as far as it could be written. Lost: the rest of the log, the summary "

@@ -1,5 +1,5 @@
-// What the true ball and its true masses imply for the plant's messages and for the controller that gets them. Written
-// from the .lcm files and physics.md, without the code of plant and firmware.
+// Rules that the true ball and its true masses set for the plant's messages and for the controller that gets them.
+// Written from the .lcm files and physics.md, without the code of plant and firmware.
 #pragma once
 
 #include <cstddef>

@@ -77,7 +77,7 @@ class FaultDraw {
     return false;
   }
 
-  // Of this mass, instead of one that chance chooses.
+  // Lost steps of this mass, instead of one that chance chooses.
   RandomFault lost_steps(int mass, double time_s) {
     mass_ = mass;
     const auto& kind = sim::info(FaultKind::kLostSteps);

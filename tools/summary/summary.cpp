@@ -102,7 +102,7 @@ CheckedSteps checked_steps(const StepTimingRecord& record) {
   return sums;
 }
 
-// Of a rail coordinate, in rad or m.
+// A rail coordinate below this counts as 0: rad or m.
 constexpr double kSmallPosition = 1e-6;
 
 std::string move_end_text(const sim::Scenario& scenario, const RunResult& result) {

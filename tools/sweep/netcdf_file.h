@@ -36,7 +36,7 @@ class NetcdfFile {
   [[nodiscard]] std::vector<double> numbers(int variable, std::size_t first, std::size_t count);
   [[nodiscard]] std::vector<std::string> texts(int variable, std::size_t first, std::size_t count);
 
-  // What was written is in the file only after this returns true.
+  // Writes all data into the file; only then true.
   [[nodiscard]] bool close();
   [[nodiscard]] const std::string& error() const { return error_; }
 

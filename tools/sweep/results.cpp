@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-// What a column must hold: the most general of its cells.
+// The kind of a column: that of the most general of its cells.
 struct Kind {
   bool text = false;
   bool list = false;
