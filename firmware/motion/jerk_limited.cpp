@@ -20,15 +20,33 @@ void add(PlannedPieces& pieces, Wide duration_s, Wide acceleration_start, Wide a
   pieces.piece[static_cast<std::size_t>(pieces.count++)] = {duration_s, acceleration_start, acceleration_end};
 }
 
-// Acceleration a -> -peak at +-jerk, constant, -> 0 at jerk, velocity v -> 0.
-PlannedPieces through_peak(Wide v, Wide a, Wide peak, Wide jerk, Wide sign) {
+// Durations of the ramps a -> -peak -> 0 of the acceleration, at +-jerk.
+struct Ramps {
+  Wide first_s, last_s;
+  Ramps(Wide a, Wide peak, Wide jerk) : first_s(std::fabs(a + peak) / jerk), last_s(peak / jerk) {}
+};
+
+// Acceleration a -> -peak, constant for constant_s unless that is negative, -> 0.
+PlannedPieces through_peak(Wide a, Wide peak, Wide constant_s, Wide jerk, Wide sign) {
+  const Ramps ramps(a, peak, jerk);
   PlannedPieces pieces;
-  const Wide first = std::fabs(a + peak) / jerk;
-  const Wide last = peak / jerk;
-  add(pieces, first, sign * a, -sign * peak);
-  add(pieces, (v + (a - peak) / 2 * first - peak / 2 * last) / peak, -sign * peak, -sign * peak);
-  add(pieces, last, -sign * peak, 0);
+  add(pieces, ramps.first_s, sign * a, -sign * peak);
+  add(pieces, constant_s, -sign * peak, -sign * peak);
+  add(pieces, ramps.last_s, -sign * peak, 0);
   return pieces;
+}
+
+// The constant part for which the velocity ends at 0.
+Wide constant_to_rest_s(Wide v, Wide a, Wide peak, Wide jerk) {
+  const Ramps ramps(a, peak, jerk);
+  return (v + (a - peak) / 2 * ramps.first_s - peak / 2 * ramps.last_s) / peak;
+}
+
+// The constant part of a stop of this duration. For the peak that belongs to that duration it is the one to rest too,
+// but with a small peak that would be a quotient of roundings.
+Wide constant_in_time_s(Wide duration_s, Wide a, Wide peak, Wide jerk) {
+  const Ramps ramps(a, peak, jerk);
+  return duration_s - ramps.first_s - ramps.last_s;
 }
 
 }  // namespace
@@ -45,21 +63,21 @@ bool plan_stop(Wide velocity, Wide acceleration, const MotionLimits& limits, Wid
   // The velocity that would be left if the acceleration went straight to 0 decides the direction of braking.
   const Wide left = velocity + acceleration * std::fabs(acceleration) / (2 * jerk);
   if (!std::isfinite(left)) return false;
-  if (left == 0) {
+  // The motion counts as forward, so braking is negative.
+  const Wide sign = left > 0 ? 1 : -1;
+  const Wide v = sign * velocity, a = sign * acceleration;
+  const bool too_hard = a < -limits.max_acceleration;
+  // Down and up again without a constant part: v + a^2/(2 jerk) = peak^2 / jerk.
+  const Wide peak_squared = jerk * v + a * a / 2;
+  if (left == 0 || peak_squared <= 0) {  // no velocity is left, except for rounding
     PlannedPieces pieces;
     add(pieces, std::fabs(acceleration) / jerk, acceleration, 0);
     out = pieces;
     return true;
   }
-  // From here on the motion counts as forward, so braking is negative.
-  const Wide sign = left > 0 ? 1 : -1;
-  const Wide v = sign * velocity, a = sign * acceleration;
-  const bool too_hard = a < -limits.max_acceleration;
-  // Down and up again without a constant part: v + a^2/(2 jerk) = peak^2 / jerk.
-  const Wide without_constant = std::sqrt(std::fmax(jerk * v + a * a / 2, 0));
-  Wide peak = too_hard ? limits.max_acceleration : std::fmin(limits.max_acceleration, without_constant);
+  const Wide peak = too_hard ? limits.max_acceleration : std::fmin(limits.max_acceleration, std::sqrt(peak_squared));
   if (!(peak > 0)) return false;
-  PlannedPieces pieces = through_peak(v, a, peak, jerk, sign);
+  PlannedPieces pieces = through_peak(a, peak, constant_to_rest_s(v, a, peak, jerk), jerk, sign);
   if (duration_s > pieces.duration_s()) {
     // While the acceleration has to fall to -peak, duration = a/jerk + peak/jerk + (v + a^2/(2 jerk)) / peak. The
     // smaller root has a constant part; this form of it does not cancel.
@@ -68,7 +86,8 @@ bool plan_stop(Wide velocity, Wide acceleration, const MotionLimits& limits, Wid
     Wide lower = 2 * jerk * sum / (b + std::sqrt(std::fmax(b * b - 4 * jerk * sum, 0)));
     // While it has to rise, duration = |a|/jerk + (v - a^2/(2 jerk)) / peak.
     if (a < 0 && (too_hard || lower < -a)) lower = std::fabs(left) / (duration_s + a / jerk);
-    if (lower > 0 && lower < peak) pieces = through_peak(v, a, lower, jerk, sign);
+    if (lower > 0 && lower < peak)
+      pieces = through_peak(a, lower, constant_in_time_s(duration_s, a, lower, jerk), jerk, sign);
   }
   if (!std::isfinite(pieces.duration_s())) return false;
   out = pieces;

@@ -112,6 +112,34 @@ TEST(PlanStop, RandomStatesEndAtRestInsideTheLimits) {
   EXPECT_GT(stretched, 10000);
 }
 
+// A motion that comes to rest by itself: its last ramp brings velocity and acceleration to 0 together, except for
+// rounding, which decides the direction of braking.
+TEST(PlanStop, OutOfTheLastRampOfAMotion) {
+  const std::uint64_t seed = ballast::test::random_seed(2718);
+  RecordProperty("seed", std::to_string(seed));
+  Random random(static_cast<unsigned>(seed));
+  for (int n = 0; n < 20000; ++n) {
+    const Real jerk = std::fabs(random.wide()), a = random.wide();
+    const Real off = n % 3 == 0 ? 0 : std::pow(10, random.between(-17, -6)) * (n % 2 == 0 ? 1 : -1);
+    const Real v = -a * std::fabs(a) / (2 * jerk) * (1 + off);
+    SCOPED_TRACE(::testing::Message() << "seed " << seed << " n " << n << " off " << off);
+    const MotionLimits limits{kInfinity, std::fabs(a) * random.between(1, 2), jerk};
+    PlannedPieces fastest;
+    ASSERT_TRUE(plan_stop(v, a, limits, 0, fastest));
+    const Real shortest = fastest.duration_s();
+    // The ramp, and what off leaves: a triangle of its square root at most.
+    EXPECT_LE(shortest, std::fabs(a) / jerk * (1 + 4 * std::sqrt(std::fabs(off) + 1e-15)));
+    for (const Real duration : {Real{0}, shortest * random.between(1, 10)}) {
+      PlannedPieces pieces;
+      ASSERT_TRUE(plan_stop(v, a, limits, duration, pieces));
+      const Profile profile = profile_of(0.7, v, pieces);
+      EXPECT_TRUE(profile.at_rest_from(profile.end_s()));
+      EXPECT_TRUE(check_limits(profile, {kInfinity, std::fmax(limits.max_acceleration, std::fabs(a)), jerk}).ok());
+      EXPECT_LE(profile.end_s(), std::fmax(shortest, duration) * (1 + 1e-12));
+    }
+  }
+}
+
 TEST(PlanStop, WithoutAccelerationLimitItIsTheShortest) {
   const auto seed = static_cast<unsigned>(ballast::test::random_seed(3));
   RecordProperty("seed", static_cast<int>(seed));
