@@ -86,6 +86,7 @@ class Run {
   sim::Plant::Sample sample_;  // at the start of this tick
   std::int64_t tick_ = 0;
   bool last_ = false;
+  bool stop_done_ = false;  // after a trip, when this tick began
   double end_s_;
   Lap lap_{};
   std::optional<Lap> unrecorded_;
@@ -153,8 +154,9 @@ void Run::begin() {
   rest_.observe(sample_);
   const bool move_done = move_done_tick_ && tick_ >= *move_done_tick_;
   if (move_done) result_.move_end->steps_made = true;
-  last_ = plant_.end() != sim::PhysicsEnd::kNone || plant_.time_s() >= end_s_ ||
-          (trips_.stop_done(tick_) && rest_.at_rest()) || (move_done && (rest_.at_rest() || already_there_));
+  stop_done_ = trips_.stop_done(tick_);
+  last_ = plant_.end() != sim::PhysicsEnd::kNone || plant_.time_s() >= end_s_ || (stop_done_ && rest_.at_rest()) ||
+          (move_done && (rest_.at_rest() || already_there_));
 
   std::optional<sim::Plant::ContactForces> commanded;
   commanded_under_all_.reset();
@@ -313,7 +315,7 @@ bool Run::reach_end() {
       result_.end_reason = EndReason::kInconsistent;
       break;
     case sim::PhysicsEnd::kNone:
-      if (trips_.stop_done(tick_)) result_.end_reason = EndReason::kTripped;
+      if (stop_done_) result_.end_reason = EndReason::kTripped;
       break;
   }
   return true;

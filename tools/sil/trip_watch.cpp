@@ -18,7 +18,11 @@ void TripWatch::observe(const Lap& lap, const trip_t& trip) {
   // from arming. Such a fault is no trip of its own, since nothing moves.
   const bool will_not_start = disarmed && (trip.tripped != 0 || (!armed_ && status.faults != 0));
   stopping_ = status.mode == controller_status_t::MODE_TRIPPED || will_not_start;
-  if (stopping_) observe_stop(lap, trip);
+  if (stopping_) {
+    observe_stop(lap, trip);
+  } else if (armed_) {
+    done_tick_.reset();  // an operator has released it: another trip begins another stop
+  }
 }
 
 void TripWatch::observe_stop(const Lap& lap, const trip_t& trip) {

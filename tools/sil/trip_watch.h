@@ -18,7 +18,8 @@ class TripWatch {
 
   // In the last lap the controller was stopping or stopped, or will not start.
   [[nodiscard]] bool stopping() const { return stopping_; }
-  // The stop's last step has been executed at the start of this tick.
+  // The last step of the latest stop has been executed at the start of this tick, and no operator has released it
+  // since.
   [[nodiscard]] bool stop_done(std::int64_t tick) const { return done_tick_ && tick >= *done_tick_; }
   [[nodiscard]] const std::optional<ControllerTrip>& controller_trip() const { return controller_trip_; }
   [[nodiscard]] std::optional<std::int64_t> latency_ticks() const { return latency_ticks_; }
