@@ -10,6 +10,8 @@
 
 #include "hal/lcm/channels.h"
 #include "sim/scenario/fault.h"
+#include "tests/random_seed.h"
+#include "tools/faults/faulty_links.h"
 #include "tools/faults/injection.h"
 #include "tools/program/params.h"
 #include "tools/recording/recorder.h"
@@ -456,6 +458,44 @@ TEST(EveryFault, DependsOnTheSeed) {
     ticks.insert(result.controller_trip ? result.controller_trip->tick : -1);
   }
   EXPECT_GT(ticks.size(), 1u);
+}
+
+// A flipped bit of a tick may name any tick to come. Whatever the bit, the next message that is whole is heard.
+TEST(MessageFault, ACorruptedTickMakesNobodyDeaf) {
+  sim::Scenario scenario = desk_ball({"messages_corrupted@0.01:1,channel=BALLAST_SENSORS,duration=0.001",
+                                      "messages_corrupted@0.01:1,channel=BALLAST_CONTROLLER_STATUS,duration=0.001"});
+  const std::uint64_t seed = test::random_seed(10);
+  int not_taken = 0;
+  for (int n = 0; n < 5000; ++n) {
+    scenario.seed = seed + static_cast<std::uint64_t>(n);
+    SCOPED_TRACE(scenario.seed);
+    ControllerLinks controller(scenario);
+    MonitorLinks monitor(scenario);
+    sensors_t sensors{};
+    sensors.scenario_id = scenario.id;
+    controller_status_t status{};
+    status.scenario_id = scenario.id;
+    for (std::int64_t tick = 9; tick < 12; ++tick) {
+      sensors.tick = status.tick = tick;
+      const hal::TickMail mail = controller.deliver(sensors, nullptr);
+      not_taken += tick == 10 && !mail.sensors;
+      if (tick != 10) {
+        EXPECT_TRUE(mail.sensors);
+      }
+      contact_t contact{};
+      contact.tick = tick;
+      plant_state_t state{};
+      state.tick = tick;
+      monitor.deliver(contact, state, sensors);
+      monitor.send(status, tick);
+    }
+    contact_t contact{};
+    contact.tick = sensors.tick = 12;
+    const Heard heard = monitor.deliver(contact, {}, sensors);
+    ASSERT_TRUE(heard.status);
+    EXPECT_EQ(heard.status->tick, 11);
+  }
+  EXPECT_GT(not_taken, 50) << "64 of some 2,000 bits are the tick's";
 }
 
 // A run without faults does not know that there are any.

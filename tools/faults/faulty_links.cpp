@@ -66,6 +66,8 @@ Heard MonitorLinks::deliver(const contact_t& contact, const plant_state_t& state
   for (const controller_status_t& status : status_.arrive(tick - 1)) {
     if (status.scenario_id != scenario_.id) {
       ++counters_.foreign;
+    } else if (status.tick > tick) {
+      ++counters_.out_of_order;
     } else if (newest_status_ && status.tick == newest_status_->tick) {
       ++counters_.repeated;
     } else if (!newest_status_ || status.tick > newest_status_->tick) {
@@ -92,13 +94,18 @@ ControllerLinks::ControllerLinks(const sim::Scenario& scenario)
 hal::TickMail ControllerLinks::deliver(const sensors_t& sensors, const trip_t* trip) {
   const std::int64_t tick = sensors.tick;
   const double time_s = fault_time_s(scenario_, tick);
-  sensors_.send(stamped(scenario_, sensors), tick, time_s);
+  const sensors_t sent = stamped(scenario_, sensors);
+  sensors_.send(sent, tick, time_s);
   if (trip != nullptr) trip_.send(off_the_bus(*trip), tick, time_s);
   hal::TickMail mail;
-  const auto take_newer = [&]<class M>(std::vector<M> messages, std::int64_t& newest, std::optional<M>& slot) {
+  // A tick still to come is a corrupted one. Taken for the newest, it would make every later message an old one.
+  const auto take_newer = [&]<class M>(std::vector<M> messages, std::int64_t latest, std::int64_t& newest,
+                                       std::optional<M>& slot) {
     drop_foreign(messages, scenario_.id, counters_.foreign);
     for (const M& message : messages) {
-      if (message.tick > newest) {
+      if (message.tick > latest) {
+        ++counters_.out_of_order;
+      } else if (message.tick > newest) {
         newest = message.tick;
         slot = message;
       } else {
@@ -106,8 +113,8 @@ hal::TickMail ControllerLinks::deliver(const sensors_t& sensors, const trip_t* t
       }
     }
   };
-  take_newer(sensors_.arrive(tick), newest_sensors_, mail.sensors);
-  take_newer(trip_.arrive(tick), newest_trip_, mail.trip);
+  take_newer(sensors_.arrive(tick), sent.tick, newest_sensors_, mail.sensors);
+  take_newer(trip_.arrive(tick), tick, newest_trip_, mail.trip);
   mail.refused = counters();
   return mail;
 }

@@ -41,7 +41,8 @@ class ControllerLinks {
  public:
   explicit ControllerLinks(const sim::Scenario& scenario);
 
-  // Once per tick; `trip`: null if the monitor has not spoken. Drops messages that are not newer than the last.
+  // Once per tick; `trip`: null if the monitor has not spoken. Drops messages that are not newer than the last, or
+  // whose tick is still to come.
   hal::TickMail deliver(const sensors_t& sensors, const trip_t* trip);
   // For a controller that starts again: any message is new to it.
   void restart() { newest_sensors_ = newest_trip_ = hal::kWaitingTick; }
