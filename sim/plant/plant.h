@@ -70,8 +70,9 @@ class Plant {
   [[nodiscard]] Sample sample() const;
 
   // N and f_s for the ball's attitude, angular velocity and regime now, if the masses moved like this: rail
-  // coordinates, their rates and those' rates. In sliding with the slip as it is, in flight 0. `forces` selects the
-  // external forces: all, or all but force table and drag, which the controller is not told of.
+  // coordinates, their rates and those' rates. In sliding with the slip as it is, and NaN where such masses would leave
+  // no N that balances it (Painleve's paradox); in flight 0. `forces` selects the external forces: all, or all but force
+  // table and drag, which the controller is not told of.
   enum class Forces { kAll, kTold };
   struct ContactForces {
     double normal_force_n;

@@ -32,10 +32,11 @@ std::int8_t regime_code(sim::Regime regime) {
 void set_commanded(const std::optional<sim::Plant::ContactForces>& commanded, contact_t& contact) {
   constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
   const bool flies = contact.regime == contact_t::REGIME_FLIGHT;
-  contact.commanded_normal_force_n = commanded ? commanded->normal_force_n : kNothing;
-  contact.commanded_static_friction_n = commanded ? commanded->static_friction_n : kNothing;
-  contact.commanded_mu_required = !commanded ? kNothing
-                                  : flies    ? 0
+  const bool known = commanded && std::isfinite(commanded->normal_force_n);
+  contact.commanded_normal_force_n = known ? commanded->normal_force_n : kNothing;
+  contact.commanded_static_friction_n = known ? commanded->static_friction_n : kNothing;
+  contact.commanded_mu_required = !known  ? kNothing
+                                  : flies ? 0
                                           : sim::mu_required(commanded->normal_force_n, commanded->static_friction_n);
 }
 
