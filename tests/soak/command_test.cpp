@@ -23,6 +23,25 @@ TEST(SoakCommand, NoInvariantBreaks) {
   EXPECT_EQ(folder.entries(), 0);  // a folder for seeds that fail is taken away where none does
 }
 
+// Seeds that once broke an invariant, with the mistake that they showed.
+TEST(SoakCommand, SeedsThatOnceBrokeHold) {
+  const Folder folder;
+  for (const int seed : {
+           4849,  9579,  14692, 38846, 45649,                              // a corrupted tick made the controller deaf
+           7545,  29793, 36788, 39299, 51656, 60297, 61334, 66658, 37504,  // stops out of a motion's last ramp
+           34481, 51082, 59430, 69398,  // a second trip, after a reset, ended the run before its masses rested
+           10015,                       // no normal force for the masses as commanded, and f_s / N of it infinite
+           10528,                       // released in the very tick in which the run ended
+           12300, 27298, 43209, 49590,  // an alarm of a peer that is many ticks late
+       }) {
+    SCOPED_TRACE(seed);
+    const Outcome soak =
+        folder.run("ballast soak --quiet --jobs 1 --seeds " + std::to_string(seed) + ".." + std::to_string(seed));
+    EXPECT_SAYS(soak.out, ", 0 broken");
+    EXPECT_EQ(soak.exit_status, 0) << soak.out;
+  }
+}
+
 // All but the seconds.
 TEST(SoakCommand, SaysTheSameHoweverManyWork) {
   const Folder folder;

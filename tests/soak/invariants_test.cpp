@@ -15,6 +15,7 @@
 #include "tools/program/params.h"
 #include "tools/recording/recorder.h"
 #include "tools/soak/bounds.h"
+#include "tools/soak/fault_windows.h"
 #include "tools/soak/mode_rules.h"
 #include "tools/soak/seed_run.h"
 
@@ -307,6 +308,25 @@ TEST(Invariants, AFaultOfOneTickExcusesThatTime) {
   EXPECT_TRUE(has(outside_in(60), Invariant::kDetected));
   EXPECT_EQ(but_logged(faulted.broken([](Recorded& run) { run.ticks[60].lap.verdict->tick -= 1; })),
             Which{Invariant::kInOrder});
+}
+
+// A peer that is late judges late whatever befalls the others.
+TEST(FaultWindows, LastAsLongAsTheLatestAnswers) {
+  sim::Scenario scenario;
+  scenario.run.control_period_s = 0.001;
+  sim::Fault nan;
+  nan.kind = sim::FaultKind::kSensorNan;
+  nan.time_s = 0.05;
+  nan.end_s = 0.051;
+  scenario.faults = {nan};
+  EXPECT_TRUE(FaultWindows(scenario).nan(53));
+  EXPECT_FALSE(FaultWindows(scenario).nan(54));
+  sim::Fault slow;
+  slow.kind = sim::FaultKind::kPeerTooSlow;
+  slow.value = 20;
+  scenario.faults.push_back(slow);
+  EXPECT_TRUE(FaultWindows(scenario).nan(73));
+  EXPECT_FALSE(FaultWindows(scenario).nan(74));
 }
 
 TEST(Invariants, ATripThatIsNotWhatHappened) {
@@ -773,7 +793,9 @@ TEST(OperatorScripts, HaveEveryCommandInOrder) {
     const OperatorScript script = random_scenario(seed).script;
     EXPECT_EQ(comments(script), comments(random_scenario(seed).script));
     for (std::size_t i = 0; i < script.commands.size(); ++i) {
-      if (i > 0) EXPECT_LT(script.commands[i - 1].tick, script.commands[i].tick);
+      if (i > 0) {
+        EXPECT_LT(script.commands[i - 1].tick, script.commands[i].tick);
+      }
       ++seen[static_cast<std::size_t>(script.commands[i].input.command)];
     }
   }

@@ -20,11 +20,19 @@ bool lasts_for_ever(const Fault& fault) {
   return fault.kind == FaultKind::kPeerKilled || fault.kind == FaultKind::kClockJump;
 }
 
-// Ticks by which the effect of a fault outlasts it. A message that is lost in tick k is missed in k, or in k + 1 if it
-// is the controller's, and what that peer answers is judged one tick later: 2. A delay adds its own length.
-std::int64_t aftermath_ticks(const Fault& fault) {
-  const bool delays = fault.kind == FaultKind::kMessagesDelayed || fault.kind == FaultKind::kPeerTooSlow;
-  return 2 + (delays ? static_cast<std::int64_t>(fault.value) : 0);
+bool delays(const Fault& fault) {
+  return fault.kind == FaultKind::kMessagesDelayed || fault.kind == FaultKind::kPeerTooSlow;
+}
+
+// Ticks by which the effect of any fault outlasts it. A message that is lost in tick k is missed in k, or in k + 1 if
+// it is the controller's, and what that peer answers is judged one tick later: 2. Messages and answers that are late
+// add what they are late by.
+std::int64_t longest_aftermath_ticks(const sim::Scenario& scenario) {
+  std::int64_t ticks = 2;
+  for (const Fault& fault : scenario.faults) {
+    if (delays(fault)) ticks += static_cast<std::int64_t>(fault.value);
+  }
+  return ticks;
 }
 
 bool restarts_the_monitor(const Fault& fault) {
@@ -38,6 +46,9 @@ bool turns_the_estimate(const Fault& fault) {
 
 }  // namespace
 
+FaultWindows::FaultWindows(const sim::Scenario& scenario)
+    : scenario_(scenario), aftermath_ticks_(longest_aftermath_ticks(scenario)) {}
+
 template <class Selects>
 bool FaultWindows::any(std::int64_t tick, Selects selects) const {
   if (tick < 0) return false;  // no fault begins in the countdown
@@ -46,7 +57,7 @@ bool FaultWindows::any(std::int64_t tick, Selects selects) const {
     if (!selects(fault) || !fault.begun(static_cast<double>(tick) * period_s)) return false;
     if (lasts_for_ever(fault)) return true;
     // An instant between two ticks shows in the later one.
-    const double last_s = static_cast<double>(tick - aftermath_ticks(fault) - 1) * period_s;
+    const double last_s = static_cast<double>(tick - aftermath_ticks_ - 1) * period_s;
     return last_s < fault.end_s - Fault::kRounding;
   });
 }

@@ -11,7 +11,7 @@ namespace ballast::soak {
 class FaultWindows {
  public:
   // The scenario must outlive the windows.
-  explicit FaultWindows(const sim::Scenario& scenario) : scenario_(scenario) {}
+  explicit FaultWindows(const sim::Scenario& scenario);
 
   // Messages, peers or the sensors' clock: a message or an answer may be missing, late, repeated or wrong.
   [[nodiscard]] bool bus(std::int64_t tick) const;
@@ -35,6 +35,7 @@ class FaultWindows {
   [[nodiscard]] bool any(std::int64_t tick, Selects selects) const;
 
   const sim::Scenario& scenario_;
+  std::int64_t aftermath_ticks_;
 };
 
 }  // namespace ballast::soak
