@@ -32,6 +32,8 @@ TEST(SoakCommand, SeedsThatOnceBrokeHold) {
            34481, 51082, 59430, 69398,  // a second trip, after a reset, ended the run before its masses rested
            10015,                       // no normal force for the masses as commanded, and f_s / N of it infinite
            10528,                       // released in the very tick in which the run ended
+           78062,                       // a trip at rest, which needs no stop
+           81828,                       // a full disk in the tick in which the controller is started again
            12300, 27298, 43209, 49590,  // an alarm of a peer that is many ticks late
        }) {
     SCOPED_TRACE(seed);

@@ -603,7 +603,7 @@ void Invariants::check_stop(const sil::Lap& lap, const Sample& truth) {
     // The end may lie inside a tick. Often it is the start of a tick except for rounding, since a stop out of a ramp
     // takes three times as long as the ramp so far. The next tick is then correct too.
     stop_ticks_ = std::max(left_s, 0.0) / period_s;
-    rest_due_tick_ += static_cast<std::int64_t>(std::ceil(stop_ticks_ + 1e-9));
+    if (left_s > 0) rest_due_tick_ += static_cast<std::int64_t>(std::ceil(stop_ticks_ + 1e-9));
   }
   // `at_rest` is the state at the start of the next tick, whose steps are in the same lap.
   if (status.tick + 1 < rest_due_tick_) return;
@@ -654,7 +654,7 @@ void Invariants::finish(const sil::RunResult& result, const std::string& log_pat
   finish_detected(result);
   finish_end(result);
   finish_stop(result);
-  read_log(log_path, result.status == hal::Status::kIo && has_fault(sim::FaultKind::kDiskFull));
+  read_log(log_path, result.status != hal::Status::kOk && has_fault(sim::FaultKind::kDiskFull));
 }
 
 void Invariants::finish_end(const sil::RunResult& result) {
