@@ -78,6 +78,10 @@ TEST(MakeWindows, OppositePulsesKeepTheSetUpTime) {
   EXPECT_FALSE(make_windows(pulses, rules));
   EXPECT_EQ(rules.earliest_after(50, true), 150);
   EXPECT_EQ(rules.earliest_after(50, false), 0);
+  // Without a set-up time a turn needs no more than any pulse: the spacing of 10, less one tick of rounding.
+  const PulseRules at_once{{1e7, 0.001, 0}, 1e6};
+  EXPECT_EQ(at_once.earliest_after(2, false), 7);
+  EXPECT_EQ(at_once.earliest_after(2, true), 7);
 }
 
 // The next pulse can keep its distance for every choice in the windows of the pulses before.

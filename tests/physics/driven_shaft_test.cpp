@@ -270,6 +270,23 @@ TEST_P(HoistTest, TorqueAndMarginAreThoseOfTheClosedForm) {
   EXPECT_LT(margin, 0.99);
 }
 
+// The margin of a motor is that of its own speed, whatever the others do.
+TEST(Hoists, EachHasItsOwnMargin) {
+  Still s = lift(-0.02, 0.2, motor(kScrew, 0.5, 2e-5, 2e-3));
+  s.scenario.run.actuation = Actuation::kPrescribed;
+  s.scenario.masses[0].motor.corner_speed_radps = 20;
+  Mass held = s.scenario.masses[0];
+  held.initial_velocity = 0;
+  held.initial_position = 0.03;
+  s.scenario.duration_s = 0.05;
+  s.scenario.masses.insert(s.scenario.masses.begin(), held);
+  Plant plant(s.scenario);
+  plant.advance(0.05, {});
+  const double torque = 0.25 * 9.81 / kScrew, speed = kScrew * 0.2;
+  EXPECT_NEAR(plant.motor_extrema(0).torque_margin, 1 - torque / 0.5, 1e-12);
+  EXPECT_NEAR(plant.motor_extrema(1).torque_margin, 1 - (torque + 2e-3 * speed) / (0.5 * 20 / speed), 1e-12);
+}
+
 INSTANTIATE_TEST_SUITE_P(Prescribed, HoistTest,
                          testing::Values(Hoist{"Up", 0, 2, 0.05},                      // to 15.7 rad/s at the shaft
                                          Hoist{"UpBeyondTheCornerSpeed", 0, 4, 0.08},  // to 50 rad/s

@@ -168,5 +168,30 @@ TEST(Drag, EnergyChangesByTheWorkOfTheForce) {
   }
 }
 
+// Motors of a ball that starts in the air are balanced for the forces of that instant: falling freely, their masses
+// feel none, and stay until the table's force sets in.
+TEST(ForceTable, MotorsAreBalancedForItsStart) {
+  Scenario s = solid_ball();
+  s.run.actuation = Actuation::kStepper;
+  s.initial.height_m = 60;
+  s.force_table = {{0, 0.5, 1}, {Vector3d::Zero(), Vector3d::Zero(), Vector3d(20, 0, 0)}};
+  Mass mass;
+  mass.mass_kg = 0.1;
+  mass.rail = firmware::line({0, 0, 0}, {1, 0, 0});
+  mass.motor.shaft_ratio = 100;
+  mass.motor.holding_torque_nm = 0.5;
+  mass.motor.rotor_inertia_kgm2 = 1e-5;
+  mass.motor.viscous_damping_nms = 1e-3;
+  mass.motor.step_error = 0;
+  s.masses = {mass};
+  Plant plant(s);
+  for (int k = 1; k <= 500; ++k) {
+    plant.advance(0.001 * k, {});
+    ASSERT_NEAR(plant.sample().mass_position[0], 0, 1e-13) << "after " << k << " ms";
+  }
+  go(plant, 1, 0.01);
+  EXPECT_GT(std::abs(plant.sample().mass_position[0]), 1e-9);
+}
+
 }  // namespace
 }  // namespace ballast::sim

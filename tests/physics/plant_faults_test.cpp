@@ -4,8 +4,8 @@
 
 #include <numbers>
 
-#include "sim/plant/plant.h"
 #include "sim/motors/stepper.h"
+#include "sim/plant/plant.h"
 #include "tests/physics/solid_ball.h"
 
 namespace ballast::sim {
@@ -128,6 +128,35 @@ TEST(StepperFault, AWeakCoilGivesItsPartOfTheTorque) {
         EXPECT_NEAR(stepper.torque_nm(rotor_rad, 0), 2 * (k * std::sin(a) * std::cos(r) - std::cos(a) * std::sin(r)),
                     1e-12);
       }
+    }
+  }
+}
+
+// Two motors at full steps that only the second coils hold: the mass whose second coil is gone swings out.
+TEST(PlantFault, AWeakCoilIsItsOwnMotors) {
+  Scenario s = solid_ball();
+  s.run.actuation = Actuation::kStepper;
+  Mass mass;
+  mass.mass_kg = 0.2;
+  mass.rail = firmware::circle_about(0.05, 0, 0);
+  mass.motor = motor();
+  s.masses = {mass, mass, mass};
+  for (int weak = 0; weak < 3; ++weak) {
+    SCOPED_TRACE(weak);
+    s.faults = {fault(FaultKind::kWeakCoil, 0.5, 0)};
+    s.faults[0].mass = weak;
+    Plant plant(s);
+    std::vector<StepPulse> pulses;
+    for (int j = 0; j < 16; ++j) {
+      for (int i = 0; i < 3; ++i) pulses.push_back({0.03 * j, i, 1});
+    }
+    plant.advance(0.499, pulses);
+    const auto before = plant.sample().mass_position;
+    go(plant, 0.6, 0.01);
+    for (int i = 0; i < 3; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const double moved = std::abs(plant.sample().mass_position[k] - before[k]);
+      EXPECT_EQ(moved > 0.01, i == weak) << "mass " << i << " has moved by " << moved;
     }
   }
 }
