@@ -182,6 +182,7 @@ TEST(ForceTable, MotorsAreBalancedForItsStart) {
   mass.motor.holding_torque_nm = 0.5;
   mass.motor.rotor_inertia_kgm2 = 1e-5;
   mass.motor.viscous_damping_nms = 1e-3;
+  mass.motor.corner_speed_radps = 1e6;
   mass.motor.step_error = 0;
   s.masses = {mass};
   Plant plant(s);
