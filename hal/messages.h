@@ -23,7 +23,14 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(LCM(orientation), m.orientation)
       .field(LCM(gyro_B_radps), m.gyro_B_radps)
       .field(LCM(accelerometer_B_mps2), m.accelerometer_B_mps2)
-      .field(LCM(limit_switch), m.limit_switch, Within(0, 3));
+      .field(LCM(limit_switch), m.limit_switch, Within(0, 3))
+      .field(LCM(imu_count), m.imu_count, Within(0, kFarthestTick))
+      .field(LCM(imu_tick), m.imu_tick, Tick())
+      .field(LCM(has_encoders), m.has_encoders)
+      .field(LCM(encoder), m.encoder)
+      .field(LCM(fix_count), m.fix_count, Within(0, kFarthestTick))
+      .field(LCM(fix_tick), m.fix_tick, Tick())
+      .field(LCM(fix_W_m), m.fix_W_m);
 }
 
 // trip_t

@@ -42,6 +42,10 @@ Order order_of(const ControllerState& state, std::int64_t tick) {
 }
 
 bool valid(const Sensors& s) {
+  for (const Wide encoder : s.encoder) {
+    if (!std::isfinite(encoder)) return false;
+  }
+  if (!std::isfinite(s.fix_W_m[0]) || !std::isfinite(s.fix_W_m[1])) return false;
   return std::fabs(length(s.orientation) - 1) <= kLengthTolerance && finite(s.gyro_B_radps) &&
          finite(s.accelerometer_B_mps2);
 }

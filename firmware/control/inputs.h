@@ -17,6 +17,13 @@ struct Sensors {
   Vector3 gyro_B_radps = Vector3::Zero();
   Vector3 accelerometer_B_mps2 = Vector3::Zero();  // specific force at the geometric centre
   PerMass<std::uint8_t> limit_switch{};            // bit 0 lower end, bit 1 upper end
+  std::int64_t imu_count = 0;                      // samples of gyro and accelerometer so far
+  std::int64_t imu_tick = 0;                       // of the newest
+  bool has_encoders = false;
+  PerMass<Wide> encoder{};     // rail coordinates, rad or m
+  std::int64_t fix_count = 0;  // places from outside so far
+  std::int64_t fix_tick = 0;   // of the newest
+  std::array<Wide, 2> fix_W_m{};
 };
 
 // The monitor's heartbeat.

@@ -111,9 +111,9 @@ decltype(auto) with_fields(const plant_state_t& message, F&& f) {
 template <class F>
 decltype(auto) with_fields(const sensors_t& message, F&& f) {
   const auto& [tick, utime, scenario_id, run_id, orientation, gyro_B_radps, accelerometer_B_mps2, mass_count,
-               limit_switch, last] = message;
+               limit_switch, imu_count, imu_tick, has_encoders, encoder, fix_count, fix_tick, fix_W_m, last] = message;
   return f(tick, utime, scenario_id, run_id, orientation, gyro_B_radps, accelerometer_B_mps2, mass_count, limit_switch,
-           last);
+           imu_count, imu_tick, has_encoders, encoder, fix_count, fix_tick, fix_W_m, last);
 }
 
 template <class F>

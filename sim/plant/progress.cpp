@@ -34,6 +34,8 @@ Sample Progress::sample() const {
   s.time_s = dynamics.time_s;
   s.orientation = {y[0], y[1], y[2], y[3]};
   s.angular_velocity_B_radps = {y[kOmega], y[kOmega + 1], y[kOmega + 2]};
+  const State& rates = dynamics.now.dydt;
+  s.angular_acceleration_B_radps2 = {rates[kOmega], rates[kOmega + 1], rates[kOmega + 2]};
   s.position_W_m = {y[kZ], y[kZ + 1], 0};
   s.velocity_W_mps = {dynamics.now.dydt[kZ], dynamics.now.dydt[kZ + 1], 0};
   s.regime = floor.regime;

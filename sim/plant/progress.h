@@ -15,6 +15,7 @@ struct Sample {
   Eigen::Vector3d angular_velocity_B_radps;
   Eigen::Vector3d position_W_m;
   Eigen::Vector3d velocity_W_mps;
+  Eigen::Vector3d angular_acceleration_B_radps2;
   Eigen::Vector3d acceleration_B_mps2;  // of the geometric centre
   Eigen::Vector3d up_B;
   double normal_force_n;

@@ -8,6 +8,7 @@
 
 #include "sim/scenario/read_fault.h"
 #include "sim/scenario/read_mass.h"
+#include "sim/scenario/read_sensors.h"
 
 namespace ballast::sim {
 namespace {
@@ -278,6 +279,9 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
   }
   known.mass_count = std::max(1, static_cast<int>(masses.size()));
   for (TableReader& mass : masses) scenario.masses.push_back(read_mass(mass, known));
+
+  scenario.sensors =
+      read_sensors(root.table("sensors"), known.control_period_s, static_cast<int>(scenario.masses.size()));
 
   for (TableReader& table : root.tables("fault", "an array of tables, each headed [[fault]]")) {
     if (const auto fault = read_fault(table, scenario)) scenario.faults.push_back(*fault);

@@ -118,6 +118,30 @@ void add_real_floor(CanonicalText& text, const Surface& surface) {
   text.add("surface.slope.downhill", surface.downhill_rad);
 }
 
+void add_triad(CanonicalText& text, const char* name, const ImuTriad& triad) {
+  text.add("sensors.triad", std::string(name));
+  text.add("noise_density", triad.noise_density);
+  text.add("bias", triad.bias);
+  text.add("bias_walk", triad.bias_walk);
+  text.add("scale_error", triad.scale_error);
+  text.add("misalignment", triad.misalignment_rad);
+  text.add("range", triad.range);
+  text.add("resolution", triad.resolution);
+}
+
+// Scenarios with ideal sensors add no lines.
+void add_sensors(CanonicalText& text, const SensorModel& sensors) {
+  text.add("sensors.rate", sensors.rate_hz);
+  text.add("sensors.latency", sensors.latency_s);
+  add_triad(text, "gyro", sensors.gyro);
+  add_triad(text, "accelerometer", sensors.accelerometer);
+  text.add("sensors.accelerometer.position", sensors.accelerometer_position_B_m);
+  text.add("sensors.position_fix.rate", sensors.fix.rate_hz);
+  text.add("sensors.position_fix.noise", sensors.fix.noise_m);
+  text.add("sensors.position_fix.delay", sensors.fix.delay_s);
+  for (const double resolution : sensors.encoder_resolution) text.add("sensors.encoder.resolution", resolution);
+}
+
 // Scenarios without faults add no lines.
 void add_fault(CanonicalText& text, const Fault& fault) {
   text.add("fault", std::string(info(fault.kind).name));
@@ -171,6 +195,7 @@ std::int64_t fingerprint(const Scenario& scenario) {
   text.add("run.tolerance", scenario.run.tolerance);
   text.add("envelope.min_normal_force", scenario.envelope.min_normal_force_n);
   text.add("envelope.friction_use", scenario.envelope.friction_use);
+  if (scenario.sensors.present) add_sensors(text, scenario.sensors);
   text.add("seed", scenario.seed);
   for (const Fault& fault : scenario.faults) add_fault(text, fault);
 

@@ -11,6 +11,7 @@
 
 #include "sim/plant/plant_model.h"
 #include "sim/scenario/fault.h"
+#include "sim/sensors/sensor_model.h"
 
 namespace ballast::sim {
 
@@ -37,6 +38,8 @@ struct Scenario : World {
     double min_normal_force_n = 0;
     double friction_use = 1.0;
   } envelope;
+
+  SensorModel sensors;
 
   std::vector<Fault> faults;  // injected into the run; in order of time, those of one time as written
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <csignal>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -596,6 +597,51 @@ TEST(StepperRun, AControllerThatNeverArmsHasNotCompleted) {
     EXPECT_EQ(result.controller_trip->tick, -2);
     EXPECT_EQ(result.last_tick, 0);
   }
+}
+
+// Sensors that err change what the controller gets and nothing of the truth, as long as nothing trips.
+TEST(StepperRun, RealSensorsLeaveTheTruthAlone) {
+  struct Kept final : LapSink {
+    void take(const Lap& lap) override { laps.push_back(lap); }
+    [[nodiscard]] bool good() const override { return true; }
+    [[nodiscard]] const std::string& error() const override { return none; }
+    [[nodiscard]] std::int64_t bytes() const override { return 0; }
+    std::vector<Lap> laps;
+    std::string none;
+  };
+  const auto laps_of = [](const std::vector<std::string>& overrides) {
+    std::vector<std::string> all{"duration=0.5"};
+    all.insert(all.end(), overrides.begin(), overrides.end());
+    const sim::Scenario scenario = load("desk_ball", all);
+    auto params = std::make_unique<firmware::ControllerParams>();
+    EXPECT_FALSE(program::to_controller_params(scenario, *params));
+    InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
+    Kept kept;
+    EXPECT_EQ(run(scenario, peers, kept, {}).end_reason, EndReason::kCompleted);
+    return kept.laps;
+  };
+  const std::vector<std::string> real{"sensors.attitude=sensed", "sensors.preset=bmi088", "sensors.rate=500",
+                                      "sensors.encoder.resolution=0.01", "sensors.position_fix.rate=100"};
+  const std::vector<Lap> ideal = laps_of({}), first = laps_of(real), again = laps_of(real);
+  ASSERT_EQ(ideal.size(), first.size());
+  ASSERT_EQ(ideal.size(), again.size());
+  int others = 0;
+  for (std::size_t k = 0; k < ideal.size(); ++k) {
+    const plant_state_t &a = ideal[k].plant.state, &b = first[k].plant.state;
+    EXPECT_EQ(std::memcmp(a.orientation, b.orientation, sizeof a.orientation), 0);
+    EXPECT_EQ(std::memcmp(a.mass_position, b.mass_position, sizeof a.mass_position), 0);
+    const sensors_t &x = first[k].plant.sensors, &y = again[k].plant.sensors, &z = ideal[k].plant.sensors;
+    EXPECT_EQ(std::memcmp(x.gyro_B_radps, y.gyro_B_radps, sizeof x.gyro_B_radps), 0) << "the same seed";
+    EXPECT_EQ(std::memcmp(x.fix_W_m, y.fix_W_m, sizeof x.fix_W_m), 0);
+    EXPECT_EQ(std::memcmp(x.orientation, z.orientation, sizeof x.orientation), 0) << "the attitude is sensed";
+    others += std::memcmp(x.gyro_B_radps, z.gyro_B_radps, sizeof x.gyro_B_radps) != 0;
+    EXPECT_EQ(z.imu_tick, z.tick);
+    EXPECT_EQ(x.imu_tick, x.tick - (x.tick % 2 != 0 ? 1 : 0));
+    EXPECT_EQ(x.has_encoders, 1);
+    EXPECT_EQ(z.has_encoders, 0);
+    EXPECT_LE(std::abs(x.encoder[0] - b.mass_position[0]), 0.005 * (1 + 1e-12));
+  }
+  EXPECT_EQ(others, static_cast<int>(ideal.size()));
 }
 
 }  // namespace

@@ -33,7 +33,8 @@ bool finite(const plant_state_t& state) {
 }
 
 bool finite(const sensors_t& sensors) {
-  return finite(sensors.orientation) && finite(sensors.gyro_B_radps) && finite(sensors.accelerometer_B_mps2);
+  return finite(sensors.orientation) && finite(sensors.gyro_B_radps) && finite(sensors.accelerometer_B_mps2) &&
+         finite(sensors.encoder) && finite(sensors.fix_W_m);
 }
 
 // Tolerance on the margin: a few roundings of O(1) values.

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "sim/plant/floor.h"
+#include "tools/sil/countdown.h"
 
 namespace ballast::sil {
 
@@ -27,7 +28,36 @@ std::int8_t regime_code(sim::Regime regime) {
   return contact_t::REGIME_ROLLING;
 }
 
+// a_GC - g. On a level floor gravity is along the floor's normal.
+Eigen::Vector3d specific_force_B_mps2(const sim::Scenario& scenario, const sim::Plant::Sample& sample) {
+  Eigen::Vector3d against_weight_B = sample.up_B;
+  if (const sim::Floor floor(scenario); floor.slopes) {
+    const Eigen::Vector4d& q = sample.orientation;
+    against_weight_B = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).conjugate() * sim::eigen(floor.against_weight_W);
+  }
+  return sample.acceleration_B_mps2 + scenario.gravity_mps2 * against_weight_B;
+}
+
 }  // namespace
+
+sim::TrueMotion true_motion(const sim::Scenario& scenario, const sim::Plant::Sample& sample) {
+  return {sample.angular_velocity_B_radps, sample.angular_acceleration_B_radps2,
+          specific_force_B_mps2(scenario, sample), sample.position_W_m.head<2>(), sample.mass_position};
+}
+
+void set_sensors(const sim::SensorReadings& readings, bool has_encoders, sensors_t& sensors) {
+  for (int j = 0; j < 3; ++j) {
+    sensors.gyro_B_radps[j] = readings.imu.gyro_B_radps[j];
+    sensors.accelerometer_B_mps2[j] = readings.imu.accelerometer_B_mps2[j];
+  }
+  sensors.imu_count = readings.imu.count;
+  sensors.imu_tick = readings.imu.tick;
+  sensors.has_encoders = has_encoders ? 1 : 0;
+  for (std::size_t i = 0; i < readings.encoder.size(); ++i) sensors.encoder[i] = readings.encoder[i];
+  sensors.fix_count = readings.fix.count;
+  sensors.fix_tick = readings.fix.tick;
+  for (int j = 0; j < 2; ++j) sensors.fix_W_m[j] = readings.fix.position_W_m[j];
+}
 
 void set_commanded(const std::optional<sim::Plant::ContactForces>& commanded, contact_t& contact) {
   constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
@@ -65,13 +95,9 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
 
   m.sensors.scenario_id = scenario.id;
   m.state.mass_count = m.sensors.mass_count = mass_count;
-  Eigen::Vector3d specific_force_B = sample.acceleration_B_mps2 + scenario.gravity_mps2 * sample.up_B;
-  if (const sim::Floor floor(scenario); floor.slopes) {
-    const Eigen::Vector4d& q = sample.orientation;
-    const Eigen::Vector3d against_weight_B =
-        Eigen::Quaterniond(q[0], q[1], q[2], q[3]).conjugate() * sim::eigen(floor.against_weight_W);
-    specific_force_B = sample.acceleration_B_mps2 + scenario.gravity_mps2 * against_weight_B;
-  }
+  const Eigen::Vector3d specific_force_B = specific_force_B_mps2(scenario, sample);
+  m.sensors.imu_tick = tick;
+  m.sensors.imu_count = tick + Countdown::kTicks + 1;  // one per tick, from the countdown on
   for (int j = 0; j < 4; ++j) m.state.orientation[j] = m.sensors.orientation[j] = sample.orientation[j];
   for (int j = 0; j < 2; ++j) m.contact.friction_force_W_n[j] = sample.friction_force_W_n[j];
   for (int j = 0; j < 3; ++j) {

@@ -8,6 +8,7 @@
 #include "hal/lcm/messages.h"
 #include "sim/plant/plant.h"
 #include "sim/scenario/scenario.h"
+#include "sim/sensors/sensors.h"
 
 namespace ballast::sil {
 
@@ -23,6 +24,12 @@ struct PlantMessages {
 // commanded.
 PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick,
                              bool last, const std::optional<sim::Plant::ContactForces>& commanded = std::nullopt);
+
+// Replaces what ideal sensors say by what the scenario's do.
+void set_sensors(const sim::SensorReadings& readings, bool has_encoders, sensors_t& sensors);
+
+// The motion that sensors measure.
+sim::TrueMotion true_motion(const sim::Scenario& scenario, const sim::Plant::Sample& sample);
 
 // Sets the commanded_ fields of a message whose regime is set.
 void set_commanded(const std::optional<sim::Plant::ContactForces>& commanded, contact_t& contact);

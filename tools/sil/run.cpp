@@ -94,6 +94,7 @@ class Run {
   // told ones.
   std::optional<sim::Plant::ContactForces> commanded_under_all_;
 
+  std::optional<sim::Sensors> sensors_;  // none: ideal ones
   Pace pace_;
   Countdown countdown_;
   StepFeed feed_;
@@ -129,6 +130,7 @@ Run::Run(const sim::Scenario& scenario, Peer& peers, LapSink& sink, const RunOpt
       plans_(period_s_),
       trips_(has_controller_) {
   result_.asked_speed = options.speed;
+  if (scenario.sensors.present) sensors_.emplace(scenario.sensors, period_s_, scenario.seed);
   if (options.move) result_.move_end = MoveEnd{*options.move};
   if (options.check_steps && has_controller_) step_check_.emplace(scenario);
   // A ball that breaks the envelope as it is set down needs no countdown.
@@ -168,6 +170,10 @@ void Run::begin() {
     if (plant_.has_untold_forces()) commanded_under_all_ = forces(sim::Plant::Forces::kAll);
   }
   lap_ = Lap{plant_messages(scenario_, sample_, tick_, last_, commanded), countdown_.command(tick_), {}, {}, {}};
+  if (sensors_) {
+    set_sensors(sensors_->read(tick_, true_motion(scenario_, sample_)), !scenario_.sensors.encoder_resolution.empty(),
+                lap_.plant.sensors);
+  }
   wires_.carry_sensors(sample_.time_s, lap_.plant.sensors);
 }
 

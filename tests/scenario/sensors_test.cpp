@@ -1,0 +1,104 @@
+// The table [sensors]: what is read, and one clear error for each wrong key.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "sim/scenario/scenario.h"
+#include "sim/sensors/imu_presets.h"
+
+namespace ballast::sim {
+namespace {
+
+const std::string kRobot =
+    "duration = 1\ngravity = 9.81\nball = { radius = 0.1, mass = 0.5, inertia = [0.002, 0.002, 0.002] }\n"
+    "[[mass]]\nmass = 0.1\nrail = { shape = \"line\", origin = [0, 0, 0], direction = [1, 0, 0] }\n"
+    "[[mass]]\nmass = 0.1\nrail = { shape = \"circle\", radius = 0.05, direction = { azimuth = 0, elevation = 0 } }\n"
+    "[sensors]\nattitude = \"sensed\"\n";
+
+TEST(SensorScenario, IsAsWritten) {
+  const auto result = parse_scenario(kRobot +
+                                         "rate = 500\nlatency = 0.002\n"
+                                         "gyro = { noise_density = 1e-4, bias = 0.01, range = 30 }\n"
+                                         "accelerometer = { scale_error = 0.01, position = [0.01, 0, 0] }\n"
+                                         "position_fix = { rate = 10, noise = 0.005, delay = 0.1 }\n"
+                                         "encoder = { resolution = [0.001, 0.002] }\n",
+                                     "test.toml");
+  ASSERT_TRUE(result.ok()) << to_string(result.errors[0]);
+  const SensorModel& sensors = result.scenario.sensors;
+  EXPECT_TRUE(sensors.present);
+  EXPECT_EQ(sensors.rate_hz, 500);
+  EXPECT_EQ(sensors.latency_s, 0.002);
+  EXPECT_EQ(sensors.gyro.noise_density, 1e-4);
+  EXPECT_EQ(sensors.gyro.bias, 0.01);
+  EXPECT_EQ(sensors.gyro.range, 30);
+  EXPECT_EQ(sensors.gyro.resolution, 0);
+  EXPECT_EQ(sensors.accelerometer.scale_error, 0.01);
+  EXPECT_EQ(sensors.accelerometer_position_B_m, Eigen::Vector3d(0.01, 0, 0));
+  EXPECT_EQ(sensors.fix.rate_hz, 10);
+  EXPECT_EQ(sensors.encoder_resolution, (std::vector<double>{0.001, 0.002}));
+}
+
+TEST(SensorScenario, APresetGivesWhatIsNotWritten) {
+  const auto result = parse_scenario(
+      kRobot + "preset = \"bmi088\"\ngyro = { bias = 0 }\nencoder = { resolution = 0.001 }", "test.toml");
+  ASSERT_TRUE(result.ok()) << to_string(result.errors[0]);
+  const SensorModel& sensors = result.scenario.sensors;
+  EXPECT_EQ(sensors.gyro.bias, 0);
+  EXPECT_EQ(sensors.gyro.noise_density, imu_presets()[0].gyro.noise_density);
+  EXPECT_EQ(sensors.rate_hz, 1000) << "every tick";
+  EXPECT_EQ(sensors.encoder_resolution, (std::vector<double>{0.001, 0.001}));
+}
+
+// Runs of other sensors are other runs; no table is no line of the fingerprint.
+TEST(SensorScenario, EveryKeyCountsInTheFingerprint) {
+  const std::int64_t plain = parse_scenario(kRobot, "test.toml").scenario.id;
+  std::vector<std::int64_t> known{plain};
+  for (const char* key :
+       {"rate=500.0", "latency=0.001", "preset=lsm6dso", "gyro.noise_density=1e-4", "gyro.bias=1e-4",
+        "gyro.bias_walk=1e-4", "gyro.scale_error=1e-4", "gyro.misalignment=1e-4", "gyro.range=10.0",
+        "gyro.resolution=1e-4", "accelerometer.noise_density=1e-4", "accelerometer.position=[0.01, 0, 0]",
+        "position_fix.rate=10.0", "encoder.resolution=0.001"}) {
+    const auto result = parse_scenario(kRobot, "test.toml", {"sensors." + std::string(key)});
+    ASSERT_TRUE(result.ok()) << key << ": " << to_string(result.errors[0]);
+    EXPECT_EQ(std::count(known.begin(), known.end(), result.scenario.id), 0) << key;
+    known.push_back(result.scenario.id);
+  }
+}
+
+TEST(SensorScenario, EachWrongKeyIsOneError) {
+  const struct {
+    const char *lines, *key, *words;
+  } cases[] = {
+      {"preset = \"bmi099\"", "sensors.preset", "bmi088"},
+      {"rate = 300", "sensors.rate", "does not divide the tick rate of 1000 Hz"},
+      {"rate = 2000", "sensors.rate", "allowed: 1000 Hz"},
+      {"rate = 0", "sensors.rate", "> 0"},
+      {"rate = nan", "sensors.rate", "> 0"},
+      {"rate = \"fast\"", "sensors.rate", "Hz"},
+      {"latency = -0.1", "sensors.latency", "[0, 10]"},
+      {"gyro = { noise_density = -1 }", "sensors.gyro.noise_density", ">= 0"},
+      {"gyro = { bias = nan }", "sensors.gyro.bias", ">= 0"},
+      {"gyro = { range = 1, resolution = 2 }", "sensors.gyro.resolution", "coarser than the range"},
+      {"gyro = { drift = 1 }", "sensors.gyro.drift", ""},
+      {"accelerometer = { position = [0, 0] }", "sensors.accelerometer.position", "3"},
+      {"position_fix = { noise = 0.1 }", "sensors.position_fix.rate", "missing"},
+      {"position_fix = { rate = 7 }", "sensors.position_fix.rate", "does not divide"},
+      {"encoder = { resolution = [0.1] }", "sensors.encoder.resolution", "2"},
+      {"encoder = { }", "sensors.encoder.resolution", "missing"},
+      {"encoder = { resolution = -1 }", "sensors.encoder.resolution", ">= 0"},
+      {"compass = 1", "sensors.compass", ""},
+  };
+  for (const auto& wrong : cases) {
+    SCOPED_TRACE(wrong.lines);
+    const auto result = parse_scenario(kRobot + wrong.lines + "\n", "test.toml");
+    ASSERT_EQ(result.errors.size(), 1u);
+    EXPECT_EQ(result.errors[0].key, wrong.key);
+    EXPECT_NE(to_string(result.errors[0]).find(wrong.words), std::string::npos) << to_string(result.errors[0]);
+  }
+  const auto estimated = parse_scenario(kRobot, "test.toml", {"sensors.attitude=estimated"});
+  ASSERT_EQ(estimated.errors.size(), 1u);
+  EXPECT_EQ(estimated.errors[0].key, "sensors.attitude");
+}
+
+}  // namespace
+}  // namespace ballast::sim
