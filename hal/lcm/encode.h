@@ -26,7 +26,10 @@ class BigEndian {
 
   template <class T>
   BigEndian& operator<<(const T& value) {
-    if constexpr (std::is_array_v<T>) {
+    if constexpr (std::is_same_v<std::remove_extent_t<T>, std::int8_t> && std::is_array_v<T>) {
+      std::memcpy(at_, value, sizeof value);
+      at_ += sizeof value;
+    } else if constexpr (std::is_array_v<T>) {
       for (const auto& element : value) *this << element;
     } else {
       put(value);

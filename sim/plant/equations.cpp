@@ -119,13 +119,13 @@ bool Equations::evaluate_lanes(const double* y, Instant& motion) const {
   return true;
 }
 
-void Equations::evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses,
+void Equations::evaluate_prescribed(const Body& forced, double time_s, const double* y, const CarriedMasses& masses,
                                     Instant& motion) const {
   if (contact.regime == Regime::kRolling) {
-    return rolling_prescribed(body, time_s, y + kQ, y + kOmega, masses, motion);
+    return rolling_prescribed(forced, time_s, y + kQ, y + kOmega, masses, motion);
   }
   OpenContact open;
-  open_contact_prescribed(body, time_s, y + kQ, y + kOmega, velocity_W_mps(y), masses, open);
+  open_contact_prescribed(forced, time_s, y + kQ, y + kOmega, velocity_W_mps(y), masses, open);
   evaluate_open(y, open, motion);
 }
 
@@ -181,8 +181,9 @@ void Equations::derivative(double time_s, const double* y, double* dydt, Instant
 
 void Equations::derivative_alone(double time_s, const double* y, double* dydt, Instant& motion) const {
   static_assert(kLaneOmega == kOmega && kLaneZ == kZ && kLaneTheta == kTheta && kLaneStateCapacity == kStateCapacity);
-  const bool lanes = contact.regime == Regime::kRolling && driven_lanes_ != nullptr && motors.lanes() != nullptr;
-  if (lanes && driven_lanes_->derivative(lane_body_, *motors.lanes(), y, holding_forces(y), dydt)) return;
+  const bool by_lanes = contact.regime == Regime::kRolling && driven_lanes_ != nullptr;
+  const LaneMotors* lanes = by_lanes ? motors.lanes() : nullptr;
+  if (lanes != nullptr && driven_lanes_->derivative(lane_body_, *lanes, y, holding_forces(y), dydt)) return;
   derivative(time_s, y, dydt, motion);
 }
 

@@ -39,7 +39,12 @@ class Equations {
   [[nodiscard]] CarriedMasses carried(const MassPoint& masses) const;
 
   void evaluate(double time_s, const double* y, Instant& motion) const;
-  void evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses, Instant& motion) const;
+  void evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses, Instant& motion) const {
+    evaluate_prescribed(body, time_s, y, masses, motion);
+  }
+  // The same under the external force of `forced`, which is otherwise this body.
+  void evaluate_prescribed(const Body& forced, double time_s, const double* y, const CarriedMasses& masses,
+                           Instant& motion) const;
   void derivative(double time_s, const double* y, double* dydt, Instant& motion) const;
   // The same derivative, where the motion is not wanted: `motion` is undefined.
   void derivative_alone(double time_s, const double* y, double* dydt, Instant& motion) const;

@@ -39,6 +39,12 @@ class MotorDrives {
   // The part of forces() that end stops and blocks give.
   void add_holding_forces(const double* position, const double* velocity, double* force) const;
 
+  // Stepper::wait().
+  bool wait(std::size_t i, double time_s) {
+    if (!steppers_[i].wait(time_s)) return false;
+    old_lanes_ |= std::uint32_t{1} << i;
+    return true;
+  }
   void count_slips(std::size_t i, double shaft_rad) { steppers_[i].count_slips(shaft_rad); }
 
   // --- end stops ---

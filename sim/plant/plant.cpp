@@ -33,7 +33,7 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
     const Instant& now = dynamics().now.motion;
     run_.contact.begin_tick(now.normal_force_n, equations().contact.mu_required(now));
     for (std::size_t i = 0; i < equations().mass_count(); ++i) {
-      jumped |= equations().motors.stepper(i).wait(start_s);
+      jumped |= equations().motors.wait(i, start_s);
     }
   }
   if (!equations().driven()) pulses = {};
@@ -229,9 +229,9 @@ Plant::ContactForces Plant::contact_forces(const double* position, const double*
   carry_along(equations().body, position, velocity, acceleration, masses);
   Instant motion;
   if (forces == Forces::kTold && has_untold_forces()) {
-    Equations told = equations();
-    told.body.external_force.keep_told();
-    told.evaluate_prescribed(time_s(), dynamics().now.y.data(), masses, motion);
+    Body told = equations().body;
+    told.external_force.keep_told();
+    equations().evaluate_prescribed(told, time_s(), dynamics().now.y.data(), masses, motion);
   } else {
     equations().evaluate_prescribed(time_s(), dynamics().now.y.data(), masses, motion);
   }

@@ -41,8 +41,9 @@ Status FaultyFirmware::receive(Lap& lap) {
   const std::int64_t tick = lap.tick();
   if (now_.works()) {
     for (const Inbox& inbox : inbox_) {
-      answers_.push_back({tick + now_.slow_ticks, {}});
-      if (const Status s = serve_tick(inbox, answers_.back().answer); s != Status::kOk) return s;
+      std::optional<Answer> answer;
+      if (const Status s = serve_tick(inbox, answer); s != Status::kOk) return s;
+      answers_.push_back({tick + now_.slow_ticks, *answer});
     }
     inbox_.clear();
   }
@@ -58,7 +59,7 @@ Status FaultyFirmware::receive(Lap& lap) {
   return Status::kIo;
 }
 
-Status FaultyFirmware::serve_tick(const Inbox& inbox, Answer& answer) {
+Status FaultyFirmware::serve_tick(const Inbox& inbox, std::optional<Answer>& answer) {
   if (inbox.mail.sensors) board_.give_sensors(hal::from_message(*inbox.mail.sensors));
   if (inbox.mail.trip) board_.give_verdict(hal::from_message(*inbox.mail.trip));
   for (const operator_t& message : inbox.commands) {

@@ -46,7 +46,7 @@ class FaultyFirmware final : public Peer {
     Answer answer;
   };
   void restart();
-  hal::Status serve_tick(const Inbox& inbox, Answer& answer);
+  hal::Status serve_tick(const Inbox& inbox, std::optional<Answer>& answer);
   [[nodiscard]] std::int64_t overruns(double time_s) const;
 
   const sim::Scenario& scenario_;

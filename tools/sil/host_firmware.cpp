@@ -18,17 +18,16 @@ Status HostFirmware::send(Lap& lap) {
   return Status::kOk;
 }
 
-Status HostFirmware::receive(Lap& lap) { return serve(loop_, board_, control_period_s_, lap.answer.emplace()); }
+Status HostFirmware::receive(Lap& lap) { return serve(loop_, board_, control_period_s_, lap.answer); }
 
 Status serve(hal::ControlLoop<hal::LockstepBoard>& loop, hal::LockstepBoard& board, double control_period_s,
-             Answer& answer) {
+             std::optional<Answer>& answer) {
   if (const Status s = loop.step(); s != Status::kOk) return s;
   firmware::ControllerStatus status;
   firmware::StepCommand steps;
   if (const Status s = board.take_status(status); s != Status::kOk) return s;
   if (const Status s = board.take_steps(steps); s != Status::kOk) return s;
-  answer.status = hal::to_message(status, control_period_s);
-  answer.steps = hal::to_message(steps, control_period_s);
+  answer = Answer{hal::to_message(status, control_period_s), hal::to_message(steps, control_period_s)};
   return Status::kOk;
 }
 

@@ -1,6 +1,8 @@
 // The controller in the plant's own process: the firmware on the lockstep board, no wall clock, no network.
 #pragma once
 
+#include <optional>
+
 #include "hal/control_loop.h"
 #include "hal/lockstep/lockstep_board.h"
 #include "tools/sil/peer.h"
@@ -25,6 +27,6 @@ class HostFirmware final : public Peer {
 
 // Serves the tick that `board` has released, and takes the answer from it.
 hal::Status serve(hal::ControlLoop<hal::LockstepBoard>& loop, hal::LockstepBoard& board, double control_period_s,
-                  Answer& answer);
+                  std::optional<Answer>& answer);
 
 }  // namespace ballast::sil

@@ -169,7 +169,12 @@ void Run::begin() {
     commanded = forces(sim::Plant::Forces::kTold);
     if (plant_.has_untold_forces()) commanded_under_all_ = forces(sim::Plant::Forces::kAll);
   }
-  lap_ = Lap{plant_messages(scenario_, sample_, tick_, last_, commanded), countdown_.command(tick_), {}, {}, {}};
+  // Part by part: a whole new lap would be filled with zeros first.
+  lap_.plant = plant_messages(scenario_, sample_, tick_, last_, commanded);
+  lap_.command = countdown_.command(tick_);
+  lap_.heard.clear();
+  lap_.verdict.reset();
+  lap_.answer.reset();
   if (sensors_) {
     set_sensors(sensors_->read(tick_, true_motion(scenario_, sample_)), !scenario_.sensors.encoder_resolution.empty(),
                 lap_.plant.sensors);

@@ -75,12 +75,19 @@ constexpr InvariantText kTexts[kInvariantCount] = {
 // into the next.
 std::uint64_t hash(std::uint64_t value, const void* data, std::size_t size) {
   const auto* bytes = static_cast<const unsigned char*>(data);
-  for (std::size_t i = 0; i < size; i += sizeof value) {
-    std::uint64_t word = 0;
-    std::memcpy(&word, bytes + i, std::min(sizeof word, size - i));
+  const auto mix = [&value](std::uint64_t word) {
     value = (value ^ word) * 0x9e3779b97f4a7c15;
     value ^= value >> 32;
+  };
+  std::uint64_t word = 0;
+  for (; size >= sizeof word; size -= sizeof word, bytes += sizeof word) {
+    std::memcpy(&word, bytes, sizeof word);
+    mix(word);
   }
+  if (size == 0) return value;
+  word = 0;
+  std::memcpy(&word, bytes, size);
+  mix(word);
   return value;
 }
 
