@@ -5,8 +5,9 @@
 
 #include <cstring>
 #include <random>
-#include <string>
 #include <vector>
+
+#include "tests/random_seed.h"
 
 namespace ballast::hal {
 namespace {
@@ -29,9 +30,7 @@ M random_bits(std::mt19937_64& random) {
 }
 
 TYPED_TEST(Encode, GivesTheBytesOfLcm) {
-  constexpr std::uint64_t kSeed = 20261123;
-  SCOPED_TRACE("seed " + std::to_string(kSeed));
-  std::mt19937_64 random(kSeed);
+  std::mt19937_64 random(ballast::test::random_seed(20261123));
   for (int trial = 0; trial < 1000; ++trial) {
     const TypeParam message = random_bits<TypeParam>(random);
     const auto size = static_cast<std::size_t>(message.getEncodedSize());

@@ -1,8 +1,10 @@
 // Balls rolled in vector registers: the same bits everywhere, the order of the method, and the plant's results.
 #include <gtest/gtest.h>
 
+#include <array>
+#include <bit>
 #include <cmath>
-#include <cstring>
+#include <cstdint>
 
 #include "tests/sweep/sweeps.h"
 #include "tools/sweep/batch_rows.h"
@@ -45,7 +47,10 @@ std::array<BatchResult, kLanes> rolled(const MotionTable& table, const std::arra
   return results;
 }
 
-bool same_bits(const BatchResult& a, const BatchResult& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+bool same_bits(const BatchResult& a, const BatchResult& b) {
+  using Bits = std::array<std::uint64_t, sizeof(BatchResult) / sizeof(double)>;
+  return std::bit_cast<Bits>(a) == std::bit_cast<Bits>(b);
+}
 
 TEST(RollingBatch, HasTheSameBitsInAnyWidth) {
   const sim::Scenario scenario = paper_scenario();

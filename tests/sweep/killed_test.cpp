@@ -22,8 +22,9 @@ using test::read_file;
 // Starts the sweep and kills it with SIGKILL after a time, unless it has ended.
 void kill_after(const Folder& folder, std::chrono::microseconds time) {
   program::Subprocess sweep;
-  const auto error = sweep.start({.arguments = {BALLAST_BIN_DIR "/ballast", "sweep", (folder / "s.toml").string(),
-                                                "--quiet", "--resume", "--jobs", "2", "--out", (folder / "r").string()},
+  const std::string ballast = BALLAST_BIN_DIR "/ballast";
+  const auto error = sweep.start({.arguments = {ballast, "sweep", (folder / "s.toml").string(), "--quiet", "--resume",
+                                                "--jobs", "2", "--out", (folder / "r").string()},
                                   .output = program::ProcessStart::kNull,
                                   .error = program::ProcessStart::kNull});
   ASSERT_FALSE(error) << error.message();

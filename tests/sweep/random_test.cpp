@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -46,7 +47,8 @@ Spec one_variation(Distribution distribution, double a, double b) {
 }
 
 struct Moments {
-  double mean = 0, deviation = 0, least = INFINITY, greatest = -INFINITY;
+  double mean = 0, deviation = 0;
+  double least = std::numeric_limits<double>::infinity(), greatest = -least;
 };
 template <class Transform>
 Moments moments(const Spec& spec, const Transform& transform) {

@@ -2,8 +2,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <limits>
 #include <random>
+#include <vector>
 
 #include "tests/random_seed.h"
 #include "tools/sweep/binomial.h"
@@ -25,7 +28,8 @@ TEST(WilsonInterval, IsThePublishedOne) {
 TEST(OrderStatistics, AreThoseOfTheSortedNumbers) {
   std::mt19937_64 engine(test::random_seed());
   std::uniform_int_distribution<std::uint64_t> bits;
-  std::vector<double> numbers{0.0, -0.0, INFINITY, -INFINITY, 1e-310, NAN, 1.0, 1.0, std::nextafter(1.0, 2.0)};
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  std::vector<double> numbers{0.0, -0.0, kInfinity, -kInfinity, 1e-310, NAN, 1.0, 1.0, std::nextafter(1.0, 2.0)};
   while (numbers.size() < 3000) numbers.push_back(std::bit_cast<double>(bits(engine)));  // any double, NaN too
   std::vector<double> sorted;
   for (const double x : numbers)

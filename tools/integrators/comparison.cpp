@@ -108,7 +108,7 @@ std::string coarse_text(const Row& row) {
       row.method->name, program::short_number(row.distance), kDefaultMethod, kLeastTolerance);
   if (!(step_s > 0)) return text + "; a smaller --tolerance helps";
   // The error of order p falls as step^p. Half of what that gives is on the safe side where the step was far too long.
-  const double order = std::atof(row.method->order);
+  const double order = std::strtod(row.method->order, nullptr);
   return text + fmt::format("; --step {:.1g} or less helps", step_s * std::pow(kCoarse / row.distance, 1 / order) / 2);
 }
 

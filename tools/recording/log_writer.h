@@ -6,6 +6,7 @@
 // All functions are for one thread, the caller's.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
@@ -38,7 +39,7 @@ class LogWriter {
     char* at = &filling_[filled_];
     hal::BigEndian(at) << kSyncWord << events_ << utime << static_cast<std::uint32_t>(channel_size)
                        << static_cast<std::uint32_t>(data_size);
-    std::memcpy(at + kEventHeaderSize, channel, channel_size);
+    std::copy_n(channel, channel_size, at + kEventHeaderSize);
     hal::encode(message, at + kEventHeaderSize + channel_size);
     ++events_;
     filled_ += size;

@@ -17,7 +17,6 @@ namespace ballast::sweep {
 
 using sim::Node;
 using sim::NodeKind;
-using sim::number_text;
 using sim::ScenarioError;
 using sim::TableReader;
 

@@ -6,30 +6,12 @@
 
 #include "sim/masses/motion.h"
 
-// Functions with vector arguments are all inlined, so no calling convention matters.
-#pragma GCC diagnostic ignored "-Wpsabi"
-
 namespace ballast::sweep {
 namespace {
 
-namespace portable {
-#include "tools/sweep/rolling_batch.inc"
-}  // namespace portable
-
-#ifdef __x86_64__
-#pragma GCC push_options
-#pragma GCC target("avx2")
-namespace avx2 {
-#include "tools/sweep/rolling_batch.inc"
-}  // namespace avx2
-#pragma GCC pop_options
-#pragma GCC push_options
-#pragma GCC target("avx512f,avx512dq,avx512vl")
-namespace avx512 {
-#include "tools/sweep/rolling_batch.inc"
-}  // namespace avx512
-#pragma GCC pop_options
-#endif
+#define BALLAST_LANES "tools/sweep/rolling_batch.inc"
+#define BALLAST_LANES_AVX512
+#include "sim/plant/each_instruction_set.inc"
 
 using Hit = void (*)(void* context, std::size_t step, std::uint32_t which);
 
