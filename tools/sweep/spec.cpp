@@ -32,6 +32,12 @@ std::string toml_value(const sim::Node& value) {
 std::string to_toml(const Spec& spec) {
   std::string text = fmt::format("name = {}\nscenario = \"scenario.toml\"\nruns = {}\nseed = {}\n", quoted(spec.name),
                                  spec.repeats, spec.seed);
+  if (spec.sampling != Sampling::kRandom)
+    text += fmt::format("sampling = \"{}\"\n", kSamplingNames[static_cast<int>(spec.sampling)]);
+  std::string correlations;
+  for (const Correlation& c : spec.correlations)
+    correlations += fmt::format("  [{}, {}, {}],\n", quoted(c.first), quoted(c.second), sim::number_text(c.value));
+  if (!correlations.empty()) text += "correlation = [\n" + correlations + "]\n";
   text += "\n[vary]\n";
   for (const Variation& v : spec.vary) {
     if (v.distribution == Distribution::kTilt) {
