@@ -159,6 +159,34 @@ TEST(SweepCommand, AnswersHowRobustARobotIs) {
               "none: neither a file nor the name of a shipped scenario");
 }
 
+TEST(SweepCommand, FindsLimits) {
+  const Folder folder;
+  folder.write("paper.toml", test::kPaperSweep);
+  const std::string command = "ballast sweep paper.toml --find-limit surface.static_friction --quiet";
+  for (const std::string jobs : {"1", "3"}) {
+    const Outcome sweep = folder.run(command + " --out r" + jobs + " --jobs " + jobs);
+    ASSERT_EQ(sweep.exit_status, 0) << sweep.err;
+    EXPECT_SAYS(sweep.out, "  searched               the limit of surface.static_friction from 0.1 to 0.5\n");
+    EXPECT_SAYS(sweep.out, "  limit                  least ");
+    EXPECT_SAYS(sweep.out, "  limit_kind: holds above ");
+  }
+  EXPECT_EQ(read_file(folder / "r1/sweep.nc"), read_file(folder / "r3/sweep.nc"));
+  const auto limit = numbers(folder, "r1/sweep.nc", "limit", 120);
+  const auto floor = numbers(folder, "r1/sweep.nc", "surface_static_friction", 120);
+  const auto found = static_cast<std::size_t>(
+      std::find_if(limit.begin(), limit.end(), [](double value) { return std::isfinite(value); }) - limit.begin());
+  ASSERT_LT(found, 120u);
+  // The row again: with the last floor that held.
+  const Outcome row = folder.run(fmt::format("ballast sweep r1/sweep.toml --row {} --out again", found));
+  EXPECT_EQ(row.exit_status, 0) << row.err;
+  EXPECT_EQ(folder.summary("again")["surface"]["static_friction"].get<double>(), floor[found]);
+  const Outcome other = folder.run("ballast sweep paper.toml --quiet --out r1");
+  EXPECT_EQ(other.exit_status, 1);
+  EXPECT_SAYS(other.err, "holds the results of another sweep");
+  EXPECT_SAYS(folder.run("ballast sweep paper.toml --find-limit mass.0.mass").err,
+              "--find-limit mass.0.mass: is varied with normal; allowed: ");
+}
+
 TEST(SweepCommand, RefusesWhatItCannotRead) {
   const Folder folder;
   folder.write("bad.toml",

@@ -14,6 +14,7 @@
 #include "tools/program/subprocess.h"
 #include "tools/sweep/errors_option.h"
 #include "tools/sweep/folder.h"
+#include "tools/sweep/limit_search.h"
 #include "tools/sweep/read_spec.h"
 #include "tools/sweep/results.h"
 #include "tools/sweep/summary_page.h"
@@ -32,6 +33,7 @@ struct SweepCommand {
   bool resume = false;
   std::vector<std::string> merge;
   std::string row;
+  std::string find_limit;
   std::string errors;
   std::uint64_t runs = 1000, seed = 0;  // of --errors
   bool quiet = false;
@@ -201,13 +203,27 @@ int merge(const SweepCommand& command) {
   });
 }
 
+// The row's values. A searched one has the value of its results, which the search finds again.
+sweep::Row row_to_run(const sweep::Spec& spec, std::uint64_t number) {
+  sweep::Row row = sweep::make_row(spec, number);
+  if (spec.find_limit.empty()) return row;
+  const sweep::RowScenarios scenarios(spec);
+  sweep::RowRunner(spec, scenarios).run(number, 1, [&](const sweep::RowResult& result) {
+    for (std::size_t i = 0; i < row.values.size(); ++i) {
+      if (spec.vary[i].key == spec.find_limit) row.values[i] = sweep::number_node(std::get<double>(result.varied[i]));
+    }
+    return true;
+  });
+  return row;
+}
+
 // Writes the row's scenario beside the results' folder, and becomes `ballast run` of it.
 int run_row_again(const SweepCommand& command, const sweep::Spec& spec) {
   std::uint64_t number = 0;
   if (!parse_number(command.row, number) || number >= spec.rows())
     return refuse(fmt::format("--row {}: is no row; allowed: 0 to {}", command.row, spec.rows() - 1));
   const std::string folder = command.out.empty() ? fmt::format("runs/{}_row_{}", spec.name, number) : command.out;
-  const sweep::Row row = sweep::make_row(spec, number);
+  const sweep::Row row = row_to_run(spec, number);
   sil::OutputDir output(folder);
   if (!output.good()) return could_not(output.error());
   if (!output.write("row.toml", sweep::RowScenarios(spec).toml(row))) return could_not(output.error());
@@ -233,8 +249,13 @@ int run(const SweepCommand& command) {
   sweep::Shard shard;
   if (!command.shard.empty() && !parse_shard(command.shard, shard))
     return refuse("--shard " + command.shard + ": allowed: K/N, whole numbers, 1 <= K <= N");
-  const auto spec = command.errors.empty() ? load_sweep(command.sweep) : load_errors(command);
+  auto spec = command.errors.empty() ? load_sweep(command.sweep) : load_errors(command);
   if (!spec) return program::kExitUsage;
+  if (!command.find_limit.empty()) {
+    if (const auto why = sweep::limit_refusal(*spec, command.find_limit); !why.empty())
+      return refuse("--find-limit " + command.find_limit + ": " + why);
+    spec->find_limit = command.find_limit;
+  }
   return command.row.empty() ? run_sweep(command, *spec, shard) : run_row_again(command, *spec);
 }
 
@@ -251,6 +272,11 @@ std::function<int()> add_sweep_command(CLI::App& app, CLI::App*& command) {
   command->add_flag("--resume", options->resume, "continue in a folder with finished blocks of this sweep");
   command->add_option("--merge", options->merge, "join the folders of all shards")->expected(1, -1);
   command->add_option("--row", options->row, "run one row again, as a full ballast run");
+  command
+      ->add_option("--find-limit", options->find_limit,
+                   "search, in every row, the value of this key at which the run ceases to hold; its uniform or "
+                   "log_uniform range is bisected")
+      ->check(program::not_empty());
   auto* errors = command
                      ->add_option("--errors", options->errors,
                                   "vary a scenario, given in place of a sweep file, by normal errors with these "

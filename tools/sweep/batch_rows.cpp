@@ -146,9 +146,9 @@ BatchRows::BatchRows(const Spec& spec, const RowScenarios& scenarios, Lanes lane
   choose_step();
 }
 
-BatchRows::Lane BatchRows::lane_of(std::uint64_t number) const {
+BatchRows::Lane BatchRows::lane_of(Row row) const {
   Lane lane = nominal_;
-  lane.row = make_row(spec_, number);
+  lane.row = std::move(row);
   for (std::size_t i = 0; i < targets_.size(); ++i) set(targets_[i], lane.row.values[i], lane);
   lane.fits = fits(lane);
   return lane;
@@ -177,7 +177,7 @@ void BatchRows::choose_step() {
   std::vector<Lane> rows;
   std::vector<sil::RunResult> truth;
   for (std::uint64_t number = 0; number < std::min(8 * kCompared, spec_.rows()) && rows.size() < kCompared; ++number) {
-    Lane lane = lane_of(number);
+    Lane lane = lane_of(make_row(spec_, number));
     if (!lane.fits) continue;
     const sim::ScenarioResult read = scenarios_.make(lane.row);
     if (!read.ok()) continue;
@@ -232,13 +232,15 @@ std::optional<RowResult> BatchRows::result_of(const Lane& lane, const BatchResul
   return out;
 }
 
-void BatchRows::run(std::uint64_t first, std::uint64_t count, const std::function<void(RowResult&&)>& take) {
-  for (std::uint64_t begin = first; begin < first + count; begin += kLanes) {
-    const std::size_t used = std::min<std::uint64_t>(kLanes, first + count - begin);
+std::vector<RowResult> BatchRows::run(const std::vector<Row>& rows) {
+  std::vector<RowResult> out;
+  out.reserve(rows.size());
+  for (std::size_t begin = 0; begin < rows.size(); begin += kLanes) {
+    const std::size_t used = std::min(kLanes, rows.size() - begin);
     std::array<Lane, kLanes> lanes;
     std::array<BatchBall, kLanes> balls;
     for (std::size_t l = 0; l < kLanes; ++l) {
-      if (l < used) lanes[l] = lane_of(begin + l);
+      if (l < used) lanes[l] = lane_of(rows[begin + l]);
       balls[l] = lanes[l].fits ? lanes[l].ball : nominal_.ball;  // a lane that is not used must do no harm
     }
     std::array<BatchResult, kLanes> rolled;
@@ -246,9 +248,10 @@ void BatchRows::run(std::uint64_t first, std::uint64_t count, const std::functio
     for (std::size_t l = 0; l < used; ++l) {
       std::optional<RowResult> row;
       if (lanes[l].fits) row = result_of(lanes[l], rolled[l]);
-      take(row ? std::move(*row) : run_row(spec_, scenarios_, begin + l));
+      out.push_back(row ? std::move(*row) : run_row(spec_, scenarios_, lanes[l].row));
     }
   }
+  return out;
 }
 
 }  // namespace ballast::sweep

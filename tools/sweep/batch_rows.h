@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -24,8 +23,8 @@ class BatchRows {
   [[nodiscard]] bool usable() const { return batch_.has_value(); }
   [[nodiscard]] double step_s() const { return step_s_; }
 
-  // Calls `take` with each row from `first` on, in order.
-  void run(std::uint64_t first, std::uint64_t count, const std::function<void(RowResult&&)>& take);
+  // One result per row, in order. Only if usable().
+  [[nodiscard]] std::vector<RowResult> run(const std::vector<Row>& rows);
 
  private:
   // The part of a ball that a varied key sets.
@@ -45,7 +44,7 @@ class BatchRows {
   [[nodiscard]] static std::optional<Target> target_of(const std::string& key, const sim::Scenario& base);
   static void set(const Target& target, const sim::Node& value, Lane& lane);
   [[nodiscard]] bool fits(const Lane& lane) const;
-  [[nodiscard]] Lane lane_of(std::uint64_t number) const;
+  [[nodiscard]] Lane lane_of(Row row) const;
   [[nodiscard]] bool agrees(double step_s, const std::vector<Lane>& rows, const std::vector<sil::RunResult>& truth);
   void choose_step();
   // nullopt: the plant must decide.

@@ -12,6 +12,7 @@
 #include "tools/program/program.h"
 #include "tools/sweep/correlation.h"
 #include "tools/sweep/kept_values.h"
+#include "tools/sweep/limit_search.h"
 #include "tools/sweep/row_scenario.h"
 #include "tools/sweep/sobol.h"
 
@@ -258,6 +259,14 @@ void read_correlations(TableReader& root, Spec& spec) {
   if (!why.empty()) root.refuse("correlation", why + "; allowed: correlations that some random numbers have");
 }
 
+void read_find_limit(TableReader& root, Spec& spec) {
+  root.know({"find_limit"});
+  if (!root.has("find_limit")) return;
+  spec.find_limit = root.text("find_limit").value_or("");
+  const std::string why = limit_refusal(spec, spec.find_limit);
+  if (!why.empty()) root.refuse("find_limit", why);
+}
+
 void read_counts(TableReader& root, Spec& spec) {
   const auto seed = root.integer("seed", 0, kMostSeed, 0);
   spec.seed = static_cast<std::uint64_t>(seed.value_or(0));
@@ -357,7 +366,7 @@ void check_names(const Spec& spec, std::vector<ScenarioError>& errors) {
     names.push_back(name);
   };
   for (const Variation& v : spec.vary) add(v.key, v.line);
-  for (const std::string& key : spec.keep) add(key, 0);
+  for (const std::string& key : columns_of(spec)) add(key, 0);
 }
 
 // Refuses distributions of numbers for keys that are texts.
@@ -415,6 +424,7 @@ std::optional<Spec> parse_spec(const std::string& toml, const std::string& sourc
   read_counts(root, spec);
   read_sampling(root, spec);
   read_correlations(root, spec);
+  read_find_limit(root, spec);
   read_keep(root.table("keep"), spec);
   root.refuse_unknown_keys();
   if (scenario) {

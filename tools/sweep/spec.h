@@ -66,7 +66,8 @@ struct Spec {
   std::vector<std::string> keep;  // names in summary.json
   Sampling sampling = Sampling::kRandom;
   std::vector<Correlation> correlations;
-  Copula copula;  // of the correlations
+  Copula copula;           // of the correlations
+  std::string find_limit;  // the key whose limit is searched (limit_search.h); empty: none
 
   [[nodiscard]] std::uint64_t grid_points() const {
     std::uint64_t points = 1;
@@ -77,6 +78,9 @@ struct Spec {
   }
   [[nodiscard]] std::uint64_t rows() const { return grid_points() * repeats; }
 };
+
+// The columns of a row's results: spec.keep, and what a search adds.
+[[nodiscard]] std::vector<std::string> columns_of(const Spec& spec);
 
 // The value as TOML on one line, bit for bit.
 [[nodiscard]] std::string toml_value(const sim::Node& value);

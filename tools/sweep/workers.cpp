@@ -48,15 +48,16 @@ int work(const Spec& spec, const std::vector<std::uint64_t>& blocks, const std::
          Shared& shared) {
   const RowScenarios scenarios(spec);
   const BlockPlan plan(spec);
-  BatchRows batch(spec, scenarios);
+  RowRunner runner(spec, scenarios);
   const auto row_done = [&shared](const RowResult& row) {
     ++shared.rows;
     if (row.held()) ++shared.held;
+    return true;
   };
   for (;;) {
     const std::uint64_t mine = shared.taken.fetch_add(1);
     if (mine >= blocks.size()) return 0;
-    const std::string why = run_block(spec, scenarios, batch, plan, folder, blocks[mine], row_done);
+    const std::string why = run_block(runner, plan, folder, blocks[mine], row_done);
     if (why.empty()) continue;
     if (!shared.failed.test_and_set()) shared.trouble[why.copy(shared.trouble, sizeof shared.trouble - 1)] = '\0';
     return kFailed;
@@ -65,20 +66,16 @@ int work(const Spec& spec, const std::vector<std::uint64_t>& blocks, const std::
 
 }  // namespace
 
-std::string run_block(const Spec& spec, const RowScenarios& scenarios, BatchRows& batch, const BlockPlan& plan,
-                      const std::filesystem::path& folder, std::uint64_t block,
-                      const std::function<void(const RowResult&)>& row_done) {
+std::string run_block(RowRunner& runner, const BlockPlan& plan, const std::filesystem::path& folder,
+                      std::uint64_t block, const std::function<bool(const RowResult&)>& row_done) {
   Block out{plan.sweep(), plan.first_row(block), {}};
-  const auto take = [&](RowResult&& row) {
-    row_done(row);
+  bool wanted = true;
+  runner.run(out.first_row, plan.rows_of(block), [&](RowResult&& row) {
+    wanted = row_done(row);
     out.rows.push_back(std::move(row));
-  };
-  if (batch.usable()) {
-    batch.run(out.first_row, plan.rows_of(block), take);
-  } else {
-    for (std::uint64_t i = 0; i < plan.rows_of(block); ++i) take(run_row(spec, scenarios, out.first_row + i));
-  }
-  return write_block(block_file(folder, block), out);
+    return wanted;
+  });
+  return wanted ? write_block(block_file(folder, block), out) : "";
 }
 
 std::string run_blocks(const Spec& spec, const std::vector<std::uint64_t>& blocks, const WorkOptions& options,
