@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "tests/sil/shell.h"
 #include "tests/sweep/sweeps.h"
@@ -185,6 +187,39 @@ TEST(SweepCommand, FindsLimits) {
   EXPECT_SAYS(other.err, "holds the results of another sweep");
   EXPECT_SAYS(folder.run("ballast sweep paper.toml --find-limit mass.0.mass").err,
               "--find-limit mass.0.mass: is varied with normal; allowed: ");
+}
+
+TEST(SweepCommand, DrawsMaps) {
+  const Folder folder;
+  folder.write("paper.toml", test::kPaperSweep);
+  const std::string map = " --map surface.static_friction,initial.angular_velocity.1";
+  const Outcome sweep = folder.run("ballast sweep paper.toml --quiet --out r" + map);
+  ASSERT_EQ(sweep.exit_status, 0) << sweep.err;
+  EXPECT_SAYS(sweep.out, "  map                    r/map.png\n");
+  EXPECT_TRUE(read_file(folder / "r/map.png").starts_with("\x89PNG"));
+  const auto found = nlohmann::json::parse(read_file(folder / "r/map.json"));
+  EXPECT_EQ(found["x"]["edges"].size(), 6u);
+  EXPECT_EQ(found["y"]["edges"], nlohmann::json({-1.5, -0.5, 0.5, 1.5}));
+  const auto held = numbers(folder, "r/sweep.nc", "held", 120);
+  const auto floor = numbers(folder, "r/sweep.nc", "surface_static_friction", 120);
+  for (std::size_t row = 0; row < 3; ++row) {  // 40 runs at each point of the grid, in this order
+    std::array<std::uint64_t, 5> runs{}, holds{};
+    for (std::size_t i = 40 * row; i < 40 * row + 40; ++i) {
+      const auto cell = static_cast<std::size_t>((floor[i] - 0.1) / 0.08);
+      ++runs[cell];
+      holds[cell] += held[i] == 1;
+    }
+    EXPECT_EQ(found["runs"][row], nlohmann::json(runs));
+    EXPECT_EQ(found["held"][row], nlohmann::json(holds));
+  }
+  // Later, from the results alone.
+  std::filesystem::remove(folder / "r/map.png");
+  ASSERT_EQ(folder.run("ballast sweep paper.toml --quiet --out r --resume" + map).exit_status, 0);
+  EXPECT_TRUE(std::filesystem::exists(folder / "r/map.png"));
+  EXPECT_SAYS(folder.run("ballast sweep paper.toml --map mass.0.mass").err,
+              "--map mass.0.mass: is no pair of keys; allowed: X,Y, two keys of [vary] with numbers");
+  EXPECT_SAYS(folder.run("ballast sweep paper.toml --map mass.0.mass,duration").err, "duration is not varied");
+  EXPECT_SAYS(folder.run("ballast sweep paper.toml --shard 1/2" + map).err, "--map: a shard has no map");
 }
 
 TEST(SweepCommand, RefusesWhatItCannotRead) {

@@ -14,6 +14,7 @@
 #include "tools/program/subprocess.h"
 #include "tools/sweep/errors_option.h"
 #include "tools/sweep/folder.h"
+#include "tools/sweep/held_map.h"
 #include "tools/sweep/limit_search.h"
 #include "tools/sweep/read_spec.h"
 #include "tools/sweep/results.h"
@@ -34,6 +35,7 @@ struct SweepCommand {
   std::vector<std::string> merge;
   std::string row;
   std::string find_limit;
+  std::string map;
   std::string errors;
   std::uint64_t runs = 1000, seed = 0;  // of --errors
   bool quiet = false;
@@ -89,6 +91,24 @@ std::string folder_refusal(const fs::path& folder, const sweep::Spec& spec, bool
   return "";
 }
 
+// Writes map.json of complete results, and draws it. Empty, or what could not be done.
+std::string draw_map(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output) {
+  std::string error;
+  const auto keys = sweep::map_keys(spec, command.map, error);
+  if (!error.empty()) return error;
+  const std::string json = sweep::held_map_json(sweep::results_file(output.path()).string(), spec, keys, error);
+  if (!error.empty()) return error;
+  if (!output.write("map.json", json)) return output.error();
+  const fs::path folder = fs::absolute(output.path());
+  program::Subprocess drawer;
+  const auto not_started = drawer.start(
+      {.arguments = {program::beside_this_program("ballast-sweep-map"), folder / "map.json", folder / "map.png"}});
+  if (not_started || drawer.wait().exit_status != 0)
+    return (output.path() / "map.png").string() + ": could not be drawn; map.json and the results are complete";
+  std::cout << fmt::format("  {:<22} {}\n", "map", (output.path() / "map.png").string());
+  return "";
+}
+
 // Writes summary.txt of complete results, removes the blocks, and prints the summary.
 int summarise(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output) {
   const std::string file = sweep::results_file(output.path()).string();
@@ -98,6 +118,9 @@ int summarise(const SweepCommand& command, const sweep::Spec& spec, sil::OutputD
   if (!error.empty()) return could_not(error);
   if (!output.write("summary.txt", page)) return could_not(output.error());
   std::cout << page << fmt::format("  {:<22} {}\n", "results", file);
+  if (!command.map.empty()) {
+    if (const std::string why = draw_map(command, spec, output); !why.empty()) return could_not(why);
+  }
   if (command.errors.empty()) return program::kExitCompleted;
   const std::string sentence = sweep::robustness_sentence(file, spec, error);
   if (!error.empty()) return could_not(error);
@@ -177,9 +200,19 @@ int run_sweep(const SweepCommand& command, const sweep::Spec& spec, const sweep:
                 [&](std::uint64_t block) { return sweep::read_block_of(output.path(), plan, block); });
 }
 
+// Empty, or why the results will have no such map.
+std::string map_refusal(const SweepCommand& command, const sweep::Spec& spec) {
+  if (command.map.empty()) return "";
+  if (!command.shard.empty()) return "--map: a shard has no map; allowed: with --merge, or without --shard";
+  std::string why;
+  static_cast<void>(sweep::map_keys(spec, command.map, why));
+  return why.empty() ? "" : fmt::format("--map {}: {}", command.map, why);
+}
+
 int merge(const SweepCommand& command) {
   const auto spec = load_sweep(fs::path(command.merge.front()) / "sweep.toml");
   if (!spec) return program::kExitUsage;
+  if (const auto why = map_refusal(command, *spec); !why.empty()) return refuse(why);
   for (const std::string& folder : command.merge) {
     const sweep::FolderHolds holds = sweep::content_of(folder, *spec);
     if (holds == sweep::FolderHolds::kThisSweep) continue;
@@ -242,7 +275,7 @@ int run_row_again(const SweepCommand& command, const sweep::Spec& spec) {
 int run(const SweepCommand& command) {
   if (!command.merge.empty()) {
     if (!command.sweep.empty() || !command.shard.empty() || !command.row.empty())
-      return refuse("--merge: takes folders of shards only; allowed beside it: --out, --quiet");
+      return refuse("--merge: takes folders of shards only; allowed beside it: --out, --map, --quiet");
     return merge(command);
   }
   if (command.sweep.empty()) return refuse("sweep: a sweep file is missing; allowed: SWEEP.toml, or --merge DIR...");
@@ -256,6 +289,7 @@ int run(const SweepCommand& command) {
       return refuse("--find-limit " + command.find_limit + ": " + why);
     spec->find_limit = command.find_limit;
   }
+  if (const auto why = map_refusal(command, *spec); !why.empty()) return refuse(why);
   return command.row.empty() ? run_sweep(command, *spec, shard) : run_row_again(command, *spec);
 }
 
@@ -276,6 +310,10 @@ std::function<int()> add_sweep_command(CLI::App& app, CLI::App*& command) {
       ->add_option("--find-limit", options->find_limit,
                    "search, in every row, the value of this key at which the run ceases to hold; its uniform or "
                    "log_uniform range is bisected")
+      ->check(program::not_empty());
+  command
+      ->add_option("--map", options->map,
+                   "X,Y: draw the share of the runs that hold over two varied keys, as map.png in the folder")
       ->check(program::not_empty());
   auto* errors = command
                      ->add_option("--errors", options->errors,
