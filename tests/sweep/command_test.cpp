@@ -231,6 +231,11 @@ TEST(SweepCommand, RefusesWhatItCannotRead) {
   EXPECT_SAYS(bad.err, "bad.toml:4: surface.statc_friction = ");
   EXPECT_SAYS(folder.run("ballast sweep none.toml").err, "none.toml: no such file; allowed: a sweep file (TOML)");
   EXPECT_SAYS(folder.run("ballast sweep").err, "a sweep file is missing");
+  for (const auto& [jobs, words] : {std::pair{"x", "x is no whole number; allowed: a whole number from 1 to 1024"},
+                                    {"1.5", "1.5 is no whole number"},
+                                    {"0", "0 is out of range"},
+                                    {"99999999999", "99999999999 is out of range"}})
+    EXPECT_SAYS(folder.run(fmt::format("ballast sweep bad.toml --jobs {}", jobs)).err, words);
   folder.write("paper.toml", test::kPaperSweep);
   for (const std::string shard : {"0/2", "3/2", "1", "1/", "x/2", "-1/2"}) {
     const Outcome refused = folder.run("ballast sweep paper.toml --shard=" + shard);

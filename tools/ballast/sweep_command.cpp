@@ -12,8 +12,9 @@
 #include "tools/program/count_progress.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
+#include "tools/sweep/build_record.h"
+#include "tools/sweep/completion.h"
 #include "tools/sweep/errors_option.h"
-#include "tools/sweep/folder.h"
 #include "tools/sweep/held_map.h"
 #include "tools/sweep/limit_search.h"
 #include "tools/sweep/read_spec.h"
@@ -76,21 +77,6 @@ std::optional<sweep::Spec> load_errors(const SweepCommand& command) {
   return spec;
 }
 
-// Empty, or why the folder cannot take this sweep's results.
-std::string folder_refusal(const fs::path& folder, const sweep::Spec& spec, bool resume) {
-  switch (sweep::content_of(folder, spec)) {
-    case sweep::FolderHolds::kOther:
-      return folder.string() + ": holds the results of another sweep or run; allowed: another --out, or a new folder";
-    case sweep::FolderHolds::kThisSweep:
-      if (resume) return "";
-      return folder.string() + ": holds an unfinished run of this sweep; allowed: --resume, or another --out";
-    case sweep::FolderHolds::kNothing:
-    case sweep::FolderHolds::kItsResults:
-      break;
-  }
-  return "";
-}
-
 // Writes map.json of complete results, and draws it. Empty, or what could not be done.
 std::string draw_map(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output) {
   std::string error;
@@ -109,14 +95,12 @@ std::string draw_map(const SweepCommand& command, const sweep::Spec& spec, sil::
   return "";
 }
 
-// Writes summary.txt of complete results, removes the blocks, and prints the summary.
+// Completes a folder with results, and prints their summary.
 int summarise(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output) {
   const std::string file = sweep::results_file(output.path()).string();
-  sweep::remove_blocks(output.path());
   std::string error;
-  const std::string page = sweep::summary_page(file, spec, error);
+  const std::string page = sweep::summarise(output, spec, error);
   if (!error.empty()) return could_not(error);
-  if (!output.write("summary.txt", page)) return could_not(output.error());
   std::cout << page << fmt::format("  {:<22} {}\n", "results", file);
   if (!command.map.empty()) {
     if (const std::string why = draw_map(command, spec, output); !why.empty()) return could_not(why);
@@ -131,32 +115,8 @@ int summarise(const SweepCommand& command, const sweep::Spec& spec, sil::OutputD
 // Writes sweep.nc from all blocks.
 int finish(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output,
            const sweep::TakeBlock& take_block) {
-  const std::string error = sweep::write_results(sweep::results_file(output.path()).string(), spec, take_block);
-  if (!error.empty()) return could_not(error + "; the blocks are kept, and --resume continues");
+  if (const std::string error = sweep::write_all(output, spec, take_block); !error.empty()) return could_not(error);
   return summarise(command, spec, output);
-}
-
-// The rows that are to be computed, and those that are there.
-struct Work {
-  std::vector<std::uint64_t> blocks;
-  std::uint64_t rows = 0;  // of the shard
-  sweep::WorkDone before;
-};
-
-Work work_of(const sweep::BlockPlan& plan, const fs::path& folder, const sweep::Shard& shard) {
-  Work work;
-  for (std::uint64_t block = shard.number - 1; block < plan.blocks(); block += shard.count) {
-    work.rows += plan.rows_of(block);
-    const auto finished = sweep::read_block_of(folder, plan, block);
-    if (!finished) {
-      work.blocks.push_back(block);
-      continue;
-    }
-    work.before.rows += plan.rows_of(block);
-    work.before.held += static_cast<std::uint64_t>(
-        std::count_if(finished->rows.begin(), finished->rows.end(), [](const auto& row) { return row.held(); }));
-  }
-  return work;
 }
 
 int run_sweep(const SweepCommand& command, const sweep::Spec& spec, const sweep::Shard& shard) {
@@ -166,23 +126,21 @@ int run_sweep(const SweepCommand& command, const sweep::Spec& spec, const sweep:
   if (command.out.empty() && sharded) folder += fmt::format("_shard_{}_of_{}", shard.number, shard.count);
   sil::OutputDir output(folder);
   if (!output.good()) return could_not(output.error());
-  if (const auto why = folder_refusal(output.path(), spec, command.resume); !why.empty()) return refuse(why);
+  if (const auto why = sweep::folder_refusal(output.path(), spec, command.resume); !why.empty()) return refuse(why);
   const bool complete = sweep::content_of(output.path(), spec) == sweep::FolderHolds::kItsResults;
   if (complete && command.resume) return summarise(command, spec, output);
-  if (complete) sweep::remove_blocks(output.path());
-  sweep::remove_drafts(output.path());
-  if (!sweep::begin_folder(output, spec)) return could_not(output.error());
+  if (const auto why = sweep::begin_work(output, spec); !why.empty()) return could_not(why);
 
   const sweep::BlockPlan plan(spec);
-  const Work work = work_of(plan, output.path(), shard);
-  program::CountProgress progress(work.rows, "runs", !command.quiet, work.before.rows);
+  const sweep::Work work = sweep::work_of(plan, output.path(), shard);
+  program::CountProgress progress(work.rows, "runs", !command.quiet, work.rows_before);
   sweep::WorkOptions options;
   options.jobs = command.jobs > 0 ? command.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   options.folder = output.path();
   options.interrupted = interrupted;
-  sweep::WorkDone done = work.before;
+  sweep::WorkDone done{work.rows_before, work.held_before};
   const std::string why = sweep::run_blocks(spec, work.blocks, options, [&](const sweep::WorkDone& now) {
-    done = {work.before.rows + now.rows, work.before.held + now.held};
+    done = {work.rows_before + now.rows, work.held_before + now.held};
     const double held = static_cast<double>(done.held) / static_cast<double>(std::max<std::uint64_t>(done.rows, 1));
     progress.show(done.rows, fmt::format("{:.3g} % hold", 100 * held));
   });
@@ -215,6 +173,10 @@ int merge(const SweepCommand& command) {
   if (const auto why = map_refusal(command, *spec); !why.empty()) return refuse(why);
   for (const std::string& folder : command.merge) {
     const sweep::FolderHolds holds = sweep::content_of(folder, *spec);
+    const std::string build = sweep::recorded_build(folder), first = sweep::recorded_build(command.merge.front());
+    if (holds == sweep::FolderHolds::kThisSweep && build != first)
+      return refuse(fmt::format("{}: was computed by {}, but {} by {}; allowed: shards of one build", folder, build,
+                                command.merge.front(), first));
     if (holds == sweep::FolderHolds::kThisSweep) continue;
     if (holds == sweep::FolderHolds::kItsResults)
       return refuse(folder + ": holds complete results already, which need no merging");
@@ -223,7 +185,8 @@ int merge(const SweepCommand& command) {
   }
   sil::OutputDir output(command.out.empty() ? "runs/" + spec->name : command.out);
   if (!output.good()) return could_not(output.error());
-  if (const auto why = folder_refusal(output.path(), *spec, true); !why.empty()) return refuse(why);
+  if (sweep::content_of(output.path(), *spec) == sweep::FolderHolds::kOther)
+    return refuse(sweep::folder_refusal(output.path(), *spec, true));
   sweep::remove_drafts(output.path());
   if (!sweep::begin_folder(output, *spec)) return could_not(output.error());
   const sweep::BlockPlan plan(*spec);
@@ -301,7 +264,7 @@ std::function<int()> add_sweep_command(CLI::App& app, CLI::App*& command) {
   command->add_option("sweep", options->sweep, "the sweep, a TOML file; with --errors a scenario");
   command->add_option("--out", options->out, "folder for the results; default runs/NAME")->check(program::not_empty());
   command->add_option("--jobs", options->jobs, "runs at a time; default: one per core")
-      ->check(program::whole_number(1, 1024));
+      ->check(program::whole_number(1, sweep::kMostJobs));
   command->add_option("--shard", options->shard, "K/N: only the K-th of N parts of the runs, for several machines");
   command->add_flag("--resume", options->resume, "continue in a folder with finished blocks of this sweep");
   command->add_option("--merge", options->merge, "join the folders of all shards")->expected(1, -1);

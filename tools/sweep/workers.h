@@ -18,8 +18,10 @@ struct WorkDone {
   std::uint64_t rows = 0, held = 0;
 };
 
+inline constexpr int kMostJobs = 1024;
+
 struct WorkOptions {
-  int jobs = 1;
+  int jobs = 1;  // at most kMostJobs
   std::filesystem::path folder;
   const volatile std::sig_atomic_t* interrupted = nullptr;  // nonzero: no more
 };
