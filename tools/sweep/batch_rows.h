@@ -15,8 +15,9 @@ namespace ballast::sweep {
 
 class BatchRows {
  public:
-  // Chooses the length of the steps, so that the extrema of some rows agree with the plant's. The choice depends on the
-  // sweep alone. Both must outlive the object.
+  // Chooses the length of the steps, so that the extrema of some rows, spread over the sweep, agree with the plant's.
+  // The choice depends on the sweep alone. A row that the steps integrate worse than those is run by the plant. Both
+  // must outlive the object.
   BatchRows(const Spec& spec, const RowScenarios& scenarios, Lanes lanes = best_lanes());
 
   // False: the sweep is of another kind, and every row is run by itself.
@@ -45,6 +46,7 @@ class BatchRows {
   static void set(const Target& target, const sim::Node& value, Lane& lane);
   [[nodiscard]] bool fits(const Lane& lane) const;
   [[nodiscard]] Lane lane_of(Row row) const;
+  [[nodiscard]] bool agree(const BatchBall& ball, const BatchResult& rolled, const sim::ContactExtrema& truth) const;
   [[nodiscard]] bool agrees(double step_s, const std::vector<Lane>& rows, const std::vector<sil::RunResult>& truth);
   void choose_step();
   // nullopt: the plant must decide.
@@ -57,6 +59,7 @@ class BatchRows {
   Lane nominal_;
   std::vector<Target> targets_;  // one per Spec::vary
   double step_s_ = 0;
+  double most_drift_ = 0;  // of the attitude's length, in the rows that were compared
   std::optional<MotionTable> table_;
   std::optional<RollingBatch> batch_;
   sil::RunResult result_;  // reused: of the row at hand

@@ -39,6 +39,9 @@ struct BatchResult {
   std::array<double, 4> orientation{};
   std::array<double, 3> angular_velocity_B_radps{};
   std::array<double, 2> position_W_m{};
+  // Length of the quaternion before it was normalized: by as much as it differs from that at the start, the steps are
+  // too long for the rotation.
+  double orientation_length = 1;
 };
 
 // One mass at one time, body frame: place, rate and acceleration of its curve.
