@@ -25,6 +25,9 @@ class RowRunner {
   // Gives `take` each row from `first` on, in order.
   void run(std::uint64_t first, std::uint64_t count, const TakeRow& take);
 
+  // The step of the batch kernel, in s; 0: the rows are run one by one.
+  [[nodiscard]] double step_s() const { return batch_.usable() ? batch_.step_s() : 0; }
+
   // Runs rows whose values were chosen by the caller. Limits are not searched.
   [[nodiscard]] std::vector<RowResult> run_rows(const std::vector<Row>& rows);
 
