@@ -89,6 +89,20 @@ BENCHMARK_CAPTURE(BatchRoll, avx512, sweep::Lanes::kAvx512)->Unit(benchmark::kMi
 BENCHMARK_CAPTURE(BatchRoll, avx2, sweep::Lanes::kAvx2)->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(BatchRoll, portable, sweep::Lanes::kPortable)->Unit(benchmark::kMicrosecond);
 
+// The largest relative difference of 64 rows' extrema from those that the plant locates.
+double largest_error(const sweep::Spec& spec, const sweep::RowScenarios& scenarios, sweep::RowRunner& runner) {
+  double largest = 0;
+  runner.run(0, 64, [&](const sweep::RowResult& row) {
+    const sweep::RowResult plant = sweep::run_row(spec, scenarios, sweep::make_row(spec, row.number));
+    for (std::size_t i = 1; i < row.kept.size(); ++i) {
+      const double truth = std::get<double>(plant.kept[i]);
+      largest = std::max(largest, std::abs(std::get<double>(row.kept[i]) / truth - 1));
+    }
+    return true;
+  });
+  return largest;
+}
+
 // Eight rows as a sweep makes them: values, kernel, extrema, results, and the block that is written.
 void SweepRows(benchmark::State& state) {
   std::vector<sim::ScenarioError> errors;
@@ -109,8 +123,26 @@ void SweepRows(benchmark::State& state) {
   const sim::Scenario scenario = scenarios.make(sweep::make_row(*spec, 0)).scenario;
   count_steps(state, sweep::MotionTable(scenario, runner.step_s()));
   state.counters["step"] = runner.step_s();
+  state.counters["largest_error"] = largest_error(*spec, scenarios, runner);
 }
 BENCHMARK(SweepRows)->Unit(benchmark::kMicrosecond);
+
+// One row of a sweep with controller, steppers and monitor, beside WholeRunPerTick/stepper, which has a log.
+void SweptRunPerTick(benchmark::State& state) {
+  std::vector<sim::ScenarioError> errors;
+  const auto spec = sweep::parse_spec("scenario = \"paper_ball\"\nruns = 1\n", "benchmark", ".", errors);
+  if (!spec) return state.SkipWithError(sim::to_string(errors.front()).c_str());
+  const sweep::RowScenarios scenarios(*spec);
+  const sweep::Row row = sweep::make_row(*spec, 0);
+  const sim::Scenario scenario = scenarios.make(row).scenario;
+  for (auto _ : state) {
+    if (sweep::run_row(*spec, scenarios, row).exit_status != 0) return state.SkipWithError("the run does not hold");
+  }
+  state.counters["per_tick"] =
+      benchmark::Counter(scenario.duration_s / scenario.run.control_period_s,
+                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+BENCHMARK(SweptRunPerTick)->Unit(benchmark::kMillisecond)->Apply(as_many_calls_as_asked);
 
 }  // namespace
 }  // namespace ballast::benchmarks
