@@ -24,6 +24,8 @@ test_packages=(
 )
 # tools/firmware and tools/test: the compiler for microcontrollers, and the machine that their programs run on.
 target_packages=(gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib qemu-system-arm)
+# tools/slurm: a cluster of one node, to try out what runs on larger ones.
+cluster_packages=(slurm-wlm munge libopenmpi-dev openmpi-bin python3)
 
 # missing_packages NAME...: the packages that are not installed, one per line.
 missing_packages() {

@@ -6,12 +6,26 @@
 
 #include "firmware/model/sin_cos.h"
 
+// Functions with vector arguments are all inlined, so no calling convention matters.
+#pragma GCC diagnostic ignored "-Wpsabi"
+
 namespace ballast::sim {
 
 namespace {
 
-#define BALLAST_LANES "sim/plant/driven_lanes.inc"
-#include "sim/plant/each_instruction_set.inc"
+namespace portable {
+#include "sim/plant/driven_lanes.inc"
+}  // namespace portable
+
+#ifdef __x86_64__
+// AVX2 without FMA does the same operations in the same order, so the bits are the same.
+#pragma GCC push_options
+#pragma GCC target("avx2")
+namespace avx2 {
+#include "sim/plant/driven_lanes.inc"
+}  // namespace avx2
+#pragma GCC pop_options
+#endif
 
 }  // namespace
 

@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "tests/sil/shell.h"
 #include "tests/sweep/sweeps.h"
@@ -159,6 +161,67 @@ TEST(SweepCommand, AnswersHowRobustARobotIs) {
               "none: neither a file nor the name of a shipped scenario");
 }
 
+TEST(SweepCommand, FindsLimits) {
+  const Folder folder;
+  folder.write("paper.toml", test::kPaperSweep);
+  const std::string command = "ballast sweep paper.toml --find-limit surface.static_friction --quiet";
+  for (const std::string jobs : {"1", "3"}) {
+    const Outcome sweep = folder.run(command + " --out r" + jobs + " --jobs " + jobs);
+    ASSERT_EQ(sweep.exit_status, 0) << sweep.err;
+    EXPECT_SAYS(sweep.out, "  searched               the limit of surface.static_friction from 0.1 to 0.5\n");
+    EXPECT_SAYS(sweep.out, "  limit                  least ");
+    EXPECT_SAYS(sweep.out, "  limit_kind: holds above ");
+  }
+  EXPECT_EQ(read_file(folder / "r1/sweep.nc"), read_file(folder / "r3/sweep.nc"));
+  const auto limit = numbers(folder, "r1/sweep.nc", "limit", 120);
+  const auto floor = numbers(folder, "r1/sweep.nc", "surface_static_friction", 120);
+  const auto found = static_cast<std::size_t>(
+      std::find_if(limit.begin(), limit.end(), [](double value) { return std::isfinite(value); }) - limit.begin());
+  ASSERT_LT(found, 120u);
+  // The row again: with the last floor that held.
+  const Outcome row = folder.run(fmt::format("ballast sweep r1/sweep.toml --row {} --out again", found));
+  EXPECT_EQ(row.exit_status, 0) << row.err;
+  EXPECT_EQ(folder.summary("again")["surface"]["static_friction"].get<double>(), floor[found]);
+  const Outcome other = folder.run("ballast sweep paper.toml --quiet --out r1");
+  EXPECT_EQ(other.exit_status, 1);
+  EXPECT_SAYS(other.err, "holds the results of another sweep");
+  EXPECT_SAYS(folder.run("ballast sweep paper.toml --find-limit mass.0.mass").err,
+              "--find-limit mass.0.mass: is varied with normal; allowed: ");
+}
+
+TEST(SweepCommand, DrawsMaps) {
+  const Folder folder;
+  folder.write("paper.toml", test::kPaperSweep);
+  const std::string map = " --map surface.static_friction,initial.angular_velocity.1";
+  const Outcome sweep = folder.run("ballast sweep paper.toml --quiet --out r" + map);
+  ASSERT_EQ(sweep.exit_status, 0) << sweep.err;
+  EXPECT_SAYS(sweep.out, "  map                    r/map.png\n");
+  EXPECT_TRUE(read_file(folder / "r/map.png").starts_with("\x89PNG"));
+  const auto found = nlohmann::json::parse(read_file(folder / "r/map.json"));
+  EXPECT_EQ(found["x"]["edges"].size(), 6u);
+  EXPECT_EQ(found["y"]["edges"], nlohmann::json({-1.5, -0.5, 0.5, 1.5}));
+  const auto held = numbers(folder, "r/sweep.nc", "held", 120);
+  const auto floor = numbers(folder, "r/sweep.nc", "surface_static_friction", 120);
+  for (std::size_t row = 0; row < 3; ++row) {  // 40 runs at each point of the grid, in this order
+    std::array<std::uint64_t, 5> runs{}, holds{};
+    for (std::size_t i = 40 * row; i < 40 * row + 40; ++i) {
+      const auto cell = static_cast<std::size_t>((floor[i] - 0.1) / 0.08);
+      ++runs[cell];
+      holds[cell] += held[i] == 1;
+    }
+    EXPECT_EQ(found["runs"][row], nlohmann::json(runs));
+    EXPECT_EQ(found["held"][row], nlohmann::json(holds));
+  }
+  // Later, from the results alone.
+  std::filesystem::remove(folder / "r/map.png");
+  ASSERT_EQ(folder.run("ballast sweep paper.toml --quiet --out r --resume" + map).exit_status, 0);
+  EXPECT_TRUE(std::filesystem::exists(folder / "r/map.png"));
+  EXPECT_SAYS(folder.run("ballast sweep paper.toml --map mass.0.mass").err,
+              "--map mass.0.mass: is no pair of keys; allowed: X,Y, two keys of [vary] with numbers");
+  EXPECT_SAYS(folder.run("ballast sweep paper.toml --map mass.0.mass,duration").err, "duration is not varied");
+  EXPECT_SAYS(folder.run("ballast sweep paper.toml --shard 1/2" + map).err, "--map: a shard has no map");
+}
+
 TEST(SweepCommand, RefusesWhatItCannotRead) {
   const Folder folder;
   folder.write("bad.toml",
@@ -168,6 +231,11 @@ TEST(SweepCommand, RefusesWhatItCannotRead) {
   EXPECT_SAYS(bad.err, "bad.toml:4: surface.statc_friction = ");
   EXPECT_SAYS(folder.run("ballast sweep none.toml").err, "none.toml: no such file; allowed: a sweep file (TOML)");
   EXPECT_SAYS(folder.run("ballast sweep").err, "a sweep file is missing");
+  for (const auto& [jobs, words] : {std::pair{"x", "x is no whole number; allowed: a whole number from 1 to 1024"},
+                                    {"1.5", "1.5 is no whole number"},
+                                    {"0", "0 is out of range"},
+                                    {"99999999999", "99999999999 is out of range"}})
+    EXPECT_SAYS(folder.run(fmt::format("ballast sweep bad.toml --jobs {}", jobs)).err, words);
   folder.write("paper.toml", test::kPaperSweep);
   for (const std::string shard : {"0/2", "3/2", "1", "1/", "x/2", "-1/2"}) {
     const Outcome refused = folder.run("ballast sweep paper.toml --shard=" + shard);

@@ -59,6 +59,40 @@ TEST(KilledSweep, IsNotBegunAgainUnasked) {
   EXPECT_EQ(folder.run("ballast sweep s.toml --quiet --out r --resume").exit_status, 0);
 }
 
+TEST(KilledSweep, IsResumedByItsOwnBuildOnly) {
+  const Folder folder;
+  folder.write("s.toml", test::kPaperSweep);
+  for (const std::string shard : {"1", "2"})
+    ASSERT_EQ(folder.run("ballast sweep s.toml --quiet --shard " + shard + "/2 --out r" + shard).exit_status, 0);
+  const std::string build = read_file(folder / "r1/build.txt");
+  EXPECT_SAYS(build, "ballast ");
+  EXPECT_SAYS(build, ", C library ");
+  folder.write("r1/build.txt", "ballast 0123, C library 2.31\n");
+  const Outcome other = folder.run("ballast sweep s.toml --quiet --out r1 --resume");
+  EXPECT_EQ(other.exit_status, 1);
+  EXPECT_SAYS(other.err, "r1: was begun by ballast 0123, C library 2.31; this is " + build.substr(0, build.size() - 1));
+  const Outcome merged = folder.run("ballast sweep --out m --merge r2 r1");
+  EXPECT_EQ(merged.exit_status, 1);
+  EXPECT_SAYS(merged.err, "r1: was computed by ballast 0123, C library 2.31, but r2 by ballast ");
+  EXPECT_FALSE(std::filesystem::exists(folder / "m"));
+  folder.write("r1/build.txt", build);
+  EXPECT_EQ(folder.run("ballast sweep --out m --merge r2 r1").exit_status, 0);
+}
+
+// The process that computes a row is killed; the sweep says which row.
+TEST(KilledWorker, NamesItsRow) {
+  const Folder folder;
+  std::string slow = test::kStepperSweep;
+  slow.replace(slow.find("duration = 0.3"), 14, "duration = 200.0");
+  folder.write("s.toml", slow);
+  const Outcome killed = folder.run(
+      "ballast sweep s.toml --quiet --jobs 1 --out r & sweep=$!\n"
+      "until worker=$(cat /proc/$sweep/task/$sweep/children) && [ -n \"$worker\" ]; do sleep 0.02; done\n"
+      "sleep 0.3; kill -KILL $worker; wait $sweep");
+  EXPECT_EQ(killed.exit_status, 2);
+  EXPECT_SAYS(killed.err, "a worker died in row 0: Killed; the finished blocks are kept, and --resume continues");
+}
+
 TEST(DamagedBlocks, AreMadeAgain) {
   const Folder folder;
   folder.write("s.toml", test::kPaperSweep);

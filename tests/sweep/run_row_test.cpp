@@ -30,7 +30,7 @@ TEST(RunRow, AgreesWithTheFullRunOfPrescribedRows) {
   const RowScenarios scenarios(spec);
   int held = 0, slipped = 0;
   for (std::uint64_t i = 0; i < spec.rows(); ++i) {
-    const RowResult row = run_row(spec, scenarios, i);
+    const RowResult row = run_row(spec, scenarios, make_row(spec, i));
     const sim::ScenarioResult read = scenarios.make(make_row(spec, i));
     ASSERT_TRUE(read.ok());
     const sil::RunResult full = full_run(read.scenario);
@@ -54,7 +54,8 @@ TEST(RunRow, IsRepeatableWithSteppers) {
   const Spec spec = spec_of(test::kStepperSweep);
   const RowScenarios scenarios(spec);
   for (const std::uint64_t i : {0, 5}) {
-    const RowResult once = run_row(spec, scenarios, i), twice = run_row(spec, scenarios, i);
+    const RowResult once = run_row(spec, scenarios, make_row(spec, i)),
+                    twice = run_row(spec, scenarios, make_row(spec, i));
     EXPECT_EQ(once.kept, twice.kept);
     EXPECT_EQ(once.exit_status, twice.exit_status);
     EXPECT_GT(std::get<double>(once.kept[2]), 0) << "no steps were made";
@@ -69,7 +70,7 @@ TEST(RunRow, ThatTheCheckRefusesIsStatusOne) {
   int refused = 0;
   for (std::uint64_t i = 0; i < spec.rows(); ++i) {
     std::string why;
-    const RowResult row = run_row(spec, scenarios, i, &why);
+    const RowResult row = run_row(spec, scenarios, make_row(spec, i), &why);
     if (std::get<double>(row.varied[0]) > 0) continue;
     ++refused;
     EXPECT_EQ(row.exit_status, 1);

@@ -12,8 +12,11 @@
 #include "tools/program/count_progress.h"
 #include "tools/program/program.h"
 #include "tools/program/subprocess.h"
+#include "tools/sweep/build_record.h"
+#include "tools/sweep/completion.h"
 #include "tools/sweep/errors_option.h"
-#include "tools/sweep/folder.h"
+#include "tools/sweep/held_map.h"
+#include "tools/sweep/limit_search.h"
 #include "tools/sweep/read_spec.h"
 #include "tools/sweep/results.h"
 #include "tools/sweep/summary_page.h"
@@ -32,6 +35,8 @@ struct SweepCommand {
   bool resume = false;
   std::vector<std::string> merge;
   std::string row;
+  std::string find_limit;
+  std::string map;
   std::string errors;
   std::uint64_t runs = 1000, seed = 0;  // of --errors
   bool quiet = false;
@@ -72,30 +77,34 @@ std::optional<sweep::Spec> load_errors(const SweepCommand& command) {
   return spec;
 }
 
-// Empty, or why the folder cannot take this sweep's results.
-std::string folder_refusal(const fs::path& folder, const sweep::Spec& spec, bool resume) {
-  switch (sweep::content_of(folder, spec)) {
-    case sweep::FolderHolds::kOther:
-      return folder.string() + ": holds the results of another sweep or run; allowed: another --out, or a new folder";
-    case sweep::FolderHolds::kThisSweep:
-      if (resume) return "";
-      return folder.string() + ": holds an unfinished run of this sweep; allowed: --resume, or another --out";
-    case sweep::FolderHolds::kNothing:
-    case sweep::FolderHolds::kItsResults:
-      break;
-  }
+// Writes map.json of complete results, and draws it. Empty, or what could not be done.
+std::string draw_map(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output) {
+  std::string error;
+  const auto keys = sweep::map_keys(spec, command.map, error);
+  if (!error.empty()) return error;
+  const std::string json = sweep::held_map_json(sweep::results_file(output.path()).string(), spec, keys, error);
+  if (!error.empty()) return error;
+  if (!output.write("map.json", json)) return output.error();
+  const fs::path folder = fs::absolute(output.path());
+  program::Subprocess drawer;
+  const auto not_started = drawer.start(
+      {.arguments = {program::beside_this_program("ballast-sweep-map"), folder / "map.json", folder / "map.png"}});
+  if (not_started || drawer.wait().exit_status != 0)
+    return (output.path() / "map.png").string() + ": could not be drawn; map.json and the results are complete";
+  std::cout << fmt::format("  {:<22} {}\n", "map", (output.path() / "map.png").string());
   return "";
 }
 
-// Writes summary.txt of complete results, removes the blocks, and prints the summary.
+// Completes a folder with results, and prints their summary.
 int summarise(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output) {
   const std::string file = sweep::results_file(output.path()).string();
-  sweep::remove_blocks(output.path());
   std::string error;
-  const std::string page = sweep::summary_page(file, spec, error);
+  const std::string page = sweep::summarise(output, spec, error);
   if (!error.empty()) return could_not(error);
-  if (!output.write("summary.txt", page)) return could_not(output.error());
   std::cout << page << fmt::format("  {:<22} {}\n", "results", file);
+  if (!command.map.empty()) {
+    if (const std::string why = draw_map(command, spec, output); !why.empty()) return could_not(why);
+  }
   if (command.errors.empty()) return program::kExitCompleted;
   const std::string sentence = sweep::robustness_sentence(file, spec, error);
   if (!error.empty()) return could_not(error);
@@ -106,32 +115,8 @@ int summarise(const SweepCommand& command, const sweep::Spec& spec, sil::OutputD
 // Writes sweep.nc from all blocks.
 int finish(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output,
            const sweep::TakeBlock& take_block) {
-  const std::string error = sweep::write_results(sweep::results_file(output.path()).string(), spec, take_block);
-  if (!error.empty()) return could_not(error + "; the blocks are kept, and --resume continues");
+  if (const std::string error = sweep::write_all(output, spec, take_block); !error.empty()) return could_not(error);
   return summarise(command, spec, output);
-}
-
-// The rows that are to be computed, and those that are there.
-struct Work {
-  std::vector<std::uint64_t> blocks;
-  std::uint64_t rows = 0;  // of the shard
-  sweep::WorkDone before;
-};
-
-Work work_of(const sweep::BlockPlan& plan, const fs::path& folder, const sweep::Shard& shard) {
-  Work work;
-  for (std::uint64_t block = shard.number - 1; block < plan.blocks(); block += shard.count) {
-    work.rows += plan.rows_of(block);
-    const auto finished = sweep::read_block_of(folder, plan, block);
-    if (!finished) {
-      work.blocks.push_back(block);
-      continue;
-    }
-    work.before.rows += plan.rows_of(block);
-    work.before.held += static_cast<std::uint64_t>(
-        std::count_if(finished->rows.begin(), finished->rows.end(), [](const auto& row) { return row.held(); }));
-  }
-  return work;
 }
 
 int run_sweep(const SweepCommand& command, const sweep::Spec& spec, const sweep::Shard& shard) {
@@ -141,23 +126,21 @@ int run_sweep(const SweepCommand& command, const sweep::Spec& spec, const sweep:
   if (command.out.empty() && sharded) folder += fmt::format("_shard_{}_of_{}", shard.number, shard.count);
   sil::OutputDir output(folder);
   if (!output.good()) return could_not(output.error());
-  if (const auto why = folder_refusal(output.path(), spec, command.resume); !why.empty()) return refuse(why);
+  if (const auto why = sweep::folder_refusal(output.path(), spec, command.resume); !why.empty()) return refuse(why);
   const bool complete = sweep::content_of(output.path(), spec) == sweep::FolderHolds::kItsResults;
   if (complete && command.resume) return summarise(command, spec, output);
-  if (complete) sweep::remove_blocks(output.path());
-  sweep::remove_drafts(output.path());
-  if (!sweep::begin_folder(output, spec)) return could_not(output.error());
+  if (const auto why = sweep::begin_work(output, spec); !why.empty()) return could_not(why);
 
   const sweep::BlockPlan plan(spec);
-  const Work work = work_of(plan, output.path(), shard);
-  program::CountProgress progress(work.rows, "runs", !command.quiet, work.before.rows);
+  const sweep::Work work = sweep::work_of(plan, output.path(), shard);
+  program::CountProgress progress(work.rows, "runs", !command.quiet, work.rows_before);
   sweep::WorkOptions options;
   options.jobs = command.jobs > 0 ? command.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   options.folder = output.path();
   options.interrupted = interrupted;
-  sweep::WorkDone done = work.before;
+  sweep::WorkDone done{work.rows_before, work.held_before};
   const std::string why = sweep::run_blocks(spec, work.blocks, options, [&](const sweep::WorkDone& now) {
-    done = {work.before.rows + now.rows, work.before.held + now.held};
+    done = {work.rows_before + now.rows, work.held_before + now.held};
     const double held = static_cast<double>(done.held) / static_cast<double>(std::max<std::uint64_t>(done.rows, 1));
     progress.show(done.rows, fmt::format("{:.3g} % hold", 100 * held));
   });
@@ -175,11 +158,25 @@ int run_sweep(const SweepCommand& command, const sweep::Spec& spec, const sweep:
                 [&](std::uint64_t block) { return sweep::read_block_of(output.path(), plan, block); });
 }
 
+// Empty, or why the results will have no such map.
+std::string map_refusal(const SweepCommand& command, const sweep::Spec& spec) {
+  if (command.map.empty()) return "";
+  if (!command.shard.empty()) return "--map: a shard has no map; allowed: with --merge, or without --shard";
+  std::string why;
+  static_cast<void>(sweep::map_keys(spec, command.map, why));
+  return why.empty() ? "" : fmt::format("--map {}: {}", command.map, why);
+}
+
 int merge(const SweepCommand& command) {
   const auto spec = load_sweep(fs::path(command.merge.front()) / "sweep.toml");
   if (!spec) return program::kExitUsage;
+  if (const auto why = map_refusal(command, *spec); !why.empty()) return refuse(why);
   for (const std::string& folder : command.merge) {
     const sweep::FolderHolds holds = sweep::content_of(folder, *spec);
+    const std::string build = sweep::recorded_build(folder), first = sweep::recorded_build(command.merge.front());
+    if (holds == sweep::FolderHolds::kThisSweep && build != first)
+      return refuse(fmt::format("{}: was computed by {}, but {} by {}; allowed: shards of one build", folder, build,
+                                command.merge.front(), first));
     if (holds == sweep::FolderHolds::kThisSweep) continue;
     if (holds == sweep::FolderHolds::kItsResults)
       return refuse(folder + ": holds complete results already, which need no merging");
@@ -188,7 +185,8 @@ int merge(const SweepCommand& command) {
   }
   sil::OutputDir output(command.out.empty() ? "runs/" + spec->name : command.out);
   if (!output.good()) return could_not(output.error());
-  if (const auto why = folder_refusal(output.path(), *spec, true); !why.empty()) return refuse(why);
+  if (sweep::content_of(output.path(), *spec) == sweep::FolderHolds::kOther)
+    return refuse(sweep::folder_refusal(output.path(), *spec, true));
   sweep::remove_drafts(output.path());
   if (!sweep::begin_folder(output, *spec)) return could_not(output.error());
   const sweep::BlockPlan plan(*spec);
@@ -201,13 +199,27 @@ int merge(const SweepCommand& command) {
   });
 }
 
+// The row's values. A searched one has the value of its results, which the search finds again.
+sweep::Row row_to_run(const sweep::Spec& spec, std::uint64_t number) {
+  sweep::Row row = sweep::make_row(spec, number);
+  if (spec.find_limit.empty()) return row;
+  const sweep::RowScenarios scenarios(spec);
+  sweep::RowRunner(spec, scenarios).run(number, 1, [&](const sweep::RowResult& result) {
+    for (std::size_t i = 0; i < row.values.size(); ++i) {
+      if (spec.vary[i].key == spec.find_limit) row.values[i] = sweep::number_node(std::get<double>(result.varied[i]));
+    }
+    return true;
+  });
+  return row;
+}
+
 // Writes the row's scenario beside the results' folder, and becomes `ballast run` of it.
 int run_row_again(const SweepCommand& command, const sweep::Spec& spec) {
   std::uint64_t number = 0;
   if (!parse_number(command.row, number) || number >= spec.rows())
     return refuse(fmt::format("--row {}: is no row; allowed: 0 to {}", command.row, spec.rows() - 1));
   const std::string folder = command.out.empty() ? fmt::format("runs/{}_row_{}", spec.name, number) : command.out;
-  const sweep::Row row = sweep::make_row(spec, number);
+  const sweep::Row row = row_to_run(spec, number);
   sil::OutputDir output(folder);
   if (!output.good()) return could_not(output.error());
   if (!output.write("row.toml", sweep::RowScenarios(spec).toml(row))) return could_not(output.error());
@@ -226,15 +238,21 @@ int run_row_again(const SweepCommand& command, const sweep::Spec& spec) {
 int run(const SweepCommand& command) {
   if (!command.merge.empty()) {
     if (!command.sweep.empty() || !command.shard.empty() || !command.row.empty())
-      return refuse("--merge: takes folders of shards only; allowed beside it: --out, --quiet");
+      return refuse("--merge: takes folders of shards only; allowed beside it: --out, --map, --quiet");
     return merge(command);
   }
   if (command.sweep.empty()) return refuse("sweep: a sweep file is missing; allowed: SWEEP.toml, or --merge DIR...");
   sweep::Shard shard;
   if (!command.shard.empty() && !parse_shard(command.shard, shard))
     return refuse("--shard " + command.shard + ": allowed: K/N, whole numbers, 1 <= K <= N");
-  const auto spec = command.errors.empty() ? load_sweep(command.sweep) : load_errors(command);
+  auto spec = command.errors.empty() ? load_sweep(command.sweep) : load_errors(command);
   if (!spec) return program::kExitUsage;
+  if (!command.find_limit.empty()) {
+    if (const auto why = sweep::limit_refusal(*spec, command.find_limit); !why.empty())
+      return refuse("--find-limit " + command.find_limit + ": " + why);
+    spec->find_limit = command.find_limit;
+  }
+  if (const auto why = map_refusal(command, *spec); !why.empty()) return refuse(why);
   return command.row.empty() ? run_sweep(command, *spec, shard) : run_row_again(command, *spec);
 }
 
@@ -246,11 +264,20 @@ std::function<int()> add_sweep_command(CLI::App& app, CLI::App*& command) {
   command->add_option("sweep", options->sweep, "the sweep, a TOML file; with --errors a scenario");
   command->add_option("--out", options->out, "folder for the results; default runs/NAME")->check(program::not_empty());
   command->add_option("--jobs", options->jobs, "runs at a time; default: one per core")
-      ->check(program::whole_number(1, 1024));
+      ->check(program::whole_number(1, sweep::kMostJobs));
   command->add_option("--shard", options->shard, "K/N: only the K-th of N parts of the runs, for several machines");
   command->add_flag("--resume", options->resume, "continue in a folder with finished blocks of this sweep");
   command->add_option("--merge", options->merge, "join the folders of all shards")->expected(1, -1);
   command->add_option("--row", options->row, "run one row again, as a full ballast run");
+  command
+      ->add_option("--find-limit", options->find_limit,
+                   "search, in every row, the value of this key at which the run ceases to hold; its uniform or "
+                   "log_uniform range is bisected")
+      ->check(program::not_empty());
+  command
+      ->add_option("--map", options->map,
+                   "X,Y: draw the share of the runs that hold over two varied keys, as map.png in the folder")
+      ->check(program::not_empty());
   auto* errors = command
                      ->add_option("--errors", options->errors,
                                   "vary a scenario, given in place of a sweep file, by normal errors with these "

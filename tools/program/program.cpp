@@ -156,7 +156,10 @@ CLI::Validator whole_number(int low, int high) {
   const auto check = [low, high](std::string& text) -> std::string {
     int value = 0;
     if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high) return {};
-    return fmt::format("{} is out of range; allowed: a whole number from {} to {}", text, low, high);
+    const std::size_t sign = text.starts_with('-') || text.starts_with('+') ? 1 : 0;
+    const bool is_whole = text.size() > sign && text.find_first_not_of("0123456789", sign) == std::string::npos;
+    return fmt::format("{} {}; allowed: a whole number from {} to {}", text,
+                       is_whole ? "is out of range" : "is no whole number", low, high);
   };
   return {check, fmt::format("{} to {}", low, high)};
 }

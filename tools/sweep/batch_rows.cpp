@@ -17,8 +17,12 @@ constexpr double kNear = 2e-6;
 // Largest difference between the extrema of batch and plant, relative to f_s / N and to the weight: a third of 1e-6,
 // because the rows that are compared are a sample.
 constexpr double kAgreement = 3e-7;
-constexpr std::uint64_t kCompared = 8;  // rows
-constexpr int kHalvings = 4;            // of the step, at most
+constexpr std::uint64_t kCompared = 16;  // rows
+// The length of the attitude's quaternion drifts with the sixth power of the step times the rotation rate, its angle
+// with the fifth. A row may have 4 times the drift of the rows that were compared, hence 4^(5/6) = 3.2 times their
+// error of at most kAgreement: 1e-6. The floor is the rounding of some thousand steps.
+constexpr double kMoreDrift = 4, kLeastDrift = 1e-12;
+constexpr int kHalvings = 4;  // of the step, at most
 // Values that no check of a scenario comes near to refusing.
 constexpr double kLeast = 1e-9, kMost = 1e9;
 
@@ -34,6 +38,12 @@ double weight_n(const BatchBall& ball, std::size_t masses, double gravity) {
 sil::RunResult rolled_by_plant(sim::Scenario scenario) {
   scenario.surface.static_friction = scenario.surface.kinetic_friction = std::numeric_limits<double>::infinity();
   return run_plant(scenario);
+}
+
+double drift_of(const BatchBall& ball, const BatchResult& rolled) {
+  double squares = 0;
+  for (const double q : ball.orientation) squares += q * q;
+  return std::abs(rolled.orientation_length / std::sqrt(squares) - 1);
 }
 
 std::array<double, 3> array_of(const Eigen::Vector3d& v) { return {v[0], v[1], v[2]}; }
@@ -146,45 +156,59 @@ BatchRows::BatchRows(const Spec& spec, const RowScenarios& scenarios, Lanes lane
   choose_step();
 }
 
-BatchRows::Lane BatchRows::lane_of(std::uint64_t number) const {
+BatchRows::Lane BatchRows::lane_of(Row row) const {
   Lane lane = nominal_;
-  lane.row = make_row(spec_, number);
+  lane.row = std::move(row);
   for (std::size_t i = 0; i < targets_.size(); ++i) set(targets_[i], lane.row.values[i], lane);
   lane.fits = fits(lane);
   return lane;
 }
 
+bool BatchRows::agree(const BatchBall& ball, const BatchResult& rolled, const sim::ContactExtrema& truth) const {
+  const double force = kAgreement * weight_n(ball, base_.masses.size(), base_.gravity_mps2);
+  const double mu = truth.mu_required_max.value;
+  return std::abs(rolled.normal_force_min.value - truth.normal_force_min.value) < force &&
+         std::abs(rolled.normal_force_max.value - truth.normal_force_max.value) < force &&
+         std::abs(rolled.static_friction_max.value - truth.static_friction_max.value) < force &&
+         std::abs(rolled.mu_required_max.value - mu) < kAgreement * mu;
+}
+
 bool BatchRows::agrees(double step_s, const std::vector<Lane>& rows, const std::vector<sil::RunResult>& truth) {
   const MotionTable table(base_, step_s);
   RollingBatch batch(table, lanes_);
-  std::array<BatchBall, kLanes> balls;
-  for (std::size_t l = 0; l < kLanes; ++l) balls[l] = rows[std::min(l, rows.size() - 1)].ball;
-  std::array<BatchResult, kLanes> results;
-  batch.roll(balls, results);
-  bool good = true;
-  for (std::size_t l = 0; l < rows.size(); ++l) {
-    const sim::ContactExtrema& x = truth[l].extrema;
-    const double force = kAgreement * weight_n(balls[l], base_.masses.size(), base_.gravity_mps2);
-    good = good && std::abs(results[l].normal_force_min.value - x.normal_force_min.value) < force &&
-           std::abs(results[l].normal_force_max.value - x.normal_force_max.value) < force &&
-           std::abs(results[l].static_friction_max.value - x.static_friction_max.value) < force &&
-           std::abs(results[l].mu_required_max.value - x.mu_required_max.value) < kAgreement * x.mu_required_max.value;
+  most_drift_ = kLeastDrift / kMoreDrift;
+  for (std::size_t begin = 0; begin < rows.size(); begin += kLanes) {
+    std::array<BatchBall, kLanes> balls;
+    for (std::size_t l = 0; l < kLanes; ++l) balls[l] = rows[std::min(begin + l, rows.size() - 1)].ball;
+    std::array<BatchResult, kLanes> results;
+    batch.roll(balls, results);
+    for (std::size_t l = 0; l < kLanes && begin + l < rows.size(); ++l) {
+      if (!agree(balls[l], results[l], truth[begin + l].extrema)) return false;
+      most_drift_ = std::max(most_drift_, drift_of(balls[l], results[l]));
+    }
   }
-  return good;
+  return true;
 }
 
 void BatchRows::choose_step() {
   std::vector<Lane> rows;
   std::vector<sil::RunResult> truth;
-  for (std::uint64_t number = 0; number < std::min(8 * kCompared, spec_.rows()) && rows.size() < kCompared; ++number) {
-    Lane lane = lane_of(number);
-    if (!lane.fits) continue;
-    const sim::ScenarioResult read = scenarios_.make(lane.row);
-    if (!read.ok()) continue;
-    sil::RunResult result = rolled_by_plant(read.scenario);
-    if (result.end_reason != sil::EndReason::kCompleted) continue;
-    rows.push_back(std::move(lane));
-    truth.push_back(std::move(result));
+  constexpr std::uint64_t kTried = 8;  // rows from each place on
+  std::uint64_t next = 0;
+  for (std::uint64_t i = 0; i < kCompared; ++i) {
+    // Not i * rows / kCompared, which overflows.
+    const std::uint64_t place = spec_.rows() / kCompared * i + spec_.rows() % kCompared * i / kCompared;
+    for (std::uint64_t number = std::max(next, place); number < std::min(place + kTried, spec_.rows()); ++number) {
+      next = number + 1;
+      Lane lane = lane_of(make_row(spec_, number));
+      const sim::ScenarioResult read = scenarios_.make(lane.row);
+      if (!lane.fits || !read.ok()) continue;
+      sil::RunResult result = rolled_by_plant(read.scenario);
+      if (result.end_reason != sil::EndReason::kCompleted) continue;
+      rows.push_back(std::move(lane));
+      truth.push_back(std::move(result));
+      break;
+    }
   }
   if (rows.empty()) return;
   step_s_ = 0.02 * std::sqrt(base_.ball.radius_m / base_.gravity_mps2);
@@ -209,7 +233,8 @@ std::optional<RowResult> BatchRows::result_of(const Lane& lane, const BatchResul
   const bool rolls = rolled.normal_force_min.value > base_.envelope.min_normal_force_n + kNear * weight &&
                      mu < (1 - kNear) * lane.static_friction;
   const bool decided = std::isinf(allowed) || std::abs(mu - allowed) > kNear * allowed;
-  if (!rolls || !decided) return std::nullopt;
+  const bool accurate = drift_of(lane.ball, rolled) <= kMoreDrift * most_drift_;
+  if (!rolls || !decided || !accurate) return std::nullopt;
 
   const auto extremum = [](const BatchExtremum& e) { return sim::Extremum{e.value, e.time_s}; };
   result_.extrema = {extremum(rolled.mu_required_max), extremum(rolled.normal_force_min),
@@ -232,13 +257,15 @@ std::optional<RowResult> BatchRows::result_of(const Lane& lane, const BatchResul
   return out;
 }
 
-void BatchRows::run(std::uint64_t first, std::uint64_t count, const std::function<void(RowResult&&)>& take) {
-  for (std::uint64_t begin = first; begin < first + count; begin += kLanes) {
-    const std::size_t used = std::min<std::uint64_t>(kLanes, first + count - begin);
+std::vector<RowResult> BatchRows::run(const std::vector<Row>& rows) {
+  std::vector<RowResult> out;
+  out.reserve(rows.size());
+  for (std::size_t begin = 0; begin < rows.size(); begin += kLanes) {
+    const std::size_t used = std::min(kLanes, rows.size() - begin);
     std::array<Lane, kLanes> lanes;
     std::array<BatchBall, kLanes> balls;
     for (std::size_t l = 0; l < kLanes; ++l) {
-      if (l < used) lanes[l] = lane_of(begin + l);
+      if (l < used) lanes[l] = lane_of(rows[begin + l]);
       balls[l] = lanes[l].fits ? lanes[l].ball : nominal_.ball;  // a lane that is not used must do no harm
     }
     std::array<BatchResult, kLanes> rolled;
@@ -246,9 +273,10 @@ void BatchRows::run(std::uint64_t first, std::uint64_t count, const std::functio
     for (std::size_t l = 0; l < used; ++l) {
       std::optional<RowResult> row;
       if (lanes[l].fits) row = result_of(lanes[l], rolled[l]);
-      take(row ? std::move(*row) : run_row(spec_, scenarios_, begin + l));
+      out.push_back(row ? std::move(*row) : run_row(spec_, scenarios_, lanes[l].row));
     }
   }
+  return out;
 }
 
 }  // namespace ballast::sweep

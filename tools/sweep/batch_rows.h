@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,16 +15,17 @@ namespace ballast::sweep {
 
 class BatchRows {
  public:
-  // Chooses the length of the steps, so that the extrema of some rows agree with the plant's. The choice depends on the
-  // sweep alone. Both must outlive the object.
+  // Chooses the length of the steps, so that the extrema of some rows, spread over the sweep, agree with the plant's.
+  // The choice depends on the sweep alone. A row that the steps integrate worse than those is run by the plant. Both
+  // must outlive the object.
   BatchRows(const Spec& spec, const RowScenarios& scenarios, Lanes lanes = best_lanes());
 
   // False: the sweep is of another kind, and every row is run by itself.
   [[nodiscard]] bool usable() const { return batch_.has_value(); }
   [[nodiscard]] double step_s() const { return step_s_; }
 
-  // Calls `take` with each row from `first` on, in order.
-  void run(std::uint64_t first, std::uint64_t count, const std::function<void(RowResult&&)>& take);
+  // One result per row, in order. Only if usable().
+  [[nodiscard]] std::vector<RowResult> run(const std::vector<Row>& rows);
 
  private:
   // The part of a ball that a varied key sets.
@@ -45,7 +45,8 @@ class BatchRows {
   [[nodiscard]] static std::optional<Target> target_of(const std::string& key, const sim::Scenario& base);
   static void set(const Target& target, const sim::Node& value, Lane& lane);
   [[nodiscard]] bool fits(const Lane& lane) const;
-  [[nodiscard]] Lane lane_of(std::uint64_t number) const;
+  [[nodiscard]] Lane lane_of(Row row) const;
+  [[nodiscard]] bool agree(const BatchBall& ball, const BatchResult& rolled, const sim::ContactExtrema& truth) const;
   [[nodiscard]] bool agrees(double step_s, const std::vector<Lane>& rows, const std::vector<sil::RunResult>& truth);
   void choose_step();
   // nullopt: the plant must decide.
@@ -58,6 +59,7 @@ class BatchRows {
   Lane nominal_;
   std::vector<Target> targets_;  // one per Spec::vary
   double step_s_ = 0;
+  double most_drift_ = 0;  // of the attitude's length, in the rows that were compared
   std::optional<MotionTable> table_;
   std::optional<RollingBatch> batch_;
   sil::RunResult result_;  // reused: of the row at hand

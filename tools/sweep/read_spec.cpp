@@ -10,8 +10,11 @@
 
 #include "sim/scenario/reader.h"
 #include "tools/program/program.h"
+#include "tools/sweep/correlation.h"
 #include "tools/sweep/kept_values.h"
+#include "tools/sweep/limit_search.h"
 #include "tools/sweep/row_scenario.h"
+#include "tools/sweep/sobol.h"
 
 namespace ballast::sweep {
 
@@ -194,6 +197,75 @@ void read_keep(TableReader table, Spec& spec) {
   table.refuse_unknown_keys();
 }
 
+void read_sampling(TableReader& root, Spec& spec) {
+  root.know({"sampling"});
+  if (!root.has("sampling")) return;
+  const std::string name = root.text("sampling").value_or("random");
+  const auto found = std::find(std::begin(kSamplingNames), std::end(kSamplingNames), name);
+  if (found == std::end(kSamplingNames))
+    return root.refuse("sampling", "is no sampling; allowed: random, latin_hypercube, sobol");
+  spec.sampling = static_cast<Sampling>(found - std::begin(kSamplingNames));
+  std::size_t dimensions = 0;
+  for (const Variation& v : spec.vary) dimensions += dimensions_of(v.distribution);
+  if (spec.sampling == Sampling::kSobol && dimensions > kSobolDimensions) {
+    root.refuse("sampling", fmt::format("has too many keys in [vary]: {} random numbers; allowed: at most {}",
+                                        dimensions, kSobolDimensions));
+  }
+}
+
+// Why a key cannot be correlated; empty: it can.
+std::string correlation_refusal(const Spec& spec, const std::string& key) {
+  const auto found = std::find_if(spec.vary.begin(), spec.vary.end(), [&](const Variation& v) { return v.key == key; });
+  if (found == spec.vary.end()) return fmt::format("names {}, which [vary] does not vary", key);
+  const bool continuous = found->distribution == Distribution::kNormal ||
+                          found->distribution == Distribution::kUniform ||
+                          found->distribution == Distribution::kLogUniform;
+  return continuous ? "" : fmt::format("names {}, which is neither normal, uniform nor log_uniform", key);
+}
+
+// Reads one ["first", "second", value].
+void read_correlation(TableReader& root, const std::string& path, const Node& node, Spec& spec) {
+  constexpr const char* kAllowed =
+      "; allowed: [\"key\", \"another key\", correlation], both varied with normal, uniform or log_uniform, and a "
+      "number "
+      "between -1 and 1";
+  const bool right = node.kind == NodeKind::kArray && node.items.size() == 3 &&
+                     node.items[0].kind == NodeKind::kString && node.items[1].kind == NodeKind::kString &&
+                     is_number(node.items[2]);
+  if (!right) return root.refuse(path, std::string("is no correlation") + kAllowed);
+  const Correlation c{node.items[0].text, node.items[1].text, node.items[2].number};
+  for (const std::string& key : {c.first, c.second}) {
+    const std::string why = correlation_refusal(spec, key);
+    if (!why.empty()) return root.refuse(path, why + kAllowed);
+  }
+  if (c.first == c.second) return root.refuse(path, std::string("names one key twice") + kAllowed);
+  if (!(std::abs(c.value) < 1)) return root.refuse(path, std::string("is out of range") + kAllowed);
+  const bool known = std::any_of(spec.correlations.begin(), spec.correlations.end(), [&](const Correlation& other) {
+    return (other.first == c.first && other.second == c.second) || (other.first == c.second && other.second == c.first);
+  });
+  if (known) return root.refuse(path, "is given twice; allowed: each pair once");
+  spec.correlations.push_back(c);
+}
+
+void read_correlations(TableReader& root, Spec& spec) {
+  const Node* list = root.node("correlation");
+  if (list == nullptr) return;
+  if (list->kind != NodeKind::kArray)
+    return root.refuse("correlation", "is no list; allowed: an array of [\"key\", \"another key\", correlation]");
+  for (std::size_t i = 0; i < list->items.size(); ++i)
+    read_correlation(root, fmt::format("correlation.{}", i), list->items[i], spec);
+  const std::string why = factor_correlations(spec);
+  if (!why.empty()) root.refuse("correlation", why + "; allowed: correlations that some random numbers have");
+}
+
+void read_find_limit(TableReader& root, Spec& spec) {
+  root.know({"find_limit"});
+  if (!root.has("find_limit")) return;
+  spec.find_limit = root.text("find_limit").value_or("");
+  const std::string why = limit_refusal(spec, spec.find_limit);
+  if (!why.empty()) root.refuse("find_limit", why);
+}
+
 void read_counts(TableReader& root, Spec& spec) {
   const auto seed = root.integer("seed", 0, kMostSeed, 0);
   spec.seed = static_cast<std::uint64_t>(seed.value_or(0));
@@ -293,7 +365,7 @@ void check_names(const Spec& spec, std::vector<ScenarioError>& errors) {
     names.push_back(name);
   };
   for (const Variation& v : spec.vary) add(v.key, v.line);
-  for (const std::string& key : spec.keep) add(key, 0);
+  for (const std::string& key : columns_of(spec)) add(key, 0);
 }
 
 // Refuses distributions of numbers for keys that are texts.
@@ -349,6 +421,9 @@ std::optional<Spec> parse_spec(const std::string& toml, const std::string& sourc
   read_set(root, spec);
   read_vary(root, spec, report);
   read_counts(root, spec);
+  read_sampling(root, spec);
+  read_correlations(root, spec);
+  read_find_limit(root, spec);
   read_keep(root.table("keep"), spec);
   root.refuse_unknown_keys();
   if (scenario) {

@@ -79,10 +79,13 @@ class ResultsFile {
                       "as ballast run returns: 0 inside the envelope, 1 refused by the scenario's check, 2 could not "
                       "run, 3 outside the envelope or tripped");
     held_ = integer("held", NC_BYTE, "1: exit_status 0");
+    const std::vector<std::string> columns = columns_of(spec);
     for (std::size_t i = 0; i < kinds.size(); ++i) {
       const bool varied = i < spec.vary.size();
-      define(varied ? spec.vary[i].key : spec.keep[i - spec.vary.size()], kinds[i],
-             varied ? "varied scenario key" : "value of summary.json");
+      define(varied ? spec.vary[i].key : columns[i - spec.vary.size()], kinds[i],
+             varied                                    ? "varied scenario key"
+             : i - spec.vary.size() < spec.keep.size() ? "value of summary.json"
+                                                       : "search for the limit of " + spec.find_limit + ":");
     }
     file_.attribute(NC_GLOBAL, "title", spec.name);
     file_.attribute(NC_GLOBAL, "source", "ballast sweep");
@@ -153,7 +156,7 @@ namespace {
 // Writes the results under the draft's name. Empty, or what could not be done.
 std::string write_draft(const std::string& draft, const Spec& spec, const TakeBlock& take_block) {
   const BlockPlan plan(spec);
-  std::vector<Kind> kinds(spec.vary.size() + spec.keep.size());
+  std::vector<Kind> kinds(spec.vary.size() + columns_of(spec).size());
   const auto missing = [&](std::uint64_t block) {
     return "rows " + std::to_string(plan.first_row(block)) + " to " +
            std::to_string(plan.first_row(block) + plan.rows_of(block) - 1) + " are missing";

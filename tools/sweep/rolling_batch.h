@@ -3,8 +3,8 @@
 // so that the curves of their masses are evaluated once for all of them; masses, inertias, forces and start may differ.
 //
 // A lane's result depends on nothing in the other lanes, and has the same bits for AVX-512, AVX2 and portable code:
-// the operations are the same, without fused multiply-add. N and f_s are sampled at every step; extrema between the
-// samples are taken from a polynomial through five of them.
+// the operations are the same, with fused multiply-add where the code says so and nowhere else. N and f_s are sampled
+// at every step; extrema between the samples are taken from a polynomial through five of them.
 #pragma once
 
 #include <array>
@@ -39,11 +39,17 @@ struct BatchResult {
   std::array<double, 4> orientation{};
   std::array<double, 3> angular_velocity_B_radps{};
   std::array<double, 2> position_W_m{};
+  // Length of the quaternion before it was normalized: by as much as it differs from that at the start, the steps are
+  // too long for the rotation.
+  double orientation_length = 1;
 };
 
-// One mass at one time, body frame: place, rate and acceleration of its curve.
+// One mass at one time, body frame: what its curve chi contributes to the equations, for a mass of 1 kg.
 struct CurvePoint {
-  std::array<double, 3> position_m, rate_mps, acceleration_mps2;
+  std::array<double, 3> position_m, twice_rate_mps, acceleration_mps2;
+  std::array<double, 3> position_x_acceleration;           // chi x chi''
+  std::array<double, 3> inertia_diagonal, inertia_others;  // |chi|^2 - chi chi^T: xx, yy, zz; xy, xz, yz
+  std::array<std::array<double, 3>, 3> turning;            // 2 (chi . chi' - chi' chi^T), row by row
 };
 
 // The curves of all masses at the nodes and the middles of the steps. No step crosses an instant at which a motion is

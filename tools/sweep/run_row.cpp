@@ -80,10 +80,9 @@ bool plant_suffices(const Spec& spec, const RowScenarios& scenarios, const sim::
          decided_by_plant(spec.keep, scenarios.find("plan") != nullptr);
 }
 
-RowResult run_row(const Spec& spec, const RowScenarios& scenarios, std::uint64_t number, std::string* why) {
-  const Row row = make_row(spec, number);
+RowResult run_row(const Spec& spec, const RowScenarios& scenarios, const Row& row, std::string* why) {
   RowResult out;
-  out.number = number;
+  out.number = row.number;
   out.seed = row.seed;
   for (const sim::Node& value : row.values) out.varied.push_back(to_cell(value));
   out.kept.resize(spec.keep.size());

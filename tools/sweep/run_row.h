@@ -26,7 +26,7 @@ struct RowResult {
 [[nodiscard]] sil::RunResult run_plant(const sim::Scenario& scenario);
 
 // `why`, if given, gets the reason of exit status 1 or 2.
-[[nodiscard]] RowResult run_row(const Spec& spec, const RowScenarios& scenarios, std::uint64_t number,
+[[nodiscard]] RowResult run_row(const Spec& spec, const RowScenarios& scenarios, const Row& row,
                                 std::string* why = nullptr);
 
 }  // namespace ballast::sweep

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "sim/scenario/reader.h"
+#include "tools/sweep/limit_search.h"
 #include "tools/sweep/philox.h"
 
 namespace ballast::sweep {
@@ -20,6 +21,12 @@ std::string quoted(const std::string& text) {
 
 }  // namespace
 
+std::vector<std::string> columns_of(const Spec& spec) {
+  std::vector<std::string> columns = spec.keep;
+  if (!spec.find_limit.empty()) columns.insert(columns.end(), {kLimitColumn, kLimitKindColumn});
+  return columns;
+}
+
 std::string toml_value(const sim::Node& value) {
   sim::Node root;
   root.entries.emplace_back("x", value);
@@ -32,6 +39,13 @@ std::string toml_value(const sim::Node& value) {
 std::string to_toml(const Spec& spec) {
   std::string text = fmt::format("name = {}\nscenario = \"scenario.toml\"\nruns = {}\nseed = {}\n", quoted(spec.name),
                                  spec.repeats, spec.seed);
+  if (spec.sampling != Sampling::kRandom)
+    text += fmt::format("sampling = \"{}\"\n", kSamplingNames[static_cast<int>(spec.sampling)]);
+  if (!spec.find_limit.empty()) text += fmt::format("find_limit = {}\n", quoted(spec.find_limit));
+  std::string correlations;
+  for (const Correlation& c : spec.correlations)
+    correlations += fmt::format("  [{}, {}, {}],\n", quoted(c.first), quoted(c.second), sim::number_text(c.value));
+  if (!correlations.empty()) text += "correlation = [\n" + correlations + "]\n";
   text += "\n[vary]\n";
   for (const Variation& v : spec.vary) {
     if (v.distribution == Distribution::kTilt) {

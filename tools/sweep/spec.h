@@ -22,6 +22,12 @@ struct Setting {
 inline constexpr std::string_view kDistributionNames[] = {"normal", "uniform", "log_uniform", "choice", "grid", "tilt"};
 enum class Distribution { kNormal, kUniform, kLogUniform, kChoice, kGrid, kTilt };
 
+// The random numbers that a value takes.
+constexpr std::size_t dimensions_of(Distribution distribution) {
+  if (distribution == Distribution::kGrid) return 0;
+  return distribution == Distribution::kTilt ? 2 : 1;
+}
+
 // One varied key.
 struct Variation {
   std::string key;  // dotted scenario key
@@ -31,6 +37,21 @@ struct Variation {
   double a = 0, b = 0;
   std::vector<sim::Node> values;  // choice, grid; tilt: the attitude that is tilted
   int line = 0;                   // of the sweep file
+};
+
+inline constexpr std::string_view kSamplingNames[] = {"random", "latin_hypercube", "sobol"};
+enum class Sampling { kRandom, kLatinHypercube, kSobol };
+
+// The correlation of the normal numbers behind two varied keys.
+struct Correlation {
+  std::string first, second;
+  double value = 0;
+};
+
+// All correlations at once (correlation.h).
+struct Copula {
+  std::vector<std::size_t> places;  // in Spec::vary
+  std::vector<double> factor;       // the lower Cholesky factor of their matrix, row by row
 };
 
 struct Spec {
@@ -43,6 +64,10 @@ struct Spec {
   std::vector<Setting> set;
   std::vector<Variation> vary;    // in the order of the file
   std::vector<std::string> keep;  // names in summary.json
+  Sampling sampling = Sampling::kRandom;
+  std::vector<Correlation> correlations;
+  Copula copula;           // of the correlations
+  std::string find_limit;  // the key whose limit is searched (limit_search.h); empty: none
 
   [[nodiscard]] std::uint64_t grid_points() const {
     std::uint64_t points = 1;
@@ -53,6 +78,9 @@ struct Spec {
   }
   [[nodiscard]] std::uint64_t rows() const { return grid_points() * repeats; }
 };
+
+// The columns of a row's results: spec.keep, and what a search adds.
+[[nodiscard]] std::vector<std::string> columns_of(const Spec& spec);
 
 // The value as TOML on one line, bit for bit.
 [[nodiscard]] std::string toml_value(const sim::Node& value);

@@ -43,8 +43,11 @@ class Page {
     out_ = fmt::format("{}: {} run{} of {}, seed {}\n", spec_.name, spec_.rows(), spec_.rows() == 1 ? "" : "s",
                        spec_.base_name, spec_.seed);
     count_statuses();
-    line("holds", share(held_));
-    for (const std::string& name : spec_.keep) {
+    if (spec_.find_limit.empty())
+      line("holds", share(held_));
+    else
+      line("searched", searched_text());
+    for (const std::string& name : columns_of(spec_)) {
       const int variable = file_.find_variable(variable_name(name));
       nc_type type = NC_DOUBLE;
       int dimensions = 0;
@@ -54,7 +57,8 @@ class Page {
       else
         add_numbers(name, variable);
     }
-    if (const std::string worst = worst_text(); !worst.empty()) line("worst", worst);
+    const std::string worst = spec_.find_limit.empty() ? worst_text() : "";
+    if (!worst.empty()) line("worst", worst);
     add_failures();
     return out_;
   }
@@ -78,6 +82,12 @@ class Page {
     const Interval interval = wilson_interval(hits, spec_.rows());
     return fmt::format("{} ({:.4g} to {:.4g}), {} of {}", percent(part), 100 * interval.low, 100 * interval.high, hits,
                        spec_.rows());
+  }
+
+  [[nodiscard]] std::string searched_text() const {
+    const auto range = std::find_if(spec_.vary.begin(), spec_.vary.end(),
+                                    [this](const Variation& v) { return v.key == spec_.find_limit; });
+    return fmt::format("the limit of {} from {:.4g} to {:.4g}", range->key, range->a, range->b);
   }
 
   // The row that needs the greatest part of its floor's friction; where N fell to 0 that is infinite, and the earliest
@@ -173,7 +183,7 @@ class Page {
       if (failures.count == 0) continue;
       std::string why;
       const RowScenarios scenarios(spec_);
-      static_cast<void>(run_row(spec_, scenarios, failures.first_row, &why));
+      static_cast<void>(run_row(spec_, scenarios, make_row(spec_, failures.first_row), &why));
       line(what, fmt::format("{}; first row {}: {}", share(failures.count), failures.first_row, why));
     }
   }

@@ -8,9 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "tools/sweep/batch_rows.h"
 #include "tools/sweep/folder.h"
-#include "tools/sweep/row_scenario.h"
+#include "tools/sweep/row_runner.h"
 
 namespace ballast::sweep {
 
@@ -19,16 +18,18 @@ struct WorkDone {
   std::uint64_t rows = 0, held = 0;
 };
 
+inline constexpr int kMostJobs = 1024;
+
 struct WorkOptions {
-  int jobs = 1;
+  int jobs = 1;  // at most kMostJobs
   std::filesystem::path folder;
   const volatile std::sig_atomic_t* interrupted = nullptr;  // nonzero: no more
 };
 
-// Computes one block and writes it. `row_done` is called after each row. Empty, or what could not be done.
-[[nodiscard]] std::string run_block(const Spec& spec, const RowScenarios& scenarios, BatchRows& batch,
-                                    const BlockPlan& plan, const std::filesystem::path& folder, std::uint64_t block,
-                                    const std::function<void(const RowResult&)>& row_done);
+// Computes one block and writes it. `row_done` is called after each row; false: the block is given up. Empty, or what
+// could not be done.
+[[nodiscard]] std::string run_block(RowRunner& runner, const BlockPlan& plan, const std::filesystem::path& folder,
+                                    std::uint64_t block, const std::function<bool(const RowResult&)>& row_done);
 
 // Calls `show` several times a second. Empty if all blocks are done or it was interrupted, otherwise what could not be
 // done; blocks that are finished stay.

@@ -1,0 +1,83 @@
+"""ballast-sweep-map MAP.json PICTURE: Draws the map that `ballast sweep --map` counted, as PNG, SVG or PDF."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from command import run_program
+from output_files import PICTURE_BEGINNINGS, Kind, OutputError, OutputFiles, check_place
+from page import BLUE, VERMILLION, head
+
+_SHARES = LinearSegmentedColormap.from_list("shares", [VERMILLION, "#F2F2F2", BLUE])
+
+
+class MapError(Exception):
+    """The file is no map."""
+
+
+class Map:
+    """The map's file. `name` is the scenario's, as head() wants it."""
+
+    def __init__(self, path):
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            self.name, self.rows = found["scenario"], int(found["rows"])
+            self.x, self.y = found["x"], found["y"]
+            self.runs, held = np.array(found["runs"], dtype=float), np.array(found["held"], dtype=float)
+            shape = (len(self.y["edges"]) - 1, len(self.x["edges"]) - 1)
+        except (ValueError, KeyError, TypeError) as error:
+            raise MapError(f"{path}: not what ballast sweep --map writes ({error!r})") from error
+        if self.runs.shape != shape or held.shape != shape or not self.runs.any():
+            raise MapError(f"{path}: its counts do not fill its cells")
+        with np.errstate(invalid="ignore"):
+            self.share = held / self.runs  # NaN where a cell has no run
+
+
+def draw(found):
+    figure = Figure(figsize=(8.4, 6.2), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.12, h_pad=0.12)
+    axes = figure.subplots()
+    axes.grid(False)
+    axes.set_facecolor("#FFFFFF")
+    mesh = axes.pcolormesh(found.x["edges"], found.y["edges"], np.ma.masked_invalid(found.share), cmap=_SHARES, vmin=0,
+                           vmax=1, linewidth=0, rasterized=True)
+    for axis, side in ((axes.set_xscale, found.x), (axes.set_yscale, found.y)):
+        axis("log" if side["logarithmic"] else "linear")
+    axes.set_xlabel(found.x["key"])
+    axes.set_ylabel(found.y["key"])
+    bar = figure.colorbar(mesh, ax=axes, pad=0.02)
+    bar.set_label("share of the runs that hold")
+    bar.outline.set_visible(False)
+    empty = [Patch(facecolor="#FFFFFF", edgecolor="#7F7F7F", label="no run")] if np.isnan(found.share).any() else []
+    head(axes, found, f"Which of {found.rows} runs hold", [empty])
+    return figure
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="ballast-sweep-map",
+                                     description="Draws the map that `ballast sweep --map` counted.")
+    parser.add_argument("map", type=Path, help="the .json file of `ballast sweep --map`")
+    parser.add_argument("picture", type=Path, help="file that ends in .png, .svg or .pdf")
+    arguments = parser.parse_args()
+
+    def body():
+        kind_name = arguments.picture.suffix[1:]
+        if kind_name not in PICTURE_BEGINNINGS:
+            raise OutputError(f"{arguments.picture}: allowed: a name that ends in .png, .svg or .pdf")
+        kind = Kind(f"{kind_name.upper()} picture", PICTURE_BEGINNINGS[kind_name])
+        check_place(arguments.picture, kind)
+        figure = draw(Map(arguments.map))
+        with OutputFiles(arguments.picture) as files:
+            figure.savefig(files.open(arguments.picture, kind), dpi=110, format=kind_name)
+
+    return run_program("ballast-sweep-map", body, MapError, OutputError)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
