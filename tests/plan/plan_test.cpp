@@ -3,7 +3,10 @@
 
 #include <cmath>
 #include <functional>
+#include <numbers>
 
+#include "tests/plan/task_set.h"
+#include "tools/plan/bounds.h"
 #include "tools/plan/random_task.h"
 #include "tools/plan/write_plan.h"
 
@@ -40,6 +43,13 @@ struct Planned {
   std::vector<Node> nodes;  // of the plant, every 5 ms
 };
 
+std::string random_toml(std::uint64_t seed, int number) {
+  std::string why;
+  const auto toml = random_task(seed, number, why);
+  EXPECT_TRUE(toml) << why;
+  return toml.value_or("");
+}
+
 std::string errors_of(const std::string& toml) {
   std::vector<sim::ScenarioError> errors;
   static_cast<void>(parse_task(toml, "task.toml", errors));
@@ -48,8 +58,10 @@ std::string errors_of(const std::string& toml) {
   return text;
 }
 
+enum class Expect { kFound, kAnything };
+
 // Plans, checks what every plan has to keep, and rolls it.
-Planned plan_of(const std::string& toml) {
+Planned plan_of(const std::string& toml, Expect expect = Expect::kFound) {
   Planned p;
   std::vector<sim::ScenarioError> errors;
   p.task = parse_task(toml, "task.toml", errors);
@@ -57,7 +69,9 @@ Planned plan_of(const std::string& toml) {
   if (!p.task) return p;
   p.problem = make_problem(*p.task);
   p.outcome = search(p.problem, p.task->scenario, {});
-  EXPECT_EQ(p.outcome.status, Status::kFound) << p.outcome.binding;
+  if (expect == Expect::kFound) {
+    EXPECT_EQ(p.outcome.status, Status::kFound) << p.outcome.binding;
+  }
   if (!p.outcome.plan) return p;
   const auto read = sim::parse_scenario(plan_toml(toml, *p.task, *p.outcome.plan), "plan.toml");
   EXPECT_TRUE(read.ok()) << (read.ok() ? "" : sim::to_string(read.errors.front()));
@@ -146,6 +160,32 @@ TEST(Plan, FollowsAPath) {
   }
 }
 
+// Paths that the free motion leaves by far more than the tolerance, straight and with sharp corners: the search has to
+// come nearer step by step from either side of the path.
+TEST(Plan, FollowsPathsFarFromTheFreeMotion) {
+  const char* paths[] = {
+      "goal = [1.0, 0.5]\nduration = 12.0\nfollow = { points = [[0, 0], [0.5, 0.25], [1.0, 0.5]], tolerance = 0.03 }\n",
+      "goal = [0.5, 0.2]\nduration = 10.0\nfollow = { points = [[0, 0], [0.5, 0], [0.5, 0.2]], tolerance = 0.03 }\n",
+      "goal = [0.6, 0]\nduration = 8.0\nfollow = { points = [[0, 0], [0.2, 0.1], [0.4, -0.1], [0.6, 0]], tolerance = "
+      "0.03 }\n"};
+  for (const char* path : paths) {
+    SCOPED_TRACE(path);
+    const Planned p = plan_of(kRobot + path);
+    if (!p.outcome.plan) continue;
+    const std::vector<Eigen::Vector2d>& points = p.task->task.follow->points_m;
+    for (const Node& node : p.nodes) {
+      const Eigen::Vector2d place(node.place_m[0], node.place_m[1]);
+      double nearest = 1e9;
+      for (std::size_t k = 0; k + 1 < points.size(); ++k) {
+        const Eigen::Vector2d along = points[k + 1] - points[k];
+        const double part = std::clamp((place - points[k]).dot(along) / along.squaredNorm(), 0.0, 1.0);
+        nearest = std::min(nearest, (place - points[k] - part * along).norm());
+      }
+      EXPECT_LE(nearest, 0.03 + 1e-9);
+    }
+  }
+}
+
 TEST(Plan, PutsMassesWhereTheyAreToBe) {
   const Planned p =
       plan_of(kRobot + "goal = [0.3, 0.0]\nduration = 6.0\nmass_position = [0.2, -0.2, 0.0]\nat_rest = false\n");
@@ -173,62 +213,166 @@ TEST(Plan, TimeAndEffortAreObjectives) {
   EXPECT_LT(effort(*calm.outcome.plan), effort(*smooth.outcome.plan));
 }
 
+// A sample of what plan_tasks measures: 40 of the committed tasks, on 10 robots and of every block. 95 % have to be
+// found.
 TEST(Plan, RandomTasksAreFound) {
-  int found = 0;
-  const int numbers[] = {0, 1, 2, 53, 56, 57, 72, 75};
-  for (const int number : numbers) {
-    SCOPED_TRACE("random_task(1, " + std::to_string(number) + ")");
-    found += plan_of(random_task(1, number)).outcome.plan ? 1 : 0;
+  constexpr int kEvery = 25;
+  std::string why;
+  const std::vector<SetTask> tasks = read_task_set(BALLAST_TASK_SET, why);
+  ASSERT_EQ(tasks.size(), 1000u) << why;
+  int found = 0, planned = 0;
+  for (std::size_t block = 0; block < tasks.size() / kEvery; ++block) {
+    const SetTask& task = tasks[block * kEvery + block % kEvery];
+    SCOPED_TRACE("task " + std::to_string(task.number));
+    const Planned p = plan_of(task.toml, Expect::kAnything);
+    EXPECT_NE(p.outcome.status, Status::kInfeasible) << p.outcome.binding;
+    found += p.outcome.plan ? 1 : 0;
+    ++planned;
   }
-  EXPECT_EQ(found, static_cast<int>(std::size(numbers)));
+  EXPECT_GE(found, 0.95 * planned);
 }
 
-TEST(Plan, ANeighboursPlanIsAWarmStart) {
-  const Planned first = plan_of(kRobot + "goal = [0.5, 0.0]\nduration = 6.0\n");
-  ASSERT_TRUE(first.outcome.plan);
-  const std::string toml = kRobot + "goal = [0.52, 0.01]\nduration = 6.0\n";
-  const Planned cold = plan_of(toml);
-  std::vector<sim::ScenarioError> errors;
-  const auto task = parse_task(toml, "task.toml", errors);
-  SearchOptions options;
-  for (const sim::Mass& mass : first.written.masses) options.from.push_back(mass.motion);
-  const Outcome warm = search(make_problem(*task), task->scenario, options);
-  ASSERT_TRUE(cold.outcome.plan && warm.plan);
-  EXPECT_LE(warm.iterations, 8);
-  const double need = warm.plan->run.extrema.mu_required_max.value;
-  EXPECT_LT(need, 1.1 * cold.outcome.plan->run.extrema.mu_required_max.value);  // 1.02 was reached
+// The generator still makes the tasks of the set, so that a set of another seed is of the same kind. Sines may differ
+// in their last bits between machines, so tasks are compared by their length.
+TEST(Plan, TheCommittedSetIsWhatTheGeneratorMakes) {
+  std::string why;
+  const std::vector<SetTask> tasks = read_task_set(BALLAST_TASK_SET, why);
+  ASSERT_EQ(tasks.size(), 1000u) << why;
+  for (const std::size_t number : {0u, 57u, 101u, 455u, 999u}) {
+    const std::string made = random_toml(1, static_cast<int>(number));
+    EXPECT_EQ(tasks[number].toml.substr(0, tasks[number].toml.find("[task]")), made.substr(0, made.find("[task]")));
+    EXPECT_NEAR(static_cast<double>(tasks[number].toml.size()), static_cast<double>(made.size()), 8);
+  }
 }
 
 TEST(Plan, TheSameSeedGivesTheSamePlan) {
-  const std::string toml = random_task(1, 56);
+  const std::string toml = random_toml(1, 56);
   const Planned first = plan_of(toml), second = plan_of(toml);
   ASSERT_TRUE(first.outcome.plan && second.outcome.plan);
   EXPECT_EQ(plan_toml(toml, *first.task, *first.outcome.plan), plan_toml(toml, *second.task, *second.outcome.plan));
 }
 
-TEST(Plan, SaysWhichLimitStandsInTheWay) {
-  const auto outcome = [](const std::string& toml) {
-    std::vector<sim::ScenarioError> errors;
-    const auto task = parse_task(toml, "task.toml", errors);
-    EXPECT_TRUE(task) << errors_of(toml);
-    return task ? search(make_problem(*task), task->scenario, {}) : Outcome{};
+// What no motion can do is refused by a bound, without a search.
+TEST(Plan, RefusesTheImpossibleAtOnce) {
+  const auto with = [](const std::string& old, const std::string& now) {
+    std::string robot = kRobot;
+    robot.replace(robot.find(old), old.size(), now);
+    return robot;
   };
-  const Outcome far = outcome(kRobot + "goal = [50, 0]\nduration = 3.0\n");
-  EXPECT_EQ(far.status, Status::kInfeasible);
-  EXPECT_NE(far.binding.find("friction stands in the way"), std::string::npos) << far.binding;
-  EXPECT_FALSE(far.plan);
-  std::string ice = kRobot;
-  ice.replace(ice.find("static_friction = 0.5"), 21, "static_friction = 0.001");
-  const Outcome slippery = outcome(ice + "goal = [0.5, 0]\nduration = 6.0\n");
-  EXPECT_NE(slippery.status, Status::kFound);
-  EXPECT_NE(slippery.binding.find("friction"), std::string::npos) << slippery.binding;
-  std::string stuck = kRobot;
-  stuck.replace(stuck.find("\"prescribed\""), 12, "\"stepper\"");
+  std::string stuck = with("\"prescribed\"", "\"stepper\""), slow = stuck;
   for (std::size_t at = 0; (at = stuck.find("rail =", at)) != std::string::npos; at += 100) {
     stuck.insert(at, "motor = { preset = \"nema17\", gear_ratio = 4, max_acceleration = 1e-9 }\n");
   }
-  const Outcome still = outcome(stuck + "goal = [0.5, 0]\nduration = 6.0\n");
-  EXPECT_NE(still.binding.find("max_acceleration"), std::string::npos) << still.binding;
+  for (std::size_t at = 0; (at = slow.find("rail =", at)) != std::string::npos; at += 100) {
+    slow.insert(at, "motor = { preset = \"nema17\", gear_ratio = 4, max_step_rate = 10 }\n");
+  }
+  const std::string ice = with("static_friction = 0.5", "static_friction = 0.001");
+  const std::pair<std::string, const char*> impossible[] = {
+      {kRobot + "goal = [50, 0]\nduration = 3.0\n", "in that time the ball gets at most"},
+      {kRobot + "goal = [50, 0]\nduration = 6.0\n", "friction stands in the way"},
+      {kRobot + "goal = [100, 0]\nduration = 6.0\nat_rest = false\n", "friction stands in the way"},
+      {kRobot + "goal = [1, 0]\nduration = 6.0\nvia = [ { position = [0.5, 0], time = 0.1 } ]\n", "task.via.0"},
+      {ice + "goal = [0.5, 0]\nduration = 6.0\n", "friction stands in the way"},
+      {stuck + "goal = [0.5, 0]\nduration = 6.0\n", "max_acceleration"},
+      {slow + "goal = [0.1, 0]\nduration = 6.0\nmass_position = [1, 0, 0]\n", "max_step_rate"},
+  };
+  for (const auto& [toml, words] : impossible) {
+    std::vector<sim::ScenarioError> errors;
+    const auto task = parse_task(toml, "task.toml", errors);
+    ASSERT_TRUE(task) << errors_of(toml);
+    const Outcome outcome = search(make_problem(*task), task->scenario, {});
+    EXPECT_EQ(outcome.status, Status::kInfeasible) << toml;
+    EXPECT_EQ(outcome.iterations, 0) << toml;
+    EXPECT_FALSE(outcome.plan);
+    EXPECT_NE(outcome.binding.find(words), std::string::npos) << outcome.binding;
+  }
+}
+
+std::string with_motors(std::string robot, const std::string& limits, bool steppers) {
+  const std::string motor = "motor = { preset = \"nema17\", gear_ratio = 4, viscous_damping = 0.02, " + limits + " }\n";
+  for (std::size_t at = 0; (at = robot.find("rail =", at)) != std::string::npos; at += motor.size() + 1) {
+    robot.insert(at, motor);
+  }
+  const std::string prescribed = "\"prescribed\"";
+  if (steppers) robot.replace(robot.find(prescribed), prescribed.size(), "\"stepper\"");
+  return robot;
+}
+
+// Motors too weak for a goal are named at once, each by the limit that stands in the way.
+TEST(Plan, RefusesWhatMotorsCannotDoAtOnce) {
+  const std::pair<const char*, const char*> weak[] = {{"max_step_rate = 100", "motor.max_step_rate"},
+                                                      {"max_acceleration = 0.01", "motor.max_acceleration"},
+                                                      {"max_step_rate = 6000, max_acceleration = 50", "motor."}};
+  for (const auto& [limits, words] : weak) {
+    SCOPED_TRACE(limits);
+    const std::string toml = with_motors(kRobot, limits, true) + "goal = [8.0, 0]\nduration = 3.0\n";
+    std::vector<sim::ScenarioError> errors;
+    const auto task = parse_task(toml, "task.toml", errors);
+    ASSERT_TRUE(task) << errors_of(toml);
+    const Outcome outcome = search(make_problem(*task), task->scenario, {});
+    EXPECT_EQ(outcome.status, Status::kInfeasible);
+    EXPECT_EQ(outcome.iterations, 0);
+    EXPECT_NE(outcome.binding.find(words), std::string::npos) << outcome.binding;
+    EXPECT_NE(outcome.binding.find("takes at least"), std::string::npos) << outcome.binding;
+  }
+}
+
+// The bounds are above everything that a motion reaches.
+TEST(Bounds, NoPlanIsBeyondThem) {
+  const std::string toml = with_motors(kRobot, "max_step_rate = 6000", true);
+  for (const double duration_s : {4.0, 6.0, 10.0}) {
+    const Planned p =
+        plan_of(toml + "avoid_resonance = false\ngoal = [0.4, 0.0]\nduration = " + std::to_string(duration_s) + "\n");
+    const auto motors = reach_of_motors(p.problem, duration_s, true);
+    ASSERT_TRUE(motors);
+    EXPECT_GT(motors->distance_m, 0.4);
+    EXPECT_GT(reach_of_motors(p.problem, 1.1 * duration_s, true)->distance_m, motors->distance_m);
+    EXPECT_GT(reach_of_motors(p.problem, duration_s, false)->distance_m, motors->distance_m);
+    const double least_s = least_duration_of_motors_s(p.problem, 100, true);
+    EXPECT_LT(reach_of_motors(p.problem, 0.99 * least_s, true)->distance_m, 100);
+    EXPECT_GT(reach_of_motors(p.problem, 1.03 * least_s, true)->distance_m, 100);
+  }
+}
+
+// A ball that starts off balance rolls by itself: that its masses cannot move proves nothing.
+TEST(Bounds, ABallOffBalanceMayRollWithoutItsMasses) {
+  const std::string toml = with_motors(kRobot, "max_acceleration = 1e-9", true) + "goal = [0.2, 0]\nduration = 3\n";
+  std::vector<sim::ScenarioError> errors;
+  const auto task = parse_task(toml, "task.toml", errors);
+  ASSERT_TRUE(task) << errors_of(toml);
+  Problem problem = make_problem(*task);
+  EXPECT_NE(immobile(problem), "");
+  problem.start.q = {std::cos(0.3), 0, std::sin(0.3), 0};
+  EXPECT_EQ(immobile(problem), "");
+  problem.start.q = {0, 0, 1, 0};  // on its head
+  EXPECT_EQ(immobile(problem), "");
+}
+
+// Limits of motors hold where the masses are prescribed, too, if the file has the motors.
+TEST(Plan, KeepsTheLimitsOfMotorsOfPrescribedMasses) {
+  const Planned free = plan_of(kRobot + "goal = [0.4, 0]\nduration = 6\n");
+  const Planned p = plan_of(with_motors(kRobot, "max_step_rate = 1500, max_acceleration = 2, max_jerk = 20", false) +
+                            "goal = [0.4, 0]\nduration = 6\n");
+  ASSERT_TRUE(free.outcome.plan && p.outcome.plan);
+  const auto greatest = [](const Planned& of) {
+    std::array<double, 3> out{};  // speed, acceleration, jerk
+    const Plan& plan = *of.outcome.plan;
+    for (const Node& node : of.nodes) {
+      for (const double v : node.state.velocity) out[0] = std::max(out[0], std::abs(v));
+    }
+    for (std::size_t v = 0; v + 3 < plan.knots.size(); ++v) {
+      out[1] = std::max(out[1], std::abs(plan.knots[v]));
+      out[2] = std::max(out[2], std::abs(plan.knots[v + 3] - plan.knots[v]) / plan.grid.piece_s());
+    }
+    return out;
+  };
+  const double most_speed = 1500 / (200 * 16 * 4 / (2 * std::numbers::pi));
+  const auto without = greatest(free), with = greatest(p);
+  EXPECT_GT(without[0], most_speed);  // else this test says nothing
+  EXPECT_LE(with[0], most_speed * (1 + 1e-3));
+  EXPECT_LE(with[1], 2);
+  EXPECT_LE(with[2], 20);
+  EXPECT_NE(p.outcome.binding.find("motor.max_step_rate"), std::string::npos) << p.outcome.binding;
 }
 
 // Each wrong value gives one error, which names the key.

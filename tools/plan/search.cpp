@@ -7,6 +7,7 @@
 #include <numbers>
 #include <random>
 
+#include "tools/plan/bounds.h"
 #include "tools/plan/words.h"
 
 namespace ballast::plan {
@@ -109,7 +110,7 @@ class Search {
     }
     find(problem_.task.duration_s);
     if (best_ && problem_.task.objective == Objective::kTime) shorten();
-    if (best_ && options_.stepper_need && problem_.task.avoid_resonance && driven()) calm_motors();
+    if (best_ && problem_.task.avoid_resonance && driven()) avoid_resonance();
     out.iterations = effort_.iterations;
     if (best_) {
       out.status = Status::kFound;
@@ -134,48 +135,51 @@ class Search {
 
   [[nodiscard]] bool starts_at_rest() const {
     const Vec& w = problem_.start.omega_B;
-    return w.x == 0 && w.y == 0 && w.z == 0;
+    bool at_rest = w.x == 0 && w.y == 0 && w.z == 0;
+    for (int i = 0; i < problem_.masses(); ++i) at_rest = at_rest && problem_.start.velocity[index(i)] == 0;
+    return at_rest;
   }
 
-  // Which limit keeps all masses where they are; empty if one can move.
-  [[nodiscard]] std::string immobile() const {
-    constexpr double kLeastTravel = 1e-3;  // of r: moves a ball at rest by less than that
-    const double duration_s = problem_.task.duration_s;
-    std::string why;
-    for (int i = 0; i < problem_.masses(); ++i) {
-      const MassLimits& limits = problem_.limits[index(i)];
-      const double by_acceleration = limits.acceleration * duration_s * duration_s / 4;
-      const double by_speed = limits.speed * duration_s, by_ends = limits.upper - limits.lower;
-      const double travel = std::min({by_acceleration, by_speed, by_ends});
-      if (!(travel * problem_.metres_per_unit[i] < kLeastTravel * problem_.robot.ball.radius_m)) return "";
-      const LimitKind kind = travel == by_ends    ? LimitKind::kRailEnd
-                             : travel == by_speed ? LimitKind::kSpeed
-                                                  : LimitKind::kAcceleration;
-      why += fmt::format("{}{} lets it travel at most {:.2g} m", why.empty() ? "" : ", ",
-                         limit_words({kind, i, 0, 0, 0, 0}), travel * problem_.metres_per_unit[i]);
-    }
-    return "no mass can move: " + why + "; the nearest place is the start";
-  }
-
-  // Why no motion can do it; empty if that is not certain. The bound is of the centre of mass, which may be beside the
-  // geometric centre by up to r, and N may differ from the weight.
+  // Why no motion can do it; empty if that is not certain.
   [[nodiscard]] std::string impossible() const {
     const double distance_m = (problem_.task.goal_m - problem_.start_m).norm();
-    const std::string stuck = starts_at_rest() && distance_m > 0.1 * problem_.robot.ball.radius_m ? immobile() : "";
+    if (!starts_at_rest()) return "";
+    const std::string stuck = distance_m > 0.1 * problem_.robot.ball.radius_m ? immobile(problem_) : "";
     if (!stuck.empty()) return stuck;
-    if (!starts_at_rest() || !std::isfinite(problem_.friction_limit)) return "";
-    const double distance = (problem_.task.goal_m - problem_.start_m).norm(), r = problem_.robot.ball.radius_m;
-    const double duration = problem_.task.duration_s, g = problem_.robot.ball.gravity_mps2;
-    const double of_rest = problem_.task.at_rest ? 4 : 2;
-    const double reach = problem_.friction_limit * g * duration * duration / of_rest;
-    constexpr double kRoom = 1.5;  // for N above the weight
-    if (distance - r < kRoom * reach) return "";
+    if (std::string why = mass_too_far(problem_); !why.empty()) return why;
+    if (std::string why = beyond_motors(distance_m); !why.empty()) return why;
+    if (!std::isfinite(problem_.friction_limit)) return "";
+    for (std::size_t v = 0; v < problem_.task.via.size(); ++v) {
+      const Via& via = problem_.task.via[v];
+      if (!via.time_s) continue;
+      const std::string why = too_far(fmt::format("task.via.{}, ", v), via.position_m, *via.time_s, false);
+      if (!why.empty()) return why;
+    }
+    return too_far("", problem_.task.goal_m, problem_.task.duration_s, problem_.task.at_rest);
+  }
+
+  [[nodiscard]] std::string too_far(const std::string& what, const Eigen::Vector2d& place_m, double duration_s,
+                                    bool to_rest) const {
+    const double distance_m = (place_m - problem_.start_m).norm(), limit = problem_.friction_limit;
+    const Reach far = reach_of_friction(problem_, duration_s, to_rest);
+    if (distance_m <= far.at(limit)) return "";
     return fmt::format(
-        "friction stands in the way: {:.4g} m in {:.4g} s need f_s/N of about {:.3g}, and friction_use mu_s is {:.3g}; "
+        "friction stands in the way: {}{:.4g} m in {:.4g} s, needs f_s/N of at least {:.3g}, and friction_use mu_s is "
+        "{:.3g}; in that time the ball gets at most {:.3g} m far, and this far takes at least {:.3g} s",
+        what, distance_m, duration_s, far.need(distance_m), limit, std::max(0.0, far.at(limit)),
+        far.least_duration_s(distance_m, limit));
+  }
+
+  [[nodiscard]] std::string beyond_motors(double distance_m) const {
+    const double duration_s = problem_.task.duration_s;
+    const auto reach = reach_of_motors(problem_, duration_s, problem_.task.at_rest);
+    if (!reach || distance_m <= reach->distance_m) return "";
+    return fmt::format(
+        "{} stands in the way: {:.4g} m in {:.4g} s; with the power of its motors the ball gets at most {:.3g} m far "
         "in "
-        "that time the ball gets about {:.3g} m far, and this far it takes at least about {:.3g} s",
-        distance, duration, least_need(duration), problem_.friction_limit, reach,
-        std::sqrt(of_rest * distance / (g * problem_.friction_limit)));
+        "that time, and this far takes at least {:.3g} s",
+        limit_words(reach->limit), distance_m, duration_s, reach->distance_m,
+        least_duration_of_motors_s(problem_, distance_m, problem_.task.at_rest));
   }
 
   [[nodiscard]] bool warm() const { return !options_.from.empty(); }
@@ -223,12 +227,12 @@ class Search {
     return knots;
   }
 
-  // The end of a motion has acceleration 0, so that f_s / N does not jump there. A stepper must not jump at the start.
+  // The end of a motion has acceleration 0, so that f_s / N does not jump there. A motor must not jump at the start.
   [[nodiscard]] std::vector<bool> fixed_knots(const Grid& grid) const {
     const int n = problem_.masses();
     std::vector<bool> fixed(index(grid.knots() * n), false);
     for (int i = 0; i < n; ++i) {
-      fixed[index(i)] = scenario_.run.actuation == sim::Actuation::kStepper;
+      fixed[index(i)] = problem_.limits[index(i)].motor.has_value();
       fixed[index((grid.knots() - 1) * n + i)] = true;
     }
     return fixed;
@@ -295,7 +299,7 @@ class Search {
     staged.task.follow.reset();
     improve_on(staged, grid, fixed, s, knots, via_time_s);
     for (double tolerance = 0.5 * problem_.robot.ball.radius_m; tolerance > problem_.task.follow->tolerance_m;
-         tolerance /= 2) {
+         tolerance *= 0.7) {
       staged.task.follow = problem_.task.follow;
       staged.task.follow->tolerance_m = tolerance;
       improve_on(staged, grid, fixed, s, knots, via_time_s);
@@ -347,6 +351,7 @@ class Search {
       const double over = greatest_speed(problem_, grid, plan.knots) - 1;
       if (over <= 0 && accept(plan, truth, merit)) return true;
       if (over > 0) transcription.corrections.speed_room += over + 1e-4;
+      transcription.corrections.room += 1.2 * beyond_;
       // The model's errors, which hardly change with the motion, are moved into its equalities.
       transcription.corrections.equality.clear();
       const auto model = transcription.equalities(false), plant = truth.equalities(false);
@@ -366,12 +371,19 @@ class Search {
     plan.goal_error_m = (end - problem_.task.goal_m).norm();
     Merit merit = judge(truth, plan.knots, limit_tolerance);
     merit.need = need_of(plan);
+    Limit between{};
+    beyond_ = truth.beyond_between_nodes(between);
+    if (beyond_ > merit.limit) {
+      merit.limit = beyond_;
+      merit.worst_limit = between;
+    }
     const double equality = std::min(kPlaceTolerance_m / problem_.robot.ball.radius_m, kRestTolerance);
     if (merit.equality > equality || merit.limit > 0 || merit.need > problem_.friction_limit) {
       merit.need = std::max(merit.need, model.need);
       fail(plan.grid, plan.knots, merit);
       return false;
     }
+    plan.near_resonance = truth.time_near_resonance();
     if (by_steppers_) plan.stepper_need = stepper_need(plan);
     if (!best_ || better(plan, merit)) {
       best_ = plan;
@@ -383,6 +395,12 @@ class Search {
 
   [[nodiscard]] bool better(const Plan& plan, const Merit& merit) const {
     if (by_steppers_) return plan.stepper_need < best_->stepper_need;
+    if (by_resonance_) {
+      constexpr double kHardly = 1.1;
+      const bool dear = problem_.task.objective == Objective::kEffort ? merit.effort > kHardly * best_effort_
+                                                                      : need_of(plan) > kHardly * need_of(*best_);
+      return !dear && plan.near_resonance < most_resonance_;
+    }
     if (problem_.task.objective == Objective::kTime) return plan.grid.duration_s < best_->grid.duration_s;
     if (problem_.task.objective == Objective::kEffort) return merit.effort < best_effort_;
     return need_of(plan) < need_of(*best_);
@@ -417,6 +435,27 @@ class Search {
     return any;
   }
 
+  void avoid_resonance() {
+    if (scenario_.run.actuation != sim::Actuation::kStepper) return leave_resonance();
+    if (options_.stepper_need && !warm()) calm_motors();
+  }
+
+  // Masses that are prescribed here and have motors elsewhere: no run says what the motors add. A variant that stays
+  // away from the resonances for longer is taken if its friction (or effort) is hardly greater.
+  void leave_resonance() {
+    constexpr double kGain = 0.02;  // of the duration
+    if (warm() || best_->near_resonance < kGain) return;
+    const Plan first = *best_;
+    by_resonance_ = true;
+    for (const double weight : {3.0, 30.0}) {
+      if (stopped()) return;
+      aim_ = {problem_.task.objective, weight};
+      most_resonance_ = best_->near_resonance - kGain;
+      refine(make_grid(problem_, first.grid.duration_s, kPieces), fixed_knots(first.grid), first.knots,
+             first.via_time_s);
+    }
+  }
+
   [[nodiscard]] double stepper_need(const Plan& plan) const {
     sim::Scenario moved = with_motion(scenario_, plan.grid, plan.knots);
     moved.run.actuation = sim::Actuation::kStepper;
@@ -435,7 +474,6 @@ class Search {
     const Plan first = *best_;
     const Grid grid = make_grid(problem_, first.grid.duration_s, kPieces);
     best_->stepper_need = stepper_need(first);
-    if (warm() && std::isfinite(best_->stepper_need)) return;
     by_steppers_ = true;
     for (const Aim& aim : kAims) {
       if (stopped() || best_->stepper_need <= kCalm * problem_.friction_limit) return;
@@ -484,7 +522,10 @@ class Search {
   std::optional<Plan> best_;
   double best_effort_ = 0;
   Aim aim_;
-  bool by_steppers_ = false;  // judges plans by the run with their motors
+  bool by_steppers_ = false;   // judges plans by the run with their motors
+  bool by_resonance_ = false;  // judges plans by the time near a resonance, which has to be below most_resonance_
+  double most_resonance_ = 0;
+  double beyond_ = 0;  // by how much the last plan passed a circle or left the path between nodes, in radii
   std::string binding_;
   Failure failure_;
 };
