@@ -180,6 +180,14 @@ TEST(BatchRows, LeaveOtherSweepsAlone) {
     const RowScenarios scenarios(spec);
     EXPECT_FALSE(BatchRows(spec, scenarios).usable()) << vary;
   }
+  // A quantity that the first rows do not need must not be missing in the others.
+  for (const std::string floor : {"rolling_resistance\" = 0.01", "spin_friction\" = 0.01", "slope.angle\" = 0.1"}) {
+    const Spec spec =
+        test::spec_of("scenario = \"paper_ball\"\nruns = 3\n[set]\n\"run.actuation\" = \"prescribed\"\n\"surface." +
+                      floor + "\n[vary]\n\"initial.angular_velocity.2\" = { grid = [0, 5] }\n");
+    const RowScenarios scenarios(spec);
+    EXPECT_FALSE(BatchRows(spec, scenarios).usable()) << floor;
+  }
   const Spec stepper = test::spec_of(test::kStepperSweep);
   const RowScenarios scenarios(stepper);
   EXPECT_FALSE(BatchRows(stepper, scenarios).usable());

@@ -41,8 +41,9 @@ void add_steppers(const plan::TaskFile& task, plan::Chart& chart, const volatile
     sim::Scenario moved = with_motion(task.scenario, point.outcome.plan->grid, point.outcome.plan->knots);
     moved.run.actuation = sim::Actuation::kStepper;
     const SteppedRun run = run_with_steppers(on_perfect_floor(moved), signalled);
-    if (run.result && *signalled == 0) point.with_steppers = need_of(*run.result);
+    if (run.result) point.with_steppers = need_of(*run.result);
   }
+  if (*signalled != 0) chart.complete = false;
 }
 
 void draw_chart(const ChartFiles& files) {
@@ -79,11 +80,13 @@ int chart_task(const PlanCommand& command) {
     const std::string why = chart.points.empty() || *signalled != 0 ? "interrupted before a plan was found"
                                                                     : chart.points.back().outcome.binding;
     program::complain("ballast", fmt::format("{}: no chart: {}", task->scenario.name, why));
-    return program::kExitEnvelope;
+    return *signalled != 0 ? program::kExitCouldNotRun : program::kExitEnvelope;
   }
   add_steppers(*task, chart, signalled);
-  if (!write_file(files.json, chart_json(*task, chart, command.seed)) || !write_file(files.csv, chart_csv(chart)))
+  if (!write_file(files.json, chart_json(*task, chart, command.seed)))
     return could_not(fmt::format("{}: cannot be written", files.json.string()));
+  if (!write_file(files.csv, chart_csv(chart)))
+    return could_not(fmt::format("{}: cannot be written", files.csv.string()));
   draw_chart(files);
   if (command.quiet) return program::kExitCompleted;
   std::cout << chart_text(*task, chart);

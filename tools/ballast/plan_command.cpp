@@ -171,6 +171,7 @@ int plan_task(const PlanCommand& command) {
 
   std::string toml;
   std::optional<plan::StepperRun> with_steppers;
+  std::string stepper_refusal;
   if (outcome.plan) {
     toml = plan::plan_toml(file_text(path), *task, *outcome.plan);
     const auto written = sim::parse_scenario(toml, toml_path.string());
@@ -179,8 +180,8 @@ int plan_task(const PlanCommand& command) {
     }
     if (written.scenario.run.actuation == sim::Actuation::kStepper && *signalled == 0) {
       const SteppedRun run = run_with_steppers(written.scenario, signalled);
-      if (!run.result) return refuse(program::kExitUsage, run.refusal);
-      with_steppers = need_of(*run.result);
+      if (run.result) with_steppers = need_of(*run.result);
+      if (*signalled == 0) stepper_refusal = run.refusal;
     }
   }
   const std::string json =
@@ -192,6 +193,11 @@ int plan_task(const PlanCommand& command) {
     return refuse(program::kExitEnvelope,
                   fmt::format("{}: no plan: {}{}", task->scenario.name, outcome.binding, set_aside(toml_path)));
   if (!command.quiet) std::cout << outcome_text(*task, outcome, with_steppers, toml_path.string()) << std::flush;
+  if (!stepper_refusal.empty()) {
+    return refuse(program::kExitCouldNotRun,
+                  fmt::format("{}: the plan holds with prescribed masses, and does not run with its steppers: {}",
+                              toml_path.string(), stepper_refusal));
+  }
   return program::kExitCompleted;
 }
 

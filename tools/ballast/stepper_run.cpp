@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <memory>
+#include <utility>
 
 #include "tools/program/params.h"
 #include "tools/sil/lap_sink.h"
@@ -27,7 +28,12 @@ SteppedRun run_with_steppers(const sim::Scenario& scenario, const volatile std::
   sil::RunOptions options;
   options.interrupted = signalled;
   options.observe = observe;
-  run.result = sil::run(scenario, peers, sink, options);
+  sil::RunResult result = sil::run(scenario, peers, sink, options);
+  if (result.status != hal::Status::kOk) {
+    run.refusal = result.trouble;
+  } else {
+    run.result = std::move(result);
+  }
   return run;
 }
 

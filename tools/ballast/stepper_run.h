@@ -17,7 +17,7 @@ struct SteppedRun {
   std::string refusal;  // without a result: why the firmware does not take the scenario, or what broke the run off
 };
 
-// `signalled` != 0 ends the run; its result is then that of an early end. `observe` is called once per tick.
+// `signalled` != 0 breaks the run off. `observe` is called once per tick.
 using Observer = std::function<void(const sil::Lap&, const sim::Plant::Sample& truth)>;
 [[nodiscard]] SteppedRun run_with_steppers(const sim::Scenario& scenario, const volatile std::sig_atomic_t* signalled,
                                            const Observer& observe = {});

@@ -112,10 +112,11 @@ int summarise(const SweepCommand& command, const sweep::Spec& spec, sil::OutputD
   return program::kExitCompleted;
 }
 
-// Writes sweep.nc from all blocks.
-int finish(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output,
+// Writes sweep.nc from all blocks. `kept`: what an error has left.
+int finish(const SweepCommand& command, const sweep::Spec& spec, sil::OutputDir& output, const std::string& kept,
            const sweep::TakeBlock& take_block) {
-  if (const std::string error = sweep::write_all(output, spec, take_block); !error.empty()) return could_not(error);
+  if (const std::string error = sweep::write_all(output, spec, take_block); !error.empty())
+    return could_not(error + "; " + kept);
   return summarise(command, spec, output);
 }
 
@@ -128,6 +129,8 @@ int run_sweep(const SweepCommand& command, const sweep::Spec& spec, const sweep:
   if (!output.good()) return could_not(output.error());
   if (const auto why = sweep::folder_refusal(output.path(), spec, command.resume); !why.empty()) return refuse(why);
   const bool complete = sweep::content_of(output.path(), spec) == sweep::FolderHolds::kItsResults;
+  if (complete && sharded)
+    return refuse(folder + ": holds complete results of this sweep, which need no shard; allowed: another --out");
   if (complete && command.resume) return summarise(command, spec, output);
   if (const auto why = sweep::begin_work(output, spec); !why.empty()) return could_not(why);
 
@@ -154,7 +157,7 @@ int run_sweep(const SweepCommand& command, const sweep::Spec& spec, const sweep:
                              program::shell_word(folder));
     return program::kExitCompleted;
   }
-  return finish(command, spec, output,
+  return finish(command, spec, output, "the blocks are kept, and --resume continues",
                 [&](std::uint64_t block) { return sweep::read_block_of(output.path(), plan, block); });
 }
 
@@ -190,7 +193,8 @@ int merge(const SweepCommand& command) {
   sweep::remove_drafts(output.path());
   if (!sweep::begin_folder(output, *spec)) return could_not(output.error());
   const sweep::BlockPlan plan(*spec);
-  return finish(command, *spec, output, [&](std::uint64_t number) {
+  const std::string kept = "the shards are unchanged; allowed: the folders of all of them";
+  return finish(command, *spec, output, kept, [&](std::uint64_t number) {
     std::optional<sweep::Block> block;
     for (const std::string& folder : command.merge) {
       if (!block) block = sweep::read_block_of(folder, plan, number);
@@ -219,6 +223,8 @@ int run_row_again(const SweepCommand& command, const sweep::Spec& spec) {
   if (!parse_number(command.row, number) || number >= spec.rows())
     return refuse(fmt::format("--row {}: is no row; allowed: 0 to {}", command.row, spec.rows() - 1));
   const std::string folder = command.out.empty() ? fmt::format("runs/{}_row_{}", spec.name, number) : command.out;
+  if (fs::exists(fs::path(folder) / "sweep.toml"))
+    return refuse(folder + ": holds a sweep, whose scenario the row's run would replace; allowed: another --out");
   const sweep::Row row = row_to_run(spec, number);
   sil::OutputDir output(folder);
   if (!output.good()) return could_not(output.error());
@@ -237,8 +243,9 @@ int run_row_again(const SweepCommand& command, const sweep::Spec& spec) {
 
 int run(const SweepCommand& command) {
   if (!command.merge.empty()) {
-    if (!command.sweep.empty() || !command.shard.empty() || !command.row.empty())
-      return refuse("--merge: takes folders of shards only; allowed beside it: --out, --map, --quiet");
+    const bool others = !command.sweep.empty() || !command.shard.empty() || !command.row.empty() || command.resume ||
+                        !command.errors.empty() || !command.find_limit.empty() || command.jobs > 0;
+    if (others) return refuse("--merge: takes folders of shards only; allowed beside it: --out, --map, --quiet");
     return merge(command);
   }
   if (command.sweep.empty()) return refuse("sweep: a sweep file is missing; allowed: SWEEP.toml, or --merge DIR...");
@@ -253,6 +260,9 @@ int run(const SweepCommand& command) {
     spec->find_limit = command.find_limit;
   }
   if (const auto why = map_refusal(command, *spec); !why.empty()) return refuse(why);
+  if (!command.row.empty() && (command.resume || !command.shard.empty() || !command.map.empty()))
+    return refuse(
+        "--row: runs one row again; allowed beside it: --out, --errors, --runs, --seed, --find-limit, --quiet");
   return command.row.empty() ? run_sweep(command, *spec, shard) : run_row_again(command, *spec);
 }
 

@@ -157,7 +157,8 @@ int lead(const Command& command, int ranks) {
     ranks_text = fmt::format("{} ranks, {} blocks, {} messages", ranks, master.blocks(), master.messages());
     const std::string unwritten = sweep::write_all(
         output, *spec, [&](std::uint64_t block) { return sweep::read_block_of(output.path(), master.plan(), block); });
-    if (!unwritten.empty()) return fail(program::kExitCouldNotRun, unwritten);
+    if (!unwritten.empty())
+      return fail(program::kExitCouldNotRun, unwritten + "; the blocks are kept, and --resume continues");
   }
   std::string error;
   const std::string page = sweep::summarise(output, *spec, error);

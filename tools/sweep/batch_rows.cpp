@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "sim/masses/motion.h"
+#include "sim/plant/floor.h"
 #include "sim/plant/plant.h"
 #include "tools/program/program.h"
 #include "tools/sweep/kept_values.h"
@@ -134,9 +135,10 @@ BatchRows::BatchRows(const Spec& spec, const RowScenarios& scenarios, Lanes lane
   sim::ScenarioResult read = sim::parse_scenario(spec.base_toml, spec.base_name);
   if (!read.ok() || !plant_suffices(spec, scenarios, read.scenario)) return;
   base_ = std::move(read.scenario);
-  const bool curved = std::all_of(base_.masses.begin(), base_.masses.end(),
-                                  [](const sim::Mass& mass) { return mass.trajectory.times_s.empty(); });
-  if (!curved || !(base_.gravity_mps2 > 0) || !base_.force_table.times_s.empty() || base_.drag.coefficient_kgpm > 0)
+  const bool on_rails = std::all_of(base_.masses.begin(), base_.masses.end(),
+                                    [](const sim::Mass& mass) { return mass.trajectory.times_s.empty(); });
+  if (!sim::Floor(base_).ideal()) return;
+  if (!on_rails || !(base_.gravity_mps2 > 0) || !base_.force_table.times_s.empty() || base_.drag.coefficient_kgpm > 0)
     return;
   for (const Variation& v : spec.vary) {
     const auto target = target_of(v.key, base_);

@@ -22,7 +22,13 @@ std::string folder_refusal(const std::filesystem::path& folder, const Spec& spec
 }
 
 std::string begin_work(sil::OutputDir& output, const Spec& spec) {
-  if (content_of(output.path(), spec) == FolderHolds::kItsResults) remove_blocks(output.path());
+  if (content_of(output.path(), spec) == FolderHolds::kItsResults) {
+    // Old results beside an unfinished run again would pass for complete ones.
+    remove_blocks(output.path());
+    std::error_code ignored;
+    std::filesystem::remove(results_file(output.path()), ignored);
+    std::filesystem::remove(output.path() / "summary.txt", ignored);
+  }
   remove_drafts(output.path());
   // The build first: a folder with sweep.toml is resumed only by the build that is recorded.
   const bool begun = record_build(output) && begin_folder(output, spec);
@@ -47,7 +53,7 @@ Work work_of(const BlockPlan& plan, const std::filesystem::path& folder, const S
 
 std::string write_all(sil::OutputDir& output, const Spec& spec, const TakeBlock& take_block) {
   const std::string error = write_results(results_file(output.path()).string(), spec, take_block);
-  return error.empty() ? "" : error + "; the blocks are kept, and --resume continues";
+  return error;
 }
 
 std::string summarise(sil::OutputDir& output, const Spec& spec, std::string& error) {
