@@ -2,7 +2,9 @@
 // third axis up.
 //
 // All laws concern one linear relation between the force R at the contact and its effect,
-//   y = free + C R,   C symmetric positive definite.
+//   y = free + C R,   C symmetric positive definite for impulses.
+// For forces the moment of a floor that resists adds to C's third column; what is left of the laws then is stated where
+// it matters, as normal_coefficient().
 // Either y is the rate of the slip velocity and R a force (newton_euler.h), or y is the slip velocity after an impact
 // and R an impulse. The laws make the third entry of y 0; a caller who wants another value subtracts it from `free`.
 #pragma once
