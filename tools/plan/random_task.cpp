@@ -5,93 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <random>
 
 #include "tools/plan/plant_check.h"
+#include "tools/plan/random_robot.h"
 #include "tools/plan/read_task.h"
+#include "tools/plan/sqp.h"
 
 namespace ballast::plan {
 namespace {
-
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : engine_(seed) {}
-  double between(double low, double high) {
-    return low + (high - low) * static_cast<double>(engine_() >> 11) * 0x1p-53;
-  }
-  bool coin() { return (engine_() >> 40 & 1) != 0; }
-
- private:
-  std::mt19937_64 engine_;
-};
-
-std::string vector_text(double x, double y, double z) { return fmt::format("[{:.6g}, {:.6g}, {:.6g}]", x, y, z); }
-
-// A ball of radius 1 in units with g = 1, as the paper's: two to four masses on great circles of any direction.
-std::string paper_like(Random& random) {
-  std::string text = fmt::format(
-      "gravity = 1.0\n[ball]\nradius = 1.0\nmass = {:.4g}\ninertia = [{:.4g}, {:.4g}, {:.4g}]\n"
-      "center_of_mass = [0, 0, {:.4g}]\n",
-      random.between(0.8, 2), random.between(0.8, 1), random.between(0.9, 1.1), random.between(1, 1.2),
-      random.between(-0.2, -0.03));
-  const int masses = 2 + static_cast<int>(random.between(0, 2.999));
-  for (int i = 0; i < masses; ++i) {
-    text += fmt::format(
-        "[[mass]]\nmass = {:.4g}\nrail = {{ shape = \"circle\", radius = {:.4g}, direction = {{ azimuth = {:.4g}, "
-        "elevation = "
-        "{:.4g} }} }}\ninitial_position = {:.4g}\n",
-        random.between(0.3, 1.2), random.between(0.6, 0.95), random.between(-3, 3), random.between(-1.2, 1.2),
-        random.between(-3, 3));
-  }
-  return text;
-}
-
-// A ball one can hold: two driving rings and a steering ring, masses hanging at the bottom.
-std::string desk_like(Random& random) {
-  const double r = random.between(0.08, 0.2), shell = random.between(0.5, 1.5) * r / 0.15;
-  const double inertia = 0.6 * shell * r * r, ring = random.between(0.5, 0.65) * r,
-               apart = random.between(0.3, 0.45) * r;
-  std::string text = fmt::format("gravity = 9.81\n[ball]\nradius = {:.4g}\nmass = {:.4g}\ninertia = {}\n", r, shell,
-                                 vector_text(inertia, inertia, inertia));
-  const double mass = random.between(0.2, 0.4) * shell;
-  for (const int side : {-1, 1}) {
-    text += fmt::format(
-        "[[mass]]\nmass = {:.4g}\nrail = {{ shape = \"circle\", radius = {:.4g}, center = [0, {:.4g}, 0], axes = [[0, "
-        "0, -1], "
-        "[1, 0, 0]] }}\n",
-        mass, ring, side * apart);
-  }
-  text += fmt::format(
-      "[[mass]]\nmass = {:.4g}\nrail = {{ shape = \"circle\", radius = {:.4g}, center = [0, 0, {:.4g}], axes = [[0, 0, "
-      "-1], [0, "
-      "1, 0]] }}\n",
-      random.between(0.7, 1.2) * mass, random.between(0.35, 0.5) * r, random.between(0, 0.2) * r);
-  return text;
-}
-
-// Three weights on straight rails through the ball, low enough to be stable.
-std::string line_like(Random& random) {
-  const double r = random.between(0.1, 0.3), shell = random.between(0.5, 2);
-  const double inertia = 0.5 * shell * r * r;
-  std::string text = fmt::format(
-      "gravity = 9.81\n[ball]\nradius = {:.4g}\nmass = {:.4g}\ninertia = {}\ncenter_of_mass = [0, "
-      "0, {:.4g}]\n",
-      r, shell, vector_text(inertia, inertia, inertia), -0.15 * r);
-  const double low = -random.between(0.1, 0.3) * r;
-  const char* directions[3] = {"[1, 0, 0]", "[0, 1, 0]", "[1, 1, 0]"};
-  for (int i = 0; i < 3; ++i) {
-    text +=
-        fmt::format("[[mass]]\nmass = {:.4g}\nrail = {{ shape = \"line\", origin = [0, 0, {:.4g}], direction = {} }}\n",
-                    random.between(0.2, 0.4) * shell, low * (1 + 0.3 * i), directions[i]);
-  }
-  return text;
-}
-
-std::string robot_text(std::uint64_t seed, int robot) {
-  Random random(seed * 7919 + static_cast<std::uint64_t>(robot));
-  const std::string text = robot % 3 == 0 ? paper_like(random) : robot % 3 == 1 ? desk_like(random) : line_like(random);
-  return text + fmt::format("[surface]\nstatic_friction = {:.3g}\n", random.between(0.15, 0.5));
-}
 
 // [initial] with the attitude in which the centre of mass hangs below the geometric centre.
 std::string hanging(const Problem& problem) {
@@ -103,11 +24,6 @@ std::string hanging(const Problem& problem) {
   }
   const Eigen::Quaterniond q = Eigen::Quaterniond::FromTwoVectors(moment, -Eigen::Vector3d::UnitZ());
   return fmt::format("[initial]\norientation = [{:.17g}, {:.17g}, {:.17g}, {:.17g}]\n", q.w(), q.x(), q.y(), q.z());
-}
-
-std::string task_head(double goal_x, double goal_y, double duration_s) {
-  return fmt::format("[task]\ngoal = [{:.9g}, {:.9g}]\nduration = {:.6g}\nat_rest = false\n", goal_x, goal_y,
-                     duration_s);
 }
 
 std::vector<double> random_motion(Random& random, const Problem& problem, const Grid& grid, double size) {
@@ -126,73 +42,151 @@ std::vector<double> random_motion(Random& random, const Problem& problem, const 
   return knots;
 }
 
-bool admissible(const Problem& problem, const PlantRun& run, const Grid& grid) {
+// Holds with room: f_s / N, and every limit that the task sets.
+bool admissible(const Problem& problem, const PlantRun& run, const Grid& grid, const std::vector<double>& knots) {
   if (!run.rolled || run.nodes.size() != static_cast<std::size_t>(grid.nodes())) return false;
   if (run.extrema.mu_required_max.value > 0.9 * problem.friction_limit) return false;
-  for (const Node& node : run.nodes) {
-    for (int i = 0; i < problem.masses(); ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      const double room = 0.02 * (problem.limits[k].upper - problem.limits[k].lower);
-      if (std::isfinite(room) && (node.state.position[k] < problem.limits[k].lower + room ||
-                                  node.state.position[k] > problem.limits[k].upper - room)) {
-        return false;
-      }
-    }
-  }
-  return true;
+  Rollout rollout(problem, grid);
+  rollout.adopt(run.nodes);
+  return judge(Transcription(problem, rollout), knots).limit <= 0;
 }
 
 Eigen::Vector2d place_of(const Node& node) { return {node.place_m[0], node.place_m[1]}; }
 
-// Circles beside the path, and via places on it.
-std::string extras(Random& random, const PlantRun& run, const Grid& grid, double r) {
-  const Eigen::Vector2d start = place_of(run.nodes.front()), goal = place_of(run.nodes.back());
-  std::string text;
-  if (random.coin()) {
-    for (int attempt = 0; attempt < 20 && text.empty(); ++attempt) {
-      const Eigen::Vector2d along = goal - start;
-      const Eigen::Vector2d center =
-          start + random.between(0.2, 0.8) * along + random.between(-1, 1) * Eigen::Vector2d(-along[1], along[0]);
-      double clear = 1e300;
-      for (const Node& node : run.nodes) clear = std::min(clear, (place_of(node) - center).norm());
-      const double radius = std::min(clear - 1.05 * r, 2 * r);
-      if (radius > 0.05 * r) {
-        text = fmt::format("keep_out = [ {{ center = [{:.6g}, {:.6g}], radius = {:.6g} }} ]\n", center[0], center[1],
-                           radius);
-      }
-    }
+// A circle beside the path; empty if there is no room.
+std::string circle_beside(Random& random, const PlantRun& run, double r) {
+  const Eigen::Vector2d start = place_of(run.nodes.front()), along = place_of(run.nodes.back()) - start;
+  for (int attempt = 0; attempt < 20; ++attempt) {
+    const Eigen::Vector2d center =
+        start + random.between(0.2, 0.8) * along + random.between(-1, 1) * Eigen::Vector2d(-along[1], along[0]);
+    double clear = 1e300;
+    for (const Node& node : run.nodes) clear = std::min(clear, (place_of(node) - center).norm());
+    const double radius = std::min(clear - 1.05 * r, 2 * r);
+    if (radius < 0.05 * r) continue;
+    return fmt::format("{{ center = [{:.6g}, {:.6g}], radius = {:.6g} }}", center[0], center[1], radius);
   }
-  if (!text.empty()) return text;
-  const int node = static_cast<int>(random.between(0.3, 0.7) * grid.nodes());
-  const Eigen::Vector2d via = place_of(run.nodes[static_cast<std::size_t>(node)]);
-  const std::string time = random.coin() ? fmt::format(", time = {:.9g}", node * grid.step_s()) : "";
-  return fmt::format("via = [ {{ position = [{:.9g}, {:.9g}]{} }} ]\n", via[0], via[1], time);
+  return "";
+}
+
+std::string circles(Random& random, const PlantRun& run, double r) {
+  std::string list;
+  for (int k = 1 + random.pick(3); k > 0; --k) {
+    const std::string circle = circle_beside(random, run, r);
+    if (!circle.empty()) list += (list.empty() ? "" : ", ") + circle;
+  }
+  return list.empty() ? "" : fmt::format("keep_out = [ {} ]\n", list);
+}
+
+// One or two places on the path, with their times or without.
+std::string vias(Random& random, const PlantRun& run, const Grid& grid) {
+  std::string list;
+  const int count = 1 + random.pick(2);
+  for (int k = 0; k < count; ++k) {
+    const int node = static_cast<int>((k + random.between(0.3, 0.7)) / count * grid.nodes());
+    const Eigen::Vector2d via = place_of(run.nodes[static_cast<std::size_t>(node)]);
+    const std::string time = random.coin() ? fmt::format(", time = {:.9g}", node * grid.step_s()) : "";
+    list += fmt::format("{}{{ position = [{:.9g}, {:.9g}]{} }}", k == 0 ? "" : ", ", via[0], via[1], time);
+  }
+  return fmt::format("via = [ {} ]\n", list);
+}
+
+double distance_to_leg(const Eigen::Vector2d& from, const Eigen::Vector2d& to, const Eigen::Vector2d& place) {
+  const Eigen::Vector2d along = to - from;
+  const double length = along.squaredNorm();
+  const double part = length > 0 ? std::clamp((place - from).dot(along) / length, 0.0, 1.0) : 0;
+  return (place - from - part * along).norm();
+}
+
+// A polyline through places of the path, as wide as the path needs and a little more.
+std::string path_to_follow(const PlantRun& run, double r) {
+  constexpr std::size_t kLegs = 6;
+  std::vector<Eigen::Vector2d> points;
+  for (std::size_t k = 0; k <= kLegs; ++k) points.push_back(place_of(run.nodes[k * (run.nodes.size() - 1) / kLegs]));
+  double farthest = 0;
+  for (const Node& node : run.nodes) {
+    double nearest = 1e300;
+    for (std::size_t k = 0; k < kLegs; ++k) {
+      nearest = std::min(nearest, distance_to_leg(points[k], points[k + 1], place_of(node)));
+    }
+    farthest = std::max(farthest, nearest);
+  }
+  std::string list;
+  for (const auto& p : points) list += fmt::format("{}[{:.9g}, {:.9g}]", list.empty() ? "" : ", ", p[0], p[1]);
+  return fmt::format("follow = {{ points = [{}], tolerance = {:.6g} }}\n", list, 1.1 * farthest + 0.02 * r);
+}
+
+// Conditions on the way that the motion keeps.
+std::string on_the_way(Random& random, const PlantRun& run, const Grid& grid, double r) {
+  switch (random.pick(5)) {
+    case 0:
+    case 1:
+      return circles(random, run, r);
+    case 2:
+    case 3:
+      return vias(random, run, grid);
+    default:
+      return path_to_follow(run, r);
+  }
+}
+
+std::string objective_text(Random& random) {
+  const int k = random.pick(10);
+  return fmt::format("objective = \"{}\"\n", k < 6 ? "friction" : k < 8 ? "time" : "effort");
+}
+
+std::string task_text(double goal_x, double goal_y, double duration_s, bool at_rest) {
+  return fmt::format("[task]\ngoal = [{:.9g}, {:.9g}]\nduration = {:.9g}\nat_rest = {}\n", goal_x, goal_y, duration_s,
+                     at_rest);
+}
+
+// The robot at rest, hanging, with a task that holds its place.
+std::string hung_robot(std::uint64_t seed, int number) {
+  const int robot = number % kRandomRobots;
+  std::string text = fmt::format("name = \"task_{}\"\n", number) + random_robot(seed, robot);
+  text += fmt::format("[run]\nactuation = \"{}\"\n", has_motors(robot) ? "stepper" : "prescribed");
+  std::vector<sim::ScenarioError> errors;
+  const auto draft = parse_task(text + task_text(0, 0, 1, false), "random task", errors);
+  if (!draft) return errors.empty() ? "" : sim::to_string(errors.front());  // a bug: its text is no task
+  return text + hanging(make_problem(*draft));
+}
+
+// From rest to rest along e1, which the first mass drives, slowly: nothing proves that it can be done.
+std::string rest_to_rest(Random& random, const std::string& text, const Problem& problem) {
+  const double r = problem.robot.ball.radius_m;
+  const double duration_s = time_unit_s(problem) * random.between(30, 60);
+  const double most = 0.15 * problem.friction_limit * problem.robot.ball.gravity_mps2 * duration_s * duration_s / 4;
+  const double distance = std::min(random.between(0.5, 4) * r, most);
+  return text + task_text(distance, 0, duration_s, true) + objective_text(random);
 }
 
 }  // namespace
 
+bool is_surely_possible(int number) { return number / kRandomRobots % 4 != 2 || number % kRandomRobots % 4 == 0; }
+
 std::string random_task(std::uint64_t seed, int number) {
-  const int robot = number % kRandomRobots;
   Random random(seed * 104729 + static_cast<std::uint64_t>(number) + 1);
-  std::string text = fmt::format("name = \"task_{}\"\n", number) + robot_text(seed, robot);
-  text += "[run]\nactuation = \"prescribed\"\n";
+  const std::string text = hung_robot(seed, number);
   std::vector<sim::ScenarioError> errors;
-  const auto draft = parse_task(text + task_head(1, 1, 1), "random task", errors);
-  if (!draft) return errors.empty() ? "" : sim::to_string(errors.front());  // a bug: its text is no task
-  Problem problem = make_problem(*draft);
-  text += hanging(problem);
-  const auto hung = parse_task(text + task_head(1, 1, 1), "random task", errors);
-  problem = make_problem(*hung);
+  const auto hung = parse_task(text + task_text(0, 0, 1, false), "random task", errors);
+  if (!hung) return text;
+  const Problem problem = make_problem(*hung);
+  if (!is_surely_possible(number)) return rest_to_rest(random, text, problem);
   for (double size = 1;; size *= 0.8) {
-    const double duration_s = time_unit_s(problem) * random.between(15, 60);
+    const double duration_s = time_unit_s(problem) * random.between(8, 60);
     const Grid grid = make_grid(problem, duration_s, 48);
     const std::vector<double> knots = random_motion(random, problem, grid, size);
     const PlantRun rolled = roll_by_plant(problem, hung->scenario, grid, knots);
-    if (!admissible(problem, rolled, grid)) continue;
+    if (!admissible(problem, rolled, grid, knots)) continue;
     const Eigen::Vector2d goal = place_of(rolled.nodes.back());
-    const std::string more =
-        number / kRandomRobots % 2 == 1 ? extras(random, rolled, grid, problem.robot.ball.radius_m) : "";
-    return text + task_head(goal[0], goal[1], duration_s) + more;
+    std::string task = text + task_text(goal[0], goal[1], duration_s, false) + objective_text(random);
+    if (number / kRandomRobots % 2 == 1) task += on_the_way(random, rolled, grid, problem.robot.ball.radius_m);
+    if (random.pick(4) > 0) return task;
+    std::string places;
+    for (int i = 0; i < problem.masses(); ++i) {
+      const double place = rolled.nodes.back().state.position[static_cast<std::size_t>(i)];
+      places += fmt::format("{}{:.9g}", i == 0 ? "" : ", ", place);
+    }
+    return task + fmt::format("mass_position = [{}]\n", places);
   }
 }
 

@@ -9,8 +9,14 @@ namespace ballast::plan {
 
 inline constexpr int kRandomRobots = 50;
 
-// Task number `number` as a scenario file, of robot number % kRandomRobots. Every second task has obstacles or via
-// places, which the motion that made it keeps. The same on every platform but for the last bits of sines.
+// Task number `number` as a scenario file, of robot number % kRandomRobots, prescribed or with its motors' limits.
+// Every second block of 50 has obstacles, via places or a path to follow, every fourth task also the places of the
+// masses at the end; the motion that made the task keeps them all. The same on every platform but for the last bits of
+// sines.
 [[nodiscard]] std::string random_task(std::uint64_t seed, int number);
+
+// False in every fourth block of 50, from block 2 on: robots that can rest go from rest to rest, over a distance that
+// friction allows with ease. No motion has shown that it can be done.
+[[nodiscard]] bool is_surely_possible(int number);
 
 }  // namespace ballast::plan

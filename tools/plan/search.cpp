@@ -7,6 +7,7 @@
 #include <numbers>
 #include <random>
 
+#include "tools/plan/bounds.h"
 #include "tools/plan/words.h"
 
 namespace ballast::plan {
@@ -134,48 +135,38 @@ class Search {
 
   [[nodiscard]] bool starts_at_rest() const {
     const Vec& w = problem_.start.omega_B;
-    return w.x == 0 && w.y == 0 && w.z == 0;
+    bool at_rest = w.x == 0 && w.y == 0 && w.z == 0;
+    for (int i = 0; i < problem_.masses(); ++i) at_rest = at_rest && problem_.start.velocity[index(i)] == 0;
+    return at_rest;
   }
 
-  // Which limit keeps all masses where they are; empty if one can move.
-  [[nodiscard]] std::string immobile() const {
-    constexpr double kLeastTravel = 1e-3;  // of r: moves a ball at rest by less than that
-    const double duration_s = problem_.task.duration_s;
-    std::string why;
-    for (int i = 0; i < problem_.masses(); ++i) {
-      const MassLimits& limits = problem_.limits[index(i)];
-      const double by_acceleration = limits.acceleration * duration_s * duration_s / 4;
-      const double by_speed = limits.speed * duration_s, by_ends = limits.upper - limits.lower;
-      const double travel = std::min({by_acceleration, by_speed, by_ends});
-      if (!(travel * problem_.metres_per_unit[i] < kLeastTravel * problem_.robot.ball.radius_m)) return "";
-      const LimitKind kind = travel == by_ends    ? LimitKind::kRailEnd
-                             : travel == by_speed ? LimitKind::kSpeed
-                                                  : LimitKind::kAcceleration;
-      why += fmt::format("{}{} lets it travel at most {:.2g} m", why.empty() ? "" : ", ",
-                         limit_words({kind, i, 0, 0, 0, 0}), travel * problem_.metres_per_unit[i]);
-    }
-    return "no mass can move: " + why + "; the nearest place is the start";
-  }
-
-  // Why no motion can do it; empty if that is not certain. The bound is of the centre of mass, which may be beside the
-  // geometric centre by up to r, and N may differ from the weight.
+  // Why no motion can do it; empty if that is not certain.
   [[nodiscard]] std::string impossible() const {
     const double distance_m = (problem_.task.goal_m - problem_.start_m).norm();
-    const std::string stuck = starts_at_rest() && distance_m > 0.1 * problem_.robot.ball.radius_m ? immobile() : "";
+    if (!starts_at_rest()) return "";
+    const std::string stuck = distance_m > 0.1 * problem_.robot.ball.radius_m ? immobile(problem_) : "";
     if (!stuck.empty()) return stuck;
-    if (!starts_at_rest() || !std::isfinite(problem_.friction_limit)) return "";
-    const double distance = (problem_.task.goal_m - problem_.start_m).norm(), r = problem_.robot.ball.radius_m;
-    const double duration = problem_.task.duration_s, g = problem_.robot.ball.gravity_mps2;
-    const double of_rest = problem_.task.at_rest ? 4 : 2;
-    const double reach = problem_.friction_limit * g * duration * duration / of_rest;
-    constexpr double kRoom = 1.5;  // for N above the weight
-    if (distance - r < kRoom * reach) return "";
+    if (std::string why = mass_too_far(problem_); !why.empty()) return why;
+    if (!std::isfinite(problem_.friction_limit)) return "";
+    for (std::size_t v = 0; v < problem_.task.via.size(); ++v) {
+      const Via& via = problem_.task.via[v];
+      if (!via.time_s) continue;
+      const std::string why = too_far(fmt::format("task.via.{}, ", v), via.position_m, *via.time_s, false);
+      if (!why.empty()) return why;
+    }
+    return too_far("", problem_.task.goal_m, problem_.task.duration_s, problem_.task.at_rest);
+  }
+
+  [[nodiscard]] std::string too_far(const std::string& what, const Eigen::Vector2d& place_m, double duration_s,
+                                    bool to_rest) const {
+    const double distance_m = (place_m - problem_.start_m).norm(), limit = problem_.friction_limit;
+    const Reach far = reach_of_friction(problem_, duration_s, to_rest);
+    if (distance_m <= far.at(limit)) return "";
     return fmt::format(
-        "friction stands in the way: {:.4g} m in {:.4g} s need f_s/N of about {:.3g}, and friction_use mu_s is {:.3g}; "
-        "in "
-        "that time the ball gets about {:.3g} m far, and this far it takes at least about {:.3g} s",
-        distance, duration, least_need(duration), problem_.friction_limit, reach,
-        std::sqrt(of_rest * distance / (g * problem_.friction_limit)));
+        "friction stands in the way: {}{:.4g} m in {:.4g} s, needs f_s/N of at least {:.3g}, and friction_use mu_s is "
+        "{:.3g}; in that time the ball gets at most {:.3g} m far, and this far takes at least {:.3g} s",
+        what, distance_m, duration_s, far.need(distance_m), limit, std::max(0.0, far.at(limit)),
+        far.least_duration_s(distance_m, limit));
   }
 
   [[nodiscard]] bool warm() const { return !options_.from.empty(); }

@@ -1,0 +1,36 @@
+// Bounds that no motion of a robot passes, so that an impossible task is refused without a search.
+#pragma once
+
+#include <string>
+
+#include "tools/plan/problem.h"
+
+namespace ballast::plan {
+
+// How far friction carries a ball that starts at rest, in a given time: at f_s <= mu N by at most
+// offset_m + mu * per_friction_m.
+//
+// The centre of mass, at height z above the geometric centre, moves horizontally by the integral of (T/2 - t) f / M
+// from rest to rest, and of (T - t) f / M if it only passes. With f <= mu N, N = M (g + z'') and partial integration
+// this is at most mu (g T^2 / 4 + 2 z(T/2) - z(0) - z(T)) and mu (g T^2 / 2 + z(T) - z(0)).
+struct Reach {
+  double offset_m = 0;        // of the centre of mass from the geometric centre at both ends, and of a constant force
+  double per_friction_m = 0;  // > 0
+  double height_m = 0;        // part of per_friction_m that does not grow with the time
+  double gravity_mps2 = 0;    // the rest of it is gravity_mps2 T^2 / divisor
+  double divisor = 4;
+
+  [[nodiscard]] double at(double friction) const { return offset_m + friction * per_friction_m; }
+  [[nodiscard]] double need(double distance_m) const { return (distance_m - offset_m) / per_friction_m; }
+  [[nodiscard]] double least_duration_s(double distance_m, double friction) const;
+};
+
+[[nodiscard]] Reach reach_of_friction(const Problem& problem, double duration_s, bool to_rest);
+
+// Which limits keep all masses within a thousandth of the radius; empty if one can move farther.
+[[nodiscard]] std::string immobile(const Problem& problem);
+
+// Which limit keeps a mass from its place in task.mass_position; empty if none surely does.
+[[nodiscard]] std::string mass_too_far(const Problem& problem);
+
+}  // namespace ballast::plan
