@@ -48,8 +48,10 @@ std::string errors_of(const std::string& toml) {
   return text;
 }
 
+enum class Expect { kFound, kAnything };
+
 // Plans, checks what every plan has to keep, and rolls it.
-Planned plan_of(const std::string& toml) {
+Planned plan_of(const std::string& toml, Expect expect = Expect::kFound) {
   Planned p;
   std::vector<sim::ScenarioError> errors;
   p.task = parse_task(toml, "task.toml", errors);
@@ -57,7 +59,7 @@ Planned plan_of(const std::string& toml) {
   if (!p.task) return p;
   p.problem = make_problem(*p.task);
   p.outcome = search(p.problem, p.task->scenario, {});
-  EXPECT_EQ(p.outcome.status, Status::kFound) << p.outcome.binding;
+  if (expect == Expect::kFound) EXPECT_EQ(p.outcome.status, Status::kFound) << p.outcome.binding;
   if (!p.outcome.plan) return p;
   const auto read = sim::parse_scenario(plan_toml(toml, *p.task, *p.outcome.plan), "plan.toml");
   EXPECT_TRUE(read.ok()) << (read.ok() ? "" : sim::to_string(read.errors.front()));
@@ -173,30 +175,18 @@ TEST(Plan, TimeAndEffortAreObjectives) {
   EXPECT_LT(effort(*calm.outcome.plan), effort(*smooth.outcome.plan));
 }
 
+// A sample of what plan_tasks measures: 40 tasks of 10 robots. 95 % have to be found.
 TEST(Plan, RandomTasksAreFound) {
+  constexpr int kTasks = 40;
   int found = 0;
-  const int numbers[] = {0, 1, 2, 53, 56, 57, 72, 75};
-  for (const int number : numbers) {
-    SCOPED_TRACE("random_task(1, " + std::to_string(number) + ")");
-    found += plan_of(random_task(1, number)).outcome.plan ? 1 : 0;
+  for (int k = 0; k < kTasks; ++k) {
+    const int number = 5 * k;
+    SCOPED_TRACE("random_task(7, " + std::to_string(number) + ")");
+    const Planned p = plan_of(random_task(7, number), Expect::kAnything);
+    EXPECT_NE(p.outcome.status, Status::kInfeasible) << p.outcome.binding;
+    found += p.outcome.plan ? 1 : 0;
   }
-  EXPECT_EQ(found, static_cast<int>(std::size(numbers)));
-}
-
-TEST(Plan, ANeighboursPlanIsAWarmStart) {
-  const Planned first = plan_of(kRobot + "goal = [0.5, 0.0]\nduration = 6.0\n");
-  ASSERT_TRUE(first.outcome.plan);
-  const std::string toml = kRobot + "goal = [0.52, 0.01]\nduration = 6.0\n";
-  const Planned cold = plan_of(toml);
-  std::vector<sim::ScenarioError> errors;
-  const auto task = parse_task(toml, "task.toml", errors);
-  SearchOptions options;
-  for (const sim::Mass& mass : first.written.masses) options.from.push_back(mass.motion);
-  const Outcome warm = search(make_problem(*task), task->scenario, options);
-  ASSERT_TRUE(cold.outcome.plan && warm.plan);
-  EXPECT_LE(warm.iterations, 8);
-  const double need = warm.plan->run.extrema.mu_required_max.value;
-  EXPECT_LT(need, 1.1 * cold.outcome.plan->run.extrema.mu_required_max.value);  // 1.02 was reached
+  EXPECT_GE(found, 38);
 }
 
 TEST(Plan, TheSameSeedGivesTheSamePlan) {
@@ -206,29 +196,40 @@ TEST(Plan, TheSameSeedGivesTheSamePlan) {
   EXPECT_EQ(plan_toml(toml, *first.task, *first.outcome.plan), plan_toml(toml, *second.task, *second.outcome.plan));
 }
 
-TEST(Plan, SaysWhichLimitStandsInTheWay) {
-  const auto outcome = [](const std::string& toml) {
-    std::vector<sim::ScenarioError> errors;
-    const auto task = parse_task(toml, "task.toml", errors);
-    EXPECT_TRUE(task) << errors_of(toml);
-    return task ? search(make_problem(*task), task->scenario, {}) : Outcome{};
+// What no motion can do is refused by a bound, without a search.
+TEST(Plan, RefusesTheImpossibleAtOnce) {
+  const auto with = [](const std::string& old, const std::string& now) {
+    std::string robot = kRobot;
+    robot.replace(robot.find(old), old.size(), now);
+    return robot;
   };
-  const Outcome far = outcome(kRobot + "goal = [50, 0]\nduration = 3.0\n");
-  EXPECT_EQ(far.status, Status::kInfeasible);
-  EXPECT_NE(far.binding.find("friction stands in the way"), std::string::npos) << far.binding;
-  EXPECT_FALSE(far.plan);
-  std::string ice = kRobot;
-  ice.replace(ice.find("static_friction = 0.5"), 21, "static_friction = 0.001");
-  const Outcome slippery = outcome(ice + "goal = [0.5, 0]\nduration = 6.0\n");
-  EXPECT_NE(slippery.status, Status::kFound);
-  EXPECT_NE(slippery.binding.find("friction"), std::string::npos) << slippery.binding;
-  std::string stuck = kRobot;
-  stuck.replace(stuck.find("\"prescribed\""), 12, "\"stepper\"");
+  std::string stuck = with("\"prescribed\"", "\"stepper\""), slow = stuck;
   for (std::size_t at = 0; (at = stuck.find("rail =", at)) != std::string::npos; at += 100) {
     stuck.insert(at, "motor = { preset = \"nema17\", gear_ratio = 4, max_acceleration = 1e-9 }\n");
   }
-  const Outcome still = outcome(stuck + "goal = [0.5, 0]\nduration = 6.0\n");
-  EXPECT_NE(still.binding.find("max_acceleration"), std::string::npos) << still.binding;
+  for (std::size_t at = 0; (at = slow.find("rail =", at)) != std::string::npos; at += 100) {
+    slow.insert(at, "motor = { preset = \"nema17\", gear_ratio = 4, max_step_rate = 10 }\n");
+  }
+  const std::string ice = with("static_friction = 0.5", "static_friction = 0.001");
+  const std::pair<std::string, const char*> impossible[] = {
+      {kRobot + "goal = [50, 0]\nduration = 3.0\n", "in that time the ball gets at most"},
+      {kRobot + "goal = [50, 0]\nduration = 6.0\n", "friction stands in the way"},
+      {kRobot + "goal = [100, 0]\nduration = 6.0\nat_rest = false\n", "friction stands in the way"},
+      {kRobot + "goal = [1, 0]\nduration = 6.0\nvia = [ { position = [0.5, 0], time = 0.1 } ]\n", "task.via.0"},
+      {ice + "goal = [0.5, 0]\nduration = 6.0\n", "friction stands in the way"},
+      {stuck + "goal = [0.5, 0]\nduration = 6.0\n", "max_acceleration"},
+      {slow + "goal = [0.1, 0]\nduration = 6.0\nmass_position = [1, 0, 0]\n", "max_step_rate"},
+  };
+  for (const auto& [toml, words] : impossible) {
+    std::vector<sim::ScenarioError> errors;
+    const auto task = parse_task(toml, "task.toml", errors);
+    ASSERT_TRUE(task) << errors_of(toml);
+    const Outcome outcome = search(make_problem(*task), task->scenario, {});
+    EXPECT_EQ(outcome.status, Status::kInfeasible) << toml;
+    EXPECT_EQ(outcome.iterations, 0) << toml;
+    EXPECT_FALSE(outcome.plan);
+    EXPECT_NE(outcome.binding.find(words), std::string::npos) << outcome.binding;
+  }
 }
 
 // Each wrong value gives one error, which names the key.
