@@ -59,11 +59,12 @@ int main(int argc, char** argv) {
   int found = 0, wrong = 0, sure = 0, sure_found = 0;
   std::vector<double> seconds;
   for (int number = first; number < first + count; ++number) {
-    const std::string toml = plan::random_task(seed, number);
+    std::string why;
+    const std::string toml = plan::random_task(seed, number, why).value_or("");
     std::vector<sim::ScenarioError> errors;
     const auto task = plan::parse_task(toml, "task", errors);
     if (!task) {
-      fmt::print("{}: {}\n", number, errors.empty() ? "no task" : sim::to_string(errors.front()));
+      fmt::print("{}: no task: {}\n", number, why.empty() ? sim::to_string(errors.front()) : why);
       ++wrong;
       continue;
     }

@@ -163,15 +163,20 @@ std::string rest_to_rest(Random& random, const std::string& text, const Problem&
 
 bool is_surely_possible(int number) { return number / kRandomRobots % 4 != 2 || number % kRandomRobots % 4 == 0; }
 
-std::string random_task(std::uint64_t seed, int number) {
+std::optional<std::string> random_task(std::uint64_t seed, int number, std::string& why) {
+  constexpr int kMostTries = 60;  // the last one moves masses by 2e-6 of the first
   Random random(seed * 104729 + static_cast<std::uint64_t>(number) + 1);
   const std::string text = hung_robot(seed, number);
   std::vector<sim::ScenarioError> errors;
   const auto hung = parse_task(text + task_text(0, 0, 1, false), "random task", errors);
-  if (!hung) return text;
+  if (!hung) {
+    why = errors.empty() ? text : sim::to_string(errors.front());
+    return std::nullopt;
+  }
   const Problem problem = make_problem(*hung);
   if (!is_surely_possible(number)) return rest_to_rest(random, text, problem);
-  for (double size = 1;; size *= 0.8) {
+  double size = 1;
+  for (int attempt = 0; attempt < kMostTries; ++attempt, size *= 0.8) {
     const double duration_s = time_unit_s(problem) * random.between(8, 60);
     const Grid grid = make_grid(problem, duration_s, 48);
     const std::vector<double> knots = random_motion(random, problem, grid, size);
@@ -188,6 +193,8 @@ std::string random_task(std::uint64_t seed, int number) {
     }
     return task + fmt::format("mass_position = [{}]\n", places);
   }
+  why = fmt::format("none of {} random motions is admissible", kMostTries);
+  return std::nullopt;
 }
 
 }  // namespace ballast::plan

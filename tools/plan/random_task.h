@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 namespace ballast::plan {
@@ -12,8 +13,8 @@ inline constexpr int kRandomRobots = 50;
 // Task number `number` as a scenario file, of robot number % kRandomRobots, prescribed or with its motors' limits.
 // Every second block of 50 has obstacles, via places or a path to follow, every fourth task also the places of the
 // masses at the end; the motion that made the task keeps them all. The same on every platform but for the last bits of
-// sines.
-[[nodiscard]] std::string random_task(std::uint64_t seed, int number);
+// sines. None: no random motion of this robot is admissible, or the robot is no scenario; `why` says which.
+[[nodiscard]] std::optional<std::string> random_task(std::uint64_t seed, int number, std::string& why);
 
 // False in every fourth block of 50, from block 2 on: robots that can rest go from rest to rest, over a distance that
 // friction allows with ease. No motion has shown that it can be done.
