@@ -40,6 +40,13 @@ struct Planned {
   std::vector<Node> nodes;  // of the plant, every 5 ms
 };
 
+std::string random_toml(std::uint64_t seed, int number) {
+  std::string why;
+  const auto toml = random_task(seed, number, why);
+  EXPECT_TRUE(toml) << why;
+  return toml.value_or("");
+}
+
 std::string errors_of(const std::string& toml) {
   std::vector<sim::ScenarioError> errors;
   static_cast<void>(parse_task(toml, "task.toml", errors));
@@ -148,6 +155,32 @@ TEST(Plan, FollowsAPath) {
   }
 }
 
+// Paths that the free motion leaves by far more than the tolerance, straight and with sharp corners: the search has to
+// come nearer step by step from either side of the path.
+TEST(Plan, FollowsPathsFarFromTheFreeMotion) {
+  const char* paths[] = {
+      "goal = [1.0, 0.5]\nduration = 12.0\nfollow = { points = [[0, 0], [0.5, 0.25], [1.0, 0.5]], tolerance = 0.03 }\n",
+      "goal = [0.5, 0.2]\nduration = 10.0\nfollow = { points = [[0, 0], [0.5, 0], [0.5, 0.2]], tolerance = 0.03 }\n",
+      "goal = [0.6, 0]\nduration = 8.0\nfollow = { points = [[0, 0], [0.2, 0.1], [0.4, -0.1], [0.6, 0]], tolerance = "
+      "0.03 }\n"};
+  for (const char* path : paths) {
+    SCOPED_TRACE(path);
+    const Planned p = plan_of(kRobot + path);
+    if (!p.outcome.plan) continue;
+    const std::vector<Eigen::Vector2d>& points = p.task->task.follow->points_m;
+    for (const Node& node : p.nodes) {
+      const Eigen::Vector2d place(node.place_m[0], node.place_m[1]);
+      double nearest = 1e9;
+      for (std::size_t k = 0; k + 1 < points.size(); ++k) {
+        const Eigen::Vector2d along = points[k + 1] - points[k];
+        const double part = std::clamp((place - points[k]).dot(along) / along.squaredNorm(), 0.0, 1.0);
+        nearest = std::min(nearest, (place - points[k] - part * along).norm());
+      }
+      EXPECT_LE(nearest, 0.03 + 1e-9);
+    }
+  }
+}
+
 TEST(Plan, PutsMassesWhereTheyAreToBe) {
   const Planned p =
       plan_of(kRobot + "goal = [0.3, 0.0]\nduration = 6.0\nmass_position = [0.2, -0.2, 0.0]\nat_rest = false\n");
@@ -182,7 +215,7 @@ TEST(Plan, RandomTasksAreFound) {
   for (int k = 0; k < kTasks; ++k) {
     const int number = 5 * k;
     SCOPED_TRACE("random_task(7, " + std::to_string(number) + ")");
-    const Planned p = plan_of(random_task(7, number), Expect::kAnything);
+    const Planned p = plan_of(random_toml(7, number), Expect::kAnything);
     EXPECT_NE(p.outcome.status, Status::kInfeasible) << p.outcome.binding;
     found += p.outcome.plan ? 1 : 0;
   }
@@ -190,7 +223,7 @@ TEST(Plan, RandomTasksAreFound) {
 }
 
 TEST(Plan, TheSameSeedGivesTheSamePlan) {
-  const std::string toml = random_task(1, 56);
+  const std::string toml = random_toml(1, 56);
   const Planned first = plan_of(toml), second = plan_of(toml);
   ASSERT_TRUE(first.outcome.plan && second.outcome.plan);
   EXPECT_EQ(plan_toml(toml, *first.task, *first.outcome.plan), plan_toml(toml, *second.task, *second.outcome.plan));

@@ -286,7 +286,7 @@ class Search {
     staged.task.follow.reset();
     improve_on(staged, grid, fixed, s, knots, via_time_s);
     for (double tolerance = 0.5 * problem_.robot.ball.radius_m; tolerance > problem_.task.follow->tolerance_m;
-         tolerance /= 2) {
+         tolerance *= 0.7) {
       staged.task.follow = problem_.task.follow;
       staged.task.follow->tolerance_m = tolerance;
       improve_on(staged, grid, fixed, s, knots, via_time_s);

@@ -60,7 +60,8 @@ class Sqp {
           if (gained < 0.3 * step.decrease) damping *= 2;
         } else {
           knots_ = before;
-          damping = std::min(damping * 5, 1e8);
+          const bool far_off = gained < -10 * step.decrease;  // the linear model means nothing there
+          damping = std::min(damping * (far_off ? 25 : 5), 1e8);
         }
       }
       if (!accepted) {
@@ -336,6 +337,7 @@ class Sqp {
     if (limit.kind == LimitKind::kKeepOut) return limit.value > limit.lower + 2;
     if (limit.kind == LimitKind::kNormalForce) return limit.value > 0.7;
     if (limit.kind == LimitKind::kStability || limit.kind == LimitKind::kRailEnd) return false;
+    if (limit.kind == LimitKind::kFollow) return false;  // a step may well cross the whole band
     return limit.value > 0.4 * limit.lower && limit.value < 0.4 * limit.upper;
   }
 

@@ -15,15 +15,31 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 constexpr double kLeastNormal = 0.02;  // of the weight: the ratio f_s / N means nothing at a vanishing N
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// The nearest point of a polyline.
-Eigen::Vector2d nearest_point(const std::vector<Eigen::Vector2d>& points, const Eigen::Vector2d& place) {
-  Eigen::Vector2d best = points.front();
+// Where a place lies beside a polyline: at `distance` from its nearest point, in the direction `away`. Beside a leg the
+// distance has a sign, positive to the left, so that a step across the leg does not count as a step towards it.
+struct Beside {
+  double distance = std::numeric_limits<double>::infinity();
+  Eigen::Vector2d away{0, 0};
+  bool of_leg = false;  // else of a corner or an end, and positive
+};
+
+Beside beside(const std::vector<Eigen::Vector2d>& points, const Eigen::Vector2d& place) {
+  Beside best;
   for (std::size_t k = 0; k + 1 < points.size(); ++k) {
-    const Eigen::Vector2d along = points[k + 1] - points[k];
+    const Eigen::Vector2d along = points[k + 1] - points[k], from_start = place - points[k];
     const double length = along.squaredNorm();
-    const double part = length > 0 ? std::clamp((place - points[k]).dot(along) / length, 0.0, 1.0) : 0;
-    const Eigen::Vector2d candidate = points[k] + part * along;
-    if ((place - candidate).norm() < (place - best).norm()) best = candidate;
+    const double part = length > 0 ? from_start.dot(along) / length : 0;
+    Beside candidate;
+    if (part > 0 && part < 1) {
+      candidate.of_leg = true;
+      candidate.away = Eigen::Vector2d(-along[1], along[0]) / std::sqrt(length);
+      candidate.distance = from_start.dot(candidate.away);
+    } else {
+      const Eigen::Vector2d from_end = part > 0 ? Eigen::Vector2d(place - points[k + 1]) : from_start;
+      candidate.distance = from_end.norm();
+      if (candidate.distance > 0) candidate.away = from_end / candidate.distance;
+    }
+    if (std::abs(candidate.distance) < std::abs(best.distance)) best = candidate;
   }
   return best;
 }
@@ -202,25 +218,28 @@ double Transcription::time_near_resonance() const {
 void Transcription::place_limits(int node, bool with_forms, const Sink& sink) const {
   const Node& at = rollout_.nodes()[index(node)];
   const Eigen::Vector2d place(at.place_m[0], at.place_m[1]);
-  const auto judge = [&](LimitKind kind, int i, const Eigen::Vector2d& from, double lower, double upper) {
-    const Eigen::Vector2d away = place - from;
-    const double distance = away.norm();
+  const auto judge = [&](LimitKind kind, int i, double distance, const Eigen::Vector2d& away, double lower,
+                         double upper) {
     NodeForm form;
     form.node = node;
-    if (with_forms && distance > 0) {
-      form.tangent[6] = away[0] / distance / length_;
-      form.tangent[7] = away[1] / distance / length_;
+    if (with_forms) {
+      form.tangent[6] = away[0] / length_;
+      form.tangent[7] = away[1] / length_;
     }
     sink({kind, i, node, distance / length_, lower / length_, upper / length_}, form);
   };
   const auto& circles = problem_.task.keep_out;
   for (std::size_t c = 0; c < circles.size(); ++c) {
     const double clear = circles[c].radius_m + length_;
-    judge(LimitKind::kKeepOut, static_cast<int>(c), circles[c].center_m, clear + corrections.room * length_, kInfinity);
+    const Eigen::Vector2d from_center = place - circles[c].center_m;
+    const double distance = from_center.norm();
+    const Eigen::Vector2d away = distance > 0 ? Eigen::Vector2d(from_center / distance) : Eigen::Vector2d(0, 0);
+    judge(LimitKind::kKeepOut, static_cast<int>(c), distance, away, clear + corrections.room * length_, kInfinity);
   }
   if (const auto& follow = problem_.task.follow) {
-    const double room = std::min(corrections.room * length_, 0.2 * follow->tolerance_m);
-    judge(LimitKind::kFollow, 0, nearest_point(follow->points_m, place), -kInfinity, follow->tolerance_m - room);
+    const double most = follow->tolerance_m - std::min(corrections.room * length_, 0.2 * follow->tolerance_m);
+    const Beside at_path = beside(follow->points_m, place);
+    judge(LimitKind::kFollow, 0, at_path.distance, at_path.away, at_path.of_leg ? -most : -kInfinity, most);
   }
 }
 
