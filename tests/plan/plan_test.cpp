@@ -3,7 +3,9 @@
 
 #include <cmath>
 #include <functional>
+#include <numbers>
 
+#include "tools/plan/bounds.h"
 #include "tools/plan/random_task.h"
 #include "tools/plan/write_plan.h"
 
@@ -66,7 +68,9 @@ Planned plan_of(const std::string& toml, Expect expect = Expect::kFound) {
   if (!p.task) return p;
   p.problem = make_problem(*p.task);
   p.outcome = search(p.problem, p.task->scenario, {});
-  if (expect == Expect::kFound) EXPECT_EQ(p.outcome.status, Status::kFound) << p.outcome.binding;
+  if (expect == Expect::kFound) {
+    EXPECT_EQ(p.outcome.status, Status::kFound) << p.outcome.binding;
+  }
   if (!p.outcome.plan) return p;
   const auto read = sim::parse_scenario(plan_toml(toml, *p.task, *p.outcome.plan), "plan.toml");
   EXPECT_TRUE(read.ok()) << (read.ok() ? "" : sim::to_string(read.errors.front()));
@@ -263,6 +267,93 @@ TEST(Plan, RefusesTheImpossibleAtOnce) {
     EXPECT_FALSE(outcome.plan);
     EXPECT_NE(outcome.binding.find(words), std::string::npos) << outcome.binding;
   }
+}
+
+std::string with_motors(std::string robot, const std::string& limits, bool steppers) {
+  const std::string motor = "motor = { preset = \"nema17\", gear_ratio = 4, viscous_damping = 0.02, " + limits + " }\n";
+  for (std::size_t at = 0; (at = robot.find("rail =", at)) != std::string::npos; at += motor.size() + 1) {
+    robot.insert(at, motor);
+  }
+  const std::string prescribed = "\"prescribed\"";
+  if (steppers) robot.replace(robot.find(prescribed), prescribed.size(), "\"stepper\"");
+  return robot;
+}
+
+// Motors too weak for a goal are named at once, each by the limit that stands in the way.
+TEST(Plan, RefusesWhatMotorsCannotDoAtOnce) {
+  const std::pair<const char*, const char*> weak[] = {{"max_step_rate = 100", "motor.max_step_rate"},
+                                                      {"max_acceleration = 0.01", "motor.max_acceleration"},
+                                                      {"max_step_rate = 6000, max_acceleration = 50", "motor."}};
+  for (const auto& [limits, words] : weak) {
+    SCOPED_TRACE(limits);
+    const std::string toml = with_motors(kRobot, limits, true) + "goal = [8.0, 0]\nduration = 3.0\n";
+    std::vector<sim::ScenarioError> errors;
+    const auto task = parse_task(toml, "task.toml", errors);
+    ASSERT_TRUE(task) << errors_of(toml);
+    const Outcome outcome = search(make_problem(*task), task->scenario, {});
+    EXPECT_EQ(outcome.status, Status::kInfeasible);
+    EXPECT_EQ(outcome.iterations, 0);
+    EXPECT_NE(outcome.binding.find(words), std::string::npos) << outcome.binding;
+    EXPECT_NE(outcome.binding.find("takes at least"), std::string::npos) << outcome.binding;
+  }
+}
+
+// The bounds are above everything that a motion reaches.
+TEST(Bounds, NoPlanIsBeyondThem) {
+  const std::string toml = with_motors(kRobot, "max_step_rate = 6000", true);
+  for (const double duration_s : {4.0, 6.0, 10.0}) {
+    const Planned p =
+        plan_of(toml + "avoid_resonance = false\ngoal = [0.4, 0.0]\nduration = " + std::to_string(duration_s) + "\n");
+    const auto motors = reach_of_motors(p.problem, duration_s, true);
+    ASSERT_TRUE(motors);
+    EXPECT_GT(motors->distance_m, 0.4);
+    EXPECT_GT(reach_of_motors(p.problem, 1.1 * duration_s, true)->distance_m, motors->distance_m);
+    EXPECT_GT(reach_of_motors(p.problem, duration_s, false)->distance_m, motors->distance_m);
+    const double least_s = least_duration_of_motors_s(p.problem, 100, true);
+    EXPECT_LT(reach_of_motors(p.problem, 0.99 * least_s, true)->distance_m, 100);
+    EXPECT_GT(reach_of_motors(p.problem, 1.03 * least_s, true)->distance_m, 100);
+  }
+}
+
+// A ball that starts off balance rolls by itself: that its masses cannot move proves nothing.
+TEST(Bounds, ABallOffBalanceMayRollWithoutItsMasses) {
+  const std::string toml = with_motors(kRobot, "max_acceleration = 1e-9", true) + "goal = [0.2, 0]\nduration = 3\n";
+  std::vector<sim::ScenarioError> errors;
+  const auto task = parse_task(toml, "task.toml", errors);
+  ASSERT_TRUE(task) << errors_of(toml);
+  Problem problem = make_problem(*task);
+  EXPECT_NE(immobile(problem), "");
+  problem.start.q = {std::cos(0.3), 0, std::sin(0.3), 0};
+  EXPECT_EQ(immobile(problem), "");
+  problem.start.q = {0, 0, 1, 0};  // on its head
+  EXPECT_EQ(immobile(problem), "");
+}
+
+// Limits of motors hold where the masses are prescribed, too, if the file has the motors.
+TEST(Plan, KeepsTheLimitsOfMotorsOfPrescribedMasses) {
+  const Planned free = plan_of(kRobot + "goal = [0.4, 0]\nduration = 6\n");
+  const Planned p = plan_of(with_motors(kRobot, "max_step_rate = 1500, max_acceleration = 2, max_jerk = 20", false) +
+                            "goal = [0.4, 0]\nduration = 6\n");
+  ASSERT_TRUE(free.outcome.plan && p.outcome.plan);
+  const auto greatest = [](const Planned& of) {
+    std::array<double, 3> out{};  // speed, acceleration, jerk
+    const Plan& plan = *of.outcome.plan;
+    for (const Node& node : of.nodes) {
+      for (const double v : node.state.velocity) out[0] = std::max(out[0], std::abs(v));
+    }
+    for (std::size_t v = 0; v + 3 < plan.knots.size(); ++v) {
+      out[1] = std::max(out[1], std::abs(plan.knots[v]));
+      out[2] = std::max(out[2], std::abs(plan.knots[v + 3] - plan.knots[v]) / plan.grid.piece_s());
+    }
+    return out;
+  };
+  const double most_speed = 1500 / (200 * 16 * 4 / (2 * std::numbers::pi));
+  const auto without = greatest(free), with = greatest(p);
+  EXPECT_GT(without[0], most_speed);  // else this test says nothing
+  EXPECT_LE(with[0], most_speed * (1 + 1e-3));
+  EXPECT_LE(with[1], 2);
+  EXPECT_LE(with[2], 5);
+  EXPECT_NE(p.outcome.binding.find("motor.max_step_rate"), std::string::npos) << p.outcome.binding;
 }
 
 // Each wrong value gives one error, which names the key.

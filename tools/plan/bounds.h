@@ -1,9 +1,10 @@
 // Bounds that no motion of a robot passes, so that an impossible task is refused without a search.
 #pragma once
 
+#include <optional>
 #include <string>
 
-#include "tools/plan/problem.h"
+#include "tools/plan/transcription.h"
 
 namespace ballast::plan {
 
@@ -27,7 +28,26 @@ struct Reach {
 
 [[nodiscard]] Reach reach_of_friction(const Problem& problem, double duration_s, bool to_rest);
 
-// Which limits keep all masses within a thousandth of the radius; empty if one can move farther.
+// How far motors carry a ball that starts at rest, by their power: rates, accelerations and torques.
+//
+// Rolling without slipping, the floor does no work. So the kinetic energy E of ball and masses is at most the potential
+// energy that they can still give and the motors' work, and before the end of a motion to rest it is at most what
+// potential energy and motors can take up again. A motor's work is at most its greatest power by the time, and its
+// greatest force by the path of its mass. E >= M v^2 / 2 for the centre of mass, and E >= (m + I / r^2) v^2 / 2 for the
+// shell and the geometric centre.
+struct MotorReach {
+  double distance_m = 0;
+  Limit limit{};  // what limits the strongest motor
+};
+
+// None: a mass has no motor, or an external force does work.
+[[nodiscard]] std::optional<MotorReach> reach_of_motors(const Problem& problem, double duration_s, bool to_rest);
+
+// The shortest duration in which motors may get so far, within a percent from below.
+[[nodiscard]] double least_duration_of_motors_s(const Problem& problem, double distance_m, bool to_rest);
+
+// Which limits keep all masses within a thousandth of the radius; empty if one can move farther, or if the ball does
+// not hang at rest at the start.
 [[nodiscard]] std::string immobile(const Problem& problem);
 
 // Which limit keeps a mass from its place in task.mass_position; empty if none surely does.

@@ -110,7 +110,7 @@ class Search {
     }
     find(problem_.task.duration_s);
     if (best_ && problem_.task.objective == Objective::kTime) shorten();
-    if (best_ && options_.stepper_need && problem_.task.avoid_resonance && driven()) calm_motors();
+    if (best_ && problem_.task.avoid_resonance && driven()) avoid_resonance();
     out.iterations = effort_.iterations;
     if (best_) {
       out.status = Status::kFound;
@@ -147,6 +147,7 @@ class Search {
     const std::string stuck = distance_m > 0.1 * problem_.robot.ball.radius_m ? immobile(problem_) : "";
     if (!stuck.empty()) return stuck;
     if (std::string why = mass_too_far(problem_); !why.empty()) return why;
+    if (std::string why = beyond_motors(distance_m); !why.empty()) return why;
     if (!std::isfinite(problem_.friction_limit)) return "";
     for (std::size_t v = 0; v < problem_.task.via.size(); ++v) {
       const Via& via = problem_.task.via[v];
@@ -167,6 +168,18 @@ class Search {
         "{:.3g}; in that time the ball gets at most {:.3g} m far, and this far takes at least {:.3g} s",
         what, distance_m, duration_s, far.need(distance_m), limit, std::max(0.0, far.at(limit)),
         far.least_duration_s(distance_m, limit));
+  }
+
+  [[nodiscard]] std::string beyond_motors(double distance_m) const {
+    const double duration_s = problem_.task.duration_s;
+    const auto reach = reach_of_motors(problem_, duration_s, problem_.task.at_rest);
+    if (!reach || distance_m <= reach->distance_m) return "";
+    return fmt::format(
+        "{} stands in the way: {:.4g} m in {:.4g} s; with the power of its motors the ball gets at most {:.3g} m far "
+        "in "
+        "that time, and this far takes at least {:.3g} s",
+        limit_words(reach->limit), distance_m, duration_s, reach->distance_m,
+        least_duration_of_motors_s(problem_, distance_m, problem_.task.at_rest));
   }
 
   [[nodiscard]] bool warm() const { return !options_.from.empty(); }
@@ -214,12 +227,12 @@ class Search {
     return knots;
   }
 
-  // The end of a motion has acceleration 0, so that f_s / N does not jump there. A stepper must not jump at the start.
+  // The end of a motion has acceleration 0, so that f_s / N does not jump there. A motor must not jump at the start.
   [[nodiscard]] std::vector<bool> fixed_knots(const Grid& grid) const {
     const int n = problem_.masses();
     std::vector<bool> fixed(index(grid.knots() * n), false);
     for (int i = 0; i < n; ++i) {
-      fixed[index(i)] = scenario_.run.actuation == sim::Actuation::kStepper;
+      fixed[index(i)] = problem_.limits[index(i)].motor.has_value();
       fixed[index((grid.knots() - 1) * n + i)] = true;
     }
     return fixed;
@@ -338,6 +351,7 @@ class Search {
       const double over = greatest_speed(problem_, grid, plan.knots) - 1;
       if (over <= 0 && accept(plan, truth, merit)) return true;
       if (over > 0) transcription.corrections.speed_room += over + 1e-4;
+      transcription.corrections.room += 1.2 * beyond_;
       // The model's errors, which hardly change with the motion, are moved into its equalities.
       transcription.corrections.equality.clear();
       const auto model = transcription.equalities(false), plant = truth.equalities(false);
@@ -357,12 +371,19 @@ class Search {
     plan.goal_error_m = (end - problem_.task.goal_m).norm();
     Merit merit = judge(truth, plan.knots, limit_tolerance);
     merit.need = need_of(plan);
+    Limit between{};
+    beyond_ = truth.beyond_between_nodes(between);
+    if (beyond_ > merit.limit) {
+      merit.limit = beyond_;
+      merit.worst_limit = between;
+    }
     const double equality = std::min(kPlaceTolerance_m / problem_.robot.ball.radius_m, kRestTolerance);
     if (merit.equality > equality || merit.limit > 0 || merit.need > problem_.friction_limit) {
       merit.need = std::max(merit.need, model.need);
       fail(plan.grid, plan.knots, merit);
       return false;
     }
+    plan.near_resonance = truth.time_near_resonance();
     if (by_steppers_) plan.stepper_need = stepper_need(plan);
     if (!best_ || better(plan, merit)) {
       best_ = plan;
@@ -374,6 +395,12 @@ class Search {
 
   [[nodiscard]] bool better(const Plan& plan, const Merit& merit) const {
     if (by_steppers_) return plan.stepper_need < best_->stepper_need;
+    if (by_resonance_) {
+      constexpr double kHardly = 1.1;
+      const bool dear = problem_.task.objective == Objective::kEffort ? merit.effort > kHardly * best_effort_
+                                                                      : need_of(plan) > kHardly * need_of(*best_);
+      return !dear && plan.near_resonance < most_resonance_;
+    }
     if (problem_.task.objective == Objective::kTime) return plan.grid.duration_s < best_->grid.duration_s;
     if (problem_.task.objective == Objective::kEffort) return merit.effort < best_effort_;
     return need_of(plan) < need_of(*best_);
@@ -406,6 +433,27 @@ class Search {
     bool any = false;
     for (int i = 0; i < problem_.masses(); ++i) any = any || problem_.limits[index(i)].motor.has_value();
     return any;
+  }
+
+  void avoid_resonance() {
+    if (scenario_.run.actuation != sim::Actuation::kStepper) return leave_resonance();
+    if (options_.stepper_need) calm_motors();
+  }
+
+  // Masses that are prescribed here and have motors elsewhere: no run says what the motors add. A variant that stays
+  // away from the resonances for longer is taken if its friction (or effort) is hardly greater.
+  void leave_resonance() {
+    constexpr double kGain = 0.02;  // of the duration
+    if (warm() || best_->near_resonance < kGain) return;
+    const Plan first = *best_;
+    by_resonance_ = true;
+    for (const double weight : {3.0, 30.0}) {
+      if (stopped()) return;
+      aim_ = {problem_.task.objective, weight};
+      most_resonance_ = best_->near_resonance - kGain;
+      refine(make_grid(problem_, first.grid.duration_s, kPieces), fixed_knots(first.grid), first.knots,
+             first.via_time_s);
+    }
   }
 
   [[nodiscard]] double stepper_need(const Plan& plan) const {
@@ -475,7 +523,10 @@ class Search {
   std::optional<Plan> best_;
   double best_effort_ = 0;
   Aim aim_;
-  bool by_steppers_ = false;  // judges plans by the run with their motors
+  bool by_steppers_ = false;   // judges plans by the run with their motors
+  bool by_resonance_ = false;  // judges plans by the time near a resonance, which has to be below most_resonance_
+  double most_resonance_ = 0;
+  double beyond_ = 0;  // by how much the last plan passed a circle or left the path between nodes, in radii
   std::string binding_;
   Failure failure_;
 };

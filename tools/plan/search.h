@@ -23,7 +23,8 @@ struct Plan {
   PlantRun run;
   std::vector<double> via_time_s;
   double goal_error_m = 0;
-  double stepper_need = 0;  // greatest f_s / N with the motors, where SearchOptions can tell
+  double stepper_need = 0;    // greatest f_s / N with the motors, where SearchOptions can tell
+  double near_resonance = 0;  // part of the duration that some motor spends near a resonance
 };
 
 struct Outcome {

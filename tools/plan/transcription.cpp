@@ -114,7 +114,7 @@ void Transcription::limits(bool with_forms, const Sink& sink) const {
           problem_.least_normal_n / weight_ + kLeastNormal, kInfinity},
          form);
     motor_limits(node, with_forms, sink);
-    place_limits(node, with_forms, sink);
+    place_limits(node, {at.place_m[0], at.place_m[1]}, with_forms, sink);
   }
   if (!problem_.task.at_rest) return;
   // Stable: the centre of mass below the geometric centre.
@@ -215,9 +215,32 @@ double Transcription::time_near_resonance() const {
   return static_cast<double>(near) / static_cast<double>(rollout_.nodes().size());
 }
 
-void Transcription::place_limits(int node, bool with_forms, const Sink& sink) const {
-  const Node& at = rollout_.nodes()[index(node)];
-  const Eigen::Vector2d place(at.place_m[0], at.place_m[1]);
+double Transcription::beyond_between_nodes(Limit& worst) const {
+  if (problem_.task.keep_out.empty() && !problem_.task.follow) return 0;
+  const double h = rollout_.grid().step_s();
+  double most = 0;
+  for (int node = 0; node + 1 < rollout_.grid().nodes(); ++node) {
+    const Node &from = rollout_.nodes()[index(node)], &to = rollout_.nodes()[index(node + 1)];
+    for (const double c : {0.25, 0.5, 0.75}) {
+      Eigen::Vector2d place;
+      for (int axis = 0; axis < 2; ++axis) {
+        const auto k = index(axis);
+        const double by_start = (1 + 2 * c) * (1 - c) * (1 - c), by_end = c * c * (3 - 2 * c);
+        place[axis] = by_start * from.place_m[k] + by_end * to.place_m[k] +
+                      h * c * (1 - c) * ((1 - c) * from.value.velocity_mps[k] - c * to.value.velocity_mps[k]);
+      }
+      place_limits(node, place, false, [&](const Limit& limit, const NodeForm&) {
+        const double beyond = std::max(limit.value - limit.upper, limit.lower - limit.value);
+        if (beyond <= most) return;
+        most = beyond;
+        worst = limit;
+      });
+    }
+  }
+  return most;
+}
+
+void Transcription::place_limits(int node, const Eigen::Vector2d& place, bool with_forms, const Sink& sink) const {
   const auto judge = [&](LimitKind kind, int i, double distance, const Eigen::Vector2d& away, double lower,
                          double upper) {
     NodeForm form;

@@ -73,6 +73,10 @@ class Transcription {
   using Sink = std::function<void(const Limit& limit, const NodeForm& form)>;
   void limits(bool with_forms, const Sink& sink) const;
 
+  // By how much the ball passes a circle or leaves the path between two nodes, in radii, along cubics through the
+  // nodes; 0: nowhere. `worst` is set if it does.
+  [[nodiscard]] double beyond_between_nodes(Limit& worst) const;
+
   // Soft terms, small but without a limit, as residuals of a sum of squares: the time that motors spend near their
   // resonances, times resonance_weight.
   using SoftSink = std::function<void(double residual, const NodeForm& form)>;
@@ -100,7 +104,7 @@ class Transcription {
 
  private:
   void motor_limits(int node, bool with_forms, const Sink& sink) const;
-  void place_limits(int node, bool with_forms, const Sink& sink) const;
+  void place_limits(int node, const Eigen::Vector2d& place, bool with_forms, const Sink& sink) const;
   void rest_equalities(bool with_forms, std::vector<Equality>& out) const;
   void center_of_mass(Vec& center_B, std::array<Vec, kMaxMasses>& by_position) const;
 
