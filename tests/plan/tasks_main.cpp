@@ -1,4 +1,5 @@
-// plan_tasks [FIRST [COUNT [SEED]]]: plans random tasks, checks each plan with the plant, and prints what was found.
+// plan_tasks [FIRST [COUNT [FILE]]]: plans tasks of the committed set, checks each plan with the plant, and prints what
+// was found, and at the end a table for tools/docs/plan.md. plan_tasks --write FILE COUNT SEED makes a set.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -8,7 +9,7 @@
 #include <ctime>
 #include <vector>
 
-#include "tools/plan/random_task.h"
+#include "tests/plan/task_set.h"
 #include "tools/plan/write_plan.h"
 
 namespace {
@@ -17,21 +18,39 @@ using namespace ballast;
 
 double cpu_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
-// The claim against a run of the file as it would be written. Returns an error in words, or nothing.
-std::string check(const std::string& toml, const plan::TaskFile& task, const plan::Outcome& outcome) {
+// The plan against a run of the file as it would be written.
+struct Check {
+  std::string broken;  // in words; empty: nothing
+  bool wrong_claim = false, missed = false;
+};
+
+Check check(const std::string& toml, const plan::TaskFile& task, const plan::Outcome& outcome) {
+  Check out;
   const auto read = sim::parse_scenario(plan::plan_toml(toml, task, *outcome.plan), "plan");
-  if (!read.ok()) return sim::to_string(read.errors.front());
+  if (!read.ok()) {
+    out.wrong_claim = true;
+    out.broken = sim::to_string(read.errors.front());
+    return out;
+  }
   sim::Scenario scenario = read.scenario;
   scenario.run.actuation = sim::Actuation::kPrescribed;
   sim::Plant plant(scenario);
   plant.advance(scenario.duration_s, {});
-  if (plant.end() != sim::PhysicsEnd::kNone) return "does not roll to its end";
   const double claimed = outcome.plan->run.extrema.mu_required_max.value,
                rolled = plant.extrema().mu_required_max.value;
-  if (std::abs(claimed - rolled) > 1e-4 * rolled) return fmt::format("claims {} and needs {}", claimed, rolled);
-  const Eigen::Vector2d end = plant.sample().position_W_m.head<2>();
-  if ((end - task.task.goal_m).norm() > 1e-3) return fmt::format("misses by {} m", (end - task.task.goal_m).norm());
-  return "";
+  if (plant.end() != sim::PhysicsEnd::kNone) {
+    out.wrong_claim = true;
+    out.broken = "does not roll to its end";
+  } else if (std::abs(claimed - rolled) > 1e-4 * rolled) {
+    out.wrong_claim = true;
+    out.broken = fmt::format("claims {} and needs {}", claimed, rolled);
+  }
+  const double off_m = (plant.sample().position_W_m.head<2>() - task.task.goal_m).norm();
+  if (off_m > 1e-3) {
+    out.missed = true;
+    out.broken += fmt::format("{}misses by {} m", out.broken.empty() ? "" : ", ", off_m);
+  }
+  return out;
 }
 
 // What the task asks for.
@@ -47,44 +66,90 @@ std::string words_of(const plan::TaskFile& file) {
   return text;
 }
 
+// One row of the table.
+struct Tally {
+  std::string name;
+  int tasks = 0, found = 0, wrong = 0, missed = 0;
+  std::vector<double> seconds;
+
+  void add(bool is_found, const Check& checked, double took_s) {
+    ++tasks;
+    found += is_found ? 1 : 0;
+    wrong += checked.wrong_claim ? 1 : 0;
+    missed += checked.missed ? 1 : 0;
+    seconds.push_back(took_s);
+  }
+
+  void print() {
+    if (tasks == 0) return;
+    std::sort(seconds.begin(), seconds.end());
+    fmt::print("| {} | {} | {} ({:.1f} %) | {} | {} | {:.2f} s | {:.2f} s |\n", name, tasks, found,
+               100.0 * found / tasks, wrong, missed, seconds[seconds.size() / 2], seconds[seconds.size() * 95 / 100]);
+  }
+};
+
+int write(int argc, char** argv) {
+  if (argc != 5) {
+    fmt::print(stderr, "plan_tasks --write FILE COUNT SEED\n");
+    return 1;
+  }
+  std::string why;
+  if (plan::write_task_set(argv[2], std::strtoull(argv[4], nullptr, 10),
+                           static_cast<int>(std::strtol(argv[3], nullptr, 10)), why)) {
+    return 0;
+  }
+  fmt::print(stderr, "{}\n", why);
+  return 1;
+}
+
+// Plans one task and prints a line. True: the plan is not what it claims, or the task is none.
+bool plan_one(const plan::SetTask& task, std::vector<Tally*> tallies) {
+  std::vector<sim::ScenarioError> errors;
+  const auto file = plan::parse_task(task.toml, "task", errors);
+  if (!file) {
+    fmt::print("{}: no task: {}\n", task.number, sim::to_string(errors.front()));
+    return true;
+  }
+  const double start_s = cpu_s();
+  const plan::Problem problem = plan::make_problem(*file);
+  const plan::Outcome outcome = plan::search(problem, file->scenario, {});
+  const double took_s = cpu_s() - start_s;
+  const Check checked = outcome.plan ? check(task.toml, *file, outcome) : Check{};
+  for (Tally* tally : tallies) tally->add(outcome.plan.has_value(), checked, took_s);
+  std::string end;
+  if (!outcome.plan) end = ": " + outcome.binding;
+  if (!checked.broken.empty()) end = ": WRONG: " + checked.broken;
+  fmt::print("{}: {} in {:.2f} s, {} iterations, need {:.4f} of {:.4f}, {}{}\n", task.number,
+             plan::to_string(outcome.status), took_s, outcome.iterations,
+             outcome.plan ? outcome.plan->run.extrema.mu_required_max.value : 0, problem.friction_limit,
+             words_of(*file), end);
+  return !checked.broken.empty();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string(argv[1]) == "--write") return write(argc, argv);
   const auto number_at = [&](int i, int otherwise) {
     return i < argc ? static_cast<int>(std::strtol(argv[i], nullptr, 10)) : otherwise;
   };
-  const int first = number_at(1, 0), count = number_at(2, 50);
-  const std::uint64_t seed = argc > 3 ? std::strtoull(argv[3], nullptr, 10) : 1;
-  std::setvbuf(stdout, nullptr, _IOLBF, 1 << 12);  // shows the tasks as they are done
-  int found = 0, wrong = 0, sure = 0, sure_found = 0;
-  std::vector<double> seconds;
-  for (int number = first; number < first + count; ++number) {
-    std::string why;
-    const std::string toml = plan::random_task(seed, number, why).value_or("");
-    std::vector<sim::ScenarioError> errors;
-    const auto task = plan::parse_task(toml, "task", errors);
-    if (!task) {
-      fmt::print("{}: no task: {}\n", number, why.empty() ? sim::to_string(errors.front()) : why);
-      ++wrong;
-      continue;
-    }
-    const double start_s = cpu_s();
-    const plan::Problem problem = plan::make_problem(*task);
-    const plan::Outcome outcome = plan::search(problem, task->scenario, {});
-    seconds.push_back(cpu_s() - start_s);
-    const std::string error = outcome.plan ? check(toml, *task, outcome) : "";
-    found += outcome.plan ? 1 : 0;
-    sure += plan::is_surely_possible(number) ? 1 : 0;
-    sure_found += outcome.plan && plan::is_surely_possible(number) ? 1 : 0;
-    wrong += error.empty() ? 0 : 1;
-    fmt::print("{}: {} in {:.2f} s, {} iterations, need {:.4f} of {:.4f}, {}{}\n", number,
-               plan::to_string(outcome.status), seconds.back(), outcome.iterations,
-               outcome.plan ? outcome.plan->run.extrema.mu_required_max.value : 0, problem.friction_limit,
-               words_of(*task), error.empty() ? (outcome.plan ? "" : ": " + outcome.binding) : ": WRONG: " + error);
+  const int first = number_at(1, 0), count = number_at(2, 1000);
+  std::string why;
+  const auto tasks = plan::read_task_set(argc > 3 ? argv[3] : BALLAST_TASK_SET, why);
+  if (tasks.empty()) {
+    fmt::print(stderr, "{}\n", why);
+    return 1;
   }
-  std::sort(seconds.begin(), seconds.end());
-  if (seconds.empty()) return 1;
-  fmt::print("found {} of {} ({} of {} that are surely possible); wrong {}; CPU median {:.2f} s, 95 % {:.2f} s\n",
-             found, count, sure_found, sure, wrong, seconds[seconds.size() / 2], seconds[seconds.size() * 95 / 100]);
-  return wrong == 0 ? 0 : 1;
+  std::setvbuf(stdout, nullptr, _IOLBF, 1 << 12);  // shows the tasks as they are done
+  Tally all{"all"}, sure{"shown to be possible"}, rest{"to rest, over a distance that friction allows with ease"};
+  bool wrong = false;
+  for (const plan::SetTask& task : tasks) {
+    if (task.number < first || task.number >= first + count) continue;
+    wrong = plan_one(task, {&all, task.sure ? &sure : &rest}) || wrong;
+  }
+  fmt::print("\n| tasks {} to {} | number | found | wrong claims | goal missed | median CPU | 95 % |\n", first,
+             first + all.tasks - 1);
+  fmt::print("|---|---|---|---|---|---|---|\n");
+  for (Tally* tally : {&all, &sure, &rest}) tally->print();
+  return wrong || all.tasks == 0 ? 1 : 0;
 }

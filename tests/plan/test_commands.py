@@ -103,6 +103,22 @@ class Commands(unittest.TestCase):
         self.ballast("plan --chart none.toml", 1)
         self.assertEqual([path.name for path in self.folder.iterdir()], ["first.toml"])
 
+    def test_gains_fit_the_link_and_refuse_what_has_no_motion(self):
+        said, _ = self.ballast("plan --gains desk_ball --out gains.csv")
+        rows = (self.folder / "gains.csv").read_text().splitlines()
+        self.assertEqual(len(rows[0].split(",")), 1 + 9 + 3 * 14)
+        self.assertIn(f"at {len(rows) - 1} times", said)
+        self.assertLessEqual((len(rows) - 1) * (9 + 3 * 14) * 4, 32768)
+        self.first()
+        for line in ("first.toml", "none.toml", "desk_ball --chart", "desk_ball --from first.toml",
+                     "desk_ball --out first.toml/gains.csv"):
+            with self.subTest(line):
+                status = 2 if "first.toml/" in line else 1
+                _, why = self.ballast(f"plan --gains {line}", status)
+                self.assertTrue(why.strip())
+        _, why = self.ballast("plan --gains first.toml --out first.toml", 1)
+        self.assertIn("--out", why)
+
     def test_tune_refuses_what_has_no_motors_or_motion(self):
         self.first()
         _, why = self.ballast("tune first.toml", 1)

@@ -212,7 +212,12 @@ std::function<int()> add_plan_command(CLI::App& app, CLI::App*& command) {
   command->add_flag("--chart", options->chart,
                     "no plan, but what the robot can do over the distance: the least friction over the time, and the "
                     "shortest time over the floor");
-  return [options] { return options->chart ? chart_task(*options) : plan_task(*options); };
+  command->add_flag("--gains", options->gains,
+                    "no plan, but the reference and the feedback gains about the plan that TASK already is");
+  return [options] {
+    if (options->gains) return write_gains(*options);
+    return options->chart ? chart_task(*options) : plan_task(*options);
+  };
 }
 
 }  // namespace ballast

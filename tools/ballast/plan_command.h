@@ -1,4 +1,4 @@
-// Parts that `ballast plan` and `ballast plan --chart` share.
+// Parts that `ballast plan`, `ballast plan --chart` and `ballast plan --gains` share.
 #pragma once
 
 #include <chrono>
@@ -19,6 +19,7 @@ struct PlanCommand {
   std::optional<double> time_limit_s;
   bool quiet = false;
   bool chart = false;
+  bool gains = false;
 };
 
 using Clock = std::chrono::steady_clock;
@@ -44,7 +45,8 @@ class ProgressLine {
   Clock::time_point shown_ = Clock::now();
 };
 
-// `ballast plan --chart`: returns the exit status.
+// `ballast plan --chart` and `ballast plan --gains`: return the exit status.
 int chart_task(const PlanCommand& command);
+int write_gains(const PlanCommand& command);
 
 }  // namespace ballast

@@ -437,7 +437,7 @@ class Search {
 
   void avoid_resonance() {
     if (scenario_.run.actuation != sim::Actuation::kStepper) return leave_resonance();
-    if (options_.stepper_need) calm_motors();
+    if (options_.stepper_need && !warm()) calm_motors();
   }
 
   // Masses that are prescribed here and have motors elsewhere: no run says what the motors add. A variant that stays
@@ -474,7 +474,6 @@ class Search {
     const Plan first = *best_;
     const Grid grid = make_grid(problem_, first.grid.duration_s, kPieces);
     best_->stepper_need = stepper_need(first);
-    if (warm() && std::isfinite(best_->stepper_need)) return;
     by_steppers_ = true;
     for (const Aim& aim : kAims) {
       if (stopped() || best_->stepper_need <= kCalm * problem_.friction_limit) return;

@@ -1,0 +1,274 @@
+#include "tools/plan/tracking.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+#include "sim/plant/plant.h"
+#include "tools/program/params.h"
+
+namespace ballast::plan {
+namespace {
+
+std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+double time_unit(const Robot& robot) {
+  const double g = robot.ball.gravity_mps2;
+  return g > 0 ? std::sqrt(robot.ball.radius_m / g) : 1;
+}
+
+// Why the model cannot follow the scenario; empty if it can.
+std::string beyond_model(const sim::Scenario& scenario) {
+  bool moves = false;
+  for (const sim::Mass& mass : scenario.masses) {
+    if (!mass.trajectory.times_s.empty()) return "mass.trajectory: a mass without a rail cannot be corrected";
+    moves = moves || !mass.motion.empty();
+  }
+  if (!moves) return "mass.motion: there is none to follow; `ballast plan` finds one";
+  if (!scenario.force_table.times_s.empty()) return "external_force: changes with time; allowed: a constant force";
+  if (scenario.drag.coefficient_kgpm > 0) return "drag: is not in the planner's model; allowed: none";
+  const sim::Surface& floor = scenario.surface;
+  if (floor.slope_rad != 0 || floor.rolling_resistance > 0 || floor.spin_friction_m > 0) {
+    return "surface: slope and resistance are not in the planner's model; allowed: a level floor without resistance";
+  }
+  return "";
+}
+
+double acceleration_at(const std::vector<sim::MotionPiece>& motion, double time_s) {
+  double start_s = 0;
+  for (const sim::MotionPiece& piece : motion) {
+    if (time_s < start_s + piece.duration_s) {
+      const double part = (time_s - start_s) / piece.duration_s;
+      return (1 - part) * piece.acceleration_start + part * piece.acceleration_end;
+    }
+    start_s += piece.duration_s;
+  }
+  return 0;
+}
+
+// The plant's states under the motion, steps + 1 of them; fewer if it does not roll to the end.
+std::vector<ReferencePoint> roll(const sim::Scenario& scenario, int steps) {
+  sim::Scenario moved = scenario;
+  moved.run.actuation = sim::Actuation::kPrescribed;
+  moved.faults.clear();
+  moved.surface.static_friction = moved.surface.kinetic_friction = std::numeric_limits<double>::infinity();
+  sim::Plant plant(moved);
+  std::vector<ReferencePoint> out;
+  for (int k = 0; k <= steps; ++k) {
+    const double time_s = k == steps ? scenario.duration_s : scenario.duration_s * k / steps;
+    plant.advance(time_s, {});
+    if (plant.end() != sim::PhysicsEnd::kNone) break;
+    const sim::Plant::Sample s = plant.sample();
+    ReferencePoint at{};
+    at.state.q = {s.orientation[0], s.orientation[1], s.orientation[2], s.orientation[3]};
+    at.state.omega_B = sim::vec3(s.angular_velocity_B_radps);
+    for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+      at.state.position[i] = s.mass_position[i];
+      at.state.velocity[i] = s.mass_velocity[i];
+      at.state.acceleration[i] = acceleration_at(scenario.masses[i].motion, time_s);
+    }
+    at.place_m = {s.position_W_m[0], s.position_W_m[1]};
+    out.push_back(at);
+  }
+  return out;
+}
+
+// Q and R of a step, as diagonals of one over the squares of what counts as 1.
+void set_weights(const sim::Scenario& scenario, const TrackingWeights& weights, Tracking& out) {
+  const int n = out.masses();
+  const double r = out.robot.ball.radius_m, time = time_unit(out.robot), part = out.step_s / time;
+  Eigen::VectorXd state(2 * n + 8), input(n);
+  for (int i = 0; i < n; ++i) {
+    const double unit = r / scenario.masses[index(i)].metres_per_rail_unit();
+    state[i] = weights.mass_position * unit;
+    state[n + i] = weights.mass_rate * unit / time;
+    input[i] = weights.acceleration * unit / (time * time);
+  }
+  state.segment(2 * n, 3).setConstant(weights.attitude_rad);
+  state.segment(2 * n + 3, 3).setConstant(weights.angular_velocity / time);
+  state.tail(2).setConstant(weights.place * r);
+  out.state_weight = (part * state.array().square().inverse()).matrix().asDiagonal();
+  out.input_weight = (part * input.array().square().inverse()).matrix().asDiagonal();
+}
+
+void solve_riccati(double at_end, Tracking& out) {
+  const std::size_t steps = out.step.size();
+  out.gain.resize(steps);
+  out.cost.resize(steps + 1);
+  out.cost[steps] = at_end * time_unit(out.robot) / out.step_s * out.state_weight;
+  for (std::size_t k = steps; k-- > 0;) {
+    const Step& step = out.step[k];
+    const Eigen::MatrixXd &p = out.cost[k + 1], pull = step.input.transpose() * p;
+    out.gain[k] = (out.input_weight + pull * step.input).ldlt().solve(pull * step.transition);
+    const Eigen::MatrixXd before =
+        out.state_weight + step.transition.transpose() * p * (step.transition - step.input * out.gain[k]);
+    out.cost[k] = (before + before.transpose()) / 2;
+  }
+}
+
+}  // namespace
+
+Linear linearise(const Robot& robot, const RollingState& state) {
+  const int n = robot.ball.mass_count, phi = 2 * n, omega = 2 * n + 3, place = 2 * n + 6;
+  RollingValue value;
+  RollingDerivative d;
+  differentiate_rolling(robot, state, false, value, d);
+  Linear out{Eigen::MatrixXd::Zero(2 * n + 8, 2 * n + 8), Eigen::MatrixXd::Zero(2 * n + 8, n)};
+  const auto column = [](const Vec& v) { return Eigen::Vector3d(v.x, v.y, v.z); };
+  for (int i = 0; i < n; ++i) {
+    const std::size_t by = kStateColumns + 3 * index(i);
+    out.a(i, n + i) = 1;
+    out.b(n + i, i) = 1;
+    out.a.block<3, 1>(omega, i) = column(d.omega_dot_B[by]);
+    out.a.block<3, 1>(omega, n + i) = column(d.omega_dot_B[by + 1]);
+    out.b.block<3, 1>(omega, i) = column(d.omega_dot_B[by + 2]);
+  }
+  const Vec& w = state.omega_B;
+  out.a.block<3, 3>(phi, phi) << 0, w.z, -w.y, -w.z, 0, w.x, w.y, -w.x, 0;  // phi x Omega
+  out.a.block<3, 3>(phi, omega).setIdentity();
+  for (int c = 0; c < 6; ++c) {
+    out.a.block<3, 1>(omega, phi + c) = column(d.omega_dot_B[index(c)]);
+    for (int axis = 0; axis < 2; ++axis) out.a(place + axis, phi + c) = d.velocity_mps[index(axis)][index(c)];
+  }
+  return out;
+}
+
+Step discretise(const Linear& linear, double step_s) {
+  constexpr int kTerms = 10;  // steps are short beside the ball's own times: the tenth is below rounding
+  const Eigen::MatrixXd ah = linear.a * step_s;
+  Eigen::MatrixXd power = Eigen::MatrixXd::Identity(ah.rows(), ah.cols()), integral = power * step_s;
+  Step out{power, {}};
+  for (int k = 1; k <= kTerms; ++k) {
+    power = ah * power / k;
+    out.transition += power;
+    integral += power * step_s / (k + 1);
+  }
+  out.input = integral * linear.b;
+  return out;
+}
+
+Eigen::VectorXd tracking_error(const ReferencePoint& reference, const ReferencePoint& truth, int masses) {
+  Eigen::VectorXd e(2 * masses + 8);
+  for (int i = 0; i < masses; ++i) {
+    e[i] = truth.state.position[index(i)] - reference.state.position[index(i)];
+    e[masses + i] = truth.state.velocity[index(i)] - reference.state.velocity[index(i)];
+  }
+  const auto quaternion = [](const std::array<double, 4>& q) { return Eigen::Quaterniond(q[0], q[1], q[2], q[3]); };
+  const Eigen::AngleAxisd turn(quaternion(reference.state.q).conjugate() * quaternion(truth.state.q));
+  e.segment<3>(2 * masses) = turn.angle() * turn.axis();
+  const Vec omega = truth.state.omega_B - reference.state.omega_B;
+  e.segment<3>(2 * masses + 3) << omega.x, omega.y, omega.z;
+  for (int axis = 0; axis < 2; ++axis) {
+    e[2 * masses + 6 + axis] = truth.place_m[index(axis)] - reference.place_m[index(axis)];
+  }
+  return e;
+}
+
+std::optional<Tracking> track(const sim::Scenario& scenario, std::string& why, const TrackingWeights& weights,
+                              double step) {
+  constexpr double kMostSteps = 20000;
+  why = beyond_model(scenario);
+  if (!why.empty()) return std::nullopt;
+  Tracking out;
+  if (const auto refused = program::to_ball_params(scenario, out.robot.ball)) {
+    why = *refused;
+    return std::nullopt;
+  }
+  const double wanted = std::ceil(scenario.duration_s / (step * time_unit(out.robot)));
+  if (!(wanted <= kMostSteps)) {
+    why = fmt::format("duration: is {:.0f} steps of {} sqrt(r / g); allowed: at most {:.0f}", wanted, step, kMostSteps);
+    return std::nullopt;
+  }
+  const int steps = std::max(2, static_cast<int>(wanted));
+  out.step_s = scenario.duration_s / steps;
+  out.reference = roll(scenario, steps);
+  if (out.reference.size() != index(steps + 1)) {
+    why = fmt::format("the ball leaves the floor at t = {:.4g} s or before",
+                      static_cast<double>(out.reference.size()) * out.step_s);
+    return std::nullopt;
+  }
+  set_weights(scenario, weights, out);
+  Linear before = linearise(out.robot, out.reference.front().state);
+  for (int k = 0; k < steps; ++k) {
+    Linear after = linearise(out.robot, out.reference[index(k + 1)].state);
+    out.step.push_back(discretise({(before.a + after.a) / 2, (before.b + after.b) / 2}, out.step_s));
+    before = std::move(after);
+  }
+  solve_riccati(weights.at_end, out);
+  return out;
+}
+
+GainTable gain_table(const Tracking& tracking, std::size_t most_bytes) {
+  const int n = tracking.masses();
+  GainTable out;
+  out.masses = n;
+  const std::size_t steps = tracking.gain.size();
+  const std::size_t fit = most_bytes / sizeof(float) / GainTable::row_of(n);
+  out.samples = static_cast<int>(std::clamp<std::size_t>(steps + 1, 2, std::max<std::size_t>(fit, 2)));
+  const double duration_s = tracking.step_s * static_cast<double>(steps);
+  out.period_s = duration_s / (out.samples - 1);
+  for (int k = 0; k < out.samples; ++k) {
+    // Between two points: linear in each number, the attitude made a unit again. K is that of a whole step, so that of
+    // the last one serves to the end.
+    const double at = std::min(static_cast<double>(steps), k * out.period_s / tracking.step_s);
+    const std::size_t from = std::min(static_cast<std::size_t>(at), steps - 1);
+    const double part = at - static_cast<double>(from);
+    const ReferencePoint &a = tracking.reference[from], &b = tracking.reference[from + 1];
+    const auto mix = [&](double x, double y) { return (1 - part) * x + part * y; };
+    double sign = 0;
+    for (std::size_t c = 0; c < 4; ++c) sign += a.state.q[c] * b.state.q[c];
+    Eigen::Vector4d q;
+    for (std::size_t c = 0; c < 4; ++c) {
+      q[static_cast<int>(c)] = mix(a.state.q[c], sign < 0 ? -b.state.q[c] : b.state.q[c]);
+    }
+    q.normalize();
+    for (int c = 0; c < 4; ++c) out.values.push_back(static_cast<float>(q[c]));
+    const Vec &wa = a.state.omega_B, &wb = b.state.omega_B;
+    for (const double w : {mix(wa.x, wb.x), mix(wa.y, wb.y), mix(wa.z, wb.z)}) {
+      out.values.push_back(static_cast<float>(w));
+    }
+    for (std::size_t c = 0; c < 2; ++c) out.values.push_back(static_cast<float>(mix(a.place_m[c], b.place_m[c])));
+    const Eigen::MatrixXd &ka = tracking.gain[from], &kb = tracking.gain[std::min(from + 1, steps - 1)];
+    for (int i = 0; i < n; ++i) {
+      for (int c = 0; c < 2 * n + 8; ++c) out.values.push_back(static_cast<float>(mix(ka(i, c), kb(i, c))));
+    }
+  }
+  return out;
+}
+
+Eigen::MatrixXd GainTable::gain_at(double time_s) const {
+  const double at = std::clamp(time_s / period_s, 0.0, static_cast<double>(samples - 1));
+  const int from = std::min(static_cast<int>(at), samples - 2);
+  const double part = at - from;
+  Eigen::MatrixXd out(masses, 2 * masses + 8);
+  for (int i = 0; i < masses; ++i) {
+    for (int c = 0; c < 2 * masses + 8; ++c) {
+      const std::size_t place = index(from) * row() + 9 + index(i * (2 * masses + 8) + c);
+      out(i, c) = (1 - part) * static_cast<double>(values[place]) + part * static_cast<double>(values[place + row()]);
+    }
+  }
+  return out;
+}
+
+std::string gain_csv(const GainTable& table) {
+  std::string text = "time_s,q_w,q_x,q_y,q_z,omega_x_B_radps,omega_y_B_radps,omega_z_B_radps,x_W_m,y_W_m";
+  const auto out = std::back_inserter(text);
+  for (int i = 0; i < table.masses; ++i) {
+    for (int c = 0; c < 2 * table.masses + 8; ++c) fmt::format_to(out, ",k_{}_{}", i, c);
+  }
+  text += '\n';
+  for (int k = 0; k < table.samples; ++k) {
+    fmt::format_to(out, "{:.9g}", k * table.period_s);
+    for (std::size_t c = 0; c < table.row(); ++c)
+      fmt::format_to(out, ",{:.9g}", table.values[index(k) * table.row() + c]);
+    text += '\n';
+  }
+  return text;
+}
+
+}  // namespace ballast::plan
