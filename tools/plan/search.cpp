@@ -333,6 +333,7 @@ class Search {
     Transcription transcription = transcribe(problem_, rollout, via_time_s);
     SqpSettings s = settings();
     s.most_iterations = 20;
+    s.short_steps = warm();
     if (warm()) s.most_iterations = 8;  // a neighbour's plan: the rest gains a few percent
     Merit merit = improve(rollout, transcription, fixed, s, knots, effort_);
     if (aim_.objective == Objective::kEffort) {

@@ -52,9 +52,8 @@ class Sqp {
         const ProgramSolution step = solve(program_);
         const std::vector<double> before = knots_;
         for (int v = 0; v < size_; ++v) knots_[index(v)] += unit_[index(v)] * step.x[index(v)];
-        const bool rolled = step.decrease > 0 && rollout_.roll(knots_) && restore(step.factor);
-        const double gained = rolled ? merit - true_merit() : -1;
-        accepted = rolled && gained > 0.05 * step.decrease;
+        const double gained = take(step, merit);
+        accepted = gained > kLeastGain * step.decrease;
         if (accepted) {
           if (gained > 0.7 * step.decrease && attempt == 0) damping = std::max(damping / 3, 1e-7);
           if (gained < 0.3 * step.decrease) damping *= 2;
@@ -85,6 +84,23 @@ class Sqp {
 
  private:
   static constexpr double kMet = 1e-6, kNearlyMet = 1e-2;
+  static constexpr double kLeastGain = 0.05;  // of what the program promises
+
+  // Takes a step, and returns what the merit gains by it. The correction of the equalities is for long steps; where a
+  // short one is needed, between limits, it may undo it. With settings.short_steps the step alone counts then; without,
+  // the search would crawl along limits where another start is better.
+  double take(const ProgramSolution& step, double merit) {
+    if (!(step.decrease > 0) || !rollout_.roll(knots_)) return -1;
+    if (!settings_.short_steps) return restore(step.factor) ? merit - true_merit() : -1;
+    const double gained_alone = merit - true_merit();
+    const std::vector<double> alone = knots_;
+    if (restore(step.factor)) {
+      const double gained = merit - true_merit();
+      if (gained > kLeastGain * step.decrease || gained >= gained_alone) return gained;
+    }
+    knots_ = alone;
+    return rollout_.roll(knots_) ? gained_alone : -1;
+  }
 
   // Where the merit has come to its end a little beside the equalities: meets them, if the limits allow it.
   Merit meet_equalities(const Merit& reached) {

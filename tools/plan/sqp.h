@@ -35,8 +35,9 @@ struct SqpSettings {
   Objective objective = Objective::kFriction;  // kTime counts as kFriction: the duration is the caller's
   double friction_limit = 1e300;               // of f_s / N; used where it is not the objective
   int most_iterations = 60;
-  double tolerance = 2e-3;  // relative improvement below which it ends once all limits hold
-  double good_enough = 0;   // need at which it ends once all limits hold
+  double tolerance = 2e-3;   // relative improvement below which it ends once all limits hold
+  double good_enough = 0;    // need at which it ends once all limits hold
+  bool short_steps = false;  // from a motion that is nearly right
   double most_equality = 1e-5, most_limit = 1e-5;
 };
 
