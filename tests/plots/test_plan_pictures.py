@@ -9,6 +9,7 @@ from matplotlib.patches import Circle
 
 import chart
 import plan_pictures
+import sweep_map
 from planned import read_planned
 from recorded_run import RecordedRun
 from synthetic_run import ball
@@ -115,6 +116,32 @@ class ChartPicture(unittest.TestCase):
                 self.path.write_text(text)
                 with self.assertRaises(chart.ChartError):
                     chart.draw(chart.Chart(self.path))
+
+
+MAP = """{"sweep": "push", "scenario": "paper_ball", "rows": 7,
+ "x": {"key": "external_force.0", "logarithmic": false, "edges": [-1, 0, 1]},
+ "y": {"key": "surface.static_friction", "logarithmic": true, "edges": [0.1, 0.2, 0.4]},
+ "runs": [[2, 1], [0, 4]], "held": [[1, 0], [0, 4]]}"""
+
+
+class SweepMap(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.path = Path(folder.name) / "map.json"
+
+    def test_cells_show_the_share_that_holds(self):
+        self.path.write_text(MAP)
+        axes = sweep_map.draw(sweep_map.Map(self.path)).axes[0]
+        np.testing.assert_array_equal(axes.collections[0].get_array().filled(-1).reshape(2, 2), [[0.5, 0], [-1, 1]])
+        self.assertEqual((axes.get_xlabel(), axes.get_yscale()), ("external_force.0", "log"))
+
+    def test_another_file_is_refused(self):
+        for text in ("{}", "[", MAP.replace("[[2, 1], [0, 4]]", "[[2, 1]]"), MAP.replace("[[2, 1], [0, 4]]", "[[0, 0], [0, 0]]")):
+            with self.subTest(text[:20]):
+                self.path.write_text(text)
+                with self.assertRaises(sweep_map.MapError):
+                    sweep_map.Map(self.path)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@
 
 #include <csignal>
 #include <cstddef>
+#include <initializer_list>
 
 namespace ballast::cluster {
 namespace {

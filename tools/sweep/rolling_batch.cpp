@@ -5,7 +5,9 @@
 #include <cmath>
 #include <limits>
 
-#ifdef __x86_64__
+// Clang has no pragma for the instructions of some functions; with it, the portable code computes the same bits.
+#if defined(__x86_64__) && !defined(__clang__)
+#define BALLAST_HAS_LANES
 #include <immintrin.h>
 #endif
 
@@ -37,7 +39,7 @@ using M = std::int64_t __attribute__((vector_size(8 * kWidth)));
 #include "tools/sweep/rolling_batch.inc"
 }  // namespace portable
 
-#ifdef __x86_64__
+#ifdef BALLAST_HAS_LANES
 #pragma GCC push_options
 #pragma GCC target("avx2,fma")
 namespace avx2 {
@@ -80,7 +82,7 @@ struct Functions {
   void (*finish)(const void* memory, std::array<BatchResult, kLanes>& results);
 };
 
-#ifdef __x86_64__
+#ifdef BALLAST_HAS_LANES
 constexpr std::size_t kMostBytes = std::max({portable::kRollerBytes, avx2::kRollerBytes, avx512::kRollerBytes});
 #else
 constexpr std::size_t kMostBytes = portable::kRollerBytes;
@@ -88,7 +90,7 @@ constexpr std::size_t kMostBytes = portable::kRollerBytes;
 
 const Functions& functions(Lanes lanes) {
   static constexpr Functions kPortable{portable::begin, portable::next, portable::finish};
-#ifdef __x86_64__
+#ifdef BALLAST_HAS_LANES
   static constexpr Functions kAvx2{avx2::begin, avx2::next, avx2::finish};
   static constexpr Functions kAvx512{avx512::begin, avx512::next, avx512::finish};
   if (lanes == Lanes::kAvx2) return kAvx2;
@@ -233,7 +235,7 @@ MotionTable::MotionTable(const sim::Scenario& scenario, double step_s)
 }
 
 Lanes best_lanes() {
-#ifdef __x86_64__
+#ifdef BALLAST_HAS_LANES
   static const bool has_avx512 =
       __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
   static const bool has_avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
