@@ -1061,6 +1061,7 @@ TEST(Run, SaysWhereTheBallHasGone) {
   const Outcome run = folder.run("ballast run paper_ball --set duration=2 --out r");
   EXPECT_EQ(run.exit_status, 0) << run.err;
   EXPECT_NE(run.out.find("\n  travel      rolled to ("), std::string::npos) << run.out;
+  EXPECT_NE(run.out.find("\n  coasts      "), std::string::npos) << run.out;
   const auto s = folder.summary("r");
   EXPECT_EQ(s["travel"]["position"], s["final"]["position"]);
   const double x = s["final"]["position"][0], y = s["final"]["position"][1];

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "tools/summary/coast.h"
 #include "tools/summary/required_friction.h"
 #include "tools/summary/summary_parts.h"
 #include "tools/summary/summary_tree.h"
@@ -303,6 +304,7 @@ Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
   j["travel"] = {{"position", {f.position_W_m[0], f.position_W_m[1], f.position_W_m[2]}},
                  {"distance", result.distance_m},
                  {"speed", f.velocity_W_mps.norm()}};
+  j["coast"] = coast_json(scenario, result);
   j["regimes"] = regimes_json(result);
   j["impacts"] = impacts_json(result);
   j["trip"] = trip_json(result);

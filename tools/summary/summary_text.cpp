@@ -8,6 +8,7 @@
 
 #include "sim/scenario/reader.h"
 #include "tools/program/short_number.h"
+#include "tools/summary/coast.h"
 #include "tools/summary/controller_words.h"
 #include "tools/summary/required_friction.h"
 #include "tools/summary/summary_parts.h"
@@ -336,6 +337,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   std::string text = fmt::format("{}, {} masses\n", scenario.name, stepper ? "stepper-driven" : "prescribed");
   text += "  ended       " + end_text(scenario, result) + "\n";
   text += travel_line(scenario, result);
+  text += coast_line(scenario, result);
   text += fault_lines(scenario, result);
   text += regime_lines(result);
   text += "  trip        " + trip_text(scenario, result) + "\n";
