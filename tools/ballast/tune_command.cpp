@@ -14,6 +14,7 @@
 #include "tools/ballast/plan_command.h"
 #include "tools/ballast/tuning.h"
 #include "tools/program/program.h"
+#include "tools/program/short_number.h"
 
 namespace ballast {
 namespace {
@@ -24,7 +25,16 @@ struct TuneCommand {
   bool quiet = false;
 };
 
-std::string number(double value) { return std::isfinite(value) ? fmt::format("{:.3g}", value) : "no limit"; }
+using program::short_number;
+using program::short_time;
+
+std::string number(double value) { return std::isfinite(value) ? short_number(value) : "no limit"; }
+
+// A change in percent, with its sign.
+std::string percent(double part) {
+  const std::string text = short_number(std::round(100 * part));
+  return fmt::format("{}{} %", part > 0 ? "+" : "", text);
+}
 
 // Empty, or why the motors of this scenario cannot be tuned.
 std::string refusal_of(const sim::Scenario& scenario, const std::string& file) {
@@ -66,8 +76,8 @@ std::string need_text(const Figures& figures) { return figures.completed ? numbe
 std::string now_text(const sim::Scenario& scenario, const Tuning& tuning) {
   const Figures& now = tuning.now;
   const Allowed allowed = allowed_by(scenario);
-  std::string text = fmt::format("{}: with its motors it needs f_s/N = {} at t = {:.3g} s; the motion alone needs {}\n",
-                                 scenario.name, number(now.need), now.need_time_s, number(now.commanded));
+  std::string text = fmt::format("{}: with its motors it needs f_s/N = {} at t = {} s; the motion alone needs {}\n",
+                                 scenario.name, number(now.need), short_time(now.need_time_s), number(now.commanded));
   if (!now.completed) text += fmt::format("  it does not get to the end: {}\n", now.end);
   text += holds(now, allowed) ? fmt::format("  it holds: floor and envelope allow {}\n", number(allowed.friction))
           : now.need > allowed.friction
@@ -88,27 +98,30 @@ std::string times_text(const std::vector<Interval>& intervals) {
   std::string times;
   for (std::size_t k = 0; k < intervals.size(); ++k) {
     total_s += intervals[k].end_s - intervals[k].start_s;
-    if (k < 3) times += fmt::format("{}{:.3g} to {:.3g}", k == 0 ? "" : ", ", intervals[k].start_s, intervals[k].end_s);
+    if (k >= 3) continue;
+    times +=
+        fmt::format("{}{} to {}", k == 0 ? "" : ", ", short_time(intervals[k].start_s), short_time(intervals[k].end_s));
   }
   if (intervals.empty()) return "never";
   const std::string more = intervals.size() > 3 ? fmt::format(" and {} times more", intervals.size() - 3) : "";
-  return fmt::format("{:.2g} s in all: t = {} s{}", total_s, times, more);
+  return fmt::format("{} s in all: t = {} s{}", short_number(total_s), times, more);
 }
 
 std::string speeds_text(const sim::Scenario& scenario, const Tuning& tuning) {
   std::string text = fmt::format(
       "\nspeeds that shake: the full steps come within {:.0f} % of the frequency at which rotor and mass swing, or of "
       "twice it\n"
-      "  {:<5} {:>8} {:>8}  {:<28} {:>8}  {}\n",
+      "  {:<5} {:>8} {:>8}  {:<30} {:>8}  {}\n",
       100 * kNearResonance, "mass", "swing", "damping", "speeds to keep out of", "fastest", "the motion is there");
   for (const MotorResonance& r : tuning.resonances) {
     const char* unit = scenario.masses[r.mass].rail.shape == firmware::RailShape::kCircle ? "rad/s" : "m/s";
     const auto band = [&](double order) {
-      return fmt::format("{:.2g}-{:.2g}", order * (1 - kNearResonance) * r.rail_speed,
-                         order * (1 + kNearResonance) * r.rail_speed);
+      return fmt::format("{}-{}", short_number(order * (1 - kNearResonance) * r.rail_speed),
+                         short_number(order * (1 + kNearResonance) * r.rail_speed));
     };
-    text += fmt::format("  {:<5} {:>5.3g} Hz {:>8.2g}  {:<28} {:>8.2g}  {}\n", r.mass, r.swing_hz, r.damping_ratio,
-                        fmt::format("{}, {} {}", band(1), band(2), unit), r.greatest_speed, times_text(r.near));
+    text += fmt::format("  {:<5} {:>5} Hz {:>8}  {:<30} {:>8}  {}\n", r.mass, short_number(r.swing_hz),
+                        short_number(r.damping_ratio), fmt::format("{}, {} {}", band(1), band(2), unit),
+                        short_number(r.greatest_speed), times_text(r.near));
   }
   // A mass that hangs still while the ball rolls moves along its ring at the ball's rate.
   const auto ring = std::find_if(tuning.resonances.begin(), tuning.resonances.end(), [&](const MotorResonance& r) {
@@ -117,8 +130,9 @@ std::string speeds_text(const sim::Scenario& scenario, const Tuning& tuning) {
   if (ring != tuning.resonances.end()) {
     text += fmt::format(
         "  a mass that hangs at the bottom of its ring while the ball rolls is at these speeds when the "
-        "ball does {:.2g} and {:.2g} m/s (mass {})\n",
-        scenario.ball.radius_m * ring->rail_speed, 2 * scenario.ball.radius_m * ring->rail_speed, ring->mass);
+        "ball does {} and {} m/s (mass {})\n",
+        short_number(scenario.ball.radius_m * ring->rail_speed),
+        short_number(2 * scenario.ball.radius_m * ring->rail_speed), ring->mass);
   }
   return text;
 }
@@ -126,9 +140,8 @@ std::string speeds_text(const sim::Scenario& scenario, const Tuning& tuning) {
 std::string change_text(const Change& change, const Figures& now) {
   if (!change.figures) return fmt::format("  {:<28} {:>8}  {}\n", change.what, "-", change.refusal);
   const Figures& figures = *change.figures;
-  const double part = 100 * (figures.need / now.need - 1);
-  const std::string by =
-      !figures.completed || !std::isfinite(part) || std::abs(part) < 0.5 ? "" : fmt::format("{:+.0f} %", part);
+  const double part = figures.need / now.need - 1;
+  const std::string by = !figures.completed || !std::isfinite(part) || std::abs(part) < 0.005 ? "" : percent(part);
   return fmt::format("  {:<28} {:>8} {:>8}{}\n", change.what, need_text(figures), number(figures.share),
                      by.empty() ? "" : fmt::format(" {:>8}", by));
 }
