@@ -1,4 +1,4 @@
-# For the microcontroller: the programs the tests in this folder talk to. They are written for the boards on an MPS2.
+# For the microcontroller: the programs that tests of this folder and of tests/qemu talk to. They are written for the boards on an MPS2.
 get_target_property(board_dir ballast_board SOURCE_DIR)
 if(NOT board_dir STREQUAL ${PROJECT_SOURCE_DIR}/hal/mps2)
   return()
