@@ -24,6 +24,7 @@ COMMANDS += [
     ["integrate", "paper_ball", "--method", "rk4", "--step", "1"],
     ["new", "first", "--yes"],
     ["plan", "first.toml", "--time-limit", "1"],
+    ["tune", "first_plan.toml"],
     ["run", "first_plan.toml"],
     ["compare", "runs/paper_ball", "half"],
     ["compare", "runs/paper_ball", "runs/paper_ball-move"],

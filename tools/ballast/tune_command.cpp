@@ -111,7 +111,7 @@ std::string speeds_text(const sim::Scenario& scenario, const Tuning& tuning) {
   std::string text = fmt::format(
       "\nspeeds that shake: the full steps come within {:.0f} % of the frequency at which rotor and mass swing, or of "
       "twice it\n"
-      "  {:<5} {:>8} {:>8}  {:<28} {:>8}  {}\n",
+      "  {:<5} {:>8} {:>8}  {:<30} {:>8}  {}\n",
       100 * kNearResonance, "mass", "swing", "damping", "speeds to keep out of", "fastest", "the motion is there");
   for (const MotorResonance& r : tuning.resonances) {
     const char* unit = scenario.masses[r.mass].rail.shape == firmware::RailShape::kCircle ? "rad/s" : "m/s";
@@ -119,7 +119,7 @@ std::string speeds_text(const sim::Scenario& scenario, const Tuning& tuning) {
       return fmt::format("{}-{}", short_number(order * (1 - kNearResonance) * r.rail_speed),
                          short_number(order * (1 + kNearResonance) * r.rail_speed));
     };
-    text += fmt::format("  {:<5} {:>5} Hz {:>8}  {:<28} {:>8}  {}\n", r.mass, short_number(r.swing_hz),
+    text += fmt::format("  {:<5} {:>5} Hz {:>8}  {:<30} {:>8}  {}\n", r.mass, short_number(r.swing_hz),
                         short_number(r.damping_ratio), fmt::format("{}, {} {}", band(1), band(2), unit),
                         short_number(r.greatest_speed), times_text(r.near));
   }
