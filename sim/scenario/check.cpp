@@ -239,6 +239,21 @@ void read_published(TableReader table, std::vector<Scenario::Published>& publish
   if (quantity && value && source) published.push_back({std::string(kQuantities[*quantity]), *value, *source});
 }
 
+// [plan] goal as `ballast plan` writes it. Anything else is ignored.
+std::optional<Eigen::Vector2d> planned_goal(const Node& root) {
+  const Node* plan = root.find("plan");
+  const Node* goal = plan == nullptr ? nullptr : plan->find("goal");
+  if (goal == nullptr || goal->kind != NodeKind::kArray || goal->items.size() != 2) return std::nullopt;
+  Eigen::Vector2d place;
+  for (std::size_t j = 0; j < 2; ++j) {
+    const Node& item = goal->items[j];
+    const bool number = item.kind == NodeKind::kFloat || item.kind == NodeKind::kInteger;
+    if (!number || !std::isfinite(item.number)) return std::nullopt;
+    place[static_cast<Eigen::Index>(j)] = item.number;
+  }
+  return place;
+}
+
 // Refuses a start in sliding on a floor of infinite friction.
 void check_start(TableReader& root, const Scenario& scenario) {
   const auto& initial = scenario.initial;
@@ -292,6 +307,8 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
   for (TableReader& table : root.tables("published", "an array of tables, each headed [[published]]")) {
     read_published(table, scenario.published);
   }
+
+  scenario.planned_goal_W_m = planned_goal(root_node);
 
   root.refuse_unknown_keys();
   check_start(root, scenario);

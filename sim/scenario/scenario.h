@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -52,8 +53,11 @@ struct Scenario : World {
   };
   std::vector<Published> published;
 
+  // The goal of the plan that the scenario is, where `ballast plan` wrote it. A run ignores it; its summary does not.
+  std::optional<Eigen::Vector2d> planned_goal_W_m;
+
   std::uint64_t seed = 0;
-  std::int64_t id = 0;  // fingerprint of everything above but `published`, equal for equal scenarios; never 0
+  std::int64_t id = 0;  // fingerprint of everything above but `published` and `planned_goal_W_m`, equal for equal scenarios; never 0
 
   std::string toml;  // a scenario file that gives this scenario, with overrides applied, from any folder
 

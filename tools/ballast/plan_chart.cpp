@@ -62,6 +62,9 @@ int chart_task(const PlanCommand& command) {
   const auto task = task_of(command);
   if (!task) return program::kExitUsage;
   const ChartFiles files = files_of(command, task->scenario.name);
+  for (const auto& file : {files.json, files.csv, files.picture}) {
+    if (const std::string why = in_the_way(file); !why.empty()) return could_not(why);
+  }
   const auto start = Clock::now();
   const volatile std::sig_atomic_t* signalled = program::catch_signals();
   ProgressLine line(command.quiet);

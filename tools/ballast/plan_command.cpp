@@ -22,6 +22,14 @@ namespace ballast {
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
+std::string in_the_way(const std::filesystem::path& path) {
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status) || std::filesystem::is_regular_file(status)) return "";
+  return fmt::format("{} {}: it stays as it is; allowed: a new name, or an earlier file", path.string(),
+                     std::filesystem::is_directory(status) ? "is a folder" : "is a device, a pipe or a socket");
+}
+
 bool write_file(const std::filesystem::path& path, const std::string& text) {
   const std::filesystem::path draft = path.string() + ".draft";
   {
@@ -82,6 +90,17 @@ std::string file_text(const std::filesystem::path& path) {
   return text.str();
 }
 
+// Why a plan cannot be written here; empty: it can. A scenario without [plan] is someone's own.
+std::string plan_refusal(const std::filesystem::path& toml_path, const std::filesystem::path& json_path) {
+  for (const auto& path : {toml_path, json_path}) {
+    if (std::string why = in_the_way(path); !why.empty()) return why;
+  }
+  if (!std::filesystem::exists(toml_path)) return "";
+  const std::string text = file_text(toml_path);
+  if (text.empty() || text.starts_with("[plan]") || text.find("\n[plan]") != std::string::npos) return "";
+  return toml_path.string() + " is no plan: it stays as it is; allowed: another --out, or an earlier plan";
+}
+
 // Takes the plan of an earlier search out of the way, so that nobody takes it for this task's. Returns what it did.
 std::string set_aside(const std::filesystem::path& toml_path) {
   std::error_code error;
@@ -135,6 +154,7 @@ int plan_task(const PlanCommand& command) {
   if (std::filesystem::equivalent(path, toml_path, same)) {
     return refuse(program::kExitUsage, "--out: is the task itself; allowed: another file");
   }
+  if (const std::string why = plan_refusal(toml_path, json_path); !why.empty()) return refuse(program::kExitUsage, why);
 
   plan::SearchOptions options;
   if (!command.from.empty()) {
@@ -186,13 +206,15 @@ int plan_task(const PlanCommand& command) {
   }
   const std::string json =
       plan::outcome_json(*task, outcome, with_steppers ? &*with_steppers : nullptr, command.seed, seconds_since(start));
-  if ((outcome.plan && !write_file(toml_path, toml)) || !write_file(json_path, json)) {
+  if (outcome.plan && !write_file(toml_path, toml))
     return refuse(program::kExitCouldNotRun, fmt::format("{}: cannot be written", toml_path.string()));
-  }
+  if (!write_file(json_path, json))
+    return refuse(program::kExitCouldNotRun, fmt::format("{}: cannot be written", json_path.string()));
   if (!outcome.plan)
     return refuse(program::kExitEnvelope,
                   fmt::format("{}: no plan: {}{}", task->scenario.name, outcome.binding, set_aside(toml_path)));
   if (!command.quiet) std::cout << outcome_text(*task, outcome, with_steppers, toml_path.string()) << std::flush;
+  if (*signalled != 0) program::complain("ballast", "interrupted: this is the best plan so far, not rolled with its steppers");
   if (!stepper_refusal.empty()) {
     return refuse(program::kExitCouldNotRun,
                   fmt::format("{}: the plan holds with prescribed masses, and does not run with its steppers: {}",

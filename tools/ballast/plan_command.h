@@ -29,6 +29,9 @@ using Clock = std::chrono::steady_clock;
 [[nodiscard]] std::optional<plan::TaskFile> task_of(const PlanCommand& command);
 
 // Writes a whole file or none.
+// Why no file can take this place, where a folder, a device, a pipe or a socket is; empty: none is.
+[[nodiscard]] std::string in_the_way(const std::filesystem::path& path);
+
 [[nodiscard]] bool write_file(const std::filesystem::path& path, const std::string& text);
 
 // One line on a terminal that is written over; elsewhere a line a second.

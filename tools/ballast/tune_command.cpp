@@ -231,6 +231,9 @@ int tune_motors(const TuneCommand& command) {
   const auto scenario = program::load_scenario(command.scenario);
   if (!scenario) return program::kExitUsage;
   if (const std::string why = refusal_of(*scenario, command.scenario.scenario); !why.empty()) return refuse(why);
+  if (!command.out.empty()) {
+    if (const std::string why = in_the_way(command.out); !why.empty()) return refuse(why);
+  }
   const volatile std::sig_atomic_t* signalled = program::catch_signals();
   ProgressLine line(command.quiet);
   std::string refusal;

@@ -101,6 +101,17 @@ std::string travel_line(const sim::Scenario& scenario, const RunResult& result) 
                      short_number(result.distance_m, nothing), short_number(end.velocity_W_mps.norm(), nothing));
 }
 
+// How near the ball came to the goal of its plan.
+std::string goal_line(const sim::Scenario& scenario, const RunResult& result) {
+  if (!scenario.planned_goal_W_m) return "";
+  constexpr double kNegligible_m = 1e-6;  // a plan meets its goal within 1 mm
+  const Eigen::Vector2d& goal = *scenario.planned_goal_W_m;
+  const double off_m = (result.final_sample.position_W_m.head<2>() - goal).norm();
+  return fmt::format("  goal        ({}, {}) m in its plan; the ball ended {} mm from there\n",
+                     short_number(goal[0], kNegligible_m), short_number(goal[1], kNegligible_m),
+                     short_number(1e3 * off_m, 1e3 * kNegligible_m));
+}
+
 std::string fault_lines(const sim::Scenario& scenario, const RunResult& result) {
   std::string text;
   for (const sim::Fault& fault : scenario.faults) {
@@ -337,6 +348,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   std::string text = fmt::format("{}, {} masses\n", scenario.name, stepper ? "stepper-driven" : "prescribed");
   text += "  ended       " + end_text(scenario, result) + "\n";
   text += travel_line(scenario, result);
+  text += goal_line(scenario, result);
   text += coast_line(scenario, result);
   text += fault_lines(scenario, result);
   text += regime_lines(result);
