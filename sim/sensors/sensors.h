@@ -1,4 +1,4 @@
-// What the robot's sensors say of the true motion: IMU, encoders, and a place from outside.
+// Readings of the robot's sensors for a true motion: IMU, encoders, and a place from outside.
 //
 // One reading is
 //   truth -> misalignment -> scale -> bias -> noise -> saturation -> rounding,

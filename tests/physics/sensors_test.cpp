@@ -171,7 +171,7 @@ TEST(Sensors, EncodersCountInTheirResolution) {
   EXPECT_EQ(encoder[2], 0) << "it has none";
 }
 
-// What one sensor is set to does not change the others' random numbers; another seed changes all.
+// The settings of one sensor do not change the others' random numbers; another seed changes all.
 TEST(Sensors, HaveRandomNumbersOfTheirOwn) {
   SensorModel model = model_at(1000), other = model;
   model.gyro.noise_density = model.accelerometer.noise_density = 1e-3;

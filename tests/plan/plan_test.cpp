@@ -213,18 +213,20 @@ TEST(Plan, TimeAndEffortAreObjectives) {
   EXPECT_LT(effort(*calm.outcome.plan), effort(*smooth.outcome.plan));
 }
 
-// A sample of what plan_tasks measures: 40 of the committed tasks, on 10 robots and of every block. 95 % have to be
-// found.
+// A sample of what plan_tasks measures: 20 of the committed tasks, from every block of them, that a motion has shown to
+// be possible. 95 % have to be found.
 TEST(Plan, RandomTasksAreFound) {
-  constexpr int kEvery = 25;
+  constexpr std::size_t kBlock = 50;
   std::string why;
   const std::vector<SetTask> tasks = read_task_set(BALLAST_TASK_SET, why);
   ASSERT_EQ(tasks.size(), 1000u) << why;
   int found = 0, planned = 0;
-  for (std::size_t block = 0; block < tasks.size() / kEvery; ++block) {
-    const SetTask& task = tasks[block * kEvery + block % kEvery];
-    SCOPED_TRACE("task " + std::to_string(task.number));
-    const Planned p = plan_of(task.toml, Expect::kAnything);
+  for (std::size_t block = 0; block < tasks.size() / kBlock; ++block) {
+    std::size_t at = block * kBlock + block;
+    while (at + 1 < (block + 1) * kBlock && !tasks[at].sure) ++at;
+    ASSERT_TRUE(tasks[at].sure) << at;
+    SCOPED_TRACE("task " + std::to_string(tasks[at].number));
+    const Planned p = plan_of(tasks[at].toml, Expect::kAnything);
     EXPECT_NE(p.outcome.status, Status::kInfeasible) << p.outcome.binding;
     found += p.outcome.plan ? 1 : 0;
     ++planned;
@@ -252,7 +254,7 @@ TEST(Plan, TheSameSeedGivesTheSamePlan) {
   EXPECT_EQ(plan_toml(toml, *first.task, *first.outcome.plan), plan_toml(toml, *second.task, *second.outcome.plan));
 }
 
-// What no motion can do is refused by a bound, without a search.
+// A task that no motion can do is refused by a bound, without a search.
 TEST(Plan, RefusesTheImpossibleAtOnce) {
   const auto with = [](const std::string& old, const std::string& now) {
     std::string robot = kRobot;

@@ -53,7 +53,7 @@ Check check(const std::string& toml, const plan::TaskFile& task, const plan::Out
   return out;
 }
 
-// What the task asks for.
+// The task in a few words: masses, objective and conditions.
 std::string words_of(const plan::TaskFile& file) {
   const plan::Task& task = file.task;
   std::string text = fmt::format("{} masses, {}", file.scenario.masses.size(), plan::to_string(task.objective));

@@ -38,7 +38,8 @@ class Commands(unittest.TestCase):
     def ballast(self, line, status=0):
         done = subprocess.run(f"{os.environ['BALLAST']} {line}", shell=True, cwd=self.folder, capture_output=True,
                               text=True, check=False)
-        self.assertEqual(done.returncode, status, f"ballast {line}\n{done.stdout}{done.stderr}")
+        if status is not None:
+            self.assertEqual(done.returncode, status, f"ballast {line}\n{done.stdout}{done.stderr}")
         return done.stdout.replace(os.environ["BALLAST"], "ballast"), done.stderr
 
     def first(self, change=lambda text: text):
@@ -102,6 +103,24 @@ class Commands(unittest.TestCase):
         self.assertIn(".json", why)
         self.ballast("plan --chart none.toml", 1)
         self.assertEqual([path.name for path in self.folder.iterdir()], ["first.toml"])
+
+    def test_a_plan_replaces_only_plans(self):
+        self.first()
+        own = (self.folder / "first.toml").read_text()
+        (self.folder / "mine.toml").write_text(own)
+        os.mkfifo(self.folder / "pipe.toml")
+        (self.folder / "first_plan.json").mkdir()
+        for out, why in (("--out mine.toml", "is no plan"), ("--out pipe.toml", "is a device"), ("", "is a folder")):
+            with self.subTest(out):
+                self.assertIn(why, self.ballast(f"plan first.toml {out}", 1)[1])
+        self.assertEqual((self.folder / "mine.toml").read_text(), own)
+        self.assertTrue((self.folder / "pipe.toml").is_fifo())
+        self.assertIn("is a device", self.ballast("tune desk_ball --out pipe.toml", 1)[1])
+        (self.folder / "first_plan.json").rmdir()
+        self.ballast("plan first.toml --quiet")
+        self.ballast("plan first.toml --quiet")
+        said, _ = self.ballast("run first_plan.toml --set surface.rolling_resistance=5 --no-log", None)
+        self.assertRegex(said, r"goal +\(0.5, 0\) m in its plan; the ball ended \d{3} mm from there")
 
     def test_gains_fit_the_link_and_refuse_what_has_no_motion(self):
         said, _ = self.ballast("plan --gains desk_ball --out gains.csv")

@@ -214,7 +214,8 @@ int plan_task(const PlanCommand& command) {
     return refuse(program::kExitEnvelope,
                   fmt::format("{}: no plan: {}{}", task->scenario.name, outcome.binding, set_aside(toml_path)));
   if (!command.quiet) std::cout << outcome_text(*task, outcome, with_steppers, toml_path.string()) << std::flush;
-  if (*signalled != 0) program::complain("ballast", "interrupted: this is the best plan so far, not rolled with its steppers");
+  if (*signalled != 0)
+    program::complain("ballast", "interrupted: this is the best plan so far, not rolled with its steppers");
   if (!stepper_refusal.empty()) {
     return refuse(program::kExitCouldNotRun,
                   fmt::format("{}: the plan holds with prescribed masses, and does not run with its steppers: {}",

@@ -13,7 +13,7 @@ constexpr std::uint64_t kNone = ~std::uint64_t{0};
 
 enum class Wish : std::uint64_t { kBlock, kEnd };
 
-// What a rank tells rank 0: what it has done since its last report, and whether it wants another block.
+// A rank's message to rank 0: what it has done since its last report, and whether it wants another block.
 struct Report {
   Done done;
   Wish wish = Wish::kBlock;

@@ -28,7 +28,7 @@ struct Command {
   bool resume = false, quiet = false;
 };
 
-// What rank 0 tells all others before the first block.
+// Rank 0's message to all others before the first block.
 struct Start {
   std::uint64_t sweep = 0;  // its identity
   bool go = false;          // false: there is nothing to compute

@@ -85,7 +85,7 @@ double greatest_moment(const Problem& problem, double duration_s) {
   return greatest / std::cos(std::numbers::sqrt2 / 2 * kApart);
 }
 
-// What a motor can do: its greatest power, its greatest force in rail units, and where the power is greatest.
+// Limits of a motor: its greatest power, its greatest force in rail units, and where the power is greatest.
 struct Strength {
   double power_w = 0, force = 0;
   bool at_most_speed = false;

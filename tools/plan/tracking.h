@@ -69,7 +69,7 @@ struct Tracking {
 [[nodiscard]] std::optional<Tracking> track(const sim::Scenario& scenario, std::string& why,
                                             const TrackingWeights& weights = {}, double step = 0.1);
 
-// What travels to a controller: floats at equal times, linear between. Of each time the attitude (4), Omega (3), place
+// Table that travels to a controller: floats at equal times, linear between. Of each time the attitude (4), Omega (3), place
 // (2) and K by rows; the masses' own motion is in the controller's profile.
 struct GainTable {
   int masses = 0, samples = 0;
