@@ -80,7 +80,7 @@ std::string signal_to_a_rank(const std::string& signal) {
 TEST(Ranks, GoOnAfterACrash) {
   const Folder folder;
   std::string slow = test::kStepperSweep;
-  slow.replace(slow.find("duration = 0.3"), 14, "duration = 8.0");
+  slow.replace(slow.find("duration = 0.3"), 14, "duration = 24.0");
   folder.write("slow.toml", slow);
   const std::string whole = expected(folder, "slow");
   const Outcome crashed = folder.run(signal_to_a_rank("SEGV"));

@@ -1148,13 +1148,13 @@ TEST(Run, WarnsOfATaskThatNobodyHasPlanned) {
 TEST(Plan, AFailedSearchTakesAnOlderPlanOutOfTheWay) {
   const Folder folder;
   ASSERT_EQ(folder.run("ballast new first --yes").exit_status, 0);
-  folder.write("first_plan.toml", "# of an earlier search");
+  folder.write("first_plan.toml", "[plan]  # of an earlier search");
   const Outcome failed = folder.run("ballast plan first.toml --time-limit 1e-9");
   EXPECT_EQ(failed.exit_status, 3) << failed.err;
   EXPECT_NE(failed.err.find("; the plan of an earlier search is now first_plan.old.toml"), std::string::npos)
       << failed.err;
   EXPECT_FALSE(std::filesystem::exists(folder / "first_plan.toml"));
-  EXPECT_EQ(test::read_file(folder / "first_plan.old.toml"), "# of an earlier search");
+  EXPECT_EQ(test::read_file(folder / "first_plan.old.toml"), "[plan]  # of an earlier search");
 }
 
 TEST(Plan, AShippedScenarioWithoutATaskIsToldSo) {
