@@ -13,7 +13,13 @@ bool stale(std::int64_t sample_tick, std::int64_t tick, int limit_ticks) {
   return age > static_cast<std::uint64_t>(limit_ticks);
 }
 
-bool finite(const Vector3& v) { return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]); }
+// Greatest number of a sensor: 1e15, that of a scenario, as a power of 2 that is exact in single precision too. Forces
+// from greater rates may overflow, and could then neither be judged nor compared.
+constexpr Real kGreatest = 0x1p50;
+
+bool possible(const Vector3& v) {
+  return std::fabs(v[0]) <= kGreatest && std::fabs(v[1]) <= kGreatest && std::fabs(v[2]) <= kGreatest;
+}
 
 Real length(const Quaternion& q) { return std::sqrt(q.w() * q.w() + q.x() * q.x() + q.y() * q.y() + q.z() * q.z()); }
 
@@ -46,8 +52,8 @@ bool valid(const Sensors& s) {
     if (!std::isfinite(encoder)) return false;
   }
   if (!std::isfinite(s.fix_W_m[0]) || !std::isfinite(s.fix_W_m[1])) return false;
-  return std::fabs(length(s.orientation) - 1) <= kLengthTolerance && finite(s.gyro_B_radps) &&
-         finite(s.accelerometer_B_mps2);
+  return std::fabs(length(s.orientation) - 1) <= kLengthTolerance && possible(s.gyro_B_radps) &&
+         possible(s.accelerometer_B_mps2);
 }
 
 Quaternion attitude(const Sensors& sensors) {

@@ -62,7 +62,7 @@ struct ControllerStatus {
   PerMass<Real> commanded_velocity{};
   PerMass<ProfilePoint> next{};          // commanded at the start of the next tick, whose steps go with this
   RollingForces predicted;               // closed forms, commanded masses, sensed attitude and rate; NaN if those are
-                                         // not finite: then mu_required is +infinity and margin -1
+                                         // no possible numbers: then mu_required is +infinity and margin -1
   Real mu_required = 0;                  // f_s / N; +infinity where N <= 0
   Real margin = 0;                       // 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0
   std::int64_t overruns = 0;             // kept by the HAL's clock

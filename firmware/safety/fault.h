@@ -7,14 +7,15 @@ namespace ballast::firmware {
 
 enum class Fault : std::uint32_t {
   kNone = 0,
-  kSensorNotFinite = 1u << 0,  // NaN or infinity, or a quaternion far from unit length, in the sensors
-  kSensorStale = 1u << 1,      // no sensors of this tick for more than the stated number of ticks
-  kMonitorStale = 1u << 2,     // no heartbeat of the monitor for more than the stated number of ticks
-  kMonitorTrip = 1u << 3,      // the monitor has tripped
-  kStepOverload = 1u << 4,     // a profile asks for steps that cannot be issued
-  kTickOutOfOrder = 1u << 5,   // a control tick was repeated or skipped
-  kInternal = 1u << 6,         // a bug of the firmware (assert)
-  kEndSwitch = 1u << 7,        // a mass closes the switch at an end of its rail and is commanded on over that end
+  // NaN or infinity in the sensors, a quaternion far from unit length, or a number beyond 2^50
+  kSensorNotFinite = 1u << 0,
+  kSensorStale = 1u << 1,     // no sensors of this tick for more than the stated number of ticks
+  kMonitorStale = 1u << 2,    // no heartbeat of the monitor for more than the stated number of ticks
+  kMonitorTrip = 1u << 3,     // the monitor has tripped
+  kStepOverload = 1u << 4,    // a profile asks for steps that cannot be issued
+  kTickOutOfOrder = 1u << 5,  // a control tick was repeated or skipped
+  kInternal = 1u << 6,        // a bug of the firmware (assert)
+  kEndSwitch = 1u << 7,       // a mass closes the switch at an end of its rail and is commanded on over that end
 };
 
 constexpr std::uint32_t bit(Fault fault) { return static_cast<std::uint32_t>(fault); }

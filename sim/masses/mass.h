@@ -37,7 +37,7 @@ struct Mass {
   double initial_velocity = 0;
   std::vector<MotionPiece> motion;
   Motor motor;
-  bool has_motor = false;  // the file sets one of its limits (max_..); else they are derived from the motion
+  bool motor_limited = false;  // the file sets a limit of its motor (max_..); else all are derived from the motion
 
   // |zeta'|: metres of path per rail unit. A spline's is 1 within the tolerance of spline_rail.h.
   [[nodiscard]] double metres_per_rail_unit() const {

@@ -71,8 +71,8 @@ class Plant {
 
   // N and f_s for the ball's attitude, angular velocity and regime now, if the masses moved like this: rail
   // coordinates, their rates and those' rates. In sliding with the slip as it is, and NaN where such masses would leave
-  // no N that balances it (Painleve's paradox); in flight 0. `forces` selects the external forces: all, or all but force
-  // table and drag, which the controller is not told of.
+  // no N that balances it (Painleve's paradox); in flight 0. `forces` selects the external forces: all, or all but
+  // force table and drag, which the controller is not told of.
   enum class Forces { kAll, kTold };
   struct ContactForces {
     double normal_force_n;

@@ -700,7 +700,7 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
   const bool complete = mass_kg && rail && motion_known && around.gravity_mps2 && around.ball_radius_m &&
                         around.control_period_s && around.timer_frequency_hz;
   TableReader motor = table.table("motor");
-  mass.has_motor = motor.has("max_step_rate") || motor.has("max_acceleration") || motor.has("max_jerk");
+  mass.motor_limited = motor.has("max_step_rate") || motor.has("max_acceleration") || motor.has("max_jerk");
   read_motor(std::move(motor), around, rail, complete, speed, mass);
   if (complete) default_stiffness(table, mass);
   if (complete && around.actuation == Actuation::kStepper) {

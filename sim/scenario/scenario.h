@@ -57,7 +57,8 @@ struct Scenario : World {
   std::optional<Eigen::Vector2d> planned_goal_W_m;
 
   std::uint64_t seed = 0;
-  std::int64_t id = 0;  // fingerprint of everything above but `published` and `planned_goal_W_m`, equal for equal scenarios; never 0
+  // Fingerprint of everything above but `published` and `planned_goal_W_m`: equal for equal scenarios, never 0.
+  std::int64_t id = 0;
 
   std::string toml;  // a scenario file that gives this scenario, with overrides applied, from any folder
 

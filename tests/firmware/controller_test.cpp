@@ -316,10 +316,12 @@ TEST(Controller, BadSensorsTrip) {
   const Quaternion bad_attitudes[] = {Quaternion(kNan, 0, 0, 0),
                                       Quaternion(1, 0, std::numeric_limits<Real>::infinity(), 0),
                                       Quaternion(0, 0, 0, 0), Quaternion(1.0011, 0, 0, 0), Quaternion(0.9989, 0, 0, 0)};
-  for (int kind = 0; kind < 7; ++kind) {
+  for (int kind = 0; kind < 9; ++kind) {
     Bench bench;
     bench.arm_and_start();
     bench.run(400);
+    if (kind == 7) bench.in.sensors.gyro_B_radps[2] = 2e15;  // whose square is still a number
+    if (kind == 8) bench.in.sensors.accelerometer_B_mps2[0] = -2e15;
     if (kind < 5) bench.in.sensors.orientation = bad_attitudes[kind];
     if (kind == 5) bench.in.sensors.gyro_B_radps[1] = kNan;
     if (kind == 6) bench.in.sensors.accelerometer_B_mps2[2] = -std::numeric_limits<Real>::infinity();

@@ -57,7 +57,10 @@ void copy_run(const Folder& folder, const std::string& from, const std::string& 
 TEST(Replay, TheSameFirmwareSaysTheSame) {
   const Folder folder;
   for (const std::string scenario :
-       {"paper_ball --set duration=1", "paper_ball --set envelope.friction_use=0.3", "seam_ball --set duration=0.5"}) {
+       {"paper_ball --set duration=1", "paper_ball --set envelope.friction_use=0.3", "seam_ball --set duration=0.5",
+        "desk_ball --set duration=0.3 --set sensors.attitude=sensed --set sensors.preset=bmi088 --set "
+        "sensors.latency=0.003 "
+        "--set sensors.position_fix.rate=10"}) {
     SCOPED_TRACE(scenario);
     folder.run("ballast run " + scenario + " --quiet --out r");
     const Outcome replay = folder.run("ballast replay r --verify --out again.lcmlog");

@@ -27,14 +27,15 @@ TEST(SoakCommand, NoInvariantBreaks) {
 TEST(SoakCommand, SeedsThatOnceBrokeHold) {
   const Folder folder;
   for (const int seed : {
-           4849,  9579,  14692, 38846, 45649,                              // a corrupted tick made the controller deaf
-           7545,  29793, 36788, 39299, 51656, 60297, 61334, 66658, 37504,  // stops out of a motion's last ramp
-           34481, 51082, 59430, 69398,  // a second trip, after a reset, ended the run before its masses rested
-           10015,                       // no normal force for the masses as commanded, and f_s / N of it infinite
-           10528,                       // released in the very tick in which the run ended
-           78062,                       // a trip at rest, which needs no stop
-           81828,                       // a full disk in the tick in which the controller is started again
-           12300, 27298, 43209, 49590,  // an alarm of a peer that is many ticks late
+           4849,   9579,   14692, 38846, 45649,  // a corrupted tick made the controller deaf
+           7545,   29793,  36788, 39299, 51656, 60297, 61334, 66658, 37504,  // stops out of a motion's last ramp
+           34481,  51082,  59430, 69398,  // a second trip, after a reset, ended the run before its masses rested
+           10015,                         // no normal force for the masses as commanded, and f_s / N of it infinite
+           10528,                         // released in the very tick in which the run ended
+           78062,                         // a trip at rest, which needs no stop
+           81828,                         // a full disk in the tick in which the controller is started again
+           136384, 141377,                // a rate of 1e200 rad/s, whose forces overflow
+           12300,  27298,  43209, 49590,  // an alarm of a peer that is many ticks late
        }) {
     SCOPED_TRACE(seed);
     const Outcome soak =

@@ -294,7 +294,7 @@ Problem make_problem(const TaskFile& file) {
     MassLimits& limits = problem.limits[i];
     limits.lower = mass.rail.lower_end;
     limits.upper = mass.rail.upper_end;
-    if (!driven && !mass.has_motor) continue;
+    if (!driven && !mass.motor_limited) continue;
     problem.robot.reflected_inertia[i] = mass.motor.rail_inertia();
     limits.speed = mass.motor.max_step_rate_hz / mass.motor.microsteps_per_rail_unit();
     limits.acceleration = mass.motor.max_acceleration;

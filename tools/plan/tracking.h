@@ -69,8 +69,8 @@ struct Tracking {
 [[nodiscard]] std::optional<Tracking> track(const sim::Scenario& scenario, std::string& why,
                                             const TrackingWeights& weights = {}, double step = 0.1);
 
-// Table that travels to a controller: floats at equal times, linear between. Of each time the attitude (4), Omega (3), place
-// (2) and K by rows; the masses' own motion is in the controller's profile.
+// Table that travels to a controller: floats at equal times, linear between. Of each time the attitude (4), Omega (3),
+// place (2) and K by rows; the masses' own motion is in the controller's profile.
 struct GainTable {
   int masses = 0, samples = 0;
   double period_s = 0;
