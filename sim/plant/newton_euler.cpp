@@ -1,6 +1,6 @@
 #include "sim/plant/newton_euler.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <cmath>
 #include <complex>
 #include <limits>
@@ -434,33 +434,42 @@ struct OpenSums {
     return lambda.row(2);
   }
 
+  // By blocks of three: inverses of such small matrices are closed forms.
   void solve(const Body& body, OpenContact& out) {
     const Vector3d up = lambda.row(2), against = against_weight(body);
     const double g = body.gravity_mps2;
     const Matrix3d s_cross = cross_matrix(first_moment);
-    matrix.topLeftCorner<3, 3>() += body.total_mass_kg * Matrix3d::Identity();
-    matrix.topRightCorner<3, 3>() -= s_cross;
-    matrix.bottomLeftCorner<3, 3>() += s_cross;
-    matrix.bottomRightCorner<3, 3>() += inertia;
     rhs.head<3>() -= omega.cross(omega.cross(first_moment)) + body.total_mass_kg * g * against;
     rhs.tail<3>() -= omega.cross(inertia * omega) + g * first_moment.cross(against);
+    const Matrix3d mass = matrix.topLeftCorner<3, 3>() + body.total_mass_kg * Matrix3d::Identity();
+    const Matrix3d mixed = matrix.topRightCorner<3, 3>() - s_cross;
+    const Matrix3d inverse_mass = mass.inverse();
+    const Matrix3d carried = inverse_mass * mixed;  // a for an Omegadot of -1
+    // The inertia that a torque alone meets, for then the ball moves as well.
+    const Matrix3d free_inertia = matrix.bottomRightCorner<3, 3>() + inertia - mixed.transpose() * carried;
+    const Matrix3d inverse_inertia = free_inertia.inverse();
+    const auto response_to = [&](const auto& force, const auto& torque, auto&& u) {
+      const auto spin = (inverse_inertia * (torque - carried.transpose() * force)).eval();
+      u.template topRows<3>() = inverse_mass * force - carried * spin;
+      u.template bottomRows<3>() = spin;
+    };
 
-    Eigen::Matrix<double, 3, 6> slip;  // W
-    slip << Matrix3d::Identity(), body.radius_m * cross_matrix(up);
-    const Eigen::LLT<Eigen::Matrix<double, 6, 6>> factor(matrix);
+    const Matrix3d arm = body.radius_m * cross_matrix(up);
     out.rotation_B_to_W = lambda;
     out.up_B = up;
-    out.free_acceleration = factor.solve(rhs);
-    out.response = factor.solve(slip.transpose());
-    out.free_slip_rate_W_mps2 = lambda * (slip * out.free_acceleration);
-    out.impulse_compliance_W = lambda * (slip * out.response) * lambda.transpose();
+    response_to(rhs.head<3>(), rhs.tail<3>(), out.free_acceleration);
+    response_to(Matrix3d::Identity(), arm.transpose(), out.response);
+    const auto slip_rate = [&](const auto& u) {
+      return (u.template topRows<3>() + arm * u.template bottomRows<3>()).eval();
+    };
+    out.free_slip_rate_W_mps2 = lambda * slip_rate(out.free_acceleration);
+    out.impulse_compliance_W = lambda * slip_rate(out.response) * lambda.transpose();
     out.compliance_W = out.impulse_compliance_W;
     out.moment_response.setZero();
     if (!body.floor.resists) return;
-    Vector6d moment = Vector6d::Zero();
-    moment.tail<3>() = lambda.transpose() * eigen(body.floor.moment_W_m(vec3(lambda * omega)));
-    out.moment_response = factor.solve(moment);
-    out.compliance_W.col(2) += lambda * (slip * out.moment_response);
+    const Vector3d moment_m = lambda.transpose() * eigen(body.floor.moment_W_m(vec3(lambda * omega)));
+    response_to(Vector3d::Zero(), moment_m, out.moment_response);
+    out.compliance_W.col(2) += lambda * slip_rate(out.moment_response);
   }
 
   Matrix3d lambda;
