@@ -1,4 +1,5 @@
 // The accuracy that run.tolerance gives: whole runs of the shipped robots with their steppers, against steps at 1e-13.
+// `hop` is left out: each of its ten impacts multiplies an error.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -52,8 +53,8 @@ Outcome roll(const std::string& name, std::vector<std::string> overrides) {
   return out;
 }
 
-TEST(Tolerance, ForcesOfRollingAreGoodToAHundredMillionthOfTheWeight) {
-  for (const char* name : {"desk_ball", "paper_ball", "seam_ball", "paper_disk"}) {
+TEST(Tolerance, ForcesAreGoodToAHundredMillionthOfTheWeight) {
+  for (const char* name : {"desk_ball", "paper_ball", "seam_ball", "paper_disk", "paper_detach", "slide_to_roll"}) {
     SCOPED_TRACE(name);
     const Outcome found = roll(name, {}), exact = roll(name, {"run.tolerance=1e-13"});
     ASSERT_EQ(found.forces.size(), exact.forces.size());
@@ -67,7 +68,8 @@ TEST(Tolerance, ForcesOfRollingAreGoodToAHundredMillionthOfTheWeight) {
     }
     RecordProperty(std::string(name) + "_part_of_weight", std::to_string(1e12 * worst) + "e-12");
     EXPECT_LT(worst, 1e-8);
-    EXPECT_NEAR(found.result.extrema.mu_required_max.value, exact.result.extrema.mu_required_max.value, 1e-8);
+    const double mu = exact.result.extrema.mu_required_max.value;
+    if (std::isfinite(mu)) EXPECT_NEAR(found.result.extrema.mu_required_max.value, mu, 1e-8);
   }
 }
 
