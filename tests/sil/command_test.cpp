@@ -1241,6 +1241,36 @@ TEST(Check, NamesMotorsThatLackTorqueAndValuesNoRobotHas) {
   EXPECT_NE(long_run.out.find("make a log of about "), std::string::npos) << long_run.out;
 }
 
+TEST(Check, NamesAFloorThatCannotHoldTheMotion) {
+  const Folder folder;
+  // desk_ball's motion alone needs 0.0139; its steppers add to that, which only a run shows.
+  const Outcome slips = folder.run("ballast check desk_ball --set surface.static_friction=0.005");
+  EXPECT_NE(slips.out.find("warning: surface.static_friction: the motion needs f_s / N = 0.0139 at t = "),
+            std::string::npos)
+      << slips.out;
+  EXPECT_NE(slips.out.find("this floor gives 0.005: the ball slips"), std::string::npos) << slips.out;
+  const Outcome trips =
+      folder.run("ballast check desk_ball --set surface.static_friction=0.02 --set envelope.friction_use=0.5");
+  EXPECT_NE(trips.out.find("0.5 of this floor's 0.02 is 0.01: the run trips"), std::string::npos) << trips.out;
+  const Outcome pressed = folder.run("ballast check desk_ball --set envelope.min_normal_force=50");
+  EXPECT_NE(pressed.out.find("warning: envelope.min_normal_force: the motion lowers N to "), std::string::npos)
+      << pressed.out;
+  const Outcome lifted = folder.run("ballast check hop");
+  EXPECT_NE(lifted.out.find("warning: motion: lifts the ball off the floor at t = "), std::string::npos) << lifted.out;
+  EXPECT_NE(folder.run("ballast check slide_to_roll").out.find("slide_to_roll: good"), std::string::npos)
+      << "it begins sliding";
+}
+
+TEST(Check, ReadsTheTaskOfARobotThatIsToBePlanned) {
+  const Folder folder;
+  EXPECT_EQ(folder.run("ballast new robot").exit_status, 0);
+  EXPECT_EQ(folder.run("ballast check robot.toml").exit_status, 0);
+  EXPECT_EQ(folder.run("sed -i 's/^goal = .*/goal = [0.1]/' robot.toml").exit_status, 0);
+  const Outcome bad = folder.run("ballast check robot.toml");
+  EXPECT_EQ(bad.exit_status, 1) << bad.out;
+  EXPECT_NE(bad.err.find("task.goal"), std::string::npos) << bad.err;
+}
+
 // The file's value is named where another one does not fit it; that it is the command line's doing has to be said.
 TEST(Check, WhatTheCommandLineBrokeIsNotLeftToTheFile) {
   const Folder folder;

@@ -1,6 +1,8 @@
-// ballast check: lists every error in a scenario; else its implausible values, what its motors lack, and what it is.
+// ballast check: lists every error in a scenario; else its implausible values, what its floor and motors lack, and what
+// it is.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <memory>
@@ -8,7 +10,9 @@
 
 #include "sim/scenario/reader.h"
 #include "tools/ballast/commands.h"
+#include "tools/ballast/floor_check.h"
 #include "tools/ballast/motor_check.h"
+#include "tools/plan/read_task.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/short_number.h"
@@ -42,6 +46,16 @@ std::string real_floor_text(const sim::Surface& floor) {
   return text;
 }
 
+// Whether the [task] of a scenario that is to be planned can be; its errors are printed.
+bool good_task(const program::ScenarioOptions& options, const std::vector<sim::ScenarioError>& found) {
+  const auto of_task = [](const sim::ScenarioError& warning) { return warning.key == "task"; };
+  if (std::none_of(found.begin(), found.end(), of_task)) return true;
+  std::vector<sim::ScenarioError> errors;
+  if (plan::read_task(program::find_scenario(options.scenario), errors)) return true;
+  for (const sim::ScenarioError& error : errors) std::cerr << sim::to_string(error) << '\n';
+  return false;
+}
+
 }  // namespace
 
 std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
@@ -54,7 +68,10 @@ std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
     if (!scenario) return program::kExitUsage;
     const bool stepper = scenario->run.actuation == sim::Actuation::kStepper;
     if (stepper && !program::make_controller_params("ballast", *scenario)) return program::kExitUsage;
+    if (!good_task(*options, found)) return program::kExitUsage;
     std::vector<std::string> warnings = warnings_of(*scenario, found);
+    const std::vector<std::string> floor = check_floor(*scenario);
+    warnings.insert(warnings.end(), floor.begin(), floor.end());
     MotorFindings motors;
     if (stepper) motors = check_motors(*scenario);
     warnings.insert(warnings.end(), motors.warnings.begin(), motors.warnings.end());

@@ -11,6 +11,8 @@ def run_program(name, body, *errors):
     """Runs body() and returns the exit status. Exceptions of the types `errors` are printed to stderr after `name`."""
     # SIGTERM and SIGHUP act like Ctrl-C, so that half-written files are removed. nohup's ignored SIGHUP stays ignored.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
         signal.signal(signal.SIGHUP, _terminal_closed)
     try:
