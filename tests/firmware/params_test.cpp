@@ -311,16 +311,18 @@ TEST(Validate, AStepRateBeyondTheMotorsShareOfTheBurstsIsRefusedWithTheNumber) {
 
 // To and fro within a tick of 1 ms: each reversal beyond the first takes two pulses from the 28 of a motor's 10 bursts.
 TEST(Validate, AMotionWithTooManyReversalsInATickIsRefused) {
-  const auto with = [](Real rate_hz, Real offset_s, Real start_radps) {
+  const auto with = [](Real rate_hz, Real offset_s, Real start_radps, int turns = 8) {
     return [=](ControllerParams& p) {
-      ProfilePiece pieces[9] = {{offset_s, 0, 0}};
-      for (int k = 0; k < 8; ++k) pieces[k + 1] = {1e-4, k % 2 == 0 ? -2.0 : 2.0, k % 2 == 0 ? -2.0 : 2.0};
-      ASSERT_TRUE(p.motion[1].set(0, start_radps, pieces, 9));
+      ProfilePiece pieces[13] = {{offset_s, 0, 0}};
+      const Real piece_s = start_radps;  // at 2 rad/s^2 a turn is in its middle
+      for (int k = 0; k < turns; ++k) pieces[k + 1] = {piece_s, k % 2 == 0 ? -2.0 : 2.0, k % 2 == 0 ? -2.0 : 2.0};
+      ASSERT_TRUE(p.motion[1].set(0, start_radps, pieces, turns + 1));
       p.motor[1].max_step_rate_hz = rate_hz;
     };
   };
   // From 1e-4 rad/s at -2 rad/s^2: it turns in the middle of every piece, eight times, and is back after the last.
   EXPECT_TRUE(validated(with(9000, 1e-4, 1e-4)).ok()) << "10 pulses, one burst each";
+  EXPECT_TRUE(validated(with(9000, 1e-4, 7e-5, 12)).ok()) << "which no number of reversals exceeds";
   EXPECT_TRUE(validated(with(13999, 1e-4, 1e-4)).ok()) << "14 pulses, (30 - 14) / 2 = 8 reversals";
   const ParamError error = validated(with(25000, 1e-4, 1e-4));
   ASSERT_FALSE(error.ok());

@@ -209,6 +209,22 @@ TEST(RealFloor, HasNoMomentWhereItWouldPull) {
   EXPECT_GE(pressed, 100);
 }
 
+// A ball that spins in place, by hand: T = s N, N = M g.
+TEST(RealFloor, SpinFrictionAloneSlowsASpin) {
+  Scenario s;
+  s.gravity_mps2 = 10;
+  s.ball = {.radius_m = 1, .mass_kg = 2, .inertia_kgm2 = {0.1, 0.1, 0.1}, .center_of_mass_B_m = {0, 0, 0}};
+  s.surface.creep_radps = 1e-9;
+  s.surface.spin_friction_m = 0.01;
+  const double q[] = {1, 0, 0, 0}, omega[] = {0, 0, 3};
+  MotionOf<double> m;
+  rolling_prescribed(Body(s), 0, q, omega, {}, m);
+  const auto paper =
+      firmware::rolling_forces(test::ball_params(s), firmware::Quaternion(1, 0, 0, 0), Vector3d(0, 0, 3), {});
+  EXPECT_NEAR(m.angular_acceleration_B_radps2[2], -2, 1e-14);
+  EXPECT_NEAR(paper.angular_acceleration_B_radps2[2], -2, 1e-14);
+}
+
 // A ball that rolls towards its centre of mass, by hand: N = N_0 / (1 - n A^-1 t) has no solution where the
 // resistance is so strong that each newton of N slows the ball, and so throws its centre of mass up, by more than one.
 TEST(RealFloor, ResistanceThatOutweighsItsCauseIsInconsistent) {
