@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "tests/plan/task_set.h"
+#include "tools/plan/alternatives.h"
 #include "tools/plan/bounds.h"
 #include "tools/plan/random_task.h"
 #include "tools/plan/write_plan.h"
@@ -288,6 +289,37 @@ TEST(Plan, RefusesTheImpossibleAtOnce) {
     EXPECT_FALSE(outcome.plan);
     EXPECT_NE(outcome.binding.find(words), std::string::npos) << outcome.binding;
   }
+}
+
+// Friction between the bound and what a motion needs: no plan, and alternatives that no bound contradicts.
+TEST(Plan, NamesWhatCanBeHadInstead) {
+  std::string toml = kRobot + "goal = [0.5, 0.0]\nduration = 6.0\n";
+  const std::string floor = "static_friction = 0.5";
+  toml.replace(toml.find(floor), floor.size(), "static_friction = 0.0074");  // 0.8 of it: 0.0059; the bound: 0.0057
+  std::vector<sim::ScenarioError> errors;
+  const auto task = parse_task(toml, "task.toml", errors);
+  ASSERT_TRUE(task) << errors_of(toml);
+  const Problem problem = make_problem(*task);
+  SearchOptions options;
+  options.most_iterations = 100;
+  const Outcome outcome = search(problem, task->scenario, options);
+  ASSERT_EQ(outcome.status, Status::kNotFound) << outcome.binding;
+  EXPECT_TRUE(outcome.friction_alone) << outcome.binding;
+  const Alternatives found = find_alternatives(*task, outcome, options);
+  ASSERT_TRUE(found.duration_s && found.goal_m && found.static_friction);
+  EXPECT_GE(*found.duration_s, reach_of_friction(problem, 6, true).least_duration_s(0.5, problem.friction_limit));
+  EXPECT_LT(*found.duration_s, 6.0 * 1.2);  // 6.3 s was found
+  EXPECT_LE(found.goal_m->norm(), reach_of_friction(problem, 6, true).at(problem.friction_limit) + 1e-3);
+  EXPECT_GT(found.goal_m->norm(), 0.4);
+  EXPECT_GT(*found.static_friction, 0.0074);
+  EXPECT_LT(*found.static_friction, 1.4 * 0.0074);  // rest to rest needs at most 1.4 times the bound
+  const std::string text = alternatives_text(*task, found);
+  EXPECT_NE(text.find("a duration of"), std::string::npos) << text;
+  EXPECT_NE(text.find("from the goal"), std::string::npos) << text;
+  EXPECT_NE(text.find("mu_s = "), std::string::npos) << text;
+  EXPECT_EQ(alternatives_text(*task, {}), "");
+  options.stop = [] { return true; };
+  EXPECT_EQ(alternatives_text(*task, find_alternatives(*task, outcome, options)), "");
 }
 
 std::string with_motors(std::string robot, const std::string& limits, bool steppers) {

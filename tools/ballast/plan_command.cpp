@@ -14,6 +14,7 @@
 
 #include "tools/ballast/commands.h"
 #include "tools/ballast/stepper_run.h"
+#include "tools/plan/alternatives.h"
 #include "tools/plan/write_plan.h"
 #include "tools/program/program.h"
 #include "tools/program/short_number.h"
@@ -186,8 +187,11 @@ int plan_task(const PlanCommand& command) {
   };
   const plan::Problem problem = plan::make_problem(*task);
   plan::Outcome outcome = plan::search(problem, task->scenario, options);
+  if (!outcome.plan && *signalled != 0)
+    outcome.binding = "interrupted before a plan was found";
+  else if (outcome.status == plan::Status::kNotFound && !options.stop())
+    outcome.binding += plan::alternatives_text(*task, plan::find_alternatives(*task, outcome, options));
   line.end();
-  if (!outcome.plan && *signalled != 0) outcome.binding = "interrupted before a plan was found";
 
   std::string toml;
   std::optional<plan::StepperRun> with_steppers;

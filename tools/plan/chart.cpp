@@ -28,22 +28,6 @@ double rounded(double duration_s) {
 
 double need_of(const ChartPoint& point) { return point.outcome.plan->run.extrema.mu_required_max.value; }
 
-// The motion of a plan, made to last for duration_s over the same way.
-std::vector<std::vector<sim::MotionPiece>> stretched(const sim::Scenario& scenario, const Plan& plan,
-                                                     double duration_s) {
-  const double ratio = duration_s / plan.grid.duration_s;
-  std::vector<std::vector<sim::MotionPiece>> out;
-  for (const sim::Mass& mass : with_motion(scenario, plan.grid, plan.knots).masses) {
-    out.push_back(mass.motion);
-    for (sim::MotionPiece& piece : out.back()) {
-      piece.duration_s *= ratio;
-      piece.acceleration_start /= ratio * ratio;
-      piece.acceleration_end /= ratio * ratio;
-    }
-  }
-  return out;
-}
-
 bool shorter_first(const ChartPoint& a, const ChartPoint& b) { return a.duration_s < b.duration_s; }
 
 class Sweep {
@@ -77,7 +61,7 @@ class Sweep {
     options.seed = options_.seed;
     options.stop = options_.stop;
     if (from != nullptr) {
-      options.from = stretched(task.scenario, *from, duration_s);
+      options.from = stretched_motion(task.scenario, from->grid, from->knots, duration_s);
       options.most_iterations = kIterations;
     }
     ChartPoint point{duration_s, search(problem, task.scenario, options), std::nullopt};

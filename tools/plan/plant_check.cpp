@@ -20,6 +20,21 @@ sim::Scenario with_motion(const sim::Scenario& scenario, const Grid& grid, const
   return out;
 }
 
+std::vector<std::vector<sim::MotionPiece>> stretched_motion(const sim::Scenario& scenario, const Grid& grid,
+                                                            const std::vector<double>& knots, double duration_s) {
+  const double ratio = duration_s / grid.duration_s;
+  std::vector<std::vector<sim::MotionPiece>> out;
+  for (const sim::Mass& mass : with_motion(scenario, grid, knots).masses) {
+    out.push_back(mass.motion);
+    for (sim::MotionPiece& piece : out.back()) {
+      piece.duration_s *= ratio;
+      piece.acceleration_start /= ratio * ratio;
+      piece.acceleration_end /= ratio * ratio;
+    }
+  }
+  return out;
+}
+
 PlantRun roll_by_plant(const Problem& problem, const sim::Scenario& scenario, const Grid& grid,
                        const std::vector<double>& knots) {
   sim::Scenario moved = with_motion(scenario, grid, knots);

@@ -11,6 +11,12 @@ namespace ballast::plan {
 [[nodiscard]] sim::Scenario with_motion(const sim::Scenario& scenario, const Grid& grid,
                                         const std::vector<double>& knots);
 
+// The motion of each mass, made to last for duration_s over the same way.
+[[nodiscard]] std::vector<std::vector<sim::MotionPiece>> stretched_motion(const sim::Scenario& scenario,
+                                                                          const Grid& grid,
+                                                                          const std::vector<double>& knots,
+                                                                          double duration_s);
+
 struct PlantRun {
   bool rolled = false;  // N > 0 all the time
   sim::ContactExtrema extrema;

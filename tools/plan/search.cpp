@@ -118,6 +118,7 @@ class Search {
       out.binding = binding_;
     } else {
       out.binding = failure_words();
+      out.friction_alone = failure_.friction_only && failure_.merit.need > problem_.friction_limit;
     }
     return out;
   }

@@ -32,6 +32,7 @@ struct Outcome {
   std::optional<Plan> plan;  // kFound: the best that holds
   std::string binding;       // what limits it, in words
   int iterations = 0;
+  bool friction_alone = false;  // kNotFound: the best motion tried meets everything but the friction limit
 };
 
 struct SearchOptions {
