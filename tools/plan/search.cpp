@@ -72,6 +72,39 @@ double greatest_speed(const Problem& problem, const Grid& grid, const std::vecto
   return greatest;
 }
 
+// How far a mass gets beyond an end of its rail, between nodes too, in parts of the rail. Negative: it stays inside.
+double beyond_rail_ends(const Problem& problem, const Grid& grid, const std::vector<double>& knots) {
+  const std::size_t n = index(problem.masses());
+  const double piece_s = grid.piece_s();
+  double most = -kInfinity;
+  for (std::size_t i = 0; i < n; ++i) {
+    const MassLimits& limits = problem.limits[i];
+    const double length = limits.upper - limits.lower;
+    if (!std::isfinite(length)) continue;
+    double place = problem.start.position[i], speed = problem.start.velocity[i];
+    for (std::size_t v = i; v + n < knots.size(); v += n) {
+      const double from = knots[v], jerk = (knots[v + n] - from) / piece_s;
+      const auto note = [&](double time_s) {
+        if (!(time_s >= 0 && time_s <= piece_s)) return;
+        const double at = place + time_s * (speed + time_s * (from / 2 + time_s * jerk / 6));
+        most = std::max({most, (at - limits.upper) / length, (limits.lower - at) / length});
+      };
+      note(0);
+      note(piece_s);
+      // The mass turns where its speed, speed + from t + jerk t^2 / 2, passes 0. The form without cancellation.
+      const double root = from * from - 2 * jerk * speed;
+      if (root >= 0) {
+        const double sum = -(from + std::copysign(std::sqrt(root), from));
+        if (jerk != 0) note(sum / jerk);
+        if (sum != 0) note(2 * speed / sum);
+      }
+      place += piece_s * (speed + piece_s * (from / 2 + piece_s * jerk / 6));
+      speed += piece_s * (from + piece_s * jerk / 2);
+    }
+  }
+  return most;
+}
+
 // A try that failed, for the words that say why.
 struct Failure {
   double error = kInfinity;
@@ -351,8 +384,10 @@ class Search {
       Transcription truth = transcribe(problem_, rolled, transcription.via_time_s);
       truth.corrections.room = 0;
       const double over = greatest_speed(problem_, grid, plan.knots) - 1;
-      if (over <= 0 && accept(plan, truth, merit)) return true;
+      const double beyond = beyond_rail_ends(problem_, grid, plan.knots);
+      if (over <= 0 && beyond <= 0 && accept(plan, truth, merit)) return true;
       if (over > 0) transcription.corrections.speed_room += over + 1e-4;
+      if (beyond > 0) transcription.corrections.rail_room += beyond + 1e-4;
       transcription.corrections.room += 1.2 * beyond_;
       // The model's errors, which hardly change with the motion, are moved into its equalities.
       transcription.corrections.equality.clear();

@@ -143,7 +143,7 @@ void Transcription::motor_limits(int node, bool with_forms, const Sink& sink) co
     form.node = node;
     const double unit = length_ / problem_.metres_per_unit[k];
     if (std::isfinite(limits.lower) || std::isfinite(limits.upper)) {
-      const double room = 1e-3 * (limits.upper - limits.lower) / unit;
+      const double room = (1e-3 + corrections.rail_room) * (limits.upper - limits.lower) / unit;  // between nodes
       form.mass[k] = {1 / unit, 0, 0};
       sink({LimitKind::kRailEnd, i, node, at.state.position[k] / unit, limits.lower / unit + room,
             limits.upper / unit - room},

@@ -43,6 +43,7 @@ struct Corrections {
   std::vector<double> equality;  // added to the equalities; empty: none
   double room = 0;               // of limits that hold between nodes too
   double speed_room = 0;         // beyond the room that speeds have anyway, in parts of the limit
+  double rail_room = 0;          // beyond the room that rail ends have anyway, in parts of the rail
   double friction = 1;           // the plant's located maximum of f_s / N over that at the nodes
 };
 
