@@ -86,19 +86,19 @@ class Tuner {
     if (!refusal.empty()) return std::nullopt;
     for (const int count : ladder()) add_microsteps(count);
     for (const double part : {0.5, 0.0}) {
-      add("detent_torque", part == 0 ? "no detent torque" : "half the detent torque",
+      add("detent_torque", part == 0 ? "no detent torque" : "half the detent torque", part > 0,
           [&](const sim::Mass& mass) { return part * mass.motor.detent_torque_nm; });
-      add("step_error", part == 0 ? "no step error" : "half the step error",
+      add("step_error", part == 0 ? "no step error" : "half the step error", part > 0,
           [&](const sim::Mass& mass) { return part * mass.motor.step_error; });
     }
-    add("viscous_damping", "twice the viscous damping", [](const sim::Mass& mass) {
+    add("viscous_damping", "twice the viscous damping", true, [](const sim::Mass& mass) {
       const double damping = mass.motor.viscous_damping_nms;
       return damping > 0 ? 2 * damping
                          : kUndamped / 0.5 * std::sqrt(mass.motor.rail_stiffness() * mass.moving_inertia()) /
                                (mass.motor.shaft_ratio * mass.motor.shaft_ratio);
     });
     for (const double factor : {2.0, 0.5}) {
-      add("gear_ratio", factor > 1 ? "twice the gear ratio" : "half the gear ratio", [&](const sim::Mass& mass) {
+      add("gear_ratio", factor > 1 ? "twice the gear ratio" : "half the gear ratio", true, [&](const sim::Mass& mass) {
         return mass.motor.travel_per_revolution > 0 ? std::numeric_limits<double>::quiet_NaN()
                                                     : factor * mass.motor.gear_ratio;
       });
@@ -126,7 +126,7 @@ class Tuner {
   }
 
   void add_microsteps(int count) {
-    Change change{fmt::format("{}", count), {}, std::nullopt, ""};
+    Change change{fmt::format("{}", count)};
     bool same = true;
     for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
       same = same && scenario_.masses[i].motor.microsteps == count;
@@ -153,8 +153,10 @@ class Tuner {
   }
 
   template <typename ValueOf>
-  void add(const char* name, const std::string& what, const ValueOf& value_of) {
-    Change change{what, {}, std::nullopt, ""};
+  void add(const char* name, const std::string& what, bool buyable, const ValueOf& value_of) {
+    Change change{what};
+    change.key = name;
+    change.buyable = buyable;
     for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
       const double value = value_of(scenario_.masses[i]);
       if (std::isfinite(value)) change.sets.push_back(key(i, name, value));
@@ -179,11 +181,10 @@ class Tuner {
     if (change.refusal.empty() && *signalled_ == 0) change.figures = figures;
   }
 
-  // All that help: the best microsteps and, of the changes of one key, the better. What a shop does not sell (a motor
-  // without detent or step error) is left out.
+  // All that help: the best microsteps and, of the changes of the gear, the better.
   void combine() {
     const double enough = (1 - kLeastHelp) * out_.now.need;
-    Change all{"all that help", {}, std::nullopt, ""};
+    Change all{"all that help"};
     const auto finest = std::min_element(out_.microsteps.begin(), out_.microsteps.end(),
                                          [](const Change& a, const Change& b) { return need(a) < need(b); });
     int helpful = 0;
@@ -194,8 +195,8 @@ class Tuner {
     if (need(*finest) < enough && !finest->sets.empty()) take(*finest);
     const Change* gear = nullptr;
     for (const Change& change : out_.others) {
-      if (need(change) >= enough || change.what.starts_with("no ")) continue;
-      const bool is_gear = change.what.ends_with("gear ratio");
+      if (need(change) >= enough || !change.buyable) continue;
+      const bool is_gear = change.key == "gear_ratio";
       if (!is_gear) take(change);
       if (is_gear && (gear == nullptr || need(change) < need(*gear))) gear = &change;
     }

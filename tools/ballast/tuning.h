@@ -47,10 +47,12 @@ struct Figures {
 
 // A change of the motors and what it does.
 struct Change {
-  std::string what;               // "microsteps 16 -> 64"
-  std::vector<std::string> sets;  // the keys, as for --set
-  std::optional<Figures> figures;
-  std::string refusal;  // without figures: why it is not possible
+  std::string what;                 // in words
+  std::vector<std::string> sets{};  // the keys, as for --set
+  std::optional<Figures> figures{};
+  std::string refusal{};  // without figures: why it is not possible
+  std::string key{};      // in [mass.motor]; empty: several keys
+  bool buyable = true;    // false: no shop sells it, such as a motor without detent torque
 };
 
 struct Tuning {

@@ -338,12 +338,6 @@ void read_base(const std::string& file, Spec& spec, std::vector<ScenarioError>& 
   spec.base_toml = base.scenario.toml;
 }
 
-// The name of a variable of sweep.nc, for comparison only.
-std::string variable_name(std::string key) {
-  std::replace(key.begin(), key.end(), '.', '_');
-  return key;
-}
-
 // Gives tilts the attitude that they tilt.
 void find_attitudes(Spec& spec) {
   const RowScenarios rows(spec);

@@ -144,15 +144,6 @@ class ResultsFile {
   std::vector<Column> columns_;  // varied, then kept
 };
 
-}  // namespace
-
-std::string variable_name(std::string key) {
-  std::replace(key.begin(), key.end(), '.', '_');
-  return key;
-}
-
-namespace {
-
 // Writes the results under the draft's name. Empty, or what could not be done.
 std::string write_draft(const std::string& draft, const Spec& spec, const TakeBlock& take_block) {
   const BlockPlan plan(spec);

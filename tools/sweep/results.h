@@ -15,9 +15,6 @@ namespace ballast::sweep {
 // The block of a number; nullopt: it is missing.
 using TakeBlock = std::function<std::optional<Block>(std::uint64_t block)>;
 
-// The name in sweep.nc.
-[[nodiscard]] std::string variable_name(std::string key);
-
 // Writes the whole file or none, in a process of its own, because HDF5 may crash where the disk is full. Goes through
 // the blocks twice, one at a time. Empty, or what could not be done.
 [[nodiscard]] std::string write_results(const std::string& file, const Spec& spec, const TakeBlock& take_block);

@@ -63,6 +63,11 @@ std::string to_toml(const Spec& spec) {
   return text + "]\n";
 }
 
+std::string variable_name(std::string key) {
+  std::replace(key.begin(), key.end(), '.', '_');
+  return key;
+}
+
 std::uint64_t identity(const Spec& spec) { return hash_of(spec.base_toml, hash_of(to_toml(spec))); }
 
 }  // namespace ballast::sweep

@@ -82,6 +82,9 @@ struct Spec {
 // The columns of a row's results: spec.keep, and what a search adds.
 [[nodiscard]] std::vector<std::string> columns_of(const Spec& spec);
 
+// The name of a key's variable in sweep.nc.
+[[nodiscard]] std::string variable_name(std::string key);
+
 // The value as TOML on one line, bit for bit.
 [[nodiscard]] std::string toml_value(const sim::Node& value);
 
