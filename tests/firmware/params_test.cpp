@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "firmware/motion/motion_limits.h"
 #include "tests/firmware/paper_ball.h"
 
 namespace ballast::firmware {
@@ -173,6 +174,8 @@ TEST(Validate, MotorsAndMotion) {
                         [](auto& p) -> Real& { return p.motor[2].direction_setup_s; });
   expect_refused_values("motor.max_step_rate_hz", 2, {0, -1, kNan, kInfinity, 1.1e7},
                         [](auto& p) -> Real& { return p.motor[2].max_step_rate_hz; });
+  EXPECT_STREQ(validated([](auto& p) { p.motor[2].max_step_rate_hz = 0.5; }).field, "motion speed")
+      << "slow, but a rate";
   expect_refused_values("motor.swing", 1, {-1e-9, kNan, kInfinity}, [](auto& p) -> Real& { return p.motor[1].swing; });
   expect_refused_values("motor.max_acceleration", 0, {0, -1, kNan, kInfinity},
                         [](auto& p) -> Real& { return p.motor[0].max_acceleration; });
@@ -330,6 +333,16 @@ TEST(Validate, AMotionWithTooManyReversalsInATickIsRefused) {
   EXPECT_EQ(error.index, 1);
   EXPECT_EQ(error.value, 8);
   EXPECT_EQ(error.limit, 2) << "26 pulses: (30 - 26) / 2";
+}
+
+// From 0 at -2 rad/s^2 for 1 ms: with 1e-3 rad/s added it turns once, after 0.5 ms.
+TEST(MostReversals, AddedVelocityCountsWithItsSign) {
+  const ProfilePiece piece{1e-3, -2, -2};
+  Profile profile;
+  ASSERT_TRUE(profile.set(0, 0, &piece, 1));
+  EXPECT_EQ(most_reversals(profile, 1e-3, 0), 0);
+  EXPECT_EQ(most_reversals(profile, 1e-3, 1e-3), 1);
+  EXPECT_EQ(most_reversals(profile, 1e-3, -1e-3), 0);
 }
 
 TEST(Validate, FirstComplaintIsKept) {

@@ -43,6 +43,7 @@ TESTS = (
     ("sim/scenario", ("scenario_test", "sil_test")),
     ("sim/closed_forms", ("firmware_closed_forms_test", "physics_test")),
     ("sim/integrators", ("integrators_test", "physics_test")),
+    ("sim/plant/rolling_ode", ("integrators_test", "physics_test")),
     ("sim", ("physics_test", "scenario_test", "sil_test")),
     ("tools/monitor", ("monitor_test", "monitor_loop_test")),
 )

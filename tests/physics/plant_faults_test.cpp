@@ -183,8 +183,9 @@ TEST(StepperFault, ReversedWiringTurnsItTheOtherWay) {
   EXPECT_EQ(stepper.lost_steps(), 20);
 }
 
-// A mass of 0.2 kg on a ring of 0.05 m in a heavy ball, driven at 1 rad/s and held from 0.5 s on: it stays within a
-// hundredth of a radian of where it was held (plant.cpp, kBlockStiffness), while its motor goes on and loses steps.
+// Masses of 0.2 kg on rings of 0.05 m in a heavy ball, driven at 1 rad/s, one of them held from 0.5 s on: it stays
+// within a hundredth of a radian of where it was held (plant.cpp, kBlockStiffness), while its motor goes on and loses
+// steps. The others go on.
 TEST(PlantFault, ABlockedRailHoldsItsMass) {
   Scenario s = solid_ball();
   s.run.actuation = Actuation::kStepper;
@@ -194,27 +195,36 @@ TEST(PlantFault, ABlockedRailHoldsItsMass) {
   mass.motor = motor();
   mass.motor.holding_torque_nm = 0.3;
   mass.motor.viscous_damping_nms = 0.05;
-  s.masses = {mass};
-  s.faults = {fault(FaultKind::kBlockedRail, 0.5, 0, 1.5)};
-  Plant plant(s);
-  const auto drive = [&plant](double end_s) {
-    std::vector<StepPulse> pulses;  // 3200 microsteps are a turn: 509 pulses a second make 1 rad/s
-    while (plant.time_s() < end_s - 1e-9) {
-      pulses.clear();
-      for (int j = 0; j < 5; ++j) pulses.push_back({0.002 * j, 0, 1});
-      plant.advance(plant.time_s() + 0.01, pulses);
+  s.masses = {mass, mass};
+  for (int blocked = 0; blocked < 2; ++blocked) {
+    SCOPED_TRACE(blocked);
+    s.faults = {fault(FaultKind::kBlockedRail, 0.5, 0, 1.5)};
+    s.faults[0].mass = blocked;
+    const auto held_one = static_cast<std::size_t>(blocked), free_one = 1 - held_one;
+    Plant plant(s);
+    const auto drive = [&plant](double end_s) {
+      std::vector<StepPulse> pulses;  // 3200 microsteps are a turn: 509 pulses a second make 1 rad/s
+      while (plant.time_s() < end_s - 1e-9) {
+        pulses.clear();
+        for (int j = 0; j < 5; ++j) {
+          for (int i = 0; i < 2; ++i) pulses.push_back({0.002 * j, i, 1});
+        }
+        plant.advance(plant.time_s() + 0.01, pulses);
+      }
+    };
+    drive(0.5);
+    const double held = plant.sample().mass_position[held_one];
+    EXPECT_GT(held, 0.4);
+    for (double t = 0.6; t < 1.45; t += 0.1) {
+      drive(t);
+      EXPECT_NEAR(plant.sample().mass_position[held_one], held, 0.01);
     }
-  };
-  drive(0.5);
-  const double held = plant.sample().mass_position[0];
-  EXPECT_GT(held, 0.4);
-  for (double t = 0.6; t < 1.45; t += 0.1) {
-    drive(t);
-    EXPECT_NEAR(plant.sample().mass_position[0], held, 0.01);
+    EXPECT_GT(plant.sample().mass_position[free_one], held + 0.5);
+    EXPECT_GT(plant.sample().lost_steps[held_one], 0);
+    EXPECT_EQ(plant.sample().lost_steps[free_one], 0);
+    drive(3);
+    EXPECT_GT(plant.sample().mass_position[held_one], held + 0.5);  // let go, it follows again
   }
-  EXPECT_GT(plant.sample().lost_steps[0], 0);
-  drive(3);
-  EXPECT_GT(plant.sample().mass_position[0], held + 0.5);  // let go, it follows again
 }
 
 }  // namespace

@@ -5,8 +5,10 @@
 
 #include <Eigen/LU>
 #include <cmath>
+#include <random>
 
 #include "sim/closed_forms/trajectories.h"
+#include "sim/plant/contact.h"
 #include "sim/plant/plant.h"
 #include "tests/physics/mechanics.h"
 #include "tests/physics/prescribed_run.h"
@@ -145,6 +147,27 @@ TEST(SlidingLaw, BallsWithAcceleratingMassesAgreeWithCvode) {
 // stays (conserved_test.cpp). It is the end of the slip that is hard: where it is missed by dt, friction goes wrong by
 // mu M g dt, so momenta to 1e-12 of M r sqrt(g r) are times to some 1e-12 sqrt(r / g). Looking for it costs a few more
 // steps.
+// Contacts whose compliance couples the directions, so that the slip does not begin where friction failed to hold. The
+// direction is bisected from one degree to rounding.
+TEST(SlipDirection, IsThatOfTheSlipItCauses) {
+  std::mt19937_64 rng(ballast::test::random_seed(73));
+  std::normal_distribution<double> normal;
+  int found = 0;
+  for (int i = 0; i < 200; ++i) {
+    ContactRelation contact;
+    const Matrix3d root = Matrix3d::NullaryExpr([&] { return normal(rng) / 3; }) + Matrix3d::Identity();
+    contact.compliance = root * root.transpose();
+    contact.free = Vector3d(normal(rng), normal(rng), -1);
+    const auto e = slip_direction(contact, 0.2, contact.free.head<2>().normalized(), 1e-12);
+    if (!e) continue;
+    ++found;
+    const Eigen::Vector2d y = (contact.free + contact.compliance * sliding_force(contact, 0.2, *e)).head<2>();
+    EXPECT_GE(e->dot(y), 0) << i;
+    EXPECT_NEAR(e->x() * y.y() - e->y() * y.x(), 0, 1e-12 * contact.compliance.norm()) << i;
+  }
+  EXPECT_GT(found, 100);
+}
+
 TEST(ShortSlide, EndsWhereTheSlipDoesWhateverTheTicks) {
   const std::uint64_t seed = ballast::test::random_seed(72);
   for (int trial = 0; trial < 6; ++trial) {

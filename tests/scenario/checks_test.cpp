@@ -389,6 +389,7 @@ TEST(Scenario, RejectsControlPeriodsOutsideTheClocks) {
   const ScenarioError coarse = only_error(kMinimal, {"duration=2e6", "run.control_period=0.001"});
   EXPECT_EQ(coarse.key, "run.control_period");
   EXPECT_TRUE(contains(coarse.message, "2e+09 control periods"));
+  EXPECT_EQ(only_error(kMinimal, {"duration=1.001e6", "run.control_period=0.001"}).key, "run.control_period");
   EXPECT_EQ(accepted(kMinimal, {"duration=1e6", "run.control_period=0.001"}).duration_s, 1e6);
   EXPECT_TRUE(
       contains(only_error(kMinimal, {"run.control_period=1e-6", "run.timer_frequency=9.9e6"}).message, "10 to 1e9"));
