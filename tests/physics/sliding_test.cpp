@@ -142,13 +142,8 @@ TEST(SlidingLaw, BallsWithAcceleratingMassesAgreeWithCvode) {
   RecordProperty("worst", std::to_string(worst * 1e12) + "e-12");
 }
 
-// Slides that are over within one step of the integrator or one tick, in a direction that turns as they die: a
-// Chaplygin ball set down with a slip of v0. Wherever the ticks are, they end at the same instant, and L + r e3 x M v
-// stays (conserved_test.cpp). It is the end of the slip that is hard: where it is missed by dt, friction goes wrong by
-// mu M g dt, so momenta to 1e-12 of M r sqrt(g r) are times to some 1e-12 sqrt(r / g). Looking for it costs a few more
-// steps.
 // Contacts whose compliance couples the directions, so that the slip does not begin where friction failed to hold. The
-// direction is bisected from one degree to rounding.
+// direction is bisected down to rounding, some 1e-16 rad; the slip is made of a few products of numbers of order 1.
 TEST(SlipDirection, IsThatOfTheSlipItCauses) {
   std::mt19937_64 rng(ballast::test::random_seed(73));
   std::normal_distribution<double> normal;
@@ -168,6 +163,11 @@ TEST(SlipDirection, IsThatOfTheSlipItCauses) {
   EXPECT_GT(found, 100);
 }
 
+// Slides that are over within one step of the integrator or one tick, in a direction that turns as they die: a
+// Chaplygin ball set down with a slip of v0. Wherever the ticks are, they end at the same instant, and L + r e3 x M v
+// stays (conserved_test.cpp). It is the end of the slip that is hard: where it is missed by dt, friction goes wrong by
+// mu M g dt, so momenta to 1e-12 of M r sqrt(g r) are times to some 1e-12 sqrt(r / g). Looking for it costs a few more
+// steps.
 TEST(ShortSlide, EndsWhereTheSlipDoesWhateverTheTicks) {
   const std::uint64_t seed = ballast::test::random_seed(72);
   for (int trial = 0; trial < 6; ++trial) {

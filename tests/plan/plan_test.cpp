@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <set>
 
 #include "tests/plan/task_set.h"
 #include "tools/plan/alternatives.h"
@@ -313,7 +314,10 @@ TEST(Plan, NamesWhatCanBeHadInstead) {
   const Outcome outcome = search(problem, task->scenario, options);
   ASSERT_EQ(outcome.status, Status::kNotFound) << outcome.binding;
   EXPECT_TRUE(outcome.friction_alone) << outcome.binding;
-  const Alternatives found = find_alternatives(*task, outcome, options);
+  std::set<std::string> looked_for;
+  const Alternatives found = find_alternatives(
+      *task, outcome, options, [&](const std::string& what) { looked_for.insert(what.substr(0, what.find(':'))); });
+  EXPECT_EQ(looked_for, (std::set<std::string>{"a floor that holds", "a longer duration", "a nearer goal"}));
   ASSERT_TRUE(found.duration_s && found.goal_m && found.static_friction);
   EXPECT_GE(*found.duration_s, reach_of_friction(problem, 6, true).least_duration_s(0.5, problem.friction_limit));
   EXPECT_LT(*found.duration_s, 6.0 * 1.2);  // 6.3 s was found
@@ -327,7 +331,7 @@ TEST(Plan, NamesWhatCanBeHadInstead) {
   EXPECT_NE(text.find("mu_s = "), std::string::npos) << text;
   EXPECT_EQ(alternatives_text(*task, {}), "");
   options.stop = [] { return true; };
-  EXPECT_EQ(alternatives_text(*task, find_alternatives(*task, outcome, options)), "");
+  EXPECT_EQ(alternatives_text(*task, find_alternatives(*task, outcome, options, [](const std::string&) {})), "");
 }
 
 std::string with_motors(std::string robot, const std::string& limits, bool steppers) {

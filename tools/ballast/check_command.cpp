@@ -46,14 +46,16 @@ std::string real_floor_text(const sim::Surface& floor) {
   return text;
 }
 
-// Whether the [task] of a scenario that is to be planned can be; its errors are printed.
-bool good_task(const program::ScenarioOptions& options, const std::vector<sim::ScenarioError>& found) {
+// Errors in the [task] of a scenario that is to be planned. A run ignores them, so they are warnings here.
+void add_task_errors(const program::ScenarioOptions& options, const sim::Scenario& scenario,
+                     std::vector<sim::ScenarioError>& found) {
   const auto of_task = [](const sim::ScenarioError& warning) { return warning.key == "task"; };
-  if (std::none_of(found.begin(), found.end(), of_task)) return true;
+  if (std::none_of(found.begin(), found.end(), of_task)) return;
   std::vector<sim::ScenarioError> errors;
-  if (plan::read_task(program::find_scenario(options.scenario), errors)) return true;
-  for (const sim::ScenarioError& error : errors) std::cerr << sim::to_string(error) << '\n';
-  return false;
+  const bool as_in_file = options.set.empty() && options.actuation.empty() && !options.seed;
+  const auto task = as_in_file ? plan::read_task(program::find_scenario(options.scenario), errors)
+                               : plan::parse_task(scenario.toml, "with the command line's values", errors);
+  if (!task) found.insert(found.end(), errors.begin(), errors.end());
 }
 
 }  // namespace
@@ -68,15 +70,16 @@ std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
     if (!scenario) return program::kExitUsage;
     const bool stepper = scenario->run.actuation == sim::Actuation::kStepper;
     if (stepper && !program::make_controller_params("ballast", *scenario)) return program::kExitUsage;
-    if (!good_task(*options, found)) return program::kExitUsage;
+    add_task_errors(*options, *scenario, found);
     std::vector<std::string> warnings = warnings_of(*scenario, found);
-    const std::vector<std::string> floor = check_floor(*scenario);
-    warnings.insert(warnings.end(), floor.begin(), floor.end());
+    FloorFindings floor = check_floor(*scenario);
+    warnings.insert(warnings.end(), floor.warnings.begin(), floor.warnings.end());
     MotorFindings motors;
     if (stepper) motors = check_motors(*scenario);
     warnings.insert(warnings.end(), motors.warnings.begin(), motors.warnings.end());
     for (const std::string& warning : warnings) std::cout << "warning: " << warning << '\n';
-    for (const std::string& note : motors.notes) std::cout << "note: " << note << '\n';
+    floor.notes.insert(floor.notes.end(), motors.notes.begin(), motors.notes.end());
+    for (const std::string& note : floor.notes) std::cout << "note: " << note << '\n';
     const std::string verdict = warnings.empty()       ? "good"
                                 : warnings.size() == 1 ? "can be run, with 1 warning"
                                                        : fmt::format("can be run, with {} warnings", warnings.size());

@@ -18,21 +18,43 @@ using program::short_time;
 constexpr double kMostLookedAt_s = 1000;
 constexpr int kPieces = 1000;  // a piece of the time needs no more steps than the plant allows
 
+// Whether a mass is being accelerated, or has been.
+bool moved_by(const sim::Scenario& scenario, double time_s) {
+  return std::any_of(scenario.masses.begin(), scenario.masses.end(), [&](const sim::Mass& mass) {
+    double begin_s = 0;
+    for (const sim::MotionPiece& piece : mass.motion) {
+      if (begin_s > time_s) return false;
+      if (piece.acceleration_start != 0 || piece.acceleration_end != 0) return true;
+      begin_s += piece.duration_s;
+    }
+    return false;
+  });
+}
+
+// The texts' subject and advice: masses that have not been moved yet are not to blame.
+struct Cause {
+  Cause(const sim::Scenario& scenario, double time_s)
+      : what(moved_by(scenario, time_s) ? "the motion" : "the ball"),
+        advice(moved_by(scenario, time_s) ? "; a slower motion helps" : "") {}
+  std::string what, advice;
+};
+
 std::string too_much_friction(const sim::Extremum& needed, const sim::Scenario& scenario) {
   const double given = scenario.surface.static_friction, allowed = scenario.envelope.friction_use * given;
-  const std::string motion =
-      fmt::format("the motion needs f_s / N = {} at t = {} s", short_number(needed.value), short_time(needed.time_s));
+  const Cause cause(scenario, needed.time_s);
+  const std::string needs = fmt::format("{} needs f_s / N = {} at t = {} s", cause.what, short_number(needed.value),
+                                        short_time(needed.time_s));
   if (needed.value > given) {
-    return fmt::format("surface.static_friction: {}, and this floor gives {}: the ball slips; a slower motion helps",
-                       motion, short_number(given));
+    return fmt::format("surface.static_friction: {}, and this floor gives {}: the ball slips{}", needs,
+                       short_number(given), cause.advice);
   }
-  return fmt::format("envelope.friction_use: {}, and {} of this floor's {} is {}: the run trips", motion,
+  return fmt::format("envelope.friction_use: {}, and {} of this floor's {} is {}: the run trips", needs,
                      short_number(scenario.envelope.friction_use), short_number(given), short_number(allowed));
 }
 
 }  // namespace
 
-std::vector<std::string> check_floor(const sim::Scenario& scenario) {
+FloorFindings check_floor(const sim::Scenario& scenario) {
   sim::Scenario rolled = scenario;
   rolled.run.actuation = sim::Actuation::kPrescribed;
   rolled.run.on_violation = sim::OnViolation::kStop;
@@ -41,24 +63,36 @@ std::vector<std::string> check_floor(const sim::Scenario& scenario) {
   sim::Plant plant(rolled);
   if (plant.regimes().front().regime != sim::Regime::kRolling) return {};
   const double end_s = std::min(scenario.duration_s, kMostLookedAt_s);
-  for (int k = 1; k <= kPieces && plant.end() == sim::PhysicsEnd::kNone; ++k) plant.advance(end_s * k / kPieces, {});
+  // Where the ball lifts off, f_s / N is infinite and N is 0: the extremes up to the piece before are those of rolling.
+  sim::ContactExtrema most = plant.extrema();
+  for (int k = 1; k <= kPieces && plant.end() == sim::PhysicsEnd::kNone; ++k) {
+    plant.advance(end_s * k / kPieces, {});
+    if (!plant.rolling_lost()) most = plant.extrema();
+  }
 
-  const sim::ContactExtrema& most = plant.extrema();
-  std::vector<std::string> warnings;
+  FloorFindings findings;
+  const double least_n = scenario.envelope.min_normal_force_n;
+  if (most.mu_required_max.value > scenario.envelope.friction_use * scenario.surface.static_friction)
+    findings.warnings.push_back(too_much_friction(most.mu_required_max, scenario));
+  if (most.normal_force_min.value <= least_n) {
+    findings.warnings.push_back(
+        fmt::format("envelope.min_normal_force: {} lowers N to {} N at t = {} s, and more than {} N are asked for: the "
+                    "run trips",
+                    Cause(scenario, most.normal_force_min.time_s).what, short_number(most.normal_force_min.value),
+                    short_time(most.normal_force_min.time_s), short_number(least_n)));
+  }
   if (plant.rolling_lost()) {
-    warnings.push_back(fmt::format("motion: lifts the ball off the floor at t = {} s; a slower motion helps",
-                                   short_time(plant.time_s())));
-  } else if (most.normal_force_min.value < scenario.envelope.min_normal_force_n) {
-    warnings.push_back(fmt::format(
-        "envelope.min_normal_force: the motion lowers N to {} N at t = {} s, and {} N are asked for: the run trips",
-        short_number(most.normal_force_min.value), short_time(most.normal_force_min.time_s),
-        short_number(scenario.envelope.min_normal_force_n)));
+    const Cause cause(scenario, plant.time_s());
+    findings.warnings.push_back(fmt::format("{} lifts off the floor at t = {} s{}",
+                                            cause.advice.empty() ? "the ball" : "motion: the ball",
+                                            short_time(plant.time_s()), cause.advice));
+  } else if (plant.end() != sim::PhysicsEnd::kNone) {
+    findings.warnings.push_back(
+        fmt::format("the run ends at t = {} s: {}", short_time(plant.time_s()), plant.end_text()));
+  } else if (end_s < scenario.duration_s) {
+    findings.notes.push_back(fmt::format("the floor is checked up to t = {} s only", short_time(end_s)));
   }
-  if (std::isfinite(most.mu_required_max.value) &&
-      most.mu_required_max.value > scenario.envelope.friction_use * scenario.surface.static_friction) {
-    warnings.push_back(too_much_friction(most.mu_required_max, scenario));
-  }
-  return warnings;
+  return findings;
 }
 
 }  // namespace ballast

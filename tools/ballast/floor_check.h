@@ -8,9 +8,13 @@
 
 namespace ballast {
 
+struct FloorFindings {
+  std::vector<std::string> warnings;  // a limit that is passed, a ball that lifts off, an end for want of a solution
+  std::vector<std::string> notes;     // a long run that is not checked to its end
+};
+
 // Rolls the ball with its masses moved exactly as `motion` says, on a floor that never lets it slip, and compares the
-// forces with the scenario's floor and envelope. A warning for each limit that is passed; none for a ball that does not
-// roll from the start.
-[[nodiscard]] std::vector<std::string> check_floor(const sim::Scenario& scenario);
+// forces with the scenario's floor and envelope. Nothing is found for a ball that does not roll from the start.
+[[nodiscard]] FloorFindings check_floor(const sim::Scenario& scenario);
 
 }  // namespace ballast

@@ -190,7 +190,10 @@ int plan_task(const PlanCommand& command) {
   if (!outcome.plan && *signalled != 0)
     outcome.binding = "interrupted before a plan was found";
   else if (outcome.status == plan::Status::kNotFound && !options.stop())
-    outcome.binding += plan::alternatives_text(*task, plan::find_alternatives(*task, outcome, options));
+    outcome.binding +=
+        plan::alternatives_text(*task, plan::find_alternatives(*task, outcome, options, [&](const std::string& what) {
+          if (line.due()) line.show(fmt::format("{:.0f} s, no plan; looking for {}", seconds_since(start), what));
+        }));
   line.end();
 
   std::string toml;

@@ -2,6 +2,7 @@
 // and a plan that the plant has rolled stands behind it. None is a bound.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -20,10 +21,14 @@ struct Alternatives {
   std::optional<double> static_friction;
 };
 
-// Searches for alternatives to a task for which `failed` is the outcome. Takes seed, stop and progress from `options`;
-// after a stop, what has been found by then is returned. Objective "friction" is planned throughout, since any plan
-// that holds will do.
-[[nodiscard]] Alternatives find_alternatives(const TaskFile& task, const Outcome& failed, const SearchOptions& options);
+// Called from time to time with what is being looked for: "a longer duration: 4.2 s".
+using LookingFor = std::function<void(const std::string& what)>;
+
+// Searches for alternatives to a task for which `failed` is the outcome. Takes seed, stop and stepper_need from
+// `options`; after a stop, alternatives found by then are returned. Duration and goal are looked for with the objective
+// "friction", and those named are then found for the task's own objective.
+[[nodiscard]] Alternatives find_alternatives(const TaskFile& task, const Outcome& failed, const SearchOptions& options,
+                                             const LookingFor& looking_for);
 
 // The alternatives in words, to be appended to Outcome::binding. Empty: none.
 [[nodiscard]] std::string alternatives_text(const TaskFile& task, const Alternatives& alternatives);

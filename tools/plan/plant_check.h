@@ -11,7 +11,7 @@ namespace ballast::plan {
 [[nodiscard]] sim::Scenario with_motion(const sim::Scenario& scenario, const Grid& grid,
                                         const std::vector<double>& knots);
 
-// The motion of each mass, made to last for duration_s over the same way.
+// The motion of each mass, made to last for duration_s; over the same way, if the masses start at rest.
 [[nodiscard]] std::vector<std::vector<sim::MotionPiece>> stretched_motion(const sim::Scenario& scenario,
                                                                           const Grid& grid,
                                                                           const std::vector<double>& knots,
