@@ -103,7 +103,7 @@ int write(int argc, char** argv) {
 }
 
 // Plans one task and prints a line. True: the plan is not what it claims, or the task is none.
-bool plan_one(const plan::SetTask& task, std::vector<Tally*> tallies) {
+bool plan_one(const plan::SetTask& task, const std::vector<Tally*>& tallies) {
   std::vector<sim::ScenarioError> errors;
   const auto file = plan::parse_task(task.toml, "task", errors);
   if (!file) {

@@ -21,8 +21,8 @@ TEST(Processes, ThreeGiveTheSameLogAsOne) {
   for (const std::string scenario :
        {"into_its_stop.toml --set duration=1", "paper_ball --set duration=1", "desk_ball --set duration=0.7",
         "paper_ball --set envelope.friction_use=0.3",
-        "desk_ball --set duration=0.3 --set sensors.attitude=sensed --set sensors.preset=bmi088 --set "
-        "sensors.latency=0.003",
+        ("desk_ball --set duration=0.3 --set sensors.attitude=sensed --set sensors.preset=bmi088 "
+         "--set sensors.latency=0.003"),
         "paper_ball --actuation prescribed --set duration=1 --set surface.static_friction=0.1348"}) {
     SCOPED_TRACE(scenario);
     const Outcome one = folder.run("ballast run " + scenario + " --quiet --out one");

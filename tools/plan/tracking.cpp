@@ -82,15 +82,16 @@ std::vector<ReferencePoint> roll(const sim::Scenario& scenario, int steps) {
 void set_weights(const sim::Scenario& scenario, const TrackingWeights& weights, Tracking& out) {
   const int n = out.masses();
   const double r = out.robot.ball.radius_m, time = time_unit(out.robot), part = out.step_s / time;
-  Eigen::VectorXd state(2 * n + 8), input(n);
+  const Eigen::Index of_masses = 2 * static_cast<Eigen::Index>(n);
+  Eigen::VectorXd state(of_masses + 8), input(n);
   for (int i = 0; i < n; ++i) {
     const double unit = r / scenario.masses[index(i)].metres_per_rail_unit();
     state[i] = weights.mass_position * unit;
     state[n + i] = weights.mass_rate * unit / time;
     input[i] = weights.acceleration * unit / (time * time);
   }
-  state.segment(2 * n, 3).setConstant(weights.attitude_rad);
-  state.segment(2 * n + 3, 3).setConstant(weights.angular_velocity / time);
+  state.segment(of_masses, 3).setConstant(weights.attitude_rad);
+  state.segment(of_masses + 3, 3).setConstant(weights.angular_velocity / time);
   state.tail(2).setConstant(weights.place * r);
   out.state_weight = (part * state.array().square().inverse()).matrix().asDiagonal();
   out.input_weight = (part * input.array().square().inverse()).matrix().asDiagonal();
@@ -153,18 +154,19 @@ Step discretise(const Linear& linear, double step_s) {
 }
 
 Eigen::VectorXd tracking_error(const ReferencePoint& reference, const ReferencePoint& truth, int masses) {
-  Eigen::VectorXd e(2 * masses + 8);
+  const Eigen::Index of_masses = 2 * static_cast<Eigen::Index>(masses);
+  Eigen::VectorXd e(of_masses + 8);
   for (int i = 0; i < masses; ++i) {
     e[i] = truth.state.position[index(i)] - reference.state.position[index(i)];
     e[masses + i] = truth.state.velocity[index(i)] - reference.state.velocity[index(i)];
   }
   const auto quaternion = [](const std::array<double, 4>& q) { return Eigen::Quaterniond(q[0], q[1], q[2], q[3]); };
   const Eigen::AngleAxisd turn(quaternion(reference.state.q).conjugate() * quaternion(truth.state.q));
-  e.segment<3>(2 * masses) = turn.angle() * turn.axis();
+  e.segment<3>(of_masses) = turn.angle() * turn.axis();
   const Vec omega = truth.state.omega_B - reference.state.omega_B;
-  e.segment<3>(2 * masses + 3) << omega.x, omega.y, omega.z;
+  e.segment<3>(of_masses + 3) << omega.x, omega.y, omega.z;
   for (int axis = 0; axis < 2; ++axis) {
-    e[2 * masses + 6 + axis] = truth.place_m[index(axis)] - reference.place_m[index(axis)];
+    e[of_masses + 6 + axis] = truth.place_m[index(axis)] - reference.place_m[index(axis)];
   }
   return e;
 }

@@ -85,7 +85,7 @@ struct GainTable {
   }
 };
 
-inline constexpr std::size_t kMostGainBytes = 32 * 1024;
+inline constexpr std::size_t kMostGainBytes = std::size_t{32} * 1024;
 
 // As many times as there are steps, or as fit.
 [[nodiscard]] GainTable gain_table(const Tracking& tracking, std::size_t most_bytes = kMostGainBytes);
