@@ -325,7 +325,7 @@ TEST(Validate, AMotionWithTooManyReversalsInATickIsRefused) {
   };
   // From 1e-4 rad/s at -2 rad/s^2: it turns in the middle of every piece, eight times, and is back after the last.
   EXPECT_TRUE(validated(with(9000, 1e-4, 1e-4)).ok()) << "10 pulses, one burst each";
-  EXPECT_TRUE(validated(with(9000, 1e-4, 7e-5, 12)).ok()) << "which no number of reversals exceeds";
+  EXPECT_TRUE(validated(with(9000, 1e-4, 7e-5, 12)).ok()) << "as many reversals as fit into a tick at all";
   EXPECT_TRUE(validated(with(13999, 1e-4, 1e-4)).ok()) << "14 pulses, (30 - 14) / 2 = 8 reversals";
   const ParamError error = validated(with(25000, 1e-4, 1e-4));
   ASSERT_FALSE(error.ok());

@@ -1,5 +1,6 @@
-// The accuracy that run.tolerance gives: whole runs of the shipped robots with their steppers, against steps at 1e-13.
-// `hop` is left out: each of its ten impacts multiplies an error.
+// The accuracy that run.tolerance gives: whole runs of six shipped robots against steps at 1e-13. Left out are `hop` and
+// `paper_detach_flight`, which leave the floor (a tick that holds an impact has no accuracy of this kind), and
+// `tumbleweed`, whose mass has no motor. Where a tick is one step at both tolerances, the two runs are the same.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -69,7 +70,11 @@ TEST(Tolerance, ForcesAreGoodToAHundredMillionthOfTheWeight) {
     RecordProperty(std::string(name) + "_part_of_weight", std::to_string(1e12 * worst) + "e-12");
     EXPECT_LT(worst, 1e-8);
     const double mu = exact.result.extrema.mu_required_max.value;
-    if (std::isfinite(mu)) EXPECT_NEAR(found.result.extrema.mu_required_max.value, mu, 1e-8);
+    if (std::isfinite(mu)) {
+      EXPECT_NEAR(found.result.extrema.mu_required_max.value, mu, 1e-8);
+    } else {
+      EXPECT_EQ(found.result.extrema.mu_required_max.value, mu);
+    }
   }
 }
 
