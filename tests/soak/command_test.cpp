@@ -75,6 +75,35 @@ TEST(SoakCommand, ASeedThatFailsCanBeShownAgain) {
   EXPECT_TRUE(status == 0 || status == 2 || status == 3 || status == 6) << status;
 }
 
+TEST(SoakCommand, AddsRangesUp) {
+  const Folder folder;
+  const std::string cut = " | sed 's/ ticks, .*//'";
+  const Outcome whole = folder.run("ballast soak --seeds 200..229 --quiet" + cut);
+  EXPECT_EQ(folder.run("ballast soak --seeds 210..229 --quiet --add sum.json").exit_status, 0);
+  const Outcome both = folder.run("ballast soak --seeds 200..209 --quiet --add sum.json" + cut);
+  const std::string title = "\nsum.json, 2 ranges of seeds:\n";
+  ASSERT_SAYS(both.out, title);
+  EXPECT_EQ(both.out.substr(both.out.find(title) + title.size()), whole.out);
+  const std::string before = read_file(folder / "sum.json");
+  const Outcome twice = folder.run("ballast soak --seeds 229..300 --quiet --add sum.json");
+  EXPECT_EQ(twice.exit_status, 1);
+  EXPECT_SAYS(twice.err, "sum.json has the seeds 210..229 already; allowed: other seeds");
+  EXPECT_EQ(read_file(folder / "sum.json"), before);
+  EXPECT_EQ(folder.run("sed -i 's/\"build\": \"/&x/' sum.json").exit_status, 0);
+  const Outcome other = folder.run("ballast soak --seeds 300..301 --quiet --add sum.json");
+  EXPECT_EQ(other.exit_status, 1);
+  EXPECT_SAYS(other.err, "sum.json has seeds of another build, x");
+  for (const char* broken : {"", "[]", "{}", "no JSON", "{\"build\": 1, \"ranges\": [], \"totals\": {}}"}) {
+    folder.write("broken.json", broken);
+    const Outcome outcome = folder.run("ballast soak --seeds 300..301 --quiet --add broken.json");
+    EXPECT_EQ(outcome.exit_status, 1) << broken;
+    EXPECT_SAYS(outcome.err, "broken.json is no file of this command");
+  }
+  const Outcome nowhere = folder.run("ballast soak --seeds 300..301 --quiet --add none/sum.json");
+  EXPECT_EQ(nowhere.exit_status, 2);
+  EXPECT_SAYS(nowhere.err, "none/sum.json: cannot be written");
+}
+
 // Before hours of it have been run.
 TEST(SoakCommand, RefusesAFolderThatCannotBe) {
   const Folder folder;

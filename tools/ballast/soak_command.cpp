@@ -10,11 +10,13 @@
 
 #include "sim/scenario/reader.h"
 #include "tools/ballast/commands.h"
+#include "tools/ballast/soak_totals.h"
 #include "tools/program/count_progress.h"
 #include "tools/program/program.h"
 #include "tools/recording/output_dir.h"
 #include "tools/soak/failure_table.h"
 #include "tools/soak/workers.h"
+#include "tools/sweep/build_record.h"
 
 namespace ballast {
 
@@ -23,7 +25,7 @@ namespace {
 struct SoakCommand {
   std::string seeds;
   int jobs = 0;
-  std::string keep;
+  std::string keep, add;
   double seed_limit_s = 120;
   bool quiet = false;
   bool table = false;
@@ -41,42 +43,6 @@ bool parse_seeds(const std::string& text, soak::WorkerOptions& out) {
   out.last = out.first;
   if (dots == std::string::npos) return true;
   return number(all.substr(dots + 2), out.last) && out.first <= out.last;
-}
-
-struct Totals {
-  std::uint64_t seeds = 0, broken = 0, faults = 0, faulty = 0, violated = 0;
-  std::int64_t simulated_us = 0, ticks = 0, refused = 0;
-  std::array<std::uint64_t, soak::kOutcomeCount> outcomes{};
-
-  void add(const soak::SeedResult& result) {
-    ++seeds;
-    broken += result.broken >= 0;
-    faults += static_cast<std::uint64_t>(result.faults);
-    faulty += result.faults > 0;
-    violated += result.violated;
-    simulated_us += result.simulated_us;
-    ticks += result.ticks;
-    refused += result.refused;
-    ++outcomes[static_cast<std::size_t>(result.outcome)];
-  }
-};
-
-void print_totals(const Totals& totals, double wall_s) {
-  const double simulated_s = 1e-6 * static_cast<double>(totals.simulated_us);
-  const auto part = [&](std::uint64_t count) {
-    return 100.0 * static_cast<double>(count) / static_cast<double>(totals.seeds);
-  };
-  for (std::size_t i = 0; i < totals.outcomes.size(); ++i) {
-    if (totals.outcomes[i] == 0) continue;
-    std::cout << fmt::format("  {:<30} {:5.1f} %\n", to_string(static_cast<soak::Outcome>(i)),
-                             part(totals.outcomes[i]));
-  }
-  std::cout << fmt::format("  {:<30} {:5.1f} %\n", "left the envelope", part(totals.violated));
-  std::cout << fmt::format("  {:<30} {:5.1f} %, {} faults\n", "with faults", part(totals.faulty), totals.faults);
-  std::cout << fmt::format("  {:<30} {} of the scenarios drawn\n", "refused by the check", totals.refused);
-  std::cout << fmt::format("{} seed{}, {:.2f} h simulated in {} ticks, {:.4g} s, {:.3g} seeds/s, {} broken\n",
-                           totals.seeds, totals.seeds == 1 ? "" : "s", simulated_s / 3600, totals.ticks, wall_s,
-                           static_cast<double>(totals.seeds) / wall_s, totals.broken);
 }
 
 // Prints a seed that failed, with the command that repeats it, and keeps its scenario.
@@ -106,10 +72,16 @@ int run(const SoakCommand& command) {
   options.seed_limit_s = command.seed_limit_s;
   options.interrupted = program::catch_signals();
   const std::uint64_t count = options.last - options.first + 1;
+  const SeedRange range{options.first, options.last};
+  SoakFile all;
+  if (!command.add.empty()) {
+    const std::string why = read_soak_file(command.add, sweep::this_build(), range, all);
+    if (!why.empty()) return refuse(fmt::format("--add: {} {}", command.add, why));
+  }
   std::optional<sil::OutputDir> kept;
   if (!command.keep.empty() && !kept.emplace(command.keep).good()) return could_not("--keep: " + kept->error());
 
-  Totals totals;
+  SoakTotals totals;
   soak::FailureTable table;
   program::CountProgress progress(count, "seeds", !command.quiet);
   const auto done = [&](const soak::SeedResult& result) {
@@ -128,7 +100,16 @@ int run(const SoakCommand& command) {
   if (!why.empty()) return could_not(why);
   if (kept && !kept->good()) return could_not(kept->error());
   if (command.table) std::cout << table.markdown();
-  if (totals.seeds > 0 && !command.table) print_totals(totals, progress.seconds());
+  totals.wall_s = progress.seconds();
+  if (totals.seeds > 0 && !command.table) std::cout << totals.text();
+  if (!command.add.empty() && totals.seeds == count) {
+    all.ranges.push_back(range);
+    all.totals.add(totals);
+    if (!write_soak_file(command.add, all)) return could_not(fmt::format("--add: {}: cannot be written", command.add));
+    if (all.ranges.size() > 1) {
+      std::cout << fmt::format("\n{}, {} ranges of seeds:\n", command.add, all.ranges.size()) << all.totals.text();
+    }
+  }
   if (totals.broken > 0) return program::kExitEnvelope;
   return totals.seeds < count ? could_not(fmt::format("interrupted after {} of {} seeds", totals.seeds, count))
                               : program::kExitCompleted;
@@ -149,6 +130,10 @@ std::function<int()> add_soak_command(CLI::App& app, CLI::App*& command) {
                    "s of wall time after which a seed is killed and counts as failed")
       ->check(program::positive_finite())
       ->capture_default_str();
+  command
+      ->add_option("--add", options->add,
+                   "file to which the totals are added; it refuses seeds that it has, and those of another build")
+      ->check(program::not_empty());
   command->add_flag("--table", options->table,
                     "inject one fault into each of many calm robots, and print the effects as a Markdown table");
   command->add_flag("--quiet", options->quiet, "no progress");
