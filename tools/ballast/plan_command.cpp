@@ -167,6 +167,7 @@ int plan_task(const PlanCommand& command) {
                                 motion.scenario.masses.size(), task->scenario.masses.size()));
     }
     for (const sim::Mass& mass : motion.scenario.masses) options.from.push_back(mass.motion);
+    options.quick = true;
   }
   const volatile std::sig_atomic_t* signalled = program::catch_signals();
   ProgressLine line(command.quiet);

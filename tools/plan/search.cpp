@@ -17,7 +17,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kPieces = 32;
 constexpr int kMostStarts = 24;                         // until a plan is found
 constexpr int kMoreStarts = 2, kCheapIterations = 150;  // after that, for a better one
-constexpr int kWarmIterations = 8;                      // from a neighbour's plan, on the coarse grid
+constexpr int kQuickIterations = 8;                     // from a neighbour's plan, on the coarse grid
 // Tolerances on the equalities, as the plant rolls them: half a millimetre, and a tenth of the speed, over sqrt(g r),
 // that counts as rest.
 constexpr double kPlaceTolerance_m = 5e-4, kRestTolerance = 3e-4;
@@ -281,15 +281,15 @@ class Search {
     return settings;
   }
 
-  // From a neighbour's plan: a few iterations on the coarse grid, which cost half as much, bring all but a few percent.
-  // The polish against the plant then only has to meet what does not hold there. Equalities nearly met are enough to
-  // end, since improve() meets them afterwards.
-  [[nodiscard]] SqpSettings warm_settings(int most_iterations) const {
-    SqpSettings warm = settings();
-    warm.most_iterations = most_iterations;
-    warm.short_steps = true;
-    warm.most_equality = 1e-3;
-    return warm;
+  // Quickly from a neighbour's plan: a few iterations on the coarse grid, which cost half as much, bring all but a few
+  // percent. The polish against the plant then only has to meet what does not hold there. Equalities nearly met are
+  // enough to end, since improve() meets them afterwards.
+  [[nodiscard]] SqpSettings quick_settings(int most_iterations) const {
+    SqpSettings quick = settings();
+    quick.most_iterations = most_iterations;
+    quick.short_steps = true;
+    quick.most_equality = 1e-3;
+    return quick;
   }
 
   // The task on the way to the whole one: goal and via places at the part `part` of their distance from the start,
@@ -319,7 +319,7 @@ class Search {
     if (warm() && start == 0) {
       // A copy, since the start as it was given is a better one for the whole search.
       std::vector<double> neighbour = knots, passes_s;
-      improve_on(problem_, grid, fixed, warm_settings(kWarmIterations), neighbour, passes_s);
+      if (options_.quick) improve_on(problem_, grid, fixed, quick_settings(kQuickIterations), neighbour, passes_s);
       if (refine(grid, fixed, neighbour, passes_s)) return;
     }
     if (start % 2 == 1) {
@@ -385,7 +385,8 @@ class Search {
     SqpSettings s = settings();
     s.most_iterations = 20;
     s.short_steps = warm();
-    if (warm()) s = warm_settings(0);
+    if (warm()) s.most_iterations = 8;  // a neighbour's plan: the rest gains a few percent
+    if (options_.quick) s = quick_settings(0);
     Merit merit = improve(rollout, transcription, fixed, s, knots, effort_);
     if (aim_.objective == Objective::kEffort) {
       s.objective = Objective::kEffort;
@@ -413,7 +414,7 @@ class Search {
       for (std::size_t k = 0; k < model.size(); ++k) correction.push_back(plant[k].value - model[k].value);
       transcription.corrections.equality = correction;
       s.most_iterations = 8;
-      s.good_enough = warm() ? kInfinity : 0;
+      s.good_enough = options_.quick ? kInfinity : 0;
       merit = improve(rollout, transcription, fixed, s, knots, effort_);
     }
     return false;
