@@ -1,5 +1,5 @@
-// The accuracy that run.tolerance gives: whole runs of six shipped robots against steps at 1e-13. Left out are `hop` and
-// `paper_detach_flight`, which leave the floor (a tick that holds an impact has no accuracy of this kind), and
+// The accuracy that run.tolerance gives: whole runs of six shipped robots against steps at 1e-13. Left out are `hop`
+// and `paper_detach_flight`, which leave the floor (a tick that holds an impact has no accuracy of this kind), and
 // `tumbleweed`, whose mass has no motor. Where a tick is one step at both tolerances, the two runs are the same.
 #include <gtest/gtest.h>
 

@@ -99,6 +99,9 @@ TEST(SoakCommand, AddsRangesUp) {
     EXPECT_EQ(outcome.exit_status, 1) << broken;
     EXPECT_SAYS(outcome.err, "broken.json is no file of this command");
   }
+  const Outcome table = folder.run("ballast soak --seeds 0..1 --quiet --table --add table.json");
+  EXPECT_EQ(table.exit_status, 1);
+  EXPECT_SAYS(table.err, "--add: --table draws other scenarios");
   const Outcome nowhere = folder.run("ballast soak --seeds 300..301 --quiet --add none/sum.json");
   EXPECT_EQ(nowhere.exit_status, 2);
   EXPECT_SAYS(nowhere.err, "none/sum.json: cannot be written");

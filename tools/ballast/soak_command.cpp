@@ -72,6 +72,8 @@ int run(const SoakCommand& command) {
   options.seed_limit_s = command.seed_limit_s;
   options.interrupted = program::catch_signals();
   const std::uint64_t count = options.last - options.first + 1;
+  if (command.table && !command.add.empty())
+    return refuse("--add: --table draws other scenarios; allowed: one of them");
   const SeedRange range{options.first, options.last};
   SoakFile all;
   if (!command.add.empty()) {

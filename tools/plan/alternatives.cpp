@@ -46,6 +46,7 @@ class Alternation {
   std::optional<Eigen::Vector2d> nearest_goal() {
     if (!task_.task.via.empty() || task_.task.follow) return std::nullopt;
     const Eigen::Vector2d start_m = make_problem(task_).start_m;
+    if (task_.task.goal_m == start_m) return std::nullopt;
     const double unit_m = rounding_unit((task_.task.goal_m - start_m).norm()) / 10;
     const auto found = nearest(kNearer, [&](double factor) {
       TaskFile changed = task_;

@@ -1,4 +1,4 @@
-// What can be had where no plan is found: a longer time, a nearer place, a rougher floor. Each is found by a search,
+// Alternatives where no plan is found: a longer time, a nearer place, a rougher floor. Each is found by a search,
 // and a plan that the plant has rolled stands behind it. None is a bound.
 #pragma once
 
