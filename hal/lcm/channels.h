@@ -15,7 +15,7 @@ inline constexpr char kChannelControllerStatus[] = "BALLAST_CONTROLLER_STATUS";
 inline constexpr char kChannelTrip[] = "BALLAST_TRIP";
 inline constexpr char kChannelOperator[] = "BALLAST_OPERATOR";
 
-// Tick of a controller_status_t or trip_t whose sender waits for the first tick.
-inline constexpr std::int64_t kWaitingTick = -3;
+// Tick of a controller_status_t or trip_t whose sender waits for the first tick: earlier than any run begins.
+inline constexpr std::int64_t kWaitingTick = -100'000'000'000;
 
 }  // namespace ballast::hal

@@ -26,6 +26,10 @@ PrescribedMotion::PrescribedMotion(const Mass& mass) : trajectory_(mass.trajecto
   pieces_.push_back({start, position, velocity, 0, 0});
 }
 
+void PrescribedMotion::follow(double start_s, const Point& start, double jerk) {
+  pieces_.assign(1, {start_s, start.position, start.velocity, start.acceleration, jerk});
+}
+
 PrescribedMotion::Point PrescribedMotion::at(std::size_t piece, double time_s) const {
   const Piece& p = pieces_[trajectory_.times_s.empty() ? piece : 0];
   const double s = time_s - p.start_s;
@@ -103,10 +107,37 @@ double PrescribedMasses::smooth_until_s(double time_s) const {
   return until_s;
 }
 
-MassPoint PrescribedMasses::at(double time_s, const Pieces& pieces) const {
+void PrescribedMasses::place(double start_s, const MassPoint& commanded) {
+  piece_.fill(0);
+  for (std::size_t i = 0; i < motion_.size(); ++i) {
+    motion_[i].follow(start_s, {commanded.position[i], commanded.velocity[i], commanded.acceleration[i]}, 0);
+  }
+}
+
+bool PrescribedMasses::lead(double start_s, double end_s, const PerMass& position, const PerMass& velocity) {
+  // A position that a cubic reaches up to rounding is on it.
+  constexpr double kRounding = 1e-14;
+  const double h = end_s - start_s;
+  bool other = false;
+  for (std::size_t i = 0; i < motion_.size(); ++i) {
+    PrescribedMotion::Point start = motion_[i].at(0, start_s);
+    double jerk = 2 * (velocity[i] - start.velocity - h * start.acceleration) / (h * h);
+    const double reached = start.position + h * (start.velocity + h * (start.acceleration / 2 + h * jerk / 6));
+    if (std::abs(reached - position[i]) > kRounding * (1 + std::abs(position[i]))) {
+      const double mean = (position[i] - start.position) / h;
+      start.acceleration = (6 * mean - 4 * start.velocity - 2 * velocity[i]) / h;
+      jerk = 6 * (start.velocity + velocity[i] - 2 * mean) / (h * h);
+      other = true;
+    }
+    motion_[i].follow(start_s, start, jerk);
+  }
+  return other;
+}
+
+MassPoint PrescribedMasses::at(double time_s) const {
   MassPoint p{};
   for (std::size_t i = 0; i < motion_.size(); ++i) {
-    const PrescribedMotion::Point point = motion_[i].at(pieces[i], time_s);
+    const PrescribedMotion::Point point = motion_[i].at(piece_[i], time_s);
     p.position[i] = point.position;
     p.velocity[i] = point.velocity;
     p.acceleration[i] = point.acceleration;

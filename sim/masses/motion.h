@@ -18,6 +18,9 @@ class PrescribedMotion {
     double position, velocity, acceleration;
   };
 
+  // Replaces the motion by one piece: from start_s on with this jerk.
+  void follow(double start_s, const Point& start, double jerk);
+
   // Pieces are numbered 0.. in order; the last one (constant velocity) has no end. A piece is evaluated as its own
   // cubic even at its ends, so the caller chooses the side of a jump by naming the piece.
   [[nodiscard]] Point at(std::size_t piece, double time_s) const;
@@ -47,22 +50,28 @@ struct MassPoint {
 // The motions of all masses, and the piece that each is in.
 class PrescribedMasses {
  public:
-  using Pieces = std::array<std::size_t, kMaxMasses>;
-
   explicit PrescribedMasses(const std::vector<Mass>& masses) : motion_(masses.begin(), masses.end()) {}
 
-  [[nodiscard]] const Pieces& pieces() const { return piece_; }
   void restart() { piece_.fill(0); }
   // Enters the pieces that have begun by time_s, which never goes back but after restart(). True: a piece has ended.
   bool enter_pieces(double time_s);
   // The first instant after time_s at which a motion is not smooth.
   [[nodiscard]] double smooth_until_s(double time_s) const;
-  [[nodiscard]] MassPoint at(double time_s) const { return at(time_s, piece_); }
-  [[nodiscard]] MassPoint at(double time_s, const Pieces& pieces) const;
+  [[nodiscard]] MassPoint at(double time_s) const;
+
+  // The motions of ideal masses, which are known from one control tick to the next.
+  //
+  // place() puts the masses where they are commanded to be at start_s, with rates and accelerations. The accelerations
+  // stay until lead() is called.
+  void place(double start_s, const MassPoint& commanded);
+  // Leads the masses from where they are at start_s to a commanded position and velocity at end_s. Between them the
+  // acceleration is a linear function of time, as that of a commanded motion is inside a piece. It begins with the
+  // acceleration of place() unless a piece of the motion ends in between. True: it begins with another one.
+  bool lead(double start_s, double end_s, const PerMass& position, const PerMass& velocity);
 
  private:
   std::vector<PrescribedMotion> motion_;
-  Pieces piece_{};
+  std::array<std::size_t, kMaxMasses> piece_{};
 };
 
 }  // namespace ballast::sim

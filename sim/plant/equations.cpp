@@ -53,6 +53,7 @@ Equations::Equations(const PlantModel& model)
       motors(model),
       contact(model, body.total_mass_kg),
       driven_(model.actuation == Actuation::kStepper),
+      known_ahead_(model.actuation == Actuation::kPrescribed),
       contact_start_(kTheta + (driven_ ? 2 * model.masses.size() : 0)) {
   const auto pushes = [](const PlantFault& fault) { return fault.kind == PlantFaultKind::kPush; };
   if (std::any_of(model.faults.begin(), model.faults.end(), pushes)) body.external_force.expect_pushes();

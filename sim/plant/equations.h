@@ -28,6 +28,8 @@ class Equations {
   ContactRegime contact;
 
   [[nodiscard]] bool driven() const { return driven_; }
+  // Whether the motion of the masses is known to the end of the run.
+  [[nodiscard]] bool known_ahead() const { return known_ahead_; }
   [[nodiscard]] std::size_t mass_count() const { return motors.size(); }
   // The place in the state where height and velocity of the geometric centre begin.
   [[nodiscard]] std::size_t contact_start() const { return contact_start_; }
@@ -69,7 +71,7 @@ class Equations {
   [[nodiscard]] PerMass holding_forces(const double* y) const;
   [[nodiscard]] bool evaluate_lanes(const double* y, Instant& motion) const;
 
-  bool driven_;
+  bool driven_, known_ahead_;
   std::size_t contact_start_;
   const DrivenLanes* driven_lanes_;  // null if the robot is not one for it
   LaneBody lane_body_;

@@ -40,8 +40,11 @@ void ContactRecord::record_mu(const Equations& equations, double time_s, const S
   at_mu_max_.regime = equations.contact.regime;
   at_mu_max_.y = y;
   at_mu_max_.push_W_n = equations.body.external_force.push_W_n();
-  at_mu_max_.pieces = equations.prescribed.pieces();
-  if (equations.driven()) at_mu_max_.mass_acceleration = motion.mass_acceleration;
+  if (equations.driven()) {
+    at_mu_max_.masses.acceleration = motion.mass_acceleration;
+  } else {
+    at_mu_max_.masses = equations.prescribed.at(time_s);
+  }
 }
 
 void ContactRecord::record(const Equations& equations, double time_s, const State& y, const Instant& motion) {
@@ -59,9 +62,11 @@ std::optional<ContactShares> ContactRecord::shares_at_mu_required_max(const Equa
   if (at_mu_max_.regime != Regime::kRolling) return std::nullopt;
   const double time_s = extrema_.mu_required_max.time_s;
   const double* y = at_mu_max_.y.data();
-  MassPoint masses =
-      equations.driven() ? equations.mass_point(time_s, y) : equations.prescribed.at(time_s, at_mu_max_.pieces);
-  if (equations.driven()) masses.acceleration = at_mu_max_.mass_acceleration;
+  MassPoint masses = at_mu_max_.masses;
+  if (equations.driven()) {
+    masses = equations.mass_point(time_s, y);
+    masses.acceleration = at_mu_max_.masses.acceleration;
+  }
   Body body = equations.body;
   body.external_force.set_push(at_mu_max_.push_W_n);
   return contact_shares(body, time_s, y + kQ, y + kOmega, equations.carried(masses));

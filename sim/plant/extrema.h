@@ -56,8 +56,7 @@ class ContactRecord {
     Regime regime = Regime::kFlight;
     State y{};
     Vec3<double> push_W_n{};
-    PerMass mass_acceleration{};        // driven masses
-    PrescribedMasses::Pieces pieces{};  // prescribed masses
+    MassPoint masses{};  // of driven masses the accelerations only
   } at_mu_max_;
 };
 

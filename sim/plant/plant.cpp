@@ -21,7 +21,7 @@ constexpr double kShortestPart = 1e-13;
 }  // namespace
 
 Plant::Plant(const PlantModel& model)
-    : duration_s_(model.duration_s), run_(model), regimes_(model), stepping_(model), faults_(model) {
+    : ahead_s_(model.actuation == Actuation::kPrescribed ? model.duration_s : 0), run_(model), regimes_(model), stepping_(model), faults_(model) {
   regimes_.start(model.initial, run_);
 }
 
@@ -47,7 +47,7 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
     if (end() != PhysicsEnd::kNone || time_s() >= end_s) return;
 
     double smooth_until_s = std::min(
-        {equations().body.external_force.next_kink_s(time_s()), std::max(end_s, duration_s_), faults_.next_s()});
+        {equations().body.external_force.next_kink_s(time_s()), std::max(end_s, ahead_s_), faults_.next_s()});
     if (!equations().driven()) {
       smooth_until_s = std::min(smooth_until_s, equations().prescribed.smooth_until_s(time_s()));
     }
@@ -55,6 +55,25 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
     if (!pulses.empty()) target_s = std::min(target_s, start_s + pulses.front().offset_s);
     integrate_to(target_s, smooth_until_s);
   }
+}
+
+void Plant::place_masses(const double* position, const double* velocity, const double* acceleration) {
+  MassPoint commanded{};
+  const std::size_t n = equations().mass_count();
+  std::copy_n(position, n, commanded.position.begin());
+  std::copy_n(velocity, n, commanded.velocity.begin());
+  std::copy_n(acceleration, n, commanded.acceleration.begin());
+  equations().prescribed.place(time_s(), commanded);
+  if (end() == PhysicsEnd::kNone) regimes_.continue_after_jump(run_);
+}
+
+void Plant::lead_masses(double end_s, const double* position, const double* velocity) {
+  PerMass to{}, with{};
+  const std::size_t n = equations().mass_count();
+  std::copy_n(position, n, to.begin());
+  std::copy_n(velocity, n, with.begin());
+  const bool jumps = equations().prescribed.lead(time_s(), end_s, to, with);
+  if (jumps && end() == PhysicsEnd::kNone) regimes_.continue_after_jump(run_);
 }
 
 // Executes the pulses that are due, and takes them from `pulses`. True: there were some.
@@ -164,8 +183,8 @@ void Plant::record_peaks(double h, const Point& middle, const Point& end) {
   look(extrema.static_friction_max.value, [](const Instant& m) { return m.static_friction_n; });
   const auto mu_required = [this](const Instant& m) { return equations().contact.mu_required(m); };
   if (end.motion.normal_force_n > 0) look(extrema.mu_required_max.value, mu_required);
-  if (!equations().driven()) return;
-  // Steps of driven masses are so long that the tick's extrema come from between their ends too.
+  if (equations().known_ahead()) return;
+  // Steps of masses under a controller are so long that the tick's extrema come from between their ends too.
   const auto peak = [&](auto value) {
     return parabola_peak(value(dynamics().now.motion), value(middle.motion), value(end.motion));
   };

@@ -46,6 +46,14 @@ class Plant {
   // are in order of time; prescribed runs ignore them.
   void advance(double end_s, std::span<const StepPulse> pulses);
 
+  // Ideal masses. Rail coordinates of all masses, their rates and those' rates.
+  //
+  // Puts the masses where they are commanded to be now: where lead_masses() led them, up to rounding, with accelerations
+  // that may jump here.
+  void place_masses(const double* position, const double* velocity, const double* acceleration);
+  // Before advance(end_s): leads the masses to where they are commanded to be at end_s > time_s().
+  void lead_masses(double end_s, const double* position, const double* velocity);
+
   [[nodiscard]] double time_s() const { return dynamics().time_s; }
   [[nodiscard]] PhysicsEnd end() const { return regimes_.end(); }
   [[nodiscard]] const std::string& end_text() const { return regimes_.end_text(); }  // why it is inconsistent
@@ -102,7 +110,7 @@ class Plant {
   template <class Value>
   double find_peak(double h, const Instant& middle, const Instant& end, double floor, Value value);
 
-  double duration_s_;
+  double ahead_s_;  // the motion of the masses is known up to here; 0: up to the end of advance()
   Progress run_;
   Regimes regimes_;
   Stepping stepping_;

@@ -11,7 +11,17 @@
 
 namespace ballast::sim {
 
-enum class Actuation { kPrescribed, kStepper };
+// How the masses are moved: as the scenario's `motion` says; by steppers that a controller commands; or exactly as a
+// controller commands.
+enum class Actuation { kPrescribed, kStepper, kIdeal };
+[[nodiscard]] constexpr bool has_controller(Actuation actuation) { return actuation != Actuation::kPrescribed; }
+[[nodiscard]] constexpr const char* to_string(Actuation actuation) {
+  return actuation == Actuation::kPrescribed ? "prescribed" : actuation == Actuation::kStepper ? "stepper" : "ideal";
+}
+// The word before "masses" in a sentence.
+[[nodiscard]] constexpr const char* masses_word(Actuation actuation) {
+  return actuation == Actuation::kStepper ? "stepper-driven" : to_string(actuation);
+}
 enum class OnViolation { kStop, kContinue };  // what happens where rolling ends
 
 enum class PlantFaultKind {

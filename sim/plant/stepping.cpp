@@ -42,9 +42,9 @@ constexpr double kLeastGrowth = 0.2, kMostGrowth = 5, kRetryGrowth = 1.02;
 // A step that much longer than allowed is taken rather than leave a sliver for the last one.
 constexpr double kSliver = 1.001;
 
-// The motors' next pulses are not known, and where a slip ends its direction is no smooth function of time.
+// A controller's next commands are not known, and where a slip ends its direction is no smooth function of time.
 bool steps_ahead(const Equations& equations) {
-  return !equations.driven() && equations.contact.regime != Regime::kSliding;
+  return equations.known_ahead() && equations.contact.regime != Regime::kSliding;
 }
 
 // For stages of a step. `motion` is undefined afterwards.

@@ -1,8 +1,8 @@
 // The integrator's steps: as long as the error estimate allows, and the state at any place inside them.
 //
-// Driven masses, and slides, are integrated from pulse to pulse and tick to tick. Dormand-Prince 5(4) takes them where
-// its step reaches the next pulse, and slides always. DOP853 takes twice the evaluations and steps more than twice as
-// far. The state inside a step comes from integrating again from its start.
+// Masses under a controller, and slides, are integrated from pulse to pulse and tick to tick. Dormand-Prince 5(4) takes
+// them where its step reaches the next pulse, and slides always. DOP853 takes twice the evaluations and steps more than
+// twice as far. The state inside a step comes from integrating again from its start.
 //
 // Rolling and flying with prescribed masses are smooth and known in advance: DOP853 steps ahead over any number of
 // ticks, and its dense output gives the state inside a step. The quaternion is brought back to unit length after each

@@ -13,6 +13,7 @@
 namespace ballast::sim {
 namespace {
 
+constexpr double kMaxHold_s = 1000;
 constexpr double kRoundOff = 1e-9;       // relative, for numbers written by hand that should be equal
 constexpr double kUnitTolerance = 1e-6;  // for an orientation written with few digits
 constexpr std::size_t kMaxNameLength = 64;
@@ -144,14 +145,26 @@ void read_initial(TableReader table, std::optional<double> ball_radius_m, Initia
   initial.velocity_W_mps = *velocity;
 }
 
+void read_hold(TableReader& table, std::optional<double> period_s, Scenario::Run& run) {
+  const auto hold = table.number("hold", Range::between(0, kMaxHold_s, "s"), run.hold_s);
+  if (!hold || !period_s) return;
+  const double ticks = *hold / *period_s, whole = std::round(ticks);
+  if (std::abs(ticks - whole) > 1e-9 * std::max(1.0, whole)) {
+    table.refuse("hold", "is no whole number of control periods; allowed: {} s and others that are", whole * *period_s);
+    return;
+  }
+  run.hold_s = *hold;
+}
+
 void read_run(TableReader& root, MassSurroundings& known, Scenario::Run& run) {
   TableReader table = root.table("run");
-  known.actuation = table.choice<Actuation>("actuation", {"prescribed", "stepper"}, run.actuation);
+  known.actuation = table.choice<Actuation>("actuation", {"prescribed", "stepper", "ideal"}, run.actuation);
   const auto period = table.number("control_period", Range::between(1e-6, 10, "s"), run.control_period_s);
   const auto timer = table.number("timer_frequency", Range::between(1e6, 1e8, "Hz"), run.timer_frequency_hz);
   run.on_violation =
       table.choice<OnViolation>("on_violation", {"stop", "continue"}, run.on_violation).value_or(run.on_violation);
   const auto tolerance = table.number("tolerance", Range::between(1e-14, 1e-8), run.tolerance);
+  read_hold(table, period, run);
   table.refuse_unknown_keys();
   run.actuation = known.actuation.value_or(run.actuation);
   run.control_period_s = period.value_or(run.control_period_s);

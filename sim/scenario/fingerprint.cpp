@@ -193,6 +193,7 @@ std::int64_t fingerprint(const Scenario& scenario) {
   text.add("run.timer_frequency", scenario.run.timer_frequency_hz);
   text.add("run.on_violation", static_cast<int>(scenario.run.on_violation));
   text.add("run.tolerance", scenario.run.tolerance);
+  if (scenario.run.hold_s > 0) text.add("run.hold", scenario.run.hold_s);
   text.add("envelope.min_normal_force", scenario.envelope.min_normal_force_n);
   text.add("envelope.friction_use", scenario.envelope.friction_use);
   if (scenario.sensors.present) add_sensors(text, scenario.sensors);

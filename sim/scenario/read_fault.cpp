@@ -72,7 +72,7 @@ std::optional<FaultPeer> read_peer(TableReader& table, std::optional<FaultPeer> 
 }
 
 bool read_channel(TableReader& table, const Scenario& scenario, Fault& fault) {
-  const bool has_controller = scenario.run.actuation == Actuation::kStepper;
+  const bool has_controller = sim::has_controller(scenario.run.actuation);
   const auto channels = fault_channels();
   const auto place = table.choice("channel", names_of(channels), 0);
   if (!place) return false;
@@ -122,9 +122,8 @@ bool read_sensor(TableReader& table, Fault& fault) {
 
 bool read_mass_index(TableReader& table, const Scenario& scenario, Fault& fault) {
   if (scenario.run.actuation != Actuation::kStepper) {
-    table.refuse("kind",
-                 "acts on a motor, and a run with prescribed masses has none; allowed with "
-                 "run.actuation = \"stepper\"");
+    table.refuse("kind", "acts on a motor, and a run with {} masses has none; allowed with run.actuation = \"stepper\"",
+                 to_string(scenario.run.actuation));
     return false;
   }
   if (scenario.masses.empty()) {
@@ -151,7 +150,7 @@ bool read_direction(TableReader& table, Fault& fault) {
 
 bool read_target(TableReader& table, const Scenario& scenario, Fault& fault) {
   const FaultKindInfo& kind = info(fault.kind);
-  const bool has_controller = scenario.run.actuation == Actuation::kStepper;
+  const bool has_controller = sim::has_controller(scenario.run.actuation);
   switch (kind.layer) {
     case FaultLayer::kMessage:
       return refuse_others(table, kind, {"channel", "peer"}) && read_channel(table, scenario, fault);

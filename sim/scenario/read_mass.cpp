@@ -382,8 +382,9 @@ void read_trajectory(TableReader& mass, const MassSurroundings& around, Trajecto
                          ? "is given together with trajectory; allowed: one of the two"
                          : "belongs to a mass on a rail; allowed: no such key beside a trajectory");
   }
-  if (around.actuation == Actuation::kStepper) {
-    mass.refuse("trajectory", "cannot be driven by a motor; allowed: run.actuation = \"prescribed\", or a rail");
+  if (around.actuation && has_controller(*around.actuation)) {
+    mass.refuse("trajectory",
+                "cannot be commanded by the controller; allowed: run.actuation = \"prescribed\", or a rail");
   }
   TableReader table = mass.table("trajectory");
   const auto times = read_times(table);
@@ -703,7 +704,7 @@ Mass read_mass(TableReader& table, const MassSurroundings& around) {
   mass.motor_limited = motor.has("max_step_rate") || motor.has("max_acceleration") || motor.has("max_jerk");
   read_motor(std::move(motor), around, rail, complete, speed, mass);
   if (complete) default_stiffness(table, mass);
-  if (complete && around.actuation == Actuation::kStepper) {
+  if (complete && around.actuation && has_controller(*around.actuation)) {
     check_steps(table, mass, around);
     check_step_rate(table, mass, speed);
     check_acceleration(table, mass, speed);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -21,6 +22,7 @@ namespace ballast::sim {
 inline constexpr int kMaxMotionPieces = 128;
 // Per motor, with so many masses: 32 bursts are shared by all, each has at least three pulses, a reversal costs two.
 [[nodiscard]] constexpr int sure_steps_per_control_period(int masses) { return std::min(64, 3 * (32 / masses) - 2); }
+inline constexpr int kCountdownTicks = 2;              // before t = 0, in which the controller is armed and started
 inline constexpr double kMaxInitialMicrosteps = 1e15;  // of a mass from 0; below 2^53, so that they can be counted
 
 struct Scenario : World {
@@ -33,6 +35,13 @@ struct Scenario : World {
     double timer_frequency_hz = 1e7;  // step timer of the controller
     OnViolation on_violation = OnViolation::kStop;
     double tolerance = PlantModel{}.tolerance;
+    double hold_s = 0;  // before t = 0, in which the ball is held still; a whole number of control periods
+
+    [[nodiscard]] std::int64_t hold_ticks() const { return std::llround(hold_s / control_period_s); }
+    // Ticks before t = 0 from which sensors count their samples: the hold, and at least the countdown.
+    [[nodiscard]] std::int64_t lead_ticks() const { return std::max<std::int64_t>(kCountdownTicks, hold_ticks()); }
+    // The run's first tick. Only a controller needs the countdown.
+    [[nodiscard]] std::int64_t first_tick() const { return has_controller(actuation) ? -lead_ticks() : -hold_ticks(); }
   } run;
 
   struct Envelope {

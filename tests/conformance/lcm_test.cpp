@@ -184,8 +184,8 @@ TEST(LcmBoard, SaysItIsWaitingBeforeTheFirstTick) {
   EXPECT_EQ(world.board().trouble(), "lost plant: no sensors for 0.2 s before the first tick");
   ASSERT_EQ(world.bus().receive_until(after(WallClock::now(), kLong), [&] { return world.waiting().has_value(); }),
             Status::kOk);
-  EXPECT_EQ(world.waiting()->tick, -3);
-  EXPECT_EQ(world.waiting()->utime, -3000);
+  EXPECT_EQ(world.waiting()->tick, kWaitingTick);
+  EXPECT_EQ(world.waiting()->utime, 1000 * kWaitingTick);
   EXPECT_EQ(world.waiting()->scenario_id, kScenarioId);
   EXPECT_EQ(world.waiting()->mode, controller_status_t::MODE_DISARMED);
   EXPECT_EQ(world.board().wait_tick(tick), Status::kPeerLost) << "a lost peer stays lost";

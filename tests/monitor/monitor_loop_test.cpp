@@ -106,7 +106,7 @@ class MonitorLoopTest : public ::testing::Test {
   void wait_until_ready() {
     ASSERT_EQ(bus_.receive_until(hal::after(hal::WallClock::now(), kLong), [this] { return !trips_.empty(); }),
               Status::kOk);
-    EXPECT_EQ(trips_.front().tick, -3);
+    EXPECT_EQ(trips_.front().tick, hal::kWaitingTick);
     EXPECT_EQ(trips_.front().scenario_id, kScenarioId);
     EXPECT_EQ(trips_.front().tripped, 0);
   }
@@ -315,7 +315,7 @@ TEST_F(MonitorLoopTest, RefusesAnotherScenario) {
 TEST_F(MonitorLoopTest, RefusesAControllerOfAnotherScenario) {
   start(true);
   wait_until_ready();
-  send_status(-3, kScenarioId + 1);
+  send_status(hal::kWaitingTick, kScenarioId + 1);
   EXPECT_EQ(end(), Status::kForeignScenario);
   EXPECT_EQ(loop_->trouble(), "controller runs another scenario");
 }

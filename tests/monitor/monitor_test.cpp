@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "hal/lcm/channels.h"
+
 namespace ballast::monitor {
 namespace {
 
@@ -78,7 +80,7 @@ trip_t judge_changed(const std::function<void(Tick&)>& change) { return judge_ch
 TEST(Monitor, WaitsBeforeTheFirstTick) {
   const Monitor monitor(limits());
   expect_quiet(monitor.verdict());
-  EXPECT_EQ(monitor.verdict().tick, -3);
+  EXPECT_EQ(monitor.verdict().tick, hal::kWaitingTick);
   EXPECT_EQ(monitor.verdict().scenario_id, 42);
 }
 

@@ -288,7 +288,7 @@ class WholeRun : public Programs {
     const auto wait_for = [&](auto done) {
       EXPECT_EQ(bus.receive_until(hal::after(hal::WallClock::now(), hal::Seconds(30)), done), hal::Status::kOk);
     };
-    wait_for([&] { return trip_tick == -3 && status_tick == -3; });
+    wait_for([&] { return trip_tick == hal::kWaitingTick && status_tick == hal::kWaitingTick; });
     for (std::int64_t k = -2; k <= 2; ++k) {
       contact_t contact{};
       plant_state_t state{};

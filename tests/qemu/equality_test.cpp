@@ -31,6 +31,9 @@ TEST(TargetEquality, TheWholeRunOfDeskBall) { expect_equal("desk_ball", 0); }
 TEST(TargetEquality, AStop) { expect_equal("paper_ball --set envelope.friction_use=0.3", 3); }
 TEST(TargetEquality, ASpline) { expect_equal("seam_ball --set duration=2", 0); }
 TEST(TargetEquality, ALineWithEndsAndAStopOnIt) { expect_equal("hop --actuation stepper", 3); }
+TEST(TargetEquality, IdealMassesAfterAHold) {
+  expect_equal("desk_ball --actuation ideal --set run.hold=0.3 --set duration=1", 0);
+}
 
 // No pulse for longer than the step timer counts, 172 s.
 TEST(TargetEquality, ALongRest) { expect_equal("desk_ball --set duration=180 --set run.control_period=0.01", 0); }

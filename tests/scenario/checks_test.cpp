@@ -193,11 +193,16 @@ INSTANTIATE_TEST_SUITE_P(
                       Rejection{"initial.angular_velocity=[0,0]", "initial.angular_velocity", "array of 3"},
                       Rejection{"initial.position=[0,0,0]", "initial.position", "array of 2"},
                       Rejection{"initial.height=-1", "initial.height", ">= 0"},
-                      Rejection{"run.actuation=manual", "run.actuation", "\"prescribed\" or \"stepper\""},
-                      Rejection{"run.actuation=1", "run.actuation", "\"prescribed\" or \"stepper\""},
+                      Rejection{"run.actuation=manual", "run.actuation", "\"prescribed\", \"stepper\" or \"ideal\""},
+                      Rejection{"run.actuation=1", "run.actuation", "\"prescribed\", \"stepper\" or \"ideal\""},
                       Rejection{"run.on_violation=go", "run.on_violation", "\"stop\" or \"continue\""},
                       Rejection{"run.control_period=9e-7", "run.control_period", "[1e-06, 10]"},
                       Rejection{"run.control_period=4.5", "run.control_period", "<= duration = 4"},
+                      Rejection{"run.hold=-0.001", "run.hold", "[0, 1000]"},
+                      Rejection{"run.hold=1001", "run.hold", "[0, 1000]"},
+                      Rejection{"run.hold=nan", "run.hold", "finite"}, Rejection{"run.hold=inf", "run.hold", "finite"},
+                      Rejection{"run.hold=long", "run.hold", "number"},
+                      Rejection{"run.hold=0.0031", "run.hold", "no whole number of control periods"},
                       Rejection{"run.timer_frequency=9.9e5", "run.timer_frequency", "[1e+06, 1e+08]"},
                       Rejection{"run.timer_frequency=1.1e8", "run.timer_frequency", "[1e+06, 1e+08]"},
                       Rejection{"envelope.min_normal_force=-1", "envelope.min_normal_force", ">= 0"},
@@ -554,11 +559,11 @@ TEST(Scenario, UnknownKeysSuggestTheNearestOfTheirLevel) {
 
 TEST(Scenario, AWrongChoiceSuggestsTheNearest) {
   EXPECT_EQ(only_error(kFull, {"run.actuation=steper"}).message,
-            "is none of the choices; did you mean stepper?; allowed: \"prescribed\" or \"stepper\"");
+            "is none of the choices; did you mean stepper?; allowed: \"prescribed\", \"stepper\" or \"ideal\"");
   EXPECT_EQ(only_error(kFull, {"mass.0.motor.preset=nema71"}).message,
             "is none of the choices; did you mean nema11?; allowed: \"nema11\", \"nema17\" or \"nema23\"");
   EXPECT_EQ(only_error(kFull, {"run.actuation=zzz"}).message,
-            "is none of the choices; allowed: \"prescribed\" or \"stepper\"");
+            "is none of the choices; allowed: \"prescribed\", \"stepper\" or \"ideal\"");
 }
 
 TEST(Scenario, MissingKeysNameTheirTableAsItIsWritten) {

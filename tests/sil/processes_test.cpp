@@ -23,6 +23,9 @@ TEST(Processes, ThreeGiveTheSameLogAsOne) {
         "paper_ball --set envelope.friction_use=0.3",
         ("desk_ball --set duration=0.3 --set sensors.attitude=sensed --set sensors.preset=bmi088 "
          "--set sensors.latency=0.003"),
+        ("desk_ball --actuation ideal --set duration=0.3 --set run.hold=0.2 --set sensors.attitude=sensed "
+         "--set sensors.preset=bmi088"),
+        "paper_ball --actuation ideal --set envelope.friction_use=0.3",
         "paper_ball --actuation prescribed --set duration=1 --set surface.static_friction=0.1348"}) {
     SCOPED_TRACE(scenario);
     const Outcome one = folder.run("ballast run " + scenario + " --quiet --out one");

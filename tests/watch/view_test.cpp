@@ -5,6 +5,8 @@
 
 #include <limits>
 
+#include "hal/lcm/channels.h"
+
 namespace ballast::watch {
 namespace {
 
@@ -56,7 +58,7 @@ TEST(View, ShowsTheFirstOfTwoRunsAndSaysThatThereIsAnother) {
   ours.run_id = 11;
   theirs.run_id = 12;
   controller_status_t waiting{};  // a peer of no run: neither ours nor another's
-  waiting.tick = -3;
+  waiting.tick = hal::kWaitingTick;
   waiting.mode = controller_status_t::MODE_TRIPPED;
   for (int i = 0; i < 20; ++i) {
     const double now_s = 0.1 * i;
@@ -157,7 +159,7 @@ TEST(View, SaysTripModeAndDrops) {
 TEST(View, PeersThatWaitAreShownWithoutAPlant) {
   View view;
   trip_t trip{};
-  trip.tick = -3;
+  trip.tick = hal::kWaitingTick;
   view.observe(trip, 0);
   view.observe(trip, 1);
   EXPECT_FALSE(view.empty());

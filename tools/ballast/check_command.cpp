@@ -69,7 +69,8 @@ std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
     const auto scenario = program::load_scenario(*options, &found);
     if (!scenario) return program::kExitUsage;
     const bool stepper = scenario->run.actuation == sim::Actuation::kStepper;
-    if (stepper && !program::make_controller_params("ballast", *scenario)) return program::kExitUsage;
+    if (sim::has_controller(scenario->run.actuation) && !program::make_controller_params("ballast", *scenario))
+      return program::kExitUsage;
     add_task_errors(*options, *scenario, found);
     std::vector<std::string> warnings = warnings_of(*scenario, found);
     FloorFindings floor = check_floor(*scenario);
@@ -84,11 +85,12 @@ std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
                                 : warnings.size() == 1 ? "can be run, with 1 warning"
                                                        : fmt::format("can be run, with {} warnings", warnings.size());
     const double friction = scenario->surface.static_friction;
-    std::cout << fmt::format(
-        "{}: {}. {} {}, {}, {} s in ticks of {} s, mu_s {}{}\n", scenario->name, verdict, scenario->masses.size(),
-        scenario->masses.size() == 1 ? "mass" : "masses", stepper ? "driven by steppers" : "prescribed",
-        sim::number_text(scenario->duration_s), sim::number_text(scenario->run.control_period_s),
-        std::isinf(friction) ? "infinite" : sim::number_text(friction), real_floor_text(scenario->surface));
+    std::cout << fmt::format("{}: {}. {} {}, {}, {} s in ticks of {} s, mu_s {}{}\n", scenario->name, verdict,
+                             scenario->masses.size(), scenario->masses.size() == 1 ? "mass" : "masses",
+                             stepper ? "driven by steppers" : to_string(scenario->run.actuation),
+                             sim::number_text(scenario->duration_s), sim::number_text(scenario->run.control_period_s),
+                             std::isinf(friction) ? "infinite" : sim::number_text(friction),
+                             real_floor_text(scenario->surface));
     return program::kExitCompleted;
   };
 }

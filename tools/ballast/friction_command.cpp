@@ -23,7 +23,7 @@ int print_required_friction(const program::ScenarioOptions& options) {
     return refuse(to_string(scenario->faults.front()) +
                   ": not with ballast friction, which examines a robot without faults; allowed: ballast run");
   }
-  const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
+  const bool has_controller = sim::has_controller(scenario->run.actuation);
   // Perfect friction keeps the ball rolling to the end; on the scenario's own floor the run might end earlier.
   scenario->surface.static_friction = std::numeric_limits<double>::infinity();
   scenario->envelope.min_normal_force_n = 0;
@@ -37,7 +37,7 @@ int print_required_friction(const program::ScenarioOptions& options) {
   const sil::RunResult result =
       sil::run(*scenario, peers, nowhere, {.interrupted = program::catch_signals(), .progress = {}, .move = {}});
   if (result.status != hal::Status::kOk) return could_not(result.trouble);
-  std::cout << fmt::format("{}, {} masses: {}\n{}", scenario->name, has_controller ? "stepper-driven" : "prescribed",
+  std::cout << fmt::format("{}, {} masses: {}\n{}", scenario->name, masses_word(scenario->run.actuation),
                            sil::required_friction_text(result, sil::floor_verdicts(*scenario, result)),
                            sil::friction_parts_text(result));
   if (result.end_reason == sil::EndReason::kInconsistent) std::cout << "  up to its end: " << result.end_text << '\n';

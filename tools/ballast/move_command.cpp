@@ -217,7 +217,7 @@ int move(const MoveCommand& command) {
   if (command.scenario.scenario.empty()) return refuse("SCENARIO: is missing; allowed without it: --lcm URL");
   auto scenario = program::load_scenario(command.scenario);
   if (!scenario) return program::kExitUsage;
-  if (scenario->run.actuation != sim::Actuation::kStepper) {
+  if (!sim::has_controller(scenario->run.actuation)) {
     return refuse(
         scenario->name +
         " is prescribed: there is no controller to ask; allowed: --actuation stepper, where every mass is on a rail");

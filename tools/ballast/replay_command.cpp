@@ -170,7 +170,7 @@ int replay(const ReplayCommand& given) {
                     "differently)",
                     command.log, *of_log.id, options.scenario, scenario->id));
   }
-  if (scenario->run.actuation != sim::Actuation::kStepper) {
+  if (!sim::has_controller(scenario->run.actuation)) {
     return refuse(command.log + ": a run with prescribed masses has no controller to replay; allowed: steppers");
   }
   const auto params = program::make_controller_params("ballast", *scenario);

@@ -177,7 +177,7 @@ int run(const RunCommand& given) {
   for (const sim::ScenarioError& warning : warnings) {
     if (warning.key == "task") program::complain("ballast", "warning: " + to_string(warning));
   }
-  const bool has_controller = scenario->run.actuation == sim::Actuation::kStepper;
+  const bool has_controller = sim::has_controller(scenario->run.actuation);
   if (const auto why = option_refusal(command, has_controller); !why.empty()) return refuse(why);
   command.record.by_hand = command.by_hand;
   if (command.by_hand && command.record.speed == 0) command.record.speed = 1;  // a person needs the wall clock's pace

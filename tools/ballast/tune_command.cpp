@@ -40,8 +40,9 @@ std::string percent(double part) {
 std::string refusal_of(const sim::Scenario& scenario, const std::string& file) {
   if (scenario.masses.empty()) return "mass: is missing; allowed with ballast tune: a robot with motors";
   if (scenario.run.actuation != sim::Actuation::kStepper) {
-    return "run.actuation: the masses are prescribed and have no motors; allowed with ballast tune: --actuation "
-           "stepper";
+    return fmt::format(
+        "run.actuation: the masses are {} and have no motors; allowed with ballast tune: --actuation stepper",
+        to_string(scenario.run.actuation));
   }
   if (!scenario.faults.empty()) {
     return to_string(scenario.faults.front()) +

@@ -5,6 +5,8 @@
 #include <iterator>
 #include <limits>
 
+#include "hal/lcm/channels.h"
+
 namespace ballast::monitor {
 namespace {
 
@@ -52,9 +54,11 @@ double hidden_friction_n(const contact_t& contact, double cone_n) {
 }  // namespace
 
 Monitor::Monitor(const MonitorLimits& limits) : limits_(limits) {
-  verdict_.tick = -3;
+  verdict_.tick = hal::kWaitingTick;
   verdict_.scenario_id = limits_.scenario_id;
 }
+
+std::int64_t Monitor::due_tick() const { return last_tick_ ? *last_tick_ + 1 : limits_.first_tick; }
 
 void Monitor::trip(std::int8_t cause, double value, double limit) {
   if (verdict_.tripped == 1) return;
@@ -72,7 +76,7 @@ trip_t Monitor::judge(const Samples& samples) {
   const sensors_t* sensors = samples.sensors;
 
   // The contact names the tick; without it the plant state or the sensors do; without any it is the tick expected.
-  std::int64_t tick = last_tick_.value_or(-3) + 1;
+  std::int64_t tick = due_tick();
   if (contact != nullptr) {
     tick = contact->tick;
     time_s_ = contact->time_s;
@@ -171,7 +175,7 @@ void Monitor::judge_agreement(const Samples& samples) {
 }
 
 trip_t Monitor::silence(double silent_ticks, double allowed_ticks) {
-  verdict_.tick = last_tick_.value_or(-3) + 1;
+  verdict_.tick = due_tick();
   trip(trip_t::CAUSE_STALE, silent_ticks, allowed_ticks);
   return verdict_;
 }

@@ -23,6 +23,7 @@ struct MonitorLimits {
   // The part of the contact force by which |friction_force_W_n| and static_friction_n of rolling may differ.
   double turned_part = 1e-10;
   std::int64_t scenario_id = 0;  // passed on in every trip_t
+  std::int64_t first_tick = -2;  // of the run; any tick may be the first judged
 };
 
 // The messages heard about one tick. A null pointer: the message did not come.
@@ -71,13 +72,14 @@ class Monitor {
   // Call when the whole plant has been silent for longer than allowed: trips as stale on the expected tick.
   trip_t silence(double silent_ticks, double allowed_ticks);
 
-  // The latest verdict; before the first tick one of tick -3.
+  // The latest verdict; before the first tick one of hal::kWaitingTick.
   [[nodiscard]] const trip_t& verdict() const { return verdict_; }
 
   // In tick k the status of tick k-1 is the newest there can be.
   static constexpr std::int64_t kAllowedControllerAge = 1;
 
  private:
+  [[nodiscard]] std::int64_t due_tick() const;
   void trip(std::int8_t cause, double value, double limit);
   void judge_envelope(const Samples& samples);
   void judge_agreement(const Samples& samples);

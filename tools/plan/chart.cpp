@@ -285,7 +285,7 @@ std::string chart_json(const TaskFile& task, const Chart& chart, std::uint64_t s
   out["scenario"] = task.scenario.name;
   out["distance"] = chart.distance_m;
   out["at_rest"] = task.task.at_rest;
-  out["actuation"] = task.scenario.run.actuation == sim::Actuation::kStepper ? "stepper" : "prescribed";
+  out["actuation"] = to_string(task.scenario.run.actuation);
   out["friction_use"] = chart.friction_use;
   const double floor = task.scenario.surface.static_friction;
   out["static_friction"] = std::isfinite(floor) ? nlohmann::ordered_json(floor) : nullptr;

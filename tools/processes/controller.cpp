@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
   program::PeerOptions peer;
   if (const auto exit_status = program::parse_peer(app, argc, argv, peer)) return *exit_status;
   const sim::Scenario& scenario = *peer.scenario;
-  if (scenario.run.actuation == sim::Actuation::kPrescribed) {
+  if (!sim::has_controller(scenario.run.actuation)) {
     program::complain(
         "ballast-controller",
         scenario.name + " is prescribed: there is no controller in a prescribed run (try --actuation stepper)");

@@ -48,7 +48,7 @@ int main(int argc, char** argv) {
     return program::kExitCouldNotRun;
   }
   sil::LcmPeers peers(bus, {.scenario_id = scenario.id,
-                            .controller_expected = scenario.run.actuation == sim::Actuation::kStepper,
+                            .controller_expected = sim::has_controller(scenario.run.actuation),
                             .start_timeout = hal::Seconds(peer.bus.start_timeout_s),
                             .peer_timeout = hal::Seconds(peer.bus.peer_timeout_s),
                             .verdicts_name_their_tick = !sil::has_link_faults(scenario)});

@@ -129,8 +129,9 @@ monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {
   limits.min_normal_force_n = scenario.envelope.min_normal_force_n;
   limits.friction_use = scenario.envelope.friction_use;
   limits.static_friction = scenario.surface.static_friction;
-  limits.controller_expected = scenario.run.actuation == sim::Actuation::kStepper;
+  limits.controller_expected = has_controller(scenario.run.actuation);
   limits.scenario_id = scenario.id;
+  limits.first_tick = scenario.run.first_tick();
   // The plant computes f_s in the body frame and turns the force into the space frame with the quaternion of a step's
   // end, whose four components are off by up to 2 tolerances each. So its square is off by up to 8, the turned force by
   // as much, and f_s, which takes N and the vertical from the same quaternion, by up to twice as much. The rest is for

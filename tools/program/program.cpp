@@ -182,8 +182,8 @@ void add_scenario_options(CLI::App& app, ScenarioOptions& options) {
          "kinds")
       ->allow_extra_args(false)
       ->check(not_empty());
-  app.add_option("--actuation", options.actuation, "prescribed or stepper; default: the scenario's")
-      ->check(one_of({"prescribed", "stepper"}));
+  app.add_option("--actuation", options.actuation, "prescribed, stepper or ideal; default: the scenario's")
+      ->check(one_of({"prescribed", "stepper", "ideal"}));
   app.add_option("--seed", options.seed, "seed of all random numbers; default: the scenario's")->check(seed_number());
 }
 

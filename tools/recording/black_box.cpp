@@ -81,7 +81,7 @@ Again again_of(const sim::Scenario& scenario, const RunResult& result, const Run
                 (options.move ? move_words(*options.move) : "") + firmware_options + run_options +
                 (options.check_steps ? " --check-steps" : "") + " --out " + absolute_word(box / "again");
   }
-  const bool has_controller = scenario.run.actuation == sim::Actuation::kStepper;
+  const bool has_controller = sim::has_controller(scenario.run.actuation);
   if (has_controller && (people_spoke || result.status != hal::Status::kOk))
     again.replay = ballast + " replay " + absolute_word(output.log_path()) + firmware_options;
   return again;

@@ -153,8 +153,10 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
 
 double expected_log_bytes(const sim::Scenario& scenario) {
   // The messages of one tick, with a controller and without.
-  const double bytes_per_tick = scenario.run.actuation == sim::Actuation::kStepper ? 2450 : 1130;
-  return scenario.duration_s / scenario.run.control_period_s * bytes_per_tick;
+  const double bytes_per_tick = sim::has_controller(scenario.run.actuation) ? 2450 : 1130;
+  const double ticks =
+      scenario.duration_s / scenario.run.control_period_s - static_cast<double>(scenario.run.first_tick());
+  return ticks * bytes_per_tick;
 }
 
 int exit_status(PeerFailure failure) {

@@ -179,7 +179,8 @@ def notes_html(recording, prefix=""):
 
 def _report_head(recording):
     text, kind = words.badge(recording)
-    actuation = {"stepper": "stepper-driven masses", "prescribed": "prescribed masses"}.get(
+    actuation = {"stepper": "stepper-driven masses", "prescribed": "prescribed masses",
+                 "ideal": "ideal masses, exactly where the controller commands"}.get(
         recording.summary.get("actuation"), "")
     cards = "".join(_card(number) for number in words.numbers(recording.summary))
     sentences = [sentence for sentence in (*words.sentences(recording), plan_sentence(recording)) if sentence]

@@ -82,7 +82,8 @@ def _what_it_was(recording):
     masses = ("no moving mass" if recording.mass_count == 0 else
               f"{_count(recording.mass_count, 'mass', 'masses')} moved by stepper motors"
               if summary.get("actuation") == "stepper" else
-              f"{_count(recording.mass_count, 'mass', 'masses')} moved exactly as prescribed")
+              f"{_count(recording.mass_count, 'mass', 'masses')} moved exactly as "
+              f"{'commanded' if summary.get('actuation') == 'ideal' else 'prescribed'}")
     radius = number_text(recording.robot["ball"]["radius"])
     return f"A ball of radius {radius} m with {masses}, followed for {short_time(recording.end_s)} s."
 
@@ -182,7 +183,7 @@ def _trip(summary):
         value_text, limit_text = apart(value, limit)
         words += f", {value_text} where {limit_text} is the limit"
     latency = trip.get("latency_ticks")
-    stops = latency is not None and summary.get("actuation") == "stepper"
+    stops = latency is not None and summary.get("actuation") != "prescribed"
     return words + (f"; the stop began {_count(latency, 'tick')} later." if stops else ".")
 
 

@@ -3,7 +3,7 @@
 namespace ballast::sil {
 
 std::optional<operator_t> Countdown::command(std::int64_t tick) const {
-  if (tick >= 0 || (options_.by_hand && tick > -kTicks)) return std::nullopt;
+  if (tick >= 0 || tick < -kTicks || (options_.by_hand && tick > -kTicks)) return std::nullopt;
   firmware::OperatorInput input = firmware::OperatorCommand::kArm;
   if (tick > -kTicks) input = firmware::OperatorCommand::kStart;
   if (tick > -kTicks && options_.move) input = *options_.move;
@@ -18,7 +18,7 @@ bool Countdown::refuses_move(const Lap& lap) const {
 }
 
 bool Countdown::ignores_command(const Lap& lap) const {
-  if (lap.tick() >= 0) return false;
+  if (lap.tick() >= 0 || lap.tick() < -kTicks) return false;
   if (!lap.answer) return true;
   const controller_status_t& status = lap.answer->status;
   if (status.faults != 0 || (lap.verdict && lap.verdict->tripped != 0)) return false;

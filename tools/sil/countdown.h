@@ -1,11 +1,13 @@
-// The ticks before t = 0 of a run with a controller: the ball is held at its initial state, the run arms and starts the
-// controller as its operator, and the controller computes the steps of tick 0.
+// The last ticks before t = 0 of a run with a controller: the ball is held at its initial state, the run arms and
+// starts the controller as its operator, and the controller computes the steps of tick 0. The scenario's `hold` may
+// begin before them; the countdown gives no command there.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 #include <string>
 
+#include "sim/scenario/scenario.h"
 #include "tools/sil/lap.h"
 #include "tools/sil/run_options.h"
 
@@ -13,11 +15,11 @@ namespace ballast::sil {
 
 class Countdown {
  public:
-  static constexpr std::int64_t kTicks = 2;
+  static constexpr std::int64_t kTicks = sim::kCountdownTicks;
 
   Countdown(const RunOptions& options, double period_s) : options_(options), period_s_(period_s) {}
 
-  // The run's command in this tick. None after the countdown; by hand only arm.
+  // The run's command in this tick. None before the countdown and after it; by hand only arm.
   [[nodiscard]] std::optional<operator_t> command(std::int64_t tick) const;
   // Whether the controller has refused the move in this lap.
   [[nodiscard]] bool refuses_move(const Lap& lap) const;

@@ -7,8 +7,8 @@ namespace ballast::sil {
 
 void Pace::keep(std::int64_t tick, double time_s, double end_s) {
   using Seconds = std::chrono::duration<double>;
-  if (options_.speed > 0 && tick >= 0) {
-    const Seconds until(time_s / options_.speed);
+  if (options_.speed > 0) {
+    const Seconds until((hold_s_ + time_s) / options_.speed);
     // A signal that comes just before a sleep does not end it, so no sleep is long.
     for (;;) {
       const Seconds left = until - (Clock::now() - start_);
@@ -19,7 +19,7 @@ void Pace::keep(std::int64_t tick, double time_s, double end_s) {
   }
   // Reading the clock in every tick would cost more than the tick's messages.
   if (options_.progress && (tick & 63) == 0 && Clock::now() >= next_progress_) {
-    options_.progress(time_s, end_s);
+    options_.progress(std::max(0.0, time_s), end_s);
     next_progress_ = Clock::now() + std::chrono::milliseconds(100);
   }
 }

@@ -9,8 +9,9 @@ namespace ballast::sil {
 
 class Pace {
  public:
-  explicit Pace(const RunOptions& options) : options_(options) {}
-  // After a tick of the simulation.
+  // `hold_s`: how long before t = 0 the pace is kept.
+  Pace(const RunOptions& options, double hold_s) : options_(options), hold_s_(hold_s) {}
+  // At time_s, after a tick of the simulation.
   void keep(std::int64_t tick, double time_s, double end_s);
   [[nodiscard]] double wall_time_s() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
 
@@ -18,6 +19,7 @@ class Pace {
   using Clock = std::chrono::steady_clock;
 
   const RunOptions& options_;
+  double hold_s_;
   Clock::time_point start_ = Clock::now(), next_progress_ = start_;
 };
 

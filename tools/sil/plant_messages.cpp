@@ -40,6 +40,13 @@ Eigen::Vector3d specific_force_B_mps2(const sim::Scenario& scenario, const sim::
 
 }  // namespace
 
+void hold_still(sim::Plant::Sample& sample) {
+  sample.angular_velocity_B_radps.setZero();
+  sample.angular_acceleration_B_radps2.setZero();
+  sample.velocity_W_mps.setZero();
+  sample.acceleration_B_mps2.setZero();
+}
+
 sim::TrueMotion true_motion(const sim::Scenario& scenario, const sim::Plant::Sample& sample) {
   return {sample.angular_velocity_B_radps, sample.angular_acceleration_B_radps2,
           specific_force_B_mps2(scenario, sample), sample.position_W_m.head<2>(), sample.mass_position};
@@ -97,7 +104,7 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
   m.state.mass_count = m.sensors.mass_count = mass_count;
   const Eigen::Vector3d specific_force_B = specific_force_B_mps2(scenario, sample);
   m.sensors.imu_tick = tick;
-  m.sensors.imu_count = tick + Countdown::kTicks + 1;  // one per tick, from the countdown on
+  m.sensors.imu_count = tick + scenario.run.lead_ticks() + 1;  // one per tick
   for (int j = 0; j < 4; ++j) m.state.orientation[j] = m.sensors.orientation[j] = sample.orientation[j];
   for (int j = 0; j < 2; ++j) m.contact.friction_force_W_n[j] = sample.friction_force_W_n[j];
   for (int j = 0; j < 3; ++j) {

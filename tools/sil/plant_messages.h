@@ -19,11 +19,15 @@ struct PlantMessages {
   sensors_t sensors;
 };
 
-// In the countdown (tick < 0) time_s is the sample's, 0, and utime the tick's own. `commanded`: N and f_s of the
+// Before t = 0 (tick < 0) time_s is the sample's, 0, and utime the tick's own. `commanded`: N and f_s of the
 // commanded masses at this instant, under the external forces that the controller is told of; none where nothing is
 // commanded.
 PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sample& sample, std::int64_t tick,
                              bool last, const std::optional<sim::Plant::ContactForces>& commanded = std::nullopt);
+
+// Takes the ball's motion out of a sample of t = 0: in the scenario's `hold` it is held still. Its masses, N and f_s
+// stay those of t = 0, as in the countdown.
+void hold_still(sim::Plant::Sample& sample);
 
 // Replaces what ideal sensors say by what the scenario's do.
 void set_sensors(const sim::SensorReadings& readings, bool has_encoders, sensors_t& sensors);

@@ -1,6 +1,7 @@
 #include "tools/sil/run.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "tools/sil/countdown.h"
@@ -61,6 +62,7 @@ class Run {
   bool follow_move();
   bool is_undisturbed();
   bool feed_motors();
+  [[nodiscard]] bool commands_ideal_masses() const;
   bool check_steps();
   bool reach_end();
   bool step();
@@ -77,6 +79,7 @@ class Run {
   Wires no_faults_;
   Wires& wires_;
   const bool has_controller_;
+  const bool ideal_masses_;
   const double period_s_;
   // Peers that compute in parallel leave time to record a lap while they work on the next. A paced run records before
   // it sleeps instead, so that watchers are not one tick late.
@@ -118,12 +121,13 @@ Run::Run(const sim::Scenario& scenario, Peer& peers, LapSink& sink, const RunOpt
       sink_(sink),
       options_(options),
       wires_(options.wires == nullptr ? no_faults_ : *options.wires),
-      has_controller_(scenario.run.actuation == sim::Actuation::kStepper),
+      has_controller_(sim::has_controller(scenario.run.actuation)),
+      ideal_masses_(scenario.run.actuation == sim::Actuation::kIdeal),
       period_s_(scenario.run.control_period_s),
       records_late_(peers.computes_in_parallel() && options.speed <= 0),
       plant_(scenario),
       end_s_(scenario.duration_s),
-      pace_(options),
+      pace_(options, scenario.run.hold_s),
       countdown_(options, period_s_),
       feed_(scenario),
       rest_(scenario),
@@ -133,8 +137,8 @@ Run::Run(const sim::Scenario& scenario, Peer& peers, LapSink& sink, const RunOpt
   if (scenario.sensors.present) sensors_.emplace(scenario.sensors, period_s_, scenario.seed);
   if (options.move) result_.move_end = MoveEnd{*options.move};
   if (options.check_steps && has_controller_) step_check_.emplace(scenario);
-  // A ball that breaks the envelope as it is set down needs no countdown.
-  if (has_controller_ && plant_.end() == sim::PhysicsEnd::kNone) tick_ = -Countdown::kTicks;
+  // A ball that breaks the envelope as it is set down is not held, and needs no countdown.
+  if (plant_.end() == sim::PhysicsEnd::kNone) tick_ = scenario.run.first_tick();
 }
 
 bool Run::lap() {
@@ -143,7 +147,8 @@ bool Run::lap() {
   record();
   if (!judge() || !feed_motors() || !check_steps()) return false;
   if (reach_end() || !step()) return false;
-  pace_.keep(tick_, plant_.time_s(), end_s_);
+  // In the countdown and the hold the plant stands at t = 0.
+  pace_.keep(tick_, tick_ < 0 ? static_cast<double>(tick_ + 1) * period_s_ : plant_.time_s(), end_s_);
   ++tick_;
   return true;
 }
@@ -151,7 +156,11 @@ bool Run::lap() {
 // The plant's messages, and the countdown's command.
 void Run::begin() {
   const Eigen::Vector3d before_W_m = sample_.position_W_m;
+  if (ideal_masses_ && asks_ && tick_ >= 0) {
+    plant_.place_masses(asks_->next_position, asks_->next_velocity, asks_->next_acceleration);
+  }
   sample_ = plant_.sample();
+  if (tick_ < 0 && scenario_.run.hold_s > 0) hold_still(sample_);
   if (result_.ticks > 0) result_.distance_m += (sample_.position_W_m - before_W_m).norm();
   rest_.observe(sample_);
   const bool move_done = move_done_tick_ && tick_ >= *move_done_tick_;
@@ -235,7 +244,7 @@ bool Run::judge_answer() {
   silent_ticks_ = 0;
   if (status.tick == tick_) asks_ = status;
   plans_.observe(lap_.plant.contact, status);
-  observe_motor_share();
+  if (!ideal_masses_) observe_motor_share();
   if (status.operator_commands < operator_commands_) {
     return lost("the controller was started again: in tick " + std::to_string(status.tick) + " it counts " +
                 std::to_string(status.operator_commands) + " commands, and " + std::to_string(operator_commands_) +
@@ -253,7 +262,7 @@ void Run::observe_motor_share() {
 }
 
 bool Run::judge_countdown() {
-  if (tick_ >= 0) return true;
+  if (tick_ >= 0 || !has_controller_) return true;
   if (countdown_.refuses_move(lap_)) {
     result_.refusal = lap_.answer->status;
     return false;
@@ -301,9 +310,25 @@ bool Run::is_undisturbed() {
 // The steps of the next tick, as they reach the motors.
 bool Run::feed_motors() {
   if (!has_controller_) return true;
+  const std::int64_t missing = feed_.missing_commands();
   const std::string wrong = feed_.take(tick_, wires_.carry_steps(tick_, lap_.answer ? &lap_.answer->steps : nullptr));
+  if (ideal_masses_ && !last_ && tick_ >= -1 && (feed_.missing_commands() > missing || !commands_ideal_masses())) {
+    return lost("ideal masses are where the controller commands, and no good command for tick " +
+                std::to_string(tick_ + 1) + " has come");
+  }
   // After a trip the stop goes on as well as it can, and the result counts what it lacked.
   return wrong.empty() || trips_.stopping() || result_.trip.tripped != 0 || lost(wrong);
+}
+
+// Whether the controller's status of this tick says where the masses are to be in the next. Without it they have no
+// place: to hold them would be a jump that no command asks for.
+bool Run::commands_ideal_masses() const {
+  if (!asks_) return false;
+  const auto finite = [](double value) { return std::isfinite(value); };
+  const std::size_t n = scenario_.masses.size();
+  return std::all_of(asks_->next_position, asks_->next_position + n, finite) &&
+         std::all_of(asks_->next_velocity, asks_->next_velocity + n, finite) &&
+         std::all_of(asks_->next_acceleration, asks_->next_acceleration + n, finite);
 }
 
 bool Run::check_steps() {
@@ -339,7 +364,9 @@ bool Run::step() {
     return lost("the motors would be given other pulses in tick " + std::to_string(tick_) +
                 " than the step command has: a fault of this program");
   }
-  plant_.advance(std::min(static_cast<double>(tick_ + 1) * period_s_, end_s_), feed_.pulses());
+  const double next_s = static_cast<double>(tick_ + 1) * period_s_;
+  if (ideal_masses_) plant_.lead_masses(next_s, asks_->next_position, asks_->next_velocity);
+  plant_.advance(std::min(next_s, end_s_), feed_.pulses());
   pulses_.add(start_s, plant_.time_s(), feed_.pulses());
   ++result_.ticks;
   return true;

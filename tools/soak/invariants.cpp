@@ -122,7 +122,7 @@ const InvariantText& text_of(Invariant invariant) { return kTexts[static_cast<st
 
 Invariants::Invariants(const sim::Scenario& scenario)
     : scenario_(scenario),
-      has_controller_(scenario.run.actuation == sim::Actuation::kStepper),
+      has_controller_(sim::has_controller(scenario.run.actuation)),
       windows_(scenario),
       // The countdown has two ticks, the first and the last tick add one, and rounding of the division another.
       most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) + 4) {}

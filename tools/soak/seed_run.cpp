@@ -124,7 +124,7 @@ const char* to_string(Outcome outcome) {
 SeedRun run_scenario(const RandomScenario& random) {
   const sim::Scenario& scenario = random.scenario;
   auto params = std::make_unique<firmware::ControllerParams>();
-  const bool has_controller = scenario.run.actuation == sim::Actuation::kStepper;
+  const bool has_controller = sim::has_controller(scenario.run.actuation);
   SeedRun run{};
   if (has_controller) {
     if (const auto refusal = program::to_controller_params(scenario, *params)) {

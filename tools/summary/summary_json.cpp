@@ -273,10 +273,9 @@ Json refused_json(const RefusedMessages& refused) {
 Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
   const auto& x = result.extrema;
   const auto& f = result.final_sample;
-  const bool stepper = scenario.run.actuation == sim::Actuation::kStepper;
   Json j;
   j["scenario"] = scenario.name;
-  j["actuation"] = stepper ? "stepper" : "prescribed";
+  j["actuation"] = to_string(scenario.run.actuation);
   j["seed"] = scenario.seed;
   j["duration"] = scenario.duration_s;
   j["control_period"] = scenario.run.control_period_s;
@@ -329,7 +328,7 @@ Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
   j["log_bytes"] = result.log_bytes > 0 ? Json(result.log_bytes) : Json(nullptr);
   j["refused_messages"] = refused_json(result.refused);
   j["wall_time"] = result.wall_time_s;
-  j["speed"] = result.wall_time_s > 0 ? f.time_s / result.wall_time_s : 0.0;
+  j["speed"] = result.wall_time_s > 0 ? (scenario.run.hold_s + f.time_s) / result.wall_time_s : 0.0;
   return j;
 }
 

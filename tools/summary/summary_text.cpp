@@ -164,8 +164,7 @@ std::string trip_text(const sim::Scenario& scenario, const RunResult& result) {
   std::string text = fmt::format("{} at t = {} s{}", trip_cause(result.trip.cause), short_time(result.trip.trip_time_s),
                                  trip_values_text(result.trip));
   const bool physics_ended = result.end_reason != EndReason::kCompleted && result.end_reason != EndReason::kTripped;
-  const bool stepper = scenario.run.actuation == sim::Actuation::kStepper;
-  if (stepper && result.latency_ticks.value_or(-1) >= 0 && !physics_ended) {
+  if (has_controller(scenario.run.actuation) && result.latency_ticks.value_or(-1) >= 0 && !physics_ended) {
     text +=
         fmt::format("; the stop began {} tick{} later", *result.latency_ticks, *result.latency_ticks == 1 ? "" : "s");
   }
@@ -245,7 +244,7 @@ std::string published_lines(const sim::Scenario& scenario, const RunResult& resu
 
 std::string step_lines(const sim::Scenario& scenario, const RunResult& result) {
   std::string text;
-  if (scenario.run.actuation == sim::Actuation::kStepper) {
+  if (has_controller(scenario.run.actuation)) {
     std::string issued;
     std::int64_t lost = 0, slips = 0;
     for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
@@ -253,7 +252,9 @@ std::string step_lines(const sim::Scenario& scenario, const RunResult& result) {
       lost += result.final_sample.lost_steps[i];
       slips += result.motors[i].slips;
     }
-    text += fmt::format("  steps       {} issued, {} lost", issued.empty() ? "0" : issued, lost);
+    const bool ideal = scenario.run.actuation == sim::Actuation::kIdeal;
+    text += fmt::format("  steps       {} issued, {}", issued.empty() ? "0" : issued,
+                        ideal ? "none needed: the masses are ideal" : fmt::format("{} lost", lost));
     if (slips > 0) text += fmt::format(" ({} slips, both directions counted)", slips);
     text += "\n";
   }
@@ -325,16 +326,17 @@ std::string bus_line(const RefusedMessages& refused) {
       refused.by_controller);
 }
 
-std::string speed_line(const RunResult& result) {
-  const double end_s = result.final_sample.time_s;
-  const double speed = end_s / std::max(result.wall_time_s, 1e-9);
+std::string speed_line(const sim::Scenario& scenario, const RunResult& result) {
+  const double simulated_s = scenario.run.hold_s + result.final_sample.time_s;
+  const double speed = simulated_s / std::max(result.wall_time_s, 1e-9);
   std::string text = "  speed       " + short_number(speed) + " times real time";
   if (result.ticks > 0) {
-    text += fmt::format(", {} us per tick", short_number(1e6 * result.wall_time_s / static_cast<double>(result.ticks)));
+    const auto ticks = static_cast<double>(result.ticks + scenario.run.hold_ticks());
+    text += fmt::format(", {} us per tick", short_number(1e6 * result.wall_time_s / ticks));
   }
   // A pace counts as kept if the lateness is too small for a person to notice.
   if (result.asked_speed > 0 && speed < 0.95 * result.asked_speed &&
-      result.wall_time_s > end_s / result.asked_speed + 0.2) {
+      result.wall_time_s > simulated_s / result.asked_speed + 0.2) {
     text += fmt::format("; it was to be {}, which was not kept", short_number(result.asked_speed));
   }
   return text + "\n";
@@ -344,8 +346,7 @@ std::string speed_line(const RunResult& result) {
 
 std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
                          const std::filesystem::path& directory) {
-  const bool stepper = scenario.run.actuation == sim::Actuation::kStepper;
-  std::string text = fmt::format("{}, {} masses\n", scenario.name, stepper ? "stepper-driven" : "prescribed");
+  std::string text = fmt::format("{}, {} masses\n", scenario.name, masses_word(scenario.run.actuation));
   text += "  ended       " + end_text(scenario, result) + "\n";
   text += travel_line(scenario, result);
   text += goal_line(scenario, result);
@@ -360,7 +361,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   text += motor_lines(scenario, result);
   text += share_line(result.motor_share);
   text += bus_line(result.refused);
-  text += speed_line(result);
+  text += speed_line(scenario, result);
   return text + "  results     " + directory.string() + "\n";
 }
 

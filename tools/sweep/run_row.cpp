@@ -36,7 +36,7 @@ bool monitor_trips(const sim::Scenario& scenario, const sil::RunResult& result) 
 
 // A run as `ballast run` makes it. nullopt: it could not go to its end.
 std::optional<sil::RunResult> run_ticks(const sim::Scenario& scenario, int& exit_status, std::string& why) {
-  const bool has_controller = scenario.run.actuation == sim::Actuation::kStepper;
+  const bool has_controller = sim::has_controller(scenario.run.actuation);
   auto params = std::make_unique<firmware::ControllerParams>();
   if (has_controller) {
     if (const auto refusal = program::to_controller_params(scenario, *params)) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "hal/lcm/channels.h"
 #include "tools/program/short_number.h"
 
 namespace ballast::watch {
@@ -15,8 +16,7 @@ using program::fixed_number;
 using program::short_number;
 
 constexpr double kRateWindow_s = 1;
-constexpr double kSilence_s = 2;           // longer than a tick of any useful pace
-constexpr std::int64_t kWaitingTick = -3;  // in the messages of peers that wait for their first tick
+constexpr double kSilence_s = 2;  // longer than a tick of any useful pace
 
 const char* regime(std::int8_t code) {
   constexpr const char* kNames[] = {"rolling", "sliding", "flight"};
@@ -133,7 +133,7 @@ void View::observe(const sensors_t& m, double now_s) {
 
 // Peers that wait for their first tick repeat a message with kWaitingTick, which belongs to no run.
 void View::observe(const controller_status_t& m, double now_s) {
-  const bool waits = m.tick == kWaitingTick;
+  const bool waits = m.tick == hal::kWaitingTick;
   if (waits ? !is_over(now_s) : !is_shown(m.run_id, now_s)) return;
   status_ = m;
   if (!waits) counters_[kStatus].add(m.tick, now_s);
@@ -144,7 +144,7 @@ void View::observe(const step_command_t& m, double now_s) {
 }
 
 void View::observe(const trip_t& m, double now_s) {
-  const bool waits = m.tick == kWaitingTick;
+  const bool waits = m.tick == hal::kWaitingTick;
   if (waits ? !is_over(now_s) : !is_shown(m.run_id, now_s)) return;
   trip_ = m;
   if (!waits) counters_[kTrip].add(m.tick, now_s);

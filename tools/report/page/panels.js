@@ -133,7 +133,7 @@ function contactPanels(runs) {
 function massPanels(runs) {
   const masses = (run) => runs[run].described.masses.length;
   const mass = (j) => `mass-${j}`, massName = (j) => `mass ${j}`;  // masses count from 0, as on the command line
-  const prescribed = runs.every(({described}) => described.actuation !== "stepper");
+  const withoutMotors = runs.every(({described}) => described.actuation !== "stepper");
   const positions = several(runs, "mass_position", masses, massName, mass);
   if (runs.length === 1)
     for (const line of several(runs, "commanded", masses, () => "", mass))
@@ -155,7 +155,7 @@ function massPanels(runs) {
     },
     {
       id: "motor_torque",
-      title: `Motor torque ${prescribed ? "needed " : ""}at the shaft`,
+      title: `Motor torque ${withoutMotors ? "needed " : ""}at the shaft`,
       unit: "N m",
       lines: several(runs, "motor_torque", masses, massName, mass)
     },
