@@ -86,7 +86,7 @@ void Equations::evaluate(double time_s, const double* y, Instant& motion) const 
   if (contact.regime == Regime::kRolling) {
     rolling_driven(body, time_s, y + kQ, y + kOmega, position, velocity, force.data(), motion);
   } else {
-    evaluate_open(y, open_contact_driven_at(time_s, y, force), motion);
+    evaluate_open(body, y, open_contact_driven_at(time_s, y, force), motion);
     motion.generalised_force = force;
   }
 }
@@ -120,20 +120,20 @@ bool Equations::evaluate_lanes(const double* y, Instant& motion) const {
   return true;
 }
 
-void Equations::evaluate_prescribed(const Body& forced, double time_s, const double* y, const CarriedMasses& masses,
+void Equations::evaluate_prescribed(const Body& other, double time_s, const double* y, const CarriedMasses& masses,
                                     Instant& motion) const {
   if (contact.regime == Regime::kRolling) {
-    return rolling_prescribed(forced, time_s, y + kQ, y + kOmega, masses, motion);
+    return rolling_prescribed(other, time_s, y + kQ, y + kOmega, masses, motion);
   }
   OpenContact open;
-  open_contact_prescribed(forced, time_s, y + kQ, y + kOmega, velocity_W_mps(y), masses, open);
-  evaluate_open(y, open, motion);
+  open_contact_prescribed(other, time_s, y + kQ, y + kOmega, velocity_W_mps(y), masses, open);
+  evaluate_open(other, y, open, motion);
 }
 
 // Sliding and flight.
-void Equations::evaluate_open(const double* y, const OpenContact& open, Instant& motion) const {
+void Equations::evaluate_open(const Body& of, const double* y, const OpenContact& open, Instant& motion) const {
   if (contact.regime == Regime::kFlight) {
-    close_contact(body, open, Vector3d::Zero(), motion);
+    close_contact(of, open, Vector3d::Zero(), motion);
     motion.remaining = y[contact_start_];
     motion.height_rate_mps = y[contact_start_ + 3];
     return;
@@ -149,10 +149,10 @@ void Equations::evaluate_open(const double* y, const OpenContact& open, Instant&
     e = slip.normalized();
   }
   if (normal_coefficient(relation, mu, e) > 0) {
-    close_contact(body, open, sliding_force(relation, mu, e), motion);
+    close_contact(of, open, sliding_force(relation, mu, e), motion);
     motion.static_friction_n = mu * motion.normal_force_n;  // exactly, without the rounding of a norm
   } else {
-    close_contact(body, open, Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()), motion);
+    close_contact(of, open, Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()), motion);
   }
 }
 

@@ -44,8 +44,8 @@ class Equations {
   void evaluate_prescribed(double time_s, const double* y, const CarriedMasses& masses, Instant& motion) const {
     evaluate_prescribed(body, time_s, y, masses, motion);
   }
-  // The same under the external force of `forced`, which is otherwise this body.
-  void evaluate_prescribed(const Body& forced, double time_s, const double* y, const CarriedMasses& masses,
+  // The same for another body, whose masses `masses` are. In a slide the slip stays this body's.
+  void evaluate_prescribed(const Body& other, double time_s, const double* y, const CarriedMasses& masses,
                            Instant& motion) const;
   void derivative(double time_s, const double* y, double* dydt, Instant& motion) const;
   // The same derivative, where the motion is not wanted: `motion` is undefined.
@@ -67,7 +67,7 @@ class Equations {
  private:
   [[nodiscard]] Eigen::Vector3d velocity_W_mps(const double* y) const;
   [[nodiscard]] OpenContact open_contact_driven_at(double time_s, const double* y, const PerMass& force) const;
-  void evaluate_open(const double* y, const OpenContact& open, Instant& motion) const;
+  void evaluate_open(const Body& of, const double* y, const OpenContact& open, Instant& motion) const;
   [[nodiscard]] PerMass holding_forces(const double* y) const;
   [[nodiscard]] bool evaluate_lanes(const double* y, Instant& motion) const;
 

@@ -21,7 +21,11 @@ constexpr double kShortestPart = 1e-13;
 }  // namespace
 
 Plant::Plant(const PlantModel& model)
-    : ahead_s_(model.actuation == Actuation::kPrescribed ? model.duration_s : 0), run_(model), regimes_(model), stepping_(model), faults_(model) {
+    : ahead_s_(model.actuation == Actuation::kPrescribed ? model.duration_s : 0),
+      run_(model),
+      regimes_(model),
+      stepping_(model),
+      faults_(model) {
   regimes_.start(model.initial, run_);
 }
 
@@ -46,8 +50,8 @@ void Plant::advance(double end_s, std::span<const StepPulse> pulses) {
     jumped = false;
     if (end() != PhysicsEnd::kNone || time_s() >= end_s) return;
 
-    double smooth_until_s = std::min(
-        {equations().body.external_force.next_kink_s(time_s()), std::max(end_s, ahead_s_), faults_.next_s()});
+    double smooth_until_s =
+        std::min({equations().body.external_force.next_kink_s(time_s()), std::max(end_s, ahead_s_), faults_.next_s()});
     if (!equations().driven()) {
       smooth_until_s = std::min(smooth_until_s, equations().prescribed.smooth_until_s(time_s()));
     }
@@ -244,16 +248,24 @@ Sample Plant::sample() const {
 
 Plant::ContactForces Plant::contact_forces(const double* position, const double* velocity, const double* acceleration,
                                            Forces forces) const {
+  if (forces == Forces::kTold && has_untold_forces()) {
+    return contact_forces(equations().body, position, velocity, acceleration);
+  }
   CarriedMasses masses;
   carry_along(equations().body, position, velocity, acceleration, masses);
   Instant motion;
-  if (forces == Forces::kTold && has_untold_forces()) {
-    Body told = equations().body;
-    told.external_force.keep_told();
-    equations().evaluate_prescribed(told, time_s(), dynamics().now.y.data(), masses, motion);
-  } else {
-    equations().evaluate_prescribed(time_s(), dynamics().now.y.data(), masses, motion);
-  }
+  equations().evaluate_prescribed(time_s(), dynamics().now.y.data(), masses, motion);
+  return {reported_normal_n(motion.normal_force_n), motion.static_friction_n};
+}
+
+Plant::ContactForces Plant::contact_forces(const Body& believed, const double* position, const double* velocity,
+                                           const double* acceleration) const {
+  CarriedMasses masses;
+  carry_along(believed, position, velocity, acceleration, masses);
+  Body told = believed;
+  told.external_force.keep_told();
+  Instant motion;
+  equations().evaluate_prescribed(told, time_s(), dynamics().now.y.data(), masses, motion);
   return {reported_normal_n(motion.normal_force_n), motion.static_friction_n};
 }
 

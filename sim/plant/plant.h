@@ -48,8 +48,8 @@ class Plant {
 
   // Ideal masses. Rail coordinates of all masses, their rates and those' rates.
   //
-  // Puts the masses where they are commanded to be now: where lead_masses() led them, up to rounding, with accelerations
-  // that may jump here.
+  // Puts the masses where they are commanded to be now: where lead_masses() led them, up to rounding, with
+  // accelerations that may jump here.
   void place_masses(const double* position, const double* velocity, const double* acceleration);
   // Before advance(end_s): leads the masses to where they are commanded to be at end_s > time_s().
   void lead_masses(double end_s, const double* position, const double* velocity);
@@ -88,6 +88,9 @@ class Plant {
   };
   [[nodiscard]] ContactForces contact_forces(const double* position, const double* velocity, const double* acceleration,
                                              Forces forces = Forces::kAll) const;
+  // The same under the told forces for another ball, other masses and another floor, as somebody believes them.
+  [[nodiscard]] ContactForces contact_forces(const Body& believed, const double* position, const double* velocity,
+                                             const double* acceleration) const;
   // Whether Forces::kTold differs from kAll.
   [[nodiscard]] bool has_untold_forces() const { return equations().body.external_force.has_untold(); }
 

@@ -156,6 +156,17 @@ void add_fault(CanonicalText& text, const Fault& fault) {
   text.add("fault.direction", fault.direction_W);
 }
 
+void add_believed(CanonicalText& text, const World& believed) {
+  text.add("believed.ball.radius", believed.ball.radius_m);
+  text.add("believed.ball.mass", believed.ball.mass_kg);
+  text.add("believed.ball.inertia", believed.ball.inertia_kgm2);
+  text.add("believed.ball.center_of_mass", believed.ball.center_of_mass_B_m);
+  text.add("believed.surface.static_friction", believed.surface.static_friction);
+  text.add("believed.surface.kinetic_friction", believed.surface.kinetic_friction);
+  add_real_floor(text, believed.surface);
+  for (const Mass& mass : believed.masses) text.add("believed.mass", mass.mass_kg);
+}
+
 }  // namespace
 
 std::int64_t fingerprint(const Scenario& scenario) {
@@ -197,6 +208,7 @@ std::int64_t fingerprint(const Scenario& scenario) {
   text.add("envelope.min_normal_force", scenario.envelope.min_normal_force_n);
   text.add("envelope.friction_use", scenario.envelope.friction_use);
   if (scenario.sensors.present) add_sensors(text, scenario.sensors);
+  if (scenario.believed) add_believed(text, *scenario.believed);
   text.add("seed", scenario.seed);
   for (const Fault& fault : scenario.faults) add_fault(text, fault);
 

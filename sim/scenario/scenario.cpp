@@ -82,6 +82,14 @@ std::string to_string(const ScenarioError& error) {
   return printable(text + ": " + error.message);
 }
 
+Scenario as_believed(Scenario scenario) {
+  if (!scenario.believed) return scenario;
+  const World believed = std::move(*scenario.believed);
+  scenario.believed.reset();
+  static_cast<World&>(scenario) = believed;
+  return scenario;
+}
+
 Scenario::operator PlantModel() const {
   PlantModel model{*this, run.actuation, run.on_violation, duration_s, run.control_period_s, run.tolerance, seed, {}};
   for (const Fault& fault : faults) {

@@ -51,6 +51,10 @@ struct Scenario : World {
 
   SensorModel sensors;
 
+  // The world that controller, monitor and planner take for true: [believed]. None: they know the truth.
+  std::optional<World> believed;
+  [[nodiscard]] const World& belief() const { return believed ? *believed : *this; }
+
   std::vector<Fault> faults;  // injected into the run; in order of time, those of one time as written
 
   // A number printed for the scenario as it stands in the file; a run states it beside its own. Empty if an override
@@ -74,6 +78,9 @@ struct Scenario : World {
   // The part that the plant takes. Implicit, so that a Plant is made from a scenario directly.
   operator PlantModel() const;  // NOLINT(google-explicit-constructor)
 };
+
+// The scenario in which what it believes is true.
+[[nodiscard]] Scenario as_believed(Scenario scenario);
 
 // One error found in a scenario.
 struct ScenarioError {

@@ -94,6 +94,11 @@ std::vector<std::string> texts() {
                   "trajectory = { times = [0, 1], points = [[0, 0, 0], [0.1, 0, 0]] }\n")};
   const std::string sensors =
       "\n[sensors]\nattitude = \"sensed\"\nposition_fix = { rate = 10 }\nencoder = { resolution = 0.001 }\n";
+  const std::string believed =
+      "\n[believed]\nball = { radius = 2.1, mass = 1.5, inertia = [1, 1, 1], center_of_mass = [0, 0, 0] }\n"
+      "surface = { static_friction = 0.3, slope = { angle = 0.1 } }\n[[believed.mass]]\nmass = 0.7\n";
+  all.push_back(kFull + believed);
+  all.push_back(kOther + "\n[believed]\nball = { mass = 2 }\nsurface = { static_friction = 0.3 }\n");
   all.push_back(kFull + sensors);
   all.push_back(kOther + sensors);
   // `direction` of a push, `axis` and `sensor` of a sensor, `mass` of a motor, `channel` and `peer` of messages.
@@ -120,7 +125,8 @@ TEST(Keys, ThePageHasThoseOfTheReader) {
     if (!row.allowed.empty() && !row.allowed_varies) {
       EXPECT_EQ(found->second.allowed, row.allowed);
     }
-    if (!row.fallback.empty() && !row.fallback_varies) {
+    const bool is_the_truth = key.starts_with("believed.") && found->second.fallback.starts_with("the truth");
+    if (!row.fallback.empty() && !row.fallback_varies && !is_the_truth) {
       EXPECT_EQ(found->second.fallback, row.fallback);
     }
   }

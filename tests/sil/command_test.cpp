@@ -1024,7 +1024,7 @@ TEST(Program, NamesTheBadOptionItsValueAndWhatIsAllowed) {
       {"ballast run paper_ball --speed", "ballast: --speed: its value is missing; allowed: a number"},
       {"ballast run paper_ball --speed 1 --speed 2", "ballast: --speed: is given more than once; allowed: once"},
       {"ballast run paper_ball --actuation steper",
-       "ballast: --actuation: steper is unknown; allowed: prescribed, stepper; did you mean stepper?"},
+       "ballast: --actuation: steper is unknown; allowed: prescribed, stepper, ideal; did you mean stepper?"},
       {"ballast move paper_ball --mass x --to 1", "ballast: --mass: x is not allowed; allowed: a whole number"},
       {"ballast soak --seeds 1 --jobs 5000",
        "ballast: --jobs: 5000 is out of range; allowed: a whole number from 1 to"},

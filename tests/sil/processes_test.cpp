@@ -26,6 +26,8 @@ TEST(Processes, ThreeGiveTheSameLogAsOne) {
         ("desk_ball --actuation ideal --set duration=0.3 --set run.hold=0.2 --set sensors.attitude=sensed "
          "--set sensors.preset=bmi088"),
         "paper_ball --actuation ideal --set envelope.friction_use=0.3",
+        ("paper_ball --set duration=1 --set believed.ball.mass=1.3 --set believed.mass=[{mass=1.2}] "
+         "--set believed.surface.slope.angle=0.05"),
         "paper_ball --actuation prescribed --set duration=1 --set surface.static_friction=0.1348"}) {
     SCOPED_TRACE(scenario);
     const Outcome one = folder.run("ballast run " + scenario + " --quiet --out one");

@@ -26,6 +26,7 @@ int print_required_friction(const program::ScenarioOptions& options) {
   const bool has_controller = sim::has_controller(scenario->run.actuation);
   // Perfect friction keeps the ball rolling to the end; on the scenario's own floor the run might end earlier.
   scenario->surface.static_friction = std::numeric_limits<double>::infinity();
+  if (scenario->believed) scenario->believed->surface.static_friction = scenario->surface.static_friction;
   scenario->envelope.min_normal_force_n = 0;
   std::unique_ptr<firmware::ControllerParams> params;  // null: there is no controller
   if (has_controller) {

@@ -41,7 +41,7 @@ int write_gains(const PlanCommand& command) {
   if (std::filesystem::equivalent(path, file, same))
     return refuse(program::kExitUsage, "--out: is the plan itself; allowed: another file");
   std::string why;
-  const auto tracking = plan::track(read.scenario, why);
+  const auto tracking = plan::track(sim::as_believed(read.scenario), why);
   if (!tracking) return refuse(program::kExitUsage, fmt::format("{}: {}", path.string(), why));
   const plan::GainTable table = plan::gain_table(*tracking);
   if (!write_file(file, plan::gain_csv(table)))

@@ -53,7 +53,8 @@ double hidden_friction_n(const contact_t& contact, double cone_n) {
 
 }  // namespace
 
-Monitor::Monitor(const MonitorLimits& limits) : limits_(limits) {
+Monitor::Monitor(const MonitorLimits& limits) : limits_(limits), has_rolled_(limits.starts_rolling) {
+  if (limits_.margin_friction == 0) limits_.margin_friction = limits_.static_friction;
   verdict_.tick = hal::kWaitingTick;
   verdict_.scenario_id = limits_.scenario_id;
 }
@@ -158,7 +159,7 @@ void Monitor::judge_agreement(const Samples& samples) {
     }
   }
   const contact_t& contact = *samples.contact;
-  const double cone_n = limits_.static_friction * contact.normal_force_n;
+  const double cone_n = limits_.margin_friction * contact.normal_force_n;
   if (const double hidden_n = hidden_friction_n(contact, cone_n); hidden_n > kRounding * cone_n) {
     trip(trip_t::CAUSE_DISAGREEMENT, hidden_n, kRounding * cone_n);
   }

@@ -14,9 +14,13 @@
 namespace ballast::monitor {
 
 struct MonitorLimits {
-  double min_normal_force_n = 0;     // trips when N <= this, in every regime
-  double friction_use = 1;           // trips when f_s > friction_use mu_s N; > 0
-  double static_friction = 0;        // mu_s > 0; infinity: perfect friction
+  double min_normal_force_n = 0;  // trips when N <= this, in every regime
+  double friction_use = 1;        // trips when f_s > friction_use mu_s N; > 0
+  double static_friction = 0;     // mu_s > 0; infinity: perfect friction
+  // mu_s of the floor that the plant's margins belong to; 0: static_friction. Another one where the limits are those of
+  // a floor that is only believed.
+  double margin_friction = 0;
+  bool starts_rolling = false;       // a ball that slides from the first message on has slipped
   bool controller_expected = false;  // false in prescribed runs
   // How far plant and controller may differ in N or f_s; infinity: they need not agree.
   double disagreement_n = std::numeric_limits<double>::infinity();
@@ -59,7 +63,7 @@ struct Samples {
 //                 two derivations share no line: one is wrong, or was told another robot, attitude or motion. Not
 //                 judged where either is not finite, or where the plant's floor would have to pull. value: the greater
 //                 difference; limit: disagreement_n; both in N. Also a margin better than N and f_s of the same message
-//                 allow on the floor of the limits (a worse floor lowers it), or a margin of NaN; not with perfect
+//                 allow on the plant's floor (a worse floor lowers it), or a margin of NaN; not with perfect
 //                 friction. value: the f_s it hides; limit: the f_s that rounding can hide; both in N. Also, while the
 //                 ball rolls, a friction force whose magnitude is not the f_s of the same message. value: the
 //                 difference; limit: what rounding can make of it; both in N.
@@ -93,7 +97,7 @@ class Monitor {
   MonitorLimits limits_;
   std::optional<std::int64_t> last_tick_;  // the latest judged
   double time_s_ = 0;                      // of the sample being judged
-  bool has_rolled_ = false;                // in some sample judged
+  bool has_rolled_;                        // in some sample judged
   std::optional<Forces> commanded_;        // by the plant, at last_tick_
   trip_t verdict_{};
 };

@@ -251,6 +251,8 @@ std::optional<TaskFile> parse_task(const std::string& toml, const std::string& s
     result = sim::parse_scenario(toml, source, {"duration=" + number_text(length_s)});
   }
   errors = result.errors;
+  // The plan is made for the robot that is believed.
+  result.scenario = sim::as_believed(std::move(result.scenario));
   TaskFile out;
   sim::ReadContext context{source, errors, result.warnings};
   TableReader reader(&root, "", context);

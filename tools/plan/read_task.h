@@ -11,7 +11,7 @@
 namespace ballast::plan {
 
 struct TaskFile {
-  sim::Scenario scenario;  // without motion; its duration is the task's
+  sim::Scenario scenario;  // as it is believed, without motion; its duration is the task's
   Task task;
 };
 

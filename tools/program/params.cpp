@@ -46,44 +46,43 @@ std::string describe(const firmware::ParamError& error) {
 
 }  // namespace
 
-std::optional<std::string> to_ball_params(const sim::Scenario& scenario, firmware::BallParams& ball) {
-  if (scenario.masses.size() > firmware::kMaxMasses) {
-    return fmt::format("mass: {} masses: the controller allows at most {}", scenario.masses.size(),
-                       firmware::kMaxMasses);
+std::optional<std::string> to_ball_params(const sim::World& world, firmware::BallParams& ball) {
+  if (world.masses.size() > firmware::kMaxMasses) {
+    return fmt::format("mass: {} masses: the controller allows at most {}", world.masses.size(), firmware::kMaxMasses);
   }
-  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
-    if (scenario.masses[i].trajectory.times_s.empty()) continue;
+  for (std::size_t i = 0; i < world.masses.size(); ++i) {
+    if (world.masses[i].trajectory.times_s.empty()) continue;
     return mass_key(i, "trajectory") + ": the controller moves masses along rails only";
   }
-  ball.radius_m = scenario.ball.radius_m;
-  ball.gravity_mps2 = scenario.gravity_mps2;
-  ball.shell_mass_kg = scenario.ball.mass_kg;
-  ball.inertia_kgm2 = scenario.ball.inertia_kgm2;
-  ball.center_of_mass_B_m = scenario.ball.center_of_mass_B_m;
-  ball.external_force_W_n = scenario.external_force_W_n;  // the controller models no force table and no drag
-  const sim::Surface& floor = scenario.surface;
+  ball.radius_m = world.ball.radius_m;
+  ball.gravity_mps2 = world.gravity_mps2;
+  ball.shell_mass_kg = world.ball.mass_kg;
+  ball.inertia_kgm2 = world.ball.inertia_kgm2;
+  ball.center_of_mass_B_m = world.ball.center_of_mass_B_m;
+  ball.external_force_W_n = world.external_force_W_n;  // the controller models no force table and no drag
+  const sim::Surface& floor = world.surface;
   if (floor.slope_rad != 0) {
     ball.down_W = {std::sin(floor.slope_rad) * std::cos(floor.downhill_rad),
                    std::sin(floor.slope_rad) * std::sin(floor.downhill_rad), -std::cos(floor.slope_rad)};
   }
   ball.rolling_resistance = floor.rolling_resistance;
   ball.spin_friction_m = floor.spin_friction_m;
-  if (floor.rolling_resistance > 0 || floor.spin_friction_m > 0) ball.creep_radps = scenario.creep_radps();
-  ball.mass_count = static_cast<int>(scenario.masses.size());
-  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
-    ball.mass_kg[i] = scenario.masses[i].mass_kg;
-    ball.rail[i] = scenario.masses[i].rail;
+  if (floor.rolling_resistance > 0 || floor.spin_friction_m > 0) ball.creep_radps = world.creep_radps();
+  ball.mass_count = static_cast<int>(world.masses.size());
+  for (std::size_t i = 0; i < world.masses.size(); ++i) {
+    ball.mass_kg[i] = world.masses[i].mass_kg;
+    ball.rail[i] = world.masses[i].rail;
   }
   return std::nullopt;
 }
 
 std::optional<std::string> to_controller_params(const sim::Scenario& scenario, firmware::ControllerParams& params) {
   const auto p = std::make_unique<firmware::ControllerParams>();  // too large for the stack
-  if (const auto refusal = to_ball_params(scenario, p->ball)) return refusal;
+  if (const auto refusal = to_ball_params(scenario.belief(), p->ball)) return refusal;
   p->scenario_id = scenario.id;
   p->control_period_s = scenario.run.control_period_s;
   p->timer_frequency_hz = scenario.run.timer_frequency_hz;
-  p->static_friction = scenario.surface.static_friction;
+  p->static_friction = scenario.belief().surface.static_friction;
   p->sensor_stale_ticks = kSensorStaleTicks;
   p->monitor_stale_ticks = kMonitorStaleTicks;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
@@ -128,7 +127,10 @@ monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {
   monitor::MonitorLimits limits;
   limits.min_normal_force_n = scenario.envelope.min_normal_force_n;
   limits.friction_use = scenario.envelope.friction_use;
-  limits.static_friction = scenario.surface.static_friction;
+  const sim::World& belief = scenario.belief();
+  limits.static_friction = belief.surface.static_friction;
+  limits.margin_friction = scenario.surface.static_friction;
+  limits.starts_rolling = !scenario.initial.has_velocity && scenario.initial.height_m == 0;
   limits.controller_expected = has_controller(scenario.run.actuation);
   limits.scenario_id = scenario.id;
   limits.first_tick = scenario.run.first_tick();
@@ -141,8 +143,8 @@ monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {
   // exact sensors (1e-9 of the weight) and by 2 % of the weight if the attitude is off by a degree. A wrong sign, a
   // wrong unit or a missing term exceeds 5 %.
   constexpr double kFractionOfWeight = 0.05;
-  double total_mass_kg = scenario.ball.mass_kg;
-  for (const sim::Mass& mass : scenario.masses) total_mass_kg += mass.mass_kg;
+  double total_mass_kg = belief.ball.mass_kg;
+  for (const sim::Mass& mass : belief.masses) total_mass_kg += mass.mass_kg;
   // Without gravity only an external force can press the ball down.
   const double pressing_n = std::max(total_mass_kg * scenario.gravity_mps2, scenario.external_force_W_n.norm());
   if (pressing_n > 0) limits.disagreement_n = kFractionOfWeight * pressing_n;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "tools/sil/belief_watch.h"
 #include "tools/sil/countdown.h"
 #include "tools/sil/pace.h"
 #include "tools/sil/plan_watch.h"
@@ -93,10 +94,12 @@ class Run {
   double end_s_;
   Lap lap_{};
   std::optional<Lap> unrecorded_;
-  // N and f_s of the commanded masses at this tick under all external forces, where the message has those under the
-  // told ones.
+  // N and f_s of the commanded masses of the true robot at this tick under all external forces, where the message has
+  // those of a believed one or under the told ones.
   std::optional<sim::Plant::ContactForces> commanded_under_all_;
 
+  std::optional<sim::Body> believed_;  // of the controller, where it is not the truth
+  std::optional<BeliefWatch> belief_watch_;
   std::optional<sim::Sensors> sensors_;  // none: ideal ones
   Pace pace_;
   Countdown countdown_;
@@ -107,6 +110,7 @@ class Run {
   TripWatch trips_;
   std::optional<StepTimingCheck> step_check_;
   std::optional<controller_status_t> asks_;     // of the tick before: it asks for the steps of this one
+  std::optional<controller_status_t> asked_;    // of the tick before that one
   std::optional<std::int64_t> move_done_tick_;  // at whose start the move's last step has been executed
   bool was_pending_ = false;                    // the move, when the controller last answered
   bool already_there_ = false;                  // a move to where the masses are
@@ -135,6 +139,8 @@ Run::Run(const sim::Scenario& scenario, Peer& peers, LapSink& sink, const RunOpt
       trips_(has_controller_) {
   result_.asked_speed = options.speed;
   if (scenario.sensors.present) sensors_.emplace(scenario.sensors, period_s_, scenario.seed);
+  if (scenario.believed) believed_.emplace(*scenario.believed);
+  if (scenario.believed && options.predict_belief) belief_watch_.emplace(scenario);
   if (options.move) result_.move_end = MoveEnd{*options.move};
   if (options.check_steps && has_controller_) step_check_.emplace(scenario);
   // A ball that breaks the envelope as it is set down is not held, and needs no countdown.
@@ -175,8 +181,10 @@ void Run::begin() {
     const auto forces = [this](sim::Plant::Forces which) {
       return plant_.contact_forces(asks_->next_position, asks_->next_velocity, asks_->next_acceleration, which);
     };
-    commanded = forces(sim::Plant::Forces::kTold);
-    if (plant_.has_untold_forces()) commanded_under_all_ = forces(sim::Plant::Forces::kAll);
+    commanded = believed_ ? plant_.contact_forces(*believed_, asks_->next_position, asks_->next_velocity,
+                                                  asks_->next_acceleration)
+                          : forces(sim::Plant::Forces::kTold);
+    if (believed_ || plant_.has_untold_forces()) commanded_under_all_ = forces(sim::Plant::Forces::kAll);
   }
   // Part by part: a whole new lap would be filled with zeros first.
   lap_.plant = plant_messages(scenario_, sample_, tick_, last_, commanded);
@@ -233,6 +241,7 @@ bool Run::judge_verdict() {
 }
 
 bool Run::judge_answer() {
+  if (belief_watch_) asked_ = asks_;
   asks_.reset();
   if (!lap_.answer) {
     ++silent_ticks_;
@@ -254,7 +263,8 @@ bool Run::judge_answer() {
   return true;
 }
 
-// A force table or drag is no part of the motors' share, so real and commanded masses are compared under both.
+// Force tables, drag and errors of the belief are no part of the motors' share, so real and commanded masses are
+// compared with them.
 void Run::observe_motor_share() {
   contact_t contact = lap_.plant.contact;
   if (commanded_under_all_) set_commanded(commanded_under_all_, contact);
@@ -366,7 +376,9 @@ bool Run::step() {
   }
   const double next_s = static_cast<double>(tick_ + 1) * period_s_;
   if (ideal_masses_) plant_.lead_masses(next_s, asks_->next_position, asks_->next_velocity);
+  if (belief_watch_) belief_watch_->begin_tick(asked_ ? &*asked_ : nullptr, asks_ ? &*asks_ : nullptr, next_s);
   plant_.advance(std::min(next_s, end_s_), feed_.pulses());
+  if (belief_watch_) belief_watch_->follow(plant_.time_s());
   pulses_.add(start_s, plant_.time_s(), feed_.pulses());
   ++result_.ticks;
   return true;
@@ -397,6 +409,7 @@ RunResult Run::finish() {
   result_.controller_trip = trips_.controller_trip();
   result_.latency_ticks = trips_.latency_ticks();
   result_.missing_commands = feed_.missing_commands();
+  if (belief_watch_) result_.belief = belief_watch_->result();
   if (step_check_) result_.step_timing = step_check_->record();
   copy_motors();
   return std::move(result_);

@@ -23,6 +23,7 @@ struct RunOptions {
   bool plan_only = false;                     // ends where the move is refused or predicted; `move` has the plan
   bool by_hand = false;                       // the run only arms; operators give all other commands
   std::function<std::string()> disturbed{};   // called once per tick: why the run must end, or empty
+  bool predict_belief = true;                 // RunResult::belief, where the scenario has a belief
   Wires* wires = nullptr;                     // null: sensors and steps pass unchanged
 };
 

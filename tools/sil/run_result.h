@@ -54,6 +54,14 @@ struct MoveEnd {
   bool steps_made = false;  // all of them
 };
 
+// What the believed robot would have done under the same commanded motion.
+struct BeliefPrediction {
+  double time_s = 0;  // up to which it was rolled: the run's end, the end of its own physics, or a missing status
+  sim::PhysicsEnd end{};
+  sim::ContactExtrema extrema;
+  Eigen::Vector3d position_W_m = Eigen::Vector3d::Zero();
+};
+
 struct RunResult {
   EndReason end_reason = EndReason::kCompleted;
   std::string end_text;  // inconsistent: why
@@ -68,6 +76,7 @@ struct RunResult {
   std::array<sim::MotorEnergy, sim::kMaxMasses> motor_energy{};
   std::array<MotorRecord, sim::kMaxMasses> motors;
   MotorShare motor_share;
+  std::optional<BeliefPrediction> belief;  // where the scenario has one
   std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
   trip_t trip{};  // the last verdict
   std::optional<ControllerTrip> controller_trip;

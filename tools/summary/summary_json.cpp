@@ -270,6 +270,24 @@ Json refused_json(const RefusedMessages& refused) {
 
 }  // namespace
 
+namespace {
+
+// Only runs of a scenario with [believed] have it.
+Json belief_json(const RunResult& result) {
+  const BeliefPrediction& p = *result.belief;
+  const sim::ContactExtrema& x = p.extrema;
+  const Eigen::Vector3d off_m = result.final_sample.position_W_m - p.position_W_m;
+  return {{"time", p.time_s},
+          {"holds", p.end == sim::PhysicsEnd::kNone},
+          {"mu_required", {{"max", finite_or_null(x.mu_required_max.value)}, {"time", x.mu_required_max.time_s}}},
+          {"normal_force", {{"min", x.normal_force_min.value}, {"min_time", x.normal_force_min.time_s}}},
+          {"static_friction", {{"max", x.static_friction_max.value}, {"time", x.static_friction_max.time_s}}},
+          {"position", {p.position_W_m[0], p.position_W_m[1], p.position_W_m[2]}},
+          {"position_error", off_m.norm()}};
+}
+
+}  // namespace
+
 Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
   const auto& x = result.extrema;
   const auto& f = result.final_sample;
@@ -299,6 +317,7 @@ Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
                        {"max_time", x.normal_force_max.time_s}};
   j["static_friction"] = {{"max", x.static_friction_max.value}, {"time", x.static_friction_max.time_s}};
   j["motor_share"] = motor_share_json(result);
+  if (result.belief) j["belief"] = belief_json(result);
   j["final"] = final_json(scenario, f);
   j["travel"] = {{"position", {f.position_W_m[0], f.position_W_m[1], f.position_W_m[2]}},
                  {"distance", result.distance_m},

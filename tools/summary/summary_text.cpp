@@ -326,6 +326,26 @@ std::string bus_line(const RefusedMessages& refused) {
       refused.by_controller);
 }
 
+// What the difference between belief and truth did.
+std::string belief_lines(const sim::Scenario& scenario, const RunResult& result) {
+  if (!scenario.believed || !result.belief) return "";
+  const BeliefPrediction& p = *result.belief;
+  const Eigen::Vector3d &at = p.position_W_m, &real = result.final_sample.position_W_m;
+  const double mu = p.extrema.mu_required_max.value;
+  std::string text = fmt::format(
+      "  believed    the believed robot would have needed f_s/N of {}, with least N {} N, and come to ({}, {}) m",
+      std::isfinite(mu) ? short_number(mu) : "no bound", short_number(p.extrema.normal_force_min.value),
+      short_number(at[0]), short_number(at[1]));
+  if (p.end != sim::PhysicsEnd::kNone) {
+    return text + fmt::format(", where it would have stopped rolling at t = {} s\n", short_time(p.time_s));
+  }
+  if (p.time_s < result.final_sample.time_s) {
+    return text +
+           fmt::format(" at t = {} s, after which the controller's command is not known\n", short_time(p.time_s));
+  }
+  return text + fmt::format("; the real one is {} m from there\n", short_number((real - at).norm()));
+}
+
 std::string speed_line(const sim::Scenario& scenario, const RunResult& result) {
   const double simulated_s = scenario.run.hold_s + result.final_sample.time_s;
   const double speed = simulated_s / std::max(result.wall_time_s, 1e-9);
@@ -359,6 +379,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   text += published_lines(scenario, result);
   text += step_lines(scenario, result);
   text += motor_lines(scenario, result);
+  text += belief_lines(scenario, result);
   text += share_line(result.motor_share);
   text += bus_line(result.refused);
   text += speed_line(scenario, result);

@@ -155,6 +155,10 @@ BatchRows::BatchRows(const Spec& spec, const RowScenarios& scenarios, Lanes lane
   nominal_.ball.angular_velocity_B_radps = array_of(base_.initial.angular_velocity_B_radps);
   nominal_.ball.position_W_m = {base_.initial.position_W_m[0], base_.initial.position_W_m[1]};
   nominal_.static_friction = base_.surface.static_friction;
+  // What is not written in [believed] follows the truth, which may be varied.
+  if (scenarios.find("believed.surface.static_friction") != nullptr) {
+    believed_friction_ = base_.belief().surface.static_friction;
+  }
   choose_step();
 }
 
@@ -231,7 +235,8 @@ void BatchRows::choose_step() {
 
 std::optional<RowResult> BatchRows::result_of(const Lane& lane, const BatchResult& rolled) {
   const double weight = weight_n(lane.ball, base_.masses.size(), base_.gravity_mps2);
-  const double mu = rolled.mu_required_max.value, allowed = base_.envelope.friction_use * lane.static_friction;
+  const double mu = rolled.mu_required_max.value, believed = believed_friction_.value_or(lane.static_friction),
+               allowed = base_.envelope.friction_use * believed;
   const bool rolls = rolled.normal_force_min.value > base_.envelope.min_normal_force_n + kNear * weight &&
                      mu < (1 - kNear) * lane.static_friction;
   const bool decided = std::isinf(allowed) || std::abs(mu - allowed) > kNear * allowed;

@@ -57,7 +57,8 @@ class BatchRows {
   Lanes lanes_;
   sim::Scenario base_;
   Lane nominal_;
-  std::vector<Target> targets_;  // one per Spec::vary
+  std::optional<double> believed_friction_;  // where the scenario says so; else a row's own floor is believed
+  std::vector<Target> targets_;              // one per Spec::vary
   double step_s_ = 0;
   double most_drift_ = 0;  // of the attitude's length, in the rows that were compared
   std::optional<MotionTable> table_;

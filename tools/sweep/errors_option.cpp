@@ -8,6 +8,7 @@
 
 #include "sim/scenario/reader.h"
 #include "tools/sweep/read_spec.h"
+#include "tools/sweep/rows.h"
 
 namespace ballast::sweep {
 namespace {
@@ -91,6 +92,25 @@ std::string add_error(std::string_view item, const sim::Scenario& scenario, std:
   return "is no error; allowed: " + errors_allowed();
 }
 
+// Adds [believed] as the nominal robot, so that the controller does not know the errors of a row. A prescribed run has
+// no controller: there only the monitor's floor is believed.
+void believe_nominal(const sim::Scenario& nominal, std::vector<Setting>& set) {
+  const auto vector = [](const Eigen::Vector3d& v) { return list_node({v[0], v[1], v[2]}); };
+  if (sim::has_controller(nominal.run.actuation)) {
+    set.push_back({"believed.ball.mass", number_node(nominal.ball.mass_kg)});
+    set.push_back({"believed.ball.inertia", vector(nominal.ball.inertia_kgm2)});
+    set.push_back({"believed.ball.center_of_mass", vector(nominal.ball.center_of_mass_B_m)});
+    std::string masses;
+    for (const sim::Mass& mass : nominal.masses) {
+      masses += fmt::format("{}{{ mass = {} }}", masses.empty() ? "" : ", ", sim::number_text(mass.mass_kg));
+    }
+    if (!masses.empty()) set.push_back({"believed.mass", sim::value_node("[" + masses + "]", sim::kOverrideSource)});
+  }
+  if (!std::isfinite(nominal.surface.static_friction)) return;
+  set.push_back({"believed.surface.static_friction", number_node(nominal.surface.static_friction)});
+  set.push_back({"believed.surface.kinetic_friction", number_node(nominal.surface.kinetic_friction)});
+}
+
 }  // namespace
 
 std::string errors_allowed() {
@@ -118,6 +138,8 @@ std::optional<Spec> errors_sweep(const std::string& scenario_file, const std::st
       errors.push_back({kSource, 0, "", item, why});
     begin = comma + 1;
   }
+  // A scenario that says what is believed keeps that.
+  if (!nominal.scenario.believed) believe_nominal(nominal.scenario, spec.set);
   // A floor that is varied is in its column already.
   for (const Variation& v : spec.vary) std::erase(spec.keep, v.key);
   if (errors.empty()) complete_spec(scenario_file, spec, errors);

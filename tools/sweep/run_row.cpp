@@ -31,11 +31,13 @@ sil::EndReason reason_of(sim::PhysicsEnd end) {
 
 bool monitor_trips(const sim::Scenario& scenario, const sil::RunResult& result) {
   return result.extrema.normal_force_min.value <= scenario.envelope.min_normal_force_n ||
-         result.extrema.mu_required_max.value > scenario.envelope.friction_use * scenario.surface.static_friction;
+         result.extrema.mu_required_max.value >
+             scenario.envelope.friction_use * scenario.belief().surface.static_friction;
 }
 
 // A run as `ballast run` makes it. nullopt: it could not go to its end.
-std::optional<sil::RunResult> run_ticks(const sim::Scenario& scenario, int& exit_status, std::string& why) {
+std::optional<sil::RunResult> run_ticks(const Spec& spec, const sim::Scenario& scenario, int& exit_status,
+                                        std::string& why) {
   const bool has_controller = sim::has_controller(scenario.run.actuation);
   auto params = std::make_unique<firmware::ControllerParams>();
   if (has_controller) {
@@ -48,7 +50,10 @@ std::optional<sil::RunResult> run_ticks(const sim::Scenario& scenario, int& exit
   const auto peers =
       sil::peers_in_process(scenario, has_controller ? params.get() : nullptr, program::to_monitor_limits(scenario));
   sil::NoRecord nothing;
-  sil::RunResult result = sil::run_with_faults(scenario, *peers, nothing, {});
+  sil::RunOptions options;
+  options.predict_belief = std::any_of(spec.keep.begin(), spec.keep.end(),
+                                       [](const std::string& name) { return name.starts_with("belief."); });
+  sil::RunResult result = sil::run_with_faults(scenario, *peers, nothing, options);
   if (result.status != hal::Status::kOk) {
     exit_status = program::kExitCouldNotRun;
     why = result.trouble;
@@ -96,7 +101,7 @@ RowResult run_row(const Spec& spec, const RowScenarios& scenarios, const Row& ro
     out.kept = kept_plant_values(spec.keep, read.scenario, result);
     const bool held = sil::exit_status(result) == program::kExitCompleted && !monitor_trips(read.scenario, result);
     out.exit_status = held ? program::kExitCompleted : program::kExitEnvelope;
-  } else if (const auto result = run_ticks(read.scenario, out.exit_status, reason)) {
+  } else if (const auto result = run_ticks(spec, read.scenario, out.exit_status, reason)) {
     out.kept = kept_values(spec.keep, read.scenario, *result);
   }
   if (why != nullptr) *why = reason;
