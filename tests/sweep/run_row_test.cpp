@@ -113,5 +113,40 @@ TEST(KeptValues, AreTheSummarys) {
   }
 }
 
+// The coast is no value of the plant alone: a row that keeps it writes the whole summary.
+TEST(KeptValues, HaveTheCoastWhereTheBallRollsOn) {
+  const std::vector<std::string> names{"coast.energy", "coast.turns_over", "coast.distance", "coast.floors.0.name",
+                                       "coast.floors.0.distance"};
+  const auto kept = [&](const std::string& changes) {
+    const Spec spec =
+        spec_of("scenario = \"paper_ball\"\nruns = 1\n[set]\n\"run.actuation\" = \"prescribed\"\n" + changes +
+                "[vary]\n\"mass.0.mass\" = { uniform = [0.99, 1.0] }\n[keep]\nvalues = [\"coast.energy\", "
+                "\"coast.turns_over\", \"coast.distance\", \"coast.floors.0.name\", \"coast.floors.0.distance\"]\n");
+    EXPECT_FALSE(decided_by_plant(spec.keep, false));
+    const RowScenarios scenarios(spec);
+    const RowResult row = run_row(spec, scenarios, make_row(spec, 0));
+    const sim::ScenarioResult read = scenarios.make(make_row(spec, 0));
+    const auto summary = sil::summary_tree(read.scenario, full_run(read.scenario));
+    return std::pair(row.kept, summary.at("coast"));
+  };
+  for (const std::string& name : names) EXPECT_EQ(unknown_value(name), "") << name;
+  EXPECT_NE(unknown_value("coast"), "");
+
+  const auto [resisting, coast] = kept("\"surface.rolling_resistance\" = 0.01\n\"duration\" = 2.0\n");
+  EXPECT_NEAR(std::get<double>(resisting[0]), coast.at("energy").get<double>(), 1e-8);
+  EXPECT_EQ(std::get<double>(resisting[1]), coast.at("turns_over").get<bool>() ? 1 : 0);
+  EXPECT_NEAR(std::get<double>(resisting[2]), coast.at("distance").get<double>(), 1e-6);
+  EXPECT_EQ(std::get<std::string>(resisting[3]), coast.at("floors").at(0).at("name").get<std::string>());
+  EXPECT_GT(std::get<double>(resisting[2]), 0);
+
+  const auto [ideal, coast_on] = kept("\"duration\" = 2.0\n");
+  EXPECT_TRUE(coast_on.at("distance").is_null());
+  EXPECT_EQ(ideal[2], Cell());
+
+  const auto [slope, none] = kept("\"surface.slope.angle\" = 0.01\n\"duration\" = 0.5\n");
+  EXPECT_TRUE(none.is_null());
+  for (const Cell& cell : slope) EXPECT_EQ(cell, Cell());
+}
+
 }  // namespace
 }  // namespace ballast::sweep
