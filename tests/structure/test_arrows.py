@@ -19,7 +19,7 @@ ROOMS = [
 ]
 RAILS = {"firmware/model/rail.h", "firmware/model/types.h", "firmware/model/sin_cos.h"}
 # tests/ holds data and adversaries that benchmarks share.
-ALLOWED_EXTRA = {"tools/benchmarks": ("tests/data/", "tests/simbody/", "tests/target/")}
+ALLOWED_EXTRA = {"tools/benchmarks": ("tests/data/", "tests/plan/", "tests/simbody/", "tests/target/")}
 
 
 def room_of(path):
