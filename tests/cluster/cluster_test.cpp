@@ -85,8 +85,9 @@ TEST(Ranks, GoOnAfterACrash) {
   const std::string whole = expected(folder, "slow");
   const Outcome crashed = folder.run(signal_to_a_rank("SEGV"));
   EXPECT_NE(crashed.exit_status, 0);
-  EXPECT_TRUE(std::regex_search(crashed.err, std::regex("ballast-sweep: rank [01] died of signal 11 in rows \\d+ to")))
-      << crashed.err;
+  // On a loaded machine the killed rank may not have begun when the other has written a block.
+  const std::regex died("ballast-sweep: rank [01] died of signal 11 (in rows \\d+ to|before its first row)");
+  EXPECT_TRUE(std::regex_search(crashed.err, died)) << crashed.err;
   EXPECT_NE(folder.run(signal_to_a_rank("KILL")).exit_status, 0);
   EXPECT_FALSE(std::filesystem::exists(folder / "r/sweep.nc"));
   const Outcome resumed = run_ranks(folder, 2, "slow.toml --quiet --out r --resume");

@@ -84,6 +84,35 @@ TEST(Monitor, WaitsBeforeTheFirstTick) {
   EXPECT_EQ(monitor.verdict().scenario_id, 42);
 }
 
+// A run that starts rolling, and slides in the first message: of a monitor that is started again, or on a floor that is
+// worse than the limits'.
+TEST(Monitor, TripsOnASlideInTheFirstMessageOfARunThatStartsRolling) {
+  for (const bool starts_rolling : {true, false}) {
+    MonitorLimits of_run = limits();
+    of_run.starts_rolling = starts_rolling;
+    Monitor monitor(of_run);
+    Tick tick(7);
+    tick.contact.regime = contact_t::REGIME_SLIDING;
+    EXPECT_EQ(monitor.judge(tick.samples()).tripped, starts_rolling ? 1 : 0);
+    if (starts_rolling) EXPECT_EQ(monitor.verdict().cause, trip_t::CAUSE_FRICTION);
+  }
+}
+
+// Margins belong to the plant's floor, which may be better than the one that is believed.
+TEST(Monitor, HoldsMarginsAgainstThePlantsFloor) {
+  for (const double plants : {0.0, 0.8}) {
+    MonitorLimits of_run = limits();
+    of_run.margin_friction = plants;
+    Monitor monitor(of_run);
+    Tick tick(0);
+    contact_t& c = tick.contact;
+    c.margin = 1 - c.static_friction_n / (0.8 * c.normal_force_n);
+    const trip_t verdict = monitor.judge(tick.samples());
+    EXPECT_EQ(verdict.tripped, plants == 0 ? 1 : 0);
+    if (plants == 0) EXPECT_EQ(verdict.cause, trip_t::CAUSE_DISAGREEMENT);
+  }
+}
+
 TEST(Monitor, QuietInsideTheEnvelope) {
   Monitor monitor(limits());
   for (std::int64_t k = -2; k < 100; ++k) {

@@ -125,7 +125,9 @@ Invariants::Invariants(const sim::Scenario& scenario)
       has_controller_(sim::has_controller(scenario.run.actuation)),
       windows_(scenario),
       // The countdown has two ticks, the first and the last tick add one, and rounding of the division another.
-      most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) + 4) {}
+      most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) + 4),
+      starts_rolling_(!scenario.initial.has_velocity && scenario.initial.height_m == 0),
+      has_rolled_(starts_rolling_) {}
 
 bool Invariants::has_fault(sim::FaultKind kind) const {
   return std::ranges::any_of(scenario_.faults, [kind](const sim::Fault& fault) { return fault.kind == kind; });
@@ -309,8 +311,8 @@ void Invariants::check_envelope(const sil::Lap& lap, const Sample& truth) {
   const double mu_allowed = scenario_.envelope.friction_use * scenario_.surface.static_friction;
   too_light_ = least_n <= scenario_.envelope.min_normal_force_n;
   // The ball may also slide on a floor of perfect friction, where rolling is impossible. A monitor that has been
-  // started again does not know that it has rolled.
-  if (windows_.monitor_restarts(tick_)) has_rolled_ = false;
+  // started again only knows how the run started.
+  if (windows_.monitor_restarts(tick_)) has_rolled_ = starts_rolling_;
   const bool lost = has_rolled_ && truth.regime == sim::Regime::kSliding;
   has_rolled_ = has_rolled_ || truth.regime == sim::Regime::kRolling;
   const auto slips_with = [&](double allowed) {

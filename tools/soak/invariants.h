@@ -105,9 +105,10 @@ class Invariants {
   std::vector<Broken> broken_;
 
   std::int64_t laps_ = 0, most_laps_;
+  bool starts_rolling_, has_rolled_;
   std::int64_t tick_ = 0;  // of the latest lap
   bool has_ended_ = false;
-  bool has_rolled_ = false, violated_ = false;
+  bool violated_ = false;
   std::int64_t undetected_ticks_ = 0;  // consecutive ticks in which the ball was outside without a trip
   // In the latest lap: the ball is outside or within rounding of it; monitor and controller are both silent.
   bool outside_within_rounding_ = false, outside_ = false, too_light_ = false, all_silent_ = false;

@@ -326,7 +326,7 @@ std::string bus_line(const RefusedMessages& refused) {
       refused.by_controller);
 }
 
-// What the difference between belief and truth did.
+// The effect of the difference between belief and truth.
 std::string belief_lines(const sim::Scenario& scenario, const RunResult& result) {
   if (!scenario.believed || !result.belief) return "";
   const BeliefPrediction& p = *result.belief;
