@@ -213,6 +213,10 @@ void Plant::take_span(const Span& span) {
     // how the direction turns before. The part up to the end is held to the tolerance by an estimate of its own.
     const bool long_enough = h > kShortestPart * std::max(1.0, time_s());
     if (regime == Regime::kSliding && long_enough && !stepping_.slide_part_holds(h)) return;
+    // As the normal coefficient vanishes, N grows beyond bounds, and the shortest part may end where there is no force.
+    if (!std::all_of(end.y.begin(), end.y.begin() + equations().size(), [](double v) { return std::isfinite(v); })) {
+      return end_by(regime == Regime::kSliding ? Stepping::Failure::kPainleve : Stepping::Failure::kNotFinite);
+    }
     stepping_.look_inside(dynamics(), h / 2, middle);
   }
 

@@ -268,7 +268,9 @@ TEST(Monitor, EveryFieldMustBeFinite) {
   for (const auto& [name, field] : fields) {
     for (const double bad : {kNan, kInfinity, -kInfinity}) {
       SCOPED_TRACE(name + " = " + std::to_string(bad));
-      expect_trip(judge_changed([&, &change = field](Tick& t) { *change(t) = bad; }), trip_t::CAUSE_NONFINITE, 3, 0, 0);
+      const trip_t verdict = judge_changed([&, &change = field](Tick& t) { *change(t) = bad; });
+      expect_trip(verdict, trip_t::CAUSE_NONFINITE, 3, 0, 0);
+      EXPECT_TRUE(std::isfinite(verdict.trip_time_s));
     }
   }
 }

@@ -476,6 +476,31 @@ TEST(Inconsistent, PainleveIsNamed) {
   EXPECT_EQ(jammed.time_s(), 0);
 }
 
+// The same while the ball slides: friction turns it until the kinetic friction is critical. N grows without bound up to
+// that instant, and the state that is left there has numbers.
+TEST(Inconsistent, PainleveWhileSlidingLeavesAState) {
+  int jammed = 0;
+  for (int k = 0; k < 60; ++k) {
+    const double inertia = 0.02, x = 0.2, z = 0.09;
+    const double critical = (inertia + x * x) / (x * (1 + z));
+    Scenario s = loaded_ball(0, 10, (0.97 + 0.0005 * k) * critical, 0);
+    s.ball.inertia_kgm2.setConstant(inertia);
+    s.ball.center_of_mass_B_m = {x, 0, z};
+    s.initial.orientation.setIdentity();
+    s.initial.angular_velocity_B_radps = {0, 0.05, 0};
+    start_with(s, {-8, 0, 0});
+    s.duration_s = 0.2;
+    Plant plant(s);
+    go(plant, s, 1e-2);
+    if (plant.end() != PhysicsEnd::kInconsistent) continue;
+    ++jammed;
+    EXPECT_GT(plant.time_s(), 0) << k;
+    const Sample sample = plant.sample();
+    ASSERT_TRUE(std::isfinite(sample.normal_force_n) && sample.up_B.allFinite()) << k;
+  }
+  EXPECT_GT(jammed, 10);
+}
+
 // The paper's heavy ball: where N falls to 0 the floor still holds it by f_s = 5.05, and without that force its centre
 // would accelerate into the floor. Perfect friction has no way on, and that is said.
 TEST(Inconsistent, PerfectFrictionThatHasNoWayOnIsNamed) {

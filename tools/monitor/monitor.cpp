@@ -76,15 +76,17 @@ trip_t Monitor::judge(const Samples& samples) {
   const plant_state_t* state = samples.plant_state;
   const sensors_t* sensors = samples.sensors;
 
-  // The contact names the tick; without it the plant state or the sensors do; without any it is the tick expected.
+  // The contact names the tick; without it the plant state or the sensors do; without any it is the tick expected. A
+  // time that is no number leaves the latest that was one.
   std::int64_t tick = due_tick();
+  const auto take_time = [this](double time_s) { time_s_ = std::isfinite(time_s) ? time_s : time_s_; };
   if (contact != nullptr) {
     tick = contact->tick;
-    time_s_ = contact->time_s;
+    take_time(contact->time_s);
     verdict_.utime = contact->utime;
   } else if (state != nullptr) {
     tick = state->tick;
-    time_s_ = state->time_s;
+    take_time(state->time_s);
     verdict_.utime = state->utime;
   } else if (sensors != nullptr) {
     tick = sensors->tick;
