@@ -126,7 +126,9 @@ Judged judge(const TriadErrors& triad, const Vector3& reading, const Vector3& ex
 void apply(const EstimationParams& params, const Errors& found, FilterState& s) {
   const auto part = [&found](std::size_t first) { return Vector3(found[first], found[first + 1], found[first + 2]); };
   const auto most = [](const TriadErrors& triad) { return 100 * triad.bias + 10 * triad.noise; };
-  s.orientation = turned(bounded(part(kAttitude), 1)) * s.orientation;
+  const Vector3 turn_W_rad = bounded(part(kAttitude), 1);
+  s.orientation = turned(turn_W_rad) * s.orientation;
+  turn_errors(turn_W_rad, s.covariance);
   s.orientation.normalize();
   const Vector3 gyro_bias = s.gyro_bias_B_radps, accelerometer_bias = s.accelerometer_bias_B_mps2;
   s.gyro_bias_B_radps = bounded(gyro_bias + part(kGyroBias), most(params.gyro));
@@ -165,8 +167,18 @@ void add_gain(const BallParams& ball, const EstimationParams& params, const Matr
 // Corrects with the three components. False: one was too far off.
 bool correct_with(const BallParams& ball, const Force& force, Covariance& covariance, Errors& found) {
   const Vector3 gravity = ball.gravity_mps2 * ball.down_W;
-  const Vector3 innovation = force.gained_W_mps - force.time_s * gravity - force.sum_W_mps;
-  const Matrix3 by_attitude = -crossing(force.sum_W_mps) - force.gained_by_attitude;
+  // A tilt turns the expected sum, not the measured one: that one changes with the bias found, and with changing
+  // derivatives a filter at rest finds a tilt that it cannot see.
+  const Vector3 expected = force.gained_W_mps - force.time_s * gravity;
+  const Vector3 innovation = expected - force.sum_W_mps;
+  const Matrix3 by_attitude = -crossing(expected) - force.gained_by_attitude;
+  // Second order in the tilt t: a bias b turned by it, and along e3 the loss of g t^2 / 2. Both are noise to a linear
+  // filter, that would take them for a direction of the bias that it sees.
+  const auto& xx = covariance.xx;
+  const Real tilt2 = xx[0][0] + xx[1][1];
+  const Real bias2 = std::fmax(std::fmax(xx[6][6], xx[7][7]), xx[8][8]);
+  const Real turned_bias = square(force.time_s) * tilt2 * bias2;
+  const Real lost_weight = square(force.time_s * ball.gravity_mps2 * tilt2) / 2;
   bool all = true;
   for (int i = 0; i < 3; ++i) {
     Measurement m;
@@ -181,7 +193,7 @@ bool correct_with(const BallParams& ball, const Force& force, Covariance& covari
       m.hc[kAccelerometerAxes + k] = force.by_turn(i, j);
     }
     m.innovation = innovation[i];
-    m.variance = i < 2 ? force.floor_variance : force.upright_variance;
+    m.variance = turned_bias + (i < 2 ? force.floor_variance : force.upright_variance + lost_weight);
     if (!correct(m, kGate_sigmas, covariance, found)) all = false;
   }
   return all;

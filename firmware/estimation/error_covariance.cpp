@@ -24,10 +24,11 @@ struct Added {
     }
     u[static_cast<std::size_t>(j)] = sum;
   }
-  // zdot = r (omega_2, -omega_1), and an error of the attitude turns omega with it.
+  // zdot = r (omega_2, -omega_1), and an error of the attitude turns omega with it: on average that of half-way.
   const Vector3& turn = t.turn_W_rad;
-  const Real turned_1 = attitude[1] * turn[2] - attitude[2] * turn[1] + u[0];
-  const Real turned_2 = attitude[2] * turn[0] - attitude[0] * turn[2] + u[1];
+  const Real half_0 = attitude[0] + u[0] / 2, half_1 = attitude[1] + u[1] / 2, half_2 = attitude[2] + u[2] / 2;
+  const Real turned_1 = half_1 * turn[2] - half_2 * turn[1] + u[0];
+  const Real turned_2 = half_2 * turn[0] - half_0 * turn[2] + u[1];
   return {{u[0], u[1], u[2], t.radius_m * turned_2, -t.radius_m * turned_1}};
 }
 
@@ -98,6 +99,24 @@ bool correct(const Measurement& m, Real most_sigmas, Covariance& covariance, Err
     for (std::size_t j = 0; j < kConsidered; ++j) xc[i][j] -= gain * with_c[j];
   }
   return true;
+}
+
+void turn_errors(const Vector3& turn_W_rad, Covariance& covariance) {
+  auto& [xx, xc, cc] = covariance;
+  // I + turn^ / 2 on the attitude's rows, then on its columns.
+  const Vector3 half = turn_W_rad / 2;
+  const auto turned = [&half](Real& a, Real& b, Real& c) {
+    const Real x = a, y = b, z = c;
+    a += half[1] * z - half[2] * y;
+    b += half[2] * x - half[0] * z;
+    c += half[0] * y - half[1] * x;
+  };
+  for (std::size_t j = 0; j < kErrors; ++j) turned(xx[0][j], xx[1][j], xx[2][j]);
+  for (std::size_t j = 0; j < kConsidered; ++j) turned(xc[0][j], xc[1][j], xc[2][j]);
+  for (std::size_t i = 0; i < kErrors; ++i) turned(xx[i][0], xx[i][1], xx[i][2]);
+  for (std::size_t i = 1; i < kErrors; ++i) {
+    for (std::size_t j = 0; j < 3 && j < i; ++j) xx[i][j] = xx[j][i];
+  }
 }
 
 void limit(std::size_t error, Real most, Covariance& covariance) {

@@ -54,6 +54,10 @@ void advance(const Transition& transition, Covariance& covariance);
 // off.
 [[nodiscard]] bool correct(const Measurement& measurement, Real most_sigmas, Covariance& covariance, Errors& errors);
 
+// After the estimated attitude has been turned by this, errors are about the new one: exp(x') = exp(x) exp(-turn), so
+// that x' = x - turn + turn x x / 2. A tilt's correction makes yaw uncertain by half of itself times the tilt's band.
+void turn_errors(const Vector3& turn_W_rad, Covariance& covariance);
+
 // Keeps a variance at or below `most`; beyond it the error is as good as unknown and correlated with nothing.
 void limit(std::size_t error, Real most, Covariance& covariance);
 

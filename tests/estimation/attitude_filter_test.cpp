@@ -17,9 +17,10 @@ int seeds(int usual) {
 }
 
 void print(const char* name, const Study& s) {
-  std::printf("%s: tilt rms %.3f most %.3f deg; bias rms %.4f most %.4f deg/s; yaw %.3f deg; place rms %.3f most %.3f %%\n",
-              name, s.tilt_rms_rad / kDegree, s.tilt_most_rad / kDegree, s.gyro_bias_rms_radps / kDegree,
-              s.gyro_bias_most_radps / kDegree, s.yaw_rms_rad / kDegree, 100 * s.place_rms, 100 * s.place_most);
+  std::printf(
+      "%s: tilt rms %.3f most %.3f deg; bias rms %.4f most %.4f deg/s; yaw %.3f deg; place rms %.3f most %.3f %%\n",
+      name, s.tilt_rms_rad / kDegree, s.tilt_most_rad / kDegree, s.gyro_bias_rms_radps / kDegree,
+      s.gyro_bias_most_radps / kDegree, s.yaw_rms_rad / kDegree, 100 * s.place_rms, 100 * s.place_most);
   for (const auto& [what, c] :
        {std::pair{"all", &s.all}, {"tilt", &s.tilt}, {"yaw", &s.yaw}, {"bias", &s.bias}, {"place", &s.place}}) {
     const auto [low, high] = c->band();

@@ -94,9 +94,9 @@ void Imu::read(const TrueTick& truth, firmware::Sensors& sensors) {
     firmware::Sensors sample;
     gyro_bias_ = gyro_.bias();
     sample.gyro_B_radps = gyro_.read(omega);
-    sample.accelerometer_B_mps2 = accelerometer_.read(truth.motion.specific_force_B_mps2 +
-                                                      truth.motion.angular_acceleration_B_radps2.cross(d) +
-                                                      omega.cross(omega.cross(d)));
+    sample.accelerometer_B_mps2 =
+        accelerometer_.read(truth.motion.specific_force_B_mps2 + truth.motion.angular_acceleration_B_radps2.cross(d) +
+                            omega.cross(omega.cross(d)));
     sample.imu_count = ++imu_count_;
     sample.imu_tick = tick;
     on_its_way_.push_back(sample);

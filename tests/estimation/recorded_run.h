@@ -1,5 +1,5 @@
-// A run's truth, kept tick by tick, and sensors that read it again and again with other seeds. A run with steppers costs
-// seconds, a pass of sensors and filter over it a hundredth of that, so that many seeds are affordable.
+// A run's truth, kept tick by tick, and sensors that read it again and again with other seeds. A run with steppers
+// costs seconds, a pass of sensors and filter over it a hundredth of that, so that many seeds are affordable.
 #pragma once
 
 #include <memory>

@@ -94,7 +94,8 @@ Study study(const RecordedRun& run, const sim::SensorModel& model, int seeds, st
       Eigen::Matrix<double, e::kErrors, 1> error;
       error << turn.angle() * turn.axis(), bias_error, 0, 0, 0, truth.motion.position_W_m[0] - state->position_W_m[0],
           truth.motion.position_W_m[1] - state->position_W_m[1];
-      add(found.all, time, squared_error(error, state->covariance, std::array<std::size_t, 8>{0, 1, 2, 3, 4, 5, 9, 10}));
+      add(found.all, time,
+          squared_error(error, state->covariance, std::array<std::size_t, 8>{0, 1, 2, 3, 4, 5, 9, 10}));
       add(found.tilt, time, squared_error(error, state->covariance, std::array<std::size_t, 2>{0, 1}));
       add(found.yaw, time, squared_error(error, state->covariance, std::array<std::size_t, 1>{2}));
       add(found.bias, time, squared_error(error, state->covariance, std::array<std::size_t, 3>{3, 4, 5}));

@@ -20,11 +20,11 @@ struct Consistency {
 };
 
 struct Study {
-  double tilt_rms_rad = 0;       // angle between the true and the estimated vertical, from the first tick of the motion
+  double tilt_rms_rad = 0;  // angle between the true and the estimated vertical, from the first tick of the motion
   double tilt_most_rad = 0;
-  double gyro_bias_rms_radps = 0;   // of an axis, at tick 0
-  double gyro_bias_most_radps = 0;  // greatest axis of any seed, at tick 0
-  double yaw_rms_rad = 0;           // at the end
+  double gyro_bias_rms_radps = 0;        // of an axis, at tick 0
+  double gyro_bias_most_radps = 0;       // greatest axis of any seed, at tick 0
+  double yaw_rms_rad = 0;                // at the end
   double place_rms = 0, place_most = 0;  // at the end, in the length of the path
   Consistency all, tilt, yaw, bias, place;
 };
