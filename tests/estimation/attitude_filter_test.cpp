@@ -30,16 +30,32 @@ void print(const char* name, const Study& s) {
   }
 }
 
-TEST(AttitudeFilter, DeskBall) {
-  const RecordedRun run = record("desk_ball", {});
-  std::printf("path %.3f m\n", run.path_m);
-  print("desk_ball", study(run, run.scenario.sensors, seeds(20), random_seed(1)));
+sim::SensorModel with_fix(sim::SensorModel model) {
+  model.fix = {.rate_hz = 10, .noise_m = 0.005, .delay_s = 0.1};
+  return model;
 }
-
-TEST(AttitudeFilter, PaperBall) {
-  const RecordedRun run = record("paper_ball", {});
-  std::printf("path %.3f m\n", run.path_m);
-  print("paper_ball", study(run, run.scenario.sensors, seeds(20), random_seed(1)));
+sim::SensorModel changed(sim::SensorModel model, double rate, double latency) {
+  model.rate_hz = rate;
+  model.latency_s = latency;
+  model.accelerometer_position_B_m = {0.03, -0.02, 0.05};
+  return model;
+}
+TEST(AttitudeFilter, Explore) {
+  for (const char* name : {"desk_ball", "paper_ball"}) {
+    for (const auto& more : std::vector<std::vector<std::string>>{{}, {"mass.1.motion=[{duration=1.6,acceleration=[0.0,0.8]},{duration=1.6,acceleration=[0.8,0.0]},{duration=1.6,acceleration=[0.0,-0.8]},{duration=3.2,acceleration=[-0.8,0.0]}]","mass.2.motion=[{duration=1.0,acceleration=[0.0,-0.4]},{duration=2.0,acceleration=[-0.4,0.4]},{duration=1.0,acceleration=[0.4,0.0]}]"}, {"surface.slope={angle=0.03,downhill=0.5}"}}) {
+    if (name[0] == 'p' && !more.empty()) continue;
+    const RecordedRun run = record(name, more);
+    const auto& m = run.scenario.sensors;
+    std::printf("path %.3f m\n", run.path_m);
+    print((std::string(name)+(more.empty()?"":more[0])).c_str(), study(run, m, seeds(20), random_seed(1)));
+    if (!more.empty()) continue;
+    print("fix", study(run, with_fix(m), seeds(20), random_seed(1)));
+    print("off centre", study(run, changed(m, 1000, 0), seeds(20), random_seed(1)));
+    print("200 Hz", study(run, changed(m, 200, 0), seeds(20), random_seed(1)));
+    print("100 Hz", study(run, changed(m, 100, 0), seeds(20), random_seed(1)));
+    print("5 ms late", study(run, changed(m, 1000, 0.005), seeds(20), random_seed(1)));
+    }
+  }
 }
 
 }  // namespace

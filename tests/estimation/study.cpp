@@ -55,67 +55,98 @@ double Consistency::average() const {
   return sum / static_cast<double>(mean.size());
 }
 
-Study study(const RecordedRun& run, const sim::SensorModel& model, int seeds, std::uint64_t first_seed) {
-  const auto& ball = run.params->ball;
+void filter(const RecordedRun& run, const sim::SensorModel& model, std::uint64_t seed,
+            const std::function<void(const FilteredTick&)>& look,
+            const std::function<void(std::int64_t tick, firmware::Sensors&)>& disturb) {
   const double period_s = run.scenario.run.control_period_s;
   const auto params = estimation_params(run.scenario, model);
   const auto state = std::make_unique<firmware::FilterState>();
+  Imu imu(model, period_s, seed);
+  firmware::Sensors sensors;
+  firmware::Estimate out;
+  reset(run.params->ball, params, *state);
+  for (const TrueTick& truth : run.ticks) {
+    imu.read(truth, sensors);
+    firmware::Sensors heard = sensors;
+    if (disturb) disturb(truth.tick, heard);
+    update(run.params->ball, params, period_s, heard, truth.commanded, truth.tick, *state, out);
+    look({truth, imu, *state, out});
+  }
+}
+
+double tilt_error_rad(const FilteredTick& tick) {
+  const Eigen::Vector3d up = tick.truth.orientation.conjugate() * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d estimated = tick.estimate.orientation.conjugate() * Eigen::Vector3d::UnitZ();
+  return std::atan2(up.cross(estimated).norm(), up.dot(estimated));
+}
+
+double place_error_m(const FilteredTick& tick) {
+  return (tick.truth.motion.position_W_m - tick.estimate.position_W_m).norm();
+}
+
+namespace {
+
+// Truth minus estimate at the anchor. The accelerometer's bias is left out.
+Eigen::Matrix<double, e::kErrors, 1> errors_of(const RecordedRun& run, const FilteredTick& tick) {
+  const auto& state = tick.state;
+  const TrueTick& truth = run.ticks[static_cast<std::size_t>(state.anchor_tick - run.ticks.front().tick)];
+  const Eigen::AngleAxisd turn(truth.orientation * state.orientation.conjugate());
+  Eigen::Matrix<double, e::kErrors, 1> error;
+  error << turn.angle() * turn.axis(), tick.imu.gyro_bias() - state.gyro_bias_B_radps, 0, 0, 0,
+      truth.motion.position_W_m[0] - state.position_W_m[0], truth.motion.position_W_m[1] - state.position_W_m[1];
+  return error;
+}
+
+void compare(const RecordedRun& run, const FilteredTick& tick, std::size_t time, Study& found) {
+  const auto error = errors_of(run, tick);
+  const auto& covariance = tick.state.covariance;
+  using Which = std::vector<std::size_t>;
+  add(found.all, time, squared_error(error, covariance, Which{0, 1, 2, 3, 4, 5, 9, 10}));
+  add(found.tilt, time, squared_error(error, covariance, Which{0, 1}));
+  add(found.yaw, time, squared_error(error, covariance, Which{2}));
+  add(found.bias, time, squared_error(error, covariance, Which{3, 4, 5}));
+  add(found.place, time, squared_error(error, covariance, Which{9, 10}));
+}
+
+}  // namespace
+
+Study study(const RecordedRun& run, const sim::SensorModel& model, int seeds, std::uint64_t first_seed) {
+  constexpr int kTimes = 20;
+  const TrueTick& last = run.ticks.back();
   Study found;
-  double tilts = 0, biases = 0, yaws = 0, places = 0;
+  double tilts = 0, biases = 0, yaws = 0, ends = 0, places = 0;
   std::size_t ticks = 0;
   for (int k = 0; k < seeds; ++k) {
-    Imu imu(model, period_s, first_seed + static_cast<std::uint64_t>(k));
-    firmware::Sensors sensors;
-    firmware::Estimate out;
-    reset(ball, params, *state);
     std::size_t time = 0;
-    std::int64_t due = run.ticks.back().tick / 20;
-    const std::int64_t every = run.ticks.back().tick / 20;
-    for (const TrueTick& truth : run.ticks) {
-      imu.read(truth, sensors);
-      update(ball, params, period_s, sensors, truth.commanded, truth.tick, *state, out);
-      const Eigen::Vector3d up = truth.orientation.conjugate() * Eigen::Vector3d::UnitZ();
-      const Eigen::Vector3d up_estimate = out.orientation.conjugate() * Eigen::Vector3d::UnitZ();
-      const double tilt = std::atan2(up.cross(up_estimate).norm(), up.dot(up_estimate));
-      const Eigen::Vector3d bias_error = imu.gyro_bias() - out.gyro_bias_B_radps;
-      if (truth.tick == 0) {
-        biases += bias_error.squaredNorm() / 3;
-        found.gyro_bias_most_radps = std::max(found.gyro_bias_most_radps, bias_error.cwiseAbs().maxCoeff());
+    filter(run, model, first_seed + static_cast<std::uint64_t>(k), [&](const FilteredTick& tick) {
+      if (tick.truth.tick == 0) {
+        const Eigen::Vector3d off = tick.imu.gyro_bias() - tick.estimate.gyro_bias_B_radps;
+        biases += off.squaredNorm() / 3;
+        found.gyro_bias_most_radps = std::max(found.gyro_bias_most_radps, off.cwiseAbs().maxCoeff());
       }
-      if (truth.tick < 0) continue;
-      tilts += tilt * tilt;
+      if (tick.truth.tick < 0) return;
       ++ticks;
+      const double tilt = tilt_error_rad(tick), place = place_error_m(tick);
+      tilts += tilt * tilt;
+      places += place * place;
       found.tilt_most_rad = std::max(found.tilt_most_rad, tilt);
       // The covariance is that of the anchor, at the end of a window.
-      const bool comparable = state->window.samples == 0 && state->anchor_tick == truth.tick;
-      if (truth.tick < due || !comparable) continue;
-      due += every;
-      Eigen::AngleAxisd turn(truth.orientation * state->orientation.conjugate());
-      Eigen::Matrix<double, e::kErrors, 1> error;
-      error << turn.angle() * turn.axis(), bias_error, 0, 0, 0, truth.motion.position_W_m[0] - state->position_W_m[0],
-          truth.motion.position_W_m[1] - state->position_W_m[1];
-      add(found.all, time,
-          squared_error(error, state->covariance, std::array<std::size_t, 8>{0, 1, 2, 3, 4, 5, 9, 10}));
-      add(found.tilt, time, squared_error(error, state->covariance, std::array<std::size_t, 2>{0, 1}));
-      add(found.yaw, time, squared_error(error, state->covariance, std::array<std::size_t, 1>{2}));
-      add(found.bias, time, squared_error(error, state->covariance, std::array<std::size_t, 3>{3, 4, 5}));
-      add(found.place, time, squared_error(error, state->covariance, std::array<std::size_t, 2>{9, 10}));
-      ++time;
-    }
-    const TrueTick& last = run.ticks.back();
-    const double off = std::hypot(last.motion.position_W_m[0] - out.position_W_m[0],
-                                  last.motion.position_W_m[1] - out.position_W_m[1]) /
-                       run.path_m;
-    places += off * off;
-    found.place_most = std::max(found.place_most, off);
-    const Eigen::AngleAxisd turn(last.orientation * out.orientation.conjugate());
-    yaws += std::pow(turn.angle() * turn.axis()[2], 2);
+      const bool comparable = tick.state.window.samples == 0;
+      if (comparable && tick.truth.tick * kTimes >= static_cast<std::int64_t>(time + 1) * last.tick) {
+        compare(run, tick, time++, found);
+      }
+      if (tick.truth.tick != last.tick) return;
+      ends += place * place;
+      found.place_most = std::max(found.place_most, place / run.path_m);
+      yaws += std::pow(errors_of(run, tick)[2], 2);
+    });
   }
   const auto n = static_cast<double>(seeds);
   found.tilt_rms_rad = std::sqrt(tilts / static_cast<double>(ticks));
   found.gyro_bias_rms_radps = std::sqrt(biases / n);
   found.yaw_rms_rad = std::sqrt(yaws / n);
-  found.place_rms = std::sqrt(places / n);
+  found.place_rms = std::sqrt(ends / n) / run.path_m;
+  found.place_rms_m = std::sqrt(places / static_cast<double>(ticks));
   for (const auto& [consistency, states] :
        {std::pair{&found.all, 8}, {&found.tilt, 2}, {&found.yaw, 1}, {&found.bias, 3}, {&found.place, 2}}) {
     consistency->states = states;
