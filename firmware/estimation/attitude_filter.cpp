@@ -19,9 +19,8 @@ constexpr int kLeastSamples = 8, kMostSamples = 2000;
 constexpr Real kTiltToAlign_rad = Real(0.3), kTiltUnaligned_rad = Real(0.1);
 // The model's angular acceleration is off by this, in g / r.
 constexpr Real kModelError = Real(0.02);
-// Error of the accelerometer's integral at each end, in g sqrt(g / r) times the square of the time between samples: the
-// masses' swing between samples.
-constexpr Real kJitter = Real(1.2);
+// Error of a window's sum of accelerations, in g times the time between samples: the masses' swing between samples.
+constexpr Real kJitter = Real(0.15);
 // A sample may differ from what is expected by these sigmas of its noise, and by so much real change: of the rate in
 // g / r times the time since, of the specific force in g.
 constexpr Real kSampleSigmas = 8, kRateChange = 4, kForceChange = 1;
@@ -261,8 +260,7 @@ bool correct_rolling(const BallParams& ball, const EstimationParams& params, Fil
   add_gain(ball, params, w.orientation_start, w.rate_start_B_radps, -1, force);
   const Real gyro = noise_variance(params.gyro), arm2 = params.accelerometer_position_B_m.squaredNorm();
   const Real reach = ball.radius_m + std::sqrt(arm2);
-  const Real sample_s = w.time_s / static_cast<Real>(w.samples);
-  const Real jitter = kJitter * ball.gravity_mps2 * std::sqrt(stiffness(ball)) * square(sample_s);
+  const Real jitter = kJitter * ball.gravity_mps2 * w.time_s / static_cast<Real>(w.samples);
   const Real common = noise_variance(params.accelerometer) * w.step_squares_s2 + square(jitter);
   force.floor_variance = common + 2 * square(reach) * gyro;
   force.upright_variance = common + 2 * arm2 * gyro;
