@@ -172,13 +172,15 @@ bool correct_with(const BallParams& ball, const Force& force, Covariance& covari
   const Vector3 expected = force.gained_W_mps - force.time_s * gravity;
   const Vector3 innovation = expected - force.sum_W_mps;
   const Matrix3 by_attitude = -crossing(expected) - force.gained_by_attitude;
-  // Second order in the tilt t: a bias b turned by it, and along e3 the loss of g t^2 / 2. Both are noise to a linear
-  // filter, that would take them for a direction of the bias that it sees.
+  // Beyond first order in tilt t and yaw y: a bias turned by the tilt; along e3 the loss of g t^2 / 2; across it g t y
+  // / 2 and g t^3 / 6. All are noise to a linear filter, that would take them for what it sees, and be sure too early.
   const auto& xx = covariance.xx;
   const Real tilt2 = xx[0][0] + xx[1][1];
   const Real bias2 = std::fmax(std::fmax(xx[6][6], xx[7][7]), xx[8][8]);
   const Real turned_bias = square(force.time_s) * tilt2 * bias2;
-  const Real lost_weight = square(force.time_s * ball.gravity_mps2 * tilt2) / 2;
+  const Real weight2 = square(force.time_s * ball.gravity_mps2);
+  const Real upright = turned_bias + weight2 * square(tilt2) / 2;
+  const Real across = turned_bias + weight2 * tilt2 * (xx[2][2] / 4 + square(tilt2) / 12);
   bool all = true;
   for (int i = 0; i < 3; ++i) {
     Measurement m;
@@ -193,7 +195,7 @@ bool correct_with(const BallParams& ball, const Force& force, Covariance& covari
       m.hc[kAccelerometerAxes + k] = force.by_turn(i, j);
     }
     m.innovation = innovation[i];
-    m.variance = turned_bias + (i < 2 ? force.floor_variance : force.upright_variance + lost_weight);
+    m.variance = i < 2 ? force.floor_variance + across : force.upright_variance + upright;
     if (!correct(m, kGate_sigmas, covariance, found)) all = false;
   }
   return all;
@@ -532,9 +534,9 @@ void take_imu(const BallParams& ball, const EstimationParams& params, Wide contr
   const Real dt_s = static_cast<Real>(static_cast<Wide>(sensors.imu_tick - s.anchor_tick) * control_period_s);
   const bool release = s.held && sensors.imu_tick >= 0;
   const Vector3 model_gained = part_of(s.models.at(sensors.imu_tick), 0) - part_of(s.model_at_anchor, 0);
-  const Vector3 expected = s.rate_B_radps + model_gained + s.gyro_bias_B_radps;
-  const Real bias_sigma = s.held ? kSampleSigmas * params.gyro.bias : Real(0);
-  const Real change = kRateChange * stiffness(ball) * dt_s + bias_sigma;
+  // In the hold a hand may turn the ball: a sample is only held against the one before.
+  const Vector3 expected = s.held ? s.gyro.last : Vector3(s.rate_B_radps + model_gained + s.gyro_bias_B_radps);
+  const Real change = kRateChange * stiffness(ball) * dt_s;
   const Judged a = judge(params.gyro, gyro, release ? gyro : expected, change, s.gyro);
   const Judged b = judge(params.accelerometer, accelerometer,
                          release ? accelerometer : Vector3(s.force_B_mps2 + s.accelerometer_bias_B_mps2),
