@@ -30,7 +30,8 @@ constexpr int kSampleShare = 10;   // at most one in so many samples of a window
 constexpr Real kGate_sigmas = 5;   // of an innovation
 constexpr Real kQuiet_sigmas = 5;  // of the gyro at rest
 constexpr int kMostRefusedFixes = 3;
-constexpr Real kRefusedTilt_rad = Real(0.02);               // tilt that a refused window may mean
+constexpr Real kRefusedTilt_rad = Real(0.02);  // tilt that a refused window may mean, times the refused on end
+constexpr int kMostRefusedWindows = 5;
 constexpr Real kFixFloor = Real(1e-4);                      // error of the travel since a fix, in radii
 constexpr Real kMostAngle_rad = 3, kMostPlace = Real(1e6);  // 1 sigma at most: rad, radii
 
@@ -290,31 +291,35 @@ void bound(const BallParams& ball, const EstimationParams& params, FilterState& 
   if (!sound(s)) forget_everything(ball, params, s);
 }
 
-// Advances the covariance to the anchor, takes the accelerometer in and begins the next window.
+// Advances the covariance to the anchor. The measurements of the window are taken in before the next sample, so that no
+// tick has both to do.
 void close_window(const BallParams& ball, const EstimationParams& params, FilterState& s) {
-  const Window& w = s.window;
-  if (w.samples > 0) {
-    Covariance& covariance = s.covariance;
-    if (!s.held) {
-      advance({w.orientation, w.turn_by_axis, s.orientation.toRotationMatrix() - w.orientation_start, w.turn_W_rad,
-               ball.radius_m, w.turn_variance},
-              covariance);
-    }
-    for (std::size_t j = 0; j < 3; ++j) {
-      covariance.xx[kGyroBias + j][kGyroBias + j] += square(params.gyro.bias_walk) * w.time_s;
-      covariance.xx[kAccelerometerBias + j][kAccelerometerBias + j] +=
-          square(params.accelerometer.bias_walk) * w.time_s;
-    }
-    Errors found{};
-    const bool believed = s.held ? correct_held(ball, params, s, found) : correct_rolling(ball, params, s, found);
-    apply(params, found, s);
-    s.refused_windows = believed ? 0 : std::min(s.refused_windows + 1, 5);
-    if (!believed) {
-      const Real may_be = square(kRefusedTilt_rad * static_cast<Real>(s.refused_windows));
-      for (std::size_t j = 0; j < 2; ++j) covariance.xx[j][j] += may_be;
-    }
-    bound(ball, params, s);
+  Window& w = s.window;
+  Covariance& covariance = s.covariance;
+  if (!s.held) {
+    advance({w.orientation, w.turn_by_axis, s.orientation.toRotationMatrix() - w.orientation_start, w.turn_W_rad,
+             ball.radius_m, w.turn_variance},
+            covariance);
   }
+  for (std::size_t j = 0; j < 3; ++j) {
+    covariance.xx[kGyroBias + j][kGyroBias + j] += square(params.gyro.bias_walk) * w.time_s;
+    covariance.xx[kAccelerometerBias + j][kAccelerometerBias + j] += square(params.accelerometer.bias_walk) * w.time_s;
+  }
+  w.turn_variance = 0;
+  w.closed = true;
+}
+
+// Takes in what a closed window has measured, and begins the next.
+void use_window(const BallParams& ball, const EstimationParams& params, FilterState& s) {
+  Errors found{};
+  const bool believed = s.held ? correct_held(ball, params, s, found) : correct_rolling(ball, params, s, found);
+  apply(params, found, s);
+  s.refused_windows = believed ? 0 : std::min(s.refused_windows + 1, kMostRefusedWindows);
+  if (!believed) {
+    const Real may_be = square(kRefusedTilt_rad * static_cast<Real>(s.refused_windows));
+    for (std::size_t j = 0; j < 2; ++j) s.covariance.xx[j][j] += may_be;
+  }
+  bound(ball, params, s);
   begin_window(s);
 }
 
@@ -400,8 +405,9 @@ void step_to(const BallParams& ball, const EstimationParams& params, Wide contro
   s.anchor_tick = sample.tick;
 
   const bool released = s.held && sample.tick >= 0;
+  if (released && !s.window.closed && s.window.samples > 0) close_window(ball, params, s);
+  if (s.window.closed) use_window(ball, params, s);
   if (released) {
-    close_window(ball, params, s);
     s.held = false;
     dt_s = static_cast<Real>(static_cast<Wide>(sample.tick) * control_period_s);
   }
@@ -551,6 +557,8 @@ void take_imu(const BallParams& ball, const EstimationParams& params, Wide contr
 
 void take_fix(const BallParams& ball, const EstimationParams& params, const Sensors& sensors, FilterState& s) {
   if (sensors.fix_count <= s.fix_count || !s.aligned || sensors.fix_tick > s.anchor_tick) return;
+  // Not in a tick that has a window's work.
+  if (s.window.closed || s.window.samples < 2) return;
   s.fix_count = sensors.fix_count;
   const auto then = s.travels.at(sensors.fix_tick);
   std::array<Measurement, 2> measured;

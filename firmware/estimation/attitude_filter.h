@@ -8,7 +8,7 @@
 // sqrt(r / g) the accelerometer's specific force, turned into space and integrated, is the change of that same velocity
 // less gravity. What is missing is an error of tilt or of the accelerometer. So the accelerometer is compensated by the
 // acceleration that the gyro has measured, which has the swing of the steppers' masses in it and needs no mass. At the
-// end of a window the covariance is advanced and corrected.
+// end of a window the covariance is advanced, and with the next sample corrected.
 //
 // Before tick 0 the ball is held still, as long as the signals do not deny it. There the gyro reads its bias, and the
 // first sample of the accelerometer aligns the tilt.
@@ -38,6 +38,7 @@ struct TriadWatch {
 
 // Sums over the samples of a window, from its start to the anchor.
 struct Window {
+  bool closed = false;  // the covariance is that of the anchor, and the measurements are still to be taken in
   int samples = 0;
   int without_gyro = 0, without_accelerometer = 0;
   Real time_s = 0;
@@ -73,7 +74,7 @@ struct FilterState {
   Vector3 gyro_bias_B_radps = Vector3::Zero();
   Vector3 accelerometer_bias_B_mps2 = Vector3::Zero();
   std::array<Wide, 2> position_W_m{};
-  estimation::Covariance covariance;  // at the start of the window
+  estimation::Covariance covariance;  // at the start of the window, or at the end of a closed one
 
   std::array<Wide, 2> travel_W_m{};            // as integrated, never corrected
   Vector3 force_B_mps2 = Vector3::Zero();      // specific force of the newest sample used

@@ -131,7 +131,7 @@ Study study(const RecordedRun& run, const sim::SensorModel& model, int seeds, st
       places += place * place;
       found.tilt_most_rad = std::max(found.tilt_most_rad, tilt);
       // The covariance is that of the anchor, at the end of a window.
-      const bool comparable = tick.state.window.samples == 0;
+      const bool comparable = tick.state.window.closed;
       if (comparable && tick.truth.tick * kTimes >= static_cast<std::int64_t>(time + 1) * last.tick) {
         compare(run, tick, time++, found);
       }
