@@ -13,7 +13,8 @@ inline constexpr std::int64_t kNeverTick = std::numeric_limits<std::int64_t>::mi
 // Sample of the sensors, body frame, as the robot measures it. A sample from the future counts as stale.
 struct Sensors {
   std::int64_t tick = kNeverTick;      // of the sample
-  Quaternion orientation{1, 0, 0, 0};  // body -> space
+  bool attitude_valid = true;          // false: nothing senses the attitude
+  Quaternion orientation{1, 0, 0, 0};  // body -> space; not read where the attitude is not valid
   Vector3 gyro_B_radps = Vector3::Zero();
   Vector3 accelerometer_B_mps2 = Vector3::Zero();  // specific force at the geometric centre
   PerMass<std::uint8_t> limit_switch{};            // bit 0 lower end, bit 1 upper end

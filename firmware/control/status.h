@@ -1,6 +1,7 @@
 // Status of the controller after a control tick. Types only.
 #pragma once
 
+#include "firmware/estimation/estimate.h"
 #include "firmware/model/ball.h"
 #include "firmware/motion/profile.h"
 #include "firmware/motion/step_command.h"
@@ -73,6 +74,8 @@ struct ControllerStatus {
   std::int64_t plan_tick = 0;            // at whose start the last stop or move since reset() begins; 0: there was none
   bool planned = false;                  // its prediction is complete
   Prediction plan;                       // until then zeros, but for the duration
+  Estimate estimate;                     // at the start of this tick; not valid where the attitude is sensed
+  MeasuredContact measured;              // of the IMU's newest sample
 };
 
 }  // namespace ballast::firmware

@@ -100,7 +100,10 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
   m.contact.regime = regime_code(sample.regime);
   set_commanded(commanded, m.contact);
 
+  m.contact.commanded_tick = tick;
+
   m.sensors.scenario_id = scenario.id;
+  m.sensors.attitude_valid = 1;
   m.state.mass_count = m.sensors.mass_count = mass_count;
   const Eigen::Vector3d specific_force_B = specific_force_B_mps2(scenario, sample);
   m.sensors.imu_tick = tick;
