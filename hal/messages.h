@@ -110,7 +110,7 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 
 template <class V, Of<firmware::RefusalReport> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(LCM(refusal), m.reason, Within(firmware::Refusal::kNone, firmware::Refusal::kCancelled))
+  return visitor.field(LCM(refusal), m.reason, Within(firmware::Refusal::kNone, firmware::Refusal::kNoEstimate))
       .field(LCM(refusal_motor), m.motor, Within(-1, 31))
       .field(LCM(refusal_piece), m.piece, Within(-1, firmware::kMaxPieces))
       .field(LCM(refusal_value), m.value);
@@ -193,11 +193,33 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(m.rail, Unsent());
 }
 
+template <class V, Of<firmware::TriadErrors> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.noise, Real())
+      .field(m.bias, Real())
+      .field(m.bias_walk, Real())
+      .field(m.scale_error, Real())
+      .field(m.misalignment_rad, Real())
+      .field(m.range, Real())
+      .field(m.resolution, Real());
+}
+
+template <class V, Of<firmware::EstimationParams> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor
+      .all(m.estimated, m.measures_contact, m.imu_period_ticks, m.imu_latency_ticks, m.gyro, m.accelerometer,
+           m.accelerometer_position_B_m, m.fix_delay_ticks)
+      .field(m.fix_noise_m, Real())
+      .field(m.has_encoders)
+      .field(m.encoder_resolution, Real())
+      .all(m.initial_orientation, m.initial_angular_velocity_B_radps, m.initial_position_W_m);
+}
+
 template <class V, Of<firmware::ControllerParams> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.all(m.scenario_id, m.control_period_s, m.timer_frequency_hz)
       .field(m.static_friction, Real())
-      .all(m.sensor_stale_ticks, m.monitor_stale_ticks, m.ball)
+      .all(m.sensor_stale_ticks, m.monitor_stale_ticks, m.ball, m.estimation)
       .field(m.motor, Unsent())
       .field(m.motion, Unsent());
 }
