@@ -273,4 +273,16 @@ Plant::ContactForces Plant::contact_forces(const Body& believed, const double* p
   return {reported_normal_n(motion.normal_force_n), motion.static_friction_n};
 }
 
+Plant::ContactForces Plant::rolling_forces(const Body* believed, const double* orientation,
+                                           const double* angular_velocity_B_radps, const double* position,
+                                           const double* velocity, const double* acceleration) const {
+  Body told = believed != nullptr ? *believed : equations().body;
+  told.external_force.keep_told();
+  CarriedMasses masses;
+  carry_along(told, position, velocity, acceleration, masses);
+  Motion motion;
+  rolling_prescribed(told, time_s(), orientation, angular_velocity_B_radps, masses, motion);
+  return {reported_normal_n(motion.normal_force_n), motion.static_friction_n};
+}
+
 }  // namespace ballast::sim

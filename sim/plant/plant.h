@@ -91,6 +91,11 @@ class Plant {
   // The same under the told forces for another ball, other masses and another floor, as somebody believes them.
   [[nodiscard]] ContactForces contact_forces(const Body& believed, const double* position, const double* velocity,
                                              const double* acceleration) const;
+  // The same under the told forces for a ball that rolls with another attitude (w, x, y, z, unit) and another angular
+  // velocity, as somebody estimates them. `believed`: null stands for this plant's own ball.
+  [[nodiscard]] ContactForces rolling_forces(const Body* believed, const double* orientation,
+                                             const double* angular_velocity_B_radps, const double* position,
+                                             const double* velocity, const double* acceleration) const;
   // Whether Forces::kTold differs from kAll.
   [[nodiscard]] bool has_untold_forces() const { return equations().body.external_force.has_untold(); }
 

@@ -131,6 +131,7 @@ void add_triad(CanonicalText& text, const char* name, const ImuTriad& triad) {
 
 // Scenarios with ideal sensors add no lines.
 void add_sensors(CanonicalText& text, const SensorModel& sensors) {
+  if (sensors.attitude_estimated) text.add("sensors.attitude", std::string("estimated"));
   text.add("sensors.rate", sensors.rate_hz);
   text.add("sensors.latency", sensors.latency_s);
   add_triad(text, "gyro", sensors.gyro);

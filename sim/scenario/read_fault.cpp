@@ -90,7 +90,7 @@ bool read_channel(TableReader& table, const Scenario& scenario, Fault& fault) {
   return false;
 }
 
-bool read_sensor(TableReader& table, Fault& fault) {
+bool read_sensor(TableReader& table, bool estimated, Fault& fault) {
   const auto sensor =
       table.choice<FaultSensor>("sensor", {"orientation", "gyro", "accelerometer", "limit_switch"}, FaultSensor::kGyro);
   if (!sensor) return false;
@@ -98,6 +98,12 @@ bool read_sensor(TableReader& table, Fault& fault) {
   const bool of_switch = fault.sensor == FaultSensor::kLimitSwitch;
   if (of_switch && fault.kind != FaultKind::kSensorFreeze) {
     table.refuse("sensor", "is a switch, for which there is no {}; allowed: sensor_freeze", info(fault.kind).name);
+    return false;
+  }
+  if (fault.sensor == FaultSensor::kOrientation && estimated) {
+    table.refuse("sensor",
+                 "is an attitude, which nothing senses with sensors.attitude = \"estimated\"; allowed: gyro, "
+                 "accelerometer, limit_switch");
     return false;
   }
   if (fault.sensor == FaultSensor::kOrientation && fault.kind == FaultKind::kSensorSaturation) {
@@ -167,7 +173,8 @@ bool read_target(TableReader& table, const Scenario& scenario, Fault& fault) {
       return false;
     }
     case FaultLayer::kSensor:
-      return refuse_others(table, kind, {"sensor", "axis"}) && read_sensor(table, fault);
+      return refuse_others(table, kind, {"sensor", "axis"}) &&
+             read_sensor(table, scenario.sensors.attitude_estimated, fault);
     case FaultLayer::kMotor:
       return refuse_others(table, kind, {"mass"}) && read_mass_index(table, scenario, fault);
     case FaultLayer::kWorld:

@@ -72,6 +72,7 @@ class SyntheticRun:
             force = [cos * col["f_1"][k] - sin * col["f_2"][k], sin * col["f_1"][k] + cos * col["f_2"][k]]
             contact = ballast.contact_t()
             contact.tick, contact.utime, contact.time_s = tick, utime, float(time)
+            contact.commanded_tick = tick
             contact.normal_force_n = float(col["N"][k])
             contact.static_friction_n = math.hypot(*force)
             contact.friction_force_W_n = force

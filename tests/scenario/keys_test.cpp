@@ -101,6 +101,7 @@ std::vector<std::string> texts() {
   all.push_back(kOther + "\n[believed]\nball = { mass = 2 }\nsurface = { static_friction = 0.3 }\n");
   all.push_back(kFull + sensors);
   all.push_back(kOther + sensors);
+  all.push_back(kOther + "\n[sensors]\n");
   // `direction` of a push, `axis` and `sensor` of a sensor, `mass` of a motor, `channel` and `peer` of messages.
   for (const char* fault : {"kind = \"push\"\nvalue = 1\ndirection = [1, 0, 0]", "kind = \"weak_coil\"",
                             "kind = \"sensor_bias\"\nvalue = 1\naxis = 1", "kind = \"motor_stall\"",

@@ -152,15 +152,20 @@ class RecordedRun:
         """
         rows = np.isfinite(self.contact["commanded_normal_force_n"])
         rows &= self.contact["regime"] == ballast.contact_t.REGIME_ROLLING
-        if not rows.any():
+        # The command answers the status of commanded_tick, which is the tick before where the attitude is estimated.
+        ticks = self.contact["tick"]
+        _, real_rows, rows = np.intersect1d(ticks, np.where(rows, self.contact["commanded_tick"], ticks[0] - 1),
+                                            return_indices=True)
+        if not len(rows):
             return None
         pairs = {}
         for name in ("normal_force_n", "static_friction_n", "mu_required"):
-            real, commanded = (np.array(self.contact[key][rows], dtype=float) for key in (name, f"commanded_{name}"))
+            real, commanded = (np.array(self.contact[key][places], dtype=float)
+                               for key, places in ((name, real_rows), (f"commanded_{name}", rows)))
             real[~np.isfinite(real)] = np.nan
             commanded[~np.isfinite(commanded)] = np.nan
             pairs[name] = real, commanded
-        return np.asarray(self.contact["time_s"][rows], dtype=float), pairs
+        return np.asarray(self.contact["time_s"][real_rows], dtype=float), pairs
 
     def greatest_deviation(self, quantity):
         """(real minus commanded, time) of greatest size, from summary.json; None if it has no bound."""

@@ -103,6 +103,9 @@ void Rejudge::check_forces(const contact_t& contact) {
   const double mu = flies ? 0 : sim::mu_required(n, f_s);
   expect(same(contact.mu_required, mu),
          fmt::format("mu_required is {:.9g}; N and f_s make {:.9g}", contact.mu_required, mu));
+  const std::int64_t answered = scenario_.sensors.attitude_estimated ? tick_ - 1 : tick_;
+  expect(contact.commanded_tick == answered,
+         fmt::format("commanded_tick is {} where {} is due", contact.commanded_tick, answered));
   if (std::isnan(contact.commanded_normal_force_n)) {
     expect(std::isnan(contact.commanded_static_friction_n) && std::isnan(contact.commanded_mu_required),
            "the commanded_ fields are NaN in part");
@@ -166,9 +169,15 @@ void Rejudge::check_sensors(const Lap& recorded) {
   const plant_state_t& state = recorded.plant.state;
   const sensors_t& sensors = recorded.plant.sensors;
   expect(sensors.mass_count == state.mass_count, fmt::format("the sensors' mass_count is {}", sensors.mass_count));
+  const bool estimated = scenario_.sensors.attitude_estimated;
+  expect(sensors.attitude_valid == (estimated ? 0 : 1),
+         fmt::format("attitude_valid is {} where the attitude is {}", sensors.attitude_valid,
+                     estimated ? "estimated" : "sensed"));
   if (!sensors_are_true_) return;
-  expect(std::equal(std::begin(sensors.orientation), std::end(sensors.orientation), state.orientation),
-         "the sensors' orientation is not the plant state's");
+  expect(std::equal(std::begin(sensors.orientation), std::end(sensors.orientation),
+                    estimated ? kNoAttitude : state.orientation),
+         estimated ? "the sensors have an orientation, which nothing senses"
+                   : "the sensors' orientation is not the plant state's");
   expect(sensors.imu_count == 0 || sensors.imu_tick <= sensors.tick, "imu_tick is still to come");
   expect(sensors.fix_count == 0 || sensors.fix_tick <= sensors.tick, "fix_tick is still to come");
   if (scenario_.sensors.present) return;  // the attitude is sensed, the rate measured with errors

@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "firmware/control/controller.h"
+#include "firmware/control/inputs.h"
+#include "firmware/control/status.h"
 #include "sim/plant/plant.h"
 #include "tools/sil/motor_share.h"
 #include "tools/sil/peer.h"
@@ -62,6 +63,17 @@ struct BeliefPrediction {
   Eigen::Vector3d position_W_m = Eigen::Vector3d::Zero();
 };
 
+// The controller's estimate against the truth, over the ticks from 0 to the end.
+struct EstimateErrors {
+  double tilt_rms_rad = 0;           // of gravity in the body
+  double gyro_bias_error_radps = 0;  // norm, at the end
+  double position_rms_m = 0;
+  double yaw_error_rad = 0;                                // at the end; >= 0
+  std::optional<double> friction_rms;                      // of the measured f_s / N; none: nothing was measured
+  std::optional<double> friction_error;                    // the largest of those
+  Eigen::Vector2d position_W_m = Eigen::Vector2d::Zero();  // as estimated at the end
+};
+
 struct RunResult {
   EndReason end_reason = EndReason::kCompleted;
   std::string end_text;  // inconsistent: why
@@ -77,6 +89,7 @@ struct RunResult {
   std::array<MotorRecord, sim::kMaxMasses> motors;
   MotorShare motor_share;
   std::optional<BeliefPrediction> belief;  // where the scenario has one
+  std::optional<EstimateErrors> estimate;  // where the controller has estimated its attitude
   std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
   trip_t trip{};  // the last verdict
   std::optional<ControllerTrip> controller_trip;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "sim/scenario/reader.h"
@@ -346,6 +347,26 @@ std::string belief_lines(const sim::Scenario& scenario, const RunResult& result)
   return text + fmt::format("; the real one is {} m from there\n", short_number((real - at).norm()));
 }
 
+// The controller's estimate beside the truth.
+std::string estimate_line(const sim::Scenario& scenario, const RunResult& result) {
+  if (!result.estimate) return "";
+  const EstimateErrors& e = *result.estimate;
+  const double nothing_m = 1e-4 * scenario.ball.radius_m, degrees = 180 / std::numbers::pi;
+  const Eigen::Vector3d& real = result.final_sample.position_W_m;
+  std::string text = fmt::format(
+      "  estimate    at the end ({}, {}) m, in truth ({}, {}) m; rms errors {} m and {} degrees of tilt; at the end {} "
+      "degrees of heading, {} degrees/s of the gyro's bias",
+      short_number(e.position_W_m[0], nothing_m), short_number(e.position_W_m[1], nothing_m),
+      short_number(real[0], nothing_m), short_number(real[1], nothing_m), short_number(e.position_rms_m),
+      short_number(degrees * e.tilt_rms_rad), short_number(degrees * e.yaw_error_rad),
+      short_number(degrees * e.gyro_bias_error_radps));
+  if (e.friction_rms) {
+    text += fmt::format("; measured f_s/N off by {} rms, {} at most", short_number(*e.friction_rms),
+                        short_number(*e.friction_error));
+  }
+  return text + "\n";
+}
+
 std::string speed_line(const sim::Scenario& scenario, const RunResult& result) {
   const double simulated_s = scenario.run.hold_s + result.final_sample.time_s;
   const double speed = simulated_s / std::max(result.wall_time_s, 1e-9);
@@ -381,6 +402,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   text += motor_lines(scenario, result);
   text += belief_lines(scenario, result);
   text += share_line(result.motor_share);
+  text += estimate_line(scenario, result);
   text += bus_line(result.refused);
   text += speed_line(scenario, result);
   return text + "  results     " + directory.string() + "\n";
