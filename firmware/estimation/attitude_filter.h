@@ -19,10 +19,10 @@
 // No heap, no loop whose length depends on data. Called from one thread.
 #pragma once
 
-#include "firmware/control/inputs.h"
 #include "firmware/estimation/error_covariance.h"
 #include "firmware/estimation/estimate.h"
 #include "firmware/estimation/history.h"
+#include "firmware/estimation/sensors.h"
 #include "firmware/model/ball.h"
 
 namespace ballast::firmware {
