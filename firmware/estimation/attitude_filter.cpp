@@ -356,8 +356,7 @@ Real turn_variance(const BallParams& ball, const EstimationParams& params, bool 
   return after - before;
 }
 
-void roll(const BallParams& ball, const EstimationParams& params, const Vector3& rate_B_radps, Real dt_s,
-          FilterState& s) {
+void roll(const BallParams& ball, const Vector3& rate_B_radps, Real dt_s, FilterState& s) {
   const Vector3 mean_B_radps = Real(0.5) * (s.rate_B_radps + rate_B_radps);
   const Vector3 before_W = s.orientation * s.rate_B_radps;
   s.orientation = s.orientation * turned(dt_s * mean_B_radps);
@@ -370,7 +369,6 @@ void roll(const BallParams& ball, const EstimationParams& params, const Vector3&
     s.travel_W_m[j] += step[j];
     s.position_W_m[j] += step[j];
   }
-  static_cast<void>(params);
   s.window.turn_W_rad += turn_W;
 }
 
@@ -418,7 +416,7 @@ void step_to(const BallParams& ball, const EstimationParams& params, Wide contro
     // Held until tick 0, and then set free with the rate it has.
     if (released) s.rate_B_radps = rate;
     s.window.turn_variance += turn_variance(ball, params, sample.gyro != nullptr, dt_s, s) + sample.extra_turn_variance;
-    roll(ball, params, bounded(rate, most_rate(ball, params)), dt_s, s);
+    roll(ball, bounded(rate, most_rate(ball, params)), dt_s, s);
   }
   const Matrix3 orientation = s.orientation.toRotationMatrix();
   if (sample.accelerometer != nullptr) {
@@ -649,8 +647,7 @@ void predict(const BallParams& ball, const EstimationParams& params, Wide contro
 
 }  // namespace
 
-void reset(const BallParams& ball, const EstimationParams& params, FilterState& state) {
-  static_cast<void>(ball);
+void reset(const BallParams& /*ball*/, const EstimationParams& params, FilterState& state) {
   state = FilterState{};
   state.orientation = params.initial_orientation;
   for (std::size_t j = 0; j < 2; ++j) {
