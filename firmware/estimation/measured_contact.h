@@ -29,8 +29,8 @@
 
 #include <array>
 
-#include "firmware/control/inputs.h"
 #include "firmware/estimation/estimate.h"
+#include "firmware/estimation/sensors.h"
 #include "firmware/model/ball.h"
 
 namespace ballast::firmware {

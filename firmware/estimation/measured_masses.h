@@ -10,8 +10,8 @@
 // Sequential Smoothing and Prediction, 1969, section 13).
 #pragma once
 
-#include "firmware/control/inputs.h"
 #include "firmware/estimation/estimate.h"
+#include "firmware/estimation/sensors.h"
 #include "firmware/model/ball.h"
 
 namespace ballast::firmware {
