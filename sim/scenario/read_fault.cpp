@@ -174,9 +174,10 @@ bool read_target(TableReader& table, const Scenario& scenario, Fault& fault) {
       if (fault.kind == FaultKind::kPush)
         return refuse_others(table, kind, {"direction"}) && read_direction(table, fault);
       if (!refuse_others(table, kind, {})) return false;
-      if (fault.value <= scenario.surface.static_friction) return true;
-      table.refuse("value", "does not lower the friction; allowed: at most surface.static_friction = {}",
-                   scenario.surface.static_friction);
+      if (fault.value <= scenario.surface.greatest_static_friction()) return true;
+      table.refuse("value", "does not lower the friction; allowed: at most {} = {}",
+                   scenario.surface.patches.empty() ? "surface.static_friction" : "the greatest on the floor",
+                   scenario.surface.greatest_static_friction());
       return false;
     case FaultLayer::kProgram:
       if (!refuse_others(table, kind, {})) return false;

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 
+from floor_patches import draw_patches
 from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, VERMILLION, blank_page, draw_ringing,
                   finish_time_axis, head, hollow, mark_ends, mark_events, ringing_legend)
 from short_number import short_number
@@ -86,7 +87,7 @@ def plan_path(run):
     margin = 0.05 * float((high - low).max())
     width = high - low + 2 * margin
     figure, (axes,) = blank_page((9.5, float(np.clip(9.5 * width[1] / width[0] + 1.6, 4.6, 10))))
-    around = _draw_obstacles(axes, planned)
+    around = draw_patches(axes, run.patches, low - margin, high + margin) + _draw_obstacles(axes, planned)
     if planned.follow is not None:
         around += _draw_band(axes, *planned.follow)
     paths = axes.plot(driven[:, 0], driven[:, 1], color=BLUE, linewidth=2.2, zorder=3, label="driven")
