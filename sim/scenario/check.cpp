@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <numbers>
 
+#include "sim/plant/local_floor.h"
 #include "sim/scenario/read_believed.h"
 #include "sim/scenario/read_fault.h"
 #include "sim/scenario/read_mass.h"
@@ -237,7 +238,9 @@ void check_first_sample(TableReader& root, const Scenario& scenario) {
 void check_start(TableReader& root, const Scenario& scenario) {
   const auto& initial = scenario.initial;
   if (!initial.has_velocity || initial.height_m > 0 || initial.velocity_W_mps[2] != 0) return;
-  if (std::isfinite(scenario.surface.kinetic_friction)) return;
+  LocalFloor floor(scenario.surface);
+  floor.stand_at(initial.position_W_m);
+  if (std::isfinite(floor.kinetic_friction())) return;
   root.refuse("initial.velocity",
               "starts sliding on a floor of infinite friction; allowed: the rolling velocity, or a finite "
               "surface.kinetic_friction");
@@ -292,6 +295,12 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
   // A belief that is held against a robot with errors would only repeat them.
   root.know({"believed"});
   if (context.errors.empty() && root.has("believed")) read_believed(root_node, known, context, scenario);
+  scenario.belief_is_written = root.has("believed");
+  if (context.errors.empty() && !scenario.believed && !scenario.surface.patches.empty()) {
+    World bare = scenario;
+    bare.surface.patches.clear();
+    scenario.believed = std::move(bare);
+  }
 
   root.refuse_unknown_keys();
   check_start(root, scenario);

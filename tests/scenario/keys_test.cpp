@@ -92,6 +92,11 @@ std::vector<std::string> texts() {
       std::string("duration = 1\ngravity = 10\nball = { radius = 1, mass = 1, inertia = [1, 1, 1] }\n"
                   "run = { actuation = \"prescribed\" }\n[[mass]]\nmass = 1\n"
                   "trajectory = { times = [0, 1], points = [[0, 0, 0], [0.1, 0, 0]] }\n")};
+  const std::string patches =
+      "\n[[surface.patch]]\npolygon = [[0, 0], [1, 0], [0, 1]]\n[[surface.patch]]\ncircle = { center = [0, 0], radius "
+      "= 1 }\n";
+  all.push_back(kFull + patches);
+  all.push_back(kOther + patches);
   const std::string sensors =
       "\n[sensors]\nattitude = \"sensed\"\nposition_fix = { rate = 10 }\nencoder = { resolution = 0.001 }\n";
   const std::string believed =

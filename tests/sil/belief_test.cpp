@@ -99,6 +99,50 @@ TEST(Belief, OfABetterFloorDoesNotHideASlip) {
   }
 }
 
+// A floor with patches: margins are those of the place, controller and monitor take the floor between the patches, and
+// the guard of their disagreement stays at rounding all the same.
+TEST(Belief, OfAFloorWithPatchesIsTheFloorBetweenThem) {
+  for (const char* actuation : {"stepper", "ideal"}) {
+    SCOPED_TRACE(actuation);
+    const sim::Scenario s = load(
+        "paper_ball", {"duration=8", "surface.static_friction=0.5", std::string("run.actuation=") + actuation,
+                       "surface.patch=[{ circle = { center = [0, 0], radius = 0.5 }, static_friction = 0.9, "
+                       "rolling_resistance = 0.05 }, { circle = { center = [0, 0], radius = 0.2 }, static_friction = "
+                       "0.4 }]"});
+    const Rolled run = roll(s);
+    EXPECT_EQ(run.result.trip.tripped, 0) << "cause " << static_cast<int>(run.result.trip.cause);
+    ASSERT_TRUE(run.result.belief);
+    std::array<int, 3> seen{};
+    double apart = 0;
+    for (std::size_t k = 3; k < run.laps.size(); ++k) {
+      const contact_t& c = run.laps[k].plant.contact;
+      const controller_status_t& status = run.laps[k].answer->status;
+      const double* z = run.laps[k].plant.state.position_W_m;
+      const double away = std::hypot(z[0], z[1]);
+      const std::size_t where = away < 0.2 ? 0 : away < 0.5 ? 1 : 2;
+      ++seen[where];
+      ASSERT_NEAR(c.margin, 1 - c.static_friction_n / (std::array{0.4, 0.9, 0.5}[where] * c.normal_force_n), 1e-12);
+      ASSERT_NEAR(status.margin, 1 - status.static_friction_n / (0.5 * status.normal_force_n), 1e-12);
+      apart = std::max({apart, std::abs(c.commanded_normal_force_n - status.normal_force_n),
+                        std::abs(c.commanded_static_friction_n - status.static_friction_n)});
+    }
+    for (const int ticks : seen) EXPECT_GT(ticks, 100);
+    EXPECT_LT(apart, 1e-8);  // 1e-9 of the weight, as without patches
+  }
+}
+
+// A patch that nobody is told of: the ball slips there, and the monitor sees the slide.
+TEST(Belief, OfNoPatchDoesNotHideASlipOnOne) {
+  const Rolled run = roll(load(
+      "paper_ball", {"surface.static_friction=0.5", "run.on_violation=continue",
+                     "surface.patch=[{ polygon = [[0.3, -9], [9, -9], [9, 9], [0.3, 9]], static_friction = "
+                     "0.02 }, { polygon = [[-0.3, -9], [-9, -9], [-9, 9], [-0.3, 9]], static_friction = 0.02 }]"}));
+  EXPECT_EQ(run.result.end_reason, EndReason::kTripped);
+  EXPECT_EQ(run.result.trip.cause, trip_t::CAUSE_FRICTION);
+  EXPECT_EQ(run.result.trip.limit, 0.5);
+  EXPECT_TRUE(run.result.rolling_lost);
+}
+
 // Set down on a floor that slips at once.
 TEST(Belief, OfABetterFloorDoesNotHideASlipAtTheStart) {
   const Rolled run = roll(

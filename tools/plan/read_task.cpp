@@ -252,10 +252,15 @@ std::optional<TaskFile> parse_task(const std::string& toml, const std::string& s
   }
   errors = result.errors;
   // The plan is made for the robot that is believed.
+  const bool has_patches = !result.scenario.surface.patches.empty();
   result.scenario = sim::as_believed(std::move(result.scenario));
   TaskFile out;
   sim::ReadContext context{source, errors, result.warnings};
   TableReader reader(&root, "", context);
+  if (result.ok() && has_patches) {
+    reader.refuse("surface.patch",
+                  "is not in the planner's model; allowed in a task: a floor that is everywhere the same");
+  }
   out.task = read_table(reader, result.scenario);
   if (result.ok()) check_scenario(reader, result.scenario);
   std::stable_sort(errors.begin(), errors.end(), [](const auto& a, const auto& b) { return a.line < b.line; });

@@ -9,6 +9,7 @@ import ballast
 import numpy as np
 
 from event_log import EventLog, LogError
+from floor_patches import read_patches
 from planned import read_planned
 from summary_shape import check_summary
 
@@ -85,6 +86,7 @@ class RecordedRun:
                 raise LogError(f"{log.path}: BALLAST_PLANT_STATE, tick {tick}: mass_count is {count}; allowed: 0 to {most}")
         self.mass_count = int(self.state["mass_count"][0])
         self.planned = read_planned(folder)
+        self.patches = read_patches(folder)
 
     @property
     def is_stepper(self):

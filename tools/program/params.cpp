@@ -169,7 +169,8 @@ monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {
   limits.friction_use = scenario.envelope.friction_use;
   const sim::World& belief = scenario.belief();
   limits.static_friction = belief.surface.static_friction;
-  limits.margin_friction = scenario.surface.static_friction;
+  // The monitor does not know where the ball is on a floor with patches: the best of them bounds every margin.
+  limits.margin_friction = scenario.surface.greatest_static_friction();
   limits.starts_rolling = !scenario.initial.has_velocity && scenario.initial.height_m == 0;
   limits.controller_expected = has_controller(scenario.run.actuation);
   limits.scenario_id = scenario.id;

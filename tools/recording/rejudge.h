@@ -17,11 +17,13 @@
 // lost steps, mass velocities and the place on the floor follow from no other field and are not judged.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 
+#include "sim/plant/local_floor.h"
 #include "sim/scenario/scenario.h"
 #include "tools/sil/local_peers.h"
 
@@ -49,13 +51,14 @@ class Rejudge {
   void expect(bool good, const std::string& text);
   void check_verdict(const Lap& recorded);
   void check_time(const Lap& recorded);
-  void check_forces(const contact_t& contact);
+  void check_forces(const contact_t& contact, const Eigen::Vector2d& place_W_m);
   void check_state(const Lap& recorded);
   void check_sensors(const Lap& recorded);
 
   const sim::Scenario& scenario_;
   double turned_part_;
   bool sensors_are_true_, floor_is_known_;
+  sim::LocalFloor floor_;
   std::unique_ptr<LocalMonitor> monitor_;
   std::int64_t tick_ = 0;
   bool found_ = false;  // in this tick

@@ -114,6 +114,9 @@ def _described(recording):
         "masses": recording.robot["masses"],
         "static_friction": friction,  # null: perfect, or not known
         "friction_known": friction is not None,
+        "patches": [{"kind": patch.kind, "text": patch.text,
+                     **({"polygon": patch.corners.tolist()} if patch.corners is not None else
+                        {"center": patch.center.tolist(), "radius": patch.radius})} for patch in recording.patches],
         "plan_may_use": recording.planned.friction_limit if recording.planned is not None else None,
         "envelope": summary.get("envelope"),
         "regimes": summary.get("regimes") or [],

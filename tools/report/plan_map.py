@@ -5,6 +5,7 @@ import html
 import numpy as np
 
 import words
+from floor_patches import KINDS
 
 _WIDTH = 1000  # of the drawing; lengths in it are pixels at that width
 _TALLEST, _LEAST = 620, 260
@@ -17,7 +18,8 @@ _MOST_POINTS = 2000
 class PlanMap:
     """`driven` has a row (x, y) per sample."""
 
-    def __init__(self, planned, driven):
+    def __init__(self, planned, driven, patches=()):
+        self._patches = patches
         self._planned, self._driven = planned, driven[:: max(1, len(driven) // _MOST_POINTS)]
         self._end = driven[-1]
         low, high = self._extent(driven)
@@ -52,6 +54,13 @@ class PlanMap:
         note = f"<title>{html.escape(title)}</title>" if title else ""
         return f'<circle class="{name}" cx="{x:.1f}" cy="{y:.1f}" r="{radius * self._scale:.1f}">{note}</circle>'
 
+    def _patch(self, patch):
+        name = f"patch {patch.kind}"
+        if patch.corners is None:
+            return self._circle(patch.center, patch.radius, name, patch.text)
+        places = " ".join(f"{x:.1f},{y:.1f}" for x, y in (self._at(corner) for corner in patch.corners))
+        return f'<polygon class="{name}" points="{places}"><title>{html.escape(patch.text)}</title></polygon>'
+
     def _grid(self):
         """Lines at round coordinates with their numbers."""
         span = (_WIDTH - _ROOM_LEFT) / self._scale
@@ -83,7 +92,7 @@ class PlanMap:
         return "".join(parts)
 
     def svg(self):
-        planned, parts = self._planned, [self._grid()]
+        planned, parts = self._planned, [*map(self._patch, self._patches), self._grid()]
         if planned.follow is not None:
             points, tolerance = planned.follow
             band = self._line(points, "band").replace(
@@ -112,6 +121,8 @@ class PlanMap:
         if planned.follow is not None:
             entries.append(("band", f"path to follow, within {words.number_text(planned.follow[1])} m"))
         entries.append(("ball", "ball at start and end"))
+        kinds = {patch.kind for patch in self._patches}
+        entries += [(f"patch {kind}", text) for kind, (_, text) in KINDS.items() if kind in kinds]
         return "".join(f'<span><i class="key {name}"></i>{html.escape(text)}</span>' for name, text in entries)
 
 
@@ -128,7 +139,7 @@ def plan_html(recording):
     planned = recording.planned
     if planned is None:
         return ""
-    drawing = PlanMap(planned, recording.driven())
+    drawing = PlanMap(planned, recording.driven(), recording.patches)
     return (f'<section class="table full plan"><h3>The plan from above [m]</h3><p class="legend">{drawing.legend()}</p>'
             f"{drawing.svg()}</section>")
 

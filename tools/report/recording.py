@@ -60,6 +60,7 @@ class Recording:
         self.mass_count = self._run.mass_count
         self.robot = self._read_robot()
         self.planned = self._run.planned
+        self.patches = self._run.patches
         self.columns = self._columns()
         self._thin()
 

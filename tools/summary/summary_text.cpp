@@ -196,6 +196,19 @@ std::string plan_lines(const sim::Scenario& scenario, const RunResult& result) {
   return text;
 }
 
+// Empty for a floor without patches.
+std::string patches_text(const sim::Surface& surface) {
+  if (surface.patches.empty()) return "";
+  const auto [least, most] =
+      std::minmax_element(surface.patches.begin(), surface.patches.end(),
+                          [](const auto& a, const auto& b) { return a.static_friction < b.static_friction; });
+  if (least->static_friction == most->static_friction) {
+    return fmt::format(", its patches {}", short_number(least->static_friction));
+  }
+  return fmt::format(", its patches {} to {}", short_number(least->static_friction),
+                     short_number(most->static_friction));
+}
+
 std::string friction_lines(const sim::Scenario& scenario, const RunResult& result) {
   const sim::ContactExtrema& x = result.extrema;
   std::string text = fmt::format("  least N     {} N at t = {} s\n", short_number(x.normal_force_min.value),
@@ -206,7 +219,8 @@ std::string friction_lines(const sim::Scenario& scenario, const RunResult& resul
     text += fmt::format("  most f_s/N  {} at t = {} s", short_number(x.mu_required_max.value),
                         short_time(x.mu_required_max.time_s));
     if (std::isfinite(scenario.surface.static_friction)) {
-      text += fmt::format(" (this floor gives mu_s = {})", short_number(scenario.surface.static_friction));
+      text += fmt::format(" (this floor gives mu_s = {}{})", short_number(scenario.surface.static_friction),
+                          patches_text(scenario.surface));
     }
   }
   if (result.end_reason != EndReason::kCompleted) {
