@@ -58,11 +58,13 @@ Check check(const std::string& toml, const plan::TaskFile& task, const plan::Out
   return out;
 }
 
-// The task in a few words: masses, objective and conditions.
+// The task in a few words: masses, objective, distance in radii, and conditions.
 std::string words_of(const plan::TaskFile& file) {
   const plan::Task& task = file.task;
   std::string text = fmt::format("{} masses, {}", file.scenario.masses.size(), plan::to_string(task.objective));
   if (file.scenario.run.actuation == sim::Actuation::kStepper) text += ", steppers";
+  text += fmt::format(", {:.2g} r",
+                      (task.goal_m - file.scenario.initial.position_W_m).norm() / file.scenario.ball.radius_m);
   if (task.at_rest) text += ", rest";
   if (!task.via.empty()) text += ", via";
   if (!task.keep_out.empty()) text += ", obstacle";

@@ -276,8 +276,8 @@ namespace {
 // one.
 double resolved_creep_radps(const Problem& problem) {
   const firmware::BallParams& ball = problem.robot.ball;
-  const double steepness = std::max(ball.rolling_resistance, ball.spin_friction_m / ball.radius_m);
-  return std::max(ball.creep_radps, std::max(1e-3, 0.01 * steepness) / time_unit_s(problem));
+  const double steepness = std::max(ball.rolling_resistance, 3 * ball.spin_friction_m / ball.radius_m);
+  return std::max(ball.creep_radps, std::max(1e-3, 3e-3 * steepness) / time_unit_s(problem));
 }
 
 }  // namespace

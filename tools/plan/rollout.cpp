@@ -117,7 +117,7 @@ void set_stage(double part, double h, const Ball& at, const RollingState& from, 
 // creep rate omega_c it is c_rr r N / (I omega_c) of the ball's rate, far more than all else. Counts with the lowest
 // rate on the way, as the start foretells it.
 int parts_of_step(const firmware::BallParams& ball, const Node& at, double h) {
-  constexpr int kMostParts = 40;
+  constexpr int kMostParts = 60;  // resolves the least creep rate that make_problem() lets through
   if (!resists(ball) || !(at.value.normal_n > 0)) return 1;
   const Vec omega = to_space(at.state.q, at.state.omega_B), change = h * to_space(at.state.q, at.value.omega_dot_B);
   const auto least = [](double start, double dot, double square) {
