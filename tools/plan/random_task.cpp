@@ -239,7 +239,8 @@ std::string rest_to_rest(Random& random, const std::string& text, const Problem&
 
 std::optional<std::string> random_floor_task(std::uint64_t seed, int number, const RandomFloor& floor,
                                              std::string& why) {
-  constexpr int kMostTries = 60;
+  constexpr int kMostTries = 90, kFarTries = 75;  // the last ones take goals that are nearly reached already
+  constexpr double kLeastWay = 0.3;               // of the radius
   Random random(seed * 104729 + static_cast<std::uint64_t>(number) + 1);
   const bool at_rest = number / 2 % 2 == 1;
   const std::string surface =
@@ -253,8 +254,9 @@ std::optional<std::string> random_floor_task(std::uint64_t seed, int number, con
     return std::nullopt;
   }
   const Problem problem = make_problem(*hung);
-  double size = 1;
-  for (int attempt = 0; attempt < kMostTries; ++attempt, size *= 0.9) {
+  for (int attempt = 0; attempt < kMostTries; ++attempt) {
+    const double size =
+        attempt < kFarTries ? std::pow(10, random.between(-1, 0.3)) : std::pow(0.5, attempt - kFarTries);
     const double duration_s = time_unit_s(problem) * random.between(at_rest ? 20 : 8, 60);
     const Grid grid = make_grid(problem, duration_s, 48);
     std::vector<double> knots = random_motion(random, problem, grid, size);
@@ -262,6 +264,8 @@ std::optional<std::string> random_floor_task(std::uint64_t seed, int number, con
     const PlantRun rolled = roll_by_plant(problem, hung->scenario, grid, knots);
     if (!admissible(problem, rolled, grid, knots)) continue;
     const Eigen::Vector2d goal = place_of(rolled.nodes.back());
+    const double way_m = (goal - problem.start_m).norm();
+    if (attempt < kFarTries && way_m < kLeastWay * problem.robot.ball.radius_m) continue;
     const std::string task = text + task_text(goal[0], goal[1], duration_s, at_rest) + objective_text(random);
     return number % 16 < 12 || at_rest ? task : task + on_the_way(random, rolled, grid, problem.robot.ball.radius_m);
   }
