@@ -1,6 +1,8 @@
 // A controller, a monitor and a planner that believe another robot than the plant has.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include <cmath>
 
 #include "tests/sil/kept_laps.h"
@@ -179,6 +181,19 @@ TEST(Belief, IsPredictedBesideTheTruth) {
   EXPECT_NEAR(run.belief->extrema.normal_force_min.value, other.extrema.normal_force_min.value, 1e-9);
   EXPECT_LT((run.belief->position_W_m - other.final_sample.position_W_m).norm(), 1e-9);
   EXPECT_GT((run.belief->position_W_m - run.final_sample.position_W_m).norm(), 1e-3);
+  // The rows for pictures run from the start to the end, and their least N is no less than the located one.
+  const std::vector<BeliefRow>& rows = run.belief->rows;
+  ASSERT_GE(rows.size(), 1000);
+  EXPECT_LE(rows.size(), 2001);
+  EXPECT_EQ(rows.front().time_s, 0);
+  EXPECT_EQ(rows.back().time_s, 4);
+  EXPECT_EQ(rows.back().position_W_m, Eigen::Vector2d(run.belief->position_W_m.head<2>()));
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    EXPECT_GT(rows[i].time_s, rows[i - 1].time_s);
+    EXPECT_GE(rows[i].normal_force_n, run.belief->extrema.normal_force_min.value - 1e-9);
+  }
+  const std::string table = belief_csv(run);
+  EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 1 + static_cast<std::ptrdiff_t>(rows.size()));
   const auto summary = summary_tree(scenario, run);
   EXPECT_EQ(summary["belief"]["time"], 4.0);
   EXPECT_NE(summary_text(scenario, run, "runs/x").find("\n  believed    "), std::string::npos);

@@ -136,7 +136,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
     return exit_status(result.failure);
   }
   // The summary comes first: a disk that is nearly full may have no room for the black box.
-  const bool written = output.write_summary(summary_json(scenario, result));
+  const bool written = (!result.belief || output.write("belief.csv", belief_csv(result))) &&
+                       output.write_summary(summary_json(scenario, result));
   if (!written) program::complain(program_name, output.error());
   if (written) keep_black_box();
   if (options.quiet) {

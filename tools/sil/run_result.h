@@ -55,12 +55,21 @@ struct MoveEnd {
   bool steps_made = false;  // all of them
 };
 
+// The believed robot at one instant.
+struct BeliefRow {
+  double time_s = 0;
+  Eigen::Vector2d position_W_m = Eigen::Vector2d::Zero();
+  double normal_force_n = 0;
+  double static_friction_n = 0;
+};
+
 // What the believed robot would have done under the same commanded motion.
 struct BeliefPrediction {
   double time_s = 0;  // up to which it was rolled: the run's end, the end of its own physics, or a missing status
   sim::PhysicsEnd end{};
   sim::ContactExtrema extrema;
   Eigen::Vector3d position_W_m = Eigen::Vector3d::Zero();
+  std::vector<BeliefRow> rows;  // from t = 0 to time_s, at most about 2000, for pictures
 };
 
 // The controller's estimate against the truth, over the ticks from 0 to the end.
