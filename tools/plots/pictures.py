@@ -14,6 +14,7 @@ from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION,
                   draw_sphere, finish_time_axis, friction_arrows, head, hollow, legend_above, mark_ends, mark_events, mark_extremum,
                   limit_height, mark_regimes_along, mass_name, ringing_legend, rows_along, rows_over_time, space_axes,
                   time_text)
+from known_pictures import belief, estimate
 from plan_pictures import plan_need, plan_path
 from short_number import short_number
 
@@ -302,7 +303,8 @@ def motor_share(run):
         if np.nanmax(both) > 5 * usual > 0:  # near N = 0 the ratio grows without bound and would flatten the rest
             left.set_ylim(0, usual)
             right.set_ylim(-usual, usual)
-        greatest = run.greatest_deviation(name.removesuffix("_n"))
+        # The summary's deviation is the motors' share, without that of belief and estimate.
+        greatest = None if run.commands_as_believed else run.greatest_deviation(name.removesuffix("_n"))
         if greatest is not None:
             low, high = right.get_ylim()
             off = "" if low <= greatest[0] <= high else ", off this axis"
@@ -315,8 +317,11 @@ def motor_share(run):
         axes.xaxis.set_major_locator(ticker.MaxNLocator(6))
         if axes not in rows[-1]:
             axes.set_xlabel("")
-    curves = [Line2D([], [], color=VERMILLION, label="real"), Line2D([], [], color=BLUE, label="commanded")]
-    head(rows[0, 0], run, "The motors' share: real less commanded", [curves, [ringing_legend()] if ringing else [], *events], name_axes=rows[0, 1])
+    as_believed = run.commands_as_believed
+    curves = [Line2D([], [], color=VERMILLION, label="real"),
+              Line2D([], [], color=BLUE, label="commanded, as believed" if as_believed else "commanded")]
+    title = "Real less commanded, as the robot believes" if as_believed else "The motors' share: real less commanded"
+    head(rows[0, 0], run, title, [curves, [ringing_legend()] if ringing else [], *events], name_axes=rows[0, 1])
     return figure
 
 
@@ -397,4 +402,6 @@ PICTURES = {
     "motor_share": motor_share,
     "plan_path": plan_path,
     "plan_need": plan_need,
+    "estimate": estimate,
+    "belief": belief,
 }
