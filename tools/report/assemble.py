@@ -124,6 +124,7 @@ def _described(recording):
         "impacts": [impact["time"] for impact in summary.get("impacts") or []],
         "flags": [flag._asdict() for flag in recording.measured.flags] if recording.measured is not None else [],
         "notes": plot_notes(recording),
+        "commanded": "commanded, as believed" if recording.commands_as_believed else "commanded",
         "events": [{"time": time, "text": text} for time, text in words.events(recording)],
         "extremes": {
             "normal_force": _extreme(summary, "normal_force", "min", "min_time"),

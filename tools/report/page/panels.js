@@ -21,7 +21,7 @@ export const runLetter = (run) => "AB"[run];
 // One line per run. A single run has the quantity's colour; of two runs, each has its own.
 function single(runs, column, label, color) {
   const lines = [];
-  runs.forEach(({samples}, run) => {
+  runs.forEach(({samples, described}, run) => {
     const several = runs.length > 1;
     const line = {
       run,
@@ -32,7 +32,7 @@ function single(runs, column, label, color) {
     if (samples.has(column)) lines.push({...line, column});
     const commanded = `commanded_${column}`;
     if (!several && samples.has(commanded))
-      lines.push({...line, column: commanded, label: "commanded", color: "text", dash: DASHED, width: 1});
+      lines.push({...line, column: commanded, label: described.commanded, color: "text", dash: DASHED, width: 1});
     const planned = `planned_${column}`;
     if (!several && samples.has(planned))
       lines.push({...line, column: planned, label: "planned", color: "good", dash: [2, 3], width: 1.6});
