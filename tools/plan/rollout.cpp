@@ -128,7 +128,7 @@ int parts_of_step(const firmware::BallParams& ball, const Node& at, double h) {
                                    change.x * change.x + change.y * change.y);
   const double spin2 = least(omega.z * omega.z, omega.z * change.z, change.z * change.z);
   const double creep2 = ball.creep_radps * ball.creep_radps;
-  // At most the inertia of all: the shell's, about the contact point where the ball rolls.
+  // The shell's part of the inertia: the masses add to it. About the contact point where the ball rolls.
   const double arm_m = ball.radius_m - ball.center_of_mass_B_m.norm();
   const double spun = ball.inertia_kgm2.minCoeff(), rolled = spun + ball.shell_mass_kg * arm_m * arm_m;
   const double braking = at.value.normal_n * h *
