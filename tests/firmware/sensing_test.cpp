@@ -42,7 +42,9 @@ class HeldBall {
       ++in.sensors.imu_count;
       in.sensors.imu_tick = in.tick;
       // No two readings of a real sensor are alike.
-      in.sensors.gyro_B_radps = Vector3(1, -1, 1) * (static_cast<Real>(1e-5) * static_cast<Real>(in.tick % 2));
+      const Real noise = static_cast<Real>(1e-5) * static_cast<Real>(in.tick % 2);
+      in.sensors.gyro_B_radps = Vector3(noise, -noise, noise);
+      in.sensors.accelerometer_B_mps2 = Vector3(noise, -noise, params_->ball.gravity_mps2 + noise);
     }
     in.operator_command = command;
     whole_tick(*params_, *state_, in, out);

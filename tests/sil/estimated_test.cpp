@@ -27,7 +27,7 @@ struct OfScenario : Rolled {
 
 OfScenario roll(const std::vector<std::string>& overrides) {
   const sim::Scenario scenario = load(overrides);
-  OfScenario run{roll(scenario), scenario};
+  OfScenario run{sil::roll(scenario), scenario};
   EXPECT_EQ(run.result.status, hal::Status::kOk) << run.result.trouble;
   return run;
 }
@@ -126,7 +126,7 @@ TEST(EstimatedRun, TheSummaryHasTheErrors) {
 // Prescribed masses have no controller, which could estimate.
 TEST(EstimatedRun, APrescribedRunEstimatesNothing) {
   const sim::Scenario scenario = load(with({"run.actuation=prescribed"}));
-  const RunResult result = roll(scenario).result;
+  const RunResult result = sil::roll(scenario).result;
   EXPECT_EQ(result.end_reason, EndReason::kCompleted);
   EXPECT_FALSE(result.estimate);
 }
