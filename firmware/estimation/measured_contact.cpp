@@ -285,17 +285,18 @@ struct SlipNoise {
   Real drift_mps3;   // its change
   Real rate_m2ps2;   // variance by the gyro at both ends
   Real walk_m2ps3;   // variance per time by the accelerometer
+  Real tilt_part;    // by which tilt acts on the speed by rotation, in its action on that by the accelerometer
 };
 
 SlipNoise slip_noise(const BallParams& ball, const EstimationParams& params, Real constant_m2ps4, Real tilt_square,
-                     Real sample_s, Real rate_square) {
+                     Real sample_s, Real rate_square, Real tilt_part) {
   const Real gravity2 = square(ball.gravity_mps2);
   // What is fixed to the body turns with it, and the gyro's scale and axes tilt the estimate as the ball turns.
   const Real turning =
       constant_m2ps4 + gravity2 * (square(params.gyro.scale_error) + square(params.gyro.misalignment_rad));
   return {std::sqrt(constant_m2ps4 + gravity2 * tilt_square),
           std::sqrt(rate_square * turning + square(kTiltRate_radps) * gravity2 * tilt_square),
-          2 * square(ball.radius_m * params.gyro.noise), square(params.accelerometer.noise) * sample_s};
+          2 * square(ball.radius_m * params.gyro.noise), square(params.accelerometer.noise) * sample_s, tilt_part};
 }
 
 // Judges all windows that end with the newest block. True: a window shows slip.
@@ -330,15 +331,21 @@ bool slips(const SlipNoise& noise, Real block_s, ContactMeter& meter) {
     }
     const Real sigma = std::sqrt(square(error) + (1 + part) * (noise.rate_m2ps2 + noise.walk_m2ps3 * window_s));
     const Real threshold = kSlipSigmas * sigma > kLeastSlip_mps ? kSlipSigmas * sigma : kLeastSlip_mps;
+    const Real turned = kSlipSigmas * noise.tilt_part * sigma;
+    const Real turned_threshold = turned > kLeastSlip_mps ? turned : kLeastSlip_mps;
     const Real score = std::sqrt(speed.squaredNorm()) / threshold;
     if (score > meter.slip_score) meter.slip_score = score;
-    if (score > 1 && speed.dot(confirmed) > kConfirmed * speed.squaredNorm()) found = true;
+    const Real common = speed.dot(confirmed);
+    const bool by_accelerometer = score > 1 && common > kConfirmed * speed.squaredNorm();
+    const bool by_rotation =
+        confirmed.squaredNorm() > square(turned_threshold) && common > kConfirmed * confirmed.squaredNorm();
+    if (by_accelerometer || by_rotation) found = true;
   }
   return found;
 }
 
-void end_block(const BallParams& ball, const EstimationParams& params, const Instant& now, Real constant_m2ps4,
-               Real tilt_square, Real dt, ContactMeter& meter) {
+void end_block(const BallParams& ball, const EstimationParams& params, const Instant& now, const ContactSums& sums,
+               Real constant_m2ps4, Real tilt_square, Real dt, ContactMeter& meter) {
   const Real block_s = static_cast<Real>(meter.block_samples) * dt;
   meter.blocks[static_cast<std::size_t>(meter.next_block)] = meter.block;
   meter.next_block = meter.next_block + 1 < contact::kBlocks ? meter.next_block + 1 : 0;
@@ -346,7 +353,11 @@ void end_block(const BallParams& ball, const EstimationParams& params, const Ins
   meter.block = {};
   meter.block_samples = 0;
   meter.rate_square_rad2ps2 += kRateMemory * (now.rate_B.squaredNorm() - meter.rate_square_rad2ps2);
-  const SlipNoise noise = slip_noise(ball, params, constant_m2ps4, tilt_square, dt, meter.rate_square_rad2ps2);
+  // Weight turns the ball by sum m_i zeta_i, a slip's acceleration by sum m_i s_i.
+  const Real lever = sums.mass_s.dot(now.up_B), arm = std::sqrt(sums.mass_zeta.squaredNorm());
+  const Real tilt_part = arm < lever ? arm / lever : Real(1);
+  const SlipNoise noise =
+      slip_noise(ball, params, constant_m2ps4, tilt_square, dt, meter.rate_square_rad2ps2, tilt_part);
   meter.newest.slip_detected = slips(noise, block_s, meter) && meter.moved;
 }
 
@@ -411,7 +422,7 @@ void measure_contact(const BallParams& ball, const EstimationParams& params, Wid
   measured.slip_sigma_mps2 = std::sqrt(constant_m2ps4 + square(ball.gravity_mps2) * tilt_square);
   add_slip(ball, now, a.specific_force_B, sums, dt, meter);
   if (meter.block_samples > 0 && static_cast<Real>(meter.block_samples) * dt > kBlock_s - dt / 2) {
-    end_block(ball, params, now, constant_m2ps4, tilt_square, dt, meter);
+    end_block(ball, params, now, sums, constant_m2ps4, tilt_square, dt, meter);
   }
   watch_for_light(ball, sums.mass, dt, meter);
   meter.followed = true;

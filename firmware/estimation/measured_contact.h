@@ -13,9 +13,9 @@
 // to expect:
 //   - the accelerometer's integral less the change of omega x r e3;
 //   - the moment by which the gyro's rate departs from that of a rolling ball with the known masses, in terms of slip.
-// slip_detected: the first exceeds its threshold, and the second confirms at least half of it. The first alone is
-// misled by vibration at multiples of the sample rate, which looks constant, the second by lost steps and by a floor
-// that resists. A steady slip is not seen. The threshold is the greater of 0.02 m/s and 4 sigma of what tilt and
+// slip_detected: one of them exceeds its threshold, and the other confirms at least half of it. Alone, the first is
+// misled by vibration at multiples of the sample rate, which looks constant, and the second by lost steps and by a
+// floor that resists. A steady slip is not seen. A threshold is the greater of 0.02 m/s and 4 sigma of what tilt and
 // accelerometer do to the integral.
 //
 // light_detected: for 10 ms N lies 3 sigma below a fifth of its value at rest.
@@ -40,7 +40,7 @@ namespace contact {
 // Blocks of 10 ms, or of one sample if that is longer: a baseline of 1 s and a window of 0.6 s.
 inline constexpr int kBlocks = 160;
 
-// Gains of two velocities of the contact point in the floor, space frame.
+// What the velocity of the contact point in the floor has gained, measured in two ways; space frame.
 struct Slip {
   Vector2 by_accelerometer_W_mps = Vector2::Zero();
   Vector2 by_rotation_W_mps = Vector2::Zero();
@@ -82,7 +82,7 @@ struct ContactMeter {
   int block_samples = 0, next_block = 0, block_count = 0;
   std::array<contact::Slip, contact::kBlocks> blocks{};
   Real rate_square_rad2ps2 = 0;  // mean over 0.5 s
-  Real slip_score = 0;           // greatest speed of a window in its threshold, confirmed or not
+  Real slip_score = 0;           // greatest speed by the accelerometer of a window, in its threshold, confirmed or not
   Real light_s = 0;              // for which N has been too small
   MeasuredContact newest;
 };

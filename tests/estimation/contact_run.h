@@ -69,7 +69,7 @@ struct SlideCount {
 SlideCount count_slides(const ContactRun& run);
 
 // desk_ball with its motion's accelerations between 0.6 and 1.2 of the scenario's, drawn from the seed, and calibrated
-// BMI088. With `falls` the floor's friction falls at a random time to a value between 0.002 and 0.2, and the run ends
+// BMI088. With `falls` the floor's friction falls at a random time to a value between 0.001 and 0.012, and the run ends
 // within 4 s of that.
 ContactRun random_desk_ball(std::uint64_t seed, bool falls);
 
