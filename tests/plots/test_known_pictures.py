@@ -120,7 +120,7 @@ class KnownTest(unittest.TestCase):
         run = self.recorded(controller=True)
         figure = known_pictures.estimate(run)
         by_label = {axes.get_ylabel(): axes for axes in figure.axes}
-        self.assertEqual(len(by_label), 8)
+        self.assertEqual(len(by_label), 10)
         lines = by_label["$N$ [N]"].get_lines()
         measured = next(line for line in lines if line.get_color() == GREEN)
         np.testing.assert_allclose(measured.get_ydata(), run.measured.normal_n.value[:, 0])
@@ -144,7 +144,7 @@ class KnownTest(unittest.TestCase):
         self.assertLess(high - low, 6 * 6 * 1.121)
 
     def test_only_one_of_both(self):
-        for off, panels in (("measured_valid", 5), ("estimate_valid", 3)):
+        for off, panels in (("measured_valid", 5), ("estimate_valid", 5)):
             run = self.recorded()
             run.status = run.status.copy()
             run.status[off] = 0

@@ -548,8 +548,9 @@ class PageTest(unittest.TestCase):
                     self.open(page, size)
                     self.assertEqual(self.layout_faults(), [])
         panels = self.js("return [...document.querySelectorAll('.panel')].map((panel) => panel.id.slice(6))")
-        self.assertEqual(panels[4:12], ["measured_mu_required", "measured_normal_force", "measured_slip", "tilt_error",
-                                        "yaw_error", "gyro_bias", "place_error", "believed_off"])
+        self.assertEqual(panels[4:14], ["measured_mu_required", "measured_mu_error", "measured_normal_force",
+                                        "measured_normal_error", "measured_slip", "tilt_error", "yaw_error", "gyro_bias",
+                                        "place_error", "believed_off"])
         # The yaw's band reaches 4 degrees to either side of 0. At 10.7 s the error is 3.2, away from the lines of the grid.
         for value, inside in ((-3.6, True), (3.7, True), (4.5, False), (-4.5, False)):
             with self.subTest(value=value):

@@ -16,10 +16,14 @@ from event_log import EventLog, LogError
 # A band is drawn, and counted, up to this many sigma. 95 % of normal errors are inside.
 BAND_SIGMAS = 2
 BAND_NAME = f"\u00b1{BAND_SIGMAS}\u03c3"
-# The true bias is a mean over this time. A sample of a usual gyro at 1 kHz is off by 0.3 degrees/s, its mean over 1 s by 0.01.
-BIAS_MEAN_S = 1.0
+# The true bias, which no message has, is shown as a mean over this time. A sample of a usual gyro at 1 kHz is off by 0.3
+# degrees/s, such a mean by 0.005: as much as the band, so that it is no measure of it.
+BIAS_MEAN_S = 4
 # A sigma of 0 stands for what is known for sure, such as the place at the start. Rounding is inside.
 _ROUNDING = 1e-9
+# Samples below which scale and misalignment are not fitted, and the least change of the rate, as a part of the largest.
+_LEAST_FIT = 100
+_LEAST_CHANGE = 0.02
 _PREDICTION = ("time_s", "position_1_m", "position_2_m", "normal_force_n", "static_friction_n", "mu_required")
 
 
@@ -60,7 +64,7 @@ class Estimate(NamedTuple):
     time_s: np.ndarray
     tilt_deg: Track    # turn about e1 and e2 that takes true gravity to the estimated one, in the space frame; truth: 0
     yaw_deg: Track     # turn about e3 from the true to the estimated attitude; truth: 0
-    bias_degps: Track  # of the gyro, body frame; truth: what it reads beyond the true rate, a mean over BIAS_MEAN_S
+    bias_degps: Track  # of the gyro, body frame; truth: what it reads beyond the true rate, see _true_bias_radps()
     place_m: Track     # geometric centre, e1 and e2
 
     @property
@@ -172,14 +176,20 @@ def _running_mean(values, width):
 
 
 def _true_bias_radps(log_path, ticks, state, period_s):
-    """(n, 3): what the gyro reads beyond the true rate, at these ticks."""
+    """(n, 3): what the gyro reads beyond the true rate at these ticks, without what is proportional to the rate: scale and
+    misalignment. A mean over BIAS_MEAN_S."""
     sensors = EventLog(log_path, ["BALLAST_SENSORS"]).messages("BALLAST_SENSORS", ballast.sensors_t)
     found = np.full((len(ticks), 3), np.nan)
     fresh = np.flatnonzero(np.diff(sensors["imu_count"], prepend=0) > 0)
     taken = sensors["imu_tick"][fresh]
     _, of_sample, of_state = np.intersect1d(taken, state["tick"], return_indices=True)
-    beyond = (np.asarray(sensors["gyro_B_radps"][fresh[of_sample]], dtype=float) -
-              np.asarray(state["angular_velocity_B_radps"][of_state], dtype=float))
+    rate = np.asarray(state["angular_velocity_B_radps"][of_state], dtype=float)
+    beyond = np.asarray(sensors["gyro_B_radps"][fresh[of_sample]], dtype=float) - rate
+    if len(rate) > _LEAST_FIT:
+        middle = rate.mean(axis=0)
+        # Where the rate hardly changes, nothing tells its share from the bias, and none is taken off.
+        share, *_ = np.linalg.lstsq(rate - middle, beyond - beyond.mean(axis=0), rcond=_LEAST_CHANGE)
+        beyond = beyond - rate @ share
     _, here, there = np.intersect1d(ticks, taken[of_sample], return_indices=True)
     found[here] = beyond[there]
     return _running_mean(found, max(int(round(BIAS_MEAN_S / period_s)), 1))

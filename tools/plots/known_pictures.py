@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
-from known import BAND_NAME, BAND_SIGMAS
+from known import BAND_NAME, BAND_SIGMAS, BIAS_MEAN_S
 from page import (BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, draw_ringing, finish_time_axis, head, hollow,
                   legend_above, mark_events, ringing_legend, rows_along)
 from short_number import short_number
@@ -80,7 +80,7 @@ def _place(axes, _, estimate):
     return _draw_error(axes, estimate.time_s, estimate.place_error_m, ("along $e_1$", "along $e_2$"), " m")
 
 
-def _bias(axes, _, estimate):
+def _bias(axes, run, estimate):
     axes.set_ylabel("gyro bias [\u00b0/s]")
     track, time = estimate.bias_degps, estimate.time_s
     edge = (BAND_SIGMAS * track.sigma)[:, None]
@@ -89,9 +89,11 @@ def _bias(axes, _, estimate):
         _draw_band(axes, time, (track.value - edge)[:, j], (track.value + edge)[:, j], color)
         handles += axes.plot(time, track.value[:, j], color=color, linewidth=1.1, label=f"$b_{j + 1}$")
         axes.plot(time, track.truth[:, j], color=color, linewidth=1.1, linestyle=(0, (4, 3)))
-    truth = Line2D([], [], color=GREY, linestyle=(0, (4, 3)), label="true, mean of 1 s")
+    truth = Line2D([], [], color=GREY, linestyle=(0, (4, 3)), label=f"true, mean of {BIAS_MEAN_S} s")
     _limit(axes, [track.value, track.truth], track.value - edge, track.value + edge)
-    return [handles + [truth, Patch(color=GREY, alpha=0.4, label=BAND_NAME)], [_quality(track, "\u00b0/s")]]
+    off = (run.summary.get("estimate") or {}).get("gyro_bias_error")
+    note = [] if off is None else [Line2D([], [], linestyle="", label=f"off by {short_number(math.degrees(off))}\u00b0/s at the end")]
+    return [handles + [truth, Patch(color=GREY, alpha=0.4, label=BAND_NAME)], note]
 
 
 def _draw_flags(axes, measured):
@@ -104,16 +106,16 @@ def _draw_flags(axes, measured):
             for what in _FLAG_NAMES if (number := sum(flag.what == what for flag in measured.flags))]
 
 
-def _draw_measured(axes, measured, track, label, unit, top=math.inf):
+def _draw_measured(axes, measured, track, label, top=math.inf):
     truth, value, edge = track.truth[:, 0], track.value[:, 0], BAND_SIGMAS * track.sigma
     _draw_band(axes, measured.time_s, np.minimum(value - edge, top), np.minimum(value + edge, top), GREEN)
-    ringing = draw_ringing(axes, measured.time_s, np.minimum(truth, top), BLACK, 1.0)
+    # The truth comes last and thin: where the masses ring, it would be hidden.
     line, = axes.plot(measured.time_s, np.minimum(value, top), color=GREEN, linewidth=1.1, label="measured")
+    axes.plot(measured.time_s, np.minimum(truth, top), color=BLACK, linewidth=0.5)
     axes.set_ylabel(label)
     _limit(axes, [np.minimum(value, top), np.minimum(truth, top)], np.minimum(value - edge, top), np.minimum(value + edge, top))
-    handles = [Line2D([], [], color=BLACK, label="true"), line, Patch(color=GREEN, alpha=0.4, label=BAND_NAME)]
     _draw_flags(axes, measured)
-    return [handles, [_quality(track, unit)] + ([ringing_legend()] if ringing else [])]
+    return [[Line2D([], [], color=BLACK, linewidth=0.8, label="true"), line, Patch(color=GREEN, alpha=0.4, label=BAND_NAME)]]
 
 
 def _need(axes, run, _):
@@ -121,11 +123,21 @@ def _need(axes, run, _):
     finite = measured.need.truth[np.isfinite(measured.need.truth)]
     # Near N = 0 the ratio grows without bound, and an axis up to there would flatten everything else.
     top = 4 * float(np.percentile(finite, 95)) if len(finite) else math.inf
-    return _draw_measured(axes, measured, measured.need, r"$f_\mathrm{s}/N$", "", top or math.inf)
+    return _draw_measured(axes, measured, measured.need, r"$f_\mathrm{s}/N$", top or math.inf)
 
 
 def _normal(axes, run, _):
-    return _draw_measured(axes, run.measured, run.measured.normal_n, "$N$ [N]", " N")
+    return _draw_measured(axes, run.measured, run.measured.normal_n, "$N$ [N]")
+
+
+def _need_error(axes, run, _):
+    axes.set_ylabel(r"$f_\mathrm{s}/N$, error")
+    return _draw_error(axes, run.measured.time_s, run.measured.need, ("measured less true",), "")
+
+
+def _normal_error(axes, run, _):
+    axes.set_ylabel("$N$, error [N]")
+    return _draw_error(axes, run.measured.time_s, run.measured.normal_n, ("measured less true",), " N")
 
 
 def _slip(axes, run, _):
@@ -181,7 +193,7 @@ def _path(axes, _, estimate):
 def estimate(run):
     """Draws truth, estimate and band, and the contact force that the robot measures; None where it does neither."""
     found, measured = run.estimate, run.measured
-    panels = [_need, _normal] if measured is not None else []
+    panels = [_need, _need_error, _normal, _normal_error] if measured is not None else []
     panels += [_tilt, _yaw, _bias, _place] if found is not None else []
     panels += [_slip] if measured is not None else []
     over_time = len(panels)

@@ -45,7 +45,7 @@ _SHAPE = {
     "regimes": [{"regime!": _text, "start!": _number, "end!": _number}],
     "impacts": [{"time!": _number, "normal_impulse": _number, "friction_impulse": _number, "sticking": _flag}],
     "trip": _OrNull({"cause!": _text, "time!": _number, "value": _MAYBE, "limit": _MAYBE, "latency_ticks": _MAYBE}),
-    "estimate": _OrNull({name: _MAYBE for name in ("tilt_rms", "position_rms", "friction_rms")}),
+    "estimate": _OrNull({name: _MAYBE for name in ("tilt_rms", "position_rms", "friction_rms", "gyro_bias_error")}),
     "belief": {"time!": _number, "holds!": _flag, "mu_required!": {"max!": _MAYBE},
                "normal_force!": {"min!": _number}, "position_error!": _number},
     "move": _OrNull(_PLAN),

@@ -11,6 +11,7 @@ _TALLEST, _LEAST = 620, 260
 _MARGIN = 0.05  # of the greater extent
 _ROOM_BELOW = 30  # for the numbers of the axis
 _ROOM_LEFT = 54
+_TEXT_HEIGHT = 15
 _MOST_POINTS = 2000
 
 
@@ -77,7 +78,7 @@ class FloorMap:
         for k in range(int(np.ceil(low / step)), int(np.floor(high / step)) + 1):
             y = self._at((0, k * step))[1]
             parts.append(f'<line class="grid" x1="{_ROOM_LEFT}" x2="{_WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>'
-                         f'<text x="{_ROOM_LEFT - 8}" y="{y + 5:.1f}" text-anchor="end">{k * step:g}</text>')
+                         f'<text x="{_ROOM_LEFT - 8}" y="{max(y + 5, _TEXT_HEIGHT):.1f}" text-anchor="end">{k * step:g}</text>')
         return "".join(parts)
 
     def _drawing(self, name, label, parts):

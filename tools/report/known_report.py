@@ -1,6 +1,8 @@
 """What the robot knew, as the report shows it beside its plots: sentences, tables, and the floor from above with the
 true, the estimated and the believed path."""
 
+import math
+
 import numpy as np
 
 import words
@@ -19,21 +21,32 @@ def _length(metres):
 
 
 def tracks(recording):
-    """(name, id of the plot, known.Track, unit) of each quantity that the robot estimates or measures, with a band."""
+    """(name, id of the plot, known.Track, unit) of each quantity that the robot estimates or measures, and whose truth the
+    messages have: the gyro's bias is none."""
     found = []
     if recording.estimate is not None:
         e = recording.estimate
         found += [("tilt", "tilt_error", e.tilt_deg, "°"), ("yaw", "yaw_error", e.yaw_deg, "°"),
-                  ("gyro bias", "gyro_bias", e.bias_degps, "°/s"), ("place", "place_error", e.place_m, "m")]
+                  ("place", "place_error", e.place_m, "m")]
     if recording.measured is not None:
-        found += [("measured f_s/N", "measured_mu_required", recording.measured.need, ""),
-                  ("measured N", "measured_normal_force", recording.measured.normal_n, "N")]
+        found += [("measured f_s/N", "measured_mu_error", recording.measured.need, ""),
+                  ("measured N", "measured_normal_error", recording.measured.normal_n, "N")]
     return found
 
 
 def plot_notes(recording):
     """A short text for the title of each plot with a band, by the plot's id."""
-    return {plot: f"band {BAND_NAME}, {_share(track.inside())} inside" for _, plot, track, _ in tracks(recording)}
+    notes = {plot: f"band {BAND_NAME}, {_share(track.inside())} inside" for _, plot, track, _ in tracks(recording)}
+    if recording.estimate is not None:
+        off = _bias_error_degps(recording)
+        notes["gyro_bias"] = f"band {BAND_NAME}" + ("" if off is None else f", off by {words.number_text(off)}°/s at the end")
+    return notes
+
+
+def _bias_error_degps(recording):
+    """At the end, by the summary; None without one."""
+    off = (recording.summary.get("estimate") or {}).get("gyro_bias_error")
+    return None if off is None else math.degrees(off)
 
 
 def known_sentence(recording):
@@ -80,6 +93,12 @@ def known_table(recording):
                      words.number_text(float(in_sigmas.max())) if in_sigmas.size else "–"])
     if not rows:
         return None
+    off = _bias_error_degps(recording)
+    if off is not None:
+        sigma = recording.estimate.bias_degps.sigma if recording.estimate is not None else np.zeros(0)
+        sigma = sigma[np.isfinite(sigma)]
+        rows.append(["gyro bias at the end [°/s]", "–", words.number_text(off),
+                     words.number_text(float(sigma[-1])) if len(sigma) else "–", "–", "–"])
     return words.Table(f"What the robot knew ({BAND_NAME} holds 95 % of honest errors, over many runs)",
                        ["", "rms error", "largest error", "σ at the end", f"inside {BAND_NAME}", "largest in σ"], rows)
 

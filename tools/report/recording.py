@@ -231,9 +231,11 @@ class Recording:
             add("estimated_position", found.time_s, found.place_m.value)
         if self.measured is not None:
             found = self.measured
-            for name, track in (("normal_force", found.normal_n), ("mu_required", found.need)):
+            for name, short, track in (("normal_force", "normal", found.normal_n), ("mu_required", "mu", found.need)):
                 add(f"measured_{name}", found.time_s, track.value[:, 0])
                 add(f"measured_{name}_sigma", found.time_s, track.sigma)
+                add(f"measured_{short}_error", found.time_s, track.error)
+                columns[f"measured_{short}_error_sigma"] = columns[f"measured_{name}_sigma"]
             add("measured_slip", found.time_s, found.slip_mps2)
             add("measured_slip_sigma", found.time_s, found.slip_sigma_mps2)
 

@@ -161,15 +161,25 @@ function measuredPanels(runs) {
   const lines = (column) => runs.flatMap(({samples}, run) => {
     if (!samples.has(`measured_${column}`)) return [];
     const who = runs.length > 1 ? `${runLetter(run)} ` : "";
+    // The truth comes last and thin: where the masses ring, it would be hidden.
     return [
-      {run, column, label: `${who}true`, color: "text", width: 1, dash: run ? DASHED : undefined},
-      {run, column: `measured_${column}`, label: `${who}measured`, color: whose(run), width: 1.3}
+      {run, column: `measured_${column}`, label: `${who}measured`, color: whose(run), width: 1.3},
+      {run, column, label: `${who}true`, color: "text", width: 0.6, dash: run ? DASHED : undefined}
     ];
   });
   const around = (column) => runs.flatMap(
       ({samples}, run) => samples.has(`measured_${column}`) ?
           [{run, column: `measured_${column}`, sigma: `measured_${column}_sigma`, color: whose(run)}] :
           []);
+  const error = (id, title, unit) => ({
+    id,
+    title: withNote(runs, id, title),
+    unit,
+    limits: [{value: 0, text: ""}],
+    lines: several(runs, id, () => 1, () => "error", (j) => `axis-${j}`),
+    bands: bands(runs, id, 1, (j, run) => (runs.length > 1 ? `run-${run}` : "muted")),
+    flags: true
+  });
   const slip = [];
   runs.forEach(({samples}, run) => {
     if (samples.has("measured_slip"))
@@ -184,7 +194,7 @@ function measuredPanels(runs) {
   return [
     {
       id: "measured_mu_required",
-      title: withNote(runs, "measured_mu_required", `${NEEDED} as the robot measures it`),
+      title: `${NEEDED} as the robot measures it`,
       unit: "",
       lines: lines("mu_required"),
       bands: around("mu_required"),
@@ -192,14 +202,16 @@ function measuredPanels(runs) {
       top: neededTop(runs),
       flags: true
     },
+    error("measured_mu_error", `${NEEDED}: measured − true`, ""),
     {
       id: "measured_normal_force",
-      title: withNote(runs, "measured_normal_force", "<i>N</i> as the robot measures it"),
+      title: "<i>N</i> as the robot measures it",
       unit: "N",
       lines: lines("normal_force"),
       bands: around("normal_force"),
       flags: true
     },
+    error("measured_normal_error", "<i>N</i>: measured − true", "N"),
     {
       id: "measured_slip",
       title: `Slip as the robot measures it <small>band: noise, ${BAND_SIGMAS}σ</small>`,
@@ -240,7 +252,8 @@ function estimatePanels(runs) {
     },
     {
       id: "gyro_bias",
-      title: withNote(runs, "gyro_bias", `Gyro bias, body frame${runs.length === 1 ? "; dashed: true, mean of 1 s" : ""}`),
+      title:
+          withNote(runs, "gyro_bias", `Gyro bias, body frame${runs.length === 1 ? "; dashed: true, mean of 4 s" : ""}`),
       unit: "°/s",
       lines: bias,
       bands: runs.length === 1 ? bands(runs, "gyro_bias", 3, axis) : []
