@@ -181,11 +181,14 @@ double Plant::find_border(double h, const Point& middle, const Point& end) {
   };
   constexpr double kLook = 1.0 / kBorderLooks;
   double previous_m = -kInfinity, last_m = before_m;
-  for (int k = 1; k <= kBorderLooks; ++k) {
-    const double part = k * kLook;
-    const double now_m = k < kBorderLooks ? overdue_m(part) : floor.overdue_m(to);
-    if (last_m >= previous_m && last_m >= now_m && last_m + 2 * way_m * kLook > border_m_) {
-      const double begin = std::max(0.0, part - 2 * kLook);
+  for (int k = 1; k <= kBorderLooks + 1; ++k) {  // the last one only for a peak before the end
+    const double part = std::min(1.0, k * kLook);
+    const double now_m = k < kBorderLooks ? overdue_m(part) : k == kBorderLooks ? floor.overdue_m(to) : -kInfinity;
+    // As may_peak_above(); no corner of a border pokes out further than that between two looks.
+    const double bend_m = 2 * last_m - previous_m - now_m;
+    const double highest_m = last_m + std::min(bend_m / 2, 2 * way_m * kLook);
+    if (last_m >= previous_m && last_m >= now_m && highest_m > border_m_) {
+      const double begin = std::max(0, k - 2) * kLook;
       const double peak =
           begin + (part - begin) * golden_section([&](double at) { return overdue_m(begin + at * (part - begin)); });
       stepping_.look_inside(dynamics(), peak * h, inside);

@@ -17,8 +17,8 @@ struct MonitorLimits {
   double min_normal_force_n = 0;  // trips when N <= this, in every regime
   double friction_use = 1;        // trips when f_s > friction_use mu_s N; > 0
   double static_friction = 0;     // mu_s > 0; infinity: perfect friction
-  // mu_s of the floor that the plant's margins belong to; 0: static_friction. Another one where the limits are those of
-  // a floor that is only believed.
+  // mu_s of the floor that the plant's margins belong to, of its roughest place where it changes; 0: static_friction.
+  // Another one where the limits are those of a floor that is only believed.
   double margin_friction = 0;
   bool starts_rolling = false;       // a ball that slides from the first message on has slipped
   bool controller_expected = false;  // false in prescribed runs

@@ -87,8 +87,12 @@ def _legend(kinds):
             if kind in kinds]
 
 
-def draw_patches(axes, patches, low, high):
-    """Draws the patches under a path in a view from `low` to `high`. Returns their legend entries."""
+def draw_patches(axes, patches):
+    """Draws the patches under a path, once the view is set. Returns the legend entries of those in view."""
+    axes.apply_aspect()
+    (left, right), (lower, upper) = axes.get_xlim(), axes.get_ylim()
+    edge = 0.02 * (upper - lower)
+    low, high = np.array([left, lower]), np.array([right, upper])
     kinds = set()
     for number, patch in enumerate(patches):
         first, last = patch.extent()
@@ -100,10 +104,10 @@ def draw_patches(axes, patches, low, high):
         axes.add_artist(shape)  # a shape of the data would widen the view
         shape.set_clip_path(axes.patch)
         kinds.add(patch.kind)
-        # At the upper edge of the part in view, inside.
-        place = (max(first[0], low[0]) + min(last[0], high[0])) / 2, min(last[1], high[1])
+        # At the lower edge of the part in view, inside: the legend takes room from the upper one.
+        place = (max(first[0], low[0]) + min(last[0], high[0])) / 2, max(first[1], low[1] + edge)
         if patch.text:
-            axes.annotate(_symbols(patch.text), place, xytext=(0, -4), textcoords="offset points", ha="center", va="top",
+            axes.annotate(_symbols(patch.text), place, xytext=(0, 4), textcoords="offset points", ha="center", va="bottom",
                           fontsize=11, color="#555555", zorder=2.5, annotation_clip=True)
     return _legend(kinds)
 

@@ -145,12 +145,12 @@ def _curved_path(run, z, low, high):
     rows = rows_along(z, 24)
     arrows = friction_arrows(axes, z[rows, 0], z[rows, 1], run.friction_force_W()[rows], arrow_size, True)
     regimes = mark_regimes_along(axes, run, z)
-    patches = draw_patches(axes, run.patches, low - margin, high + margin)
     mark_ends(axes, z[0], z[-1])
     # The page keeps its shape. For a slim path the axes reach further, so that title and legend fit.
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
+    patches = draw_patches(axes, run.patches)
     axes.set_xlabel("$z_1$ [m]")
     axes.set_ylabel("$z_2$ [m]")
     head(axes, run, "Path of the ball, with friction", [handles + _end_handles(run), arrows, regimes] + ([patches] if patches else []))

@@ -87,7 +87,7 @@ def plan_path(run):
     margin = 0.05 * float((high - low).max())
     width = high - low + 2 * margin
     figure, (axes,) = blank_page((9.5, float(np.clip(9.5 * width[1] / width[0] + 1.6, 4.6, 10))))
-    around = draw_patches(axes, run.patches, low - margin, high + margin) + _draw_obstacles(axes, planned)
+    around = _draw_obstacles(axes, planned)
     if planned.follow is not None:
         around += _draw_band(axes, *planned.follow)
     paths = axes.plot(driven[:, 0], driven[:, 1], color=BLUE, linewidth=2.2, zorder=3, label="driven")
@@ -106,6 +106,7 @@ def plan_path(run):
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
+    around += draw_patches(axes, run.patches)
     axes.set_xlabel("$z_1$ [m]")
     axes.set_ylabel("$z_2$ [m]")
     head(axes, run, "The plan from above", [paths + places, ends, around])
