@@ -232,3 +232,36 @@ SlideCount count_slides(const ContactRun& run) {
     }
     if (slides_now && fast_s < 0 && tick.truth.slip_mps > kFast_mps) fast_s = now_s;
     if (slides_now && flagged_s < 0 && tick.measured.slip_detected) flagged_s = now_s;
+    if (!slides_now && slides) end();
+    slides = slides_now;
+    if (slid) return;
+    count.false_flag = count.false_flag || tick.measured.slip_detected || tick.measured.light_detected;
+    if (tick.meter.moved) count.score = std::max(count.score, tick.meter.slip_score);
+  });
+  if (slides) end();
+  return count;
+}
+
+ContactRun random_desk_ball(std::uint64_t seed, bool falls) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> part;
+  std::vector<std::string> set{"sensors.preset=bmi088_calibrated", "sensors.attitude=sensed", "run.hold=5",
+                               "run.on_violation=continue"},
+      faults;
+  set.push_back("seed=" + std::to_string(seed));
+  const double friction = 0.001 * std::pow(12, part(random)), at_s = 0.3 + 8 * part(random);
+  const double peak = 0.8 * (0.6 + 0.6 * part(random));
+  const std::array<std::array<double, 2>, 5> motion{{{0, peak}, {peak, 0}, {0, 0}, {0, -peak}, {-peak, 0}}};
+  for (std::size_t mass = 0; mass < 2; ++mass) {
+    for (std::size_t k = 0; k < motion.size(); ++k) {
+      set.push_back(fmt::format("mass.{}.motion.{}.acceleration=[{:.6f},{:.6f}]", mass, k, motion[k][0], motion[k][1]));
+    }
+  }
+  if (falls) {
+    faults.push_back(fmt::format("friction_falls@{:.6f}:value={:.6f}", at_s, friction));
+    set.push_back(fmt::format("duration={:.3f}", std::min(10.0, at_s + 4)));
+  }
+  return record_contact("desk_ball", set, faults);
+}
+
+}  // namespace ballast::test
