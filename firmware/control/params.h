@@ -3,6 +3,7 @@
 
 #include "firmware/model/ball.h"
 #include "firmware/motion/profile.h"
+#include "firmware/tracking/reference.h"
 
 namespace ballast::firmware {
 
@@ -26,6 +27,7 @@ struct ControllerParams {
   BallParams ball;
   PerMass<MotorParams> motor{};
   PerMass<Profile> motion{};  // runs on a start; its initial position is where the masses stand
+  ReferenceTable tracking;    // about that motion; the first start after reset() follows it
 };
 
 // Reason for which parameters were refused.

@@ -53,6 +53,7 @@ void for_every_message(const Visitor& visitor) {
   visitor.template operator()<Hello>();
   visitor.template operator()<firmware::ControllerParams>();
   visitor.template operator()<MassParams>();
+  visitor.template operator()<ReferencePart>();
   visitor.template operator()<Commit>();
   visitor.template operator()<Verdict>();
   visitor.template operator()<World>();
@@ -106,10 +107,10 @@ std::vector<std::uint8_t> changed(std::size_t at, std::uint64_t value, std::size
 
 TEST(TargetLink, EveryFrameErrorHasItsCause) {
   const auto error_of = [](std::span<const std::uint8_t> bytes) {
-    Frame frame{.type = MessageType::kEndReport, .tick = 4711, .payload = {}};
+    Frame frame{.type = MessageType::kReference, .tick = 4711, .payload = {}};
     const FrameResult result = decode_frame(bytes, frame);
     if (result.error != FrameError::kNone) {
-      EXPECT_EQ(frame.type, MessageType::kEndReport);
+      EXPECT_EQ(frame.type, MessageType::kReference);
       EXPECT_EQ(frame.tick, 4711) << "untouched on failure";
       EXPECT_EQ(frame.payload.size(), 0u);
     }
