@@ -10,6 +10,7 @@
 #include "firmware/motion/step_command.h"
 #include "sim/scenario/reader.h"
 #include "tools/program/program.h"
+#include "tools/tracking/followed_plan.h"
 
 namespace ballast::program {
 namespace {
@@ -107,6 +108,11 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
     if (!p->motion[i].set(mass.initial_position, mass.initial_velocity, pieces.data(),
                           static_cast<int>(pieces.size()))) {
       return mass_key(i, "motion") + ": durations must be positive, and all numbers finite";
+    }
+  }
+  if (scenario.control.tracking) {
+    if (const auto why = plan::set_reference(scenario, p->ball, p->tracking)) {
+      return "control.tracking = true: there is no reference to track: " + *why;
     }
   }
   if (const firmware::ParamError error = firmware::validate(*p); !error.ok()) return describe(error);
