@@ -119,7 +119,7 @@ TEST(TargetLink, EveryFrameErrorHasItsCause) {
   for (const bool checksum : {false, true}) {
     EXPECT_EQ(error_of(changed(0, 0x54534c43, 4, checksum)), FrameError::kNotAFrame);
     EXPECT_EQ(error_of(changed(4, kProtocolVersion + 1, 2, checksum)), FrameError::kVersion);
-    for (const std::uint64_t type : {0, 10, 0xffff}) {
+    for (const std::uint64_t type : {0, 11, 0xffff}) {
       EXPECT_EQ(error_of(changed(6, type, 2, checksum)), FrameError::kType);
     }
     for (const std::uint32_t length : {std::uint32_t{kMaxPayload} + 1, 0x7fffffffu, 0xffffffffu}) {
