@@ -78,6 +78,7 @@ void reset(const ControllerParams& params, ControllerState& state) {
   state.planned_motion_now = false;
   state.now = {};
   state.at_rest = true;
+  reset_sensing(params, state);
 }
 
 void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, StepCommand& steps) {
@@ -88,6 +89,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   for (int i = 0; i < params.ball.mass_count && !(order == Order::kRepeated && state.tracking.follows); ++i) {
     put(commanded(params, state, inputs.tick, i), at(i), state.now);
   }
+  if (order != Order::kRepeated) sense(params, inputs, state);
 
   // Faults are stronger than the operator. While disarmed nothing is at stake: they are shown and forbid arming, but do
   // not latch.

@@ -120,6 +120,10 @@ RefusalReport follow(const ControllerParams& params, const Inputs& inputs, Mode 
   const std::int64_t next = plus(inputs.tick, 1);
   const Mode before = state.mode;
   if (after == before) return refused(Refusal::kMode);
+  if (after == Mode::kArmed && before == Mode::kDisarmed && params.estimation.estimated &&
+      !ball_motion(params, state, inputs.sensors).known) {
+    return refused(Refusal::kNoEstimate);
+  }
   if (after == Mode::kRunning || after == Mode::kPending) {
     // Both write the profiles that a prediction under way still reads.
     if (!state.planned) drop_plan(state);

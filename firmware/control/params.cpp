@@ -70,6 +70,10 @@ class Checker {
   void finite(const Vector3& v, const char* field, int index = -1) {
     for (int j = 0; j < 3; ++j) require(std::isfinite(v[j]), field, index, v[j], "finite");
   }
+  void unit(const Quaternion& q, const char* field) {
+    const Real length = std::sqrt(q.w() * q.w() + q.x() * q.x() + q.y() * q.y() + q.z() * q.z());
+    require(std::fabs(length - 1) <= kUnitTolerance, field, -1, length, "unit length");
+  }
   [[nodiscard]] const ParamError& error() const { return error_; }
 
  private:
@@ -168,6 +172,57 @@ void check_tracking(const ReferenceTable& table, int masses, Checker& check) {
   }
 }
 
+// Greatest number of ticks from one sample to the next, or of its age: a run's, so that sums of ticks fit an int.
+constexpr int kMostSampleTicks = 1'000'000'000;
+
+void check_sample_ticks(int ticks, int least, const char* field, Checker& check) {
+  check.require(ticks >= least && ticks <= kMostSampleTicks, field, -1, ticks, least == 0 ? "0..1e9" : "1..1e9");
+}
+
+// The names of its fields stay below 40 characters, which is what a target's answer holds.
+struct TriadFields {
+  const char *noise, *bias, *bias_walk, *scale_error, *misalignment, *range, *resolution;
+};
+
+void check_triad(const TriadErrors& triad, const TriadFields& fields, Checker& check) {
+  check.not_negative(triad.noise, fields.noise);
+  check.not_negative(triad.bias, fields.bias);
+  check.not_negative(triad.bias_walk, fields.bias_walk);
+  check.not_negative(triad.scale_error, fields.scale_error);
+  check.not_negative(triad.misalignment_rad, fields.misalignment);
+  check.not_negative(triad.range, fields.range);
+  check.not_negative(triad.resolution, fields.resolution);
+}
+
+void check_estimation(const EstimationParams& estimation, Checker& check) {
+  constexpr TriadFields kGyro{"estimation.gyro.noise",        "estimation.gyro.bias",
+                              "estimation.gyro.bias_walk",    "estimation.gyro.scale_error",
+                              "estimation.gyro.misalignment", "estimation.gyro.range",
+                              "estimation.gyro.resolution"};
+  constexpr TriadFields kAccelerometer{"estimation.accelerometer.noise",        "estimation.accelerometer.bias",
+                                       "estimation.accelerometer.bias_walk",    "estimation.accelerometer.scale_error",
+                                       "estimation.accelerometer.misalignment", "estimation.accelerometer.range",
+                                       "estimation.accelerometer.resolution"};
+  check.require(estimation.measures_contact || !estimation.estimated, "estimation.measures_contact", -1, 0,
+                "true where the attitude is estimated");
+  check_sample_ticks(estimation.imu_period_ticks, 1, "estimation.imu_period_ticks", check);
+  check_sample_ticks(estimation.imu_latency_ticks, 0, "estimation.imu_latency_ticks", check);
+  check_sample_ticks(estimation.fix_delay_ticks, 0, "estimation.fix_delay_ticks", check);
+  check_triad(estimation.gyro, kGyro, check);
+  check_triad(estimation.accelerometer, kAccelerometer, check);
+  check.finite(estimation.accelerometer_position_B_m, "estimation.accelerometer_position_B_m");
+  check.not_negative(estimation.fix_noise_m, "estimation.fix_noise_m");
+  for (const Real resolution : estimation.encoder_resolution) {
+    check.not_negative(resolution, "estimation.encoder_resolution");
+  }
+  check.unit(estimation.initial_orientation, "estimation.initial_orientation");
+  check.finite(estimation.initial_angular_velocity_B_radps, "estimation.initial_angular_velocity");
+  for (int j = 0; j < 2; ++j) {
+    const Real place = estimation.initial_position_W_m[j];
+    check.require(std::isfinite(place), "estimation.initial_position_W_m", -1, place, "finite");
+  }
+}
+
 }  // namespace
 
 MotionLimits motion_limits(const ControllerParams& params, int mass) {
@@ -189,6 +244,7 @@ ParamError validate(const ControllerParams& params) {
   check.require(params.monitor_stale_ticks >= 0 && params.monitor_stale_ticks <= 1000, "monitor_stale_ticks", -1,
                 params.monitor_stale_ticks, "0..1000");
   check_ball(params.ball, check);
+  check_estimation(params.estimation, check);
 
   const int count = params.ball.mass_count;
   check.require(count >= 0 && count <= kMaxMasses, "ball.mass_count", -1, count, "0..8");

@@ -4,6 +4,9 @@
 #include "firmware/control/prediction.h"
 #include "firmware/control/status.h"
 #include "firmware/tracking/tracker.h"
+#include "firmware/estimation/attitude_filter.h"
+#include "firmware/estimation/measured_contact.h"
+#include "firmware/estimation/measured_masses.h"
 
 namespace ballast::firmware {
 
@@ -40,7 +43,13 @@ struct ControllerState {
   Predictor predictor;
   bool planned_motion_now = false;  // a stop or move was planned in this tick, which leaves no time to predict
   MassMotion now;                   // commanded at the start of the last tick
-  bool at_rest = true;              // from the start of the next tick on
+  MassMeter mass_meter;
+  MassMotion measured_masses;  // at the start of the last tick; used where there is an IMU
+  FilterState filter;
+  Estimate estimate;  // at the start of the last tick; not valid where the attitude is sensed
+  ContactMeter contact_meter;
+  MeasuredContact measured;  // by the last tick
+  bool at_rest = true;       // from the start of the next tick on
 };
 
 inline std::size_t at(int i) { return static_cast<std::size_t>(i); }

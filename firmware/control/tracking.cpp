@@ -18,11 +18,16 @@ Real most_integral_ms(const BallParams& ball) {
 
 Real bounded(Real value, Real most) { return value > most ? most : (value < -most ? -most : value); }
 
-// The ball at the start of the tick, its place reckoned from the reference's first.
-BallState observe(const ControllerParams& params, const Inputs& inputs, bool first, TrackingState& tracking) {
+// The ball at the start of the tick. A sensed one has its place reckoned from the reference's first.
+BallState observe(const ControllerParams& params, const ControllerState& state, const BallMotion& motion, bool first,
+                  TrackingState& tracking) {
   BallState ball;
-  ball.orientation = attitude(inputs.sensors);
-  ball.angular_velocity_B_radps = inputs.sensors.gyro_B_radps;
+  ball.orientation = motion.orientation;
+  ball.angular_velocity_B_radps = motion.angular_velocity_B_radps;
+  if (params.estimation.estimated) {
+    ball.position_W_m = state.estimate.position_W_m;
+    return ball;
+  }
   const Real radius_m = params.ball.radius_m;
   if (first) {
     const Vector2 start_W_m = reference_at(params.tracking, params.ball.mass_count, radius_m, 0).position_W_m;
@@ -60,11 +65,12 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
   const std::int64_t ticks = minus(inputs.tick, tracking.start_tick);
   const Wide now_s = static_cast<Wide>(ticks) * period_s;
   // In the tick of the start the ball may still be held.
-  const bool sees = ticks >= 0 && tracks_at(params.tracking, now_s);
+  const BallMotion motion = ball_motion(params, state, inputs.sensors);
+  const bool sees = ticks >= 0 && motion.known && tracks_at(params.tracking, now_s);
   ErrorVector e{};
   PerMass<Real> correction{};
   if (sees) {
-    const BallState ball = observe(params, inputs, ticks == 0, tracking);
+    const BallState ball = observe(params, state, motion, ticks == 0, tracking);
     e = error_at(params, state, ball, now_s);
     correction = feedback(params.tracking, params.ball.mass_count, now_s, e);
   }

@@ -60,6 +60,8 @@ struct MeasuredContact {
   Real mu_sigma = 0;     // 1 sigma of mu_required
   Real slip_mps2 = 0;    // magnitude of the contact point's acceleration against the floor, filtered
   Real slip_sigma_mps2 = 0;
+  bool slip_detected = false;   // the contact point slips (measured_contact.h states the rate of false alarms)
+  bool light_detected = false;  // the ball presses on the floor with less than a part of its weight
 };
 
 }  // namespace ballast::firmware

@@ -118,6 +118,21 @@ void add_real_floor(CanonicalText& text, const Surface& surface) {
   text.add("surface.slope.downhill", surface.downhill_rad);
 }
 
+// A floor without patches adds no lines.
+void add_patches(CanonicalText& text, const Surface& surface) {
+  for (const SurfacePatch& patch : surface.patches) {
+    text.add("surface.patch.corners", static_cast<std::uint64_t>(patch.polygon_W_m.size()));
+    for (const Eigen::Vector2d& corner : patch.polygon_W_m) text.add("surface.patch.polygon", corner);
+    text.add("surface.patch.circle.center", patch.center_W_m);
+    text.add("surface.patch.circle.radius", patch.radius_m);
+    text.add("surface.patch.static_friction", patch.static_friction);
+    text.add("surface.patch.kinetic_friction", patch.kinetic_friction);
+    text.add("surface.patch.rolling_resistance", patch.rolling_resistance);
+  }
+  // The creep matters where some patch resists, though the floor may not.
+  if (!surface.patches.empty()) text.add("surface.patch.creep", surface.creep_radps);
+}
+
 void add_triad(CanonicalText& text, const char* name, const ImuTriad& triad) {
   text.add("sensors.triad", std::string(name));
   text.add("noise_density", triad.noise_density);
@@ -131,6 +146,7 @@ void add_triad(CanonicalText& text, const char* name, const ImuTriad& triad) {
 
 // Scenarios with ideal sensors add no lines.
 void add_sensors(CanonicalText& text, const SensorModel& sensors) {
+  if (sensors.attitude_estimated) text.add("sensors.attitude", std::string("estimated"));
   text.add("sensors.rate", sensors.rate_hz);
   text.add("sensors.latency", sensors.latency_s);
   add_triad(text, "gyro", sensors.gyro);
@@ -202,6 +218,7 @@ std::int64_t fingerprint(const Scenario& scenario) {
   text.add("surface.kinetic_friction", scenario.surface.kinetic_friction);
   text.add("surface.restitution", scenario.surface.restitution);
   add_real_floor(text, scenario.surface);
+  add_patches(text, scenario.surface);
   text.add("masses", static_cast<std::uint64_t>(scenario.masses.size()));
   for (const Mass& mass : scenario.masses) add_mass(text, mass);
   const Eigen::Quaterniond& q = scenario.initial.orientation;

@@ -56,8 +56,10 @@ struct Scenario : World {
     bool tracking = false;  // feedback keeps the ball on the motion; default: true where there is a [plan]
   } control;
 
-  // The world that controller, monitor and planner take for true: [believed]. None: they know the truth.
+  // The world that controller, monitor and planner take for true: [believed], or the floor without its patches, which
+  // nobody is told of. None: they know the truth.
   std::optional<World> believed;
+  bool belief_is_written = false;  // there is a [believed]
   [[nodiscard]] const World& belief() const { return believed ? *believed : *this; }
 
   std::vector<Fault> faults;  // injected into the run; in order of time, those of one time as written

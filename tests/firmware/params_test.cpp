@@ -5,6 +5,7 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "firmware/motion/motion_limits.h"
 #include "tests/firmware/paper_ball.h"
@@ -150,6 +151,53 @@ TEST(Validate, Reference) {
     add_reference(p);
     p.tracking.values[static_cast<std::size_t>(reference_row(3))] = 0.999F;
   });
+}
+
+void expect_refused_triad(const std::string& name, TriadErrors EstimationParams::*triad) {
+  const std::pair<const char*, Real TriadErrors::*> fields[] = {{"noise", &TriadErrors::noise},
+                                                                {"bias", &TriadErrors::bias},
+                                                                {"bias_walk", &TriadErrors::bias_walk},
+                                                                {"scale_error", &TriadErrors::scale_error},
+                                                                {"misalignment", &TriadErrors::misalignment_rad},
+                                                                {"range", &TriadErrors::range},
+                                                                {"resolution", &TriadErrors::resolution}};
+  for (const auto& [field, member] : fields) {
+    expect_refused_values("estimation." + name + "." + field, -1, {-1, kNan, kInfinity},
+                          [&, m = member](auto& p) -> Real& { return p.estimation.*triad.*m; });
+  }
+}
+
+TEST(Validate, Estimation) {
+  expect_refused_triad("gyro", &EstimationParams::gyro);
+  expect_refused_triad("accelerometer", &EstimationParams::accelerometer);
+  expect_refused("estimation.measures_contact", -1, [](auto& p) { p.estimation.estimated = true; });
+  EXPECT_TRUE(validated([](auto& p) { p.estimation.estimated = p.estimation.measures_contact = true; }).ok());
+  for (const int ticks : {-1, 0, 1'000'000'001}) {
+    expect_refused("estimation.imu_period_ticks", -1, [ticks](auto& p) { p.estimation.imu_period_ticks = ticks; });
+    if (ticks == 0) continue;
+    expect_refused("estimation.imu_latency_ticks", -1, [ticks](auto& p) { p.estimation.imu_latency_ticks = ticks; });
+    expect_refused("estimation.fix_delay_ticks", -1, [ticks](auto& p) { p.estimation.fix_delay_ticks = ticks; });
+  }
+  for (int j = 0; j < 3; ++j) {
+    expect_refused_values("estimation.accelerometer_position_B_m", -1, {kNan, kInfinity},
+                          [j](auto& p) -> Real& { return p.estimation.accelerometer_position_B_m[j]; });
+    expect_refused_values("estimation.initial_angular_velocity", -1, {kNan, kInfinity},
+                          [j](auto& p) -> Real& { return p.estimation.initial_angular_velocity_B_radps[j]; });
+  }
+  for (int j = 0; j < 2; ++j) {
+    expect_refused_values("estimation.initial_position_W_m", -1, {kNan, -kInfinity},
+                          [j](auto& p) -> Real& { return p.estimation.initial_position_W_m[j]; });
+  }
+  for (const Real w : {Real(0), Real(1.001), kNan, kInfinity}) {
+    expect_refused("estimation.initial_orientation", -1,
+                   [w](auto& p) { p.estimation.initial_orientation = Quaternion(w, 0, 0, 0); });
+  }
+  expect_refused_values("estimation.fix_noise_m", -1, {-1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.estimation.fix_noise_m; });
+  for (std::size_t i : {0u, 7u}) {
+    expect_refused_values("estimation.encoder_resolution", -1, {-1, kNan, kInfinity},
+                          [i](auto& p) -> Real& { return p.estimation.encoder_resolution[i]; });
+  }
 }
 
 TEST(Validate, MassesAndRails) {

@@ -193,6 +193,19 @@ TEST(Tracking, BallReturnsFromADisturbance) {
   }
 }
 
+// The same on a floor that slopes and resists: the moment has its slope over errors that matter, so the gains still
+// hold a ball that has come to a standstill, where the exact slope is 100 times as steep.
+TEST(Tracking, BallReturnsOnARealFloor) {
+  sim::Scenario real = desk_ball();
+  real.surface.slope_rad = 0.02;
+  real.surface.rolling_resistance = 0.02;
+  const Tracking t = tracking_of(real);
+  const GainTable table = gain_table(t);
+  const Eigen::VectorXd open = roll(t, t.robot.ball, nullptr, 0.05), held = roll(t, t.robot.ball, &table, 0.05);
+  EXPECT_LT(held.tail(2).norm(), 0.3 * open.tail(2).norm());
+  EXPECT_TRUE(held.allFinite());
+}
+
 TEST(Tracking, TableFitsAndIsCloseToTheGains) {
   const Tracking t = tracking_of(desk_ball());
   const GainTable table = gain_table(t);
@@ -213,10 +226,6 @@ TEST(Tracking, RefusesWhatItCannotFollow) {
   for (sim::Mass& mass : still.masses) mass.motion.clear();
   EXPECT_FALSE(try_track(still, why));
   EXPECT_NE(why.find("ballast plan"), std::string::npos) << why;
-  sim::Scenario slope = desk_ball();
-  slope.surface.slope_rad = 0.1;
-  EXPECT_FALSE(try_track(slope, why));
-  EXPECT_NE(why.find("level"), std::string::npos) << why;
   sim::Scenario endless = desk_ball();
   endless.duration_s = 1e6;
   EXPECT_FALSE(try_track(endless, why));
