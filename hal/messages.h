@@ -221,7 +221,16 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(m.static_friction, Real())
       .all(m.sensor_stale_ticks, m.monitor_stale_ticks, m.ball, m.estimation)
       .field(m.motor, Unsent())
-      .field(m.motion, Unsent());
+      .field(m.motion, Unsent())
+      .field(m.tracking);
+}
+
+// Its values travel in parts (target::ReferencePart).
+template <class V, Of<firmware::ReferenceTable> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.samples, Within(0, firmware::kMostReferenceFloats))
+      .all(m.period_s, m.holds)
+      .field(m.values, Unsent());
 }
 
 template <class V, Of<firmware::RailKnot> M>

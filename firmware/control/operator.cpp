@@ -131,7 +131,11 @@ RefusalReport follow(const ControllerParams& params, const Inputs& inputs, Mode 
                                                           : prepare_move(params, inputs.operator_command.move, state);
     if (refusal.reason != Refusal::kNone) return refusal;
   }
-  if (after == Mode::kRunning) begin(state, next);
+  if (after == Mode::kRunning) {
+    const bool tracks = params.tracking.samples > 0 && !state.started;
+    begin(state, next);
+    if (tracks) begin_tracking(state, next);
+  }
   if (after == Mode::kPending) {
     state.plan_tick = move_begins(params, state, inputs.tick);
     begin_prediction(params, inputs, state);

@@ -150,6 +150,28 @@ void check_rail(const Rail& rail, int i, Checker& check) {
   check.positive(rail.radius_m, "ball.rail.radius_m", i);
 }
 
+void check_tracking(const ReferenceTable& table, int masses, Checker& check) {
+  if (table.samples == 0) return;
+  const int most = kMostReferenceFloats / reference_row(masses);
+  check.require(table.samples >= 2 && table.samples <= most, "tracking.samples", -1, table.samples,
+                "0, or 2 to as many rows as the table has", most);
+  check.positive(table.period_s, "tracking.period_s");
+  if (!check.error().ok()) return;
+  check.require(masses > 0, "tracking.samples", -1, table.samples, "0 without masses");
+  const int row = reference_row(masses);
+  for (int k = 0; k < table.samples * row; ++k) {
+    const auto value = static_cast<Wide>(table.values[static_cast<std::size_t>(k)]);
+    check.require(std::isfinite(value), "tracking.values", k, value, "finite");
+  }
+  for (int k = 0; k < table.samples && check.error().ok(); ++k) {
+    const float* q = table.values.data() + static_cast<std::ptrdiff_t>(k) * row;
+    const float length2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    // Rounded to floats.
+    check.require(std::fabs(length2 - 1) <= 1e-5F, "tracking.values", k * row, static_cast<Wide>(length2),
+                  "an attitude of unit length");
+  }
+}
+
 // Greatest number of ticks from one sample to the next, or of its age: a run's, so that sums of ticks fit an int.
 constexpr int kMostSampleTicks = 1'000'000'000;
 
@@ -254,6 +276,7 @@ ParamError validate(const ControllerParams& params) {
     if (check.error().ok()) check.reversals(params, i);
     if (check.error().ok()) check.ends(params.ball, params.motion[k], i);
   }
+  if (check.error().ok()) check_tracking(params.tracking, count, check);
   return check.error();
 }
 

@@ -4,6 +4,7 @@
 #include "firmware/estimation/estimate.h"
 #include "firmware/model/ball.h"
 #include "firmware/motion/profile.h"
+#include "firmware/tracking/reference.h"
 
 namespace ballast::firmware {
 
@@ -28,6 +29,7 @@ struct ControllerParams {
   EstimationParams estimation;
   PerMass<MotorParams> motor{};
   PerMass<Profile> motion{};  // runs on a start; its initial position is where the masses stand
+  ReferenceTable tracking;    // about that motion; the first start after reset() follows it
 };
 
 // Reason for which parameters were refused.

@@ -73,6 +73,14 @@ void begin(ControllerState& state, std::int64_t next);
 // Makes the masses hold where their profiles are at the start of `tick`.
 void hold(const ControllerParams& params, ControllerState& state, std::int64_t tick);
 
+// --- tracking.cpp: the motion along the reference (firmware/tracking) ---
+
+// Begins to follow the reference with the motion in `active`, which begins with the start of `next`.
+void begin_tracking(ControllerState& state, std::int64_t next);
+
+// Puts the motion of the tick `next` into `active`.
+void track(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next);
+
 // --- operator.cpp ---
 
 // Obeys the operator's command, if there is one, or keeps the reason why not.

@@ -3,11 +3,21 @@
 
 #include "firmware/control/prediction.h"
 #include "firmware/control/status.h"
+#include "firmware/tracking/tracker.h"
 #include "firmware/estimation/attitude_filter.h"
 #include "firmware/estimation/measured_contact.h"
 #include "firmware/estimation/measured_masses.h"
 
 namespace ballast::firmware {
+
+// The run along the reference, from the first start on.
+struct TrackingState {
+  bool follows = false;         // each tick's motion is commanded by the feedback; `active` holds one tick of it
+  std::int64_t start_tick = 0;  // at whose start the plan time is 0
+  DeadReckoning reckoning;
+  Vector2 integral_W_ms = Vector2::Zero();  // of the place's error
+  PerMass<int> waiting_ticks{};             // in which a motor's pulses have waited for their distance
+};
 
 struct ControllerState {
   Mode mode = Mode::kDisarmed;
@@ -19,6 +29,7 @@ struct ControllerState {
   bool moving = false;          // active profiles are in force; otherwise the masses hold at hold_position
   bool braking = false;         // the active profiles are stops
   PerMass<Profile> active{};    // the scenario's motion, a move, or a stop from where one of them is
+  TrackingState tracking;
   PerMass<Wide> hold_position{};
   PerMass<std::int64_t> position_steps{};
   PerMass<LastPulse> last_pulse{};

@@ -205,19 +205,44 @@ void read_published(TableReader table, std::vector<Scenario::Published>& publish
   if (quantity && value && source) published.push_back({std::string(kQuantities[*quantity]), *value, *source});
 }
 
-// [plan] goal as `ballast plan` writes it. Anything else is ignored.
-std::optional<Eigen::Vector2d> planned_goal(const Node& root) {
-  const Node* plan = root.find("plan");
-  const Node* goal = plan == nullptr ? nullptr : plan->find("goal");
-  if (goal == nullptr || goal->kind != NodeKind::kArray || goal->items.size() != 2) return std::nullopt;
-  Eigen::Vector2d place;
-  for (std::size_t j = 0; j < 2; ++j) {
-    const Node& item = goal->items[j];
+// An array of so many numbers, each finite; anything else is none.
+template <int kSize>
+std::optional<Eigen::Matrix<double, kSize, 1>> finite_numbers(const Node* node) {
+  if (node == nullptr || node->kind != NodeKind::kArray || node->items.size() != kSize) return std::nullopt;
+  Eigen::Matrix<double, kSize, 1> out;
+  for (std::size_t j = 0; j < kSize; ++j) {
+    const Node& item = node->items[j];
     const bool number = item.kind == NodeKind::kFloat || item.kind == NodeKind::kInteger;
     if (!number || !std::isfinite(item.number)) return std::nullopt;
-    place[static_cast<Eigen::Index>(j)] = item.number;
+    out[static_cast<Eigen::Index>(j)] = item.number;
   }
-  return place;
+  return out;
+}
+
+// [plan] as `ballast plan` writes it. Anything else is ignored.
+Scenario::Plan read_plan(const Node& root) {
+  Scenario::Plan out;
+  const Node* plan = root.find("plan");
+  out.present = plan != nullptr && plan->kind == NodeKind::kTable;
+  if (!out.present) return out;
+  out.goal_W_m = finite_numbers<2>(plan->find("goal"));
+  const Node* start = plan->find("start");
+  if (start == nullptr || start->kind != NodeKind::kTable) return out;
+  const auto q = finite_numbers<4>(start->find("orientation"));
+  const auto omega = finite_numbers<3>(start->find("angular_velocity"));
+  const auto place = finite_numbers<2>(start->find("position"));
+  if (!q || !omega || !place || !(std::abs(q->norm() - 1) <= kUnitTolerance)) return out;
+  const Eigen::Vector4d unit = q->normalized();
+  out.start.emplace();
+  out.start->orientation = Eigen::Quaterniond(unit[0], unit[1], unit[2], unit[3]);
+  out.start->angular_velocity_B_radps = *omega;
+  out.start->position_W_m = *place;
+  return out;
+}
+
+void read_control(TableReader table, bool planned, Scenario::Control& control) {
+  control.tracking = table.boolean("tracking", planned).value_or(planned);
+  table.refuse_unknown_keys();
 }
 
 // The controller can be armed once a sample of the IMU has arrived, and is armed at the end of the hold.
@@ -290,7 +315,8 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
     read_published(table, scenario.published);
   }
 
-  scenario.planned_goal_W_m = planned_goal(root_node);
+  scenario.plan = read_plan(root_node);
+  read_control(root.table("control"), scenario.plan.present, scenario.control);
 
   // A belief that is held against a robot with errors would only repeat them.
   root.know({"believed"});

@@ -183,6 +183,18 @@ void add_believed(CanonicalText& text, const World& believed) {
   for (const Mass& mass : believed.masses) text.add("believed.mass", mass.mass_kg);
 }
 
+// Scenarios without a controller that tracks add no lines.
+void add_tracking(CanonicalText& text, const Scenario& scenario) {
+  if (!scenario.control.tracking || !has_controller(scenario.run.actuation)) return;
+  text.add("control.tracking", 1);
+  if (!scenario.plan.start) return;
+  const InitialState& start = *scenario.plan.start;
+  const Eigen::Quaterniond& q = start.orientation;
+  text.add("plan.start.orientation", Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()));
+  text.add("plan.start.angular_velocity", start.angular_velocity_B_radps);
+  text.add("plan.start.position", start.position_W_m);
+}
+
 }  // namespace
 
 std::int64_t fingerprint(const Scenario& scenario) {
@@ -224,6 +236,7 @@ std::int64_t fingerprint(const Scenario& scenario) {
   if (scenario.run.hold_s > 0) text.add("run.hold", scenario.run.hold_s);
   text.add("envelope.min_normal_force", scenario.envelope.min_normal_force_n);
   text.add("envelope.friction_use", scenario.envelope.friction_use);
+  add_tracking(text, scenario);
   if (scenario.sensors.present) add_sensors(text, scenario.sensors);
   if (scenario.believed) add_believed(text, *scenario.believed);
   text.add("seed", scenario.seed);

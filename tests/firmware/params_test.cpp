@@ -117,6 +117,42 @@ TEST(Validate, Ball) {
   });
 }
 
+// A table of two rows: the ball stands, no feedback.
+void add_reference(ControllerParams& p) {
+  p.tracking.samples = 2;
+  p.tracking.period_s = 0.5;
+  for (std::size_t k = 0; k < 2; ++k) p.tracking.values[k * static_cast<std::size_t>(reference_row(3))] = 1;
+}
+
+TEST(Validate, Reference) {
+  EXPECT_TRUE(validated([](auto& p) { add_reference(p); }).ok());
+  EXPECT_TRUE(validated([](auto& p) { p.tracking.period_s = kNan; }).ok()) << "no samples: not read";
+  const int most = kMostReferenceFloats / reference_row(3);
+  for (const int samples : {-1, 1, most + 1, kMostReferenceFloats}) {
+    expect_refused("tracking.samples", -1, [samples](auto& p) {
+      add_reference(p);
+      p.tracking.samples = samples;
+    });
+  }
+  for (const Real period : {Real(0), Real(-1), kNan, kInfinity}) {
+    expect_refused("tracking.period_s", -1, [period](auto& p) {
+      add_reference(p);
+      p.tracking.period_s = period;
+    });
+  }
+  const int last = 2 * reference_row(3) - 1;
+  for (const float value : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    expect_refused("tracking.values", last, [=](auto& p) {
+      add_reference(p);
+      p.tracking.values[static_cast<std::size_t>(last)] = value;
+    });
+  }
+  expect_refused("tracking.values", reference_row(3), [](auto& p) {
+    add_reference(p);
+    p.tracking.values[static_cast<std::size_t>(reference_row(3))] = 0.999F;
+  });
+}
+
 void expect_refused_triad(const std::string& name, TriadErrors EstimationParams::*triad) {
   const std::pair<const char*, Real TriadErrors::*> fields[] = {{"noise", &TriadErrors::noise},
                                                                 {"bias", &TriadErrors::bias},

@@ -1,5 +1,5 @@
 // The planner's model against the firmware's closed forms, and its derivatives against complex step.
-#include "tools/plan/rolling_model.h"
+#include "tools/tracking/rolling_model.h"
 
 #include <gtest/gtest.h>
 

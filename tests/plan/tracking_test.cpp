@@ -1,7 +1,5 @@
 // Reference and gains about a plan: the Riccati recursion by another formula, the linearised model with feedback, and
 // the ball itself, rolled by the firmware's closed forms, back from a disturbance.
-#include "tools/plan/tracking.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -12,6 +10,8 @@
 #include <random>
 
 #include "firmware/model/rolling.h"
+#include "tools/program/params.h"
+#include "tools/tracking/reference.h"
 
 namespace ballast::plan {
 namespace {
@@ -24,9 +24,18 @@ sim::Scenario desk_ball() {
   return read.scenario;
 }
 
+std::optional<Tracking> try_track(const sim::Scenario& scenario, std::string& why,
+                                  const TrackingOptions& options = {}) {
+  firmware::BallParams ball;
+  EXPECT_FALSE(program::to_ball_params(scenario, ball));
+  return track(scenario, ball, why, options);
+}
+
 Tracking tracking_of(const sim::Scenario& scenario, double step = 0.1) {
   std::string why;
-  const auto tracking = track(scenario, why, {}, step);
+  TrackingOptions options;
+  options.step = step;
+  const auto tracking = try_track(scenario, why, options);
   EXPECT_TRUE(tracking) << why;
   return tracking.value_or(Tracking{});
 }
@@ -215,11 +224,11 @@ TEST(Tracking, RefusesWhatItCannotFollow) {
   std::string why;
   sim::Scenario still = desk_ball();
   for (sim::Mass& mass : still.masses) mass.motion.clear();
-  EXPECT_FALSE(track(still, why));
+  EXPECT_FALSE(try_track(still, why));
   EXPECT_NE(why.find("ballast plan"), std::string::npos) << why;
   sim::Scenario endless = desk_ball();
   endless.duration_s = 1e6;
-  EXPECT_FALSE(track(endless, why));
+  EXPECT_FALSE(try_track(endless, why));
   EXPECT_NE(why.find("duration"), std::string::npos) << why;
 }
 

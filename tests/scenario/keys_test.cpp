@@ -75,8 +75,8 @@ const std::string kOther =
     "motion = [ { duration = 0.01, acceleration = [500, 500] }, { duration = 0.01, acceleration = [-500, -500] } ]\n";
 
 // Keys whose cells are the page's own: two meanings of one key, or a default that is no value of the key.
-const std::set<std::string> kOwnWords{"fault.N.axis", "fault.N.channel", "fault.N.kind", "initial.velocity",
-                                      "mass.N.rail.direction"};
+const std::set<std::string> kOwnWords{"control.tracking", "fault.N.axis",     "fault.N.channel",
+                                      "fault.N.kind",     "initial.velocity", "mass.N.rail.direction"};
 
 // Every table in every form that it can have.
 std::vector<std::string> texts() {

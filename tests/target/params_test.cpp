@@ -29,6 +29,15 @@ struct Robot {
     params.ball.rail[1].lower_end = -0.9;
     params.ball.rail[1].upper_end = 0.9;
     params.ball.rail[2] = firmware::testing::wavy_spline();
+    params.tracking.samples = 2;
+    params.tracking.period_s = 0.5;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(reference_values(params)); ++k) {
+      params.tracking.values[k] = 0.25F * static_cast<float>(k % 7);
+    }
+    for (std::size_t k = 0; k < 2; ++k) {
+      const std::size_t row = k * static_cast<std::size_t>(firmware::reference_row(3));
+      for (std::size_t c = 0; c < 4; ++c) params.tracking.values[row + c] = c == k ? 1 : 0;
+    }
     for (int i = 0; i < 3; ++i) motions.push_back({0.1, 0, {{0.1, 1, 1}, {0.1, 1, 0}}});
     build();
   }
@@ -92,6 +101,12 @@ Verdict verdict_of(const Robot& robot) {
     std::copy(motion.pieces.begin(), motion.pieces.end(), mass->pieces.begin());
     machine.say(*mass);
   }
+  const auto part = std::make_unique<ReferencePart>();
+  const int values = reference_values(robot.params);
+  for (int first = 0; first < values; first += part->count) {
+    get_reference(robot.params.tracking, first, values, *part);
+    machine.say(*part);
+  }
   machine.say(Commit{});
   const auto link = std::make_unique<Link<LinkOnly>>(machine);
   const auto params = std::make_unique<firmware::ControllerParams>();
@@ -134,8 +149,8 @@ std::vector<Change> changes() {
 
   const Robot robot;
   {
-    [[maybe_unused]] const auto& [scenario_id, control_period, timer, friction, sensors, monitor, ball, motor, motion] =
-        robot.params;
+    [[maybe_unused]] const auto& [scenario_id, control_period, timer, friction, sensors, monitor, ball, motor, motion,
+                                  tracking] = robot.params;
     number(
         "scenario_id", [](Robot & r) -> auto& { return r.params.scenario_id; });
     number(
@@ -148,6 +163,20 @@ std::vector<Change> changes() {
         "sensor_stale_ticks", [](Robot & r) -> auto& { return r.params.sensor_stale_ticks; });
     number(
         "monitor_stale_ticks", [](Robot & r) -> auto& { return r.params.monitor_stale_ticks; });
+  }
+  {
+    [[maybe_unused]] const auto& [samples, period, holds, values] = robot.params.tracking;
+    add("tracking.samples", [](Robot& r) { r.params.tracking.samples = 3; });
+    number(
+        "tracking.period_s", [](Robot & r) -> auto& { return r.params.tracking.period_s; });
+    number(
+        "tracking.holds", [](Robot & r) -> auto& { return r.params.tracking.holds; });
+    for (std::size_t k = 0; k < static_cast<std::size_t>(reference_values(robot.params)); ++k) {
+      add("tracking.values[" + std::to_string(k) + ']', [k](Robot& r) {
+        float& value = r.params.tracking.values[k];
+        value = std::nextafter(value, 2.0F);
+      });
+    }
   }
   {
     [[maybe_unused]] const auto& [radius, gravity, shell, inertia, center, force, down, resistance, spin, creep, count,

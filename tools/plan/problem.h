@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "sim/motors/stepper.h"
-#include "tools/plan/rolling_model.h"
+#include "tools/tracking/rolling_model.h"
 
 namespace ballast::plan {
 

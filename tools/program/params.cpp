@@ -11,6 +11,7 @@
 #include "sim/scenario/reader.h"
 #include "sim/sensors/sensors.h"
 #include "tools/program/program.h"
+#include "tools/tracking/followed_plan.h"
 
 namespace ballast::program {
 namespace {
@@ -77,9 +78,12 @@ firmware::EstimationParams to_estimation_params(const sim::Scenario& scenario) {
   for (std::size_t i = 0; i < sensors.encoder_resolution.size(); ++i) {
     estimation.encoder_resolution[i] = sensors.encoder_resolution[i];
   }
-  estimation.initial_orientation = scenario.initial.orientation;
-  estimation.initial_angular_velocity_B_radps = scenario.initial.angular_velocity_B_radps;
-  estimation.initial_position_W_m = scenario.initial.position_W_m;
+  // A tracked plan begins where it was made for, wherever the true ball is set down.
+  const bool planned = scenario.control.tracking && scenario.plan.start;
+  const sim::InitialState& start = planned ? *scenario.plan.start : scenario.initial;
+  estimation.initial_orientation = start.orientation;
+  estimation.initial_angular_velocity_B_radps = start.angular_velocity_B_radps;
+  estimation.initial_position_W_m = start.position_W_m;
   return estimation;
 }
 
@@ -147,6 +151,11 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
     if (!p->motion[i].set(mass.initial_position, mass.initial_velocity, pieces.data(),
                           static_cast<int>(pieces.size()))) {
       return mass_key(i, "motion") + ": durations must be positive, and all numbers finite";
+    }
+  }
+  if (scenario.control.tracking) {
+    if (const auto why = plan::set_reference(scenario, p->ball, p->tracking)) {
+      return "control.tracking = true: there is no reference to track: " + *why;
     }
   }
   if (const firmware::ParamError error = firmware::validate(*p); !error.ok()) return describe(error);

@@ -102,6 +102,7 @@ class Run {
 
   std::optional<sim::Body> believed_;  // of the controller, where it is not the truth
   std::optional<BeliefWatch> belief_watch_;
+  std::optional<TrackingWatch> tracking_watch_;
   std::optional<EstimateWatch> estimate_watch_;
   std::optional<sim::Sensors> sensors_;  // none: ideal ones
   Pace pace_;
@@ -144,6 +145,9 @@ Run::Run(const sim::Scenario& scenario, Peer& peers, LapSink& sink, const RunOpt
   if (scenario.sensors.present) sensors_.emplace(scenario.sensors, period_s_, scenario.seed);
   if (scenario.believed) believed_.emplace(*scenario.believed);
   if (scenario.believed && options.predict_belief) belief_watch_.emplace(scenario);
+  if (scenario.plan.present) {
+    if (auto path = plan::planned_path(scenario)) tracking_watch_.emplace(std::move(*path));
+  }
   if (scenario.sensors.attitude_estimated && has_controller_) estimate_watch_.emplace(scenario);
   if (options.move) result_.move_end = MoveEnd{*options.move};
   if (options.check_steps && has_controller_) step_check_.emplace(scenario);
@@ -172,6 +176,7 @@ void Run::begin() {
   sample_ = plant_.sample();
   if (tick_ < 0 && scenario_.run.hold_s > 0) hold_still(sample_);
   if (result_.ticks > 0) result_.distance_m += (sample_.position_W_m - before_W_m).norm();
+  if (tracking_watch_ && tick_ >= 0) tracking_watch_->observe(sample_.time_s, sample_.position_W_m.head<2>());
   rest_.observe(sample_);
   const bool move_done = move_done_tick_ && tick_ >= *move_done_tick_;
   if (move_done) result_.move_end->steps_made = true;
@@ -430,6 +435,7 @@ RunResult Run::finish() {
   result_.latency_ticks = trips_.latency_ticks();
   result_.missing_commands = feed_.missing_commands();
   if (belief_watch_) result_.belief = belief_watch_->result();
+  if (tracking_watch_) result_.tracking = tracking_watch_->record();
   if (estimate_watch_) result_.estimate = estimate_watch_->result();
   if (step_check_) result_.step_timing = step_check_->record();
   copy_motors();

@@ -13,6 +13,7 @@
 #include "tools/sil/motor_share.h"
 #include "tools/sil/peer.h"
 #include "tools/sil/step_timing.h"
+#include "tools/sil/tracking_watch.h"
 
 namespace ballast::sil {
 
@@ -98,6 +99,7 @@ struct RunResult {
   std::array<MotorRecord, sim::kMaxMasses> motors;
   MotorShare motor_share;
   std::optional<BeliefPrediction> belief;  // where the scenario has one
+  std::optional<TrackingRecord> tracking;  // where the scenario has a plan that rolls
   std::optional<EstimateErrors> estimate;  // where the controller has estimated its attitude
   std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
   trip_t trip{};  // the last verdict

@@ -299,6 +299,17 @@ Json belief_json(const RunResult& result) {
           {"position_error", off_m.norm()}};
 }
 
+// null where the scenario has no plan.
+Json tracking_json(const RunResult& result) {
+  if (!result.tracking) return nullptr;
+  const TrackingRecord& t = *result.tracking;
+  return {{"rms", t.rms_m},
+          {"max", t.max_m},
+          {"final", t.final_m},
+          {"cross_track_rms", t.cross_track_rms_m},
+          {"path_length", t.path_length_m}};
+}
+
 }  // namespace
 
 Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
@@ -336,6 +347,7 @@ Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
   j["travel"] = {{"position", {f.position_W_m[0], f.position_W_m[1], f.position_W_m[2]}},
                  {"distance", result.distance_m},
                  {"speed", f.velocity_W_mps.norm()}};
+  j["tracking"] = tracking_json(result);
   j["coast"] = coast_json(scenario, result);
   j["regimes"] = regimes_json(result);
   j["impacts"] = impacts_json(result);

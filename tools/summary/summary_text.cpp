@@ -104,13 +104,24 @@ std::string travel_line(const sim::Scenario& scenario, const RunResult& result) 
 
 // How near the ball came to the goal of its plan.
 std::string goal_line(const sim::Scenario& scenario, const RunResult& result) {
-  if (!scenario.planned_goal_W_m) return "";
+  if (!scenario.plan.goal_W_m) return "";
   constexpr double kNegligible_m = 1e-6;  // a plan meets its goal within 1 mm
-  const Eigen::Vector2d& goal = *scenario.planned_goal_W_m;
+  const Eigen::Vector2d& goal = *scenario.plan.goal_W_m;
   const double off_m = (result.final_sample.position_W_m.head<2>() - goal).norm();
   return fmt::format("  goal        ({}, {}) m in its plan; the ball ended {} mm from there\n",
                      short_number(goal[0], kNegligible_m), short_number(goal[1], kNegligible_m),
                      short_number(1e3 * off_m, 1e3 * kNegligible_m));
+}
+
+// How far the ball was from the place of its plan.
+std::string tracking_line(const sim::Scenario& scenario, const RunResult& result) {
+  if (!result.tracking) return "";
+  const TrackingRecord& t = *result.tracking;
+  const double nothing_mm = 1e-3;
+  const auto mm = [&](double m) { return short_number(1e3 * m, nothing_mm); };
+  const bool tracked = scenario.control.tracking && has_controller(scenario.run.actuation);
+  return fmt::format("  tracking    {}: {} mm rms from the plan, {} mm at most, {} mm at the end, of {} m of path\n",
+                     tracked ? "on" : "off", mm(t.rms_m), mm(t.max_m), mm(t.final_m), short_number(t.path_length_m));
 }
 
 std::string fault_lines(const sim::Scenario& scenario, const RunResult& result) {
@@ -405,6 +416,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   text += "  ended       " + end_text(scenario, result) + "\n";
   text += travel_line(scenario, result);
   text += goal_line(scenario, result);
+  text += tracking_line(scenario, result);
   text += coast_line(scenario, result);
   text += fault_lines(scenario, result);
   text += regime_lines(result);

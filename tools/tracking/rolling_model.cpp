@@ -1,4 +1,4 @@
-#include "tools/plan/rolling_model.h"
+#include "tools/tracking/rolling_model.h"
 
 #include <cmath>
 #include <complex>
