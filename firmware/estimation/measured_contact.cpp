@@ -299,33 +299,38 @@ SlipNoise slip_noise(const BallParams& ball, const EstimationParams& params, Rea
           2 * square(ball.radius_m * params.gyro.noise), square(params.accelerometer.noise) * sample_s, tilt_part};
 }
 
+// Gains from one total to a later one.
+contact::Slip between(const contact::SlipTotal& from, const contact::SlipTotal& to) {
+  const auto difference = [](const std::array<Wide, 2>& a, const std::array<Wide, 2>& b) {
+    return Vector2(static_cast<Real>(b[0] - a[0]), static_cast<Real>(b[1] - a[1]));
+  };
+  return {difference(from.by_accelerometer_W_mps, to.by_accelerometer_W_mps),
+          difference(from.by_rotation_W_mps, to.by_rotation_W_mps)};
+}
+
+// The total `blocks` blocks before the end of the newest one, 1..block_count.
+const contact::SlipTotal& total_before(const ContactMeter& meter, int blocks) {
+  const int at = meter.next_block - blocks;
+  return meter.totals[static_cast<std::size_t>(at < 0 ? at + contact::kBlocks : at)];
+}
+
 // Judges all windows that end with the newest block. True: a window shows slip.
 bool slips(const SlipNoise& noise, Real block_s, ContactMeter& meter) {
-  // Sums from the newest block back.
-  std::array<contact::Slip, contact::kBlocks + 1> gained;
-  gained[0] = {};
-  int at = meter.next_block;
-  for (int k = 0; k < meter.block_count; ++k) {
-    at = at == 0 ? contact::kBlocks - 1 : at - 1;
-    const contact::Slip& block = meter.blocks[static_cast<std::size_t>(at)];
-    const contact::Slip& until = gained[static_cast<std::size_t>(k)];
-    gained[static_cast<std::size_t>(k + 1)] = {until.by_accelerometer_W_mps + block.by_accelerometer_W_mps,
-                                               until.by_rotation_W_mps + block.by_rotation_W_mps};
-  }
   bool found = false;
   meter.slip_score = 0;
   for (const int blocks : kWindows) {
     if (blocks > meter.block_count) break;
     const int before = meter.block_count - blocks < kBaseline ? meter.block_count - blocks : kBaseline;
     const Real window_s = static_cast<Real>(blocks) * block_s, baseline_s = static_cast<Real>(before) * block_s;
-    const contact::Slip& window = gained[static_cast<std::size_t>(blocks)];
+    const contact::SlipTotal& begin = total_before(meter, blocks);
+    const contact::Slip window = between(begin, meter.total);
     Vector2 speed = window.by_accelerometer_W_mps, confirmed = window.by_rotation_W_mps;
     Real error = window_s * noise.offset_mps2, part = 0;
     if (before >= kLeastBaseline) {
-      const contact::Slip& all = gained[static_cast<std::size_t>(blocks + before)];
+      const contact::Slip expected = between(total_before(meter, blocks + before), begin);
       part = static_cast<Real>(blocks) / static_cast<Real>(before);
-      speed -= part * (all.by_accelerometer_W_mps - window.by_accelerometer_W_mps);
-      confirmed -= part * (all.by_rotation_W_mps - window.by_rotation_W_mps);
+      speed -= part * expected.by_accelerometer_W_mps;
+      confirmed -= part * expected.by_rotation_W_mps;
       const Real drifted = window_s * noise.drift_mps3 * (window_s + baseline_s) / 2;
       error = drifted < Real(1.4142136) * error ? drifted : Real(1.4142136) * error;
     }
@@ -347,7 +352,12 @@ bool slips(const SlipNoise& noise, Real block_s, ContactMeter& meter) {
 void end_block(const BallParams& ball, const EstimationParams& params, const Instant& now, const ContactSums& sums,
                Real constant_m2ps4, Real tilt_square, Real dt, ContactMeter& meter) {
   const Real block_s = static_cast<Real>(meter.block_samples) * dt;
-  meter.blocks[static_cast<std::size_t>(meter.next_block)] = meter.block;
+  meter.totals[static_cast<std::size_t>(meter.next_block)] = meter.total;
+  for (int j = 0; j < 2; ++j) {
+    const auto k = static_cast<std::size_t>(j);
+    meter.total.by_accelerometer_W_mps[k] += static_cast<Wide>(meter.block.by_accelerometer_W_mps[j]);
+    meter.total.by_rotation_W_mps[k] += static_cast<Wide>(meter.block.by_rotation_W_mps[j]);
+  }
   meter.next_block = meter.next_block + 1 < contact::kBlocks ? meter.next_block + 1 : 0;
   if (meter.block_count < contact::kBlocks) ++meter.block_count;
   meter.block = {};

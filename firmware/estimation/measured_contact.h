@@ -46,6 +46,12 @@ struct Slip {
   Vector2 by_rotation_W_mps = Vector2::Zero();
 };
 
+// Sums of gains since reset(), two components of each measure. Only their differences matter.
+struct SlipTotal {
+  std::array<Wide, 2> by_accelerometer_W_mps{};
+  std::array<Wide, 2> by_rotation_W_mps{};
+};
+
 // Of the newest sample, for differences and for trapezoids.
 struct LastSample {
   Vector3 rate_B_radps = Vector3::Zero();
@@ -80,10 +86,11 @@ struct ContactMeter {
   // Slip.
   contact::Slip block;
   int block_samples = 0, next_block = 0, block_count = 0;
-  std::array<contact::Slip, contact::kBlocks> blocks{};
-  Real rate_square_rad2ps2 = 0;  // mean over 0.5 s
-  Real slip_score = 0;           // greatest speed by the accelerometer of a window, in its threshold, confirmed or not
-  Real light_s = 0;              // for which N has been too small
+  contact::SlipTotal total;                                   // at the end of the newest block
+  std::array<contact::SlipTotal, contact::kBlocks> totals{};  // at the starts of blocks, the newest before next_block
+  Real rate_square_rad2ps2 = 0;                               // mean over 0.5 s
+  Real slip_score = 0;  // greatest speed by the accelerometer of a window, in its threshold, confirmed or not
+  Real light_s = 0;     // for which N has been too small
   MeasuredContact newest;
 };
 

@@ -96,16 +96,17 @@ TEST(MeasuredForce, IsThatOfTheClosedFormsWhereTheBallRolls) {
   EXPECT_NEAR(out.static_friction_n, forces.static_friction_n, std::fabs(spin) * lever_kgm + 1e-13 * weight_n);
 }
 
+// The full count is `contact_study slides 0 100`.
 TEST(MeasuredSlip, IsFlaggedInTime) {
   int slides = 0, in_time = 0;
-  const std::uint64_t seed = random_seed(40);
-  for (std::uint64_t k = 0; k < 12; ++k) {
+  const std::uint64_t seed = random_seed(0);
+  for (std::uint64_t k = 0; k < 6; ++k) {
     const SlideCount count = count_slides(random_desk_ball(seed + k, true));
     slides += count.slides;
-    // A slip that needs 2 s to 0.05 m/s has an acceleration of a hundredth of what a tilt of a degree feigns.
-    in_time += count.slowest_missed_s > 1.5 ? count.slides : count.in_time;
+    in_time += count.in_time;
     EXPECT_FALSE(count.false_flag) << seed + k;
   }
+  EXPECT_GT(slides, 1);
   EXPECT_EQ(in_time, slides);
 }
 
@@ -119,18 +120,18 @@ TEST(MeasuredSlip, IsNotSeenWhereTheBallHolds) {
 TEST(MeasuredForce, FlagsAFlight) {
   const ContactRun run =
       record_contact("desk_ball", sensed({"initial.height=0.1", "duration=0.5", "run.on_violation=continue"}));
-  int flagged = 0, flights = 0;
+  int flights = 0;
   measure(run, [&](const MeasuredTick& tick) {
     const std::int64_t k = tick.truth.sensors.tick;
     const bool flies = tick.truth.regime == contact_t::REGIME_FLIGHT;
     if (k < 0 || !flies) return;
     ++flights;
-    if (k < 2) return;
+    if (k < 2) return;  // held until tick 0
     EXPECT_NEAR(tick.measured.normal_force_n, 0, 6 * tick.measured.normal_sigma_n) << k;
-    flagged += tick.measured.light_detected ? 1 : 0;
+    // 10 ms after the masses are commanded to move, and some for the sensors.
+    if (k >= 20) EXPECT_TRUE(tick.measured.light_detected) << k;
   });
   EXPECT_GT(flights, 100);
-  EXPECT_GT(flagged, flights / 2);
 }
 
 TEST(MeasuredContact, StaysBoundedWithBrokenSensors) {
