@@ -52,7 +52,8 @@ std::vector<ReferencePoint> roll(const sim::Scenario& scenario, int steps) {
   sim::Scenario moved = scenario;
   moved.run.actuation = sim::Actuation::kPrescribed;
   moved.faults.clear();
-  moved.surface.static_friction = moved.surface.kinetic_friction = std::numeric_limits<double>::infinity();
+  moved.surface.hold_everything();
+  moved.surface.kinetic_friction = std::numeric_limits<double>::infinity();
   sim::Plant plant(moved);
   std::vector<ReferencePoint> out;
   for (int k = 0; k <= steps; ++k) {
