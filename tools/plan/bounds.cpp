@@ -213,7 +213,7 @@ std::optional<MotorReach> reach_of_motors(const Problem& problem, double duratio
   double root_j = 0;  // integral of sqrt(E)
   for (int k = 0; k < kSteps; ++k) {
     double energy = at_start_j + work_j((k + 1) * step_s);
-    if (to_rest && !resists(ball)) energy = std::min(energy, at_rest_j + work_j(duration_s - k * step_s));
+    if (to_rest && !resists(problem)) energy = std::min(energy, at_rest_j + work_j(duration_s - k * step_s));
     root_j += std::sqrt(energy) * step_s;
   }
   const double r = ball.radius_m, aside_m = balance.moment_W.head<2>().norm() / balance.mass_kg;
@@ -269,11 +269,13 @@ std::string no_rest(const Problem& problem) {
                        std::abs(across_n));
   }
   const double need = pull_n.norm() / std::max(pressing_n(ball, mass_kg), 1e-12 * weight_n);
-  if (need > problem.friction_limit) {
+  // The plan may end a little beside the goal.
+  const double weight = problem.floor.has_patches() ? problem.floor.least_weight(problem.task.goal_m, 1e-3) : 1;
+  if (weight * need > problem.friction_limit) {
     return floor + fmt::format(
                        "friction does not hold a ball at rest (task.at_rest): it needs f_s/N = {:.4g}, and "
-                       "friction_use mu_s is {:.3g}",
-                       need, problem.friction_limit);
+                       "friction_use mu_s is {:.3g}{}",
+                       need, problem.friction_limit / weight, weight > 1 ? " at the goal (surface.patch)" : "");
   }
   const double least_m = ball.radius_m * std::abs(std::sin(slope_rad) + downhill.dot(force_n) / weight_n);
   const double most_m = greatest_moment(problem, kInfinity) / mass_kg;

@@ -173,7 +173,11 @@ Basis::Basis(const Grid& grid) : knots(grid.knots()) {
 }
 
 Rollout::Rollout(const Problem& problem, const Grid& grid)
-    : problem_(problem), grid_(grid), basis_(grid), variables_(grid.knots() * problem.masses()) {
+    : problem_(problem),
+      local_robot_(problem.robot),
+      grid_(grid),
+      basis_(grid),
+      variables_(grid.knots() * problem.masses()) {
   nodes_.resize(index(grid.nodes()));
   parts_.assign(index(grid.nodes()), 1);
   derivatives_.resize(index(grid.nodes()));
@@ -202,6 +206,21 @@ void Rollout::place_masses(const std::vector<double>& knots) {
   }
 }
 
+const Robot& Rollout::robot_at(const std::array<double, 2>& place_m) {
+  if (!problem_.floor.has_patches()) return problem_.robot;
+  local_robot_.ball.rolling_resistance = problem_.floor.rolling_resistance({place_m[0], place_m[1]});
+  return local_robot_;
+}
+
+firmware::BallParams Rollout::ball_ahead(const Node& from, double h) {
+  firmware::BallParams ball = robot_at(from.place_m).ball;
+  if (!problem_.floor.has_patches()) return ball;
+  const auto& velocity = from.value.velocity_mps;
+  const Robot& ahead = robot_at({from.place_m[0] + h * velocity[0], from.place_m[1] + h * velocity[1]});
+  ball.rolling_resistance = std::max(ball.rolling_resistance, ahead.ball.rolling_resistance);
+  return ball;
+}
+
 bool Rollout::roll(const std::vector<double>& knots) {
   place_masses(knots);
   nodes_[0].state.q = problem_.start.q;
@@ -209,7 +228,7 @@ bool Rollout::roll(const std::vector<double>& knots) {
   nodes_[0].place_m = {problem_.start_m[0], problem_.start_m[1]};
   for (int node = 0; node < grid_.nodes(); ++node) {
     Node& at = nodes_[index(node)];
-    evaluate_rolling(problem_.robot, at.state, at.value);
+    evaluate_rolling(robot_at(at.place_m), at.state, at.value);
     const double sum = at.value.normal_n + at.value.force_n[0] + at.value.force_n[1] + at.state.omega_B.x;
     if (!std::isfinite(sum)) return false;
     if (node + 1 < grid_.nodes()) step(node);
@@ -222,7 +241,7 @@ void Rollout::step(int node) {
   const double h = grid_.step_s();
   const Node& from = nodes_[index(node)];
   Node& to = nodes_[index(node + 1)];
-  const int parts = parts_[index(node)] = parts_of_step(problem_.robot.ball, from, h);
+  const int parts = parts_[index(node)] = parts_of_step(ball_ahead(from, h), from, h);
   const double dt = h / parts;
   Ball base{from.state.q, from.state.omega_B, from.place_m};
   RollingState state = from.state;
@@ -231,9 +250,9 @@ void Rollout::step(int node) {
     Ball sum{{0, 0, 0, 0}, {0, 0, 0}, {0, 0}}, rate = sum;
     for (int s = 0; s < 4; ++s) {
       if (part > 0 || s > 0) {
-        set_stage((part + kStages[s]) / parts, h, s == 0 ? base : moved(base, rate, kStages[s] * dt), from.state,
-                  to.state, n, state);
-        evaluate_rolling(problem_.robot, state, value);
+        const Ball at = s == 0 ? base : moved(base, rate, kStages[s] * dt);
+        set_stage((part + kStages[s]) / parts, h, at, from.state, to.state, n, state);
+        evaluate_rolling(robot_at(at.place), state, value);
       } else {
         value = from.value;
       }
@@ -254,7 +273,8 @@ void Rollout::differentiate() {
   for (int node = 0; node + 1 < grid_.nodes(); ++node) differentiate_step(node);
   RollingValue value;
   const int last = grid_.nodes() - 1;
-  differentiate_rolling(problem_.robot, nodes_[index(last)].state, true, value, derivatives_[index(last)]);
+  differentiate_rolling(robot_at(nodes_[index(last)].place_m), nodes_[index(last)].state, true, value,
+                        derivatives_[index(last)]);
 }
 
 void Rollout::differentiate_step(int node) {
@@ -274,10 +294,8 @@ void Rollout::differentiate_step(int node) {
     sum = {};
     for (int s = 0; s < 4; ++s) {
       x = start;
-      if (part > 0 || s > 0) {
-        set_stage((part + kStages[s]) / parts, h, s == 0 ? base : moved(base, rate, kStages[s] * dt), from.state,
-                  to.state, n, state);
-      }
+      const Ball at = s == 0 ? base : moved(base, rate, kStages[s] * dt);
+      if (part > 0 || s > 0) set_stage((part + kStages[s]) / parts, h, at, from.state, to.state, n, state);
       if (s > 0) {
         for (std::size_t row = 0; row < kTangent; ++row) {
           for (std::size_t k = 0; k < index(columns); ++k) x[row][k] += kStages[s] * dt * tangent[row][k];
@@ -285,7 +303,7 @@ void Rollout::differentiate_step(int node) {
       }
       const bool at_node = part == 0 && s == 0;
       RollingDerivative& d = at_node ? derivatives_[index(node)] : at_stage;
-      differentiate_rolling(problem_.robot, state, at_node, value, d);
+      differentiate_rolling(robot_at(at.place), state, at_node, value, d);
       rate = {quaternion_rate(state.q, state.omega_B), value.omega_dot_B, value.velocity_mps};
       tangent_rate(d, state.omega_B, x, n, (part + kStages[s]) / parts, h, tangent);
       for (std::size_t row = 0; row < kTangent; ++row) {

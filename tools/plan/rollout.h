@@ -85,7 +85,13 @@ class Rollout {
   void step(int node);
   void differentiate_step(int node);
 
+  // The robot on the floor of a place.
+  const Robot& robot_at(const std::array<double, 2>& place_m);
+  // The ball with the greater rolling resistance of both ends of the step of h seconds from a node.
+  firmware::BallParams ball_ahead(const Node& from, double h);
+
   const Problem& problem_;
+  Robot local_robot_;  // used on floors with patches
   Grid grid_;
   Basis basis_;
   int variables_;

@@ -153,13 +153,15 @@ class Search {
       out.binding = binding_;
     } else {
       out.binding = failure_words();
-      out.friction_alone = failure_.friction_only && failure_.merit.need > problem_.friction_limit;
+      // No other floor is looked for where it changes with place: which part of it would have to hold more?
+      out.friction_alone =
+          !problem_.floor.has_patches() && failure_.friction_only && failure_.merit.need > problem_.friction_limit;
     }
     return out;
   }
 
  private:
-  static double need_of(const Plan& plan) { return plan.run.extrema.mu_required_max.value; }
+  static double need_of(const Plan& plan) { return plan.run.need; }
 
   // The friction that carries the whole robot over the distance in the time, at constant acceleration: 4 d / (g T^2)
   // from rest to rest. No plan needs much less. On a slope g is the weight's part along the normal, and friction holds
@@ -194,7 +196,7 @@ class Search {
     if (!stuck.empty()) return stuck;
     if (std::string why = mass_too_far(problem_); !why.empty()) return why;
     if (std::string why = beyond_motors(distance_m); !why.empty()) return why;
-    if (!std::isfinite(problem_.friction_limit)) return "";
+    if (!std::isfinite(problem_.friction_limit) || std::isinf(scenario_.surface.static_friction)) return "";
     for (std::size_t v = 0; v < problem_.task.via.size(); ++v) {
       const Via& via = problem_.task.via[v];
       if (!via.time_s) continue;
@@ -324,7 +326,7 @@ class Search {
   // masses would do.
   [[nodiscard]] Problem fading_at(double creep, Problem problem) const {
     double& rate_radps = problem.robot.ball.creep_radps;
-    if (resists(problem.robot.ball)) rate_radps = std::max(rate_radps, creep / time_unit_s(problem));
+    if (resists(problem)) rate_radps = std::max(rate_radps, creep / time_unit_s(problem));
     return problem;
   }
 
@@ -351,7 +353,7 @@ class Search {
         improve_on(staged, grid, fixed, s, knots, via_time_s);
       }
     }
-    if (resists(problem_.robot.ball)) approach_standstill(grid, fixed, knots, via_time_s);
+    if (resists(problem_)) approach_standstill(grid, fixed, knots, via_time_s);
     approach_path(grid, fixed, knots, via_time_s);
     SqpSettings s = settings();
     s.most_iterations = 60;
@@ -467,7 +469,7 @@ class Search {
       merit.worst_limit = between;
     }
     const double equality = std::min(kPlaceTolerance_m / problem_.robot.ball.radius_m, kRestTolerance);
-    if (merit.equality > equality || merit.limit > 0 || merit.need > problem_.friction_limit) {
+    if (merit.equality > equality || merit.limit > 0 || merit.need > problem_.friction_limit || plan.run.slips) {
       merit.need = std::max(merit.need, model.need);
       fail(plan.grid, plan.knots, merit);
       return false;
@@ -587,6 +589,13 @@ class Search {
     if (options_.stop && options_.stop()) return "the search was ended before it had found one";
     if (!std::isfinite(failure_.error)) return "no motion that was tried kept the ball rolling";
     const double limit = problem_.friction_limit;
+    if (failure_.friction_only && failure_.merit.need > limit && problem_.floor.has_patches()) {
+      return fmt::format(
+          "friction stands in the way: the best motion found needs {:.4g} of mu_s at some place (surface.patch), and "
+          "friction_use is {:.4g}; a duration of about {:.3g} s would do",
+          failure_.merit.need / problem_.floor.reference_friction(), limit / problem_.floor.reference_friction(),
+          problem_.task.duration_s * std::sqrt(failure_.merit.need / limit));
+    }
     if (failure_.friction_only && failure_.merit.need > limit) {
       return fmt::format(
           "friction stands in the way: the best motion found needs f_s/N = {:.4g}, and friction_use mu_s is {:.4g}; a "

@@ -74,12 +74,23 @@ Transcription::Transcription(const Problem& problem, const Rollout& rollout)
   }
 }
 
+// Holds for the half step on both sides of the node too.
+PatchedFloor::Weight Transcription::weight(const Node& node) const {
+  constexpr double kLeastMargin = 0.01;  // of r: more than model and plant differ by
+  constexpr double kHalfStep = 0.6;      // of a step, with room for a speed that changes
+  const double margin_m =
+      kLeastMargin * length_ +
+      kHalfStep * rollout_.grid().step_s() * std::hypot(node.value.velocity_mps[0], node.value.velocity_mps[1]);
+  return problem_.floor.weight({node.place_m[0], node.place_m[1]}, margin_m);
+}
+
 std::vector<double> Transcription::ratios() const {
   std::vector<double> out;
   out.reserve(rollout_.nodes().size());
   for (const Node& node : rollout_.nodes()) {
     const double n = std::max(node.value.normal_n, kLeastNormal * weight_);
     out.push_back(corrections.friction * std::hypot(node.value.force_n[0], node.value.force_n[1]) / n / friction_unit);
+    if (problem_.floor.has_patches()) out.back() *= weight(node).value;
   }
   return out;
 }
@@ -99,6 +110,17 @@ void Transcription::ratio_forms(int node, std::array<double, 2>& value, std::arr
     for (int i = 0; i < problem_.masses(); ++i) {
       for (std::size_t k = 0; k < 3; ++k) out.mass[index(i)][k] = by(6 + 3 * index(i) + k);
     }
+  }
+  if (!problem_.floor.has_patches()) return;
+  const PatchedFloor::Weight at_place = weight(at);
+  for (std::size_t c = 0; c < 2; ++c) {
+    NodeForm& out = form[c];
+    for (double& by : out.tangent) by *= at_place.value;
+    for (auto& mass : out.mass) {
+      for (double& by : mass) by *= at_place.value;
+    }
+    for (std::size_t k = 0; k < 2; ++k) out.tangent[6 + k] += value[c] * at_place.gradient[static_cast<int>(k)];
+    value[c] *= at_place.value;
   }
 }
 

@@ -122,7 +122,8 @@ std::vector<ReferencePoint> roll_motion(const sim::Scenario& scenario, int steps
   moved.faults.clear();
   moved.force_table = {};
   moved.drag = {};
-  moved.surface.static_friction = moved.surface.kinetic_friction = std::numeric_limits<double>::infinity();
+  moved.surface.hold_everything();
+  moved.surface.kinetic_friction = std::numeric_limits<double>::infinity();
   sim::Plant plant(moved);
   std::vector<ReferencePoint> out;
   for (int k = 0; k <= steps; ++k) {
