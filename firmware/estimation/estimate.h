@@ -57,7 +57,7 @@ struct MeasuredContact {
   Real normal_sigma_n = 0;
   Real static_friction_n = 0;
   Real mu_required = 0;  // f_s / N; +infinity where N <= 0
-  Real mu_sigma = 0;     // 1 sigma of mu_required
+  Real mu_sigma = 0;     // 1 sigma of mu_required; +infinity where that is
   Real slip_mps2 = 0;    // magnitude of the contact point's acceleration against the floor, filtered
   Real slip_sigma_mps2 = 0;
   bool slip_detected = false;   // the contact point slips (measured_contact.h states the rate of false alarms)

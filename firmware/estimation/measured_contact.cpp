@@ -45,7 +45,18 @@ constexpr Real kGreatest = 0x1p50;                     // of a reading, as every
 constexpr auto kNearRange = static_cast<Real>(0.999);  // of a sensor's range
 constexpr int kOffsetPasses = 3;
 
+// Regularises a matrix that may be singular, as a part of its trace: some roundings.
+constexpr Real kRegular = 16 * std::numeric_limits<Real>::epsilon();
+
 Real square(Real x) { return x * x; }
+
+// Of a variance, which rounding may have left below 0.
+Real root(Real variance) { return variance > 0 ? std::sqrt(variance) : Real(0); }
+
+// a - b, modulo 2^64: ticks of a message can be anything.
+std::int64_t ticks_between(std::int64_t b, std::int64_t a) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
+}
 
 Matrix3 hat(const Vector3& v) {
   Matrix3 m;
@@ -200,12 +211,18 @@ Force force_of(const BallParams& ball, const EstimationParams& params, const Ins
   meter.moment_power_n2m2 += power_blend * (seen - meter.moment_power_n2m2);
   const Real expected = noise.trace() - along(noise, up), gain = sums.moments.trace() - along(sums.moments, up);
   Real swing = square(kLeastSwing);
-  if (meter.moment_power_n2m2 > expected + swing * gain) swing = (meter.moment_power_n2m2 - expected) / gain;
+  if (gain > 0 && meter.moment_power_n2m2 > expected + swing * gain)
+    swing = (meter.moment_power_n2m2 - expected) / gain;
 
   // sum z_i e_i by least squares: K fast, K = S_zb (S_bb + noise)^-1.
   const Vector3 unseen = kUnseenSpin * Vector3(sums.euler * up);
-  const Matrix3 total = swing * sums.moments + noise + unseen * unseen.transpose();
-  const Matrix3 weight = swing * sums.push_moments * total.inverse();
+  Matrix3 total = swing * sums.moments + noise + unseen * unseen.transpose();
+  const Real size = total.trace();
+  Matrix3 weight = Matrix3::Zero();
+  if (size > 0) {
+    total = total / size + kRegular * Matrix3::Identity();
+    weight = swing / size * sums.push_moments * total.inverse();
+  }
   const Matrix3 direct = sums.mass * Matrix3::Identity() - hat(sums.mass_zeta) * up_hat;
   const Matrix3 cross = direct * (weight * by_f).transpose();
   Force force;
@@ -236,7 +253,7 @@ void publish(const Instant& now, const Force& force, Real constant_n2, Real tilt
   const Real aside_n2 = along(force.covariance_B, aside) + constant_n2 + tilt_n2;
   const Real together_n2 = up.dot(Vector3(force.covariance_B * ahead));
   out.normal_force_n = normal;
-  out.normal_sigma_n = std::sqrt(normal_n2 + square(friction) * tilt_square);
+  out.normal_sigma_n = root(normal_n2 + square(friction) * tilt_square);
   out.static_friction_n = friction;
   out.mu_required = out.mu_sigma = std::numeric_limits<Real>::infinity();
   if (!(normal > 0)) return;
@@ -245,7 +262,7 @@ void publish(const Instant& now, const Force& force, Real constant_n2, Real tilt
   const Real across_n2 = aside_n2 > 0 ? square(aside_n2) / (square(friction) + aside_n2) : Real(0);
   const Real variance = ahead_n2 + across_n2 - 2 * mu * together_n2 + square(mu) * normal_n2;
   out.mu_required = mu;
-  out.mu_sigma = std::sqrt(variance > 0 ? variance : Real(0)) / normal;
+  out.mu_sigma = root(variance) / normal;
 }
 
 // What the contact point gains in speed by this sample.
@@ -379,19 +396,54 @@ void watch_for_light(const BallParams& ball, Real mass, Real dt, ContactMeter& m
   meter.newest.light_detected = meter.moved && meter.light_s > kBlock_s;
 }
 
-// Takes over a new sample's time. False: it follows nothing, or too late.
-bool follows(const EstimationParams& params, const Sensors& sensors, ContactMeter& meter) {
-  const std::int64_t gap = sensors.imu_tick - meter.imu_tick;
-  const bool in_time = meter.any && gap > 0 && gap <= static_cast<std::int64_t>(kLongestGap) * params.imu_period_ticks;
-  meter.any = true;
+// Takes over a new sample's time. Returns the ticks since the sample before; 0: it follows none, or too late.
+std::int64_t follow(const EstimationParams& params, const Sensors& sensors, ContactMeter& meter) {
+  const std::int64_t gap = ticks_between(meter.imu_tick, sensors.imu_tick);
+  const bool in_time = meter.followed && gap > 0 && gap <= std::int64_t{kLongestGap} * params.imu_period_ticks;
   meter.imu_count = sensors.imu_count;
   meter.imu_tick = sensors.imu_tick;
-  return in_time;
+  return in_time ? gap : 0;
+}
+
+bool usable(const EstimationParams& params, const Sensors& sensors, std::int64_t age_ticks, ContactMeter& meter) {
+  const bool good_gyro = usable(params.gyro, sensors.gyro_B_radps, meter.gyro);
+  const bool good_accelerometer = usable(params.accelerometer, sensors.accelerometer_B_mps2, meter.accelerometer);
+  const std::int64_t oldest = params.imu_latency_ticks + std::int64_t{kLongestGap} * params.imu_period_ticks;
+  return good_gyro && good_accelerometer && age_ticks >= 0 && age_ticks <= oldest;
+}
+
+bool finite(const ContactMeter& meter) {
+  const MeasuredContact& m = meter.newest;
+  Real sum = m.normal_force_n + m.normal_sigma_n + m.static_friction_n + m.slip_mps2 + meter.moment_power_n2m2;
+  for (int j = 0; j < 3; ++j) sum += meter.rate_B_radps[j] + meter.slow_moment_B_nm[j];
+  for (int j = 0; j < 2; ++j) {
+    sum += meter.block.by_accelerometer_W_mps[j] + meter.block.by_rotation_W_mps[j];
+    const auto k = static_cast<std::size_t>(j);
+    sum += static_cast<Real>(meter.total.by_accelerometer_W_mps[k] + meter.total.by_rotation_W_mps[k]);
+  }
+  return std::isfinite(sum);
+}
+
+// Begins anew. The totals are not read before blocks are counted.
+void forget(ContactMeter& meter) {
+  meter.followed = false;
+  meter.last = {};
+  meter.rate_B_radps = meter.correction_B_radps2 = meter.slow_moment_B_nm = Vector3::Zero();
+  meter.moment_power_n2m2 = meter.rate_square_rad2ps2 = meter.slip_score = meter.light_s = 0;
+  meter.block = {};
+  meter.total = {};
+  meter.block_samples = meter.next_block = meter.block_count = 0;
+  meter.newest = {};
 }
 
 }  // namespace
 
-void reset(const BallParams&, const EstimationParams&, ContactMeter& meter) { meter = {}; }
+void reset(const BallParams&, const EstimationParams&, ContactMeter& meter) {
+  forget(meter);
+  meter.moved = false;
+  meter.imu_count = meter.imu_tick = 0;
+  meter.gyro = meter.accelerometer = {};
+}
 
 void measure_contact(const BallParams& ball, const EstimationParams& params, Wide control_period_s,
                      const Sensors& sensors, const MassMotion& masses, const Estimate& estimate,
@@ -404,11 +456,10 @@ void measure_contact(const BallParams& ball, const EstimationParams& params, Wid
     out = meter.newest;
     return;
   }
-  const std::int64_t last_tick = meter.imu_tick;
-  meter.followed = follows(params, sensors, meter) && meter.followed;
-  const bool good_gyro = usable(params.gyro, sensors.gyro_B_radps, meter.gyro);
-  const bool good_accelerometer = usable(params.accelerometer, sensors.accelerometer_B_mps2, meter.accelerometer);
-  if (!good_gyro || !good_accelerometer || !estimate.valid) {
+  const std::int64_t gap_ticks = follow(params, sensors, meter);
+  const std::int64_t age_ticks = ticks_between(sensors.imu_tick, sensors.tick);
+  meter.followed = gap_ticks > 0;
+  if (!usable(params, sensors, age_ticks, meter) || !estimate.valid) {
     meter.followed = false;
     meter.newest.valid = meter.newest.slip_detected = meter.newest.light_detected = false;
     out = meter.newest;
@@ -416,8 +467,8 @@ void measure_contact(const BallParams& ball, const EstimationParams& params, Wid
   }
 
   const auto period_s = static_cast<Real>(control_period_s);
-  const Real dt = period_s * static_cast<Real>(meter.followed ? sensors.imu_tick - last_tick : params.imu_period_ticks);
-  const Real age_s = period_s * static_cast<Real>(sensors.tick - sensors.imu_tick);
+  const Real dt = period_s * static_cast<Real>(meter.followed ? gap_ticks : params.imu_period_ticks);
+  const Real age_s = period_s * static_cast<Real>(age_ticks);
   const Real tilt_square = square(estimate.tilt_sigma_rad);
   const Instant now(ball, params, sensors, estimate, age_s);
   const ContactSums sums = sums_of(ball, now, masses, age_s);
@@ -436,6 +487,7 @@ void measure_contact(const BallParams& ball, const EstimationParams& params, Wid
   }
   watch_for_light(ball, sums.mass, dt, meter);
   meter.followed = true;
+  if (!finite(meter)) forget(meter);
   out = measured;
 }
 

@@ -73,7 +73,6 @@ struct Repeats {
 struct ContactMeter {
   bool moved = false;     // the masses have been commanded to move
   bool followed = false;  // `last` is that of the sample before
-  bool any = false;       // a sample has come
   std::int64_t imu_count = 0;
   std::int64_t imu_tick = 0;
   contact::Repeats gyro, accelerometer;

@@ -11,7 +11,8 @@ constexpr auto kLeastNoise = static_cast<Real>(1e-3);
 
 // omega T is at most this: beyond it the tracker follows single readings.
 constexpr auto kGreatestStep = static_cast<Real>(0.5);
-constexpr int kHalvings = 16;  // of omega, to 1e-5 of the greatest
+constexpr Wide kGreatest = 0x1p50;  // of a reading, as everywhere in the firmware
+constexpr int kHalvings = 16;       // of omega, to 1e-5 of the greatest
 
 // |zeta'|: the radius of a circle; lines and splines have arc length.
 Real arm(const Rail& rail) { return rail.shape == RailShape::kCircle ? rail.radius_m : Real(1); }
@@ -49,9 +50,9 @@ void measure_masses(const BallParams& ball, const EstimationParams& params, Wide
   for (int i = 0; i < ball.mass_count; ++i) {
     const auto k = static_cast<std::size_t>(i);
     MassDeviation& d = meter.deviation[k];
-    d.position += dt * (d.velocity + dt / 2 * d.acceleration);
-    d.velocity += dt * d.acceleration;
-    if (std::isfinite(sensors.encoder[k])) {
+    if (std::fabs(sensors.encoder[k]) <= kGreatest) {
+      d.position += dt * (d.velocity + dt / 2 * d.acceleration);
+      d.velocity += dt * d.acceleration;
       // The difference of two coordinates that may be large is small: it is taken in full precision.
       const auto error = static_cast<Real>(sensors.encoder[k] - static_cast<Wide>(commanded.position[k])) - d.position;
       if (!(meter.bandwidth_radps[k] > 0)) {
@@ -61,6 +62,8 @@ void measure_masses(const BallParams& ball, const EstimationParams& params, Wide
       d.position += (1 - theta * theta * theta) * error;
       d.velocity += Real(1.5) * lost * lost * (1 + theta) / dt * error;
       d.acceleration += lost * lost * lost / (dt * dt) * error;
+    } else {
+      d.velocity = d.acceleration = 0;
     }
     measured.position[k] += d.position;
     measured.velocity[k] += d.velocity;
