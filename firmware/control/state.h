@@ -3,10 +3,10 @@
 
 #include "firmware/control/prediction.h"
 #include "firmware/control/status.h"
-#include "firmware/tracking/tracker.h"
 #include "firmware/estimation/attitude_filter.h"
 #include "firmware/estimation/measured_contact.h"
 #include "firmware/estimation/measured_masses.h"
+#include "firmware/tracking/tracker.h"
 
 namespace ballast::firmware {
 

@@ -157,9 +157,11 @@ TEST(MeasuredContact, StaysBoundedWithBrokenSensors) {
        }},
       {"silent", [](std::int64_t, Sensors& s) { s.imu_count = s.imu_tick = kFrom; }},
   };
-  for (const auto& [name, disturb] : troubles) {
+  for (const auto& trouble : troubles) {
+    const std::string name = trouble.first;
+    const auto& disturb = trouble.second;
     SCOPED_TRACE(name);
-    const bool refused = std::string(name) != "spikes" && std::string(name) != "silent";
+    const bool refused = name != "spikes" && name != "silent";
     measure(
         run,
         [&](const MeasuredTick& tick) {

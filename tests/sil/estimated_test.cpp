@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <memory>
 
 #include "tests/sil/kept_laps.h"
@@ -89,8 +88,8 @@ TEST(EstimatedRun, TheAttitudeIsNotInTheMessage) {
     ASSERT_EQ(a.sensors.attitude_valid, 0);
     ASSERT_EQ(b.sensors.attitude_valid, 1);
     ASSERT_TRUE(std::equal(std::begin(kNoAttitude), std::end(kNoAttitude), a.sensors.orientation));
-    ASSERT_EQ(std::memcmp(a.sensors.gyro_B_radps, b.sensors.gyro_B_radps, sizeof a.sensors.gyro_B_radps), 0);
-    ASSERT_EQ(std::memcmp(a.state.orientation, b.state.orientation, sizeof a.state.orientation), 0);
+    ASSERT_TRUE(std::ranges::equal(a.sensors.gyro_B_radps, b.sensors.gyro_B_radps));
+    ASSERT_TRUE(std::ranges::equal(a.state.orientation, b.state.orientation));
     ASSERT_EQ(b.contact.commanded_tick, b.contact.tick);
     const controller_status_t &of_a = estimated.laps[k].answer->status, &of_b = sensed.laps[k].answer->status;
     ASSERT_EQ(of_a.estimate_valid, 1) << k;

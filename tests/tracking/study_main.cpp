@@ -1,9 +1,9 @@
 // The table of tools/docs/tracking.md: tracking_study RUNS PLAN...
 #include <fmt/core.h>
 
-#include <cstdlib>
 #include <exception>
 #include <numbers>
+#include <string>
 
 #include "tests/tracking/study.h"
 
@@ -58,7 +58,8 @@ int main(int count, char** arguments) {
   };
   try {
     const ballast::sim::Scenario plan = planned(arguments[2], overrides);
-    for (const Row& row : rows) study(plan, row, std::atoi(arguments[1]));
+    const int runs = std::stoi(arguments[1]);
+    for (const Row& row : rows) study(plan, row, runs);
   } catch (const std::exception& error) {
     fmt::print(stderr, "tracking_study: {}\n", error.what());
     return 1;

@@ -4,10 +4,10 @@
 #include <iostream>
 
 #include "tools/ballast/plan_command.h"
-#include "tools/tracking/reference.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/short_number.h"
+#include "tools/tracking/reference.h"
 
 namespace ballast {
 namespace {
