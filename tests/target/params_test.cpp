@@ -149,8 +149,8 @@ std::vector<Change> changes() {
 
   const Robot robot;
   {
-    [[maybe_unused]] const auto& [scenario_id, control_period, timer, friction, sensors, monitor, ball, motor, motion,
-                                  tracking] = robot.params;
+    [[maybe_unused]] const auto& [scenario_id, control_period, timer, friction, sensors, monitor, ball, estimation,
+                                  motor, motion, tracking] = robot.params;
     number(
         "scenario_id", [](Robot & r) -> auto& { return r.params.scenario_id; });
     number(
@@ -163,6 +163,74 @@ std::vector<Change> changes() {
         "sensor_stale_ticks", [](Robot & r) -> auto& { return r.params.sensor_stale_ticks; });
     number(
         "monitor_stale_ticks", [](Robot & r) -> auto& { return r.params.monitor_stale_ticks; });
+  }
+  {
+    [[maybe_unused]] const auto& [estimated, measures, period, latency, gyro, accelerometer, position, delay, fix,
+                                  encoders, resolution, orientation, rate, place] = robot.params.estimation;
+    const auto of = [&number](const std::string& what, auto find) {
+      number(
+          "estimation." + what, [find](Robot & r) -> auto& { return find(r.params.estimation); });
+    };
+    using Estimation = firmware::EstimationParams;
+    of(
+        "estimated", [](Estimation & e) -> auto& { return e.estimated; });
+    of(
+        "measures_contact", [](Estimation & e) -> auto& { return e.measures_contact; });
+    of(
+        "imu_period_ticks", [](Estimation & e) -> auto& { return e.imu_period_ticks; });
+    of(
+        "imu_latency_ticks", [](Estimation & e) -> auto& { return e.imu_latency_ticks; });
+    for (const bool of_gyro : {true, false}) {
+      const auto triad = [of_gyro](Estimation& e) -> firmware::TriadErrors& {
+        return of_gyro ? e.gyro : e.accelerometer;
+      };
+      const std::string name = of_gyro ? "gyro." : "accelerometer.";
+      [[maybe_unused]] const auto& [noise, bias, walk, scale, axes, range, step] = of_gyro ? gyro : accelerometer;
+      of(
+          name + "noise", [triad](Estimation & e) -> auto& { return triad(e).noise; });
+      of(
+          name + "bias", [triad](Estimation & e) -> auto& { return triad(e).bias; });
+      of(
+          name + "bias_walk", [triad](Estimation & e) -> auto& { return triad(e).bias_walk; });
+      of(
+          name + "scale_error", [triad](Estimation & e) -> auto& { return triad(e).scale_error; });
+      of(
+          name + "misalignment_rad", [triad](Estimation & e) -> auto& { return triad(e).misalignment_rad; });
+      of(
+          name + "range", [triad](Estimation & e) -> auto& { return triad(e).range; });
+      of(
+          name + "resolution", [triad](Estimation & e) -> auto& { return triad(e).resolution; });
+    }
+    vector(
+        "estimation.accelerometer_position_B_m",
+        [](Robot & r) -> auto& { return r.params.estimation.accelerometer_position_B_m; });
+    of(
+        "fix_delay_ticks", [](Estimation & e) -> auto& { return e.fix_delay_ticks; });
+    of(
+        "fix_noise_m", [](Estimation & e) -> auto& { return e.fix_noise_m; });
+    of(
+        "has_encoders", [](Estimation & e) -> auto& { return e.has_encoders; });
+    for (std::size_t i = 0; i < resolution.size(); ++i) {
+      of(
+          "encoder_resolution[" + std::to_string(i) + ']', [i](Estimation & e) -> auto& {
+            return e.encoder_resolution[i];
+          });
+    }
+    for (int j = 0; j < 4; ++j) {
+      of(
+          "initial_orientation[" + std::to_string(j) + ']', [j](Estimation & e) -> auto& {
+            return e.initial_orientation.coeffs()[j];
+          });
+    }
+    vector(
+        "estimation.initial_angular_velocity",
+        [](Robot & r) -> auto& { return r.params.estimation.initial_angular_velocity_B_radps; });
+    for (int j = 0; j < 2; ++j) {
+      of(
+          "initial_position_W_m[" + std::to_string(j) + ']', [j](Estimation & e) -> auto& {
+            return e.initial_position_W_m[j];
+          });
+    }
   }
   {
     [[maybe_unused]] const auto& [samples, period, holds, values] = robot.params.tracking;
