@@ -30,6 +30,7 @@ constexpr int kBaseline = 100, kLeastBaseline = 20;
 constexpr auto kLeastSlip_mps = static_cast<Real>(0.02);
 constexpr auto kSlipSigmas = static_cast<Real>(4);
 constexpr auto kConfirmed = static_cast<Real>(0.5);
+constexpr auto kMostConstant = static_cast<Real>(0.01);  // of g: an accelerometer that errs by more shows no slip
 // The estimate of the attitude changes by its band in about this time.
 constexpr auto kTiltRate_radps = static_cast<Real>(0.3);
 constexpr auto kRateMemory = static_cast<Real>(0.02);  // of a block in the mean square of the rate
@@ -298,22 +299,26 @@ void add_slip(const BallParams& ball, const Instant& now, const Vector3& f, cons
 
 // Standard deviations that a window's speed has without slip.
 struct SlipNoise {
-  Real offset_mps2;  // of the acceleration, constant
-  Real drift_mps3;   // its change
-  Real rate_m2ps2;   // variance by the gyro at both ends
-  Real walk_m2ps3;   // variance per time by the accelerometer
-  Real tilt_part;    // by which tilt acts on the speed by rotation, in its action on that by the accelerometer
+  Real offset_mps2;   // of the acceleration, constant
+  Real drift_mps3;    // its change
+  Real rate_m2ps2;    // variance by the gyro at both ends
+  Real turned_m2ps2;  // the same of the speed by rotation
+  Real walk_m2ps3;    // variance per time by the accelerometer
+  Real tilt_part;     // by which tilt acts on the speed by rotation, in its action on that by the accelerometer
 };
 
 SlipNoise slip_noise(const BallParams& ball, const EstimationParams& params, Real constant_m2ps4, Real tilt_square,
-                     Real sample_s, Real rate_square, Real tilt_part) {
+                     Real sample_s, Real rate_square, Real turned_arm_m, Real tilt_part) {
   const Real gravity2 = square(ball.gravity_mps2);
   // What is fixed to the body turns with it, and the gyro's scale and axes tilt the estimate as the ball turns.
   const Real turning =
       constant_m2ps4 + gravity2 * (square(params.gyro.scale_error) + square(params.gyro.misalignment_rad));
   return {std::sqrt(constant_m2ps4 + gravity2 * tilt_square),
           std::sqrt(rate_square * turning + square(kTiltRate_radps) * gravity2 * tilt_square),
-          2 * square(ball.radius_m * params.gyro.noise), square(params.accelerometer.noise) * sample_s, tilt_part};
+          2 * square(ball.radius_m * params.gyro.noise),
+          2 * square(turned_arm_m * params.gyro.noise),
+          square(params.accelerometer.noise) * sample_s,
+          tilt_part};
 }
 
 // Gains from one total to a later one.
@@ -353,7 +358,7 @@ bool slips(const SlipNoise& noise, Real block_s, ContactMeter& meter) {
     }
     const Real sigma = std::sqrt(square(error) + (1 + part) * (noise.rate_m2ps2 + noise.walk_m2ps3 * window_s));
     const Real threshold = kSlipSigmas * sigma > kLeastSlip_mps ? kSlipSigmas * sigma : kLeastSlip_mps;
-    const Real turned = kSlipSigmas * noise.tilt_part * sigma;
+    const Real turned = kSlipSigmas * std::sqrt(square(noise.tilt_part * error) + (1 + part) * noise.turned_m2ps2);
     const Real turned_threshold = turned > kLeastSlip_mps ? turned : kLeastSlip_mps;
     const Real score = std::sqrt(speed.squaredNorm()) / threshold;
     if (score > meter.slip_score) meter.slip_score = score;
@@ -383,9 +388,13 @@ void end_block(const BallParams& ball, const EstimationParams& params, const Ins
   // Weight turns the ball by sum m_i zeta_i, a slip's acceleration by sum m_i s_i.
   const Real lever = sums.mass_s.dot(now.up_B), arm = std::sqrt(sums.mass_zeta.squaredNorm());
   const Real tilt_part = arm < lever ? arm / lever : Real(1);
+  // A change of the rate counts as a speed by this arm: that of A_s, over the same lever.
+  const Real euler = std::sqrt(sums.euler.squaredNorm());
+  const Real turned_arm_m = lever > 0 ? ball.radius_m + euler / lever : ball.radius_m;
   const SlipNoise noise =
-      slip_noise(ball, params, constant_m2ps4, tilt_square, dt, meter.rate_square_rad2ps2, tilt_part);
-  meter.newest.slip_detected = slips(noise, block_s, meter) && meter.moved;
+      slip_noise(ball, params, constant_m2ps4, tilt_square, dt, meter.rate_square_rad2ps2, turned_arm_m, tilt_part);
+  const bool separable = constant_m2ps4 < square(kMostConstant * ball.gravity_mps2);
+  meter.newest.slip_detected = slips(noise, block_s, meter) && meter.moved && separable;
 }
 
 void watch_for_light(const BallParams& ball, Real mass, Real dt, ContactMeter& meter) {
@@ -448,10 +457,13 @@ void reset(const BallParams&, const EstimationParams&, ContactMeter& meter) {
 void measure_contact(const BallParams& ball, const EstimationParams& params, Wide control_period_s,
                      const Sensors& sensors, const MassMotion& masses, const Estimate& estimate,
                      Real /*static_friction*/, ContactMeter& meter, MeasuredContact& out) {
+  const bool stood = !meter.moved;
   for (int i = 0; i < ball.mass_count; ++i) {
     const auto k = static_cast<std::size_t>(i);
     meter.moved = meter.moved || masses.velocity[k] != 0 || masses.acceleration[k] != 0;
   }
+  // A ball that was held until now did not roll: what was summed up shows no slip.
+  if (stood && meter.moved) forget(meter);
   if (sensors.imu_count == meter.imu_count) {
     out = meter.newest;
     return;

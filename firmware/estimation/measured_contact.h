@@ -18,6 +18,8 @@
 // floor that resists. A steady slip is not seen. A threshold is the greater of 0.02 m/s and 4 sigma of what tilt and
 // accelerometer do to the integral.
 //
+// An accelerometer whose constant errors are 1 % of g or more cannot tell slip from tilt: slip_detected stays false.
+//
 // light_detected: for 10 ms N lies 3 sigma below a fifth of its value at rest.
 //
 // False alarms: none in 1,000 runs that hold, so that with 95 % confidence at most 0.3 % of such runs have one. Both

@@ -32,8 +32,7 @@ struct MassMeter {
 void reset(const BallParams& ball, const EstimationParams& params, MassMeter& meter);
 
 // The masses' motion at the start of this tick. Once per control tick, in order. Without encoders `measured` equals
-// `commanded`. A reading that is no possible number leaves the
-// deviation where it was.
+// `commanded`. A reading that is no possible number leaves the deviation where it was.
 void measure_masses(const BallParams& ball, const EstimationParams& params, Wide control_period_s,
                     const Sensors& sensors, const MassMotion& commanded, MassMeter& meter, MassMotion& measured);
 

@@ -110,6 +110,7 @@ ContactRun record_contact(const std::string& name, const std::vector<std::string
   const sim::Scenario& scenario = read.scenario;
   const auto params = std::make_unique<firmware::ControllerParams>();
   if (const auto refused = program::to_controller_params(scenario, *params)) ADD_FAILURE() << *refused;
+  params->estimation.measures_contact = false;  // a flag would end the run
   run.ball = params->ball;
   run.params = estimation_params(scenario, scenario.sensors);
   const std::vector<double>& resolution = scenario.sensors.encoder_resolution;

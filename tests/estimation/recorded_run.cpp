@@ -19,6 +19,7 @@ RecordedRun record(const std::string& name, std::vector<std::string> overrides) 
   run.scenario = read.scenario;
   run.params = std::make_unique<firmware::ControllerParams>();
   if (const auto refused = program::to_controller_params(run.scenario, *run.params)) ADD_FAILURE() << *refused;
+  run.params->estimation.measures_contact = false;  // a flag would end the run
 
   // A status says what is commanded at the next tick. Before the first one the masses stand where they begin.
   firmware::MassMotion next;
