@@ -51,7 +51,7 @@ constexpr Real kRegular = 16 * std::numeric_limits<Real>::epsilon();
 
 Real square(Real x) { return x * x; }
 
-// Of a variance, which rounding may have left below 0.
+// Standard deviation of a variance that rounding may have left below 0.
 Real root(Real variance) { return variance > 0 ? std::sqrt(variance) : Real(0); }
 
 // a - b, modulo 2^64: ticks of a message can be anything.
@@ -79,7 +79,7 @@ bool usable(const TriadErrors& errors, const Vector3& reading, contact::Repeats&
   return repeats.count < kMostRepeats;
 }
 
-// What is known at the sample's time. `age_s`: from there to the tick of estimate and masses.
+// The knowledge at the sample's time. `age_s`: from there to the tick of estimate and masses.
 struct Instant {
   Instant(const BallParams& ball, const EstimationParams& params, const Sensors& sensors, const Estimate& estimate,
           Real age_s)
@@ -188,7 +188,7 @@ struct Force {
 
 Force force_of(const BallParams& ball, const EstimationParams& params, const Instant& now, const Acceleration& a,
                const ContactSums& sums, Real dt, ContactMeter& meter) {
-  // What Euler's equation leaves, and its part above the corner.
+  // The rest of Euler's equation, and its part above the corner.
   const Vector3& omega = now.rate_B;
   const Vector3 spin = ball.inertia_kgm2.cwiseProduct(omega);
   const Vector3 left = (ball.radius_m * now.up_B).cross(now.force_B) - sums.euler * a.angular_B - omega.cross(spin) -
@@ -266,7 +266,7 @@ void publish(const Instant& now, const Force& force, Real constant_n2, Real tilt
   out.mu_sigma = root(variance) / normal;
 }
 
-// What the contact point gains in speed by this sample.
+// The speed that the contact point gains by this sample.
 void add_slip(const BallParams& ball, const Instant& now, const Vector3& f, const ContactSums& sums, Real dt,
               ContactMeter& meter) {
   const Vector3 acceleration_W = now.to_W * (f + now.gravity_B), rate_W = now.to_W * now.rate_B;
@@ -462,15 +462,14 @@ void measure_contact(const BallParams& ball, const EstimationParams& params, Wid
     const auto k = static_cast<std::size_t>(i);
     meter.moved = meter.moved || masses.velocity[k] != 0 || masses.acceleration[k] != 0;
   }
-  // A ball that was held until now did not roll: what was summed up shows no slip.
-  if (stood && meter.moved) forget(meter);
   if (sensors.imu_count == meter.imu_count) {
     out = meter.newest;
     return;
   }
   const std::int64_t gap_ticks = follow(params, sensors, meter);
   const std::int64_t age_ticks = ticks_between(sensors.imu_tick, sensors.tick);
-  meter.followed = gap_ticks > 0;
+  // A ball that was held until the masses move may jump to its rolling rate then.
+  meter.followed = gap_ticks > 0 && !(stood && meter.moved);
   if (!usable(params, sensors, age_ticks, meter) || !estimate.valid) {
     meter.followed = false;
     meter.newest.valid = meter.newest.slip_detected = meter.newest.light_detected = false;
