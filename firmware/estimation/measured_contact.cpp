@@ -310,7 +310,7 @@ struct SlipNoise {
 SlipNoise slip_noise(const BallParams& ball, const EstimationParams& params, Real constant_m2ps4, Real tilt_square,
                      Real sample_s, Real rate_square, Real turned_arm_m, Real tilt_part) {
   const Real gravity2 = square(ball.gravity_mps2);
-  // What is fixed to the body turns with it, and the gyro's scale and axes tilt the estimate as the ball turns.
+  // Errors fixed to the body turn with it, and the gyro's scale and axes tilt the estimate as the ball turns.
   const Real turning =
       constant_m2ps4 + gravity2 * (square(params.gyro.scale_error) + square(params.gyro.misalignment_rad));
   return {std::sqrt(constant_m2ps4 + gravity2 * tilt_square),

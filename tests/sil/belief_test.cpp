@@ -52,7 +52,7 @@ TEST(Belief, KeysThatAreNotWrittenKeepTheTruth) {
   EXPECT_EQ(load("paper_ball", {"believed.surface.static_friction=0.1"}).belief().surface.kinetic_friction, 0.1);
 }
 
-// What is believed as it is changes no message but the fingerprint.
+// A belief that equals the truth changes no message but the fingerprint.
 TEST(Belief, OfTheTruthChangesNothing) {
   const Rolled with = roll(load("desk_ball", {"duration=0.4", "believed={}"})),
                without = roll(load("desk_ball", {"duration=0.4"}));

@@ -108,7 +108,7 @@ void ticks(const Target& target) {
   }
 }
 
-// What estimation adds to a tick: `desk_ball`, whose three masses make the same steps whatever the sensors are.
+// The cost of estimation in a tick: `desk_ball`, whose three masses make the same steps whatever the sensors are.
 void estimation(const Target& target) {
   const auto measured = [&](const char* words, const std::vector<std::string>& sensors) {
     std::vector<std::string> overrides{"duration=1", "run.hold=0.5"};

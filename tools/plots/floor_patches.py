@@ -9,7 +9,7 @@ from matplotlib.patches import Circle, Patch, Polygon
 
 from short_number import short_number
 
-# What a patch is, against the floor: its shade, and the words of the legend.
+# The kinds of patches, against the floor: shade, and words of the legend.
 KINDS = {
     "slippery": ("#CFE6F5", "less friction than the floor"),
     "rough": ("#F3DFE9", "more friction than the floor"),

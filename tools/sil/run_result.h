@@ -64,7 +64,7 @@ struct BeliefRow {
   double static_friction_n = 0;
 };
 
-// What the believed robot would have done under the same commanded motion.
+// The believed robot's run under the same commanded motion.
 struct BeliefPrediction {
   double time_s = 0;  // up to which it was rolled: the run's end, the end of its own physics, or a missing status
   sim::PhysicsEnd end{};

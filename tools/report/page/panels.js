@@ -155,7 +155,7 @@ function withNote(runs, id, title) {
   return said.length ? `${title} <small>${said.join("; ")}</small>` : title;
 }
 
-// What the robot measures of its contact with the floor.
+// Panels of the contact with the floor as the robot measures it.
 function measuredPanels(runs) {
   const whose = (run) => (runs.length > 1 ? `run-${run}` : "estimate");
   const lines = (column) => runs.flatMap(({samples}, run) => {
