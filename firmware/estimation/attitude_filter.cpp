@@ -217,9 +217,9 @@ Force still(const Window& w) {
   return force;
 }
 
-// Whether the gyro reads its bias and nothing else.
+// Whether the gyro reads its bias and nothing else. The window has samples of it.
 bool quiet(const EstimationParams& params, const Window& w, const FilterState& s) {
-  const Real n = static_cast<Real>(w.samples), noise = noise_variance(params.gyro);
+  const Real n = static_cast<Real>(w.samples - w.without_gyro), noise = noise_variance(params.gyro);
   for (int j = 0; j < 3; ++j) {
     const auto k = kGyroBias + static_cast<std::size_t>(j);
     const Real mean = w.reading_B_radps[j] / n, spread = w.reading_squares_rad2ps2[j] / n - mean * mean;
@@ -516,11 +516,19 @@ void forget_everything(const BallParams& ball, const EstimationParams& params, F
 
 // --- sensors ---
 
+// A new sample, of a tick that can be right. Count and tick of a corrupted message can be anything: a wrong count must
+// not hide the samples after it, and a first sample from long ago is none.
+bool is_fresh(const EstimationParams& params, const Sensors& sensors, std::int64_t tick, const FilterState& s) {
+  if (sensors.imu_count == s.imu_count || sensors.imu_tick > tick) return false;
+  if (s.aligned) return sensors.imu_tick > s.anchor_tick;
+  const std::uint64_t age = static_cast<std::uint64_t>(tick) - static_cast<std::uint64_t>(sensors.imu_tick);
+  return age <=
+         static_cast<std::uint64_t>(params.imu_latency_ticks) + static_cast<std::uint64_t>(params.imu_period_ticks);
+}
+
 void take_imu(const BallParams& ball, const EstimationParams& params, Wide control_period_s, const Sensors& sensors,
               std::int64_t tick, FilterState& s) {
-  const bool fresh =
-      sensors.imu_count > s.imu_count && sensors.imu_tick <= tick && (!s.aligned || sensors.imu_tick > s.anchor_tick);
-  if (!fresh) {
+  if (!is_fresh(params, sensors, tick, s)) {
     // Late: the model takes the sample's place.
     const bool late = s.aligned && tick - s.anchor_tick > params.imu_latency_ticks + params.imu_period_ticks;
     if (late) step_to(ball, params, control_period_s, {.tick = s.anchor_tick + 1}, s);
@@ -554,7 +562,7 @@ void take_imu(const BallParams& ball, const EstimationParams& params, Wide contr
 }
 
 void take_fix(const BallParams& ball, const EstimationParams& params, const Sensors& sensors, FilterState& s) {
-  if (sensors.fix_count <= s.fix_count || !s.aligned || sensors.fix_tick > s.anchor_tick) return;
+  if (sensors.fix_count == s.fix_count || !s.aligned || sensors.fix_tick > s.anchor_tick) return;
   // Not in a tick that has a window's work.
   if (s.window.closed || s.window.samples < 2) return;
   s.fix_count = sensors.fix_count;
@@ -566,7 +574,8 @@ void take_fix(const BallParams& ball, const EstimationParams& params, const Sens
     measured[j].innovation = static_cast<Real>(sensors.fix_W_m[j] - (s.position_W_m[j] - (s.travel_W_m[j] - then[j])));
     measured[j].hx[kPlace + j] = 1;
     measured[j].variance = square(params.fix_noise_m) + square(kFixFloor * ball.radius_m);
-    if (!std::isfinite(measured[j].innovation)) return;
+    // A place beyond all bounds, or none at all, would replace the estimate after a few.
+    if (!(std::fabs(measured[j].innovation) <= kMostPlace * ball.radius_m)) return;
   }
   // A yaw turns the travel since then.
   measured[0].hx[kAttitude + 2] = since[1];
