@@ -58,8 +58,8 @@ void measure(const ControllerParams& params, const Inputs& inputs, ControllerSta
     state.measured = {};
     return;
   }
-  measure_contact(params.ball, params.estimation, params.control_period_s, inputs.sensors, state.measured_masses,
-                  params.estimation.estimated ? state.estimate : sensed(ball), params.static_friction,
+  measure_contact(params.ball, params.estimation, params.control_period_s, inputs.sensors, state.now,
+                  state.measured_masses, params.estimation.estimated ? state.estimate : sensed(ball),
                   state.contact_meter, state.measured);
 }
 

@@ -69,7 +69,9 @@ Matrix3 hat(const Vector3& v) {
 Real along(const Matrix3& s, const Vector3& x) { return x.dot(Vector3(s * x)); }
 
 bool usable(const TriadErrors& errors, const Vector3& reading, contact::Repeats& repeats) {
-  const bool repeated = errors.noise > 0 && reading == repeats.reading;
+  // Noise below the resolution lets a ball at rest read the same for long.
+  const bool never_repeats = errors.noise > 0 && errors.noise >= errors.resolution;
+  const bool repeated = never_repeats && reading == repeats.reading;
   repeats.count = repeated ? repeats.count + (repeats.count < kMostRepeats ? 1 : 0) : 0;
   repeats.reading = reading;
   const Real range = errors.range > 0 ? kNearRange * errors.range : kGreatest;
@@ -455,12 +457,12 @@ void reset(const BallParams&, const EstimationParams&, ContactMeter& meter) {
 }
 
 void measure_contact(const BallParams& ball, const EstimationParams& params, Wide control_period_s,
-                     const Sensors& sensors, const MassMotion& masses, const Estimate& estimate,
-                     Real /*static_friction*/, ContactMeter& meter, MeasuredContact& out) {
+                     const Sensors& sensors, const MassMotion& commanded, const MassMotion& masses,
+                     const Estimate& estimate, ContactMeter& meter, MeasuredContact& out) {
   const bool stood = !meter.moved;
   for (int i = 0; i < ball.mass_count; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    meter.moved = meter.moved || masses.velocity[k] != 0 || masses.acceleration[k] != 0;
+    meter.moved = meter.moved || commanded.velocity[k] != 0 || commanded.acceleration[k] != 0;
   }
   if (sensors.imu_count == meter.imu_count) {
     out = meter.newest;

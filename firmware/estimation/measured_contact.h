@@ -25,8 +25,9 @@
 // False alarms: none in 1,000 runs that hold, so that with 95 % confidence at most 0.3 % of such runs have one. Both
 // flags stay false until the masses are first commanded to move after reset(), and follow their evidence from then on.
 //
-// Samples that are no numbers, at the end of their range, or repeated bit by bit are left out. The result is that of
-// the newest sample, until the next comes. No heap, no loop whose length depends on data. Called from one thread.
+// Samples that are no numbers, at the end of their range, or repeated bit by bit in spite of noise are left out. The
+// result is that of the newest sample, until the next comes. No heap, no loop whose length depends on data. Called from
+// one thread.
 #pragma once
 
 #include <array>
@@ -97,11 +98,11 @@ struct ContactMeter {
 
 void reset(const BallParams& ball, const EstimationParams& params, ContactMeter& meter);
 
-// Once per control tick, in order. `masses`: their motion at the start of this tick (measured_masses.h). `estimate`:
-// attitude and gyro bias of this tick, from the filter or from a sensed attitude. `static_friction`, the believed one,
-// is not used: slip is judged by motion alone, since the floor may have changed.
+// Once per control tick, in order. `commanded`, `masses`: the masses' motion at the start of this tick, as commanded
+// and as known (measured_masses.h). `estimate`: attitude and gyro bias of this tick, from the filter or from a sensed
+// attitude. Slip is judged by motion alone, and no coefficient of friction enters: the floor may have changed.
 void measure_contact(const BallParams& ball, const EstimationParams& params, Wide control_period_s,
-                     const Sensors& sensors, const MassMotion& masses, const Estimate& estimate, Real static_friction,
-                     ContactMeter& meter, MeasuredContact& out);
+                     const Sensors& sensors, const MassMotion& commanded, const MassMotion& masses,
+                     const Estimate& estimate, ContactMeter& meter, MeasuredContact& out);
 
 }  // namespace ballast::firmware
