@@ -245,6 +245,28 @@ void read_control(TableReader table, bool planned, Scenario::Control& control) {
   table.refuse_unknown_keys();
 }
 
+// The accelerometer is in the ball, and a delayed sample comes before the run ends.
+void check_sensors(TableReader& root, const Scenario& scenario) {
+  const SensorModel& sensors = scenario.sensors;
+  if (!sensors.present) return;
+  if (const double distance = sensors.accelerometer_position_B_m.stableNorm(); distance >= scenario.ball.radius_m) {
+    root.refuse("sensors.accelerometer.position",
+                "is {} m from the geometric centre; allowed: inside the ball, < ball.radius = {}", distance,
+                scenario.ball.radius_m);
+  }
+  const double period_s = scenario.run.control_period_s;
+  const auto last = static_cast<std::int64_t>(scenario.duration_s / period_s);
+  const auto check_delay = [&](std::string_view key, double rate_hz, double delay_s) {
+    const std::int64_t every = ticks_per_sample(rate_hz, period_s);
+    const std::int64_t first = scenario.run.first_tick() / every * every;  // <= 0: rounded towards 0
+    if (first + delay_ticks(delay_s, period_s) <= last) return;
+    root.refuse(key, "is longer than the run, in which no sample would arrive; allowed: at most {} s at this rate",
+                static_cast<double>(last - first) * period_s);
+  };
+  check_delay("sensors.latency", sensors.rate_hz, sensors.latency_s);
+  if (sensors.fix.rate_hz > 0) check_delay("sensors.position_fix.delay", sensors.fix.rate_hz, sensors.fix.delay_s);
+}
+
 // The controller can be armed once a sample of the IMU has arrived, and is armed at the end of the hold.
 void check_first_sample(TableReader& root, const Scenario& scenario) {
   const SensorModel& sensors = scenario.sensors;
@@ -330,6 +352,7 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
 
   root.refuse_unknown_keys();
   check_start(root, scenario);
+  if (context.errors.empty()) check_sensors(root, scenario);
   if (context.errors.empty()) check_first_sample(root, scenario);
   return scenario;
 }

@@ -51,7 +51,7 @@ double read_rate(TableReader& table, std::optional<double> control_period_s, std
   return 0;
 }
 
-// A delay is at most the run's: what comes later is never seen.
+// check_scenario() refuses one by which no sample would arrive within the run.
 double read_delay(TableReader& table, std::string_view key) {
   return table.number(key, Range::between(0, 10, "s"), 0.0).value_or(0);
 }
