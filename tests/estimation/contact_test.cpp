@@ -188,7 +188,10 @@ TEST(MeasuredContact, StaysBoundedWithBrokenSensors) {
        [](std::int64_t, Sensors& s) { s.accelerometer_B_mps2[2] = std::numeric_limits<double>::infinity(); }},
       {"frozen",
        [&](std::int64_t k, Sensors& s) {
-         if (k == kFrom) gyro = s.gyro_B_radps, accelerometer = s.accelerometer_B_mps2;
+         if (k == kFrom) {
+           gyro = s.gyro_B_radps;
+           accelerometer = s.accelerometer_B_mps2;
+         }
          s.gyro_B_radps = gyro;
          s.accelerometer_B_mps2 = accelerometer;
        }},

@@ -56,7 +56,8 @@ struct Measured {
   bool tripped = false;
 };
 
-Measured measure(const sim::Scenario& scenario, const Target& target) {
+Measured measure(const sim::Scenario& scenario, const Target& target,
+                 std::vector<std::int64_t>* instructions = nullptr) {
   auto params = std::make_unique<firmware::ControllerParams>();
   if (const auto refusal = program::to_controller_params(scenario, *params)) throw std::runtime_error(*refusal);
   sil::QemuFirmwareOptions options;
@@ -65,6 +66,7 @@ Measured measure(const sim::Scenario& scenario, const Target& target) {
   options.qemu.icount_shift = kShift;
   options.commit = kMeasuring;
   options.peer_timeout = sil::Seconds(60);
+  options.instructions = instructions;
   auto owned = std::make_unique<sil::QemuFirmware>(scenario, *params, options);
   const sil::QemuFirmware& firmware = *owned;
   sil::LocalPeers peers(program::to_monitor_limits(scenario), std::move(owned));
@@ -108,26 +110,41 @@ void ticks(const Target& target) {
   }
 }
 
-// The cost of estimation in a tick: `desk_ball`, whose three masses make the same steps whatever the sensors are.
+// The cost of estimation, tick by tick: `desk_ball`, whose three masses make the same steps whatever the sensors are.
 void estimation(const Target& target) {
   const auto measured = [&](const char* words, const std::vector<std::string>& sensors) {
     std::vector<std::string> overrides{"duration=1", "run.hold=0.5"};
     overrides.insert(overrides.end(), sensors.begin(), sensors.end());
     const auto read = sim::read_scenario(sim::find_scenario("desk_ball", BALLAST_SCENARIO_DIR), overrides);
     if (!read.ok()) throw std::runtime_error(to_string(read.errors[0]));
-    const Measured run = measure(read.scenario, target);
-    print_tick(words, read.scenario.masses.size(), run.record, target);
-    return static_cast<double>(run.record.sum_instructions) / static_cast<double>(run.record.ticks);
+    std::vector<std::int64_t> instructions;
+    print_tick(words, read.scenario.masses.size(), measure(read.scenario, target, &instructions).record, target);
+    return instructions;
   };
-  const std::string part = "sensors.preset=bmi088_calibrated";
-  const double ideal = measured("ideal sensors", {});
-  const double contact = measured("contact", {part, "sensors.attitude=sensed"}) - ideal;
-  const double all = measured("estimated", {part}) - ideal;
-  const double encoders = measured("and encoders", {part, "sensors.encoder.resolution=0.0015"}) - ideal;
-  std::printf(
-      "estimation   3 masses, 1 kHz, mean of a tick: %.0f instructions the measured contact force, %.0f with the "
-      "filter, %.0f with encoders too\n",
-      contact, all, encoders);
+  const std::string part = "sensors.preset=bmi088_calibrated", encoder = "sensors.encoder.resolution=0.0015";
+  const std::vector<std::int64_t> ideal = measured("ideal sensors", {});
+  const auto added = [&](const char* words, const std::vector<std::string>& sensors) {
+    const std::vector<std::int64_t> ticks = measured(words, sensors);
+    if (ticks.size() != ideal.size()) throw std::runtime_error("runs of different lengths");
+    std::int64_t sum = 0, worst = 0;
+    std::size_t at = 0;
+    for (std::size_t k = 0; k < ticks.size(); ++k) {
+      const std::int64_t more = ticks[k] - ideal[k];
+      sum += more;
+      if (more > worst) {
+        worst = more;
+        at = k;
+      }
+    }
+    std::printf("estimation   %-12s adds %lld instructions a tick in the mean, %lld at most, in tick %lld\n", words,
+                static_cast<long long>(sum / static_cast<std::int64_t>(ticks.size())), static_cast<long long>(worst),
+                static_cast<long long>(at) - 500);
+  };
+  added("contact", {part, "sensors.attitude=sensed"});
+  added("estimated", {part});
+  added("and encoders", {part, encoder});
+  added("late, fixes", {part, encoder, "sensors.latency=0.005", "sensors.position_fix.rate=10.0",
+                        "sensors.position_fix.noise=0.005", "sensors.position_fix.delay=0.1"});
 }
 
 void steps(const Target& target) {
