@@ -275,6 +275,14 @@ void check_first_sample(TableReader& root, const Scenario& scenario) {
   const std::int64_t every = ticks_per_sample(sensors.rate_hz, period_s);
   const std::int64_t needed = every + delay_ticks(sensors.latency_s, period_s) + kCountdownTicks - 1;
   if (every == 0 || scenario.run.lead_ticks() >= needed) return;
+  const double others_s = static_cast<double>(needed - every) * period_s;
+  if (static_cast<double>(every) * period_s > kMaxHold_s - others_s) {
+    root.refuse("sensors.rate",
+                "gives no sample in the longest hold of {} s, and without one there is no attitude; allowed: at least "
+                "{} Hz",
+                kMaxHold_s, 1 / (kMaxHold_s - others_s));
+    return;
+  }
   root.refuse("run.hold",
               "ends before a sample of the IMU is sure to have come, and without one there is no attitude; allowed: at "
               "least {} s at this sensors.rate and latency",

@@ -177,6 +177,7 @@ TEST(SensorScenario, EachWrongKeyOfAnEstimateIsOneError) {
       {{"sensors.attitude=estimated", "sensors.rate=100", "sensors.latency=0.05", "run.hold=0.06"},
        "run.hold",
        "at least 0.061 s"},
+      {{"sensors.attitude=estimated", "sensors.rate=1e-4"}, "sensors.rate", "the longest hold of 1000 s"},
       {{"sensors.attitude=estimated", "fault=[{kind=\"sensor_bias\",time=0.1,sensor=\"orientation\",value=0.1}]"},
        "fault.0.sensor",
        "nothing senses"},
