@@ -33,7 +33,7 @@ SurfacePatch strip(const Surface& floor, double from_m, double to_m) {
   return patch;
 }
 
-SurfacePatch circle(const Surface& floor, Vector2d center, double radius_m) {
+SurfacePatch circle(const Surface& floor, const Vector2d& center, double radius_m) {
   SurfacePatch patch = like_floor(floor);
   patch.center_W_m = center;
   patch.radius_m = radius_m;
