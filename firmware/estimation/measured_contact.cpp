@@ -462,15 +462,14 @@ void measure_contact(const BallParams& ball, const EstimationParams& params, Wid
     const auto k = static_cast<std::size_t>(i);
     meter.moved = meter.moved || masses.velocity[k] != 0 || masses.acceleration[k] != 0;
   }
-  // A ball that was held until now did not roll: what was summed up shows no slip.
-  if (stood && meter.moved) forget(meter);
   if (sensors.imu_count == meter.imu_count) {
     out = meter.newest;
     return;
   }
   const std::int64_t gap_ticks = follow(params, sensors, meter);
   const std::int64_t age_ticks = ticks_between(sensors.imu_tick, sensors.tick);
-  meter.followed = gap_ticks > 0;
+  // A ball that was held until the masses move may jump to its rolling rate then.
+  meter.followed = gap_ticks > 0 && !(stood && meter.moved);
   if (!usable(params, sensors, age_ticks, meter) || !estimate.valid) {
     meter.followed = false;
     meter.newest.valid = meter.newest.slip_detected = meter.newest.light_detected = false;
