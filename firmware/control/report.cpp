@@ -48,7 +48,7 @@ void report(const ControllerParams& params, const ControllerState& state, const 
   status.planned = state.planned;
   status.plan_tick = state.plan_tick;
   status.plan = state.plan;
-  // What is not valid is published as fixed numbers.
+  // Invalid values are published as fixed numbers.
   status.estimate = params.estimation.estimated && ball.known ? state.estimate : Estimate{};
   status.measured = state.measured.valid ? state.measured : MeasuredContact{};
 }

@@ -546,7 +546,7 @@ void take_imu(const BallParams& ball, const EstimationParams& params, Wide contr
                          release ? accelerometer : Vector3(s.force_B_mps2 + s.accelerometer_bias_B_mps2),
                          kForceChange * std::fmax(ball.gravity_mps2, ball.radius_m * stiffness(ball)), s.accelerometer);
   Sample sample{sensors.imu_tick, a.good ? &gyro : nullptr, b.good ? &accelerometer : nullptr, 0};
-  // What was not believed was true: the ball has turned by up to that meanwhile.
+  // The samples that were not believed were true: the ball has turned by up to that meanwhile.
   if (a.jumped) {
     sample.extra_turn_variance = square(static_cast<Real>(kMostRejected) * dt_s) * (gyro - expected).squaredNorm();
   }

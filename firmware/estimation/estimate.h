@@ -36,7 +36,7 @@ struct EstimationParams {
   Vector2 initial_position_W_m = Vector2::Zero();
 };
 
-// What the filter believes at the start of a control tick, with 1-sigma bands.
+// The filter's belief at the start of a control tick, with 1-sigma bands.
 struct Estimate {
   bool valid = false;                  // false: no sample has arrived yet, or the filter has nothing to go on
   Quaternion orientation{1, 0, 0, 0};  // body -> space, unit

@@ -51,7 +51,7 @@ constexpr Real kRegular = 16 * std::numeric_limits<Real>::epsilon();
 
 Real square(Real x) { return x * x; }
 
-// Of a variance, which rounding may have left below 0.
+// Standard deviation of a variance that rounding may have left below 0.
 Real root(Real variance) { return variance > 0 ? std::sqrt(variance) : Real(0); }
 
 // a - b, modulo 2^64: ticks of a message can be anything.
@@ -79,7 +79,7 @@ bool usable(const TriadErrors& errors, const Vector3& reading, contact::Repeats&
   return repeats.count < kMostRepeats;
 }
 
-// What is known at the sample's time. `age_s`: from there to the tick of estimate and masses.
+// The knowledge at the sample's time. `age_s`: from there to the tick of estimate and masses.
 struct Instant {
   Instant(const BallParams& ball, const EstimationParams& params, const Sensors& sensors, const Estimate& estimate,
           Real age_s)
@@ -188,7 +188,7 @@ struct Force {
 
 Force force_of(const BallParams& ball, const EstimationParams& params, const Instant& now, const Acceleration& a,
                const ContactSums& sums, Real dt, ContactMeter& meter) {
-  // What Euler's equation leaves, and its part above the corner.
+  // The rest of Euler's equation, and its part above the corner.
   const Vector3& omega = now.rate_B;
   const Vector3 spin = ball.inertia_kgm2.cwiseProduct(omega);
   const Vector3 left = (ball.radius_m * now.up_B).cross(now.force_B) - sums.euler * a.angular_B - omega.cross(spin) -
@@ -266,7 +266,7 @@ void publish(const Instant& now, const Force& force, Real constant_n2, Real tilt
   out.mu_sigma = root(variance) / normal;
 }
 
-// What the contact point gains in speed by this sample.
+// The speed that the contact point gains by this sample.
 void add_slip(const BallParams& ball, const Instant& now, const Vector3& f, const ContactSums& sums, Real dt,
               ContactMeter& meter) {
   const Vector3 acceleration_W = now.to_W * (f + now.gravity_B), rate_W = now.to_W * now.rate_B;

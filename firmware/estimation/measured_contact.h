@@ -42,7 +42,7 @@ namespace contact {
 // Blocks of 10 ms, or of one sample if that is longer: a baseline of 1 s and a window of 0.6 s.
 inline constexpr int kBlocks = 160;
 
-// What the velocity of the contact point in the floor has gained, measured in two ways; space frame.
+// The velocity that the contact point has gained in the floor, measured in two ways; space frame.
 struct Slip {
   Vector2 by_accelerometer_W_mps = Vector2::Zero();
   Vector2 by_rotation_W_mps = Vector2::Zero();
@@ -54,7 +54,7 @@ struct SlipTotal {
   std::array<Wide, 2> by_rotation_W_mps{};
 };
 
-// Of the newest sample, for differences and for trapezoids.
+// Values of the newest sample, for differences and for trapezoids.
 struct LastSample {
   Vector3 rate_B_radps = Vector3::Zero();
   Vector3 rolling_B_radps2 = Vector3::Zero();        // Omegadot if the ball rolls

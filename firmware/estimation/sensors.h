@@ -1,4 +1,4 @@
-// What the robot's sensors say. Types only.
+// The readings of the robot's sensors. Types only.
 #pragma once
 
 #include <limits>

@@ -18,7 +18,7 @@
 
 namespace ballast::sim {
 
-// Of the contact point.
+// Place of the contact point.
 inline Eigen::Vector2d place_W_m(const State& y) { return {y[kZ], y[kZ + 1]}; }
 
 class Equations {

@@ -27,7 +27,7 @@ bool meet(const Vector2d& a, const Vector2d& b, const Vector2d& c, const Vector2
          (b_side == 0 && between(c, d, b));
 }
 
-// What makes the corners no polygon; empty: nothing.
+// The reason why the corners are no polygon; empty: nothing.
 std::string polygon_error(const std::vector<Vector2d>& corners) {
   const std::size_t n = corners.size();
   const auto corner = [&](std::size_t i) { return corners[i % n]; };

@@ -35,7 +35,7 @@ struct ContactRun {
 ContactRun record_contact(const std::string& name, const std::vector<std::string>& overrides,
                           const std::vector<std::string>& faults = {});
 
-// What the robot makes of a tick.
+// The robot's measurements of a tick.
 struct MeasuredTick {
   const ContactTick& truth;
   const firmware::Estimate& estimate;

@@ -38,7 +38,7 @@ class Imu {
  public:
   Imu(const sim::SensorModel& model, double control_period_s, std::uint64_t seed);
   void read(const TrueTick& truth, firmware::Sensors& sensors);
-  // Of the newest sample.
+  // True bias at the newest sample.
   [[nodiscard]] const Eigen::Vector3d& gyro_bias() const { return gyro_bias_; }
 
  private:

@@ -30,7 +30,7 @@ struct Study {
   Consistency all, tilt, yaw, bias, place;
 };
 
-// What the filter has made of a tick.
+// The filter's estimate of a tick.
 struct FilteredTick {
   const TrueTick& truth;
   const Imu& imu;

@@ -1,4 +1,4 @@
-// What the filter does with sensors that are broken, missing or moved.
+// The filter with sensors that are broken, missing or moved.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -39,6 +39,16 @@ NAMED_GRAPHICS_CARD = """
     return isName ? "a graphics card" : getParameter.call(this, name);
   };"""
 
+# The pixels of a plot, read from a copy: Chromium warns on the console where the page's own canvas is read again and again.
+PIXELS = """
+  function pixels(chart) {
+    const { width, height } = chart.ctx.canvas, copy = new OffscreenCanvas(width, height);
+    const context = copy.getContext("2d", { willReadFrequently: true });
+    context.drawImage(chart.ctx.canvas, 0, 0);
+    return context.getImageData(0, 0, width, height);
+  }
+"""
+
 
 def start_browser():
     options = webdriver.ChromeOptions()
@@ -206,13 +216,13 @@ class PageTest(unittest.TestCase):
         self.assertEqual(panels, ["normal_force", "static_friction", "mu_required", "margin", "angular_velocity",
                                   "mass_position", "deviation", "motor_torque", "motor_margin"])
         # Each has drawn its line: pixels of the line's colour, as many at least as the plot is wide.
-        missing = self.js("""
+        missing = self.js(PIXELS + """
           return window.ballastReport.plots.plots.filter(({ chart, panel }) => {
             const probe = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
             probe.fillStyle = getComputedStyle(document.documentElement).getPropertyValue(`--${panel.lines[0].color}`);
             probe.fillRect(0, 0, 1, 1);
             const [r, g, b] = probe.getImageData(0, 0, 1, 1).data;
-            const { width, height } = chart.ctx.canvas, { data } = chart.ctx.getImageData(0, 0, width, height);
+            const { width, height, data } = pixels(chart);
             let count = 0;
             for (let k = 0; k < data.length; k += 4)
               if (data[k + 3] > 100 &&
@@ -533,10 +543,11 @@ class PageTest(unittest.TestCase):
 
     def has_colour(self, panel, seconds, value):
         """Whether something is drawn at that place of a plot."""
-        return self.js("""
+        return self.js(PIXELS + """
           const { chart } = window.ballastReport.plots.plots.find(({ panel }) => panel.id === arguments[0]);
           const x = chart.valToPos(arguments[1], "x", true), y = chart.valToPos(arguments[2], "y", true);
-          return chart.ctx.getImageData(Math.round(x), Math.round(y), 1, 1).data[3] > 0;""", panel, seconds, value)
+          const { width, data } = pixels(chart);
+          return data[4 * (Math.round(y) * width + Math.round(x)) + 3] > 0;""", panel, seconds, value)
 
     def test_estimate_band_and_belief(self):
         self.known_run("known")
