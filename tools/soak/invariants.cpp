@@ -30,15 +30,17 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "are silent: the motors then stand."},
     {"no_false_alarm",
      "The monitor trips only in a tick in which the true ball is outside the envelope, or for what an injected fault "
-     "does at that time. The controller trips only after the monitor, for a mass that is commanded on over a "
-     "closed end switch, for steps that its motor cannot make, or for such a fault."},
+     "does at that time. The controller trips only after the monitor, for a mass that is commanded on over a closed "
+     "end switch, for steps that its motor cannot make, or for such a fault; for a slip or a light ball that it "
+     "measures, only after a slide, a flight or a fault, or where masses have lost steps or swing by more than 4 % "
+     "of N; for a light ball also under a force that it is not told of."},
     {"truthful",
      "A trip has the cause, value, limit and time of the true violation: of the plant's own N and f_s and the "
      "scenario's limits, or of the two estimates that disagree."},
     {"agreed",
      "While the ball rolls and sensors and messages are sound, the controller's N and f_s are the plant's for the "
-     "commanded masses, except for rounding. Whatever is wrong, a difference of more than 5 % of the weight trips the "
-     "monitor in the next tick."},
+     "commanded masses and the attitude that the controller senses or estimates, except for rounding. Whatever is "
+     "wrong, a difference of more than 5 % of the weight trips the monitor in the next tick."},
     {"in_regime",
      "Every contact message says the regime of the true ball. Where it says rolling, the geometric centre moves as "
      "rolling moves it; the floor gives no more friction than mu_s N, and no force in flight. A run that ends by slip "
@@ -64,8 +66,9 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "The run ends with a defined reason and exit status. Status 0 means that nothing tripped and the true ball "
      "stayed inside the envelope."},
     {"finite",
-     "No published value is NaN or infinite unless its .lcm file allows it. From sensors that are NaN or corrupted "
-     "the controller's estimate of N is NaN; f_s / N is then +infinity and the margin -1."},
+     "No published value is NaN or infinite unless its .lcm file allows it. From sensors that are NaN or corrupted, "
+     "or before there is an estimate of the attitude, the controller's N is NaN; f_s / N is then +infinity and the "
+     "margin -1."},
     {"in_order",
      "Ticks count up by one, every message belongs to its tick, and pulses, positions and counts of the steps agree."},
     {"patient", "No run has more ticks than its duration, and none exceeds the limit of wall-clock time."},
