@@ -10,7 +10,7 @@ import ballast
 import numpy as np
 
 from event_log import EventLog, LogError
-from floor_patches import read_patches
+from floor_patches import read_patches, static_friction_at
 from known import read_estimate, read_measured, read_predicted
 from planned import read_planned
 from summary_shape import check_summary
@@ -124,6 +124,15 @@ class RecordedRun:
         """mu_s, infinite for perfect friction."""
         value = self.summary.get("surface", {}).get("static_friction")
         return math.inf if value is None else float(value)
+
+    def static_friction_under_ball(self):
+        """mu_s under the ball at the samples of `state`; None where the whole floor holds alike."""
+        floor = self.static_friction_coefficient
+        if all(patch.static_friction == floor for patch in self.patches):
+            return None
+        places = np.asarray(self.state["position_W_m"][:, :2], dtype=float)
+        found = static_friction_at(self.patches, places, floor)
+        return found if (found != floor).any() else None
 
     @property
     def end_s(self):
