@@ -79,6 +79,14 @@ TEST(EstimatedRun, PlantAndControllerAgreeAtTheEstimate) {
   }
 }
 
+TEST(EstimatedRun, SaysThatThereIsNoEstimate) {
+  for (const char* saturated : {"sensors.gyro.bias=1000", "sensors.accelerometer.range=5"}) {
+    const Rolled rolled = sil::roll(load(with({"sensors.gyro.range=30", saturated})));
+    EXPECT_EQ(rolled.result.status, hal::Status::kPeerLost) << saturated;
+    EXPECT_NE(rolled.result.trouble.find("no estimate of its attitude"), std::string::npos) << rolled.result.trouble;
+  }
+}
+
 // Nothing that the firmware could use tells it the attitude, and no step depends on its estimate.
 TEST(EstimatedRun, TheAttitudeIsNotInTheMessage) {
   const OfScenario estimated = roll(with({})), sensed = roll(with({"sensors.attitude=sensed"}));
