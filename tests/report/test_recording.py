@@ -295,6 +295,7 @@ class RecordingTest(unittest.TestCase):
         (self.folder / "scenario.toml").write_text(
             "[[surface.patch]]\ncircle = { center = [0, 0], radius = 0.01 }\nstatic_friction = 0.05\n")
         self.assertIn(slid + " (mu_s = 0.05 where it was).", said())
+        self.assertIn((0.0, "trip: the ball slid"), words.events(Recording(self.folder)))
         found = words.numbers(Recording(self.folder))
         self.assertEqual(next(number.value for number in found if number.label == "least mu_s under the ball"), 0.05)
         self.assertIn("floor_friction", Recording(self.folder).columns)

@@ -159,8 +159,11 @@ class RecordedRun:
         found = []
         trip = self.summary.get("trip")
         if trip:
-            cause = trip.get("cause", "")
-            found.append((float(trip["time"]), "monitor trips: " + _TRIP_CAUSES.get(cause, cause.replace("_", " "))))
+            cause, value, limit = trip.get("cause", ""), trip.get("value"), trip.get("limit")
+            what = _TRIP_CAUSES.get(cause, cause.replace("_", " "))
+            if cause == "friction" and value is not None and limit is not None and value <= limit:
+                what = "the ball slid"  # on less friction than its floor was to have
+            found.append((float(trip["time"]), "monitor trips: " + what))
         end = self.summary.get("end", {})
         if end.get("reason") in _ENDS:
             found.append((float(end["time"]), _ENDS[end["reason"]]))

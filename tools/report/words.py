@@ -186,6 +186,12 @@ def _is_number(value):
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
+def _slid(trip):
+    """Whether the ball slid on less friction than its floor was to have."""
+    return trip.get("cause") == "friction" and None not in (trip.get("value"), trip.get("limit")) \
+        and trip["value"] <= trip["limit"]
+
+
 def _friction_trip(recording, trip):
     """Value and limit of a trip on friction, in the words of `ballast run`."""
     value_text, limit_text = apart(trip["value"], trip["limit"])
@@ -203,8 +209,7 @@ def _trip(recording):
         return "" if summary.get("end", {}).get("reason") is None else "Nothing tripped."
     value, limit = trip.get("value"), trip.get("limit")
     known = value is not None and limit is not None
-    slid = known and trip.get("cause") == "friction" and value <= limit
-    words = f"Tripped at {time_text(trip['time'])}: {'friction' if slid else cause_text(trip.get('cause'))}"
+    words = f"Tripped at {time_text(trip['time'])}: {'friction' if _slid(trip) else cause_text(trip.get('cause'))}"
     if known and trip.get("cause") == "friction":
         words += _friction_trip(recording, trip)
     elif known and trip.get("cause") == "normal_force":
@@ -365,7 +370,7 @@ def events(recording):
             more = f", the first of {len(flags)} times" if len(flags) > 1 else ""
             found.append((flags[0].start_s, text + more))
     if trip and trip.get("time") is not None:
-        found.append((trip["time"], f"trip: {cause_text(trip.get('cause'))}"))
+        found.append((trip["time"], f"trip: {'the ball slid' if _slid(trip) else cause_text(trip.get('cause'))}"))
     what = {"slipped": "the ball slips", "detached": "the ball leaves the ground",
             "inconsistent": "no consistent contact force", "step_timing": "a step mistimed"}.get(end.get("reason"))
     if what:
