@@ -6,10 +6,14 @@ namespace ballast::firmware {
 
 namespace {
 
-// Tells a valid estimate from one that a bug or an overflow has spoilt.
+// A tilt known to this at 1 sigma says nothing of where masses push.
+constexpr Real kMostTilt_rad = Real(0.5);
+
+// Tells a valid estimate from one that says nothing, and from one that a bug or an overflow has spoilt.
 bool usable(const Estimate& e) {
-  return e.valid && is_rotation(e.orientation) && possible(e.angular_velocity_B_radps) &&
-         possible(e.gyro_bias_B_radps) && possible(e.position_W_m[0]) && possible(e.position_W_m[1]);
+  return e.valid && e.tilt_sigma_rad < kMostTilt_rad && is_rotation(e.orientation) &&
+         possible(e.angular_velocity_B_radps) && possible(e.gyro_bias_B_radps) && possible(e.position_W_m[0]) &&
+         possible(e.position_W_m[1]);
 }
 
 // A sensed motion in the form of an estimate, without bands.

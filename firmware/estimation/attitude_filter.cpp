@@ -576,19 +576,25 @@ void take_imu(const BallParams& ball, const EstimationParams& params, Wide contr
   step_to(ball, params, control_period_s, sample, s);
 }
 
-void take_fix(const BallParams& ball, const EstimationParams& params, const Sensors& sensors, FilterState& s) {
+void take_fix(const BallParams& ball, const EstimationParams& params, Wide control_period_s, const Sensors& sensors,
+              FilterState& s) {
   if (sensors.fix_count == s.fix_count || !s.aligned || sensors.fix_tick > s.anchor_tick) return;
   // Not in a tick that has a window's work.
   if (s.window.closed || s.window.samples < 2) return;
   s.fix_count = sensors.fix_count;
   const auto then = s.travels.at(sensors.fix_tick);
+  // Without the gyro the travel since the fix is the model's.
+  const Real late_s = static_cast<Real>(static_cast<Wide>(s.anchor_tick - sensors.fix_tick) * control_period_s);
+  const Real heard_s = std::fmax(s.outage_s - late_s, Real(0));
+  const Real unheard_rad = kModelError * stiffness(ball) / 2 * (square(s.outage_s) - square(heard_s));
+  const Real unheard_m2 = square(ball.radius_m * unheard_rad);
   std::array<Measurement, 2> measured;
   std::array<Real, 2> since{};
   for (std::size_t j = 0; j < 2; ++j) {
     since[j] = static_cast<Real>(s.travel_W_m[j] - then[j]);
     measured[j].innovation = static_cast<Real>(sensors.fix_W_m[j] - (s.position_W_m[j] - (s.travel_W_m[j] - then[j])));
     measured[j].hx[kPlace + j] = 1;
-    measured[j].variance = square(params.fix_noise_m) + square(kFixFloor * ball.radius_m);
+    measured[j].variance = square(params.fix_noise_m) + square(kFixFloor * ball.radius_m) + unheard_m2;
     // A place beyond all bounds, or none at all, would replace the estimate after a few.
     if (!(std::fabs(measured[j].innovation) <= kMostPlace * ball.radius_m)) return;
   }
@@ -688,7 +694,7 @@ void update(const BallParams& ball, const EstimationParams& params, Wide control
   state.models.add(tick, state.model);
   if (!state.aligned) state.anchor_tick = tick;
   take_imu(ball, params, control_period_s, sensors, tick, state);
-  take_fix(ball, params, sensors, state);
+  take_fix(ball, params, control_period_s, sensors, state);
   report(ball, control_period_s, tick, state, out);
   predict(ball, params, control_period_s, masses, tick, out, state);
 }
