@@ -225,21 +225,31 @@ void warn_of_unplanned_task(TableReader& root, const std::string& source_name, c
   root.warn("task", "has no motion yet, so no mass moves; `ballast plan {}` finds one", source_name);
 }
 
+// The text of a computed number, with as many digits as mean something.
+std::string rounded_text(double value) { return fmt::format("{:.3g}", value); }
+
 // What a triad reads beyond the truth at rest, against the largest of it that leaves an attitude to estimate.
 void warn_of_triad(TableReader triad, const ImuTriad& model, double rate_hz, double rest, double most,
                    const std::string& unit, const char* most_text) {
   const double noise = model.noise_density * std::sqrt(rate_hz / 2);
   if (model.range > 0 && model.range - model.resolution <= rest) {
-    triad.warn("range", "is reached at rest, where an axis reads {} {}: no attitude can be estimated", rest, unit);
+    triad.warn("range", "is reached at rest, where an axis reads {} {}: no attitude can be estimated",
+               rounded_text(rest), unit);
     return;
   }
   const double room = model.range > 0 ? (model.range - rest) / kSureSigmas : most;
   const auto check = [&](const char* key, const char* what, double value) {
     if (value <= std::min(room, most)) return;
-    const bool leaves = room < most;
-    triad.warn(key, "gives {} of {} {}, {} {} {}: no attitude can be estimated", what, value, unit,
-               leaves ? "which takes readings at rest beyond the range of" : most_text, leaves ? model.range : most,
-               unit);
+    if (room < most) {
+      triad.warn(
+          key,
+          "gives {} of {} {}, which may take readings at rest to the end of the range of {} {}: then no attitude "
+          "can be estimated",
+          what, rounded_text(value), unit, rounded_text(model.range), unit);
+    } else {
+      triad.warn(key, "gives {} of {} {}, {} {} {}: no attitude can be estimated", what, rounded_text(value), unit,
+                 most_text, rounded_text(most), unit);
+    }
   };
   check("bias", "an offset", model.bias);
   check("noise_density", "a noise of each sample", noise);

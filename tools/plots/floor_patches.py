@@ -136,12 +136,13 @@ def draw_floor_friction(axes, run, under, use=1.0, color=VERMILLION):
     limit = use * np.where(np.isfinite(under), under, np.nan)
     line, = axes.plot(np.asarray(run.state["time_s"], dtype=float), limit, color=color, linestyle="--", linewidth=1.4,
                       drawstyle="steps-post", zorder=3)
-    finite = under[np.isfinite(under)]
-    values = [short_number(value) for value in (finite.min(), finite.max())]
+    finite = limit[np.isfinite(limit)]
+    values = [short_number(value) for value in (finite.min(), finite.max())] if len(finite) else []
     if np.isinf(under).any():
-        values[1] = "perfect"
-    part = "" if use == 1 else f"{short_number(use)} of "
-    line.set_label(rf"{part}$\mu_\mathrm{{s}}$ under the ball: {' to '.join(dict.fromkeys(values))}")
+        values = [*values[:1], "perfect"]
+    symbol = r"$\mu_\mathrm{s}$"
+    name = f"{symbol} under the ball" if use == 1 else f"a plan may use {short_number(use)} {symbol}"
+    line.set_label(f"{name}: {' to '.join(dict.fromkeys(values))}")
     return line
 
 

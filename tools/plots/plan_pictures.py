@@ -142,7 +142,7 @@ def plan_need(run):
     if under is not None:
         limits.append(draw_floor_friction(axes, run, under, planned.use, GREEN))
         limits.append(draw_floor_friction(axes, run, under, color=ORANGE))
-        top = max(top, 1.1 * float(under[np.isfinite(under)].max()))
+        top = max(top, 1.1 * float(under[np.isfinite(under)].max(initial=0)))
     elif planned.friction_limit is not None:
         floor = run.static_friction_coefficient
         limits.append(axes.axhline(planned.friction_limit, color=GREEN, linestyle="--", linewidth=1.4,
