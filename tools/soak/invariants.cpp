@@ -72,7 +72,7 @@ constexpr InvariantText kTexts[kInvariantCount] = {
     {"repeatable", "The same seed gives the same log, byte for byte (checked for one seed in 32)."},
 };
 
-constexpr double kMostSwing = 0.05;  // of N, by which real and commanded forces may differ where slip is told truly
+constexpr double kMostSwing = 0.04;  // of N, by which real and commanded forces may differ where slip is told truly
 
 constexpr std::uint64_t kHashSeed = 0xcbf29ce484222325;
 
@@ -532,7 +532,9 @@ void Invariants::check_controllers_alarm(const sil::Lap& lap) {
   explain(Fault::kSensorNotFinite, windows_.nan(tick_));
   // Filters remember what has disturbed them.
   explain(Fault::kSlipMeasured, disturbed_ || has_slid_ || swung_);
-  explain(Fault::kLightMeasured, disturbed_ || has_slid_);
+  // The firmware is told of neither force table nor drag, and takes them for the floor's.
+  const bool untold = !scenario_.force_table.times_s.empty() || scenario_.drag.coefficient_kgpm > 0;
+  explain(Fault::kLightMeasured, disturbed_ || has_slid_ || untold);
   explain(Fault::kNoEstimate, disturbed_);
   for (const Fault fault : {Fault::kSensorStale, Fault::kMonitorStale, Fault::kTickOutOfOrder}) {
     explain(fault, bus_faults_active_);
