@@ -423,7 +423,8 @@ static_friction = 0.9
         folder = ball().write(self.folder)
         high = RecordedRun(folder).state["position_W_m"][:, :2].max(axis=0)
         (self.folder / "scenario.toml").write_text(
-            f"[surface]\nstatic_friction = 0.5\n[[surface.patch]]\ncircle = {{ center = [{high[0] + 1}, {high[1]}], radius = 1.0 }}\n"
+            "[surface]\nstatic_friction = 0.5\n[[surface.patch]]\n"
+            f"circle = {{ center = [{high[0] + 1}, {high[1]}], radius = 1.0 }}\n"
             "static_friction = 0.123\nrolling_resistance = 0.0123\n")
         figure = pictures.path(RecordedRun(folder))
         figure.savefig(io.BytesIO())

@@ -31,7 +31,14 @@ function single(runs, column, label, color) {
     };
     if (samples.has(column)) lines.push({...line, column});
     if (column === "mu_required" && samples.has("floor_friction"))
-      lines.push({...line, column: "floor_friction", label: `${FRICTION_LIMIT} under the ball`, color: "limit", dash: [7, 4], width: 1});
+      lines.push({
+        ...line,
+        column: "floor_friction",
+        label: `${FRICTION_LIMIT} under the ball`,
+        color: "limit",
+        dash: [7, 4],
+        width: 1
+      });
     const commanded = `commanded_${column}`;
     if (!several && samples.has(commanded))
       lines.push({...line, column: commanded, label: described.commanded, color: "text", dash: DASHED, width: 1});
