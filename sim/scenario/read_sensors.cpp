@@ -45,9 +45,9 @@ double read_rate(TableReader& table, std::optional<double> control_period_s, std
   if (rate_hz <= 0 || !control_period_s || ticks_per_sample(rate_hz, *control_period_s) > 0) return rate_hz;
   const double tick_rate_hz = 1 / *control_period_s, ticks = std::max(1.0, std::ceil(tick_rate_hz / rate_hz - 1e-9));
   table.refuse("rate",
-               "does not divide the tick rate of {} Hz (1 / run.control_period); allowed: {} Hz and others that "
-               "are it by a whole number",
-               tick_rate_hz, tick_rate_hz / ticks);
+               "does not divide the tick rate of {} Hz (1 / run.control_period); allowed: that rate over a "
+               "whole number, as {} Hz = {} / {}",
+               tick_rate_hz, tick_rate_hz / ticks, tick_rate_hz, ticks);
   return 0;
 }
 

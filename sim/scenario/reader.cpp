@@ -133,9 +133,10 @@ std::string Range::text_for(double value) const {
 std::string Range::text() const {
   std::string text = infinity_allowed ? "number" : "finite number";
   const bool bounded_below = std::isfinite(low), bounded_above = std::isfinite(high);
-  if (bounded_below && bounded_above) {
-    text += std::string(" in ") + (low_excluded ? "(" : "[") + number_text(low) + ", " + number_text(high) +
-            (high_excluded ? ")" : "]");
+  if (bounded_below && bounded_above && high_excluded) {  // a bracket at the end of a long number is overlooked
+    text += (low_excluded ? " > " : " >= ") + number_text(low) + " and < " + number_text(high);
+  } else if (bounded_below && bounded_above) {
+    text += std::string(" in ") + (low_excluded ? "(" : "[") + number_text(low) + ", " + number_text(high) + "]";
   } else if (bounded_below) {
     text += (low_excluded ? " > " : " >= ") + number_text(low);
   } else if (bounded_above) {
@@ -338,8 +339,8 @@ std::optional<std::vector<double>> TableReader::numbers(std::string_view key, st
 
 std::optional<std::vector<double>> TableReader::list(std::string_view key, std::size_t least, std::size_t most,
                                                      const Range& range) {
-  const Node* value =
-      array(key, least, most, message("an array of {} to {} numbers, each a {}", least, most, range.text()));
+  const std::string count = least == most ? std::to_string(least) : message("{} to {}", least, most);
+  const Node* value = array(key, least, most, message("an array of {} numbers, each a {}", count, range.text()));
   return value == nullptr ? std::nullopt : checked_numbers(*value, path_of(key), range);
 }
 

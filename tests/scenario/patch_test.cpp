@@ -71,6 +71,7 @@ TEST(Patch, EachWrongKeyIsOneError) {
       {patch("polygon = [[0, 0], [1, 0], [1, 0], [0, 1]]"), at + ".polygon", "twice"},
       {patch("polygon = [[0, 0], [1, 0], [0, 1], [0, 0]]"), at + ".polygon", "twice"},
       {patch("polygon = [[0, 0], [1, 1], [1, 0], [0, 2]]"), at + ".polygon", "crosses"},
+      {patch("polygon = [[0, 0], [1, 1], [1, 0], [0, 1]]"), at + ".polygon", "crosses"},          // its halves cancel
       {patch("polygon = [[0, 0], [2, 0], [1, 0], [1, 1]]"), at + ".polygon", "crosses"},          // folds back
       {patch("polygon = [[1, 1], [0, 0], [2, 0], [1, 0]]"), at + ".polygon", "crosses"},          // at its end too
       {patch("polygon = [[0, 0], [2, 0], [2, 1], [1, 0], [0, 1]]"), at + ".polygon", "touches"},  // a corner on an edge

@@ -88,7 +88,7 @@ TEST(SensorScenario, EachWrongKeyIsOneError) {
   } cases[] = {
       {"preset = \"bmi099\"", "sensors.preset", "bmi088"},
       {"rate = 300", "sensors.rate", "does not divide the tick rate of 1000 Hz"},
-      {"rate = 2000", "sensors.rate", "allowed: 1000 Hz"},
+      {"rate = 2000", "sensors.rate", "as 1000 Hz"},
       {"rate = 0", "sensors.rate", "> 0"},
       {"rate = nan", "sensors.rate", "> 0"},
       {"rate = \"fast\"", "sensors.rate", "Hz"},

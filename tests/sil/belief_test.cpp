@@ -233,7 +233,7 @@ TEST(Belief, RefusesWhatCannotBeBelieved) {
        "<= believed.surface.static_friction = 0.2"},
       {{"believed.surface.rolling_resistance=-1"}, "believed.surface.rolling_resistance", ">= 0"},
       {{"believed.surface.spin_friction=nan"}, "believed.surface.spin_friction", "finite"},
-      {{"believed.surface.slope.angle=2"}, "believed.surface.slope.angle", "[0, 1.57"},
+      {{"believed.surface.slope.angle=2"}, "believed.surface.slope.angle", ">= 0 and < 1.57"},
       {{"believed.surface.restitution=0.5"}, "believed.surface.restitution", "unknown key"},
       {{"believed.mass=[{},{},{},{mass=1}]"}, "believed.mass", "has 4 entries"},
       {{"believed.mass=[{mass=-1}]"}, "believed.mass.0.mass", "> 0"},

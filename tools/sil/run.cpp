@@ -263,6 +263,9 @@ bool Run::judge_verdict() {
   if (result_.trip.tripped != 0 && lap_.verdict->tripped == 0) {
     return lost("the monitor takes back its trip (tick " + std::to_string(tick_) + "): it was started again");
   }
+  if (result_.trip.tripped == 0 && lap_.verdict->cause == trip_t::CAUSE_FRICTION) {
+    result_.trip_static_friction = sample_.floor_static_friction;
+  }
   result_.trip = *lap_.verdict;
   return true;
 }
@@ -308,7 +311,7 @@ bool Run::judge_countdown() {
     return false;
   }
   if (!trips_.controller_trip() && countdown_.ignores_command(lap_)) {
-    return lost("the controller did not obey the operator's " + std::string(countdown_.command_name(tick_)));
+    return lost(countdown_.ignored_text(lap_));
   }
   return true;
 }

@@ -102,7 +102,8 @@ struct RunResult {
   std::optional<TrackingRecord> tracking;  // where the scenario has a plan that rolls
   std::optional<EstimateErrors> estimate;  // where the controller has estimated its attitude
   std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
-  trip_t trip{};  // the last verdict
+  trip_t trip{};                               // the last verdict
+  std::optional<double> trip_static_friction;  // mu_s under the ball when friction tripped
   std::optional<ControllerTrip> controller_trip;
   std::optional<std::int64_t> latency_ticks;    // from the violating contact to the first tick with the stop's steps
   std::optional<StepTimingRecord> step_timing;  // if it was asked for
