@@ -336,9 +336,10 @@ void Invariants::check_finite(const sil::Lap& lap) {
             ratio(status.measured_mu_required) && ratio(status.measured_mu_sigma),
         "an estimated or measured number of controller_status_t");
   // N cannot be estimated from sensors without numbers. f_s / N and the margin then have their worst values.
-  // Nor before there is an estimate of the attitude.
+  // Nor where there is no estimate of the attitude, or none to go by; a prediction of that time stays.
+  no_estimate_ = no_estimate_ || (status.faults & static_cast<int>(firmware::Fault::kNoEstimate)) != 0;
   const bool no_numbers = has_fault(sim::FaultKind::kSensorNan) || has_fault(sim::FaultKind::kMessagesCorrupted) ||
-                          (scenario_.sensors.attitude_estimated && status.estimate_valid == 0);
+                          no_estimate_ || (scenario_.sensors.attitude_estimated && status.estimate_valid == 0);
   const auto unknown = [&](double mu_required, double margin) {
     return no_numbers && std::isinf(mu_required) && margin == -1;
   };

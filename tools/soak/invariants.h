@@ -118,6 +118,7 @@ class Invariants {
   // So far: the ball has been off the floor or slid on it; a fault has begun, or a mass was far from where it is sent;
   // masses have swung hard.
   bool has_slid_ = false, disturbed_ = false, swung_ = false;
+  bool no_estimate_ = false;  // the controller has had no estimate to go by
   bool over_an_end_ = false;  // commanded over a closed switch: now, or since messages are late
 
   bool monitor_tripped_ = false;      // by its latest message
