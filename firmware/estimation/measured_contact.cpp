@@ -296,7 +296,7 @@ void add_slip(const BallParams& ball, const Instant& now, const Vector3& f, cons
                          now.rate_B.cross(spin) - sums.moment_c;
   contact::LastSample& last = meter.last;
   if (meter.followed) {
-    // What the trapezoids leave out: dt / 12 of the second difference.
+    // A trapezoid leaves out dt / 12 of the second difference.
     const Vector2 gain = acceleration - last.acceleration_W_mps2;
     const Real bent = square(dt / 12) * (gain - last.gain_W_mps2).squaredNorm();
     meter.bent_square_m2ps2 += kBentMemory * (bent - meter.bent_square_m2ps2);
@@ -360,7 +360,7 @@ const contact::SlipTotal& total_before(const ContactMeter& meter, int blocks) {
   return meter.totals[static_cast<std::size_t>(at < 0 ? at + contact::kBlocks : at)];
 }
 
-// Of a window's speed, from its constant error and the variance of its noise.
+// The threshold of a window's speed, from its constant error and the variance of its noise.
 Real slip_threshold(Real error_mps, Real noise_m2ps2, Real least_mps) {
   const Real threshold = std::sqrt(square(kErrorSigmas * error_mps) + square(kNoiseSigmas) * noise_m2ps2);
   return threshold > least_mps ? threshold : least_mps;

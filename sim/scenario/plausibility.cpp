@@ -228,7 +228,7 @@ void warn_of_unplanned_task(TableReader& root, const std::string& source_name, c
 // The text of a computed number, with as many digits as mean something.
 std::string rounded_text(double value) { return fmt::format("{:.3g}", value); }
 
-// What a triad reads beyond the truth at rest, against the largest of it that leaves an attitude to estimate.
+// A triad's error at rest, against the largest that leaves an attitude to estimate.
 void warn_of_triad(TableReader triad, const ImuTriad& model, double rate_hz, double rest, double most,
                    const std::string& unit, const char* most_text) {
   const double noise = model.noise_density * std::sqrt(rate_hz / 2);

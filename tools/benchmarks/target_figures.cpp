@@ -147,9 +147,9 @@ void estimation(const Target& target) {
                         "sensors.position_fix.noise=0.005", "sensors.position_fix.delay=0.1"});
 }
 
-// What feedback along the motion adds to a tick of `desk_ball`. The true robot is not the believed one and is pushed,
-// so that the masses have to do something else than the motion says; alone, and with estimation, a latency and places
-// from outside.
+// Instructions that feedback along the motion adds to a tick of `desk_ball`. The true robot is not the believed one and
+// is pushed, so that the masses have to do something else than the motion says; alone, and with estimation, a latency
+// and places from outside.
 void tracking(const Target& target) {
   const auto measured = [&](const char* words, bool tracks, bool estimates) {
     std::vector<std::string> overrides{"duration=3", "believed.ball.mass=0.82"};
