@@ -86,7 +86,8 @@ class Sqp {
       quiet = holds && slow ? quiet + 1 : 0;
       if (quiet >= 2 || (holds && then.need <= settings_.good_enough)) break;
     }
-    if (good && now.equality > kMet && now.equality < kNearlyMet) now = meet_equalities(now);
+    const bool ended = effort_.ended && effort_.ended();
+    if (good && !ended && now.equality > kMet && now.equality < kNearlyMet) now = meet_equalities(now);
     return now;
   }
 
