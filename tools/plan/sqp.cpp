@@ -103,8 +103,9 @@ class Sqp {
   // has come to its end with equalities unmet, by about their multiplier over their weight. That happens where a floor
   // resists: a ball below the creep rate forgets in a fraction of a piece how it came there, so its rates at the end
   // are steep and bent functions of the knots, and the correction is longer than the step that it corrects. False: the
-  // equalities are met, or too far from it, or as heavy as they get.
+  // equalities are met, or too far from it, or as heavy as they get, or the floor does not resist.
   bool tighten(const Merit& now) {
+    if (!resists(problem_)) return false;
     if (tightened_ >= kMostTightened || now.equality < settings_.most_equality || now.equality > kNearlyMet)
       return false;
     tightened_ *= 10;
