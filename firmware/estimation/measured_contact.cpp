@@ -217,7 +217,7 @@ Force force_of(const BallParams& ball, const EstimationParams& params, const Ins
   const Real correction_noise = square(params.gyro.noise) * dt * kObserver * square(kObserver);
   Matrix3 noise = f_noise * by_f * by_f.transpose() + correction_noise * sums.euler * sums.euler.transpose();
 
-  // Its impulse, which the masses' swing takes from the ball and gives back.
+  // The impulse of `fast`: the masses' swing takes it from the ball and gives it back.
   meter.impulse_B_nms += dt * fast - blend * meter.impulse_B_nms;
   const Real impulse = meter.impulse_B_nms.squaredNorm() - square(meter.impulse_B_nms.dot(now.up_B));
   const Real faded = dt < kSwingMemory_s ? meter.impulse_power_n2m2s2 * (1 - dt / kSwingMemory_s) : Real(0);
@@ -337,6 +337,7 @@ SlipNoise slip_noise(const BallParams& ball, const EstimationParams& params, Rea
   // Errors fixed to the body turn with it, and the gyro's scale and axes tilt the estimate as the ball turns.
   const Real turning =
       constant_m2ps4 + gravity2 * (square(params.gyro.scale_error) + square(params.gyro.misalignment_rad));
+  // The swing counts with its greatest value, and not with sigmas: the division undoes slip_threshold()'s factor.
   return {std::sqrt(constant_m2ps4 + gravity2 * tilt_square),
           std::sqrt(rate_square * turning + square(kTiltRate_radps) * gravity2 * tilt_square),
           2 * square((ball.radius_m + std::sqrt(params.accelerometer_position_B_m.squaredNorm())) * params.gyro.noise),
