@@ -450,12 +450,20 @@ std::int64_t follow(const EstimationParams& params, const Sensors& sensors, Cont
   return in_time ? gap : 0;
 }
 
+// Whether a sample of this age says anything of the present.
+bool recent(const EstimationParams& params, std::int64_t age_ticks) {
+  const std::int64_t oldest = params.imu_latency_ticks + std::int64_t{kLongestGap} * params.imu_period_ticks;
+  return age_ticks >= 0 && age_ticks <= oldest;
+}
+
 bool usable(const EstimationParams& params, const Sensors& sensors, std::int64_t age_ticks, ContactMeter& meter) {
   const bool good_gyro = usable(params.gyro, sensors.gyro_B_radps, meter.gyro);
   const bool good_accelerometer = usable(params.accelerometer, sensors.accelerometer_B_mps2, meter.accelerometer);
-  const std::int64_t oldest = params.imu_latency_ticks + std::int64_t{kLongestGap} * params.imu_period_ticks;
-  return good_gyro && good_accelerometer && age_ticks >= 0 && age_ticks <= oldest;
+  return good_gyro && good_accelerometer && recent(params, age_ticks);
 }
+
+// Says that nothing is measured, until the next usable sample.
+void withdraw(MeasuredContact& measured) { measured.valid = measured.slip_detected = measured.light_detected = false; }
 
 bool finite(const ContactMeter& meter) {
   const MeasuredContact& m = meter.newest;
@@ -495,25 +503,26 @@ void reset(const BallParams&, const EstimationParams&, ContactMeter& meter) {
 
 void measure_contact(const BallParams& ball, const EstimationParams& params, Wide control_period_s,
                      const Sensors& sensors, const MassMotion& commanded, const MassMotion& masses,
-                     const Estimate& estimate, ContactMeter& meter, MeasuredContact& out) {
+                     const Estimate& estimate, std::int64_t tick, ContactMeter& meter, MeasuredContact& out) {
   const bool stood = !meter.moved;
   for (int i = 0; i < ball.mass_count; ++i) {
     const auto k = static_cast<std::size_t>(i);
     meter.moved = meter.moved || commanded.velocity[k] != 0 || commanded.acceleration[k] != 0;
   }
   if (sensors.imu_count == meter.imu_count) {
+    if (!recent(params, ticks_between(meter.imu_tick, tick))) withdraw(meter.newest);
     out = meter.newest;
     return;
   }
   const bool held = meter.imu_tick < 0;
   const std::int64_t gap_ticks = follow(params, sensors, meter);
-  const std::int64_t age_ticks = ticks_between(sensors.imu_tick, sensors.tick);
+  const std::int64_t age_ticks = ticks_between(sensors.imu_tick, tick);
   // A ball that was held until tick 0, or until the masses move, may jump to its rolling rate then.
   const bool released = (held && sensors.imu_tick >= 0) || (stood && meter.moved);
   meter.followed = gap_ticks > 0 && !released;
   if (!usable(params, sensors, age_ticks, meter) || !estimate.valid) {
     meter.followed = false;
-    meter.newest.valid = meter.newest.slip_detected = meter.newest.light_detected = false;
+    withdraw(meter.newest);
     out = meter.newest;
     return;
   }

@@ -136,6 +136,20 @@ TEST(Sensing, ALostEstimateTrips) {
   }
 }
 
+// The IMU gives no more samples: the result of the last one stands for 16 periods.
+TEST(Sensing, AContactOfLongAgoIsNotPublished) {
+  HeldBall ball;
+  ball.run();
+  ball.tick();
+  for (int k = 1; k <= 20; ++k) {
+    ball.tick(OperatorCommand::kNone, false);
+    EXPECT_EQ(ball.out.status.measured.valid, k <= 16) << k;
+  }
+  EXPECT_EQ(ball.out.status.measured.normal_force_n, 0);
+  ball.tick();
+  EXPECT_TRUE(ball.out.status.measured.valid);
+}
+
 // The flags are acted on in the tick after, and only while a motion or a move is under way.
 TEST(Sensing, MeasuredSlipAndLightContactTripARunningRobot) {
   const struct {
