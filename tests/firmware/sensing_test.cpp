@@ -136,6 +136,24 @@ TEST(Sensing, ALostEstimateTrips) {
   }
 }
 
+// At 0.5 rad, 1 sigma, the tilt says nothing of where masses push.
+TEST(Sensing, ATiltThatIsNotKnownTrips) {
+  for (const bool known : {true, false}) {
+    HeldBall ball;
+    ball.run();
+    ball.tick();
+    const Real sigma_rad = static_cast<Real>(known ? 0.49 : 0.5);
+    auto& covariance = ball.state().filter.covariance.xx;
+    for (std::size_t j = 0; j < 2; ++j) covariance[j][j] = sigma_rad * sigma_rad;
+    ball.tick(OperatorCommand::kNone, false);
+    EXPECT_TRUE(ball.state().estimate.valid) << "the filter goes on";
+    EXPECT_EQ(ball.state().estimate.tilt_sigma_rad < static_cast<Real>(0.5), known);
+    EXPECT_EQ(ball.out.status.mode, known ? Mode::kRunning : Mode::kTripped);
+    EXPECT_EQ(ball.out.status.faults, known ? 0u : bit(Fault::kNoEstimate));
+    EXPECT_EQ(ball.out.status.estimate.valid, known);
+  }
+}
+
 // The IMU gives no more samples: the result of the last one stands for 16 periods.
 TEST(Sensing, AContactOfLongAgoIsNotPublished) {
   HeldBall ball;
