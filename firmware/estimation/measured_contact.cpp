@@ -313,6 +313,8 @@ void add_slip(const BallParams& ball, const Instant& now, const Vector3& f, cons
       meter.block.by_rotation_W_mps += Vector2(gained_W[0], gained_W[1]);
     }
     ++meter.block_samples;
+  } else {
+    ++meter.block.gaps;
   }
   last.acceleration_W_mps2 = acceleration;
   last.rolling_velocity_W_mps = rolling;
@@ -352,7 +354,7 @@ contact::Slip between(const contact::SlipTotal& from, const contact::SlipTotal& 
     return Vector2(static_cast<Real>(b[0] - a[0]), static_cast<Real>(b[1] - a[1]));
   };
   return {difference(from.by_accelerometer_W_mps, to.by_accelerometer_W_mps),
-          difference(from.by_rotation_W_mps, to.by_rotation_W_mps)};
+          difference(from.by_rotation_W_mps, to.by_rotation_W_mps), to.gaps - from.gaps};
 }
 
 // The total `blocks` blocks before the end of the newest one, 1..block_count.
@@ -378,17 +380,18 @@ bool slips(const SlipNoise& noise, Real block_s, ContactMeter& meter) {
     const contact::SlipTotal& begin = total_before(meter, blocks);
     const contact::Slip window = between(begin, meter.total);
     Vector2 speed = window.by_accelerometer_W_mps, confirmed = window.by_rotation_W_mps;
-    Real error = window_s * noise.offset_mps2, part = 0;
+    Real error = window_s * noise.offset_mps2, part = 0, gaps = static_cast<Real>(window.gaps);
     if (before >= kLeastBaseline) {
       const contact::Slip expected = between(total_before(meter, blocks + before), begin);
       part = static_cast<Real>(blocks) / static_cast<Real>(before);
       speed -= part * expected.by_accelerometer_W_mps;
       confirmed -= part * expected.by_rotation_W_mps;
+      gaps += square(part) * static_cast<Real>(expected.gaps);
       const Real drifted = window_s * noise.drift_mps3 * (window_s + baseline_s) / 2;
       error = drifted < Real(1.4142136) * error ? drifted : Real(1.4142136) * error;
     }
-    // Noise of the rates at the end, where window and baseline meet, and at the start.
-    const Real ends = (1 + square(1 + part) + square(part)) / 2, walk = (1 + part) * noise.walk_m2ps3 * window_s;
+    // Noise of the rates at the end, where window and baseline meet, at the start, and on both sides of gaps.
+    const Real ends = (1 + square(1 + part) + square(part)) / 2 + gaps, walk = (1 + part) * noise.walk_m2ps3 * window_s;
     const Real threshold = slip_threshold(error, ends * noise.rate_m2ps2 + walk, kLeastSlip_mps);
     const Real turned_threshold = slip_threshold(noise.tilt_part * error, ends * noise.turned_m2ps2, kLeastTurned_mps);
     const Real score = std::sqrt(speed.squaredNorm()) / threshold;
@@ -414,6 +417,7 @@ void end_block(const BallParams& ball, const EstimationParams& params, const Ins
     meter.total.by_accelerometer_W_mps[k] += static_cast<Wide>(meter.block.by_accelerometer_W_mps[j]);
     meter.total.by_rotation_W_mps[k] += static_cast<Wide>(meter.block.by_rotation_W_mps[j]);
   }
+  meter.total.gaps += meter.block.gaps;
   meter.next_block = meter.next_block + 1 < contact::kBlocks ? meter.next_block + 1 : 0;
   if (meter.block_count < contact::kBlocks) ++meter.block_count;
   meter.block = {};

@@ -48,12 +48,14 @@ inline constexpr int kBlocks = 160;
 struct Slip {
   Vector2 by_accelerometer_W_mps = Vector2::Zero();
   Vector2 by_rotation_W_mps = Vector2::Zero();
+  std::int64_t gaps = 0;  // samples in it that follow none: the rate's noise on both sides of them stays in the sums
 };
 
 // Sums of gains since reset(), two components of each measure. Only their differences matter.
 struct SlipTotal {
   std::array<Wide, 2> by_accelerometer_W_mps{};
   std::array<Wide, 2> by_rotation_W_mps{};
+  std::int64_t gaps = 0;
 };
 
 // Values of the newest sample, for differences and for trapezoids.
