@@ -55,6 +55,7 @@ TEST(MeasuredForce, HasItWithAnAwkwardImu) {
       friction_errors(record_contact("desk_ball", sensed({"sensors.rate=500", "sensors.latency=0.004", "duration=6",
                                                           "sensors.accelerometer.position=[0.03,0.02,-0.02]"})));
   EXPECT_LT(errors.band_rms[0], 0.02);
+  EXPECT_GE(errors.inside, 0.95);
 }
 
 // One sample of a ball at rest in its motion: the closed forms of the rolling ball, which share no formula with the

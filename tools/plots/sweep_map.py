@@ -9,12 +9,14 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
 from command import run_program
 from output_files import PICTURE_BEGINNINGS, Kind, OutputError, OutputFiles, check_place
 from page import BLUE, VERMILLION, head
 
 _SHARES = LinearSegmentedColormap.from_list("shares", [VERMILLION, "#F2F2F2", BLUE])
+_MOST_LABELS = 16  # values of a grid that are all labelled
 
 
 class MapError(Exception):
@@ -39,6 +41,17 @@ class Map:
             self.share = held / self.runs  # NaN where a cell has no run
 
 
+def _set_ticks(axis, side):
+    """Labels the values of a grid, where each has a cell of its own, and 1, 2 and 5 of each decade of a logarithm."""
+    if side["logarithmic"]:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+        axis.set_minor_formatter(NullFormatter())
+    elif 0 < len(side["values"]) <= _MOST_LABELS:
+        axis.set_major_locator(FixedLocator(sorted(side["values"])))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+
+
 def draw(found):
     figure = Figure(figsize=(8.4, 6.2), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.12, h_pad=0.12)
@@ -47,15 +60,18 @@ def draw(found):
     axes.set_facecolor("#FFFFFF")
     mesh = axes.pcolormesh(found.x["edges"], found.y["edges"], np.ma.masked_invalid(found.share), cmap=_SHARES, vmin=0,
                            vmax=1, linewidth=0, rasterized=True)
-    for axis, side in ((axes.set_xscale, found.x), (axes.set_yscale, found.y)):
-        axis("log" if side["logarithmic"] else "linear")
+    axes.set_xscale("log" if found.x["logarithmic"] else "linear")
+    axes.set_yscale("log" if found.y["logarithmic"] else "linear")
+    for axis, side in ((axes.xaxis, found.x), (axes.yaxis, found.y)):
+        _set_ticks(axis, side)
     axes.set_xlabel(found.x["key"])
     axes.set_ylabel(found.y["key"])
     bar = figure.colorbar(mesh, ax=axes, pad=0.02)
     bar.set_label("share of the runs that hold")
     bar.outline.set_visible(False)
     empty = [Patch(facecolor="#FFFFFF", edgecolor="#7F7F7F", label="no run")] if np.isnan(found.share).any() else []
-    head(axes, found, f"Which of {found.rows} runs hold", [empty])
+    beyond = found.rows - int(found.runs.sum())  # values of a normal distribution beyond 3 deviations
+    head(axes, found, f"Which of {found.rows} runs hold" + (f" ({beyond} lie outside)" if beyond else ""), [empty])
     return figure
 
 

@@ -5,7 +5,7 @@
 namespace ballast::sweep {
 namespace {
 
-constexpr int kIndexBits = 53;  // of the largest index, kMostRuns - 1
+constexpr int kIndexBits = 53;  // of an index; more than kMostRuns needs
 constexpr int kBits = 64;       // of a number
 constexpr int kMostDegree = 9;
 
