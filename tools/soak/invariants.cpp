@@ -163,11 +163,11 @@ void Invariants::observe(const sil::Lap& lap, const Sample& truth) {
   if (lap.command) commands_.push_back(*lap.command);
   commands_.insert(commands_.end(), lap.heard.begin(), lap.heard.end());
   check_order(lap);
+  note_disturbances(lap, truth);
   check_finite(lap);
   if (lap.verdict) check_verdict(lap);
   check_regime(lap, truth);
   check_switches(lap, truth);
-  note_disturbances(lap, truth);
   if (scenario_.sensors.attitude_estimated) compare_forces(lap);
   if (has_controller_ && lap.answer) {
     check_steps(lap);
@@ -205,8 +205,10 @@ void Invariants::note_disturbances(const sil::Lap& lap, const Sample& truth) {
                                   std::abs(contact.static_friction_n - contact.commanded_static_friction_n));
   swung_ = swung_ || swing_n > kMostSwing * contact.commanded_normal_force_n;
   if (!has_controller_ || !lap.answer) return;
+  const controller_status_t& status = lap.answer->status;
+  no_estimate_ = no_estimate_ || (status.faults & static_cast<int>(firmware::Fault::kNoEstimate)) != 0;
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
-    disturbed_ = disturbed_ || astray(scenario_, i, truth, lap.answer->status);
+    disturbed_ = disturbed_ || astray(scenario_, i, truth, status);
   }
 }
 
@@ -337,7 +339,6 @@ void Invariants::check_finite(const sil::Lap& lap) {
         "an estimated or measured number of controller_status_t");
   // N cannot be estimated from sensors without numbers. f_s / N and the margin then have their worst values.
   // Nor where there is no estimate of the attitude, or none to go by; a prediction of that time stays.
-  no_estimate_ = no_estimate_ || (status.faults & static_cast<int>(firmware::Fault::kNoEstimate)) != 0;
   const bool no_numbers = has_fault(sim::FaultKind::kSensorNan) || has_fault(sim::FaultKind::kMessagesCorrupted) ||
                           no_estimate_ || (scenario_.sensors.attitude_estimated && status.estimate_valid == 0);
   const auto unknown = [&](double mu_required, double margin) {
