@@ -24,7 +24,7 @@ class MapError(Exception):
 
 
 class Map:
-    """The map's file. `name` is the scenario's, as head() wants it."""
+    """The map's file. `name` is the scenario's, as head() wants it; `values` those of grids, by axis."""
 
     def __init__(self, path):
         try:
@@ -32,6 +32,7 @@ class Map:
             self.name, self.rows = found["scenario"], int(found["rows"])
             self.x, self.y = found["x"], found["y"]
             self.runs, held = np.array(found["runs"], dtype=float), np.array(found["held"], dtype=float)
+            self.values = {key: list(map(float, side["values"])) for key, side in (("x", self.x), ("y", self.y))}
             shape = (len(self.y["edges"]) - 1, len(self.x["edges"]) - 1)
         except (ValueError, KeyError, TypeError) as error:
             raise MapError(f"{path}: not what ballast sweep --map writes ({error!r})") from error
@@ -41,14 +42,14 @@ class Map:
             self.share = held / self.runs  # NaN where a cell has no run
 
 
-def _set_ticks(axis, side):
+def _set_ticks(axis, logarithmic, values):
     """Labels the values of a grid, where each has a cell of its own, and 1, 2 and 5 of each decade of a logarithm."""
-    if side["logarithmic"]:
+    if logarithmic:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
         axis.set_minor_formatter(NullFormatter())
-    elif 0 < len(side["values"]) <= _MOST_LABELS:
-        axis.set_major_locator(FixedLocator(sorted(side["values"])))
+    elif 0 < len(values) <= _MOST_LABELS:
+        axis.set_major_locator(FixedLocator(sorted(values)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
 
 
@@ -62,8 +63,8 @@ def draw(found):
                            vmax=1, linewidth=0, rasterized=True)
     axes.set_xscale("log" if found.x["logarithmic"] else "linear")
     axes.set_yscale("log" if found.y["logarithmic"] else "linear")
-    for axis, side in ((axes.xaxis, found.x), (axes.yaxis, found.y)):
-        _set_ticks(axis, side)
+    _set_ticks(axes.xaxis, found.x["logarithmic"], found.values["x"])
+    _set_ticks(axes.yaxis, found.y["logarithmic"], found.values["y"])
     axes.set_xlabel(found.x["key"])
     axes.set_ylabel(found.y["key"])
     bar = figure.colorbar(mesh, ax=axes, pad=0.02)
