@@ -55,8 +55,7 @@ const Netcdf& netcdf() {
 
 }  // namespace
 
-NetcdfFile::NetcdfFile(const std::string& path, Mode mode) : path_(path), mode_(mode) {
-  error_ = netcdf().error;
+NetcdfFile::NetcdfFile(const std::string& path, Mode mode) : path_(path), mode_(mode), error_(netcdf().error) {
   if (!good()) return;
   check(mode == Mode::kWrite ? netcdf().create(path.c_str(), NC_NETCDF4 | NC_CLOBBER, &file_)
                              : netcdf().open(path.c_str(), NC_NOWRITE, &file_));
