@@ -266,9 +266,11 @@ TEST(Invariants, AFalseAlarmOfTheEstimation) {
       contact.static_friction_n = contact.commanded_static_friction_n;
     }
   };
-  const auto swing = [&](Recorded& run) {
-    no_swing(run);
-    run.ticks[320].lap.plant.contact.normal_force_n *= 1.05;
+  const auto swing = [&](double of_n) {
+    return [&no_swing, of_n](Recorded& run) {
+      no_swing(run);
+      run.ticks[320].lap.plant.contact.normal_force_n *= 1 + of_n;
+    };
   };
   const auto slide = [&](Recorded& run) {
     no_swing(run);
@@ -281,9 +283,11 @@ TEST(Invariants, AFalseAlarmOfTheEstimation) {
   for (const Fault fault : {Fault::kSlipMeasured, Fault::kLightMeasured, Fault::kNoEstimate}) {
     SCOPED_TRACE(static_cast<std::uint32_t>(fault));
     EXPECT_TRUE(alarm(estimated(), fault, no_swing));
-    EXPECT_EQ(alarm(estimated(), fault, swing), fault != Fault::kSlipMeasured);
+    EXPECT_TRUE(alarm(estimated(), fault, swing(0.035)));
+    EXPECT_EQ(alarm(estimated(), fault, swing(0.05)), fault != Fault::kSlipMeasured);
+    EXPECT_EQ(alarm(estimated(), fault, swing(0.26)), fault == Fault::kNoEstimate);
     EXPECT_EQ(alarm(estimated(), fault, slide), fault == Fault::kNoEstimate);
-    EXPECT_EQ(alarm(estimated(), fault, drag), fault != Fault::kLightMeasured);
+    EXPECT_EQ(alarm(estimated(), fault, drag), fault == Fault::kNoEstimate);
   }
   const Recorded spiked({"duration=0.4", "run.hold=0.2", "sensors.preset=bmi088_calibrated"},
                         {"sensor_spike@0.1:0.001,sensor=gyro"}, "desk_ball");
