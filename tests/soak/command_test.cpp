@@ -38,6 +38,8 @@ TEST(SoakCommand, SeedsThatOnceBrokeHold) {
            12300,  27298,  43209, 49590,  // an alarm of a peer that is many ticks late
            37274,                         // full steps, which make N hard to measure
            50734,                         // a slip flag in the wind
+           199467,                        // a light flag of an IMU with 69 samples a second
+           171968,                        // a stop planned anew for steps that are impossible
            78397,                         // a monitor that is started again while the ball slides
        }) {
     SCOPED_TRACE(seed);
