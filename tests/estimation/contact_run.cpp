@@ -141,8 +141,8 @@ void measure(const ContactRun& run, const std::function<void(const MeasuredTick&
     if (disturb) disturb(heard.tick, heard);
     update(run.ball, run.params, run.control_period_s, heard, tick.commanded, heard.tick, *filter, estimate);
     measure_masses(run.ball, run.params, run.control_period_s, heard, tick.commanded, *masses, motion);
-    measure_contact(run.ball, run.params, run.control_period_s, heard, tick.commanded, motion, estimate, *contact,
-                    measured);
+    measure_contact(run.ball, run.params, run.control_period_s, heard, tick.commanded, motion, estimate, heard.tick,
+                    *contact, measured);
     look({tick, estimate, motion, *contact, measured});
   }
 }

@@ -32,8 +32,8 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "The monitor trips only in a tick in which the true ball is outside the envelope, or for what an injected fault "
      "does at that time. The controller trips only after the monitor, for a mass that is commanded on over a closed "
      "end switch, for steps that its motor cannot make, or for such a fault; for a slip or a light ball that it "
-     "measures, only after a slide, a flight or a fault, or where masses have lost steps or swing by more than 4 % "
-     "of N; for a light ball also under a force that it is not told of."},
+     "measures, only after a slide, a flight or a fault, under a force that it is not told of, or where masses have "
+     "lost steps or swing by more than 4 % of N, for a light ball by more than a quarter of N."},
     {"truthful",
      "A trip has the cause, value, limit and time of the true violation: of the plant's own N and f_s and the "
      "scenario's limits, or of the two estimates that disagree."},
@@ -75,7 +75,8 @@ constexpr InvariantText kTexts[kInvariantCount] = {
     {"repeatable", "The same seed gives the same log, byte for byte (checked for one seed in 32)."},
 };
 
-constexpr double kMostSwing = 0.04;  // of N, by which real and commanded forces may differ where slip is told truly
+// Parts of N by which real and commanded forces may differ where slip is told truly, and where a light ball is.
+constexpr double kMostSwing = 0.04, kMostSwingOfLight = 0.25;
 
 constexpr std::uint64_t kHashSeed = 0xcbf29ce484222325;
 
@@ -163,11 +164,11 @@ void Invariants::observe(const sil::Lap& lap, const Sample& truth) {
   if (lap.command) commands_.push_back(*lap.command);
   commands_.insert(commands_.end(), lap.heard.begin(), lap.heard.end());
   check_order(lap);
+  note_disturbances(lap, truth);
   check_finite(lap);
   if (lap.verdict) check_verdict(lap);
   check_regime(lap, truth);
   check_switches(lap, truth);
-  note_disturbances(lap, truth);
   if (scenario_.sensors.attitude_estimated) compare_forces(lap);
   if (has_controller_ && lap.answer) {
     check_steps(lap);
@@ -203,10 +204,12 @@ void Invariants::note_disturbances(const sil::Lap& lap, const Sample& truth) {
   // Masses that swing so hard in their motors are not where the firmware takes them to be.
   const double swing_n = std::max(std::abs(contact.normal_force_n - contact.commanded_normal_force_n),
                                   std::abs(contact.static_friction_n - contact.commanded_static_friction_n));
-  swung_ = swung_ || swing_n > kMostSwing * contact.commanded_normal_force_n;
+  most_swing_ = std::max(most_swing_, swing_n / contact.commanded_normal_force_n);  // keeps its value beside a NaN
   if (!has_controller_ || !lap.answer) return;
+  const controller_status_t& status = lap.answer->status;
+  no_estimate_ = no_estimate_ || (status.faults & static_cast<int>(firmware::Fault::kNoEstimate)) != 0;
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
-    disturbed_ = disturbed_ || astray(scenario_, i, truth, lap.answer->status);
+    disturbed_ = disturbed_ || astray(scenario_, i, truth, status);
   }
 }
 
@@ -337,7 +340,6 @@ void Invariants::check_finite(const sil::Lap& lap) {
         "an estimated or measured number of controller_status_t");
   // N cannot be estimated from sensors without numbers. f_s / N and the margin then have their worst values.
   // Nor where there is no estimate of the attitude, or none to go by; a prediction of that time stays.
-  no_estimate_ = no_estimate_ || (status.faults & static_cast<int>(firmware::Fault::kNoEstimate)) != 0;
   const bool no_numbers = has_fault(sim::FaultKind::kSensorNan) || has_fault(sim::FaultKind::kMessagesCorrupted) ||
                           no_estimate_ || (scenario_.sensors.attitude_estimated && status.estimate_valid == 0);
   const auto unknown = [&](double mu_required, double margin) {
@@ -535,10 +537,10 @@ void Invariants::check_controllers_alarm(const sil::Lap& lap) {
   explain(Fault::kStepOverload, overload_possible(scenario_, status));
   explain(Fault::kSensorNotFinite, windows_.nan(tick_));
   // Filters remember what has disturbed them.
-  explain(Fault::kSlipMeasured, disturbed_ || has_slid_ || swung_);
   // The firmware is told of neither force table nor drag, and takes them for the floor's.
   const bool untold = !scenario_.force_table.times_s.empty() || scenario_.drag.coefficient_kgpm > 0;
-  explain(Fault::kLightMeasured, disturbed_ || has_slid_ || untold);
+  explain(Fault::kSlipMeasured, disturbed_ || has_slid_ || untold || most_swing_ > kMostSwing);
+  explain(Fault::kLightMeasured, disturbed_ || has_slid_ || untold || most_swing_ > kMostSwingOfLight);
   explain(Fault::kNoEstimate, disturbed_);
   for (const Fault fault : {Fault::kSensorStale, Fault::kMonitorStale, Fault::kTickOutOfOrder}) {
     explain(fault, bus_faults_active_);
