@@ -13,8 +13,8 @@ run_packages=(
 # tools/run, before it draws pictures.
 picture_packages=(python3-matplotlib)
 # tools/build: SUNDIALS for `ballast integrate`, NetCDF for `ballast sweep`, certificates for what `ballast report` fetches
-# once from the npm registry.
-build_packages=(libsundials-dev libnetcdf-dev ca-certificates)
+# once from the npm registry, pybind11 and what it needs for the Python package.
+build_packages=(libsundials-dev libnetcdf-dev ca-certificates pybind11-dev python3-dev python3-numpy)
 # tools/test. The browser opens the pages of `ballast report`. Java and the packages after it are for `ballast spy`, which
 # says itself what a machine lacks.
 test_packages=(

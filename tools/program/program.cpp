@@ -290,7 +290,8 @@ std::string scenario_file(const std::string& name_or_path, std::string& why) {
 
 std::string ballast_as_typed(bool absolute) {
   const std::filesystem::path self(program_invocation_name);  // argv[0]
-  if (!self.has_parent_path()) return "ballast";              // found in PATH
+  if (!used_programs_folder().empty()) return shell_word(beside_this_program("ballast"));
+  if (!self.has_parent_path()) return "ballast";  // found in PATH
   std::filesystem::path path = self.parent_path() / "ballast";
   std::error_code code;
   if (!std::filesystem::exists(path, code)) path = beside_this_program("ballast");  // started by a link

@@ -18,6 +18,8 @@ namespace {
 
 constexpr int kNotStarted = 127;  // the status a shell gives
 
+std::filesystem::path programs_folder;  // use_programs_in()
+
 std::error_code last_error() { return {errno, std::generic_category()}; }
 
 std::vector<char*> pointers(const std::vector<std::string>& arguments) {
@@ -106,9 +108,14 @@ std::filesystem::path find_program(const std::string& name) {
 }
 
 std::filesystem::path beside_this_program(const std::string& name) {
+  if (!programs_folder.empty()) return programs_folder / name;
   std::error_code code;
   return std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / name;
 }
+
+void use_programs_in(const std::filesystem::path& folder) { programs_folder = folder; }
+
+const std::filesystem::path& used_programs_folder() { return programs_folder; }
 
 std::string ProcessEnd::text() const {
   return signal != 0 ? strsignal(signal) : fmt::format("exit status {}", exit_status);

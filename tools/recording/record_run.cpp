@@ -70,8 +70,14 @@ std::string full_disk_text(const RunResult& result, const OutputDir& output) {
 
 int record_run(const char* program_name, const sim::Scenario& scenario, Peer& peers, OutputDir& output,
                const RecordOptions& options) {
+  const auto complain = [&](const std::string& text) {
+    if (options.complain)
+      options.complain(text);
+    else
+      program::complain(program_name, text);
+  };
   const auto fail = [&](const std::string& text) {
-    program::complain(program_name, text);
+    complain(text);
     return program::kExitCouldNotRun;
   };
   if (options.other_plant != nullptr) {
@@ -79,7 +85,7 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
   }
   // The results of an earlier run stay until this one can begin.
   if (peers.connect() != hal::Status::kOk) {
-    program::complain(program_name, peers.trouble());
+    complain(peers.trouble());
     return exit_status(peers.failure());
   }
   output.clear();
@@ -88,9 +94,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
     return fail(output.error());
   const double log_bytes = expected_log_bytes(scenario);
   if (!options.no_log && !options.move && log_bytes > kLargeLog_bytes) {
-    program::complain(program_name,
-                      fmt::format("the log will have about {} GB; `ballast run --no-log` runs without one",
-                                  program::significant(log_bytes / 1e9, 2)));
+    complain(fmt::format("the log will have about {} GB; `ballast run --no-log` runs without one",
+                         program::significant(log_bytes / 1e9, 2)));
   }
   Recorder recorder(options.no_log ? "" : output.log_path(), options.bus, options.unbuffered, options.run_id,
                     Recorder::tail_ticks(scenario.run.control_period_s));
@@ -106,7 +111,10 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
   RunResult result;
   {
     ProgressBar bar(!options.quiet);
-    run_options.progress = [&bar](double time_s, double end_s) { bar.show(time_s, end_s); };
+    run_options.progress = [&](double time_s, double end_s) {
+      bar.show(time_s, end_s);
+      if (options.progress) options.progress(time_s, end_s);
+    };
     result = run_with_faults(scenario, peers, recorder, run_options);
   }
   if (!recorder.close() || result.sink_failed) {
@@ -115,8 +123,7 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
     return fail(text);
   }
   if (result.refusal) {
-    program::complain(program_name,
-                      "the controller refuses the move: " + refusal_text(*result.refusal, &*options.move));
+    complain("the controller refuses the move: " + refusal_text(*result.refusal, &*options.move));
     return program::kExitUsage;
   }
   Again again;
@@ -125,23 +132,23 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
     again = again_of(scenario, result, run_options, options.firmware_options, options.run_options, output);
     if (options.no_log) again.replay.clear();
     if (write_black_box(scenario, result, again, recorder, output)) return;
-    program::complain(program_name, output.error() + "; nothing of the black box is kept");
+    complain(output.error() + "; nothing of the black box is kept");
     again = Again();
   };
   if (result.status != hal::Status::kOk) {
     keep_black_box();
     std::string text = result.trouble;
     if (!options.no_log) text += "; " + output.log_path() + " holds what happened up to then";
-    program::complain(program_name, text + again.text());
+    complain(text + again.text());
     return exit_status(result.failure);
   }
   // The summary comes first: a disk that is nearly full may have no room for the black box.
   const bool written = (!result.belief || output.write("belief.csv", belief_csv(result))) &&
                        output.write_summary(summary_json(scenario, result));
-  if (!written) program::complain(program_name, output.error());
+  if (!written) complain(output.error());
   if (written) keep_black_box();
   if (options.quiet) {
-    for (const std::string& warning : warnings(scenario, result)) program::complain(program_name, warning);
+    for (const std::string& warning : warnings(scenario, result)) complain(warning);
   } else {
     std::cout << summary_text(scenario, result, output.path());
     if (const std::string text = again.text(); !text.empty())

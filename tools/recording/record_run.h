@@ -2,7 +2,9 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
+#include <string>
 
 #include "tools/recording/output_dir.h"
 #include "tools/sil/other_plant.h"
@@ -24,12 +26,15 @@ struct RecordOptions {
   const volatile std::sig_atomic_t* interrupted = nullptr;
   std::optional<firmware::MoveRequest> move = std::nullopt;  // as in RunOptions
   bool by_hand = false;                                      // as in RunOptions
+  // Takes warnings and errors; none: they go to stderr, after the program's name.
+  std::function<void(const std::string& text)> complain{};
+  std::function<void(double time_s, double end_s)> progress{};  // called now and then, beside the bar
 };
 
 // Runs with the scenario's faults, writes run.lcmlog, robot.json, scenario.toml, summary.json and, with a
-// [believed], belief.csv, and prints the summary. Returns the program's exit status; errors go to stderr, after
-// `program_name`. A run that could not go to its end leaves the log up to there and no summary. A run that ended badly,
-// so or otherwise, also leaves a black box, unless the disk is full.
+// [believed], belief.csv, and prints the summary. Returns the program's exit status. A run that could not go to its end
+// leaves the log up to there and no summary. A run that ended badly, so or otherwise, also leaves a black box, unless
+// the disk is full.
 int record_run(const char* program_name, const sim::Scenario& scenario, Peer& peers, OutputDir& output,
                const RecordOptions& options);
 

@@ -1,0 +1,97 @@
+// Arrays that a function over rows takes and gives. An argument has one row of numbers per state in its last axis. The
+// axes before it are broadcast with those of the other arguments, as NumPy does it.
+#pragma once
+
+#include <pybind11/numpy.h>
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tools/python/bindings.h"
+
+namespace ballast::python {
+
+using Shape = std::vector<py::ssize_t>;
+using Array = py::array_t<double>;
+
+class Argument {
+ public:
+  static constexpr int kScalar = -1;  // one number per row, and no axis for it
+
+  // Raises TypeError unless `value` is an array of real numbers or becomes one, and ValueError unless its last axis has
+  // `width` numbers.
+  Argument(const char* name, const py::object& value, int width);
+
+  [[nodiscard]] const Shape& rows_shape() const { return rows_shape_; }
+  [[nodiscard]] const char* name() const { return name_; }
+
+  // Lays out the rows over the axes of `shape`, with which rows_shape() must broadcast.
+  void broadcast_to(const Shape& shape);
+  // Goes `count` rows along an axis of that shape.
+  void step(std::size_t axis, py::ssize_t count) { at_ += count * steps_[axis]; }
+
+  // A number of the row.
+  [[nodiscard]] double operator[](int i) const {
+    return *reinterpret_cast<const double*>(at_ + i * column_step_);  // NumPy aligns an array of doubles
+  }
+  [[nodiscard]] bool finite() const;
+
+ private:
+  const char* name_;
+  py::array_t<double, py::array::forcecast> values_;
+  int width_;
+  Shape rows_shape_, steps_;  // steps in bytes
+  py::ssize_t column_step_ = 0;
+  const char* at_ = nullptr;
+};
+
+// The rows of all arguments together.
+class Rows {
+ public:
+  // Raises ValueError unless the axes before the last broadcast. The arguments must outlive the rows.
+  explicit Rows(std::vector<Argument*> arguments);
+
+  // A new array of `width` numbers per row, or kScalar.
+  [[nodiscard]] Array output(int width) const;
+
+  // Calls body(row) with the arguments at each row in turn, without the interpreter's lock; looks for signals now and
+  // then. `body` returns null, or what is wrong with the row. Raises ValueError then, or if an argument is not finite.
+  template <class Body>
+  void for_each(const Body& body);
+
+ private:
+  static constexpr py::ssize_t kRowsBetweenSignals = 1 << 16;
+
+  struct Refusal {
+    py::ssize_t row = 0;
+    std::string text;
+  };
+  [[nodiscard]] const char* not_finite() const;  // the name of the first such argument
+  void go_on();                                  // to the next row
+  [[noreturn]] void raise_refusal(const Refusal& refusal) const;
+
+  std::vector<Argument*> arguments_;
+  Shape shape_, place_;
+  py::ssize_t count_ = 1;
+};
+
+template <class Body>
+void Rows::for_each(const Body& body) {
+  std::optional<Refusal> refusal;
+  {
+    const py::gil_scoped_release unlocked;
+    for (py::ssize_t row = 0; row < count_ && !refusal; ++row) {
+      if (const char* name = not_finite())
+        refusal = Refusal{row, std::string(name) + " is not finite; allowed: finite numbers"};
+      else if (const char* why = body(row))
+        refusal = Refusal{row, why};
+      go_on();
+      if (row % kRowsBetweenSignals == kRowsBetweenSignals - 1) look_for_signals();
+    }
+  }
+  if (refusal) raise_refusal(*refusal);
+}
+
+}  // namespace ballast::python

@@ -1,0 +1,42 @@
+// The parts of the module ballast._core, each in a file of its own, and what they share. The module takes and returns
+// plain values; the package's modules in Python give them names, documentation and classes.
+//
+// Threads: every function that computes for long releases the interpreter's lock, and takes it again now and then to
+// look for signals, so that Ctrl-C raises KeyboardInterrupt. A Plant has a lock of its own.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware/control/params.h"
+#include "sim/scenario/scenario.h"
+
+namespace ballast::python {
+
+namespace py = pybind11;
+
+// A scenario without errors. Never changes, so threads may share it.
+struct CheckedScenario {
+  sim::Scenario scenario;
+  std::shared_ptr<const firmware::ControllerParams> params;  // null: no controller
+  std::vector<std::string> warnings;  // allowed and implausible values, in the words of `ballast check`
+};
+
+// Raises ballast.ScenarioError. Needs the interpreter's lock.
+[[noreturn]] void raise(const std::vector<sim::ScenarioError>& errors);
+// Raises ballast.RunError.
+[[noreturn]] void raise_run_error(const std::string& text);
+
+// Handles pending signals. Throws what a handler has raised, such as KeyboardInterrupt. For threads without the
+// interpreter's lock.
+void look_for_signals();
+
+void add_scenario(py::module_& module);
+void add_run(py::module_& module);
+void add_closed_forms(py::module_& module);
+void add_plant(py::module_& module);
+
+}  // namespace ballast::python
