@@ -15,7 +15,8 @@ endif()
 
 # Every folder of hal/ except the host's backends belongs to boards.
 file(GLOB_RECURSE build_id_sources RELATIVE ${ROOT} ${watch} ${ROOT}/firmware/*.h ${ROOT}/firmware/*.cpp ${ROOT}/hal/*.h
-     ${ROOT}/hal/*.cpp ${ROOT}/hal/*.ld ${ROOT}/hal/*.cmake ${ROOT}/hal/CMakeLists.txt ${ROOT}/firmware/CMakeLists.txt)
+     ${ROOT}/hal/*.cpp ${ROOT}/hal/*.ld ${ROOT}/hal/*.cmake ${ROOT}/hal/CMakeLists.txt ${ROOT}/firmware/CMakeLists.txt
+     ${ROOT}/firmware/*.cmake)
 list(FILTER build_id_sources EXCLUDE REGEX "^hal/(lcm|lockstep)/")
 # The files with compile options.
 list(APPEND build_id_sources CMakeLists.txt tools/toolchain/arm-none-eabi.cmake)

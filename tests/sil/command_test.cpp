@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <fstream>
 #include <iterator>
+#include <regex>
 
 #include "sim/scenario/fault.h"
 #include "tests/sil/into_its_stop.h"
@@ -1143,7 +1144,9 @@ TEST(Program, SaysItsVersion) {
   for (const std::string name : {"ballast", "ballast-plant", "ballast-controller", "ballast-monitor"}) {
     const Outcome outcome = folder.run(name + " --version");
     EXPECT_EQ(outcome.exit_status, 0) << outcome.err;
-    EXPECT_EQ(outcome.out, name + " " BALLAST_VERSION "\n");
+    EXPECT_TRUE(
+        std::regex_match(outcome.out, std::regex(name + " " BALLAST_VERSION " \\(commit ([0-9a-f]{12}|unknown)\\)\n")))
+        << outcome.out;
   }
 }
 

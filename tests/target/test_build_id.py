@@ -46,7 +46,8 @@ class BuildId(unittest.TestCase):
                      "hal/control_loop.h", "hal/operator_queue.h", "hal/target/messages.h", "hal/target/messages.cpp",
                      "hal/mps2/startup.cpp", "hal/mps2/mps2.ld", "hal/mps2_an500/board.cmake",
                      "hal/mps2_an386/board.cmake", "hal/mps2/CMakeLists.txt", "hal/target/build_id.cmake",
-                     "firmware/CMakeLists.txt", "CMakeLists.txt", "tools/toolchain/arm-none-eabi.cmake"):
+                     "firmware/CMakeLists.txt", "firmware/options.cmake", "CMakeLists.txt",
+                     "tools/toolchain/arm-none-eabi.cmake"):
             with self.subTest(name):
                 self.assertTrue(self.changes(name))
 

@@ -15,6 +15,7 @@
 #include <iostream>
 
 #include "sim/scenario/reader.h"
+#include "tools/program/places.h"
 #include "tools/program/subprocess.h"
 
 namespace ballast::program {
@@ -45,17 +46,6 @@ CLI::Validator seed_number() {
     return fmt::format("{} is no seed; allowed: an integer from 0 to 9223372036854775807", text);
   };
   return {check, ""};
-}
-
-std::vector<std::string> shipped_names() {
-  std::vector<std::string> names;
-  std::error_code error;
-  for (std::filesystem::directory_iterator entry(BALLAST_SCENARIO_DIR, error), end; !error && entry != end;
-       entry.increment(error)) {
-    if (entry->path().extension() == ".toml") names.push_back(entry->path().stem().string());
-  }
-  std::sort(names.begin(), names.end());
-  return names;
 }
 
 std::string did_you_mean(const std::string& word, const std::vector<std::string>& names) {
@@ -220,7 +210,8 @@ const CLI::Option* empty_number(const CLI::App& app) {
 
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   keep_standard_files();
-  app.set_version_flag("--version", app.get_name() + " " BALLAST_VERSION, "print the version and exit");
+  const auto version = [&app] { return app.get_name() + " " + version_text(); };
+  app.set_version_flag("--version", version, "print the version with its commit and exit");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -282,8 +273,19 @@ std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options, std::
   return std::nullopt;
 }
 
+std::vector<std::string> shipped_names() {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(shipped_scenarios(), error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (entry->path().extension() == ".toml") names.push_back(entry->path().stem().string());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 std::string scenario_file(const std::string& name_or_path, std::string& why) {
-  const std::filesystem::path file = sim::find_scenario(name_or_path, BALLAST_SCENARIO_DIR);
+  const std::filesystem::path file = sim::find_scenario(name_or_path, shipped_scenarios());
   if (file.empty()) why = unknown_scenario(name_or_path);
   return file.string();
 }

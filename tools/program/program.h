@@ -77,6 +77,9 @@ struct PeerOptions {
 // The file of a scenario, or of the shipped scenario of that name. Empty: there is none, which is printed.
 [[nodiscard]] std::filesystem::path find_scenario(const std::string& file_or_name);
 
+// The names of the shipped scenarios, in order.
+[[nodiscard]] std::vector<std::string> shipped_names();
+
 // Reads and checks a scenario; prints every error to stderr. Without a value, end with kExitUsage. `warnings`: the
 // values that are allowed and implausible.
 [[nodiscard]] std::optional<sim::Scenario> load_scenario(const ScenarioOptions& options,

@@ -1,4 +1,8 @@
 // ballast._core: the package's part in C++.
+#include <dlfcn.h>
+
+#include <filesystem>
+
 #include "tools/program/subprocess.h"
 #include "tools/python/bindings.h"
 
@@ -10,6 +14,18 @@ namespace {
   const py::object type = py::module_::import("ballast._errors").attr(class_name);
   PyErr_SetObject(type.ptr(), type(argument).ptr());
   throw py::error_already_set();
+}
+
+// The folder of the program `ballast`. An installation has it at a fixed place relative to this module.
+std::filesystem::path programs_folder() {
+  Dl_info module;
+  if (dladdr(reinterpret_cast<const void*>(&raise_run_error), &module) != 0) {
+    std::error_code code;
+    const auto file = std::filesystem::canonical(module.dli_fname, code);
+    const auto folder = (file.parent_path() / BALLAST_PROGRAMS_FROM_MODULE).lexically_normal();
+    if (std::filesystem::exists(folder / "ballast", code)) return folder;
+  }
+  return BALLAST_PROGRAMS;
 }
 
 }  // namespace
@@ -38,10 +54,11 @@ void look_for_signals() {
 
 PYBIND11_MODULE(_core, module) {
   using namespace ballast::python;
-  ballast::program::use_programs_in(BALLAST_PROGRAMS);
+  const std::filesystem::path programs = programs_folder();
+  ballast::program::use_programs_in(programs);
   module.doc() = "The part of the package ballast in C++. Use the package.";
   module.attr("version") = BALLAST_VERSION;
-  module.attr("programs") = BALLAST_PROGRAMS;
+  module.attr("programs") = programs.string();
   add_scenario(module);
   add_run(module);
   add_closed_forms(module);

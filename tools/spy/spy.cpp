@@ -14,6 +14,7 @@
 #include <cstdlib>
 #include <string_view>
 
+#include "tools/program/places.h"
 #include "tools/program/subprocess.h"
 
 namespace ballast::spy {
@@ -26,10 +27,9 @@ using Verdict = Finding::Verdict;
 
 constexpr int kOldestJava = 8;
 const fs::path kSystemJars = "/usr/share/java";
-const fs::path kBuiltJars = fs::path(BALLAST_BUILD_DIR) / "java";
 
 fs::path types_jar(const SpyOptions& options) {
-  return options.types_jar.empty() ? kBuiltJars / "ballast-types.jar" : options.types_jar;
+  return options.types_jar.empty() ? program::built_jars() / "ballast-types.jar" : options.types_jar;
 }
 
 // JAVA_HOME takes precedence over PATH, as is usual with Java.
@@ -78,6 +78,8 @@ std::string last_line(std::string text) {
 
 // The command that builds the jars. Configuring again finds a Java compiler installed since.
 std::string build_jars() {
+  if (!program::installed_data().empty())
+    return "build Ballast where default-jdk-headless and liblcm-java are installed";
   return "apt-get install -y default-jdk-headless liblcm-java && cmake " BALLAST_BUILD_DIR
          " && ninja -C " BALLAST_BUILD_DIR " tools/all";
 }
@@ -88,7 +90,8 @@ std::string type() {
 }
 
 std::vector<std::string> launch(const SpyOptions& options) {
-  const std::string class_path = types_jar(options).string() + ":" + (kBuiltJars / "ballast-spy.jar").string() + ":" +
+  const std::string class_path = types_jar(options).string() + ":" +
+                                 (program::built_jars() / "ballast-spy.jar").string() + ":" +
                                  (kSystemJars / "lcm.jar").string() + ":" + (kSystemJars / "jchart2d.jar").string();
   return {java().string(),
           fmt::format("-Xmx{}m", options.heap_mb),
@@ -111,7 +114,7 @@ std::vector<std::string> launch(const SpyOptions& options) {
 std::vector<Finding> check_parts(const SpyOptions& options) {
   return {check_java(), check_file("lcm for java", kSystemJars / "lcm.jar", "apt-get install -y liblcm-java"),
           check_file("spy's plots", kSystemJars / "jchart2d.jar", "apt-get install -y libjchart2d-java"),
-          check_file("spy launcher", kBuiltJars / "ballast-spy.jar", build_jars()),
+          check_file("spy launcher", program::built_jars() / "ballast-spy.jar", build_jars()),
           check_file("types jar", types_jar(options),
                      options.types_jar.empty() ? build_jars() : "--types with a jar that exists, or without --types")};
 }
