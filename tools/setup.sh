@@ -18,7 +18,7 @@ build_packages=(libsundials-dev libnetcdf-dev ca-certificates pybind11-dev pytho
 # tools/test. The browser opens the pages of `ballast report`. Java and the packages after it are for `ballast spy`, which
 # says itself what a machine lacks.
 test_packages=(
-  libgtest-dev libbenchmark-dev libsimbody-dev python3-jsonschema
+  libgtest-dev libbenchmark-dev libsimbody-dev python3-jsonschema dpkg-dev file groff-base
   chromium chromium-driver python3-selenium
   default-jdk-headless default-jre libjchart2d-java liblcm-java xvfb
 )

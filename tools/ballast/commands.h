@@ -31,5 +31,7 @@ std::function<int()> add_compare_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_watch_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_doctor_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_export_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_completion_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_manual_command(CLI::App& app, CLI::App*& command);
 
 }  // namespace ballast
