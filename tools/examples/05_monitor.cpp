@@ -32,7 +32,7 @@ int main(int argc, char** argv) {
     return 1;
   }
   ballast::monitor::MonitorLimits limits;
-  limits.static_friction = std::atof(argv[2]);
+  limits.static_friction = std::strtod(argv[2], nullptr);
   limits.friction_use = 0.5;
   limits.starts_rolling = true;
   limits.controller_expected = true;

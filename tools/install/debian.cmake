@@ -41,6 +41,8 @@ if(TARGET ballast_python)
   set(CPACK_COMPONENT_PYTHON_DESCRIPTION "The package ballast for Python.")
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+  set(Python_EXECUTABLE /usr/bin/python3)  # the one that the package is built for
+  find_package(Python COMPONENTS Interpreter Development.Module REQUIRED)
   math(EXPR next_minor "${Python_VERSION_MINOR} + 1")
   set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "${same_version}, python3 (>= 3.${Python_VERSION_MINOR}), \
 python3 (<< 3.${next_minor}), python3-numpy")
