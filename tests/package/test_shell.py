@@ -1,7 +1,11 @@
 """Manual pages and shell completion name every command and option, and bash completes command lines."""
+import os
+import pty
 import re
+import select
 import shutil
 import subprocess
+import time
 import unittest
 
 from installation import Installed
@@ -87,12 +91,26 @@ class Shell(Installed):
         self.assertEqual(self.complete("ballast", "operate", "re"), ["reset"])
         self.assertEqual(self.complete("ballast", "run", "--out", "paper"), [])  # bash then offers files
 
-    def test_bash_loads_the_script_where_it_is_installed(self):
-        """As in a terminal: bash itself calls the function for a completion that somebody asks for."""
-        done = subprocess.run(["bash", "--norc", "-i"], cwd=self.folder, env={**self.environment, "TERM": "dumb", "PS1": ""},
-                              input=f". '{self.scripts['bash']}'\ncomplete -p ballast\n", capture_output=True, text=True,
-                              check=True)
-        self.assertIn("complete -o bashdefault -o default -F _ballast ballast", done.stdout)
+    def test_a_terminal_completes(self):
+        """A bash on a terminal, where somebody types half a word and presses the tab key."""
+        terminal, its_end = pty.openpty()
+        with subprocess.Popen(["bash", "--norc", "--noprofile", "-i"], cwd=self.folder, stdin=its_end, stdout=its_end,
+                              stderr=its_end, start_new_session=True,
+                              env={**self.environment, "TERM": "dumb", "PS1": "> ", "INPUTRC": "/dev/null"}) as bash:
+            os.close(its_end)
+            os.write(terminal, f". '{self.scripts['bash']}'\necho read''y\n".encode())
+            self.read_until(terminal, b"\nready")
+            os.write(terminal, b"ballast run paper_b\t--act\t")
+            self.read_until(terminal, b"ballast run paper_ball --actuation ")
+            bash.kill()
+        os.close(terminal)
+
+    def read_until(self, terminal, wanted):
+        said, until = b"", time.monotonic() + 60
+        while wanted not in said:
+            self.assertLess(time.monotonic(), until, said)
+            if select.select([terminal], [], [], 1)[0]:
+                said += os.read(terminal, 4096)
 
     def test_other_shells_read_their_scripts(self):
         for shell in ("zsh", "fish"):
