@@ -58,6 +58,9 @@ constexpr auto kNearRange = static_cast<Real>(0.999);  // of a sensor's range
 // Regularises a matrix that may be singular, as a part of its trace: some roundings.
 constexpr Real kRegular = 16 * std::numeric_limits<Real>::epsilon();
 
+// A block of 10 ms has at least kLeastBlock samples (end_block()).
+bool fills_blocks(Real dt) { return (static_cast<Real>(kLeastBlock) - Real(0.5)) * dt <= kBlock_s; }
+
 Real square(Real x) { return x * x; }
 
 // Standard deviation of a variance that rounding may have left below 0.
@@ -441,8 +444,7 @@ void watch_for_light(const BallParams& ball, Real mass, Real dt, ContactMeter& m
   const Real at_rest_n = -mass * ball.gravity_mps2 * ball.down_W[2] - ball.external_force_W_n[2];
   const bool light = measured.normal_force_n + kLightSigmas * measured.normal_sigma_n < kLightPart * at_rest_n;
   meter.light_s = light ? meter.light_s + dt : Real(0);
-  const Real enough_s = (static_cast<Real>(kLeastBlock) - Real(0.5)) * dt;
-  meter.newest.light_detected = meter.moved && meter.light_s > (enough_s > kBlock_s ? enough_s : kBlock_s);
+  meter.newest.light_detected = meter.moved && fills_blocks(dt) && meter.light_s > kBlock_s;
 }
 
 // Takes over a new sample's time. Returns the ticks since the sample before; 0: it follows none, or too late.

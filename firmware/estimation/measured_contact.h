@@ -21,7 +21,7 @@
 //
 // An accelerometer whose constant errors are 1 % of g or more cannot tell slip from tilt: slip_detected stays false.
 //
-// light_detected: for 10 ms and three samples N lies 3 sigma below a fifth of its value at rest.
+// light_detected: for 10 ms N lies 3 sigma below a fifth of its value at rest.
 //
 // False alarms: none in 1,000 runs that hold, so that with 95 % confidence at most 0.3 % of such runs have one. Both
 // flags stay false until the masses are first commanded to move after reset(), and follow their evidence from then on.

@@ -210,6 +210,18 @@ TEST(MeasuredSlip, IsNotSeenByTooFewSamples) {
   }
 }
 
+// Between a few samples the masses swing unseen, for N as for slip.
+TEST(MeasuredForce, FlagsNoFlightByTooFewSamples) {
+  for (const bool enough : {true, false}) {
+    const ContactRun run =
+        record_contact("desk_ball", sensed({"initial.height=0.1", "duration=0.5", "run.on_violation=continue",
+                                            enough ? "sensors.rate=500" : "sensors.rate=200"}));
+    int flags = 0;
+    measure(run, [&](const MeasuredTick& tick) { flags += tick.measured.light_detected ? 1 : 0; });
+    EXPECT_EQ(flags > 0, enough) << flags;
+  }
+}
+
 // desk_ball dropped from 10 cm flies for 0.14 s.
 TEST(MeasuredForce, FlagsAFlight) {
   const ContactRun run =

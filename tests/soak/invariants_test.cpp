@@ -280,8 +280,18 @@ TEST(Invariants, AFalseAlarmOfTheEstimation) {
     no_swing(run);
     run.scenario.drag.coefficient_kgpm = 0.1;
   };
+  const auto patch = [&](double rolling_resistance) {
+    return [&no_swing, rolling_resistance](Recorded& run) {
+      no_swing(run);
+      sim::SurfacePatch patch;
+      patch.rolling_resistance = rolling_resistance;
+      run.scenario.surface.patches = {patch};
+    };
+  };
   for (const Fault fault : {Fault::kSlipMeasured, Fault::kLightMeasured, Fault::kNoEstimate}) {
     SCOPED_TRACE(static_cast<std::uint32_t>(fault));
+    EXPECT_TRUE(alarm(estimated(), fault, patch(0)));
+    EXPECT_EQ(alarm(estimated(), fault, patch(0.01)), fault != Fault::kSlipMeasured);
     EXPECT_TRUE(alarm(estimated(), fault, no_swing));
     EXPECT_TRUE(alarm(estimated(), fault, swing(0.035)));
     EXPECT_EQ(alarm(estimated(), fault, swing(0.05)), fault != Fault::kSlipMeasured);

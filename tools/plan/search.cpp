@@ -597,7 +597,7 @@ class Search {
     return std::isfinite(failure_.error) ? text + "; so far " + nearest_words() : text;
   }
 
-  // What stands in the way of the motion that comes nearest.
+  // Names the limit that the nearest motion does not meet.
   [[nodiscard]] std::string nearest_words() const {
     if (!std::isfinite(failure_.error)) return "no motion that was tried kept the ball rolling";
     const double limit = problem_.friction_limit;

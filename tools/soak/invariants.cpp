@@ -33,7 +33,8 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "does at that time. The controller trips only after the monitor, for a mass that is commanded on over a closed "
      "end switch, for steps that its motor cannot make, or for such a fault; for a slip or a light ball that it "
      "measures, only after a slide, a flight or a fault, under a force that it is not told of, or where masses have "
-     "lost steps or swing by more than 4 % of N, for a light ball by more than a quarter of N."},
+     "lost steps or swing by more than 4 % of N, for a light ball by more than a quarter of N; for a slip also on a "
+     "floor with patches that resist otherwise than it is told."},
     {"truthful",
      "A trip has the cause, value, limit and time of the true violation: of the plant's own N and f_s and the "
      "scenario's limits, or of the two estimates that disagree."},
@@ -537,9 +538,13 @@ void Invariants::check_controllers_alarm(const sil::Lap& lap) {
   explain(Fault::kStepOverload, overload_possible(scenario_, status));
   explain(Fault::kSensorNotFinite, windows_.nan(tick_));
   // Filters remember what has disturbed them.
-  // The firmware is told of neither force table nor drag, and takes them for the floor's.
+  // The firmware is told of neither force table nor drag, and takes them for the floor's. Nor of patches, whose
+  // resistance turns the ball as a slip does.
   const bool untold = !scenario_.force_table.times_s.empty() || scenario_.drag.coefficient_kgpm > 0;
-  explain(Fault::kSlipMeasured, disturbed_ || has_slid_ || untold || most_swing_ > kMostSwing);
+  const bool resisted = std::ranges::any_of(scenario_.surface.patches, [&](const sim::SurfacePatch& patch) {
+    return patch.rolling_resistance != scenario_.belief().surface.rolling_resistance;
+  });
+  explain(Fault::kSlipMeasured, disturbed_ || has_slid_ || untold || resisted || most_swing_ > kMostSwing);
   explain(Fault::kLightMeasured, disturbed_ || has_slid_ || untold || most_swing_ > kMostSwingOfLight);
   explain(Fault::kNoEstimate, disturbed_);
   for (const Fault fault : {Fault::kSensorStale, Fault::kMonitorStale, Fault::kTickOutOfOrder}) {
@@ -650,8 +655,10 @@ void Invariants::check_stop(const sil::Lap& lap, const Sample& truth) {
   const bool planned_now = status.plan_duration_s > 0 && status.plan_tick == status.tick + 1;
   if (planned_now) {
     const double longest_s = longest_stop_s(scenario_, status.next_velocity, status.next_acceleration);
+    // A mass whose steps are impossible is halted in the very tick, and the duration is still that of its stop.
+    const bool halted = (status.faults & static_cast<int>(firmware::Fault::kStepOverload)) != 0 && !begins;
     // Sums of three durations each.
-    if (status.plan_duration_s > longest_s * (1 + 1e-9)) {
+    if (!halted && status.plan_duration_s > longest_s * (1 + 1e-9)) {
       fail(Invariant::kAtRest, tick_,
            fmt::format("a stop is to take {:g} s; the motors need at most {:g} s", status.plan_duration_s, longest_s));
     }

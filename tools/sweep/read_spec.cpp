@@ -454,7 +454,8 @@ std::optional<Spec> parse_spec(const std::string& toml, const std::string& sourc
   Report report(source, errors);
   const auto scenario = root.text("scenario");
   root.know({"name"});
-  spec.name = root.has("name") ? root.text("name").value_or("x") : sim::default_name(source);
+  // A name that is no text has been refused: any other will do.
+  spec.name = root.has("name") ? root.text("name").value_or("refused") : sim::default_name(source);
   if (!sim::usable_as_folder(spec.name))
     root.refuse("name", std::string("cannot name a folder; allowed: ") + sim::kFolderNames);
   read_set(root, spec);

@@ -200,8 +200,9 @@ class Page {
     if (known == 0) return line(name, "no run has it");
     constexpr std::array kShares{0.05, 0.5, 0.95};
     std::vector<std::uint64_t> ranks{0, known - 1};
+    std::vector<QuantileRanks> quantiles;
     for (const double part : kShares) {
-      const QuantileRanks of = quantile_ranks(part, known);
+      const QuantileRanks& of = quantiles.emplace_back(quantile_ranks(part, known));
       ranks.insert(ranks.end(), {of.value, of.low.value_or(0), of.high.value_or(known - 1)});
     }
     const std::vector<double> values = values_at_ranks(for_each, ranks);
@@ -210,10 +211,10 @@ class Page {
       const double* of = &values[2 + 3 * i];
       const std::string label = kShares[i] == 0.5 ? "median" : fmt::format("{:.0f} %", 100 * kShares[i]);
       text += fmt::format(", {} {:.4g}", label, of[0]);
-      const QuantileRanks ends = quantile_ranks(kShares[i], known);
       const auto end = [](bool is_known, double value) { return is_known ? fmt::format("{:.4g}", value) : "?"; };
       if (random_)
-        text += fmt::format(" ({} to {})", end(ends.low.has_value(), of[1]), end(ends.high.has_value(), of[2]));
+        text += fmt::format(" ({} to {})", end(quantiles[i].low.has_value(), of[1]),
+                            end(quantiles[i].high.has_value(), of[2]));
     }
     text += fmt::format(", greatest {:.4g}", values[1]);
     if (known < spec_.rows())
