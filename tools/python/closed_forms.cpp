@@ -32,7 +32,7 @@ Ball ball_of(const CheckedScenario& checked, bool believed) {
   return {std::move(params)};
 }
 
-// Of the squared length of a unit quaternion: a scenario allows 1e-6 for the length.
+// Tolerance on the squared length of a unit quaternion: a scenario allows 1e-6 for the length.
 constexpr double kUnitTolerance = 2e-6;
 // Axes of rails are normalised, so that a component 0 may be rounding.
 constexpr double kInPlane = 1e-12;
