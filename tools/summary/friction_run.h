@@ -12,7 +12,7 @@ namespace ballast::sil {
 struct FrictionRun {
   std::string refusal;     // not empty: the scenario cannot be examined, and the rest is not there
   sim::Scenario scenario;  // the one that was run, on perfect friction
-  RunResult result;
+  RunResult result{};
   std::string patches_text;  // a line about the scenario's own floor; empty if it has no patches
 };
 
