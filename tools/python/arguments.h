@@ -53,8 +53,8 @@ class Rows {
   // Raises ValueError unless the axes before the last broadcast. The arguments must outlive the rows.
   explicit Rows(std::vector<Argument*> arguments);
 
-  // A new array of `width` numbers per row, or kScalar.
-  [[nodiscard]] Array output(int width) const;
+  // A new array with this shape per row; none: one number.
+  [[nodiscard]] Array output(const Shape& per_row) const;
 
   // Calls body(row) with the arguments at each row in turn, without the interpreter's lock; looks for signals now and
   // then. `body` returns null, or what is wrong with the row. Raises ValueError then, or if an argument is not finite.
