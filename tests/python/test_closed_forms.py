@@ -240,6 +240,13 @@ class Nonsense(unittest.TestCase):
         self.refused(ValueError, "q is no unit quaternion", 0, [1.0, 0.1, 0, 0])
         self.refused(ValueError, "q is no unit quaternion", 0, np.zeros(4))
 
+    def test_more_rows_than_any_memory(self):
+        q = np.broadcast_to([1.0, 0, 0, 0], (2**50, 1, 4))
+        theta = np.broadcast_to(0.0, (1, 2**50, self.ball.mass_count))
+        for arguments in ((q, *self.good[1:]), (q, self.good[1], theta, *self.good[3:])):
+            with self.assertRaises((MemoryError, ValueError)):
+                ballast.rolling_forces(self.ball, *arguments)
+
     def test_a_ball_that_is_no_disk(self):
         with self.assertRaisesRegex(ValueError, "no disk: mass"):
             ballast.rolling_disk_forces(self.ball, 0.0, 0.0, *self.good[2:])

@@ -323,8 +323,9 @@ py::tuple tuple3(const firmware::Vector3& v) { return py::make_tuple(v[0], v[1],
 }  // namespace
 
 void add_closed_forms(py::module_& module) {
-  py::class_<Ball>(module, "Ball")
-      .def(py::init(&ball_of), py::arg("scenario"), py::arg("believed"))
+  py::class_<Ball> ball(module, "Ball");
+  forbid_copies(ball);
+  ball.def(py::init(&ball_of), py::arg("scenario"), py::arg("believed"))
       .def_property_readonly("radius_m", [](const Ball& b) { return b.params->radius_m; })
       .def_property_readonly("gravity_mps2", [](const Ball& b) { return b.params->gravity_mps2; })
       .def_property_readonly("shell_mass_kg", [](const Ball& b) { return b.params->shell_mass_kg; })

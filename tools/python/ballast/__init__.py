@@ -26,7 +26,7 @@ from ._closed_forms import (Ball, DetachedDiskMotion, DetachedDiskMotionJacobian
                             RailPoint, RollingDiskForces, RollingDiskForcesJacobian, RollingForces, RollingForcesDerivative,
                             RollingForcesJacobian, detached_disk_motion, detached_motion, rolling_disk_forces,
                             rolling_forces)
-from ._commands import Plan, Sweep, friction, integrate, plan, sweep
+from ._commands import Columns, Plan, Sweep, friction, integrate, plan, sweep
 from ._core import version as __version__
 from ._environment import Environment
 from ._errors import BallastError, Finding, RunError, RunWarning, ScenarioError
@@ -35,7 +35,7 @@ from ._run import Channel, Channels, Run, run
 from ._scenario import Scenario
 
 __all__ = [
-    "Ball", "BallastError", "Channel", "Channels", "DetachedDiskMotion", "DetachedDiskMotionJacobian", "DetachedMotion",
+    "Ball", "BallastError", "Channel", "Channels", "Columns", "DetachedDiskMotion", "DetachedDiskMotionJacobian", "DetachedMotion",
     "DetachedMotionJacobian", "Environment", "Finding", "Plan", "Plant", "PlantState", "RailPoint", "RollingDiskForces",
     "RollingDiskForcesJacobian", "RollingForces", "RollingForcesDerivative", "RollingForcesJacobian", "Run", "RunError",
     "RunWarning", "Scenario", "ScenarioError", "Sweep", "__version__", "detached_disk_motion", "detached_motion", "friction",

@@ -125,7 +125,7 @@ class DetachedDiskMotionJacobian(NamedTuple):
     thetaddot: DetachedDiskMotion
 
 
-class Ball(_core.Ball):
+class Ball:
     """What the closed forms take of a robot: ball, masses, rails, gravity, floor. It does not change."""
 
     def __init__(self, scenario, *, believed: bool = False):
@@ -133,14 +133,64 @@ class Ball(_core.Ball):
 
         Raises ScenarioError for a bad scenario, and where a mass moves along a trajectory in place of a rail.
         """
-        super().__init__(as_scenario(scenario).checked(), believed)
+        self._made_of = as_scenario(scenario).copy(), bool(believed)
+        self._ball = _core.Ball(self._made_of[0].checked(), self._made_of[1])
+
+    @property
+    def radius_m(self) -> float:
+        """r."""
+        return self._ball.radius_m
+
+    @property
+    def gravity_mps2(self) -> float:
+        """g."""
+        return self._ball.gravity_mps2
+
+    @property
+    def shell_mass_kg(self) -> float:
+        """m_0."""
+        return self._ball.shell_mass_kg
+
+    @property
+    def inertia_kgm2(self) -> tuple[float, float, float]:
+        """Principal moments of m_0 about its own centre of mass."""
+        return self._ball.inertia_kgm2
+
+    @property
+    def center_of_mass_B_m(self) -> tuple[float, float, float]:
+        """Of m_0, from the geometric centre."""
+        return self._ball.center_of_mass_B_m
+
+    @property
+    def mass_count(self) -> int:
+        """n."""
+        return self._ball.mass_count
+
+    @property
+    def mass_kg(self) -> tuple[float, ...]:
+        """m_1 to m_n."""
+        return self._ball.mass_kg
 
     def rail(self, mass: int, theta: ArrayLike) -> RailPoint:
         """The place of a mass, which counts from 0, at the rail coordinates theta (...): rad on circles, m elsewhere."""
-        return RailPoint(*super().rail(mass, theta))
+        return RailPoint(*self._ball.rail(mass, theta))
 
     def __repr__(self) -> str:
         return f"<ballast.Ball of radius {self.radius_m:g} m with {self.mass_count} masses>"
+
+    def __reduce__(self):
+        return _ball_of, self._made_of
+
+
+def _ball_of(scenario, believed):
+    return Ball(scenario, believed=believed)
+
+
+def _part_in_cpp(ball) -> _core.Ball:
+    part = getattr(ball, "_ball", None) if isinstance(ball, Ball) else None
+    if part is None:
+        raise TypeError(f"ball: {type(ball).__name__} is not allowed; allowed: a ballast.Ball")
+    return part
 
 
 @overload
@@ -170,7 +220,7 @@ def rolling_forces(ball: Ball, q: ArrayLike, Omega: ArrayLike, theta: ArrayLike,
 
     jac        also return the exact derivatives, as (RollingForces, RollingForcesJacobian)
     """
-    found = _core.rolling_forces(ball, q, Omega, theta, thetadot, thetaddot, jac)
+    found = _core.rolling_forces(_part_in_cpp(ball), q, Omega, theta, thetadot, thetaddot, jac)
     if not jac:
         return RollingForces(*found)
     forces = RollingForces(*found[0])
@@ -190,7 +240,7 @@ def detached_motion(ball: Ball, q: ArrayLike, Omega: ArrayLike, theta: ArrayLike
 def detached_motion(ball: Ball, q: ArrayLike, Omega: ArrayLike, theta: ArrayLike, thetadot: ArrayLike,
                     thetaddot: ArrayLike, *, jac: bool = False):
     """Motion of a ball in the air (eq_detach_ball_1d). Arguments as for rolling_forces()."""
-    found = _core.detached_motion(ball, q, Omega, theta, thetadot, thetaddot, jac)
+    found = _core.detached_motion(_part_in_cpp(ball), q, Omega, theta, thetadot, thetaddot, jac)
     if not jac:
         return DetachedMotion(*found)
     return DetachedMotion(*found[0]), _by_argument(ball, DetachedMotionJacobian, (3, 3), DetachedMotion, found[1])
@@ -221,7 +271,7 @@ def rolling_disk_forces(ball: Ball, phi: ArrayLike, phidot: ArrayLike, theta: Ar
 
     Raises ValueError for a ball that is no disk.
     """
-    found = _core.rolling_disk_forces(ball, phi, phidot, theta, thetadot, thetaddot, jac)
+    found = _core.rolling_disk_forces(_part_in_cpp(ball), phi, phidot, theta, thetadot, thetaddot, jac)
     if not jac:
         return RollingDiskForces(*found)
     by = _by_argument(ball, RollingDiskForcesJacobian, (None, None), RollingDiskForces, found[1])
@@ -242,7 +292,7 @@ def detached_disk_motion(ball: Ball, phi: ArrayLike, phidot: ArrayLike, theta: A
 def detached_disk_motion(ball: Ball, phi: ArrayLike, phidot: ArrayLike, theta: ArrayLike, thetadot: ArrayLike,
                          thetaddot: ArrayLike, *, jac: bool = False):
     """Motion of a disk in the air (eq_detach_disk_1d). Arguments as for rolling_disk_forces()."""
-    found = _core.detached_disk_motion(ball, phi, phidot, theta, thetadot, thetaddot, jac)
+    found = _core.detached_disk_motion(_part_in_cpp(ball), phi, phidot, theta, thetadot, thetaddot, jac)
     if not jac:
         return DetachedDiskMotion(*found)
     by = _by_argument(ball, DetachedDiskMotionJacobian, (None, None), DetachedDiskMotion, found[1])
