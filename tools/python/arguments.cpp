@@ -79,9 +79,9 @@ Rows::Rows(std::vector<Argument*> arguments) : arguments_(std::move(arguments)) 
   place_.assign(shape_.size(), 0);
 }
 
-Array Rows::output(int width) const {
+Array Rows::output(const Shape& per_row) const {
   Shape shape = shape_;
-  if (width != Argument::kScalar) shape.push_back(width);
+  shape.insert(shape.end(), per_row.begin(), per_row.end());
   return Array(shape);
 }
 

@@ -4,6 +4,7 @@
 
 #include <pybind11/numpy.h>
 
+#include <chrono>
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -53,8 +54,8 @@ class Rows {
   // Raises ValueError unless the axes before the last broadcast. The arguments must outlive the rows.
   explicit Rows(std::vector<Argument*> arguments);
 
-  // A new array of `width` numbers per row, or kScalar.
-  [[nodiscard]] Array output(int width) const;
+  // A new array with this shape per row; none: one number.
+  [[nodiscard]] Array output(const Shape& per_row) const;
 
   // Calls body(row) with the arguments at each row in turn, without the interpreter's lock; looks for signals now and
   // then. `body` returns null, or what is wrong with the row. Raises ValueError then, or if an argument is not finite.
@@ -62,7 +63,9 @@ class Rows {
   void for_each(const Body& body);
 
  private:
-  static constexpr py::ssize_t kRowsBetweenSignals = 1 << 16;
+  static constexpr py::ssize_t kRowsBetweenClocks = 1 << 8;
+  // Other threads may hold the interpreter's lock for as long as its switch interval, 5 ms.
+  static constexpr std::chrono::milliseconds kBetweenSignals{100};
 
   struct Refusal {
     py::ssize_t row = 0;
@@ -82,13 +85,16 @@ void Rows::for_each(const Body& body) {
   std::optional<Refusal> refusal;
   {
     const py::gil_scoped_release unlocked;
+    auto next_look = std::chrono::steady_clock::now() + kBetweenSignals;
     for (py::ssize_t row = 0; row < count_ && !refusal; ++row) {
       if (const char* name = not_finite())
         refusal = Refusal{row, std::string(name) + " is not finite; allowed: finite numbers"};
       else if (const char* why = body(row))
         refusal = Refusal{row, why};
       go_on();
-      if (row % kRowsBetweenSignals == kRowsBetweenSignals - 1) look_for_signals();
+      if (row % kRowsBetweenClocks != kRowsBetweenClocks - 1 || std::chrono::steady_clock::now() < next_look) continue;
+      look_for_signals();
+      next_look = std::chrono::steady_clock::now() + kBetweenSignals;
     }
   }
   if (refusal) raise_refusal(*refusal);

@@ -100,6 +100,8 @@ class Environment(_Base):
             super().reset(seed=seed)
         if seed is not None:
             self.action_space.seed(seed)
+        if not isinstance(options, (Mapping, type(None))):
+            raise TypeError(f"options: {type(options).__name__} is not allowed; allowed: a dict")
         changes = dict((options or {}).get("set", {}))
         scenario = self._scenario.copy()
         for key, value in changes.items():

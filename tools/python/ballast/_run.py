@@ -62,7 +62,10 @@ def run(scenario: Scenario | str | os.PathLike[str] | Mapping[str, Any], out: st
         if ": task:" in warning:  # nothing moves
             warnings.warn(warning, RunWarning, stacklevel=2)
     if out is not None:
-        return _run_in(checked, os.fspath(out), log, pace)
+        folder = str(Path(out))
+        if "\0" in folder:
+            raise ValueError("out: a NUL character is not allowed")
+        return _run_in(checked, folder, log, pace)
     folder = tempfile.mkdtemp(prefix="ballast-")
     try:
         result = _run_in(checked, folder, log, pace)
