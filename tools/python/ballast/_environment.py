@@ -137,7 +137,7 @@ class Environment(_Base):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
         from matplotlib.patches import Circle
-        figure = Figure(figsize=(4, 4), dpi=80)
+        figure = Figure(figsize=(4, 4), dpi=80, layout="constrained")
         canvas, axes = FigureCanvasAgg(figure), figure.add_subplot()
         path = np.array(self._path)
         axes.plot(path[:, 0], path[:, 1])
