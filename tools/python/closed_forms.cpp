@@ -155,56 +155,55 @@ class DiskStates {
   Rows rows;
 };
 
-// The arrays that a closed form gives, one for each of its vectors or numbers.
+// The arrays that a closed form gives, one for each of its vectors or numbers, with so many components, or kScalar.
+template <int... kSizes>
 class Outputs {
  public:
-  // `sizes`: components, or kScalar. `columns`: of derivatives; 0 for values.
-  Outputs(const Rows& rows, const std::vector<int>& sizes, int columns) : columns_(std::max(columns, 1)) {
-    for (const int size : sizes) {
+  // `columns`: of derivatives; 0 for values.
+  Outputs(const Rows& rows, int columns) : columns_(std::max(columns, 1)) {
+    for (std::size_t i = 0; i < kCount; ++i) {
       Shape per_row;
-      if (size != kScalar) per_row.push_back(size);
+      if (kSize[i] != kScalar) per_row.push_back(kSize[i]);
       if (columns > 0) per_row.push_back(columns);
-      Array array = rows.output(per_row);
-      double* const data = array.mutable_data();
-      parts_.push_back({std::move(array), data, size == kScalar ? 1 : size});
+      arrays_[i] = rows.output(per_row);
+      data_[i] = arrays_[i].mutable_data();
     }
   }
 
-  // Sets a column of a row. `numbers` has the components of all arrays in turn.
-  template <std::size_t size>
+  // Sets a column of a row, or with kOnlyColumn the values. `numbers` has the components of all arrays in turn.
+  template <bool kOnlyColumn = false, std::size_t size>
   void put(py::ssize_t row, int column, const std::array<double, size>& numbers) {
-    const double* next = numbers.data();
-    for (const Part& part : parts_) {
-      double* at = part.data + row * part.size * columns_ + column;
-      for (int i = 0; i < part.size; ++i, at += columns_) *at = *next++;
+    const py::ssize_t columns = kOnlyColumn ? 1 : columns_;
+    std::size_t next = 0;
+    for (std::size_t i = 0; i < kCount; ++i) {
+      const int components = kSize[i] == kScalar ? 1 : kSize[i];
+      double* at = data_[i] + row * components * columns + column;
+      for (int k = 0; k < components; ++k, at += columns) *at = numbers[next++];
     }
   }
 
   [[nodiscard]] py::tuple arrays() const {
-    py::tuple out(parts_.size());
-    for (std::size_t i = 0; i < parts_.size(); ++i) out[i] = parts_[i].array;
+    py::tuple out(kCount);
+    for (std::size_t i = 0; i < kCount; ++i) out[i] = arrays_[i];
     return out;
   }
 
  private:
-  struct Part {
-    Array array;
-    double* data;
-    int size;
-  };
-  std::vector<Part> parts_;
+  static constexpr std::size_t kCount = sizeof...(kSizes);
+  static constexpr std::array<int, kCount> kSize{kSizes...};
+  std::array<Array, kCount> arrays_;
+  std::array<double*, kCount> data_{};
   int columns_;
 };
 
-// Evaluates form(...) and, with `jac`, derive(...) at each row.
-template <class States, class Form, class Derive, class Numbers>
-py::tuple evaluated(States& states, const std::vector<int>& sizes, bool jac, const Form& form, const Derive& derive,
-                    const Numbers& numbers) {
-  Outputs values(states.rows, sizes, 0);
-  std::optional<Outputs> derivatives;
-  if (jac) derivatives.emplace(states.rows, sizes, states.columns());
+// Evaluates form(...) and, with `jac`, derive(...) at each row; numbers(...) has the components for Outputs<kSizes...>.
+template <int... kSizes, class States, class Form, class Derive, class Numbers>
+py::tuple evaluated(States& states, bool jac, const Form& form, const Derive& derive, const Numbers& numbers) {
+  Outputs<kSizes...> values(states.rows, 0);
+  std::optional<Outputs<kSizes...>> derivatives;
+  if (jac) derivatives.emplace(states.rows, states.columns());
   states.for_each([&](py::ssize_t row, const auto&... state) {
-    values.put(row, 0, numbers(form(state...)));
+    values.template put<true>(row, 0, numbers(form(state...)));
     if (!derivatives) return;
     const auto derivative = derive(state...);
     for (int k = 0; k < derivative.columns; ++k)
@@ -251,36 +250,36 @@ py::tuple rolling_forces(const Ball& ball, const py::object& q, const py::object
   const auto derive = [&](const BallParams&, const auto&... state) {
     return rolling_forces_derivative(robot, state...);
   };
-  return evaluated(states, {3, kScalar, 2, kScalar}, jac, firmware::rolling_forces, derive,
-                   [](const firmware::RollingForces& f) {
-                     const auto& turning = f.angular_acceleration_B_radps2;
-                     return std::array{turning[0],
-                                       turning[1],
-                                       turning[2],
-                                       f.normal_force_n,
-                                       f.friction_force_W_n[0],
-                                       f.friction_force_W_n[1],
-                                       f.static_friction_n};
-                   });
+  return evaluated<3, kScalar, 2, kScalar>(states, jac, firmware::rolling_forces, derive,
+                                           [](const firmware::RollingForces& f) {
+                                             const auto& turning = f.angular_acceleration_B_radps2;
+                                             return std::array{turning[0],
+                                                               turning[1],
+                                                               turning[2],
+                                                               f.normal_force_n,
+                                                               f.friction_force_W_n[0],
+                                                               f.friction_force_W_n[1],
+                                                               f.static_friction_n};
+                                           });
 }
 
 py::tuple detached_motion(const Ball& ball, const py::object& q, const py::object& omega, const py::object& theta,
                           const py::object& thetadot, const py::object& thetaddot, bool jac) {
   BallStates states(ball, q, omega, theta, thetadot, thetaddot);
-  return evaluated(states, {3, 3}, jac, closed_forms::detached_motion, closed_forms::detached_motion_derivative,
-                   [](const closed_forms::DetachedMotion& m) {
-                     const auto &turning = m.angular_acceleration_B_radps2, &moving = m.acceleration_W_mps2;
-                     return std::array{turning[0], turning[1], turning[2], moving[0], moving[1], moving[2]};
-                   });
+  return evaluated<3, 3>(states, jac, closed_forms::detached_motion, closed_forms::detached_motion_derivative,
+                         [](const closed_forms::DetachedMotion& m) {
+                           const auto &turning = m.angular_acceleration_B_radps2, &moving = m.acceleration_W_mps2;
+                           return std::array{turning[0], turning[1], turning[2], moving[0], moving[1], moving[2]};
+                         });
 }
 
 py::tuple rolling_disk_forces(const Ball& ball, const py::object& phi, const py::object& phidot,
                               const py::object& theta, const py::object& thetadot, const py::object& thetaddot,
                               bool jac) {
   DiskStates states(ball, phi, phidot, theta, thetadot, thetaddot);
-  return evaluated(
-      states, {kScalar, kScalar, kScalar, kScalar}, jac, closed_forms::rolling_disk_forces,
-      closed_forms::rolling_disk_forces_derivative, [](const closed_forms::RollingDiskForces& f) {
+  return evaluated<kScalar, kScalar, kScalar, kScalar>(
+      states, jac, closed_forms::rolling_disk_forces, closed_forms::rolling_disk_forces_derivative,
+      [](const closed_forms::RollingDiskForces& f) {
         return std::array{f.angular_acceleration_radps2, f.normal_force_n, f.friction_force_W1_n, f.static_friction_n};
       });
 }
@@ -289,11 +288,12 @@ py::tuple detached_disk_motion(const Ball& ball, const py::object& phi, const py
                                const py::object& theta, const py::object& thetadot, const py::object& thetaddot,
                                bool jac) {
   DiskStates states(ball, phi, phidot, theta, thetadot, thetaddot);
-  return evaluated(states, {kScalar, 3}, jac, closed_forms::detached_disk_motion,
-                   closed_forms::detached_disk_motion_derivative, [](const closed_forms::DetachedDiskMotion& m) {
-                     const auto& moving = m.acceleration_W_mps2;
-                     return std::array{m.angular_acceleration_radps2, moving[0], moving[1], moving[2]};
-                   });
+  return evaluated<kScalar, 3>(states, jac, closed_forms::detached_disk_motion,
+                               closed_forms::detached_disk_motion_derivative,
+                               [](const closed_forms::DetachedDiskMotion& m) {
+                                 const auto& moving = m.acceleration_W_mps2;
+                                 return std::array{m.angular_acceleration_radps2, moving[0], moving[1], moving[2]};
+                               });
 }
 
 py::tuple rail(const Ball& ball, int mass, const py::object& theta) {
@@ -302,7 +302,7 @@ py::tuple rail(const Ball& ball, int mass, const py::object& theta) {
     throw py::index_error("mass " + std::to_string(mass) + ": there are " + std::to_string(params->mass_count));
   Argument position("theta", theta, kScalar);
   Rows rows({&position});
-  Outputs out(rows, {3, 3, 3}, 0);
+  Outputs<3, 3, 3> out(rows, 0);
   rows.for_each([&](py::ssize_t row) -> const char* {
     const auto point = firmware::evaluate<firmware::Real>(params->rail[static_cast<std::size_t>(mass)], position[0]);
     std::array<double, 9> numbers{};
@@ -312,7 +312,7 @@ py::tuple rail(const Ball& ball, int mass, const py::object& theta) {
       numbers[k + 3] = point.d1[i];
       numbers[k + 6] = point.d2[i];
     }
-    out.put(row, 0, numbers);
+    out.put<true>(row, 0, numbers);
     return nullptr;
   });
   return out.arrays();
