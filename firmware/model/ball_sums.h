@@ -6,44 +6,66 @@
 namespace ballast::firmware::detail {
 
 // Vectors of plain scalars. The sums below run in every tick, and temporaries of a matrix library would double their
-// cost.
-struct Vec {
-  Real x, y, z;
+// cost. The tick's scalar is Real; complex ones give derivatives by complex step.
+template <class T>
+struct VecOf {
+  T x, y, z;
 };
+using Vec = VecOf<Real>;
 
-inline Vec operator+(const Vec& a, const Vec& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Vec operator-(const Vec& a, const Vec& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Vec operator*(Real k, const Vec& a) { return {k * a.x, k * a.y, k * a.z}; }
-inline Vec cross(const Vec& a, const Vec& b) {
+template <class A, class B>
+inline auto operator+(const VecOf<A>& a, const VecOf<B>& b) -> VecOf<decltype(a.x + b.x)> {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+template <class A, class B>
+inline auto operator-(const VecOf<A>& a, const VecOf<B>& b) -> VecOf<decltype(a.x - b.x)> {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+template <class T>
+inline VecOf<T> operator*(Real k, const VecOf<T>& a) {
+  return {k * a.x, k * a.y, k * a.z};
+}
+template <class A, class B>
+inline auto cross(const VecOf<A>& a, const VecOf<B>& b) -> VecOf<decltype(a.x * b.x)> {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-inline Real dot(const Vec& a, const Vec& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline Vec from(const Vector3& v) { return {v[0], v[1], v[2]}; }
+template <class A, class B>
+inline auto dot(const VecOf<A>& a, const VecOf<B>& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+template <class T>
+inline VecOf<T> from(const Eigen::Matrix<T, 3, 1>& v) {
+  return {v[0], v[1], v[2]};
+}
 
 // Rows of Lambda; the third is Gamma = Lambda^T e3.
-struct Attitude {
-  explicit Attitude(const Quaternion& q) {
-    const Real w = q.w(), x = q.x(), y = q.y(), z = q.z();
-    row1 = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)};
-    row2 = {2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)};
-    gamma = {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)};
+template <class T>
+struct AttitudeOf {
+  explicit AttitudeOf(const Eigen::Quaternion<T>& q) {
+    constexpr Real one = 1, two = 2;
+    const T w = q.w(), x = q.x(), y = q.y(), z = q.z();
+    row1 = {one - two * (y * y + z * z), two * (x * y - w * z), two * (x * z + w * y)};
+    row2 = {two * (x * y + w * z), one - two * (x * x + z * z), two * (y * z - w * x)};
+    gamma = {two * (x * z - w * y), two * (y * z + w * x), one - two * (x * x + y * y)};
   }
 
-  Vec to_B(const Vec& v_W) const { return v_W.x * row1 + v_W.y * row2 + v_W.z * gamma; }
+  VecOf<T> to_B(const Vec& v_W) const { return v_W.x * row1 + v_W.y * row2 + v_W.z * gamma; }
 
-  Vec row1, row2, gamma;
+  VecOf<T> row1, row2, gamma;
 };
+using Attitude = AttitudeOf<Real>;
 
 // Sums over the masses i = 0..n, each with a lever p_i and an acceleration c_i; u is the same for all.
-struct Sums {
-  Real mass = 0;                                        // M
-  Vec mass_p{0, 0, 0};                                  // sum m_i p_i
-  Vec mass_c{0, 0, 0};                                  // sum m_i c_i
-  Vec torque{0, 0, 0};                                  // sum m_i p_i x (u + c_i)
-  Real xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0;  // sum m_i p_i p_i^T
+template <class T>
+struct SumsOf {
+  Real mass = 0;                                     // M
+  VecOf<T> mass_p{0, 0, 0};                          // sum m_i p_i
+  VecOf<T> mass_c{0, 0, 0};                          // sum m_i c_i
+  VecOf<T> torque{0, 0, 0};                          // sum m_i p_i x (u + c_i)
+  T xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0;  // sum m_i p_i p_i^T
 
-  [[gnu::always_inline]] void add(Real m, const Vec& p, const Vec& c, const Vec& u) {
-    const Vec mp = m * p;
+  [[gnu::always_inline]] void add(Real m, const VecOf<T>& p, const VecOf<T>& c, const Vec& u) {
+    const VecOf<T> mp = m * p;
     mass += m;
     mass_p = mass_p + mp;
     mass_c = mass_c + m * c;
@@ -58,20 +80,22 @@ struct Sums {
 
   // [sum m_i p_i^2 - I]^-1 b with p^2, the squared cross-product matrix, = p p^T - |p|^2: symmetric, negative definite,
   // inverted by its adjugate.
-  [[gnu::always_inline]] Vec solve(const Vec& inertia, const Vec& b) const {
-    const Real a11 = -yy - zz - inertia.x, a22 = -xx - zz - inertia.y, a33 = -xx - yy - inertia.z;
-    const Real a12 = xy, a13 = xz, a23 = yz;
-    const Real c11 = a22 * a33 - a23 * a23, c12 = a13 * a23 - a12 * a33, c13 = a12 * a23 - a13 * a22;
-    const Real c22 = a11 * a33 - a13 * a13, c23 = a12 * a13 - a11 * a23, c33 = a11 * a22 - a12 * a12;
-    const Real per_det = 1 / (a11 * c11 + a12 * c12 + a13 * c13);
+  [[gnu::always_inline]] VecOf<T> solve(const Vec& inertia, const VecOf<T>& b) const {
+    const T a11 = -yy - zz - inertia.x, a22 = -xx - zz - inertia.y, a33 = -xx - yy - inertia.z;
+    const T a12 = xy, a13 = xz, a23 = yz;
+    const T c11 = a22 * a33 - a23 * a23, c12 = a13 * a23 - a12 * a33, c13 = a12 * a23 - a13 * a22;
+    const T c22 = a11 * a33 - a13 * a13, c23 = a12 * a13 - a11 * a23, c33 = a11 * a22 - a12 * a12;
+    const T per_det = Real(1) / (a11 * c11 + a12 * c12 + a13 * c13);
     return {per_det * (c11 * b.x + c12 * b.y + c13 * b.z), per_det * (c12 * b.x + c22 * b.y + c23 * b.z),
             per_det * (c13 * b.x + c23 * b.y + c33 * b.z)};
   }
 };
+using Sums = SumsOf<Real>;
 
 // Omega x I Omega.
-inline Vec gyroscopic(const Vec& inertia, const Vec& omega) {
-  return cross(omega, {inertia.x * omega.x, inertia.y * omega.y, inertia.z * omega.z});
+template <class T>
+inline VecOf<T> gyroscopic(const Vec& inertia, const VecOf<T>& omega) {
+  return cross(omega, VecOf<T>{inertia.x * omega.x, inertia.y * omega.y, inertia.z * omega.z});
 }
 
 // -Lambda^T g_W: g Gamma on a level floor.

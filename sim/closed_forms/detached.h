@@ -29,6 +29,10 @@ DetachedMotion detached_motion(const BallParams& ball, const Quaternion& orienta
                                const Vector3& angular_velocity_B_radps, const MassMotion& masses);
 DetachedMotion detached_motion_3d(const BallParams& ball, const Quaternion& orientation,
                                   const Vector3& angular_velocity_B_radps, const MassTrajectories& masses);
+// Own columns: a rotation phi of the ball in its body frame, Lambda -> Lambda exp(phi^) (3), and Omega (3).
+Derivative<DetachedMotion> detached_motion_derivative(const BallParams& ball, const Quaternion& orientation,
+                                                      const Vector3& angular_velocity_B_radps,
+                                                      const MassMotion& masses);
 
 // phiddot and zddot_GC of eq_detach_disk_1d, over a level floor, with its P_i, Q_i and V_ij; with mass_count = 0,
 // eq_detach_disk_static. rolling_disk.h defines the plane and phi, and says what is read of `ball`. Deviation from the
@@ -36,5 +40,8 @@ DetachedMotion detached_motion_3d(const BallParams& ball, const Quaternion& orie
 //   phiddot = [F_e,1 (X_1 sin phi + X_3 cos phi) - F_e,3 (X_1 cos phi - X_3 sin phi)
 //              - sum m_i (d_i,1 P_i - d_i,3 Q_i)] / [d_2 + sum m_i |d_i|^2].
 DetachedDiskMotion detached_disk_motion(const BallParams& ball, const DiskState& disk, const MassMotion& masses);
+// Own columns: phi and phidot.
+Derivative<DetachedDiskMotion> detached_disk_motion_derivative(const BallParams& ball, const DiskState& disk,
+                                                               const MassMotion& masses);
 
 }  // namespace ballast::closed_forms

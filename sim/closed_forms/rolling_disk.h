@@ -13,13 +13,12 @@
 #pragma once
 
 #include "firmware/model/rolling.h"
+#include "sim/closed_forms/complex_step.h"
 
 namespace ballast::closed_forms {
 
 using firmware::BallParams;
-using firmware::MassMotion;
 using firmware::Quaternion;
-using firmware::Real;
 using firmware::Vector3;
 
 struct DiskState {
@@ -43,5 +42,8 @@ Vector3 angular_velocity_of(const DiskState& disk);  // body frame, rad/s
 // by their components 1 and 3; the caller ensures that rails, chi_0 and F_e have no component 2. Deviation from the
 // paper: none. Never fails for validated parameters; NaN in gives NaN out.
 RollingDiskForces rolling_disk_forces(const BallParams& ball, const DiskState& disk, const MassMotion& masses);
+// Own columns: phi and phidot. That of f_s is NaN where f_s = 0.
+Derivative<RollingDiskForces> rolling_disk_forces_derivative(const BallParams& ball, const DiskState& disk,
+                                                             const MassMotion& masses);
 
 }  // namespace ballast::closed_forms

@@ -484,6 +484,108 @@ TEST(ClosedForms, DetachedDiskIsTheBallInItsPlane) {
   }
 }
 
+// The columns of a derivative, as differences over five points: `value(column, step)` is the form, as a vector, with
+// the state moved along a column. `unit` scales a column's step. The error of such a difference is h^4 f^(5) / 30 and
+// 1e-16 f / h by rounding, with h = 2e-3 of the unit in which the form changes by about its own size: some 1e-13 each,
+// times the condition of the 3x3 systems and the powers of the states' ranges.
+template <class Derivative, class Vector, class Value, class Unit>
+void expect_differences(const Derivative& derivative, const Vector& vector, const Value& value, const Unit& unit) {
+  constexpr double kStep = 2e-3, kTolerance = 1e-8;
+  const auto size = vector(value(0, 0)).norm();
+  for (int k = 0; k < derivative.columns; ++k) {
+    const double h = kStep * unit(k);
+    const auto at = [&](double steps) { return vector(value(k, steps * h)); };
+    const auto difference = ((8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * h)).eval();
+    const auto column = vector(derivative.by[static_cast<std::size_t>(k)]);
+    EXPECT_LT((column - difference).norm() * unit(k), kTolerance * (size + column.norm() * unit(k))) << "column " << k;
+  }
+}
+
+// Moves coordinate `column` of the masses: positions, then velocities, then accelerations.
+MassMotion moved(MassMotion motion, int count, int column, double step) {
+  const auto i = static_cast<std::size_t>(column % count);
+  PerMass<Real>* coordinates[] = {&motion.position, &motion.velocity, &motion.acceleration};
+  (*coordinates[column / count])[i] += step;
+  return motion;
+}
+
+// The unit of that coordinate.
+double unit_of(const Case& c, int column) {
+  const double r = c.ball.radius_m, rate = std::sqrt(c.ball.gravity_mps2 / r);
+  const int count = c.ball.mass_count;
+  const bool circle = c.ball.rail[static_cast<std::size_t>(column % count)].shape == RailShape::kCircle;
+  return (circle ? 1 : r) * std::pow(rate, column / count);
+}
+
+constexpr int kDerivativeTrials = 200;
+
+TEST(ClosedForms, DerivativeOfTheDetachedBall) {
+  const std::uint64_t seed = ballast::test::random_seed(40);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
+  for (int trial = 0; trial < kDerivativeTrials && !HasFailure(); ++trial) {
+    SCOPED_TRACE("trial " + std::to_string(trial));
+    const Case c = draw(random, random.integer(0, kMaxMasses));
+    const int n = c.ball.mass_count;
+    const auto derivative = detached_motion_derivative(c.ball, c.q, c.omega, c.motion);
+    ASSERT_EQ(derivative.columns, 6 + 3 * n);
+    const auto value = [&](int column, double step) {
+      if (column >= 6) return detached_motion(c.ball, c.q, c.omega, moved(c.motion, n, column - 6, step));
+      if (column >= 3) return detached_motion(c.ball, c.q, c.omega + step * Vector3::Unit(column - 3), c.motion);
+      const Quaternion turn(Eigen::AngleAxisd(step, Vector3::Unit(column)));
+      return detached_motion(c.ball, c.q * turn, c.omega, c.motion);
+    };
+    const double rate = std::sqrt(c.ball.gravity_mps2 / c.ball.radius_m);
+    const auto unit = [&](int column) { return column < 3 ? 1 : column < 6 ? rate : unit_of(c, column - 6); };
+    expect_differences(
+        derivative, [](const DetachedMotion& m) { return m.angular_acceleration_B_radps2; }, value, unit);
+    expect_differences(
+        derivative, [](const DetachedMotion& m) { return m.acceleration_W_mps2; }, value, unit);
+  }
+}
+
+TEST(ClosedForms, DerivativesOfTheDisk) {
+  const std::uint64_t seed = ballast::test::random_seed(41);
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  test::RandomRobot random(seed);
+  for (int trial = 0; trial < kDerivativeTrials && !HasFailure(); ++trial) {
+    SCOPED_TRACE("trial " + std::to_string(trial));
+    const DiskCase d = draw_disk(random, random.integer(0, kMaxMasses));
+    const Case& c = d.ball;
+    const int n = c.ball.mass_count;
+    const auto evaluate = [&](const auto& form, int column, double step) {
+      DiskState disk = d.disk;
+      if (column == 0) disk.angle_rad += step;
+      if (column == 1) disk.angular_velocity_radps += step;
+      return form(c.ball, disk, column < 2 ? c.motion : moved(c.motion, n, column - 2, step));
+    };
+    const double rate = std::sqrt(c.ball.gravity_mps2 / c.ball.radius_m);
+    const auto unit = [&](int column) { return column == 0 ? 1 : column == 1 ? rate : unit_of(c, column - 2); };
+
+    const auto rolling = rolling_disk_forces_derivative(c.ball, d.disk, c.motion);
+    ASSERT_EQ(rolling.columns, 2 + 3 * n);
+    const auto roll = [&](int column, double step) { return evaluate(rolling_disk_forces, column, step); };
+    expect_differences(
+        rolling, [](const RollingDiskForces& f) { return Vector2(f.angular_acceleration_radps2, 0); }, roll, unit);
+    expect_differences(
+        rolling, [](const RollingDiskForces& f) { return Vector2(f.normal_force_n, f.friction_force_W1_n); }, roll,
+        unit);
+    const double sign = rolling_disk_forces(c.ball, d.disk, c.motion).friction_force_W1_n > 0 ? 1 : -1;
+    for (int k = 0; k < rolling.columns; ++k) {
+      const RollingDiskForces& by = rolling.by[static_cast<std::size_t>(k)];
+      EXPECT_EQ(by.static_friction_n, sign * by.friction_force_W1_n);
+    }
+
+    const auto detached = detached_disk_motion_derivative(c.ball, d.disk, c.motion);
+    ASSERT_EQ(detached.columns, 2 + 3 * n);
+    const auto fly = [&](int column, double step) { return evaluate(detached_disk_motion, column, step); };
+    expect_differences(
+        detached, [](const DetachedDiskMotion& m) { return Vector2(m.angular_acceleration_radps2, 0); }, fly, unit);
+    expect_differences(
+        detached, [](const DetachedDiskMotion& m) { return m.acceleration_W_mps2; }, fly, unit);
+  }
+}
+
 // Two equal masses opposite each other, their common centre at rest in the geometric centre: the paper's remark that
 // one mass in their place gives the same dynamics would lose their moment of inertia. The pushed ball shows it in
 // closed form.

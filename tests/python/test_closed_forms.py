@@ -14,6 +14,13 @@ def states(rng, rows, masses):
     return q, rng.normal(size=(*rows, 3)), *(rng.normal(size=(*rows, masses)) for _ in range(3))
 
 
+def product(p, q):
+    """The product of quaternions w, x, y, z: p (..., 4), q (4,)."""
+    w, x, y, z = np.moveaxis(p, -1, 0)
+    return np.stack([w * q[0] - x * q[1] - y * q[2] - z * q[3], w * q[1] + x * q[0] + y * q[3] - z * q[2],
+                     w * q[2] - x * q[3] + y * q[0] + z * q[1], w * q[3] + x * q[2] - y * q[1] + z * q[0]], axis=-1)
+
+
 class Values(unittest.TestCase):
     def test_a_ball_without_masses_on_its_own(self):
         """A homogeneous ball that rolls on a level floor keeps its rate, and N is its weight."""
@@ -96,6 +103,103 @@ class Values(unittest.TestCase):
                 ball.rail(mass, 0.0)
 
 
+class Derivatives(unittest.TestCase):
+    """jac=True against differences of the functions themselves."""
+
+    STEP = 1e-3
+
+    def differences(self, form, arguments, place, component):
+        """The derivative of every array of form(*arguments) by a component of an argument, over five points: off by h^4 times
+        a fifth derivative over 30, and by rounding, 1e-16 of the value over h."""
+        def at(steps):
+            moved = [np.array(argument) for argument in arguments]
+            if place == 0 and moved[0].shape[-1:] == (4,) and component is not None:
+                half = steps * self.STEP / 2
+                turn = np.array([np.cos(half), *(np.sin(half) * np.eye(3)[component])])
+                moved[0] = product(moved[0], turn)
+            elif component is None:
+                moved[place] = moved[place] + steps * self.STEP
+            else:
+                moved[place][..., component] += steps * self.STEP
+            return [np.array(values) for values in form(*moved)]
+
+        return [(8 * (b - c) - (a - d)) / (12 * self.STEP) for a, b, c, d in zip(at(2), at(1), at(-1), at(-2))]
+
+    def compare(self, form, arguments):
+        """Relative to the value and the derivative together; 1e-8 leaves a fifth derivative 3e5 times as large."""
+        values, by = form(*arguments, jac=True)
+        for field, value in enumerate(form(*arguments)):
+            np.testing.assert_array_equal(values[field], value)  # to the bit
+        for place, name in enumerate(by._fields):
+            derivative = by[place]
+            components = arguments[place].shape[-1] if place > 1 or arguments[0].shape[-1:] == (4,) else None
+            if name == "q":
+                components = 3
+            for component in [None] if components is None else range(components):
+                found = self.differences(form, arguments, place, component)
+                for field, value in enumerate(values):
+                    column = derivative[field] if component is None else derivative[field][..., component]
+                    self.assertEqual(column.shape, value.shape)
+                    size = np.abs(value).max() + np.abs(column).max()
+                    error = np.abs(column - found[field]).max()
+                    self.assertLess(error, 1e-8 * size, f"seed {SEED}: {values._fields[field]} by {name}[{component}]")
+
+    def test_the_ball(self):
+        rng = np.random.default_rng(SEED)
+        floors = {"level": {}, "sloping": {"surface.slope": {"angle": 0.2, "downhill": 0.7}},
+                  "resisting": {"surface.rolling_resistance": 0.01, "surface.spin_friction": 0.003, "surface.creep": 0.5}}
+        for name, floor in floors.items():
+            ball = ballast.Ball(ballast.Scenario("paper_ball", set=floor))
+            arguments = states(rng, (10,), ball.mass_count)
+            if name == "resisting":  # slow masses, so that the ball presses on the floor in every row
+                arguments = (*arguments[:3], 0.1 * arguments[3], 0.1 * arguments[4])
+            for form in (ballast.rolling_forces, ballast.detached_motion):
+                with self.subTest(name, form=form.__name__):
+                    self.compare(lambda *a, form=form, **k: form(ball, *a, **k), arguments)
+
+    def test_the_disk(self):
+        ball = ballast.Ball("paper_disk")
+        rng = np.random.default_rng(SEED)
+        arguments = [rng.normal(size=10), rng.normal(size=10), *(rng.normal(size=(10, ball.mass_count)) for _ in range(3))]
+        for form in (ballast.rolling_disk_forces, ballast.detached_disk_motion):
+            with self.subTest(form.__name__):
+                self.compare(lambda *a, form=form, **k: form(ball, *a, **k), arguments)
+
+    def test_the_friction_that_is_needed(self):
+        """d(f_s / N), by the quotient's rule."""
+        ball = ballast.Ball("paper_ball")
+        arguments = states(np.random.default_rng(SEED), (4, 3), ball.mass_count)
+        forces, by = ballast.rolling_forces(ball, *arguments, jac=True)
+        self.assertEqual(by.theta.mu_required.shape, (4, 3, ball.mass_count))
+        self.assertEqual(by.q.friction_force_W_n.shape, (4, 3, 2, 3))
+        presses = forces.normal_force_n > 0
+        self.assertTrue(presses.any() and not presses.all())
+        self.assertTrue(np.isnan(by.theta.mu_required[~presses]).all())
+
+        def mu(theta):
+            return ballast.rolling_forces(ball, *arguments[:2], theta, *arguments[3:]).mu_required[presses]
+
+        h = 1e-6  # off by h^2 and by 1e-16 / h
+        step = h * np.eye(ball.mass_count)[0]
+        difference = (mu(arguments[2] + step) - mu(arguments[2] - step)) / (2 * h)
+        np.testing.assert_allclose(by.theta.mu_required[presses][:, 0], difference, rtol=1e-5, atol=1e-7)
+
+    def test_one_state_and_none(self):
+        ball = ballast.Ball("paper_ball")
+        one = [np.array([1.0, 0, 0, 0]), np.zeros(3), *(np.zeros(ball.mass_count) for _ in range(3))]
+        _, by = ballast.rolling_forces(ball, *one, jac=True)
+        self.assertEqual(by.thetaddot.angular_acceleration_B_radps2.shape, (3, ball.mass_count))
+        _, by = ballast.detached_motion(ball, np.zeros((0, 4)), *one[1:], jac=True)
+        self.assertEqual(by.Omega.acceleration_W_mps2.shape, (0, 3, 3))
+        alone = ballast.Ball({"duration": 1.0, "gravity": 9.81, "ball": {"radius": 0.1, "mass": 2.0, "inertia": [0.01] * 3},
+                              "run": {"actuation": "prescribed"}})
+        forces, by = ballast.rolling_forces(alone, [1, 0, 0, 0], [1.0, 2.0, 3.0], [], [], [], jac=True)
+        self.assertEqual(by.theta.normal_force_n.shape, (0,))
+        self.assertEqual(forces.static_friction_n, 0)
+        self.assertTrue(np.isnan(by.q.static_friction_n).all())  # a kink
+        np.testing.assert_array_equal(by.q.normal_force_n, 0)
+
+
 class Nonsense(unittest.TestCase):
     def setUp(self):
         self.ball = ballast.Ball("paper_ball")
@@ -135,6 +239,13 @@ class Nonsense(unittest.TestCase):
             self.refused(ValueError, "row 1, 2: theta is not finite", 2, many)
         self.refused(ValueError, "q is no unit quaternion", 0, [1.0, 0.1, 0, 0])
         self.refused(ValueError, "q is no unit quaternion", 0, np.zeros(4))
+
+    def test_more_rows_than_any_memory(self):
+        q = np.broadcast_to([1.0, 0, 0, 0], (2**50, 1, 4))
+        theta = np.broadcast_to(0.0, (1, 2**50, self.ball.mass_count))
+        for arguments in ((q, *self.good[1:]), (q, self.good[1], theta, *self.good[3:])):
+            with self.assertRaises((MemoryError, ValueError)):
+                ballast.rolling_forces(self.ball, *arguments)
 
     def test_a_ball_that_is_no_disk(self):
         with self.assertRaisesRegex(ValueError, "no disk: mass"):

@@ -1,13 +1,16 @@
 """friction, integrate, plan and sweep: the results of the commands, and their words."""
 import json
 import os
+import random
 import subprocess
 import tempfile
 import unittest
 from pathlib import Path
 
 import ballast
+import numpy as np
 
+SEED = 24
 BALLAST = os.environ["BALLAST"]
 
 
@@ -72,11 +75,66 @@ class Commands(unittest.TestCase):
         done = ballast.sweep(spec, self.folder / "x", jobs=2)
         self.assertTrue(done.file.read_bytes().startswith(b"\x89HDF"))
         self.assertIn("6 runs of paper_ball", done.page)
+        self.assertEqual(len(done), 6)
         with self.assertRaisesRegex(ballast.RunError, "runs"):
             ballast.sweep({**spec, "runs": -1}, self.folder / "y")
         with self.assertRaises(TypeError):
             ballast.sweep({**spec, "runs": None}, self.folder / "y")
 
+    def test_the_columns_of_a_sweep_are_the_runs(self):
+        """Grid values as written; kept values to the bit those of a run with the row's values, which `--row` runs again."""
+        spec = {"scenario": "paper_ball", "runs": 2, "seed": 2**40 + 1, "name": "small",
+                "set": {"run.actuation": "prescribed", "duration": 0.5},
+                "vary": {"mass.0.mass": {"normal": [1.0, 0.05]}, "surface.static_friction": {"grid": [0.01, 0.35]}},
+                "keep": {"values": ["mu_required.max", "end.reason", "final.position"]}}
+        done = ballast.sweep(spec, self.folder / "x", jobs=1)
+        columns = done.columns
+        self.assertEqual(list(columns), ["row", "seed", "exit_status", "held", "mass_0_mass", "surface_static_friction",
+                                         "mu_required_max", "end_reason", "final_position"])
+        self.assertEqual(columns["row"].tolist(), [0, 1, 2, 3])
+        self.assertEqual(columns["surface.static_friction"].tolist(), [0.01, 0.01, 0.35, 0.35])
+        self.assertEqual(columns["end.reason"].tolist(), ["slipped", "slipped", "completed", "completed"])
+        self.assertEqual(columns["held"].tolist(), [False, False, True, True])
+        self.assertEqual(columns["exit_status"].tolist(), [3, 3, 0, 0])
+        self.assertEqual(columns["final.position"].shape, (4, 3))
+        self.assertEqual(columns["mu_required.max"][columns["held"]].shape, (2,))
+        self.assertIn("mu_required.max", columns.meaning("mu_required.max"))
+        again = ballast.run(ballast.Scenario("paper_ball", set={**spec["set"], "mass.0.mass": columns["mass.0.mass"][2],
+                                                                "surface.static_friction": 0.35}))
+        # The batch kernel that made the row agrees with the plant to this (tools/docs/sweep.md).
+        self.assertAlmostEqual(columns["mu_required.max"][2], again.summary["mu_required"]["max"], delta=1e-6)
+        np.testing.assert_allclose(columns["final.position"][2], again.summary["final"]["position"], atol=1e-6)
+        loaded = ballast.Sweep.load(self.folder / "x")
+        self.assertEqual(loaded.columns["seed"].tolist(), columns["seed"].tolist())
+        with self.assertRaisesRegex(KeyError, "no such column; allowed: row"):
+            columns["nonsense"]
+        with self.assertRaises(ValueError):
+            columns["row"][0] = 1  # read-only
+
+    def test_results_that_are_damaged(self):
+        """Cut off, overwritten or no NetCDF at all: a RunError or, where the damage lies beside what is read, the values."""
+        done = ballast.sweep({"scenario": "paper_ball", "runs": 3, "name": "small",
+                              "set": {"run.actuation": "prescribed", "duration": 0.1},
+                              "vary": {"mass.0.mass": {"normal": [1.0, 0.05]}}}, self.folder / "x", jobs=1)
+        whole = done.file.read_bytes()
+        with self.assertRaisesRegex(ballast.RunError, "No such file"):
+            ballast.Sweep.load(self.folder)
+        refused = 0
+        rng = random.Random(SEED)
+        for trial in range(30):
+            spoilt = bytearray(whole[:rng.randrange(len(whole))] if trial % 2 else whole)
+            for _ in range(rng.randrange(1, 20)):
+                if spoilt:
+                    spoilt[rng.randrange(len(spoilt))] = rng.randrange(256)
+            done.file.write_bytes(spoilt)
+            try:
+                for values in ballast.Sweep.load(self.folder / "x").columns.values():
+                    self.assertEqual(len(values), 3)
+            except (ballast.RunError, UnicodeDecodeError):
+                refused += 1
+        self.assertGreater(refused, 10, f"seed {SEED}")
+
 
 if __name__ == "__main__":
+    print(f"seed {SEED}")
     unittest.main()

@@ -1,4 +1,5 @@
 """The environment after Gymnasium's interface. BALLAST_EPISODES sets the number of random episodes; the bar is 1000."""
+import ctypes
 import os
 import unittest
 from pathlib import Path
@@ -13,6 +14,11 @@ SEED = 24
 def resident_bytes():
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def leak_check():
+    """The address sanitizer's search for memory that nothing refers to, in a build with it; else None."""
+    return getattr(ctypes.CDLL(None), "__lsan_do_recoverable_leak_check", None)
 
 
 def desk(**keys):
@@ -119,6 +125,9 @@ class RandomPolicy(unittest.TestCase):
                 over = terminated or truncated
                 steps += 1
         self.assertGreater(steps, EPISODES)
+        print(f"{EPISODES} episodes, {steps} steps")
+        if leak_check() is not None:
+            self.assertEqual(leak_check()(), 0, "the address sanitizer found leaks")
 
     def test_memory_stays(self):
         """Each plant takes some 100 kB. A hundred that were not given back would show over the 1 MB allowed here."""
@@ -131,6 +140,8 @@ class RandomPolicy(unittest.TestCase):
                     env.step(env.action_space.sample())
             return resident_bytes()
 
+        if leak_check() is not None:
+            return  # the sanitizer keeps freed memory for a while; it finds leaks itself, above
         before = episodes(50)
         self.assertLess(episodes(100) - before, 1 << 20)
 

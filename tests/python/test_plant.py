@@ -56,7 +56,8 @@ class Nonsense(unittest.TestCase):
         for arguments, keys, kind in (((0.0,), {}, ValueError), ((-1.0,), {}, ValueError), ((float("nan"),), {}, ValueError),
                                       (("x",), {}, ValueError), ((None,), {}, TypeError), ((0.1, [1]), {}, ValueError),
                                       ((0.1, [0.5] * n), {}, TypeError), ((0.1, "ab"), {}, TypeError),
-                                      ((0.1, [10**6] * n), {}, ValueError), ((0.1, [[1] * n]), {}, ValueError),
+                                      ((0.1, [10**6] * n), {}, ValueError), ((1e300,), {}, ValueError),
+                                      ((0.1, np.full(n, 2**64 - 1, dtype=np.uint64)), {}, ValueError), ((0.1, [[1] * n]), {}, ValueError),
                                       ((0.1, [2**63] * n), {}, (ValueError, TypeError)),
                                       ((0.1,), {"position": [0.0] * n}, ValueError), ((0.1,), {"velocity": [0.0] * n}, ValueError)):
             with self.subTest(arguments=arguments, keys=keys), self.assertRaises(kind):

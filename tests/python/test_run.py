@@ -69,6 +69,7 @@ class Same(Folder):
         if (run.folder / "blackbox").is_dir():
             box = (run.folder / "blackbox/blackbox.json").read_text()
             self.assertIn(f"{BALLAST} run", box)  # the command that repeats the run can be typed
+        self.assertRegex(run._repr_html_(), "lost microsteps</th><td .*>motor 0: [0-9]+</td>")
 
     def test_without_a_log(self):
         run = self.same_files(ballast.Scenario("paper_ball").set("duration", 0.1), "paper_ball", "--set", "duration=0.1",
@@ -164,8 +165,21 @@ class Results(unittest.TestCase):
 
     def test_a_notebook_gets_table_and_picture(self):
         page = self.run_._repr_html_()
-        self.assertIn("<td>completed at t = 1 s</td>", page)
+        self.assertRegex(page, "<td [^>]*>completed at t = 1 s</td>")
         self.assertIn("data:image/png;base64,", page)
+
+    def test_matplotlib_stays_the_users(self):
+        """In a program of its own, because others here have loaded the pictures: settings and backend as the user has them."""
+        script = ("import matplotlib\n"
+                  "matplotlib.use('pdf')\n"
+                  "matplotlib.rcParams['font.size'] = 21\n"
+                  "before = dict(matplotlib.rcParams)\n"
+                  "import ballast\n"
+                  f"figure = ballast.Run.load({str(self.run_.folder)!r}).plot('path')\n"
+                  "assert dict(matplotlib.rcParams) == before\n"
+                  "assert figure._repr_png_().startswith(b'\\x89PNG')\n"
+                  "assert figure.axes[0].get_xticklabels()[0].get_fontfamily() == ['STIXGeneral']\n")
+        subprocess.run([sys.executable, "-B", "-s", "-c", script], check=True)
 
     def test_the_report(self):
         page = self.run_.show(browser=False)

@@ -1,5 +1,7 @@
 """Parts that all pictures share: fonts and colours, page, title, legend, events over time, marks and arrows."""
 
+import contextlib
+
 import matplotlib
 import numpy as np
 from matplotlib import ticker
@@ -11,9 +13,7 @@ from matplotlib.transforms import offset_copy
 
 from short_number import short_number, short_time
 
-matplotlib.use("Agg")
-matplotlib.rcdefaults()
-matplotlib.rcParams.update({
+STYLE = {
     "font.family": "STIXGeneral",
     "mathtext.fontset": "stix",
     "font.size": 14,
@@ -28,7 +28,26 @@ matplotlib.rcParams.update({
     "legend.frameon": False,
     "lines.linewidth": 1.6,
     "svg.hashsalt": "ballast",
-})
+}
+
+
+def use_style():
+    """Draws everything from here on in this style, whatever this user's or machine's is."""
+    matplotlib.rcdefaults()
+    matplotlib.rcParams.update(STYLE)
+
+
+@contextlib.contextmanager
+def style():
+    """Draws in this style inside, and gives back the one before."""
+    with matplotlib.rc_context():
+        use_style()
+        yield
+
+
+if not __package__:  # a program's; the Python package ballast shares matplotlib with its user
+    matplotlib.use("Agg")
+    use_style()
 
 # Okabe and Ito's colours, which people with any colour vision can tell apart, without yellow, which is faint on white.
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"

@@ -2,7 +2,10 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 namespace ballast::python {
@@ -28,8 +31,7 @@ Argument::Argument(const char* name, const py::object& value, int width) : name_
                                     : py::str(py::type::of(value).attr("__name__")).cast<std::string>();
     throw py::type_error(fmt::format("{}: {} is not allowed; allowed: an array of real numbers", name, found));
   }
-  values_ = py::array_t<double, py::array::forcecast>::ensure(given);
-  if (!values_) throw py::error_already_set();
+  values_ = decltype(values_)(given);
   const Shape shape(values_.shape(), values_.shape() + values_.ndim());
   rows_shape_ = shape;
   if (width != kScalar) {
@@ -38,17 +40,19 @@ Argument::Argument(const char* name, const py::object& value, int width) : name_
           fmt::format("{}: shape {} is not allowed; allowed: (..., {})", name, shape_text(shape), width));
     }
     rows_shape_.pop_back();
-    column_step_ = values_.strides(values_.ndim() - 1);
   }
-  at_ = reinterpret_cast<const char*>(values_.data());
+  at_ = values_.data();
 }
 
 void Argument::broadcast_to(const Shape& shape) {
   steps_.assign(shape.size(), 0);
   const std::size_t missing = shape.size() - rows_shape_.size();
-  for (std::size_t axis = 0; axis < rows_shape_.size(); ++axis) {
-    if (rows_shape_[axis] != 1) steps_[missing + axis] = values_.strides(static_cast<py::ssize_t>(axis));
+  py::ssize_t step = width_ == kScalar ? 1 : width_;
+  for (std::size_t axis = rows_shape_.size(); axis-- > 0;) {
+    if (rows_shape_[axis] != 1) steps_[missing + axis] = step;
+    step *= rows_shape_[axis];
   }
+  if (!steps_.empty()) last_step_ = steps_.back();
 }
 
 bool Argument::finite() const {
@@ -56,6 +60,16 @@ bool Argument::finite() const {
   bool all = true;
   for (int i = 0; i < count; ++i) all &= std::isfinite((*this)[i]);
   return all;
+}
+
+bool Argument::all_finite() const {
+  // Adding the exponent's lowest bit to an exponent of ones carries into the sign's place.
+  constexpr std::uint64_t kExponent = 0x7ff0000000000000, kLowest = 0x0010000000000000;
+  std::uint64_t carries = 0;
+  const double* const data = values_.data();
+  for (py::ssize_t i = 0, count = values_.size(); i < count; ++i)
+    carries |= (std::bit_cast<std::uint64_t>(data[i]) & kExponent) + kLowest;
+  return (carries >> 63) == 0;
 }
 
 Rows::Rows(std::vector<Argument*> arguments) : arguments_(std::move(arguments)) {
@@ -79,10 +93,14 @@ Rows::Rows(std::vector<Argument*> arguments) : arguments_(std::move(arguments)) 
   place_.assign(shape_.size(), 0);
 }
 
-Array Rows::output(int width) const {
+Array Rows::output(const Shape& per_row) const {
   Shape shape = shape_;
-  if (width != Argument::kScalar) shape.push_back(width);
+  shape.insert(shape.end(), per_row.begin(), per_row.end());
   return Array(shape);
+}
+
+bool Rows::all_finite() const {
+  return std::all_of(arguments_.begin(), arguments_.end(), [](const Argument* a) { return a->all_finite(); });
 }
 
 const char* Rows::not_finite() const {
@@ -92,9 +110,10 @@ const char* Rows::not_finite() const {
   return nullptr;
 }
 
-void Rows::go_on() {
+void Rows::next_line() {
   for (std::size_t axis = shape_.size(); axis-- > 0;) {
-    if (++place_[axis] < shape_[axis]) {
+    const bool last = axis + 1 == shape_.size();
+    if (!last && ++place_[axis] < shape_[axis]) {
       for (Argument* argument : arguments_) argument->step(axis, 1);
       return;
     }

@@ -34,9 +34,19 @@ struct CheckedScenario {
 // interpreter's lock.
 void look_for_signals();
 
+// For a type whose objects never change: a copy is the object itself. Without this, Python would make copies whose C++
+// part is not initialised. The package's own classes can be pickled.
+template <class T>
+void forbid_copies(py::class_<T>& type) {
+  type.def("__copy__", [](const py::object& self) { return self; })
+      .def("__deepcopy__", [](const py::object& self, const py::object&) { return self; })
+      .def("__reduce_ex__", [](const py::object&, int) -> py::object { throw py::type_error("cannot be pickled"); });
+}
+
 void add_scenario(py::module_& module);
 void add_run(py::module_& module);
 void add_closed_forms(py::module_& module);
 void add_plant(py::module_& module);
+void add_sweep(py::module_& module);
 
 }  // namespace ballast::python

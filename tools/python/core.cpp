@@ -63,4 +63,5 @@ PYBIND11_MODULE(_core, module) {
   add_run(module);
   add_closed_forms(module);
   add_plant(module);
+  add_sweep(module);
 }

@@ -43,6 +43,9 @@ class Plant {
         period_s_(checked.scenario.run.control_period_s),
         plant_(checked.scenario) {}
 
+  Plant(const Plant& other) : Plant(other, std::lock_guard(other.mutex_)) {}
+  Plant& operator=(const Plant&) = delete;
+
   void advance(double dt_s, const std::vector<std::int64_t>& steps, const std::vector<double>& position,
                const std::vector<double>& velocity) {
     const py::gil_scoped_release unlocked;
@@ -101,7 +104,18 @@ class Plant {
   [[nodiscard]] const char* actuation() const { return to_string(actuation_); }
   [[nodiscard]] std::size_t mass_count() const { return mass_count_; }
 
+  [[nodiscard]] Plant copy() const {
+    const py::gil_scoped_release unlocked;
+    return *this;
+  }
+
  private:
+  Plant(const Plant& other, const std::lock_guard<std::mutex>&)
+      : actuation_(other.actuation_),
+        mass_count_(other.mass_count_),
+        period_s_(other.period_s_),
+        plant_(other.plant_) {}
+
   // Pulses in the middles of equal parts of the interval, in order of time.
   static std::vector<sim::StepPulse> evenly_spaced(const std::vector<std::int64_t>& steps, double dt_s) {
     std::vector<sim::StepPulse> pulses;
@@ -120,15 +134,17 @@ class Plant {
   sim::Actuation actuation_;
   std::size_t mass_count_;
   double period_s_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   sim::Plant plant_;
 };
 
 }  // namespace
 
 void add_plant(py::module_& module) {
-  py::class_<Plant>(module, "Plant")
-      .def(py::init<const CheckedScenario&>(), py::arg("scenario"))
+  py::class_<Plant> plant(module, "Plant");
+  forbid_copies(plant);
+  plant.def(py::init<const CheckedScenario&>(), py::arg("scenario"))
+      .def("copy", &Plant::copy)
       .def("advance", &Plant::advance, py::arg("dt_s"), py::arg("steps"), py::arg("position"), py::arg("velocity"))
       .def("state", &Plant::state)
       .def_property_readonly("actuation", &Plant::actuation)

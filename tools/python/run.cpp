@@ -18,7 +18,7 @@
 namespace ballast::python {
 namespace {
 
-// What a run without the interpreter's lock is told of signals.
+// The signals that a run without the interpreter's lock gets.
 class Interrupts {
  public:
   [[nodiscard]] const volatile std::sig_atomic_t* flag() const { return &interrupted_; }

@@ -95,8 +95,9 @@ auto of_masses(const CheckedScenario& checked, const Value& value) {
 }  // namespace
 
 void add_scenario(py::module_& module) {
-  py::class_<CheckedScenario>(module, "CheckedScenario")
-      .def_property_readonly("name", [](const CheckedScenario& s) { return s.scenario.name; })
+  py::class_<CheckedScenario> checked(module, "CheckedScenario");
+  forbid_copies(checked);
+  checked.def_property_readonly("name", [](const CheckedScenario& s) { return s.scenario.name; })
       .def_property_readonly("toml", [](const CheckedScenario& s) { return s.scenario.toml; })
       .def_property_readonly("id", [](const CheckedScenario& s) { return s.scenario.id; })
       .def_property_readonly("duration_s", [](const CheckedScenario& s) { return s.scenario.duration_s; })

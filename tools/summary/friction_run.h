@@ -12,7 +12,7 @@ namespace ballast::sil {
 struct FrictionRun {
   std::string refusal;     // not empty: the scenario cannot be examined, and the rest is not there
   sim::Scenario scenario;  // the one that was run, on perfect friction
-  RunResult result;
+  RunResult result{};
   std::string patches_text;  // a line about the scenario's own floor; empty if it has no patches
 };
 
@@ -20,7 +20,7 @@ struct FrictionRun {
 FrictionRun run_for_friction(sim::Scenario scenario, const volatile std::sig_atomic_t* interrupted,
                              std::function<void(double time_s, double end_s)> progress = {});
 
-// What `ballast friction` prints, ending in a newline.
+// The page that `ballast friction` prints, ending in a newline.
 std::string friction_run_text(const FrictionRun& run);
 
 }  // namespace ballast::sil

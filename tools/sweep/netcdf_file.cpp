@@ -37,6 +37,11 @@ struct Netcdf {
   decltype(&nc_inq_var) inq_var = find<decltype(&nc_inq_var)>("nc_inq_var");
   decltype(&nc_get_vara_double) get_vara_double = find<decltype(&nc_get_vara_double)>("nc_get_vara_double");
   decltype(&nc_get_vara_string) get_vara_string = find<decltype(&nc_get_vara_string)>("nc_get_vara_string");
+  decltype(&nc_inq_nvars) inq_nvars = find<decltype(&nc_inq_nvars)>("nc_inq_nvars");
+  decltype(&nc_inq_varname) inq_varname = find<decltype(&nc_inq_varname)>("nc_inq_varname");
+  decltype(&nc_inq_vardimid) inq_vardimid = find<decltype(&nc_inq_vardimid)>("nc_inq_vardimid");
+  decltype(&nc_get_var_double) get_var_double = find<decltype(&nc_get_var_double)>("nc_get_var_double");
+  decltype(&nc_get_var_longlong) get_var_longlong = find<decltype(&nc_get_var_longlong)>("nc_get_var_longlong");
   decltype(&nc_free_string) free_string = find<decltype(&nc_free_string)>("nc_free_string");
 
   // The function of this name; the type says its parameters.
@@ -126,6 +131,18 @@ void NetcdfFile::put(int variable, std::size_t first, const std::vector<const ch
   if (good() && count > 0) check(netcdf().put_vara_string(file_, variable, &first, &count, texts.data()));
 }
 
+std::vector<std::string> NetcdfFile::variable_names() {
+  int count = 0;
+  if (good()) check(netcdf().inq_nvars(file_, &count));
+  std::vector<std::string> names;
+  for (int variable = 0; variable < count && good(); ++variable) {
+    char name[NC_MAX_NAME + 1] = "";
+    check(netcdf().inq_varname(file_, variable, name));
+    names.emplace_back(name);
+  }
+  return names;
+}
+
 int NetcdfFile::find_variable(const std::string& name) {
   int id = -1;
   return good() && netcdf().inq_varid(file_, name.c_str(), &id) == NC_NOERR ? id : -1;
@@ -135,11 +152,26 @@ bool NetcdfFile::shape(int variable, nc_type& type, int& dimensions) {
   return good() && netcdf().inq_var(file_, variable, nullptr, &type, &dimensions, nullptr, nullptr) == NC_NOERR;
 }
 
-std::string NetcdfFile::global_text(const std::string& name) {
+std::vector<std::size_t> NetcdfFile::lengths(int variable) {
+  nc_type type = NC_NAT;
+  int count = 0;
+  if (!shape(variable, type, count)) return {};
+  std::vector<int> dimensions(static_cast<std::size_t>(count));
+  check(netcdf().inq_vardimid(file_, variable, dimensions.data()));
+  std::vector<std::size_t> lengths;
+  for (const int id : dimensions) {
+    std::size_t length = 0;
+    if (good()) check(netcdf().inq_dimlen(file_, id, &length));
+    lengths.push_back(length);
+  }
+  return lengths;
+}
+
+std::string NetcdfFile::text(int variable, const std::string& name) {
   std::size_t length = 0;
-  if (!good() || netcdf().inq_attlen(file_, NC_GLOBAL, name.c_str(), &length) != NC_NOERR) return "";
+  if (!good() || netcdf().inq_attlen(file_, variable, name.c_str(), &length) != NC_NOERR) return "";
   std::string text(length, '\0');
-  if (length > 0) check(netcdf().get_att_text(file_, NC_GLOBAL, name.c_str(), text.data()));
+  if (length > 0) check(netcdf().get_att_text(file_, variable, name.c_str(), text.data()));
   return text;
 }
 
@@ -167,6 +199,14 @@ std::vector<std::string> NetcdfFile::texts(int variable, std::size_t first, std:
   for (std::size_t i = 0; i < count; ++i) values[i] = pointers[i] == nullptr ? "" : pointers[i];
   netcdf().free_string(count, pointers.data());
   return values;
+}
+
+void NetcdfFile::read(int variable, double* out) {
+  if (good()) check(netcdf().get_var_double(file_, variable, out));
+}
+
+void NetcdfFile::read(int variable, long long* out) {
+  if (good()) check(netcdf().get_var_longlong(file_, variable, out));
 }
 
 bool NetcdfFile::close() {

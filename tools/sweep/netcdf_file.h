@@ -30,13 +30,21 @@ class NetcdfFile {
   void put(int variable, std::size_t first, const std::vector<signed char>& values);
   void put(int variable, std::size_t first, const std::vector<const char*>& values);
 
+  [[nodiscard]] std::vector<std::string> variable_names();
   [[nodiscard]] int find_variable(const std::string& name);  // -1: none
   // False: there is no such variable.
   [[nodiscard]] bool shape(int variable, nc_type& type, int& dimensions);
-  [[nodiscard]] std::string global_text(const std::string& name);         // an attribute; empty: there is none
+  // The lengths of the variable's dimensions.
+  [[nodiscard]] std::vector<std::size_t> lengths(int variable);
+  // A text attribute of a variable, or of NC_GLOBAL; empty: there is none.
+  [[nodiscard]] std::string text(int variable, const std::string& name);
   [[nodiscard]] std::uint64_t dimension_length(const std::string& name);  // 0: there is none
+  // Along the only dimension.
   [[nodiscard]] std::vector<double> numbers(int variable, std::size_t first, std::size_t count);
   [[nodiscard]] std::vector<std::string> texts(int variable, std::size_t first, std::size_t count);
+  // All values, of which `out` has room for as many as the product of lengths().
+  void read(int variable, double* out);
+  void read(int variable, long long* out);
 
   // Writes all data into the file; only then true.
   [[nodiscard]] bool close();

@@ -201,8 +201,8 @@ std::string write_results(const std::string& file, const Spec& spec, const TakeB
 
 std::string results_refusal(const std::string& file, const Spec& spec) {
   NetcdfFile results(file, NetcdfFile::Mode::kRead);
-  const bool same = results.global_text("sweep_toml") == to_toml(spec) &&
-                    results.global_text("scenario_toml") == spec.base_toml &&
+  const bool same = results.text(NC_GLOBAL, "sweep_toml") == to_toml(spec) &&
+                    results.text(NC_GLOBAL, "scenario_toml") == spec.base_toml &&
                     results.dimension_length("row") == spec.rows();
   if (!results.error().empty()) return results.error();
   return same

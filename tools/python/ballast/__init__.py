@@ -22,9 +22,11 @@ unit quaternions (w, x, y, z) that take body to space. Symbols are those of Putk
 Static Friction Acting on a Rolling Ball Actuated by Internal Point Masses". tools/docs/python.md is the page.
 """
 
-from ._closed_forms import (Ball, DetachedDiskMotion, DetachedMotion, RailPoint, RollingDiskForces, RollingForces,
-                            detached_disk_motion, detached_motion, rolling_disk_forces, rolling_forces)
-from ._commands import Plan, Sweep, friction, integrate, plan, sweep
+from ._closed_forms import (Ball, DetachedDiskMotion, DetachedDiskMotionJacobian, DetachedMotion, DetachedMotionJacobian,
+                            RailPoint, RollingDiskForces, RollingDiskForcesJacobian, RollingForces, RollingForcesDerivative,
+                            RollingForcesJacobian, detached_disk_motion, detached_motion, rolling_disk_forces,
+                            rolling_forces)
+from ._commands import Columns, Plan, Sweep, friction, integrate, plan, sweep
 from ._core import version as __version__
 from ._environment import Environment
 from ._errors import BallastError, Finding, RunError, RunWarning, ScenarioError
@@ -33,10 +35,11 @@ from ._run import Channel, Channels, Run, run
 from ._scenario import Scenario
 
 __all__ = [
-    "Ball", "BallastError", "Channel", "Channels", "DetachedDiskMotion", "DetachedMotion", "Environment", "Finding", "Plan",
-    "Plant", "PlantState", "RailPoint", "RollingDiskForces", "RollingForces", "Run", "RunError", "RunWarning", "Scenario",
-    "ScenarioError", "Sweep", "__version__", "detached_disk_motion", "detached_motion", "friction", "integrate", "plan",
-    "rolling_disk_forces", "rolling_forces", "run", "sweep",
+    "Ball", "BallastError", "Channel", "Channels", "Columns", "DetachedDiskMotion", "DetachedDiskMotionJacobian", "DetachedMotion",
+    "DetachedMotionJacobian", "Environment", "Finding", "Plan", "Plant", "PlantState", "RailPoint", "RollingDiskForces",
+    "RollingDiskForcesJacobian", "RollingForces", "RollingForcesDerivative", "RollingForcesJacobian", "Run", "RunError",
+    "RunWarning", "Scenario", "ScenarioError", "Sweep", "__version__", "detached_disk_motion", "detached_motion", "friction",
+    "integrate", "plan", "rolling_disk_forces", "rolling_forces", "run", "sweep",
 ]
 for _name in __all__:
     if hasattr(globals()[_name], "__module__"):

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from . import _core, _toml
 from ._errors import RunError
 from ._program import run_program
@@ -113,19 +115,86 @@ def plan(task, out: str | os.PathLike[str], *, seed: int = 0, time_limit_s: floa
     return Plan(claims, file if status == _FOUND else None)
 
 
-class Sweep:
-    """A finished sweep: a folder with sweep.nc, and the page that the command prints."""
+class Columns(Mapping):
+    """The columns of sweep.nc by name: row, seed, exit_status, held, the varied keys and the kept values.
 
-    def __init__(self, folder: Path, page: str):
-        self.folder, self.page = folder, page
+    A name has dots or, as in the file, `_`. A column is an array over the rows, with a second axis for lists: of numbers, of
+    bool (held), or of str. NaN or an empty text: the run has no such value. Each is read from the file when it is first asked
+    for.
+
+        columns = sweep.columns
+        columns["mu_required.max"][columns["held"]]
+    """
+
+    def __init__(self, file: Path):
+        self._file = file
+        if not file.is_file():
+            raise RunError(f"{file}: No such file")
+        self._meanings = dict(_core.sweep_columns(os.fspath(file)))
+        self._read: dict[str, np.ndarray] = {}
+
+    def meaning(self, name: str) -> str:
+        """The column in words."""
+        return self._meanings[self._in_file(name)]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        name = self._in_file(name)
+        if name not in self._read:
+            values = np.asarray(_core.sweep_column(os.fspath(self._file), name))
+            if name == "held":
+                values = values != 0
+            values.flags.writeable = False
+            self._read[name] = values
+        return self._read[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._meanings)
+
+    def __len__(self) -> int:
+        return len(self._meanings)
+
+    def __repr__(self) -> str:
+        return f"<columns of {self._file}: {', '.join(self)}>"
+
+    def _in_file(self, name):
+        found = str(name).replace(".", "_")
+        if found not in self._meanings:
+            raise KeyError(f"{name}: no such column; allowed: {', '.join(self)}")
+        return found
+
+
+class Sweep:
+    """The results of a sweep: a folder with sweep.nc and the page that the command prints."""
+
+    def __init__(self, folder: str | os.PathLike[str]):
+        self.folder = Path(folder)
+        self.columns = Columns(self.file)
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike[str]) -> Sweep:
+        """The sweep in a folder that sweep() or `ballast sweep` has left. Raises RunError where there is none."""
+        return cls(folder)
 
     @property
     def file(self) -> Path:
         """sweep.nc, in NetCDF-4: a row per run (tools/docs/sweep.md)."""
         return self.folder / "sweep.nc"
 
+    @property
+    def page(self) -> str:
+        """The summary in words: shares that hold, quantiles, the worst run."""
+        path = self.folder / "summary.txt"
+        try:
+            return path.read_text(encoding="utf-8")
+        except OSError as error:
+            raise RunError(f"{path}: {error.strerror}") from error
+
+    def __len__(self) -> int:
+        """The number of runs."""
+        return len(self.columns["row"])
+
     def __repr__(self) -> str:
-        return f"<ballast.Sweep in {self.folder}>\n{self.page}"
+        return f"<ballast.Sweep of {len(self)} runs in {self.folder}>"
 
 
 def sweep(spec: str | os.PathLike[str] | Mapping[str, Any], out: str | os.PathLike[str], *, jobs: int | None = None,
@@ -152,10 +221,10 @@ def sweep(spec: str | os.PathLike[str] | Mapping[str, Any], out: str | os.PathLi
             file.write_text(_toml.document(spec), encoding="utf-8")
         else:
             file = Path(spec)
-        status, page, words = run_program("sweep", *options, "--", str(file))
+        status, _, words = run_program("sweep", *options, "--", str(file))
     if status != _FOUND:
         raise RunError(words)
-    return Sweep(folder, page)
+    return Sweep(folder)
 
 
 @contextmanager

@@ -100,6 +100,8 @@ class Environment(_Base):
             super().reset(seed=seed)
         if seed is not None:
             self.action_space.seed(seed)
+        if not isinstance(options, (Mapping, type(None))):
+            raise TypeError(f"options: {type(options).__name__} is not allowed; allowed: a dict")
         changes = dict((options or {}).get("set", {}))
         scenario = self._scenario.copy()
         for key, value in changes.items():
@@ -135,7 +137,7 @@ class Environment(_Base):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
         from matplotlib.patches import Circle
-        figure = Figure(figsize=(4, 4), dpi=80)
+        figure = Figure(figsize=(4, 4), dpi=80, layout="constrained")
         canvas, axes = FigureCanvasAgg(figure), figure.add_subplot()
         path = np.array(self._path)
         axes.plot(path[:, 0], path[:, 1])

@@ -12,6 +12,9 @@ from . import _core
 from ._scenario import as_scenario
 
 
+_LONGEST_S = 1e9  # of one advance(); keeps the number of its control periods countable
+
+
 class PlantState(NamedTuple):
     """The plant at one instant. n is the number of masses."""
 
@@ -53,6 +56,18 @@ class Plant:
         """`scenario`: a Scenario, or what Scenario() takes. Raises ScenarioError."""
         self._plant = _core.Plant(as_scenario(scenario).checked())
 
+    def copy(self) -> Plant:
+        """A plant of its own in the same state, as for trying out what might come. copy.copy() and copy.deepcopy() do this."""
+        other = object.__new__(type(self))
+        other._plant = self._plant.copy()  # pylint: disable=protected-access
+        return other
+
+    def __copy__(self) -> Plant:
+        return self.copy()
+
+    def __deepcopy__(self, _) -> Plant:
+        return self.copy()
+
     @property
     def actuation(self) -> str:
         """How the masses are moved: "stepper", "ideal" or "prescribed"."""
@@ -80,8 +95,8 @@ class Plant:
         between two control periods, with KeyboardInterrupt.
         """
         dt_s = float(dt_s)
-        if not (math.isfinite(dt_s) and dt_s > 0):
-            raise ValueError(f"dt_s: {dt_s} is out of range; allowed: a finite number > 0")
+        if not 0 < dt_s <= _LONGEST_S:
+            raise ValueError(f"dt_s: {dt_s} is out of range; allowed: a number > 0, at most {_LONGEST_S:g}")
         if steps is not None and self.actuation != "stepper":
             raise ValueError(f'steps: the masses are moved by actuation "{self.actuation}"; allowed: with "stepper"')
         if (position is not None or velocity is not None) and self.actuation != "ideal":
@@ -99,10 +114,12 @@ class Plant:
     def _row(self, name, values, whole=False):
         """The values as a list of n numbers."""
         array = np.asarray(values)
+        if not whole and array.dtype.kind == "f":
+            array = array.astype(float)  # a long double may become infinite
         if array.dtype.kind not in ("iu" if whole else "iuf") and array.size > 0:
             raise TypeError(f"{name}: {array.dtype} is not allowed; allowed: {'whole' if whole else 'real'} numbers")
         if array.shape != (self.mass_count,):
             raise ValueError(f"{name}: shape {array.shape} is not allowed; allowed: ({self.mass_count},)")
         if not np.isfinite(array).all():
             raise ValueError(f"{name}: {array.tolist()} is not finite; allowed: finite numbers")
-        return array.astype(np.int64 if whole else float).tolist()
+        return array.tolist() if whole else array.astype(float).tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import functools
 import html
 import io
 import json
@@ -62,7 +63,10 @@ def run(scenario: Scenario | str | os.PathLike[str] | Mapping[str, Any], out: st
         if ": task:" in warning:  # nothing moves
             warnings.warn(warning, RunWarning, stacklevel=2)
     if out is not None:
-        return _run_in(checked, os.fspath(out), log, pace)
+        folder = str(Path(out))
+        if "\0" in folder:
+            raise ValueError("out: a NUL character is not allowed")
+        return _run_in(checked, folder, log, pace)
     folder = tempfile.mkdtemp(prefix="ballast-")
     try:
         result = _run_in(checked, folder, log, pace)
@@ -195,21 +199,30 @@ class Run:
     def plot(self, picture: str = _PICTURE):
         """Draws one of the pictures of `ballast run --pictures` (tools/docs/pictures.md). Returns a matplotlib Figure.
 
+        A notebook shows the figure. matplotlib's settings and backend stay as they are.
+
         Raises ValueError for an unknown picture or one that does not apply to this run, RunError where the log is missing.
         """
+        from matplotlib.text import Text
+
+        from ._pictures import page
         from ._pictures.event_log import LogError
         from ._pictures.pictures import PICTURES
         from ._pictures.recorded_run import RecordedRun
-        if picture not in PICTURES:
+        if not isinstance(picture, str) or picture not in PICTURES:
             raise ValueError(f"{picture}: no such picture; allowed: {', '.join(PICTURES)}")
         try:
             if self._recorded is None:
                 self._recorded = RecordedRun(self.folder)
-            figure = PICTURES[picture](self._recorded)
+            with page.style():
+                figure = PICTURES[picture](self._recorded)
         except LogError as error:
             raise RunError(str(error)) from error
         if figure is None:
             raise ValueError(f"{picture}: does not apply to this run")
+        for text in figure.findobj(Text):
+            text.set_math_fontfamily(page.STYLE["mathtext.fontset"])  # otherwise decided when it is drawn
+        figure._repr_png_ = functools.partial(_png, figure)  # pylint: disable=protected-access
         return figure
 
     def show(self, browser: bool = True) -> Path:
@@ -231,12 +244,12 @@ class Run:
 
     def _repr_html_(self) -> str:
         """The summary as a table, and the friction that was needed as a picture, for a notebook."""
-        rows = "".join(f"<tr><th style='text-align:left'>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>"
+        left = "style='text-align:left;padding-right:1em'"
+        rows = "".join(f"<tr><th {left}>{html.escape(name)}</th><td {left}>{html.escape(value)}</td></tr>"
                        for name, value in self._headlines())
         try:
-            file = io.BytesIO()
-            self.plot().savefig(file, format="png", dpi=80)
-            picture = f"<img alt='{_PICTURE}' src='data:image/png;base64,{base64.b64encode(file.getvalue()).decode()}'>"
+            data = base64.b64encode(_png(self.plot())).decode()
+            picture = f"<img alt='{_PICTURE}' src='data:image/png;base64,{data}'>"
         except (RunError, ValueError, ImportError):
             picture = ""  # no log, no contact, or no matplotlib
         return f"<table>{rows}</table>{picture}"
@@ -248,13 +261,24 @@ class Run:
         yield "ended", f"{summary['end']['reason']} at t = {summary['end']['time']:g} s"
         need, force = summary["mu_required"], summary["normal_force"]
         if need["max"] is not None:
-            yield "most f_s/N", f"{need['max']:.3g} at t = {need['time']:g} s"
+            yield "most f_s/N", f"{need['max']:.3g} at t = {need['time']:.4g} s"
         if force["min"] is not None:
-            yield "least N", f"{force['min']:.3g} N at t = {force['min_time']:g} s"
+            yield "least N", f"{force['min']:.3g} N at t = {force['min_time']:.4g} s"
         floor = summary["surface"]["static_friction"]
         yield "this floor", "perfect friction" if floor is None else f"mu_s = {floor:g}"
         if summary["trip"] is not None:
             yield "trip", f"{summary['trip']['cause']} at t = {summary['trip']['time']:g} s"
+        lost = {i: motor["lost_steps"] for i, motor in enumerate(summary["motors"] or []) if motor and motor["lost_steps"]}
+        if lost:
+            yield "lost microsteps", ", ".join(f"motor {i}: {count}" for i, count in lost.items())
+        if summary["tracking"] is not None:
+            yield "off the plan", f"{summary['tracking']['rms']:.3g} m rms, {summary['tracking']['max']:.3g} m at most"
+
+
+def _png(figure) -> bytes:
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=80)
+    return file.getvalue()
 
 
 def _messages(log: Path, channel: str) -> np.ndarray:

@@ -40,9 +40,13 @@ class Scenario:
             self._text = _toml.document(source)
         else:
             self._file = _core.find_scenario(os.fspath(source))
-        self._overrides: list[str] = []
-        self._faults = [str(fault) for fault in ([faults] if isinstance(faults, str) else faults)]
         self._checked: _core.CheckedScenario | None = None
+        self._overrides: list[str] = []
+        self._faults: list[str] = []
+        for fault in [faults] if isinstance(faults, str) else faults:
+            self.add_fault(fault)
+        if not isinstance(set, (Mapping, type(None))):
+            raise TypeError(f"set: {type(set).__name__} is not allowed; allowed: a dict of dotted keys")
         for key, value in (set or {}).items():
             self.set(key, value)
 
@@ -51,8 +55,7 @@ class Scenario:
 
         Raises TypeError for a value that TOML has no type for.
         """
-        if not isinstance(key, str):
-            raise TypeError(f"{key!r}: a key is a str such as 'mass.1.mass'")
+        _require_text(key)
         if "=" in key:
             raise ValueError(f"{key!r}: a key has no '='; allowed: a dotted key such as 'mass.1.mass'")
         key.encode()  # raises UnicodeEncodeError, as for a value
@@ -62,7 +65,9 @@ class Scenario:
 
     def add_fault(self, fault: str) -> Scenario:
         """Injects a fault, "KIND@TIME[:PARAM]" as for --fault; `ballast faults` lists the kinds. Returns the scenario."""
-        self._faults.append(str(fault))
+        if not isinstance(fault, str):
+            raise TypeError(f"fault: {type(fault).__name__} is not allowed; allowed: str")
+        self._faults.append(fault)
         self._checked = None
         return self
 
@@ -79,6 +84,9 @@ class Scenario:
         other._file, other._text = self._file, self._text
         other._overrides, other._faults, other._checked = self._overrides[:], self._faults[:], self._checked
         return other
+
+    def __getstate__(self):
+        return {**self.__dict__, "_checked": None}  # is made again where it is needed
 
     @property
     def name(self) -> str:
@@ -125,6 +133,7 @@ class Scenario:
     def __getitem__(self, key: str) -> Any:
         """The value of a dotted key as written or set; a table as a dict. Raises KeyError where none is written, as for
         a key that has its default."""
+        _require_text(key)
         found: Any = tomllib.loads(_core.changed_toml(self._source_text(), self._source_name(), self._overrides, []))
         for part in key.split("."):
             try:
@@ -154,6 +163,11 @@ class Scenario:
 
     def _source_text(self):
         return self._text if self._text is not None else Path(self._file).read_text(encoding="utf-8")
+
+
+def _require_text(key):
+    if not isinstance(key, str):
+        raise TypeError(f"key: {type(key).__name__} is not allowed; allowed: a str such as 'mass.1.mass'")
 
 
 def as_scenario(source) -> Scenario:

@@ -9,3 +9,7 @@ done = ballast.sweep({
     "vary": {MASS: {"grid": [0.8, 0.9, 1.0, 1.1, 1.2]}, FLOOR: {"grid": [0.12, 0.15, 0.18, 0.21, 0.24]}},
 }, "sweep_map", map_keys=(MASS, FLOOR))
 print(done.page)
+held, floor = done.columns["held"], done.columns[FLOOR]
+for mass in sorted(set(done.columns[MASS])):
+    holds = floor[held & (done.columns[MASS] == mass)]
+    print(f"{MASS} = {mass}: holds from mu_s = {holds.min() if holds.size else 'none of these'}")
