@@ -13,8 +13,8 @@ run_packages=(
 # tools/run, before it draws pictures.
 picture_packages=(python3-matplotlib)
 # tools/build: SUNDIALS for `ballast integrate`, NetCDF for `ballast sweep`, certificates for what `ballast report` fetches
-# once from the npm registry.
-build_packages=(libsundials-dev libnetcdf-dev ca-certificates)
+# once from the npm registry, websockets for `ballast watch --foxglove`.
+build_packages=(libsundials-dev libnetcdf-dev ca-certificates python3-websockets)
 # tools/test. The browser opens the pages of `ballast report`, node runs Foxglove's own readers. Java and the packages after
 # it are for `ballast spy`, which says itself what a machine lacks.
 test_packages=(

@@ -23,6 +23,7 @@ from foxglove_schemas import FRAME, SCENE
 from patches import KINDS
 from short_number import short_number
 
+TOPIC_FRAMES = "/frames/"  # and the name of the frame
 TOPIC_FIXED, TOPIC_CONTACT, TOPIC_FLOOR = "/scene/fixed", "/scene/contact", "/scene/floor"
 
 # Lengths in ball radii, as in the replay of `ballast report`:
@@ -49,6 +50,7 @@ class Sample(NamedTuple):
     """One instant of a run. Vectors are arrays; W is the space frame."""
 
     time_us: int  # of the timeline, >= 0
+    run_id: int  # on a bus the number of the run; in logs 0
     tick: int
     orientation: np.ndarray  # w, x, y, z: body -> space
     position_W: np.ndarray
@@ -69,11 +71,11 @@ def sample_of(time_us, contact, state):
     count = int(state["mass_count"])
     if not 0 <= count <= len(state["mass_position_B_m"]) or int(contact["regime"]) not in _REGIMES:
         return None
-    sample = Sample(time_us, int(state["tick"]), *(np.array(value, dtype=float) for value in (
+    sample = Sample(time_us, int(state["run_id"]), int(state["tick"]), *(np.array(value, dtype=float) for value in (
         state["orientation"], state["position_W_m"], state["mass_position_B_m"][:count], state["center_of_mass_B_m"],
         [*contact["friction_force_W_n"], contact["normal_force_n"]])),
         float(contact["mu_required"]), float(contact["margin"]), int(contact["regime"]))
-    finite = all(np.isfinite(part).all() for part in sample[2:7])
+    finite = all(np.isfinite(part).all() for part in sample[3:8])
     return sample if finite and abs(np.linalg.norm(sample.orientation) - 1) < 1e-6 else None
 
 
@@ -135,26 +137,33 @@ def _words(sample):
 
 
 class RunScene:
-    """Turns the samples of a run into messages. The samples of a next run, whose ticks start anew, may follow."""
+    """Turns the samples of a run into messages. The samples of a next run may follow: the robot is the same."""
 
     def __init__(self, robot):
         self._robot = robot
         self._start()
 
+    @property
+    def topics(self):
+        """(topic, schema name) of all messages."""
+        frames = ["floor", "space", "contact", "ball", *(f"mass_{i}" for i in range(len(self._robot.masses)))]
+        return [*((TOPIC_FRAMES + name, FRAME) for name in frames),
+                *((topic, SCENE) for topic in (TOPIC_FIXED, TOPIC_CONTACT, TOPIC_FLOOR))]
+
     def _start(self):
-        self._tick = -math.inf
+        self._run_id = self._tick = None
         self._next_floor_us = 0
         self._path = _Path(_PATH_STEP * self._robot.radius)
 
     def messages(self, sample, is_last=False):
         """[(topic, schema name, message as a dict)] of a sample. `is_last` draws all, whenever it was drawn before."""
         found = []
-        if sample.tick < self._tick:
+        if self._tick is not None and (sample.run_id != self._run_id or sample.tick < self._tick):
             self._start()
-        if self._tick == -math.inf:
+        if self._tick is None:
             found += self._fixed_frames(sample.time_us)
             found.append((TOPIC_FIXED, SCENE, self._fixed_scene(sample.time_us)))
-        self._tick = sample.tick
+        self._run_id, self._tick = sample.run_id, sample.tick
         found += self._moving_frames(sample)
         found.append((TOPIC_CONTACT, SCENE, self._contact_scene(sample)))
         r = self._robot.radius
@@ -173,7 +182,7 @@ class RunScene:
     def _frame(time_us, parent, child, translation, rotation=(1, 0, 0, 0)):
         message = {"timestamp": shapes.stamp(time_us), "parent_frame_id": parent, "child_frame_id": child,
                    "translation": shapes.vector(translation), "rotation": shapes.quaternion(rotation)}
-        return f"/frames/{child}", FRAME, message
+        return TOPIC_FRAMES + child, FRAME, message
 
     def _fixed_frames(self, time_us):
         return [self._frame(time_us, "world", "floor", (0, 0, 0), slope_quaternion(*self._robot.slope)),

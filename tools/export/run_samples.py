@@ -1,4 +1,4 @@
-"""Picks the samples to draw out of the messages of a run: at most 100 per second of the timeline, and the run's last."""
+"""Picks the samples to draw out of the messages of a run."""
 
 import struct
 
@@ -9,7 +9,7 @@ from event_log import layout_of
 from foxglove_scene import sample_of
 
 CONTACT, STATE = "BALLAST_CONTACT", "BALLAST_PLANT_STATE"
-_EVERY_US = 10_000
+EVERY_US = 10_000
 
 
 class _Newest:
@@ -37,9 +37,13 @@ class _Newest:
 
 
 class RunSamples:
-    """`skipped` counts the samples that cannot be drawn: numbers that are not finite, or out of range."""
+    """At most one sample per `every_us` of the timeline, and the run's last.
 
-    def __init__(self):
+    `skipped` counts the samples that cannot be drawn: numbers that are not finite, or out of range.
+    """
+
+    def __init__(self, every_us=EVERY_US):
+        self._every_us = every_us
         self._newest = {CONTACT: _Newest(ballast.contact_t), STATE: _Newest(ballast.plant_state_t)}
         self._drawn_tick = None
         self._next_us = 0
@@ -63,7 +67,7 @@ class RunSamples:
         is_last = contact.is_last or state.is_last
         if time_us < self._next_us and not is_last:
             return None
-        self._next_us = time_us // _EVERY_US * _EVERY_US + _EVERY_US
+        self._next_us = time_us // self._every_us * self._every_us + self._every_us
         self._drawn_tick = tick
         sample = sample_of(time_us, contact.row(), state.row())
         if sample is None:
