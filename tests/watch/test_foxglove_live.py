@@ -279,6 +279,23 @@ class Live(unittest.TestCase):
             self.assertIn("allowed: --port with a port that is free", done.stderr)
             self.assertIn("ballast-foxglove ended with exit status 2", done.stderr)
 
+    def test_the_server_alone_says_what_is_wrong(self):
+        server = Path(__file__).resolve().parents[2] / "tools/export/foxglove_server.py"
+        stub = self.folder / "stub"
+        stub.mkdir()
+        (stub / "websockets.py").write_text("raise ImportError")
+        named = struct.pack(">Iqqii", 0xEDA1DA01, 0, 0, 10, 1)
+        for path, data, words in (
+                ("", b"", "standard input: expected robot.json"), ("", b"x" * 28, "standard input: not an LCM event log"),
+                ("", named + b"robot.json{", "standard input: expected scenario.toml"),
+                ("", named + b"robot.json{" + struct.pack(">Iqqii", 0xEDA1DA01, 0, 0, 13, 0) + b"scenario.toml",
+                 "robot.json: not what a run writes"),
+                (f"{stub}:", b"", "the package python3-websockets, which is missing")):
+            done = subprocess.run(["/usr/bin/python3", "-B", "-s", server, "--port=0"], input=data, capture_output=True, timeout=60,
+                                  env={**os.environ, "PYTHONPATH": path + os.environ["PYTHONPATH"]}, check=False)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertTrue(done.stderr.decode().startswith("ballast: ") and words in done.stderr.decode(), done.stderr)
+
     def test_neither_outlives_the_other(self):
         def server_of(process):
             return int(Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()[0])
