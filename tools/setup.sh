@@ -13,13 +13,13 @@ run_packages=(
 # tools/run, before it draws pictures.
 picture_packages=(python3-matplotlib)
 # tools/build: SUNDIALS for `ballast integrate`, NetCDF for `ballast sweep`, certificates for what `ballast report` fetches
-# once from the npm registry, pybind11 and what it needs for the Python package.
-build_packages=(libsundials-dev libnetcdf-dev ca-certificates pybind11-dev python3-dev python3-numpy)
-# tools/test. The browser opens the pages of `ballast report`. Java and the packages after it are for `ballast spy`, which
-# says itself what a machine lacks.
+# once from the npm registry, websockets for `ballast watch --foxglove`, pybind11 and what it needs for the Python package.
+build_packages=(libsundials-dev libnetcdf-dev ca-certificates python3-websockets pybind11-dev python3-dev python3-numpy)
+# tools/test. The browser opens the pages of `ballast report`, node runs Foxglove's own readers. Java and the packages after
+# it are for `ballast spy`, which says itself what a machine lacks.
 test_packages=(
   libgtest-dev libbenchmark-dev libsimbody-dev python3-jsonschema dpkg-dev file groff-base
-  chromium chromium-driver python3-selenium
+  chromium chromium-driver python3-selenium nodejs
   default-jdk-headless default-jre libjchart2d-java liblcm-java xvfb
 )
 # tools/firmware and tools/test: the compiler for microcontrollers, and the machine that their programs run on.

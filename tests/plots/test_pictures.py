@@ -18,8 +18,8 @@ from matplotlib.legend import Legend
 from matplotlib.patches import Polygon
 from matplotlib.quiver import Quiver
 
-import floor_patches
 import page
+import patches
 import pictures
 import plot
 from event_log import LogError
@@ -410,9 +410,9 @@ static_friction = 0.9
             box = figure.axes[0]
             self.assertLess(np.ptp(box.get_xlim()), 100)  # the patch far away widens nothing
         places = np.array([[0, 0], [1, 0], [0.55, 0.3], [500, 0]])
-        np.testing.assert_array_equal(floor_patches.top_patch(run.patches, places), [0, 1, -1, 2])
+        np.testing.assert_array_equal(patches.top_patch(run.patches, places), [0, 1, -1, 2])
         # Where they overlap the last one counts.
-        np.testing.assert_array_equal(floor_patches.top_patch(run.patches[:2], np.array([[0.65, 0], [0.45, 0]])), [1, 0])
+        np.testing.assert_array_equal(patches.top_patch(run.patches[:2], np.array([[0.65, 0], [0.45, 0]])), [1, 0])
 
     def test_friction_needed_beside_what_the_floor_under_the_ball_gives(self):
         folder = ball().write(self.folder)
@@ -460,7 +460,7 @@ static_friction = 0.9
     def test_patches_that_cannot_be_read_are_none(self):
         for text in ("[surface", "surface = 3", "[[surface.patch]]\npolygon = 'x'", "[[surface.patch]]\n"):
             (self.folder.parent / "scenario.toml").write_text(text)
-            self.assertEqual(floor_patches.read_patches(self.folder.parent), [])
+            self.assertEqual(patches.read_patches(self.folder.parent), [])
 
     def test_friction_arrows_point_along_the_force(self):
         run = self.recorded(ball())

@@ -5,12 +5,14 @@
 #include <cstdlib>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <string_view>
 
 #include "hal/lcm/bus.h"
 #include "tools/ballast/commands.h"
+#include "tools/ballast/foxglove_feed.h"
 #include "tools/program/program.h"
 #include "tools/watch/view.h"
 
@@ -25,6 +27,9 @@ struct WatchCommand {
   double every_s = 0;  // 0: 0.1 on a terminal, 1 elsewhere
   double wait_s = 0;   // for the first message; 0: without limit
   bool forever = false;
+  std::string foxglove;  // the scenario of the run that Foxglove shows; empty: none
+  std::string host = "127.0.0.1";
+  int port = 8765;
 };
 
 // LCM uses the system's default receive buffer unless the URL gives a size.
@@ -67,14 +72,47 @@ class Terminal {
   int lines_ = 0, width_ = 0;
 };
 
+// Says why Foxglove shows no run, if it is so. A run of another scenario may be followed by one of the right one.
+bool foxglove_fails(FoxgloveFeed& feed, const WatchCommand& command, bool& reported) {
+  if (const std::string text = feed.ended(); !text.empty()) {
+    program::complain("ballast", text);
+    return true;
+  }
+  if (!feed.foreign()) {
+    reported = false;
+    return false;
+  }
+  if (!reported) {
+    program::complain("ballast", "--foxglove " + command.foxglove +
+                                     ": the run on this bus is of another scenario (every --set counts); allowed: the "
+                                     "same, or the scenario.toml in the results folder of that run");
+  }
+  reported = true;
+  return !command.forever;
+}
+
 int watch_run(const WatchCommand& command) {
+  std::optional<sim::Scenario> scenario;
+  if (!command.foxglove.empty()) {
+    scenario =
+        program::load_scenario({.scenario = command.foxglove, .set = {}, .fault = {}, .actuation = {}, .seed = {}});
+    if (!scenario) return program::kExitUsage;
+  }
   hal::Bus bus(with_receive_buffer(command.url), program::catch_signals());
   if (!bus.good()) return program::refuse_bus("ballast", command.url);
   const auto start = hal::WallClock::now();
   const auto now_s = [start] { return hal::Seconds(hal::WallClock::now() - start).count(); };
+  std::optional<FoxgloveFeed> foxglove;
+  if (scenario) {
+    foxglove.emplace(*scenario);
+    if (const std::string why = foxglove->start(command.host, command.port); !why.empty()) return could_not(why);
+  }
   watch::View view;
   const auto subscribe = [&]<class M>(const char* channel, M*) {
-    bus.subscribe<M>(channel, [&](const M& message) { view.observe(message, now_s()); });
+    bus.subscribe<M>(channel, [&](const M& message) {
+      view.observe(message, now_s());
+      if (foxglove) foxglove->observe(message, now_s());
+    });
   };
   subscribe(hal::kChannelContact, static_cast<contact_t*>(nullptr));
   subscribe(hal::kChannelPlantState, static_cast<plant_state_t*>(nullptr));
@@ -97,7 +135,7 @@ int watch_run(const WatchCommand& command) {
   const std::string no_message = "no message on " + command.url;
   const std::string hint = "; start a run: " + program::ballast_as_typed() + " run SCENARIO --speed 1 --lcm " +
                            program::shell_word(command.url);
-  bool reported = false;
+  bool reported = false, foreign_reported = false;
   for (;;) {
     const auto over = [&] { return view.ended() && !command.forever; };
     hal::Status status = bus.receive_until(hal::after(hal::WallClock::now(), every), over);
@@ -106,6 +144,7 @@ int watch_run(const WatchCommand& command) {
       status = bus.receive_until(hal::after(hal::WallClock::now(), hal::Seconds(0.1)), [] { return false; });
     }
     show();
+    if (foxglove && foxglove_fails(*foxglove, command, foreign_reported)) return program::kExitCouldNotRun;
     if (status == hal::Status::kInterrupted) return program::kExitCompleted;
     if (status == hal::Status::kIo) {
       return could_not("the LCM bus " + command.url + " failed");
@@ -133,6 +172,16 @@ std::function<int()> add_watch_command(CLI::App& app, CLI::App*& command) {
   command->add_option("--wait", options->wait_s, "seconds to wait for the first message; default: no limit")
       ->check(program::positive_finite());
   command->add_flag("--forever", options->forever, "after the end of a run, wait for the next one");
+  auto* foxglove = command->add_option("--foxglove", options->foxglove, "also show a run of this scenario to Foxglove");
+  foxglove->type_name("SCENARIO")->check(program::not_empty());
+  command->add_option("--port", options->port, "port of this machine for Foxglove; 0: any that is free")
+      ->needs(foxglove)
+      ->check(program::whole_number(0, 65535))
+      ->capture_default_str();
+  command->add_option("--host", options->host, "address of this machine for Foxglove")
+      ->needs(foxglove)
+      ->check(program::not_empty())
+      ->capture_default_str();
   return [options] { return watch_run(*options); };
 }
 

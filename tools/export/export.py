@@ -7,9 +7,14 @@ import sys
 from pathlib import Path
 
 from command import run_program, show_progress
+from drawn_robot import NoRobot, read_robot
 from event_log import LogError, scan
+from foxglove_scene import RunScene
+from foxglove_schemas import SCHEMAS
+from json_messages import json_pattern, json_schema
 from mcap import MAGIC, McapWriter
 from output_files import Kind, OutputError, OutputFiles, check_place
+from run_samples import RunSamples
 from text import MessageType, types_by_fingerprint
 
 # Messages are converted in blocks of this size, so that memory does not grow with the log.
@@ -96,87 +101,98 @@ def write_csv(log, folder):
 
     with OutputFiles(folder, [log.path]) as outputs:
         log.read(take_block)
-    return len(files)
+    return f"{len(files)} channels"
 
 
-def shaped(shape, number, array, record):
-    """Builds a field of this shape. The first dimension becomes an array, further ones objects.
+class _Drawing:
+    """Draws the run for Foxglove's 3-D panel. Without a description of its robot it draws nothing.
 
-    Foxglove refuses a channel that has an array of arrays.
+    `trouble` is the reason why something is left out, else None.
     """
-    if not shape:
-        return number
-    return array(shape[0], shaped_entry(shape[1:], number, record))
+
+    def __init__(self, folder):
+        self.trouble = None
+        self._samples, self._scene = RunSamples(), None
+        try:
+            self._scene = RunScene(read_robot(folder))
+        except NoRobot as error:
+            self._why_none = str(error)
+
+    def take(self, time_us, channel, payload):
+        """[(topic, schema name, message)] that follow from this message."""
+        taken = self._samples.take(time_us, channel, payload)
+        if self._samples.skipped:
+            self.trouble = f"left out {self._samples.skipped} samples with numbers that cannot be drawn"
+        if taken is None:
+            return []
+        sample, is_last = taken
+        if self._scene is not None and not self._scene.matches(sample):
+            self._scene, self._why_none = None, f"robot.json beside the log is of another robot: the log has " \
+                                                f"{len(sample.masses_B)} masses"
+        if self._scene is None:
+            self.trouble = f"nothing drawn: {self._why_none}"
+            return []
+        return self._scene.messages(sample, is_last)
 
 
-def shaped_entry(shape, number, record):
-    if not shape:
-        return number
-    keys = "xyz" if shape[0] == 3 else [f"e{i}" for i in range(shape[0])]
-    return record({key: shaped_entry(shape[1:], number, record) for key in keys})
+class _McapChannels:
+    """The channels of an MCAP file: those of the log, and what is drawn of it."""
 
+    def __init__(self, log, file):
+        self._log, self._writer = log, McapWriter(file, "ballast")
+        self._of_log, self._drawn = {}, {}
+        self.drawing = _Drawing(log.path.parent)
 
-def json_schema(message_type):
-    """The JSON Schema of a message, limited to what Foxglove reads."""
+    @property
+    def counts(self):
+        """The numbers of channels of the log, and drawn."""
+        return len(self._of_log), len(self._drawn)
 
-    def array(_, items):
-        return {"type": "array", "items": items}
+    def take_block(self, events, payloads):
+        texts = {}
+        for channel, messages in payloads.items():
+            message_type = self._log.type_of(channel)
+            if channel not in self._of_log:
+                number = self._writer.add_channel(channel, message_type.name, json_schema(message_type))
+                self._of_log[channel] = number, json_pattern(message_type)
+            rows = message_type.numbers(messages, f"{self._log.path}: {channel}", infinity="1e999", nan="null")
+            texts[channel] = zip(rows, messages)
+        for timestamp, channel in events:
+            number, pattern = self._of_log[channel]
+            if timestamp > LATEST_US:
+                raise LogError(f"{self._log.path}: {channel}: an event has the timestamp {timestamp} us; allowed in "
+                               f"MCAP: at most {LATEST_US}")
+            # MCAP has no time before 0, so the countdown is at 0. Its messages keep their tick and utime.
+            time_us = max(timestamp, 0)
+            row, payload = next(texts[channel])
+            self._writer.add_message(number, time_us * 1000, (pattern % row).encode())
+            for drawn in self.drawing.take(time_us, channel, payload):
+                self._draw(time_us, *drawn)
 
-    def record(properties):
-        return {"type": "object", "properties": properties}
+    def _draw(self, time_us, topic, schema_name, message):
+        if topic not in self._drawn:
+            self._drawn[topic] = self._writer.add_channel(topic, schema_name, SCHEMAS[schema_name])
+        self._writer.add_message(self._drawn[topic], time_us * 1000, json.dumps(message, separators=(",", ":")).encode())
 
-    fields = {}
-    for field in message_type.fields:
-        layout = message_type.layout[field]
-        number = {"type": "number" if layout.base.kind == "f" else "integer"}
-        fields[field] = shaped(layout.shape, number, array, record)
-    return json.dumps({"title": message_type.name, **record(fields)})
-
-
-def json_pattern(message_type):
-    """The format string that makes a message's JSON from its numbers."""
-
-    def array(size, item):
-        return "[" + ",".join([item] * size) + "]"
-
-    def record(entries):
-        return "{" + ",".join(f'"{key}":{entry}' for key, entry in entries.items()) + "}"
-
-    return record({field: shaped(message_type.layout[field].shape, "%s", array, record)
-                   for field in message_type.fields})
+    def finish(self):
+        self._writer.finish()
 
 
 def write_mcap(log, path):
-    """Writes all channels into one MCAP file.
+    """Writes all channels into one MCAP file, with frames and scenes for Foxglove's 3-D panel.
 
     JSON has no infinity; it is written as 1e999, which parsers of doubles read as infinity. NaN is written as null.
     """
     check_place(path, _MCAP, [log.path])
     path.parent.mkdir(parents=True, exist_ok=True)
-    channels = {}
     with OutputFiles(path, [log.path]) as outputs:
-        writer = McapWriter(outputs.open(path, _MCAP), "ballast")
-
-        def take_block(events, payloads):
-            texts = {}
-            for channel, messages in payloads.items():
-                message_type = log.type_of(channel)
-                if channel not in channels:
-                    channels[channel] = (writer.add_channel(channel, message_type.name, json_schema(message_type)),
-                                         json_pattern(message_type))
-                rows = message_type.numbers(messages, f"{log.path}: {channel}", infinity="1e999", nan="null")
-                texts[channel] = iter(rows)
-            for timestamp, channel in events:
-                number, pattern = channels[channel]
-                if timestamp > LATEST_US:
-                    raise LogError(f"{log.path}: {channel}: an event has the timestamp {timestamp} us; allowed in "
-                                   f"MCAP: at most {LATEST_US}")
-                # MCAP has no time before 0, so the countdown is at 0. Its messages keep their tick and utime.
-                writer.add_message(number, max(timestamp, 0) * 1000, (pattern % next(texts[channel])).encode())
-
-        log.read(take_block)
-        writer.finish()
-    return len(channels)
+        channels = _McapChannels(log, outputs.open(path, _MCAP))
+        log.read(channels.take_block)
+        channels.finish()
+    if channels.drawing.trouble:
+        print(f"ballast: {log.path}: frames and scenes: {channels.drawing.trouble}", file=sys.stderr)
+    of_log, drawn = channels.counts
+    return f"{of_log} channels" + (f", and {drawn} of frames and scenes," if drawn else "")
 
 
 def main():
@@ -198,7 +214,7 @@ def main():
             for channel, count in sorted(log.unknown.items()):
                 print(f"ballast: {path}: {channel}: left out {count} messages of a type that this build does not know",
                       file=sys.stderr)
-            print(f"{channels} channels in {target}")
+            print(f"{channels} in {target}")
 
     return run_program("ballast", body, LogError, OutputError)
 

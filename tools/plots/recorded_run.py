@@ -10,8 +10,8 @@ import ballast
 import numpy as np
 
 from event_log import EventLog, LogError
-from floor_patches import read_patches, static_friction_at
 from known import read_estimate, read_measured, read_predicted
+from patches import read_patches, static_friction_at
 from planned import read_planned
 from summary_shape import check_summary
 

@@ -5,13 +5,13 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "tools/recording/log_event.h"
+
 namespace ballast::sil {
 
 namespace {
 
-// Sync word, event number, timestamp, length of channel and of data; all big-endian.
-constexpr std::uint64_t kSyncWord = 0xEDA1DA01;
-constexpr std::int64_t kHeaderSize = 4 + 8 + 8 + 4 + 4;
+constexpr std::int64_t kHeaderSize = kEventHeaderSize;
 
 constexpr const char* kNoLog = "this run was made with --no-log, which keeps no log; run it again without";
 

@@ -6,18 +6,16 @@
 // All functions are for one thread, the caller's.
 #pragma once
 
-#include <algorithm>
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <cstdio>
-#include <cstring>
 #include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
 
-#include "hal/lcm/encode.h"
+#include "tools/recording/log_event.h"
 
 namespace ballast::sil {
 
@@ -32,15 +30,10 @@ class LogWriter {
   // Returns the event's size in the file.
   template <class M>
   std::int64_t append(const char* channel, const M& message, std::int64_t utime) {
-    const std::size_t channel_size = std::strlen(channel), data_size = hal::encoded_size(message);
-    const std::size_t size = kEventHeaderSize + channel_size + data_size;
+    const std::size_t size = event_size(channel, message);
     static_assert(sizeof message < kBatchBytes / 2);  // and a channel's name is far shorter
     if (filled_ + size > kBatchBytes) hand_over();
-    char* at = &filling_[filled_];
-    hal::BigEndian(at) << kSyncWord << events_ << utime << static_cast<std::uint32_t>(channel_size)
-                       << static_cast<std::uint32_t>(data_size);
-    std::copy_n(channel, channel_size, at + kEventHeaderSize);
-    hal::encode(message, at + kEventHeaderSize + channel_size);
+    write_event(&filling_[filled_], events_, utime, channel, message);
     ++events_;
     filled_ += size;
     if (at_once_) write_at_once();
@@ -54,9 +47,6 @@ class LogWriter {
   [[nodiscard]] const std::string& error() const { return error_; }
 
  private:
-  // An event's sync word, number, time, and lengths of channel and data: big-endian.
-  static constexpr std::size_t kEventHeaderSize = 28;
-  static constexpr std::uint32_t kSyncWord = 0xEDA1DA01;
   static constexpr std::size_t kBatchBytes = std::size_t{1} << 18;  // two of them stay in a core's cache
 
   void write_at_once();

@@ -4,7 +4,7 @@ import html
 
 import numpy as np
 
-from floor_patches import KINDS
+from patches import KINDS
 
 _WIDTH = 1000  # of the drawing; lengths in it are pixels at that width
 _TALLEST, _LEAST = 620, 260
