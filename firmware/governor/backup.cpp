@@ -1,0 +1,152 @@
+#include "firmware/governor/backup.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "firmware/governor/turning.h"
+
+namespace ballast::firmware {
+
+namespace {
+
+// Part of the weight that the cone keeps free for rounding: the projection stops at 1e-9 of the forces, and the plant
+// and the firmware's closed form agree to 1e-12.
+constexpr Real kRounding = std::max(Real(1e-8), 1024 * std::numeric_limits<Real>::epsilon());
+
+// Greatest speed from which half of the acceleration stops a mass within `distance`.
+Real stoppable(Real distance, Real acceleration) { return distance > 0 ? std::sqrt(acceleration * distance) : 0; }
+
+// The force at a tick's end changes a little with the command that keeps it: the slack is that much more than needed.
+constexpr Real kMoreSlack = Real(1.1);
+constexpr int kTickRounds = 2;
+
+RobotState after_tick(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                      const Governed& now) {
+  const auto h = static_cast<Real>(params.control_period_s);
+  RobotState end = state;
+  TurningRate change;
+  change.add(turning_rate(state.orientation, state.angular_velocity_B_radps, now.omega_dot_B_radps2, ball.radius_m), h);
+  apply(change, end);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    end.mass_position[i] += h * (state.mass_velocity[i] + h * now.command.u[i] / 2);
+    end.mass_velocity[i] += h * now.command.u[i];
+  }
+  return end;
+}
+
+}  // namespace
+
+void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& params) {
+  const Real unit_s = ball.gravity_mps2 > 0 ? std::sqrt(ball.radius_m / ball.gravity_mps2) : Real(1);
+  params.control_period_s = control_period_s;
+  params.brake_time_s = Real(0.15) * unit_s;
+  params.reserve = Real(0.01);
+  params.step_s = std::fmax(Real(0.05) * unit_s, static_cast<Real>(control_period_s));
+  params.horizon_s = Wide{16 * unit_s};
+  params.work_per_tick = kMovingStepWork;
+  params.stretch_ticks = static_cast<int>(2 * unit_s / static_cast<Real>(control_period_s));
+  for (std::size_t i = 0; i < kMaxMasses; ++i) {
+    params.still_velocity[i] = Real(1e-3) * std::fmax(params.mass[i].max_acceleration, 0) * params.brake_time_s;
+  }
+  // Moving steps: the nominal stretch (2 search_ticks) and a brake of 12 brake_time_s; held steps: the horizon. The
+  // stretch grows with the search, so the search solves s = (2 s dt / h + brake) work + held.
+  const Wide per_step = static_cast<Wide>(control_period_s) / Wide{params.step_s};
+  const Wide moving = 12 * Wide{params.brake_time_s / params.step_s} + 2;
+  const Wide held = params.horizon_s / Wide{params.step_s} + 2;
+  const Wide work = kMovingStepWork * moving + held;
+  const Wide share = static_cast<Wide>(params.work_per_tick) - 2 * kMovingStepWork * per_step;
+  params.search_ticks = share > 0 ? static_cast<int>(work / share) + 1 : 0;
+}
+
+MassMotion motion_of(const RobotState& state) {
+  MassMotion out;
+  out.position = state.mass_position;
+  out.velocity = state.mass_velocity;
+  return out;
+}
+
+Box box_of(const GovernorParams& params, const RobotState& state, int mass_count, Real within_s) {
+  Box box;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    const MassLimits& mass = params.mass[i];
+    const Real a = mass.max_acceleration, v = state.mass_velocity[i];
+    const Real ahead = state.mass_position[i] + v * within_s;
+    const Real fastest = std::fmin(mass.max_velocity, stoppable(mass.upper_end - ahead, a));
+    const Real slowest = -std::fmin(mass.max_velocity, stoppable(ahead - mass.lower_end, a));
+    box.upper[i] = std::fmax(std::fmin((fastest - v) / within_s, a), -a);
+    box.lower[i] = std::fmin(std::fmax((slowest - v) / within_s, -a), box.upper[i]);
+  }
+  return box;
+}
+
+Cone cone_of(const GovernorParams& params, const AffineForces& forces, const RobotState& state, int mass_count) {
+  Cone cone{params.friction, params.min_normal_force_n, 0};
+  if (std::isinf(params.friction)) return cone;
+  Real slack_n = kRounding * std::fabs(forces.force_W_n[2]);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    if (params.mass[i].acceleration_error == 0 || state.mass_velocity[i] == 0) continue;
+    const Vector3& f = forces.force_per_unit[i];
+    slack_n +=
+        params.mass[i].acceleration_error * (std::sqrt(f[0] * f[0] + f[1] * f[1]) + params.friction * std::fabs(f[2]));
+  }
+  cone.slack_n = slack_n;
+  return cone;
+}
+
+PerMass<Real> braking(const GovernorParams& params, const RobotState& state, int mass_count) {
+  PerMass<Real> u{};
+  const auto tick_s = static_cast<Real>(params.control_period_s);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    const Real speed = std::fabs(state.mass_velocity[i]);
+    const Real rate = std::fmax(speed, params.still_velocity[i]) / params.brake_time_s;
+    u[i] = -std::copysign(std::fmin(rate, speed / tick_s), state.mass_velocity[i]);
+  }
+  return u;
+}
+
+bool still(const GovernorParams& params, const RobotState& state, int mass_count) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    if (!(std::fabs(state.mass_velocity[i]) <= params.still_velocity[i])) return false;
+  }
+  return true;
+}
+
+Real use_of(Real friction, Real static_friction_n, Real normal_force_n) {
+  if (!(normal_force_n > 0)) return std::numeric_limits<Real>::infinity();
+  return static_friction_n / (friction * normal_force_n);
+}
+
+Governed governed(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                  const PerMass<Real>& wish, Real within_s, Real slack_n) {
+  AffineForces forces;
+  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
+  PerMass<Real> unit{};
+  for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = params.mass[i].max_acceleration;
+  Governed out;
+  out.cone = cone_of(params, forces, state, ball.mass_count);
+  out.cone.slack_n += slack_n;
+  out.command =
+      project(forces, ball.mass_count, out.cone, box_of(params, state, ball.mass_count, within_s), unit, wish);
+  out.force_W_n = forces.force(ball.mass_count, out.command.u);
+  out.omega_dot_B_radps2 = forces.omega_dot(ball.mass_count, out.command.u);
+  return out;
+}
+
+Governed governed_for_tick(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                           const PerMass<Real>& wish) {
+  Governed out = governed(ball, params, state, wish, params.step_s);
+  Real slack_n = 0;
+  for (int round = 0; round < kTickRounds; ++round) {
+    AffineForces at_end;
+    const RobotState end = after_tick(ball, params, state, out);
+    affine_forces(ball, end.orientation, end.angular_velocity_B_radps, motion_of(end), at_end);
+    const Real past_n = outside_n(out.cone, at_end.force(ball.mass_count, out.command.u)) - slack_n;
+    if (!(past_n > 0)) break;
+    slack_n += kMoreSlack * past_n;
+    out = governed(ball, params, state, wish, params.step_s, slack_n);
+  }
+  return out;
+}
+
+}  // namespace ballast::firmware

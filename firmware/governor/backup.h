@@ -1,0 +1,49 @@
+// What a robot does at one state: forces, bounds of its masses, and the commands of the backup.
+#pragma once
+
+#include "firmware/governor/cone.h"
+#include "firmware/governor/governor_params.h"
+
+namespace ballast::firmware {
+
+// Steps of a moving ball cost about this many steps of a held one (tools/docs/governor.md has both).
+inline constexpr int kMovingStepWork = 5;
+
+[[nodiscard]] MassMotion motion_of(const RobotState& state);
+
+// Accelerations with which each mass keeps its limits: |u| <= max_acceleration; the velocity within max_velocity; and
+// from the ends of its rail it stays so far that half of max_acceleration stops it. A mass past a limit is brought back
+// over `within_s`.
+[[nodiscard]] Box box_of(const GovernorParams& params, const RobotState& state, int mass_count, Real within_s);
+
+// The cone at this state, less what the motors of moving masses may add to the force: sum acceleration_error_i (|F_i| +
+// kappa |n_i|), F_i and n_i the columns of friction and N.
+[[nodiscard]] Cone cone_of(const GovernorParams& params, const AffineForces& forces, const RobotState& state,
+                           int mass_count);
+
+// The backup's wish: brake.
+[[nodiscard]] PerMass<Real> braking(const GovernorParams& params, const RobotState& state, int mass_count);
+
+// All masses are so slow that the brake ends.
+[[nodiscard]] bool still(const GovernorParams& params, const RobotState& state, int mass_count);
+
+// f_s / (friction N); infinite where N <= 0.
+[[nodiscard]] Real use_of(Real friction, Real static_friction_n, Real normal_force_n);
+
+// The wished accelerations, projected, and what they do.
+struct Governed {
+  Projection command;
+  Cone cone;
+  Vector3 force_W_n = Vector3::Zero();  // of the command
+  Vector3 omega_dot_B_radps2 = Vector3::Zero();
+};
+// `slack_n` is added to that of cone_of().
+[[nodiscard]] Governed governed(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                                const PerMass<Real>& wish, Real within_s, Real slack_n = 0);
+
+// The same for a command that is constant for a control tick: the cone holds at its end too. The state at the end is
+// predicted to first order, so f_s / N may pass the cone by terms of (control_period_s)^2.
+[[nodiscard]] Governed governed_for_tick(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                                         const PerMass<Real>& wish);
+
+}  // namespace ballast::firmware

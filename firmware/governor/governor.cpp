@@ -1,0 +1,123 @@
+#include "firmware/governor/governor.h"
+
+#include <cmath>
+
+namespace ballast::firmware {
+
+namespace {
+
+Certificate certificate_of(const Rollout& candidate, Wide control_period_s) {
+  Certificate out;
+  out.valid = true;
+  out.switch_tick = candidate.schedule().backup_from();
+  out.margin = candidate.margin();
+  out.until_tick = candidate.end() == RolloutEnd::kForEver
+                       ? kForEverTick
+                       : candidate.start_tick() + static_cast<std::int64_t>(candidate.time_s() / control_period_s);
+  return out;
+}
+
+bool renews_backup(const Schedule& schedule) {
+  return schedule.backup_from() == schedule.until && schedule.from >= schedule.to;
+}
+
+// Ticks for which a candidate follows the nominal beyond the tick at which it is ready. The first attempt stays with it
+// just long enough for the next search. Where that leads to a stop that breaks the cone, a later stop may not: the
+// attempts go through kStretches, each longer than the one before by stretch_ticks.
+int stretch_of(const GovernorParams& params, int attempt) {
+  return params.search_ticks + (attempt % kStretches) * params.stretch_ticks;
+}
+
+// Ticks that a search takes with `moving_ticks` of nominal in it.
+int ticks_of_search(const GovernorParams& params, int extra_ticks) {
+  const Wide steps = static_cast<Wide>(extra_ticks) * params.control_period_s / Wide{params.step_s};
+  return params.search_ticks + static_cast<int>(steps * kMovingStepWork / params.work_per_tick) + 1;
+}
+
+// The next candidate, from the state of this tick.
+Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const GovernorState& state) {
+  Schedule out;
+  const int stretch = stretch_of(params, state.attempts);
+  const std::int64_t ready = tick + ticks_of_search(params, stretch - params.search_ticks);
+  if (state.mode == GovernorMode::kNominal) {
+    // Up to the switch of the certificate in force the nominal runs anyway. A candidate that is ready before continues
+    // it; one that is not finds the backup running.
+    const std::int64_t leaves = state.certificate.switch_tick;
+    out.until = leaves;
+    out.from = ready > leaves ? ready : leaves;
+    out.to = ready + stretch;
+    return out;
+  }
+  out.until = out.from = out.to = tick;
+  const bool ends = state.certificate.until_tick != kForEverTick;
+  if (ends && state.attempts % (kStretches + 1) == kStretches) return out;
+  out.from = ready;
+  out.to = ready + stretch;
+  return out;
+}
+
+}  // namespace
+
+void reset(GovernorState& state) {
+  state.mode = GovernorMode::kBackup;
+  state.certificate = {};
+  state.searching = false;
+  state.attempts = 0;
+}
+
+void begin_start(const GovernorParams& params, const RobotState& now, std::int64_t tick, std::int64_t from_tick,
+                 GovernorState& state) {
+  reset(state);
+  state.candidate.begin(params, now, tick, {tick, from_tick, from_tick + params.search_ticks});
+  state.searching = true;
+}
+
+void detail::decide(const BallParams& /*ball*/, const GovernorParams& params, const RobotState& now, std::int64_t tick,
+                    GovernorState& state) {
+  if (state.searching && state.candidate.end() != RolloutEnd::kUnderWay) {
+    const Schedule& schedule = state.candidate.schedule();
+    const bool broken = state.candidate.end() == RolloutEnd::kBroken;
+    const bool renewal = renews_backup(schedule);
+    // A candidate that follows what runs anyway is in force at once; one that goes back to the nominal waits for that.
+    const bool continues = renewal || (state.mode == GovernorMode::kNominal && schedule.from <= schedule.until);
+    if (broken || (!continues && tick > schedule.from)) {
+      state.searching = false;
+      ++state.attempts;
+    } else if (continues || tick == schedule.from) {
+      state.certificate = certificate_of(state.candidate, params.control_period_s);
+      state.searching = false;
+      state.attempts = renewal ? state.attempts + 1 : 0;
+      if (!renewal) state.mode = GovernorMode::kNominal;
+    }
+  } else if (state.searching && state.mode == GovernorMode::kBackup && tick > state.candidate.schedule().from &&
+             !renews_backup(state.candidate.schedule())) {
+    state.searching = false;  // later than its adoption tick
+    ++state.attempts;
+  }
+  if (state.mode == GovernorMode::kNominal && tick >= state.certificate.switch_tick) state.mode = GovernorMode::kBackup;
+  if (!state.searching) {
+    state.candidate.begin(params, now, tick, next_schedule(params, tick, state));
+    state.searching = true;
+  }
+}
+
+void detail::command(const BallParams& ball, const GovernorParams& params, const GovernorState& state,
+                     const RobotState& now, const PerMass<Real>& nominal, GovernorOutput& out) {
+  const bool backup = state.mode == GovernorMode::kBackup;
+  const PerMass<Real> wish = backup ? braking(params, now, ball.mass_count) : nominal;
+  const Governed here = governed_for_tick(ball, params, now, wish);
+  out.acceleration = here.command.u;
+  GovernorReport& report = out.report;
+  report.backup = backup;
+  report.empty = here.command.empty;
+  report.bent = false;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    report.bent |= std::fabs(out.acceleration[i] - nominal[i]) > Real(1e-9) * params.mass[i].max_acceleration;
+  }
+  report.backup_margin = state.certificate.margin;
+  report.backup_until_tick = state.certificate.until_tick;
+  const Vector3& f = here.force_W_n;
+  report.use = std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
+}
+
+}  // namespace ballast::firmware

@@ -1,0 +1,81 @@
+// The governor: bends commands so that the ball neither slips nor lifts off, and keeps a certified backup at hand.
+//
+// Every tick the wished accelerations are projected into the cone of the state (cone.h). That alone can lead into
+// states from which no acceleration keeps the cone, so a gatekeeper decides whose wish it is: the nominal's, as long as
+// a certificate holds that says "nominal up to its switch tick, then the backup"; else the backup's. A rollout in
+// slices over `search_ticks` makes the next certificate while the last one holds.
+//
+// Source: Agrawal, Chen and Panagou, "gatekeeper: Online Safety Verification and Control for Nonlinear Systems in
+// Dynamic Environments" (arXiv 2508.09963 has the form used here); tools/docs/governor.md.
+//
+// Invariants: fixed size, no heap. govern() is called once per control tick, in order, by one thread.
+#pragma once
+
+#include "firmware/governor/rollout.h"
+
+namespace ballast::firmware {
+
+inline constexpr std::int64_t kForEverTick = -1;
+inline constexpr int kStretches = 6;
+
+// "Nominal up to switch_tick, then the backup" keeps the cone.
+struct Certificate {
+  bool valid = false;
+  std::int64_t switch_tick = 0;
+  std::int64_t until_tick = 0;  // kForEverTick: for ever
+  Real margin = 0;              // least 1 - f_s / (friction N) along the backup
+};
+
+enum class GovernorMode : std::uint8_t { kNominal, kBackup };
+
+struct GovernorState {
+  GovernorMode mode = GovernorMode::kBackup;
+  Certificate certificate;
+  Rollout candidate;
+  bool searching = false;  // candidate is under way, or complete and waits for its adoption tick
+  int attempts = 0;        // since the mode was nominal; every second one renews the backup
+};
+
+struct GovernorReport {
+  bool bent = false;       // the command is not the nominal's
+  bool empty = false;      // no acceleration kept the cone: least violation
+  bool backup = false;     // the backup's wish was followed
+  Real backup_margin = 0;  // of the certificate
+  std::int64_t backup_until_tick = 0;
+  Real use = 0;  // f_s / (friction N) of the command by the closed form
+};
+
+struct GovernorOutput {
+  PerMass<Real> acceleration{};  // for this tick
+  GovernorReport report;
+};
+
+// Nothing certified: the backup holds until a candidate is adopted.
+void reset(GovernorState& state);
+
+// Begins a candidate for a start or a move: held masses up to `from_tick`, nominal from there for search_ticks. It is
+// advanced by govern() or by advance_candidate(), and adopted at from_tick.
+void begin_start(const GovernorParams& params, const RobotState& now, std::int64_t tick, std::int64_t from_tick,
+                 GovernorState& state);
+
+// The parts of govern() that do not depend on the nominal.
+namespace detail {
+// Adopts a finished candidate, switches to the backup where the certificate says so, and begins the next candidate.
+void decide(const BallParams& ball, const GovernorParams& params, const RobotState& now, std::int64_t tick,
+            GovernorState& state);
+void command(const BallParams& ball, const GovernorParams& params, const GovernorState& state, const RobotState& now,
+             const PerMass<Real>& nominal, GovernorOutput& out);
+}  // namespace detail
+
+// Returns the accelerations of the masses for `tick`. `now`: the believed state at its start, masses as commanded.
+// `u_nominal`: the wish. `law(time_s, state)` predicts the wish: PerMass<Real> of a time after the start of the tick at
+// which the candidate began (state.candidate.start_tick()) and a state.
+template <class Law>
+void govern(const BallParams& ball, const GovernorParams& params, const RobotState& now, const PerMass<Real>& u_nominal,
+            const Law& law, std::int64_t tick, GovernorState& state, GovernorOutput& out) {
+  detail::decide(ball, params, now, tick, state);
+  detail::command(ball, params, state, now, u_nominal, out);
+  state.candidate.advance(ball, params, law, params.work_per_tick);
+}
+
+}  // namespace ballast::firmware

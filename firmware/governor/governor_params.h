@@ -1,0 +1,42 @@
+// Parameters of the governor. Types only.
+#pragma once
+
+#include "firmware/governor/robot_state.h"
+
+namespace ballast::firmware {
+
+// Limits of a mass, rail units. Infinite where there is none, but max_acceleration is finite and > 0.
+struct MassLimits {
+  Real max_velocity = 0;
+  Real max_acceleration = 0;
+  Real lower_end = 0;
+  Real upper_end = 0;
+  // Bound of |true - commanded| acceleration of a mass that its motor moves; 0: ideal. motor_acceleration_error().
+  Real acceleration_error = 0;
+};
+
+struct GovernorParams {
+  Real friction = 0;            // kappa > 0: f_s <= kappa N; infinite: perfect friction
+  Real min_normal_force_n = 0;  // N >= this
+  PerMass<MassLimits> mass{};
+  Wide control_period_s = 0;
+  // The backup brakes each mass with u = -v / brake_time_s.
+  Real brake_time_s = 0;
+  // A brake ends where every mass is slower than still_velocity of it (rail units / s): from there it is stopped
+  // linearly.
+  PerMass<Real> still_velocity{};
+  // The part of the friction that a certificate leaves unused once the masses are held. It covers the difference
+  // between a certified and an executed backup: the steps of the rollout, and the state at the tick of the switch.
+  Real reserve = 0;
+  Real step_s = 0;       // of a rollout
+  Wide horizon_s = 0;    // a rollout ends this long after its switch
+  int search_ticks = 0;  // a candidate is complete this many ticks after its beginning
+  int stretch_ticks = 0;
+  int work_per_tick = 0;  // in steps of a held ball
+};
+
+// Sets everything but friction, min_normal_force_n and mass from the ball and the control period: times are multiples
+// of sqrt(r / g) (1 s without gravity).
+void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& params);
+
+}  // namespace ballast::firmware
