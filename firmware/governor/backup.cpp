@@ -10,16 +10,18 @@ namespace ballast::firmware {
 
 namespace {
 
-// Part of the weight that the cone keeps free for rounding: the projection stops at 1e-9 of the forces, and the plant
-// and the firmware's closed form agree to 1e-12.
-constexpr Real kRounding = std::max(Real(1e-8), 1024 * std::numeric_limits<Real>::epsilon());
+// Part of N that the cone keeps free. The projection stops at 1e-9 of the forces; within a tick of h the force moves off
+// the straight line between the tick's ends by about (h / sqrt(r / g))^2 / 8, which is 1.3e-7 for a tick of a
+// thousandth.
+constexpr Real kRounding = std::max(Real(1e-7), 1024 * std::numeric_limits<Real>::epsilon());
 
 // Greatest speed from which half of the acceleration stops a mass within `distance`.
 Real stoppable(Real distance, Real acceleration) { return distance > 0 ? std::sqrt(acceleration * distance) : 0; }
 
-// The force at a tick's end changes a little with the command that keeps it: the slack is that much more than needed.
-constexpr Real kMoreSlack = Real(1.1);
-constexpr int kTickRounds = 2;
+// The change of the force within a tick depends a little on the command. The slack allows for that much more of what the
+// tick's end is outside.
+constexpr Real kMoreSlack = Real(0.25);
+constexpr int kTickRounds = 3;
 
 RobotState after_tick(const BallParams& ball, const GovernorParams& params, const RobotState& state,
                       const Governed& now) {
@@ -141,9 +143,11 @@ Governed governed_for_tick(const BallParams& ball, const GovernorParams& params,
     AffineForces at_end;
     const RobotState end = after_tick(ball, params, state, out);
     affine_forces(ball, end.orientation, end.angular_velocity_B_radps, motion_of(end), at_end);
-    const Real past_n = outside_n(out.cone, at_end.force(ball.mass_count, out.command.u)) - slack_n;
-    if (!(past_n > 0)) break;
-    slack_n += kMoreSlack * past_n;
+    // Outside of the cone without the slack, at the tick's two ends.
+    const Real start_n = outside_n(out.cone, out.force_W_n) - slack_n;
+    const Real end_n = outside_n(out.cone, at_end.force(ball.mass_count, out.command.u)) - slack_n;
+    if (!(end_n > 0)) break;
+    slack_n = (end_n - start_n) + kMoreSlack * end_n;
     out = governed(ball, params, state, wish, params.step_s, slack_n);
   }
   return out;
