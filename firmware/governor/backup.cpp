@@ -10,16 +10,16 @@ namespace ballast::firmware {
 
 namespace {
 
-// Part of N that the cone keeps free. The projection stops at 1e-9 of the forces; within a tick of h the force moves off
-// the straight line between the tick's ends by about (h / sqrt(r / g))^2 / 8, which is 1.3e-7 for a tick of a
+// Part of N that the cone keeps free. The projection stops at 1e-9 of the forces; within a tick of h the force moves
+// off the straight line between the tick's ends by about (h / sqrt(r / g))^2 / 8, which is 1.3e-7 for a tick of a
 // thousandth.
 constexpr Real kRounding = std::max(Real(1e-7), 1024 * std::numeric_limits<Real>::epsilon());
 
 // Greatest speed from which half of the acceleration stops a mass within `distance`.
 Real stoppable(Real distance, Real acceleration) { return distance > 0 ? std::sqrt(acceleration * distance) : 0; }
 
-// The change of the force within a tick depends a little on the command. The slack allows for that much more of what the
-// tick's end is outside.
+// The change of the force within a tick depends a little on the command. The slack allows for that much more of what
+// the tick's end is outside.
 constexpr Real kMoreSlack = Real(0.25);
 constexpr int kTickRounds = 3;
 

@@ -44,7 +44,7 @@ Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const Go
     // it; one that is not finds the backup running.
     const std::int64_t leaves = state.certificate.switch_tick;
     out.until = leaves;
-    out.from = ready > leaves ? ready : leaves;
+    out.from = ready > leaves || state.changing ? ready : leaves;
     out.to = ready + stretch;
     return out;
   }
@@ -61,6 +61,13 @@ Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const Go
 void reset(GovernorState& state) {
   state.mode = GovernorMode::kBackup;
   state.certificate = {};
+  state.searching = false;
+  state.changing = false;
+  state.attempts = 0;
+}
+
+void change_nominal(GovernorState& state) {
+  state.changing = true;
   state.searching = false;
   state.attempts = 0;
 }
@@ -79,7 +86,8 @@ void detail::decide(const BallParams& /*ball*/, const GovernorParams& params, co
     const bool broken = state.candidate.end() == RolloutEnd::kBroken;
     const bool renewal = renews_backup(schedule);
     // A candidate that follows what runs anyway is in force at once; one that goes back to the nominal waits for that.
-    const bool continues = renewal || (state.mode == GovernorMode::kNominal && schedule.from <= schedule.until);
+    const bool continues =
+        renewal || (state.mode == GovernorMode::kNominal && schedule.from <= schedule.until && !state.changing);
     if (broken || (!continues && tick > schedule.from)) {
       state.searching = false;
       ++state.attempts;
@@ -87,10 +95,13 @@ void detail::decide(const BallParams& /*ball*/, const GovernorParams& params, co
       state.certificate = certificate_of(state.candidate, params.control_period_s);
       state.searching = false;
       state.attempts = renewal ? state.attempts + 1 : 0;
-      if (!renewal) state.mode = GovernorMode::kNominal;
+      if (!renewal) {
+        state.mode = GovernorMode::kNominal;
+        state.changing = false;
+      }
     }
-  } else if (state.searching && state.mode == GovernorMode::kBackup && tick > state.candidate.schedule().from &&
-             !renews_backup(state.candidate.schedule())) {
+  } else if (state.searching && (state.mode == GovernorMode::kBackup || state.changing) &&
+             tick > state.candidate.schedule().from && !renews_backup(state.candidate.schedule())) {
     state.searching = false;  // later than its adoption tick
     ++state.attempts;
   }

@@ -33,6 +33,7 @@ struct GovernorState {
   Certificate certificate;
   Rollout candidate;
   bool searching = false;  // candidate is under way, or complete and waits for its adoption tick
+  bool changing = false;   // the nominal becomes another one at the tick `from` of the candidate's schedule
   int attempts = 0;        // since the mode was nominal; every second one renews the backup
 };
 
@@ -57,6 +58,11 @@ void reset(GovernorState& state);
 // advanced by govern() or by advance_candidate(), and adopted at from_tick.
 void begin_start(const GovernorParams& params, const RobotState& now, std::int64_t tick, std::int64_t from_tick,
                  GovernorState& state);
+
+// The nominal is to become another one, such as a halt. Until a candidate is certified that changes over, at the tick
+// `from` of its schedule, the certificate in force holds and the caller goes on with the old nominal. `law` of govern()
+// is then the old one before that tick and the new one from it on; state.changing falls when it is adopted.
+void change_nominal(GovernorState& state);
 
 // The parts of govern() that do not depend on the nominal.
 namespace detail {

@@ -18,10 +18,12 @@ struct Schedule {
   [[nodiscard]] bool nominal(std::int64_t tick) const { return tick < until || (tick >= from && tick < to); }
   // The tick from which the backup runs to the end.
   [[nodiscard]] std::int64_t backup_from() const { return from < to && to > until ? to : until; }
-  // The first tick after `tick` at which the candidate changes; backup_from() is the last.
+  // The first tick after `tick` at which the candidate changes, or may change its nominal (at `from`). backup_from() is
+  // the last.
   [[nodiscard]] std::int64_t next_change(std::int64_t tick) const {
-    if (tick < until) return from <= until && to > until ? to : until;
-    return tick < from ? from : to;
+    if (tick < from && (from <= until || tick >= until)) return from;
+    if (tick < until && !(to > until && from <= until)) return until;
+    return to;
   }
 };
 
