@@ -10,9 +10,7 @@ namespace ballast::firmware {
 
 namespace {
 
-// Part of N that the cone keeps free. The projection stops at 1e-9 of the forces; within a tick of h the force moves
-// off the straight line between the tick's ends by about (h / sqrt(r / g))^2 / 8, which is 1.3e-7 for a tick of a
-// thousandth.
+// Part of N that the cone keeps free for rounding: the projection stops at 1e-9 of the forces.
 constexpr Real kRounding = std::max(Real(1e-7), 1024 * std::numeric_limits<Real>::epsilon());
 
 // Greatest speed from which half of the acceleration stops a mass within `distance`.
@@ -42,6 +40,8 @@ RobotState after_tick(const BallParams& ball, const GovernorParams& params, cons
 void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& params) {
   const Real unit_s = ball.gravity_mps2 > 0 ? std::sqrt(ball.radius_m / ball.gravity_mps2) : Real(1);
   params.control_period_s = control_period_s;
+  const Real tick = static_cast<Real>(control_period_s) / unit_s;
+  params.tick_slack = tick * tick / 8;
   params.brake_time_s = Real(0.15) * unit_s;
   params.reserve = Real(0.01);
   params.step_s = std::fmax(Real(0.05) * unit_s, static_cast<Real>(control_period_s));
@@ -85,7 +85,7 @@ Box box_of(const GovernorParams& params, const RobotState& state, int mass_count
 Cone cone_of(const GovernorParams& params, const AffineForces& forces, const RobotState& state, int mass_count) {
   Cone cone{params.friction, params.min_normal_force_n, 0};
   if (std::isinf(params.friction)) return cone;
-  Real slack_n = kRounding * std::fabs(forces.force_W_n[2]);
+  Real slack_n = (kRounding + params.tick_slack) * std::fabs(forces.force_W_n[2]);
   for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
     if (params.mass[i].acceleration_error == 0 || state.mass_velocity[i] == 0) continue;
     const Vector3& f = forces.force_per_unit[i];

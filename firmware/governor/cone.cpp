@@ -52,6 +52,18 @@ class Projector {
     return u;
   }
 
+  // A projector whose nominal is the u with the greatest N.
+  [[nodiscard]] Projector from_most_pressed() const {
+    Real least_n = 1 + std::fabs(forces_.force_W_n[2]);
+    for (std::size_t i = 0; i < n_; ++i) {
+      const Real far = std::fmax(std::fabs(box_.lower[i]), std::fabs(box_.upper[i]));
+      least_n += 2 * far * std::fabs(forces_.force_per_unit[i][2]);
+    }
+    Projector out = *this;
+    out.nominal_ = pressed(least_n);
+    return out;
+  }
+
   // N >= least_n.
   [[nodiscard]] PerMass<Real> pressed(Real least_n) const {
     PerMass<Real> gradient{};
@@ -67,6 +79,15 @@ class Projector {
     return nearest(level(forces_.force_W_n) - slack_n, gradient);
   }
 
+  [[nodiscard]] Real cost(const PerMass<Real>& u) const {
+    Real sum = 0;
+    for (std::size_t i = 0; i < n_; ++i) {
+      const Real off = (u[i] - nominal_[i]) / unit_[i];
+      sum += off * off;
+    }
+    return sum;
+  }
+
  private:
   const AffineForces& forces_;
   std::size_t n_;
@@ -79,11 +100,13 @@ class Projector {
 struct Best {
   PerMass<Real> u{};
   Real violation_n = std::numeric_limits<Real>::infinity();
+  bool inside = false;
 
-  void take(const PerMass<Real>& candidate, Real candidate_violation_n) {
+  void take(const PerMass<Real>& candidate, Real candidate_violation_n, Real tolerance_n) {
     if (!(candidate_violation_n < violation_n)) return;
     u = candidate;
     violation_n = candidate_violation_n;
+    inside = violation_n <= tolerance_n;
   }
 };
 
@@ -98,19 +121,17 @@ Plane between(const Plane& a, Real of_a, const Plane& b, Real of_b) {
 // point of the cone is that of one of them: of the e along which its own friction lies. The distance to a half space
 // has one maximum over e, and rises towards the side on which the friction of its nearest point lies. So the direction
 // is a root that a bracket closes in on; Illinois' rule on the chord between the bracket's ends.
-Best nearest_in_cone(const Projector& projector, Real friction, Real slack_n) {
-  Best best;
-  const Vector3 first = projector.force(projector.nominal());
-  const Real first_n = friction_n(first);
-  Plane e = first_n > 0 ? Plane{first[0] / first_n, first[1] / first_n} : Plane{1, 0};
+//
+// `e` is the direction to begin with.
+void search_direction(const Projector& projector, Real friction, Real slack_n, Plane e, Best& best) {
   Plane left = e, right = e;       // the root lies counter-clockwise of right and clockwise of left
   Real at_left = 0, at_right = 0;  // friction across them; 0: that end is not known yet
   for (int step = 0; step < kMostConeSteps; ++step) {
     const PerMass<Real> u = projector.held(e, friction, slack_n);
     const Vector3 force = projector.force(u);
-    const Real size_n = friction_n(force), tolerance_n = kConeTolerance * (size_n + std::fabs(friction * force[2]));
-    best.take(u, size_n - (friction * force[2] - slack_n));
-    if (!(best.violation_n > tolerance_n)) break;
+    const Real size_n = friction_n(force);
+    best.take(u, size_n - (friction * force[2] - slack_n), kConeTolerance * (size_n + std::fabs(friction * force[2])));
+    if (best.inside || !(size_n > 0)) return;
     const Real across = e.x * force[1] - e.y * force[0];
     if (across > 0) {
       if (at_right > 0) at_left /= 2;
@@ -119,14 +140,39 @@ Best nearest_in_cone(const Projector& projector, Real friction, Real slack_n) {
       if (at_left < 0) at_right /= 2;
       left = e, at_left = across;
     }
-    if (at_right > 0 && at_left < 0) {
-      e = between(right, -at_left, left, at_right);
-    } else {
-      if (!(size_n > 0)) break;
+    const bool bracketed = at_right > 0 && at_left < 0;
+    if (!bracketed) {
       e = {force[0] / size_n, force[1] / size_n};
+    } else if (step % 3 == 2) {
+      e = between(right, 1, left, 1);
+    } else {
+      e = between(right, -at_left, left, at_right);
     }
   }
-  return best;
+}
+
+// The search begins along the nominal's friction. Where N falls to 0 on the way its distance may have two maxima, and
+// the search may not end; the farthest of eight half spaces is then a better beginning.
+PerMass<Real> nearest_in_cone(const Projector& projector, Real friction, Real slack_n) {
+  Best best;
+  const Vector3 first = projector.force(projector.nominal());
+  const Real first_n = friction_n(first);
+  search_direction(projector, friction, slack_n,
+                   first_n > 0 ? Plane{first[0] / first_n, first[1] / first_n} : Plane{1, 0}, best);
+  if (best.inside) return best.u;
+  constexpr Real kHalf = Real(0.70710678118654752);
+  constexpr Plane kAround[8] = {{1, 0},  {kHalf, kHalf},   {0, 1},  {-kHalf, kHalf},
+                                {-1, 0}, {-kHalf, -kHalf}, {0, -1}, {kHalf, -kHalf}};
+  Real farthest = -1;
+  Plane begin = kAround[0];
+  for (const Plane& e : kAround) {
+    const Real cost = projector.cost(projector.held(e, friction, slack_n));
+    if (!(cost > farthest)) continue;
+    farthest = cost;
+    begin = e;
+  }
+  search_direction(projector, friction, slack_n, begin, best);
+  return best.u;
 }
 
 }  // namespace
@@ -137,6 +183,17 @@ Real outside_n(const Cone& cone, const Vector3& force_W_n) {
   const Real slips_n = friction_n(force_W_n) - cone.friction * force_W_n[2] + cone.slack_n;
   return lifted_n > slips_n ? lifted_n : slips_n;
 }
+
+namespace {
+
+// Up to what the search leaves.
+bool inside(const Projector& projector, const Cone& cone, const PerMass<Real>& u) {
+  const Vector3 force = projector.force(u);
+  const Real size_n = friction_n(force) + std::fabs(force[2]) + cone.min_normal_force_n;
+  return outside_n(cone, force) <= 4 * kConeTolerance * size_n;
+}
+
+}  // namespace
 
 Projection project(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
                    const PerMass<Real>& unit, const PerMass<Real>& nominal) {
@@ -155,17 +212,27 @@ Projection project(const AffineForces& forces, int mass_count, const Cone& cone,
   if (std::isinf(cone.friction)) {
     out.u = projector.pressed(cone.min_normal_force_n);
   } else {
-    out.u = nearest_in_cone(projector, cone.friction, cone.slack_n).u;
-    if (projector.force(out.u)[2] < cone.min_normal_force_n) {
-      const Real tip_n = cone.friction * cone.min_normal_force_n;
-      out.u = nearest_in_cone(projector, cone.friction, tip_n > cone.slack_n ? tip_n : cone.slack_n).u;
+    out.u = nearest_in_cone(projector, cone.friction, cone.slack_n);
+    if (projector.force(out.u)[2] < cone.min_normal_force_n || !inside(projector, cone, out.u)) {
+      const Real tip_n = std::fmax(cone.friction * cone.min_normal_force_n, cone.slack_n);
+      const PerMass<Real> safer = nearest_in_cone(projector, cone.friction, tip_n);
+      if (inside(projector, cone, safer)) {
+        out.u = safer;
+      } else {
+        // From there the direction is known well enough to find the nominal's own nearest point, as a rule.
+        out.u = nearest_in_cone(projector.from_most_pressed(), cone.friction, tip_n);
+        const Vector3 force = projector.force(out.u);
+        const Real size_n = friction_n(force);
+        Best best;
+        if (size_n > 0) {
+          search_direction(projector, cone.friction, tip_n, {force[0] / size_n, force[1] / size_n}, best);
+        }
+        if (best.inside && inside(projector, cone, best.u)) out.u = best.u;
+      }
     }
   }
-  const Vector3 force = projector.force(out.u);
-  const Real still_n = outside_n(cone, force);
-  const Real size_n = friction_n(force) + std::fabs(force[2]) + std::fabs(cone.min_normal_force_n);
-  out.empty = !(still_n <= 4 * kConeTolerance * size_n);
-  out.violation_n = out.empty ? still_n : 0;
+  out.empty = !inside(projector, cone, out.u);
+  out.violation_n = out.empty ? outside_n(cone, projector.force(out.u)) : 0;
   return out;
 }
 

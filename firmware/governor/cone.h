@@ -3,8 +3,8 @@
 // At one state the contact force is affine in u (model/affine_forces.h). The cone |f| <= friction N - slack_n and the
 // box lower <= u <= upper are convex, so the nearest u is unique.
 //
-// Invariants: fixed size, at most kMostConeSteps rounds of at most mass_count + 1 steps each. The same bits on every
-// processor: of libm sqrt only.
+// Invariants: fixed size, at most 6 kMostConeSteps + 24 half spaces with at most mass_count + 1 steps each. The same
+// bits on every processor: of libm sqrt only.
 //
 // Source: our derivation, tools/docs/governor.md, "Cone".
 #pragma once
@@ -13,7 +13,7 @@
 
 namespace ballast::firmware {
 
-inline constexpr int kMostConeSteps = 16;
+inline constexpr int kMostConeSteps = 32;
 
 struct Cone {
   Real friction = 0;            // kappa > 0: f_s <= kappa N. Infinite: only N is limited
@@ -41,8 +41,9 @@ struct Projection {
 // the greatest acceleration. Where the nominal lies in both it is returned, bit for bit.
 //
 // f_s and N keep the cone up to kConeTolerance of their sum. Where only N >= min_normal_force_n would be broken, the
-// force is projected into the cone with its tip at that N instead, which lies inside of both: then u keeps the limits
-// but is not the nearest. NaN in gives empty, with u the nominal inside the box.
+// force is projected into the cone with its tip at that N instead, which lies inside of both, and where that fails too,
+// from the u with the greatest N. Then u keeps the limits but is not the nearest. NaN in gives empty, with u the
+// nominal inside the box.
 [[nodiscard]] Projection project(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
                                  const PerMass<Real>& unit, const PerMass<Real>& nominal);
 

@@ -23,34 +23,38 @@ bool renews_backup(const Schedule& schedule) {
 
 // Ticks for which a candidate follows the nominal beyond the tick at which it is ready. The first attempt stays with it
 // just long enough for the next search. Where that leads to a stop that breaks the cone, a later stop may not: the
-// attempts go through kStretches, each longer than the one before by stretch_ticks.
-int stretch_of(const GovernorParams& params, int attempt) {
-  return params.search_ticks + (attempt % kStretches) * params.stretch_ticks;
+// attempts go through kStretches, each longer than the one before by stretch_ticks. The last one goes to where the
+// nominal rests, if it does.
+std::int64_t stretch_of(const GovernorParams& params, int attempt, std::int64_t left_ticks) {
+  if (attempt < kStretches) return params.search_ticks + std::int64_t{attempt} * params.stretch_ticks;
+  return left_ticks > params.search_ticks ? left_ticks : params.search_ticks;
 }
 
-// Ticks that a search takes with `moving_ticks` of nominal in it.
-int ticks_of_search(const GovernorParams& params, int extra_ticks) {
-  const Wide steps = static_cast<Wide>(extra_ticks) * params.control_period_s / Wide{params.step_s};
-  return params.search_ticks + static_cast<int>(steps * kMovingStepWork / params.work_per_tick) + 1;
+// Ticks that a search takes with this stretch of the nominal in it.
+std::int64_t ticks_of_search(const GovernorParams& params, std::int64_t stretch_ticks) {
+  const Wide steps =
+      static_cast<Wide>(stretch_ticks - params.search_ticks) * params.control_period_s / Wide{params.step_s};
+  return params.search_ticks + static_cast<std::int64_t>(steps * kMovingStepWork / params.work_per_tick) + 1;
 }
 
 // The next candidate, from the state of this tick.
 Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const GovernorState& state) {
   Schedule out;
-  const int stretch = stretch_of(params, state.attempts);
-  const std::int64_t ready = tick + ticks_of_search(params, stretch - params.search_ticks);
+  const int attempt = state.attempts % (kStretches + 1);
+  const std::int64_t stretch = stretch_of(params, attempt, state.nominal_end_tick - tick);
+  const std::int64_t ready = tick + ticks_of_search(params, stretch);
   if (state.mode == GovernorMode::kNominal) {
     // Up to the switch of the certificate in force the nominal runs anyway. A candidate that is ready before continues
     // it; one that is not finds the backup running.
     const std::int64_t leaves = state.certificate.switch_tick;
-    out.until = leaves;
-    out.from = ready > leaves || state.changing ? ready : leaves;
+    out.until = leaves < ready ? leaves : ready;
+    out.from = ready;
     out.to = ready + stretch;
     return out;
   }
   out.until = out.from = out.to = tick;
   const bool ends = state.certificate.until_tick != kForEverTick;
-  if (ends && state.attempts % (kStretches + 1) == kStretches) return out;
+  if (ends && attempt == kStretches) return out;
   out.from = ready;
   out.to = ready + stretch;
   return out;
@@ -63,20 +67,35 @@ void reset(GovernorState& state) {
   state.certificate = {};
   state.searching = false;
   state.changing = false;
+  state.nominal_end_tick = 0;
+  state.trusted = true;
   state.attempts = 0;
 }
 
 void change_nominal(GovernorState& state) {
   state.changing = true;
+  state.nominal_end_tick = 0;
   state.searching = false;
   state.attempts = 0;
 }
 
 void begin_start(const GovernorParams& params, const RobotState& now, std::int64_t tick, std::int64_t from_tick,
-                 GovernorState& state) {
+                 std::int64_t nominal_end_tick, int attempt, GovernorState& state) {
   reset(state);
-  state.candidate.begin(params, now, tick, {tick, from_tick, from_tick + params.search_ticks});
+  state.nominal_end_tick = nominal_end_tick;
+  state.attempts = attempt;
+  state.candidate.begin(params, now, tick,
+                        {tick, from_tick, from_tick + stretch_of(params, attempt, nominal_end_tick - from_tick)});
   state.searching = true;
+}
+
+int ticks_of_start(const GovernorParams& params, std::int64_t from_tick, std::int64_t nominal_end_tick, int attempt) {
+  return static_cast<int>(ticks_of_search(params, stretch_of(params, attempt, nominal_end_tick - from_tick)));
+}
+
+void distrust(GovernorState& state) {
+  state.trusted = false;
+  state.attempts = 0;
 }
 
 void detail::decide(const BallParams& /*ball*/, const GovernorParams& params, const RobotState& now, std::int64_t tick,
@@ -91,6 +110,8 @@ void detail::decide(const BallParams& /*ball*/, const GovernorParams& params, co
     if (broken || (!continues && tick > schedule.from)) {
       state.searching = false;
       ++state.attempts;
+    } else if (continues && !renewal && state.trusted && schedule.to <= state.certificate.switch_tick) {
+      state.searching = false;  // the one in force reaches further
     } else if (continues || tick == schedule.from) {
       state.certificate = certificate_of(state.candidate, params.control_period_s);
       state.searching = false;
@@ -98,6 +119,7 @@ void detail::decide(const BallParams& /*ball*/, const GovernorParams& params, co
       if (!renewal) {
         state.mode = GovernorMode::kNominal;
         state.changing = false;
+        state.trusted = true;
       }
     }
   } else if (state.searching && (state.mode == GovernorMode::kBackup || state.changing) &&
@@ -105,7 +127,10 @@ void detail::decide(const BallParams& /*ball*/, const GovernorParams& params, co
     state.searching = false;  // later than its adoption tick
     ++state.attempts;
   }
-  if (state.mode == GovernorMode::kNominal && tick >= state.certificate.switch_tick) state.mode = GovernorMode::kBackup;
+  const bool out_of_trust = !state.trusted && state.attempts > kStretches;
+  if (state.mode == GovernorMode::kNominal && (tick >= state.certificate.switch_tick || out_of_trust)) {
+    state.mode = GovernorMode::kBackup;
+  }
   if (!state.searching) {
     state.candidate.begin(params, now, tick, next_schedule(params, tick, state));
     state.searching = true;

@@ -32,9 +32,11 @@ struct GovernorState {
   GovernorMode mode = GovernorMode::kBackup;
   Certificate certificate;
   Rollout candidate;
-  bool searching = false;  // candidate is under way, or complete and waits for its adoption tick
-  bool changing = false;   // the nominal becomes another one at the tick `from` of the candidate's schedule
-  int attempts = 0;        // since the mode was nominal; every second one renews the backup
+  bool searching = false;             // candidate is under way, or complete and waits for its adoption tick
+  bool changing = false;              // the nominal becomes another one at the tick `from` of the candidate's schedule
+  std::int64_t nominal_end_tick = 0;  // the nominal rests from here on; 0: unknown
+  bool trusted = true;                // the certificate; distrust()
+  int attempts = 0;                   // since the mode was nominal; every second one renews the backup
 };
 
 struct GovernorReport {
@@ -54,10 +56,20 @@ struct GovernorOutput {
 // Nothing certified: the backup holds until a candidate is adopted.
 void reset(GovernorState& state);
 
-// Begins a candidate for a start or a move: held masses up to `from_tick`, nominal from there for search_ticks. It is
-// advanced by govern() or by advance_candidate(), and adopted at from_tick.
+// Begins a candidate for a start or a move: held masses up to `from_tick`, the nominal from there. It is advanced by
+// govern() or on its own, and adopted at from_tick. `attempt` selects the stretch of the nominal, 0 to kStretches:
+// kStretches goes to nominal_end_tick, which is 0 where the nominal does not come to rest. A start whose candidates are
+// all broken has no certified stop and is refused.
 void begin_start(const GovernorParams& params, const RobotState& now, std::int64_t tick, std::int64_t from_tick,
-                 GovernorState& state);
+                 std::int64_t nominal_end_tick, int attempt, GovernorState& state);
+
+// Ticks of govern() in which such a candidate is complete.
+[[nodiscard]] int ticks_of_start(const GovernorParams& params, std::int64_t from_tick, std::int64_t nominal_end_tick,
+                                 int attempt);
+
+// The ball is not where the certificate in force predicts it: the next certificate replaces it although that one may
+// have a longer stretch of the nominal, and if none is found the backup begins.
+void distrust(GovernorState& state);
 
 // The nominal is to become another one, such as a halt. Until a candidate is certified that changes over, at the tick
 // `from` of its schedule, the certificate in force holds and the caller goes on with the old nominal. `law` of govern()

@@ -28,6 +28,9 @@ struct GovernorParams {
   // The part of the friction that a certificate leaves unused once the masses are held. It covers the difference
   // between a certified and an executed backup: the steps of the rollout, and the state at the tick of the switch.
   Real reserve = 0;
+  // Part of N that the cone keeps free in a tick: the force leaves the line between the tick's ends by about (tick /
+  // sqrt(r / g))^2 / 8 of N.
+  Real tick_slack = 0;
   Real step_s = 0;       // of a rollout
   Wide horizon_s = 0;    // a rollout ends this long after its switch
   int search_ticks = 0;  // a candidate is complete this many ticks after its beginning
