@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "firmware/governor/motor_allowance.h"
 #include "firmware/governor/turning.h"
 
 namespace ballast::firmware {
@@ -49,7 +50,7 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
   params.work_per_tick = kMovingStepWork;
   params.stretch_ticks = static_cast<int>(2 * unit_s / static_cast<Real>(control_period_s));
   for (std::size_t i = 0; i < kMaxMasses; ++i) {
-    params.still_velocity[i] = Real(1e-3) * std::fmax(params.mass[i].max_acceleration, 0) * params.brake_time_s;
+    params.still_velocity[i] = Real(1e-3) * std::fmax(params.mass[i].max_acceleration, Real(0)) * params.brake_time_s;
   }
   // Moving steps: the nominal stretch (2 search_ticks) and a brake of 12 brake_time_s; held steps: the horizon. The
   // stretch grows with the search, so the search solves s = (2 s dt / h + brake) work + held.
@@ -85,12 +86,12 @@ Box box_of(const GovernorParams& params, const RobotState& state, int mass_count
 Cone cone_of(const GovernorParams& params, const AffineForces& forces, const RobotState& state, int mass_count) {
   Cone cone{params.friction, params.min_normal_force_n, 0};
   if (std::isinf(params.friction)) return cone;
-  Real slack_n = (kRounding + params.tick_slack) * std::fabs(forces.force_W_n[2]);
+  Real slack_n = (kRounding + params.tick_slack + params.uncertain) * std::fabs(forces.force_W_n[2]);
   for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
-    if (params.mass[i].acceleration_error == 0 || state.mass_velocity[i] == 0) continue;
+    const Real error = acceleration_error(params.mass[i].swing, state.mass_velocity[i]);
+    if (error == 0) continue;
     const Vector3& f = forces.force_per_unit[i];
-    slack_n +=
-        params.mass[i].acceleration_error * (std::sqrt(f[0] * f[0] + f[1] * f[1]) + params.friction * std::fabs(f[2]));
+    slack_n += error * (std::sqrt(f[0] * f[0] + f[1] * f[1]) + params.friction * std::fabs(f[2]));
   }
   cone.slack_n = slack_n;
   return cone;

@@ -16,8 +16,8 @@ inline constexpr int kMovingStepWork = 5;
 // over `within_s`.
 [[nodiscard]] Box box_of(const GovernorParams& params, const RobotState& state, int mass_count, Real within_s);
 
-// The cone at this state, less what the motors of moving masses may add to the force: sum acceleration_error_i (|F_i| +
-// kappa |n_i|), F_i and n_i the columns of friction and N.
+// The cone at this state, less what motors and belief may add to the force: sum acceleration_error_i (|F_i| + kappa
+// |n_i|), F_i and n_i the columns of friction and N; and `uncertain` of N.
 [[nodiscard]] Cone cone_of(const GovernorParams& params, const AffineForces& forces, const RobotState& state,
                            int mass_count);
 

@@ -5,14 +5,23 @@
 
 namespace ballast::firmware {
 
+// How a stepper moves its mass: rotor and mass swing about the field, which the microsteps lead on in jumps. All zero:
+// the mass is where it is commanded to be.
+struct MotorSwing {
+  Real natural_radps = 0;  // sqrt(stiffness / inertia) of rotor and mass in the field
+  Real damping_ratio = 0;  // of that
+  Real microstep = 0;      // rail units
+  Real full_step = 0;      // rail units
+  Real step_error = 0;     // largest error of a full step, as a part of it
+};
+
 // Limits of a mass, rail units. Infinite where there is none, but max_acceleration is finite and > 0.
 struct MassLimits {
   Real max_velocity = 0;
   Real max_acceleration = 0;
   Real lower_end = 0;
   Real upper_end = 0;
-  // Bound of |true - commanded| acceleration of a mass that its motor moves; 0: ideal. motor_acceleration_error().
-  Real acceleration_error = 0;
+  MotorSwing swing;
 };
 
 struct GovernorParams {
@@ -28,6 +37,9 @@ struct GovernorParams {
   // The part of the friction that a certificate leaves unused once the masses are held. It covers the difference
   // between a certified and an executed backup: the steps of the rollout, and the state at the tick of the switch.
   Real reserve = 0;
+  // Part of N that the cone keeps free for what estimate and belief may be off. It may be set anew before every tick,
+  // from Sensitivity::share().
+  Real uncertain = 0;
   // Part of N that the cone keeps free in a tick: the force leaves the line between the tick's ends by about (tick /
   // sqrt(r / g))^2 / 8 of N.
   Real tick_slack = 0;

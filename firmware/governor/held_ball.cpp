@@ -132,7 +132,7 @@ ForEver held_for_ever(const BallParams& ball, const HeldBall& held, const Quater
 
   // |a| <= p omega^2 + q sin(alpha), alpha the angle of c from the vertical, and omega^2 <= 2 (energy - M g |c| (1 -
   // cos alpha)) / least.
-  const Real least = of_inertia.least, arm = std::fmax(ball.radius_m - offset, 0);
+  const Real least = of_inertia.least, arm = std::fmax(ball.radius_m - offset, Real(0));
   const Real p = (of_inertia.most - of_inertia.least) / (2 * std::sqrt(mass * least)) + 2 * offset;
   const Real q = g * offset * std::sqrt(mass / (least + mass * arm * arm));
   const Real fall = 2 * p * mass * g * offset / least;
@@ -140,7 +140,7 @@ ForEver held_for_ever(const BallParams& ball, const HeldBall& held, const Quater
   const Real hypotenuse = std::sqrt(q * q + fall * fall);
   const Real best = hypotenuse > 0 ? 1 - fall / hypotenuse : 0;  // 1 - cos(alpha) there
   const Real most = offset > 0 ? std::fmin(energy / (mass * g * offset), Real(2)) : 0;
-  const Real y = std::fmax(std::fmin(best, most), 0);
+  const Real y = std::fmax(std::fmin(best, most), Real(0));
   out.acceleration_mps2 = 2 * p * energy / least + q * std::sqrt(y * (2 - y)) - fall * y;
   out.known = true;
   return out;

@@ -139,7 +139,7 @@ inline std::unique_ptr<Bench> paper_bench(Real friction) {
   bench->params.friction = friction;
   constexpr Real kNone = std::numeric_limits<Real>::infinity();
   for (std::size_t i = 0; i < 3; ++i) {
-    bench->params.mass[i] = {5, 2, -kNone, kNone, 0};
+    bench->params.mass[i] = {5, 2, -kNone, kNone, {}};
     bench->state.mass_position[i] = static_cast<Real>(kPaperStart[i]);
   }
   set_times(bench->ball, Wide{0.001}, bench->params);
@@ -167,7 +167,7 @@ inline std::unique_ptr<Bench> desk_bench(Real friction) {
   bench->bandwidth_radps = 8;
   bench->params.friction = friction;
   constexpr Real kNone = std::numeric_limits<Real>::infinity();
-  for (std::size_t i = 0; i < 3; ++i) bench->params.mass[i] = {10, 20, -kNone, kNone, 0};
+  for (std::size_t i = 0; i < 3; ++i) bench->params.mass[i] = {10, 20, -kNone, kNone, {}};
   set_times(ball, Wide{0.001}, bench->params);
   return bench;
 }
