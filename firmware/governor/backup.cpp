@@ -86,14 +86,10 @@ Box box_of(const GovernorParams& params, const RobotState& state, int mass_count
 Cone cone_of(const GovernorParams& params, const AffineForces& forces, const RobotState& state, int mass_count) {
   Cone cone{params.friction, params.min_normal_force_n, 0};
   if (std::isinf(params.friction)) return cone;
-  Real slack_n = (kRounding + params.tick_slack + params.uncertain) * std::fabs(forces.force_W_n[2]);
+  cone.slack_n = (kRounding + params.tick_slack + params.uncertain) * std::fabs(forces.force_W_n[2]);
   for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
-    const Real error = acceleration_error(params.mass[i].swing, state.mass_velocity[i]);
-    if (error == 0) continue;
-    const Vector3& f = forces.force_per_unit[i];
-    slack_n += error * (std::sqrt(f[0] * f[0] + f[1] * f[1]) + params.friction * std::fabs(f[2]));
+    cone.error[i] = acceleration_error(params.mass[i].swing, state.mass_velocity[i]);
   }
-  cone.slack_n = slack_n;
   return cone;
 }
 
@@ -132,6 +128,7 @@ Governed governed(const BallParams& ball, const GovernorParams& params, const Ro
   out.command =
       project(forces, ball.mass_count, out.cone, box_of(params, state, ball.mass_count, within_s), unit, wish);
   out.force_W_n = forces.force(ball.mass_count, out.command.u);
+  out.outside_n = outside_n(out.cone, forces, ball.mass_count, out.command.u);
   out.omega_dot_B_radps2 = forces.omega_dot(ball.mass_count, out.command.u);
   return out;
 }
@@ -145,8 +142,8 @@ Governed governed_for_tick(const BallParams& ball, const GovernorParams& params,
     const RobotState end = after_tick(ball, params, state, out);
     affine_forces(ball, end.orientation, end.angular_velocity_B_radps, motion_of(end), at_end);
     // Outside of the cone without the slack, at the tick's two ends.
-    const Real start_n = outside_n(out.cone, out.force_W_n) - slack_n;
-    const Real end_n = outside_n(out.cone, at_end.force(ball.mass_count, out.command.u)) - slack_n;
+    const Real start_n = out.outside_n - slack_n;
+    const Real end_n = outside_n(out.cone, at_end, ball.mass_count, out.command.u) - slack_n;
     if (!(end_n > 0)) break;
     slack_n = (end_n - start_n) + kMoreSlack * end_n;
     out = governed(ball, params, state, wish, params.step_s, slack_n);

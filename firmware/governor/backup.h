@@ -16,8 +16,7 @@ inline constexpr int kMovingStepWork = 5;
 // over `within_s`.
 [[nodiscard]] Box box_of(const GovernorParams& params, const RobotState& state, int mass_count, Real within_s);
 
-// The cone at this state, less what motors and belief may add to the force: sum acceleration_error_i (|F_i| + kappa
-// |n_i|), F_i and n_i the columns of friction and N; and `uncertain` of N.
+// The cone at this state, with the errors that the motors of moving masses may have, and `uncertain` of N as slack.
 [[nodiscard]] Cone cone_of(const GovernorParams& params, const AffineForces& forces, const RobotState& state,
                            int mass_count);
 
@@ -35,6 +34,7 @@ struct Governed {
   Projection command;
   Cone cone;
   Vector3 force_W_n = Vector3::Zero();  // of the command
+  Real outside_n = 0;                   // of the cone, <= 0 up to rounding unless it is empty
   Vector3 omega_dot_B_radps2 = Vector3::Zero();
 };
 // `slack_n` is added to that of cone_of().

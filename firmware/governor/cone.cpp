@@ -15,6 +15,19 @@ struct Plane {
   Real x, y;
 };
 
+Real along(const Plane& e, Real friction, const Vector3& force) {
+  return e.x * force[0] + e.y * force[1] - friction * force[2];
+}
+
+// Slack for a direction of the friction.
+Real slack_along(const Cone& cone, const AffineForces& forces, std::size_t n, const Plane& e) {
+  Real slack_n = cone.slack_n;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (cone.error[i] > 0) slack_n += cone.error[i] * std::fabs(along(e, cone.friction, forces.force_per_unit[i]));
+  }
+  return slack_n;
+}
+
 Real friction_n(const Vector3& force) { return std::sqrt(force[0] * force[0] + force[1] * force[1]); }
 
 Real clipped(Real value, Real lower, Real upper) { return value < lower ? lower : (value > upper ? upper : value); }
@@ -71,12 +84,15 @@ class Projector {
     return nearest(forces_.force_W_n[2] - least_n, gradient);
   }
 
-  // friction N - e . f >= slack for one direction e of the floor.
-  [[nodiscard]] PerMass<Real> held(const Plane& e, Real friction, Real slack_n) const {
-    const auto level = [&](const Vector3& f) { return friction * f[2] - e.x * f[0] - e.y * f[1]; };
+  // The cone's half space for one direction e of the floor.
+  [[nodiscard]] PerMass<Real> held(const Plane& e, const Cone& cone) const {
     PerMass<Real> gradient{};
-    for (std::size_t i = 0; i < n_; ++i) gradient[i] = level(forces_.force_per_unit[i]);
-    return nearest(level(forces_.force_W_n) - slack_n, gradient);
+    for (std::size_t i = 0; i < n_; ++i) gradient[i] = -along(e, cone.friction, forces_.force_per_unit[i]);
+    return nearest(-along(e, cone.friction, forces_.force_W_n) - slack_along(cone, forces_, n_, e), gradient);
+  }
+
+  [[nodiscard]] Real outside(const Cone& cone, const PerMass<Real>& u) const {
+    return outside_n(cone, forces_, static_cast<int>(n_), u);
   }
 
   [[nodiscard]] Real cost(const PerMass<Real>& u) const {
@@ -123,14 +139,14 @@ Plane between(const Plane& a, Real of_a, const Plane& b, Real of_b) {
 // is a root that a bracket closes in on; Illinois' rule on the chord between the bracket's ends.
 //
 // `e` is the direction to begin with.
-void search_direction(const Projector& projector, Real friction, Real slack_n, Plane e, Best& best) {
+void search_direction(const Projector& projector, const Cone& cone, Plane e, Best& best) {
   Plane left = e, right = e;       // the root lies counter-clockwise of right and clockwise of left
   Real at_left = 0, at_right = 0;  // friction across them; 0: that end is not known yet
   for (int step = 0; step < kMostConeSteps; ++step) {
-    const PerMass<Real> u = projector.held(e, friction, slack_n);
+    const PerMass<Real> u = projector.held(e, cone);
     const Vector3 force = projector.force(u);
     const Real size_n = friction_n(force);
-    best.take(u, size_n - (friction * force[2] - slack_n), kConeTolerance * (size_n + std::fabs(friction * force[2])));
+    best.take(u, projector.outside(cone, u), kConeTolerance * (size_n + std::fabs(cone.friction * force[2])));
     if (best.inside || !(size_n > 0)) return;
     const Real across = e.x * force[1] - e.y * force[0];
     if (across > 0) {
@@ -153,12 +169,11 @@ void search_direction(const Projector& projector, Real friction, Real slack_n, P
 
 // The search begins along the nominal's friction. Where N falls to 0 on the way its distance may have two maxima, and
 // the search may not end; the farthest of eight half spaces is then a better beginning.
-PerMass<Real> nearest_in_cone(const Projector& projector, Real friction, Real slack_n) {
+PerMass<Real> nearest_in_cone(const Projector& projector, const Cone& cone) {
   Best best;
   const Vector3 first = projector.force(projector.nominal());
   const Real first_n = friction_n(first);
-  search_direction(projector, friction, slack_n,
-                   first_n > 0 ? Plane{first[0] / first_n, first[1] / first_n} : Plane{1, 0}, best);
+  search_direction(projector, cone, first_n > 0 ? Plane{first[0] / first_n, first[1] / first_n} : Plane{1, 0}, best);
   if (best.inside) return best.u;
   constexpr Real kHalf = Real(0.70710678118654752);
   constexpr Plane kAround[8] = {{1, 0},  {kHalf, kHalf},   {0, 1},  {-kHalf, kHalf},
@@ -166,21 +181,25 @@ PerMass<Real> nearest_in_cone(const Projector& projector, Real friction, Real sl
   Real farthest = -1;
   Plane begin = kAround[0];
   for (const Plane& e : kAround) {
-    const Real cost = projector.cost(projector.held(e, friction, slack_n));
+    const Real cost = projector.cost(projector.held(e, cone));
     if (!(cost > farthest)) continue;
     farthest = cost;
     begin = e;
   }
-  search_direction(projector, friction, slack_n, begin, best);
+  search_direction(projector, cone, begin, best);
   return best.u;
 }
 
 }  // namespace
 
-Real outside_n(const Cone& cone, const Vector3& force_W_n) {
-  const Real lifted_n = cone.min_normal_force_n - force_W_n[2];
+Real outside_n(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u) {
+  const Vector3 force = forces.force(mass_count, u);
+  const Real lifted_n = cone.min_normal_force_n - force[2];
   if (std::isinf(cone.friction)) return lifted_n;
-  const Real slips_n = friction_n(force_W_n) - cone.friction * force_W_n[2] + cone.slack_n;
+  const Real size_n = friction_n(force);
+  const Plane e = size_n > 0 ? Plane{force[0] / size_n, force[1] / size_n} : Plane{1, 0};
+  const Real slips_n =
+      size_n - cone.friction * force[2] + slack_along(cone, forces, static_cast<std::size_t>(mass_count), e);
   return lifted_n > slips_n ? lifted_n : slips_n;
 }
 
@@ -190,7 +209,7 @@ namespace {
 bool inside(const Projector& projector, const Cone& cone, const PerMass<Real>& u) {
   const Vector3 force = projector.force(u);
   const Real size_n = friction_n(force) + std::fabs(force[2]) + cone.min_normal_force_n;
-  return outside_n(cone, force) <= 4 * kConeTolerance * size_n;
+  return projector.outside(cone, u) <= 4 * kConeTolerance * size_n;
 }
 
 }  // namespace
@@ -201,7 +220,7 @@ Projection project(const AffineForces& forces, int mass_count, const Cone& cone,
   Projection out;
   out.u = projector.nominal();
   for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) out.bent |= out.u[i] != nominal[i];
-  const Real outside = outside_n(cone, projector.force(out.u));
+  const Real outside = projector.outside(cone, out.u);
   if (outside <= 0) return out;
   out.bent = true;
   if (std::isnan(outside)) {
@@ -212,27 +231,28 @@ Projection project(const AffineForces& forces, int mass_count, const Cone& cone,
   if (std::isinf(cone.friction)) {
     out.u = projector.pressed(cone.min_normal_force_n);
   } else {
-    out.u = nearest_in_cone(projector, cone.friction, cone.slack_n);
+    out.u = nearest_in_cone(projector, cone);
     if (projector.force(out.u)[2] < cone.min_normal_force_n || !inside(projector, cone, out.u)) {
-      const Real tip_n = std::fmax(cone.friction * cone.min_normal_force_n, cone.slack_n);
-      const PerMass<Real> safer = nearest_in_cone(projector, cone.friction, tip_n);
+      Cone tip = cone;
+      tip.slack_n = std::fmax(cone.friction * cone.min_normal_force_n, cone.slack_n);
+      const PerMass<Real> safer = nearest_in_cone(projector, tip);
       if (inside(projector, cone, safer)) {
         out.u = safer;
       } else {
         // From there the direction is known well enough to find the nominal's own nearest point, as a rule.
-        out.u = nearest_in_cone(projector.from_most_pressed(), cone.friction, tip_n);
+        out.u = nearest_in_cone(projector.from_most_pressed(), tip);
         const Vector3 force = projector.force(out.u);
         const Real size_n = friction_n(force);
         Best best;
         if (size_n > 0) {
-          search_direction(projector, cone.friction, tip_n, {force[0] / size_n, force[1] / size_n}, best);
+          search_direction(projector, tip, {force[0] / size_n, force[1] / size_n}, best);
         }
         if (best.inside && inside(projector, cone, best.u)) out.u = best.u;
       }
     }
   }
   out.empty = !inside(projector, cone, out.u);
-  out.violation_n = out.empty ? outside_n(cone, projector.force(out.u)) : 0;
+  out.violation_n = out.empty ? projector.outside(cone, out.u) : 0;
   return out;
 }
 

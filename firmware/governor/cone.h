@@ -19,6 +19,10 @@ struct Cone {
   Real friction = 0;            // kappa > 0: f_s <= kappa N. Infinite: only N is limited
   Real min_normal_force_n = 0;  // N >= this, >= 0
   Real slack_n = 0;             // >= 0: f_s <= kappa N - slack_n
+  // Each mass accelerates by up to this more or less than u says, >= 0. With e the direction of the friction the slack
+  // grows by sum error_i |e . F_i - kappa n_i|, F_i and n_i the columns of friction and N: what the errors may add to
+  // f_s - kappa N, to first order.
+  PerMass<Real> error{};
 };
 
 // Bounds of u in rail units / s^2, lower <= upper.
@@ -34,8 +38,8 @@ struct Projection {
   Real violation_n = 0;  // how far the force is outside of the cone, > 0 only where it is empty
 };
 
-// How far a force (f_1, f_2, N) is outside of the cone, in N; <= 0: inside.
-[[nodiscard]] Real outside_n(const Cone& cone, const Vector3& force_W_n);
+// How far the force of u is outside of the cone, in N; <= 0: inside.
+[[nodiscard]] Real outside_n(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u);
 
 // Minimises sum ((u_i - nominal_i) / unit_i)^2 in box and cone. `unit`: > 0, the size of a change that costs 1, such as
 // the greatest acceleration. Where the nominal lies in both it is returned, bit for bit.

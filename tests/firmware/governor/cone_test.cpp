@@ -62,12 +62,12 @@ TEST(Cone, ProjectionIsTheNearestPoint) {
       ASSERT_GE(p.u[i], c.box.lower[i]);
       ASSERT_LE(p.u[i], c.box.upper[i]);
     }
-    const Real outside = outside_n(c.cone, c.forces.force(c.n, p.u));
+    const Real outside = outside_n(c.cone, c.forces, c.n, p.u);
     if (p.empty) {
       ++empty;
       for (int k = 0; k < 200; ++k) {
         // Nothing of the box is inside; what was found is among the least violations.
-        const Real other = outside_n(c.cone, c.forces.force(c.n, random_point(random, c)));
+        const Real other = outside_n(c.cone, c.forces, c.n, random_point(random, c));
         ASSERT_GT(other, 0) << "trial " << trial;
       }
       continue;
@@ -87,7 +87,7 @@ TEST(Cone, ProjectionIsTheNearestPoint) {
     bool nearest = true;
     for (int k = 0; k < 200 && nearest; ++k) {
       const PerMass<Real> v = random_point(random, c);
-      if (outside_n(c.cone, c.forces.force(c.n, v)) > 0) continue;
+      if (outside_n(c.cone, c.forces, c.n, v) > 0) continue;
       Real product = 0, scale = 0;
       for (std::size_t i = 0; i < static_cast<std::size_t>(c.n); ++i) {
         const Real start = std::fmin(std::fmax(c.nominal[i], c.box.lower[i]), c.box.upper[i]);
@@ -114,13 +114,41 @@ TEST(Cone, LeavesAnInsideNominalItsBits) {
   for (int trial = 0; trial < 4000; ++trial) {
     Case c = random_case(random);
     c.nominal = random_point(random, c);
-    if (outside_n(c.cone, c.forces.force(c.n, c.nominal)) > 0) continue;
+    if (outside_n(c.cone, c.forces, c.n, c.nominal) > 0) continue;
     ++inside;
     const Projection p = project(c.forces, c.n, c.cone, c.box, c.unit, c.nominal);
     ASSERT_FALSE(p.bent);
     ASSERT_EQ(p.u, c.nominal);
   }
   EXPECT_GT(inside, 300);
+}
+
+// With errors of the accelerations inside their bounds the force stays in the cone, but for second-order terms: a
+// change of the friction by x turns it, which adds up to x^2 / (2 f_s).
+TEST(Cone, HoldsForEveryErrorOfTheAccelerations) {
+  std::mt19937 random(static_cast<std::uint32_t>(test::random_seed(26)));
+  std::uniform_real_distribution<Real> u(-1, 1);
+  int held = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    Case c = random_case(random);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(c.n); ++i) c.cone.error[i] = 0.01 * c.unit[i];
+    const Projection p = project(c.forces, c.n, c.cone, c.box, c.unit, c.nominal);
+    if (p.empty) continue;
+    ++held;
+    const Vector3 without = c.forces.force(c.n, p.u);
+    const Real friction_n = std::hypot(without[0], without[1]);
+    for (int k = 0; k < 20; ++k) {
+      PerMass<Real> off = p.u;
+      for (std::size_t i = 0; i < static_cast<std::size_t>(c.n); ++i)
+        off[i] += std::copysign(c.cone.error[i], u(random));
+      const Vector3 with = c.forces.force(c.n, off);
+      const Real turned = (with - without).squaredNorm() / (2 * friction_n);
+      ASSERT_LE(std::hypot(with[0], with[1]),
+                c.cone.friction * with[2] - c.cone.slack_n + turned + 1e-7 * size_of(c, p.u))
+          << "trial " << trial;
+    }
+  }
+  EXPECT_GT(held, 300);
 }
 
 TEST(Cone, WithInfiniteFrictionKeepsTheNormalForce) {
