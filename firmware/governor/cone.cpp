@@ -11,6 +11,13 @@ namespace {
 // Part of f_s + kappa N: rounding of the forces, and what the last round of the search for the direction leaves.
 constexpr Real kConeTolerance = std::max(Real(1e-9), 64 * std::numeric_limits<Real>::epsilon());
 
+// Of the secant in the search for the direction: its step is lengthened by this, and no longer than this many of the
+// last ones.
+constexpr Real kBeyond = Real(1.05);
+constexpr Real kFarthest = 8;
+// Beyond so many rounds every third one halves the bracket, whatever the forces look like.
+constexpr int kUsualSteps = 12;
+
 struct Plane {
   Real x, y;
 };
@@ -140,8 +147,10 @@ Plane between(const Plane& a, Real of_a, const Plane& b, Real of_b) {
 //
 // `e` is the direction to begin with.
 void search_direction(const Projector& projector, const Cone& cone, Plane e, Best& best) {
-  Plane left = e, right = e;       // the root lies counter-clockwise of right and clockwise of left
-  Real at_left = 0, at_right = 0;  // friction across them; 0: that end is not known yet
+  Plane left = e, right = e, last = e;  // the root lies counter-clockwise of right and clockwise of left
+  Real at_left = 0, at_right = 0;       // friction across them; 0: that end is not known yet
+  Real at_last = 0;
+  int last_side = 0;
   for (int step = 0; step < kMostConeSteps; ++step) {
     const PerMass<Real> u = projector.held(e, cone);
     const Vector3 force = projector.force(u);
@@ -149,21 +158,27 @@ void search_direction(const Projector& projector, const Cone& cone, Plane e, Bes
     best.take(u, projector.outside(cone, u), kConeTolerance * (size_n + std::fabs(cone.friction * force[2])));
     if (best.inside || !(size_n > 0)) return;
     const Real across = e.x * force[1] - e.y * force[0];
-    if (across > 0) {
-      if (at_right > 0) at_left /= 2;
+    const int side = across > 0 ? 1 : -1;
+    if (side > 0) {
+      if (side == last_side) at_left /= 2;
       right = e, at_right = across;
     } else {
-      if (at_left < 0) at_right /= 2;
+      if (side == last_side) at_right /= 2;
       left = e, at_left = across;
     }
-    const bool bracketed = at_right > 0 && at_left < 0;
-    if (!bracketed) {
-      e = {force[0] / size_n, force[1] / size_n};
-    } else if (step % 3 == 2) {
-      e = between(right, 1, left, 1);
+    last_side = side;
+    const Plane here = e;
+    if (at_right > 0 && at_left < 0) {
+      e = step > kUsualSteps && step % 3 == 0 ? between(right, 1, left, 1) : between(right, -at_left, left, at_right);
     } else {
-      e = between(right, -at_left, left, at_right);
+      // One-sided so far: the secant through the last two, a little further so that the root comes between; first the
+      // direction of the friction itself.
+      const Real ahead = step > 0 ? kBeyond * across / (at_last - across) : 0;
+      const bool usable = ahead > 0 && ahead < kFarthest;
+      e = usable ? between(here, 1 + ahead, last, -ahead) : Plane{force[0] / size_n, force[1] / size_n};
     }
+    last = here;
+    at_last = across;
   }
 }
 
