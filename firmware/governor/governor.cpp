@@ -98,8 +98,7 @@ void distrust(GovernorState& state) {
   state.attempts = 0;
 }
 
-void detail::decide(const BallParams& /*ball*/, const GovernorParams& params, const RobotState& now, std::int64_t tick,
-                    GovernorState& state) {
+void detail::decide(const GovernorParams& params, const RobotState& now, std::int64_t tick, GovernorState& state) {
   if (state.searching && state.candidate.end() != RolloutEnd::kUnderWay) {
     const Schedule& schedule = state.candidate.schedule();
     const bool broken = state.candidate.end() == RolloutEnd::kBroken;

@@ -5,8 +5,7 @@
 // a certificate holds that says "nominal up to its switch tick, then the backup"; else the backup's. A rollout in
 // slices over `search_ticks` makes the next certificate while the last one holds.
 //
-// Source: Agrawal, Chen and Panagou, "gatekeeper: Online Safety Verification and Control for Nonlinear Systems in
-// Dynamic Environments" (arXiv 2508.09963 has the form used here); tools/docs/governor.md.
+// Source: the gatekeeper of arXiv 2508.09963; the rest is our derivation, tools/docs/governor.md.
 //
 // Invariants: fixed size, no heap. govern() is called once per control tick, in order, by one thread.
 #pragma once
@@ -36,7 +35,7 @@ struct GovernorState {
   bool changing = false;              // the nominal becomes another one at the tick `from` of the candidate's schedule
   std::int64_t nominal_end_tick = 0;  // the nominal rests from here on; 0: unknown
   bool trusted = true;                // the certificate; distrust()
-  int attempts = 0;                   // since the mode was nominal; every second one renews the backup
+  int attempts = 0;                   // since the last certificate: selects the stretch of the nominal
 };
 
 struct GovernorReport {
@@ -79,8 +78,7 @@ void change_nominal(GovernorState& state);
 // The parts of govern() that do not depend on the nominal.
 namespace detail {
 // Adopts a finished candidate, switches to the backup where the certificate says so, and begins the next candidate.
-void decide(const BallParams& ball, const GovernorParams& params, const RobotState& now, std::int64_t tick,
-            GovernorState& state);
+void decide(const GovernorParams& params, const RobotState& now, std::int64_t tick, GovernorState& state);
 void command(const BallParams& ball, const GovernorParams& params, const GovernorState& state, const RobotState& now,
              const PerMass<Real>& nominal, GovernorOutput& out);
 }  // namespace detail
@@ -91,7 +89,7 @@ void command(const BallParams& ball, const GovernorParams& params, const Governo
 template <class Law>
 void govern(const BallParams& ball, const GovernorParams& params, const RobotState& now, const PerMass<Real>& u_nominal,
             const Law& law, std::int64_t tick, GovernorState& state, GovernorOutput& out) {
-  detail::decide(ball, params, now, tick, state);
+  detail::decide(params, now, tick, state);
   detail::command(ball, params, state, now, u_nominal, out);
   state.candidate.advance(ball, params, law, params.work_per_tick);
 }

@@ -50,8 +50,8 @@ struct GovernorParams {
   int work_per_tick = 0;  // in steps of a held ball
 };
 
-// Sets everything but friction, min_normal_force_n and mass from the ball and the control period: times are multiples
-// of sqrt(r / g) (1 s without gravity).
+// Sets everything but friction, min_normal_force_n, mass and uncertain. mass.max_acceleration has to be set before.
+// Times are multiples of sqrt(r / g), or of 1 s without gravity.
 void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& params);
 
 }  // namespace ballast::firmware
