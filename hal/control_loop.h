@@ -29,6 +29,7 @@ class ControlLoop {
     if (const Status status = board_.write_steps(steps_); status != Status::kOk) return status;
 
     firmware::predict(params_, state_);
+    firmware::measure(params_, inputs_, state_);
     firmware::report(params_, state_, inputs_, status_);
     status_.overruns = board_.overruns();
     if (const Status status = board_.write_status(status_); status != Status::kOk) return status;

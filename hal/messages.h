@@ -20,6 +20,7 @@ namespace ballast::hal {
 template <class V, Of<firmware::Sensors> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(LCM(tick), m.tick, Tick())
+      .field(LCM(attitude_valid), m.attitude_valid)
       .field(LCM(orientation), m.orientation)
       .field(LCM(gyro_B_radps), m.gyro_B_radps)
       .field(LCM(accelerometer_B_mps2), m.accelerometer_B_mps2)
@@ -109,7 +110,7 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 
 template <class V, Of<firmware::RefusalReport> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(LCM(refusal), m.reason, Within(firmware::Refusal::kNone, firmware::Refusal::kCancelled))
+  return visitor.field(LCM(refusal), m.reason, Within(firmware::Refusal::kNone, firmware::Refusal::kNoEstimate))
       .field(LCM(refusal_motor), m.motor, Within(-1, 31))
       .field(LCM(refusal_piece), m.piece, Within(-1, firmware::kMaxPieces))
       .field(LCM(refusal_value), m.value);
@@ -122,6 +123,33 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(LCM(plan_normal_force_min_n), m.normal_force_min_n, Real())
       .field(LCM(plan_mu_required_max), m.mu_required_max, Real())
       .field(LCM(plan_margin_min), m.margin_min, Real());
+}
+
+template <class V, Of<firmware::Estimate> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(estimate_valid), m.valid)
+      .field(LCM(estimated_orientation), m.orientation)
+      .field(LCM(estimated_angular_velocity_B_radps), m.angular_velocity_B_radps)
+      .field(LCM(estimated_gyro_bias_B_radps), m.gyro_bias_B_radps)
+      .field(LCM(estimated_position_W_m), m.position_W_m)
+      .field(LCM(tilt_sigma_rad), m.tilt_sigma_rad, Real())
+      .field(LCM(yaw_sigma_rad), m.yaw_sigma_rad, Real())
+      .field(LCM(gyro_bias_sigma_radps), m.gyro_bias_sigma_radps, Real())
+      .field(LCM(position_sigma_m), m.position_sigma_m, Real());
+}
+
+template <class V, Of<firmware::MeasuredContact> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(measured_valid), m.valid)
+      .field(LCM(measured_normal_force_n), m.normal_force_n, Real())
+      .field(LCM(measured_normal_sigma_n), m.normal_sigma_n, Real())
+      .field(LCM(measured_static_friction_n), m.static_friction_n, Real())
+      .field(LCM(measured_mu_required), m.mu_required, Real())
+      .field(LCM(measured_mu_sigma), m.mu_sigma, Real())
+      .field(LCM(measured_slip_mps2), m.slip_mps2, Real())
+      .field(LCM(measured_slip_sigma_mps2), m.slip_sigma_mps2, Real())
+      .field(LCM(slip_detected), m.slip_detected)
+      .field(LCM(light_detected), m.light_detected);
 }
 
 template <class V, Of<firmware::ControllerStatus> M>
@@ -145,7 +173,9 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(m.refusal)
       .field(LCM(planned), m.planned)
       .field(LCM(plan_tick), m.plan_tick, Tick())
-      .field(m.plan);
+      .field(m.plan)
+      .field(m.estimate)
+      .field(m.measured);
 }
 
 // The parameters. Those of a mass are Unsent here: they travel mass by mass (target::MassParams).
@@ -163,13 +193,44 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(m.rail, Unsent());
 }
 
+template <class V, Of<firmware::TriadErrors> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.noise, Real())
+      .field(m.bias, Real())
+      .field(m.bias_walk, Real())
+      .field(m.scale_error, Real())
+      .field(m.misalignment_rad, Real())
+      .field(m.range, Real())
+      .field(m.resolution, Real());
+}
+
+template <class V, Of<firmware::EstimationParams> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor
+      .all(m.estimated, m.measures_contact, m.imu_period_ticks, m.imu_latency_ticks, m.gyro, m.accelerometer,
+           m.accelerometer_position_B_m, m.fix_delay_ticks)
+      .field(m.fix_noise_m, Real())
+      .field(m.has_encoders)
+      .field(m.encoder_resolution, Real())
+      .all(m.initial_orientation, m.initial_angular_velocity_B_radps, m.initial_position_W_m);
+}
+
 template <class V, Of<firmware::ControllerParams> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.all(m.scenario_id, m.control_period_s, m.timer_frequency_hz)
       .field(m.static_friction, Real())
-      .all(m.sensor_stale_ticks, m.monitor_stale_ticks, m.ball)
+      .all(m.sensor_stale_ticks, m.monitor_stale_ticks, m.ball, m.estimation)
       .field(m.motor, Unsent())
-      .field(m.motion, Unsent());
+      .field(m.motion, Unsent())
+      .field(m.tracking);
+}
+
+// Its values travel in parts (target::ReferencePart).
+template <class V, Of<firmware::ReferenceTable> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.samples, Within(0, firmware::kMostReferenceFloats))
+      .all(m.period_s, m.holds)
+      .field(m.values, Unsent());
 }
 
 template <class V, Of<firmware::RailKnot> M>

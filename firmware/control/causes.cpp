@@ -13,20 +13,7 @@ bool stale(std::int64_t sample_tick, std::int64_t tick, int limit_ticks) {
   return age > static_cast<std::uint64_t>(limit_ticks);
 }
 
-// Greatest number of a sensor: 1e15, that of a scenario, as a power of 2 that is exact in single precision too. Forces
-// from greater rates may overflow, and could then neither be judged nor compared.
-constexpr Real kGreatest = 0x1p50;
-
-bool possible(const Vector3& v) {
-  return std::fabs(v[0]) <= kGreatest && std::fabs(v[1]) <= kGreatest && std::fabs(v[2]) <= kGreatest;
-}
-
 Real length(const Quaternion& q) { return std::sqrt(q.w() * q.w() + q.x() * q.x() + q.y() * q.y() + q.z() * q.z()); }
-
-// Tolerance of the attitude's length. A valid attitude is normalised before use, so this only tells it from garbage:
-// rounding, in single precision too, stays a thousand times below it, and a lost or broken component is far above. NaN
-// and infinity fail the comparison.
-constexpr auto kLengthTolerance = static_cast<Real>(1e-3);
 
 // True if some mass closes the switch at an end of its rail and is commanded on over that end. A mass that rests there,
 // or leaves it, is no fault.
@@ -47,13 +34,22 @@ Order order_of(const ControllerState& state, std::int64_t tick) {
   return tick > state.last_tick && tick - 1 == state.last_tick ? Order::kInOrder : Order::kBroken;
 }
 
-bool valid(const Sensors& s) {
+bool possible(Real value) {
+  constexpr Real kGreatest = 0x1p50;
+  return std::fabs(value) <= kGreatest;
+}
+
+bool possible(const Vector3& v) { return possible(v[0]) && possible(v[1]) && possible(v[2]); }
+
+bool is_rotation(const Quaternion& q) { return std::fabs(length(q) - 1) <= static_cast<Real>(1e-3); }
+
+bool valid(const ControllerParams& params, const Sensors& s) {
   for (const Wide encoder : s.encoder) {
     if (!std::isfinite(encoder)) return false;
   }
   if (!std::isfinite(s.fix_W_m[0]) || !std::isfinite(s.fix_W_m[1])) return false;
-  return std::fabs(length(s.orientation) - 1) <= kLengthTolerance && possible(s.gyro_B_radps) &&
-         possible(s.accelerometer_B_mps2);
+  if (!possible(s.gyro_B_radps) || !possible(s.accelerometer_B_mps2)) return false;
+  return params.estimation.estimated || (s.attitude_valid && is_rotation(s.orientation));
 }
 
 Quaternion attitude(const Sensors& sensors) {
@@ -66,11 +62,20 @@ std::uint32_t causes_of(const ControllerParams& params, const ControllerState& s
                         Order order) {
   std::uint32_t causes = 0;
   if (order != Order::kInOrder) causes |= bit(Fault::kTickOutOfOrder);
-  if (!valid(inputs.sensors)) causes |= bit(Fault::kSensorNotFinite);
+  if (!valid(params, inputs.sensors)) causes |= bit(Fault::kSensorNotFinite);
   if (stale(inputs.sensors.tick, inputs.tick, params.sensor_stale_ticks)) causes |= bit(Fault::kSensorStale);
   if (stale(inputs.monitor.tick, inputs.tick, params.monitor_stale_ticks)) causes |= bit(Fault::kMonitorStale);
   if (inputs.monitor.tripped) causes |= bit(Fault::kMonitorTrip);
   if (driven_over_an_end(inputs.sensors, state.now, params.ball.mass_count)) causes |= bit(Fault::kEndSwitch);
+  // Slip and light contact are acted on where motion can cause them. Without an estimate the robot cannot be armed
+  // (Refusal::kNoEstimate), so its absence is a fault only after that.
+  const bool moves = state.mode == Mode::kRunning || state.mode == Mode::kMoving;
+  if (moves && state.measured.slip_detected) causes |= bit(Fault::kSlipMeasured);
+  if (moves && state.measured.light_detected) causes |= bit(Fault::kLightMeasured);
+  const bool armed = state.mode != Mode::kDisarmed;
+  if (armed && params.estimation.estimated && !ball_motion(params, state, inputs.sensors).known) {
+    causes |= bit(Fault::kNoEstimate);
+  }
   return causes;
 }
 

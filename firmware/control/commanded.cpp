@@ -13,6 +13,7 @@ ProfilePoint commanded(const ControllerParams& params, const ControllerState& st
 
 bool at_rest_from(const ControllerParams& params, const ControllerState& state, std::int64_t tick) {
   if (!state.moving) return true;
+  if (state.tracking.follows) return false;  // what comes after the next tick is not known
   for (int i = 0; i < params.ball.mass_count; ++i) {
     if (!state.active[at(i)].at_rest_from(profile_time(params, state, tick))) return false;
   }
@@ -25,6 +26,7 @@ void hold(const ControllerParams& params, ControllerState& state, std::int64_t t
   }
   state.moving = false;
   state.braking = false;
+  state.tracking.follows = false;
 }
 
 void begin(ControllerState& state, std::int64_t next) {
@@ -32,6 +34,7 @@ void begin(ControllerState& state, std::int64_t next) {
   state.started = true;
   state.moving = true;
   state.braking = false;
+  state.tracking.follows = false;
 }
 
 }  // namespace ballast::firmware

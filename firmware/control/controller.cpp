@@ -39,6 +39,7 @@ void command_steps(const ControllerParams& params, const Inputs& inputs, Control
     begin_stop(params, state, steps.tick);
     stop_begins = true;
   }
+  if (state.tracking.follows) track(params, inputs, state, steps.tick);
   if (!generate_all(params, state, steps)) {
     state.faults |= bit(Fault::kStepOverload);
     stop_overloaded(params, state, steps);
@@ -64,6 +65,7 @@ void reset(const ControllerParams& params, ControllerState& state) {
   state.started = false;
   state.moving = false;
   state.braking = false;
+  state.tracking = {};
   state.hold_position = {};
   for (int i = 0; i < params.ball.mass_count; ++i) state.hold_position[at(i)] = params.motion[at(i)].at(0).position;
   state.position_steps = {};
@@ -76,15 +78,18 @@ void reset(const ControllerParams& params, ControllerState& state) {
   state.planned_motion_now = false;
   state.now = {};
   state.at_rest = true;
+  reset_sensing(params, state);
 }
 
 void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, StepCommand& steps) {
   const std::int64_t next = plus(inputs.tick, 1);
 
   const Order order = follow_last_tick(params, state, inputs.tick);
-  for (int i = 0; i < params.ball.mass_count; ++i) {
+  // A tick repeated finds the next tick's motion where this one's was.
+  for (int i = 0; i < params.ball.mass_count && !(order == Order::kRepeated && state.tracking.follows); ++i) {
     put(commanded(params, state, inputs.tick, i), at(i), state.now);
   }
+  if (order != Order::kRepeated) sense(params, inputs, state);
 
   // Faults are stronger than the operator. While disarmed nothing is at stake: they are shown and forbid arming, but do
   // not latch.

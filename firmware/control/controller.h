@@ -15,7 +15,7 @@ namespace ballast::firmware {
 // State before the first tick: disarmed, masses holding at their initial positions.
 void reset(const ControllerParams& params, ControllerState& state);
 
-// A control tick consists of three calls, in this order. `params` must have been accepted by validate().
+// A control tick consists of four calls, in this order. `params` must have been accepted by validate().
 //
 // tick() decides what the masses do and makes the steps of inputs.tick + 1. Nothing in it waits for a prediction.
 // - START in tick k: profile time 0 is the start of tick k + 1. The first motion starts with the parameters' initial
@@ -40,11 +40,15 @@ void reset(const ControllerParams& params, ControllerState& state);
 //   motors without pulses; they stand, and hold there.
 void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, StepCommand& steps);
 
-// Predicts N and f_s along the last stop or move, a few steps per tick. The prediction starts from the attitude sensed
+// Predicts N and f_s along the last stop or move, a few steps per tick. The prediction starts from the attitude known
 // in the tick that planned it and advances from the next tick on: while the masses stop, while they hold after a short
 // stop, or while a move is pending. A new stop or move replaces it. A start drops it, because the motion takes its
 // profiles' place; so does a start or a move that is refused for other reasons than the mode.
 void predict(const ControllerParams& params, ControllerState& state);
+
+// Measures the contact force by the IMU, where there is one with stated errors. Its flags are acted on in the next
+// tick.
+void measure(const ControllerParams& params, const Inputs& inputs, ControllerState& state);
 
 // Writes the status, except overruns.
 void report(const ControllerParams& params, const ControllerState& state, const Inputs& inputs,

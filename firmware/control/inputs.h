@@ -1,30 +1,9 @@
 // Inputs of a control tick. Types only.
 #pragma once
 
-#include <limits>
-
-#include "firmware/model/types.h"
+#include "firmware/estimation/sensors.h"
 
 namespace ballast::firmware {
-
-// Tick of a message that never arrived: older than any limit.
-inline constexpr std::int64_t kNeverTick = std::numeric_limits<std::int64_t>::min();
-
-// Sample of the sensors, body frame, as the robot measures it. A sample from the future counts as stale.
-struct Sensors {
-  std::int64_t tick = kNeverTick;      // of the sample
-  Quaternion orientation{1, 0, 0, 0};  // body -> space
-  Vector3 gyro_B_radps = Vector3::Zero();
-  Vector3 accelerometer_B_mps2 = Vector3::Zero();  // specific force at the geometric centre
-  PerMass<std::uint8_t> limit_switch{};            // bit 0 lower end, bit 1 upper end
-  std::int64_t imu_count = 0;                      // samples of gyro and accelerometer so far
-  std::int64_t imu_tick = 0;                       // of the newest
-  bool has_encoders = false;
-  PerMass<Wide> encoder{};     // rail coordinates, rad or m
-  std::int64_t fix_count = 0;  // places from outside so far
-  std::int64_t fix_tick = 0;   // of the newest
-  std::array<Wide, 2> fix_W_m{};
-};
 
 // The monitor's heartbeat.
 struct MonitorVerdict {

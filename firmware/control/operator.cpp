@@ -120,6 +120,10 @@ RefusalReport follow(const ControllerParams& params, const Inputs& inputs, Mode 
   const std::int64_t next = plus(inputs.tick, 1);
   const Mode before = state.mode;
   if (after == before) return refused(Refusal::kMode);
+  if (after == Mode::kArmed && before == Mode::kDisarmed && params.estimation.estimated &&
+      !ball_motion(params, state, inputs.sensors).known) {
+    return refused(Refusal::kNoEstimate);
+  }
   if (after == Mode::kRunning || after == Mode::kPending) {
     // Both write the profiles that a prediction under way still reads.
     if (!state.planned) drop_plan(state);
@@ -127,7 +131,11 @@ RefusalReport follow(const ControllerParams& params, const Inputs& inputs, Mode 
                                                           : prepare_move(params, inputs.operator_command.move, state);
     if (refusal.reason != Refusal::kNone) return refusal;
   }
-  if (after == Mode::kRunning) begin(state, next);
+  if (after == Mode::kRunning) {
+    const bool tracks = params.tracking.samples > 0 && !state.started;
+    begin(state, next);
+    if (tracks) begin_tracking(state, next);
+  }
   if (after == Mode::kPending) {
     state.plan_tick = move_begins(params, state, inputs.tick);
     begin_prediction(params, inputs, state);

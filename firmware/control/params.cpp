@@ -70,6 +70,10 @@ class Checker {
   void finite(const Vector3& v, const char* field, int index = -1) {
     for (int j = 0; j < 3; ++j) require(std::isfinite(v[j]), field, index, v[j], "finite");
   }
+  void unit(const Quaternion& q, const char* field) {
+    const Real length = std::sqrt(q.w() * q.w() + q.x() * q.x() + q.y() * q.y() + q.z() * q.z());
+    require(std::fabs(length - 1) <= kUnitTolerance, field, -1, length, "unit length");
+  }
   [[nodiscard]] const ParamError& error() const { return error_; }
 
  private:
@@ -146,6 +150,79 @@ void check_rail(const Rail& rail, int i, Checker& check) {
   check.positive(rail.radius_m, "ball.rail.radius_m", i);
 }
 
+void check_tracking(const ReferenceTable& table, int masses, Checker& check) {
+  if (table.samples == 0) return;
+  const int most = kMostReferenceFloats / reference_row(masses);
+  check.require(table.samples >= 2 && table.samples <= most, "tracking.samples", -1, table.samples,
+                "0, or 2 to as many rows as the table has", most);
+  check.positive(table.period_s, "tracking.period_s");
+  if (!check.error().ok()) return;
+  check.require(masses > 0, "tracking.samples", -1, table.samples, "0 without masses");
+  const int row = reference_row(masses);
+  for (int k = 0; k < table.samples * row; ++k) {
+    const auto value = static_cast<Wide>(table.values[static_cast<std::size_t>(k)]);
+    check.require(std::isfinite(value), "tracking.values", k, value, "finite");
+  }
+  for (int k = 0; k < table.samples && check.error().ok(); ++k) {
+    const float* q = table.values.data() + static_cast<std::ptrdiff_t>(k) * row;
+    const float length2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    // Rounded to floats.
+    check.require(std::fabs(length2 - 1) <= 1e-5F, "tracking.values", k * row, static_cast<Wide>(length2),
+                  "an attitude of unit length");
+  }
+}
+
+// Greatest number of ticks from one sample to the next, or of its age: a run's, so that sums of ticks fit an int.
+constexpr int kMostSampleTicks = 1'000'000'000;
+
+void check_sample_ticks(int ticks, int least, const char* field, Checker& check) {
+  check.require(ticks >= least && ticks <= kMostSampleTicks, field, -1, ticks, least == 0 ? "0..1e9" : "1..1e9");
+}
+
+// The names of its fields stay below 40 characters, which is what a target's answer holds.
+struct TriadFields {
+  const char *noise, *bias, *bias_walk, *scale_error, *misalignment, *range, *resolution;
+};
+
+void check_triad(const TriadErrors& triad, const TriadFields& fields, Checker& check) {
+  check.not_negative(triad.noise, fields.noise);
+  check.not_negative(triad.bias, fields.bias);
+  check.not_negative(triad.bias_walk, fields.bias_walk);
+  check.not_negative(triad.scale_error, fields.scale_error);
+  check.not_negative(triad.misalignment_rad, fields.misalignment);
+  check.not_negative(triad.range, fields.range);
+  check.not_negative(triad.resolution, fields.resolution);
+}
+
+void check_estimation(const EstimationParams& estimation, Checker& check) {
+  constexpr TriadFields kGyro{"estimation.gyro.noise",        "estimation.gyro.bias",
+                              "estimation.gyro.bias_walk",    "estimation.gyro.scale_error",
+                              "estimation.gyro.misalignment", "estimation.gyro.range",
+                              "estimation.gyro.resolution"};
+  constexpr TriadFields kAccelerometer{"estimation.accelerometer.noise",        "estimation.accelerometer.bias",
+                                       "estimation.accelerometer.bias_walk",    "estimation.accelerometer.scale_error",
+                                       "estimation.accelerometer.misalignment", "estimation.accelerometer.range",
+                                       "estimation.accelerometer.resolution"};
+  check.require(estimation.measures_contact || !estimation.estimated, "estimation.measures_contact", -1, 0,
+                "true where the attitude is estimated");
+  check_sample_ticks(estimation.imu_period_ticks, 1, "estimation.imu_period_ticks", check);
+  check_sample_ticks(estimation.imu_latency_ticks, 0, "estimation.imu_latency_ticks", check);
+  check_sample_ticks(estimation.fix_delay_ticks, 0, "estimation.fix_delay_ticks", check);
+  check_triad(estimation.gyro, kGyro, check);
+  check_triad(estimation.accelerometer, kAccelerometer, check);
+  check.finite(estimation.accelerometer_position_B_m, "estimation.accelerometer_position_B_m");
+  check.not_negative(estimation.fix_noise_m, "estimation.fix_noise_m");
+  for (const Real resolution : estimation.encoder_resolution) {
+    check.not_negative(resolution, "estimation.encoder_resolution");
+  }
+  check.unit(estimation.initial_orientation, "estimation.initial_orientation");
+  check.finite(estimation.initial_angular_velocity_B_radps, "estimation.initial_angular_velocity");
+  for (int j = 0; j < 2; ++j) {
+    const Real place = estimation.initial_position_W_m[j];
+    check.require(std::isfinite(place), "estimation.initial_position_W_m", -1, place, "finite");
+  }
+}
+
 }  // namespace
 
 MotionLimits motion_limits(const ControllerParams& params, int mass) {
@@ -167,6 +244,7 @@ ParamError validate(const ControllerParams& params) {
   check.require(params.monitor_stale_ticks >= 0 && params.monitor_stale_ticks <= 1000, "monitor_stale_ticks", -1,
                 params.monitor_stale_ticks, "0..1000");
   check_ball(params.ball, check);
+  check_estimation(params.estimation, check);
 
   const int count = params.ball.mass_count;
   check.require(count >= 0 && count <= kMaxMasses, "ball.mass_count", -1, count, "0..8");
@@ -198,6 +276,7 @@ ParamError validate(const ControllerParams& params) {
     if (check.error().ok()) check.reversals(params, i);
     if (check.error().ok()) check.ends(params.ball, params.motion[k], i);
   }
+  if (check.error().ok()) check_tracking(params.tracking, count, check);
   return check.error();
 }
 

@@ -1,8 +1,10 @@
 // Parameters of the controller.
 #pragma once
 
+#include "firmware/estimation/estimate.h"
 #include "firmware/model/ball.h"
 #include "firmware/motion/profile.h"
+#include "firmware/tracking/reference.h"
 
 namespace ballast::firmware {
 
@@ -24,8 +26,10 @@ struct ControllerParams {
   int sensor_stale_ticks = 0;   // sensors may be this many ticks old
   int monitor_stale_ticks = 0;  // heartbeat may be this many ticks old
   BallParams ball;
+  EstimationParams estimation;
   PerMass<MotorParams> motor{};
   PerMass<Profile> motion{};  // runs on a start; its initial position is where the masses stand
+  ReferenceTable tracking;    // about that motion; the first start after reset() follows it
 };
 
 // Reason for which parameters were refused.

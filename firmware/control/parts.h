@@ -15,15 +15,45 @@ enum class Order : std::uint8_t { kInOrder, kRepeated, kBroken };
 
 [[nodiscard]] Order order_of(const ControllerState& state, std::int64_t tick);
 
-// True if the attitude has about unit length, and it and the rates and accelerations are finite.
-[[nodiscard]] bool valid(const Sensors& sensors);
+// Greatest number of a sensor or an estimate: 1e15, that of a scenario, as a power of 2 that is exact in single
+// precision too. Forces from greater rates may overflow, and could then neither be judged nor compared.
+[[nodiscard]] bool possible(Real value);
+[[nodiscard]] bool possible(const Vector3& v);
+
+// Tells a rotation from garbage: rounding, in single precision too, stays a thousand times below the tolerance, and a
+// lost or broken component is far above. NaN and infinity are none.
+[[nodiscard]] bool is_rotation(const Quaternion& q);
+
+// True if the rates and accelerations are finite, and so is the attitude where it is sensed; it then has about unit
+// length.
+[[nodiscard]] bool valid(const ControllerParams& params, const Sensors& sensors);
 
 // Returns the sensed attitude with unit length. `sensors` are valid.
 [[nodiscard]] Quaternion attitude(const Sensors& sensors);
 
-// Returns the bits of the world's faults that are present in this tick. state.now is the commanded motion.
+// Returns the bits of the world's faults that are present in this tick. state.now is the commanded motion,
+// state.estimate that of this tick, state.measured that of the tick before.
 [[nodiscard]] std::uint32_t causes_of(const ControllerParams& params, const ControllerState& state,
                                       const Inputs& inputs, Order order);
+
+// --- sensing.cpp: what the controller knows of the ball ---
+
+// The attitude and the rate that the controller computes with.
+struct BallMotion {
+  bool known = false;                  // false: the rest is no motion
+  Quaternion orientation{1, 0, 0, 0};  // body -> space, unit
+  Vector3 angular_velocity_B_radps = Vector3::Zero();
+};
+
+// Returns the estimated motion, or the sensed one, as the parameters have it.
+[[nodiscard]] BallMotion ball_motion(const ControllerParams& params, const ControllerState& state,
+                                     const Sensors& sensors);
+
+// Forgets every sample.
+void reset_sensing(const ControllerParams& params, ControllerState& state);
+
+// Sets state.measured_masses and state.estimate, at the start of this tick. state.now is the commanded motion.
+void sense(const ControllerParams& params, const Inputs& inputs, ControllerState& state);
 
 // --- commanded.cpp: the motion that the masses are commanded to follow ---
 
@@ -42,6 +72,14 @@ void begin(ControllerState& state, std::int64_t next);
 
 // Makes the masses hold where their profiles are at the start of `tick`.
 void hold(const ControllerParams& params, ControllerState& state, std::int64_t tick);
+
+// --- tracking.cpp: the motion along the reference (firmware/tracking) ---
+
+// Begins to follow the reference with the motion in `active`, which begins with the start of `next`.
+void begin_tracking(ControllerState& state, std::int64_t next);
+
+// Puts the motion of the tick `next` into `active`.
+void track(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next);
 
 // --- operator.cpp ---
 

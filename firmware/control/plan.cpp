@@ -9,14 +9,14 @@
 namespace ballast::firmware {
 
 void begin_prediction(const ControllerParams& params, const Inputs& inputs, ControllerState& state) {
-  const Sensors& sensors = inputs.sensors;
+  const BallMotion ball = ball_motion(params, state, inputs.sensors);
   state.planned_motion_now = true;
   state.planned = false;
   state.plan = {};
   for (int i = 0; i < params.ball.mass_count; ++i) {
     state.plan.duration_s = std::fmax(state.plan.duration_s, state.active[at(i)].end_s());
   }
-  if (!valid(sensors)) {
+  if (!ball.known) {
     state.predictor.drop();
     state.planned = true;
     state.plan = {state.plan.duration_s, 0, std::numeric_limits<Real>::quiet_NaN(),
@@ -24,7 +24,7 @@ void begin_prediction(const ControllerParams& params, const Inputs& inputs, Cont
     return;
   }
   const auto lead_ticks = static_cast<int>(minus(state.plan_tick, inputs.tick));
-  state.predictor.begin(attitude(sensors), sensors.gyro_B_radps, state.now, params.control_period_s, lead_ticks,
+  state.predictor.begin(ball.orientation, ball.angular_velocity_B_radps, state.now, params.control_period_s, lead_ticks,
                         state.active, params.ball.mass_count);
 }
 

@@ -17,8 +17,8 @@ constexpr int pending_ticks(int borders) {
 }
 inline constexpr int kMostPendingTicks = pending_ticks(kMaxMasses * kMaxPlannedPieces);  // 16
 
-// Starts to predict the profiles in `active`, which begin with state.plan_tick, from this tick's sensed state. Without
-// valid sensors the prediction is complete at once: unknown.
+// Starts to predict the profiles in `active`, which begin with state.plan_tick, from this tick's sensed or estimated
+// state. Where that is not known the prediction is complete at once: unknown.
 void begin_prediction(const ControllerParams& params, const Inputs& inputs, ControllerState& state);
 
 // Forgets the plan. Its prediction, if under way, ends without a result.

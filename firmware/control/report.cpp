@@ -9,13 +9,13 @@ namespace ballast::firmware {
 
 namespace {
 
-// Estimates N and f_s at the start of this tick. Without valid sensors they are unknown.
-void estimate(const ControllerParams& params, const Sensors& sensors, const MassMotion& masses,
-              ControllerStatus& status) {
+// Computes N and f_s at the start of this tick. Where the ball's motion is not known, neither are they.
+void compute_forces(const ControllerParams& params, const BallMotion& ball, const MassMotion& masses,
+                    ControllerStatus& status) {
   constexpr Real kUnknown = std::numeric_limits<Real>::quiet_NaN();
   RollingForces& f = status.predicted;
-  if (valid(sensors)) {
-    f = rolling_forces(params.ball, attitude(sensors), sensors.gyro_B_radps, masses);
+  if (ball.known) {
+    f = rolling_forces(params.ball, ball.orientation, ball.angular_velocity_B_radps, masses);
   } else {
     f.angular_acceleration_B_radps2 = Vector3(kUnknown, kUnknown, kUnknown);
     f.normal_force_n = kUnknown;
@@ -29,7 +29,8 @@ void estimate(const ControllerParams& params, const Sensors& sensors, const Mass
 
 void report(const ControllerParams& params, const ControllerState& state, const Inputs& inputs,
             ControllerStatus& status) {
-  estimate(params, inputs.sensors, state.now, status);
+  const BallMotion ball = ball_motion(params, state, inputs.sensors);
+  compute_forces(params, ball, state.now, status);
   status.tick = inputs.tick;
   status.scenario_id = params.scenario_id;
   status.mode = state.mode;
@@ -47,6 +48,9 @@ void report(const ControllerParams& params, const ControllerState& state, const 
   status.planned = state.planned;
   status.plan_tick = state.plan_tick;
   status.plan = state.plan;
+  // Invalid values are published as fixed numbers.
+  status.estimate = params.estimation.estimated && ball.known ? state.estimate : Estimate{};
+  status.measured = state.measured.valid ? state.measured : MeasuredContact{};
 }
 
 }  // namespace ballast::firmware

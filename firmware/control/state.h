@@ -3,8 +3,21 @@
 
 #include "firmware/control/prediction.h"
 #include "firmware/control/status.h"
+#include "firmware/estimation/attitude_filter.h"
+#include "firmware/estimation/measured_contact.h"
+#include "firmware/estimation/measured_masses.h"
+#include "firmware/tracking/tracker.h"
 
 namespace ballast::firmware {
+
+// The run along the reference, from the first start on.
+struct TrackingState {
+  bool follows = false;         // each tick's motion is commanded by the feedback; `active` holds one tick of it
+  std::int64_t start_tick = 0;  // at whose start the plan time is 0
+  DeadReckoning reckoning;
+  Vector2 integral_W_ms = Vector2::Zero();  // of the place's error
+  PerMass<int> waiting_ticks{};             // in which a motor's pulses have waited for their distance
+};
 
 struct ControllerState {
   Mode mode = Mode::kDisarmed;
@@ -16,6 +29,7 @@ struct ControllerState {
   bool moving = false;          // active profiles are in force; otherwise the masses hold at hold_position
   bool braking = false;         // the active profiles are stops
   PerMass<Profile> active{};    // the scenario's motion, a move, or a stop from where one of them is
+  TrackingState tracking;
   PerMass<Wide> hold_position{};
   PerMass<std::int64_t> position_steps{};
   PerMass<LastPulse> last_pulse{};
@@ -29,7 +43,13 @@ struct ControllerState {
   Predictor predictor;
   bool planned_motion_now = false;  // a stop or move was planned in this tick, which leaves no time to predict
   MassMotion now;                   // commanded at the start of the last tick
-  bool at_rest = true;              // from the start of the next tick on
+  MassMeter mass_meter;
+  MassMotion measured_masses;  // at the start of the last tick; used where there is an IMU
+  FilterState filter;
+  Estimate estimate;  // at the start of the last tick; not valid where the attitude is sensed
+  ContactMeter contact_meter;
+  MeasuredContact measured;  // by the last tick
+  bool at_rest = true;       // from the start of the next tick on
 };
 
 inline std::size_t at(int i) { return static_cast<std::size_t>(i); }

@@ -1,6 +1,7 @@
 // Status of the controller after a control tick. Types only.
 #pragma once
 
+#include "firmware/estimation/estimate.h"
 #include "firmware/model/ball.h"
 #include "firmware/motion/profile.h"
 #include "firmware/motion/step_command.h"
@@ -29,12 +30,13 @@ enum class Refusal : std::uint8_t {
   kVelocity = 6,       // the motion, begun from where the masses stand, breaks a limit; value: its extreme
   kAcceleration = 7,
   kJerk = 8,
-  kNotPlanned = 9,  // no profile could be made; value: the distance
-  kRailEnd = 10,    // the motion, begun from where the masses stand, leaves its rail; value: the position it reaches
-  kLowerEnd = 11,   // the move's target is beyond the lower end of its rail, or nearer to it than MotorParams::swing;
-                    // value: the least target allowed there
-  kUpperEnd = 12,   // the same at the upper end; value: the greatest
-  kCancelled = 13,  // a fault came while the move was pending
+  kNotPlanned = 9,   // no profile could be made; value: the distance
+  kRailEnd = 10,     // the motion, begun from where the masses stand, leaves its rail; value: the position it reaches
+  kLowerEnd = 11,    // the move's target is beyond the lower end of its rail, or nearer to it than MotorParams::swing;
+                     // value: the least target allowed there
+  kUpperEnd = 12,    // the same at the upper end; value: the greatest
+  kCancelled = 13,   // a fault came while the move was pending
+  kNoEstimate = 14,  // arming: the attitude is to be estimated, and there is no estimate yet
 };
 
 struct RefusalReport {
@@ -60,12 +62,12 @@ struct ControllerStatus {
   int motor_count = 0;
   PerMass<Real> commanded_position{};  // at the start of this tick
   PerMass<Real> commanded_velocity{};
-  PerMass<ProfilePoint> next{};          // commanded at the start of the next tick, whose steps go with this
-  RollingForces predicted;               // closed forms, commanded masses, sensed attitude and rate; NaN if those are
-                                         // no possible numbers: then mu_required is +infinity and margin -1
-  Real mu_required = 0;                  // f_s / N; +infinity where N <= 0
-  Real margin = 0;                       // 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0
-  std::int64_t overruns = 0;             // kept by the HAL's clock
+  PerMass<ProfilePoint> next{};  // commanded at the start of the next tick, whose steps go with this
+  RollingForces predicted;    // closed forms, commanded masses, sensed or estimated attitude and rate; NaN if those are
+                              // no possible numbers: then mu_required is +infinity and margin -1
+  Real mu_required = 0;       // f_s / N; +infinity where N <= 0
+  Real margin = 0;            // 1 - f_s / (mu_s N); 1 with perfect friction; -1 where N <= 0
+  std::int64_t overruns = 0;  // kept by the HAL's clock
   PerMass<std::int64_t> steps_issued{};  // pulses in either direction
   StepOverload overload;                 // kNone: there was none
   std::int64_t operator_commands = 0;    // given since reset(), obeyed or not
@@ -73,6 +75,8 @@ struct ControllerStatus {
   std::int64_t plan_tick = 0;            // at whose start the last stop or move since reset() begins; 0: there was none
   bool planned = false;                  // its prediction is complete
   Prediction plan;                       // until then zeros, but for the duration
+  Estimate estimate;                     // at the start of this tick; not valid where the attitude is sensed
+  MeasuredContact measured;              // of the IMU's newest sample
 };
 
 }  // namespace ballast::firmware

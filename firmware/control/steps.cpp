@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "firmware/control/parts.h"
 #include "firmware/motion/step_generator.h"
 
@@ -26,10 +28,28 @@ void clear(const ControllerParams& params, const ControllerState& state, std::in
   out.bursts = {};
 }
 
+namespace {
+
+// A motion that is commanded tick by tick may turn round where the tick before did not foresee it, with a pulse too
+// near to the last one. Such pulses wait for the next tick whose start keeps the distance: that of the motor's step
+// rate or of the driver's set-up time. A wait of twice that is no turn.
+bool may_wait(const ControllerParams& params, ControllerState& state, int i) {
+  const MotorParams& motor = params.motor[at(i)];
+  const Wide distance_s = std::fmax(1 / motor.max_step_rate_hz, motor.direction_setup_s);
+  return ++state.tracking.waiting_ticks[at(i)] <= 2 + static_cast<int>(2 * distance_s / params.control_period_s);
+}
+
+}  // namespace
+
 bool generate_all(const ControllerParams& params, ControllerState& state, StepCommand& out) {
   for (int i = 0; i < params.ball.mass_count; ++i) {
     StepTrouble trouble;
-    if (generate(params, state, i, out, trouble) == StepError::kNone) continue;
+    const StepError error = generate(params, state, i, out, trouble);
+    if (error == StepError::kNone) {
+      state.tracking.waiting_ticks[at(i)] = 0;
+      continue;
+    }
+    if (state.tracking.follows && error == StepError::kTooFast && may_wait(params, state, i)) continue;
     if (state.overload.trouble.error == StepError::kNone) state.overload = {trouble, i, out.tick};
     return false;
   }

@@ -63,6 +63,7 @@ void begin_stop(const ControllerParams& params, ControllerState& state, std::int
   }
   state.start_tick = next;
   state.braking = true;
+  state.tracking.follows = false;
 }
 
 }  // namespace ballast::firmware

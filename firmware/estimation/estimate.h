@@ -36,7 +36,7 @@ struct EstimationParams {
   Vector2 initial_position_W_m = Vector2::Zero();
 };
 
-// What the filter believes at the start of a control tick, with 1-sigma bands.
+// The filter's belief at the start of a control tick, with 1-sigma bands.
 struct Estimate {
   bool valid = false;                  // false: no sample has arrived yet, or the filter has nothing to go on
   Quaternion orientation{1, 0, 0, 0};  // body -> space, unit
@@ -57,9 +57,11 @@ struct MeasuredContact {
   Real normal_sigma_n = 0;
   Real static_friction_n = 0;
   Real mu_required = 0;  // f_s / N; +infinity where N <= 0
-  Real mu_sigma = 0;     // 1 sigma of mu_required
+  Real mu_sigma = 0;     // 1 sigma of mu_required; +infinity where that is
   Real slip_mps2 = 0;    // magnitude of the contact point's acceleration against the floor, filtered
   Real slip_sigma_mps2 = 0;
+  bool slip_detected = false;   // the contact point slips (measured_contact.h states the rate of false alarms)
+  bool light_detected = false;  // the ball presses on the floor with less than a part of its weight
 };
 
 }  // namespace ballast::firmware

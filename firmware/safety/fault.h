@@ -16,6 +16,9 @@ enum class Fault : std::uint32_t {
   kTickOutOfOrder = 1u << 5,  // a control tick was repeated or skipped
   kInternal = 1u << 6,        // a bug of the firmware (assert)
   kEndSwitch = 1u << 7,       // a mass closes the switch at an end of its rail and is commanded on over that end
+  kSlipMeasured = 1u << 8,    // the accelerometer shows that the contact slips, while masses are commanded to move
+  kLightMeasured = 1u << 9,   // the accelerometer shows that the floor hardly carries the ball, in the same modes
+  kNoEstimate = 1u << 10,     // the attitude is to be estimated, and the estimate is not valid or is no number
 };
 
 constexpr std::uint32_t bit(Fault fault) { return static_cast<std::uint32_t>(fault); }

@@ -72,10 +72,10 @@ class BigEndian {
 
 template <class F>
 decltype(auto) with_fields(const contact_t& message, F&& f) {
-  const auto& [tick, utime, run_id, time_s, normal_force_n, commanded_normal_force_n, static_friction_n,
+  const auto& [tick, utime, run_id, time_s, normal_force_n, commanded_tick, commanded_normal_force_n, static_friction_n,
                commanded_static_friction_n, friction_force_W_n, mu_required, commanded_mu_required, margin,
                normal_force_min_n, mu_required_max, regime, last] = message;
-  return f(tick, utime, run_id, time_s, normal_force_n, commanded_normal_force_n, static_friction_n,
+  return f(tick, utime, run_id, time_s, normal_force_n, commanded_tick, commanded_normal_force_n, static_friction_n,
            commanded_static_friction_n, friction_force_W_n, mu_required, commanded_mu_required, margin,
            normal_force_min_n, mu_required_max, regime, last);
 }
@@ -87,12 +87,21 @@ decltype(auto) with_fields(const controller_status_t& message, F&& f) {
                mu_required, margin, overruns, steps_issued, overload_error, overload_motor, overload_tick,
                overload_value, overload_limit, refused_messages, operator_commands, refusal, refusal_motor,
                refusal_piece, refusal_value, planned, plan_tick, plan_duration_s, plan_horizon_s,
-               plan_normal_force_min_n, plan_mu_required_max, plan_margin_min] = message;
+               plan_normal_force_min_n, plan_mu_required_max, plan_margin_min, estimate_valid, estimated_orientation,
+               estimated_angular_velocity_B_radps, estimated_gyro_bias_B_radps, estimated_position_W_m, tilt_sigma_rad,
+               yaw_sigma_rad, gyro_bias_sigma_radps, position_sigma_m, measured_valid, measured_normal_force_n,
+               measured_normal_sigma_n, measured_static_friction_n, measured_mu_required, measured_mu_sigma,
+               measured_slip_mps2, measured_slip_sigma_mps2, slip_detected, light_detected] = message;
   return f(tick, utime, scenario_id, run_id, mode, at_rest, faults, motor_count, commanded_position, commanded_velocity,
            next_position, next_velocity, next_acceleration, normal_force_n, static_friction_n, mu_required, margin,
            overruns, steps_issued, overload_error, overload_motor, overload_tick, overload_value, overload_limit,
            refused_messages, operator_commands, refusal, refusal_motor, refusal_piece, refusal_value, planned,
-           plan_tick, plan_duration_s, plan_horizon_s, plan_normal_force_min_n, plan_mu_required_max, plan_margin_min);
+           plan_tick, plan_duration_s, plan_horizon_s, plan_normal_force_min_n, plan_mu_required_max, plan_margin_min,
+           estimate_valid, estimated_orientation, estimated_angular_velocity_B_radps, estimated_gyro_bias_B_radps,
+           estimated_position_W_m, tilt_sigma_rad, yaw_sigma_rad, gyro_bias_sigma_radps, position_sigma_m,
+           measured_valid, measured_normal_force_n, measured_normal_sigma_n, measured_static_friction_n,
+           measured_mu_required, measured_mu_sigma, measured_slip_mps2, measured_slip_sigma_mps2, slip_detected,
+           light_detected);
 }
 
 template <class F>
@@ -113,10 +122,11 @@ decltype(auto) with_fields(const plant_state_t& message, F&& f) {
 
 template <class F>
 decltype(auto) with_fields(const sensors_t& message, F&& f) {
-  const auto& [tick, utime, scenario_id, run_id, orientation, gyro_B_radps, accelerometer_B_mps2, mass_count,
-               limit_switch, imu_count, imu_tick, has_encoders, encoder, fix_count, fix_tick, fix_W_m, last] = message;
-  return f(tick, utime, scenario_id, run_id, orientation, gyro_B_radps, accelerometer_B_mps2, mass_count, limit_switch,
-           imu_count, imu_tick, has_encoders, encoder, fix_count, fix_tick, fix_W_m, last);
+  const auto& [tick, utime, scenario_id, run_id, attitude_valid, orientation, gyro_B_radps, accelerometer_B_mps2,
+               mass_count, limit_switch, imu_count, imu_tick, has_encoders, encoder, fix_count, fix_tick, fix_W_m,
+               last] = message;
+  return f(tick, utime, scenario_id, run_id, attitude_valid, orientation, gyro_B_radps, accelerometer_B_mps2,
+           mass_count, limit_switch, imu_count, imu_tick, has_encoders, encoder, fix_count, fix_tick, fix_W_m, last);
 }
 
 template <class F>

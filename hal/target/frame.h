@@ -38,6 +38,7 @@ enum class MessageType : std::uint16_t {
   kReply = 7,        // target: the controller's outputs of that tick
   kFaultReport = 8,  // target: it cannot continue, with the reason
   kEndReport = 9,    // target: the last tick was served
+  kReference = 10,   // host: values of the reference to be tracked, in parts
 };
 
 struct Frame {
@@ -77,7 +78,7 @@ struct FrameResult {
   if (magic != kMagic) return {FrameError::kNotAFrame, 0, 0};
   if (version != kProtocolVersion) return {FrameError::kVersion, 0, 0};
   if (type < static_cast<std::uint16_t>(MessageType::kHello) ||
-      type > static_cast<std::uint16_t>(MessageType::kEndReport)) {
+      type > static_cast<std::uint16_t>(MessageType::kReference)) {
     return {FrameError::kType, 0, 0};
   }
   if (length > kMaxPayload) return {FrameError::kLength, 0, 0};

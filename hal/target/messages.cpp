@@ -1,5 +1,7 @@
 #include "hal/target/messages.h"
 
+#include <bit>
+
 namespace ballast::hal::target {
 namespace {
 
@@ -46,7 +48,33 @@ std::uint32_t fingerprint(const firmware::ControllerParams& params, std::uint8_t
       sum.field(start_s).field(motion.cubic(k));
     }
   }
+  const int values = reference_values(params);
+  for (int k = 0; k < values; ++k) {
+    const auto bits = std::bit_cast<std::uint32_t>(params.tracking.values[static_cast<std::size_t>(k)]);
+    sum.field(bits);
+  }
   return sum.crc();
+}
+
+int reference_values(const firmware::ControllerParams& params) {
+  const int values = params.tracking.samples * firmware::reference_row(params.ball.mass_count);
+  return std::min(values, firmware::kMostReferenceFloats);
+}
+
+void get_reference(const firmware::ReferenceTable& table, int first, int end, ReferencePart& part) {
+  part.count = std::min(end - first, kReferencePart);
+  for (int k = 0; k < part.count; ++k) {
+    part.bits[static_cast<std::size_t>(k)] =
+        std::bit_cast<std::uint32_t>(table.values[static_cast<std::size_t>(first + k)]);
+  }
+}
+
+bool set_reference(const ReferencePart& part, int first, int end, firmware::ReferenceTable& table) {
+  if (part.count > end - first) return false;
+  for (int k = 0; k < part.count; ++k) {
+    table.values[static_cast<std::size_t>(first + k)] = std::bit_cast<float>(part.bits[static_cast<std::size_t>(k)]);
+  }
+  return true;
 }
 
 bool set_mass(const MassParams& mass, int index, firmware::ControllerParams& params) {

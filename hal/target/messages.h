@@ -5,7 +5,7 @@
 //
 //   target                       host
 //     Hello ------------------->         types and build are compared
-//           <-------- Ball, Mass..., Commit
+//           <-------- Ball, Mass..., Reference..., Commit
 //     Verdict ----------------->         accepted by firmware::validate(), and the same fingerprint on both ends
 //           <------------------ World    tick k
 //     Reply ------------------->         tick k; the pulses the pins gave during tick k - 1
@@ -65,10 +65,17 @@ struct MassParams {
   std::array<firmware::ProfilePiece, firmware::kMaxPieces> pieces{};
 };
 
+// Consecutive values of firmware::ReferenceTable, as the bits of floats. Parts come in order.
+inline constexpr int kReferencePart = 1024;
+struct ReferencePart {
+  std::int32_t count = 0;
+  std::array<std::uint32_t, kReferencePart> bits{};
+};
+
 enum class Acceptance : std::uint8_t {
   kAccepted = 0,
   kRefused = 1,     // by firmware::validate()
-  kIncomplete = 2,  // too few masses, or too many
+  kIncomplete = 2,  // too few masses, or too many; or values of the reference are missing
   kMotion = 3,      // the pieces of a mass are no motion (Profile::set)
   kPeriod = 4,      // the board cannot keep the control period
 };
@@ -190,6 +197,11 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(m.pieces, first(m.piece_count));
 }
 
+template <class V, Of<ReferencePart> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.count, Within(1, kReferencePart)).field(m.bits, first(m.count));
+}
+
 template <class V, Of<Commit> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(m.stretch, Within(1, 1000)).field(m.play);
@@ -244,6 +256,7 @@ using Tag = std::type_identity<M>;
 constexpr MessageType type_of(Tag<Hello>) { return MessageType::kHello; }
 constexpr MessageType type_of(Tag<firmware::ControllerParams>) { return MessageType::kBall; }
 constexpr MessageType type_of(Tag<MassParams>) { return MessageType::kMass; }
+constexpr MessageType type_of(Tag<ReferencePart>) { return MessageType::kReference; }
 constexpr MessageType type_of(Tag<Commit>) { return MessageType::kCommit; }
 constexpr MessageType type_of(Tag<Verdict>) { return MessageType::kVerdict; }
 constexpr MessageType type_of(Tag<World>) { return MessageType::kWorld; }
@@ -276,6 +289,13 @@ template <Message M>
 // `real_bytes` is 4 for the memory of a target with single precision.
 [[nodiscard]] std::uint32_t fingerprint(const firmware::ControllerParams& params,
                                         std::uint8_t real_bytes = sizeof(firmware::Real));
+
+// Values that a table of these parameters has; 0: there is none.
+[[nodiscard]] int reference_values(const firmware::ControllerParams& params);
+
+// The part of a table from `first` on, and its way back into the table. False: it has fewer values.
+void get_reference(const firmware::ReferenceTable& table, int first, int end, ReferencePart& part);
+[[nodiscard]] bool set_reference(const ReferencePart& part, int first, int end, firmware::ReferenceTable& table);
 
 // Puts a mass's parameters in their place. False: its pieces are no motion (Profile::set).
 [[nodiscard]] bool set_mass(const MassParams& mass, int index, firmware::ControllerParams& params);

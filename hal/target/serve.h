@@ -20,6 +20,7 @@ Status give_up(Link<M>& link, std::int64_t tick) {
 template <Machine M>
 Status take_params(M& machine, Link<M>& link, const Identity& identity, firmware::ControllerParams& params) {
   static MassParams mass;
+  static ReferencePart part;
   Hello hello;
   hello.identity = identity;
   hello.board = M::kName;
@@ -42,11 +43,17 @@ Status take_params(M& machine, Link<M>& link, const Identity& identity, firmware
     }
     ++masses;
   }
+  const int values = reference_values(params);
+  int taken = 0;
+  for (; frame.type == MessageType::kReference; taken += part.count) {
+    if (!decode(frame, part) || !set_reference(part, taken, values, params.tracking)) return Status::kIo;
+    if (const Status s = link.receive(frame); s != Status::kOk) return s;
+  }
   Commit commit;
   if (!decode(frame, commit)) return Status::kIo;
 
   verdict.fingerprint = fingerprint(params);
-  if (masses != params.ball.mass_count) {
+  if (masses != params.ball.mass_count || taken != values) {
     verdict.acceptance = Acceptance::kIncomplete;
   } else if (verdict.acceptance == Acceptance::kAccepted) {
     if (const firmware::ParamError error = firmware::validate(params); !error.ok()) {

@@ -52,14 +52,22 @@ Equations::Equations(const PlantModel& model)
       prescribed(model.masses),
       motors(model),
       contact(model, body.total_mass_kg),
+      floor(model.surface),
       driven_(model.actuation == Actuation::kStepper),
       known_ahead_(model.actuation == Actuation::kPrescribed),
       contact_start_(kTheta + (driven_ ? 2 * model.masses.size() : 0)) {
   const auto pushes = [](const PlantFault& fault) { return fault.kind == PlantFaultKind::kPush; };
   if (std::any_of(model.faults.begin(), model.faults.end(), pushes)) body.external_force.expect_pushes();
-  const bool lanes = driven_ && body.floor.ideal() && !body.external_force.present() && all_on_circles(model.masses);
-  driven_lanes_ = lanes ? &driven_lanes() : nullptr;
+  lanes_suit_ = driven_ && !body.external_force.present() && all_on_circles(model.masses);
   lane_body_ = to_lanes(body);
+  lay_floor();
+}
+
+void Equations::lay_floor() {
+  contact.static_friction = floor.static_friction();
+  contact.kinetic_friction = floor.kinetic_friction();
+  body.floor.resist(floor.rolling_resistance() * body.radius_m);
+  driven_lanes_ = lanes_suit_ && body.floor.ideal() ? &driven_lanes() : nullptr;
 }
 
 MassPoint Equations::mass_point(double time_s, const double* y) const {
@@ -231,11 +239,17 @@ Dynamics::Dynamics(const PlantModel& model) : equations(model) {
   }
   y[kZ] = initial.position_W_m[0];
   y[kZ + 1] = initial.position_W_m[1];
+  stand_at(y);
   const std::size_t n = model.masses.size();
   for (std::size_t i = 0; i < n && equations.driven(); ++i) {
     y[kTheta + i] = model.masses[i].initial_position;
     y[kTheta + n + i] = model.masses[i].initial_velocity;
   }
+}
+
+void Dynamics::stand_at(const State& y) {
+  equations.floor.stand_at(place_W_m(y));
+  equations.lay_floor();
 }
 
 }  // namespace ballast::sim

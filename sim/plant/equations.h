@@ -10,12 +10,16 @@
 #include "sim/masses/motion.h"
 #include "sim/plant/contact_regime.h"
 #include "sim/plant/driven_lanes.h"
+#include "sim/plant/local_floor.h"
 #include "sim/plant/motor_drives.h"
 #include "sim/plant/newton_euler.h"
 #include "sim/plant/plant_model.h"
 #include "sim/plant/state.h"
 
 namespace ballast::sim {
+
+// Place of the contact point.
+inline Eigen::Vector2d place_W_m(const State& y) { return {y[kZ], y[kZ + 1]}; }
 
 class Equations {
  public:
@@ -26,6 +30,9 @@ class Equations {
   PrescribedMasses prescribed;
   MotorDrives motors;
   ContactRegime contact;
+  LocalFloor floor;
+  // Gives body and contact what the floor has where the ball stands.
+  void lay_floor();
 
   [[nodiscard]] bool driven() const { return driven_; }
   // Whether the motion of the masses is known to the end of the run.
@@ -73,7 +80,8 @@ class Equations {
 
   bool driven_, known_ahead_;
   std::size_t contact_start_;
-  const DrivenLanes* driven_lanes_;  // null if the robot is not one for it
+  bool lanes_suit_;                            // the robot is one for driven_lanes()
+  const DrivenLanes* driven_lanes_ = nullptr;  // null too while the floor is none for them
   LaneBody lane_body_;
 };
 
@@ -88,6 +96,8 @@ struct Dynamics {
   [[nodiscard]] Eigen::Vector3d slip_W_mps() const { return equations.slip_W_mps(now.y.data()); }
   // Height and velocity of the geometric centre: part of the state in use outside rolling.
   [[nodiscard]] double* center() { return &now.y[equations.contact_start()]; }
+  // Lays the floor that is under the ball in this state.
+  void stand_at(const State& y);
 
   Equations equations;
   double time_s = 0;

@@ -40,6 +40,7 @@ void ContactRecord::record_mu(const Equations& equations, double time_s, const S
   at_mu_max_.regime = equations.contact.regime;
   at_mu_max_.y = y;
   at_mu_max_.push_W_n = equations.body.external_force.push_W_n();
+  at_mu_max_.rolling_resistance_m = equations.body.floor.rolling_resistance_m;
   if (equations.driven()) {
     at_mu_max_.masses.acceleration = motion.mass_acceleration;
   } else {
@@ -69,6 +70,7 @@ std::optional<ContactShares> ContactRecord::shares_at_mu_required_max(const Equa
   }
   Body body = equations.body;
   body.external_force.set_push(at_mu_max_.push_W_n);
+  body.floor.resist(at_mu_max_.rolling_resistance_m);
   return contact_shares(body, time_s, y + kQ, y + kOmega, equations.carried(masses));
 }
 

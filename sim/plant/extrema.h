@@ -56,7 +56,8 @@ class ContactRecord {
     Regime regime = Regime::kFlight;
     State y{};
     Vec3<double> push_W_n{};
-    MassPoint masses{};  // of driven masses the accelerations only
+    double rolling_resistance_m = 0;  // of the floor under the ball
+    MassPoint masses{};               // of driven masses the accelerations only
   } at_mu_max_;
 };
 

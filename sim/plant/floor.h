@@ -11,13 +11,18 @@ namespace ballast::sim {
 struct Floor {
   explicit Floor(const World& world)
       : slopes(world.surface.slope_rad != 0),
-        resists(world.surface.rolling_resistance > 0 || world.surface.spin_friction_m > 0),
-        rolling_resistance_m(world.surface.rolling_resistance * world.ball.radius_m),
         spin_friction_m(world.surface.spin_friction_m),
         creep2(world.creep_radps() * world.creep_radps()) {
+    resist(world.surface.rolling_resistance * world.ball.radius_m);
     const double angle = world.surface.slope_rad, downhill = world.surface.downhill_rad;
     if (!slopes) return;
     against_weight_W = {-std::sin(angle) * std::cos(downhill), -std::sin(angle) * std::sin(downhill), std::cos(angle)};
+  }
+
+  // Sets c_rr r, which may change with place.
+  void resist(double resistance_m) {
+    rolling_resistance_m = resistance_m;
+    resists = rolling_resistance_m > 0 || spin_friction_m > 0;
   }
 
   [[nodiscard]] bool ideal() const { return !slopes && !resists; }
@@ -32,9 +37,9 @@ struct Floor {
   }
 
   bool slopes;
-  bool resists;                            // there is a moment
+  bool resists = false;                    // there is a moment
   Vec3<double> against_weight_W{0, 0, 1};  // -g_W / g, of unit length
-  double rolling_resistance_m;             // c_rr r
+  double rolling_resistance_m = 0;         // c_rr r
   double spin_friction_m;                  // c_spin
   double creep2;                           // omega_c^2
 };

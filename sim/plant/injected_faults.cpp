@@ -1,7 +1,6 @@
 #include "sim/plant/injected_faults.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace ballast::sim {
@@ -12,8 +11,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-InjectedFaults::InjectedFaults(const PlantModel& model)
-    : surface_(model.surface), faults_(model.faults), active_(model.faults.size(), 0) {
+InjectedFaults::InjectedFaults(const PlantModel& model) : faults_(model.faults), active_(model.faults.size(), 0) {
   for (std::size_t k = 0; k < faults_.size(); ++k) {
     const PlantFault& fault = faults_[k];
     edges_.push_back({fault.time_s, k, true});
@@ -50,7 +48,7 @@ void InjectedFaults::apply_active(Equations& equations) const {
   PerMass coil{};
   coil.fill(1);
   Eigen::Vector3d push_W_n = Eigen::Vector3d::Zero();
-  double static_friction = surface_.static_friction;
+  double static_friction = kInfinity;
   for (std::size_t k = 0; k < faults_.size(); ++k) {
     if (active_[k] == 0) continue;
     const PlantFault& fault = faults_[k];
@@ -69,14 +67,8 @@ void InjectedFaults::apply_active(Equations& equations) const {
     stepper.weaken_coil(coil[i]);
     if (!blocked[i]) equations.motors.release(i);
   }
-  double kinetic_friction = surface_.kinetic_friction;
-  if (static_friction < surface_.static_friction) {
-    kinetic_friction = std::isinf(surface_.static_friction)
-                           ? std::min(kinetic_friction, static_friction)
-                           : kinetic_friction * (static_friction / surface_.static_friction);
-  }
-  equations.contact.static_friction = static_friction;
-  equations.contact.kinetic_friction = kinetic_friction;
+  equations.floor.fall_to(static_friction);
+  equations.lay_floor();
   equations.body.external_force.set_push(vec3(push_W_n));
 }
 

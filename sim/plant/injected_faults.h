@@ -25,7 +25,6 @@ class InjectedFaults {
   // The worst of several active faults of one kind counts; pushes add up.
   void apply_active(Equations& equations) const;
 
-  Surface surface_;  // without faults
   std::vector<PlantFault> faults_;
   std::vector<char> active_;  // per fault
   std::vector<Edge> edges_;   // in order of time

@@ -8,7 +8,7 @@
 
 namespace ballast::sim {
 
-using Eigen::Vector3d;
+using Eigen::Vector2d;
 
 namespace {
 
@@ -17,6 +17,13 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Relative to the time. The part of a step up to the end of a slip needs no error estimate of its own if it is shorter
 // than this.
 constexpr double kShortestPart = 1e-13;
+
+// A border counts as crossed this far behind it, relative to the radius or to the place's coordinates: the rounding of
+// a place must not cross it back. At a speed of 1e-3 sqrt(g r) it is crossed 1e-10 sqrt(r/g) late.
+constexpr double kBorderCrossed = 1e-13;
+// Looks at the place in a span that may reach a border. Each is less than the radius over kBorderLooks from the next
+// where the ball moves alone (Stepping), and far less within a tick.
+constexpr int kBorderLooks = 64;
 
 }  // namespace
 
@@ -125,9 +132,17 @@ bool Plant::stops_overdue(const State& y) const {
   return std::any_of(stops.begin(), stops.end(), [&](std::size_t i) { return stop_overdue_m(i, y) > 0; });
 }
 
-// Whether the regime, or an end stop's push or rest, is over there.
+// Whether the contact point is there beyond a border of what the ball stands on. In flight nothing depends on the
+// floor.
+bool Plant::past_border(const State& y) const {
+  const LocalFloor& floor = equations().floor;
+  return floor.has_borders() && equations().contact.regime != Regime::kFlight &&
+         floor.overdue_m(place_W_m(y)) > border_m_;
+}
+
+// Whether the regime, an end stop's push or rest, or the patch of the floor is over there.
 bool Plant::event_at(const Point& point) const {
-  return equations().contact.over(point.motion) || stops_overdue(point.y);
+  return equations().contact.over(point.motion) || stops_overdue(point.y) || past_border(point.y);
 }
 
 // Returns the place of a value's peak in the span of length h, as a part of it; +infinity if there is no peak above
@@ -142,11 +157,69 @@ double Plant::find_peak(double h, const Instant& middle, const Instant& end, dou
   });
 }
 
+// A part of the span at which a border is past, before which none is; +infinity: no border. A patch that the ball
+// enters and leaves again between two looks is found by its greatest depth.
+double Plant::find_border(double h, const Point& middle, const Point& end) {
+  const LocalFloor& floor = equations().floor;
+  if (!floor.has_borders() || equations().contact.regime == Regime::kFlight) return kInfinity;
+  const Point& start = dynamics().now;
+  const auto speed_mps = [](const Point& at) { return Vector2d(at.dydt[kZ], at.dydt[kZ + 1]).norm(); };
+  const Vector2d from = place_W_m(start.y), to = place_W_m(end.y);
+  const double before_m = floor.overdue_m(from);
+  // A border just crossed may still be that far ahead, because the crossing was located by dense output.
+  const double scale_m = std::max(equations().body.radius_m, from.lpNorm<Eigen::Infinity>());
+  border_m_ = std::max(before_m, 0.0) + kBorderCrossed * scale_m;
+  // Twice the way at the greatest speed seen bounds the way that the place can stray.
+  const double way_m = 2 * std::max({h * speed_mps(start), h * speed_mps(end), (to - from).norm(),
+                                     2 * (place_W_m(middle.y) - from).norm(), 2 * (to - place_W_m(middle.y)).norm()});
+  if (before_m + way_m < border_m_) return kInfinity;
+
+  Point inside;
+  const auto overdue_m = [&](double part) {
+    stepping_.glance_inside(dynamics(), part * h, inside);
+    return floor.overdue_m(place_W_m(inside.y));
+  };
+  constexpr double kLook = 1.0 / kBorderLooks;
+  double previous_m = -kInfinity, last_m = before_m;
+  for (int k = 1; k <= kBorderLooks + 1; ++k) {  // the last one only for a peak before the end
+    const double part = std::min(1.0, k * kLook);
+    const double now_m = k < kBorderLooks ? overdue_m(part) : k == kBorderLooks ? floor.overdue_m(to) : -kInfinity;
+    // As may_peak_above(); no corner of a border pokes out further than that between two looks.
+    const double bend_m = 2 * last_m - previous_m - now_m;
+    const double highest_m = last_m + std::min(bend_m / 2, 2 * way_m * kLook);
+    if (last_m >= previous_m && last_m >= now_m && highest_m > border_m_) {
+      const double begin = std::max(0, k - 2) * kLook;
+      const double peak =
+          begin + (part - begin) * golden_section([&](double at) { return overdue_m(begin + at * (part - begin)); });
+      stepping_.look_inside(dynamics(), peak * h, inside);
+      if (past_border(inside.y)) return peak;
+    }
+    if (now_m > border_m_) {
+      stepping_.look_inside(dynamics(), part * h, inside);
+      if (k == kBorderLooks || past_border(inside.y)) return part;
+    }
+    previous_m = last_m;
+    last_m = now_m;
+  }
+  return kInfinity;
+}
+
+// The ball comes onto what lies beyond the border that this state is past.
+void Plant::cross_border(const State& y) {
+  dynamics().stand_at(y);
+  const ContactRegime& contact = equations().contact;
+  if (contact.regime == Regime::kSliding && std::isinf(contact.kinetic_friction)) {
+    return regimes_.end_inconsistent("the ball slides onto a patch of the floor that has infinite friction", run_);
+  }
+  regimes_.continue_after_jump(run_);
+}
+
 // A part of the span at whose end an event is past: its middle, its end, or a peak inside it. +infinity: no event.
 double Plant::find_event(double h, const Point& middle, const Point& end) {
   const ContactRegime& contact = equations().contact;
   Point inside;
-  double past = event_at(middle) ? 0.5 : event_at(end) ? 1 : kInfinity;
+  const auto over = [&](const Point& at) { return contact.over(at.motion) || stops_overdue(at.y); };
+  double past = over(middle) ? 0.5 : over(end) ? 1 : kInfinity;
   const auto search = [&](double limit, auto value) {
     const double part = find_peak(h, middle.motion, end.motion, limit, value);
     if (!(part < past)) return;
@@ -169,7 +242,7 @@ double Plant::find_event(double h, const Point& middle, const Point& end) {
     stepping_.look_inside(dynamics(), part * h, inside);
     if (stops_overdue(inside.y)) past = part;
   }
-  return past;
+  return std::min(past, find_border(h, middle, end));
 }
 
 // Records extrema inside the span. Only a peak that may beat the best so far is worth finding.
@@ -221,6 +294,7 @@ void Plant::take_span(const Span& span) {
   }
 
   // At the end of a slip, direction and forces are those of the step's start, so they do not count.
+  const bool crossed = event && past_border(end.y);
   const bool regime_over = event && equations().contact.over(end.motion);
   const bool slip_ends = regime_over && regime == Regime::kSliding && end.motion.normal_force_n > 0;
   if (regime != Regime::kFlight && !slip_ends) record_peaks(h, middle, end);
@@ -229,13 +303,17 @@ void Plant::take_span(const Span& span) {
   dynamics().now = end;
   Stepping::normalise(dynamics().now.y);
   if (!slip_ends) run_.record();
-  if (regime_over) {
+  if (crossed) {
+    stepping_.cut_step(dynamics());
+    cross_border(end.y);
+  } else if (regime_over) {
     stepping_.cut_step(dynamics());
     regimes_.leave(run_);
   } else if (event) {
     run_.update_stops();
     regimes_.continue_after_jump(run_);
   }
+  if (regime == Regime::kFlight && equations().floor.has_borders()) dynamics().stand_at(dynamics().now.y);
 }
 
 double Plant::motor_steps_behind(int i) const {
@@ -270,6 +348,18 @@ Plant::ContactForces Plant::contact_forces(const Body& believed, const double* p
   told.external_force.keep_told();
   Instant motion;
   equations().evaluate_prescribed(told, time_s(), dynamics().now.y.data(), masses, motion);
+  return {reported_normal_n(motion.normal_force_n), motion.static_friction_n};
+}
+
+Plant::ContactForces Plant::rolling_forces(const Body* believed, const double* orientation,
+                                           const double* angular_velocity_B_radps, const double* position,
+                                           const double* velocity, const double* acceleration) const {
+  Body told = believed != nullptr ? *believed : equations().body;
+  told.external_force.keep_told();
+  CarriedMasses masses;
+  carry_along(told, position, velocity, acceleration, masses);
+  Motion motion;
+  rolling_prescribed(told, time_s(), orientation, angular_velocity_B_radps, masses, motion);
   return {reported_normal_n(motion.normal_force_n), motion.static_friction_n};
 }
 

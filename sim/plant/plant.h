@@ -4,6 +4,7 @@
 // No step of an integrator crosses an instant at which a `motion` piece changes, a prescribed mass passes a knot of its
 // spline rail, a trajectory or the table of the external force has a row, a step pulse comes, or an injected fault
 // begins or ends. Accelerations may jump at those instants; the value after the jump counts (physics.md section 4).
+// They jump too where the contact point crosses the border of a patch of the floor, which is located inside a step.
 // Where a driven mass passes a knot, zeta''' jumps, and the error estimate shortens the step.
 //
 // Extrema of N, f_s and f_s/N, and the instants at which a regime ends, are located inside every step.
@@ -91,6 +92,11 @@ class Plant {
   // The same under the told forces for another ball, other masses and another floor, as somebody believes them.
   [[nodiscard]] ContactForces contact_forces(const Body& believed, const double* position, const double* velocity,
                                              const double* acceleration) const;
+  // The same under the told forces for a ball that rolls with another attitude (w, x, y, z, unit) and another angular
+  // velocity, as somebody estimates them. `believed`: null stands for this plant's own ball.
+  [[nodiscard]] ContactForces rolling_forces(const Body* believed, const double* orientation,
+                                             const double* angular_velocity_B_radps, const double* position,
+                                             const double* velocity, const double* acceleration) const;
   // Whether Forces::kTold differs from kAll.
   [[nodiscard]] bool has_untold_forces() const { return equations().body.external_force.has_untold(); }
 
@@ -107,13 +113,17 @@ class Plant {
   void take_span(const Span& span);
   [[nodiscard]] double stop_overdue_m(std::size_t i, const State& y) const;
   [[nodiscard]] bool stops_overdue(const State& y) const;
+  [[nodiscard]] bool past_border(const State& y) const;
+  [[nodiscard]] double find_border(double h, const Point& middle, const Point& end);
+  void cross_border(const State& y);
   [[nodiscard]] bool event_at(const Point& point) const;
   [[nodiscard]] double find_event(double h, const Point& middle, const Point& end);
   void record_peaks(double h, const Point& middle, const Point& end);
   template <class Value>
   double find_peak(double h, const Instant& middle, const Instant& end, double floor, Value value);
 
-  double ahead_s_;  // the motion of the masses is known up to here; 0: up to the end of advance()
+  double ahead_s_;       // the motion of the masses is known up to here; 0: up to the end of advance()
+  double border_m_ = 0;  // how far beyond a border of the floor the span being judged may go
   Progress run_;
   Regimes regimes_;
   Stepping stepping_;

@@ -159,6 +159,7 @@ void Regimes::land(Progress& run) {
   const ContactRegime& contact = dynamics.equations.contact;
   double* center = dynamics.center();
   center[0] = 0;
+  if (dynamics.equations.floor.has_borders()) dynamics.stand_at(dynamics.now.y);
   const Vector3d before = dynamics.slip_W_mps();
   const double arriving = -before[2];
   const double leaving = arriving > kRestSpeed * contact.speed_scale_mps ? restitution_ * arriving : 0.0;

@@ -100,7 +100,12 @@ Span Stepping::next_span(Dynamics& dynamics, double target_s, double smooth_unti
     ahead_end_s_ = h >= left_s ? smooth_until_s : time_s + h;
   }
   // A whole step of this integrator is too long to be judged by its ends and its middle.
-  const double longest_s = (ahead_end_s_ - ahead_start_s_) / kSpansPerStep;
+  double longest_s = (ahead_end_s_ - ahead_start_s_) / kSpansPerStep;
+  if (dynamics.equations.floor.has_borders()) {
+    // No more than a radius of the floor, so that its patches are looked for as finely as that.
+    const double speed_mps = std::hypot(dynamics.now.dydt[kZ], dynamics.now.dydt[kZ + 1]);
+    longest_s = std::min(longest_s, dynamics.equations.body.radius_m / speed_mps);
+  }
   const double end_s = std::min(target_s, ahead_end_s_);
   if (end_s - time_s > 1.001 * longest_s && time_s + longest_s > time_s) return {longest_s, false, 0};
   return {end_s - time_s, true, end_s};

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -19,15 +20,37 @@ struct Ball {
   Eigen::Vector3d center_of_mass_B_m = Eigen::Vector3d::Zero();  // from the geometric centre
 };
 
+// A part of the floor with friction and rolling resistance of its own: a polygon, or a circle where that is empty.
+struct SurfacePatch {
+  std::vector<Eigen::Vector2d> polygon_W_m;  // does not cross itself; either direction round
+  Eigen::Vector2d center_W_m = Eigen::Vector2d::Zero();
+  double radius_m = 0;
+  double static_friction = std::numeric_limits<double>::infinity();
+  double kinetic_friction = std::numeric_limits<double>::infinity();
+  double rolling_resistance = 0;
+};
+
 struct Surface {
   double static_friction = std::numeric_limits<double>::infinity();
   double kinetic_friction = std::numeric_limits<double>::infinity();  // default: = static
   double restitution = 0;
-  double rolling_resistance = 0;  // c_rr
-  double spin_friction_m = 0;     // c_spin
-  double creep_radps = 0;         // omega_c; 0: World::creep_radps() chooses it
-  double slope_rad = 0;           // of the floor; the space frame's third axis is its normal
-  double downhill_rad = 0;        // direction of steepest descent in the floor, from e1 towards e2
+  double rolling_resistance = 0;        // c_rr
+  double spin_friction_m = 0;           // c_spin
+  double creep_radps = 0;               // omega_c; 0: World::creep_radps() chooses it
+  double slope_rad = 0;                 // of the floor; the space frame's third axis is its normal
+  double downhill_rad = 0;              // direction of steepest descent in the floor, from e1 towards e2
+  std::vector<SurfacePatch> patches{};  // where they overlap, the last one counts
+
+  [[nodiscard]] double greatest_static_friction() const {
+    double greatest = static_friction;
+    for (const SurfacePatch& patch : patches) greatest = std::max(greatest, patch.static_friction);
+    return greatest;
+  }
+  // Gives static friction everywhere that holds whatever the ball needs.
+  void hold_everything() {
+    static_friction = std::numeric_limits<double>::infinity();
+    for (SurfacePatch& patch : patches) patch.static_friction = static_friction;
+  }
 };
 
 // A force on the geometric centre over time, space frame: linear between the times, constant before and after them.

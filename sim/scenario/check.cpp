@@ -6,11 +6,13 @@
 #include <filesystem>
 #include <numbers>
 
+#include "sim/plant/local_floor.h"
 #include "sim/scenario/read_believed.h"
 #include "sim/scenario/read_fault.h"
 #include "sim/scenario/read_mass.h"
 #include "sim/scenario/read_sensors.h"
 #include "sim/scenario/read_world.h"
+#include "sim/sensors/sensors.h"
 
 namespace ballast::sim {
 namespace {
@@ -82,8 +84,22 @@ void read_initial(TableReader table, std::optional<double> ball_radius_m, Initia
   initial.velocity_W_mps = *velocity;
 }
 
-void read_hold(TableReader& table, std::optional<double> period_s, Scenario::Run& run) {
-  const auto hold = table.number("hold", Range::between(0, kMaxHold_s, "s"), run.hold_s);
+// A filter finds the gyro's bias in the hold.
+constexpr double kHoldToEstimate_s = 5;
+
+// Whether [sensors] asks for an estimated attitude, its default. That table is read, and checked, after [run].
+bool estimates_attitude(const Node& root) {
+  const Node* sensors = root.find("sensors");
+  if (sensors == nullptr) return false;
+  const Node* attitude = sensors->find("attitude");
+  return attitude == nullptr || attitude->text == "estimated";
+}
+
+void read_hold(TableReader& table, std::optional<double> period_s, bool estimates, Scenario::Run& run) {
+  // A default that is no whole number of periods is the next one.
+  const double to_estimate_s =
+      period_s ? std::ceil(kHoldToEstimate_s / *period_s - 1e-9) * *period_s : kHoldToEstimate_s;
+  const auto hold = table.number("hold", Range::between(0, kMaxHold_s, "s"), estimates ? to_estimate_s : run.hold_s);
   if (!hold || !period_s) return;
   const double ticks = *hold / *period_s, whole = std::round(ticks);
   if (std::abs(ticks - whole) > 1e-9 * std::max(1.0, whole)) {
@@ -93,7 +109,7 @@ void read_hold(TableReader& table, std::optional<double> period_s, Scenario::Run
   run.hold_s = *hold;
 }
 
-void read_run(TableReader& root, MassSurroundings& known, Scenario::Run& run) {
+void read_run(TableReader& root, bool estimates, MassSurroundings& known, Scenario::Run& run) {
   TableReader table = root.table("run");
   known.actuation = table.choice<Actuation>("actuation", {"prescribed", "stepper", "ideal"}, run.actuation);
   const auto period = table.number("control_period", Range::between(1e-6, 10, "s"), run.control_period_s);
@@ -101,7 +117,7 @@ void read_run(TableReader& root, MassSurroundings& known, Scenario::Run& run) {
   run.on_violation =
       table.choice<OnViolation>("on_violation", {"stop", "continue"}, run.on_violation).value_or(run.on_violation);
   const auto tolerance = table.number("tolerance", Range::between(1e-14, 1e-8), run.tolerance);
-  read_hold(table, period, run);
+  read_hold(table, period, estimates, run);
   table.refuse_unknown_keys();
   run.actuation = known.actuation.value_or(run.actuation);
   run.control_period_s = period.value_or(run.control_period_s);
@@ -189,26 +205,67 @@ void read_published(TableReader table, std::vector<Scenario::Published>& publish
   if (quantity && value && source) published.push_back({std::string(kQuantities[*quantity]), *value, *source});
 }
 
-// [plan] goal as `ballast plan` writes it. Anything else is ignored.
-std::optional<Eigen::Vector2d> planned_goal(const Node& root) {
-  const Node* plan = root.find("plan");
-  const Node* goal = plan == nullptr ? nullptr : plan->find("goal");
-  if (goal == nullptr || goal->kind != NodeKind::kArray || goal->items.size() != 2) return std::nullopt;
-  Eigen::Vector2d place;
-  for (std::size_t j = 0; j < 2; ++j) {
-    const Node& item = goal->items[j];
+// An array of so many numbers, each finite; anything else is none.
+template <int kSize>
+std::optional<Eigen::Matrix<double, kSize, 1>> finite_numbers(const Node* node) {
+  if (node == nullptr || node->kind != NodeKind::kArray || node->items.size() != kSize) return std::nullopt;
+  Eigen::Matrix<double, kSize, 1> out;
+  for (std::size_t j = 0; j < kSize; ++j) {
+    const Node& item = node->items[j];
     const bool number = item.kind == NodeKind::kFloat || item.kind == NodeKind::kInteger;
     if (!number || !std::isfinite(item.number)) return std::nullopt;
-    place[static_cast<Eigen::Index>(j)] = item.number;
+    out[static_cast<Eigen::Index>(j)] = item.number;
   }
-  return place;
+  return out;
+}
+
+// [plan] as `ballast plan` writes it. Anything else is ignored.
+Scenario::Plan read_plan(const Node& root) {
+  Scenario::Plan out;
+  const Node* plan = root.find("plan");
+  out.present = plan != nullptr && plan->kind == NodeKind::kTable;
+  if (!out.present) return out;
+  out.goal_W_m = finite_numbers<2>(plan->find("goal"));
+  const Node* start = plan->find("start");
+  if (start == nullptr || start->kind != NodeKind::kTable) return out;
+  const auto q = finite_numbers<4>(start->find("orientation"));
+  const auto omega = finite_numbers<3>(start->find("angular_velocity"));
+  const auto place = finite_numbers<2>(start->find("position"));
+  if (!q || !omega || !place || !(std::abs(q->norm() - 1) <= kUnitTolerance)) return out;
+  const Eigen::Vector4d unit = q->normalized();
+  out.start.emplace();
+  out.start->orientation = Eigen::Quaterniond(unit[0], unit[1], unit[2], unit[3]);
+  out.start->angular_velocity_B_radps = *omega;
+  out.start->position_W_m = *place;
+  return out;
+}
+
+void read_control(TableReader table, bool planned, Scenario::Control& control) {
+  control.tracking = table.boolean("tracking", planned).value_or(planned);
+  table.refuse_unknown_keys();
+}
+
+// The controller can be armed once a sample of the IMU has arrived, and is armed at the end of the hold.
+void check_first_sample(TableReader& root, const Scenario& scenario) {
+  const SensorModel& sensors = scenario.sensors;
+  if (!sensors.attitude_estimated || !has_controller(scenario.run.actuation)) return;
+  const double period_s = scenario.run.control_period_s;
+  const std::int64_t every = ticks_per_sample(sensors.rate_hz, period_s);
+  const std::int64_t needed = every + delay_ticks(sensors.latency_s, period_s) + kCountdownTicks - 1;
+  if (every == 0 || scenario.run.lead_ticks() >= needed) return;
+  root.refuse("run.hold",
+              "ends before a sample of the IMU is sure to have come, and without one there is no attitude; allowed: at "
+              "least {} s at this sensors.rate and latency",
+              static_cast<double>(needed) * period_s);
 }
 
 // Refuses a start in sliding on a floor of infinite friction.
 void check_start(TableReader& root, const Scenario& scenario) {
   const auto& initial = scenario.initial;
   if (!initial.has_velocity || initial.height_m > 0 || initial.velocity_W_mps[2] != 0) return;
-  if (std::isfinite(scenario.surface.kinetic_friction)) return;
+  LocalFloor floor(scenario.surface);
+  floor.stand_at(initial.position_W_m);
+  if (std::isfinite(floor.kinetic_friction())) return;
   root.refuse("initial.velocity",
               "starts sliding on a floor of infinite friction; allowed: the rolling velocity, or a finite "
               "surface.kinetic_friction");
@@ -231,7 +288,7 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
   read_surface(root.table("surface"), scenario.surface);
   read_drag(root.table("drag"), scenario.drag);
   read_initial(root.table("initial"), known.ball_radius_m, scenario.initial);
-  read_run(root, known, scenario.run);
+  read_run(root, estimates_attitude(root_node), known, scenario.run);
   read_envelope(root.table("envelope"), scenario.envelope);
   if (const auto seed = root.integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 0)) {
     scenario.seed = static_cast<std::uint64_t>(*seed);
@@ -258,14 +315,22 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
     read_published(table, scenario.published);
   }
 
-  scenario.planned_goal_W_m = planned_goal(root_node);
+  scenario.plan = read_plan(root_node);
+  read_control(root.table("control"), scenario.plan.present, scenario.control);
 
   // A belief that is held against a robot with errors would only repeat them.
   root.know({"believed"});
   if (context.errors.empty() && root.has("believed")) read_believed(root_node, known, context, scenario);
+  scenario.belief_is_written = root.has("believed");
+  if (context.errors.empty() && !scenario.believed && !scenario.surface.patches.empty()) {
+    World bare = scenario;
+    bare.surface.patches.clear();
+    scenario.believed = std::move(bare);
+  }
 
   root.refuse_unknown_keys();
   check_start(root, scenario);
+  if (context.errors.empty()) check_first_sample(root, scenario);
   return scenario;
 }
 

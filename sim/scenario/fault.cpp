@@ -45,20 +45,23 @@ constexpr std::array kKinds{
                   true, "a peer answers late",
                   "controller: monitor (stale); monitor: controller (monitor_stale), from 2 ticks on"},
     FaultKindInfo{kSensorBias, "sensor_bias", kSensor, kToTheEnd, "offset; orientation: an angle",
-                  "rad/s, m/s^2 or rad", kGiven, -kInfinity, kInfinity, false, false, "a sensor has an offset",
+                  "rad/s, m/s^2, rad, m or rail units", kGiven, -kInfinity, kInfinity, false, false,
+                  "a sensor has an offset",
                   "monitor (disagreement) in the next tick, if it moves the controller's N or f_s by more than 5 % of "
                   "the weight; otherwise nobody"},
-    FaultKindInfo{kSensorNoise, "sensor_noise", kSensor, kToTheEnd, "standard deviation", "rad/s, m/s^2 or rad", kGiven,
-                  0, kInfinity, true, false, "a sensor has Gaussian noise, independent per tick", "as sensor_bias"},
+    FaultKindInfo{kSensorNoise, "sensor_noise", kSensor, kToTheEnd, "standard deviation",
+                  "rad/s, m/s^2, rad, m or rail units", kGiven, 0, kInfinity, true, false,
+                  "a sensor has Gaussian noise, independent per tick", "as sensor_bias"},
     FaultKindInfo{kSensorFreeze, "sensor_freeze", kSensor, kToTheEnd, "", "", kNone, 0, 0, false, false,
                   "a sensor repeats its last value in fresh messages", "as sensor_bias"},
     FaultKindInfo{kSensorNan, "sensor_nan", kSensor, kToTheEnd, "", "", kNone, 0, 0, false, false,
                   "a sensor reports NaN", "monitor (nonfinite) and controller (sensor_not_finite), in the same tick"},
     FaultKindInfo{kSensorSpike, "sensor_spike", kSensor, kOnePeriod, "offset; orientation: an angle",
-                  "rad/s, m/s^2 or rad", kGiven, -kInfinity, kInfinity, false, false, "a sensor jumps for a moment",
+                  "rad/s, m/s^2, rad, m or rail units", kGiven, -kInfinity, kInfinity, false, false,
+                  "a sensor jumps for a moment", "as sensor_bias"},
+    FaultKindInfo{kSensorSaturation, "sensor_saturation", kSensor, kToTheEnd, "greatest magnitude",
+                  "rad/s, m/s^2, m or rail units", kGiven, 0, kInfinity, true, false, "a sensor saturates early",
                   "as sensor_bias"},
-    FaultKindInfo{kSensorSaturation, "sensor_saturation", kSensor, kToTheEnd, "greatest magnitude", "rad/s or m/s^2",
-                  kGiven, 0, kInfinity, true, false, "a sensor saturates early", "as sensor_bias"},
     FaultKindInfo{kMotorStall, "motor_stall", kMotor, kToTheEnd, "", "", kNone, 0, 0, false, false,
                   "a motor's windings have no current, so that pulses turn nothing",
                   "nobody during the run; the summary counts lost steps"},
@@ -105,7 +108,7 @@ constexpr std::array kChannels{
 
 // The unit of one fault. FaultKindInfo::unit lists those of all sensors.
 const char* unit_of(const Fault& fault) {
-  constexpr std::array kOfSensor{"rad", "rad/s", "m/s^2", ""};  // in the order of FaultSensor
+  constexpr std::array kOfSensor{"rad", "rad/s", "m/s^2", "", "rail units", "m"};  // in the order of FaultSensor
   return fault.of(kSensor) ? kOfSensor[static_cast<std::size_t>(fault.sensor)] : info(fault.kind).unit;
 }
 
@@ -119,7 +122,7 @@ const char* to_string(FaultLayer layer) {
 const char* to_string(FaultPeer peer) { return peer == FaultPeer::kController ? "controller" : "monitor"; }
 
 const char* to_string(FaultSensor sensor) {
-  constexpr std::array kNames{"orientation", "gyro", "accelerometer", "limit_switch"};
+  constexpr std::array kNames{"orientation", "gyro", "accelerometer", "limit_switch", "encoder", "position_fix"};
   return kNames[static_cast<std::size_t>(sensor)];
 }
 
@@ -148,7 +151,9 @@ std::string to_string(const Fault& fault) {
     add(fault.channel + (fault.peer ? fmt::format(" to the {}", to_string(*fault.peer)) : ""));
   if (kind.layer == kPeer) add(fmt::format("the {}", to_string(*fault.peer)));
   if (kind.layer == kSensor) {
-    add(to_string(fault.sensor) + (fault.axis < 0 ? "" : fmt::format(" axis {}", fault.axis)));
+    const bool one_encoder = fault.sensor == FaultSensor::kEncoder && fault.mass >= 0;
+    add(to_string(fault.sensor) + (fault.axis < 0 ? "" : fmt::format(" axis {}", fault.axis)) +
+        (one_encoder ? fmt::format(" of mass {}", fault.mass) : ""));
   }
   if (kind.layer == kMotor) add(fmt::format("mass {}", fault.mass));
   if (fault.kind == kPush) {

@@ -48,7 +48,7 @@ enum class FaultKind {
 enum class FaultLayer {
   kMessage,  // `channel`; `peer` selects one receiver, the default is all of them
   kPeer,     // `peer`
-  kSensor,   // `sensor`; `axis` selects one of three, the default is all of them
+  kSensor,   // `sensor`; `axis` selects one of three, or `mass` one encoder; the default is all of them
   kMotor,    // `mass`
   kWorld,    // `direction` of a push
   kProgram,  // the sensors' clock, the controller's overruns, the log
@@ -58,7 +58,7 @@ const char* to_string(FaultLayer layer);
 enum class FaultPeer { kController, kMonitor };
 const char* to_string(FaultPeer peer);
 
-enum class FaultSensor { kOrientation, kGyro, kAccelerometer, kLimitSwitch };
+enum class FaultSensor { kOrientation, kGyro, kAccelerometer, kLimitSwitch, kEncoder, kPositionFix };
 const char* to_string(FaultSensor sensor);
 
 // Special values of FaultKindInfo::lasts_s, beside a number of seconds.
@@ -104,8 +104,8 @@ struct Fault {
   std::string channel;            // messages
   std::optional<FaultPeer> peer;  // messages: the one receiver, none: all; peers: which one
   FaultSensor sensor = FaultSensor::kGyro;
-  int axis = -1;                                           // sensors; -1: all three
-  int mass = 0;                                            // motors
+  int axis = -1;                                           // sensors; -1: all of them
+  int mass = 0;                                            // motors; encoders, -1: all of them
   Eigen::Vector3d direction_W = Eigen::Vector3d::UnitX();  // push
 
   // A tick within kRounding of the fault's time counts as at that time: both are rounded.

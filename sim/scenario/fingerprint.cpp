@@ -118,6 +118,21 @@ void add_real_floor(CanonicalText& text, const Surface& surface) {
   text.add("surface.slope.downhill", surface.downhill_rad);
 }
 
+// A floor without patches adds no lines.
+void add_patches(CanonicalText& text, const Surface& surface) {
+  for (const SurfacePatch& patch : surface.patches) {
+    text.add("surface.patch.corners", static_cast<std::uint64_t>(patch.polygon_W_m.size()));
+    for (const Eigen::Vector2d& corner : patch.polygon_W_m) text.add("surface.patch.polygon", corner);
+    text.add("surface.patch.circle.center", patch.center_W_m);
+    text.add("surface.patch.circle.radius", patch.radius_m);
+    text.add("surface.patch.static_friction", patch.static_friction);
+    text.add("surface.patch.kinetic_friction", patch.kinetic_friction);
+    text.add("surface.patch.rolling_resistance", patch.rolling_resistance);
+  }
+  // The creep matters where some patch resists, though the floor may not.
+  if (!surface.patches.empty()) text.add("surface.patch.creep", surface.creep_radps);
+}
+
 void add_triad(CanonicalText& text, const char* name, const ImuTriad& triad) {
   text.add("sensors.triad", std::string(name));
   text.add("noise_density", triad.noise_density);
@@ -131,6 +146,7 @@ void add_triad(CanonicalText& text, const char* name, const ImuTriad& triad) {
 
 // Scenarios with ideal sensors add no lines.
 void add_sensors(CanonicalText& text, const SensorModel& sensors) {
+  if (sensors.attitude_estimated) text.add("sensors.attitude", std::string("estimated"));
   text.add("sensors.rate", sensors.rate_hz);
   text.add("sensors.latency", sensors.latency_s);
   add_triad(text, "gyro", sensors.gyro);
@@ -167,6 +183,18 @@ void add_believed(CanonicalText& text, const World& believed) {
   for (const Mass& mass : believed.masses) text.add("believed.mass", mass.mass_kg);
 }
 
+// Scenarios without a controller that tracks add no lines.
+void add_tracking(CanonicalText& text, const Scenario& scenario) {
+  if (!scenario.control.tracking || !has_controller(scenario.run.actuation)) return;
+  text.add("control.tracking", 1);
+  if (!scenario.plan.start) return;
+  const InitialState& start = *scenario.plan.start;
+  const Eigen::Quaterniond& q = start.orientation;
+  text.add("plan.start.orientation", Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()));
+  text.add("plan.start.angular_velocity", start.angular_velocity_B_radps);
+  text.add("plan.start.position", start.position_W_m);
+}
+
 }  // namespace
 
 std::int64_t fingerprint(const Scenario& scenario) {
@@ -190,6 +218,7 @@ std::int64_t fingerprint(const Scenario& scenario) {
   text.add("surface.kinetic_friction", scenario.surface.kinetic_friction);
   text.add("surface.restitution", scenario.surface.restitution);
   add_real_floor(text, scenario.surface);
+  add_patches(text, scenario.surface);
   text.add("masses", static_cast<std::uint64_t>(scenario.masses.size()));
   for (const Mass& mass : scenario.masses) add_mass(text, mass);
   const Eigen::Quaterniond& q = scenario.initial.orientation;
@@ -207,6 +236,7 @@ std::int64_t fingerprint(const Scenario& scenario) {
   if (scenario.run.hold_s > 0) text.add("run.hold", scenario.run.hold_s);
   text.add("envelope.min_normal_force", scenario.envelope.min_normal_force_n);
   text.add("envelope.friction_use", scenario.envelope.friction_use);
+  add_tracking(text, scenario);
   if (scenario.sensors.present) add_sensors(text, scenario.sensors);
   if (scenario.believed) add_believed(text, *scenario.believed);
   text.add("seed", scenario.seed);

@@ -81,6 +81,16 @@ void warn_of_surface(TableReader& root, const Scenario& scenario) {
   if (scenario.surface.rolling_resistance > kGreatestResistance) {
     surface.warn("rolling_resistance", "is more than that of loose sand, about 0.3; a ball on carpet has 0.03 to 0.1");
   }
+  for (std::size_t i = 0; i < scenario.surface.patches.size(); ++i) {
+    const SurfacePatch& patch = scenario.surface.patches[i];
+    if (std::isfinite(patch.static_friction) && patch.static_friction > kGreatestFriction) {
+      surface.warn(message("patch.{}.static_friction", i),
+                   "is more than any floor has; rubber on dry asphalt has about 1");
+    }
+    if (patch.rolling_resistance > kGreatestResistance) {
+      surface.warn(message("patch.{}.rolling_resistance", i), "is more than that of loose sand, about 0.3");
+    }
+  }
   if (scenario.surface.spin_friction_m > kGreatestSpinFriction * scenario.ball.radius_m) {
     surface.warn("spin_friction", "is more than {} m = ball.radius / 10, so that contact would be as wide as the ball",
                  kGreatestSpinFriction * scenario.ball.radius_m);

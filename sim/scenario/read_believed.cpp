@@ -81,6 +81,7 @@ void check_rails(const Node& root, MassSurroundings around, const ReadContext& c
 
 void read_believed(const Node& root, const MassSurroundings& around, ReadContext& context, Scenario& scenario) {
   World world = scenario;
+  world.surface.patches.clear();
   TableReader believed(root.find("believed"), "believed", context);
   read_believed_ball(believed.table("ball"), world.ball);
   read_believed_surface(believed.table("surface"), world.surface);

@@ -90,24 +90,55 @@ bool read_channel(TableReader& table, const Scenario& scenario, Fault& fault) {
   return false;
 }
 
-bool read_sensor(TableReader& table, Fault& fault) {
-  const auto sensor =
-      table.choice<FaultSensor>("sensor", {"orientation", "gyro", "accelerometer", "limit_switch"}, FaultSensor::kGyro);
+// One encoder of those that the masses have.
+bool read_encoder(TableReader& table, const Scenario& scenario, Fault& fault) {
+  fault.mass = -1;
+  if (scenario.sensors.encoder_resolution.empty()) {
+    table.refuse("sensor", "has no encoders to act on; allowed with sensors.encoder");
+    return false;
+  }
+  if (!table.has("mass")) return true;
+  const auto mass = table.integer("mass", 0, static_cast<std::int64_t>(scenario.masses.size()) - 1, 0);
+  if (mass) fault.mass = static_cast<int>(*mass);
+  return mass.has_value();
+}
+
+bool read_sensor(TableReader& table, const Scenario& scenario, Fault& fault) {
+  const auto sensor = table.choice<FaultSensor>(
+      "sensor", {"orientation", "gyro", "accelerometer", "limit_switch", "encoder", "position_fix"},
+      FaultSensor::kGyro);
   if (!sensor) return false;
   fault.sensor = *sensor;
-  const bool of_switch = fault.sensor == FaultSensor::kLimitSwitch;
+  const bool of_switch = fault.sensor == FaultSensor::kLimitSwitch, of_encoder = fault.sensor == FaultSensor::kEncoder;
+  const bool of_fix = fault.sensor == FaultSensor::kPositionFix;
   if (of_switch && fault.kind != FaultKind::kSensorFreeze) {
     table.refuse("sensor", "is a switch, for which there is no {}; allowed: sensor_freeze", info(fault.kind).name);
     return false;
   }
+  if (fault.sensor == FaultSensor::kOrientation && scenario.sensors.attitude_estimated) {
+    table.refuse("sensor",
+                 "is an attitude, which nothing senses with sensors.attitude = \"estimated\"; allowed: gyro, "
+                 "accelerometer, limit_switch, encoder, position_fix");
+    return false;
+  }
   if (fault.sensor == FaultSensor::kOrientation && fault.kind == FaultKind::kSensorSaturation) {
-    table.refuse("sensor", "is an attitude, which does not saturate; allowed: gyro, accelerometer");
+    table.refuse("sensor",
+                 "is an attitude, which does not saturate; allowed: gyro, accelerometer, encoder, position_fix");
+    return false;
+  }
+  if (of_fix && !(scenario.sensors.fix.rate_hz > 0)) {
+    table.refuse("sensor", "has no position fix to act on; allowed with sensors.position_fix");
+    return false;
+  }
+  if (of_encoder && !read_encoder(table, scenario, fault)) return false;
+  if (!of_encoder && table.has("mass")) {
+    table.refuse("mass", "does not apply to {}", to_string(fault.sensor));
     return false;
   }
   table.know({"axis"});
   if (!table.has("axis")) return true;
-  if (of_switch) {
-    table.refuse("axis", "does not apply to limit_switch");
+  if (of_switch || of_encoder) {
+    table.refuse("axis", "does not apply to {}", to_string(fault.sensor));
     return false;
   }
   if (fault.sensor == FaultSensor::kOrientation &&
@@ -115,7 +146,7 @@ bool read_sensor(TableReader& table, Fault& fault) {
     table.refuse("axis", "does not apply to orientation with sensor_freeze or sensor_nan, which act on all of it");
     return false;
   }
-  const auto axis = table.integer("axis", 0, 2, 0);
+  const auto axis = table.integer("axis", 0, of_fix ? 1 : 2, 0);
   if (axis) fault.axis = static_cast<int>(*axis);
   return axis.has_value();
 }
@@ -167,16 +198,17 @@ bool read_target(TableReader& table, const Scenario& scenario, Fault& fault) {
       return false;
     }
     case FaultLayer::kSensor:
-      return refuse_others(table, kind, {"sensor", "axis"}) && read_sensor(table, fault);
+      return refuse_others(table, kind, {"sensor", "axis", "mass"}) && read_sensor(table, scenario, fault);
     case FaultLayer::kMotor:
       return refuse_others(table, kind, {"mass"}) && read_mass_index(table, scenario, fault);
     case FaultLayer::kWorld:
       if (fault.kind == FaultKind::kPush)
         return refuse_others(table, kind, {"direction"}) && read_direction(table, fault);
       if (!refuse_others(table, kind, {})) return false;
-      if (fault.value <= scenario.surface.static_friction) return true;
-      table.refuse("value", "does not lower the friction; allowed: at most surface.static_friction = {}",
-                   scenario.surface.static_friction);
+      if (fault.value <= scenario.surface.greatest_static_friction()) return true;
+      table.refuse("value", "does not lower the friction; allowed: at most {} = {}",
+                   scenario.surface.patches.empty() ? "surface.static_friction" : "the greatest on the floor",
+                   scenario.surface.greatest_static_friction());
       return false;
     case FaultLayer::kProgram:
       if (!refuse_others(table, kind, {})) return false;

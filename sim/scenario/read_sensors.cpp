@@ -93,8 +93,7 @@ SensorModel read_sensors(TableReader table, std::optional<double> control_period
     sensors.gyro = preset->gyro;
     sensors.accelerometer = preset->accelerometer;
   }
-  constexpr std::array<std::string_view, 1> kAttitudes{"sensed"};
-  table.choice("attitude", kAttitudes);
+  sensors.attitude_estimated = table.choice<bool>("attitude", {"sensed", "estimated"}, true).value_or(false);
   sensors.rate_hz = read_rate(table, control_period_s, 1 / control_period_s.value_or(1));
   sensors.latency_s = read_delay(table, "latency");
   TableReader gyro = table.table("gyro");

@@ -2,6 +2,8 @@
 
 #include <numbers>
 
+#include "sim/scenario/read_patch.h"
+
 namespace ballast::sim {
 
 namespace {
@@ -50,6 +52,26 @@ void read_slope(TableReader table, Surface& surface) {
   table.refuse_unknown_keys();
 }
 
+namespace {
+
+void set_friction(TableReader& table, double static_friction, double kinetic_friction, Surface& surface) {
+  surface.static_friction = static_friction;
+  surface.kinetic_friction = kinetic_friction;
+  if (kinetic_friction <= static_friction) return;
+  const Node* written_static = table.node("static_friction");
+  const Node* written_kinetic = table.node("kinetic_friction");
+  if (written_static != nullptr && written_static->source == kOverrideSource && written_kinetic != nullptr &&
+      written_kinetic->source != kOverrideSource) {
+    // --set surface.static_friction=0.17 lowers both: the file's kinetic friction is that of the rougher floor.
+    surface.kinetic_friction = static_friction;
+  } else {
+    table.refuse("kinetic_friction", "is out of range; allowed: > 0 and <= surface.static_friction = {}",
+                 static_friction);
+  }
+}
+
+}  // namespace
+
 void read_surface(TableReader table, Surface& surface) {
   Range friction = Range::positive();
   friction.infinity_allowed = true;
@@ -63,21 +85,9 @@ void read_surface(TableReader table, Surface& surface) {
       table.number("spin_friction", Range::non_negative("m"), surface.spin_friction_m).value_or(0);
   surface.creep_radps = table.number("creep", Range::non_negative("rad/s"), surface.creep_radps).value_or(0);
   read_slope(table.table("slope"), surface);
+  if (static_friction && kinetic_friction) set_friction(table, *static_friction, *kinetic_friction, surface);
+  read_patches(table, surface);
   table.refuse_unknown_keys();
-  if (!static_friction || !kinetic_friction) return;
-  surface.static_friction = *static_friction;
-  surface.kinetic_friction = *kinetic_friction;
-  if (*kinetic_friction <= *static_friction) return;
-  const Node* written_static = table.node("static_friction");
-  const Node* written_kinetic = table.node("kinetic_friction");
-  if (written_static != nullptr && written_static->source == kOverrideSource && written_kinetic != nullptr &&
-      written_kinetic->source != kOverrideSource) {
-    // --set surface.static_friction=0.17 lowers both: the file's kinetic friction is that of the rougher floor.
-    surface.kinetic_friction = *static_friction;
-  } else {
-    table.refuse("kinetic_friction", "is out of range; allowed: > 0 and <= surface.static_friction = {}",
-                 *static_friction);
-  }
 }
 
 }  // namespace ballast::sim

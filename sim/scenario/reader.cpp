@@ -337,19 +337,22 @@ std::optional<std::vector<double>> TableReader::list(std::string_view key, std::
   return value == nullptr ? std::nullopt : checked_numbers(*value, path_of(key), range);
 }
 
-std::optional<std::vector<Eigen::Vector3d>> TableReader::vectors(std::string_view key, std::size_t least,
-                                                                 std::size_t most, const Range& range) {
+template <int kSize>
+std::optional<std::vector<Eigen::Matrix<double, kSize, 1>>> TableReader::vectors(std::string_view key,
+                                                                                 std::size_t least, std::size_t most,
+                                                                                 const Range& range) {
   const std::string count = least == most ? std::to_string(least) : message("{} to {}", least, most);
-  const Node* value = array(key, least, most, "an array of " + count + " vectors of 3 numbers, each a " + range.text());
+  const Node* value =
+      array(key, least, most, message("an array of {} vectors of {} numbers, each a {}", count, kSize, range.text()));
   if (value == nullptr) return std::nullopt;
-  std::vector<Eigen::Vector3d> vectors;
+  std::vector<Eigen::Matrix<double, kSize, 1>> vectors;
   for (std::size_t i = 0; i < value->items.size(); ++i) {
     const Node& item = value->items[i];
     const std::string path = path_of(key) + "." + std::to_string(i);
-    const std::string allowed = "an array of 3 numbers, each a " + range.text();
+    const std::string allowed = message("an array of {} numbers, each a {}", kSize, range.text());
     if (item.kind != NodeKind::kArray) {
       report_kind(item, path, allowed);
-    } else if (item.items.size() != 3) {
+    } else if (item.items.size() != kSize) {
       report(item, path, message("has {} elements; allowed: {}", item.items.size(), allowed));
     } else if (const auto numbers = checked_numbers(item, path, range)) {
       vectors.emplace_back(numbers->data());
@@ -357,6 +360,10 @@ std::optional<std::vector<Eigen::Vector3d>> TableReader::vectors(std::string_vie
   }
   return vectors.size() == value->items.size() ? std::optional(vectors) : std::nullopt;
 }
+template std::optional<std::vector<Eigen::Vector2d>> TableReader::vectors<2>(std::string_view, std::size_t, std::size_t,
+                                                                             const Range&);
+template std::optional<std::vector<Eigen::Vector3d>> TableReader::vectors<3>(std::string_view, std::size_t, std::size_t,
+                                                                             const Range&);
 
 TableReader TableReader::table(std::string_view key) {
   TableReader reader(node(key), path_of(key), *context_);

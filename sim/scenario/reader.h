@@ -109,8 +109,10 @@ class TableReader {
   }
   std::optional<std::vector<double>> list(std::string_view key, std::size_t least, std::size_t most,
                                           const Range& range);
-  std::optional<std::vector<Eigen::Vector3d>> vectors(std::string_view key, std::size_t least, std::size_t most,
-                                                      const Range& range);
+  // kSize: 2 or 3.
+  template <int kSize = 3>
+  std::optional<std::vector<Eigen::Matrix<double, kSize, 1>>> vectors(std::string_view key, std::size_t least,
+                                                                      std::size_t most, const Range& range);
 
   TableReader table(std::string_view key);
   // One reader per entry of an array of tables. A missing key gives none; a value that is no array is reported.

@@ -51,8 +51,15 @@ struct Scenario : World {
 
   SensorModel sensors;
 
-  // The world that controller, monitor and planner take for true: [believed]. None: they know the truth.
+  // The table [control].
+  struct Control {
+    bool tracking = false;  // feedback keeps the ball on the motion; default: true where there is a [plan]
+  } control;
+
+  // The world that controller, monitor and planner take for true: [believed], or the floor without its patches, which
+  // nobody is told of. None: they know the truth.
   std::optional<World> believed;
+  bool belief_is_written = false;  // there is a [believed]
   [[nodiscard]] const World& belief() const { return believed ? *believed : *this; }
 
   std::vector<Fault> faults;  // injected into the run; in order of time, those of one time as written
@@ -66,11 +73,15 @@ struct Scenario : World {
   };
   std::vector<Published> published;
 
-  // The goal of the plan that the scenario is, where `ballast plan` wrote it. A run ignores it; its summary does not.
-  std::optional<Eigen::Vector2d> planned_goal_W_m;
+  // The table [plan] of a scenario that `ballast plan` wrote. Anything else in it is ignored.
+  struct Plan {
+    bool present = false;
+    std::optional<Eigen::Vector2d> goal_W_m;  // a run ignores it; its summary does not
+    std::optional<InitialState> start;        // attitude, rate and place that the plan begins with; none: `initial`
+  } plan;
 
   std::uint64_t seed = 0;
-  // Fingerprint of everything above but `published` and `planned_goal_W_m`: equal for equal scenarios, never 0.
+  // Fingerprint of everything above but `published` and the plan's goal: equal for equal scenarios, never 0.
   std::int64_t id = 0;
 
   std::string toml;  // a scenario file that gives this scenario, with overrides applied, from any folder

@@ -29,7 +29,9 @@ struct PositionFix {
 struct SensorModel {
   bool present = false;  // false: ideal sensors, at every tick
   std::string preset;    // empty: none
-  double rate_hz = 0;    // of the IMU
+  // False: a fused IMU senses the attitude. True: nothing does, and the firmware estimates it.
+  bool attitude_estimated = false;
+  double rate_hz = 0;  // of the IMU
   double latency_s = 0;
   ImuTriad gyro;
   ImuTriad accelerometer;

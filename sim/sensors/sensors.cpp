@@ -33,11 +33,6 @@ double rounded(double value, double resolution) {
   return resolution > 0 ? resolution * std::nearbyint(value / resolution) : value;
 }
 
-// The first tick at or after a delay.
-std::int64_t ticks_of(double delay_s, double control_period_s) {
-  return static_cast<std::int64_t>(std::ceil(delay_s / control_period_s - kRounding));
-}
-
 bool takes_sample(std::int64_t tick, std::int64_t every_ticks) { return every_ticks > 0 && tick % every_ticks == 0; }
 
 // Moves what is due by this tick out of the queue, and keeps the newest.
@@ -50,6 +45,10 @@ void deliver(Queue& on_its_way, std::int64_t tick, Reading& newest) {
 }
 
 }  // namespace
+
+std::int64_t delay_ticks(double delay_s, double control_period_s) {
+  return static_cast<std::int64_t>(std::ceil(delay_s / control_period_s - kRounding));
+}
 
 std::int64_t ticks_per_sample(double rate_hz, double control_period_s) {
   const double ticks = 1 / (rate_hz * control_period_s), whole = std::nearbyint(ticks);
@@ -84,8 +83,8 @@ Sensors::Sensors(const SensorModel& model, double control_period_s, std::uint64_
     : model_(model),
       imu_every_ticks_(ticks_per_sample(model.rate_hz, control_period_s)),
       fix_every_ticks_(model.fix.rate_hz > 0 ? ticks_per_sample(model.fix.rate_hz, control_period_s) : 0),
-      imu_latency_ticks_(ticks_of(model.latency_s, control_period_s)),
-      fix_delay_ticks_(ticks_of(model.fix.delay_s, control_period_s)),
+      imu_latency_ticks_(delay_ticks(model.latency_s, control_period_s)),
+      fix_delay_ticks_(delay_ticks(model.fix.delay_s, control_period_s)),
       gyro_(model.gyro, model.rate_hz, seed_of(seed, Stream::kGyro)),
       accelerometer_(model.accelerometer, model.rate_hz, seed_of(seed, Stream::kAccelerometer)),
       fix_random_(seed_of(seed, Stream::kFix)) {}

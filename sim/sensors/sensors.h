@@ -72,6 +72,9 @@ class Sensors {
   // Once per tick, in order.
   const SensorReadings& read(std::int64_t tick, const TrueMotion& truth);
 
+  // What the gyro now adds to every true reading.
+  [[nodiscard]] const Eigen::Vector3d& gyro_bias_B_radps() const { return gyro_.bias(); }
+
  private:
   template <class Reading>
   struct OnItsWay {
@@ -89,6 +92,9 @@ class Sensors {
   std::deque<OnItsWay<FixReading>> fixes_;
   SensorReadings readings_;
 };
+
+// Control ticks after which what is delayed has come: in the first tick at or after the delay.
+[[nodiscard]] std::int64_t delay_ticks(double delay_s, double control_period_s);
 
 // Control ticks from one sample to the next, if the rate divides the tick rate; 0 otherwise.
 [[nodiscard]] std::int64_t ticks_per_sample(double rate_hz, double control_period_s);

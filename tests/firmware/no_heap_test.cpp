@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdlib>
 #include <iostream>
+#include <limits>
 #include <memory>
 #include <new>
 
@@ -194,6 +195,55 @@ TEST(NoHeap, AMillionTicks) {
   EXPECT_GT(pulses_before_trip, 100'000) << "the masses have to move for this to prove anything";
   EXPECT_EQ(out->status.mode, Mode::kTripped);
   EXPECT_TRUE(out->status.at_rest);
+}
+
+// The filter, encoders, places from outside and the measured contact force, with samples that stay away or are none.
+TEST(NoHeap, AnEstimatedAttitude) {
+  const auto params = std::make_unique<ControllerParams>(testing::paper_params());
+  EstimationParams& estimation = params->estimation;
+  estimation.estimated = estimation.measures_contact = estimation.has_encoders = true;
+  estimation.imu_latency_ticks = 3;
+  estimation.fix_delay_ticks = 20;
+  estimation.fix_noise_m = 0.01;
+  estimation.gyro.noise = 1e-3;
+  estimation.accelerometer.noise = 1e-2;
+  estimation.encoder_resolution.fill(1e-3);
+  ASSERT_TRUE(validate(*params).ok());
+  const auto state = std::make_unique<ControllerState>();
+  const auto out = std::make_unique<Outputs>();
+  Inputs in;
+  in.sensors.attitude_valid = false;
+  in.sensors.has_encoders = true;
+  int estimates = 0, running = 0;
+  EXPECT_EQ(allocations_during([&] {
+              reset(*params, *state);
+              for (std::int64_t k = -1000; k < 99'000; ++k) {
+                in.tick = in.sensors.tick = in.monitor.tick = k;
+                const Real t = static_cast<Real>(k > 0 ? k : 0) * 1e-3, noise = static_cast<Real>(k % 7 - 3) * 1e-3;
+                if (k % 1000 < 990) {
+                  in.sensors.imu_count += 1;
+                  in.sensors.imu_tick = k - 3;
+                }
+                in.sensors.gyro_B_radps = Vector3(k > 0 ? 2.0 / 3 : 0, 0, 0) + Vector3(noise, -noise, noise);
+                in.sensors.accelerometer_B_mps2 = Vector3(noise, std::sin(2 * t / 3), std::cos(2 * t / 3) + noise);
+                if (k % 5000 == 4321) in.sensors.gyro_B_radps[1] = std::numeric_limits<Real>::quiet_NaN();
+                if (k % 100 == 0) {
+                  in.sensors.fix_count += 1;
+                  in.sensors.fix_tick = k - 20;
+                }
+                for (std::size_t i = 0; i < 3; ++i) in.sensors.encoder[i] = out->status.commanded_position[i] + noise;
+                in.operator_command = state->mode == Mode::kTripped    ? OperatorCommand::kReset
+                                      : state->mode == Mode::kDisarmed ? OperatorCommand::kArm
+                                      : state->mode == Mode::kArmed    ? OperatorCommand::kStart
+                                                                       : OperatorCommand::kNone;
+                whole_tick(*params, *state, in, *out);
+                estimates += out->status.estimate.valid;
+                running += state->mode == Mode::kRunning;
+              }
+            }),
+            0);
+  EXPECT_GT(estimates, 90'000);
+  EXPECT_GT(running, 0);
 }
 
 TEST(NoHeap, MovesAndStops) {

@@ -5,6 +5,7 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "firmware/motion/motion_limits.h"
 #include "tests/firmware/paper_ball.h"
@@ -114,6 +115,89 @@ TEST(Validate, Ball) {
     }
     p.ball.mass_count = 9;
   });
+}
+
+// A table of two rows: the ball stands, no feedback.
+void add_reference(ControllerParams& p) {
+  p.tracking.samples = 2;
+  p.tracking.period_s = 0.5;
+  for (std::size_t k = 0; k < 2; ++k) p.tracking.values[k * static_cast<std::size_t>(reference_row(3))] = 1;
+}
+
+TEST(Validate, Reference) {
+  EXPECT_TRUE(validated([](auto& p) { add_reference(p); }).ok());
+  EXPECT_TRUE(validated([](auto& p) { p.tracking.period_s = kNan; }).ok()) << "no samples: not read";
+  const int most = kMostReferenceFloats / reference_row(3);
+  for (const int samples : {-1, 1, most + 1, kMostReferenceFloats}) {
+    expect_refused("tracking.samples", -1, [samples](auto& p) {
+      add_reference(p);
+      p.tracking.samples = samples;
+    });
+  }
+  for (const Real period : {Real(0), Real(-1), kNan, kInfinity}) {
+    expect_refused("tracking.period_s", -1, [period](auto& p) {
+      add_reference(p);
+      p.tracking.period_s = period;
+    });
+  }
+  const int last = 2 * reference_row(3) - 1;
+  for (const float value : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    expect_refused("tracking.values", last, [=](auto& p) {
+      add_reference(p);
+      p.tracking.values[static_cast<std::size_t>(last)] = value;
+    });
+  }
+  expect_refused("tracking.values", reference_row(3), [](auto& p) {
+    add_reference(p);
+    p.tracking.values[static_cast<std::size_t>(reference_row(3))] = 0.999F;
+  });
+}
+
+void expect_refused_triad(const std::string& name, TriadErrors EstimationParams::*triad) {
+  const std::pair<const char*, Real TriadErrors::*> fields[] = {{"noise", &TriadErrors::noise},
+                                                                {"bias", &TriadErrors::bias},
+                                                                {"bias_walk", &TriadErrors::bias_walk},
+                                                                {"scale_error", &TriadErrors::scale_error},
+                                                                {"misalignment", &TriadErrors::misalignment_rad},
+                                                                {"range", &TriadErrors::range},
+                                                                {"resolution", &TriadErrors::resolution}};
+  for (const auto& [field, member] : fields) {
+    expect_refused_values("estimation." + name + "." + field, -1, {-1, kNan, kInfinity},
+                          [&, m = member](auto& p) -> Real& { return p.estimation.*triad.*m; });
+  }
+}
+
+TEST(Validate, Estimation) {
+  expect_refused_triad("gyro", &EstimationParams::gyro);
+  expect_refused_triad("accelerometer", &EstimationParams::accelerometer);
+  expect_refused("estimation.measures_contact", -1, [](auto& p) { p.estimation.estimated = true; });
+  EXPECT_TRUE(validated([](auto& p) { p.estimation.estimated = p.estimation.measures_contact = true; }).ok());
+  for (const int ticks : {-1, 0, 1'000'000'001}) {
+    expect_refused("estimation.imu_period_ticks", -1, [ticks](auto& p) { p.estimation.imu_period_ticks = ticks; });
+    if (ticks == 0) continue;
+    expect_refused("estimation.imu_latency_ticks", -1, [ticks](auto& p) { p.estimation.imu_latency_ticks = ticks; });
+    expect_refused("estimation.fix_delay_ticks", -1, [ticks](auto& p) { p.estimation.fix_delay_ticks = ticks; });
+  }
+  for (int j = 0; j < 3; ++j) {
+    expect_refused_values("estimation.accelerometer_position_B_m", -1, {kNan, kInfinity},
+                          [j](auto& p) -> Real& { return p.estimation.accelerometer_position_B_m[j]; });
+    expect_refused_values("estimation.initial_angular_velocity", -1, {kNan, kInfinity},
+                          [j](auto& p) -> Real& { return p.estimation.initial_angular_velocity_B_radps[j]; });
+  }
+  for (int j = 0; j < 2; ++j) {
+    expect_refused_values("estimation.initial_position_W_m", -1, {kNan, -kInfinity},
+                          [j](auto& p) -> Real& { return p.estimation.initial_position_W_m[j]; });
+  }
+  for (const Real w : {Real(0), Real(1.001), kNan, kInfinity}) {
+    expect_refused("estimation.initial_orientation", -1,
+                   [w](auto& p) { p.estimation.initial_orientation = Quaternion(w, 0, 0, 0); });
+  }
+  expect_refused_values("estimation.fix_noise_m", -1, {-1, kNan, kInfinity},
+                        [](auto& p) -> Real& { return p.estimation.fix_noise_m; });
+  for (std::size_t i : {0u, 7u}) {
+    expect_refused_values("estimation.encoder_resolution", -1, {-1, kNan, kInfinity},
+                          [i](auto& p) -> Real& { return p.estimation.encoder_resolution[i]; });
+  }
 }
 
 TEST(Validate, MassesAndRails) {

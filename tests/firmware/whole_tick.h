@@ -1,4 +1,4 @@
-// The three calls of a control tick in one, for tests in which nobody waits for the steps.
+// The four calls of a control tick in one, for tests in which nobody waits for the steps.
 #pragma once
 
 #include "firmware/control/controller.h"
@@ -13,6 +13,7 @@ struct Outputs {
 inline void whole_tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, Outputs& outputs) {
   tick(params, state, inputs, outputs.steps);
   predict(params, state);
+  measure(params, inputs, state);
   report(params, state, inputs, outputs.status);
 }
 

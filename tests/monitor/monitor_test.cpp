@@ -38,7 +38,7 @@ struct Tick {
 
   explicit Tick(std::int64_t tick) {
     status.emplace().tick = tick - 1;
-    contact.tick = state.tick = sensors.tick = tick;
+    contact.tick = state.tick = sensors.tick = contact.commanded_tick = tick;
     contact.utime = state.utime = sensors.utime = 1000 * tick;
     contact.time_s = state.time_s = 0.001 * static_cast<double>(tick);
     contact.normal_force_n = 8;
@@ -443,6 +443,33 @@ TEST(Monitor, DisagreementIsOfOneInstant) {
   expect_quiet(judge(1, 8, 8, 0));
   expect_quiet(judge(2, 4, 8, 1));  // what the status of tick 1 says is held against contact 1, not contact 2
   expect_trip(judge(3, 4, 8, 2), trip_t::CAUSE_DISAGREEMENT, 3, 4, 0.5);
+}
+
+// With an estimated attitude the plant answers the status of the tick before, and the answer is judged at once.
+TEST(Monitor, AnAnswerToTheStatusBeforeIsJudgedWithIt) {
+  MonitorLimits l = limits();
+  l.disagreement_n = 0.5;
+  const auto judge = [](Monitor& monitor, std::int64_t k, double plant_n, double controller_n) {
+    Tick tick(k);
+    tick.contact.commanded_tick = k - 1;
+    tick.contact.commanded_normal_force_n = plant_n;
+    tick.status->normal_force_n = controller_n;
+    return monitor.judge(tick.samples());
+  };
+  Monitor monitor(l);
+  expect_quiet(judge(monitor, 1, 8, 8));
+  expect_quiet(judge(monitor, 2, 4, 4));  // of tick 1 both, another than that of tick 0
+  expect_trip(judge(monitor, 3, 4, 8), trip_t::CAUSE_DISAGREEMENT, 3, 4, 0.5);
+  // A status that is older than the plant's answer is not held against it.
+  Monitor late(l);
+  expect_quiet(judge(late, 1, 8, 8));
+  Tick tick(2);
+  tick.contact.commanded_tick = 1;
+  tick.contact.commanded_normal_force_n = 4;
+  tick.status->tick = 0;
+  tick.status->normal_force_n = 8;
+  late.judge(tick.samples());
+  EXPECT_NE(late.verdict().cause, trip_t::CAUSE_DISAGREEMENT);
 }
 
 // 1 - f_s / (mu_s N) = 1 - 0.25 / (0.25 8) = 0.875 of the messages here.

@@ -297,6 +297,7 @@ class WholeRun : public Programs {
       sensors.scenario_id = id;
       contact.normal_force_n = contact.normal_force_min_n = normal_force_n;
       state.orientation[0] = sensors.orientation[0] = 1;
+      sensors.attitude_valid = 1;
       state.mass_count = sensors.mass_count = 2;
       contact.last = state.last = sensors.last = k == 2 ? 1 : 0;
       EXPECT_EQ(bus.publish(hal::kChannelContact, contact), hal::Status::kOk);

@@ -1,10 +1,14 @@
-// Sensors against what was asked of them: statistics from many samples, and exact values where nothing is random.
+// Sensors against what was asked of them: statistics from many samples, and exact values where nothing is random. If
+// BALLAST_ALLAN_OUT names a file, the Allan deviations are written there for tools/plots/allan_deviation.py.
 #include "sim/sensors/sensors.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
+#include <fstream>
 #include <functional>
+#include <vector>
 
 #include "sim/sensors/imu_presets.h"
 #include "tests/random_seed.h"
@@ -82,6 +86,51 @@ TEST(Triad, ItsBiasWalks) {
     squares += triad.bias().squaredNorm();
   }
   expect_sigma(1e-3 * std::sqrt(0.25), squares, 3 * kRuns);
+}
+
+// Allan variances of three axes together, from neighbouring means of m samples that do not overlap.
+double allan_variance(const std::vector<Vector3d>& sums, std::size_t m) {
+  const std::size_t means = (sums.size() - 1) / m;
+  double squares = 0;
+  for (std::size_t k = 0; k + 2 <= means; ++k) {
+    squares += (sums[(k + 2) * m] - 2 * sums[(k + 1) * m] + sums[k * m]).squaredNorm();
+  }
+  return squares / (6 * static_cast<double>((means - 1) * m * m));
+}
+
+// At rest, white noise of the one-sided density n gives the Allan variance n^2 / (2 tau), and a bias that walks by K
+// gives K^2 tau / 3 (IEEE Std 952, annex C). For m samples of a walk that steps with each of them it is
+// K^2 dt (2 m^2 + 1) / (6 m) exactly.
+TEST(Triad, ItsAllanDeviationLiesOnTheLinesOfNoiseAndWalk) {
+  constexpr double kRate_hz = 100;
+  constexpr std::size_t kSamples = 1000000;
+  std::uint64_t seed = test::random_seed(4);
+  const char* out = std::getenv("BALLAST_ALLAN_OUT");
+  std::ofstream csv;
+  if (out != nullptr) csv.open(out);
+  for (const ImuPreset& preset : imu_presets()) {
+    if (preset.name.ends_with("_calibrated")) continue;  // has the part's noise and walk
+    for (const bool of_gyro : {true, false}) {
+      const ImuTriad& part = of_gyro ? preset.gyro : preset.accelerometer;
+      const ImuTriad model{.noise_density = part.noise_density, .bias_walk = part.bias_walk};
+      Triad triad(model, kRate_hz, ++seed);
+      std::vector<Vector3d> sums(kSamples + 1, Vector3d::Zero());
+      for (std::size_t k = 0; k < kSamples; ++k) sums[k + 1] = sums[k] + triad.read(Vector3d::Zero());
+      for (std::size_t m = 1; m <= kSamples / 50; m *= 2) {
+        const double tau_s = static_cast<double>(m) / kRate_hz, count = static_cast<double>(m);
+        const double noise = model.noise_density * model.noise_density / (2 * tau_s);
+        const double walk = model.bias_walk * model.bias_walk / kRate_hz * (2 * count * count + 1) / (6 * count);
+        const double found = allan_variance(sums, m), means = static_cast<double>(kSamples / m) - 1;
+        // Neighbouring differences correlate by -1/2 (noise) to 1/4 (walk), so that the variance of an axis's estimate
+        // is at most 2 (1 + 2/4) / means. 3.8 sigma for each of 70 estimates make a band of 99 % for all of them.
+        if (means > 500) {
+          EXPECT_NEAR(found / (noise + walk), 1, 3.8 * std::sqrt(1 / means)) << preset.name << " tau " << tau_s;
+        }
+        csv << preset.name << (of_gyro ? ",gyro," : ",accelerometer,") << tau_s << ',' << std::sqrt(found) << ','
+            << model.noise_density << ',' << model.bias_walk << '\n';
+      }
+    }
+  }
 }
 
 TEST(Triad, SaturatesAndRounds) {

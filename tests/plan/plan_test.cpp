@@ -9,6 +9,7 @@
 #include "tests/plan/task_set.h"
 #include "tools/plan/alternatives.h"
 #include "tools/plan/bounds.h"
+#include "tools/plan/random_robot.h"
 #include "tools/plan/random_task.h"
 #include "tools/plan/write_plan.h"
 
@@ -344,6 +345,173 @@ std::string with_motors(std::string robot, const std::string& limits, bool stepp
   return robot;
 }
 
+// The robot on another floor; `surface`: further lines of [surface].
+std::string on_floor(const std::string& surface, const std::string& task) {
+  std::string text = kRobot;
+  return text.insert(text.find("[[mass]]"), surface) + task;
+}
+
+const std::string kSlope = "slope = { angle = 0.0523598775598, downhill = 0.7 }\n";  // 3 degrees
+
+// The centre of mass off the weight's line through the contact point, and how far below the geometric centre it is,
+// both in m.
+std::pair<double, double> off_balance_m(const sim::Scenario& scenario, const sim::Plant::Sample& at) {
+  Eigen::Vector3d moment = scenario.ball.mass_kg * scenario.ball.center_of_mass_B_m;
+  double mass_kg = scenario.ball.mass_kg;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    const sim::Mass& mass = scenario.masses[i];
+    moment += mass.mass_kg * firmware::evaluate<double>(mass.rail, at.mass_position[i]).position;
+    mass_kg += mass.mass_kg;
+  }
+  const double slope = scenario.surface.slope_rad, downhill = scenario.surface.downhill_rad;
+  const Eigen::Vector3d down(std::sin(slope) * std::cos(downhill), std::sin(slope) * std::sin(downhill),
+                             -std::cos(slope));
+  const Eigen::Vector4d q = at.orientation;
+  const Eigen::Vector3d center = Eigen::Quaterniond(q[0], q[1], q[2], q[3]) * (moment / mass_kg);
+  const Eigen::Vector3d from_contact = center + scenario.ball.radius_m * Eigen::Vector3d::UnitZ();
+  return {from_contact.cross(down).norm(), center.dot(down)};
+}
+
+// The ball starts at no equilibrium of the slope. At the end it is in one, and stays.
+TEST(PlanOnRealFloors, RestsInEquilibrium) {
+  for (const char* resistance : {"", "rolling_resistance = 0.02\nspin_friction = 0.001\n"}) {
+    SCOPED_TRACE(resistance);
+    const Planned p = plan_of(on_floor(kSlope + resistance, "goal = [0.3, 0.1]\nduration = 6.0\n"));
+    ASSERT_TRUE(p.outcome.plan);
+    const sim::Plant::Sample& end = p.outcome.plan->run.final;
+    const auto [off_m, below_m] = off_balance_m(p.written, end);
+    EXPECT_LT(off_m, 3e-4 * p.written.ball.radius_m);  // what counts as rest
+    EXPECT_GT(below_m, 0);
+    EXPECT_LT(end.angular_velocity_B_radps.norm(), 4e-4 * std::sqrt(9.81 / 0.15));
+    EXPECT_GE(p.outcome.plan->run.extrema.mu_required_max.value, std::tan(3 * std::numbers::pi / 180) * (1 - 1e-3));
+    sim::Scenario longer = p.written;
+    longer.duration_s = 16;
+    sim::Plant plant(longer);
+    plant.advance(16, {});
+    // The speed that is left, 3e-4 sqrt(g r), takes it at most 3.6 mm in 10 s.
+    EXPECT_LT((plant.sample().position_W_m.head<2>() - Eigen::Vector2d(0.3, 0.1)).norm(), 4e-3);
+  }
+}
+
+Outcome outcome_of(const std::string& toml, Problem& problem) {
+  std::vector<sim::ScenarioError> errors;
+  const auto task = parse_task(toml, "task.toml", errors);
+  EXPECT_TRUE(task) << errors_of(toml);
+  if (!task) return {};
+  problem = make_problem(*task);
+  return search(problem, task->scenario, {});
+}
+
+// The robot's masses bring the centre of mass at most 0.0461 m from the geometric centre: straight down, with all three
+// at their lowest, it is 0.28 (2 0.095 + 0.02) / 1.64 = 0.036 m below it. r sin(angle) is 0.0513 m at 20 degrees.
+TEST(PlanOnRealFloors, RefusesRestWhereThereIsNone) {
+  const std::string task = "goal = [0.1, 0]\nduration = 6.0\n", steep = "slope = { angle = 0.349 }\n";
+  const auto with_force = [&](const std::string& surface, const char* force) {
+    return "external_force = " + std::string(force) + "\n" + on_floor(surface, task);
+  };
+  const std::pair<std::string, const char*> impossible[] = {
+      {on_floor(steep, task), "centre of mass"},
+      {on_floor(steep + "rolling_resistance = 0.5\n", task), "centre of mass"},  // it holds no ball for good
+      {on_floor("slope = { angle = 0.524 }\n", task), "friction does not hold"},
+      {with_force("slope = { angle = 0.02 }\n", "[0, 0.1, 0]"), "spins the ball"},
+  };
+  for (const auto& [toml, words] : impossible) {
+    Problem problem;
+    const Outcome outcome = outcome_of(toml, problem);
+    EXPECT_EQ(outcome.status, Status::kInfeasible) << toml;
+    EXPECT_NE(outcome.binding.find(words), std::string::npos) << outcome.binding;
+    EXPECT_NE(outcome.binding.find("task.at_rest"), std::string::npos) << outcome.binding;
+  }
+  const std::string possible[] = {on_floor("slope = { angle = 0.2 }\n", task),
+                                  on_floor(steep, task + "at_rest = false\n"),
+                                  with_force(steep, "[-4, 0, 0]"),  // holds the weight's part in the floor nearly alone
+                                  with_force("slope = { angle = 0.02 }\n", "[0.1, 0, 0]")};
+  for (const std::string& toml : possible) {
+    std::vector<sim::ScenarioError> errors;
+    const auto read = parse_task(toml, "task.toml", errors);
+    ASSERT_TRUE(read) << errors_of(toml);
+    const Problem problem = make_problem(*read);
+    EXPECT_EQ(problem.task.at_rest ? no_rest(problem) : "", "") << toml;
+  }
+}
+
+// No place of the masses that a random draw finds is beyond the bound. On circles and lines the bound is reached:
+// slopes little steeper than the farthest of 5,000 draws allows are refused.
+TEST(PlanOnRealFloors, RefusalsOfRestAreSound) {
+  int refused = 0, tried = 0;
+  for (int robot = 0; robot < 24; ++robot) {
+    SCOPED_TRACE("seed 1, robot " + std::to_string(robot));
+    std::vector<sim::ScenarioError> errors;
+    const auto task = parse_task("name = \"rest\"\n" + random_robot(1, robot) +
+                                     "[run]\nactuation = \"prescribed\"\n[task]\ngoal = [0, 0]\nduration = 1\n",
+                                 "task", errors);
+    ASSERT_TRUE(task) << sim::to_string(errors.front());
+    Problem problem = make_problem(*task);
+    problem.friction_limit = std::numeric_limits<double>::infinity();
+    firmware::BallParams& ball = problem.robot.ball;
+    Random random(static_cast<std::uint64_t>(robot));
+    double farthest_m = 0;
+    for (int draw = 0; draw < 5000; ++draw) {
+      Eigen::Vector3d moment = ball.shell_mass_kg * ball.center_of_mass_B_m;
+      double mass_kg = ball.shell_mass_kg;
+      for (std::size_t i = 0; i < task->scenario.masses.size(); ++i) {
+        const firmware::Rail& rail = ball.rail[i];
+        const bool ends = std::isfinite(rail.lower_end);
+        const double position = ends ? random.between(rail.lower_end, rail.upper_end) : random.between(-10, 10);
+        moment += ball.mass_kg[i] * firmware::evaluate<double>(rail, position).position;
+        mass_kg += ball.mass_kg[i];
+      }
+      farthest_m = std::max(farthest_m, moment.norm() / mass_kg);
+    }
+    const auto on_slope = [&](double sine) {
+      ball.down_W = firmware::Vector3(sine, 0, -std::sqrt(1 - sine * sine));
+      return no_rest(problem);
+    };
+    EXPECT_EQ(on_slope(0.999 * farthest_m / ball.radius_m), "");
+    const double steeper = 1.2 * farthest_m / ball.radius_m;
+    if (robot % 4 == 3 || steeper >= 1) continue;
+    ++tried;
+    refused += on_slope(steeper).empty() ? 0 : 1;
+  }
+  EXPECT_GT(tried, 10);
+  EXPECT_EQ(refused, tried);
+}
+
+TEST(PlanOnRealFloors, TheBelievedFloorIsPlannedOn) {
+  const std::string task = "goal = [0.1, 0]\nduration = 4.0\n";
+  const std::string believed =
+      "[believed.surface]\nrolling_resistance = 0.03\nslope = { angle = 0.02, downhill = 0.0 }\n";
+  std::string toml = on_floor(kSlope, task);
+  toml.insert(toml.find("[task]"), believed);
+  std::vector<sim::ScenarioError> errors;
+  const auto read = parse_task(toml, "task.toml", errors);
+  ASSERT_TRUE(read) << errors_of(toml);
+  const firmware::BallParams ball = make_problem(*read).robot.ball;
+  EXPECT_DOUBLE_EQ(ball.down_W[0], std::sin(0.02));
+  EXPECT_EQ(ball.rolling_resistance, 0.03);
+  const Outcome outcome = search(make_problem(*read), read->scenario, {});
+  ASSERT_TRUE(outcome.plan) << outcome.binding;
+  EXPECT_GE(outcome.plan->run.extrema.mu_required_max.value, std::tan(0.02) * (1 - 1e-3));
+  EXPECT_LT(outcome.plan->run.extrema.mu_required_max.value, std::tan(3 * std::numbers::pi / 180));
+}
+
+// A sample of what `plan_tasks --slope` measures: to a place and to rest, prescribed and with steppers.
+TEST(PlanOnRealFloors, RandomTasksAreFound) {
+  constexpr std::uint64_t kSeed = 1;
+  constexpr RandomFloor kFloor{3 * std::numbers::pi / 180, 0.02};
+  for (const int number : {0, 1, 2, 3, 12, 14}) {
+    SCOPED_TRACE("seed 1, task " + std::to_string(number));
+    std::string why;
+    const auto toml = random_floor_task(kSeed, number, kFloor, why);
+    ASSERT_TRUE(toml) << why;
+    const Planned p = plan_of(*toml);
+    if (!p.outcome.plan) continue;
+    const double distance_m = (p.task->task.goal_m - p.problem.start_m).norm();
+    const Reach reach = reach_of_friction(p.problem, p.outcome.plan->grid.duration_s, p.task->task.at_rest);
+    EXPECT_GE(reach.at(p.outcome.plan->run.extrema.mu_required_max.value), distance_m);
+  }
+}
+
 // Motors too weak for a goal are named at once, each by the limit that stands in the way.
 TEST(Plan, RefusesWhatMotorsCannotDoAtOnce) {
   const std::pair<const char*, const char*> weak[] = {{"max_step_rate = 100", "motor.max_step_rate"},
@@ -461,20 +629,18 @@ TEST(PlanTask, EveryKeyWrongOnceIsOneClearError) {
   }
 }
 
-TEST(PlanTask, RefusesFloorsThatSlopeOrResist) {
-  const std::string good = "goal = [0.5, 0]\nduration = 6\n";
+TEST(PlanTask, WrongFloorsAreOneClearError) {
   const std::pair<const char*, const char*> floors[] = {
-      {"slope = { angle = 0.05, downhill = 0.7 }\n", "surface.slope"},
-      {"rolling_resistance = 0.01\n", "surface.rolling_resistance"},
-      {"spin_friction = 0.001\n", "surface.spin_friction"},
+      {"slope = { angle = 1.6, downhill = 0.7 }\n", "surface.slope.angle"},
+      {"slope = 0.05\n", "surface.slope"},
+      {"rolling_resistance = nan\n", "surface.rolling_resistance"},
+      {"spin_friction = -0.001\n", "surface.spin_friction"},
   };
   for (const auto& [text, key] : floors) {
-    std::string task = kRobot + good;
-    task.insert(task.find("[[mass]]"), text);
-    const std::string errors = errors_of(task);
+    const std::string errors = errors_of(on_floor(text, "goal = [0.5, 0]\nduration = 6\n"));
     EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << text << errors;
     EXPECT_NE(errors.find(std::string(": ") + key), std::string::npos) << text << errors;
-    EXPECT_NE(errors.find("allowed in a task"), std::string::npos) << text << errors;
+    EXPECT_NE(errors.find("allowed"), std::string::npos) << text << errors;
   }
 }
 

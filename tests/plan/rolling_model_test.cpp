@@ -1,5 +1,5 @@
 // The planner's model against the firmware's closed forms, and its derivatives against complex step.
-#include "tools/plan/rolling_model.h"
+#include "tools/tracking/rolling_model.h"
 
 #include <gtest/gtest.h>
 
@@ -30,8 +30,9 @@ T dot_of(const Vector3T<T>& a, const Vector3T<T>& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-// The same quantities by Newton and Euler as physics.md section 4 writes them: R_B and Omegadot are unknowns of one
-// linear system of six, in any scalar.
+// The same quantities by Newton and Euler as physics.md section 4 writes them, with the slope and the moment of its
+// "Real floors": R_B and Omegadot are unknowns of one linear system of six, in any scalar. The moment has R_B's normal
+// part as a factor, so it joins the columns of R_B.
 template <class T>
 struct Outputs {
   Vector3T<T> omega_dot;
@@ -53,7 +54,9 @@ Outputs<T> newton_euler(const Robot& robot, const std::vector<T>& v) {
   const Vector3T<T> force_W = ball.external_force_W_n.template cast<T>(), force = lambda.transpose() * force_W;
   Eigen::Matrix<T, 6, 6> a = Eigen::Matrix<T, 6, 6>::Zero();  // of (Omegadot, R_B)
   Eigen::Matrix<T, 6, 1> b = Eigen::Matrix<T, 6, 1>::Zero();
-  const T r = ball.radius_m, g = ball.gravity_mps2;
+  const T r = ball.radius_m;
+  const Vector3T<T> down_W = ball.down_W.template cast<T>();
+  const Vector3T<T> against_weight = -T(ball.gravity_mps2) * (lambda.transpose() * down_W);  // -Lambda^T g_W
   struct Term {
     T mass;
     Vector3T<T> zeta, d1, c;
@@ -84,10 +87,19 @@ Outputs<T> newton_euler(const Robot& robot, const std::vector<T>& v) {
     a.template block<3, 1>(0, 3 + k) = -unit;
     a.template block<3, 1>(3, 3 + k) = cross_of<T>(Vector3T<T>(r * gamma), unit);
   }
+  if (ball.creep_radps > 0) {
+    const Vector3T<T> spin = lambda * omega;
+    const T creep2 = ball.creep_radps * ball.creep_radps;
+    const T rolling = T(ball.rolling_resistance) * r / std::sqrt(spin[0] * spin[0] + spin[1] * spin[1] + creep2);
+    const T spinning = T(ball.spin_friction_m) / std::sqrt(spin[2] * spin[2] + creep2);
+    const Vector3T<T> moment =
+        lambda.transpose() * Vector3T<T>(-rolling * spin[0], -rolling * spin[1], -spinning * spin[2]);
+    a.template block<3, 3>(3, 3) -= moment * gamma.transpose();
+  }
   Vector3T<T> newton = force;
   Vector3T<T> euler = -cross_of<T>(omega, Vector3T<T>(ball.inertia_kgm2.template cast<T>().cwiseProduct(omega)));
   for (const Term& t : terms) {
-    const Vector3T<T> of_mass = t.mass * (t.c + g * gamma);
+    const Vector3T<T> of_mass = t.mass * (t.c + against_weight);
     newton -= of_mass;
     euler -= cross_of<T>(t.zeta, of_mass);
   }
@@ -104,18 +116,36 @@ Outputs<T> newton_euler(const Robot& robot, const std::vector<T>& v) {
     const auto k = static_cast<std::size_t>(i);
     const Term& t = terms[k + 1];
     const Vector3T<T> lever = r * gamma + t.zeta;
-    const Vector3T<T> pull = cross_of<T>(out.omega_dot, lever) + t.c + g * gamma;
+    const Vector3T<T> pull = cross_of<T>(out.omega_dot, lever) + t.c + against_weight;
     out.torque[k] = t.mass * dot_of<T>(t.d1, pull) + robot.reflected_inertia[k] * v[9 + 3 * k];
   }
   return out;
 }
+
+enum class Floor { kLevel, kSlope, kResists, kBoth };
+constexpr Floor kFloors[] = {Floor::kLevel, Floor::kSlope, Floor::kResists, Floor::kBoth};
 
 struct Sample {
   Robot robot;
   RollingState state;
 };
 
-Sample random_sample(std::mt19937_64& random, int masses) {
+// Up to 40 degrees steep. Every third resisting floor has a creep rate far above the ball's own, and every third one
+// far below it.
+void change_floor(std::mt19937_64& random, Floor floor, firmware::BallParams& ball) {
+  std::uniform_real_distribution<double> part(0, 1);
+  if (floor == Floor::kSlope || floor == Floor::kBoth) {
+    const double angle = 0.7 * part(random), downhill = 7 * part(random);
+    ball.down_W = {std::sin(angle) * std::cos(downhill), std::sin(angle) * std::sin(downhill), -std::cos(angle)};
+  }
+  if (floor == Floor::kResists || floor == Floor::kBoth) {
+    ball.rolling_resistance = 0.1 * part(random);
+    ball.spin_friction_m = 0.1 * part(random);
+    ball.creep_radps = std::pow(10, std::floor(3 * part(random)) * 2 - 3);
+  }
+}
+
+Sample random_sample(std::mt19937_64& random, int masses, Floor floor = Floor::kLevel) {
   std::uniform_real_distribution<double> u(-1, 1);
   const auto vector = [&] { return firmware::Vector3(u(random), u(random), u(random)); };
   Sample s;
@@ -141,6 +171,13 @@ Sample random_sample(std::mt19937_64& random, int masses) {
   q.normalize();
   s.state.q = {q[0], q[1], q[2], q[3]};
   s.state.omega_B = {u(random), u(random), u(random)};
+  change_floor(random, floor, ball);
+  return s;
+}
+
+// Where nothing presses the ball to the floor, it gives no moment.
+Sample without_moment_in_flight(Sample s, const RollingValue& value) {
+  if (value.normal_n <= 0) s.robot.ball.creep_radps = 0;
   return s;
 }
 
@@ -156,10 +193,10 @@ std::vector<T> flat(const Sample& s) {
 }
 
 TEST(RollingModel, AgreesWithTheFirmwareAndNewtonEuler) {
-  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     std::mt19937_64 random(seed);
-    const Sample s = random_sample(random, static_cast<int>(seed % 9));
+    const Sample s = random_sample(random, static_cast<int>(seed % 9), kFloors[seed % 4]);
     RollingValue value{};
     evaluate_rolling(s.robot, s.state, value);
     const auto& q = s.state.q;
@@ -173,7 +210,7 @@ TEST(RollingModel, AgreesWithTheFirmwareAndNewtonEuler) {
     EXPECT_NEAR(value.omega_dot_B.x, forces.angular_acceleration_B_radps2[0], kRounding);
     EXPECT_NEAR(value.omega_dot_B.y, forces.angular_acceleration_B_radps2[1], kRounding);
     EXPECT_NEAR(value.omega_dot_B.z, forces.angular_acceleration_B_radps2[2], kRounding);
-    const auto other = newton_euler<double>(s.robot, flat<double>(s));
+    const auto other = newton_euler<double>(without_moment_in_flight(s, value).robot, flat<double>(s));
     EXPECT_NEAR(value.normal_n, other.normal, kRounding);
     for (int i = 0; i < s.robot.ball.mass_count; ++i) {
       const auto k = static_cast<std::size_t>(i);
@@ -184,13 +221,14 @@ TEST(RollingModel, AgreesWithTheFirmwareAndNewtonEuler) {
 
 TEST(RollingModel, DerivativesAreThoseByComplexStep) {
   double worst = 0;
-  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     std::mt19937_64 random(seed);
-    const Sample s = random_sample(random, static_cast<int>(seed % 9));
+    const Sample s = random_sample(random, static_cast<int>(seed % 9), kFloors[seed % 4]);
     RollingValue value{};
     RollingDerivative derivative{};
     differentiate_rolling(s.robot, s.state, true, value, derivative);
+    const Robot judge = without_moment_in_flight(s, value).robot;
     const int n = s.robot.ball.mass_count;
     ASSERT_EQ(derivative.columns, 6 + 3 * n);
     for (int column = 0; column < derivative.columns; ++column) {
@@ -205,7 +243,7 @@ TEST(RollingModel, DerivativesAreThoseByComplexStep) {
       } else {
         v[static_cast<std::size_t>(column + 1)] += i_h;
       }
-      const auto out = newton_euler<Complex>(s.robot, v);
+      const auto out = newton_euler<Complex>(judge, v);
       const auto c = static_cast<std::size_t>(column);
       const auto near = [&](double got, Complex expected) {
         // Relative to 1, since all quantities are of order 1 to 30.

@@ -1,6 +1,8 @@
 // plan_tasks [--three-masses] [FIRST [COUNT [FILE]]]: plans tasks of the committed set, checks each plan with the
 // plant, and prints what was found, and at the end a table for tools/docs/plan.md. --three-masses takes only the tasks
 // of the bar on time: three masses, 7 to 9 s. plan_tasks --write FILE COUNT SEED makes a set.
+// plan_tasks --slope [FIRST [COUNT [SEED]]] does the same with random tasks on a floor that slopes by 3 degrees and
+// resists by 0.02; default 100 tasks of seed 1, made on the spot.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -8,9 +10,11 @@
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <numbers>
 #include <vector>
 
 #include "tests/plan/task_set.h"
+#include "tools/plan/random_task.h"
 #include "tools/plan/write_plan.h"
 
 namespace {
@@ -54,11 +58,13 @@ Check check(const std::string& toml, const plan::TaskFile& task, const plan::Out
   return out;
 }
 
-// The task in a few words: masses, objective and conditions.
+// The task in a few words: masses, objective, distance in radii, and conditions.
 std::string words_of(const plan::TaskFile& file) {
   const plan::Task& task = file.task;
   std::string text = fmt::format("{} masses, {}", file.scenario.masses.size(), plan::to_string(task.objective));
   if (file.scenario.run.actuation == sim::Actuation::kStepper) text += ", steppers";
+  text += fmt::format(", {:.2g} r",
+                      (task.goal_m - file.scenario.initial.position_W_m).norm() / file.scenario.ball.radius_m);
   if (task.at_rest) text += ", rest";
   if (!task.via.empty()) text += ", via";
   if (!task.keep_out.empty()) text += ", obstacle";
@@ -113,6 +119,23 @@ struct Table {
   Tally all{"all"}, sure{"shown to be possible"}, rest{"to rest, over a distance that friction allows with ease"};
   Tally three{"three masses, 7 to 9 s"}, three_sure{"three masses, 7 to 9 s, shown to be possible"};
   Tally warm{"three masses, 7 to 9 s, from the plan for a goal 4 % farther"};
+  Tally kind[4] = {{"to a place"}, {"to a place, with steppers"}, {"to rest"}, {"to rest, with steppers"}};
+  bool by_kind = false;
+
+  void add_kind(const plan::TaskFile& file, bool found, const Check& checked, double took_s) {
+    const bool steppers = file.scenario.run.actuation == sim::Actuation::kStepper;
+    kind[(file.task.at_rest ? 2 : 0) + (steppers ? 1 : 0)].add(found, checked, took_s);
+  }
+
+  void print() {
+    fmt::print("|---|---|---|---|---|---|---|\n");
+    if (by_kind) {
+      all.print();
+      for (Tally& tally : kind) tally.print();
+      return;
+    }
+    for (Tally* tally : {&all, &sure, &rest, &three, &three_sure, &warm}) tally->print();
+  }
 
   void add(bool is_sure, bool of_three, bool found, const Check& checked, double took_s) {
     all.add(found, checked, took_s);
@@ -155,6 +178,7 @@ bool plan_one(const plan::SetTask& task, bool only_three_masses, Table& table) {
   const double took_s = cpu_s() - start_s;
   const Check checked = outcome.plan ? check(task.toml, *file, outcome) : Check{};
   table.add(task.sure, three_masses(*file), outcome.plan.has_value(), checked, took_s);
+  table.add_kind(*file, outcome.plan.has_value(), checked, took_s);
   std::string end;
   if (!outcome.plan) end = ": " + outcome.binding;
   if (!checked.broken.empty()) end = ": WRONG: " + checked.broken;
@@ -167,23 +191,54 @@ bool plan_one(const plan::SetTask& task, bool only_three_masses, Table& table) {
   return !checked.broken.empty();
 }
 
+// A number among the arguments.
+std::uint64_t number_at(int argc, char** argv, int i, std::uint64_t otherwise) {
+  return i < argc ? std::strtoull(argv[i], nullptr, 10) : otherwise;
+}
+
+void print_head(int first, int last) {
+  fmt::print("\n| tasks {} to {} | number | found | wrong claims | goal missed | median CPU | 95 % |\n", first, last);
+}
+
+int plan_on_slopes(int argc, char** argv) {
+  const int first = static_cast<int>(number_at(argc, argv, 2, 0));
+  const int count = static_cast<int>(number_at(argc, argv, 3, 100));
+  const std::uint64_t seed = number_at(argc, argv, 4, 1);
+  constexpr plan::RandomFloor kFloor{3 * std::numbers::pi / 180, 0.02};
+  Table table;
+  table.by_kind = true;
+  bool wrong = count == 0;
+  for (int number = first; number < first + count; ++number) {
+    std::string why;
+    const auto toml = plan::random_floor_task(seed, number, kFloor, why);
+    if (!toml) {
+      fmt::print("{}: {}\n", number, why);
+      wrong = true;
+      continue;
+    }
+    wrong = plan_one({number, true, *toml}, false, table) || wrong;
+  }
+  print_head(first, first + count - 1);
+  table.print();
+  return wrong ? 1 : 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::setvbuf(stdout, nullptr, _IOLBF, 1 << 12);  // shows the tasks as they are done
   if (argc > 1 && std::string(argv[1]) == "--write") return write(argc, argv);
+  if (argc > 1 && std::string(argv[1]) == "--slope") return plan_on_slopes(argc, argv);
   const bool only_three_masses = argc > 1 && std::string(argv[1]) == "--three-masses";
   const int options = only_three_masses ? 1 : 0;
-  const auto number_at = [&](int i, int otherwise) {
-    return i + options < argc ? static_cast<int>(std::strtol(argv[i + options], nullptr, 10)) : otherwise;
-  };
-  const int first = number_at(1, 0), count = number_at(2, 1000);
+  const int first = static_cast<int>(number_at(argc, argv, 1 + options, 0));
+  const int count = static_cast<int>(number_at(argc, argv, 2 + options, 1000));
   std::string why;
   const auto tasks = plan::read_task_set(argc > 3 + options ? argv[3 + options] : BALLAST_TASK_SET, why);
   if (tasks.empty()) {
     fmt::print(stderr, "{}\n", why);
     return 1;
   }
-  std::setvbuf(stdout, nullptr, _IOLBF, 1 << 12);  // shows the tasks as they are done
   Table table;
   int last = first - 1;
   bool wrong = false;
@@ -192,9 +247,7 @@ int main(int argc, char** argv) {
     last = task.number;
     wrong = plan_one(task, only_three_masses, table) || wrong;
   }
-  fmt::print("\n| tasks {} to {} | number | found | wrong claims | goal missed | median CPU | 95 % |\n", first, last);
-  fmt::print("|---|---|---|---|---|---|---|\n");
-  for (Tally* tally : {&table.all, &table.sure, &table.rest, &table.three, &table.three_sure, &table.warm})
-    tally->print();
+  print_head(first, last);
+  table.print();
   return wrong || table.all.tasks == 0 ? 1 : 0;
 }

@@ -38,6 +38,83 @@ def commanded_forces(contact, time_s):
     return max(contact.normal_force_n + shake, 0.0), contact.static_friction_n + abs(shake) / 2
 
 
+# What the log says of the estimate at a time, with known = True. Angles in degrees; the errors are the estimate less the truth.
+GYRO_BIAS_DEGPS = np.array([0.5, -0.25, 0.125])
+KNOWN_SIGMA = {"tilt": 0.25, "yaw": 2.0, "bias": 0.1, "place": 0.05, "normal": 0.5, "need": 0.01, "slip": 0.2}
+SLIP_FLAGS = ((5.0, 6.0), (9.0, 9.5))
+LIGHT_FLAGS = ((12.0, 12.25),)
+
+
+def tilt_error_deg(time_s):
+    return np.array([0.2 * math.sin(time_s), 0.1 * math.cos(2 * time_s)])
+
+
+def yaw_error_deg(time_s):
+    return 0.3 * time_s
+
+
+def bias_error_degps(time_s):
+    return np.array([0.05, -0.02, 0.01]) * math.exp(-time_s / 5)
+
+
+def place_error_m(time_s):
+    return np.array([0.004, -0.002]) * time_s
+
+
+def measured_error(time_s):
+    """Of N and of f_s / N."""
+    return 0.25 * math.sin(7 * time_s), 0.005 * math.sin(11 * time_s)
+
+
+def quaternion(turn_rad):
+    """The unit quaternion w, x, y, z of a turn vector."""
+    angle = float(np.linalg.norm(turn_rad))
+    return np.append(math.cos(angle / 2), np.sinc(angle / 2 / math.pi) / 2 * np.asarray(turn_rad, dtype=float))
+
+
+def quaternion_product(p, q):
+    return np.append(p[0] * q[0] - p[1:] @ q[1:], p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:]))
+
+
+def set_known(status, contact, state):
+    """Fills the fields of estimate and measured contact: the truth, turned and moved by the errors above."""
+    time = state.time_s
+    yaw, tilt = (quaternion(np.radians(turn)) for turn in ((0, 0, yaw_error_deg(time)), (*tilt_error_deg(time), 0)))
+    # Tilted first, then turned about e3, so that the errors are those of gravity and heading whatever their size.
+    status.estimated_orientation = list(quaternion_product(quaternion_product(tilt, yaw), np.array(state.orientation)))
+    status.estimate_valid = status.measured_valid = 1
+    status.estimated_angular_velocity_B_radps = list(state.angular_velocity_B_radps)
+    status.estimated_gyro_bias_B_radps = list(np.radians(GYRO_BIAS_DEGPS + bias_error_degps(time)))
+    status.estimated_position_W_m = list(np.array(state.position_W_m[:2]) + place_error_m(time))
+    status.tilt_sigma_rad, status.yaw_sigma_rad = math.radians(KNOWN_SIGMA["tilt"]), math.radians(KNOWN_SIGMA["yaw"])
+    status.gyro_bias_sigma_radps, status.position_sigma_m = math.radians(KNOWN_SIGMA["bias"]), KNOWN_SIGMA["place"]
+    of_normal, of_need = measured_error(time)
+    status.measured_normal_force_n, status.measured_normal_sigma_n = contact.normal_force_n + of_normal, KNOWN_SIGMA["normal"]
+    status.measured_mu_required, status.measured_mu_sigma = contact.mu_required + of_need, KNOWN_SIGMA["need"]
+    status.measured_slip_mps2, status.measured_slip_sigma_mps2 = 0.1 + 0.05 * math.sin(time), KNOWN_SIGMA["slip"]
+    status.slip_detected = int(any(start <= time < end for start, end in SLIP_FLAGS))
+    status.light_detected = int(any(start <= time < end for start, end in LIGHT_FLAGS))
+
+
+BELIEF_HEAD = "time_s,position_1_m,position_2_m,normal_force_n,static_friction_n,mu_required"
+
+
+def believe(run, folder):
+    """Writes belief.csv, of a robot that has a tenth more N and ends elsewhere, and the summary's `belief`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    table = read_reference("paper_ball")
+    rows = [BELIEF_HEAD]
+    for k in range(0, len(table["t"]), 10):
+        normal, friction = 1.1 * table["N"][k], math.hypot(table["f_1"][k], table["f_2"][k])
+        rows.append(f"{table['t'][k]},{0.9 * table['z_1'][k]},{table['z_2'][k]},{normal},{friction},{friction / normal}")
+    (folder / "belief.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    run.summary["belief"] = {"time": 20.0, "holds": True, "mu_required": {"max": 0.17, "time": 6.4},
+                             "normal_force": {"min": 30.0, "min_time": 3.0},
+                             "static_friction": {"max": 6.0, "time": 6.4}, "position": [1.0, 2.0, 0.0],
+                             "position_error": 0.5}
+    return run
+
+
 def event(number, utime, channel, data):
     """One event of an LCM event log."""
     return struct.pack(">Iqqii", 0xEDA1DA01, number, utime, len(channel), len(data)) + channel.encode() + data
@@ -53,8 +130,10 @@ def read_reference(name):
 class SyntheticRun:
     """The reference run, resampled linearly to control ticks. Change `summary` or `events` before write()."""
 
-    def __init__(self, reference, rails, mass_kg, period_s=0.1, controller=False, turn_rad=0.0):
-        """`turn_rad` turns the path about the vertical."""
+    def __init__(self, reference, rails, mass_kg, period_s=0.1, controller=False, turn_rad=0.0, known=False,
+                 imu_every=1, imu_late=0):
+        """`turn_rad` turns the path about the vertical; `known`: with an estimate and a measured contact force, and with
+        a sample of the IMU in every so many ticks, which arrives so many ticks late."""
         table = read_reference(reference)
         end = table["t"][-1]
         count = int(math.floor(end / period_s + 1e-9)) + 1
@@ -65,6 +144,7 @@ class SyntheticRun:
         cos, sin = math.cos(turn_rad), math.sin(turn_rad)
         n = len(rails)
         self.events = []
+        rates = {}
         for tick in range(-2, len(times)):
             k = max(tick, 0)
             time = times[k]
@@ -72,6 +152,7 @@ class SyntheticRun:
             force = [cos * col["f_1"][k] - sin * col["f_2"][k], sin * col["f_1"][k] + cos * col["f_2"][k]]
             contact = ballast.contact_t()
             contact.tick, contact.utime, contact.time_s = tick, utime, float(time)
+            contact.commanded_tick = tick
             contact.normal_force_n = float(col["N"][k])
             contact.static_friction_n = math.hypot(*force)
             contact.friction_force_W_n = force
@@ -106,12 +187,18 @@ class SyntheticRun:
             state.last = contact.last
             self._add(utime, "BALLAST_CONTACT", contact)
             self._add(utime, "BALLAST_PLANT_STATE", state)
-            if controller:
+            if known:
+                rates[tick] = state.angular_velocity_B_radps
+                taken = (tick - imu_late) // imu_every * imu_every
+                self._add_gyro(tick, utime, taken, rates.get(taken), taken // imu_every + 3)
+            if controller or known:
                 status = ballast.controller_status_t()
                 status.tick, status.utime, status.motor_count = tick, utime, n
                 for i in range(n):
                     # A rotor that lags its command a little and swings about it.
                     status.commanded_position[i] = state.mass_position[i] + 2e-3 * (i + 1) * math.sin(5 * time + i)
+                if known and tick >= 0:
+                    set_known(status, contact, state)
                 self._add(utime, "BALLAST_CONTROLLER_STATUS", status)
         normal, friction = col["N"], np.hypot(col["f_1"], col["f_2"])
         ratio = friction / np.where(normal > 0, normal, np.nan)
@@ -133,6 +220,14 @@ class SyntheticRun:
             "duration": 20.0,
             "control_period": period_s,
         }
+
+    def _add_gyro(self, tick, utime, taken, rate_radps, count):
+        sensors = ballast.sensors_t()
+        sensors.tick, sensors.utime = tick, utime
+        if rate_radps is not None:
+            sensors.imu_tick, sensors.imu_count = taken, count
+            sensors.gyro_B_radps = list(np.array(rate_radps) + np.radians(GYRO_BIAS_DEGPS))
+        self._add(utime, "BALLAST_SENSORS", sensors)
 
     def _add(self, utime, channel, message):
         self.events.append(event(len(self.events), utime, channel, message.encode()))

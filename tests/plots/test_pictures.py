@@ -17,6 +17,7 @@ from matplotlib.legend import Legend
 from matplotlib.patches import Polygon
 from matplotlib.quiver import Quiver
 
+import floor_patches
 import page
 import pictures
 import plot
@@ -135,7 +136,7 @@ class PicturesTest(unittest.TestCase):
             run.contact = run.contact.copy()
             run.contact["normal_force_n"] = normal_force_n
             for name, draw in pictures.PICTURES.items():
-                if name.startswith("plan_"):  # this run has no plan
+                if name.startswith("plan_") or name in ("estimate", "belief"):  # this run has none of them
                     continue
                 run.summary["regimes"][0]["regime"] = "flight" if name == "height" else "rolling"
                 with self.subTest(picture=name, ticks=ticks, normal_force=normal_force_n), warnings.catch_warnings():
@@ -368,6 +369,45 @@ class PicturesTest(unittest.TestCase):
         z = run.state["position_W_m"]
         self.assertTrue(axes.get_xlim()[0] < z[:, 0].min() and z[:, 0].max() < axes.get_xlim()[1])
         self.assertTrue(axes.get_ylim()[0] < z[:, 1].min() and z[:, 1].max() < axes.get_ylim()[1])
+
+    PATCHES = """
+[surface]
+static_friction = 0.5
+[[surface.patch]]
+polygon = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
+static_friction = 0.1
+[[surface.patch]]
+circle = { center = [1, 0], radius = 0.4 }
+rolling_resistance = 0.05
+[[surface.patch]]
+circle = { center = [500, 0], radius = 0.4 }
+static_friction = 0.9
+"""
+
+    def test_path_shows_the_patches_in_view(self):
+        for synthetic in (ball(), disk()):
+            folder = synthetic.write(self.folder)
+            (self.folder / "scenario.toml").write_text(self.PATCHES)
+            run = RecordedRun(folder)
+            self.assertEqual(len(run.patches), 3)
+            self.assertEqual([patch.kind for patch in run.patches], ["slippery", "resists", "rough"])
+            self.assertEqual(run.patches[1].text, "c_rr 0.05")
+            figure = pictures.path(run)
+            said = self.texts(figure)
+            self.assertIn("less friction than the floor", said)
+            self.assertNotIn("more friction than the floor", said)
+            figure.savefig(io.BytesIO(), dpi=50)
+            box = figure.axes[0]
+            self.assertLess(np.ptp(box.get_xlim()), 100)  # the patch far away widens nothing
+        places = np.array([[0, 0], [1, 0], [0.55, 0.3], [500, 0]])
+        np.testing.assert_array_equal(floor_patches.top_patch(run.patches, places), [0, 1, -1, 2])
+        # Where they overlap the last one counts.
+        np.testing.assert_array_equal(floor_patches.top_patch(run.patches[:2], np.array([[0.65, 0], [0.45, 0]])), [1, 0])
+
+    def test_patches_that_cannot_be_read_are_none(self):
+        for text in ("[surface", "surface = 3", "[[surface.patch]]\npolygon = 'x'", "[[surface.patch]]\n"):
+            (self.folder.parent / "scenario.toml").write_text(text)
+            self.assertEqual(floor_patches.read_patches(self.folder.parent), [])
 
     def test_friction_arrows_point_along_the_force(self):
         run = self.recorded(ball())

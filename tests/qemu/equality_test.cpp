@@ -35,6 +35,15 @@ TEST(TargetEquality, IdealMassesAfterAHold) {
   expect_equal("desk_ball --actuation ideal --set run.hold=0.3 --set duration=1", 0);
 }
 
+// The filter, the measured contact force and encoders; once with a stop, whose prediction starts from the estimate.
+TEST(TargetEquality, AnEstimatedAttitude) {
+  const std::string sensors =
+      "desk_ball --set sensors.preset=bmi088 --set sensors.latency=0.003 --set sensors.position_fix.rate=20 "
+      "--set run.hold=0.5";
+  expect_equal(sensors + " --set sensors.encoder.resolution=0.001 --set duration=1", 0);
+  expect_equal(sensors + " --set duration=1.5 --set envelope.friction_use=0.03", 3);
+}
+
 // No pulse for longer than the step timer counts, 172 s.
 TEST(TargetEquality, ALongRest) { expect_equal("desk_ball --set duration=180 --set run.control_period=0.01", 0); }
 

@@ -24,6 +24,7 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from event_log import EventLog
+from synthetic_run import KNOWN_SIGMA, ball, believe, place_error_m
 
 DESKTOP, PHONE = (1440, 900), (390, 844)
 SMALL = (600, 500)  # where only loading matters: pixels cost time without a graphics card
@@ -37,6 +38,16 @@ NAMED_GRAPHICS_CARD = """
     const isName = name === this.getExtension("WEBGL_debug_renderer_info").UNMASKED_RENDERER_WEBGL;
     return isName ? "a graphics card" : getParameter.call(this, name);
   };"""
+
+# The pixels of a plot, read from a copy: Chromium warns on the console where the page's own canvas is read again and again.
+PIXELS = """
+  function pixels(chart) {
+    const { width, height } = chart.ctx.canvas, copy = new OffscreenCanvas(width, height);
+    const context = copy.getContext("2d", { willReadFrequently: true });
+    context.drawImage(chart.ctx.canvas, 0, 0);
+    return context.getImageData(0, 0, width, height);
+  }
+"""
 
 
 def start_browser():
@@ -205,13 +216,13 @@ class PageTest(unittest.TestCase):
         self.assertEqual(panels, ["normal_force", "static_friction", "mu_required", "margin", "angular_velocity",
                                   "mass_position", "deviation", "motor_torque", "motor_margin"])
         # Each has drawn its line: pixels of the line's colour, as many at least as the plot is wide.
-        missing = self.js("""
+        missing = self.js(PIXELS + """
           return window.ballastReport.plots.plots.filter(({ chart, panel }) => {
             const probe = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
             probe.fillStyle = getComputedStyle(document.documentElement).getPropertyValue(`--${panel.lines[0].color}`);
             probe.fillRect(0, 0, 1, 1);
             const [r, g, b] = probe.getImageData(0, 0, 1, 1).data;
-            const { width, height } = chart.ctx.canvas, { data } = chart.ctx.getImageData(0, 0, width, height);
+            const { width, height, data } = pixels(chart);
             let count = 0;
             for (let k = 0; k < data.length; k += 4)
               if (data[k + 3] > 100 &&
@@ -524,6 +535,50 @@ class PageTest(unittest.TestCase):
                 with self.subTest(page=page, size=size):
                     self.open(page, size)
                     self.assertEqual(self.layout_faults(), [])
+
+    def known_run(self, name, **options):
+        """A run with an estimate, a measured contact force and a belief."""
+        believe(ball(known=True, controller=True, **options), self.folder / name).write(self.folder / name)
+        self.report(name)
+
+    def has_colour(self, panel, seconds, value):
+        """Whether something is drawn at that place of a plot."""
+        return self.js(PIXELS + """
+          const { chart } = window.ballastReport.plots.plots.find(({ panel }) => panel.id === arguments[0]);
+          const x = chart.valToPos(arguments[1], "x", true), y = chart.valToPos(arguments[2], "y", true);
+          const { width, data } = pixels(chart);
+          return data[4 * (Math.round(y) * width + Math.round(x)) + 3] > 0;""", panel, seconds, value)
+
+    def test_estimate_band_and_belief(self):
+        self.known_run("known")
+        self.known_run("turned", turn_rad=0.5)
+        self.command("compare", "known", "turned", "--out", "known-pair.html")
+        for size in (PHONE, DESKTOP):
+            for page in ("known-pair.html", "known/report.html"):
+                with self.subTest(page=page, size=size):
+                    self.open(page, size)
+                    self.assertEqual(self.layout_faults(), [])
+        panels = self.js("return [...document.querySelectorAll('.panel')].map((panel) => panel.id.slice(6))")
+        self.assertEqual(panels[4:14], ["measured_mu_required", "measured_mu_error", "measured_normal_force",
+                                        "measured_normal_error", "measured_slip", "tilt_error", "yaw_error", "gyro_bias",
+                                        "place_error", "believed_off"])
+        # The yaw's band reaches 4 degrees to either side of 0. At 10.7 s the error is 3.2, away from the lines of the grid.
+        for value, inside in ((-3.6, True), (3.7, True), (4.5, False), (-4.5, False)):
+            with self.subTest(value=value):
+                self.assertEqual(self.has_colour("yaw_error", 10.7, value), inside)
+        self.assertIn("67 % inside", self.js("return document.querySelector('#panel-yaw_error .title').textContent"))
+        legend = self.js("return document.getElementById('legend').textContent")
+        self.assertIn("the robot flags slip, the first of 2 times, t = 5 s", legend)
+        # The estimate's circle on the map is 2 sigma around the estimated place of the page's time.
+        self.slide_to(12.0)
+        scale, x, y, cx, cy, r = self.js("""
+          const { scale, x, y } = document.getElementById("known-map").dataset, mark = document.getElementById("estimate-here");
+          return [scale, x, y, ...["cx", "cy", "r"].map((name) => mark.getAttribute(name))].map(Number);""")
+        log = self.state_log("known")
+        place = np.array(log["position_W_m"][log["tick"] == 120][0][:2]) + place_error_m(12.0)
+        # float32 of places of some m, in a drawing of 1000.
+        np.testing.assert_allclose([cx, cy, r], [x + scale * place[0], y - scale * place[1],
+                                                 2 * KNOWN_SIGMA["place"] * scale], atol=1e-3)
 
     def test_sliding_flight_and_a_trip_are_marked(self):
         self.run_ballast("paper_detach_flight")

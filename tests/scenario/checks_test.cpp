@@ -205,6 +205,10 @@ INSTANTIATE_TEST_SUITE_P(
                       Rejection{"run.hold=0.0031", "run.hold", "no whole number of control periods"},
                       Rejection{"run.timer_frequency=9.9e5", "run.timer_frequency", "[1e+06, 1e+08]"},
                       Rejection{"run.timer_frequency=1.1e8", "run.timer_frequency", "[1e+06, 1e+08]"},
+                      Rejection{"control.tracking=1", "control.tracking", "true or false"},
+                      Rejection{"control.tracking=yes", "control.tracking", "true or false"},
+                      Rejection{"control.traking=true", "control.traking", "did you mean tracking?"},
+                      Rejection{"control=true", "control", "a table"},
                       Rejection{"envelope.min_normal_force=-1", "envelope.min_normal_force", ">= 0"},
                       Rejection{"envelope.friction_use=0", "envelope.friction_use", "(0, 1]"},
                       Rejection{"envelope.friction_use=1.01", "envelope.friction_use", "(0, 1]"}));

@@ -151,6 +151,9 @@ TEST(Fault, WhatMakesNoSenseIsAnErrorThatNamesIt) {
       {"sensor_bias@1:0.1,sensor=limit_switch", "fault.0.sensor"},
       {"sensor_saturation@1:1,sensor=orientation", "fault.0.sensor"},
       {"sensor_freeze@1:sensor=orientation,axis=1", "fault.0.axis"},
+      {"sensor_freeze@1:sensor=encoder", "fault.0.sensor"},       // kFull has none
+      {"sensor_freeze@1:sensor=position_fix", "fault.0.sensor"},  // nor this
+      {"sensor_freeze@1:sensor=gyro,mass=1", "fault.0.mass"},
       {"messages_dropped@1:2", "fault.0.value"},
       {"messages_delayed@1:1.5", "fault.0.value"},
       {"messages_dropped@1:channel=BALLAST_SENSOR", "fault.0.channel"},
@@ -161,6 +164,40 @@ TEST(Fault, WhatMakesNoSenseIsAnErrorThatNamesIt) {
       {"disk_full@1:mass=0", "fault.0.mass"},
   };
   for (const Case& c : cases) EXPECT_TRUE(contains(refusal(c.text), c.key)) << c.text;
+}
+
+TEST(Fault, EncoderAndPositionFixAreSensorsToo) {
+  const std::string sensors = kFull +
+                              "[sensors]\nattitude = \"sensed\"\nencoder = { resolution = 0.001 }\nposition_fix = { "
+                              "rate = 10, noise = 0.01 }\n";
+  const auto read = [&](const std::string& text) { return parse_scenario(sensors, "test.toml", {}, {text}); };
+  const auto fault = [&](const std::string& text) {
+    const ScenarioResult result = read(text);
+    EXPECT_TRUE(result.ok()) << all_errors(result);
+    return result.ok() ? result.scenario.faults.at(0) : Fault{};
+  };
+  EXPECT_EQ(fault("sensor_bias@1:0.1,sensor=encoder").mass, -1);  // all of them
+  EXPECT_EQ(fault("sensor_bias@1:0.1,sensor=encoder,mass=2").mass, 2);
+  EXPECT_EQ(fault("sensor_nan@1:sensor=position_fix,axis=1").axis, 1);
+  EXPECT_EQ(to_string(fault("sensor_bias@1:0.1,sensor=encoder,mass=2")),
+            "sensor_bias at 1 s: 0.1 rail units, encoder of mass 2");
+  EXPECT_EQ(to_string(fault("sensor_spike@1:2,sensor=position_fix,axis=0,duration=0.5")),
+            "sensor_spike at 1 s: 2 m, position_fix axis 0, for 0.5 s");
+  for (const char* kind : {"sensor_noise@1:1", "sensor_freeze@1:", "sensor_saturation@1:1"}) {
+    fault(std::string(kind) + (std::string_view(kind).ends_with(':') ? "" : ",") + "sensor=encoder");
+    fault(std::string(kind) + (std::string_view(kind).ends_with(':') ? "" : ",") + "sensor=position_fix");
+  }
+  const std::pair<const char*, const char*> refused[] = {
+      {"sensor_nan@1:sensor=encoder,mass=3", "fault.0.mass"},
+      {"sensor_nan@1:sensor=encoder,axis=0", "fault.0.axis"},
+      {"sensor_nan@1:sensor=position_fix,axis=2", "fault.0.axis"},
+      {"sensor_nan@1:sensor=position_fix,mass=0", "fault.0.mass"},
+  };
+  for (const auto& [text, key] : refused) {
+    const ScenarioResult result = read(text);
+    ASSERT_EQ(result.errors.size(), 1u) << text;
+    EXPECT_EQ(result.errors[0].key, key) << text;
+  }
 }
 
 TEST(Fault, WhatAPrescribedRunHasNotCannotSuffer) {

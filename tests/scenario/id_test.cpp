@@ -1,5 +1,7 @@
 // The fingerprint: equal for equal scenarios, different for different ones.
 #include <map>
+#include <set>
+#include <utility>
 
 #include "tests/scenario/scenario_texts.h"
 
@@ -75,6 +77,7 @@ TEST(ScenarioId, ChangesWithEveryField) {
                                             "run.timer_frequency=2e6",
                                             "envelope.min_normal_force=1.5",
                                             "envelope.friction_use=0.8",
+                                            "control.tracking=true",
                                             "gravity=9.000000000000002"};
   std::map<std::int64_t, std::string> seen = {{accepted(kFull).id, "unchanged"}};
   for (const std::string& change : changes) {
@@ -83,6 +86,22 @@ TEST(ScenarioId, ChangesWithEveryField) {
     EXPECT_TRUE(fresh) << change << " has the id of " << other->second;
     EXPECT_NE(id, 0);
   }
+}
+
+// A plan is tracked by default, from the start that it states.
+TEST(ScenarioId, ChangesWithAPlanThatIsTracked) {
+  const auto with = [](const std::string& plan, bool tracked) {
+    return accepted(kFull, {"plan=" + plan, tracked ? "control.tracking=true" : "control.tracking=false"}).id;
+  };
+  const std::string start = "start={orientation=[1, 0, 0, 0], angular_velocity=[0, 0, 0], position=[0, 0]}";
+  std::set<std::int64_t> ids{accepted(kFull).id, with("{goal=[1, 0]}", true), with("{" + start + "}", true)};
+  for (const auto& [from, to] : {std::pair("[1, 0, 0, 0]", "[0, 1, 0, 0]"), std::pair("[0, 0, 0]", "[0, 0, 1]"),
+                                 std::pair("[0, 0]}", "[0, 1]}")}) {
+    ids.insert(with("{" + replaced(start, from, to) + "}", true));
+  }
+  EXPECT_EQ(ids.size(), 6u);
+  EXPECT_EQ(with("{" + start + "}", false), accepted(kFull).id) << "not tracked: nothing reads it";
+  EXPECT_EQ(accepted(kFull, {"plan={goal=[1, 0]}"}).id, with("{goal=[1, 0]}", true)) << "the default";
 }
 
 TEST(ScenarioId, ChangesWithTheMassesAndTheirOrder) {

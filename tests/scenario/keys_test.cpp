@@ -75,8 +75,8 @@ const std::string kOther =
     "motion = [ { duration = 0.01, acceleration = [500, 500] }, { duration = 0.01, acceleration = [-500, -500] } ]\n";
 
 // Keys whose cells are the page's own: two meanings of one key, or a default that is no value of the key.
-const std::set<std::string> kOwnWords{"fault.N.axis", "fault.N.channel", "fault.N.kind", "initial.velocity",
-                                      "mass.N.rail.direction"};
+const std::set<std::string> kOwnWords{"control.tracking", "fault.N.axis",     "fault.N.channel",
+                                      "fault.N.kind",     "initial.velocity", "mass.N.rail.direction"};
 
 // Every table in every form that it can have.
 std::vector<std::string> texts() {
@@ -92,6 +92,11 @@ std::vector<std::string> texts() {
       std::string("duration = 1\ngravity = 10\nball = { radius = 1, mass = 1, inertia = [1, 1, 1] }\n"
                   "run = { actuation = \"prescribed\" }\n[[mass]]\nmass = 1\n"
                   "trajectory = { times = [0, 1], points = [[0, 0, 0], [0.1, 0, 0]] }\n")};
+  const std::string patches =
+      "\n[[surface.patch]]\npolygon = [[0, 0], [1, 0], [0, 1]]\n[[surface.patch]]\ncircle = { center = [0, 0], radius "
+      "= 1 }\n";
+  all.push_back(kFull + patches);
+  all.push_back(kOther + patches);
   const std::string sensors =
       "\n[sensors]\nattitude = \"sensed\"\nposition_fix = { rate = 10 }\nencoder = { resolution = 0.001 }\n";
   const std::string believed =
@@ -101,6 +106,7 @@ std::vector<std::string> texts() {
   all.push_back(kOther + "\n[believed]\nball = { mass = 2 }\nsurface = { static_friction = 0.3 }\n");
   all.push_back(kFull + sensors);
   all.push_back(kOther + sensors);
+  all.push_back(kOther + "\n[sensors]\n");
   // `direction` of a push, `axis` and `sensor` of a sensor, `mass` of a motor, `channel` and `peer` of messages.
   for (const char* fault : {"kind = \"push\"\nvalue = 1\ndirection = [1, 0, 0]", "kind = \"weak_coil\"",
                             "kind = \"sensor_bias\"\nvalue = 1\naxis = 1", "kind = \"motor_stall\"",

@@ -95,9 +95,59 @@ TEST(SensorScenario, EachWrongKeyIsOneError) {
     EXPECT_EQ(result.errors[0].key, wrong.key);
     EXPECT_NE(to_string(result.errors[0]).find(wrong.words), std::string::npos) << to_string(result.errors[0]);
   }
-  const auto estimated = parse_scenario(kRobot, "test.toml", {"sensors.attitude=estimated"});
-  ASSERT_EQ(estimated.errors.size(), 1u);
-  EXPECT_EQ(estimated.errors[0].key, "sensors.attitude");
+}
+
+// A table without `attitude` asks for an estimate, and a filter needs a hold.
+TEST(SensorScenario, TheAttitudeIsEstimatedUnlessItIsSensed) {
+  const auto read = [](const std::vector<std::string>& overrides) {
+    const auto result = parse_scenario(kRobot, "test.toml", overrides);
+    for (const auto& error : result.errors) ADD_FAILURE() << to_string(error);
+    return result.scenario;
+  };
+  const Scenario sensed = read({}), estimated = read({"sensors.attitude=estimated"});
+  EXPECT_FALSE(sensed.sensors.attitude_estimated);
+  EXPECT_EQ(sensed.run.hold_s, 0);
+  EXPECT_TRUE(estimated.sensors.attitude_estimated);
+  EXPECT_EQ(estimated.run.hold_s, 5);
+  EXPECT_EQ(read({"sensors.attitude=estimated", "run.hold=0.1"}).run.hold_s, 0.1);
+  // A default that is no whole number of control periods is the next one.
+  EXPECT_NEAR(read({"sensors.attitude=estimated", "run.control_period=0.003"}).run.hold_s, 5.001, 1e-12);
+  EXPECT_NE(estimated.id, read({"run.hold=5"}).id) << "the attitude counts in the fingerprint";
+  const std::string without = kRobot.substr(0, kRobot.find("attitude"));
+  const auto by_default = parse_scenario(without, "test.toml");
+  ASSERT_TRUE(by_default.ok()) << to_string(by_default.errors[0]);
+  EXPECT_EQ(by_default.scenario.id, estimated.id);
+  EXPECT_FALSE(
+      parse_scenario(without.substr(0, without.find("[sensors]")), "test.toml").scenario.sensors.attitude_estimated)
+      << "ideal sensors sense it";
+}
+
+TEST(SensorScenario, EachWrongKeyOfAnEstimateIsOneError) {
+  const struct {
+    std::vector<std::string> overrides;
+    const char *key, *words;
+  } cases[] = {
+      {{"sensors.attitude=guessed"}, "sensors.attitude", "\"sensed\" or \"estimated\""},
+      {{"sensors.attitude=1"}, "sensors.attitude", "\"sensed\" or \"estimated\""},
+      // The controller is armed two ticks before 0; a sample of 100 Hz that is 50 ms old needs 61 ticks to be sure.
+      {{"sensors.attitude=estimated", "sensors.rate=100", "sensors.latency=0.05", "run.hold=0.06"},
+       "run.hold",
+       "at least 0.061 s"},
+      {{"sensors.attitude=estimated", "fault=[{kind=\"sensor_bias\",time=0.1,sensor=\"orientation\",value=0.1}]"},
+       "fault.0.sensor",
+       "nothing senses"},
+  };
+  for (const auto& wrong : cases) {
+    SCOPED_TRACE(wrong.overrides.back());
+    const auto result = parse_scenario(kRobot, "test.toml", wrong.overrides);
+    ASSERT_EQ(result.errors.size(), 1u);
+    EXPECT_EQ(result.errors[0].key, wrong.key);
+    EXPECT_NE(to_string(result.errors[0]).find(wrong.words), std::string::npos) << to_string(result.errors[0]);
+  }
+  EXPECT_TRUE(
+      parse_scenario(kRobot, "test.toml",
+                     {"sensors.attitude=estimated", "sensors.rate=100", "sensors.latency=0.05", "run.hold=0.061"})
+          .ok());
 }
 
 }  // namespace

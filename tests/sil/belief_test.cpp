@@ -1,12 +1,10 @@
 // A controller, a monitor and a planner that believe another robot than the plant has.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
-#include "tools/faults/injection.h"
-#include "tools/program/params.h"
-#include "tools/sil/lap_sink.h"
-#include "tools/sil/run.h"
+#include "tests/sil/kept_laps.h"
 #include "tools/summary/summary.h"
 #include "tools/summary/summary_tree.h"
 
@@ -21,32 +19,6 @@ sim::Scenario load(const std::string& name, const std::vector<std::string>& over
   const auto found = read(name, overrides);
   for (const auto& error : found.errors) ADD_FAILURE() << to_string(error);
   return found.scenario;
-}
-
-struct Kept final : LapSink {
-  void take(const Lap& lap) override { laps.push_back(lap); }
-  [[nodiscard]] bool good() const override { return true; }
-  [[nodiscard]] const std::string& error() const override { return none; }
-  [[nodiscard]] std::int64_t bytes() const override { return 0; }
-  std::vector<Lap> laps;
-  std::string none;
-};
-
-struct Rolled {
-  RunResult result;
-  std::vector<Lap> laps;
-};
-
-Rolled roll(const sim::Scenario& scenario, const RunOptions& options = {}) {
-  const auto params = std::make_unique<firmware::ControllerParams>();
-  const bool has_controller = sim::has_controller(scenario.run.actuation);
-  if (has_controller) EXPECT_FALSE(program::to_controller_params(scenario, *params));
-  const auto peers =
-      peers_in_process(scenario, has_controller ? params.get() : nullptr, program::to_monitor_limits(scenario));
-  Kept kept;
-  RunResult result = run_with_faults(scenario, *peers, kept, options);
-  EXPECT_EQ(result.status, hal::Status::kOk) << result.trouble;
-  return {std::move(result), std::move(kept.laps)};
 }
 
 const std::vector<std::string> kWrong{"duration=3",
@@ -128,6 +100,50 @@ TEST(Belief, OfABetterFloorDoesNotHideASlip) {
   }
 }
 
+// A floor with patches: margins are those of the place, controller and monitor take the floor between the patches, and
+// the guard of their disagreement stays at rounding all the same.
+TEST(Belief, OfAFloorWithPatchesIsTheFloorBetweenThem) {
+  for (const char* actuation : {"stepper", "ideal"}) {
+    SCOPED_TRACE(actuation);
+    const sim::Scenario s = load(
+        "paper_ball", {"duration=8", "surface.static_friction=0.5", std::string("run.actuation=") + actuation,
+                       "surface.patch=[{ circle = { center = [0, 0], radius = 0.5 }, static_friction = 0.9, "
+                       "rolling_resistance = 0.05 }, { circle = { center = [0, 0], radius = 0.2 }, static_friction = "
+                       "0.4 }]"});
+    const Rolled run = roll(s);
+    EXPECT_EQ(run.result.trip.tripped, 0) << "cause " << static_cast<int>(run.result.trip.cause);
+    ASSERT_TRUE(run.result.belief);
+    std::array<int, 3> seen{};
+    double apart = 0;
+    for (std::size_t k = 3; k < run.laps.size(); ++k) {
+      const contact_t& c = run.laps[k].plant.contact;
+      const controller_status_t& status = run.laps[k].answer->status;
+      const double* z = run.laps[k].plant.state.position_W_m;
+      const double away = std::hypot(z[0], z[1]);
+      const std::size_t where = away < 0.2 ? 0 : away < 0.5 ? 1 : 2;
+      ++seen[where];
+      ASSERT_NEAR(c.margin, 1 - c.static_friction_n / (std::array{0.4, 0.9, 0.5}[where] * c.normal_force_n), 1e-12);
+      ASSERT_NEAR(status.margin, 1 - status.static_friction_n / (0.5 * status.normal_force_n), 1e-12);
+      apart = std::max({apart, std::abs(c.commanded_normal_force_n - status.normal_force_n),
+                        std::abs(c.commanded_static_friction_n - status.static_friction_n)});
+    }
+    for (const int ticks : seen) EXPECT_GT(ticks, 100);
+    EXPECT_LT(apart, 1e-8);  // 1e-9 of the weight, as without patches
+  }
+}
+
+// A patch that nobody is told of: the ball slips there, and the monitor sees the slide.
+TEST(Belief, OfNoPatchDoesNotHideASlipOnOne) {
+  const Rolled run = roll(load(
+      "paper_ball", {"surface.static_friction=0.5", "run.on_violation=continue",
+                     "surface.patch=[{ polygon = [[0.3, -9], [9, -9], [9, 9], [0.3, 9]], static_friction = "
+                     "0.02 }, { polygon = [[-0.3, -9], [-9, -9], [-9, 9], [-0.3, 9]], static_friction = 0.02 }]"}));
+  EXPECT_EQ(run.result.end_reason, EndReason::kTripped);
+  EXPECT_EQ(run.result.trip.cause, trip_t::CAUSE_FRICTION);
+  EXPECT_EQ(run.result.trip.limit, 0.5);
+  EXPECT_TRUE(run.result.rolling_lost);
+}
+
 // Set down on a floor that slips at once.
 TEST(Belief, OfABetterFloorDoesNotHideASlipAtTheStart) {
   const Rolled run = roll(
@@ -164,6 +180,19 @@ TEST(Belief, IsPredictedBesideTheTruth) {
   EXPECT_NEAR(run.belief->extrema.normal_force_min.value, other.extrema.normal_force_min.value, 1e-9);
   EXPECT_LT((run.belief->position_W_m - other.final_sample.position_W_m).norm(), 1e-9);
   EXPECT_GT((run.belief->position_W_m - run.final_sample.position_W_m).norm(), 1e-3);
+  // The rows for pictures run from the start to the end, and their least N is no less than the located one.
+  const std::vector<BeliefRow>& rows = run.belief->rows;
+  ASSERT_GE(rows.size(), 1000);
+  EXPECT_LE(rows.size(), 2001);
+  EXPECT_EQ(rows.front().time_s, 0);
+  EXPECT_EQ(rows.back().time_s, 4);
+  EXPECT_EQ(rows.back().position_W_m, Eigen::Vector2d(run.belief->position_W_m.head<2>()));
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    EXPECT_GT(rows[i].time_s, rows[i - 1].time_s);
+    EXPECT_GE(rows[i].normal_force_n, run.belief->extrema.normal_force_min.value - 1e-9);
+  }
+  const std::string table = belief_csv(run);
+  EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 1 + static_cast<std::ptrdiff_t>(rows.size()));
   const auto summary = summary_tree(scenario, run);
   EXPECT_EQ(summary["belief"]["time"], 4.0);
   EXPECT_NE(summary_text(scenario, run, "runs/x").find("\n  believed    "), std::string::npos);

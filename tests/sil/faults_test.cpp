@@ -349,6 +349,82 @@ TEST(SensorFault, EachDoesWhatItSays) {
   EXPECT_NEAR(product, std::cos(0.05), 1e-12);
 }
 
+// Encoders and the position fix are read by nobody on the way to a step, so each fault is looked for in the messages.
+TEST(SensorFault, EncodersAndThePositionFixHaveThemToo) {
+  const std::string folder = testing::TempDir();
+  const std::vector<std::string> sensors{"sensors.attitude=sensed", "sensors.encoder.resolution=0.0015",
+                                         "sensors.position_fix.rate=100", "sensors.position_fix.noise=0.005"};
+  const auto said = [&](const std::vector<std::string>& faults) {
+    run_desk_ball(desk_ball(faults, sensors), folder + "encoder.lcmlog");
+    return sensors_of(folder + "encoder.lcmlog");
+  };
+  const auto truth = said({});
+  const auto before = static_cast<std::size_t>(kTick - 1), at = before + 1, after = at + 100;
+  ASSERT_EQ(truth[at].has_encoders, 1);
+  ASSERT_GT(truth[at].fix_count, 0);
+  ASSERT_NE(truth[at].fix_W_m[0], truth[after].fix_W_m[0]);
+
+  const auto bias = said({"sensor_bias@2:0.1,sensor=encoder,mass=1", "sensor_bias@2:0.5,sensor=position_fix,axis=0"});
+  EXPECT_EQ(bias[before].encoder[1], truth[before].encoder[1]);
+  EXPECT_EQ(bias[at].encoder[0], truth[at].encoder[0]);
+  EXPECT_EQ(bias[at].encoder[1], truth[at].encoder[1] + 0.1);
+  EXPECT_EQ(bias[at].fix_W_m[0], truth[at].fix_W_m[0] + 0.5);
+  EXPECT_EQ(bias[at].fix_W_m[1], truth[at].fix_W_m[1]);
+
+  const auto spike = said({"sensor_spike@2:0.2,sensor=encoder", "sensor_spike@2:3,sensor=position_fix"});
+  for (int i = 0; i < spike[at].mass_count; ++i) EXPECT_EQ(spike[at].encoder[i], truth[at].encoder[i] + 0.2) << i;
+  EXPECT_EQ(spike[at].fix_W_m[1], truth[at].fix_W_m[1] + 3);
+  EXPECT_EQ(spike[at + 1].encoder[0], truth[at + 1].encoder[0]);
+  EXPECT_EQ(spike[at + 1].fix_W_m[1], truth[at + 1].fix_W_m[1]);
+
+  const auto frozen =
+      said({"sensor_freeze@2:sensor=encoder,duration=0.1", "sensor_freeze@2:sensor=position_fix,duration=0.1"});
+  EXPECT_EQ(frozen[after - 1].encoder[0], truth[before].encoder[0]);
+  EXPECT_EQ(frozen[after - 1].fix_W_m[0], truth[before].fix_W_m[0]);
+  EXPECT_EQ(frozen[after - 1].fix_count, truth[after - 1].fix_count);  // in fresh messages
+  EXPECT_EQ(frozen[after].encoder[0], truth[after].encoder[0]);
+  EXPECT_EQ(frozen[after].fix_W_m[0], truth[after].fix_W_m[0]);
+
+  const auto saturated =
+      said({"sensor_saturation@2:0.01,sensor=encoder", "sensor_saturation@2:0.02,sensor=position_fix"});
+  bool reached = false;
+  for (std::size_t k = at; k < saturated.size(); ++k) {
+    for (int i = 0; i < saturated[k].mass_count; ++i) EXPECT_LE(std::abs(saturated[k].encoder[i]), 0.01);
+    for (const double place : saturated[k].fix_W_m) {
+      EXPECT_LE(std::abs(place), 0.02);
+      reached = reached || std::abs(place) == 0.02;
+    }
+  }
+  EXPECT_TRUE(reached);
+
+  const auto noisy = said({"sensor_noise@2:0.2,sensor=encoder"});
+  double squares = 0;
+  int n = 0;
+  for (std::size_t k = at; k < noisy.size(); ++k) {
+    for (int i = 0; i < noisy[k].mass_count; ++i, ++n) {
+      squares += std::pow(noisy[k].encoder[i] - truth[k].encoder[i], 2);
+    }
+  }
+  EXPECT_NEAR(squares / n, 0.04, 0.04 * 4 * std::sqrt(2.0 / n));
+}
+
+// NaN of an encoder or of a position fix is a fault to monitor and controller alike, in the same tick.
+TEST(SensorFault, AnEncoderOrAFixThatIsNoNumberStops) {
+  for (const char* fault : {"sensor_nan@2:sensor=encoder,mass=0", "sensor_nan@2:sensor=position_fix"}) {
+    SCOPED_TRACE(fault);
+    const RunResult result =
+        run_desk_ball(desk_ball({fault}, {"sensors.attitude=sensed", "sensors.encoder.resolution=0.0015",
+                                          "sensors.position_fix.rate=100"}))
+            .result;
+    EXPECT_EQ(result.end_reason, EndReason::kTripped);
+    EXPECT_EQ(result.trip.cause, trip_t::CAUSE_NONFINITE);
+    EXPECT_EQ(result.trip.trip_tick, kTick);
+    ASSERT_TRUE(result.controller_trip);
+    EXPECT_EQ(result.controller_trip->tick, kTick);
+    EXPECT_TRUE(has(result, firmware::Fault::kSensorNotFinite));
+  }
+}
+
 // --- motors, floor, ball ---
 
 TEST(MotorFault, StepsAreLostBehindTheControllersBack) {

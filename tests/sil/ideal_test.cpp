@@ -4,10 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tools/faults/injection.h"
-#include "tools/program/params.h"
-#include "tools/sil/lap_sink.h"
-#include "tools/sil/run.h"
+#include "tests/sil/kept_laps.h"
 #include "tools/summary/summary.h"
 
 namespace ballast::sil {
@@ -18,31 +15,6 @@ sim::Scenario load(const std::string& name, const std::vector<std::string>& over
   const auto read = sim::read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/" + name + ".toml", overrides, faults);
   for (const auto& error : read.errors) ADD_FAILURE() << to_string(error);
   return read.scenario;
-}
-
-struct Kept final : LapSink {
-  void take(const Lap& lap) override { laps.push_back(lap); }
-  [[nodiscard]] bool good() const override { return true; }
-  [[nodiscard]] const std::string& error() const override { return none; }
-  [[nodiscard]] std::int64_t bytes() const override { return 0; }
-  std::vector<Lap> laps;
-  std::string none;
-};
-
-struct Rolled {
-  RunResult result;
-  std::vector<Lap> laps;
-};
-
-Rolled roll(const sim::Scenario& scenario) {
-  const auto params = std::make_unique<firmware::ControllerParams>();
-  const bool has_controller = sim::has_controller(scenario.run.actuation);
-  if (has_controller) EXPECT_FALSE(program::to_controller_params(scenario, *params));
-  const auto peers =
-      peers_in_process(scenario, has_controller ? params.get() : nullptr, program::to_monitor_limits(scenario));
-  Kept kept;
-  RunResult result = run_with_faults(scenario, *peers, kept, {});
-  return {std::move(result), std::move(kept.laps)};
 }
 
 // The ideal run is the prescribed run, integrated tick by tick. Both follow the same accelerations up to rounding.

@@ -157,6 +157,8 @@ TEST(PlantMessages, EveryNumberIsInItsPlace) {
   EXPECT_EQ(m.contact.normal_force_n, 13);
   EXPECT_EQ(m.contact.normal_force_min_n, 17);
   EXPECT_EQ(m.contact.mu_required_max, 18);
+  EXPECT_EQ(m.sensors.attitude_valid, 1);
+  EXPECT_EQ(m.contact.commanded_tick, 5);
   EXPECT_EQ(m.contact.commanded_normal_force_n, 19);
   EXPECT_EQ(m.contact.commanded_static_friction_n, 19.5);
   EXPECT_EQ(m.contact.commanded_mu_required, 19.5 / 19);

@@ -23,6 +23,8 @@ TEST(Processes, ThreeGiveTheSameLogAsOne) {
         "paper_ball --set envelope.friction_use=0.3",
         ("desk_ball --set duration=0.3 --set sensors.attitude=sensed --set sensors.preset=bmi088 "
          "--set sensors.latency=0.003"),
+        ("desk_ball --set duration=0.3 --set run.hold=0.3 --set sensors.preset=bmi088 --set sensors.latency=0.003 "
+         "--set sensors.position_fix.rate=50 --set sensors.encoder.resolution=0.001"),
         ("desk_ball --actuation ideal --set duration=0.3 --set run.hold=0.2 --set sensors.attitude=sensed "
          "--set sensors.preset=bmi088"),
         "paper_ball --actuation ideal --set envelope.friction_use=0.3",

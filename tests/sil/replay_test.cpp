@@ -58,6 +58,8 @@ TEST(Replay, TheSameFirmwareSaysTheSame) {
   const Folder folder;
   for (const std::string scenario :
        {"paper_ball --set duration=1", "paper_ball --set envelope.friction_use=0.3", "seam_ball --set duration=0.5",
+        "desk_ball --set duration=0.3 --set run.hold=0.3 --set sensors.preset=bmi088 --set sensors.latency=0.003 "
+        "--set sensors.position_fix.rate=10",
         "desk_ball --set duration=0.3 --set sensors.attitude=sensed --set sensors.preset=bmi088 --set "
         "sensors.latency=0.003 "
         "--set sensors.position_fix.rate=10"}) {
@@ -113,6 +115,7 @@ TEST(Replay, EveryFieldThatFollowsFromOthersIsJudgedAgain) {
   contact("commanded_mu_required", [](contact_t& m) { m.commanded_mu_required *= 1 + 1e-6; });
   contact("commanded_mu_required", [](contact_t& m) { m.commanded_normal_force_n *= 1 + 1e-6; });
   contact("commanded_mu_required", [](contact_t& m) { m.commanded_static_friction_n *= 1 + 1e-6; });
+  contact("commanded_tick", [](contact_t& m) { m.commanded_tick -= 1; });
   contact("margin", [](contact_t& m) { m.margin -= 1e-6; });
   contact("normal_force_min_n", [](contact_t& m) { m.normal_force_min_n *= 2; });
   contact("mu_required_max", [](contact_t& m) { m.mu_required_max /= 2; });
@@ -128,6 +131,7 @@ TEST(Replay, EveryFieldThatFollowsFromOthersIsJudgedAgain) {
   state("center_of_mass_B_m", [](plant_state_t& m) { m.center_of_mass_B_m[0] += 1e-6; });
   state("mass_count", [](plant_state_t& m) { m.mass_count = 2; });
   sensors("utime", [](sensors_t& m) { m.utime += 1; });
+  sensors("attitude_valid", [](sensors_t& m) { m.attitude_valid = 0; });
   sensors("orientation", [](sensors_t& m) { m.orientation[0] += 1e-6; });
   sensors("gyro_B_radps", [](sensors_t& m) { m.gyro_B_radps[2] += 1e-6; });
   trip([](trip_t& m) { m.cause = trip_t::CAUSE_FRICTION; });

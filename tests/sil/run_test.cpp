@@ -12,6 +12,7 @@
 #include <lcm/lcm-cpp.hpp>
 #include <map>
 
+#include "tests/sil/kept_laps.h"
 #include "tests/sil/shell.h"
 #include "tools/faults/full_disk.h"
 #include "tools/program/params.h"
@@ -601,24 +602,13 @@ TEST(StepperRun, AControllerThatNeverArmsHasNotCompleted) {
 
 // Sensors that err change what the controller gets and nothing of the truth, as long as nothing trips.
 TEST(StepperRun, RealSensorsLeaveTheTruthAlone) {
-  struct Kept final : LapSink {
-    void take(const Lap& lap) override { laps.push_back(lap); }
-    [[nodiscard]] bool good() const override { return true; }
-    [[nodiscard]] const std::string& error() const override { return none; }
-    [[nodiscard]] std::int64_t bytes() const override { return 0; }
-    std::vector<Lap> laps;
-    std::string none;
-  };
   const auto laps_of = [](const std::vector<std::string>& overrides) {
     std::vector<std::string> all{"duration=0.5"};
     all.insert(all.end(), overrides.begin(), overrides.end());
     const sim::Scenario scenario = load("desk_ball", all);
-    auto params = std::make_unique<firmware::ControllerParams>();
-    EXPECT_FALSE(program::to_controller_params(scenario, *params));
-    InProcessPeers peers(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
-    Kept kept;
-    EXPECT_EQ(run(scenario, peers, kept, {}).end_reason, EndReason::kCompleted);
-    return kept.laps;
+    Rolled rolled = roll(scenario);
+    EXPECT_EQ(rolled.result.end_reason, EndReason::kCompleted);
+    return std::move(rolled.laps);
   };
   const std::vector<std::string> real{"sensors.attitude=sensed", "sensors.preset=bmi088", "sensors.rate=500",
                                       "sensors.encoder.resolution=0.01", "sensors.position_fix.rate=100"};

@@ -10,10 +10,10 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 ROOMS = [
-    "firmware/model", "firmware/motion", "firmware/safety", "firmware/governor", "firmware/control",
+    "firmware/model", "firmware/motion", "firmware/estimation", "firmware/tracking", "firmware/safety", "firmware/governor", "firmware/control",
     "hal", "hal/lockstep", "hal/lcm", "hal/target", "hal/mps2",
     "sim/integrators", "sim/motors", "sim/masses", "sim/plant", "sim/sensors", "sim/scenario", "sim/closed_forms",
-    "tools/monitor", "tools/stepcheck", "tools/program", "tools/sil", "tools/faults", "tools/qemu", "tools/summary",
+    "tools/monitor", "tools/stepcheck", "tools/tracking", "tools/program", "tools/sil", "tools/faults", "tools/qemu", "tools/summary",
     "tools/recording", "tools/processes", "tools/integrators", "tools/plan", "tools/soak", "tools/sweep", "tools/cluster", "tools/doctor", "tools/spy", "tools/watch",
     "tools/ballast", "tools/benchmarks",
 ]

@@ -101,6 +101,7 @@ TEST(TargetFields, OfTheParameters) {
     visit(places, params->motor[i]);
     places.add(params->motion[i]);  // built on the target from its pieces
   }
+  places.add(params->tracking.values);  // travel in ReferencePart
   places.expect_all_of(*params);
   const auto mass = std::make_unique<MassParams>();
   mass->rail.shape = firmware::RailShape::kSpline;
@@ -109,6 +110,11 @@ TEST(TargetFields, OfTheParameters) {
   Places of_mass;
   visit(of_mass, *mass);
   of_mass.expect_all_of(*mass);
+  const auto part = std::make_unique<ReferencePart>();
+  part->count = kReferencePart;
+  Places of_part;
+  visit(of_part, *part);
+  of_part.expect_all_of(*part);
 }
 
 // A member too small to show among the bytes is counted: visit() compiles only if the chain names every member. These

@@ -53,6 +53,7 @@ void for_every_message(const Visitor& visitor) {
   visitor.template operator()<Hello>();
   visitor.template operator()<firmware::ControllerParams>();
   visitor.template operator()<MassParams>();
+  visitor.template operator()<ReferencePart>();
   visitor.template operator()<Commit>();
   visitor.template operator()<Verdict>();
   visitor.template operator()<World>();
@@ -106,10 +107,10 @@ std::vector<std::uint8_t> changed(std::size_t at, std::uint64_t value, std::size
 
 TEST(TargetLink, EveryFrameErrorHasItsCause) {
   const auto error_of = [](std::span<const std::uint8_t> bytes) {
-    Frame frame{.type = MessageType::kEndReport, .tick = 4711, .payload = {}};
+    Frame frame{.type = MessageType::kReference, .tick = 4711, .payload = {}};
     const FrameResult result = decode_frame(bytes, frame);
     if (result.error != FrameError::kNone) {
-      EXPECT_EQ(frame.type, MessageType::kEndReport);
+      EXPECT_EQ(frame.type, MessageType::kReference);
       EXPECT_EQ(frame.tick, 4711) << "untouched on failure";
       EXPECT_EQ(frame.payload.size(), 0u);
     }
@@ -118,7 +119,7 @@ TEST(TargetLink, EveryFrameErrorHasItsCause) {
   for (const bool checksum : {false, true}) {
     EXPECT_EQ(error_of(changed(0, 0x54534c43, 4, checksum)), FrameError::kNotAFrame);
     EXPECT_EQ(error_of(changed(4, kProtocolVersion + 1, 2, checksum)), FrameError::kVersion);
-    for (const std::uint64_t type : {0, 10, 0xffff}) {
+    for (const std::uint64_t type : {0, 11, 0xffff}) {
       EXPECT_EQ(error_of(changed(6, type, 2, checksum)), FrameError::kType);
     }
     for (const std::uint32_t length : {std::uint32_t{kMaxPayload} + 1, 0x7fffffffu, 0xffffffffu}) {

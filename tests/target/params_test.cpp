@@ -29,6 +29,15 @@ struct Robot {
     params.ball.rail[1].lower_end = -0.9;
     params.ball.rail[1].upper_end = 0.9;
     params.ball.rail[2] = firmware::testing::wavy_spline();
+    params.tracking.samples = 2;
+    params.tracking.period_s = 0.5;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(reference_values(params)); ++k) {
+      params.tracking.values[k] = 0.25F * static_cast<float>(k % 7);
+    }
+    for (std::size_t k = 0; k < 2; ++k) {
+      const std::size_t row = k * static_cast<std::size_t>(firmware::reference_row(3));
+      for (std::size_t c = 0; c < 4; ++c) params.tracking.values[row + c] = c == k ? 1 : 0;
+    }
     for (int i = 0; i < 3; ++i) motions.push_back({0.1, 0, {{0.1, 1, 1}, {0.1, 1, 0}}});
     build();
   }
@@ -92,6 +101,12 @@ Verdict verdict_of(const Robot& robot) {
     std::copy(motion.pieces.begin(), motion.pieces.end(), mass->pieces.begin());
     machine.say(*mass);
   }
+  const auto part = std::make_unique<ReferencePart>();
+  const int values = reference_values(robot.params);
+  for (int first = 0; first < values; first += part->count) {
+    get_reference(robot.params.tracking, first, values, *part);
+    machine.say(*part);
+  }
   machine.say(Commit{});
   const auto link = std::make_unique<Link<LinkOnly>>(machine);
   const auto params = std::make_unique<firmware::ControllerParams>();
@@ -134,8 +149,8 @@ std::vector<Change> changes() {
 
   const Robot robot;
   {
-    [[maybe_unused]] const auto& [scenario_id, control_period, timer, friction, sensors, monitor, ball, motor, motion] =
-        robot.params;
+    [[maybe_unused]] const auto& [scenario_id, control_period, timer, friction, sensors, monitor, ball, estimation,
+                                  motor, motion, tracking] = robot.params;
     number(
         "scenario_id", [](Robot & r) -> auto& { return r.params.scenario_id; });
     number(
@@ -148,6 +163,88 @@ std::vector<Change> changes() {
         "sensor_stale_ticks", [](Robot & r) -> auto& { return r.params.sensor_stale_ticks; });
     number(
         "monitor_stale_ticks", [](Robot & r) -> auto& { return r.params.monitor_stale_ticks; });
+  }
+  {
+    [[maybe_unused]] const auto& [estimated, measures, period, latency, gyro, accelerometer, position, delay, fix,
+                                  encoders, resolution, orientation, rate, place] = robot.params.estimation;
+    const auto of = [&number](const std::string& what, auto find) {
+      number(
+          "estimation." + what, [find](Robot & r) -> auto& { return find(r.params.estimation); });
+    };
+    using Estimation = firmware::EstimationParams;
+    of(
+        "estimated", [](Estimation & e) -> auto& { return e.estimated; });
+    of(
+        "measures_contact", [](Estimation & e) -> auto& { return e.measures_contact; });
+    of(
+        "imu_period_ticks", [](Estimation & e) -> auto& { return e.imu_period_ticks; });
+    of(
+        "imu_latency_ticks", [](Estimation & e) -> auto& { return e.imu_latency_ticks; });
+    for (const bool of_gyro : {true, false}) {
+      const auto triad = [of_gyro](Estimation& e) -> firmware::TriadErrors& {
+        return of_gyro ? e.gyro : e.accelerometer;
+      };
+      const std::string name = of_gyro ? "gyro." : "accelerometer.";
+      [[maybe_unused]] const auto& [noise, bias, walk, scale, axes, range, step] = of_gyro ? gyro : accelerometer;
+      of(
+          name + "noise", [triad](Estimation & e) -> auto& { return triad(e).noise; });
+      of(
+          name + "bias", [triad](Estimation & e) -> auto& { return triad(e).bias; });
+      of(
+          name + "bias_walk", [triad](Estimation & e) -> auto& { return triad(e).bias_walk; });
+      of(
+          name + "scale_error", [triad](Estimation & e) -> auto& { return triad(e).scale_error; });
+      of(
+          name + "misalignment_rad", [triad](Estimation & e) -> auto& { return triad(e).misalignment_rad; });
+      of(
+          name + "range", [triad](Estimation & e) -> auto& { return triad(e).range; });
+      of(
+          name + "resolution", [triad](Estimation & e) -> auto& { return triad(e).resolution; });
+    }
+    vector(
+        "estimation.accelerometer_position_B_m",
+        [](Robot & r) -> auto& { return r.params.estimation.accelerometer_position_B_m; });
+    of(
+        "fix_delay_ticks", [](Estimation & e) -> auto& { return e.fix_delay_ticks; });
+    of(
+        "fix_noise_m", [](Estimation & e) -> auto& { return e.fix_noise_m; });
+    of(
+        "has_encoders", [](Estimation & e) -> auto& { return e.has_encoders; });
+    for (std::size_t i = 0; i < resolution.size(); ++i) {
+      of(
+          "encoder_resolution[" + std::to_string(i) + ']', [i](Estimation & e) -> auto& {
+            return e.encoder_resolution[i];
+          });
+    }
+    for (int j = 0; j < 4; ++j) {
+      of(
+          "initial_orientation[" + std::to_string(j) + ']', [j](Estimation & e) -> auto& {
+            return e.initial_orientation.coeffs()[j];
+          });
+    }
+    vector(
+        "estimation.initial_angular_velocity",
+        [](Robot & r) -> auto& { return r.params.estimation.initial_angular_velocity_B_radps; });
+    for (int j = 0; j < 2; ++j) {
+      of(
+          "initial_position_W_m[" + std::to_string(j) + ']', [j](Estimation & e) -> auto& {
+            return e.initial_position_W_m[j];
+          });
+    }
+  }
+  {
+    [[maybe_unused]] const auto& [samples, period, holds, values] = robot.params.tracking;
+    add("tracking.samples", [](Robot& r) { r.params.tracking.samples = 3; });
+    number(
+        "tracking.period_s", [](Robot & r) -> auto& { return r.params.tracking.period_s; });
+    number(
+        "tracking.holds", [](Robot & r) -> auto& { return r.params.tracking.holds; });
+    for (std::size_t k = 0; k < static_cast<std::size_t>(reference_values(robot.params)); ++k) {
+      add("tracking.values[" + std::to_string(k) + ']', [k](Robot& r) {
+        float& value = r.params.tracking.values[k];
+        value = std::nextafter(value, 2.0F);
+      });
+    }
   }
   {
     [[maybe_unused]] const auto& [radius, gravity, shell, inertia, center, force, down, resistance, spin, creep, count,

@@ -156,6 +156,35 @@ TEST(View, SaysTripModeAndDrops) {
 }
 
 // Heartbeats of peers that wait for a plant are no ticks.
+TEST(View, ShowsWhatTheRobotKnowsWhereItKnows) {
+  View view;
+  view.observe(contact(10), 0);
+  controller_status_t status{};
+  status.tick = 10;
+  view.observe(status, 0);
+  EXPECT_FALSE(says(view.page(0, 200, 0), "known")) << view.page(0, 200, 0);
+  EXPECT_FALSE(says(view.line(0, 0), "measured")) << view.line(0, 0);
+
+  status.measured_valid = status.estimate_valid = status.slip_detected = 1;
+  status.measured_mu_required = 0.25;
+  status.measured_mu_sigma = 0.01;
+  status.measured_normal_force_n = 16;
+  status.measured_normal_sigma_n = 0.5;
+  status.estimated_position_W_m[0] = 1.5;
+  status.position_sigma_m = 0.125;
+  status.tilt_sigma_rad = 0.01;
+  plant_state_t state{};
+  state.tick = 10;
+  state.position_W_m[0] = 1.5;
+  state.position_W_m[1] = -0.25;
+  view.observe(status, 0);
+  view.observe(state, 0);
+  const std::string page = view.page(0, 200, 0);
+  EXPECT_TRUE(says(page, "f_s/N 0.250 +-0.020, N 16 +-1 N measured  SLIP\n")) << page;
+  EXPECT_TRUE(says(page, "place (1.500, 0.000) +-0.250 m, off by 0.25 m, tilt +-1.15 deg")) << page;
+  EXPECT_TRUE(says(view.line(0, 0), " measured=0.250 slip mode=")) << view.line(0, 0);
+}
+
 TEST(View, PeersThatWaitAreShownWithoutAPlant) {
   View view;
   trip_t trip{};

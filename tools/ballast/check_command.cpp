@@ -43,6 +43,8 @@ std::string real_floor_text(const sim::Surface& floor) {
     text += fmt::format(", rolling resistance {}", sim::number_text(floor.rolling_resistance));
   if (floor.spin_friction_m > 0) text += fmt::format(", spin friction {} m", sim::number_text(floor.spin_friction_m));
   if (floor.slope_rad > 0) text += fmt::format(", slope {:.3g} degrees", floor.slope_rad * 180 / std::numbers::pi);
+  if (!floor.patches.empty())
+    text += fmt::format(", {} patch{}", floor.patches.size(), floor.patches.size() == 1 ? "" : "es");
   return text;
 }
 

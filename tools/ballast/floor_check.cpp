@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "sim/plant/plant.h"
 #include "tools/program/short_number.h"
@@ -52,14 +51,30 @@ std::string too_much_friction(const sim::Extremum& needed, const sim::Scenario& 
                      short_number(scenario.envelope.friction_use), short_number(given), short_number(allowed));
 }
 
+sim::Scenario as_prescribed(sim::Scenario scenario) {
+  scenario.run.actuation = sim::Actuation::kPrescribed;
+  scenario.run.on_violation = sim::OnViolation::kStop;
+  scenario.faults.clear();
+  return scenario;
+}
+
+// Rolls the ball to where a patch holds less than the floor around it.
+void add_slip_on_patch(const sim::Scenario& scenario, double end_s, FloorFindings& findings) {
+  sim::Plant plant(as_prescribed(scenario));
+  for (int k = 1; k <= kPieces && plant.end() == sim::PhysicsEnd::kNone; ++k) plant.advance(end_s * k / kPieces, {});
+  const sim::Sample end = plant.sample();
+  if (plant.end() != sim::PhysicsEnd::kSlipped || end.floor_static_friction >= scenario.surface.static_friction) return;
+  findings.warnings.push_back(
+      fmt::format("surface.patch: at t = {} s the ball is at ({}, {}) m on a patch of mu_s = {}, and slips{}",
+                  short_time(plant.time_s()), short_number(end.position_W_m[0]), short_number(end.position_W_m[1]),
+                  short_number(end.floor_static_friction), Cause(scenario, plant.time_s()).advice));
+}
+
 }  // namespace
 
 FloorFindings check_floor(const sim::Scenario& scenario) {
-  sim::Scenario rolled = scenario;
-  rolled.run.actuation = sim::Actuation::kPrescribed;
-  rolled.run.on_violation = sim::OnViolation::kStop;
-  rolled.surface.static_friction = std::numeric_limits<double>::infinity();
-  rolled.faults.clear();
+  sim::Scenario rolled = as_prescribed(scenario);
+  rolled.surface.hold_everything();
   sim::Plant plant(rolled);
   if (plant.regimes().front().regime != sim::Regime::kRolling) return {};
   const double end_s = std::min(scenario.duration_s, kMostLookedAt_s);
@@ -71,6 +86,7 @@ FloorFindings check_floor(const sim::Scenario& scenario) {
   }
 
   FloorFindings findings;
+  if (!scenario.surface.patches.empty()) add_slip_on_patch(scenario, end_s, findings);
   const double least_n = scenario.envelope.min_normal_force_n;
   if (most.mu_required_max.value > scenario.envelope.friction_use * scenario.surface.static_friction)
     findings.warnings.push_back(too_much_friction(most.mu_required_max, scenario));

@@ -2,7 +2,6 @@
 #include <fmt/core.h>
 
 #include <iostream>
-#include <limits>
 #include <memory>
 
 #include "tools/ballast/commands.h"
@@ -25,8 +24,8 @@ int print_required_friction(const program::ScenarioOptions& options) {
   }
   const bool has_controller = sim::has_controller(scenario->run.actuation);
   // Perfect friction keeps the ball rolling to the end; on the scenario's own floor the run might end earlier.
-  scenario->surface.static_friction = std::numeric_limits<double>::infinity();
-  if (scenario->believed) scenario->believed->surface.static_friction = scenario->surface.static_friction;
+  scenario->surface.hold_everything();
+  if (scenario->believed) scenario->believed->surface.hold_everything();
   scenario->envelope.min_normal_force_n = 0;
   std::unique_ptr<firmware::ControllerParams> params;  // null: there is no controller
   if (has_controller) {

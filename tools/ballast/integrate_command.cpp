@@ -75,6 +75,10 @@ int integrate(IntegrateCommand command) {
   if (!scenario->faults.empty()) {
     return refuse(to_string(scenario->faults.front()) + ": not with ballast integrate; allowed: ballast run");
   }
+  if (!scenario->surface.patches.empty()) {
+    return refuse(
+        "surface.patch: not with ballast integrate, whose floor is everywhere the same; allowed: ballast run");
+  }
   if (const auto how = integrators::why_not_rolling(*scenario); !how.empty()) {
     return refuse(fmt::format("{} starts {}; ballast integrate simulates rolling only, ballast run every regime",
                               scenario->name, how));

@@ -207,7 +207,9 @@ int plan_task(const PlanCommand& command) {
       return refuse(program::kExitCouldNotRun, "the plan is no good scenario: " + to_string(written.errors.front()));
     }
     if (written.scenario.run.actuation == sim::Actuation::kStepper && *signalled == 0) {
-      const SteppedRun run = run_with_steppers(sim::as_believed(written.scenario), signalled);
+      sim::Scenario believed = sim::as_believed(written.scenario);
+      believed.surface.patches = task->scenario.surface.patches;
+      const SteppedRun run = run_with_steppers(believed, signalled);
       if (run.result) with_steppers = need_of(*run.result);
       if (*signalled == 0) stepper_refusal = run.refusal;
     }

@@ -4,9 +4,10 @@
 #include <iostream>
 
 #include "tools/ballast/plan_command.h"
-#include "tools/plan/tracking.h"
+#include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/short_number.h"
+#include "tools/tracking/reference.h"
 
 namespace ballast {
 namespace {
@@ -40,8 +41,10 @@ int write_gains(const PlanCommand& command) {
   std::error_code same;
   if (std::filesystem::equivalent(path, file, same))
     return refuse(program::kExitUsage, "--out: is the plan itself; allowed: another file");
-  std::string why;
-  const auto tracking = plan::track(sim::as_believed(read.scenario), why);
+  firmware::BallParams ball;
+  std::string why = program::to_ball_params(read.scenario.belief(), ball).value_or("");
+  std::optional<plan::Tracking> tracking;
+  if (why.empty()) tracking = plan::track(sim::as_believed(read.scenario), ball, why);
   if (!tracking) return refuse(program::kExitUsage, fmt::format("{}: {}", path.string(), why));
   const plan::GainTable table = plan::gain_table(*tracking);
   if (!write_file(file, plan::gain_csv(table)))
@@ -49,7 +52,7 @@ int write_gains(const PlanCommand& command) {
   if (command.quiet) return program::kExitCompleted;
   std::cout << fmt::format(
       "{}: reference and gains of {} masses, {} by {}, at {} times {} s apart: {} bytes as floats\n  written: {}\n",
-      read.scenario.name, table.masses, table.masses, 2 * table.masses + 8, table.samples,
+      read.scenario.name, table.masses, table.masses, table.errors, table.samples,
       program::short_number(table.period_s), table.bytes(), file.string());
   return program::kExitCompleted;
 }

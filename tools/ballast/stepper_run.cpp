@@ -1,6 +1,5 @@
 #include "tools/ballast/stepper_run.h"
 
-#include <limits>
 #include <memory>
 #include <utility>
 
@@ -39,8 +38,8 @@ SteppedRun run_with_steppers(const sim::Scenario& scenario, const volatile std::
 
 sim::Scenario on_perfect_floor(const sim::Scenario& scenario) {
   sim::Scenario out = scenario;
-  out.surface.static_friction = std::numeric_limits<double>::infinity();
-  if (out.believed) out.believed->surface.static_friction = out.surface.static_friction;
+  out.surface.hold_everything();
+  if (out.believed) out.believed->surface.hold_everything();
   out.envelope.min_normal_force_n = 0;
   return out;
 }

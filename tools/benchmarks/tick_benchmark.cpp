@@ -52,6 +52,7 @@ void ControllerTick(benchmark::State& state) {
     inputs.operator_command = command;
     firmware::tick(*params, *controller, inputs, steps);
     firmware::predict(*params, *controller);
+    firmware::measure(*params, inputs, *controller);
     firmware::report(*params, *controller, inputs, status);
   };
   tick(-2, firmware::OperatorCommand::kArm);

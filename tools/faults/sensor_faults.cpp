@@ -2,7 +2,9 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <limits>
+#include <span>
 
 #include "sim/motors/random.h"
 
@@ -11,10 +13,24 @@ namespace {
 
 using sim::FaultKind;
 using sim::FaultSensor;
+using Offsets = std::array<double, std::size_t{sim::kMaxMasses}>;  // one per number of a sensor
+static_assert(sim::kMaxMasses >= 3);
 
-// The three components of a rate or an acceleration.
-double* axes(FaultSensor sensor, sensors_t& sensors) {
-  return sensor == FaultSensor::kGyro ? sensors.gyro_B_radps : sensors.accelerometer_B_mps2;
+// The numbers of a sensor that are not an attitude or switches.
+std::span<double> numbers(FaultSensor sensor, sensors_t& sensors) {
+  if (sensor == FaultSensor::kGyro) return sensors.gyro_B_radps;
+  if (sensor == FaultSensor::kAccelerometer) return sensors.accelerometer_B_mps2;
+  if (sensor == FaultSensor::kPositionFix) return sensors.fix_W_m;
+  if (sensor == FaultSensor::kEncoder) {
+    return {sensors.encoder, static_cast<std::size_t>(std::clamp<int>(sensors.mass_count, 0, sim::kMaxMasses))};
+  }
+  return {};
+}
+
+// Whether the fault acts on this one of the sensor's numbers.
+bool acts_on(const sim::Fault& fault, std::size_t number) {
+  const int selected = fault.sensor == FaultSensor::kEncoder ? fault.mass : fault.axis;
+  return selected < 0 || selected == static_cast<int>(number);
 }
 
 // Turns the attitude about the body's axes, so that it stays a unit quaternion.
@@ -30,24 +46,34 @@ void turn(const Eigen::Vector3d& turn_B_rad, sensors_t& sensors) {
   q[3] = off.z();
 }
 
-void keep(FaultSensor sensor, int axis, const sensors_t& from, sensors_t& to) {
-  if (sensor == FaultSensor::kOrientation) std::copy_n(from.orientation, 4, to.orientation);
-  if (sensor == FaultSensor::kLimitSwitch)
+void keep(const sim::Fault& fault, sensors_t& from, sensors_t& to) {
+  if (fault.sensor == FaultSensor::kOrientation) std::copy_n(from.orientation, 4, to.orientation);
+  if (fault.sensor == FaultSensor::kLimitSwitch)
     std::copy_n(from.limit_switch, std::size(from.limit_switch), to.limit_switch);
-  if (sensor != FaultSensor::kGyro && sensor != FaultSensor::kAccelerometer) return;
-  sensors_t copy = from;
-  for (int j = 0; j < 3; ++j) {
-    if (axis < 0 || axis == j) axes(sensor, to)[j] = axes(sensor, copy)[j];
+  const std::span<double> kept = numbers(fault.sensor, from), now = numbers(fault.sensor, to);
+  for (std::size_t j = 0; j < now.size(); ++j) {
+    if (acts_on(fault, j)) now[j] = kept[j];
   }
 }
 
-void add(const sim::Fault& fault, const Eigen::Vector3d& value, sensors_t& sensors) {
-  Eigen::Vector3d off = value;
-  for (int j = 0; j < 3; ++j) {
-    if (fault.axis >= 0 && fault.axis != j) off[j] = 0;
+void add(const sim::Fault& fault, const Offsets& value, sensors_t& sensors) {
+  if (fault.sensor == FaultSensor::kOrientation) {
+    Eigen::Vector3d off = Eigen::Vector3d::Zero();
+    for (std::size_t j = 0; j < 3; ++j) {
+      if (acts_on(fault, j)) off[static_cast<Eigen::Index>(j)] = value[j];
+    }
+    return turn(off, sensors);
   }
-  if (fault.sensor == FaultSensor::kOrientation) return turn(off, sensors);
-  for (int j = 0; j < 3; ++j) axes(fault.sensor, sensors)[j] += off[j];
+  const std::span<double> now = numbers(fault.sensor, sensors);
+  for (std::size_t j = 0; j < now.size(); ++j) {
+    now[j] += acts_on(fault, j) ? value[j] : 0;
+  }
+}
+
+Offsets all(double value) {
+  Offsets offsets{};
+  offsets.fill(value);
+  return offsets;
 }
 
 }  // namespace
@@ -68,30 +94,30 @@ void SensorFaults::apply(double time_s, sensors_t& sensors) {
     switch (fault.kind) {
       case FaultKind::kSensorBias:
       case FaultKind::kSensorSpike:
-        add(fault, Eigen::Vector3d::Constant(fault.value), sensors);
+        add(fault, all(fault.value), sensors);
         break;
       case FaultKind::kSensorNoise: {
-        Eigen::Vector3d noise;
-        for (int j = 0; j < 3; ++j) noise[j] = fault.value * sim::normal(state.random);
+        Offsets noise{};
+        const std::size_t count = std::max<std::size_t>(3, numbers(fault.sensor, sensors).size());
+        for (std::size_t j = 0; j < count; ++j) noise[j] = fault.value * sim::normal(state.random);
         add(fault, noise, sensors);
         break;
       }
       case FaultKind::kSensorFreeze:
         if (!state.frozen) state.kept = previous_.value_or(sensors);
         state.frozen = true;
-        keep(fault.sensor, fault.axis, state.kept, sensors);
+        keep(fault, state.kept, sensors);
         break;
       case FaultKind::kSensorNan:
         if (fault.sensor == FaultSensor::kOrientation) {
           std::fill_n(sensors.orientation, 4, std::numeric_limits<double>::quiet_NaN());
         } else {
-          add(fault, Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()), sensors);
+          add(fault, all(std::numeric_limits<double>::quiet_NaN()), sensors);
         }
         break;
       case FaultKind::kSensorSaturation:
-        for (int j = 0; j < 3; ++j) {
-          double& value = axes(fault.sensor, sensors)[j];
-          if (fault.axis < 0 || fault.axis == j) value = std::clamp(value, -fault.value, fault.value);
+        for (std::size_t j = 0; double& value : numbers(fault.sensor, sensors)) {
+          if (acts_on(fault, j++)) value = std::clamp(value, -fault.value, fault.value);
         }
         break;
       default:

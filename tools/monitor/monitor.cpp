@@ -149,18 +149,27 @@ void Monitor::judge_envelope(const Samples& samples) {
 
 bool Monitor::Forces::known() const { return std::isfinite(normal_n) && std::isfinite(static_friction_n); }
 
-void Monitor::judge_agreement(const Samples& samples) {
-  const bool of_one_instant = commanded_ && samples.status != nullptr && samples.status->tick == last_tick_;
+void Monitor::judge_forces(const controller_status_t* status) {
+  const bool of_one_instant = commanded_ && status != nullptr && status->tick == commanded_->tick;
   // A plant whose floor would have to pull says 0, which is no number to compare with.
-  if (of_one_instant && commanded_->known() && commanded_->normal_n > 0) {
-    const Forces estimate{samples.status->normal_force_n, samples.status->static_friction_n};
-    const double apart_n = std::max(std::abs(commanded_->normal_n - estimate.normal_n),
-                                    std::abs(commanded_->static_friction_n - estimate.static_friction_n));
-    if (estimate.known() && apart_n > limits_.disagreement_n) {
-      trip(trip_t::CAUSE_DISAGREEMENT, apart_n, limits_.disagreement_n);
-    }
+  if (!of_one_instant || !commanded_->known() || !(commanded_->normal_n > 0)) return;
+  const Forces own{status->tick, status->normal_force_n, status->static_friction_n};
+  const double apart_n = std::max(std::abs(commanded_->normal_n - own.normal_n),
+                                  std::abs(commanded_->static_friction_n - own.static_friction_n));
+  if (own.known() && apart_n > limits_.disagreement_n) {
+    trip(trip_t::CAUSE_DISAGREEMENT, apart_n, limits_.disagreement_n);
   }
+}
+
+void Monitor::judge_agreement(const Samples& samples) {
   const contact_t& contact = *samples.contact;
+  judge_forces(samples.status);
+  commanded_.reset();
+  if (contact.regime == contact_t::REGIME_ROLLING) {
+    commanded_ = Forces{contact.commanded_tick, contact.commanded_normal_force_n, contact.commanded_static_friction_n};
+  }
+  // What answers a status that has been heard is judged now.
+  if (contact.commanded_tick != contact.tick) judge_forces(samples.status);
   const double cone_n = limits_.margin_friction * contact.normal_force_n;
   if (const double hidden_n = hidden_friction_n(contact, cone_n); hidden_n > kRounding * cone_n) {
     trip(trip_t::CAUSE_DISAGREEMENT, hidden_n, kRounding * cone_n);
@@ -170,10 +179,6 @@ void Monitor::judge_agreement(const Samples& samples) {
     const double apart_n = std::abs(force_n - contact.static_friction_n);
     const double rounding_n = limits_.turned_part * (force_n + std::abs(contact.normal_force_n));
     if (apart_n > rounding_n) trip(trip_t::CAUSE_DISAGREEMENT, apart_n, rounding_n);
-  }
-  commanded_.reset();
-  if (contact.regime == contact_t::REGIME_ROLLING) {
-    commanded_ = Forces{contact.commanded_normal_force_n, contact.commanded_static_friction_n};
   }
 }
 

@@ -17,8 +17,8 @@ struct MonitorLimits {
   double min_normal_force_n = 0;  // trips when N <= this, in every regime
   double friction_use = 1;        // trips when f_s > friction_use mu_s N; > 0
   double static_friction = 0;     // mu_s > 0; infinity: perfect friction
-  // mu_s of the floor that the plant's margins belong to; 0: static_friction. Another one where the limits are those of
-  // a floor that is only believed.
+  // mu_s of the floor that the plant's margins belong to, of its roughest place where it changes; 0: static_friction.
+  // Another one where the limits are those of a floor that is only believed.
   double margin_friction = 0;
   bool starts_rolling = false;       // a ball that slides from the first message on has slipped
   bool controller_expected = false;  // false in prescribed runs
@@ -59,13 +59,14 @@ struct Samples {
 //                 never heard counts as one tick too old, except at the first tick.
 //                 value: its age, negative if it is of a tick to come; limit: the age allowed; both in ticks.
 //   disagreement  While the ball rolls, N or f_s of the commanded masses differs between the plant's equations and the
-//                 controller's, at the instant that both name. The controller's come in its status a tick later. The
-//                 two derivations share no line: one is wrong, or was told another robot, attitude or motion. Not
-//                 judged where either is not finite, or where the plant's floor would have to pull. value: the greater
-//                 difference; limit: disagreement_n; both in N. Also a margin better than N and f_s of the same message
-//                 allow on the plant's floor (a worse floor lowers it), or a margin of NaN; not with perfect
-//                 friction. value: the f_s it hides; limit: the f_s that rounding can hide; both in N. Also, while the
-//                 ball rolls, a friction force whose magnitude is not the f_s of the same message. value: the
+//                 controller's, at the instant that both name (commanded_tick). The controller's come in its status a
+//                 tick later with a sensed attitude; an estimated one comes with them, and the plant answers it a tick
+//                 later. The two derivations share no line: one is wrong, or was told another robot, attitude or
+//                 motion. Not judged where either is not finite, or where the plant's floor would have to pull. value:
+//                 the greater difference; limit: disagreement_n; both in N. Also a margin better than N and f_s of the
+//                 same message allow on the plant's floor (a worse floor lowers it), or a margin of NaN; not with
+//                 perfect friction. value: the f_s it hides; limit: the f_s that rounding can hide; both in N. Also,
+//                 while the ball rolls, a friction force whose magnitude is not the f_s of the same message. value: the
 //                 difference; limit: what rounding can make of it; both in N.
 class Monitor {
  public:
@@ -87,9 +88,11 @@ class Monitor {
   void trip(std::int8_t cause, double value, double limit);
   void judge_envelope(const Samples& samples);
   void judge_agreement(const Samples& samples);
+  void judge_forces(const controller_status_t* status);
 
-  // N and f_s of the commanded masses.
+  // N and f_s of the commanded masses, for comparison with the status of `tick`.
   struct Forces {
+    std::int64_t tick;
     double normal_n, static_friction_n;
     [[nodiscard]] bool known() const;
   };
@@ -98,7 +101,7 @@ class Monitor {
   std::optional<std::int64_t> last_tick_;  // the latest judged
   double time_s_ = 0;                      // of the sample being judged
   bool has_rolled_;                        // in some sample judged
-  std::optional<Forces> commanded_;        // by the plant, at last_tick_
+  std::optional<Forces> commanded_;        // by the plant, in the newest contact of rolling
   trip_t verdict_{};
 };
 

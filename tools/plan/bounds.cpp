@@ -11,6 +11,8 @@
 namespace ballast::plan {
 namespace {
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 // The farthest that the centre of mass gets from the geometric centre.
@@ -47,9 +49,41 @@ Balance balance_at_start(const Problem& problem) {
   return out;
 }
 
+// Weight and external force: their part in the floor, and the part that presses the ball to it.
+Eigen::Vector2d in_the_floor_n(const firmware::BallParams& ball, double mass_kg) {
+  return mass_kg * ball.gravity_mps2 * ball.down_W.head<2>() + ball.external_force_W_n.head<2>();
+}
+
+double pressing_n(const firmware::BallParams& ball, double mass_kg) {
+  return -mass_kg * ball.gravity_mps2 * ball.down_W[2] - ball.external_force_W_n[2];
+}
+
 // The longest path of a mass along its rail, in rail units.
 double longest_path(const MassLimits& limits, double duration_s) {
   return std::min(limits.speed * duration_s, limits.acceleration * duration_s * duration_s / 2);
+}
+
+// The farthest that a rail gets in the direction u. A piece of a spline leaves its chord by at most an eighth of its
+// squared length by the greatest |zeta''|, which is linear between its knots.
+double farthest_along(const firmware::Rail& rail, double radius_m, const Eigen::Vector3d& u) {
+  switch (rail.shape) {
+    case firmware::RailShape::kCircle:
+      return u.dot(Eigen::Vector3d(rail.origin_B_m)) +
+             rail.radius_m *
+                 std::hypot(u.dot(Eigen::Vector3d(rail.axis_cos_B)), u.dot(Eigen::Vector3d(rail.axis_sin_B)));
+    case firmware::RailShape::kLine:
+      if (!std::isfinite(rail.lower_end) || !std::isfinite(rail.upper_end)) return radius_m;
+      return std::max(u.dot(firmware::evaluate<double>(rail, rail.lower_end).position),
+                      u.dot(firmware::evaluate<double>(rail, rail.upper_end).position));
+    case firmware::RailShape::kSpline:
+      break;
+  }
+  double farthest_m = -kInfinity, bend = 0;
+  for (std::size_t k = 0; k <= index(rail.piece_count); ++k) {
+    farthest_m = std::max(farthest_m, u.dot(Eigen::Vector3d(rail.knots[k].position_B_m)));
+    bend = std::max(bend, Eigen::Vector3d(rail.knots[k].d2_B_per_m).norm());
+  }
+  return farthest_m + rail.piece_length_m * rail.piece_length_m / 8 * bend;
 }
 
 // Upper bound of |moment about the geometric centre| over all places that the masses can reach: the greatest of the
@@ -70,12 +104,7 @@ double greatest_moment(const Problem& problem, double duration_s) {
       double moment = ball.shell_mass_kg * u.dot(Eigen::Vector3d(ball.center_of_mass_B_m));
       for (int i = 0; i < ball.mass_count; ++i) {
         const firmware::Rail& rail = ball.rail[index(i)];
-        double far_m = ball.radius_m;
-        if (rail.shape == firmware::RailShape::kCircle) {
-          far_m = u.dot(Eigen::Vector3d(rail.origin_B_m)) +
-                  rail.radius_m *
-                      std::hypot(u.dot(Eigen::Vector3d(rail.axis_cos_B)), u.dot(Eigen::Vector3d(rail.axis_sin_B)));
-        }
+        const double far_m = std::min(farthest_along(rail, ball.radius_m, u), static_cast<double>(ball.radius_m));
         const double path_m = longest_path(problem.limits[index(i)], duration_s) * problem.metres_per_unit[i];
         moment += ball.mass_kg[index(i)] * std::min(far_m, u.dot(from[index(i)]) + path_m);
       }
@@ -145,9 +174,9 @@ Reach reach_of_friction(const Problem& problem, double duration_s, bool to_rest)
   const Eigen::Vector3d center = balance.moment_W / mass_kg;
   const double farthest_m = farthest_center_m(ball, mass_kg), aside_m = center.head<2>().norm();
   const Eigen::Vector3d force(ball.external_force_W_n);
-  const double sideways_mps2 = force.head<2>().norm() / mass_kg;
+  const double sideways_mps2 = in_the_floor_n(ball, mass_kg).norm() / mass_kg;
   Reach reach;
-  reach.gravity_mps2 = std::max(ball.gravity_mps2 - force[2] / mass_kg, 1e-9);
+  reach.gravity_mps2 = std::max(pressing_n(ball, mass_kg) / mass_kg, 1e-9);
   reach.divisor = to_rest ? 4 : 2;
   reach.height_m = (to_rest ? 3 : 1) * farthest_m - center[2];
   reach.per_friction_m = reach.gravity_mps2 * duration_s * duration_s / reach.divisor + reach.height_m;
@@ -158,7 +187,7 @@ Reach reach_of_friction(const Problem& problem, double duration_s, bool to_rest)
 
 std::optional<MotorReach> reach_of_motors(const Problem& problem, double duration_s, bool to_rest) {
   const firmware::BallParams& ball = problem.robot.ball;
-  if (Eigen::Vector3d(ball.external_force_W_n).norm() > 0) return std::nullopt;
+  if (Eigen::Vector3d(ball.external_force_W_n).norm() > 0 || slopes(ball)) return std::nullopt;
   PerMass<Strength> strength;
   for (int i = 0; i < ball.mass_count; ++i) {
     const MassLimits& limits = problem.limits[index(i)];
@@ -184,7 +213,7 @@ std::optional<MotorReach> reach_of_motors(const Problem& problem, double duratio
   double root_j = 0;  // integral of sqrt(E)
   for (int k = 0; k < kSteps; ++k) {
     double energy = at_start_j + work_j((k + 1) * step_s);
-    if (to_rest) energy = std::min(energy, at_rest_j + work_j(duration_s - k * step_s));
+    if (to_rest && !resists(problem)) energy = std::min(energy, at_rest_j + work_j(duration_s - k * step_s));
     root_j += std::sqrt(energy) * step_s;
   }
   const double r = ball.radius_m, aside_m = balance.moment_W.head<2>().norm() / balance.mass_kg;
@@ -221,12 +250,50 @@ double least_duration_of_motors_s(const Problem& problem, double distance_m, boo
   return less_s;
 }
 
+std::string no_rest(const Problem& problem) {
+  const firmware::BallParams& ball = problem.robot.ball;
+  if (!slopes(ball)) return "";
+  const double mass_kg = balance_at_start(problem).mass_kg, weight_n = mass_kg * ball.gravity_mps2;
+  const Eigen::Vector2d pull_n = in_the_floor_n(ball, mass_kg);
+  const double slope_rad = std::atan2(ball.down_W.head<2>().norm(), -ball.down_W[2]);
+  const std::string floor = fmt::format("on a slope of {:.3g} degrees ", slope_rad * 180 / std::numbers::pi);
+  // Both forces are to pass through the contact point's vertical plane, since the floor gives no lasting moment about
+  // its normal.
+  const Eigen::Vector2d downhill = ball.down_W.head<2>().normalized();
+  const Eigen::Vector2d force_n = ball.external_force_W_n.head<2>();
+  const double across_n = downhill[0] * force_n[1] - downhill[1] * force_n[0];
+  if (std::abs(across_n) > 1e-9 * weight_n) {
+    return floor + fmt::format(
+                       "external_force, {:.3g} N of which go across the slope, spins the ball: nothing holds "
+                       "it at rest (task.at_rest)",
+                       std::abs(across_n));
+  }
+  const double need = pull_n.norm() / std::max(pressing_n(ball, mass_kg), 1e-12 * weight_n);
+  // The plan may end a little beside the goal.
+  const double weight = problem.floor.has_patches() ? problem.floor.least_weight(problem.task.goal_m, 1e-3) : 1;
+  if (weight * need > problem.friction_limit) {
+    return floor + fmt::format(
+                       "friction does not hold a ball at rest (task.at_rest): it needs f_s/N = {:.4g}, and "
+                       "friction_use mu_s is {:.3g}{}",
+                       need, problem.friction_limit / weight, weight > 1 ? " at the goal (surface.patch)" : "");
+  }
+  const double least_m = ball.radius_m * std::abs(std::sin(slope_rad) + downhill.dot(force_n) / weight_n);
+  const double most_m = greatest_moment(problem, kInfinity) / mass_kg;
+  if (least_m <= most_m) return "";
+  return floor + fmt::format(
+                     "a ball rests only with its centre of mass {:.3g} m or more from the geometric centre "
+                     "(task.at_rest), and the masses bring it at most {:.3g} m far",
+                     least_m, most_m);
+}
+
 std::string immobile(const Problem& problem) {
   const Balance balance = balance_at_start(problem);
   const double r = problem.robot.ball.radius_m;
   const bool hangs =
       balance.moment_W[2] < 0 && balance.moment_W.head<2>().norm() < 1e-3 * std::abs(balance.moment_W[2]);
-  if (!hangs || Eigen::Vector3d(problem.robot.ball.external_force_W_n).norm() > 0) return "";
+  if (!hangs || Eigen::Vector3d(problem.robot.ball.external_force_W_n).norm() > 0 || slopes(problem.robot.ball)) {
+    return "";
+  }
   // A short stroke without any other limit can still rock the ball, period by period.
   constexpr double kFewPeriods = 50;     // of sqrt(r / g): about eight
   constexpr double kLeastTravel = 1e-3;  // of r: moves a ball at rest by less than that
@@ -237,7 +304,7 @@ std::string immobile(const Problem& problem) {
     const double by_acceleration = limits.acceleration * duration_s * duration_s / 4;
     const double by_speed = limits.speed * duration_s;
     const bool few = duration_s < kFewPeriods * time_unit_s(problem) || limits.motor;
-    const double by_ends = few ? limits.upper - limits.lower : std::numeric_limits<double>::infinity();
+    const double by_ends = few ? limits.upper - limits.lower : kInfinity;
     const double travel = std::min({by_acceleration, by_speed, by_ends});
     if (!(travel * problem.metres_per_unit[i] < kLeastTravel * r)) return "";
     const LimitKind kind = travel == by_ends    ? LimitKind::kRailEnd

@@ -1,6 +1,10 @@
 #include "tools/plan/plant_check.h"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
+
+#include "sim/plant/local_floor.h"
 
 namespace ballast::plan {
 
@@ -35,15 +39,57 @@ std::vector<std::vector<sim::MotionPiece>> stretched_motion(const sim::Scenario&
   return out;
 }
 
+namespace {
+
+// Follows the plant to time_s. On a floor with patches the greatest f_s / N of each short stretch counts with the
+// greater weight of its ends.
+void follow(const PatchedFloor& floor, double time_s, sim::Plant& plant, double& need) {
+  constexpr int kLooks = 12;
+  const double start_s = plant.time_s();
+  if (!floor.has_patches() || !(time_s > start_s)) return plant.advance(time_s, {});
+  const auto weight = [&] { return floor.weight_at(plant.sample().position_W_m.head<2>()); };
+  double before = weight();
+  for (int look = 1; look <= kLooks && plant.end() == sim::PhysicsEnd::kNone; ++look) {
+    plant.advance(look == kLooks ? time_s : start_s + (time_s - start_s) * look / kLooks, {});
+    const double after = weight();
+    need = std::max(need, std::max(before, after) * plant.sample().mu_required_max);
+    before = after;
+  }
+}
+
+bool slips_on_patches(const Problem& problem, sim::Scenario moved) {
+  const PatchedFloor& floor = problem.floor;
+  if (!floor.has_patches() || std::isinf(floor.reference_friction()) || std::isinf(problem.friction_limit))
+    return false;
+  const double use = problem.friction_limit / floor.reference_friction();
+  moved.surface.static_friction *= use;
+  moved.surface.kinetic_friction = std::min(moved.surface.kinetic_friction, moved.surface.static_friction);
+  for (sim::SurfacePatch& patch : moved.surface.patches) {
+    patch.static_friction *= use;
+    patch.kinetic_friction = std::min(patch.kinetic_friction, patch.static_friction);
+  }
+  moved.run.on_violation = sim::OnViolation::kStop;
+  sim::Plant plant(moved);
+  plant.advance(moved.duration_s, {});
+  return plant.end() != sim::PhysicsEnd::kNone;
+}
+
+}  // namespace
+
 PlantRun roll_by_plant(const Problem& problem, const sim::Scenario& scenario, const Grid& grid,
                        const std::vector<double>& knots) {
   sim::Scenario moved = with_motion(scenario, grid, knots);
-  moved.surface.static_friction = moved.surface.kinetic_friction = std::numeric_limits<double>::infinity();
+  const bool patched = problem.floor.has_patches();
   PlantRun run;
+  run.slips = slips_on_patches(problem, moved);
+  moved.surface.hold_everything();
+  moved.surface.kinetic_friction = std::numeric_limits<double>::infinity();
+  sim::LocalFloor floor(moved.surface);
+  Robot robot = problem.robot;
   sim::Plant plant(moved);
   for (int node = 0; node < grid.nodes() && plant.end() == sim::PhysicsEnd::kNone; ++node) {
     const bool last = node + 1 == grid.nodes();
-    plant.advance(last ? grid.duration_s : node * grid.step_s(), {});
+    follow(problem.floor, last ? grid.duration_s : node * grid.step_s(), plant, run.need);
     if (plant.end() != sim::PhysicsEnd::kNone) break;
     const sim::Plant::Sample s = plant.sample();
     Node at{};
@@ -59,12 +105,17 @@ PlantRun roll_by_plant(const Problem& problem, const sim::Scenario& scenario, co
       at.state.acceleration[i] = (1 - part) * knots[piece * n + i] + part * knots[(piece + 1) * n + i];
     }
     at.place_m = {s.position_W_m[0], s.position_W_m[1]};
-    evaluate_rolling(problem.robot, at.state, at.value);
+    if (patched) {
+      floor.stand_at(s.position_W_m.head<2>());
+      robot.ball.rolling_resistance = floor.rolling_resistance();
+    }
+    evaluate_rolling(robot, at.state, at.value);
     run.nodes.push_back(at);
     run.final = s;
   }
   run.rolled = plant.end() == sim::PhysicsEnd::kNone;
   run.extrema = plant.extrema();
+  if (!patched) run.need = run.extrema.mu_required_max.value;
   run.end_s = plant.time_s();
   return run;
 }

@@ -20,12 +20,15 @@ namespace ballast::plan {
 struct PlantRun {
   bool rolled = false;  // N > 0 all the time
   sim::ContactExtrema extrema;
+  double need = 0;     // greatest f_s / N, weighted by place (patched_floor.h), between nodes too
+  bool slips = false;  // on the floor as it is, with its friction times the use that the task allows
   sim::Plant::Sample final{};
   double end_s = 0;
   std::vector<Node> nodes;  // the plant's states at the grid's nodes; fewer if it did not roll to the end
 };
 
-// Rolls the motion with prescribed masses on a floor of infinite friction: the caller judges f_s / N.
+// Rolls the motion with prescribed masses on a floor of infinite friction: the caller judges the need. With patches it
+// is rolled once more, to find slip on one that is smaller than the distance between two looks.
 [[nodiscard]] PlantRun roll_by_plant(const Problem& problem, const sim::Scenario& scenario, const Grid& grid,
                                      const std::vector<double>& knots);
 

@@ -8,7 +8,8 @@
 #include <vector>
 
 #include "sim/motors/stepper.h"
-#include "tools/plan/rolling_model.h"
+#include "tools/plan/patched_floor.h"
+#include "tools/tracking/rolling_model.h"
 
 namespace ballast::plan {
 
@@ -65,7 +66,8 @@ struct Problem {
   RollingState start;
   Eigen::Vector2d start_m = Eigen::Vector2d::Zero();  // of the geometric centre
   Task task;
-  double friction_limit = std::numeric_limits<double>::infinity();  // f_s / N: friction_use mu_s
+  PatchedFloor floor;
+  double friction_limit = std::numeric_limits<double>::infinity();  // weighted f_s / N: friction_use mu_s (reference)
   double least_normal_n = 0;
   PerMass<MassLimits> limits;
   double metres_per_unit[kMaxMasses] = {};  // |zeta'|
@@ -76,5 +78,10 @@ struct Problem {
 // Length, time and speed by which errors are made dimensionless: r, sqrt(r / g), sqrt(g r). Without gravity the time
 // is 1.
 [[nodiscard]] double time_unit_s(const Problem& problem);
+
+// The floor resists somewhere.
+inline bool resists(const Problem& problem) {
+  return resists(problem.robot.ball) || problem.floor.greatest_rolling_resistance() > 0;
+}
 
 }  // namespace ballast::plan

@@ -20,4 +20,16 @@ inline constexpr int kRandomRobots = 50;
 // friction allows with ease. No motion has shown that it can be done.
 [[nodiscard]] bool is_surely_possible(int number);
 
+// A floor that slopes and resists.
+struct RandomFloor {
+  double slope_rad = 0, rolling_resistance = 0;
+};
+
+// Task number `number` of desk-like robots, each of its own, on such a floor, with a random direction downhill: by
+// turns to a place and to rest, with prescribed masses and with their motors' limits. The ball starts at rest. A random
+// motion has shown that each can be done; one to rest has been bent at its end until the plant says that ball and
+// masses rest in equilibrium.
+[[nodiscard]] std::optional<std::string> random_floor_task(std::uint64_t seed, int number, const RandomFloor& floor,
+                                                           std::string& why);
+
 }  // namespace ballast::plan

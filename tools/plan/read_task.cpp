@@ -171,12 +171,6 @@ void check_scenario(TableReader& root, const sim::Scenario& scenario) {
   if (scenario.initial.height_m > 0) refuse("initial.height", "starts in flight; allowed in a task: 0");
   if (scenario.initial.has_velocity)
     refuse("initial.velocity", "starts sliding; allowed in a task: the rolling velocity");
-  const sim::Surface& floor = scenario.surface;
-  if (floor.slope_rad != 0) refuse("surface.slope", "is not in the planner's model; allowed in a task: a level floor");
-  for (const auto& [key, value] : {std::pair("surface.rolling_resistance", floor.rolling_resistance),
-                                   std::pair("surface.spin_friction", floor.spin_friction_m)}) {
-    if (value > 0) refuse(key, "is not in the planner's model; allowed in a task: 0");
-  }
   if (!(scenario.gravity_mps2 > 0)) refuse("gravity", "presses no ball to the floor; allowed in a task: > 0");
 }
 
@@ -223,6 +217,26 @@ Task read_table(TableReader& root, const sim::Scenario& scenario) {
   return task;
 }
 
+// The patches lie where they are: they are the map of the floor, which the planner has. What a patch leaves out is the
+// believed floor's, as without [believed] it is the floor's.
+sim::Scenario believed_with_patches(sim::Scenario scenario, const Toml& root) {
+  std::vector<sim::SurfacePatch> patches = scenario.surface.patches;
+  sim::Scenario believed = sim::as_believed(std::move(scenario));
+  if (patches.empty()) return believed;
+  const Toml* written = root.find("surface")->find("patch");
+  sim::Surface& floor = believed.surface;
+  for (std::size_t k = 0; k < patches.size(); ++k) {
+    const Toml& own = written->items[k];
+    sim::SurfacePatch& patch = patches[k];
+    if (own.find("static_friction") == nullptr) patch.static_friction = floor.static_friction;
+    if (own.find("kinetic_friction") == nullptr) patch.kinetic_friction = floor.kinetic_friction;
+    patch.kinetic_friction = std::min(patch.kinetic_friction, patch.static_friction);
+    if (own.find("rolling_resistance") == nullptr) patch.rolling_resistance = floor.rolling_resistance;
+  }
+  floor.patches = std::move(patches);
+  return believed;
+}
+
 std::string whole_file(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);
   std::ostringstream text;
@@ -251,8 +265,8 @@ std::optional<TaskFile> parse_task(const std::string& toml, const std::string& s
     result = sim::parse_scenario(toml, source, {"duration=" + number_text(length_s)});
   }
   errors = result.errors;
-  // The plan is made for the robot that is believed.
-  result.scenario = sim::as_believed(std::move(result.scenario));
+  // The plan is made for the robot that is believed, on a floor with patches.
+  if (result.ok()) result.scenario = believed_with_patches(std::move(result.scenario), root);
   TaskFile out;
   sim::ReadContext context{source, errors, result.warnings};
   TableReader reader(&root, "", context);
@@ -275,17 +289,36 @@ std::optional<TaskFile> read_task(const std::filesystem::path& file, std::vector
   return parse_task(whole_file(file), file.string(), errors);
 }
 
+namespace {
+
+// The creep rate that the planner rolls with. A smaller one would brake a slow ball faster than the parts of a step
+// resolve (rollout.cpp), and tells rates apart that are hardly more than what counts as rest; the plant has the true
+// one.
+double resolved_creep_radps(const Problem& problem) {
+  const firmware::BallParams& ball = problem.robot.ball;
+  const double resistance = std::max(ball.rolling_resistance, problem.floor.greatest_rolling_resistance());
+  const double steepness = std::max(resistance, 3 * ball.spin_friction_m / ball.radius_m);
+  return std::max(ball.creep_radps, std::max(1e-3, 3e-3 * steepness) / time_unit_s(problem));
+}
+
+}  // namespace
+
 Problem make_problem(const TaskFile& file) {
   Problem problem;
   const sim::Scenario& scenario = file.scenario;
   static_cast<void>(program::to_ball_params(scenario, problem.robot.ball));  // read_task() refuses what this refuses
+  problem.floor = PatchedFloor(scenario.surface, scenario.ball.radius_m);
+  if (resists(problem)) {
+    problem.robot.ball.creep_radps = scenario.creep_radps();
+    problem.robot.ball.creep_radps = resolved_creep_radps(problem);
+  }
   problem.task = file.task;
   const auto& q = scenario.initial.orientation;
   problem.start.q = {q.w(), q.x(), q.y(), q.z()};
   problem.start.omega_B = sim::vec3(scenario.initial.angular_velocity_B_radps);
   problem.start_m = scenario.initial.position_W_m;
   problem.friction_limit =
-      std::min(file.task.friction_use, scenario.envelope.friction_use) * scenario.surface.static_friction;
+      std::min(file.task.friction_use, scenario.envelope.friction_use) * problem.floor.reference_friction();
   problem.least_normal_n = scenario.envelope.min_normal_force_n;
   const bool driven = scenario.run.actuation == sim::Actuation::kStepper;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {

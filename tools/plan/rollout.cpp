@@ -113,6 +113,30 @@ void set_stage(double part, double h, const Ball& at, const RollingState& from, 
   }
 }
 
+// Parts of a step of h seconds that are short beside the time in which the floor's moment brakes a slow ball: below the
+// creep rate omega_c it is c_rr r N / (I omega_c) of the ball's rate, far more than all else. Counts with the lowest
+// rate on the way, as the start foretells it.
+int parts_of_step(const firmware::BallParams& ball, const Node& at, double h) {
+  constexpr int kMostParts = 60;  // resolves the least creep rate that make_problem() lets through
+  if (!resists(ball) || !(at.value.normal_n > 0)) return 1;
+  const Vec omega = to_space(at.state.q, at.state.omega_B), change = h * to_space(at.state.q, at.value.omega_dot_B);
+  const auto least = [](double start, double dot, double square) {
+    const double part = square > 0 ? std::clamp(-dot / square, 0.0, 1.0) : 0;
+    return std::max(0.0, start + part * (2 * dot + part * square));
+  };
+  const double horizontal2 = least(omega.x * omega.x + omega.y * omega.y, omega.x * change.x + omega.y * change.y,
+                                   change.x * change.x + change.y * change.y);
+  const double spin2 = least(omega.z * omega.z, omega.z * change.z, change.z * change.z);
+  const double creep2 = ball.creep_radps * ball.creep_radps;
+  // The shell's part of the inertia: the masses add to it. About the contact point where the ball rolls.
+  const double arm_m = ball.radius_m - ball.center_of_mass_B_m.norm();
+  const double spun = ball.inertia_kgm2.minCoeff(), rolled = spun + ball.shell_mass_kg * arm_m * arm_m;
+  const double braking = at.value.normal_n * h *
+                         std::max(ball.rolling_resistance * ball.radius_m / (rolled * std::sqrt(horizontal2 + creep2)),
+                                  ball.spin_friction_m / (spun * std::sqrt(spin2 + creep2)));
+  return static_cast<int>(std::clamp(std::ceil(braking), 1.0, double{kMostParts}));
+}
+
 }  // namespace
 
 double time_unit_s(const Problem& problem) {
@@ -149,8 +173,13 @@ Basis::Basis(const Grid& grid) : knots(grid.knots()) {
 }
 
 Rollout::Rollout(const Problem& problem, const Grid& grid)
-    : problem_(problem), grid_(grid), basis_(grid), variables_(grid.knots() * problem.masses()) {
+    : problem_(problem),
+      local_robot_(problem.robot),
+      grid_(grid),
+      basis_(grid),
+      variables_(grid.knots() * problem.masses()) {
   nodes_.resize(index(grid.nodes()));
+  parts_.assign(index(grid.nodes()), 1);
   derivatives_.resize(index(grid.nodes()));
   sensitivity_.assign(index(grid.nodes()) * kTangent * index(variables_), 0);
 }
@@ -177,6 +206,21 @@ void Rollout::place_masses(const std::vector<double>& knots) {
   }
 }
 
+const Robot& Rollout::robot_at(const std::array<double, 2>& place_m) {
+  if (!problem_.floor.has_patches()) return problem_.robot;
+  local_robot_.ball.rolling_resistance = problem_.floor.rolling_resistance({place_m[0], place_m[1]});
+  return local_robot_;
+}
+
+firmware::BallParams Rollout::ball_ahead(const Node& from, double h) {
+  firmware::BallParams ball = robot_at(from.place_m).ball;
+  if (!problem_.floor.has_patches()) return ball;
+  const auto& velocity = from.value.velocity_mps;
+  const Robot& ahead = robot_at({from.place_m[0] + h * velocity[0], from.place_m[1] + h * velocity[1]});
+  ball.rolling_resistance = std::max(ball.rolling_resistance, ahead.ball.rolling_resistance);
+  return ball;
+}
+
 bool Rollout::roll(const std::vector<double>& knots) {
   place_masses(knots);
   nodes_[0].state.q = problem_.start.q;
@@ -184,7 +228,7 @@ bool Rollout::roll(const std::vector<double>& knots) {
   nodes_[0].place_m = {problem_.start_m[0], problem_.start_m[1]};
   for (int node = 0; node < grid_.nodes(); ++node) {
     Node& at = nodes_[index(node)];
-    evaluate_rolling(problem_.robot, at.state, at.value);
+    evaluate_rolling(robot_at(at.place_m), at.state, at.value);
     const double sum = at.value.normal_n + at.value.force_n[0] + at.value.force_n[1] + at.state.omega_B.x;
     if (!std::isfinite(sum)) return false;
     if (node + 1 < grid_.nodes()) step(node);
@@ -197,26 +241,31 @@ void Rollout::step(int node) {
   const double h = grid_.step_s();
   const Node& from = nodes_[index(node)];
   Node& to = nodes_[index(node + 1)];
-  const Ball base{from.state.q, from.state.omega_B, from.place_m};
-  Ball sum{{0, 0, 0, 0}, {0, 0, 0}, {0, 0}}, rate = sum;
+  const int parts = parts_[index(node)] = parts_of_step(ball_ahead(from, h), from, h);
+  const double dt = h / parts;
+  Ball base{from.state.q, from.state.omega_B, from.place_m};
   RollingState state = from.state;
   RollingValue value;
-  for (int s = 0; s < 4; ++s) {
-    if (s > 0) {
-      set_stage(kStages[s], h, moved(base, rate, kStages[s] * h), from.state, to.state, n, state);
-      evaluate_rolling(problem_.robot, state, value);
-    } else {
-      value = from.value;
+  for (int part = 0; part < parts; ++part) {
+    Ball sum{{0, 0, 0, 0}, {0, 0, 0}, {0, 0}}, rate = sum;
+    for (int s = 0; s < 4; ++s) {
+      if (part > 0 || s > 0) {
+        const Ball at = s == 0 ? base : moved(base, rate, kStages[s] * dt);
+        set_stage((part + kStages[s]) / parts, h, at, from.state, to.state, n, state);
+        evaluate_rolling(robot_at(at.place), state, value);
+      } else {
+        value = from.value;
+      }
+      rate = {quaternion_rate(state.q, state.omega_B), value.omega_dot_B, value.velocity_mps};
+      for (std::size_t j = 0; j < 4; ++j) sum.q[j] += kWeights[s] * rate.q[j];
+      sum.omega = sum.omega + kWeights[s] * rate.omega;
+      for (std::size_t j = 0; j < 2; ++j) sum.place[j] += kWeights[s] * rate.place[j];
     }
-    rate = {quaternion_rate(state.q, state.omega_B), value.omega_dot_B, value.velocity_mps};
-    for (std::size_t j = 0; j < 4; ++j) sum.q[j] += kWeights[s] * rate.q[j];
-    sum.omega = sum.omega + kWeights[s] * rate.omega;
-    for (std::size_t j = 0; j < 2; ++j) sum.place[j] += kWeights[s] * rate.place[j];
+    base = moved(base, sum, dt);
   }
-  const Ball end = moved(base, sum, h);
-  to.state.q = end.q;
-  to.state.omega_B = end.omega;
-  to.place_m = end.place;
+  to.state.q = base.q;
+  to.state.omega_B = base.omega;
+  to.place_m = base.place;
 }
 
 void Rollout::differentiate() {
@@ -224,38 +273,51 @@ void Rollout::differentiate() {
   for (int node = 0; node + 1 < grid_.nodes(); ++node) differentiate_step(node);
   RollingValue value;
   const int last = grid_.nodes() - 1;
-  differentiate_rolling(problem_.robot, nodes_[index(last)].state, true, value, derivatives_[index(last)]);
+  differentiate_rolling(robot_at(nodes_[index(last)].place_m), nodes_[index(last)].state, true, value,
+                        derivatives_[index(last)]);
 }
 
 void Rollout::differentiate_step(int node) {
   const int n = problem_.masses(), columns = 6 + 4 * n;
   const double h = grid_.step_s();
   const Node &from = nodes_[index(node)], &to = nodes_[index(node + 1)];
-  const Ball base{from.state.q, from.state.omega_B, from.place_m};
-  Ball rate{};
+  const int parts = parts_[index(node)];
+  const double dt = h / parts;
+  Ball base{from.state.q, from.state.omega_B, from.place_m};
   RollingState state = from.state;
   RollingValue value;
   RollingDerivative at_stage;
   Local start{}, x, tangent{}, sum{};
   for (std::size_t j = 0; j < 6; ++j) start[j][j] = 1;
-  for (int s = 0; s < 4; ++s) {
-    x = start;
-    if (s > 0) {
-      set_stage(kStages[s], h, moved(base, rate, kStages[s] * h), from.state, to.state, n, state);
-      for (std::size_t row = 0; row < kTangent; ++row) {
-        for (std::size_t k = 0; k < index(columns); ++k) x[row][k] += kStages[s] * h * tangent[row][k];
+  for (int part = 0; part < parts; ++part) {
+    Ball rate{}, rates{{0, 0, 0, 0}, {0, 0, 0}, {0, 0}};
+    sum = {};
+    for (int s = 0; s < 4; ++s) {
+      x = start;
+      const Ball at = s == 0 ? base : moved(base, rate, kStages[s] * dt);
+      if (part > 0 || s > 0) set_stage((part + kStages[s]) / parts, h, at, from.state, to.state, n, state);
+      if (s > 0) {
+        for (std::size_t row = 0; row < kTangent; ++row) {
+          for (std::size_t k = 0; k < index(columns); ++k) x[row][k] += kStages[s] * dt * tangent[row][k];
+        }
       }
+      const bool at_node = part == 0 && s == 0;
+      RollingDerivative& d = at_node ? derivatives_[index(node)] : at_stage;
+      differentiate_rolling(robot_at(at.place), state, at_node, value, d);
+      rate = {quaternion_rate(state.q, state.omega_B), value.omega_dot_B, value.velocity_mps};
+      tangent_rate(d, state.omega_B, x, n, (part + kStages[s]) / parts, h, tangent);
+      for (std::size_t row = 0; row < kTangent; ++row) {
+        for (std::size_t k = 0; k < index(columns); ++k) sum[row][k] += kWeights[s] * tangent[row][k];
+      }
+      if (parts == 1) continue;
+      for (std::size_t j = 0; j < 4; ++j) rates.q[j] += kWeights[s] * rate.q[j];
+      rates.omega = rates.omega + kWeights[s] * rate.omega;
     }
-    RollingDerivative& d = s == 0 ? derivatives_[index(node)] : at_stage;
-    differentiate_rolling(problem_.robot, state, s == 0, value, d);
-    rate = {quaternion_rate(state.q, state.omega_B), value.omega_dot_B, value.velocity_mps};
-    tangent_rate(d, state.omega_B, x, n, kStages[s], h, tangent);
     for (std::size_t row = 0; row < kTangent; ++row) {
-      for (std::size_t k = 0; k < index(columns); ++k) sum[row][k] += kWeights[s] * tangent[row][k];
+      for (std::size_t k = 0; k < index(columns); ++k) sum[row][k] = start[row][k] + dt * sum[row][k];
     }
-  }
-  for (std::size_t row = 0; row < kTangent; ++row) {
-    for (std::size_t k = 0; k < index(columns); ++k) sum[row][k] = start[row][k] + h * sum[row][k];
+    start = sum;
+    if (part + 1 < parts) base = moved(base, rates, dt);
   }
 
   // The tangent at the next node, by all variables that have an influence there.

@@ -3,7 +3,8 @@
 // A motion is the rail acceleration of every mass at knots a constant time apart, linear between them: the decision
 // variables of the planner. Variable j n + i is knot j of mass i. Positions and rates of the masses are then linear in
 // the variables; only attitude, angular velocity and place of the ball are integrated, by RK4 with a fixed number of
-// steps per piece, together with their derivatives by the variables.
+// steps per piece, together with their derivatives by the variables. Where a floor resists and the ball is slow, a step
+// is made in parts.
 #pragma once
 
 #include <array>
@@ -84,11 +85,18 @@ class Rollout {
   void step(int node);
   void differentiate_step(int node);
 
+  // The robot on the floor of a place.
+  const Robot& robot_at(const std::array<double, 2>& place_m);
+  // The ball with the greater rolling resistance of both ends of the step of h seconds from a node.
+  firmware::BallParams ball_ahead(const Node& from, double h);
+
   const Problem& problem_;
+  Robot local_robot_;  // used on floors with patches
   Grid grid_;
   Basis basis_;
   int variables_;
   std::vector<Node> nodes_;
+  std::vector<int> parts_;  // of the step that starts at each node
   std::vector<RollingDerivative> derivatives_;
   std::vector<double> sensitivity_;
 };

@@ -17,6 +17,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kPieces = 32;
 constexpr int kMostStarts = 24;                         // until a plan is found
 constexpr int kMoreStarts = 2, kCheapIterations = 150;  // after that, for a better one
+constexpr double kFirstCreep = 0.3;                     // sqrt(g / r): as fast as a ball that is driven
 constexpr int kQuickIterations = 8;                     // from a neighbour's plan, on the coarse grid
 // Tolerances on the equalities, as the plant rolls them: half a millimetre, and a tenth of the speed, over sqrt(g r),
 // that counts as rest.
@@ -152,20 +153,29 @@ class Search {
       out.binding = binding_;
     } else {
       out.binding = failure_words();
-      out.friction_alone = failure_.friction_only && failure_.merit.need > problem_.friction_limit;
+      // No other floor is looked for where it changes with place: which part of it would have to hold more?
+      out.friction_alone =
+          !problem_.floor.has_patches() && failure_.friction_only && failure_.merit.need > problem_.friction_limit;
     }
     return out;
   }
 
  private:
-  static double need_of(const Plan& plan) { return plan.run.extrema.mu_required_max.value; }
+  static double need_of(const Plan& plan) { return plan.run.need; }
 
   // The friction that carries the whole robot over the distance in the time, at constant acceleration: 4 d / (g T^2)
-  // from rest to rest. No plan needs much less.
+  // from rest to rest. No plan needs much less. On a slope g is the weight's part along the normal, and friction holds
+  // the weight's part in the floor too, on average over a motion to rest.
   [[nodiscard]] double least_need(double duration_s) const {
-    const double distance = (problem_.task.goal_m - problem_.start_m).norm();
+    const firmware::BallParams& ball = problem_.robot.ball;
+    const Eigen::Vector2d way = problem_.task.goal_m - problem_.start_m;
     const double of_rest = problem_.task.at_rest ? 4 : 2;
-    return of_rest * distance / (problem_.robot.ball.gravity_mps2 * duration_s * duration_s);
+    const double gravity = -ball.gravity_mps2 * ball.down_W[2];
+    const double need = of_rest * way.norm() / (gravity * duration_s * duration_s);
+    if (!slopes(ball)) return need;
+    const Eigen::Vector2d downhill = ball.gravity_mps2 / gravity * ball.down_W.head<2>();
+    if (problem_.task.at_rest) return std::hypot(need, downhill.norm());
+    return (2 / (gravity * duration_s * duration_s) * way - downhill).norm();
   }
 
   [[nodiscard]] bool starts_at_rest() const {
@@ -178,12 +188,15 @@ class Search {
   // Why no motion can do it; empty if that is not certain.
   [[nodiscard]] std::string impossible() const {
     const double distance_m = (problem_.task.goal_m - problem_.start_m).norm();
+    if (problem_.task.at_rest) {
+      if (std::string why = no_rest(problem_); !why.empty()) return why;
+    }
     if (!starts_at_rest()) return "";
     const std::string stuck = distance_m > 0.1 * problem_.robot.ball.radius_m ? immobile(problem_) : "";
     if (!stuck.empty()) return stuck;
     if (std::string why = mass_too_far(problem_); !why.empty()) return why;
     if (std::string why = beyond_motors(distance_m); !why.empty()) return why;
-    if (!std::isfinite(problem_.friction_limit)) return "";
+    if (!std::isfinite(problem_.friction_limit) || std::isinf(scenario_.surface.static_friction)) return "";
     for (std::size_t v = 0; v < problem_.task.via.size(); ++v) {
       const Via& via = problem_.task.via[v];
       if (!via.time_s) continue;
@@ -305,7 +318,16 @@ class Search {
       circle.radius_m = part * (circle.radius_m + problem_.robot.ball.radius_m) - problem_.robot.ball.radius_m;
     }
     if (staged.task.follow) staged.task.follow->tolerance_m /= part;
-    return staged;
+    return fading_at(kFirstCreep, staged);
+  }
+
+  // On a floor that resists: with a moment that fades at the rate `creep`, in sqrt(g / r), or that of the floor if it
+  // is higher. A ball that hardly moves is braked so much that its motion says little of what a greater one of the
+  // masses would do.
+  [[nodiscard]] Problem fading_at(double creep, Problem problem) const {
+    double& rate_radps = problem.robot.ball.creep_radps;
+    if (resists(problem)) rate_radps = std::max(rate_radps, creep / time_unit_s(problem));
+    return problem;
   }
 
   void try_start(double duration_s, int start) {
@@ -331,12 +353,26 @@ class Search {
         improve_on(staged, grid, fixed, s, knots, via_time_s);
       }
     }
+    if (resists(problem_)) approach_standstill(grid, fixed, knots, via_time_s);
     approach_path(grid, fixed, knots, via_time_s);
     SqpSettings s = settings();
     s.most_iterations = 60;
     const Merit merit = improve_on(problem_, grid, fixed, s, knots, via_time_s);
     if (merit.error() > 1e-2) return fail(grid, knots, merit);
     refine(grid, fixed, knots, via_time_s);
+  }
+
+  // The rate at which the floor's moment fades is lowered step by step to the floor's own.
+  void approach_standstill(const Grid& grid, const std::vector<bool>& fixed, std::vector<double>& knots,
+                           std::vector<double>& via_time_s) {
+    SqpSettings s = settings();
+    s.most_iterations = 15;
+    s.good_enough = kInfinity;
+    for (const double creep : {kFirstCreep, 0.05, 0.01}) {
+      Problem staged = fading_at(creep, problem_);
+      staged.task.follow.reset();
+      improve_on(staged, grid, fixed, s, knots, via_time_s);
+    }
   }
 
   // A path to follow is tightened step by step: the nearest point of a polyline means little to a motion far from it.
@@ -433,7 +469,7 @@ class Search {
       merit.worst_limit = between;
     }
     const double equality = std::min(kPlaceTolerance_m / problem_.robot.ball.radius_m, kRestTolerance);
-    if (merit.equality > equality || merit.limit > 0 || merit.need > problem_.friction_limit) {
+    if (merit.equality > equality || merit.limit > 0 || merit.need > problem_.friction_limit || plan.run.slips) {
       merit.need = std::max(merit.need, model.need);
       fail(plan.grid, plan.knots, merit);
       return false;
@@ -553,6 +589,13 @@ class Search {
     if (options_.stop && options_.stop()) return "the search was ended before it had found one";
     if (!std::isfinite(failure_.error)) return "no motion that was tried kept the ball rolling";
     const double limit = problem_.friction_limit;
+    if (failure_.friction_only && failure_.merit.need > limit && problem_.floor.has_patches()) {
+      return fmt::format(
+          "friction stands in the way: the best motion found needs {:.4g} of mu_s at some place (surface.patch), and "
+          "friction_use is {:.4g}; a duration of about {:.3g} s would do",
+          failure_.merit.need / problem_.floor.reference_friction(), limit / problem_.floor.reference_friction(),
+          problem_.task.duration_s * std::sqrt(failure_.merit.need / limit));
+    }
     if (failure_.friction_only && failure_.merit.need > limit) {
       return fmt::format(
           "friction stands in the way: the best motion found needs f_s/N = {:.4g}, and friction_use mu_s is {:.4g}; a "

@@ -46,6 +46,11 @@ Beside beside(const std::vector<Eigen::Vector2d>& points, const Eigen::Vector2d&
 
 Vec vec(const firmware::Vector3& v) { return {v[0], v[1], v[2]}; }
 
+// Against the weight, space frame: e3 on a level floor.
+Vec up_W(const firmware::BallParams& ball) {
+  return slopes(ball) ? Vec{-ball.down_W[0], -ball.down_W[1], -ball.down_W[2]} : Vec{0, 0, 1};
+}
+
 }  // namespace
 
 Transcription::Transcription(const Problem& problem, const Rollout& rollout)
@@ -69,12 +74,23 @@ Transcription::Transcription(const Problem& problem, const Rollout& rollout)
   }
 }
 
+// Holds for the half step on both sides of the node too.
+PatchedFloor::Weight Transcription::weight(const Node& node) const {
+  constexpr double kLeastMargin = 0.01;  // of r: more than model and plant differ by
+  constexpr double kHalfStep = 0.6;      // of a step, with room for a speed that changes
+  const double margin_m =
+      kLeastMargin * length_ +
+      kHalfStep * rollout_.grid().step_s() * std::hypot(node.value.velocity_mps[0], node.value.velocity_mps[1]);
+  return problem_.floor.weight({node.place_m[0], node.place_m[1]}, margin_m);
+}
+
 std::vector<double> Transcription::ratios() const {
   std::vector<double> out;
   out.reserve(rollout_.nodes().size());
   for (const Node& node : rollout_.nodes()) {
     const double n = std::max(node.value.normal_n, kLeastNormal * weight_);
     out.push_back(corrections.friction * std::hypot(node.value.force_n[0], node.value.force_n[1]) / n / friction_unit);
+    if (problem_.floor.has_patches()) out.back() *= weight(node).value;
   }
   return out;
 }
@@ -94,6 +110,17 @@ void Transcription::ratio_forms(int node, std::array<double, 2>& value, std::arr
     for (int i = 0; i < problem_.masses(); ++i) {
       for (std::size_t k = 0; k < 3; ++k) out.mass[index(i)][k] = by(6 + 3 * index(i) + k);
     }
+  }
+  if (!problem_.floor.has_patches()) return;
+  const PatchedFloor::Weight at_place = weight(at);
+  for (std::size_t c = 0; c < 2; ++c) {
+    NodeForm& out = form[c];
+    for (double& by : out.tangent) by *= at_place.value;
+    for (auto& mass : out.mass) {
+      for (double& by : mass) by *= at_place.value;
+    }
+    for (std::size_t k = 0; k < 2; ++k) out.tangent[6 + k] += value[c] * at_place.gradient[static_cast<int>(k)];
+    value[c] *= at_place.value;
   }
 }
 
@@ -117,21 +144,21 @@ void Transcription::limits(bool with_forms, const Sink& sink) const {
     place_limits(node, {at.place_m[0], at.place_m[1]}, with_forms, sink);
   }
   if (!problem_.task.at_rest) return;
-  // Stable: the centre of mass below the geometric centre.
+  // Stable: the centre of mass below the geometric centre, along the weight (physics.md, "Rest").
   const int last = grid.nodes() - 1;
   Vec center;
   std::array<Vec, kMaxMasses> by_position;
   center_of_mass(center, by_position);
-  const Vec gamma = to_body(rollout_.nodes()[index(last)].state.q, {0, 0, 1});
+  const Vec up = to_body(rollout_.nodes()[index(last)].state.q, up_W(problem_.robot.ball));
   NodeForm form;
   form.node = last;
-  const Vec turn = cross(center, gamma);  // d(center . Gamma) by phi: center . (Gamma x phi)
+  const Vec turn = cross(center, up);  // d(center . up) by phi: center . (up x phi)
   form.tangent[0] = turn.x / depth_;
   form.tangent[1] = turn.y / depth_;
   form.tangent[2] = turn.z / depth_;
-  for (int i = 0; i < problem_.masses(); ++i) form.mass[index(i)][0] = dot(by_position[index(i)], gamma) / depth_;
+  for (int i = 0; i < problem_.masses(); ++i) form.mass[index(i)][0] = dot(by_position[index(i)], up) / depth_;
   constexpr double kLeastDepth = 0.1;
-  sink({LimitKind::kStability, 0, last, dot(center, gamma) / depth_, -kInfinity, -kLeastDepth}, form);
+  sink({LimitKind::kStability, 0, last, dot(center, up) / depth_, -kInfinity, -kLeastDepth}, form);
 }
 
 void Transcription::motor_limits(int node, bool with_forms, const Sink& sink) const {
@@ -350,13 +377,17 @@ void Transcription::rest_equalities(bool with_forms, std::vector<Equality>& out)
     e.form[0].mass[k] = {0, 1 / unit, 0};
     out.push_back(e);
   }
-  // The centre of mass above or below the contact point; beside it by F / (M g) r under a horizontal force F.
+  // No moment about the contact point but the floor's own, which fades: with c the centre of mass and P = c + r e3,
+  // P_c = P_3 g_c / g_3 + r F_c / (M g_3) in both directions of the floor, for the weight g and a constant force F. On
+  // a level floor c is above or below the contact point, beside it by F / (M g) r.
   Vec center;
   std::array<Vec, kMaxMasses> by_position;
   center_of_mass(center, by_position);
+  const firmware::BallParams& ball = problem_.robot.ball;
   for (int c = 0; c < 2; ++c) {
-    const Vec axis = to_body(end.state.q, c == 0 ? Vec{1, 0, 0} : Vec{0, 1, 0});
-    const double beside = length_ / weight_ * problem_.robot.ball.external_force_W_n[c];
+    const double lean = slopes(ball) ? ball.down_W[c] / ball.down_W[2] : 0;
+    const Vec axis = to_body(end.state.q, c == 0 ? Vec{1, 0, -lean} : Vec{0, 1, -lean});
+    const double beside = length_ / weight_ * ball.external_force_W_n[c] / -ball.down_W[2] - lean * length_;
     Equality e{{EqualityKind::kBalance, c}, (dot(axis, center) + beside) / depth_, 1, {}};
     e.form[0].node = last;
     if (with_forms) {

@@ -65,9 +65,10 @@ class Transcription {
   double resonance_weight = 0;     // of the whole time spent at a motor's resonance, beside the friction's 1
   std::vector<double> via_time_s;  // of each via place
 
-  // f_s / N at the nodes, over friction_unit. A node whose N is not well above 0 has a large one.
+  // f_s / N at the nodes, weighted by place (patched_floor.h), over friction_unit. A node whose N is not well above 0
+  // has a large one.
   [[nodiscard]] std::vector<double> ratios() const;
-  // f / N of a node (two components) over friction_unit, and its derivatives.
+  // f / N of a node (two components), weighted like them, over friction_unit, and its derivatives.
   void ratio_forms(int node, std::array<double, 2>& value, std::array<NodeForm, 2>& form) const;
 
   // Calls `sink` for each limit; `form` is filled only `with_forms`. Limits of knots come from knot_limits().
@@ -104,6 +105,7 @@ class Transcription {
   [[nodiscard]] const Rollout& rollout() const { return rollout_; }
 
  private:
+  [[nodiscard]] PatchedFloor::Weight weight(const Node& node) const;
   void motor_limits(int node, bool with_forms, const Sink& sink) const;
   void place_limits(int node, const Eigen::Vector2d& place, bool with_forms, const Sink& sink) const;
   void rest_equalities(bool with_forms, std::vector<Equality>& out) const;

@@ -125,6 +125,14 @@ std::string plan_toml(const std::string& toml, const TaskFile& task, const Plan&
   set(about, "mu_required_time", number(plan.run.extrema.mu_required_max.time_s));
   set(about, "goal_error", number(plan.goal_error_m));
   set(about, "friction_use", number(task.task.friction_use));
+  const sim::InitialState& initial = task.scenario.initial;
+  const Eigen::Quaterniond& q = initial.orientation;
+  const Eigen::Vector3d& w = initial.angular_velocity_B_radps;
+  Toml start;
+  set(start, "orientation", numbers({q.w(), q.x(), q.y(), q.z()}));
+  set(start, "angular_velocity", numbers({w[0], w[1], w[2]}));
+  set(start, "position", numbers({initial.position_W_m[0], initial.position_W_m[1]}));
+  set(about, "start", start);
   set(about, "path", path_node(plan));
   set(root, "plan", about);
   return sim::to_toml(root) + "\n";

@@ -9,10 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
+from floor_patches import draw_patches, shade_patches_along
 from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION, blank_page, draw_ringing,
                   draw_sphere, finish_time_axis, friction_arrows, head, hollow, legend_above, mark_ends, mark_events, mark_extremum,
                   limit_height, mark_regimes_along, mass_name, ringing_legend, rows_along, rows_over_time, space_axes,
                   time_text)
+from known_pictures import belief, estimate
 from plan_pictures import plan_need, plan_path
 from short_number import short_number
 
@@ -149,9 +151,10 @@ def _curved_path(run, z, low, high):
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
+    patches = draw_patches(axes, run.patches)
     axes.set_xlabel("$z_1$ [m]")
     axes.set_ylabel("$z_2$ [m]")
-    head(axes, run, "Path of the ball, with friction", [handles + _end_handles(run), arrows, regimes])
+    head(axes, run, "Path of the ball, with friction", [handles + _end_handles(run), arrows, regimes] + ([patches] if patches else []))
     return figure
 
 
@@ -173,12 +176,13 @@ def _straight_path(run, z, along):
     arrows = friction_arrows(axes, time[rows], distance[rows], upright, arrow_size, False)
     mark_ends(axes, (time[0], distance[0]), (time[-1], distance[-1]))
     events = mark_events([axes], run)
+    patches = shade_patches_along(axes, run.patches, z, distance)
     axes.set_ylim(distance.min() - 0.05 * extent - arrow_size, distance.max() + 0.05 * extent + arrow_size)
     finish_time_axis(axes, run)
     axes.set_xlim(left=-0.015 * run.end_s if run.end_s > 0 else None)
     axes.set_ylabel(f"$z_{axis + 1}$ [m]" if on_axis else f"distance along ({short_number(along[0])}, {short_number(along[1])}) [m]")
     title = "Straight path of the ball, with friction" if np.ptp(distance) > 0 else "Path of the ball: it stays in place"
-    head(axes, run, title, [handles + _end_handles(run), arrows, *events])
+    head(axes, run, title, [handles + _end_handles(run), arrows, *events] + ([patches] if patches else []))
     return figure
 
 
@@ -299,7 +303,8 @@ def motor_share(run):
         if np.nanmax(both) > 5 * usual > 0:  # near N = 0 the ratio grows without bound and would flatten the rest
             left.set_ylim(0, usual)
             right.set_ylim(-usual, usual)
-        greatest = run.greatest_deviation(name.removesuffix("_n"))
+        # The summary's deviation is the motors' share, without that of belief and estimate.
+        greatest = None if run.commands_as_believed else run.greatest_deviation(name.removesuffix("_n"))
         if greatest is not None:
             low, high = right.get_ylim()
             off = "" if low <= greatest[0] <= high else ", off this axis"
@@ -312,8 +317,11 @@ def motor_share(run):
         axes.xaxis.set_major_locator(ticker.MaxNLocator(6))
         if axes not in rows[-1]:
             axes.set_xlabel("")
-    curves = [Line2D([], [], color=VERMILLION, label="real"), Line2D([], [], color=BLUE, label="commanded")]
-    head(rows[0, 0], run, "The motors' share: real less commanded", [curves, [ringing_legend()] if ringing else [], *events], name_axes=rows[0, 1])
+    as_believed = run.commands_as_believed
+    curves = [Line2D([], [], color=VERMILLION, label="real"),
+              Line2D([], [], color=BLUE, label="commanded, as believed" if as_believed else "commanded")]
+    title = "Real less commanded, as the robot believes" if as_believed else "The motors' share: real less commanded"
+    head(rows[0, 0], run, title, [curves, [ringing_legend()] if ringing else [], *events], name_axes=rows[0, 1])
     return figure
 
 
@@ -394,4 +402,6 @@ PICTURES = {
     "motor_share": motor_share,
     "plan_path": plan_path,
     "plan_need": plan_need,
+    "estimate": estimate,
+    "belief": belief,
 }

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 
+from floor_patches import draw_patches
 from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, VERMILLION, blank_page, draw_ringing,
                   finish_time_axis, head, hollow, mark_ends, mark_events, ringing_legend)
 from short_number import short_number
@@ -105,6 +106,7 @@ def plan_path(run):
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
+    around += draw_patches(axes, run.patches)
     axes.set_xlabel("$z_1$ [m]")
     axes.set_ylabel("$z_2$ [m]")
     head(axes, run, "The plan from above", [paths + places, ends, around])

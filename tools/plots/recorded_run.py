@@ -2,6 +2,7 @@
 
 import json
 import math
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,6 +10,8 @@ import ballast
 import numpy as np
 
 from event_log import EventLog, LogError
+from floor_patches import read_patches
+from known import read_estimate, read_measured, read_predicted
 from planned import read_planned
 from summary_shape import check_summary
 
@@ -25,6 +28,9 @@ _TRIP_CAUSES = {
     "missing": "a message was missing",
     "repeated": "a message came twice",
     "disagreement": "plant and controller disagree",
+    "slip_measured": "the robot measures slip",
+    "light_measured": "the robot measures too small an $N$",
+    "no_estimate": "the robot has lost its estimate",
 }
 _ENDS = {
     "slipped": "the ball slips",
@@ -70,7 +76,8 @@ class RecordedRun:
         self.summary_path = folder / "summary.json"
         self.summary = read_json(self.summary_path) if summary is None else summary
         check_summary(self.summary, self.summary_path)
-        log = EventLog(log_path or folder / "run.lcmlog", ["BALLAST_CONTACT", "BALLAST_PLANT_STATE", "BALLAST_CONTROLLER_STATUS"])
+        self._folder, self._log_path = folder, log_path or folder / "run.lcmlog"
+        log = EventLog(self._log_path, ["BALLAST_CONTACT", "BALLAST_PLANT_STATE", "BALLAST_CONTROLLER_STATUS"])
         self.damage = log.damage
         self.contact = _from_start(log.messages("BALLAST_CONTACT", ballast.contact_t))
         self.state = _from_start(log.messages("BALLAST_PLANT_STATE", ballast.plant_state_t))
@@ -85,6 +92,27 @@ class RecordedRun:
                 raise LogError(f"{log.path}: BALLAST_PLANT_STATE, tick {tick}: mass_count is {count}; allowed: 0 to {most}")
         self.mass_count = int(self.state["mass_count"][0])
         self.planned = read_planned(folder)
+        self.patches = read_patches(folder)
+
+    @cached_property
+    def estimate(self):
+        """known.Estimate; None where the attitude is not estimated on board."""
+        return read_estimate(self, self._log_path, self._folder)
+
+    @cached_property
+    def measured(self):
+        """known.Measured; None where the contact force is not measured."""
+        return read_measured(self)
+
+    @cached_property
+    def predicted(self):
+        """known.Predicted: what the believed robot would have done; None where nothing but the truth is believed."""
+        return read_predicted(self._folder)
+
+    @property
+    def commands_as_believed(self):
+        """Whether the commanded_ fields are those of another robot or attitude than the true one."""
+        return self.predicted is not None or self.estimate is not None
 
     @property
     def is_stepper(self):
@@ -145,18 +173,31 @@ class RecordedRun:
         ratio[~np.isfinite(ratio) | (self.contact["regime"] == ballast.contact_t.REGIME_FLIGHT)] = np.nan
         return ratio
 
+    def commanded(self, name):
+        """The field commanded_`name` at the samples of `contact`: of each the one of its tick. NaN where there is none.
+
+        Messages of a run with an estimate carry the fields of the tick before.
+        """
+        ticks, of = self.contact["tick"], self.contact["commanded_tick"]
+        rows = np.minimum(np.searchsorted(ticks, of), len(ticks) - 1)
+        value = np.asarray(self.contact[f"commanded_{name}"], dtype=float)
+        there = (ticks[rows] == of) & ~np.isnan(value)
+        found = np.full(len(ticks), np.nan)
+        found[rows[there]] = value[there]
+        return found
+
     def commanded_contact(self):
         """(time, {name: (real, commanded)}) of N, f_s and f_s / N at the rolling samples with a command.
 
         NaN where f_s / N has no bound. None if there is no such sample.
         """
-        rows = np.isfinite(self.contact["commanded_normal_force_n"])
+        rows = np.isfinite(self.commanded("normal_force_n"))
         rows &= self.contact["regime"] == ballast.contact_t.REGIME_ROLLING
         if not rows.any():
             return None
         pairs = {}
         for name in ("normal_force_n", "static_friction_n", "mu_required"):
-            real, commanded = (np.array(self.contact[key][rows], dtype=float) for key in (name, f"commanded_{name}"))
+            real, commanded = np.array(self.contact[name][rows], dtype=float), self.commanded(name)[rows]
             real[~np.isfinite(real)] = np.nan
             commanded[~np.isfinite(commanded)] = np.nan
             pairs[name] = real, commanded

@@ -9,7 +9,9 @@
 
 #include "firmware/motion/step_command.h"
 #include "sim/scenario/reader.h"
+#include "sim/sensors/sensors.h"
 #include "tools/program/program.h"
+#include "tools/tracking/followed_plan.h"
 
 namespace ballast::program {
 namespace {
@@ -42,6 +44,47 @@ std::string describe(const firmware::ParamError& error) {
     return fmt::format("{} = {}: the controller allows {}, {}", field, value, limit, error.allowed);
   }
   return fmt::format("{} = {}: the controller allows {}", field, value, error.allowed);
+}
+
+firmware::TriadErrors to_triad_errors(const sim::ImuTriad& triad, double rate_hz) {
+  firmware::TriadErrors errors;
+  errors.noise = triad.noise_density * std::sqrt(rate_hz / 2);  // one-sided density
+  errors.bias = triad.bias;
+  errors.bias_walk = triad.bias_walk;
+  errors.scale_error = triad.scale_error;
+  errors.misalignment_rad = triad.misalignment_rad;
+  errors.range = triad.range;
+  errors.resolution = triad.resolution;
+  return errors;
+}
+
+// The sensors as their designer states them, never as they were drawn. Ideal sensors leave every default.
+firmware::EstimationParams to_estimation_params(const sim::Scenario& scenario) {
+  const sim::SensorModel& sensors = scenario.sensors;
+  const double period_s = scenario.run.control_period_s;
+  firmware::EstimationParams estimation;
+  if (!sensors.present) return estimation;
+  estimation.estimated = sensors.attitude_estimated;
+  estimation.measures_contact = true;
+  constexpr std::int64_t kNever = 1'000'000'000;  // longer than any run, and the most that the controller allows
+  estimation.imu_period_ticks = static_cast<int>(std::min(sim::ticks_per_sample(sensors.rate_hz, period_s), kNever));
+  estimation.imu_latency_ticks = static_cast<int>(sim::delay_ticks(sensors.latency_s, period_s));
+  estimation.gyro = to_triad_errors(sensors.gyro, sensors.rate_hz);
+  estimation.accelerometer = to_triad_errors(sensors.accelerometer, sensors.rate_hz);
+  estimation.accelerometer_position_B_m = sensors.accelerometer_position_B_m;
+  estimation.fix_delay_ticks = static_cast<int>(sim::delay_ticks(sensors.fix.delay_s, period_s));
+  estimation.fix_noise_m = sensors.fix.noise_m;
+  estimation.has_encoders = !sensors.encoder_resolution.empty();
+  for (std::size_t i = 0; i < sensors.encoder_resolution.size(); ++i) {
+    estimation.encoder_resolution[i] = sensors.encoder_resolution[i];
+  }
+  // A tracked plan begins where it was made for, wherever the true ball is set down.
+  const bool planned = scenario.control.tracking && scenario.plan.start;
+  const sim::InitialState& start = planned ? *scenario.plan.start : scenario.initial;
+  estimation.initial_orientation = start.orientation;
+  estimation.initial_angular_velocity_B_radps = start.angular_velocity_B_radps;
+  estimation.initial_position_W_m = start.position_W_m;
+  return estimation;
 }
 
 }  // namespace
@@ -85,6 +128,7 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
   p->static_friction = scenario.belief().surface.static_friction;
   p->sensor_stale_ticks = kSensorStaleTicks;
   p->monitor_stale_ticks = kMonitorStaleTicks;
+  p->estimation = to_estimation_params(scenario);
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     const sim::Mass& mass = scenario.masses[i];
     p->motor[i].steps_per_unit = mass.motor.microsteps_per_rail_unit();
@@ -109,6 +153,11 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
       return mass_key(i, "motion") + ": durations must be positive, and all numbers finite";
     }
   }
+  if (scenario.control.tracking) {
+    if (const auto why = plan::set_reference(scenario, p->ball, p->tracking)) {
+      return "control.tracking = true: there is no reference to track: " + *why;
+    }
+  }
   if (const firmware::ParamError error = firmware::validate(*p); !error.ok()) return describe(error);
   params = *p;
   return std::nullopt;
@@ -129,7 +178,8 @@ monitor::MonitorLimits to_monitor_limits(const sim::Scenario& scenario) {
   limits.friction_use = scenario.envelope.friction_use;
   const sim::World& belief = scenario.belief();
   limits.static_friction = belief.surface.static_friction;
-  limits.margin_friction = scenario.surface.static_friction;
+  // The monitor does not know where the ball is on a floor with patches: the best of them bounds every margin.
+  limits.margin_friction = scenario.surface.greatest_static_friction();
   limits.starts_rolling = !scenario.initial.has_velocity && scenario.initial.height_m == 0;
   limits.controller_expected = has_controller(scenario.run.actuation);
   limits.scenario_id = scenario.id;

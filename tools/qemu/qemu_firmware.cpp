@@ -213,6 +213,12 @@ Status QemuFirmware::send_params() {
     }
     if (const Status s = send_message(*mass, 0); s != Status::kOk) return s;
   }
+  const auto part = std::make_unique<target::ReferencePart>();
+  const int values = target::reference_values(params_);
+  for (int first = 0; first < values; first += part->count) {
+    target::get_reference(params_.tracking, first, values, *part);
+    if (const Status s = send_message(*part, 0); s != Status::kOk) return s;
+  }
   return send_message(options_.commit, 0);
 }
 
@@ -228,7 +234,7 @@ Status QemuFirmware::judge(const target::Verdict& verdict) {
       return refused((verdict.index >= 0 ? mass : std::string()) + verdict.field.c_str() + " = " +
                      number(verdict.value) + "; allowed: " + verdict.allowed.c_str());
     case target::Acceptance::kIncomplete:
-      return refused("masses are missing");
+      return refused("masses, or values of the reference, are missing");
     case target::Acceptance::kMotion:
       return refused(mass + "its motion is no motion");
     case target::Acceptance::kPeriod:

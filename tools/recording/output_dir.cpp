@@ -21,7 +21,7 @@ constexpr const char* kFiles[] = {"summary.json",          "integrators.json", "
                                   "scenario.toml",         "normal_force.png", "static_friction.png",  "path.png",
                                   "friction_required.png", "masses.png",       "angular_velocity.png", "body_frame.png",
                                   "motor_share.png",       "motors.png",       "height.png",           "report.html",
-                                  "compare.html"};
+                                  "compare.html",          "belief.csv",       "estimate.png",         "belief.png"};
 
 bool write_file(const fs::path& path, const std::string& text) {
   std::FILE* file = std::fopen(path.c_str(), "w");

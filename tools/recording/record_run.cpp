@@ -136,7 +136,8 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
     return exit_status(result.failure);
   }
   // The summary comes first: a disk that is nearly full may have no room for the black box.
-  const bool written = output.write_summary(summary_json(scenario, result));
+  const bool written = (!result.belief || output.write("belief.csv", belief_csv(result))) &&
+                       output.write_summary(summary_json(scenario, result));
   if (!written) program::complain(program_name, output.error());
   if (written) keep_black_box();
   if (options.quiet) {
@@ -153,7 +154,7 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
 
 double expected_log_bytes(const sim::Scenario& scenario) {
   // The messages of one tick, with a controller and without.
-  const double bytes_per_tick = sim::has_controller(scenario.run.actuation) ? 2450 : 1130;
+  const double bytes_per_tick = sim::has_controller(scenario.run.actuation) ? 2650 : 1140;
   const double ticks =
       scenario.duration_s / scenario.run.control_period_s - static_cast<double>(scenario.run.first_tick());
   return ticks * bytes_per_tick;

@@ -26,10 +26,10 @@ struct RecordOptions {
   bool by_hand = false;                                      // as in RunOptions
 };
 
-// Runs with the scenario's faults, writes run.lcmlog, robot.json, scenario.toml and summary.json, and prints the
-// summary. Returns the program's exit status; errors go to stderr, after `program_name`. A run that could not go to its
-// end leaves the log up to there and no summary. A run that ended badly, so or otherwise, also leaves a black box,
-// unless the disk is full.
+// Runs with the scenario's faults, writes run.lcmlog, robot.json, scenario.toml, summary.json and, with a
+// [believed], belief.csv, and prints the summary. Returns the program's exit status; errors go to stderr, after
+// `program_name`. A run that could not go to its end leaves the log up to there and no summary. A run that ended badly,
+// so or otherwise, also leaves a black box, unless the disk is full.
 int record_run(const char* program_name, const sim::Scenario& scenario, Peer& peers, OutputDir& output,
                const RecordOptions& options);
 

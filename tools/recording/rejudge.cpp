@@ -16,6 +16,8 @@ namespace {
 
 // Some roundings of numbers that are as large as these.
 constexpr double kRounding = 1e-9;
+// In radii. The plant locates a crossing better than this.
+constexpr double kBorder = 1e-9;
 
 bool near(double a, double b, double scale) {
   return a == b || (std::isfinite(scale) && std::abs(a - b) <= kRounding * scale);
@@ -38,7 +40,8 @@ Rejudge::Rejudge(const sim::Scenario& scenario, const monitor::MonitorLimits& li
       sensors_are_true_(std::ranges::none_of(
           scenario.faults, [](const sim::Fault& fault) { return fault.of(sim::FaultLayer::kSensor); })),
       floor_is_known_(std::ranges::none_of(
-          scenario.faults, [](const sim::Fault& fault) { return fault.kind == sim::FaultKind::kFrictionFalls; })) {
+          scenario.faults, [](const sim::Fault& fault) { return fault.kind == sim::FaultKind::kFrictionFalls; })),
+      floor_(scenario.surface) {
   if (!has_peer_faults(scenario)) monitor_ = std::make_unique<LocalMonitor>(limits);
 }
 
@@ -46,7 +49,7 @@ void Rejudge::observe(const Lap& recorded) {
   tick_ = recorded.tick();
   found_ = false;
   check_time(recorded);
-  check_forces(recorded.plant.contact);
+  check_forces(recorded.plant.contact, Eigen::Vector2d::Map(recorded.plant.state.position_W_m));
   check_state(recorded);
   check_sensors(recorded);
   check_verdict(recorded);  // last: a wrong message of the plant can be why
@@ -93,7 +96,7 @@ void Rejudge::check_time(const Lap& recorded) {
          "contact, plant_state and sensors do not agree whether they are the last");
 }
 
-void Rejudge::check_forces(const contact_t& contact) {
+void Rejudge::check_forces(const contact_t& contact, const Eigen::Vector2d& place_W_m) {
   const double n = contact.normal_force_n, f_s = contact.static_friction_n;
   const double force_n = std::hypot(contact.friction_force_W_n[0], contact.friction_force_W_n[1]);
   expect(std::abs(force_n - f_s) <= std::max(kRounding, turned_part_) * (force_n + f_s + std::abs(n)),
@@ -103,6 +106,9 @@ void Rejudge::check_forces(const contact_t& contact) {
   const double mu = flies ? 0 : sim::mu_required(n, f_s);
   expect(same(contact.mu_required, mu),
          fmt::format("mu_required is {:.9g}; N and f_s make {:.9g}", contact.mu_required, mu));
+  const std::int64_t answered = scenario_.sensors.attitude_estimated ? tick_ - 1 : tick_;
+  expect(contact.commanded_tick == answered,
+         fmt::format("commanded_tick is {} where {} is due", contact.commanded_tick, answered));
   if (std::isnan(contact.commanded_normal_force_n)) {
     expect(std::isnan(contact.commanded_static_friction_n) && std::isnan(contact.commanded_mu_required),
            "the commanded_ fields are NaN in part");
@@ -114,8 +120,10 @@ void Rejudge::check_forces(const contact_t& contact) {
            fmt::format("commanded_mu_required is {:.9g}; N and f_s make {:.9g}", contact.commanded_mu_required,
                        commanded));
   }
-  if (floor_is_known_) {
-    const double margin = friction_margin(n, f_s, scenario_.surface.static_friction);
+  floor_.stand_at(place_W_m);
+  // Where the ball stands within the errors of a border, either side may have been meant.
+  if (floor_is_known_ && !(std::abs(floor_.overdue_m(place_W_m)) < kBorder * scenario_.ball.radius_m)) {
+    const double margin = friction_margin(n, f_s, floor_.static_friction());
     expect(near(contact.margin, margin, 1),
            fmt::format("margin is {:.9g}; N and f_s make {:.9g}", contact.margin, margin));
   }
@@ -166,9 +174,15 @@ void Rejudge::check_sensors(const Lap& recorded) {
   const plant_state_t& state = recorded.plant.state;
   const sensors_t& sensors = recorded.plant.sensors;
   expect(sensors.mass_count == state.mass_count, fmt::format("the sensors' mass_count is {}", sensors.mass_count));
+  const bool estimated = scenario_.sensors.attitude_estimated;
+  expect(sensors.attitude_valid == (estimated ? 0 : 1),
+         fmt::format("attitude_valid is {} where the attitude is {}", sensors.attitude_valid,
+                     estimated ? "estimated" : "sensed"));
   if (!sensors_are_true_) return;
-  expect(std::equal(std::begin(sensors.orientation), std::end(sensors.orientation), state.orientation),
-         "the sensors' orientation is not the plant state's");
+  expect(std::equal(std::begin(sensors.orientation), std::end(sensors.orientation),
+                    estimated ? kNoAttitude : state.orientation),
+         estimated ? "the sensors have an orientation, which nothing senses"
+                   : "the sensors' orientation is not the plant state's");
   expect(sensors.imu_count == 0 || sensors.imu_tick <= sensors.tick, "imu_tick is still to come");
   expect(sensors.fix_count == 0 || sensors.fix_tick <= sensors.tick, "fix_tick is still to come");
   if (scenario_.sensors.present) return;  // the attitude is sensed, the rate measured with errors

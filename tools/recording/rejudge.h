@@ -3,23 +3,27 @@
 //
 //   time          time_s is the tick's, also in the last message unless the run ended between two ticks; utime is
 //                 time_s in us; plant state and sensors have the same.
-//   forces        |friction_force_W| is f_s; mu_required, commanded_mu_required and margin are those of N and f_s; N is
+//   forces        |friction_force_W| is f_s; commanded_tick is the tick, or the one before where the attitude is
+//                 estimated; mu_required, commanded_mu_required and margin are those of N and f_s; N is
 //                 not below the least N, nor f_s / N above the greatest. In flight all are 0.
 //   state         The orientation is a unit quaternion. While the ball rolls, the geometric centre is at height 0 and
 //                 moves at omega x r e3. Each mass is on its rail where mass_position says, and the centre of mass is
 //                 that of shell and masses.
 //   sensors       Attitude and rate are the plant state's, unless the scenario has faults of sensors; the rate also
-//                 unless it has [sensors]. No sample is of a tick still to come.
+//                 unless it has [sensors]. An attitude that is estimated is not in the message. No sample is of a tick
+//                 still to come.
 //
 // Each rule recomputes a number from others of the same tick, so its tolerance is rounding. Accelerometer, torques,
 // lost steps, mass velocities and the place on the floor follow from no other field and are not judged.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 
+#include "sim/plant/local_floor.h"
 #include "sim/scenario/scenario.h"
 #include "tools/sil/local_peers.h"
 
@@ -47,13 +51,14 @@ class Rejudge {
   void expect(bool good, const std::string& text);
   void check_verdict(const Lap& recorded);
   void check_time(const Lap& recorded);
-  void check_forces(const contact_t& contact);
+  void check_forces(const contact_t& contact, const Eigen::Vector2d& place_W_m);
   void check_state(const Lap& recorded);
   void check_sensors(const Lap& recorded);
 
   const sim::Scenario& scenario_;
   double turned_part_;
   bool sensors_are_true_, floor_is_known_;
+  sim::LocalFloor floor_;
   std::unique_ptr<LocalMonitor> monitor_;
   std::int64_t tick_ = 0;
   bool found_ = false;  // in this tick

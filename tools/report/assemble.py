@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import words
+from known_report import (belief_sentence, belief_table, flag_table, known_html, known_sentence, known_table, plot_notes)
 from packages import Package
 from plan_map import plan_html, plan_sentence, plan_table
 
@@ -114,10 +115,16 @@ def _described(recording):
         "masses": recording.robot["masses"],
         "static_friction": friction,  # null: perfect, or not known
         "friction_known": friction is not None,
+        "patches": [{"kind": patch.kind, "text": patch.text,
+                     **({"polygon": patch.corners.tolist()} if patch.corners is not None else
+                        {"center": patch.center.tolist(), "radius": patch.radius})} for patch in recording.patches],
         "plan_may_use": recording.planned.friction_limit if recording.planned is not None else None,
         "envelope": summary.get("envelope"),
         "regimes": summary.get("regimes") or [],
         "impacts": [impact["time"] for impact in summary.get("impacts") or []],
+        "flags": [flag._asdict() for flag in recording.measured.flags] if recording.measured is not None else [],
+        "notes": plot_notes(recording),
+        "commanded": "commanded, as believed" if recording.commands_as_believed else "commanded",
         "events": [{"time": time, "text": text} for time, text in words.events(recording)],
         "extremes": {
             "normal_force": _extreme(summary, "normal_force", "min", "min_time"),
@@ -183,7 +190,8 @@ def _report_head(recording):
                  "ideal": "ideal masses, exactly where the controller commands"}.get(
         recording.summary.get("actuation"), "")
     cards = "".join(_card(number) for number in words.numbers(recording.summary))
-    sentences = [sentence for sentence in (*words.sentences(recording), plan_sentence(recording)) if sentence]
+    sentences = [sentence for sentence in (*words.sentences(recording), plan_sentence(recording), known_sentence(recording),
+                                      belief_sentence(recording)) if sentence]
     said = " ".join(f"<span>{symbols(sentence)}</span>" for sentence in sentences)
     return (f'<h1>{html.escape(recording.name)}<span class="badge {kind}">{html.escape(text)}</span></h1>'
             f'<p class="subtitle">{html.escape(actuation)}</p>{notes_html(recording)}'
@@ -202,6 +210,6 @@ def _card(number):
 
 
 def _report_tables(recording):
-    planned = plan_table(recording)
-    tables = ([planned] if planned else []) + words.tables(recording)
-    return plan_html(recording) + "".join(table_html(table) for table in tables)
+    special = [plan_table(recording), known_table(recording), belief_table(recording), flag_table(recording)]
+    tables = [table for table in special if table] + words.tables(recording)
+    return plan_html(recording) + known_html(recording) + "".join(table_html(table) for table in tables)

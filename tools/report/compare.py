@@ -158,8 +158,8 @@ def _tables(comparison):
         difference = None
         if other is not None:
             difference = differences.FieldDifference(number.path, number.value, other.value).difference
-            if difference is not None and number.unit == "%":
-                difference *= 100
+            if difference is not None:
+                difference *= number.factor
         label = f"{number.label} [{number.unit}]" if number.unit else number.label
         headline.append([label, number.text, "–" if other is None else other.text,
                          "" if difference is None else short_difference(difference)])

@@ -47,7 +47,7 @@ class FieldDifference(NamedTuple):
 MISSING = object()
 
 _LCM_TYPES = Path(__file__).resolve().parents[2] / "lcmtypes"
-_UNITS = ("1", "N", "N m", "m", "m/s", "m/s^2", "rad/s", "s", "us", "microsteps", "timer ticks")
+_UNITS = ("1", "N", "N m", "m", "m/s", "m/s^2", "rad", "rad/s", "s", "us", "microsteps", "timer ticks")
 
 
 def ulps(a, b):

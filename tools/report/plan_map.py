@@ -1,33 +1,17 @@
 """The plan of a run as the report shows it: a map from above (SVG), a table, a sentence, and the planned need."""
 
-import html
-
 import numpy as np
 
 import words
-
-_WIDTH = 1000  # of the drawing; lengths in it are pixels at that width
-_TALLEST, _LEAST = 620, 260
-_MARGIN = 0.05  # of the greater extent
-_ROOM_BELOW = 30  # for the numbers of the axis
-_ROOM_LEFT = 54
-_MOST_POINTS = 2000
+from floor_map import FloorMap, key, thinned
 
 
-class PlanMap:
+class PlanMap(FloorMap):
     """`driven` has a row (x, y) per sample."""
 
-    def __init__(self, planned, driven):
-        self._planned, self._driven = planned, driven[:: max(1, len(driven) // _MOST_POINTS)]
-        self._end = driven[-1]
-        low, high = self._extent(driven)
-        margin = _MARGIN * float((high - low).max())
-        low, high = low - margin, high + margin
-        self._scale = min((_WIDTH - _ROOM_LEFT) / (high[0] - low[0]), (_TALLEST - _ROOM_BELOW) / (high[1] - low[1]))
-        self._height = float(np.clip((high[1] - low[1]) * self._scale + _ROOM_BELOW, _LEAST, _TALLEST))
-        middle = (low + high) / 2
-        self._origin = np.array([_ROOM_LEFT + (_WIDTH - _ROOM_LEFT) / 2, (self._height - _ROOM_BELOW) / 2]) - \
-            self._scale * middle * (1, -1)
+    def __init__(self, planned, driven, patches=()):
+        self._planned, self._driven, self._end = planned, thinned(driven), driven[-1]
+        super().__init__(*self._extent(driven), patches)
 
     def _extent(self, driven):
         planned, r = self._planned, self._planned.radius
@@ -39,37 +23,6 @@ class PlanMap:
             rows += [points - tolerance, points + tolerance]
         everything = np.concatenate([np.reshape(np.asarray(row, dtype=float), (-1, 2)) for row in rows])
         return everything.min(axis=0), everything.max(axis=0)
-
-    def _at(self, place):
-        return self._origin + self._scale * np.asarray(place, dtype=float) * (1, -1)
-
-    def _line(self, points, name):
-        places = " ".join(f"{x:.1f},{y:.1f}" for x, y in (self._at(point) for point in points))
-        return f'<polyline class="{name}" points="{places}"/>'
-
-    def _circle(self, place, radius, name, title=""):
-        x, y = self._at(place)
-        note = f"<title>{html.escape(title)}</title>" if title else ""
-        return f'<circle class="{name}" cx="{x:.1f}" cy="{y:.1f}" r="{radius * self._scale:.1f}">{note}</circle>'
-
-    def _grid(self):
-        """Lines at round coordinates with their numbers."""
-        span = (_WIDTH - _ROOM_LEFT) / self._scale
-        unit = 10 ** np.floor(np.log10(span / 4))
-        step = unit * max(factor for factor in (1, 2, 5) if factor * unit <= span / 4)
-        bottom = self._height - _ROOM_BELOW
-        (left, low), (right, high) = ((np.array([_ROOM_LEFT, bottom]) - self._origin) * (1, -1) / self._scale,
-                                      (np.array([_WIDTH, 0]) - self._origin) * (1, -1) / self._scale)
-        parts = []
-        for k in range(int(np.ceil(left / step)), int(np.floor(right / step)) + 1):
-            x = self._at((k * step, 0))[0]
-            parts.append(f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{bottom:.1f}"/>'
-                         f'<text x="{x:.1f}" y="{bottom + 20:.1f}" text-anchor="middle">{k * step:g}</text>')
-        for k in range(int(np.ceil(low / step)), int(np.floor(high / step)) + 1):
-            y = self._at((0, k * step))[1]
-            parts.append(f'<line class="grid" x1="{_ROOM_LEFT}" x2="{_WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>'
-                         f'<text x="{_ROOM_LEFT - 8}" y="{y + 5:.1f}" text-anchor="end">{k * step:g}</text>')
-        return "".join(parts)
 
     def _marks(self):
         planned = self._planned
@@ -83,7 +36,7 @@ class PlanMap:
         return "".join(parts)
 
     def svg(self):
-        planned, parts = self._planned, [self._grid()]
+        planned, parts = self._planned, []
         if planned.follow is not None:
             points, tolerance = planned.follow
             band = self._line(points, "band").replace(
@@ -98,9 +51,7 @@ class PlanMap:
         dot = self._circle(self._driven[0], 5 / self._scale, "start", "start")
         end = self._circle(self._end, 5 / self._scale, "end", "end")
         here = self._circle(self._driven[0], planned.radius, "here").replace("<circle", '<circle id="plan-here"')
-        frame = f'data-scale="{self._scale!r}" data-x="{self._origin[0]!r}" data-y="{self._origin[1]!r}"'
-        return (f'<svg id="plan-map" viewBox="0 0 {_WIDTH} {self._height:.0f}" role="img" {frame} '
-                f'aria-label="The plan from above">{"".join(parts)}{self._marks()}{dot}{end}{here}</svg>')
+        return self._drawing("plan-map", "The plan from above", [*parts, self._marks(), dot, end, here])
 
     def legend(self):
         planned = self._planned
@@ -112,7 +63,7 @@ class PlanMap:
         if planned.follow is not None:
             entries.append(("band", f"path to follow, within {words.number_text(planned.follow[1])} m"))
         entries.append(("ball", "ball at start and end"))
-        return "".join(f'<span><i class="key {name}"></i>{html.escape(text)}</span>' for name, text in entries)
+        return "".join(key(name, text) for name, text in [*entries, *self._patch_kinds()])
 
 
 def _distance_text(metres):
@@ -128,7 +79,7 @@ def plan_html(recording):
     planned = recording.planned
     if planned is None:
         return ""
-    drawing = PlanMap(planned, recording.driven())
+    drawing = PlanMap(planned, recording.driven(), recording.patches)
     return (f'<section class="table full plan"><h3>The plan from above [m]</h3><p class="legend">{drawing.legend()}</p>'
             f"{drawing.svg()}</section>")
 

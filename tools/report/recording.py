@@ -60,6 +60,11 @@ class Recording:
         self.mass_count = self._run.mass_count
         self.robot = self._read_robot()
         self.planned = self._run.planned
+        self.patches = self._run.patches
+        self.estimate, self.measured = self._run.estimate, self._run.measured
+        # A log of another name lies beside the prediction of another run.
+        self.predicted = None if self.from_log else self._run.predicted
+        self.commands_as_believed = self.predicted is not None or self.estimate is not None
         self.columns = self._columns()
         self._thin()
 
@@ -80,7 +85,8 @@ class Recording:
     @property
     def files(self):
         """The files that a run leaves in its folder. None of them may be overwritten."""
-        return [self.log_path, *(self.folder / name for name in ("summary.json", "robot.json", "scenario.toml"))]
+        return [self.log_path, *(self.folder / name for name in ("summary.json", "robot.json", "scenario.toml",
+                                                                "belief.csv"))]
 
     @property
     def end_s(self):
@@ -167,9 +173,9 @@ class Recording:
         if self.planned is not None and len(self.planned.path):
             columns["planned_mu_required"] = self.planned.need_at(columns["time"])
         for name in ("normal_force", "static_friction", "mu_required"):
-            field = f"commanded_{name}" + ("" if name == "mu_required" else "_n")
-            if field in contact.dtype.names and np.isfinite(contact[field]).any():
-                columns[f"commanded_{name}"] = contact[field]
+            commanded = run.commanded(name + ("" if name == "mu_required" else "_n"))[rows_contact]
+            if np.isfinite(commanded).any():
+                columns[f"commanded_{name}"] = commanded
         _add(columns, "friction_force", contact["friction_force_W_n"])
         _add(columns, "orientation", state["orientation"])
         _add(columns, "angular_velocity", state["angular_velocity_B_radps"])
@@ -182,7 +188,56 @@ class Recording:
         for motor in self.motors():
             columns[f"motor_margin_{motor.mass}"] = 100 * motor.margin[rows_state]
         self._add_commanded(columns, state)
+        self._add_predicted(columns)
+        self._add_known(columns)
         return columns
+
+    def _add_predicted(self, columns):
+        """Adds what the believed robot would have done; NaN after the end of the prediction."""
+        found = self.predicted
+        if found is None:
+            return
+        time = columns["time"]
+        for name, values in (("normal_force", found.normal_n), ("static_friction", found.friction_n),
+                             ("mu_required", found.need)):
+            columns[f"believed_{name}"] = np.interp(time, found.time_s, values, right=np.nan)
+        place = found.place_at(time)
+        _add(columns, "believed_position", place)
+        _add(columns, "believed_off", np.stack([columns[f"position_{j}"] for j in range(2)], axis=1) - place)
+
+    def _add_known(self, columns):
+        """Adds the estimate and the measured contact force with their bands; NaN where there is no status."""
+        time = columns["time"]
+
+        def add(name, at, values):
+            rows = np.minimum(np.searchsorted(at, time), len(at) - 1)
+            values = np.asarray(values, dtype=float)
+            same = at[rows] == time
+            values = np.where(same[:, None], values[rows], np.nan) if values.ndim > 1 else np.where(same, values[rows], np.nan)
+            if values.ndim > 1:
+                _add(columns, name, values)
+            else:
+                columns[name] = values
+
+        if self.estimate is not None:
+            found = self.estimate
+            for name, track in (("tilt_error", found.tilt_deg), ("yaw_error", found.yaw_deg),
+                                ("place_error", found.place_error_m)):
+                add(name, found.time_s, track.error)
+                add(f"{name}_sigma", found.time_s, track.sigma)
+            add("gyro_bias", found.time_s, found.bias_degps.value)
+            add("true_gyro_bias", found.time_s, found.bias_degps.truth)
+            add("gyro_bias_sigma", found.time_s, found.bias_degps.sigma)
+            add("estimated_position", found.time_s, found.place_m.value)
+        if self.measured is not None:
+            found = self.measured
+            for name, short, track in (("normal_force", "normal", found.normal_n), ("mu_required", "mu", found.need)):
+                add(f"measured_{name}", found.time_s, track.value[:, 0])
+                add(f"measured_{name}_sigma", found.time_s, track.sigma)
+                add(f"measured_{short}_error", found.time_s, track.error)
+                columns[f"measured_{short}_error_sigma"] = columns[f"measured_{name}_sigma"]
+            add("measured_slip", found.time_s, found.slip_mps2)
+            add("measured_slip_sigma", found.time_s, found.slip_sigma_mps2)
 
     def _add_commanded(self, columns, state):
         """Adds commanded positions, NaN where there is no status: the last sample may lie between two tick starts."""

@@ -14,6 +14,9 @@ _CAUSES = {
     "missing": "a message was missing",
     "repeated": "a message came twice",
     "disagreement": "plant and controller disagree about the contact force",
+    "slip_measured": "the robot measured slip",
+    "light_measured": "the robot measured too small a normal force",
+    "no_estimate": "the robot lost its estimate",
 }
 # reason: (badge, whether that is good)
 _BADGES = {
@@ -222,11 +225,14 @@ class Number(NamedTuple):
     when: float | None = None
 
     @property
+    def factor(self):
+        """From the summary's unit to this one: margins are fractions there, and angles rad."""
+        return {"%": 100, "\u00b0": math.degrees(1)}.get(self.unit, 1)
+
+    @property
     def text(self):
-        """The value in its unit. Margins are fractions in the summary and percentages here."""
-        if self.unit == "%" and self.value is not None:
-            return short_number(100 * self.value)
-        return number_text(self.value)
+        """The value in its unit."""
+        return number_text(None if self.value is None else self.factor * self.value)
 
 
 def numbers(summary):
@@ -248,6 +254,11 @@ def numbers(summary):
     if motors:
         margin, i = min(motors)
         found.append(Number(f"least torque margin, {mass_name(i)}", f"motors.{i}.torque_margin", margin, "%"))
+    known = summary.get("estimate") or {}
+    for label, key, unit in (("tilt error, rms", "tilt_rms", "\u00b0"), ("place error, rms", "position_rms", "m"),
+                             ("error of measured f_s/N, rms", "friction_rms", "")):
+        if known.get(key) is not None:
+            add(label, "estimate", key, unit)
     return found
 
 
@@ -317,6 +328,11 @@ def events(recording):
     for fault in summary.get("faults") or []:
         if _is_number(fault.get("time")):
             found.append((fault["time"], f"fault: {fault_words(fault)[0]}"))
+    for what, text in (("slip", "the robot flags slip"), ("light", "the robot flags light contact")):
+        flags = [flag for flag in (recording.measured.flags if recording.measured else []) if flag.what == what]
+        if flags:
+            more = f", the first of {len(flags)} times" if len(flags) > 1 else ""
+            found.append((flags[0].start_s, text + more))
     if trip and trip.get("time") is not None:
         found.append((trip["time"], f"trip: {cause_text(trip.get('cause'))}"))
     what = {"slipped": "the ball slips", "detached": "the ball leaves the ground",

@@ -2,6 +2,9 @@
 // commanded motion.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "sim/plant/plant.h"
 #include "sim/scenario/scenario.h"
 #include "tools/sil/run_result.h"
@@ -22,9 +25,16 @@ class BeliefWatch {
   [[nodiscard]] BeliefPrediction result() const;
 
  private:
+  // The rows that are kept are this many ticks apart; the distance doubles when there are kMostRows of them.
+  static constexpr std::size_t kMostRows = 2000;
+
+  void keep_row();
+
   bool has_controller_;
   bool lost_ = false;
   sim::Plant plant_;
+  std::vector<BeliefRow> rows_;
+  std::int64_t ticks_ = 0, every_ = 1;
 };
 
 }  // namespace ballast::sil

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "firmware/control/controller.h"
+#include "firmware/control/params.h"
 #include "tools/monitor/monitor.h"
 #include "tools/sil/operator_ear.h"
 #include "tools/sil/peer.h"

@@ -52,14 +52,18 @@ sim::TrueMotion true_motion(const sim::Scenario& scenario, const sim::Plant::Sam
           specific_force_B_mps2(scenario, sample), sample.position_W_m.head<2>(), sample.mass_position};
 }
 
-void set_sensors(const sim::SensorReadings& readings, bool has_encoders, sensors_t& sensors) {
+void set_sensors(const sim::SensorReadings& readings, const sim::SensorModel& model, sensors_t& sensors) {
+  if (model.attitude_estimated) {
+    sensors.attitude_valid = 0;
+    std::copy_n(kNoAttitude, 4, sensors.orientation);
+  }
   for (int j = 0; j < 3; ++j) {
     sensors.gyro_B_radps[j] = readings.imu.gyro_B_radps[j];
     sensors.accelerometer_B_mps2[j] = readings.imu.accelerometer_B_mps2[j];
   }
   sensors.imu_count = readings.imu.count;
   sensors.imu_tick = readings.imu.tick;
-  sensors.has_encoders = has_encoders ? 1 : 0;
+  sensors.has_encoders = model.encoder_resolution.empty() ? 0 : 1;
   for (std::size_t i = 0; i < readings.encoder.size(); ++i) sensors.encoder[i] = readings.encoder[i];
   sensors.fix_count = readings.fix.count;
   sensors.fix_tick = readings.fix.tick;
@@ -100,7 +104,10 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
   m.contact.regime = regime_code(sample.regime);
   set_commanded(commanded, m.contact);
 
+  m.contact.commanded_tick = tick;
+
   m.sensors.scenario_id = scenario.id;
+  m.sensors.attitude_valid = 1;
   m.state.mass_count = m.sensors.mass_count = mass_count;
   const Eigen::Vector3d specific_force_B = specific_force_B_mps2(scenario, sample);
   m.sensors.imu_tick = tick;

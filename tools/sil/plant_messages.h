@@ -19,6 +19,9 @@ struct PlantMessages {
   sensors_t sensors;
 };
 
+// The orientation in sensors_t where nothing senses it: w, x, y, z.
+inline constexpr double kNoAttitude[4] = {1, 0, 0, 0};
+
 // Before t = 0 (tick < 0) time_s is the sample's, 0, and utime the tick's own. `commanded`: N and f_s of the
 // commanded masses at this instant, under the external forces that the controller is told of; none where nothing is
 // commanded.
@@ -30,7 +33,7 @@ PlantMessages plant_messages(const sim::Scenario& scenario, const sim::Plant::Sa
 void hold_still(sim::Plant::Sample& sample);
 
 // Replaces what ideal sensors say by what the scenario's do.
-void set_sensors(const sim::SensorReadings& readings, bool has_encoders, sensors_t& sensors);
+void set_sensors(const sim::SensorReadings& readings, const sim::SensorModel& model, sensors_t& sensors);
 
 // The motion that sensors measure.
 sim::TrueMotion true_motion(const sim::Scenario& scenario, const sim::Plant::Sample& sample);

@@ -6,6 +6,7 @@
 
 #include "tools/sil/belief_watch.h"
 #include "tools/sil/countdown.h"
+#include "tools/sil/estimate_watch.h"
 #include "tools/sil/pace.h"
 #include "tools/sil/plan_watch.h"
 #include "tools/sil/rest_watch.h"
@@ -53,6 +54,7 @@ class Run {
 
  private:
   void begin();
+  [[nodiscard]] std::optional<sim::Plant::ContactForces> commanded_forces() const;
   bool exchange();
   void record();
   bool judge();
@@ -100,6 +102,8 @@ class Run {
 
   std::optional<sim::Body> believed_;  // of the controller, where it is not the truth
   std::optional<BeliefWatch> belief_watch_;
+  std::optional<TrackingWatch> tracking_watch_;
+  std::optional<EstimateWatch> estimate_watch_;
   std::optional<sim::Sensors> sensors_;  // none: ideal ones
   Pace pace_;
   Countdown countdown_;
@@ -141,6 +145,10 @@ Run::Run(const sim::Scenario& scenario, Peer& peers, LapSink& sink, const RunOpt
   if (scenario.sensors.present) sensors_.emplace(scenario.sensors, period_s_, scenario.seed);
   if (scenario.believed) believed_.emplace(*scenario.believed);
   if (scenario.believed && options.predict_belief) belief_watch_.emplace(scenario);
+  if (scenario.plan.present) {
+    if (auto path = plan::planned_path(scenario)) tracking_watch_.emplace(std::move(*path));
+  }
+  if (scenario.sensors.attitude_estimated && has_controller_) estimate_watch_.emplace(scenario);
   if (options.move) result_.move_end = MoveEnd{*options.move};
   if (options.check_steps && has_controller_) step_check_.emplace(scenario);
   // A ball that breaks the envelope as it is set down is not held, and needs no countdown.
@@ -168,6 +176,7 @@ void Run::begin() {
   sample_ = plant_.sample();
   if (tick_ < 0 && scenario_.run.hold_s > 0) hold_still(sample_);
   if (result_.ticks > 0) result_.distance_m += (sample_.position_W_m - before_W_m).norm();
+  if (tracking_watch_ && tick_ >= 0) tracking_watch_->observe(sample_.time_s, sample_.position_W_m.head<2>());
   rest_.observe(sample_);
   const bool move_done = move_done_tick_ && tick_ >= *move_done_tick_;
   if (move_done) result_.move_end->steps_made = true;
@@ -175,28 +184,41 @@ void Run::begin() {
   last_ = plant_.end() != sim::PhysicsEnd::kNone || plant_.time_s() >= end_s_ || (stop_done_ && rest_.at_rest()) ||
           (move_done && (rest_.at_rest() || already_there_));
 
-  std::optional<sim::Plant::ContactForces> commanded;
+  const bool commands = asks_ && tick_ >= 0 && sample_.time_s == static_cast<double>(tick_) * period_s_;
   commanded_under_all_.reset();
-  if (asks_ && tick_ >= 0 && sample_.time_s == static_cast<double>(tick_) * period_s_) {
-    const auto forces = [this](sim::Plant::Forces which) {
-      return plant_.contact_forces(asks_->next_position, asks_->next_velocity, asks_->next_acceleration, which);
-    };
-    commanded = believed_ ? plant_.contact_forces(*believed_, asks_->next_position, asks_->next_velocity,
-                                                  asks_->next_acceleration)
-                          : forces(sim::Plant::Forces::kTold);
-    if (believed_ || plant_.has_untold_forces()) commanded_under_all_ = forces(sim::Plant::Forces::kAll);
+  if (commands && (believed_ || scenario_.sensors.attitude_estimated || plant_.has_untold_forces())) {
+    commanded_under_all_ = plant_.contact_forces(asks_->next_position, asks_->next_velocity, asks_->next_acceleration);
   }
+  const auto commanded = commands ? commanded_forces() : std::nullopt;
   // Part by part: a whole new lap would be filled with zeros first.
   lap_.plant = plant_messages(scenario_, sample_, tick_, last_, commanded);
   lap_.command = countdown_.command(tick_);
   lap_.heard.clear();
   lap_.verdict.reset();
   lap_.answer.reset();
+  if (scenario_.sensors.attitude_estimated) lap_.plant.contact.commanded_tick = tick_ - 1;
   if (sensors_) {
-    set_sensors(sensors_->read(tick_, true_motion(scenario_, sample_)), !scenario_.sensors.encoder_resolution.empty(),
-                lap_.plant.sensors);
+    set_sensors(sensors_->read(tick_, true_motion(scenario_, sample_)), scenario_.sensors, lap_.plant.sensors);
   }
   wires_.carry_sensors(sample_.time_s, lap_.plant.sensors);
+}
+
+// N and f_s of the commanded masses, by the plant's equations, for the monitor to hold against the controller's own. A
+// sensed attitude is known now; the controller's forces of this tick come with its next status. An estimated attitude
+// is known from the status of the tick before, so those are its forces of that tick, with the masses as commanded then.
+std::optional<sim::Plant::ContactForces> Run::commanded_forces() const {
+  const controller_status_t& asks = *asks_;
+  if (!scenario_.sensors.attitude_estimated) {
+    if (believed_) {
+      return plant_.contact_forces(*believed_, asks.next_position, asks.next_velocity, asks.next_acceleration);
+    }
+    return plant_.contact_forces(asks.next_position, asks.next_velocity, asks.next_acceleration,
+                                 sim::Plant::Forces::kTold);
+  }
+  if (!asked_ || asks.estimate_valid == 0 || sample_.regime != sim::Regime::kRolling) return std::nullopt;
+  return plant_.rolling_forces(believed_ ? &*believed_ : nullptr, asks.estimated_orientation,
+                               asks.estimated_angular_velocity_B_radps, asked_->next_position, asked_->next_velocity,
+                               asked_->next_acceleration);
 }
 
 bool Run::exchange() {
@@ -241,7 +263,7 @@ bool Run::judge_verdict() {
 }
 
 bool Run::judge_answer() {
-  if (belief_watch_) asked_ = asks_;
+  asked_ = asks_;
   asks_.reset();
   if (!lap_.answer) {
     ++silent_ticks_;
@@ -252,6 +274,9 @@ bool Run::judge_answer() {
   const controller_status_t& status = lap_.answer->status;
   silent_ticks_ = 0;
   if (status.tick == tick_) asks_ = status;
+  if (estimate_watch_ && tick_ >= 0 && status.tick == tick_) {
+    estimate_watch_->observe(lap_.plant.contact, lap_.plant.state, status, sensors_->gyro_bias_B_radps());
+  }
   plans_.observe(lap_.plant.contact, status);
   if (!ideal_masses_) observe_motor_share();
   if (status.operator_commands < operator_commands_) {
@@ -410,6 +435,8 @@ RunResult Run::finish() {
   result_.latency_ticks = trips_.latency_ticks();
   result_.missing_commands = feed_.missing_commands();
   if (belief_watch_) result_.belief = belief_watch_->result();
+  if (tracking_watch_) result_.tracking = tracking_watch_->record();
+  if (estimate_watch_) result_.estimate = estimate_watch_->result();
   if (step_check_) result_.step_timing = step_check_->record();
   copy_motors();
   return std::move(result_);

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "firmware/control/controller.h"
+#include "firmware/control/inputs.h"
 #include "sim/plant/plant.h"
 #include "tools/sil/lap.h"
 #include "tools/sil/wires.h"

@@ -7,11 +7,13 @@
 #include <string>
 #include <vector>
 
-#include "firmware/control/controller.h"
+#include "firmware/control/inputs.h"
+#include "firmware/control/status.h"
 #include "sim/plant/plant.h"
 #include "tools/sil/motor_share.h"
 #include "tools/sil/peer.h"
 #include "tools/sil/step_timing.h"
+#include "tools/sil/tracking_watch.h"
 
 namespace ballast::sil {
 
@@ -54,12 +56,32 @@ struct MoveEnd {
   bool steps_made = false;  // all of them
 };
 
+// The believed robot at one instant.
+struct BeliefRow {
+  double time_s = 0;
+  Eigen::Vector2d position_W_m = Eigen::Vector2d::Zero();
+  double normal_force_n = 0;
+  double static_friction_n = 0;
+};
+
 // What the believed robot would have done under the same commanded motion.
 struct BeliefPrediction {
   double time_s = 0;  // up to which it was rolled: the run's end, the end of its own physics, or a missing status
   sim::PhysicsEnd end{};
   sim::ContactExtrema extrema;
   Eigen::Vector3d position_W_m = Eigen::Vector3d::Zero();
+  std::vector<BeliefRow> rows;  // from t = 0 to time_s, at most about 2000, for pictures
+};
+
+// The controller's estimate against the truth, over the ticks from 0 to the end.
+struct EstimateErrors {
+  double tilt_rms_rad = 0;           // of gravity in the body
+  double gyro_bias_error_radps = 0;  // norm, at the end
+  double position_rms_m = 0;
+  double yaw_error_rad = 0;                                // at the end; >= 0
+  std::optional<double> friction_rms;                      // of the measured f_s / N; none: nothing was measured
+  std::optional<double> friction_error;                    // the largest of those
+  Eigen::Vector2d position_W_m = Eigen::Vector2d::Zero();  // as estimated at the end
 };
 
 struct RunResult {
@@ -77,6 +99,8 @@ struct RunResult {
   std::array<MotorRecord, sim::kMaxMasses> motors;
   MotorShare motor_share;
   std::optional<BeliefPrediction> belief;  // where the scenario has one
+  std::optional<TrackingRecord> tracking;  // where the scenario has a plan that rolls
+  std::optional<EstimateErrors> estimate;  // where the controller has estimated its attitude
   std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
   trip_t trip{};  // the last verdict
   std::optional<ControllerTrip> controller_trip;

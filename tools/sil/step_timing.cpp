@@ -138,7 +138,8 @@ bool StepTimingCheck::observe(const controller_status_t& status, const step_comm
   } else if (status.plan_duration_s > 0 && status.plan_tick == steps.tick) {
     begin(Kind::kPlan, steps.tick, status);
   } else if (status.mode == controller_status_t::MODE_RUNNING && mode_ != controller_status_t::MODE_RUNNING) {
-    begin(Kind::kMotion, steps.tick, status);
+    // The pulses of a tracked motion may wait for their distance.
+    begin(scenario_.control.tracking && !started_ ? Kind::kUnknown : Kind::kMotion, steps.tick, status);
   }
   overloaded_ = overload;
   mode_ = status.mode;

@@ -4,8 +4,8 @@
 // state, a later one at rest from the positions in the status. A stop or a move is known only by the positions and
 // velocities that the status gives at every tick's start; its pulses are checked against the cubics between those
 // (stepcheck::SampledMotion). Whether the plan itself keeps the limits and ends at its target is not checked here.
-// Spacing, set-up and counts alone are checked of the pulses of a stop after a step overload, which may come late, and
-// of a plan that the run does not follow to its end, from the last touch on.
+// Spacing, set-up and counts alone are checked of the pulses of a tracked motion and of a stop after a step overload,
+// which may come late, and of a plan that the run does not follow to its end, from the last touch on.
 #pragma once
 
 #include <deque>

@@ -291,6 +291,15 @@ void Invariants::check_finite(const sil::Lap& lap) {
                        status.plan_duration_s, status.plan_horizon_s, status.plan_margin_min) &&
             ratio(status.mu_required) && ratio(status.plan_mu_required_max),
         "controller_status_t");
+  check(
+      finite(status.estimated_orientation) && finite(status.estimated_angular_velocity_B_radps) &&
+          finite(status.estimated_gyro_bias_B_radps) && finite(status.estimated_position_W_m) &&
+          all_finite(status.tilt_sigma_rad, status.yaw_sigma_rad, status.gyro_bias_sigma_radps,
+                     status.position_sigma_m) &&
+          all_finite(status.measured_normal_force_n, status.measured_normal_sigma_n, status.measured_static_friction_n,
+                     status.measured_mu_sigma, status.measured_slip_mps2, status.measured_slip_sigma_mps2) &&
+          ratio(status.measured_mu_required),
+      "an estimated or measured number of controller_status_t");
   // N cannot be estimated from sensors without numbers. f_s / N and the margin then have their worst values.
   const bool no_numbers = has_fault(sim::FaultKind::kSensorNan) || has_fault(sim::FaultKind::kMessagesCorrupted);
   const auto unknown = [&](double mu_required, double margin) {
@@ -412,7 +421,7 @@ void Invariants::check_trip(const sil::Lap& lap, const Sample& truth) {
   due("cause", trip_.cause, cause, 0);
 }
 
-// The controller's own N and f_s beside the plant's, both for the commanded masses.
+// The controller's own N and f_s beside the plant's, both for the commanded masses and a sensed attitude.
 void Invariants::check_agreement(const sil::Lap& lap) {
   const double limit_n = disagreement_limit_n(scenario_);
   const bool can_tell = apart_tick_ == tick_ - 1 && lap.verdict && !bus_faults_active_;
@@ -422,7 +431,8 @@ void Invariants::check_agreement(const sil::Lap& lap) {
                      apart_n_, apart_tick_, limit_n));
   }
   const contact_t& contact = lap.plant.contact;
-  const bool rolls = contact.regime == contact_t::REGIME_ROLLING && contact.commanded_normal_force_n > 0;
+  const bool rolls = contact.regime == contact_t::REGIME_ROLLING && contact.commanded_tick == tick_ &&
+                     contact.commanded_normal_force_n > 0;
   if (!rolls || !lap.answer || lap.answer->status.tick != tick_) return;
   const controller_status_t& status = lap.answer->status;
   if (!all_finite(status.normal_force_n, status.static_friction_n, contact.commanded_static_friction_n)) return;

@@ -155,6 +155,8 @@ class FaultDraw {
         return scenario_.gravity_mps2;
       case FaultSensor::kOrientation:
       case FaultSensor::kLimitSwitch:
+      case FaultSensor::kEncoder:
+      case FaultSensor::kPositionFix:
         return 1;
     }
     return 1;

@@ -21,7 +21,7 @@ constexpr int kMostDrawn = 50;
 
 // Random numbers of their own, so that a change of these parts leaves every seed its robot and its faults.
 constexpr std::uint64_t kOfTolerance = 0x746f6c6572616e63, kOfAimedFaults = 0x61696d6564206661,
-                        kOfEnds = 0x656e6473206f6620;
+                        kOfEnds = 0x656e6473206f6620, kOfPatches = 0x7061746368657320;
 
 std::string text(double value) { return sim::number_text(value); }
 
@@ -41,6 +41,7 @@ class Draw {
 
   std::string scenario(std::uint64_t seed) {
     of_ends_ = Random(seed ^ kOfEnds);
+    of_patches_ = Random(seed ^ kOfPatches);
     hand_size_ = random_.chance(0.6);
     radius_ = hand_size_ ? random_.log_uniform(0.06, 0.3) : random_.uniform(0.5, 1.5);
     gravity_ = hand_size_ ? 9.81 : random_.uniform(1, 10);
@@ -110,6 +111,28 @@ class Draw {
     std::string out = "\n[surface]\n" + line("static_friction", static_friction);
     out += line("kinetic_friction", static_friction * random_.uniform(0.5, 1));
     if (random_.chance(0.5)) out += line("restitution", random_.uniform(0, 0.9));
+    return out + patches();
+  }
+
+  // A few circles and triangles about the start, which overlap.
+  std::string patches() {
+    if (!of_patches_.chance(0.2)) return "";
+    const auto near = [&](double reach) { return Eigen::Vector2d(reach * of_patches_.vector(0, 1).head<2>()); };
+    std::string out;
+    for (int left = of_patches_.integer(1, 4); left > 0; --left) {
+      const Eigen::Vector2d at = near(1.5 * radius_);
+      out += "[[surface.patch]]\n";
+      if (of_patches_.chance(0.5)) {
+        out += "circle = { center = " + text(at) + ", radius = " + text(radius_ * of_patches_.log_uniform(0.01, 2)) +
+               " }\n";
+      } else {
+        const Eigen::Vector2d along = near(2 * radius_), aside(-along[1], along[0]);
+        out += "polygon = [" + text(at) + ", " + text(Eigen::Vector2d(at + along)) + ", " +
+               text(Eigen::Vector2d(at + 0.5 * along + of_patches_.uniform(0.01, 1) * aside)) + "]\n";
+      }
+      if (of_patches_.chance(0.7)) out += line("static_friction", of_patches_.log_uniform(0.05, 1.2));
+      if (of_patches_.chance(0.5)) out += line("rolling_resistance", of_patches_.uniform(0, 0.1));
+    }
     return out;
   }
 
@@ -293,7 +316,7 @@ class Draw {
   }
 
   Random& random_;
-  Random of_ends_{0};
+  Random of_ends_{0}, of_patches_{0};
   bool calm_;
   bool hand_size_ = true, stepper_ = true, floor_slides_ = true;
   double radius_ = 0, gravity_ = 0, shell_mass_ = 0, pendulum_rate_ = 0, duration_ = 0, period_ = 0;

@@ -8,6 +8,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "sim/plant/local_floor.h"
 #include "tools/program/short_number.h"
 
 namespace ballast::sil {
@@ -19,6 +20,16 @@ double Coast::distance_m(double rolling_resistance) const {
   if (!(energy_j > 0)) return 0;
   return rolling_resistance > 0 ? energy_j / (rolling_resistance * weight_n) : std::numeric_limits<double>::infinity();
 }
+
+namespace {
+
+double resistance_under(const sim::Scenario& scenario, const sim::Plant::Sample& end) {
+  sim::LocalFloor floor(scenario.surface);
+  floor.stand_at(end.position_W_m.head<2>());
+  return floor.rolling_resistance();
+}
+
+}  // namespace
 
 std::optional<Coast> coast(const sim::Scenario& scenario, const sim::Plant::Sample& end) {
   const double gravity_mps2 = scenario.gravity_mps2;
@@ -45,7 +56,7 @@ std::optional<Coast> coast(const sim::Scenario& scenario, const sim::Plant::Samp
   const double weight_n = mass_kg * gravity_mps2;
   const bool turns_over = energy_j > weight_n * (circle_m - height_m);
   Coast found{energy_j + weight_n * (height_m + circle_m), weight_n, turns_over, 0};
-  found.own_distance_m = found.distance_m(scenario.surface.rolling_resistance);
+  found.own_distance_m = found.distance_m(resistance_under(scenario, end));
   return found;
 }
 
@@ -75,7 +86,10 @@ std::string coast_line(const sim::Scenario& scenario, const RunResult& result) {
     return "  coasts      not over the top: with its masses held, the ball would rock to rest about where it is\n";
   }
   std::string text;
-  if (scenario.surface.rolling_resistance > 0) text = short_number(found->own_distance_m) + " m on this floor";
+  if (std::isfinite(found->own_distance_m)) {
+    text = short_number(found->own_distance_m) +
+           (scenario.surface.patches.empty() ? " m on this floor" : " m if the floor stayed as it is there");
+  }
   for (const ResistingFloor& floor : kResistingFloors) {
     text += fmt::format("{}{} to {} m on {}", text.empty() ? "" : ", ",
                         short_number(found->distance_m(floor.most_resistance)),

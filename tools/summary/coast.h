@@ -25,7 +25,7 @@ struct Coast {
   double energy_j;        // kinetic, and of the weight above the lowest place of the centre of mass on the way
   double weight_n;        // of everything
   bool turns_over;        // the centre of mass passes its highest place; otherwise the ball rocks to rest
-  double own_distance_m;  // on the scenario's floor; +infinity where it does not resist
+  double own_distance_m;  // with the resistance of the floor under the ball; +infinity where it does not resist
 
   // Length of the path, rocking included, until the work of the resistance has used the energy up.
   [[nodiscard]] double distance_m(double rolling_resistance) const;

@@ -91,6 +91,8 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
       return mass + "no profile over the distance " + value + " could be made";
     case controller_status_t::REFUSAL_CANCELLED:
       return "a fault came before it began";
+    case controller_status_t::REFUSAL_NO_ESTIMATE:
+      return "it has no estimate of its attitude yet: no sample of the IMU has come";
     default:
       break;
   }

@@ -151,6 +151,9 @@ const char* fault_cause(std::int32_t faults) {
                                                       {Fault::kStepOverload, "step_overload"},
                                                       {Fault::kTickOutOfOrder, "tick_out_of_order"},
                                                       {Fault::kEndSwitch, "end_switch"},
+                                                      {Fault::kSlipMeasured, "slip_measured"},
+                                                      {Fault::kLightMeasured, "light_measured"},
+                                                      {Fault::kNoEstimate, "no_estimate"},
                                                       {Fault::kInternal, "internal"}};
   for (const auto& [fault, name] : kNames) {
     if ((static_cast<std::uint32_t>(faults) & static_cast<std::uint32_t>(fault)) != 0) return name;

@@ -14,6 +14,11 @@ namespace ballast::sil {
 // back the same double (17 at most). Infinite values (a friction no surface gives, perfect friction) are null.
 std::string summary_json(const sim::Scenario& scenario, const RunResult& result);
 
+// belief.csv: what the believed robot would have done, a row per instant from t = 0 on; empty where nothing but the
+// truth is believed. Columns time_s, position_1_m, position_2_m, normal_force_n, static_friction_n, mu_required ("inf"
+// where N <= 0).
+std::string belief_csv(const RunResult& result);
+
 // For the terminal, ending in a newline. `directory` is where the results are.
 std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
                          const std::filesystem::path& directory);

@@ -262,6 +262,19 @@ Json trip_json(const RunResult& result) {
           {"latency_ticks", result.latency_ticks ? Json(*result.latency_ticks) : Json(nullptr)}};
 }
 
+// null where the controller has estimated nothing.
+Json estimate_json(const RunResult& result) {
+  if (!result.estimate) return nullptr;
+  const EstimateErrors& e = *result.estimate;
+  const auto measured = [](const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); };
+  return {{"tilt_rms", e.tilt_rms_rad},
+          {"gyro_bias_error", e.gyro_bias_error_radps},
+          {"position_rms", e.position_rms_m},
+          {"yaw_error", e.yaw_error_rad},
+          {"friction_rms", measured(e.friction_rms)},
+          {"friction_error", measured(e.friction_error)}};
+}
+
 Json refused_json(const RefusedMessages& refused) {
   return {{"malformed", refused.here.malformed}, {"foreign", refused.here.foreign},
           {"repeated", refused.here.repeated},   {"old", refused.here.old},
@@ -284,6 +297,17 @@ Json belief_json(const RunResult& result) {
           {"static_friction", {{"max", x.static_friction_max.value}, {"time", x.static_friction_max.time_s}}},
           {"position", {p.position_W_m[0], p.position_W_m[1], p.position_W_m[2]}},
           {"position_error", off_m.norm()}};
+}
+
+// null where the scenario has no plan.
+Json tracking_json(const RunResult& result) {
+  if (!result.tracking) return nullptr;
+  const TrackingRecord& t = *result.tracking;
+  return {{"rms", t.rms_m},
+          {"max", t.max_m},
+          {"final", t.final_m},
+          {"cross_track_rms", t.cross_track_rms_m},
+          {"path_length", t.path_length_m}};
 }
 
 }  // namespace
@@ -318,10 +342,12 @@ Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
   j["static_friction"] = {{"max", x.static_friction_max.value}, {"time", x.static_friction_max.time_s}};
   j["motor_share"] = motor_share_json(result);
   if (result.belief) j["belief"] = belief_json(result);
+  j["estimate"] = estimate_json(result);
   j["final"] = final_json(scenario, f);
   j["travel"] = {{"position", {f.position_W_m[0], f.position_W_m[1], f.position_W_m[2]}},
                  {"distance", result.distance_m},
                  {"speed", f.velocity_W_mps.norm()}};
+  j["tracking"] = tracking_json(result);
   j["coast"] = coast_json(scenario, result);
   j["regimes"] = regimes_json(result);
   j["impacts"] = impacts_json(result);

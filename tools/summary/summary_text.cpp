@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "sim/scenario/reader.h"
@@ -103,13 +104,24 @@ std::string travel_line(const sim::Scenario& scenario, const RunResult& result) 
 
 // How near the ball came to the goal of its plan.
 std::string goal_line(const sim::Scenario& scenario, const RunResult& result) {
-  if (!scenario.planned_goal_W_m) return "";
+  if (!scenario.plan.goal_W_m) return "";
   constexpr double kNegligible_m = 1e-6;  // a plan meets its goal within 1 mm
-  const Eigen::Vector2d& goal = *scenario.planned_goal_W_m;
+  const Eigen::Vector2d& goal = *scenario.plan.goal_W_m;
   const double off_m = (result.final_sample.position_W_m.head<2>() - goal).norm();
   return fmt::format("  goal        ({}, {}) m in its plan; the ball ended {} mm from there\n",
                      short_number(goal[0], kNegligible_m), short_number(goal[1], kNegligible_m),
                      short_number(1e3 * off_m, 1e3 * kNegligible_m));
+}
+
+// How far the ball was from the place of its plan.
+std::string tracking_line(const sim::Scenario& scenario, const RunResult& result) {
+  if (!result.tracking) return "";
+  const TrackingRecord& t = *result.tracking;
+  const double nothing_mm = 1e-3;
+  const auto mm = [&](double m) { return short_number(1e3 * m, nothing_mm); };
+  const bool tracked = scenario.control.tracking && has_controller(scenario.run.actuation);
+  return fmt::format("  tracking    {}: {} mm rms from the plan, {} mm at most, {} mm at the end, of {} m of path\n",
+                     tracked ? "on" : "off", mm(t.rms_m), mm(t.max_m), mm(t.final_m), short_number(t.path_length_m));
 }
 
 std::string fault_lines(const sim::Scenario& scenario, const RunResult& result) {
@@ -195,6 +207,19 @@ std::string plan_lines(const sim::Scenario& scenario, const RunResult& result) {
   return text;
 }
 
+// Empty for a floor without patches.
+std::string patches_text(const sim::Surface& surface) {
+  if (surface.patches.empty()) return "";
+  const auto [least, most] =
+      std::minmax_element(surface.patches.begin(), surface.patches.end(),
+                          [](const auto& a, const auto& b) { return a.static_friction < b.static_friction; });
+  if (least->static_friction == most->static_friction) {
+    return fmt::format(", its patches {}", short_number(least->static_friction));
+  }
+  return fmt::format(", its patches {} to {}", short_number(least->static_friction),
+                     short_number(most->static_friction));
+}
+
 std::string friction_lines(const sim::Scenario& scenario, const RunResult& result) {
   const sim::ContactExtrema& x = result.extrema;
   std::string text = fmt::format("  least N     {} N at t = {} s\n", short_number(x.normal_force_min.value),
@@ -205,7 +230,8 @@ std::string friction_lines(const sim::Scenario& scenario, const RunResult& resul
     text += fmt::format("  most f_s/N  {} at t = {} s", short_number(x.mu_required_max.value),
                         short_time(x.mu_required_max.time_s));
     if (std::isfinite(scenario.surface.static_friction)) {
-      text += fmt::format(" (this floor gives mu_s = {})", short_number(scenario.surface.static_friction));
+      text += fmt::format(" (this floor gives mu_s = {}{})", short_number(scenario.surface.static_friction),
+                          patches_text(scenario.surface));
     }
   }
   if (result.end_reason != EndReason::kCompleted) {
@@ -346,6 +372,26 @@ std::string belief_lines(const sim::Scenario& scenario, const RunResult& result)
   return text + fmt::format("; the real one is {} m from there\n", short_number((real - at).norm()));
 }
 
+// The controller's estimate beside the truth.
+std::string estimate_line(const sim::Scenario& scenario, const RunResult& result) {
+  if (!result.estimate) return "";
+  const EstimateErrors& e = *result.estimate;
+  const double nothing_m = 1e-4 * scenario.ball.radius_m, degrees = 180 / std::numbers::pi;
+  const Eigen::Vector3d& real = result.final_sample.position_W_m;
+  std::string text = fmt::format(
+      "  estimate    at the end ({}, {}) m, in truth ({}, {}) m; rms errors {} m and {} degrees of tilt; at the end {} "
+      "degrees of heading, {} degrees/s of the gyro's bias",
+      short_number(e.position_W_m[0], nothing_m), short_number(e.position_W_m[1], nothing_m),
+      short_number(real[0], nothing_m), short_number(real[1], nothing_m), short_number(e.position_rms_m),
+      short_number(degrees * e.tilt_rms_rad), short_number(degrees * e.yaw_error_rad),
+      short_number(degrees * e.gyro_bias_error_radps));
+  if (e.friction_rms) {
+    text += fmt::format("; measured f_s/N off by {} rms, {} at most", short_number(*e.friction_rms),
+                        short_number(*e.friction_error));
+  }
+  return text + "\n";
+}
+
 std::string speed_line(const sim::Scenario& scenario, const RunResult& result) {
   const double simulated_s = scenario.run.hold_s + result.final_sample.time_s;
   const double speed = simulated_s / std::max(result.wall_time_s, 1e-9);
@@ -370,6 +416,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   text += "  ended       " + end_text(scenario, result) + "\n";
   text += travel_line(scenario, result);
   text += goal_line(scenario, result);
+  text += tracking_line(scenario, result);
   text += coast_line(scenario, result);
   text += fault_lines(scenario, result);
   text += regime_lines(result);
@@ -381,6 +428,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   text += motor_lines(scenario, result);
   text += belief_lines(scenario, result);
   text += share_line(result.motor_share);
+  text += estimate_line(scenario, result);
   text += bus_line(result.refused);
   text += speed_line(scenario, result);
   return text + "  results     " + directory.string() + "\n";

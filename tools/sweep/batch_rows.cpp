@@ -137,7 +137,7 @@ BatchRows::BatchRows(const Spec& spec, const RowScenarios& scenarios, Lanes lane
   base_ = std::move(read.scenario);
   const bool on_rails = std::all_of(base_.masses.begin(), base_.masses.end(),
                                     [](const sim::Mass& mass) { return mass.trajectory.times_s.empty(); });
-  if (!sim::Floor(base_).ideal()) return;
+  if (!sim::Floor(base_).ideal() || !base_.surface.patches.empty()) return;
   if (!on_rails || !(base_.gravity_mps2 > 0) || !base_.force_table.times_s.empty() || base_.drag.coefficient_kgpm > 0)
     return;
   for (const Variation& v : spec.vary) {

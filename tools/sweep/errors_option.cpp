@@ -139,7 +139,7 @@ std::optional<Spec> errors_sweep(const std::string& scenario_file, const std::st
     begin = comma + 1;
   }
   // A scenario that says what is believed keeps that.
-  if (!nominal.scenario.believed) believe_nominal(nominal.scenario, spec.set);
+  if (!nominal.scenario.belief_is_written) believe_nominal(nominal.scenario, spec.set);
   // A floor that is varied is in its column already.
   for (const Variation& v : spec.vary) std::erase(spec.keep, v.key);
   if (errors.empty()) complete_spec(scenario_file, spec, errors);

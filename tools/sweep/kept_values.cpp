@@ -16,7 +16,7 @@ namespace {
 using Json = nlohmann::json;
 
 // Values that a controller with feedback will report. Runs without one have none.
-constexpr const char* kOfFeedback[] = {"tracking", "governor", "estimate"};
+constexpr const char* kOfFeedback[] = {"tracking", "governor"};
 
 // One value that the plant decides.
 struct PlantValue {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "hal/lcm/channels.h"
 #include "tools/program/short_number.h"
@@ -15,6 +16,7 @@ namespace {
 using program::fixed_number;
 using program::short_number;
 
+constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr double kRateWindow_s = 1;
 constexpr double kSilence_s = 2;  // longer than a tick of any useful pace
 
@@ -158,7 +160,8 @@ std::string View::page(double now_s, int width, std::int64_t undecodable) const 
     text += cut(fmt::format("SILENT for {:.0f} s: the run is stopped, or has ended without a last message", *silence_s),
                 width);
   }
-  return text + contact_lines(width) + controller_lines(width) + rate_lines(now_s, width, undecodable);
+  return text + contact_lines(width) + known_lines(width) + controller_lines(width) +
+         rate_lines(now_s, width, undecodable);
 }
 
 std::string View::contact_lines(int width) const {
@@ -177,6 +180,33 @@ std::string View::contact_lines(int width) const {
          cut(fmt::format("N      {} {:>6}  least {} N", bar(c.normal_force_n / normal_force_max_n_, bar_width),
                          short_number(c.normal_force_n), short_number(normal_force_min_n_)),
              width);
+}
+
+std::string View::known_lines(int width) const {
+  if (!status_) return "";
+  const controller_status_t& s = *status_;
+  std::string text;
+  if (s.measured_valid != 0) {
+    text += cut(fmt::format("known  f_s/N {} +-{}, N {} +-{} N measured{}{}", fixed_number(s.measured_mu_required, 3),
+                            fixed_number(2 * s.measured_mu_sigma, 3), short_number(s.measured_normal_force_n),
+                            short_number(2 * s.measured_normal_sigma_n), s.slip_detected != 0 ? "  SLIP" : "",
+                            s.light_detected != 0 ? "  LIGHT CONTACT" : ""),
+                width);
+  }
+  if (s.estimate_valid != 0) {
+    std::string off;
+    if (state_ && state_->tick == s.tick) {
+      off =
+          fmt::format(", off by {} m", short_number(std::hypot(s.estimated_position_W_m[0] - state_->position_W_m[0],
+                                                               s.estimated_position_W_m[1] - state_->position_W_m[1])));
+    }
+    text += cut(fmt::format("known  place ({}, {}) +-{} m{}, tilt +-{} deg, yaw +-{} deg",
+                            fixed_number(s.estimated_position_W_m[0], 3), fixed_number(s.estimated_position_W_m[1], 3),
+                            fixed_number(2 * s.position_sigma_m, 3), off, short_number(2 * kDegrees * s.tilt_sigma_rad),
+                            short_number(2 * kDegrees * s.yaw_sigma_rad)),
+                width);
+  }
+  return text;
 }
 
 std::string View::controller_lines(int width) const {
@@ -230,6 +260,10 @@ std::string View::line(double now_s, std::int64_t undecodable) const {
     text = "no plant yet";
   }
   const char* trip = !trip_ ? "no_monitor" : trip_->tripped == 1 ? cause(trip_->cause) : "none";
+  if (status_ && status_->measured_valid != 0) {
+    text += fmt::format(" measured={}{}{}", fixed_number(status_->measured_mu_required, 3),
+                        status_->slip_detected != 0 ? " slip" : "", status_->light_detected != 0 ? " light" : "");
+  }
   text += fmt::format(" mode={} trip={}", status_ ? mode(status_->mode) : "none", trip);
   std::int64_t missed = 0;
   for (const TickCounter& counter : counters_) missed += counter.missed();

@@ -58,6 +58,8 @@ class View {
   [[nodiscard]] bool has_another_run(double now_s) const;
   [[nodiscard]] std::string contact_lines(int width) const;
   [[nodiscard]] std::string controller_lines(int width) const;
+  // Measurements and estimates of the robot, with 2 sigma; empty where it does neither.
+  [[nodiscard]] std::string known_lines(int width) const;
   [[nodiscard]] std::string rate_lines(double now_s, int width, std::int64_t undecodable) const;
   // How long the shown run has been silent; nullopt: it has ended, or not long enough to report.
   [[nodiscard]] std::optional<double> silent_s(double now_s) const;

@@ -1,13 +1,18 @@
 // Starts the page: reads the runs, makes plots and replay, and connects slider, buttons and keys to the clock.
 import {Clock} from "ballast/clock.js";
 import {numberText, shortNumber} from "ballast/numbers.js";
-import {FRICTION, makePanels, runLetter} from "ballast/panels.js";
+import {BAND_SIGMAS, FRICTION, makePanels, runLetter} from "ballast/panels.js";
 import {NUMBERS_EVERY_MS, Plots} from "ballast/plots.js";
 import {readSamples} from "ballast/samples.js";
 import {Scene} from "ballast/scene.js";
 import {connectThemeButton} from "ballast/theme.js";
 
+const LEAST_CIRCLE = 5;  // of a map's 1000
 const element = (id) => document.getElementById(id);
+const FLAGS = {
+  slip: "the robot flags slip",
+  light: "the robot flags light contact"
+};
 const FRAMES_PER_SECOND = 60;  // an arrow key steps by one such frame at the replay's speed
 
 function complain(text) {
@@ -78,6 +83,8 @@ function markSlider(runs, end) {
   for (const {described} of runs) {
     for (const {regime, start, end: until} of described.regimes)
       if (regime !== "rolling") add(regime, start, until, regime);
+    for (const {what, start_s: start, end_s: until} of described.flags ?? [])
+      add(`flag-${what}`, start, until, FLAGS[what]);
     for (const {time, text} of described.events) add("event", time, undefined, text);
   }
 }
@@ -88,6 +95,8 @@ function describeMarks(runs) {
   const names = new Set(runs.flatMap(({described}) => described.regimes.map(({regime}) => regime)));
   for (const regime of ["sliding", "flight"])
     if (names.has(regime)) entries.push([`box ${regime}`, regime]);
+  const flagged = new Set(runs.flatMap(({described}) => (described.flags ?? []).map(({what}) => what)));
+  for (const what of flagged) entries.push([`box flag-${what}`, FLAGS[what]]);
   const impacts = runs.reduce((sum, {described}) => sum + described.impacts.length, 0);
   if (impacts) entries.push(["line impact", impacts === 1 ? "impact" : `${impacts} impacts`]);
   runs.forEach(({described}, run) => {
@@ -142,15 +151,21 @@ function makeHud(runs, scene, clock) {
   show(clock.time);
 }
 
-// Moves the ball on the map of the plan, if the page has one.
-function connectMap([{samples}], clock) {
-  const map = element("plan-map"), ball = element("plan-here");
+// Moves what is on a map, if the page has it: `marks` maps an element's id to the columns of its place and, for a
+// circle of that many sigma, of its radius.
+function connectMap(name, marks, [{samples}], clock) {
+  const map = element(name);
   if (!map) return;
   const {scale, x, y} = Object.fromEntries(Object.entries(map.dataset).map(([key, value]) => [key, Number(value)]));
   const show = (time) => {
     const row = samples.rowAt(time);
-    ball.setAttribute("cx", x + scale * samples.get("position_0")[row]);
-    ball.setAttribute("cy", y - scale * samples.get("position_1")[row]);
+    for (const [id, place, sigma] of marks) {
+      const mark = element(id), at = [0, 1].map((j) => samples.get(`${place}_${j}`)?.[row]);
+      if (!mark || !at.every(Number.isFinite)) continue;
+      mark.setAttribute("cx", x + scale * at[0]);
+      mark.setAttribute("cy", y - scale * at[1]);
+      if (sigma) mark.setAttribute("r", Math.max(scale * BAND_SIGMAS * samples.get(sigma)[row], LEAST_CIRCLE));
+    }
   };
   clock.onChange(show);
   show(clock.time);
@@ -208,7 +223,10 @@ function start(runs) {
   markSlider(runs, clock.end);
   describeMarks(runs);
   makeHud(runs, scene, clock);
-  connectMap(runs, clock);
+  connectMap("plan-map", [["plan-here", "position"]], runs, clock);
+  connectMap(
+      "known-map", [["estimate-here", "estimated_position", "place_error_sigma"], ["truth-here", "position"]], runs,
+      clock);
   connectButtons(scene, plots);
   connectKeys(clock, plots);
   let last = 0, drawn = 0, played = false;

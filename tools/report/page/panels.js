@@ -1,13 +1,15 @@
 // The panels to plot, each with its lines, limits and marks. plots.js draws them.
 //
-// panel: {id, title (HTML), unit, lines, limits, extremes, top, bottom, noise}
+// panel: {id, title (HTML), unit, lines, bands, limits, extremes, top, bottom, noise, flags (whether they are drawn)}
 // line: {run, column, label (HTML; none: not in the legend), color (of theme.js), dash, width}
+// band: {run, column (its middle; none: 0), sigma (column), color}; it reaches BAND_SIGMAS sigma to either side
 // top, bottom: the axis ends there, because values beyond them are not meaningful.
 // noise: values below this are rounding errors of 0, which the axis does not magnify.
 
 import {shortNumber} from "ballast/numbers.js";
 
 const DASHED = [6, 4];
+export const BAND_SIGMAS = 2;
 
 const sub = (symbol, index) => `<i>${symbol}</i><sub>${index}</sub>`;
 export const FRICTION = sub("f", "s");
@@ -19,7 +21,7 @@ export const runLetter = (run) => "AB"[run];
 // One line per run. A single run has the quantity's colour; of two runs, each has its own.
 function single(runs, column, label, color) {
   const lines = [];
-  runs.forEach(({samples}, run) => {
+  runs.forEach(({samples, described}, run) => {
     const several = runs.length > 1;
     const line = {
       run,
@@ -30,10 +32,13 @@ function single(runs, column, label, color) {
     if (samples.has(column)) lines.push({...line, column});
     const commanded = `commanded_${column}`;
     if (!several && samples.has(commanded))
-      lines.push({...line, column: commanded, label: "commanded", color: "text", dash: DASHED, width: 1});
+      lines.push({...line, column: commanded, label: described.commanded, color: "text", dash: DASHED, width: 1});
     const planned = `planned_${column}`;
     if (!several && samples.has(planned))
       lines.push({...line, column: planned, label: "planned", color: "good", dash: [2, 3], width: 1.6});
+    const believed = `believed_${column}`;
+    if (!several && samples.has(believed))
+      lines.push({...line, column: believed, label: "the believed robot", color: "believed", dash: [9, 3], width: 1.6});
   });
   return lines;
 }
@@ -82,8 +87,7 @@ function frictionLimits(runs) {
   return limits;
 }
 
-const occurs = (runs, name) =>
-    runs.some(({described}) => described.regimes.some(({regime}) => regime === name));
+const occurs = (runs, name) => runs.some(({described}) => described.regimes.some(({regime}) => regime === name));
 
 function contactPanels(runs) {
   const slides = occurs(runs, "sliding");
@@ -126,6 +130,141 @@ function contactPanels(runs) {
       lines: single(runs, "margin", "margin", "margin"),
       limits: [{value: 0, text: ""}],
       bottom: -1.1
+    },
+  ];
+}
+
+// The band of each component of a quantity, or one band around 0 where all share it.
+function bands(runs, column, count, color) {
+  const found = [];
+  runs.forEach(({samples}, run) => {
+    if (!samples.has(`${column}_sigma`)) return;
+    for (let j = 0; j < count; ++j)
+      found.push(
+          {run, column: count > 1 ? `${column}_${j}` : undefined, sigma: `${column}_sigma`, color: color(j, run)});
+  });
+  return found;
+}
+
+// Says how much of the time the truth was inside the band; of two runs, of each.
+function withNote(runs, id, title) {
+  const said = runs.flatMap(({described}, run) => {
+    const note = described.notes?.[id];
+    return note ? [runs.length > 1 ? `${runLetter(run)}: ${note}` : note] : [];
+  });
+  return said.length ? `${title} <small>${said.join("; ")}</small>` : title;
+}
+
+// What the robot measures of its contact with the floor.
+function measuredPanels(runs) {
+  const whose = (run) => (runs.length > 1 ? `run-${run}` : "estimate");
+  const lines = (column) => runs.flatMap(({samples}, run) => {
+    if (!samples.has(`measured_${column}`)) return [];
+    const who = runs.length > 1 ? `${runLetter(run)} ` : "";
+    // The truth comes last and thin: where the masses ring, it would be hidden.
+    return [
+      {run, column: `measured_${column}`, label: `${who}measured`, color: whose(run), width: 1.3},
+      {run, column, label: `${who}true`, color: "text", width: 0.6, dash: run ? DASHED : undefined}
+    ];
+  });
+  const around = (column) => runs.flatMap(
+      ({samples}, run) => samples.has(`measured_${column}`) ?
+          [{run, column: `measured_${column}`, sigma: `measured_${column}_sigma`, color: whose(run)}] :
+          []);
+  const error = (id, title, unit) => ({
+    id,
+    title: withNote(runs, id, title),
+    unit,
+    limits: [{value: 0, text: ""}],
+    lines: several(runs, id, () => 1, () => "error", (j) => `axis-${j}`),
+    bands: bands(runs, id, 1, (j, run) => (runs.length > 1 ? `run-${run}` : "muted")),
+    flags: true
+  });
+  const slip = [];
+  runs.forEach(({samples}, run) => {
+    if (samples.has("measured_slip"))
+      slip.push({
+        run,
+        column: "measured_slip",
+        label: runs.length > 1 ? runLetter(run) : "measured",
+        color: whose(run),
+        width: 1.2
+      });
+  });
+  return [
+    {
+      id: "measured_mu_required",
+      title: `${NEEDED} as the robot measures it`,
+      unit: "",
+      lines: lines("mu_required"),
+      bands: around("mu_required"),
+      limits: frictionLimits(runs),
+      top: neededTop(runs),
+      flags: true
+    },
+    error("measured_mu_error", `${NEEDED}: measured − true`, ""),
+    {
+      id: "measured_normal_force",
+      title: "<i>N</i> as the robot measures it",
+      unit: "N",
+      lines: lines("normal_force"),
+      bands: around("normal_force"),
+      flags: true
+    },
+    error("measured_normal_error", "<i>N</i>: measured − true", "N"),
+    {
+      id: "measured_slip",
+      title: `Slip as the robot measures it <small>band: noise, ${BAND_SIGMAS}σ</small>`,
+      unit: "m/s²",
+      lines: slip,
+      bands: slip.map(({run}) => ({run, sigma: "measured_slip_sigma", color: "muted"})),
+      bottom: 0,
+      flags: true
+    },
+  ];
+}
+
+// The errors of what the robot estimates, with the band that it states.
+function estimatePanels(runs) {
+  const axis = (j) => `axis-${j}`, about = (j) => `about ${sub("e", j + 1)}`, along = (j) => `along ${sub("e", j + 1)}`;
+  const whose = (j, run) => (runs.length > 1 ? `run-${run}` : "muted");
+  const zero = [{value: 0, text: ""}];
+  const bias = several(runs, "gyro_bias", () => 3, (j) => sub("b", j + 1), axis);
+  if (runs.length === 1)
+    for (const line of several(runs, "true_gyro_bias", () => 3, () => "", axis))
+      bias.push({...line, label: undefined, dash: [4, 3], width: 1.1});
+  return [
+    {
+      id: "tilt_error",
+      title: withNote(runs, "tilt_error", "Tilt: estimate − truth"),
+      unit: "°",
+      limits: zero,
+      lines: several(runs, "tilt_error", () => 2, about, axis),
+      bands: bands(runs, "tilt_error", 1, whose)
+    },
+    {
+      id: "yaw_error",
+      title: withNote(runs, "yaw_error", "Yaw: estimate − truth"),
+      unit: "°",
+      limits: zero,
+      lines: several(runs, "yaw_error", () => 1, () => about(2), axis),
+      bands: bands(runs, "yaw_error", 1, whose)
+    },
+    {
+      id: "gyro_bias",
+      title:
+          withNote(runs, "gyro_bias", `Gyro bias, body frame${runs.length === 1 ? "; dashed: true, mean of 4 s" : ""}`),
+      unit: "°/s",
+      lines: bias,
+      bands: runs.length === 1 ? bands(runs, "gyro_bias", 3, axis) : []
+    },
+    {
+      id: "place_error",
+      title: withNote(runs, "place_error", "Place: estimate − truth"),
+      unit: "m",
+      limits: zero,
+      lines: several(runs, "place_error", () => 2, along, axis),
+      bands: bands(runs, "place_error", 1, whose)
     },
   ];
 }
@@ -173,6 +312,15 @@ function massPanels(runs) {
 export function makePanels(runs) {
   const panels = [
     ...contactPanels(runs),
+    ...measuredPanels(runs),
+    ...estimatePanels(runs),
+    {
+      id: "believed_off",
+      title: "Place: real − believed",
+      unit: "m",
+      limits: [{value: 0, text: ""}],
+      lines: several(runs, "believed_off", () => 2, (j) => `along ${sub("e", j + 1)}`, (j) => `axis-${j}`)
+    },
     {
       id: "angular_velocity",
       title: "Angular velocity <b>Ω</b>, body frame",

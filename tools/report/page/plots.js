@@ -1,6 +1,6 @@
 // Draws the panels with uPlot. All of them share one zoom and one time.
 import {numberText, shortNumber} from "ballast/numbers.js";
-import {runLetter} from "ballast/panels.js";
+import {BAND_SIGMAS, runLetter} from "ballast/panels.js";
 import {color, onThemeChange} from "ballast/theme.js";
 import uPlot from "uplot";
 
@@ -8,6 +8,13 @@ const SHADED = ["sliding", "flight"];
 const DRAG_STARTS_AT = 6;  // px
 export const NUMBERS_EVERY_MS = 80;
 const LEAST_SPAN = 1e-4;  // of the whole time
+const BAND_OPACITY = 0.18;
+// A band reaches at most this many times as far as the lines in it: a wide band would flatten them.
+const BAND_IN_SIGHT = 2.5;
+const FLAG_COLORS = {
+  slip: "bad",
+  light: "mass-3"
+};
 const FONT = "12px system-ui, sans-serif";
 
 function axisText(value) {
@@ -88,6 +95,7 @@ class Plot {
     this.box.innerHTML = `<figcaption><span class="title">${panel.title}${
         unit}</span><span class="values"></span></figcaption><div class="chart"></div>`;
     place.append(this.box);
+    this.edges = (panel.bands ?? []).map((band) => this.edgesOf(band));
     this.values = panel.lines.map((line) => this.addValue(line));
     const chart = this.box.querySelector(".chart");
     chart.setAttribute("role", "img");
@@ -123,6 +131,13 @@ class Plot {
     ];
   }
 
+  // The lower and the upper edge of a band at the samples of its run.
+  edgesOf({run, column, sigma, color}) {
+    const {samples} = this.runs[run], half = samples.get(sigma), middle = column ? samples.get(column) : undefined;
+    const edge = (sign) => Float64Array.from(half, (value, row) => (middle?.[row] ?? 0) + sign * BAND_SIGMAS * value);
+    return {time: samples.time, low: edge(-1), high: edge(1), color};
+  }
+
   height() {
     return innerWidth < 700 ? 132 : 150;
   }
@@ -147,7 +162,7 @@ class Plot {
         ...this.panel.lines.map(
             (line) => ({stroke: () => color(line.color), width: line.width, dash: line.dash, points: {show: false}}))
       ],
-      hooks: {drawClear: [(u) => this.drawShades(u)], draw: [(u) => this.drawMarks(u)]},
+      hooks: {drawClear: [(u) => this.drawShades(u), (u) => this.drawBands(u)], draw: [(u) => this.drawMarks(u)]},
     };
   }
 
@@ -161,6 +176,7 @@ class Plot {
       low = Math.min(low, value);
       high = Math.max(high, value);
     }
+    [low, high] = this.withBands(low, high);
     low = Math.max(Math.min(low, top), bottom);
     high = Math.max(Math.min(high, top), low);
     const near = Math.max(Math.abs(low), Math.abs(high));
@@ -173,6 +189,85 @@ class Plot {
     if (near <= this.panel.noise || near === 0) return [-0.1, 1];
     const span = high - low, space = span > 1e-12 * near ? 0.09 * span : 0.1 * near || 1;
     return [low - space, high + space];
+  }
+
+  // The range with as much of the bands as does not flatten the lines.
+  withBands(low, high) {
+    if (!this.edges.length) return [low, high];
+    const [from, to] = this.all.range;
+    let least = Infinity, most = -Infinity;
+    for (const edge of this.edges)
+      edge.time.forEach((time, row) => {
+        if (time < from || time > to || Number.isNaN(edge.low[row])) return;
+        least = Math.min(least, edge.low[row]);
+        most = Math.max(most, edge.high[row]);
+      });
+    if (least > most) return [low, high];
+    const reach = high > low ? BAND_IN_SIGHT * (high - low) : Infinity;
+    return [Math.min(low, Math.max(least, low - reach)), Math.max(high, Math.min(most, high + reach))];
+  }
+
+  // Fills each band under the lines, from its least to its greatest in every pixel column.
+  drawBands(u) {
+    const {ctx, bbox} = u;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.globalAlpha = BAND_OPACITY;
+    for (const edge of this.edges) {
+      ctx.fillStyle = color(edge.color);
+      for (const columns of this.stretches(u, edge)) {
+        ctx.beginPath();
+        for (const {x, high} of columns) ctx.lineTo(x, high);
+        for (const {x, low} of columns.reverse()) ctx.lineTo(x, low);
+        ctx.fill();
+      }
+    }
+    ctx.restore();
+  }
+
+  // A band as stretches without a gap, each as {x, low, high} in pixels.
+  stretches(u, {time, low, high}) {
+    const [from, to] = this.all.range, all = [];
+    let columns = [], last = null;
+    const close = () => {
+      if (columns.length) all.push(columns);
+      columns = [];
+      last = null;
+    };
+    const scale = u.scales.y, {top, height} = u.bbox;
+    const pixel = (value) => top + height * (1 - (value - scale.min) / (scale.max - scale.min));
+    const left = u.bbox.left, perSecond = u.bbox.width / (to - from);
+    for (let row = 0; row < time.length; ++row) {
+      // One sample beyond either side, so that the band reaches the edge.
+      if ((time[row + 1] ?? Infinity) < from || (time[row - 1] ?? -Infinity) > to) continue;
+      if (Number.isNaN(low[row]) || Number.isNaN(high[row])) {
+        close();
+        continue;
+      }
+      const x = Math.round(left + (time[row] - from) * perSecond), a = pixel(low[row]), b = pixel(high[row]);
+      if (last?.x === x) {
+        last.low = Math.max(last.low, a);  // pixels count downwards
+        last.high = Math.min(last.high, b);
+      } else {
+        columns.push(last = {x, low: a, high: b});
+      }
+    }
+    close();
+    return all;
+  }
+
+  // Strips along the upper edge where the robot flags slip, or light contact.
+  drawFlags(u) {
+    const {ctx, bbox} = u, height = 6 * devicePixelRatio;
+    this.runs.forEach(({described}, run) => {
+      for (const {what, start_s: start, end_s: end} of described.flags ?? []) {
+        const left = u.valToPos(start, "x", true), width = u.valToPos(end, "x", true) - left;
+        ctx.fillStyle = color(FLAG_COLORS[what]);
+        ctx.fillRect(left, bbox.top + run * height, Math.max(width, 2 * devicePixelRatio), height);
+      }
+    });
   }
 
   // Shades regimes other than rolling, under everything else.
@@ -208,6 +303,7 @@ class Plot {
       for (const {time} of described.events)
         this.drawUpright(u, time, [5, 3, 1, 3], this.runs.length > 1 ? `run-${run}` : "trip", 1.6);
     });
+    if (this.panel.flags) this.drawFlags(u);
     this.labels = [];
     const limits = [...this.panel.limits ?? []].sort((a, b) => b.value - a.value);  // labels in the limits' order
     for (const {value, text} of limits) this.drawLimit(u, value, text);

@@ -19,6 +19,22 @@ function roundLength(value) {
   return power * ([5, 2, 1].find((factor) => factor * power <= value) ?? 1);
 }
 
+// The patches of the floor (of the first run, where two are compared), flat on it, later ones over earlier ones. They are drawn before everything but the grid,
+// so that nothing has to be sorted.
+function patchMeshes(patches) {
+  return patches.map((patch, number) => {
+    const shape = new THREE.Shape();
+    if (patch.polygon) shape.setFromPoints(patch.polygon.map(([x, y]) => new THREE.Vector2(x, y)));
+    else shape.absarc(...patch.center, patch.radius, 0, 2 * Math.PI);
+    const geometry = new THREE.ShapeGeometry(shape, 48);
+    const material = new THREE.MeshBasicMaterial({depthTest: false, depthWrite: false, side: THREE.DoubleSide});
+    const mesh = new THREE.Mesh(geometry, material);
+    mesh.renderOrder = -5 + number / 1000;
+    mesh.name = `patch-${patch.kind}`;
+    return mesh;
+  });
+}
+
 // True without a graphics card. The processor then computes every pixel, several times with smooth edges.
 function drawsInSoftware() {
   const gl = document.createElement("canvas").getContext("webgl2");
@@ -29,9 +45,12 @@ function drawsInSoftware() {
 }
 
 // A grid that fades with the distance from the camera's target. Every fifth line is stronger.
-function floorMaterial() {
+function floorMaterial(patched) {
   return new THREE.ShaderMaterial({
-    blending: THREE.NoBlending,  // it is drawn first
+    // It is drawn first, or over the patches. Its colour is multiplied by its opacity already.
+    blending: patched ? THREE.CustomBlending : THREE.NoBlending,
+    blendSrc: THREE.OneFactor,
+    blendDst: THREE.OneMinusSrcAlphaFactor,
     depthTest: false,
     depthWrite: false,
     side: THREE.DoubleSide,
@@ -89,6 +108,7 @@ export class Scene {
     for (const robot of this.robots) this.scene.add(robot.object, robot.path);
     this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.03 * this.radius, 4000 * this.radius);
     this.camera.up.set(0, 0, 1);
+    this.patches = patchMeshes(runs[0].described.patches ?? []);
     this.makeFloor();
     this.makeLight();
     this.controls = new OrbitControls(this.camera, canvas);
@@ -108,9 +128,9 @@ export class Scene {
   }
 
   makeFloor() {
-    this.floor = new THREE.Mesh(new THREE.PlaneGeometry(1, 1), floorMaterial());
+    this.floor = new THREE.Mesh(new THREE.PlaneGeometry(1, 1), floorMaterial(this.patches.length > 0));
     this.floor.renderOrder = -3;
-    this.scene.add(this.floor);
+    this.scene.add(this.floor, ...this.patches);
   }
 
   makeLight() {
@@ -129,6 +149,7 @@ export class Scene {
   paint() {
     for (const robot of this.robots) robot.paint();
     this.floor.material.uniforms.tint.value.setStyle(color("floor"));
+    for (const {material, name} of this.patches) material.color.setStyle(color(name));
     this.dirty = true;
   }
 

@@ -10,6 +10,9 @@
 //   Phi = exp(A h),  G = integral of exp(A s) ds B,
 // and the gains are those of the discrete Riccati recursion, backward from the end:
 //   K = (R + G^T P G)^-1 G^T P Phi,   P <- Q + Phi^T P (Phi - G K).
+//
+// The controller's own gains (firmware/tracking) have two more columns: the integral of the place's error over time,
+// m s. Its equation, d(integral) = place, is appended to A and B.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,7 +22,7 @@
 #include <vector>
 
 #include "sim/scenario/scenario.h"
-#include "tools/plan/rolling_model.h"
+#include "tools/tracking/rolling_model.h"
 
 namespace ballast::plan {
 
@@ -28,8 +31,22 @@ struct TrackingWeights {
   double mass_position = 0.5, mass_rate = 0.5;
   double attitude_rad = 0.2, angular_velocity = 0.2;
   double place = 0.05;
+  // Weight of attitude and Omega about the vertical, over that about level axes. A ball at rest can hardly turn about
+  // the vertical, and large gains come from asking it to.
+  double about_vertical = 1;
   double acceleration = 0.2;
-  double at_end = 10;  // the weight of the last error over that of a whole sqrt(r / g) before
+  double place_integral = 0;  // radii times sqrt(r / g); 0: e has no integral
+  double at_end = 10;         // the weight of the last error over that of a whole sqrt(r / g) before
+};
+
+struct TrackingOptions {
+  TrackingWeights weights;
+  double step = 0.1;  // in sqrt(r / g)
+  // A motion that ends at rest is held for ever: the recursion begins with the P of a long hold there.
+  bool holds = false;
+  // What the planner's model does not know (drag, forces that change, masses without a motion) is no reason to refuse;
+  // the reference has neither drag nor such forces. A ball that leaves the floor ends the reference there.
+  bool lenient = false;
 };
 
 struct ReferencePoint {
@@ -59,29 +76,37 @@ struct Tracking {
   std::vector<Step> step;
   std::vector<Eigen::MatrixXd> gain;           // K of each step, n rows
   std::vector<Eigen::MatrixXd> cost;           // P at each point: e^T P e is what is still to come
-  Eigen::MatrixXd state_weight, input_weight;  // Q and R of a step
+  Eigen::MatrixXd state_weight, input_weight;  // Q, alike about all axes, and R of a step
+  bool ends_at_rest = false;                   // masses and ball, up to a little rocking
+  bool has_integral = false;
+  double less_about_vertical = 0;  // part of the weights of attitude and Omega that is missing there
 
   [[nodiscard]] int masses() const { return robot.ball.mass_count; }
+  [[nodiscard]] int errors() const { return 2 * masses() + (has_integral ? 10 : 8); }
+  [[nodiscard]] Eigen::MatrixXd state_weight_at(std::size_t step) const;
 };
 
-// The plant rolls the scenario's motion with prescribed masses. `step`: in sqrt(r / g). None, and `why` in words: the
-// scenario has no motion, does not roll to its end, or has what the planner's model does not know.
-[[nodiscard]] std::optional<Tracking> track(const sim::Scenario& scenario, std::string& why,
-                                            const TrackingWeights& weights = {}, double step = 0.1);
+// The plant's states under the scenario's motion with prescribed masses, on a floor that holds whatever it needs: one
+// more than `steps`, or fewer if the ball leaves the floor. Faults, drag and forces that change are left out.
+[[nodiscard]] std::vector<ReferencePoint> roll_motion(const sim::Scenario& scenario, int steps);
+
+// The plant rolls the scenario's motion with prescribed masses. `ball` is that of the scenario. None, and `why` in
+// words: the scenario has no motion, does not roll to its end, or has what the planner's model does not know.
+[[nodiscard]] std::optional<Tracking> track(const sim::Scenario& scenario, const firmware::BallParams& ball,
+                                            std::string& why, const TrackingOptions& options = {});
 
 // Table that travels to a controller: floats at equal times, linear between. Of each time the attitude (4), Omega (3),
 // place (2) and K by rows; the masses' own motion is in the controller's profile.
 struct GainTable {
-  int masses = 0, samples = 0;
+  int masses = 0, errors = 0, samples = 0;
   double period_s = 0;
   std::vector<float> values;
 
-  [[nodiscard]] std::size_t row() const { return row_of(masses); }
+  [[nodiscard]] std::size_t row() const { return row_of(masses, errors); }
   [[nodiscard]] std::size_t bytes() const { return values.size() * sizeof(float); }
   [[nodiscard]] Eigen::MatrixXd gain_at(double time_s) const;
-  static std::size_t row_of(int masses) {
-    const auto n = static_cast<std::size_t>(masses);
-    return 9 + n * (2 * n + 8);
+  static std::size_t row_of(int masses, int errors) {
+    return 9 + static_cast<std::size_t>(masses) * static_cast<std::size_t>(errors);
   }
 };
 

@@ -1,6 +1,8 @@
-#include "tools/plan/rolling_model.h"
+#include "tools/tracking/rolling_model.h"
 
+#include <cmath>
 #include <complex>
+#include <limits>
 
 namespace ballast::plan {
 
@@ -33,6 +35,14 @@ Attitude attitude_of(const std::array<double, 4>& q) {
           {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}};
 }
 
+Vec turned_to_body(const Attitude& lambda, const Vec& v_W) {
+  return v_W.x * lambda.row1 + v_W.y * lambda.row2 + v_W.z * lambda.gamma;
+}
+
+Vec turned_to_space(const Attitude& lambda, const Vec& v_B) {
+  return {dot(lambda.row1, v_B), dot(lambda.row2, v_B), dot(lambda.gamma, v_B)};
+}
+
 // One mass, the shell included.
 struct Term {
   double mass;
@@ -47,7 +57,7 @@ struct Instant {
   explicit Instant(const RollingState& state) : attitude(attitude_of(state.q)) {}
 
   Attitude attitude;
-  Vec omega, u;        // u = g Gamma
+  Vec omega, u;        // u = -Lambda^T g_W, on a level floor g Gamma
   Vec inertia, force;  // F_B
   double radius = 0, mass = 0;
   std::array<Term, kMaxMasses + 1> terms;
@@ -57,7 +67,39 @@ struct Instant {
   Vec omega_dot;
   Vec h;  // R_B - M u = sum m_i (Omegadot x s_i + c_i) - F_B
   double normal = 0;
+  // Of the floor's moment N t.
+  bool moment = false;  // there is one: the floor resists and presses
+  Vec arm;              // t = Lambda^T T_W / N
+  Vec omega_dot_1;      // A^-1 (-t): Omegadot per N
+  double share = 1;     // 1 - (Omegadot_1 x sum m_i s_i) . Gamma: the part of N that is not the moment's own
 };
+
+// 1 / sqrt(omega_h^2 + omega_c^2) and 1 / sqrt(omega_3^2 + omega_c^2).
+struct Fading {
+  Fading(const firmware::BallParams& ball, const Vec& omega_W) {
+    const double creep2 = ball.creep_radps * ball.creep_radps;
+    rolling = 1 / std::sqrt(omega_W.x * omega_W.x + omega_W.y * omega_W.y + creep2);
+    spinning = 1 / std::sqrt(omega_W.z * omega_W.z + creep2);
+  }
+  double rolling, spinning;
+};
+
+// T_W / N (physics.md, "Real floors").
+Vec arm_W(const firmware::BallParams& ball, const Vec& omega_W) {
+  const Fading fading(ball, omega_W);
+  const double rolling = ball.rolling_resistance * ball.radius_m * fading.rolling;
+  return {-rolling * omega_W.x, -rolling * omega_W.y, -ball.spin_friction_m * fading.spinning * omega_W.z};
+}
+
+// Change of T_W / N by a change of omega.
+Vec arm_change_W(const firmware::BallParams& ball, const Vec& omega_W, const Vec& change_W) {
+  const Fading fading(ball, omega_W);
+  const double rolling = ball.rolling_resistance * ball.radius_m * fading.rolling;
+  const double along = fading.rolling * fading.rolling * (omega_W.x * change_W.x + omega_W.y * change_W.y);
+  const double faded = ball.creep_radps * fading.spinning;
+  return {rolling * (along * omega_W.x - change_W.x), rolling * (along * omega_W.y - change_W.y),
+          -ball.spin_friction_m * fading.spinning * faded * faded * change_W.z};
+}
 
 void add_term(Instant& at, double mass, const firmware::RailPoint<double>* rail, const Vec& zeta, double rate,
               double acceleration) {
@@ -103,12 +145,29 @@ void solve(Instant& at) {
   at.h = cross(at.omega_dot, at.mass_s) + at.mass_c - at.force;
 }
 
+// Adds what the floor's moment does, as firmware/model/rolling.h derives it: A Omegadot = b - N t, and N = N_0 + N
+// (Omegadot_1 x sum m_i s_i) . Gamma.
+void resist(const firmware::BallParams& ball, double pressing_n, Instant& at) {
+  const double normal_0 = pressing_n + dot(at.h, at.attitude.gamma);
+  if (!(normal_0 > 0)) return;
+  at.moment = true;
+  at.arm = turned_to_body(at.attitude, arm_W(ball, turned_to_space(at.attitude, at.omega)));
+  at.omega_dot_1 = at.inverse * negative(at.arm);
+  const Vec h_1 = cross(at.omega_dot_1, at.mass_s);
+  at.share = 1 - dot(h_1, at.attitude.gamma);
+  const double normal = at.share > 0 ? normal_0 / at.share : std::numeric_limits<double>::quiet_NaN();
+  at.omega_dot = at.omega_dot + normal * at.omega_dot_1;
+  at.h = at.h + normal * h_1;
+}
+
 Instant instant_of(const Robot& robot, const RollingState& state) {
   const firmware::BallParams& ball = robot.ball;
   Instant at(state);
   at.omega = state.omega_B;
   at.radius = ball.radius_m;
-  at.u = ball.gravity_mps2 * at.attitude.gamma;
+  const Vec down = vec(ball.down_W);
+  at.u = slopes(ball) ? negative(turned_to_body(at.attitude, ball.gravity_mps2 * down))
+                      : ball.gravity_mps2 * at.attitude.gamma;
   at.inertia = vec(ball.inertia_kgm2);
   const Vec force = vec(ball.external_force_W_n);
   at.force = force.x * at.attitude.row1 + force.y * at.attitude.row2 + force.z * at.attitude.gamma;
@@ -119,14 +178,18 @@ Instant instant_of(const Robot& robot, const RollingState& state) {
     add_term(at, ball.mass_kg[k], &rail, vec(rail.position), state.velocity[k], state.acceleration[k]);
   }
   solve(at);
-  at.normal = at.mass * ball.gravity_mps2 + dot(at.h, at.attitude.gamma);
+  const double pressing_n = -(at.mass * ball.gravity_mps2) * down.z;
+  if (resists(ball)) resist(ball, pressing_n, at);
+  at.normal = pressing_n + dot(at.h, at.attitude.gamma);
   return at;
 }
 
 void value_of(const Robot& robot, const Instant& at, bool with_torque, RollingValue& value) {
   value.omega_dot_B = at.omega_dot;
   value.normal_n = at.normal;
-  value.force_n = {dot(at.attitude.row1, at.h), dot(at.attitude.row2, at.h)};
+  const double weight_n = at.mass * robot.ball.gravity_mps2;
+  value.force_n = {dot(at.attitude.row1, at.h) - weight_n * robot.ball.down_W[0],
+                   dot(at.attitude.row2, at.h) - weight_n * robot.ball.down_W[1]};
   // zdot = omega x r e3.
   value.velocity_mps = {at.radius * dot(at.attitude.row2, at.omega), -at.radius * dot(at.attitude.row1, at.omega)};
   if (!with_torque) return;
@@ -155,9 +218,17 @@ struct Change {
 };
 
 // Columns of one variable from the changes of its explicit parts. phi: the rotation, or nullptr.
+//
+// With a moment, change.b has -N dt; what is missing is -t dN, where dN = (dOmegadot x sum m_i s_i + dh) . Gamma + h .
+// dGamma again has dN on its right: dN share = the same without the moment.
 void complete(const Instant& at, const Change& change, const Vec* phi, std::size_t column, RollingDerivative& out) {
-  const Vec omega_dot = at.inverse * change.b;
-  const Vec h = cross(omega_dot, at.mass_s) + change.h;
+  Vec omega_dot = at.inverse * change.b;
+  Vec h = cross(omega_dot, at.mass_s) + change.h;
+  if (at.moment) {
+    const double normal = (dot(h, at.attitude.gamma) + dot(at.h, change.gamma)) / at.share;
+    omega_dot = omega_dot + normal * at.omega_dot_1;
+    h = cross(omega_dot, at.mass_s) + change.h;
+  }
   out.omega_dot_B[column] = omega_dot;
   out.normal_n[column] = dot(h, at.attitude.gamma) + dot(at.h, change.gamma);
   out.force_n[0][column] = dot(at.attitude.row1, h);
@@ -170,15 +241,25 @@ void complete(const Instant& at, const Change& change, const Vec* phi, std::size
 constexpr std::array<Vec, 3> kUnit{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
 
 void attitude_columns(const Robot& robot, const Instant& at, RollingDerivative& out) {
-  const double r = at.radius, g = robot.ball.gravity_mps2;
+  const double r = at.radius;
   const Vec load = at.mass * at.u + at.mass_c;
   const Vec lever_turn = cross(at.mass_s, at.omega_dot);
   for (std::size_t k = 0; k < 3; ++k) {
     Change change;
     change.gamma = cross(at.attitude.gamma, kUnit[k]);
     const Vec ds = r * change.gamma, force = cross(at.force, kUnit[k]);
-    change.b = r * (cross(force, at.attitude.gamma) + cross(at.force, change.gamma)) + cross(ds, load) +
-               g * cross(at.mass_s, change.gamma) - cross(ds, lever_turn) - cross(at.mass_s, cross(ds, at.omega_dot));
+    // The weight's turn, m_i s_i x du. A level floor's form is kept to the bit.
+    const Vec weight_turn = slopes(robot.ball) ? cross(at.mass_s, cross(at.u, kUnit[k]))
+                                               : robot.ball.gravity_mps2 * cross(at.mass_s, change.gamma);
+    change.b = r * (cross(force, at.attitude.gamma) + cross(at.force, change.gamma)) + cross(ds, load) + weight_turn -
+               cross(ds, lever_turn) - cross(at.mass_s, cross(ds, at.omega_dot));
+    if (at.moment) {
+      // d(Lambda^T T) = (Lambda^T T) x phi + Lambda^T dT, and omega_W changes by Lambda (phi x Omega).
+      const Vec omega_W = turned_to_space(at.attitude, at.omega);
+      const Vec turn_W = turned_to_space(at.attitude, cross(kUnit[k], at.omega));
+      const Vec darm = cross(at.arm, kUnit[k]) + turned_to_body(at.attitude, arm_change_W(robot.ball, omega_W, turn_W));
+      add(change.b, (-at.normal) * darm);
+    }
     change.h = at.mass * cross(at.omega_dot, ds) - force;
     complete(at, change, &kUnit[k], k, out);
     out.velocity_mps[0][k] = r * dot(cross(at.attitude.row2, kUnit[k]), at.omega);
@@ -191,7 +272,7 @@ Vec turned(const Instant& at, const Term& term, const Vec& unit) {
   return dot(at.omega, term.zeta) * unit + dot(term.zeta, unit) * at.omega - (2 * dot(at.omega, unit)) * term.zeta;
 }
 
-void rate_columns(const Instant& at, RollingDerivative& out) {
+void rate_columns(const Robot& robot, const Instant& at, RollingDerivative& out) {
   for (std::size_t k = 0; k < 3; ++k) {
     const Vec& unit = kUnit[k];
     Change change;
@@ -203,6 +284,10 @@ void rate_columns(const Instant& at, RollingDerivative& out) {
       dc = term.mass * dc;
       add(change.h, dc);
       add(change.b, cross(term.lever, dc));
+    }
+    if (at.moment) {
+      const Vec omega_W = turned_to_space(at.attitude, at.omega), unit_W = turned_to_space(at.attitude, unit);
+      add(change.b, (-at.normal) * turned_to_body(at.attitude, arm_change_W(robot.ball, omega_W, unit_W)));
     }
     complete(at, change, nullptr, 3 + k, out);
     out.velocity_mps[0][3 + k] = at.radius * dot(at.attitude.row2, unit);
@@ -244,7 +329,6 @@ void mass_columns(const Robot& robot, const RollingState& state, const Instant& 
 
 // tau_i = m_i zeta_i' . (Omegadot x s_i + c_i + u) + J_i thetaddot_i.
 void torque_columns(const Robot& robot, const RollingState& state, const Instant& at, RollingDerivative& out) {
-  const double g = robot.ball.gravity_mps2;
   for (int i = 1; i < at.count; ++i) {
     const Term& term = at.terms[static_cast<std::size_t>(i)];
     const auto mass = static_cast<std::size_t>(i - 1);
@@ -254,7 +338,7 @@ void torque_columns(const Robot& robot, const RollingState& state, const Instant
     const Vec along = term.mass * term.d1;
     for (std::size_t k = 0; k < 3; ++k) {
       const Vec gamma = cross(at.attitude.gamma, kUnit[k]);
-      row[k] += dot(along, cross(at.omega_dot, at.radius * gamma) + g * gamma);
+      row[k] += dot(along, cross(at.omega_dot, at.radius * gamma) + cross(at.u, kUnit[k]));
       row[3 + k] += dot(along, turned(at, term, kUnit[k]));  // d1 . (e_k x d1) is 0
     }
     const auto changes = mass_changes(robot, at, term, mass, state.position[mass]);
@@ -278,19 +362,13 @@ void differentiate_rolling(const Robot& robot, const RollingState& state, bool w
   value_of(robot, at, with_torque, value);
   derivative.columns = kStateColumns + 3 * robot.ball.mass_count;
   attitude_columns(robot, at, derivative);
-  rate_columns(at, derivative);
+  rate_columns(robot, at, derivative);
   mass_columns(robot, state, at, derivative);
   if (with_torque) torque_columns(robot, state, at, derivative);
 }
 
-Vec to_space(const std::array<double, 4>& q, const Vec& v_B) {
-  const Attitude lambda = attitude_of(q);
-  return {dot(lambda.row1, v_B), dot(lambda.row2, v_B), dot(lambda.gamma, v_B)};
-}
+Vec to_space(const std::array<double, 4>& q, const Vec& v_B) { return turned_to_space(attitude_of(q), v_B); }
 
-Vec to_body(const std::array<double, 4>& q, const Vec& v_W) {
-  const Attitude lambda = attitude_of(q);
-  return v_W.x * lambda.row1 + v_W.y * lambda.row2 + v_W.z * lambda.gamma;
-}
+Vec to_body(const std::array<double, 4>& q, const Vec& v_W) { return turned_to_body(attitude_of(q), v_W); }
 
 }  // namespace ballast::plan

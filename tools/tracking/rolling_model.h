@@ -1,8 +1,9 @@
 // The rolling ball with prescribed masses, and its exact first derivatives, for the planner.
 //
-// Values are those of firmware::rolling_forces() (eq_Om_1d, eq_normal_1d, eq_static_friction_1d). Derivatives are
-// derived by hand from the same equations: a derivative of Omegadot = A^-1 b is A^-1 (db - dA Omegadot), so that all
-// columns share one inverse. tests/plan compares values with the firmware's and derivatives with those by complex step.
+// Values are those of firmware::rolling_forces() (eq_Om_1d, eq_normal_1d, eq_static_friction_1d), on floors that slope
+// and resist too. Derivatives are derived by hand from the same equations: a derivative of Omegadot = A^-1 b is
+// A^-1 (db - dA Omegadot), so that all columns share one inverse. tests/plan compares values with the firmware's and
+// derivatives with those by complex step.
 //
 // Attitude is differentiated by a rotation vector phi in the body frame, Lambda -> Lambda exp(phi^): d(Lambda^T v) =
 // (Lambda^T v) x phi.
@@ -61,6 +62,12 @@ void evaluate_rolling(const Robot& robot, const RollingState& state, RollingValu
 // Value and derivative in one pass. The torques and their derivatives are set only `with_torque`.
 void differentiate_rolling(const Robot& robot, const RollingState& state, bool with_torque, RollingValue& value,
                            RollingDerivative& derivative);
+
+// The floor's weight is not along its normal; it gives a moment.
+inline bool slopes(const firmware::BallParams& ball) { return ball.down_W[0] != 0 || ball.down_W[1] != 0; }
+inline bool resists(const firmware::BallParams& ball) {
+  return ball.rolling_resistance > 0 || ball.spin_friction_m > 0;
+}
 
 // Lambda v and Lambda^T v.
 Vec to_space(const std::array<double, 4>& q, const Vec& v_B);

@@ -1,0 +1,237 @@
+// The measured contact force and slip against the plant's truth.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <random>
+
+#include "firmware/model/rolling.h"
+#include "hal/lcm/messages.h"
+#include "tests/estimation/contact_run.h"
+#include "tests/random_seed.h"
+
+namespace ballast::test {
+namespace {
+
+const std::vector<std::string> kSensed{"sensors.preset=bmi088_calibrated", "sensors.attitude=sensed", "run.hold=5"};
+
+std::vector<std::string> sensed(std::vector<std::string> more) {
+  more.insert(more.begin(), kSensed.begin(), kSensed.end());
+  return more;
+}
+
+const ContactRun& desk_ball() {
+  static const ContactRun run = record_contact("desk_ball", kSensed);
+  return run;
+}
+
+// The bars of the measured f_s/N: 0.02 below 10 Hz, and 95 % inside the band of 1.96 sigma. Above 10 Hz the error is
+// the noise of the swing's estimate, about a fifth of the swing itself.
+void expect_good_friction(const ContactRun& run) {
+  const FrictionErrors errors = friction_errors(run);
+  EXPECT_LT(errors.band_rms[0], 0.02);
+  EXPECT_LT(errors.rms, 0.03);
+  EXPECT_GE(errors.inside, 0.95);
+  EXPECT_GT(errors.true_most, 0.1) << "the motors do not swing";
+  double sum = 0;
+  for (const double band : errors.band_rms) sum += band * band;
+  EXPECT_NEAR(std::sqrt(sum), errors.rms, 1e-9) << "Parseval";
+}
+
+TEST(MeasuredForce, HasTheFrictionOfTheDeskBall) { expect_good_friction(desk_ball()); }
+
+TEST(MeasuredForce, HasItWithEncoders) {
+  for (const char* resolution : {"0.0015", "0.0001"}) {
+    SCOPED_TRACE(resolution);
+    expect_good_friction(
+        record_contact("desk_ball", sensed({std::string("sensors.encoder.resolution=") + resolution})));
+  }
+}
+
+// Five times slower samples, late, from an IMU 4 cm off the centre.
+TEST(MeasuredForce, HasItWithAnAwkwardImu) {
+  const FrictionErrors errors =
+      friction_errors(record_contact("desk_ball", sensed({"sensors.rate=500", "sensors.latency=0.004", "duration=6",
+                                                          "sensors.accelerometer.position=[0.03,0.02,-0.02]"})));
+  EXPECT_LT(errors.band_rms[0], 0.02);
+}
+
+// One sample of a ball at rest in its motion: the closed forms of the rolling ball, which share no formula with the
+// meter, know N and f_s. The tolerance is some roundings of terms of the weight's size.
+TEST(MeasuredForce, IsThatOfTheClosedFormsWhereTheBallRolls) {
+  const ContactRun& run = desk_ball();
+  const firmware::Quaternion level(1, 0, 0, 0);
+  firmware::MassMotion masses;
+  masses.position = {0.3, -0.2, 0.1};
+  masses.velocity = {1.5, -0.5, 2};
+  masses.acceleration = {4, 3, -2};
+  const firmware::Vector3 omega(0.4, 1.2, -0.3);
+  const auto forces = firmware::rolling_forces(run.ball, level, omega, masses);
+  const firmware::Vector3 up = firmware::Vector3::UnitZ();
+  const firmware::Vector3 angular =
+      forces.angular_acceleration_B_radps2 -
+      up * forces.angular_acceleration_B_radps2.dot(up);  // the first sample knows no spin about the vertical
+  firmware::Sensors sensors;
+  sensors.tick = sensors.imu_tick = 5;
+  sensors.imu_count = 1;
+  sensors.gyro_B_radps = omega;
+  sensors.accelerometer_B_mps2 = angular.cross(run.ball.radius_m * up) + run.ball.gravity_mps2 * up;
+  firmware::Estimate estimate;
+  estimate.valid = true;
+  auto meter = std::make_unique<firmware::ContactMeter>();
+  firmware::MeasuredContact out;
+  reset(run.ball, run.params, *meter);
+  measure_contact(run.ball, run.params, 1e-3, sensors, masses, estimate, 0.5, *meter, out);
+  ASSERT_TRUE(out.valid);
+  const double spin = forces.angular_acceleration_B_radps2.dot(up);
+  // The unknown spin moves the centre of mass by spin x sum m_i zeta_i, horizontally; N is free of it.
+  double lever_kgm = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto zeta = firmware::evaluate<double>(run.ball.rail[i], masses.position[i]).position;
+    lever_kgm += run.ball.mass_kg[i] * zeta.norm();
+  }
+  const double weight_n = 16.1;
+  EXPECT_NEAR(out.normal_force_n, forces.normal_force_n, 1e-13 * weight_n);
+  EXPECT_NEAR(out.static_friction_n, forces.static_friction_n, std::fabs(spin) * lever_kgm + 1e-13 * weight_n);
+}
+
+// The full count is `contact_study slides 0 100`.
+TEST(MeasuredSlip, IsFlaggedInTime) {
+  int slides = 0, in_time = 0;
+  const std::uint64_t seed = random_seed(0);
+  for (std::uint64_t k = 0; k < 4; ++k) {
+    const SlideCount count = count_slides(random_desk_ball(seed + k, true));
+    slides += count.slides;
+    in_time += count.in_time;
+    EXPECT_FALSE(count.false_flag) << seed + k;
+  }
+  EXPECT_GT(slides, 1);
+  EXPECT_EQ(in_time, slides);
+}
+
+// The full count is `contact_study holds 0 1000`.
+TEST(MeasuredSlip, IsNotSeenWhereTheBallHolds) {
+  const std::uint64_t seed = random_seed(1000);
+  for (std::uint64_t k = 0; k < 10; ++k) EXPECT_FALSE(count_slides(random_desk_ball(seed + k, false)).false_flag);
+}
+
+// desk_ball dropped from 10 cm flies for 0.14 s.
+TEST(MeasuredForce, FlagsAFlight) {
+  const ContactRun run =
+      record_contact("desk_ball", sensed({"initial.height=0.1", "duration=0.5", "run.on_violation=continue"}));
+  int flights = 0;
+  measure(run, [&](const MeasuredTick& tick) {
+    const std::int64_t k = tick.truth.sensors.tick;
+    const bool flies = tick.truth.regime == contact_t::REGIME_FLIGHT;
+    if (k < 0 || !flies) return;
+    ++flights;
+    if (k < 2) return;  // held until tick 0
+    EXPECT_NEAR(tick.measured.normal_force_n, 0, 6 * tick.measured.normal_sigma_n) << k;
+    // 10 ms after the masses are commanded to move, and some for the sensors.
+    if (k >= 20) EXPECT_TRUE(tick.measured.light_detected) << k;
+  });
+  EXPECT_GT(flights, 100);
+}
+
+TEST(MeasuredContact, StaysBoundedWithBrokenSensors) {
+  using firmware::Sensors;
+  constexpr std::int64_t kFrom = 2000, kTo = 2200;
+  const ContactRun& run = desk_ball();
+  firmware::Vector3 gyro, accelerometer;
+  const std::vector<std::pair<const char*, std::function<void(std::int64_t, Sensors&)>>> troubles{
+      {"nan", [](std::int64_t, Sensors& s) { s.gyro_B_radps[1] = std::numeric_limits<double>::quiet_NaN(); }},
+      {"infinity",
+       [](std::int64_t, Sensors& s) { s.accelerometer_B_mps2[2] = std::numeric_limits<double>::infinity(); }},
+      {"frozen",
+       [&](std::int64_t k, Sensors& s) {
+         if (k == kFrom) gyro = s.gyro_B_radps, accelerometer = s.accelerometer_B_mps2;
+         s.gyro_B_radps = gyro;
+         s.accelerometer_B_mps2 = accelerometer;
+       }},
+      {"saturated", [&](std::int64_t, Sensors& s) { s.accelerometer_B_mps2[0] = run.params.accelerometer.range; }},
+      {"spikes",
+       [](std::int64_t k, Sensors& s) {
+         if (k % 50 == 0) s.accelerometer_B_mps2[0] += 40;
+         if (k % 50 == 25) s.gyro_B_radps[1] += 10;
+       }},
+      {"silent", [](std::int64_t, Sensors& s) { s.imu_count = s.imu_tick = kFrom; }},
+  };
+  for (const auto& trouble : troubles) {
+    const std::string name = trouble.first;
+    const auto& disturb = trouble.second;
+    SCOPED_TRACE(name);
+    const bool refused = name != "spikes" && name != "silent";
+    measure(
+        run,
+        [&](const MeasuredTick& tick) {
+          const std::int64_t k = tick.truth.sensors.tick;
+          const firmware::MeasuredContact& m = tick.measured;
+          ASSERT_TRUE(std::isfinite(m.normal_force_n) && std::isfinite(m.static_friction_n)) << k;
+          ASSERT_TRUE(std::isfinite(m.slip_mps2) && std::isfinite(m.normal_sigma_n)) << k;
+          ASSERT_FALSE(m.slip_detected || m.light_detected) << k;
+          if (refused && k >= kFrom + 5 && k < kTo) {
+            ASSERT_FALSE(m.valid) << k;
+          }
+          if (k == kTo + 1000) {
+            EXPECT_NEAR(m.normal_force_n, 16.1, 2);
+          }
+        },
+        [&](std::int64_t k, Sensors& s) {
+          if (k >= kFrom && k < kTo) disturb(k, s);
+        });
+  }
+}
+
+TEST(MeasuredMasses, AreThoseCommandedWithoutEncoders) {
+  measure(desk_ball(), [](const MeasuredTick& tick) {
+    ASSERT_EQ(tick.masses.position, tick.truth.commanded.position);
+    ASSERT_EQ(tick.masses.acceleration, tick.truth.commanded.acceleration);
+  });
+}
+
+// An encoder sees lost steps: 64 microsteps of 1 / 2037 rad each are 0.031 rad. The tracker follows within the motor's
+// swing and the encoder's step.
+TEST(MeasuredMasses, SeeLostSteps) {
+  const ContactRun run = record_contact("desk_ball", sensed({"sensors.encoder.resolution=0.0015", "duration=4"}),
+                                        {"lost_steps@2:mass=0,value=64"});
+  double off = 0, lost = 0;
+  measure(run, [&](const MeasuredTick& tick) {
+    if (tick.truth.sensors.tick < 3000) return;
+    off = std::max(off, std::fabs(tick.masses.position[0] - tick.truth.mass_position[0]));
+    lost = std::max(lost, std::fabs(tick.truth.commanded.position[0] - tick.truth.mass_position[0]));
+  });
+  EXPECT_GT(lost, 0.025);
+  EXPECT_LT(off, 0.006);
+}
+
+// White readings through three poles at -omega: q T^1/2 omega^5/2 / 8, and omega is the one at which that is the stated
+// noise. The variance of 2e5 correlated values, some 1e4 independent ones, is good to 3 %; the discrete tracker differs
+// from the continuous one by about omega T.
+TEST(MeasuredMasses, HaveTheNoiseTheyAreDesignedFor) {
+  ContactRun run = desk_ball();
+  run.params.has_encoders = true;
+  const double resolution = 1e-3, period_s = 1e-3;
+  run.params.encoder_resolution.fill(resolution);
+  auto meter = std::make_unique<firmware::MassMeter>();
+  reset(run.ball, run.params, *meter);
+  firmware::Sensors sensors;
+  sensors.has_encoders = true;
+  const firmware::MassMotion commanded;
+  firmware::MassMotion measured;
+  std::mt19937_64 random(random_seed(3));
+  std::uniform_real_distribution<double> rounding(-resolution / 2, resolution / 2);
+  double squares = 0;
+  constexpr int kCount = 200'000;
+  for (int k = 0; k < kCount; ++k) {
+    for (std::size_t i = 0; i < 3; ++i) sensors.encoder[i] = rounding(random);
+    measure_masses(run.ball, run.params, period_s, sensors, commanded, *meter, measured);
+    squares += measured.acceleration[0] * measured.acceleration[0];
+  }
+  const double omega = meter->bandwidth_radps[0];
+  EXPECT_NEAR(std::sqrt(squares / kCount), meter->noise[0], (omega * period_s + 0.03) * meter->noise[0]);
+  EXPECT_NEAR(resolution * std::sqrt(period_s) * std::pow(omega, 2.5) / 8, meter->noise[0], 1e-3 * meter->noise[0]);
+}
+
+}  // namespace
+}  // namespace ballast::test
