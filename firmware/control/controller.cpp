@@ -79,6 +79,7 @@ void reset(const ControllerParams& params, ControllerState& state) {
   state.now = {};
   state.at_rest = true;
   reset_sensing(params, state);
+  reset_governing(params, state);
 }
 
 void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, StepCommand& steps) {
@@ -115,6 +116,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   state.at_rest = at_rest_from(params, state, next);
   if (state.at_rest && state.moving && (state.braking || state.mode == Mode::kMoving)) hold(params, state, next);
   if (state.at_rest) state.mode = next_mode(state.mode, Event::kAtRest, guards);
+  watch_start(params, inputs, state);
 }
 
 }  // namespace ballast::firmware

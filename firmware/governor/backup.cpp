@@ -42,12 +42,13 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
   const Real unit_s = ball.gravity_mps2 > 0 ? std::sqrt(ball.radius_m / ball.gravity_mps2) : Real(1);
   params.control_period_s = control_period_s;
   const Real tick = static_cast<Real>(control_period_s) / unit_s;
-  params.tick_slack = tick * tick / 8;
+  params.tick_slack = tick * tick;
   params.brake_time_s = Real(0.15) * unit_s;
   params.reserve = Real(0.01);
+  params.moving_reserve = Real(0.01);
   params.step_s = std::fmax(Real(0.05) * unit_s, static_cast<Real>(control_period_s));
   params.horizon_s = Wide{16 * unit_s};
-  params.work_per_tick = kMovingStepWork;
+  params.work_per_tick = 2 * kMovingStepWork;
   params.stretch_ticks = static_cast<int>(2 * unit_s / static_cast<Real>(control_period_s));
   for (std::size_t i = 0; i < kMaxMasses; ++i) {
     params.still_velocity[i] = Real(1e-3) * std::fmax(params.mass[i].max_acceleration, Real(0)) * params.brake_time_s;
@@ -58,8 +59,10 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
   const Wide moving = 12 * Wide{params.brake_time_s / params.step_s} + 2;
   const Wide held = params.horizon_s / Wide{params.step_s} + 2;
   const Wide work = kMovingStepWork * moving + held;
+  // Near the cone's edge steps are shorter, so a search may take kEdgeWork as much.
+  constexpr Wide kEdgeWork = 6.5;
   const Wide share = static_cast<Wide>(params.work_per_tick) - 2 * kMovingStepWork * per_step;
-  params.search_ticks = share > 0 ? static_cast<int>(work / share) + 1 : 0;
+  params.search_ticks = share > 0 ? static_cast<int>(kEdgeWork * work / share) + 1 : 0;
 }
 
 MassMotion motion_of(const RobotState& state) {
@@ -117,7 +120,7 @@ Real use_of(Real friction, Real static_friction_n, Real normal_force_n) {
 }
 
 Governed governed(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                  const PerMass<Real>& wish, Real within_s, Real slack_n) {
+                  const PerMass<Real>& wish, Real within_s, Real slack_n, Real reserve) {
   AffineForces forces;
   affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
   PerMass<Real> unit{};
@@ -125,6 +128,9 @@ Governed governed(const BallParams& ball, const GovernorParams& params, const Ro
   Governed out;
   out.cone = cone_of(params, forces, state, ball.mass_count);
   out.cone.slack_n += slack_n;
+  if (reserve > 0 && !std::isinf(params.friction)) {
+    out.cone.slack_n += reserve * params.friction * std::fabs(forces.force_W_n[2]);
+  }
   out.command =
       project(forces, ball.mass_count, out.cone, box_of(params, state, ball.mass_count, within_s), unit, wish);
   out.force_W_n = forces.force(ball.mass_count, out.command.u);
@@ -148,6 +154,98 @@ Governed governed_for_tick(const BallParams& ball, const GovernorParams& params,
     slack_n = (end_n - start_n) + kMoreSlack * end_n;
     out = governed(ball, params, state, wish, params.step_s, slack_n);
   }
+  return out;
+}
+
+namespace {
+
+// The middle of a ramp tick, to the order that the midpoint rule needs.
+RobotState middle_of(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
+                     const PerMass<Real>& end, const Vector3& omega_dot_B_radps2, Real h) {
+  RobotState middle = state;
+  TurningRate change;
+  change.add(turning_rate(state.orientation, state.angular_velocity_B_radps, omega_dot_B_radps2, ball.radius_m), h / 2);
+  apply(change, middle);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    middle.mass_position[i] += h / 2 * (state.mass_velocity[i] + h * (5 * start[i] + end[i]) / 24);
+    middle.mass_velocity[i] += h * (3 * start[i] + end[i]) / 8;
+  }
+  return middle;
+}
+
+RobotState end_of(const BallParams& ball, const RobotState& state, const RobotState& middle, const PerMass<Real>& start,
+                  const PerMass<Real>& end, const Vector3& middle_omega_dot_B_radps2, Real h) {
+  RobotState out = state;
+  TurningRate change;
+  change.add(
+      turning_rate(middle.orientation, middle.angular_velocity_B_radps, middle_omega_dot_B_radps2, ball.radius_m), h);
+  apply(change, out);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    out.mass_position[i] += h * (state.mass_velocity[i] + h * (2 * start[i] + end[i]) / 6);
+    out.mass_velocity[i] += h * (start[i] + end[i]) / 2;
+  }
+  return out;
+}
+
+PerMass<Real> mean(const PerMass<Real>& a, const PerMass<Real>& b) {
+  PerMass<Real> out{};
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] = (a[i] + b[i]) / 2;
+  return out;
+}
+
+// What motors and errors may add to f_s - kappa N along the friction, as a part of N.
+Real allowance_of(const GovernorParams& params, const AffineForces& forces, const Cone& cone, const Vector3& f,
+                  int mass_count) {
+  if (std::isinf(cone.friction) || !(f[2] > 0)) return 0;
+  const Real size = std::sqrt(f[0] * f[0] + f[1] * f[1]);
+  const Real x = size > 0 ? f[0] / size : 1, y = size > 0 ? f[1] / size : 0;
+  Real sum = params.uncertain * f[2];
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    const Vector3& per_unit = forces.force_per_unit[i];
+    sum += cone.error[i] * std::fabs(x * per_unit[0] + y * per_unit[1] - cone.friction * per_unit[2]);
+  }
+  return sum / f[2];
+}
+
+}  // namespace
+
+RobotState after_ramp(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
+                      const PerMass<Real>& end, Real h_s) {
+  AffineForces forces;
+  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
+  const RobotState middle = middle_of(ball, state, start, end, forces.omega_dot(ball.mass_count, start), h_s);
+  affine_forces(ball, middle.orientation, middle.angular_velocity_B_radps, motion_of(middle), forces);
+  return end_of(ball, state, middle, start, end, forces.omega_dot(ball.mass_count, mean(start, end)), h_s);
+}
+
+GovernedRamp governed_for_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                               const Ramp& ramp, const PerMass<Real>& wish) {
+  const auto h = static_cast<Real>(params.control_period_s);
+  const int n = ball.mass_count;
+  PerMass<Real> unit{};
+  for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = params.mass[i].max_acceleration;
+  GovernedRamp out;
+  Governed& end = out.end;
+  end.command.u = wish;
+  AffineForces forces, in_middle;
+  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
+  const RobotState middle = middle_of(ball, state, ramp.start, wish, forces.omega_dot(n, ramp.start), h);
+  affine_forces(ball, middle.orientation, middle.angular_velocity_B_radps, motion_of(middle), in_middle);
+  // A command that is bent moves the end of the tick a little, where it is then projected anew.
+  for (int round = 0; round <= kTickRounds; ++round) {
+    out.state = end_of(ball, state, middle, ramp.start, end.command.u,
+                       in_middle.omega_dot(n, mean(ramp.start, end.command.u)), h);
+    affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, motion_of(out.state), forces);
+    end.cone = cone_of(params, forces, out.state, n);
+    // What the last projection gave holds where it lands, too.
+    if (round > 0 && !(outside_n(end.cone, forces, n, end.command.u) > 0)) break;
+    end.command = project(forces, n, end.cone, ramp.end, unit, wish);
+    if (!end.command.bent) break;
+  }
+  end.force_W_n = forces.force(n, end.command.u);
+  end.outside_n = outside_n(end.cone, forces, n, end.command.u);
+  end.omega_dot_B_radps2 = forces.omega_dot(n, end.command.u);
+  out.allowance = allowance_of(params, forces, end.cone, end.force_W_n, n);
   return out;
 }
 

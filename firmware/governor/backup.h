@@ -37,13 +37,34 @@ struct Governed {
   Real outside_n = 0;                   // of the cone, <= 0 up to rounding unless it is empty
   Vector3 omega_dot_B_radps2 = Vector3::Zero();
 };
-// `slack_n` is added to that of cone_of().
+// `slack_n` is added to that of cone_of(), and so is the part `reserve` of friction N.
 [[nodiscard]] Governed governed(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                                const PerMass<Real>& wish, Real within_s, Real slack_n = 0);
+                                const PerMass<Real>& wish, Real within_s, Real slack_n = 0, Real reserve = 0);
 
 // The same for a command that is constant for a control tick: the cone holds at its end too. The state at the end is
 // predicted to first order, so f_s / N may pass the cone by terms of (control_period_s)^2.
 [[nodiscard]] Governed governed_for_tick(const BallParams& ball, const GovernorParams& params, const RobotState& state,
                                          const PerMass<Real>& wish);
+
+// A control tick in which accelerations go linearly from `start` to the command at its end.
+struct Ramp {
+  PerMass<Real> start{};
+  Box end;  // of the command: what the motors can reach in the tick
+};
+
+struct GovernedRamp {
+  Governed end;        // forces and command at the tick's end
+  RobotState state;    // predicted there
+  Real allowance = 0;  // part of N that the cone kept free for motors and errors, along the friction
+};
+
+// The command at the end of the tick that begins in `state`. It keeps the cone there; where the tick's start keeps it
+// too, so does the line between, up to GovernorParams::tick_slack. The end is predicted by the midpoint rule.
+[[nodiscard]] GovernedRamp governed_for_ramp(const BallParams& ball, const GovernorParams& params,
+                                             const RobotState& state, const Ramp& ramp, const PerMass<Real>& wish);
+
+// The state after a control tick in which the accelerations go linearly from `start` to `end`.
+[[nodiscard]] RobotState after_ramp(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
+                                    const PerMass<Real>& end, Real h_s);
 
 }  // namespace ballast::firmware

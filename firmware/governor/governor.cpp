@@ -37,9 +37,19 @@ std::int64_t ticks_of_search(const GovernorParams& params, std::int64_t stretch_
   return params.search_ticks + static_cast<std::int64_t>(steps * kMovingStepWork / params.work_per_tick) + 1;
 }
 
+// A certificate that reaches far ahead is certified again from the state of today: a prediction of seconds drifts.
+bool renews_certificate(const GovernorParams& params, const GovernorState& state, std::int64_t tick) {
+  return state.mode == GovernorMode::kNominal && state.attempts == 0 && state.trusted && !state.changing &&
+         state.certificate.switch_tick - tick > 3 * std::int64_t{params.search_ticks};
+}
+
 // The next candidate, from the state of this tick.
 Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const GovernorState& state) {
   Schedule out;
+  if (renews_certificate(params, state, tick)) {
+    out.until = out.from = out.to = state.certificate.switch_tick;
+    return out;
+  }
   const int attempt = state.attempts % (kStretches + 1);
   const std::int64_t stretch = stretch_of(params, attempt, state.nominal_end_tick - tick);
   const std::int64_t ready = tick + ticks_of_search(params, stretch);
@@ -69,6 +79,7 @@ void reset(GovernorState& state) {
   state.changing = false;
   state.nominal_end_tick = 0;
   state.trusted = true;
+  state.off_path = false;
   state.attempts = 0;
 }
 
@@ -89,11 +100,22 @@ void begin_start(const GovernorParams& params, const RobotState& now, std::int64
   state.searching = true;
 }
 
+void adopt_start(const GovernorParams& params, std::int64_t tick, GovernorState& state) {
+  const std::int64_t later = tick - state.candidate.schedule().from;
+  Certificate adopted = certificate_of(state.candidate, params.control_period_s);
+  adopted.switch_tick += later;
+  if (adopted.until_tick != kForEverTick) adopted.until_tick += later;
+  reset(state);
+  state.certificate = adopted;
+  state.mode = GovernorMode::kNominal;
+}
+
 int ticks_of_start(const GovernorParams& params, std::int64_t from_tick, std::int64_t nominal_end_tick, int attempt) {
   return static_cast<int>(ticks_of_search(params, stretch_of(params, attempt, nominal_end_tick - from_tick)));
 }
 
 void distrust(GovernorState& state) {
+  state.off_path = true;
   state.trusted = false;
   state.attempts = 0;
 }
@@ -102,23 +124,29 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
   if (state.searching && state.candidate.end() != RolloutEnd::kUnderWay) {
     const Schedule& schedule = state.candidate.schedule();
     const bool broken = state.candidate.end() == RolloutEnd::kBroken;
-    const bool renewal = renews_backup(schedule);
+    const bool renewed = schedule.from == schedule.to && schedule.until == schedule.to &&
+                         state.mode == GovernorMode::kNominal && schedule.until > state.candidate.start_tick();
+    const bool renewal = renews_backup(schedule) && !renewed;
     // A candidate that follows what runs anyway is in force at once; one that goes back to the nominal waits for that.
     const bool continues =
         renewal || (state.mode == GovernorMode::kNominal && schedule.from <= schedule.until && !state.changing);
     if (broken || (!continues && tick > schedule.from)) {
       state.searching = false;
       ++state.attempts;
-    } else if (continues && !renewal && state.trusted && schedule.to <= state.certificate.switch_tick) {
+      // The certificate in force would break from here: the next one takes its place, whatever its reach.
+      if (renewed) state.trusted = false;
+    } else if (continues && !renewal && !renewed && state.trusted && schedule.to <= state.certificate.switch_tick) {
       state.searching = false;  // the one in force reaches further
+      state.attempts = 0;
     } else if (continues || tick == schedule.from) {
       state.certificate = certificate_of(state.candidate, params.control_period_s);
       state.searching = false;
       state.attempts = renewal ? state.attempts + 1 : 0;
       if (!renewal) {
         state.mode = GovernorMode::kNominal;
-        state.changing = false;
         state.trusted = true;
+        state.changing = false;
+        state.off_path = false;
       }
     }
   } else if (state.searching && (state.mode == GovernorMode::kBackup || state.changing) &&
@@ -126,7 +154,7 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
     state.searching = false;  // later than its adoption tick
     ++state.attempts;
   }
-  const bool out_of_trust = !state.trusted && state.attempts > kStretches;
+  const bool out_of_trust = state.off_path && state.attempts > kStretches;
   if (state.mode == GovernorMode::kNominal && (tick >= state.certificate.switch_tick || out_of_trust)) {
     state.mode = GovernorMode::kBackup;
   }
@@ -136,14 +164,13 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
   }
 }
 
-void detail::command(const BallParams& ball, const GovernorParams& params, const GovernorState& state,
-                     const RobotState& now, const PerMass<Real>& nominal, GovernorOutput& out) {
-  const bool backup = state.mode == GovernorMode::kBackup;
-  const PerMass<Real> wish = backup ? braking(params, now, ball.mass_count) : nominal;
-  const Governed here = governed_for_tick(ball, params, now, wish);
+namespace {
+
+void report_command(const BallParams& ball, const GovernorParams& params, const GovernorState& state,
+                    const Governed& here, const PerMass<Real>& nominal, GovernorOutput& out) {
   out.acceleration = here.command.u;
   GovernorReport& report = out.report;
-  report.backup = backup;
+  report.backup = state.mode == GovernorMode::kBackup;
   report.empty = here.command.empty;
   report.bent = false;
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
@@ -153,6 +180,32 @@ void detail::command(const BallParams& ball, const GovernorParams& params, const
   report.backup_until_tick = state.certificate.until_tick;
   const Vector3& f = here.force_W_n;
   report.use = std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
+}
+
+PerMass<Real> clipped(const Box& box, const PerMass<Real>& u) {
+  PerMass<Real> out{};
+  for (std::size_t i = 0; i < u.size(); ++i) out[i] = std::fmin(std::fmax(u[i], box.lower[i]), box.upper[i]);
+  return out;
+}
+
+}  // namespace
+
+void detail::command(const BallParams& ball, const GovernorParams& params, const GovernorState& state,
+                     const RobotState& now, const PerMass<Real>& nominal, GovernorOutput& out) {
+  const bool backup = state.mode == GovernorMode::kBackup;
+  const PerMass<Real> wish = backup ? braking(params, now, ball.mass_count) : nominal;
+  report_command(ball, params, state, governed_for_tick(ball, params, now, wish), nominal, out);
+}
+
+void detail::command_ramp(const BallParams& ball, const GovernorParams& params, const GovernorState& state,
+                          const RobotState& now, const Ramp& ramp, const PerMass<Real>& nominal, GovernorOutput& out) {
+  const bool backup = state.mode == GovernorMode::kBackup;
+  const PerMass<Real> reached = clipped(ramp.end, nominal);
+  const PerMass<Real> wish = backup ? clipped(ramp.end, braking(params, now, ball.mass_count)) : reached;
+  const GovernedRamp here = governed_for_ramp(ball, params, now, ramp, wish);
+  report_command(ball, params, state, here.end, reached, out);
+  out.end = here.state;
+  out.report.allowance = here.allowance;
 }
 
 }  // namespace ballast::firmware

@@ -34,7 +34,8 @@ struct GovernorState {
   bool searching = false;             // candidate is under way, or complete and waits for its adoption tick
   bool changing = false;              // the nominal becomes another one at the tick `from` of the candidate's schedule
   std::int64_t nominal_end_tick = 0;  // the nominal rests from here on; 0: unknown
-  bool trusted = true;                // the certificate; distrust()
+  bool off_path = false;              // distrust()
+  bool trusted = true;                // the certificate; false: any other takes its place
   int attempts = 0;                   // since the last certificate: selects the stretch of the nominal
 };
 
@@ -44,11 +45,13 @@ struct GovernorReport {
   bool backup = false;     // the backup's wish was followed
   Real backup_margin = 0;  // of the certificate
   std::int64_t backup_until_tick = 0;
-  Real use = 0;  // f_s / (friction N) of the command by the closed form
+  Real use = 0;        // f_s / (friction N) of the command by the closed form
+  Real allowance = 0;  // part of N that the cone kept free for motors and errors; of a ramp only
 };
 
 struct GovernorOutput {
-  PerMass<Real> acceleration{};  // for this tick
+  PerMass<Real> acceleration{};  // for this tick; of a ramp: at its end
+  RobotState end;                // of a ramp: predicted at its end
   GovernorReport report;
 };
 
@@ -66,6 +69,10 @@ void begin_start(const GovernorParams& params, const RobotState& now, std::int64
 [[nodiscard]] int ticks_of_start(const GovernorParams& params, std::int64_t from_tick, std::int64_t nominal_end_tick,
                                  int attempt);
 
+// Adopts the candidate of begin_start(), which is complete and not broken, for a start at `tick`: its own times are
+// moved there.
+void adopt_start(const GovernorParams& params, std::int64_t tick, GovernorState& state);
+
 // The ball is not where the certificate in force predicts it: the next certificate replaces it although that one may
 // have a longer stretch of the nominal, and if none is found the backup begins.
 void distrust(GovernorState& state);
@@ -81,6 +88,8 @@ namespace detail {
 void decide(const GovernorParams& params, const RobotState& now, std::int64_t tick, GovernorState& state);
 void command(const BallParams& ball, const GovernorParams& params, const GovernorState& state, const RobotState& now,
              const PerMass<Real>& nominal, GovernorOutput& out);
+void command_ramp(const BallParams& ball, const GovernorParams& params, const GovernorState& state,
+                  const RobotState& now, const Ramp& ramp, const PerMass<Real>& nominal, GovernorOutput& out);
 }  // namespace detail
 
 // Returns the accelerations of the masses for `tick`. `now`: the believed state at its start, masses as commanded.
@@ -91,6 +100,17 @@ void govern(const BallParams& ball, const GovernorParams& params, const RobotSta
             const Law& law, std::int64_t tick, GovernorState& state, GovernorOutput& out) {
   detail::decide(params, now, tick, state);
   detail::command(ball, params, state, now, u_nominal, out);
+  state.candidate.advance(ball, params, law, params.work_per_tick);
+}
+
+// The same where accelerations go linearly from ramp.start to the command at the tick's end, inside ramp.end. So
+// `u_nominal` is the wish there.
+template <class Law>
+void govern_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& now, const Ramp& ramp,
+                 const PerMass<Real>& u_nominal, const Law& law, std::int64_t tick, GovernorState& state,
+                 GovernorOutput& out) {
+  detail::decide(params, now, tick, state);
+  detail::command_ramp(ball, params, state, now, ramp, u_nominal, out);
   state.candidate.advance(ball, params, law, params.work_per_tick);
 }
 

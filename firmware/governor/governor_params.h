@@ -24,6 +24,14 @@ struct MassLimits {
   MotorSwing swing;
 };
 
+// What the controller is told of the governor. Everything else follows from the robot: governor_params().
+struct GovernorSettings {
+  bool on = false;              // false: nothing is bent, and the rest is not read
+  Real friction = 0;            // kappa > 0: f_s <= kappa N; infinite: perfect friction
+  Real min_normal_force_n = 0;  // N >= this, >= 0
+  PerMass<MotorSwing> swing{};  // all zero: the masses are where they are commanded to be
+};
+
 struct GovernorParams {
   Real friction = 0;            // kappa > 0: f_s <= kappa N; infinite: perfect friction
   Real min_normal_force_n = 0;  // N >= this
@@ -37,11 +45,13 @@ struct GovernorParams {
   // The part of the friction that a certificate leaves unused once the masses are held. It covers the difference
   // between a certified and an executed backup: the steps of the rollout, and the state at the tick of the switch.
   Real reserve = 0;
+  // The same while the masses move. A rollout that squeezes by the cone's edge would not be repeated by the robot.
+  Real moving_reserve = 0;
   // Part of N that the cone keeps free for what estimate and belief may be off. It may be set anew before every tick,
   // from Sensitivity::share().
   Real uncertain = 0;
-  // Part of N that the cone keeps free in a tick: the force leaves the line between the tick's ends by about (tick /
-  // sqrt(r / g))^2 / 8 of N.
+  // Part of N that the cone keeps free in a tick: the force leaves the line between the tick's ends by up to a few
+  // times (tick / sqrt(r / g))^2 / 8 of N.
   Real tick_slack = 0;
   Real step_s = 0;       // of a rollout
   Wide horizon_s = 0;    // a rollout ends this long after its switch

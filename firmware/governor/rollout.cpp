@@ -4,6 +4,15 @@
 
 namespace ballast::firmware {
 
+namespace {
+
+// Near the cone's edge a step is shorter by this: states in which no acceleration keeps the cone may last for less than
+// a step, and the projected command turns fast before them.
+constexpr Real kEdgeSteps = 4;
+constexpr Real kNearEdge = Real(0.97);
+
+}  // namespace
+
 void Rollout::begin(const GovernorParams& params, const RobotState& state, std::int64_t tick,
                     const Schedule& schedule) {
   end_ = RolloutEnd::kUnderWay;
@@ -12,7 +21,7 @@ void Rollout::begin(const GovernorParams& params, const RobotState& state, std::
   start_tick_ = tick_ = tick;
   period_s_ = params.control_period_s;
   time_s_ = change_s_ = 0;
-  held_ = false;
+  held_ = near_edge_ = false;
   most_use_ = 0;
 }
 
@@ -28,30 +37,37 @@ Real Rollout::next_step_s(const GovernorParams& params) {
   const Wide end_s =
       last_ ? static_cast<Wide>(schedule_.backup_from() - start_tick_) * period_s_ + params.horizon_s : change_s_;
   const Wide left_s = end_s - time_s_;
+  const Real step_s = near_edge_ && !held_ ? params.step_s / kEdgeSteps : params.step_s;
   if (last_ && !(left_s > 0)) {
     end_ = RolloutEnd::kHorizon;
     return 0;
   }
-  return left_s < Wide{params.step_s} ? static_cast<Real>(left_s) : params.step_s;
+  return left_s < Wide{step_s} ? static_cast<Real>(left_s) : step_s;
 }
 
-void Rollout::use(const GovernorParams& params, Real use) {
+void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n) {
   const Real allowed = held_ ? 1 - params.reserve : 1;
   if (last_ && !(use <= most_use_)) most_use_ = use;
-  if (!(use <= allowed)) end_ = RolloutEnd::kBroken;
+  if (use <= allowed) return;
+  end_ = RolloutEnd::kBroken;
+  breach_ = {use, normal_force_n};
 }
 
 Rollout::Rates Rollout::stage_rates(const BallParams& ball, const GovernorParams& params, const RobotState& at,
                                     const PerMass<Real>& wish, bool first) {
-  const Governed here = governed(ball, params, at, wish, params.step_s);
+  const Governed here = governed(ball, params, at, wish, params.step_s, 0, params.moving_reserve);
   Rates rates;
   rates.ball = turning_rate(at.orientation, at.angular_velocity_B_radps, here.omega_dot_B_radps2, ball.radius_m);
   rates.velocity = at.mass_velocity;
   rates.acceleration = here.command.u;
-  if (here.command.empty) end_ = RolloutEnd::kBroken;
-  if (first && !std::isinf(params.friction)) {
-    const Vector3& f = here.force_W_n;
-    use(params, use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]));
+  const Vector3& f = here.force_W_n;
+  const Real used =
+      std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
+  if (first && !std::isinf(params.friction)) use(params, used, f[2]);
+  if (first) near_edge_ = used > kNearEdge || here.command.bent;
+  if (here.command.empty) {
+    end_ = RolloutEnd::kBroken;
+    breach_ = {used, f[2]};
   }
   return rates;
 }
@@ -105,13 +121,16 @@ void Rollout::step_held_ball(const BallParams& ball, const GovernorParams& param
   const RollingForces forces = held_forces(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps);
   const Real now =
       std::isinf(params.friction) ? 0 : use_of(params.friction, forces.static_friction_n, forces.normal_force_n);
-  if (!(forces.normal_force_n >= params.min_normal_force_n)) end_ = RolloutEnd::kBroken;
-  use(params, now);
+  use(params, now, forces.normal_force_n);
+  if (!(forces.normal_force_n >= params.min_normal_force_n)) {
+    end_ = RolloutEnd::kBroken;
+    breach_ = {now, forces.normal_force_n};
+  }
   // A peak between steps: the parabola through three of them.
   const Real rise = use_at_ - use_before_, fall = use_at_ - now;
   if (use_before_ > 0 && rise >= 0 && fall >= 0 && rise + fall > 0) {
     const Real slope = (rise - fall) / 2;
-    use(params, use_at_ + slope * slope / (2 * (rise + fall)));
+    use(params, use_at_ + slope * slope / (2 * (rise + fall)), forces.normal_force_n);
   }
   use_before_ = use_at_;
   use_at_ = now;

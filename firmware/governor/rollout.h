@@ -34,6 +34,12 @@ enum class RolloutEnd : std::uint8_t {
   kBroken,   // left it
 };
 
+// Where a rollout left the cone.
+struct Breach {
+  Real use = 0;             // f_s / (friction N); infinite where N <= 0
+  Real normal_force_n = 0;  // N
+};
+
 class Rollout {
  public:
   // From `state` at the start of `tick`.
@@ -62,6 +68,8 @@ class Rollout {
   // Time after the start: of the end, or how far it has come.
   [[nodiscard]] Wide time_s() const { return time_s_; }
   [[nodiscard]] const RobotState& state() const { return state_; }
+  // Valid at the end kBroken.
+  [[nodiscard]] const Breach& breach() const { return breach_; }
 
  private:
   // Rates of everything in a moving ball.
@@ -97,7 +105,7 @@ class Rollout {
   void finish_step(const BallParams& ball, const GovernorParams& params, Real h_s);
   void begin_hold(const BallParams& ball, const GovernorParams& params);
   void step_held_ball(const BallParams& ball, const GovernorParams& params);
-  void use(const GovernorParams& params, Real use);
+  void use(const GovernorParams& params, Real use, Real normal_force_n);
 
   RolloutEnd end_ = RolloutEnd::kBroken;
   RobotState state_;
@@ -106,8 +114,10 @@ class Rollout {
   Wide period_s_ = 0, time_s_ = 0, change_s_ = 0;
   bool nominal_now_ = false, last_ = false;
   bool held_ = false;
+  bool near_edge_ = false;
   HeldBall held_ball_;
   Real most_use_ = 0;
+  Breach breach_;
   Real use_before_ = 0, use_at_ = 0;  // f_s / (friction N) at the last two steps of a held ball
 };
 

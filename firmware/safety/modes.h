@@ -16,6 +16,7 @@ enum class Event : std::uint8_t {
   kArm,     // operator
   kReset,   // operator
   kMove,    // operator
+  kHalt,    // operator
   kAtRest,  // all commanded velocities are zero and stay so
   kDue,     // the pending move begins with the next tick
 };

@@ -7,9 +7,9 @@
 namespace ballast::firmware {
 namespace {
 
-constexpr std::array kModes{Mode::kDisarmed, Mode::kArmed,   Mode::kRunning,
-                            Mode::kStopping, Mode::kTripped, Mode::kMoving,   Mode::kPending};
-constexpr std::array kEvents{Event::kFault, Event::kStop, Event::kStart, Event::kArm,
+constexpr std::array kModes{Mode::kDisarmed, Mode::kArmed,  Mode::kRunning, Mode::kStopping,
+                            Mode::kTripped,  Mode::kMoving, Mode::kPending};
+constexpr std::array kEvents{Event::kFault, Event::kStop, Event::kStart,  Event::kArm,
                              Event::kReset, Event::kMove, Event::kAtRest, Event::kDue};
 
 // The supervisor once more, as prose would say it.
