@@ -162,7 +162,7 @@ TEST(LcmBoard, MalformedMessagesAreCountedAndIgnored) {
   trip_t cause = LcmWorld::trip(world_tick(5).verdict);
   cause.cause = 8;
   send(kChannelTrip, encoded(cause));
-  for (const int command : {0, 6, -1}) {
+  for (const int command : {0, 7, -1}) {
     operator_t message = to_message(firmware::OperatorCommand::kArm, 0, 1, kControlPeriod_s);
     message.command = static_cast<std::int8_t>(command);
     send(kChannelOperator, encoded(message));
