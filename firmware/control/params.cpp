@@ -194,7 +194,7 @@ void check_triad(const TriadErrors& triad, const TriadFields& fields, Checker& c
   check.not_negative(triad.resolution, fields.resolution);
 }
 
-void check_estimation(const EstimationParams& estimation, Checker& check) {
+void check_estimation(const BallParams& ball, const EstimationParams& estimation, Checker& check) {
   constexpr TriadFields kGyro{"estimation.gyro.noise",        "estimation.gyro.bias",
                               "estimation.gyro.bias_walk",    "estimation.gyro.scale_error",
                               "estimation.gyro.misalignment", "estimation.gyro.range",
@@ -211,6 +211,9 @@ void check_estimation(const EstimationParams& estimation, Checker& check) {
   check_triad(estimation.gyro, kGyro, check);
   check_triad(estimation.accelerometer, kAccelerometer, check);
   check.finite(estimation.accelerometer_position_B_m, "estimation.accelerometer_position_B_m");
+  const Real off_centre = estimation.accelerometer_position_B_m.norm();
+  check.require(off_centre <= ball.radius_m, "estimation.accelerometer_position_B_m", -1, off_centre,
+                "at most ball.radius_m");
   check.not_negative(estimation.fix_noise_m, "estimation.fix_noise_m");
   for (const Real resolution : estimation.encoder_resolution) {
     check.not_negative(resolution, "estimation.encoder_resolution");
@@ -270,7 +273,7 @@ ParamError validate(const ControllerParams& params) {
   check.require(params.monitor_stale_ticks >= 0 && params.monitor_stale_ticks <= 1000, "monitor_stale_ticks", -1,
                 params.monitor_stale_ticks, "0..1000");
   check_ball(params.ball, check);
-  check_estimation(params.estimation, check);
+  check_estimation(params.ball, params.estimation, check);
 
   const int count = params.ball.mass_count;
   check.require(count >= 0 && count <= kMaxMasses, "ball.mass_count", -1, count, "0..8");

@@ -6,10 +6,14 @@ namespace ballast::firmware {
 
 namespace {
 
-// Tells a valid estimate from one that a bug or an overflow has spoilt.
+// A tilt known to this at 1 sigma says nothing of where masses push.
+constexpr Real kMostTilt_rad = Real(0.5);
+
+// Tells a valid estimate from one that says nothing, and from one that a bug or an overflow has spoilt.
 bool usable(const Estimate& e) {
-  return e.valid && is_rotation(e.orientation) && possible(e.angular_velocity_B_radps) &&
-         possible(e.gyro_bias_B_radps) && possible(e.position_W_m[0]) && possible(e.position_W_m[1]);
+  return e.valid && e.tilt_sigma_rad < kMostTilt_rad && is_rotation(e.orientation) &&
+         possible(e.angular_velocity_B_radps) && possible(e.gyro_bias_B_radps) && possible(e.position_W_m[0]) &&
+         possible(e.position_W_m[1]);
 }
 
 // A sensed motion in the form of an estimate, without bands.
@@ -58,8 +62,8 @@ void measure(const ControllerParams& params, const Inputs& inputs, ControllerSta
     state.measured = {};
     return;
   }
-  measure_contact(params.ball, params.estimation, params.control_period_s, inputs.sensors, state.measured_masses,
-                  params.estimation.estimated ? state.estimate : sensed(ball), params.static_friction,
+  measure_contact(params.ball, params.estimation, params.control_period_s, inputs.sensors, state.now,
+                  state.measured_masses, params.estimation.estimated ? state.estimate : sensed(ball),
                   state.contact_meter, state.measured);
 }
 

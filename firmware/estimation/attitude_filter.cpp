@@ -217,9 +217,9 @@ Force still(const Window& w) {
   return force;
 }
 
-// Whether the gyro reads its bias and nothing else.
+// Whether the gyro reads its bias and nothing else. The window has samples of it.
 bool quiet(const EstimationParams& params, const Window& w, const FilterState& s) {
-  const Real n = static_cast<Real>(w.samples), noise = noise_variance(params.gyro);
+  const Real n = static_cast<Real>(w.samples - w.without_gyro), noise = noise_variance(params.gyro);
   for (int j = 0; j < 3; ++j) {
     const auto k = kGyroBias + static_cast<std::size_t>(j);
     const Real mean = w.reading_B_radps[j] / n, spread = w.reading_squares_rad2ps2[j] / n - mean * mean;
@@ -229,30 +229,35 @@ bool quiet(const EstimationParams& params, const Window& w, const FilterState& s
   return true;
 }
 
-// A window of the hold: the gyro's mean is its bias. If the ball was moved, it has turned by what the gyro says.
-bool correct_held(const BallParams& ball, const EstimationParams& params, FilterState& s, Errors& found) {
-  const Window& w = s.window;
+// The gyro over a window of the hold: its mean is its bias. If the ball was moved, it has turned by what the gyro says.
+void correct_with_gyro(const EstimationParams& params, FilterState& s) {
+  Window& w = s.window;
   const Real n = static_cast<Real>(w.samples - w.without_gyro);
-  if (n < 1) return true;
+  if (n < 1) return;
   if (!quiet(params, w, s)) {
     const Vector3 turn_rad = (w.time_s / n) * w.reading_B_radps;
     s.orientation = s.orientation * turned(bounded(turn_rad, 1));
     s.orientation.normalize();
     for (std::size_t j = 0; j < 3; ++j) s.covariance.xx[j][j] += Real(0.01) * turn_rad.squaredNorm();
-    return true;
+    w.moved = true;
+    return;
   }
-  bool all = true;
   for (std::size_t j = 0; j < 3; ++j) {
     Measurement m;
     m.hx[kGyroBias + j] = 1;
     m.innovation = w.reading_B_radps[static_cast<int>(j)] / n;
     m.variance = noise_variance(params.gyro) / n;
-    if (!correct(m, kGate_sigmas, s.covariance, found)) all = false;
+    if (!correct(m, kGate_sigmas, s.covariance, w.found)) w.believed = false;
   }
-  if (kSampleShare * w.without_accelerometer > w.samples) return all;
+}
+
+// The accelerometer over a window of the hold: it reads the weight.
+bool correct_held(const BallParams& ball, const EstimationParams& params, FilterState& s, Errors& found) {
+  const Window& w = s.window;
+  if (w.moved || w.without_gyro == w.samples || kSampleShare * w.without_accelerometer > w.samples) return w.believed;
   Force force = still(w);
   force.floor_variance = force.upright_variance = noise_variance(params.accelerometer) * w.step_squares_s2;
-  return correct_with(ball, force, s.covariance, found) && all;
+  return correct_with(ball, force, s.covariance, found) && w.believed;
 }
 
 bool correct_rolling(const BallParams& ball, const EstimationParams& params, FilterState& s, Errors& found) {
@@ -291,9 +296,7 @@ void bound(const BallParams& ball, const EstimationParams& params, FilterState& 
   if (!sound(s)) forget_everything(ball, params, s);
 }
 
-// Advances the covariance to the anchor. The measurements of the window are taken in before the next sample, so that no
-// tick has both to do.
-void close_window(const BallParams& ball, const EstimationParams& params, FilterState& s) {
+void advance_to_anchor(const BallParams& ball, const EstimationParams& params, FilterState& s) {
   Window& w = s.window;
   Covariance& covariance = s.covariance;
   if (!s.held) {
@@ -306,12 +309,19 @@ void close_window(const BallParams& ball, const EstimationParams& params, Filter
     covariance.xx[kAccelerometerBias + j][kAccelerometerBias + j] += square(params.accelerometer.bias_walk) * w.time_s;
   }
   w.turn_variance = 0;
-  w.closed = true;
+}
+
+// Advances the covariance to the anchor, and in the hold takes in the gyro. The accelerometer is taken in before the
+// next sample, so that no tick has all the work.
+void close_window(const BallParams& ball, const EstimationParams& params, FilterState& s) {
+  advance_to_anchor(ball, params, s);
+  if (s.held) correct_with_gyro(params, s);
+  s.window.closed = true;
 }
 
 // Takes in what a closed window has measured, and begins the next.
 void use_window(const BallParams& ball, const EstimationParams& params, FilterState& s) {
-  Errors found{};
+  Errors found = s.window.found;
   const bool believed = s.held ? correct_held(ball, params, s, found) : correct_rolling(ball, params, s, found);
   apply(params, found, s);
   s.refused_windows = believed ? 0 : std::min(s.refused_windows + 1, kMostRefusedWindows);
@@ -403,8 +413,11 @@ void step_to(const BallParams& ball, const EstimationParams& params, Wide contro
   s.anchor_tick = sample.tick;
 
   const bool released = s.held && sample.tick >= 0;
-  if (released && !s.window.closed && s.window.samples > 0) close_window(ball, params, s);
-  if (s.window.closed) use_window(ball, params, s);
+  if (s.window.closed) {
+    use_window(ball, params, s);
+  } else if (released) {
+    advance_to_anchor(ball, params, s);  // what the window has measured is lost: the last sample before was late
+  }
   if (released) {
     s.held = false;
     dt_s = static_cast<Real>(static_cast<Wide>(sample.tick) * control_period_s);
@@ -431,7 +444,9 @@ void step_to(const BallParams& ball, const EstimationParams& params, Wide contro
   const Window& w = s.window;
   const int enough = samples_per_window(ball, w.time_s / static_cast<Real>(w.samples));
   const bool both = sample.gyro != nullptr && sample.accelerometer != nullptr;
-  if (w.samples >= enough && (both || w.samples >= 2 * enough)) close_window(ball, params, s);
+  const bool full = w.samples >= enough && (both || w.samples >= 2 * enough);
+  const bool last_held = s.held && sample.tick + params.imu_period_ticks >= 0;
+  if (full || last_held) close_window(ball, params, s);
 }
 
 // --- beginning ---
@@ -516,11 +531,19 @@ void forget_everything(const BallParams& ball, const EstimationParams& params, F
 
 // --- sensors ---
 
+// A new sample, of a tick that can be right. Count and tick of a corrupted message can be anything: a wrong count must
+// not hide the samples after it, and a first sample from long ago is none.
+bool is_fresh(const EstimationParams& params, const Sensors& sensors, std::int64_t tick, const FilterState& s) {
+  if (sensors.imu_count == s.imu_count || sensors.imu_tick > tick) return false;
+  if (s.aligned) return sensors.imu_tick > s.anchor_tick;
+  const std::uint64_t age = static_cast<std::uint64_t>(tick) - static_cast<std::uint64_t>(sensors.imu_tick);
+  return age <=
+         static_cast<std::uint64_t>(params.imu_latency_ticks) + static_cast<std::uint64_t>(params.imu_period_ticks);
+}
+
 void take_imu(const BallParams& ball, const EstimationParams& params, Wide control_period_s, const Sensors& sensors,
               std::int64_t tick, FilterState& s) {
-  const bool fresh =
-      sensors.imu_count > s.imu_count && sensors.imu_tick <= tick && (!s.aligned || sensors.imu_tick > s.anchor_tick);
-  if (!fresh) {
+  if (!is_fresh(params, sensors, tick, s)) {
     // Late: the model takes the sample's place.
     const bool late = s.aligned && tick - s.anchor_tick > params.imu_latency_ticks + params.imu_period_ticks;
     if (late) step_to(ball, params, control_period_s, {.tick = s.anchor_tick + 1}, s);
@@ -553,20 +576,27 @@ void take_imu(const BallParams& ball, const EstimationParams& params, Wide contr
   step_to(ball, params, control_period_s, sample, s);
 }
 
-void take_fix(const BallParams& ball, const EstimationParams& params, const Sensors& sensors, FilterState& s) {
-  if (sensors.fix_count <= s.fix_count || !s.aligned || sensors.fix_tick > s.anchor_tick) return;
+void take_fix(const BallParams& ball, const EstimationParams& params, Wide control_period_s, const Sensors& sensors,
+              FilterState& s) {
+  if (sensors.fix_count == s.fix_count || !s.aligned || sensors.fix_tick > s.anchor_tick) return;
   // Not in a tick that has a window's work.
   if (s.window.closed || s.window.samples < 2) return;
   s.fix_count = sensors.fix_count;
   const auto then = s.travels.at(sensors.fix_tick);
+  // Without the gyro the travel since the fix is the model's.
+  const Real late_s = static_cast<Real>(static_cast<Wide>(s.anchor_tick - sensors.fix_tick) * control_period_s);
+  const Real heard_s = std::fmax(s.outage_s - late_s, Real(0));
+  const Real unheard_rad = kModelError * stiffness(ball) / 2 * (square(s.outage_s) - square(heard_s));
+  const Real unheard_m2 = square(ball.radius_m * unheard_rad);
   std::array<Measurement, 2> measured;
   std::array<Real, 2> since{};
   for (std::size_t j = 0; j < 2; ++j) {
     since[j] = static_cast<Real>(s.travel_W_m[j] - then[j]);
     measured[j].innovation = static_cast<Real>(sensors.fix_W_m[j] - (s.position_W_m[j] - (s.travel_W_m[j] - then[j])));
     measured[j].hx[kPlace + j] = 1;
-    measured[j].variance = square(params.fix_noise_m) + square(kFixFloor * ball.radius_m);
-    if (!std::isfinite(measured[j].innovation)) return;
+    measured[j].variance = square(params.fix_noise_m) + square(kFixFloor * ball.radius_m) + unheard_m2;
+    // A place beyond all bounds, or none at all, would replace the estimate after a few.
+    if (!(std::fabs(measured[j].innovation) <= kMostPlace * ball.radius_m)) return;
   }
   // A yaw turns the travel since then.
   measured[0].hx[kAttitude + 2] = since[1];
@@ -664,7 +694,7 @@ void update(const BallParams& ball, const EstimationParams& params, Wide control
   state.models.add(tick, state.model);
   if (!state.aligned) state.anchor_tick = tick;
   take_imu(ball, params, control_period_s, sensors, tick, state);
-  take_fix(ball, params, sensors, state);
+  take_fix(ball, params, control_period_s, sensors, state);
   report(ball, control_period_s, tick, state, out);
   predict(ball, params, control_period_s, masses, tick, out, state);
 }

@@ -57,6 +57,10 @@ struct Window {
   // Held only.
   Vector3 reading_B_radps = Vector3::Zero();          // sum of the gyro's readings less the bias
   Vector3 reading_squares_rad2ps2 = Vector3::Zero();  // sum of squares
+  // Once closed, in the hold.
+  bool moved = false;    // not at rest
+  bool believed = true;  // no axis of the gyro was too far off
+  Errors found{};        // by the gyro; apply() takes them with the accelerometer's
 };
 
 }  // namespace estimation

@@ -8,8 +8,8 @@ namespace {
 constexpr std::size_t kTurned = 5;
 constexpr std::array<std::size_t, kTurned> kTurnedRow{0, 1, 2, kPlace, kPlace + 1};
 
-// What the transition adds to attitude and place, for given attitude, gyro bias, gyro scale and gyro axes: a column of
-// a covariance, or a row.
+// A column or a row of what the transition adds to a covariance: its part of attitude and place, for given attitude,
+// gyro bias, gyro scale and gyro axes.
 struct Added {
   std::array<Real, kTurned> value;
 };

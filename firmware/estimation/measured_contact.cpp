@@ -19,7 +19,8 @@ constexpr auto kGreatestStep = static_cast<Real>(0.3);  // natural frequency tim
 // amplitude, and errors of tilt and parameters prevail.
 constexpr Real kSwingCorner = kTwoPi * Real(1.5);
 constexpr auto kPowerTime_s = static_cast<Real>(0.05);
-constexpr auto kLeastSwing = static_cast<Real>(2);  // per s^2, 1 sigma
+constexpr auto kSwingMemory_s = static_cast<Real>(0.6);  // of the swing's impulse: the longest window of slip
+constexpr auto kLeastSwing = static_cast<Real>(2);       // per s^2, 1 sigma
 // Angular acceleration about the vertical, of which the observer sees only the slow part. 1 sigma, rad/s^2.
 constexpr auto kUnseenSpin = static_cast<Real>(30);
 
@@ -27,12 +28,21 @@ constexpr auto kUnseenSpin = static_cast<Real>(30);
 constexpr auto kBlock_s = static_cast<Real>(0.01);
 constexpr std::array<int, 5> kWindows{5, 10, 20, 40, 60};
 constexpr int kBaseline = 100, kLeastBaseline = 20;
+constexpr int kLeastBlock = 3;  // samples in a block: between fewer the masses swing unseen
 constexpr auto kLeastSlip_mps = static_cast<Real>(0.02);
-constexpr auto kSlipSigmas = static_cast<Real>(4);
-constexpr auto kConfirmed = static_cast<Real>(0.5);
+// The same by rotation, where masses may lag behind their command by a part of a step.
+constexpr auto kLeastTurned_mps = static_cast<Real>(0.025);
+// A constant error is what it is for the whole run; noise is drawn anew in every window, of which an hour has a
+// million.
+constexpr auto kErrorSigmas = static_cast<Real>(4), kNoiseSigmas = static_cast<Real>(6);
+// Part of a speed that the other measure has to show, for the accelerometer's and for that by rotation; and part of the
+// other's that the accelerometer's has to be.
+constexpr auto kConfirmed = static_cast<Real>(0.5), kTurnedConfirmed = static_cast<Real>(0.6),
+               kAgreed = static_cast<Real>(0.25);
 constexpr auto kMostConstant = static_cast<Real>(0.01);  // of g: an accelerometer that errs by more shows no slip
 // The estimate of the attitude changes by its band in about this time.
 constexpr auto kTiltRate_radps = static_cast<Real>(0.3);
+constexpr auto kBentMemory = static_cast<Real>(0.01);  // of a sample in the mean square of what trapezoids leave out
 constexpr auto kRateMemory = static_cast<Real>(0.02);  // of a block in the mean square of the rate
 // A lever of the centre of mass about the contact point below this part of the radius confirms nothing.
 constexpr auto kLeastLever = static_cast<Real>(0.2);
@@ -44,7 +54,6 @@ constexpr int kMostRepeats = 4;
 constexpr int kLongestGap = 16;                        // samples
 constexpr Real kGreatest = 0x1p50;                     // of a reading, as everywhere in the firmware
 constexpr auto kNearRange = static_cast<Real>(0.999);  // of a sensor's range
-constexpr int kOffsetPasses = 3;
 
 // Regularises a matrix that may be singular, as a part of its trace: some roundings.
 constexpr Real kRegular = 16 * std::numeric_limits<Real>::epsilon();
@@ -69,7 +78,9 @@ Matrix3 hat(const Vector3& v) {
 Real along(const Matrix3& s, const Vector3& x) { return x.dot(Vector3(s * x)); }
 
 bool usable(const TriadErrors& errors, const Vector3& reading, contact::Repeats& repeats) {
-  const bool repeated = errors.noise > 0 && reading == repeats.reading;
+  // Noise below the resolution lets a ball at rest read the same for long.
+  const bool never_repeats = errors.noise > 0 && errors.noise >= errors.resolution;
+  const bool repeated = never_repeats && reading == repeats.reading;
   repeats.count = repeated ? repeats.count + (repeats.count < kMostRepeats ? 1 : 0) : 0;
   repeats.reading = reading;
   const Real range = errors.range > 0 ? kNearRange * errors.range : kGreatest;
@@ -157,16 +168,17 @@ struct Acceleration {
   Vector3 angular_B;         // Omegadot
 };
 
-// f and Omegadot, and the observer's step. The accelerometer's offset makes f depend on Omegadot and this on f: a
-// contraction by |d| / r, so that three passes leave a few per cent of the offset's term.
+// f and Omegadot, and the observer's step. Off the centre the accelerometer reads y = f + Omegadot x d, and Omegadot
+// depends on f: Omegadot = Gamma x (f + g) / r + nu. With (Gamma x f) x d = (Gamma . d) f - (f . d) Gamma that is
+//   (1 + Gamma . d / r) f - (f . d) Gamma / r = b,   b = y - (Gamma x g / r + nu) x d
+// whose product with d gives f . d = b . d. |d| < r: validate() sees to it.
 Acceleration observe(const BallParams& ball, const EstimationParams& params, const Instant& now, Real dt,
                      ContactMeter& meter) {
-  const Vector3& d = params.accelerometer_position_B_m;
-  Vector3 f = now.reading_B, rolling;
-  for (int pass = 0; pass < kOffsetPasses; ++pass) {
-    rolling = now.up_B.cross(f + now.gravity_B) / ball.radius_m;
-    f = now.reading_B - (rolling + meter.correction_B_radps2).cross(d);
-  }
+  const Vector3 arm = params.accelerometer_position_B_m / ball.radius_m;
+  const Vector3 by_gravity = now.up_B.cross(now.gravity_B) + ball.radius_m * meter.correction_B_radps2;
+  const Vector3 b = now.reading_B - by_gravity.cross(arm);
+  const Vector3 f = (b + b.dot(arm) * now.up_B) / (1 + now.up_B.dot(arm));
+  const Vector3 rolling = now.up_B.cross(f + now.gravity_B) / ball.radius_m;
   if (meter.followed) {
     const Real frequency = kObserver * dt < kGreatestStep ? kObserver : kGreatestStep / dt;
     meter.rate_B_radps += dt * ((rolling + meter.last.rolling_B_radps2) / 2 + meter.correction_B_radps2);
@@ -204,6 +216,12 @@ Force force_of(const BallParams& ball, const EstimationParams& params, const Ins
   const Real f_noise = square(params.accelerometer.noise);
   const Real correction_noise = square(params.gyro.noise) * dt * kObserver * square(kObserver);
   Matrix3 noise = f_noise * by_f * by_f.transpose() + correction_noise * sums.euler * sums.euler.transpose();
+
+  // Its impulse, which the masses' swing takes from the ball and gives back.
+  meter.impulse_B_nms += dt * fast - blend * meter.impulse_B_nms;
+  const Real impulse = meter.impulse_B_nms.squaredNorm() - square(meter.impulse_B_nms.dot(now.up_B));
+  const Real faded = dt < kSwingMemory_s ? meter.impulse_power_n2m2s2 * (1 - dt / kSwingMemory_s) : Real(0);
+  meter.impulse_power_n2m2s2 = impulse > faded ? impulse : faded;
 
   // The swing's mean square, from the horizontal part of the residual: what the noise does not explain.
   const Vector3& up = now.up_B;
@@ -278,6 +296,11 @@ void add_slip(const BallParams& ball, const Instant& now, const Vector3& f, cons
                          now.rate_B.cross(spin) - sums.moment_c;
   contact::LastSample& last = meter.last;
   if (meter.followed) {
+    // A trapezoid leaves out dt / 12 of the second difference.
+    const Vector2 gain = acceleration - last.acceleration_W_mps2;
+    const Real bent = square(dt / 12) * (gain - last.gain_W_mps2).squaredNorm();
+    meter.bent_square_m2ps2 += kBentMemory * (bent - meter.bent_square_m2ps2);
+    last.gain_W_mps2 = gain;
     meter.block.by_accelerometer_W_mps +=
         dt / 2 * (acceleration + last.acceleration_W_mps2) - (rolling - last.rolling_velocity_W_mps);
     const Real lever = sums.mass_s.dot(now.up_B);
@@ -302,22 +325,23 @@ struct SlipNoise {
   Real offset_mps2;   // of the acceleration, constant
   Real drift_mps3;    // its change
   Real rate_m2ps2;    // variance by the gyro at both ends
-  Real turned_m2ps2;  // the same of the speed by rotation
-  Real walk_m2ps3;    // variance per time by the accelerometer
+  Real turned_m2ps2;  // the same of the speed by rotation, and the masses' swing
+  Real walk_m2ps3;    // variance per time by the accelerometer and its integration
   Real tilt_part;     // by which tilt acts on the speed by rotation, in its action on that by the accelerometer
 };
 
 SlipNoise slip_noise(const BallParams& ball, const EstimationParams& params, Real constant_m2ps4, Real tilt_square,
-                     Real sample_s, Real rate_square, Real turned_arm_m, Real tilt_part) {
+                     Real sample_s, Real rate_square, Real turned_arm_m, Real tilt_part, Real swing_m2ps2,
+                     Real bent_m2ps2) {
   const Real gravity2 = square(ball.gravity_mps2);
-  // What is fixed to the body turns with it, and the gyro's scale and axes tilt the estimate as the ball turns.
+  // Errors fixed to the body turn with it, and the gyro's scale and axes tilt the estimate as the ball turns.
   const Real turning =
       constant_m2ps4 + gravity2 * (square(params.gyro.scale_error) + square(params.gyro.misalignment_rad));
   return {std::sqrt(constant_m2ps4 + gravity2 * tilt_square),
           std::sqrt(rate_square * turning + square(kTiltRate_radps) * gravity2 * tilt_square),
-          2 * square(ball.radius_m * params.gyro.noise),
-          2 * square(turned_arm_m * params.gyro.noise),
-          square(params.accelerometer.noise) * sample_s,
+          2 * square((ball.radius_m + std::sqrt(params.accelerometer_position_B_m.squaredNorm())) * params.gyro.noise),
+          2 * square(turned_arm_m * params.gyro.noise) + swing_m2ps2 / square(kNoiseSigmas),
+          square(params.accelerometer.noise) * sample_s + bent_m2ps2 / sample_s,
           tilt_part};
 }
 
@@ -334,6 +358,12 @@ contact::Slip between(const contact::SlipTotal& from, const contact::SlipTotal& 
 const contact::SlipTotal& total_before(const ContactMeter& meter, int blocks) {
   const int at = meter.next_block - blocks;
   return meter.totals[static_cast<std::size_t>(at < 0 ? at + contact::kBlocks : at)];
+}
+
+// The threshold of a window's speed, from its constant error and the variance of its noise.
+Real slip_threshold(Real error_mps, Real noise_m2ps2, Real least_mps) {
+  const Real threshold = std::sqrt(square(kErrorSigmas * error_mps) + square(kNoiseSigmas) * noise_m2ps2);
+  return threshold > least_mps ? threshold : least_mps;
 }
 
 // Judges all windows that end with the newest block. True: a window shows slip.
@@ -356,16 +386,18 @@ bool slips(const SlipNoise& noise, Real block_s, ContactMeter& meter) {
       const Real drifted = window_s * noise.drift_mps3 * (window_s + baseline_s) / 2;
       error = drifted < Real(1.4142136) * error ? drifted : Real(1.4142136) * error;
     }
-    const Real sigma = std::sqrt(square(error) + (1 + part) * (noise.rate_m2ps2 + noise.walk_m2ps3 * window_s));
-    const Real threshold = kSlipSigmas * sigma > kLeastSlip_mps ? kSlipSigmas * sigma : kLeastSlip_mps;
-    const Real turned = kSlipSigmas * std::sqrt(square(noise.tilt_part * error) + (1 + part) * noise.turned_m2ps2);
-    const Real turned_threshold = turned > kLeastSlip_mps ? turned : kLeastSlip_mps;
+    // Noise of the rates at the end, where window and baseline meet, and at the start.
+    const Real ends = (1 + square(1 + part) + square(part)) / 2, walk = (1 + part) * noise.walk_m2ps3 * window_s;
+    const Real threshold = slip_threshold(error, ends * noise.rate_m2ps2 + walk, kLeastSlip_mps);
+    const Real turned_threshold = slip_threshold(noise.tilt_part * error, ends * noise.turned_m2ps2, kLeastTurned_mps);
     const Real score = std::sqrt(speed.squaredNorm()) / threshold;
     if (score > meter.slip_score) meter.slip_score = score;
     const Real common = speed.dot(confirmed);
-    const bool by_accelerometer = score > 1 && common > kConfirmed * speed.squaredNorm();
-    const bool by_rotation =
-        confirmed.squaredNorm() > square(turned_threshold) && common > kConfirmed * confirmed.squaredNorm();
+    const bool by_accelerometer =
+        score > 1 && common > kConfirmed * speed.squaredNorm() && common > kAgreed * confirmed.squaredNorm();
+    // Masses that lag behind their command move the centre of mass, which only the mean before takes off.
+    const bool by_rotation = before >= kLeastBaseline && confirmed.squaredNorm() > square(turned_threshold) &&
+                             common > kTurnedConfirmed * confirmed.squaredNorm();
     if (by_accelerometer || by_rotation) found = true;
   }
   return found;
@@ -373,6 +405,7 @@ bool slips(const SlipNoise& noise, Real block_s, ContactMeter& meter) {
 
 void end_block(const BallParams& ball, const EstimationParams& params, const Instant& now, const ContactSums& sums,
                Real constant_m2ps4, Real tilt_square, Real dt, ContactMeter& meter) {
+  const bool sampled = meter.block_samples >= kLeastBlock;
   const Real block_s = static_cast<Real>(meter.block_samples) * dt;
   meter.totals[static_cast<std::size_t>(meter.next_block)] = meter.total;
   for (int j = 0; j < 2; ++j) {
@@ -391,10 +424,11 @@ void end_block(const BallParams& ball, const EstimationParams& params, const Ins
   // A change of the rate counts as a speed by this arm: that of A_s, over the same lever.
   const Real euler = std::sqrt(sums.euler.squaredNorm());
   const Real turned_arm_m = lever > 0 ? ball.radius_m + euler / lever : ball.radius_m;
-  const SlipNoise noise =
-      slip_noise(ball, params, constant_m2ps4, tilt_square, dt, meter.rate_square_rad2ps2, turned_arm_m, tilt_part);
+  const Real swing_m2ps2 = lever > 0 ? meter.impulse_power_n2m2s2 / square(lever) : Real(0);
+  const SlipNoise noise = slip_noise(ball, params, constant_m2ps4, tilt_square, dt, meter.rate_square_rad2ps2,
+                                     turned_arm_m, tilt_part, swing_m2ps2, meter.bent_square_m2ps2);
   const bool separable = constant_m2ps4 < square(kMostConstant * ball.gravity_mps2);
-  meter.newest.slip_detected = slips(noise, block_s, meter) && meter.moved && separable;
+  meter.newest.slip_detected = slips(noise, block_s, meter) && meter.moved && separable && sampled;
 }
 
 void watch_for_light(const BallParams& ball, Real mass, Real dt, ContactMeter& meter) {
@@ -402,7 +436,8 @@ void watch_for_light(const BallParams& ball, Real mass, Real dt, ContactMeter& m
   const Real at_rest_n = -mass * ball.gravity_mps2 * ball.down_W[2] - ball.external_force_W_n[2];
   const bool light = measured.normal_force_n + kLightSigmas * measured.normal_sigma_n < kLightPart * at_rest_n;
   meter.light_s = light ? meter.light_s + dt : Real(0);
-  meter.newest.light_detected = meter.moved && meter.light_s > kBlock_s;
+  const Real enough_s = (static_cast<Real>(kLeastBlock) - Real(0.5)) * dt;
+  meter.newest.light_detected = meter.moved && meter.light_s > (enough_s > kBlock_s ? enough_s : kBlock_s);
 }
 
 // Takes over a new sample's time. Returns the ticks since the sample before; 0: it follows none, or too late.
@@ -423,7 +458,8 @@ bool usable(const EstimationParams& params, const Sensors& sensors, std::int64_t
 
 bool finite(const ContactMeter& meter) {
   const MeasuredContact& m = meter.newest;
-  Real sum = m.normal_force_n + m.normal_sigma_n + m.static_friction_n + m.slip_mps2 + meter.moment_power_n2m2;
+  Real sum = m.normal_force_n + m.normal_sigma_n + m.static_friction_n + m.slip_mps2 + meter.moment_power_n2m2 +
+             meter.impulse_power_n2m2s2 + meter.bent_square_m2ps2;
   for (int j = 0; j < 3; ++j) sum += meter.rate_B_radps[j] + meter.slow_moment_B_nm[j];
   for (int j = 0; j < 2; ++j) {
     sum += meter.block.by_accelerometer_W_mps[j] + meter.block.by_rotation_W_mps[j];
@@ -438,7 +474,9 @@ void forget(ContactMeter& meter) {
   meter.followed = false;
   meter.last = {};
   meter.rate_B_radps = meter.correction_B_radps2 = meter.slow_moment_B_nm = Vector3::Zero();
-  meter.moment_power_n2m2 = meter.rate_square_rad2ps2 = meter.slip_score = meter.light_s = 0;
+  meter.impulse_B_nms = Vector3::Zero();
+  meter.moment_power_n2m2 = meter.impulse_power_n2m2s2 = meter.bent_square_m2ps2 = meter.rate_square_rad2ps2 =
+      meter.slip_score = meter.light_s = 0;
   meter.block = {};
   meter.total = {};
   meter.block_samples = meter.next_block = meter.block_count = 0;
@@ -455,21 +493,23 @@ void reset(const BallParams&, const EstimationParams&, ContactMeter& meter) {
 }
 
 void measure_contact(const BallParams& ball, const EstimationParams& params, Wide control_period_s,
-                     const Sensors& sensors, const MassMotion& masses, const Estimate& estimate,
-                     Real /*static_friction*/, ContactMeter& meter, MeasuredContact& out) {
+                     const Sensors& sensors, const MassMotion& commanded, const MassMotion& masses,
+                     const Estimate& estimate, ContactMeter& meter, MeasuredContact& out) {
   const bool stood = !meter.moved;
   for (int i = 0; i < ball.mass_count; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    meter.moved = meter.moved || masses.velocity[k] != 0 || masses.acceleration[k] != 0;
+    meter.moved = meter.moved || commanded.velocity[k] != 0 || commanded.acceleration[k] != 0;
   }
   if (sensors.imu_count == meter.imu_count) {
     out = meter.newest;
     return;
   }
+  const bool held = meter.imu_tick < 0;
   const std::int64_t gap_ticks = follow(params, sensors, meter);
   const std::int64_t age_ticks = ticks_between(sensors.imu_tick, sensors.tick);
-  // A ball that was held until the masses move may jump to its rolling rate then.
-  meter.followed = gap_ticks > 0 && !(stood && meter.moved);
+  // A ball that was held until tick 0, or until the masses move, may jump to its rolling rate then.
+  const bool released = (held && sensors.imu_tick >= 0) || (stood && meter.moved);
+  meter.followed = gap_ticks > 0 && !released;
   if (!usable(params, sensors, age_ticks, meter) || !estimate.valid) {
     meter.followed = false;
     meter.newest.valid = meter.newest.slip_detected = meter.newest.light_detected = false;

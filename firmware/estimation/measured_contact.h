@@ -15,18 +15,20 @@
 //   - the moment by which the gyro's rate departs from that of a rolling ball with the known masses, in terms of slip.
 // slip_detected: one of them exceeds its threshold, and the other confirms at least half of it. Alone, the first is
 // misled by vibration at multiples of the sample rate, which looks constant, and the second by lost steps and by a
-// floor that resists. A steady slip is not seen. A threshold is the greater of 0.02 m/s and 4 sigma of what tilt and
-// accelerometer do to the integral.
+// floor that resists. A steady slip is not seen. A threshold is the greater of 0.02 m/s (by rotation 0.025) and 4 sigma of
+// what tilt and accelerometer do to the integral, with 6 sigma of noise and vibration. With fewer than three samples in
+// 10 ms nothing is flagged.
 //
 // An accelerometer whose constant errors are 1 % of g or more cannot tell slip from tilt: slip_detected stays false.
 //
-// light_detected: for 10 ms N lies 3 sigma below a fifth of its value at rest.
+// light_detected: for 10 ms and three samples N lies 3 sigma below a fifth of its value at rest.
 //
 // False alarms: none in 1,000 runs that hold, so that with 95 % confidence at most 0.3 % of such runs have one. Both
 // flags stay false until the masses are first commanded to move after reset(), and follow their evidence from then on.
 //
-// Samples that are no numbers, at the end of their range, or repeated bit by bit are left out. The result is that of
-// the newest sample, until the next comes. No heap, no loop whose length depends on data. Called from one thread.
+// Samples that are no numbers, at the end of their range, or repeated bit by bit in spite of noise are left out. The
+// result is that of the newest sample, until the next comes. No heap, no loop whose length depends on data. Called from
+// one thread.
 #pragma once
 
 #include <array>
@@ -60,6 +62,7 @@ struct LastSample {
   Vector3 rolling_B_radps2 = Vector3::Zero();        // Omegadot if the ball rolls
   Vector3 rolling_moment_B_nm = Vector3::Zero();     // A_s Omegadot of a rolling ball with the known masses
   Vector2 acceleration_W_mps2 = Vector2::Zero();     // of the geometric centre
+  Vector2 gain_W_mps2 = Vector2::Zero();             // of that, since the sample before
   Vector2 rolling_velocity_W_mps = Vector2::Zero();  // omega x r e3
 };
 
@@ -83,12 +86,15 @@ struct ContactMeter {
   Vector3 rate_B_radps = Vector3::Zero();
   Vector3 correction_B_radps2 = Vector3::Zero();  // nu
   Vector3 slow_moment_B_nm = Vector3::Zero();
-  Real moment_power_n2m2 = 0;  // mean square of the fast part
+  Real moment_power_n2m2 = 0;               // mean square of the fast part
+  Vector3 impulse_B_nms = Vector3::Zero();  // its integral, less what is older than the swing
+  Real impulse_power_n2m2s2 = 0;            // greatest square of that about the floor's axes, fading in 0.6 s
   // Slip.
   contact::Slip block;
   int block_samples = 0, next_block = 0, block_count = 0;
   contact::SlipTotal total;                                   // at the end of the newest block
   std::array<contact::SlipTotal, contact::kBlocks> totals{};  // at the starts of blocks, the newest before next_block
+  Real bent_square_m2ps2 = 0;                                 // mean square of what a sample's trapezoid leaves out
   Real rate_square_rad2ps2 = 0;                               // mean over 0.5 s
   Real slip_score = 0;  // greatest speed by the accelerometer of a window, in its threshold, confirmed or not
   Real light_s = 0;     // for which N has been too small
@@ -97,11 +103,11 @@ struct ContactMeter {
 
 void reset(const BallParams& ball, const EstimationParams& params, ContactMeter& meter);
 
-// Once per control tick, in order. `masses`: their motion at the start of this tick (measured_masses.h). `estimate`:
-// attitude and gyro bias of this tick, from the filter or from a sensed attitude. `static_friction`, the believed one,
-// is not used: slip is judged by motion alone, since the floor may have changed.
+// Once per control tick, in order. `commanded`, `masses`: the masses' motion at the start of this tick, as commanded
+// and as known (measured_masses.h). `estimate`: attitude and gyro bias of this tick, from the filter or from a sensed
+// attitude. Slip is judged by motion alone, and no coefficient of friction enters: the floor may have changed.
 void measure_contact(const BallParams& ball, const EstimationParams& params, Wide control_period_s,
-                     const Sensors& sensors, const MassMotion& masses, const Estimate& estimate, Real static_friction,
-                     ContactMeter& meter, MeasuredContact& out);
+                     const Sensors& sensors, const MassMotion& commanded, const MassMotion& masses,
+                     const Estimate& estimate, ContactMeter& meter, MeasuredContact& out);
 
 }  // namespace ballast::firmware

@@ -16,7 +16,7 @@ struct Sensors {
   bool attitude_valid = true;          // false: nothing senses the attitude
   Quaternion orientation{1, 0, 0, 0};  // body -> space; not read where the attitude is not valid
   Vector3 gyro_B_radps = Vector3::Zero();
-  Vector3 accelerometer_B_mps2 = Vector3::Zero();  // specific force at the geometric centre
+  Vector3 accelerometer_B_mps2 = Vector3::Zero();  // specific force where the accelerometer is
   PerMass<std::uint8_t> limit_switch{};            // bit 0 lower end, bit 1 upper end
   std::int64_t imu_count = 0;                      // samples of gyro and accelerometer so far
   std::int64_t imu_tick = 0;                       // of the newest

@@ -249,6 +249,28 @@ void read_control(TableReader table, bool planned, Scenario::Control& control) {
   table.refuse_unknown_keys();
 }
 
+// The accelerometer is in the ball, and a delayed sample comes before the run ends.
+void check_sensors(TableReader& root, const Scenario& scenario) {
+  const SensorModel& sensors = scenario.sensors;
+  if (!sensors.present) return;
+  if (const double distance = sensors.accelerometer_position_B_m.stableNorm(); distance >= scenario.ball.radius_m) {
+    root.refuse("sensors.accelerometer.position",
+                "is {} m from the geometric centre; allowed: inside the ball, < ball.radius = {}", distance,
+                scenario.ball.radius_m);
+  }
+  const double period_s = scenario.run.control_period_s;
+  const auto last = static_cast<std::int64_t>(scenario.duration_s / period_s);
+  const auto check_delay = [&](std::string_view key, double rate_hz, double delay_s) {
+    const std::int64_t every = ticks_per_sample(rate_hz, period_s);
+    const std::int64_t first = scenario.run.first_tick() / every * every;  // <= 0: rounded towards 0
+    if (first + delay_ticks(delay_s, period_s) <= last) return;
+    root.refuse(key, "is longer than the run, in which no sample would arrive; allowed: at most {} s at this rate",
+                static_cast<double>(last - first) * period_s);
+  };
+  check_delay("sensors.latency", sensors.rate_hz, sensors.latency_s);
+  if (sensors.fix.rate_hz > 0) check_delay("sensors.position_fix.delay", sensors.fix.rate_hz, sensors.fix.delay_s);
+}
+
 // The controller can be armed once a sample of the IMU has arrived, and is armed at the end of the hold.
 void check_first_sample(TableReader& root, const Scenario& scenario) {
   const SensorModel& sensors = scenario.sensors;
@@ -257,6 +279,14 @@ void check_first_sample(TableReader& root, const Scenario& scenario) {
   const std::int64_t every = ticks_per_sample(sensors.rate_hz, period_s);
   const std::int64_t needed = every + delay_ticks(sensors.latency_s, period_s) + kCountdownTicks - 1;
   if (every == 0 || scenario.run.lead_ticks() >= needed) return;
+  const double others_s = static_cast<double>(needed - every) * period_s;
+  if (static_cast<double>(every) * period_s > kMaxHold_s - others_s) {
+    root.refuse("sensors.rate",
+                "gives no sample in the longest hold of {} s, and without one there is no attitude; allowed: at least "
+                "{} Hz",
+                kMaxHold_s, 1 / (kMaxHold_s - others_s));
+    return;
+  }
   root.refuse("run.hold",
               "ends before a sample of the IMU is sure to have come, and without one there is no attitude; allowed: at "
               "least {} s at this sensors.rate and latency",
@@ -334,6 +364,7 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
 
   root.refuse_unknown_keys();
   check_start(root, scenario);
+  if (context.errors.empty()) check_sensors(root, scenario);
   if (context.errors.empty()) check_first_sample(root, scenario);
   return scenario;
 }

@@ -44,11 +44,12 @@ constexpr std::array kKinds{
     FaultKindInfo{kPeerTooSlow, "peer_too_slow", kPeer, kToTheEnd, "delay of its answers", "ticks", 2.0, 1, 1000, false,
                   true, "a peer answers late",
                   "controller: monitor (stale); monitor: controller (monitor_stale), from 2 ticks on"},
-    FaultKindInfo{kSensorBias, "sensor_bias", kSensor, kToTheEnd, "offset; orientation: an angle",
-                  "rad/s, m/s^2, rad, m or rail units", kGiven, -kInfinity, kInfinity, false, false,
-                  "a sensor has an offset",
-                  "monitor (disagreement) in the next tick, if it moves the controller's N or f_s by more than 5 % of "
-                  "the weight; otherwise nobody"},
+    FaultKindInfo{
+        kSensorBias, "sensor_bias", kSensor, kToTheEnd, "offset; orientation: an angle",
+        "rad/s, m/s^2, rad, m or rail units", kGiven, -kInfinity, kInfinity, false, false, "a sensor has an offset",
+        "attitude sensed: monitor (disagreement) in the next tick, if it moves the controller's N or f_s by "
+        "more than 5 % of the weight; with [sensors] controller (slip_measured, light_measured, no_estimate), if "
+        "it looks like one; position_fix, and otherwise: nobody"},
     FaultKindInfo{kSensorNoise, "sensor_noise", kSensor, kToTheEnd, "standard deviation",
                   "rad/s, m/s^2, rad, m or rail units", kGiven, 0, kInfinity, true, false,
                   "a sensor has Gaussian noise, independent per tick", "as sensor_bias"},

@@ -16,6 +16,9 @@ constexpr double kGreatestFriction = 2;        // rubber on dry asphalt: about 1
 constexpr double kGreatestResistance = 0.3;    // loose sand
 constexpr double kGreatestSpinFriction = 0.1;  // of ball.radius
 constexpr double kSteepest_rad = 0.6;          // steeper than any street
+constexpr double kLeastCreep = 1e-2;           // of the default: the integrator follows stops that take as long as this
+constexpr double kFarFromTruth = 2;            // factor of a belief
+constexpr double kSureSigmas = 3;              // of what is drawn for a sensor
 constexpr double kTouching = 2e-3;             // of ball.radius: rails nearer than this cannot be built
 constexpr double kRounding = 1 + 1e-9;         // inertias written with ten digits
 
@@ -68,6 +71,33 @@ void warn_of_ball(TableReader ball, const Scenario& scenario) {
   }
 }
 
+void warn_of_idle_patches(TableReader& surface) {
+  std::vector<TableReader> patches = surface.tables("patch", "");
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    const TableReader& patch = patches[i];
+    if (patch.has("static_friction") || patch.has("kinetic_friction") || patch.has("rolling_resistance")) continue;
+    surface.warn(message("patch.{}", i),
+                 "gives no static_friction, kinetic_friction or rolling_resistance, so that it is like the floor");
+  }
+}
+
+void warn_of_creep(TableReader& surface, const Scenario& scenario) {
+  const Surface& floor = scenario.surface;
+  const auto resists = [](const SurfacePatch& patch) { return patch.rolling_resistance > 0; };
+  if (!(floor.rolling_resistance > 0 || floor.spin_friction_m > 0) &&
+      std::none_of(floor.patches.begin(), floor.patches.end(), resists)) {
+    return;
+  }
+  World usual = scenario;
+  usual.surface.creep_radps = 0;
+  const double least = kLeastCreep * usual.creep_radps();
+  if (!(floor.creep_radps > 0 && floor.creep_radps < least)) return;
+  surface.warn("creep",
+               "is less than a hundredth of the default, {} rad/s: a ball at rest on this floor takes very small steps "
+               "of time, and the run may last long",
+               usual.creep_radps());
+}
+
 void warn_of_surface(TableReader& root, const Scenario& scenario) {
   TableReader surface = root.table("surface");
   const double friction = scenario.surface.static_friction;
@@ -91,6 +121,8 @@ void warn_of_surface(TableReader& root, const Scenario& scenario) {
       surface.warn(message("patch.{}.rolling_resistance", i), "is more than that of loose sand, about 0.3");
     }
   }
+  warn_of_idle_patches(surface);
+  warn_of_creep(surface, scenario);
   if (scenario.surface.spin_friction_m > kGreatestSpinFriction * scenario.ball.radius_m) {
     surface.warn("spin_friction", "is more than {} m = ball.radius / 10, so that contact would be as wide as the ball",
                  kGreatestSpinFriction * scenario.ball.radius_m);
@@ -193,6 +225,75 @@ void warn_of_unplanned_task(TableReader& root, const std::string& source_name, c
   root.warn("task", "has no motion yet, so no mass moves; `ballast plan {}` finds one", source_name);
 }
 
+// The text of a computed number, with as many digits as mean something.
+std::string rounded_text(double value) { return fmt::format("{:.3g}", value); }
+
+// A triad's error at rest, against the largest that leaves an attitude to estimate.
+void warn_of_triad(TableReader triad, const ImuTriad& model, double rate_hz, double rest, double most,
+                   const std::string& unit, const char* most_text) {
+  const double noise = model.noise_density * std::sqrt(rate_hz / 2);
+  if (model.range > 0 && model.range - model.resolution <= rest) {
+    triad.warn("range", "is reached at rest, where an axis reads {} {}: no attitude can be estimated",
+               rounded_text(rest), unit);
+    return;
+  }
+  const double room = model.range > 0 ? (model.range - rest) / kSureSigmas : most;
+  const auto check = [&](const char* key, const char* what, double value) {
+    if (value <= std::min(room, most)) return;
+    if (room < most) {
+      triad.warn(
+          key,
+          "gives {} of {} {}, which may take readings at rest to the end of the range of {} {}: then no attitude "
+          "can be estimated",
+          what, rounded_text(value), unit, rounded_text(model.range), unit);
+    } else {
+      triad.warn(key, "gives {} of {} {}, {} {} {}: no attitude can be estimated", what, rounded_text(value), unit,
+                 most_text, rounded_text(most), unit);
+    }
+  };
+  check("bias", "an offset", model.bias);
+  check("noise_density", "a noise of each sample", noise);
+}
+
+// The filter on board needs samples that say something of the attitude.
+void warn_of_sensors(TableReader sensors, const Scenario& scenario) {
+  const SensorModel& model = scenario.sensors;
+  if (!model.attitude_estimated || !has_controller(scenario.run.actuation) || scenario.gravity_mps2 == 0) return;
+  const double slope = scenario.surface.slope_rad, downhill = scenario.surface.downhill_rad;
+  const Eigen::Vector3d up_W(-std::sin(slope) * std::cos(downhill), -std::sin(slope) * std::sin(downhill),
+                             std::cos(slope));
+  const Eigen::Vector3d up_B = scenario.initial.orientation.conjugate() * up_W;
+  const double most_radps = std::sqrt(scenario.gravity_mps2 / scenario.ball.radius_m);
+  warn_of_triad(sensors.table("gyro"), model.gyro, model.rate_hz, 0, most_radps, "rad/s",
+                "more than the rate at which this ball rocks, about");
+  warn_of_triad(sensors.table("accelerometer"), model.accelerometer, model.rate_hz,
+                scenario.gravity_mps2 * up_B.cwiseAbs().maxCoeff(), scenario.gravity_mps2, "m/s^2",
+                "more than gravity,");
+}
+
+// A belief is meant to differ, but rarely by that much.
+void warn_of_belief(TableReader believed, const Scenario& scenario) {
+  if (!believed.present() || !scenario.believed) return;
+  const World& belief = *scenario.believed;
+  const auto check = [](TableReader& table, const std::string& key, double value, double truth) {
+    if (!(value > 0 && truth > 0 && std::isfinite(value) && std::isfinite(truth))) return;
+    if (value < kFarFromTruth * truth && truth < kFarFromTruth * value) return;
+    table.warn(key, "is believed where the truth is {}, a factor of {} away", truth,
+               std::round(10 * std::max(value / truth, truth / value)) / 10);
+  };
+  TableReader ball = believed.table("ball"), surface = believed.table("surface");
+  check(ball, "radius", belief.ball.radius_m, scenario.ball.radius_m);
+  check(ball, "mass", belief.ball.mass_kg, scenario.ball.mass_kg);
+  for (int j = 0; j < 3; ++j) {
+    check(ball, message("inertia.{}", j), belief.ball.inertia_kgm2[j], scenario.ball.inertia_kgm2[j]);
+  }
+  check(surface, "static_friction", belief.surface.static_friction, scenario.surface.static_friction);
+  check(surface, "rolling_resistance", belief.surface.rolling_resistance, scenario.surface.rolling_resistance);
+  for (std::size_t i = 0; i < belief.masses.size(); ++i) {
+    check(believed, message("mass.{}.mass", i), belief.masses[i].mass_kg, scenario.masses[i].mass_kg);
+  }
+}
+
 }  // namespace
 
 void warn_of_implausible_values(const Node& root_node, const std::string& source_name, const Scenario& scenario,
@@ -210,6 +311,8 @@ void warn_of_implausible_values(const Node& root_node, const std::string& source
   warn_of_unplanned_task(root, source_name, scenario);
   warn_of_ball(root.table("ball"), scenario);
   warn_of_surface(root, scenario);
+  warn_of_sensors(root.table("sensors"), scenario);
+  warn_of_belief(root.table("believed"), scenario);
   std::vector<TableReader> masses = root.tables("mass", "");
   if (masses.size() == scenario.masses.size()) warn_of_rails(masses, scenario);
 }

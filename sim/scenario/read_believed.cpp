@@ -91,6 +91,10 @@ void read_believed(const Node& root, const MassSurroundings& around, ReadContext
   if (world.ball.radius_m != scenario.ball.radius_m) {
     check_rails(root, around, context, world.ball.radius_m, believed);
   }
+  if (const double place_m = scenario.sensors.accelerometer_position_B_m.stableNorm(); place_m >= world.ball.radius_m) {
+    believed.refuse("ball.radius",
+                    "leaves the accelerometer no room; allowed: above {} m, its distance from the centre", place_m);
+  }
   scenario.believed = std::move(world);
 }
 

@@ -31,16 +31,20 @@ bool meet(const Vector2d& a, const Vector2d& b, const Vector2d& c, const Vector2
 std::string polygon_error(const std::vector<Vector2d>& corners) {
   const std::size_t n = corners.size();
   const auto corner = [&](std::size_t i) { return corners[i % n]; };
-  double doubled_area = 0, size = 0;
+  double doubled_area = 0, size = 0, greatest_turn = 0;
   for (std::size_t i = 0; i < n; ++i) {
     if (corner(i) == corner(i + 1)) {
       return message("has corner {} twice; allowed: corners that differ, the last one from the first too", i);
     }
-    doubled_area += turn(corner(0), corner(i), corner(i + 1));
+    const double part = turn(corner(0), corner(i), corner(i + 1));
+    doubled_area += part;
+    greatest_turn = std::max(greatest_turn, std::abs(part));
     size = std::max(size, (corner(i) - corner(0)).norm());
   }
   // Numbers written by hand are no better than that.
-  if (!(std::abs(doubled_area) > 1e-12 * size * size)) return "has no area; allowed: corners around an area";
+  const double least = 1e-12 * size * size;
+  const char* no_area = "has no area; allowed: corners around an area";
+  if (!(greatest_turn > least)) return no_area;  // all on a line; the two halves of a bow tie cancel later
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t j = i + 1; j < n; ++j) {
       // Neighbours share a corner, and may not fold back over each other.
@@ -56,7 +60,7 @@ std::string polygon_error(const std::vector<Vector2d>& corners) {
       }
     }
   }
-  return "";
+  return std::abs(doubled_area) > least ? "" : no_area;
 }
 
 bool read_shape(TableReader& table, SurfacePatch& patch) {

@@ -45,13 +45,13 @@ double read_rate(TableReader& table, std::optional<double> control_period_s, std
   if (rate_hz <= 0 || !control_period_s || ticks_per_sample(rate_hz, *control_period_s) > 0) return rate_hz;
   const double tick_rate_hz = 1 / *control_period_s, ticks = std::max(1.0, std::ceil(tick_rate_hz / rate_hz - 1e-9));
   table.refuse("rate",
-               "does not divide the tick rate of {} Hz (1 / run.control_period); allowed: {} Hz and others that "
-               "are it by a whole number",
-               tick_rate_hz, tick_rate_hz / ticks);
+               "does not divide the tick rate of {} Hz (1 / run.control_period); allowed: that rate over a "
+               "whole number, as {} Hz = {} / {}",
+               tick_rate_hz, tick_rate_hz / ticks, tick_rate_hz, ticks);
   return 0;
 }
 
-// A delay is at most the run's: what comes later is never seen.
+// check_scenario() refuses one by which no sample would arrive within the run.
 double read_delay(TableReader& table, std::string_view key) {
   return table.number(key, Range::between(0, 10, "s"), 0.0).value_or(0);
 }

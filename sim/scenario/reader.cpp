@@ -31,14 +31,22 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return d[a.size()][b.size()];
 }
 
-// A table as the author of a scenario writes it: "[surface]", "[[fault]] 0", "rail of [[mass]] 2".
+// The part of a path that begins at `at`.
+std::string_view part_at(std::string_view path, std::size_t at) { return path.substr(at, path.find('.', at) - at); }
+
+// Entries of arrays are counted: their index is the one part of a path that is a number.
+bool is_index(std::string_view part) { return part.find_first_not_of("0123456789") == std::string_view::npos; }
+
+// A table as the author of a scenario writes it: "[surface.slope]", "[[fault]] 0", "rail of [[mass]] 2", "circle of
+// [[surface.patch]] 0".
 std::string place(const std::string& path) {
   if (path.empty()) return "the top level";
-  const std::size_t dot = path.find('.');
+  std::size_t dot = path.find('.');
+  while (dot != std::string::npos && !is_index(part_at(path, dot + 1))) dot = path.find('.', dot + 1);
   if (dot == std::string::npos) return "[" + path + "]";
-  const std::size_t inner = path.find('.', dot + 1);
-  const std::string entry = "[[" + path.substr(0, dot) + "]] " + path.substr(dot + 1, inner - dot - 1);
-  return inner == std::string::npos ? entry : path.substr(inner + 1) + " of " + entry;
+  const std::string index(part_at(path, dot + 1)), entry = "[[" + path.substr(0, dot) + "]] " + index;
+  const std::size_t inner = dot + 1 + index.size();
+  return inner == path.size() ? entry : path.substr(inner + 1) + " of " + entry;
 }
 
 // Words in quotes, or not, with commas between them and `last` before the last one.
@@ -125,9 +133,10 @@ std::string Range::text_for(double value) const {
 std::string Range::text() const {
   std::string text = infinity_allowed ? "number" : "finite number";
   const bool bounded_below = std::isfinite(low), bounded_above = std::isfinite(high);
-  if (bounded_below && bounded_above) {
-    text += std::string(" in ") + (low_excluded ? "(" : "[") + number_text(low) + ", " + number_text(high) +
-            (high_excluded ? ")" : "]");
+  if (bounded_below && bounded_above && high_excluded) {  // a bracket at the end of a long number is overlooked
+    text += (low_excluded ? " > " : " >= ") + number_text(low) + " and < " + number_text(high);
+  } else if (bounded_below && bounded_above) {
+    text += std::string(" in ") + (low_excluded ? "(" : "[") + number_text(low) + ", " + number_text(high) + "]";
   } else if (bounded_below) {
     text += (low_excluded ? " > " : " >= ") + number_text(low);
   } else if (bounded_above) {
@@ -198,15 +207,13 @@ void TableReader::report_kind(const Node& node, const std::string& path, const s
   report(node, path, message("is {}; allowed: {}", what_it_is(node), allowed));
 }
 
-// Entries of arrays are counted: their index is the one part of a path that is a number.
 void TableReader::note(std::string_view key, const std::string& allowed, const std::string& fallback) {
   if (context_->keys == nullptr) return;
   std::string path, part;
   std::stringstream parts(path_of(key));
   while (std::getline(parts, part, '.')) {
-    const bool index = part.find_first_not_of("0123456789") == std::string::npos;
     if (!path.empty()) path += '.';
-    path += index ? "N" : part;
+    path += is_index(part) ? "N" : part;
   }
   context_->keys->push_back({path, allowed, fallback});
 }
@@ -332,8 +339,8 @@ std::optional<std::vector<double>> TableReader::numbers(std::string_view key, st
 
 std::optional<std::vector<double>> TableReader::list(std::string_view key, std::size_t least, std::size_t most,
                                                      const Range& range) {
-  const Node* value =
-      array(key, least, most, message("an array of {} to {} numbers, each a {}", least, most, range.text()));
+  const std::string count = least == most ? std::to_string(least) : message("{} to {}", least, most);
+  const Node* value = array(key, least, most, message("an array of {} numbers, each a {}", count, range.text()));
   return value == nullptr ? std::nullopt : checked_numbers(*value, path_of(key), range);
 }
 

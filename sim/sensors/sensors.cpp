@@ -16,6 +16,9 @@ using Eigen::Vector3d;
 // Decimal rates and periods make whole numbers of ticks up to rounding.
 constexpr double kRounding = 1e-9;
 
+// No run has as many: a second sample never comes.
+constexpr double kMostTicks = 1e15;
+
 enum class Stream : std::uint64_t { kGyro = 1, kAccelerometer, kFix };
 
 std::uint64_t seed_of(std::uint64_t seed, Stream stream) {
@@ -52,7 +55,8 @@ std::int64_t delay_ticks(double delay_s, double control_period_s) {
 
 std::int64_t ticks_per_sample(double rate_hz, double control_period_s) {
   const double ticks = 1 / (rate_hz * control_period_s), whole = std::nearbyint(ticks);
-  return whole >= 1 && std::abs(ticks - whole) <= kRounding * whole ? static_cast<std::int64_t>(whole) : 0;
+  if (!(whole >= 1 && std::abs(ticks - whole) <= kRounding * whole)) return 0;
+  return static_cast<std::int64_t>(std::min(whole, kMostTicks));
 }
 
 Triad::Triad(const ImuTriad& model, double rate_hz, std::uint64_t seed)

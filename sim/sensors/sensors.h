@@ -72,7 +72,7 @@ class Sensors {
   // Once per tick, in order.
   const SensorReadings& read(std::int64_t tick, const TrueMotion& truth);
 
-  // What the gyro now adds to every true reading.
+  // The offset that the gyro now adds to every true reading.
   [[nodiscard]] const Eigen::Vector3d& gyro_bias_B_radps() const { return gyro_.bias(); }
 
  private:

@@ -13,7 +13,7 @@ constexpr double kDegree = std::numbers::pi / 180;
 
 int seeds(int usual) {
   const char* given = std::getenv("BALLAST_SEEDS");
-  return given != nullptr ? std::atoi(given) : usual;
+  return given != nullptr ? static_cast<int>(std::strtol(given, nullptr, 10)) : usual;
 }
 
 void print(const char* name, const Study& s) {

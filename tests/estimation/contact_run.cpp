@@ -117,7 +117,6 @@ ContactRun record_contact(const std::string& name, const std::vector<std::string
   run.params.has_encoders = !resolution.empty();
   for (std::size_t i = 0; i < resolution.size(); ++i) run.params.encoder_resolution[i] = resolution[i];
   run.control_period_s = scenario.run.control_period_s;
-  run.static_friction = params->static_friction;
   sil::LocalPeers peers(std::make_unique<Blind>(program::to_monitor_limits(scenario)),
                         std::make_unique<sil::HostFirmware>(*params, run.control_period_s), nullptr);
   Recorder recorder(scenario, run);
@@ -142,7 +141,7 @@ void measure(const ContactRun& run, const std::function<void(const MeasuredTick&
     if (disturb) disturb(heard.tick, heard);
     update(run.ball, run.params, run.control_period_s, heard, tick.commanded, heard.tick, *filter, estimate);
     measure_masses(run.ball, run.params, run.control_period_s, heard, tick.commanded, *masses, motion);
-    measure_contact(run.ball, run.params, run.control_period_s, heard, motion, estimate, run.static_friction, *contact,
+    measure_contact(run.ball, run.params, run.control_period_s, heard, tick.commanded, motion, estimate, *contact,
                     measured);
     look({tick, estimate, motion, *contact, measured});
   }

@@ -27,7 +27,6 @@ struct ContactRun {
   firmware::BallParams ball;
   firmware::EstimationParams params;
   double control_period_s = 0;
-  double static_friction = 0;
   std::vector<ContactTick> ticks;
 };
 

@@ -273,6 +273,49 @@ TEST(NoHeap, GovernedMotion) {
   EXPECT_GT(bent, 100);
 }
 
+// Feedback along a whole table, through its end and the hold there, with a ball that is off by turns little and far, so
+// that masses saturate and the integral waits; then a stop.
+TEST(NoHeap, ATrackedRun) {
+  const auto params = std::make_unique<ControllerParams>(testing::paper_params());
+  ReferenceTable& table = params->tracking;
+  const int masses = params->ball.mass_count, row = reference_row(masses);
+  table.samples = kMostReferenceFloats / row;
+  table.period_s = 0.5;
+  table.holds = true;
+  for (int k = 0; k < table.samples; ++k) {
+    float* values = table.values.data() + static_cast<std::ptrdiff_t>(k) * row;
+    values[0] = 1;
+    for (int c = kReferenceStateFloats; c < row; ++c) values[c] = 0.125f * static_cast<float>((c + k) % 5 - 2);
+  }
+  ASSERT_TRUE(validate(*params).ok());
+  const auto state = std::make_unique<ControllerState>();
+  const auto out = std::make_unique<Outputs>();
+  Inputs in;
+  int tracked = 0, integrated = 0;
+  EXPECT_EQ(allocations_during([&] {
+              reset(*params, *state);
+              for (std::int64_t k = 0; k < 100'000; ++k) {
+                in.tick = in.sensors.tick = in.monitor.tick = k;
+                const Real t = static_cast<Real>(k) * 1e-3, size = k % 4000 < 3000 ? 1e-3 : 0.3;
+                in.sensors.orientation = Quaternion(std::cos(size), std::sin(size), 0, 0);
+                in.sensors.gyro_B_radps = size * Vector3(std::sin(t), std::cos(t), 1);
+                in.operator_command = k == 1        ? OperatorCommand::kArm
+                                      : k == 2      ? OperatorCommand::kStart
+                                      : k == 90'000 ? OperatorCommand::kStop
+                                                    : OperatorCommand::kNone;
+                const Vector2 before = state->tracking.integral_W_ms;
+                whole_tick(*params, *state, in, *out);
+                tracked += state->tracking.follows && state->mode == Mode::kRunning;
+                integrated += state->tracking.integral_W_ms != before;
+              }
+            }),
+            0);
+  EXPECT_GT(tracked, 89'000) << state->faults;
+  EXPECT_GT(integrated, 1'000);
+  EXPECT_LT(integrated, 89'000);  // it waited
+  EXPECT_GT(out->status.steps_issued[0], 1'000);
+}
+
 TEST(NoHeap, MovesAndStops) {
   const auto params = std::make_unique<ControllerParams>(testing::paper_params());
   const auto state = std::make_unique<ControllerState>();

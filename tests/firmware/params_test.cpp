@@ -181,6 +181,8 @@ TEST(Validate, Estimation) {
   for (int j = 0; j < 3; ++j) {
     expect_refused_values("estimation.accelerometer_position_B_m", -1, {kNan, kInfinity},
                           [j](auto& p) -> Real& { return p.estimation.accelerometer_position_B_m[j]; });
+    expect_refused("estimation.accelerometer_position_B_m", -1,
+                   [j](auto& p) { p.estimation.accelerometer_position_B_m[j] = Real(1.01) * p.ball.radius_m; });
     expect_refused_values("estimation.initial_angular_velocity", -1, {kNan, kInfinity},
                           [j](auto& p) -> Real& { return p.estimation.initial_angular_velocity_B_radps[j]; });
   }

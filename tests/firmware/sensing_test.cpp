@@ -73,7 +73,7 @@ TEST(Sensing, WithoutAnEstimateItCannotBeArmed) {
   EXPECT_EQ(ball.out.status.mode, Mode::kDisarmed);
   EXPECT_EQ(ball.out.status.refusal.reason, Refusal::kNoEstimate);
   EXPECT_EQ(ball.out.status.faults, 0u) << "a filter that has only begun is no fault";
-  // What is not known is published as fixed numbers, and N as unknown.
+  // Unknown quantities are published as fixed numbers, and N as unknown.
   EXPECT_FALSE(ball.out.status.estimate.valid);
   EXPECT_EQ(ball.out.status.estimate.orientation.w(), 1);
   EXPECT_FALSE(ball.out.status.measured.valid);

@@ -79,7 +79,9 @@ TEST(TickMotion, NeverPassesALimit) {
     const Wide way = limits.max_velocity *
                      (limits.max_velocity / limits.max_acceleration + limits.max_acceleration / limits.max_jerk);
     const Wide room = way * log_uniform(0.01, 10);
-    Mass mass(limits, ends ? -room : -kEndless, ends ? room : kEndless, {0, 0, 0});
+    Wide end = kEndless;
+    if (ends) end = room;
+    Mass mass(limits, -end, end, {0, 0, 0});
     Wide wanted = 0;
     int left = 0;
     for (int k = 0; k < 3000 && !::testing::Test::HasFailure(); ++k) {

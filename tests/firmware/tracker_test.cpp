@@ -102,9 +102,10 @@ TEST(Tracker, FeedbackIsTheProductWithTheError) {
       masses.velocity[static_cast<std::size_t>(i)] = e[n + i] = draw(random);
     }
     const Vector2 integral = vector(2);
-    e.segment<3>(2 * n) = angle * axis;
-    e.segment<3>(2 * n + 3) = ball.angular_velocity_B_radps;
-    e.segment<2>(2 * n + 6) = ball.position_W_m - place.cast<float>().cast<double>();
+    const Eigen::Index of_ball = Eigen::Index{2} * n;
+    e.segment<3>(of_ball) = angle * axis;
+    e.segment<3>(of_ball + 3) = ball.angular_velocity_B_radps;
+    e.segment<2>(of_ball + 6) = ball.position_W_m - place.cast<float>().cast<double>();
     e.tail<2>() = integral;
     const double time_s = 0.3;
     const ErrorVector ours = tracking_error(*table, n, kRadius, time_s, ball, masses, integral);

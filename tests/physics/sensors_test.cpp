@@ -120,7 +120,8 @@ TEST(Triad, ItsAllanDeviationLiesOnTheLinesOfNoiseAndWalk) {
         const double tau_s = static_cast<double>(m) / kRate_hz, count = static_cast<double>(m);
         const double noise = model.noise_density * model.noise_density / (2 * tau_s);
         const double walk = model.bias_walk * model.bias_walk / kRate_hz * (2 * count * count + 1) / (6 * count);
-        const double found = allan_variance(sums, m), means = static_cast<double>(kSamples / m) - 1;
+        const std::size_t whole = kSamples / m;
+        const double found = allan_variance(sums, m), means = static_cast<double>(whole) - 1;
         // Neighbouring differences correlate by -1/2 (noise) to 1/4 (walk), so that the variance of an axis's estimate
         // is at most 2 (1 + 2/4) / means. 3.8 sigma for each of 70 estimates make a band of 99 % for all of them.
         if (means > 500) {

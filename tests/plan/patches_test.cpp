@@ -5,48 +5,18 @@
 #include <random>
 
 #include "sim/plant/local_floor.h"
+#include "tests/plan/desk_task.h"
 #include "tools/plan/bounds.h"
 #include "tools/plan/write_plan.h"
 
 namespace ballast::plan {
 namespace {
 
-// `surface`: further lines of [surface], then patches and other tables.
-std::string task_on(const std::string& surface, const std::string& task) {
-  return R"(name = "test"
-gravity = 9.81
-[ball]
-radius = 0.15
-mass = 0.8
-inertia = [0.0118, 0.0118, 0.0118]
-[[mass]]
-mass = 0.28
-rail = { shape = "circle", radius = 0.095, center = [0, -0.06, 0], axes = [[0, 0, -1], [1, 0, 0]] }
-[[mass]]
-mass = 0.28
-rail = { shape = "circle", radius = 0.095, center = [0, 0.06, 0], axes = [[0, 0, -1], [1, 0, 0]] }
-[[mass]]
-mass = 0.28
-rail = { shape = "circle", radius = 0.05, center = [0, 0, 0.03], axes = [[0, 0, -1], [0, 1, 0]] }
-[run]
-actuation = "prescribed"
-[surface]
-)" + surface +
-         "[task]\n" + task;
-}
-
 const std::string kFloor = "static_friction = 0.5\n";
 
 // Across the straight way to (0.5, 0), 0.1 m wide.
 std::string strip(const std::string& keys) {
   return "[[surface.patch]]\npolygon = [[0.2, -2], [0.3, -2], [0.3, 2], [0.2, 2]]\n" + keys + "\n";
-}
-
-TaskFile read(const std::string& toml) {
-  std::vector<sim::ScenarioError> errors;
-  const auto task = parse_task(toml, "task.toml", errors);
-  EXPECT_TRUE(task) << (errors.empty() ? "" : sim::to_string(errors.front()));
-  return task.value_or(TaskFile{});
 }
 
 struct Rolled {
@@ -60,7 +30,7 @@ struct Rolled {
 // Plans, and rolls the written plan in steps of 1 ms.
 Rolled rolled(const std::string& toml) {
   Rolled out;
-  const TaskFile task = read(toml);
+  const TaskFile task = read_task(toml);
   const Outcome outcome = search(make_problem(task), task.scenario, {});
   EXPECT_TRUE(outcome.plan) << outcome.binding;
   if (!outcome.plan) return out;
@@ -86,17 +56,12 @@ Rolled rolled(const std::string& toml) {
   return out;
 }
 
-Outcome outcome_of(const std::string& toml) {
-  const TaskFile task = read(toml);
-  return search(make_problem(task), task.scenario, {});
-}
-
 // On a floor that is ice everywhere the task is impossible: 0.5 m in 6 s take f_s/N = 0.0057, and the ice allows
 // 0.0032.
 TEST(PlanOnPatches, IceAcrossTheWayIsCrossedWithLittleFriction) {
   const std::string task = "goal = [0.5, 0]\nduration = 6.0\n";
-  EXPECT_EQ(outcome_of(task_on("static_friction = 0.004\n", task)).status, Status::kInfeasible);
-  const Rolled run = rolled(task_on(kFloor + strip("static_friction = 0.004"), task));
+  EXPECT_EQ(outcome_of(desk_task("static_friction = 0.004\n", task)).status, Status::kInfeasible);
+  const Rolled run = rolled(desk_task(kFloor + strip("static_friction = 0.004"), task));
   ASSERT_TRUE(run.found);
   EXPECT_LE(run.most_on_ice, 0.8 * 0.004);
   EXPECT_GT(run.most_on_ice, 0);
@@ -106,7 +71,7 @@ TEST(PlanOnPatches, IceAcrossTheWayIsCrossedWithLittleFriction) {
 
 TEST(PlanOnPatches, TheShortestTimeHoldsOnIceToo) {
   const std::string task = "goal = [0.5, 0]\nduration = 6.0\nobjective = \"time\"\n";
-  const Rolled run = rolled(task_on("static_friction = 0.05\n" + strip("static_friction = 0.02"), task));
+  const Rolled run = rolled(desk_task("static_friction = 0.05\n" + strip("static_friction = 0.02"), task));
   ASSERT_TRUE(run.found);
   EXPECT_LE(run.most_use, 0.8);
   EXPECT_LE(run.most_on_ice, 0.8 * 0.02);
@@ -115,7 +80,8 @@ TEST(PlanOnPatches, TheShortestTimeHoldsOnIceToo) {
 }
 
 TEST(PlanOnPatches, ACarpetIsCrossedToTheGoal) {
-  const Rolled run = rolled(task_on(kFloor + strip("rolling_resistance = 0.05"), "goal = [0.5, 0]\nduration = 6.0\n"));
+  const Rolled run =
+      rolled(desk_task(kFloor + strip("rolling_resistance = 0.05"), "goal = [0.5, 0]\nduration = 6.0\n"));
   ASSERT_TRUE(run.found);
   EXPECT_LE(run.most_use, 0.8);
 }
@@ -124,12 +90,13 @@ TEST(PlanOnPatches, ACarpetIsCrossedToTheGoal) {
 TEST(PlanOnPatches, RestOnASlopeNeedsAPatchThatHolds) {
   const std::string floor =
       kFloor + "slope = { angle = 0.0523598775598, downhill = 0.7 }\n" + strip("static_friction = 0.05");
-  const Outcome outcome = outcome_of(task_on(floor, "goal = [0.25, 0]\nduration = 6.0\n"));
+  const Outcome outcome = outcome_of(desk_task(floor, "goal = [0.25, 0]\nduration = 6.0\n"));
   EXPECT_EQ(outcome.status, Status::kInfeasible);
   EXPECT_NE(outcome.binding.find("friction does not hold"), std::string::npos) << outcome.binding;
   EXPECT_NE(outcome.binding.find("at the goal (surface.patch)"), std::string::npos) << outcome.binding;
   for (const char* possible : {"goal = [0.1, 0]\nduration = 6.0\n", "goal = [0.3, 0]\nduration = 6.0\n"}) {
-    EXPECT_EQ(no_rest(make_problem(read(task_on(floor, possible)))), "") << possible;  // beside it, and on its border
+    EXPECT_EQ(no_rest(make_problem(read_task(desk_task(floor, possible)))), "")
+        << possible;  // beside it, and on its border
   }
 }
 
@@ -137,8 +104,8 @@ TEST(PlanOnPatches, RestOnASlopeNeedsAPatchThatHolds) {
 TEST(PlanOnPatches, PatchesAreBelieved) {
   const std::string believed = "[believed.surface]\nstatic_friction = 0.3\nrolling_resistance = 0.02\n";
   const std::string task = "goal = [0.5, 0]\nduration = 6.0\n";
-  const TaskFile file =
-      read(task_on(kFloor + strip("static_friction = 0.1") + strip("rolling_resistance = 0.05") + believed, task));
+  const TaskFile file = read_task(
+      desk_task(kFloor + strip("static_friction = 0.1") + strip("rolling_resistance = 0.05") + believed, task));
   const sim::Surface& floor = file.scenario.surface;
   ASSERT_EQ(floor.patches.size(), 2u);
   EXPECT_EQ(floor.static_friction, 0.3);

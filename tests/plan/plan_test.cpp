@@ -6,6 +6,7 @@
 #include <numbers>
 #include <set>
 
+#include "tests/plan/desk_task.h"
 #include "tests/plan/task_set.h"
 #include "tools/plan/alternatives.h"
 #include "tools/plan/bounds.h"
@@ -16,27 +17,7 @@
 namespace ballast::plan {
 namespace {
 
-const std::string kRobot = R"(name = "test"
-gravity = 9.81
-[ball]
-radius = 0.15
-mass = 0.8
-inertia = [0.0118, 0.0118, 0.0118]
-[surface]
-static_friction = 0.5
-[[mass]]
-mass = 0.28
-rail = { shape = "circle", radius = 0.095, center = [0, -0.06, 0], axes = [[0, 0, -1], [1, 0, 0]] }
-[[mass]]
-mass = 0.28
-rail = { shape = "circle", radius = 0.095, center = [0, 0.06, 0], axes = [[0, 0, -1], [1, 0, 0]] }
-[[mass]]
-mass = 0.28
-rail = { shape = "circle", radius = 0.05, center = [0, 0, 0.03], axes = [[0, 0, -1], [0, 1, 0]] }
-[run]
-actuation = "prescribed"
-[task]
-)";
+const std::string kFloor = "static_friction = 0.5\n", kRobot = desk_task(kFloor, "");
 
 struct Planned {
   std::optional<TaskFile> task;
@@ -51,14 +32,6 @@ std::string random_toml(std::uint64_t seed, int number) {
   const auto toml = random_task(seed, number, why);
   EXPECT_TRUE(toml) << why;
   return toml.value_or("");
-}
-
-std::string errors_of(const std::string& toml) {
-  std::vector<sim::ScenarioError> errors;
-  static_cast<void>(parse_task(toml, "task.toml", errors));
-  std::string text;
-  for (const auto& error : errors) text += sim::to_string(error) + "\n";
-  return text;
 }
 
 enum class Expect { kFound, kAnything };
@@ -346,10 +319,7 @@ std::string with_motors(std::string robot, const std::string& limits, bool stepp
 }
 
 // The robot on another floor; `surface`: further lines of [surface].
-std::string on_floor(const std::string& surface, const std::string& task) {
-  std::string text = kRobot;
-  return text.insert(text.find("[[mass]]"), surface) + task;
-}
+std::string on_floor(const std::string& surface, const std::string& task) { return desk_task(kFloor + surface, task); }
 
 const std::string kSlope = "slope = { angle = 0.0523598775598, downhill = 0.7 }\n";  // 3 degrees
 
@@ -391,15 +361,6 @@ TEST(PlanOnRealFloors, RestsInEquilibrium) {
     // The speed that is left, 3e-4 sqrt(g r), takes it at most 3.6 mm in 10 s.
     EXPECT_LT((plant.sample().position_W_m.head<2>() - Eigen::Vector2d(0.3, 0.1)).norm(), 4e-3);
   }
-}
-
-Outcome outcome_of(const std::string& toml, Problem& problem) {
-  std::vector<sim::ScenarioError> errors;
-  const auto task = parse_task(toml, "task.toml", errors);
-  EXPECT_TRUE(task) << errors_of(toml);
-  if (!task) return {};
-  problem = make_problem(*task);
-  return search(problem, task->scenario, {});
 }
 
 // The robot's masses bring the centre of mass at most 0.0461 m from the geometric centre: straight down, with all three

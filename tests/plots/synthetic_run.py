@@ -38,7 +38,7 @@ def commanded_forces(contact, time_s):
     return max(contact.normal_force_n + shake, 0.0), contact.static_friction_n + abs(shake) / 2
 
 
-# What the log says of the estimate at a time, with known = True. Angles in degrees; the errors are the estimate less the truth.
+# The estimate in the log, with known = True. Angles in degrees; errors are the estimate less the truth.
 GYRO_BIAS_DEGPS = np.array([0.5, -0.25, 0.125])
 KNOWN_SIGMA = {"tilt": 0.25, "yaw": 2.0, "bias": 0.1, "place": 0.05, "normal": 0.5, "need": 0.01, "slip": 0.2}
 SLIP_FLAGS = ((5.0, 6.0), (9.0, 9.5))

@@ -12,6 +12,7 @@ from unittest import mock
 
 import numpy as np
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.legend import Legend
 from matplotlib.patches import Polygon
@@ -403,6 +404,49 @@ static_friction = 0.9
         np.testing.assert_array_equal(floor_patches.top_patch(run.patches, places), [0, 1, -1, 2])
         # Where they overlap the last one counts.
         np.testing.assert_array_equal(floor_patches.top_patch(run.patches[:2], np.array([[0.65, 0], [0.45, 0]])), [1, 0])
+
+    def test_friction_needed_beside_what_the_floor_under_the_ball_gives(self):
+        folder = ball().write(self.folder)
+        (self.folder / "scenario.toml").write_text(self.PATCHES)
+        run = RecordedRun(folder)
+        floor = run.static_friction_coefficient
+        under = run.static_friction_under_ball()
+        inside = (np.abs(run.state["position_W_m"][:, :2]) <= 0.5).all(axis=1)  # of the first patch
+        self.assertTrue(inside.any())
+        np.testing.assert_array_equal(under[inside & ~run.patches[1].holds(run.state["position_W_m"][:, :2])], 0.1)
+        np.testing.assert_array_equal(under[~inside], floor)
+        self.assertIn("under the ball: 0.1 to 0.35", self.texts(pictures.friction_required(run)))
+        (self.folder / "scenario.toml").write_text("")
+        self.assertIsNone(RecordedRun(folder).static_friction_under_ball())
+
+    def test_words_on_a_patch_at_the_side_stay_in_the_axes(self):
+        folder = ball().write(self.folder)
+        high = RecordedRun(folder).state["position_W_m"][:, :2].max(axis=0)
+        (self.folder / "scenario.toml").write_text(
+            "[surface]\nstatic_friction = 0.5\n[[surface.patch]]\n"
+            f"circle = {{ center = [{high[0] + 1}, {high[1]}], radius = 1.0 }}\n"
+            "static_friction = 0.123\nrolling_resistance = 0.0123\n")
+        figure = pictures.path(RecordedRun(folder))
+        figure.savefig(io.BytesIO())
+        axes = figure.axes[0]
+        note = next(text for text in axes.texts if "0.123" in text.get_text())
+        words, view = note.get_window_extent(), axes.get_window_extent()
+        # Setting the axes' size comes after, and moves them by less than the margin of 1 %.
+        self.assertGreaterEqual(words.x0, view.x0)
+        self.assertLessEqual(words.x1, view.x1)
+
+    def test_a_constant_has_ticks_that_differ(self):
+        for value, extent in ((9.81, 1e-11), (9.81, 0), (-3.0, 1e-6)):
+            axes = Figure().subplots()
+            axes.plot([0, 1], [value, value + extent])
+            axes.set_ylim(value - 1e-9, value + 1e-9 + extent)
+            page.widen_flat(axes)
+            self.assertAlmostEqual(np.ptp(axes.get_ylim()), 0.2 * abs(value), delta=1e-3)
+        axes = Figure().subplots()
+        axes.plot([0, 1], [9.81, 9.82])
+        before = axes.get_ylim()
+        page.widen_flat(axes)
+        self.assertEqual(axes.get_ylim(), before)
 
     def test_patches_that_cannot_be_read_are_none(self):
         for text in ("[surface", "surface = 3", "[[surface.patch]]\npolygon = 'x'", "[[surface.patch]]\n"):

@@ -44,6 +44,17 @@ TEST(TargetEquality, AnEstimatedAttitude) {
   expect_equal(sensors + " --set duration=1.5 --set envelope.friction_use=0.03", 3);
 }
 
+// Feedback along the reference, whose table travels over the link: not the robot that the controller believes, and
+// pushed. With ideal masses on an unknown slope; with steppers and an estimate that places from outside correct.
+TEST(TargetEquality, ATrackedPushedRun) {
+  const std::string run =
+      "desk_ball --set control.tracking=true --set believed.ball.mass=0.82 "
+      "--fault push@0.5:2,duration=0.1,direction=[0.6,0.8,0]";
+  expect_equal(run + " --actuation ideal --set surface.slope.angle=0.01 --set duration=3", 0);
+  const std::string sensors = " --set sensors.preset=bmi088_calibrated --set sensors.position_fix.rate=20";
+  expect_equal(run + sensors + " --set run.hold=0.5 --set duration=1.5", 0);
+}
+
 // No pulse for longer than the step timer counts, 172 s.
 TEST(TargetEquality, ALongRest) { expect_equal("desk_ball --set duration=180 --set run.control_period=0.01", 0); }
 

@@ -166,7 +166,7 @@ class RecordingTest(unittest.TestCase):
         # The parameters at a run's beginning hold for every part of it.
         self.assertEqual((found.name, found.summary["surface"]), (whole["scenario"], whole["surface"]))
         self.assertEqual(words.badge(found), ("End not recorded", "unknown"))
-        said = " ".join(words.sentences(found)) + str(words.tables(found)) + str(words.numbers(found.summary))
+        said = " ".join(words.sentences(found)) + str(words.tables(found)) + str(words.numbers(found))
         for left_out in ("no step was lost", "Nothing tripped", "would have held", "torque left"):
             self.assertNotIn(left_out, said)
 
@@ -282,6 +282,25 @@ class RecordingTest(unittest.TestCase):
         self.assertEqual(words.events(found), [(0.5, "fault: lost steps")])
         run.summary["faults"] = [3]
         self.assertIn("faults.0 is 3; allowed: an object", self.refusal(run.write(self.folder)))
+
+    def test_a_slide_on_a_patch_is_told_as_a_run_tells_it(self):
+        run = ball()
+        run.summary["trip"] = {"cause": "friction", "time": 0.0, "tick": 0, "value": 0.117, "limit": 0.5, "latency_ticks": None}
+
+        def said():
+            return " ".join(words.sentences(Recording(run.write(self.folder)))).replace("\u00a0", " ")
+
+        slid = "Tripped at t = 0 s: friction: the ball slid at f_s/N = 0.117, on a floor that was to hold up to 0.5"
+        self.assertIn(slid + ".", said())
+        (self.folder / "scenario.toml").write_text(
+            "[[surface.patch]]\ncircle = { center = [0, 0], radius = 0.01 }\nstatic_friction = 0.05\n")
+        self.assertIn(slid + " (mu_s = 0.05 where it was).", said())
+        self.assertIn((0.0, "trip: the ball slid"), words.events(Recording(self.folder)))
+        found = words.numbers(Recording(self.folder))
+        self.assertEqual(next(number.value for number in found if number.label == "least mu_s under the ball"), 0.05)
+        self.assertIn("floor_friction", Recording(self.folder).columns)
+        run.summary["trip"].update(value=0.6)
+        self.assertIn("the friction came up to its limit, 0.6 where 0.5 is the limit", said())
 
     def test_moves_and_stops_with_and_without_numbers(self):
         run = ball()

@@ -71,6 +71,7 @@ TEST(Patch, EachWrongKeyIsOneError) {
       {patch("polygon = [[0, 0], [1, 0], [1, 0], [0, 1]]"), at + ".polygon", "twice"},
       {patch("polygon = [[0, 0], [1, 0], [0, 1], [0, 0]]"), at + ".polygon", "twice"},
       {patch("polygon = [[0, 0], [1, 1], [1, 0], [0, 2]]"), at + ".polygon", "crosses"},
+      {patch("polygon = [[0, 0], [1, 1], [1, 0], [0, 1]]"), at + ".polygon", "crosses"},          // its halves cancel
       {patch("polygon = [[0, 0], [2, 0], [1, 0], [1, 1]]"), at + ".polygon", "crosses"},          // folds back
       {patch("polygon = [[1, 1], [0, 0], [2, 0], [1, 0]]"), at + ".polygon", "crosses"},          // at its end too
       {patch("polygon = [[0, 0], [2, 0], [2, 1], [1, 0], [0, 1]]"), at + ".polygon", "touches"},  // a corner on an edge
@@ -84,14 +85,14 @@ TEST(Patch, EachWrongKeyIsOneError) {
       {patch("circle = { center = [0, 0, 0], radius = 1 }"), at + ".circle.center", "2 numbers"},
       {patch("circle = { center = [0, nan], radius = 1 }"), at + ".circle.center.1", "finite"},
       {patch("circle = { center = [0, 0], radius = 1, height = 2 }"), at + ".circle.height", "unknown"},
-      {patch("circle = { radius = 1 }"), at + ".circle.center", "missing"},
+      {patch("circle = { radius = 1 }"), at + ".circle.center", "missing from circle of [[surface.patch]] 0"},
       {patch("circle = 1"), at + ".circle", "table"},
       {square("static_friction = 0"), at + ".static_friction", "> 0"},
       {square("static_friction = nan"), at + ".static_friction", "> 0"},
       {square("kinetic_friction = 0.6"), at + ".kinetic_friction", "0.5"},
       {square("rolling_resistance = -0.1"), at + ".rolling_resistance", ">= 0"},
       {square("rolling_resistance = nan"), at + ".rolling_resistance", ">= 0"},
-      {square("static_fricton = 0.1"), at + ".static_fricton", "static_friction"},
+      {square("static_fricton = 0.1"), at + ".static_fricton", "allowed in [[surface.patch]] 0: "},
       {square("slope = { angle = 0.1 }"), at + ".slope", "unknown"},
       {patches, "surface.patch", "at most 64"},
       {kFloor + "patch = 3\n", "surface.patch", "array"},

@@ -53,6 +53,11 @@ INSTANTIATE_TEST_SUITE_P(
               "mass.1.rail.direction.elevation", "write 1.047"},
         Doubt{"mass.1.rail={ shape = \"circle\", radius = 0.05, direction = { azimuth = 90, elevation = 0 } }",
               "mass.1.rail.direction.azimuth", "write 1.5707"},
+        Doubt{"surface.patch=[{circle={center=[0, 0], radius=1}}]", "surface.patch.0", "like the floor"},
+        Doubt{"surface={static_friction=0.5, rolling_resistance=0.01, creep=1e-8}", "surface.creep", "small steps"},
+        Doubt{"believed={ball={mass=1}}", "believed.ball.mass", "a factor of 2 away"},
+        Doubt{"believed={mass=[{mass=0.0001}, {}]}", "believed.mass.0.mass", "is believed where the truth is"},
+        Doubt{"believed={surface={static_friction=0.1}}", "believed.surface.static_friction", "a factor of 5 away"},
         Doubt{"mass.1.rail.radius=0.07", "mass.1.rail", "rail of mass.0"},
         Doubt{"mass.1.rail={ shape = \"circle\", radius = 0.07, axes = [[0, 0, -1], [1, 0, 0]] }", "mass.1.rail",
               "is the rail of mass.0"}));

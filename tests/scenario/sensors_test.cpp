@@ -53,11 +53,28 @@ TEST(SensorScenario, APresetGivesWhatIsNotWritten) {
 TEST(SensorScenario, EveryKeyCountsInTheFingerprint) {
   const std::int64_t plain = parse_scenario(kRobot, "test.toml").scenario.id;
   std::vector<std::int64_t> known{plain};
-  for (const char* key :
-       {"rate=500.0", "latency=0.001", "preset=lsm6dso", "gyro.noise_density=1e-4", "gyro.bias=1e-4",
-        "gyro.bias_walk=1e-4", "gyro.scale_error=1e-4", "gyro.misalignment=1e-4", "gyro.range=10.0",
-        "gyro.resolution=1e-4", "accelerometer.noise_density=1e-4", "accelerometer.position=[0.01, 0, 0]",
-        "position_fix.rate=10.0", "encoder.resolution=0.001"}) {
+  for (const char* key : {"rate=500.0",
+                          "latency=0.001",
+                          "preset=lsm6dso",
+                          "gyro.noise_density=1e-4",
+                          "gyro.bias=1e-4",
+                          "gyro.bias_walk=1e-4",
+                          "gyro.scale_error=1e-4",
+                          "gyro.misalignment=1e-4",
+                          "gyro.range=10.0",
+                          "gyro.resolution=1e-4",
+                          "accelerometer.noise_density=1e-4",
+                          "accelerometer.bias=1e-4",
+                          "accelerometer.bias_walk=1e-4",
+                          "accelerometer.scale_error=1e-4",
+                          "accelerometer.misalignment=1e-4",
+                          "accelerometer.range=10.0",
+                          "accelerometer.resolution=1e-4",
+                          "accelerometer.position=[0.01, 0, 0]",
+                          "position_fix={rate=10}",
+                          "position_fix={rate=10,noise=0.01}",
+                          "position_fix={rate=10,delay=0.1}",
+                          "encoder.resolution=0.001"}) {
     const auto result = parse_scenario(kRobot, "test.toml", {"sensors." + std::string(key)});
     ASSERT_TRUE(result.ok()) << key << ": " << to_string(result.errors[0]);
     EXPECT_EQ(std::count(known.begin(), known.end(), result.scenario.id), 0) << key;
@@ -71,7 +88,7 @@ TEST(SensorScenario, EachWrongKeyIsOneError) {
   } cases[] = {
       {"preset = \"bmi099\"", "sensors.preset", "bmi088"},
       {"rate = 300", "sensors.rate", "does not divide the tick rate of 1000 Hz"},
-      {"rate = 2000", "sensors.rate", "allowed: 1000 Hz"},
+      {"rate = 2000", "sensors.rate", "as 1000 Hz"},
       {"rate = 0", "sensors.rate", "> 0"},
       {"rate = nan", "sensors.rate", "> 0"},
       {"rate = \"fast\"", "sensors.rate", "Hz"},
@@ -79,8 +96,15 @@ TEST(SensorScenario, EachWrongKeyIsOneError) {
       {"gyro = { noise_density = -1 }", "sensors.gyro.noise_density", ">= 0"},
       {"gyro = { bias = nan }", "sensors.gyro.bias", ">= 0"},
       {"gyro = { range = 1, resolution = 2 }", "sensors.gyro.resolution", "coarser than the range"},
-      {"gyro = { drift = 1 }", "sensors.gyro.drift", ""},
       {"accelerometer = { position = [0, 0] }", "sensors.accelerometer.position", "3"},
+      {"accelerometer = { position = [0, 0.08, 0.06] }", "sensors.accelerometer.position", "< ball.radius = 0.1"},
+      // The first sample is taken at 0, two ticks of countdown before it give none at these rates; the run lasts 1 s.
+      {"rate = 100\nlatency = 1.005", "sensors.latency", "at most 1 s at this rate"},
+      {"position_fix = { rate = 10, delay = 1.1 }", "sensors.position_fix.delay", "at most 1 s at this rate"},
+      {"position_fix = { rate = 10, delay = 11 }", "sensors.position_fix.delay", "[0, 10]"},
+      {"position_fix = { rate = 10, delay = nan }", "sensors.position_fix.delay", "[0, 10]"},
+      {"position_fix = { rate = 10, noise = -1 }", "sensors.position_fix.noise", ">= 0"},
+      {"gyro = { drift = 1 }", "sensors.gyro.drift", "allowed in [sensors.gyro]: "},
       {"position_fix = { noise = 0.1 }", "sensors.position_fix.rate", "missing"},
       {"position_fix = { rate = 7 }", "sensors.position_fix.rate", "does not divide"},
       {"encoder = { resolution = [0.1] }", "sensors.encoder.resolution", "2"},
@@ -94,7 +118,27 @@ TEST(SensorScenario, EachWrongKeyIsOneError) {
     ASSERT_EQ(result.errors.size(), 1u);
     EXPECT_EQ(result.errors[0].key, wrong.key);
     EXPECT_NE(to_string(result.errors[0]).find(wrong.words), std::string::npos) << to_string(result.errors[0]);
+    EXPECT_GT(result.errors[0].line, 0);
   }
+}
+
+// The limits of a delay: the run's end, or more with a hold; and the slowest rates that can be written.
+TEST(SensorScenario, DelaysUpToTheRunAreGood) {
+  for (const std::vector<std::string>& overrides : {std::vector<std::string>{"sensors.rate=100", "sensors.latency=1"},
+                                                    {"sensors.position_fix={rate=10,delay=1}"},
+                                                    {"sensors.position_fix={rate=10,delay=1.1}", "run.hold=0.1"},
+                                                    {"sensors.rate=1e-15", "run.control_period=1e-6"}}) {
+    const auto result = parse_scenario(kRobot, "test.toml", overrides);
+    EXPECT_TRUE(result.ok()) << overrides[0] << ": " << to_string(result.errors[0]);
+  }
+}
+
+TEST(SensorScenario, TheAccelerometerFitsTheBelievedBall) {
+  const auto result = parse_scenario(
+      kRobot + "accelerometer = { position = [0, 0.06, 0] }\n[believed.ball]\nradius = 0.055\n", "test.toml");
+  ASSERT_EQ(result.errors.size(), 1u);
+  EXPECT_EQ(result.errors[0].key, "believed.ball.radius");
+  EXPECT_NE(result.errors[0].message.find("above 0.06 m"), std::string::npos) << result.errors[0].message;
 }
 
 // A table without `attitude` asks for an estimate, and a filter needs a hold.
@@ -133,6 +177,7 @@ TEST(SensorScenario, EachWrongKeyOfAnEstimateIsOneError) {
       {{"sensors.attitude=estimated", "sensors.rate=100", "sensors.latency=0.05", "run.hold=0.06"},
        "run.hold",
        "at least 0.061 s"},
+      {{"sensors.attitude=estimated", "sensors.rate=1e-4"}, "sensors.rate", "the longest hold of 1000 s"},
       {{"sensors.attitude=estimated", "fault=[{kind=\"sensor_bias\",time=0.1,sensor=\"orientation\",value=0.1}]"},
        "fault.0.sensor",
        "nothing senses"},

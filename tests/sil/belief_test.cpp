@@ -52,7 +52,7 @@ TEST(Belief, KeysThatAreNotWrittenKeepTheTruth) {
   EXPECT_EQ(load("paper_ball", {"believed.surface.static_friction=0.1"}).belief().surface.kinetic_friction, 0.1);
 }
 
-// What is believed as it is changes no message but the fingerprint.
+// A belief that equals the truth changes no message but the fingerprint.
 TEST(Belief, OfTheTruthChangesNothing) {
   const Rolled with = roll(load("desk_ball", {"duration=0.4", "believed={}"})),
                without = roll(load("desk_ball", {"duration=0.4"}));
@@ -233,7 +233,7 @@ TEST(Belief, RefusesWhatCannotBeBelieved) {
        "<= believed.surface.static_friction = 0.2"},
       {{"believed.surface.rolling_resistance=-1"}, "believed.surface.rolling_resistance", ">= 0"},
       {{"believed.surface.spin_friction=nan"}, "believed.surface.spin_friction", "finite"},
-      {{"believed.surface.slope.angle=2"}, "believed.surface.slope.angle", "[0, 1.57"},
+      {{"believed.surface.slope.angle=2"}, "believed.surface.slope.angle", ">= 0 and < 1.57"},
       {{"believed.surface.restitution=0.5"}, "believed.surface.restitution", "unknown key"},
       {{"believed.mass=[{},{},{},{mass=1}]"}, "believed.mass", "has 4 entries"},
       {{"believed.mass=[{mass=-1}]"}, "believed.mass.0.mass", "> 0"},

@@ -168,6 +168,21 @@ TEST(Run, GlassTripsOnFriction) {
   }
 }
 
+// A patch of ice under the start: where it slips, and that the floor is less there than the monitor was told.
+TEST(Run, SaysWhatAPatchHolds) {
+  const Folder folder;
+  const std::string ice =
+      " paper_ball --actuation prescribed --set duration=3 --set "
+      "'surface.patch=[{circle={center=[0,0],radius=0.5},static_friction=0.001}]'";
+  const Outcome needs = folder.run("ballast friction" + ice);
+  EXPECT_NE(needs.out.find("with patches, it slips at t = "), std::string::npos) << needs.out << needs.err;
+  EXPECT_NE(needs.out.find("mu_s = 0.001\n"), std::string::npos) << needs.out;
+  const Outcome run = folder.run("ballast run" + ice + " --set run.on_violation=continue --out r");
+  EXPECT_EQ(run.exit_status, 3) << run.err;
+  EXPECT_NE(run.out.find("(mu_s = 0.001 where it was)"), std::string::npos) << run.out;
+  EXPECT_EQ(run.out.find("  believed "), std::string::npos) << "with prescribed masses nobody acts by a belief";
+}
+
 // Half the cone allowed: the monitor trips although nothing slips, and the masses are stopped.
 TEST(Run, TripStopsTheMasses) {
   const Folder folder;

@@ -79,6 +79,32 @@ TEST(EstimatedRun, PlantAndControllerAgreeAtTheEstimate) {
   }
 }
 
+TEST(EstimatedRun, SaysThatThereIsNoEstimate) {
+  for (const char* saturated : {"sensors.gyro.bias=1000", "sensors.accelerometer.range=5"}) {
+    const Rolled rolled = sil::roll(load(with({"sensors.gyro.range=30", saturated})));
+    EXPECT_EQ(rolled.result.status, hal::Status::kPeerLost) << saturated;
+    EXPECT_NE(rolled.result.trouble.find("no estimate of its attitude"), std::string::npos) << rolled.result.trouble;
+  }
+}
+
+TEST(EstimatedRun, IsWarnedOfSensorsThatTellNoAttitude) {
+  const auto warned = [](const std::vector<std::string>& overrides) {
+    std::string keys;
+    const auto found = sim::read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/desk_ball.toml", with(overrides));
+    for (const auto& warning : found.warnings) keys += warning.key + " ";
+    return keys;
+  };
+  EXPECT_EQ(warned({}), "");
+  EXPECT_EQ(warned({"sensors.gyro.bias=100"}), "sensors.gyro.bias ");
+  EXPECT_EQ(warned({"sensors.gyro.noise_density=1e10"}), "sensors.gyro.noise_density ");
+  EXPECT_EQ(warned({"sensors.accelerometer.range=5"}), "sensors.accelerometer.range ");
+  EXPECT_EQ(warned({"sensors.accelerometer.range=5", "sensors.attitude=sensed"}), "");
+  // At this attitude each axis reads g / sqrt(3).
+  EXPECT_EQ(warned({"sensors.accelerometer.range=7", "sensors.accelerometer.bias=0",
+                    "initial.orientation=[0.8880738, 0.3250576, -0.3250576, 0]"}),
+            "");
+}
+
 // Nothing that the firmware could use tells it the attitude, and no step depends on its estimate.
 TEST(EstimatedRun, TheAttitudeIsNotInTheMessage) {
   const OfScenario estimated = roll(with({})), sensed = roll(with({"sensors.attitude=sensed"}));

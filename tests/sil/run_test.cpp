@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <csignal>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -618,13 +617,13 @@ TEST(StepperRun, RealSensorsLeaveTheTruthAlone) {
   int others = 0;
   for (std::size_t k = 0; k < ideal.size(); ++k) {
     const plant_state_t &a = ideal[k].plant.state, &b = first[k].plant.state;
-    EXPECT_EQ(std::memcmp(a.orientation, b.orientation, sizeof a.orientation), 0);
-    EXPECT_EQ(std::memcmp(a.mass_position, b.mass_position, sizeof a.mass_position), 0);
+    EXPECT_TRUE(std::ranges::equal(a.orientation, b.orientation));
+    EXPECT_TRUE(std::ranges::equal(a.mass_position, b.mass_position));
     const sensors_t &x = first[k].plant.sensors, &y = again[k].plant.sensors, &z = ideal[k].plant.sensors;
-    EXPECT_EQ(std::memcmp(x.gyro_B_radps, y.gyro_B_radps, sizeof x.gyro_B_radps), 0) << "the same seed";
-    EXPECT_EQ(std::memcmp(x.fix_W_m, y.fix_W_m, sizeof x.fix_W_m), 0);
-    EXPECT_EQ(std::memcmp(x.orientation, z.orientation, sizeof x.orientation), 0) << "the attitude is sensed";
-    others += std::memcmp(x.gyro_B_radps, z.gyro_B_radps, sizeof x.gyro_B_radps) != 0;
+    EXPECT_TRUE(std::ranges::equal(x.gyro_B_radps, y.gyro_B_radps)) << "the same seed";
+    EXPECT_TRUE(std::ranges::equal(x.fix_W_m, y.fix_W_m));
+    EXPECT_TRUE(std::ranges::equal(x.orientation, z.orientation)) << "the attitude is sensed";
+    others += std::ranges::equal(x.gyro_B_radps, z.gyro_B_radps) ? 0 : 1;
     EXPECT_EQ(z.imu_tick, z.tick);
     EXPECT_EQ(x.imu_tick, x.tick - (x.tick % 2 != 0 ? 1 : 0));
     EXPECT_EQ(x.has_encoders, 1);

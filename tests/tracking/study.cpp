@@ -14,13 +14,16 @@
 
 namespace ballast::tracking_test {
 
-sim::Scenario planned(const std::string& file, const std::vector<std::string>& overrides) {
-  auto read = sim::read_scenario(file, overrides);
+sim::Scenario planned(sim::ScenarioResult read) {
   if (!read.ok()) throw std::runtime_error(sim::to_string(read.errors.front()));
   sim::Scenario scenario = std::move(read.scenario);
   scenario.plan.present = true;
   if (!scenario.plan.start) scenario.plan.start = scenario.initial;
   return scenario;
+}
+
+sim::Scenario planned(const std::string& file, const std::vector<std::string>& overrides) {
+  return planned(sim::read_scenario(file, overrides));
 }
 
 sim::Scenario built(const sim::Scenario& planned, const Disturbance& disturbance, std::mt19937_64& random) {
@@ -54,6 +57,7 @@ sim::Scenario built(const sim::Scenario& planned, const Disturbance& disturbance
     push.direction_W = {std::cos(to), std::sin(to), 0};
     out.faults.push_back(push);
   }
+  out.seed = static_cast<decltype(out.seed)>(random() >> 32);  // of the sensors' errors
   return out;
 }
 

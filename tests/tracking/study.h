@@ -22,7 +22,8 @@ struct Disturbance {
   double push_time_s = 0;
 };
 
-// A scenario with a plan: the shipped or given one, believed to be true. Exits the test where it is refused.
+// A scenario with a plan, believed to be true. Throws std::runtime_error where it is refused.
+[[nodiscard]] sim::Scenario planned(sim::ScenarioResult read);
 [[nodiscard]] sim::Scenario planned(const std::string& file, const std::vector<std::string>& overrides = {});
 
 // The robot as it was built. The draws are those of `random`.

@@ -48,6 +48,12 @@ std::string real_floor_text(const sim::Surface& floor) {
   return text;
 }
 
+// Empty where nothing is believed but the truth.
+std::string belief_text(const sim::Scenario& scenario) {
+  if (scenario.belief_is_written) return "; controller, monitor and planner go by [believed]";
+  return "";
+}
+
 // Errors in the [task] of a scenario that is to be planned. A run ignores them, so they are warnings here.
 void add_task_errors(const program::ScenarioOptions& options, const sim::Scenario& scenario,
                      std::vector<sim::ScenarioError>& found) {
@@ -75,24 +81,27 @@ std::function<int()> add_check_command(CLI::App& app, CLI::App*& command) {
       return program::kExitUsage;
     add_task_errors(*options, *scenario, found);
     std::vector<std::string> warnings = warnings_of(*scenario, found);
+    // One of them may say why rolling the ball, which comes next, takes long.
+    for (const std::string& warning : warnings) std::cout << "warning: " << warning << std::endl;
+    const std::size_t said = warnings.size();
     FloorFindings floor = check_floor(*scenario);
     warnings.insert(warnings.end(), floor.warnings.begin(), floor.warnings.end());
     MotorFindings motors;
     if (stepper) motors = check_motors(*scenario);
     warnings.insert(warnings.end(), motors.warnings.begin(), motors.warnings.end());
-    for (const std::string& warning : warnings) std::cout << "warning: " << warning << '\n';
+    for (std::size_t i = said; i < warnings.size(); ++i) std::cout << "warning: " << warnings[i] << '\n';
     floor.notes.insert(floor.notes.end(), motors.notes.begin(), motors.notes.end());
     for (const std::string& note : floor.notes) std::cout << "note: " << note << '\n';
     const std::string verdict = warnings.empty()       ? "good"
                                 : warnings.size() == 1 ? "can be run, with 1 warning"
                                                        : fmt::format("can be run, with {} warnings", warnings.size());
     const double friction = scenario->surface.static_friction;
-    std::cout << fmt::format("{}: {}. {} {}, {}, {} s in ticks of {} s, mu_s {}{}\n", scenario->name, verdict,
+    std::cout << fmt::format("{}: {}. {} {}, {}, {} s in ticks of {} s, mu_s {}{}{}\n", scenario->name, verdict,
                              scenario->masses.size(), scenario->masses.size() == 1 ? "mass" : "masses",
                              stepper ? "driven by steppers" : to_string(scenario->run.actuation),
                              sim::number_text(scenario->duration_s), sim::number_text(scenario->run.control_period_s),
                              std::isinf(friction) ? "infinite" : sim::number_text(friction),
-                             real_floor_text(scenario->surface));
+                             real_floor_text(scenario->surface), belief_text(*scenario));
     return program::kExitCompleted;
   };
 }

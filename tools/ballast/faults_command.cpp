@@ -46,7 +46,9 @@ const char* target_text(const sim::FaultKindInfo& kind) {
     case sim::FaultLayer::kPeer:
       return "peer: controller (default) or monitor";
     case sim::FaultLayer::kSensor:
-      return "sensor: gyro (default), accelerometer, orientation, limit_switch; axis 0, 1, 2 (default all)";
+      return "sensor: gyro (default), accelerometer, orientation, limit_switch; axis 0, 1, 2 (default all); with such "
+             "a "
+             "sensor in\n[sensors] encoder, of mass (default all), and position_fix, axis 0 or 1";
     case sim::FaultLayer::kMotor:
       return "mass, counted from 0 (default 0)";
     case sim::FaultLayer::kWorld:

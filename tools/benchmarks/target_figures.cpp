@@ -56,7 +56,8 @@ struct Measured {
   bool tripped = false;
 };
 
-Measured measure(const sim::Scenario& scenario, const Target& target) {
+Measured measure(const sim::Scenario& scenario, const Target& target,
+                 std::vector<std::int64_t>* instructions = nullptr) {
   auto params = std::make_unique<firmware::ControllerParams>();
   if (const auto refusal = program::to_controller_params(scenario, *params)) throw std::runtime_error(*refusal);
   sil::QemuFirmwareOptions options;
@@ -65,6 +66,7 @@ Measured measure(const sim::Scenario& scenario, const Target& target) {
   options.qemu.icount_shift = kShift;
   options.commit = kMeasuring;
   options.peer_timeout = sil::Seconds(60);
+  options.instructions = instructions;
   auto owned = std::make_unique<sil::QemuFirmware>(scenario, *params, options);
   const sil::QemuFirmware& firmware = *owned;
   sil::LocalPeers peers(program::to_monitor_limits(scenario), std::move(owned));
@@ -108,26 +110,76 @@ void ticks(const Target& target) {
   }
 }
 
-// What estimation adds to a tick: `desk_ball`, whose three masses make the same steps whatever the sensors are.
+// The cost of estimation, tick by tick: `desk_ball`, whose three masses make the same steps whatever the sensors are.
 void estimation(const Target& target) {
   const auto measured = [&](const char* words, const std::vector<std::string>& sensors) {
     std::vector<std::string> overrides{"duration=1", "run.hold=0.5"};
     overrides.insert(overrides.end(), sensors.begin(), sensors.end());
     const auto read = sim::read_scenario(sim::find_scenario("desk_ball", BALLAST_SCENARIO_DIR), overrides);
     if (!read.ok()) throw std::runtime_error(to_string(read.errors[0]));
+    std::vector<std::int64_t> instructions;
+    print_tick(words, read.scenario.masses.size(), measure(read.scenario, target, &instructions).record, target);
+    return instructions;
+  };
+  const std::string part = "sensors.preset=bmi088_calibrated", encoder = "sensors.encoder.resolution=0.0015";
+  const std::vector<std::int64_t> ideal = measured("ideal sensors", {});
+  const auto added = [&](const char* words, const std::vector<std::string>& sensors) {
+    const std::vector<std::int64_t> ticks = measured(words, sensors);
+    if (ticks.size() != ideal.size()) throw std::runtime_error("runs of different lengths");
+    std::int64_t sum = 0, worst = 0;
+    std::size_t at = 0;
+    for (std::size_t k = 0; k < ticks.size(); ++k) {
+      const std::int64_t more = ticks[k] - ideal[k];
+      sum += more;
+      if (more > worst) {
+        worst = more;
+        at = k;
+      }
+    }
+    std::printf("estimation   %-12s adds %lld instructions a tick in the mean, %lld at most, in tick %lld\n", words,
+                static_cast<long long>(sum / static_cast<std::int64_t>(ticks.size())), static_cast<long long>(worst),
+                static_cast<long long>(at) - 500);
+  };
+  added("contact", {part, "sensors.attitude=sensed"});
+  added("estimated", {part});
+  added("and encoders", {part, encoder});
+  added("late, fixes", {part, encoder, "sensors.latency=0.005", "sensors.position_fix.rate=10.0",
+                        "sensors.position_fix.noise=0.005", "sensors.position_fix.delay=0.1"});
+}
+
+// Instructions that feedback along the motion adds to a tick of `desk_ball`. The true robot is not the believed one and
+// is pushed, so that the masses have to do something else than the motion says; alone, and with estimation, a latency
+// and places from outside.
+void tracking(const Target& target) {
+  const auto measured = [&](const char* words, bool tracks, bool estimates) {
+    std::vector<std::string> overrides{"duration=3", "believed.ball.mass=0.82"};
+    if (tracks) overrides.emplace_back("control.tracking=true");
+    if (estimates) {
+      for (const char* more : {"sensors.preset=bmi088_calibrated", "sensors.latency=0.005",
+                               "sensors.position_fix.rate=10", "run.hold=0.5"}) {
+        overrides.emplace_back(more);
+      }
+    }
+    auto read = sim::read_scenario(sim::find_scenario("desk_ball", BALLAST_SCENARIO_DIR), overrides);
+    if (!read.ok()) throw std::runtime_error(to_string(read.errors[0]));
+    sim::Fault push;
+    push.kind = sim::FaultKind::kPush;
+    push.time_s = 1;
+    push.end_s = 1.1;
+    push.value = 0.2 * weight_n(read.scenario);
+    push.direction_W = {0.6, 0.8, 0};
+    read.scenario.faults = {push};
     const Measured run = measure(read.scenario, target);
+    if (run.tripped) throw std::runtime_error("the pushed run tripped");
     print_tick(words, read.scenario.masses.size(), run.record, target);
     return static_cast<double>(run.record.sum_instructions) / static_cast<double>(run.record.ticks);
   };
-  const std::string part = "sensors.preset=bmi088_calibrated";
-  const double ideal = measured("ideal sensors", {});
-  const double contact = measured("contact", {part, "sensors.attitude=sensed"}) - ideal;
-  const double all = measured("estimated", {part}) - ideal;
-  const double encoders = measured("and encoders", {part, "sensors.encoder.resolution=0.0015"}) - ideal;
+  const double open = measured("pushed", false, false);
+  const double alone = measured("tracked", true, false) - open;
+  const double both = measured("and estimated", true, true) - open;
   std::printf(
-      "estimation   3 masses, 1 kHz, mean of a tick: %.0f instructions the measured contact force, %.0f with the "
-      "filter, %.0f with encoders too\n",
-      contact, all, encoders);
+      "tracking     3 masses, 1 kHz, mean of a tick: %.0f instructions, with estimation, a latency and a fix %.0f\n",
+      alone, both);
 }
 
 void steps(const Target& target) {
@@ -209,6 +261,7 @@ int main(int argc, char** argv) {
   try {
     ticks(target);
     estimation(target);
+    tracking(target);
     steps(target);
     load(target);
   } catch (const std::exception& error) {

@@ -168,7 +168,7 @@ void Monitor::judge_agreement(const Samples& samples) {
   if (contact.regime == contact_t::REGIME_ROLLING) {
     commanded_ = Forces{contact.commanded_tick, contact.commanded_normal_force_n, contact.commanded_static_friction_n};
   }
-  // What answers a status that has been heard is judged now.
+  // Forces that answer a status already heard are judged now.
   if (contact.commanded_tick != contact.tick) judge_forces(samples.status);
   const double cone_n = limits_.margin_friction * contact.normal_force_n;
   if (const double hidden_n = hidden_friction_n(contact, cone_n); hidden_n > kRounding * cone_n) {

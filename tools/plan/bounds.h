@@ -54,11 +54,11 @@ struct MotorReach {
 // that is not certain.
 [[nodiscard]] std::string no_rest(const Problem& problem);
 
-// Which limits keep all masses within a thousandth of the radius; empty if one can move farther, or if the ball does
+// The limits that keep all masses within a thousandth of the radius; empty if one can move farther, or if the ball does
 // not hang at rest on a level floor at the start.
 [[nodiscard]] std::string immobile(const Problem& problem);
 
-// Which limit keeps a mass from its place in task.mass_position; empty if none surely does.
+// The limit that keeps a mass from its place in task.mass_position; empty if none surely does.
 [[nodiscard]] std::string mass_too_far(const Problem& problem);
 
 }  // namespace ballast::plan

@@ -66,7 +66,7 @@ bool admissible(const Problem& problem, const PlantRun& run, const Grid& grid, c
   return judge(Transcription(problem, rollout), knots).limit <= 0;
 }
 
-// What is left of rest at the end: the equalities of a task to rest without those of its goal.
+// Deviation from rest at the end: the equalities of a task to rest without those of its goal.
 Eigen::VectorXd unrest(const Transcription& transcription) {
   const auto equalities = transcription.equalities(false);
   Eigen::VectorXd left(static_cast<Eigen::Index>(equalities.size()) - 2);

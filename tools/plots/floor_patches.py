@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.patches import Circle, Patch, Polygon
 
+from page import VERMILLION
 from short_number import short_number
 
-# What a patch is, against the floor: its shade, and the words of the legend.
+# The kinds of patches, against the floor: shade, and words of the legend.
 KINDS = {
     "slippery": ("#CFE6F5", "less friction than the floor"),
     "rough": ("#F3DFE9", "more friction than the floor"),
@@ -26,6 +27,7 @@ class FloorPatch(NamedTuple):
     center: np.ndarray | None
     radius: float
     kind: str  # of KINDS
+    static_friction: float  # infinite: perfect
     text: str  # what differs from the floor, e.g. "mu_s 0.1, c_rr 0.05"
 
     def holds(self, places):
@@ -60,9 +62,9 @@ def _patch(entry, floor):
     parts += [f"c_rr {short_number(resistance)}"] if resistance != resistance_floor else []
     if "circle" in entry:
         circle = entry["circle"]
-        return FloorPatch(None, np.array(circle["center"], dtype=float), float(circle["radius"]), kind, ", ".join(parts))
+        return FloorPatch(None, np.array(circle["center"], dtype=float), float(circle["radius"]), kind, mu, ", ".join(parts))
     corners = np.array(entry["polygon"], dtype=float).reshape(-1, 2)
-    return FloorPatch(corners, None, 0.0, kind, ", ".join(parts))
+    return FloorPatch(corners, None, 0.0, kind, mu, ", ".join(parts))
 
 
 def read_patches(folder):
@@ -82,9 +84,25 @@ def top_patch(patches, places):
     return found
 
 
+def static_friction_at(patches, places, floor):
+    """mu_s at each of the places (n, 2); `floor` between the patches."""
+    of_index = np.array([floor, *(patch.static_friction for patch in patches)], dtype=float)
+    return of_index[top_patch(patches, places) + 1]
+
+
 def _legend(kinds):
     return [Patch(facecolor=KINDS[kind][0], edgecolor="#B0B0B0", linewidth=0.8, label=KINDS[kind][1]) for kind in KINDS
             if kind in kinds]
+
+
+def _move_inside(axes, note):
+    """Moves a note that reaches beyond the left or right side of the axes."""
+    words, view = note.get_window_extent(), axes.get_window_extent()
+    edge = 0.01 * view.width
+    over = max(view.x0 + edge - words.x0, 0) or min(view.x1 - edge - words.x1, 0)
+    x, y = note.get_position()
+    note.set_in_layout(False)  # it would push other axes away
+    note.set_position((x + 72 * over / axes.figure.dpi, y))
 
 
 def draw_patches(axes, patches):
@@ -107,9 +125,25 @@ def draw_patches(axes, patches):
         # At the lower edge of the part in view, inside: the legend takes room from the upper one.
         place = (max(first[0], low[0]) + min(last[0], high[0])) / 2, max(first[1], low[1] + edge)
         if patch.text:
-            axes.annotate(_symbols(patch.text), place, xytext=(0, 4), textcoords="offset points", ha="center", va="bottom",
-                          fontsize=11, color="#555555", zorder=2.5, annotation_clip=True)
+            note = axes.annotate(_symbols(patch.text), place, xytext=(0, 4), textcoords="offset points", ha="center", va="bottom",
+                                 fontsize=11, color="#555555", zorder=2.5, annotation_clip=True)
+            _move_inside(axes, note)
     return _legend(kinds)
+
+
+def draw_floor_friction(axes, run, under, use=1.0, color=VERMILLION):
+    """Draws `use` times mu_s under the ball, `under` at the samples of `state`. Returns its legend entry."""
+    limit = use * np.where(np.isfinite(under), under, np.nan)
+    line, = axes.plot(np.asarray(run.state["time_s"], dtype=float), limit, color=color, linestyle="--", linewidth=1.4,
+                      drawstyle="steps-post", zorder=3)
+    finite = limit[np.isfinite(limit)]
+    values = [short_number(value) for value in (finite.min(), finite.max())] if len(finite) else []
+    if np.isinf(under).any():
+        values = [*values[:1], "perfect"]
+    symbol = r"$\mu_\mathrm{s}$"
+    name = f"{symbol} under the ball" if use == 1 else f"a plan may use {short_number(use)} {symbol}"
+    line.set_label(f"{name}: {' to '.join(dict.fromkeys(values))}")
+    return line
 
 
 def shade_patches_along(axes, patches, places, distance):

@@ -5,6 +5,7 @@ Angles are in degrees here, as people read them. Each quantity has its band: `si
 """
 
 import csv
+import math
 import tomllib
 from typing import NamedTuple
 
@@ -175,9 +176,25 @@ def _running_mean(values, width):
     return np.where(number > 0, (sums[high] - sums[low]) / np.maximum(number, 1), np.nan)
 
 
-def _true_bias_radps(log_path, ticks, state, period_s):
-    """(n, 3): what the gyro reads beyond the true rate at these ticks, without what is proportional to the rate: scale and
-    misalignment. A mean over BIAS_MEAN_S."""
+# Injected faults of the gyro under which its readings have no offset from the true rate.
+_NO_BIAS = ("sensor_freeze", "sensor_nan", "sensor_spike", "sensor_saturation")
+
+
+def _faulty(run, time_s, kinds=None):
+    """Whether the gyro has an injected fault (of these kinds) at each of the times."""
+    found = np.zeros(len(time_s), dtype=bool)
+    for fault in run.summary.get("faults") or []:
+        if fault.get("sensor") != "gyro" or (kinds is not None and fault["kind"] not in kinds):
+            continue
+        end_s = fault.get("end")
+        found |= (time_s >= fault["time"]) & (time_s <= (math.inf if end_s is None else end_s))
+    return found
+
+
+def _true_bias_radps(run, log_path, state, period_s):
+    """(n, 3): what the gyro reads beyond the true rate at these states, without what is proportional to the rate: scale and
+    misalignment, which faults do not change. A mean over BIAS_MEAN_S; NaN where a fault leaves no bias to speak of."""
+    ticks = state["tick"]
     sensors = EventLog(log_path, ["BALLAST_SENSORS"]).messages("BALLAST_SENSORS", ballast.sensors_t)
     found = np.full((len(ticks), 3), np.nan)
     fresh = np.flatnonzero(np.diff(sensors["imu_count"], prepend=0) > 0)
@@ -185,14 +202,19 @@ def _true_bias_radps(log_path, ticks, state, period_s):
     _, of_sample, of_state = np.intersect1d(taken, state["tick"], return_indices=True)
     rate = np.asarray(state["angular_velocity_B_radps"][of_state], dtype=float)
     beyond = np.asarray(sensors["gyro_B_radps"][fresh[of_sample]], dtype=float) - rate
-    if len(rate) > _LEAST_FIT:
-        middle = rate.mean(axis=0)
+    time_s = np.asarray(state["time_s"][of_state], dtype=float)
+    sound = ~_faulty(run, time_s) & np.isfinite(beyond).all(axis=1)
+    if np.count_nonzero(sound) > _LEAST_FIT:
+        middle, mean = rate[sound].mean(axis=0), beyond[sound].mean(axis=0)
         # Where the rate hardly changes, nothing tells its share from the bias, and none is taken off.
-        share, *_ = np.linalg.lstsq(rate - middle, beyond - beyond.mean(axis=0), rcond=_LEAST_CHANGE)
+        share, *_ = np.linalg.lstsq(rate[sound] - middle, beyond[sound] - mean, rcond=_LEAST_CHANGE)
         beyond = beyond - rate @ share
+    beyond[_faulty(run, time_s, _NO_BIAS)] = np.nan
     _, here, there = np.intersect1d(ticks, taken[of_sample], return_indices=True)
     found[here] = beyond[there]
-    return _running_mean(found, max(int(round(BIAS_MEAN_S / period_s)), 1))
+    mean = _running_mean(found, max(int(round(BIAS_MEAN_S / period_s)), 1))
+    mean[_faulty(run, np.asarray(state["time_s"], dtype=float), _NO_BIAS)] = np.nan
+    return mean
 
 
 def _tick_starts(run):
@@ -234,7 +256,7 @@ def read_estimate(run, log_path, folder):
 
     estimated, true = (np.asarray(q, dtype=float) for q in (status["estimated_orientation"], state["orientation"]))
     true_down, believed_down = _downs(folder)
-    bias = np.degrees(_true_bias_radps(log_path, state["tick"], state, period_s))
+    bias = np.degrees(_true_bias_radps(run, log_path, state, period_s))
     return Estimate(np.asarray(state["time_s"], dtype=float),
                     off(tilt_error_rad(estimated, true, believed_down, true_down), "tilt_sigma_rad"),
                     off(yaw_error_rad(estimated, true)[:, None], "yaw_sigma_rad"),

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
+from floor_patches import draw_floor_friction, draw_patches
 from known import BAND_NAME, BAND_SIGMAS, BIAS_MEAN_S
 from page import (BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, draw_ringing, finish_time_axis, head, hollow,
-                  legend_above, mark_events, ringing_legend, rows_along)
+                  legend_above, mark_events, ringing_legend, rows_along, widen_flat)
 from short_number import short_number
 
 _BAND_ALPHA = 0.2
@@ -51,6 +52,7 @@ def _limit(axes, curves, low, high):
     least, most = min(least, max(band.min(), least - reach)), max(most, min(band.max(), most + reach))
     margin = 0.06 * (most - least) or 1.0
     axes.set_ylim(least - margin, most + margin)
+    widen_flat(axes)
 
 
 def _draw_error(axes, time, track, names, unit):
@@ -240,6 +242,7 @@ def belief(run):
     for axes, (real, believed, label) in zip(over_time, pairs):
         ringing = draw_ringing(axes, time, real, BLUE, 1.1) or ringing
         axes.plot(predicted.time_s, believed, color=ORANGE, linewidth=1.6)
+        widen_flat(axes)
         axes.set_ylabel(label)
         finish_time_axis(axes, run)
         axes.xaxis.set_major_locator(ticker.MaxNLocator(6))
@@ -247,9 +250,13 @@ def belief(run):
     usual = 4 * float(np.nanpercentile(both, 90)) if np.isfinite(both).any() else 0
     if over_time[2].get_ylim()[1] > usual > 0:  # near N = 0 the ratio grows without bound and would flatten the rest
         over_time[2].set_ylim(0, usual)
+    under = run.static_friction_under_ball()
+    limit = []
+    if under is not None:
+        limit = [draw_floor_friction(over_time[2], run, under)]
     curves = [Line2D([], [], color=BLUE, label="the real robot"), Line2D([], [], color=ORANGE, label="the believed robot")]
     head(grid[0, 0], run, "What belief and truth make of the same motion",
-         [curves + ([ringing_legend()] if ringing else []), *events], name_axes=grid[0, 1])
+         [curves + ([ringing_legend()] if ringing else []), limit, *events], name_axes=grid[0, 1])
     axes, real = grid[1, 1], np.asarray(run.state["position_W_m"][:, :2], dtype=float)
     axes.plot(real[:, 0], real[:, 1], color=BLUE, linewidth=1.6)
     axes.plot(predicted.place_m[:, 0], predicted.place_m[:, 1], color=ORANGE, linewidth=1.6, linestyle=(0, (5, 3)))
@@ -257,8 +264,9 @@ def belief(run):
     axes.plot(*real[-1], marker="s", markersize=7, color=BLUE, zorder=5)
     axes.plot(*predicted.place_m[-1], marker="s", markersize=7, color=ORANGE, zorder=5)
     _equal_scale(axes, (real, predicted.place_m), 0.0)
+    floor = draw_patches(axes, run.patches)
     row = int(np.argmin(np.abs(run.state["time_s"] - predicted.time_s[-1])))
     off = float(np.linalg.norm(real[row] - predicted.place_m[-1]))
     legend_above(axes, [[Line2D([], [], linestyle="", label=f"{short_number(off)} m apart at "
-                                                            f"$t$ = {short_number(float(predicted.time_s[-1]))} s")]])
+                                                            f"$t$ = {short_number(float(predicted.time_s[-1]))} s")], floor])
     return figure

@@ -41,6 +41,8 @@ _SAME_INSTANT = 2e-3
 # Blocks into which a run is divided to find where a signal rings, and the turns of a signal that rings in a block.
 _RINGING_BLOCKS = 300
 _RINGING_TURNS = 4
+# A curve that extends less than this fraction of its values is drawn as a straight line.
+_LEAST_RANGE = 1e-4
 # Number of letters of a scenario's name that fit beside the longest title.
 _LONGEST_NAME = 28
 
@@ -198,6 +200,15 @@ def limit_height(axes, values, top=None):
     highest = 1.06 * highest if highest > 0 else 1
     stretch = np.count_nonzero(finite == 0) > 1
     axes.set_ylim(1.06 * lowest if lowest < 0 else -0.04 * highest if stretch else 0, highest)
+
+
+def widen_flat(axes):
+    """Gives a curve that hardly changes an axis whose ticks can be told apart."""
+    low, high = axes.get_ylim()
+    size = max(abs(low), abs(high))
+    if high - low < _LEAST_RANGE * size:
+        middle = (low + high) / 2
+        axes.set_ylim(middle - 0.1 * size, middle + 0.1 * size)
 
 
 def rows_over_time(run, count):

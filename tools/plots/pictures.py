@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
-from floor_patches import draw_patches, shade_patches_along
+from floor_patches import draw_floor_friction, draw_patches, shade_patches_along
 from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION, blank_page, draw_ringing,
                   draw_sphere, finish_time_axis, friction_arrows, head, hollow, legend_above, mark_ends, mark_events, mark_extremum,
                   limit_height, mark_regimes_along, mass_name, ringing_legend, rows_along, rows_over_time, space_axes,
@@ -80,7 +80,10 @@ def friction_required(run):
             what = "no bound, $N$ = 0" if largest[0] > _WITHOUT_BOUND else f"grows to {short_number(largest[0])}"
             marks.append(Line2D([], [], label=f"{what}, above this axis, at {time_text(largest[1])}{between}", **style))
     symbol = r"$\mu_\mathrm{s}$"
-    if math.isinf(limit):
+    if (under := run.static_friction_under_ball()) is not None:
+        note = draw_floor_friction(axes, run, under)
+        top = max(top, min(float(under[np.isfinite(under)].max(initial=0)), 4 * top))
+    elif math.isinf(limit):
         note = Line2D([], [], linestyle="", label=f"perfect friction: {symbol} has no limit")
     elif limit <= 4 * top or top == 0:
         note = axes.axhline(limit, color=VERMILLION, linestyle="--", label=f"limit {symbol} = {short_number(limit)}")

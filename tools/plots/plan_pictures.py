@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 
-from floor_patches import draw_patches
+from floor_patches import draw_floor_friction, draw_patches
 from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, VERMILLION, blank_page, draw_ringing,
                   finish_time_axis, head, hollow, mark_ends, mark_events, ringing_legend)
 from short_number import short_number
@@ -138,7 +138,12 @@ def plan_need(run):
         handles.append(Line2D([], [], color=BLACK, linestyle=(0, (5, 4)), linewidth=1.4,
                               label=f"planned, at most {short_number(planned.need or planned_most)}"))
     limits, top = [], 1.3 * highest
-    if planned.friction_limit is not None:
+    under = run.static_friction_under_ball()
+    if under is not None:
+        limits.append(draw_floor_friction(axes, run, under, planned.use, GREEN))
+        limits.append(draw_floor_friction(axes, run, under, color=ORANGE))
+        top = max(top, 1.1 * float(under[np.isfinite(under)].max(initial=0)))
+    elif planned.friction_limit is not None:
         floor = run.static_friction_coefficient
         limits.append(axes.axhline(planned.friction_limit, color=GREEN, linestyle="--", linewidth=1.4,
                                    label=rf"a plan may use {short_number(planned.use)} $\mu_\mathrm{{s}}$ = "

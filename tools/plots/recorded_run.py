@@ -10,7 +10,7 @@ import ballast
 import numpy as np
 
 from event_log import EventLog, LogError
-from floor_patches import read_patches
+from floor_patches import read_patches, static_friction_at
 from known import read_estimate, read_measured, read_predicted
 from planned import read_planned
 from summary_shape import check_summary
@@ -125,6 +125,15 @@ class RecordedRun:
         value = self.summary.get("surface", {}).get("static_friction")
         return math.inf if value is None else float(value)
 
+    def static_friction_under_ball(self):
+        """mu_s under the ball at the samples of `state`; None where the whole floor holds alike."""
+        floor = self.static_friction_coefficient
+        if all(patch.static_friction == floor for patch in self.patches):
+            return None
+        places = np.asarray(self.state["position_W_m"][:, :2], dtype=float)
+        found = static_friction_at(self.patches, places, floor)
+        return found if (found != floor).any() else None
+
     @property
     def end_s(self):
         """Time of the last sample."""
@@ -150,8 +159,11 @@ class RecordedRun:
         found = []
         trip = self.summary.get("trip")
         if trip:
-            cause = trip.get("cause", "")
-            found.append((float(trip["time"]), "monitor trips: " + _TRIP_CAUSES.get(cause, cause.replace("_", " "))))
+            cause, value, limit = trip.get("cause", ""), trip.get("value"), trip.get("limit")
+            what = _TRIP_CAUSES.get(cause, cause.replace("_", " "))
+            if cause == "friction" and value is not None and limit is not None and value <= limit:
+                what = "the ball slid"  # on less friction than its floor was to have
+            found.append((float(trip["time"]), "monitor trips: " + what))
         end = self.summary.get("end", {})
         if end.get("reason") in _ENDS:
             found.append((float(end["time"]), _ENDS[end["reason"]]))

@@ -399,6 +399,7 @@ Status QemuFirmware::receive(Lap& lap) {
 void QemuFirmware::count_instructions(std::int64_t tick) {
   ++record_.ticks;
   const std::int64_t instructions = std::llround(reply_->tick_counts * record_.instructions_per_count);
+  if (options_.instructions != nullptr) options_.instructions->push_back(instructions);
   record_.sum_instructions += instructions;
   record_.min_instructions = std::min(record_.min_instructions, instructions);
   if (instructions <= record_.max_instructions) return;

@@ -20,6 +20,7 @@ struct QemuFirmwareOptions {
   Seconds start_timeout{30};  // until the firmware has accepted its parameters
   Seconds peer_timeout{2};    // for the answer to a tick
   const volatile std::sig_atomic_t* interrupted = nullptr;
+  std::vector<std::int64_t>* instructions = nullptr;  // if given, takes each tick's, rounded as in TargetRecord
 };
 
 // The target's figures over a run.

@@ -115,6 +115,7 @@ def _described(recording):
         "masses": recording.robot["masses"],
         "static_friction": friction,  # null: perfect, or not known
         "friction_known": friction is not None,
+        "friction_changes": recording.static_friction_under_ball is not None,
         "patches": [{"kind": patch.kind, "text": patch.text,
                      **({"polygon": patch.corners.tolist()} if patch.corners is not None else
                         {"center": patch.center.tolist(), "radius": patch.radius})} for patch in recording.patches],
@@ -189,7 +190,7 @@ def _report_head(recording):
     actuation = {"stepper": "stepper-driven masses", "prescribed": "prescribed masses",
                  "ideal": "ideal masses, exactly where the controller commands"}.get(
         recording.summary.get("actuation"), "")
-    cards = "".join(_card(number) for number in words.numbers(recording.summary))
+    cards = "".join(_card(number) for number in words.numbers(recording))
     sentences = [sentence for sentence in (*words.sentences(recording), plan_sentence(recording), known_sentence(recording),
                                       belief_sentence(recording)) if sentence]
     said = " ".join(f"<span>{symbols(sentence)}</span>" for sentence in sentences)

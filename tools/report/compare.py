@@ -152,8 +152,8 @@ def _run_box(recording, which):
 def _tables(comparison):
     a, b = comparison.recordings
     headline = []
-    numbers_b = {number.path: number for number in words.numbers(b.summary)}
-    for number in words.numbers(a.summary):
+    numbers_b = {number.path: number for number in words.numbers(b)}
+    for number in words.numbers(a):
         other = numbers_b.get(number.path)
         difference = None
         if other is not None:

@@ -7,6 +7,7 @@ summary.json says.
 """
 
 import math
+from functools import cached_property
 from pathlib import Path
 
 import ballast
@@ -14,7 +15,7 @@ import numpy as np
 
 from event_log import EventLog, LogError
 from recorded_run import REGIME_NAMES, RecordedRun, read_json
-from short_number import short_time
+from short_number import short_number, short_time
 
 # More samples than this are thinned. 20 s at 1 kHz are shown in full. Twice the pixels of the widest plot would do for
 # the whole run; the rest is for zooming in.
@@ -99,6 +100,37 @@ class Recording:
             return None
         return self._run.static_friction_coefficient
 
+    @cached_property
+    def static_friction_under_ball(self):
+        """mu_s under the ball at every state of the log; None where the whole floor holds alike, or it is not known."""
+        return None if self.static_friction_coefficient is None else self._run.static_friction_under_ball()
+
+    @property
+    def under_ball_time_s(self):
+        return np.asarray(self._run.state["time_s"], dtype=float)
+
+    def static_friction_under(self, time_s):
+        """mu_s under the ball at the state nearest to a time; None where static_friction_under_ball is."""
+        found = self.static_friction_under_ball
+        return None if found is None else float(found[np.argmin(np.abs(self.under_ball_time_s - time_s))])
+
+    def scarcest_friction(self, beside_s):
+        """Where the floor left least, in words; empty for the time `beside_s`, a ball that slides and perfect friction."""
+        if self._run.spans("sliding"):
+            return ""
+        contact = self._run.contact
+        part = 1 - np.asarray(contact["margin"], dtype=float)
+        rolls = (contact["regime"] == ballast.contact_t.REGIME_ROLLING) & np.isfinite(part)
+        if not rolls.any() or part[rolls].max() <= 0:
+            return ""
+        rows = np.flatnonzero(rolls)
+        row = rows[np.argmax(part[rows])]
+        time, period_s = float(contact["time_s"][row]), float(self.summary.get("control_period") or 0)
+        if abs(time - beside_s) <= 2 * period_s:
+            return ""
+        return (f"the floor had least to spare at t\u00a0=\u00a0{short_time(time)}\u00a0s, where f_s/N was "
+                f"{100 * float(part[row]):.0f} % of mu_s = {short_number(self.static_friction_under(time))}")
+
     def motors(self):
         """RecordedRun.motors(), or none where the motors' parameters are not known."""
         return [] if self.from_log else self._run.motors()
@@ -176,6 +208,9 @@ class Recording:
             commanded = run.commanded(name + ("" if name == "mu_required" else "_n"))[rows_contact]
             if np.isfinite(commanded).any():
                 columns[f"commanded_{name}"] = commanded
+        if self.static_friction_under_ball is not None:
+            holds = self.static_friction_under_ball[rows_state]
+            columns["floor_friction"] = np.where(np.isfinite(holds), holds, np.nan)  # perfect: no line
         _add(columns, "friction_force", contact["friction_force_W_n"])
         _add(columns, "orientation", state["orientation"])
         _add(columns, "angular_velocity", state["angular_velocity_B_radps"])

@@ -4,6 +4,8 @@ import json
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from short_number import apart, short_number, short_time
 
 _CAUSES = {
@@ -67,7 +69,7 @@ def _left_rolling(summary):
 def sentences(recording):
     summary = recording.summary
     found = [_what_it_was(recording), _how_it_ended(summary), _envelope(recording)]
-    found += [_faults(summary), _trip(summary), _motors(summary), _required_friction(summary) or _floors(summary)]
+    found += [_faults(summary), _trip(recording), _motors(summary), _required_friction(summary) or _floors(summary)]
     return [sentence for sentence in found if sentence]
 
 
@@ -121,6 +123,10 @@ def _how_it_ended(summary):
     return ended
 
 
+def _mu_text(value):
+    return "perfect" if math.isinf(value) else number_text(value)
+
+
 def _envelope(recording):
     summary = recording.summary
     normal, needed = summary.get("normal_force"), summary.get("mu_required")
@@ -135,6 +141,10 @@ def _envelope(recording):
     words += f"The most friction it needed, f_s/N, was {number_text(needed['max'])}, at {time_text(needed['time'])}"
     if limit is None:
         return words + "."
+    if recording.static_friction_under_ball is not None:
+        holds, worst = recording.static_friction_under(needed["time"]), recording.scarcest_friction(needed["time"])
+        words += f", where the floor's mu_s was {_mu_text(holds)}"
+        return words + (f"; {worst}." if worst else ".")
     if math.isinf(limit):
         return words + "; this floor's friction is perfect."
     return words + f": {100 * needed['max'] / limit:.0f} % of this floor's {number_text(limit)}."
@@ -176,13 +186,33 @@ def _is_number(value):
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def _trip(summary):
+def _slid(trip):
+    """Whether the ball slid on less friction than its floor was to have."""
+    return trip.get("cause") == "friction" and None not in (trip.get("value"), trip.get("limit")) \
+        and trip["value"] <= trip["limit"]
+
+
+def _friction_trip(recording, trip):
+    """Value and limit of a trip on friction, in the words of `ballast run`."""
+    value_text, limit_text = apart(trip["value"], trip["limit"])
+    if trip["value"] > trip["limit"]:
+        return f", {value_text} where {limit_text} is the limit"
+    holds = recording.static_friction_under(trip["time"])
+    where = "" if holds is None or math.isinf(holds) else f" (mu_s = {number_text(holds)} where it was)"
+    return f": the ball slid at f_s/N = {value_text}, on a floor that was to hold up to {limit_text}{where}"
+
+
+def _trip(recording):
+    summary = recording.summary
     trip = summary.get("trip")
     if not trip:
         return "" if summary.get("end", {}).get("reason") is None else "Nothing tripped."
-    words = f"Tripped at {time_text(trip['time'])}: {cause_text(trip.get('cause'))}"
     value, limit = trip.get("value"), trip.get("limit")
-    if trip.get("cause") in ("normal_force", "friction") and value is not None and limit is not None:
+    known = value is not None and limit is not None
+    words = f"Tripped at {time_text(trip['time'])}: {'friction' if _slid(trip) else cause_text(trip.get('cause'))}"
+    if known and trip.get("cause") == "friction":
+        words += _friction_trip(recording, trip)
+    elif known and trip.get("cause") == "normal_force":
         value_text, limit_text = apart(value, limit)
         words += f", {value_text} where {limit_text} is the limit"
     latency = trip.get("latency_ticks")
@@ -216,7 +246,7 @@ def _floors(summary):
 
 
 class Number(NamedTuple):
-    """One number of the summary. `path` is its place in summary.json."""
+    """One number of the summary. `path` is its place in summary.json, or a name of its own."""
 
     label: str
     path: str
@@ -235,8 +265,9 @@ class Number(NamedTuple):
         return number_text(None if self.value is None else self.factor * self.value)
 
 
-def numbers(summary):
+def numbers(recording):
     """The numbers at the top of the page."""
+    summary = recording.summary
     found = []
 
     def add(label, section, key, unit, when_key=None):
@@ -248,7 +279,12 @@ def numbers(summary):
     add("most normal force", "normal_force", "max", "N", "max_time")
     add("most friction f_s", "static_friction", "max", "N", "time")
     add("needed: most f_s/N", "mu_required", "max", "", "time")
-    add("the floor's mu_s", "surface", "static_friction", "")
+    under = recording.static_friction_under_ball
+    add("the floor's mu_s" if under is None else "mu_s beside patches", "surface", "static_friction", "")
+    if under is not None:
+        row = int(np.argmin(under))
+        found.append(Number("least mu_s under the ball", "under_ball.static_friction", float(under[row]), "",
+                            float(recording.under_ball_time_s[row])))
     add("end", "end", "time", "s")
     motors = [(motor["torque_margin"], i) for i, motor in enumerate(summary.get("motors") or []) if motor]
     if motors:
@@ -334,7 +370,7 @@ def events(recording):
             more = f", the first of {len(flags)} times" if len(flags) > 1 else ""
             found.append((flags[0].start_s, text + more))
     if trip and trip.get("time") is not None:
-        found.append((trip["time"], f"trip: {cause_text(trip.get('cause'))}"))
+        found.append((trip["time"], f"trip: {'the ball slid' if _slid(trip) else cause_text(trip.get('cause'))}"))
     what = {"slipped": "the ball slips", "detached": "the ball leaves the ground",
             "inconsistent": "no consistent contact force", "step_timing": "a step mistimed"}.get(end.get("reason"))
     if what:

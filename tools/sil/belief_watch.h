@@ -1,5 +1,5 @@
-// What the robot that is believed would have done: the believed world, rolled beside the true one under the masses'
-// commanded motion.
+// The motion of the believed robot: the believed world is rolled beside the true one, under the masses' commanded
+// motion.
 #pragma once
 
 #include <cstdint>

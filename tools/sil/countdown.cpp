@@ -26,4 +26,14 @@ bool Countdown::ignores_command(const Lap& lap) const {
   return status.mode != (options_.move ? controller_status_t::MODE_PENDING : controller_status_t::MODE_RUNNING);
 }
 
+std::string Countdown::ignored_text(const Lap& lap) const {
+  const char* command = arms(lap.tick()) ? "arm" : "start";
+  if (lap.answer && lap.answer->status.refusal == controller_status_t::REFUSAL_NO_ESTIMATE) {
+    return "the controller has no estimate of its attitude and does not obey the operator's " + std::string(command) +
+           ": no sample before it could be used, because each was missing, not finite, or at the end of the gyro's or "
+           "the accelerometer's range (sensors.gyro, sensors.accelerometer), or the tilt found is too uncertain";
+  }
+  return "the controller did not obey the operator's " + std::string(command);
+}
+
 }  // namespace ballast::sil

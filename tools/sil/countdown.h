@@ -25,7 +25,8 @@ class Countdown {
   [[nodiscard]] bool refuses(const Lap& lap) const;
   // Whether the controller has ignored the command of this lap. A trip or a fault excuses it.
   [[nodiscard]] bool ignores_command(const Lap& lap) const;
-  [[nodiscard]] const char* command_name(std::int64_t tick) const { return arms(tick) ? "arm" : "start"; }
+  // The reason, for a command that was ignored in this lap.
+  [[nodiscard]] std::string ignored_text(const Lap& lap) const;
 
  private:
   [[nodiscard]] bool arms(std::int64_t tick) const { return tick == -kTicks || options_.by_hand; }

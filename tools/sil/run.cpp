@@ -54,7 +54,7 @@ class Run {
 
  private:
   void begin();
-  [[nodiscard]] std::optional<sim::Plant::ContactForces> commanded_forces() const;
+  [[nodiscard]] std::optional<sim::Plant::ContactForces> commanded_forces(const sim::SensorReadings* readings) const;
   bool exchange();
   void record();
   bool judge();
@@ -188,10 +188,11 @@ void Run::begin() {
 
   const bool commands = asks_ && tick_ >= 0 && sample_.time_s == static_cast<double>(tick_) * period_s_;
   commanded_under_all_.reset();
-  if (commands && (believed_ || scenario_.sensors.attitude_estimated || plant_.has_untold_forces())) {
+  if (commands && (believed_ || sensors_ || plant_.has_untold_forces())) {
     commanded_under_all_ = plant_.contact_forces(asks_->next_position, asks_->next_velocity, asks_->next_acceleration);
   }
-  const auto commanded = commands ? commanded_forces() : std::nullopt;
+  const sim::SensorReadings* readings = sensors_ ? &sensors_->read(tick_, true_motion(scenario_, sample_)) : nullptr;
+  const auto commanded = commands ? commanded_forces(readings) : std::nullopt;
   // Part by part: a whole new lap would be filled with zeros first.
   lap_.plant = plant_messages(scenario_, sample_, tick_, last_, commanded);
   lap_.command = countdown_.command(tick_);
@@ -199,18 +200,22 @@ void Run::begin() {
   lap_.verdict.reset();
   lap_.answer.reset();
   if (scenario_.sensors.attitude_estimated) lap_.plant.contact.commanded_tick = tick_ - 1;
-  if (sensors_) {
-    set_sensors(sensors_->read(tick_, true_motion(scenario_, sample_)), scenario_.sensors, lap_.plant.sensors);
-  }
+  if (readings != nullptr) set_sensors(*readings, scenario_.sensors, lap_.plant.sensors);
   wires_.carry_sensors(sample_.time_s, lap_.plant.sensors);
 }
 
 // N and f_s of the commanded masses, by the plant's equations, for the monitor to hold against the controller's own. A
-// sensed attitude is known now; the controller's forces of this tick come with its next status. An estimated attitude
+// sensed attitude is known now, as the sensors give it before any fault; the controller's forces of this tick come with
+// its next status. An estimated attitude
 // is known from the status of the tick before, so those are its forces of that tick, with the masses as commanded then.
-std::optional<sim::Plant::ContactForces> Run::commanded_forces() const {
+std::optional<sim::Plant::ContactForces> Run::commanded_forces(const sim::SensorReadings* readings) const {
   const controller_status_t& asks = *asks_;
   if (!scenario_.sensors.attitude_estimated) {
+    if (readings != nullptr && sample_.regime == sim::Regime::kRolling) {
+      return plant_.rolling_forces(believed_ ? &*believed_ : nullptr, sample_.orientation.data(),
+                                   readings->imu.gyro_B_radps.data(), asks.next_position, asks.next_velocity,
+                                   asks.next_acceleration);
+    }
     if (believed_) {
       return plant_.contact_forces(*believed_, asks.next_position, asks.next_velocity, asks.next_acceleration);
     }
@@ -260,6 +265,9 @@ bool Run::judge_verdict() {
   if (result_.trip.tripped != 0 && lap_.verdict->tripped == 0) {
     return lost("the monitor takes back its trip (tick " + std::to_string(tick_) + "): it was started again");
   }
+  if (result_.trip.tripped == 0 && lap_.verdict->cause == trip_t::CAUSE_FRICTION) {
+    result_.trip_static_friction = sample_.floor_static_friction;
+  }
   result_.trip = *lap_.verdict;
   return true;
 }
@@ -306,7 +314,7 @@ bool Run::judge_countdown() {
     return false;
   }
   if (!trips_.controller_trip() && countdown_.ignores_command(lap_)) {
-    return lost("the controller did not obey the operator's " + std::string(countdown_.command_name(tick_)));
+    return lost(countdown_.ignored_text(lap_));
   }
   return true;
 }

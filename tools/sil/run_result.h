@@ -65,7 +65,7 @@ struct BeliefRow {
   double static_friction_n = 0;
 };
 
-// What the believed robot would have done under the same commanded motion.
+// The believed robot's run under the same commanded motion.
 struct BeliefPrediction {
   double time_s = 0;  // up to which it was rolled: the run's end, the end of its own physics, or a missing status
   sim::PhysicsEnd end{};
@@ -104,7 +104,8 @@ struct RunResult {
   std::optional<GovernorRecord> governor;  // where the controller is governed
   std::optional<EstimateErrors> estimate;  // where the controller has estimated its attitude
   std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
-  trip_t trip{};  // the last verdict
+  trip_t trip{};                               // the last verdict
+  std::optional<double> trip_static_friction;  // mu_s under the ball when friction tripped
   std::optional<ControllerTrip> controller_trip;
   std::optional<std::int64_t> latency_ticks;    // from the violating contact to the first tick with the stop's steps
   std::optional<StepTimingRecord> step_timing;  // if it was asked for

@@ -30,15 +30,17 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "are silent: the motors then stand."},
     {"no_false_alarm",
      "The monitor trips only in a tick in which the true ball is outside the envelope, or for what an injected fault "
-     "does at that time. The controller trips only after the monitor, for a mass that is commanded on over a "
-     "closed end switch, for steps that its motor cannot make, or for such a fault."},
+     "does at that time. The controller trips only after the monitor, for a mass that is commanded on over a closed "
+     "end switch, for steps that its motor cannot make, or for such a fault; for a slip or a light ball that it "
+     "measures, only after a slide, a flight or a fault, or where masses have lost steps or swing by more than 4 % "
+     "of N; for a light ball also under a force that it is not told of."},
     {"truthful",
      "A trip has the cause, value, limit and time of the true violation: of the plant's own N and f_s and the "
      "scenario's limits, or of the two estimates that disagree."},
     {"agreed",
      "While the ball rolls and sensors and messages are sound, the controller's N and f_s are the plant's for the "
-     "commanded masses, except for rounding. Whatever is wrong, a difference of more than 5 % of the weight trips the "
-     "monitor in the next tick."},
+     "commanded masses and the attitude that the controller senses or estimates, except for rounding. Whatever is "
+     "wrong, a difference of more than 5 % of the weight trips the monitor in the next tick."},
     {"in_regime",
      "Every contact message says the regime of the true ball. Where it says rolling, the geometric centre moves as "
      "rolling moves it; the floor gives no more friction than mu_s N, and no force in flight. A run that ends by slip "
@@ -64,13 +66,16 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "The run ends with a defined reason and exit status. Status 0 means that nothing tripped and the true ball "
      "stayed inside the envelope."},
     {"finite",
-     "No published value is NaN or infinite unless its .lcm file allows it. From sensors that are NaN or corrupted "
-     "the controller's estimate of N is NaN; f_s / N is then +infinity and the margin -1."},
+     "No published value is NaN or infinite unless its .lcm file allows it. From sensors that are NaN or corrupted, "
+     "or before there is an estimate of the attitude, the controller's N is NaN; f_s / N is then +infinity and the "
+     "margin -1."},
     {"in_order",
      "Ticks count up by one, every message belongs to its tick, and pulses, positions and counts of the steps agree."},
     {"patient", "No run has more ticks than its duration, and none exceeds the limit of wall-clock time."},
     {"repeatable", "The same seed gives the same log, byte for byte (checked for one seed in 32)."},
 };
+
+constexpr double kMostSwing = 0.04;  // of N, by which real and commanded forces may differ where slip is told truly
 
 constexpr std::uint64_t kHashSeed = 0xcbf29ce484222325;
 
@@ -111,6 +116,14 @@ bool finite(const double (&values)[n]) {
   return finite(values, n);
 }
 
+// A rotor further than a tooth from its field is held by another tooth.
+bool astray(const sim::Scenario& scenario, std::size_t i, const sim::Plant::Sample& truth,
+            const controller_status_t& status) {
+  const sim::Motor& motor = scenario.masses[i].motor;
+  const double tooth = 2 * std::numbers::pi * 4 / motor.steps_per_revolution / motor.shaft_ratio;
+  return std::abs(truth.mass_position[i] - status.commanded_position[i]) > tooth;
+}
+
 template <class... Values>
 bool all_finite(Values... values) {
   return (std::isfinite(values) && ...);
@@ -124,8 +137,9 @@ Invariants::Invariants(const sim::Scenario& scenario)
     : scenario_(scenario),
       has_controller_(sim::has_controller(scenario.run.actuation)),
       windows_(scenario),
-      // The countdown has two ticks, the first and the last tick add one, and rounding of the division another.
-      most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) + 4),
+      // Hold and countdown; the first and the last tick add one, and rounding of the division another.
+      most_laps_(static_cast<std::int64_t>(std::ceil(scenario.duration_s / scenario.run.control_period_s)) +
+                 scenario.run.lead_ticks() + 2),
       starts_rolling_(!scenario.initial.has_velocity && scenario.initial.height_m == 0),
       has_rolled_(starts_rolling_) {}
 
@@ -153,6 +167,8 @@ void Invariants::observe(const sil::Lap& lap, const Sample& truth) {
   if (lap.verdict) check_verdict(lap);
   check_regime(lap, truth);
   check_switches(lap, truth);
+  note_disturbances(lap, truth);
+  if (scenario_.sensors.attitude_estimated) compare_forces(lap);
   if (has_controller_ && lap.answer) {
     check_steps(lap);
     check_obeyed(lap);
@@ -168,6 +184,7 @@ void Invariants::observe(const sil::Lap& lap, const Sample& truth) {
     check_trip(lap, truth);
   }
   if (has_controller_) check_agreement(lap);
+  if (has_controller_ && !scenario_.sensors.attitude_estimated) compare_forces(lap);
   expect_in_log(lap);
   truth_ = truth;
   if (++laps_ == most_laps_ + 1) {
@@ -177,12 +194,28 @@ void Invariants::observe(const sil::Lap& lap, const Sample& truth) {
   }
 }
 
+void Invariants::note_disturbances(const sil::Lap& lap, const Sample& truth) {
+  const double now_s = static_cast<double>(tick_) * scenario_.run.control_period_s;
+  disturbed_ = disturbed_ || bus_faults_active_ ||
+               std::ranges::any_of(scenario_.faults, [&](const sim::Fault& fault) { return fault.begun(now_s); });
+  const contact_t& contact = lap.plant.contact;
+  has_slid_ = has_slid_ || contact.regime != contact_t::REGIME_ROLLING;
+  // Masses that swing so hard in their motors are not where the firmware takes them to be.
+  const double swing_n = std::max(std::abs(contact.normal_force_n - contact.commanded_normal_force_n),
+                                  std::abs(contact.static_friction_n - contact.commanded_static_friction_n));
+  swung_ = swung_ || swing_n > kMostSwing * contact.commanded_normal_force_n;
+  if (!has_controller_ || !lap.answer) return;
+  for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
+    disturbed_ = disturbed_ || astray(scenario_, i, truth, lap.answer->status);
+  }
+}
+
 void Invariants::check_order(const sil::Lap& lap) {
   const contact_t& contact = lap.plant.contact;
   const std::int64_t tick = contact.tick;
   if (laps_ == 0) {
-    // The countdown begins at -2. Without a controller, or if the ball cannot be set down, there is none.
-    if (contact.tick != -2 && contact.tick != 0)
+    // With the hold or the countdown, but there is none if the ball cannot be set down.
+    if (contact.tick != scenario_.run.first_tick() && contact.tick != 0)
       fail(Invariant::kInOrder, contact.tick, fmt::format("the first tick is {}", tick));
   } else if (contact.tick != tick_ + 1) {
     fail(Invariant::kInOrder, contact.tick, fmt::format("tick {} after {}", tick, tick_));
@@ -257,9 +290,12 @@ void Invariants::check_finite(const sil::Lap& lap) {
   const bool commanded = all_finite(contact.commanded_normal_force_n, contact.commanded_static_friction_n) &&
                          ratio(contact.commanded_mu_required);
   // The step commands of the tick before give them. A sliding ball may have none (Painleve's paradox).
-  const bool slides = contact.regime == contact_t::REGIME_SLIDING;
+  // For an estimated attitude there are none where the ball does not roll, or there was no estimate.
+  const bool may_have_none = contact.regime == contact_t::REGIME_SLIDING ||
+                             (scenario_.sensors.attitude_estimated && contact.regime != contact_t::REGIME_ROLLING) ||
+                             (scenario_.sensors.attitude_estimated && has_status_ && status_.estimate_valid == 0);
   const bool none_due =
-      !has_controller_ || tick_ < 0 || laps_ == 0 || contact.last != 0 || slides || bus_faults_active_;
+      !has_controller_ || tick_ < 0 || laps_ == 0 || contact.last != 0 || may_have_none || bus_faults_active_;
   check(commanded || (none_due && std::isnan(contact.commanded_normal_force_n) &&
                       std::isnan(contact.commanded_static_friction_n) && std::isnan(contact.commanded_mu_required)),
         "commanded_ of contact_t");
@@ -291,17 +327,19 @@ void Invariants::check_finite(const sil::Lap& lap) {
                        status.plan_duration_s, status.plan_horizon_s, status.plan_margin_min) &&
             ratio(status.mu_required) && ratio(status.plan_mu_required_max),
         "controller_status_t");
-  check(
-      finite(status.estimated_orientation) && finite(status.estimated_angular_velocity_B_radps) &&
-          finite(status.estimated_gyro_bias_B_radps) && finite(status.estimated_position_W_m) &&
-          all_finite(status.tilt_sigma_rad, status.yaw_sigma_rad, status.gyro_bias_sigma_radps,
-                     status.position_sigma_m) &&
-          all_finite(status.measured_normal_force_n, status.measured_normal_sigma_n, status.measured_static_friction_n,
-                     status.measured_mu_sigma, status.measured_slip_mps2, status.measured_slip_sigma_mps2) &&
-          ratio(status.measured_mu_required),
-      "an estimated or measured number of controller_status_t");
+  check(finite(status.estimated_orientation) && finite(status.estimated_angular_velocity_B_radps) &&
+            finite(status.estimated_gyro_bias_B_radps) && finite(status.estimated_position_W_m) &&
+            all_finite(status.tilt_sigma_rad, status.yaw_sigma_rad, status.gyro_bias_sigma_radps,
+                       status.position_sigma_m) &&
+            all_finite(status.measured_normal_force_n, status.measured_normal_sigma_n,
+                       status.measured_static_friction_n, status.measured_slip_mps2, status.measured_slip_sigma_mps2) &&
+            ratio(status.measured_mu_required) && ratio(status.measured_mu_sigma),
+        "an estimated or measured number of controller_status_t");
   // N cannot be estimated from sensors without numbers. f_s / N and the margin then have their worst values.
-  const bool no_numbers = has_fault(sim::FaultKind::kSensorNan) || has_fault(sim::FaultKind::kMessagesCorrupted);
+  // Nor where there is no estimate of the attitude, or none to go by; a prediction of that time stays.
+  no_estimate_ = no_estimate_ || (status.faults & static_cast<int>(firmware::Fault::kNoEstimate)) != 0;
+  const bool no_numbers = has_fault(sim::FaultKind::kSensorNan) || has_fault(sim::FaultKind::kMessagesCorrupted) ||
+                          no_estimate_ || (scenario_.sensors.attitude_estimated && status.estimate_valid == 0);
   const auto unknown = [&](double mu_required, double margin) {
     return no_numbers && std::isinf(mu_required) && margin == -1;
   };
@@ -421,24 +459,20 @@ void Invariants::check_trip(const sil::Lap& lap, const Sample& truth) {
   due("cause", trip_.cause, cause, 0);
 }
 
-// The controller's own N and f_s beside the plant's, both for the commanded masses and a sensed attitude.
-void Invariants::check_agreement(const sil::Lap& lap) {
-  const double limit_n = disagreement_limit_n(scenario_);
-  const bool can_tell = apart_tick_ == tick_ - 1 && lap.verdict && !bus_faults_active_;
-  if (can_tell && apart_n_ > limit_n && lap.verdict->tripped == 0) {
-    fail(Invariant::kAgreed, tick_,
-         fmt::format("plant and controller differ by {:g} N in tick {} and the monitor allows it; allowed {:g} N",
-                     apart_n_, apart_tick_, limit_n));
-  }
+// The controller's own N and f_s beside the plant's, both for the commanded masses and the same attitude: sensed in
+// this tick, or estimated in the tick before.
+void Invariants::compare_forces(const sil::Lap& lap) {
   const contact_t& contact = lap.plant.contact;
-  const bool rolls = contact.regime == contact_t::REGIME_ROLLING && contact.commanded_tick == tick_ &&
-                     contact.commanded_normal_force_n > 0;
-  if (!rolls || !lap.answer || lap.answer->status.tick != tick_) return;
-  const controller_status_t& status = lap.answer->status;
+  const bool estimated = scenario_.sensors.attitude_estimated;
+  if (estimated ? !has_status_ : !lap.answer) return;
+  const controller_status_t& status = estimated ? status_ : lap.answer->status;
+  const bool rolls = contact.regime == contact_t::REGIME_ROLLING && contact.commanded_tick == status.tick &&
+                     status.tick == (estimated ? tick_ - 1 : tick_) && contact.commanded_normal_force_n > 0;
+  if (!rolls) return;
   if (!all_finite(status.normal_force_n, status.static_friction_n, contact.commanded_static_friction_n)) return;
   apart_n_ = std::max(std::abs(contact.commanded_normal_force_n - status.normal_force_n),
                       std::abs(contact.commanded_static_friction_n - status.static_friction_n));
-  apart_tick_ = tick_;
+  apart_tick_ = status.tick;
   if (bus_faults_active_ || windows_.sensors(tick_) || windows_.push(tick_)) return;
   const double allowed_n = rounding_n(scenario_, contact.commanded_normal_force_n, contact.commanded_static_friction_n,
                                       status.commanded_velocity, status.next_acceleration);
@@ -449,6 +483,16 @@ void Invariants::check_agreement(const sil::Lap& lap) {
                   "difference {:g}",
                   status.normal_force_n, status.static_friction_n, contact.commanded_normal_force_n,
                   contact.commanded_static_friction_n, allowed_n));
+}
+
+// The monitor has both forces of the tick before.
+void Invariants::check_agreement(const sil::Lap& lap) {
+  const double limit_n = disagreement_limit_n(scenario_);
+  const bool can_tell = apart_tick_ == tick_ - 1 && lap.verdict && !bus_faults_active_;
+  if (!can_tell || apart_n_ <= limit_n || lap.verdict->tripped != 0) return;
+  fail(Invariant::kAgreed, tick_,
+       fmt::format("plant and controller differ by {:g} N in tick {} and the monitor allows it; allowed {:g} N",
+                   apart_n_, apart_tick_, limit_n));
 }
 
 void Invariants::check_regime(const sil::Lap& lap, const Sample& truth) {
@@ -490,6 +534,12 @@ void Invariants::check_controllers_alarm(const sil::Lap& lap) {
   explain(Fault::kEndSwitch, over_an_end_);
   explain(Fault::kStepOverload, overload_possible(scenario_, status));
   explain(Fault::kSensorNotFinite, windows_.nan(tick_));
+  // Filters remember what has disturbed them.
+  explain(Fault::kSlipMeasured, disturbed_ || has_slid_ || swung_);
+  // The firmware is told of neither force table nor drag, and takes them for the floor's.
+  const bool untold = !scenario_.force_table.times_s.empty() || scenario_.drag.coefficient_kgpm > 0;
+  explain(Fault::kLightMeasured, disturbed_ || has_slid_ || untold);
+  explain(Fault::kNoEstimate, disturbed_);
   for (const Fault fault : {Fault::kSensorStale, Fault::kMonitorStale, Fault::kTickOutOfOrder}) {
     explain(fault, bus_faults_active_);
   }
@@ -637,11 +687,7 @@ void Invariants::check_stop(const sil::Lap& lap, const Sample& truth) {
            fmt::format("motor {} is sent {} pulses after the stop's promised end, tick {}", i, pulses[i],
                        rest_due_tick_));
     }
-    // A rotor further than a tooth from its field is held by another tooth.
-    const sim::Motor& motor = scenario_.masses[i].motor;
-    const double tooth = 2 * std::numbers::pi * 4 / motor.steps_per_revolution / motor.shaft_ratio;
-    if (status.tick > rest_due_tick_ && std::abs(truth.mass_position[i] - status.commanded_position[i]) > tooth)
-      carried_away_[i] = true;
+    if (status.tick > rest_due_tick_ && astray(scenario_, i, truth, status)) carried_away_[i] = true;
   }
 }
 

@@ -79,6 +79,7 @@ class Invariants {
   void check_verdict(const sil::Lap& lap);
   void check_trip(const sil::Lap& lap, const Sample& truth);
   void check_modes(const sil::Lap& lap);
+  void compare_forces(const sil::Lap& lap);
   void check_agreement(const sil::Lap& lap);
   void check_regime(const sil::Lap& lap, const Sample& truth);
   void check_switches(const sil::Lap& lap, const Sample& truth);
@@ -94,6 +95,7 @@ class Invariants {
   void finish_end(const sil::RunResult& result);
   void read_log(const std::string& path, bool cut_short);
 
+  void note_disturbances(const sil::Lap& lap, const Sample& truth);
   [[nodiscard]] bool has_fault(sim::FaultKind kind) const;
   [[nodiscard]] bool explained(const trip_t& trip) const;
   [[nodiscard]] std::vector<operator_t> counted_commands(const controller_status_t& status);
@@ -113,7 +115,11 @@ class Invariants {
   // In the latest lap: the ball is outside or within rounding of it; monitor and controller are both silent.
   bool outside_within_rounding_ = false, outside_ = false, too_light_ = false, all_silent_ = false;
   std::int8_t regime_ = contact_t::REGIME_ROLLING;  // by the latest contact message
-  bool over_an_end_ = false;                        // commanded over a closed switch: now, or since messages are late
+  // So far: the ball has been off the floor or slid on it; a fault has begun, or a mass was far from where it is sent;
+  // masses have swung hard.
+  bool has_slid_ = false, disturbed_ = false, swung_ = false;
+  bool no_estimate_ = false;  // the controller has had no estimate to go by
+  bool over_an_end_ = false;  // commanded over a closed switch: now, or since messages are late
 
   bool monitor_tripped_ = false;      // by its latest message
   std::int64_t first_trip_tick_ = 0;  // tick of its first message with a trip

@@ -1,5 +1,6 @@
-// Which mode may follow which. Written from the controller's page, without the firmware's table: a fault trips every
-// controller that is armed, a trip ends by a reset only, and every other change has a command of its own.
+// The order in which modes may follow each other. Written from the controller's page, without the firmware's table: a
+// fault trips every controller that is armed, a trip ends by a reset only, and every other change has a command of its
+// own.
 #pragma once
 
 #include <cstdint>

@@ -140,6 +140,7 @@ class FaultDraw {
     }
     sensor_ = saturates ? random_.one_of({FaultSensor::kGyro, FaultSensor::kAccelerometer})
                         : random_.one_of({FaultSensor::kOrientation, FaultSensor::kGyro, FaultSensor::kAccelerometer});
+    if (sensor_ == FaultSensor::kOrientation && scenario_.sensors.attitude_estimated) sensor_ = FaultSensor::kGyro;
     const std::string out = line("sensor", quoted(to_string(sensor_)));
     const bool attitude = sensor_ == FaultSensor::kOrientation;
     if ((attitude && (whole || kind == FaultKind::kSensorFreeze)) || random_.chance(0.5)) return out;

@@ -21,7 +21,8 @@ constexpr int kMostDrawn = 50;
 
 // Random numbers of their own, so that a change of these parts leaves every seed its robot and its faults.
 constexpr std::uint64_t kOfTolerance = 0x746f6c6572616e63, kOfAimedFaults = 0x61696d6564206661,
-                        kOfEnds = 0x656e6473206f6620, kOfPatches = 0x7061746368657320;
+                        kOfEnds = 0x656e6473206f6620, kOfPatches = 0x7061746368657320, kOfFloor = 0x666c6f6f72206f66,
+                        kOfSensors = 0x73656e736f727320;
 
 std::string text(double value) { return sim::number_text(value); }
 
@@ -42,6 +43,8 @@ class Draw {
   std::string scenario(std::uint64_t seed) {
     of_ends_ = Random(seed ^ kOfEnds);
     of_patches_ = Random(seed ^ kOfPatches);
+    of_floor_ = Random(seed ^ kOfFloor);
+    of_sensors_ = Random(seed ^ kOfSensors);
     hand_size_ = random_.chance(0.6);
     radius_ = hand_size_ ? random_.log_uniform(0.06, 0.3) : random_.uniform(0.5, 1.5);
     gravity_ = hand_size_ ? 9.81 : random_.uniform(1, 10);
@@ -58,6 +61,8 @@ class Draw {
     out += ball();
     if (!calm_) out += drag();
     out += surface();
+    const std::string sensed = calm_ || !stepper_ ? "" : sensors();
+    out += sensed;
     out += start();
     // Three masses and fewer are what people build; more are rarer.
     const int mass_count =
@@ -66,6 +71,8 @@ class Draw {
     out += "\n[run]\n" + line("actuation", stepper_ ? "\"stepper\"" : "\"prescribed\"");
     out += line("control_period", period_);
     out += line("timer_frequency", random_.one_of({1e6, 1e7, 1e7, 84e6}));
+    // Some seconds of hold would be most of the run. An estimate needs a sample in it, which may be ten periods late.
+    if (!sensed.empty()) out += line("hold", period_ * of_sensors_.integer(estimates_ ? 20 : 0, 200));
     out += line("on_violation", calm_ || random_.chance(0.6) ? "\"continue\"" : "\"stop\"");
     if (!calm_) out += tolerance(seed) + envelope();
     return out;
@@ -106,12 +113,49 @@ class Draw {
   std::string surface() {
     if (calm_) return "\n[surface]\n" + line("static_friction", random_.uniform(0.6, 1));
     floor_slides_ = !random_.chance(0.15);
-    if (!floor_slides_) return "";
+    std::string out = "\n[surface]\n";
+    if (!floor_slides_) return out + resistance();
     const double static_friction = random_.log_uniform(0.05, 1.2);
-    std::string out = "\n[surface]\n" + line("static_friction", static_friction);
+    out += line("static_friction", static_friction);
     out += line("kinetic_friction", static_friction * random_.uniform(0.5, 1));
     if (random_.chance(0.5)) out += line("restitution", random_.uniform(0, 0.9));
-    return out + patches();
+    return out + resistance() + patches();
+  }
+
+  // Floors that resist or slope.
+  std::string resistance() {
+    std::string out;
+    if (of_floor_.chance(0.2)) out += line("rolling_resistance", of_floor_.log_uniform(1e-3, 0.1));
+    if (of_floor_.chance(0.1)) out += line("spin_friction", radius_ * of_floor_.log_uniform(1e-3, 0.1));
+    if (of_floor_.chance(0.1)) out += line("creep", pendulum_rate_ * of_floor_.log_uniform(1e-4, 1e-2));
+    if (of_floor_.chance(0.2)) {
+      const double angle = of_floor_.uniform(0, 0.2);
+      out += "slope = { angle = " + text(angle) + ", downhill = " + text(of_floor_.uniform(-4, 4)) + " }\n";
+    }
+    return out;
+  }
+
+  // Sensors as one buys them; in two of three the attitude is estimated.
+  std::string sensors() {
+    if (!of_sensors_.chance(0.25)) return "";
+    std::string out = "\n[sensors]\n";
+    out +=
+        line("preset",
+             of_sensors_.one_of<const char*>({"\"bmi088\"", "\"bmi088_calibrated\"", "\"icm42688p\"", "\"lsm6dso\""}));
+    estimates_ = !of_sensors_.chance(0.35);
+    if (!estimates_) out += line("attitude", "\"sensed\"");
+    if (of_sensors_.chance(0.3)) out += line("rate", 1 / (period_ * of_sensors_.integer(2, 5)));
+    if (of_sensors_.chance(0.3)) out += line("latency", of_sensors_.uniform(0, 5 * period_));
+    if (of_sensors_.chance(0.3)) {
+      out += line("accelerometer.position", text(of_sensors_.vector(0, 0.5 * radius_)));
+    }
+    if (of_sensors_.chance(0.3)) {
+      out += "position_fix = { rate = " + text(1 / (period_ * of_sensors_.integer(1, 50))) +
+             ", noise = " + text(radius_ * of_sensors_.log_uniform(1e-3, 1e-1)) +
+             ", delay = " + text(of_sensors_.uniform(0, 5 * period_)) + " }\n";
+    }
+    if (of_sensors_.chance(0.3)) out += line("encoder.resolution", of_sensors_.log_uniform(1e-5, 1e-2));
+    return out;
   }
 
   // A few circles and triangles about the start, which overlap.
@@ -316,9 +360,9 @@ class Draw {
   }
 
   Random& random_;
-  Random of_ends_{0}, of_patches_{0};
+  Random of_ends_{0}, of_patches_{0}, of_floor_{0}, of_sensors_{0};
   bool calm_;
-  bool hand_size_ = true, stepper_ = true, floor_slides_ = true;
+  bool hand_size_ = true, stepper_ = true, floor_slides_ = true, estimates_ = false;
   double radius_ = 0, gravity_ = 0, shell_mass_ = 0, pendulum_rate_ = 0, duration_ = 0, period_ = 0;
 };
 

@@ -94,7 +94,7 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
     case controller_status_t::REFUSAL_CANCELLED:
       return "a fault came before it began";
     case controller_status_t::REFUSAL_NO_ESTIMATE:
-      return "it has no estimate of its attitude yet: no sample of the IMU has come";
+      return "it has no estimate of its attitude yet: no sample of the IMU has come that it could use";
     case controller_status_t::REFUSAL_NO_BACKUP:
       return fmt::format(
           "no stop can be certified: {} s after it began, the ball would need {} times the friction that "

@@ -189,10 +189,18 @@ std::string controller_trip_text(const ControllerTrip& trip) {
   return text;
 }
 
+// Empty where the whole floor holds alike.
+std::string floor_at_trip_text(const sim::Scenario& scenario, const RunResult& result) {
+  if (!result.trip_static_friction || *result.trip_static_friction == scenario.surface.static_friction) return "";
+  if (!std::isfinite(*result.trip_static_friction)) return "";
+  return fmt::format(" (mu_s = {} where it was)", short_number(*result.trip_static_friction));
+}
+
 std::string trip_text(const sim::Scenario& scenario, const RunResult& result) {
   if (result.trip.tripped == 0) return result.controller_trip ? controller_trip_text(*result.controller_trip) : "none";
-  std::string text = fmt::format("{} at t = {} s{}", trip_cause(result.trip.cause), short_time(result.trip.trip_time_s),
-                                 trip_values_text(result.trip));
+  std::string text =
+      fmt::format("{} at t = {} s{}{}", trip_cause(result.trip.cause), short_time(result.trip.trip_time_s),
+                  trip_values_text(result.trip), floor_at_trip_text(scenario, result));
   const bool physics_ended = result.end_reason != EndReason::kCompleted && result.end_reason != EndReason::kTripped;
   if (has_controller(scenario.run.actuation) && result.latency_ticks.value_or(-1) >= 0 && !physics_ended) {
     text +=
@@ -373,11 +381,16 @@ std::string bus_line(const RefusedMessages& refused) {
 // The effect of the difference between belief and truth.
 std::string belief_lines(const sim::Scenario& scenario, const RunResult& result) {
   if (!scenario.believed || !result.belief) return "";
+  // Patches alone leave a belief without them. With prescribed masses nobody acts by it.
+  if (!scenario.belief_is_written && !has_controller(scenario.run.actuation)) return "";
   const BeliefPrediction& p = *result.belief;
   const Eigen::Vector3d &at = p.position_W_m, &real = result.final_sample.position_W_m;
   const double mu = p.extrema.mu_required_max.value;
+  const bool motors = scenario.run.actuation == sim::Actuation::kStepper;
   std::string text = fmt::format(
-      "  believed    the believed robot would have needed f_s/N of {}, with least N {} N, and come to ({}, {}) m",
+      "  believed    {}{} would have needed f_s/N of {}, with least N {} N, and come to ({}, {}) m",
+      scenario.belief_is_written ? "the believed robot" : "the robot on the floor without patches, as is believed",
+      motors ? ", its masses as commanded and without their motors' swing," : "",
       std::isfinite(mu) ? short_number(mu) : "no bound", short_number(p.extrema.normal_force_min.value),
       short_number(at[0]), short_number(at[1]));
   if (p.end != sim::PhysicsEnd::kNone) {

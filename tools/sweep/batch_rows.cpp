@@ -155,7 +155,7 @@ BatchRows::BatchRows(const Spec& spec, const RowScenarios& scenarios, Lanes lane
   nominal_.ball.angular_velocity_B_radps = array_of(base_.initial.angular_velocity_B_radps);
   nominal_.ball.position_W_m = {base_.initial.position_W_m[0], base_.initial.position_W_m[1]};
   nominal_.static_friction = base_.surface.static_friction;
-  // What is not written in [believed] follows the truth, which may be varied.
+  // Keys that [believed] leaves out follow the truth, which may be varied.
   if (scenarios.find("believed.surface.static_friction") != nullptr) {
     believed_friction_ = base_.belief().surface.static_friction;
   }

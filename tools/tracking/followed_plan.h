@@ -1,4 +1,4 @@
-// What a run follows: the reference and gains of its controller, and the path that its plan says.
+// The plan that a run follows: the reference and gains of its controller, and the path that its plan says.
 #pragma once
 
 #include <Eigen/Core>

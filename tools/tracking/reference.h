@@ -44,8 +44,8 @@ struct TrackingOptions {
   double step = 0.1;  // in sqrt(r / g)
   // A motion that ends at rest is held for ever: the recursion begins with the P of a long hold there.
   bool holds = false;
-  // What the planner's model does not know (drag, forces that change, masses without a motion) is no reason to refuse;
-  // the reference has neither drag nor such forces. A ball that leaves the floor ends the reference there.
+  // Drag, forces that change and masses without a motion, which the planner's model does not know, are no reason to
+  // refuse; the reference has neither drag nor such forces. A ball that leaves the floor ends the reference there.
   bool lenient = false;
 };
 

@@ -67,7 +67,7 @@ struct Instant {
   Vec omega_dot;
   Vec h;  // R_B - M u = sum m_i (Omegadot x s_i + c_i) - F_B
   double normal = 0;
-  // Of the floor's moment N t.
+  // The floor's moment N t.
   bool moment = false;  // there is one: the floor resists and presses
   Vec arm;              // t = Lambda^T T_W / N
   Vec omega_dot_1;      // A^-1 (-t): Omegadot per N

@@ -119,7 +119,9 @@ function makeHud(runs, scene, clock) {
   const lines = runs.map(({samples, described}, run) => {
     const line = document.createElement("p");
     const letter = runs.length > 1 ? `<b style="color: var(--run-${run})">${runLetter(run)}</b> ` : "";
-    const limit = described.static_friction === null ? "" : ` of ${shortNumber(described.static_friction)}`;
+    const changes = samples.has("floor_friction");
+    const limit =
+        changes || described.static_friction === null ? "" : ` of ${shortNumber(described.static_friction)}`;
     const factor = scene?.robots[run].frictionFactor ?? 1;
     const longer = factor > 1 ? ` <small>×${factor}</small>` : "";
     line.innerHTML = [
@@ -131,6 +133,7 @@ function makeHud(runs, scene, clock) {
     if (factor > 1)
       line.querySelector(".of-friction").title = `the arrow of the friction is drawn ${factor} times longer`;
     hud.append(line);
+    const limitText = line.querySelector(".of-cone small");
     const [regime, ...numbers] = [line.querySelector(".regime"), ...line.querySelectorAll("span > b")];
     return (time) => {
       const row = samples.rowAt(time);
@@ -138,6 +141,9 @@ function makeHud(runs, scene, clock) {
       if (regime.textContent !== name) [regime.textContent, regime.className] = [name, `regime ${name}`];
       ["normal_force", "static_friction", "mu_required"].forEach(
           (column, k) => (numbers[k].textContent = numberText(samples.get(column)[row])));
+      if (!changes) return;
+      const holds = samples.get("floor_friction")[row];
+      limitText.textContent = Number.isFinite(holds) ? ` of ${shortNumber(holds)}` : "";
     };
   });
   let shownAt = -Infinity;

@@ -30,6 +30,15 @@ function single(runs, column, label, color) {
       width: several && run === 0 ? 2.6 : 1.3  // where both are equal, the wider one shows behind the other
     };
     if (samples.has(column)) lines.push({...line, column});
+    if (column === "mu_required" && samples.has("floor_friction"))
+      lines.push({
+        ...line,
+        column: "floor_friction",
+        label: `${FRICTION_LIMIT} under the ball`,
+        color: "limit",
+        dash: [7, 4],
+        width: 1
+      });
     const commanded = `commanded_${column}`;
     if (!several && samples.has(commanded))
       lines.push({...line, column: commanded, label: described.commanded, color: "text", dash: DASHED, width: 1});
@@ -73,7 +82,7 @@ function frictionLimits(runs) {
   const limits = [];
   runs.forEach(({described}, run) => {
     const limit = described.static_friction;
-    if (limit === null) return;
+    if (limit === null || described.friction_changes) return;  // a line of its own
     const who = runs.length > 1 ? ` ${runLetter(run)}` : "";
     const add = (value, text) => {
       if (!limits.some((other) => other.value === value)) limits.push({value, text});
@@ -155,7 +164,7 @@ function withNote(runs, id, title) {
   return said.length ? `${title} <small>${said.join("; ")}</small>` : title;
 }
 
-// What the robot measures of its contact with the floor.
+// Panels of the contact with the floor as the robot measures it.
 function measuredPanels(runs) {
   const whose = (run) => (runs.length > 1 ? `run-${run}` : "estimate");
   const lines = (column) => runs.flatMap(({samples}, run) => {

@@ -17,6 +17,9 @@ const FLAG_COLORS = {
 };
 const FONT = "12px system-ui, sans-serif";
 
+// A curve that extends less than this part of its values is drawn as a straight line: its ticks would look alike.
+const LEAST_RANGE = 1e-4;
+
 function axisText(value) {
   const size = Math.abs(value), unusual = size >= 1e5 || (size !== 0 && size < 1e-3);
   const text = unusual ? value.toExponential(1) : String(Number(value.toPrecision(6)));
@@ -187,7 +190,7 @@ class Plot {
       high = Math.max(high, value);
     }
     if (near <= this.panel.noise || near === 0) return [-0.1, 1];
-    const span = high - low, space = span > 1e-12 * near ? 0.09 * span : 0.1 * near || 1;
+    const span = high - low, space = span > LEAST_RANGE * near ? 0.09 * span : 0.1 * near || 1;
     return [low - space, high + space];
   }
 

@@ -435,6 +435,10 @@ export class Robot {
     this.friction.point(friction.clampLength(0, LONGEST_ARROW * this.radius));
     const margin = this.samples.get("margin")[place[0]];
     const inside = this.regime === "rolling" && !(margin < 0);
+    if (this.samples.has("floor_friction")) {  // the cone is that of the floor under the ball
+      const wide = this.samples.get("floor_friction")[place[0]] / this.described.static_friction;
+      this.cone.scale.set(wide || 1, wide || 1, 1);
+    }
     if (inside !== this.isInside) {
       this.isInside = inside;
       this.paintCone?.(inside);
