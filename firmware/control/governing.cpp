@@ -51,6 +51,9 @@ void begin_search(const ControllerParams& params, const RobotState& robot, Contr
   set_origin(state);
   start.stage = StartStage::kSearching;
   start.robot = robot;
+  // The first start begins with the motion's own jump.
+  const bool feeds = params.tracking.samples > 0;
+  if (!state.started && !feeds) start.robot.mass_acceleration = wish_at(params, state, 0, false, robot);
   start.attempt = ticks_to_rest(params, state) > 0 ? kStretches : kStretches - 1;
   begin_attempt(params, state);
 }
@@ -90,6 +93,7 @@ void put_masses(const PerMass<ProfilePoint>& from, int count, RobotState& robot)
   for (int i = 0; i < count; ++i) {
     robot.mass_position[at(i)] = static_cast<Real>(from[at(i)].position);
     robot.mass_velocity[at(i)] = static_cast<Real>(from[at(i)].velocity);
+    robot.mass_acceleration[at(i)] = static_cast<Real>(from[at(i)].acceleration);
   }
 }
 
@@ -109,7 +113,23 @@ RobotState next_robot(const ControllerParams& params, const ControllerState& sta
     robot = after_ramp(params.ball, robot, state.now.acceleration, end, static_cast<Real>(params.control_period_s));
   }
   put_masses(from, n, robot);
+  robot.swing_acceleration = state.governing.swing_acceleration;
+  robot.swing_jerk = state.governing.swing_jerk;
   return robot;
+}
+
+// Carries on what the masses' swing follows the commands of a tick with.
+void swing_on(const ControllerParams& params, const PerMass<ProfilePoint>& from, const PerMass<Wide>& end,
+              GoverningState& g) {
+  const auto h = static_cast<Real>(params.control_period_s);
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    if (!swings(g.params, at(i))) continue;
+    const Real mean = static_cast<Real>((from[at(i)].acceleration + end[at(i)]) / 2);
+    Real& acceleration = g.swing_acceleration[at(i)];
+    Real& jerk = g.swing_jerk[at(i)];
+    jerk += h * swing_rate(g.params.mass[at(i)].swing, mean, acceleration, jerk);
+    acceleration += h * jerk;
+  }
 }
 
 // Lets the next certificate replace the one in force where the ball leaves the path that it was made for. The sum of
@@ -150,6 +170,7 @@ GovernorParams governor_params(const ControllerParams& params) {
     const MotorParams& motor = params.motor[at(i)];
     mass.max_velocity = static_cast<Real>(motion_limits(params, i).max_velocity);
     mass.max_acceleration = static_cast<Real>(motor.max_acceleration);
+    mass.max_jerk = static_cast<Real>(motor.max_jerk);
     mass.lower_end = static_cast<Real>(ends.lower + motor.swing);
     mass.upper_end = static_cast<Real>(ends.upper - motor.swing);
     mass.swing = params.governor.swing[at(i)];
@@ -233,6 +254,8 @@ void begin_governing(const ControllerParams& params, const Inputs& inputs, Contr
   if (end_ticks > 0) g.governor.nominal_end_tick = next + static_cast<std::int64_t>(end_ticks);
   g.governs = true;
   g.expects = false;
+  g.swing_acceleration = {};
+  g.swing_jerk = {};
   g.certificate_tick = g.governor.certificate.switch_tick;
   g.off_path_B_radps = Vector3::Zero();
   g.sensitivity.reset();
@@ -240,6 +263,11 @@ void begin_governing(const ControllerParams& params, const Inputs& inputs, Contr
   g.start.stage = StartStage::kUsed;
   const BallMotion motion = ball_motion(params, state, inputs.sensors);
   if (!motion.known || !same_ball(params, g.start.robot, motion)) distrust(g.governor);
+}
+
+Wide governed_jerk(const GoverningState& governing, int i, Wide jump, Wide period_s) {
+  const Wide bent = Wide{governing.params.mass[at(i)].max_jerk};
+  return governing.governor.mode == GovernorMode::kNominal ? bent + std::fabs(jump) / period_s : bent;
 }
 
 void bend_beginning(const ControllerParams& params, const ControllerState& state, TickToGovern& now) {
@@ -278,11 +306,11 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
   g.expects = true;
   g.expected_B_radps = out.end.angular_velocity_B_radps;
   weigh_errors(params, state, robot, out.acceleration, g);
-  if (!out.report.bent) return;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < n && out.report.bent; ++i) {
     const Wide u{out.acceleration[at(i)]};
     accelerations[at(i)] = std::fmin(std::fmax(u, now.lowest[at(i)]), now.highest[at(i)]);
   }
+  swing_on(params, now.from, accelerations, g);
 }
 
 }  // namespace ballast::firmware

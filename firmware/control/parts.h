@@ -111,6 +111,9 @@ struct TickToGovern {
   PerMass<ProfilePoint> from{};
   PerMass<Wide> lowest{}, highest{};  // accelerations that the motors reach at the tick's end
 };
+// The greatest jerk of mass i where its motion's acceleration changes by `jump` in the tick: the nominal follows that,
+// and the backup does not.
+[[nodiscard]] Wide governed_jerk(const GoverningState& governing, int i, Wide jump, Wide period_s);
 // Bends the accelerations with which the first tick of a motion begins, in `now`.
 void bend_beginning(const ControllerParams& params, const ControllerState& state, TickToGovern& now);
 // Bends the accelerations wished for the tick's end, which lie inside of those limits.

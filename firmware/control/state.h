@@ -43,8 +43,9 @@ struct GoverningState {
   bool governs = false;   // each tick's motion passes the governor
   StartSearch start;
   Sensitivity sensitivity;
-  std::int64_t certificate_tick = 0;  // switch of the certificate whose path is watched
-  bool expects = false;               // expected_B_radps is that of the next tick
+  PerMass<Real> swing_acceleration{}, swing_jerk{};  // of the masses at the start of the next tick
+  std::int64_t certificate_tick = 0;                 // switch of the certificate whose path is watched
+  bool expects = false;                              // expected_B_radps is that of the next tick
   Vector3 expected_B_radps = Vector3::Zero();
   Vector3 off_path_B_radps = Vector3::Zero();
 };

@@ -49,6 +49,13 @@ ProfilePoint planned(const ControllerParams& params, const TrackingState& tracki
   return point;
 }
 
+// The change of the motion's acceleration in the tick after this one.
+Wide motion_jump(const ControllerParams& params, const TrackingState& tracking, int i, Wide now_s) {
+  const Wide period_s = params.control_period_s;
+  return planned(params, tracking, i, now_s + 2 * period_s).acceleration -
+         planned(params, tracking, i, now_s + period_s).acceleration;
+}
+
 MassError mass_error(const ControllerParams& params, const PerMass<ProfilePoint>& motion, const PerMass<Real>& position,
                      const PerMass<Real>& velocity) {
   MassError masses;
@@ -165,20 +172,19 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
     const Wide motion_next = planned(params, tracking, i, now_s + 2 * period_s).acceleration;
     const Wide wanted = motion_next - Wide{correction[at(i)]};
     MotionLimits limits = motion_limits(params, i);
-    if (!tracking.feeds) {
-      const Wide jump = motion_next - planned(params, tracking, i, now_s + period_s).acceleration;
-      limits.max_jerk = std::fmax(limits.max_jerk, std::fabs(jump) / period_s);
-    }
+    const Wide jump = motion_jump(params, tracking, i, now_s);
+    if (!tracking.feeds) limits.max_jerk = std::fmax(limits.max_jerk, std::fabs(jump) / period_s);
     const RailEnds ends = rail_ends(params.ball, i);
     const Wide swing = params.motor[at(i)].swing;
     const auto reachable = [&](Wide acceleration) {
       return reachable_acceleration(from, acceleration, limits, ends.lower + swing, ends.upper - swing, period_s);
     };
-    const Wide reached = reachable(wanted);
+    Wide reached = reachable(wanted);
     if (governs) {
-      constexpr Wide kAny = 1e100;
-      tick.lowest[at(i)] = reachable(-kAny);
-      tick.highest[at(i)] = reachable(kAny);
+      const Wide change = governed_jerk(state.governing, i, jump, period_s) * period_s;
+      tick.lowest[at(i)] = reachable(from.acceleration - change);
+      tick.highest[at(i)] = reachable(from.acceleration + change);
+      reached = std::fmin(std::fmax(reached, tick.lowest[at(i)]), tick.highest[at(i)]);
     }
     constexpr Wide kSaturated =
         0.05;  // of the greatest acceleration: more than the jerk limit takes off a plan's jumps

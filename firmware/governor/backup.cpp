@@ -22,6 +22,12 @@ Real stoppable(Real distance, Real acceleration) { return distance > 0 ? std::sq
 constexpr Real kMoreSlack = Real(0.25);
 constexpr int kTickRounds = 3;
 
+// Time constant of the brake, times the natural frequency of a swinging mass: a shorter one excites the swing.
+constexpr Real kBrakeSwings = 5;
+
+// A swing of at most this per step of a rollout is followed by it, in radians. A faster one is over within a few steps.
+constexpr Real kSlowSwing = 1;
+
 RobotState after_tick(const BallParams& ball, const GovernorParams& params, const RobotState& state,
                       const Governed& now) {
   const auto h = static_cast<Real>(params.control_period_s);
@@ -44,6 +50,13 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
   const Real tick = static_cast<Real>(control_period_s) / unit_s;
   params.tick_slack = tick * tick;
   params.brake_time_s = Real(0.15) * unit_s;
+  for (MassLimits& mass : params.mass) {
+    const Real natural_radps = mass.swing.natural_radps;
+    if (!(natural_radps > 0)) continue;
+    params.brake_time_s = std::fmax(params.brake_time_s, kBrakeSwings / natural_radps);
+    constexpr Real kTwoPi = Real(6.283185307179586);
+    mass.max_jerk = std::fmin(mass.max_jerk, mass.max_acceleration * natural_radps / kTwoPi);
+  }
   params.reserve = Real(0.01);
   params.moving_reserve = Real(0.01);
   params.step_s = std::fmax(Real(0.05) * unit_s, static_cast<Real>(control_period_s));
@@ -102,7 +115,9 @@ PerMass<Real> braking(const GovernorParams& params, const RobotState& state, int
   for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
     const Real speed = std::fabs(state.mass_velocity[i]);
     const Real rate = std::fmax(speed, params.still_velocity[i]) / params.brake_time_s;
-    u[i] = -std::copysign(std::fmin(rate, speed / tick_s), state.mass_velocity[i]);
+    // From sqrt(2 max_jerk speed) the acceleration can fall to 0 with the speed.
+    const Real fading = speed > 0 ? std::sqrt(params.mass[i].max_jerk * speed) : 0;
+    u[i] = -std::copysign(std::fmin(std::fmin(rate, fading), speed / tick_s), state.mass_velocity[i]);
   }
   return u;
 }
@@ -120,7 +135,7 @@ Real use_of(Real friction, Real static_friction_n, Real normal_force_n) {
 }
 
 Governed governed(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                  const PerMass<Real>& wish, Real within_s, Real slack_n, Real reserve) {
+                  const PerMass<Real>& wish, Real within_s, Real slack_n) {
   AffineForces forces;
   affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
   PerMass<Real> unit{};
@@ -128,14 +143,55 @@ Governed governed(const BallParams& ball, const GovernorParams& params, const Ro
   Governed out;
   out.cone = cone_of(params, forces, state, ball.mass_count);
   out.cone.slack_n += slack_n;
-  if (reserve > 0 && !std::isinf(params.friction)) {
-    out.cone.slack_n += reserve * params.friction * std::fabs(forces.force_W_n[2]);
-  }
   out.command =
       project(forces, ball.mass_count, out.cone, box_of(params, state, ball.mass_count, within_s), unit, wish);
   out.force_W_n = forces.force(ball.mass_count, out.command.u);
   out.outside_n = outside_n(out.cone, forces, ball.mass_count, out.command.u);
   out.omega_dot_B_radps2 = forces.omega_dot(ball.mass_count, out.command.u);
+  return out;
+}
+
+bool swings(const GovernorParams& params, std::size_t mass) {
+  const Real natural = params.mass[mass].swing.natural_radps;
+  return natural > 0 && natural * params.step_s <= kSlowSwing;
+}
+
+Real swing_rate(const MotorSwing& swing, Real u, Real swing_acceleration, Real swing_jerk) {
+  const Real w = swing.natural_radps;
+  return w * w * (u - swing_acceleration) - 2 * swing.damping_ratio * w * swing_jerk;
+}
+
+Box near(const Box& box, const PerMass<Real>& u, const PerMass<Real>& change) {
+  Box out;
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    out.lower[i] = std::fmax(box.lower[i], std::fmin(u[i] - change[i], box.upper[i]));
+    out.upper[i] = std::fmin(box.upper[i], std::fmax(u[i] + change[i], box.lower[i]));
+  }
+  return out;
+}
+
+Governed governed_rolling(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                          const PerMass<Real>& wish, const PerMass<Real>& change) {
+  AffineForces forces;
+  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
+  const int n = ball.mass_count;
+  PerMass<Real> unit{};
+  for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = params.mass[i].max_acceleration;
+  Governed out;
+  out.cone = cone_of(params, forces, state, n);
+  const Cone whole = out.cone;
+  if (!std::isinf(params.friction)) {
+    out.cone.slack_n += params.moving_reserve * params.friction * std::fabs(forces.force_W_n[2]);
+  }
+  const Box box = near(box_of(params, state, n, params.step_s), state.mass_acceleration, change);
+  out.command = project(forces, n, out.cone, box, unit, wish);
+  PerMass<Real> moved = out.command.u;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+    if (swings(params, i)) moved[i] = state.swing_acceleration[i];
+  }
+  out.force_W_n = forces.force(n, moved);
+  out.outside_n = outside_n(whole, forces, n, moved);
+  out.omega_dot_B_radps2 = forces.omega_dot(n, moved);
   return out;
 }
 

@@ -29,6 +29,15 @@ inline constexpr int kMovingStepWork = 5;
 // f_s / (friction N); infinite where N <= 0.
 [[nodiscard]] Real use_of(Real friction, Real static_friction_n, Real normal_force_n);
 
+// The mass swings in its motor's field slowly enough for a rollout to follow that.
+[[nodiscard]] bool swings(const GovernorParams& params, std::size_t mass);
+
+// Rate of RobotState::swing_jerk of a mass that is commanded to accelerate by `u`.
+[[nodiscard]] Real swing_rate(const MotorSwing& swing, Real u, Real swing_acceleration, Real swing_jerk);
+
+// Bounds of commands that differ from `u` by at most `change`, inside of `box` as far as they can be.
+[[nodiscard]] Box near(const Box& box, const PerMass<Real>& u, const PerMass<Real>& change);
+
 // The wished accelerations, projected, and what they do.
 struct Governed {
   Projection command;
@@ -37,11 +46,16 @@ struct Governed {
   Real outside_n = 0;                   // of the cone, <= 0 up to rounding unless it is empty
   Vector3 omega_dot_B_radps2 = Vector3::Zero();
 };
-// `slack_n` is added to that of cone_of(), and so is the part `reserve` of friction N.
+// `slack_n` is added to that of cone_of().
 [[nodiscard]] Governed governed(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                                const PerMass<Real>& wish, Real within_s, Real slack_n = 0, Real reserve = 0);
+                                const PerMass<Real>& wish, Real within_s, Real slack_n = 0);
 
-// The same for a command that is constant for a control tick: the cone holds at its end too. The state at the end is
+// What the masses of a rollout do: the command lies within `change` of state.mass_acceleration, and force and
+// omega_dot are those of the masses as they swing.
+[[nodiscard]] Governed governed_rolling(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                                        const PerMass<Real>& wish, const PerMass<Real>& change);
+
+// governed() for a command that is constant for a control tick: the cone holds at its end too. The state at the end is
 // predicted to first order, so f_s / N may pass the cone by terms of (control_period_s)^2.
 [[nodiscard]] Governed governed_for_tick(const BallParams& ball, const GovernorParams& params, const RobotState& state,
                                          const PerMass<Real>& wish);

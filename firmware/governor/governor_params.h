@@ -1,6 +1,8 @@
 // Parameters of the governor. Types only.
 #pragma once
 
+#include <limits>
+
 #include "firmware/governor/robot_state.h"
 
 namespace ballast::firmware {
@@ -22,6 +24,7 @@ struct MassLimits {
   Real lower_end = 0;
   Real upper_end = 0;
   MotorSwing swing;
+  Real max_jerk = std::numeric_limits<Real>::infinity();  // > 0, of commands that are not the nominal's own
 };
 
 // What the controller is told of the governor. Everything else follows from the robot: governor_params().

@@ -11,6 +11,9 @@ struct RobotState {
   Vector2 position_W_m = Vector2::Zero();  // of the geometric centre
   PerMass<Real> mass_position{};           // rail coordinates
   PerMass<Real> mass_velocity{};
+  PerMass<Real> mass_acceleration{};  // commanded
+  // What the acceleration of a mass that swings in its motor's field follows the command with (governor_params.h).
+  PerMass<Real> swing_acceleration{}, swing_jerk{};
 };
 
 }  // namespace ballast::firmware

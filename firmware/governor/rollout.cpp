@@ -21,7 +21,7 @@ void Rollout::begin(const GovernorParams& params, const RobotState& state, std::
   start_tick_ = tick_ = tick;
   period_s_ = params.control_period_s;
   time_s_ = change_s_ = 0;
-  held_ = near_edge_ = false;
+  held_ = near_edge_ = wished_ = false;
   most_use_ = 0;
 }
 
@@ -29,7 +29,9 @@ void Rollout::begin(const GovernorParams& params, const RobotState& state, std::
 Real Rollout::next_step_s(const GovernorParams& params) {
   while (time_s_ >= change_s_) {
     tick_ = start_tick_ + static_cast<std::int64_t>(change_s_ / period_s_ + Wide(0.5));
-    nominal_now_ = schedule_.nominal(tick_);
+    const bool nominal = schedule_.nominal(tick_);
+    wished_ = wished_ && nominal == nominal_now_;
+    nominal_now_ = nominal;
     last_ = tick_ >= schedule_.backup_from();
     if (last_) break;
     change_s_ = static_cast<Wide>(schedule_.next_change(tick_) - start_tick_) * period_s_;
@@ -54,9 +56,24 @@ void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n) {
 }
 
 Rollout::Rates Rollout::stage_rates(const BallParams& ball, const GovernorParams& params, const RobotState& at,
-                                    const PerMass<Real>& wish, bool first) {
-  const Governed here = governed(ball, params, at, wish, params.step_s, 0, params.moving_reserve);
+                                    const PerMass<Real>& wish, Real reach_s, bool first) {
+  if (first && !wished_) last_wish_ = wish;
+  wished_ = true;
+  // A command changes as fast as max_jerk allows, and the nominal's own changes are followed. A tick more leaves the
+  // projection some freedom at the step's start.
+  PerMass<Real> change{};
+  const Real time_s = reach_s + static_cast<Real>(params.control_period_s);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    change[i] = params.mass[i].max_jerk * time_s + (nominal_now_ ? std::fabs(wish[i] - last_wish_[i]) : 0);
+  }
+  const Governed here = governed_rolling(ball, params, at, wish, change);
   Rates rates;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    if (!swings(params, i)) continue;
+    rates.swing_jerk[i] = at.swing_jerk[i];
+    rates.swing_rate[i] =
+        swing_rate(params.mass[i].swing, here.command.u[i], at.swing_acceleration[i], at.swing_jerk[i]);
+  }
   rates.ball = turning_rate(at.orientation, at.angular_velocity_B_radps, here.omega_dot_B_radps2, ball.radius_m);
   rates.velocity = at.mass_velocity;
   rates.acceleration = here.command.u;
@@ -65,7 +82,7 @@ Rollout::Rates Rollout::stage_rates(const BallParams& ball, const GovernorParams
       std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
   if (first && !std::isinf(params.friction)) use(params, used, f[2]);
   if (first) near_edge_ = used > kNearEdge || here.command.bent;
-  if (here.command.empty) {
+  if (first && !(here.outside_n <= 0)) {
     end_ = RolloutEnd::kBroken;
     breach_ = {used, f[2]};
   }
@@ -77,6 +94,8 @@ void Rollout::add(const Rates& rates, Real h_s, int mass_count, Rates& sum) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
     sum.velocity[i] += h_s * rates.velocity[i];
     sum.acceleration[i] += h_s * rates.acceleration[i];
+    sum.swing_jerk[i] += h_s * rates.swing_jerk[i];
+    sum.swing_rate[i] += h_s * rates.swing_rate[i];
   }
 }
 
@@ -88,6 +107,8 @@ RobotState Rollout::moved(const RobotState& from, const Rates& rates, Real h_s, 
   for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
     to.mass_position[i] += h_s * rates.velocity[i];
     to.mass_velocity[i] += h_s * rates.acceleration[i];
+    to.swing_acceleration[i] += h_s * rates.swing_jerk[i];
+    to.swing_jerk[i] += h_s * rates.swing_rate[i];
   }
   return to;
 }

@@ -75,7 +75,7 @@ class Rollout {
   // Rates of everything in a moving ball.
   struct Rates {
     TurningRate ball;
-    PerMass<Real> velocity{}, acceleration{};
+    PerMass<Real> velocity{}, acceleration{}, swing_jerk{}, swing_rate{};
   };
 
   template <class Nominal>
@@ -89,17 +89,20 @@ class Rollout {
       const Real reach = stage == 0 ? 0 : (stage == 3 ? h : h / 2);
       const PerMass<Real> wish =
           nominal_now_ ? nominal(time_s_ + Wide{reach}, at) : braking(params, at, ball.mass_count);
-      const Rates rates = stage_rates(ball, params, at, wish, stage == 0);
+      const Rates rates = stage_rates(ball, params, at, wish, reach, stage == 0);
       add(rates, stage == 0 || stage == 3 ? h / 6 : h / 3, ball.mass_count, sum);
+      last_command_ = rates.acceleration;
+      if (stage == 3) last_wish_ = wish;
       if (stage < 3) at = moved(start, rates, stage == 2 ? h : h / 2, ball.mass_count);
     }
     state_ = moved(start, sum, 1, ball.mass_count);
+    state_.mass_acceleration = last_command_;
     finish_step(ball, params, h);
   }
 
   Real next_step_s(const GovernorParams& params);
   Rates stage_rates(const BallParams& ball, const GovernorParams& params, const RobotState& at,
-                    const PerMass<Real>& wish, bool first);
+                    const PerMass<Real>& wish, Real reach_s, bool first);
   static void add(const Rates& rates, Real h_s, int mass_count, Rates& sum);
   static RobotState moved(const RobotState& from, const Rates& rates, Real h_s, int mass_count);
   void finish_step(const BallParams& ball, const GovernorParams& params, Real h_s);
@@ -113,6 +116,8 @@ class Rollout {
   std::int64_t start_tick_ = 0, tick_ = 0;  // tick_: the last change of the schedule
   Wide period_s_ = 0, time_s_ = 0, change_s_ = 0;
   bool nominal_now_ = false, last_ = false;
+  bool wished_ = false;  // last_wish_ is that of the step before, by the same wish
+  PerMass<Real> last_wish_{}, last_command_{};
   bool held_ = false;
   bool near_edge_ = false;
   HeldBall held_ball_;
