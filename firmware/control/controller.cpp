@@ -35,7 +35,8 @@ void trip(ControllerState& state, const GuardState& guards) {
 // Makes the steps of the next tick: of the motion, a move or a stop.
 void command_steps(const ControllerParams& params, const Inputs& inputs, ControllerState& state, StepCommand& steps) {
   bool stop_begins = false;
-  if (state.mode != Mode::kRunning && state.mode != Mode::kMoving && !state.braking) {
+  const bool follows = state.mode == Mode::kRunning || state.mode == Mode::kMoving || state.mode == Mode::kHalting;
+  if (!follows && !state.braking) {
     begin_stop(params, state, steps.tick);
     stop_begins = true;
   }
@@ -106,6 +107,8 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
     state.mode = next_mode(state.mode, Event::kDue, guards);
     begin(state, next);
   }
+
+  if (state.mode == Mode::kHalting && halted(params, state)) state.mode = next_mode(state.mode, Event::kDue, guards);
 
   // The steps of a repeated tick are on their way already.
   clear(params, state, next, steps);

@@ -147,6 +147,26 @@ void watch_path(const ControllerParams& params, const RobotState& robot, Governi
   g.off_path_B_radps = Vector3::Zero();
 }
 
+// The halt is rolled forward for so many times sqrt(r / g) at most.
+constexpr Real kLongestHalt = 30;
+
+// Rolls the halt of the candidate that has begun in this tick forward, or continues.
+template <class Law>
+void predict_halt(const ControllerParams& params, const RobotState& robot, std::int64_t tick, const Law& law,
+                  GoverningState& g) {
+  HaltState& halt = g.halt;
+  const Rollout& candidate = g.governor.candidate;
+  if (g.governor.changing && candidate.start_tick() == tick) {
+    halt.predicts = true;
+    halt.predicted_tick = candidate.schedule().from;
+    halt.rollout_tick = tick;
+    halt.rollout.begin(g.params, robot, tick, candidate.schedule(), Wide{kLongestHalt * unit_s(params.ball)});
+  }
+  if (halt.predicts && !halt.rollout.result().complete) {
+    halt.rollout.advance(params.ball, g.params, law, g.params.work_per_tick);
+  }
+}
+
 // What estimate and belief may be off, as the next tick's cone takes it.
 void weigh_errors(const ControllerParams& params, const ControllerState& state, const RobotState& robot,
                   const PerMass<Real>& u, GoverningState& g) {
@@ -183,6 +203,8 @@ void reset_governing(const ControllerParams& params, ControllerState& state) {
   GoverningState& g = state.governing;
   g.report = {};
   g.governs = false;
+  g.halt.asked = g.halt.begun = g.halt.predicts = false;
+  g.halt.slow_ticks = 0;
   g.start.stage = StartStage::kNone;
   if (!params.governor.on) return;
   g.params = governor_params(params);
@@ -254,6 +276,7 @@ void begin_governing(const ControllerParams& params, const Inputs& inputs, Contr
   if (end_ticks > 0) g.governor.nominal_end_tick = next + static_cast<std::int64_t>(end_ticks);
   g.governs = true;
   g.expects = false;
+  g.halt.asked = g.halt.begun = g.halt.predicts = false;
   g.swing_acceleration = {};
   g.swing_jerk = {};
   g.certificate_tick = g.governor.certificate.switch_tick;
@@ -268,6 +291,35 @@ void begin_governing(const ControllerParams& params, const Inputs& inputs, Contr
 Wide governed_jerk(const GoverningState& governing, int i, Wide jump, Wide period_s) {
   const Wide bent = Wide{governing.params.mass[at(i)].max_jerk};
   return governing.governor.mode == GovernorMode::kNominal ? bent + std::fabs(jump) / period_s : bent;
+}
+
+void begin_halt(ControllerState& state) {
+  GoverningState& g = state.governing;
+  g.halt.asked = true;
+  g.halt.begun = g.halt.predicts = false;
+  g.halt.slow_ticks = 0;
+  change_nominal(g.governor);
+}
+
+bool halted(const ControllerParams& params, const ControllerState& state) {
+  return static_cast<Wide>(state.governing.halt.slow_ticks) * params.control_period_s >= kRestTime_s;
+}
+
+bool halts(const GoverningState& governing, std::int64_t tick) {
+  if (governing.halt.begun) return true;
+  const GovernorState& governor = governing.governor;
+  const RolloutEnd end = governor.candidate.end();
+  return governing.halt.asked && governor.changing && governor.searching && end != RolloutEnd::kUnderWay &&
+         end != RolloutEnd::kBroken && governor.candidate.schedule().from == tick;
+}
+
+HaltWish wish_of_halt(const ControllerParams& params, const ControllerState& state, const TickToGovern& now) {
+  const RobotState robot = next_robot(params, state, now.motion, now.place_W_m, now.held, now.from);
+  HaltWish out;
+  out.wish = halt_wish(params.ball, halt_gains(params.ball), robot);
+  const HaltState& halt = state.governing.halt;
+  for (int i = 0; i < params.ball.mass_count && halt.begun; ++i) out.change[at(i)] = out.wish[at(i)] - halt.wish[at(i)];
+  return out;
 }
 
 void bend_beginning(const ControllerParams& params, const ControllerState& state, TickToGovern& now) {
@@ -295,13 +347,36 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
     ramp.end.upper[at(i)] = static_cast<Real>(now.highest[at(i)]);
     nominal[at(i)] = static_cast<Real>(accelerations[at(i)]);
   }
+  const HaltGains gains = halt_gains(params.ball);
+  const Wide period_s = params.control_period_s;
+  // The wish at a time after the start of `from`. The halt is the wish from the start of `halt_tick` on.
+  const auto wish_after = [&](std::int64_t from, bool to_halt, std::int64_t halt_tick, Wide time_s,
+                              const RobotState& then) {
+    if (to_halt && time_s >= (static_cast<Wide>(minus(halt_tick, from)) - Wide(0.5)) * period_s) {
+      return halt_wish(params.ball, gains, then);
+    }
+    const Wide begun_s = static_cast<Wide>(minus(from, state.tracking.start_tick)) * period_s;
+    return wish_at(params, state, begun_s + time_s, state.tracking.feeds, then);
+  };
   const auto law = [&](Wide time_s, const RobotState& then) {
-    const std::int64_t begun = minus(g.governor.candidate.start_tick(), state.tracking.start_tick);
-    return wish_at(params, state, static_cast<Wide>(begun) * params.control_period_s + time_s, state.tracking.feeds,
-                   then);
+    const Rollout& candidate = g.governor.candidate;
+    const std::int64_t halt_tick = g.halt.begun ? g.halt.from_tick : candidate.schedule().from;
+    return wish_after(candidate.start_tick(), g.halt.asked, halt_tick, time_s, then);
   };
   GovernorOutput out;
   govern_ramp(params.ball, g.params, robot, ramp, nominal, law, now.tick, g.governor, out);
+  if (g.halt.asked) {
+    if (!g.halt.begun && !g.governor.changing) {
+      g.halt.begun = true;
+      g.halt.from_tick = now.tick;
+    }
+    const auto law_of_halt = [&](Wide time_s, const RobotState& then) {
+      return wish_after(g.halt.rollout_tick, true, g.halt.predicted_tick, time_s, then);
+    };
+    predict_halt(params, robot, now.tick, law_of_halt, g);
+    const Real rest_mps = kRestSpeed * std::sqrt(params.ball.gravity_mps2 * params.ball.radius_m);
+    g.halt.slow_ticks = g.halt.begun && speed_mps(params.ball, robot) < rest_mps ? g.halt.slow_ticks + 1 : 0;
+  }
   g.report = out.report;
   g.expects = true;
   g.expected_B_radps = out.end.angular_velocity_B_radps;

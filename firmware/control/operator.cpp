@@ -127,6 +127,11 @@ RefusalReport follow(const ControllerParams& params, const Inputs& inputs, Mode 
       !ball_motion(params, state, inputs.sensors).known) {
     return refused(Refusal::kNoEstimate);
   }
+  if (after == Mode::kHalting) {
+    // Only the governor knows how the ball is brought to rest inside the cone.
+    if (!state.governing.governs) return refused(Refusal::kMode);
+    begin_halt(state);
+  }
   if (after == Mode::kRunning || after == Mode::kPending) {
     // Both write the profiles that a prediction under way still reads.
     if (!state.planned) drop_plan(state);

@@ -114,6 +114,19 @@ struct TickToGovern {
 // The greatest jerk of mass i where its motion's acceleration changes by `jump` in the tick: the nominal follows that,
 // and the backup does not.
 [[nodiscard]] Wide governed_jerk(const GoverningState& governing, int i, Wide jump, Wide period_s);
+// The motion under the governor is to become a halt of the ball.
+void begin_halt(ControllerState& state);
+// The halted ball has been at rest for kRestTime_s.
+[[nodiscard]] bool halted(const ControllerParams& params, const ControllerState& state);
+// The halt commands the tick that begins at the start of `tick`, if its stop is certified.
+[[nodiscard]] bool halts(const GoverningState& governing, std::int64_t tick);
+// What the halt asks of the masses in that tick, and how much that has changed since the tick before.
+struct HaltWish {
+  PerMass<Real> wish{}, change{};
+};
+[[nodiscard]] HaltWish wish_of_halt(const ControllerParams& params, const ControllerState& state,
+                                    const TickToGovern& now);
+
 // Bends the accelerations with which the first tick of a motion begins, in `now`.
 void bend_beginning(const ControllerParams& params, const ControllerState& state, TickToGovern& now);
 // Bends the accelerations wished for the tick's end, which lie inside of those limits.

@@ -7,6 +7,7 @@
 #include "firmware/estimation/measured_contact.h"
 #include "firmware/estimation/measured_masses.h"
 #include "firmware/governor/governor.h"
+#include "firmware/governor/halt.h"
 #include "firmware/governor/sensitivity.h"
 #include "firmware/tracking/tracker.h"
 
@@ -35,6 +36,19 @@ struct StartSearch {
   Wide breach_s = 0;
 };
 
+// A halt of the ball, from the operator's command on.
+struct HaltState {
+  bool asked = false;
+  bool begun = false;          // the masses follow it; before, the motion goes on until a stop of the halt is certified
+  std::int64_t from_tick = 0;  // at whose start it began
+  std::int64_t predicted_tick = 0;  // at whose start the candidate begins it that `rollout` predicts
+  bool predicts = false;
+  std::int64_t rollout_tick = 0;  // at whose start `rollout` begins
+  HaltRollout rollout;
+  PerMass<Real> wish{};  // of the last tick, once begun
+  int slow_ticks = 0;    // in which the ball has been slower than rest
+};
+
 // The governor of the running motion.
 struct GoverningState {
   GovernorParams params;  // set by reset(); `uncertain` is that of the last tick
@@ -42,6 +56,7 @@ struct GoverningState {
   GovernorReport report;  // of the last tick that was governed
   bool governs = false;   // each tick's motion passes the governor
   StartSearch start;
+  HaltState halt;
   Sensitivity sensitivity;
   PerMass<Real> swing_acceleration{}, swing_jerk{};  // of the masses at the start of the next tick
   std::int64_t certificate_tick = 0;                 // switch of the certificate whose path is watched

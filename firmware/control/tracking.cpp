@@ -167,13 +167,19 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
     if (tick.held) from.acceleration = tracking.feeds ? 0 : planned(params, tracking, i, 0).acceleration;
   }
   if (governs && motion.known && tick.held) bend_beginning(params, state, tick);
+  const bool halting = governs && motion.known && halts(state.governing, next);
+  HaltWish halt;
+  if (halting) {
+    halt = wish_of_halt(params, state, tick);
+    state.governing.halt.wish = halt.wish;
+  }
   for (int i = 0; i < params.ball.mass_count; ++i) {
     const ProfilePoint& from = tick.from[at(i)];
     const Wide motion_next = planned(params, tracking, i, now_s + 2 * period_s).acceleration;
-    const Wide wanted = motion_next - Wide{correction[at(i)]};
+    const Wide wanted = halting ? Wide{halt.wish[at(i)]} : motion_next - Wide{correction[at(i)]};
     MotionLimits limits = motion_limits(params, i);
-    const Wide jump = motion_jump(params, tracking, i, now_s);
-    if (!tracking.feeds) limits.max_jerk = std::fmax(limits.max_jerk, std::fabs(jump) / period_s);
+    const Wide jump = halting ? Wide{halt.change[at(i)]} : motion_jump(params, tracking, i, now_s);
+    if (!tracking.feeds && !halting) limits.max_jerk = std::fmax(limits.max_jerk, std::fabs(jump) / period_s);
     const RailEnds ends = rail_ends(params.ball, i);
     const Wide swing = params.motor[at(i)].swing;
     const auto reachable = [&](Wide acceleration) {
@@ -198,7 +204,7 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
     }
   }
   state.start_tick = next;
-  if (!sees || saturated || (governs && state.governing.report.bent)) return;
+  if (!sees || halting || saturated || (governs && state.governing.report.bent)) return;
   const Vector2 off = place_error(e, params.ball.mass_count);
   const Real most = most_integral_ms(params.ball);
   for (int j = 0; j < 2; ++j) {

@@ -135,20 +135,22 @@ void HaltRollout::begin(const GovernorParams& params, const RobotState& state, s
   rollout_.begin(params, state, tick, schedule);
   result_ = {};
   result_.place_W_m = state.position_W_m;
-  longest_s_ = longest_s;
+  from_s_ = static_cast<Wide>(change.from - tick) * params.control_period_s;
+  longest_s_ = from_s_ + longest_s;
   path_m_ = 0;
 }
 
 void HaltRollout::take(const BallParams& ball, const Vector2& before_W_m) {
   const RobotState& now = rollout_.state();
   const Real x = now.position_W_m[0] - before_W_m[0], y = now.position_W_m[1] - before_W_m[1];
-  path_m_ += std::sqrt(x * x + y * y);
-  if (!(speed_mps(ball, now) < kRestSpeed * std::sqrt(ball.gravity_mps2 * ball.radius_m))) {
+  const bool halts = rollout_.time_s() > from_s_ * (1 + Wide(1e-9));
+  if (halts) path_m_ += std::sqrt(x * x + y * y);
+  if (!halts || !(speed_mps(ball, now) < kRestSpeed * std::sqrt(ball.gravity_mps2 * ball.radius_m))) {
     result_.distance_m = path_m_;
     result_.place_W_m = now.position_W_m;
-    result_.time_s = rollout_.time_s();
+    result_.time_s = halts ? rollout_.time_s() - from_s_ : 0;
   }
-  result_.rests = rollout_.time_s() - result_.time_s >= kRestTime_s;
+  result_.rests = rollout_.time_s() - from_s_ - result_.time_s >= kRestTime_s;
   result_.complete = result_.rests || rollout_.time_s() >= longest_s_ || rollout_.end() != RolloutEnd::kUnderWay;
 }
 

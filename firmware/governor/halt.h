@@ -32,10 +32,11 @@ struct HaltGains {
 
 struct HaltPrediction {
   bool complete = false;
-  bool rests = false;   // false: not at rest within the horizon, or the cone broke on the way
-  Real distance_m = 0;  // along the path, up to the last tick in which the ball is faster than rest
+  bool rests = false;  // false: not at rest within the horizon, or the cone broke on the way
+  Real distance_m =
+      0;  // along the path, from the halt's beginning to the last tick in which the ball is faster than rest
   Vector2 place_W_m = Vector2::Zero();
-  Wide time_s = 0;  // until then
+  Wide time_s = 0;  // between these
 };
 
 // Rolls a halt forward, a few steps per control tick.
@@ -59,9 +60,10 @@ class HaltRollout {
  private:
   void take(const BallParams& ball, const Vector2& before_W_m);
 
+  // Times after begin()'s tick: at which the halt begins, and up to which it is rolled.
   Rollout rollout_;
   HaltPrediction result_;
-  Wide longest_s_ = 0;
+  Wide from_s_ = 0, longest_s_ = 0;
   Real path_m_ = 0;
 };
 

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "tests/firmware/governed_ball.h"
+#include "tests/firmware/governor/bench.h"
 
 namespace ballast::firmware {
 namespace {
@@ -145,6 +146,72 @@ TEST(Governing, KeepsACertificateAfterAPush) {
   EXPECT_EQ(robot.out.status.mode, Mode::kRunning);
   EXPECT_LE(robot.most_use, 1);
   EXPECT_TRUE(robot.state().governing.governor.certificate.valid);
+}
+
+// sim/scenarios/desk_ball.toml with room for its masses to catch up.
+ControllerParams governed_desk(Real friction) {
+  ControllerParams params = governed_paper(friction);
+  const auto bench = testing::desk_bench(friction);
+  params.ball = bench->ball;
+  params.motion = bench->motion;
+  for (std::size_t i = 0; i < 3; ++i) {
+    params.motor[i].max_step_rate_hz = 2 * params.motor[i].steps_per_unit;
+    params.motor[i].max_acceleration = 20;
+    params.motor[i].max_jerk = 500;
+  }
+  return params;
+}
+
+// From full speed at t = 4 s. The bar of issue 22 is 5 % of what was said.
+TEST(Governing, AHaltEndsWhereItSaid) {
+  for (const Real friction : {0.5, 0.02}) {
+    GovernedBall robot(governed_desk(friction));
+    robot.start();
+    robot.run_until(4000);
+    robot.tick(OperatorCommand::kHalt);
+    ASSERT_EQ(robot.out.status.mode, Mode::kHalting);
+    const Real rest_mps = kRestSpeed * std::sqrt(robot.params().ball.gravity_mps2 * robot.params().ball.radius_m);
+    HaltStatus said;
+    Real path_m = 0, distance_m = 0;
+    std::int64_t said_in = 0, slow_tick = 0;
+    while (robot.out.status.mode == Mode::kHalting && robot.in.tick < 20000) {
+      const RobotState before = robot.robot();
+      robot.tick();
+      if (!said.said && robot.out.status.halt.said) said_in = robot.in.tick;
+      if (robot.out.status.halt.said) said = robot.out.status.halt;
+      if (robot.in.tick <= robot.state().governing.halt.predicted_tick) continue;
+      path_m += (robot.ball.position_W_m - before.position_W_m).norm();
+      if (speed_mps(robot.params().ball, robot.ball) < rest_mps) continue;
+      distance_m = path_m;
+      slow_tick = robot.in.tick;
+    }
+    std::printf("mu_s %.2f: said in tick %lld: %.4f m in %.3f s from tick %lld; was %.4f m in %.3f s, most use %.4f\n",
+                static_cast<double>(friction), static_cast<long long>(said_in), static_cast<double>(said.distance_m),
+                said.duration_s, static_cast<long long>(said.tick), static_cast<double>(distance_m),
+                static_cast<double>(slow_tick - said.tick) * 1e-3, static_cast<double>(robot.most_use));
+    ASSERT_TRUE(said.said);
+    EXPECT_GT(distance_m, 0.01);
+    EXPECT_NEAR(distance_m, said.distance_m, 0.05 * distance_m);
+    EXPECT_LE(robot.most_use, 1);
+    robot.run_until(robot.in.tick + 1000);
+    EXPECT_EQ(robot.out.status.mode, Mode::kArmed);
+    EXPECT_LT(speed_mps(robot.params().ball, robot.ball), rest_mps);
+  }
+}
+
+// Only the governor brings the ball to rest, and only from a motion.
+TEST(Governing, RefusesAHaltThatItDoesNotGovern) {
+  ControllerParams params = governed_desk(0.5);
+  GovernedBall armed(params);
+  armed.tick(OperatorCommand::kArm);
+  armed.tick(OperatorCommand::kHalt);
+  EXPECT_EQ(armed.out.status.refusal.reason, Refusal::kMode);
+  params.governor.on = false;
+  GovernedBall free(params);
+  free.start();
+  free.tick(OperatorCommand::kHalt);
+  EXPECT_EQ(free.out.status.refusal.reason, Refusal::kMode);
+  EXPECT_EQ(free.out.status.mode, Mode::kRunning);
 }
 
 }  // namespace

@@ -43,8 +43,7 @@ Halted halt(Bench& bench, Wide start_s, Wide for_s) {
     bench.step(law);
     if (was_changing && bench.governor.changing) changed = std::numeric_limits<std::int64_t>::max();
     if (bench.governor.changing && bench.governor.candidate.start_tick() == tick) {
-      path = out.distance_m = 0;
-      out.said_tick = tick;
+      out.said_tick = bench.governor.candidate.schedule().from;
       rollout.begin(bench.params, before, tick, bench.governor.candidate.schedule(), 30);
       const auto from_start = [&](Wide time_s, const RobotState& state) {
         return law(time_s + static_cast<Wide>(tick) * period_s, state);
@@ -52,8 +51,9 @@ Halted halt(Bench& bench, Wide start_s, Wide for_s) {
       rollout.advance(bench.ball, bench.params, from_start, 1000000);
       out.said = rollout.result();
     }
-    path += (bench.state.position_W_m - before.position_W_m).norm();
-    if (speed_mps(bench.ball, bench.state) >= rest) {
+    if (bench.tick <= out.said_tick) path = out.distance_m = 0;
+    if (bench.tick > out.said_tick) path += (bench.state.position_W_m - before.position_W_m).norm();
+    if (bench.tick > out.said_tick && speed_mps(bench.ball, bench.state) >= rest) {
       out.distance_m = path;
       out.time_s = static_cast<Wide>(bench.tick - out.said_tick) * period_s;
     }
