@@ -46,6 +46,14 @@ void begin_attempt(const ControllerParams& params, ControllerState& state) {
   begin_start(g.params, g.start.robot, 0, 0, ticks_to_rest(params, state), g.start.attempt, g.governor);
 }
 
+// The accelerations with which a motion begins out of the hold: any jump is followed, if the cone keeps it.
+Projection beginning(const BallParams& ball, const GovernorParams& governor, const RobotState& robot,
+                     const PerMass<Real>& wish) {
+  PerMass<Real> any{};
+  any.fill(std::numeric_limits<Real>::infinity());
+  return governed_rolling(ball, governor, robot, wish, any).command;
+}
+
 void begin_search(const ControllerParams& params, const RobotState& robot, ControllerState& state) {
   StartSearch& start = state.governing.start;
   set_origin(state);
@@ -53,7 +61,10 @@ void begin_search(const ControllerParams& params, const RobotState& robot, Contr
   start.robot = robot;
   // The first start begins with the motion's own jump.
   const bool feeds = params.tracking.samples > 0;
-  if (!state.started && !feeds) start.robot.mass_acceleration = wish_at(params, state, 0, false, robot);
+  if (!state.started && !feeds) {
+    start.robot.mass_acceleration =
+        beginning(params.ball, state.governing.params, robot, wish_at(params, state, 0, false, robot)).u;
+  }
   start.attempt = ticks_to_rest(params, state) > 0 ? kStretches : kStretches - 1;
   begin_attempt(params, state);
 }
@@ -327,9 +338,9 @@ void bend_beginning(const ControllerParams& params, const ControllerState& state
   const RobotState robot = next_robot(params, state, now.motion, now.place_W_m, now.held, now.from);
   PerMass<Real> wish{};
   for (int i = 0; i < params.ball.mass_count; ++i) wish[at(i)] = static_cast<Real>(now.from[at(i)].acceleration);
-  const Projection beginning = governed(params.ball, governor, robot, wish, governor.step_s).command;
-  for (int i = 0; i < params.ball.mass_count && beginning.bent; ++i) {
-    now.from[at(i)].acceleration = Wide{beginning.u[at(i)]};
+  const Projection bent = beginning(params.ball, governor, robot, wish);
+  for (int i = 0; i < params.ball.mass_count && bent.bent; ++i) {
+    now.from[at(i)].acceleration = Wide{bent.u[at(i)]};
   }
 }
 

@@ -187,7 +187,9 @@ Governed governed_rolling(const BallParams& ball, const GovernorParams& params, 
   out.command = project(forces, n, out.cone, box, unit, wish);
   PerMass<Real> moved = out.command.u;
   for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
-    if (swings(params, i)) moved[i] = state.swing_acceleration[i];
+    if (!swings(params, i)) continue;
+    moved[i] = state.swing_acceleration[i];
+    out.swings = true;
   }
   out.force_W_n = forces.force(n, moved);
   out.outside_n = outside_n(whole, forces, n, moved);

@@ -45,6 +45,7 @@ struct Governed {
   Vector3 force_W_n = Vector3::Zero();  // of the command
   Real outside_n = 0;                   // of the cone, <= 0 up to rounding unless it is empty
   Vector3 omega_dot_B_radps2 = Vector3::Zero();
+  bool swings = false;  // governed_rolling(): the force is that of masses that swing
 };
 // `slack_n` is added to that of cone_of().
 [[nodiscard]] Governed governed(const BallParams& ball, const GovernorParams& params, const RobotState& state,

@@ -29,9 +29,8 @@ void Rollout::begin(const GovernorParams& params, const RobotState& state, std::
 Real Rollout::next_step_s(const GovernorParams& params) {
   while (time_s_ >= change_s_) {
     tick_ = start_tick_ + static_cast<std::int64_t>(change_s_ / period_s_ + Wide(0.5));
-    const bool nominal = schedule_.nominal(tick_);
-    wished_ = wished_ && nominal == nominal_now_;
-    nominal_now_ = nominal;
+    nominal_now_ = schedule_.nominal(tick_);
+    wished_ = false;  // the wish may become another one
     last_ = tick_ >= schedule_.backup_from();
     if (last_) break;
     change_s_ = static_cast<Wide>(schedule_.next_change(tick_) - start_tick_) * period_s_;
@@ -82,7 +81,8 @@ Rollout::Rates Rollout::stage_rates(const BallParams& ball, const GovernorParams
       std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
   if (first && !std::isinf(params.friction)) use(params, used, f[2]);
   if (first) near_edge_ = used > kNearEdge || here.command.bent;
-  if (first && !(here.outside_n <= 0)) {
+  // No command keeps the reserve. Where masses swing the force is not the command's, and is judged by itself.
+  if ((here.command.empty && !here.swings) || (first && !(here.outside_n <= 0))) {
     end_ = RolloutEnd::kBroken;
     breach_ = {used, f[2]};
   }

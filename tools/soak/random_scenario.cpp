@@ -88,7 +88,7 @@ class Draw {
     constexpr double kMostPeriod = 0.04;  // of sqrt(r / g): the governor refuses 0.05
     if (!of_control_.chance(0.2) || period_ * pendulum_rate_ > kMostPeriod) return "";
     ideal_ = of_control_.chance(0.5);
-    return "\n[control]\ngovernor = true\n" + line("friction_use", of_control_.uniform(0.5, 1));
+    return "\n[control]\ngovernor = true\n" + line("friction_use", of_control_.log_uniform(0.1, 1));
   }
 
   std::string external_force() {
