@@ -17,6 +17,9 @@ constexpr Real kRounding = std::max(Real(1e-7), 1024 * std::numeric_limits<Real>
 // Greatest speed from which half of the acceleration stops a mass within `distance`.
 Real stoppable(Real distance, Real acceleration) { return distance > 0 ? std::sqrt(acceleration * distance) : 0; }
 
+// An acceleration that fades at max_jerk while the speed changes by less than `left`. 2 would be the most.
+Real fading(Real max_jerk, Real left) { return left > 0 ? std::sqrt(Real(1.8) * max_jerk * left) : 0; }
+
 // The change of the force within a tick depends a little on the command. The slack allows for that much more of what
 // the tick's end is outside.
 constexpr Real kMoreSlack = Real(0.25);
@@ -93,8 +96,9 @@ Box box_of(const GovernorParams& params, const RobotState& state, int mass_count
     const Real ahead = state.mass_position[i] + v * within_s;
     const Real fastest = std::fmin(mass.max_velocity, stoppable(mass.upper_end - ahead, a));
     const Real slowest = -std::fmin(mass.max_velocity, stoppable(ahead - mass.lower_end, a));
-    box.upper[i] = std::fmax(std::fmin((fastest - v) / within_s, a), -a);
-    box.lower[i] = std::fmin(std::fmax((slowest - v) / within_s, -a), box.upper[i]);
+    const Real rise = fading(mass.max_jerk, mass.max_velocity - v), fall = fading(mass.max_jerk, mass.max_velocity + v);
+    box.upper[i] = std::fmax(std::fmin(std::fmin((fastest - v) / within_s, rise), a), -a);
+    box.lower[i] = std::fmin(std::fmax(std::fmax((slowest - v) / within_s, -fall), -a), box.upper[i]);
   }
   return box;
 }
@@ -115,9 +119,9 @@ PerMass<Real> braking(const GovernorParams& params, const RobotState& state, int
   for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
     const Real speed = std::fabs(state.mass_velocity[i]);
     const Real rate = std::fmax(speed, params.still_velocity[i]) / params.brake_time_s;
-    // From sqrt(2 max_jerk speed) the acceleration can fall to 0 with the speed.
-    const Real fading = speed > 0 ? std::sqrt(params.mass[i].max_jerk * speed) : 0;
-    u[i] = -std::copysign(std::fmin(std::fmin(rate, fading), speed / tick_s), state.mass_velocity[i]);
+    // From up to sqrt(2 max_jerk speed) the acceleration can fall to 0 with the speed.
+    const Real fades = speed > 0 ? std::sqrt(params.mass[i].max_jerk * speed) : 0;
+    u[i] = -std::copysign(std::fmin(std::fmin(rate, fades), speed / tick_s), state.mass_velocity[i]);
   }
   return u;
 }

@@ -10,6 +10,8 @@ namespace {
 // a step, and the projected command turns fast before them.
 constexpr Real kEdgeSteps = 4;
 constexpr Real kNearEdge = Real(0.97);
+// The part of max_jerk that a candidate uses: what the robot can do is more than what it has to.
+constexpr Real kJerkUsed = Real(1);
 
 }  // namespace
 
@@ -58,12 +60,17 @@ Rollout::Rates Rollout::stage_rates(const BallParams& ball, const GovernorParams
                                     const PerMass<Real>& wish, Real reach_s, bool first) {
   if (first && !wished_) last_wish_ = wish;
   wished_ = true;
-  // A command changes as fast as max_jerk allows, and the nominal's own changes are followed. A tick more leaves the
-  // projection some freedom at the step's start.
+  // A command changes nearly as fast as max_jerk allows, and the nominal's own changes are followed. At the step's
+  // start a tick's change leaves the projection some freedom.
   PerMass<Real> change{};
-  const Real time_s = reach_s + static_cast<Real>(params.control_period_s);
+  const Real time_s = std::fmax(kJerkUsed * reach_s, static_cast<Real>(params.control_period_s));
+  // The end of a step may be where the nominal becomes another one, which is no change of its own.
+  const bool at_change = !last_ && time_s_ + Wide{reach_s} > change_s_ - period_s_ / 2;
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-    change[i] = params.mass[i].max_jerk * time_s + (nominal_now_ ? std::fabs(wish[i] - last_wish_[i]) : 0);
+    const Real bent = params.mass[i].max_jerk * time_s;
+    const Real own = nominal_now_ && !at_change ? std::fabs(wish[i] - last_wish_[i]) : 0;
+    // The max_jerk of a mass that swings is less than its motor's.
+    change[i] = swings(params, i) ? bent + own : std::fmax(bent, own);
   }
   const Governed here = governed_rolling(ball, params, at, wish, change);
   Rates rates;
