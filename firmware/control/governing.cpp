@@ -49,9 +49,15 @@ void begin_attempt(const ControllerParams& params, ControllerState& state) {
 // The accelerations with which a motion begins out of the hold: any jump is followed, if the cone keeps it.
 Projection beginning(const BallParams& ball, const GovernorParams& governor, const RobotState& robot,
                      const PerMass<Real>& wish) {
-  PerMass<Real> any{};
-  any.fill(std::numeric_limits<Real>::infinity());
-  return governed_rolling(ball, governor, robot, wish, any).command;
+  PerMass<Real> unit{};
+  for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = governor.mass[i].max_acceleration;
+  const AffineForces forces = forces_at(ball, robot);
+  const int n = ball.mass_count;
+  Cone cone = cone_of(governor, forces, robot, n);
+  if (!std::isinf(governor.friction)) {
+    cone.slack_n += governor.moving_reserve * governor.friction * std::fabs(forces.force_W_n[2]);
+  }
+  return project(forces, n, cone, box_of(governor, robot, n, governor.step_s, 0), unit, wish);
 }
 
 void begin_search(const ControllerParams& params, const RobotState& robot, ControllerState& state) {
@@ -75,7 +81,7 @@ void advance_search(const ControllerParams& params, int work, ControllerState& s
   const bool feeds = params.tracking.samples > 0 && !state.started;
   Rollout& candidate = g.governor.candidate;
   const auto law = [&](Wide time_s, const RobotState& then) { return wish_at(params, state, time_s, feeds, then); };
-  candidate.advance(params.ball, g.params, law, work);
+  candidate.advance(params.ball, g.params, law, g.governor.bends, work);
   if (candidate.end() == RolloutEnd::kUnderWay) return;
   if (candidate.end() != RolloutEnd::kBroken) {
     g.start.stage = StartStage::kCertified;
@@ -174,7 +180,7 @@ void predict_halt(const ControllerParams& params, const RobotState& robot, std::
     halt.rollout.begin(g.params, robot, tick, candidate.schedule(), Wide{kLongestHalt * unit_s(params.ball)});
   }
   if (halt.predicts && !halt.rollout.result().complete) {
-    halt.rollout.advance(params.ball, g.params, law, g.params.work_per_tick);
+    halt.rollout.advance(params.ball, g.params, law, g.governor.bends, g.params.work_per_tick);
   }
 }
 
@@ -351,12 +357,14 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
   const RobotState robot = next_robot(params, state, now.motion, now.place_W_m, now.held, now.from);
   watch_path(params, robot, g);
   Ramp ramp;
-  PerMass<Real> nominal{};
+  ramp.h_s = static_cast<Real>(params.control_period_s);
+  NominalEnd nominal;
   for (int i = 0; i < n; ++i) {
     ramp.start[at(i)] = static_cast<Real>(now.from[at(i)].acceleration);
     ramp.end.lower[at(i)] = static_cast<Real>(now.lowest[at(i)]);
     ramp.end.upper[at(i)] = static_cast<Real>(now.highest[at(i)]);
-    nominal[at(i)] = static_cast<Real>(accelerations[at(i)]);
+    nominal.wish[at(i)] = static_cast<Real>(now.wanted[at(i)]);
+    nominal.reached[at(i)] = static_cast<Real>(accelerations[at(i)]);
   }
   const HaltGains gains = halt_gains(params.ball);
   const Wide period_s = params.control_period_s;
@@ -375,7 +383,7 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
     return wish_after(candidate.start_tick(), g.halt.asked, halt_tick, time_s, then);
   };
   GovernorOutput out;
-  govern_ramp(params.ball, g.params, robot, ramp, nominal, law, now.tick, g.governor, out);
+  govern(params.ball, g.params, robot, ramp, nominal, law, now.tick, g.governor, out);
   if (g.halt.asked) {
     if (!g.halt.begun && !g.governor.changing) {
       g.halt.begun = true;

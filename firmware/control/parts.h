@@ -109,6 +109,7 @@ struct TickToGovern {
   Vector2 place_W_m = Vector2::Zero();
   bool held = false;  // the ball is set down in the tick before
   PerMass<ProfilePoint> from{};
+  PerMass<Wide> wanted{};             // accelerations at the tick's end, before the motors' limits
   PerMass<Wide> lowest{}, highest{};  // accelerations that the motors reach at the tick's end
 };
 // The greatest jerk of mass i where its motion's acceleration changes by `jump` in the tick: the nominal follows that,

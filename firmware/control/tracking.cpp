@@ -186,6 +186,7 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
       return reachable_acceleration(from, acceleration, limits, ends.lower + swing, ends.upper - swing, period_s);
     };
     Wide reached = reachable(wanted);
+    tick.wanted[at(i)] = wanted;
     if (governs) {
       const Wide change = governed_jerk(state.governing, i, jump, period_s) * period_s;
       tick.lowest[at(i)] = reachable(from.acceleration - change);

@@ -17,12 +17,14 @@ constexpr Real kRounding = std::max(Real(1e-7), 1024 * std::numeric_limits<Real>
 // Greatest speed from which half of the acceleration stops a mass within `distance`.
 Real stoppable(Real distance, Real acceleration) { return distance > 0 ? std::sqrt(acceleration * distance) : 0; }
 
-// An acceleration that fades at max_jerk while the speed changes by less than `left`. 2 would be the most.
-Real fading(Real max_jerk, Real left) { return left > 0 ? std::sqrt(Real(1.8) * max_jerk * left) : 0; }
+// The greatest acceleration at the end of a ramp of length h from which it can fade to 0, at nine tenths of max_jerk,
+// before the speed has changed by `left` since the ramp's middle.
+Real fading(Real max_jerk, Real left, Real h) {
+  if (!(left > 0)) return 2 * left / h;
+  return 2 * left / (h / 2 + std::sqrt(h * h / 4 + 2 * left / (Real(0.9) * max_jerk)));
+}
 
-// The change of the force within a tick depends a little on the command. The slack allows for that much more of what
-// the tick's end is outside.
-constexpr Real kMoreSlack = Real(0.25);
+// A bent command moves the end of a ramp a little, where it is then projected anew.
 constexpr int kTickRounds = 3;
 
 // Time constant of the brake, times the natural frequency of a swinging mass: a shorter one excites the swing.
@@ -30,20 +32,6 @@ constexpr Real kBrakeSwings = 5;
 
 // A swing of at most this per step of a rollout is followed by it, in radians. A faster one is over within a few steps.
 constexpr Real kSlowSwing = 1;
-
-RobotState after_tick(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                      const Governed& now) {
-  const auto h = static_cast<Real>(params.control_period_s);
-  RobotState end = state;
-  TurningRate change;
-  change.add(turning_rate(state.orientation, state.angular_velocity_B_radps, now.omega_dot_B_radps2, ball.radius_m), h);
-  apply(change, end);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-    end.mass_position[i] += h * (state.mass_velocity[i] + h * now.command.u[i] / 2);
-    end.mass_velocity[i] += h * now.command.u[i];
-  }
-  return end;
-}
 
 }  // namespace
 
@@ -65,20 +53,17 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
   params.step_s = std::fmax(Real(0.05) * unit_s, static_cast<Real>(control_period_s));
   params.horizon_s = Wide{16 * unit_s};
   params.work_per_tick = 2 * kMovingStepWork;
-  params.stretch_ticks = static_cast<int>(2 * unit_s / static_cast<Real>(control_period_s));
+  params.stretch_ticks = static_cast<int>(unit_s / 4 / static_cast<Real>(control_period_s)) + 1;
   for (std::size_t i = 0; i < kMaxMasses; ++i) {
     params.still_velocity[i] = Real(1e-3) * std::fmax(params.mass[i].max_acceleration, Real(0)) * params.brake_time_s;
   }
-  // Moving steps: the nominal stretch (2 search_ticks) and a brake of 12 brake_time_s; held steps: the horizon. The
-  // stretch grows with the search, so the search solves s = (2 s dt / h + brake) work + held.
+  // A search has the nominal up to its end and for the shortest stretch, a brake of 12 brake_time_s and held steps.
   const Wide per_step = static_cast<Wide>(control_period_s) / Wide{params.step_s};
-  const Wide moving = 12 * Wide{params.brake_time_s / params.step_s} + 2;
+  const Wide stretch = static_cast<Wide>(params.stretch_ticks) * per_step;
+  const Wide moving = kLikelySteps * kMovingStepWork * (stretch + 12 * Wide{params.brake_time_s / params.step_s} + 2);
   const Wide held = params.horizon_s / Wide{params.step_s} + 2;
-  const Wide work = kMovingStepWork * moving + held;
-  // Near the cone's edge steps are shorter, so a search may take kEdgeWork as much.
-  constexpr Wide kEdgeWork = 6.5;
-  const Wide share = static_cast<Wide>(params.work_per_tick) - 2 * kMovingStepWork * per_step;
-  params.search_ticks = share > 0 ? static_cast<int>(kEdgeWork * work / share) + 1 : 0;
+  const Wide share = static_cast<Wide>(params.work_per_tick) - kLikelySteps * kMovingStepWork * per_step;
+  params.search_ticks = share > 0 ? static_cast<int>((moving + held) / share) + 1 : 0;
 }
 
 MassMotion motion_of(const RobotState& state) {
@@ -88,17 +73,21 @@ MassMotion motion_of(const RobotState& state) {
   return out;
 }
 
-Box box_of(const GovernorParams& params, const RobotState& state, int mass_count, Real within_s) {
+Box box_of(const GovernorParams& params, const RobotState& state, int mass_count, Real h_s, Real spare_speed) {
   Box box;
   for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
     const MassLimits& mass = params.mass[i];
     const Real a = mass.max_acceleration, v = state.mass_velocity[i];
-    const Real ahead = state.mass_position[i] + v * within_s;
-    const Real fastest = std::fmin(mass.max_velocity, stoppable(mass.upper_end - ahead, a));
-    const Real slowest = -std::fmin(mass.max_velocity, stoppable(ahead - mass.lower_end, a));
-    const Real rise = fading(mass.max_jerk, mass.max_velocity - v), fall = fading(mass.max_jerk, mass.max_velocity + v);
-    box.upper[i] = std::fmax(std::fmin(std::fmin((fastest - v) / within_s, rise), a), -a);
-    box.lower[i] = std::fmin(std::fmax(std::fmax((slowest - v) / within_s, -fall), -a), box.upper[i]);
+    const Real ahead = state.mass_position[i] + v * params.step_s;
+    const Real fastest = (stoppable(mass.upper_end - ahead, a) - v) / params.step_s;
+    const Real slowest = (-stoppable(ahead - mass.lower_end, a) - v) / params.step_s;
+    const Real middle = v + h_s / 2 * state.mass_acceleration[i];
+    // The motor's own jerk is more than the max_jerk of a mass that swings.
+    const Real jerk = swings(params, i) ? std::numeric_limits<Real>::infinity() : mass.max_jerk;
+    const Real most = mass.max_velocity * (1 - spare_speed);
+    const Real rise = fading(jerk, most - middle, h_s), fall = fading(jerk, most + middle, h_s);
+    box.upper[i] = std::fmax(std::fmin(std::fmin(fastest, rise), a), -a);
+    box.lower[i] = std::fmin(std::fmax(std::fmax(slowest, -fall), -a), box.upper[i]);
   }
   return box;
 }
@@ -138,23 +127,6 @@ Real use_of(Real friction, Real static_friction_n, Real normal_force_n) {
   return static_friction_n / (friction * normal_force_n);
 }
 
-Governed governed(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                  const PerMass<Real>& wish, Real within_s, Real slack_n) {
-  AffineForces forces;
-  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
-  PerMass<Real> unit{};
-  for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = params.mass[i].max_acceleration;
-  Governed out;
-  out.cone = cone_of(params, forces, state, ball.mass_count);
-  out.cone.slack_n += slack_n;
-  out.command =
-      project(forces, ball.mass_count, out.cone, box_of(params, state, ball.mass_count, within_s), unit, wish);
-  out.force_W_n = forces.force(ball.mass_count, out.command.u);
-  out.outside_n = outside_n(out.cone, forces, ball.mass_count, out.command.u);
-  out.omega_dot_B_radps2 = forces.omega_dot(ball.mass_count, out.command.u);
-  return out;
-}
-
 bool swings(const GovernorParams& params, std::size_t mass) {
   const Real natural = params.mass[mass].swing.natural_radps;
   return natural > 0 && natural * params.step_s <= kSlowSwing;
@@ -170,51 +142,6 @@ Box near(const Box& box, const PerMass<Real>& u, const PerMass<Real>& change) {
   for (std::size_t i = 0; i < u.size(); ++i) {
     out.lower[i] = std::fmax(box.lower[i], std::fmin(u[i] - change[i], box.upper[i]));
     out.upper[i] = std::fmin(box.upper[i], std::fmax(u[i] + change[i], box.lower[i]));
-  }
-  return out;
-}
-
-Governed governed_rolling(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                          const PerMass<Real>& wish, const PerMass<Real>& change) {
-  AffineForces forces;
-  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
-  const int n = ball.mass_count;
-  PerMass<Real> unit{};
-  for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = params.mass[i].max_acceleration;
-  Governed out;
-  out.cone = cone_of(params, forces, state, n);
-  const Cone whole = out.cone;
-  if (!std::isinf(params.friction)) {
-    out.cone.slack_n += params.moving_reserve * params.friction * std::fabs(forces.force_W_n[2]);
-  }
-  const Box box = near(box_of(params, state, n, params.step_s), state.mass_acceleration, change);
-  out.command = project(forces, n, out.cone, box, unit, wish);
-  PerMass<Real> moved = out.command.u;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
-    if (!swings(params, i)) continue;
-    moved[i] = state.swing_acceleration[i];
-    out.swings = true;
-  }
-  out.force_W_n = forces.force(n, moved);
-  out.outside_n = outside_n(whole, forces, n, moved);
-  out.omega_dot_B_radps2 = forces.omega_dot(n, moved);
-  return out;
-}
-
-Governed governed_for_tick(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                           const PerMass<Real>& wish) {
-  Governed out = governed(ball, params, state, wish, params.step_s);
-  Real slack_n = 0;
-  for (int round = 0; round < kTickRounds; ++round) {
-    AffineForces at_end;
-    const RobotState end = after_tick(ball, params, state, out);
-    affine_forces(ball, end.orientation, end.angular_velocity_B_radps, motion_of(end), at_end);
-    // Outside of the cone without the slack, at the tick's two ends.
-    const Real start_n = out.outside_n - slack_n;
-    const Real end_n = outside_n(out.cone, at_end, ball.mass_count, out.command.u) - slack_n;
-    if (!(end_n > 0)) break;
-    slack_n = (end_n - start_n) + kMoreSlack * end_n;
-    out = governed(ball, params, state, wish, params.step_s, slack_n);
   }
   return out;
 }
@@ -255,60 +182,94 @@ PerMass<Real> mean(const PerMass<Real>& a, const PerMass<Real>& b) {
   return out;
 }
 
-// What motors and errors may add to f_s - kappa N along the friction, as a part of N.
-Real allowance_of(const GovernorParams& params, const AffineForces& forces, const Cone& cone, const Vector3& f,
-                  int mass_count) {
-  if (std::isinf(cone.friction) || !(f[2] > 0)) return 0;
-  const Real size = std::sqrt(f[0] * f[0] + f[1] * f[1]);
-  const Real x = size > 0 ? f[0] / size : 1, y = size > 0 ? f[1] / size : 0;
-  Real sum = params.uncertain * f[2];
-  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
-    const Vector3& per_unit = forces.force_per_unit[i];
-    sum += cone.error[i] * std::fabs(x * per_unit[0] + y * per_unit[1] - cone.friction * per_unit[2]);
+// Acceleration and jerk of a swinging mass after a ramp of its command, by one step of the classic Runge-Kutta rule.
+void swing_over(const MotorSwing& swing, Real start, Real end, Real h, Real& acceleration, Real& jerk) {
+  const Real middle = (start + end) / 2, a = acceleration, j = jerk;
+  const Real r1 = swing_rate(swing, start, a, j);
+  const Real j2 = j + h / 2 * r1, r2 = swing_rate(swing, middle, a + h / 2 * j, j2);
+  const Real j3 = j + h / 2 * r2, r3 = swing_rate(swing, middle, a + h / 2 * j2, j3);
+  const Real j4 = j + h * r3, r4 = swing_rate(swing, end, a + h * j3, j4);
+  acceleration += h / 6 * (j + 2 * j2 + 2 * j3 + j4);
+  jerk += h / 6 * (r1 + 2 * r2 + 2 * r3 + r4);
+}
+
+// The masses' own accelerations where `u` is commanded.
+PerMass<Real> moved(const GovernorParams& params, const RobotState& state, const PerMass<Real>& u, bool swing,
+                    int mass_count) {
+  PerMass<Real> out = u;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count) && swing; ++i) {
+    if (swings(params, i)) out[i] = state.swing_acceleration[i];
   }
-  return sum / f[2];
+  return out;
 }
 
 }  // namespace
 
-RobotState after_ramp(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
-                      const PerMass<Real>& end, Real h_s) {
+AffineForces forces_at(const BallParams& ball, const RobotState& state) {
   AffineForces forces;
   affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
-  const RobotState middle = middle_of(ball, state, start, end, forces.omega_dot(ball.mass_count, start), h_s);
-  affine_forces(ball, middle.orientation, middle.angular_velocity_B_radps, motion_of(middle), forces);
-  return end_of(ball, state, middle, start, end, forces.omega_dot(ball.mass_count, mean(start, end)), h_s);
+  return forces;
 }
 
-GovernedRamp governed_for_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                               const Ramp& ramp, const PerMass<Real>& wish) {
-  const auto h = static_cast<Real>(params.control_period_s);
+RobotState after_ramp(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
+                      const PerMass<Real>& end, Real h_s) {
+  const Vector3 omega_dot = forces_at(ball, state).omega_dot(ball.mass_count, start);
+  const RobotState middle = middle_of(ball, state, start, end, omega_dot, h_s);
+  return end_of(ball, state, middle, start, end, forces_at(ball, middle).omega_dot(ball.mass_count, mean(start, end)),
+                h_s);
+}
+
+void governed_for_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                       const AffineForces& at_start, const Ramp& ramp, const PerMass<Real>& wish, GovernedRamp& out) {
+  const Real h = ramp.h_s;
   const int n = ball.mass_count;
   PerMass<Real> unit{};
   for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = params.mass[i].max_acceleration;
-  GovernedRamp out;
-  Governed& end = out.end;
-  end.command.u = wish;
-  AffineForces forces, in_middle;
-  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
-  const RobotState middle = middle_of(ball, state, ramp.start, wish, forces.omega_dot(n, ramp.start), h);
-  affine_forces(ball, middle.orientation, middle.angular_velocity_B_radps, motion_of(middle), in_middle);
-  // A command that is bent moves the end of the tick a little, where it is then projected anew.
+  const PerMass<Real> moved_start = moved(params, state, ramp.start, ramp.swing, n);
+  const RobotState middle = middle_of(ball, state, ramp.start, wish, at_start.omega_dot(n, moved_start), h);
+  const AffineForces in_middle = forces_at(ball, middle);
+  out.command = {};
+  out.command.u = wish;
+  PerMass<Real> moved_end{};
+  // A command that is bent moves the end a little, where it is then projected anew.
   for (int round = 0; round <= kTickRounds; ++round) {
-    out.state = end_of(ball, state, middle, ramp.start, end.command.u,
-                       in_middle.omega_dot(n, mean(ramp.start, end.command.u)), h);
-    affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, motion_of(out.state), forces);
-    end.cone = cone_of(params, forces, out.state, n);
+    RobotState end = state;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(n) && ramp.swing; ++i) {
+      if (!swings(params, i)) continue;
+      swing_over(params.mass[i].swing, ramp.start[i], out.command.u[i], h, end.swing_acceleration[i],
+                 end.swing_jerk[i]);
+    }
+    moved_end = moved(params, end, out.command.u, ramp.swing, n);
+    out.state =
+        end_of(ball, end, middle, ramp.start, out.command.u, in_middle.omega_dot(n, mean(moved_start, moved_end)), h);
+    affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, motion_of(out.state), out.forces);
+    out.cone = cone_of(params, out.forces, out.state, n);
+    Cone spared = out.cone;
+    if (!std::isinf(params.friction)) {
+      spared.slack_n += ramp.spare * params.friction * std::fabs(out.forces.force_W_n[2]);
+    }
     // What the last projection gave holds where it lands, too.
-    if (round > 0 && !(outside_n(end.cone, forces, n, end.command.u) > 0)) break;
-    end.command = project(forces, n, end.cone, ramp.end, unit, wish);
-    if (!end.command.bent) break;
+    if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
+    out.command = project(out.forces, n, spared, ramp.end, unit, wish);
+    if (!out.command.bent) break;
   }
-  end.force_W_n = forces.force(n, end.command.u);
-  end.outside_n = outside_n(end.cone, forces, n, end.command.u);
-  end.omega_dot_B_radps2 = forces.omega_dot(n, end.command.u);
-  out.allowance = allowance_of(params, forces, end.cone, end.force_W_n, n);
-  return out;
+  moved_end = moved(params, out.state, out.command.u, ramp.swing, n);
+  out.state.mass_acceleration = out.command.u;
+  out.force_W_n = out.forces.force(n, moved_end);
+  out.outside_n = outside_n(out.cone, out.forces, n, moved_end);
+}
+
+Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count) {
+  const Vector3& f = end.force_W_n;
+  if (std::isinf(end.cone.friction) || !(f[2] > 0)) return 0;
+  const Real size = std::sqrt(f[0] * f[0] + f[1] * f[1]);
+  const Real x = size > 0 ? f[0] / size : 1, y = size > 0 ? f[1] / size : 0;
+  Real sum = params.uncertain * f[2];
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    const Vector3& per_unit = end.forces.force_per_unit[i];
+    sum += end.cone.error[i] * std::fabs(x * per_unit[0] + y * per_unit[1] - end.cone.friction * per_unit[2]);
+  }
+  return sum / f[2];
 }
 
 }  // namespace ballast::firmware

@@ -7,14 +7,19 @@
 namespace ballast::firmware {
 
 // Steps of a moving ball cost about this many steps of a held one (tools/docs/governor.md has both).
-inline constexpr int kMovingStepWork = 5;
+inline constexpr int kMovingStepWork = 3;
+// Steps of a moving ball in GovernorParams::step_s, for which a search has time: 2, and 4 near the cone's edge, and
+// what is over for guides that change in between.
+inline constexpr Wide kLikelySteps = 8;
 
 [[nodiscard]] MassMotion motion_of(const RobotState& state);
 
-// Accelerations with which each mass keeps its limits: |u| <= max_acceleration; the velocity within max_velocity; and
-// from the ends of its rail it stays so far that half of max_acceleration stops it. A mass past a limit is brought back
-// over `within_s`.
-[[nodiscard]] Box box_of(const GovernorParams& params, const RobotState& state, int mass_count, Real within_s);
+// Accelerations at the end of a ramp of length h_s from state.mass_acceleration with which each mass keeps its limits:
+// |u| <= max_acceleration; the velocity within max_velocity; and from the ends of its rail it stays so far that half of
+// max_acceleration stops it. A mass past a limit is brought back. `spare_speed`: part of max_velocity that is kept
+// free.
+[[nodiscard]] Box box_of(const GovernorParams& params, const RobotState& state, int mass_count, Real h_s,
+                         Real spare_speed);
 
 // The cone at this state, with the errors that the motors of moving masses may have, and `uncertain` of N as slack.
 [[nodiscard]] Cone cone_of(const GovernorParams& params, const AffineForces& forces, const RobotState& state,
@@ -38,45 +43,34 @@ inline constexpr int kMovingStepWork = 5;
 // Bounds of commands that differ from `u` by at most `change`, inside of `box` as far as they can be.
 [[nodiscard]] Box near(const Box& box, const PerMass<Real>& u, const PerMass<Real>& change);
 
-// The wished accelerations, projected, and what they do.
-struct Governed {
-  Projection command;
-  Cone cone;
-  Vector3 force_W_n = Vector3::Zero();  // of the command
-  Real outside_n = 0;                   // of the cone, <= 0 up to rounding unless it is empty
-  Vector3 omega_dot_B_radps2 = Vector3::Zero();
-  bool swings = false;  // governed_rolling(): the force is that of masses that swing
-};
-// `slack_n` is added to that of cone_of().
-[[nodiscard]] Governed governed(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                                const PerMass<Real>& wish, Real within_s, Real slack_n = 0);
-
-// What the masses of a rollout do: the command lies within `change` of state.mass_acceleration, and force and
-// omega_dot are those of the masses as they swing.
-[[nodiscard]] Governed governed_rolling(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                                        const PerMass<Real>& wish, const PerMass<Real>& change);
-
-// governed() for a command that is constant for a control tick: the cone holds at its end too. The state at the end is
-// predicted to first order, so f_s / N may pass the cone by terms of (control_period_s)^2.
-[[nodiscard]] Governed governed_for_tick(const BallParams& ball, const GovernorParams& params, const RobotState& state,
-                                         const PerMass<Real>& wish);
-
-// A control tick in which accelerations go linearly from `start` to the command at its end.
+// A stretch of time in which the commanded accelerations go linearly from `start` to the command at its end.
 struct Ramp {
   PerMass<Real> start{};
-  Box end;  // of the command: what the motors can reach in the tick
+  Box end;             // of the command: what the motors can reach by then
+  Real h_s = 0;        // length
+  Real spare = 0;      // part of the friction that the command keeps free, if it can
+  bool swing = false;  // masses that swing in their motors' fields accelerate as they swing, not as commanded
 };
 
 struct GovernedRamp {
-  Governed end;        // forces and command at the tick's end
-  RobotState state;    // predicted there
-  Real allowance = 0;  // part of N that the cone kept free for motors and errors, along the friction
+  RobotState state;     // predicted at the end, with the command in mass_acceleration
+  AffineForces forces;  // there
+  Cone cone;            // there, without `spare`
+  Projection command;
+  Vector3 force_W_n = Vector3::Zero();  // there
+  Real outside_n = 0;                   // of the cone, <= 0: inside
 };
 
-// The command at the end of the tick that begins in `state`. It keeps the cone there; where the tick's start keeps it
-// too, so does the line between, up to GovernorParams::tick_slack. The end is predicted by the midpoint rule.
-[[nodiscard]] GovernedRamp governed_for_ramp(const BallParams& ball, const GovernorParams& params,
-                                             const RobotState& state, const Ramp& ramp, const PerMass<Real>& wish);
+// The command at the end of a ramp that begins in `state`, where the forces are `at_start`. It keeps the cone there;
+// where the start keeps it too, so does the line between, up to GovernorParams::tick_slack for a tick. The end is
+// predicted by the midpoint rule.
+void governed_for_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                       const AffineForces& at_start, const Ramp& ramp, const PerMass<Real>& wish, GovernedRamp& out);
+
+// What motors and errors may add to f_s - kappa N along the friction, as a part of N.
+[[nodiscard]] Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count);
+
+[[nodiscard]] AffineForces forces_at(const BallParams& ball, const RobotState& state);
 
 // The state after a control tick in which the accelerations go linearly from `start` to `end`.
 [[nodiscard]] RobotState after_ramp(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,

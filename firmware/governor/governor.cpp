@@ -21,19 +21,20 @@ bool renews_backup(const Schedule& schedule) {
   return schedule.backup_from() == schedule.until && schedule.from >= schedule.to;
 }
 
-// Ticks for which a candidate follows the nominal beyond the tick at which it is ready. The first attempt stays with it
-// just long enough for the next search. Where that leads to a stop that breaks the cone, a later stop may not: the
-// attempts go through kStretches, each longer than the one before by stretch_ticks. The last one goes to where the
-// nominal rests, if it does.
+// Ticks for which a candidate follows the nominal beyond the tick at which it is ready. Where that leads to a stop that
+// breaks the cone, a later stop may not: the attempts go through kStretches, each longer than the one before. The last
+// one goes to where the nominal rests, if it does.
 std::int64_t stretch_of(const GovernorParams& params, int attempt, std::int64_t left_ticks) {
-  if (attempt < kStretches) return params.search_ticks + std::int64_t{attempt} * params.stretch_ticks;
+  const std::int64_t more = attempt + 1;
+  if (attempt < kStretches) return params.stretch_ticks * more * more;
   return left_ticks > params.search_ticks ? left_ticks : params.search_ticks;
 }
 
-// Ticks that a search takes with this stretch of the nominal in it.
+// Ticks that a search takes with this stretch of the nominal in it, if steps are not short. One that takes longer is
+// begun anew.
 std::int64_t ticks_of_search(const GovernorParams& params, std::int64_t stretch_ticks) {
   const Wide steps =
-      static_cast<Wide>(stretch_ticks - params.search_ticks) * params.control_period_s / Wide{params.step_s};
+      static_cast<Wide>(stretch_ticks - params.stretch_ticks) * params.control_period_s / Wide{params.step_s};
   return params.search_ticks + static_cast<std::int64_t>(steps * kMovingStepWork / params.work_per_tick) + 1;
 }
 
@@ -75,6 +76,7 @@ Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const Go
 void reset(GovernorState& state) {
   state.mode = GovernorMode::kBackup;
   state.certificate = {};
+  state.bends.clear(0, {});
   state.searching = false;
   state.changing = false;
   state.nominal_end_tick = 0;
@@ -106,6 +108,8 @@ void adopt_start(const GovernorParams& params, std::int64_t tick, GovernorState&
   adopted.switch_tick += later;
   if (adopted.until_tick != kForEverTick) adopted.until_tick += later;
   reset(state);
+  state.bends = state.candidate.bends();
+  state.bends.shift(later);
   state.certificate = adopted;
   state.mode = GovernorMode::kNominal;
 }
@@ -140,6 +144,7 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
       state.attempts = 0;
     } else if (continues || tick == schedule.from) {
       state.certificate = certificate_of(state.candidate, params.control_period_s);
+      state.bends = state.candidate.bends();
       state.searching = false;
       state.attempts = renewal ? state.attempts + 1 : 0;
       if (!renewal) {
@@ -157,6 +162,7 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
   const bool out_of_trust = state.off_path && state.attempts > kStretches;
   if (state.mode == GovernorMode::kNominal && (tick >= state.certificate.switch_tick || out_of_trust)) {
     state.mode = GovernorMode::kBackup;
+    if (tick < state.certificate.switch_tick) state.bends.clear(tick, {});  // they are the nominal's
   }
   if (!state.searching) {
     state.candidate.begin(params, now, tick, next_schedule(params, tick, state));
@@ -165,22 +171,6 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
 }
 
 namespace {
-
-void report_command(const BallParams& ball, const GovernorParams& params, const GovernorState& state,
-                    const Governed& here, const PerMass<Real>& nominal, GovernorOutput& out) {
-  out.acceleration = here.command.u;
-  GovernorReport& report = out.report;
-  report.backup = state.mode == GovernorMode::kBackup;
-  report.empty = here.command.empty;
-  report.bent = false;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-    report.bent |= std::fabs(out.acceleration[i] - nominal[i]) > Real(1e-9) * params.mass[i].max_acceleration;
-  }
-  report.backup_margin = state.certificate.margin;
-  report.backup_until_tick = state.certificate.until_tick;
-  const Vector3& f = here.force_W_n;
-  report.use = std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
-}
 
 PerMass<Real> clipped(const Box& box, const PerMass<Real>& u) {
   PerMass<Real> out{};
@@ -191,21 +181,31 @@ PerMass<Real> clipped(const Box& box, const PerMass<Real>& u) {
 }  // namespace
 
 void detail::command(const BallParams& ball, const GovernorParams& params, const GovernorState& state,
-                     const RobotState& now, const PerMass<Real>& nominal, GovernorOutput& out) {
+                     const RobotState& now, const Ramp& ramp, const NominalEnd& nominal, std::int64_t tick,
+                     GovernorOutput& out) {
   const bool backup = state.mode == GovernorMode::kBackup;
-  const PerMass<Real> wish = backup ? braking(params, now, ball.mass_count) : nominal;
-  report_command(ball, params, state, governed_for_tick(ball, params, now, wish), nominal, out);
-}
-
-void detail::command_ramp(const BallParams& ball, const GovernorParams& params, const GovernorState& state,
-                          const RobotState& now, const Ramp& ramp, const PerMass<Real>& nominal, GovernorOutput& out) {
-  const bool backup = state.mode == GovernorMode::kBackup;
-  const PerMass<Real> reached = clipped(ramp.end, nominal);
-  const PerMass<Real> wish = backup ? clipped(ramp.end, braking(params, now, ball.mass_count)) : reached;
-  const GovernedRamp here = governed_for_ramp(ball, params, now, ramp, wish);
-  report_command(ball, params, state, here.end, reached, out);
-  out.end = here.state;
-  out.report.allowance = here.allowance;
+  // The wish, and what the certified plan bends it by.
+  const Wide end_s = static_cast<Wide>(tick + 1 - state.bends.start_tick()) * params.control_period_s;
+  const PerMass<Real> bend = state.bends.at(end_s, params.control_period_s);
+  PerMass<Real> wish = backup ? braking(params, now, ball.mass_count) : nominal.wish;
+  for (std::size_t i = 0; i < wish.size(); ++i)
+    wish[i] = bend[i] == 0 && !backup ? nominal.reached[i] : wish[i] + bend[i];
+  GovernedRamp end;
+  governed_for_ramp(ball, params, now, forces_at(ball, now), ramp, clipped(ramp.end, wish), end);
+  out.acceleration = end.command.u;
+  out.end = end.state;
+  GovernorReport& report = out.report;
+  report.backup = backup;
+  report.empty = end.command.empty;
+  report.bent = false;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    report.bent |= std::fabs(out.acceleration[i] - nominal.reached[i]) > Real(1e-9) * params.mass[i].max_acceleration;
+  }
+  report.backup_margin = state.certificate.margin;
+  report.backup_until_tick = state.certificate.until_tick;
+  const Vector3& f = end.force_W_n;
+  report.use = std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
+  report.allowance = allowance_of(params, end, ball.mass_count);
 }
 
 }  // namespace ballast::firmware

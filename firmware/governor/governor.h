@@ -30,6 +30,7 @@ enum class GovernorMode : std::uint8_t { kNominal, kBackup };
 struct GovernorState {
   GovernorMode mode = GovernorMode::kBackup;
   Certificate certificate;
+  Bends bends;  // of the certificate's plan
   Rollout candidate;
   bool searching = false;             // candidate is under way, or complete and waits for its adoption tick
   bool changing = false;              // the nominal becomes another one at the tick `from` of the candidate's schedule
@@ -46,13 +47,19 @@ struct GovernorReport {
   Real backup_margin = 0;  // of the certificate
   std::int64_t backup_until_tick = 0;
   Real use = 0;        // f_s / (friction N) of the command by the closed form
-  Real allowance = 0;  // part of N that the cone kept free for motors and errors; of a ramp only
+  Real allowance = 0;  // part of N that the cone kept free for motors and errors, along the friction
 };
 
 struct GovernorOutput {
-  PerMass<Real> acceleration{};  // for this tick; of a ramp: at its end
-  RobotState end;                // of a ramp: predicted at its end
+  PerMass<Real> acceleration{};  // at the tick's end
+  RobotState end;                // predicted there
   GovernorReport report;
+};
+
+// The nominal's accelerations at a tick's end.
+struct NominalEnd {
+  PerMass<Real> wish{};     // which may be more than the masses can
+  PerMass<Real> reached{};  // what they do without a governor
 };
 
 // Nothing certified: the backup holds until a candidate is adopted.
@@ -87,31 +94,19 @@ namespace detail {
 // Adopts a finished candidate, switches to the backup where the certificate says so, and begins the next candidate.
 void decide(const GovernorParams& params, const RobotState& now, std::int64_t tick, GovernorState& state);
 void command(const BallParams& ball, const GovernorParams& params, const GovernorState& state, const RobotState& now,
-             const PerMass<Real>& nominal, GovernorOutput& out);
-void command_ramp(const BallParams& ball, const GovernorParams& params, const GovernorState& state,
-                  const RobotState& now, const Ramp& ramp, const PerMass<Real>& nominal, GovernorOutput& out);
+             const Ramp& ramp, const NominalEnd& nominal, std::int64_t tick, GovernorOutput& out);
 }  // namespace detail
 
-// Returns the accelerations of the masses for `tick`. `now`: the believed state at its start, masses as commanded.
-// `u_nominal`: the wish. `law(time_s, state)` predicts the wish: PerMass<Real> of a time after the start of the tick at
-// which the candidate began (state.candidate.start_tick()) and a state.
+// Returns the accelerations of the masses at the end of `tick`, in which they go linearly from ramp.start to the
+// command, inside of ramp.end. `now`: the believed state at its start, masses as commanded. `law(time_s, state)`
+// predicts the wish: PerMass<Real> of a time after the start of the tick at which the candidate began
+// (state.candidate.start_tick()) and a state.
 template <class Law>
-void govern(const BallParams& ball, const GovernorParams& params, const RobotState& now, const PerMass<Real>& u_nominal,
-            const Law& law, std::int64_t tick, GovernorState& state, GovernorOutput& out) {
+void govern(const BallParams& ball, const GovernorParams& params, const RobotState& now, const Ramp& ramp,
+            const NominalEnd& nominal, const Law& law, std::int64_t tick, GovernorState& state, GovernorOutput& out) {
   detail::decide(params, now, tick, state);
-  detail::command(ball, params, state, now, u_nominal, out);
-  state.candidate.advance(ball, params, law, params.work_per_tick);
-}
-
-// The same where accelerations go linearly from ramp.start to the command at the tick's end, inside ramp.end. So
-// `u_nominal` is the wish there.
-template <class Law>
-void govern_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& now, const Ramp& ramp,
-                 const PerMass<Real>& u_nominal, const Law& law, std::int64_t tick, GovernorState& state,
-                 GovernorOutput& out) {
-  detail::decide(params, now, tick, state);
-  detail::command_ramp(ball, params, state, now, ramp, u_nominal, out);
-  state.candidate.advance(ball, params, law, params.work_per_tick);
+  detail::command(ball, params, state, now, ramp, nominal, tick, out);
+  state.candidate.advance(ball, params, law, state.bends, params.work_per_tick);
 }
 
 }  // namespace ballast::firmware

@@ -48,10 +48,10 @@ class HaltRollout {
              Wide longest_s);
   // Does steps worth at most `work`. `law`: as for govern(), with the halt from `from` on.
   template <class Law>
-  void advance(const BallParams& ball, const GovernorParams& params, const Law& law, int work) {
+  void advance(const BallParams& ball, const GovernorParams& params, const Law& law, const Bends& in_force, int work) {
     for (int left = work; left > 0 && !result_.complete; left -= kMovingStepWork) {
       const Vector2 before = rollout_.state().position_W_m;
-      rollout_.advance(ball, params, law, 1);
+      rollout_.advance(ball, params, law, in_force, 1);
       take(ball, before);
     }
   }

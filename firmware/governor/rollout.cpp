@@ -6,12 +6,16 @@ namespace ballast::firmware {
 
 namespace {
 
-// Near the cone's edge a step is shorter by this: states in which no acceleration keeps the cone may last for less than
-// a step, and the projected command turns fast before them.
+// Steps of a moving ball are shorter than those of a held one, and near the cone's edge still shorter: states in which
+// no acceleration keeps the cone may last for less than a step.
+constexpr Real kMovingSteps = 2;
 constexpr Real kEdgeSteps = 4;
 constexpr Real kNearEdge = Real(0.97);
-// The part of max_jerk that a candidate uses: what the robot can do is more than what it has to.
-constexpr Real kJerkUsed = Real(1);
+// Bends are kept up to this part of max_acceleration. On a floor that needs all of the friction it is less than what
+// the reserves leave.
+constexpr Real kBendTolerance = Real(2e-3);
+// Part of max_velocity that bends keep free.
+constexpr Real kSpareSpeed = Real(0.01);
 
 }  // namespace
 
@@ -23,13 +27,16 @@ void Rollout::begin(const GovernorParams& params, const RobotState& state, std::
   start_tick_ = tick_ = tick;
   period_s_ = params.control_period_s;
   time_s_ = change_s_ = 0;
-  held_ = near_edge_ = wished_ = false;
+  held_ = near_edge_ = wished_ = begun_ = last_ = false;
+  PerMass<Real> tolerance{};
+  for (std::size_t i = 0; i < tolerance.size(); ++i) tolerance[i] = kBendTolerance * params.mass[i].max_acceleration;
+  bends_.clear(tick, tolerance);
   most_use_ = 0;
 }
 
 // Follows the schedule, and returns how far the next step may go.
 Real Rollout::next_step_s(const GovernorParams& params) {
-  while (time_s_ >= change_s_) {
+  while (!last_ && time_s_ >= change_s_) {
     tick_ = start_tick_ + static_cast<std::int64_t>(change_s_ / period_s_ + Wide(0.5));
     nominal_now_ = schedule_.nominal(tick_);
     wished_ = false;  // the wish may become another one
@@ -40,7 +47,7 @@ Real Rollout::next_step_s(const GovernorParams& params) {
   const Wide end_s =
       last_ ? static_cast<Wide>(schedule_.backup_from() - start_tick_) * period_s_ + params.horizon_s : change_s_;
   const Wide left_s = end_s - time_s_;
-  const Real step_s = near_edge_ && !held_ ? params.step_s / kEdgeSteps : params.step_s;
+  const Real step_s = held_ ? params.step_s : params.step_s / (near_edge_ ? kEdgeSteps : kMovingSteps);
   if (last_ && !(left_s > 0)) {
     end_ = RolloutEnd::kHorizon;
     return 0;
@@ -56,73 +63,94 @@ void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n) {
   breach_ = {use, normal_force_n};
 }
 
-Rollout::Rates Rollout::stage_rates(const BallParams& ball, const GovernorParams& params, const RobotState& at,
-                                    const PerMass<Real>& wish, Real reach_s, bool first) {
-  if (first && !wished_) last_wish_ = wish;
-  wished_ = true;
-  // A command changes nearly as fast as max_jerk allows, and the nominal's own changes are followed. At the step's
-  // start a tick's change leaves the projection some freedom.
-  PerMass<Real> change{};
-  const Real time_s = std::fmax(kJerkUsed * reach_s, static_cast<Real>(params.control_period_s));
-  // The end of a step may be where the nominal becomes another one, which is no change of its own.
-  const bool at_change = !last_ && time_s_ + Wide{reach_s} > change_s_ - period_s_ / 2;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-    const Real bent = params.mass[i].max_jerk * time_s;
-    const Real own = nominal_now_ && !at_change ? std::fabs(wish[i] - last_wish_[i]) : 0;
-    // The max_jerk of a mass that swings is less than its motor's.
-    change[i] = swings(params, i) ? bent + own : std::fmax(bent, own);
-  }
-  const Governed here = governed_rolling(ball, params, at, wish, change);
-  Rates rates;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-    if (!swings(params, i)) continue;
-    rates.swing_jerk[i] = at.swing_jerk[i];
-    rates.swing_rate[i] =
-        swing_rate(params.mass[i].swing, here.command.u[i], at.swing_acceleration[i], at.swing_jerk[i]);
-  }
-  rates.ball = turning_rate(at.orientation, at.angular_velocity_B_radps, here.omega_dot_B_radps2, ball.radius_m);
-  rates.velocity = at.mass_velocity;
-  rates.acceleration = here.command.u;
-  const Vector3& f = here.force_W_n;
-  const Real used =
-      std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
-  if (first && !std::isinf(params.friction)) use(params, used, f[2]);
-  if (first) near_edge_ = used > kNearEdge || here.command.bent;
-  // No command keeps the reserve. Where masses swing the force is not the command's, and is judged by itself.
-  if ((here.command.empty && !here.swings) || (first && !(here.outside_n <= 0))) {
-    end_ = RolloutEnd::kBroken;
-    breach_ = {used, f[2]};
-  }
-  return rates;
-}
-
-void Rollout::add(const Rates& rates, Real h_s, int mass_count, Rates& sum) {
-  sum.ball.add(rates.ball, h_s);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
-    sum.velocity[i] += h_s * rates.velocity[i];
-    sum.acceleration[i] += h_s * rates.acceleration[i];
-    sum.swing_jerk[i] += h_s * rates.swing_jerk[i];
-    sum.swing_rate[i] += h_s * rates.swing_rate[i];
-  }
-}
-
-RobotState Rollout::moved(const RobotState& from, const Rates& rates, Real h_s, int mass_count) {
-  RobotState to = from;
+RobotState Rollout::ahead(const BallParams& ball, Real h_s) const {
+  RobotState to = state_;
   TurningRate change;
-  change.add(rates.ball, h_s);
+  const Vector3 omega_dot = forces_.omega_dot(ball.mass_count, state_.mass_acceleration);
+  change.add(turning_rate(state_.orientation, state_.angular_velocity_B_radps, omega_dot, ball.radius_m), h_s);
   apply(change, to);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
-    to.mass_position[i] += h_s * rates.velocity[i];
-    to.mass_velocity[i] += h_s * rates.acceleration[i];
-    to.swing_acceleration[i] += h_s * rates.swing_jerk[i];
-    to.swing_jerk[i] += h_s * rates.swing_rate[i];
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    to.mass_position[i] += h_s * (state_.mass_velocity[i] + h_s * state_.mass_acceleration[i] / 2);
+    to.mass_velocity[i] += h_s * state_.mass_acceleration[i];
   }
   return to;
 }
 
-void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, Real h_s) {
-  time_s_ += Wide{h_s};
-  if (last_ && still(params, state_, ball.mass_count)) begin_hold(ball, params);
+void Rollout::bend(const BallParams& ball, const PerMass<Real>& wish) {
+  PerMass<Real> off{};
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    off[i] = state_.mass_acceleration[i] - wish[i];
+  }
+  if (bends_.add(time_s_, off)) return;
+  end_ = RolloutEnd::kBroken;
+  breach_ = {};
+}
+
+// The wish has become another one, or a rollout begins.
+void Rollout::begin_wish(const BallParams& ball, const PerMass<Real>& wish) {
+  if (!begun_) forces_ = forces_at(ball, state_);
+  begun_ = wished_ = true;
+  last_wish_ = wish;
+  bend(ball, wish);
+}
+
+void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, const PerMass<Real>& wish,
+                          const Bends& in_force, Real h_s) {
+  if (end_ != RolloutEnd::kUnderWay) return;
+  const Wide end_s = time_s_ + Wide{h_s};
+  const bool guided = !(schedule_.from < schedule_.to) ||
+                      end_s < (static_cast<Wide>(schedule_.from - start_tick_) + Wide(0.25)) * period_s_;
+  PerMass<Real> guide{};
+  if (guided) {
+    guide = in_force.at(end_s + static_cast<Wide>(start_tick_ - in_force.start_tick()) * period_s_, period_s_);
+  }
+  Ramp ramp;
+  ramp.start = state_.mass_acceleration;
+  ramp.h_s = h_s;
+  ramp.swing = true;
+  ramp.spare = guided ? params.moving_reserve / 2 : params.moving_reserve;
+  // Bends change as fast as max_jerk allows, and the nominal's own changes are followed.
+  PerMass<Real> change{}, wanted = wish;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    const Real own = nominal_now_ ? std::fabs(wish[i] - last_wish_[i]) : 0;
+    const Real bent = params.mass[i].max_jerk * h_s;
+    // The max_jerk of a mass that swings is less than its motor's.
+    change[i] = swings(params, i) ? bent + own : std::fmax(bent, own);
+    wanted[i] += guide[i];
+  }
+  // What bends leaves some speed free, so that the robot can repeat it.
+  const Box all = box_of(params, state_, ball.mass_count, h_s, 0);
+  Box box = box_of(params, state_, ball.mass_count, h_s, kSpareSpeed);
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    const Real off = std::fabs(ramp.start[i] - last_wish_[i]);
+    if (!guided && off > Real(1e-9) * params.mass[i].max_acceleration) continue;
+    box.upper[i] = std::fmax(box.upper[i], std::fmin(wanted[i], all.upper[i]));
+    box.lower[i] = std::fmin(box.lower[i], std::fmax(wanted[i], all.lower[i]));
+  }
+  ramp.end = near(box, ramp.start, change);
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    wanted[i] = std::fmin(std::fmax(wanted[i], ramp.end.lower[i]), ramp.end.upper[i]);
+  }
+  GovernedRamp end;
+  governed_for_ramp(ball, params, state_, forces_, ramp, wanted, end);
+  state_ = end.state;
+  forces_ = end.forces;
+  time_s_ = end_s;
+  last_wish_ = wish;
+  bend(ball, wish);
+  judge(params, end);
+  if (end_ == RolloutEnd::kUnderWay && last_ && still(params, state_, ball.mass_count)) begin_hold(ball, params);
+}
+
+void Rollout::judge(const GovernorParams& params, const GovernedRamp& end) {
+  const Vector3& f = end.force_W_n;
+  const Real used =
+      std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
+  near_edge_ = used > kNearEdge || end.command.bent;
+  if (!std::isinf(params.friction)) use(params, used, f[2]);
+  if (end.outside_n <= 0) return;
+  end_ = RolloutEnd::kBroken;
+  breach_ = {used, f[2]};
 }
 
 void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
@@ -132,6 +160,7 @@ void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
     state_.mass_velocity[i] = 0;
   }
   held_ = true;
+  if (!bends_.add(time_s_, {})) end_ = RolloutEnd::kBroken;
   held_ball_ = hold_masses(ball, state_.mass_position);
   use_before_ = use_at_ = 0;
   const ForEver bound = held_for_ever(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps);

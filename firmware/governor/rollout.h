@@ -4,6 +4,7 @@
 #pragma once
 
 #include "firmware/governor/backup.h"
+#include "firmware/governor/bends.h"
 #include "firmware/governor/held_ball.h"
 #include "firmware/governor/turning.h"
 
@@ -46,15 +47,17 @@ class Rollout {
   void begin(const GovernorParams& params, const RobotState& state, std::int64_t tick, const Schedule& schedule);
 
   // Does steps worth at most `work` (kMovingStepWork, 1 for a held ball), and at least one. `nominal(time_s, state)`
-  // returns the wished accelerations, PerMass<Real>, at a time after the start of begin()'s tick.
+  // returns the wished accelerations, PerMass<Real>, at a time after the start of begin()'s tick. `in_force`: the bends
+  // of the certificate in force, which the ball follows up to the tick Schedule::from, or for ever where there is none.
   template <class Nominal>
-  void advance(const BallParams& ball, const GovernorParams& params, const Nominal& nominal, int work) {
+  void advance(const BallParams& ball, const GovernorParams& params, const Nominal& nominal, const Bends& in_force,
+               int work) {
     for (int left = work; left > 0 && end_ == RolloutEnd::kUnderWay;) {
       if (held_) {
         step_held_ball(ball, params);
         --left;
       } else {
-        step_moving(ball, params, nominal);
+        step_moving(ball, params, nominal, in_force);
         left -= kMovingStepWork;
       }
     }
@@ -70,42 +73,33 @@ class Rollout {
   [[nodiscard]] const RobotState& state() const { return state_; }
   // Valid at the end kBroken.
   [[nodiscard]] const Breach& breach() const { return breach_; }
+  // Of the commands from their wishes: from the nominal where the schedule has it, else from braking().
+  [[nodiscard]] const Bends& bends() const { return bends_; }
 
  private:
-  // Rates of everything in a moving ball.
-  struct Rates {
-    TurningRate ball;
-    PerMass<Real> velocity{}, acceleration{}, swing_jerk{}, swing_rate{};
-  };
+  template <class Nominal>
+  PerMass<Real> wish(const BallParams& ball, const GovernorParams& params, const Nominal& nominal, Wide time_s,
+                     const RobotState& at) const {
+    return nominal_now_ ? nominal(time_s, at) : braking(params, at, ball.mass_count);
+  }
 
   template <class Nominal>
-  void step_moving(const BallParams& ball, const GovernorParams& params, const Nominal& nominal) {
+  void step_moving(const BallParams& ball, const GovernorParams& params, const Nominal& nominal,
+                   const Bends& in_force) {
     const Real h = next_step_s(params);
-    if (held_ || end_ != RolloutEnd::kUnderWay) return;
-    const RobotState start = state_;
-    RobotState at = start;
-    Rates sum;
-    for (int stage = 0; stage < 4; ++stage) {
-      const Real reach = stage == 0 ? 0 : (stage == 3 ? h : h / 2);
-      const PerMass<Real> wish =
-          nominal_now_ ? nominal(time_s_ + Wide{reach}, at) : braking(params, at, ball.mass_count);
-      const Rates rates = stage_rates(ball, params, at, wish, reach, stage == 0);
-      add(rates, stage == 0 || stage == 3 ? h / 6 : h / 3, ball.mass_count, sum);
-      last_command_ = rates.acceleration;
-      if (stage == 3) last_wish_ = wish;
-      if (stage < 3) at = moved(start, rates, stage == 2 ? h : h / 2, ball.mass_count);
-    }
-    state_ = moved(start, sum, 1, ball.mass_count);
-    state_.mass_acceleration = last_command_;
-    finish_step(ball, params, h);
+    if (end_ != RolloutEnd::kUnderWay) return;
+    if (!wished_) begin_wish(ball, wish(ball, params, nominal, time_s_, state_));
+    finish_step(ball, params, wish(ball, params, nominal, time_s_ + Wide{h}, ahead(ball, h)), in_force, h);
   }
 
   Real next_step_s(const GovernorParams& params);
-  Rates stage_rates(const BallParams& ball, const GovernorParams& params, const RobotState& at,
-                    const PerMass<Real>& wish, Real reach_s, bool first);
-  static void add(const Rates& rates, Real h_s, int mass_count, Rates& sum);
-  static RobotState moved(const RobotState& from, const Rates& rates, Real h_s, int mass_count);
-  void finish_step(const BallParams& ball, const GovernorParams& params, Real h_s);
+  void begin_wish(const BallParams& ball, const PerMass<Real>& wish);
+  // The state after h, to first order.
+  [[nodiscard]] RobotState ahead(const BallParams& ball, Real h_s) const;
+  void finish_step(const BallParams& ball, const GovernorParams& params, const PerMass<Real>& wish,
+                   const Bends& in_force, Real h_s);
+  void bend(const BallParams& ball, const PerMass<Real>& wish);
+  void judge(const GovernorParams& params, const GovernedRamp& end);
   void begin_hold(const BallParams& ball, const GovernorParams& params);
   void step_held_ball(const BallParams& ball, const GovernorParams& params);
   void use(const GovernorParams& params, Real use, Real normal_force_n);
@@ -116,8 +110,11 @@ class Rollout {
   std::int64_t start_tick_ = 0, tick_ = 0;  // tick_: the last change of the schedule
   Wide period_s_ = 0, time_s_ = 0, change_s_ = 0;
   bool nominal_now_ = false, last_ = false;
-  bool wished_ = false;  // last_wish_ is that of the step before, by the same wish
-  PerMass<Real> last_wish_{}, last_command_{};
+  bool begun_ = false;   // forces_ are those of state_
+  bool wished_ = false;  // last_wish_ is that of state_, by the same wish
+  PerMass<Real> last_wish_{};
+  AffineForces forces_;  // at state_, of a moving ball
+  Bends bends_;
   bool held_ = false;
   bool near_edge_ = false;
   HeldBall held_ball_;

@@ -1,5 +1,5 @@
 // Closed loop of governor and ball with ideal masses: the rolling ball by the firmware's closed forms, one Runge-Kutta
-// step per control tick, accelerations constant in a tick. The estimate is the truth.
+// step per control tick, accelerations linear in a tick. The estimate is the truth.
 #pragma once
 
 #include <algorithm>
@@ -20,26 +20,45 @@ inline RollingForces forces_of(const BallParams& ball, const RobotState& state, 
   return rolling_forces(ball, state.orientation, state.angular_velocity_B_radps, masses);
 }
 
-inline RobotState moved(const BallParams& ball, const RobotState& state, const PerMass<Real>& u, Real h) {
+// The state after h, with accelerations that go linearly from state.mass_acceleration to `end`.
+inline RobotState moved(const BallParams& ball, const RobotState& state, const PerMass<Real>& end, Real h) {
+  const auto acceleration = [&](Real s) {
+    PerMass<Real> u = state.mass_acceleration;
+    for (std::size_t i = 0; i < u.size(); ++i) u[i] += s / h * (end[i] - u[i]);
+    return u;
+  };
   const auto at = [&](Real s, const TurningRate& rate) {
     RobotState out = state;
     TurningRate change;
     change.add(rate, s);
     apply(change, out);
+    const PerMass<Real> u = acceleration(s);
     for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-      out.mass_position[i] += s * (state.mass_velocity[i] + s * u[i] / 2);
-      out.mass_velocity[i] += s * u[i];
+      out.mass_position[i] += s * (state.mass_velocity[i] + s * (2 * state.mass_acceleration[i] + u[i]) / 6);
+      out.mass_velocity[i] += s * (state.mass_acceleration[i] + u[i]) / 2;
     }
+    out.mass_acceleration = u;
     return out;
   };
   const auto rate = [&](const RobotState& x) {
-    return turning_rate(x.orientation, x.angular_velocity_B_radps, forces_of(ball, x, u).angular_acceleration_B_radps2,
-                        ball.radius_m);
+    return turning_rate(x.orientation, x.angular_velocity_B_radps,
+                        forces_of(ball, x, x.mass_acceleration).angular_acceleration_B_radps2, ball.radius_m);
   };
   const TurningRate a = rate(state), b = rate(at(h / 2, a)), c = rate(at(h / 2, b)), d = rate(at(h, c));
   TurningRate mean;
   mean.add(a, Real(1) / 6), mean.add(b, Real(1) / 3), mean.add(c, Real(1) / 3), mean.add(d, Real(1) / 6);
   return at(h, mean);
+}
+
+// A tick from this state, in which the masses keep their limits.
+inline Ramp ramp_of(const BallParams& ball, const GovernorParams& params, const RobotState& state) {
+  Ramp ramp;
+  ramp.h_s = static_cast<Real>(params.control_period_s);
+  ramp.start = state.mass_acceleration;
+  PerMass<Real> change{};
+  for (std::size_t i = 0; i < change.size(); ++i) change[i] = params.mass[i].max_jerk * ramp.h_s;
+  ramp.end = near(box_of(params, state, ball.mass_count, ramp.h_s, 0), ramp.start, change);
+  return ramp;
 }
 
 // Follows profiles from a tick on: u = theta'' + 2 w (theta' - v) + w^2 (theta - p).
@@ -93,7 +112,7 @@ struct Bench {
     const auto end_tick = rests ? static_cast<std::int64_t>(end_s / params.control_period_s) + 1 : 0;
     for (int attempt = rests ? kStretches : kStretches - 1; attempt >= 0; --attempt) {
       begin_start(params, state, 0, 0, end_tick, attempt, governor);
-      governor.candidate.advance(ball, params, law(0), 1000000);
+      governor.candidate.advance(ball, params, law(0), governor.bends, 1000000);
       if (governor.candidate.end() != RolloutEnd::kBroken) return true;
     }
     return false;
@@ -111,12 +130,17 @@ struct Bench {
     const auto law_of_candidate = [&](Wide time_s, const RobotState& at) {
       return nominal(time_s + static_cast<Wide>(governor.candidate.start_tick()) * period_s, at);
     };
-    govern(ball, params, state, nominal(static_cast<Wide>(tick) * period_s, state), law_of_candidate, tick, governor,
-           out);
+    const Ramp ramp = ramp_of(ball, params, state);
+    NominalEnd end;
+    end.wish = end.reached = nominal(static_cast<Wide>(tick + 1) * period_s, state);
+    for (std::size_t i = 0; i < end.reached.size(); ++i) {
+      end.reached[i] = std::fmin(std::fmax(end.reached[i], ramp.end.lower[i]), ramp.end.upper[i]);
+    }
+    govern(ball, params, state, ramp, end, law_of_candidate, tick, governor, out);
     bent += out.report.bent ? 1 : 0;
     backup += out.report.backup ? 1 : 0;
     empty += out.report.empty ? 1 : 0;
-    judge(state, out.acceleration);
+    judge(state, state.mass_acceleration);
     state = moved(ball, state, out.acceleration, static_cast<Real>(period_s));
     judge(state, out.acceleration);
     ++tick;

@@ -48,7 +48,7 @@ Halted halt(Bench& bench, Wide start_s, Wide for_s) {
       const auto from_start = [&](Wide time_s, const RobotState& state) {
         return law(time_s + static_cast<Wide>(tick) * period_s, state);
       };
-      rollout.advance(bench.ball, bench.params, from_start, 1000000);
+      rollout.advance(bench.ball, bench.params, from_start, bench.governor.bends, 1000000);
       out.said = rollout.result();
     }
     if (bench.tick <= out.said_tick) path = out.distance_m = 0;
