@@ -63,7 +63,7 @@ void measure(const ControllerParams& params, const Inputs& inputs, ControllerSta
     return;
   }
   measure_contact(params.ball, params.estimation, params.control_period_s, inputs.sensors, state.now,
-                  state.measured_masses, params.estimation.estimated ? state.estimate : sensed(ball),
+                  state.measured_masses, params.estimation.estimated ? state.estimate : sensed(ball), inputs.tick,
                   state.contact_meter, state.measured);
 }
 

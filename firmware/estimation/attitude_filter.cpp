@@ -139,6 +139,17 @@ void apply(const EstimationParams& params, const Errors& found, FilterState& s) 
   for (std::size_t j = 0; j < 2; ++j) s.position_W_m[j] += static_cast<Wide>(found[kPlace + j]);
 }
 
+// Turns what the window has summed so far with an attitude that is corrected in its middle.
+void turn_window(const Matrix3& turn_W, Window& w) {
+  w.orientation_start = turn_W * w.orientation_start;
+  w.orientation = turn_W * w.orientation;
+  w.turn_by_axis = turn_W * w.turn_by_axis;
+  w.turn_W_rad = turn_W * w.turn_W_rad;
+  w.force_W_mps = turn_W * w.force_W_mps;
+  w.force_by_axis = turn_W * w.force_by_axis;
+  w.force_by_turn = turn_W * w.force_by_turn;
+}
+
 // The accelerometer over a window (or a sample, for alignment): what the ball's velocity gains beside gravity.
 struct Force {
   Real time_s = 0;
@@ -614,7 +625,9 @@ void take_fix(const BallParams& ball, const EstimationParams& params, Wide contr
     believed = true;
   }
   if (believed) s.refused_fixes = 0;
+  const Quaternion before = s.orientation;
   apply(params, found, s);
+  turn_window((s.orientation * before.conjugate()).toRotationMatrix(), s.window);
   bound(ball, params, s);
 }
 

@@ -58,6 +58,9 @@ constexpr auto kNearRange = static_cast<Real>(0.999);  // of a sensor's range
 // Regularises a matrix that may be singular, as a part of its trace: some roundings.
 constexpr Real kRegular = 16 * std::numeric_limits<Real>::epsilon();
 
+// A block of 10 ms has at least kLeastBlock samples (end_block()).
+bool fills_blocks(Real dt) { return (static_cast<Real>(kLeastBlock) - Real(0.5)) * dt <= kBlock_s; }
+
 Real square(Real x) { return x * x; }
 
 // Standard deviation of a variance that rounding may have left below 0.
@@ -217,7 +220,7 @@ Force force_of(const BallParams& ball, const EstimationParams& params, const Ins
   const Real correction_noise = square(params.gyro.noise) * dt * kObserver * square(kObserver);
   Matrix3 noise = f_noise * by_f * by_f.transpose() + correction_noise * sums.euler * sums.euler.transpose();
 
-  // Its impulse, which the masses' swing takes from the ball and gives back.
+  // The impulse of `fast`: the masses' swing takes it from the ball and gives it back.
   meter.impulse_B_nms += dt * fast - blend * meter.impulse_B_nms;
   const Real impulse = meter.impulse_B_nms.squaredNorm() - square(meter.impulse_B_nms.dot(now.up_B));
   const Real faded = dt < kSwingMemory_s ? meter.impulse_power_n2m2s2 * (1 - dt / kSwingMemory_s) : Real(0);
@@ -313,6 +316,8 @@ void add_slip(const BallParams& ball, const Instant& now, const Vector3& f, cons
       meter.block.by_rotation_W_mps += Vector2(gained_W[0], gained_W[1]);
     }
     ++meter.block_samples;
+  } else {
+    ++meter.block.gaps;
   }
   last.acceleration_W_mps2 = acceleration;
   last.rolling_velocity_W_mps = rolling;
@@ -337,6 +342,7 @@ SlipNoise slip_noise(const BallParams& ball, const EstimationParams& params, Rea
   // Errors fixed to the body turn with it, and the gyro's scale and axes tilt the estimate as the ball turns.
   const Real turning =
       constant_m2ps4 + gravity2 * (square(params.gyro.scale_error) + square(params.gyro.misalignment_rad));
+  // The swing counts with its greatest value, and not with sigmas: the division undoes slip_threshold()'s factor.
   return {std::sqrt(constant_m2ps4 + gravity2 * tilt_square),
           std::sqrt(rate_square * turning + square(kTiltRate_radps) * gravity2 * tilt_square),
           2 * square((ball.radius_m + std::sqrt(params.accelerometer_position_B_m.squaredNorm())) * params.gyro.noise),
@@ -351,7 +357,7 @@ contact::Slip between(const contact::SlipTotal& from, const contact::SlipTotal& 
     return Vector2(static_cast<Real>(b[0] - a[0]), static_cast<Real>(b[1] - a[1]));
   };
   return {difference(from.by_accelerometer_W_mps, to.by_accelerometer_W_mps),
-          difference(from.by_rotation_W_mps, to.by_rotation_W_mps)};
+          difference(from.by_rotation_W_mps, to.by_rotation_W_mps), to.gaps - from.gaps};
 }
 
 // The total `blocks` blocks before the end of the newest one, 1..block_count.
@@ -377,17 +383,18 @@ bool slips(const SlipNoise& noise, Real block_s, ContactMeter& meter) {
     const contact::SlipTotal& begin = total_before(meter, blocks);
     const contact::Slip window = between(begin, meter.total);
     Vector2 speed = window.by_accelerometer_W_mps, confirmed = window.by_rotation_W_mps;
-    Real error = window_s * noise.offset_mps2, part = 0;
+    Real error = window_s * noise.offset_mps2, part = 0, gaps = static_cast<Real>(window.gaps);
     if (before >= kLeastBaseline) {
       const contact::Slip expected = between(total_before(meter, blocks + before), begin);
       part = static_cast<Real>(blocks) / static_cast<Real>(before);
       speed -= part * expected.by_accelerometer_W_mps;
       confirmed -= part * expected.by_rotation_W_mps;
+      gaps += square(part) * static_cast<Real>(expected.gaps);
       const Real drifted = window_s * noise.drift_mps3 * (window_s + baseline_s) / 2;
       error = drifted < Real(1.4142136) * error ? drifted : Real(1.4142136) * error;
     }
-    // Noise of the rates at the end, where window and baseline meet, and at the start.
-    const Real ends = (1 + square(1 + part) + square(part)) / 2, walk = (1 + part) * noise.walk_m2ps3 * window_s;
+    // Noise of the rates at the end, where window and baseline meet, at the start, and on both sides of gaps.
+    const Real ends = (1 + square(1 + part) + square(part)) / 2 + gaps, walk = (1 + part) * noise.walk_m2ps3 * window_s;
     const Real threshold = slip_threshold(error, ends * noise.rate_m2ps2 + walk, kLeastSlip_mps);
     const Real turned_threshold = slip_threshold(noise.tilt_part * error, ends * noise.turned_m2ps2, kLeastTurned_mps);
     const Real score = std::sqrt(speed.squaredNorm()) / threshold;
@@ -413,6 +420,7 @@ void end_block(const BallParams& ball, const EstimationParams& params, const Ins
     meter.total.by_accelerometer_W_mps[k] += static_cast<Wide>(meter.block.by_accelerometer_W_mps[j]);
     meter.total.by_rotation_W_mps[k] += static_cast<Wide>(meter.block.by_rotation_W_mps[j]);
   }
+  meter.total.gaps += meter.block.gaps;
   meter.next_block = meter.next_block + 1 < contact::kBlocks ? meter.next_block + 1 : 0;
   if (meter.block_count < contact::kBlocks) ++meter.block_count;
   meter.block = {};
@@ -436,8 +444,7 @@ void watch_for_light(const BallParams& ball, Real mass, Real dt, ContactMeter& m
   const Real at_rest_n = -mass * ball.gravity_mps2 * ball.down_W[2] - ball.external_force_W_n[2];
   const bool light = measured.normal_force_n + kLightSigmas * measured.normal_sigma_n < kLightPart * at_rest_n;
   meter.light_s = light ? meter.light_s + dt : Real(0);
-  const Real enough_s = (static_cast<Real>(kLeastBlock) - Real(0.5)) * dt;
-  meter.newest.light_detected = meter.moved && meter.light_s > (enough_s > kBlock_s ? enough_s : kBlock_s);
+  meter.newest.light_detected = meter.moved && fills_blocks(dt) && meter.light_s > kBlock_s;
 }
 
 // Takes over a new sample's time. Returns the ticks since the sample before; 0: it follows none, or too late.
@@ -449,12 +456,20 @@ std::int64_t follow(const EstimationParams& params, const Sensors& sensors, Cont
   return in_time ? gap : 0;
 }
 
+// Whether a sample of this age says anything of the present.
+bool recent(const EstimationParams& params, std::int64_t age_ticks) {
+  const std::int64_t oldest = params.imu_latency_ticks + std::int64_t{kLongestGap} * params.imu_period_ticks;
+  return age_ticks >= 0 && age_ticks <= oldest;
+}
+
 bool usable(const EstimationParams& params, const Sensors& sensors, std::int64_t age_ticks, ContactMeter& meter) {
   const bool good_gyro = usable(params.gyro, sensors.gyro_B_radps, meter.gyro);
   const bool good_accelerometer = usable(params.accelerometer, sensors.accelerometer_B_mps2, meter.accelerometer);
-  const std::int64_t oldest = params.imu_latency_ticks + std::int64_t{kLongestGap} * params.imu_period_ticks;
-  return good_gyro && good_accelerometer && age_ticks >= 0 && age_ticks <= oldest;
+  return good_gyro && good_accelerometer && recent(params, age_ticks);
 }
+
+// Says that nothing is measured, until the next usable sample.
+void withdraw(MeasuredContact& measured) { measured.valid = measured.slip_detected = measured.light_detected = false; }
 
 bool finite(const ContactMeter& meter) {
   const MeasuredContact& m = meter.newest;
@@ -494,25 +509,26 @@ void reset(const BallParams&, const EstimationParams&, ContactMeter& meter) {
 
 void measure_contact(const BallParams& ball, const EstimationParams& params, Wide control_period_s,
                      const Sensors& sensors, const MassMotion& commanded, const MassMotion& masses,
-                     const Estimate& estimate, ContactMeter& meter, MeasuredContact& out) {
+                     const Estimate& estimate, std::int64_t tick, ContactMeter& meter, MeasuredContact& out) {
   const bool stood = !meter.moved;
   for (int i = 0; i < ball.mass_count; ++i) {
     const auto k = static_cast<std::size_t>(i);
     meter.moved = meter.moved || commanded.velocity[k] != 0 || commanded.acceleration[k] != 0;
   }
   if (sensors.imu_count == meter.imu_count) {
+    if (!recent(params, ticks_between(meter.imu_tick, tick))) withdraw(meter.newest);
     out = meter.newest;
     return;
   }
   const bool held = meter.imu_tick < 0;
   const std::int64_t gap_ticks = follow(params, sensors, meter);
-  const std::int64_t age_ticks = ticks_between(sensors.imu_tick, sensors.tick);
+  const std::int64_t age_ticks = ticks_between(sensors.imu_tick, tick);
   // A ball that was held until tick 0, or until the masses move, may jump to its rolling rate then.
   const bool released = (held && sensors.imu_tick >= 0) || (stood && meter.moved);
   meter.followed = gap_ticks > 0 && !released;
   if (!usable(params, sensors, age_ticks, meter) || !estimate.valid) {
     meter.followed = false;
-    meter.newest.valid = meter.newest.slip_detected = meter.newest.light_detected = false;
+    withdraw(meter.newest);
     out = meter.newest;
     return;
   }

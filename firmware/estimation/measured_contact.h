@@ -15,20 +15,20 @@
 //   - the moment by which the gyro's rate departs from that of a rolling ball with the known masses, in terms of slip.
 // slip_detected: one of them exceeds its threshold, and the other confirms at least half of it. Alone, the first is
 // misled by vibration at multiples of the sample rate, which looks constant, and the second by lost steps and by a
-// floor that resists. A steady slip is not seen. A threshold is the greater of 0.02 m/s (by rotation 0.025) and 4 sigma of
-// what tilt and accelerometer do to the integral, with 6 sigma of noise and vibration. With fewer than three samples in
-// 10 ms nothing is flagged.
+// floor that resists. A steady slip is not seen. A threshold is the greater of 0.02 m/s (by rotation 0.025) and 4 sigma
+// of what tilt and accelerometer do to the integral, with 6 sigma of noise and vibration. With fewer than three samples
+// in 10 ms nothing is flagged.
 //
 // An accelerometer whose constant errors are 1 % of g or more cannot tell slip from tilt: slip_detected stays false.
 //
-// light_detected: for 10 ms and three samples N lies 3 sigma below a fifth of its value at rest.
+// light_detected: for 10 ms N lies 3 sigma below a fifth of its value at rest.
 //
 // False alarms: none in 1,000 runs that hold, so that with 95 % confidence at most 0.3 % of such runs have one. Both
 // flags stay false until the masses are first commanded to move after reset(), and follow their evidence from then on.
 //
 // Samples that are no numbers, at the end of their range, or repeated bit by bit in spite of noise are left out. The
-// result is that of the newest sample, until the next comes. No heap, no loop whose length depends on data. Called from
-// one thread.
+// result is that of the newest sample until the next comes. It is no longer valid where that sample is older than the
+// IMU's latency and 16 of its periods. No heap, no loop whose length depends on data. Called from one thread.
 #pragma once
 
 #include <array>
@@ -48,12 +48,14 @@ inline constexpr int kBlocks = 160;
 struct Slip {
   Vector2 by_accelerometer_W_mps = Vector2::Zero();
   Vector2 by_rotation_W_mps = Vector2::Zero();
+  std::int64_t gaps = 0;  // samples in it that follow none: the rate's noise on both sides of them stays in the sums
 };
 
 // Sums of gains since reset(), two components of each measure. Only their differences matter.
 struct SlipTotal {
   std::array<Wide, 2> by_accelerometer_W_mps{};
   std::array<Wide, 2> by_rotation_W_mps{};
+  std::int64_t gaps = 0;
 };
 
 // Values of the newest sample, for differences and for trapezoids.
@@ -105,9 +107,10 @@ void reset(const BallParams& ball, const EstimationParams& params, ContactMeter&
 
 // Once per control tick, in order. `commanded`, `masses`: the masses' motion at the start of this tick, as commanded
 // and as known (measured_masses.h). `estimate`: attitude and gyro bias of this tick, from the filter or from a sensed
-// attitude. Slip is judged by motion alone, and no coefficient of friction enters: the floor may have changed.
+// attitude. `tick`: this one. Slip is judged by motion alone, and no coefficient of friction enters: the floor may have
+// changed.
 void measure_contact(const BallParams& ball, const EstimationParams& params, Wide control_period_s,
                      const Sensors& sensors, const MassMotion& commanded, const MassMotion& masses,
-                     const Estimate& estimate, ContactMeter& meter, MeasuredContact& out);
+                     const Estimate& estimate, std::int64_t tick, ContactMeter& meter, MeasuredContact& out);
 
 }  // namespace ballast::firmware

@@ -26,12 +26,13 @@ bool good_in_a_name(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_' || c == '.';
 }
 
+}  // namespace
+
 bool usable_as_folder(const std::string& name) {
   return !name.empty() && name.size() <= kMaxNameLength && name[0] != '.' &&
          std::all_of(name.begin(), name.end(), good_in_a_name);
 }
 
-// The file's name with `_` for every character that a folder's name may not have.
 std::string default_name(const std::string& source_name) {
   std::string name = std::filesystem::path(source_name).stem().string().substr(0, kMaxNameLength);
   for (char& c : name) {
@@ -41,8 +42,10 @@ std::string default_name(const std::string& source_name) {
   return name.empty() ? "scenario" : name;
 }
 
+namespace {
+
 void read_name(TableReader& root, const std::string& source_name, std::string& out) {
-  const std::string allowed = "allowed: 1 to 64 of letters, digits, - _ . and no . at the start (it names a folder)";
+  const std::string allowed = std::string("allowed: ") + kFolderNames;
   const Node* node = root.node("name");
   if (node == nullptr) {
     out = default_name(source_name);

@@ -160,7 +160,11 @@ std::string what_it_is(const Node& node) {
   const bool quoted = node.written != node.text;
   if (quoted || parsed != end) return kind;
   if (error == std::errc::result_out_of_range) return "too large for a number";
-  return error == std::errc{} ? "too large for an integer" : kind;
+  if (error != std::errc{}) return kind;
+  const std::size_t sign = node.text[0] == '-' ? 1 : 0;
+  const bool integer = node.text.find_first_not_of("0123456789", sign) == std::string::npos;
+  return integer && node.text[sign] != '0' ? "too large for an integer"
+                                           : "no number of TOML, which begins as 0.1 does, not .1 or 01";
 }
 
 }  // namespace

@@ -141,8 +141,8 @@ void measure(const ContactRun& run, const std::function<void(const MeasuredTick&
     if (disturb) disturb(heard.tick, heard);
     update(run.ball, run.params, run.control_period_s, heard, tick.commanded, heard.tick, *filter, estimate);
     measure_masses(run.ball, run.params, run.control_period_s, heard, tick.commanded, *masses, motion);
-    measure_contact(run.ball, run.params, run.control_period_s, heard, tick.commanded, motion, estimate, *contact,
-                    measured);
+    measure_contact(run.ball, run.params, run.control_period_s, heard, tick.commanded, motion, estimate, heard.tick,
+                    *contact, measured);
     look({tick, estimate, motion, *contact, measured});
   }
 }
@@ -175,23 +175,26 @@ void transform(std::vector<std::complex<double>>& a) {
 FrictionErrors friction_errors(const ContactRun& run) {
   FrictionErrors found;
   std::vector<std::complex<double>> errors;
-  double inside = 0, squares = 0;
+  double inside = 0, inside_now = 0, squares = 0;
   measure(run, [&](const MeasuredTick& tick) {
     if (tick.truth.sensors.tick < 0 || !(tick.truth.normal_force_n > 0)) return;
     // The force is that of the sample.
     const std::int64_t age = tick.truth.sensors.tick - tick.truth.sensors.imu_tick;
     const ContactTick& then = *(&tick.truth - age);
     const double truth = then.static_friction_n / then.normal_force_n;
-    const double error = tick.measured.mu_required - truth;
+    const double error = tick.measured.mu_required - truth, band = 1.959964 * tick.measured.mu_sigma;
+    const double now = tick.truth.static_friction_n / tick.truth.normal_force_n;
     errors.emplace_back(error);
     squares += error * error;
-    inside += std::fabs(error) <= 1.959964 * tick.measured.mu_sigma ? 1 : 0;
+    inside += std::fabs(error) <= band ? 1 : 0;
+    inside_now += std::fabs(tick.measured.mu_required - now) <= band ? 1 : 0;
     found.most = std::max(found.most, std::fabs(error));
     found.true_most = std::max(found.true_most, truth);
   });
   const auto count = static_cast<double>(errors.size());
   found.rms = std::sqrt(squares / count);
   found.inside = inside / count;
+  found.inside_now = inside_now / count;
   std::size_t size = 1;
   while (size < errors.size()) size *= 2;
   errors.resize(size);

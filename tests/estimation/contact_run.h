@@ -52,7 +52,8 @@ struct FrictionErrors {
   static constexpr std::array<double, 7> kEdges_hz{0, 10, 20, 40, 80, 160, 500};
   double rms = 0, most = 0;
   std::array<double, 6> band_rms{};  // between the edges; their squares add up to that of rms
-  double inside = 0;                 // share of the ticks within 1.96 sigma
+  double inside = 0;                 // share of the ticks within 1.96 sigma of the truth at the sample's tick
+  double inside_now = 0;             // the same of the truth at the tick in which the measurement is known
   double true_most = 0;              // greatest true f_s/N
 };
 FrictionErrors friction_errors(const ContactRun& run);

@@ -55,6 +55,7 @@ TEST(MeasuredForce, HasItWithAnAwkwardImu) {
       friction_errors(record_contact("desk_ball", sensed({"sensors.rate=500", "sensors.latency=0.004", "duration=6",
                                                           "sensors.accelerometer.position=[0.03,0.02,-0.02]"})));
   EXPECT_LT(errors.band_rms[0], 0.02);
+  EXPECT_GE(errors.inside, 0.95);
 }
 
 // One sample of a ball at rest in its motion: the closed forms of the rolling ball, which share no formula with the
@@ -82,7 +83,7 @@ TEST(MeasuredForce, IsThatOfTheClosedFormsWhereTheBallRolls) {
   auto meter = std::make_unique<firmware::ContactMeter>();
   firmware::MeasuredContact out;
   reset(run.ball, run.params, *meter);
-  measure_contact(run.ball, run.params, 1e-3, sensors, masses, masses, estimate, *meter, out);
+  measure_contact(run.ball, run.params, 1e-3, sensors, masses, masses, estimate, sensors.tick, *meter, out);
   ASSERT_TRUE(out.valid);
   const double spin = forces.angular_acceleration_B_radps2.dot(up);
   // The unknown spin moves the centre of mass by spin x sum m_i zeta_i, horizontally; N is free of it.
@@ -130,7 +131,7 @@ TEST(MeasuredForce, HasTheClosedFormsNAtAnyAttitude) {
     sensors.accelerometer_B_mps2 = forces.angular_acceleration_B_radps2.cross(ball.radius_m * up_B) - gravity_B;
     firmware::MeasuredContact out;
     reset(ball, desk_ball().params, *meter);
-    measure_contact(ball, desk_ball().params, 1e-3, sensors, masses, masses, estimate, *meter, out);
+    measure_contact(ball, desk_ball().params, 1e-3, sensors, masses, masses, estimate, sensors.tick, *meter, out);
     ASSERT_TRUE(out.valid) << draw;
     // Some roundings of accelerations of up to 100 m/s^2 times 1.64 kg.
     ASSERT_NEAR(out.normal_force_n, forces.normal_force_n, 1e-12 * 164) << "seed " << seed << " draw " << draw;
@@ -155,6 +156,70 @@ TEST(MeasuredSlip, IsFlaggedInTime) {
 TEST(MeasuredSlip, IsNotSeenWhereTheBallHolds) {
   const std::uint64_t seed = random_seed(1000);
   for (std::uint64_t k = 0; k < 10; ++k) EXPECT_FALSE(count_slides(random_desk_ball(seed + k, false)).false_flag);
+}
+
+// The ball is held until tick 0 and rolls at once from then on: its rate jumps by 0.3 m/s. That is no slip, whether the
+// masses have moved before the first sample of the rolling ball comes, 20 ms late, or move only later.
+TEST(MeasuredSlip, IsNotSeenInARelease) {
+  for (const char* latency : {"0", "0.004", "0.02"}) {
+    for (const bool moves_at_once : {true, false}) {
+      std::vector<std::string> set =
+          sensed({"initial.angular_velocity=[0.5,-2,0]", std::string("sensors.latency=") + latency,
+                  "run.on_violation=continue", "run.hold=1", "duration=2"});
+      if (!moves_at_once) {
+        for (int i = 0; i < 3; ++i) {
+          set.push_back("mass." + std::to_string(i) + ".motion=[{duration=0.3,acceleration=[0,0]}," +
+                        "{duration=0.5,acceleration=[0,0.4]},{duration=0.5,acceleration=[0.4,0]}]");
+        }
+      }
+      const SlideCount count = count_slides(record_contact("desk_ball", set));
+      EXPECT_FALSE(count.false_flag) << latency << " " << moves_at_once;
+      EXPECT_EQ(count.slides, 0);
+    }
+  }
+}
+
+// The gyro's noise counts with the radius. Where a sample follows none, as in the release, the noise on both sides of
+// it stays in the sums: with these seeds it passes a threshold that knows of the ends alone. A ball of 0.6 m, with
+// encoders and samples 4 ms late.
+TEST(MeasuredSlip, IsNotSeenInTheNoiseOfALargeBall) {
+  const std::uint64_t seed = random_seed(126);
+  for (std::uint64_t k = 0; k < 6; ++k) {
+    const ContactRun run = record_contact(
+        "desk_ball",
+        sensed({"ball.radius=0.6", "ball.inertia=[0.18,0.18,0.18]", "sensors.latency=0.004",
+                "sensors.encoder.resolution=0.0001", "run.hold=1", "duration=2", "seed=" + std::to_string(seed + k)}));
+    EXPECT_FALSE(count_slides(run).false_flag) << seed + k;
+  }
+}
+
+// Two samples in 10 ms do not show how the masses swing between them: a slide is not flagged.
+TEST(MeasuredSlip, IsNotSeenByTooFewSamples) {
+  for (const bool enough : {true, false}) {
+    const ContactRun run = record_contact("desk_ball",
+                                          sensed({enough ? "sensors.rate=500" : "sensors.rate=200",
+                                                  "run.on_violation=continue", "run.hold=1", "duration=2"}),
+                                          {"friction_falls@1:value=0.001"});
+    int slides = 0, flags = 0;
+    measure(run, [&](const MeasuredTick& tick) {
+      slides += tick.truth.regime == contact_t::REGIME_SLIDING ? 1 : 0;
+      flags += tick.measured.slip_detected ? 1 : 0;
+    });
+    EXPECT_GT(slides, 100);
+    EXPECT_EQ(flags > 0, enough) << flags;
+  }
+}
+
+// Between a few samples the masses swing unseen, for N as for slip.
+TEST(MeasuredForce, FlagsNoFlightByTooFewSamples) {
+  for (const bool enough : {true, false}) {
+    const ContactRun run =
+        record_contact("desk_ball", sensed({"initial.height=0.1", "duration=0.5", "run.on_violation=continue",
+                                            enough ? "sensors.rate=500" : "sensors.rate=200"}));
+    int flags = 0;
+    measure(run, [&](const MeasuredTick& tick) { flags += tick.measured.light_detected ? 1 : 0; });
+    EXPECT_EQ(flags > 0, enough) << flags;
+  }
 }
 
 // desk_ball dropped from 10 cm flies for 0.14 s.
@@ -207,7 +272,8 @@ TEST(MeasuredContact, StaysBoundedWithBrokenSensors) {
     const std::string name = trouble.first;
     const auto& disturb = trouble.second;
     SCOPED_TRACE(name);
-    const bool refused = name != "spikes" && name != "silent";
+    const bool refused = name != "spikes";
+    const std::int64_t valid_ticks = name == "silent" ? 17 : 5;  // the last sample's, or until repetitions are noticed
     measure(
         run,
         [&](const MeasuredTick& tick) {
@@ -216,7 +282,7 @@ TEST(MeasuredContact, StaysBoundedWithBrokenSensors) {
           ASSERT_TRUE(std::isfinite(m.normal_force_n) && std::isfinite(m.static_friction_n)) << k;
           ASSERT_TRUE(std::isfinite(m.slip_mps2) && std::isfinite(m.normal_sigma_n)) << k;
           ASSERT_FALSE(m.slip_detected || m.light_detected) << k;
-          if (refused && k >= kFrom + 5 && k < kTo) {
+          if (refused && k >= kFrom + valid_ticks && k < kTo) {
             ASSERT_FALSE(m.valid) << k;
           }
           if (k == kTo + 1000) {
@@ -226,6 +292,34 @@ TEST(MeasuredContact, StaysBoundedWithBrokenSensors) {
         [&](std::int64_t k, Sensors& s) {
           if (k >= kFrom && k < kTo) disturb(k, s);
         });
+  }
+}
+
+// A sample counts for its latency and 16 periods, as long as one may be missing (firmware/estimation/
+// measured_contact.h). Then nothing is measured until the next comes.
+TEST(MeasuredContact, IsNotValidLongAfterTheLastSample) {
+  constexpr std::int64_t kFrom = 300, kTo = 400;
+  for (const auto& [more, oldest] : {std::pair<std::vector<std::string>, std::int64_t>{{}, 16},
+                                     {{"sensors.rate=500", "sensors.latency=0.004"}, 4 + 16 * 2}}) {
+    std::vector<std::string> set = sensed(more);
+    set.insert(set.end(), {"run.hold=0.5", "duration=0.6"});
+    firmware::Sensors last;
+    std::int64_t heard_tick = 0;  // of the sample
+    bool silent = false;
+    measure(
+        record_contact("desk_ball", set),
+        [&, oldest = oldest](const MeasuredTick& tick) {
+          const std::int64_t k = tick.truth.sensors.tick;
+          if (k < 0) return;
+          ASSERT_EQ(tick.measured.valid, k - heard_tick <= oldest) << k;
+          silent = silent || !tick.measured.valid;
+        },
+        [&](std::int64_t k, firmware::Sensors& sensors) {
+          if (k < kFrom || k >= kTo) last = sensors;
+          sensors.imu_count = last.imu_count;
+          heard_tick = sensors.imu_tick = last.imu_tick;
+        });
+    EXPECT_TRUE(silent);
   }
 }
 
@@ -248,7 +342,7 @@ TEST(MeasuredContact, LetsCoarseSensorsRepeat) {
       sensors.tick = sensors.imu_tick = k;
       sensors.imu_count = k + 1;
       sensors.accelerometer_B_mps2 = {0, 0, 9.81};
-      measure_contact(run.ball, params, 1e-3, sensors, {}, {}, estimate, *meter, out);
+      measure_contact(run.ball, params, 1e-3, sensors, {}, {}, estimate, k, *meter, out);
       if (coarse) {
         EXPECT_TRUE(out.valid) << k;
       }

@@ -136,6 +136,38 @@ TEST(Sensing, ALostEstimateTrips) {
   }
 }
 
+// At 0.5 rad, 1 sigma, the tilt says nothing of where masses push.
+TEST(Sensing, ATiltThatIsNotKnownTrips) {
+  for (const bool known : {true, false}) {
+    HeldBall ball;
+    ball.run();
+    ball.tick();
+    const Real sigma_rad = static_cast<Real>(known ? 0.49 : 0.5);
+    auto& covariance = ball.state().filter.covariance.xx;
+    for (std::size_t j = 0; j < 2; ++j) covariance[j][j] = sigma_rad * sigma_rad;
+    ball.tick(OperatorCommand::kNone, false);
+    EXPECT_TRUE(ball.state().estimate.valid) << "the filter goes on";
+    EXPECT_EQ(ball.state().estimate.tilt_sigma_rad < static_cast<Real>(0.5), known);
+    EXPECT_EQ(ball.out.status.mode, known ? Mode::kRunning : Mode::kTripped);
+    EXPECT_EQ(ball.out.status.faults, known ? 0u : bit(Fault::kNoEstimate));
+    EXPECT_EQ(ball.out.status.estimate.valid, known);
+  }
+}
+
+// The IMU gives no more samples: the result of the last one stands for 16 periods.
+TEST(Sensing, AContactOfLongAgoIsNotPublished) {
+  HeldBall ball;
+  ball.run();
+  ball.tick();
+  for (int k = 1; k <= 20; ++k) {
+    ball.tick(OperatorCommand::kNone, false);
+    EXPECT_EQ(ball.out.status.measured.valid, k <= 16) << k;
+  }
+  EXPECT_EQ(ball.out.status.measured.normal_force_n, 0);
+  ball.tick();
+  EXPECT_TRUE(ball.out.status.measured.valid);
+}
+
 // The flags are acted on in the tick after, and only while a motion or a move is under way.
 TEST(Sensing, MeasuredSlipAndLightContactTripARunningRobot) {
   const struct {

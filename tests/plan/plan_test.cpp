@@ -8,6 +8,7 @@
 
 #include "tests/plan/desk_task.h"
 #include "tests/plan/task_set.h"
+#include "tools/ballast/stepper_run.h"
 #include "tools/plan/alternatives.h"
 #include "tools/plan/bounds.h"
 #include "tools/plan/random_robot.h"
@@ -308,6 +309,69 @@ TEST(Plan, NamesWhatCanBeHadInstead) {
   EXPECT_EQ(alternatives_text(*task, find_alternatives(*task, outcome, options, [](const std::string&) {})), "");
 }
 
+// From the question on that is answered with yes, the search makes no iteration, and asks at most once for each of its
+// loops that it leaves: starts, stages, rounds, rolls. It is ended before its first start, before its first iteration,
+// among its iterations, and in the plant's rolls.
+TEST(Plan, ASearchThatIsEndedLeavesAllItsLoops) {
+  const std::string patch = "[[surface.patch]]\ncircle = { center = [0.25, 0], radius = 0.1 }\nstatic_friction = 0.3\n";
+  const std::string text = desk_task(kFloor + "rolling_resistance = 0.01\n" + patch,
+                                     "goal = [0.5, 0.0]\nduration = 6.0\nfollow = { points = [[0, 0], [0.5, 0]], "
+                                     "tolerance = 0.05 }\n");
+  const TaskFile task = read_task(text);
+  for (const int yes_at : {1, 2, 40, 150}) {
+    SCOPED_TRACE("question " + std::to_string(yes_at));
+    int asked = 0, iterations = 0, late = 0;
+    SearchOptions options;
+    options.stop = [&] { return ++asked >= yes_at; };
+    options.progress = [&](int, double, double, double) {
+      ++iterations;
+      late += asked >= yes_at ? 1 : 0;
+    };
+    const Outcome outcome = search(make_problem(task), task.scenario, options);
+    EXPECT_EQ(late, 0);
+    EXPECT_EQ(outcome.iterations, iterations);
+    EXPECT_LE(asked - yes_at, 20);  // 1 to 10
+    if (yes_at == 150) {
+      EXPECT_LT(iterations, 100);  // the rest was asked in rolls
+    }
+    if (!outcome.plan) {
+      EXPECT_TRUE(outcome.binding.starts_with("the search was ended before it had found one")) << outcome.binding;
+    }
+  }
+}
+
+// The words of a search that is ended say what its nearest motion does not meet.
+TEST(Plan, ASearchThatIsEndedNamesWhatIsUnmet) {
+  const TaskFile task = read_task(kRobot + "goal = [0.5, 0.0]\nduration = 6.0\n");
+  int asked = 0;
+  SearchOptions options;
+  options.stop = [&] { return ++asked > 2; };
+  const Outcome outcome = search(make_problem(task), task.scenario, options);
+  ASSERT_FALSE(outcome.plan);
+  EXPECT_TRUE(outcome.binding.starts_with("the search was ended before it had found one; so far ")) << outcome.binding;
+  EXPECT_NE(outcome.binding.find("could not be met"), std::string::npos) << outcome.binding;
+}
+
+// The plant asks at each node, and in the roll that looks for slip on patches.
+TEST(Plan, ARollOfThePlantEndsWhereItIsToStop) {
+  const std::string patch = "[[surface.patch]]\ncircle = { center = [0.25, 0], radius = 0.1 }\nstatic_friction = 0.3\n";
+  const TaskFile task = read_task(desk_task(kFloor + patch, "goal = [0.5, 0.0]\nduration = 6.0\n"));
+  const Problem problem = make_problem(task);
+  const Grid grid = make_grid(problem, 6, 32);
+  const std::vector<double> knots(static_cast<std::size_t>(grid.knots() * problem.masses()), 0);
+  int asked = 0;
+  const PlantRun whole = roll_by_plant(problem, task.scenario, grid, knots, [&] { return ++asked < 0; });
+  EXPECT_TRUE(whole.rolled);
+  EXPECT_EQ(asked, 50 + grid.nodes());
+  for (const int yes_at : {1, 20, 51, 70}) {
+    int questions = 0;
+    const PlantRun run = roll_by_plant(problem, task.scenario, grid, knots, [&] { return ++questions >= yes_at; });
+    EXPECT_FALSE(run.rolled);
+    EXPECT_LT(run.nodes.size(), 20u);
+    EXPECT_LE(questions, yes_at + 1);
+  }
+}
+
 std::string with_motors(std::string robot, const std::string& limits, bool steppers) {
   const std::string motor = "motor = { preset = \"nema17\", gear_ratio = 4, viscous_damping = 0.02, " + limits + " }\n";
   for (std::size_t at = 0; (at = robot.find("rail =", at)) != std::string::npos; at += motor.size() + 1) {
@@ -316,6 +380,24 @@ std::string with_motors(std::string robot, const std::string& limits, bool stepp
   const std::string prescribed = "\"prescribed\"";
   if (steppers) robot.replace(robot.find(prescribed), prescribed.size(), "\"stepper\"");
   return robot;
+}
+
+TEST(Plan, ARunWithMotorsEndsAtTheTickWhereItIsToStop) {
+  const TaskFile task = read_task(with_motors(kRobot + "goal = [0.5, 0.0]\nduration = 6.0\n", "microsteps = 16", true));
+  const Problem problem = make_problem(task);
+  const Grid grid = make_grid(problem, 6, 32);
+  sim::Scenario moved = with_motion(task.scenario, grid,
+                                    std::vector<double>(static_cast<std::size_t>(problem.masses() * grid.knots()), 0));
+  moved.run.actuation = sim::Actuation::kStepper;
+  for (const int yes_at : {1, 2, 30}) {
+    int questions = 0, ticks = 0;
+    const SteppedRun run = run_with_steppers(
+        moved, [&] { return ++questions >= yes_at; }, [&](const sil::Lap&, const sim::Plant::Sample&) { ++ticks; });
+    EXPECT_FALSE(run.result);
+    EXPECT_NE(run.refusal.find("interrupted"), std::string::npos) << run.refusal;
+    EXPECT_GE(questions, yes_at);
+    EXPECT_LE(ticks, yes_at);
+  }
 }
 
 // The robot on another floor; `surface`: further lines of [surface].
@@ -360,6 +442,23 @@ TEST(PlanOnRealFloors, RestsInEquilibrium) {
     plant.advance(16, {});
     // The speed that is left, 3e-4 sqrt(g r), takes it at most 3.6 mm in 10 s.
     EXPECT_LT((plant.sample().position_W_m.head<2>() - Eigen::Vector2d(0.3, 0.1)).norm(), 4e-3);
+  }
+}
+
+// Where a floor resists a little, the solver ended beside rest: the first of these took 1,379 iterations to a plan that
+// needs 0.116, and the second had none after 2,000.
+TEST(PlanOnRealFloors, RestsOnFloorsThatResistALittle) {
+  for (const auto& [resistance, steppers] : {std::pair("0.007", false), std::pair("0.01", true)}) {
+    SCOPED_TRACE(std::string(resistance) + (steppers ? ", steppers" : ""));
+    const std::string text = on_floor(std::string("rolling_resistance = ") + resistance + "\n",
+                                      "goal = [0.5, 0.0]\nduration = 6.0\navoid_resonance = false\n");
+    const Planned p = plan_of(steppers ? with_motors(text, "microsteps = 16", true) : text);
+    ASSERT_TRUE(p.outcome.plan);
+    EXPECT_LT(p.outcome.iterations, 400);  // 41 and 61
+    EXPECT_LT(p.outcome.plan->run.extrema.mu_required_max.value,
+              2 * 4 * 0.5 / (9.81 * 36));  // 1.14 and 1.13 times the bound
+    const sim::Plant::Sample& end = p.outcome.plan->run.final;
+    EXPECT_LT(end.angular_velocity_B_radps.norm(), 4e-4 * std::sqrt(9.81 / 0.15));  // 3e-4 counts as rest, per axis
   }
 }
 

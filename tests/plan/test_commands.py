@@ -70,6 +70,13 @@ class Commands(unittest.TestCase):
         x, y, _ = summary["final"]["position"]
         self.assertLess(abs(x - 0.5) + abs(y), 0.005)
 
+    def test_a_time_limit_that_has_passed_leaves_nothing_to_do(self):
+        self.first()
+        error = self.ballast("plan first.toml --time-limit 1e-9", status=3)[1]
+        self.assertIn("the search was ended before it had found one", error)
+        self.assertEqual(json.loads((self.folder / "first_plan.json").read_text())["iterations"], 0)
+        self.assertIn("no chart", self.ballast("plan first.toml --chart --time-limit 1e-9", status=3)[1])
+
     def test_tune_does_as_its_page_says(self):
         self.assert_page("tune.md")
 

@@ -178,6 +178,15 @@ class PicturesTest(unittest.TestCase):
         self.assertIn("monitor trips: friction at its limit, $t$ = 6 s", self.texts(figure))
         self.assertTrue(any(list(line.get_xdata()) == [6.0, 6.0] for line in figure.axes[0].get_lines()))
 
+    def test_both_trips_are_marked_with_who_tripped(self):
+        synthetic = ball()
+        synthetic.summary["trip"] = {
+            "cause": "slip_measured", "time": 6.0, "value": 64, "limit": 0, "latency_ticks": None,
+            "monitor": {"cause": "friction", "time": 8.0, "value": 0.2, "limit": 0.17}}
+        said = self.texts(pictures.normal_force(self.recorded(synthetic)))
+        self.assertIn("controller trips: the robot measures slip, $t$ = 6 s", said)
+        self.assertIn("monitor trips: friction at its limit, $t$ = 8 s", said)
+
     def test_completed_run_has_no_event_lines(self):
         said = self.texts(pictures.normal_force(self.recorded(ball())))
         self.assertNotIn("monitor", said)

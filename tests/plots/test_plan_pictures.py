@@ -119,8 +119,8 @@ class ChartPicture(unittest.TestCase):
 
 
 MAP = """{"sweep": "push", "scenario": "paper_ball", "rows": 7,
- "x": {"key": "external_force.0", "logarithmic": false, "edges": [-1, 0, 1]},
- "y": {"key": "surface.static_friction", "logarithmic": true, "edges": [0.1, 0.2, 0.4]},
+ "x": {"key": "external_force.0", "logarithmic": false, "edges": [-1, 0, 1], "values": [-0.5, 0.5]},
+ "y": {"key": "surface.static_friction", "logarithmic": true, "edges": [0.1, 0.2, 0.4], "values": []},
  "runs": [[2, 1], [0, 4]], "held": [[1, 0], [0, 4]]}"""
 
 
@@ -135,6 +135,8 @@ class SweepMap(unittest.TestCase):
         axes = sweep_map.draw(sweep_map.Map(self.path)).axes[0]
         np.testing.assert_array_equal(axes.collections[0].get_array().filled(-1).reshape(2, 2), [[0.5, 0], [-1, 1]])
         self.assertEqual((axes.get_xlabel(), axes.get_yscale()), ("external_force.0", "log"))
+        np.testing.assert_array_equal(axes.get_xticks(), [-0.5, 0.5])
+        self.assertLessEqual({0.1, 0.2}, set(np.round(axes.get_yticks(), 12)))
 
     def test_another_file_is_refused(self):
         for text in ("{}", "[", MAP.replace("[[2, 1], [0, 4]]", "[[2, 1]]"), MAP.replace("[[2, 1], [0, 4]]", "[[0, 0], [0, 0]]")):

@@ -69,6 +69,15 @@ class KnownReport(unittest.TestCase):
                          [(5.0, "the robot flags slip, the first of 2 times"), (12.0, "the robot flags light contact")])
         self.assertEqual([row[0] for row in known_report.flag_table(recording).rows], ["slip", "slip", "light contact"])
 
+    def test_a_trip_that_a_stop_led_to_is_named_after_its_cause(self):
+        recording = self.recorded()
+        recording.summary["trip"] = {"cause": "slip_measured", "time": 6.0, "value": 64, "limit": 0,
+                                     "monitor": {"cause": "friction", "time": 8.0, "value": 0.2, "limit": 0.17}}
+        self.assertIn((8.0, "trip: the friction came up to its limit"), words.events(recording))
+        said = [sentence for sentence in words.sentences(recording) if sentence.startswith("Tripped")]
+        self.assertEqual(said, ["Tripped at t\u00a0=\u00a06\u00a0s: the robot measured slip; then the monitor tripped at "
+                                "t\u00a0=\u00a08\u00a0s: the friction came up to its limit, 0.2 where 0.17 is the limit."])
+
     def test_the_map_is_to_scale(self):
         recording = self.recorded(belief=True)
         said = known_report.known_html(recording)

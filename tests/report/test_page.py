@@ -247,8 +247,11 @@ class PageTest(unittest.TestCase):
             .move_by_offset(int(0.25 * width), 0).release().perform()
         ranges = self.ranges()
         np.testing.assert_allclose(ranges, [[5, 10]] * len(ranges), atol=2 * 20 / width)
-        ActionChains(self.browser).double_click(over).perform()
-        ranges = self.ranges()
+        for _ in range(5):  # on a machine that is busy the two clicks may be too far apart for one double click
+            ActionChains(self.browser).double_click(over).perform()
+            ranges = np.array(self.ranges())
+            if (ranges == [0, 20]).all():
+                break
         np.testing.assert_allclose(ranges, [[0, 20]] * len(ranges))
 
     def touch(self, kind, *points):

@@ -56,6 +56,9 @@ TEST(Overrides, ValueIsTomlElseABareString) {
   EXPECT_TRUE(contains(only_error(kFull, {"gravity="}).message, "is empty"));
   EXPECT_TRUE(contains(only_error(kFull, {"gravity=1e400"}).message, "is too large for a number"));
   EXPECT_TRUE(contains(only_error(kFull, {"gravity=99999999999999999999"}).message, "is too large for an integer"));
+  for (const std::string text : {".1", "-.5", "1.", "012"}) {
+    EXPECT_TRUE(contains(only_error(kFull, {"gravity=" + text}).message, "is no number of TOML")) << text;
+  }
   EXPECT_TRUE(contains(only_error(kFull, {"gravity='1e400'"}).message, "is a string"));
 }
 

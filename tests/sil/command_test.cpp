@@ -168,6 +168,24 @@ TEST(Run, GlassTripsOnFriction) {
   }
 }
 
+// A gyro that begins to lie looks like slip; the stop for it makes the ball slip.
+TEST(Run, NamesBothTripsInTheirOrder) {
+  const Folder folder;
+  const Outcome run = folder.run(
+      "ballast run desk_ball --set sensors.preset=bmi088_calibrated --set duration=4 --out r "
+      "--fault sensor_bias@3:0.3,sensor=gyro,axis=1");
+  EXPECT_EQ(run.exit_status, 3) << run.err;
+  const auto trip = folder.summary("r")["trip"];
+  EXPECT_EQ(trip["cause"], "slip_measured");
+  EXPECT_EQ(trip["latency_ticks"], nullptr);
+  EXPECT_EQ(trip["monitor"]["cause"], "friction");
+  EXPECT_EQ(trip["monitor"]["limit"], 0.5);
+  EXPECT_GT(trip["monitor"]["tick"], trip["tick"]);
+  const auto own = run.out.find("by the controller itself at t = 3.0"), later = run.out.find("; then by the monitor, ");
+  EXPECT_LT(own, later) << run.out;
+  EXPECT_NE(later, std::string::npos) << run.out;
+}
+
 // A patch of ice under the start: where it slips, and that the floor is less there than the monitor was told.
 TEST(Run, SaysWhatAPatchHolds) {
   const Folder folder;

@@ -32,7 +32,9 @@ struct Rolled {
 inline Rolled roll(const sim::Scenario& scenario, const RunOptions& options = {}) {
   const auto params = std::make_unique<firmware::ControllerParams>();
   const bool has_controller = sim::has_controller(scenario.run.actuation);
-  if (has_controller) EXPECT_FALSE(program::to_controller_params(scenario, *params));
+  if (has_controller) {
+    EXPECT_FALSE(program::to_controller_params(scenario, *params));
+  }
   const auto peers =
       peers_in_process(scenario, has_controller ? params.get() : nullptr, program::to_monitor_limits(scenario));
   KeptLaps kept;

@@ -36,6 +36,11 @@ TEST(SoakCommand, SeedsThatOnceBrokeHold) {
            81828,                         // a full disk in the tick in which the controller is started again
            136384, 141377,                // a rate of 1e200 rad/s, whose forces overflow
            12300,  27298,  43209, 49590,  // an alarm of a peer that is many ticks late
+           37274,                         // full steps, which make N hard to measure
+           258625,                        // a slip flag after a patch that resists
+           50734,                         // a slip flag in the wind
+           199467,                        // a light flag of an IMU with 69 samples a second
+           171968,                        // a stop planned anew for steps that are impossible
            78397,                         // a monitor that is started again while the ball slides
        }) {
     SCOPED_TRACE(seed);

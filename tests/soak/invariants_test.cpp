@@ -36,8 +36,9 @@ struct Recorded {
   sil::RunResult result;
   std::string log;  // its bytes
 
-  explicit Recorded(const std::vector<std::string>& overrides, const std::vector<std::string>& faults = {}) {
-    const auto read = sim::read_scenario(BALLAST_SOURCE_DIR "/sim/scenarios/paper_ball.toml", overrides, faults);
+  explicit Recorded(const std::vector<std::string>& overrides, const std::vector<std::string>& faults = {},
+                    const std::string& name = "paper_ball") {
+    const auto read = sim::read_scenario(BALLAST_SOURCE_DIR "/sim/scenarios/" + name + ".toml", overrides, faults);
     for (const auto& error : read.errors) ADD_FAILURE() << to_string(error);
     scenario = read.scenario;
     auto params = std::make_unique<firmware::ControllerParams>();
@@ -89,6 +90,12 @@ const Recorded& completed() {
 }
 const Recorded& tripped() {
   static const Recorded run({"duration=3", "envelope.friction_use=0.3"});
+  return run;
+}
+
+// Estimates its attitude, and completes.
+const Recorded& estimated() {
+  static const Recorded run({"duration=0.4", "run.hold=0.2", "sensors.preset=bmi088_calibrated"}, {}, "desk_ball");
   return run;
 }
 
@@ -238,6 +245,68 @@ TEST(Invariants, AFalseAlarm) {
             Which{});
 }
 
+// Faults of the estimation need a cause in the ball or in an injected fault, which they may outlast.
+TEST(Invariants, AFalseAlarmOfTheEstimation) {
+  using firmware::Fault;
+  ASSERT_EQ(estimated().result.end_reason, sil::EndReason::kCompleted);
+  ASSERT_EQ(estimated().broken(), Which{}) << estimated().words_;
+  // In tick 130; the hold has 200 ticks.
+  const auto alarm = [](const Recorded& run, Fault fault, const std::function<void(Recorded&)>& change = {}) {
+    return has(run.broken([&](Recorded& changed) {
+      changed.ticks[330].lap.answer->status.faults = static_cast<std::int32_t>(fault);
+      if (change) change(changed);
+    }),
+               Invariant::kNoFalseAlarm);
+  };
+  // Masses of desk_ball swing by more than 4 % of N. Here they are where they are commanded to be.
+  const auto no_swing = [](Recorded& run) {
+    for (Tick& tick : run.ticks) {
+      contact_t& contact = tick.lap.plant.contact;
+      contact.normal_force_n = contact.commanded_normal_force_n;
+      contact.static_friction_n = contact.commanded_static_friction_n;
+    }
+  };
+  const auto swing = [&](double of_n) {
+    return [&no_swing, of_n](Recorded& run) {
+      no_swing(run);
+      run.ticks[320].lap.plant.contact.normal_force_n *= 1 + of_n;
+    };
+  };
+  const auto slide = [&](Recorded& run) {
+    no_swing(run);
+    run.ticks[320].lap.plant.contact.regime = contact_t::REGIME_SLIDING;
+  };
+  const auto drag = [&](Recorded& run) {
+    no_swing(run);
+    run.scenario.drag.coefficient_kgpm = 0.1;
+  };
+  const auto patch = [&](double rolling_resistance) {
+    return [&no_swing, rolling_resistance](Recorded& run) {
+      no_swing(run);
+      sim::SurfacePatch patch;
+      patch.rolling_resistance = rolling_resistance;
+      run.scenario.surface.patches = {patch};
+    };
+  };
+  for (const Fault fault : {Fault::kSlipMeasured, Fault::kLightMeasured, Fault::kNoEstimate}) {
+    SCOPED_TRACE(static_cast<std::uint32_t>(fault));
+    EXPECT_TRUE(alarm(estimated(), fault, patch(0)));
+    EXPECT_EQ(alarm(estimated(), fault, patch(0.01)), fault != Fault::kSlipMeasured);
+    EXPECT_TRUE(alarm(estimated(), fault, no_swing));
+    EXPECT_TRUE(alarm(estimated(), fault, swing(0.035)));
+    EXPECT_EQ(alarm(estimated(), fault, swing(0.05)), fault != Fault::kSlipMeasured);
+    EXPECT_EQ(alarm(estimated(), fault, swing(0.26)), fault == Fault::kNoEstimate);
+    EXPECT_EQ(alarm(estimated(), fault, slide), fault == Fault::kNoEstimate);
+    EXPECT_EQ(alarm(estimated(), fault, drag), fault == Fault::kNoEstimate);
+  }
+  const Recorded spiked({"duration=0.4", "run.hold=0.2", "sensors.preset=bmi088_calibrated"},
+                        {"sensor_spike@0.1:0.001,sensor=gyro"}, "desk_ball");
+  ASSERT_EQ(spiked.broken(), Which{}) << spiked.words_;
+  for (const Fault fault : {Fault::kSlipMeasured, Fault::kLightMeasured, Fault::kNoEstimate}) {
+    EXPECT_FALSE(alarm(spiked, fault, no_swing)) << static_cast<std::uint32_t>(fault);
+  }
+}
+
 // A trip that has been taken back explains nothing any more: neither a controller's fault nor a violation.
 TEST(Invariants, ATripOfThePastIsNoExcuse) {
   const auto after_the_trip = [](auto change) {
@@ -366,6 +435,30 @@ TEST(Invariants, AnEstimateThatIsNotThePlants) {
   };
   EXPECT_EQ(biased_by(0.1), Which{});
   EXPECT_EQ(biased_by(0.5), Which{Invariant::kAgreed});
+}
+
+// The plant's forces in a message are those of the estimate of the tick before, with its masses.
+TEST(Invariants, AnEstimatedRunsForcesThatAreNotThePlants) {
+  const auto off = [](double by_n) {
+    return but_logged(
+        estimated().broken([=](Recorded& run) { run.ticks[300].lap.answer->status.normal_force_n += by_n; }));
+  };
+  // The robot weighs 16 N; rounding makes 1e-15 of that.
+  EXPECT_EQ(off(1e-12), Which{});
+  EXPECT_EQ(off(1e-7), Which{Invariant::kAgreed});
+  EXPECT_EQ(but_logged(estimated().broken(
+                [](Recorded& run) { run.ticks[300].lap.plant.contact.commanded_static_friction_n += 1e-7; })),
+            Which{Invariant::kAgreed});
+  // 5 % of the weight trip a monitor that works, even where a fault explains the difference.
+  const Recorded biased({"duration=0.4", "run.hold=0.2", "sensors.preset=bmi088_calibrated"},
+                        {"sensor_bias@0.05:0.001,sensor=gyro"}, "desk_ball");
+  ASSERT_EQ(biased.broken(), Which{}) << biased.words_;
+  const auto biased_by = [&](double by_n) {
+    return but_logged(
+        biased.broken([=](Recorded& run) { run.ticks[300].lap.answer->status.static_friction_n += by_n; }));
+  };
+  EXPECT_EQ(biased_by(0.1), Which{});
+  EXPECT_EQ(biased_by(1), Which{Invariant::kAgreed});
 }
 
 TEST(Invariants, ARegimeThatIsNotTheBalls) {
@@ -784,6 +877,24 @@ TEST(RandomScenarios, DrawEndsOfRailsSlipperyFloorsAndTolerances) {
   EXPECT_GT(lost_steps, 10);
   EXPECT_GT(slippery, 10);
   EXPECT_GT(tolerances, 20);
+}
+
+// About one scenario in five has sensors, a slope or a floor that resists.
+TEST(RandomScenarios, DrawSensorsSlopesAndRollingResistance) {
+  int sensed = 0, estimated = 0, fixes = 0, encoders = 0, slopes = 0, resistances = 0;
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    const sim::Scenario scenario = random_scenario(seed).scenario;
+    const sim::SensorModel& sensors = scenario.sensors;
+    estimated += sensors.attitude_estimated ? 1 : 0;
+    sensed += sensors.present && !sensors.attitude_estimated ? 1 : 0;
+    fixes += sensors.fix.rate_hz > 0 ? 1 : 0;
+    encoders += sensors.encoder_resolution.empty() ? 0 : 1;
+    slopes += scenario.surface.slope_rad > 0 ? 1 : 0;
+    resistances += scenario.surface.rolling_resistance > 0 ? 1 : 0;
+  }
+  for (const int count : {sensed, estimated, fixes, encoders, slopes, resistances}) {
+    EXPECT_GT(count, 5);
+  }
 }
 
 // The same seed, the same commands; every command comes up.

@@ -175,8 +175,8 @@ TEST(BatchRows, LeaveOtherSweepsAlone) {
   for (const std::string vary :
        {"\"mass.0.initial_position\" = { uniform = [0, 1] }", "\"ball.radius\" = { uniform = [1, 2] }",
         "\"run.actuation\" = { choice = [\"stepper\", \"prescribed\"] }"}) {
-    const Spec spec = test::spec_of(
-        "scenario = \"paper_ball\"\nruns = 3\n[set]\n\"run.actuation\" = \"prescribed\"\n[vary]\n" + vary + "\n");
+    const std::string set = vary.starts_with("\"run.") ? "" : "[set]\n\"run.actuation\" = \"prescribed\"\n";
+    const Spec spec = test::spec_of("scenario = \"paper_ball\"\nruns = 3\n" + set + "[vary]\n" + vary + "\n");
     const RowScenarios scenarios(spec);
     EXPECT_FALSE(BatchRows(spec, scenarios).usable()) << vary;
   }

@@ -154,11 +154,67 @@ TEST(SweepCommand, AnswersHowRobustARobotIs) {
   EXPECT_EQ(row.exit_status == 0, held[static_cast<std::size_t>(worst)] == 1) << row.err;
   EXPECT_NEAR(folder.summary("again")["mu_required"]["max"].get<double>(), mu[static_cast<std::size_t>(worst)], 1e-6);
   EXPECT_SAYS(folder.run("ballast sweep paper_ball --errors mass=5").err,
-              "--errors: mass=5: is no part; allowed: such as mass=5%");
-  EXPECT_SAYS(folder.run("ballast sweep paper_ball --errors tilt=3%").err, "is no angle; allowed: such as tilt=3deg");
+              "--errors: mass=5: is no part; allowed: a number >= 0 with %, such as mass=5%");
+  EXPECT_SAYS(folder.run("ballast sweep paper_ball --errors tilt=3%").err,
+              "is no angle; allowed: a number >= 0 with deg or rad, such as tilt=3deg");
   EXPECT_SAYS(folder.run("ballast sweep paper_ball --errors size=3%").err, "is no error; allowed: mass=PERCENT%,com=");
+  EXPECT_EQ(folder.run("ballast sweep paper_ball --errors mass=5%,mass=6%").err,
+            "--errors: mass=6%: mass is given twice; allowed: once\n");
+  folder.write("paper.toml", test::kPaperSweep);
+  EXPECT_EQ(folder.run("ballast sweep paper.toml --errors mass=5%").err,
+            "paper.toml: is a sweep; allowed: a scenario with --errors, or a sweep without\n");
   EXPECT_SAYS(folder.run("ballast sweep none --errors mass=5%").err,
               "none: neither a file nor the name of a shipped scenario");
+}
+
+// The disk's inertia is at the limit of what a body can have, so that half of the errors make an impossible one.
+TEST(SweepCommand, CountsImpossibleRobotsApart) {
+  const Folder folder;
+  const Outcome sweep = folder.run("ballast sweep paper_disk --errors inertia=1% --runs 20 --quiet");
+  ASSERT_EQ(sweep.exit_status, 0) << sweep.err;
+  const auto statuses = numbers(folder, "runs/paper_disk_errors/sweep.nc", "exit_status", 20);
+  const auto refused = std::count(statuses.begin(), statuses.end(), 1.0);
+  ASSERT_GT(refused, 0);
+  ASSERT_EQ(std::count(statuses.begin(), statuses.end(), 0.0), 20 - refused);
+  EXPECT_SAYS(sweep.out, fmt::format("paper_disk holds in 100 % ("));
+  EXPECT_SAYS(sweep.out,
+              fmt::format(" of {} runs; {} of 20 were refused or could not be run; worst: ", 20 - refused, refused));
+  EXPECT_SAYS(sweep.out, fmt::format("  end.reason: no result  {:.4g} % (", 5.0 * static_cast<double>(refused)));
+}
+
+// A run that slips early has needed less than one that holds, and yet is the worse one; its extrema count for nothing.
+TEST(SweepCommand, TellsRunsThatHoldFromThoseCutShort) {
+  const Folder folder;
+  folder.write("floor.toml",
+               "scenario = \"paper_ball\"\n[set]\n\"run.actuation\" = \"prescribed\"\n[vary]\n"
+               "\"surface.static_friction\" = { grid = [0.14, 0.15, 0.3, 0.4] }\n");
+  const Outcome sweep = folder.run("ballast sweep floor.toml --quiet");
+  ASSERT_EQ(sweep.exit_status, 0) << sweep.err;
+  const auto mu = numbers(folder, "runs/floor/sweep.nc", "mu_required_max", 4);
+  ASSERT_LT(mu[0], mu[2]);
+  EXPECT_SAYS(sweep.out, fmt::format("  mu_required.max        least {:.4g}, ", mu[2]));
+  EXPECT_SAYS(sweep.out, "; of 2 runs that hold\n");
+  EXPECT_SAYS(sweep.out, "  worst                  slipped at t = ");
+  EXPECT_SAYS(sweep.out, " on a floor of 0.14, row 0\n");
+}
+
+TEST(SweepCommand, RefusesResultsThatAreNotItsOwn) {
+  const Folder folder;
+  folder.write("paper.toml", test::kPaperSweep);
+  folder.write("stepper.toml", test::kStepperSweep);
+  ASSERT_EQ(folder.run("ballast sweep paper.toml --quiet --out p").exit_status, 0);
+  ASSERT_EQ(folder.run("ballast sweep stepper.toml --quiet --out s").exit_status, 0);
+  const auto resume = [&](const std::string& content) {
+    folder.write("p/sweep.nc", content);
+    const Outcome again = folder.run("ballast sweep paper.toml --quiet --out p --resume");
+    EXPECT_EQ(again.exit_status, 2);
+    return again.err;
+  };
+  EXPECT_SAYS(resume(read_file(folder / "s/sweep.nc")),
+              "p/sweep.nc: holds the results of another sweep than sweep.toml");
+  EXPECT_SAYS(resume(""),
+              "p/sweep.nc: NetCDF: Unknown file format; the file is damaged: remove it, and run the sweep again");
+  EXPECT_EQ(folder.run("ballast sweep paper.toml --quiet --out p --row ''").exit_status, 1);
 }
 
 TEST(SweepCommand, FindsLimits) {

@@ -91,7 +91,8 @@ TEST(Rows, TiltTheAttitude) {
   spec.vary[0].values = {list_node({0.6, 0.0, 0.0, 0.8})};
   double squares = 0;
   for (std::uint64_t i = 0; i < spec.rows(); ++i) {
-    const auto& q = make_row(spec, i).values[0].items;
+    const Row row = make_row(spec, i);
+    const auto& q = row.values[0].items;
     const double up = 1 - 2 * (q[1].number * q[1].number + q[2].number * q[2].number);  // of the body's third axis
     squares += std::pow(std::acos(std::min(up, 1.0)), 2);
   }

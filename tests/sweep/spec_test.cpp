@@ -62,7 +62,14 @@ TEST(Spec, RefusesWithFileLineKeyAndWhatIsAllowed) {
       {"runs = 5\n[vary]\n\"run.actuation\" = { uniform = [0, 1] }",
        "test.toml:4: vary.run.actuation = 'stepper': is a text in the scenario"},
       {"runs = 5\n[vary]\n\"run.actuation\" = { choice = [\"stepper\", 3] }", "mixes kinds of values"},
-      {"runs = 5\n[vary]\n\"run.actuation\" = { choice = [\"steper\"] }", "test.toml:4: run.actuation = 'steper'"},
+      {"runs = 5\n[vary]\n\"run.actuation\" = { choice = [\"steper\"] }",
+       "test.toml:4: vary.run.actuation = \"steper\": is none"},
+      {"runs = 5\n[vary]\n\"surface.static_friction\" = { grid = [0.3, nan] }", "has a value that is no number"},
+      {"runs = 5\n[vary]\n\"initial.orientation\" = { grid = [[1, 0, 0, 0], [0, 1, 0]] }",
+       "lists of different lengths"},
+      {"runs = 5\n[set]\nduration = 2\n[vary]\nduration = { uniform = [1, 2] }",
+       "test.toml:4: set.duration = 2: is varied too"},
+      {"runs = 5\nname = \"../there\"", "test.toml:3: name = \"../there\": cannot name a folder"},
       {"runs = 5\n[vary]\nduration = { uniform = [2, 1] }", "has its ends in the wrong order"},
       {"runs = 5\n[vary]\nduration = { log_uniform = [0, 1] }", "has no logarithm"},
       {"runs = 5\n[vary]\nduration = { normal = [1, -1] }", "has a negative deviation"},
@@ -79,7 +86,7 @@ TEST(Spec, RefusesWithFileLineKeyAndWhatIsAllowed) {
       {"runs = 5\n[keep]\nvalues = [\"motors\"]", "is a list of tables in summary.json"},
       {"runs = 5\n[keep]\nvalues = [\"wall_time\"]", "differs between identical runs"},
       {"runs = 5\n[keep]\nvalues = \"end.reason\"", "is no list"},
-      {"runs = 9007199254740992\n[vary]\nduration = { grid = [1, 2] }", "makes too many runs with the grids"},
+      {"runs = 10000000000\n[vary]\nduration = { grid = [1, 2] }", "makes too many runs with the grids"},
   };
   for (const Refusal& refusal : refusals) {
     const std::string errors = errors_of("scenario = \"paper_ball\"\n" + refusal.rest + "\n");
@@ -87,6 +94,8 @@ TEST(Spec, RefusesWithFileLineKeyAndWhatIsAllowed) {
   }
   EXPECT_NE(errors_of("scenario = \"paper_bal\"\nruns = 1\n").find("did you mean paper_ball"), std::string::npos);
   EXPECT_NE(errors_of("runs = 1\n").find("scenario: is missing"), std::string::npos);
+  EXPECT_EQ(errors_of("duration = 1\n[ball]\nmass = 1\n"),
+            "test.toml: is a scenario; allowed: a sweep file, or a scenario with --errors\n");
   EXPECT_NE(errors_of("runs = = 1\n").find("test.toml:1: not TOML"), std::string::npos);
 }
 

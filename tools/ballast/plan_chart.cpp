@@ -33,17 +33,19 @@ std::string chart_refusal(const PlanCommand& command) {
   return "";
 }
 
-// Rolls each plan with its motors, on a floor that holds whatever they need.
-void add_steppers(const plan::TaskFile& task, plan::Chart& chart, const volatile std::sig_atomic_t* signalled) {
+// Rolls each plan with its motors, on a floor that holds whatever they need. `stop` leaves the rest without.
+void add_steppers(const plan::TaskFile& task, plan::Chart& chart, const Stop& stop) {
   if (task.scenario.run.actuation != sim::Actuation::kStepper) return;
   for (plan::ChartPoint& point : chart.points) {
-    if (!point.outcome.plan || *signalled != 0) continue;
+    if (!point.outcome.plan) continue;
     sim::Scenario moved = with_motion(task.scenario, point.outcome.plan->grid, point.outcome.plan->knots);
     moved.run.actuation = sim::Actuation::kStepper;
-    const SteppedRun run = run_with_steppers(on_perfect_floor(moved), signalled);
-    if (run.result) point.with_steppers = need_of(*run.result);
+    const SteppedRun run = run_with_steppers(on_perfect_floor(moved), stop);
+    if (run.result)
+      point.with_steppers = need_of(*run.result);
+    else if (stop())
+      chart.complete = false;
   }
-  if (*signalled != 0) chart.complete = false;
 }
 
 void draw_chart(const ChartFiles& files) {
@@ -70,9 +72,7 @@ int chart_task(const PlanCommand& command) {
   ProgressLine line(command.quiet);
   plan::ChartOptions options;
   options.seed = command.seed;
-  options.stop = [&] {
-    return *signalled != 0 || (command.time_limit_s && seconds_since(start) > *command.time_limit_s);
-  };
+  options.stop = stop_of(command, start, signalled);
   options.progress = [&](int planned, double duration_s) {
     if (line.due()) line.show(fmt::format("{} durations planned, the last of {:.3g} s", planned, duration_s));
   };
@@ -85,7 +85,7 @@ int chart_task(const PlanCommand& command) {
     program::complain("ballast", fmt::format("{}: no chart: {}", task->scenario.name, why));
     return *signalled != 0 ? program::kExitCouldNotRun : program::kExitEnvelope;
   }
-  add_steppers(*task, chart, signalled);
+  add_steppers(*task, chart, stop_of(command, start, signalled, kMotorsAllowance_s));
   if (!write_file(files.json, chart_json(*task, chart, command.seed)))
     return could_not(fmt::format("{}: cannot be written", files.json.string()));
   if (!write_file(files.csv, chart_csv(chart)))
@@ -93,7 +93,7 @@ int chart_task(const PlanCommand& command) {
   draw_chart(files);
   if (command.quiet) return program::kExitCompleted;
   std::cout << chart_text(*task, chart);
-  if (!chart.complete) std::cout << "\nended early: durations are missing\n";
+  if (!chart.complete) std::cout << "\nended early: durations or runs with motors are missing\n";
   std::cout << fmt::format("\nwritten: {}, {}, {}\n", files.json.string(), files.csv.string(), files.picture.string())
             << std::flush;
   return program::kExitCompleted;

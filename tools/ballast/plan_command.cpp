@@ -23,6 +23,13 @@ namespace ballast {
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
+std::function<bool()> stop_of(const PlanCommand& command, Clock::time_point start,
+                              const volatile std::sig_atomic_t* signalled, double allowance_s) {
+  return [start, signalled, limit_s = command.time_limit_s, allowance_s] {
+    return *signalled != 0 || (limit_s && seconds_since(start) > *limit_s + allowance_s);
+  };
+}
+
 std::string in_the_way(const std::filesystem::path& path) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
@@ -172,9 +179,7 @@ int plan_task(const PlanCommand& command) {
   const volatile std::sig_atomic_t* signalled = program::catch_signals();
   ProgressLine line(command.quiet);
   options.seed = command.seed;
-  options.stop = [&] {
-    return *signalled != 0 || (command.time_limit_s && seconds_since(start) > *command.time_limit_s);
-  };
+  options.stop = stop_of(command, start, signalled);
   options.progress = [&](int iteration, double best, double need, double error) {
     if (!line.due()) return;
     const std::string found = std::isfinite(best) ? "best plan so far: f_s/N = " + short_number(best) : "no plan yet";
@@ -182,7 +187,7 @@ int plan_task(const PlanCommand& command) {
                           seconds_since(start), iteration, found, short_number(need), program::significant(error, 1)));
   };
   options.stepper_need = [&](const sim::Scenario& moved) {
-    const SteppedRun run = run_with_steppers(moved, signalled);
+    const SteppedRun run = run_with_steppers(moved, options.stop);
     const bool completed = run.result && run.result->end_reason == sil::EndReason::kCompleted;
     return completed ? run.result->extrema.mu_required_max.value : std::numeric_limits<double>::infinity();
   };
@@ -200,6 +205,7 @@ int plan_task(const PlanCommand& command) {
   std::string toml;
   std::optional<plan::StepperRun> with_steppers;
   std::string stepper_refusal;
+  bool cut_off = false;  // the run with its motors
   if (outcome.plan) {
     toml = plan::plan_toml(file_text(path), *task, *outcome.plan);
     const auto written = sim::parse_scenario(toml, toml_path.string());
@@ -209,9 +215,11 @@ int plan_task(const PlanCommand& command) {
     if (written.scenario.run.actuation == sim::Actuation::kStepper && *signalled == 0) {
       sim::Scenario believed = sim::as_believed(written.scenario);
       believed.surface.patches = task->scenario.surface.patches;
-      const SteppedRun run = run_with_steppers(believed, signalled);
+      const auto late = stop_of(command, start, signalled, kMotorsAllowance_s);
+      const SteppedRun run = run_with_steppers(believed, late);
       if (run.result) with_steppers = need_of(*run.result);
-      if (*signalled == 0) stepper_refusal = run.refusal;
+      cut_off = !run.result && late();
+      if (!cut_off) stepper_refusal = run.refusal;
     }
   }
   const std::string json =
@@ -226,6 +234,8 @@ int plan_task(const PlanCommand& command) {
   if (!command.quiet) std::cout << outcome_text(*task, outcome, with_steppers, toml_path.string()) << std::flush;
   if (*signalled != 0)
     program::complain("ballast", "interrupted: this is the best plan so far, not rolled with its steppers");
+  else if (cut_off)
+    program::complain("ballast", "--time-limit: ended the run of the plan with its steppers");
   if (!stepper_refusal.empty()) {
     return refuse(program::kExitCouldNotRun,
                   fmt::format("{}: the plan holds with prescribed masses, and does not run with its steppers: {}",

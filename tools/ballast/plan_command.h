@@ -2,8 +2,10 @@
 #pragma once
 
 #include <chrono>
+#include <csignal>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -24,6 +26,13 @@ struct PlanCommand {
 
 using Clock = std::chrono::steady_clock;
 [[nodiscard]] double seconds_since(Clock::time_point start);
+
+// Runs with motors after a search may go on for this long after --time-limit.
+constexpr double kMotorsAllowance_s = 1;
+
+// True once a signal came, or the time limit and `allowance_s` have passed since `start`.
+[[nodiscard]] std::function<bool()> stop_of(const PlanCommand& command, Clock::time_point start,
+                                            const volatile std::sig_atomic_t* signalled, double allowance_s = 0);
 
 // The task of the command; without a value its errors have been printed.
 [[nodiscard]] std::optional<plan::TaskFile> task_of(const PlanCommand& command);

@@ -1,5 +1,6 @@
 #include "tools/ballast/stepper_run.h"
 
+#include <csignal>
 #include <memory>
 #include <utility>
 
@@ -10,8 +11,7 @@
 
 namespace ballast {
 
-SteppedRun run_with_steppers(const sim::Scenario& scenario, const volatile std::sig_atomic_t* signalled,
-                             const Observer& observe) {
+SteppedRun run_with_steppers(const sim::Scenario& scenario, const Stop& stop, const Observer& observe) {
   SteppedRun run;
   const auto params = std::make_unique<firmware::ControllerParams>();
   if (const auto why = program::to_controller_params(scenario, *params)) {
@@ -25,8 +25,12 @@ SteppedRun run_with_steppers(const sim::Scenario& scenario, const volatile std::
   }
   sil::NoRecord sink;
   sil::RunOptions options;
-  options.interrupted = signalled;
-  options.observe = observe;
+  volatile std::sig_atomic_t stopped = stop() ? 1 : 0;
+  options.interrupted = &stopped;
+  options.observe = [&](const sil::Lap& lap, const sim::Plant::Sample& truth) {
+    if (stop()) stopped = 1;
+    if (observe) observe(lap, truth);
+  };
   sil::RunResult result = sil::run(scenario, peers, sink, options);
   if (result.status != hal::Status::kOk) {
     run.refusal = result.trouble;

@@ -1,7 +1,6 @@
 // A run with firmware and steppers in this process, of which only the result is kept.
 #pragma once
 
-#include <csignal>
 #include <functional>
 #include <optional>
 #include <string>
@@ -17,9 +16,11 @@ struct SteppedRun {
   std::string refusal;  // without a result: why the firmware does not take the scenario, or what broke the run off
 };
 
-// `signalled` != 0 breaks the run off. `observe` is called once per tick.
+using Stop = std::function<bool()>;
 using Observer = std::function<void(const sil::Lap&, const sim::Plant::Sample& truth)>;
-[[nodiscard]] SteppedRun run_with_steppers(const sim::Scenario& scenario, const volatile std::sig_atomic_t* signalled,
+
+// `stop` is asked before the run and at each tick; true interrupts it. `observe` is called once per tick.
+[[nodiscard]] SteppedRun run_with_steppers(const sim::Scenario& scenario, const Stop& stop,
                                            const Observer& observe = {});
 
 // The scenario on a floor of infinite friction and without a limit on N: the motion is rolled to its end, whatever it

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <charconv>
+#include <fstream>
 #include <iostream>
 #include <limits>
 #include <optional>
+#include <sstream>
 #include <thread>
 
 #include "tools/ballast/commands.h"
@@ -63,6 +65,16 @@ std::optional<sweep::Spec> load_sweep(const fs::path& file) {
   return spec;
 }
 
+// Whether a file in place of a scenario is a sweep.
+bool is_a_sweep(const std::string& file) {
+  sim::Node tree;
+  std::vector<sim::ScenarioError> ignored;
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return sim::read_tree(text.str(), file, tree, ignored) && tree.find("scenario") != nullptr;
+}
+
 // The sweep of a scenario with errors.
 std::optional<sweep::Spec> load_errors(const SweepCommand& command) {
   std::string why;
@@ -71,6 +83,8 @@ std::optional<sweep::Spec> load_errors(const SweepCommand& command) {
   std::optional<sweep::Spec> spec;
   if (file.empty())
     std::cerr << why << '\n';
+  else if (is_a_sweep(file))
+    std::cerr << file << ": is a sweep; allowed: a scenario with --errors, or a sweep without\n";
   else
     spec = sweep::errors_sweep(file, command.errors, command.runs, command.seed, errors);
   for (const sim::ScenarioError& error : errors) std::cerr << sim::to_string(error) << '\n';
@@ -181,6 +195,7 @@ int merge(const SweepCommand& command) {
       return refuse(fmt::format("{}: was computed by {}, but {} by {}; allowed: shards of one build", folder, build,
                                 command.merge.front(), first));
     if (holds == sweep::FolderHolds::kThisSweep) continue;
+    if (!fs::is_directory(folder)) return refuse(folder + ": no such folder; allowed: the folders of all shards");
     if (holds == sweep::FolderHolds::kItsResults)
       return refuse(folder + ": holds complete results already, which need no merging");
     return refuse(folder + ": holds no shard of the sweep in " + command.merge.front() +
@@ -275,10 +290,11 @@ std::function<int()> add_sweep_command(CLI::App& app, CLI::App*& command) {
   command->add_option("--out", options->out, "folder for the results; default runs/NAME")->check(program::not_empty());
   command->add_option("--jobs", options->jobs, "runs at a time; default: one per core")
       ->check(program::whole_number(1, sweep::kMostJobs));
-  command->add_option("--shard", options->shard, "K/N: only the K-th of N parts of the runs, for several machines");
+  command->add_option("--shard", options->shard, "K/N: only the K-th of N parts of the runs, for several machines")
+      ->check(program::not_empty());
   command->add_flag("--resume", options->resume, "continue in a folder with finished blocks of this sweep");
   command->add_option("--merge", options->merge, "join the folders of all shards")->expected(1, -1);
-  command->add_option("--row", options->row, "run one row again, as a full ballast run");
+  command->add_option("--row", options->row, "run one row again, as a full ballast run")->check(program::not_empty());
   command
       ->add_option("--find-limit", options->find_limit,
                    "search, in every row, the value of this key at which the run ceases to hold; its uniform or "
@@ -302,7 +318,7 @@ std::function<int()> add_sweep_command(CLI::App& app, CLI::App*& command) {
       ->check(program::whole_number(0, std::numeric_limits<int>::max()))
       ->capture_default_str()
       ->needs(errors);
-  command->add_flag("--quiet", options->quiet, "no progress");
+  command->add_flag("--quiet", options->quiet, "no progress; with --row, nothing but errors");
   return [options] { return run(*options); };
 }
 

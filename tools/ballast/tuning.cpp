@@ -59,7 +59,8 @@ Figures roll(const sim::Scenario& scenario, const volatile std::sig_atomic_t* si
     double& most = near ? figures.near : figures.away;
     most = std::max(most, static_cast<double>(contact.mu_required_max));
   };
-  const SteppedRun run = run_with_steppers(on_perfect_floor(scenario), signalled, observe);
+  const SteppedRun run = run_with_steppers(
+      on_perfect_floor(scenario), [signalled] { return *signalled != 0; }, observe);
   refusal = run.refusal;
   if (!run.result) return figures;
   const sil::RunResult& result = *run.result;

@@ -57,7 +57,10 @@ void follow(const PatchedFloor& floor, double time_s, sim::Plant& plant, double&
   }
 }
 
-bool slips_on_patches(const Problem& problem, sim::Scenario moved) {
+using Stop = std::function<bool()>;
+
+// A roll that `stop` ends counts as one that slips.
+bool slips_on_patches(const Problem& problem, sim::Scenario moved, const Stop& stop) {
   const PatchedFloor& floor = problem.floor;
   if (!floor.has_patches() || std::isinf(floor.reference_friction()) || std::isinf(problem.friction_limit))
     return false;
@@ -70,24 +73,29 @@ bool slips_on_patches(const Problem& problem, sim::Scenario moved) {
   }
   moved.run.on_violation = sim::OnViolation::kStop;
   sim::Plant plant(moved);
-  plant.advance(moved.duration_s, {});
+  constexpr int kParts = 50;
+  for (int part = 1; part <= kParts && plant.end() == sim::PhysicsEnd::kNone; ++part) {
+    if (stop && stop()) return true;
+    plant.advance(part == kParts ? moved.duration_s : moved.duration_s * part / kParts, {});
+  }
   return plant.end() != sim::PhysicsEnd::kNone;
 }
 
 }  // namespace
 
 PlantRun roll_by_plant(const Problem& problem, const sim::Scenario& scenario, const Grid& grid,
-                       const std::vector<double>& knots) {
+                       const std::vector<double>& knots, const Stop& stop) {
   sim::Scenario moved = with_motion(scenario, grid, knots);
   const bool patched = problem.floor.has_patches();
   PlantRun run;
-  run.slips = slips_on_patches(problem, moved);
+  run.slips = slips_on_patches(problem, moved, stop);
   moved.surface.hold_everything();
   moved.surface.kinetic_friction = std::numeric_limits<double>::infinity();
   sim::LocalFloor floor(moved.surface);
   Robot robot = problem.robot;
   sim::Plant plant(moved);
   for (int node = 0; node < grid.nodes() && plant.end() == sim::PhysicsEnd::kNone; ++node) {
+    if (stop && stop()) return run;
     const bool last = node + 1 == grid.nodes();
     follow(problem.floor, last ? grid.duration_s : node * grid.step_s(), plant, run.need);
     if (plant.end() != sim::PhysicsEnd::kNone) break;

@@ -1,6 +1,8 @@
 // The plant's run of a motion: the judge of every plan.
 #pragma once
 
+#include <functional>
+
 #include "sim/plant/plant.h"
 #include "sim/scenario/scenario.h"
 #include "tools/plan/rollout.h"
@@ -28,8 +30,9 @@ struct PlantRun {
 };
 
 // Rolls the motion with prescribed masses on a floor of infinite friction: the caller judges the need. With patches it
-// is rolled once more, to find slip on one that is smaller than the distance between two looks.
+// is rolled once more, to find slip on one that is smaller than the distance between two looks. `stop` is asked at each
+// node, and 50 times in the second roll. Where it returns true the roll ends, and `rolled` is false.
 [[nodiscard]] PlantRun roll_by_plant(const Problem& problem, const sim::Scenario& scenario, const Grid& grid,
-                                     const std::vector<double>& knots);
+                                     const std::vector<double>& knots, const std::function<bool()>& stop = {});
 
 }  // namespace ballast::plan

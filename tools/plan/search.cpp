@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <utility>
 
 #include "tools/plan/bounds.h"
 #include "tools/plan/words.h"
@@ -126,9 +127,8 @@ class Search {
  public:
   Search(const Problem& problem, const sim::Scenario& scenario, const SearchOptions& options)
       : problem_(problem), scenario_(scenario), options_(options), aim_{problem.task.objective} {
-    effort_.stop = [this] {
-      return effort_.iterations >= options_.most_iterations || (options_.stop && options_.stop());
-    };
+    effort_.stop = [this] { return effort_.iterations >= options_.most_iterations || ended(); };
+    effort_.ended = options.stop;
     if (options.progress) {
       effort_.progress = [this](double need, double error) {
         options_.progress(effort_.iterations, best_ ? need_of(*best_) : kInfinity, need, error);
@@ -232,7 +232,9 @@ class Search {
 
   [[nodiscard]] bool warm() const { return !options_.from.empty(); }
 
+  // By the caller, or with its iterations used up.
   [[nodiscard]] bool stopped() const { return effort_.stop(); }
+  [[nodiscard]] bool ended() const { return options_.stop && options_.stop(); }
 
   // Best of several starts.
   void find(double duration_s) {
@@ -346,6 +348,7 @@ class Search {
     }
     if (start % 2 == 1) {
       for (const double part : {0.25, 0.5, 0.75}) {
+        if (ended()) break;
         const Problem staged = partial(part);
         SqpSettings s = settings();
         s.most_iterations = 10;
@@ -359,7 +362,8 @@ class Search {
     s.most_iterations = 60;
     const Merit merit = improve_on(problem_, grid, fixed, s, knots, via_time_s);
     if (merit.error() > 1e-2) return fail(grid, knots, merit);
-    refine(grid, fixed, knots, via_time_s);
+    const bool held = refine(grid, fixed, knots, via_time_s);
+    if (!held && ended() && merit.error() > kRestTolerance) fail(grid, knots, merit);
   }
 
   // The rate at which the floor's moment fades is lowered step by step to the floor's own.
@@ -369,6 +373,7 @@ class Search {
     s.most_iterations = 15;
     s.good_enough = kInfinity;
     for (const double creep : {kFirstCreep, 0.05, 0.01}) {
+      if (ended()) break;
       Problem staged = fading_at(creep, problem_);
       staged.task.follow.reset();
       improve_on(staged, grid, fixed, s, knots, via_time_s);
@@ -385,8 +390,8 @@ class Search {
     Problem staged = problem_;
     staged.task.follow.reset();
     improve_on(staged, grid, fixed, s, knots, via_time_s);
-    for (double tolerance = 0.5 * problem_.robot.ball.radius_m; tolerance > problem_.task.follow->tolerance_m;
-         tolerance *= 0.7) {
+    for (double tolerance = 0.5 * problem_.robot.ball.radius_m;
+         tolerance > problem_.task.follow->tolerance_m && !ended(); tolerance *= 0.7) {
       staged.task.follow = problem_.task.follow;
       staged.task.follow->tolerance_m = tolerance;
       improve_on(staged, grid, fixed, s, knots, via_time_s);
@@ -430,8 +435,9 @@ class Search {
       s.most_iterations = 40;
       merit = improve(rollout, transcription, fixed, s, knots, effort_);
     }
-    for (int round = 0; round < 4; ++round) {
-      Plan plan{grid, knots, roll_by_plant(problem_, scenario_, grid, knots), transcription.via_time_s, 0};
+    for (int round = 0; round < 4 && !ended(); ++round) {
+      PlantRun run = roll_by_plant(problem_, scenario_, grid, knots, options_.stop);
+      Plan plan{grid, knots, std::move(run), transcription.via_time_s, 0};
       if (!plan.run.rolled || plan.run.nodes.size() != index(grid.nodes())) return false;
       Rollout rolled(problem_, grid);
       rolled.adopt(plan.run.nodes);
@@ -586,7 +592,13 @@ class Search {
   }
 
   [[nodiscard]] std::string failure_words() const {
-    if (options_.stop && options_.stop()) return "the search was ended before it had found one";
+    if (!ended()) return nearest_words();
+    const std::string text = "the search was ended before it had found one";
+    return std::isfinite(failure_.error) ? text + "; so far " + nearest_words() : text;
+  }
+
+  // Names the limit that the nearest motion does not meet.
+  [[nodiscard]] std::string nearest_words() const {
     if (!std::isfinite(failure_.error)) return "no motion that was tried kept the ball rolling";
     const double limit = problem_.friction_limit;
     if (failure_.friction_only && failure_.merit.need > limit && problem_.floor.has_patches()) {

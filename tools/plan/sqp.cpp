@@ -30,6 +30,7 @@ class Sqp {
         size_(rollout.variables()) {
     for (int v = 0; v < size_; ++v) unit_.push_back(acceleration_unit(problem_, v % problem_.masses()));
     for (int i = 0; i < problem_.masses(); ++i) driven_ = driven_ || problem_.limits[index(i)].motor;
+    short_steps_ = settings.short_steps;
     by_level_ = settings.objective != Objective::kEffort;
   }
 
@@ -37,22 +38,23 @@ class Sqp {
     bool good = rollout_.roll(knots_);
     if (good) rollout_.differentiate();
     Merit now = judge(transcription_, knots_);
-    double damping = 1e-3;
-    int quiet = 0;
+    double damping = kFirstDamping;
+    int quiet = 0, slow_steps = 0;
     for (int k = 0; good && k < settings_.most_iterations; ++k) {
       if (effort_.stop && effort_.stop()) break;
       ++effort_.iterations;
       if (effort_.progress) effort_.progress(now.need, now.error());
-      weight_ = now.equality > 0.1 ? kFirstWeight : now.equality > 0.01 ? 10 * kFirstWeight : kLastWeight;
+      weight_ = now.equality > 0.1 ? kFirstWeight : now.equality > 0.01 ? 10 * kFirstWeight : tightened_ * kLastWeight;
       const double merit = true_merit();
       build();
       bool accepted = false;
+      double gained = 0;
       for (int attempt = 0; attempt < 9 && !accepted; ++attempt) {
         for (int v = 0; v < size_; ++v) program_.hessian[index(v) * index(size_) + index(v)] += damping;
         const ProgramSolution step = solve(program_);
         const std::vector<double> before = knots_;
         for (int v = 0; v < size_; ++v) knots_[index(v)] += unit_[index(v)] * step.x[index(v)];
-        const double gained = take(step, merit);
+        gained = take(step, merit);
         accepted = gained > kLeastGain * step.decrease;
         if (accepted) {
           if (gained > 0.7 * step.decrease && attempt == 0) damping = std::max(damping / 3, 1e-7);
@@ -65,33 +67,58 @@ class Sqp {
       }
       if (!accepted) {
         good = rollout_.roll(knots_);
-        break;
+        if (!good || !tighten(now)) break;
+        damping = kFirstDamping;
+        slow_steps = 0;
+        continue;
       }
       rollout_.differentiate();
       transcription_.move_via_times();
       const Merit then = judge(transcription_, knots_);
       const double size = std::max(then.need, 1e-6);
-      const bool holds = then.equality < settings_.most_equality && then.limit < settings_.most_limit;
+      const double most_equality = tightened_ > 1 ? kMetWhenTightened : settings_.most_equality;
+      const bool holds = then.equality < most_equality && then.limit < settings_.most_limit;
       const bool slow = by_level_ ? now.need - then.need < settings_.tolerance * size
                                   : now.effort - then.effort < settings_.tolerance * then.effort;
       now = then;
+      slow_steps = gained < kSlow * merit ? slow_steps + 1 : 0;
+      if (slow_steps >= 3 && tighten(now)) slow_steps = 0;
       quiet = holds && slow ? quiet + 1 : 0;
       if (quiet >= 2 || (holds && then.need <= settings_.good_enough)) break;
     }
-    if (good && now.equality > kMet && now.equality < kNearlyMet) now = meet_equalities(now);
+    const bool ended = effort_.ended && effort_.ended();
+    if (good && !ended && now.equality > kMet && now.equality < kNearlyMet) now = meet_equalities(now);
     return now;
   }
 
  private:
   static constexpr double kMet = 1e-6, kNearlyMet = 1e-2;
+  static constexpr double kMetWhenTightened = 1e-4;  // a third of what counts as rest (search.cpp)
+  static constexpr double kMostTightened = 100;
+  static constexpr double kFirstDamping = 1e-3;
+  static constexpr double kSlow = 2e-3;       // gain over the merit below which a step is slow
   static constexpr double kLeastGain = 0.05;  // of what the program promises
 
+  // Makes the equalities ten times as heavy, and counts steps without their correction from then on. For a merit that
+  // has come to its end with equalities unmet, by about their multiplier over their weight. That happens where a floor
+  // resists: a ball below the creep rate forgets in a fraction of a piece how it came there, so its rates at the end
+  // are steep and bent functions of the knots, and the correction is longer than the step that it corrects. False: the
+  // equalities are met, or too far from it, or as heavy as they get, or the floor does not resist.
+  bool tighten(const Merit& now) {
+    if (!resists(problem_)) return false;
+    if (tightened_ >= kMostTightened || now.equality < settings_.most_equality || now.equality > kNearlyMet)
+      return false;
+    tightened_ *= 10;
+    short_steps_ = true;
+    return true;
+  }
+
   // Takes a step, and returns what the merit gains by it. The correction of the equalities is for long steps; where a
-  // short one is needed, between limits, it may undo it. With settings.short_steps the step alone counts then; without,
+  // short one is needed, between limits, it may undo it. With short_steps_ the step alone counts then; without,
   // the search would crawl along limits where another start is better.
   double take(const ProgramSolution& step, double merit) {
     if (!(step.decrease > 0) || !rollout_.roll(knots_)) return -1;
-    if (!settings_.short_steps) return restore(step.factor) ? merit - true_merit() : -1;
+    if (!short_steps_) return restore(step.factor) ? merit - true_merit() : -1;
     const double gained_alone = merit - true_merit();
     const std::vector<double> alone = knots_;
     if (restore(step.factor)) {
@@ -365,7 +392,8 @@ class Sqp {
   std::vector<double>& knots_;
   Effort& effort_;
   int size_;
-  bool by_level_ = true, driven_ = false;
+  bool by_level_ = true, driven_ = false, short_steps_ = false;
+  double tightened_ = 1;  // factor on the last weight of the equalities
   double weight_ = kFirstWeight;
   std::vector<double> unit_;
   std::vector<std::vector<double>> equality_rows_;  // by the program's variables

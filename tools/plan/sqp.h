@@ -15,8 +15,9 @@ namespace ballast::plan {
 // The budget of a search, and how it is stopped. Effort is counted in iterations, so that results do not depend on the
 // speed of the machine.
 struct Effort {
-  int iterations = 0;          // so far, of all searches
-  std::function<bool()> stop;  // asked before each iteration; true ends the search
+  int iterations = 0;           // so far, of all searches
+  std::function<bool()> stop;   // asked before each iteration; true ends the search
+  std::function<bool()> ended;  // by the caller: true leaves out what follows the iterations too
   std::function<void(double need, double error)> progress;
 };
 

@@ -20,7 +20,7 @@ REGIME_NAMES = {
     ballast.contact_t.REGIME_SLIDING: "sliding",
     ballast.contact_t.REGIME_FLIGHT: "flight",
 }
-_TRIP_CAUSES = {
+_MONITOR_CAUSES = {
     "normal_force": "$N$ at its limit",
     "friction": "friction at its limit",
     "nonfinite": "a value was not finite",
@@ -28,6 +28,8 @@ _TRIP_CAUSES = {
     "missing": "a message was missing",
     "repeated": "a message came twice",
     "disagreement": "plant and controller disagree",
+}
+_CONTROLLER_CAUSES = {
     "slip_measured": "the robot measures slip",
     "light_measured": "the robot measures too small an $N$",
     "no_estimate": "the robot has lost its estimate",
@@ -37,6 +39,16 @@ _ENDS = {
     "detached": "the ball leaves the surface",
     "inconsistent": "no consistent contact force",
 }
+
+
+def _trip_text(trip):
+    """(time, text) of a trip in summary.json."""
+    cause, value, limit = trip.get("cause", ""), trip.get("value"), trip.get("limit")
+    who = "monitor" if cause in _MONITOR_CAUSES else "controller"
+    what = _MONITOR_CAUSES.get(cause) or _CONTROLLER_CAUSES.get(cause) or cause.replace("_", " ")
+    if cause == "friction" and value is not None and limit is not None and value <= limit:
+        what = "the ball slid"  # on less friction than its floor was to have
+    return float(trip["time"]), f"{who} trips: {what}"
 
 
 def read_json(path):
@@ -155,15 +167,9 @@ class RecordedRun:
         return self.extremum("mu_required", "max", "time") or (math.inf, float(entry["time"]))
 
     def early_ends(self):
-        """(time, text) of the monitor's trip and of the physical event that ended the run, in order of time."""
-        found = []
-        trip = self.summary.get("trip")
-        if trip:
-            cause, value, limit = trip.get("cause", ""), trip.get("value"), trip.get("limit")
-            what = _TRIP_CAUSES.get(cause, cause.replace("_", " "))
-            if cause == "friction" and value is not None and limit is not None and value <= limit:
-                what = "the ball slid"  # on less friction than its floor was to have
-            found.append((float(trip["time"]), "monitor trips: " + what))
+        """(time, text) of the trips and of the physical event that ended the run, in order of time."""
+        trip = self.summary.get("trip") or {}
+        found = [_trip_text(one) for one in (trip, trip.get("monitor")) if one]
         end = self.summary.get("end", {})
         if end.get("reason") in _ENDS:
             found.append((float(end["time"]), _ENDS[end["reason"]]))

@@ -31,6 +31,7 @@ class _OrNull:
 _MAYBE = _OrNull(_number)
 _PLAN = {"start!": _number, "duration!": _number, "predicted_normal_force_min": _MAYBE,
          "predicted_mu_required_max": _MAYBE, "predicted_margin_min": _MAYBE, "margin_min": _MAYBE}
+_TRIP = {"cause!": _text, "time!": _number, "value": _MAYBE, "limit": _MAYBE}
 # The keys that the pictures and reports use. A key that ends in ! is required; the others are optional.
 _SHAPE = {
     "actuation": _OrNull(_text),
@@ -44,7 +45,7 @@ _SHAPE = {
     "motor_share": _OrNull({name: _OrNull({}) for name in ("normal_force", "static_friction", "mu_required")}),
     "regimes": [{"regime!": _text, "start!": _number, "end!": _number}],
     "impacts": [{"time!": _number, "normal_impulse": _number, "friction_impulse": _number, "sticking": _flag}],
-    "trip": _OrNull({"cause!": _text, "time!": _number, "value": _MAYBE, "limit": _MAYBE, "latency_ticks": _MAYBE}),
+    "trip": _OrNull({**_TRIP, "latency_ticks": _MAYBE, "monitor": _TRIP}),
     "estimate": _OrNull({name: _MAYBE for name in ("tilt_rms", "position_rms", "friction_rms", "gyro_bias_error")}),
     "belief": {"time!": _number, "holds!": _flag, "mu_required!": {"max!": _MAYBE},
                "normal_force!": {"min!": _number}, "position_error!": _number},

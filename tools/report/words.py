@@ -202,19 +202,27 @@ def _friction_trip(recording, trip):
     return f": the ball slid at f_s/N = {value_text}, on a floor that was to hold up to {limit_text}{where}"
 
 
+def _violation(recording, trip):
+    """Time, cause and values of a trip."""
+    value, limit = trip.get("value"), trip.get("limit")
+    known = value is not None and limit is not None
+    words = f"{time_text(trip['time'])}: {'friction' if _slid(trip) else cause_text(trip.get('cause'))}"
+    if known and trip.get("cause") == "friction":
+        return words + _friction_trip(recording, trip)
+    if known and trip.get("cause") == "normal_force":
+        value_text, limit_text = apart(value, limit)
+        return words + f", {value_text} where {limit_text} is the limit"
+    return words
+
+
 def _trip(recording):
     summary = recording.summary
     trip = summary.get("trip")
     if not trip:
         return "" if summary.get("end", {}).get("reason") is None else "Nothing tripped."
-    value, limit = trip.get("value"), trip.get("limit")
-    known = value is not None and limit is not None
-    words = f"Tripped at {time_text(trip['time'])}: {'friction' if _slid(trip) else cause_text(trip.get('cause'))}"
-    if known and trip.get("cause") == "friction":
-        words += _friction_trip(recording, trip)
-    elif known and trip.get("cause") == "normal_force":
-        value_text, limit_text = apart(value, limit)
-        words += f", {value_text} where {limit_text} is the limit"
+    words = "Tripped at " + _violation(recording, trip)
+    if trip.get("monitor"):  # after the controller itself
+        words += "; then the monitor tripped at " + _violation(recording, trip["monitor"])
     latency = trip.get("latency_ticks")
     stops = latency is not None and summary.get("actuation") != "prescribed"
     return words + (f"; the stop began {_count(latency, 'tick')} later." if stops else ".")
@@ -369,8 +377,9 @@ def events(recording):
         if flags:
             more = f", the first of {len(flags)} times" if len(flags) > 1 else ""
             found.append((flags[0].start_s, text + more))
-    if trip and trip.get("time") is not None:
-        found.append((trip["time"], f"trip: {'the ball slid' if _slid(trip) else cause_text(trip.get('cause'))}"))
+    for one in (trip, (trip or {}).get("monitor")):
+        if one and one.get("time") is not None:
+            found.append((one["time"], f"trip: {'the ball slid' if _slid(one) else cause_text(one.get('cause'))}"))
     what = {"slipped": "the ball slips", "detached": "the ball leaves the ground",
             "inconsistent": "no consistent contact force", "step_timing": "a step mistimed"}.get(end.get("reason"))
     if what:

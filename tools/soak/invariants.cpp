@@ -33,8 +33,9 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "The monitor trips only in a tick in which the true ball is outside the envelope, or for what an injected fault "
      "does at that time. The controller trips only after the monitor, for a mass that is commanded on over a closed "
      "end switch, for steps that its motor cannot make, or for such a fault; for a slip or a light ball that it "
-     "measures, only after a slide, a flight or a fault, or where masses have lost steps or swing by more than 4 % "
-     "of N; for a light ball also under a force that it is not told of."},
+     "measures, only after a slide, a flight or a fault, under a force that it is not told of, or where masses have "
+     "lost steps or swing by more than 4 % of N, for a light ball by more than a quarter of N; for a slip also on a "
+     "floor with patches that resist otherwise than it is told."},
     {"truthful",
      "A trip has the cause, value, limit and time of the true violation: of the plant's own N and f_s and the "
      "scenario's limits, or of the two estimates that disagree."},
@@ -81,7 +82,8 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "stop is certified: for ever, or up to a tick that is still to come."},
 };
 
-constexpr double kMostSwing = 0.04;  // of N, by which real and commanded forces may differ where slip is told truly
+// Parts of N by which real and commanded forces may differ where slip is told truly, and where a light ball is.
+constexpr double kMostSwing = 0.04, kMostSwingOfLight = 0.25;
 
 constexpr std::uint64_t kHashSeed = 0xcbf29ce484222325;
 
@@ -169,11 +171,11 @@ void Invariants::observe(const sil::Lap& lap, const Sample& truth) {
   if (lap.command) commands_.push_back(*lap.command);
   commands_.insert(commands_.end(), lap.heard.begin(), lap.heard.end());
   check_order(lap);
+  note_disturbances(lap, truth);
   check_finite(lap);
   if (lap.verdict) check_verdict(lap);
   check_regime(lap, truth);
   check_switches(lap, truth);
-  note_disturbances(lap, truth);
   if (scenario_.sensors.attitude_estimated) compare_forces(lap);
   if (has_controller_ && lap.answer) {
     check_steps(lap);
@@ -210,10 +212,12 @@ void Invariants::note_disturbances(const sil::Lap& lap, const Sample& truth) {
   // Masses that swing so hard in their motors are not where the firmware takes them to be.
   const double swing_n = std::max(std::abs(contact.normal_force_n - contact.commanded_normal_force_n),
                                   std::abs(contact.static_friction_n - contact.commanded_static_friction_n));
-  swung_ = swung_ || swing_n > kMostSwing * contact.commanded_normal_force_n;
+  most_swing_ = std::max(most_swing_, swing_n / contact.commanded_normal_force_n);  // keeps its value beside a NaN
   if (!has_controller_ || !lap.answer) return;
+  const controller_status_t& status = lap.answer->status;
+  no_estimate_ = no_estimate_ || (status.faults & static_cast<int>(firmware::Fault::kNoEstimate)) != 0;
   for (std::size_t i = 0; i < scenario_.masses.size(); ++i) {
-    disturbed_ = disturbed_ || astray(scenario_, i, truth, lap.answer->status);
+    disturbed_ = disturbed_ || astray(scenario_, i, truth, status);
   }
 }
 
@@ -344,7 +348,6 @@ void Invariants::check_finite(const sil::Lap& lap) {
         "an estimated or measured number of controller_status_t");
   // N cannot be estimated from sensors without numbers. f_s / N and the margin then have their worst values.
   // Nor where there is no estimate of the attitude, or none to go by; a prediction of that time stays.
-  no_estimate_ = no_estimate_ || (status.faults & static_cast<int>(firmware::Fault::kNoEstimate)) != 0;
   const bool no_numbers = has_fault(sim::FaultKind::kSensorNan) || has_fault(sim::FaultKind::kMessagesCorrupted) ||
                           no_estimate_ || (scenario_.sensors.attitude_estimated && status.estimate_valid == 0);
   const auto unknown = [&](double mu_required, double margin) {
@@ -566,10 +569,14 @@ void Invariants::check_controllers_alarm(const sil::Lap& lap) {
   explain(Fault::kStepOverload, overload_possible(scenario_, status));
   explain(Fault::kSensorNotFinite, windows_.nan(tick_));
   // Filters remember what has disturbed them.
-  explain(Fault::kSlipMeasured, disturbed_ || has_slid_ || swung_);
-  // The firmware is told of neither force table nor drag, and takes them for the floor's.
+  // The firmware is told of neither force table nor drag, and takes them for the floor's. Nor of patches, whose
+  // resistance turns the ball as a slip does.
   const bool untold = !scenario_.force_table.times_s.empty() || scenario_.drag.coefficient_kgpm > 0;
-  explain(Fault::kLightMeasured, disturbed_ || has_slid_ || untold);
+  const bool resisted = std::ranges::any_of(scenario_.surface.patches, [&](const sim::SurfacePatch& patch) {
+    return patch.rolling_resistance != scenario_.belief().surface.rolling_resistance;
+  });
+  explain(Fault::kSlipMeasured, disturbed_ || has_slid_ || untold || resisted || most_swing_ > kMostSwing);
+  explain(Fault::kLightMeasured, disturbed_ || has_slid_ || untold || most_swing_ > kMostSwingOfLight);
   explain(Fault::kNoEstimate, disturbed_);
   for (const Fault fault : {Fault::kSensorStale, Fault::kMonitorStale, Fault::kTickOutOfOrder}) {
     explain(fault, bus_faults_active_);
@@ -679,8 +686,10 @@ void Invariants::check_stop(const sil::Lap& lap, const Sample& truth) {
   const bool planned_now = status.plan_duration_s > 0 && status.plan_tick == status.tick + 1;
   if (planned_now) {
     const double longest_s = longest_stop_s(scenario_, status.next_velocity, status.next_acceleration);
+    // A mass whose steps are impossible is halted in the very tick, and the duration is still that of its stop.
+    const bool halted = (status.faults & static_cast<int>(firmware::Fault::kStepOverload)) != 0 && !begins;
     // Sums of three durations each.
-    if (status.plan_duration_s > longest_s * (1 + 1e-9)) {
+    if (!halted && status.plan_duration_s > longest_s * (1 + 1e-9)) {
       fail(Invariant::kAtRest, tick_,
            fmt::format("a stop is to take {:g} s; the motors need at most {:g} s", status.plan_duration_s, longest_s));
     }

@@ -119,7 +119,8 @@ class Invariants {
   std::int8_t regime_ = contact_t::REGIME_ROLLING;  // by the latest contact message
   // So far: the ball has been off the floor or slid on it; a fault has begun, or a mass was far from where it is sent;
   // masses have swung hard.
-  bool has_slid_ = false, disturbed_ = false, swung_ = false;
+  bool has_slid_ = false, disturbed_ = false;
+  double most_swing_ = 0;     // of the real forces about the commanded ones, in N
   bool no_estimate_ = false;  // the controller has had no estimate to go by
   bool over_an_end_ = false;  // commanded over a closed switch: now, or since messages are late
 

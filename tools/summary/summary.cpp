@@ -161,6 +161,11 @@ const char* fault_cause(std::int32_t faults) {
   return "controller";
 }
 
+bool controller_tripped_first(const RunResult& result) {
+  if (!result.controller_trip) return false;
+  return result.trip.tripped == 0 || result.controller_trip->tick < result.trip.trip_tick;
+}
+
 std::vector<FloorVerdict> floor_verdicts(const sim::Scenario& scenario, const RunResult& result) {
   std::vector<FloorVerdict> verdicts;
   if (result.regimes.front().regime != sim::Regime::kRolling) return verdicts;

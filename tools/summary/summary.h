@@ -39,6 +39,9 @@ const char* trip_cause(int cause);
 // firmware/safety/fault.h.
 const char* fault_cause(std::int32_t faults);
 
+// The controller tripped by itself, and the monitor later or not at all.
+bool controller_tripped_first(const RunResult& result);
+
 // The motors that lost steps, and what to do about it; empty: none.
 std::string lost_steps_text(const sim::Scenario& scenario, const RunResult& result);
 

@@ -250,16 +250,25 @@ Json controller_trip_json(const ControllerTrip& trip) {
   return json;
 }
 
+Json monitor_trip_json(const trip_t& trip) {
+  return {{"cause", trip_cause(trip.cause)},
+          {"time", trip.trip_time_s},
+          {"tick", trip.trip_tick},
+          {"value", finite_or_null(trip.value)},
+          {"limit", finite_or_null(trip.limit)}};
+}
+
 Json trip_json(const RunResult& result) {
-  if (result.trip.tripped == 0) {
-    return result.controller_trip ? controller_trip_json(*result.controller_trip) : Json(nullptr);
+  const bool monitor_tripped = result.trip.tripped != 0;
+  if (controller_tripped_first(result)) {
+    Json json = controller_trip_json(*result.controller_trip);
+    if (monitor_tripped) json["monitor"] = monitor_trip_json(result.trip);
+    return json;
   }
-  return {{"cause", trip_cause(result.trip.cause)},
-          {"time", result.trip.trip_time_s},
-          {"tick", result.trip.trip_tick},
-          {"value", finite_or_null(result.trip.value)},
-          {"limit", finite_or_null(result.trip.limit)},
-          {"latency_ticks", result.latency_ticks ? Json(*result.latency_ticks) : Json(nullptr)}};
+  if (!monitor_tripped) return nullptr;
+  Json json = monitor_trip_json(result.trip);
+  json["latency_ticks"] = result.latency_ticks ? Json(*result.latency_ticks) : Json(nullptr);
+  return json;
 }
 
 // null where the controller has estimated nothing.

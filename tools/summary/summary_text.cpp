@@ -197,10 +197,12 @@ std::string floor_at_trip_text(const sim::Scenario& scenario, const RunResult& r
 }
 
 std::string trip_text(const sim::Scenario& scenario, const RunResult& result) {
-  if (result.trip.tripped == 0) return result.controller_trip ? controller_trip_text(*result.controller_trip) : "none";
+  const bool monitor_tripped = result.trip.tripped != 0, controller_first = controller_tripped_first(result);
+  if (!monitor_tripped) return controller_first ? controller_trip_text(*result.controller_trip) : "none";
   std::string text =
       fmt::format("{} at t = {} s{}{}", trip_cause(result.trip.cause), short_time(result.trip.trip_time_s),
                   trip_values_text(result.trip), floor_at_trip_text(scenario, result));
+  if (controller_first) return controller_trip_text(*result.controller_trip) + "; then by the monitor, " + text;
   const bool physics_ended = result.end_reason != EndReason::kCompleted && result.end_reason != EndReason::kTripped;
   if (has_controller(scenario.run.actuation) && result.latency_ticks.value_or(-1) >= 0 && !physics_ended) {
     text +=

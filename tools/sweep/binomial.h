@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 namespace ballast::sweep {
 
@@ -15,10 +16,13 @@ struct Interval {
 
 // Ranks, from 0, in `count` > 0 sorted values.
 struct QuantileRanks {
-  std::uint64_t value;      // of the quantile itself, the nearest rank
-  std::uint64_t low, high;  // the true quantile lies between these values with a probability of about 95 %
+  std::uint64_t value;  // of the quantile itself, the nearest rank
+  // The true quantile lies below the one value, and above the other, with a probability of 2.5 % at most each. nullopt:
+  // there are too few values to say.
+  std::optional<std::uint64_t> low, high;
 };
-// Order statistics, with the normal approximation of the binomial distribution.
+// Order statistics: the number of values below the true quantile has a binomial distribution. That is summed, and
+// beyond 10^5 values approximated by the normal one.
 [[nodiscard]] QuantileRanks quantile_ranks(double share, std::uint64_t count);
 
 }  // namespace ballast::sweep

@@ -37,9 +37,10 @@ std::string begin_work(sil::OutputDir& output, const Spec& spec) {
 
 Work work_of(const BlockPlan& plan, const std::filesystem::path& folder, const Shard& shard) {
   Work work;
+  const std::vector<bool> there = blocks_there(folder, plan);
   for (std::uint64_t block = shard.number - 1; block < plan.blocks(); block += shard.count) {
     work.rows += plan.rows_of(block);
-    const auto finished = read_block_of(folder, plan, block);
+    const auto finished = there[block] ? read_block_of(folder, plan, block) : std::nullopt;
     if (!finished) {
       work.blocks.push_back(block);
       continue;
@@ -57,6 +58,8 @@ std::string write_all(sil::OutputDir& output, const Spec& spec, const TakeBlock&
 }
 
 std::string summarise(sil::OutputDir& output, const Spec& spec, std::string& error) {
+  error = results_refusal(results_file(output.path()).string(), spec);
+  if (!error.empty()) return "";
   const std::string page = summary_page(results_file(output.path()).string(), spec, error);
   if (!error.empty()) return "";
   if (!output.write("summary.txt", page)) {

@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <numbers>
+#include <set>
 
 #include "sim/scenario/reader.h"
 #include "tools/sweep/read_spec.h"
@@ -84,8 +85,8 @@ std::string add_error(std::string_view item, const sim::Scenario& scenario, std:
     if (kind.name != name || equals == std::string_view::npos) continue;
     const auto size = size_of(item.substr(equals + 1), kind.is_angle);
     if (!size)
-      return kind.is_angle ? "is no angle; allowed: such as tilt=3deg or tilt=0.05rad"
-                           : fmt::format("is no part; allowed: such as {}=5%", kind.name);
+      return kind.is_angle ? "is no angle; allowed: a number >= 0 with deg or rad, such as tilt=3deg"
+                           : fmt::format("is no part; allowed: a number >= 0 with %, such as {}=5%", kind.name);
     kind.add(scenario, *size, out);
     return "";
   }
@@ -131,10 +132,13 @@ std::optional<Spec> errors_sweep(const std::string& scenario_file, const std::st
   spec.repeats = runs;
   spec.seed = seed;
   spec.keep = {"end.reason", "end.time", "mu_required.max", "normal_force.min", "surface.static_friction"};
+  std::set<std::string> given;
   for (std::size_t begin = 0; begin <= errors_text.size();) {
     const std::size_t comma = std::min(errors_text.find(',', begin), errors_text.size());
-    const std::string item = errors_text.substr(begin, comma - begin);
-    if (const std::string why = add_error(item, nominal.scenario, spec.vary); !why.empty())
+    const std::string item = errors_text.substr(begin, comma - begin), name = item.substr(0, item.find('='));
+    if (!given.insert(name).second) {
+      errors.push_back({kSource, 0, "", item, name + " is given twice; allowed: once"});
+    } else if (const std::string why = add_error(item, nominal.scenario, spec.vary); !why.empty())
       errors.push_back({kSource, 0, "", item, why});
     begin = comma + 1;
   }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <fstream>
 #include <sstream>
 
@@ -45,6 +46,18 @@ fs::path results_file(const fs::path& folder) { return folder / "sweep.nc"; }
 
 fs::path block_file(const fs::path& folder, std::uint64_t block) {
   return folder / kBlocks / fmt::format("{:010}", block);
+}
+
+std::vector<bool> blocks_there(const fs::path& folder, const BlockPlan& plan) {
+  std::vector<bool> there(plan.blocks());
+  std::error_code code;
+  for (fs::directory_iterator entry(folder / kBlocks, code), end; !code && entry != end; entry.increment(code)) {
+    const std::string name = entry->path().filename().string();
+    std::uint64_t block = 0;
+    const auto [stop, error] = std::from_chars(name.data(), name.data() + name.size(), block);
+    if (error == std::errc{} && stop == name.data() + name.size() && block < there.size()) there[block] = true;
+  }
+  return there;
 }
 
 std::optional<Block> read_block_of(const fs::path& folder, const BlockPlan& plan, std::uint64_t block) {

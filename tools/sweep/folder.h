@@ -50,6 +50,9 @@ enum class FolderHolds {
 [[nodiscard]] std::filesystem::path results_file(const std::filesystem::path& folder);
 [[nodiscard]] std::filesystem::path block_file(const std::filesystem::path& folder, std::uint64_t block);
 
+// For each block whether it has a file, by one look at the folder.
+[[nodiscard]] std::vector<bool> blocks_there(const std::filesystem::path& folder, const BlockPlan& plan);
+
 // Reads the block of this sweep. nullopt: it is missing, damaged or of another sweep.
 [[nodiscard]] std::optional<Block> read_block_of(const std::filesystem::path& folder, const BlockPlan& plan,
                                                  std::uint64_t block);

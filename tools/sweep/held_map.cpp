@@ -26,7 +26,8 @@ bool of_numbers(const Variation& v) {
 struct Axis {
   std::string key;
   bool logarithmic = false;
-  std::vector<double> edges;  // of the cells, ascending
+  std::vector<double> edges;   // of the cells, ascending
+  std::vector<double> values;  // of a grid or choice whose values are the cells; empty: a range
 
   // The cell of a value; -1: outside.
   [[nodiscard]] int cell_of(double value) const {
@@ -65,12 +66,14 @@ Axis axis_of(const Spec& spec, const std::string& key) {
       *std::find_if(spec.vary.begin(), spec.vary.end(), [&](const Variation& x) { return x.key == key; });
   const auto cells = static_cast<std::size_t>(
       std::clamp(std::sqrt(static_cast<double>(spec.rows()) / kRunsPerCell), kLeastCells, kMostCells));
-  Axis axis{key, v.distribution == Distribution::kLogUniform, {}};
+  Axis axis{key, v.distribution == Distribution::kLogUniform, {}, {}};
   if (!v.values.empty()) {
     std::vector<double> values;
     for (const sim::Node& value : v.values) values.push_back(value.number);
     const auto [low, high] = std::minmax_element(values.begin(), values.end());
-    axis.edges = values.size() <= kMostValues ? edges_around(values) : divided(*low, *high, cells, false);
+    const bool each = values.size() <= kMostValues;
+    axis.edges = each ? edges_around(values) : divided(*low, *high, cells, false);
+    if (each) axis.values = values;
   } else if (v.distribution == Distribution::kNormal) {
     const double half = v.b > 0 ? 3 * v.b : 0.5;
     axis.edges = divided(v.a - half, v.a + half, cells, false);
@@ -81,14 +84,20 @@ Axis axis_of(const Spec& spec, const std::string& key) {
 }
 
 nlohmann::ordered_json json_of(const Axis& axis) {
-  return {{"key", axis.key}, {"logarithmic", axis.logarithmic}, {"edges", axis.edges}};
+  return {{"key", axis.key}, {"logarithmic", axis.logarithmic}, {"edges", axis.edges}, {"values", axis.values}};
 }
 
 }  // namespace
 
 std::pair<std::string, std::string> map_keys(const Spec& spec, const std::string& text, std::string& why) {
   const std::size_t comma = text.find(',');
-  const std::string x = text.substr(0, comma), y = comma == std::string::npos ? "" : text.substr(comma + 1);
+  const auto trimmed = [](std::string part) {
+    part.erase(0, part.find_first_not_of(' '));
+    part.erase(part.find_last_not_of(' ') + 1);
+    return part;
+  };
+  const std::string x = trimmed(text.substr(0, comma));
+  const std::string y = comma == std::string::npos ? "" : trimmed(text.substr(comma + 1));
   const std::string allowed = "; allowed: X,Y, two keys of [vary] with numbers";
   if (!spec.find_limit.empty()) why = "the sweep searches a limit, so that its rows do not fill a map";
   if (why.empty() && (x.empty() || y.empty() || x == y)) why = "is no pair of keys" + allowed;

@@ -24,6 +24,10 @@ struct Netcdf {
   decltype(&nc_def_var) def_var = find<decltype(&nc_def_var)>("nc_def_var");
   decltype(&nc_put_att_text) put_att_text = find<decltype(&nc_put_att_text)>("nc_put_att_text");
   decltype(&nc_put_att_double) put_att_double = find<decltype(&nc_put_att_double)>("nc_put_att_double");
+  decltype(&nc_inq_attlen) inq_attlen = find<decltype(&nc_inq_attlen)>("nc_inq_attlen");
+  decltype(&nc_get_att_text) get_att_text = find<decltype(&nc_get_att_text)>("nc_get_att_text");
+  decltype(&nc_inq_dimid) inq_dimid = find<decltype(&nc_inq_dimid)>("nc_inq_dimid");
+  decltype(&nc_inq_dimlen) inq_dimlen = find<decltype(&nc_inq_dimlen)>("nc_inq_dimlen");
   decltype(&nc_enddef) enddef = find<decltype(&nc_enddef)>("nc_enddef");
   decltype(&nc_put_vara_double) put_vara_double = find<decltype(&nc_put_vara_double)>("nc_put_vara_double");
   decltype(&nc_put_vara_longlong) put_vara_longlong = find<decltype(&nc_put_vara_longlong)>("nc_put_vara_longlong");
@@ -51,8 +55,7 @@ const Netcdf& netcdf() {
 
 }  // namespace
 
-NetcdfFile::NetcdfFile(const std::string& path, Mode mode) : path_(path) {
-  error_ = netcdf().error;
+NetcdfFile::NetcdfFile(const std::string& path, Mode mode) : path_(path), mode_(mode), error_(netcdf().error) {
   if (!good()) return;
   check(mode == Mode::kWrite ? netcdf().create(path.c_str(), NC_NETCDF4 | NC_CLOBBER, &file_)
                              : netcdf().open(path.c_str(), NC_NOWRITE, &file_));
@@ -65,10 +68,13 @@ NetcdfFile::~NetcdfFile() {
 }
 
 void NetcdfFile::check(int status) {
-  // HDF5 has one error for everything; the system's error tells a full disk.
   if (status != NC_NOERR && good()) {
     error_ = path_ + ": " + netcdf().strerror(status);
-    if (status == NC_EHDFERR && errno != 0) error_ += std::string(" (") + std::strerror(errno) + ")";
+    if (mode_ == Mode::kRead) {
+      error_ += "; the file is damaged: remove it, and run the sweep again";
+    } else if (status == NC_EHDFERR && errno != 0) {  // HDF5's only error; the system's tells a full disk
+      error_ += std::string(" (") + std::strerror(errno) + ")";
+    }
   }
   errno = 0;
 }
@@ -127,6 +133,22 @@ int NetcdfFile::find_variable(const std::string& name) {
 
 bool NetcdfFile::shape(int variable, nc_type& type, int& dimensions) {
   return good() && netcdf().inq_var(file_, variable, nullptr, &type, &dimensions, nullptr, nullptr) == NC_NOERR;
+}
+
+std::string NetcdfFile::global_text(const std::string& name) {
+  std::size_t length = 0;
+  if (!good() || netcdf().inq_attlen(file_, NC_GLOBAL, name.c_str(), &length) != NC_NOERR) return "";
+  std::string text(length, '\0');
+  if (length > 0) check(netcdf().get_att_text(file_, NC_GLOBAL, name.c_str(), text.data()));
+  return text;
+}
+
+std::uint64_t NetcdfFile::dimension_length(const std::string& name) {
+  int id = -1;
+  std::size_t length = 0;
+  if (!good() || netcdf().inq_dimid(file_, name.c_str(), &id) != NC_NOERR) return 0;
+  check(netcdf().inq_dimlen(file_, id, &length));
+  return length;
 }
 
 std::vector<double> NetcdfFile::numbers(int variable, std::size_t first, std::size_t count) {

@@ -33,6 +33,8 @@ class NetcdfFile {
   [[nodiscard]] int find_variable(const std::string& name);  // -1: none
   // False: there is no such variable.
   [[nodiscard]] bool shape(int variable, nc_type& type, int& dimensions);
+  [[nodiscard]] std::string global_text(const std::string& name);         // an attribute; empty: there is none
+  [[nodiscard]] std::uint64_t dimension_length(const std::string& name);  // 0: there is none
   [[nodiscard]] std::vector<double> numbers(int variable, std::size_t first, std::size_t count);
   [[nodiscard]] std::vector<std::string> texts(int variable, std::size_t first, std::size_t count);
 
@@ -45,6 +47,7 @@ class NetcdfFile {
   [[nodiscard]] bool good() const { return error_.empty(); }
 
   std::string path_;
+  Mode mode_;
   int file_ = -1;
   std::string error_;
 };

@@ -8,6 +8,7 @@
 #include <limits>
 #include <sstream>
 
+#include "sim/scenario/check.h"
 #include "sim/scenario/reader.h"
 #include "tools/program/program.h"
 #include "tools/sweep/correlation.h"
@@ -95,6 +96,11 @@ void read_values(const std::string& key, const Node& node, Variation& out, Repor
     const bool same = item.kind == node.items.front().kind || (is_number(item) && is_number(node.items.front()));
     if (!same || item.kind == NodeKind::kTable || item.kind == NodeKind::kDateOrTime)
       return report.refuse(node, path, "mixes kinds of values; allowed: numbers, texts, booleans or lists of numbers");
+    const bool bad_list = item.kind == NodeKind::kArray && item.items.size() != node.items.front().items.size();
+    if (bad_list) return report.refuse(node, path, "mixes lists of different lengths; allowed: lists of one length");
+    if (is_number(item) && std::isnan(item.number))
+      return report.refuse(node, path,
+                           "has a value that is no number; allowed: numbers, or inf where the key takes it");
     out.values.push_back(item);
     out.values.back().source = sim::kOverrideSource;
     out.values.back().line = 0;
@@ -348,6 +354,13 @@ void find_attitudes(Spec& spec) {
 }
 
 void check_names(const Spec& spec, std::vector<ScenarioError>& errors) {
+  for (const Variation& v : spec.vary) {
+    for (const Setting& setting : spec.set) {
+      if (setting.key == v.key && setting.value.line > 0)
+        errors.push_back({spec.source, setting.value.line, "set." + v.key, setting.value.written,
+                          "is varied too; allowed: in [set] or in [vary]"});
+    }
+  }
   std::vector<std::string> names{"row", "seed", "exit_status", "held"};
   const auto add = [&](const std::string& key, int line) {
     const std::string name = variable_name(key);
@@ -360,6 +373,24 @@ void check_names(const Spec& spec, std::vector<ScenarioError>& errors) {
   };
   for (const Variation& v : spec.vary) add(v.key, v.line);
   for (const std::string& key : columns_of(spec)) add(key, 0);
+}
+
+// Refuses texts, booleans and lists that the scenario's check refuses whatever the other keys are. Numbers may depend
+// on them.
+void check_values(const Spec& spec, const RowScenarios& rows, std::vector<ScenarioError>& errors) {
+  constexpr std::size_t kMostTried = 1000;
+  for (std::size_t k = 0; k < spec.vary.size(); ++k) {
+    const Variation& v = spec.vary[k];
+    const bool chosen = v.distribution == Distribution::kChoice || v.distribution == Distribution::kGrid;
+    if (!chosen || v.values.size() > kMostTried || is_number(v.values.front())) continue;
+    Row row = make_row(spec, 0);
+    for (const Node& value : v.values) {
+      row.values[k] = value;
+      for (const ScenarioError& error : rows.make(row).errors) {
+        if (error.key == v.key) errors.push_back({spec.source, v.line, "vary." + v.key, value.written, error.message});
+      }
+    }
+  }
 }
 
 // Refuses distributions of numbers for keys that are texts.
@@ -387,6 +418,7 @@ void complete_spec(const std::string& file, Spec& spec, std::vector<ScenarioErro
   check_names(spec, errors);
   const RowScenarios rows(spec);
   check_kinds(spec, rows, errors);
+  check_values(spec, rows, errors);
   if (!errors.empty()) return;
   // A key that the scenario does not know is refused in every row, so that the first ones tell.
   constexpr std::uint64_t kTried = 20;
@@ -399,10 +431,21 @@ void complete_spec(const std::string& file, Spec& spec, std::vector<ScenarioErro
   errors.insert(errors.end(), first.begin(), first.end());
 }
 
+// A scenario or a run's file in place of a sweep; empty: it may be a sweep.
+std::string scenario_in_place_of_sweep(const Node& tree) {
+  const bool scenario =
+      tree.find("ball") != nullptr && tree.find("vary") == nullptr && tree.find("scenario") == nullptr;
+  return scenario ? "is a scenario; allowed: a sweep file, or a scenario with --errors" : "";
+}
+
 std::optional<Spec> parse_spec(const std::string& toml, const std::string& source, const std::filesystem::path& folder,
                                std::vector<ScenarioError>& errors) {
   Node tree;
   if (!sim::read_tree(toml, source, tree, errors)) return std::nullopt;
+  if (const std::string why = scenario_in_place_of_sweep(tree); !why.empty()) {
+    errors.push_back({source, 0, "", "", why});
+    return std::nullopt;
+  }
   Spec spec;
   spec.source = source;
   std::vector<ScenarioError> warnings;
@@ -411,7 +454,10 @@ std::optional<Spec> parse_spec(const std::string& toml, const std::string& sourc
   Report report(source, errors);
   const auto scenario = root.text("scenario");
   root.know({"name"});
-  spec.name = root.has("name") ? root.text("name").value_or("") : std::filesystem::path(source).stem().string();
+  // A name that is no text has been refused: any other will do.
+  spec.name = root.has("name") ? root.text("name").value_or("refused") : sim::default_name(source);
+  if (!sim::usable_as_folder(spec.name))
+    root.refuse("name", std::string("cannot name a folder; allowed: ") + sim::kFolderNames);
   read_set(root, spec);
   read_vary(root, spec, report);
   read_counts(root, spec);
@@ -438,7 +484,8 @@ std::optional<Spec> read_spec(const std::filesystem::path& file, std::vector<Sce
   if (!std::filesystem::is_regular_file(file, code)) {
     const bool is_there = std::filesystem::exists(file, code);
     errors.push_back({file.string(), 0, "", "",
-                      std::string(is_there ? "is no file" : "no such file") + "; allowed: a sweep file (TOML)"});
+                      std::string(is_there ? "is no file" : "no such file") +
+                          "; allowed: a sweep file (TOML), or with --errors a scenario"});
     return std::nullopt;
   }
   std::ifstream stream(file, std::ios::binary);

@@ -199,4 +199,16 @@ std::string write_results(const std::string& file, const Spec& spec, const TakeB
   return renamed(draft, file, why);
 }
 
+std::string results_refusal(const std::string& file, const Spec& spec) {
+  NetcdfFile results(file, NetcdfFile::Mode::kRead);
+  const bool same = results.global_text("sweep_toml") == to_toml(spec) &&
+                    results.global_text("scenario_toml") == spec.base_toml &&
+                    results.dimension_length("row") == spec.rows();
+  if (!results.error().empty()) return results.error();
+  return same
+             ? ""
+             : file +
+                   ": holds the results of another sweep than sweep.toml beside it; remove it, and run the sweep again";
+}
+
 }  // namespace ballast::sweep

@@ -19,4 +19,7 @@ using TakeBlock = std::function<std::optional<Block>(std::uint64_t block)>;
 // the blocks twice, one at a time. Empty, or what could not be done.
 [[nodiscard]] std::string write_results(const std::string& file, const Spec& spec, const TakeBlock& take_block);
 
+// Empty, or why the file holds no results of this sweep.
+[[nodiscard]] std::string results_refusal(const std::string& file, const Spec& spec);
+
 }  // namespace ballast::sweep

@@ -5,7 +5,7 @@
 namespace ballast::sweep {
 namespace {
 
-constexpr int kIndexBits = 53;  // of the largest index, kMostRuns - 1
+constexpr int kIndexBits = 53;  // of an index; more than kMostRuns needs
 constexpr int kBits = 64;       // of a number
 constexpr int kMostDegree = 9;
 
@@ -52,7 +52,7 @@ Directions make_directions() {
   for (int k = 0; k < kIndexBits; ++k) v[0][k] = std::uint64_t{1} << (kBits - 1 - k);
   for (std::size_t d = 1; d < kSobolDimensions; ++d) {
     const Direction& of = kJoeKuo[d - 1];
-    const int degree = std::bit_width(of.polynomial) - 1;
+    const int degree = static_cast<int>(std::bit_width(of.polynomial)) - 1;
     for (int k = 0; k < kIndexBits; ++k) {
       if (k < degree) {
         v[d][k] = std::uint64_t{of.first[k]} << (kBits - 1 - k);
