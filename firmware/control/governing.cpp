@@ -67,6 +67,7 @@ void begin_search(const ControllerParams& params, const RobotState& robot, Contr
   start.robot = robot;
   // The first start begins with the motion's own jump.
   const bool feeds = params.tracking.samples > 0;
+  state.governing.params.jumps = state.started || !feeds;
   if (!state.started && !feeds) {
     start.robot.mass_acceleration =
         beginning(params.ball, state.governing.params, robot, wish_at(params, state, 0, false, robot)).u;
@@ -313,6 +314,7 @@ Wide governed_jerk(const GoverningState& governing, int i, Wide jump, Wide perio
 void begin_halt(ControllerState& state) {
   GoverningState& g = state.governing;
   g.halt.asked = true;
+  g.params.jumps = false;
   g.halt.begun = g.halt.predicts = false;
   g.halt.slow_ticks = 0;
   change_nominal(g.governor);

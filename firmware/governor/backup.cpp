@@ -52,18 +52,24 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
   params.moving_reserve = Real(0.01);
   params.step_s = std::fmax(Real(0.05) * unit_s, static_cast<Real>(control_period_s));
   params.horizon_s = Wide{16 * unit_s};
-  params.work_per_tick = 2 * kMovingStepWork;
-  params.stretch_ticks = static_cast<int>(unit_s / 4 / static_cast<Real>(control_period_s)) + 1;
+  params.work_per_tick = 4 * kMovingStepWork;
   for (std::size_t i = 0; i < kMaxMasses; ++i) {
     params.still_velocity[i] = Real(1e-3) * std::fmax(params.mass[i].max_acceleration, Real(0)) * params.brake_time_s;
   }
-  // A search has the nominal up to its end and for the shortest stretch, a brake of 12 brake_time_s and held steps.
+  // A search has the nominal up to its end and for the shortest stretch, a brake of 12 brake_time_s and held steps. The
+  // stretch is at least a search, so that the next candidate is complete before the switch.
   const Wide per_step = static_cast<Wide>(control_period_s) / Wide{params.step_s};
-  const Wide stretch = static_cast<Wide>(params.stretch_ticks) * per_step;
-  const Wide moving = kLikelySteps * kMovingStepWork * (stretch + 12 * Wide{params.brake_time_s / params.step_s} + 2);
-  const Wide held = params.horizon_s / Wide{params.step_s} + 2;
-  const Wide share = static_cast<Wide>(params.work_per_tick) - kLikelySteps * kMovingStepWork * per_step;
-  params.search_ticks = share > 0 ? static_cast<int>((moving + held) / share) + 1 : 0;
+  const Wide per_tick = kLikelySteps * kMovingStepWork * per_step;
+  const Wide work = kLikelySteps * kMovingStepWork * (12 * Wide{params.brake_time_s / params.step_s} + 2) +
+                    params.horizon_s / Wide{params.step_s} + 2;
+  const auto search_ticks = [&](Wide stretch, Wide more_per_tick) {
+    const Wide share = static_cast<Wide>(params.work_per_tick) - more_per_tick;
+    return share > 0 ? static_cast<int>((work + stretch * per_tick) / share) + 1 : 0;
+  };
+  params.stretch_ticks = static_cast<int>(unit_s / 4 / static_cast<Real>(control_period_s)) + 1;
+  params.search_ticks = search_ticks(params.stretch_ticks, per_tick);
+  if (params.search_ticks <= params.stretch_ticks && params.search_ticks > 0) return;
+  params.search_ticks = params.stretch_ticks = search_ticks(0, 2 * per_tick);
 }
 
 MassMotion motion_of(const RobotState& state) {

@@ -66,6 +66,7 @@ PerMass<Real> Bends::at(Wide time_s, Wide period_s) const {
   const Real part = share < 1 ? static_cast<Real>(share) : 1;
   for (std::size_t i = 0; i < out.size(); ++i) {
     out[i] = Real{bend_[right - 1][i]} + part * (Real{bend_[right][i]} - Real{bend_[right - 1][i]});
+    if (std::fabs(out[i]) <= tolerance_[i]) out[i] = 0;
   }
   return out;
 }

@@ -40,6 +40,8 @@ struct GovernorParams {
   Real min_normal_force_n = 0;  // N >= this
   PerMass<MassLimits> mass{};
   Wide control_period_s = 0;
+  // The nominal's own changes are followed, however fast: a motion without feedback. Otherwise within max_jerk.
+  bool jumps = true;
   // The backup brakes each mass with u = -v / brake_time_s.
   Real brake_time_s = 0;
   // A brake ends where every mass is slower than still_velocity of it (rail units / s): from there it is stopped
@@ -56,15 +58,15 @@ struct GovernorParams {
   // Part of N that the cone keeps free in a tick: the force leaves the line between the tick's ends by up to a few
   // times (tick / sqrt(r / g))^2 / 8 of N.
   Real tick_slack = 0;
-  Real step_s = 0;       // of a rollout
-  Wide horizon_s = 0;    // a rollout ends this long after its switch
-  int search_ticks = 0;  // a candidate is complete this many ticks after its beginning
-  int stretch_ticks = 0;
+  Real step_s = 0;        // of a rollout
+  Wide horizon_s = 0;     // a rollout ends this long after its switch
+  int search_ticks = 0;   // a candidate is likely complete this many ticks after its beginning
+  int stretch_ticks = 0;  // the shortest stretch of the nominal after that
   int work_per_tick = 0;  // in steps of a held ball
 };
 
-// Sets everything but friction, min_normal_force_n, mass and uncertain. mass.max_acceleration has to be set before.
-// Times are multiples of sqrt(r / g), or of 1 s without gravity.
+// Sets everything but friction, min_normal_force_n, mass, jumps and uncertain. mass.max_acceleration has to be set
+// before. Times are multiples of sqrt(r / g), or of 1 s without gravity.
 void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& params);
 
 }  // namespace ballast::firmware

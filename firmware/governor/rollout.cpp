@@ -63,15 +63,18 @@ void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n) {
   breach_ = {use, normal_force_n};
 }
 
-RobotState Rollout::ahead(const BallParams& ball, Real h_s) const {
+RobotState Rollout::ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const {
   RobotState to = state_;
   TurningRate change;
   const Vector3 omega_dot = forces_.omega_dot(ball.mass_count, state_.mass_acceleration);
   change.add(turning_rate(state_.orientation, state_.angular_velocity_B_radps, omega_dot, ball.radius_m), h_s);
   apply(change, to);
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-    to.mass_position[i] += h_s * (state_.mass_velocity[i] + h_s * state_.mass_acceleration[i] / 2);
-    to.mass_velocity[i] += h_s * state_.mass_acceleration[i];
+    const Real u = state_.mass_acceleration[i];
+    to.mass_position[i] += h_s * (state_.mass_velocity[i] + h_s * u / 2);
+    // A mass that brakes with the time constant brake_time_s from the middle of the ramp on.
+    to.mass_velocity[i] = nominal_now_ ? to.mass_velocity[i] + h_s * u
+                                       : (to.mass_velocity[i] + h_s / 2 * u) / (1 + h_s / (2 * params.brake_time_s));
   }
   return to;
 }
@@ -112,7 +115,8 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   // Bends change as fast as max_jerk allows, and the nominal's own changes are followed.
   PerMass<Real> change{}, wanted = wish;
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-    const Real own = nominal_now_ ? std::fabs(wish[i] - last_wish_[i]) : 0;
+    const bool jumps = nominal_now_ && (params.jumps || swings(params, i));
+    const Real own = jumps ? std::fabs(wish[i] - last_wish_[i]) : 0;
     const Real bent = params.mass[i].max_jerk * h_s;
     // The max_jerk of a mass that swings is less than its motor's.
     change[i] = swings(params, i) ? bent + own : std::fmax(bent, own);

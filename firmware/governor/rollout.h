@@ -89,13 +89,13 @@ class Rollout {
     const Real h = next_step_s(params);
     if (end_ != RolloutEnd::kUnderWay) return;
     if (!wished_) begin_wish(ball, wish(ball, params, nominal, time_s_, state_));
-    finish_step(ball, params, wish(ball, params, nominal, time_s_ + Wide{h}, ahead(ball, h)), in_force, h);
+    finish_step(ball, params, wish(ball, params, nominal, time_s_ + Wide{h}, ahead(ball, params, h)), in_force, h);
   }
 
   Real next_step_s(const GovernorParams& params);
   void begin_wish(const BallParams& ball, const PerMass<Real>& wish);
   // The state after h, to first order.
-  [[nodiscard]] RobotState ahead(const BallParams& ball, Real h_s) const;
+  [[nodiscard]] RobotState ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const;
   void finish_step(const BallParams& ball, const GovernorParams& params, const PerMass<Real>& wish,
                    const Bends& in_force, Real h_s);
   void bend(const BallParams& ball, const PerMass<Real>& wish);
