@@ -72,7 +72,7 @@ void begin_search(const ControllerParams& params, const RobotState& robot, Contr
     start.robot.mass_acceleration =
         beginning(params.ball, state.governing.params, robot, wish_at(params, state, 0, false, robot)).u;
   }
-  start.attempt = ticks_to_rest(params, state) > 0 ? kStretches : kStretches - 1;
+  start.attempt = ticks_to_rest(params, state) > 0 ? kStartStretches : kStartStretches - 1;
   begin_attempt(params, state);
 }
 
@@ -238,7 +238,7 @@ void reset_governing(const ControllerParams& params, ControllerState& state) {
   begin_search(params, robot, state);
   // Every call does a step, and an attempt has at most these.
   const Wide most = kMostStartSteps + g.params.horizon_s / Wide{g.params.step_s} + 1000;
-  for (Wide steps = 0; steps < most * (kStretches + 1) && g.start.stage == StartStage::kSearching; ++steps) {
+  for (Wide steps = 0; steps < most * (kStartStretches + 1) && g.start.stage == StartStage::kSearching; ++steps) {
     advance_search(params, 1, state);
   }
 }

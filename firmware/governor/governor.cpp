@@ -24,9 +24,10 @@ bool renews_backup(const Schedule& schedule) {
 // Ticks for which a candidate follows the nominal beyond the tick at which it is ready. Where that leads to a stop that
 // breaks the cone, a later stop may not: the attempts go through kStretches, each longer than the one before. The last
 // one goes to where the nominal rests, if it does.
-std::int64_t stretch_of(const GovernorParams& params, int attempt, std::int64_t left_ticks) {
-  const std::int64_t more = attempt + 1;
-  if (attempt < kStretches) return params.stretch_ticks * more * more;
+// `step`: 2 for each attempt, so that a start can try the stretches between.
+std::int64_t stretch_of(const GovernorParams& params, int step, std::int64_t left_ticks) {
+  const std::int64_t more = step + 2;
+  if (step < 2 * kStretches - 1) return params.stretch_ticks * more * more / 4;
   return left_ticks > params.search_ticks ? left_ticks : params.search_ticks;
 }
 
@@ -52,7 +53,7 @@ Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const Go
     return out;
   }
   const int attempt = state.attempts % (kStretches + 1);
-  const std::int64_t stretch = stretch_of(params, attempt, state.nominal_end_tick - tick);
+  const std::int64_t stretch = stretch_of(params, 2 * attempt, state.nominal_end_tick - tick);
   const std::int64_t ready = tick + ticks_of_search(params, stretch);
   if (state.mode == GovernorMode::kNominal) {
     // Up to the switch of the certificate in force the nominal runs anyway. A candidate that is ready before continues

@@ -16,6 +16,8 @@ namespace ballast::firmware {
 
 inline constexpr std::int64_t kForEverTick = -1;
 inline constexpr int kStretches = 6;
+// A start tries the stretches between as well.
+inline constexpr int kStartStretches = 2 * kStretches - 1;
 
 // "Nominal up to switch_tick, then the backup" keeps the cone.
 struct Certificate {
@@ -66,9 +68,9 @@ struct NominalEnd {
 void reset(GovernorState& state);
 
 // Begins a candidate for a start or a move: held masses up to `from_tick`, the nominal from there. It is advanced by
-// govern() or on its own, and adopted at from_tick. `attempt` selects the stretch of the nominal, 0 to kStretches:
-// kStretches goes to nominal_end_tick, which is 0 where the nominal does not come to rest. A start whose candidates are
-// all broken has no certified stop and is refused.
+// govern() or on its own, and adopted at from_tick. `attempt` selects the stretch of the nominal, 0 to
+// kStartStretches: the last one goes to nominal_end_tick, which is 0 where the nominal does not come to rest. A start
+// whose candidates are all broken has no certified stop and is refused.
 void begin_start(const GovernorParams& params, const RobotState& now, std::int64_t tick, std::int64_t from_tick,
                  std::int64_t nominal_end_tick, int attempt, GovernorState& state);
 

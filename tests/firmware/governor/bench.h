@@ -118,7 +118,7 @@ struct Bench {
     const Box box = box_of(params, state, ball.mass_count, params.step_s, 0);
     state.mass_acceleration = project(forces, ball.mass_count, cone, box, unit, law(0)(0, state)).u;
     const auto end_tick = rests ? static_cast<std::int64_t>(end_s / params.control_period_s) + 1 : 0;
-    for (int attempt = rests ? kStretches : kStretches - 1; attempt >= 0; --attempt) {
+    for (int attempt = rests ? kStartStretches : kStartStretches - 1; attempt >= 0; --attempt) {
       begin_start(params, state, 0, 0, end_tick, attempt, governor);
       governor.candidate.advance(ball, params, law(0), governor.bends, 1000000);
       if (governor.candidate.end() != RolloutEnd::kBroken) return true;
