@@ -51,7 +51,7 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 template <class V, Of<firmware::OperatorInput> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   using enum firmware::OperatorCommand;
-  return visitor.field(LCM(command), m.command, Within(kArm, kMove)).field(m.move, When{m.command == kMove});
+  return visitor.field(LCM(command), m.command, Within(kArm, kHalt)).field(m.move, When{m.command == kMove});
 }
 
 // step_command_t
@@ -110,10 +110,11 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 
 template <class V, Of<firmware::RefusalReport> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(LCM(refusal), m.reason, Within(firmware::Refusal::kNone, firmware::Refusal::kNoEstimate))
+  return visitor.field(LCM(refusal), m.reason, Within(firmware::Refusal::kNone, firmware::Refusal::kNoRest))
       .field(LCM(refusal_motor), m.motor, Within(-1, 31))
       .field(LCM(refusal_piece), m.piece, Within(-1, firmware::kMaxPieces))
-      .field(LCM(refusal_value), m.value);
+      .field(LCM(refusal_value), m.value)
+      .field(LCM(refusal_time_s), m.time_s);
 }
 
 template <class V, Of<firmware::Prediction> M>
@@ -152,11 +153,29 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(LCM(light_detected), m.light_detected);
 }
 
+template <class V, Of<firmware::GovernorStatus> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(governed), m.governs)
+      .field(LCM(command_bent), m.bent)
+      .field(LCM(backup_active), m.backup)
+      .field(LCM(backup_margin), m.backup_margin, Real())
+      .field(LCM(backup_until_tick), m.backup_until_tick, Tick())
+      .field(LCM(governor_allowance), m.allowance, Real());
+}
+
+template <class V, Of<firmware::HaltStatus> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(halt_said), m.said)
+      .field(LCM(halt_tick), m.tick, Tick())
+      .field(LCM(halt_distance_m), m.distance_m, Real())
+      .field(LCM(halt_duration_s), m.duration_s);
+}
+
 template <class V, Of<firmware::ControllerStatus> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(LCM(tick), m.tick, Tick())
       .field(LCM(scenario_id), m.scenario_id)
-      .field(LCM(mode), m.mode, Within(firmware::Mode::kDisarmed, firmware::Mode::kPending))
+      .field(LCM(mode), m.mode, Within(firmware::Mode::kDisarmed, firmware::Mode::kHalting))
       .field(LCM(at_rest), m.at_rest)
       .field(LCM(faults), m.faults)
       .field(LCM(motor_count), m.motor_count, Within(0, firmware::kMaxMasses))
@@ -175,7 +194,9 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(LCM(plan_tick), m.plan_tick, Tick())
       .field(m.plan)
       .field(m.estimate)
-      .field(m.measured);
+      .field(m.measured)
+      .field(m.governor)
+      .field(m.halt);
 }
 
 // The parameters. Those of a mass are Unsent here: they travel mass by mass (target::MassParams).
@@ -222,7 +243,21 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .all(m.sensor_stale_ticks, m.monitor_stale_ticks, m.ball, m.estimation)
       .field(m.motor, Unsent())
       .field(m.motion, Unsent())
-      .field(m.tracking);
+      .all(m.tracking, m.governor);
+}
+
+template <class V, Of<firmware::MotorSwing> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.natural_radps, Real())
+      .field(m.damping_ratio, Real())
+      .field(m.microstep, Real())
+      .field(m.full_step, Real())
+      .field(m.step_error, Real());
+}
+
+template <class V, Of<firmware::GovernorSettings> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.on).field(m.friction, Real()).field(m.min_normal_force_n, Real()).field(m.swing);
 }
 
 // Its values travel in parts (target::ReferencePart).

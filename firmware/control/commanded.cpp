@@ -27,6 +27,7 @@ void hold(const ControllerParams& params, ControllerState& state, std::int64_t t
   state.moving = false;
   state.braking = false;
   state.tracking.follows = false;
+  state.governing.governs = false;
 }
 
 void begin(ControllerState& state, std::int64_t next) {
@@ -35,6 +36,7 @@ void begin(ControllerState& state, std::int64_t next) {
   state.moving = true;
   state.braking = false;
   state.tracking.follows = false;
+  state.governing.governs = false;
 }
 
 }  // namespace ballast::firmware

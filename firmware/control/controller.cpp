@@ -35,7 +35,8 @@ void trip(ControllerState& state, const GuardState& guards) {
 // Makes the steps of the next tick: of the motion, a move or a stop.
 void command_steps(const ControllerParams& params, const Inputs& inputs, ControllerState& state, StepCommand& steps) {
   bool stop_begins = false;
-  if (state.mode != Mode::kRunning && state.mode != Mode::kMoving && !state.braking) {
+  const bool follows = state.mode == Mode::kRunning || state.mode == Mode::kMoving || state.mode == Mode::kHalting;
+  if (!follows && !state.braking) {
     begin_stop(params, state, steps.tick);
     stop_begins = true;
   }
@@ -79,6 +80,7 @@ void reset(const ControllerParams& params, ControllerState& state) {
   state.now = {};
   state.at_rest = true;
   reset_sensing(params, state);
+  reset_governing(params, state);
 }
 
 void tick(const ControllerParams& params, ControllerState& state, const Inputs& inputs, StepCommand& steps) {
@@ -106,6 +108,8 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
     begin(state, next);
   }
 
+  if (state.mode == Mode::kHalting && halted(params, state)) state.mode = next_mode(state.mode, Event::kDue, guards);
+
   // The steps of a repeated tick are on their way already.
   clear(params, state, next, steps);
   if (state.moving && order != Order::kRepeated) command_steps(params, inputs, state, steps);
@@ -115,6 +119,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   state.at_rest = at_rest_from(params, state, next);
   if (state.at_rest && state.moving && (state.braking || state.mode == Mode::kMoving)) hold(params, state, next);
   if (state.at_rest) state.mode = next_mode(state.mode, Event::kAtRest, guards);
+  watch_start(params, inputs, state);
 }
 
 }  // namespace ballast::firmware

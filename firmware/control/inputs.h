@@ -11,7 +11,15 @@ struct MonitorVerdict {
   bool tripped = false;
 };
 
-enum class OperatorCommand : std::uint8_t { kNone = 0, kArm = 1, kStart = 2, kStop = 3, kReset = 4, kMove = 5 };
+enum class OperatorCommand : std::uint8_t {
+  kNone = 0,
+  kArm = 1,
+  kStart = 2,
+  kStop = 3,
+  kReset = 4,
+  kMove = 5,
+  kHalt = 6
+};
 
 // Moves masses from rest to rest, all in the time that the slowest needs. It is judged before anything moves.
 struct MoveRequest {

@@ -27,6 +27,9 @@ bool event_of(OperatorCommand command, Event& event) {
     case OperatorCommand::kMove:
       event = Event::kMove;
       return true;
+    case OperatorCommand::kHalt:
+      event = Event::kHalt;
+      return true;
     case OperatorCommand::kNone:
       break;
   }
@@ -38,7 +41,7 @@ bool event_of(OperatorCommand command, Event& event) {
 constexpr Wide kMaxStepsFromZero = 1e15;
 
 RefusalReport refused(Refusal reason, int motor = -1, Wide value = 0, int piece = -1) {
-  return {reason, motor, piece, value};
+  return {reason, motor, piece, value, 0};
 }
 
 // Puts the motion, begun from where the masses stand, into `active`. Nothing else changes.
@@ -124,6 +127,11 @@ RefusalReport follow(const ControllerParams& params, const Inputs& inputs, Mode 
       !ball_motion(params, state, inputs.sensors).known) {
     return refused(Refusal::kNoEstimate);
   }
+  if (after == Mode::kHalting) {
+    // Only the governor knows how the ball is brought to rest inside the cone.
+    if (!state.governing.governs) return refused(Refusal::kMode);
+    begin_halt(state);
+  }
   if (after == Mode::kRunning || after == Mode::kPending) {
     // Both write the profiles that a prediction under way still reads.
     if (!state.planned) drop_plan(state);
@@ -132,9 +140,13 @@ RefusalReport follow(const ControllerParams& params, const Inputs& inputs, Mode 
     if (refusal.reason != Refusal::kNone) return refusal;
   }
   if (after == Mode::kRunning) {
+    if (const RefusalReport refusal = judge_start(params, state); refusal.reason != Refusal::kNone) return refusal;
     const bool tracks = params.tracking.samples > 0 && !state.started;
+    if (params.governor.on) begin_governing(params, inputs, state, next);
+    const bool governs = params.governor.on;
     begin(state, next);
-    if (tracks) begin_tracking(state, next);
+    if (tracks || governs) begin_tracking(state, next, tracks);
+    state.governing.governs = governs;
   }
   if (after == Mode::kPending) {
     state.plan_tick = move_begins(params, state, inputs.tick);

@@ -31,8 +31,8 @@ class Checker {
   void positive(Wide value, const char* field, int index = -1) {
     require(std::isfinite(value) && value > 0, field, index, value, "finite, > 0");
   }
-  void not_negative(Wide value, const char* field) {
-    require(std::isfinite(value) && value >= 0, field, -1, value, "finite, >= 0");
+  void not_negative(Wide value, const char* field, int index = -1) {
+    require(std::isfinite(value) && value >= 0, field, index, value, "finite, >= 0");
   }
   void motion(const Profile& profile, const MotionLimits& limits, int mass) {
     const LimitBreach breach = check_limits(profile, limits);
@@ -226,6 +226,32 @@ void check_estimation(const BallParams& ball, const EstimationParams& estimation
   }
 }
 
+void check_swing(const MotorSwing& swing, int i, Checker& check) {
+  check.not_negative(swing.natural_radps, "governor.swing.natural_radps", i);
+  check.not_negative(swing.damping_ratio, "governor.swing.damping_ratio", i);
+  check.not_negative(swing.microstep, "governor.swing.microstep", i);
+  check.not_negative(swing.full_step, "governor.swing.full_step", i);
+  check.not_negative(swing.step_error, "governor.swing.step_error", i);
+  const bool swings = swing.natural_radps > 0;
+  check.require(!swings || swing.microstep > 0, "governor.swing.microstep", i, swing.microstep,
+                "> 0 where the motor swings");
+  check.require(!swings || swing.full_step > 0, "governor.swing.full_step", i, swing.full_step,
+                "> 0 where the motor swings");
+}
+
+// The robot's own parameters have been accepted.
+void check_governor(const ControllerParams& params, Checker& check) {
+  const GovernorSettings& governor = params.governor;
+  if (!governor.on) return;
+  check.require(governor.friction > 0, "governor.friction", -1, governor.friction, "> 0, infinity: perfect friction");
+  check.not_negative(governor.min_normal_force_n, "governor.min_normal_force_n");
+  for (int i = 0; i < params.ball.mass_count; ++i) check_swing(governor.swing[static_cast<std::size_t>(i)], i, check);
+  if (!check.error().ok()) return;
+  // A rollout is complete while its predecessor holds: set_times() finds no such time for longer ticks.
+  check.require(governor_params(params).search_ticks > 0, "control_period_s", -1, params.control_period_s,
+                "for the governor: below 0.05 sqrt(r / g)");
+}
+
 }  // namespace
 
 MotionLimits motion_limits(const ControllerParams& params, int mass) {
@@ -280,6 +306,7 @@ ParamError validate(const ControllerParams& params) {
     if (check.error().ok()) check.ends(params.ball, params.motion[k], i);
   }
   if (check.error().ok()) check_tracking(params.tracking, count, check);
+  if (check.error().ok()) check_governor(params, check);
   return check.error();
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "firmware/estimation/estimate.h"
+#include "firmware/governor/governor_params.h"
 #include "firmware/model/ball.h"
 #include "firmware/motion/profile.h"
 #include "firmware/tracking/reference.h"
@@ -30,6 +31,7 @@ struct ControllerParams {
   PerMass<MotorParams> motor{};
   PerMass<Profile> motion{};  // runs on a start; its initial position is where the masses stand
   ReferenceTable tracking;    // about that motion; the first start after reset() follows it
+  GovernorSettings governor;  // bends the running motion
 };
 
 // Reason for which parameters were refused.
@@ -48,5 +50,8 @@ struct ParamError {
 
 // Limits that the profiles of a motor keep. The speed is that of its step rate.
 [[nodiscard]] MotionLimits motion_limits(const ControllerParams& params, int mass);
+
+// What the governor keeps, from these and the robot's own limits.
+[[nodiscard]] GovernorParams governor_params(const ControllerParams& params);
 
 }  // namespace ballast::firmware

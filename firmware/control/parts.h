@@ -75,11 +75,64 @@ void hold(const ControllerParams& params, ControllerState& state, std::int64_t t
 
 // --- tracking.cpp: the motion along the reference (firmware/tracking) ---
 
-// Begins to follow the reference with the motion in `active`, which begins with the start of `next`.
-void begin_tracking(ControllerState& state, std::int64_t next);
+// Begins to command each tick anew from the start of `next` on: by the feedback along the reference, or without it.
+void begin_tracking(ControllerState& state, std::int64_t next, bool feeds);
+
+// The motion of a start from here on: the parameters' at first, later one from where the masses stand.
+void set_origin(ControllerState& state);
+
+// The acceleration that the motion asks of the masses of this robot, at a time after its start: by the feedback, where
+// `feeds`, and otherwise back to the motion's positions.
+[[nodiscard]] PerMass<Real> wish_at(const ControllerParams& params, const ControllerState& state, Wide time_s,
+                                    bool feeds, const RobotState& robot);
 
 // Puts the motion of the tick `next` into `active`.
 void track(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next);
+
+// --- governing.cpp: the governor (firmware/governor) ---
+
+// Forgets every certificate, and certifies the first start.
+void reset_governing(const ControllerParams& params, ControllerState& state);
+
+// Begins to search a certificate for a later start, where it is armed and the ball is another than before.
+void watch_start(const ControllerParams& params, const Inputs& inputs, ControllerState& state);
+// Continues that search.
+void search_start(const ControllerParams& params, ControllerState& state);
+
+// The reason why the motion cannot be started under the governor; none: it can, or nothing is governed.
+[[nodiscard]] RefusalReport judge_start(const ControllerParams& params, const ControllerState& state);
+void begin_governing(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next);
+
+struct TickToGovern {
+  std::int64_t tick = 0;  // the tick that is commanded
+  BallMotion motion;      // at the start of the tick before, known
+  Vector2 place_W_m = Vector2::Zero();
+  bool held = false;  // the ball is set down in the tick before
+  PerMass<ProfilePoint> from{};
+  PerMass<Wide> wanted{};             // accelerations at the tick's end, before the motors' limits
+  PerMass<Wide> lowest{}, highest{};  // accelerations that the motors reach at the tick's end
+};
+// The greatest jerk of mass i where its motion's acceleration changes by `jump` in the tick: the nominal follows that,
+// and the backup does not.
+[[nodiscard]] Wide governed_jerk(const GoverningState& governing, int i, Wide jump, Wide period_s);
+// The motion under the governor is to become a halt of the ball.
+void begin_halt(ControllerState& state);
+// The halted ball has been at rest for kRestTime_s.
+[[nodiscard]] bool halted(const ControllerParams& params, const ControllerState& state);
+// The halt commands the tick that begins at the start of `tick`, if its stop is certified.
+[[nodiscard]] bool halts(const GoverningState& governing, std::int64_t tick);
+// What the halt asks of the masses in that tick, and how much that has changed since the tick before.
+struct HaltWish {
+  PerMass<Real> wish{}, change{};
+};
+[[nodiscard]] HaltWish wish_of_halt(const ControllerParams& params, const ControllerState& state,
+                                    const TickToGovern& now);
+
+// Bends the accelerations with which the first tick of a motion begins, in `now`.
+void bend_beginning(const ControllerParams& params, const ControllerState& state, TickToGovern& now);
+// Bends the accelerations wished for the tick's end, which lie inside of those limits.
+void govern_tick(const ControllerParams& params, const TickToGovern& now, ControllerState& state,
+                 PerMass<Wide>& accelerations);
 
 // --- operator.cpp ---
 

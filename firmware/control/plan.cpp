@@ -37,6 +37,7 @@ void drop_plan(ControllerState& state) {
 
 void predict(const ControllerParams& params, ControllerState& state) {
   if (state.planned_motion_now) return;
+  search_start(params, state);
   state.predictor.advance(params.ball, params.static_friction, state.active,
                           state.moving ? kPredictionStepsMoving : kPredictionStepsHolding);
   if (state.planned || !state.predictor.complete()) return;

@@ -25,6 +25,18 @@ void compute_forces(const ControllerParams& params, const BallMotion& ball, cons
   friction_use(f, params.static_friction, status.mu_required, status.margin);
 }
 
+GovernorStatus governor_status(const GoverningState& governing) {
+  if (!governing.governs) return {};
+  const GovernorReport& report = governing.report;
+  return {true, report.bent, report.backup, report.backup_margin, report.backup_until_tick, report.allowance};
+}
+
+HaltStatus halt_status(const HaltState& halt) {
+  const HaltPrediction& result = halt.rollout.result();
+  if (!halt.asked || !halt.predicts || !result.complete || !result.rests) return {};
+  return {true, halt.predicted_tick, result.distance_m, result.time_s};
+}
+
 }  // namespace
 
 void report(const ControllerParams& params, const ControllerState& state, const Inputs& inputs,
@@ -50,6 +62,8 @@ void report(const ControllerParams& params, const ControllerState& state, const 
   status.plan = state.plan;
   // Invalid values are published as fixed numbers.
   status.estimate = params.estimation.estimated && ball.known ? state.estimate : Estimate{};
+  status.governor = governor_status(state.governing);
+  status.halt = halt_status(state.governing.halt);
   status.measured = state.measured.valid ? state.measured : MeasuredContact{};
 }
 

@@ -6,17 +6,63 @@
 #include "firmware/estimation/attitude_filter.h"
 #include "firmware/estimation/measured_contact.h"
 #include "firmware/estimation/measured_masses.h"
+#include "firmware/governor/governor.h"
+#include "firmware/governor/halt.h"
+#include "firmware/governor/sensitivity.h"
 #include "firmware/tracking/tracker.h"
 
 namespace ballast::firmware {
 
 // The run along the reference, from the first start on.
 struct TrackingState {
-  bool follows = false;         // each tick's motion is commanded by the feedback; `active` holds one tick of it
+  bool follows = false;         // each tick's motion is commanded anew; `active` holds one tick of it
+  bool feeds = false;           // by the feedback; otherwise the governor bends the motion
   std::int64_t start_tick = 0;  // at whose start the plan time is 0
   DeadReckoning reckoning;
   Vector2 integral_W_ms = Vector2::Zero();  // of the place's error
   PerMass<int> waiting_ticks{};             // in which a motor's pulses have waited for their distance
+  bool rebased = false;                     // the motion begins at rest in `origin`
+  PerMass<Wide> origin{};
+};
+
+// How far the search for a certificate of a start has come.
+enum class StartStage : std::uint8_t { kNone, kSearching, kCertified, kRefused, kUsed };
+
+struct StartSearch {
+  StartStage stage = StartStage::kNone;
+  RobotState robot;  // for which the search was made
+  int attempt = 0;
+  Breach breach;  // of the last attempt, the shortest stretch
+  Wide breach_s = 0;
+};
+
+// A halt of the ball, from the operator's command on.
+struct HaltState {
+  bool asked = false;
+  bool begun = false;          // the masses follow it; before, the motion goes on until a stop of the halt is certified
+  std::int64_t from_tick = 0;  // at whose start it began
+  std::int64_t predicted_tick = 0;  // at whose start the candidate begins it that `rollout` predicts
+  bool predicts = false;
+  std::int64_t rollout_tick = 0;  // at whose start `rollout` begins
+  HaltRollout rollout;
+  PerMass<Real> wish{};  // of the last tick, once begun
+  int slow_ticks = 0;    // in which the ball has been slower than rest
+};
+
+// The governor of the running motion.
+struct GoverningState {
+  GovernorParams params;  // set by reset(); `uncertain` is that of the last tick
+  GovernorState governor;
+  GovernorReport report;  // of the last tick that was governed
+  bool governs = false;   // each tick's motion passes the governor
+  StartSearch start;
+  HaltState halt;
+  Sensitivity sensitivity;
+  PerMass<Real> swing_acceleration{}, swing_jerk{};  // of the masses at the start of the next tick
+  std::int64_t certificate_tick = 0;                 // switch of the certificate whose path is watched
+  bool expects = false;                              // expected_B_radps is that of the next tick
+  Vector3 expected_B_radps = Vector3::Zero();
+  Vector3 off_path_B_radps = Vector3::Zero();
 };
 
 struct ControllerState {
@@ -30,6 +76,7 @@ struct ControllerState {
   bool braking = false;         // the active profiles are stops
   PerMass<Profile> active{};    // the scenario's motion, a move, or a stop from where one of them is
   TrackingState tracking;
+  GoverningState governing;
   PerMass<Wide> hold_position{};
   PerMass<std::int64_t> position_steps{};
   PerMass<LastPulse> last_pulse{};

@@ -37,6 +37,10 @@ enum class Refusal : std::uint8_t {
   kUpperEnd = 12,    // the same at the upper end; value: the greatest
   kCancelled = 13,   // a fault came while the move was pending
   kNoEstimate = 14,  // arming: the attitude is to be estimated, and there is no estimate yet
+  kNoBackup = 15,    // governed: no stop could be certified; time_s: when the cone breaks, value: f_s / (kappa N) there
+  kLiftsOff = 16,    // the same where N falls below its least; value: N
+  kNotCertified = 17,  // governed: the ball rolls, or the search for a certificate is under way
+  kNoRest = 18,        // halt: no rest was found; time_s: how far it was looked for, value: the speed there
 };
 
 struct RefusalReport {
@@ -44,6 +48,7 @@ struct RefusalReport {
   int motor = -1;
   int piece = -1;  // of the motion
   Wide value = 0;
+  Wide time_s = 0;  // after the beginning of what was refused
 };
 
 // First motion that could not be stepped since the faults were last cleared.
@@ -51,6 +56,24 @@ struct StepOverload {
   StepTrouble trouble;
   int motor = -1;
   std::int64_t tick = 0;  // in which the steps would have been executed
+};
+
+// What the governor did in this tick, and what it has certified. All zero while it does not command.
+struct GovernorStatus {
+  bool governs = false;
+  bool bent = false;                   // the command for the next tick is not the wished one
+  bool backup = false;                 // the masses follow the backup
+  Real backup_margin = 0;              // least 1 - f_s / (kappa N) along the certified backup
+  std::int64_t backup_until_tick = 0;  // up to which it is certified; -1: for ever
+  Real allowance = 0;                  // part of N kept free for motors, estimate and belief
+};
+
+// How far the ball still rolls, said before it is halted.
+struct HaltStatus {
+  bool said = false;
+  std::int64_t tick = 0;  // at whose start the halt begins
+  Real distance_m = 0;    // along the path from there
+  Wide duration_s = 0;
 };
 
 struct ControllerStatus {
@@ -77,6 +100,8 @@ struct ControllerStatus {
   Prediction plan;                       // until then zeros, but for the duration
   Estimate estimate;                     // at the start of this tick; not valid where the attitude is sensed
   MeasuredContact measured;              // of the IMU's newest sample
+  GovernorStatus governor;
+  HaltStatus halt;
 };
 
 }  // namespace ballast::firmware

@@ -64,6 +64,7 @@ void begin_stop(const ControllerParams& params, ControllerState& state, std::int
   state.start_tick = next;
   state.braking = true;
   state.tracking.follows = false;
+  state.governing.governs = false;
 }
 
 }  // namespace ballast::firmware

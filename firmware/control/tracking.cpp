@@ -39,23 +39,95 @@ BallState observe(const ControllerParams& params, const ControllerState& state, 
   return ball;
 }
 
-ErrorVector error_at(const ControllerParams& params, const ControllerState& state, const BallState& ball, Wide time_s) {
+// The motion that the masses follow: one that begins where they stand has lost its initial velocity.
+ProfilePoint planned(const ControllerParams& params, const TrackingState& tracking, int i, Wide time_s) {
+  ProfilePoint point = params.motion[at(i)].at(time_s);
+  if (!tracking.rebased) return point;
+  const ProfilePoint first = params.motion[at(i)].at(0);
+  point.position += tracking.origin[at(i)] - first.position - first.velocity * time_s;
+  point.velocity -= first.velocity;
+  return point;
+}
+
+// The change of the motion's acceleration in the tick after this one.
+Wide motion_jump(const ControllerParams& params, const TrackingState& tracking, int i, Wide now_s) {
+  const Wide period_s = params.control_period_s;
+  return planned(params, tracking, i, now_s + 2 * period_s).acceleration -
+         planned(params, tracking, i, now_s + period_s).acceleration;
+}
+
+MassError mass_error(const ControllerParams& params, const PerMass<ProfilePoint>& motion, const PerMass<Real>& position,
+                     const PerMass<Real>& velocity) {
   MassError masses;
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    const ProfilePoint planned = params.motion[at(i)].at(time_s);
-    masses.position[at(i)] = static_cast<Real>(Wide{state.now.position[at(i)]} - planned.position);
-    masses.velocity[at(i)] = static_cast<Real>(Wide{state.now.velocity[at(i)]} - planned.velocity);
+    masses.position[at(i)] = static_cast<Real>(Wide{position[at(i)]} - motion[at(i)].position);
+    masses.velocity[at(i)] = static_cast<Real>(Wide{velocity[at(i)]} - motion[at(i)].velocity);
   }
-  return tracking_error(params.tracking, params.ball.mass_count, params.ball.radius_m, time_s, ball, masses,
-                        state.tracking.integral_W_ms);
+  return masses;
+}
+
+MassError masses_at(const ControllerParams& params, const ControllerState& state, Wide time_s) {
+  PerMass<ProfilePoint> motion{};
+  for (int i = 0; i < params.ball.mass_count; ++i) motion[at(i)] = planned(params, state.tracking, i, time_s);
+  return mass_error(params, motion, state.now.position, state.now.velocity);
+}
+
+ErrorVector error_at(const ControllerParams& params, const ControllerState& state, const BallState& ball, Wide time_s) {
+  return tracking_error(params.tracking, params.ball.mass_count, params.ball.radius_m, time_s, ball,
+                        masses_at(params, state, time_s), state.tracking.integral_W_ms);
+}
+
+// Without feedback a mass comes back to its motion as 1 / sqrt(g / r) allows, critically damped.
+PerMass<Real> back_to_motion(const BallParams& ball, const MassError& masses) {
+  const Real w = ball.gravity_mps2 > 0 ? std::sqrt(ball.gravity_mps2 / ball.radius_m) : Real(1);
+  PerMass<Real> correction{};
+  for (int i = 0; i < ball.mass_count; ++i) {
+    correction[at(i)] = 2 * w * masses.velocity[at(i)] + w * w * masses.position[at(i)];
+  }
+  return correction;
 }
 
 }  // namespace
 
-void begin_tracking(ControllerState& state, std::int64_t next) {
+void set_origin(ControllerState& state) {
+  state.tracking.rebased = state.started;
+  state.tracking.origin = state.hold_position;
+}
+
+void begin_tracking(ControllerState& state, std::int64_t next, bool feeds) {
+  const bool rebased = state.tracking.rebased;
+  const PerMass<Wide> origin = state.tracking.origin;
   state.tracking = {};
   state.tracking.follows = true;
+  state.tracking.feeds = feeds;
   state.tracking.start_tick = next;
+  state.tracking.rebased = rebased;
+  state.tracking.origin = origin;
+}
+
+PerMass<Real> wish_at(const ControllerParams& params, const ControllerState& state, Wide time_s, bool feeds,
+                      const RobotState& robot) {
+  PerMass<Real> wish{};
+  PerMass<ProfilePoint> motion{};
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    motion[at(i)] = planned(params, state.tracking, i, time_s);
+    wish[at(i)] = static_cast<Real>(motion[at(i)].acceleration);
+  }
+  const MassError masses = mass_error(params, motion, robot.mass_position, robot.mass_velocity);
+  PerMass<Real> correction{};
+  if (feeds && tracks_at(params.tracking, time_s)) {
+    BallState ball;
+    ball.orientation = robot.orientation;
+    ball.angular_velocity_B_radps = robot.angular_velocity_B_radps;
+    ball.position_W_m = robot.position_W_m;
+    const ErrorVector e = tracking_error(params.tracking, params.ball.mass_count, params.ball.radius_m, time_s, ball,
+                                         masses, state.tracking.integral_W_ms);
+    correction = feedback(params.tracking, params.ball.mass_count, time_s, e);
+  } else {
+    correction = back_to_motion(params.ball, masses);
+  }
+  for (int i = 0; i < params.ball.mass_count; ++i) wish[at(i)] -= correction[at(i)];
+  return wish;
 }
 
 // The ball is seen at the start of this tick, and the acceleration at the end of the next one follows from it.
@@ -64,33 +136,76 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
   const Wide period_s = params.control_period_s;
   const std::int64_t ticks = minus(inputs.tick, tracking.start_tick);
   const Wide now_s = static_cast<Wide>(ticks) * period_s;
+  const bool governs = state.governing.governs;
   // In the tick of the start the ball may still be held.
   const BallMotion motion = ball_motion(params, state, inputs.sensors);
-  const bool sees = ticks >= 0 && motion.known && tracks_at(params.tracking, now_s);
+  const bool sees = tracking.feeds && ticks >= 0 && motion.known && tracks_at(params.tracking, now_s);
   ErrorVector e{};
   PerMass<Real> correction{};
+  BallState ball;
   if (sees) {
-    const BallState ball = observe(params, state, motion, ticks == 0, tracking);
+    ball = observe(params, state, motion, ticks == 0, tracking);
     e = error_at(params, state, ball, now_s);
     correction = feedback(params.tracking, params.ball.mass_count, now_s, e);
+  } else if (governs && ticks >= 0) {
+    correction = back_to_motion(params.ball, masses_at(params, state, now_s));
   }
 
+  TickToGovern tick;
+  tick.tick = next;
+  tick.motion = motion;
+  tick.held = ticks < 0;
+  tick.place_W_m = ball.position_W_m;
+  if (params.estimation.estimated) tick.place_W_m = state.estimate.position_W_m;
+  if (tick.held) tick.place_W_m = params.estimation.initial_position_W_m;
+  PerMass<Wide> accelerations{};
   bool saturated = false;
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    ProfilePoint from = commanded(params, state, next, i);
-    if (ticks < 0) from.acceleration = 0;  // the masses stand, or go on at their initial velocity
-    const Wide wanted = params.motion[at(i)].at(now_s + 2 * period_s).acceleration - Wide{correction[at(i)]};
-    const MotionLimits limits = motion_limits(params, i);
+    ProfilePoint& from = tick.from[at(i)];
+    from = commanded(params, state, next, i);
+    // The masses stand, or go on at their initial velocity. A motion without feedback is followed in its own jumps.
+    if (tick.held) from.acceleration = tracking.feeds ? 0 : planned(params, tracking, i, 0).acceleration;
+  }
+  if (governs && motion.known && tick.held) bend_beginning(params, state, tick);
+  const bool halting = governs && motion.known && halts(state.governing, next);
+  HaltWish halt;
+  if (halting) {
+    halt = wish_of_halt(params, state, tick);
+    state.governing.halt.wish = halt.wish;
+  }
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    const ProfilePoint& from = tick.from[at(i)];
+    const Wide motion_next = planned(params, tracking, i, now_s + 2 * period_s).acceleration;
+    const Wide wanted = halting ? Wide{halt.wish[at(i)]} : motion_next - Wide{correction[at(i)]};
+    MotionLimits limits = motion_limits(params, i);
+    const Wide jump = halting ? Wide{halt.change[at(i)]} : motion_jump(params, tracking, i, now_s);
+    if (!tracking.feeds && !halting) limits.max_jerk = std::fmax(limits.max_jerk, std::fabs(jump) / period_s);
     const RailEnds ends = rail_ends(params.ball, i);
     const Wide swing = params.motor[at(i)].swing;
-    const Wide reached = reachable_acceleration(from, wanted, limits, ends.lower + swing, ends.upper - swing, period_s);
+    const auto reachable = [&](Wide acceleration) {
+      return reachable_acceleration(from, acceleration, limits, ends.lower + swing, ends.upper - swing, period_s);
+    };
+    Wide reached = reachable(wanted);
+    tick.wanted[at(i)] = wanted;
+    if (governs) {
+      const Wide change = governed_jerk(state.governing, i, jump, period_s) * period_s;
+      tick.lowest[at(i)] = reachable(from.acceleration - change);
+      tick.highest[at(i)] = reachable(from.acceleration + change);
+      reached = std::fmin(std::fmax(reached, tick.lowest[at(i)]), tick.highest[at(i)]);
+    }
     constexpr Wide kSaturated =
         0.05;  // of the greatest acceleration: more than the jerk limit takes off a plan's jumps
     saturated = saturated || !(std::fabs(reached - wanted) <= kSaturated * limits.max_acceleration);
-    if (!set_tick_motion(from, reached, period_s, state.active[at(i)])) state.faults |= bit(Fault::kInternal);
+    accelerations[at(i)] = reached;
+  }
+  if (governs && motion.known) govern_tick(params, tick, state, accelerations);
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    if (!set_tick_motion(tick.from[at(i)], accelerations[at(i)], period_s, state.active[at(i)])) {
+      state.faults |= bit(Fault::kInternal);
+    }
   }
   state.start_tick = next;
-  if (!sees || saturated) return;
+  if (!sees || halting || saturated || (governs && state.governing.report.bent)) return;
   const Vector2 off = place_error(e, params.ball.mass_count);
   const Real most = most_integral_ms(params.ball);
   for (int j = 0; j < 2; ++j) {

@@ -1,6 +1,8 @@
 // Parts that the ball's closed forms share: the rows of the attitude, and the sums over the masses.
 #pragma once
 
+#include <cmath>
+
 #include "firmware/model/ball.h"
 
 namespace ballast::firmware::detail {
@@ -78,19 +80,36 @@ struct SumsOf {
     yz += mp.y * p.z;
   }
 
-  // [sum m_i p_i^2 - I]^-1 b with p^2, the squared cross-product matrix, = p p^T - |p|^2: symmetric, negative definite,
-  // inverted by its adjugate.
-  [[gnu::always_inline]] VecOf<T> solve(const Vec& inertia, const VecOf<T>& b) const {
-    const T a11 = -yy - zz - inertia.x, a22 = -xx - zz - inertia.y, a33 = -xx - yy - inertia.z;
-    const T a12 = xy, a13 = xz, a23 = yz;
-    const T c11 = a22 * a33 - a23 * a23, c12 = a13 * a23 - a12 * a33, c13 = a12 * a23 - a13 * a22;
-    const T c22 = a11 * a33 - a13 * a13, c23 = a12 * a13 - a11 * a23, c33 = a11 * a22 - a12 * a12;
-    const T per_det = Real(1) / (a11 * c11 + a12 * c12 + a13 * c13);
+  // [sum m_i p_i^2 - I]^-1 b.
+  [[gnu::always_inline]] VecOf<T> solve(const Vec& inertia, const VecOf<T>& b) const;
+};
+
+// [sum m_i p_i^2 - I]^-1 with p^2, the squared cross-product matrix, = p p^T - |p|^2: symmetric, negative definite,
+// inverted by its adjugate.
+template <class T>
+struct SymmetricInverseOf {
+  [[gnu::always_inline]] SymmetricInverseOf(const SumsOf<T>& sums, const Vec& inertia) {
+    const T a11 = -sums.yy - sums.zz - inertia.x, a22 = -sums.xx - sums.zz - inertia.y,
+            a33 = -sums.xx - sums.yy - inertia.z;
+    const T a12 = sums.xy, a13 = sums.xz, a23 = sums.yz;
+    c11 = a22 * a33 - a23 * a23, c12 = a13 * a23 - a12 * a33, c13 = a12 * a23 - a13 * a22;
+    c22 = a11 * a33 - a13 * a13, c23 = a12 * a13 - a11 * a23, c33 = a11 * a22 - a12 * a12;
+    per_det = Real(1) / (a11 * c11 + a12 * c12 + a13 * c13);
+  }
+  [[gnu::always_inline]] VecOf<T> times(const VecOf<T>& b) const {
     return {per_det * (c11 * b.x + c12 * b.y + c13 * b.z), per_det * (c12 * b.x + c22 * b.y + c23 * b.z),
             per_det * (c13 * b.x + c23 * b.y + c33 * b.z)};
   }
+
+  T c11, c12, c13, c22, c23, c33, per_det;
 };
 using Sums = SumsOf<Real>;
+using SymmetricInverse = SymmetricInverseOf<Real>;
+
+template <class T>
+inline VecOf<T> SumsOf<T>::solve(const Vec& inertia, const VecOf<T>& b) const {
+  return SymmetricInverseOf<T>(*this, inertia).times(b);
+}
 
 // Omega x I Omega.
 template <class T>
@@ -105,6 +124,15 @@ inline VecOf<T> gyroscopic(const Vec& inertia, const VecOf<T>& omega) {
     return ball.gravity_mps2 * lambda.gamma;
   }
   return (-ball.gravity_mps2) * lambda.to_B(from(down));
+}
+
+// T_W / N, the floor's moment for a unit of N, of a ball with this angular velocity in the space frame.
+inline Vec moment_arm_W(const BallParams& ball, const Vec& omega_W) {
+  const Real creep2 = ball.creep_radps * ball.creep_radps;
+  const Real rolling =
+      ball.rolling_resistance * ball.radius_m / std::sqrt(omega_W.x * omega_W.x + omega_W.y * omega_W.y + creep2);
+  const Real spinning = ball.spin_friction_m / std::sqrt(omega_W.z * omega_W.z + creep2);
+  return {-rolling * omega_W.x, -rolling * omega_W.y, -spinning * omega_W.z};
 }
 
 // eq_Om, eq_normal and eq_static_friction, and their 1-d forms, on any floor (rolling.h). They differ in the sums only,

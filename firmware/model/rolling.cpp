@@ -20,20 +20,12 @@ namespace {
   return ball.rolling_resistance > 0 || ball.spin_friction_m > 0;
 }
 
-// T_W / N.
-Vec moment_arm_W(const BallParams& ball, const Vec& omega_W) {
-  const Real creep2 = ball.creep_radps * ball.creep_radps;
-  const Real rolling =
-      ball.rolling_resistance * ball.radius_m / std::sqrt(omega_W.x * omega_W.x + omega_W.y * omega_W.y + creep2);
-  const Real spinning = ball.spin_friction_m / std::sqrt(omega_W.z * omega_W.z + creep2);
-  return {-rolling * omega_W.x, -rolling * omega_W.y, -spinning * omega_W.z};
-}
-
 // Omegadot with the floor's moment; omega_dot_0 is without.
 [[gnu::noinline, gnu::cold]] Vec resisted(const BallParams& ball, const Attitude& lambda, const Vec& omega,
                                           const Sums& sums, const Vec& omega_dot_0) {
   const Vec omega_W = {dot(lambda.row1, omega), dot(lambda.row2, omega), dot(lambda.gamma, omega)};
-  const Vec omega_dot_1 = sums.solve(from(ball.inertia_kgm2), Real(-1) * lambda.to_B(moment_arm_W(ball, omega_W)));
+  const Vec omega_dot_1 =
+      sums.solve(from(ball.inertia_kgm2), Real(-1) * lambda.to_B(detail::moment_arm_W(ball, omega_W)));
   const Real pressing_n = -sums.mass * ball.gravity_mps2 * ball.down_W[2] - ball.external_force_W_n[2];
   const Real normal_0 = pressing_n + dot(cross(omega_dot_0, sums.mass_p) + sums.mass_c, lambda.gamma);
   if (!(normal_0 > 0)) return omega_dot_0;

@@ -8,7 +8,7 @@ namespace {
 
 // A fault has no row in kDisarmed: nothing moves there, and what is missing at power-up only keeps the robot from
 // arming.
-constexpr std::array<Transition, 16> kTable{{
+constexpr std::array<Transition, 20> kTable{{
     {Mode::kDisarmed, Event::kArm, Guard::kHealthy, Mode::kArmed},
     {Mode::kArmed, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kArmed, Event::kStop, Guard::kAlways, Mode::kDisarmed},
@@ -19,6 +19,10 @@ constexpr std::array<Transition, 16> kTable{{
     {Mode::kPending, Event::kDue, Guard::kAlways, Mode::kMoving},
     {Mode::kRunning, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kRunning, Event::kStop, Guard::kAlways, Mode::kStopping},
+    {Mode::kRunning, Event::kHalt, Guard::kAlways, Mode::kHalting},
+    {Mode::kHalting, Event::kFault, Guard::kAlways, Mode::kTripped},
+    {Mode::kHalting, Event::kStop, Guard::kAlways, Mode::kStopping},
+    {Mode::kHalting, Event::kDue, Guard::kAlways, Mode::kStopping},
     {Mode::kMoving, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kMoving, Event::kStop, Guard::kAlways, Mode::kStopping},
     {Mode::kMoving, Event::kAtRest, Guard::kAlways, Mode::kArmed},

@@ -16,8 +16,9 @@ enum class Event : std::uint8_t {
   kArm,     // operator
   kReset,   // operator
   kMove,    // operator
+  kHalt,    // operator
   kAtRest,  // all commanded velocities are zero and stay so
-  kDue,     // the pending move begins with the next tick
+  kDue,     // the pending move begins with the next tick, or the halted ball rests
 };
 
 // Condition of a row, beside its mode and event.

@@ -56,6 +56,11 @@ Equations::Equations(const PlantModel& model)
       driven_(model.actuation == Actuation::kStepper),
       known_ahead_(model.actuation == Actuation::kPrescribed),
       contact_start_(kTheta + (driven_ ? 2 * model.masses.size() : 0)) {
+  if (model.begins_held) {
+    MassPoint held = prescribed.at(0);
+    held.acceleration = {};
+    prescribed.place(0, held);
+  }
   const auto pushes = [](const PlantFault& fault) { return fault.kind == PlantFaultKind::kPush; };
   if (std::any_of(model.faults.begin(), model.faults.end(), pushes)) body.external_force.expect_pushes();
   lanes_suit_ = driven_ && !body.external_force.present() && all_on_circles(model.masses);

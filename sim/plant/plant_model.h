@@ -52,6 +52,7 @@ struct PlantModel : World {
   double tolerance = 1e-10;         // of a step: its error relative to 1 + |state|; a rate's to a driven mass's swing
   std::uint64_t seed = 0;           // of the motors' full-step errors
   std::vector<PlantFault> faults;   // in order of time
+  bool begins_held = false;         // ideal masses do not accelerate until they are placed for the first time
 
   // Bound of the external force, without drag and with all pushes at once.
   [[nodiscard]] double greatest_force_n() const {

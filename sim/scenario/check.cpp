@@ -245,6 +245,10 @@ Scenario::Plan read_plan(const Node& root) {
 
 void read_control(TableReader table, bool planned, Scenario::Control& control) {
   control.tracking = table.boolean("tracking", planned).value_or(planned);
+  control.governor = table.boolean("governor", control.governor).value_or(control.governor);
+  Range use = Range::between(0, 1);
+  use.low_excluded = true;
+  control.friction_use = table.number("friction_use", use, control.friction_use).value_or(control.friction_use);
   table.refuse_unknown_keys();
 }
 
@@ -327,6 +331,10 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
     scenario.seed = static_cast<std::uint64_t>(*seed);
   }
 
+  scenario.plan = read_plan(root_node);
+  read_control(root.table("control"), scenario.plan.present, scenario.control);
+  known.governor = scenario.control.governor;
+
   const std::string masses_allowed = message("an array of at most {} tables, each headed [[mass]]", kMaxMasses);
   std::vector<TableReader> masses = root.tables("mass", masses_allowed);
   if (masses.size() > static_cast<std::size_t>(kMaxMasses)) {
@@ -347,9 +355,6 @@ Scenario check_scenario(const Node& root_node, ReadContext& context) {
   for (TableReader& table : root.tables("published", "an array of tables, each headed [[published]]")) {
     read_published(table, scenario.published);
   }
-
-  scenario.plan = read_plan(root_node);
-  read_control(root.table("control"), scenario.plan.present, scenario.control);
 
   // A belief that is held against a robot with errors would only repeat them.
   root.know({"believed"});

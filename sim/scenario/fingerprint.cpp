@@ -183,6 +183,13 @@ void add_believed(CanonicalText& text, const World& believed) {
   for (const Mass& mass : believed.masses) text.add("believed.mass", mass.mass_kg);
 }
 
+// Scenarios whose controller is not governed add no lines.
+void add_governor(CanonicalText& text, const Scenario& scenario) {
+  if (!scenario.control.governor || !has_controller(scenario.run.actuation)) return;
+  text.add("control.governor", 1);
+  text.add("control.friction_use", scenario.control.friction_use);
+}
+
 // Scenarios without a controller that tracks add no lines.
 void add_tracking(CanonicalText& text, const Scenario& scenario) {
   if (!scenario.control.tracking || !has_controller(scenario.run.actuation)) return;
@@ -237,6 +244,7 @@ std::int64_t fingerprint(const Scenario& scenario) {
   text.add("envelope.min_normal_force", scenario.envelope.min_normal_force_n);
   text.add("envelope.friction_use", scenario.envelope.friction_use);
   add_tracking(text, scenario);
+  add_governor(text, scenario);
   if (scenario.sensors.present) add_sensors(text, scenario.sensors);
   if (scenario.believed) add_believed(text, *scenario.believed);
   text.add("seed", scenario.seed);

@@ -15,6 +15,7 @@ struct MassSurroundings {
   std::optional<double> control_period_s;
   std::optional<double> timer_frequency_hz;
   std::optional<Actuation> actuation;
+  bool governor = false;
   int mass_count = 1;
 };
 

@@ -91,7 +91,10 @@ Scenario as_believed(Scenario scenario) {
 }
 
 Scenario::operator PlantModel() const {
-  PlantModel model{*this, run.actuation, run.on_violation, duration_s, run.control_period_s, run.tolerance, seed, {}};
+  PlantModel model{*this, run.actuation, run.on_violation, duration_s, run.control_period_s, run.tolerance, seed,
+                   {},    false};
+  // A governed start may be another than the motion's.
+  model.begins_held = run.actuation == Actuation::kIdeal && control.governor;
   for (const Fault& fault : faults) {
     if (const auto kind = plant_fault_kind(fault.kind)) {
       const auto mass = static_cast<std::size_t>(fault.mass);

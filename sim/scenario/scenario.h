@@ -53,7 +53,9 @@ struct Scenario : World {
 
   // The table [control].
   struct Control {
-    bool tracking = false;  // feedback keeps the ball on the motion; default: true where there is a [plan]
+    bool tracking = false;       // feedback keeps the ball on the motion; default: true where there is a [plan]
+    bool governor = false;       // commands are bent into the friction cone
+    double friction_use = 0.95;  // part of envelope.friction_use that the governor uses
   } control;
 
   // The world that controller, monitor and planner take for true: [believed], or the floor without its patches, which

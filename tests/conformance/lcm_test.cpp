@@ -162,7 +162,7 @@ TEST(LcmBoard, MalformedMessagesAreCountedAndIgnored) {
   trip_t cause = LcmWorld::trip(world_tick(5).verdict);
   cause.cause = 8;
   send(kChannelTrip, encoded(cause));
-  for (const int command : {0, 6, -1}) {
+  for (const int command : {0, 7, -1}) {
     operator_t message = to_message(firmware::OperatorCommand::kArm, 0, 1, kControlPeriod_s);
     message.command = static_cast<std::int8_t>(command);
     send(kChannelOperator, encoded(message));
@@ -588,9 +588,9 @@ TEST(LcmMessages, OtherTypesOutOfRangeAreRefused) {
   EXPECT_FALSE(in_range(state));
 
   controller_status_t status{};
-  status.mode = controller_status_t::MODE_PENDING;
+  status.mode = controller_status_t::MODE_HALTING;
   EXPECT_TRUE(in_range(status));
-  status.mode = controller_status_t::MODE_PENDING + 1;
+  status.mode = controller_status_t::MODE_HALTING + 1;
   EXPECT_FALSE(in_range(status));
   status = {};
   status.at_rest = 2;
@@ -599,7 +599,7 @@ TEST(LcmMessages, OtherTypesOutOfRangeAreRefused) {
   status.motor_count = 9;
   EXPECT_FALSE(in_range(status));
   status = {};
-  status.refusal = controller_status_t::REFUSAL_NO_ESTIMATE + 1;
+  status.refusal = controller_status_t::REFUSAL_NO_REST + 1;
   EXPECT_FALSE(in_range(status));
   status = {};
   status.refusal_motor = -2;

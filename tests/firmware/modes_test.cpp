@@ -7,10 +7,10 @@
 namespace ballast::firmware {
 namespace {
 
-constexpr std::array kModes{Mode::kDisarmed, Mode::kArmed,   Mode::kRunning,
-                            Mode::kStopping, Mode::kTripped, Mode::kMoving,   Mode::kPending};
-constexpr std::array kEvents{Event::kFault, Event::kStop, Event::kStart, Event::kArm,
-                             Event::kReset, Event::kMove, Event::kAtRest, Event::kDue};
+constexpr std::array kModes{Mode::kDisarmed, Mode::kArmed,  Mode::kRunning, Mode::kStopping,
+                            Mode::kTripped,  Mode::kMoving, Mode::kPending, Mode::kHalting};
+constexpr std::array kEvents{Event::kFault, Event::kStop, Event::kStart,  Event::kArm, Event::kReset,
+                             Event::kMove,  Event::kHalt, Event::kAtRest, Event::kDue};
 
 // The supervisor once more, as prose would say it.
 Mode expected(Mode mode, Event event, const GuardState& g) {
@@ -24,6 +24,8 @@ Mode expected(Mode mode, Event event, const GuardState& g) {
   if (mode == Mode::kMoving && event == Event::kStop) return Mode::kStopping;
   if (mode == Mode::kMoving && event == Event::kAtRest) return Mode::kArmed;
   if (mode == Mode::kRunning && event == Event::kStop) return Mode::kStopping;
+  if (mode == Mode::kRunning && event == Event::kHalt) return Mode::kHalting;
+  if (mode == Mode::kHalting && (event == Event::kStop || event == Event::kDue)) return Mode::kStopping;
   if (mode == Mode::kStopping && event == Event::kAtRest) return Mode::kArmed;
   if (mode == Mode::kTripped && event == Event::kReset && g.at_rest && !g.cause_present) return Mode::kDisarmed;
   return mode;

@@ -246,6 +246,33 @@ TEST(NoHeap, AnEstimatedAttitude) {
   EXPECT_GT(running, 0);
 }
 
+TEST(NoHeap, GovernedMotion) {
+  const auto params = std::make_unique<ControllerParams>(testing::paper_params());
+  params->governor.on = true;
+  params->governor.friction = Real(0.17);
+  params->governor.swing[0] = {Real(10), Real(0.2), Real(0.002), Real(0.03), Real(0.015)};
+  const auto state = std::make_unique<ControllerState>();
+  const auto out = std::make_unique<Outputs>();
+  Inputs in;
+  int governed = 0, bent = 0;
+  EXPECT_EQ(allocations_during([&] {
+              reset(*params, *state);
+              for (std::int64_t k = 0; k < 10'000; ++k) {
+                in.tick = in.sensors.tick = in.monitor.tick = k;
+                in.sensors.gyro_B_radps = Vector3(0, Real(1e-4) * static_cast<Real>(k % 3000), 0);
+                in.operator_command = k == 0   ? OperatorCommand::kArm
+                                      : k == 1 ? OperatorCommand::kStart
+                                               : OperatorCommand::kNone;
+                whole_tick(*params, *state, in, *out);
+                governed += out->status.governor.governs;
+                bent += out->status.governor.bent;
+              }
+            }),
+            0);
+  EXPECT_GT(governed, 5000);
+  EXPECT_GT(bent, 100);
+}
+
 // Feedback along a whole table, through its end and the hold there, with a ball that is off by turns little and far, so
 // that masses saturate and the integral waits; then a stop.
 TEST(NoHeap, ATrackedRun) {

@@ -431,6 +431,49 @@ TEST(MostReversals, AddedVelocityCountsWithItsSign) {
   EXPECT_EQ(most_reversals(profile, 1e-3, -1e-3), 0);
 }
 
+TEST(Validate, Governor) {
+  const auto governed = [](auto& p) {
+    p.governor.on = true;
+    p.governor.friction = Real(0.3);
+  };
+  EXPECT_TRUE(validated(governed).ok());
+  EXPECT_TRUE(validated([](auto& p) { p.governor.friction = kNan; }).ok()) << "off: not read";
+  EXPECT_TRUE(validated([&](auto& p) {
+                governed(p);
+                p.governor.friction = kInfinity;
+              }).ok());
+  const auto refused = [&](const std::string& field, int index, std::initializer_list<Real> values,
+                           const std::function<Real&(ControllerParams&)>& place) {
+    for (const Real value : values) {
+      SCOPED_TRACE(::testing::Message() << field << " = " << value);
+      expect_refused(field, index, [&](ControllerParams& p) {
+        governed(p);
+        p.governor.swing[1] = {Real(10), Real(0.2), Real(0.002), Real(0.03), Real(0.015)};
+        place(p) = value;
+      });
+    }
+  };
+  refused("governor.friction", -1, {0, -1, kNan}, [](auto& p) -> Real& { return p.governor.friction; });
+  refused("governor.min_normal_force_n", -1, {-1, kNan, kInfinity},
+          [](auto& p) -> Real& { return p.governor.min_normal_force_n; });
+  refused("governor.swing.natural_radps", 1, {-1, kNan, kInfinity},
+          [](auto& p) -> Real& { return p.governor.swing[1].natural_radps; });
+  refused("governor.swing.damping_ratio", 1, {-1, kNan, kInfinity},
+          [](auto& p) -> Real& { return p.governor.swing[1].damping_ratio; });
+  refused("governor.swing.microstep", 1, {0, -1, kNan, kInfinity},
+          [](auto& p) -> Real& { return p.governor.swing[1].microstep; });
+  refused("governor.swing.full_step", 1, {0, -1, kNan, kInfinity},
+          [](auto& p) -> Real& { return p.governor.swing[1].full_step; });
+  refused("governor.swing.step_error", 1, {-1, kNan, kInfinity},
+          [](auto& p) -> Real& { return p.governor.swing[1].step_error; });
+  // sqrt(r / g) = 1 s: a tick may last less than 50 ms.
+  expect_refused("control_period_s", -1, [&](auto& p) {
+    governed(p);
+    p.control_period_s = 0.06;
+    for (MotorParams& motor : p.motor) motor.max_step_rate_hz = 100;
+  });
+}
+
 TEST(Validate, FirstComplaintIsKept) {
   expect_refused("control_period_s", -1, [](auto& p) {
     p.control_period_s = kNan;

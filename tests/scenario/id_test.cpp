@@ -78,6 +78,7 @@ TEST(ScenarioId, ChangesWithEveryField) {
                                             "envelope.min_normal_force=1.5",
                                             "envelope.friction_use=0.8",
                                             "control.tracking=true",
+                                            "control.governor=true",
                                             "gravity=9.000000000000002"};
   std::map<std::int64_t, std::string> seen = {{accepted(kFull).id, "unchanged"}};
   for (const std::string& change : changes) {
@@ -102,6 +103,14 @@ TEST(ScenarioId, ChangesWithAPlanThatIsTracked) {
   EXPECT_EQ(ids.size(), 6u);
   EXPECT_EQ(with("{" + start + "}", false), accepted(kFull).id) << "not tracked: nothing reads it";
   EXPECT_EQ(accepted(kFull, {"plan={goal=[1, 0]}"}).id, with("{goal=[1, 0]}", true)) << "the default";
+}
+
+TEST(ScenarioId, ChangesWithTheGovernorsFrictionWhereItIsOn) {
+  const auto id = [](const std::string& governor, const std::string& use) {
+    return accepted(kFull, {"control.governor=" + governor, "control.friction_use=" + use}).id;
+  };
+  EXPECT_NE(id("true", "0.9"), id("true", "0.8"));
+  EXPECT_EQ(id("false", "0.9"), accepted(kFull).id) << "off: nothing reads it";
 }
 
 TEST(ScenarioId, ChangesWithTheMassesAndTheirOrder) {

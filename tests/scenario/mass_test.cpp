@@ -205,6 +205,12 @@ motion = [ { duration = 1.0, acceleration = [1.0, -4.0] } ]
   // Where the torque is as good as gone, the motion still decides, and a tenth is left.
   const Motor weak = accepted(text, {"mass.0.motor.holding_torque=8"}).masses[0].motor;
   EXPECT_DOUBLE_EQ(weak.max_step_rate_hz, 1.1 * 1.5 * per_radian);
+  // Ideal masses have to catch up with a motion that the governor has bent.
+  const std::vector<std::string> ideal = {"mass.0.motor.holding_torque=8", "run.actuation=ideal"};
+  EXPECT_DOUBLE_EQ(accepted(text, ideal).masses[0].motor.max_step_rate_hz, 1.1 * 1.5 * per_radian);
+  std::vector<std::string> governed = ideal;
+  governed.emplace_back("control.governor=true");
+  EXPECT_DOUBLE_EQ(accepted(text, governed).masses[0].motor.max_step_rate_hz, 2 * 1.5 * per_radian);
   // Without drag the corner speed of 30 rad/s, if the controller can issue that and the timer time it.
   std::vector<std::string> free = {"mass.0.motor.viscous_damping=0"};
   EXPECT_DOUBLE_EQ(accepted(text, free).masses[0].motor.max_step_rate_hz, 30 * per_radian);

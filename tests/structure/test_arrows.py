@@ -10,7 +10,7 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 ROOMS = [
-    "firmware/model", "firmware/motion", "firmware/estimation", "firmware/tracking", "firmware/safety", "firmware/control",
+    "firmware/model", "firmware/motion", "firmware/estimation", "firmware/tracking", "firmware/safety", "firmware/governor", "firmware/control",
     "hal", "hal/lockstep", "hal/lcm", "hal/target", "hal/mps2",
     "sim/integrators", "sim/motors", "sim/masses", "sim/plant", "sim/sensors", "sim/scenario", "sim/closed_forms",
     "tools/monitor", "tools/stepcheck", "tools/tracking", "tools/program", "tools/sil", "tools/faults", "tools/qemu", "tools/summary",

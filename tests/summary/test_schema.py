@@ -31,6 +31,7 @@ RUNS = [
     (["run", "paper_ball", "--actuation", "ideal", "--set", "run.hold=0.1", "--set", "duration=1"], 0),
     (["run", "paper_ball", "--set", "duration=1", "--set", "believed.ball.mass=1.2"], 0),
     (["run", "desk_ball", "--set", "sensors.preset=bmi088_calibrated", "--set", "run.hold=0.5", "--set", "duration=1"], 0),
+    (["run", "paper_ball", "--set", "control.governor=true", "--set", "duration=1"], 0),
     (["run", "desk_ball", "--set", "sensors.preset=bmi088_calibrated", "--set", "duration=4", "--fault",
       "sensor_bias@3:0.3,sensor=gyro,axis=1"], 3),
     (["run", "END_STOP"], 3),

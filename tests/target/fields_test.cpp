@@ -60,6 +60,9 @@ TEST(TargetFields, OfTheStatus) {
   visit(places, status);
   places.add(status.predicted.angular_acceleration_B_radps2);  // both Unsent
   places.add(status.predicted.friction_force_W_n);
+  places.expect_all_of(status.measured);
+  places.expect_all_of(status.governor);
+  places.expect_all_of(status.halt);
   places.expect_all_of(status);
 }
 
@@ -102,6 +105,8 @@ TEST(TargetFields, OfTheParameters) {
     places.add(params->motion[i]);  // built on the target from its pieces
   }
   places.add(params->tracking.values);  // travel in ReferencePart
+  places.expect_all_of(params->tracking);
+  places.expect_all_of(params->governor);
   places.expect_all_of(*params);
   const auto mass = std::make_unique<MassParams>();
   mass->rail.shape = firmware::RailShape::kSpline;

@@ -208,7 +208,7 @@ TEST(TargetLink, CountsThatLieAreRefused) {
     std::memcpy(lying.data() + count_at, &count, sizeof count);
     EXPECT_FALSE(decodes(lying, out)) << count;
   }
-  for (const int command : {0, 6, 255}) {
+  for (const int command : {0, 7, 255}) {
     auto unknown = good;
     unknown.back() = static_cast<std::uint8_t>(command);
     EXPECT_FALSE(decodes(unknown, out)) << command;

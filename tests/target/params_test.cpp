@@ -150,7 +150,7 @@ std::vector<Change> changes() {
   const Robot robot;
   {
     [[maybe_unused]] const auto& [scenario_id, control_period, timer, friction, sensors, monitor, ball, estimation,
-                                  motor, motion, tracking] = robot.params;
+                                  motor, motion, tracking, governor] = robot.params;
     number(
         "scenario_id", [](Robot & r) -> auto& { return r.params.scenario_id; });
     number(
@@ -163,6 +163,28 @@ std::vector<Change> changes() {
         "sensor_stale_ticks", [](Robot & r) -> auto& { return r.params.sensor_stale_ticks; });
     number(
         "monitor_stale_ticks", [](Robot & r) -> auto& { return r.params.monitor_stale_ticks; });
+  }
+  {
+    [[maybe_unused]] const auto& [on, friction, min_normal_force, swing] = robot.params.governor;
+    [[maybe_unused]] const auto& [natural, damping, microstep, full_step, step_error] = swing[0];
+    number(
+        "governor.on", [](Robot & r) -> auto& { return r.params.governor.on; });
+    number(
+        "governor.friction", [](Robot & r) -> auto& { return r.params.governor.friction; });
+    number(
+        "governor.min_normal_force_n", [](Robot & r) -> auto& { return r.params.governor.min_normal_force_n; });
+    for (std::size_t i : {0, 7}) {
+      using Swing = firmware::MotorSwing;
+      const auto of = [&number, i](const std::string& what, firmware::Real Swing::*member) {
+        number(
+            "governor.swing." + what, [=](Robot & r) -> auto& { return r.params.governor.swing[i].*member; });
+      };
+      of("natural_radps", &Swing::natural_radps);
+      of("damping_ratio", &Swing::damping_ratio);
+      of("microstep", &Swing::microstep);
+      of("full_step", &Swing::full_step);
+      of("step_error", &Swing::step_error);
+    }
   }
   {
     [[maybe_unused]] const auto& [estimated, measures, period, latency, gyro, accelerometer, position, delay, fix,

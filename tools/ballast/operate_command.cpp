@@ -24,8 +24,26 @@ OperatorCommand command_of(const std::string& word) {
   if (word == "arm") return OperatorCommand::kArm;
   if (word == "start") return OperatorCommand::kStart;
   if (word == "stop") return OperatorCommand::kStop;
+  if (word == "halt") return OperatorCommand::kHalt;
   if (word == "reset") return OperatorCommand::kReset;
   return OperatorCommand::kNone;  // status
+}
+
+// Says how far the ball will still roll, once the controller knows, and waits for the end of the halt.
+std::optional<int> follow_halt(sil::BusOperator& end) {
+  const auto over = [](const controller_status_t& s) {
+    return s.mode != controller_status_t::MODE_HALTING && s.mode != controller_status_t::MODE_STOPPING;
+  };
+  if (end.follow([&](const controller_status_t& s) { return s.halt_said != 0 || over(s); }) != hal::Status::kOk) {
+    return bus_trouble(end);
+  }
+  if (end.status().halt_said != 0) {
+    std::cout << fmt::format("halting from tick {}; the ball will still roll {:.4g} m, for {:.4g} s",
+                             end.status().halt_tick, end.status().halt_distance_m, end.status().halt_duration_s)
+              << std::endl;
+  }
+  if (end.follow(over) != hal::Status::kOk) return bus_trouble(end);
+  return std::nullopt;
 }
 
 int operate(const OperateCommand& command) {
@@ -45,6 +63,9 @@ int operate(const OperateCommand& command) {
     const auto stopped = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_STOPPING; };
     if (end.follow(stopped) != hal::Status::kOk) return bus_trouble(end);
   }
+  if (end.status().mode == controller_status_t::MODE_HALTING && sent == OperatorCommand::kHalt) {
+    if (const auto exit_status = follow_halt(end)) return *exit_status;
+  }
   const controller_status_t& status = end.status();
   std::cout << fmt::format("{}, {} {} in tick {}\n", sil::mode_text(status.mode),
                            status.at_rest != 0 ? "at rest at" : "moving, at", positions_text(status), status.tick);
@@ -54,12 +75,13 @@ int operate(const OperateCommand& command) {
 }  // namespace
 
 std::function<int()> add_operate_command(CLI::App& app, CLI::App*& command) {
-  command = app.add_subcommand("operate", "Commands the controller on a bus to arm, start, stop or reset");
+  command = app.add_subcommand("operate", "Commands the controller on a bus to arm, start, stop, halt or reset");
   auto options = std::make_shared<OperateCommand>();
   command
-      ->add_option("COMMAND", options->command, "arm, start (the scenario's motion), stop or reset; status only asks")
+      ->add_option("COMMAND", options->command,
+                   "arm, start (the scenario's motion), stop, halt (the ball) or reset; status only asks")
       ->required()
-      ->check(program::one_of({"status", "arm", "start", "stop", "reset"}));
+      ->check(program::one_of({"status", "arm", "start", "stop", "halt", "reset"}));
   program::add_bus_options(*command, options->bus);
   command->remove_option(command->get_option("--start-timeout"));  // the run has already started
   return [options] { return operate(*options); };

@@ -315,3 +315,19 @@ def read_predicted(folder):
         return None
     need = np.where(np.isfinite(table[:, 5]), table[:, 5], np.nan)
     return Predicted(table[:, 0], table[:, 1:3], table[:, 3], table[:, 4], need)
+
+
+def governed_spans(run):
+    """Spans (start_s, end_s) in which the governor bent the command, and those in which the masses were on the backup.
+    A command is of the tick after its status."""
+    period_s = run.summary.get("control_period")
+    if len(run.status) == 0 or not period_s:
+        return [], []
+    spans = []
+    for column in ("command_bent", "backup_active"):
+        up = np.concatenate([[0], (run.status[column] != 0).astype(int), [0]])
+        starts, ends = np.flatnonzero(np.diff(up) > 0), np.flatnonzero(np.diff(up) < 0)
+        ticks = run.status["tick"]
+        spans.append([(float(ticks[a] + 1) * period_s, float(ticks[b - 1] + 2) * period_s)
+                      for a, b in zip(starts, ends)])
+    return spans[0], spans[1]

@@ -7,13 +7,15 @@ import numpy as np
 from matplotlib import ticker
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Patch
 
 from floor_patches import draw_floor_friction, draw_patches, shade_patches_along
-from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, VERMILLION, blank_page, draw_ringing,
+from page import (BLACK, BLUE, GREEN, GREY, LIGHT_GREY, MASS_COLORS, ORANGE, PURPLE,
+                  VERMILLION, blank_page, draw_ringing,
                   draw_sphere, finish_time_axis, friction_arrows, head, hollow, legend_above, mark_ends, mark_events, mark_extremum,
                   limit_height, mark_regimes_along, mass_name, ringing_legend, rows_along, rows_over_time, space_axes,
                   time_text)
+from known import governed_spans
 from known_pictures import belief, estimate
 from plan_pictures import plan_need, plan_path
 from short_number import short_number
@@ -57,6 +59,18 @@ def static_friction(run):
     return _force_picture(run, run.contact["static_friction_n"], greatest, "maximum", r"$f_\mathrm{s}$ [N]", title)
 
 
+def _mark_governor(axes, run):
+    """Strips along the lower edge where the governor bent the commands. Returns the legend entries."""
+    handles = []
+    for spans, color, name in zip(governed_spans(run), (ORANGE, PURPLE), ("bent by the governor", "on the backup")):
+        for start_s, end_s in spans:
+            axes.axvspan(start_s, end_s, ymax=0.02 if color == ORANGE else 0.012, color=color, linewidth=0, zorder=4)
+        if spans:
+            share = sum(end - start for start, end in spans) / float(run.contact["time_s"][-1])
+            handles.append(Patch(color=color, label=f"{name} {100 * min(share, 1.0):.0f} %"))
+    return handles
+
+
 def friction_required(run):
     figure, (axes,) = blank_page((9, 5))
     time, ratio = run.contact["time_s"], run.friction_required()
@@ -93,11 +107,13 @@ def friction_required(run):
                       label=f"limit {symbol} = {short_number(limit)}, far above")
     events = mark_events([axes], run)
     limit_height(axes, ratio, top)
+    governor = _mark_governor(axes, run)
     axes.set_ylabel(r"$f_\mathrm{s}/N$")
     finish_time_axis(axes, run)
     # While the ball slides, f_s / N is the kinetic coefficient.
     title = "Friction coefficient needed to roll; kinetic where it slides"
-    head(axes, run, title if run.spans("sliding") else "Friction coefficient needed", [marks + [note], *events])
+    head(axes, run, title if run.spans("sliding") else "Friction coefficient needed",
+         [marks + [note], *([governor] if governor else []), *events])
     return figure
 
 

@@ -63,6 +63,15 @@ firmware::EstimationParams to_estimation_params(const sim::Scenario& scenario) {
   const sim::SensorModel& sensors = scenario.sensors;
   const double period_s = scenario.run.control_period_s;
   firmware::EstimationParams estimation;
+  // A tracked plan begins where it was made for, wherever the true ball is set down. The governor certifies the start
+  // from there.
+  const bool planned = scenario.control.tracking && scenario.plan.start;
+  const sim::InitialState& start = planned ? *scenario.plan.start : scenario.initial;
+  if (sensors.present || scenario.control.governor) {
+    estimation.initial_orientation = start.orientation;
+    estimation.initial_angular_velocity_B_radps = start.angular_velocity_B_radps;
+    estimation.initial_position_W_m = start.position_W_m;
+  }
   if (!sensors.present) return estimation;
   estimation.estimated = sensors.attitude_estimated;
   estimation.measures_contact = true;
@@ -78,13 +87,36 @@ firmware::EstimationParams to_estimation_params(const sim::Scenario& scenario) {
   for (std::size_t i = 0; i < sensors.encoder_resolution.size(); ++i) {
     estimation.encoder_resolution[i] = sensors.encoder_resolution[i];
   }
-  // A tracked plan begins where it was made for, wherever the true ball is set down.
-  const bool planned = scenario.control.tracking && scenario.plan.start;
-  const sim::InitialState& start = planned ? *scenario.plan.start : scenario.initial;
-  estimation.initial_orientation = start.orientation;
-  estimation.initial_angular_velocity_B_radps = start.angular_velocity_B_radps;
-  estimation.initial_position_W_m = start.position_W_m;
   return estimation;
+}
+
+// How a stepper moves its mass: physics.md, section 5, with the believed mass.
+firmware::MotorSwing to_motor_swing(const sim::Mass& mass, double believed_mass_kg) {
+  const sim::Motor& motor = mass.motor;
+  const double lever = mass.metres_per_rail_unit();
+  const double inertia = believed_mass_kg * lever * lever + motor.rail_inertia();
+  firmware::MotorSwing swing;
+  swing.natural_radps = std::sqrt(motor.rail_stiffness() / inertia);
+  const double damping = motor.viscous_damping_nms * motor.shaft_ratio * motor.shaft_ratio;
+  swing.damping_ratio = damping / (2 * std::sqrt(motor.rail_stiffness() * inertia));
+  swing.microstep = 1 / motor.microsteps_per_rail_unit();
+  swing.full_step = motor.microsteps * swing.microstep;
+  swing.step_error = motor.step_error;
+  return swing;
+}
+
+firmware::GovernorSettings to_governor_settings(const sim::Scenario& scenario) {
+  firmware::GovernorSettings governor;
+  if (!scenario.control.governor) return governor;
+  governor.on = true;
+  governor.friction =
+      scenario.control.friction_use * scenario.envelope.friction_use * scenario.belief().surface.static_friction;
+  governor.min_normal_force_n = scenario.envelope.min_normal_force_n;
+  if (scenario.run.actuation != sim::Actuation::kStepper) return governor;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    governor.swing[i] = to_motor_swing(scenario.masses[i], scenario.belief().masses[i].mass_kg);
+  }
+  return governor;
 }
 
 }  // namespace
@@ -153,6 +185,7 @@ std::optional<std::string> to_controller_params(const sim::Scenario& scenario, f
       return mass_key(i, "motion") + ": durations must be positive, and all numbers finite";
     }
   }
+  p->governor = to_governor_settings(scenario);
   if (scenario.control.tracking) {
     if (const auto why = plan::set_reference(scenario, p->ball, p->tracking)) {
       return "control.tracking = true: there is no reference to track: " + *why;

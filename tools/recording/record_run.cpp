@@ -123,7 +123,9 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
     return fail(text);
   }
   if (result.refusal) {
-    complain("the controller refuses the move: " + refusal_text(*result.refusal, &*options.move));
+    const bool moves = options.move.has_value();
+    complain(fmt::format("the controller refuses the {}: {}", moves ? "move" : "start",
+                         refusal_text(*result.refusal, moves ? &*options.move : nullptr)));
     return program::kExitUsage;
   }
   Again again;

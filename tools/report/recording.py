@@ -286,6 +286,12 @@ class Recording:
         commanded[rows[at_start]] = status["commanded_position"][rows_status[at_start], :self.mass_count]
         if not np.isfinite(commanded).any():
             return
+        if (status["governed"] != 0).any():
+            # How far the governor went: 0 not at all, 1 it bent the command, 2 the masses were on the backup.
+            levels = np.where(status["backup_active"] != 0, 2.0, (status["command_bent"] != 0).astype(float))
+            governor = np.full(len(state), np.nan)
+            governor[rows[at_start]] = levels[rows_status[at_start]]
+            columns["governor"] = governor
         _add(columns, "commanded", commanded)
         _add(columns, "deviation", np.asarray(state["mass_position"][:, :self.mass_count]) - commanded)
 

@@ -10,8 +10,8 @@ std::optional<operator_t> Countdown::command(std::int64_t tick) const {
   return hal::to_message(input, tick, tick + kTicks + 1, period_s_);
 }
 
-bool Countdown::refuses_move(const Lap& lap) const {
-  if (lap.tick() != -1 || !options_.move || !lap.answer) return false;
+bool Countdown::refuses(const Lap& lap) const {
+  if (lap.tick() != -1 || arms(lap.tick()) || !lap.answer) return false;
   const controller_status_t& status = lap.answer->status;
   const bool tripped = lap.verdict && lap.verdict->tripped != 0;
   return status.refusal != controller_status_t::REFUSAL_NONE && !tripped && status.faults == 0;

@@ -21,8 +21,8 @@ class Countdown {
 
   // The run's command in this tick. None before the countdown and after it; by hand only arm.
   [[nodiscard]] std::optional<operator_t> command(std::int64_t tick) const;
-  // Whether the controller has refused the move in this lap.
-  [[nodiscard]] bool refuses_move(const Lap& lap) const;
+  // Whether the controller has refused the move or the start in this lap.
+  [[nodiscard]] bool refuses(const Lap& lap) const;
   // Whether the controller has ignored the command of this lap. A trip or a fault excuses it.
   [[nodiscard]] bool ignores_command(const Lap& lap) const;
   // The reason, for a command that was ignored in this lap.

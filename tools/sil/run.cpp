@@ -103,6 +103,7 @@ class Run {
   std::optional<sim::Body> believed_;  // of the controller, where it is not the truth
   std::optional<BeliefWatch> belief_watch_;
   std::optional<TrackingWatch> tracking_watch_;
+  std::optional<GovernorWatch> governor_watch_;
   std::optional<EstimateWatch> estimate_watch_;
   std::optional<sim::Sensors> sensors_;  // none: ideal ones
   Pace pace_;
@@ -148,6 +149,7 @@ Run::Run(const sim::Scenario& scenario, Peer& peers, LapSink& sink, const RunOpt
   if (scenario.plan.present) {
     if (auto path = plan::planned_path(scenario)) tracking_watch_.emplace(std::move(*path));
   }
+  if (scenario.control.governor && has_controller_) governor_watch_.emplace(scenario);
   if (scenario.sensors.attitude_estimated && has_controller_) estimate_watch_.emplace(scenario);
   if (options.move) result_.move_end = MoveEnd{*options.move};
   if (options.check_steps && has_controller_) step_check_.emplace(scenario);
@@ -285,6 +287,7 @@ bool Run::judge_answer() {
   if (estimate_watch_ && tick_ >= 0 && status.tick == tick_) {
     estimate_watch_->observe(lap_.plant.contact, lap_.plant.state, status, sensors_->gyro_bias_B_radps());
   }
+  if (governor_watch_ && status.tick == tick_) governor_watch_->observe(status);
   plans_.observe(lap_.plant.contact, status);
   if (!ideal_masses_) observe_motor_share();
   if (status.operator_commands < operator_commands_) {
@@ -306,7 +309,7 @@ void Run::observe_motor_share() {
 
 bool Run::judge_countdown() {
   if (tick_ >= 0 || !has_controller_) return true;
-  if (countdown_.refuses_move(lap_)) {
+  if (countdown_.refuses(lap_)) {
     result_.refusal = lap_.answer->status;
     return false;
   }
@@ -444,6 +447,7 @@ RunResult Run::finish() {
   result_.missing_commands = feed_.missing_commands();
   if (belief_watch_) result_.belief = belief_watch_->result();
   if (tracking_watch_) result_.tracking = tracking_watch_->record();
+  if (governor_watch_) result_.governor = governor_watch_->record();
   if (estimate_watch_) result_.estimate = estimate_watch_->result();
   if (step_check_) result_.step_timing = step_check_->record();
   copy_motors();

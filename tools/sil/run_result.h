@@ -10,6 +10,7 @@
 #include "firmware/control/inputs.h"
 #include "firmware/control/status.h"
 #include "sim/plant/plant.h"
+#include "tools/sil/governor_watch.h"
 #include "tools/sil/motor_share.h"
 #include "tools/sil/peer.h"
 #include "tools/sil/step_timing.h"
@@ -100,6 +101,7 @@ struct RunResult {
   MotorShare motor_share;
   std::optional<BeliefPrediction> belief;  // where the scenario has one
   std::optional<TrackingRecord> tracking;  // where the scenario has a plan that rolls
+  std::optional<GovernorRecord> governor;  // where the controller is governed
   std::optional<EstimateErrors> estimate;  // where the controller has estimated its attitude
   std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
   trip_t trip{};                               // the last verdict
@@ -115,7 +117,7 @@ struct RunResult {
   std::int64_t log_bytes = 0;                   // length of the log
   std::int64_t missing_commands = 0;            // ticks for which no step command reached the motors
   RefusedMessages refused;                      // came over the bus and were not used
-  std::optional<controller_status_t> refusal;   // the status that refuses the move; nothing ran
+  std::optional<controller_status_t> refusal;   // the status that refuses the move or start; nothing ran
   std::int64_t ticks = 0;                       // control periods simulated
   double wall_time_s = 0;
   double asked_speed = 0;  // RunOptions::speed

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <numbers>
 
+#include "firmware/governor/governor.h"
 #include "firmware/safety/fault.h"
 #include "hal/lcm/channels.h"
 #include "hal/lcm/encode.h"
@@ -74,6 +75,11 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "Ticks count up by one, every message belongs to its tick, and pulses, positions and counts of the steps agree."},
     {"patient", "No run has more ticks than its duration, and none exceeds the limit of wall-clock time."},
     {"repeatable", "The same seed gives the same log, byte for byte (checked for one seed in 32)."},
+    {"governed",
+     "While the governor commands ideal masses of a rolling ball, on a floor and under forces that it is told of, with "
+     "ideal sensors and before any fault, the true ball keeps f_s <= friction_use mu_s N of envelope and control, and "
+     "a "
+     "stop is certified: for ever, or up to a tick that is still to come."},
 };
 
 // Parts of N by which real and commanded forces may differ where slip is told truly, and where a light ball is.
@@ -177,6 +183,7 @@ void Invariants::observe(const sil::Lap& lap, const Sample& truth) {
     check_modes(lap);
     check_stop(lap, truth);
     check_controllers_alarm(lap);
+    check_governed(lap, truth);
     has_status_ = true;
     status_ = lap.answer->status;
   }
@@ -390,6 +397,32 @@ void Invariants::check_envelope(const sil::Lap& lap, const Sample& truth) {
              truth.normal_force_n, least_n, friction_n, truth.mu_required_max, scenario_.envelope.min_normal_force_n,
              mu_allowed));
   }
+}
+
+// The status of the tick before says what is certified from this tick on.
+void Invariants::check_governed(const sil::Lap& lap, const Sample& truth) {
+  if (!has_status_ || status_.governed == 0 || lap.answer->status.governed == 0) return;
+  const bool untold = !scenario_.force_table.times_s.empty() || scenario_.drag.coefficient_kgpm > 0 ||
+                      !scenario_.surface.patches.empty() || scenario_.believed.has_value();
+  const bool exact = scenario_.run.actuation == sim::Actuation::kIdeal && !scenario_.sensors.present && !untold;
+  if (!exact || has_slid_ || disturbed_) return;
+  const controller_status_t& status = lap.answer->status;
+  const bool certified = status.backup_margin >= 0 &&
+                         (status.backup_until_tick == firmware::kForEverTick || status.backup_until_tick > status.tick);
+  if (!certified) {
+    fail(Invariant::kGoverned, tick_,
+         fmt::format("no stop is certified: margin {:g}, up to tick {}", status.backup_margin,
+                     status.backup_until_tick));
+  }
+  const double allowed =
+      scenario_.control.friction_use * scenario_.envelope.friction_use * scenario_.surface.static_friction;
+  if (std::isinf(allowed)) return;
+  // The greatest of the first tick is also that of the masses at rest, as they are before it.
+  const double now = truth.friction_force_W_n.norm() / truth.normal_force_n;
+  const double most = tick_ == 0 ? now : std::max(now, truth.mu_required_max);
+  if (most <= allowed) return;
+  fail(Invariant::kGoverned, tick_,
+       fmt::format("the governed ball needs f_s/N = {:.12g}; allowed: {:.12g}", most, allowed));
 }
 
 // Whether an injected fault, or the ball itself, is a reason for this cause now.

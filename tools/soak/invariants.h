@@ -35,8 +35,9 @@ enum class Invariant {
   kInOrder,
   kPatient,
   kRepeatable,
+  kGoverned,
 };
-inline constexpr int kInvariantCount = 15;
+inline constexpr int kInvariantCount = 16;
 
 struct InvariantText {
   const char* name;
@@ -85,6 +86,7 @@ class Invariants {
   void check_switches(const sil::Lap& lap, const Sample& truth);
   void check_finite(const sil::Lap& lap);
   void check_envelope(const sil::Lap& lap, const Sample& truth);
+  void check_governed(const sil::Lap& lap, const Sample& truth);
   void check_monitors_alarm(const Sample& truth);
   void check_controllers_alarm(const sil::Lap& lap);
   void check_obeyed(const sil::Lap& lap);

@@ -6,7 +6,9 @@ namespace {
 
 using Status = controller_status_t;
 
-bool moves(std::int8_t mode) { return mode == Status::MODE_RUNNING || mode == Status::MODE_MOVING; }
+bool moves(std::int8_t mode) {
+  return mode == Status::MODE_RUNNING || mode == Status::MODE_MOVING || mode == Status::MODE_HALTING;
+}
 
 // A stop, and the end of a stop in the same tick if the masses rest already.
 bool may_stop(const ModeStep& step, bool stop) {
@@ -31,6 +33,10 @@ bool follows(const ModeStep& step) {
     case Status::MODE_PENDING:
       return now == Status::MODE_ARMED || now == Status::MODE_MOVING;
     case Status::MODE_RUNNING:
+      return may_stop(step, told(operator_t::COMMAND_STOP)) ||
+             (now == Status::MODE_HALTING && step.before.governed != 0 && told(operator_t::COMMAND_HALT));
+    case Status::MODE_HALTING:  // once the ball rests the masses are stopped
+      return may_stop(step, true);
     case Status::MODE_MOVING:
       return may_stop(step, told(operator_t::COMMAND_STOP));
     case Status::MODE_STOPPING:

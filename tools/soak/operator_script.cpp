@@ -27,6 +27,8 @@ const char* name_of(OperatorCommand command) {
       return "reset";
     case OperatorCommand::kMove:
       return "move";
+    case OperatorCommand::kHalt:
+      return "halt";
     case OperatorCommand::kNone:
       break;
   }
@@ -113,11 +115,15 @@ class OperatedPeers final : public sil::Peer {
 
 OperatorScript random_script(const sim::Scenario& scenario, Random& random) {
   OperatorScript script;
+  const int ticks = std::max(2, static_cast<int>(scenario.duration_s / scenario.run.control_period_s));
+  const auto give = [&](int tick, const OperatorInput& input) { script.commands.push_back({tick, input}); };
+  // Ideal masses are governed, and a halt is the only command that the governor goes on through.
+  if (scenario.run.actuation == sim::Actuation::kIdeal && random.chance(0.5)) {
+    give(random.integer(0, ticks - 1), OperatorCommand::kHalt);
+  }
   if (scenario.run.actuation != sim::Actuation::kStepper) return script;
   if (random.chance(0.7)) script.resets_every = random.integer(0, 12);
   if (random.chance(1.0 / 3)) return script;
-  const int ticks = std::max(2, static_cast<int>(scenario.duration_s / scenario.run.control_period_s));
-  const auto give = [&](int tick, const OperatorInput& input) { script.commands.push_back({tick, input}); };
   if (random.chance(0.5)) {
     const int stop = random.integer(0, ticks - 1);
     give(stop, OperatorCommand::kStop);

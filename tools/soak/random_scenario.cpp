@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "firmware/control/controller.h"
 #include "sim/scenario/reader.h"
 #include "tools/program/params.h"
 #include "tools/soak/random.h"
@@ -22,7 +23,7 @@ constexpr int kMostDrawn = 50;
 // Random numbers of their own, so that a change of these parts leaves every seed its robot and its faults.
 constexpr std::uint64_t kOfTolerance = 0x746f6c6572616e63, kOfAimedFaults = 0x61696d6564206661,
                         kOfEnds = 0x656e6473206f6620, kOfPatches = 0x7061746368657320, kOfFloor = 0x666c6f6f72206f66,
-                        kOfSensors = 0x73656e736f727320;
+                        kOfSensors = 0x73656e736f727320, kOfControl = 0x636f6e74726f6c20;
 
 std::string text(double value) { return sim::number_text(value); }
 
@@ -45,6 +46,7 @@ class Draw {
     of_patches_ = Random(seed ^ kOfPatches);
     of_floor_ = Random(seed ^ kOfFloor);
     of_sensors_ = Random(seed ^ kOfSensors);
+    of_control_ = Random(seed ^ kOfControl);
     hand_size_ = random_.chance(0.6);
     radius_ = hand_size_ ? random_.log_uniform(0.06, 0.3) : random_.uniform(0.5, 1.5);
     gravity_ = hand_size_ ? 9.81 : random_.uniform(1, 10);
@@ -53,6 +55,8 @@ class Draw {
     duration_ = calm_ ? random_.uniform(0.6, 1) : random_.uniform(0.2, 2);
     period_ = calm_ ? random_.log_uniform(0.001, 0.004) : std::min(random_.log_uniform(0.0005, 0.02), duration_ / 10);
     stepper_ = calm_ || random_.chance(0.92);
+
+    const std::string governed = calm_ || !stepper_ ? "" : control();
 
     std::string out = line("name", "\"soak_" + std::to_string(seed) + "\"");
     out += line("duration", duration_) + line("gravity", gravity_);
@@ -68,17 +72,25 @@ class Draw {
     const int mass_count =
         calm_ || random_.chance(0.85) ? random_.integer(1, 3) : random_.integer(0, firmware::kMaxMasses);
     for (int i = 0; i < mass_count; ++i) out += mass();
-    out += "\n[run]\n" + line("actuation", stepper_ ? "\"stepper\"" : "\"prescribed\"");
+    out += "\n[run]\n" + line("actuation", ideal_ ? "\"ideal\"" : stepper_ ? "\"stepper\"" : "\"prescribed\"");
     out += line("control_period", period_);
     out += line("timer_frequency", random_.one_of({1e6, 1e7, 1e7, 84e6}));
     // Some seconds of hold would be most of the run. An estimate needs a sample in it, which may be ten periods late.
     if (!sensed.empty()) out += line("hold", period_ * of_sensors_.integer(estimates_ ? 20 : 0, 200));
     out += line("on_violation", calm_ || random_.chance(0.6) ? "\"continue\"" : "\"stop\"");
     if (!calm_) out += tolerance(seed) + envelope();
-    return out;
+    return out + governed;
   }
 
  private:
+  // One controlled robot in five is governed, and half of these have ideal masses.
+  std::string control() {
+    constexpr double kMostPeriod = 0.04;  // of sqrt(r / g): the governor refuses 0.05
+    if (!of_control_.chance(0.2) || period_ * pendulum_rate_ > kMostPeriod) return "";
+    ideal_ = of_control_.chance(0.5);
+    return "\n[control]\ngovernor = true\n" + line("friction_use", of_control_.log_uniform(0.1, 1));
+  }
+
   std::string external_force() {
     const double weight = shell_mass_ * gravity_;
     if (random_.chance(0.7)) return "";
@@ -360,9 +372,9 @@ class Draw {
   }
 
   Random& random_;
-  Random of_ends_{0}, of_patches_{0}, of_floor_{0}, of_sensors_{0};
+  Random of_ends_{0}, of_patches_{0}, of_floor_{0}, of_sensors_{0}, of_control_{0};
   bool calm_;
-  bool hand_size_ = true, stepper_ = true, floor_slides_ = true, estimates_ = false;
+  bool ideal_ = false, hand_size_ = true, stepper_ = true, floor_slides_ = true, estimates_ = false;
   double radius_ = 0, gravity_ = 0, shell_mass_ = 0, pendulum_rate_ = 0, duration_ = 0, period_ = 0;
 };
 
@@ -371,7 +383,11 @@ std::string refusal(const sim::ScenarioResult& read) {
   if (!read.ok()) return to_string(read.errors.front());
   if (read.scenario.run.actuation == sim::Actuation::kPrescribed) return "";
   auto params = std::make_unique<firmware::ControllerParams>();
-  return program::to_controller_params(read.scenario, *params).value_or("");
+  if (auto trouble = program::to_controller_params(read.scenario, *params)) return *trouble;
+  if (!params->governor.on) return "";
+  auto state = std::make_unique<firmware::ControllerState>();
+  firmware::reset(*params, *state);
+  return state->governing.start.stage == firmware::StartStage::kCertified ? "" : "no stop of its start is certified";
 }
 
 template <class AddFaults>

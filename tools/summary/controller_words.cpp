@@ -55,6 +55,8 @@ std::string mode_text(std::int8_t mode) {
       return "moving";
     case controller_status_t::MODE_PENDING:
       return "about to move";
+    case controller_status_t::MODE_HALTING:
+      return "halting";
     default:
       return "mode " + std::to_string(mode);
   }
@@ -93,6 +95,19 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
       return "a fault came before it began";
     case controller_status_t::REFUSAL_NO_ESTIMATE:
       return "it has no estimate of its attitude yet: no sample of the IMU has come that it could use";
+    case controller_status_t::REFUSAL_NO_BACKUP:
+      return fmt::format(
+          "no stop can be certified: {} s after it began, the ball would need {} times the friction that "
+          "the governor may use",
+          short_number(status.refusal_time_s), short_number(status.refusal_value));
+    case controller_status_t::REFUSAL_LIFTS_OFF:
+      return fmt::format("no stop can be certified: {} s after it began, N would fall to {} N",
+                         short_number(status.refusal_time_s), short_number(status.refusal_value));
+    case controller_status_t::REFUSAL_NOT_CERTIFIED:
+      return "no stop is certified yet: the ball still rolls, or the search is under way";
+    case controller_status_t::REFUSAL_NO_REST:
+      return fmt::format("no rest was found within {} s: the ball would still roll with {} m/s",
+                         short_number(status.refusal_time_s), short_number(status.refusal_value));
     default:
       break;
   }

@@ -319,6 +319,17 @@ Json tracking_json(const RunResult& result) {
           {"path_length", t.path_length_m}};
 }
 
+// null where the controller is not governed.
+Json governor_json(const RunResult& result) {
+  if (!result.governor) return nullptr;
+  const GovernorRecord& g = *result.governor;
+  return {{"bent", g.share(g.bent_ticks)},
+          {"largest_bend", g.largest_bend},
+          {"backup", g.share(g.backup_ticks)},
+          {"motor_allowance", g.motor_allowance},
+          {"least_margin", g.least_margin}};
+}
+
 }  // namespace
 
 Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
@@ -357,6 +368,7 @@ Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
                  {"distance", result.distance_m},
                  {"speed", f.velocity_W_mps.norm()}};
   j["tracking"] = tracking_json(result);
+  j["governor"] = governor_json(result);
   j["coast"] = coast_json(scenario, result);
   j["regimes"] = regimes_json(result);
   j["impacts"] = impacts_json(result);

@@ -124,6 +124,24 @@ std::string tracking_line(const sim::Scenario& scenario, const RunResult& result
                      tracked ? "on" : "off", mm(t.rms_m), mm(t.max_m), mm(t.final_m), short_number(t.path_length_m));
 }
 
+// What the governor did, in a sentence.
+std::string governor_line(const RunResult& result) {
+  if (!result.governor) return "";
+  const GovernorRecord& g = *result.governor;
+  if (g.bent_ticks == 0) {
+    return fmt::format("  governor    on: bent no command; a stop was certified at all times, with a margin of {}\n",
+                       short_number(g.least_margin));
+  }
+  double most = 0;
+  for (const double bend : g.largest_bend) most = std::max(most, bend);
+  return fmt::format(
+      "  governor    on: bent the commands of {} % of the ticks, {} % on the backup, by up to {} rail units; kept {} "
+      "of "
+      "N for the motors\n",
+      short_number(100 * g.share(g.bent_ticks)), short_number(100 * g.share(g.backup_ticks)), short_number(most),
+      short_number(g.motor_allowance));
+}
+
 std::string fault_lines(const sim::Scenario& scenario, const RunResult& result) {
   std::string text;
   for (const sim::Fault& fault : scenario.faults) {
@@ -432,6 +450,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   text += travel_line(scenario, result);
   text += goal_line(scenario, result);
   text += tracking_line(scenario, result);
+  text += governor_line(result);
   text += coast_line(scenario, result);
   text += fault_lines(scenario, result);
   text += regime_lines(result);

@@ -324,6 +324,14 @@ export function makePanels(runs) {
     ...measuredPanels(runs),
     ...estimatePanels(runs),
     {
+      id: "governor",
+      title: "Governor: 1 bent the command, 2 on the backup",
+      unit: "",
+      limits: [{value: 0, text: ""}],
+      top: 2.2,
+      lines: single(runs, "governor", "governor", "needed")
+    },
+    {
       id: "believed_off",
       title: "Place: real − believed",
       unit: "m",

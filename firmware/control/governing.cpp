@@ -1,0 +1,412 @@
+// The governor's part of a control tick: it bends the wished accelerations, and certifies a start.
+#include <cmath>
+#include <limits>
+
+#include "firmware/control/parts.h"
+#include "firmware/motion/motion_limits.h"
+#include "firmware/motion/rail_ends.h"
+#include "firmware/motion/tick_motion.h"
+
+namespace ballast::firmware {
+
+namespace {
+
+// The estimate is inside of its band by so many sigmas.
+constexpr Real kSigmas = 3;
+// A candidate that goes to the end of the motion has at most so many steps up to there.
+constexpr Wide kMostStartSteps = 4000;
+// Work of a search while the masses hold, in steps of a held ball.
+constexpr int kWorkHolding = 3 * kMovingStepWork;
+// The certificate in force is for another ball where the rates are off by this much of sqrt(g / r) from those that it
+// predicts: the part of the friction that it keeps in reserve is used up by about that.
+constexpr Real kTrustedRate = Real(0.01);
+// A start is certified for an attitude within this angle, too.
+constexpr Real kSameAttitude_rad = Real(0.01);
+
+Real unit_s(const BallParams& ball) {
+  return ball.gravity_mps2 > 0 ? std::sqrt(ball.radius_m / ball.gravity_mps2) : Real(1);
+}
+
+// Ticks after the start at which the motion rests; 0: it does not.
+std::int64_t ticks_to_rest(const ControllerParams& params, const ControllerState& state) {
+  Wide end_s = 0;
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    const Profile& profile = params.motion[at(i)];
+    const Wide drift = state.started ? profile.at(0).velocity : 0;
+    if (profile.final_velocity() != drift) return 0;
+    end_s = std::fmax(end_s, profile.end_s());
+  }
+  if (!(end_s / Wide{state.governing.params.step_s} <= kMostStartSteps)) return 0;
+  return static_cast<std::int64_t>(end_s / params.control_period_s) + 1;
+}
+
+// Begins the next attempt: to the motion's end first, then shorter and shorter. Time 0 is that of the start.
+void begin_attempt(const ControllerParams& params, ControllerState& state) {
+  GoverningState& g = state.governing;
+  begin_start(g.params, g.start.robot, 0, 0, ticks_to_rest(params, state), g.start.attempt, g.governor);
+}
+
+// The accelerations with which a motion begins out of the hold: any jump is followed, if the cone keeps it.
+Projection beginning(const BallParams& ball, const GovernorParams& governor, const RobotState& robot,
+                     const PerMass<Real>& wish) {
+  PerMass<Real> unit{};
+  for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = governor.mass[i].max_acceleration;
+  const AffineForces forces = forces_at(ball, robot);
+  const int n = ball.mass_count;
+  Cone cone = cone_of(governor, forces, robot, n);
+  if (!std::isinf(governor.friction)) {
+    cone.slack_n += governor.moving_reserve * governor.friction * std::fabs(forces.force_W_n[2]);
+  }
+  return project(forces, n, cone, box_of(governor, robot, n, governor.step_s, 0), unit, wish);
+}
+
+void begin_search(const ControllerParams& params, const RobotState& robot, ControllerState& state) {
+  StartSearch& start = state.governing.start;
+  set_origin(state);
+  start.stage = StartStage::kSearching;
+  start.robot = robot;
+  // The first start begins with the motion's own jump.
+  const bool feeds = params.tracking.samples > 0;
+  state.governing.params.jumps = state.started || !feeds;
+  if (!state.started && !feeds) {
+    start.robot.mass_acceleration =
+        beginning(params.ball, state.governing.params, robot, wish_at(params, state, 0, false, robot)).u;
+  }
+  start.attempt = ticks_to_rest(params, state) > 0 ? kStartStretches : kStartStretches - 1;
+  begin_attempt(params, state);
+}
+
+void advance_search(const ControllerParams& params, int work, ControllerState& state) {
+  GoverningState& g = state.governing;
+  if (g.start.stage != StartStage::kSearching) return;
+  const bool feeds = params.tracking.samples > 0 && !state.started;
+  Rollout& candidate = g.governor.candidate;
+  const auto law = [&](Wide time_s, const RobotState& then) { return wish_at(params, state, time_s, feeds, then); };
+  candidate.advance(params.ball, g.params, law, g.governor.bends, work);
+  if (candidate.end() == RolloutEnd::kUnderWay) return;
+  if (candidate.end() != RolloutEnd::kBroken) {
+    g.start.stage = StartStage::kCertified;
+    return;
+  }
+  // What is said is of the shortest stretch, which is tried last.
+  g.start.breach = candidate.breach();
+  g.start.breach_s = candidate.time_s();
+  if (g.start.attempt == 0) {
+    g.start.stage = StartStage::kRefused;
+    return;
+  }
+  --g.start.attempt;
+  begin_attempt(params, state);
+}
+
+bool same_ball(const ControllerParams& params, const RobotState& a, const BallMotion& b) {
+  const Quaternion &p = a.orientation, &q = b.orientation;
+  const Real cosine = std::fabs(p.w() * q.w() + p.x() * q.x() + p.y() * q.y() + p.z() * q.z());
+  const Vector3 off = a.angular_velocity_B_radps - b.angular_velocity_B_radps;
+  const Real rate = kTrustedRate / unit_s(params.ball);
+  return cosine >= 1 - kSameAttitude_rad * kSameAttitude_rad / 8 && off.dot(off) <= rate * rate;
+}
+
+void put_masses(const PerMass<ProfilePoint>& from, int count, RobotState& robot) {
+  for (int i = 0; i < count; ++i) {
+    robot.mass_position[at(i)] = static_cast<Real>(from[at(i)].position);
+    robot.mass_velocity[at(i)] = static_cast<Real>(from[at(i)].velocity);
+    robot.mass_acceleration[at(i)] = static_cast<Real>(from[at(i)].acceleration);
+  }
+}
+
+// The robot at the start of the tick `next`: the ball as it is known now, and the masses' commands of this tick.
+RobotState next_robot(const ControllerParams& params, const ControllerState& state, const BallMotion& motion,
+                      const Vector2& place_W_m, bool held, const PerMass<ProfilePoint>& from) {
+  const int n = params.ball.mass_count;
+  RobotState robot;
+  robot.orientation = motion.orientation;
+  robot.angular_velocity_B_radps = motion.angular_velocity_B_radps;
+  robot.position_W_m = place_W_m;
+  if (!held) {
+    robot.mass_position = state.now.position;
+    robot.mass_velocity = state.now.velocity;
+    PerMass<Real> end{};
+    for (int i = 0; i < n; ++i) end[at(i)] = static_cast<Real>(from[at(i)].acceleration);
+    robot = after_ramp(params.ball, robot, state.now.acceleration, end, static_cast<Real>(params.control_period_s));
+  }
+  put_masses(from, n, robot);
+  robot.swing_acceleration = state.governing.swing_acceleration;
+  robot.swing_jerk = state.governing.swing_jerk;
+  return robot;
+}
+
+// Carries on what the masses' swing follows the commands of a tick with.
+void swing_on(const ControllerParams& params, const PerMass<ProfilePoint>& from, const PerMass<Wide>& end,
+              GoverningState& g) {
+  const auto h = static_cast<Real>(params.control_period_s);
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    if (!swings(g.params, at(i))) continue;
+    const Real mean = static_cast<Real>((from[at(i)].acceleration + end[at(i)]) / 2);
+    Real& acceleration = g.swing_acceleration[at(i)];
+    Real& jerk = g.swing_jerk[at(i)];
+    jerk += h * swing_rate(g.params.mass[at(i)].swing, mean, acceleration, jerk);
+    acceleration += h * jerk;
+  }
+}
+
+// Lets the next certificate replace the one in force where the ball leaves the path that it was made for. The sum of
+// the differences of one tick is the whole one, but for what it does to the dynamics.
+void watch_path(const ControllerParams& params, const RobotState& robot, GoverningState& g) {
+  if (g.certificate_tick != g.governor.certificate.switch_tick) {
+    g.certificate_tick = g.governor.certificate.switch_tick;
+    g.off_path_B_radps = Vector3::Zero();
+  } else if (g.expects) {
+    g.off_path_B_radps += robot.angular_velocity_B_radps - g.expected_B_radps;
+  }
+  const Real rate = kTrustedRate / unit_s(params.ball);
+  if (g.off_path_B_radps.dot(g.off_path_B_radps) <= rate * rate) return;
+  distrust(g.governor);
+  g.off_path_B_radps = Vector3::Zero();
+}
+
+// The halt is rolled forward for so many times sqrt(r / g) at most.
+constexpr Real kLongestHalt = 30;
+
+// Rolls the halt of the candidate that has begun in this tick forward, or continues.
+template <class Law>
+void predict_halt(const ControllerParams& params, const RobotState& robot, std::int64_t tick, const Law& law,
+                  GoverningState& g) {
+  HaltState& halt = g.halt;
+  const Rollout& candidate = g.governor.candidate;
+  if (g.governor.changing && candidate.start_tick() == tick) {
+    halt.predicts = true;
+    halt.predicted_tick = candidate.schedule().from;
+    halt.rollout_tick = tick;
+    halt.rollout.begin(g.params, robot, tick, candidate.schedule(), Wide{kLongestHalt * unit_s(params.ball)});
+  }
+  if (halt.predicts && !halt.rollout.result().complete) {
+    halt.rollout.advance(params.ball, g.params, law, g.governor.bends, g.params.work_per_tick);
+  }
+}
+
+// What estimate and belief may be off, as the next tick's cone takes it.
+void weigh_errors(const ControllerParams& params, const ControllerState& state, const RobotState& robot,
+                  const PerMass<Real>& u, GoverningState& g) {
+  if (!params.estimation.estimated || std::isinf(g.params.friction)) return;
+  StateErrors errors;
+  errors.tilt_rad = kSigmas * state.estimate.tilt_sigma_rad;
+  errors.omega_radps = kSigmas * (params.estimation.gyro.noise + state.estimate.gyro_bias_sigma_radps);
+  g.sensitivity.advance(params.ball, g.params.friction, robot, u, errors);
+  g.params.uncertain = g.sensitivity.share(params.ball.mass_count);
+}
+
+}  // namespace
+
+GovernorParams governor_params(const ControllerParams& params) {
+  GovernorParams out;
+  out.friction = params.governor.friction;
+  out.min_normal_force_n = params.governor.min_normal_force_n;
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    MassLimits& mass = out.mass[at(i)];
+    const RailEnds ends = rail_ends(params.ball, i);
+    const MotorParams& motor = params.motor[at(i)];
+    mass.max_velocity = static_cast<Real>(motion_limits(params, i).max_velocity);
+    mass.max_acceleration = static_cast<Real>(motor.max_acceleration);
+    mass.max_jerk = static_cast<Real>(motor.max_jerk);
+    mass.lower_end = static_cast<Real>(ends.lower + motor.swing);
+    mass.upper_end = static_cast<Real>(ends.upper - motor.swing);
+    mass.swing = params.governor.swing[at(i)];
+  }
+  set_times(params.ball, params.control_period_s, out);
+  return out;
+}
+
+void reset_governing(const ControllerParams& params, ControllerState& state) {
+  GoverningState& g = state.governing;
+  g.report = {};
+  g.governs = false;
+  g.halt.asked = g.halt.begun = g.halt.predicts = false;
+  g.halt.slow_ticks = 0;
+  g.start.stage = StartStage::kNone;
+  if (!params.governor.on) return;
+  g.params = governor_params(params);
+  // The first start is certified at once, for the robot as it is told to be set down.
+  RobotState robot;
+  robot.orientation = params.estimation.initial_orientation;
+  robot.angular_velocity_B_radps = params.estimation.initial_angular_velocity_B_radps;
+  robot.position_W_m = params.estimation.initial_position_W_m;
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    robot.mass_position[at(i)] = static_cast<Real>(params.motion[at(i)].at(0).position);
+    robot.mass_velocity[at(i)] = static_cast<Real>(params.motion[at(i)].at(0).velocity);
+  }
+  begin_search(params, robot, state);
+  // Every call does a step, and an attempt has at most these.
+  const Wide most = kMostStartSteps + g.params.horizon_s / Wide{g.params.step_s} + 1000;
+  for (Wide steps = 0; steps < most * (kStartStretches + 1) && g.start.stage == StartStage::kSearching; ++steps) {
+    advance_search(params, 1, state);
+  }
+}
+
+void watch_start(const ControllerParams& params, const Inputs& inputs, ControllerState& state) {
+  if (!params.governor.on || !state.started || state.mode != Mode::kArmed) return;
+  const BallMotion motion = ball_motion(params, state, inputs.sensors);
+  StartSearch& start = state.governing.start;
+  if (!motion.known) {
+    start.stage = StartStage::kNone;
+    return;
+  }
+  if (start.stage != StartStage::kNone && start.stage != StartStage::kUsed && same_ball(params, start.robot, motion)) {
+    return;
+  }
+  RobotState robot;
+  robot.orientation = motion.orientation;
+  robot.angular_velocity_B_radps = motion.angular_velocity_B_radps;
+  robot.position_W_m = state.estimate.position_W_m;
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    robot.mass_position[at(i)] = static_cast<Real>(state.hold_position[at(i)]);
+  }
+  begin_search(params, robot, state);
+}
+
+void search_start(const ControllerParams& params, ControllerState& state) {
+  if (params.governor.on && state.mode == Mode::kArmed) advance_search(params, kWorkHolding, state);
+}
+
+RefusalReport judge_start(const ControllerParams& params, const ControllerState& state) {
+  if (!params.governor.on) return {};
+  const StartSearch& start = state.governing.start;
+  switch (start.stage) {
+    case StartStage::kCertified:
+      return {};
+    case StartStage::kRefused:
+      if (start.breach.normal_force_n < params.governor.min_normal_force_n) {
+        return {Refusal::kLiftsOff, -1, -1, Wide{start.breach.normal_force_n}, start.breach_s};
+      }
+      return {Refusal::kNoBackup, -1, -1, Wide{start.breach.use}, start.breach_s};
+    case StartStage::kNone:
+    case StartStage::kSearching:
+    case StartStage::kUsed:
+      break;
+  }
+  return {Refusal::kNotCertified, -1, -1, 0, 0};
+}
+
+void begin_governing(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next) {
+  GoverningState& g = state.governing;
+  const Wide end_ticks = static_cast<Wide>(ticks_to_rest(params, state));
+  adopt_start(g.params, next, g.governor);
+  if (end_ticks > 0) g.governor.nominal_end_tick = next + static_cast<std::int64_t>(end_ticks);
+  g.governs = true;
+  g.expects = false;
+  g.halt.asked = g.halt.begun = g.halt.predicts = false;
+  g.swing_acceleration = {};
+  g.swing_jerk = {};
+  g.certificate_tick = g.governor.certificate.switch_tick;
+  g.off_path_B_radps = Vector3::Zero();
+  g.sensitivity.reset();
+  g.params.uncertain = 0;
+  g.start.stage = StartStage::kUsed;
+  const BallMotion motion = ball_motion(params, state, inputs.sensors);
+  if (!motion.known || !same_ball(params, g.start.robot, motion)) distrust(g.governor);
+}
+
+Wide governed_jerk(const GoverningState& governing, int i, Wide jump, Wide period_s) {
+  const Wide bent = Wide{governing.params.mass[at(i)].max_jerk};
+  return governing.governor.mode == GovernorMode::kNominal ? bent + std::fabs(jump) / period_s : bent;
+}
+
+void begin_halt(ControllerState& state) {
+  GoverningState& g = state.governing;
+  g.halt.asked = true;
+  g.params.jumps = false;
+  g.halt.begun = g.halt.predicts = false;
+  g.halt.slow_ticks = 0;
+  change_nominal(g.governor);
+}
+
+bool halted(const ControllerParams& params, const ControllerState& state) {
+  return static_cast<Wide>(state.governing.halt.slow_ticks) * params.control_period_s >= kRestTime_s;
+}
+
+bool halts(const GoverningState& governing, std::int64_t tick) {
+  if (governing.halt.begun) return true;
+  const GovernorState& governor = governing.governor;
+  const RolloutEnd end = governor.candidate.end();
+  return governing.halt.asked && governor.changing && governor.searching && end != RolloutEnd::kUnderWay &&
+         end != RolloutEnd::kBroken && governor.candidate.schedule().from == tick;
+}
+
+HaltWish wish_of_halt(const ControllerParams& params, const ControllerState& state, const TickToGovern& now) {
+  const RobotState robot = next_robot(params, state, now.motion, now.place_W_m, now.held, now.from);
+  HaltWish out;
+  out.wish = halt_wish(params.ball, halt_gains(params.ball), robot);
+  const HaltState& halt = state.governing.halt;
+  for (int i = 0; i < params.ball.mass_count && halt.begun; ++i) out.change[at(i)] = out.wish[at(i)] - halt.wish[at(i)];
+  return out;
+}
+
+void bend_beginning(const ControllerParams& params, const ControllerState& state, TickToGovern& now) {
+  const GovernorParams& governor = state.governing.params;
+  const RobotState robot = next_robot(params, state, now.motion, now.place_W_m, now.held, now.from);
+  PerMass<Real> wish{};
+  for (int i = 0; i < params.ball.mass_count; ++i) wish[at(i)] = static_cast<Real>(now.from[at(i)].acceleration);
+  const Projection bent = beginning(params.ball, governor, robot, wish);
+  for (int i = 0; i < params.ball.mass_count && bent.bent; ++i) {
+    now.from[at(i)].acceleration = Wide{bent.u[at(i)]};
+  }
+}
+
+void govern_tick(const ControllerParams& params, const TickToGovern& now, ControllerState& state,
+                 PerMass<Wide>& accelerations) {
+  GoverningState& g = state.governing;
+  const int n = params.ball.mass_count;
+  const RobotState robot = next_robot(params, state, now.motion, now.place_W_m, now.held, now.from);
+  watch_path(params, robot, g);
+  Ramp ramp;
+  ramp.h_s = static_cast<Real>(params.control_period_s);
+  NominalEnd nominal;
+  for (int i = 0; i < n; ++i) {
+    ramp.start[at(i)] = static_cast<Real>(now.from[at(i)].acceleration);
+    ramp.end.lower[at(i)] = static_cast<Real>(now.lowest[at(i)]);
+    ramp.end.upper[at(i)] = static_cast<Real>(now.highest[at(i)]);
+    nominal.wish[at(i)] = static_cast<Real>(now.wanted[at(i)]);
+    nominal.reached[at(i)] = static_cast<Real>(accelerations[at(i)]);
+  }
+  const HaltGains gains = halt_gains(params.ball);
+  const Wide period_s = params.control_period_s;
+  // The wish at a time after the start of `from`. The halt is the wish from the start of `halt_tick` on.
+  const auto wish_after = [&](std::int64_t from, bool to_halt, std::int64_t halt_tick, Wide time_s,
+                              const RobotState& then) {
+    if (to_halt && time_s >= (static_cast<Wide>(minus(halt_tick, from)) - Wide(0.5)) * period_s) {
+      return halt_wish(params.ball, gains, then);
+    }
+    const Wide begun_s = static_cast<Wide>(minus(from, state.tracking.start_tick)) * period_s;
+    return wish_at(params, state, begun_s + time_s, state.tracking.feeds, then);
+  };
+  const auto law = [&](Wide time_s, const RobotState& then) {
+    const Rollout& candidate = g.governor.candidate;
+    const std::int64_t halt_tick = g.halt.begun ? g.halt.from_tick : candidate.schedule().from;
+    return wish_after(candidate.start_tick(), g.halt.asked, halt_tick, time_s, then);
+  };
+  GovernorOutput out;
+  govern(params.ball, g.params, robot, ramp, nominal, law, now.tick, g.governor, out);
+  if (g.halt.asked) {
+    if (!g.halt.begun && !g.governor.changing) {
+      g.halt.begun = true;
+      g.halt.from_tick = now.tick;
+    }
+    const auto law_of_halt = [&](Wide time_s, const RobotState& then) {
+      return wish_after(g.halt.rollout_tick, true, g.halt.predicted_tick, time_s, then);
+    };
+    predict_halt(params, robot, now.tick, law_of_halt, g);
+    const Real rest_mps = kRestSpeed * std::sqrt(params.ball.gravity_mps2 * params.ball.radius_m);
+    g.halt.slow_ticks = g.halt.begun && speed_mps(params.ball, robot) < rest_mps ? g.halt.slow_ticks + 1 : 0;
+  }
+  g.report = out.report;
+  g.expects = true;
+  g.expected_B_radps = out.end.angular_velocity_B_radps;
+  weigh_errors(params, state, robot, out.acceleration, g);
+  for (int i = 0; i < n && out.report.bent; ++i) {
+    const Wide u{out.acceleration[at(i)]};
+    accelerations[at(i)] = std::fmin(std::fmax(u, now.lowest[at(i)]), now.highest[at(i)]);
+  }
+  swing_on(params, now.from, accelerations, g);
+}
+
+}  // namespace ballast::firmware

@@ -1,0 +1,281 @@
+#include "firmware/governor/backup.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "firmware/governor/motor_allowance.h"
+#include "firmware/governor/turning.h"
+
+namespace ballast::firmware {
+
+namespace {
+
+// Part of N that the cone keeps free for rounding: the projection stops at 1e-9 of the forces.
+constexpr Real kRounding = std::max(Real(1e-7), 1024 * std::numeric_limits<Real>::epsilon());
+
+// Greatest speed from which half of the acceleration stops a mass within `distance`.
+Real stoppable(Real distance, Real acceleration) { return distance > 0 ? std::sqrt(acceleration * distance) : 0; }
+
+// The greatest acceleration at the end of a ramp of length h from which it can fade to 0, at nine tenths of max_jerk,
+// before the speed has changed by `left` since the ramp's middle.
+Real fading(Real max_jerk, Real left, Real h) {
+  if (!(left > 0)) return 2 * left / h;
+  return 2 * left / (h / 2 + std::sqrt(h * h / 4 + 2 * left / (Real(0.9) * max_jerk)));
+}
+
+// A bent command moves the end of a ramp a little, where it is then projected anew.
+constexpr int kTickRounds = 3;
+
+// Time constant of the brake, times the natural frequency of a swinging mass: a shorter one excites the swing.
+constexpr Real kBrakeSwings = 5;
+
+// A swing of at most this per step of a rollout is followed by it, in radians. A faster one is over within a few steps.
+constexpr Real kSlowSwing = 1;
+
+}  // namespace
+
+void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& params) {
+  const Real unit_s = ball.gravity_mps2 > 0 ? std::sqrt(ball.radius_m / ball.gravity_mps2) : Real(1);
+  params.control_period_s = control_period_s;
+  const Real tick = static_cast<Real>(control_period_s) / unit_s;
+  params.tick_slack = tick * tick;
+  params.brake_time_s = Real(0.15) * unit_s;
+  for (MassLimits& mass : params.mass) {
+    const Real natural_radps = mass.swing.natural_radps;
+    if (!(natural_radps > 0)) continue;
+    params.brake_time_s = std::fmax(params.brake_time_s, kBrakeSwings / natural_radps);
+    constexpr Real kTwoPi = Real(6.283185307179586);
+    mass.max_jerk = std::fmin(mass.max_jerk, mass.max_acceleration * natural_radps / kTwoPi);
+  }
+  params.reserve = Real(0.01);
+  params.moving_reserve = Real(0.01);
+  params.step_s = std::fmax(Real(0.05) * unit_s, static_cast<Real>(control_period_s));
+  params.horizon_s = Wide{16 * unit_s};
+  params.work_per_tick = 4 * kMovingStepWork;
+  for (std::size_t i = 0; i < kMaxMasses; ++i) {
+    params.still_velocity[i] = Real(1e-3) * std::fmax(params.mass[i].max_acceleration, Real(0)) * params.brake_time_s;
+  }
+  // A search has the nominal up to its end and for the shortest stretch, a brake of 12 brake_time_s and held steps. The
+  // stretch is at least a search, so that the next candidate is complete before the switch.
+  const Wide per_step = static_cast<Wide>(control_period_s) / Wide{params.step_s};
+  const Wide per_tick = kLikelySteps * kMovingStepWork * per_step;
+  const Wide work = kLikelySteps * kMovingStepWork * (12 * Wide{params.brake_time_s / params.step_s} + 2) +
+                    params.horizon_s / Wide{params.step_s} + 2;
+  const auto search_ticks = [&](Wide stretch, Wide more_per_tick) {
+    const Wide share = static_cast<Wide>(params.work_per_tick) - more_per_tick;
+    return share > 0 ? static_cast<int>((work + stretch * per_tick) / share) + 1 : 0;
+  };
+  params.stretch_ticks = static_cast<int>(unit_s / 4 / static_cast<Real>(control_period_s)) + 1;
+  params.search_ticks = search_ticks(params.stretch_ticks, per_tick);
+  if (params.search_ticks <= params.stretch_ticks && params.search_ticks > 0) return;
+  params.search_ticks = params.stretch_ticks = search_ticks(0, 2 * per_tick);
+}
+
+MassMotion motion_of(const RobotState& state) {
+  MassMotion out;
+  out.position = state.mass_position;
+  out.velocity = state.mass_velocity;
+  return out;
+}
+
+Box box_of(const GovernorParams& params, const RobotState& state, int mass_count, Real h_s, Real spare_speed) {
+  Box box;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    const MassLimits& mass = params.mass[i];
+    const Real a = mass.max_acceleration, v = state.mass_velocity[i];
+    const Real ahead = state.mass_position[i] + v * params.step_s;
+    const Real fastest = (stoppable(mass.upper_end - ahead, a) - v) / params.step_s;
+    const Real slowest = (-stoppable(ahead - mass.lower_end, a) - v) / params.step_s;
+    const Real middle = v + h_s / 2 * state.mass_acceleration[i];
+    // The motor's own jerk is more than the max_jerk of a mass that swings.
+    const Real jerk = swings(params, i) ? std::numeric_limits<Real>::infinity() : mass.max_jerk;
+    const Real most = mass.max_velocity * (1 - spare_speed);
+    const Real rise = fading(jerk, most - middle, h_s), fall = fading(jerk, most + middle, h_s);
+    box.upper[i] = std::fmax(std::fmin(std::fmin(fastest, rise), a), -a);
+    box.lower[i] = std::fmin(std::fmax(std::fmax(slowest, -fall), -a), box.upper[i]);
+  }
+  return box;
+}
+
+Cone cone_of(const GovernorParams& params, const AffineForces& forces, const RobotState& state, int mass_count) {
+  Cone cone{params.friction, params.min_normal_force_n, 0};
+  if (std::isinf(params.friction)) return cone;
+  cone.slack_n = (kRounding + params.tick_slack + params.uncertain) * std::fabs(forces.force_W_n[2]);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    cone.error[i] = acceleration_error(params.mass[i].swing, state.mass_velocity[i]);
+  }
+  return cone;
+}
+
+PerMass<Real> braking(const GovernorParams& params, const RobotState& state, int mass_count) {
+  PerMass<Real> u{};
+  const auto tick_s = static_cast<Real>(params.control_period_s);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    const Real speed = std::fabs(state.mass_velocity[i]);
+    const Real rate = std::fmax(speed, params.still_velocity[i]) / params.brake_time_s;
+    // From up to sqrt(2 max_jerk speed) the acceleration can fall to 0 with the speed.
+    const Real fades = speed > 0 ? std::sqrt(params.mass[i].max_jerk * speed) : 0;
+    u[i] = -std::copysign(std::fmin(std::fmin(rate, fades), speed / tick_s), state.mass_velocity[i]);
+  }
+  return u;
+}
+
+bool still(const GovernorParams& params, const RobotState& state, int mass_count) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    if (!(std::fabs(state.mass_velocity[i]) <= params.still_velocity[i])) return false;
+  }
+  return true;
+}
+
+Real use_of(Real friction, Real static_friction_n, Real normal_force_n) {
+  if (!(normal_force_n > 0)) return std::numeric_limits<Real>::infinity();
+  return static_friction_n / (friction * normal_force_n);
+}
+
+bool swings(const GovernorParams& params, std::size_t mass) {
+  const Real natural = params.mass[mass].swing.natural_radps;
+  return natural > 0 && natural * params.step_s <= kSlowSwing;
+}
+
+Real swing_rate(const MotorSwing& swing, Real u, Real swing_acceleration, Real swing_jerk) {
+  const Real w = swing.natural_radps;
+  return w * w * (u - swing_acceleration) - 2 * swing.damping_ratio * w * swing_jerk;
+}
+
+Box near(const Box& box, const PerMass<Real>& u, const PerMass<Real>& change) {
+  Box out;
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    out.lower[i] = std::fmax(box.lower[i], std::fmin(u[i] - change[i], box.upper[i]));
+    out.upper[i] = std::fmin(box.upper[i], std::fmax(u[i] + change[i], box.lower[i]));
+  }
+  return out;
+}
+
+namespace {
+
+// The middle of a ramp tick, to the order that the midpoint rule needs.
+RobotState middle_of(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
+                     const PerMass<Real>& end, const Vector3& omega_dot_B_radps2, Real h) {
+  RobotState middle = state;
+  TurningRate change;
+  change.add(turning_rate(state.orientation, state.angular_velocity_B_radps, omega_dot_B_radps2, ball.radius_m), h / 2);
+  apply(change, middle);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    middle.mass_position[i] += h / 2 * (state.mass_velocity[i] + h * (5 * start[i] + end[i]) / 24);
+    middle.mass_velocity[i] += h * (3 * start[i] + end[i]) / 8;
+  }
+  return middle;
+}
+
+RobotState end_of(const BallParams& ball, const RobotState& state, const RobotState& middle, const PerMass<Real>& start,
+                  const PerMass<Real>& end, const Vector3& middle_omega_dot_B_radps2, Real h) {
+  RobotState out = state;
+  TurningRate change;
+  change.add(
+      turning_rate(middle.orientation, middle.angular_velocity_B_radps, middle_omega_dot_B_radps2, ball.radius_m), h);
+  apply(change, out);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    out.mass_position[i] += h * (state.mass_velocity[i] + h * (2 * start[i] + end[i]) / 6);
+    out.mass_velocity[i] += h * (start[i] + end[i]) / 2;
+  }
+  return out;
+}
+
+PerMass<Real> mean(const PerMass<Real>& a, const PerMass<Real>& b) {
+  PerMass<Real> out{};
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] = (a[i] + b[i]) / 2;
+  return out;
+}
+
+// Acceleration and jerk of a swinging mass after a ramp of its command, by one step of the classic Runge-Kutta rule.
+void swing_over(const MotorSwing& swing, Real start, Real end, Real h, Real& acceleration, Real& jerk) {
+  const Real middle = (start + end) / 2, a = acceleration, j = jerk;
+  const Real r1 = swing_rate(swing, start, a, j);
+  const Real j2 = j + h / 2 * r1, r2 = swing_rate(swing, middle, a + h / 2 * j, j2);
+  const Real j3 = j + h / 2 * r2, r3 = swing_rate(swing, middle, a + h / 2 * j2, j3);
+  const Real j4 = j + h * r3, r4 = swing_rate(swing, end, a + h * j3, j4);
+  acceleration += h / 6 * (j + 2 * j2 + 2 * j3 + j4);
+  jerk += h / 6 * (r1 + 2 * r2 + 2 * r3 + r4);
+}
+
+// The masses' own accelerations where `u` is commanded.
+PerMass<Real> moved(const GovernorParams& params, const RobotState& state, const PerMass<Real>& u, bool swing,
+                    int mass_count) {
+  PerMass<Real> out = u;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count) && swing; ++i) {
+    if (swings(params, i)) out[i] = state.swing_acceleration[i];
+  }
+  return out;
+}
+
+}  // namespace
+
+AffineForces forces_at(const BallParams& ball, const RobotState& state) {
+  AffineForces forces;
+  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
+  return forces;
+}
+
+RobotState after_ramp(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
+                      const PerMass<Real>& end, Real h_s) {
+  const Vector3 omega_dot = forces_at(ball, state).omega_dot(ball.mass_count, start);
+  const RobotState middle = middle_of(ball, state, start, end, omega_dot, h_s);
+  return end_of(ball, state, middle, start, end, forces_at(ball, middle).omega_dot(ball.mass_count, mean(start, end)),
+                h_s);
+}
+
+void governed_for_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                       const AffineForces& at_start, const Ramp& ramp, const PerMass<Real>& wish, GovernedRamp& out) {
+  const Real h = ramp.h_s;
+  const int n = ball.mass_count;
+  PerMass<Real> unit{};
+  for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = params.mass[i].max_acceleration;
+  const PerMass<Real> moved_start = moved(params, state, ramp.start, ramp.swing, n);
+  const RobotState middle = middle_of(ball, state, ramp.start, wish, at_start.omega_dot(n, moved_start), h);
+  const AffineForces in_middle = forces_at(ball, middle);
+  out.command = {};
+  out.command.u = wish;
+  PerMass<Real> moved_end{};
+  // A command that is bent moves the end a little, where it is then projected anew.
+  for (int round = 0; round <= kTickRounds; ++round) {
+    RobotState end = state;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(n) && ramp.swing; ++i) {
+      if (!swings(params, i)) continue;
+      swing_over(params.mass[i].swing, ramp.start[i], out.command.u[i], h, end.swing_acceleration[i],
+                 end.swing_jerk[i]);
+    }
+    moved_end = moved(params, end, out.command.u, ramp.swing, n);
+    out.state =
+        end_of(ball, end, middle, ramp.start, out.command.u, in_middle.omega_dot(n, mean(moved_start, moved_end)), h);
+    affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, motion_of(out.state), out.forces);
+    out.cone = cone_of(params, out.forces, out.state, n);
+    Cone spared = out.cone;
+    if (!std::isinf(params.friction)) {
+      spared.slack_n += ramp.spare * params.friction * std::fabs(out.forces.force_W_n[2]);
+    }
+    // What the last projection gave holds where it lands, too.
+    if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
+    out.command = project(out.forces, n, spared, ramp.end, unit, wish);
+    if (!out.command.bent) break;
+  }
+  moved_end = moved(params, out.state, out.command.u, ramp.swing, n);
+  out.state.mass_acceleration = out.command.u;
+  out.force_W_n = out.forces.force(n, moved_end);
+  out.outside_n = outside_n(out.cone, out.forces, n, moved_end);
+}
+
+Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count) {
+  const Vector3& f = end.force_W_n;
+  if (std::isinf(end.cone.friction) || !(f[2] > 0)) return 0;
+  const Real size = std::sqrt(f[0] * f[0] + f[1] * f[1]);
+  const Real x = size > 0 ? f[0] / size : 1, y = size > 0 ? f[1] / size : 0;
+  Real sum = params.uncertain * f[2];
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    const Vector3& per_unit = end.forces.force_per_unit[i];
+    sum += end.cone.error[i] * std::fabs(x * per_unit[0] + y * per_unit[1] - end.cone.friction * per_unit[2]);
+  }
+  return sum / f[2];
+}
+
+}  // namespace ballast::firmware

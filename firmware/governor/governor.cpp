@@ -1,0 +1,212 @@
+#include "firmware/governor/governor.h"
+
+#include <cmath>
+
+namespace ballast::firmware {
+
+namespace {
+
+Certificate certificate_of(const Rollout& candidate, Wide control_period_s) {
+  Certificate out;
+  out.valid = true;
+  out.switch_tick = candidate.schedule().backup_from();
+  out.margin = candidate.margin();
+  out.until_tick = candidate.end() == RolloutEnd::kForEver
+                       ? kForEverTick
+                       : candidate.start_tick() + static_cast<std::int64_t>(candidate.time_s() / control_period_s);
+  return out;
+}
+
+bool renews_backup(const Schedule& schedule) {
+  return schedule.backup_from() == schedule.until && schedule.from >= schedule.to;
+}
+
+// Ticks for which a candidate follows the nominal beyond the tick at which it is ready. Where that leads to a stop that
+// breaks the cone, a later stop may not: the attempts go through kStretches, each longer than the one before. The last
+// one goes to where the nominal rests, if it does.
+// `step`: 2 for each attempt, so that a start can try the stretches between.
+std::int64_t stretch_of(const GovernorParams& params, int step, std::int64_t left_ticks) {
+  const std::int64_t more = step + 2;
+  if (step < 2 * kStretches - 1) return params.stretch_ticks * more * more / 4;
+  return left_ticks > params.search_ticks ? left_ticks : params.search_ticks;
+}
+
+// Ticks that a search takes with this stretch of the nominal in it, if steps are not short. One that takes longer is
+// begun anew.
+std::int64_t ticks_of_search(const GovernorParams& params, std::int64_t stretch_ticks) {
+  const Wide steps =
+      static_cast<Wide>(stretch_ticks - params.stretch_ticks) * params.control_period_s / Wide{params.step_s};
+  return params.search_ticks + static_cast<std::int64_t>(steps * kMovingStepWork / params.work_per_tick) + 1;
+}
+
+// A certificate that reaches far ahead is certified again from the state of today: a prediction of seconds drifts.
+bool renews_certificate(const GovernorParams& params, const GovernorState& state, std::int64_t tick) {
+  return state.mode == GovernorMode::kNominal && state.attempts == 0 && state.trusted && !state.changing &&
+         state.certificate.switch_tick - tick > 3 * std::int64_t{params.search_ticks};
+}
+
+// The next candidate, from the state of this tick.
+Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const GovernorState& state) {
+  Schedule out;
+  if (renews_certificate(params, state, tick)) {
+    out.until = out.from = out.to = state.certificate.switch_tick;
+    return out;
+  }
+  const int attempt = state.attempts % (kStretches + 1);
+  const std::int64_t stretch = stretch_of(params, 2 * attempt, state.nominal_end_tick - tick);
+  const std::int64_t ready = tick + ticks_of_search(params, stretch);
+  if (state.mode == GovernorMode::kNominal) {
+    // Up to the switch of the certificate in force the nominal runs anyway. A candidate that is ready before continues
+    // it; one that is not finds the backup running.
+    const std::int64_t leaves = state.certificate.switch_tick;
+    out.until = leaves < ready ? leaves : ready;
+    out.from = ready;
+    out.to = ready + stretch;
+    return out;
+  }
+  out.until = out.from = out.to = tick;
+  const bool ends = state.certificate.until_tick != kForEverTick;
+  if (ends && attempt == kStretches) return out;
+  out.from = ready;
+  out.to = ready + stretch;
+  return out;
+}
+
+}  // namespace
+
+void reset(GovernorState& state) {
+  state.mode = GovernorMode::kBackup;
+  state.certificate = {};
+  state.bends.clear(0, {});
+  state.searching = false;
+  state.changing = false;
+  state.nominal_end_tick = 0;
+  state.trusted = true;
+  state.off_path = false;
+  state.attempts = 0;
+}
+
+void change_nominal(GovernorState& state) {
+  state.changing = true;
+  state.nominal_end_tick = 0;
+  state.searching = false;
+  state.attempts = 0;
+}
+
+void begin_start(const GovernorParams& params, const RobotState& now, std::int64_t tick, std::int64_t from_tick,
+                 std::int64_t nominal_end_tick, int attempt, GovernorState& state) {
+  reset(state);
+  state.nominal_end_tick = nominal_end_tick;
+  state.attempts = attempt;
+  state.candidate.begin(params, now, tick,
+                        {tick, from_tick, from_tick + stretch_of(params, attempt, nominal_end_tick - from_tick)});
+  state.searching = true;
+}
+
+void adopt_start(const GovernorParams& params, std::int64_t tick, GovernorState& state) {
+  const std::int64_t later = tick - state.candidate.schedule().from;
+  Certificate adopted = certificate_of(state.candidate, params.control_period_s);
+  adopted.switch_tick += later;
+  if (adopted.until_tick != kForEverTick) adopted.until_tick += later;
+  reset(state);
+  state.bends = state.candidate.bends();
+  state.bends.shift(later);
+  state.certificate = adopted;
+  state.mode = GovernorMode::kNominal;
+}
+
+int ticks_of_start(const GovernorParams& params, std::int64_t from_tick, std::int64_t nominal_end_tick, int attempt) {
+  return static_cast<int>(ticks_of_search(params, stretch_of(params, attempt, nominal_end_tick - from_tick)));
+}
+
+void distrust(GovernorState& state) {
+  state.off_path = true;
+  state.trusted = false;
+  state.attempts = 0;
+}
+
+void detail::decide(const GovernorParams& params, const RobotState& now, std::int64_t tick, GovernorState& state) {
+  if (state.searching && state.candidate.end() != RolloutEnd::kUnderWay) {
+    const Schedule& schedule = state.candidate.schedule();
+    const bool broken = state.candidate.end() == RolloutEnd::kBroken;
+    const bool renewed = schedule.from == schedule.to && schedule.until == schedule.to &&
+                         state.mode == GovernorMode::kNominal && schedule.until > state.candidate.start_tick();
+    const bool renewal = renews_backup(schedule) && !renewed;
+    // A candidate that follows what runs anyway is in force at once; one that goes back to the nominal waits for that.
+    const bool continues =
+        renewal || (state.mode == GovernorMode::kNominal && schedule.from <= schedule.until && !state.changing);
+    if (broken || (!continues && tick > schedule.from)) {
+      state.searching = false;
+      ++state.attempts;
+      // The certificate in force would break from here: the next one takes its place, whatever its reach.
+      if (renewed) state.trusted = false;
+    } else if (continues && !renewal && !renewed && state.trusted && schedule.to <= state.certificate.switch_tick) {
+      state.searching = false;  // the one in force reaches further
+      state.attempts = 0;
+    } else if (continues || tick == schedule.from) {
+      state.certificate = certificate_of(state.candidate, params.control_period_s);
+      state.bends = state.candidate.bends();
+      state.searching = false;
+      state.attempts = renewal ? state.attempts + 1 : 0;
+      if (!renewal) {
+        state.mode = GovernorMode::kNominal;
+        state.trusted = true;
+        state.changing = false;
+        state.off_path = false;
+      }
+    }
+  } else if (state.searching && (state.mode == GovernorMode::kBackup || state.changing) &&
+             tick > state.candidate.schedule().from && !renews_backup(state.candidate.schedule())) {
+    state.searching = false;  // later than its adoption tick
+    ++state.attempts;
+  }
+  const bool out_of_trust = state.off_path && state.attempts > kStretches;
+  if (state.mode == GovernorMode::kNominal && (tick >= state.certificate.switch_tick || out_of_trust)) {
+    state.mode = GovernorMode::kBackup;
+    if (tick < state.certificate.switch_tick) state.bends.clear(tick, {});  // they are the nominal's
+  }
+  if (!state.searching) {
+    state.candidate.begin(params, now, tick, next_schedule(params, tick, state));
+    state.searching = true;
+  }
+}
+
+namespace {
+
+PerMass<Real> clipped(const Box& box, const PerMass<Real>& u) {
+  PerMass<Real> out{};
+  for (std::size_t i = 0; i < u.size(); ++i) out[i] = std::fmin(std::fmax(u[i], box.lower[i]), box.upper[i]);
+  return out;
+}
+
+}  // namespace
+
+void detail::command(const BallParams& ball, const GovernorParams& params, const GovernorState& state,
+                     const RobotState& now, const Ramp& ramp, const NominalEnd& nominal, std::int64_t tick,
+                     GovernorOutput& out) {
+  const bool backup = state.mode == GovernorMode::kBackup;
+  // The wish, and what the certified plan bends it by.
+  const Wide end_s = static_cast<Wide>(tick + 1 - state.bends.start_tick()) * params.control_period_s;
+  const PerMass<Real> bend = state.bends.at(end_s, params.control_period_s);
+  PerMass<Real> wish = backup ? braking(params, now, ball.mass_count) : nominal.wish;
+  for (std::size_t i = 0; i < wish.size(); ++i)
+    wish[i] = bend[i] == 0 && !backup ? nominal.reached[i] : wish[i] + bend[i];
+  GovernedRamp end;
+  governed_for_ramp(ball, params, now, forces_at(ball, now), ramp, clipped(ramp.end, wish), end);
+  out.acceleration = end.command.u;
+  out.end = end.state;
+  GovernorReport& report = out.report;
+  report.backup = backup;
+  report.empty = end.command.empty;
+  report.bent = false;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    report.bent |= std::fabs(out.acceleration[i] - nominal.reached[i]) > Real(1e-9) * params.mass[i].max_acceleration;
+  }
+  report.backup_margin = state.certificate.margin;
+  report.backup_until_tick = state.certificate.until_tick;
+  const Vector3& f = end.force_W_n;
+  report.use = std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
+  report.allowance = allowance_of(params, end, ball.mass_count);
+}
+
+}  // namespace ballast::firmware

@@ -1,0 +1,114 @@
+// The governor: bends commands so that the ball neither slips nor lifts off, and keeps a certified backup at hand.
+//
+// Every tick the wished accelerations are projected into the cone of the state (cone.h). That alone can lead into
+// states from which no acceleration keeps the cone, so a gatekeeper decides whose wish it is: the nominal's, as long as
+// a certificate holds that says "nominal up to its switch tick, then the backup"; else the backup's. A rollout in
+// slices over `search_ticks` makes the next certificate while the last one holds.
+//
+// Source: the gatekeeper of arXiv 2508.09963; the rest is our derivation, tools/docs/governor.md.
+//
+// Invariants: fixed size, no heap. govern() is called once per control tick, in order, by one thread.
+#pragma once
+
+#include "firmware/governor/rollout.h"
+
+namespace ballast::firmware {
+
+inline constexpr std::int64_t kForEverTick = -1;
+inline constexpr int kStretches = 6;
+// A start tries the stretches between as well.
+inline constexpr int kStartStretches = 2 * kStretches - 1;
+
+// "Nominal up to switch_tick, then the backup" keeps the cone.
+struct Certificate {
+  bool valid = false;
+  std::int64_t switch_tick = 0;
+  std::int64_t until_tick = 0;  // kForEverTick: for ever
+  Real margin = 0;              // least 1 - f_s / (friction N) along the backup
+};
+
+enum class GovernorMode : std::uint8_t { kNominal, kBackup };
+
+struct GovernorState {
+  GovernorMode mode = GovernorMode::kBackup;
+  Certificate certificate;
+  Bends bends;  // of the certificate's plan
+  Rollout candidate;
+  bool searching = false;             // candidate is under way, or complete and waits for its adoption tick
+  bool changing = false;              // the nominal becomes another one at the tick `from` of the candidate's schedule
+  std::int64_t nominal_end_tick = 0;  // the nominal rests from here on; 0: unknown
+  bool off_path = false;              // distrust()
+  bool trusted = true;                // the certificate; false: any other takes its place
+  int attempts = 0;                   // since the last certificate: selects the stretch of the nominal
+};
+
+struct GovernorReport {
+  bool bent = false;       // the command is not the nominal's
+  bool empty = false;      // no acceleration kept the cone: least violation
+  bool backup = false;     // the backup's wish was followed
+  Real backup_margin = 0;  // of the certificate
+  std::int64_t backup_until_tick = 0;
+  Real use = 0;        // f_s / (friction N) of the command by the closed form
+  Real allowance = 0;  // part of N that the cone kept free for motors and errors, along the friction
+};
+
+struct GovernorOutput {
+  PerMass<Real> acceleration{};  // at the tick's end
+  RobotState end;                // predicted there
+  GovernorReport report;
+};
+
+// The nominal's accelerations at a tick's end.
+struct NominalEnd {
+  PerMass<Real> wish{};     // which may be more than the masses can
+  PerMass<Real> reached{};  // what they do without a governor
+};
+
+// Nothing certified: the backup holds until a candidate is adopted.
+void reset(GovernorState& state);
+
+// Begins a candidate for a start or a move: held masses up to `from_tick`, the nominal from there. It is advanced by
+// govern() or on its own, and adopted at from_tick. `attempt` selects the stretch of the nominal, 0 to
+// kStartStretches: the last one goes to nominal_end_tick, which is 0 where the nominal does not come to rest. A start
+// whose candidates are all broken has no certified stop and is refused.
+void begin_start(const GovernorParams& params, const RobotState& now, std::int64_t tick, std::int64_t from_tick,
+                 std::int64_t nominal_end_tick, int attempt, GovernorState& state);
+
+// Ticks of govern() in which such a candidate is complete.
+[[nodiscard]] int ticks_of_start(const GovernorParams& params, std::int64_t from_tick, std::int64_t nominal_end_tick,
+                                 int attempt);
+
+// Adopts the candidate of begin_start(), which is complete and not broken, for a start at `tick`: its own times are
+// moved there.
+void adopt_start(const GovernorParams& params, std::int64_t tick, GovernorState& state);
+
+// The ball is not where the certificate in force predicts it: the next certificate replaces it although that one may
+// have a longer stretch of the nominal, and if none is found the backup begins.
+void distrust(GovernorState& state);
+
+// The nominal is to become another one, such as a halt. Until a candidate is certified that changes over, at the tick
+// `from` of its schedule, the certificate in force holds and the caller goes on with the old nominal. `law` of govern()
+// is then the old one before that tick and the new one from it on; state.changing falls when it is adopted.
+void change_nominal(GovernorState& state);
+
+// The parts of govern() that do not depend on the nominal.
+namespace detail {
+// Adopts a finished candidate, switches to the backup where the certificate says so, and begins the next candidate.
+void decide(const GovernorParams& params, const RobotState& now, std::int64_t tick, GovernorState& state);
+void command(const BallParams& ball, const GovernorParams& params, const GovernorState& state, const RobotState& now,
+             const Ramp& ramp, const NominalEnd& nominal, std::int64_t tick, GovernorOutput& out);
+}  // namespace detail
+
+// Returns the accelerations of the masses at the end of `tick`, in which they go linearly from ramp.start to the
+// command, inside of ramp.end. `now`: the believed state at its start, masses as commanded. `law(time_s, state)`
+// predicts the wish: PerMass<Real> of a time after the start of the tick at which the candidate began
+// (state.candidate.start_tick()) and a state.
+template <class Law>
+void govern(const BallParams& ball, const GovernorParams& params, const RobotState& now, const Ramp& ramp,
+            const NominalEnd& nominal, const Law& law, std::int64_t tick, GovernorState& state, GovernorOutput& out) {
+  detail::decide(params, now, tick, state);
+  detail::command(ball, params, state, now, ramp, nominal, tick, out);
+  state.candidate.advance(ball, params, law, state.bends, params.work_per_tick);
+}
+
+}  // namespace ballast::firmware

@@ -1,0 +1,202 @@
+#include "firmware/governor/rollout.h"
+
+#include <cmath>
+
+namespace ballast::firmware {
+
+namespace {
+
+// Steps of a moving ball are shorter than those of a held one, and near the cone's edge still shorter: states in which
+// no acceleration keeps the cone may last for less than a step.
+constexpr Real kMovingSteps = 2;
+constexpr Real kEdgeSteps = 4;
+constexpr Real kNearEdge = Real(0.97);
+// Bends are kept up to this part of max_acceleration. On a floor that needs all of the friction it is less than what
+// the reserves leave.
+constexpr Real kBendTolerance = Real(2e-3);
+// Part of max_velocity that bends keep free.
+constexpr Real kSpareSpeed = Real(0.01);
+
+}  // namespace
+
+void Rollout::begin(const GovernorParams& params, const RobotState& state, std::int64_t tick,
+                    const Schedule& schedule) {
+  end_ = RolloutEnd::kUnderWay;
+  state_ = state;
+  schedule_ = schedule;
+  start_tick_ = tick_ = tick;
+  period_s_ = params.control_period_s;
+  time_s_ = change_s_ = 0;
+  held_ = near_edge_ = wished_ = begun_ = last_ = false;
+  PerMass<Real> tolerance{};
+  for (std::size_t i = 0; i < tolerance.size(); ++i) tolerance[i] = kBendTolerance * params.mass[i].max_acceleration;
+  bends_.clear(tick, tolerance);
+  most_use_ = 0;
+}
+
+// Follows the schedule, and returns how far the next step may go.
+Real Rollout::next_step_s(const GovernorParams& params) {
+  while (!last_ && time_s_ >= change_s_) {
+    tick_ = start_tick_ + static_cast<std::int64_t>(change_s_ / period_s_ + Wide(0.5));
+    nominal_now_ = schedule_.nominal(tick_);
+    wished_ = false;  // the wish may become another one
+    last_ = tick_ >= schedule_.backup_from();
+    if (last_) break;
+    change_s_ = static_cast<Wide>(schedule_.next_change(tick_) - start_tick_) * period_s_;
+  }
+  const Wide end_s =
+      last_ ? static_cast<Wide>(schedule_.backup_from() - start_tick_) * period_s_ + params.horizon_s : change_s_;
+  const Wide left_s = end_s - time_s_;
+  const Real step_s = held_ ? params.step_s : params.step_s / (near_edge_ ? kEdgeSteps : kMovingSteps);
+  if (last_ && !(left_s > 0)) {
+    end_ = RolloutEnd::kHorizon;
+    return 0;
+  }
+  return left_s < Wide{step_s} ? static_cast<Real>(left_s) : step_s;
+}
+
+void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n) {
+  const Real allowed = held_ ? 1 - params.reserve : 1;
+  if (last_ && !(use <= most_use_)) most_use_ = use;
+  if (use <= allowed) return;
+  end_ = RolloutEnd::kBroken;
+  breach_ = {use, normal_force_n};
+}
+
+RobotState Rollout::ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const {
+  RobotState to = state_;
+  TurningRate change;
+  const Vector3 omega_dot = forces_.omega_dot(ball.mass_count, state_.mass_acceleration);
+  change.add(turning_rate(state_.orientation, state_.angular_velocity_B_radps, omega_dot, ball.radius_m), h_s);
+  apply(change, to);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    const Real u = state_.mass_acceleration[i];
+    to.mass_position[i] += h_s * (state_.mass_velocity[i] + h_s * u / 2);
+    // A mass that brakes with the time constant brake_time_s from the middle of the ramp on.
+    to.mass_velocity[i] = nominal_now_ ? to.mass_velocity[i] + h_s * u
+                                       : (to.mass_velocity[i] + h_s / 2 * u) / (1 + h_s / (2 * params.brake_time_s));
+  }
+  return to;
+}
+
+void Rollout::bend(const BallParams& ball, const PerMass<Real>& wish) {
+  PerMass<Real> off{};
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    off[i] = state_.mass_acceleration[i] - wish[i];
+  }
+  if (bends_.add(time_s_, off)) return;
+  end_ = RolloutEnd::kBroken;
+  breach_ = {};
+}
+
+// The wish has become another one, or a rollout begins.
+void Rollout::begin_wish(const BallParams& ball, const PerMass<Real>& wish) {
+  if (!begun_) forces_ = forces_at(ball, state_);
+  begun_ = wished_ = true;
+  last_wish_ = wish;
+  bend(ball, wish);
+}
+
+void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, const PerMass<Real>& wish,
+                          const Bends& in_force, Real h_s) {
+  if (end_ != RolloutEnd::kUnderWay) return;
+  const Wide end_s = time_s_ + Wide{h_s};
+  const bool guided = !(schedule_.from < schedule_.to) ||
+                      end_s < (static_cast<Wide>(schedule_.from - start_tick_) + Wide(0.25)) * period_s_;
+  PerMass<Real> guide{};
+  if (guided) {
+    guide = in_force.at(end_s + static_cast<Wide>(start_tick_ - in_force.start_tick()) * period_s_, period_s_);
+  }
+  Ramp ramp;
+  ramp.start = state_.mass_acceleration;
+  ramp.h_s = h_s;
+  ramp.swing = true;
+  ramp.spare = guided ? params.moving_reserve / 2 : params.moving_reserve;
+  // Bends change as fast as max_jerk allows, and the nominal's own changes are followed.
+  PerMass<Real> change{}, wanted = wish;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    const bool jumps = nominal_now_ && (params.jumps || swings(params, i));
+    const Real own = jumps ? std::fabs(wish[i] - last_wish_[i]) : 0;
+    const Real bent = params.mass[i].max_jerk * h_s;
+    // The max_jerk of a mass that swings is less than its motor's.
+    change[i] = swings(params, i) ? bent + own : std::fmax(bent, own);
+    wanted[i] += guide[i];
+  }
+  // What bends leaves some speed free, so that the robot can repeat it.
+  const Box all = box_of(params, state_, ball.mass_count, h_s, 0);
+  Box box = box_of(params, state_, ball.mass_count, h_s, kSpareSpeed);
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    const Real off = std::fabs(ramp.start[i] - last_wish_[i]);
+    if (!guided && off > Real(1e-9) * params.mass[i].max_acceleration) continue;
+    box.upper[i] = std::fmax(box.upper[i], std::fmin(wanted[i], all.upper[i]));
+    box.lower[i] = std::fmin(box.lower[i], std::fmax(wanted[i], all.lower[i]));
+  }
+  ramp.end = near(box, ramp.start, change);
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    wanted[i] = std::fmin(std::fmax(wanted[i], ramp.end.lower[i]), ramp.end.upper[i]);
+  }
+  GovernedRamp end;
+  governed_for_ramp(ball, params, state_, forces_, ramp, wanted, end);
+  state_ = end.state;
+  forces_ = end.forces;
+  time_s_ = end_s;
+  last_wish_ = wish;
+  bend(ball, wish);
+  judge(params, end);
+  if (end_ == RolloutEnd::kUnderWay && last_ && still(params, state_, ball.mass_count)) begin_hold(ball, params);
+}
+
+void Rollout::judge(const GovernorParams& params, const GovernedRamp& end) {
+  const Vector3& f = end.force_W_n;
+  const Real used =
+      std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
+  near_edge_ = used > kNearEdge || end.command.bent;
+  if (!std::isinf(params.friction)) use(params, used, f[2]);
+  if (end.outside_n <= 0) return;
+  end_ = RolloutEnd::kBroken;
+  breach_ = {used, f[2]};
+}
+
+void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
+  // The linear end of the brake takes brake_time_s and moves a mass by half of that times its velocity.
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    state_.mass_position[i] += state_.mass_velocity[i] * params.brake_time_s / 2;
+    state_.mass_velocity[i] = 0;
+  }
+  held_ = true;
+  if (!bends_.add(time_s_, {})) end_ = RolloutEnd::kBroken;
+  held_ball_ = hold_masses(ball, state_.mass_position);
+  use_before_ = use_at_ = 0;
+  const ForEver bound = held_for_ever(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps);
+  if (!bound.known) return;
+  const Real most =
+      greatest_use(ball, held_ball_.mass_kg, bound.acceleration_mps2, params.friction, params.min_normal_force_n);
+  if (!(most <= 1 - params.reserve)) return;
+  if (!(most <= most_use_)) most_use_ = most;
+  end_ = RolloutEnd::kForEver;
+}
+
+void Rollout::step_held_ball(const BallParams& ball, const GovernorParams& params) {
+  const Real h = next_step_s(params);
+  if (end_ != RolloutEnd::kUnderWay) return;
+  const RollingForces forces = held_forces(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps);
+  const Real now =
+      std::isinf(params.friction) ? 0 : use_of(params.friction, forces.static_friction_n, forces.normal_force_n);
+  use(params, now, forces.normal_force_n);
+  if (!(forces.normal_force_n >= params.min_normal_force_n)) {
+    end_ = RolloutEnd::kBroken;
+    breach_ = {now, forces.normal_force_n};
+  }
+  // A peak between steps: the parabola through three of them.
+  const Real rise = use_at_ - use_before_, fall = use_at_ - now;
+  if (use_before_ > 0 && rise >= 0 && fall >= 0 && rise + fall > 0) {
+    const Real slope = (rise - fall) / 2;
+    use(params, use_at_ + slope * slope / (2 * (rise + fall)), forces.normal_force_n);
+  }
+  use_before_ = use_at_;
+  use_at_ = now;
+  step_held(ball, held_ball_, forces, h, state_);
+  time_s_ += Wide{h};
+}
+
+}  // namespace ballast::firmware

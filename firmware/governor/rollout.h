@@ -1,0 +1,126 @@
+// Rolls a candidate forward: the nominal for a stretch, then the backup, to a horizon. A few steps per control tick.
+//
+// Invariants: fixed size, no heap; one call does at most the work that the caller allows.
+#pragma once
+
+#include "firmware/governor/backup.h"
+#include "firmware/governor/bends.h"
+#include "firmware/governor/held_ball.h"
+#include "firmware/governor/turning.h"
+
+namespace ballast::firmware {
+
+// Ticks in which a candidate follows the nominal: before `until`, and from `from` to before `to`. Otherwise the backup.
+struct Schedule {
+  std::int64_t until = 0;
+  std::int64_t from = 0;
+  std::int64_t to = 0;
+
+  [[nodiscard]] bool nominal(std::int64_t tick) const { return tick < until || (tick >= from && tick < to); }
+  // The tick from which the backup runs to the end.
+  [[nodiscard]] std::int64_t backup_from() const { return from < to && to > until ? to : until; }
+  // The first tick after `tick` at which the candidate changes, or may change its nominal (at `from`). backup_from() is
+  // the last.
+  [[nodiscard]] std::int64_t next_change(std::int64_t tick) const {
+    if (tick < from && (from <= until || tick >= until)) return from;
+    if (tick < until && !(to > until && from <= until)) return until;
+    return to;
+  }
+};
+
+enum class RolloutEnd : std::uint8_t {
+  kUnderWay,
+  kForEver,  // kept the cone up to a state from which held masses keep it for ever
+  kHorizon,  // kept the cone up to the horizon
+  kBroken,   // left it
+};
+
+// Where a rollout left the cone.
+struct Breach {
+  Real use = 0;             // f_s / (friction N); infinite where N <= 0
+  Real normal_force_n = 0;  // N
+};
+
+class Rollout {
+ public:
+  // From `state` at the start of `tick`.
+  void begin(const GovernorParams& params, const RobotState& state, std::int64_t tick, const Schedule& schedule);
+
+  // Does steps worth at most `work` (kMovingStepWork, 1 for a held ball), and at least one. `nominal(time_s, state)`
+  // returns the wished accelerations, PerMass<Real>, at a time after the start of begin()'s tick. `in_force`: the bends
+  // of the certificate in force, which the ball follows up to the tick Schedule::from, or for ever where there is none.
+  template <class Nominal>
+  void advance(const BallParams& ball, const GovernorParams& params, const Nominal& nominal, const Bends& in_force,
+               int work) {
+    for (int left = work; left > 0 && end_ == RolloutEnd::kUnderWay;) {
+      if (held_) {
+        step_held_ball(ball, params);
+        --left;
+      } else {
+        step_moving(ball, params, nominal, in_force);
+        left -= kMovingStepWork;
+      }
+    }
+  }
+
+  [[nodiscard]] RolloutEnd end() const { return end_; }
+  [[nodiscard]] const Schedule& schedule() const { return schedule_; }
+  [[nodiscard]] std::int64_t start_tick() const { return start_tick_; }
+  // Least 1 - f_s / (friction N) since backup_from().
+  [[nodiscard]] Real margin() const { return 1 - most_use_; }
+  // Time after the start: of the end, or how far it has come.
+  [[nodiscard]] Wide time_s() const { return time_s_; }
+  [[nodiscard]] const RobotState& state() const { return state_; }
+  // Valid at the end kBroken.
+  [[nodiscard]] const Breach& breach() const { return breach_; }
+  // Of the commands from their wishes: from the nominal where the schedule has it, else from braking().
+  [[nodiscard]] const Bends& bends() const { return bends_; }
+
+ private:
+  template <class Nominal>
+  PerMass<Real> wish(const BallParams& ball, const GovernorParams& params, const Nominal& nominal, Wide time_s,
+                     const RobotState& at) const {
+    return nominal_now_ ? nominal(time_s, at) : braking(params, at, ball.mass_count);
+  }
+
+  template <class Nominal>
+  void step_moving(const BallParams& ball, const GovernorParams& params, const Nominal& nominal,
+                   const Bends& in_force) {
+    const Real h = next_step_s(params);
+    if (end_ != RolloutEnd::kUnderWay) return;
+    if (!wished_) begin_wish(ball, wish(ball, params, nominal, time_s_, state_));
+    finish_step(ball, params, wish(ball, params, nominal, time_s_ + Wide{h}, ahead(ball, params, h)), in_force, h);
+  }
+
+  Real next_step_s(const GovernorParams& params);
+  void begin_wish(const BallParams& ball, const PerMass<Real>& wish);
+  // The state after h, to first order.
+  [[nodiscard]] RobotState ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const;
+  void finish_step(const BallParams& ball, const GovernorParams& params, const PerMass<Real>& wish,
+                   const Bends& in_force, Real h_s);
+  void bend(const BallParams& ball, const PerMass<Real>& wish);
+  void judge(const GovernorParams& params, const GovernedRamp& end);
+  void begin_hold(const BallParams& ball, const GovernorParams& params);
+  void step_held_ball(const BallParams& ball, const GovernorParams& params);
+  void use(const GovernorParams& params, Real use, Real normal_force_n);
+
+  RolloutEnd end_ = RolloutEnd::kBroken;
+  RobotState state_;
+  Schedule schedule_;
+  std::int64_t start_tick_ = 0, tick_ = 0;  // tick_: the last change of the schedule
+  Wide period_s_ = 0, time_s_ = 0, change_s_ = 0;
+  bool nominal_now_ = false, last_ = false;
+  bool begun_ = false;   // forces_ are those of state_
+  bool wished_ = false;  // last_wish_ is that of state_, by the same wish
+  PerMass<Real> last_wish_{};
+  AffineForces forces_;  // at state_, of a moving ball
+  Bends bends_;
+  bool held_ = false;
+  bool near_edge_ = false;
+  HeldBall held_ball_;
+  Real most_use_ = 0;
+  Breach breach_;
+  Real use_before_ = 0, use_at_ = 0;  // f_s / (friction N) at the last two steps of a held ball
+};
+
+}  // namespace ballast::firmware

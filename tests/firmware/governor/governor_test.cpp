@@ -1,0 +1,131 @@
+#include "firmware/governor/governor.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "tests/firmware/governor/bench.h"
+#include "tests/random_seed.h"
+
+namespace ballast::firmware {
+namespace {
+
+using testing::Bench;
+using testing::desk_bench;
+using testing::paper_bench;
+
+constexpr int kPaperTicks = 20000;
+
+// The paper's motion needs .1906. Bends: the bars of issue 22 (0.8, 1.3 rad), and what a prototype with the better of
+// 72 settings needed (0.71, 1.05).
+TEST(Governor, PaperBallStaysInsideEveryConeDownTo13) {
+  const Real friction[] = {0.17, 0.16, 0.15, 0.14, 0.13};
+  constexpr Real kAny = std::numeric_limits<Real>::infinity();
+  const Real bar[] = {0.8, 1.3, kAny, kAny, kAny};  // rad
+  for (int k = 0; k < 5; ++k) {
+    const auto bench = paper_bench(friction[k]);
+    ASSERT_TRUE(bench->start()) << friction[k];
+    while (bench->tick < kPaperTicks) bench->step();
+    std::printf("mu_s %.2f: largest bend %.3f rad, bent %.3f, backup %.3f, most use %.7f\n", friction[k], bench->bend(),
+                bench->bent / double(kPaperTicks), bench->backup / double(kPaperTicks), bench->most_use);
+    EXPECT_LE(bench->most_use, 1) << friction[k];
+    EXPECT_EQ(bench->empty, 0) << friction[k];
+    EXPECT_LE(bench->bend(), bar[k]) << friction[k];
+  }
+}
+
+// The motion needs .1906, so .212 leaves it 10 %.
+TEST(Governor, LeavesSafeMotionsAlone) {
+  const auto paper = paper_bench(Real(0.212));
+  ASSERT_TRUE(paper->start());
+  while (paper->tick < kPaperTicks) paper->step();
+  EXPECT_EQ(paper->bent, 0);
+  EXPECT_EQ(paper->backup, 0);
+
+  const auto desk = desk_bench(Real(0.016));  // needs .014
+  ASSERT_TRUE(desk->start());
+  while (desk->tick < 10000) desk->step();
+  EXPECT_EQ(desk->bent, 0);
+  EXPECT_LE(desk->most_use, 1);
+}
+
+// The certificate's plan run from random instants: the nominal up to its switch, then the backup, to its end.
+TEST(Governor, CertifiedBackupsHoldWhenTheyRun) {
+  std::mt19937 random(static_cast<std::uint32_t>(test::random_seed(22)));
+  int forks = 0;
+  Real worst = 0;
+  for (const Real friction : {Real(0.35), Real(0.17), Real(0.15)}) {
+    const auto bench = paper_bench(friction);
+    ASSERT_TRUE(bench->start());
+    while (bench->tick < kPaperTicks) {
+      bench->step();
+      if (random() % 1000 != 0 || bench->governor.mode != GovernorMode::kNominal) continue;
+      ++forks;
+      const Certificate& certificate = bench->governor.certificate;
+      const Bends& bends = bench->governor.bends;
+      RobotState state = bench->state;
+      Real most = 0;
+      const std::int64_t until = certificate.until_tick == kForEverTick ? bench->tick + 40000 : certificate.until_tick;
+      for (std::int64_t tick = bench->tick; tick < until; ++tick) {
+        const bool nominal = tick < certificate.switch_tick;
+        const Ramp ramp = testing::ramp_of(bench->ball, bench->params, state);
+        PerMass<Real> wish = nominal ? bench->law(tick + 1)(0, state) : braking(bench->params, state, 3);
+        const PerMass<Real> bend = bends.at(static_cast<Wide>(tick + 1 - bends.start_tick()) * 0.001, 0.001);
+        for (std::size_t i = 0; i < 3; ++i) {
+          wish[i] = std::fmin(std::fmax(wish[i] + bend[i], ramp.end.lower[i]), ramp.end.upper[i]);
+        }
+        GovernedRamp now;
+        governed_for_ramp(bench->ball, bench->params, state, forces_at(bench->ball, state), ramp, wish, now);
+        state = testing::moved(bench->ball, state, now.command.u, Real(0.001));
+        const RollingForces f = testing::forces_of(bench->ball, state, state.mass_acceleration);
+        const Real use = use_of(friction, f.static_friction_n, f.normal_force_n);
+        ASSERT_LE(use, 1) << "friction " << friction << ", from tick " << bench->tick << ", in " << tick;
+        if (!nominal) most = std::fmax(most, use);
+      }
+      worst = std::fmax(worst, std::fabs(certificate.margin - (1 - most)));
+    }
+  }
+  std::printf("%d backups, margin off by %.4f at most\n", forks, worst);
+  EXPECT_GT(forks, 20);
+  EXPECT_LE(worst, 0.02);  // issue 22
+}
+
+// A robot at rest below its centre can be held for ever; the first certificate says so.
+TEST(Governor, SaysForEverAtRest) {
+  const auto bench = desk_bench(Real(0.5));
+  bench->motion = {};
+  ASSERT_TRUE(bench->start());
+  bench->step();
+  EXPECT_EQ(bench->out.report.backup_until_tick, kForEverTick);
+  EXPECT_GT(bench->out.report.backup_margin, 0.9);
+}
+
+// The paper's ball stands on its head: on ice, no stop of its first stretch keeps the cone.
+TEST(Governor, RefusesAStartWithoutABackup) {
+  const auto bench = paper_bench(Real(0.05));
+  EXPECT_FALSE(bench->start());
+}
+
+// Commands keep the box: rail ends and rates.
+TEST(Governor, KeepsRailEndsAndRates) {
+  const auto bench = desk_bench(Real(0.5));
+  for (std::size_t i = 0; i < 3; ++i) {
+    bench->params.mass[i].upper_end = Real(0.6);
+    bench->params.mass[i].lower_end = Real(-0.2);
+    bench->params.mass[i].max_velocity = Real(0.4);
+  }
+  ASSERT_TRUE(bench->start());
+  while (bench->tick < 10000) {
+    bench->step();
+    for (std::size_t i = 0; i < 3; ++i) {
+      ASSERT_LE(bench->state.mass_position[i], 0.6 + 1e-6);
+      ASSERT_GE(bench->state.mass_position[i], -0.2 - 1e-6);
+      ASSERT_LE(std::fabs(bench->state.mass_velocity[i]), 0.4 + 1e-6);
+    }
+  }
+  EXPECT_GT(bench->bent, 1000);
+  EXPECT_LE(bench->most_use, 1);
+}
+
+}  // namespace
+}  // namespace ballast::firmware

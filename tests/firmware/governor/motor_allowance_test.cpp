@@ -1,0 +1,73 @@
+#include "firmware/governor/motor_allowance.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "tests/random_seed.h"
+
+namespace ballast::firmware {
+namespace {
+
+// Rotor and mass in the field of a stepper with microsteps and a fixed error of every full step, led at a constant
+// speed. Returns the greatest acceleration once the start has died away.
+double greatest_acceleration(const MotorSwing& swing, double velocity, std::mt19937& random) {
+  constexpr int kFullSteps = 200;
+  std::uniform_real_distribution<double> error(-1, 1);
+  double pattern[kFullSteps];
+  for (double& e : pattern) e = swing.step_error * swing.full_step * error(random);
+  const double w = swing.natural_radps, damping = 2 * swing.damping_ratio * w;
+  const double die_s = 8 / (swing.damping_ratio * w);
+  const double steps_s = swing.microstep / velocity;
+  const double h = std::fmin(0.02 / w, steps_s / 8);
+  double x = 0, v = velocity, most = 0;
+  const auto field = [&](double t) {
+    const double at = velocity * t, full = at / swing.full_step;
+    const auto k = static_cast<long>(std::floor(full));
+    const double between = pattern[k % kFullSteps] +
+                           (full - static_cast<double>(k)) * (pattern[(k + 1) % kFullSteps] - pattern[k % kFullSteps]);
+    return std::round(at / swing.microstep) * swing.microstep + between;
+  };
+  // The viscous part is constant at a constant speed; only its change is a swing.
+  const auto rate = [&](double t, double xx, double vv) { return w * w * (field(t) - xx) - damping * (vv - velocity); };
+  const double end_s = die_s + 20 * swing.full_step / velocity;
+  for (double t = 0; t < end_s; t += h) {
+    const double a = rate(t, x, v), vm = v + h / 2 * a, am = rate(t + h / 2, x + h / 2 * v, vm);
+    if (t > die_s) most = std::fmax(most, std::fabs(a));
+    x += h * vm;
+    v += h * am;
+  }
+  return most;
+}
+
+// paper_ball's motors: stiffness 50 * 12, inertia 5 + 0.9, damping 30.
+TEST(MotorAllowance, BoundsASwingingRotorAtASteadySpeed) {
+  std::mt19937 random(static_cast<std::uint32_t>(test::random_seed(22)));
+  MotorSwing swing;
+  swing.natural_radps = std::sqrt(Real(600) / Real(5.9));
+  swing.damping_ratio = 30 / (2 * std::sqrt(Real(600) * Real(5.9)));
+  swing.full_step = std::numbers::pi_v<Real> / 100;
+  swing.microstep = swing.full_step / 16;
+  swing.step_error = Real(0.015);
+  double closest = 0;
+  for (const double velocity : {0.02, 0.05, 0.1, 0.15, 0.3, 1.0}) {
+    const double bound = acceleration_error(swing, static_cast<Real>(velocity));
+    for (int k = 0; k < 10; ++k) {
+      const double seen = greatest_acceleration(swing, velocity, random);
+      EXPECT_LE(seen, bound) << velocity;
+      closest = std::fmax(closest, seen / bound);
+    }
+  }
+  std::printf("closest: %.3f of the bound\n", closest);
+  EXPECT_GT(closest, 0.5);
+}
+
+TEST(MotorAllowance, IsNothingForIdealMassesAndAtRest) {
+  EXPECT_EQ(acceleration_error({}, 1), 0);
+  EXPECT_EQ(acceleration_error({10, Real(0.2), Real(0.01), Real(0.1), Real(0.015)}, 0), 0);
+}
+
+}  // namespace
+}  // namespace ballast::firmware

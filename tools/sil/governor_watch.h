@@ -1,0 +1,68 @@
+// Measures what the governor did to the commands of a run.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "ballast/controller_status_t.hpp"
+#include "firmware/motion/profile.h"
+#include "sim/scenario/scenario.h"
+
+namespace ballast::sil {
+
+// Over the governed ticks, which are those of the running motion.
+struct GovernorRecord {
+  std::int64_t ticks = 0, bent_ticks = 0, backup_ticks = 0;
+  // Per mass, greatest distance of the commanded from the motion's position at the same time, rail units. Feedback
+  // along the motion is part of it.
+  std::vector<double> largest_bend;
+  double motor_allowance = 0;  // greatest part of N kept free
+  double least_margin = 1;     // of the certified backups
+
+  [[nodiscard]] double share(std::int64_t part) const {
+    return static_cast<double>(part) / static_cast<double>(std::max<std::int64_t>(ticks, 1));
+  }
+};
+
+class GovernorWatch {
+ public:
+  explicit GovernorWatch(const sim::Scenario& scenario)
+      : period_s_(scenario.run.control_period_s), motion_(scenario.masses.size()) {
+    record_.largest_bend.assign(scenario.masses.size(), 0);
+    for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+      const sim::Mass& mass = scenario.masses[i];
+      std::vector<firmware::ProfilePiece> pieces;
+      for (const sim::MotionPiece& piece : mass.motion) {
+        pieces.push_back({piece.duration_s, piece.acceleration_start, piece.acceleration_end});
+      }
+      // A motion that is none is refused before the run.
+      static_cast<void>(
+          motion_[i].set(mass.initial_position, mass.initial_velocity, pieces.data(), static_cast<int>(pieces.size())));
+    }
+  }
+
+  void observe(const controller_status_t& status) {
+    if (status.governed == 0) return;
+    ++record_.ticks;
+    record_.bent_ticks += status.command_bent != 0 ? 1 : 0;
+    record_.backup_ticks += status.backup_active != 0 ? 1 : 0;
+    record_.motor_allowance = std::max(record_.motor_allowance, status.governor_allowance);
+    record_.least_margin = std::min(record_.least_margin, status.backup_margin);
+    const double time_s = static_cast<double>(status.tick + 1) * period_s_;
+    for (std::size_t i = 0; i < motion_.size(); ++i) {
+      const double off = std::abs(status.next_position[i] - motion_[i].at(time_s).position);
+      record_.largest_bend[i] = std::max(record_.largest_bend[i], off);
+    }
+  }
+  [[nodiscard]] const GovernorRecord& record() const { return record_; }
+
+ private:
+  double period_s_;
+  std::vector<firmware::Profile> motion_;
+  GovernorRecord record_;
+};
+
+}  // namespace ballast::sil
