@@ -55,6 +55,19 @@ TEST(TargetEquality, ATrackedPushedRun) {
   expect_equal(run + sensors + " --set run.hold=0.5 --set duration=1.5", 0);
 }
 
+// Bent commands, certificates and backups; once with feedback, an estimate and a push besides.
+TEST(TargetEquality, AGovernedRun) {
+  const std::string governed = " --set control.governor=true --set control.friction_use=1 ";
+  const std::string floor = "--set surface.static_friction=0.16 --set surface.kinetic_friction=0.1 ";
+  expect_equal("paper_ball" + governed + floor + "--actuation ideal --set duration=12", 0);
+  expect_equal("paper_ball" + governed + floor + "--set duration=4", 0);
+  expect_equal("desk_ball" + governed +
+                   "--set control.tracking=true --set believed.ball.mass=0.82 --set sensors.preset=bmi088_calibrated "
+                   "--set sensors.position_fix.rate=20 --set run.hold=0.5 --set duration=1.5 "
+                   "--fault push@0.5:2,duration=0.1,direction=[0.6,0.8,0]",
+               0);
+}
+
 // No pulse for longer than the step timer counts, 172 s.
 TEST(TargetEquality, ALongRest) { expect_equal("desk_ball --set duration=180 --set run.control_period=0.01", 0); }
 

@@ -182,6 +182,22 @@ void tracking(const Target& target) {
       alone, both);
 }
 
+// Instructions of a whole tick under the governor: a motion that it leaves alone, and one that it has to bend; tracking
+// along a motion with estimation, a latency and places from outside, all together.
+void governor(const Target& target) {
+  const auto measured = [&](const char* words, const char* name, std::vector<std::string> overrides) {
+    overrides.insert(overrides.end(), {"control.governor=true", "control.friction_use=1", "run.actuation=\"ideal\""});
+    const auto read = sim::read_scenario(sim::find_scenario(name, BALLAST_SCENARIO_DIR), overrides);
+    if (!read.ok()) throw std::runtime_error(to_string(read.errors[0]));
+    print_tick(words, read.scenario.masses.size(), measure(read.scenario, target).record, target);
+  };
+  measured("governed", "paper_ball", {});
+  measured("bent", "paper_ball", {"surface.static_friction=0.16", "surface.kinetic_friction=0.1"});
+  measured("and tracked", "desk_ball",
+           {"duration=3", "believed.ball.mass=0.82", "control.tracking=true", "sensors.preset=bmi088_calibrated",
+            "sensors.latency=0.005", "sensors.position_fix.rate=10", "run.hold=0.5"});
+}
+
 void steps(const Target& target) {
   sil::QemuProcess qemu;
   const sil::QemuOptions options{.board = target.board, .elf = target.folder / "step_cost.elf"};
@@ -262,6 +278,7 @@ int main(int argc, char** argv) {
     ticks(target);
     estimation(target);
     tracking(target);
+    governor(target);
     steps(target);
     load(target);
   } catch (const std::exception& error) {
