@@ -38,6 +38,6 @@ class Installed(unittest.TestCase):
     def run_in_folder(self, *command, status=0, **environment):
         """The standard output of a command, which must end with this status."""
         done = subprocess.run(command, cwd=self.folder, env={**self.environment, **environment}, capture_output=True,
-                              text=True, check=False, timeout=280)
+                              text=True, check=False, timeout=600)
         self.assertEqual(done.returncode, status, done.stdout + done.stderr)
         return done.stdout
