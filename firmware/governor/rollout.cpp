@@ -15,7 +15,7 @@ constexpr Real kNearEdge = Real(0.97);
 // the reserves leave.
 constexpr Real kBendTolerance = Real(5e-4);
 // Part of max_velocity that bends keep free.
-constexpr Real kSpareSpeed = Real(0.01);
+constexpr Real kSpareSpeed = Real(0.02);
 
 }  // namespace
 
