@@ -70,7 +70,7 @@ void begin_search(const ControllerParams& params, const RobotState& robot, Contr
   state.governing.params.jumps = state.started || !feeds;
   if (!state.started && !feeds) {
     start.robot.mass_acceleration =
-        beginning(params.ball, state.governing.params, robot, wish_at(params, state, 0, false, robot)).u;
+        beginning(params.ball, state.governing.params, robot, wish_at(params, state, 0, false, robot).u).u;
   }
   start.attempt = ticks_to_rest(params, state) > 0 ? kStartStretches : kStartStretches - 1;
   begin_attempt(params, state);
@@ -374,7 +374,8 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
   const auto wish_after = [&](std::int64_t from, bool to_halt, std::int64_t halt_tick, Wide time_s,
                               const RobotState& then) {
     if (to_halt && time_s >= (static_cast<Wide>(minus(halt_tick, from)) - Wide(0.5)) * period_s) {
-      return halt_wish(params.ball, gains, then);
+      const PerMass<Real> u = halt_wish(params.ball, gains, then);
+      return Wish{u, u};
     }
     const Wide begun_s = static_cast<Wide>(minus(from, state.tracking.start_tick)) * period_s;
     return wish_at(params, state, begun_s + time_s, state.tracking.feeds, then);

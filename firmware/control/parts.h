@@ -83,8 +83,8 @@ void set_origin(ControllerState& state);
 
 // The acceleration that the motion asks of the masses of this robot, at a time after its start: by the feedback, where
 // `feeds`, and otherwise back to the motion's positions.
-[[nodiscard]] PerMass<Real> wish_at(const ControllerParams& params, const ControllerState& state, Wide time_s,
-                                    bool feeds, const RobotState& robot);
+[[nodiscard]] Wish wish_at(const ControllerParams& params, const ControllerState& state, Wide time_s, bool feeds,
+                           const RobotState& robot);
 
 // Puts the motion of the tick `next` into `active`.
 void track(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next);

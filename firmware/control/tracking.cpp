@@ -105,13 +105,13 @@ void begin_tracking(ControllerState& state, std::int64_t next, bool feeds) {
   state.tracking.origin = origin;
 }
 
-PerMass<Real> wish_at(const ControllerParams& params, const ControllerState& state, Wide time_s, bool feeds,
-                      const RobotState& robot) {
-  PerMass<Real> wish{};
+Wish wish_at(const ControllerParams& params, const ControllerState& state, Wide time_s, bool feeds,
+             const RobotState& robot) {
+  Wish wish;
   PerMass<ProfilePoint> motion{};
   for (int i = 0; i < params.ball.mass_count; ++i) {
     motion[at(i)] = planned(params, state.tracking, i, time_s);
-    wish[at(i)] = static_cast<Real>(motion[at(i)].acceleration);
+    wish.own[at(i)] = static_cast<Real>(motion[at(i)].acceleration);
   }
   const MassError masses = mass_error(params, motion, robot.mass_position, robot.mass_velocity);
   PerMass<Real> correction{};
@@ -126,7 +126,7 @@ PerMass<Real> wish_at(const ControllerParams& params, const ControllerState& sta
   } else {
     correction = back_to_motion(params.ball, masses);
   }
-  for (int i = 0; i < params.ball.mass_count; ++i) wish[at(i)] -= correction[at(i)];
+  for (int i = 0; i < params.ball.mass_count; ++i) wish.u[at(i)] = wish.own[at(i)] - correction[at(i)];
   return wish;
 }
 

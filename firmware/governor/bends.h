@@ -13,7 +13,7 @@ namespace ballast::firmware {
 
 class Bends {
  public:
-  static constexpr int kMost = 192;
+  static constexpr int kMost = 256;
 
   // Nothing is bent. Times count from the start of `tick`. Points are left out where the line between others is within
   // `tolerance` of them (> 0, rail units / s^2).

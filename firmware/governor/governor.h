@@ -101,7 +101,7 @@ void command(const BallParams& ball, const GovernorParams& params, const Governo
 
 // Returns the accelerations of the masses at the end of `tick`, in which they go linearly from ramp.start to the
 // command, inside of ramp.end. `now`: the believed state at its start, masses as commanded. `law(time_s, state)`
-// predicts the wish: PerMass<Real> of a time after the start of the tick at which the candidate began
+// predicts the Wish of a time after the start of the tick at which the candidate began
 // (state.candidate.start_tick()) and a state.
 template <class Law>
 void govern(const BallParams& ball, const GovernorParams& params, const RobotState& now, const Ramp& ramp,

@@ -13,9 +13,9 @@ constexpr Real kEdgeSteps = 4;
 constexpr Real kNearEdge = Real(0.97);
 // Bends are kept up to this part of max_acceleration. On a floor that needs all of the friction it is less than what
 // the reserves leave.
-constexpr Real kBendTolerance = Real(2e-3);
+constexpr Real kBendTolerance = Real(5e-4);
 // Part of max_velocity that bends keep free.
-constexpr Real kSpareSpeed = Real(0.01);
+constexpr Real kSpareSpeed = Real(0.02);
 
 }  // namespace
 
@@ -90,15 +90,15 @@ void Rollout::bend(const BallParams& ball, const PerMass<Real>& wish) {
 }
 
 // The wish has become another one, or a rollout begins.
-void Rollout::begin_wish(const BallParams& ball, const PerMass<Real>& wish) {
+void Rollout::begin_wish(const BallParams& ball, const Wish& wish) {
   if (!begun_) forces_ = forces_at(ball, state_);
   begun_ = wished_ = true;
   last_wish_ = wish;
-  bend(ball, wish);
+  bend(ball, wish.u);
 }
 
-void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, const PerMass<Real>& wish,
-                          const Bends& in_force, Real h_s) {
+void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, const Bends& in_force,
+                          Real h_s) {
   if (end_ != RolloutEnd::kUnderWay) return;
   const Wide end_s = time_s_ + Wide{h_s};
   const bool guided = !(schedule_.from < schedule_.to) ||
@@ -113,20 +113,18 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   ramp.swing = true;
   ramp.spare = guided ? params.moving_reserve / 2 : params.moving_reserve;
   // Bends change as fast as max_jerk allows, and the nominal's own changes are followed.
-  PerMass<Real> change{}, wanted = wish;
+  PerMass<Real> change{}, wanted = wish.u;
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
     const bool jumps = nominal_now_ && (params.jumps || swings(params, i));
-    const Real own = jumps ? std::fabs(wish[i] - last_wish_[i]) : 0;
-    const Real bent = params.mass[i].max_jerk * h_s;
-    // The max_jerk of a mass that swings is less than its motor's.
-    change[i] = swings(params, i) ? bent + own : std::fmax(bent, own);
+    const Real own = jumps ? std::fabs(wish.own[i] - last_wish_.own[i]) : 0;
+    change[i] = params.mass[i].max_jerk * h_s + own;
     wanted[i] += guide[i];
   }
   // What bends leaves some speed free, so that the robot can repeat it.
   const Box all = box_of(params, state_, ball.mass_count, h_s, 0);
   Box box = box_of(params, state_, ball.mass_count, h_s, kSpareSpeed);
   for (std::size_t i = 0; i < wanted.size(); ++i) {
-    const Real off = std::fabs(ramp.start[i] - last_wish_[i]);
+    const Real off = std::fabs(ramp.start[i] - last_wish_.u[i]);
     if (!guided && off > Real(1e-9) * params.mass[i].max_acceleration) continue;
     box.upper[i] = std::fmax(box.upper[i], std::fmin(wanted[i], all.upper[i]));
     box.lower[i] = std::fmin(box.lower[i], std::fmax(wanted[i], all.lower[i]));
@@ -141,7 +139,7 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   forces_ = end.forces;
   time_s_ = end_s;
   last_wish_ = wish;
-  bend(ball, wish);
+  bend(ball, wish.u);
   judge(params, end);
   if (end_ == RolloutEnd::kUnderWay && last_ && still(params, state_, ball.mass_count)) begin_hold(ball, params);
 }

@@ -41,13 +41,19 @@ struct Breach {
   Real normal_force_n = 0;  // N
 };
 
+// What is wished at a time.
+struct Wish {
+  PerMass<Real> u{};    // accelerations
+  PerMass<Real> own{};  // of these the motion's, whose changes may be followed faster than max_jerk
+};
+
 class Rollout {
  public:
   // From `state` at the start of `tick`.
   void begin(const GovernorParams& params, const RobotState& state, std::int64_t tick, const Schedule& schedule);
 
   // Does steps worth at most `work` (kMovingStepWork, 1 for a held ball), and at least one. `nominal(time_s, state)`
-  // returns the wished accelerations, PerMass<Real>, at a time after the start of begin()'s tick. `in_force`: the bends
+  // returns the Wish at a time after the start of begin()'s tick. `in_force`: the bends
   // of the certificate in force, which the ball follows up to the tick Schedule::from, or for ever where there is none.
   template <class Nominal>
   void advance(const BallParams& ball, const GovernorParams& params, const Nominal& nominal, const Bends& in_force,
@@ -78,9 +84,10 @@ class Rollout {
 
  private:
   template <class Nominal>
-  PerMass<Real> wish(const BallParams& ball, const GovernorParams& params, const Nominal& nominal, Wide time_s,
-                     const RobotState& at) const {
-    return nominal_now_ ? nominal(time_s, at) : braking(params, at, ball.mass_count);
+  Wish wish(const BallParams& ball, const GovernorParams& params, const Nominal& nominal, Wide time_s,
+            const RobotState& at) const {
+    if (nominal_now_) return nominal(time_s, at);
+    return {braking(params, at, ball.mass_count), {}};
   }
 
   template <class Nominal>
@@ -93,11 +100,11 @@ class Rollout {
   }
 
   Real next_step_s(const GovernorParams& params);
-  void begin_wish(const BallParams& ball, const PerMass<Real>& wish);
+  void begin_wish(const BallParams& ball, const Wish& wish);
   // The state after h, to first order.
   [[nodiscard]] RobotState ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const;
-  void finish_step(const BallParams& ball, const GovernorParams& params, const PerMass<Real>& wish,
-                   const Bends& in_force, Real h_s);
+  void finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, const Bends& in_force,
+                   Real h_s);
   void bend(const BallParams& ball, const PerMass<Real>& wish);
   void judge(const GovernorParams& params, const GovernedRamp& end);
   void begin_hold(const BallParams& ball, const GovernorParams& params);
@@ -112,7 +119,7 @@ class Rollout {
   bool nominal_now_ = false, last_ = false;
   bool begun_ = false;   // forces_ are those of state_
   bool wished_ = false;  // last_wish_ is that of state_, by the same wish
-  PerMass<Real> last_wish_{};
+  Wish last_wish_;
   AffineForces forces_;  // at state_, of a moving ball
   Bends bends_;
   bool held_ = false;

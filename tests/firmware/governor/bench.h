@@ -68,15 +68,16 @@ struct ProfileLaw {
   Real bandwidth_radps;
   Wide start_s = 0;  // profile time at time 0 of the call
 
-  PerMass<Real> operator()(Wide time_s, const RobotState& state) const {
-    PerMass<Real> u{};
+  Wish operator()(Wide time_s, const RobotState& state) const {
+    Wish wish;
     for (std::size_t i = 0; i < static_cast<std::size_t>(ball->mass_count); ++i) {
       const ProfilePoint p = (*profiles)[i].at(start_s + time_s);
       const Real w = bandwidth_radps;
-      u[i] = static_cast<Real>(p.acceleration) + 2 * w * (static_cast<Real>(p.velocity) - state.mass_velocity[i]) +
-             w * w * (static_cast<Real>(p.position) - state.mass_position[i]);
+      wish.own[i] = static_cast<Real>(p.acceleration);
+      wish.u[i] = wish.own[i] + 2 * w * (static_cast<Real>(p.velocity) - state.mass_velocity[i]) +
+                  w * w * (static_cast<Real>(p.position) - state.mass_position[i]);
     }
-    return u;
+    return wish;
   }
 };
 
@@ -116,7 +117,7 @@ struct Bench {
     PerMass<Real> unit{};
     for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = params.mass[i].max_acceleration;
     const Box box = box_of(params, state, ball.mass_count, params.step_s, 0);
-    state.mass_acceleration = project(forces, ball.mass_count, cone, box, unit, law(0)(0, state)).u;
+    state.mass_acceleration = project(forces, ball.mass_count, cone, box, unit, law(0)(0, state).u).u;
     const auto end_tick = rests ? static_cast<std::int64_t>(end_s / params.control_period_s) + 1 : 0;
     for (int attempt = rests ? kStartStretches : kStartStretches - 1; attempt >= 0; --attempt) {
       begin_start(params, state, 0, 0, end_tick, attempt, governor);
@@ -140,7 +141,7 @@ struct Bench {
     };
     const Ramp ramp = ramp_of(ball, params, state);
     NominalEnd end;
-    end.wish = end.reached = nominal(static_cast<Wide>(tick + 1) * period_s, state);
+    end.wish = end.reached = nominal(static_cast<Wide>(tick + 1) * period_s, state).u;
     for (std::size_t i = 0; i < end.reached.size(); ++i) {
       end.reached[i] = std::fmin(std::fmax(end.reached[i], ramp.end.lower[i]), ramp.end.upper[i]);
     }

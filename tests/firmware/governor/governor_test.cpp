@@ -69,7 +69,7 @@ TEST(Governor, CertifiedBackupsHoldWhenTheyRun) {
       for (std::int64_t tick = bench->tick; tick < until; ++tick) {
         const bool nominal = tick < certificate.switch_tick;
         const Ramp ramp = testing::ramp_of(bench->ball, bench->params, state);
-        PerMass<Real> wish = nominal ? bench->law(tick + 1)(0, state) : braking(bench->params, state, 3);
+        PerMass<Real> wish = nominal ? bench->law(tick + 1)(0, state).u : braking(bench->params, state, 3);
         const PerMass<Real> bend = bends.at(static_cast<Wide>(tick + 1 - bends.start_tick()) * 0.001, 0.001);
         for (std::size_t i = 0; i < 3; ++i) {
           wish[i] = std::fmin(std::fmax(wish[i] + bend[i], ramp.end.lower[i]), ramp.end.upper[i]);

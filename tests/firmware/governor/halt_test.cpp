@@ -28,7 +28,8 @@ Halted halt(Bench& bench, Wide start_s, Wide for_s) {
   const auto law = [&](Wide time_s, const RobotState& state) {
     const Schedule& schedule = bench.governor.candidate.schedule();
     const std::int64_t from = bench.governor.changing ? schedule.from : changed;
-    if (time_s >= static_cast<Wide>(from) * period_s - period_s / 2) return halt_wish(bench.ball, gains, state);
+    if (time_s >= static_cast<Wide>(from) * period_s - period_s / 2)
+      return Wish{halt_wish(bench.ball, gains, state), {}};
     return bench.law(0)(time_s, state);
   };
   Halted out;
