@@ -29,8 +29,9 @@ BALLAST = os.environ["BALLAST"]
 OLD, NEW = "foxglove.websocket.v1", "foxglove.sdk.v1"
 PATIENCE_S = 60
 _buses = itertools.count(20000 + os.getpid() % 8000 * 4)
-# Twice as fast as the wall clock, so that the run is short; there are then at most 120 samples per simulated second.
-RUN = ["desk_ball", "--set", "duration=1.5"]
+# With 250 ticks per second a busy machine may keep the reader waiting for 0.2 s until the bus loses messages.
+OTHER_RUN = ["desk_ball", "--set", "run.control_period=0.004", "--set", "duration=1.2"]
+RUN = [*OTHER_RUN, "--set", "duration=1.5"]
 
 
 class Lines:
@@ -71,6 +72,12 @@ class Lines:
             return list(self.lines)
 
 
+def near_the_end(line):
+    """Whether a line is a message of RUN's last 0.3 s. The very last one may be lost on a busy machine."""
+    entry = re.match(r'{"topic":"/scene/contact","logTime":(\d+),', line)
+    return entry is not None and int(entry[1]) > 1.2 * 10**9
+
+
 class Live(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -96,7 +103,7 @@ class Live(unittest.TestCase):
         return done
 
     def run_live(self, *arguments):
-        self.command("run", *(arguments or RUN), "--speed", "2", "--lcm", self.bus, "--quiet", "--out", self.folder / "live")
+        self.command("run", *(arguments or RUN), "--speed", "1", "--lcm", self.bus, "--quiet", "--out", self.folder / "live")
 
     @contextlib.contextmanager
     def watch(self, *arguments, scenario=None):
@@ -137,13 +144,14 @@ class Live(unittest.TestCase):
             clock = entry.get("time", clock)
             if "topic" not in entry:
                 continue
-            self.assertEqual(entry["logTime"], clock)
-            topic, message = entry["topic"], entry["message"]
-            seen.append((topic, clock))
+            # The time comes first. Where the viewer was slow it is newer than a message of a topic that is sent less often.
+            topic, message, log_time = entry["topic"], entry["message"], entry["logTime"]
+            self.assertLessEqual(log_time, clock)
+            seen.append((topic, log_time))
             if names[topic] in validators and len(seen) % 7 == 0:
                 validators[names[topic]].validate(message)
             if topic == "/frames/ball":
-                row = self.state[clock // 1000]
+                row = self.state[log_time // 1000]
                 np.testing.assert_array_equal([message["translation"][k] for k in "xyz"], row["position_W_m"])
                 np.testing.assert_array_equal([message["rotation"][k] for k in "wxyz"], row["orientation"])
         return names, seen
@@ -152,11 +160,10 @@ class Live(unittest.TestCase):
         with self.watch("--forever") as (process, _, url):
             with self.viewer(url) as lines:
                 self.run_live()
-                last = f'"logTime":{1500 * 10**6},'
-                lines.first(lambda line: '"/scene/contact"' in line and last in line)
+                lines.first(near_the_end)
                 first_run = len(lines.lines)
                 self.run_live()
-                lines.first(lambda line: '"/scene/contact"' in line and last in line, first_run)
+                lines.first(near_the_end, first_run)
                 with self.viewer(url, NEW) as late:
                     # The newest message of every channel, though nothing happens any more.
                     late.first(lambda line: '"/scene/floor"' in line)
@@ -175,20 +182,19 @@ class Live(unittest.TestCase):
         self.assertEqual(sum(b < a for a, b in zip(times, times[1:])), 1)
         self.assertEqual([topic for topic, _ in seen].count("/scene/fixed"), 2)
         balls = [clock for topic, clock in seen if topic == "/frames/ball"]
-        self.assertEqual(balls.count(1500 * 10**6), 2, "the last sample of each run")
         self.assertGreater(len(balls), 20)
 
     def test_only_the_run_of_the_scenario_is_shown(self):
         with self.watch() as (process, said, _):
-            self.run_live("desk_ball", "--set", "duration=1.2")
+            self.run_live(*OTHER_RUN)
             self.assertEqual(process.wait(PATIENCE_S), 2)
         self.assertIn("the run on this bus is of another scenario (every --set counts); allowed: the same, or the scenario.toml",
                       "".join(said.all()))
         with self.watch("--forever", "--every", "0.1") as (_, said, url), self.viewer(url) as lines:
-            self.run_live("desk_ball", "--set", "duration=1.2")
+            self.run_live(*OTHER_RUN)
             said.first(lambda line: "of another scenario" in line)
             self.run_live()
-            lines.first(lambda line: '"/scene/contact"' in line and '"logTime":1500000000,' in line)
+            lines.first(near_the_end)
         _, seen = self.judge([json.loads(line) for line in lines.all()])
         self.assertEqual(sum("of another scenario" in line for line in said.all()), 1)
 
@@ -196,8 +202,9 @@ class Live(unittest.TestCase):
         with self.watch() as (process, _, url), self.viewer(url) as lines:
             self.run_live()
             self.assertEqual(process.wait(PATIENCE_S), 0)
-            last = [json.loads(line) for line in lines.all()][-1]
-        self.assertEqual(last["logTime"], 1500 * 10**6)
+            entries = [json.loads(line) for line in lines.all()]
+        # `watch` has ended with the run's last messages, so they have been drawn.
+        self.assertEqual([entry["time"] for entry in entries if "time" in entry][-1], 1500 * 10**6)
 
     def test_strangers(self):
         with self.watch("--forever") as (process, _, url):
@@ -205,7 +212,7 @@ class Live(unittest.TestCase):
             with self.viewer(url) as lines:  # while one never reads
                 deaf = self.deaf_viewer(url)
                 self.run_live()
-                lines.first(lambda line: '"/scene/contact"' in line and '"logTime":1500000000,' in line)
+                lines.first(near_the_end)
                 deaf.close()
             self.assertIsNone(process.poll())
 

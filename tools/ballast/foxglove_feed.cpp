@@ -22,6 +22,7 @@ namespace {
 
 constexpr double kEvery_s = 1.0 / 60;
 constexpr double kSilent_s = 3;  // after this time without a message, another run may be shown
+constexpr std::chrono::seconds kLinger{5};
 constexpr char kServer[] = "ballast-foxglove";
 
 // Writes all of it, waiting for the reader.
@@ -46,7 +47,7 @@ std::string file_event(const char* name, const std::string& content) {
 
 FoxgloveFeed::~FoxgloveFeed() {
   input_ = program::Descriptor();  // the server ends with its input
-  if (server_.running()) (void)server_.wait(std::chrono::seconds(1));
+  if (server_.running()) (void)server_.wait(kLinger);
 }
 
 std::string FoxgloveFeed::start(const std::string& host, int port) {

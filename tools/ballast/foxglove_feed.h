@@ -19,7 +19,7 @@ namespace ballast {
 class FoxgloveFeed {
  public:
   explicit FoxgloveFeed(const sim::Scenario& scenario) : scenario_id_(scenario.id), scenario_(scenario) {}
-  // Ends the server. It has a second for its viewers' last messages.
+  // Ends the server. It has 5 s for its viewers' last messages; idle viewers take none.
   ~FoxgloveFeed();
   FoxgloveFeed(const FoxgloveFeed&) = delete;
   FoxgloveFeed& operator=(const FoxgloveFeed&) = delete;

@@ -38,7 +38,7 @@ MESSAGES = {"BALLAST_CONTACT": ballast.contact_t, "BALLAST_PLANT_STATE": ballast
             "BALLAST_CONTROLLER_STATUS": ballast.controller_status_t, "BALLAST_TRIP": ballast.trip_t}
 MOST_VIEWERS = 32
 _LONGEST_REQUEST = 1 << 16
-_LINGER_S = 0.5  # for viewers to get the last messages
+_LINGER_S = 2  # for viewers to get the last messages
 _HEADER = struct.Struct(">Iqqii")  # of an event: sync word, number, time, sizes of channel and data
 _WARNING = 1  # level of a status message
 
