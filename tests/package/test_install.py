@@ -54,6 +54,16 @@ class Programs(Installed):
         self.run_in_folder("ballast", "sweep", "floors.toml", "--out", "floors")
         self.assertTrue((self.folder / "floors/sweep.nc").exists())
 
+    def test_the_examples_in_python_run_with_the_installed_package(self):
+        package = self.prefix / "lib/python3/dist-packages"
+        scripts = sorted((self.prefix / "share/doc/ballast/python").glob("*.py"))
+        self.assertEqual([script.name for script in scripts],
+                         sorted(path.name for path in (ROOT / "tools/python/examples").glob("*.py")))
+        for script in scripts:
+            with self.subTest(script.name):
+                self.run_in_folder("/usr/bin/python3", "-B", script, PYTHONPATH=str(package), MPLBACKEND="agg")
+        self.assertTrue((self.folder / "friction.png").read_bytes().startswith(b"\x89PNG"))
+
     def test_an_installed_program_leaves_nothing_in_its_folder(self):
         before = sorted(self.prefix.rglob("*"))
         self.run_in_folder("ballast", "run", "paper_ball", "--set", "duration=0.1", "--pictures", "--quiet")

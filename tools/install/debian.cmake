@@ -25,7 +25,7 @@ set(CPACK_DEBIAN_PROGRAMS_PACKAGE_DEPENDS "python3, python3-numpy")
 if(netcdf_package)
   string(APPEND CPACK_DEBIAN_PROGRAMS_PACKAGE_DEPENDS ", ${netcdf_package}")
 endif()
-set(CPACK_DEBIAN_PROGRAMS_PACKAGE_RECOMMENDS "python3-matplotlib")
+set(CPACK_DEBIAN_PROGRAMS_PACKAGE_RECOMMENDS "python3-matplotlib, python3-websockets")
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SUGGESTS "default-jre, libjchart2d-java, liblcm-java, qemu-system-arm")  # ballast spy, --firmware
 
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME ballast-dev)
