@@ -1,6 +1,7 @@
 """The environment after Gymnasium's interface. BALLAST_EPISODES sets the number of random episodes; the bar is 1000."""
 import ctypes
 import os
+import tempfile
 import unittest
 from pathlib import Path
 
@@ -19,6 +20,20 @@ def resident_bytes():
 def leak_check():
     """The address sanitizer's search for memory that nothing refers to, in a build with it; else None."""
     return getattr(ctypes.CDLL(None), "__lsan_do_recoverable_leak_check", None)
+
+
+def leaks():
+    """What it reports of this package. The interpreter and NumPy lose some memory of their own when they start."""
+    with tempfile.TemporaryFile() as file:
+        stderr = os.dup(2)
+        os.dup2(file.fileno(), 2)
+        try:
+            leak_check()()
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+        file.seek(0)
+        return [leak for leak in file.read().decode(errors="replace").split("\n\n") if "ballast" in leak]
 
 
 def desk(**keys):
@@ -127,7 +142,7 @@ class RandomPolicy(unittest.TestCase):
         self.assertGreater(steps, EPISODES)
         print(f"{EPISODES} episodes, {steps} steps")
         if leak_check() is not None:
-            self.assertEqual(leak_check()(), 0, "the address sanitizer found leaks")
+            self.assertEqual(leaks(), [])
 
     def test_memory_stays(self):
         """Each plant takes some 100 kB. A hundred that were not given back would show over the 1 MB allowed here."""
