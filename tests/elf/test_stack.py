@@ -44,6 +44,7 @@ class Stack(Folder):
             "str r0, [sp, #-4]!",       # 52
             "strd r2, r3, [sp, #-8]!",  # 60
             "stmdb sp!, {r5, r6, r7}",  # 72
+            "stmia sp, {r5, r6, r7}",   # into what is taken
             "movw r3, #5000",
             "sub sp, sp, r3",           # 5072
             "ldr r3, =70000",
