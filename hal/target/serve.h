@@ -16,9 +16,11 @@ Status give_up(Link<M>& link, std::int64_t tick) {
 }
 
 // Takes the parameters and starts the ticks. kOk: the ticks run. kEmpty: the parameters were refused, and the reason
-// was sent to the host.
-template <Machine M>
-Status take_params(M& machine, Link<M>& link, const Identity& identity, firmware::ControllerParams& params) {
+// was sent to the host. `prepare()` is called with valid parameters before the ticks begin: it may take longer than
+// one.
+template <Machine M, class Prepare>
+Status take_params(M& machine, Link<M>& link, const Identity& identity, firmware::ControllerParams& params,
+                   Prepare prepare) {
   static MassParams mass;
   static ReferencePart part;
   Hello hello;
@@ -64,9 +66,12 @@ Status take_params(M& machine, Link<M>& link, const Identity& identity, firmware
       verdict.value = error.value;
       verdict.limit = error.limit;
       verdict.allowed = error.allowed;
-    } else if (!machine.start(params, commit)) {
-      verdict.acceptance = Acceptance::kPeriod;
-      verdict.value = params.control_period_s;
+    } else {
+      prepare();
+      if (!machine.start(params, commit)) {
+        verdict.acceptance = Acceptance::kPeriod;
+        verdict.value = params.control_period_s;
+      }
     }
   }
   if (const Status s = link.send(verdict, 0); s != Status::kOk) return s;
@@ -80,12 +85,17 @@ Status serve(M& machine, const Identity& identity) {
   static Link<M> link(machine);
   static LinkBoard<M> board(machine, link);
 
-  Status status = take_params(machine, link, identity, params);
+  // The controller certifies the first start as it begins, which takes many ticks' time.
+  Loop<LinkBoard<M>>* loop = nullptr;
+  const auto prepare = [&loop] {
+    static Loop<LinkBoard<M>> begun(params, board);
+    loop = &begun;
+  };
+  Status status = take_params(machine, link, identity, params, prepare);
   if (status == Status::kIo) return give_up(link, 0);
   if (status != Status::kOk) return status;
 
-  static Loop<LinkBoard<M>> loop(params, board);
-  status = loop.run();
+  status = loop->run();
   if (status == Status::kIo) return give_up(link, board.tick());
   if (status != Status::kEnded) return status;
   static EndReport end_report;

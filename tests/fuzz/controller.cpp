@@ -46,7 +46,7 @@ bool take(std::span<const std::uint8_t> input) {
   *params = firmware::ControllerParams();
   BareMachine machine(input);
   const auto link = std::make_unique<target::Link<BareMachine>>(machine);
-  if (target::take_params(machine, *link, target::Identity(), *params) != hal::Status::kOk) return false;
+  if (target::take_params(machine, *link, target::Identity(), *params, [] {}) != hal::Status::kOk) return false;
 
   const auto board = std::make_unique<target::LinkBoard<BareMachine>>(machine, *link);
   const auto loop = std::make_unique<hal::ControlLoop<target::LinkBoard<BareMachine>>>(*params, *board);

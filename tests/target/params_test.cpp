@@ -110,7 +110,7 @@ Verdict verdict_of(const Robot& robot) {
   machine.say(Commit{});
   const auto link = std::make_unique<Link<LinkOnly>>(machine);
   const auto params = std::make_unique<firmware::ControllerParams>();
-  static_cast<void>(take_params(machine, *link, Identity{}, *params));
+  static_cast<void>(take_params(machine, *link, Identity{}, *params, [] {}));
   // After its Hello.
   Frame frame;
   const FrameResult hello = decode_frame(machine.out, frame);
