@@ -26,6 +26,7 @@ Real fading(Real max_jerk, Real left, Real h) {
 
 // A bent command moves the end of a ramp a little, where it is then projected anew.
 constexpr int kTickRounds = 3;
+constexpr int kQuickRounds = 1;
 
 // Time constant of the brake, times the natural frequency of a swinging mass: a shorter one excites the swing.
 constexpr Real kBrakeSwings = 5;
@@ -238,7 +239,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
   out.command.u = wish;
   PerMass<Real> moved_end{};
   // A command that is bent moves the end a little, where it is then projected anew.
-  for (int round = 0; round <= kTickRounds; ++round) {
+  for (int round = 0; round <= (ramp.quick ? kQuickRounds : kTickRounds); ++round) {
     RobotState end = state;
     for (std::size_t i = 0; i < static_cast<std::size_t>(n) && ramp.swing; ++i) {
       if (!swings(params, i)) continue;
@@ -256,8 +257,9 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
     }
     // What the last projection gave holds where it lands, too.
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
-    out.command = project(out.forces, n, spared, ramp.end, unit, wish);
-    if (!out.command.bent) break;
+    out.command = ramp.quick ? project_quickly(out.forces, n, spared, ramp.end, unit, wish)
+                             : project(out.forces, n, spared, ramp.end, unit, wish);
+    if (!out.command.bent || out.command.empty) break;
   }
   moved_end = moved(params, out.state, out.command.u, ramp.swing, n);
   out.state.mass_acceleration = out.command.u;

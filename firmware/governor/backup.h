@@ -49,6 +49,7 @@ struct Ramp {
   Box end;             // of the command: what the motors can reach by then
   Real h_s = 0;        // length
   Real spare = 0;      // part of the friction that the command keeps free, if it can
+  bool quick = false;  // for a rollout, in which the projection may give up early
   bool swing = false;  // masses that swing in their motors' fields accelerate as they swing, not as commanded
 };
 

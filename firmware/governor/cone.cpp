@@ -184,12 +184,12 @@ void search_direction(const Projector& projector, const Cone& cone, Plane e, Bes
 
 // The search begins along the nominal's friction. Where N falls to 0 on the way its distance may have two maxima, and
 // the search may not end; the farthest of eight half spaces is then a better beginning.
-PerMass<Real> nearest_in_cone(const Projector& projector, const Cone& cone) {
+PerMass<Real> nearest_in_cone(const Projector& projector, const Cone& cone, bool quickly = false) {
   Best best;
   const Vector3 first = projector.force(projector.nominal());
   const Real first_n = friction_n(first);
   search_direction(projector, cone, first_n > 0 ? Plane{first[0] / first_n, first[1] / first_n} : Plane{1, 0}, best);
-  if (best.inside) return best.u;
+  if (best.inside || quickly) return best.u;
   constexpr Real kHalf = Real(0.70710678118654752);
   constexpr Plane kAround[8] = {{1, 0},  {kHalf, kHalf},   {0, 1},  {-kHalf, kHalf},
                                 {-1, 0}, {-kHalf, -kHalf}, {0, -1}, {kHalf, -kHalf}};
@@ -227,10 +227,8 @@ bool inside(const Projector& projector, const Cone& cone, const PerMass<Real>& u
   return projector.outside(cone, u) <= 4 * kConeTolerance * size_n;
 }
 
-}  // namespace
-
-Projection project(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
-                   const PerMass<Real>& unit, const PerMass<Real>& nominal) {
+Projection projected(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
+                     const PerMass<Real>& unit, const PerMass<Real>& nominal, bool quickly) {
   const Projector projector(forces, mass_count, box, unit, nominal);
   Projection out;
   out.u = projector.nominal();
@@ -246,8 +244,10 @@ Projection project(const AffineForces& forces, int mass_count, const Cone& cone,
   if (std::isinf(cone.friction)) {
     out.u = projector.pressed(cone.min_normal_force_n);
   } else {
-    out.u = nearest_in_cone(projector, cone);
-    if (projector.force(out.u)[2] < cone.min_normal_force_n || !inside(projector, cone, out.u)) {
+    out.u = nearest_in_cone(projector, cone, quickly);
+    if (quickly) {
+      // The answer, whatever it is.
+    } else if (projector.force(out.u)[2] < cone.min_normal_force_n || !inside(projector, cone, out.u)) {
       Cone tip = cone;
       tip.slack_n = std::fmax(cone.friction * cone.min_normal_force_n, cone.slack_n);
       const PerMass<Real> safer = nearest_in_cone(projector, tip);
@@ -269,6 +269,18 @@ Projection project(const AffineForces& forces, int mass_count, const Cone& cone,
   out.empty = !inside(projector, cone, out.u);
   out.violation_n = out.empty ? projector.outside(cone, out.u) : 0;
   return out;
+}
+
+}  // namespace
+
+Projection project(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
+                   const PerMass<Real>& unit, const PerMass<Real>& nominal) {
+  return projected(forces, mass_count, cone, box, unit, nominal, false);
+}
+
+Projection project_quickly(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
+                           const PerMass<Real>& unit, const PerMass<Real>& nominal) {
+  return projected(forces, mass_count, cone, box, unit, nominal, true);
 }
 
 }  // namespace ballast::firmware

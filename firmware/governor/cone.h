@@ -51,4 +51,9 @@ struct Projection {
 [[nodiscard]] Projection project(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
                                  const PerMass<Real>& unit, const PerMass<Real>& nominal);
 
+// The same with one search of at most kMostConeSteps half spaces: where that finds no u inside, the answer is `empty`
+// although there may be one.
+[[nodiscard]] Projection project_quickly(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
+                                         const PerMass<Real>& unit, const PerMass<Real>& nominal);
+
 }  // namespace ballast::firmware

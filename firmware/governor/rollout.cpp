@@ -110,7 +110,7 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   Ramp ramp;
   ramp.start = state_.mass_acceleration;
   ramp.h_s = h_s;
-  ramp.swing = true;
+  ramp.swing = ramp.quick = true;
   ramp.spare = guided ? params.moving_reserve / 2 : params.moving_reserve;
   // Bends change as fast as max_jerk allows, and the nominal's own changes are followed.
   PerMass<Real> change{}, wanted = wish.u;
