@@ -53,7 +53,7 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
   params.moving_reserve = Real(0.01);
   params.step_s = std::fmax(Real(0.05) * unit_s, static_cast<Real>(control_period_s));
   params.horizon_s = Wide{16 * unit_s};
-  params.work_per_tick = 4 * kMovingStepWork;
+  params.work_per_tick = 3 * kMovingStepWork;
   for (std::size_t i = 0; i < kMaxMasses; ++i) {
     params.still_velocity[i] = Real(1e-3) * std::fmax(params.mass[i].max_acceleration, Real(0)) * params.brake_time_s;
   }
