@@ -65,7 +65,8 @@ PerMass<Real> Bends::at(Wide time_s, Wide period_s) const {
   const Wide share = length_s > 0 ? (time_s - time_s_[right - 1]) / length_s : 1;
   const Real part = share < 1 ? static_cast<Real>(share) : 1;
   for (std::size_t i = 0; i < out.size(); ++i) {
-    out[i] = Real{bend_[right - 1][i]} + part * (Real{bend_[right][i]} - Real{bend_[right - 1][i]});
+    const Real before = bend_[right - 1][i], after = bend_[right][i];
+    out[i] = before + part * (after - before);
     if (std::fabs(out[i]) <= tolerance_[i]) out[i] = 0;
   }
   return out;

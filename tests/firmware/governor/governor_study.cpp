@@ -73,8 +73,9 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: governor_study FIRST LAST\n");
     return 1;
   }
+  const long first = std::strtol(argv[1], nullptr, 10), last = std::strtol(argv[2], nullptr, 10);
   int started = 0, refused = 0, broken = 0, broken_without = 0;
-  for (long seed = std::atol(argv[1]); seed <= std::atol(argv[2]); ++seed) {
+  for (long seed = first; seed <= last; ++seed) {
     Draw drawn = draw(static_cast<unsigned>(seed));
     drawn.params.governor.on = true;
     ballast::firmware::testing::GovernedBall governed(drawn.params);

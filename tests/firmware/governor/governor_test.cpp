@@ -10,7 +10,6 @@
 namespace ballast::firmware {
 namespace {
 
-using testing::Bench;
 using testing::desk_bench;
 using testing::paper_bench;
 
