@@ -120,7 +120,7 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
     change[i] = params.mass[i].max_jerk * h_s + own;
     wanted[i] += guide[i];
   }
-  // What bends leaves some speed free, so that the robot can repeat it.
+  // A bend leaves some speed free, so that the robot can repeat it.
   const Box all = box_of(params, state_, ball.mass_count, h_s, 0);
   Box box = box_of(params, state_, ball.mass_count, h_s, kSpareSpeed);
   for (std::size_t i = 0; i < wanted.size(); ++i) {

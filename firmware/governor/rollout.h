@@ -41,7 +41,7 @@ struct Breach {
   Real normal_force_n = 0;  // N
 };
 
-// What is wished at a time.
+// A wish at a time.
 struct Wish {
   PerMass<Real> u{};    // accelerations
   PerMass<Real> own{};  // of these the motion's, whose changes may be followed faster than max_jerk
