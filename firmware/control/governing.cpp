@@ -88,7 +88,7 @@ void advance_search(const ControllerParams& params, int work, ControllerState& s
     g.start.stage = StartStage::kCertified;
     return;
   }
-  // What is said is of the shortest stretch, which is tried last.
+  // The refusal speaks of the shortest stretch, which is tried last.
   g.start.breach = candidate.breach();
   g.start.breach_s = candidate.time_s();
   if (g.start.attempt == 0) {
@@ -185,7 +185,7 @@ void predict_halt(const ControllerParams& params, const RobotState& robot, std::
   }
 }
 
-// What estimate and belief may be off, as the next tick's cone takes it.
+// Errors of estimate and belief, as the next tick's cone takes them.
 void weigh_errors(const ControllerParams& params, const ControllerState& state, const RobotState& robot,
                   const PerMass<Real>& u, GoverningState& g) {
   if (!params.estimation.estimated || std::isinf(g.params.friction)) return;

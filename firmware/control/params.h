@@ -51,7 +51,7 @@ struct ParamError {
 // Limits that the profiles of a motor keep. The speed is that of its step rate.
 [[nodiscard]] MotionLimits motion_limits(const ControllerParams& params, int mass);
 
-// What the governor keeps, from these and the robot's own limits.
+// The governor's limits, from these and the robot's own.
 [[nodiscard]] GovernorParams governor_params(const ControllerParams& params);
 
 }  // namespace ballast::firmware

@@ -121,7 +121,7 @@ void begin_halt(ControllerState& state);
 [[nodiscard]] bool halted(const ControllerParams& params, const ControllerState& state);
 // The halt commands the tick that begins at the start of `tick`, if its stop is certified.
 [[nodiscard]] bool halts(const GoverningState& governing, std::int64_t tick);
-// What the halt asks of the masses in that tick, and how much that has changed since the tick before.
+// The halt's accelerations in that tick, and how much they have changed since the tick before.
 struct HaltWish {
   PerMass<Real> wish{}, change{};
 };

@@ -58,7 +58,7 @@ struct StepOverload {
   std::int64_t tick = 0;  // in which the steps would have been executed
 };
 
-// What the governor did in this tick, and what it has certified. All zero while it does not command.
+// The governor's part in this tick, and its certificate. All zero while it does not command.
 struct GovernorStatus {
   bool governs = false;
   bool bent = false;                   // the command for the next tick is not the wished one

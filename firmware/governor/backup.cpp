@@ -255,7 +255,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
     if (!std::isinf(params.friction)) {
       spared.slack_n += ramp.spare * params.friction * std::fabs(out.forces.force_W_n[2]);
     }
-    // What the last projection gave holds where it lands, too.
+    // The last projection's command holds where it lands, too.
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
     out.command = ramp.quick ? project_quickly(out.forces, n, spared, ramp.end, unit, wish)
                              : project(out.forces, n, spared, ramp.end, unit, wish);

@@ -1,4 +1,4 @@
-// What a robot does at one state: forces, bounds of its masses, and the commands of the backup.
+// A robot at one state: bounds of its masses, the cone, the wish of the backup, and the command at a ramp's end.
 #pragma once
 
 #include "firmware/governor/cone.h"
@@ -68,7 +68,7 @@ struct GovernedRamp {
 void governed_for_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
                        const AffineForces& at_start, const Ramp& ramp, const PerMass<Real>& wish, GovernedRamp& out);
 
-// What motors and errors may add to f_s - kappa N along the friction, as a part of N.
+// The part of N that motors and errors may add to f_s - kappa N along the friction.
 [[nodiscard]] Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count);
 
 [[nodiscard]] AffineForces forces_at(const BallParams& ball, const RobotState& state);

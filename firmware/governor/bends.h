@@ -25,8 +25,8 @@ class Bends {
   // one time are a jump. False: there is no room for it.
   [[nodiscard]] bool add(Wide time_s, const PerMass<Real>& bend);
 
-  // What is within the tolerance of 0 is 0. Of two points at one time, the earlier one. Times within a quarter of
-  // `period_s` are one. A bisection, so it takes about log2(kMost) steps.
+  // The bend at a time, 0 where it is within the tolerance of 0. Two points at one time give the earlier one. Times
+  // within a quarter of `period_s` are one. A bisection, so it takes about log2(kMost) steps.
   [[nodiscard]] PerMass<Real> at(Wide time_s, Wide period_s) const;
 
  private:

@@ -11,8 +11,8 @@ namespace {
 // Part of f_s + kappa N: rounding of the forces, and what the last round of the search for the direction leaves.
 constexpr Real kConeTolerance = std::max(Real(1e-9), 64 * std::numeric_limits<Real>::epsilon());
 
-// Of the secant in the search for the direction: its step is lengthened by this, and no longer than this many of the
-// last ones.
+// The secant in the search for the direction goes further by the factor kBeyond, and at most kFarthest times the last
+// step.
 constexpr Real kBeyond = Real(1.05);
 constexpr Real kFarthest = 8;
 // Beyond so many rounds every third one halves the bracket, whatever the forces look like.

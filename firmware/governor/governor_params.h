@@ -27,7 +27,7 @@ struct MassLimits {
   Real max_jerk = std::numeric_limits<Real>::infinity();  // > 0, of commands that are not the nominal's own
 };
 
-// What the controller is told of the governor. Everything else follows from the robot: governor_params().
+// The controller's parameters for the governor. Everything else follows from the robot: governor_params().
 struct GovernorSettings {
   bool on = false;              // false: nothing is bent, and the rest is not read
   Real friction = 0;            // kappa > 0: f_s <= kappa N; infinite: perfect friction

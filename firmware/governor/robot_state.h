@@ -12,7 +12,7 @@ struct RobotState {
   PerMass<Real> mass_position{};           // rail coordinates
   PerMass<Real> mass_velocity{};
   PerMass<Real> mass_acceleration{};  // commanded
-  // What the acceleration of a mass that swings in its motor's field follows the command with (governor_params.h).
+  // True acceleration and jerk of a mass that swings in its motor's field (governor_params.h).
   PerMass<Real> swing_acceleration{}, swing_jerk{};
 };
 

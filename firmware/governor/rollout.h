@@ -79,7 +79,7 @@ class Rollout {
   [[nodiscard]] const RobotState& state() const { return state_; }
   // Valid at the end kBroken.
   [[nodiscard]] const Breach& breach() const { return breach_; }
-  // Of the commands from their wishes: from the nominal where the schedule has it, else from braking().
+  // Commands less their wishes: the nominal where the schedule has it, else braking().
   [[nodiscard]] const Bends& bends() const { return bends_; }
 
  private:

@@ -27,7 +27,7 @@ Quaternion tilted(const Quaternion& q, int axis, Real angle) {
   return turned(q, rate, angle);
 }
 
-// What is added to a belief. A copy of BallParams, with its splines, would take 25 kB of stack.
+// An error that is added to a belief. A copy of BallParams, with its splines, would take 25 kB of stack.
 struct Believed {
   Vector3 center_of_mass_B_m = Vector3::Zero();
   Real shell_mass_share = 0;

@@ -1,4 +1,4 @@
-// What errors of estimate and belief do to the friction that the ball needs.
+// How errors of estimate and belief change the friction that the ball needs.
 //
 // The derivatives of f_s - kappa N by attitude, angular velocity, masses and centre of mass are differences of the
 // closed form at the state and the command of a tick, one of them per tick: an evaluation of rolling_forces() a tick. A

@@ -107,7 +107,7 @@ class Frames:
 
 
 class McapFile:
-    """What @mcap/core reads: `channels` by topic, and (topic, log time in ns, message) in order of time."""
+    """A file as @mcap/core reads it: `channels` by topic, and (topic, log time in ns, message) in order of time."""
 
     def __init__(self, packages, path):
         lines = npm_packages.output_of_node(packages, "read_mcap.mjs", path).splitlines()

@@ -88,7 +88,7 @@ class Ending:
     by: str = ""  # whose doing the end is, where that is not the trip's
 
     def guard(self, sound):
-        """Who has told it from the sound program's."""
+        """The test that has told it from the sound program's."""
         if self.by:
             return self.by
         if self.cause and self.cause != sound.cause:

@@ -29,7 +29,7 @@ class Packages(Installed):
                               check=True).stdout.strip()
 
     def files(self, package):
-        """Of a package, without folders."""
+        """The files of a package, without folders."""
         said = subprocess.run(["dpkg-deb", "-c", self.packages[package]], capture_output=True, text=True, check=True).stdout
         lines = [line.split(maxsplit=5) for line in said.splitlines()]
         self.assertEqual({owner for _, owner, *_ in lines}, {"root/root"})

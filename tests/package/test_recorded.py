@@ -1,4 +1,4 @@
-"""What tools/docs/stability.md promises, held to the recordings of earlier versions in recorded/."""
+"""The promises of tools/docs/stability.md, held to the recordings of earlier versions in recorded/."""
 import csv
 import importlib.machinery
 import importlib.util

@@ -74,7 +74,7 @@ class Shell(Installed):
                     self.assertEqual({name[2:] for name in self.options(command)} - found, set())
 
     def complete(self, *words):
-        """What bash offers for the last of these words."""
+        """Words that bash offers for the last of these words."""
         line = " ".join(f"'{word}'" for word in words)
         script = (f". '{self.scripts['bash']}'\nCOMP_WORDS=({line})\nCOMP_CWORD={len(words) - 1}\n_ballast\n"
                   'printf "%s\\n" "${COMPREPLY[@]}"\n')

@@ -28,7 +28,7 @@ MOTOR = {"shaft_ratio": 3.0, "steps_per_revolution": 200, "holding_torque": 4.0,
 
 
 def motor_torque_nm(i, time_s):
-    """What the log says of motor i: it has nothing to do with the masses' motion."""
+    """Motor i in the log: it has nothing to do with the masses' motion."""
     return 0.5 * (i + 1) * math.sin(time_s)
 
 
@@ -62,7 +62,7 @@ def place_error_m(time_s):
 
 
 def measured_error(time_s):
-    """Of N and of f_s / N."""
+    """Bands of N and of f_s / N."""
     return 0.25 * math.sin(7 * time_s), 0.005 * math.sin(11 * time_s)
 
 

@@ -1,4 +1,4 @@
-"""What the robot knew: errors, bands and flags are those of the messages, and the pictures show them."""
+"""The robot's knowledge: errors, bands and flags are those of the messages, and the pictures show them."""
 
 import io
 import math

@@ -23,7 +23,7 @@ def leak_check():
 
 
 def leaks():
-    """What it reports of this package. The interpreter and NumPy lose some memory of their own when they start."""
+    """Its reports of this package. The interpreter and NumPy lose some memory of their own when they start."""
     with tempfile.TemporaryFile() as file:
         stderr = os.dup(2)
         os.dup2(file.fileno(), 2)

@@ -19,7 +19,7 @@ int main(int argc, char** argv) {
   if (!read.ok()) return 1;
   const sim::Scenario& scenario = read.scenario;
 
-  // What the firmware gets from the scenario. It checks that again, because on a robot it comes over a link.
+  // The firmware's parameters. It checks them again, because on a robot they come over a link.
   const auto params = std::make_unique<firmware::ControllerParams>();
   if (const auto refusal = program::to_controller_params(scenario, *params)) {
     std::printf("%s\n", refusal->c_str());

@@ -124,7 +124,7 @@ std::string tracking_line(const sim::Scenario& scenario, const RunResult& result
                      tracked ? "on" : "off", mm(t.rms_m), mm(t.max_m), mm(t.final_m), short_number(t.path_length_m));
 }
 
-// What the governor did, in a sentence.
+// The governor's part, in a sentence.
 std::string governor_line(const RunResult& result) {
   if (!result.governor) return "";
   const GovernorRecord& g = *result.governor;

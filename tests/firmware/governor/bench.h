@@ -92,7 +92,7 @@ struct Bench {
   GovernorOutput out;
   std::int64_t tick = 0;
 
-  // What was seen.
+  // Seen so far.
   int bent = 0, backup = 0, empty = 0;
   Real most_use = 0;  // f_s / (friction N), at both ends of every tick; infinite where N <= 0
   PerMass<Real> largest_bend{};

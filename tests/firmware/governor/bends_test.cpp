@@ -34,7 +34,7 @@ TEST(Bends, AreLinesBetweenPointsAndNothingOutside) {
   }
 }
 
-// Of two points at one time the earlier one counts up to it, and the later one from there.
+// Two points at one time: the earlier one counts up to it, and the later one from there.
 TEST(Bends, JumpAfterTheTimeOfTwoPoints) {
   const auto bends = empty();
   ASSERT_TRUE(bends->add(0.1, both(1, 0)));
