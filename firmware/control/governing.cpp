@@ -13,10 +13,8 @@ namespace {
 
 // The estimate is inside of its band by so many sigmas.
 constexpr Real kSigmas = 3;
-// A candidate that goes to the end of the motion has at most so many steps up to there.
+// A candidate goes to the end of the motion if that is at most so many times GovernorParams::step_s away.
 constexpr Wide kMostStartSteps = 4000;
-// Work of a search while the masses hold, in steps of a held ball.
-constexpr int kWorkHolding = 3 * kMovingStepWork;
 // The certificate in force is for another ball where the rates are off by this much of sqrt(g / r) from those that it
 // predicts: the part of the friction that it keeps in reserve is used up by about that.
 constexpr Real kTrustedRate = Real(0.01);
@@ -46,20 +44,6 @@ void begin_attempt(const ControllerParams& params, ControllerState& state) {
   begin_start(g.params, g.start.robot, 0, 0, ticks_to_rest(params, state), g.start.attempt, g.governor);
 }
 
-// The accelerations with which a motion begins out of the hold: any jump is followed, if the cone keeps it.
-Projection beginning(const BallParams& ball, const GovernorParams& governor, const RobotState& robot,
-                     const PerMass<Real>& wish) {
-  PerMass<Real> unit{};
-  for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = governor.mass[i].max_acceleration;
-  const AffineForces forces = forces_at(ball, robot);
-  const int n = ball.mass_count;
-  Cone cone = cone_of(governor, forces, robot, n);
-  if (!std::isinf(governor.friction)) {
-    cone.slack_n += governor.moving_reserve * governor.friction * std::fabs(forces.force_W_n[2]);
-  }
-  return project(forces, n, cone, box_of(governor, robot, n, governor.step_s, 0), unit, wish);
-}
-
 void begin_search(const ControllerParams& params, const RobotState& robot, ControllerState& state) {
   StartSearch& start = state.governing.start;
   set_origin(state);
@@ -70,7 +54,7 @@ void begin_search(const ControllerParams& params, const RobotState& robot, Contr
   state.governing.params.jumps = state.started || !feeds;
   if (!state.started && !feeds) {
     start.robot.mass_acceleration =
-        beginning(params.ball, state.governing.params, robot, wish_at(params, state, 0, false, robot).u).u;
+        governed_beginning(params.ball, state.governing.params, robot, wish_at(params, state, 0, false, robot).u).u;
   }
   start.attempt = ticks_to_rest(params, state) > 0 ? kStartStretches : kStartStretches - 1;
   begin_attempt(params, state);
@@ -136,7 +120,7 @@ RobotState next_robot(const ControllerParams& params, const ControllerState& sta
   return robot;
 }
 
-// Carries on what the masses' swing follows the commands of a tick with.
+// Lets the masses swing on through the commands of a tick.
 void swing_on(const ControllerParams& params, const PerMass<ProfilePoint>& from, const PerMass<Wide>& end,
               GoverningState& g) {
   const auto h = static_cast<Real>(params.control_period_s);
@@ -236,8 +220,8 @@ void reset_governing(const ControllerParams& params, ControllerState& state) {
     robot.mass_velocity[at(i)] = static_cast<Real>(params.motion[at(i)].at(0).velocity);
   }
   begin_search(params, robot, state);
-  // Every call does a step, and an attempt has at most these.
-  const Wide most = kMostStartSteps + g.params.horizon_s / Wide{g.params.step_s} + 1000;
+  // Every call does a step, and an attempt has at most these; the last 1000 are for its stretch and its brake.
+  const Wide most = Wide{kEdgeSteps} * (kMostStartSteps + 1000) + g.params.horizon_s / Wide{g.params.step_s};
   for (Wide steps = 0; steps < most * (kStartStretches + 1) && g.start.stage == StartStage::kSearching; ++steps) {
     advance_search(params, 1, state);
   }
@@ -265,7 +249,8 @@ void watch_start(const ControllerParams& params, const Inputs& inputs, Controlle
 }
 
 void search_start(const ControllerParams& params, ControllerState& state) {
-  if (params.governor.on && state.mode == Mode::kArmed) advance_search(params, kWorkHolding, state);
+  if (params.governor.on && state.mode == Mode::kArmed)
+    advance_search(params, state.governing.params.work_per_tick, state);
 }
 
 RefusalReport judge_start(const ControllerParams& params, const ControllerState& state) {
@@ -346,7 +331,7 @@ void bend_beginning(const ControllerParams& params, const ControllerState& state
   const RobotState robot = next_robot(params, state, now.motion, now.place_W_m, now.held, now.from);
   PerMass<Real> wish{};
   for (int i = 0; i < params.ball.mass_count; ++i) wish[at(i)] = static_cast<Real>(now.from[at(i)].acceleration);
-  const Projection bent = beginning(params.ball, governor, robot, wish);
+  const Projection bent = governed_beginning(params.ball, governor, robot, wish);
   for (int i = 0; i < params.ball.mass_count && bent.bent; ++i) {
     now.from[at(i)].acceleration = Wide{bent.u[at(i)]};
   }

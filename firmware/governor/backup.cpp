@@ -24,7 +24,8 @@ Real fading(Real max_jerk, Real left, Real h) {
   return 2 * left / (h / 2 + std::sqrt(h * h / 4 + 2 * left / (Real(0.9) * max_jerk)));
 }
 
-// A bent command moves the end of a ramp a little, where it is then projected anew.
+// A bent command moves the end of a ramp a little, where it is projected anew, in a tick and in a rollout so many
+// times.
 constexpr int kTickRounds = 3;
 constexpr int kQuickRounds = 1;
 
@@ -200,6 +201,19 @@ void swing_over(const MotorSwing& swing, Real start, Real end, Real h, Real& acc
   jerk += h / 6 * (r1 + 2 * r2 + 2 * r3 + r4);
 }
 
+// The size of a change of each command that costs the projection 1.
+PerMass<Real> units(const GovernorParams& params) {
+  PerMass<Real> unit{};
+  for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = params.mass[i].max_acceleration;
+  return unit;
+}
+
+// The cone with a part of the friction kept free.
+Cone spare(Cone cone, Real part, const AffineForces& forces) {
+  if (!std::isinf(cone.friction)) cone.slack_n += part * cone.friction * std::fabs(forces.force_W_n[2]);
+  return cone;
+}
+
 // The masses' own accelerations where `u` is commanded.
 PerMass<Real> moved(const GovernorParams& params, const RobotState& state, const PerMass<Real>& u, bool swing,
                     int mass_count) {
@@ -230,15 +244,13 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
                        const AffineForces& at_start, const Ramp& ramp, const PerMass<Real>& wish, GovernedRamp& out) {
   const Real h = ramp.h_s;
   const int n = ball.mass_count;
-  PerMass<Real> unit{};
-  for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = params.mass[i].max_acceleration;
+  const PerMass<Real> unit = units(params);
   const PerMass<Real> moved_start = moved(params, state, ramp.start, ramp.swing, n);
   const RobotState middle = middle_of(ball, state, ramp.start, wish, at_start.omega_dot(n, moved_start), h);
   const AffineForces in_middle = forces_at(ball, middle);
   out.command = {};
   out.command.u = wish;
   PerMass<Real> moved_end{};
-  // A command that is bent moves the end a little, where it is then projected anew.
   for (int round = 0; round <= (ramp.quick ? kQuickRounds : kTickRounds); ++round) {
     RobotState end = state;
     for (std::size_t i = 0; i < static_cast<std::size_t>(n) && ramp.swing; ++i) {
@@ -251,10 +263,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
         end_of(ball, end, middle, ramp.start, out.command.u, in_middle.omega_dot(n, mean(moved_start, moved_end)), h);
     affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, motion_of(out.state), out.forces);
     out.cone = cone_of(params, out.forces, out.state, n);
-    Cone spared = out.cone;
-    if (!std::isinf(params.friction)) {
-      spared.slack_n += ramp.spare * params.friction * std::fabs(out.forces.force_W_n[2]);
-    }
+    const Cone spared = spare(out.cone, ramp.spare, out.forces);
     // The last projection's command holds where it lands, too.
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
     out.command = ramp.quick ? project_quickly(out.forces, n, spared, ramp.end, unit, wish)
@@ -265,6 +274,14 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
   out.state.mass_acceleration = out.command.u;
   out.force_W_n = out.forces.force(n, moved_end);
   out.outside_n = outside_n(out.cone, out.forces, n, moved_end);
+}
+
+Projection governed_beginning(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                              const PerMass<Real>& wish) {
+  const AffineForces forces = forces_at(ball, state);
+  const Cone cone = spare(cone_of(params, forces, state, ball.mass_count), params.moving_reserve, forces);
+  const Box box = box_of(params, state, ball.mass_count, params.step_s, 0);
+  return project(forces, ball.mass_count, cone, box, units(params), wish);
 }
 
 Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count) {

@@ -8,8 +8,8 @@ namespace ballast::firmware {
 
 // Steps of a moving ball cost about this many steps of a held one (tools/docs/governor.md has both).
 inline constexpr int kMovingStepWork = 3;
-// Steps of a moving ball in GovernorParams::step_s, for which a search has time: 2, and 4 near the cone's edge, and
-// what is over for guides that change in between.
+// A search has time for so many steps of a moving ball in GovernorParams::step_s. There are 2, near the cone's edge 4;
+// twice that leaves time for longer brakes.
 inline constexpr Wide kLikelySteps = 8;
 
 [[nodiscard]] MassMotion motion_of(const RobotState& state);
@@ -70,6 +70,10 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
 
 // The part of N that motors and errors may add to f_s - kappa N along the friction.
 [[nodiscard]] Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count);
+
+// The accelerations with which a motion begins out of the hold: any jump is followed, if the cone keeps it.
+[[nodiscard]] Projection governed_beginning(const BallParams& ball, const GovernorParams& params,
+                                            const RobotState& state, const PerMass<Real>& wish);
 
 [[nodiscard]] AffineForces forces_at(const BallParams& ball, const RobotState& state);
 

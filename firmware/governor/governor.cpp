@@ -115,10 +115,6 @@ void adopt_start(const GovernorParams& params, std::int64_t tick, GovernorState&
   state.mode = GovernorMode::kNominal;
 }
 
-int ticks_of_start(const GovernorParams& params, std::int64_t from_tick, std::int64_t nominal_end_tick, int attempt) {
-  return static_cast<int>(ticks_of_search(params, stretch_of(params, attempt, nominal_end_tick - from_tick)));
-}
-
 void distrust(GovernorState& state) {
   state.off_path = true;
   state.trusted = false;

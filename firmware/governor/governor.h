@@ -74,10 +74,6 @@ void reset(GovernorState& state);
 void begin_start(const GovernorParams& params, const RobotState& now, std::int64_t tick, std::int64_t from_tick,
                  std::int64_t nominal_end_tick, int attempt, GovernorState& state);
 
-// Ticks of govern() in which such a candidate is complete.
-[[nodiscard]] int ticks_of_start(const GovernorParams& params, std::int64_t from_tick, std::int64_t nominal_end_tick,
-                                 int attempt);
-
 // Adopts the candidate of begin_start(), which is complete and not broken, for a start at `tick`: its own times are
 // moved there.
 void adopt_start(const GovernorParams& params, std::int64_t tick, GovernorState& state);

@@ -9,7 +9,6 @@ namespace {
 // Steps of a moving ball are shorter than those of a held one, and near the cone's edge still shorter: states in which
 // no acceleration keeps the cone may last for less than a step.
 constexpr Real kMovingSteps = 2;
-constexpr Real kEdgeSteps = 4;
 constexpr Real kNearEdge = Real(0.97);
 // Bends are kept up to this part of max_acceleration. On a floor that needs all of the friction it is less than what
 // the reserves leave.
@@ -60,7 +59,7 @@ void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n) {
   if (last_ && !(use <= most_use_)) most_use_ = use;
   if (use <= allowed) return;
   end_ = RolloutEnd::kBroken;
-  breach_ = {use, normal_force_n};
+  breach_ = {use / allowed, normal_force_n};
 }
 
 RobotState Rollout::ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const {
@@ -84,9 +83,7 @@ void Rollout::bend(const BallParams& ball, const PerMass<Real>& wish) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
     off[i] = state_.mass_acceleration[i] - wish[i];
   }
-  if (bends_.add(time_s_, off)) return;
-  end_ = RolloutEnd::kBroken;
-  breach_ = {};
+  if (!bends_.add(time_s_, off)) end_ = RolloutEnd::kBroken;
 }
 
 // The wish has become another one, or a rollout begins.
@@ -149,10 +146,12 @@ void Rollout::judge(const GovernorParams& params, const GovernedRamp& end) {
   const Real used =
       std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
   near_edge_ = used > kNearEdge || end.command.bent;
+  breach_ = {used, f[2]};
   if (!std::isinf(params.friction)) use(params, used, f[2]);
   if (end.outside_n <= 0) return;
   end_ = RolloutEnd::kBroken;
-  breach_ = {used, f[2]};
+  // The cone keeps some friction free for motors and errors.
+  if (f[2] > 0 && !std::isinf(params.friction)) breach_.use = 1 + end.outside_n / (params.friction * f[2]);
 }
 
 void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {

@@ -10,6 +10,9 @@
 
 namespace ballast::firmware {
 
+// A moving ball's shortest step is GovernorParams::step_s over this.
+inline constexpr Real kEdgeSteps = 4;
+
 // Ticks in which a candidate follows the nominal: before `until`, and from `from` to before `to`. Otherwise the backup.
 struct Schedule {
   std::int64_t until = 0;
@@ -35,9 +38,9 @@ enum class RolloutEnd : std::uint8_t {
   kBroken,   // left it
 };
 
-// Where a rollout left the cone.
+// The force with which a rollout ended: > 1 of the friction where it left the cone.
 struct Breach {
-  Real use = 0;             // f_s / (friction N); infinite where N <= 0
+  Real use = 0;             // of the friction that was free, allowances and reserves taken off; infinite where N <= 0
   Real normal_force_n = 0;  // N
 };
 

@@ -110,14 +110,7 @@ struct Bench {
       end_s = std::fmax(end_s, motion[i].end_s());
       rests = rests && motion[i].final_velocity() == 0;
     }
-    // Any jump to begin with, if the cone keeps it.
-    const AffineForces forces = forces_at(ball, state);
-    Cone cone = cone_of(params, forces, state, ball.mass_count);
-    cone.slack_n += params.moving_reserve * params.friction * forces.force_W_n[2];
-    PerMass<Real> unit{};
-    for (std::size_t i = 0; i < unit.size(); ++i) unit[i] = params.mass[i].max_acceleration;
-    const Box box = box_of(params, state, ball.mass_count, params.step_s, 0);
-    state.mass_acceleration = project(forces, ball.mass_count, cone, box, unit, law(0)(0, state).u).u;
+    state.mass_acceleration = governed_beginning(ball, params, state, law(0)(0, state).u).u;
     const auto end_tick = rests ? static_cast<std::int64_t>(end_s / params.control_period_s) + 1 : 0;
     for (int attempt = rests ? kStartStretches : kStartStretches - 1; attempt >= 0; --attempt) {
       begin_start(params, state, 0, 0, end_tick, attempt, governor);
