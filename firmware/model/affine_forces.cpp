@@ -18,23 +18,6 @@ namespace {
 
 Vector3 vector(const Vec& v) { return {v.x, v.y, v.z}; }
 
-// The floor's moment for N = 1, body frame, and how N and Omegadot answer to it.
-struct Resistance {
-  Vec omega_dot_1{0, 0, 0};
-  Real normal_per_normal_0 = 1;  // N = this times N_0
-};
-
-Resistance resistance(const BallParams& ball, const Attitude& lambda, const Vec& omega, const Sums& sums,
-                      const detail::SymmetricInverse& inverse) {
-  Resistance out;
-  if (!(ball.rolling_resistance > 0 || ball.spin_friction_m > 0)) return out;
-  const Vec omega_W = {dot(lambda.row1, omega), dot(lambda.row2, omega), dot(lambda.gamma, omega)};
-  out.omega_dot_1 = inverse.times(Real(-1) * lambda.to_B(detail::moment_arm_W(ball, omega_W)));
-  const Real share = 1 - dot(cross(out.omega_dot_1, sums.mass_p), lambda.gamma);
-  out.normal_per_normal_0 = share > 0 ? 1 / share : std::numeric_limits<Real>::quiet_NaN();
-  return out;
-}
-
 }  // namespace
 
 void affine_forces(const BallParams& ball, const Quaternion& orientation, const Vector3& angular_velocity_B_radps,
@@ -67,14 +50,16 @@ void affine_forces(const BallParams& ball, const Quaternion& orientation, const 
   const Vec moment_B =
       gyroscopic(inertia, omega) + cross(ball.radius_m * lambda.to_B(outside_W), lambda.gamma) + sums.torque;
   const detail::SymmetricInverse inverse(sums, inertia);
-  const Resistance floor = resistance(ball, lambda, omega, sums, inverse);
+  detail::Resistance floor;
+  if (detail::resists(ball)) floor = detail::resistance(ball, lambda, omega, sums, inverse);
+  const Real normal_per_normal_0 = floor.share > 0 ? 1 / floor.share : std::numeric_limits<Real>::quiet_NaN();
 
   // Omegadot and force that belong to a moment and an inertial force: of u = 0 with the weight, of each u_i without.
   const auto answer = [&](const Vec& moment, const Vec& inertial_0, const Vec& weight_W, Vector3& omega_dot,
                           Vector3& force_W) {
     Vec turning = inverse.times(moment);
     Vec inertial = cross(turning, sums.mass_p) + inertial_0;
-    const Real normal = floor.normal_per_normal_0 * (dot(inertial, lambda.gamma) - weight_W.z);
+    const Real normal = normal_per_normal_0 * (dot(inertial, lambda.gamma) - weight_W.z);
     turning = turning + normal * floor.omega_dot_1;
     inertial = inertial + normal * cross(floor.omega_dot_1, sums.mass_p);
     omega_dot = vector(turning);

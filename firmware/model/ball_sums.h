@@ -135,6 +135,25 @@ inline Vec moment_arm_W(const BallParams& ball, const Vec& omega_W) {
   return {-rolling * omega_W.x, -rolling * omega_W.y, -spinning * omega_W.z};
 }
 
+[[gnu::always_inline]] inline bool resists(const BallParams& ball) {
+  return ball.rolling_resistance > 0 || ball.spin_friction_m > 0;
+}
+
+// A floor that resists: Omegadot grows by omega_dot_1 for each unit of N, and N is normal_0 / share of a floor that
+// does not, where share > 0; otherwise no N balances the ball.
+struct Resistance {
+  Vec omega_dot_1{0, 0, 0};
+  Real share = 1;
+};
+inline Resistance resistance(const BallParams& ball, const Attitude& lambda, const Vec& omega, const Sums& sums,
+                             const SymmetricInverse& inverse) {
+  Resistance out;
+  const Vec omega_W = {dot(lambda.row1, omega), dot(lambda.row2, omega), dot(lambda.gamma, omega)};
+  out.omega_dot_1 = inverse.times(Real(-1) * lambda.to_B(moment_arm_W(ball, omega_W)));
+  out.share = 1 - dot(cross(out.omega_dot_1, sums.mass_p), lambda.gamma);
+  return out;
+}
+
 // eq_Om, eq_normal and eq_static_friction, and their 1-d forms, on any floor (rolling.h). They differ in the sums only,
 // which have the levers s_i and u = against_weight().
 RollingForces forces_of(const BallParams& ball, const Attitude& lambda, const Vec& omega, const Sums& sums);

@@ -16,22 +16,16 @@ namespace {
 
 [[gnu::always_inline]] inline bool slopes(const BallParams& ball) { return ball.down_W[0] != 0 || ball.down_W[1] != 0; }
 
-[[gnu::always_inline]] inline bool resists(const BallParams& ball) {
-  return ball.rolling_resistance > 0 || ball.spin_friction_m > 0;
-}
-
 // Omegadot with the floor's moment; omega_dot_0 is without.
 [[gnu::noinline, gnu::cold]] Vec resisted(const BallParams& ball, const Attitude& lambda, const Vec& omega,
                                           const Sums& sums, const Vec& omega_dot_0) {
-  const Vec omega_W = {dot(lambda.row1, omega), dot(lambda.row2, omega), dot(lambda.gamma, omega)};
-  const Vec omega_dot_1 =
-      sums.solve(from(ball.inertia_kgm2), Real(-1) * lambda.to_B(detail::moment_arm_W(ball, omega_W)));
   const Real pressing_n = -sums.mass * ball.gravity_mps2 * ball.down_W[2] - ball.external_force_W_n[2];
   const Real normal_0 = pressing_n + dot(cross(omega_dot_0, sums.mass_p) + sums.mass_c, lambda.gamma);
   if (!(normal_0 > 0)) return omega_dot_0;
-  const Real share = 1 - dot(cross(omega_dot_1, sums.mass_p), lambda.gamma);
-  const Real normal = share > 0 ? normal_0 / share : std::numeric_limits<Real>::quiet_NaN();
-  return omega_dot_0 + normal * omega_dot_1;
+  const detail::SymmetricInverse inverse(sums, from(ball.inertia_kgm2));
+  const detail::Resistance floor = detail::resistance(ball, lambda, omega, sums, inverse);
+  const Real normal = floor.share > 0 ? normal_0 / floor.share : std::numeric_limits<Real>::quiet_NaN();
+  return omega_dot_0 + normal * floor.omega_dot_1;
 }
 
 // detail::forces_of(), inlined into the tick's own form.
@@ -42,7 +36,7 @@ namespace {
   const Vec force_B = lambda.to_B(force_W);  // Gamma~ = Lambda^-1 F_e
   const Vec b = gyroscopic(inertia, omega) + cross(ball.radius_m * force_B, lambda.gamma) + sums.torque;
   Vec omega_dot = sums.solve(inertia, b);
-  if (resists(ball)) [[unlikely]] {
+  if (detail::resists(ball)) [[unlikely]] {
     // Copies, so that on an ideal floor the originals stay in registers.
     omega_dot = resisted(ball, Attitude(lambda), Vec(omega), Sums(sums), Vec(omega_dot));
   }

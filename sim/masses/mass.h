@@ -49,6 +49,11 @@ struct Mass {
   }
   // The angular frequency at which rotor and mass swing about the field of a motor at rest.
   [[nodiscard]] double swing_radps() const { return std::sqrt(motor.rail_stiffness() / moving_inertia()); }
+  // The damping ratio of that swing.
+  [[nodiscard]] double damping_ratio() const {
+    const double damping = motor.viscous_damping_nms * motor.shaft_ratio * motor.shaft_ratio;
+    return damping / (2 * std::sqrt(motor.rail_stiffness() * moving_inertia()));
+  }
 };
 
 }  // namespace ballast::sim

@@ -23,6 +23,8 @@ constexpr double kMostPointDistance = 1e-3;
 
 // The speed of a governed ideal mass over the greatest of its motion, by default.
 constexpr double kCatchUp = 2;
+// The same of others.
+constexpr double kSpeedReserve = 1.1;
 
 // Microsteps per second that a motor's share of a command's bursts surely carries. At constant speed a control period
 // may have one step more than the mean.
@@ -576,9 +578,9 @@ void read_motor(TableReader table, const MassSurroundings& around, const std::op
   const double carried_radps = std::min(left_torque / motor.viscous_damping_nms, motor.corner_speed_radps);
   // No torque limits an ideal mass, and one whose motion the governor bends has to catch up with it.
   const bool catches_up = around.governor && around.actuation == Actuation::kIdeal;
-  const double faster = catches_up ? kCatchUp : 1.1;
+  const double speed_factor = catches_up ? kCatchUp : kSpeedReserve;
   const double carried_hz =
-      std::max(carried_radps / ratio, faster * extent.greatest_speed) * motor.microsteps_per_rail_unit();
+      std::max(carried_radps / ratio, speed_factor * extent.greatest_speed) * motor.microsteps_per_rail_unit();
   read("max_step_rate", Range::positive("1/s"),
        std::min({timer / 10, 60 / period, sure_rate_hz(period, around.mass_count), carried_hz}),
        motor.max_step_rate_hz);

@@ -76,7 +76,7 @@ std::string resonance(const sim::Mass& mass, const std::vector<double>& once, co
   return fmt::format(
       "passes a resonance: rotor and mass swing at {} Hz (damping ratio {}), and {}; finer microsteps, more "
       "viscous_damping, or passing through quickly helps",
-      short_number(swing_hz(mass)), short_number(damping_ratio(mass)), passes);
+      short_number(swing_hz(mass)), short_number(mass.damping_ratio()), passes);
 }
 
 // Where the rate of full steps passes `hz`.
@@ -97,14 +97,7 @@ class Passes {
 
 }  // namespace
 
-double swing_hz(const sim::Mass& mass) {
-  return std::sqrt(mass.motor.rail_stiffness() / mass.moving_inertia()) / (2 * std::numbers::pi);
-}
-
-double damping_ratio(const sim::Mass& mass) {
-  const double damping = mass.motor.viscous_damping_nms * mass.motor.shaft_ratio * mass.motor.shaft_ratio;
-  return damping / (2 * std::sqrt(mass.motor.rail_stiffness() * mass.moving_inertia()));
-}
+double swing_hz(const sim::Mass& mass) { return mass.swing_radps() / (2 * std::numbers::pi); }
 
 MotorFindings check_motors(const sim::Scenario& scenario) {
   MotorFindings findings;

@@ -18,8 +18,7 @@ struct MotorFindings {
 // rolling is lost, and compares what each mass needs with what its motor has at that speed.
 MotorFindings check_motors(const sim::Scenario& scenario);
 
-// The frequency at which rotor and mass swing about the field of a motor at rest, and the damping ratio of that.
+// The frequency at which rotor and mass swing about the field of a motor at rest.
 [[nodiscard]] double swing_hz(const sim::Mass& mass);
-[[nodiscard]] double damping_ratio(const sim::Mass& mass);
 
 }  // namespace ballast

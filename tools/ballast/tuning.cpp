@@ -223,7 +223,7 @@ std::vector<MotorResonance> resonances(const sim::Scenario& scenario) {
     MotorResonance found;
     found.mass = i;
     found.swing_hz = swing_hz(mass);
-    found.damping_ratio = damping_ratio(mass);
+    found.damping_ratio = mass.damping_ratio();
     found.rail_speed = resonant_speed(mass);
     found.microsteps_hz = found.rail_speed * mass.motor.microsteps_per_rail_unit();
     Speed speed(mass);

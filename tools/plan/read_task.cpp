@@ -335,7 +335,7 @@ Problem make_problem(const TaskFile& file) {
     limits.acceleration = mass.motor.max_acceleration;
     limits.jerk = mass.motor.max_jerk;
     limits.motor.emplace(mass.motor, 0, 0);
-    const double swing_radps = std::sqrt(mass.motor.rail_stiffness() / mass.moving_inertia());
+    const double swing_radps = mass.swing_radps();
     for (const int order : {1, 2}) {
       limits.resonant_speeds.push_back(order * swing_radps /
                                        (mass.motor.steps_per_revolution * mass.motor.shaft_ratio));

@@ -90,15 +90,12 @@ firmware::EstimationParams to_estimation_params(const sim::Scenario& scenario) {
   return estimation;
 }
 
-// How a stepper moves its mass: physics.md, section 5, with the believed mass.
-firmware::MotorSwing to_motor_swing(const sim::Mass& mass, double believed_mass_kg) {
+// How a stepper moves its mass: physics.md, section 5.
+firmware::MotorSwing to_motor_swing(const sim::Mass& mass) {
   const sim::Motor& motor = mass.motor;
-  const double lever = mass.metres_per_rail_unit();
-  const double inertia = believed_mass_kg * lever * lever + motor.rail_inertia();
   firmware::MotorSwing swing;
-  swing.natural_radps = std::sqrt(motor.rail_stiffness() / inertia);
-  const double damping = motor.viscous_damping_nms * motor.shaft_ratio * motor.shaft_ratio;
-  swing.damping_ratio = damping / (2 * std::sqrt(motor.rail_stiffness() * inertia));
+  swing.natural_radps = mass.swing_radps();
+  swing.damping_ratio = mass.damping_ratio();
   swing.microstep = 1 / motor.microsteps_per_rail_unit();
   swing.full_step = motor.microsteps * swing.microstep;
   swing.step_error = motor.step_error;
@@ -114,7 +111,7 @@ firmware::GovernorSettings to_governor_settings(const sim::Scenario& scenario) {
   governor.min_normal_force_n = scenario.envelope.min_normal_force_n;
   if (scenario.run.actuation != sim::Actuation::kStepper) return governor;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
-    governor.swing[i] = to_motor_swing(scenario.masses[i], scenario.belief().masses[i].mass_kg);
+    governor.swing[i] = to_motor_swing(scenario.belief().masses[i]);
   }
   return governor;
 }
