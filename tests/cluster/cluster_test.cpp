@@ -13,8 +13,6 @@ using test::Folder;
 using test::Outcome;
 using test::read_file;
 
-#define EXPECT_SAYS(text, words) EXPECT_NE((text).find(words), std::string::npos) << (text)
-
 // Open MPI refuses root and more ranks than processors unless it is told otherwise; other implementations do not read
 // these variables. What the MPI library leaves allocated is not our leak; the other sanitizers stay on.
 const std::string kMpirun =

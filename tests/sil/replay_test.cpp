@@ -22,8 +22,6 @@ using test::Folder;
 using test::Outcome;
 using test::read_file;
 
-#define EXPECT_SAYS(text, words) EXPECT_NE((text).find(words), std::string::npos) << (text)
-
 // Copies a run's log and scenario to another folder, with `change` applied to the messages of one channel.
 template <class M>
 void copy_run(const Folder& folder, const std::string& from, const std::string& to, const char* channel,

@@ -14,6 +14,9 @@
 #include <sstream>
 #include <string>
 
+// The text has these words.
+#define EXPECT_SAYS(text, words) EXPECT_NE((text).find(words), std::string::npos) << (text)
+
 namespace ballast::test {
 
 inline std::string read_file(const std::filesystem::path& path) {

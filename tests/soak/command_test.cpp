@@ -10,7 +10,6 @@ using test::Folder;
 using test::Outcome;
 using test::read_file;
 
-#define EXPECT_SAYS(text, words) EXPECT_NE((text).find(words), std::string::npos) << (text)
 #define ASSERT_SAYS(text, words) ASSERT_NE((text).find(words), std::string::npos) << (text)
 
 // The invariants hold; a seed that fails is printed with the command that shows it again.

@@ -19,8 +19,6 @@ using test::Folder;
 using test::Outcome;
 using test::read_file;
 
-#define EXPECT_SAYS(text, words) EXPECT_NE((text).find(words), std::string::npos) << (text)
-
 std::vector<double> numbers(const Folder& folder, const std::string& results, const std::string& name,
                             std::size_t rows) {
   NetcdfFile file((folder / results).string(), NetcdfFile::Mode::kRead);

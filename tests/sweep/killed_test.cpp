@@ -17,8 +17,6 @@ using test::Folder;
 using test::Outcome;
 using test::read_file;
 
-#define EXPECT_SAYS(text, words) EXPECT_NE((text).find(words), std::string::npos) << (text)
-
 // Starts the sweep and kills it with SIGKILL after a time, unless it has ended.
 void kill_after(const Folder& folder, std::chrono::microseconds time) {
   program::Subprocess sweep;
