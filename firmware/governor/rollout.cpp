@@ -78,12 +78,18 @@ RobotState Rollout::ahead(const BallParams& ball, const GovernorParams& params, 
   return to;
 }
 
+void Rollout::keep(const PerMass<Real>& bend) {
+  if (bends_.add(time_s_, bend) || end_ != RolloutEnd::kUnderWay) return;
+  end_ = RolloutEnd::kBroken;
+  breach_.use = 0;
+}
+
 void Rollout::bend(const BallParams& ball, const PerMass<Real>& wish) {
   PerMass<Real> off{};
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
     off[i] = state_.mass_acceleration[i] - wish[i];
   }
-  if (!bends_.add(time_s_, off)) end_ = RolloutEnd::kBroken;
+  keep(off);
 }
 
 // The wish has become another one, or a rollout begins.
@@ -136,8 +142,8 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   forces_ = end.forces;
   time_s_ = end_s;
   last_wish_ = wish;
-  bend(ball, wish.u);
   judge(params, end);
+  bend(ball, wish.u);
   if (end_ == RolloutEnd::kUnderWay && last_ && still(params, state_, ball.mass_count)) begin_hold(ball, params);
 }
 
@@ -161,7 +167,8 @@ void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
     state_.mass_velocity[i] = 0;
   }
   held_ = true;
-  if (!bends_.add(time_s_, {})) end_ = RolloutEnd::kBroken;
+  keep({});
+  if (end_ != RolloutEnd::kUnderWay) return;
   held_ball_ = hold_masses(ball, state_.mass_position);
   use_before_ = use_at_ = 0;
   const ForEver bound = held_for_ever(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps);

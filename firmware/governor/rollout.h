@@ -40,7 +40,9 @@ enum class RolloutEnd : std::uint8_t {
 
 // The force with which a rollout ended: > 1 of the friction where it left the cone.
 struct Breach {
-  Real use = 0;             // of the friction that was free, allowances and reserves taken off; infinite where N <= 0
+  // Of the friction that was free, allowances and reserves taken off; infinite where N <= 0. 0: there was no room for
+  // the plan's bends.
+  Real use = 0;
   Real normal_force_n = 0;  // N
 };
 
@@ -108,6 +110,7 @@ class Rollout {
   [[nodiscard]] RobotState ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const;
   void finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, const Bends& in_force,
                    Real h_s);
+  void keep(const PerMass<Real>& bend);
   void bend(const BallParams& ball, const PerMass<Real>& wish);
   void judge(const GovernorParams& params, const GovernedRamp& end);
   void begin_hold(const BallParams& ball, const GovernorParams& params);
