@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <memory>
+#include <optional>
 #include <vector>
 
 #include "ballast/controller_status_t.hpp"
@@ -13,7 +13,7 @@
 
 namespace ballast::sil {
 
-// Over the governed ticks, which are those of the running motion.
+// Over the governed ticks of the running motion; a halt follows no motion.
 struct GovernorRecord {
   std::int64_t ticks = 0, bent_ticks = 0, backup_ticks = 0;
   // Per mass, greatest distance of the commanded from the motion's position at the same time, rail units. Feedback
@@ -30,7 +30,10 @@ struct GovernorRecord {
 class GovernorWatch {
  public:
   explicit GovernorWatch(const sim::Scenario& scenario)
-      : period_s_(scenario.run.control_period_s), motion_(scenario.masses.size()) {
+      : period_s_(scenario.run.control_period_s),
+        motion_(scenario.masses.size()),
+        offset_(scenario.masses.size()),
+        drift_(scenario.masses.size()) {
     record_.largest_bend.assign(scenario.masses.size(), 0);
     for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
       const sim::Mass& mass = scenario.masses[i];
@@ -45,23 +48,41 @@ class GovernorWatch {
   }
 
   void observe(const controller_status_t& status) {
-    if (status.governed == 0) return;
+    if (status.governed == 0 || status.mode != controller_status_t::MODE_RUNNING) {
+      first_tick_.reset();
+      return;
+    }
+    if (!first_tick_) begin(status);
     ++record_.ticks;
     record_.bent_ticks += status.command_bent != 0 ? 1 : 0;
     record_.backup_ticks += status.backup_active != 0 ? 1 : 0;
     record_.motor_allowance = std::max(record_.motor_allowance, status.governor_allowance);
     record_.least_margin = std::min(record_.least_margin, status.backup_margin);
-    const double time_s = static_cast<double>(status.tick + 1) * period_s_;
+    const double time_s = static_cast<double>(status.tick - *first_tick_) * period_s_;
     for (std::size_t i = 0; i < motion_.size(); ++i) {
-      const double off = std::abs(status.next_position[i] - motion_[i].at(time_s).position);
+      const double planned = motion_[i].at(time_s).position + offset_[i] - drift_[i] * time_s;
+      const double off = std::abs(status.next_position[i] - planned);
       record_.largest_bend[i] = std::max(record_.largest_bend[i], off);
     }
   }
   [[nodiscard]] const GovernorRecord& record() const { return record_; }
 
  private:
+  // The first governed status has the masses where the motion begins. One that begins later starts from where the
+  // masses stand, and has lost its initial velocity.
+  void begin(const controller_status_t& status) {
+    first_tick_ = status.tick;
+    for (std::size_t i = 0; i < motion_.size(); ++i) {
+      const firmware::ProfilePoint first = motion_[i].at(0);
+      offset_[i] = status.next_position[i] - first.position;
+      drift_[i] = first.velocity - status.next_velocity[i];
+    }
+  }
+
   double period_s_;
   std::vector<firmware::Profile> motion_;
+  std::optional<std::int64_t> first_tick_;  // of the motion that runs
+  std::vector<double> offset_, drift_;      // rail units, and per second
   GovernorRecord record_;
 };
 

@@ -447,7 +447,7 @@ RunResult Run::finish() {
   result_.missing_commands = feed_.missing_commands();
   if (belief_watch_) result_.belief = belief_watch_->result();
   if (tracking_watch_) result_.tracking = tracking_watch_->record();
-  if (governor_watch_) result_.governor = governor_watch_->record();
+  if (governor_watch_ && governor_watch_->record().ticks > 0) result_.governor = governor_watch_->record();
   if (estimate_watch_) result_.estimate = estimate_watch_->result();
   if (step_check_) result_.step_timing = step_check_->record();
   copy_motors();

@@ -101,7 +101,7 @@ struct RunResult {
   MotorShare motor_share;
   std::optional<BeliefPrediction> belief;  // where the scenario has one
   std::optional<TrackingRecord> tracking;  // where the scenario has a plan that rolls
-  std::optional<GovernorRecord> governor;  // where the controller is governed
+  std::optional<GovernorRecord> governor;  // where a tick was governed
   std::optional<EstimateErrors> estimate;  // where the controller has estimated its attitude
   std::array<sim::EndStopRecord, sim::kMaxMasses> end_stops;
   trip_t trip{};                               // the last verdict

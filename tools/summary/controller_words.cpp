@@ -96,10 +96,11 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
     case controller_status_t::REFUSAL_NO_ESTIMATE:
       return "it has no estimate of its attitude yet: no sample of the IMU has come that it could use";
     case controller_status_t::REFUSAL_NO_BACKUP:
+      if (status.refusal_value == 0) return "no stop can be certified: its plan has more bends than can be kept";
       return fmt::format(
-          "no stop can be certified: {} s after it began, the ball would need {} times the friction that "
-          "the governor may use",
-          short_number(status.refusal_time_s), short_number(status.refusal_value));
+          "no stop can be certified: {} s after it began, the ball would need {} % more friction than the governor may "
+          "use",
+          short_number(status.refusal_time_s), short_number(100 * (status.refusal_value - 1)));
     case controller_status_t::REFUSAL_LIFTS_OFF:
       return fmt::format("no stop can be certified: {} s after it began, N would fall to {} N",
                          short_number(status.refusal_time_s), short_number(status.refusal_value));

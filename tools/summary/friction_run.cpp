@@ -68,6 +68,7 @@ FrictionRun run_for_friction(sim::Scenario scenario, const volatile std::sig_ato
   scenario.surface.hold_everything();
   if (scenario.believed) scenario.believed->surface.hold_everything();
   scenario.envelope.min_normal_force_n = 0;
+  scenario.control.governor = false;                   // the motion's own need
   std::unique_ptr<firmware::ControllerParams> params;  // null: there is no controller
   if (sim::has_controller(scenario.run.actuation)) {
     params = std::make_unique<firmware::ControllerParams>();

@@ -129,17 +129,20 @@ std::string governor_line(const RunResult& result) {
   if (!result.governor) return "";
   const GovernorRecord& g = *result.governor;
   if (g.bent_ticks == 0) {
-    return fmt::format("  governor    on: bent no command; a stop was certified at all times, with a margin of {}\n",
-                       short_number(g.least_margin));
+    return fmt::format(
+        "  governor    on: bent no command; in all its ticks a stop was certified, with a margin of {}\n",
+        short_number(g.least_margin));
   }
   double most = 0;
   for (const double bend : g.largest_bend) most = std::max(most, bend);
+  const std::string allowance =
+      g.motor_allowance > 0
+          ? fmt::format("; kept up to {} % of N free for motors and estimate", short_number(100 * g.motor_allowance))
+          : "";
   return fmt::format(
-      "  governor    on: bent the commands of {} % of the ticks, {} % on the backup, by up to {} rail units; kept {} "
-      "of "
-      "N for the motors\n",
+      "  governor    on: bent the commands of {} % of its ticks, {} % on the backup, by up to {} rail units{}\n",
       short_number(100 * g.share(g.bent_ticks)), short_number(100 * g.share(g.backup_ticks)), short_number(most),
-      short_number(g.motor_allowance));
+      allowance);
 }
 
 std::string fault_lines(const sim::Scenario& scenario, const RunResult& result) {
