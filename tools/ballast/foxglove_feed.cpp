@@ -1,5 +1,6 @@
 #include "tools/ballast/foxglove_feed.h"
 
+#include <fcntl.h>
 #include <fmt/core.h>
 #include <signal.h>
 #include <unistd.h>

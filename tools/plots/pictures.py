@@ -62,12 +62,15 @@ def static_friction(run):
 def _mark_governor(axes, run):
     """Strips along the lower edge where the governor bent the commands. Returns the legend entries."""
     handles = []
-    for spans, color, name in zip(governed_spans(run), (ORANGE, PURPLE), ("bent by the governor", "on the backup")):
+    governor = run.summary.get("governor") or {}
+    of_both = zip(governed_spans(run), ("bent", "backup"), ("bent by the governor", "on the backup"), (ORANGE, PURPLE),
+                  (0.02, 0.012))
+    for spans, share, name, color, height in of_both:
         for start_s, end_s in spans:
-            axes.axvspan(start_s, end_s, ymax=0.02 if color == ORANGE else 0.012, color=color, linewidth=0, zorder=4)
+            axes.axvspan(start_s, end_s, ymax=height, color=color, linewidth=0, zorder=4)
         if spans:
-            share = sum(end - start for start, end in spans) / float(run.contact["time_s"][-1])
-            handles.append(Patch(color=color, label=f"{name} {100 * min(share, 1.0):.0f} %"))
+            label = f"{name} {100 * governor[share]:.0f} %" if share in governor else name
+            handles.append(Patch(color=color, label=label))
     return handles
 
 

@@ -78,8 +78,7 @@ constexpr InvariantText kTexts[kInvariantCount] = {
     {"governed",
      "While the governor commands ideal masses of a rolling ball, on a floor and under forces that it is told of, with "
      "ideal sensors and before any fault, the true ball keeps f_s <= friction_use mu_s N of envelope and control, and "
-     "a "
-     "stop is certified: for ever, or up to a tick that is still to come."},
+     "a stop is certified: for ever, or up to a tick that is still to come."},
 };
 
 // Parts of N by which real and commanded forces may differ where slip is told truly, and where a light ball is.
