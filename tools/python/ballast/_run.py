@@ -22,10 +22,9 @@ import numpy as np
 
 from . import _core
 from ._errors import RunError, RunWarning
-from ._program import run_program
+from ._program import COMPLETED, OUTSIDE, run_program
 from ._scenario import Scenario, as_scenario
 
-_WITH_RESULTS = (0, 3)  # exit statuses of a run that came to its end, inside its envelope or not
 _CHANNEL_BEGINNING = "BALLAST_"
 _CHANNELS = ("contact", "plant_state", "sensors", "step_command", "controller_status", "trip", "operator")
 _PICTURE = "friction_required"  # the one that a notebook shows
@@ -59,9 +58,9 @@ def run(scenario: Scenario | str | os.PathLike[str] | Mapping[str, Any], out: st
     if speed is not None and not (math.isfinite(pace) and pace > 0):
         raise ValueError(f"speed: {speed} is out of range; allowed: a finite number > 0")
     checked = scenario.checked()
-    for warning in checked.warnings:
-        if ": task:" in warning:  # nothing moves
-            warnings.warn(warning, RunWarning, stacklevel=2)
+    for key, text in checked.warnings:
+        if key == "task":  # nothing moves
+            warnings.warn(text, RunWarning, stacklevel=2)
     if out is not None:
         folder = str(Path(out))
         if "\0" in folder:
@@ -79,7 +78,7 @@ def run(scenario: Scenario | str | os.PathLike[str] | Mapping[str, Any], out: st
 
 def _run_in(checked: _core.CheckedScenario, folder: str, log: bool, pace: float) -> Run:
     status, complaints = _core.run(checked, folder, not log, pace)
-    if status not in _WITH_RESULTS:
+    if status not in (COMPLETED, OUTSIDE):
         raise RunError("\n".join(complaints))
     for complaint in complaints:
         warnings.warn(complaint, RunWarning, stacklevel=3)

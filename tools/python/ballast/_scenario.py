@@ -76,7 +76,7 @@ class Scenario:
 
         Raises ScenarioError with every error in the scenario.
         """
-        return list(self.checked().warnings)
+        return [text for _, text in self.checked().warnings]
 
     def copy(self) -> Scenario:
         """A scenario of its own with the same source and changes."""
