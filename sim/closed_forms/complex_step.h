@@ -37,8 +37,8 @@ struct Derivative {
   std::array<Value, kMostColumns> by{};
 };
 
-// form(column, masses) is the imaginary part of the form: with column < own_columns it moves the state by i h along
-// that column; otherwise the column is -1 and a mass is moved.
+// form(column, masses) is the derivative: the imaginary part over the step. With column < own_columns it moves the
+// state by i h along that column; otherwise the column is -1 and a mass is moved.
 template <class Value, class Form>
 Derivative<Value> differentiate(int own_columns, const MassMotion& masses, int mass_count, const Form& form) {
   Derivative<Value> out;

@@ -8,6 +8,7 @@ import subprocess
 import time
 import unittest
 
+from command_help import commands_in, options_in
 from installation import Installed
 
 
@@ -26,12 +27,12 @@ class Shell(Installed):
         return self.run_in_folder("ballast", *command, "--help")
 
     def commands(self):
-        found = re.findall(r"^  (\w+)  +\S", self.help_of().split("Subcommands:")[1], re.M)
+        found = commands_in(self.help_of())
         self.assertGreater(len(found), 10)
         return found
 
     def options(self, command):
-        return set(re.findall(r"^  (?:-h,)?(--[a-z-]+)", self.help_of(command), re.M))
+        return options_in(self.help_of(command))
 
     def test_a_manual_page_for_each_command_with_each_option(self):
         commands = self.commands()

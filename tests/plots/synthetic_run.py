@@ -62,7 +62,7 @@ def place_error_m(time_s):
 
 
 def measured_error(time_s):
-    """Bands of N and of f_s / N."""
+    """Errors of N and of f_s / N."""
     return 0.25 * math.sin(7 * time_s), 0.005 * math.sin(11 * time_s)
 
 

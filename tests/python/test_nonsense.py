@@ -20,7 +20,7 @@ import ballast
 import numpy as np
 
 SEED = int(os.environ.get("BALLAST_SEED", "24"))
-HANGS_S = 20
+HANGS_S = 20  # one call; the longest, a run, takes milliseconds
 CALLS = int(os.environ.get("BALLAST_CALLS", "4000"))
 # Everything else would be a defect: SystemError is pybind11's for a broken binding, AttributeError a slip of the package.
 REFUSALS = (ValueError, TypeError, KeyError, IndexError, OverflowError, MemoryError, RecursionError, OSError, ballast.BallastError)
@@ -127,7 +127,6 @@ class Functions(unittest.TestCase):
         return arguments
 
     def test_no_call_crashes(self):
-        faulthandler.dump_traceback_later(HANGS_S, exit=True)
         self.addCleanup(faulthandler.cancel_dump_traceback_later)
         rng = np.random.default_rng(SEED)
         targets = self.targets()
@@ -135,9 +134,11 @@ class Functions(unittest.TestCase):
             function, names = targets[int(rng.integers(len(targets)))]
             if function in (ballast.run, ballast.friction) and number % 10:
                 continue  # these take longer
+            faulthandler.dump_traceback_later(HANGS_S, exit=True)  # in place of the one before
             with self.subTest(f"seed {SEED}, call {number}: {function.__name__}"), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 self.call(rng, function, names)
+        faulthandler.cancel_dump_traceback_later()
         # And all still works.
         self.assertGreater(ballast.rolling_forces(self.ball, [1, 0, 0, 0], [0, 0, 0], *[[0] * 3] * 3).normal_force_n, 0)
         self.assertEqual(ballast.run(ballast.Scenario("paper_ball").set("duration", 0.01)).end_reason, "completed")
@@ -166,6 +167,10 @@ class Functions(unittest.TestCase):
             self.assertEqual(plant.state.time_s, 0.5)
         plant.advance(0.1)
         np.testing.assert_array_equal(other.state.orientation, plant.state.orientation)
+        core = plant._plant  # pylint: disable=protected-access
+        for other in (copy.copy(core), copy.deepcopy(core)):
+            other.advance(0.1, [], [], [])
+            self.assertEqual((other.state()["time_s"], core.state()["time_s"]), (0.7, 0.6))
         env = copy.deepcopy(self.env)
         np.testing.assert_array_equal(env.step(np.zeros(3))[0], self.env.step(np.zeros(3))[0])
         state = ([1, 0, 0, 0], [0, 0, 0], *[[0.1] * 3] * 3)

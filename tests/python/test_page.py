@@ -56,7 +56,7 @@ class Page(unittest.TestCase):
             if name.startswith("__"):
                 continue
             self.assertTrue(value.__doc__, name)
-            self.assertIn(name, page)
+            self.assertRegex(page, rf"(`|ballast\.){name}\b")
             for member, of in vars(value).items() if isinstance(value, type) else ():
                 if not member.startswith("_") and (callable(of) or isinstance(of, (property, classmethod))):
                     self.assertTrue(getattr(value, member).__doc__, f"{name}.{member}")

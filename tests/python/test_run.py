@@ -1,4 +1,5 @@
 """Runs in Python: the bytes of the command, arrays without copies, Ctrl-C, threads."""
+import copy
 import json
 import os
 import re
@@ -62,13 +63,19 @@ class Same(Folder):
                         "--actuation", "prescribed", "--seed", "7", actuation="prescribed", seed=7)
 
     def test_a_trip_with_a_fault_and_its_black_box(self):
+        run = self.same_files(ballast.Scenario("paper_ball", faults=["motor_stall@0.5:mass=0"],
+                                               set={"duration": 2, "envelope.friction_use": 0.4}),
+                              "paper_ball", "--fault", "motor_stall@0.5:mass=0", "--set", "duration=2", "--set",
+                              "envelope.friction_use=0.4")
+        self.assertEqual(run.end_reason, "tripped")
+        box = (run.folder / "blackbox/blackbox.json").read_text()
+        self.assertIn(f"{BALLAST} run", box)  # the command that repeats the run can be typed
+
+    def test_lost_steps(self):
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ballast.RunWarning)  # lost steps
+            warnings.simplefilter("ignore", ballast.RunWarning)  # of these
             run = self.same_files(ballast.Scenario("paper_ball", faults=["motor_stall@0.5:mass=0"]).set("duration", 2),
                                   "paper_ball", "--fault", "motor_stall@0.5:mass=0", "--set", "duration=2")
-        if (run.folder / "blackbox").is_dir():
-            box = (run.folder / "blackbox/blackbox.json").read_text()
-            self.assertIn(f"{BALLAST} run", box)  # the command that repeats the run can be typed
         self.assertRegex(run._repr_html_(), "lost microsteps</th><td .*>motor 0: [0-9]+</td>")
 
     def test_without_a_log(self):
@@ -85,6 +92,15 @@ class Same(Folder):
             ballast.run(ballast.Scenario("paper_ball", faults=[arguments[3]]).set("duration", 1), self.folder / "b")
         self.assertTrue(words)
         self.assertEqual(words, "".join(f"ballast: {w.message}\n" for w in caught if w.category is ballast.RunWarning))
+
+    def test_a_task_without_a_motion_is_warned_of(self):
+        subprocess.run([BALLAST, "new", "desk", "--yes"], cwd=self.folder, capture_output=True, check=True)
+        task = ballast.Scenario(self.folder / "desk.toml").set("duration", 0.05)
+        _, words = command(self.folder / "a", str(task._file), "--set", "duration=0.05")  # pylint: disable=protected-access
+        with self.assertWarnsRegex(ballast.RunWarning, "no mass moves") as caught:
+            ballast.run(task, self.folder / "b")
+        self.assertEqual(words, f"ballast: warning: {caught.warning}\n")
+        self.assertIn(str(caught.warning), task.check())
 
 
 class Refusals(Folder):
@@ -121,8 +137,10 @@ class Refusals(Folder):
         run = ballast.run(ballast.Scenario("paper_ball").set("duration", 0.05), self.folder / "x")
         log = run.folder / "run.lcmlog"
         log.write_bytes(log.read_bytes()[:-1000])
-        with self.assertWarnsRegex(ballast.RunWarning, "cut off inside an event"):
-            self.assertGreater(len(run.channels["contact"]), 40)
+        with self.assertWarnsRegex(ballast.RunWarning, "cut off inside an event") as caught:
+            contact = run.channels["contact"]
+        self.assertEqual(caught.filename, __file__)
+        self.assertGreater(len(contact), 40)
 
 
 class Results(unittest.TestCase):
@@ -193,6 +211,18 @@ class Results(unittest.TestCase):
         del run
         self.assertFalse(folder.exists())
 
+    def test_a_temporary_folder_stays_for_what_is_read_from_it(self):
+        short = ballast.Scenario("paper_ball").set("duration", 0.05)
+        self.assertGreater(len(ballast.run(short).channels["contact"]), 0)
+        scenario = ballast.run(short).scenario
+        self.assertEqual(scenario.copy().set("duration", 0.04).duration_s, 0.04)
+        self.assertEqual(copy.deepcopy(ballast.run(short)).channels["contact"].tick[-1], 50)
+        copy.copy(scenario).check()
+        folder = Path(scenario._file).parent  # pylint: disable=protected-access
+        self.assertTrue(folder.is_dir())
+        del scenario
+        self.assertFalse(folder.exists())
+
     def test_the_package_takes_no_names_of_modules(self):
         """Pictures and messages are modules of the package, so `import page` is still the user's."""
         self.run_.plot()
@@ -214,7 +244,9 @@ class Threads(Folder):
         scenario = ballast.Scenario("paper_ball").set("duration", 2)
         thread = threading.Thread(target=ballast.run, args=(scenario, self.folder / "x"), kwargs={"speed": 1})
         thread.start()
+        give_up = time.monotonic() + 60  # it is there within milliseconds
         while not (self.folder / "x/robot.json").exists():
+            self.assertLess(time.monotonic(), give_up)
             time.sleep(0.01)
         with self.assertRaises(ballast.RunError) as caught:
             ballast.run(scenario, self.folder / "x")

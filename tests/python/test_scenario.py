@@ -104,8 +104,9 @@ class Changes(unittest.TestCase):
         scenario = ballast.Scenario("paper_ball").set("mass.1.mass", 2.0)
         self.assertEqual(scenario["mass.1.mass"], 2.0)
         self.assertEqual(scenario["mass"][1]["mass"], 2.0)
-        with self.assertRaises(KeyError):
-            scenario["mass.9.mass"]
+        for key in ("mass.9.mass", "mass.-1.mass", "mass.+1.mass", "mass.1_0.mass"):
+            with self.subTest(key), self.assertRaises(KeyError):
+                scenario[key]
         self.assertNotEqual(scenario.fingerprint, ballast.Scenario("paper_ball").fingerprint)
         scenario["mass.1.mass"] = np.float64(1.0)
         scenario["initial.position"] = np.zeros(2)

@@ -1,4 +1,4 @@
-"""What a drawing needs to know of a robot and its floor, from robot.json and scenario.toml of a run's folder."""
+"""The robot and its floor as a drawing needs them, from robot.json and scenario.toml of a run's folder."""
 
 import json
 import math

@@ -19,7 +19,7 @@ from pathlib import Path
 import ballast
 from command import COULD_NOT_RUN, run_program
 from drawn_robot import NoRobot, read_robot
-from event_log import SYNC_WORD
+from event_log import HEADER, SYNC_WORD
 from foxglove_scene import RunScene
 from foxglove_schemas import SCHEMAS
 from json_messages import json_pattern, json_schema
@@ -39,7 +39,6 @@ MESSAGES = {"BALLAST_CONTACT": ballast.contact_t, "BALLAST_PLANT_STATE": ballast
 MOST_VIEWERS = 32
 _LONGEST_REQUEST = 1 << 16
 _LINGER_S = 2  # for viewers to get the last messages
-_HEADER = struct.Struct(">Iqqii")  # of an event: sync word, number, time, sizes of channel and data
 _WARNING = 1  # level of a status message
 
 
@@ -207,7 +206,7 @@ class Show:
 async def read_event(reader):
     """(time in us, channel, payload); None at the end of the input."""
     try:
-        sync, _, time_us, channel_size, data_size = _HEADER.unpack(await reader.readexactly(_HEADER.size))
+        sync, _, time_us, channel_size, data_size = HEADER.unpack(await reader.readexactly(HEADER.size))
         if sync != SYNC_WORD or min(channel_size, data_size) < 0:
             raise Failure("standard input: not an LCM event log")
         channel = await reader.readexactly(channel_size)

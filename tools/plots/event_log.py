@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 SYNC_WORD = 0xEDA1DA01
-_HEADER = struct.Struct(">Iqqii")
+HEADER = struct.Struct(">Iqqii")  # of an event: sync word, number, time, sizes of channel and data
 _FINGERPRINT_SIZE = 8
 
 
@@ -92,10 +92,10 @@ def _why_no_log(path):
 def _scan(data, path, take):
     offset, size = 0, len(data)
     while offset < size:
-        body = offset + _HEADER.size
+        body = offset + HEADER.size
         if body > size:
             return f"cut off inside an event at byte {offset}"
-        sync, _, timestamp, channel_size, data_size = _HEADER.unpack_from(data, offset)
+        sync, _, timestamp, channel_size, data_size = HEADER.unpack_from(data, offset)
         if sync != SYNC_WORD or channel_size < 0 or data_size < 0:
             if offset == 0:
                 raise LogError(f"{path}: not an LCM event log")

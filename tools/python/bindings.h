@@ -22,7 +22,7 @@ namespace py = pybind11;
 struct CheckedScenario {
   sim::Scenario scenario;
   std::shared_ptr<const firmware::ControllerParams> params;  // null: no controller
-  std::vector<std::string> warnings;  // allowed and implausible values, in the words of `ballast check`
+  std::vector<sim::ScenarioError> warnings;                  // allowed and implausible values
 };
 
 // Raises ballast.ScenarioError. Needs the interpreter's lock.
@@ -34,13 +34,18 @@ struct CheckedScenario {
 // interpreter's lock.
 void look_for_signals();
 
-// For a type whose objects never change: a copy is the object itself. Without this, Python would make copies whose C++
-// part is not initialised. The package's own classes can be pickled.
+// Without this, Python would make objects whose C++ part is not initialised. The package's own classes can be pickled.
 template <class T>
-void forbid_copies(py::class_<T>& type) {
+void forbid_pickles(py::class_<T>& type) {
+  type.def("__reduce_ex__", [](const py::object&, int) -> py::object { throw py::type_error("cannot be pickled"); });
+}
+
+// For a type whose objects never change: a copy is the object itself.
+template <class T>
+void share_copies(py::class_<T>& type) {
   type.def("__copy__", [](const py::object& self) { return self; })
-      .def("__deepcopy__", [](const py::object& self, const py::object&) { return self; })
-      .def("__reduce_ex__", [](const py::object&, int) -> py::object { throw py::type_error("cannot be pickled"); });
+      .def("__deepcopy__", [](const py::object& self, const py::object&) { return self; });
+  forbid_pickles(type);
 }
 
 void add_scenario(py::module_& module);

@@ -324,7 +324,7 @@ py::tuple tuple3(const firmware::Vector3& v) { return py::make_tuple(v[0], v[1],
 
 void add_closed_forms(py::module_& module) {
   py::class_<Ball> ball(module, "Ball");
-  forbid_copies(ball);
+  share_copies(ball);
   ball.def(py::init(&ball_of), py::arg("scenario"), py::arg("believed"))
       .def_property_readonly("radius_m", [](const Ball& b) { return b.params->radius_m; })
       .def_property_readonly("gravity_mps2", [](const Ball& b) { return b.params->gravity_mps2; })

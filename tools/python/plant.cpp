@@ -17,7 +17,7 @@
 namespace ballast::python {
 namespace {
 
-constexpr double kMostSteps = 1e5;  // of one motor in one advance(); bounds its memory
+constexpr std::int64_t kMostSteps = 100'000;  // of one motor in one advance(); bounds its memory
 constexpr int kPeriodsBetweenSignals = 64;
 
 const char* end_name(sim::PhysicsEnd end) {
@@ -54,7 +54,8 @@ class Plant {
     if (!position.empty()) plant_.lead_masses(end_s, position.data(), velocity.data());
     const std::vector<sim::StepPulse> pulses = evenly_spaced(steps, dt_s);
     auto next = pulses.begin();
-    // A run goes on by control periods too; the plant bounds the number of its steps in each.
+    // A run goes on by control periods too; the plant bounds the number of its steps in each. The factor is there so
+    // that rounding of dt_s / period does not add a period of almost no length.
     const auto periods = static_cast<std::int64_t>(std::max(1.0, std::ceil(dt_s / period_s_ * (1 - 1e-12))));
     for (std::int64_t k = 0; k < periods && plant_.end() == sim::PhysicsEnd::kNone; ++k) {
       const double from_s = plant_.time_s();
@@ -142,14 +143,16 @@ class Plant {
 
 void add_plant(py::module_& module) {
   py::class_<Plant> plant(module, "Plant");
-  forbid_copies(plant);
+  forbid_pickles(plant);
   plant.def(py::init<const CheckedScenario&>(), py::arg("scenario"))
       .def("copy", &Plant::copy)
+      .def("__copy__", &Plant::copy)
+      .def("__deepcopy__", [](const Plant& self, const py::object&) { return self.copy(); })
       .def("advance", &Plant::advance, py::arg("dt_s"), py::arg("steps"), py::arg("position"), py::arg("velocity"))
       .def("state", &Plant::state)
       .def_property_readonly("actuation", &Plant::actuation)
       .def_property_readonly("mass_count", &Plant::mass_count);
-  module.attr("most_steps") = static_cast<std::int64_t>(kMostSteps);
+  module.attr("most_steps") = kMostSteps;
 }
 
 }  // namespace ballast::python

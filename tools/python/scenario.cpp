@@ -43,7 +43,7 @@ CheckedScenario check(const Read& read) {
   }
   if (!result.ok()) raise(result.errors);
   out.scenario = std::move(result.scenario);
-  for (const sim::ScenarioError& warning : result.warnings) out.warnings.push_back(to_string(warning));
+  out.warnings = std::move(result.warnings);
   return out;
 }
 
@@ -74,6 +74,13 @@ std::string changed(const std::string& toml, const std::string& source, const Te
   return sim::to_toml(root);
 }
 
+// (key, the words of `ballast check`) of each.
+std::vector<std::pair<std::string, std::string>> warnings(const CheckedScenario& checked) {
+  std::vector<std::pair<std::string, std::string>> found;
+  for (const sim::ScenarioError& warning : checked.warnings) found.emplace_back(warning.key, to_string(warning));
+  return found;
+}
+
 double weight_n(const CheckedScenario& checked) {
   double mass_kg = checked.scenario.ball.mass_kg;
   for (const sim::Mass& mass : checked.scenario.masses) mass_kg += mass.mass_kg;
@@ -96,7 +103,7 @@ auto of_masses(const CheckedScenario& checked, const Value& value) {
 
 void add_scenario(py::module_& module) {
   py::class_<CheckedScenario> checked(module, "CheckedScenario");
-  forbid_copies(checked);
+  share_copies(checked);
   checked.def_property_readonly("name", [](const CheckedScenario& s) { return s.scenario.name; })
       .def_property_readonly("toml", [](const CheckedScenario& s) { return s.scenario.toml; })
       .def_property_readonly("id", [](const CheckedScenario& s) { return s.scenario.id; })
@@ -117,7 +124,7 @@ void add_scenario(py::module_& module) {
                                  return std::pair(mass.rail.lower_end, mass.rail.upper_end);
                                });
                              })
-      .def_readonly("warnings", &CheckedScenario::warnings);
+      .def_property_readonly("warnings", &warnings);
   module.def("find_scenario", &find, py::arg("name_or_path"));
   module.def("check_file", &check_file, py::arg("file"), py::arg("overrides"), py::arg("faults"));
   module.def("check_text", &check_text, py::arg("toml"), py::arg("source"), py::arg("overrides"), py::arg("faults"));

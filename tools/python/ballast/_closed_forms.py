@@ -126,7 +126,7 @@ class DetachedDiskMotionJacobian(NamedTuple):
 
 
 class Ball:
-    """What the closed forms take of a robot: ball, masses, rails, gravity, floor. It does not change."""
+    """The robot's parameters in the closed forms: ball, masses, rails, gravity, floor. It does not change."""
 
     def __init__(self, scenario, *, believed: bool = False):
         """`scenario`: a Scenario, or what Scenario() takes. `believed`: the robot of [believed] in place of the true one.
@@ -158,7 +158,7 @@ class Ball:
 
     @property
     def center_of_mass_B_m(self) -> tuple[float, float, float]:
-        """Of m_0, from the geometric centre."""
+        """Centre of mass of m_0, from the geometric centre."""
         return self._ball.center_of_mass_B_m
 
     @property

@@ -14,11 +14,9 @@ import numpy as np
 
 from . import _core, _toml
 from ._errors import RunError
-from ._program import run_program
+from ._program import COMPLETED, OUTSIDE, run_program
 from ._run import Run
 from ._scenario import Scenario, as_scenario
-
-_FOUND, _NO_PLAN = 0, 3  # exit statuses
 
 
 def friction(scenario) -> dict[str, Any]:
@@ -50,7 +48,7 @@ def integrate(scenario, method: str = "dop853", *, tolerance: float | None = Non
     options += [] if step_s is None else [f"--step={float(step_s)!r}"]
     with _folder(out) as folder, _file_of(scenario) as file:
         status, _, words = run_program("integrate", f"--out={folder}", "--quiet", *options, "--", str(file))
-        if status not in (_FOUND, _NO_PLAN):
+        if status not in (COMPLETED, OUTSIDE):
             raise RunError(words)
         results = json.loads((folder / "integrators.json").read_text(encoding="utf-8"))
         results["summary"] = Run.load(folder).summary
@@ -58,7 +56,7 @@ def integrate(scenario, method: str = "dop853", *, tolerance: float | None = Non
 
 
 class Plan:
-    """What a search for a motion has come to."""
+    """The result of a search for a motion."""
 
     def __init__(self, claims: Mapping[str, Any], file: Path | None):
         self.claims = dict(claims)
@@ -76,7 +74,7 @@ class Plan:
 
     @property
     def binding(self) -> str:
-        """What limits the plan, or stands in its way, in words."""
+        """The limit that binds the plan, or stands in its way, in words."""
         return self.claims["binding"]
 
     @property
@@ -109,10 +107,10 @@ def plan(task, out: str | os.PathLike[str], *, seed: int = 0, time_limit_s: floa
     options += [] if start_from is None else [f"--from={os.fspath(start_from)}"]
     with _file_of(task) as task_file:
         status, _, words = run_program("plan", *options, "--", str(task_file))
-    if status not in (_FOUND, _NO_PLAN):
+    if status not in (COMPLETED, OUTSIDE):
         raise RunError(words)
     claims = json.loads(file.with_suffix(".json").read_text(encoding="utf-8"))
-    return Plan(claims, file if status == _FOUND else None)
+    return Plan(claims, file if status == COMPLETED else None)
 
 
 class Columns(Mapping):
@@ -222,7 +220,7 @@ def sweep(spec: str | os.PathLike[str] | Mapping[str, Any], out: str | os.PathLi
         else:
             file = Path(spec)
         status, _, words = run_program("sweep", *options, "--", str(file))
-    if status != _FOUND:
+    if status != COMPLETED:
         raise RunError(words)
     return Sweep(folder)
 

@@ -22,7 +22,7 @@ class CheckedScenario:
     max_acceleration: list[float]  # of the motors, rail units / s^2
     max_rate: list[float]          # rail units / s
     rail_ends: list[tuple[float, float]]
-    warnings: list[str]
+    warnings: list[tuple[str, str]]  # (key, text)
 
 def find_scenario(name_or_path: str) -> str: ...
 def check_file(file: str, overrides: Sequence[str], faults: Sequence[str]) -> CheckedScenario: ...

@@ -127,7 +127,7 @@ class Environment(_Base):
         else:
             reward = (self._distance_m(before) - self._distance_m(self._state)) / self._radius_m
         terminated = self._state.end != ""
-        truncated = not terminated and self._state.time_s >= self._duration_s * (1 - 1e-9)
+        truncated = not terminated and self._time_is_over
         return self._observation(), reward - terminated, terminated, truncated, self._info()
 
     def render(self):
@@ -189,8 +189,12 @@ class Environment(_Base):
         inside = np.clip(position, low, high)
         return inside, np.where(inside == position, faster, 0.0)
 
+    @property
+    def _time_is_over(self):
+        return self._state.time_s >= self._duration_s * (1 - 1e-9)  # sums of period_s round
+
     def _over(self):
-        return self._state.end != "" or self._state.time_s >= self._duration_s * (1 - 1e-9)
+        return self._state.end != "" or self._time_is_over
 
     def _distance_m(self, state):
         return float(np.linalg.norm(state.position_W_m[:2] - self.goal))

@@ -1,4 +1,4 @@
-"""What goes wrong, as exceptions in the words of the commands."""
+"""Exceptions, in the words of the commands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Finding(NamedTuple):
 
     @property
     def allowed(self) -> str | None:
-        """What is allowed in place of the value; None where the message does not say."""
+        """The allowed values; None where the message does not say."""
         _, found, allowed = self.message.partition("allowed: ")
         return allowed if found else None
 

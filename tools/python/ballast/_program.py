@@ -8,6 +8,8 @@ from pathlib import Path
 from . import _core
 from ._errors import RunError
 
+COMPLETED, OUTSIDE = 0, 3  # exit statuses: as it should be; outside the envelope, or no plan
+
 
 def run_program(*arguments: str) -> tuple[int, str, str]:
     """(exit status, output, errors without the program's name) of `ballast` with these arguments.

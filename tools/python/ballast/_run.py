@@ -22,10 +22,9 @@ import numpy as np
 
 from . import _core
 from ._errors import RunError, RunWarning
-from ._program import run_program
-from ._scenario import Scenario, as_scenario
+from ._program import COMPLETED, OUTSIDE, run_program
+from ._scenario import Scenario, as_scenario, scenario_in
 
-_WITH_RESULTS = (0, 3)  # exit statuses of a run that came to its end, inside its envelope or not
 _CHANNEL_BEGINNING = "BALLAST_"
 _CHANNELS = ("contact", "plant_state", "sensors", "step_command", "controller_status", "trip", "operator")
 _PICTURE = "friction_required"  # the one that a notebook shows
@@ -36,10 +35,11 @@ def run(scenario: Scenario | str | os.PathLike[str] | Mapping[str, Any], out: st
     """Runs a scenario: controller, plant and monitor in lockstep, as `ballast run` does in one process.
 
     scenario   a Scenario, or what Scenario() takes
-    out        folder for the results (tools/docs/results.md); None: a temporary one that goes with the Run
+    out        folder for the results (tools/docs/results.md); None: a temporary one that goes with the Run,
+               its `channels` and its `scenario`
     actuation  "prescribed", "stepper" or "ideal"; None: the scenario's
     seed       of all random numbers, 0 to 2^63 - 1; None: the scenario's
-    log        False keeps no run.lcmlog, which takes 2.4 MB per simulated second at 1 kHz; `channels` is then empty
+    log        False keeps no run.lcmlog; reading `channels` then raises RunError
     speed      simulated time per wall time; None: as fast as possible
 
     Other threads go on during the run, and several may run at once, each in a folder of its own. Ctrl-C ends the run
@@ -59,31 +59,44 @@ def run(scenario: Scenario | str | os.PathLike[str] | Mapping[str, Any], out: st
     if speed is not None and not (math.isfinite(pace) and pace > 0):
         raise ValueError(f"speed: {speed} is out of range; allowed: a finite number > 0")
     checked = scenario.checked()
-    for warning in checked.warnings:
-        if ": task:" in warning:  # nothing moves
-            warnings.warn(warning, RunWarning, stacklevel=2)
+    for key, text in checked.warnings:
+        if key == "task":  # nothing moves
+            warnings.warn(text, RunWarning, stacklevel=2)
     if out is not None:
         folder = str(Path(out))
         if "\0" in folder:
             raise ValueError("out: a NUL character is not allowed")
         return _run_in(checked, folder, log, pace)
-    folder = tempfile.mkdtemp(prefix="ballast-")
+    owner = _TemporaryFolder()
     try:
-        result = _run_in(checked, folder, log, pace)
+        return _run_in(checked, owner.path, log, pace, owner)
     except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
+        owner.remove()  # now: the traceback keeps the owner
         raise
-    weakref.finalize(result, shutil.rmtree, folder, ignore_errors=True)
-    return result
 
 
-def _run_in(checked: _core.CheckedScenario, folder: str, log: bool, pace: float) -> Run:
+class _TemporaryFolder:
+    """Owns a folder, which goes with the last reference to this object."""
+
+    def __init__(self):
+        self.path = tempfile.mkdtemp(prefix="ballast-")
+        self.remove = weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+    def __deepcopy__(self, _) -> _TemporaryFolder:
+        return self
+
+    def __reduce__(self):
+        return type(None), ()  # the folder stays this process's
+
+
+def _run_in(checked: _core.CheckedScenario, folder: str, log: bool, pace: float,
+            owner: _TemporaryFolder | None = None) -> Run:
     status, complaints = _core.run(checked, folder, not log, pace)
-    if status not in _WITH_RESULTS:
+    if status not in (COMPLETED, OUTSIDE):
         raise RunError("\n".join(complaints))
     for complaint in complaints:
         warnings.warn(complaint, RunWarning, stacklevel=3)
-    return Run(folder)
+    return Run(folder, _owner=owner)
 
 
 class Channel:
@@ -134,8 +147,8 @@ class Channels(Mapping):
     of one that is damaged, and has what comes before.
     """
 
-    def __init__(self, log: Path):
-        self._log = log
+    def __init__(self, log: Path, _owner: _TemporaryFolder | None = None):
+        self._log, self._owner = log, _owner
         self._read: dict[str, Channel] = {}
 
     def __getitem__(self, name: str) -> Channel:
@@ -156,8 +169,9 @@ class Channels(Mapping):
 class Run:
     """A finished run: the folder that `ballast run` or run() has left."""
 
-    def __init__(self, folder: str | os.PathLike[str]):
+    def __init__(self, folder: str | os.PathLike[str], *, _owner: _TemporaryFolder | None = None):
         self.folder = Path(folder)
+        self._owner = _owner
         path = self.folder / "summary.json"
         try:
             text = path.read_text(encoding="utf-8")
@@ -168,7 +182,7 @@ class Run:
             raise RunError(f"{path}: not valid JSON: {error}") from error
         if not isinstance(self.summary, dict) or "end" not in self.summary:
             raise RunError(f"{path}: not the summary of a run")
-        self.channels = Channels(self.folder / "run.lcmlog")
+        self.channels = Channels(self.folder / "run.lcmlog", _owner)
         self._recorded = None
 
     @classmethod
@@ -189,7 +203,7 @@ class Run:
     @property
     def scenario(self) -> Scenario:
         """The scenario that was run."""
-        return Scenario(self.folder / "scenario.toml")
+        return scenario_in(self.folder, self._owner)
 
     def pictures(self) -> list[str]:
         """The names that plot() takes; not every picture applies to every run."""
@@ -292,7 +306,8 @@ def _messages(log: Path, channel: str) -> np.ndarray:
     except LogError as error:
         raise RunError(str(error)) from error
     if events.damage:
-        warnings.warn(f"{log}: {events.damage}; read what comes before", RunWarning, stacklevel=4)
+        # The line that is named is that of the caller of Channels.__getitem__.
+        warnings.warn(f"{log}: {events.damage}; read what comes before", RunWarning, stacklevel=3)
     fields = [(field, messages.dtype[field]) for field in messages.dtype.names if field != "fingerprint"]
     native = np.empty(len(messages), dtype=[(field, kind.base.newbyteorder("="), kind.shape) for field, kind in fields])
     for field, _ in fields:

@@ -41,6 +41,7 @@ class Scenario:
         else:
             self._file = _core.find_scenario(os.fspath(source))
         self._checked: _core.CheckedScenario | None = None
+        self._owner: object = None  # of the file's folder, which goes with it
         self._overrides: list[str] = []
         self._faults: list[str] = []
         for fault in [faults] if isinstance(faults, str) else faults:
@@ -76,12 +77,12 @@ class Scenario:
 
         Raises ScenarioError with every error in the scenario.
         """
-        return list(self.checked().warnings)
+        return [text for _, text in self.checked().warnings]
 
     def copy(self) -> Scenario:
         """A scenario of its own with the same source and changes."""
         other = object.__new__(Scenario)
-        other._file, other._text = self._file, self._text
+        other._file, other._text, other._owner = self._file, self._text, self._owner
         other._overrides, other._faults, other._checked = self._overrides[:], self._faults[:], self._checked
         return other
 
@@ -137,7 +138,7 @@ class Scenario:
         found: Any = tomllib.loads(_core.changed_toml(self._source_text(), self._source_name(), self._overrides, []))
         for part in key.split("."):
             try:
-                found = found[int(part) if isinstance(found, list) else part]
+                found = found[int(part) if isinstance(found, list) and part.isdecimal() else part]
             except (KeyError, IndexError, ValueError, TypeError):
                 raise KeyError(key) from None
         return found
@@ -173,3 +174,10 @@ def _require_text(key):
 def as_scenario(source) -> Scenario:
     """A scenario, or one made of a name, a file or a dict."""
     return source if isinstance(source, Scenario) else Scenario(source)
+
+
+def scenario_in(folder: Path, owner) -> Scenario:
+    """The scenario of the run in a folder. It keeps the owner, with which the folder would go; None: the folder stays."""
+    scenario = Scenario(folder / "scenario.toml")
+    scenario._owner = owner  # pylint: disable=protected-access
+    return scenario
