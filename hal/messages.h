@@ -196,7 +196,9 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(m.estimate)
       .field(m.measured)
       .field(m.governor)
-      .field(m.halt);
+      .field(m.halt)
+      .field(LCM(motion_delay_s), m.motion_delay_s)
+      .field(LCM(slip_friction), m.slip_friction, Real());
 }
 
 // The parameters. Those of a mass are Unsent here: they travel mass by mass (target::MassParams).
@@ -257,7 +259,11 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 
 template <class V, Of<firmware::GovernorSettings> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(m.on).field(m.friction, Real()).field(m.min_normal_force_n, Real()).field(m.swing);
+  return visitor.field(m.on)
+      .field(m.friction, Real())
+      .field(m.friction_use, Real())
+      .field(m.min_normal_force_n, Real())
+      .field(m.swing);
 }
 
 // Its values travel in parts (target::ReferencePart).

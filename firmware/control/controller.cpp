@@ -26,10 +26,33 @@ Order follow_last_tick(const ControllerParams& params, ControllerState& state, s
 void trip(ControllerState& state, const GuardState& guards) {
   const Mode after = next_mode(state.mode, Event::kFault, guards);
   if (state.mode == Mode::kPending && after != state.mode) {
-    drop_plan(state);
+    drop_move(state);
     state.refusal = {Refusal::kCancelled, -1, -1, 0};
   }
   state.mode = after;
+}
+
+// Begins the pending move when its tick comes, or refuses it where the governor has no certificate.
+void begin_move(const ControllerParams& params, ControllerState& state, const GuardState& guards, std::int64_t next) {
+  const bool due = next == state.plan_tick;
+  const StartStage stage = state.governing.start.stage;
+  if (params.governor.on && (due || stage == StartStage::kRefused)) {
+    if (const RefusalReport refusal = judge_start(params, state); refusal.reason != Refusal::kNone) {
+      state.refusal = refusal;
+      drop_move(state);
+      state.mode = next_mode(state.mode, Event::kStop, guards);
+      return;
+    }
+  }
+  if (!due) return;
+  if (!state.planned) {
+    state.faults |= bit(Fault::kInternal);  // pending_ticks() would be too few
+    trip(state, guards);
+    return;
+  }
+  state.mode = next_mode(state.mode, Event::kDue, guards);
+  begin(state, next);
+  state.governing.start.stage = StartStage::kUsed;
 }
 
 // Makes the steps of the next tick: of the motion, a move or a stop.
@@ -100,13 +123,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   const GuardState guards{state.faults == 0, at_rest_from(params, state, next), causes != 0};
   if (state.faults != 0) trip(state, guards);
   obey(params, inputs, guards, state);
-  if (state.mode == Mode::kPending && next == state.plan_tick && !state.planned) {
-    state.faults |= bit(Fault::kInternal);  // pending_ticks() would be too few
-    trip(state, guards);
-  } else if (state.mode == Mode::kPending && next == state.plan_tick) {
-    state.mode = next_mode(state.mode, Event::kDue, guards);
-    begin(state, next);
-  }
+  if (state.mode == Mode::kPending) begin_move(params, state, guards, next);
 
   if (state.mode == Mode::kHalting && halted(params, state)) state.mode = next_mode(state.mode, Event::kDue, guards);
 

@@ -21,8 +21,28 @@ constexpr Real kTrustedRate = Real(0.01);
 // A start is certified for an attitude within this angle, too.
 constexpr Real kSameAttitude_rad = Real(0.01);
 
-Real unit_s(const BallParams& ball) {
-  return ball.gravity_mps2 > 0 ? std::sqrt(ball.radius_m / ball.gravity_mps2) : Real(1);
+// The friction that may be used: what the floor is believed to give, or gave while the ball slipped.
+Real usable_friction(const ControllerParams& params, const ControllerState& state) {
+  return std::fmin(params.governor.friction, params.governor.friction_use * state.slip_friction.least);
+}
+
+// The longest of the profiles in `active`.
+Wide longest_s(const ControllerParams& params, const ControllerState& state) {
+  Wide end_s = 0;
+  for (int i = 0; i < params.ball.mass_count; ++i) end_s = std::fmax(end_s, state.active[at(i)].end_s());
+  return end_s;
+}
+
+// The ball as it is known now, with the masses where they are held.
+RobotState held_robot(const ControllerParams& params, const ControllerState& state, const BallMotion& motion) {
+  RobotState robot;
+  robot.orientation = motion.orientation;
+  robot.angular_velocity_B_radps = motion.angular_velocity_B_radps;
+  robot.position_W_m = state.estimate.position_W_m;
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    robot.mass_position[at(i)] = static_cast<Real>(state.hold_position[at(i)]);
+  }
+  return robot;
 }
 
 // Ticks after the start at which the motion rests; 0: it does not.
@@ -44,10 +64,26 @@ void begin_attempt(const ControllerParams& params, ControllerState& state) {
   begin_start(g.params, g.start.robot, 0, 0, ticks_to_rest(params, state), g.start.attempt, g.governor);
 }
 
+// The robot as it is told to be set down.
+RobotState first_robot(const ControllerParams& params) {
+  RobotState robot;
+  robot.orientation = params.estimation.initial_orientation;
+  robot.angular_velocity_B_radps = params.estimation.initial_angular_velocity_B_radps;
+  robot.position_W_m = params.estimation.initial_position_W_m;
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    robot.mass_position[at(i)] = static_cast<Real>(params.motion[at(i)].at(0).position);
+    robot.mass_velocity[at(i)] = static_cast<Real>(params.motion[at(i)].at(0).velocity);
+  }
+  return robot;
+}
+
 void begin_search(const ControllerParams& params, const RobotState& robot, ControllerState& state) {
+  state.governing.params.friction = usable_friction(params, state);
   StartSearch& start = state.governing.start;
   set_origin(state);
   start.stage = StartStage::kSearching;
+  start.moves = false;
+  start.tick = start.from_tick = 0;
   start.robot = robot;
   // The first start begins with the motion's own jump.
   const bool feeds = params.tracking.samples > 0;
@@ -65,7 +101,11 @@ void advance_search(const ControllerParams& params, int work, ControllerState& s
   if (g.start.stage != StartStage::kSearching) return;
   const bool feeds = params.tracking.samples > 0 && !state.started;
   Rollout& candidate = g.governor.candidate;
-  const auto law = [&](Wide time_s, const RobotState& then) { return wish_at(params, state, time_s, feeds, then); };
+  const Wide held_s = static_cast<Wide>(minus(g.start.from_tick, g.start.tick)) * params.control_period_s;
+  const auto law = [&](Wide time_s, const RobotState& then) {
+    return g.start.moves ? wish_of_active(params, state, time_s - held_s, then)
+                         : wish_at(params, state, time_s, feeds, then);
+  };
   candidate.advance(params.ball, g.params, law, g.governor.bends, work);
   if (candidate.end() == RolloutEnd::kUnderWay) return;
   if (candidate.end() != RolloutEnd::kBroken) {
@@ -75,7 +115,7 @@ void advance_search(const ControllerParams& params, int work, ControllerState& s
   // The refusal speaks of the shortest stretch, which is tried last.
   g.start.breach = candidate.breach();
   g.start.breach_s = candidate.time_s();
-  if (g.start.attempt == 0) {
+  if (g.start.moves || g.start.attempt == 0) {
     g.start.stage = StartStage::kRefused;
     return;
   }
@@ -210,16 +250,8 @@ void reset_governing(const ControllerParams& params, ControllerState& state) {
   g.start.stage = StartStage::kNone;
   if (!params.governor.on) return;
   g.params = governor_params(params);
-  // The first start is certified at once, for the robot as it is told to be set down.
-  RobotState robot;
-  robot.orientation = params.estimation.initial_orientation;
-  robot.angular_velocity_B_radps = params.estimation.initial_angular_velocity_B_radps;
-  robot.position_W_m = params.estimation.initial_position_W_m;
-  for (int i = 0; i < params.ball.mass_count; ++i) {
-    robot.mass_position[at(i)] = static_cast<Real>(params.motion[at(i)].at(0).position);
-    robot.mass_velocity[at(i)] = static_cast<Real>(params.motion[at(i)].at(0).velocity);
-  }
-  begin_search(params, robot, state);
+  // The first start is certified at once.
+  begin_search(params, first_robot(params), state);
   // Every call does a step, and an attempt has at most these; the last 1000 are for its stretch and its brake.
   const Wide most = Wide{kEdgeSteps} * (kMostStartSteps + 1000) + g.params.horizon_s / Wide{g.params.step_s};
   for (Wide steps = 0; steps < most * (kStartStretches + 1) && g.start.stage == StartStage::kSearching; ++steps) {
@@ -228,7 +260,12 @@ void reset_governing(const ControllerParams& params, ControllerState& state) {
 }
 
 void watch_start(const ControllerParams& params, const Inputs& inputs, ControllerState& state) {
-  if (!params.governor.on || !state.started || state.mode != Mode::kArmed) return;
+  if (!params.governor.on || state.mode != Mode::kArmed) return;
+  if (!state.started) {
+    // A refused move has used the search.
+    if (state.governing.start.stage == StartStage::kNone) begin_search(params, first_robot(params), state);
+    return;
+  }
   const BallMotion motion = ball_motion(params, state, inputs.sensors);
   StartSearch& start = state.governing.start;
   if (!motion.known) {
@@ -238,18 +275,42 @@ void watch_start(const ControllerParams& params, const Inputs& inputs, Controlle
   if (start.stage != StartStage::kNone && start.stage != StartStage::kUsed && same_ball(params, start.robot, motion)) {
     return;
   }
-  RobotState robot;
-  robot.orientation = motion.orientation;
-  robot.angular_velocity_B_radps = motion.angular_velocity_B_radps;
-  robot.position_W_m = state.estimate.position_W_m;
-  for (int i = 0; i < params.ball.mass_count; ++i) {
-    robot.mass_position[at(i)] = static_cast<Real>(state.hold_position[at(i)]);
-  }
-  begin_search(params, robot, state);
+  begin_search(params, held_robot(params, state, motion), state);
+}
+
+// A move is not bent: it is certified as a whole, or refused.
+void begin_move_search(const ControllerParams& params, const Inputs& inputs, ControllerState& state) {
+  GoverningState& g = state.governing;
+  StartSearch& start = g.start;
+  start.stage = StartStage::kNone;
+  if (!params.governor.on) return;
+  g.params.friction = usable_friction(params, state);
+  g.params.uncertain = 0;
+  g.params.jumps = false;
+  start.moves = true;
+  start.tick = inputs.tick;
+  start.from_tick = state.plan_tick;
+  const BallMotion motion = ball_motion(params, state, inputs.sensors);
+  if (!motion.known) return;
+  start.stage = StartStage::kSearching;
+  start.robot = held_robot(params, state, motion);
+  const Wide end_ticks = longest_s(params, state) / params.control_period_s;
+  begin_start(g.params, start.robot, start.tick, start.from_tick,
+              plus(start.from_tick, static_cast<int>(end_ticks) + 1), kStartStretches, g.governor);
+  g.governor.candidate.refuse_bends();
+}
+
+Wide longest_governed_move_s(const ControllerParams& params, const ControllerState& state) {
+  if (!params.governor.on) return std::numeric_limits<Wide>::infinity();
+  return kMostStartSteps * Wide{state.governing.params.step_s};
+}
+
+int ticks_of_move_search(const ControllerParams& params, const ControllerState& state) {
+  return params.governor.on ? ticks_to_certify(state.governing.params, longest_s(params, state)) : 0;
 }
 
 void search_start(const ControllerParams& params, ControllerState& state) {
-  if (params.governor.on && state.mode == Mode::kArmed)
+  if (params.governor.on && (state.mode == Mode::kArmed || state.mode == Mode::kPending))
     advance_search(params, state.governing.params.work_per_tick, state);
 }
 

@@ -93,6 +93,9 @@ RefusalReport prepare_move(const ControllerParams& params, const MoveRequest& mo
     }
     duration_s = std::fmax(duration_s, pieces.duration_s() / move.speed_fraction);
   }
+  if (const Wide most_s = longest_governed_move_s(params, state); !(duration_s <= most_s)) {
+    return {Refusal::kNotCertified, -1, -1, duration_s, most_s};
+  }
   for (int i = 0; i < count; ++i) {
     Profile& profile = state.active[at(i)];
     const Wide from = state.hold_position[at(i)];
@@ -111,11 +114,12 @@ RefusalReport prepare_move(const ControllerParams& params, const MoveRequest& mo
   return {};
 }
 
-// Returns the tick at whose start a move requested now begins. Its prediction is complete by then.
+// Returns the tick at whose start a move requested now begins. Its prediction is complete by then, and under the
+// governor the search for its certificate.
 std::int64_t move_begins(const ControllerParams& params, const ControllerState& state, std::int64_t tick) {
   int borders = 0;
   for (int i = 0; i < params.ball.mass_count; ++i) borders += state.active[at(i)].piece_count();
-  return plus(tick, pending_ticks(borders) + 1);
+  return plus(tick, pending_ticks(borders, ticks_of_move_search(params, state)) + 1);
 }
 
 // Obeys a command that leads to the mode `after`, or returns the reason why not.
@@ -151,8 +155,9 @@ RefusalReport follow(const ControllerParams& params, const Inputs& inputs, Mode 
   if (after == Mode::kPending) {
     state.plan_tick = move_begins(params, state, inputs.tick);
     begin_prediction(params, inputs, state);
+    begin_move_search(params, inputs, state);
   }
-  if (before == Mode::kPending) drop_plan(state);
+  if (before == Mode::kPending) drop_move(state);
   if (before == Mode::kTripped) {
     state.faults = 0;
     state.overload = {};

@@ -244,6 +244,8 @@ void check_governor(const ControllerParams& params, Checker& check) {
   const GovernorSettings& governor = params.governor;
   if (!governor.on) return;
   check.require(governor.friction > 0, "governor.friction", -1, governor.friction, "> 0, infinity: perfect friction");
+  check.require(governor.friction_use > 0 && governor.friction_use <= 1, "governor.friction_use", -1,
+                governor.friction_use, "> 0, at most 1");
   check.not_negative(governor.min_normal_force_n, "governor.min_normal_force_n");
   for (int i = 0; i < params.ball.mass_count; ++i) check_swing(governor.swing[static_cast<std::size_t>(i)], i, check);
   if (!check.error().ok()) return;

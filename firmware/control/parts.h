@@ -85,6 +85,9 @@ void set_origin(ControllerState& state);
 // `feeds`, and otherwise back to the motion's positions.
 [[nodiscard]] Wish wish_at(const ControllerParams& params, const ControllerState& state, Wide time_s, bool feeds,
                            const RobotState& robot);
+// The same for the profiles in `active`, at a profile time.
+[[nodiscard]] Wish wish_of_active(const ControllerParams& params, const ControllerState& state, Wide time_s,
+                                  const RobotState& robot);
 
 // Puts the motion of the tick `next` into `active`.
 void track(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next);
@@ -99,7 +102,14 @@ void watch_start(const ControllerParams& params, const Inputs& inputs, Controlle
 // Continues that search.
 void search_start(const ControllerParams& params, ControllerState& state);
 
-// The reason why the motion cannot be started under the governor; none: it can, or nothing is governed.
+// Begins to search a certificate for the move in `active`, which is pending up to state.plan_tick.
+void begin_move_search(const ControllerParams& params, const Inputs& inputs, ControllerState& state);
+// Longer moves cannot be certified.
+[[nodiscard]] Wide longest_governed_move_s(const ControllerParams& params, const ControllerState& state);
+// Ticks that such a search likely takes, unless the move nearly slips.
+[[nodiscard]] int ticks_of_move_search(const ControllerParams& params, const ControllerState& state);
+
+// The reason why the motion or the move cannot be started under the governor; none: it can, or nothing is governed.
 [[nodiscard]] RefusalReport judge_start(const ControllerParams& params, const ControllerState& state);
 void begin_governing(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next);
 

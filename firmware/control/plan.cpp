@@ -35,6 +35,11 @@ void drop_plan(ControllerState& state) {
   state.plan = {};
 }
 
+void drop_move(ControllerState& state) {
+  drop_plan(state);
+  state.governing.start.stage = StartStage::kNone;
+}
+
 void predict(const ControllerParams& params, ControllerState& state) {
   if (state.planned_motion_now) return;
   search_start(params, state);

@@ -64,6 +64,8 @@ void report(const ControllerParams& params, const ControllerState& state, const 
   status.estimate = params.estimation.estimated && ball.known ? state.estimate : Estimate{};
   status.governor = governor_status(state.governing);
   status.halt = halt_status(state.governing.halt);
+  status.motion_delay_s = state.tracking.follows ? state.tracking.clock.delay_s : 0;
+  status.slip_friction = state.slip_friction.least;
   status.measured = state.measured.valid ? state.measured : MeasuredContact{};
 }
 

@@ -6,12 +6,21 @@
 #include "firmware/estimation/attitude_filter.h"
 #include "firmware/estimation/measured_contact.h"
 #include "firmware/estimation/measured_masses.h"
+#include "firmware/estimation/slip_friction.h"
 #include "firmware/governor/governor.h"
 #include "firmware/governor/halt.h"
 #include "firmware/governor/sensitivity.h"
 #include "firmware/tracking/tracker.h"
 
 namespace ballast::firmware {
+
+// The motion's time, which waits for a ball that is far behind.
+struct MotionClock {
+  Wide delay_s = 0;  // behind the time since the start
+  Real rate = 1;     // of the motion's time
+  Real change = 0;   // of the rate, per second
+  Wide seen_s = 0;   // time since the start for which this holds
+};
 
 // The run along the reference, from the first start on.
 struct TrackingState {
@@ -23,14 +32,19 @@ struct TrackingState {
   PerMass<int> waiting_ticks{};             // in which a motor's pulses have waited for their distance
   bool rebased = false;                     // the motion begins at rest in `origin`
   PerMass<Wide> origin{};
+  MotionClock clock;
 };
 
 // How far the search for a certificate of a start has come.
 enum class StartStage : std::uint8_t { kNone, kSearching, kCertified, kRefused, kUsed };
 
+// Of a start, or of a move that is pending.
 struct StartSearch {
   StartStage stage = StartStage::kNone;
-  RobotState robot;  // for which the search was made
+  bool moves = false;          // of a move
+  std::int64_t tick = 0;       // at whose start the ball is that of `robot`; 0 for a start, which may come at any tick
+  std::int64_t from_tick = 0;  // at whose start the motion begins
+  RobotState robot;            // for which the search was made
   int attempt = 0;
   Breach breach;  // of the last attempt, the shortest stretch
   Wide breach_s = 0;
@@ -95,6 +109,7 @@ struct ControllerState {
   FilterState filter;
   Estimate estimate;  // at the start of the last tick; not valid where the attitude is sensed
   ContactMeter contact_meter;
+  SlipFriction slip_friction;
   MeasuredContact measured;  // by the last tick
   bool at_rest = true;       // from the start of the next tick on
 };

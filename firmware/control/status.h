@@ -39,8 +39,9 @@ enum class Refusal : std::uint8_t {
   kNoEstimate = 14,  // arming: the attitude is to be estimated, and there is no estimate yet
   kNoBackup = 15,    // governed: no stop could be certified; time_s: when the cone breaks, value: f_s / (kappa N) there
   kLiftsOff = 16,    // the same where N falls below its least; value: N
-  kNotCertified = 17,  // governed: the ball rolls, or the search for a certificate is under way
-  kNoRest = 18,        // halt: no rest was found; time_s: how far it was looked for, value: the speed there
+  kNotCertified = 17,  // governed: the ball rolls, or the search for a certificate is under way; value > 0: a move
+                       // takes so many seconds, more than time_s, which is the most that can be certified
+  kNoRest = 18,  // halt: no rest was found; time_s: how far it was looked for, value: the speed there
 };
 
 struct RefusalReport {
@@ -102,6 +103,8 @@ struct ControllerStatus {
   MeasuredContact measured;              // of the IMU's newest sample
   GovernorStatus governor;
   HaltStatus halt;
+  Wide motion_delay_s = 0;  // by which the time of a tracked motion is behind the time since its start
+  Real slip_friction = 0;   // f_s / N measured while the ball slipped, the least of its slips; +infinity: it has not
 };
 
 }  // namespace ballast::firmware

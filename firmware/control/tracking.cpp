@@ -11,10 +11,12 @@ namespace {
 // The integral of the place's error is bounded by this many radii times sqrt(r / g); without gravity, times a second.
 constexpr Real kMostIntegral = 2;
 
-Real most_integral_ms(const BallParams& ball) {
-  const Real time_s = ball.gravity_mps2 > 0 ? std::sqrt(ball.radius_m / ball.gravity_mps2) : Real(1);
-  return kMostIntegral * ball.radius_m * time_s;
-}
+// A ball that is further behind its place than kMostPlaceError, along the plan's path, makes the motion's time wait. At
+// twice that the rate is kLeastRate. The rate changes by at most kRateChange per sqrt(r / g).
+constexpr Real kLeastRate = Real(0.25);
+constexpr Real kRateChange = Real(0.1);
+
+Real most_integral_ms(const BallParams& ball) { return kMostIntegral * ball.radius_m * unit_s(ball); }
 
 Real bounded(Real value, Real most) { return value > most ? most : (value < -most ? -most : value); }
 
@@ -39,14 +41,60 @@ BallState observe(const ControllerParams& params, const ControllerState& state, 
   return ball;
 }
 
-// The motion that the masses follow: one that begins where they stand has lost its initial velocity.
+// The motion's time at a time after the start. Its rate goes on as it is.
+Wide motion_time_s(const MotionClock& clock, Wide time_s) {
+  return time_s - clock.delay_s - Wide{1 - clock.rate} * (time_s - clock.seen_s);
+}
+
+// The motion that the masses follow at a time after the start: one that begins where they stand has lost its initial
+// velocity.
 ProfilePoint planned(const ControllerParams& params, const TrackingState& tracking, int i, Wide time_s) {
-  ProfilePoint point = params.motion[at(i)].at(time_s);
-  if (!tracking.rebased) return point;
-  const ProfilePoint first = params.motion[at(i)].at(0);
-  point.position += tracking.origin[at(i)] - first.position - first.velocity * time_s;
-  point.velocity -= first.velocity;
+  const Wide motion_s = motion_time_s(tracking.clock, time_s);
+  ProfilePoint point = params.motion[at(i)].at(motion_s);
+  if (tracking.rebased) {
+    const ProfilePoint first = params.motion[at(i)].at(0);
+    point.position += tracking.origin[at(i)] - first.position - first.velocity * motion_s;
+    point.velocity -= first.velocity;
+  }
+  const Wide rate{tracking.clock.rate}, change{tracking.clock.change};
+  if (rate == 1 && change == 0) return point;
+  point.acceleration = rate * rate * point.acceleration + change * point.velocity;
+  point.velocity *= rate;
   return point;
+}
+
+// How far the ball is behind its place, along the plan's path.
+Real distance_behind_m(const ControllerParams& params, const BallState& ball, Wide motion_s) {
+  const Real radius_m = params.ball.radius_m;
+  const BallState reference = reference_at(params.tracking, params.ball.mass_count, radius_m, motion_s);
+  const Vector2 velocity = rolling_velocity(reference.orientation, reference.angular_velocity_B_radps, radius_m);
+  const Real speed = std::sqrt(velocity.dot(velocity));
+  if (!(speed > 0)) return 0;
+  return velocity.dot(reference.position_W_m - ball.position_W_m) / speed;
+}
+
+// Sets the rate of the motion's time from the start of the next tick on. `ball`: nullptr where it is not seen.
+void advance_clock(const ControllerParams& params, const BallState* ball, const ErrorVector& e, Wide now_s,
+                   MotionClock& clock) {
+  const Wide period_s = params.control_period_s;
+  const Real most_m = kMostPlaceError * params.ball.radius_m;
+  Real wanted = 1;
+  if (ball != nullptr) {
+    const Vector2 off = place_error(e, params.ball.mass_count);
+    const bool far = off.dot(off) >= Real(0.99) * most_m * most_m;  // bounded by that
+    if (far || clock.rate < 1) {
+      const Real behind = distance_behind_m(params, *ball, motion_time_s(clock, now_s)) / most_m - 1;
+      wanted = 1 - (1 - kLeastRate) * std::fmin(std::fmax(behind, Real(0)), Real(1));
+    }
+  }
+  clock.delay_s += Wide{1 - clock.rate} * (now_s + period_s - clock.seen_s);
+  clock.seen_s = now_s + period_s;
+  const auto period = static_cast<Real>(period_s);
+  const Real most = period * kRateChange / unit_s(params.ball);
+  const Real change = wanted - clock.rate;
+  const Real step = std::fmin(std::fmax(change, -most), most);
+  clock.change = step / period;
+  clock.rate = step == change ? wanted : clock.rate + step;
 }
 
 // The change of the motion's acceleration in the tick after this one.
@@ -54,6 +102,17 @@ Wide motion_jump(const ControllerParams& params, const TrackingState& tracking, 
   const Wide period_s = params.control_period_s;
   return planned(params, tracking, i, now_s + 2 * period_s).acceleration -
          planned(params, tracking, i, now_s + period_s).acceleration;
+}
+
+// Keeps the tick in which a governed motion rests up to date.
+void wait_for_ball(const ControllerParams& params, const BallState* ball, const ErrorVector& e, Wide now_s,
+                   ControllerState& state) {
+  MotionClock& clock = state.tracking.clock;
+  const auto ticks = [&] { return static_cast<std::int64_t>(clock.delay_s / params.control_period_s); };
+  const std::int64_t before = ticks();
+  advance_clock(params, ball, e, now_s, clock);
+  std::int64_t& end_tick = state.governing.governor.nominal_end_tick;
+  if (state.governing.governs && end_tick > 0) end_tick += ticks() - before;
 }
 
 MassError mass_error(const ControllerParams& params, const PerMass<ProfilePoint>& motion, const PerMass<Real>& position,
@@ -73,7 +132,8 @@ MassError masses_at(const ControllerParams& params, const ControllerState& state
 }
 
 ErrorVector error_at(const ControllerParams& params, const ControllerState& state, const BallState& ball, Wide time_s) {
-  return tracking_error(params.tracking, params.ball.mass_count, params.ball.radius_m, time_s, ball,
+  return tracking_error(params.tracking, params.ball.mass_count, params.ball.radius_m,
+                        motion_time_s(state.tracking.clock, time_s), state.tracking.clock.rate, ball,
                         masses_at(params, state, time_s), state.tracking.integral_W_ms);
 }
 
@@ -92,6 +152,7 @@ PerMass<Real> back_to_motion(const BallParams& ball, const MassError& masses) {
 void set_origin(ControllerState& state) {
   state.tracking.rebased = state.started;
   state.tracking.origin = state.hold_position;
+  state.tracking.clock = {};
 }
 
 void begin_tracking(ControllerState& state, std::int64_t next, bool feeds) {
@@ -115,17 +176,32 @@ Wish wish_at(const ControllerParams& params, const ControllerState& state, Wide 
   }
   const MassError masses = mass_error(params, motion, robot.mass_position, robot.mass_velocity);
   PerMass<Real> correction{};
-  if (feeds && tracks_at(params.tracking, time_s)) {
+  const Wide motion_s = motion_time_s(state.tracking.clock, time_s);
+  if (feeds && tracks_at(params.tracking, motion_s)) {
     BallState ball;
     ball.orientation = robot.orientation;
     ball.angular_velocity_B_radps = robot.angular_velocity_B_radps;
     ball.position_W_m = robot.position_W_m;
-    const ErrorVector e = tracking_error(params.tracking, params.ball.mass_count, params.ball.radius_m, time_s, ball,
-                                         masses, state.tracking.integral_W_ms);
-    correction = feedback(params.tracking, params.ball.mass_count, time_s, e);
+    const ErrorVector e = tracking_error(params.tracking, params.ball.mass_count, params.ball.radius_m, motion_s,
+                                         state.tracking.clock.rate, ball, masses, state.tracking.integral_W_ms);
+    correction = feedback(params.tracking, params.ball.mass_count, motion_s, e);
   } else {
     correction = back_to_motion(params.ball, masses);
   }
+  for (int i = 0; i < params.ball.mass_count; ++i) wish.u[at(i)] = wish.own[at(i)] - correction[at(i)];
+  return wish;
+}
+
+Wish wish_of_active(const ControllerParams& params, const ControllerState& state, Wide time_s,
+                    const RobotState& robot) {
+  Wish wish;
+  PerMass<ProfilePoint> motion{};
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    motion[at(i)] = state.active[at(i)].at(time_s);
+    wish.own[at(i)] = static_cast<Real>(motion[at(i)].acceleration);
+  }
+  const PerMass<Real> correction =
+      back_to_motion(params.ball, mass_error(params, motion, robot.mass_position, robot.mass_velocity));
   for (int i = 0; i < params.ball.mass_count; ++i) wish.u[at(i)] = wish.own[at(i)] - correction[at(i)];
   return wish;
 }
@@ -139,14 +215,15 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
   const bool governs = state.governing.governs;
   // In the tick of the start the ball may still be held.
   const BallMotion motion = ball_motion(params, state, inputs.sensors);
-  const bool sees = tracking.feeds && ticks >= 0 && motion.known && tracks_at(params.tracking, now_s);
+  const Wide motion_s = motion_time_s(tracking.clock, now_s);
+  const bool sees = tracking.feeds && ticks >= 0 && motion.known && tracks_at(params.tracking, motion_s);
   ErrorVector e{};
   PerMass<Real> correction{};
   BallState ball;
   if (sees) {
     ball = observe(params, state, motion, ticks == 0, tracking);
     e = error_at(params, state, ball, now_s);
-    correction = feedback(params.tracking, params.ball.mass_count, now_s, e);
+    correction = feedback(params.tracking, params.ball.mass_count, motion_s, e);
   } else if (governs && ticks >= 0) {
     correction = back_to_motion(params.ball, masses_at(params, state, now_s));
   }
@@ -205,6 +282,7 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
     }
   }
   state.start_tick = next;
+  if (tracking.feeds && ticks >= 0 && !halting) wait_for_ball(params, sees ? &ball : nullptr, e, now_s, state);
   if (!sees || halting || saturated || (governs && state.governing.report.bent)) return;
   const Vector2 off = place_error(e, params.ball.mass_count);
   const Real most = most_integral_ms(params.ball);

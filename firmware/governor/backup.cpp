@@ -32,13 +32,26 @@ constexpr int kQuickRounds = 1;
 // Time constant of the brake, times the natural frequency of a swinging mass: a shorter one excites the swing.
 constexpr Real kBrakeSwings = 5;
 
+// A move that is not bent has few short steps.
+constexpr Wide kMoveSteps = 3;
+
 // A swing of at most this per step of a rollout is followed by it, in radians. A faster one is over within a few steps.
 constexpr Real kSlowSwing = 1;
+
+// Ticks that a rollout takes whose moving ball does so many steps per step_s: for `ticks` of the nominal, for what the
+// rollout itself takes, times `own`, for a brake of 12 brake_time_s, and for held steps. 0: it would never end.
+int ticks_to_roll(const GovernorParams& params, Wide steps, Wide ticks, Wide own) {
+  const Wide per_tick = steps * kMovingStepWork * params.control_period_s / Wide{params.step_s};
+  const Wide work = steps * kMovingStepWork * (12 * Wide{params.brake_time_s / params.step_s} + 2) +
+                    params.horizon_s / Wide{params.step_s} + 2;
+  const Wide share = static_cast<Wide>(params.work_per_tick) - own * per_tick;
+  return share > 0 ? static_cast<int>((work + ticks * per_tick) / share) + 1 : 0;
+}
 
 }  // namespace
 
 void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& params) {
-  const Real unit_s = ball.gravity_mps2 > 0 ? std::sqrt(ball.radius_m / ball.gravity_mps2) : Real(1);
+  const Real unit_s = firmware::unit_s(ball);
   params.control_period_s = control_period_s;
   const Real tick = static_cast<Real>(control_period_s) / unit_s;
   params.tick_slack = tick * tick;
@@ -58,20 +71,15 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
   for (std::size_t i = 0; i < kMaxMasses; ++i) {
     params.still_velocity[i] = Real(1e-3) * std::fmax(params.mass[i].max_acceleration, Real(0)) * params.brake_time_s;
   }
-  // A search has the nominal up to its end and for the shortest stretch, a brake of 12 brake_time_s and held steps. The
-  // stretch is at least a search, so that the next candidate is complete before the switch.
-  const Wide per_step = static_cast<Wide>(control_period_s) / Wide{params.step_s};
-  const Wide per_tick = kLikelySteps * kMovingStepWork * per_step;
-  const Wide work = kLikelySteps * kMovingStepWork * (12 * Wide{params.brake_time_s / params.step_s} + 2) +
-                    params.horizon_s / Wide{params.step_s} + 2;
-  const auto search_ticks = [&](Wide stretch, Wide more_per_tick) {
-    const Wide share = static_cast<Wide>(params.work_per_tick) - more_per_tick;
-    return share > 0 ? static_cast<int>((work + stretch * per_tick) / share) + 1 : 0;
-  };
+  // The stretch is at least a search, so that the next candidate is complete before the switch.
   params.stretch_ticks = static_cast<int>(unit_s / 4 / static_cast<Real>(control_period_s)) + 1;
-  params.search_ticks = search_ticks(params.stretch_ticks, per_tick);
+  params.search_ticks = ticks_to_roll(params, kLikelySteps, params.stretch_ticks, 1);
   if (params.search_ticks <= params.stretch_ticks && params.search_ticks > 0) return;
-  params.search_ticks = params.stretch_ticks = search_ticks(0, 2 * per_tick);
+  params.search_ticks = params.stretch_ticks = ticks_to_roll(params, kLikelySteps, 0, 2);
+}
+
+int ticks_to_certify(const GovernorParams& params, Wide motion_s) {
+  return ticks_to_roll(params, kMoveSteps, motion_s / params.control_period_s, 1);
 }
 
 MassMotion motion_of(const RobotState& state) {

@@ -31,6 +31,7 @@ struct MassLimits {
 struct GovernorSettings {
   bool on = false;              // false: nothing is bent, and the rest is not read
   Real friction = 0;            // kappa > 0: f_s <= kappa N; infinite: perfect friction
+  Real friction_use = 1;        // in (0, 1]: the same of a floor whose friction was measured while the ball slipped
   Real min_normal_force_n = 0;  // N >= this, >= 0
   PerMass<MotorSwing> swing{};  // all zero: the masses are where they are commanded to be
 };
@@ -68,5 +69,9 @@ struct GovernorParams {
 // Sets everything but friction, min_normal_force_n, mass, jumps and uncertain. mass.max_acceleration has to be set
 // before. Times are multiples of sqrt(r / g), or of 1 s without gravity.
 void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& params);
+
+// Ticks in which a rollout likely comes from today's state, with masses that are held meanwhile, through a motion that
+// is not bent and a stop.
+[[nodiscard]] int ticks_to_certify(const GovernorParams& params, Wide motion_s);
 
 }  // namespace ballast::firmware

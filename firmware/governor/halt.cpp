@@ -80,7 +80,7 @@ Offset offset_of(const BallParams& ball, const RobotState& state) {
 }  // namespace
 
 HaltGains halt_gains(const BallParams& ball) {
-  const Real unit_s = ball.gravity_mps2 > 0 ? std::sqrt(ball.radius_m / ball.gravity_mps2) : Real(1);
+  const Real unit_s = firmware::unit_s(ball);
   return {3 * unit_s, Real(1.5) / unit_s, 2 * unit_s};
 }
 

@@ -74,6 +74,9 @@ class Rollout {
     }
   }
 
+  // From here on the wish is not bent into the cone: where it leaves that, the rollout is broken.
+  void refuse_bends() { bends_allowed_ = false; }
+
   [[nodiscard]] RolloutEnd end() const { return end_; }
   [[nodiscard]] const Schedule& schedule() const { return schedule_; }
   [[nodiscard]] std::int64_t start_tick() const { return start_tick_; }
@@ -113,6 +116,8 @@ class Rollout {
   void keep(const PerMass<Real>& bend);
   void bend(const BallParams& ball, const PerMass<Real>& wish);
   void judge(const GovernorParams& params, const GovernedRamp& end);
+  void judge_wish(const BallParams& ball, const GovernorParams& params, const GovernedRamp& end,
+                  const PerMass<Real>& wish);
   void begin_hold(const BallParams& ball, const GovernorParams& params);
   void step_held_ball(const BallParams& ball, const GovernorParams& params);
   void use(const GovernorParams& params, Real use, Real normal_force_n);
@@ -130,6 +135,7 @@ class Rollout {
   Bends bends_;
   bool held_ = false;
   bool near_edge_ = false;
+  bool bends_allowed_ = true;
   HeldBall held_ball_;
   Real most_use_ = 0;
   Breach breach_;

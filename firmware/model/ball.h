@@ -1,6 +1,8 @@
 // Input and output of the model: the ball, its masses and the contact forces. Types only.
 #pragma once
 
+#include <cmath>
+
 #include "firmware/model/rail.h"
 
 namespace ballast::firmware {
@@ -28,6 +30,11 @@ struct MassMotion {
   PerMass<Real> velocity{};
   PerMass<Real> acceleration{};
 };
+
+// sqrt(r / g), in which the ball's motion changes; without gravity 1 s.
+inline Real unit_s(const BallParams& ball) {
+  return ball.gravity_mps2 > 0 ? std::sqrt(ball.radius_m / ball.gravity_mps2) : Real(1);
+}
 
 struct RollingForces {
   Vector3 angular_acceleration_B_radps2 = Vector3::Zero();

@@ -116,13 +116,13 @@ bool tracks_at(const ReferenceTable& table, Wide time_s) {
   return table.holds || time_s <= static_cast<Wide>(table.samples - 1) * table.period_s;
 }
 
-ErrorVector tracking_error(const ReferenceTable& table, int masses, Real radius_m, Wide time_s, const BallState& ball,
-                           const MassError& mass_error, const Vector2& integral_W_ms) {
+ErrorVector tracking_error(const ReferenceTable& table, int masses, Real radius_m, Wide time_s, Real rate,
+                           const BallState& ball, const MassError& mass_error, const Vector2& integral_W_ms) {
   const BallState reference = reference_at(table, masses, radius_m, time_s);
   const Quaternion& p = reference.orientation;
   const Quaternion turn = product(Quaternion(p.w(), -p.x(), -p.y(), -p.z()), ball.orientation);
   const Real twice = turn.w() < 0 ? Real(-2) : Real(2);
-  const Vector3 omega = ball.angular_velocity_B_radps - reference.angular_velocity_B_radps;
+  const Vector3 omega = ball.angular_velocity_B_radps - rate * reference.angular_velocity_B_radps;
   Vector2 off = ball.position_W_m - reference.position_W_m;
   const Real distance = std::sqrt(off.dot(off)), most = kMostPlaceError * radius_m;
   if (distance > most) off *= most / distance;

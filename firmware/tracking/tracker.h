@@ -38,10 +38,10 @@ struct MassError {
 // correction at once would swing ever more widely; so a ball that was pushed far away comes back at a bounded speed.
 inline constexpr Real kMostPlaceError = Real(0.1);
 
-// e at a plan time, which is clamped to the table. The rotation vector is taken as 2 sin(angle / 2) about its axis: 1 %
-// short at 0.5 rad, and bounded. Entries beyond error_size(masses) are 0.
+// e at a plan time, which is clamped to the table and goes on at this rate. The rotation vector is taken as 2 sin(angle
+// / 2) about its axis: 1 % short at 0.5 rad, and bounded. Entries beyond error_size(masses) are 0.
 using ErrorVector = std::array<Real, kMostErrorSize>;
-[[nodiscard]] ErrorVector tracking_error(const ReferenceTable& table, int masses, Real radius_m, Wide time_s,
+[[nodiscard]] ErrorVector tracking_error(const ReferenceTable& table, int masses, Real radius_m, Wide time_s, Real rate,
                                          const BallState& ball, const MassError& mass_error,
                                          const Vector2& integral_W_ms);
 

@@ -93,18 +93,19 @@ decltype(auto) with_fields(const controller_status_t& message, F&& f) {
                measured_normal_sigma_n, measured_static_friction_n, measured_mu_required, measured_mu_sigma,
                measured_slip_mps2, measured_slip_sigma_mps2, slip_detected, light_detected, governed, command_bent,
                backup_active, backup_margin, backup_until_tick, governor_allowance, halt_said, halt_tick,
-               halt_distance_m, halt_duration_s] = message;
-  return f(
-      tick, utime, scenario_id, run_id, mode, at_rest, faults, motor_count, commanded_position, commanded_velocity,
-      next_position, next_velocity, next_acceleration, normal_force_n, static_friction_n, mu_required, margin, overruns,
-      steps_issued, overload_error, overload_motor, overload_tick, overload_value, overload_limit, refused_messages,
-      operator_commands, refusal, refusal_motor, refusal_piece, refusal_value, refusal_time_s, planned, plan_tick,
-      plan_duration_s, plan_horizon_s, plan_normal_force_min_n, plan_mu_required_max, plan_margin_min, estimate_valid,
-      estimated_orientation, estimated_angular_velocity_B_radps, estimated_gyro_bias_B_radps, estimated_position_W_m,
-      tilt_sigma_rad, yaw_sigma_rad, gyro_bias_sigma_radps, position_sigma_m, measured_valid, measured_normal_force_n,
-      measured_normal_sigma_n, measured_static_friction_n, measured_mu_required, measured_mu_sigma, measured_slip_mps2,
-      measured_slip_sigma_mps2, slip_detected, light_detected, governed, command_bent, backup_active, backup_margin,
-      backup_until_tick, governor_allowance, halt_said, halt_tick, halt_distance_m, halt_duration_s);
+               halt_distance_m, halt_duration_s, motion_delay_s, slip_friction] = message;
+  return f(tick, utime, scenario_id, run_id, mode, at_rest, faults, motor_count, commanded_position, commanded_velocity,
+           next_position, next_velocity, next_acceleration, normal_force_n, static_friction_n, mu_required, margin,
+           overruns, steps_issued, overload_error, overload_motor, overload_tick, overload_value, overload_limit,
+           refused_messages, operator_commands, refusal, refusal_motor, refusal_piece, refusal_value, refusal_time_s,
+           planned, plan_tick, plan_duration_s, plan_horizon_s, plan_normal_force_min_n, plan_mu_required_max,
+           plan_margin_min, estimate_valid, estimated_orientation, estimated_angular_velocity_B_radps,
+           estimated_gyro_bias_B_radps, estimated_position_W_m, tilt_sigma_rad, yaw_sigma_rad, gyro_bias_sigma_radps,
+           position_sigma_m, measured_valid, measured_normal_force_n, measured_normal_sigma_n,
+           measured_static_friction_n, measured_mu_required, measured_mu_sigma, measured_slip_mps2,
+           measured_slip_sigma_mps2, slip_detected, light_detected, governed, command_bent, backup_active,
+           backup_margin, backup_until_tick, governor_allowance, halt_said, halt_tick, halt_distance_m, halt_duration_s,
+           motion_delay_s, slip_friction);
 }
 
 template <class F>

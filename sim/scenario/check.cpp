@@ -245,7 +245,7 @@ Scenario::Plan read_plan(const Node& root) {
 
 void read_control(TableReader table, bool planned, Scenario::Control& control) {
   control.tracking = table.boolean("tracking", planned).value_or(planned);
-  control.governor = table.boolean("governor", control.governor).value_or(control.governor);
+  control.governor = table.boolean("governor", control.tracking).value_or(control.tracking);
   Range use = Range::between(0, 1);
   use.low_excluded = true;
   control.friction_use = table.number("friction_use", use, control.friction_use).value_or(control.friction_use);

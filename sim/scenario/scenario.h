@@ -54,7 +54,7 @@ struct Scenario : World {
   // The table [control].
   struct Control {
     bool tracking = false;       // feedback keeps the ball on the motion; default: true where there is a [plan]
-    bool governor = false;       // commands are bent into the friction cone
+    bool governor = false;       // commands are bent into the friction cone; default: as tracking
     double friction_use = 0.95;  // part of envelope.friction_use that the governor uses
   } control;
 

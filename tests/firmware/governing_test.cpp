@@ -1,7 +1,9 @@
 // The controller under its governor: whole ticks with ideal masses.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
+#include <vector>
 
 #include "tests/firmware/governed_ball.h"
 #include "tests/firmware/governor/bench.h"
@@ -212,6 +214,138 @@ TEST(Governing, RefusesAHaltThatItDoesNotGovern) {
   free.tick(OperatorCommand::kHalt);
   EXPECT_EQ(free.out.status.refusal.reason, Refusal::kMode);
   EXPECT_EQ(free.out.status.mode, Mode::kRunning);
+}
+
+// A move of the hanging robot's masses, armed and at rest.
+OperatorInput move_to(Wide target, Real speed_fraction = 1) {
+  OperatorInput input;
+  input.command = OperatorCommand::kMove;
+  input.move.masses = 1;
+  input.move.target_position[0] = target;
+  input.move.speed_fraction = speed_fraction;
+  return input;
+}
+
+// The governor does not bend a move: the one that it certifies is that without a governor, begun later.
+TEST(Governing, AMoveIsCertified) {
+  ControllerParams params = hanging_params();
+  GovernedBall governed(params);
+  params.governor.on = false;
+  GovernedBall free(params);
+  std::vector<Real> of_governed, of_free;
+  for (GovernedBall* robot : {&governed, &free}) {
+    std::vector<Real>& positions = robot == &governed ? of_governed : of_free;
+    robot->tick(OperatorCommand::kArm);
+    robot->tick(move_to(0.2));
+    EXPECT_EQ(robot->out.status.mode, Mode::kPending);
+    while (robot->out.status.mode == Mode::kPending) robot->tick();
+    ASSERT_EQ(robot->out.status.mode, Mode::kMoving) << static_cast<int>(robot->out.status.refusal.reason);
+    while (robot->out.status.mode == Mode::kMoving) {
+      positions.push_back(static_cast<Real>(robot->out.status.next[0].position));
+      robot->tick();
+    }
+    EXPECT_EQ(robot->out.status.mode, Mode::kArmed);
+  }
+  EXPECT_GT(of_free.size(), 1000u);
+  EXPECT_EQ(of_governed, of_free);
+  EXPECT_LT(governed.most_use, 1);
+}
+
+// On a floor on which the move would slip it is refused before it begins: when, and how much it would need.
+TEST(Governing, AMoveThatWouldSlipIsRefused) {
+  ControllerParams params = hanging_params();
+  for (std::size_t i = 0; i < 3; ++i) params.motor[i].max_acceleration = 10;
+  GovernedBall sure(params);
+  sure.tick(OperatorCommand::kArm);
+  sure.tick(move_to(0.2));
+  while (sure.out.status.mode == Mode::kPending) sure.tick();
+  ASSERT_EQ(sure.out.status.mode, Mode::kMoving);
+  while (sure.out.status.mode == Mode::kMoving) sure.tick();
+  const Real needed = sure.most_use * params.governor.friction;  // up to the end of the move
+
+  params.governor.friction = Real(0.6) * needed;
+  GovernedBall robot(params);
+  robot.tick(OperatorCommand::kArm);
+  robot.tick(move_to(0.2));
+  while (robot.out.status.mode == Mode::kPending) robot.tick();
+  EXPECT_EQ(robot.out.status.mode, Mode::kArmed);
+  EXPECT_EQ(robot.out.status.refusal.reason, Refusal::kNoBackup);
+  EXPECT_GT(robot.out.status.refusal.value, 1);
+  EXPECT_LT(robot.out.status.refusal.value, 1.7);
+  EXPECT_GT(robot.out.status.refusal.time_s, 0);
+  EXPECT_EQ(robot.out.status.plan_tick, 0);
+  // A slower one is not, and the first start is certified anew meanwhile.
+  robot.run_until(robot.in.tick + 2000);
+  robot.tick(move_to(0.02, 0.1));
+  while (robot.out.status.mode == Mode::kPending) robot.tick();
+  EXPECT_EQ(robot.out.status.mode, Mode::kMoving) << static_cast<int>(robot.out.status.refusal.reason);
+}
+
+TEST(Governing, AFirstStartIsCertifiedAgainAfterARefusedMove) {
+  ControllerParams params = hanging_params();
+  params.governor.friction = Real(0.02);
+  for (std::size_t i = 0; i < 3; ++i) params.motor[i].max_acceleration = 10;
+  for (std::size_t i = 0; i < 3; ++i) ASSERT_TRUE(params.motion[i].set(0, 0, nullptr, 0));
+  GovernedBall robot(params);
+  robot.tick(OperatorCommand::kArm);
+  robot.tick(move_to(0.5));
+  while (robot.out.status.mode == Mode::kPending) robot.tick();
+  ASSERT_EQ(robot.out.status.mode, Mode::kArmed);
+  ASSERT_EQ(robot.out.status.refusal.reason, Refusal::kNoBackup);
+  robot.tick(OperatorCommand::kStart);
+  EXPECT_EQ(robot.out.status.refusal.reason, Refusal::kNotCertified);
+  robot.run_until(robot.in.tick + 2000);
+  robot.tick(OperatorCommand::kStart);
+  EXPECT_EQ(robot.out.status.mode, Mode::kRunning);
+}
+
+TEST(Governing, AMoveThatTakesTooLongIsRefused) {
+  GovernedBall robot(hanging_params());
+  robot.tick(OperatorCommand::kArm);
+  robot.tick(move_to(0.5, 0.001));
+  EXPECT_EQ(robot.out.status.mode, Mode::kArmed);
+  EXPECT_EQ(robot.out.status.refusal.reason, Refusal::kNotCertified);
+  EXPECT_GT(robot.out.status.refusal.value, robot.out.status.refusal.time_s);
+}
+
+// What the floor gave while the ball slipped is the most that the governor uses from then on.
+TEST(Governing, ASlipLowersTheFrictionThatIsUsed) {
+  GovernedBall robot(slow_paper(0.35));
+  robot.state().slip_friction.least = Real(0.05);
+  robot.tick(OperatorCommand::kArm);
+  robot.state().governing.start.stage = StartStage::kNone;  // certified before the slip
+  robot.run_until(3000);
+  robot.tick(OperatorCommand::kStart);
+  EXPECT_EQ(robot.out.status.refusal.reason, Refusal::kNoBackup);
+  EXPECT_EQ(robot.out.status.slip_friction, Real(0.05));
+}
+
+TEST(SlipFriction, IsTheLeastMeanOfTheSlips) {
+  SlipFriction friction;
+  MeasuredContact measured;
+  measured.valid = true;
+  measured.mu_required = Real(0.01);
+  for (int k = 0; k < 100; ++k) learn(measured, friction);
+  EXPECT_TRUE(std::isinf(friction.least));  // it holds
+  measured.slip_detected = true;
+  for (int k = 0; k < 15; ++k) learn(measured, friction);
+  EXPECT_TRUE(std::isinf(friction.least));
+  measured.slip_detected = false;
+  learn(measured, friction);
+  measured.slip_detected = true;
+  for (int k = 0; k < 40; ++k) {
+    measured.mu_required = k % 2 == 0 ? Real(0.25) : Real(0.35);
+    learn(measured, friction);
+  }
+  EXPECT_NEAR(friction.least, 0.3, 0.05 / 16);  // of whole pairs it is the mean, and of 17 values less by that
+  measured.mu_required = std::numeric_limits<Real>::infinity();  // N <= 0
+  learn(measured, friction);
+  measured.slip_detected = false;
+  learn(measured, friction);
+  measured.slip_detected = true;
+  measured.mu_required = 1;
+  for (int k = 0; k < 40; ++k) learn(measured, friction);
+  EXPECT_LT(friction.least, 0.31);  // a better floor raises nothing
 }
 
 }  // namespace

@@ -108,7 +108,7 @@ TEST(Tracker, FeedbackIsTheProductWithTheError) {
     e.segment<2>(of_ball + 6) = ball.position_W_m - place.cast<float>().cast<double>();
     e.tail<2>() = integral;
     const double time_s = 0.3;
-    const ErrorVector ours = tracking_error(*table, n, kRadius, time_s, ball, masses, integral);
+    const ErrorVector ours = tracking_error(*table, n, kRadius, time_s, 1, ball, masses, integral);
     for (int c = 0; c < size; ++c) {
       // 2 sin(angle / 2) is short by angle^3 / 24 = 3.3e-7.
       EXPECT_NEAR(ours[static_cast<std::size_t>(c)], e[c], c / 3 == 2 * n / 3 ? 1e-6 : 4e-7) << c;
@@ -130,9 +130,9 @@ TEST(Tracker, ErrorIsThatOfTheShorterTurn) {
   }
   BallState ball;
   ball.orientation = Eigen::Quaterniond(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitX()));
-  const ErrorVector e = tracking_error(*table, 1, kRadius, 0, ball, {}, Vector2::Zero());
+  const ErrorVector e = tracking_error(*table, 1, kRadius, 0, 1, ball, {}, Vector2::Zero());
   ball.orientation.coeffs() *= -1;
-  EXPECT_EQ(tracking_error(*table, 1, kRadius, 0, ball, {}, Vector2::Zero()), e);
+  EXPECT_EQ(tracking_error(*table, 1, kRadius, 0, 1, ball, {}, Vector2::Zero()), e);
   EXPECT_NEAR(e[2], 0.1, 1e-4);
 }
 
@@ -146,7 +146,7 @@ TEST(Tracker, PlaceFarOffCountsAsATenthOfARadius) {
   BallState ball;
   for (const double radii : {0.0, 0.09, 0.11, 50.0}) {
     ball.position_W_m = radii * kRadius * Eigen::Vector2d(0.6, -0.8);
-    const Vector2 off = place_error(tracking_error(*table, 1, kRadius, 0, ball, {}, Vector2::Zero()), 1);
+    const Vector2 off = place_error(tracking_error(*table, 1, kRadius, 0, 1, ball, {}, Vector2::Zero()), 1);
     const Eigen::Vector2d expected = std::min(radii, 0.1) * kRadius * Eigen::Vector2d(0.6, -0.8);
     EXPECT_LT((off - expected).norm(), 1e-15) << radii;
   }

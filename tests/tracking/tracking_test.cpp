@@ -79,5 +79,26 @@ TEST(Tracking, PushedBallComesBack) {
   }
 }
 
+// A blow throws the ball back. Racing after its place, it would leave its path by an rms of 3.3 mm.
+TEST(Tracking, ThePlanWaitsForABallThatIsFarBehind) {
+  sim::Scenario plan = desk_ball({"duration=16"});
+  sim::Fault blow;
+  blow.kind = sim::FaultKind::kPush;
+  blow.time_s = 2.5;
+  blow.end_s = 2.7;
+  double mass_kg = plan.ball.mass_kg;
+  for (const sim::Mass& mass : plan.masses) mass_kg += mass.mass_kg;
+  blow.value = 0.2 * mass_kg * plan.gravity_mps2;
+  const Eigen::Vector2d way = run(plan, true).final_sample.position_W_m.head<2>() - plan.initial.position_W_m;
+  blow.direction_W = {-way[0] / way.norm(), -way[1] / way.norm(), 0};
+  plan.faults.push_back(blow);
+  const sil::RunResult tracked = run(plan, true);
+  EXPECT_EQ(tracked.end_reason, sil::EndReason::kCompleted);
+  EXPECT_GT(tracked.tracking->max_m, 0.1);  // it was thrown by more than a radius
+  EXPECT_GT(tracked.tracking->delay_s, 0.3);
+  EXPECT_LT(tracked.tracking->cross_track_rms_m, 0.002);
+  EXPECT_LT(tracked.tracking->final_m, 0.01 * tracked.tracking->path_length_m);
+}
+
 }  // namespace
 }  // namespace ballast::tracking_test

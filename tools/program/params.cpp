@@ -106,8 +106,8 @@ firmware::GovernorSettings to_governor_settings(const sim::Scenario& scenario) {
   firmware::GovernorSettings governor;
   if (!scenario.control.governor) return governor;
   governor.on = true;
-  governor.friction =
-      scenario.control.friction_use * scenario.envelope.friction_use * scenario.belief().surface.static_friction;
+  governor.friction_use = scenario.control.friction_use * scenario.envelope.friction_use;
+  governor.friction = governor.friction_use * scenario.belief().surface.static_friction;
   governor.min_normal_force_n = scenario.envelope.min_normal_force_n;
   if (scenario.run.actuation != sim::Actuation::kStepper) return governor;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {

@@ -287,6 +287,7 @@ bool Run::judge_answer() {
   if (estimate_watch_ && tick_ >= 0 && status.tick == tick_) {
     estimate_watch_->observe(lap_.plant.contact, lap_.plant.state, status, sensors_->gyro_bias_B_radps());
   }
+  if (tracking_watch_ && status.motion_delay_s > 0) tracking_watch_->wait(status.motion_delay_s);
   if (governor_watch_ && status.tick == tick_) governor_watch_->observe(status);
   plans_.observe(lap_.plant.contact, status);
   if (!ideal_masses_) observe_motor_share();

@@ -316,7 +316,8 @@ Json tracking_json(const RunResult& result) {
           {"max", t.max_m},
           {"final", t.final_m},
           {"cross_track_rms", t.cross_track_rms_m},
-          {"path_length", t.path_length_m}};
+          {"path_length", t.path_length_m},
+          {"delay", t.delay_s}};
 }
 
 // null where the controller is not governed.

@@ -120,8 +120,11 @@ std::string tracking_line(const sim::Scenario& scenario, const RunResult& result
   const double nothing_mm = 1e-3;
   const auto mm = [&](double m) { return short_number(1e3 * m, nothing_mm); };
   const bool tracked = scenario.control.tracking && has_controller(scenario.run.actuation);
-  return fmt::format("  tracking    {}: {} mm rms from the plan, {} mm at most, {} mm at the end, of {} m of path\n",
-                     tracked ? "on" : "off", mm(t.rms_m), mm(t.max_m), mm(t.final_m), short_number(t.path_length_m));
+  const std::string delay =
+      t.delay_s > 0 ? fmt::format("; the plan waited {} s for the ball", short_number(t.delay_s)) : "";
+  return fmt::format("  tracking    {}: {} mm rms from the plan, {} mm at most, {} mm at the end, of {} m of path{}\n",
+                     tracked ? "on" : "off", mm(t.rms_m), mm(t.max_m), mm(t.final_m), short_number(t.path_length_m),
+                     delay);
 }
 
 // The governor's part, in a sentence.
