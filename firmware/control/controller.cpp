@@ -125,6 +125,12 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   obey(params, inputs, guards, state);
   if (state.mode == Mode::kPending) begin_move(params, state, guards, next);
 
+  if (state.mode == Mode::kHalting && !state.moving) {
+    if (const RefusalReport refusal = await_halt(params, inputs, state, next); refusal.reason != Refusal::kNone) {
+      state.refusal = refusal;
+      state.mode = next_mode(state.mode, Event::kDue, guards);
+    }
+  }
   if (state.mode == Mode::kHalting && halted(params, state)) state.mode = next_mode(state.mode, Event::kDue, guards);
 
   // The steps of a repeated tick are on their way already.

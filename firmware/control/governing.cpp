@@ -18,6 +18,8 @@ constexpr Wide kMostStartSteps = 4000;
 // The certificate in force is for another ball where the rates are off by this much of sqrt(g / r) from those that it
 // predicts: the part of the friction that it keeps in reserve is used up by about that.
 constexpr Real kTrustedRate = Real(0.01);
+// The halt is rolled forward for so many times sqrt(r / g) at most.
+constexpr Real kLongestHalt = 30;
 // A start is certified for an attitude within this angle, too.
 constexpr Real kSameAttitude_rad = Real(0.01);
 
@@ -82,7 +84,7 @@ void begin_search(const ControllerParams& params, const RobotState& robot, Contr
   StartSearch& start = state.governing.start;
   set_origin(state);
   start.stage = StartStage::kSearching;
-  start.moves = false;
+  start.what = Begins::kMotion;
   start.tick = start.from_tick = 0;
   start.robot = robot;
   // The first start begins with the motion's own jump.
@@ -103,8 +105,12 @@ void advance_search(const ControllerParams& params, int work, ControllerState& s
   Rollout& candidate = g.governor.candidate;
   const Wide held_s = static_cast<Wide>(minus(g.start.from_tick, g.start.tick)) * params.control_period_s;
   const auto law = [&](Wide time_s, const RobotState& then) {
-    return g.start.moves ? wish_of_active(params, state, time_s - held_s, then)
-                         : wish_at(params, state, time_s, feeds, then);
+    if (g.start.what == Begins::kMove) return wish_of_active(params, state, time_s - held_s, then);
+    if (g.start.what == Begins::kHalt) {
+      const PerMass<Real> u = halt_wish(params.ball, halt_gains(params.ball), then);
+      return Wish{u, u};
+    }
+    return wish_at(params, state, time_s, feeds, then);
   };
   candidate.advance(params.ball, g.params, law, g.governor.bends, work);
   if (candidate.end() == RolloutEnd::kUnderWay) return;
@@ -115,7 +121,7 @@ void advance_search(const ControllerParams& params, int work, ControllerState& s
   // The refusal speaks of the shortest stretch, which is tried last.
   g.start.breach = candidate.breach();
   g.start.breach_s = candidate.time_s();
-  if (g.start.moves || g.start.attempt == 0) {
+  if (g.start.what != Begins::kMotion || g.start.attempt == 0) {
     g.start.stage = StartStage::kRefused;
     return;
   }
@@ -189,9 +195,6 @@ void watch_path(const ControllerParams& params, const RobotState& robot, Governi
   g.off_path_B_radps = Vector3::Zero();
 }
 
-// The halt is rolled forward for so many times sqrt(r / g) at most.
-constexpr Real kLongestHalt = 30;
-
 // Rolls the halt of the candidate that has begun in this tick forward, or continues.
 template <class Law>
 void predict_halt(const ControllerParams& params, const RobotState& robot, std::int64_t tick, const Law& law,
@@ -261,8 +264,12 @@ void reset_governing(const ControllerParams& params, ControllerState& state) {
 
 void watch_start(const ControllerParams& params, const Inputs& inputs, ControllerState& state) {
   if (!params.governor.on || state.mode != Mode::kArmed) return;
+  if (state.governing.start.what != Begins::kMotion) {
+    state.governing.start.what = Begins::kMotion;
+    state.governing.start.stage = StartStage::kNone;
+  }
   if (!state.started) {
-    // A refused move has used the search.
+    // A move or a halt has used the search.
     if (state.governing.start.stage == StartStage::kNone) begin_search(params, first_robot(params), state);
     return;
   }
@@ -287,7 +294,7 @@ void begin_move_search(const ControllerParams& params, const Inputs& inputs, Con
   g.params.friction = usable_friction(params, state);
   g.params.uncertain = 0;
   g.params.jumps = false;
-  start.moves = true;
+  start.what = Begins::kMove;
   start.tick = inputs.tick;
   start.from_tick = state.plan_tick;
   const BallMotion motion = ball_motion(params, state, inputs.sensors);
@@ -300,6 +307,25 @@ void begin_move_search(const ControllerParams& params, const Inputs& inputs, Con
   g.governor.candidate.refuse_bends();
 }
 
+// Begins the next attempt from the ball of today: with longer and longer stretches of the halt.
+void try_halt(const ControllerParams& params, const Inputs& inputs, ControllerState& state) {
+  GoverningState& g = state.governing;
+  StartSearch& start = g.start;
+  start.stage = StartStage::kNone;
+  const BallMotion motion = ball_motion(params, state, inputs.sensors);
+  if (!motion.known) return;
+  start.stage = StartStage::kSearching;
+  start.robot = held_robot(params, state, motion);
+  start.tick = inputs.tick;
+  start.from_tick = plus(inputs.tick, ticks_to_certify(g.params, kLongestHalt * Wide{unit_s(params.ball)}));
+  begin_start(g.params, start.robot, start.tick, start.from_tick, 0, 2 * start.attempt, g.governor);
+  g.halt.predicts = true;
+  g.halt.predicted_tick = start.from_tick;
+  g.halt.rollout_tick = start.tick;
+  g.halt.rollout.begin(g.params, start.robot, start.tick, g.governor.candidate.schedule(),
+                       kLongestHalt * Wide{unit_s(params.ball)});
+}
+
 Wide longest_governed_move_s(const ControllerParams& params, const ControllerState& state) {
   if (!params.governor.on) return std::numeric_limits<Wide>::infinity();
   return kMostStartSteps * Wide{state.governing.params.step_s};
@@ -310,8 +336,16 @@ int ticks_of_move_search(const ControllerParams& params, const ControllerState& 
 }
 
 void search_start(const ControllerParams& params, ControllerState& state) {
-  if (params.governor.on && (state.mode == Mode::kArmed || state.mode == Mode::kPending))
-    advance_search(params, state.governing.params.work_per_tick, state);
+  if (!params.governor.on || state.moving) return;
+  GoverningState& g = state.governing;
+  const int work = g.params.work_per_tick;
+  advance_search(params, work, state);
+  if (g.start.what != Begins::kHalt || !g.halt.predicts || g.halt.rollout.result().complete) return;
+  const auto law = [&](Wide, const RobotState& then) {
+    const PerMass<Real> u = halt_wish(params.ball, halt_gains(params.ball), then);
+    return Wish{u, u};
+  };
+  g.halt.rollout.advance(params.ball, g.params, law, g.governor.bends, work);
 }
 
 RefusalReport judge_start(const ControllerParams& params, const ControllerState& state) {
@@ -333,14 +367,13 @@ RefusalReport judge_start(const ControllerParams& params, const ControllerState&
   return {Refusal::kNotCertified, -1, -1, 0, 0};
 }
 
-void begin_governing(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next) {
-  GoverningState& g = state.governing;
-  const Wide end_ticks = static_cast<Wide>(ticks_to_rest(params, state));
+namespace {
+
+// Puts the certificate that was found into force.
+void adopt(std::int64_t next, GoverningState& g) {
   adopt_start(g.params, next, g.governor);
-  if (end_ticks > 0) g.governor.nominal_end_tick = next + static_cast<std::int64_t>(end_ticks);
   g.governs = true;
   g.expects = false;
-  g.halt.asked = g.halt.begun = g.halt.predicts = false;
   g.swing_acceleration = {};
   g.swing_jerk = {};
   g.certificate_tick = g.governor.certificate.switch_tick;
@@ -348,6 +381,16 @@ void begin_governing(const ControllerParams& params, const Inputs& inputs, Contr
   g.sensitivity.reset();
   g.params.uncertain = 0;
   g.start.stage = StartStage::kUsed;
+}
+
+}  // namespace
+
+void begin_governing(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next) {
+  GoverningState& g = state.governing;
+  const Wide end_ticks = static_cast<Wide>(ticks_to_rest(params, state));
+  adopt(next, g);
+  if (end_ticks > 0) g.governor.nominal_end_tick = next + static_cast<std::int64_t>(end_ticks);
+  g.halt.asked = g.halt.begun = g.halt.predicts = false;
   const BallMotion motion = ball_motion(params, state, inputs.sensors);
   if (!motion.known || !same_ball(params, g.start.robot, motion)) distrust(g.governor);
 }
@@ -364,6 +407,50 @@ void begin_halt(ControllerState& state) {
   g.halt.begun = g.halt.predicts = false;
   g.halt.slow_ticks = 0;
   change_nominal(g.governor);
+}
+
+void ask_for_halt(const ControllerParams& params, const Inputs& inputs, ControllerState& state) {
+  GoverningState& g = state.governing;
+  g.params.friction = usable_friction(params, state);
+  g.params.uncertain = 0;
+  g.params.jumps = false;
+  g.halt.asked = true;
+  g.halt.begun = g.halt.predicts = false;
+  g.halt.slow_ticks = 0;
+  g.start.what = Begins::kHalt;
+  g.start.attempt = 0;
+  try_halt(params, inputs, state);
+}
+
+RefusalReport await_halt(const ControllerParams& params, const Inputs& inputs, ControllerState& state,
+                         std::int64_t next) {
+  GoverningState& g = state.governing;
+  StartSearch& start = g.start;
+  const bool due = next == start.from_tick;
+  if (!due && start.stage != StartStage::kRefused) return {};
+  if (due && start.stage == StartStage::kCertified) {
+    const HaltPrediction& said = g.halt.rollout.result();
+    if (said.complete && !said.rests && !(said.speed_after_mps < said.speed_before_mps)) {
+      return {Refusal::kNoRest, -1, -1, Wide{said.speed_after_mps}, Wide{kLongestHalt * unit_s(params.ball)}};
+    }
+    adopt(next, g);
+    for (int i = 0; i < params.ball.mass_count; ++i) {
+      if (!state.active[at(i)].set(state.hold_position[at(i)], 0, nullptr, 0)) state.faults |= bit(Fault::kInternal);
+    }
+    begin(state, next);
+    begin_tracking(state, next, false);
+    g.governs = true;
+    g.halt.begun = true;
+    g.halt.from_tick = next;
+    g.halt.wish = {};
+    return {};
+  }
+  // A longer stretch of the halt may be certified where a shorter one is not.
+  const RefusalReport refusal = judge_start(params, state);
+  ++start.attempt;
+  if (start.attempt == kStretches) return refusal;
+  try_halt(params, inputs, state);
+  return {};
 }
 
 bool halted(const ControllerParams& params, const ControllerState& state) {

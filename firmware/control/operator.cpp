@@ -133,8 +133,12 @@ RefusalReport follow(const ControllerParams& params, const Inputs& inputs, Mode 
   }
   if (after == Mode::kHalting) {
     // Only the governor knows how the ball is brought to rest inside the cone.
-    if (!state.governing.governs) return refused(Refusal::kMode);
-    begin_halt(state);
+    if (before == Mode::kArmed ? !params.governor.on : !state.governing.governs) return refused(Refusal::kMode);
+    if (before == Mode::kArmed) {
+      ask_for_halt(params, inputs, state);
+    } else {
+      begin_halt(state);
+    }
   }
   if (after == Mode::kRunning || after == Mode::kPending) {
     // Both write the profiles that a prediction under way still reads.

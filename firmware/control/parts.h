@@ -99,7 +99,7 @@ void reset_governing(const ControllerParams& params, ControllerState& state);
 
 // Begins to search a certificate for a later start, where it is armed and the ball is another than before.
 void watch_start(const ControllerParams& params, const Inputs& inputs, ControllerState& state);
-// Continues that search.
+// Continues the search, while the masses hold.
 void search_start(const ControllerParams& params, ControllerState& state);
 
 // Begins to search a certificate for the move in `active`, which is pending up to state.plan_tick.
@@ -127,6 +127,11 @@ struct TickToGovern {
 [[nodiscard]] Wide governed_jerk(const GoverningState& governing, int i, Wide jump, Wide period_s);
 // The motion under the governor is to become a halt of the ball.
 void begin_halt(ControllerState& state);
+// The masses hold, and the ball that rolls with them is to be halted: begins to search a certificate.
+void ask_for_halt(const ControllerParams& params, const Inputs& inputs, ControllerState& state);
+// Begins that halt with the tick `next` if it is due. Returns the reason where it cannot be.
+[[nodiscard]] RefusalReport await_halt(const ControllerParams& params, const Inputs& inputs, ControllerState& state,
+                                       std::int64_t next);
 // The halted ball has been at rest for kRestTime_s.
 [[nodiscard]] bool halted(const ControllerParams& params, const ControllerState& state);
 // The halt commands the tick that begins at the start of `tick`, if its stop is certified.

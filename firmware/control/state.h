@@ -38,10 +38,13 @@ struct TrackingState {
 // How far the search for a certificate of a start has come.
 enum class StartStage : std::uint8_t { kNone, kSearching, kCertified, kRefused, kUsed };
 
-// Of a start, or of a move that is pending.
+// What is to begin.
+enum class Begins : std::uint8_t { kMotion, kMove, kHalt };
+
+// Of a start, of a move that is pending, or of a halt of the ball from where the masses hold.
 struct StartSearch {
   StartStage stage = StartStage::kNone;
-  bool moves = false;          // of a move
+  Begins what = Begins::kMotion;
   std::int64_t tick = 0;       // at whose start the ball is that of `robot`; 0 for a start, which may come at any tick
   std::int64_t from_tick = 0;  // at whose start the motion begins
   RobotState robot;            // for which the search was made

@@ -231,7 +231,7 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
   TickToGovern tick;
   tick.tick = next;
   tick.motion = motion;
-  tick.held = ticks < 0;
+  tick.held = ticks < 0 && !state.governing.halt.begun;  // a halt begins with a ball that rolls
   tick.place_W_m = ball.position_W_m;
   if (params.estimation.estimated) tick.place_W_m = state.estimate.position_W_m;
   if (tick.held) tick.place_W_m = params.estimation.initial_position_W_m;

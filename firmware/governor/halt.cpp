@@ -144,8 +144,11 @@ void HaltRollout::take(const BallParams& ball, const Vector2& before_W_m) {
   const RobotState& now = rollout_.state();
   const Real x = now.position_W_m[0] - before_W_m[0], y = now.position_W_m[1] - before_W_m[1];
   const bool halts = rollout_.time_s() > from_s_ * (1 + Wide(1e-9));
+  const Real speed = speed_mps(ball, now);
+  result_.speed_after_mps = speed;
+  if (!halts) result_.speed_before_mps = speed;
   if (halts) path_m_ += std::sqrt(x * x + y * y);
-  if (!halts || !(speed_mps(ball, now) < kRestSpeed * std::sqrt(ball.gravity_mps2 * ball.radius_m))) {
+  if (!halts || !(speed < kRestSpeed * std::sqrt(ball.gravity_mps2 * ball.radius_m))) {
     result_.distance_m = path_m_;
     result_.place_W_m = now.position_W_m;
     result_.time_s = halts ? rollout_.time_s() - from_s_ : 0;

@@ -8,12 +8,13 @@ namespace {
 
 // A fault has no row in kDisarmed: nothing moves there, and what is missing at power-up only keeps the robot from
 // arming.
-constexpr std::array<Transition, 20> kTable{{
+constexpr std::array<Transition, 21> kTable{{
     {Mode::kDisarmed, Event::kArm, Guard::kHealthy, Mode::kArmed},
     {Mode::kArmed, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kArmed, Event::kStop, Guard::kAlways, Mode::kDisarmed},
     {Mode::kArmed, Event::kStart, Guard::kHealthy, Mode::kRunning},
     {Mode::kArmed, Event::kMove, Guard::kHealthy, Mode::kPending},
+    {Mode::kArmed, Event::kHalt, Guard::kHealthy, Mode::kHalting},
     {Mode::kPending, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kPending, Event::kStop, Guard::kAlways, Mode::kArmed},
     {Mode::kPending, Event::kDue, Guard::kAlways, Mode::kMoving},

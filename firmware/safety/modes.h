@@ -18,7 +18,7 @@ enum class Event : std::uint8_t {
   kMove,    // operator
   kHalt,    // operator
   kAtRest,  // all commanded velocities are zero and stay so
-  kDue,     // the pending move begins with the next tick, or the halted ball rests
+  kDue,     // the pending move begins with the next tick; the halted ball rests, or cannot be halted
 };
 
 // Condition of a row, beside its mode and event.

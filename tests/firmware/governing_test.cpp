@@ -201,14 +201,86 @@ TEST(Governing, AHaltEndsWhereItSaid) {
   }
 }
 
-// Only the governor brings the ball to rest, and only from a motion.
+// After a stop the ball rolls on with its masses held. The bar of issue 22 for a halt is 5 % of what was said.
+TEST(Governing, HaltsABallThatRollsWithItsMassesHeld) {
+  for (const Real friction : {0.5, 0.1}) {
+    GovernedBall robot(governed_desk(friction));
+    robot.start();
+    robot.run_until(4000);
+    robot.tick(OperatorCommand::kStop);
+    while (robot.out.status.mode == Mode::kStopping) robot.tick();
+    robot.run_until(robot.in.tick + 500);
+    ASSERT_EQ(robot.out.status.mode, Mode::kArmed);
+    const Real rest_mps = kRestSpeed * std::sqrt(robot.params().ball.gravity_mps2 * robot.params().ball.radius_m);
+    ASSERT_GT(speed_mps(robot.params().ball, robot.ball), 2 * rest_mps);
+    robot.most_use = 0;  // the stop's own is not governed
+    robot.tick(OperatorCommand::kHalt);
+    ASSERT_EQ(robot.out.status.mode, Mode::kHalting) << static_cast<int>(robot.out.status.refusal.reason);
+    HaltStatus said;
+    Real path_m = 0, distance_m = 0;
+    while (robot.out.status.mode == Mode::kHalting && robot.in.tick < 30000) {
+      const RobotState before = robot.robot();
+      robot.tick();
+      if (robot.out.status.mode != Mode::kHalting) break;
+      const bool begun = robot.state().moving;
+      EXPECT_EQ(robot.out.status.governor.governs, begun);
+      if (!begun) said = robot.out.status.halt;  // before the masses move
+      if (!begun || robot.in.tick <= said.tick) continue;
+      path_m += (robot.ball.position_W_m - before.position_W_m).norm();
+      if (speed_mps(robot.params().ball, robot.ball) >= rest_mps) distance_m = path_m;
+    }
+    std::printf("mu_s %.2f: said %.4f m in %.3f s; was %.4f m, most use %.4f\n", static_cast<double>(friction),
+                static_cast<double>(said.distance_m), said.duration_s, static_cast<double>(distance_m),
+                static_cast<double>(robot.most_use));
+    EXPECT_EQ(robot.out.status.refusal.reason, Refusal::kNone);
+    ASSERT_TRUE(said.said);
+    EXPECT_NEAR(distance_m, said.distance_m, 0.05 * distance_m);
+    EXPECT_LE(robot.most_use, 1);
+    robot.run_until(robot.in.tick + 1000);
+    EXPECT_EQ(robot.out.status.mode, Mode::kArmed);
+    EXPECT_LT(speed_mps(robot.params().ball, robot.ball), rest_mps);
+  }
+}
+
+// On a slope the ball goes faster and faster, whatever the masses do.
+TEST(Governing, RefusesAHaltWhereThereIsNoRest) {
+  ControllerParams params = governed_desk(0.5);
+  params.ball.down_W = Vector3(Real(0.3), 0, -std::sqrt(Real(0.91)));
+  GovernedBall robot(params);
+  robot.tick(OperatorCommand::kArm);
+  robot.tick(OperatorCommand::kHalt);
+  ASSERT_EQ(robot.out.status.mode, Mode::kHalting);
+  while (robot.out.status.mode == Mode::kHalting && robot.in.tick < 30000) robot.tick();
+  EXPECT_EQ(robot.out.status.mode, Mode::kArmed);
+  const RefusalReport& refusal = robot.out.status.refusal;
+  EXPECT_TRUE(refusal.reason == Refusal::kNoRest || refusal.reason == Refusal::kNoBackup)
+      << static_cast<int>(refusal.reason);
+  EXPECT_GT(refusal.value, 0);
+  EXPECT_GT(refusal.time_s, 0);
+}
+
+TEST(Governing, AStopTakesAHaltBackThatHasNotBegun) {
+  GovernedBall robot(governed_desk(0.5));
+  robot.tick(OperatorCommand::kArm);
+  robot.tick(OperatorCommand::kHalt);
+  ASSERT_EQ(robot.out.status.mode, Mode::kHalting);
+  robot.run_until(50);
+  robot.tick(OperatorCommand::kStop);
+  EXPECT_EQ(robot.out.status.mode, Mode::kArmed);
+  robot.run_until(5000);
+  EXPECT_FALSE(robot.state().moving);
+  robot.tick(OperatorCommand::kStart);  // certified anew meanwhile
+  EXPECT_EQ(robot.out.status.mode, Mode::kRunning) << static_cast<int>(robot.out.status.refusal.reason);
+}
+
+// Only the governor brings the ball to rest.
 TEST(Governing, RefusesAHaltThatItDoesNotGovern) {
   ControllerParams params = governed_desk(0.5);
+  params.governor.on = false;
   GovernedBall armed(params);
   armed.tick(OperatorCommand::kArm);
   armed.tick(OperatorCommand::kHalt);
   EXPECT_EQ(armed.out.status.refusal.reason, Refusal::kMode);
-  params.governor.on = false;
   GovernedBall free(params);
   free.start();
   free.tick(OperatorCommand::kHalt);

@@ -43,6 +43,8 @@ std::optional<int> follow_halt(sil::BusOperator& end) {
               << std::endl;
   }
   if (end.follow(over) != hal::Status::kOk) return bus_trouble(end);
+  const std::string refusal = sil::refusal_text(end.status(), nullptr);
+  if (!refusal.empty()) return refuse("the controller refuses the halt: " + refusal);
   return std::nullopt;
 }
 

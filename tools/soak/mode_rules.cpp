@@ -29,13 +29,14 @@ bool follows(const ModeStep& step) {
     case Status::MODE_ARMED:
       return (now == Status::MODE_DISARMED && told(operator_t::COMMAND_STOP)) ||
              (now == Status::MODE_RUNNING && told(operator_t::COMMAND_START)) ||
-             (now == Status::MODE_PENDING && told(operator_t::COMMAND_MOVE));
+             (now == Status::MODE_PENDING && told(operator_t::COMMAND_MOVE)) ||
+             (now == Status::MODE_HALTING && told(operator_t::COMMAND_HALT));
     case Status::MODE_PENDING:
       return now == Status::MODE_ARMED || now == Status::MODE_MOVING;
     case Status::MODE_RUNNING:
       return may_stop(step, told(operator_t::COMMAND_STOP)) ||
              (now == Status::MODE_HALTING && step.before.governed != 0 && told(operator_t::COMMAND_HALT));
-    case Status::MODE_HALTING:  // once the ball rests the masses are stopped
+    case Status::MODE_HALTING:  // once the ball rests, or cannot be halted, the masses are stopped
       return may_stop(step, true);
     case Status::MODE_MOVING:
       return may_stop(step, told(operator_t::COMMAND_STOP));
