@@ -28,6 +28,10 @@ void reset(const ControllerParams& params, ControllerState& state);
 //   armed again. A target at an end of its rail is refused: the rotor swings about the commanded position, would close
 //   the end switch on the way there, and be tripped for it. From MotorParams::swing before the end on it does not, as
 //   long as it loses no step.
+// - MOVE under the governor: pending until a certificate is found, too. Where a stop after the move, or the move itself,
+//   leaves the cone it is refused. It is not bent.
+// - HALT: a governed motion goes on until a certificate of the halt is found. Armed, the masses hold until then, while
+//   the ball rolls.
 // - A stop or a trip in tick k: from the start of tick k + 1 each mass stops by plan_stop() from its profile's
 //   position, velocity and acceleration there, all in the time that the slowest needs at least (a mass that would be
 //   stretched beyond an end of its rail takes its own shortest: lines end where the ball does, open splines at their

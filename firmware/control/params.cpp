@@ -251,7 +251,7 @@ void check_governor(const ControllerParams& params, Checker& check) {
   if (!check.error().ok()) return;
   // A rollout is complete while its predecessor holds: set_times() finds no such time for longer ticks.
   check.require(governor_params(params).search_ticks > 0, "control_period_s", -1, params.control_period_s,
-                "for the governor: below 0.05 sqrt(r / g)");
+                "for the governor: below 0.03 sqrt(r / g)");
 }
 
 }  // namespace

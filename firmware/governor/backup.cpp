@@ -72,10 +72,15 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
     params.still_velocity[i] = Real(1e-3) * std::fmax(params.mass[i].max_acceleration, Real(0)) * params.brake_time_s;
   }
   // The stretch is at least a search, so that the next candidate is complete before the switch.
-  params.stretch_ticks = static_cast<int>(unit_s / 4 / static_cast<Real>(control_period_s)) + 1;
-  params.search_ticks = ticks_to_roll(params, kLikelySteps, params.stretch_ticks, 1);
-  if (params.search_ticks <= params.stretch_ticks && params.search_ticks > 0) return;
-  params.search_ticks = params.stretch_ticks = ticks_to_roll(params, kLikelySteps, 0, 2);
+  const int shortest = static_cast<int>(unit_s / 4 / static_cast<Real>(control_period_s)) + 1;
+  // A small ball's time is short beside a tick. Where short steps would never end, fewer are likely.
+  for (const Wide steps : {kLikelySteps, kLikelySteps / 2, kLikelySteps / 4}) {
+    params.stretch_ticks = shortest;
+    params.search_ticks = ticks_to_roll(params, steps, shortest, 1);
+    if (params.search_ticks <= shortest && params.search_ticks > 0) return;
+    params.search_ticks = params.stretch_ticks = ticks_to_roll(params, steps, 0, 2);
+    if (params.search_ticks > 0) return;
+  }
 }
 
 int ticks_to_certify(const GovernorParams& params, Wide motion_s) {

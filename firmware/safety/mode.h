@@ -14,7 +14,7 @@ enum class Mode : std::uint8_t {
   kTripped = 4,   // decelerating, then holding, because of a fault; left only by reset, at rest, with the cause gone
   kMoving = 5,    // the masses go where the operator has asked them to
   kPending = 6,   // a move is planned and being predicted; the masses hold
-  kHalting = 7,   // the ball is brought to rest
+  kHalting = 7,   // the ball is brought to rest, once a certificate for that is found
 };
 
 }  // namespace ballast::firmware

@@ -75,7 +75,7 @@ const std::string kOther =
     "motion = [ { duration = 0.01, acceleration = [500, 500] }, { duration = 0.01, acceleration = [-500, -500] } ]\n";
 
 // Keys whose cells are the page's own: two meanings of one key, or a default that is no value of the key.
-const std::set<std::string> kOwnWords{"control.tracking", "fault.N.axis",     "fault.N.channel",
+const std::set<std::string> kOwnWords{"control.tracking", "control.governor", "fault.N.axis",         "fault.N.channel",
                                       "fault.N.kind",     "initial.velocity", "mass.N.rail.direction"};
 
 // Every table in every form that it can have.

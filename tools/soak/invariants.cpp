@@ -79,6 +79,9 @@ constexpr InvariantText kTexts[kInvariantCount] = {
      "While the governor commands ideal masses of a rolling ball, on a floor and under forces that it is told of, with "
      "ideal sensors and before any fault, the true ball keeps f_s <= friction_use mu_s N of envelope and control, and "
      "a stop is certified: for ever, or up to a tick that is still to come."},
+    {"halted",
+     "A halt that such a run says will take T seconds ends with the ball at rest, at the latest 2 T + 2 s after its "
+     "beginning."},
 };
 
 // Parts of N by which real and commanded forces may differ where slip is told truly, and where a light ball is.
@@ -398,14 +401,27 @@ void Invariants::check_envelope(const sil::Lap& lap, const Sample& truth) {
   }
 }
 
-// The status of the tick before says what is certified from this tick on.
-void Invariants::check_governed(const sil::Lap& lap, const Sample& truth) {
-  if (!has_status_ || status_.governed == 0 || lap.answer->status.governed == 0) return;
+// A governed tick of a run whose controller knows all that moves the ball.
+bool Invariants::governs_exactly(const sil::Lap& lap) const {
+  if (!has_status_ || status_.governed == 0 || lap.answer->status.governed == 0) return false;
   const bool untold = !scenario_.force_table.times_s.empty() || scenario_.drag.coefficient_kgpm > 0 ||
                       !scenario_.surface.patches.empty() || scenario_.believed.has_value();
   const bool exact = scenario_.run.actuation == sim::Actuation::kIdeal && !scenario_.sensors.present && !untold;
-  if (!exact || has_slid_ || disturbed_) return;
+  return exact && !has_slid_ && !disturbed_;
+}
+
+// The status of the tick before says what is certified from this tick on.
+void Invariants::check_governed(const sil::Lap& lap, const Sample& truth) {
+  if (!governs_exactly(lap)) return;
   const controller_status_t& status = lap.answer->status;
+  if (status.mode == controller_status_t::MODE_HALTING && status.halt_said != 0) {
+    const double begun_s = static_cast<double>(status.tick - status.halt_tick) * scenario_.run.control_period_s;
+    if (begun_s > 2 * status.halt_duration_s + 2) {
+      fail(Invariant::kHalted, tick_,
+           fmt::format("the ball is not at rest {:g} s after the beginning of a halt that was to take {:g} s", begun_s,
+                       status.halt_duration_s));
+    }
+  }
   const bool certified = status.backup_margin >= 0 &&
                          (status.backup_until_tick == firmware::kForEverTick || status.backup_until_tick > status.tick);
   if (!certified) {

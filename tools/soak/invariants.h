@@ -36,8 +36,9 @@ enum class Invariant {
   kPatient,
   kRepeatable,
   kGoverned,
+  kHalted,
 };
-inline constexpr int kInvariantCount = 16;
+inline constexpr int kInvariantCount = 17;
 
 struct InvariantText {
   const char* name;
@@ -86,6 +87,7 @@ class Invariants {
   void check_switches(const sil::Lap& lap, const Sample& truth);
   void check_finite(const sil::Lap& lap);
   void check_envelope(const sil::Lap& lap, const Sample& truth);
+  [[nodiscard]] bool governs_exactly(const sil::Lap& lap) const;
   void check_governed(const sil::Lap& lap, const Sample& truth);
   void check_monitors_alarm(const Sample& truth);
   void check_controllers_alarm(const sil::Lap& lap);

@@ -139,7 +139,7 @@ OperatorScript random_script(const sim::Scenario& scenario, Random& random) {
     const int count = random.integer(1, 4);
     for (int i = 0; i < count; ++i) {
       const auto command = random.one_of({OperatorCommand::kArm, OperatorCommand::kStart, OperatorCommand::kStop,
-                                          OperatorCommand::kReset, OperatorCommand::kMove});
+                                          OperatorCommand::kReset, OperatorCommand::kMove, OperatorCommand::kHalt});
       const int tick = random.integer(0, ticks - 1);
       give(tick, command == OperatorCommand::kMove ? random_move(scenario, random) : OperatorInput(command));
     }
