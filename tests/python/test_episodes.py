@@ -17,7 +17,6 @@ import unittest
 import ballast
 import numpy as np
 
-EPISODES = int(os.environ.get("BALLAST_EPISODES", "50"))
 SEED = 24
 FEW = 20
 SMALLEST_BLOCK_BYTES = 32  # of glibc's malloc on 64 bits
@@ -32,6 +31,7 @@ class Mallinfo2(ctypes.Structure):
 LIBRARIES = ctypes.CDLL(None)
 LIBRARIES.mallinfo2.restype = Mallinfo2
 SANITIZER_LEAK_CHECK = getattr(LIBRARIES, "__lsan_do_recoverable_leak_check", None)  # None: not in this process
+EPISODES = int(os.environ.get("BALLAST_EPISODES", "50" if SANITIZER_LEAK_CHECK is None else "5"))
 
 
 def bytes_in_use():
