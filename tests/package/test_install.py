@@ -22,6 +22,14 @@ class Programs(Installed):
         self.assertEqual(said, subprocess.run([BUILD / "bin/ballast", "--version"], capture_output=True, text=True,
                                               check=True).stdout)
 
+    def test_pages_that_help_names_are_installed(self):
+        named = set()
+        for path in self.prefix.rglob("dist-packages/ballast/*.py"):
+            named |= set(re.findall(r"tools/docs/[\w.]+\.(?:md|json)", path.read_text()))
+        self.assertGreater(len(named), 5)
+        for name in named:
+            self.assertTrue((self.prefix / "share/doc/ballast" / name).exists(), name)
+
     def test_every_scenario_of_the_sources_ships(self):
         shipped = {path.name for path in (self.prefix / "share/ballast/scenarios").iterdir()}
         self.assertEqual(shipped, {path.name for path in (ROOT / "sim/scenarios").glob("*.toml")})

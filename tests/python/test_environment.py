@@ -1,39 +1,10 @@
-"""The environment after Gymnasium's interface. BALLAST_EPISODES sets the number of random episodes; the bar is 1000."""
-import ctypes
-import os
-import tempfile
+"""The environment after Gymnasium's interface. test_episodes.py has its random episodes."""
 import unittest
-from pathlib import Path
 
 import ballast
 import numpy as np
 
-EPISODES = int(os.environ.get("BALLAST_EPISODES", "20"))
 SEED = 24
-
-
-def resident_bytes():
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE")
-
-
-def leak_check():
-    """The address sanitizer's search for memory that nothing refers to, in a build with it; else None."""
-    return getattr(ctypes.CDLL(None), "__lsan_do_recoverable_leak_check", None)
-
-
-def leaks():
-    """Its reports of this package. The interpreter and NumPy lose some memory of their own when they start."""
-    with tempfile.TemporaryFile() as file:
-        stderr = os.dup(2)
-        os.dup2(file.fileno(), 2)
-        try:
-            leak_check()()
-        finally:
-            os.dup2(stderr, 2)
-            os.close(stderr)
-        file.seek(0)
-        return [leak for leak in file.read().decode(errors="replace").split("\n\n") if "ballast" in leak]
 
 
 def desk(**keys):
@@ -123,43 +94,6 @@ class Interface(unittest.TestCase):
                      {"render_mode": "human"}):
             with self.subTest(keys), self.assertRaises(ValueError):
                 ballast.Environment("desk_ball", **keys)
-
-
-class RandomPolicy(unittest.TestCase):
-    def test_no_episode_breaks(self):
-        env = desk()
-        rng = np.random.default_rng(SEED)
-        steps = 0
-        for episode in range(EPISODES):
-            observation, _ = env.reset(seed=int(rng.integers(2**31)), options={
-                "set": {"initial.angular_velocity": rng.normal(0, 0.5, 3), "surface.static_friction": rng.uniform(0.1, 0.8),
-                        "surface.kinetic_friction": 0.1}})
-            over = False
-            while not over:
-                observation, reward, terminated, truncated, _ = env.step(env.action_space.sample())
-                self.assertTrue(np.isfinite(observation).all() and np.isfinite(reward), f"seed {SEED}, episode {episode}")
-                over = terminated or truncated
-                steps += 1
-        self.assertGreater(steps, EPISODES)
-        print(f"{EPISODES} episodes, {steps} steps")
-        if leak_check() is not None:
-            self.assertEqual(leaks(), [])
-
-    def test_memory_stays(self):
-        """Each plant takes some 100 kB. A hundred that were not given back would show over the 1 MB allowed here."""
-        env = desk(duration=0.1)
-
-        def episodes(count):
-            for _ in range(count):
-                env.reset()
-                for _ in range(5):
-                    env.step(env.action_space.sample())
-            return resident_bytes()
-
-        if leak_check() is not None:
-            return  # the sanitizer keeps freed memory for a while; it finds leaks itself, above
-        before = episodes(50)
-        self.assertLess(episodes(100) - before, 1 << 20)
 
 
 if __name__ == "__main__":

@@ -62,6 +62,12 @@ class Page(unittest.TestCase):
                     self.assertTrue(getattr(value, member).__doc__, f"{name}.{member}")
         self.assertIn("Ctrl-C ends the run", pydoc.render_doc(ballast.run))
 
+    def test_objects_say_what_they_are(self):
+        plant, channels = ballast.Plant("paper_ball"), ballast.run(ballast.Scenario("paper_ball").set("duration", 0.01)).channels
+        self.assertEqual(repr(plant), "<ballast.Plant with 3 masses: rolling at t = 0 s>")
+        self.assertRegex(repr(channels), "^<channels contact, ")
+        self.assertIn("contact", channels._ipython_key_completions_())  # pylint: disable=protected-access
+
 
 if __name__ == "__main__":
     unittest.main()

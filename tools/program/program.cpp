@@ -188,7 +188,10 @@ void add_bus_options(CLI::App& app, BusOptions& options) {
 }
 
 std::string default_firmware(const std::string& board) {
-  return beside_this_program("").parent_path().parent_path() / board / "bin" / ("ballast-" + board + ".elf");
+  const std::string name = "ballast-" + board + ".elf";
+  const std::filesystem::path data = installed_data();
+  return data.empty() ? beside_this_program("").parent_path().parent_path() / board / "bin" / name
+                      : data / "elf" / name;
 }
 
 namespace {

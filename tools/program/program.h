@@ -59,7 +59,7 @@ CLI::Validator not_empty();
 void add_scenario_options(CLI::App& app, ScenarioOptions& options);
 void add_bus_options(CLI::App& app, BusOptions& options);
 
-// The firmware for a microcontroller in the build tree of this program. `board` is a folder of hal/.
+// The firmware for a microcontroller that this program comes with. `board` is a folder of hal/.
 [[nodiscard]] std::string default_firmware(const std::string& board);
 
 // Parses the command line. With a value, the program ends here with this status; help or the error has been printed.

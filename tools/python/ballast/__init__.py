@@ -19,7 +19,8 @@ summary.json but for the wall time.
 
 SI or consistent units throughout. A name ends in its unit; `_B` is the body frame, `_W` the space frame. Attitudes are
 unit quaternions (w, x, y, z) that take body to space. Symbols are those of Putkaradze and Rogers, "On the Normal Force and
-Static Friction Acting on a Rolling Ball Actuated by Internal Point Masses". tools/docs/python.md is the page.
+Static Friction Acting on a Rolling Ball Actuated by Internal Point Masses". tools/docs/python.md is the page;
+an installation has the pages below share/doc/ballast.
 """
 
 from ._closed_forms import (Ball, DetachedDiskMotion, DetachedDiskMotionJacobian, DetachedMotion, DetachedMotionJacobian,

@@ -154,6 +154,9 @@ class Columns(Mapping):
     def __repr__(self) -> str:
         return f"<columns of {self._file}: {', '.join(self)}>"
 
+    def _ipython_key_completions_(self):
+        return list(self)
+
     def _in_file(self, name):
         found = str(name).replace(".", "_")
         if found not in self._meanings:

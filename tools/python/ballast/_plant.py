@@ -68,6 +68,10 @@ class Plant:
     def __deepcopy__(self, _) -> Plant:
         return self.copy()
 
+    def __repr__(self) -> str:
+        state = self.state
+        return f"<ballast.Plant with {self.mass_count} masses: {state.end or state.regime} at t = {state.time_s:g} s>"
+
     @property
     def actuation(self) -> str:
         """How the masses are moved: "stepper", "ideal" or "prescribed"."""

@@ -165,6 +165,12 @@ class Channels(Mapping):
     def __len__(self) -> int:
         return len(_CHANNELS)
 
+    def __repr__(self) -> str:
+        return f"<channels {', '.join(self)}>"
+
+    def _ipython_key_completions_(self):
+        return list(self)
+
 
 class Run:
     """A finished run: the folder that `ballast run` or run() has left."""
