@@ -317,13 +317,13 @@ void try_halt(const ControllerParams& params, const Inputs& inputs, ControllerSt
   start.stage = StartStage::kSearching;
   start.robot = held_robot(params, state, motion);
   start.tick = inputs.tick;
-  start.from_tick = plus(inputs.tick, ticks_to_certify(g.params, kLongestHalt * Wide{unit_s(params.ball)}));
+  start.from_tick = plus(inputs.tick, ticks_to_certify(g.params, Wide{kLongestHalt * unit_s(params.ball)}));
   begin_start(g.params, start.robot, start.tick, start.from_tick, 0, 2 * start.attempt, g.governor);
   g.halt.predicts = true;
   g.halt.predicted_tick = start.from_tick;
   g.halt.rollout_tick = start.tick;
   g.halt.rollout.begin(g.params, start.robot, start.tick, g.governor.candidate.schedule(),
-                       kLongestHalt * Wide{unit_s(params.ball)});
+                       Wide{kLongestHalt * unit_s(params.ball)});
 }
 
 Wide longest_governed_move_s(const ControllerParams& params, const ControllerState& state) {
