@@ -19,6 +19,7 @@ Mode expected(Mode mode, Event event, const GuardState& g) {
   if (mode == Mode::kArmed && event == Event::kStart && g.healthy) return Mode::kRunning;
   if (mode == Mode::kArmed && event == Event::kStop) return Mode::kDisarmed;
   if (mode == Mode::kArmed && event == Event::kMove && g.healthy) return Mode::kPending;
+  if (mode == Mode::kArmed && event == Event::kHalt && g.healthy) return Mode::kHalting;
   if (mode == Mode::kPending && event == Event::kStop) return Mode::kArmed;
   if (mode == Mode::kPending && event == Event::kDue) return Mode::kMoving;
   if (mode == Mode::kMoving && event == Event::kStop) return Mode::kStopping;

@@ -126,7 +126,7 @@ class Commands(unittest.TestCase):
         (self.folder / "first_plan.json").rmdir()
         self.ballast("plan first.toml --quiet")
         self.ballast("plan first.toml --quiet")
-        said, _ = self.ballast("run first_plan.toml --set surface.rolling_resistance=5 --no-log", None)
+        said, _ = self.ballast("run first_plan.toml --set surface.rolling_resistance=5 --set control.governor=false --no-log", None)
         self.assertRegex(said, r"goal +\(0.5, 0\) m in its plan; the ball ended \d{3} mm from there")
 
     def test_gains_fit_the_link_and_refuse_what_has_no_motion(self):
