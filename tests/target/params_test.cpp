@@ -165,12 +165,14 @@ std::vector<Change> changes() {
         "monitor_stale_ticks", [](Robot & r) -> auto& { return r.params.monitor_stale_ticks; });
   }
   {
-    [[maybe_unused]] const auto& [on, friction, min_normal_force, swing] = robot.params.governor;
+    [[maybe_unused]] const auto& [on, friction, friction_use, min_normal_force, swing] = robot.params.governor;
     [[maybe_unused]] const auto& [natural, damping, microstep, full_step, step_error] = swing[0];
     number(
         "governor.on", [](Robot & r) -> auto& { return r.params.governor.on; });
     number(
         "governor.friction", [](Robot & r) -> auto& { return r.params.governor.friction; });
+    number(
+        "governor.friction_use", [](Robot & r) -> auto& { return r.params.governor.friction_use; });
     number(
         "governor.min_normal_force_n", [](Robot & r) -> auto& { return r.params.governor.min_normal_force_n; });
     for (std::size_t i : {0, 7}) {
