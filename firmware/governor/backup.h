@@ -60,6 +60,7 @@ struct GovernedRamp {
   Projection command;
   Vector3 force_W_n = Vector3::Zero();  // there
   Real outside_n = 0;                   // of the cone, <= 0: inside
+  int rounds = 0;                       // of the projection
 };
 
 // The command at the end of a ramp that begins in `state`, where the forces are `at_start`. It keeps the cone there;

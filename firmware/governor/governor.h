@@ -56,6 +56,7 @@ struct GovernorOutput {
   PerMass<Real> acceleration{};  // at the tick's end
   RobotState end;                // predicted there
   GovernorReport report;
+  int rounds = 0;  // of the projection
 };
 
 // The nominal's accelerations at a tick's end.
@@ -104,7 +105,9 @@ void govern(const BallParams& ball, const GovernorParams& params, const RobotSta
             const NominalEnd& nominal, const Law& law, std::int64_t tick, GovernorState& state, GovernorOutput& out) {
   detail::decide(params, now, tick, state);
   detail::command(ball, params, state, now, ramp, nominal, tick, out);
-  state.candidate.advance(ball, params, law, state.bends, params.work_per_tick);
+  // A round costs about as much as a step of the search, which waits for it: the two never cost their most together.
+  const int work = params.work_per_tick - kMovingStepWork * (out.rounds - 1);
+  state.candidate.advance(ball, params, law, state.bends, work);
 }
 
 }  // namespace ballast::firmware

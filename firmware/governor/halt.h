@@ -36,7 +36,7 @@ struct HaltPrediction {
   Real distance_m =
       0;  // along the path, from the halt's beginning to the last tick in which the ball is faster than rest
   Vector2 place_W_m = Vector2::Zero();
-  Wide time_s = 0;  // between these
+  Wide time_s = 0;                                 // between these
   Real speed_before_mps = 0, speed_after_mps = 0;  // where the halt begins, and where the rollout ends
 };
 
