@@ -263,6 +263,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
   const AffineForces in_middle = forces_at(ball, middle);
   out.command = {};
   out.command.u = wish;
+  out.steps = 0;
   PerMass<Real> moved_end{};
   for (int round = 0; round <= (ramp.quick ? kQuickRounds : kTickRounds); ++round) {
     out.rounds = round + 1;
@@ -282,6 +283,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
     out.command = ramp.quick ? project_quickly(out.forces, n, spared, ramp.end, unit, wish)
                              : project(out.forces, n, spared, ramp.end, unit, wish);
+    out.steps += out.command.steps;
     if (!out.command.bent || out.command.empty) break;
   }
   moved_end = moved(params, out.state, out.command.u, ramp.swing, n);

@@ -60,8 +60,14 @@ struct GovernedRamp {
   Projection command;
   Vector3 force_W_n = Vector3::Zero();  // there
   Real outside_n = 0;                   // of the cone, <= 0: inside
-  int rounds = 0;                       // of the projection
+  int rounds = 0, steps = 0;            // of the projection, and of its searches in all
 };
+
+// What a projection costs, in steps of a rollout that is not bent: its rounds, and the steps of its searches.
+inline int cost_of(const GovernedRamp& ramp) {
+  constexpr int kConeSteps = 16;  // cost as much as a round
+  return ramp.rounds + ramp.steps / kConeSteps;
+}
 
 // The command at the end of a ramp that begins in `state`, where the forces are `at_start`. It keeps the cone there;
 // where the start keeps it too, so does the line between, up to GovernorParams::tick_slack for a tick. The end is

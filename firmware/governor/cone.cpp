@@ -124,6 +124,7 @@ struct Best {
   PerMass<Real> u{};
   Real violation_n = std::numeric_limits<Real>::infinity();
   bool inside = false;
+  int steps = 0;  // of the search
 
   void take(const PerMass<Real>& candidate, Real candidate_violation_n, Real tolerance_n) {
     if (!(candidate_violation_n < violation_n)) return;
@@ -152,6 +153,7 @@ void search_direction(const Projector& projector, const Cone& cone, Plane e, Bes
   Real at_last = 0;
   int last_side = 0;
   for (int step = 0; step < kMostConeSteps; ++step) {
+    ++best.steps;
     const PerMass<Real> u = projector.held(e, cone);
     const Vector3 force = projector.force(u);
     const Real size_n = friction_n(force);
@@ -184,12 +186,16 @@ void search_direction(const Projector& projector, const Cone& cone, Plane e, Bes
 
 // The search begins along the nominal's friction. Where N falls to 0 on the way its distance may have two maxima, and
 // the search may not end; the farthest of eight half spaces is then a better beginning.
-PerMass<Real> nearest_in_cone(const Projector& projector, const Cone& cone, bool quickly = false) {
+PerMass<Real> nearest_in_cone(const Projector& projector, const Cone& cone, int& steps, bool quickly = false) {
   Best best;
+  const auto answer = [&] {
+    steps += best.steps;
+    return best.u;
+  };
   const Vector3 first = projector.force(projector.nominal());
   const Real first_n = friction_n(first);
   search_direction(projector, cone, first_n > 0 ? Plane{first[0] / first_n, first[1] / first_n} : Plane{1, 0}, best);
-  if (best.inside || quickly) return best.u;
+  if (best.inside || quickly) return answer();
   constexpr Real kHalf = Real(0.70710678118654752);
   constexpr Plane kAround[8] = {{1, 0},  {kHalf, kHalf},   {0, 1},  {-kHalf, kHalf},
                                 {-1, 0}, {-kHalf, -kHalf}, {0, -1}, {kHalf, -kHalf}};
@@ -201,8 +207,9 @@ PerMass<Real> nearest_in_cone(const Projector& projector, const Cone& cone, bool
     farthest = cost;
     begin = e;
   }
+  best.steps += 8;
   search_direction(projector, cone, begin, best);
-  return best.u;
+  return answer();
 }
 
 }  // namespace
@@ -244,23 +251,24 @@ Projection projected(const AffineForces& forces, int mass_count, const Cone& con
   if (std::isinf(cone.friction)) {
     out.u = projector.pressed(cone.min_normal_force_n);
   } else {
-    out.u = nearest_in_cone(projector, cone, quickly);
+    out.u = nearest_in_cone(projector, cone, out.steps, quickly);
     if (quickly) {
       // The answer, whatever it is.
     } else if (projector.force(out.u)[2] < cone.min_normal_force_n || !inside(projector, cone, out.u)) {
       Cone tip = cone;
       tip.slack_n = std::fmax(cone.friction * cone.min_normal_force_n, cone.slack_n);
-      const PerMass<Real> safer = nearest_in_cone(projector, tip);
+      const PerMass<Real> safer = nearest_in_cone(projector, tip, out.steps);
       if (inside(projector, cone, safer)) {
         out.u = safer;
       } else {
         // From there the direction is known well enough to find the nominal's own nearest point, as a rule.
-        out.u = nearest_in_cone(projector.from_most_pressed(), tip);
+        out.u = nearest_in_cone(projector.from_most_pressed(), tip, out.steps);
         const Vector3 force = projector.force(out.u);
         const Real size_n = friction_n(force);
         Best best;
         if (size_n > 0) {
           search_direction(projector, tip, {force[0] / size_n, force[1] / size_n}, best);
+          out.steps += best.steps;
         }
         if (best.inside && inside(projector, cone, best.u)) out.u = best.u;
       }

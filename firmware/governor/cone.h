@@ -36,6 +36,7 @@ struct Projection {
   bool bent = false;     // u is not the nominal
   bool empty = false;    // no u of the box lies in the cone; u has the least violation that was found
   Real violation_n = 0;  // how far the force is outside of the cone, > 0 only where it is empty
+  int steps = 0;         // of the search for a direction, each at most mass_count + 1 steps of Newton's method
 };
 
 // How far the force of u is outside of the cone, in N; <= 0: inside.

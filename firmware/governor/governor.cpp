@@ -191,7 +191,7 @@ void detail::command(const BallParams& ball, const GovernorParams& params, const
   governed_for_ramp(ball, params, now, forces_at(ball, now), ramp, clipped(ramp.end, wish), end);
   out.acceleration = end.command.u;
   out.end = end.state;
-  out.rounds = end.rounds;
+  out.cost = cost_of(end);
   GovernorReport& report = out.report;
   report.backup = backup;
   report.empty = end.command.empty;

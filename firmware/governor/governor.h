@@ -56,7 +56,7 @@ struct GovernorOutput {
   PerMass<Real> acceleration{};  // at the tick's end
   RobotState end;                // predicted there
   GovernorReport report;
-  int rounds = 0;  // of the projection
+  int cost = 1;  // of the projection, in steps of a rollout that is not bent
 };
 
 // The nominal's accelerations at a tick's end.
@@ -105,8 +105,8 @@ void govern(const BallParams& ball, const GovernorParams& params, const RobotSta
             const NominalEnd& nominal, const Law& law, std::int64_t tick, GovernorState& state, GovernorOutput& out) {
   detail::decide(params, now, tick, state);
   detail::command(ball, params, state, now, ramp, nominal, tick, out);
-  // A round costs about as much as a step of the search, which waits for it: the two never cost their most together.
-  const int work = params.work_per_tick - kMovingStepWork * (out.rounds - 1);
+  // The search waits for a costly projection: the two never cost their most in the same tick.
+  const int work = params.work_per_tick - kMovingStepWork * (out.cost - 1);
   state.candidate.advance(ball, params, law, state.bends, work);
 }
 

@@ -139,6 +139,7 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   }
   GovernedRamp end;
   governed_for_ramp(ball, params, state_, forces_, ramp, wanted, end);
+  cost_ = cost_of(end);
   state_ = end.state;
   forces_ = end.forces;
   time_s_ = end_s;

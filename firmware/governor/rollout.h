@@ -69,7 +69,7 @@ class Rollout {
         --left;
       } else {
         step_moving(ball, params, nominal, in_force);
-        left -= kMovingStepWork;
+        left -= kMovingStepWork * cost_;
       }
     }
   }
@@ -136,6 +136,7 @@ class Rollout {
   bool held_ = false;
   bool near_edge_ = false;
   bool bends_allowed_ = true;
+  int cost_ = 1;  // of the last step of a moving ball, in those that are not bent
   HeldBall held_ball_;
   Real most_use_ = 0;
   Breach breach_;
