@@ -27,8 +27,14 @@ class Examples(Installed):
         said = self.run_in_folder(self.build / example, *arguments, status=status)
         return said, [float(number) for number in re.findall(r"(?<![\w/])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", said)]
 
+    def assert_as_its_comment_says(self, example, said):
+        source = (self.prefix / f"share/doc/ballast/examples/{example}.cpp").read_text()
+        for line in said.splitlines():
+            self.assertIn(f"//   {line}\n", source)
+
     def test_01_tick(self):
         said, numbers = self.numbers("01_tick")
+        self.assert_as_its_comment_says("01_tick", said)
         weight_n = (0.8 + 0.4) * 9.81
         self.assertIn("tick 0: running", said)
         self.assertAlmostEqual(numbers[1], weight_n, delta=5e-4)  # printed with three decimals
@@ -54,7 +60,8 @@ class Examples(Installed):
                                        summary["normal_force"]["min"], summary["mu_required"]["max"]])
 
     def test_04_own_board(self):
-        _, numbers = self.numbers("04_own_board")
+        said, numbers = self.numbers("04_own_board")
+        self.assert_as_its_comment_says("04_own_board", said)
         pulses = round(0.2 * 3200 / (2 * math.pi))  # the motion of test_01_tick
         self.assertEqual(numbers, [2005, pulses, 0, pulses, 2005])
 

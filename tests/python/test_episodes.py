@@ -121,6 +121,10 @@ class Keeping(Policy):
 
 
 class Episodes(unittest.TestCase):
+    def test_a_preloaded_sanitizer_is_there(self):
+        """The loader only warns of a library that it does not find."""
+        self.assertEqual(SANITIZER_LEAK_CHECK is not None, "libasan" in os.environ.get("LD_PRELOAD", ""))
+
     def test_no_episode_breaks_or_leaks(self):
         policy = Policy()
         policy.play(EPISODES)

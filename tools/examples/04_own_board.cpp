@@ -2,7 +2,7 @@
 // functions, and hal::ControlLoop runs the firmware on it. tools/docs/porting.md has the contract of each.
 //
 // This board has no hardware. Its comments say what a real one does. Prints:
-//   2003 ticks, 102 pulses forward, 0 back, motor at 102, 2003 watchdog kicks
+//   2005 ticks, 102 pulses forward, 0 back, motor at 102, 2005 watchdog kicks
 #include <cstdio>
 #include <memory>
 
