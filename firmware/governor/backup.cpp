@@ -266,7 +266,6 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
   out.steps = 0;
   PerMass<Real> moved_end{};
   for (int round = 0; round <= (ramp.quick ? kQuickRounds : kTickRounds); ++round) {
-    out.rounds = round + 1;
     RobotState end = state;
     for (std::size_t i = 0; i < static_cast<std::size_t>(n) && ramp.swing; ++i) {
       if (!swings(params, i)) continue;

@@ -60,13 +60,13 @@ struct GovernedRamp {
   Projection command;
   Vector3 force_W_n = Vector3::Zero();  // there
   Real outside_n = 0;                   // of the cone, <= 0: inside
-  int rounds = 0, steps = 0;            // of the projection, and of its searches in all
+  int steps = 0;                        // of the projection's searches
 };
 
-// What a projection costs, in steps of a rollout that is not bent: its rounds, and the steps of its searches.
+// What a projection costs, in steps of a rollout that is not bent: by the steps of its searches.
 inline int cost_of(const GovernedRamp& ramp) {
-  constexpr int kConeSteps = 16;  // cost as much as a round
-  return ramp.rounds + ramp.steps / kConeSteps;
+  constexpr int kConeSteps = 12;  // cost as much as a step that is not bent
+  return 1 + ramp.steps / kConeSteps;
 }
 
 // The command at the end of a ramp that begins in `state`, where the forces are `at_start`. It keeps the cone there;

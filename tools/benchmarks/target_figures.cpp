@@ -152,7 +152,7 @@ void estimation(const Target& target) {
 // and places from outside.
 void tracking(const Target& target) {
   const auto measured = [&](const char* words, bool tracks, bool estimates) {
-    std::vector<std::string> overrides{"duration=3", "believed.ball.mass=0.82"};
+    std::vector<std::string> overrides{"duration=3", "believed.ball.mass=0.82", "control.governor=false"};
     if (tracks) overrides.emplace_back("control.tracking=true");
     if (estimates) {
       for (const char* more : {"sensors.preset=bmi088_calibrated", "sensors.latency=0.005",
