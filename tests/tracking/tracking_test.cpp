@@ -79,6 +79,20 @@ TEST(Tracking, PushedBallComesBack) {
   }
 }
 
+// Without a motion the ball keeps the place where it hangs in equilibrium: a push rolls it away for good, or not.
+TEST(Tracking, HoldsAPlaceWithoutAMotion) {
+  sim::Scenario plan = desk_ball({"duration=12"});
+  for (sim::Mass& mass : plan.masses) mass.motion.clear();
+  std::mt19937_64 random(1);
+  const sim::Scenario robot = built(plan, {.push = 0.1, .push_time_s = 1}, random);
+  const sil::RunResult held = run(robot, true), free = run(robot, false);
+  EXPECT_EQ(held.end_reason, sil::EndReason::kCompleted);
+  EXPECT_GT(held.distance_m, 0.01);  // it was pushed
+  EXPECT_LT((held.final_sample.position_W_m.head<2>() - plan.initial.position_W_m).norm(), 1e-4);
+  EXPECT_LT(held.final_sample.angular_velocity_B_radps.norm(), 1e-3);
+  EXPECT_GT(free.final_sample.angular_velocity_B_radps.norm(), 0.1);
+}
+
 // A blow throws the ball back. Racing after its place, it would leave its path by an rms of 3.3 mm.
 TEST(Tracking, ThePlanWaitsForABallThatIsFarBehind) {
   sim::Scenario plan = desk_ball({"duration=16"});
