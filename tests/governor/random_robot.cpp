@@ -66,6 +66,7 @@ class Drawing {
       motor.max_step_rate_hz = speed * motor.microsteps_per_rail_unit();
       motor.max_acceleration = acceleration;
       motor.max_jerk = jerk;
+      motor.detent_torque_nm *= has(kDetent);
       const double a = uniform(-0.9, 0.9) * acceleration, s = std::fabs(a) / jerk * uniform(1, 3);
       const double longest = 0.9 * speed / std::fabs(a) - s;
       const double hold = longest > 0 ? uniform(0, longest) : 0, wait = uniform(0, 4) * unit_s_;

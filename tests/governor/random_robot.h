@@ -15,7 +15,8 @@ struct Part {
   unsigned bit;
 };
 inline constexpr unsigned kTurn = 1, kSpin = 2, kCenter = 4, kShell = 8, kMasses = 16, kSlope = 32, kResistance = 64,
-                          kBrakes = 128, kFirstMotion = 256;  // and two more for masses 1 and 2
+                          kBrakes = 128, kDetent = 256,
+                          kFirstMotion = 512;  // and two more for masses 1 and 2
 inline constexpr Part kParts[] = {
     {"turn", kTurn},                // the start is turned
     {"spin", kSpin},                // the ball turns at the start
@@ -25,6 +26,7 @@ inline constexpr Part kParts[] = {
     {"slope", kSlope},              // of a quarter of the floors, at most 2 degrees
     {"resistance", kResistance},    // rolling resistance of a quarter of the floors
     {"brakes", kBrakes},            // half of the motions come back to rest
+    {"detent", kDetent},            // the motors' detent torque
     {"motion0", kFirstMotion},      // mass 0 moves
     {"motion1", 2 * kFirstMotion},  // mass 1
     {"motion2", 4 * kFirstMotion},  // mass 2
