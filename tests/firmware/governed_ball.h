@@ -2,6 +2,8 @@
 // exact sensors. One Runge-Kutta step per control tick; accelerations are linear in a tick.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -21,6 +23,7 @@ class GovernedBall {
     const ParamError error = validate(*params_);
     EXPECT_TRUE(error.ok()) << error.field;
     reset(*params_, *state_);
+    set_truth(params.ball, params.governor.friction);
     ball.orientation = params.estimation.initial_orientation;
     ball.angular_velocity_B_radps = params.estimation.initial_angular_velocity_B_radps;
     ball.position_W_m = params.estimation.initial_position_W_m;
@@ -28,6 +31,12 @@ class GovernedBall {
       points_[static_cast<std::size_t>(i)] = {params.motion[static_cast<std::size_t>(i)].at(0).position, 0, 0};
     }
     in.tick = first_tick;
+  }
+
+  // The ball that rolls, and the friction that it is judged by. Without it they are the believed ones.
+  void set_truth(const BallParams& truth, Real friction) {
+    truth_ = truth;
+    friction_ = friction;
   }
 
   // A control tick. Before tick 0 the ball is held.
@@ -94,8 +103,8 @@ class GovernedBall {
   }
   void judge(const PerMass<ProfilePoint>& start, Wide s) {
     const RollingForces f =
-        rolling_forces(params_->ball, ball.orientation, ball.angular_velocity_B_radps, masses_at(start, s));
-    const Real use = use_of(params_->governor.friction, f.static_friction_n, f.normal_force_n);
+        rolling_forces(truth_, ball.orientation, ball.angular_velocity_B_radps, masses_at(start, s));
+    const Real use = use_of(friction_, f.static_friction_n, f.normal_force_n);
     if (use > most_use) {
       most_use = use;
       most_use_tick = in.tick;
@@ -113,9 +122,8 @@ class GovernedBall {
     const auto h = static_cast<Real>(params_->control_period_s);
     const auto rate = [&](const RobotState& x, Real s) {
       const RollingForces f =
-          rolling_forces(params_->ball, x.orientation, x.angular_velocity_B_radps, masses_at(start, Wide{s}));
-      return turning_rate(x.orientation, x.angular_velocity_B_radps, f.angular_acceleration_B_radps2,
-                          params_->ball.radius_m);
+          rolling_forces(truth_, x.orientation, x.angular_velocity_B_radps, masses_at(start, Wide{s}));
+      return turning_rate(x.orientation, x.angular_velocity_B_radps, f.angular_acceleration_B_radps2, truth_.radius_m);
     };
     const auto moved = [&](const TurningRate& k, Real s) {
       RobotState x = ball;
@@ -133,6 +141,8 @@ class GovernedBall {
 
   std::unique_ptr<ControllerParams> params_;
   std::unique_ptr<ControllerState> state_;
+  BallParams truth_;
+  Real friction_ = 0;
   PerMass<ProfilePoint> points_{};  // of the masses at the start of the tick
 };
 

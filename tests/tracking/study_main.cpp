@@ -1,7 +1,10 @@
 // The table of tools/docs/tracking.md:
 //   tracking_study [--rows NAME,NAME...] [--first SEED] RUNS PLAN|robots [KEY=VALUE]...
 // Run k of a row has seed SEED + k, whatever the row: the same errors of the robot. `robots`: random desk-like robots
-// by turns. KEY=VALUE overrides keys of the scenario in every row.
+// by turns. KEY=VALUE overrides keys of the scenario in every row. Columns: robot, runs, row; rms distance over the
+// path without and with tracking, in per cent, median, 95 % and worst; of the tracked runs in 95 %: final distance over
+// the path in per cent, final speed over sqrt(g r), greatest f_s / N; runs that did not complete, that were worse than
+// without tracking, that the governor refused; ticks that it bent, in per cent, in 95 %.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -76,8 +79,9 @@ class Plans {
 
 // Results of a row: parts of the path, but for speed (of sqrt(g r)) and friction.
 struct Results {
-  std::vector<double> open, tracked, final_place, speed, friction;
+  std::vector<double> open, tracked, final_place, speed, friction, bent;
   int broken = 0, worse = 0;  // ended early; further off than open loop
+  int refused = 0;            // not started
 
   void add(const sim::Scenario& plan, const sil::RunResult& with, const sil::RunResult& without) {
     const double path_m = with.tracking->path_length_m;
@@ -86,17 +90,23 @@ struct Results {
     final_place.push_back(with.tracking->final_m / path_m);
     speed.push_back(with.final_sample.velocity_W_mps.norm() / std::sqrt(plan.gravity_mps2 * plan.ball.radius_m));
     friction.push_back(with.extrema.mu_required_max.value);
+    bent.push_back(with.governor ? with.governor->share(with.governor->bent_ticks) : 0);
     broken += with.end_reason != sil::EndReason::kCompleted ? 1 : 0;
     worse += with.tracking->rms_m > without.tracking->rms_m ? 1 : 0;
   }
 
   void print(const std::string& plan, const char* row) const {
+    if (open.empty()) {
+      fmt::print("| {} | 0 | {} | {} refused |\n", plan, row, refused);
+      return;
+    }
     const auto percent = [](const std::vector<double>& values, double part) { return 100 * quantile(values, part); };
     fmt::print(
-        "| {} | {} | {} | {:.2f}, {:.2f}, {:.2f} | {:.2f}, {:.2f}, {:.2f} | {:.2f} | {:.4f} | {:.3f} | {} | {} |\n",
+        "| {} | {} | {} | {:.2f}, {:.2f}, {:.2f} | {:.2f}, {:.2f}, {:.2f} | {:.2f} | {:.4f} | {:.3f} | {} | {} | {} | "
+        "{:.0f} |\n",
         plan, open.size(), row, percent(open, 0.5), percent(open, 0.95), percent(open, 1), percent(tracked, 0.5),
         percent(tracked, 0.95), percent(tracked, 1), percent(final_place, 0.95), quantile(speed, 0.95),
-        quantile(friction, 0.95), broken, worse);
+        quantile(friction, 0.95), broken, worse, refused, percent(bent, 0.95));
     std::fflush(stdout);
   }
 };
@@ -113,7 +123,18 @@ void study(const Request& request, const Plans& plans, const Row& row) {
     const sim::Scenario& plan = scenarios[static_cast<std::size_t>(k) % scenarios.size()];
     std::mt19937_64 random(seed);
     const sim::Scenario robot = built(plan, row.disturbance, random);
-    const sil::RunResult with = run(robot, true), without = run(robot, false);
+    const sil::RunResult with = run(robot, true);
+    if (with.refusal) {
+      ++results.refused;  // by the governor
+      continue;
+    }
+    if (with.end_reason != sil::EndReason::kCompleted) {
+      fmt::print(stderr, "{}: seed {}, plan {}: {} at {:.3f} s, controller's faults {}, monitor's {}\n", row.name, seed,
+                 static_cast<std::size_t>(k) % scenarios.size(), sil::to_string(with.end_reason),
+                 with.final_sample.time_s, with.controller_trip ? with.controller_trip->faults : 0,
+                 static_cast<int>(with.trip.cause));
+    }
+    const sil::RunResult without = run(robot, false);
     const double path_m = with.tracking->path_length_m;
     results.add(plan, with, without);
     if (results.tracked.back() < most) continue;

@@ -39,6 +39,20 @@ TEST(Tracking, KeepsARobotWithErrorsOnItsPlan) {
   }
 }
 
+// The bars of issue 22 with an estimated state: 3 % of the path, and 1 % with a fix of 5 mm ten times per second.
+TEST(Tracking, KeepsTheBarsByItsEstimate) {
+  const std::string part = "sensors.preset=bmi088_calibrated";
+  const std::vector<std::string> fix{part, "sensors.position_fix.rate=10", "sensors.position_fix.noise=0.005"};
+  for (const auto& [sensors, bar] : {std::pair{std::vector{part}, 0.03}, std::pair{fix, 0.01}}) {
+    std::mt19937_64 random(1);
+    const sim::Scenario plan = desk_ball(sensors);
+    const sim::Scenario robot = built(plan, {.mass = 0.05, .center_of_mass = 0.005, .tilt_rad = 3 * kDegree}, random);
+    const sil::RunResult tracked = run(robot, true);
+    EXPECT_EQ(tracked.end_reason, sil::EndReason::kCompleted);
+    EXPECT_LT(part_of_path(tracked), bar);
+  }
+}
+
 TEST(Tracking, SteppersFollowToo) {
   std::mt19937_64 random(1);
   const sim::Scenario plan = desk_ball({"run.actuation=stepper", "duration=6"});

@@ -156,6 +156,46 @@ struct Bench {
   [[nodiscard]] Real bend() const { return *std::max_element(largest_bend.begin(), largest_bend.end()); }
 };
 
+// The certificate's plan, run to its end from where the bench is: the nominal up to its switch, then the backup. Where
+// it holds for ever, for 2.5 horizons after the switch.
+struct ExecutedPlan {
+  Real most_use = 0;    // f_s / (friction N)
+  Real backup_use = 0;  // the same while the backup runs
+  std::int64_t backup_use_tick = 0;
+};
+
+inline ExecutedPlan execute_plan(const Bench& bench) {
+  const Certificate& certificate = bench.governor.certificate;
+  const Bends& bends = bench.governor.bends;
+  const Wide period_s = bench.params.control_period_s;
+  const auto long_ticks = static_cast<std::int64_t>(Wide(2.5) * bench.params.horizon_s / period_s);
+  const std::int64_t until = certificate.until_tick == kForEverTick
+                                 ? std::max(certificate.switch_tick, bench.tick) + long_ticks
+                                 : certificate.until_tick;
+  ExecutedPlan out;
+  RobotState state = bench.state;
+  for (std::int64_t tick = bench.tick; tick < until; ++tick) {
+    const bool nominal = bench.governor.mode == GovernorMode::kNominal && tick < certificate.switch_tick;
+    const Ramp ramp = ramp_of(bench.ball, bench.params, state);
+    PerMass<Real> wish =
+        nominal ? bench.law(tick + 1)(0, state).u : braking(bench.params, state, bench.ball.mass_count);
+    const PerMass<Real> bend = bends.at(static_cast<Wide>(tick + 1 - bends.start_tick()) * period_s, period_s);
+    for (std::size_t i = 0; i < wish.size(); ++i) {
+      wish[i] = std::fmin(std::fmax(wish[i] + bend[i], ramp.end.lower[i]), ramp.end.upper[i]);
+    }
+    GovernedRamp now;
+    governed_for_ramp(bench.ball, bench.params, state, forces_at(bench.ball, state), ramp, wish, now);
+    state = moved(bench.ball, state, now.command.u, static_cast<Real>(period_s));
+    const RollingForces f = forces_of(bench.ball, state, state.mass_acceleration);
+    const Real use = use_of(bench.params.friction, f.static_friction_n, f.normal_force_n);
+    out.most_use = std::fmax(out.most_use, use);
+    if (nominal || use < out.backup_use) continue;
+    out.backup_use = use;
+    out.backup_use_tick = tick;
+  }
+  return out;
+}
+
 // sim/scenarios/paper_ball.toml with ideal masses.
 inline std::unique_ptr<Bench> paper_bench(Real friction) {
   auto bench = std::make_unique<Bench>();

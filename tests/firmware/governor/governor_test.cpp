@@ -60,28 +60,9 @@ TEST(Governor, CertifiedBackupsHoldWhenTheyRun) {
       bench->step();
       if (random() % 1000 != 0 || bench->governor.mode != GovernorMode::kNominal) continue;
       ++forks;
-      const Certificate& certificate = bench->governor.certificate;
-      const Bends& bends = bench->governor.bends;
-      RobotState state = bench->state;
-      Real most = 0;
-      const std::int64_t until = certificate.until_tick == kForEverTick ? bench->tick + 40000 : certificate.until_tick;
-      for (std::int64_t tick = bench->tick; tick < until; ++tick) {
-        const bool nominal = tick < certificate.switch_tick;
-        const Ramp ramp = testing::ramp_of(bench->ball, bench->params, state);
-        PerMass<Real> wish = nominal ? bench->law(tick + 1)(0, state).u : braking(bench->params, state, 3);
-        const PerMass<Real> bend = bends.at(static_cast<Wide>(tick + 1 - bends.start_tick()) * 0.001, 0.001);
-        for (std::size_t i = 0; i < 3; ++i) {
-          wish[i] = std::fmin(std::fmax(wish[i] + bend[i], ramp.end.lower[i]), ramp.end.upper[i]);
-        }
-        GovernedRamp now;
-        governed_for_ramp(bench->ball, bench->params, state, forces_at(bench->ball, state), ramp, wish, now);
-        state = testing::moved(bench->ball, state, now.command.u, Real(0.001));
-        const RollingForces f = testing::forces_of(bench->ball, state, state.mass_acceleration);
-        const Real use = use_of(friction, f.static_friction_n, f.normal_force_n);
-        ASSERT_LE(use, 1) << "friction " << friction << ", from tick " << bench->tick << ", in " << tick;
-        if (!nominal) most = std::fmax(most, use);
-      }
-      worst = std::fmax(worst, std::fabs(certificate.margin - (1 - most)));
+      const testing::ExecutedPlan plan = testing::execute_plan(*bench);
+      ASSERT_LE(plan.most_use, 1) << "friction " << friction << ", from tick " << bench->tick;
+      worst = std::fmax(worst, std::fabs(bench->governor.certificate.margin - (1 - plan.backup_use)));
     }
   }
   std::printf("%d backups, margin off by %.4f at most\n", forks, worst);

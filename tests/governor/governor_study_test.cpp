@@ -1,0 +1,69 @@
+// Few runs of the searches of tools/docs/governor.md.
+#include <gtest/gtest.h>
+
+#include "tests/governor/judged_run.h"
+#include "tests/random_seed.h"
+
+namespace ballast::governor_test {
+namespace {
+
+// Robots that are started by random seeds, and how many of them leave the cone without the governor.
+template <class Run>
+void expect_inside(int robots, std::uint64_t first, const Draw& kind, const Run& run) {
+  int started = 0, broken_without = 0;
+  for (std::uint64_t seed = first; started < robots && seed < first + 20 * static_cast<std::uint64_t>(robots); ++seed) {
+    Draw draw = kind;
+    draw.seed = seed;
+    const Judged governed = run(draw, true);
+    if (!governed.started) continue;
+    ++started;
+    EXPECT_FALSE(governed.broken) << "seed " << seed << ": " << governed.most_use;
+    broken_without += run(draw, false).broken ? 1 : 0;
+  }
+  std::printf("%d started, %d left the cone without the governor\n", started, broken_without);
+  EXPECT_EQ(started, robots);
+}
+
+TEST(GovernorStudy, IdealMassesStayInsideTheCone) {
+  const std::uint64_t first = test::random_seed(1);
+  expect_inside(15, first, {}, [](const Draw& draw, bool governed) { return run_ideal(draw, governed); });
+}
+
+TEST(GovernorStudy, SteppersStayInsideTheCone) {
+  const std::uint64_t first = test::random_seed(1);
+  Draw kind;
+  kind.steppers = true;
+  expect_inside(5, first, kind, [](const Draw& draw, bool governed) { return run_plant(draw, governed); });
+}
+
+TEST(GovernorStudy, PlansHoldFromAnyInstant) {
+  const std::uint64_t first = test::random_seed(1);
+  int forks = 0;
+  for (std::uint64_t seed = first; seed < first + 20; ++seed) {
+    Draw draw;
+    draw.seed = seed;
+    const Instants found = fork_at_instants(draw, 2);
+    forks += found.forks;
+    EXPECT_EQ(found.broken, 0) << "seed " << seed << ": " << found.worst_use;
+    EXPECT_LE(found.near.worst, 0.02) << "seed " << seed;  // issue 22
+    EXPECT_LE(found.for_ever.worst, 0.02) << "seed " << seed;
+  }
+  EXPECT_GT(forks, 10);
+}
+
+// A part that is left out changes no other.
+TEST(GovernorStudy, LeavesPartsOut) {
+  Draw draw;
+  draw.seed = 3;
+  const sim::Scenario whole = random_robot(draw);
+  draw.without = kSpin | kTurn;
+  const sim::Scenario part = random_robot(draw);
+  EXPECT_EQ(part.initial.angular_velocity_B_radps.norm(), 0);
+  EXPECT_EQ(part.surface.static_friction, whole.surface.static_friction);
+  EXPECT_EQ(part.masses[2].mass_kg, whole.masses[2].mass_kg);
+  EXPECT_EQ(part.masses[2].motor.max_jerk, whole.masses[2].motor.max_jerk);
+  EXPECT_EQ(to_string(draw.without), "turn,spin");
+}
+
+}  // namespace
+}  // namespace ballast::governor_test

@@ -1,0 +1,132 @@
+#include "tests/governor/judged_run.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <memory>
+#include <random>
+#include <stdexcept>
+
+#include "sim/scenario/fingerprint.h"
+#include "tests/firmware/governed_ball.h"
+#include "tests/firmware/governor/bench.h"
+#include "tests/tracking/study.h"
+#include "tools/program/params.h"
+
+namespace ballast::governor_test {
+
+namespace {
+
+using firmware::Real;
+using firmware::Wide;
+
+std::unique_ptr<firmware::ControllerParams> params_of(const sim::Scenario& scenario) {
+  auto params = std::make_unique<firmware::ControllerParams>();
+  if (const auto why = program::to_controller_params(scenario, *params)) throw std::runtime_error(*why);
+  return params;
+}
+
+}  // namespace
+
+Judged run_ideal(const Draw& draw, bool governed, bool declared) {
+  const sim::Scenario scenario = random_robot(draw);
+  const auto params = params_of(scenario);
+  params->governor.on = governed;
+  firmware::testing::GovernedBall ball(*params);
+  firmware::BallParams truth;
+  if (const auto why = program::to_ball_params(scenario, truth)) throw std::runtime_error(*why);
+  ball.set_truth(truth, static_cast<Real>(scenario.surface.static_friction));
+  ball.start();
+  Judged out;
+  out.started = ball.out.status.mode == firmware::Mode::kRunning;
+  if (!out.started) return out;
+  firmware::StateErrors errors;
+  errors.mass_share = static_cast<Real>(draw.mass_error);
+  errors.center_of_mass_m = static_cast<Real>(draw.center_error * scenario.ball.radius_m);
+  firmware::Sensitivity sensitivity;
+  const auto end_tick = static_cast<std::int64_t>(scenario.duration_s / scenario.run.control_period_s);
+  while (ball.in.tick < end_tick) {
+    ball.tick();
+    if (!declared) continue;
+    const firmware::RobotState robot = ball.robot();
+    firmware::PerMass<Real> u{};
+    for (std::size_t i = 0; i < u.size(); ++i) u[i] = static_cast<Real>(ball.out.status.next[i].acceleration);
+    sensitivity.advance(params->ball, params->governor.friction, robot, u, errors);
+    ball.state().governing.params.uncertain = sensitivity.share(params->ball.mass_count);
+  }
+  out.most_use = static_cast<double>(ball.most_use);
+  out.time_s = static_cast<double>(ball.most_use_tick) * scenario.run.control_period_s;
+  out.broken = !(out.most_use <= 1);
+  out.largest_bend = static_cast<double>(ball.largest_bend);
+  if (ball.out.status.mode != firmware::Mode::kRunning) out.other = fmt::format("faults {}", ball.out.status.faults);
+  return out;
+}
+
+Judged run_plant(const Draw& draw, bool governed) {
+  sim::Scenario scenario = random_robot(draw);
+  scenario.control.governor = governed;
+  const sil::RunResult result = tracking_test::run(scenario, false);
+  Judged out;
+  // A ball that breaks the cone as it is set down is not governed for a tick.
+  out.started = governed ? result.governor.has_value() : !result.refusal;
+  if (!out.started) return out;
+  out.most_use = result.extrema.mu_required_max.value / scenario.surface.static_friction;
+  out.time_s = result.extrema.mu_required_max.time_s;
+  out.broken = !(out.most_use <= 1) || result.rolling_lost;
+  out.motors_added = result.motor_share.mu_required.difference() / scenario.surface.static_friction;
+  if (result.governor) {
+    out.allowed = result.governor->motor_allowance / scenario.surface.static_friction;
+    const auto& bends = result.governor->largest_bend;
+    out.largest_bend = *std::max_element(bends.begin(), bends.end());
+  }
+  if (result.end_reason != sil::EndReason::kCompleted && !out.broken) {
+    out.other = fmt::format("{} at {:.4f} s", sil::to_string(result.end_reason), result.final_sample.time_s);
+  }
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    if (result.motors[i].slips > 0) out.other += fmt::format("{}mass {} lost steps", out.other.empty() ? "" : ", ", i);
+  }
+  return out;
+}
+
+Instants fork_at_instants(const Draw& draw, int count) {
+  const sim::Scenario scenario = random_robot(draw);
+  const auto params = params_of(scenario);
+  firmware::testing::Bench bench;
+  bench.ball = params->ball;
+  bench.params = firmware::governor_params(*params);
+  bench.motion = params->motion;
+  bench.bandwidth_radps = std::sqrt(bench.ball.gravity_mps2 / bench.ball.radius_m);
+  bench.state.orientation = params->estimation.initial_orientation;
+  bench.state.angular_velocity_B_radps = params->estimation.initial_angular_velocity_B_radps;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    bench.state.mass_position[i] = static_cast<Real>(bench.motion[i].at(0).position);
+    bench.state.mass_velocity[i] = static_cast<Real>(bench.motion[i].at(0).velocity);
+  }
+  Instants out;
+  if (!bench.start()) return out;
+  const auto end_tick = static_cast<std::int64_t>(scenario.duration_s / scenario.run.control_period_s);
+  std::mt19937_64 random(draw.seed);
+  std::vector<std::int64_t> ticks(static_cast<std::size_t>(count));
+  for (std::int64_t& tick : ticks) tick = std::uniform_int_distribution<std::int64_t>(1, end_tick - 1)(random);
+  std::sort(ticks.begin(), ticks.end());
+  for (const std::int64_t tick : ticks) {
+    while (bench.tick < tick) bench.step();
+    const firmware::testing::ExecutedPlan plan = firmware::testing::execute_plan(bench);
+    ++out.forks;
+    out.broken += plan.most_use <= 1 ? 0 : 1;
+    out.worst_use = std::fmax(out.worst_use, static_cast<double>(plan.most_use));
+    if (bench.governor.mode != firmware::GovernorMode::kNominal) continue;
+    const firmware::Certificate& certificate = bench.governor.certificate;
+    const bool for_ever = certificate.until_tick == firmware::kForEverTick;
+    const auto less = static_cast<double>(certificate.margin - (1 - plan.backup_use));
+    const double off = for_ever ? std::fmax(less, 0) : std::fabs(less);
+    const Wide ahead_s = static_cast<Wide>(certificate.switch_tick - tick) * bench.params.control_period_s;
+    Instants::Margins& margins = for_ever ? out.for_ever : ahead_s <= bench.params.horizon_s ? out.near : out.far;
+    ++margins.count;
+    margins.off += off <= 0.02 ? 0 : 1;
+    margins.worst = std::fmax(margins.worst, off);
+  }
+  return out;
+}
+
+}  // namespace ballast::governor_test
