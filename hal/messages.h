@@ -254,7 +254,8 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(m.damping_ratio, Real())
       .field(m.microstep, Real())
       .field(m.full_step, Real())
-      .field(m.step_error, Real());
+      .field(m.step_error, Real())
+      .field(m.detent, Real());
 }
 
 template <class V, Of<firmware::GovernorSettings> M>

@@ -232,6 +232,7 @@ void check_swing(const MotorSwing& swing, int i, Checker& check) {
   check.not_negative(swing.microstep, "governor.swing.microstep", i);
   check.not_negative(swing.full_step, "governor.swing.full_step", i);
   check.not_negative(swing.step_error, "governor.swing.step_error", i);
+  check.not_negative(swing.detent, "governor.swing.detent", i);
   const bool swings = swing.natural_radps > 0;
   check.require(!swings || swing.microstep > 0, "governor.swing.microstep", i, swing.microstep,
                 "> 0 where the motor swings");

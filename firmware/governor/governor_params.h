@@ -15,6 +15,7 @@ struct MotorSwing {
   Real microstep = 0;      // rail units
   Real full_step = 0;      // rail units
   Real step_error = 0;     // largest error of a full step, as a part of it
+  Real detent = 0;         // greatest acceleration of the mass by the motor's detent torque, rail units / s^2
 };
 
 // Limits of a mass, rail units. Infinite where there is none, but max_acceleration is finite and > 0.

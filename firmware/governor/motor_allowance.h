@@ -9,19 +9,20 @@
 
 namespace ballast::firmware {
 
-// Acceleration of a swinging mass for an excitation of its field at r times the natural frequency, over natural^2 times
-// the excitation's amplitude: r^2 / sqrt((1 - r^2)^2 + (2 zeta r)^2), but at least 1, which it is far above resonance.
-inline Real swing_gain(Real r, Real damping_ratio) {
+// Acceleration of a swinging mass for an excitation at r times the natural frequency, over that of a free mass: r^2 /
+// sqrt((1 - r^2)^2 + (2 zeta r)^2). The excitation's own is natural^2 times the amplitude of its field.
+inline Real resonance(Real r, Real damping_ratio) {
   const Real square = r * r, off = 1 - square, damped = 2 * damping_ratio * r;
   const Real below = off * off + damped * damped;
-  if (!(below > 0)) return 1;
-  const Real gain = square / std::sqrt(below);
-  return gain > 1 ? gain : 1;
+  return below > 0 ? square / std::sqrt(below) : 1;
 }
+// The same of an excitation that also has higher frequencies: at least 1, which it is far above resonance.
+inline Real swing_gain(Real r, Real damping_ratio) { return std::fmax(resonance(r, damping_ratio), Real(1)); }
 
 // Bound of |true - commanded| acceleration of a mass that moves at a steady speed, in rail units / s^2. Its field is
-// off by half a microstep at the microsteps' frequency, and by step_error of a full step at the full steps'. What is
-// left after a jump of the commanded acceleration is not in it. 0 at rest: the field does not move.
+// off by half a microstep at the microsteps' frequency, and by step_error of a full step at the full steps'; the detent
+// torque is a sine at the full steps'. What is left after a jump of the commanded acceleration is not in it. 0 at rest:
+// the field does not move.
 inline Real acceleration_error(const MotorSwing& swing, Real velocity) {
   const Real speed = std::fabs(velocity);
   if (!(swing.natural_radps > 0) || speed == 0) return 0;
@@ -30,7 +31,8 @@ inline Real acceleration_error(const MotorSwing& swing, Real velocity) {
   const Real square = swing.natural_radps * swing.natural_radps;
   return square *
          (swing.microstep / 2 * swing_gain(per_unit / swing.microstep, swing.damping_ratio) +
-          2 * swing.step_error * swing.full_step * swing_gain(per_unit / swing.full_step, swing.damping_ratio));
+          2 * swing.step_error * swing.full_step * swing_gain(per_unit / swing.full_step, swing.damping_ratio)) +
+         swing.detent * resonance(per_unit / swing.full_step, swing.damping_ratio);
 }
 
 }  // namespace ballast::firmware

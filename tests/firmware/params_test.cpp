@@ -466,6 +466,8 @@ TEST(Validate, Governor) {
           [](auto& p) -> Real& { return p.governor.swing[1].full_step; });
   refused("governor.swing.step_error", 1, {-1, kNan, kInfinity},
           [](auto& p) -> Real& { return p.governor.swing[1].step_error; });
+  refused("governor.swing.detent", 1, {-1, kNan, kInfinity},
+          [](auto& p) -> Real& { return p.governor.swing[1].detent; });
   // sqrt(r / g) = 1 s: a tick may last less than 50 ms.
   expect_refused("control_period_s", -1, [&](auto& p) {
     governed(p);

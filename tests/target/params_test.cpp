@@ -166,7 +166,7 @@ std::vector<Change> changes() {
   }
   {
     [[maybe_unused]] const auto& [on, friction, friction_use, min_normal_force, swing] = robot.params.governor;
-    [[maybe_unused]] const auto& [natural, damping, microstep, full_step, step_error] = swing[0];
+    [[maybe_unused]] const auto& [natural, damping, microstep, full_step, step_error, detent] = swing[0];
     number(
         "governor.on", [](Robot & r) -> auto& { return r.params.governor.on; });
     number(
@@ -186,6 +186,7 @@ std::vector<Change> changes() {
       of("microstep", &Swing::microstep);
       of("full_step", &Swing::full_step);
       of("step_error", &Swing::step_error);
+      of("detent", &Swing::detent);
     }
   }
   {

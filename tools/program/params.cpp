@@ -99,6 +99,7 @@ firmware::MotorSwing to_motor_swing(const sim::Mass& mass) {
   swing.microstep = 1 / motor.microsteps_per_rail_unit();
   swing.full_step = motor.microsteps * swing.microstep;
   swing.step_error = motor.step_error;
+  swing.detent = motor.detent_torque_nm * std::fabs(motor.shaft_ratio) / mass.moving_inertia();
   return swing;
 }
 
