@@ -21,7 +21,7 @@ _buses = itertools.count(20000 + os.getpid() % 8000 * 4)
 # With 250 ticks per second a busy machine may keep the reader waiting for 0.2 s until the bus loses messages.
 SLOW_TICKS = ["--set", "run.control_period=0.004"]
 RUN = ["desk_ball", *SLOW_TICKS, "--set", "duration=3600"]
-GOVERNED = [*RUN, "--set", "control.governor=true", "--set", "run.actuation=ideal"]
+GOVERNED = ["desk_ball", "--set", "duration=3600", "--set", "control.governor=true", "--set", "run.actuation=ideal"]
 # Frames per second are the bar on a machine with nothing else to do. A busy one has to take no more processor time for
 # each than two cores have in 1/30 s.
 MOST_CPU_PER_FRAME_S = 2 / 30
@@ -190,10 +190,11 @@ class Live(unittest.TestCase):
         self.start_run(*GOVERNED, "--by-hand")
         self.until_mode("armed")
         self.click("#take")
-        self.until("document.querySelector('#flags').innerText.includes('governed')")
-        self.assertIn("Halt the ball", self.text("#brake"))
+        self.until("!document.querySelector('[data-do=start]').disabled")
         self.click("[data-do=start]")
         self.until_mode("running")
+        self.until("document.querySelector('#flags').innerText.includes('governed')")
+        self.until("document.querySelector('#brake').innerText.includes('Halt the ball')")
         self.until_moved([0, 0, 0.15], 0.1)
         self.press(" ")
         self.until_said(": halt")

@@ -193,12 +193,15 @@ void LiveFeed::say_what_changed(const controller_status_t& before, const control
 // The prediction of a stop or a move, which may be complete before it begins or after its end.
 void LiveFeed::say_plan(const controller_status_t& status) {
   if (!said_plan_tick_) said_plan_tick_ = status.plan_tick;  // a plan before the first status is not told
-  if (status.mode == controller_status_t::MODE_STOPPING || status.mode == controller_status_t::MODE_MOVING)
-    planned_mode_ = status.mode;
+  const bool moves =
+      status.mode == controller_status_t::MODE_PENDING || status.mode == controller_status_t::MODE_MOVING;
+  if (moves) plan_moves_ = true;
+  if (status.mode == controller_status_t::MODE_RUNNING || status.mode == controller_status_t::MODE_STOPPING)
+    plan_moves_ = false;
   const bool told = status.planned != 0 && status.plan_tick != *said_plan_tick_;
   if (!told || status.mode == controller_status_t::MODE_PENDING) return;
   said_plan_tick_ = status.plan_tick;
-  say(Kind::kPlan, sil::mode_text(planned_mode_) + ", " + sil::plan_text(status));
+  say(Kind::kPlan, std::string(plan_moves_ ? "moving, " : "stopping, ") + sil::plan_text(status));
 }
 
 void LiveFeed::say(Kind kind, const std::string& text) {

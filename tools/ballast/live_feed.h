@@ -69,7 +69,7 @@ class LiveFeed {
   std::int64_t events_ = 0;
   std::string sent_state_;
   std::optional<std::int64_t> said_plan_tick_;  // of the newest plan that has been told
-  std::int8_t planned_mode_ = 0;                // the newest of stopping and moving
+  bool plan_moves_ = false;                     // the newest plan is a move's; else a stop's
   std::optional<contact_t> contact_;
   std::optional<plant_state_t> state_;
   std::optional<controller_status_t> status_;
