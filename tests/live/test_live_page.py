@@ -173,16 +173,17 @@ class Live(unittest.TestCase):
         self.assertIn("Nobody holds the controls", self.text("#holder"))
         self.until_said("armed, at rest at ")
         self.end(run)
-        self.until_mode("ended")
-        self.until_said("the run ended at t = ")
+        self.until("document.getElementById('status').textContent.startsWith('Nothing heard for ')")
         self.assert_clean()
-        # The next run, of another robot, in the same page.
-        self.start_run("paper_ball", "--speed", "1", *SLOW_TICKS)
+        # The next run, of another robot, in the same page; it comes to its end.
+        self.start_run("paper_ball", "--speed", "1", *SLOW_TICKS, "--set", "duration=6")
         self.until("document.getElementById('name').textContent === 'paper_ball'")
         self.until_mode("running")
         self.until("window.ballastLive.scene.radius === 1")
         self.until_moved(self.place(), 0.1)
         self.assertEqual(self.js("return document.querySelectorAll('#plots .panel').length"), 4)
+        self.until_mode("ended")
+        self.until_said("the run ended at t = 6 s")
         self.assert_clean()
 
     def test_a_governed_ball_is_halted_by_the_space_bar(self):
