@@ -8,6 +8,7 @@ const element = (id) => document.getElementById(id);
 const percent = (value) => (Number.isFinite(value) ? (100 * value).toFixed(0).replace("-", "−") : "–");
 const decimals = (value) => (Number.isFinite(value) ? value.toFixed(3) : "–");
 const place = (x, y) => (Number.isFinite(x) ? `${x.toFixed(3)}, ${y.toFixed(3)}`.replace(/-/g, "−") : "–");
+const seconds = (time) => (Math.abs(time) < 0.005 ? "0.00" : time.toFixed(2).replace("-", "−"));
 const within = (value, sigma) => `${numberText(value)} <small>± ${numberText(SIGMAS * sigma)}</small>`;
 
 // The cards: what a card says of the newest sample; `when`: only where the state is so.
@@ -25,7 +26,7 @@ const CARDS = [
   {id: "place", label: "Place", unit: "m", text: (at) => place(at("position_0"), at("position_1"))},
   {
     id: "backup",
-    label: "Margin of the certified stop",
+    label: "Certified margin",
     unit: "%",
     when: ({governed}) => governed,
     text: (at) => percent(at("backup_margin"))
@@ -118,7 +119,7 @@ export class Readings {
     const regime = ["rolling", "sliding", "flight"][at("regime")] ?? "";
     const label = element("regime");
     if (label.textContent !== regime) [label.textContent, label.className] = [regime, `regime ${regime}`];
-    element("time").textContent = samples.end.toFixed(2).replace("-", "−");
+    element("time").textContent = seconds(samples.end);
   }
 
   // The last lines in words, newest first.
@@ -127,7 +128,7 @@ export class Readings {
       const item = document.createElement("li"), when = document.createElement("span");
       item.className = kind;
       when.className = "when";
-      when.textContent = time === undefined ? "" : `${time.toFixed(2).replace("-", "−")} s`;
+      when.textContent = time === undefined ? "" : `${seconds(time)} s`;
       item.append(when, ` ${text}`);
       return item;
     });
