@@ -46,7 +46,11 @@ class FedServer:
                                         stderr=subprocess.PIPE)
         line = self.process.stderr.readline().decode()
         found = re.match(r"ballast: open (http://[^/]+:(\d+)/([\w-]+)/)$", line)
-        assert found, line + self.process.stderr.read().decode()
+        if not found:
+            self.process.stdin.close()
+            said = line + self.process.stderr.read().decode()
+            self.__exit__()
+            raise AssertionError(said)
         self.address, self.port, self.token = found[1], int(found[2]), found[3]
         self.foxglove = self.process.stderr.readline().decode().split()[-1]
         threading.Thread(target=self._read, daemon=True).start()

@@ -7,8 +7,12 @@ import http.client
 import json
 import math
 import os
+import re
+import signal
 import socket
+import subprocess
 import sys
+import tempfile
 import time
 import unittest
 from pathlib import Path
@@ -57,6 +61,17 @@ async def viewer_of(server, path=None, subprotocols=(SUBPROTOCOL,), **options):
     async with websockets.connect(url, subprotocols=list(subprotocols) or None, max_size=None, ping_interval=None,
                                   **options) as found:
         yield Viewer(found)
+
+
+def raw_viewer(port, token):
+    """A connection after a websocket's handshake, whose frames are up to the caller."""
+    raw = socket.create_connection(("127.0.0.1", port), PATIENCE_S)
+    key = base64.b64encode(os.urandom(16)).decode()
+    raw.sendall((f"GET /{token}/ HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+                 f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: {SUBPROTOCOL}\r\n\r\n"
+                 ).encode())
+    assert b"101" in raw.recv(64)
+    return raw
 
 
 class ServerTest(unittest.IsolatedAsyncioTestCase):
@@ -176,14 +191,8 @@ class Strangers(ServerTest):
         await self.works()
 
     def handshake(self):
-        """A raw connection after a websocket's handshake."""
-        raw = socket.create_connection(("127.0.0.1", self.server.port), PATIENCE_S)
+        raw = raw_viewer(self.server.port, self.server.token)
         self.addCleanup(raw.close)
-        key = base64.b64encode(os.urandom(16)).decode()
-        raw.sendall((f"GET /{self.server.token}/ HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-                     f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: {SUBPROTOCOL}\r\n\r\n"
-                     ).encode())
-        self.assertIn(b"101", raw.recv(64))
         return raw
 
     @staticmethod
@@ -369,7 +378,36 @@ class Shown(ServerTest):
         self.assertLess(used[-1] - used[0], 4, f"MB; {used}")
 
 
+class OnABus(unittest.TestCase):
+    """`ballast live` beside a run."""
+
+    def test_the_run_never_waits(self):
+        bus, ballast = f"udpm://239.255.76.67:{20000 + os.getpid() % 40000}?ttl=0", os.environ["BALLAST"]
+        with (tempfile.TemporaryDirectory() as folder,
+              subprocess.Popen([ballast, "live", "--lcm", bus, "--port", "0"], stderr=subprocess.PIPE, text=True) as live,
+              contextlib.ExitStack() as stack):
+            stack.callback(live.terminate)
+            port, token = re.match(r"ballast: open http://[^:]+:(\d+)/(\S+)/$", live.stderr.readline()).groups()
+            children = Path(f"/proc/{live.pid}/task/{live.pid}/children").read_text(encoding="utf-8").split()
+            for _ in range(MOST_VIEWERS):
+                stack.enter_context(raw_viewer(int(port), token))
+            for stopped in (False, True):
+                if stopped:
+                    os.kill(int(children[0]), signal.SIGSTOP)
+                    stack.callback(os.kill, int(children[0]), signal.SIGCONT)
+                done = subprocess.run([ballast, "run", "desk_ball", "--set", "duration=2", "--speed", "1", "--lcm", bus,
+                                       "--no-log", "--quiet", "--out", folder], capture_output=True, text=True, check=False)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                summary = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
+                # A busy machine delays a run too; a run that waited for a viewer would never end.
+                print(f"a run of 2 s at speed 1 took {summary['wall_time']:.4f} s")
+                self.assertLess(summary["wall_time"], 4)
+
+
 class BeginAndEnd(unittest.IsolatedAsyncioTestCase):
+    async def asyncSetUp(self):
+        asyncio.get_running_loop().slow_callback_duration = PATIENCE_S
+
     async def test_before_the_first_run_and_after_the_input(self):
         with FedServer() as server:
             async with viewer_of(server, subprotocols=["foxglove.sdk.v1"]) as viewer:
