@@ -16,6 +16,7 @@ import known_pictures
 import pictures
 import synthetic_run
 from event_log import LogError
+from known import governed_spans
 from layout import assert_words_apart
 from page import BLUE, GREEN, ORANGE
 from recorded_run import RecordedRun
@@ -107,6 +108,23 @@ class KnownTest(unittest.TestCase):
         self.assertTrue(run.estimate.tilt_deg.known[10:].all())
         self.assertFalse(run.measured.need.known[:20].any())
         self.assertFalse(run.measured.need.known[30])
+
+    def test_the_governors_strips_are_where_it_bent_and_their_shares_those_of_the_summary(self):
+        run = self.recorded(controller=True)
+        self.assertEqual(governed_spans(run), ([], []))
+        run.status = run.status.copy()
+        run.status["command_bent"][:] = (run.status["tick"] >= 20) & (run.status["tick"] < 30)
+        run.status["backup_active"][:] = (run.status["tick"] >= 25) & (run.status["tick"] < 30)
+        run.summary["governor"] = {"bent": 0.25, "backup": 0.125}
+        period_s = run.summary["control_period"]
+        bent, backup = governed_spans(run)
+        # A command is of the tick after its status.
+        np.testing.assert_allclose(bent, [(21 * period_s, 31 * period_s)])
+        np.testing.assert_allclose(backup, [(26 * period_s, 31 * period_s)])
+        names = [text.get_text() for legend in pictures.friction_required(run).findobj(Legend)
+                 for text in legend.get_texts()]
+        self.assertIn("bent by the governor 25 %", names)
+        self.assertIn("on the backup 12 %", names)
 
     def test_flags_are_stretches(self):
         flags = self.recorded().measured.flags

@@ -110,7 +110,12 @@ TEST(GovernedText, SaysWhatWasBentAndWhatWasKept) {
   const std::string governed = " --set control.governor=true --set duration=1";
   EXPECT_SAYS(folder.run("ballast run paper_ball --actuation ideal" + governed).out,
               "governor    on: bent no command; in all its ticks a stop was certified, with a margin of 0.");
-  const std::string bent = folder.run("ballast run paper_ball --set control.friction_use=0.4" + governed).out;
+  const std::string bent = folder
+                               .run(
+                                   "ballast run paper_ball --set control.friction_use=1 --set control.governor=true "
+                                   "--set surface.static_friction=0.17 --set surface.kinetic_friction=0.1 "
+                                   "--set duration=4")
+                               .out;
   EXPECT_SAYS(bent, "governor    on: bent the commands of ");
   EXPECT_SAYS(bent, " % of N free for motors and estimate");
   EXPECT_EQ(folder.run("ballast move desk_ball --mass 0 --to 0.1" + governed).out.find("governor"), std::string::npos);
