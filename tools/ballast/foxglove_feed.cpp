@@ -1,11 +1,7 @@
 #include "tools/ballast/foxglove_feed.h"
 
-#include <array>
-#include <climits>
-
-#include "hal/lcm/channels.h"
+#include "tools/ballast/tick_events.h"
 #include "tools/recording/black_box.h"
-#include "tools/recording/log_event.h"
 #include "tools/sil/robot.h"
 
 namespace ballast {
@@ -72,26 +68,12 @@ void FoxgloveFeed::recognise(std::int64_t scenario_id) {
   ours_ = scenario_id == scenario_id_;
 }
 
-// A batch is either written as a whole or not at all: PIPE_BUF bytes are written at once, and its messages have fewer.
 void FoxgloveFeed::pass_on(double now_s) {
   if (!contact_ || !state_ || contact_->tick != state_->tick) return;
   const bool last = contact_->last != 0 || state_->last != 0;
   if (!ours_ || (!last && now_s - passed_s_ < kEvery_s)) return;
   passed_s_ = now_s;
-  std::array<char, PIPE_BUF> batch;
-  std::size_t size = 0;
-  // All of a batch has the plant's time, so that the timeline does not jump to the tick that a controller answered.
-  const auto add = [&](const char* channel, const auto& message) {
-    const std::size_t more = sil::event_size(channel, message);
-    if (size + more > batch.size()) return;
-    sil::write_event(&batch[size], events_++, state_->utime, channel, message);
-    size += more;
-  };
-  if (status_) add(hal::kChannelControllerStatus, *status_);
-  if (trip_) add(hal::kChannelTrip, *trip_);
-  add(hal::kChannelContact, *contact_);
-  add(hal::kChannelPlantState, *state_);
-  pipe_.offer({batch.data(), size});
+  pipe_.offer(tick_events(*contact_, *state_, status_, trip_, events_));
 }
 
 }  // namespace ballast

@@ -2,17 +2,13 @@
 
 #include <fmt/core.h>
 
-#include <array>
-#include <climits>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "hal/lcm/channels.h"
+#include "tools/ballast/tick_events.h"
 #include "tools/program/short_number.h"
-#include "tools/recording/black_box.h"
-#include "tools/recording/log_event.h"
 #include "tools/sil/robot.h"
 #include "tools/summary/controller_words.h"
 
@@ -217,20 +213,7 @@ void LiveFeed::pass_on(double now_s) {
   passed_s_ = now_s;
   if (!scenario_ && text_run_id_ == run_.run_id()) adopt(text_);
   if (scenario_) {
-    std::array<char, PIPE_BUF> batch;
-    std::size_t size = 0;
-    // All of a batch has the plant's time, so that the timeline does not jump to the tick that a controller answered.
-    const auto add = [&](const char* channel, const auto& message) {
-      const std::size_t more = sil::event_size(channel, message);
-      if (size + more > batch.size()) return;
-      sil::write_event(&batch[size], events_++, state_->utime, channel, message);
-      size += more;
-    };
-    if (status_) add(hal::kChannelControllerStatus, *status_);
-    if (trip_) add(hal::kChannelTrip, *trip_);
-    add(hal::kChannelContact, *contact_);
-    add(hal::kChannelPlantState, *state_);
-    pipe_.offer({batch.data(), size});
+    pipe_.offer(tick_events(*contact_, *state_, status_, trip_, events_));
     pipe_.offer(text_event("live.frame", frame()));
   }
   if (last) end_run(time_of(*state_));
