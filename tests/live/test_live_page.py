@@ -58,6 +58,7 @@ class Live(unittest.TestCase):
         self.bus = f"udpm://239.255.76.67:{next(_buses) % 40000 + 20000}?ttl=0"
         self.live = subprocess.Popen([BALLAST, "live", "--lcm", self.bus, "--port", "0"], stderr=subprocess.PIPE, text=True)
         self.addCleanup(self.end, self.live)
+        self.addCleanup(self.leave)
         self.url = re.match(r"ballast: open (\S+)", self.live.stderr.readline())[1]
 
     @staticmethod
@@ -67,6 +68,11 @@ class Live(unittest.TestCase):
         for stream in (process.stdout, process.stderr):
             if stream is not None:
                 stream.close()
+
+    def leave(self):
+        """Closes the page, which would go on trying to connect."""
+        self.browser.get("about:blank")
+        self.browser.get_log("browser")
 
     def start_run(self, *arguments):
         run = subprocess.Popen([BALLAST, "run", *arguments, "--lcm", self.bus, "--no-log", "--quiet", "--out",
