@@ -13,7 +13,7 @@ run_packages=(
 # tools/run, before it draws pictures.
 picture_packages=(python3-matplotlib)
 # tools/build: SUNDIALS for `ballast integrate`, NetCDF for `ballast sweep`, certificates for what `ballast report` fetches
-# once from the npm registry, websockets for `ballast watch --foxglove`, pybind11 and what it needs for the Python package.
+# once from the npm registry, websockets for `ballast live` and `ballast watch --foxglove`, pybind11 and what it needs for the Python package.
 build_packages=(libsundials-dev libnetcdf-dev ca-certificates python3-websockets pybind11-dev python3-dev python3-numpy)
 # tools/test. The browser opens the pages of `ballast report`, node runs Foxglove's own readers. Java and the packages after
 # it are for `ballast spy`, which says itself what a machine lacks.

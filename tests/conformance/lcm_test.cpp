@@ -4,6 +4,7 @@
 
 #include "hal/lcm/channels.h"
 #include "hal/lcm/lcm_board.h"
+#include "hal/lcm/scenario_piece.h"
 #include "tests/conformance/board_conformance.h"
 #include "tests/conformance/test_bus.h"
 #include "tests/random_seed.h"
@@ -533,6 +534,7 @@ TEST(LcmMessages, NoiseNeverGetsThrough) {
   decode_noise<controller_status_t>(random);
   decode_noise<trip_t>(random);
   decode_noise<operator_t>(random);
+  decode_noise<scenario_piece_t>(random);
 }
 
 step_command_t one_burst() {

@@ -12,7 +12,8 @@ from event_log import EventLog, LogError, layout_of
 from synthetic_run import event
 
 MESSAGE_CLASSES = (ballast.contact_t, ballast.plant_state_t, ballast.sensors_t, ballast.step_command_t,
-                   ballast.controller_status_t, ballast.trip_t, ballast.operator_t)
+                   ballast.controller_status_t, ballast.trip_t, ballast.operator_t,
+                   ballast.scenario_piece_t)
 
 
 def filled(value, draw):

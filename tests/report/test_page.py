@@ -17,19 +17,15 @@ from pathlib import Path
 import ballast
 import numpy as np
 from matplotlib.image import imread
-from selenium import webdriver
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
+from browser import DESKTOP, LONGEST_WAIT, PHONE, start_browser
 from event_log import EventLog
 from synthetic_run import KNOWN_SIGMA, ball, believe, place_error_m
 
-DESKTOP, PHONE = (1440, 900), (390, 844)
 SMALL = (600, 500)  # where only loading matters: pixels cost time without a graphics card
-# Seconds. A page is ready in 1 to 3 on an idle machine without a graphics card; this is for a busy one.
-LONGEST_WAIT = 60
 
 # Run before a page's own scripts: WebGL goes by the name of a graphics card, and so the page draws as for one.
 NAMED_GRAPHICS_CARD = """
@@ -48,22 +44,6 @@ PIXELS = """
     return context.getImageData(0, 0, width, height);
   }
 """
-
-
-def start_browser():
-    options = webdriver.ChromeOptions()
-    options.binary_location = "/usr/bin/chromium"
-    # WebGL in software, so that the replay is drawn without a graphics card.
-    for argument in ("--headless=new", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars",
-                     "--disable-dev-shm-usage"):
-        options.add_argument(argument)
-    if os.geteuid() == 0:
-        options.add_argument("--no-sandbox")  # which root cannot have
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    browser = webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
-    # A script waits for the frame that is being drawn, which is long with a dozen programs beside; Selenium gives 30 s.
-    browser.set_script_timeout(2 * LONGEST_WAIT)
-    return browser
 
 
 class PageTest(unittest.TestCase):

@@ -14,10 +14,4 @@ int bus_trouble(const sil::BusOperator& operator_end);
 // status; the reason is printed.
 std::optional<int> tell(sil::BusOperator& operator_end, const firmware::OperatorInput& input, const std::string& what);
 
-// Duration and prediction of the plan in the status: "1.2 s; predicted, ..".
-std::string plan_text(const controller_status_t& status);
-
-// The commanded positions: "0.1, 2.2".
-std::string positions_text(const controller_status_t& status);
-
 }  // namespace ballast

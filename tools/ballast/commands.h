@@ -28,6 +28,7 @@ std::function<int()> add_sweep_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_replay_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_report_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_compare_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_live_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_watch_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_doctor_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_export_command(CLI::App& app, CLI::App*& command);

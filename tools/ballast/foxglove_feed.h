@@ -11,16 +11,14 @@
 
 #include "hal/lcm/messages.h"
 #include "sim/scenario/scenario.h"
-#include "tools/program/descriptor.h"
-#include "tools/program/subprocess.h"
+#include "tools/ballast/event_pipe.h"
+#include "tools/ballast/shown_run.h"
 
 namespace ballast {
 
 class FoxgloveFeed {
  public:
   explicit FoxgloveFeed(const sim::Scenario& scenario) : scenario_id_(scenario.id), scenario_(scenario) {}
-  // Ends the server. It has 5 s for its viewers' last messages; idle viewers take none.
-  ~FoxgloveFeed();
   FoxgloveFeed(const FoxgloveFeed&) = delete;
   FoxgloveFeed& operator=(const FoxgloveFeed&) = delete;
 
@@ -36,7 +34,7 @@ class FoxgloveFeed {
   void observe(const trip_t& message, double now_s);
 
   // The server has ended, which it does not do by itself. Empty: it runs.
-  [[nodiscard]] std::string ended();
+  [[nodiscard]] std::string ended() { return pipe_.ended(); }
   // The run on the bus is one of another scenario.
   [[nodiscard]] bool foreign() const { return known_ && !ours_; }
 
@@ -48,12 +46,11 @@ class FoxgloveFeed {
 
   std::int64_t scenario_id_;
   const sim::Scenario& scenario_;
-  program::Subprocess server_;
-  program::Descriptor input_;
+  EventPipe pipe_;
 
-  std::optional<std::int64_t> run_id_;
-  bool known_ = false, ours_ = false, ended_ = false;  // of that run
-  double heard_s_ = 0, passed_s_ = 0;
+  ShownRun run_;
+  bool known_ = false, ours_ = false;  // of that run
+  double passed_s_ = 0;
   std::int64_t events_ = 0;
   std::optional<contact_t> contact_;
   std::optional<plant_state_t> state_;

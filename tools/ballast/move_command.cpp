@@ -154,7 +154,7 @@ int move_on_the_bus(const MoveCommand& command) {
   const auto begins = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_PENDING; };
   hal::Status followed = end.follow(begins);
   const bool moving = followed == hal::Status::kOk && end.status().planned != 0 && end.status().plan_tick == plan_tick;
-  if (moving && !command.record.quiet) std::cout << "moving, " << plan_text(end.status()) << std::endl;
+  if (moving && !command.record.quiet) std::cout << "moving, " << sil::plan_text(end.status()) << std::endl;
   // The messages do not contain the run's envelope. Without a scenario it is the default one.
   const sim::Scenario::Envelope envelope = scenario ? scenario->envelope : sim::Scenario::Envelope{};
   const firmware::Prediction plan = hal::from_message(end.status()).plan;
@@ -167,7 +167,7 @@ int move_on_the_bus(const MoveCommand& command) {
   if (followed == hal::Status::kOk) followed = end.follow(over);
   const controller_status_t& status = end.status();
   if (!command.record.quiet) {
-    std::cout << fmt::format("{}, at {}", sil::mode_text(status.mode), positions_text(status));
+    std::cout << fmt::format("{}, at {}", sil::mode_text(status.mode), sil::positions_text(status));
     if (end.least_margin()) std::cout << "; least margin seen " + short_number(*end.least_margin());
     std::cout << std::endl;
   }

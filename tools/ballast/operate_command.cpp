@@ -1,6 +1,4 @@
 // ballast operate: sends an operator's command to the controller on a bus.
-#include <fmt/core.h>
-
 #include <iostream>
 #include <memory>
 
@@ -38,9 +36,7 @@ std::optional<int> follow_halt(sil::BusOperator& end) {
     return bus_trouble(end);
   }
   if (end.status().halt_said != 0) {
-    std::cout << fmt::format("halting from tick {}; the ball will still roll {:.4g} m, for {:.4g} s",
-                             end.status().halt_tick, end.status().halt_distance_m, end.status().halt_duration_s)
-              << std::endl;
+    std::cout << sil::halt_text(end.status()) << std::endl;
   }
   if (end.follow(over) != hal::Status::kOk) return bus_trouble(end);
   const std::string refusal = sil::refusal_text(end.status(), nullptr);
@@ -61,7 +57,7 @@ int operate(const OperateCommand& command) {
     const std::int64_t plan_tick = end.status().plan_tick;
     const auto predicted = [&](const controller_status_t& s) { return s.planned != 0 || s.plan_tick != plan_tick; };
     if (end.follow(predicted) != hal::Status::kOk) return bus_trouble(end);
-    std::cout << "stopping, " << plan_text(end.status()) << std::endl;
+    std::cout << "stopping, " << sil::plan_text(end.status()) << std::endl;
     const auto stopped = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_STOPPING; };
     if (end.follow(stopped) != hal::Status::kOk) return bus_trouble(end);
   }
@@ -69,8 +65,7 @@ int operate(const OperateCommand& command) {
     if (const auto exit_status = follow_halt(end)) return *exit_status;
   }
   const controller_status_t& status = end.status();
-  std::cout << fmt::format("{}, {} {} in tick {}\n", sil::mode_text(status.mode),
-                           status.at_rest != 0 ? "at rest at" : "moving, at", positions_text(status), status.tick);
+  std::cout << sil::status_text(status) << "\n";
   return status.mode == controller_status_t::MODE_TRIPPED ? program::kExitEnvelope : program::kExitCompleted;
 }
 

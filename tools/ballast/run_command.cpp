@@ -15,6 +15,7 @@
 #include "tools/program/subprocess.h"
 #include "tools/qemu/qemu_firmware.h"
 #include "tools/recording/record_run.h"
+#include "tools/recording/scenario_beacon.h"
 #include "tools/sil/lcm_peers.h"
 
 namespace ballast {
@@ -42,6 +43,8 @@ int run_in_one_process(const RunCommand& command, const sim::Scenario& scenario,
   std::optional<hal::Bus> operator_bus;
   if (bus != nullptr && params != nullptr) operator_bus.emplace(command.bus.url);
   if (operator_bus) operator_bus->join(record.run_id);
+  std::optional<sil::ScenarioBeacon> beacon;
+  if (bus != nullptr) beacon.emplace(command.bus.url, record.run_id, scenario);
   const auto peers = sil::peers_in_process(scenario, params, program::to_monitor_limits(scenario),
                                            operator_bus ? &*operator_bus : nullptr);
   return sil::record_run("ballast", scenario, *peers, output, record);
@@ -73,6 +76,7 @@ int run_in_processes(const RunCommand& command, const sim::Scenario& scenario, b
   sil::RecordOptions record = command.record;
   if (PeerFaults::any(scenario)) options.poll_period = hal::Seconds(1e-3);  // a peer may be slow by one short period
   sil::LcmPeers lcm_peers(bus, options);
+  const sil::ScenarioBeacon beacon(command.bus.url, options.run_id, scenario);
   FaultyProcesses peers(lcm_peers, faults);
   record.unbuffered = true;
   record.run_options = " --processes" + program::as_typed(command.bus);
@@ -110,6 +114,8 @@ int run_in_qemu(const RunCommand& command, const sim::Scenario& scenario, const 
   std::optional<hal::Bus> operator_bus;
   if (bus != nullptr) operator_bus.emplace(command.bus.url);
   if (operator_bus) operator_bus->join(record.run_id);
+  std::optional<sil::ScenarioBeacon> beacon;
+  if (bus != nullptr) beacon.emplace(command.bus.url, record.run_id, scenario);
   auto owned = std::make_unique<sil::QemuFirmware>(scenario, params, options);
   const sil::QemuFirmware& firmware = *owned;
   sil::LocalPeers peers(program::to_monitor_limits(scenario), std::move(owned),

@@ -13,6 +13,7 @@
 #include "hal/lcm/bus.h"
 #include "tools/ballast/commands.h"
 #include "tools/ballast/foxglove_feed.h"
+#include "tools/ballast/observed_bus.h"
 #include "tools/program/program.h"
 #include "tools/watch/view.h"
 
@@ -31,12 +32,6 @@ struct WatchCommand {
   std::string host = "127.0.0.1";
   int port = 8765;
 };
-
-// LCM uses the system's default receive buffer unless the URL gives a size.
-std::string with_receive_buffer(const std::string& url) {
-  if (!url.starts_with("udpm://") || url.find("recv_buf_size") != std::string::npos) return url;
-  return url + (url.find('?') == std::string::npos ? "?" : "&") + "recv_buf_size=2097152";
-}
 
 // Draws pages in place, each over the one before.
 class Terminal {

@@ -9,6 +9,7 @@
 #include "hal/lcm/bus.h"
 #include "hal/lcm/channels.h"
 #include "hal/lcm/messages.h"
+#include "hal/lcm/scenario_piece.h"
 #include "tools/program/program.h"
 
 namespace ballast::doctor {
@@ -48,7 +49,8 @@ const std::map<std::string, Judge> kJudges = {{hal::kChannelContact, judge_messa
                                               {hal::kChannelStepCommand, judge_message<step_command_t>},
                                               {hal::kChannelControllerStatus, judge_message<controller_status_t>},
                                               {hal::kChannelTrip, judge_message<trip_t>},
-                                              {hal::kChannelOperator, judge_message<operator_t>}};
+                                              {hal::kChannelOperator, judge_message<operator_t>},
+                                              {hal::kChannelScenario, judge_message<scenario_piece_t>}};
 
 // A bus other than this one: the same group with another port.
 std::string another_bus(const std::string& url) {

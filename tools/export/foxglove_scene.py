@@ -22,6 +22,7 @@ import foxglove_shapes as shapes
 from foxglove_schemas import FRAME, SCENE
 from patches import KINDS
 from short_number import short_number
+from thinned_path import ThinnedPath
 
 TOPIC_FRAMES = "/frames/"  # and the name of the frame
 TOPIC_FIXED, TOPIC_CONTACT, TOPIC_FLOOR = "/scene/fixed", "/scene/contact", "/scene/floor"
@@ -95,28 +96,13 @@ def _round_length(value):
     return next(factor * power for factor in (1, 2, 5, 10) if factor * power >= value * (1 - 1e-9))
 
 
-class _Path:
-    """The places of the ball's lowest point in the frame `floor`, thinned to at most _PATH_POINTS."""
-
-    def __init__(self, step_m):
-        self._step_m = step_m
-        self.points, self.regimes = [], []
-        self._newest = None
-
-    def add(self, point, regime):
-        self._newest = point, regime
-        if self.points and regime == self.regimes[-1] and np.linalg.norm(point - self.points[-1]) < self._step_m:
-            return
-        self.points.append(point)
-        self.regimes.append(regime)
-        if len(self.points) > _PATH_POINTS:
-            self.points, self.regimes = self.points[::2], self.regimes[::2]
-            self._step_m *= 2
+class _Path(ThinnedPath):
+    """The places of the ball's lowest point in the frame `floor`, tagged with the regime."""
 
     def stretches(self):
         """(regime, points) from each change of regime to the next, and to the newest place."""
         found = []
-        for point, regime in [*zip(self.points, self.regimes), self._newest]:
+        for point, regime in [*zip(self.points, self.tags), self.newest]:
             if not found or regime != found[-1][0]:
                 found.append((regime, [*found[-1][1][-1:], point] if found else [point]))
             else:
@@ -153,7 +139,7 @@ class RunScene:
     def _start(self):
         self._run_id = self._tick = None
         self._next_floor_us = 0
-        self._path = _Path(_PATH_STEP * self._robot.radius)
+        self._path = _Path(_PATH_STEP * self._robot.radius, _PATH_POINTS)
 
     def messages(self, sample, is_last=False):
         """[(topic, schema name, message as a dict)] of a sample. `is_last` draws all, whenever it was drawn before."""

@@ -28,6 +28,7 @@ from text import MessageType
 
 try:
     import websockets
+    from outbox import Outbox
     from websockets.exceptions import ConnectionClosed
 except ImportError:
     print("ballast: Foxglove is served with the package python3-websockets, which is missing; install it", file=sys.stderr)
@@ -65,20 +66,13 @@ class Channel:
         return time_ns, data
 
 
-class Viewer:
-    """One connection. Messages wait in `_pending`, by what they replace; so their number is bounded."""
+class Viewer(Outbox):
+    """One connection."""
 
     def __init__(self, socket, channels):
-        self._socket, self._channels = socket, channels
-        self._pending, self._wake = {}, asyncio.Event()
+        super().__init__(socket)
+        self._channels = channels
         self._subscriptions = {}  # number of the subscription by that of the channel
-
-    def put(self, key, frame):
-        self._pending[key] = frame
-        self._wake.set()
-
-    def forget(self):
-        self._pending.clear()
 
     def show_time(self, time_ns):
         self.put("time", struct.pack("<BQ", 2, time_ns))
@@ -90,22 +84,6 @@ class Viewer:
         if subscription is not None and channel.newest is not None:
             time_ns, data = channel.message()
             self.put(number, struct.pack("<BIQ", 1, subscription, time_ns) + data)
-
-    @property
-    def idle(self):
-        return not self._pending
-
-    async def send_all(self):
-        while True:
-            await self._wake.wait()
-            self._wake.clear()
-            frames = list(self._pending.values())
-            self._pending.clear()
-            try:
-                for frame in frames:
-                    await self._socket.send(frame)
-            except ConnectionClosed:
-                return
 
     def take(self, message):
         """A request of the viewer. What it may not ask is answered with a status message."""
@@ -162,10 +140,27 @@ class Show:
                           "metadata": {}})
         yield json.dumps({"op": "advertise", "channels": [channel.advertised for channel in self._channels.values()]})
 
-    def viewer(self, socket):
+    async def attend(self, socket):
+        """Serves a viewer until its connection ends."""
+        if len(self.viewers) >= MOST_VIEWERS:
+            await socket.close(1013, f"there are {MOST_VIEWERS} viewers already")
+            return
         viewer = Viewer(socket, self._channels)
-        viewer.show_time(1000 * self._time_us)
-        return viewer
+        viewer.show_time(1000 * (self._time_us or 0))
+        self.viewers.add(viewer)
+        sender = None
+        try:
+            for text in self.greeting():
+                await socket.send(text)
+            sender = asyncio.create_task(viewer.send_all())
+            async for message in socket:
+                viewer.take(message)
+        except ConnectionClosed:
+            pass
+        finally:
+            self.viewers.discard(viewer)
+            if sender is not None:
+                sender.cancel()
 
     def take(self, time_us, topic, payload):
         """One message of the bus."""
@@ -234,24 +229,7 @@ async def serve(host, port):
         if socket.subprotocol is None:
             await socket.close(1002, f"allowed: the subprotocols {' and '.join(SUBPROTOCOLS)}")
             return
-        if len(show.viewers) >= MOST_VIEWERS:
-            await socket.close(1013, f"there are {MOST_VIEWERS} viewers already")
-            return
-        viewer = show.viewer(socket)
-        show.viewers.add(viewer)
-        sender = None
-        try:
-            for text in show.greeting():
-                await socket.send(text)
-            sender = asyncio.create_task(viewer.send_all())
-            async for message in socket:
-                viewer.take(message)
-        except ConnectionClosed:
-            pass
-        finally:
-            show.viewers.discard(viewer)
-            if sender is not None:
-                sender.cancel()
+        await show.attend(socket)
 
     try:
         # Frames on this machine need no compression, and requests are short.

@@ -6,6 +6,7 @@
 #include "tools/faults/injection.h"
 #include "tools/program/program.h"
 #include "tools/recording/record_run.h"
+#include "tools/recording/scenario_beacon.h"
 #include "tools/sil/lcm_peers.h"
 
 int main(int argc, char** argv) {
@@ -47,10 +48,12 @@ int main(int argc, char** argv) {
     program::complain("ballast-plant", output.error());
     return program::kExitCouldNotRun;
   }
-  sil::LcmPeers peers(bus, {.scenario_id = scenario.id,
-                            .controller_expected = sim::has_controller(scenario.run.actuation),
-                            .start_timeout = hal::Seconds(peer.bus.start_timeout_s),
-                            .peer_timeout = hal::Seconds(peer.bus.peer_timeout_s),
-                            .verdicts_name_their_tick = !sil::has_link_faults(scenario)});
+  const sil::LcmPeersOptions options{.scenario_id = scenario.id,
+                                     .controller_expected = sim::has_controller(scenario.run.actuation),
+                                     .start_timeout = hal::Seconds(peer.bus.start_timeout_s),
+                                     .peer_timeout = hal::Seconds(peer.bus.peer_timeout_s),
+                                     .verdicts_name_their_tick = !sil::has_link_faults(scenario)};
+  sil::LcmPeers peers(bus, options);
+  const sil::ScenarioBeacon beacon(peer.bus.url, options.run_id, scenario);
   return program::after_output("ballast-plant", sil::record_run("ballast-plant", scenario, peers, output, record));
 }

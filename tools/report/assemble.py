@@ -23,8 +23,9 @@ from plan_map import plan_html, plan_sentence, plan_table
 
 _PAGE = Path(__file__).resolve().parent / "page"
 _LONG_CELL = 32  # letters; longer cells are broken into lines
-_OWN_MODULES = ("main.js", "numbers.js", "samples.js", "clock.js", "panels.js", "plots.js", "scene.js", "robot.js",
-                "resolution.js", "theme.js")
+DRAWING_MODULES = ("numbers.js", "samples.js", "panels.js", "plots.js", "scene.js", "robot.js", "path.js", "resolution.js",
+                   "theme.js")
+_RUN_MODULES = ("main.js", "clock.js", *DRAWING_MODULES)
 
 
 def page_begins(maker):
@@ -42,38 +43,51 @@ def compare_page(recordings, title, head, tables):
 
 
 def _page(maker, recordings, title, head, tables):
+    described = {"runs": [_described(recording) for recording in recordings]}
+    return one_file(_PAGE / "page.html", own_modules(*_RUN_MODULES), {
+        "maker": maker,
+        "title": html.escape(title),
+        "head": head,
+        "tables": tables,
+        "described": script_json(described),
+        "samples": "".join(f'<script type="text/plain" id="samples-{i}">{_packed(recording)}</script>\n'
+                           for i, recording in enumerate(recordings)),
+    })
+
+
+def own_modules(*names, folder=_PAGE):
+    """The sources of modules in a folder, by their names in the import map."""
+    return {f"ballast/{name}": (folder / name).read_text(encoding="utf-8") for name in names}
+
+
+def one_file(template, own, parts, style="", connects="'none'"):
+    """The page: a template's file with its `parts`, the modules `own`, which "ballast/main.js" starts, and all packages.
+
+    `style` is added to that of all pages. `connects` is where the page may connect to (connect-src).
+    """
     three, uplot = Package("three"), Package("uplot")
     modules = {
         "three": three.text("build/three.module.min.js"),
         "three/OrbitControls": three.text("examples/jsm/controls/OrbitControls.js"),
         "uplot": uplot.text("dist/uPlot.esm.js"),
+        **own,
     }
-    for name in _OWN_MODULES:
-        modules[f"ballast/{name}"] = (_PAGE / name).read_text(encoding="utf-8")
     import_map = json.dumps({"imports": {name: "data:text/javascript;base64," + _base64(text.encode())
                                          for name, text in modules.items()}})
     start = 'import "ballast/main.js";'
     licences = "".join(f"<h4>{html.escape(p.name)} {html.escape(p.version)}</h4><pre>{html.escape(p.text('LICENSE'))}"
                        "</pre>" for p in (three, uplot))
-    described = {"runs": [_described(recording) for recording in recordings]}
     parts = {
-        "maker": maker,
-        "title": html.escape(title),
+        **parts,
         "policy": f"default-src 'none'; script-src data: {_hash(import_map)} {_hash(start)}; "
-                  "style-src 'unsafe-inline'; img-src data: blob:",
-        "style": uplot.text("dist/uPlot.min.css") + (_PAGE / "style.css").read_text(encoding="utf-8"),
-        "head": head,
-        "tables": tables,
+                  f"style-src 'unsafe-inline'; img-src data: blob:; connect-src {connects}",
+        "style": uplot.text("dist/uPlot.min.css") + (_PAGE / "style.css").read_text(encoding="utf-8") + style,
         "licences": licences,
-        "described": _script_json(described),
-        "samples": "".join(f'<script type="text/plain" id="samples-{i}">{_packed(recording)}</script>\n'
-                           for i, recording in enumerate(recordings)),
         "import_map": import_map,
         "start": start,
     }
-    template = (_PAGE / "page.html").read_text(encoding="utf-8")
     # One pass, so that inserted text is not substituted again.
-    return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], template)
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], template.read_text(encoding="utf-8"))
 
 
 def _base64(data):
@@ -84,7 +98,7 @@ def _hash(script):
     return f"'sha256-{_base64(hashlib.sha256(script.encode()).digest())}'"
 
 
-def _script_json(value):
+def script_json(value):
     """JSON that cannot end the script element it stands in."""
     return json.dumps(finite(value), ensure_ascii=True, allow_nan=False).replace("<", "\\u003c")
 
@@ -116,9 +130,7 @@ def _described(recording):
         "static_friction": friction,  # null: perfect, or not known
         "friction_known": friction is not None,
         "friction_changes": recording.static_friction_under_ball is not None,
-        "patches": [{"kind": patch.kind, "text": patch.text,
-                     **({"polygon": patch.corners.tolist()} if patch.corners is not None else
-                        {"center": patch.center.tolist(), "radius": patch.radius})} for patch in recording.patches],
+        "patches": described_patches(recording.patches),
         "plan_may_use": recording.planned.friction_limit if recording.planned is not None else None,
         "envelope": summary.get("envelope"),
         "regimes": summary.get("regimes") or [],
@@ -133,6 +145,12 @@ def _described(recording):
             "mu_required": _extreme(summary, "mu_required", "max", "time"),
         },
     }
+
+
+def described_patches(patches):
+    return [{"kind": patch.kind, "text": patch.text,
+             **({"polygon": patch.corners.tolist()} if patch.corners is not None else
+                {"center": patch.center.tolist(), "radius": patch.radius})} for patch in patches]
 
 
 def _extreme(summary, section, key, when):

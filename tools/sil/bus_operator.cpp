@@ -20,6 +20,14 @@ std::int64_t sequence_now() {
 
 }  // namespace
 
+operator_t operator_message(const firmware::OperatorInput& input, const controller_status_t& status,
+                            std::int64_t sender) {
+  operator_t message = hal::to_message(input, status.tick, sequence_now(), 0);
+  message.utime = status.utime;
+  message.sender = sender;
+  return message;
+}
+
 BusOperator::BusOperator(hal::Bus& bus, hal::Seconds silence) : bus_(bus), silence_(silence) {
   bus_.subscribe<controller_status_t>(hal::kChannelControllerStatus, [this](const controller_status_t& m) {
     // The countdown before tick 0 is the run's own.
@@ -55,9 +63,7 @@ Status BusOperator::connect() {
 }
 
 Status BusOperator::tell(const firmware::OperatorInput& input) {
-  operator_t message = hal::to_message(input, status_->tick, sequence_now(), 0);
-  message.utime = status_->utime;
-  message.sender = sender_;
+  const operator_t message = operator_message(input, *status_, sender_);
   const std::int64_t before = status_->operator_commands;
   least_margin_.reset();
   const auto deadline = hal::after(hal::WallClock::now(), silence_);

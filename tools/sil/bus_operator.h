@@ -10,6 +10,11 @@
 
 namespace ballast::sil {
 
+// An operator's command to the controller whose newest status this is, newer than the sender's earlier ones. Without
+// the run's number, which the bus adds.
+operator_t operator_message(const firmware::OperatorInput& input, const controller_status_t& status,
+                            std::int64_t sender);
+
 class BusOperator {
  public:
   // The bus must outlive the operator. `silence`: after so long without a status the controller is lost.

@@ -4,14 +4,55 @@
 
 #include <cmath>
 
+#include "hal/lcm/messages.h"
 #include "sim/scenario/reader.h"
 #include "tools/program/short_number.h"
+#include "tools/summary/summary.h"
 
 namespace ballast::sil {
 
 namespace {
 
 using program::short_number;
+using program::short_time;
+
+const char* overload_unit(int error) {
+  switch (error) {
+    case controller_status_t::OVERLOAD_TOO_MANY_STEPS:
+      return "microsteps in the tick";
+    case controller_status_t::OVERLOAD_TOO_MANY_BURSTS:
+      return "bursts in the tick";
+    default:
+      return "microsteps/s";
+  }
+}
+
+// A trip's value and limit, by its cause (trip_t.lcm).
+std::string trip_values_text(const trip_t& trip) {
+  const auto [value, limit] = program::apart(trip.value, trip.limit);
+  switch (trip.cause) {
+    case trip_t::CAUSE_NORMAL_FORCE:
+      return fmt::format(": N was {} N; allowed: > {} N", value, limit);
+    case trip_t::CAUSE_FRICTION:
+      // A limit just passed, at a located instant, differs from the value only in digits without meaning.
+      if (trip.value > trip.limit * (1 + 1e-6)) return fmt::format(": f_s/N was {}; allowed: <= {}", value, limit);
+      if (trip.value > trip.limit)
+        return fmt::format(": f_s/N came to the allowed {} and grew", short_number(trip.limit));
+      return fmt::format(": the ball slid at f_s/N = {}, on a floor that was to hold up to {}", value, limit);
+    case trip_t::CAUSE_DISAGREEMENT:
+      return fmt::format(
+          ": plant and controller, or the plant's own messages, differed by {} N about N and f_s; allowed: <= {} N",
+          value, limit);
+    case trip_t::CAUSE_MISSING:
+    case trip_t::CAUSE_REPEATED:
+      return fmt::format(": the newest tick was {:.0f} where {:.0f} was due", trip.value, trip.limit);
+    case trip_t::CAUSE_STALE:
+      if (trip.value < 0) return ": the controller sent a status of a tick still to come";
+      return fmt::format(": silent for {:.0f} ticks; allowed: {:.0f}", trip.value, trip.limit);
+    default:
+      return "";
+  }
+}
 
 // The refusal of a later start, which runs the motion from where the masses stand.
 std::string restart_text(const controller_status_t& status, const char* what, const char* unit) {
@@ -60,6 +101,19 @@ std::string mode_text(std::int8_t mode) {
     default:
       return "mode " + std::to_string(mode);
   }
+}
+
+std::string verdict_text(const trip_t& trip, const std::string& where) {
+  return fmt::format("{} at t = {} s{}{}", trip_cause(trip.cause), short_time(trip.trip_time_s), trip_values_text(trip),
+                     where);
+}
+
+std::string fault_text(const controller_status_t& status) {
+  std::string text = fault_cause(status.faults);
+  if (status.overload_error == 0) return text;
+  const auto [value, limit] = program::apart(status.overload_value, status.overload_limit);
+  return text + fmt::format(": motor {} in tick {}, {} {}, limit {}", status.overload_motor, status.overload_tick,
+                            value, overload_unit(status.overload_error), limit);
 }
 
 std::string refusal_text(const controller_status_t& status, const firmware::MoveRequest* move) {
@@ -121,6 +175,31 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
   return text +
          "; allowed: arm when disarmed and healthy, start and move when armed, stop when armed or in motion, "
          "reset when tripped and at rest";
+}
+
+std::string refused_text(const std::string& what, const std::string& refusal) {
+  return "the controller refuses the " + what + ": " + refusal;
+}
+
+std::string status_text(const controller_status_t& status) {
+  return fmt::format("{}, {} {} in tick {}", mode_text(status.mode), status.at_rest != 0 ? "at rest at" : "moving, at",
+                     positions_text(status), status.tick);
+}
+
+std::string plan_text(const controller_status_t& status) {
+  return fmt::format("{} s; {}", short_time(status.plan_duration_s), predicted_text(hal::from_message(status).plan));
+}
+
+std::string halt_text(const controller_status_t& status) {
+  return fmt::format("halting from tick {}; the ball will still roll {:.4g} m, for {:.4g} s", status.halt_tick,
+                     status.halt_distance_m, status.halt_duration_s);
+}
+
+std::string positions_text(const controller_status_t& status) {
+  std::string text;
+  for (int i = 0; i < status.motor_count; ++i)
+    text += (i == 0 ? "" : ", ") + short_number(status.commanded_position[i]);
+  return text;
 }
 
 std::string breach_text(const firmware::Prediction& plan, double friction_use, double min_normal_force_n) {

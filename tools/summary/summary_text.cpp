@@ -21,44 +21,6 @@ namespace {
 using program::short_number;
 using program::short_time;
 
-const char* overload_unit(int error) {
-  switch (error) {
-    case controller_status_t::OVERLOAD_TOO_MANY_STEPS:
-      return "microsteps in the tick";
-    case controller_status_t::OVERLOAD_TOO_MANY_BURSTS:
-      return "bursts in the tick";
-    default:
-      return "microsteps/s";
-  }
-}
-
-// A trip's value and limit, by its cause (trip_t.lcm).
-std::string trip_values_text(const trip_t& trip) {
-  const auto [value, limit] = program::apart(trip.value, trip.limit);
-  switch (trip.cause) {
-    case trip_t::CAUSE_NORMAL_FORCE:
-      return fmt::format(": N was {} N; allowed: > {} N", value, limit);
-    case trip_t::CAUSE_FRICTION:
-      // A limit just passed, at a located instant, differs from the value only in digits without meaning.
-      if (trip.value > trip.limit * (1 + 1e-6)) return fmt::format(": f_s/N was {}; allowed: <= {}", value, limit);
-      if (trip.value > trip.limit)
-        return fmt::format(": f_s/N came to the allowed {} and grew", short_number(trip.limit));
-      return fmt::format(": the ball slid at f_s/N = {}, on a floor that was to hold up to {}", value, limit);
-    case trip_t::CAUSE_DISAGREEMENT:
-      return fmt::format(
-          ": plant and controller, or the plant's own messages, differed by {} N about N and f_s; allowed: <= {} N",
-          value, limit);
-    case trip_t::CAUSE_MISSING:
-    case trip_t::CAUSE_REPEATED:
-      return fmt::format(": the newest tick was {:.0f} where {:.0f} was due", trip.value, trip.limit);
-    case trip_t::CAUSE_STALE:
-      if (trip.value < 0) return ": the controller sent a status of a tick still to come";
-      return fmt::format(": silent for {:.0f} ticks; allowed: {:.0f}", trip.value, trip.limit);
-    default:
-      return "";
-  }
-}
-
 // The least margin that the plant showed during a plan.
 std::string seen_text(const RunResult& result, const PlanRecord& plan) {
   if (plan.seen_margin_min) return "the least margin seen was " + short_number(*plan.seen_margin_min);
@@ -183,12 +145,7 @@ std::string regime_lines(const RunResult& result) {
 
 std::string controller_trip_text(const ControllerTrip& trip) {
   std::string text =
-      fmt::format("by the controller itself at t = {} s: {}", short_time(trip.time_s), fault_cause(trip.faults));
-  if (const auto& status = trip.status; status.overload_error != 0) {
-    const auto [value, limit] = program::apart(status.overload_value, status.overload_limit);
-    text += fmt::format(": motor {} in tick {}, {} {}, limit {}", status.overload_motor, status.overload_tick, value,
-                        overload_unit(status.overload_error), limit);
-  }
+      fmt::format("by the controller itself at t = {} s: {}", short_time(trip.time_s), fault_text(trip.status));
   if (const int mass = mass_at_its_end(trip); mass >= 0) {
     text += fmt::format(": mass {} is at an end of its rail and is commanded on", mass);
   }
@@ -205,9 +162,7 @@ std::string floor_at_trip_text(const sim::Scenario& scenario, const RunResult& r
 std::string trip_text(const sim::Scenario& scenario, const RunResult& result) {
   const bool monitor_tripped = result.trip.tripped != 0, controller_first = controller_tripped_first(result);
   if (!monitor_tripped) return controller_first ? controller_trip_text(*result.controller_trip) : "none";
-  std::string text =
-      fmt::format("{} at t = {} s{}{}", trip_cause(result.trip.cause), short_time(result.trip.trip_time_s),
-                  trip_values_text(result.trip), floor_at_trip_text(scenario, result));
+  std::string text = verdict_text(result.trip, floor_at_trip_text(scenario, result));
   if (controller_first) return controller_trip_text(*result.controller_trip) + "; then by the monitor, " + text;
   const bool physics_ended = result.end_reason != EndReason::kCompleted && result.end_reason != EndReason::kTripped;
   if (has_controller(scenario.run.actuation) && result.latency_ticks.value_or(-1) >= 0 && !physics_ended) {

@@ -50,9 +50,20 @@ export class Plots {
     this.numbersShownAt = -Infinity;
     this.plots = panels.map((panel) => new Plot(place, panel, runs, this));
     clock.onChange(() => this.showTime());
-    onThemeChange(() => this.plots.forEach((plot) => plot.chart.redraw(false, true)));
-    new ResizeObserver(() => this.plots.forEach((plot) => plot.resize())).observe(place);
+    this.forgetTheme = onThemeChange(() => this.plots.forEach((plot) => plot.chart.redraw(false, true)));
+    this.sizes = new ResizeObserver(() => this.plots.forEach((plot) => plot.resize()));
+    this.sizes.observe(place);
     this.showTime();
+  }
+
+  // Takes the plots off the page.
+  remove() {
+    this.forgetTheme();
+    this.sizes.disconnect();
+    for (const {chart, box} of this.plots) {
+      chart.destroy();
+      box.remove();
+    }
   }
 
   // While it plays, the numbers change slowly enough to be read.
@@ -63,6 +74,14 @@ export class Plots {
     this.numbersShownAt = now;
     const rows = this.runs.map(({samples}) => samples.rowAt(time));
     for (const plot of this.plots) plot.showNumbers(time, rows);
+  }
+
+  // Shows other samples of the same columns, from one time to another, in one of the plots.
+  showSamples(number, runs, range) {
+    this.runs = runs;
+    this.grid = commonGrid(runs);
+    this.range = range;
+    this.plots[number].showSamples(runs);
   }
 
   zoomTo(from, to) {
@@ -111,6 +130,13 @@ class Plot {
     this.selection.className = "selection";
     this.chart.over.append(this.selection, this.needle);
     this.connectPointer(this.chart.over);
+  }
+
+  showSamples(runs) {
+    this.runs = runs;
+    this.edges = (this.panel.bands ?? []).map((band) => this.edgesOf(band));
+    this.chart.setData(this.data());
+    this.showNumbers(runs[0].samples.end, runs.map(({samples}) => samples.rows - 1));
   }
 
   addValue(line) {

@@ -1,4 +1,5 @@
-// One run's ball in the replay: shell, rails, masses, contact force, friction cone and path. Lengths are in m.
+// One run's ball in the replay: shell, rails, masses, contact force and friction cone. Lengths are in m.
+import {RunPath} from "ballast/path.js";
 import {color} from "ballast/theme.js";
 import * as THREE from "three";
 
@@ -9,11 +10,8 @@ const FRICTION_ARROW = 0.8;  // greatest arrow of the greatest friction
 const CONE_SLANT = 1.3;
 const HEAVIEST_MASS = 0.115;  // radius of the heaviest mass; the others scale with the cube root of their mass
 const LEAST_MASS = 0.045;
-const PATH_WIDTH = 0.056;  // least width of the path
 
-const PATH_POINTS = 3000;
-const NOISE = 1e-9;            // forces below this fraction of the weight are rounding errors of 0
-const PATH_OF_EXTENT = 0.004;  // least width as a fraction of the path's extent, so that a long one is visible
+const NOISE = 1e-9;  // forces below this fraction of the weight are rounding errors of 0
 const RAIL_POINTS = 600;
 // Numbers of segments of round shapes. With 120 segments, a rail's chords are off its circle by 3e-4 of the radius, a
 // tenth of a pixel. `path` is the shortest segment in ball radii, a quarter of the path's width, so that no corner
@@ -199,8 +197,8 @@ class Arrow {
 }
 
 export class Robot {
-  // `fine`: with details that are cheap on a graphics card.
-  constructor({samples, described}, run, several, fine) {
+  // `fine`: with details that are cheap on a graphics card. `makePath(robot)` makes what path.js describes.
+  constructor({samples, described, makePath = (robot) => new RunPath(robot)}, run, several, fine) {
     Object.assign(this, {samples, described, run, several, fine});
     this.radius = described.radius;
     this.detail = fine ? FINE : COARSE;
@@ -212,7 +210,8 @@ export class Robot {
     this.makeShell();
     this.makeMasses();
     this.makeForces();
-    this.makePath();
+    this.path = makePath(this);
+    this.onPaint(() => this.path.paint());
     this.paint();
     this.update(0);
   }
@@ -307,7 +306,7 @@ export class Robot {
     this.forceScale = weight > 0 ? (WEIGHT_ARROW * r) / weight : 0;
     const most = samples.get("static_friction").reduce((least, value) => Math.max(least, value), 0);
     const greatest = most > NOISE * weight ? (FRICTION_ARROW * r) / (most * this.forceScale) : 1;
-    this.frictionFactor = [10, 5, 2].find((factor) => factor <= greatest) ?? 1;
+    this.frictionFactor = described.friction_factor ?? [10, 5, 2].find((factor) => factor <= greatest) ?? 1;
     this.force = new Arrow(0.026 * r, this.detail.arrow);
     this.friction = new Arrow(0.022 * r, this.detail.arrow);
     this.forces = new THREE.Group().add(this.force.object, this.friction.object);
@@ -337,60 +336,6 @@ export class Robot {
     this.onPaint(() => this.paintCone(this.isInside ?? true));
   }
 
-  // The path is a ribbon, since lines are one pixel wide in WebGL. Its colour is the regime's, faint after the present.
-  makePath() {
-    const {samples, radius} = this;
-    const stride = Math.max(1, Math.floor(samples.rows / PATH_POINTS));
-    const rows = [];
-    for (let row = 0; row < samples.rows; row += stride) rows.push(row);
-    if (rows.at(-1) !== samples.rows - 1) rows.push(samples.rows - 1);
-    const [x, y] = [samples.get("position_0"), samples.get("position_1")];
-    this.bounds = new THREE.Box3();
-    const kept = [];
-    for (const row of rows) {
-      this.bounds.expandByPoint(new THREE.Vector3(x[row], y[row], 0));
-      const before = kept.at(-1) ?? row;
-      if (row === 0 || Math.hypot(x[row] - x[before], y[row] - y[before]) > this.detail.path * radius) kept.push(row);
-    }
-    this.pathRows = kept;
-    const extent = this.bounds.getSize(new THREE.Vector3()).length();
-    const half = Math.max(PATH_WIDTH * radius, PATH_OF_EXTENT * extent) * (this.several ? 0.4 : 0.5);
-    const places = new Float32Array(6 * kept.length), colors = new Float32Array(6 * kept.length), triangles = [];
-    kept.forEach((row, k) => {
-      const from = kept[Math.max(k - 1, 0)], to = kept[Math.min(k + 1, kept.length - 1)];
-      const [dx, dy] = [x[to] - x[from], y[to] - y[from]], length = Math.hypot(dx, dy) || 1;
-      const [across, along] = [(-dy / length) * half, (dx / length) * half];
-      const z = (0.004 + 0.002 * this.run) * radius;
-      places.set([x[row] + across, y[row] + along, z, x[row] - across, y[row] - along, z], 6 * k);
-      if (k > 0) triangles.push(2 * k - 2, 2 * k - 1, 2 * k, 2 * k - 1, 2 * k + 1, 2 * k);
-    });
-    const geometry = new THREE.BufferGeometry();
-    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
-    geometry.setAttribute("color", new THREE.BufferAttribute(colors, 3));
-    geometry.setIndex(triangles);
-    const look = {vertexColors: true, side: THREE.DoubleSide, depthWrite: false};
-    this.gone = new THREE.Mesh(geometry.clone(), new THREE.MeshBasicMaterial(look));
-    this.toCome = new THREE.Mesh(
-        geometry, new THREE.MeshBasicMaterial({...look, transparent: true, opacity: 0.34, forceSinglePass: true}));
-    for (const mesh of [this.gone, this.toCome]) {
-      mesh.renderOrder = -1;
-      mesh.frustumCulled = false;
-    }
-    this.path = new THREE.Group().add(this.toCome, this.gone);
-    this.onPaint(() => {
-      const names = [this.several ? `run-${this.run}` : "path", "friction", "flight-path"];
-      const tints = names.map((name) => new THREE.Color().setStyle(color(name)));
-      kept.forEach((row, k) => {
-        const tint = tints[samples.get("regime")[row]] ?? tints[0];
-        for (const at of [6 * k, 6 * k + 3]) colors.set([tint.r, tint.g, tint.b], at);
-      });
-      for (const mesh of this.path.children) {
-        mesh.geometry.attributes.color.array.set(colors);
-        mesh.geometry.attributes.color.needsUpdate = true;
-      }
-    });
-  }
-
   // The ball as it is drawn at that time.
   update(time) {
     const {samples, radius} = this, place = samples.placeAt(time), row = place[0];
@@ -407,9 +352,7 @@ export class Robot {
     this.center.position.set(...samples.vectorAt("center_of_mass", 3, place));
     this.regime = REGIMES[samples.get("regime")[row]] ?? "unknown";
     this.updateForces(place);
-    const gone = 6 * Math.max(this.pathRows.findLastIndex((pathRow) => pathRow <= row), 0);
-    this.gone.geometry.setDrawRange(0, gone);
-    this.toCome.geometry.setDrawRange(gone, Infinity);
+    this.path.show(row, x, y);
   }
 
   between(name, [row, next, part]) {
@@ -452,7 +395,7 @@ export class Robot {
   }
 
   show(what, shown) {
-    const parts = {shell: this.shell, rails: this.rails, force: this.forces, cone: this.cone, path: this.path};
+    const parts = {shell: this.shell, rails: this.rails, force: this.forces, cone: this.cone, path: this.path.object};
     if (parts[what]) parts[what].visible = shown;
   }
 }

@@ -1,4 +1,4 @@
-// The samples of a run: columns of float32, in the encoding of assemble.py.
+// The samples of a run: columns of float32. readSamples() has the encoding of assemble.py.
 
 const BYTES = 4;
 
@@ -34,13 +34,17 @@ export async function readSamples(text, described) {
   return new Samples(columns, rows);
 }
 
-export class Samples {
-  constructor(columns, rows) {
+// Columns of numbers over time. A column may be longer than the `rows` that count.
+export class Table {
+  constructor(columns, time, rows) {
     this.columns = columns;
+    this.time = time;
     this.rows = rows;
-    const rest = columns.get("time_rest");
-    this.time = Float64Array.from(columns.get("time"), (time, row) => time + rest[row]);
-    this.end = this.time[rows - 1];
+  }
+
+  // The time of the last row.
+  get end() {
+    return this.time[this.rows - 1];
   }
 
   has(name) {
@@ -78,5 +82,12 @@ export class Samples {
       out[j] = column[row] + part * (column[next] - column[row]);
     }
     return out;
+  }
+}
+
+class Samples extends Table {
+  constructor(columns, rows) {
+    const rest = columns.get("time_rest");
+    super(columns, Float64Array.from(columns.get("time"), (time, row) => time + rest[row]), rows);
   }
 }

@@ -19,13 +19,15 @@ function roundLength(value) {
   return power * ([5, 2, 1].find((factor) => factor * power <= value) ?? 1);
 }
 
-// The patches of the floor (of the first run, where two are compared), flat on it, later ones over earlier ones. They are drawn before everything but the grid,
-// so that nothing has to be sorted.
+// The patches of the floor (of the first run, where two are compared), flat on it, later ones over earlier ones. They
+// are drawn before everything but the grid, so that nothing has to be sorted.
 function patchMeshes(patches) {
   return patches.map((patch, number) => {
     const shape = new THREE.Shape();
-    if (patch.polygon) shape.setFromPoints(patch.polygon.map(([x, y]) => new THREE.Vector2(x, y)));
-    else shape.absarc(...patch.center, patch.radius, 0, 2 * Math.PI);
+    if (patch.polygon)
+      shape.setFromPoints(patch.polygon.map(([x, y]) => new THREE.Vector2(x, y)));
+    else
+      shape.absarc(...patch.center, patch.radius, 0, 2 * Math.PI);
     const geometry = new THREE.ShapeGeometry(shape, 48);
     const material = new THREE.MeshBasicMaterial({depthTest: false, depthWrite: false, side: THREE.DoubleSide});
     const mesh = new THREE.Mesh(geometry, material);
@@ -42,6 +44,16 @@ function drawsInSoftware() {
   const name = gl ? gl.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : gl.RENDERER) : "";
   gl?.getExtension("WEBGL_lose_context")?.loseContext();
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
+// Frees what the graphics card keeps of an object and all in it.
+function dispose(object) {
+  object.traverse(({geometry, material}) => {
+    geometry?.dispose();
+    material?.map?.dispose();
+    material?.uniforms?.map?.value.dispose();
+    material?.dispose();
+  });
 }
 
 // A grid that fades with the distance from the camera's target. Every fifth line is stronger.
@@ -103,34 +115,41 @@ export class Scene {
     canvas.setAttribute("aria-label", "The ball on its floor, with its masses, the contact force and the path");
     box.prepend(canvas);
     this.scene = new THREE.Scene();
-    this.robots = runs.map((run, number) => new Robot(run, number, runs.length > 1, fine));
-    this.radius = Math.max(...this.robots.map(({radius}) => radius));
-    for (const robot of this.robots) this.scene.add(robot.object, robot.path);
-    this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.03 * this.radius, 4000 * this.radius);
+    this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW);
     this.camera.up.set(0, 0, 1);
-    this.patches = patchMeshes(runs[0].described.patches ?? []);
-    this.makeFloor();
     this.makeLight();
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.maxPolarAngle = 0.495 * Math.PI;
-    this.controls.minDistance = 1.3 * this.radius;
-    this.controls.maxDistance = 1500 * this.radius;
     this.controls.enableDamping = false;
     this.controls.addEventListener("change", () => (this.dirty = true));
     this.follows = true;
-    this.dirty = true;
+    this.drawn = new THREE.Group();  // all of the runs
+    this.scene.add(this.drawn);
+    this.setRuns(runs);
     this.resize();
     this.look("ball");
     new ResizeObserver(() => this.resize()).observe(box);
     onThemeChange(() => this.paint());
     clock.onChange((time) => this.showTime(time));
-    this.paint();
   }
 
-  makeFloor() {
+  // Draws these runs instead of those before. The camera keeps its direction.
+  setRuns(runs) {
+    dispose(this.drawn);
+    this.drawn.clear();
+    this.robots = runs.map((run, number) => new Robot(run, number, runs.length > 1, this.fine));
+    this.radius = Math.max(...this.robots.map(({radius}) => radius));
+    for (const {object, path} of this.robots) this.drawn.add(object, path.object);
+    this.patches = patchMeshes(runs[0].described.patches ?? []);
     this.floor = new THREE.Mesh(new THREE.PlaneGeometry(1, 1), floorMaterial(this.patches.length > 0));
     this.floor.renderOrder = -3;
-    this.scene.add(this.floor, ...this.patches);
+    this.drawn.add(this.floor, ...this.patches);
+    Object.assign(this.camera, {near: 0.03 * this.radius, far: 4000 * this.radius});
+    this.camera.updateProjectionMatrix();
+    this.controls.minDistance = 1.3 * this.radius;
+    this.controls.maxDistance = 1500 * this.radius;
+    this.paint();
+    this.setPixelRatio(this.pixelRatio);
   }
 
   makeLight() {
@@ -191,7 +210,7 @@ export class Scene {
       this.lookAt(this.middle, 1.5 * this.radius + Math.min(apart, 6 * this.radius), direction);
       return;
     }
-    const bounds = this.robots.reduce((box, robot) => box.union(robot.bounds), new THREE.Box3());
+    const bounds = this.robots.reduce((box, {path}) => box.union(path.bounds), new THREE.Box3());
     const center = bounds.getCenter(new THREE.Vector3()).setZ(0.5 * this.radius);
     const size = 0.5 * bounds.getSize(new THREE.Vector3()).length() + 1.4 * this.radius;
     this.lookAt(center, size, at === "top" ? above : direction);

@@ -11,8 +11,10 @@ export function color(name) {
 
 export const isDark = () => color("is-dark") === "1";
 
+// Returns the function that ends it.
 export function onThemeChange(listener) {
   listeners.push(listener);
+  return () => listeners.splice(listeners.indexOf(listener), 1);
 }
 
 function changed() {

@@ -1,0 +1,176 @@
+// ballast live: serves a page that shows the run on a bus and operates it.
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "hal/lcm/bus.h"
+#include "hal/lcm/scenario_piece.h"
+#include "tools/ballast/commands.h"
+#include "tools/ballast/event_pipe.h"
+#include "tools/ballast/live_feed.h"
+#include "tools/ballast/live_operator.h"
+#include "tools/ballast/observed_bus.h"
+#include "tools/program/program.h"
+
+namespace ballast {
+
+namespace {
+
+using firmware::OperatorCommand;
+using Json = nlohmann::json;
+
+constexpr hal::Seconds kLookEvery{0.01};  // at requests of the page
+
+struct LiveCommand {
+  std::string url = hal::kDefaultLcmUrl;
+  std::string listen = "127.0.0.1";
+  int port = 8766;
+};
+
+// A request of the page: {"who": .., "do": "arm"}, or "move" with "mass", "to" and "speed_fraction".
+struct Request {
+  std::string who, what;
+  firmware::OperatorInput input;
+  std::string refusal;  // not empty: it is not sent
+};
+
+std::optional<double> number_in(const Json& request, const char* key) {
+  const auto found = request.find(key);
+  if (found == request.end() || !found->is_number()) return std::nullopt;
+  return found->get<double>();
+}
+
+firmware::OperatorInput move_of(const Json& json, const controller_status_t& status, std::string& refusal) {
+  const auto mass = number_in(json, "mass"), to = number_in(json, "to"), fraction = number_in(json, "speed_fraction");
+  firmware::MoveRequest move;
+  if (!mass || !to || *mass != std::floor(*mass)) {
+    refusal = "it names no mass, or no target";
+  } else if (*mass < 0 || *mass >= status.motor_count) {
+    refusal = "there is no mass " + std::to_string(static_cast<long long>(*mass)) + " (they count from 0)";
+  } else {
+    const auto i = static_cast<std::size_t>(*mass);
+    move.masses = 1u << i;
+    move.target_position[i] = *to;
+    move.speed_fraction = fraction.value_or(1);
+  }
+  return move;
+}
+
+// What the space bar sends: the ball comes to rest where a governor can bring it there, else its masses do.
+OperatorCommand brake_of(const controller_status_t& status) {
+  return status.governed != 0 && status.mode == controller_status_t::MODE_RUNNING ? OperatorCommand::kHalt
+                                                                                  : OperatorCommand::kStop;
+}
+
+std::optional<Request> read_request(const std::string& line, const controller_status_t& status) {
+  const Json json = Json::parse(line, nullptr, false);
+  if (!json.is_object() || !json.contains("who") || !json.contains("do")) return std::nullopt;
+  Request request{json["who"].get<std::string>(), json["do"].get<std::string>(), {}, ""};
+  if (request.what == "arm") {
+    request.input = OperatorCommand::kArm;
+  } else if (request.what == "start") {
+    request.input = OperatorCommand::kStart;
+  } else if (request.what == "stop") {
+    request.input = OperatorCommand::kStop;
+  } else if (request.what == "halt") {
+    request.input = OperatorCommand::kHalt;
+  } else if (request.what == "reset") {
+    request.input = OperatorCommand::kReset;
+  } else if (request.what == "brake") {
+    request.input = brake_of(status);
+    request.what = request.input.command == OperatorCommand::kHalt ? "halt" : "stop";
+  } else if (request.what == "move") {
+    request.input = move_of(json, status, request.refusal);
+  } else {
+    return std::nullopt;
+  }
+  return request;
+}
+
+// Connects the page's requests with the controller, and its answers with the page.
+class Control {
+ public:
+  Control(hal::Bus& bus, LiveFeed& feed) : operator_(bus), feed_(feed) {}
+
+  void take(const std::string& line) {
+    const controller_status_t* status = feed_.controller();
+    if (status == nullptr) {
+      feed_.say(LiveFeed::Kind::kRefusal, "no controller is at work on this bus");
+      return;
+    }
+    const std::optional<Request> request = read_request(line, *status);
+    if (!request) return;
+    if (!request->refusal.empty()) {
+      feed_.say(LiveFeed::Kind::kRefusal, request->who + ": " + request->what + ": " + request->refusal);
+      return;
+    }
+    report(operator_.tell(request->who, request->what, request->input, *status));
+  }
+
+  void poll() {
+    const controller_status_t* status = feed_.controller();
+    report(status != nullptr ? operator_.poll(*status) : operator_.end());
+  }
+
+ private:
+  void report(const std::optional<LiveOperator::Answer>& answer) {
+    if (!answer) return;
+    feed_.say(answer->obeyed ? LiveFeed::Kind::kCommand : LiveFeed::Kind::kRefusal, answer->who + ": " + answer->text);
+  }
+
+  LiveOperator operator_;
+  LiveFeed& feed_;
+};
+
+int live(const LiveCommand& command) {
+  hal::Bus bus(with_receive_buffer(command.url), program::catch_signals());
+  if (!bus.good()) return program::refuse_bus("ballast", command.url);
+  EventPipe pipe;
+  const std::string why =
+      pipe.start("ballast-live", {"--listen=" + command.listen, "--port=" + std::to_string(command.port)}, true);
+  if (!why.empty()) return could_not(why);
+  LiveFeed feed(pipe);
+  const auto start = hal::WallClock::now();
+  const auto subscribe = [&]<class M>(const char* channel, M*) {
+    bus.subscribe<M>(
+        channel, [&](const M& message) { feed.observe(message, hal::Seconds(hal::WallClock::now() - start).count()); });
+  };
+  subscribe(hal::kChannelContact, static_cast<contact_t*>(nullptr));
+  subscribe(hal::kChannelPlantState, static_cast<plant_state_t*>(nullptr));
+  subscribe(hal::kChannelControllerStatus, static_cast<controller_status_t*>(nullptr));
+  subscribe(hal::kChannelTrip, static_cast<trip_t*>(nullptr));
+  subscribe(hal::kChannelScenario, static_cast<scenario_piece_t*>(nullptr));
+  Control control(bus, feed);
+  for (;;) {
+    const hal::Status status = bus.receive_until(hal::after(hal::WallClock::now(), kLookEvery), [] { return false; });
+    if (status == hal::Status::kInterrupted) return program::kExitCompleted;
+    if (status == hal::Status::kIo) return could_not("the LCM bus " + command.url + " failed");
+    while (const auto line = pipe.next_line()) control.take(*line);
+    control.poll();
+    feed.update();
+    pipe.flush();
+    if (const std::string text = pipe.ended(); !text.empty()) return could_not(text);
+  }
+}
+
+}  // namespace
+
+std::function<int()> add_live_command(CLI::App& app, CLI::App*& command) {
+  command = app.add_subcommand("live", "Serves a page that shows the run on a bus in 3-d and operates it");
+  auto options = std::make_shared<LiveCommand>();
+  command->add_option("--lcm", options->url, "URL of the LCM bus")->check(program::not_empty())->capture_default_str();
+  command->add_option("--port", options->port, "port of the page; 0: any that is free")
+      ->check(program::whole_number(0, 65535))
+      ->capture_default_str();
+  command
+      ->add_option("--listen", options->listen,
+                   "address of this machine for the page; other machines reach any but 127.0.0.1")
+      ->type_name("ADDRESS")
+      ->check(program::not_empty())
+      ->capture_default_str();
+  return [options] { return live(*options); };
+}
+
+}  // namespace ballast

@@ -1,0 +1,97 @@
+// The operator's controls: who holds them, the buttons, the keys, and what became of a request.
+import {shortNumber} from "ballast/numbers.js";
+
+const element = (id) => document.getElementById(id);
+const BRAKES = ["stop", "brake"];
+// The modes in which a command is usually obeyed. Others are dimmed, and say why if they are asked for.
+const USUAL = {
+  arm: ["disarmed"],
+  start: ["armed"],
+  reset: ["tripped"],
+  stop: ["armed", "running", "moving", "stopping", "about to move", "halting"],
+  brake: ["armed", "running", "moving", "stopping", "about to move", "halting"]
+};
+
+export class Controls {
+  constructor(connection) {
+    this.connection = connection;
+    this.you = this.holder = null;
+    this.viewers = 0;
+    this.state = {};
+    this.buttons = [...document.querySelectorAll("[data-do]")];
+    for (const button of this.buttons) button.addEventListener("click", () => this.command(button.dataset.do));
+    element("take").addEventListener("click", () => connection.send(this.mine ? "release" : "take"));
+    element("move").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.command("move", {
+        mass: Number(element("move-mass").value),
+        to: element("move-to").valueAsNumber,
+        speed_fraction: Number(element("move-speed").value)
+      });
+    });
+    element("move-mass").addEventListener("change", () => this.showUnit());
+    this.connectKeys();
+    this.show();
+  }
+
+  get mine() {
+    return this.holder !== null && this.holder === this.you;
+  }
+
+  command(what, fields = {}) {
+    if (!this.connection.send("command", {do: what, ...fields}))
+      this.answer("refusal", "not sent: there is no connection");
+  }
+
+  // Space stops whatever has the focus: a focused button would be pressed by it.
+  connectKeys() {
+    addEventListener("keydown", (event) => {
+      if (event.key !== " " || event.ctrlKey || event.altKey || event.metaKey) return;
+      event.preventDefault();
+      if (!event.repeat) this.command("brake");
+    }, true);
+    addEventListener("keyup", (event) => {
+      if (event.key === " ") event.preventDefault();
+    }, true);
+  }
+
+  answer(kind, text) {
+    const place = element("answer");
+    place.textContent = text;
+    place.className = `answer ${kind}`;
+  }
+
+  setRun({masses}) {
+    this.masses = masses;
+    element("move-mass").replaceChildren(...masses.map((_, i) => new Option(String(i), i)));
+    element("move-to").value = "";
+    this.showUnit();
+  }
+
+  showUnit() {
+    const mass = this.masses?.[element("move-mass").value];
+    element("move-unit").textContent = mass?.unit ?? "";
+    const [low, high] = [mass?.lower_end ?? null, mass?.upper_end ?? null];
+    element("move-to").placeholder = low !== null && high !== null ? `${shortNumber(low)} … ${shortNumber(high)}` : "";
+  }
+
+  show() {
+    const {mine, holder, viewers, state: {mode, governed}} = this;
+    const works = Boolean(mode) && this.state.phase === "running";
+    const others = viewers > 1 ? `${viewers} viewers` : "one viewer";
+    element("holder").textContent = mine ? `You hold the controls (${this.you}; ${others})` :
+        holder ? `${holder} holds the controls (you are ${this.you}; ${others})` :
+                 `Nobody holds the controls (${others})`;
+    const take = element("take");
+    take.textContent = mine ? "Release" : "Take the controls";
+    take.disabled = !mine && holder !== null;
+    for (const button of this.buttons) {
+      const what = button.dataset.do;
+      button.disabled = !works || !(mine || BRAKES.includes(what));
+      button.classList.toggle("usual", works && USUAL[what].includes(mode));
+    }
+    for (const input of element("move").elements) input.disabled = !works || !mine;
+    element("stop").hidden = !governed;
+    element("brake").firstChild.textContent = governed ? "Halt the ball " : "Stop ";
+  }
+}
