@@ -37,7 +37,7 @@ struct Results {
   std::vector<Column> columns;
   std::vector<double> identified, nominal;  // rms distance from the plan over that with the truth believed
   std::vector<double> with_truth;           // rms distance over the path
-  int all_near = 0, unfitted = 0;
+  int all_near = 0, early = 0;
 
   void add(std::size_t k, const std::string& name, double believed, double value, double half_width, double true_value,
            double one) {
@@ -62,7 +62,7 @@ struct Results {
                  100 * quantile(c.believed_off, 0.5), 100 * quantile(c.off, 0.5), 100 * quantile(c.off, 0.95),
                  100 * quantile(c.off, 1), 100 * quantile(c.half_width, 0.5), c.near, c.inside);
     }
-    fmt::print("\nall within 1 %: {}; not fitted: {}\n", all_near, unfitted);
+    fmt::print("\nall within 1 %: {}; ended early: {}\n", all_near, early);
     if (with_truth.empty()) return;
     const auto three = [](const std::vector<double>& v) {
       return fmt::format("{:.3f}, {:.3f}, {:.3f}", quantile(v, 0.5), quantile(v, 0.95), quantile(v, 1));
@@ -104,7 +104,7 @@ void study(const Request& request, std::uint64_t seed, Results& results) {
   const identify::FitOutcome outcome = identify::fit(parameters, {run.recording});
   if (!outcome.fit || !run.recording.cut.empty()) {
     fmt::print(stderr, "seed {}: {}{}\n", seed, run.recording.cut, outcome.trouble);
-    ++results.unfitted;
+    ++results.early;
     if (!outcome.fit) return;
   }
   const identify::Identified& fit = *outcome.fit;
