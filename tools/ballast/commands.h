@@ -20,6 +20,7 @@ std::function<int()> add_new_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_plan_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_move_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_operate_command(CLI::App& app, CLI::App*& command);
+std::function<int()> add_identify_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_faults_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_friction_command(CLI::App& app, CLI::App*& command);
 std::function<int()> add_spy_command(CLI::App& app, CLI::App*& command);

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/scenario/reader.h"
-#include "sim/scenario/tree.h"
+#include "sim/scenario/tree_nodes.h"
 
 namespace ballast::plan {
 
@@ -15,45 +15,17 @@ using Toml = sim::Node;
 
 namespace {
 
-constexpr std::size_t kLongestName = 64;  // that a scenario may have
-
-void set(Toml& table, const std::string& key, Toml value) {
-  if (Toml* old = table.find(key)) {
-    *old = std::move(value);
-  } else {
-    table.entries.emplace_back(key, std::move(value));
-  }
-}
-
-Toml number(double value) {
-  Toml node;
-  node.kind = sim::NodeKind::kFloat;
-  node.number = value;
-  return node;
-}
-
-Toml text(const std::string& value) {
-  Toml node;
-  node.kind = sim::NodeKind::kString;
-  node.text = value;
-  return node;
-}
-
-Toml numbers(std::initializer_list<double> values) {
-  Toml node;
-  node.kind = sim::NodeKind::kArray;
-  for (const double value : values) node.items.push_back(number(value));
-  return node;
-}
+using sim::array_node;
+using sim::number_node;
+using sim::numbers_node;
+using sim::set_entry;
+using sim::text_node;
 
 Toml motion_node(const Grid& grid, const std::vector<double>& knots, std::size_t mass, std::size_t count) {
-  Toml motion;
-  motion.kind = sim::NodeKind::kArray;
+  Toml motion = array_node();
   for (std::size_t j = 0; j + 1 < static_cast<std::size_t>(grid.knots()); ++j) {
-    Toml piece;
-    set(piece, "duration", number(grid.piece_s()));
-    set(piece, "acceleration", numbers({knots[j * count + mass], knots[(j + 1) * count + mass]}));
-    motion.items.push_back(std::move(piece));
+    motion.items.push_back(
+        sim::motion_piece_node(grid.piece_s(), knots[j * count + mass], knots[(j + 1) * count + mass]));
   }
   return motion;
 }
@@ -62,14 +34,13 @@ Toml motion_node(const Grid& grid, const std::vector<double>& knots, std::size_t
 Toml path_node(const Plan& plan) {
   constexpr int kPerPiece = 4;
   const int every = std::max(1, plan.grid.steps_per_piece / kPerPiece);
-  Toml path;
-  path.kind = sim::NodeKind::kArray;
+  Toml path = array_node();
   const auto count = static_cast<int>(plan.run.nodes.size());
   for (int node = 0; node < count; ++node) {
     if (node % every != 0 && node + 1 != count) continue;
     const Node& at = plan.run.nodes[static_cast<std::size_t>(node)];
     const double need = std::hypot(at.value.force_n[0], at.value.force_n[1]) / at.value.normal_n;
-    path.items.push_back(numbers({node * plan.grid.step_s(), at.place_m[0], at.place_m[1], need}));
+    path.items.push_back(numbers_node({node * plan.grid.step_s(), at.place_m[0], at.place_m[1], need}));
   }
   return path;
 }
@@ -98,43 +69,40 @@ const char* to_string(Objective objective) {
   return objective == Objective::kTime ? "time" : objective == Objective::kEffort ? "effort" : "friction";
 }
 
-std::string plan_name(const std::string& task_name) {
-  const std::string end = "_plan";
-  return task_name.substr(0, kLongestName - end.size()) + end;
-}
+std::string plan_name(const std::string& task_name) { return sim::name_with(task_name, "_plan"); }
 
 std::string plan_toml(const std::string& toml, const TaskFile& task, const Plan& plan) {
   Toml root;
   std::vector<sim::ScenarioError> errors;
   static_cast<void>(sim::read_tree(toml, "task", root, errors));  // it has been read before
   std::erase_if(root.entries, [](const auto& entry) { return entry.first == "published"; });
-  set(root, "name", text(plan_name(task.scenario.name)));
-  set(root, "duration", number(plan.grid.duration_s));
+  set_entry(root, "name", text_node(plan_name(task.scenario.name)));
+  set_entry(root, "duration", number_node(plan.grid.duration_s));
   Toml* masses = root.find("mass");
   for (std::size_t i = 0; i < masses->items.size(); ++i) {
-    set(masses->items[i], "motion", motion_node(plan.grid, plan.knots, i, masses->items.size()));
+    set_entry(masses->items[i], "motion", motion_node(plan.grid, plan.knots, i, masses->items.size()));
   }
   Toml about;
-  set(about, "goal", numbers({task.task.goal_m[0], task.task.goal_m[1]}));
+  set_entry(about, "goal", numbers_node({task.task.goal_m[0], task.task.goal_m[1]}));
   Toml rest;
   rest.kind = sim::NodeKind::kBoolean;
   rest.boolean = task.task.at_rest;
-  set(about, "at_rest", rest);
-  set(about, "objective", text(to_string(task.task.objective)));
-  set(about, "mu_required", number(plan.run.extrema.mu_required_max.value));
-  set(about, "mu_required_time", number(plan.run.extrema.mu_required_max.time_s));
-  set(about, "goal_error", number(plan.goal_error_m));
-  set(about, "friction_use", number(task.task.friction_use));
+  set_entry(about, "at_rest", rest);
+  set_entry(about, "objective", text_node(to_string(task.task.objective)));
+  set_entry(about, "mu_required", number_node(plan.run.extrema.mu_required_max.value));
+  set_entry(about, "mu_required_time", number_node(plan.run.extrema.mu_required_max.time_s));
+  set_entry(about, "goal_error", number_node(plan.goal_error_m));
+  set_entry(about, "friction_use", number_node(task.task.friction_use));
   const sim::InitialState& initial = task.scenario.initial;
   const Eigen::Quaterniond& q = initial.orientation;
   const Eigen::Vector3d& w = initial.angular_velocity_B_radps;
   Toml start;
-  set(start, "orientation", numbers({q.w(), q.x(), q.y(), q.z()}));
-  set(start, "angular_velocity", numbers({w[0], w[1], w[2]}));
-  set(start, "position", numbers({initial.position_W_m[0], initial.position_W_m[1]}));
-  set(about, "start", start);
-  set(about, "path", path_node(plan));
-  set(root, "plan", about);
+  set_entry(start, "orientation", numbers_node({q.w(), q.x(), q.y(), q.z()}));
+  set_entry(start, "angular_velocity", numbers_node({w[0], w[1], w[2]}));
+  set_entry(start, "position", numbers_node({initial.position_W_m[0], initial.position_W_m[1]}));
+  set_entry(about, "start", start);
+  set_entry(about, "path", path_node(plan));
+  set_entry(root, "plan", about);
   return sim::to_toml(root) + "\n";
 }
 

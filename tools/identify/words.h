@@ -1,0 +1,21 @@
+// What was identified, as text and as a belief.
+#pragma once
+
+#include <string>
+
+#include "tools/identify/fit.h"
+
+namespace ballast::identify {
+
+// A line for each parameter: believed, identified and the interval; below it what is unknown.
+[[nodiscard]] std::string identified_text(const Parameters& parameters, const Known& known, const Identified& fit);
+
+// The half-widths of the 95 % intervals, a line for each parameter.
+[[nodiscard]] std::string intervals_text(const Parameters& parameters, const Identified& fit);
+
+// The scenario's file with a [believed] of what was identified. Other keys of its [believed] stay. Parameters that are
+// unknown keep what is believed.
+[[nodiscard]] std::string believed_toml(const std::string& toml, const Parameters& parameters, const Known& known,
+                                        const Identified& fit);
+
+}  // namespace ballast::identify
