@@ -69,7 +69,8 @@ std::uint32_t causes_of(const ControllerParams& params, const ControllerState& s
   if (driven_over_an_end(inputs.sensors, state.now, params.ball.mass_count)) causes |= bit(Fault::kEndSwitch);
   // Slip and light contact are acted on where motion can cause them. Without an estimate the robot cannot be armed
   // (Refusal::kNoEstimate), so its absence is a fault only after that.
-  const bool moves = state.mode == Mode::kRunning || state.mode == Mode::kMoving || state.mode == Mode::kHalting;
+  const bool moves =
+      state.mode == Mode::kRunning || state.mode == Mode::kMoving || (state.mode == Mode::kHalting && state.moving);
   if (moves && state.measured.slip_detected) causes |= bit(Fault::kSlipMeasured);
   if (moves && state.measured.light_detected) causes |= bit(Fault::kLightMeasured);
   const bool armed = state.mode != Mode::kDisarmed;

@@ -81,6 +81,7 @@ RobotState first_robot(const ControllerParams& params) {
 
 void begin_search(const ControllerParams& params, const RobotState& robot, ControllerState& state) {
   state.governing.params.friction = usable_friction(params, state);
+  state.governing.params.uncertain = 0;
   StartSearch& start = state.governing.start;
   set_origin(state);
   start.stage = StartStage::kSearching;
@@ -301,10 +302,11 @@ void begin_move_search(const ControllerParams& params, const Inputs& inputs, Con
   if (!motion.known) return;
   start.stage = StartStage::kSearching;
   start.robot = held_robot(params, state, motion);
-  const Wide end_ticks = longest_s(params, state) / params.control_period_s;
-  begin_start(g.params, start.robot, start.tick, start.from_tick,
-              plus(start.from_tick, static_cast<int>(end_ticks) + 1), kStartStretches, g.governor);
-  g.governor.candidate.refuse_bends();
+  // Times of the search count from today.
+  const std::int64_t lead = minus(start.from_tick, start.tick);
+  const auto motion_ticks = static_cast<std::int64_t>(longest_s(params, state) / params.control_period_s) + 1;
+  begin_start(g.params, start.robot, 0, lead, lead + motion_ticks, kStartStretches, g.governor);
+  g.governor.candidate.refuse_bends(std::numeric_limits<Wide>::infinity());
 }
 
 // Begins the next attempt from the ball of today: with longer and longer stretches of the halt.
@@ -318,17 +320,20 @@ void try_halt(const ControllerParams& params, const Inputs& inputs, ControllerSt
   start.robot = held_robot(params, state, motion);
   start.tick = inputs.tick;
   start.from_tick = plus(inputs.tick, ticks_to_certify(g.params, Wide{kLongestHalt * unit_s(params.ball)}));
-  begin_start(g.params, start.robot, start.tick, start.from_tick, 0, 2 * start.attempt, g.governor);
+  const std::int64_t lead = minus(start.from_tick, start.tick);
+  begin_start(g.params, start.robot, 0, lead, 0, 2 * start.attempt, g.governor);
+  g.governor.candidate.refuse_bends(static_cast<Wide>(lead) * params.control_period_s);  // the masses hold until then
   g.halt.predicts = true;
   g.halt.predicted_tick = start.from_tick;
   g.halt.rollout_tick = start.tick;
-  g.halt.rollout.begin(g.params, start.robot, start.tick, g.governor.candidate.schedule(),
+  g.halt.rollout.begin(g.params, start.robot, 0, g.governor.candidate.schedule(),
                        Wide{kLongestHalt * unit_s(params.ball)});
 }
 
 Wide longest_governed_move_s(const ControllerParams& params, const ControllerState& state) {
   if (!params.governor.on) return std::numeric_limits<Wide>::infinity();
-  return kMostStartSteps * Wide{state.governing.params.step_s};
+  constexpr Wide kMostTicks = 1e9;  // that can be counted
+  return std::fmin(kMostStartSteps * Wide{state.governing.params.step_s}, kMostTicks * params.control_period_s);
 }
 
 int ticks_of_move_search(const ControllerParams& params, const ControllerState& state) {
@@ -434,6 +439,7 @@ RefusalReport await_halt(const ControllerParams& params, const Inputs& inputs, C
       return {Refusal::kNoRest, -1, -1, Wide{said.speed_after_mps}, Wide{kLongestHalt * unit_s(params.ball)}};
     }
     adopt(next, g);
+    distrust(g.governor);  // the ball may have been pushed since the search began
     for (int i = 0; i < params.ball.mass_count; ++i) {
       if (!state.active[at(i)].set(state.hold_position[at(i)], 0, nullptr, 0)) state.faults |= bit(Fault::kInternal);
     }

@@ -31,7 +31,12 @@ GovernorStatus governor_status(const GoverningState& governing) {
   return {true, report.bent, report.backup, report.backup_margin, report.backup_until_tick, report.allowance};
 }
 
-HaltStatus halt_status(const HaltState& halt) {
+HaltStatus halt_status(const ControllerState& state) {
+  const HaltState& halt = state.governing.halt;
+  const StartSearch& start = state.governing.start;
+  // A halt that waits is said once it is certified.
+  const bool waits = !halt.begun && start.what == Begins::kHalt;
+  if (waits && (state.mode != Mode::kHalting || start.stage != StartStage::kCertified)) return {};
   const HaltPrediction& result = halt.rollout.result();
   if (!halt.asked || !halt.predicts || !result.complete || !result.rests) return {};
   return {true, halt.predicted_tick, result.distance_m, result.time_s};
@@ -63,7 +68,7 @@ void report(const ControllerParams& params, const ControllerState& state, const 
   // Invalid values are published as fixed numbers.
   status.estimate = params.estimation.estimated && ball.known ? state.estimate : Estimate{};
   status.governor = governor_status(state.governing);
-  status.halt = halt_status(state.governing.halt);
+  status.halt = halt_status(state);
   status.motion_delay_s = state.tracking.follows ? state.tracking.clock.delay_s : 0;
   status.slip_friction = state.slip_friction.least;
   status.measured = state.measured.valid ? state.measured : MeasuredContact{};

@@ -66,7 +66,7 @@ void measure(const ControllerParams& params, const Inputs& inputs, ControllerSta
   measure_contact(params.ball, params.estimation, params.control_period_s, inputs.sensors, state.now,
                   state.measured_masses, params.estimation.estimated ? state.estimate : sensed(ball), inputs.tick,
                   state.contact_meter, state.measured);
-  learn(state.measured, state.slip_friction);
+  if (state.moving) learn(state.measured, state.slip_friction);
 }
 
 }  // namespace ballast::firmware

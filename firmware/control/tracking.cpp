@@ -56,7 +56,9 @@ ProfilePoint planned(const ControllerParams& params, const TrackingState& tracki
     point.position += tracking.origin[at(i)] - first.position - first.velocity * motion_s;
     point.velocity -= first.velocity;
   }
-  const Wide rate{tracking.clock.rate}, change{tracking.clock.change};
+  // How the rate changes is known for the next ticks only.
+  const bool soon = time_s <= tracking.clock.seen_s + Wide(2.5) * params.control_period_s;
+  const Wide rate{tracking.clock.rate}, change{soon ? tracking.clock.change : 0};
   if (rate == 1 && change == 0) return point;
   point.acceleration = rate * rate * point.acceleration + change * point.velocity;
   point.velocity *= rate;

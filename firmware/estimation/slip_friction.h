@@ -14,10 +14,11 @@ struct SlipFriction {
   std::int64_t ticks = 0;
 };
 
-// So many ticks of a slip count, as their mean: less would be the noise of a sample.
-inline constexpr std::int64_t kLeastSlipTicks = 16;
+// So many ticks of a slip count, from its detection on, as their mean: less would be the noise of a sample, and more
+// may be those of a ball that rolls again, because the detection lasts longer than the slip.
+inline constexpr std::int64_t kSlipTicks = 16;
 
-// Once per control tick, with what was measured by it. Nothing but reset() raises `least`.
+// Once per control tick in which masses move, with what was measured by it. Nothing but reset() raises `least`.
 inline void learn(const MeasuredContact& measured, SlipFriction& friction) {
   const bool slips = measured.valid && measured.slip_detected;
   if (slips && !friction.slips) {
@@ -25,10 +26,11 @@ inline void learn(const MeasuredContact& measured, SlipFriction& friction) {
     friction.ticks = 0;
   }
   friction.slips = slips;
-  if (!slips || !(measured.mu_required < std::numeric_limits<Real>::infinity())) return;
+  const bool finite = measured.mu_required > 0 && measured.mu_required < std::numeric_limits<Real>::infinity();
+  if (!slips || !finite || friction.ticks == kSlipTicks) return;
   friction.sum += Wide{measured.mu_required};
   ++friction.ticks;
-  if (friction.ticks < kLeastSlipTicks) return;
+  if (friction.ticks < kSlipTicks) return;
   const auto mean = static_cast<Real>(friction.sum / static_cast<Wide>(friction.ticks));
   if (mean < friction.least) friction.least = mean;
 }

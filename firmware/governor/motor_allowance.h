@@ -30,8 +30,8 @@ inline Real acceleration_error(const MotorSwing& swing, Real velocity) {
   const Real per_unit = kTwoPi * speed / swing.natural_radps;
   const Real square = swing.natural_radps * swing.natural_radps;
   return square *
-         (swing.microstep / 2 * swing_gain(per_unit / swing.microstep, swing.damping_ratio) +
-          2 * swing.step_error * swing.full_step * swing_gain(per_unit / swing.full_step, swing.damping_ratio)) +
+             (swing.microstep / 2 * swing_gain(per_unit / swing.microstep, swing.damping_ratio) +
+              2 * swing.step_error * swing.full_step * swing_gain(per_unit / swing.full_step, swing.damping_ratio)) +
          swing.detent * resonance(per_unit / swing.full_step, swing.damping_ratio);
 }
 

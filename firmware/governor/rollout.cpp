@@ -27,7 +27,7 @@ void Rollout::begin(const GovernorParams& params, const RobotState& state, std::
   period_s_ = params.control_period_s;
   time_s_ = change_s_ = 0;
   held_ = near_edge_ = wished_ = begun_ = last_ = false;
-  bends_allowed_ = true;
+  bends_from_s_ = 0;
   PerMass<Real> tolerance{};
   for (std::size_t i = 0; i < tolerance.size(); ++i) tolerance[i] = kBendTolerance * params.mass[i].max_acceleration;
   bends_.clear(tick, tolerance);
@@ -137,6 +137,11 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   for (std::size_t i = 0; i < wanted.size(); ++i) {
     wanted[i] = std::fmin(std::fmax(wanted[i], ramp.end.lower[i]), ramp.end.upper[i]);
   }
+  const bool bends = time_s_ >= bends_from_s_;
+  if (!bends && nominal_now_) {
+    wanted = wish.u;
+    ramp.end = {wanted, wanted};
+  }
   GovernedRamp end;
   governed_for_ramp(ball, params, state_, forces_, ramp, wanted, end);
   cost_ = cost_of(end);
@@ -145,7 +150,7 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   time_s_ = end_s;
   last_wish_ = wish;
   judge(params, end);
-  if (!bends_allowed_ && end.command.bent) judge_wish(ball, params, end, wanted);
+  if (!bends && end.command.bent) judge_wish(ball, params, end, wanted);
   bend(ball, wish.u);
   if (end_ == RolloutEnd::kUnderWay && last_ && still(params, state_, ball.mass_count)) begin_hold(ball, params);
 }

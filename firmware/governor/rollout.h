@@ -57,9 +57,9 @@ class Rollout {
   // From `state` at the start of `tick`.
   void begin(const GovernorParams& params, const RobotState& state, std::int64_t tick, const Schedule& schedule);
 
-  // Does steps worth at most `work` (kMovingStepWork, 1 for a held ball), and at least one. `nominal(time_s, state)`
-  // returns the Wish at a time after the start of begin()'s tick. `in_force`: the bends
-  // of the certificate in force, which the ball follows up to the tick Schedule::from, or for ever where there is none.
+  // Does steps while their cost so far is below `work`: kMovingStepWork for one that is not bent, 1 for a held ball.
+  // `nominal(time_s, state)` returns the Wish at a time after the start of begin()'s tick. `in_force`: the bends of the
+  // certificate in force, which the ball follows up to the tick Schedule::from, or for ever where there is none.
   template <class Nominal>
   void advance(const BallParams& ball, const GovernorParams& params, const Nominal& nominal, const Bends& in_force,
                int work) {
@@ -74,8 +74,9 @@ class Rollout {
     }
   }
 
-  // From here on the wish is not bent into the cone: where it leaves that, the rollout is broken.
-  void refuse_bends() { bends_allowed_ = false; }
+  // Up to this time after the start the wish is neither bent into the cone nor held to the limits of a bend: where it
+  // leaves the cone, the rollout is broken.
+  void refuse_bends(Wide until_s) { bends_from_s_ = until_s; }
 
   [[nodiscard]] RolloutEnd end() const { return end_; }
   [[nodiscard]] const Schedule& schedule() const { return schedule_; }
@@ -135,7 +136,7 @@ class Rollout {
   Bends bends_;
   bool held_ = false;
   bool near_edge_ = false;
-  bool bends_allowed_ = true;
+  Wide bends_from_s_ = 0;
   int cost_ = 1;  // of the last step of a moving ball, in those that are not bent
   HeldBall held_ball_;
   Real most_use_ = 0;

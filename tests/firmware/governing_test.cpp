@@ -409,15 +409,24 @@ TEST(SlipFriction, IsTheLeastMeanOfTheSlips) {
     measured.mu_required = k % 2 == 0 ? Real(0.25) : Real(0.35);
     learn(measured, friction);
   }
-  EXPECT_NEAR(friction.least, 0.3, 0.05 / 16);  // of whole pairs it is the mean, and of 17 values less by that
-  measured.mu_required = std::numeric_limits<Real>::infinity();  // N <= 0
-  learn(measured, friction);
+  EXPECT_NEAR(friction.least, 0.3, 1e-12);  // of the first 16 ticks
+  measured.mu_required = Real(0.01);        // it rolls again, and the detection lasts on
+  for (int k = 0; k < 40; ++k) learn(measured, friction);
+  EXPECT_NEAR(friction.least, 0.3, 1e-12);
   measured.slip_detected = false;
   learn(measured, friction);
   measured.slip_detected = true;
   measured.mu_required = 1;
   for (int k = 0; k < 40; ++k) learn(measured, friction);
-  EXPECT_LT(friction.least, 0.31);  // a better floor raises nothing
+  EXPECT_NEAR(friction.least, 0.3, 1e-12);  // a better floor raises nothing
+  measured.slip_detected = false;
+  learn(measured, friction);
+  measured.slip_detected = true;
+  for (const Real nothing : {Real(0), std::numeric_limits<Real>::infinity()}) {  // a hand, or N <= 0
+    measured.mu_required = nothing;
+    for (int k = 0; k < 40; ++k) learn(measured, friction);
+  }
+  EXPECT_NEAR(friction.least, 0.3, 1e-12);
 }
 
 }  // namespace
