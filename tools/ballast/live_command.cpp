@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <type_traits>
 
 #include "hal/lcm/bus.h"
 #include "hal/lcm/scenario_piece.h"
@@ -133,7 +134,8 @@ int live(const LiveCommand& command) {
   if (!why.empty()) return could_not(why);
   LiveFeed feed(pipe);
   const auto start = hal::WallClock::now();
-  const auto subscribe = [&]<class M>(const char* channel, M*) {
+  const auto subscribe = [&](const char* channel, auto* type) {
+    using M = std::remove_pointer_t<decltype(type)>;
     bus.subscribe<M>(
         channel, [&](const M& message) { feed.observe(message, hal::Seconds(hal::WallClock::now() - start).count()); });
   };

@@ -115,7 +115,8 @@ void RunFit::place_masses(const VectorXd& own) {
 void RunFit::take_samples() {
   const Known& known = recording_.known;
   const auto every = std::max<std::int64_t>(1, sim::ticks_per_sample(known.sensors.rate_hz, known.control_period_s));
-  const auto expected = static_cast<double>(timeline_.window_ticks() / every);
+  const std::int64_t whole = timeline_.window_ticks() / every;
+  const auto expected = static_cast<double>(whole);
   window_.assign(static_cast<std::size_t>(windows()), {});
   std::vector<double> saturated(2 * window_.size(), 0);
   const auto beyond = [](const Vector3d& v, double range) { return range > 0 && v.cwiseAbs().maxCoeff() >= range; };
@@ -306,7 +307,7 @@ std::vector<PriorRow> prior_rows(const Known& known, Index masses_at, Index bias
       add(6 * triad + j, -1, model.scale_error, kLeastError);
       add(6 * triad + 3 + j, -1, model.misalignment_rad, kLeastError);
       for (int knot = 0; knot < knots; ++knot) {
-        const Index at = biases_at + static_cast<Index>(per_knot) * knot + 3 * triad + j;
+        const Index at = biases_at + static_cast<Index>(per_knot) * knot + Index{3} * triad + j;
         if (knot == 0) {
           add(at, -1, model.bias, least);
         } else {
@@ -424,12 +425,12 @@ void RunFit::add_segment(const VectorXd& values, std::size_t index, MatrixXd& h,
   }
 
   // Columns of one window: parameters, errors, masses, two knots of biases, start. Everything else is 0.
-  const Index biases = p + biases_at(0), local = biases + 2 * kBiases + kStart;
+  const Index biases = p + biases_at(0), local = biases + Index{2} * kBiases + kStart;
   MatrixXd jacobian(kRows, local);
   const auto column = [&](Index j, int knot) -> Index {
     if (j < biases) return j;
-    if (j < biases + 2 * kBiases) return p + biases_at(knot) + (j - biases);
-    return p + start_at(index) + (j - biases - 2 * kBiases);
+    if (j < biases + Index{2} * kBiases) return p + biases_at(knot) + (j - biases);
+    return p + start_at(index) + (j - biases - Index{2} * kBiases);
   };
   Matrix3d gyro = Matrix3d::Identity(), accelerometer = Matrix3d::Identity();
   gyro += own_.segment<3>(0).asDiagonal();
@@ -454,7 +455,7 @@ void RunFit::add_segment(const VectorXd& values, std::size_t index, MatrixXd& h,
       jacobian(j, biases + j) = 1 - part;
       jacobian(j, biases + kBiases + j) = part;
     }
-    jacobian.middleCols<6>(biases + 2 * kBiases) = read_by.middleCols<6>(p);
+    jacobian.middleCols<6>(biases + Index{2} * kBiases) = read_by.middleCols<6>(p);
     jacobian.middleCols(p + masses_at(), of_masses) = read_by.rightCols(of_masses);
     Row information = variance(window).cwiseInverse();
     for (int row = 0; row < kRows; ++row)
