@@ -425,12 +425,13 @@ void RunFit::add_segment(const VectorXd& values, std::size_t index, MatrixXd& h,
   }
 
   // Columns of one window: parameters, errors, masses, two knots of biases, start. Everything else is 0.
-  const Index biases = p + biases_at(0), local = biases + Index{2} * kBiases + kStart;
+  const Index both = static_cast<Index>(2) * kBiases;  // of the knots on both sides
+  const Index biases = p + biases_at(0), local = biases + both + kStart;
   MatrixXd jacobian(kRows, local);
   const auto column = [&](Index j, int knot) -> Index {
     if (j < biases) return j;
-    if (j < biases + Index{2} * kBiases) return p + biases_at(knot) + (j - biases);
-    return p + start_at(index) + (j - biases - Index{2} * kBiases);
+    if (j < biases + both) return p + biases_at(knot) + (j - biases);
+    return p + start_at(index) + (j - biases - both);
   };
   Matrix3d gyro = Matrix3d::Identity(), accelerometer = Matrix3d::Identity();
   gyro += own_.segment<3>(0).asDiagonal();
@@ -455,7 +456,7 @@ void RunFit::add_segment(const VectorXd& values, std::size_t index, MatrixXd& h,
       jacobian(j, biases + j) = 1 - part;
       jacobian(j, biases + kBiases + j) = part;
     }
-    jacobian.middleCols<6>(biases + Index{2} * kBiases) = read_by.middleCols<6>(p);
+    jacobian.middleCols<6>(biases + both) = read_by.middleCols<6>(p);
     jacobian.middleCols(p + masses_at(), of_masses) = read_by.rightCols(of_masses);
     Row information = variance(window).cwiseInverse();
     for (int row = 0; row < kRows; ++row)
