@@ -45,7 +45,9 @@ int ticks_to_roll(const GovernorParams& params, Wide steps, Wide ticks, Wide own
   const Wide work = steps * kMovingStepWork * (12 * Wide{params.brake_time_s / params.step_s} + 2) +
                     params.horizon_s / Wide{params.step_s} + 2;
   const Wide share = static_cast<Wide>(params.work_per_tick) - own * per_tick;
-  return share > 0 ? static_cast<int>((work + ticks * per_tick) / share) + 1 : 0;
+  const Wide total = (work + ticks * per_tick) / share;
+  constexpr Wide kMost = 1e9;  // that can be counted
+  return share > 0 && total < kMost ? static_cast<int>(total) + 1 : 0;
 }
 
 }  // namespace
