@@ -115,8 +115,8 @@ void RunFit::place_masses(const VectorXd& own) {
 void RunFit::take_samples() {
   const Known& known = recording_.known;
   const auto every = std::max<std::int64_t>(1, sim::ticks_per_sample(known.sensors.rate_hz, known.control_period_s));
-  const std::int64_t whole = timeline_.window_ticks() / every;
-  const auto expected = static_cast<double>(whole);
+  const std::int64_t per_window = timeline_.window_ticks() / every;
+  const auto expected = static_cast<double>(per_window);
   window_.assign(static_cast<std::size_t>(windows()), {});
   std::vector<double> saturated(2 * window_.size(), 0);
   const auto beyond = [](const Vector3d& v, double range) { return range > 0 && v.cwiseAbs().maxCoeff() >= range; };
