@@ -38,10 +38,10 @@ struct TrackingState {
 // How far the search for a certificate of a start has come.
 enum class StartStage : std::uint8_t { kNone, kSearching, kCertified, kRefused, kUsed };
 
-// What is to begin.
+// The motion that a search is made for.
 enum class Begins : std::uint8_t { kMotion, kMove, kHalt };
 
-// Of a start, of a move that is pending, or of a halt of the ball from where the masses hold.
+// The search for a start, a pending move, or a halt of the ball from where the masses hold.
 struct StartSearch {
   StartStage stage = StartStage::kNone;
   Begins what = Begins::kMotion;

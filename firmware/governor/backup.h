@@ -63,7 +63,7 @@ struct GovernedRamp {
   int steps = 0;                        // of the projection's searches
 };
 
-// What a projection costs, in steps of a rollout that is not bent: by the steps of its searches.
+// The cost of a projection, in steps of a rollout that is not bent: by the steps of its searches.
 inline int cost_of(const GovernedRamp& ramp) {
   constexpr int kConeSteps = 12;  // cost as much as a step that is not bent
   return 1 + ramp.steps / kConeSteps;

@@ -40,8 +40,8 @@ enum class RolloutEnd : std::uint8_t {
 
 // The force with which a rollout ended: > 1 of the friction where it left the cone.
 struct Breach {
-  // Of the friction that was free, allowances and reserves taken off; infinite where N <= 0. 0: there was no room for
-  // the plan's bends.
+  // Part of the friction that was free, allowances and reserves taken off; infinite where N <= 0. 0: there was no room
+  // for the plan's bends.
   Real use = 0;
   Real normal_force_n = 0;  // N
 };

@@ -380,7 +380,7 @@ TEST(Governing, AMoveThatTakesTooLongIsRefused) {
   EXPECT_GT(robot.out.status.refusal.value, robot.out.status.refusal.time_s);
 }
 
-// What the floor gave while the ball slipped is the most that the governor uses from then on.
+// The friction that the floor gave while the ball slipped is the most that the governor uses from then on.
 TEST(Governing, ASlipLowersTheFrictionThatIsUsed) {
   GovernedBall robot(slow_paper(0.35));
   robot.state().slip_friction.least = Real(0.05);

@@ -27,7 +27,7 @@ struct Kind {
 const Kind kKinds[] = {
     {"ideal"},
     {"steppers", true},
-    // What a scenario can declare of a belief's errors is control.friction_use.
+    // A scenario can declare control.friction_use of a belief's errors, and nothing else.
     {"belief", false, 0.05, 0.005, false, 0.95},
     // The same errors as bounds in GovernorParams::uncertain, which no scenario key sets.
     {"declared", false, 0.05, 0.005, true, 0.95},

@@ -1,4 +1,5 @@
-// What is identified from recorded runs, and what is not. The runs are made here; the fit is given what the robot knew.
+// Parameters that are identified from recorded runs, and those that are not. The runs are made here; the fit is given
+// what the robot knew.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -127,7 +128,7 @@ TEST(Identify, KeepsTheBeliefOfWhatIsNotExcited) {
   for (int k = 0; k < parameters.masses(); ++k) EXPECT_TRUE(std::isinf(fit.half_width[k])) << parameters.name(k);
   for (int k = parameters.inertia(); k < parameters.rolling_resistance(); ++k)
     EXPECT_TRUE(std::isinf(fit.half_width[k])) << parameters.name(k);
-  // What is written for them is what was believed.
+  // The belief is written for them.
   const auto read =
       sim::parse_scenario(identify::believed_toml(nominal.toml, parameters, run.recording.known, fit), "identified");
   ASSERT_TRUE(read.ok()) << to_string(read.errors.front());

@@ -77,7 +77,7 @@ struct Results {
   }
 };
 
-// What counts as 1 of a parameter: its true value; of the centre of mass the radius, of the resistance 0.01.
+// The size that counts as 1 of a parameter: its true value; of the centre of mass the radius, of the resistance 0.01.
 double one_of(const identify::Parameters& parameters, const sim::Scenario& robot, int k, double true_value) {
   if (k >= parameters.center_of_mass() && k < parameters.inertia()) return robot.ball.radius_m;
   return k == parameters.rolling_resistance() ? 0.01 : true_value;

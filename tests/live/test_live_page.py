@@ -168,7 +168,7 @@ class Live(unittest.TestCase):
         self.js("document.getElementById('move-mass').value = '0'; document.getElementById('move-to').value = '1e14';")
         self.click("#move button")
         self.until_said("the controller refuses the move: mass 0: the target 1e+14 cannot be reached")
-        # Who reloads the page has the past, and no longer the controls.
+        # A viewer that reloads the page has the past, and no longer the controls.
         path = self.js("return window.ballastLive.run.path.points.length")
         self.browser.refresh()
         self.until("window.ballastLive?.run?.path?.points.length >= arguments[0]", path)
