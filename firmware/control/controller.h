@@ -28,7 +28,8 @@ void reset(const ControllerParams& params, ControllerState& state);
 //   armed again. A target at an end of its rail is refused: the rotor swings about the commanded position, would close
 //   the end switch on the way there, and be tripped for it. From MotorParams::swing before the end on it does not, as
 //   long as it loses no step.
-// - MOVE under the governor: pending until a certificate is found, too. Where a stop after the move, or the move itself,
+// - MOVE under the governor: pending until a certificate is found, too. Where a stop after the move, or the move
+// itself,
 //   leaves the cone it is refused. It is not bent.
 // - HALT: a governed motion goes on until a certificate of the halt is found. Armed, the masses hold until then, while
 //   the ball rolls.

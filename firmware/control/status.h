@@ -41,7 +41,7 @@ enum class Refusal : std::uint8_t {
   kLiftsOff = 16,    // the same where N falls below its least; value: N
   kNotCertified = 17,  // governed: the ball rolls, or the search for a certificate is under way; value > 0: a move
                        // takes so many seconds, more than time_s, which is the most that can be certified
-  kNoRest = 18,  // halt: no rest was found; time_s: how far it was looked for, value: the speed there
+  kNoRest = 18,        // halt: no rest was found; time_s: how far it was looked for, value: the speed there
 };
 
 struct RefusalReport {

@@ -11,8 +11,8 @@
 namespace ballast::firmware {
 namespace {
 
-// Rotor and mass in the field of a stepper with microsteps, a detent torque and a fixed error of every full step, led at
-// a constant speed. Returns the greatest acceleration once the start has died away.
+// Rotor and mass in the field of a stepper with microsteps, a detent torque and a fixed error of every full step, led
+// at a constant speed. Returns the greatest acceleration once the start has died away.
 double greatest_acceleration(const MotorSwing& swing, double velocity, std::mt19937& random) {
   constexpr int kFullSteps = 200;
   std::uniform_real_distribution<double> error(-1, 1);
