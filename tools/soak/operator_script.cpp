@@ -29,6 +29,8 @@ const char* name_of(OperatorCommand command) {
       return "move";
     case OperatorCommand::kHalt:
       return "halt";
+    case OperatorCommand::kGo:
+      return "go";
     case OperatorCommand::kNone:
       break;
   }

@@ -1,0 +1,134 @@
+#include "tools/go/go_plan.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <future>
+
+#include "tools/go/standpoint.h"
+#include "tools/plan/alternatives.h"
+#include "tools/plan/bounds.h"
+#include "tools/plan/search.h"
+#include "tools/program/params.h"
+#include "tools/tracking/followed_plan.h"
+
+namespace ballast::go {
+
+namespace {
+
+// A time in which a ball surely gets there: a few swings of masses that hang, with half of the motors' power and half
+// of the friction that may be used.
+double likely_duration_s(const plan::Problem& problem, const GoTask& task) {
+  double way_m = 0;
+  Eigen::Vector2d from = problem.start_m;
+  for (const Eigen::Vector2d& place : task.via_m) {
+    way_m += (place - from).norm();
+    from = place;
+  }
+  way_m += (task.to_m - from).norm();
+  const firmware::BallParams& ball = problem.robot.ball;
+  const double g = std::max(-ball.gravity_mps2 * ball.down_W[2], 1e-9);
+  const double friction = std::min(problem.friction_limit, 1.0) / 2;
+  const double by_friction_s = std::sqrt(4 * way_m / (g * friction));
+  const double by_motors_s = 2 * plan::least_duration_of_motors_s(problem, way_m, true);
+  constexpr double kSwings = 45;  // sqrt(r / g)
+  return kSwings * plan::time_unit_s(problem) + std::max(by_friction_s, by_motors_s);
+}
+
+plan::TaskFile task_file(const sim::Scenario& from, const GoTask& task, double duration_s) {
+  plan::TaskFile file;
+  file.scenario = from;
+  file.scenario.duration_s = duration_s;
+  file.task.goal_m = task.to_m;
+  file.task.duration_s = duration_s;
+  file.task.objective = task.objective;
+  for (const Eigen::Vector2d& place : task.via_m) file.task.via.push_back({place, std::nullopt});
+  return file;
+}
+
+plan::Problem problem_of(const plan::TaskFile& file, const plan::ReferencePoint& at) {
+  plan::Problem problem = plan::make_problem(file);
+  problem.start.acceleration = at.state.acceleration;
+  return problem;
+}
+
+struct Try {
+  plan::TaskFile file;
+  plan::Problem problem;
+  plan::Outcome outcome;
+};
+
+Try make_try(const sim::Scenario& from, const plan::ReferencePoint& at, const GoTask& task, double duration_s) {
+  Try out{task_file(from, task, duration_s), {}, {}};
+  out.problem = problem_of(out.file, at);
+  return out;
+}
+
+// Searches for all at once, one thread each. The first that finds a plan ends the others.
+void race(std::vector<Try>& tries, const std::function<bool()>& stop) {
+  std::atomic<bool> found = false;
+  std::vector<std::future<void>> running;
+  std::uint64_t seed = 0;
+  for (Try& one : tries) {
+    plan::SearchOptions options;
+    options.seed = seed++;
+    options.quick = true;
+    options.stop = [&] { return found || stop(); };
+    running.push_back(std::async(std::launch::async, [&one, &found, options] {
+      one.outcome = plan::search(one.problem, one.file.scenario, options);
+      if (one.outcome.plan) found = true;
+    }));
+  }
+  for (std::future<void>& one : running) one.wait();
+}
+
+// Nullopt, and `why`: there is no reference.
+std::optional<GoPlan> finished(const Try& found, std::string& why) {
+  GoPlan plan;
+  plan.moved = plan::with_motion(found.file.scenario, found.outcome.plan->grid, found.outcome.plan->knots);
+  plan.need = found.outcome.plan->run.need;
+  plan.goal_error_m = found.outcome.plan->goal_error_m;
+  if (const auto refused = plan::set_reference(plan.moved, found.problem.robot.ball, plan.reference)) {
+    why = "there is no reference: " + *refused;
+    return std::nullopt;
+  }
+  return plan;
+}
+
+}  // namespace
+
+GoOutcome plan_course(const sim::Scenario& scenario, const plan::ReferencePoint& at, const GoTask& task,
+                      const std::function<bool()>& stop) {
+  const sim::Scenario from = set_down(scenario, at);
+  constexpr double kLonger = 1.35;  // of the second of two searches, and of the next two
+  constexpr int kRaces = 3;
+  double duration_s =
+      task.duration_s ? *task.duration_s : likely_duration_s(problem_of(task_file(from, task, 1), at), task);
+  GoOutcome out;
+  for (int k = 0; k < kRaces && !stop(); ++k) {
+    std::vector<Try> tries{make_try(from, at, task, duration_s)};
+    tries.push_back(make_try(from, at, task, task.duration_s ? duration_s : kLonger * duration_s));
+    race(tries, stop);
+    for (const Try& one : tries) {
+      if (!one.outcome.plan) continue;
+      out.plan = finished(one, out.why);
+      return out;
+    }
+    const Try& failed = tries.front();
+    out.why = failed.outcome.binding;
+    if (task.duration_s && failed.outcome.status == plan::Status::kNotFound && !stop()) {
+      plan::SearchOptions options;
+      options.quick = true;
+      options.stop = stop;
+      out.why += plan::alternatives_text(
+          failed.file, plan::find_alternatives(failed.file, failed.outcome, options, [](const std::string&) {}));
+    }
+    if (task.duration_s || failed.outcome.status == plan::Status::kInfeasible) return out;
+    duration_s *= kLonger * kLonger;
+  }
+  return out;
+}
+
+}  // namespace ballast::go
