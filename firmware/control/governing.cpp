@@ -136,12 +136,14 @@ void advance_search(const ControllerParams& params, int work, ControllerState& s
   // The refusal speaks of the shortest stretch, which is tried last.
   g.start.breach = candidate.breach();
   g.start.breach_s = candidate.time_s();
-  const bool tries = g.start.what == Begins::kMotion || g.start.what == Begins::kCourse;
-  if (!tries || g.start.attempt == 0) {
+  // A course is certified for a short stretch first, a start for the whole motion.
+  const bool goes = g.start.what == Begins::kCourse;
+  const int last = goes ? kStartStretches - (state.course.rest_ticks > 0 ? 0 : 1) : 0;
+  if ((!goes && g.start.what != Begins::kMotion) || g.start.attempt == last) {
     g.start.stage = StartStage::kRefused;
     return;
   }
-  --g.start.attempt;
+  g.start.attempt += goes ? 1 : -1;
   begin_attempt(params, state);
 }
 
@@ -493,12 +495,8 @@ bool search_course(const ControllerParams& params, const Inputs& inputs, Control
     const ReferenceTable& reference = course.coming().reference;
     start.robot.position_W_m = reference_at(reference, params.ball.mass_count, params.ball.radius_m, 0).position_W_m;
   }
-  // To where the motion rests, if there is time for that; otherwise to as much of it as there is.
-  const std::int64_t lead = minus(start.from_tick, start.tick);
-  const Wide motion_s = static_cast<Wide>(course.rest_ticks) * params.control_period_s;
-  const bool in_time = course.from_tick == 0 || ticks_to_certify(g.params, motion_s) < lead;
-  start.attempt =
-      course.rest_ticks > 0 && in_time ? kStartStretches : (course.from_tick == 0 ? kStartStretches - 1 : 0);
+  // A short stretch first, since someone waits. The shortest of all would end before the next search does.
+  start.attempt = 1;
   begin_attempt(params, state);
   return true;
 }

@@ -63,14 +63,14 @@ class ClickingPeers final : public sil::Peer {
     clicked.way_m = (click.to_m - place).norm();
     constexpr int kMostParts = 100;
     const std::int64_t from_tick =
-        tick + latency_ + kMostParts + 3 * std::int64_t{firmware::governor_params(params_).search_ticks};
+        tick + latency_ + kMostParts + 3 * std::int64_t{firmware::governor_params(params_).search_ticks} / 2;
     const auto at = go::standpoint_at(heard, from_tick, clicked.why);
     if (!at) return;
     go::GoTask task;
     task.to_m = click.to_m;
     if (click.duration_s > 0) task.duration_s = click.duration_s;
     const auto start = std::chrono::steady_clock::now();
-    const go::GoOutcome outcome = go::plan_course(scenario_, at->at, task, [] { return false; });
+    const go::GoOutcome outcome = go::plan_course(scenario_, params_, at->at, task, [] { return false; });
     clicked.plan_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     clicked.why = outcome.why;
     if (!outcome.plan) return;

@@ -39,7 +39,7 @@ int main(int argc, char** argv) {
     for (int k = 0; k < 10; ++k) {
       const double angle = 6.283185307179586 * uniform(random), far_m = 0.2 + 1.3 * uniform(random);
       places.push_back({tick, {far_m * std::cos(angle), far_m * std::sin(angle)}});
-      tick += k % 2 == 0 ? 3000 : 12000;
+      tick += k % 2 == 0 ? 6000 : 40000;
     }
     const auto scenario =
         ballast::go_test::clickable(static_cast<double>(tick) * 1e-3, {"seed=" + std::to_string(seed)});

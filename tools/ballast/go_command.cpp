@@ -142,13 +142,13 @@ class Going {
   [[nodiscard]] std::int64_t ticks_in(double wall_s) const {
     return static_cast<std::int64_t>(std::ceil(wall_s * ticks_per_s_));
   }
-  // From the first part to the course's certificate. Each part is answered, within a millisecond or two ticks; three
-  // searches surely have a whole one in them.
+  // From the first part to the course's certificate. Each part is answered, within a millisecond or two ticks. A
+  // search begins anew with it, and likely takes search_ticks_.
   [[nodiscard]] std::int64_t handover_ticks() const {
     const int rows = firmware::kMostReferenceFloats + firmware::kCourseHead;
     const int parts = (rows + params_->ball.mass_count * 3 * 40) / firmware::kCoursePart + 1;
     constexpr double kPart_s = 1.5e-3;
-    return parts * 2 + ticks_in(parts * kPart_s) + 3 * std::int64_t{search_ticks_};
+    return parts * 2 + ticks_in(parts * kPart_s) + 3 * std::int64_t{search_ticks_} / 2;
   }
 
   // Plans in another thread, and listens to the bus meanwhile.
@@ -162,7 +162,7 @@ class Going {
                                                       : plan::Objective::kFriction;
     std::atomic<bool> over = false;
     const auto stop = [&] { return over || *signalled_ != 0 || seconds_since(begun_) > command_.time_limit_s; };
-    auto planned = std::async(std::launch::async, [&] { return go::plan_course(run_.scenario(), at, task, stop); });
+    auto planned = std::async(std::launch::async, [&] { return go::plan_course(run_.scenario(), *params_, at, task, stop); });
     const auto ready = [&] { return planned.wait_for(hal::Seconds(0)) == std::future_status::ready; };
     hal::Status status = hal::Status::kOk;
     while (!ready() && status != hal::Status::kIo) {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "firmware/tracking/reference.h"
+#include "firmware/control/params.h"
 #include "tools/plan/problem.h"
 #include "tools/tracking/reference.h"
 
@@ -16,7 +16,7 @@ namespace ballast::go {
 struct GoTask {
   Eigen::Vector2d to_m = Eigen::Vector2d::Zero();
   std::vector<Eigen::Vector2d> via_m;
-  std::optional<double> duration_s;  // none: as fast as half of the usable friction allows, and slower if need be
+  std::optional<double> duration_s;  // none: chosen, so that the governor has nothing to bend
   plan::Objective objective = plan::Objective::kFriction;
 };
 
@@ -32,8 +32,9 @@ struct GoOutcome {
   std::string why;  // not found: what stands in the way, and the nearest that can be done where that is known
 };
 
-// `scenario`: of the run. `at`: where the course begins. `stop` ends the search.
-[[nodiscard]] GoOutcome plan_course(const sim::Scenario& scenario, const plan::ReferencePoint& at, const GoTask& task,
+// `scenario` and `params`: of the run. `at`: where the course begins. `stop` ends the search.
+[[nodiscard]] GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerParams& params,
+                                    const plan::ReferencePoint& at, const GoTask& task,
                                     const std::function<bool()>& stop);
 
 }  // namespace ballast::go

@@ -41,8 +41,13 @@ double length_s(const sim::Scenario& moved) {
   return end_s;
 }
 
-// The plant's state of a motion at time_s > 0.
+// The plant's state of a motion at time_s; before its start the one there.
 std::optional<plan::ReferencePoint> roll_to(sim::Scenario moved, double time_s) {
+  if (!(time_s > 0)) {
+    const auto points = plan::roll_motion(moved, 1);
+    if (points.empty()) return std::nullopt;
+    return points.front();
+  }
   moved.duration_s = time_s;
   const auto points = plan::roll_motion(moved, 1);
   if (points.size() != 2) return std::nullopt;
@@ -57,7 +62,6 @@ std::optional<plan::ReferencePoint> on_motion(const Heard& heard, std::int64_t t
   const std::int64_t start = heard.course ? heard.status.course_tick : 0;
   const double period_s = heard.scenario.run.control_period_s;
   const double time_s = static_cast<double>(tick - start) * period_s - heard.status.motion_delay_s;
-  if (!(time_s > 0)) return std::nullopt;
   const double end_s = length_s(moved);
   const auto at = roll_to(moved, time_s);
   if (!at) return std::nullopt;
@@ -90,6 +94,7 @@ sim::Scenario set_down(const sim::Scenario& scenario, const plan::ReferencePoint
   out.faults.clear();
   out.plan = {};
   out.published.clear();
+  out.run.actuation = sim::Actuation::kStepper;  // the planner keeps the motors' limits
   out.initial.has_velocity = false;
   out.initial.height_m = 0;
   const auto& q = at.state.q;
