@@ -22,4 +22,12 @@ export class Pointing {
     this.ray.setFromCamera(at, this.scene.camera);
     return this.ray.ray.intersectPlane(this.floor, new THREE.Vector3());
   }
+
+  // The same, or null where a ball hides the floor.
+  visiblePlaceAt(event) {
+    const place = this.placeAt(event), center = new THREE.Vector3();
+    if (!place) return null;
+    const hides = ({body, radius}) => this.ray.ray.distanceSqToPoint(body.getWorldPosition(center)) < radius * radius;
+    return this.scene.robots.some(hides) ? null : place;
+  }
 }
