@@ -4,6 +4,7 @@ import {paintPoint, pathTints, pathWidth, placeEdges, ribbonGeometry, ribbonMesh
 import * as THREE from "three";
 
 const MOST_POINTS = 2000;
+const LEAST_EXTENT = 8;  // ball radii
 
 export class LivePath {
   constructor({radius, described, detail}) {
@@ -25,7 +26,10 @@ export class LivePath {
   get bounds() {
     const bounds = this.extent.clone();
     for (const [x, y] of this.marks.places) bounds.expandByPoint(new THREE.Vector3(x, y, 0));
-    return bounds.isEmpty() ? bounds.expandByPoint(new THREE.Vector3()) : bounds;
+    if (bounds.isEmpty()) bounds.expandByPoint(new THREE.Vector3());
+    // So much floor is visible for a click, however short the path.
+    const around = LEAST_EXTENT * this.radius, {x, y} = bounds.getSize(new THREE.Vector3());
+    return bounds.expandByVector(new THREE.Vector3(Math.max(around - x, 0) / 2, Math.max(around - y, 0) / 2, 0));
   }
 
   paint() {

@@ -190,7 +190,8 @@ class Page {
         this.scene.look("ball");
       } else {
         this.scene = new Scene(element("view"), drawn, this.clock, element("scale"));
-        this.pointing = new Pointing(this.scene, element("pointed"));
+        this.pointing = new Pointing(
+            this.scene, element("pointed"), () => (this.controls.mine ? ": a click sends the ball there" : ""));
         this.connectFloor();
       }
       for (const box of document.querySelectorAll("[data-show]"))

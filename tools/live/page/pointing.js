@@ -2,15 +2,16 @@
 import * as THREE from "three";
 
 export class Pointing {
-  // Writes the place under the pointer into `text` while it is over the scene's canvas.
-  constructor(scene, text) {
+  // Writes the place under the pointer into `text` while it is over the scene's canvas, and what a click would do
+  // there, hint().
+  constructor(scene, text, hint) {
     this.scene = scene;
     this.ray = new THREE.Raycaster();
     this.floor = new THREE.Plane(new THREE.Vector3(0, 0, 1), 0);
     const canvas = scene.renderer.domElement;
     canvas.addEventListener("pointermove", (event) => {
       const place = event.pointerType === "mouse" && !event.buttons ? this.placeAt(event) : null;
-      text.textContent = place ? `x ${place.x.toFixed(3)} m, y ${place.y.toFixed(3)} m` : "";
+      text.textContent = place ? `x ${place.x.toFixed(3)} m, y ${place.y.toFixed(3)} m${hint()}` : "";
     });
     canvas.addEventListener("pointerleave", () => (text.textContent = ""));
   }
