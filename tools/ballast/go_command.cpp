@@ -155,7 +155,7 @@ class Going {
   std::optional<int> plan(const plan::ReferencePoint& at, go::GoOutcome& outcome) {
     go::GoTask task;
     task.to_m = to();
-    for (const std::vector<double>& via : command_.via) task.via_m.emplace_back(via[0], via[1]);
+    for (const auto& [x, y] : command_.via) task.via_m.emplace_back(x, y);
     task.duration_s = command_.duration_s;
     task.objective = command_.objective == "time"     ? plan::Objective::kTime
                      : command_.objective == "effort" ? plan::Objective::kEffort
@@ -231,7 +231,7 @@ class Going {
 
 void add_go_options(CLI::App& command, GoCommand& options) {
   command.add_option("--to", options.to, "go: the place X,Y in m")->delimiter(',')->expected(2);
-  command.add_option("--via", options.via, "go: a place X,Y on the way; can be repeated")->delimiter(',')->expected(2);
+  command.add_option("--via", options.via, "go: a place X,Y on the way; can be repeated")->delimiter(',');
   command.add_option("--time", options.duration_s, "go: duration in s; default: chosen")
       ->check(program::positive_finite());
   command
