@@ -11,6 +11,7 @@
 
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
+#include "tools/ballast/observed_bus.h"
 #include "tools/go/go_plan.h"
 #include "tools/go/standpoint.h"
 #include "tools/program/params.h"
@@ -246,7 +247,7 @@ void add_go_options(CLI::App& command, GoCommand& options) {
 
 int go_on_bus(const GoCommand& command) {
   const volatile std::sig_atomic_t* signalled = program::catch_signals();
-  hal::Bus bus(command.bus.url, signalled);
+  hal::Bus bus(with_receive_buffer(command.bus.url), signalled);
   if (!bus.good()) return program::refuse_bus("ballast", command.bus.url);
   sil::BusOperator end(bus, hal::Seconds(command.bus.peer_timeout_s));
   Going going(command, bus, end, signalled);
