@@ -25,7 +25,8 @@ _buses = itertools.count(20000 + os.getpid() % 8000 * 4)
 # With 250 ticks per second a busy machine may keep the reader waiting for 0.2 s until the bus loses messages.
 SLOW_TICKS = ["--set", "run.control_period=0.004"]
 RUN = ["desk_ball", *SLOW_TICKS, "--set", "duration=3600"]
-GOES = ["desk_ball", "--by-hand", "--set", "duration=36000", "--set", "control.governor=true", "--set", "run.actuation=ideal"]
+GOES = ["desk_ball", "--by-hand", *SLOW_TICKS, "--set", "duration=36000", "--set", "control.governor=true", "--set",
+        "run.actuation=ideal"]
 GOVERNED = ["desk_ball", "--set", "duration=3600", "--set", "control.governor=true", "--set", "run.actuation=ideal"]
 
 
@@ -130,7 +131,7 @@ class Live(unittest.TestCase):
 
     def see_floor(self, half_m):
         """Looks from above at the floor around the origin, at rest."""
-        self.until("window.ballastLive.scene !== null && window.ballastLive.gestures")
+        self.until("window.ballastLive.gestures !== undefined")
         self.js("""
           const follow = document.querySelector("[data-show=follow]"), {scene} = window.ballastLive, target = scene.controls.target;
           if (follow.checked) follow.click();

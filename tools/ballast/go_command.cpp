@@ -11,12 +11,12 @@
 
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
-#include "tools/ballast/observed_bus.h"
 #include "tools/go/go_plan.h"
 #include "tools/go/standpoint.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/short_number.h"
+#include "tools/recording/receive_buffer.h"
 #include "tools/recording/scenario_beacon.h"
 #include "tools/summary/controller_words.h"
 
@@ -163,7 +163,8 @@ class Going {
                                                       : plan::Objective::kFriction;
     std::atomic<bool> over = false;
     const auto stop = [&] { return over || *signalled_ != 0 || seconds_since(begun_) > command_.time_limit_s; };
-    auto planned = std::async(std::launch::async, [&] { return go::plan_course(run_.scenario(), *params_, at, task, stop); });
+    auto planned =
+        std::async(std::launch::async, [&] { return go::plan_course(run_.scenario(), *params_, at, task, stop); });
     const auto ready = [&] { return planned.wait_for(hal::Seconds(0)) == std::future_status::ready; };
     hal::Status status = hal::Status::kOk;
     while (!ready() && status != hal::Status::kIo) {

@@ -13,8 +13,8 @@
 #include "tools/ballast/live_feed.h"
 #include "tools/ballast/live_go.h"
 #include "tools/ballast/live_operator.h"
-#include "tools/ballast/observed_bus.h"
 #include "tools/program/program.h"
+#include "tools/recording/receive_buffer.h"
 
 namespace ballast {
 
