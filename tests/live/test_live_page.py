@@ -25,8 +25,9 @@ _buses = itertools.count(20000 + os.getpid() % 8000 * 4)
 # With 250 ticks per second a busy machine may keep the reader waiting for 0.2 s until the bus loses messages.
 SLOW_TICKS = ["--set", "run.control_period=0.004"]
 RUN = ["desk_ball", *SLOW_TICKS, "--set", "duration=3600"]
-GOES = ["desk_ball", "--by-hand", *SLOW_TICKS, "--set", "duration=36000", "--set", "control.governor=true", "--set",
-        "run.actuation=ideal"]
+# Courses need more ticks per second: a search for a certificate takes a number of ticks while the ball rolls on.
+GOES = ["desk_ball", "--by-hand", "--set", "run.control_period=0.002", "--set", "duration=36000", "--set", "control.governor=true",
+        "--set", "run.actuation=ideal", "--speed", "2"]
 GOVERNED = ["desk_ball", "--set", "duration=3600", "--set", "control.governor=true", "--set", "run.actuation=ideal"]
 
 
@@ -277,7 +278,7 @@ class Live(unittest.TestCase):
 
     def test_the_ball_goes_to_five_places_in_a_row(self):
         self.open()
-        self.start_run(*GOES, "--speed", "5")
+        self.start_run(*GOES)
         self.until_mode("armed")
         self.see_floor(1.2)
         self.take()
@@ -302,7 +303,7 @@ class Live(unittest.TestCase):
 
     def test_a_path_is_drawn_and_followed_by_its_places(self):
         self.open()
-        self.start_run(*GOES, "--speed", "5")
+        self.start_run(*GOES)
         self.until_mode("armed")
         self.see_floor(1.2)
         self.take()
@@ -321,7 +322,7 @@ class Live(unittest.TestCase):
         self.assertEqual(self.js(camera), before, "a stroke does not turn the view")
         self.assertEqual(sent["do"], "go")
         self.assertLess(math.dist(sent["to"], drawn[-1]), 0.02)
-        self.assertTrue(1 <= len(sent["via"]) <= 8, sent)
+        self.assertTrue(1 <= len(sent["via"]) <= 4, sent)
         self.assertEqual(len(self.until("window.ballastLive.run.path.marks.wish")["via"]), len(sent["via"]))
         course = self.until_course(sent["to"])
         self.assertEqual((course["to"], course["via"]), (sent["to"], sent["via"]))
@@ -367,7 +368,7 @@ class Live(unittest.TestCase):
 
     def test_planners_that_hang_and_newer_commands(self):
         self.open()
-        run = self.start_run(*GOES, "--speed", "1")
+        run = self.start_run(*GOES)
         self.until_mode("armed")
         self.see_floor(1.2)
         # Without the controls nothing is sent.
@@ -408,7 +409,7 @@ class Live(unittest.TestCase):
 
     def test_a_tap_on_a_phone(self):
         self.open(PHONE)
-        self.start_run(*GOES, "--speed", "5")
+        self.start_run(*GOES)
         self.until_mode("armed")
         self.take()
         self.see_floor(0.8)

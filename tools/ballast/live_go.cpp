@@ -17,8 +17,8 @@ namespace ballast {
 
 namespace {
 
-// Longer than a planner's own limits for planning (20 s) and for a controller that does not answer.
-constexpr std::chrono::seconds kPatience{60};
+// For planning, and for the planner to hand over and to end.
+constexpr double kPlan_s = 20, kPlanPerVia_s = 5, kEnd_s = 40;
 constexpr std::size_t kLongestText = 2000;
 constexpr double kNegligible_m = 1e-6;
 
@@ -73,7 +73,9 @@ std::string LiveGo::start(GoWish wish, const controller_status_t& status) {
   const std::string path = program::beside_this_program("ballast");
   auto pipe = program::open_pipe();
   if (!pipe) return program::cannot_start(path, {errno, std::generic_category()});
-  program::ProcessStart start{.arguments = {path, "operate", "go", "--lcm", url_, option("to", wish.to)},
+  const double limit_s = kPlan_s + kPlanPerVia_s * static_cast<double>(wish.via.size());
+  program::ProcessStart start{.arguments = {path, "operate", "go", "--lcm", url_, option("to", wish.to),
+                                            fmt::format("--time-limit={}", limit_s)},
                               .input = program::ProcessStart::kNull,
                               .output = pipe->writing.get(),
                               .error = pipe->writing.get(),
@@ -88,6 +90,7 @@ std::string LiveGo::start(GoWish wish, const controller_status_t& status) {
   run_id_ = status.run_id;
   mode_ = status.mode;
   begun_ = Clock::now();
+  patience_ = std::chrono::duration<double>(limit_s + kEnd_s);
   return "";
 }
 
@@ -106,8 +109,8 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
     if (status == nullptr || status->run_id != run_id_) return give_up("the run ended before the course was planned");
     if (is_stopped(status->mode) && !is_stopped(mode_))
       return give_up("dropped: the controller is " + std::string(sil::mode_text(status->mode)));
-    if (Clock::now() - begun_ > kPatience)
-      return give_up(fmt::format("the planner did not end within {} s", kPatience.count()));
+    if (Clock::now() - begun_ > patience_)
+      return give_up(fmt::format("the planner did not end within {} s", patience_.count()));
     return std::nullopt;
   }
   read();  // what it printed between the last read and its end

@@ -66,6 +66,7 @@ class LiveGo {
   std::int64_t run_id_ = 0;
   int mode_ = 0;  // of the controller, when the wish came
   Clock::time_point begun_;
+  std::chrono::duration<double> patience_{};
   program::Subprocess planner_;
   program::Descriptor output_;
   std::string text_;  // what it has printed
