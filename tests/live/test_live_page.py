@@ -390,7 +390,7 @@ class Live(unittest.TestCase):
         self.until_said(": go: dropped by the stop of viewer")
         self.until("window.ballastLive.run.path.marks.wish === null")
         self.assertEqual(self.planners(), [])
-        self.until_mode("armed")
+        self.until_mode("disarmed")
         # And the end of the run.
         self.js("document.getElementById('go-x').value = '0.2'; document.getElementById('go-y').value = '-0.3';")
         self.click("#go [type=submit]")
@@ -422,6 +422,11 @@ class Live(unittest.TestCase):
         self.assertLess(math.dist(sent["to"], (0.3, 0.2)), 0.02)
         self.until_course(sent["to"])
         self.assertEqual(self.js("return document.documentElement.scrollWidth"), PHONE[0], "wider than the phone")
+        # A halt ends the course, and its path is no longer drawn.
+        self.press(" ")
+        self.until_said(": halt")
+        self.until_mode("armed")
+        self.until("window.ballastLive.run.path.marks.course === null")
         self.assert_clean()
 
     def test_a_trip_is_said_in_words(self):
