@@ -322,7 +322,7 @@ class Live(unittest.TestCase):
         self.assertEqual(self.js(camera), before, "a stroke does not turn the view")
         self.assertEqual(sent["do"], "go")
         self.assertLess(math.dist(sent["to"], drawn[-1]), 0.02)
-        self.assertTrue(1 <= len(sent["via"]) <= 4, sent)
+        self.assertTrue(1 <= len(sent["via"]) <= 3, sent)
         self.assertEqual(len(self.until("window.ballastLive.run.path.marks.wish")["via"]), len(sent["via"]))
         course = self.until_course(sent["to"])
         self.assertEqual((course["to"], course["via"]), (sent["to"], sent["via"]))

@@ -26,7 +26,7 @@ const WEIGHT_ARROW = 1.15;  // of robot.js
 const MOST_SPANS = 40;      // of sliding or flight that are shaded in the plots
 // Of a drawn path: at most so many places; the accuracy of the line between them, and how near to the ball it begins,
 // both in ball radii.
-const MOST_PLACES = 5, STROKE_TOLERANCE = 0.15, BEGINS_NEAR = 1.5;
+const MOST_PLACES = 4, STROKE_TOLERANCE = 0.15, BEGINS_NEAR = 1.5;
 
 const element = (id) => document.getElementById(id);
 const now = () => performance.now() / 1000;
