@@ -130,10 +130,25 @@ void race(std::vector<Try>& tries, const Try* neighbour, const std::function<boo
   for (std::future<void>& one : running) one.wait();
 }
 
+// A plan's masses stand at its end within a tolerance. They hold for hours where it ends, so they come to rest exactly,
+// by the acceleration at the last knot but one.
+void stop_exactly(sim::Mass& mass) {
+  if (mass.motion.size() < 2) return;
+  double velocity = mass.initial_velocity;
+  for (const sim::MotionPiece& piece : mass.motion) {
+    velocity += piece.duration_s * (piece.acceleration_start + piece.acceleration_end) / 2;
+  }
+  sim::MotionPiece &before = mass.motion[mass.motion.size() - 2], &last = mass.motion.back();
+  const double change = -2 * velocity / (before.duration_s + last.duration_s);
+  before.acceleration_end += change;
+  last.acceleration_start += change;
+}
+
 // Nullopt, and `why`: there is no reference.
 std::optional<GoPlan> finished(const Try& found, std::string& why) {
   GoPlan plan;
   plan.moved = plan::with_motion(found.file.scenario, found.outcome.plan->grid, found.outcome.plan->knots);
+  for (sim::Mass& mass : plan.moved.masses) stop_exactly(mass);
   plan.need = found.outcome.plan->run.need;
   plan.goal_error_m = found.outcome.plan->goal_error_m;
   if (const auto refused = plan::set_reference(plan.moved, found.problem.robot.ball, plan.reference)) {
