@@ -325,7 +325,7 @@ TEST(NoHeap, Courses) {
   const auto first = testing::parts_of(5, testing::course_forth().values());
   testing::CourseNumbers back = testing::course_forth();
   back.from_tick = 15'000;
-  back.mass[0].position = 0.01;
+  back.mass[0].position = 0.005;
   back.mass[0].pieces = testing::push(-1);
   const auto second = testing::parts_of(6, back.values());
   Inputs in;

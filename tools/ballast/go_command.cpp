@@ -92,6 +92,7 @@ class Going {
 
   int run() {
     if (const auto status = meet()) return *status;
+    if (const auto status = leave_backup()) return *status;
     // The longer a plan takes, the later it begins while the ball rolls.
     constexpr double kFirstPatience_s = 0.35;
     for (double patience_s = kFirstPatience_s;; patience_s *= 2) {
@@ -137,6 +138,20 @@ class Going {
     params_ = program::make_controller_params("ballast", run_.scenario());
     if (params_ == nullptr) return program::kExitCouldNotRun;
     search_ticks_ = firmware::governor_params(*params_).search_ticks;
+    return std::nullopt;
+  }
+
+  // A ball that the governor keeps on its backup is far from any motion: it is brought to rest first.
+  std::optional<int> leave_backup() {
+    if (end_.status().mode != controller_status_t::MODE_RUNNING || end_.status().backup_active == 0) {
+      return std::nullopt;
+    }
+    std::cout << "the governor has the ball on its backup: halts it first" << std::endl;
+    if (const auto status = tell(end_, firmware::OperatorCommand::kHalt, "halt")) return status;
+    const auto over = [](const controller_status_t& s) {
+      return s.mode != controller_status_t::MODE_HALTING && s.mode != controller_status_t::MODE_STOPPING;
+    };
+    if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
     return std::nullopt;
   }
 
