@@ -236,7 +236,7 @@ GovernorParams governor_params(const ControllerParams& params) {
     const MotorParams& motor = params.motor[at(i)];
     mass.max_velocity = static_cast<Real>(motion_limits(params, i).max_velocity);
     mass.max_acceleration = static_cast<Real>(motor.max_acceleration);
-    mass.max_jerk = static_cast<Real>(motor.max_jerk);
+    mass.max_jerk = mass.motor_jerk = static_cast<Real>(motor.max_jerk);
     mass.lower_end = static_cast<Real>(ends.lower + motor.swing);
     mass.upper_end = static_cast<Real>(ends.upper - motor.swing);
     mass.swing = params.governor.swing[at(i)];

@@ -16,6 +16,9 @@ constexpr Real kBendTolerance = Real(5e-4);
 // Part of max_velocity that bends keep free.
 constexpr Real kSpareSpeed = Real(0.02);
 
+// A motion's jump takes the wish along by a little more: ahead() leaves it out.
+constexpr Real kUnbentJump = Real(1.1);
+
 }  // namespace
 
 void Rollout::begin(const GovernorParams& params, const RobotState& state, std::int64_t tick,
@@ -69,12 +72,10 @@ RobotState Rollout::ahead(const BallParams& ball, const GovernorParams& params, 
   const Vector3 omega_dot = forces_.omega_dot(ball.mass_count, state_.mass_acceleration);
   change.add(turning_rate(state_.orientation, state_.angular_velocity_B_radps, omega_dot, ball.radius_m), h_s);
   apply(change, to);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-    const Real u = state_.mass_acceleration[i];
-    to.mass_position[i] += h_s * (state_.mass_velocity[i] + h_s * u / 2);
-    // A mass that brakes with the time constant brake_time_s from the middle of the ramp on.
-    to.mass_velocity[i] = nominal_now_ ? to.mass_velocity[i] + h_s * u
-                                       : (to.mass_velocity[i] + h_s / 2 * u) / (1 + h_s / (2 * params.brake_time_s));
+  if (nominal_now_) {
+    move_masses(ball.mass_count, h_s, to);
+  } else {
+    brake_masses(params, ball.mass_count, h_s, to);
   }
   return to;
 }
@@ -91,6 +92,11 @@ void Rollout::bend(const BallParams& ball, const PerMass<Real>& wish) {
     off[i] = state_.mass_acceleration[i] - wish[i];
   }
   keep(off);
+}
+
+// The mass is not bent at the start of the step.
+bool Rollout::follows_wish(const GovernorParams& params, std::size_t i) const {
+  return std::fabs(state_.mass_acceleration[i] - last_wish_.u[i]) <= Real(1e-9) * params.mass[i].max_acceleration;
 }
 
 // The wish has become another one, or a rollout begins.
@@ -119,17 +125,20 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   // Bends change as fast as max_jerk allows, and the nominal's own changes are followed.
   PerMass<Real> change{}, wanted = wish.u;
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-    const bool jumps = nominal_now_ && (params.jumps || swings(params, i));
-    const Real own = jumps ? std::fabs(wish.own[i] - last_wish_.own[i]) : 0;
-    change[i] = params.mass[i].max_jerk * h_s + own;
+    const bool follows = nominal_now_ && (params.jumps || swings(params, i));
+    const Real own = follows ? std::fabs(wish.own[i] - last_wish_.own[i]) : 0;
+    // The motor follows no more than its jerk, or the motion's own jump where that is more (track()).
+    const Real jump = params.jumps ? own : 0;
+    Real most = std::fmax(params.mass[i].motor_jerk * h_s, jump);
+    if (follows_wish(params, i) && guide[i] == 0) most = std::fmax(most, kUnbentJump * jump);
+    change[i] = std::fmin(params.mass[i].max_jerk * h_s + own, most);
     wanted[i] += guide[i];
   }
   // A bend leaves some speed free, so that the robot can repeat it.
   const Box all = box_of(params, state_, ball.mass_count, h_s, 0);
   Box box = box_of(params, state_, ball.mass_count, h_s, kSpareSpeed);
   for (std::size_t i = 0; i < wanted.size(); ++i) {
-    const Real off = std::fabs(ramp.start[i] - last_wish_.u[i]);
-    if (!guided && off > Real(1e-9) * params.mass[i].max_acceleration) continue;
+    if (!guided && !follows_wish(params, i)) continue;
     box.upper[i] = std::fmax(box.upper[i], std::fmin(wanted[i], all.upper[i]));
     box.lower[i] = std::fmin(box.lower[i], std::fmax(wanted[i], all.lower[i]));
   }

@@ -112,6 +112,7 @@ class Rollout {
   void begin_wish(const BallParams& ball, const Wish& wish);
   // The state after h, to first order.
   [[nodiscard]] RobotState ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const;
+  [[nodiscard]] bool follows_wish(const GovernorParams& params, std::size_t i) const;
   void finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, const Bends& in_force,
                    Real h_s);
   void keep(const PerMass<Real>& bend);

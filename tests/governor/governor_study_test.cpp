@@ -1,6 +1,8 @@
 // Few runs of the searches of tools/docs/governor.md.
 #include <gtest/gtest.h>
 
+#include <vector>
+
 #include "tests/governor/judged_run.h"
 #include "tests/random_seed.h"
 
@@ -50,6 +52,26 @@ TEST(GovernorStudy, PlansHoldFromAnyInstant) {
   }
   EXPECT_GT(forks, 10);
 }
+
+// Robots that left the cone, by what they did otherwise than their certificates. They are refused, or stay inside.
+void expect_kept(const std::vector<std::uint64_t>& seeds, bool steppers) {
+  for (const std::uint64_t seed : seeds) {
+    Draw draw;
+    draw.seed = seed;
+    draw.steppers = steppers;
+    const Judged judged = steppers ? run_plant(draw, true) : run_ideal(draw, true);
+    EXPECT_FALSE(judged.started && judged.broken) << "seed " << seed << ": " << judged.most_use;
+  }
+}
+
+// The tick's feedback was two ticks late, so bends of some time led away from the certified path.
+TEST(GovernorStudy, FollowsTheCertifiedPath) {
+  expect_kept({916, 2656}, false);
+  expect_kept({206}, true);
+}
+
+// The certificate's commands changed faster than the tick's may.
+TEST(GovernorStudy, CertifiesWhatTheTickCanDo) { expect_kept({323, 1143}, false); }
 
 // A part that is left out changes no other.
 TEST(GovernorStudy, LeavesPartsOut) {
