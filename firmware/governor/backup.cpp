@@ -296,7 +296,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
         end_of(ball, end, middle, ramp.start, out.command.u, in_middle.omega_dot(n, mean(moved_start, moved_end)), h);
     affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, motion_of(out.state), out.forces);
     out.cone = cone_of(params, out.forces, out.state, n);
-    const Cone spared = spare(out.cone, ramp.spare, out.forces);
+    const Cone spared = spare(with_turning(out.cone, out.forces, n, out.command.u), ramp.spare, out.forces);
     // The last projection's command holds where it lands, too.
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
     out.command = ramp.quick ? project_quickly(out.forces, n, spared, ramp.end, unit, wish)
@@ -307,7 +307,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
   moved_end = moved(params, out.state, out.command.u, ramp.swing, n);
   out.state.mass_acceleration = out.command.u;
   out.force_W_n = out.forces.force(n, moved_end);
-  out.outside_n = outside_n(out.cone, out.forces, n, moved_end);
+  out.outside_n = most_outside_n(out.cone, out.forces, n, moved_end);
 }
 
 Projection governed_beginning(const BallParams& ball, const GovernorParams& params, const RobotState& state,
@@ -321,14 +321,7 @@ Projection governed_beginning(const BallParams& ball, const GovernorParams& para
 Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count) {
   const Vector3& f = end.force_W_n;
   if (std::isinf(end.cone.friction) || !(f[2] > 0)) return 0;
-  const Real size = std::sqrt(f[0] * f[0] + f[1] * f[1]);
-  const Real x = size > 0 ? f[0] / size : 1, y = size > 0 ? f[1] / size : 0;
-  Real sum = params.uncertain * f[2];
-  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
-    const Vector3& per_unit = end.forces.force_per_unit[i];
-    sum += end.cone.error[i] * std::fabs(x * per_unit[0] + y * per_unit[1] - end.cone.friction * per_unit[2]);
-  }
-  return sum / f[2];
+  return params.uncertain + errors_n(end.cone, end.forces, mass_count, end.command.u) / f[2];
 }
 
 }  // namespace ballast::firmware

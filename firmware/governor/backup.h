@@ -79,7 +79,7 @@ inline int cost_of(const GovernedRamp& ramp) {
 void governed_for_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
                        const AffineForces& at_start, const Ramp& ramp, const PerMass<Real>& wish, GovernedRamp& out);
 
-// The part of N that motors and errors may add to f_s - kappa N along the friction.
+// The part of N that motors and errors may add to f_s - kappa N.
 [[nodiscard]] Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count);
 
 // The accelerations with which a motion begins out of the hold: any jump is followed, if the cone keeps it.

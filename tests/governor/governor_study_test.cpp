@@ -73,6 +73,9 @@ TEST(GovernorStudy, FollowsTheCertifiedPath) {
 // The certificate's commands changed faster than the tick's may.
 TEST(GovernorStudy, CertifiesWhatTheTickCanDo) { expect_kept({323, 1143}, false); }
 
+// The motors' errors are across a small friction.
+TEST(GovernorStudy, KeepsFreeWhatTurnsTheFriction) { expect_kept({64, 257, 386}, true); }
+
 // A part that is left out changes no other.
 TEST(GovernorStudy, LeavesPartsOut) {
   Draw draw;
