@@ -157,9 +157,11 @@ RobotState next_robot(const ControllerParams& params, const ControllerState& sta
   if (!held) {
     robot.mass_position = state.now.position;
     robot.mass_velocity = state.now.velocity;
+    robot.mass_acceleration = state.now.acceleration;
     PerMass<Real> end{};
     for (int i = 0; i < n; ++i) end[at(i)] = static_cast<Real>(from[at(i)].acceleration);
-    robot = after_ramp(params.ball, robot, state.now.acceleration, end, static_cast<Real>(params.control_period_s));
+    robot = after_ramp(params.ball, state.governing.params, robot, state.now.acceleration, end,
+                       static_cast<Real>(params.control_period_s));
   }
   put_masses(from, n, robot);
   robot.swing_acceleration = state.governing.swing_acceleration;

@@ -61,6 +61,7 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
   for (MassLimits& mass : params.mass) {
     const Real natural_radps = mass.swing.natural_radps;
     if (!(natural_radps > 0)) continue;
+    mass.lag_s = 2 * mass.swing.damping_ratio / natural_radps;
     params.brake_time_s = std::fmax(params.brake_time_s, kBrakeSwings / natural_radps);
     constexpr Real kTwoPi = Real(6.283185307179586);
     mass.max_jerk = std::fmin(mass.max_jerk, mass.max_acceleration * natural_radps / kTwoPi);
@@ -93,6 +94,16 @@ MassMotion motion_of(const RobotState& state) {
   MassMotion out;
   out.position = state.mass_position;
   out.velocity = state.mass_velocity;
+  return out;
+}
+
+MassMotion lagging(const GovernorParams& params, const RobotState& state) {
+  MassMotion out;
+  for (std::size_t i = 0; i < kMaxMasses; ++i) {
+    const Real lag_s = params.mass[i].lag_s;
+    out.position[i] = state.mass_position[i] - lag_s * state.mass_velocity[i];
+    out.velocity[i] = state.mass_velocity[i] - lag_s * state.mass_acceleration[i];
+  }
   return out;
 }
 
@@ -188,6 +199,12 @@ Box near(const Box& box, const PerMass<Real>& u, const PerMass<Real>& change) {
 
 namespace {
 
+PerMass<Real> mean(const PerMass<Real>& a, const PerMass<Real>& b) {
+  PerMass<Real> out{};
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] = (a[i] + b[i]) / 2;
+  return out;
+}
+
 // The middle of a ramp tick, to the order that the midpoint rule needs.
 RobotState middle_of(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
                      const PerMass<Real>& end, const Vector3& omega_dot_B_radps2, Real h) {
@@ -195,6 +212,7 @@ RobotState middle_of(const BallParams& ball, const RobotState& state, const PerM
   TurningRate change;
   change.add(turning_rate(state.orientation, state.angular_velocity_B_radps, omega_dot_B_radps2, ball.radius_m), h / 2);
   apply(change, middle);
+  middle.mass_acceleration = mean(start, end);
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
     middle.mass_position[i] += h / 2 * (state.mass_velocity[i] + h * (5 * start[i] + end[i]) / 24);
     middle.mass_velocity[i] += h * (3 * start[i] + end[i]) / 8;
@@ -213,12 +231,6 @@ RobotState end_of(const BallParams& ball, const RobotState& state, const RobotSt
     out.mass_position[i] += h * (state.mass_velocity[i] + h * (2 * start[i] + end[i]) / 6);
     out.mass_velocity[i] += h * (start[i] + end[i]) / 2;
   }
-  return out;
-}
-
-PerMass<Real> mean(const PerMass<Real>& a, const PerMass<Real>& b) {
-  PerMass<Real> out{};
-  for (std::size_t i = 0; i < out.size(); ++i) out[i] = (a[i] + b[i]) / 2;
   return out;
 }
 
@@ -258,18 +270,18 @@ PerMass<Real> moved(const GovernorParams& params, const RobotState& state, const
 
 }  // namespace
 
-AffineForces forces_at(const BallParams& ball, const RobotState& state) {
+AffineForces forces_at(const BallParams& ball, const GovernorParams& params, const RobotState& state) {
   AffineForces forces;
-  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
+  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, lagging(params, state), forces);
   return forces;
 }
 
-RobotState after_ramp(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
-                      const PerMass<Real>& end, Real h_s) {
-  const Vector3 omega_dot = forces_at(ball, state).omega_dot(ball.mass_count, start);
+RobotState after_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                      const PerMass<Real>& start, const PerMass<Real>& end, Real h_s) {
+  const Vector3 omega_dot = forces_at(ball, params, state).omega_dot(ball.mass_count, start);
   const RobotState middle = middle_of(ball, state, start, end, omega_dot, h_s);
-  return end_of(ball, state, middle, start, end, forces_at(ball, middle).omega_dot(ball.mass_count, mean(start, end)),
-                h_s);
+  const Vector3 middle_omega_dot = forces_at(ball, params, middle).omega_dot(ball.mass_count, mean(start, end));
+  return end_of(ball, state, middle, start, end, middle_omega_dot, h_s);
 }
 
 void governed_for_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
@@ -279,7 +291,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
   const PerMass<Real> unit = units(params);
   const PerMass<Real> moved_start = moved(params, state, ramp.start, ramp.swing, n);
   const RobotState middle = middle_of(ball, state, ramp.start, wish, at_start.omega_dot(n, moved_start), h);
-  const AffineForces in_middle = forces_at(ball, middle);
+  const AffineForces in_middle = forces_at(ball, params, middle);
   out.command = {};
   out.command.u = wish;
   out.steps = 0;
@@ -294,7 +306,9 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
     moved_end = moved(params, end, out.command.u, ramp.swing, n);
     out.state =
         end_of(ball, end, middle, ramp.start, out.command.u, in_middle.omega_dot(n, mean(moved_start, moved_end)), h);
-    affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, motion_of(out.state), out.forces);
+    out.state.mass_acceleration = out.command.u;
+    affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, lagging(params, out.state),
+                  out.forces);
     out.cone = cone_of(params, out.forces, out.state, n);
     const Cone spared = spare(with_turning(out.cone, out.forces, n, out.command.u), ramp.spare, out.forces);
     // The last projection's command holds where it lands, too.
@@ -312,7 +326,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
 
 Projection governed_beginning(const BallParams& ball, const GovernorParams& params, const RobotState& state,
                               const PerMass<Real>& wish) {
-  const AffineForces forces = forces_at(ball, state);
+  const AffineForces forces = forces_at(ball, params, state);
   const Cone cone = spare(cone_of(params, forces, state, ball.mass_count), params.moving_reserve, forces);
   const Box box = box_of(params, state, ball.mass_count, params.step_s, 0);
   return project(forces, ball.mass_count, cone, box, units(params), wish);

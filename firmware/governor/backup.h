@@ -14,6 +14,9 @@ inline constexpr Wide kLikelySteps = 8;
 
 [[nodiscard]] MassMotion motion_of(const RobotState& state);
 
+// The masses where they are: behind their commands.
+[[nodiscard]] MassMotion lagging(const GovernorParams& params, const RobotState& state);
+
 // Accelerations at the end of a ramp of length h_s from state.mass_acceleration with which each mass keeps its limits:
 // |u| <= max_acceleration; the velocity within max_velocity; and from the ends of its rail it stays so far that half of
 // max_acceleration stops it. A mass past a limit is brought back. `spare_speed`: part of max_velocity that is kept
@@ -86,10 +89,10 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
 [[nodiscard]] Projection governed_beginning(const BallParams& ball, const GovernorParams& params,
                                             const RobotState& state, const PerMass<Real>& wish);
 
-[[nodiscard]] AffineForces forces_at(const BallParams& ball, const RobotState& state);
+[[nodiscard]] AffineForces forces_at(const BallParams& ball, const GovernorParams& params, const RobotState& state);
 
 // The state after a control tick in which the accelerations go linearly from `start` to `end`.
-[[nodiscard]] RobotState after_ramp(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
-                                    const PerMass<Real>& end, Real h_s);
+[[nodiscard]] RobotState after_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                                    const PerMass<Real>& start, const PerMass<Real>& end, Real h_s);
 
 }  // namespace ballast::firmware

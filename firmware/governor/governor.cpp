@@ -195,7 +195,7 @@ void detail::command(const BallParams& ball, const GovernorParams& params, const
   for (std::size_t i = 0; i < wish.size(); ++i)
     wish[i] = bend[i] == 0 && !backup ? nominal.reached[i] : wish[i] + bend[i];
   GovernedRamp end;
-  governed_for_ramp(ball, params, now, forces_at(ball, now), ramp, clipped(ramp.end, wish), end);
+  governed_for_ramp(ball, params, now, forces_at(ball, params, now), ramp, clipped(ramp.end, wish), end);
   out.acceleration = end.command.u;
   out.end = end.state;
   out.cost = cost_of(end);

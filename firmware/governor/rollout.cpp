@@ -100,8 +100,8 @@ bool Rollout::follows_wish(const GovernorParams& params, std::size_t i) const {
 }
 
 // The wish has become another one, or a rollout begins.
-void Rollout::begin_wish(const BallParams& ball, const Wish& wish) {
-  if (!begun_) forces_ = forces_at(ball, state_);
+void Rollout::begin_wish(const BallParams& ball, const GovernorParams& params, const Wish& wish) {
+  if (!begun_) forces_ = forces_at(ball, params, state_);
   begun_ = wished_ = true;
   last_wish_ = wish;
   bend(ball, wish.u);

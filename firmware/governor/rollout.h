@@ -104,12 +104,12 @@ class Rollout {
                    const Bends& in_force) {
     const Real h = next_step_s(params);
     if (end_ != RolloutEnd::kUnderWay) return;
-    if (!wished_) begin_wish(ball, wish(ball, params, nominal, time_s_, state_));
+    if (!wished_) begin_wish(ball, params, wish(ball, params, nominal, time_s_, state_));
     finish_step(ball, params, wish(ball, params, nominal, time_s_ + Wide{h}, ahead(ball, params, h)), in_force, h);
   }
 
   Real next_step_s(const GovernorParams& params);
-  void begin_wish(const BallParams& ball, const Wish& wish);
+  void begin_wish(const BallParams& ball, const GovernorParams& params, const Wish& wish);
   // The state after h, to first order.
   [[nodiscard]] RobotState ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const;
   [[nodiscard]] bool follows_wish(const GovernorParams& params, std::size_t i) const;

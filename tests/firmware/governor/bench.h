@@ -212,7 +212,7 @@ inline ExecutedPlan execute_plan(const Bench& bench) {
       wish[i] = std::fmin(std::fmax(wish[i] + bend[i], ramp.end.lower[i]), ramp.end.upper[i]);
     }
     GovernedRamp now;
-    governed_for_ramp(bench.ball, bench.params, state, forces_at(bench.ball, state), ramp, wish, now);
+    governed_for_ramp(bench.ball, bench.params, state, forces_at(bench.ball, bench.params, state), ramp, wish, now);
     state = moved(bench.ball, state, now.command.u, static_cast<Real>(period_s));
     const RollingForces f = forces_of(bench.ball, state, state.mass_acceleration);
     const Real use = use_of(bench.params.friction, f.static_friction_n, f.normal_force_n);
