@@ -188,7 +188,18 @@ void Rollout::judge_wish(const BallParams& ball, const GovernorParams& params, c
   }
 }
 
+// The masses creep on for the linear end of the brake. However slow that is, each microstep is a jump of their fields.
+Real Rollout::settling_use(const BallParams& ball, const GovernorParams& params) const {
+  if (std::isinf(params.friction)) return 0;
+  const Cone cone = cone_of(params, forces_, state_, ball.mass_count);
+  const Real normal_n = forces_.force(ball.mass_count, state_.mass_acceleration)[2];
+  if (!(normal_n > 0)) return 0;
+  return errors_n(cone, forces_, ball.mass_count, state_.mass_acceleration) / (params.friction * normal_n);
+}
+
 void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
+  settling_use_ = settling_use(ball, params);
+  settled_s_ = time_s_ + Wide{params.brake_time_s};
   // The linear end of the brake takes brake_time_s and moves a mass by half of that times its velocity.
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
     state_.mass_position[i] += state_.mass_velocity[i] * params.brake_time_s / 2;
@@ -203,7 +214,7 @@ void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
   if (!bound.known) return;
   const Real most =
       greatest_use(ball, held_ball_.mass_kg, bound.acceleration_mps2, params.friction, params.min_normal_force_n);
-  if (!(most <= 1 - params.reserve)) return;
+  if (!(most <= 1 - params.reserve) || !(most + settling_use_ <= 1)) return;
   if (!(most <= most_use_)) most_use_ = most;
   end_ = RolloutEnd::kForEver;
 }
@@ -215,6 +226,10 @@ void Rollout::step_held_ball(const BallParams& ball, const GovernorParams& param
   const Real now =
       std::isinf(params.friction) ? 0 : use_of(params.friction, forces.static_friction_n, forces.normal_force_n);
   use(params, now, forces.normal_force_n);
+  if (time_s_ < settled_s_ && !(now + settling_use_ <= 1)) {
+    end_ = RolloutEnd::kBroken;
+    breach_ = {now + settling_use_, forces.normal_force_n};
+  }
   if (!(forces.normal_force_n >= params.min_normal_force_n)) {
     end_ = RolloutEnd::kBroken;
     breach_ = {now, forces.normal_force_n};

@@ -120,6 +120,7 @@ class Rollout {
   void judge(const GovernorParams& params, const GovernedRamp& end);
   void judge_wish(const BallParams& ball, const GovernorParams& params, const GovernedRamp& end,
                   const PerMass<Real>& wish);
+  [[nodiscard]] Real settling_use(const BallParams& ball, const GovernorParams& params) const;
   void begin_hold(const BallParams& ball, const GovernorParams& params);
   void step_held_ball(const BallParams& ball, const GovernorParams& params);
   void use(const GovernorParams& params, Real use, Real normal_force_n);
@@ -140,6 +141,9 @@ class Rollout {
   Wide bends_from_s_ = 0;
   int cost_ = 1;  // of the last step of a moving ball, in those that are not bent
   HeldBall held_ball_;
+  // Part of the friction that the motors may add until the slowest masses have come to rest.
+  Real settling_use_ = 0;
+  Wide settled_s_ = 0;
   Real most_use_ = 0;
   Breach breach_;
   Real use_before_ = 0, use_at_ = 0;  // f_s / (friction N) at the last two steps of a held ball

@@ -76,6 +76,9 @@ TEST(GovernorStudy, CertifiesWhatTheTickCanDo) { expect_kept({323, 1143}, false)
 // The motors' errors are across a small friction.
 TEST(GovernorStudy, KeepsFreeWhatTurnsTheFriction) { expect_kept({64, 257, 386}, true); }
 
+// Masses that creep to rest still ring at each microstep: the tick kept that free, the certificate did not.
+TEST(GovernorStudy, CertifiesTheEndOfTheBrake) { expect_kept({384}, true); }
+
 // A part that is left out changes no other.
 TEST(GovernorStudy, LeavesPartsOut) {
   Draw draw;
