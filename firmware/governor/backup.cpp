@@ -157,12 +157,13 @@ void move_masses(int mass_count, Real h_s, RobotState& state) {
   }
 }
 
-void brake_masses(const GovernorParams& params, int mass_count, Real h_s, RobotState& state) {
+void brake_masses(const GovernorParams& params, int mass_count, Real h_s, const PerMass<Real>& bend,
+                  RobotState& state) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
     const Real u = state.mass_acceleration[i];
     state.mass_position[i] += h_s * (state.mass_velocity[i] + h_s * u / 2);
     // It brakes with the time constant brake_time_s from the middle of the ramp on.
-    state.mass_velocity[i] = (state.mass_velocity[i] + h_s / 2 * u) / (1 + h_s / (2 * params.brake_time_s));
+    state.mass_velocity[i] = (state.mass_velocity[i] + h_s / 2 * (u + bend[i])) / (1 + h_s / (2 * params.brake_time_s));
   }
 }
 

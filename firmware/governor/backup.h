@@ -31,9 +31,9 @@ inline constexpr Wide kLikelySteps = 8;
 // The backup's wish: brake.
 [[nodiscard]] PerMass<Real> braking(const GovernorParams& params, const RobotState& state, int mass_count);
 
-// The masses after h_s, to first order, where they follow the nominal, or where they brake.
+// The masses after h_s, to first order, where they follow the nominal, or where they brake and are bent by `bend`.
 void move_masses(int mass_count, Real h_s, RobotState& state);
-void brake_masses(const GovernorParams& params, int mass_count, Real h_s, RobotState& state);
+void brake_masses(const GovernorParams& params, int mass_count, Real h_s, const PerMass<Real>& bend, RobotState& state);
 
 // All masses are so slow that the brake ends.
 [[nodiscard]] bool still(const GovernorParams& params, const RobotState& state, int mass_count);

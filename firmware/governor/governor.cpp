@@ -189,7 +189,7 @@ void detail::command(const BallParams& ball, const GovernorParams& params, const
     // The wish of a tick's end is that of the state there, as in the rollout.
     RobotState ahead = now;
     ahead.mass_acceleration = ramp.start;
-    brake_masses(params, ball.mass_count, ramp.h_s, ahead);
+    brake_masses(params, ball.mass_count, ramp.h_s, bend, ahead);
     wish = braking(params, ahead, ball.mass_count);
   }
   for (std::size_t i = 0; i < wish.size(); ++i)

@@ -75,7 +75,10 @@ RobotState Rollout::ahead(const BallParams& ball, const GovernorParams& params, 
   if (nominal_now_) {
     move_masses(ball.mass_count, h_s, to);
   } else {
-    brake_masses(params, ball.mass_count, h_s, to);
+    // Bends last: a mass that is bent as much as it brakes keeps its speed.
+    PerMass<Real> bend{};
+    for (std::size_t i = 0; i < bend.size(); ++i) bend[i] = state_.mass_acceleration[i] - last_wish_.u[i];
+    brake_masses(params, ball.mass_count, h_s, bend, to);
   }
   return to;
 }

@@ -197,17 +197,17 @@ inline ExecutedPlan execute_plan(const Bench& bench) {
     RobotState ahead = state;
     const int n = bench.ball.mass_count;
     PerMass<Real> wish{}, jump{};
+    const PerMass<Real> bend = bends.at(static_cast<Wide>(tick + 1 - bends.start_tick()) * period_s, period_s);
     if (nominal) {
       move_masses(n, static_cast<Real>(period_s), ahead);
       const Wish end = bench.law(tick + 1)(0, ahead);
       wish = end.u;
       jump = difference(end.own, bench.law(tick)(0, state).own);
     } else {
-      brake_masses(bench.params, n, static_cast<Real>(period_s), ahead);
+      brake_masses(bench.params, n, static_cast<Real>(period_s), bend, ahead);
       wish = braking(bench.params, ahead, n);
     }
     const Ramp ramp = ramp_of(bench.ball, bench.params, state, jump);
-    const PerMass<Real> bend = bends.at(static_cast<Wide>(tick + 1 - bends.start_tick()) * period_s, period_s);
     for (std::size_t i = 0; i < wish.size(); ++i) {
       wish[i] = std::fmin(std::fmax(wish[i] + bend[i], ramp.end.lower[i]), ramp.end.upper[i]);
     }
