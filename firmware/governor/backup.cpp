@@ -67,7 +67,7 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
     mass.max_jerk = std::fmin(mass.max_jerk, mass.max_acceleration * natural_radps / kTwoPi);
   }
   params.reserve = Real(0.01);
-  params.moving_reserve = Real(0.01);
+  params.moving_reserve = Real(0.011);
   params.step_s = std::fmax(Real(0.05) * unit_s, static_cast<Real>(control_period_s));
   params.horizon_s = Wide{16 * unit_s};
   params.work_per_tick = 3 * kMovingStepWork;

@@ -76,9 +76,7 @@ RobotState Rollout::ahead(const BallParams& ball, const GovernorParams& params, 
     move_masses(ball.mass_count, h_s, to);
   } else {
     // Bends last: a mass that is bent as much as it brakes keeps its speed.
-    PerMass<Real> bend{};
-    for (std::size_t i = 0; i < bend.size(); ++i) bend[i] = state_.mass_acceleration[i] - last_wish_.u[i];
-    brake_masses(params, ball.mass_count, h_s, bend, to);
+    brake_masses(params, ball.mass_count, h_s, guided(time_s_ + Wide{h_s}) ? planned_ : bent_, to);
   }
   return to;
 }
@@ -94,6 +92,7 @@ void Rollout::bend(const BallParams& ball, const PerMass<Real>& wish) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
     off[i] = state_.mass_acceleration[i] - wish[i];
   }
+  bent_ = off;
   keep(off);
 }
 
@@ -108,23 +107,29 @@ void Rollout::begin_wish(const BallParams& ball, const GovernorParams& params, c
   begun_ = wished_ = true;
   last_wish_ = wish;
   bend(ball, wish.u);
+  // What the new wish differs by is no bend that lasts.
+  bent_ = {};
 }
 
-void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, const Bends& in_force,
-                          Real h_s) {
+bool Rollout::guided(Wide time_s) const {
+  return !(schedule_.from < schedule_.to) ||
+         time_s < (static_cast<Wide>(schedule_.from - start_tick_) + Wide(0.25)) * period_s_;
+}
+
+PerMass<Real> Rollout::guide(const Bends& in_force, Wide time_s) const {
+  if (!guided(time_s)) return {};
+  return in_force.at(time_s + static_cast<Wide>(start_tick_ - in_force.start_tick()) * period_s_, period_s_);
+}
+
+void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, Real h_s) {
   if (end_ != RolloutEnd::kUnderWay) return;
   const Wide end_s = time_s_ + Wide{h_s};
-  const bool guided = !(schedule_.from < schedule_.to) ||
-                      end_s < (static_cast<Wide>(schedule_.from - start_tick_) + Wide(0.25)) * period_s_;
-  PerMass<Real> guide{};
-  if (guided) {
-    guide = in_force.at(end_s + static_cast<Wide>(start_tick_ - in_force.start_tick()) * period_s_, period_s_);
-  }
+  const bool follows_plan = guided(end_s);
   Ramp ramp;
   ramp.start = state_.mass_acceleration;
   ramp.h_s = h_s;
   ramp.swing = ramp.quick = true;
-  ramp.spare = guided ? params.moving_reserve / 2 : params.moving_reserve;
+  ramp.spare = follows_plan ? params.moving_reserve / 2 : params.moving_reserve;
   // Bends change as fast as max_jerk allows, and the nominal's own changes are followed.
   PerMass<Real> change{}, wanted = wish.u;
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
@@ -133,15 +138,15 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
     // The motor follows no more than its jerk, or the motion's own jump where that is more (track()).
     const Real jump = params.jumps ? own : 0;
     Real most = std::fmax(params.mass[i].motor_jerk * h_s, jump);
-    if (follows_wish(params, i) && guide[i] == 0) most = std::fmax(most, kUnbentJump * jump);
+    if (follows_wish(params, i) && planned_[i] == 0) most = std::fmax(most, kUnbentJump * jump);
     change[i] = std::fmin(params.mass[i].max_jerk * h_s + own, most);
-    wanted[i] += guide[i];
+    wanted[i] += planned_[i];
   }
   // A bend leaves some speed free, so that the robot can repeat it.
   const Box all = box_of(params, state_, ball.mass_count, h_s, 0);
   Box box = box_of(params, state_, ball.mass_count, h_s, kSpareSpeed);
   for (std::size_t i = 0; i < wanted.size(); ++i) {
-    if (!guided && !follows_wish(params, i)) continue;
+    if (!follows_plan && !follows_wish(params, i)) continue;
     box.upper[i] = std::fmax(box.upper[i], std::fmin(wanted[i], all.upper[i]));
     box.lower[i] = std::fmin(box.lower[i], std::fmax(wanted[i], all.lower[i]));
   }

@@ -105,16 +105,19 @@ class Rollout {
     const Real h = next_step_s(params);
     if (end_ != RolloutEnd::kUnderWay) return;
     if (!wished_) begin_wish(ball, params, wish(ball, params, nominal, time_s_, state_));
-    finish_step(ball, params, wish(ball, params, nominal, time_s_ + Wide{h}, ahead(ball, params, h)), in_force, h);
+    planned_ = guide(in_force, time_s_ + Wide{h});
+    finish_step(ball, params, wish(ball, params, nominal, time_s_ + Wide{h}, ahead(ball, params, h)), h);
   }
 
   Real next_step_s(const GovernorParams& params);
   void begin_wish(const BallParams& ball, const GovernorParams& params, const Wish& wish);
+  // The schedule follows the certificate in force at a time after the start.
+  [[nodiscard]] bool guided(Wide time_s) const;
+  [[nodiscard]] PerMass<Real> guide(const Bends& in_force, Wide time_s) const;
   // The state after h, to first order.
   [[nodiscard]] RobotState ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const;
   [[nodiscard]] bool follows_wish(const GovernorParams& params, std::size_t i) const;
-  void finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, const Bends& in_force,
-                   Real h_s);
+  void finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, Real h_s);
   void keep(const PerMass<Real>& bend);
   void bend(const BallParams& ball, const PerMass<Real>& wish);
   void judge(const GovernorParams& params, const GovernedRamp& end);
@@ -134,7 +137,9 @@ class Rollout {
   bool begun_ = false;   // forces_ are those of state_
   bool wished_ = false;  // last_wish_ is that of state_, by the same wish
   Wish last_wish_;
-  AffineForces forces_;  // at state_, of a moving ball
+  PerMass<Real> bent_{};     // at state_, as far as it is likely to last
+  PerMass<Real> planned_{};  // at the end of the step by the certificate in force
+  AffineForces forces_;      // at state_, of a moving ball
   Bends bends_;
   bool held_ = false;
   bool near_edge_ = false;
