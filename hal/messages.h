@@ -48,10 +48,22 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(LCM(speed_fraction), m.speed_fraction);
 }
 
+template <class V, Of<firmware::CoursePart> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  constexpr int kMost = firmware::kMostCourseValues;
+  return visitor.field(LCM(course), m.course)
+      .field(LCM(course_first), m.first, Within(0, kMost))
+      .field(LCM(course_total), m.total, Within(0, kMost))
+      .field(LCM(course_count), m.count, Within(0, firmware::kCoursePart))
+      .field(LCM(course_value), m.value, first(m.count));
+}
+
 template <class V, Of<firmware::OperatorInput> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   using enum firmware::OperatorCommand;
-  return visitor.field(LCM(command), m.command, Within(kArm, kHalt)).field(m.move, When{m.command == kMove});
+  return visitor.field(LCM(command), m.command, Within(kArm, kGo))
+      .field(m.move, When{m.command == kMove})
+      .field(m.course, When{m.command == kGo});
 }
 
 // step_command_t
@@ -110,7 +122,7 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
 
 template <class V, Of<firmware::RefusalReport> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
-  return visitor.field(LCM(refusal), m.reason, Within(firmware::Refusal::kNone, firmware::Refusal::kNoRest))
+  return visitor.field(LCM(refusal), m.reason, Within(firmware::Refusal::kNone, firmware::Refusal::kOffCourse))
       .field(LCM(refusal_motor), m.motor, Within(-1, 31))
       .field(LCM(refusal_piece), m.piece, Within(-1, firmware::kMaxPieces))
       .field(LCM(refusal_value), m.value)
@@ -171,6 +183,13 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(LCM(halt_duration_s), m.duration_s);
 }
 
+template <class V, Of<firmware::CourseStatus> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(LCM(course), m.in_force)
+      .field(LCM(course_tick), m.tick, Tick())
+      .field(LCM(course_coming), m.coming);
+}
+
 template <class V, Of<firmware::ControllerStatus> M>
 constexpr decltype(auto) fields(V& visitor, M& m) {
   return visitor.field(LCM(tick), m.tick, Tick())
@@ -198,7 +217,8 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(m.governor)
       .field(m.halt)
       .field(LCM(motion_delay_s), m.motion_delay_s)
-      .field(LCM(slip_friction), m.slip_friction, Real());
+      .field(LCM(slip_friction), m.slip_friction, Real())
+      .field(m.course);
 }
 
 // The parameters. Those of a mass are Unsent here: they travel mass by mass (target::MassParams).

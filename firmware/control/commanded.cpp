@@ -20,14 +20,25 @@ bool at_rest_from(const ControllerParams& params, const ControllerState& state, 
   return true;
 }
 
+namespace {
+
+// The masses no longer follow a motion that is commanded tick by tick.
+void leave_motion(ControllerState& state) {
+  state.tracking.follows = false;
+  state.governing.governs = false;
+  state.course.in_force = -1;
+  state.course.number_in_force = state.course.tick_in_force = 0;
+}
+
+}  // namespace
+
 void hold(const ControllerParams& params, ControllerState& state, std::int64_t tick) {
   for (int i = 0; i < params.ball.mass_count; ++i) {
     state.hold_position[at(i)] = commanded(params, state, tick, i).position;
   }
   state.moving = false;
   state.braking = false;
-  state.tracking.follows = false;
-  state.governing.governs = false;
+  leave_motion(state);
 }
 
 void begin(ControllerState& state, std::int64_t next) {
@@ -35,8 +46,7 @@ void begin(ControllerState& state, std::int64_t next) {
   state.started = true;
   state.moving = true;
   state.braking = false;
-  state.tracking.follows = false;
-  state.governing.governs = false;
+  leave_motion(state);
 }
 
 }  // namespace ballast::firmware

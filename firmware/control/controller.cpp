@@ -79,8 +79,8 @@ void command_steps(const ControllerParams& params, const Inputs& inputs, Control
 }  // namespace
 
 void reset(const ControllerParams& params, ControllerState& state) {
-  // Member by member: a temporary of the whole state would need 50 kB of stack. The profiles are not read before
-  // `moving`, and the predictor not before a plan.
+  // Member by member: a temporary of the whole state would need 200 kB of stack. The profiles are not read before
+  // `moving`, the predictor not before a plan, and a course not before its parts.
   state.mode = Mode::kDisarmed;
   state.faults = 0;
   state.ticked = false;
@@ -90,6 +90,9 @@ void reset(const ControllerParams& params, ControllerState& state) {
   state.moving = false;
   state.braking = false;
   state.tracking = {};
+  state.course.stage = CourseStage::kNone;
+  state.course.in_force = -1;
+  state.course.number_in_force = state.course.tick_in_force = 0;
   state.hold_position = {};
   for (int i = 0; i < params.ball.mass_count; ++i) state.hold_position[at(i)] = params.motion[at(i)].at(0).position;
   state.position_steps = {};
@@ -123,7 +126,9 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   const GuardState guards{state.faults == 0, at_rest_from(params, state, next), causes != 0};
   if (state.faults != 0) trip(state, guards);
   obey(params, inputs, guards, state);
-  if (state.mode == Mode::kPending) begin_move(params, state, guards, next);
+  advance_course(params, inputs, guards, state);
+  const bool has_course = state.course.stage == CourseStage::kSearching;
+  if (state.mode == Mode::kPending && !has_course) begin_move(params, state, guards, next);
 
   if (state.mode == Mode::kHalting && !state.moving) {
     if (const RefusalReport refusal = await_halt(params, inputs, state, next); refusal.reason != Refusal::kNone) {

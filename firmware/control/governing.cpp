@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "firmware/control/parts.h"
+#include "firmware/control/plan.h"
 #include "firmware/motion/motion_limits.h"
 #include "firmware/motion/rail_ends.h"
 #include "firmware/motion/tick_motion.h"
@@ -63,7 +64,10 @@ std::int64_t ticks_to_rest(const ControllerParams& params, const ControllerState
 // Begins the next attempt: to the motion's end first, then shorter and shorter. Time 0 is that of the start.
 void begin_attempt(const ControllerParams& params, ControllerState& state) {
   GoverningState& g = state.governing;
-  begin_start(g.params, g.start.robot, 0, 0, ticks_to_rest(params, state), g.start.attempt, g.governor);
+  const std::int64_t lead = minus(g.start.from_tick, g.start.tick);
+  const bool goes = g.start.what == Begins::kCourse;
+  const std::int64_t rest_ticks = goes ? state.course.rest_ticks : ticks_to_rest(params, state);
+  begin_start(g.params, g.start.robot, 0, lead, rest_ticks > 0 ? lead + rest_ticks : 0, g.start.attempt, g.governor);
 }
 
 // The robot as it is told to be set down.
@@ -77,6 +81,12 @@ RobotState first_robot(const ControllerParams& params) {
     robot.mass_velocity[at(i)] = static_cast<Real>(params.motion[at(i)].at(0).velocity);
   }
   return robot;
+}
+
+// The wish of the motion that a start would begin now.
+Wish wish_of_start(const ControllerParams& params, const ControllerState& state, Wide time_s, bool feeds,
+                   const RobotState& robot) {
+  return wish_at(params, followed(params, state), state.tracking.integral_W_ms, time_s, feeds, robot);
 }
 
 void begin_search(const ControllerParams& params, const RobotState& robot, ControllerState& state) {
@@ -93,7 +103,8 @@ void begin_search(const ControllerParams& params, const RobotState& robot, Contr
   state.governing.params.jumps = state.started || !feeds;
   if (!state.started && !feeds) {
     start.robot.mass_acceleration =
-        governed_beginning(params.ball, state.governing.params, robot, wish_at(params, state, 0, false, robot).u).u;
+        governed_beginning(params.ball, state.governing.params, robot, wish_of_start(params, state, 0, false, robot).u)
+            .u;
   }
   start.attempt = ticks_to_rest(params, state) > 0 ? kStartStretches : kStartStretches - 1;
   begin_attempt(params, state);
@@ -111,7 +122,10 @@ void advance_search(const ControllerParams& params, int work, ControllerState& s
       const PerMass<Real> u = halt_wish(params.ball, halt_gains(params.ball), then);
       return Wish{u, u};
     }
-    return wish_at(params, state, time_s, feeds, then);
+    if (g.start.what == Begins::kCourse) {
+      return wish_at(params, coming_course(state), Vector2::Zero(), time_s - held_s, true, then);
+    }
+    return wish_of_start(params, state, time_s, feeds, then);
   };
   candidate.advance(params.ball, g.params, law, g.governor.bends, work);
   if (candidate.end() == RolloutEnd::kUnderWay) return;
@@ -122,11 +136,14 @@ void advance_search(const ControllerParams& params, int work, ControllerState& s
   // The refusal speaks of the shortest stretch, which is tried last.
   g.start.breach = candidate.breach();
   g.start.breach_s = candidate.time_s();
-  if (g.start.what != Begins::kMotion || g.start.attempt == 0) {
+  // A course is certified for a short stretch first, a start for the whole motion.
+  const bool goes = g.start.what == Begins::kCourse;
+  const int last = goes ? kStartStretches - (state.course.rest_ticks > 0 ? 0 : 1) : 0;
+  if ((!goes && g.start.what != Begins::kMotion) || g.start.attempt == last) {
     g.start.stage = StartStage::kRefused;
     return;
   }
-  --g.start.attempt;
+  g.start.attempt += goes ? 1 : -1;
   begin_attempt(params, state);
 }
 
@@ -461,6 +478,99 @@ RefusalReport await_halt(const ControllerParams& params, const Inputs& inputs, C
   return {};
 }
 
+bool search_course(const ControllerParams& params, const Inputs& inputs, ControllerState& state) {
+  const BallMotion motion = ball_motion(params, state, inputs.sensors);
+  if (!motion.known) return false;
+  if (!state.planned) drop_plan(state);
+  GoverningState& g = state.governing;
+  g.params.friction = usable_friction(params, state);
+  g.params.uncertain = 0;
+  g.params.jumps = false;
+  const CourseState& course = state.course;
+  StartSearch& start = g.start;
+  start.stage = StartStage::kSearching;
+  start.what = Begins::kCourse;
+  start.tick = inputs.tick;
+  start.from_tick = course.from_tick == 0 ? inputs.tick : course.from_tick;
+  start.robot = held_robot(params, state, motion);
+  if (!params.estimation.estimated) {
+    const ReferenceTable& reference = course.coming().reference;
+    start.robot.position_W_m = reference_at(reference, params.ball.mass_count, params.ball.radius_m, 0).position_W_m;
+  }
+  // A short stretch first, since someone waits. The shortest of all would end before the next search does.
+  start.attempt = 1;
+  begin_attempt(params, state);
+  return true;
+}
+
+CourseVerdict judge_course(const ControllerParams& params, const Inputs& inputs, const ControllerState& state) {
+  const StartSearch& start = state.governing.start;
+  if (start.stage == StartStage::kRefused) return {true, judge_start(params, state)};
+  const std::int64_t next = plus(inputs.tick, 1);
+  if (state.course.from_tick != 0) {
+    if (next < state.course.from_tick) return {};
+    if (next == state.course.from_tick && start.stage == StartStage::kCertified) return {true, {}};
+    return {true, {Refusal::kLate, -1, -1, static_cast<Wide>(state.course.from_tick), 0}};
+  }
+  if (start.stage != StartStage::kCertified) return {};
+  const BallMotion motion = ball_motion(params, state, inputs.sensors);
+  const bool rests = motion.known && same_ball(params, start.robot, motion);
+  return {true, rests ? RefusalReport{} : RefusalReport{Refusal::kNotCertified, -1, -1, 0, 0}};
+}
+
+void set_out(const ControllerParams& params, ControllerState& state, std::int64_t next) {
+  GoverningState& g = state.governing;
+  adopt(next, g);
+  g.halt.asked = g.halt.begun = g.halt.predicts = false;
+  if (state.course.from_tick != 0) distrust(g.governor);  // the ball may have been pushed since the search began
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    if (!state.active[at(i)].set(state.hold_position[at(i)], 0, nullptr, 0)) state.faults |= bit(Fault::kInternal);
+  }
+  begin(state, next);
+  begin_tracking(state, next, true);
+  state.governing.governs = true;
+  put_in_force(state, next);
+}
+
+void await_course(ControllerState& state) {
+  GovernorState& governor = state.governing.governor;
+  // Where the certificate in force goes beyond the course's first tick, it is one of the old motion there.
+  if (governor.certificate.switch_tick > state.course.from_tick) {
+    change_nominal_at(state.course.from_tick, governor);
+  } else {
+    keep_nominal(governor);
+  }
+}
+
+RefusalReport watch_course(const ControllerState& state, std::int64_t next) {
+  const GoverningState& g = state.governing;
+  const GovernorState& governor = g.governor;
+  const std::int64_t from = state.course.from_tick;
+  const RolloutEnd end = governor.candidate.end();
+  const bool broken = governor.searching && end == RolloutEnd::kBroken;
+  const RefusalReport breach{Refusal::kNoBackup, -1, -1, Wide{governor.candidate.breach().use},
+                             governor.candidate.time_s()};
+  if (!g.governs || governor.mode != GovernorMode::kNominal) return {Refusal::kNotCertified, -1, -1, 0, 0};
+  const bool ready = governor.searching && end != RolloutEnd::kUnderWay && !broken;
+  if (governor.changing) {
+    if (next < from) return {};
+    if (ready && governor.candidate.schedule().from == next) return {};
+    return broken ? breach : RefusalReport{Refusal::kLate, -1, -1, static_cast<Wide>(from), 0};
+  }
+  if (governor.certificate.switch_tick > from) return {};
+  if (next >= from) return {Refusal::kLate, -1, -1, static_cast<Wide>(from), 0};
+  // A certificate is still possible while the old motion can go on without one.
+  const bool runs_out = governor.certificate.switch_tick - next < 2 * std::int64_t{g.params.search_ticks};
+  if (broken && runs_out && governor.candidate.schedule().to > from) return breach;
+  return {};
+}
+
+void forget_course(GoverningState& governing) {
+  GovernorState& governor = governing.governor;
+  if (governor.changing && governor.change_tick == 0) return;  // it becomes a halt
+  keep_nominal(governor);
+}
+
 bool halted(const ControllerParams& params, const ControllerState& state) {
   return static_cast<Wide>(state.governing.halt.slow_ticks) * params.control_period_s >= kRestTime_s;
 }
@@ -518,8 +628,13 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
       const PerMass<Real> u = halt_wish(params.ball, gains, then);
       return Wish{u, u};
     }
+    const Vector2& integral_W_ms = state.tracking.integral_W_ms;
+    if (state.course.stage == CourseStage::kAwaited) {
+      const Wide course_s = time_s - static_cast<Wide>(minus(state.course.from_tick, from)) * period_s;
+      if (course_s >= -period_s / 2) return wish_at(params, coming_course(state), integral_W_ms, course_s, true, then);
+    }
     const Wide begun_s = static_cast<Wide>(minus(from, state.tracking.start_tick)) * period_s;
-    return wish_at(params, state, begun_s + time_s, state.tracking.feeds, then);
+    return wish_at(params, followed(params, state), integral_W_ms, begun_s + time_s, state.tracking.feeds, then);
   };
   const auto law = [&](Wide time_s, const RobotState& then) {
     const Rollout& candidate = g.governor.candidate;

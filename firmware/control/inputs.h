@@ -1,6 +1,7 @@
 // Inputs of a control tick. Types only.
 #pragma once
 
+#include "firmware/control/course.h"
 #include "firmware/estimation/sensors.h"
 
 namespace ballast::firmware {
@@ -18,7 +19,8 @@ enum class OperatorCommand : std::uint8_t {
   kStop = 3,
   kReset = 4,
   kMove = 5,
-  kHalt = 6
+  kHalt = 6,
+  kGo = 7  // a part of a course; the last part asks for it
 };
 
 // Moves masses from rest to rest, all in the time that the slowest needs. It is judged before anything moves.
@@ -31,11 +33,13 @@ struct MoveRequest {
 // Command of the operator. A plain command and a move convert.
 struct OperatorInput {
   OperatorCommand command = OperatorCommand::kNone;
-  MoveRequest move;  // read with kMove only
+  MoveRequest move;   // read with kMove only
+  CoursePart course;  // read with kGo only
   OperatorInput() = default;
   // NOLINTBEGIN(google-explicit-constructor)
   OperatorInput(OperatorCommand c) : command(c) {}
   OperatorInput(const MoveRequest& request) : command(OperatorCommand::kMove), move(request) {}
+  OperatorInput(const CoursePart& part) : command(OperatorCommand::kGo), course(part) {}
   // NOLINTEND(google-explicit-constructor)
 };
 

@@ -30,15 +30,12 @@ bool event_of(OperatorCommand command, Event& event) {
     case OperatorCommand::kHalt:
       event = Event::kHalt;
       return true;
+    case OperatorCommand::kGo:  // take_part()
     case OperatorCommand::kNone:
       break;
   }
   return false;
 }
-
-// Greatest distance of a target from the start, in microsteps. It lies below 2^53, so that microsteps can be counted;
-// validate() has the same for the start.
-constexpr Wide kMaxStepsFromZero = 1e15;
 
 RefusalReport refused(Refusal reason, int motor = -1, Wide value = 0, int piece = -1) {
   return {reason, motor, piece, value, 0};
@@ -86,8 +83,7 @@ RefusalReport prepare_move(const ControllerParams& params, const MoveRequest& mo
     const Wide swing = params.motor[at(i)].swing;
     if (target < ends.lower + swing) return refused(Refusal::kLowerEnd, i, ends.lower + swing);
     if (!(target <= ends.upper - swing)) return refused(Refusal::kUpperEnd, i, ends.upper - swing);
-    const Wide steps = (target - params.motion[at(i)].at(0).position) * params.motor[at(i)].steps_per_unit;
-    if (!(std::fabs(steps) <= kMaxStepsFromZero)) return refused(Refusal::kTarget, i, target);
+    if (!countable_steps(params, i, target)) return refused(Refusal::kTarget, i, target);
     if (!plan_move(distance(i), motion_limits(params, i), 0, pieces)) {
       return refused(Refusal::kNotPlanned, i, distance(i));
     }
@@ -172,7 +168,19 @@ RefusalReport follow(const ControllerParams& params, const Inputs& inputs, Mode 
 
 }  // namespace
 
+bool countable_steps(const ControllerParams& params, int i, Wide position) {
+  // Below 2^53; validate() has the same for the start.
+  constexpr Wide kMaxStepsFromZero = 1e15;
+  const Wide steps = (position - params.motion[at(i)].at(0).position) * params.motor[at(i)].steps_per_unit;
+  return std::fabs(steps) <= kMaxStepsFromZero;
+}
+
 void obey(const ControllerParams& params, const Inputs& inputs, const GuardState& guards, ControllerState& state) {
+  if (inputs.operator_command.command == OperatorCommand::kGo) {
+    ++state.operator_commands;
+    state.refusal = take_part(params, inputs.operator_command.course, state);
+    return;
+  }
   Event event{};
   if (!event_of(inputs.operator_command.command, event)) return;
   ++state.operator_commands;

@@ -75,19 +75,33 @@ void hold(const ControllerParams& params, ControllerState& state, std::int64_t t
 
 // --- tracking.cpp: the motion along the reference (firmware/tracking) ---
 
+// The motion that the masses follow, or will follow.
+struct Followed {
+  const PerMass<Profile>& motion;
+  const ReferenceTable& reference;
+  MotionClock clock;
+  bool rebased;  // it begins at rest in `origin`
+  const PerMass<Wide>& origin;
+};
+[[nodiscard]] Followed followed(const ControllerParams& params, const ControllerState& state);
+[[nodiscard]] Followed coming_course(const ControllerState& state);
+
 // Begins to command each tick anew from the start of `next` on: by the feedback along the reference, or without it.
 void begin_tracking(ControllerState& state, std::int64_t next, bool feeds);
 
 // The motion of a start from here on: the parameters' at first, later one from where the masses stand.
 void set_origin(ControllerState& state);
 
-// The acceleration that the motion asks of the masses of this robot, at a time after its start: by the feedback, where
+// The acceleration that a motion asks of the masses of this robot, at a time after its start: by the feedback, where
 // `feeds`, and otherwise back to the motion's positions.
-[[nodiscard]] Wish wish_at(const ControllerParams& params, const ControllerState& state, Wide time_s, bool feeds,
-                           const RobotState& robot);
+[[nodiscard]] Wish wish_at(const ControllerParams& params, const Followed& motion, const Vector2& integral_W_ms,
+                           Wide time_s, bool feeds, const RobotState& robot);
 // The same for the profiles in `active`, at a profile time.
 [[nodiscard]] Wish wish_of_active(const ControllerParams& params, const ControllerState& state, Wide time_s,
                                   const RobotState& robot);
+
+// Where mass i will be commanded when the course that comes begins.
+[[nodiscard]] ProfilePoint motion_at_course(const ControllerParams& params, const ControllerState& state, int i);
 
 // Puts the motion of the tick `next` into `active`.
 void track(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next);
@@ -149,7 +163,41 @@ void bend_beginning(const ControllerParams& params, const ControllerState& state
 void govern_tick(const ControllerParams& params, const TickToGovern& now, ControllerState& state,
                  PerMass<Wide>& accelerations);
 
+// Begins to search a certificate for the course that comes, while the masses hold. False: the ball is not known.
+[[nodiscard]] bool search_course(const ControllerParams& params, const Inputs& inputs, ControllerState& state);
+// The search's verdict for a course that could begin with the next tick.
+struct CourseVerdict {
+  bool decided = false;
+  RefusalReport refusal;  // none: the course begins
+};
+[[nodiscard]] CourseVerdict judge_course(const ControllerParams& params, const Inputs& inputs,
+                                         const ControllerState& state);
+// Begins the course with the tick `next`, from masses that hold.
+void set_out(const ControllerParams& params, ControllerState& state, std::int64_t next);
+// The motion under the governor is to become the course that comes, at its tick.
+void await_course(ControllerState& state);
+// The reason why it cannot; none: it still can, or it begins with the tick `next`.
+[[nodiscard]] RefusalReport watch_course(const ControllerState& state, std::int64_t next);
+// It does not become it any more.
+void forget_course(GoverningState& governing);
+
+// --- course.cpp ---
+
+// Takes a part of a course, or returns the reason why not.
+[[nodiscard]] RefusalReport take_part(const ControllerParams& params, const CoursePart& part, ControllerState& state);
+// Checks the course that has arrived, and begins it from masses that hold once it is certified. A course that cannot
+// begin is dropped, with the reason in state.refusal.
+void advance_course(const ControllerParams& params, const Inputs& inputs, const GuardState& guards,
+                    ControllerState& state);
+// Forgets the course that comes.
+void drop_course(ControllerState& state);
+// Lets the masses follow the course that comes, which begins at the start of `tick`.
+void put_in_force(ControllerState& state, std::int64_t tick);
+
 // --- operator.cpp ---
+
+// The microsteps from the start to this position can be counted.
+[[nodiscard]] bool countable_steps(const ControllerParams& params, int i, Wide position);
 
 // Obeys the operator's command, if there is one, or keeps the reason why not.
 void obey(const ControllerParams& params, const Inputs& inputs, const GuardState& guards, ControllerState& state);

@@ -70,6 +70,9 @@ void report(const ControllerParams& params, const ControllerState& state, const 
   status.governor = governor_status(state.governing);
   status.halt = halt_status(state);
   status.motion_delay_s = state.tracking.follows ? state.tracking.clock.delay_s : 0;
+  const CourseState& course = state.course;
+  const bool comes = course.stage != CourseStage::kNone;
+  status.course = {course.number_in_force, course.tick_in_force, comes ? course.number : 0};
   status.slip_friction = state.slip_friction.least;
   status.measured = state.measured.valid ? state.measured : MeasuredContact{};
 }

@@ -1,6 +1,7 @@
 // State of the controller from one control tick to the next. The parts of the controller share it.
 #pragma once
 
+#include "firmware/control/course.h"
 #include "firmware/control/prediction.h"
 #include "firmware/control/status.h"
 #include "firmware/estimation/attitude_filter.h"
@@ -27,6 +28,7 @@ struct TrackingState {
   bool follows = false;         // each tick's motion is commanded anew; `active` holds one tick of it
   bool feeds = false;           // by the feedback; otherwise the governor bends the motion
   std::int64_t start_tick = 0;  // at whose start the plan time is 0
+  bool reckons = false;
   DeadReckoning reckoning;
   Vector2 integral_W_ms = Vector2::Zero();  // of the place's error
   PerMass<int> waiting_ticks{};             // in which a motor's pulses have waited for their distance
@@ -39,9 +41,9 @@ struct TrackingState {
 enum class StartStage : std::uint8_t { kNone, kSearching, kCertified, kRefused, kUsed };
 
 // The motion that a search is made for.
-enum class Begins : std::uint8_t { kMotion, kMove, kHalt };
+enum class Begins : std::uint8_t { kMotion, kMove, kHalt, kCourse };
 
-// The search for a start, a pending move, or a halt of the ball from where the masses hold.
+// The search for a start, a pending move or course, or a halt of the ball from where the masses hold.
 struct StartSearch {
   StartStage stage = StartStage::kNone;
   Begins what = Begins::kMotion;
@@ -106,7 +108,8 @@ struct ControllerState {
   Prediction plan;             // as published in the status
   Predictor predictor;
   bool planned_motion_now = false;  // a stop or move was planned in this tick, which leaves no time to predict
-  MassMotion now;                   // commanded at the start of the last tick
+  CourseState course;
+  MassMotion now;  // commanded at the start of the last tick
   MassMeter mass_meter;
   MassMotion measured_masses;  // at the start of the last tick; used where there is an IMU
   FilterState filter;

@@ -42,6 +42,9 @@ enum class Refusal : std::uint8_t {
   kNotCertified = 17,  // governed: the ball rolls, or the search for a certificate is under way; value > 0: a move
                        // takes so many seconds, more than time_s, which is the most that can be certified
   kNoRest = 18,        // halt: no rest was found; time_s: how far it was looked for, value: the speed there
+  kCourse = 19,     // a part of a course does not continue it, or is no part of one; value: place of the value refused
+  kLate = 20,       // the course's first tick came before it was certified; value: that tick
+  kOffCourse = 21,  // the course does not begin where mass `motor` will be; value: how far off
 };
 
 struct RefusalReport {
@@ -77,6 +80,13 @@ struct HaltStatus {
   Wide duration_s = 0;
 };
 
+// Courses that operators have handed over.
+struct CourseStatus {
+  std::int64_t in_force = 0;  // number of the course that the masses follow; 0: the parameters' motion, or none
+  std::int64_t tick = 0;      // at whose start it began
+  std::int64_t coming = 0;    // number of the course that arrives, or waits for its certificate or its tick; 0: none
+};
+
 struct ControllerStatus {
   std::int64_t tick = 0;
   std::int64_t scenario_id = 0;
@@ -105,6 +115,7 @@ struct ControllerStatus {
   HaltStatus halt;
   Wide motion_delay_s = 0;  // by which the time of a tracked motion is behind the time since its start
   Real slip_friction = 0;   // f_s / N measured while the ball slipped, the least of its slips; +infinity: it has not
+  CourseStatus course;
 };
 
 }  // namespace ballast::firmware

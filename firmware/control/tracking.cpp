@@ -21,8 +21,8 @@ Real most_integral_ms(const BallParams& ball) { return kMostIntegral * ball.radi
 Real bounded(Real value, Real most) { return value > most ? most : (value < -most ? -most : value); }
 
 // The ball at the start of the tick. A sensed one has its place reckoned from the reference's first.
-BallState observe(const ControllerParams& params, const ControllerState& state, const BallMotion& motion, bool first,
-                  TrackingState& tracking) {
+BallState observe(const ControllerParams& params, const ControllerState& state, const BallMotion& motion,
+                  const Followed& followed, TrackingState& tracking) {
   BallState ball;
   ball.orientation = motion.orientation;
   ball.angular_velocity_B_radps = motion.angular_velocity_B_radps;
@@ -31,9 +31,10 @@ BallState observe(const ControllerParams& params, const ControllerState& state, 
     return ball;
   }
   const Real radius_m = params.ball.radius_m;
-  if (first) {
-    const Vector2 start_W_m = reference_at(params.tracking, params.ball.mass_count, radius_m, 0).position_W_m;
+  if (!tracking.reckons) {
+    const Vector2 start_W_m = reference_at(followed.reference, params.ball.mass_count, radius_m, 0).position_W_m;
     begin_reckoning(start_W_m, ball, radius_m, tracking.reckoning);
+    tracking.reckons = true;
   } else {
     advance_reckoning(ball, radius_m, static_cast<Real>(params.control_period_s), tracking.reckoning);
   }
@@ -46,19 +47,18 @@ Wide motion_time_s(const MotionClock& clock, Wide time_s) {
   return time_s - clock.delay_s - Wide{1 - clock.rate} * (time_s - clock.seen_s);
 }
 
-// The motion that the masses follow at a time after the start: one that begins where they stand has lost its initial
-// velocity.
-ProfilePoint planned(const ControllerParams& params, const TrackingState& tracking, int i, Wide time_s) {
-  const Wide motion_s = motion_time_s(tracking.clock, time_s);
-  ProfilePoint point = params.motion[at(i)].at(motion_s);
-  if (tracking.rebased) {
-    const ProfilePoint first = params.motion[at(i)].at(0);
-    point.position += tracking.origin[at(i)] - first.position - first.velocity * motion_s;
+// A motion at a time after its start: one that begins where the masses stand has lost its initial velocity.
+ProfilePoint planned(const ControllerParams& params, const Followed& followed, int i, Wide time_s) {
+  const Wide motion_s = motion_time_s(followed.clock, time_s);
+  ProfilePoint point = followed.motion[at(i)].at(motion_s);
+  if (followed.rebased) {
+    const ProfilePoint first = followed.motion[at(i)].at(0);
+    point.position += followed.origin[at(i)] - first.position - first.velocity * motion_s;
     point.velocity -= first.velocity;
   }
   // How the rate changes is known for the next ticks only.
-  const bool soon = time_s <= tracking.clock.seen_s + Wide(2.5) * params.control_period_s;
-  const Wide rate{tracking.clock.rate}, change{soon ? tracking.clock.change : 0};
+  const bool soon = time_s <= followed.clock.seen_s + Wide(2.5) * params.control_period_s;
+  const Wide rate{followed.clock.rate}, change{soon ? followed.clock.change : 0};
   if (rate == 1 && change == 0) return point;
   point.acceleration = rate * rate * point.acceleration + change * point.velocity;
   point.velocity *= rate;
@@ -66,9 +66,10 @@ ProfilePoint planned(const ControllerParams& params, const TrackingState& tracki
 }
 
 // How far the ball is behind its place, along the plan's path.
-Real distance_behind_m(const ControllerParams& params, const BallState& ball, Wide motion_s) {
+Real distance_behind_m(const ControllerParams& params, const ReferenceTable& table, const BallState& ball,
+                       Wide motion_s) {
   const Real radius_m = params.ball.radius_m;
-  const BallState reference = reference_at(params.tracking, params.ball.mass_count, radius_m, motion_s);
+  const BallState reference = reference_at(table, params.ball.mass_count, radius_m, motion_s);
   const Vector2 velocity = rolling_velocity(reference.orientation, reference.angular_velocity_B_radps, radius_m);
   const Real speed = std::sqrt(velocity.dot(velocity));
   if (!(speed > 0)) return 0;
@@ -76,8 +77,8 @@ Real distance_behind_m(const ControllerParams& params, const BallState& ball, Wi
 }
 
 // Sets the rate of the motion's time from the start of the next tick on. `ball`: nullptr where it is not seen.
-void advance_clock(const ControllerParams& params, const BallState* ball, const ErrorVector& e, Wide now_s,
-                   MotionClock& clock) {
+void advance_clock(const ControllerParams& params, const ReferenceTable& table, const BallState* ball,
+                   const ErrorVector& e, Wide now_s, MotionClock& clock) {
   const Wide period_s = params.control_period_s;
   const Real most_m = kMostPlaceError * params.ball.radius_m;
   Real wanted = 1;
@@ -85,7 +86,7 @@ void advance_clock(const ControllerParams& params, const BallState* ball, const 
     const Vector2 off = place_error(e, params.ball.mass_count);
     const bool far = off.dot(off) >= Real(0.99) * most_m * most_m;  // bounded by that
     if (far || clock.rate < 1) {
-      const Real behind = distance_behind_m(params, *ball, motion_time_s(clock, now_s)) / most_m - 1;
+      const Real behind = distance_behind_m(params, table, *ball, motion_time_s(clock, now_s)) / most_m - 1;
       wanted = 1 - (1 - kLeastRate) * std::fmin(std::fmax(behind, Real(0)), Real(1));
     }
   }
@@ -100,10 +101,10 @@ void advance_clock(const ControllerParams& params, const BallState* ball, const 
 }
 
 // The change of the motion's acceleration in the tick after this one.
-Wide motion_jump(const ControllerParams& params, const TrackingState& tracking, int i, Wide now_s) {
+Wide motion_jump(const ControllerParams& params, const Followed& followed, int i, Wide now_s) {
   const Wide period_s = params.control_period_s;
-  return planned(params, tracking, i, now_s + 2 * period_s).acceleration -
-         planned(params, tracking, i, now_s + period_s).acceleration;
+  return planned(params, followed, i, now_s + 2 * period_s).acceleration -
+         planned(params, followed, i, now_s + period_s).acceleration;
 }
 
 // Keeps the tick in which a governed motion rests up to date.
@@ -112,7 +113,7 @@ void wait_for_ball(const ControllerParams& params, const BallState* ball, const 
   MotionClock& clock = state.tracking.clock;
   const auto ticks = [&] { return static_cast<std::int64_t>(clock.delay_s / params.control_period_s); };
   const std::int64_t before = ticks();
-  advance_clock(params, ball, e, now_s, clock);
+  advance_clock(params, followed(params, state).reference, ball, e, now_s, clock);
   std::int64_t& end_tick = state.governing.governor.nominal_end_tick;
   if (state.governing.governs && end_tick > 0) end_tick += ticks() - before;
 }
@@ -127,27 +128,29 @@ MassError mass_error(const ControllerParams& params, const PerMass<ProfilePoint>
   return masses;
 }
 
-MassError masses_at(const ControllerParams& params, const ControllerState& state, Wide time_s) {
+MassError masses_at(const ControllerParams& params, const ControllerState& state, const Followed& followed,
+                    Wide time_s) {
   PerMass<ProfilePoint> motion{};
-  for (int i = 0; i < params.ball.mass_count; ++i) motion[at(i)] = planned(params, state.tracking, i, time_s);
+  for (int i = 0; i < params.ball.mass_count; ++i) motion[at(i)] = planned(params, followed, i, time_s);
   return mass_error(params, motion, state.now.position, state.now.velocity);
 }
 
-ErrorVector error_at(const ControllerParams& params, const ControllerState& state, const BallState& ball, Wide time_s) {
-  return tracking_error(params.tracking, params.ball.mass_count, params.ball.radius_m,
-                        motion_time_s(state.tracking.clock, time_s), state.tracking.clock.rate, ball,
-                        masses_at(params, state, time_s), state.tracking.integral_W_ms);
+ErrorVector error_at(const ControllerParams& params, const ControllerState& state, const Followed& followed,
+                     const BallState& ball, Wide time_s) {
+  return tracking_error(followed.reference, params.ball.mass_count, params.ball.radius_m,
+                        motion_time_s(followed.clock, time_s), followed.clock.rate, ball,
+                        masses_at(params, state, followed, time_s), state.tracking.integral_W_ms);
 }
 
 // The errors of the masses at the end of a tick that they begin at `from`, time_s after the start: predicted as a
 // certificate's rollout predicts them (Rollout::ahead()). Errors of today instead would be two ticks late, and a motion
 // that is bent for long would leave the certified one.
-MassError mass_error_ahead(const ControllerParams& params, const ControllerState& state,
-                           const PerMass<ProfilePoint>& from, Wide time_s) {
+MassError mass_error_ahead(const ControllerParams& params, const Followed& followed, const PerMass<ProfilePoint>& from,
+                           Wide time_s) {
   const Wide h = params.control_period_s;
   MassError masses;
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    const ProfilePoint motion = planned(params, state.tracking, i, time_s);
+    const ProfilePoint motion = planned(params, followed, i, time_s);
     const Wide velocity = from[at(i)].velocity - motion.velocity;
     const Wide acceleration = from[at(i)].acceleration - motion.acceleration;
     masses.position[at(i)] =
@@ -186,25 +189,44 @@ void begin_tracking(ControllerState& state, std::int64_t next, bool feeds) {
   state.tracking.origin = origin;
 }
 
-Wish wish_at(const ControllerParams& params, const ControllerState& state, Wide time_s, bool feeds,
-             const RobotState& robot) {
+Followed followed(const ControllerParams& params, const ControllerState& state) {
+  const TrackingState& tracking = state.tracking;
+  const CourseState& course = state.course;
+  if (course.in_force < 0) return {params.motion, params.tracking, tracking.clock, tracking.rebased, tracking.origin};
+  const Course& in_force = course.slot[at(course.in_force)];
+  return {in_force.motion, in_force.reference, tracking.clock, false, tracking.origin};
+}
+
+Followed coming_course(const ControllerState& state) {
+  const Course& coming = state.course.coming();
+  return {coming.motion, coming.reference, {}, false, state.tracking.origin};
+}
+
+ProfilePoint motion_at_course(const ControllerParams& params, const ControllerState& state, int i) {
+  if (!state.tracking.follows) return {state.hold_position[at(i)], 0, 0};
+  const std::int64_t ticks = minus(state.course.from_tick, state.tracking.start_tick);
+  return planned(params, followed(params, state), i, static_cast<Wide>(ticks) * params.control_period_s);
+}
+
+Wish wish_at(const ControllerParams& params, const Followed& followed, const Vector2& integral_W_ms, Wide time_s,
+             bool feeds, const RobotState& robot) {
   Wish wish;
   PerMass<ProfilePoint> motion{};
   for (int i = 0; i < params.ball.mass_count; ++i) {
-    motion[at(i)] = planned(params, state.tracking, i, time_s);
+    motion[at(i)] = planned(params, followed, i, time_s);
     wish.own[at(i)] = static_cast<Real>(motion[at(i)].acceleration);
   }
   const MassError masses = mass_error(params, motion, robot.mass_position, robot.mass_velocity);
   PerMass<Real> correction{};
-  const Wide motion_s = motion_time_s(state.tracking.clock, time_s);
-  if (feeds && tracks_at(params.tracking, motion_s)) {
+  const Wide motion_s = motion_time_s(followed.clock, time_s);
+  if (feeds && tracks_at(followed.reference, motion_s)) {
     BallState ball;
     ball.orientation = robot.orientation;
     ball.angular_velocity_B_radps = robot.angular_velocity_B_radps;
     ball.position_W_m = robot.position_W_m;
-    const ErrorVector e = tracking_error(params.tracking, params.ball.mass_count, params.ball.radius_m, motion_s,
-                                         state.tracking.clock.rate, ball, masses, state.tracking.integral_W_ms);
-    correction = feedback(params.tracking, params.ball.mass_count, motion_s, e);
+    const ErrorVector e = tracking_error(followed.reference, params.ball.mass_count, params.ball.radius_m, motion_s,
+                                         followed.clock.rate, ball, masses, integral_W_ms);
+    correction = feedback(followed.reference, params.ball.mass_count, motion_s, e);
   } else {
     correction = back_to_motion(params.ball, masses);
   }
@@ -230,27 +252,43 @@ Wish wish_of_active(const ControllerParams& params, const ControllerState& state
 void track(const ControllerParams& params, const Inputs& inputs, ControllerState& state, std::int64_t next) {
   TrackingState& tracking = state.tracking;
   const Wide period_s = params.control_period_s;
-  const std::int64_t ticks = minus(inputs.tick, tracking.start_tick);
-  const Wide now_s = static_cast<Wide>(ticks) * period_s;
+  std::int64_t ticks = minus(inputs.tick, tracking.start_tick);
+  Wide now_s = static_cast<Wide>(ticks) * period_s;
   const bool governs = state.governing.governs;
   // In the tick of the start the ball may still be held.
   const BallMotion motion = ball_motion(params, state, inputs.sensors);
-  const Wide motion_s = motion_time_s(tracking.clock, now_s);
-  const bool sees = tracking.feeds && ticks >= 0 && motion.known && tracks_at(params.tracking, motion_s);
+  const Followed before = followed(params, state);
+  const Wide motion_s = motion_time_s(before.clock, now_s);
+  const bool sees = tracking.feeds && ticks >= 0 && motion.known && tracks_at(before.reference, motion_s);
   ErrorVector e{};
   PerMass<Real> correction{};
   BallState ball;
   if (sees) {
-    ball = observe(params, state, motion, ticks == 0, tracking);
-    e = error_at(params, state, ball, now_s);
-    correction = feedback(params.tracking, params.ball.mass_count, motion_s, e);
+    ball = observe(params, state, motion, before, tracking);
+    e = error_at(params, state, before, ball, now_s);
+    correction = feedback(before.reference, params.ball.mass_count, motion_s, e);
   }
-
+  const bool returns = governs && ticks >= 0 && !sees;
+  // The errors of a motion and of a course that begins with the next tick are the same.
+  const bool changes = state.course.stage == CourseStage::kAwaited && next == state.course.from_tick;
+  if (changes) {
+    put_in_force(state, next);
+    ticks = -1;
+    now_s = -period_s;
+  }
+  const Followed motion_now = followed(params, state);
   TickToGovern tick;
   tick.tick = next;
   tick.motion = motion;
-  tick.held = ticks < 0 && !state.governing.halt.begun;  // a halt begins with a ball that rolls
+  // Halts and courses begin with a ball whose masses already follow or hold.
+  const bool goes_on = state.governing.halt.begun || state.course.in_force >= 0;
+  tick.held = ticks < 0 && !goes_on;
   tick.place_W_m = ball.position_W_m;
+  const bool sets_out = ticks < 0 && state.course.in_force >= 0 && !sees;
+  if (sets_out) {
+    const Real radius_m = params.ball.radius_m;
+    tick.place_W_m = reference_at(motion_now.reference, params.ball.mass_count, radius_m, 0).position_W_m;
+  }
   if (params.estimation.estimated) tick.place_W_m = state.estimate.position_W_m;
   if (tick.held) tick.place_W_m = params.estimation.initial_position_W_m;
   PerMass<Wide> accelerations{};
@@ -259,11 +297,11 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
     ProfilePoint& from = tick.from[at(i)];
     from = commanded(params, state, next, i);
     // The masses stand, or go on at their initial velocity. A motion without feedback is followed in its own jumps.
-    if (tick.held) from.acceleration = tracking.feeds ? 0 : planned(params, tracking, i, 0).acceleration;
+    if (tick.held) from.acceleration = tracking.feeds ? 0 : planned(params, motion_now, i, 0).acceleration;
   }
   if (governs && motion.known && tick.held) bend_beginning(params, state, tick);
-  if (governs && ticks >= 0 && !sees) {
-    correction = back_to_motion(params.ball, mass_error_ahead(params, state, tick.from, now_s + period_s));
+  if (returns) {
+    correction = back_to_motion(params.ball, mass_error_ahead(params, motion_now, tick.from, now_s + period_s));
   }
   const bool halting = governs && motion.known && halts(state.governing, next);
   HaltWish halt;
@@ -273,10 +311,10 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
   }
   for (int i = 0; i < params.ball.mass_count; ++i) {
     const ProfilePoint& from = tick.from[at(i)];
-    const Wide motion_next = planned(params, tracking, i, now_s + 2 * period_s).acceleration;
+    const Wide motion_next = planned(params, motion_now, i, now_s + 2 * period_s).acceleration;
     const Wide wanted = halting ? Wide{halt.wish[at(i)]} : motion_next - Wide{correction[at(i)]};
     MotionLimits limits = motion_limits(params, i);
-    const Wide jump = halting ? Wide{halt.change[at(i)]} : motion_jump(params, tracking, i, now_s);
+    const Wide jump = halting ? Wide{halt.change[at(i)]} : motion_jump(params, motion_now, i, now_s);
     if (!tracking.feeds && !halting) limits.max_jerk = std::fmax(limits.max_jerk, std::fabs(jump) / period_s);
     const RailEnds ends = rail_ends(params.ball, i);
     const Wide swing = params.motor[at(i)].swing;

@@ -54,6 +54,11 @@ Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const Go
   }
   const int attempt = state.attempts % (kStretches + 1);
   const std::int64_t stretch = stretch_of(params, 2 * attempt, state.nominal_end_tick - tick);
+  if (state.changing && state.change_tick != 0 && state.mode == GovernorMode::kNominal) {
+    out.until = out.from = state.change_tick;
+    out.to = state.change_tick + stretch;
+    return out;
+  }
   const std::int64_t ready = tick + ticks_of_search(params, stretch);
   if (state.mode == GovernorMode::kNominal) {
     // Up to the switch of the certificate in force the nominal runs anyway. A candidate that is ready before continues
@@ -80,14 +85,30 @@ void reset(GovernorState& state) {
   state.bends.clear(0, {});
   state.searching = false;
   state.changing = false;
+  state.change_tick = 0;
   state.nominal_end_tick = 0;
   state.trusted = true;
   state.off_path = false;
   state.attempts = 0;
 }
 
+void change_nominal_at(std::int64_t tick, GovernorState& state) {
+  state.changing = true;
+  state.change_tick = tick;
+  state.searching = false;
+  state.attempts = 0;
+}
+
+void keep_nominal(GovernorState& state) {
+  state.changing = false;
+  state.change_tick = 0;
+  state.searching = false;
+  state.attempts = 0;
+}
+
 void change_nominal(GovernorState& state) {
   state.changing = true;
+  state.change_tick = 0;
   state.nominal_end_tick = 0;
   state.searching = false;
   state.attempts = 0;
@@ -148,6 +169,7 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
         state.mode = GovernorMode::kNominal;
         state.trusted = true;
         state.changing = false;
+        state.change_tick = 0;
         state.off_path = false;
       }
     }

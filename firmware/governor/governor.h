@@ -36,6 +36,7 @@ struct GovernorState {
   Rollout candidate;
   bool searching = false;             // candidate is under way, or complete and waits for its adoption tick
   bool changing = false;              // the nominal becomes another one at the tick `from` of the candidate's schedule
+  std::int64_t change_tick = 0;       // which is this one; 0: as soon as a candidate is certified
   std::int64_t nominal_end_tick = 0;  // the nominal rests from here on; 0: unknown
   bool off_path = false;              // distrust()
   bool trusted = true;                // the certificate; false: any other takes its place
@@ -87,6 +88,10 @@ void distrust(GovernorState& state);
 // `from` of its schedule, the certificate in force holds and the caller goes on with the old nominal. `law` of govern()
 // is then the old one before that tick and the new one from it on; state.changing falls when it is adopted.
 void change_nominal(GovernorState& state);
+// The same at a given tick, up to which the certificate in force holds the old nominal.
+void change_nominal_at(std::int64_t tick, GovernorState& state);
+// The old nominal goes on.
+void keep_nominal(GovernorState& state);
 
 // The parts of govern() that do not depend on the nominal.
 namespace detail {

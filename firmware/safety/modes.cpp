@@ -8,16 +8,18 @@ namespace {
 
 // A fault has no row in kDisarmed: nothing moves there, and what is missing at power-up only keeps the robot from
 // arming.
-constexpr std::array<Transition, 21> kTable{{
+constexpr std::array<Transition, 23> kTable{{
     {Mode::kDisarmed, Event::kArm, Guard::kHealthy, Mode::kArmed},
     {Mode::kArmed, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kArmed, Event::kStop, Guard::kAlways, Mode::kDisarmed},
     {Mode::kArmed, Event::kStart, Guard::kHealthy, Mode::kRunning},
     {Mode::kArmed, Event::kMove, Guard::kHealthy, Mode::kPending},
     {Mode::kArmed, Event::kHalt, Guard::kHealthy, Mode::kHalting},
+    {Mode::kArmed, Event::kGo, Guard::kHealthy, Mode::kPending},
     {Mode::kPending, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kPending, Event::kStop, Guard::kAlways, Mode::kArmed},
     {Mode::kPending, Event::kDue, Guard::kAlways, Mode::kMoving},
+    {Mode::kPending, Event::kCourse, Guard::kAlways, Mode::kRunning},
     {Mode::kRunning, Event::kFault, Guard::kAlways, Mode::kTripped},
     {Mode::kRunning, Event::kStop, Guard::kAlways, Mode::kStopping},
     {Mode::kRunning, Event::kHalt, Guard::kAlways, Mode::kHalting},

@@ -17,8 +17,10 @@ enum class Event : std::uint8_t {
   kReset,   // operator
   kMove,    // operator
   kHalt,    // operator
+  kGo,      // a course of the operator has arrived
   kAtRest,  // all commanded velocities are zero and stay so
   kDue,     // the pending move begins with the next tick; the halted ball rests, or cannot be halted
+  kCourse,  // the pending course begins with the next tick
 };
 
 // Condition of a row, beside its mode and event.

@@ -14,6 +14,7 @@ inline constexpr char kChannelStepCommand[] = "BALLAST_STEP_COMMAND";
 inline constexpr char kChannelControllerStatus[] = "BALLAST_CONTROLLER_STATUS";
 inline constexpr char kChannelTrip[] = "BALLAST_TRIP";
 inline constexpr char kChannelOperator[] = "BALLAST_OPERATOR";
+inline constexpr char kChannelCourse[] = "BALLAST_COURSE";  // operator_t: the course in force, for observers
 
 // Tick of a controller_status_t or trip_t whose sender waits for the first tick: earlier than any run begins.
 inline constexpr std::int64_t kWaitingTick = -100'000'000'000;

@@ -93,7 +93,8 @@ decltype(auto) with_fields(const controller_status_t& message, F&& f) {
                measured_normal_sigma_n, measured_static_friction_n, measured_mu_required, measured_mu_sigma,
                measured_slip_mps2, measured_slip_sigma_mps2, slip_detected, light_detected, governed, command_bent,
                backup_active, backup_margin, backup_until_tick, governor_allowance, halt_said, halt_tick,
-               halt_distance_m, halt_duration_s, motion_delay_s, slip_friction] = message;
+               halt_distance_m, halt_duration_s, motion_delay_s, slip_friction, course, course_tick, course_coming] =
+      message;
   return f(tick, utime, scenario_id, run_id, mode, at_rest, faults, motor_count, commanded_position, commanded_velocity,
            next_position, next_velocity, next_acceleration, normal_force_n, static_friction_n, mu_required, margin,
            overruns, steps_issued, overload_error, overload_motor, overload_tick, overload_value, overload_limit,
@@ -105,13 +106,15 @@ decltype(auto) with_fields(const controller_status_t& message, F&& f) {
            measured_static_friction_n, measured_mu_required, measured_mu_sigma, measured_slip_mps2,
            measured_slip_sigma_mps2, slip_detected, light_detected, governed, command_bent, backup_active,
            backup_margin, backup_until_tick, governor_allowance, halt_said, halt_tick, halt_distance_m, halt_duration_s,
-           motion_delay_s, slip_friction);
+           motion_delay_s, slip_friction, course, course_tick, course_coming);
 }
 
 template <class F>
 decltype(auto) with_fields(const operator_t& message, F&& f) {
-  const auto& [tick, utime, run_id, sender, sequence, command, move_masses, target_position, speed_fraction] = message;
-  return f(tick, utime, run_id, sender, sequence, command, move_masses, target_position, speed_fraction);
+  const auto& [tick, utime, run_id, sender, sequence, command, move_masses, target_position, speed_fraction, course,
+               course_first, course_total, course_count, course_value] = message;
+  return f(tick, utime, run_id, sender, sequence, command, move_masses, target_position, speed_fraction, course,
+           course_first, course_total, course_count, course_value);
 }
 
 template <class F>

@@ -601,7 +601,7 @@ TEST(LcmMessages, OtherTypesOutOfRangeAreRefused) {
   status.motor_count = 9;
   EXPECT_FALSE(in_range(status));
   status = {};
-  status.refusal = controller_status_t::REFUSAL_NO_REST + 1;
+  status.refusal = controller_status_t::REFUSAL_OFF_COURSE + 1;
   EXPECT_FALSE(in_range(status));
   status = {};
   status.refusal_motor = -2;

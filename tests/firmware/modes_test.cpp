@@ -10,7 +10,8 @@ namespace {
 constexpr std::array kModes{Mode::kDisarmed, Mode::kArmed,  Mode::kRunning, Mode::kStopping,
                             Mode::kTripped,  Mode::kMoving, Mode::kPending, Mode::kHalting};
 constexpr std::array kEvents{Event::kFault, Event::kStop, Event::kStart,  Event::kArm, Event::kReset,
-                             Event::kMove,  Event::kHalt, Event::kAtRest, Event::kDue};
+                             Event::kMove,  Event::kHalt, Event::kGo,    Event::kAtRest,
+                             Event::kDue,   Event::kCourse};
 
 // The supervisor once more, as prose would say it.
 Mode expected(Mode mode, Event event, const GuardState& g) {
@@ -20,6 +21,8 @@ Mode expected(Mode mode, Event event, const GuardState& g) {
   if (mode == Mode::kArmed && event == Event::kStop) return Mode::kDisarmed;
   if (mode == Mode::kArmed && event == Event::kMove && g.healthy) return Mode::kPending;
   if (mode == Mode::kArmed && event == Event::kHalt && g.healthy) return Mode::kHalting;
+  if (mode == Mode::kArmed && event == Event::kGo && g.healthy) return Mode::kPending;
+  if (mode == Mode::kPending && event == Event::kCourse) return Mode::kRunning;
   if (mode == Mode::kPending && event == Event::kStop) return Mode::kArmed;
   if (mode == Mode::kPending && event == Event::kDue) return Mode::kMoving;
   if (mode == Mode::kMoving && event == Event::kStop) return Mode::kStopping;

@@ -4,6 +4,7 @@
 
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
+#include "tools/ballast/go_command.h"
 #include "tools/program/program.h"
 #include "tools/summary/controller_words.h"
 
@@ -15,7 +16,7 @@ using firmware::OperatorCommand;
 
 struct OperateCommand {
   std::string command;
-  program::BusOptions bus;
+  GoCommand go;
 };
 
 OperatorCommand command_of(const std::string& word) {
@@ -44,10 +45,22 @@ std::optional<int> follow_halt(sil::BusOperator& end) {
   return std::nullopt;
 }
 
+// Empty, or the option that does not belong to the command.
+std::string stray_option(const OperateCommand& command) {
+  if (command.command == "go") return command.go.to.empty() ? "go: --to X,Y is missing; allowed: a place in m" : "";
+  const GoCommand none;
+  const bool stray = !command.go.to.empty() || !command.go.via.empty() || command.go.duration_s ||
+                     command.go.objective != none.objective || command.go.wait ||
+                     command.go.time_limit_s != none.time_limit_s;
+  return stray ? command.command + ": --to, --via, --time, --objective, --time-limit and --wait belong to go" : "";
+}
+
 int operate(const OperateCommand& command) {
-  hal::Bus bus(command.bus.url, program::catch_signals());
-  if (!bus.good()) return program::refuse_bus("ballast", command.bus.url);
-  sil::BusOperator end(bus, hal::Seconds(command.bus.peer_timeout_s));
+  if (const std::string why = stray_option(command); !why.empty()) return refuse(why);
+  if (command.command == "go") return go_on_bus(command.go);
+  hal::Bus bus(command.go.bus.url, program::catch_signals());
+  if (!bus.good()) return program::refuse_bus("ballast", command.go.bus.url);
+  sil::BusOperator end(bus, hal::Seconds(command.go.bus.peer_timeout_s));
   if (end.connect() != hal::Status::kOk) return bus_trouble(end);
   const OperatorCommand sent = command_of(command.command);
   if (sent != OperatorCommand::kNone) {
@@ -72,14 +85,15 @@ int operate(const OperateCommand& command) {
 }  // namespace
 
 std::function<int()> add_operate_command(CLI::App& app, CLI::App*& command) {
-  command = app.add_subcommand("operate", "Commands the controller on a bus to arm, start, stop, halt or reset");
+  command = app.add_subcommand("operate", "Commands the controller on a bus to arm, start, go to a place, stop, halt or reset");
   auto options = std::make_shared<OperateCommand>();
   command
       ->add_option("COMMAND", options->command,
-                   "arm, start (the scenario's motion), stop, halt (the ball) or reset; status only asks")
+                   "arm, start (the scenario's motion), go (to a place), stop, halt (the ball) or reset; status only asks")
       ->required()
-      ->check(program::one_of({"status", "arm", "start", "stop", "halt", "reset"}));
-  program::add_bus_options(*command, options->bus);
+      ->check(program::one_of({"status", "arm", "start", "go", "stop", "halt", "reset"}));
+  add_go_options(*command, options->go);
+  program::add_bus_options(*command, options->go.bus);
   command->remove_option(command->get_option("--start-timeout"));  // the run has already started
   return [options] { return operate(*options); };
 }

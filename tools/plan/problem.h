@@ -63,7 +63,7 @@ struct MassLimits {
 
 struct Problem {
   Robot robot;
-  RollingState start;
+  RollingState start;  // its accelerations are those with which motors begin
   Eigen::Vector2d start_m = Eigen::Vector2d::Zero();  // of the geometric centre
   Task task;
   PatchedFloor floor;

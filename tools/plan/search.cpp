@@ -15,10 +15,11 @@ namespace ballast::plan {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kPieces = 32;
-constexpr int kMostStarts = 24;                         // until a plan is found
+constexpr int kPieces = 32, kQuickPieces = 20;
+constexpr int kMostStarts = 24, kQuickStarts = 4;                         // until a plan is found
 constexpr int kMoreStarts = 2, kCheapIterations = 150;  // after that, for a better one
 constexpr double kFirstCreep = 0.3;                     // sqrt(g / r): as fast as a ball that is driven
+constexpr double kQuickNeed = 0.5;                      // of the friction limit: a quick search looks for no less
 constexpr int kQuickIterations = 8;                     // from a neighbour's plan, on the coarse grid
 // Tolerances on the equalities, as the plant rolls them: half a millimetre, and a tenth of the speed, over sqrt(g r),
 // that counts as rest.
@@ -231,6 +232,8 @@ class Search {
   }
 
   [[nodiscard]] bool warm() const { return !options_.from.empty(); }
+  [[nodiscard]] bool takes_first() const { return options_.quick && !warm(); }
+  [[nodiscard]] int pieces() const { return takes_first() ? kQuickPieces : kPieces; }
 
   // By the caller, or with its iterations used up.
   [[nodiscard]] bool stopped() const { return effort_.stop(); }
@@ -239,10 +242,10 @@ class Search {
   // Best of several starts.
   void find(double duration_s) {
     int more = kMoreStarts;
-    for (int k = 0; k < kMostStarts && !stopped(); ++k) {
+    for (int k = 0; k < (takes_first() ? kQuickStarts : kMostStarts) && !stopped(); ++k) {
       if (best_) {
         const bool good = need_of(*best_) < 1.3 * least_need(duration_s);
-        const bool enough = problem_.task.objective != Objective::kFriction || warm();
+        const bool enough = problem_.task.objective != Objective::kFriction || warm() || options_.quick;
         if (good || enough || more-- <= 0 || effort_.iterations > kCheapIterations) return;
       }
       try_start(duration_s, k);
@@ -252,6 +255,19 @@ class Search {
   // Start 0 leaves the masses as they move, or as the given motion does. The others are smooth random accelerations of
   // low frequency.
   [[nodiscard]] std::vector<double> initial_knots(const Grid& grid, int start) const {
+    std::vector<double> knots = wished_knots(grid, start);
+    set_first_knots(knots);
+    return knots;
+  }
+
+  // A motor must not jump at the start.
+  void set_first_knots(std::vector<double>& knots) const {
+    for (int i = 0; i < problem_.masses(); ++i) {
+      if (problem_.limits[index(i)].motor) knots[index(i)] = problem_.start.acceleration[index(i)];
+    }
+  }
+
+  [[nodiscard]] std::vector<double> wished_knots(const Grid& grid, int start) const {
     const int n = problem_.masses();
     std::vector<double> knots(index(grid.knots() * n), 0);
     if (start == 0) {
@@ -277,7 +293,7 @@ class Search {
     return knots;
   }
 
-  // The end of a motion has acceleration 0, so that f_s / N does not jump there. A motor must not jump at the start.
+  // The end of a motion has acceleration 0, so that f_s / N does not jump there; set_first_knots() has the start.
   [[nodiscard]] std::vector<bool> fixed_knots(const Grid& grid) const {
     const int n = problem_.masses();
     std::vector<bool> fixed(index(grid.knots() * n), false);
@@ -291,6 +307,10 @@ class Search {
   [[nodiscard]] SqpSettings settings() const {
     SqpSettings settings;
     settings.friction_limit = problem_.friction_limit;
+    if (takes_first() && aim_.objective == Objective::kFriction) {
+      settings.objective = Objective::kEffort;
+      settings.good_enough = kQuickNeed * problem_.friction_limit;
+    }
     if (aim_.objective == Objective::kTime) settings.good_enough = 0.97 * problem_.friction_limit;
     if (aim_.objective == Objective::kEffort) settings.good_enough = 0.9 * problem_.friction_limit;
     return settings;
@@ -333,7 +353,7 @@ class Search {
   }
 
   void try_start(double duration_s, int start) {
-    const Grid grid = make_grid(problem_, duration_s, kPieces);
+    const Grid grid = make_grid(problem_, duration_s, pieces());
     std::vector<double> knots = initial_knots(grid, start);
     std::vector<double> via_time_s;
     const std::vector<bool> fixed = fixed_knots(grid);
@@ -359,7 +379,7 @@ class Search {
     if (resists(problem_)) approach_standstill(grid, fixed, knots, via_time_s);
     approach_path(grid, fixed, knots, via_time_s);
     SqpSettings s = settings();
-    s.most_iterations = 60;
+    s.most_iterations = takes_first() ? 30 : 60;
     const Merit merit = improve_on(problem_, grid, fixed, s, knots, via_time_s);
     if (merit.error() > 1e-2) return fail(grid, knots, merit);
     const bool held = refine(grid, fixed, knots, via_time_s);
@@ -514,6 +534,7 @@ class Search {
       const Grid grid = make_grid(problem_, next_s, kPieces);
       std::vector<double> knots = best_->knots, via_time_s = best_->via_time_s;
       for (double& knot : knots) knot *= (held_s / next_s) * (held_s / next_s);
+      set_first_knots(knots);
       for (std::size_t v = 0; v < via_time_s.size(); ++v) {
         const auto& given = problem_.task.via[v].time_s;
         via_time_s[v] = given ? *given : via_time_s[v] * next_s / held_s;

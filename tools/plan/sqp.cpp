@@ -98,6 +98,7 @@ class Sqp {
   static constexpr double kFirstDamping = 1e-3;
   static constexpr double kSlow = 2e-3;       // gain over the merit below which a step is slow
   static constexpr double kLeastGain = 0.05;  // of what the program promises
+  static constexpr double kFar = 0.4;         // of a limit: a value below is far away from it
 
   // Makes the equalities ten times as heavy, and counts steps without their correction from then on. For a merit that
   // has come to its end with equalities unmet, by about their multiplier over their weight. That happens where a floor
@@ -326,6 +327,7 @@ class Sqp {
       std::array<NodeForm, 2> form{};
       transcription_.ratio_forms(node, q, form);
       const double size = std::hypot(q[0], q[1]);
+      if (!by_level_ && size < kFar * friction_bound()) continue;
       const double along[2] = {size > 0 ? q[0] / size : 1, size > 0 ? q[1] / size : 0};
       const double across[2] = {-along[1], along[0]};
       for (const double* direction : {along, across}) {
@@ -381,7 +383,7 @@ class Sqp {
     if (limit.kind == LimitKind::kNormalForce) return limit.value > 0.7;
     if (limit.kind == LimitKind::kStability || limit.kind == LimitKind::kRailEnd) return false;
     if (limit.kind == LimitKind::kFollow) return false;  // a step may well cross the whole band
-    return limit.value > 0.4 * limit.lower && limit.value < 0.4 * limit.upper;
+    return limit.value > kFar * limit.lower && limit.value < kFar * limit.upper;
   }
 
   Rollout& rollout_;

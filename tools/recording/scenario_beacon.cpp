@@ -1,18 +1,22 @@
 #include "tools/recording/scenario_beacon.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
-#include <lcm/lcm-cpp.hpp>
 #include <utility>
 
 #include "hal/lcm/bus.h"
+#include "hal/lcm/channels.h"
 #include "tools/recording/black_box.h"
 
 namespace ballast::sil {
 
 namespace {
 
-constexpr std::chrono::seconds kEvery{1};
+constexpr std::chrono::milliseconds kEvery{250};
+constexpr int kPoll_ms = 10;
+// More than one: the newest may be refused while another is followed.
+constexpr std::size_t kMostCourses = 4;
 constexpr std::size_t kPieceSize = scenario_piece_t::MOST_SIZE;
 
 // Other kinds of LCM buses are files, which a second connection would spoil.
@@ -27,31 +31,68 @@ ScenarioBeacon::ScenarioBeacon(std::string url, std::int64_t run_id, const sim::
   piece_.scenario_id = scenario.id;
   piece_.run_id = run_id;
   piece_.pieces = static_cast<std::int32_t>(pieces);
-  thread_ = std::thread([this, url = std::move(url)] { send(url); });
+  thread_ = std::thread([this, url = std::move(url)] { run(url); });
 }
 
 ScenarioBeacon::~ScenarioBeacon() {
-  {
-    const std::lock_guard lock(mutex_);
-    over_ = true;
-  }
-  wake_.notify_one();
+  over_ = true;
   if (thread_.joinable()) thread_.join();
 }
 
-void ScenarioBeacon::send(const std::string& url) {
+void ScenarioBeacon::run(const std::string& url) {
   lcm::LCM bus(url);
   if (!hal::usable(bus, url)) return;
-  std::unique_lock lock(mutex_);
-  do {
-    for (piece_.piece = 0; piece_.piece < piece_.pieces; ++piece_.piece) {
-      const std::size_t from = static_cast<std::size_t>(piece_.piece) * kPieceSize;
-      const std::size_t size = std::min(kPieceSize, text_.size() - from);
-      piece_.size = static_cast<std::int16_t>(size);
-      std::fill(std::copy_n(text_.data() + from, size, piece_.text), std::end(piece_.text), std::int8_t{0});
-      if (bus.publish(hal::kChannelScenario, &piece_) != 0) return;
+  using Hears = void (*)(const lcm::ReceiveBuffer*, const std::string&, ScenarioBeacon*);
+  const Hears hears = [](const lcm::ReceiveBuffer* buffer, const std::string&, ScenarioBeacon* self) {
+    operator_t message{};
+    if (hal::decode(buffer->data, buffer->data_size, message)) self->hear(message);
+  };
+  bus.subscribeFunction(hal::kChannelOperator, hears, this)->setQueueCapacity(1000);
+  auto due = std::chrono::steady_clock::now();
+  while (!over_) {
+    if (std::chrono::steady_clock::now() >= due) {
+      if (!send(bus)) return;
+      due += kEvery;
     }
-  } while (!wake_.wait_for(lock, kEvery, [this] { return over_; }));
+    if (bus.handleTimeout(kPoll_ms) < 0 && errno != EINTR) return;
+  }
+}
+
+bool ScenarioBeacon::send(lcm::LCM& bus) {
+  for (piece_.piece = 0; piece_.piece < piece_.pieces; ++piece_.piece) {
+    const std::size_t from = static_cast<std::size_t>(piece_.piece) * kPieceSize;
+    const std::size_t size = std::min(kPieceSize, text_.size() - from);
+    piece_.size = static_cast<std::int16_t>(size);
+    std::fill(std::copy_n(text_.data() + from, size, piece_.text), std::end(piece_.text), std::int8_t{0});
+    if (bus.publish(hal::kChannelScenario, &piece_) != 0) return false;
+  }
+  for (const std::vector<operator_t>& course : courses_) {
+    for (const operator_t& part : course) {
+      if (bus.publish(hal::kChannelCourse, &part) != 0) return false;
+    }
+  }
+  return true;
+}
+
+void ScenarioBeacon::hear(const operator_t& message) {
+  if (message.run_id != piece_.run_id || message.command != operator_t::COMMAND_GO) return;
+  if (message.course_first == 0) {
+    const auto begins_again = [&](const std::vector<operator_t>& course) {
+      return course.front().course == message.course;
+    };
+    std::erase_if(courses_, begins_again);
+    courses_.emplace_back();
+    if (courses_.size() > kMostCourses) courses_.pop_front();
+  }
+  if (courses_.empty()) return;
+  std::vector<operator_t>& newest = courses_.back();
+  // A sender repeats a part until it is answered.
+  const bool first = newest.empty();
+  if (!first && (newest.front().course != message.course ||
+                 newest.back().course_first + newest.back().course_count != message.course_first)) {
+    return;
+  }
+  newest.push_back(message);
 }
 
 std::string ScenarioPieces::take(const scenario_piece_t& piece) {

@@ -1,16 +1,20 @@
-// Tells a run's scenario on its bus, so that a program that joins late learns the robot and its floor.
+// Tells a run's scenario and its courses on its bus, so that a program that joins late learns the robot, its floor and
+// what it follows.
 //
-// A thread with a connection of its own sends scenario_piece_t at once and then once a second of the wall clock. The
-// run never waits for it, and nothing of it is recorded.
+// A thread with a connection of its own sends scenario_piece_t at once and then four times a second of the wall clock,
+// and with it the parts of the newest courses that operators have handed over, on a channel for observers. The run
+// never waits for it, and nothing of it is recorded.
 #pragma once
 
-#include <condition_variable>
+#include <atomic>
 #include <cstdint>
-#include <mutex>
+#include <deque>
+#include <lcm/lcm-cpp.hpp>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "hal/lcm/messages.h"
 #include "hal/lcm/scenario_piece.h"
 #include "sim/scenario/scenario.h"
 
@@ -26,13 +30,14 @@ class ScenarioBeacon {
   ScenarioBeacon& operator=(const ScenarioBeacon&) = delete;
 
  private:
-  void send(const std::string& url);
+  void run(const std::string& url);
+  [[nodiscard]] bool send(lcm::LCM& bus);
+  void hear(const operator_t& message);
 
   scenario_piece_t piece_{};  // its fixed fields
   std::string text_;
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  bool over_ = false;
+  std::deque<std::vector<operator_t>> courses_;  // parts of each, as they came
+  std::atomic<bool> over_ = false;
   std::thread thread_;
 };
 

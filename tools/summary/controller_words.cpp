@@ -167,6 +167,15 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
     case controller_status_t::REFUSAL_NO_REST:
       return fmt::format("no rest was found within {} s: the ball would still roll with {} m/s",
                          short_number(status.refusal_time_s), short_number(status.refusal_value));
+    case controller_status_t::REFUSAL_COURSE:
+      return fmt::format("its value {} is none of a course for this robot, or parts of it are missing",
+                         static_cast<long long>(status.refusal_value));
+    case controller_status_t::REFUSAL_LATE:
+      if (status.refusal_value == 0) return "it says no tick, and only a ball under masses that hold can wait for one";
+      return fmt::format("it was not certified by its tick {}: the ball goes on as before",
+                         static_cast<long long>(status.refusal_value));
+    case controller_status_t::REFUSAL_OFF_COURSE:
+      return mass + "it begins " + value + " (or that much per s) from where the mass will be";
     default:
       break;
   }

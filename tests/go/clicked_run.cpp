@@ -1,0 +1,155 @@
+#include "tests/go/clicked_run.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <memory>
+#include <stdexcept>
+
+#include "tools/go/go_plan.h"
+#include "tools/go/standpoint.h"
+#include "tools/program/params.h"
+#include "tools/sil/lap_sink.h"
+#include "tools/sil/local_peers.h"
+#include "tools/sil/run.h"
+
+namespace ballast::go_test {
+
+namespace {
+
+constexpr std::int64_t kSender = 1;
+
+class ClickingPeers final : public sil::Peer {
+ public:
+  ClickingPeers(sil::Peer& peers, const sim::Scenario& scenario, const firmware::ControllerParams& params,
+                const std::vector<Click>& clicks, int latency, ClickedRun& out)
+      : peers_(peers), scenario_(scenario), params_(params), clicks_(clicks), latency_(latency), out_(out) {
+    out_.clicked.resize(clicks.size());
+  }
+
+  hal::Status connect() override { return peers_.connect(); }
+  hal::Status send(sil::Lap& lap) override {
+    const std::int64_t tick = lap.tick();
+    plant_ = lap.plant.state;
+    if (status_ && !sending_ && next_ < clicks_.size() && tick >= clicks_[next_].tick) plan(tick);
+    if (sending_ && tick >= send_from_ && !parts_.empty()) {
+      operator_t message = hal::to_message(parts_.front(), tick, ++sequence_, scenario_.run.control_period_s);
+      message.sender = kSender;
+      const bool lost = message.course_first / firmware::kCoursePart == clicks_[next_ - 1].lost_part;
+      if (!lost) lap.heard.push_back(message);
+      parts_.pop_front();
+    }
+    return peers_.send(lap);
+  }
+  hal::Status receive(sil::Lap& lap) override {
+    const hal::Status status = peers_.receive(lap);
+    if (lap.answer) observe(lap.answer->status);
+    return status;
+  }
+  [[nodiscard]] std::string trouble() const override { return peers_.trouble(); }
+  [[nodiscard]] sil::PeerFailure failure() const override { return peers_.failure(); }
+  [[nodiscard]] sil::RefusedMessages refused() const override { return peers_.refused(); }
+
+ private:
+  void plan(std::int64_t tick) {
+    Clicked& clicked = out_.clicked[next_];
+    const Click& click = clicks_[next_++];
+    go::Heard heard{scenario_, *status_, plant_, followed_};
+    heard.course = status_->course == 0 ? std::nullopt : followed_;
+    const auto here = go::now(heard);
+    const Eigen::Vector2d place(here.place_m[0], here.place_m[1]);
+    if (next_ >= 2) out_.clicked[next_ - 2].off_m = (place - clicks_[next_ - 2].to_m).norm();
+    clicked.way_m = (click.to_m - place).norm();
+    constexpr int kMostParts = 100;
+    const std::int64_t from_tick =
+        tick + latency_ + kMostParts + 3 * std::int64_t{firmware::governor_params(params_).search_ticks} / 2;
+    const auto at = go::standpoint_at(heard, from_tick, clicked.why);
+    if (!at) return;
+    go::GoTask task;
+    task.to_m = click.to_m;
+    if (click.duration_s > 0) task.duration_s = click.duration_s;
+    const auto start = std::chrono::steady_clock::now();
+    const go::GoOutcome outcome = go::plan_course(scenario_, params_, at->at, task, [] { return false; });
+    clicked.plan_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    clicked.why = outcome.why;
+    if (!outcome.plan) return;
+    clicked.planned = true;
+    clicked.duration_s = outcome.plan->moved.duration_s;
+    clicked.rolling = !at->rests;
+    const bool armed = status_->mode == controller_status_t::MODE_ARMED;
+    coming_ =
+        go::make_course(++number_, at->rests && armed ? 0 : from_tick, outcome.plan->moved, outcome.plan->reference);
+    const auto parts = go::parts_of(coming_);
+    clicked.parts = static_cast<int>(parts.size());
+    parts_.assign(parts.begin(), parts.end());
+    sending_ = true;
+    send_from_ = clicked.sent_tick = tick + latency_ + click.delayed_ticks;
+  }
+
+  void observe(const controller_status_t& status) {
+    if (status_) look_at_jerk(*status_, status);
+    status_ = status;
+    if (!sending_ || !parts_.empty() || status.course_coming == number_) return;
+    Clicked& clicked = out_.clicked[next_ - 1];
+    sending_ = false;
+    clicked.in_force = status.course == number_;
+    clicked.refusal = clicked.in_force ? 0 : status.refusal;
+    clicked.decided_tick = status.tick;
+    if (clicked.in_force) followed_ = coming_;
+  }
+
+  void look_at_jerk(const controller_status_t& before, const controller_status_t& after) {
+    if (after.mode != controller_status_t::MODE_RUNNING || before.mode != controller_status_t::MODE_RUNNING) return;
+    for (int i = 0; i < after.motor_count; ++i) {
+      const double change = std::fabs(after.next_acceleration[i] - before.next_acceleration[i]);
+      const double most = params_.motor[static_cast<std::size_t>(i)].max_jerk * params_.control_period_s;
+      out_.greatest_jerk_use = std::max(out_.greatest_jerk_use, change / most);
+    }
+  }
+
+  sil::Peer& peers_;
+  const sim::Scenario& scenario_;
+  const firmware::ControllerParams& params_;
+  const std::vector<Click>& clicks_;
+  int latency_;
+  ClickedRun& out_;
+  std::size_t next_ = 0;
+  std::int64_t sequence_ = 0, number_ = 0, send_from_ = 0;
+  bool sending_ = false;
+  std::deque<firmware::CoursePart> parts_;
+  plant_state_t plant_{};
+  std::optional<controller_status_t> status_;
+  go::HostCourse coming_;
+  std::optional<go::HostCourse> followed_;
+};
+
+}  // namespace
+
+sim::Scenario clickable(double duration_s, const std::vector<std::string>& overrides) {
+  std::vector<std::string> all{"duration=" + std::to_string(duration_s), "control.governor=true"};
+  all.insert(all.end(), overrides.begin(), overrides.end());
+  const auto read = sim::read_scenario(BALLAST_SCENARIO_DIR "/desk_ball.toml", all);
+  if (!read.ok()) throw std::runtime_error(to_string(read.errors.front()));
+  return read.scenario;
+}
+
+ClickedRun run_clicked(const sim::Scenario& scenario, const std::vector<Click>& clicks, int latency) {
+  const auto params = std::make_unique<firmware::ControllerParams>();
+  if (const auto why = program::to_controller_params(scenario, *params)) throw std::runtime_error(*why);
+  sil::InProcessPeers inner(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
+  ClickedRun out;
+  ClickingPeers peers(inner, scenario, *params, clicks, latency, out);
+  if (peers.connect() != hal::Status::kOk) throw std::runtime_error(peers.trouble());
+  sil::NoRecord sink;
+  sil::RunOptions options;
+  options.by_hand = true;
+  out.result = sil::run(scenario, peers, sink, options);
+  if (!clicks.empty()) {
+    const Eigen::Vector2d place = out.result.final_sample.position_W_m.head<2>();
+    out.clicked.back().off_m = (place - clicks.back().to_m).norm();
+  }
+  return out;
+}
+
+}  // namespace ballast::go_test

@@ -1,0 +1,145 @@
+// Courses that are planned, handed over and followed while a run is under way.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "hal/lcm/messages.h"
+#include "tests/go/clicked_run.h"
+#include "tools/go/course_parts.h"
+
+namespace ballast::go_test {
+namespace {
+
+constexpr int kLatency = 300;  // ticks that a planner takes here
+
+void expect_there(const Clicked& c) {
+  ASSERT_TRUE(c.planned) << c.why;
+  ASSERT_TRUE(c.in_force) << "refusal " << c.refusal;
+  // 1 % of the path: issue 23. The way is at most as long.
+  EXPECT_LE(c.off_m, 0.01 * c.way_m);
+}
+
+void expect_safe(const ClickedRun& run) {
+  EXPECT_EQ(run.result.end_reason, sil::EndReason::kCompleted);
+  EXPECT_FALSE(run.result.rolling_lost);
+  EXPECT_LE(run.greatest_jerk_use, 1 + 1e-9);  // rounding of the difference of two accelerations
+}
+
+// Masses that are exactly where they are commanded need no slow courses.
+sim::Scenario ideal(double duration_s) { return clickable(duration_s, {"run.actuation=ideal"}); }
+
+TEST(Go, FromRest) {
+  const auto run = run_clicked(ideal(25), {{100, {0.6, 0.3}}}, kLatency);
+  expect_safe(run);
+  expect_there(run.clicked[0]);
+}
+
+TEST(Go, WithSteppers) {
+  const auto run = run_clicked(clickable(40), {{100, {0.6, 0}}}, kLatency);
+  expect_safe(run);
+  expect_there(run.clicked[0]);
+  for (const sil::MotorRecord& motor : run.result.motors) EXPECT_EQ(motor.slips, 0);
+}
+
+// The second click replaces the first course while the ball rolls.
+TEST(Go, WhileRolling) {
+  const auto run = run_clicked(ideal(40), {{100, {0.8, 0.2}}, {4000, {0.6, 0.4}}}, kLatency);
+  expect_safe(run);
+  ASSERT_TRUE(run.clicked[0].in_force);
+  EXPECT_TRUE(run.clicked[1].rolling);
+  expect_there(run.clicked[1]);
+}
+
+// From a place where a course has ended, the controller still on it.
+TEST(Go, FromTheEndOfACourse) {
+  const auto run = run_clicked(ideal(60), {{100, {0.5, 0.1}}, {30000, {0, 0}}}, kLatency);
+  expect_safe(run);
+  expect_there(run.clicked[0]);
+  EXPECT_FALSE(run.clicked[1].rolling);
+  expect_there(run.clicked[1]);
+}
+
+// A link that drops a part: the course is refused, and the one in force goes on to its end.
+TEST(Go, APartThatIsLost) {
+  for (const int part : {0, 1, 40}) {
+    const auto run = run_clicked(ideal(30), {{100, {0.8, 0}}, {3000, {0.9, 0.1}, part}}, kLatency);
+    expect_safe(run);
+    EXPECT_TRUE(run.clicked[1].planned) << run.clicked[1].why;
+    EXPECT_FALSE(run.clicked[1].in_force);
+    EXPECT_EQ(run.clicked[1].refusal, controller_status_t::REFUSAL_COURSE);
+    const Eigen::Vector2d place = run.result.final_sample.position_W_m.head<2>();
+    EXPECT_LE((place - Eigen::Vector2d(0.8, 0)).norm(), 0.01 * 0.8);
+  }
+}
+
+// A planner that takes longer than it said: the course is refused as late, and the ball goes on.
+TEST(Go, ALateCourse) {
+  auto clicks = std::vector<Click>{{100, {0.8, 0}}, {3000, {0.9, 0.1}}};
+  clicks[1].delayed_ticks = 4000;
+  const auto run = run_clicked(ideal(30), clicks, kLatency);
+  expect_safe(run);
+  EXPECT_FALSE(run.clicked[1].in_force);
+  EXPECT_EQ(run.clicked[1].refusal, controller_status_t::REFUSAL_LATE);
+  const Eigen::Vector2d place = run.result.final_sample.position_W_m.head<2>();
+  EXPECT_LE((place - Eigen::Vector2d(0.8, 0)).norm(), 0.01 * 0.8);
+}
+
+// A place that no motion of this robot reaches in the time is refused with what stands in the way.
+TEST(Go, TooFarInTheTime) {
+  const auto run = run_clicked(clickable(2), {{100, {50, 0}, -1, 0, 2.0}}, kLatency);
+  EXPECT_FALSE(run.clicked[0].planned);
+  EXPECT_NE(run.clicked[0].why.find("stands in the way"), std::string::npos) << run.clicked[0].why;
+}
+
+go::HostCourse small_course() {
+  go::HostCourse course;
+  course.number = 7;
+  course.from_tick = 1234;
+  course.mass.push_back({0.5, -0.25, {{0.1, 0, 1}, {0.2, 1, 0}}});
+  course.mass.push_back({-1, 0, {}});
+  course.reference.samples = 3;
+  course.reference.period_s = 0.125;
+  course.reference.holds = true;
+  const int values = 3 * firmware::reference_row(2);
+  for (int k = 0; k < values; ++k) course.reference.values[static_cast<std::size_t>(k)] = 0.5F * static_cast<float>(k);
+  return course;
+}
+
+TEST(CourseParts, GiveTheCourseBack) {
+  const go::HostCourse course = small_course();
+  go::CourseParts parts;
+  std::optional<go::HostCourse> back;
+  for (const firmware::CoursePart& part : go::parts_of(course)) {
+    EXPECT_FALSE(back.has_value());
+    const operator_t message = hal::to_message(firmware::OperatorInput(part), 0, 1, 1e-3);
+    EXPECT_TRUE(hal::in_range(message));
+    back = parts.take(message);
+    EXPECT_FALSE(parts.take(message).has_value() && !back) << "a copy ends no course";
+  }
+  ASSERT_TRUE(back.has_value());
+  EXPECT_EQ(back->number, course.number);
+  EXPECT_EQ(back->from_tick, course.from_tick);
+  ASSERT_EQ(back->mass.size(), 2U);
+  EXPECT_EQ(back->mass[0].velocity, -0.25);
+  ASSERT_EQ(back->mass[0].motion.size(), 2U);
+  EXPECT_EQ(back->mass[0].motion[1].duration_s, 0.2);
+  EXPECT_EQ(back->reference.values, course.reference.values);
+  EXPECT_TRUE(back->reference.holds);
+}
+
+TEST(CourseParts, LeaveOutWhatDoesNotContinue) {
+  const auto sent = go::parts_of(small_course());
+  ASSERT_GT(sent.size(), 1U);
+  go::CourseParts parts;
+  const auto message = [&](std::size_t k) { return hal::to_message(firmware::OperatorInput(sent[k]), 0, 1, 1e-3); };
+  EXPECT_FALSE(parts.take(message(1)).has_value());
+  EXPECT_FALSE(parts.take(message(0)).has_value());
+  operator_t other = message(1);
+  other.course = 8;
+  EXPECT_FALSE(parts.take(other).has_value());
+  for (std::size_t k = 1; k + 1 < sent.size(); ++k) EXPECT_FALSE(parts.take(message(k)).has_value());
+  EXPECT_TRUE(parts.take(message(sent.size() - 1)).has_value());
+}
+
+}  // namespace
+}  // namespace ballast::go_test

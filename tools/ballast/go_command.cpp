@@ -1,0 +1,261 @@
+// ballast operate go: plans a course to a place from where the robot is, and hands it over to its controller.
+#include "tools/ballast/go_command.h"
+
+#include <fmt/core.h>
+
+#include <atomic>
+#include <cmath>
+#include <future>
+#include <iostream>
+#include <map>
+
+#include "tools/ballast/bus_words.h"
+#include "tools/ballast/commands.h"
+#include "tools/go/go_plan.h"
+#include "tools/go/standpoint.h"
+#include "tools/program/params.h"
+#include "tools/program/program.h"
+#include "tools/program/short_number.h"
+#include "tools/recording/scenario_beacon.h"
+#include "tools/summary/controller_words.h"
+
+namespace ballast {
+
+namespace {
+
+using program::short_number;
+using program::short_time;
+using Clock = hal::WallClock;
+
+constexpr double kNegligible_m = 1e-6;
+
+double seconds_since(Clock::time_point start) { return hal::Seconds(Clock::now() - start).count(); }
+
+std::string place_text(const Eigen::Vector2d& place_m) {
+  return fmt::format("({}, {}) m", short_number(place_m[0], kNegligible_m), short_number(place_m[1], kNegligible_m));
+}
+
+// What a run says of itself on its bus.
+class RunOnBus {
+ public:
+  explicit RunOnBus(hal::Bus& bus) : bus_(bus) {
+    bus_.subscribe<scenario_piece_t>(hal::kChannelScenario, [this](const scenario_piece_t& m) { take(m); });
+    bus_.subscribe<plant_state_t>(hal::kChannelPlantState, [this](const plant_state_t& m) { plant_ = m; });
+    bus_.subscribe<operator_t>(hal::kChannelCourse, [this](const operator_t& m) { take(m); });
+    bus_.subscribe<operator_t>(hal::kChannelOperator, [this](const operator_t& m) { take(m); });
+  }
+  RunOnBus(const RunOnBus&) = delete;
+  RunOnBus& operator=(const RunOnBus&) = delete;
+
+  // Everything that a course needs to be known: the scenario, a state, and the course that is followed.
+  [[nodiscard]] bool known(const controller_status_t& status) const {
+    return scenario_ && plant_ && (status.course == 0 || courses_.contains(status.course));
+  }
+  [[nodiscard]] const std::string& trouble() const { return trouble_; }
+  [[nodiscard]] bool has_scenario() const { return scenario_.has_value(); }
+  [[nodiscard]] const sim::Scenario& scenario() const { return *scenario_; }
+  [[nodiscard]] go::Heard heard(const controller_status_t& status) const {
+    const auto course = courses_.find(status.course);
+    return {*scenario_, status, *plant_, course == courses_.end() ? std::nullopt : std::optional(course->second)};
+  }
+
+ private:
+  void take(const scenario_piece_t& piece) {
+    if (scenario_) return;
+    const std::string text = pieces_.take(piece);
+    if (text.empty()) return;
+    const auto read = sim::parse_scenario(text, "the scenario on the bus");
+    if (read.ok()) {
+      scenario_ = read.scenario;
+    } else {
+      trouble_ = to_string(read.errors.front());
+    }
+  }
+  void take(const operator_t& message) {
+    if (auto course = parts_.take(message)) courses_.insert_or_assign(course->number, *course);
+  }
+
+  hal::Bus& bus_;
+  sil::ScenarioPieces pieces_;
+  go::CourseParts parts_;
+  std::optional<sim::Scenario> scenario_;
+  std::optional<plant_state_t> plant_;
+  std::map<std::int64_t, go::HostCourse> courses_;
+  std::string trouble_;
+};
+
+// One go, from the wish to the course in force.
+class Going {
+ public:
+  Going(const GoCommand& command, hal::Bus& bus, sil::BusOperator& end, const volatile std::sig_atomic_t* signalled)
+      : command_(command), bus_(bus), end_(end), run_(bus), signalled_(signalled) {}
+
+  int run() {
+    if (const auto status = meet()) return *status;
+    // The longer a plan takes, the later it begins while the ball rolls.
+    constexpr double kFirstPatience_s = 0.35;
+    for (double patience_s = kFirstPatience_s;; patience_s *= 2) {
+      const std::int64_t from_tick = end_.status().tick + ticks_in(patience_s) + handover_ticks();
+      std::string why;
+      const auto at = go::standpoint_at(run_.heard(end_.status()), from_tick, why);
+      if (!at) return refuse("no course: " + why);
+      go::GoOutcome outcome;
+      if (const auto status = plan(at->at, outcome)) return *status;
+      if (!outcome.plan) return refuse("no course to " + place_text(to()) + ": " + outcome.why);
+      const bool last = seconds_since(begun_) >= command_.time_limit_s;
+      const std::int64_t soonest = end_.status().tick + handover_ticks();
+      if (!at->rests && from_tick < soonest && !last) continue;
+      const bool armed = end_.status().mode == controller_status_t::MODE_ARMED;
+      const auto status = hand_over(*outcome.plan, at->rests ? (armed ? 0 : soonest) : from_tick, last);
+      if (status) return *status;
+    }
+  }
+
+ private:
+  [[nodiscard]] Eigen::Vector2d to() const { return {command_.to[0], command_.to[1]}; }
+
+  // Learns the run, and how fast it goes.
+  std::optional<int> meet() {
+    const std::int64_t first_tick = end_.status().tick;
+    const auto start = Clock::now();
+    constexpr double kListen_s = 0.1;
+    const auto met = [&] {
+      return !run_.trouble().empty() || (run_.known(end_.status()) && seconds_since(start) > kListen_s);
+    };
+    const hal::Status status = bus_.receive_until(hal::after(start, hal::Seconds(command_.bus.peer_timeout_s)), met);
+    ticks_per_s_ = static_cast<double>(end_.status().tick - first_tick) / seconds_since(start);
+    if (status == hal::Status::kInterrupted) return could_not("interrupted");
+    if (status == hal::Status::kIo) return could_not("the LCM bus failed");
+    if (!run_.trouble().empty()) return could_not(run_.trouble());
+    if (status != hal::Status::kOk) {
+      return could_not(run_.has_scenario() ? "the course that the controller follows is not heard on this bus"
+                                           : "the run's scenario is not heard on this bus");
+    }
+    if (!run_.scenario().control.governor) {
+      return refuse("this run has no governor, which certifies a course: its scenario needs control.governor = true");
+    }
+    params_ = program::make_controller_params("ballast", run_.scenario());
+    if (params_ == nullptr) return program::kExitCouldNotRun;
+    search_ticks_ = firmware::governor_params(*params_).search_ticks;
+    return std::nullopt;
+  }
+
+  [[nodiscard]] std::int64_t ticks_in(double wall_s) const {
+    return static_cast<std::int64_t>(std::ceil(wall_s * ticks_per_s_));
+  }
+  // From the first part to the course's certificate. Each part is answered, within a millisecond or two or two ticks. A
+  // search begins anew with the course, and takes a third of search_ticks_ where nothing is bent.
+  [[nodiscard]] std::int64_t handover_ticks() const {
+    const int values = firmware::kMostReferenceFloats + params_->ball.mass_count * 3 * 40;
+    const int parts = values / firmware::kCoursePart + 1;
+    constexpr double kPart_s = 1.5e-3;
+    return std::max<std::int64_t>(2 * parts, ticks_in(parts * kPart_s)) + std::int64_t{search_ticks_} / 2;
+  }
+
+  // Plans in another thread, and listens to the bus meanwhile.
+  std::optional<int> plan(const plan::ReferencePoint& at, go::GoOutcome& outcome) {
+    go::GoTask task;
+    task.to_m = to();
+    for (const std::vector<double>& via : command_.via) task.via_m.emplace_back(via[0], via[1]);
+    task.duration_s = command_.duration_s;
+    task.objective = command_.objective == "time"     ? plan::Objective::kTime
+                     : command_.objective == "effort" ? plan::Objective::kEffort
+                                                      : plan::Objective::kFriction;
+    std::atomic<bool> over = false;
+    const auto stop = [&] { return over || *signalled_ != 0 || seconds_since(begun_) > command_.time_limit_s; };
+    auto planned =
+        std::async(std::launch::async, [&] { return go::plan_course(run_.scenario(), *params_, at, task, stop); });
+    const auto ready = [&] { return planned.wait_for(hal::Seconds(0)) == std::future_status::ready; };
+    hal::Status status = hal::Status::kOk;
+    while (!ready() && status != hal::Status::kIo) {
+      status = bus_.receive_until(hal::after(Clock::now(), hal::Seconds(0.005)), ready);
+    }
+    over = status == hal::Status::kIo;
+    outcome = planned.get();
+    if (*signalled_ != 0) return could_not("interrupted");
+    if (over) return could_not("the LCM bus failed");
+    return std::nullopt;
+  }
+
+  // Nullopt: it came too late, and there is time for another one.
+  std::optional<int> hand_over(const go::GoPlan& plan, std::int64_t from_tick, bool last) {
+    const double planned_s = seconds_since(begun_);
+    const auto start = Clock::now();
+    const std::int64_t number = hal::draw_bus_number();
+    const go::HostCourse course = go::make_course(number, from_tick, plan.moved, plan.reference);
+    for (const firmware::CoursePart& part : go::parts_of(course)) {
+      if (const auto exit_status = tell(end_, part, "course")) return *exit_status;
+    }
+    const auto decided = [&](const controller_status_t& s) { return s.course == number || s.course_coming != number; };
+    if (end_.follow(decided) != hal::Status::kOk) return bus_trouble(end_);
+    if (end_.status().course != number) {
+      if (end_.status().refusal == controller_status_t::REFUSAL_LATE && !last) return std::nullopt;
+      return refuse(sil::refused_text("course", sil::refusal_text(end_.status(), nullptr)));
+    }
+    std::cout << fmt::format(
+                     "goes to {} in {} s from tick {} on, and needs f_s/N = {}; planned in {:.2f} s, handed over in "
+                     "{:.2f} s",
+                     place_text(to()), short_time(plan.moved.duration_s), end_.status().course_tick,
+                     short_number(plan.need), planned_s, seconds_since(start))
+              << std::endl;
+    return command_.wait ? arrive(plan, number) : program::kExitCompleted;
+  }
+
+  int arrive(const go::GoPlan& plan, std::int64_t number) {
+    const double period_s = run_.scenario().run.control_period_s;
+    const auto over = [&](const controller_status_t& s) {
+      const double time_s = static_cast<double>(s.tick - s.course_tick) * period_s - s.motion_delay_s;
+      return s.course != number || time_s >= plan.moved.duration_s;
+    };
+    if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
+    if (end_.status().course != number) {
+      std::cout << "it ended before: " << sil::status_text(end_.status()) << std::endl;
+      return program::kExitEnvelope;
+    }
+    const auto here = go::now(run_.heard(end_.status()));
+    const Eigen::Vector2d place(here.place_m[0], here.place_m[1]);
+    std::cout << fmt::format("is at {}, {} mm from there", place_text(place),
+                             short_number(1e3 * (place - to()).norm(), 0.01))
+              << std::endl;
+    return program::kExitCompleted;
+  }
+
+  const GoCommand& command_;
+  hal::Bus& bus_;
+  sil::BusOperator& end_;
+  RunOnBus run_;
+  const volatile std::sig_atomic_t* signalled_;
+  Clock::time_point begun_ = Clock::now();
+  std::unique_ptr<firmware::ControllerParams> params_;
+  double ticks_per_s_ = 0;
+  int search_ticks_ = 0;
+};
+
+}  // namespace
+
+void add_go_options(CLI::App& command, GoCommand& options) {
+  command.add_option("--to", options.to, "go: the place X,Y in m")->delimiter(',')->expected(2);
+  command.add_option("--via", options.via, "go: a place X,Y on the way; can be repeated")->delimiter(',')->expected(2);
+  command.add_option("--time", options.duration_s, "go: duration in s; default: chosen")
+      ->check(program::positive_finite());
+  command
+      .add_option("--objective", options.objective, "go: least friction, shortest time or least effort of the masses")
+      ->check(program::one_of({"friction", "time", "effort"}))
+      ->capture_default_str();
+  command.add_option("--time-limit", options.time_limit_s, "go: wall time in s for planning")
+      ->check(program::positive_finite())
+      ->capture_default_str();
+  command.add_flag("--wait", options.wait, "go: until the ball is there");
+}
+
+int go_on_bus(const GoCommand& command) {
+  const volatile std::sig_atomic_t* signalled = program::catch_signals();
+  hal::Bus bus(command.bus.url, signalled);
+  if (!bus.good()) return program::refuse_bus("ballast", command.bus.url);
+  sil::BusOperator end(bus, hal::Seconds(command.bus.peer_timeout_s));
+  Going going(command, bus, end, signalled);
+  if (end.connect() != hal::Status::kOk) return bus_trouble(end);
+  return going.run();
+}
+
+}  // namespace ballast

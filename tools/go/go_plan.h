@@ -1,0 +1,40 @@
+// Plans a course: from where the robot is to a place, at rest.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "firmware/control/params.h"
+#include "tools/plan/problem.h"
+#include "tools/tracking/reference.h"
+
+namespace ballast::go {
+
+struct GoTask {
+  Eigen::Vector2d to_m = Eigen::Vector2d::Zero();
+  std::vector<Eigen::Vector2d> via_m;
+  std::optional<double> duration_s;  // none: chosen, so that the governor has nothing to bend
+  plan::Objective objective = plan::Objective::kFriction;
+};
+
+struct GoPlan {
+  sim::Scenario moved;  // set down where the course begins, with the motion
+  firmware::ReferenceTable reference;
+  double need = 0;          // greatest f_s / N with masses that follow exactly
+  double goal_error_m = 0;  // of the plan itself
+};
+
+struct GoOutcome {
+  std::optional<GoPlan> plan;
+  std::string why;  // not found: what stands in the way, and the nearest that can be done where that is known
+};
+
+// `scenario` and `params`: of the run. `at`: where the course begins. `stop` ends the search.
+[[nodiscard]] GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerParams& params,
+                                    const plan::ReferencePoint& at, const GoTask& task,
+                                    const std::function<bool()>& stop);
+
+}  // namespace ballast::go

@@ -1,0 +1,165 @@
+#include "tools/go/standpoint.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "firmware/tracking/tracker.h"
+#include "tools/tracking/followed_plan.h"
+
+namespace ballast::go {
+
+namespace {
+
+constexpr double kRestSpeed = 0.01;  // sqrt(g r): that of the firmware's halt
+
+double rest_speed_mps(const sim::Scenario& scenario) {
+  const double g = scenario.gravity_mps2, r = scenario.ball.radius_m;
+  return kRestSpeed * (g > 0 ? std::sqrt(g * r) : r);
+}
+
+double speed_mps(const sim::Scenario& scenario, const plan::ReferencePoint& at) {
+  const plan::Vec& w = at.state.omega_B;
+  return scenario.ball.radius_m * std::sqrt(w.x * w.x + w.y * w.y + w.z * w.z);
+}
+
+bool masses_stand(const plan::ReferencePoint& at, std::size_t masses) {
+  constexpr double kRounding = 1e-9;  // of a motion's sums
+  for (std::size_t i = 0; i < masses; ++i) {
+    if (std::fabs(at.state.velocity[i]) > kRounding || std::fabs(at.state.acceleration[i]) > kRounding) return false;
+  }
+  return true;
+}
+
+double length_s(const sim::Scenario& moved) {
+  double end_s = 0;
+  for (const sim::Mass& mass : moved.masses) {
+    double mass_s = 0;
+    for (const sim::MotionPiece& piece : mass.motion) mass_s += piece.duration_s;
+    end_s = std::max(end_s, mass_s);
+  }
+  return end_s;
+}
+
+// The plant's state of a motion at time_s; before its start the one there.
+std::optional<plan::ReferencePoint> roll_to(sim::Scenario moved, double time_s) {
+  if (!(time_s > 0)) {
+    const auto points = plan::roll_motion(moved, 1);
+    if (points.empty()) return std::nullopt;
+    return points.front();
+  }
+  moved.duration_s = time_s;
+  const auto points = plan::roll_motion(moved, 1);
+  if (points.size() != 2) return std::nullopt;
+  return points.back();
+}
+
+// The point of the motion that the controller follows at the start of `tick`.
+std::optional<plan::ReferencePoint> on_motion(const Heard& heard, std::int64_t tick, bool& rests) {
+  const sim::Scenario moved =
+      heard.course ? scenario_of(heard.scenario, *heard.course) : plan::as_planned(heard.scenario);
+  // The scenario's motion begins with tick 0.
+  const std::int64_t start = heard.course ? heard.status.course_tick : 0;
+  const double period_s = heard.scenario.run.control_period_s;
+  const double time_s = static_cast<double>(tick - start) * period_s - heard.status.motion_delay_s;
+  const double end_s = length_s(moved);
+  const auto at = roll_to(moved, time_s);
+  if (!at) return std::nullopt;
+  const double status_s = static_cast<double>(heard.status.tick - start) * period_s - heard.status.motion_delay_s;
+  rests = status_s >= end_s && masses_stand(*at, moved.masses.size()) && speed_mps(moved, *at) < rest_speed_mps(moved);
+  return at;
+}
+
+}  // namespace
+
+plan::ReferencePoint now(const Heard& heard) {
+  plan::ReferencePoint at{};
+  const controller_status_t& status = heard.status;
+  const bool estimated = status.estimate_valid != 0;
+  const double* q = estimated ? status.estimated_orientation : heard.plant.orientation;
+  const double* omega = estimated ? status.estimated_angular_velocity_B_radps : heard.plant.angular_velocity_B_radps;
+  const double* place = estimated ? status.estimated_position_W_m : heard.plant.position_W_m;
+  std::copy_n(q, 4, at.state.q.begin());
+  at.state.omega_B = {omega[0], omega[1], omega[2]};
+  at.place_m = {place[0], place[1]};
+  for (int i = 0; i < status.motor_count; ++i) {
+    at.state.position[static_cast<std::size_t>(i)] = status.commanded_position[i];
+    at.state.velocity[static_cast<std::size_t>(i)] = status.commanded_velocity[i];
+  }
+  return at;
+}
+
+sim::Scenario set_down(const sim::Scenario& scenario, const plan::ReferencePoint& at) {
+  sim::Scenario out = sim::as_believed(scenario);
+  out.faults.clear();
+  out.plan = {};
+  out.published.clear();
+  out.run.actuation = sim::Actuation::kStepper;  // the planner keeps the motors' limits
+  out.initial.has_velocity = false;
+  out.initial.height_m = 0;
+  const auto& q = at.state.q;
+  out.initial.orientation = {q[0], q[1], q[2], q[3]};
+  out.initial.orientation.normalize();
+  out.initial.angular_velocity_B_radps = {at.state.omega_B.x, at.state.omega_B.y, at.state.omega_B.z};
+  out.initial.position_W_m = {at.place_m[0], at.place_m[1]};
+  for (std::size_t i = 0; i < out.masses.size(); ++i) {
+    out.masses[i].initial_position = at.state.position[i];
+    out.masses[i].initial_velocity = at.state.velocity[i];
+    out.masses[i].motion.clear();
+  }
+  return out;
+}
+
+sim::Scenario scenario_of(const sim::Scenario& scenario, const HostCourse& course) {
+  plan::ReferencePoint at{};
+  const auto& row = course.reference.values;
+  std::copy_n(row.begin(), 4, at.state.q.begin());
+  at.state.omega_B = {row[4], row[5], row[6]};
+  at.place_m = {row[7], row[8]};
+  sim::Scenario out = set_down(scenario, at);
+  for (std::size_t i = 0; i < std::min(out.masses.size(), course.mass.size()); ++i) {
+    out.masses[i].initial_position = course.mass[i].position;
+    out.masses[i].initial_velocity = course.mass[i].velocity;
+    out.masses[i].motion = course.mass[i].motion;
+  }
+  out.duration_s = length_s(out);
+  return out;
+}
+
+std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, std::string& why) {
+  const plan::ReferencePoint here = now(heard);
+  Standpoint out;
+  if (heard.status.mode == controller_status_t::MODE_RUNNING) {
+    const auto at = on_motion(heard, tick, out.rests);
+    const auto expected = on_motion(heard, heard.status.tick, out.rests);
+    if (!at || !expected) {
+      why = "the motion that the controller follows is not known, or leaves the floor";
+      return std::nullopt;
+    }
+    const double off_m = std::hypot(here.place_m[0] - expected->place_m[0], here.place_m[1] - expected->place_m[1]);
+    const double most_m = static_cast<double>(firmware::kMostPlaceError) * heard.scenario.ball.radius_m;
+    if (off_m > most_m) {
+      why = fmt::format("the ball is {:.3g} m off its motion, more than {:.3g} m: halt it first", off_m, most_m);
+      return std::nullopt;
+    }
+    out.at = *at;
+    return out;
+  }
+  out.rests = speed_mps(heard.scenario, here) < rest_speed_mps(heard.scenario);
+  out.at = here;
+  if (out.rests) {
+    out.at.state.omega_B = {0, 0, 0};
+    return out;
+  }
+  const sim::Scenario held = set_down(heard.scenario, here);
+  const auto at = roll_to(held, static_cast<double>(tick - heard.status.tick) * heard.scenario.run.control_period_s);
+  if (!at) {
+    why = "the ball leaves the floor";
+    return std::nullopt;
+  }
+  out.at = *at;
+  return out;
+}
+
+}  // namespace ballast::go
