@@ -211,11 +211,18 @@ void detail::command(const BallParams& ball, const GovernorParams& params, const
   // The wish, and what the certified plan bends it by.
   const Wide end_s = static_cast<Wide>(tick + 1 - state.bends.start_tick()) * params.control_period_s;
   const PerMass<Real> bend = state.bends.at(end_s, params.control_period_s);
-  PerMass<Real> wish = backup ? braking(params, now, ball.mass_count) : nominal.wish;
+  PerMass<Real> wish = nominal.wish;
+  if (backup) {
+    // The wish of a tick's end is that of the state there, as in the rollout.
+    RobotState ahead = now;
+    ahead.mass_acceleration = ramp.start;
+    brake_masses(params, ball.mass_count, ramp.h_s, bend, ahead);
+    wish = braking(params, ahead, ball.mass_count);
+  }
   for (std::size_t i = 0; i < wish.size(); ++i)
     wish[i] = bend[i] == 0 && !backup ? nominal.reached[i] : wish[i] + bend[i];
   GovernedRamp end;
-  governed_for_ramp(ball, params, now, forces_at(ball, now), ramp, clipped(ramp.end, wish), end);
+  governed_for_ramp(ball, params, now, forces_at(ball, params, now), ramp, clipped(ramp.end, wish), end);
   out.acceleration = end.command.u;
   out.end = end.state;
   out.cost = cost_of(end);
