@@ -16,6 +16,7 @@
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/short_number.h"
+#include "tools/recording/receive_buffer.h"
 #include "tools/recording/scenario_beacon.h"
 #include "tools/summary/controller_words.h"
 
@@ -171,7 +172,7 @@ class Going {
   std::optional<int> plan(const plan::ReferencePoint& at, go::GoOutcome& outcome) {
     go::GoTask task;
     task.to_m = to();
-    for (const std::vector<double>& via : command_.via) task.via_m.emplace_back(via[0], via[1]);
+    for (const auto& [x, y] : command_.via) task.via_m.emplace_back(x, y);
     task.duration_s = command_.duration_s;
     task.objective = command_.objective == "time"     ? plan::Objective::kTime
                      : command_.objective == "effort" ? plan::Objective::kEffort
@@ -250,7 +251,7 @@ class Going {
 
 void add_go_options(CLI::App& command, GoCommand& options) {
   command.add_option("--to", options.to, "go: the place X,Y in m")->delimiter(',')->expected(2);
-  command.add_option("--via", options.via, "go: a place X,Y on the way; can be repeated")->delimiter(',')->expected(2);
+  command.add_option("--via", options.via, "go: a place X,Y on the way; can be repeated")->delimiter(',');
   command.add_option("--time", options.duration_s, "go: duration in s; default: chosen")
       ->check(program::positive_finite());
   command
@@ -265,7 +266,7 @@ void add_go_options(CLI::App& command, GoCommand& options) {
 
 int go_on_bus(const GoCommand& command) {
   const volatile std::sig_atomic_t* signalled = program::catch_signals();
-  hal::Bus bus(command.bus.url, signalled);
+  hal::Bus bus(with_receive_buffer(command.bus.url), signalled);
   if (!bus.good()) return program::refuse_bus("ballast", command.bus.url);
   sil::BusOperator end(bus, hal::Seconds(command.bus.peer_timeout_s));
   Going going(command, bus, end, signalled);

@@ -8,6 +8,7 @@
 #include "hal/lcm/bus.h"
 #include "hal/lcm/channels.h"
 #include "tools/recording/black_box.h"
+#include "tools/recording/receive_buffer.h"
 
 namespace ballast::sil {
 
@@ -41,8 +42,9 @@ ScenarioBeacon::~ScenarioBeacon() {
 }
 
 void ScenarioBeacon::run(const std::string& url) {
-  lcm::LCM bus(url);
-  if (!hal::usable(bus, url)) return;
+  const std::string roomy = with_receive_buffer(url);  // the parts of a course come once, and each is needed
+  lcm::LCM bus(roomy);
+  if (!hal::usable(bus, roomy)) return;
   using Hears = void (*)(const lcm::ReceiveBuffer*, const std::string&, ScenarioBeacon*);
   const Hears hears = [](const lcm::ReceiveBuffer* buffer, const std::string&, ScenarioBeacon* self) {
     operator_t message{};
