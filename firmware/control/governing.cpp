@@ -174,9 +174,11 @@ RobotState next_robot(const ControllerParams& params, const ControllerState& sta
   if (!held) {
     robot.mass_position = state.now.position;
     robot.mass_velocity = state.now.velocity;
+    robot.mass_acceleration = state.now.acceleration;
     PerMass<Real> end{};
     for (int i = 0; i < n; ++i) end[at(i)] = static_cast<Real>(from[at(i)].acceleration);
-    robot = after_ramp(params.ball, robot, state.now.acceleration, end, static_cast<Real>(params.control_period_s));
+    robot = after_ramp(params.ball, state.governing.params, robot, state.now.acceleration, end,
+                       static_cast<Real>(params.control_period_s));
   }
   put_masses(from, n, robot);
   robot.swing_acceleration = state.governing.swing_acceleration;
@@ -253,7 +255,7 @@ GovernorParams governor_params(const ControllerParams& params) {
     const MotorParams& motor = params.motor[at(i)];
     mass.max_velocity = static_cast<Real>(motion_limits(params, i).max_velocity);
     mass.max_acceleration = static_cast<Real>(motor.max_acceleration);
-    mass.max_jerk = static_cast<Real>(motor.max_jerk);
+    mass.max_jerk = mass.motor_jerk = static_cast<Real>(motor.max_jerk);
     mass.lower_end = static_cast<Real>(ends.lower + motor.swing);
     mass.upper_end = static_cast<Real>(ends.upper - motor.swing);
     mass.swing = params.governor.swing[at(i)];

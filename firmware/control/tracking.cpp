@@ -142,6 +142,24 @@ ErrorVector error_at(const ControllerParams& params, const ControllerState& stat
                         masses_at(params, state, followed, time_s), state.tracking.integral_W_ms);
 }
 
+// The errors of the masses at the end of a tick that they begin at `from`, time_s after the start: predicted as a
+// certificate's rollout predicts them (Rollout::ahead()). Errors of today instead would be two ticks late, and a motion
+// that is bent for long would leave the certified one.
+MassError mass_error_ahead(const ControllerParams& params, const Followed& followed, const PerMass<ProfilePoint>& from,
+                           Wide time_s) {
+  const Wide h = params.control_period_s;
+  MassError masses;
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    const ProfilePoint motion = planned(params, followed, i, time_s);
+    const Wide velocity = from[at(i)].velocity - motion.velocity;
+    const Wide acceleration = from[at(i)].acceleration - motion.acceleration;
+    masses.position[at(i)] =
+        static_cast<Real>(from[at(i)].position - motion.position + h * (velocity + h * acceleration / 2));
+    masses.velocity[at(i)] = static_cast<Real>(velocity + h * acceleration);
+  }
+  return masses;
+}
+
 // Without feedback a mass comes back to its motion as 1 / sqrt(g / r) allows, critically damped.
 PerMass<Real> back_to_motion(const BallParams& ball, const MassError& masses) {
   const Real w = ball.gravity_mps2 > 0 ? std::sqrt(ball.gravity_mps2 / ball.radius_m) : Real(1);
@@ -249,9 +267,8 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
     ball = observe(params, state, motion, before, tracking);
     e = error_at(params, state, before, ball, now_s);
     correction = feedback(before.reference, params.ball.mass_count, motion_s, e);
-  } else if (governs && ticks >= 0) {
-    correction = back_to_motion(params.ball, masses_at(params, state, before, now_s));
   }
+  const bool returns = governs && ticks >= 0 && !sees;
   // The errors of a motion and of a course that begins with the next tick are the same.
   const bool changes = state.course.stage == CourseStage::kAwaited && next == state.course.from_tick;
   if (changes) {
@@ -283,6 +300,9 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
     if (tick.held) from.acceleration = tracking.feeds ? 0 : planned(params, motion_now, i, 0).acceleration;
   }
   if (governs && motion.known && tick.held) bend_beginning(params, state, tick);
+  if (returns) {
+    correction = back_to_motion(params.ball, mass_error_ahead(params, motion_now, tick.from, now_s + period_s));
+  }
   const bool halting = governs && motion.known && halts(state.governing, next);
   HaltWish halt;
   if (halting) {

@@ -24,10 +24,11 @@ constexpr auto kLeastSwing = static_cast<Real>(2);       // per s^2, 1 sigma
 // Angular acceleration about the vertical, of which the observer sees only the slow part. 1 sigma, rad/s^2.
 constexpr auto kUnseenSpin = static_cast<Real>(30);
 
-// Windows of slip in blocks, and the baseline before them.
+// Windows of slip and the baseline before them are those of belief_errors.h, in blocks.
 constexpr auto kBlock_s = static_cast<Real>(0.01);
-constexpr std::array<int, 5> kWindows{5, 10, 20, 40, 60};
-constexpr int kBaseline = 100, kLeastBaseline = 20;
+constexpr int kBaseline = contact::kBaselineEpochs * contact::kEpochBlocks;
+constexpr int kLeastBaseline = contact::kLeastBaselineEpochs * contact::kEpochBlocks;
+static_assert(contact::kBlocks >= kBaseline + contact::kWindowEpochs.back() * contact::kEpochBlocks);
 constexpr int kLeastBlock = 3;  // samples in a block: between fewer the masses swing unseen
 constexpr auto kLeastSlip_mps = static_cast<Real>(0.02);
 // The same by rotation, where masses may lag behind their command by a part of a step.
@@ -35,6 +36,9 @@ constexpr auto kLeastTurned_mps = static_cast<Real>(0.025);
 // A constant error is what it is for the whole run; noise is drawn anew in every window, of which an hour has a
 // million.
 constexpr auto kErrorSigmas = static_cast<Real>(4), kNoiseSigmas = static_cast<Real>(6);
+// Errors of belief are drawn once for a robot. So many sigma of what is not known of them count in the threshold by
+// rotation, and so many have to be exceeded beyond kConfirmed where rotation confirms the accelerometer.
+constexpr auto kBeliefSigmas = static_cast<Real>(3.5), kBeliefConfirmed = static_cast<Real>(1.5);
 // Part of a speed that the other measure has to show, for the accelerometer's and for that by rotation; and part of the
 // other's that the accelerometer's has to be.
 constexpr auto kConfirmed = static_cast<Real>(0.5), kTurnedConfirmed = static_cast<Real>(0.6),
@@ -141,6 +145,7 @@ struct ContactSums {
   Vector3 mass_s = Vector3::Zero();     // sum m_i s_i
   Vector3 mass_c = Vector3::Zero();     // sum m_i c_i
   Vector3 moment_c = Vector3::Zero();   // sum m_i s_i x c_i
+  PerMass<Vector3> place_B;             // zeta_i; as many as there are masses
   Matrix3 euler;                        // A = I + sum m_i (s_i . zeta_i - zeta_i s_i^T)
   // sum z_i z_i^T, z_i b_i^T and b_i b_i^T with z_i = m_i zeta_i' and b_i = s_i x z_i.
   Matrix3 pushes = Matrix3::Zero(), push_moments = Matrix3::Zero(), moments = Matrix3::Zero();
@@ -160,6 +165,7 @@ ContactSums sums_of(const BallParams& ball, const Instant& now, const MassMotion
     const Vector3 c =
         omega.cross(omega.cross(rail.position) + 2 * rate * rail.d1) + square(rate) * rail.d2 + acceleration * rail.d1;
     const Vector3 s = r_up + rail.position, push = ball.mass_kg[k] * rail.d1;
+    sums.place_B[k] = rail.position;
     sums.add(ball.mass_kg[k], s, rail.position, c);
     sums.add_swing(push, s.cross(push));
   }
@@ -376,8 +382,10 @@ Real slip_threshold(Real error_mps, Real noise_m2ps2, Real least_mps) {
 bool slips(const SlipNoise& noise, Real block_s, ContactMeter& meter) {
   bool found = false;
   meter.slip_score = 0;
-  for (const int blocks : kWindows) {
-    if (blocks > meter.block_count) break;
+  for (std::size_t k = 0; k < contact::kWindowEpochs.size(); ++k) {
+    const int blocks = contact::kWindowEpochs[k] * contact::kEpochBlocks;
+    const contact::BeliefEffect& belief = meter.belief.effects[k];
+    if (blocks > meter.block_count || !belief.known) break;
     const int before = meter.block_count - blocks < kBaseline ? meter.block_count - blocks : kBaseline;
     const Real window_s = static_cast<Real>(blocks) * block_s, baseline_s = static_cast<Real>(before) * block_s;
     const contact::SlipTotal& begin = total_before(meter, blocks);
@@ -393,21 +401,55 @@ bool slips(const SlipNoise& noise, Real block_s, ContactMeter& meter) {
       const Real drifted = window_s * noise.drift_mps3 * (window_s + baseline_s) / 2;
       error = drifted < Real(1.4142136) * error ? drifted : Real(1.4142136) * error;
     }
+    confirmed -= belief.mean_W_mps;
     // Noise of the rates at the end, where window and baseline meet, at the start, and on both sides of gaps.
     const Real ends = (1 + square(1 + part) + square(part)) / 2 + gaps, walk = (1 + part) * noise.walk_m2ps3 * window_s;
     const Real threshold = slip_threshold(error, ends * noise.rate_m2ps2 + walk, kLeastSlip_mps);
-    const Real turned_threshold = slip_threshold(noise.tilt_part * error, ends * noise.turned_m2ps2, kLeastTurned_mps);
+    // The band of belief counts with sigmas of its own: the division undoes slip_threshold()'s factor.
+    const Real turned_noise = ends * noise.turned_m2ps2 + square(kBeliefSigmas / kNoiseSigmas * belief.sigma_mps);
+    const Real turned_threshold = slip_threshold(noise.tilt_part * error, turned_noise, kLeastTurned_mps);
     const Real score = std::sqrt(speed.squaredNorm()) / threshold;
     if (score > meter.slip_score) meter.slip_score = score;
     const Real common = speed.dot(confirmed);
+    const Real doubted = kBeliefConfirmed * belief.sigma_mps * std::sqrt(speed.squaredNorm());
     const bool by_accelerometer =
-        score > 1 && common > kConfirmed * speed.squaredNorm() && common > kAgreed * confirmed.squaredNorm();
+        score > 1 && common > kConfirmed * speed.squaredNorm() + doubted && common > kAgreed * confirmed.squaredNorm();
     // Masses that lag behind their command move the centre of mass, which only the mean before takes off.
     const bool by_rotation = before >= kLeastBaseline && confirmed.squaredNorm() > square(turned_threshold) &&
                              common > kTurnedConfirmed * confirmed.squaredNorm();
     if (by_accelerometer || by_rotation) found = true;
   }
   return found;
+}
+
+// Variance of a lesson's speed by rotation with true belief: three rates, and the tilt's drift over two windows.
+Real lesson_noise(const SlipNoise& noise, Real block_s) {
+  const Real lesson_s = static_cast<Real>(contact::kLessonEpochs * contact::kEpochBlocks) * block_s;
+  return square(noise.tilt_part * noise.drift_mps3 * square(lesson_s)) + 3 * noise.turned_m2ps2;
+}
+
+// Follows the errors of belief by a block: learns from a window that is past, or finds anew what they do to one of the
+// windows of slip.
+void follow_belief(const BallParams& ball, const contact::BlockState& state, const SlipNoise& noise,
+                   ContactMeter& meter) {
+  contact::BeliefMeter& belief = meter.belief;
+  add(ball, state, belief);
+  const int component = component_to_learn(belief);
+  if (component < 0) {
+    expect(ball, state, belief);
+    return;
+  }
+  // A slip that is flagged may have begun before: with the lesson's lag it teaches nothing.
+  if (!meter.moved || meter.newest.slip_detected) return;
+  const auto total = [&](int epochs) -> const contact::SlipTotal& {
+    return total_before(meter, belief.epoch_block + contact::kEpochBlocks * epochs);
+  };
+  constexpr int kLast = contact::kLessonLag, kLength = contact::kLessonEpochs;
+  const contact::SlipTotal &before = total(kLast + 2 * kLength), &begin = total(kLast + kLength), &end = total(kLast);
+  if (before.gaps != end.gaps) return;
+  const auto j = static_cast<std::size_t>(component);
+  const Wide from = before.by_rotation_W_mps[j], middle = begin.by_rotation_W_mps[j], to = end.by_rotation_W_mps[j];
+  learn(ball, state, j, static_cast<Real>((to - middle) - (middle - from)), lesson_noise(noise, state.block_s), belief);
 }
 
 void end_block(const BallParams& ball, const EstimationParams& params, const Instant& now, const ContactSums& sums,
@@ -435,6 +477,11 @@ void end_block(const BallParams& ball, const EstimationParams& params, const Ins
   const Real swing_m2ps2 = lever > 0 ? meter.impulse_power_n2m2s2 / square(lever) : Real(0);
   const SlipNoise noise = slip_noise(ball, params, constant_m2ps4, tilt_square, dt, meter.rate_square_rad2ps2,
                                      turned_arm_m, tilt_part, swing_m2ps2, meter.bent_square_m2ps2);
+  const bool turns = lever > kLeastLever * sums.mass * ball.radius_m;
+  follow_belief(ball,
+                {now.to_W, sums.place_B, meter.last.rolling_velocity_W_mps, sums.mass, turns ? lever : Real(0), block_s,
+                 meter.imu_tick < 0},
+                noise, meter);
   const bool separable = constant_m2ps4 < square(kMostConstant * ball.gravity_mps2);
   meter.newest.slip_detected = slips(noise, block_s, meter) && meter.moved && separable && sampled;
 }
@@ -495,6 +542,7 @@ void forget(ContactMeter& meter) {
   meter.block = {};
   meter.total = {};
   meter.block_samples = meter.next_block = meter.block_count = 0;
+  reset(meter.belief);
   meter.newest = {};
 }
 

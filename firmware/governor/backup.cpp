@@ -61,12 +61,13 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
   for (MassLimits& mass : params.mass) {
     const Real natural_radps = mass.swing.natural_radps;
     if (!(natural_radps > 0)) continue;
+    mass.lag_s = 2 * mass.swing.damping_ratio / natural_radps;
     params.brake_time_s = std::fmax(params.brake_time_s, kBrakeSwings / natural_radps);
     constexpr Real kTwoPi = Real(6.283185307179586);
     mass.max_jerk = std::fmin(mass.max_jerk, mass.max_acceleration * natural_radps / kTwoPi);
   }
   params.reserve = Real(0.01);
-  params.moving_reserve = Real(0.01);
+  params.moving_reserve = Real(0.011);
   params.step_s = std::fmax(Real(0.05) * unit_s, static_cast<Real>(control_period_s));
   params.horizon_s = Wide{16 * unit_s};
   params.work_per_tick = 3 * kMovingStepWork;
@@ -93,6 +94,16 @@ MassMotion motion_of(const RobotState& state) {
   MassMotion out;
   out.position = state.mass_position;
   out.velocity = state.mass_velocity;
+  return out;
+}
+
+MassMotion lagging(const GovernorParams& params, const RobotState& state) {
+  MassMotion out;
+  for (std::size_t i = 0; i < kMaxMasses; ++i) {
+    const Real lag_s = params.mass[i].lag_s;
+    out.position[i] = state.mass_position[i] - lag_s * state.mass_velocity[i];
+    out.velocity[i] = state.mass_velocity[i] - lag_s * state.mass_acceleration[i];
+  }
   return out;
 }
 
@@ -138,6 +149,24 @@ PerMass<Real> braking(const GovernorParams& params, const RobotState& state, int
   return u;
 }
 
+void move_masses(int mass_count, Real h_s, RobotState& state) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    const Real u = state.mass_acceleration[i];
+    state.mass_position[i] += h_s * (state.mass_velocity[i] + h_s * u / 2);
+    state.mass_velocity[i] += h_s * u;
+  }
+}
+
+void brake_masses(const GovernorParams& params, int mass_count, Real h_s, const PerMass<Real>& bend,
+                  RobotState& state) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
+    const Real u = state.mass_acceleration[i];
+    state.mass_position[i] += h_s * (state.mass_velocity[i] + h_s * u / 2);
+    // It brakes with the time constant brake_time_s from the middle of the ramp on.
+    state.mass_velocity[i] = (state.mass_velocity[i] + h_s / 2 * (u + bend[i])) / (1 + h_s / (2 * params.brake_time_s));
+  }
+}
+
 bool still(const GovernorParams& params, const RobotState& state, int mass_count) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
     if (!(std::fabs(state.mass_velocity[i]) <= params.still_velocity[i])) return false;
@@ -171,6 +200,12 @@ Box near(const Box& box, const PerMass<Real>& u, const PerMass<Real>& change) {
 
 namespace {
 
+PerMass<Real> mean(const PerMass<Real>& a, const PerMass<Real>& b) {
+  PerMass<Real> out{};
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] = (a[i] + b[i]) / 2;
+  return out;
+}
+
 // The middle of a ramp tick, to the order that the midpoint rule needs.
 RobotState middle_of(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
                      const PerMass<Real>& end, const Vector3& omega_dot_B_radps2, Real h) {
@@ -178,6 +213,7 @@ RobotState middle_of(const BallParams& ball, const RobotState& state, const PerM
   TurningRate change;
   change.add(turning_rate(state.orientation, state.angular_velocity_B_radps, omega_dot_B_radps2, ball.radius_m), h / 2);
   apply(change, middle);
+  middle.mass_acceleration = mean(start, end);
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
     middle.mass_position[i] += h / 2 * (state.mass_velocity[i] + h * (5 * start[i] + end[i]) / 24);
     middle.mass_velocity[i] += h * (3 * start[i] + end[i]) / 8;
@@ -196,12 +232,6 @@ RobotState end_of(const BallParams& ball, const RobotState& state, const RobotSt
     out.mass_position[i] += h * (state.mass_velocity[i] + h * (2 * start[i] + end[i]) / 6);
     out.mass_velocity[i] += h * (start[i] + end[i]) / 2;
   }
-  return out;
-}
-
-PerMass<Real> mean(const PerMass<Real>& a, const PerMass<Real>& b) {
-  PerMass<Real> out{};
-  for (std::size_t i = 0; i < out.size(); ++i) out[i] = (a[i] + b[i]) / 2;
   return out;
 }
 
@@ -241,18 +271,18 @@ PerMass<Real> moved(const GovernorParams& params, const RobotState& state, const
 
 }  // namespace
 
-AffineForces forces_at(const BallParams& ball, const RobotState& state) {
+AffineForces forces_at(const BallParams& ball, const GovernorParams& params, const RobotState& state) {
   AffineForces forces;
-  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, motion_of(state), forces);
+  affine_forces(ball, state.orientation, state.angular_velocity_B_radps, lagging(params, state), forces);
   return forces;
 }
 
-RobotState after_ramp(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
-                      const PerMass<Real>& end, Real h_s) {
-  const Vector3 omega_dot = forces_at(ball, state).omega_dot(ball.mass_count, start);
+RobotState after_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                      const PerMass<Real>& start, const PerMass<Real>& end, Real h_s) {
+  const Vector3 omega_dot = forces_at(ball, params, state).omega_dot(ball.mass_count, start);
   const RobotState middle = middle_of(ball, state, start, end, omega_dot, h_s);
-  return end_of(ball, state, middle, start, end, forces_at(ball, middle).omega_dot(ball.mass_count, mean(start, end)),
-                h_s);
+  const Vector3 middle_omega_dot = forces_at(ball, params, middle).omega_dot(ball.mass_count, mean(start, end));
+  return end_of(ball, state, middle, start, end, middle_omega_dot, h_s);
 }
 
 void governed_for_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
@@ -262,7 +292,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
   const PerMass<Real> unit = units(params);
   const PerMass<Real> moved_start = moved(params, state, ramp.start, ramp.swing, n);
   const RobotState middle = middle_of(ball, state, ramp.start, wish, at_start.omega_dot(n, moved_start), h);
-  const AffineForces in_middle = forces_at(ball, middle);
+  const AffineForces in_middle = forces_at(ball, params, middle);
   out.command = {};
   out.command.u = wish;
   out.steps = 0;
@@ -277,9 +307,11 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
     moved_end = moved(params, end, out.command.u, ramp.swing, n);
     out.state =
         end_of(ball, end, middle, ramp.start, out.command.u, in_middle.omega_dot(n, mean(moved_start, moved_end)), h);
-    affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, motion_of(out.state), out.forces);
+    out.state.mass_acceleration = out.command.u;
+    affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, lagging(params, out.state),
+                  out.forces);
     out.cone = cone_of(params, out.forces, out.state, n);
-    const Cone spared = spare(out.cone, ramp.spare, out.forces);
+    const Cone spared = spare(with_turning(out.cone, out.forces, n, out.command.u), ramp.spare, out.forces);
     // The last projection's command holds where it lands, too.
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
     out.command = ramp.quick ? project_quickly(out.forces, n, spared, ramp.end, unit, wish)
@@ -290,12 +322,12 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
   moved_end = moved(params, out.state, out.command.u, ramp.swing, n);
   out.state.mass_acceleration = out.command.u;
   out.force_W_n = out.forces.force(n, moved_end);
-  out.outside_n = outside_n(out.cone, out.forces, n, moved_end);
+  out.outside_n = most_outside_n(out.cone, out.forces, n, moved_end);
 }
 
 Projection governed_beginning(const BallParams& ball, const GovernorParams& params, const RobotState& state,
                               const PerMass<Real>& wish) {
-  const AffineForces forces = forces_at(ball, state);
+  const AffineForces forces = forces_at(ball, params, state);
   const Cone cone = spare(cone_of(params, forces, state, ball.mass_count), params.moving_reserve, forces);
   const Box box = box_of(params, state, ball.mass_count, params.step_s, 0);
   return project(forces, ball.mass_count, cone, box, units(params), wish);
@@ -304,14 +336,7 @@ Projection governed_beginning(const BallParams& ball, const GovernorParams& para
 Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count) {
   const Vector3& f = end.force_W_n;
   if (std::isinf(end.cone.friction) || !(f[2] > 0)) return 0;
-  const Real size = std::sqrt(f[0] * f[0] + f[1] * f[1]);
-  const Real x = size > 0 ? f[0] / size : 1, y = size > 0 ? f[1] / size : 0;
-  Real sum = params.uncertain * f[2];
-  for (std::size_t i = 0; i < static_cast<std::size_t>(mass_count); ++i) {
-    const Vector3& per_unit = end.forces.force_per_unit[i];
-    sum += end.cone.error[i] * std::fabs(x * per_unit[0] + y * per_unit[1] - end.cone.friction * per_unit[2]);
-  }
-  return sum / f[2];
+  return params.uncertain + errors_n(end.cone, end.forces, mass_count, end.command.u) / f[2];
 }
 
 }  // namespace ballast::firmware

@@ -14,6 +14,9 @@ inline constexpr Wide kLikelySteps = 8;
 
 [[nodiscard]] MassMotion motion_of(const RobotState& state);
 
+// The masses where they are: behind their commands.
+[[nodiscard]] MassMotion lagging(const GovernorParams& params, const RobotState& state);
+
 // Accelerations at the end of a ramp of length h_s from state.mass_acceleration with which each mass keeps its limits:
 // |u| <= max_acceleration; the velocity within max_velocity; and from the ends of its rail it stays so far that half of
 // max_acceleration stops it. A mass past a limit is brought back. `spare_speed`: part of max_velocity that is kept
@@ -27,6 +30,10 @@ inline constexpr Wide kLikelySteps = 8;
 
 // The backup's wish: brake.
 [[nodiscard]] PerMass<Real> braking(const GovernorParams& params, const RobotState& state, int mass_count);
+
+// The masses after h_s, to first order, where they follow the nominal, or where they brake and are bent by `bend`.
+void move_masses(int mass_count, Real h_s, RobotState& state);
+void brake_masses(const GovernorParams& params, int mass_count, Real h_s, const PerMass<Real>& bend, RobotState& state);
 
 // All masses are so slow that the brake ends.
 [[nodiscard]] bool still(const GovernorParams& params, const RobotState& state, int mass_count);
@@ -75,17 +82,17 @@ inline int cost_of(const GovernedRamp& ramp) {
 void governed_for_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
                        const AffineForces& at_start, const Ramp& ramp, const PerMass<Real>& wish, GovernedRamp& out);
 
-// The part of N that motors and errors may add to f_s - kappa N along the friction.
+// The part of N that motors and errors may add to f_s - kappa N.
 [[nodiscard]] Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count);
 
 // The accelerations with which a motion begins out of the hold: any jump is followed, if the cone keeps it.
 [[nodiscard]] Projection governed_beginning(const BallParams& ball, const GovernorParams& params,
                                             const RobotState& state, const PerMass<Real>& wish);
 
-[[nodiscard]] AffineForces forces_at(const BallParams& ball, const RobotState& state);
+[[nodiscard]] AffineForces forces_at(const BallParams& ball, const GovernorParams& params, const RobotState& state);
 
 // The state after a control tick in which the accelerations go linearly from `start` to `end`.
-[[nodiscard]] RobotState after_ramp(const BallParams& ball, const RobotState& state, const PerMass<Real>& start,
-                                    const PerMass<Real>& end, Real h_s);
+[[nodiscard]] RobotState after_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                                    const PerMass<Real>& start, const PerMass<Real>& end, Real h_s);
 
 }  // namespace ballast::firmware

@@ -18,6 +18,10 @@ constexpr Real kFarthest = 8;
 // Beyond so many rounds every third one halves the bracket, whatever the forces look like.
 constexpr int kUsualSteps = 12;
 
+// Part of the bound of all errors that is kept free across the friction: the errors of several masses, each the sum of
+// three of different frequencies, are not all greatest at once. Along it, where they are first order, it is all.
+constexpr Real kWorstPhases = Real(0.9);
+
 struct Plane {
   Real x, y;
 };
@@ -223,6 +227,98 @@ Real outside_n(const Cone& cone, const AffineForces& forces, int mass_count, con
   const Real slips_n =
       size_n - cone.friction * force[2] + slack_along(cone, forces, static_cast<std::size_t>(mass_count), e);
   return lifted_n > slips_n ? lifted_n : slips_n;
+}
+
+namespace {
+
+// What one mass's error adds to the friction, and to kappa N.
+struct Addition {
+  Plane friction_n{0, 0};
+  Real pressed_n = 0;
+};
+
+Addition addition_of(const Cone& cone, const AffineForces& forces, std::size_t i) {
+  const Vector3& per_unit = forces.force_per_unit[i];
+  const Real error = cone.error[i];
+  return {{error * per_unit[0], error * per_unit[1]}, error * cone.friction * per_unit[2]};
+}
+
+bool has_errors(const Cone& cone, std::size_t n) {
+  bool any = false;
+  for (std::size_t i = 0; i < n; ++i) any |= cone.error[i] > 0;
+  return any;
+}
+
+// Adds all errors but that of `skipped`, each with the sign that adds along e.
+Addition sum_along(const Cone& cone, const AffineForces& forces, std::size_t n, std::size_t skipped, const Plane& e) {
+  Addition sum;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (i == skipped || !(cone.error[i] > 0)) continue;
+    const Addition one = addition_of(cone, forces, i);
+    const Real sign = e.x * one.friction_n.x + e.y * one.friction_n.y >= one.pressed_n ? Real(1) : Real(-1);
+    sum.friction_n.x += sign * one.friction_n.x;
+    sum.friction_n.y += sign * one.friction_n.y;
+    sum.pressed_n += sign * one.pressed_n;
+  }
+  return sum;
+}
+
+// f_s - kappa N less kappa times the N without the addition.
+Real used_n(const Vector3& force, const Addition& added, Real sign, const Addition& last) {
+  const Real x = force[0] + added.friction_n.x + sign * last.friction_n.x;
+  const Real y = force[1] + added.friction_n.y + sign * last.friction_n.y;
+  return std::sqrt(x * x + y * y) - added.pressed_n - sign * last.pressed_n;
+}
+
+}  // namespace
+
+// f_s - kappa N is a convex function of the errors, so it is greatest where each of them is at one of its bounds: with
+// the sign that adds along some direction e. These signs change with e only where an error adds nothing. All of them
+// are therefore found next to those directions, of which there are two per mass.
+Real errors_n(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u) {
+  const auto n = static_cast<std::size_t>(mass_count);
+  if (std::isinf(cone.friction) || !has_errors(cone, n)) return 0;
+  const Vector3 force = forces.force(mass_count, u);
+  const Real size_n = friction_n(force);
+  const Plane own = size_n > 0 ? Plane{force[0] / size_n, force[1] / size_n} : Plane{1, 0};
+  Real most_n = used_n(force, sum_along(cone, forces, n, n, own), 0, {});
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!(cone.error[i] > 0)) continue;
+    const Addition one = addition_of(cone, forces, i);
+    const Plane& a = one.friction_n;
+    const Real square = a.x * a.x + a.y * a.y, left = square - one.pressed_n * one.pressed_n;
+    if (!(left > 0)) continue;  // the sign is the same for all e
+    const Real part = one.pressed_n / square, across = std::sqrt(left) / square;
+    for (const Real side : {across, -across}) {
+      const Plane e{part * a.x - side * a.y, part * a.y + side * a.x};
+      const Addition others = sum_along(cone, forces, n, i, e);
+      most_n = std::fmax(most_n, used_n(force, others, 1, one));
+      most_n = std::fmax(most_n, used_n(force, others, -1, one));
+    }
+  }
+  const Real along_n = slack_along(cone, forces, n, own) - cone.slack_n;
+  return std::fmax(along_n, kWorstPhases * (most_n - size_n));
+}
+
+Real most_outside_n(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u) {
+  const Vector3 force = forces.force(mass_count, u);
+  const Real lifted_n = cone.min_normal_force_n - force[2];
+  if (std::isinf(cone.friction)) return lifted_n;
+  const Real slips_n =
+      friction_n(force) - cone.friction * force[2] + cone.slack_n + errors_n(cone, forces, mass_count, u);
+  return lifted_n > slips_n ? lifted_n : slips_n;
+}
+
+Cone with_turning(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u) {
+  const auto n = static_cast<std::size_t>(mass_count);
+  if (std::isinf(cone.friction) || !has_errors(cone, n)) return cone;
+  const Vector3 force = forces.force(mass_count, u);
+  const Real size_n = friction_n(force);
+  const Plane own = size_n > 0 ? Plane{force[0] / size_n, force[1] / size_n} : Plane{1, 0};
+  const Real more_n = errors_n(cone, forces, mass_count, u) - (slack_along(cone, forces, n, own) - cone.slack_n);
+  Cone out = cone;
+  if (more_n > 0) out.slack_n += more_n;
+  return out;
 }
 
 namespace {

@@ -53,14 +53,19 @@ Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const Go
     return out;
   }
   const int attempt = state.attempts % (kStretches + 1);
-  const std::int64_t stretch = stretch_of(params, 2 * attempt, state.nominal_end_tick - tick);
-  if (state.changing && state.change_tick != 0 && state.mode == GovernorMode::kNominal) {
+  std::int64_t stretch = stretch_of(params, 2 * attempt, state.nominal_end_tick - tick);
+  const bool nominal = state.mode == GovernorMode::kNominal;
+  // A candidate that waits for its tick is followed by a whole search, during which its nominal has to go on.
+  const bool waits =
+      !nominal || state.changing || state.certificate.switch_tick < tick + ticks_of_search(params, stretch);
+  if (waits) stretch += params.search_ticks + 1;
+  if (nominal && state.changing && state.change_tick != 0) {
     out.until = out.from = state.change_tick;
     out.to = state.change_tick + stretch;
     return out;
   }
   const std::int64_t ready = tick + ticks_of_search(params, stretch);
-  if (state.mode == GovernorMode::kNominal) {
+  if (nominal) {
     // Up to the switch of the certificate in force the nominal runs anyway. A candidate that is ready before continues
     // it; one that is not finds the backup running.
     const std::int64_t leaves = state.certificate.switch_tick;
@@ -206,11 +211,18 @@ void detail::command(const BallParams& ball, const GovernorParams& params, const
   // The wish, and what the certified plan bends it by.
   const Wide end_s = static_cast<Wide>(tick + 1 - state.bends.start_tick()) * params.control_period_s;
   const PerMass<Real> bend = state.bends.at(end_s, params.control_period_s);
-  PerMass<Real> wish = backup ? braking(params, now, ball.mass_count) : nominal.wish;
+  PerMass<Real> wish = nominal.wish;
+  if (backup) {
+    // The wish of a tick's end is that of the state there, as in the rollout.
+    RobotState ahead = now;
+    ahead.mass_acceleration = ramp.start;
+    brake_masses(params, ball.mass_count, ramp.h_s, bend, ahead);
+    wish = braking(params, ahead, ball.mass_count);
+  }
   for (std::size_t i = 0; i < wish.size(); ++i)
     wish[i] = bend[i] == 0 && !backup ? nominal.reached[i] : wish[i] + bend[i];
   GovernedRamp end;
-  governed_for_ramp(ball, params, now, forces_at(ball, now), ramp, clipped(ramp.end, wish), end);
+  governed_for_ramp(ball, params, now, forces_at(ball, params, now), ramp, clipped(ramp.end, wish), end);
   out.acceleration = end.command.u;
   out.end = end.state;
   out.cost = cost_of(end);

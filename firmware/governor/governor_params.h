@@ -26,6 +26,10 @@ struct MassLimits {
   Real upper_end = 0;
   MotorSwing swing;
   Real max_jerk = std::numeric_limits<Real>::infinity();  // > 0, of commands that are not the nominal's own
+  // A moving mass is behind its command by this times its velocity.
+  Real lag_s = 0;
+  // Of all commands but a motion's own jumps: >= max_jerk.
+  Real motor_jerk = std::numeric_limits<Real>::infinity();
 };
 
 // The controller's parameters for the governor. Everything else follows from the robot: governor_params().

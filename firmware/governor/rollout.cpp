@@ -16,6 +16,9 @@ constexpr Real kBendTolerance = Real(5e-4);
 // Part of max_velocity that bends keep free.
 constexpr Real kSpareSpeed = Real(0.02);
 
+// A motion's jump takes the wish along by a little more: ahead() leaves it out.
+constexpr Real kUnbentJump = Real(1.1);
+
 }  // namespace
 
 void Rollout::begin(const GovernorParams& params, const RobotState& state, std::int64_t tick,
@@ -69,12 +72,11 @@ RobotState Rollout::ahead(const BallParams& ball, const GovernorParams& params, 
   const Vector3 omega_dot = forces_.omega_dot(ball.mass_count, state_.mass_acceleration);
   change.add(turning_rate(state_.orientation, state_.angular_velocity_B_radps, omega_dot, ball.radius_m), h_s);
   apply(change, to);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-    const Real u = state_.mass_acceleration[i];
-    to.mass_position[i] += h_s * (state_.mass_velocity[i] + h_s * u / 2);
-    // A mass that brakes with the time constant brake_time_s from the middle of the ramp on.
-    to.mass_velocity[i] = nominal_now_ ? to.mass_velocity[i] + h_s * u
-                                       : (to.mass_velocity[i] + h_s / 2 * u) / (1 + h_s / (2 * params.brake_time_s));
+  if (nominal_now_) {
+    move_masses(ball.mass_count, h_s, to);
+  } else {
+    // Bends last: a mass that is bent as much as it brakes keeps its speed.
+    brake_masses(params, ball.mass_count, h_s, guided(time_s_ + Wide{h_s}) ? planned_ : bent_, to);
   }
   return to;
 }
@@ -90,46 +92,61 @@ void Rollout::bend(const BallParams& ball, const PerMass<Real>& wish) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
     off[i] = state_.mass_acceleration[i] - wish[i];
   }
+  bent_ = off;
   keep(off);
 }
 
+// The mass is not bent at the start of the step.
+bool Rollout::follows_wish(const GovernorParams& params, std::size_t i) const {
+  return std::fabs(state_.mass_acceleration[i] - last_wish_.u[i]) <= Real(1e-9) * params.mass[i].max_acceleration;
+}
+
 // The wish has become another one, or a rollout begins.
-void Rollout::begin_wish(const BallParams& ball, const Wish& wish) {
-  if (!begun_) forces_ = forces_at(ball, state_);
+void Rollout::begin_wish(const BallParams& ball, const GovernorParams& params, const Wish& wish) {
+  if (!begun_) forces_ = forces_at(ball, params, state_);
   begun_ = wished_ = true;
   last_wish_ = wish;
   bend(ball, wish.u);
+  // What the new wish differs by is no bend that lasts.
+  bent_ = {};
 }
 
-void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, const Bends& in_force,
-                          Real h_s) {
+bool Rollout::guided(Wide time_s) const {
+  return !(schedule_.from < schedule_.to) ||
+         time_s < (static_cast<Wide>(schedule_.from - start_tick_) + Wide(0.25)) * period_s_;
+}
+
+PerMass<Real> Rollout::guide(const Bends& in_force, Wide time_s) const {
+  if (!guided(time_s)) return {};
+  return in_force.at(time_s + static_cast<Wide>(start_tick_ - in_force.start_tick()) * period_s_, period_s_);
+}
+
+void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, Real h_s) {
   if (end_ != RolloutEnd::kUnderWay) return;
   const Wide end_s = time_s_ + Wide{h_s};
-  const bool guided = !(schedule_.from < schedule_.to) ||
-                      end_s < (static_cast<Wide>(schedule_.from - start_tick_) + Wide(0.25)) * period_s_;
-  PerMass<Real> guide{};
-  if (guided) {
-    guide = in_force.at(end_s + static_cast<Wide>(start_tick_ - in_force.start_tick()) * period_s_, period_s_);
-  }
+  const bool follows_plan = guided(end_s);
   Ramp ramp;
   ramp.start = state_.mass_acceleration;
   ramp.h_s = h_s;
   ramp.swing = ramp.quick = true;
-  ramp.spare = guided ? params.moving_reserve / 2 : params.moving_reserve;
+  ramp.spare = follows_plan ? params.moving_reserve / 2 : params.moving_reserve;
   // Bends change as fast as max_jerk allows, and the nominal's own changes are followed.
   PerMass<Real> change{}, wanted = wish.u;
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
-    const bool jumps = nominal_now_ && (params.jumps || swings(params, i));
-    const Real own = jumps ? std::fabs(wish.own[i] - last_wish_.own[i]) : 0;
-    change[i] = params.mass[i].max_jerk * h_s + own;
-    wanted[i] += guide[i];
+    const bool follows = nominal_now_ && (params.jumps || swings(params, i));
+    const Real own = follows ? std::fabs(wish.own[i] - last_wish_.own[i]) : 0;
+    // The motor follows no more than its jerk, or the motion's own jump where that is more (track()).
+    const Real jump = params.jumps ? own : 0;
+    Real most = std::fmax(params.mass[i].motor_jerk * h_s, jump);
+    if (follows_wish(params, i) && planned_[i] == 0) most = std::fmax(most, kUnbentJump * jump);
+    change[i] = std::fmin(params.mass[i].max_jerk * h_s + own, most);
+    wanted[i] += planned_[i];
   }
   // A bend leaves some speed free, so that the robot can repeat it.
   const Box all = box_of(params, state_, ball.mass_count, h_s, 0);
   Box box = box_of(params, state_, ball.mass_count, h_s, kSpareSpeed);
   for (std::size_t i = 0; i < wanted.size(); ++i) {
-    const Real off = std::fabs(ramp.start[i] - last_wish_.u[i]);
-    if (!guided && off > Real(1e-9) * params.mass[i].max_acceleration) continue;
+    if (!follows_plan && !follows_wish(params, i)) continue;
     box.upper[i] = std::fmax(box.upper[i], std::fmin(wanted[i], all.upper[i]));
     box.lower[i] = std::fmin(box.lower[i], std::fmax(wanted[i], all.lower[i]));
   }
@@ -179,7 +196,18 @@ void Rollout::judge_wish(const BallParams& ball, const GovernorParams& params, c
   }
 }
 
+// The masses creep on for the linear end of the brake. However slow that is, each microstep is a jump of their fields.
+Real Rollout::settling_use(const BallParams& ball, const GovernorParams& params) const {
+  if (std::isinf(params.friction)) return 0;
+  const Cone cone = cone_of(params, forces_, state_, ball.mass_count);
+  const Real normal_n = forces_.force(ball.mass_count, state_.mass_acceleration)[2];
+  if (!(normal_n > 0)) return 0;
+  return errors_n(cone, forces_, ball.mass_count, state_.mass_acceleration) / (params.friction * normal_n);
+}
+
 void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
+  settling_use_ = settling_use(ball, params);
+  settled_s_ = time_s_ + Wide{params.brake_time_s};
   // The linear end of the brake takes brake_time_s and moves a mass by half of that times its velocity.
   for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
     state_.mass_position[i] += state_.mass_velocity[i] * params.brake_time_s / 2;
@@ -194,7 +222,7 @@ void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
   if (!bound.known) return;
   const Real most =
       greatest_use(ball, held_ball_.mass_kg, bound.acceleration_mps2, params.friction, params.min_normal_force_n);
-  if (!(most <= 1 - params.reserve)) return;
+  if (!(most <= 1 - params.reserve) || !(most + settling_use_ <= 1)) return;
   if (!(most <= most_use_)) most_use_ = most;
   end_ = RolloutEnd::kForEver;
 }
@@ -206,6 +234,10 @@ void Rollout::step_held_ball(const BallParams& ball, const GovernorParams& param
   const Real now =
       std::isinf(params.friction) ? 0 : use_of(params.friction, forces.static_friction_n, forces.normal_force_n);
   use(params, now, forces.normal_force_n);
+  if (time_s_ < settled_s_ && !(now + settling_use_ <= 1)) {
+    end_ = RolloutEnd::kBroken;
+    breach_ = {now + settling_use_, forces.normal_force_n};
+  }
   if (!(forces.normal_force_n >= params.min_normal_force_n)) {
     end_ = RolloutEnd::kBroken;
     breach_ = {now, forces.normal_force_n};

@@ -104,21 +104,26 @@ class Rollout {
                    const Bends& in_force) {
     const Real h = next_step_s(params);
     if (end_ != RolloutEnd::kUnderWay) return;
-    if (!wished_) begin_wish(ball, wish(ball, params, nominal, time_s_, state_));
-    finish_step(ball, params, wish(ball, params, nominal, time_s_ + Wide{h}, ahead(ball, params, h)), in_force, h);
+    if (!wished_) begin_wish(ball, params, wish(ball, params, nominal, time_s_, state_));
+    planned_ = guide(in_force, time_s_ + Wide{h});
+    finish_step(ball, params, wish(ball, params, nominal, time_s_ + Wide{h}, ahead(ball, params, h)), h);
   }
 
   Real next_step_s(const GovernorParams& params);
-  void begin_wish(const BallParams& ball, const Wish& wish);
+  void begin_wish(const BallParams& ball, const GovernorParams& params, const Wish& wish);
+  // The schedule follows the certificate in force at a time after the start.
+  [[nodiscard]] bool guided(Wide time_s) const;
+  [[nodiscard]] PerMass<Real> guide(const Bends& in_force, Wide time_s) const;
   // The state after h, to first order.
   [[nodiscard]] RobotState ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const;
-  void finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, const Bends& in_force,
-                   Real h_s);
+  [[nodiscard]] bool follows_wish(const GovernorParams& params, std::size_t i) const;
+  void finish_step(const BallParams& ball, const GovernorParams& params, const Wish& wish, Real h_s);
   void keep(const PerMass<Real>& bend);
   void bend(const BallParams& ball, const PerMass<Real>& wish);
   void judge(const GovernorParams& params, const GovernedRamp& end);
   void judge_wish(const BallParams& ball, const GovernorParams& params, const GovernedRamp& end,
                   const PerMass<Real>& wish);
+  [[nodiscard]] Real settling_use(const BallParams& ball, const GovernorParams& params) const;
   void begin_hold(const BallParams& ball, const GovernorParams& params);
   void step_held_ball(const BallParams& ball, const GovernorParams& params);
   void use(const GovernorParams& params, Real use, Real normal_force_n);
@@ -132,13 +137,18 @@ class Rollout {
   bool begun_ = false;   // forces_ are those of state_
   bool wished_ = false;  // last_wish_ is that of state_, by the same wish
   Wish last_wish_;
-  AffineForces forces_;  // at state_, of a moving ball
+  PerMass<Real> bent_{};     // at state_, as far as it is likely to last
+  PerMass<Real> planned_{};  // at the end of the step by the certificate in force
+  AffineForces forces_;      // at state_, of a moving ball
   Bends bends_;
   bool held_ = false;
   bool near_edge_ = false;
   Wide bends_from_s_ = 0;
   int cost_ = 1;  // of the last step of a moving ball, in those that are not bent
   HeldBall held_ball_;
+  // Part of the friction that the motors may add until the slowest masses have come to rest.
+  Real settling_use_ = 0;
+  Wide settled_s_ = 0;
   Real most_use_ = 0;
   Breach breach_;
   Real use_before_ = 0, use_at_ = 0;  // f_s / (friction N) at the last two steps of a held ball

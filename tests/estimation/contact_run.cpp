@@ -6,13 +6,16 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <limits>
 #include <memory>
 #include <numbers>
 #include <random>
 
 #include "firmware/estimation/attitude_filter.h"
+#include "sim/scenario/fingerprint.h"
 #include "tests/estimation/recorded_run.h"
 #include "tools/faults/injection.h"
+#include "tools/identify/excite.h"
 #include "tools/program/params.h"
 #include "tools/sil/host_firmware.h"
 #include "tools/sil/local_peers.h"
@@ -102,15 +105,28 @@ class Recorder final : public sil::LapSink {
 
 }  // namespace
 
-ContactRun record_contact(const std::string& name, const std::vector<std::string>& overrides,
-                          const std::vector<std::string>& faults) {
-  ContactRun run;
+namespace {
+
+sim::Scenario read_contact(const std::string& name, const std::vector<std::string>& overrides,
+                           const std::vector<std::string>& faults) {
   const auto read = sim::read_scenario(std::string(BALLAST_SCENARIO_DIR) + "/" + name + ".toml", overrides, faults);
   for (const auto& error : read.errors) ADD_FAILURE() << to_string(error);
-  const sim::Scenario& scenario = read.scenario;
+  return read.scenario;
+}
+
+}  // namespace
+
+ContactRun record_contact(const std::string& name, const std::vector<std::string>& overrides,
+                          const std::vector<std::string>& faults) {
+  return record_contact(read_contact(name, overrides, faults));
+}
+
+ContactRun record_contact(const sim::Scenario& scenario) {
+  ContactRun run;
   const auto params = std::make_unique<firmware::ControllerParams>();
   if (const auto refused = program::to_controller_params(scenario, *params)) ADD_FAILURE() << *refused;
-  params->estimation.measures_contact = false;  // a flag would end the run
+  // A flag would end the run. The filter needs the measurement, so that a run with an estimated attitude ends by it.
+  if (!params->estimation.estimated) params->estimation.measures_contact = false;
   run.ball = params->ball;
   run.params = estimation_params(scenario, scenario.sensors);
   const std::vector<double>& resolution = scenario.sensors.encoder_resolution;
@@ -245,12 +261,44 @@ SlideCount count_slides(const ContactRun& run) {
   return count;
 }
 
-ContactRun random_desk_ball(std::uint64_t seed, bool falls) {
+namespace {
+
+// The robot as it was built: masses and inertias, the place of the shell's centre of mass, the floor's resistance.
+sim::Scenario built(sim::Scenario scenario, const BeliefErrors& errors, std::mt19937_64& random) {
+  std::uniform_real_distribution<double> within(-1, 1), part;
+  if (!scenario.believed) scenario.believed = static_cast<const sim::World&>(scenario);
+  scenario.belief_is_written = true;
+  scenario.ball.mass_kg *= 1 + errors.mass * within(random);
+  for (sim::Mass& mass : scenario.masses) mass.mass_kg *= 1 + errors.mass * within(random);
+  for (int j = 0; j < 3; ++j) {
+    scenario.ball.inertia_kgm2[j] *= 1 + errors.mass * within(random);
+    scenario.ball.center_of_mass_B_m[j] += errors.center_of_mass * scenario.ball.radius_m * within(random);
+  }
+  scenario.surface.rolling_resistance += errors.rolling_resistance * part(random);
+  scenario.id = sim::fingerprint(scenario);
+  return scenario;
+}
+
+// A motion as `ballast identify --excite` proposes it.
+void excite(std::uint64_t seed, double most_s, sim::Scenario& scenario) {
+  identify::Known known;
+  if (const std::string why = identify::know(scenario, known); !why.empty()) ADD_FAILURE() << why;
+  const identify::Parameters parameters(known, known.scale_mass_kg);
+  identify::ExciteOptions options;
+  options.candidates = 1;
+  options.seed = seed;
+  const auto found = identify::excitations(scenario, known, parameters, options);
+  ASSERT_FALSE(found.empty()) << "seed " << seed;
+  scenario.duration_s = std::min(found[0].duration_s, most_s);
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) scenario.masses[i].motion = found[0].motion[i];
+}
+
+}  // namespace
+
+ContactRun random_desk_ball(std::uint64_t seed, const DeskBall& kind) {
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> part;
-  std::vector<std::string> set{"sensors.preset=bmi088_calibrated", "sensors.attitude=sensed", "run.hold=5",
-                               "run.on_violation=continue"},
-      faults;
+  std::vector<std::string> set{"sensors.preset=bmi088_calibrated", "run.hold=5", "run.on_violation=continue"}, faults;
   set.push_back("seed=" + std::to_string(seed));
   const double friction = 0.001 * std::pow(12, part(random)), at_s = 0.3 + 8 * part(random);
   const double peak = 0.8 * (0.6 + 0.6 * part(random));
@@ -260,11 +308,20 @@ ContactRun random_desk_ball(std::uint64_t seed, bool falls) {
       set.push_back(fmt::format("mass.{}.motion.{}.acceleration=[{:.6f},{:.6f}]", mass, k, motion[k][0], motion[k][1]));
     }
   }
-  if (falls) {
+  // A flag ends a run whose attitude is estimated, and a slide must go on.
+  if (!kind.tracked || kind.falls) set.emplace_back("sensors.attitude=sensed");
+  const double most_s = kind.falls ? at_s + 4 : std::numeric_limits<double>::infinity();
+  if (kind.falls) {
     faults.push_back(fmt::format("friction_falls@{:.6f}:value={:.6f}", at_s, friction));
-    set.push_back(fmt::format("duration={:.3f}", std::min(10.0, at_s + 4)));
+    set.push_back(fmt::format("duration={:.3f}", std::min(10.0, most_s)));
   }
-  return record_contact("desk_ball", set, faults);
+  sim::Scenario scenario = read_contact("desk_ball", set, faults);
+  if (kind.excited) excite(seed, most_s, scenario);
+  if (kind.tracked) {
+    scenario.plan.present = scenario.control.tracking = scenario.control.governor = true;
+    scenario.plan.start = scenario.initial;
+  }
+  return record_contact(kind.errors.none() ? scenario : built(scenario, kind.errors, random));
 }
 
 }  // namespace ballast::test

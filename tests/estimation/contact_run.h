@@ -33,6 +33,7 @@ struct ContactRun {
 // Runs the scenario sim/scenarios/NAME.toml in this process, as `ballast run --set .. --fault ..` does.
 ContactRun record_contact(const std::string& name, const std::vector<std::string>& overrides,
                           const std::vector<std::string>& faults = {});
+ContactRun record_contact(const sim::Scenario& scenario);
 
 // The robot's measurements of a tick.
 struct MeasuredTick {
@@ -68,9 +69,24 @@ struct SlideCount {
 };
 SlideCount count_slides(const ContactRun& run);
 
+// By how much the robot that runs may be off the believed one, uniform within these.
+struct BeliefErrors {
+  double mass = 0;                // of each mass and moment of inertia, the shell's included: parts of it
+  double center_of_mass = 0;      // of the shell, each axis, in parts of the radius
+  double rolling_resistance = 0;  // from 0 up; the floor is believed not to resist
+  [[nodiscard]] bool none() const { return mass == 0 && center_of_mass == 0 && rolling_resistance == 0; }
+};
+
+// A kind of runs.
+struct DeskBall {
+  bool falls = false;    // the friction falls at a random time to 0.001 to 0.012; the run ends within 4 s of that
+  bool excited = false;  // the motion is one that `ballast identify --excite` tries
+  bool tracked = false;  // feedback follows the motion, and the governor bends it
+  BeliefErrors errors = {};
+};
+
 // desk_ball with its motion's accelerations between 0.6 and 1.2 of the scenario's, drawn from the seed, and calibrated
-// BMI088. With `falls` the floor's friction falls at a random time to a value between 0.001 and 0.012, and the run ends
-// within 4 s of that.
-ContactRun random_desk_ball(std::uint64_t seed, bool falls);
+// BMI088. A tracked run that does not fall has an estimated attitude, and ends where the controller flags a slip.
+ContactRun random_desk_ball(std::uint64_t seed, const DeskBall& kind);
 
 }  // namespace ballast::test

@@ -6,89 +6,18 @@
 #include <limits>
 #include <vector>
 
+#include "tests/firmware/course_numbers.h"
 #include "tests/firmware/governed_ball.h"
 
 namespace ballast::firmware {
 namespace {
 
+using testing::course_forth;
+using testing::CourseNumbers;
 using testing::GovernedBall;
-
-constexpr int kMasses = 3;
-
-// A robot that hangs at rest below its centre, armed.
-ControllerParams hanging_params() {
-  ControllerParams params = testing::paper_params();
-  params.governor.on = true;
-  params.governor.friction = 0.5;
-  params.ball.center_of_mass_B_m = Vector3(0, 0, Real(-0.05));
-  for (std::size_t i = 0; i < kMasses; ++i) {
-    params.motor[i].max_step_rate_hz = 1.1 * 0.15 * params.motor[i].steps_per_unit;
-    params.motor[i].max_acceleration = 1.02;
-    params.motor[i].max_jerk = 10;
-    params.ball.rail[i] =
-        circle(Vector3(0, 0, 0), Real(0.5), Vector3(0, 0, -1), Vector3(i == 2 ? 0 : 1, i == 2 ? 1 : 0, 0));
-    EXPECT_TRUE(params.motion[i].set(0, 0, nullptr, 0));
-  }
-  return params;
-}
-
-// A course as its numbers.
-struct Numbers {
-  std::int64_t number = 5;
-  std::int64_t from_tick = 0;
-  Wide period_s = 1, holds = 1;
-  int rows = 2;
-  struct Mass {
-    Wide position = 0, velocity = 0;
-    std::vector<ProfilePiece> pieces;
-  };
-  std::vector<Mass> mass;
-
-  [[nodiscard]] std::vector<Wide> values() const {
-    std::vector<Wide> out{static_cast<Wide>(from_tick), static_cast<Wide>(mass.size()), static_cast<Wide>(rows),
-                          period_s, holds};
-    for (const Mass& m : mass) out.insert(out.end(), {static_cast<Wide>(m.pieces.size()), m.position, m.velocity});
-    for (const Mass& m : mass) {
-      for (const ProfilePiece& p : m.pieces) {
-        out.insert(out.end(), {p.duration_s, p.acceleration_start, p.acceleration_end});
-      }
-    }
-    // The ball upright at the origin, and no feedback.
-    for (int k = 0; k < rows; ++k) {
-      out.push_back(1);
-      out.insert(out.end(), static_cast<std::size_t>(reference_row(kMasses) - 1), 0);
-    }
-    return out;
-  }
-};
-
-std::vector<CoursePart> parts_of(std::int64_t number, const std::vector<Wide>& values) {
-  std::vector<CoursePart> parts;
-  for (std::size_t first = 0; first < values.size(); first += kCoursePart) {
-    CoursePart part;
-    part.course = number;
-    part.first = static_cast<std::int32_t>(first);
-    part.total = static_cast<std::int32_t>(values.size());
-    for (std::size_t k = first; k < values.size() && k < first + kCoursePart; ++k) {
-      part.value[static_cast<std::size_t>(part.count++)] = values[k];
-    }
-    parts.push_back(part);
-  }
-  return parts;
-}
-
-// Mass 0 goes by 0.01 rad (0.005 m) within 0.8 s, forth or back.
-std::vector<ProfilePiece> push(Wide sign) {
-  const Wide a = 0.0625 * sign;
-  return {{0.2, 0, a}, {0.2, a, 0}, {0.2, 0, -a}, {0.2, -a, 0}};
-}
-
-Numbers course_forth() {
-  Numbers course;
-  course.mass.resize(kMasses);
-  course.mass[0].pieces = push(1);
-  return course;
-}
+using testing::hanging_params;
+using testing::parts_of;
+using testing::push;
 
 void send(GovernedBall& robot, const std::vector<CoursePart>& parts) {
   for (const CoursePart& part : parts) robot.tick(part);
@@ -110,7 +39,7 @@ TEST(Course, BeginsOnceItIsCertified) {
   arm(robot);
   send(robot, parts_of(5, course_forth().values()));
   EXPECT_EQ(robot.out.status.course.coming, 5);
-  for (int k = 0; k <= kMasses; ++k) robot.tick();
+  for (int k = 0; k <= testing::kCourseMasses; ++k) robot.tick();
   EXPECT_EQ(robot.out.status.mode, Mode::kPending);
   await(robot);
   ASSERT_EQ(robot.out.status.mode, Mode::kRunning) << static_cast<int>(robot.out.status.refusal.reason);
@@ -133,7 +62,7 @@ TEST(Course, ReplacesAnother) {
   await(robot);
   const Wide there = robot.state().course.slot[0].motion[0].final_position();
   robot.run_until(robot.in.tick + 3000);
-  Numbers back = course_forth();
+  CourseNumbers back = course_forth();
   back.from_tick = robot.in.tick + 6000;
   back.mass[0].position = there;
   back.mass[0].pieces = push(-1);
@@ -157,7 +86,7 @@ TEST(Course, TakesThePlaceOfOneThatIsAwaited) {
   await(robot);
   const Wide there = robot.state().course.slot[0].motion[0].final_position();
   robot.run_until(robot.in.tick + 3000);
-  Numbers next = course_forth();
+  CourseNumbers next = course_forth();
   next.from_tick = robot.in.tick + 20000;
   next.mass[0].position = there;
   next.mass[0].pieces = push(-1);
@@ -179,9 +108,9 @@ struct Spoilt {
 
 // Every value that no course can have is refused, and its place said.
 TEST(Course, RefusesValuesThatAreNone) {
-  const Numbers good = course_forth();
+  const CourseNumbers good = course_forth();
   constexpr Wide kNan = std::numeric_limits<Wide>::quiet_NaN();
-  const int pieces_at = kCourseHead + kMasses * kCourseMassHead, reference_at = pieces_at + 12;
+  const int pieces_at = kCourseHead + testing::kCourseMasses * kCourseMassHead, reference_at = pieces_at + 12;
   const auto set = [](int place, Wide value) {
     return [place, value](std::vector<Wide>& values) { values[static_cast<std::size_t>(place)] = value; };
   };
@@ -259,7 +188,7 @@ TEST(Course, RefusesPartsThatDoNotFit) {
 
 struct Unfit {
   const char* what;
-  std::function<void(Numbers&)> spoil;
+  std::function<void(CourseNumbers&)> spoil;
   Refusal reason;
 };
 
@@ -267,28 +196,28 @@ struct Unfit {
 TEST(Course, RefusesWhatTheRobotCannot) {
   const Unfit cases[] = {
       {"too fast",
-       [](Numbers& c) {
+       [](CourseNumbers& c) {
          c.mass[0].pieces = {{1, 0, 1}, {1, 1, 0}, {1, 0, -1}, {1, -1, 0}};
        },
        Refusal::kVelocity},
       {"too much acceleration",
-       [](Numbers& c) {
-         c.mass[0].pieces = {{0.5, 0, 2}, {0.5, 2, -2}, {0.5, -2, 0}};
+       [](CourseNumbers& c) {
+         c.mass[0].pieces = {{0.11, 0, 1.1}, {0.11, 1.1, 0}, {0.11, 0, -1.1}, {0.11, -1.1, 0}};
        },
        Refusal::kAcceleration},
       {"too much jerk",
-       [](Numbers& c) {
+       [](CourseNumbers& c) {
          c.mass[0].pieces = {{0.01, 0, 0.5}, {0.01, 0.5, -0.5}, {0.01, -0.5, 0}};
        },
        Refusal::kJerk},
-      {"from elsewhere", [](Numbers& c) { c.mass[1].position = 0.3; }, Refusal::kOffCourse},
-      {"from a mass that moves", [](Numbers& c) { c.mass[1].velocity = 0.1; }, Refusal::kOffCourse},
-      {"in the past", [](Numbers& c) { c.from_tick = 1; }, Refusal::kLate},
+      {"from elsewhere", [](CourseNumbers& c) { c.mass[1].position = 0.3; }, Refusal::kOffCourse},
+      {"from a mass that moves", [](CourseNumbers& c) { c.mass[1].velocity = 0.1; }, Refusal::kOffCourse},
+      {"in the past", [](CourseNumbers& c) { c.from_tick = 1; }, Refusal::kLate},
   };
   for (const Unfit& c : cases) {
     GovernedBall robot(hanging_params());
     arm(robot);
-    Numbers course = course_forth();
+    CourseNumbers course = course_forth();
     c.spoil(course);
     send(robot, parts_of(5, course.values()));
     await(robot);
@@ -298,7 +227,7 @@ TEST(Course, RefusesWhatTheRobotCannot) {
   }
   // The masses' rails end.
   ControllerParams short_rails = hanging_params();
-  for (std::size_t i = 0; i < kMasses; ++i) {
+  for (std::size_t i = 0; i < testing::kCourseMasses; ++i) {
     short_rails.ball.rail[i].lower_end = Real(-0.004);
     short_rails.ball.rail[i].upper_end = Real(0.004);
   }
@@ -309,15 +238,22 @@ TEST(Course, RefusesWhatTheRobotCannot) {
   EXPECT_EQ(robot.out.status.refusal.reason, Refusal::kRailEnd);
 }
 
-// On ice no stop can be certified for a motion of a ball that stands on its head.
+// On ice the paper's ball, which stands on its head, has no certified stop once a mass has moved. It is held before
+// tick 0.
 TEST(Course, RefusesWhatCannotBeCertified) {
-  ControllerParams params = hanging_params();
-  params.governor.friction = Real(1e-4);
-  GovernedBall robot(params);
+  ControllerParams params = testing::paper_params();
+  params.governor.on = true;
+  params.governor.friction = Real(0.005);
+  GovernedBall robot(params, -3000);
   arm(robot);
-  send(robot, parts_of(5, course_forth().values()));
+  CourseNumbers course = course_forth();
+  course.mass[0].pieces = push(10);
+  for (std::size_t i = 0; i < testing::kCourseMasses; ++i) course.mass[i].position = params.motion[i].at(0).position;
+  send(robot, parts_of(5, course.values()));
   await(robot);
+  ASSERT_LT(robot.in.tick, 0);
   EXPECT_EQ(robot.out.status.refusal.reason, Refusal::kNoBackup);
+  EXPECT_GT(robot.out.status.refusal.value, 1);  // of the friction that the certificate could use
   EXPECT_EQ(robot.out.status.mode, Mode::kArmed);
 }
 
@@ -341,7 +277,7 @@ TEST(Course, EndsWithAStopOrAFault) {
     GovernedBall robot(hanging_params());
     arm(robot);
     send(robot, parts);
-    for (int k = 0; k <= kMasses; ++k) robot.tick();
+    for (int k = 0; k <= testing::kCourseMasses; ++k) robot.tick();
     ASSERT_EQ(robot.out.status.mode, Mode::kPending);
     if (stop) {
       robot.tick(OperatorCommand::kStop);
@@ -366,7 +302,7 @@ TEST(Course, EndsWithAHalt) {
   send(robot, parts_of(5, course_forth().values()));
   await(robot);
   robot.run_until(robot.in.tick + 500);
-  Numbers next = course_forth();
+  CourseNumbers next = course_forth();
   next.from_tick = robot.in.tick + 20000;
   next.mass[0].position = robot.state().course.slot[0].motion[0].final_position();
   next.mass[0].pieces = push(-1);

@@ -1,6 +1,8 @@
 // Few runs of the searches of tools/docs/governor.md.
 #include <gtest/gtest.h>
 
+#include <vector>
+
 #include "tests/governor/judged_run.h"
 #include "tests/random_seed.h"
 
@@ -49,6 +51,41 @@ TEST(GovernorStudy, PlansHoldFromAnyInstant) {
     EXPECT_LE(found.for_ever.worst, 0.02) << "seed " << seed;
   }
   EXPECT_GT(forks, 10);
+}
+
+// Robots that left the cone, by what they did otherwise than their certificates. They are refused, or stay inside.
+void expect_kept(const std::vector<std::uint64_t>& seeds, bool steppers) {
+  for (const std::uint64_t seed : seeds) {
+    Draw draw;
+    draw.seed = seed;
+    draw.steppers = steppers;
+    const Judged judged = steppers ? run_plant(draw, true) : run_ideal(draw, true);
+    EXPECT_FALSE(judged.started && judged.broken) << "seed " << seed << ": " << judged.most_use;
+  }
+}
+
+// The tick's feedback was two ticks late, so bends of some time led away from the certified path.
+TEST(GovernorStudy, FollowsTheCertifiedPath) {
+  expect_kept({916, 2656}, false);
+  expect_kept({206}, true);
+}
+
+// The certificate's commands changed faster than the tick's may.
+TEST(GovernorStudy, CertifiesWhatTheTickCanDo) { expect_kept({323, 1143}, false); }
+
+// The motors' errors are across a small friction.
+TEST(GovernorStudy, KeepsFreeWhatTurnsTheFriction) { expect_kept({64, 257, 386}, true); }
+
+// Masses that creep to rest still ring at each microstep: the tick kept that free, the certificate did not.
+TEST(GovernorStudy, CertifiesTheEndOfTheBrake) { expect_kept({384}, true); }
+
+// A mass that is bent as much as it brakes keeps its speed: the rollout took it for slower, and the robot was faster.
+TEST(GovernorStudy, BrakesAsCertified) {
+  Draw draw;
+  draw.seed = 363;
+  const Instants found = fork_at_instants(draw, 5);
+  EXPECT_EQ(found.forks, 5);
+  EXPECT_EQ(found.broken, 0) << found.worst_use;
 }
 
 // A part that is left out changes no other.

@@ -95,7 +95,7 @@ TEST(Identify, TakesTheScaleFromTheTotalMass) {
 TEST(Identify, FindsARobotThatWasBuiltWithErrors) {
   const sim::Scenario nominal = excited(desk_ball());
   std::mt19937_64 random(4);
-  // A resistance that is not believed, and masses far off, are measured as slip now and then, which ends a run early.
+  // Masses far off are still measured as slip now and then, which ends a run early.
   const sim::Scenario robot = built(nominal, {.mass = 0.05, .inertia = 0.05, .rolling_resistance = 0}, random);
   const Recorded run = record(robot);
   const Parameters parameters(run.recording.known, run.recording.known.scale_mass_kg);

@@ -93,21 +93,23 @@ class Going {
 
   int run() {
     if (const auto status = meet()) return *status;
+    if (const auto status = leave_backup()) return *status;
     // The longer a plan takes, the later it begins while the ball rolls.
-    constexpr double kFirstPatience_s = 0.6;
+    constexpr double kFirstPatience_s = 0.35;
     for (double patience_s = kFirstPatience_s;; patience_s *= 2) {
-      const std::int64_t asked_tick = end_.status().tick;
-      const std::int64_t from_tick = asked_tick + ticks_in(patience_s) + handover_ticks();
+      const std::int64_t from_tick = end_.status().tick + ticks_in(patience_s) + handover_ticks();
       std::string why;
       const auto at = go::standpoint_at(run_.heard(end_.status()), from_tick, why);
       if (!at) return refuse("no course: " + why);
       go::GoOutcome outcome;
       if (const auto status = plan(at->at, outcome)) return *status;
       if (!outcome.plan) return refuse("no course to " + place_text(to()) + ": " + outcome.why);
-      const bool armed = end_.status().mode == controller_status_t::MODE_ARMED;
+      const bool last = seconds_since(begun_) >= command_.time_limit_s;
       const std::int64_t soonest = end_.status().tick + handover_ticks();
-      if (!at->rests && from_tick < soonest && seconds_since(begun_) < command_.time_limit_s) continue;
-      return hand_over(*outcome.plan, at->rests ? (armed ? 0 : soonest) : from_tick);
+      if (!at->rests && from_tick < soonest && !last) continue;
+      const bool armed = end_.status().mode == controller_status_t::MODE_ARMED;
+      const auto status = hand_over(*outcome.plan, at->rests ? (armed ? 0 : soonest) : from_tick, last);
+      if (status) return *status;
     }
   }
 
@@ -140,16 +142,30 @@ class Going {
     return std::nullopt;
   }
 
+  // A ball that the governor keeps on its backup is far from any motion: it is brought to rest first.
+  std::optional<int> leave_backup() {
+    if (end_.status().mode != controller_status_t::MODE_RUNNING || end_.status().backup_active == 0) {
+      return std::nullopt;
+    }
+    std::cout << "the governor has the ball on its backup: halts it first" << std::endl;
+    if (const auto status = tell(end_, firmware::OperatorCommand::kHalt, "halt")) return status;
+    const auto over = [](const controller_status_t& s) {
+      return s.mode != controller_status_t::MODE_HALTING && s.mode != controller_status_t::MODE_STOPPING;
+    };
+    if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
+    return std::nullopt;
+  }
+
   [[nodiscard]] std::int64_t ticks_in(double wall_s) const {
     return static_cast<std::int64_t>(std::ceil(wall_s * ticks_per_s_));
   }
-  // From the first part to the course's certificate. Each part is answered, within a millisecond or two ticks. A
-  // search begins anew with it, and likely takes search_ticks_.
+  // From the first part to the course's certificate. Each part is answered, within a millisecond or two or two ticks. A
+  // search begins anew with the course, and takes a third of search_ticks_ where nothing is bent.
   [[nodiscard]] std::int64_t handover_ticks() const {
-    const int rows = firmware::kMostReferenceFloats + firmware::kCourseHead;
-    const int parts = (rows + params_->ball.mass_count * 3 * 40) / firmware::kCoursePart + 1;
+    const int values = firmware::kMostReferenceFloats + params_->ball.mass_count * 3 * 40;
+    const int parts = values / firmware::kCoursePart + 1;
     constexpr double kPart_s = 1.5e-3;
-    return parts * 2 + ticks_in(parts * kPart_s) + 3 * std::int64_t{search_ticks_} / 2;
+    return std::max<std::int64_t>(2 * parts, ticks_in(parts * kPart_s)) + std::int64_t{search_ticks_} / 2;
   }
 
   // Plans in another thread, and listens to the bus meanwhile.
@@ -177,7 +193,8 @@ class Going {
     return std::nullopt;
   }
 
-  int hand_over(const go::GoPlan& plan, std::int64_t from_tick) {
+  // Nullopt: it came too late, and there is time for another one.
+  std::optional<int> hand_over(const go::GoPlan& plan, std::int64_t from_tick, bool last) {
     const double planned_s = seconds_since(begun_);
     const auto start = Clock::now();
     const std::int64_t number = hal::draw_bus_number();
@@ -188,6 +205,7 @@ class Going {
     const auto decided = [&](const controller_status_t& s) { return s.course == number || s.course_coming != number; };
     if (end_.follow(decided) != hal::Status::kOk) return bus_trouble(end_);
     if (end_.status().course != number) {
+      if (end_.status().refusal == controller_status_t::REFUSAL_LATE && !last) return std::nullopt;
       return refuse(sil::refused_text("course", sil::refusal_text(end_.status(), nullptr)));
     }
     std::cout << fmt::format(

@@ -25,8 +25,9 @@ double speed_mps(const sim::Scenario& scenario, const plan::ReferencePoint& at) 
 }
 
 bool masses_stand(const plan::ReferencePoint& at, std::size_t masses) {
+  constexpr double kRounding = 1e-9;  // of a motion's sums
   for (std::size_t i = 0; i < masses; ++i) {
-    if (at.state.velocity[i] != 0 || at.state.acceleration[i] != 0) return false;
+    if (std::fabs(at.state.velocity[i]) > kRounding || std::fabs(at.state.acceleration[i]) > kRounding) return false;
   }
   return true;
 }

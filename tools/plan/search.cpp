@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kPieces = 32, kQuickPieces = 20;
-constexpr int kMostStarts = 24;                         // until a plan is found
+constexpr int kMostStarts = 24, kQuickStarts = 4;                         // until a plan is found
 constexpr int kMoreStarts = 2, kCheapIterations = 150;  // after that, for a better one
 constexpr double kFirstCreep = 0.3;                     // sqrt(g / r): as fast as a ball that is driven
 constexpr double kQuickNeed = 0.5;                      // of the friction limit: a quick search looks for no less
@@ -242,7 +242,7 @@ class Search {
   // Best of several starts.
   void find(double duration_s) {
     int more = kMoreStarts;
-    for (int k = 0; k < kMostStarts && !stopped(); ++k) {
+    for (int k = 0; k < (takes_first() ? kQuickStarts : kMostStarts) && !stopped(); ++k) {
       if (best_) {
         const bool good = need_of(*best_) < 1.3 * least_need(duration_s);
         const bool enough = problem_.task.objective != Objective::kFriction || warm() || options_.quick;
@@ -379,7 +379,7 @@ class Search {
     if (resists(problem_)) approach_standstill(grid, fixed, knots, via_time_s);
     approach_path(grid, fixed, knots, via_time_s);
     SqpSettings s = settings();
-    s.most_iterations = 60;
+    s.most_iterations = takes_first() ? 30 : 60;
     const Merit merit = improve_on(problem_, grid, fixed, s, knots, via_time_s);
     if (merit.error() > 1e-2) return fail(grid, knots, merit);
     const bool held = refine(grid, fixed, knots, via_time_s);

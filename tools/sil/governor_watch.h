@@ -16,8 +16,8 @@ namespace ballast::sil {
 // Over the governed ticks of the running motion; a halt follows no motion.
 struct GovernorRecord {
   std::int64_t ticks = 0, bent_ticks = 0, backup_ticks = 0;
-  // Per mass, greatest distance of the commanded from the motion's position at the same time, rail units. Feedback
-  // along the motion is part of it.
+  // Per mass, greatest distance of the commanded from the scenario's motion at the same time, rail units. Feedback along
+  // the motion is part of it; operators' courses are not.
   std::vector<double> largest_bend;
   double motor_allowance = 0;  // greatest part of N kept free
   double least_margin = 1;     // of the certified backups
@@ -58,6 +58,7 @@ class GovernorWatch {
     record_.backup_ticks += status.backup_active != 0 ? 1 : 0;
     record_.motor_allowance = std::max(record_.motor_allowance, status.governor_allowance);
     record_.least_margin = std::min(record_.least_margin, status.backup_margin);
+    if (status.course != 0) return;  // its motion is not the scenario's
     const double time_s = static_cast<double>(status.tick - *first_tick_) * period_s_;
     for (std::size_t i = 0; i < motion_.size(); ++i) {
       const double planned = motion_[i].at(time_s).position + offset_[i] - drift_[i] * time_s;

@@ -103,6 +103,7 @@ class Run {
   std::optional<sim::Body> believed_;  // of the controller, where it is not the truth
   std::optional<BeliefWatch> belief_watch_;
   std::optional<TrackingWatch> tracking_watch_;
+  std::int64_t course_ = 0;  // that the controller follows
   std::optional<GovernorWatch> governor_watch_;
   std::optional<EstimateWatch> estimate_watch_;
   std::optional<sim::Sensors> sensors_;  // none: ideal ones
@@ -178,7 +179,9 @@ void Run::begin() {
   sample_ = plant_.sample();
   if (tick_ < 0 && scenario_.run.hold_s > 0) hold_still(sample_);
   if (result_.ticks > 0) result_.distance_m += (sample_.position_W_m - before_W_m).norm();
-  if (tracking_watch_ && tick_ >= 0) tracking_watch_->observe(sample_.time_s, sample_.position_W_m.head<2>());
+  // The plan's path ends where an operator's course begins.
+  if (tracking_watch_ && tick_ >= 0 && result_.courses == 0)
+    tracking_watch_->observe(sample_.time_s, sample_.position_W_m.head<2>());
   rest_.observe(sample_);
   const bool move_done = move_done_tick_ && tick_ >= *move_done_tick_;
   if (move_done) result_.move_end->steps_made = true;
@@ -289,6 +292,8 @@ bool Run::judge_answer() {
   }
   if (tracking_watch_ && status.motion_delay_s > 0) tracking_watch_->wait(status.motion_delay_s);
   if (governor_watch_ && status.tick == tick_) governor_watch_->observe(status);
+  if (status.course != 0 && status.course != course_) ++result_.courses;
+  course_ = status.course;
   plans_.observe(lap_.plant.contact, status);
   if (!ideal_masses_) observe_motor_share();
   if (status.operator_commands < operator_commands_) {

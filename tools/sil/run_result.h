@@ -113,6 +113,7 @@ struct RunResult {
   std::optional<PlanRecord> move, stop;         // the last of each
   std::optional<MoveEnd> move_end;              // of the move that was asked for
   bool operators_heard = false;                 // somebody beside the run itself
+  std::int64_t courses = 0;                     // that operators have handed over and the controller has followed
   std::int64_t last_tick = 0;                   // recorded
   std::int64_t log_bytes = 0;                   // length of the log
   std::int64_t missing_commands = 0;            // ticks for which no step command reached the motors

@@ -6,7 +6,9 @@
 #include <optional>
 #include <utility>
 
+#include "firmware/motion/jerk_limited.h"
 #include "hal/lcm/messages.h"
+#include "tools/go/course_parts.h"
 
 namespace ballast::soak {
 
@@ -49,6 +51,43 @@ OperatorInput random_move(const sim::Scenario& scenario, Random& random) {
   }
   move.speed_fraction = random.uniform(0.3, 1);
   return move;
+}
+
+// A course that begins on the scenario's motion at `from_tick` and stops the masses there, without feedback. Empty: a
+// mass cannot stop so.
+std::vector<firmware::CoursePart> braking_course(const sim::Scenario& scenario, std::int64_t from_tick) {
+  const double time_s = static_cast<double>(from_tick) * scenario.run.control_period_s;
+  go::HostCourse course;
+  course.number = 1;
+  course.from_tick = from_tick;
+  for (const sim::Mass& mass : scenario.masses) {
+    std::vector<firmware::ProfilePiece> motion;
+    for (const sim::MotionPiece& piece : mass.motion) {
+      motion.push_back({piece.duration_s, piece.acceleration_start, piece.acceleration_end});
+    }
+    firmware::Profile profile;
+    if (!profile.set(mass.initial_position, mass.initial_velocity, motion.data(), static_cast<int>(motion.size()))) {
+      return {};
+    }
+    const firmware::ProfilePoint at = profile.at(time_s);
+    const sim::Motor& motor = mass.motor;
+    const firmware::MotionLimits limits{motor.max_step_rate_hz / motor.microsteps_per_rail_unit(),
+                                        motor.max_acceleration, motor.max_jerk};
+    firmware::PlannedPieces stop;
+    if (!firmware::plan_stop(at.velocity, at.acceleration, limits, 0, stop)) return {};
+    go::HostCourse::Mass& out = course.mass.emplace_back();
+    out.position = at.position;
+    out.velocity = at.velocity;
+    for (int k = 0; k < stop.count; ++k) {
+      const firmware::ProfilePiece& piece = stop.piece[static_cast<std::size_t>(k)];
+      out.motion.push_back({piece.duration_s, piece.acceleration_start, piece.acceleration_end});
+    }
+  }
+  course.reference.samples = 2;
+  course.reference.period_s = 1;
+  const auto row = static_cast<std::size_t>(firmware::reference_row(static_cast<int>(course.mass.size())));
+  course.reference.values[0] = course.reference.values[row] = 1;  // no rotation, and no gains
+  return go::parts_of(course);
 }
 
 class OperatedPeers final : public sil::Peer {
@@ -115,6 +154,18 @@ class OperatedPeers final : public sil::Peer {
 
 }  // namespace
 
+namespace {
+
+// The first command of a tick stays.
+void put_in_order(OperatorScript& script) {
+  const auto earlier = [](const auto& a, const auto& b) { return a.tick < b.tick; };
+  const auto same = [](const auto& a, const auto& b) { return a.tick == b.tick; };
+  std::stable_sort(script.commands.begin(), script.commands.end(), earlier);
+  script.commands.erase(std::unique(script.commands.begin(), script.commands.end(), same), script.commands.end());
+}
+
+}  // namespace
+
 OperatorScript random_script(const sim::Scenario& scenario, Random& random) {
   OperatorScript script;
   const int ticks = std::max(2, static_cast<int>(scenario.duration_s / scenario.run.control_period_s));
@@ -123,7 +174,17 @@ OperatorScript random_script(const sim::Scenario& scenario, Random& random) {
   if (scenario.run.actuation == sim::Actuation::kIdeal && random.chance(0.5)) {
     give(random.integer(0, ticks - 1), OperatorCommand::kHalt);
   }
-  if (scenario.run.actuation != sim::Actuation::kStepper) return script;
+  // Some come too late to be certified, and some are incomplete: their last part is that of nothing.
+  if (scenario.run.actuation == sim::Actuation::kIdeal && !scenario.masses.empty() && random.chance(0.5)) {
+    const int first = random.integer(0, ticks - 1);
+    auto parts = braking_course(scenario, first + random.integer(1, std::max(2, ticks / 2)));
+    if (!parts.empty() && random.chance(0.1)) parts.pop_back();
+    for (std::size_t k = 0; k < parts.size(); ++k) give(first + static_cast<int>(k), parts[k]);
+  }
+  if (scenario.run.actuation != sim::Actuation::kStepper) {
+    put_in_order(script);
+    return script;
+  }
   if (random.chance(0.7)) script.resets_every = random.integer(0, 12);
   if (random.chance(1.0 / 3)) return script;
   if (random.chance(0.5)) {
@@ -146,10 +207,7 @@ OperatorScript random_script(const sim::Scenario& scenario, Random& random) {
       give(tick, command == OperatorCommand::kMove ? random_move(scenario, random) : OperatorInput(command));
     }
   }
-  const auto earlier = [](const auto& a, const auto& b) { return a.tick < b.tick; };
-  const auto same = [](const auto& a, const auto& b) { return a.tick == b.tick; };
-  std::stable_sort(script.commands.begin(), script.commands.end(), earlier);
-  script.commands.erase(std::unique(script.commands.begin(), script.commands.end(), same), script.commands.end());
+  put_in_order(script);
   return script;
 }
 

@@ -26,7 +26,8 @@ struct OperatorScript {
   static constexpr int kMostResets = 8;
 };
 
-// None in every third script. Starts and moves mostly follow a stop, without which they are refused.
+// None in every third script. Starts and moves mostly follow a stop, without which they are refused. Ideal masses get
+// halts and courses.
 OperatorScript random_script(const sim::Scenario& scenario, Random& random);
 
 // One line for each command, as TOML comments.

@@ -370,6 +370,7 @@ Json summary_tree(const sim::Scenario& scenario, const RunResult& result) {
                  {"speed", f.velocity_W_mps.norm()}};
   j["tracking"] = tracking_json(result);
   j["governor"] = governor_json(result);
+  j["courses"] = result.courses;
   j["coast"] = coast_json(scenario, result);
   j["regimes"] = regimes_json(result);
   j["impacts"] = impacts_json(result);

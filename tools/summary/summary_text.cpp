@@ -89,6 +89,11 @@ std::string tracking_line(const sim::Scenario& scenario, const RunResult& result
                      delay);
 }
 
+std::string courses_line(const RunResult& result) {
+  if (result.courses == 0) return "";
+  return fmt::format("  courses     {} from operators\n", result.courses);
+}
+
 // The governor's part, in a sentence.
 std::string governor_line(const RunResult& result) {
   if (!result.governor) return "";
@@ -411,6 +416,7 @@ std::string summary_text(const sim::Scenario& scenario, const RunResult& result,
   text += travel_line(scenario, result);
   text += goal_line(scenario, result);
   text += tracking_line(scenario, result);
+  text += courses_line(result);
   text += governor_line(result);
   text += coast_line(scenario, result);
   text += fault_lines(scenario, result);

@@ -50,15 +50,27 @@ inline RobotState moved(const BallParams& ball, const RobotState& state, const P
   return at(h, mean);
 }
 
-// A tick from this state, in which the masses keep their limits.
-inline Ramp ramp_of(const BallParams& ball, const GovernorParams& params, const RobotState& state) {
+// A tick from this state, in which the masses keep their limits. `jump`: the changes of the motion's own accelerations,
+// which are followed.
+inline Ramp ramp_of(const BallParams& ball, const GovernorParams& params, const RobotState& state,
+                    const PerMass<Real>& jump = {}) {
   Ramp ramp;
   ramp.h_s = static_cast<Real>(params.control_period_s);
   ramp.start = state.mass_acceleration;
   PerMass<Real> change{};
-  for (std::size_t i = 0; i < change.size(); ++i) change[i] = params.mass[i].max_jerk * ramp.h_s;
+  for (std::size_t i = 0; i < change.size(); ++i) {
+    const Real own = params.jumps ? std::fabs(jump[i]) : 0;
+    const Real most = std::fmax(params.mass[i].motor_jerk * ramp.h_s, own);
+    change[i] = std::fmin(params.mass[i].max_jerk * ramp.h_s + own, most);
+  }
   ramp.end = near(box_of(params, state, ball.mass_count, ramp.h_s, 0), ramp.start, change);
   return ramp;
+}
+
+inline PerMass<Real> difference(const PerMass<Real>& a, const PerMass<Real>& b) {
+  PerMass<Real> out{};
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] = a[i] - b[i];
+  return out;
 }
 
 // Follows profiles from a tick on: u = theta'' + 2 w (theta' - v) + w^2 (theta - p).
@@ -132,9 +144,15 @@ struct Bench {
     const auto law_of_candidate = [&](Wide time_s, const RobotState& at) {
       return nominal(time_s + static_cast<Wide>(governor.candidate.start_tick()) * period_s, at);
     };
-    const Ramp ramp = ramp_of(ball, params, state);
+    RobotState ahead = state;
+    move_masses(ball.mass_count, static_cast<Real>(period_s), ahead);
+    const Wish wish = nominal(static_cast<Wide>(tick + 1) * period_s, ahead);
+    const bool follows = governor.mode == GovernorMode::kNominal;
+    const Ramp ramp = ramp_of(
+        ball, params, state,
+        follows ? difference(wish.own, nominal(static_cast<Wide>(tick) * period_s, state).own) : PerMass<Real>{});
     NominalEnd end;
-    end.wish = end.reached = nominal(static_cast<Wide>(tick + 1) * period_s, state).u;
+    end.wish = end.reached = wish.u;
     for (std::size_t i = 0; i < end.reached.size(); ++i) {
       end.reached[i] = std::fmin(std::fmax(end.reached[i], ramp.end.lower[i]), ramp.end.upper[i]);
     }
@@ -176,15 +194,25 @@ inline ExecutedPlan execute_plan(const Bench& bench) {
   RobotState state = bench.state;
   for (std::int64_t tick = bench.tick; tick < until; ++tick) {
     const bool nominal = bench.governor.mode == GovernorMode::kNominal && tick < certificate.switch_tick;
-    const Ramp ramp = ramp_of(bench.ball, bench.params, state);
-    PerMass<Real> wish =
-        nominal ? bench.law(tick + 1)(0, state).u : braking(bench.params, state, bench.ball.mass_count);
+    RobotState ahead = state;
+    const int n = bench.ball.mass_count;
+    PerMass<Real> wish{}, jump{};
     const PerMass<Real> bend = bends.at(static_cast<Wide>(tick + 1 - bends.start_tick()) * period_s, period_s);
+    if (nominal) {
+      move_masses(n, static_cast<Real>(period_s), ahead);
+      const Wish end = bench.law(tick + 1)(0, ahead);
+      wish = end.u;
+      jump = difference(end.own, bench.law(tick)(0, state).own);
+    } else {
+      brake_masses(bench.params, n, static_cast<Real>(period_s), bend, ahead);
+      wish = braking(bench.params, ahead, n);
+    }
+    const Ramp ramp = ramp_of(bench.ball, bench.params, state, jump);
     for (std::size_t i = 0; i < wish.size(); ++i) {
       wish[i] = std::fmin(std::fmax(wish[i] + bend[i], ramp.end.lower[i]), ramp.end.upper[i]);
     }
     GovernedRamp now;
-    governed_for_ramp(bench.ball, bench.params, state, forces_at(bench.ball, state), ramp, wish, now);
+    governed_for_ramp(bench.ball, bench.params, state, forces_at(bench.ball, bench.params, state), ramp, wish, now);
     state = moved(bench.ball, state, now.command.u, static_cast<Real>(period_s));
     const RollingForces f = forces_of(bench.ball, state, state.mass_acceleration);
     const Real use = use_of(bench.params.friction, f.static_friction_n, f.normal_force_n);

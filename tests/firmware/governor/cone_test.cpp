@@ -151,6 +151,43 @@ TEST(Cone, HoldsForEveryErrorOfTheAccelerations) {
   EXPECT_GT(held, 300);
 }
 
+// All corners of the errors' bounds, of which the worst is kept free to nine tenths, and the worst along the friction
+// whole.
+TEST(Cone, KnowsTheWorstErrors) {
+  std::mt19937 random(static_cast<std::uint32_t>(test::random_seed(27)));
+  std::uniform_real_distribution<Real> u(-1, 1);
+  int turned = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    Case c = random_case(random);
+    const Real size = std::pow(Real(10), 2 * u(random));
+    for (std::size_t i = 0; i < static_cast<std::size_t>(c.n); ++i) {
+      c.cone.error[i] = u(random) > 0.5 ? 0 : c.unit[i] * size * std::fabs(u(random));
+    }
+    const PerMass<Real> point = random_point(random, c);
+    const Vector3 without = c.forces.force(c.n, point);
+    const Real friction_n = std::hypot(without[0], without[1]), used_n = friction_n - c.cone.friction * without[2];
+    Real worst_n = 0, along_n = 0, all_n = 0;
+    for (unsigned corner = 0; corner < 1u << c.n; ++corner) {
+      PerMass<Real> off = point;
+      for (std::size_t i = 0; i < static_cast<std::size_t>(c.n); ++i) {
+        off[i] += (corner >> i & 1) != 0 ? c.cone.error[i] : -c.cone.error[i];
+      }
+      const Vector3 with = c.forces.force(c.n, off), by = with - without;
+      worst_n = std::max(worst_n, std::hypot(with[0], with[1]) - c.cone.friction * with[2] - used_n);
+      along_n = std::max(along_n, (without[0] * by[0] + without[1] * by[1]) / friction_n - c.cone.friction * by[2]);
+      all_n = std::max(all_n, by.norm());
+    }
+    const Real found_n = errors_n(c.cone, c.forces, c.n, point);
+    // A few roundings of sums of these sizes.
+    const Real rounding_n = 1e-12 * (size_of(c, point) + all_n) * (1 + c.cone.friction);
+    EXPECT_NEAR(found_n, std::max(along_n, Real(0.9) * worst_n), rounding_n) << "trial " << trial;
+    turned += found_n > 1.01 * along_n ? 1 : 0;
+    const Cone wider = with_turning(c.cone, c.forces, c.n, point);
+    EXPECT_NEAR(outside_n(wider, c.forces, c.n, point), most_outside_n(c.cone, c.forces, c.n, point), rounding_n);
+  }
+  EXPECT_GT(turned, 200);
+}
+
 TEST(Cone, WithInfiniteFrictionKeepsTheNormalForce) {
   std::mt19937 random(static_cast<std::uint32_t>(test::random_seed(24)));
   for (int trial = 0; trial < 1000; ++trial) {

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <random>
 
+#include "firmware/governor/backup.h"
 #include "tests/random_seed.h"
 
 namespace ballast::firmware {
@@ -74,6 +75,30 @@ TEST(MotorAllowance, BoundsASwingingRotorAtASteadySpeed) {
 TEST(MotorAllowance, IsNothingForIdealMassesAndAtRest) {
   EXPECT_EQ(acceleration_error({}, 1), 0);
   EXPECT_EQ(acceleration_error({10, Real(0.2), Real(0.01), Real(0.1), Real(0.015)}, 0), 0);
+}
+
+// A rotor whose field goes on at a steady speed, with the damping of its bearings: x'' = w^2 (v t - x) - 2 zeta w x'.
+TEST(MotorAllowance, AMovingMassIsBehindItsCommand) {
+  GovernorParams params;
+  params.mass[0].max_acceleration = 1;
+  params.mass[0].swing.natural_radps = 10;
+  params.mass[0].swing.damping_ratio = Real(0.25);
+  BallParams ball;
+  ball.radius_m = ball.gravity_mps2 = 1;
+  set_times(ball, Wide{0.001}, params);
+  const Real v = Real(0.3), h = Real(1e-4);
+  Real x = 0, speed = 0, t = 0;
+  for (int k = 0; k < 100000; ++k) {
+    speed += h * (100 * (v * t - x) - 5 * speed);
+    x += h * speed;
+    t += h;
+  }
+  RobotState state;
+  state.mass_position[0] = v * t;
+  state.mass_velocity[0] = v;
+  // The step's own error is half of h v.
+  EXPECT_NEAR(lagging(params, state).position[0], x, h * v);
+  EXPECT_EQ(lagging(params, state).velocity[0], v);
 }
 
 }  // namespace
