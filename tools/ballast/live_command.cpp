@@ -200,10 +200,8 @@ int live(const LiveCommand& command) {
   subscribe(hal::kChannelControllerStatus, static_cast<controller_status_t*>(nullptr));
   subscribe(hal::kChannelTrip, static_cast<trip_t*>(nullptr));
   subscribe(hal::kChannelScenario, static_cast<scenario_piece_t*>(nullptr));
-  for (const auto& [name, channel] : {std::pair(hal::kChannelOperator, LiveCourses::Channel::kCommands),
-                                      std::pair(hal::kChannelCourse, LiveCourses::Channel::kRepeated)}) {
-    bus.subscribe<operator_t>(name, [&feed, channel = channel](const operator_t& m) { feed.observe(m, channel); });
-  }
+  subscribe(hal::kChannelOperator, static_cast<operator_t*>(nullptr));
+  subscribe(hal::kChannelCourse, static_cast<operator_t*>(nullptr));
   Control control(bus, command.url, feed);
   for (;;) {
     const hal::Status status = bus.receive_until(hal::after(hal::WallClock::now(), kLookEvery), [] { return false; });

@@ -26,9 +26,9 @@ LiveCourses::Path path_of(const go::HostCourse& course) {
 
 }  // namespace
 
-void LiveCourses::take(const operator_t& message, Channel channel) {
+void LiveCourses::take(const operator_t& message) {
   if (message.command != operator_t::COMMAND_GO || message.course_total > firmware::kMostCourseValues) return;
-  const auto course = (channel == Channel::kCommands ? commands_ : repeated_).take(message);
+  const auto course = parts_.take(message);
   if (!course || path(course->number) != nullptr) return;
   Path path = path_of(*course);
   if (path.empty()) return;

@@ -15,19 +15,17 @@ namespace ballast {
 class LiveCourses {
  public:
   using Path = std::vector<std::array<double, 2>>;  // m, of the geometric centre; not empty
-  // A course comes once as commands, and again and again on the channel for observers, each in order.
-  enum class Channel : std::uint8_t { kCommands, kRepeated };
 
   // The next run begins.
   void clear() { *this = LiveCourses(); }
-  // Messages of the shown run.
-  void take(const operator_t& message, Channel channel);
+  // Messages of the shown run, as they are given and as the run repeats them for observers.
+  void take(const operator_t& message);
 
   // The path of this course; null: its parts have not been heard.
   [[nodiscard]] const Path* path(std::int64_t number) const;
 
  private:
-  go::CourseParts commands_, repeated_;
+  go::CourseParts parts_;
   std::deque<std::pair<std::int64_t, Path>> paths_;  // oldest first
 };
 

@@ -159,8 +159,8 @@ void LiveFeed::observe(const scenario_piece_t& message, double) {
   text_run_id_ = message.run_id;
 }
 
-void LiveFeed::observe(const operator_t& message, LiveCourses::Channel channel) {
-  if (message.run_id == run_.run_id()) courses_.take(message, channel);
+void LiveFeed::observe(const operator_t& message, double) {
+  if (message.run_id == run_.run_id()) courses_.take(message);
 }
 
 void LiveFeed::set_wish(const GoWish* wish) {

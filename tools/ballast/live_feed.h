@@ -43,7 +43,7 @@ class LiveFeed {
   void observe(const trip_t& message, double now_s);
   void observe(const scenario_piece_t& message, double now_s);
   // Operators' commands of which courses consist, as they are given or as the run repeats them for observers.
-  void observe(const operator_t& message, LiveCourses::Channel channel);
+  void observe(const operator_t& message, double now_s);
 
   // The place that a course is planned to; null: none.
   void set_wish(const GoWish* wish);
