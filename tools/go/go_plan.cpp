@@ -95,9 +95,9 @@ bool fits(const firmware::ControllerParams& params, const firmware::GovernorPara
   for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
     robot.mass_position[i] = node.state.position[i];
     robot.mass_velocity[i] = part * between(node.state.velocity, next.state.velocity, i);
-    u[i] = part * part * between(node.state.acceleration, next.state.acceleration, i);
+    robot.mass_acceleration[i] = u[i] = part * part * between(node.state.acceleration, next.state.acceleration, i);
   }
-  const firmware::AffineForces forces = firmware::forces_at(params.ball, robot);
+  const firmware::AffineForces forces = firmware::forces_at(params.ball, governor, robot);
   firmware::Cone cone = firmware::cone_of(governor, forces, robot, n);
   cone.friction *= kUsed;
   return firmware::outside_n(cone, forces, n, u) <= 0;
