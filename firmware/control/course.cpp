@@ -145,11 +145,14 @@ RefusalReport check_motion(const ControllerParams& params, const ControllerState
     const Wide position = motion.cubic(piece).position;
     if (!countable_steps(params, i, position)) return refuse(Refusal::kTarget, i, position, piece);
   }
-  // The feedback takes up what it can at once: the distance by which a rotor may lag, and a hundredth of the speed.
+  // The feedback takes up what it can at once: the distance by which a rotor may lag, a microstep at least, and a
+  // hundredth of the speed.
   const ProfilePoint first = motion.at(0);
   const ProfilePoint there = motion_at_course(params, state, i);
   const Wide off = first.position - there.position;
-  if (!(std::fabs(off) <= params.motor[at(i)].swing)) return refuse(Refusal::kOffCourse, i, off);
+  const MotorParams& motor = params.motor[at(i)];
+  const Wide most = std::fmax(motor.swing, 1 / std::fabs(motor.steps_per_unit));
+  if (!(std::fabs(off) <= most)) return refuse(Refusal::kOffCourse, i, off);
   constexpr Wide kSameSpeed = 0.01;
   const Wide off_speed = first.velocity - there.velocity;
   if (!(std::fabs(off_speed) <= kSameSpeed * motion_limits(params, i).max_velocity)) {
@@ -214,7 +217,7 @@ void check_course(const ControllerParams& params, const Inputs& inputs, const Gu
       return;
     }
     course.stage = CourseStage::kAwaited;
-    await_course(state);
+    await_course(params, state);
     return;
   }
   const Mode after = next_mode(state.mode, Event::kGo, guards);

@@ -532,14 +532,18 @@ void set_out(const ControllerParams& params, ControllerState& state, std::int64_
   put_in_force(state, next);
 }
 
-void await_course(ControllerState& state) {
+void await_course(const ControllerParams& params, ControllerState& state) {
   GovernorState& governor = state.governing.governor;
+  const Rollout& candidate = governor.candidate;
+  const std::int64_t from_tick = state.course.from_tick;
   // Where the certificate in force goes beyond the course's first tick, it is one of the old motion there.
-  if (governor.certificate.switch_tick > state.course.from_tick) {
-    change_nominal_at(state.course.from_tick, governor);
-  } else {
-    keep_nominal(governor);
+  if (governor.certificate.switch_tick > from_tick) {
+    change_nominal_at(from_tick, governor);
+    return;
   }
+  // So is a search that has come there already. One that has not goes on with the course.
+  const auto come = static_cast<std::int64_t>(candidate.time_s() / params.control_period_s);
+  if (governor.searching && candidate.start_tick() + come >= from_tick) keep_nominal(governor);
 }
 
 RefusalReport watch_course(const ControllerState& state, std::int64_t next) {

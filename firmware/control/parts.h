@@ -175,7 +175,7 @@ struct CourseVerdict {
 // Begins the course with the tick `next`, from masses that hold.
 void set_out(const ControllerParams& params, ControllerState& state, std::int64_t next);
 // The motion under the governor is to become the course that comes, at its tick.
-void await_course(ControllerState& state);
+void await_course(const ControllerParams& params, ControllerState& state);
 // The reason why it cannot; none: it still can, or it begins with the tick `next`.
 [[nodiscard]] RefusalReport watch_course(const ControllerState& state, std::int64_t next);
 // It does not become it any more.

@@ -89,7 +89,14 @@ TEST(TargetFields, OfWhatTheControllerHears) {
   Places of_command;
   visit(of_command, command);
   of_command.expect_all_of(command.move);
+  of_command.add(command.course);  // there with its own command only
   of_command.expect_all_of(command);
+  firmware::CoursePart part;
+  part.count = firmware::kCoursePart;
+  firmware::OperatorInput go = part;
+  Places of_go;
+  visit(of_go, go);
+  of_go.expect_all_of(go.course);
 }
 
 TEST(TargetFields, OfTheParameters) {
