@@ -29,7 +29,7 @@ int main(int argc, char** argv) {
     fmt::print("usage: go_study FIRST LAST [LATENCY]\n");
     return 1;
   }
-  const int latency = argc > 3 ? std::atoi(argv[3]) : 500;
+  const int latency = argc > 3 ? static_cast<int>(std::strtol(argv[3], nullptr, 10)) : 500;
   int clicks = 0, planned = 0, gone = 0, rolling = 0, broken = 0;
   std::vector<double> plan_s, handover_s;
   for (std::uint64_t seed = std::strtoull(argv[1], nullptr, 10); seed <= std::strtoull(argv[2], nullptr, 10); ++seed) {

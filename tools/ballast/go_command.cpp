@@ -163,9 +163,9 @@ class Going {
   // search begins anew with the course, and takes a third of search_ticks_ where nothing is bent.
   [[nodiscard]] std::int64_t handover_ticks() const {
     const int values = firmware::kMostReferenceFloats + params_->ball.mass_count * 3 * 40;
-    const int parts = values / firmware::kCoursePart + 1;
+    const std::int64_t parts = values / firmware::kCoursePart + 1;
     constexpr double kPart_s = 1.5e-3;
-    return std::max<std::int64_t>(2 * parts, ticks_in(parts * kPart_s)) + std::int64_t{search_ticks_} / 2;
+    return std::max(2 * parts, ticks_in(static_cast<double>(parts) * kPart_s)) + std::int64_t{search_ticks_} / 2;
   }
 
   // Plans in another thread, and listens to the bus meanwhile.
@@ -265,6 +265,13 @@ void add_go_options(CLI::App& command, GoCommand& options) {
 }
 
 int go_on_bus(const GoCommand& command) {
+  constexpr double kFarthest_m = 1e4;
+  const auto is_place = [](double x_m, double y_m) {
+    return std::fabs(x_m) <= kFarthest_m && std::fabs(y_m) <= kFarthest_m;
+  };
+  bool places = is_place(command.to[0], command.to[1]);
+  for (const auto& [x_m, y_m] : command.via) places = places && is_place(x_m, y_m);
+  if (!places) return refuse("--to, --via: a place is no number, or too far away; allowed: -1e4 to 1e4 m");
   const volatile std::sig_atomic_t* signalled = program::catch_signals();
   hal::Bus bus(with_receive_buffer(command.bus.url), signalled);
   if (!bus.good()) return program::refuse_bus("ballast", command.bus.url);
