@@ -93,10 +93,10 @@ class Going {
 
   int run() {
     if (const auto status = meet()) return *status;
-    if (const auto status = leave_backup()) return *status;
     // The longer a plan takes, the later it begins while the ball rolls.
     constexpr double kFirstPatience_s = 0.35;
     for (double patience_s = kFirstPatience_s;; patience_s *= 2) {
+      if (const auto status = leave_backup()) return *status;
       const std::int64_t from_tick = end_.status().tick + ticks_in(patience_s) + handover_ticks();
       std::string why;
       const auto at = go::standpoint_at(run_.heard(end_.status()), from_tick, why);
@@ -193,7 +193,7 @@ class Going {
     return std::nullopt;
   }
 
-  // Nullopt: it came too late, and there is time for another one.
+  // Nullopt: it came too late, or the governor took the ball on its backup meanwhile, and there is time for another.
   std::optional<int> hand_over(const go::GoPlan& plan, std::int64_t from_tick, bool last) {
     const double planned_s = seconds_since(begun_);
     const auto start = Clock::now();
@@ -205,7 +205,10 @@ class Going {
     const auto decided = [&](const controller_status_t& s) { return s.course == number || s.course_coming != number; };
     if (end_.follow(decided) != hal::Status::kOk) return bus_trouble(end_);
     if (end_.status().course != number) {
-      if (end_.status().refusal == controller_status_t::REFUSAL_LATE && !last) return std::nullopt;
+      const std::int8_t refusal = end_.status().refusal;
+      const bool passes =
+          refusal == controller_status_t::REFUSAL_LATE || refusal == controller_status_t::REFUSAL_NOT_CERTIFIED;
+      if (passes && !last) return std::nullopt;
       return refuse(sil::refused_text("course", sil::refusal_text(end_.status(), nullptr)));
     }
     std::cout << fmt::format(
