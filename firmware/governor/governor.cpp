@@ -53,14 +53,19 @@ Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const Go
     return out;
   }
   const int attempt = state.attempts % (kStretches + 1);
-  const std::int64_t stretch = stretch_of(params, 2 * attempt, state.nominal_end_tick - tick);
-  if (state.changing && state.change_tick != 0 && state.mode == GovernorMode::kNominal) {
+  std::int64_t stretch = stretch_of(params, 2 * attempt, state.nominal_end_tick - tick);
+  const bool nominal = state.mode == GovernorMode::kNominal;
+  // A candidate that waits for its tick is followed by a whole search, during which its nominal has to go on.
+  const bool waits =
+      !nominal || state.changing || state.certificate.switch_tick < tick + ticks_of_search(params, stretch);
+  if (waits) stretch += params.search_ticks + 1;
+  if (nominal && state.changing && state.change_tick != 0) {
     out.until = out.from = state.change_tick;
     out.to = state.change_tick + stretch;
     return out;
   }
   const std::int64_t ready = tick + ticks_of_search(params, stretch);
-  if (state.mode == GovernorMode::kNominal) {
+  if (nominal) {
     // Up to the switch of the certificate in force the nominal runs anyway. A candidate that is ready before continues
     // it; one that is not finds the backup running.
     const std::int64_t leaves = state.certificate.switch_tick;

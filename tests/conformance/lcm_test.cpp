@@ -163,7 +163,7 @@ TEST(LcmBoard, MalformedMessagesAreCountedAndIgnored) {
   trip_t cause = LcmWorld::trip(world_tick(5).verdict);
   cause.cause = 8;
   send(kChannelTrip, encoded(cause));
-  for (const int command : {0, 7, -1}) {
+  for (const int command : {0, 8, -1}) {
     operator_t message = to_message(firmware::OperatorCommand::kArm, 0, 1, kControlPeriod_s);
     message.command = static_cast<std::int8_t>(command);
     send(kChannelOperator, encoded(message));
@@ -626,7 +626,9 @@ TEST(LcmMessages, EveryNumberOfAMessageIsDescribed) {
   EXPECT_EQ(count(firmware::Sensors()) + 5, member_count<sensors_t>()) << "utime, two ids, mass_count, last";
   EXPECT_EQ(count(steps) + 2, member_count<step_command_t>()) << "utime, run_id";
   EXPECT_EQ(count(status) + 3, member_count<controller_status_t>()) << "utime, run_id, refused_messages";
-  EXPECT_EQ(count(firmware::OperatorInput(firmware::MoveRequest())) + 5, member_count<operator_t>())
+  firmware::CoursePart part;
+  part.count = firmware::kCoursePart;
+  EXPECT_EQ(count(firmware::OperatorInput(firmware::MoveRequest())) + count(part) + 5, member_count<operator_t>())
       << "tick, utime, run_id, sender, sequence";
   EXPECT_EQ(count(firmware::MonitorVerdict()) + 8, member_count<trip_t>())
       << "utime, two ids, cause, trip_tick, trip_time_s, value, limit";

@@ -73,7 +73,7 @@ inline std::vector<CoursePart> parts_of(std::int64_t number, const std::vector<W
   return parts;
 }
 
-// Mass 0 goes by 0.01 rad (0.005 m) within 0.8 s, forth or back.
+// A mass goes by 0.005 rad within 0.8 s, forth or back.
 inline std::vector<ProfilePiece> push(Wide sign) {
   const Wide a = 0.0625 * sign;
   return {{0.2, 0, a}, {0.2, a, 0}, {0.2, 0, -a}, {0.2, -a, 0}};

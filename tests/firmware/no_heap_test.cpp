@@ -14,6 +14,7 @@
 #include "sim/closed_forms/detached.h"
 #include "sim/closed_forms/rolling_disk.h"
 #include "tests/firmware/course_numbers.h"
+#include "tests/firmware/governed_ball.h"
 #include "tests/firmware/paper_ball.h"
 #include "tests/firmware/whole_tick.h"
 
@@ -319,33 +320,31 @@ TEST(NoHeap, ATrackedRun) {
 
 // A course that arrives, is certified and begins, and one that replaces it while the masses move.
 TEST(NoHeap, Courses) {
-  const auto params = std::make_unique<ControllerParams>(testing::hanging_params());
-  const auto state = std::make_unique<ControllerState>();
-  const auto out = std::make_unique<Outputs>();
+  testing::GovernedBall robot(testing::hanging_params());
   const auto first = testing::parts_of(5, testing::course_forth().values());
   testing::CourseNumbers back = testing::course_forth();
   back.from_tick = 15'000;
-  back.mass[0].position = 0.01;
+  back.mass[0].position = 0.005;
   back.mass[0].pieces = testing::push(-1);
   const auto second = testing::parts_of(6, back.values());
-  Inputs in;
-  in.sensors.attitude_valid = true;
   int first_ticks = 0, second_ticks = 0;
   EXPECT_EQ(allocations_during([&] {
-              reset(*params, *state);
+              robot.tick(OperatorCommand::kArm);
               for (std::int64_t k = 0; k < 20'000; ++k) {
-                in.tick = in.sensors.tick = in.monitor.tick = k;
-                in.operator_command = k == 0 ? OperatorCommand::kArm : OperatorCommand::kNone;
                 const auto part = [&](std::int64_t from, const std::vector<CoursePart>& parts) {
                   const std::int64_t place = k - from;
-                  if (place < 0 || place >= static_cast<std::int64_t>(parts.size())) return;
-                  in.operator_command = parts[static_cast<std::size_t>(place)];
+                  return place >= 0 && place < static_cast<std::int64_t>(parts.size())
+                             ? &parts[static_cast<std::size_t>(place)]
+                             : nullptr;
                 };
-                part(10, first);
-                part(8000, second);
-                whole_tick(*params, *state, in, *out);
-                first_ticks += out->status.course.in_force == 5;
-                second_ticks += out->status.course.in_force == 6;
+                const CoursePart *one = part(10, first), *other = part(8000, second);
+                if (one != nullptr || other != nullptr) {
+                  robot.tick(one != nullptr ? *one : *other);
+                } else {
+                  robot.tick();
+                }
+                first_ticks += robot.out.status.course.in_force == 5;
+                second_ticks += robot.out.status.course.in_force == 6;
               }
             }),
             0);

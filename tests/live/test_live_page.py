@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import math
 import os
 import re
 import signal
@@ -11,6 +12,9 @@ import time
 import unittest
 from pathlib import Path
 
+from selenium.webdriver.common.actions.action_builder import ActionBuilder
+from selenium.webdriver.common.actions.interaction import POINTER_MOUSE, POINTER_TOUCH
+from selenium.webdriver.common.actions.pointer_input import PointerInput
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
@@ -21,6 +25,9 @@ _buses = itertools.count(20000 + os.getpid() % 8000 * 4)
 # With 250 ticks per second a busy machine may keep the reader waiting for 0.2 s until the bus loses messages.
 SLOW_TICKS = ["--set", "run.control_period=0.004"]
 RUN = ["desk_ball", *SLOW_TICKS, "--set", "duration=3600"]
+# Courses need more ticks per second: a search for a certificate takes a number of ticks while the ball rolls on.
+GOES = ["desk_ball", "--by-hand", "--set", "run.control_period=0.002", "--set", "duration=36000", "--set", "control.governor=true",
+        "--set", "run.actuation=ideal", "--speed", "2"]
 GOVERNED = ["desk_ball", "--set", "duration=3600", "--set", "control.governor=true", "--set", "run.actuation=ideal"]
 
 
@@ -121,6 +128,67 @@ class Live(unittest.TestCase):
         self.until("Math.hypot(...window.ballastLive.scene.robots[0].body.position.toArray().map((x, k) => x - arguments[0][k]))"
                    " > arguments[1]", before, distance_m)
 
+    # The floor
+
+    def see_floor(self, half_m):
+        """Looks from above at the floor around the origin, at rest."""
+        self.until("window.ballastLive.gestures !== undefined")
+        self.js("""
+          const follow = document.querySelector("[data-show=follow]"), {scene} = window.ballastLive, target = scene.controls.target;
+          if (follow.checked) follow.click();
+          scene.lookAt(target.clone().set(0, 0, 0), arguments[0], target.clone().set(-1e-3, -1e-3, 1).normalize());
+          scene.render();""", half_m)
+
+    def on_screen(self, place):
+        return self.js("""
+          const {scene} = window.ballastLive, {left, top, width, height} = scene.renderer.domElement.getBoundingClientRect();
+          const at = scene.controls.target.clone().set(...arguments[0], 0).project(scene.camera);
+          return [left + (1 + at.x) / 2 * width, top + (1 - at.y) / 2 * height];""", place)
+
+    def stroke(self, *places, kind=POINTER_MOUSE, shift=False):
+        """Presses at the first place, moves over the others, and lets go."""
+        self.js("document.getElementById('view').scrollIntoView()")
+        pointer = PointerInput(kind, kind)
+        actions = ActionBuilder(self.browser, mouse=pointer)
+        if shift:
+            actions.key_action.key_down(Keys.SHIFT)
+            actions.key_action.pause()
+        for k, place in enumerate(places):
+            x, y = self.on_screen(place)
+            actions.pointer_action.move_to_location(round(x), round(y))
+            if k == 0:
+                actions.pointer_action.pointer_down()
+        actions.pointer_action.pointer_up()
+        if shift:
+            for _ in range(len(places) + 1):
+                actions.key_action.pause()
+            actions.key_action.key_up(Keys.SHIFT)
+        actions.perform()
+
+    def tap(self, place, **how):
+        self.stroke(place, **how)
+
+    def marks(self, what):
+        """The course or the wish that is drawn, or None."""
+        return self.js("return window.ballastLive.run.path.marks[arguments[0]]", what)
+
+    def until_course(self, place):
+        """The course in force, once it ends near there."""
+        return self.until("((to) => to && Math.hypot(to.to[0] - arguments[0], to.to[1] - arguments[1]) < 0.02 && to)"
+                          "(window.ballastLive.run.path.marks.course)", *place)
+
+    def take(self):
+        self.click("#take")
+        self.until("!document.querySelector('#go [type=submit]').disabled")
+
+    def requests(self):
+        """Records what the page sends from now on, in window.sent."""
+        self.js("window.sent = []; const {connection} = window.ballastLive, send = connection.send;"
+                "connection.send = function (op, fields) { window.sent.push(fields ?? {}); return send.call(this, op, fields); }")
+
+    def sent(self):
+        return self.js("return window.sent.splice(0)")
+
     def assert_clean(self):
         said = [re.sub(r"data:\S*", "data:", entry["message"]) for entry in self.browser.get_log("browser")]
         self.assertEqual(said, [])
@@ -206,6 +274,159 @@ class Live(unittest.TestCase):
         self.until_said("halting, moving, at ")
         self.until("document.getElementById('mode').textContent === 'armed'")
         self.assertEqual(self.js("return document.documentElement.scrollWidth"), PHONE[0], "wider than the phone")
+        self.assert_clean()
+
+    def test_the_ball_goes_to_five_places_in_a_row(self):
+        self.open()
+        self.start_run(*GOES)
+        self.until_mode("armed")
+        self.see_floor(1.2)
+        self.take()
+        start = self.place()[:2]
+        for place in ((0.5, 0.0), (0.4, 0.5), (-0.3, 0.4), (-0.4, -0.3), (0.3, -0.4)):
+            self.tap(place)
+            course = self.until_course(place)
+            to, path = course["to"], course["path"]
+            self.assertGreater(len(path), 20)
+            self.assertLess(math.dist(path[0], start), 1e-3, "the path begins where the ball is")
+            self.assertLess(math.dist(path[-1], to), 1e-3)
+            length = sum(map(math.dist, path[:-1], path[1:]))
+            # The ball is there, and does not only pass.
+            self.until("((r) => Math.hypot(r.newest('position_0') - arguments[0], r.newest('position_1') - arguments[1]) < arguments[2]"
+                       " && r.newest('speed') < 1e-3)(window.ballastLive.run.replay)", *to, 0.01 * length)
+            start = to
+        self.until("window.ballastLive.run.path.marks.wish === null")
+        said = self.text("#said")
+        self.assertEqual(len(re.findall(r"viewer \d+: go to \(.*\) m: planning", said)), 5)
+        self.assertEqual(len(re.findall(r"viewer \d+: go: goes to \(.*\) m in [\d.]+ s from tick \d+", said)), 5)
+        self.assert_clean()
+
+    def test_a_path_is_drawn_and_followed_by_its_places(self):
+        self.open()
+        self.start_run(*GOES)
+        self.until_mode("armed")
+        self.see_floor(1.2)
+        self.take()
+        self.requests()
+        # A drag turns the view, and asks for nothing.
+        camera = "return window.ballastLive.scene.camera.position.toArray()"
+        before = self.js(camera)
+        self.stroke((0.5, 0.2), (0.3, 0.2), (0.1, 0.6))
+        self.assertNotEqual(self.js(camera), before)
+        self.assertEqual(self.sent(), [])
+        self.see_floor(1.2)
+        before = self.js(camera)
+        drawn = [(0.05, 0.0), (0.2, 0.0), (0.4, 0.02), (0.5, 0.2), (0.5, 0.4), (0.4, 0.5)]
+        self.stroke(*drawn, shift=True)
+        (sent,) = self.sent()
+        self.assertEqual(self.js(camera), before, "a stroke does not turn the view")
+        self.assertEqual(sent["do"], "go")
+        self.assertLess(math.dist(sent["to"], drawn[-1]), 0.02)
+        self.assertTrue(1 <= len(sent["via"]) <= 3, sent)
+        self.assertEqual(len(self.until("window.ballastLive.run.path.marks.wish")["via"]), len(sent["via"]))
+        course = self.until_course(sent["to"])
+        self.assertEqual((course["to"], course["via"]), (sent["to"], sent["via"]))
+        for place in sent["via"]:
+            self.assertLess(min(math.dist(place, point) for point in course["path"]), 0.03, "the path leads by each place")
+        self.until("window.ballastLive.run.path.marks.wish === null")
+        # Who comes late sees the same.
+        self.browser.refresh()
+        self.until("window.ballastLive?.run?.path?.marks.course")
+        self.assertEqual(self.marks("course"), course)
+        self.assertIsNone(self.marks("wish"))
+        # The button does what the shift key does, once, and Esc drops it.
+        self.see_floor(1.2)
+        self.take()
+        self.requests()
+        self.click("#draw")
+        self.press(Keys.ESCAPE)
+        self.assertEqual(self.browser.find_element(By.ID, "draw").get_attribute("aria-pressed"), "false")
+        self.click("#draw")
+        self.stroke((-0.4, 0.6), (-0.5, 0.2), (-0.6, -0.4))
+        (sent,) = self.sent()
+        self.assertLess(math.dist(sent["to"], (-0.6, -0.4)), 0.02)
+        self.assertEqual(self.browser.find_element(By.ID, "draw").get_attribute("aria-pressed"), "false")
+        self.assert_clean()
+
+    def planners(self):
+        """Process numbers of planners that `ballast live` has started."""
+        found = []
+        for child in Path(f"/proc/{self.live.pid}/task/{self.live.pid}/children").read_text(encoding="utf-8").split():
+            with contextlib.suppress(OSError):
+                arguments = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+                if b"go" in arguments:
+                    found.append(int(child))
+        return found
+
+    def hung_planner(self, before=()):
+        """Stops the planner that has just been started, as one that hangs."""
+        deadline = time.monotonic() + LONGEST_WAIT
+        while not (new := [pid for pid in self.planners() if pid not in before]):
+            self.assertLess(time.monotonic(), deadline)
+        os.kill(new[0], signal.SIGSTOP)
+        return new[0]
+
+    def test_planners_that_hang_and_newer_commands(self):
+        self.open()
+        run = self.start_run(*GOES)
+        self.until_mode("armed")
+        self.see_floor(1.2)
+        # Without the controls nothing is sent.
+        self.requests()
+        self.tap((0.4, 0.1))
+        self.until("document.getElementById('answer').textContent === 'go: take the controls first'")
+        self.assertEqual(self.sent(), [])
+        self.take()
+        self.tap((0.4, 0.1))
+        first = self.hung_planner()
+        self.until("window.ballastLive.run.path.marks.wish?.to[0] > 0.3")
+        # The page lives while the planner hangs, and a newer wish replaces it.
+        self.tap((-0.4, 0.1))
+        self.until("window.ballastLive.run.path.marks.wish?.to[0] < -0.3")
+        second = self.hung_planner([first])
+        self.assertEqual(self.planners(), [second])
+        # So does a stop.
+        self.press(" ")
+        self.until_said(": go: dropped by the stop of viewer")
+        self.until("window.ballastLive.run.path.marks.wish === null")
+        self.assertEqual(self.planners(), [])
+        self.until_mode("disarmed")
+        # And the end of the run.
+        self.js("document.getElementById('go-x').value = '0.2'; document.getElementById('go-y').value = '-0.3';")
+        self.click("#go [type=submit]")
+        self.hung_planner()
+        self.end(run)
+        self.start_run("desk_ball", "--by-hand", *SLOW_TICKS, "--set", "duration=3600")
+        self.until_said(": go: the run ended before the course was planned")
+        self.assertEqual(self.planners(), [])
+        # The next run has no governor.
+        self.until("window.ballastLive.state.mode === 'armed' && window.ballastLive.run.path?.marks.wish === null")
+        self.until("!document.querySelector('#go [type=submit]').disabled")
+        self.click("#go [type=submit]")
+        self.until_said(": go: this run has no governor, which certifies a course: its scenario needs control.governor = true")
+        self.assertIsNone(self.marks("course"))
+        self.assert_clean()
+
+    def test_a_tap_on_a_phone(self):
+        self.open(PHONE)
+        self.start_run(*GOES)
+        self.until_mode("armed")
+        self.take()
+        self.see_floor(0.8)
+        self.requests()
+        self.stroke((0.4, 0.2), (0.2, 0.4), kind=POINTER_TOUCH)
+        self.assertEqual(self.sent(), [])
+        self.see_floor(0.8)
+        self.tap((0.3, 0.2), kind=POINTER_TOUCH)
+        (sent,) = self.sent()
+        self.assertLess(math.dist(sent["to"], (0.3, 0.2)), 0.02)
+        self.until_course(sent["to"])
+        self.assertEqual(self.js("return document.documentElement.scrollWidth"), PHONE[0], "wider than the phone")
+        # A halt ends the course, and its path is no longer drawn.
+        self.press(" ")
+        self.until_said(": halt")
+        self.until_mode("armed")
+        self.until("window.ballastLive.run.path.marks.course === null")
         self.assert_clean()
 
     def test_a_trip_is_said_in_words(self):

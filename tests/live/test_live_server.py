@@ -168,7 +168,12 @@ class Strangers(ServerTest):
         for message in ("", "{", b"\x00\x01", "[]", "3", "null", '{"op": 1}', '{"op": "go"}', '{"op":"command"}',
                         '{"op":"command","do":"rm"}', '{"op":"command","do":["arm"]}', "[" * 4000,
                         '{"op":"command","do":"move","mass":"0","to":1}', '{"op":"command","do":"move","mass":true}',
-                        '{"op":"command","do":"move","mass":0,"to":NaN}', '{"op":"command","do":"move","mass":0,"to":1e999}'):
+                        '{"op":"command","do":"move","mass":0,"to":NaN}', '{"op":"command","do":"move","mass":0,"to":1e999}',
+                        *(f'{{"op":"command","do":"go"{fields}}}' for fields in (
+                            "", ',"to":1', ',"to":"1,2"', ',"to":{"x":1,"y":2}', ',"to":[1]', ',"to":[1,2,3]', ',"to":[1,"2"]',
+                            ',"to":[1,true]', ',"to":[1,null]', ',"to":[NaN,0]', ',"to":[0,Infinity]', ',"to":[-1e999,0]',
+                            ',"to":[1,[2]]', ',"to":[1,2],"via":1', ',"to":[1,2],"via":[1,2]', ',"to":[1,2],"via":[[1]]',
+                            ',"to":[1,2],"via":[[1,NaN]]', ',"to":[1,2],"via":{}', ',"to":[1,2],"via":null'))):
             with self.subTest(message):
                 async with viewer_of(self.server) as viewer:
                     await viewer.socket.send(message)
@@ -286,9 +291,9 @@ class Operators(ServerTest):
                 await second.ask("take")
                 refused = await second.until("refused")
                 self.assertEqual(refused["text"], f"{mine} holds the controls; allowed: take them when they are released")
-                for what in ("arm", "start", "reset", "move"):
+                for what in ("arm", "start", "reset", "move", "go"):
                     del second.newest["refused"]
-                    await second.ask("command", do=what)
+                    await second.ask("command", do=what, **({"to": [1, 2]} if what == "go" else {}))
                     refused = await second.until("refused")
                     self.assertEqual(refused["text"], f"{mine} holds the controls; allowed without them: stop and halt")
                 await second.ask("release")  # of what it does not hold
@@ -314,6 +319,23 @@ class Operators(ServerTest):
             await second.until("controls", lambda message: message["holder"] == others)
         self.assertEqual(len(self.server.requests), 5)
 
+    async def test_places_to_go_to(self):
+        before = len(self.server.requests)
+        async with viewer_of(self.server) as viewer:
+            mine = (await viewer.until("hello"))["you"]
+            await viewer.ask("take")
+            for fields, words in (({"to": [1.1e4, 0]}, "go: a place is too far away; allowed: coordinates up to 10000 m"),
+                                  ({"to": [0, 1], "via": [[0, -1e14]]}, "go: a place is too far away; "),
+                                  ({"to": [0, 1], "via": [[0, 0]] * 21}, "go: 21 places on the way; allowed: at most 20")):
+                viewer.newest.pop("refused", None)
+                await viewer.ask("command", do="go", **fields)
+                self.assertTrue((await viewer.until("refused"))["text"].startswith(words), viewer.newest["refused"])
+            await viewer.ask("command", do="go", to=[-1e4, 0], more="ignored")
+            await viewer.ask("command", do="go", to=[1, 2.5], via=[[0, -3]] * 20)
+            self.assertEqual(self.server.wait_for_requests(before + 2)[before:], [
+                {"who": mine, "do": "go", "to": [-1e4, 0], "via": []},
+                {"who": mine, "do": "go", "to": [1, 2.5], "via": [[0, -3]] * 20}])
+
 
 class Shown(ServerTest):
     async def test_who_comes_late_gets_what_was(self):
@@ -336,6 +358,7 @@ class Shown(ServerTest):
                 self.assertGreater(path[-1][0], 5.9)
                 self.assertEqual((await late.until("said"))["lines"][-1]["text"], "run of made_up")
                 self.assertEqual((await late.until("state"))["mode"], "armed")
+                self.assertNotIn("course", {**early.newest, **late.newest})
                 # The next run begins anew, for both.
                 self.server.begin_run("another")
                 self.server.frames([frame(0.0)])
@@ -343,6 +366,33 @@ class Shown(ServerTest):
                     await viewer.until("run", lambda message: message["name"] == "another")
                     await viewer.until("history", lambda message: message["rows"] == [] and message["path"] == [])
                     await viewer.until("frame", lambda message: message["row"][0] == 0)
+
+    async def test_courses_and_wishes(self):
+        """Who comes late gets the course in force and the wish under way; the next run has neither."""
+        self.server.begin_run()
+        wish = {"who": "viewer 1", "to": [1, 0.5], "via": [[0.2, 0]]}
+        course = {"number": "2f", "path": [[0, 0], [0.2, 0], [1, 0.5]], "to": [1, 0.5], "via": [[0.2, 0]]}
+        async with viewer_of(self.server) as early:
+            await early.until("run")
+            self.server.send("live.wish", wish)
+            self.server.flush()
+            self.assertEqual((await early.until("wish"))["wish"], wish)
+            self.server.send("live.course", course)
+            self.server.flush()
+            self.assertEqual((await early.until("course"))["course"], course)
+            async with viewer_of(self.server) as late:
+                self.assertEqual((await late.until("wish"))["wish"], wish)
+                self.assertEqual((await late.until("course"))["course"], course)
+            self.server.send("live.wish", "null")
+            self.server.flush()
+            await early.until("wish", lambda message: message["wish"] is None)
+            self.server.begin_run("another")
+            self.server.frames([frame(0.0)])
+            async with viewer_of(self.server) as late:
+                await late.until("frame")
+                await late.until("controls")
+                self.assertNotIn("course", late.newest)
+                self.assertNotIn("wish", late.newest)
 
     async def test_foxglove_looks_through_the_same_port(self):
         async def advertised(**options):

@@ -14,7 +14,7 @@ ROOMS = [
     "hal", "hal/lockstep", "hal/lcm", "hal/target", "hal/mps2",
     "sim/integrators", "sim/motors", "sim/masses", "sim/plant", "sim/sensors", "sim/scenario", "sim/closed_forms",
     "tools/monitor", "tools/stepcheck", "tools/tracking", "tools/program", "tools/sil", "tools/faults", "tools/qemu", "tools/summary",
-    "tools/recording", "tools/processes", "tools/integrators", "tools/plan", "tools/identify", "tools/soak", "tools/sweep", "tools/cluster", "tools/doctor", "tools/spy", "tools/watch", "tools/python",
+    "tools/recording", "tools/processes", "tools/integrators", "tools/plan", "tools/go", "tools/identify", "tools/soak", "tools/sweep", "tools/cluster", "tools/doctor", "tools/spy", "tools/watch", "tools/python",
     "tools/ballast", "tools/benchmarks", "tools/examples",
 ]
 RAILS = {"firmware/model/rail.h", "firmware/model/types.h", "firmware/model/sin_cos.h"}

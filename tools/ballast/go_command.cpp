@@ -16,6 +16,7 @@
 #include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/short_number.h"
+#include "tools/recording/receive_buffer.h"
 #include "tools/recording/scenario_beacon.h"
 #include "tools/summary/controller_words.h"
 
@@ -92,6 +93,7 @@ class Going {
 
   int run() {
     if (const auto status = meet()) return *status;
+    if (const auto status = leave_backup()) return *status;
     // The longer a plan takes, the later it begins while the ball rolls.
     constexpr double kFirstPatience_s = 0.35;
     for (double patience_s = kFirstPatience_s;; patience_s *= 2) {
@@ -140,6 +142,20 @@ class Going {
     return std::nullopt;
   }
 
+  // A ball that the governor keeps on its backup is far from any motion: it is brought to rest first.
+  std::optional<int> leave_backup() {
+    if (end_.status().mode != controller_status_t::MODE_RUNNING || end_.status().backup_active == 0) {
+      return std::nullopt;
+    }
+    std::cout << "the governor has the ball on its backup: halts it first" << std::endl;
+    if (const auto status = tell(end_, firmware::OperatorCommand::kHalt, "halt")) return status;
+    const auto over = [](const controller_status_t& s) {
+      return s.mode != controller_status_t::MODE_HALTING && s.mode != controller_status_t::MODE_STOPPING;
+    };
+    if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
+    return std::nullopt;
+  }
+
   [[nodiscard]] std::int64_t ticks_in(double wall_s) const {
     return static_cast<std::int64_t>(std::ceil(wall_s * ticks_per_s_));
   }
@@ -156,7 +172,7 @@ class Going {
   std::optional<int> plan(const plan::ReferencePoint& at, go::GoOutcome& outcome) {
     go::GoTask task;
     task.to_m = to();
-    for (const std::vector<double>& via : command_.via) task.via_m.emplace_back(via[0], via[1]);
+    for (const auto& [x, y] : command_.via) task.via_m.emplace_back(x, y);
     task.duration_s = command_.duration_s;
     task.objective = command_.objective == "time"     ? plan::Objective::kTime
                      : command_.objective == "effort" ? plan::Objective::kEffort
@@ -235,7 +251,7 @@ class Going {
 
 void add_go_options(CLI::App& command, GoCommand& options) {
   command.add_option("--to", options.to, "go: the place X,Y in m")->delimiter(',')->expected(2);
-  command.add_option("--via", options.via, "go: a place X,Y on the way; can be repeated")->delimiter(',')->expected(2);
+  command.add_option("--via", options.via, "go: a place X,Y on the way; can be repeated")->delimiter(',');
   command.add_option("--time", options.duration_s, "go: duration in s; default: chosen")
       ->check(program::positive_finite());
   command
@@ -250,7 +266,7 @@ void add_go_options(CLI::App& command, GoCommand& options) {
 
 int go_on_bus(const GoCommand& command) {
   const volatile std::sig_atomic_t* signalled = program::catch_signals();
-  hal::Bus bus(command.bus.url, signalled);
+  hal::Bus bus(with_receive_buffer(command.bus.url), signalled);
   if (!bus.good()) return program::refuse_bus("ballast", command.bus.url);
   sil::BusOperator end(bus, hal::Seconds(command.bus.peer_timeout_s));
   Going going(command, bus, end, signalled);

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tools/program/program.h"
@@ -10,8 +11,8 @@
 namespace ballast {
 
 struct GoCommand {
-  std::vector<double> to;                // m, of the geometric centre
-  std::vector<std::vector<double>> via;  // on the way, in order
+  std::vector<double> to;                      // m, of the geometric centre
+  std::vector<std::pair<double, double>> via;  // on the way, in order
   std::optional<double> duration_s;
   std::string objective = "friction";
   double time_limit_s = 20;  // wall clock, for planning

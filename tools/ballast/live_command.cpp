@@ -11,9 +11,10 @@
 #include "tools/ballast/commands.h"
 #include "tools/ballast/event_pipe.h"
 #include "tools/ballast/live_feed.h"
+#include "tools/ballast/live_go.h"
 #include "tools/ballast/live_operator.h"
-#include "tools/ballast/observed_bus.h"
 #include "tools/program/program.h"
+#include "tools/recording/receive_buffer.h"
 
 namespace ballast {
 
@@ -30,11 +31,13 @@ struct LiveCommand {
   int port = 8766;
 };
 
-// A request of the page: {"who": .., "do": "arm"}, or "move" with "mass", "to" and "speed_fraction".
+// A request of the page: {"who": .., "do": "arm"}, or "move" with "mass", "to" and "speed_fraction", or "go" with the
+// place "to" and the places "via".
 struct Request {
   std::string who, what;
   firmware::OperatorInput input;
-  std::string refusal;  // not empty: it is not sent
+  std::optional<GoWish> wish;  // of a go
+  std::string refusal;         // not empty: it is not sent
 };
 
 std::optional<double> number_in(const Json& request, const char* key) {
@@ -59,6 +62,28 @@ firmware::OperatorInput move_of(const Json& json, const controller_status_t& sta
   return move;
 }
 
+std::optional<FloorPlace> place_in(const Json& json) {
+  if (!json.is_array() || json.size() != 2 || !json[0].is_number() || !json[1].is_number()) return std::nullopt;
+  return FloorPlace{json[0].get<double>(), json[1].get<double>()};
+}
+
+GoWish wish_of(const std::string& who, const Json& json, std::string& refusal) {
+  GoWish wish{who, {}, {}};
+  const auto to = json.contains("to") ? place_in(json["to"]) : std::nullopt;
+  const Json via = json.value("via", Json::array());
+  bool good = to.has_value() && via.is_array();
+  if (good) {
+    wish.to = *to;
+    for (const Json& one : via) {
+      const auto place = place_in(one);
+      good = good && place;
+      wish.via.push_back(place.value_or(FloorPlace{}));
+    }
+  }
+  refusal = good ? wish_refusal(wish) : "it names no place [x, y]";
+  return wish;
+}
+
 // What the space bar sends: the ball comes to rest where a governor can bring it there, else its masses do.
 OperatorCommand brake_of(const controller_status_t& status) {
   return status.governed != 0 && status.mode == controller_status_t::MODE_RUNNING ? OperatorCommand::kHalt
@@ -68,7 +93,7 @@ OperatorCommand brake_of(const controller_status_t& status) {
 std::optional<Request> read_request(const std::string& line, const controller_status_t& status) {
   const Json json = Json::parse(line, nullptr, false);
   if (!json.is_object() || !json.contains("who") || !json.contains("do")) return std::nullopt;
-  Request request{json["who"].get<std::string>(), json["do"].get<std::string>(), {}, ""};
+  Request request{json["who"].get<std::string>(), json["do"].get<std::string>(), {}, {}, ""};
   if (request.what == "arm") {
     request.input = OperatorCommand::kArm;
   } else if (request.what == "start") {
@@ -84,6 +109,8 @@ std::optional<Request> read_request(const std::string& line, const controller_st
     request.what = request.input.command == OperatorCommand::kHalt ? "halt" : "stop";
   } else if (request.what == "move") {
     request.input = move_of(json, status, request.refusal);
+  } else if (request.what == "go") {
+    request.wish = wish_of(request.who, json, request.refusal);
   } else {
     return std::nullopt;
   }
@@ -93,7 +120,7 @@ std::optional<Request> read_request(const std::string& line, const controller_st
 // Connects the page's requests with the controller, and its answers with the page.
 class Control {
  public:
-  Control(hal::Bus& bus, LiveFeed& feed) : operator_(bus), feed_(feed) {}
+  Control(hal::Bus& bus, const std::string& url, LiveFeed& feed) : operator_(bus), go_(url), feed_(feed) {}
 
   void take(const std::string& line) {
     const controller_status_t* status = feed_.controller();
@@ -107,21 +134,50 @@ class Control {
       feed_.say(LiveFeed::Kind::kRefusal, request->who + ": " + request->what + ": " + request->refusal);
       return;
     }
+    if (request->wish) {
+      go(*request->wish, *status);
+      return;
+    }
+    // A course that is planned must not begin after a newer command. Arming moves nothing.
+    if (request->what != "arm") drop_go(*request);
     report(operator_.tell(request->who, request->what, request->input, *status));
   }
 
   void poll() {
     const controller_status_t* status = feed_.controller();
     report(status != nullptr ? operator_.poll(*status) : operator_.end());
+    if (const auto answer = go_.poll(status)) {
+      feed_.set_wish(nullptr);
+      feed_.say(answer->obeyed ? LiveFeed::Kind::kPlan : LiveFeed::Kind::kRefusal,
+                answer->wish.who + ": go: " + answer->text);
+    }
   }
 
  private:
+  void go(const GoWish& wish, const controller_status_t& status) {
+    const std::string why = go_.start(wish, status);
+    feed_.set_wish(go_.wish());
+    if (why.empty()) {
+      feed_.say(LiveFeed::Kind::kCommand, wish.who + ": go to " + wish_text(wish) + ": planning");
+    } else {
+      feed_.say(LiveFeed::Kind::kRefusal, wish.who + ": go: " + why);
+    }
+  }
+
+  void drop_go(const Request& newer) {
+    const auto dropped = go_.drop();
+    if (!dropped) return;
+    feed_.set_wish(nullptr);
+    feed_.say(LiveFeed::Kind::kCommand, dropped->who + ": go: dropped by the " + newer.what + " of " + newer.who);
+  }
+
   void report(const std::optional<LiveOperator::Answer>& answer) {
     if (!answer) return;
     feed_.say(answer->obeyed ? LiveFeed::Kind::kCommand : LiveFeed::Kind::kRefusal, answer->who + ": " + answer->text);
   }
 
   LiveOperator operator_;
+  LiveGo go_;
   LiveFeed& feed_;
 };
 
@@ -144,7 +200,9 @@ int live(const LiveCommand& command) {
   subscribe(hal::kChannelControllerStatus, static_cast<controller_status_t*>(nullptr));
   subscribe(hal::kChannelTrip, static_cast<trip_t*>(nullptr));
   subscribe(hal::kChannelScenario, static_cast<scenario_piece_t*>(nullptr));
-  Control control(bus, feed);
+  subscribe(hal::kChannelOperator, static_cast<operator_t*>(nullptr));
+  subscribe(hal::kChannelCourse, static_cast<operator_t*>(nullptr));
+  Control control(bus, command.url, feed);
   for (;;) {
     const hal::Status status = bus.receive_until(hal::after(hal::WallClock::now(), kLookEvery), [] { return false; });
     if (status == hal::Status::kInterrupted) return program::kExitCompleted;

@@ -72,6 +72,12 @@ void for_each_column(const contact_t& contact, const plant_state_t& state, const
   add("measured_normal_sigma", measured ? status->measured_normal_sigma_n : kNone);
 }
 
+Json wish_json(const GoWish& wish) {
+  Json via = Json::array();
+  for (const FloorPlace& place : wish.via) via.push_back(place);
+  return {{"who", wish.who}, {"to", wish.to}, {"via", via}};
+}
+
 Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 std::string run_json(const sim::Scenario& scenario, const contact_t& contact, const plant_state_t& state) {
@@ -109,6 +115,8 @@ bool LiveFeed::is_shown(std::int64_t run_id, double now_s) {
     said_plan_tick_.reset();
     scenario_.reset();
     scenario_trouble_.clear();
+    courses_.clear();
+    last_wish_.reset();
     passed_s_ = now_s - kEvery_s;
   }
   return heard != ShownRun::Heard::kOther;
@@ -151,6 +159,15 @@ void LiveFeed::observe(const scenario_piece_t& message, double) {
   text_run_id_ = message.run_id;
 }
 
+void LiveFeed::observe(const operator_t& message, double) {
+  if (message.run_id == run_.run_id()) courses_.take(message);
+}
+
+void LiveFeed::set_wish(const GoWish* wish) {
+  wish_ = wish != nullptr ? std::optional(*wish) : std::nullopt;
+  if (wish_) last_wish_ = wish_;
+}
+
 // The scenario comes from the bus, so it is read as strictly as one from a file.
 void LiveFeed::adopt(const std::string& scenario_text) {
   if (!scenario_trouble_.empty()) return;
@@ -167,6 +184,8 @@ void LiveFeed::adopt(const std::string& scenario_text) {
   floor_.emplace(scenario_->surface);
   pipe_.send(text_event("robot.json", sil::robot_json(*scenario_)) + text_event("scenario.toml", scenario_text) +
              text_event("live.run", run_json(*scenario_, *contact_, *state_)));
+  sent_wish_.clear();
+  sent_course_.reset();
   say(Kind::kRun, "run of " + scenario_->name);
 }
 
@@ -252,10 +271,39 @@ std::string LiveFeed::state() const {
 }
 
 void LiveFeed::update() {
-  std::string now = state();
-  if (now == sent_state_) return;
-  pipe_.send(text_event("live.state", now));
-  sent_state_ = std::move(now);
+  send_if_changed("live.state", state(), sent_state_);
+  if (!scenario_) return;  // the page draws nothing yet
+  send_if_changed("live.wish", wish_ ? wish_json(*wish_).dump() : "null", sent_wish_);
+  send_course();
+}
+
+void LiveFeed::send_if_changed(const char* channel, std::string now, std::string& sent) {
+  if (now == sent) return;
+  pipe_.send(text_event(channel, now));
+  sent = std::move(now);
+}
+
+void LiveFeed::send_course() {
+  const LiveCourses::Path* path = status_ ? courses_.path(status_->course) : nullptr;
+  const std::int64_t number = path != nullptr ? status_->course : 0;
+  if (number == sent_course_) return;
+  sent_course_ = number;
+  if (path == nullptr) {
+    pipe_.send(text_event("live.course", "null"));
+    return;
+  }
+  Json course{{"number", fmt::format("{:x}", static_cast<std::uint64_t>(number))},
+              {"path", *path},
+              {"to", path->back()},
+              {"via", Json::array()}};
+  // A course ends where it was wished to, up to the plan's error.
+  constexpr double kSamePlace = 0.1;  // ball radii
+  if (last_wish_ && std::hypot(last_wish_->to[0] - path->back()[0], last_wish_->to[1] - path->back()[1]) <
+                        kSamePlace * scenario_->ball.radius_m) {
+    course["to"] = last_wish_->to;
+    course["via"] = last_wish_->via;
+  }
+  pipe_.send(text_event("live.course", course.dump()));
 }
 
 }  // namespace ballast

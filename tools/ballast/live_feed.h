@@ -4,7 +4,12 @@
 //   robot.json, scenario.toml   the robot of a run that is shown from now on
 //   live.run                    JSON: its name, the names of a frame's columns, masses, limits
 //   live.frame                  JSON: a list of numbers, one per column; null where there is none. Others replace lost
-//   ones live.state                  JSON: phase of the run, the controller's mode and flags, trip and faults in words
+//                               ones
+//   live.state                  JSON: phase of the run, the controller's mode and flags, trip and faults in words
+//   live.course                 JSON: the course that the masses follow: number, path of [x, y] as planned, its end
+//   `to`
+//                               and the places `via` on the way as far as they are known; null: none
+//   live.wish                   JSON: the place that a course is planned to: who, to, via; null: none
 //   live.said                   JSON: one line in words, with its time and kind
 // Frames are complete ticks, at most 60 per second of the wall clock and the run's last.
 #pragma once
@@ -17,6 +22,8 @@
 #include "sim/plant/local_floor.h"
 #include "sim/scenario/scenario.h"
 #include "tools/ballast/event_pipe.h"
+#include "tools/ballast/live_courses.h"
+#include "tools/ballast/live_go.h"
 #include "tools/ballast/shown_run.h"
 #include "tools/recording/scenario_beacon.h"
 
@@ -35,8 +42,13 @@ class LiveFeed {
   void observe(const controller_status_t& message, double now_s);
   void observe(const trip_t& message, double now_s);
   void observe(const scenario_piece_t& message, double now_s);
+  // Operators' commands of which courses consist, as they are given or as the run repeats them for observers.
+  void observe(const operator_t& message, double now_s);
 
-  // Sends the state if it has changed. To be called often.
+  // The place that a course is planned to; null: none.
+  void set_wish(const GoWish* wish);
+
+  // Sends state, wish and course if they have changed. To be called often.
   void update();
 
   enum class Kind : std::uint8_t { kRun, kMode, kPlan, kCommand, kRefusal, kTrip };
@@ -56,6 +68,8 @@ class LiveFeed {
   void pass_on(double now_s);
   [[nodiscard]] std::string frame() const;
   [[nodiscard]] std::string state() const;
+  void send_if_changed(const char* channel, std::string now, std::string& sent);
+  void send_course();
 
   EventPipe& pipe_;
   ShownRun run_;
@@ -67,7 +81,11 @@ class LiveFeed {
   mutable std::optional<sim::LocalFloor> floor_;
   double passed_s_ = 0;
   std::int64_t events_ = 0;
-  std::string sent_state_;
+  std::string sent_state_, sent_wish_;
+  std::optional<GoWish> wish_;       // whose course is not there yet
+  std::optional<GoWish> last_wish_;  // the newest, also after its course has begun
+  LiveCourses courses_;
+  std::optional<std::int64_t> sent_course_;     // its number; 0: that there is none; none: nothing since the run began
   std::optional<std::int64_t> said_plan_tick_;  // of the newest plan that has been told
   bool plan_moves_ = false;                     // the newest plan is a move's; else a stop's
   std::optional<contact_t> contact_;

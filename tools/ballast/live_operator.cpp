@@ -13,13 +13,21 @@ using firmware::OperatorCommand;
 // A bus may lose a message. An exact copy is not obeyed twice.
 constexpr hal::Seconds kRepeatEvery{0.05}, kPatience{2};
 
+bool is_brake(OperatorCommand command) {
+  return command == OperatorCommand::kStop || command == OperatorCommand::kHalt;
+}
+
+bool moves_on(const controller_status_t& status) {
+  return status.mode == controller_status_t::MODE_RUNNING || status.mode == controller_status_t::MODE_MOVING ||
+         status.mode == controller_status_t::MODE_PENDING;
+}
+
 }  // namespace
 
 std::optional<LiveOperator::Answer> LiveOperator::tell(const std::string& who, const std::string& what,
                                                        const firmware::OperatorInput& input,
                                                        const controller_status_t& status) {
-  const bool brakes = input.command == OperatorCommand::kStop || input.command == OperatorCommand::kHalt;
-  if (pending_ && !brakes) {
+  if (pending_ && !is_brake(input.command)) {
     return Answer{who, false, "the " + what + " is not sent: the " + pending_->what + " has no answer yet"};
   }
   const auto now = hal::WallClock::now();
@@ -39,10 +47,16 @@ std::optional<LiveOperator::Answer> LiveOperator::poll(const controller_status_t
   if (!pending_) return std::nullopt;
   if (status.run_id != pending_->run_id) return end();
   if (status.operator_commands > pending_->commands_before) {
+    const bool moves = pending_->input.command == OperatorCommand::kMove;
+    const std::string refusal = sil::refusal_text(status, moves ? &pending_->input.move : nullptr);
+    // What was counted may be another operator's command, such as a part of a course. A stop is repeated until it
+    // works.
+    if (is_brake(pending_->input.command) && refusal.empty() && moves_on(status)) {
+      pending_->commands_before = status.operator_commands;
+      return std::nullopt;
+    }
     const Pending answered = *pending_;
     pending_.reset();
-    const bool moves = answered.input.command == OperatorCommand::kMove;
-    const std::string refusal = sil::refusal_text(status, moves ? &answered.input.move : nullptr);
     if (refusal.empty()) return Answer{answered.who, true, answered.what};
     return Answer{answered.who, false, sil::refused_text(answered.what, refusal)};
   }

@@ -13,8 +13,8 @@
 #include "hal/lcm/bus.h"
 #include "tools/ballast/commands.h"
 #include "tools/ballast/foxglove_feed.h"
-#include "tools/ballast/observed_bus.h"
 #include "tools/program/program.h"
+#include "tools/recording/receive_buffer.h"
 #include "tools/watch/view.h"
 
 namespace ballast {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace ballast::go {
 
@@ -112,16 +113,26 @@ std::vector<firmware::CoursePart> parts_of(const HostCourse& course) {
 
 std::optional<HostCourse> CourseParts::take(const operator_t& message) {
   if (message.command != operator_t::COMMAND_GO) return std::nullopt;
-  if (message.course_first == 0) {
-    number_ = message.course;
-    values_.clear();
+  const auto same = [&](const Course& course) {
+    return course.number == message.course && course.total == message.course_total;
+  };
+  auto found = std::find_if(courses_.begin(), courses_.end(), same);
+  if (found == courses_.end()) {
+    courses_.push_back({message.course, message.course_total, false, {}});
+    if (courses_.size() > kMostCourses) courses_.pop_front();
+    found = std::prev(courses_.end());
   }
-  if (message.course != number_ || static_cast<std::size_t>(message.course_first) != values_.size()) {
-    return std::nullopt;
+  if (found->complete) return std::nullopt;
+  found->values[message.course_first].assign(message.course_value, message.course_value + message.course_count);
+  std::vector<double> values;
+  for (const auto& [first, part] : found->values) {
+    if (static_cast<std::size_t>(first) != values.size()) return std::nullopt;
+    values.insert(values.end(), part.begin(), part.end());
   }
-  values_.insert(values_.end(), message.course_value, message.course_value + message.course_count);
-  if (values_.size() != static_cast<std::size_t>(message.course_total)) return std::nullopt;
-  return course_of(number_, values_);
+  if (values.size() != static_cast<std::size_t>(message.course_total)) return std::nullopt;
+  found->complete = true;
+  found->values.clear();
+  return course_of(message.course, values);
 }
 
 }  // namespace ballast::go

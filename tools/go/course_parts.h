@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -29,16 +31,22 @@ struct HostCourse {
 
 [[nodiscard]] std::vector<firmware::CoursePart> parts_of(const HostCourse& course);
 
-// Puts together what observers hear of courses. Parts of one course come in order; a part that does not continue the
-// course before it is left out.
+// Puts together what observers hear of courses. Parts may come in any order, repeatedly, and of several courses.
 class CourseParts {
  public:
-  // The course, with its last part.
+  // The course, once all of its parts are there; only once for each course.
   std::optional<HostCourse> take(const operator_t& message);
 
  private:
-  std::int64_t number_ = 0;
-  std::vector<double> values_;
+  struct Course {
+    std::int64_t number = 0;
+    std::int32_t total = 0;
+    bool complete = false;
+    std::map<std::int32_t, std::vector<double>> values;  // by the place of the first
+  };
+  static constexpr std::size_t kMostCourses = 8;
+
+  std::deque<Course> courses_;  // the newest last
 };
 
 }  // namespace ballast::go

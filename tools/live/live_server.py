@@ -71,6 +71,10 @@ class Server:
             self.live.frame(payload.decode())
         elif channel == "live.state":
             self.live.state(json.loads(payload))
+        elif channel == "live.course":
+            self.live.course(json.loads(payload))
+        elif channel == "live.wish":
+            self.live.wish(json.loads(payload))
         elif channel == "live.said":
             self.live.said(json.loads(payload))
         elif self._foxglove is not None and self._foxglove.viewers:  # drawing scenes takes time

@@ -9,12 +9,15 @@ Messages to the page, JSON objects by "op":
     history   rows: the last 30 s, path: the way driven, [x, y, regime]
     frame     row: numbers, in the order of the run's columns
     state     what tools/ballast/live_feed.h says of live.state
+    course    course: what it says of live.course, or null
+    wish      wish: what it says of live.wish, or null
     said      lines: the last lines in words, newest last
     controls  holder: the name of the viewer that holds them, or null; viewers: how many there are
     refused   text: why the last request was not passed on
 Requests of the page, JSON objects by "op":
     take, release                   the controls
-    command  do: arm, start, stop, halt, brake, reset, or move with mass, to, speed_fraction
+    command  do: arm, start, stop, halt, brake, reset, or move with mass, to, speed_fraction, or go with the place
+             to: [x, y] in m and the places via: [[x, y], ..] on the way
 A stop, halt or brake is passed on from every viewer, the others only from the one that holds the controls.
 """
 
@@ -35,12 +38,17 @@ _PATH_POINTS = 2000
 _PATH_STEP = 0.02  # ball radii
 _REQUESTS_PER_S, _MOST_AT_ONCE = 20, 40
 _BRAKES = ("stop", "halt", "brake")
-_COMMANDS = (*_BRAKES, "arm", "start", "reset", "move")
+_COMMANDS = (*_BRAKES, "arm", "start", "reset", "move", "go")
 _MOVE_NUMBERS = ("mass", "to", "speed_fraction")
+_FARTHEST_PLACE_M, _MOST_VIA = 1e4, 20  # those of tools/ballast/live_go.h
 
 
 class Stranger(Exception):
     """A viewer that sends what the page does not send. It is disconnected."""
+
+
+class Refused(Exception):
+    """A request that is not passed on, with the reason."""
 
 
 class Budget:
@@ -64,15 +72,39 @@ class Viewer(Outbox):
 
     def forget_run(self):
         """Drops what waits of the run before."""
-        for op in ("run", "history", "frame"):
+        for op in ("run", "history", "frame", "course", "wish"):
             self.drop(op)
 
     def tell(self, op, **fields):
         self.put(op, json.dumps({"op": op, **fields}, separators=(",", ":")))
 
 
+def _read_number(value):
+    if type(value) not in (int, float) or not abs(value) < 1e15:
+        raise Stranger("not a number")
+    return value
+
+
+def _read_place(value):
+    if not isinstance(value, list) or len(value) != 2:
+        raise Stranger("not a place")
+    return [_read_number(coordinate) for coordinate in value]
+
+
+def _read_go(request):
+    to, via = _read_place(request.get("to")), request.get("via", [])
+    if not isinstance(via, list):
+        raise Stranger("not places")
+    via = [_read_place(place) for place in via]
+    if len(via) > _MOST_VIA:
+        raise Refused(f"go: {len(via)} places on the way; allowed: at most {_MOST_VIA}")
+    if any(abs(coordinate) > _FARTHEST_PLACE_M for place in (to, *via) for coordinate in place):
+        raise Refused(f"go: a place is too far away; allowed: coordinates up to {_FARTHEST_PLACE_M:g} m")
+    return {"to": to, "via": via}
+
+
 def read_request(message):
-    """A request of the page as a dict. Raises Stranger."""
+    """A request of the page as a dict. Raises Stranger, or Refused."""
     try:
         request = json.loads(message) if isinstance(message, str) else None
     except (ValueError, RecursionError) as error:
@@ -83,10 +115,12 @@ def read_request(message):
         return {"op": request["op"]}
     if request.get("do") not in _COMMANDS:
         raise Stranger("not a command")
-    numbers = {key: request[key] for key in _MOVE_NUMBERS if key in request} if request["do"] == "move" else {}
-    if any(type(value) not in (int, float) or not abs(value) < 1e15 for value in numbers.values()):
-        raise Stranger("not a number")
-    return {"op": "command", "do": request["do"], **numbers}
+    fields = {}
+    if request["do"] == "move":
+        fields = {key: _read_number(request[key]) for key in _MOVE_NUMBERS if key in request}
+    elif request["do"] == "go":
+        fields = _read_go(request)
+    return {"op": "command", "do": request["do"], **fields}
 
 
 class LiveShow:
@@ -102,6 +136,7 @@ class LiveShow:
         self._path, self._next_s = None, None
         self._indices = None
         self._frame = None  # the newest
+        self._course = self._wish = None
 
     # Of the run
 
@@ -109,7 +144,7 @@ class LiveShow:
         self._run = run
         self._rows.clear()
         self._path = ThinnedPath(_PATH_STEP * run["radius"], _PATH_POINTS)
-        self._next_s = self._frame = None
+        self._next_s = self._frame = self._course = self._wish = None
         self._indices = [run["columns"].index(name) for name in ("time", "position_0", "position_1", "regime")]
         for viewer in self._viewers:
             viewer.forget_run()
@@ -137,6 +172,16 @@ class LiveShow:
         for viewer in self._viewers:
             viewer.tell("state", **state)
 
+    def course(self, course):
+        self._course = course
+        for viewer in self._viewers:
+            viewer.tell("course", course=course)
+
+    def wish(self, wish):
+        self._wish = wish
+        for viewer in self._viewers:
+            viewer.tell("wish", wish=wish)
+
     def said(self, line):
         self._lines.append(line)
         for viewer in self._viewers:
@@ -148,6 +193,10 @@ class LiveShow:
         viewer.put("history", f'{{"op":"history","path":{json.dumps(path)},"rows":[{",".join(self._rows)}]}}')
         if self._frame is not None:
             viewer.put("frame", self._frame)
+        if self._course is not None:
+            viewer.tell("course", course=self._course)
+        if self._wish is not None:
+            viewer.tell("wish", wish=self._wish)
 
     # Of the viewers
 
@@ -174,7 +223,10 @@ class LiveShow:
         try:
             async for message in socket:
                 viewer.budget.spend()
-                self._take(viewer, read_request(message))
+                try:
+                    self._take(viewer, read_request(message))
+                except Refused as error:
+                    viewer.tell("refused", text=str(error))
         except ConnectionClosed:
             pass
         except Stranger as error:

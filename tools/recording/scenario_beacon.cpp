@@ -8,6 +8,7 @@
 #include "hal/lcm/bus.h"
 #include "hal/lcm/channels.h"
 #include "tools/recording/black_box.h"
+#include "tools/recording/receive_buffer.h"
 
 namespace ballast::sil {
 
@@ -17,6 +18,7 @@ constexpr std::chrono::milliseconds kEvery{250};
 constexpr int kPoll_ms = 10;
 // More than one: the newest may be refused while another is followed.
 constexpr std::size_t kMostCourses = 4;
+constexpr int kMostPartsAtOnce = 16;  // receivers lose parts of a longer burst
 constexpr std::size_t kPieceSize = scenario_piece_t::MOST_SIZE;
 
 // Other kinds of LCM buses are files, which a second connection would spoil.
@@ -40,8 +42,9 @@ ScenarioBeacon::~ScenarioBeacon() {
 }
 
 void ScenarioBeacon::run(const std::string& url) {
-  lcm::LCM bus(url);
-  if (!hal::usable(bus, url)) return;
+  const std::string roomy = with_receive_buffer(url);  // the parts of a course come once, and each is needed
+  lcm::LCM bus(roomy);
+  if (!hal::usable(bus, roomy)) return;
   using Hears = void (*)(const lcm::ReceiveBuffer*, const std::string&, ScenarioBeacon*);
   const Hears hears = [](const lcm::ReceiveBuffer* buffer, const std::string&, ScenarioBeacon* self) {
     operator_t message{};
@@ -51,14 +54,17 @@ void ScenarioBeacon::run(const std::string& url) {
   auto due = std::chrono::steady_clock::now();
   while (!over_) {
     if (std::chrono::steady_clock::now() >= due) {
-      if (!send(bus)) return;
+      if (!send_scenario(bus)) return;
       due += kEvery;
+      if (outbox_.empty()) {
+        for (const auto& course : courses_) outbox_.insert(outbox_.end(), course.begin(), course.end());
+      }
     }
-    if (bus.handleTimeout(kPoll_ms) < 0 && errno != EINTR) return;
+    if (!send_parts(bus) || (bus.handleTimeout(kPoll_ms) < 0 && errno != EINTR)) return;
   }
 }
 
-bool ScenarioBeacon::send(lcm::LCM& bus) {
+bool ScenarioBeacon::send_scenario(lcm::LCM& bus) {
   for (piece_.piece = 0; piece_.piece < piece_.pieces; ++piece_.piece) {
     const std::size_t from = static_cast<std::size_t>(piece_.piece) * kPieceSize;
     const std::size_t size = std::min(kPieceSize, text_.size() - from);
@@ -66,10 +72,13 @@ bool ScenarioBeacon::send(lcm::LCM& bus) {
     std::fill(std::copy_n(text_.data() + from, size, piece_.text), std::end(piece_.text), std::int8_t{0});
     if (bus.publish(hal::kChannelScenario, &piece_) != 0) return false;
   }
-  for (const std::vector<operator_t>& course : courses_) {
-    for (const operator_t& part : course) {
-      if (bus.publish(hal::kChannelCourse, &part) != 0) return false;
-    }
+  return true;
+}
+
+bool ScenarioBeacon::send_parts(lcm::LCM& bus) {
+  for (int k = 0; k < kMostPartsAtOnce && !outbox_.empty(); ++k) {
+    if (bus.publish(hal::kChannelCourse, &outbox_.front()) != 0) return false;
+    outbox_.pop_front();
   }
   return true;
 }

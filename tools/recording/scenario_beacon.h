@@ -31,12 +31,14 @@ class ScenarioBeacon {
 
  private:
   void run(const std::string& url);
-  [[nodiscard]] bool send(lcm::LCM& bus);
+  [[nodiscard]] bool send_scenario(lcm::LCM& bus);
+  [[nodiscard]] bool send_parts(lcm::LCM& bus);
   void hear(const operator_t& message);
 
   scenario_piece_t piece_{};  // its fixed fields
   std::string text_;
   std::deque<std::vector<operator_t>> courses_;  // parts of each, as they came
+  std::deque<operator_t> outbox_;                // of them, still to be sent
   std::atomic<bool> over_ = false;
   std::thread thread_;
 };

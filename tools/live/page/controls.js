@@ -30,6 +30,14 @@ export class Controls {
       });
     });
     element("move-mass").addEventListener("change", () => this.showUnit());
+    this.via = [];  // places on the way that have been entered
+    element("go").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.go(this.enteredPlace(), this.via);
+    });
+    element("go-via").addEventListener("click", () => {
+      if (element("go").reportValidity()) this.setVia([...this.via, this.enteredPlace()]);
+    });
     this.connectKeys();
     this.show();
   }
@@ -41,6 +49,26 @@ export class Controls {
   command(what, fields = {}) {
     if (!this.connection.send("command", {do: what, ...fields}))
       this.answer("refusal", "not sent: there is no connection");
+  }
+
+  // Asks for a course to `to` by the places `via`, each [x, y] in m.
+  go(to, via) {
+    if (!this.mine) {
+      this.answer("refusal", "go: take the controls first");
+      return;
+    }
+    const rounded = (place) => place.map((x) => Number(x.toFixed(6)));
+    this.command("go", {to: rounded(to), via: via.map(rounded)});
+    this.setVia([]);
+  }
+
+  enteredPlace() {
+    return ["go-x", "go-y"].map((id) => element(id).valueAsNumber);
+  }
+
+  setVia(via) {
+    this.via = via;
+    element("go-by").textContent = via.map(([x, y]) => `by ${shortNumber(x)}, ${shortNumber(y)}`).join("; ");
   }
 
   // Space stops whatever has the focus: a focused button would be pressed by it.
@@ -65,6 +93,7 @@ export class Controls {
     this.masses = masses;
     element("move-mass").replaceChildren(...masses.map((_, i) => new Option(String(i), i)));
     element("move-to").value = "";
+    this.setVia([]);
     this.showUnit();
   }
 
@@ -90,7 +119,8 @@ export class Controls {
       button.disabled = !works || !(mine || BRAKES.includes(what));
       button.classList.toggle("usual", works && USUAL[what].includes(mode));
     }
-    for (const input of element("move").elements) input.disabled = !works || !mine;
+    for (const form of ["move", "go"])
+      for (const input of element(form).elements) input.disabled = !works || !mine;
     element("stop").hidden = !governed;
     element("brake").firstChild.textContent = governed ? "Halt the ball " : "Stop ";
   }

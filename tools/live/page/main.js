@@ -1,6 +1,7 @@
 // Starts the page: what the server tells goes to replay, plots, readings and controls.
 import {Connection} from "ballast/connection.js";
 import {Controls} from "ballast/controls.js";
+import {FloorGestures} from "ballast/floor_gestures.js";
 import {LiveClock} from "ballast/live_clock.js";
 import {LivePath} from "ballast/live_path.js";
 import {LiveSamples} from "ballast/live_samples.js";
@@ -9,6 +10,7 @@ import {Plots} from "ballast/plots.js";
 import {Pointing} from "ballast/pointing.js";
 import {Readings} from "ballast/readings.js";
 import {Scene} from "ballast/scene.js";
+import {placesOf} from "ballast/stroke.js";
 import {connectThemeButton} from "ballast/theme.js";
 
 const SHOWN_S = 30, TREND_EVERY_S = 0.05;          // of the plots
@@ -22,6 +24,9 @@ const PANELS = new Map([
 ]);
 const WEIGHT_ARROW = 1.15;  // of robot.js
 const MOST_SPANS = 40;      // of sliding or flight that are shaded in the plots
+// Of a drawn path: at most so many places; the accuracy of the line between them, and how near to the ball it begins,
+// both in ball radii.
+const MOST_PLACES = 4, STROKE_TOLERANCE = 0.15, BEGINS_NEAR = 1.5;
 
 const element = (id) => document.getElementById(id);
 const now = () => performance.now() / 1000;
@@ -70,6 +75,7 @@ class Run {
     this.timeColumn = described.columns.indexOf("time");
     this.regimes = new Regimes();
     this.described.regimes = this.regimes.spans;
+    this.course = this.wish = null;
   }
 
   // How many times longer the arrow of friction is drawn: as much as keeps it shorter than the ball is wide.
@@ -96,6 +102,12 @@ class Run {
     this.way = path;
     if (this.path) this.path.replace(path);
   }
+
+  // What is drawn on the floor of the operators' wishes.
+  mark() {
+    this.path?.marks.setCourse(this.course);
+    this.path?.marks.setWish(this.wish);
+  }
 }
 
 class Page {
@@ -114,10 +126,13 @@ class Page {
           history: ({rows, path}) => this.run?.history(rows, path),
           frame: ({row}) => this.frame(row),
           state: (state) => this.setState(state),
+          course: ({course}) => this.mark({course}),
+          wish: ({wish}) => this.mark({wish}),
           said: ({lines}) => this.said(lines),
           controls: ({holder, viewers}) => {
             Object.assign(this.controls, {holder, viewers});
             this.controls.show();
+            this.aim();
           },
           refused: ({text}) => this.controls.answer("refusal", text)
         },
@@ -165,6 +180,7 @@ class Page {
       makePath: (robot) => {
         run.path = new LivePath(robot);
         run.path.replace(run.way ?? []);
+        run.mark();
         return run.path;
       }
     }];
@@ -174,7 +190,9 @@ class Page {
         this.scene.look("ball");
       } else {
         this.scene = new Scene(element("view"), drawn, this.clock, element("scale"));
-        this.pointing = new Pointing(this.scene, element("pointed"));
+        this.pointing = new Pointing(
+            this.scene, element("pointed"), () => (this.controls.mine ? ": a click sends the ball there" : ""));
+        this.connectFloor();
       }
       for (const box of document.querySelectorAll("[data-show]"))
         if (!box.checked) this.scene.show(box.dataset.show, false);
@@ -188,6 +206,42 @@ class Page {
                        .filter(({id}) => PANELS.has(id))
                        .map((panel) => ({...panel, title: PANELS.get(panel.id) ?? panel.title}));
     this.plots = new Plots(element("plots"), panels, plotted, {time: 0, end: SHOWN_S, playing: true, onChange() {}});
+  }
+
+  mark(wishes) {
+    if (!this.run) return;
+    Object.assign(this.run, wishes);
+    this.run.mark();
+    if (this.scene) this.scene.dirty = true;
+  }
+
+  // Clicks on the floor, and what is drawn on it, become wishes.
+  connectFloor() {
+    const draw = element("draw");
+    this.gestures = new FloorGestures(this.scene, (event) => this.pointing.visiblePlaceAt(event), {
+      click: (place) => {
+        if (place) this.controls.go([place.x, place.y], []);
+      },
+      stroke: (points) => {
+        this.run.path?.marks.setStroke(points);
+        this.scene.dirty = true;
+      },
+      drawn: (points) => {
+        const ball = ["position_0", "position_1"].map((name) => this.run.replay.newest(name)), {radius} = this.scene;
+        const places = placesOf(
+            points, {most: MOST_PLACES, tolerance: STROKE_TOLERANCE * radius, ball, near: BEGINS_NEAR * radius});
+        this.controls.go(places.at(-1), places.slice(0, -1));
+      },
+      armed: (draws) => draw.setAttribute("aria-pressed", String(draws))
+    });
+    draw.addEventListener("click", () => this.gestures.arm(!this.gestures.draws));
+    this.aim();
+  }
+
+  // The pointer over the floor says that a click is a wish.
+  aim() {
+    element("view").classList.toggle("aims", this.controls.mine);
+    if (!this.controls.mine) this.gestures?.arm(false);
   }
 
   // The last SHOWN_S, or the run so far at the left, in the plot whose turn it is.

@@ -1,4 +1,5 @@
-// A bus that a program observes without taking part in the run.
+// The URL of a bus of which a program must miss nothing, though a run sends more than the system's default buffer
+// holds while the program is not scheduled.
 #pragma once
 
 #include <string>

@@ -1,0 +1,134 @@
+#include "tools/ballast/live_go.h"
+
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <system_error>
+
+#include "tools/program/program.h"
+#include "tools/program/short_number.h"
+#include "tools/summary/controller_words.h"
+
+namespace ballast {
+
+namespace {
+
+// For planning, and for the planner to hand over and to end.
+constexpr double kPlan_s = 20, kPlanPerVia_s = 5, kEnd_s = 40;
+constexpr std::size_t kLongestText = 2000;
+constexpr double kNegligible_m = 1e-6;
+
+std::string option(const char* name, const FloorPlace& place) {
+  return fmt::format("--{}={:.9g},{:.9g}", name, place[0], place[1]);
+}
+
+bool is_near(const FloorPlace& place) {
+  return std::all_of(place.begin(), place.end(), [](double x) { return std::fabs(x) <= kFarthestPlace_m; });  // no NaN
+}
+
+// In these modes the masses stop or do not move, and a course that was planned before must not begin.
+bool is_stopped(int mode) {
+  return mode == controller_status_t::MODE_STOPPING || mode == controller_status_t::MODE_HALTING ||
+         mode == controller_status_t::MODE_TRIPPED || mode == controller_status_t::MODE_DISARMED;
+}
+
+// The lines of a program of this project as one, without its name.
+std::string in_one_line(const std::string& text) {
+  constexpr std::string_view kName = "ballast: ";
+  std::string out;
+  for (std::size_t from = 0; from < text.size();) {
+    const std::size_t end = std::min(text.find('\n', from), text.size());
+    std::string_view line = std::string_view(text).substr(from, end - from);
+    if (line.starts_with(kName)) line.remove_prefix(kName.size());
+    if (!line.empty()) out.append(out.empty() ? "" : "; ").append(line);
+    from = end + 1;
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string wish_refusal(const GoWish& wish) {
+  if (wish.via.size() > kMostVia)
+    return fmt::format("{} places on the way; allowed: at most {}", wish.via.size(), kMostVia);
+  if (!is_near(wish.to) || !std::all_of(wish.via.begin(), wish.via.end(), is_near))
+    return fmt::format("a place is too far away; allowed: coordinates up to {:g} m", kFarthestPlace_m);
+  return "";
+}
+
+std::string wish_text(const GoWish& wish) {
+  using program::short_number;
+  const std::string to =
+      fmt::format("({}, {}) m", short_number(wish.to[0], kNegligible_m), short_number(wish.to[1], kNegligible_m));
+  if (wish.via.empty()) return to;
+  return fmt::format("{} by {} {}", to, wish.via.size(), wish.via.size() == 1 ? "place" : "places");
+}
+
+std::string LiveGo::start(GoWish wish, const controller_status_t& status) {
+  (void)drop();
+  const std::string path = program::beside_this_program("ballast");
+  auto pipe = program::open_pipe();
+  if (!pipe) return program::cannot_start(path, {errno, std::generic_category()});
+  const double limit_s = kPlan_s + kPlanPerVia_s * static_cast<double>(wish.via.size());
+  program::ProcessStart start{.arguments = {path, "operate", "go", "--lcm", url_, option("to", wish.to),
+                                            fmt::format("--time-limit={}", limit_s)},
+                              .input = program::ProcessStart::kNull,
+                              .output = pipe->writing.get(),
+                              .error = pipe->writing.get(),
+                              .ends_with_parent = true,
+                              .own_group = true};
+  for (const FloorPlace& place : wish.via) start.arguments.push_back(option("via", place));
+  if (const auto error = planner_.start(start)) return program::cannot_start(path, error);
+  output_ = std::move(pipe->reading);
+  fcntl(output_.get(), F_SETFL, fcntl(output_.get(), F_GETFL) | O_NONBLOCK);
+  text_.clear();
+  wish_ = std::move(wish);
+  run_id_ = status.run_id;
+  mode_ = status.mode;
+  begun_ = Clock::now();
+  patience_ = std::chrono::duration<double>(limit_s + kEnd_s);
+  return "";
+}
+
+std::optional<GoWish> LiveGo::drop() {
+  if (!wish_) return std::nullopt;
+  planner_ = program::Subprocess();  // kills it
+  output_ = program::Descriptor();
+  return std::exchange(wish_, std::nullopt);
+}
+
+std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
+  if (!wish_) return std::nullopt;
+  read();
+  const auto end = planner_.wait(std::chrono::seconds(0));
+  if (!end) {
+    if (status == nullptr || status->run_id != run_id_) return give_up("the run ended before the course was planned");
+    if (is_stopped(status->mode) && !is_stopped(mode_))
+      return give_up("dropped: the controller is " + std::string(sil::mode_text(status->mode)));
+    if (Clock::now() - begun_ > patience_)
+      return give_up(fmt::format("the planner did not end within {} s", patience_.count()));
+    return std::nullopt;
+  }
+  read();  // what it printed between the last read and its end
+  Answer answer{*drop(), end->exit_status == program::kExitCompleted, in_one_line(text_)};
+  if (answer.text.empty()) answer.text = "the planner ended with " + end->text();
+  return answer;
+}
+
+LiveGo::Answer LiveGo::give_up(const std::string& why) { return {*drop(), false, why}; }
+
+void LiveGo::read() {
+  for (;;) {
+    char bytes[4096];
+    const ssize_t size = ::read(output_.get(), bytes, sizeof bytes);
+    if (size < 0 && errno == EINTR) continue;
+    if (size <= 0) return;
+    text_.append(bytes, std::min(static_cast<std::size_t>(size), kLongestText - std::min(text_.size(), kLongestText)));
+  }
+}
+
+}  // namespace ballast
