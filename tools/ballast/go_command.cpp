@@ -160,12 +160,13 @@ class Going {
     return static_cast<std::int64_t>(std::ceil(wall_s * ticks_per_s_));
   }
   // From the first part to the course's certificate. Each part is answered, within a millisecond or two or two ticks. A
-  // search begins anew with the course, and takes a third of search_ticks_ where nothing is bent.
+  // search begins anew with the course; half of another one is for the old motion's next certificate, should the course
+  // be refused.
   [[nodiscard]] std::int64_t handover_ticks() const {
     const int values = firmware::kMostReferenceFloats + params_->ball.mass_count * 3 * 40;
     const std::int64_t parts = values / firmware::kCoursePart + 1;
     constexpr double kPart_s = 1.5e-3;
-    return std::max(2 * parts, ticks_in(static_cast<double>(parts) * kPart_s)) + std::int64_t{search_ticks_} / 2;
+    return std::max(2 * parts, ticks_in(static_cast<double>(parts) * kPart_s)) + 3 * std::int64_t{search_ticks_} / 2;
   }
 
   // Plans in another thread, and listens to the bus meanwhile.
