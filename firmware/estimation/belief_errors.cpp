@@ -39,7 +39,7 @@ struct Window {
         end(start_before(meter, last)),
         part(baseline > 0 ? static_cast<Real>(epochs) / static_cast<Real>(baseline) : Real(0)) {}
 
-  // What the window has beyond its part of the baseline, of one of the sums.
+  // One of the sums over the window, beyond the window's part of the baseline.
   [[nodiscard]] Real of(Real at_before, Real at_begin, Real at_end) const {
     return at_end - at_begin - part * (at_begin - at_before);
   }

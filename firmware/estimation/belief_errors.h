@@ -1,4 +1,4 @@
-// What errors of belief do to the slip's speed by rotation (measured_contact.h), and what that speed tells of them.
+// Errors of belief: their effect on the slip's speed by rotation (measured_contact.h), and their estimate from it.
 //
 // A mass that is wrong by m has a moment about the contact point that is wrong by m s_i x (a - g), which the speed by
 // rotation takes for slip: on desk_ball 0.03 m/s^2 for half a per cent of the radius in the centre of mass. So does a
@@ -53,7 +53,7 @@ struct BeliefSums {
 inline constexpr int kMostErrors = kMaxMasses + 5;
 using ErrorVector = std::array<Real, kMostErrors>;
 
-// What they do to a window's speed by rotation: expected, and 1 sigma of what is left.
+// The errors' effect on a window's speed by rotation: expected, and 1 sigma of the rest.
 struct BeliefEffect {
   Vector2 mean_W_mps = Vector2::Zero();
   Real sigma_mps = 0;

@@ -231,7 +231,7 @@ Real outside_n(const Cone& cone, const AffineForces& forces, int mass_count, con
 
 namespace {
 
-// What one mass's error adds to the friction, and to kappa N.
+// One mass's error adds this to the friction, and to kappa N.
 struct Addition {
   Plane friction_n{0, 0};
   Real pressed_n = 0;

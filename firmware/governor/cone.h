@@ -42,7 +42,7 @@ struct Projection {
 // How far the force of u is outside of the cone, in N; <= 0: inside.
 [[nodiscard]] Real outside_n(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u);
 
-// What the errors of the accelerations may add to f_s - kappa N at most. They also turn the friction, so where it is
+// Errors of the accelerations add at most this to f_s - kappa N. They also turn the friction, so where it is
 // small beside them this is more than what they add along it.
 [[nodiscard]] Real errors_n(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u);
 

@@ -28,7 +28,7 @@ struct MassLimits {
   Real max_jerk = std::numeric_limits<Real>::infinity();  // > 0, of commands that are not the nominal's own
   // A moving mass is behind its command by this times its velocity.
   Real lag_s = 0;
-  // Of all commands but a motion's own jumps: >= max_jerk.
+  // All commands but a motion's own jumps keep this: >= max_jerk.
   Real motor_jerk = std::numeric_limits<Real>::infinity();
 };
 

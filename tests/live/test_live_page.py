@@ -330,7 +330,7 @@ class Live(unittest.TestCase):
         for place in sent["via"]:
             self.assertLess(min(math.dist(place, point) for point in course["path"]), 0.03, "the path leads by each place")
         self.until("window.ballastLive.run.path.marks.wish === null")
-        # Who comes late sees the same.
+        # A late viewer sees the same.
         self.browser.refresh()
         self.until("window.ballastLive?.run?.path?.marks.course")
         self.assertEqual(self.marks("course"), course)

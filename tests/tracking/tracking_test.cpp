@@ -103,7 +103,7 @@ TEST(Tracking, HoldsAPlaceWithoutAMotion) {
   EXPECT_EQ(held.end_reason, sil::EndReason::kCompleted);
   EXPECT_GT(held.distance_m, 0.01);  // it was pushed
   EXPECT_LT((held.final_sample.position_W_m.head<2>() - plan.initial.position_W_m).norm(), 1e-4);
-  // What is left is turning about the vertical, which the feedback leaves alone.
+  // The ball still turns about the vertical, which the feedback leaves alone.
   const double left_radps = held.final_sample.angular_velocity_B_radps.norm();
   EXPECT_LT(left_radps, 0.05 * free.final_sample.angular_velocity_B_radps.norm());
 }

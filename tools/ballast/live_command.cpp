@@ -84,7 +84,7 @@ GoWish wish_of(const std::string& who, const Json& json, std::string& refusal) {
   return wish;
 }
 
-// What the space bar sends: the ball comes to rest where a governor can bring it there, else its masses do.
+// The space bar sends this: the ball comes to rest where a governor can bring it there, else its masses do.
 OperatorCommand brake_of(const controller_status_t& status) {
   return status.governed != 0 && status.mode == controller_status_t::MODE_RUNNING ? OperatorCommand::kHalt
                                                                                   : OperatorCommand::kStop;

@@ -23,7 +23,7 @@ struct GoWish {
   std::vector<FloorPlace> via;  // in order
 };
 
-// Of a wish: each coordinate in m, and how many places there may be on the way.
+// A wish has coordinates up to this in m, and so many places on the way.
 inline constexpr double kFarthestPlace_m = 1e4;
 inline constexpr std::size_t kMostVia = 20;
 

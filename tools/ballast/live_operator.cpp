@@ -49,7 +49,7 @@ std::optional<LiveOperator::Answer> LiveOperator::poll(const controller_status_t
   if (status.operator_commands > pending_->commands_before) {
     const bool moves = pending_->input.command == OperatorCommand::kMove;
     const std::string refusal = sil::refusal_text(status, moves ? &pending_->input.move : nullptr);
-    // What was counted may be another operator's command, such as a part of a course. A stop is repeated until it
+    // The command that was counted may be another operator's, such as a part of a course. A stop is repeated until it
     // works.
     if (is_brake(pending_->input.command) && refusal.empty() && moves_on(status)) {
       pending_->commands_before = status.operator_commands;

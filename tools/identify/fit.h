@@ -35,7 +35,7 @@ struct Identified {
   Eigen::VectorXd half_width;  // of the 95 % interval; infinite: unknown
   std::vector<UnknownDirection> unknown;
   double shell_mass_kg = 0, believed_shell_mass_kg = 0, shell_half_width_kg = 0;
-  // What was used.
+  // The part of the run that was used.
   double used_s = 0, segment_s = 0;
   double excess = 1;  // greatest variance of a row of residuals over that of the sensors' noise
   int iterations = 0;
@@ -50,7 +50,7 @@ struct FitOutcome {
 [[nodiscard]] FitOutcome fit(const Parameters& parameters, std::vector<Recording> recordings,
                              const std::function<bool()>& progress = {});
 
-// What an IMU without swinging masses would leave of the parameters' errors: 1 sigma of each in units of its scale, by
+// The parameters' errors that an IMU without swinging masses would leave: 1 sigma of each in units of its scale, by
 // the information of the believed robot's motion. Unknown ones are 1 or more.
 [[nodiscard]] Eigen::VectorXd predicted_sigma(const Parameters& parameters, RunFit& run);
 

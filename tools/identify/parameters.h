@@ -24,9 +24,9 @@ class Parameters {
   [[nodiscard]] double time_unit_s() const;  // sqrt(r / g)
   [[nodiscard]] double total_mass_kg() const { return total_mass_kg_; }
 
-  // What is believed. Its masses need not have the total mass: all are scaled to it, with the inertias.
+  // The believed values. Their masses need not have the total mass: all are scaled to it, with the inertias.
   [[nodiscard]] const Eigen::VectorXd& believed() const { return believed_; }
-  // What counts as an error of 1 of each parameter: its believed size, a tenth of the radius, a resistance of 0.01.
+  // An error of 1 of each parameter: its believed size, a tenth of the radius, a resistance of 0.01.
   [[nodiscard]] const Eigen::VectorXd& scale() const { return scale_; }
   // The key in a scenario.
   [[nodiscard]] std::string name(int parameter) const;

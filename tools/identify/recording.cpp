@@ -128,7 +128,7 @@ void Collector::take(const controller_status_t& status) {
   if (status.light_detected != 0) cut("the controller has measured that the floor hardly carries the ball");
   if (status.mode == controller_status_t::MODE_TRIPPED || status.faults != 0) cut("the controller has tripped");
   if (is_cut()) {
-    // What was found had begun before.
+    // A fault begins before it is found.
     const firmware::BallParams& ball = out_.known.robot.ball;
     const double before_s = kFoundAfter * std::sqrt(ball.radius_m / ball.gravity_mps2);
     const auto ticks = static_cast<std::size_t>(std::ceil(before_s / out_.known.control_period_s));

@@ -13,7 +13,7 @@
 
 namespace ballast::identify {
 
-// What is known before a run: the believed robot and its sensors' data.
+// Known before a run: the believed robot and its sensors' data.
 struct Known {
   sim::World belief;
   plan::Robot robot;  // the belief, as the model takes it

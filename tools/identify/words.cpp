@@ -29,7 +29,7 @@ double as_believed(const Parameters& parameters, const Known& known, int k) {
   return ball.rolling_resistance;
 }
 
-// What is believed after the fit: unknown parameters stay what they were.
+// The belief after the fit: unknown parameters stay as they were.
 double value_of(const Parameters& parameters, const Known& known, const Identified& fit, int k) {
   return std::isfinite(fit.half_width[k]) ? fit.value[k] : as_believed(parameters, known, k);
 }

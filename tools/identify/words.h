@@ -1,4 +1,4 @@
-// What was identified, as text and as a belief.
+// A fit's result, as text and as a belief.
 #pragma once
 
 #include <string>

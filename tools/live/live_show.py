@@ -138,7 +138,7 @@ class LiveShow:
         self._frame = None  # the newest
         self._course = self._wish = None
 
-    # Of the run
+    # The run
 
     def begin_run(self, run):
         self._run = run
@@ -198,7 +198,7 @@ class LiveShow:
         if self._wish is not None:
             viewer.tell("wish", wish=self._wish)
 
-    # Of the viewers
+    # The viewers
 
     def _tell_controls(self):
         holder = self._holder.name if self._holder else None

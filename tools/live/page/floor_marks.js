@@ -1,4 +1,4 @@
-// What is planned, wished and drawn, flat on the floor: the scenario's plan, the course in force, the place that a
+// Plans, wishes and strokes, flat on the floor: the scenario's plan, the course in force, the place that a
 // course is planned to, and the stroke under the pointer.
 import {paintPoint, pathWidth, placeEdges, ribbonGeometry, ribbonMesh} from "ballast/path.js";
 import {color} from "ballast/theme.js";

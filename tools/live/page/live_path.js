@@ -22,7 +22,7 @@ export class LivePath {
     this.paint();
   }
 
-  // What a camera that shows the path has to show.
+  // A camera that shows the path shows all of this.
   get bounds() {
     const bounds = this.extent.clone();
     for (const [x, y] of this.marks.places) bounds.expandByPoint(new THREE.Vector3(x, y, 0));

@@ -24,7 +24,7 @@ const PANELS = new Map([
 ]);
 const WEIGHT_ARROW = 1.15;  // of robot.js
 const MOST_SPANS = 40;      // of sliding or flight that are shaded in the plots
-// Of a drawn path: at most so many places; the accuracy of the line between them, and how near to the ball it begins,
+// A drawn path has at most so many places; the accuracy of the line between them, and how near to the ball it begins,
 // both in ball radii.
 const MOST_PLACES = 4, STROKE_TOLERANCE = 0.15, BEGINS_NEAR = 1.5;
 
@@ -103,7 +103,7 @@ class Run {
     if (this.path) this.path.replace(path);
   }
 
-  // What is drawn on the floor of the operators' wishes.
+  // Draws the operators' wishes on the floor.
   mark() {
     this.path?.marks.setCourse(this.course);
     this.path?.marks.setWish(this.wish);
