@@ -28,7 +28,7 @@ constexpr double kLeastNoise = 1e-5;  // of sqrt(g / r), of g
 constexpr double kLeastFix = 1e-4;    // of r
 constexpr double kLeastError = 1e-7;  // scale and misalignment
 
-// Of a segment's start, so that a heading that nothing shows is no singularity. The start is not pulled anywhere.
+// A segment's start has these sigmas, so that a heading that nothing shows is no singularity. Nothing pulls the start.
 constexpr double kAnyTurn = 1, kAnyRate = 10, kAnyPlace = 10;  // rad, sqrt(g / r), r
 
 // 1 sigma of the place in which a mass on a stepper was homed, in full steps, and of its lag as computed, in parts.
@@ -150,7 +150,7 @@ void RunFit::set_sensor_noise() {
   sample_variance_.tail<3>().setConstant(variance(known.sensors.accelerometer, ball.gravity_mps2));
 }
 
-// Of the means over the hold, against the biases at its end.
+// The variance of the means over the hold, against the biases at its end.
 RunFit::Row RunFit::held_variance() const {
   const Known& known = recording_.known;
   const double third_s = static_cast<double>(known.hold_ticks) * known.control_period_s / 3;
@@ -281,7 +281,7 @@ struct PriorRow {
   Index minus;  // -1: none
   double value, information;
 
-  // What the unknowns are off it.
+  // The unknowns' distance from it.
   [[nodiscard]] double off(const VectorXd& own) const { return own[unknown] - (minus < 0 ? 0 : own[minus]) - value; }
 };
 
@@ -378,18 +378,16 @@ void RunFit::add_priors(MatrixXd& h, VectorXd& g) const {
   g += jacobian.transpose() * information.asDiagonal() * residual;
 }
 
-void RunFit::add_segment(const VectorXd& values, std::size_t index, MatrixXd& h, VectorXd& g) {
-  const Segment segment = segments_[index];
+Index RunFit::slopes_of_masses() const { return recording_.known.steppers ? 2 * parameters_->masses() : 0; }
+
+RunFit::Slopes RunFit::slopes(const VectorXd& values, const Segment& segment, std::size_t fixes) {
   const firmware::BallParams& ball = recording_.known.robot.ball;
   const Index p = parameters_->count();
-  const Prediction here = predict(parameters_->robot(values), segment, segment.start);
-
-  // Differences by the parameters, by attitude and rate at the start, and by where the masses stand.
-  const int of_masses = recording_.known.steppers ? 2 * parameters_->masses() : 0;
-  const int dynamic = parameters_->count() + 6 + of_masses;
-  std::vector<MatrixXd> by_window(static_cast<std::size_t>(segment.windows), MatrixXd(kRows, dynamic));
-  std::vector<MatrixXd> by_fix(here.fixes.size(), MatrixXd(2, dynamic));
-  for (int k = 0; k < dynamic; ++k) {
+  const Index count = p + 6 + slopes_of_masses();
+  Slopes out;
+  out.by_window.assign(static_cast<std::size_t>(segment.windows), MatrixXd(kRows, count));
+  out.by_fix.assign(fixes, MatrixXd(2, count));
+  for (Index k = 0; k < count; ++k) {
     Prediction ends[2];
     double step[2];
     for (int side = 0; side < 2; ++side) {
@@ -403,13 +401,13 @@ void RunFit::add_segment(const VectorXd& values, std::size_t index, MatrixXd& h,
         varied[k] += step[side];
       } else if (k < p + 3) {
         step[side] = sign * kDifference;
-        start = turned(start, step[side] * Vector3d::Unit(k - static_cast<int>(p)));
+        start = turned(start, step[side] * Vector3d::Unit(k - p));
       } else if (k < p + 6) {
         step[side] = sign * kDifference / time_unit(ball);
-        start.omega_B_radps[k - static_cast<int>(p) - 3] += step[side];
+        start.omega_B_radps[k - p - 3] += step[side];
       } else {
         VectorXd own = own_;
-        const int unknown = k - static_cast<int>(p) - 6;
+        const Index unknown = k - p - 6;
         // A lag is some thousandths of a rail unit.
         step[side] = sign * (unknown < parameters_->masses() ? kDifference : 1e2 * kDifference);
         own[masses_at() + unknown] += step[side];
@@ -419,11 +417,16 @@ void RunFit::add_segment(const VectorXd& values, std::size_t index, MatrixXd& h,
     }
     if (k >= p + 6) place_masses(own_);
     const double per = 1 / (step[1] - step[0]);
-    for (std::size_t w = 0; w < by_window.size(); ++w)
-      by_window[w].col(k) = per * (ends[1].truth[w] - ends[0].truth[w]);
-    for (std::size_t f = 0; f < by_fix.size(); ++f) by_fix[f].col(k) = per * (ends[1].fixes[f] - ends[0].fixes[f]);
+    for (std::size_t w = 0; w < out.by_window.size(); ++w)
+      out.by_window[w].col(k) = per * (ends[1].truth[w] - ends[0].truth[w]);
+    for (std::size_t f = 0; f < fixes; ++f) out.by_fix[f].col(k) = per * (ends[1].fixes[f] - ends[0].fixes[f]);
   }
+  return out;
+}
 
+void RunFit::add_windows(std::size_t index, const Prediction& here, const Slopes& slopes, MatrixXd& h, VectorXd& g) {
+  const Segment& segment = segments_[index];
+  const Index p = parameters_->count(), of_masses = slopes_of_masses();
   // Columns of one window: parameters, errors, masses, two knots of biases, start. Everything else is 0.
   const Index both = static_cast<Index>(2) * kBiases;  // of the knots on both sides
   const Index biases = p + biases_at(0), local = biases + both + kStart;
@@ -444,7 +447,7 @@ void RunFit::add_segment(const VectorXd& values, std::size_t index, MatrixXd& h,
     const Row& truth = here.truth[static_cast<std::size_t>(w)];
     const auto [knot, part] = knot_of(window);
     jacobian.setZero();
-    MatrixXd read_by = by_window[static_cast<std::size_t>(w)];
+    MatrixXd read_by = slopes.by_window[static_cast<std::size_t>(w)];
     read_by.topRows<3>() = gyro * read_by.topRows<3>();
     read_by.bottomRows<3>() = accelerometer * read_by.bottomRows<3>();
     jacobian.leftCols(p) = read_by.leftCols(p);
@@ -474,16 +477,20 @@ void RunFit::add_segment(const VectorXd& values, std::size_t index, MatrixXd& h,
       for (Index b = 0; b < local; ++b) h(to, column(b, knot)) += block(a, b);
     }
   }
+}
 
+void RunFit::add_fixes(std::size_t index, const Prediction& here, const Slopes& slopes, MatrixXd& h, VectorXd& g) {
+  const Index p = parameters_->count(), of_masses = slopes_of_masses();
+  const double least_m = kLeastFix * recording_.known.robot.ball.radius_m;
+  const double information = 1 / (square(recording_.known.sensors.fix.noise_m) + square(least_m));
+  const std::int64_t from = static_cast<std::int64_t>(segments_[index].first) * timeline_.window_ticks();
   std::size_t next = 0;
-  const double information = 1 / (square(recording_.known.sensors.fix.noise_m) + square(kLeastFix * ball.radius_m));
-  const std::int64_t from = static_cast<std::int64_t>(segment.first) * timeline_.window_ticks();
   for (const FixSample& fix : recording_.fixes) {
     if (fix.tick < from || next == here.fixes.size()) continue;
     MatrixXd of_fix = MatrixXd::Zero(2, h.rows());
-    of_fix.leftCols(p) = by_fix[next].leftCols(p);
-    of_fix.middleCols<6>(p + start_at(index)) = by_fix[next].middleCols<6>(p);
-    of_fix.middleCols(p + masses_at(), of_masses) = by_fix[next].rightCols(of_masses);
+    of_fix.leftCols(p) = slopes.by_fix[next].leftCols(p);
+    of_fix.middleCols<6>(p + start_at(index)) = slopes.by_fix[next].middleCols<6>(p);
+    of_fix.middleCols(p + masses_at(), of_masses) = slopes.by_fix[next].rightCols(of_masses);
     of_fix.middleCols<2>(p + start_at(index) + 6).setIdentity();
     const VectorXd score = information * of_fix.transpose() * (fix.place_W_m - here.fixes[next]);
     h += information * of_fix.transpose() * of_fix;
@@ -491,16 +498,21 @@ void RunFit::add_segment(const VectorXd& values, std::size_t index, MatrixXd& h,
     scores_[static_cast<std::size_t>(fix.tick / timeline_.window_ticks())] += score;
     ++next;
   }
-  const double unit = 1 / time_unit(ball);
-  const double any[kStart] = {kAnyTurn,
-                              kAnyTurn,
-                              kAnyTurn,
-                              kAnyRate * unit,
-                              kAnyRate * unit,
-                              kAnyRate * unit,
-                              kAnyPlace * ball.radius_m,
-                              kAnyPlace * ball.radius_m};
-  for (int j = 0; j < kStart; ++j) h(p + start_at(index) + j, p + start_at(index) + j) += 1 / square(any[j]);
+}
+
+void RunFit::add_segment(const VectorXd& values, std::size_t index, MatrixXd& h, VectorXd& g) {
+  const Segment segment = segments_[index];
+  const Prediction here = predict(parameters_->robot(values), segment, segment.start);
+  const Slopes by = slopes(values, segment, here.fixes.size());
+  add_windows(index, here, by, h, g);
+  add_fixes(index, here, by, h, g);
+
+  const firmware::BallParams& ball = recording_.known.robot.ball;
+  const double any_rate_radps = kAnyRate / time_unit(ball), any_place_m = kAnyPlace * ball.radius_m;
+  const double any[kStart] = {kAnyTurn,       kAnyTurn,       kAnyTurn,    any_rate_radps,
+                              any_rate_radps, any_rate_radps, any_place_m, any_place_m};
+  const Index start = parameters_->count() + start_at(index);
+  for (int j = 0; j < kStart; ++j) h(start + j, start + j) += 1 / square(any[j]);
 }
 
 Reduced RunFit::linearise(const VectorXd& values, double damping) {

@@ -7,7 +7,7 @@
 //   of each mass on a stepper how far it stands from its command, and how much of the computed lag it has (2 n),
 //   their biases at knots a few seconds apart, linear in between (6 each),
 //   attitude, rate and place at the start of each segment (8 each).
-// What the sensors' data say of the first two is a prior, the walk of the bias included; the mean over the hold before
+// The sensors' data give a prior of the first two, the walk of the bias included; the mean over the hold before
 // tick 0 is one more sample. Segments are free of each other (multiple shooting).
 #pragma once
 
@@ -97,6 +97,12 @@ class RunFit {
     std::vector<Eigen::Vector2d> fixes;  // at the fixes of the segment
     bool rolls = true;
   };
+  // Derivatives of a segment's prediction, by differences. Columns: the parameters, attitude (3) and rate (3) at the
+  // start, then the masses' places and lags.
+  struct Slopes {
+    std::vector<Eigen::MatrixXd> by_window;  // kRows rows each
+    std::vector<Eigen::MatrixXd> by_fix;     // 2 rows each
+  };
 
   void take_samples();
   void set_sensor_noise();
@@ -118,7 +124,14 @@ class RunFit {
   [[nodiscard]] double data_cost(const Segment& segment, const Prediction& predicted) const;
   [[nodiscard]] double prior_cost() const;
   void add_priors(Eigen::MatrixXd& h, Eigen::VectorXd& g) const;
+  // Adds one segment's part to the information and the pull of all unknowns.
   void add_segment(const Eigen::VectorXd& values, std::size_t index, Eigen::MatrixXd& h, Eigen::VectorXd& g);
+  void add_windows(std::size_t index, const Prediction& here, const Slopes& slopes, Eigen::MatrixXd& h,
+                   Eigen::VectorXd& g);
+  void add_fixes(std::size_t index, const Prediction& here, const Slopes& slopes, Eigen::MatrixXd& h,
+                 Eigen::VectorXd& g);
+  [[nodiscard]] Slopes slopes(const Eigen::VectorXd& values, const Segment& segment, std::size_t fixes);
+  [[nodiscard]] Eigen::Index slopes_of_masses() const;
 
   Recording recording_;
   const Parameters* parameters_;
@@ -131,7 +144,7 @@ class RunFit {
   Row sample_variance_ = Row::Zero(), excess_ = Row::Ones();
   std::vector<Node> nodes_;
 
-  // Of the last linearise().
+  // The last linearise() leaves these.
   Eigen::MatrixXd own_information_, coupling_;  // H_ll (undamped), H_lp
   Eigen::VectorXd own_pull_;
   Eigen::LDLT<Eigen::MatrixXd> own_solver_;
