@@ -11,6 +11,7 @@
 #include "sim/motors/stepper.h"
 #include "sim/plant/plant.h"
 #include "tools/program/short_number.h"
+#include "tools/tracking/followed_plan.h"
 
 namespace ballast {
 namespace {
@@ -28,16 +29,6 @@ struct Worst {
 
 double full_steps_hz(const sim::Motor& motor, double speed) {
   return motor.steps_per_revolution * std::abs(motor.shaft_ratio * speed) / (2 * std::numbers::pi);
-}
-
-double motion_end_s(const sim::Scenario& scenario) {
-  double end_s = 0;
-  for (const sim::Mass& mass : scenario.masses) {
-    double duration_s = 0;
-    for (const sim::MotionPiece& piece : mass.motion) duration_s += piece.duration_s;
-    end_s = std::max(end_s, duration_s);
-  }
-  return end_s;
 }
 
 std::string lack_of_torque(std::size_t mass, const Worst& worst) {
@@ -104,7 +95,7 @@ MotorFindings check_motors(const sim::Scenario& scenario) {
   sim::Scenario rolled = scenario;
   rolled.run.actuation = sim::Actuation::kPrescribed;
   rolled.faults.clear();
-  const double end_s = std::min({scenario.duration_s, motion_end_s(scenario) + 1, kMostLookedAt_s});
+  const double end_s = std::min({scenario.duration_s, plan::motion_end_s(scenario) + 1, kMostLookedAt_s});
   const int samples = std::min(kMostSamples, static_cast<int>(std::ceil(end_s / scenario.run.control_period_s)));
   const std::size_t count = scenario.masses.size();
   std::vector<Worst> worst(count);
@@ -131,7 +122,7 @@ MotorFindings check_motors(const sim::Scenario& scenario) {
       for (Passes& pass : passes[i]) pass.add(sample.time_s, rate_hz);
     }
   }
-  if (plant.time_s() < std::min(scenario.duration_s, motion_end_s(scenario))) {
+  if (plant.time_s() < std::min(scenario.duration_s, plan::motion_end_s(scenario))) {
     findings.notes.push_back(fmt::format("the motors are checked up to t = {} s only", short_time(plant.time_s())));
   }
   std::vector<Resonance> resonances;

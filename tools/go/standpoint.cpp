@@ -32,16 +32,6 @@ bool masses_stand(const plan::ReferencePoint& at, std::size_t masses) {
   return true;
 }
 
-double length_s(const sim::Scenario& moved) {
-  double end_s = 0;
-  for (const sim::Mass& mass : moved.masses) {
-    double mass_s = 0;
-    for (const sim::MotionPiece& piece : mass.motion) mass_s += piece.duration_s;
-    end_s = std::max(end_s, mass_s);
-  }
-  return end_s;
-}
-
 // The plant's state of a motion at time_s; before its start the one there.
 std::optional<plan::ReferencePoint> roll_to(sim::Scenario moved, double time_s) {
   if (!(time_s > 0)) {
@@ -63,7 +53,7 @@ std::optional<plan::ReferencePoint> on_motion(const Heard& heard, std::int64_t t
   const std::int64_t start = heard.course ? heard.status.course_tick : 0;
   const double period_s = heard.scenario.run.control_period_s;
   const double time_s = static_cast<double>(tick - start) * period_s - heard.status.motion_delay_s;
-  const double end_s = length_s(moved);
+  const double end_s = plan::motion_end_s(moved);
   const auto at = roll_to(moved, time_s);
   if (!at) return std::nullopt;
   const double status_s = static_cast<double>(heard.status.tick - start) * period_s - heard.status.motion_delay_s;
@@ -123,7 +113,7 @@ sim::Scenario scenario_of(const sim::Scenario& scenario, const HostCourse& cours
     out.masses[i].initial_velocity = course.mass[i].velocity;
     out.masses[i].motion = course.mass[i].motion;
   }
-  out.duration_s = length_s(out);
+  out.duration_s = plan::motion_end_s(out);
   return out;
 }
 

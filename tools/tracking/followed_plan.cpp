@@ -72,6 +72,16 @@ sim::Scenario as_planned(const sim::Scenario& scenario) {
   return planned;
 }
 
+double motion_end_s(const sim::Scenario& scenario) {
+  double end_s = 0;
+  for (const sim::Mass& mass : scenario.masses) {
+    double mass_s = 0;
+    for (const sim::MotionPiece& piece : mass.motion) mass_s += piece.duration_s;
+    end_s = std::max(end_s, mass_s);
+  }
+  return end_s;
+}
+
 std::optional<std::string> set_reference(const sim::Scenario& scenario, const firmware::BallParams& ball,
                                          firmware::ReferenceTable& table) {
   thread_local const auto kept = std::make_unique<Kept>();

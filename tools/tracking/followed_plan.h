@@ -15,6 +15,9 @@ namespace ballast::plan {
 // The scenario in which its plan is true: as it believes the robot, set down where [plan] says, without faults.
 [[nodiscard]] sim::Scenario as_planned(const sim::Scenario& scenario);
 
+// Duration of the longest of the masses' motions.
+[[nodiscard]] double motion_end_s(const sim::Scenario& scenario);
+
 // Computes reference and gains of the controller from motion and belief; `ball` is that of the belief. Nullopt, or why
 // there are none; `table` is then unchanged. A thread keeps its last result, for rows of a sweep that believe the same.
 [[nodiscard]] std::optional<std::string> set_reference(const sim::Scenario& scenario, const firmware::BallParams& ball,
