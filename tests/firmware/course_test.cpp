@@ -34,6 +34,23 @@ void await(GovernedBall& robot) {
   for (int k = 0; k < 20000 && robot.out.status.course.coming != 0; ++k) robot.tick();
 }
 
+// Armed, with course 5 in force. Returns where its first mass ends.
+Wide follow_forth(GovernedBall& robot) {
+  arm(robot);
+  send(robot, parts_of(5, course_forth().values()));
+  await(robot);
+  return robot.state().course.slot[0].motion[0].final_position();
+}
+
+// A course from there that leads mass 0 back.
+CourseNumbers course_back(Wide from, std::int64_t from_tick) {
+  CourseNumbers back = course_forth();
+  back.from_tick = from_tick;
+  back.mass[0].position = from;
+  back.mass[0].pieces = push(-1);
+  return back;
+}
+
 TEST(Course, BeginsOnceItIsCertified) {
   GovernedBall robot(hanging_params());
   arm(robot);
@@ -57,15 +74,9 @@ TEST(Course, BeginsOnceItIsCertified) {
 // The second course begins where the first one has ended, at its own tick.
 TEST(Course, ReplacesAnother) {
   GovernedBall robot(hanging_params());
-  arm(robot);
-  send(robot, parts_of(5, course_forth().values()));
-  await(robot);
-  const Wide there = robot.state().course.slot[0].motion[0].final_position();
+  const Wide there = follow_forth(robot);
   robot.run_until(robot.in.tick + 3000);
-  CourseNumbers back = course_forth();
-  back.from_tick = robot.in.tick + 6000;
-  back.mass[0].position = there;
-  back.mass[0].pieces = push(-1);
+  const CourseNumbers back = course_back(there, robot.in.tick + 6000);
   send(robot, parts_of(6, back.values()));
   EXPECT_EQ(robot.out.status.course.in_force, 5);
   EXPECT_EQ(robot.out.status.course.coming, 6);
@@ -81,15 +92,9 @@ TEST(Course, ReplacesAnother) {
 // A third one while the second is still expected takes its place.
 TEST(Course, TakesThePlaceOfOneThatIsAwaited) {
   GovernedBall robot(hanging_params());
-  arm(robot);
-  send(robot, parts_of(5, course_forth().values()));
-  await(robot);
-  const Wide there = robot.state().course.slot[0].motion[0].final_position();
+  const Wide there = follow_forth(robot);
   robot.run_until(robot.in.tick + 3000);
-  CourseNumbers next = course_forth();
-  next.from_tick = robot.in.tick + 20000;
-  next.mass[0].position = there;
-  next.mass[0].pieces = push(-1);
+  CourseNumbers next = course_back(there, robot.in.tick + 20000);
   send(robot, parts_of(6, next.values()));
   robot.run_until(robot.in.tick + 100);
   EXPECT_EQ(robot.out.status.course.coming, 6);
@@ -298,15 +303,9 @@ TEST(Course, EndsWithAStopOrAFault) {
 // A halt ends the course in force, and one that is awaited.
 TEST(Course, EndsWithAHalt) {
   GovernedBall robot(hanging_params());
-  arm(robot);
-  send(robot, parts_of(5, course_forth().values()));
-  await(robot);
+  const Wide there = follow_forth(robot);
   robot.run_until(robot.in.tick + 500);
-  CourseNumbers next = course_forth();
-  next.from_tick = robot.in.tick + 20000;
-  next.mass[0].position = robot.state().course.slot[0].motion[0].final_position();
-  next.mass[0].pieces = push(-1);
-  send(robot, parts_of(6, next.values()));
+  send(robot, parts_of(6, course_back(there, robot.in.tick + 20000).values()));
   robot.run_until(robot.in.tick + 10);
   robot.tick(OperatorCommand::kHalt);
   EXPECT_EQ(robot.out.status.mode, Mode::kHalting);
