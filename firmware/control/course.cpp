@@ -190,30 +190,36 @@ bool lives_in(CourseStage stage, Mode mode) {
   return false;
 }
 
+// Nothing moves: the stages before the search end so.
+void give_up(const RefusalReport& refusal, ControllerState& state) {
+  state.course.stage = CourseStage::kNone;
+  state.refusal = refusal;
+}
+
 // Continues the check. Complete, the course waits for its certificate.
 void check_course(const ControllerParams& params, const Inputs& inputs, const GuardState& guards,
                   ControllerState& state) {
   CourseState& course = state.course;
   const std::int64_t next = plus(inputs.tick, 1);
   if (course.from_tick != 0 && next >= course.from_tick) {
-    course.stage = CourseStage::kNone;
-    state.refusal = refuse(Refusal::kLate, -1, static_cast<Wide>(course.from_tick));
+    give_up(refuse(Refusal::kLate, -1, static_cast<Wide>(course.from_tick)), state);
     return;
   }
   if (course.checked < params.ball.mass_count) {
     const RefusalReport refusal = check_motion(params, state, course.checked);
     ++course.checked;
-    if (refusal.reason == Refusal::kNone) return;
-    course.stage = CourseStage::kNone;
-    state.refusal = refusal;
+    if (refusal.reason != Refusal::kNone) give_up(refusal, state);
     return;
   }
   course.rest_ticks = rest_ticks(params, course.coming());
   if (state.mode == Mode::kRunning) {
     // Masses that move cannot wait for a certificate of unknown length.
     if (course.from_tick == 0 || !state.governing.governs) {
-      course.stage = CourseStage::kNone;
-      state.refusal = refuse(course.from_tick == 0 ? Refusal::kLate : Refusal::kMode);
+      give_up(refuse(course.from_tick == 0 ? Refusal::kLate : Refusal::kMode), state);
+      return;
+    }
+    if (const std::int64_t left = course.from_tick - next; left < ticks_of_course_search(state.governing, left)) {
+      give_up(refuse(Refusal::kLate, -1, static_cast<Wide>(course.from_tick)), state);
       return;
     }
     course.stage = CourseStage::kAwaited;
@@ -222,8 +228,7 @@ void check_course(const ControllerParams& params, const Inputs& inputs, const Gu
   }
   const Mode after = next_mode(state.mode, Event::kGo, guards);
   if (after != Mode::kPending || !search_course(params, inputs, state)) {
-    course.stage = CourseStage::kNone;
-    state.refusal = refuse(after != Mode::kPending ? Refusal::kMode : Refusal::kNoEstimate);
+    give_up(refuse(after != Mode::kPending ? Refusal::kMode : Refusal::kNoEstimate), state);
     return;
   }
   course.stage = CourseStage::kSearching;
@@ -276,6 +281,7 @@ void put_in_force(ControllerState& state, std::int64_t tick) {
   tracking.clock = {};
   GovernorState& governor = state.governing.governor;
   governor.nominal_end_tick = course.rest_ticks > 0 ? tick + course.rest_ticks : 0;
+  governor.extend_from_tick = tick;
   state.governing.params.jumps = false;
 }
 

@@ -362,9 +362,11 @@ int ticks_of_move_search(const ControllerParams& params, const ControllerState& 
 void search_start(const ControllerParams& params, ControllerState& state) {
   if (!params.governor.on || state.moving) return;
   GoverningState& g = state.governing;
-  const int work = g.params.work_per_tick;
+  const bool predicts = g.start.what == Begins::kHalt && g.halt.predicts && !g.halt.rollout.result().complete;
+  // Held masses leave a tick more time than governed ones. A halt's prediction shares it.
+  const int work = predicts ? g.params.work_per_tick : 4 * g.params.work_per_tick / 3;
   advance_search(params, work, state);
-  if (g.start.what != Begins::kHalt || !g.halt.predicts || g.halt.rollout.result().complete) return;
+  if (!predicts) return;
   const auto law = [&](Wide, const RobotState& then) {
     const PerMass<Real> u = halt_wish(params.ball, halt_gains(params.ball), then);
     return Wish{u, u};
@@ -544,6 +546,11 @@ void await_course(const ControllerParams& params, ControllerState& state) {
   // So is a search that has come there already. One that has not goes on with the course.
   const auto come = static_cast<std::int64_t>(candidate.time_s() / params.control_period_s);
   if (governor.searching && candidate.start_tick() + come >= from_tick) keep_nominal(governor);
+}
+
+std::int64_t ticks_of_course_search(const GoverningState& governing, std::int64_t left) {
+  const GovernorParams& params = governing.params;
+  return likely_search_ticks(params, governing.governor, left + params.stretch_ticks + params.search_ticks);
 }
 
 RefusalReport watch_course(const ControllerState& state, std::int64_t next) {

@@ -176,6 +176,9 @@ struct CourseVerdict {
 void set_out(const ControllerParams& params, ControllerState& state, std::int64_t next);
 // The motion under the governor is to become the course that comes, at its tick.
 void await_course(const ControllerParams& params, ControllerState& state);
+// Ticks that its certificate likely takes, if it begins `left` ticks from now. A search that is cut off would cost the
+// old motion its next certificate.
+[[nodiscard]] std::int64_t ticks_of_course_search(const GoverningState& governing, std::int64_t left);
 // The reason why it cannot; none: it still can, or it begins with the tick `next`.
 [[nodiscard]] RefusalReport watch_course(const ControllerState& state, std::int64_t next);
 // It does not become it any more.

@@ -17,6 +17,17 @@ Certificate certificate_of(const Rollout& candidate, Wide control_period_s) {
   return out;
 }
 
+// A search is expected to take longer than those before it, by this.
+constexpr Real kToSpare = Real(1.25);
+
+// A governor rests after a search for this part of a long one.
+constexpr int kRestPart = 32;
+
+// Until the masses of a plan rest, after its switch.
+std::int64_t brake_ticks(const GovernorParams& params) {
+  return static_cast<std::int64_t>(12 * Wide{params.brake_time_s} / params.control_period_s);
+}
+
 bool renews_backup(const Schedule& schedule) {
   return schedule.backup_from() == schedule.until && schedule.from >= schedule.to;
 }
@@ -45,6 +56,21 @@ bool renews_certificate(const GovernorParams& params, const GovernorState& state
          state.certificate.switch_tick - tick > 3 * std::int64_t{params.search_ticks};
 }
 
+// The tick up to which a candidate can follow a nominal that comes to rest, with time for another search should this
+// one be broken; 0: not beyond what is certified. A ball that is certified up to its rest needs no stop on the way.
+std::int64_t extended_to(const GovernorParams& params, std::int64_t tick, const GovernorState& state) {
+  const std::int64_t leaves = state.certificate.switch_tick, end = state.nominal_end_tick;
+  const std::int64_t spare = leaves - tick - params.search_ticks;
+  if (state.mode != GovernorMode::kNominal || state.changing || !state.trusted || state.attempts > 0 ||
+      tick < state.extend_from_tick || end <= leaves || spare <= 0 || !(state.pace > 0)) {
+    return 0;
+  }
+  const Real most = static_cast<Real>(spare) / (kToSpare * state.pace) - static_cast<Real>(brake_ticks(params));
+  if (most >= static_cast<Real>(end - tick)) return end;
+  const std::int64_t to = most > 0 ? tick + static_cast<std::int64_t>(most) : 0;
+  return to > leaves + params.stretch_ticks ? to : 0;
+}
+
 // The next candidate, from the state of this tick.
 Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const GovernorState& state) {
   Schedule out;
@@ -55,9 +81,17 @@ Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const Go
   const int attempt = state.attempts % (kStretches + 1);
   std::int64_t stretch = stretch_of(params, 2 * attempt, state.nominal_end_tick - tick);
   const bool nominal = state.mode == GovernorMode::kNominal;
+  const std::int64_t leaves = state.certificate.switch_tick;
+  // A certificate that is shorter than a search at its longest is continued nevertheless, where the search is likely
+  // over in time.
+  if (nominal && !state.changing && attempt == 0 && leaves < tick + ticks_of_search(params, stretch) &&
+      leaves > tick + likely_search_ticks(params, state, leaves + stretch - tick)) {
+    out.until = out.from = leaves;
+    out.to = leaves + stretch;
+    return out;
+  }
   // A candidate that waits for its tick is followed by a whole search, during which its nominal has to go on.
-  const bool waits =
-      !nominal || state.changing || state.certificate.switch_tick < tick + ticks_of_search(params, stretch);
+  const bool waits = !nominal || state.changing || leaves < tick + ticks_of_search(params, stretch);
   if (waits) stretch += params.search_ticks + 1;
   if (nominal && state.changing && state.change_tick != 0) {
     out.until = out.from = state.change_tick;
@@ -68,7 +102,6 @@ Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const Go
   if (nominal) {
     // Up to the switch of the certificate in force the nominal runs anyway. A candidate that is ready before continues
     // it; one that is not finds the backup running.
-    const std::int64_t leaves = state.certificate.switch_tick;
     out.until = leaves < ready ? leaves : ready;
     out.from = ready;
     out.to = ready + stretch;
@@ -92,9 +125,12 @@ void reset(GovernorState& state) {
   state.changing = false;
   state.change_tick = 0;
   state.nominal_end_tick = 0;
+  state.extend_from_tick = kNever;
   state.trusted = true;
   state.off_path = false;
   state.attempts = 0;
+  state.pace = 0;
+  state.certified_tick = 0;
 }
 
 void change_nominal_at(std::int64_t tick, GovernorState& state) {
@@ -147,6 +183,40 @@ void distrust(GovernorState& state) {
   state.attempts = 0;
 }
 
+std::int64_t likely_search_ticks(const GovernorParams& params, const GovernorState& state, std::int64_t nominal_ticks) {
+  if (!(state.pace > 0)) return params.search_ticks;
+  return static_cast<std::int64_t>(kToSpare * state.pace * static_cast<Real>(nominal_ticks + brake_ticks(params))) + 1;
+}
+
+void detail::time_search(const GovernorParams& params, std::int64_t tick, GovernorState& state) {
+  const Rollout& candidate = state.candidate;
+  if (candidate.end() != RolloutEnd::kForEver && candidate.end() != RolloutEnd::kHorizon) return;
+  const std::int64_t took = tick + 1 - candidate.start_tick();
+  const std::int64_t plan = candidate.schedule().backup_from() - candidate.start_tick() + brake_ticks(params);
+  const Real pace = static_cast<Real>(took) / static_cast<Real>(plan);
+  constexpr Real kForgets = Real(0.75);
+  state.pace = std::fmax(pace, kForgets * state.pace);
+}
+
+namespace {
+
+// A certificate that reaches far enough needs no next one at once: ticks without a search are cheap.
+bool rests(const GovernorParams& params, std::int64_t tick, const GovernorState& state) {
+  return state.mode == GovernorMode::kNominal && state.trusted && !state.changing && state.attempts == 0 &&
+         tick < state.certified_tick + params.search_ticks / kRestPart &&
+         state.certificate.switch_tick - tick > 3 * std::int64_t{params.search_ticks} / 2;
+}
+
+void begin_search(const GovernorParams& params, const RobotState& now, std::int64_t tick, GovernorState& state) {
+  const std::int64_t extended = extended_to(params, tick, state), leaves = state.certificate.switch_tick;
+  state.extends = extended > 0;
+  state.candidate.begin(params, now, tick,
+                        state.extends ? Schedule{leaves, leaves, extended} : next_schedule(params, tick, state));
+  state.searching = true;
+}
+
+}  // namespace
+
 void detail::decide(const GovernorParams& params, const RobotState& now, std::int64_t tick, GovernorState& state) {
   if (state.searching && state.candidate.end() != RolloutEnd::kUnderWay) {
     const Schedule& schedule = state.candidate.schedule();
@@ -157,7 +227,10 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
     // A candidate that follows what runs anyway is in force at once; one that goes back to the nominal waits for that.
     const bool continues =
         renewal || (state.mode == GovernorMode::kNominal && schedule.from <= schedule.until && !state.changing);
-    if (broken || (!continues && tick > schedule.from)) {
+    if (broken && state.extends) {
+      state.searching = false;
+      state.extend_from_tick = tick + 4 * std::int64_t{params.search_ticks};
+    } else if (broken || (!continues && tick > schedule.from)) {
       state.searching = false;
       ++state.attempts;
       // The certificate in force would break from here: the next one takes its place, whatever its reach.
@@ -165,9 +238,11 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
     } else if (continues && !renewal && !renewed && state.trusted && schedule.to <= state.certificate.switch_tick) {
       state.searching = false;  // the one in force reaches further
       state.attempts = 0;
+      state.certified_tick = tick;
     } else if (continues || tick == schedule.from) {
       state.certificate = certificate_of(state.candidate, params.control_period_s);
       state.bends = state.candidate.bends();
+      state.certified_tick = tick;
       state.searching = false;
       state.attempts = renewal ? state.attempts + 1 : 0;
       if (!renewal) {
@@ -188,10 +263,7 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
     state.mode = GovernorMode::kBackup;
     if (tick < state.certificate.switch_tick) state.bends.clear(tick, {});  // they are the nominal's
   }
-  if (!state.searching) {
-    state.candidate.begin(params, now, tick, next_schedule(params, tick, state));
-    state.searching = true;
-  }
+  if (!state.searching && !rests(params, tick, state)) begin_search(params, now, tick, state);
 }
 
 namespace {

@@ -10,11 +10,14 @@
 // Invariants: fixed size, no heap. govern() is called once per control tick, in order, by one thread.
 #pragma once
 
+#include <limits>
+
 #include "firmware/governor/rollout.h"
 
 namespace ballast::firmware {
 
 inline constexpr std::int64_t kForEverTick = -1;
+inline constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 inline constexpr int kStretches = 6;
 // A start tries the stretches between as well.
 inline constexpr int kStartStretches = 2 * kStretches - 1;
@@ -38,9 +41,13 @@ struct GovernorState {
   bool changing = false;              // the nominal becomes another one at the tick `from` of the candidate's schedule
   std::int64_t change_tick = 0;       // which is this one; 0: as soon as a candidate is certified
   std::int64_t nominal_end_tick = 0;  // the nominal rests from here on; 0: unknown
-  bool off_path = false;              // distrust()
-  bool trusted = true;                // the certificate; false: any other takes its place
-  int attempts = 0;                   // since the last certificate: selects the stretch of the nominal
+  std::int64_t extend_from_tick = kNever;  // from here on candidates may go beyond the shortest stretch at once
+  std::int64_t certified_tick = 0;         // of the last search that was not broken
+  bool extends = false;                    // the candidate does
+  bool off_path = false;                   // distrust()
+  bool trusted = true;                     // the certificate; false: any other takes its place
+  int attempts = 0;                        // since the last certificate: selects the stretch of the nominal
+  Real pace = 0;                           // ticks of a search per tick of its plan, of late; 0: none is complete yet
 };
 
 struct GovernorReport {
@@ -93,12 +100,18 @@ void change_nominal_at(std::int64_t tick, GovernorState& state);
 // The old nominal goes on.
 void keep_nominal(GovernorState& state);
 
+// Ticks in which a search that follows the nominal for so long is likely complete, by those before it.
+[[nodiscard]] std::int64_t likely_search_ticks(const GovernorParams& params, const GovernorState& state,
+                                               std::int64_t nominal_ticks);
+
 // The parts of govern() that do not depend on the nominal.
 namespace detail {
 // Adopts a finished candidate, switches to the backup where the certificate says so, and begins the next candidate.
 void decide(const GovernorParams& params, const RobotState& now, std::int64_t tick, GovernorState& state);
 void command(const BallParams& ball, const GovernorParams& params, const GovernorState& state, const RobotState& now,
              const Ramp& ramp, const NominalEnd& nominal, std::int64_t tick, GovernorOutput& out);
+// Keeps the pace of a search that may have ended in this tick.
+void time_search(const GovernorParams& params, std::int64_t tick, GovernorState& state);
 }  // namespace detail
 
 // Returns the accelerations of the masses at the end of `tick`, in which they go linearly from ramp.start to the
@@ -115,7 +128,9 @@ void govern(const BallParams& ball, const GovernorParams& params, const RobotSta
   const int least = tick % 4 == 0 ? 1 : 0;
   const int left = params.work_per_tick - kMovingStepWork * (out.cost - 1);
   const int work = left > least ? left : least;
+  if (state.candidate.end() != RolloutEnd::kUnderWay) return;
   state.candidate.advance(ball, params, law, state.bends, work);
+  detail::time_search(params, tick, state);
 }
 
 }  // namespace ballast::firmware

@@ -70,6 +70,45 @@ TEST(Governor, CertifiedBackupsHoldWhenTheyRun) {
   EXPECT_LE(worst, 0.02);  // issue 22
 }
 
+// A search that is given up, as for a course that is refused, leaves a certificate that ends before a search at its
+// longest would. The next search is over in time, and the backup never runs.
+TEST(Governor, ContinuesAShortCertificate) {
+  const auto bench = desk_bench(Real(0.5));  // a stop is possible anywhere
+  ASSERT_TRUE(bench->start());
+  const std::int64_t search = bench->params.search_ticks;
+  int given_up = 0;
+  while (bench->tick < 10000) {
+    bench->step();
+    GovernorState& governor = bench->governor;
+    const std::int64_t left = governor.certificate.switch_tick - bench->tick;
+    // Such certificates are in force once every search.
+    if (bench->tick % search != 0 || left < search / 2 || governor.pace == 0) continue;
+    governor.certificate.switch_tick = bench->tick + std::min(left, search * 3 / 5);
+    keep_nominal(governor);
+    ++given_up;
+  }
+  EXPECT_GT(given_up, 3);
+  EXPECT_EQ(bench->backup, 0);
+  EXPECT_EQ(bench->bent, 0);
+}
+
+// A first certificate for a short stretch grows to the motion's end, step by step, where the motion needs no stop.
+TEST(Governor, ExtendsACertificateToTheMotionsEnd) {
+  for (const bool extends : {true, false}) {
+    const auto bench = desk_bench(Real(0.07));
+    const std::int64_t end_tick = 7401;
+    begin_start(bench->params, bench->state, 0, 0, end_tick, 1, bench->governor);
+    bench->governor.candidate.advance(bench->ball, bench->params, bench->law(0), bench->governor.bends, 1000000);
+    ASSERT_NE(bench->governor.candidate.end(), RolloutEnd::kBroken);
+    adopt_start(bench->params, 0, bench->governor);
+    bench->governor.nominal_end_tick = end_tick;
+    if (extends) bench->governor.extend_from_tick = 0;
+    while (bench->tick < 3000) bench->step();
+    EXPECT_EQ(bench->governor.certificate.switch_tick == end_tick, extends) << bench->governor.certificate.switch_tick;
+    EXPECT_EQ(bench->backup, 0);
+  }
+}
+
 // A robot at rest below its centre can be held for ever; the first certificate says so.
 TEST(Governor, SaysForEverAtRest) {
   const auto bench = desk_bench(Real(0.5));
