@@ -66,8 +66,10 @@ void set_times(const BallParams& ball, Wide control_period_s, GovernorParams& pa
     constexpr Real kTwoPi = Real(6.283185307179586);
     mass.max_jerk = std::fmin(mass.max_jerk, mass.max_acceleration * natural_radps / kTwoPi);
   }
-  params.reserve = Real(0.01);
-  params.moving_reserve = Real(0.011);
+  // A mass that swings about its command takes the ball along, and a candidate begins from the ball of that moment.
+  const auto swings_about = [](const MassLimits& mass) { return mass.swing.natural_radps > 0; };
+  params.reserve = std::any_of(params.mass.begin(), params.mass.end(), swings_about) ? Real(0.03) : Real(0.01);
+  params.moving_reserve = Real(0.014);
   params.step_s = std::fmax(Real(0.05) * unit_s, static_cast<Real>(control_period_s));
   params.horizon_s = Wide{16 * unit_s};
   params.work_per_tick = 3 * kMovingStepWork;

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "firmware/governor/motor_allowance.h"
+
 namespace ballast::firmware {
 
 namespace {
@@ -13,6 +15,9 @@ constexpr Real kNearEdge = Real(0.97);
 // Bends are kept up to this part of max_acceleration. On a floor that needs all of the friction it is less than what
 // the reserves leave.
 constexpr Real kBendTolerance = Real(5e-4);
+// Where limits of the masses do not leave all of the reserve, this part of it has to be left. The plan in force was
+// certified with the greater part, and what has changed since is small.
+constexpr Real kKept = Real(0.7), kKeptAlongPlan = Real(0.25);
 // Part of max_velocity that bends keep free.
 constexpr Real kSpareSpeed = Real(0.02);
 
@@ -59,7 +64,8 @@ Real Rollout::next_step_s(const GovernorParams& params) {
 }
 
 void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n) {
-  const Real allowed = held_ ? 1 - params.reserve : 1;
+  const Real kept = held_ ? params.reserve : params.moving_reserve * (guided(time_s_) ? kKeptAlongPlan : kKept);
+  const Real allowed = 1 - kept;
   if (last_ && !(use <= most_use_)) most_use_ = use;
   if (use <= allowed) return;
   end_ = RolloutEnd::kBroken;
@@ -107,7 +113,7 @@ void Rollout::begin_wish(const BallParams& ball, const GovernorParams& params, c
   begun_ = wished_ = true;
   last_wish_ = wish;
   bend(ball, wish.u);
-  // What the new wish differs by is no bend that lasts.
+  // The change of the wish is no bend that lasts.
   bent_ = {};
 }
 
@@ -199,7 +205,10 @@ void Rollout::judge_wish(const BallParams& ball, const GovernorParams& params, c
 // The masses creep on for the linear end of the brake. However slow that is, each microstep is a jump of their fields.
 Real Rollout::settling_use(const BallParams& ball, const GovernorParams& params) const {
   if (std::isinf(params.friction)) return 0;
-  const Cone cone = cone_of(params, forces_, state_, ball.mass_count);
+  Cone cone = cone_of(params, forces_, state_, ball.mass_count);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ball.mass_count); ++i) {
+    cone.error[i] = acceleration_error(params.mass[i].swing, state_.mass_velocity[i], true);
+  }
   const Real normal_n = forces_.force(ball.mass_count, state_.mass_acceleration)[2];
   if (!(normal_n > 0)) return 0;
   return errors_n(cone, forces_, ball.mass_count, state_.mass_acceleration) / (params.friction * normal_n);
@@ -222,7 +231,7 @@ void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
   if (!bound.known) return;
   const Real most =
       greatest_use(ball, held_ball_.mass_kg, bound.acceleration_mps2, params.friction, params.min_normal_force_n);
-  if (!(most <= 1 - params.reserve) || !(most + settling_use_ <= 1)) return;
+  if (!(most + settling_use_ <= 1 - params.reserve)) return;
   if (!(most <= most_use_)) most_use_ = most;
   end_ = RolloutEnd::kForEver;
 }
@@ -234,9 +243,9 @@ void Rollout::step_held_ball(const BallParams& ball, const GovernorParams& param
   const Real now =
       std::isinf(params.friction) ? 0 : use_of(params.friction, forces.static_friction_n, forces.normal_force_n);
   use(params, now, forces.normal_force_n);
-  if (time_s_ < settled_s_ && !(now + settling_use_ <= 1)) {
+  if (const Real all = now + settling_use_; time_s_ < settled_s_ && !(all <= 1 - params.reserve)) {
     end_ = RolloutEnd::kBroken;
-    breach_ = {now + settling_use_, forces.normal_force_n};
+    breach_ = {all / (1 - params.reserve), forces.normal_force_n};
   }
   if (!(forces.normal_force_n >= params.min_normal_force_n)) {
     end_ = RolloutEnd::kBroken;

@@ -72,9 +72,30 @@ TEST(MotorAllowance, BoundsASwingingRotorAtASteadySpeed) {
   EXPECT_GT(closest, 0.5);
 }
 
+// A mass that is slowing down may pass the resonance of its microsteps, and of its full steps.
+TEST(MotorAllowance, BoundsAMassThatSlowsDown) {
+  std::mt19937 random(static_cast<std::uint32_t>(test::random_seed(22)));
+  std::uniform_real_distribution<Real> size(Real(0.01), 1);
+  for (int k = 0; k < 200; ++k) {
+    MotorSwing swing{10 * size(random), size(random), 0, Real(0.03) * size(random), Real(0.02) * size(random)};
+    swing.microstep = swing.full_step / 16;
+    swing.detent = size(random);
+    const Real from = 2 * size(random) * swing.natural_radps * swing.full_step;
+    Real greatest = 0;
+    for (int i = 1; i <= 2000; ++i) {
+      greatest = std::fmax(greatest, acceleration_error(swing, from * static_cast<Real>(i) / 2000));
+    }
+    const Real bound = acceleration_error(swing, from, true);
+    EXPECT_GE(bound * (1 + Real(1e-5)), greatest);
+    EXPECT_LE(bound, 2 * greatest);  // both resonances may not be at one speed
+  }
+}
+
 TEST(MotorAllowance, IsNothingForIdealMassesAndAtRest) {
   EXPECT_EQ(acceleration_error({}, 1), 0);
   EXPECT_EQ(acceleration_error({10, Real(0.2), Real(0.01), Real(0.1), Real(0.015)}, 0), 0);
+  // What rounding leaves of a stopped mass's speed.
+  EXPECT_EQ(acceleration_error({10, Real(0.2), Real(0.01), Real(0.1), Real(0.015)}, Real(1e-12)), 0);
 }
 
 // A rotor whose field goes on at a steady speed, with the damping of its bearings: x'' = w^2 (v t - x) - 2 zeta w x'.
