@@ -36,7 +36,7 @@ std::string place_text(const Eigen::Vector2d& place_m) {
   return fmt::format("({}, {}) m", short_number(place_m[0], kNegligible_m), short_number(place_m[1], kNegligible_m));
 }
 
-// What a run says of itself on its bus.
+// A run as its bus tells of it.
 class RunOnBus {
  public:
   explicit RunOnBus(hal::Bus& bus) : bus_(bus) {
@@ -87,6 +87,9 @@ class RunOnBus {
 
 // One go, from the wish to the course in force.
 class Going {
+  // The ball is there within this part of the way, or this far.
+  static constexpr double kThere = 0.02, kLeastThere_m = 1e-3;
+
  public:
   Going(const GoCommand& command, hal::Bus& bus, sil::BusOperator& end, const volatile std::sig_atomic_t* signalled)
       : command_(command), bus_(bus), end_(end), run_(bus), signalled_(signalled) {}
@@ -94,14 +97,15 @@ class Going {
   int run() {
     if (const auto status = meet()) return *status;
     // The longer a plan takes, the later it begins while the ball rolls.
-    constexpr double kFirstPatience_s = 0.35;
-    for (double patience_s = kFirstPatience_s;; patience_s *= 2) {
+    constexpr double kFirstPatience_s = 0.55;
+    for (double patience_s = kFirstPatience_s;; patience_s *= 1.6) {
       if (const auto status = leave_backup()) return *status;
       const std::int64_t from_tick = end_.status().tick + ticks_in(patience_s) + handover_ticks();
       std::string why;
       const auto at = go::standpoint_at(run_.heard(end_.status()), from_tick, why);
       if (!at) return refuse("no course: " + why);
       go::GoOutcome outcome;
+      from_ = {at->at.place_m[0], at->at.place_m[1]};
       if (const auto status = plan(at->at, outcome)) return *status;
       if (!outcome.plan) return refuse("no course to " + place_text(to()) + ": " + outcome.why);
       const bool last = seconds_since(begun_) >= command_.time_limit_s;
@@ -120,7 +124,7 @@ class Going {
   std::optional<int> meet() {
     const std::int64_t first_tick = end_.status().tick;
     const auto start = Clock::now();
-    constexpr double kListen_s = 0.1;
+    constexpr double kListen_s = 0.05;
     const auto met = [&] {
       return !run_.trouble().empty() || (run_.known(end_.status()) && seconds_since(start) > kListen_s);
     };
@@ -159,14 +163,14 @@ class Going {
   [[nodiscard]] std::int64_t ticks_in(double wall_s) const {
     return static_cast<std::int64_t>(std::ceil(wall_s * ticks_per_s_));
   }
-  // From the first part to the course's certificate. Each part is answered, within a millisecond or two or two ticks. A
-  // search begins anew with the course; half of another one is for the old motion's next certificate, should the course
-  // be refused.
+  // From the first part to the course's certificate. Each part is answered, within a millisecond or two ticks.
   [[nodiscard]] std::int64_t handover_ticks() const {
-    const int values = firmware::kMostReferenceFloats + params_->ball.mass_count * 3 * 40;
+    constexpr int kMostPieces = 32;  // of a quick search on a way of a metre
+    const int values = firmware::kMostReferenceFloats + params_->ball.mass_count * 3 * kMostPieces;
     const std::int64_t parts = values / firmware::kCoursePart + 1;
-    constexpr double kPart_s = 1.5e-3;
-    return std::max(2 * parts, ticks_in(static_cast<double>(parts) * kPart_s)) + 3 * std::int64_t{search_ticks_} / 2;
+    constexpr double kPart_s = 1.2e-3;
+    return std::max(2 * parts, ticks_in(static_cast<double>(parts) * kPart_s)) +
+           static_cast<std::int64_t>(search_part_ * search_ticks_);
   }
 
   // Plans in another thread, and listens to the bus meanwhile.
@@ -209,6 +213,7 @@ class Going {
       const std::int8_t refusal = end_.status().refusal;
       const bool passes =
           refusal == controller_status_t::REFUSAL_LATE || refusal == controller_status_t::REFUSAL_NOT_CERTIFIED;
+      if (refusal == controller_status_t::REFUSAL_LATE) search_part_ *= 2;
       if (passes && !last) return std::nullopt;
       return refuse(sil::refused_text("course", sil::refusal_text(end_.status(), nullptr)));
     }
@@ -234,10 +239,23 @@ class Going {
     }
     const auto here = go::now(run_.heard(end_.status()));
     const Eigen::Vector2d place(here.place_m[0], here.place_m[1]);
-    std::cout << fmt::format("is at {}, {} mm from there", place_text(place),
-                             short_number(1e3 * (place - to()).norm(), 0.01))
+    const double off_m = (place - to()).norm();
+    const bool there = off_m <= std::max(kThere * way_m(), kLeastThere_m);
+    std::cout << fmt::format("is at {}, {} mm from there{}", place_text(place), short_number(1e3 * off_m, 0.01),
+                             there ? "" : fmt::format(": more than {} % of the way", 100 * kThere))
               << std::endl;
-    return program::kExitCompleted;
+    return there ? program::kExitCompleted : program::kExitEnvelope;
+  }
+
+  // Along the places that were asked for.
+  [[nodiscard]] double way_m() const {
+    Eigen::Vector2d at = from_;
+    double way_m = 0;
+    for (const auto& [x, y] : command_.via) {
+      way_m += (Eigen::Vector2d(x, y) - at).norm();
+      at = {x, y};
+    }
+    return way_m + (to() - at).norm();
   }
 
   const GoCommand& command_;
@@ -246,9 +264,11 @@ class Going {
   RunOnBus run_;
   const volatile std::sig_atomic_t* signalled_;
   Clock::time_point begun_ = Clock::now();
+  Eigen::Vector2d from_ = Eigen::Vector2d::Zero();  // where the course begins
   std::unique_ptr<firmware::ControllerParams> params_;
   double ticks_per_s_ = 0;
   int search_ticks_ = 0;
+  double search_part_ = go::kFirstSearch;
 };
 
 }  // namespace

@@ -119,17 +119,17 @@ double fitting_speed(const firmware::ControllerParams& params, const std::vector
 }
 
 // Searches for all at once, one thread each. The first that finds a plan ends the others. `neighbour`: a plan of the
-// same way from which the first of them begins; null: none.
-void race(std::vector<Try>& tries, const Try* neighbour, const std::function<bool()>& stop) {
+// same way from which the first of them begins; null: none. `seed`: of the first, counted on.
+void race(std::vector<Try>& tries, const Try* neighbour, std::uint64_t seed, const std::function<bool()>& stop) {
   std::atomic<bool> found = false;
   std::vector<std::future<void>> running;
-  std::uint64_t seed = 0;
   for (Try& one : tries) {
+    const bool first = &one == &tries.front();
     plan::SearchOptions options;
     options.seed = seed++;
     options.quick = true;
     options.stop = [&] { return found || stop(); };
-    if (neighbour != nullptr && options.seed == 0) {
+    if (neighbour != nullptr && first) {
       const plan::Plan& plan = *neighbour->outcome.plan;
       options.from = plan::stretched_motion(neighbour->file.scenario, plan.grid, plan.knots, one.file.task.duration_s);
     }
@@ -176,7 +176,7 @@ GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerP
   const sim::Scenario from = set_down(scenario, at);
   constexpr double kLonger = 1.35;  // of the second of two searches, and of the next two
   constexpr double kFits = 0.96;    // a part of the speeds that is as good as all of them
-  constexpr int kRaces = 6;
+  constexpr int kRaces = 12;
   double duration_s =
       task.duration_s ? *task.duration_s : likely_duration_s(problem_of(task_file(from, task, 1), at), task);
   GoOutcome out;
@@ -184,7 +184,7 @@ GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerP
   for (int k = 0; k < kRaces && !stop(); ++k) {
     std::vector<Try> tries{make_try(from, at, task, duration_s)};
     tries.push_back(make_try(from, at, task, task.duration_s ? duration_s : kLonger * duration_s));
-    race(tries, fastest ? &*fastest : nullptr, stop);
+    race(tries, fastest ? &*fastest : nullptr, tries.size() * static_cast<std::uint64_t>(k), stop);
     const auto found = std::find_if(tries.begin(), tries.end(), [](const Try& one) { return one.outcome.plan; });
     if (found != tries.end()) {
       const double part = fitting_speed(params, found->outcome.plan->run.nodes);
@@ -213,7 +213,7 @@ GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerP
           failed.file, plan::find_alternatives(failed.file, failed.outcome, options, [](const std::string&) {}));
     }
     if (task.duration_s || failed.outcome.status == plan::Status::kInfeasible) return out;
-    duration_s *= kLonger * kLonger;
+    if (k % 2 == 1) duration_s *= kLonger;
   }
   if (fastest && out.why.empty()) {
     out.why = "its motors swing so much at every duration tried that the governor would bend it";

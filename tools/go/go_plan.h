@@ -13,6 +13,10 @@
 
 namespace ballast::go {
 
+// A course that replaces a motion leaves the controller this part of GovernorParams::search_ticks for its certificate.
+// A search takes a third where little is bent. The controller refuses a course that leaves it too little as late.
+inline constexpr double kFirstSearch = 0.4;
+
 struct GoTask {
   Eigen::Vector2d to_m = Eigen::Vector2d::Zero();
   std::vector<Eigen::Vector2d> via_m;

@@ -16,8 +16,10 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kPieces = 32, kQuickPieces = 20;
-constexpr int kMostStarts = 24, kQuickStarts = 4;                         // until a plan is found
+constexpr double kQuickPiece = 3.1;                // sqrt(r / g): longer pieces cannot catch the swing of the masses
+constexpr int kMostStarts = 24, kQuickStarts = 4;  // until a plan is found
 constexpr int kMoreStarts = 2, kCheapIterations = 150;  // after that, for a better one
+constexpr double kBrake = 4;                            // sqrt(r / g): time constant of the masses of a first start
 constexpr double kFirstCreep = 0.3;                     // sqrt(g / r): as fast as a ball that is driven
 constexpr double kQuickNeed = 0.5;                      // of the friction limit: a quick search looks for no less
 constexpr int kQuickIterations = 8;                     // from a neighbour's plan, on the coarse grid
@@ -233,7 +235,11 @@ class Search {
 
   [[nodiscard]] bool warm() const { return !options_.from.empty(); }
   [[nodiscard]] bool takes_first() const { return options_.quick && !warm(); }
-  [[nodiscard]] int pieces() const { return takes_first() ? kQuickPieces : kPieces; }
+  [[nodiscard]] int pieces(double duration_s) const {
+    if (!takes_first()) return kPieces;
+    const double pieces = std::ceil(duration_s / (kQuickPiece * time_unit_s(problem_)));
+    return static_cast<int>(std::clamp(pieces, double{kQuickPieces}, 2.0 * kPieces));
+  }
 
   // By the caller, or with its iterations used up.
   [[nodiscard]] bool stopped() const { return effort_.stop(); }
@@ -252,8 +258,8 @@ class Search {
     }
   }
 
-  // Start 0 leaves the masses as they move, or as the given motion does. The others are smooth random accelerations of
-  // low frequency.
+  // Start 0 brakes the masses, or leaves them as they move in the given motion. The others are smooth random
+  // accelerations of low frequency.
   [[nodiscard]] std::vector<double> initial_knots(const Grid& grid, int start) const {
     std::vector<double> knots = wished_knots(grid, start);
     set_first_knots(knots);
@@ -276,6 +282,7 @@ class Search {
         const double time_s = static_cast<double>(knot) * grid.piece_s();
         knots[v] = acceleration_at(options_.from[v % index(n)], time_s);
       }
+      if (options_.from.empty()) brake(grid, knots);
       return knots;
     }
     std::mt19937_64 random(options_.seed * 1000003 + static_cast<std::uint64_t>(start));
@@ -291,6 +298,16 @@ class Search {
       }
     }
     return knots;
+  }
+
+  // Masses that move come to rest.
+  void brake(const Grid& grid, std::vector<double>& knots) const {
+    const double time_constant_s = std::max(kBrake * time_unit_s(problem_), grid.piece_s());
+    const std::size_t n = index(problem_.masses());
+    for (int j = 0; j < grid.knots(); ++j) {
+      const double part = std::exp(-j * grid.piece_s() / time_constant_s) / time_constant_s;
+      for (std::size_t i = 0; i < n; ++i) knots[index(j) * n + i] = -part * problem_.start.velocity[i];
+    }
   }
 
   // The end of a motion has acceleration 0, so that f_s / N does not jump there; set_first_knots() has the start.
@@ -353,7 +370,7 @@ class Search {
   }
 
   void try_start(double duration_s, int start) {
-    const Grid grid = make_grid(problem_, duration_s, pieces());
+    const Grid grid = make_grid(problem_, duration_s, pieces(duration_s));
     std::vector<double> knots = initial_knots(grid, start);
     std::vector<double> via_time_s;
     const std::vector<bool> fixed = fixed_knots(grid);
