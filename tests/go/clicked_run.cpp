@@ -23,8 +23,14 @@ constexpr std::int64_t kSender = 1;
 class ClickingPeers final : public sil::Peer {
  public:
   ClickingPeers(sil::Peer& peers, const sim::Scenario& scenario, const firmware::ControllerParams& params,
-                const std::vector<Click>& clicks, int latency, ClickedRun& out)
-      : peers_(peers), scenario_(scenario), params_(params), clicks_(clicks), latency_(latency), out_(out) {
+                const std::vector<Click>& clicks, int latency, double time_limit_s, ClickedRun& out)
+      : peers_(peers),
+        scenario_(scenario),
+        params_(params),
+        clicks_(clicks),
+        latency_(latency),
+        time_limit_s_(time_limit_s),
+        out_(out) {
     out_.clicked.resize(clicks.size());
   }
 
@@ -32,10 +38,10 @@ class ClickingPeers final : public sil::Peer {
   hal::Status send(sil::Lap& lap) override {
     const std::int64_t tick = lap.tick();
     plant_ = lap.plant.state;
-    if (status_ && !sending_ && next_ < clicks_.size() && tick >= clicks_[next_].tick) plan(tick);
+    if (status_ && !sending_ && next_ < clicks_.size() && tick >= clicks_[next_].tick && !leaves_backup(lap))
+      plan(tick);
     if (sending_ && tick >= send_from_ && !parts_.empty()) {
-      operator_t message = hal::to_message(parts_.front(), tick, ++sequence_, scenario_.run.control_period_s);
-      message.sender = kSender;
+      const operator_t message = message_of(parts_.front(), tick);
       const bool lost = message.course_first / firmware::kCoursePart == clicks_[next_ - 1].lost_part;
       if (!lost) lap.heard.push_back(message);
       parts_.pop_front();
@@ -51,7 +57,34 @@ class ClickingPeers final : public sil::Peer {
   [[nodiscard]] sil::PeerFailure failure() const override { return peers_.failure(); }
   [[nodiscard]] sil::RefusedMessages refused() const override { return peers_.refused(); }
 
+  // How far the ball is from the place of click k.
+  void look_at_place(std::size_t k, const Eigen::Vector2d& place_m, std::int64_t tick) {
+    Clicked& clicked = out_.clicked[k];
+    clicked.off_m = (place_m - clicks_[k].to_m).norm();
+    const double course_s = static_cast<double>(tick - clicked.decided_tick) * params_.control_period_s;
+    clicked.over = clicked.in_force && course_s >= clicked.duration_s;
+  }
+
  private:
+  template <class Input>
+  operator_t message_of(const Input& input, std::int64_t tick) {
+    operator_t message = hal::to_message(firmware::OperatorInput(input), tick, ++sequence_, params_.control_period_s);
+    message.sender = kSender;
+    return message;
+  }
+
+  // A ball on its backup is halted before a course is planned from there, as `operate go` does.
+  bool leaves_backup(sil::Lap& lap) {
+    if (status_->mode == controller_status_t::MODE_RUNNING && status_->backup_active != 0) {
+      if (!halts_) lap.heard.push_back(message_of(firmware::OperatorCommand::kHalt, lap.tick()));
+      out_.halts += halts_ ? 0 : 1;
+      halts_ = true;
+      return true;
+    }
+    halts_ = halts_ && status_->mode != controller_status_t::MODE_ARMED;
+    return halts_;
+  }
+
   void plan(std::int64_t tick) {
     Clicked& clicked = out_.clicked[next_];
     const Click& click = clicks_[next_++];
@@ -59,19 +92,23 @@ class ClickingPeers final : public sil::Peer {
     heard.course = status_->course == 0 ? std::nullopt : followed_;
     const auto here = go::now(heard);
     const Eigen::Vector2d place(here.place_m[0], here.place_m[1]);
-    if (next_ >= 2) out_.clicked[next_ - 2].off_m = (place - clicks_[next_ - 2].to_m).norm();
+    if (next_ >= 2) look_at_place(next_ - 2, place, tick);
     clicked.way_m = (click.to_m - place).norm();
     constexpr int kMostParts = 100;
-    const std::int64_t from_tick =
-        tick + latency_ + kMostParts + 3 * std::int64_t{firmware::governor_params(params_).search_ticks} / 2;
+    const double search_ticks = go::kFirstSearch * firmware::governor_params(params_).search_ticks;
+    const std::int64_t from_tick = tick + latency_ + kMostParts + static_cast<std::int64_t>(search_ticks);
     const auto at = go::standpoint_at(heard, from_tick, clicked.why);
     if (!at) return;
     go::GoTask task;
     task.to_m = click.to_m;
     if (click.duration_s > 0) task.duration_s = click.duration_s;
     const auto start = std::chrono::steady_clock::now();
-    const go::GoOutcome outcome = go::plan_course(scenario_, params_, at->at, task, [] { return false; });
-    clicked.plan_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    const auto planning_s = [&] {
+      return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    };
+    const go::GoOutcome outcome =
+        go::plan_course(scenario_, params_, at->at, task, [&] { return planning_s() > time_limit_s_; });
+    clicked.plan_s = planning_s();
     clicked.why = outcome.why;
     if (!outcome.plan) return;
     clicked.planned = true;
@@ -113,10 +150,11 @@ class ClickingPeers final : public sil::Peer {
   const firmware::ControllerParams& params_;
   const std::vector<Click>& clicks_;
   int latency_;
+  double time_limit_s_;
   ClickedRun& out_;
   std::size_t next_ = 0;
   std::int64_t sequence_ = 0, number_ = 0, send_from_ = 0;
-  bool sending_ = false;
+  bool sending_ = false, halts_ = false;
   std::deque<firmware::CoursePart> parts_;
   plant_state_t plant_{};
   std::optional<controller_status_t> status_;
@@ -134,21 +172,20 @@ sim::Scenario clickable(double duration_s, const std::vector<std::string>& overr
   return read.scenario;
 }
 
-ClickedRun run_clicked(const sim::Scenario& scenario, const std::vector<Click>& clicks, int latency) {
+ClickedRun run_clicked(const sim::Scenario& scenario, const std::vector<Click>& clicks, int latency,
+                       double time_limit_s) {
   const auto params = std::make_unique<firmware::ControllerParams>();
   if (const auto why = program::to_controller_params(scenario, *params)) throw std::runtime_error(*why);
   sil::InProcessPeers inner(params.get(), program::to_monitor_limits(scenario), scenario.run.control_period_s);
   ClickedRun out;
-  ClickingPeers peers(inner, scenario, *params, clicks, latency, out);
+  ClickingPeers peers(inner, scenario, *params, clicks, latency, time_limit_s, out);
   if (peers.connect() != hal::Status::kOk) throw std::runtime_error(peers.trouble());
   sil::NoRecord sink;
   sil::RunOptions options;
   options.by_hand = true;
   out.result = sil::run(scenario, peers, sink, options);
-  if (!clicks.empty()) {
-    const Eigen::Vector2d place = out.result.final_sample.position_W_m.head<2>();
-    out.clicked.back().off_m = (place - clicks.back().to_m).norm();
-  }
+  if (!clicks.empty())
+    peers.look_at_place(clicks.size() - 1, out.result.final_sample.position_W_m.head<2>(), out.result.ticks);
   return out;
 }
 

@@ -31,20 +31,23 @@ struct Clicked {
   double way_m = 0;      // from the ball's place at the click to the place clicked
   double off_m = 0;      // from the place clicked to the ball's at the run's end or the next click
   double duration_s = 0;
+  bool over = false;  // the course was, when off_m was taken
 };
 
 struct ClickedRun {
   sil::RunResult result;
   std::vector<Clicked> clicked;
+  int halts = 0;                 // before a click, of a ball that the governor had on its backup
   double greatest_jerk_use = 0;  // of the commanded accelerations' changes, over max_jerk times the period
-  bool overloaded = false;
 };
 
 // desk_ball, armed, governed, without a motion of its own.
 [[nodiscard]] sim::Scenario clickable(double duration_s, const std::vector<std::string>& overrides = {});
 
 // Each click is planned in its own tick; the course is sent `latency` ticks later, as a planner takes them. A click
-// while another course is being handed over waits for its end.
-[[nodiscard]] ClickedRun run_clicked(const sim::Scenario& scenario, const std::vector<Click>& clicks, int latency);
+// while another course is being handed over waits for its end. A plan that takes more than `time_limit_s` of wall time
+// is given up.
+[[nodiscard]] ClickedRun run_clicked(const sim::Scenario& scenario, const std::vector<Click>& clicks, int latency,
+                                     double time_limit_s = 60);
 
 }  // namespace ballast::go_test

@@ -41,6 +41,14 @@ TEST(Go, WithSteppers) {
   for (const sil::MotorRecord& motor : run.result.motors) EXPECT_EQ(motor.slips, 0);
 }
 
+// On this way a stop after some seconds would break the cone. The course needs none: it is certified up to its end
+// while the first certificate, of its first seconds, holds.
+TEST(Go, WhereNoStopHolds) {
+  const auto run = run_clicked(clickable(30), {{100, {1.073, -0.743}}}, kLatency);
+  expect_safe(run);
+  expect_there(run.clicked[0]);
+}
+
 // The second click replaces the first course while the ball rolls.
 TEST(Go, WhileRolling) {
   const auto run = run_clicked(ideal(40), {{100, {0.8, 0.2}}, {4000, {0.6, 0.4}}}, kLatency);

@@ -1,5 +1,5 @@
 // The searches of tools/docs/governor.md:
-//   governor_study [--without PART,PART...] KIND FIRST LAST
+//   governor_study [--without PART,PART...] [--friction-use PART] KIND FIRST LAST
 // A robot per seed, with the governor and without it. A robot that leaves the cone with the governor on is printed as
 // the call that repeats it, with all parts left out that it does not need. A range of seeds can be run in pieces.
 #include <fmt/core.h>
@@ -20,17 +20,14 @@ struct Kind {
   const char* name;
   bool steppers = false;
   double mass_error = 0, center_error = 0;
-  bool declared = false;
-  double friction_use = 1;
 };
 
 const Kind kKinds[] = {
     {"ideal"},
     {"steppers", true},
-    // A scenario can declare control.friction_use of a belief's errors, and nothing else.
-    {"belief", false, 0.05, 0.005, false, 0.95},
-    // The same errors as bounds in GovernorParams::uncertain, which no scenario key sets.
-    {"declared", false, 0.05, 0.005, true, 0.95},
+    // control.friction_use keeps free what a belief may be off.
+    {"belief", false, 0.05, 0.005},
+    {"belief_steppers", true, 0.05, 0.005},
     {"instants"},  // plans forked and run to their end
 };
 constexpr int kInstants = 5;  // per robot
@@ -38,33 +35,35 @@ constexpr int kInstants = 5;  // per robot
 struct Request {
   Kind kind;
   std::uint64_t first = 0, last = 0;
+  double friction_use = 1;
   unsigned without = 0;
 };
 
 Draw draw_of(const Request& request, std::uint64_t seed) {
   const Kind& kind = request.kind;
-  return {seed, kind.steppers, kind.mass_error, kind.center_error, kind.friction_use, request.without};
+  return {seed, kind.steppers, kind.mass_error, kind.center_error, request.friction_use, request.without};
 }
 
-Judged run(const Kind& kind, const Draw& draw, bool governed) {
-  return kind.steppers ? run_plant(draw, governed) : run_ideal(draw, governed, kind.declared);
+Judged run(const Draw& draw, bool governed) {
+  return draw.steppers ? run_plant(draw, governed) : run_ideal(draw, governed);
 }
 
 // Leaves out what the violation does not need.
-Draw shrunk(const Kind& kind, Draw draw) {
+Draw shrunk(Draw draw) {
   for (const Part& part : kParts) {
     Draw smaller = draw;
     smaller.without |= part.bit;
-    const Judged judged = run(kind, smaller, true);
+    const Judged judged = run(smaller, true);
     if (judged.started && judged.broken) draw = smaller;
   }
   return draw;
 }
 
 void print_violation(const Kind& kind, const Draw& found, const Judged& judged, const Judged& without) {
-  const Draw small = shrunk(kind, found);
-  const std::string option = small.without == 0 ? "" : "--without " + to_string(small.without) + " ";
-  const Judged again = run(kind, small, true);
+  const Draw small = shrunk(found);
+  std::string option = small.without == 0 ? "" : "--without " + to_string(small.without) + " ";
+  if (small.friction_use != 1) option += fmt::format("--friction-use {} ", small.friction_use);
+  const Judged again = run(small, true);
   fmt::print("  seed {}: {:.6f} of the friction at {:.4f} s, bent by {:.3f}; without the governor {:.4f}\n", found.seed,
              judged.most_use, judged.time_s, judged.largest_bend, without.most_use);
   fmt::print("    governor_study {}{} {} {}: {:.6f}", option, kind.name, small.seed, small.seed, again.most_use);
@@ -78,13 +77,13 @@ int search(const Request& request) {
   double worst = 0;
   for (std::uint64_t seed = request.first; seed <= request.last; ++seed) {
     const Draw draw = draw_of(request, seed);
-    const Judged governed = run(request.kind, draw, true);
+    const Judged governed = run(draw, true);
     if (!governed.started) {
       ++refused;
       continue;
     }
     ++started;
-    const Judged without = run(request.kind, draw, false);
+    const Judged without = run(draw, false);
     broken_without += without.broken ? 1 : 0;
     worst = std::max(worst, governed.most_use);
     if (governed.broken) {
@@ -152,9 +151,15 @@ unsigned parts_of(const std::string& names) {
 Request requested(int count, char** words) {
   Request out;
   int next = 1;
-  if (count > 2 && std::string_view(words[1]) == "--without") {
-    out.without = parts_of(words[2]);
-    next = 3;
+  for (; next + 1 < count && std::string_view(words[next]).starts_with("--"); next += 2) {
+    const std::string_view option = words[next];
+    if (option == "--without") {
+      out.without = parts_of(words[next + 1]);
+    } else if (option == "--friction-use") {
+      out.friction_use = std::stod(words[next + 1]);
+    } else {
+      throw std::invalid_argument(words[next]);
+    }
   }
   if (count != next + 3) throw std::invalid_argument("KIND FIRST LAST");
   const std::string name = words[next];
@@ -175,7 +180,9 @@ int main(int count, char** words) {
   try {
     request = requested(count, words);
   } catch (const std::exception& error) {
-    fmt::print(stderr, "governor_study: {}\nusage: governor_study [--without PART,PART...] KIND FIRST LAST\nKIND:",
+    fmt::print(stderr,
+               "governor_study: {}\nusage: governor_study [--without PART,PART...] [--friction-use PART] KIND FIRST "
+               "LAST\nKIND:",
                error.what());
     for (const Kind& kind : kKinds) fmt::print(stderr, " {}", kind.name);
     fmt::print(stderr, "\nPART:");

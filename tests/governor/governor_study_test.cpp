@@ -79,6 +79,16 @@ TEST(GovernorStudy, KeepsFreeWhatTurnsTheFriction) { expect_kept({64, 257, 386},
 // Masses that creep to rest still ring at each microstep: the tick kept that free, the certificate did not.
 TEST(GovernorStudy, CertifiesTheEndOfTheBrake) { expect_kept({384}, true); }
 
+// Masses that swing about their commands take the ball along: a certificate from the ball of one moment was off by more
+// than it kept in reserve.
+TEST(GovernorStudy, ReckonsWithSwingingMasses) { expect_kept({187, 1077, 1393, 1708, 2660, 2685, 2970}, true); }
+
+// Certificates whose masses had to come to the cone's edge were adopted.
+TEST(GovernorStudy, KeepsOffTheEdge) { expect_kept({3311, 10749, 10873, 19528, 23369}, false); }
+
+// Rounding left a stopped mass a speed, for which friction was kept free.
+TEST(GovernorStudy, KnowsMassesThatHaveStopped) { expect_kept({1873}, true); }
+
 // A mass that is bent as much as it brakes keeps its speed: the rollout took it for slower, and the robot was faster.
 TEST(GovernorStudy, BrakesAsCertified) {
   Draw draw;

@@ -28,7 +28,7 @@ std::unique_ptr<firmware::ControllerParams> params_of(const sim::Scenario& scena
 
 }  // namespace
 
-Judged run_ideal(const Draw& draw, bool governed, bool declared) {
+Judged run_ideal(const Draw& draw, bool governed) {
   const sim::Scenario scenario = random_robot(draw);
   const auto params = params_of(scenario);
   params->governor.on = governed;
@@ -40,20 +40,8 @@ Judged run_ideal(const Draw& draw, bool governed, bool declared) {
   Judged out;
   out.started = ball.out.status.mode == firmware::Mode::kRunning;
   if (!out.started) return out;
-  firmware::StateErrors errors;
-  errors.mass_share = static_cast<Real>(draw.mass_error);
-  errors.center_of_mass_m = static_cast<Real>(draw.center_error * scenario.ball.radius_m);
-  firmware::Sensitivity sensitivity;
   const auto end_tick = static_cast<std::int64_t>(scenario.duration_s / scenario.run.control_period_s);
-  while (ball.in.tick < end_tick) {
-    ball.tick();
-    if (!declared) continue;
-    const firmware::RobotState robot = ball.robot();
-    firmware::PerMass<Real> u{};
-    for (std::size_t i = 0; i < u.size(); ++i) u[i] = static_cast<Real>(ball.out.status.next[i].acceleration);
-    sensitivity.advance(params->ball, params->governor.friction, robot, u, errors);
-    ball.state().governing.params.uncertain = sensitivity.share(params->ball.mass_count);
-  }
+  while (ball.in.tick < end_tick) ball.tick();
   out.most_use = static_cast<double>(ball.most_use);
   out.time_s = static_cast<double>(ball.most_use_tick) * scenario.run.control_period_s;
   out.broken = !(out.most_use <= 1);

@@ -20,9 +20,8 @@ struct Judged {
   std::string other;  // another trouble than the cone, such as lost steps
 };
 
-// Ideal masses: the controller's ticks and the firmware's closed forms of the true robot. `declared`: the bounds of
-// `draw` go into GovernorParams::uncertain in every tick, by Sensitivity.
-[[nodiscard]] Judged run_ideal(const Draw& draw, bool governed, bool declared = false);
+// Ideal masses: the controller's ticks and the firmware's closed forms of the true robot.
+[[nodiscard]] Judged run_ideal(const Draw& draw, bool governed);
 
 // The plant and its motors.
 [[nodiscard]] Judged run_plant(const Draw& draw, bool governed);
