@@ -152,6 +152,9 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   const Box all = box_of(params, state_, ball.mass_count, h_s, 0);
   Box box = box_of(params, state_, ball.mass_count, h_s, kSpareSpeed);
   for (std::size_t i = 0; i < wanted.size(); ++i) {
+    // A mass that is faster is slowed down no faster than the robot can.
+    box.upper[i] = std::fmax(box.upper[i], std::fmin(ramp.start[i] - change[i], all.upper[i]));
+    box.lower[i] = std::fmin(box.lower[i], std::fmax(ramp.start[i] + change[i], all.lower[i]));
     if (!follows_plan && !follows_wish(params, i)) continue;
     box.upper[i] = std::fmax(box.upper[i], std::fmin(wanted[i], all.upper[i]));
     box.lower[i] = std::fmin(box.lower[i], std::fmax(wanted[i], all.lower[i]));

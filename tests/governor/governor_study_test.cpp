@@ -86,6 +86,9 @@ TEST(GovernorStudy, ReckonsWithSwingingMasses) { expect_kept({187, 1077, 1393, 1
 // Certificates whose masses had to come to the cone's edge were adopted.
 TEST(GovernorStudy, KeepsOffTheEdge) { expect_kept({3311, 10749, 10873, 19528, 23369}, false); }
 
+// Masses faster than a bend may make them were to be slowed down at once, which no tick does.
+TEST(GovernorStudy, SlowsMassesDownAsTheTickCan) { expect_kept({21425, 22614}, false); }
+
 // Rounding left a stopped mass a speed, for which friction was kept free.
 TEST(GovernorStudy, KnowsMassesThatHaveStopped) { expect_kept({1873}, true); }
 
