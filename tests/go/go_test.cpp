@@ -6,6 +6,9 @@
 #include "hal/lcm/messages.h"
 #include "tests/go/clicked_run.h"
 #include "tools/go/course_parts.h"
+#include "tools/go/go_plan.h"
+#include "tools/program/params.h"
+#include "tools/tracking/followed_plan.h"
 
 namespace ballast::go_test {
 namespace {
@@ -97,6 +100,26 @@ TEST(Go, TooFarInTheTime) {
   const auto run = run_clicked(clickable(2), {{100, {50, 0}, -1, 0, 2.0}}, kLatency);
   EXPECT_FALSE(run.clicked[0].planned);
   EXPECT_NE(run.clicked[0].why.find("stands in the way"), std::string::npos) << run.clicked[0].why;
+}
+
+// The shortest time is searched from a quick plan, whatever the number of its pieces.
+TEST(Go, PlansTheShortestTime) {
+  const sim::Scenario scenario = ideal(20);
+  const auto params = program::make_controller_params("go_test", scenario);
+  ASSERT_NE(params, nullptr);
+  sim::Scenario rest = scenario;
+  rest.duration_s = 0.001;
+  const plan::ReferencePoint at = plan::roll_motion(plan::as_planned(rest), 1).front();
+  double duration_s[2] = {};
+  for (const bool shortest : {false, true}) {
+    go::GoTask task;
+    task.to_m = {0.5, 0};
+    if (shortest) task.objective = plan::Objective::kTime;
+    const go::GoOutcome outcome = go::plan_course(scenario, *params, at, task, [] { return false; });
+    ASSERT_TRUE(outcome.plan) << outcome.why;
+    duration_s[shortest ? 1 : 0] = outcome.plan->moved.duration_s;
+  }
+  EXPECT_LT(duration_s[1], duration_s[0]);
 }
 
 go::HostCourse small_course() {

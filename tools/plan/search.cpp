@@ -548,7 +548,7 @@ class Search {
       if (held_s < 1.01 * failed_s) return;
       const double ratio = std::clamp(std::sqrt(need_of(*best_) / problem_.friction_limit) * 1.02, 0.6, 0.985);
       const double next_s = failed_s > 0 ? std::sqrt(failed_s * held_s) : ratio * held_s;
-      const Grid grid = make_grid(problem_, next_s, kPieces);
+      const Grid grid = make_grid(problem_, next_s, best_->grid.pieces);
       std::vector<double> knots = best_->knots, via_time_s = best_->via_time_s;
       for (double& knot : knots) knot *= (held_s / next_s) * (held_s / next_s);
       set_first_knots(knots);
@@ -586,7 +586,7 @@ class Search {
       if (stopped()) return;
       aim_ = {problem_.task.objective, weight};
       most_resonance_ = best_->near_resonance - kGain;
-      refine(make_grid(problem_, first.grid.duration_s, kPieces), fixed_knots(first.grid), first.knots,
+      refine(make_grid(problem_, first.grid.duration_s, first.grid.pieces), fixed_knots(first.grid), first.knots,
              first.via_time_s);
     }
   }
@@ -607,7 +607,7 @@ class Search {
                              {Objective::kEffort, 100},
                              {Objective::kFriction, 3}};
     const Plan first = *best_;
-    const Grid grid = make_grid(problem_, first.grid.duration_s, kPieces);
+    const Grid grid = make_grid(problem_, first.grid.duration_s, first.grid.pieces);
     best_->stepper_need = stepper_need(first);
     by_steppers_ = true;
     for (const Aim& aim : kAims) {
