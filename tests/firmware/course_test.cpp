@@ -160,7 +160,12 @@ TEST(Course, RefusesPartsThatDoNotFit) {
   };
   const Case cases[] = {
       {"another course", [](CoursePart& p) { p.course = 6; }},
-      {"a gap", [](CoursePart& p) { p.first += 1; }},
+      {"a gap",
+       [](CoursePart& p) {
+         p.first += 1;
+         p.count -= 1;
+       }},
+      {"an overlap", [](CoursePart& p) { p.first -= 1; }},
       {"no values", [](CoursePart& p) { p.count = 0; }},
       {"a smaller total", [](CoursePart& p) { p.total = p.first; }},
       {"more values than a part has", [](CoursePart& p) { p.count = kCoursePart + 1; }},
