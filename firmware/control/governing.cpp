@@ -663,8 +663,10 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
       return wish_after(g.halt.rollout_tick, true, g.halt.predicted_tick, time_s, then);
     };
     predict_halt(params, robot, now.tick, law_of_halt, g);
+    // On the backup the ball may come to rest before a halt has been certified.
+    const bool halts = g.halt.begun || g.governor.mode == GovernorMode::kBackup;
     const Real rest_mps = kRestSpeed * std::sqrt(params.ball.gravity_mps2 * params.ball.radius_m);
-    g.halt.slow_ticks = g.halt.begun && speed_mps(params.ball, robot) < rest_mps ? g.halt.slow_ticks + 1 : 0;
+    g.halt.slow_ticks = halts && speed_mps(params.ball, robot) < rest_mps ? g.halt.slow_ticks + 1 : 0;
   }
   g.report = out.report;
   g.expects = true;

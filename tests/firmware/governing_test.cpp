@@ -201,6 +201,26 @@ TEST(Governing, AHaltEndsWhereItSaid) {
   }
 }
 
+// Without friction that certifies anything, the backup is all there is.
+TEST(Governing, AHaltThatIsNeverCertifiedEndsWithTheBallAtRest) {
+  GovernedBall robot(governed_desk(0.5));
+  robot.start();
+  robot.run_until(4000);
+  robot.state().governing.params.friction = Real(1e-6);
+  robot.tick(OperatorCommand::kHalt);
+  robot.run_until(10000);
+  ASSERT_TRUE(robot.out.status.governor.backup);
+  ASSERT_EQ(robot.out.status.mode, Mode::kHalting);
+  const std::int64_t rest_tick = robot.in.tick;
+  while (robot.out.status.mode == Mode::kHalting && robot.in.tick < rest_tick + 2000) {
+    robot.ball.angular_velocity_B_radps.setZero();  // something holds the ball
+    robot.tick();
+  }
+  EXPECT_NEAR(static_cast<double>(robot.in.tick - rest_tick), 1000, 5);
+  robot.run_until(robot.in.tick + 500);
+  EXPECT_EQ(robot.out.status.mode, Mode::kArmed);
+}
+
 // After a stop the ball rolls on with its masses held. The bar of issue 22 for a halt is 5 % of what was said.
 TEST(Governing, HaltsABallThatRollsWithItsMassesHeld) {
   for (const Real friction : {0.5, 0.1}) {
