@@ -176,7 +176,6 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   time_s_ = end_s;
   last_wish_ = wish;
   judge(params, end);
-  if (!bends && end.command.bent) judge_wish(ball, params, end, wanted);
   bend(ball, wish.u);
   if (end_ == RolloutEnd::kUnderWay && last_ && still(params, state_, ball.mass_count)) begin_hold(ball, params);
 }
@@ -192,17 +191,6 @@ void Rollout::judge(const GovernorParams& params, const GovernedRamp& end) {
   end_ = RolloutEnd::kBroken;
   // The cone keeps some friction free for motors and errors.
   if (f[2] > 0 && !std::isinf(params.friction)) breach_.use = 1 + end.outside_n / (params.friction * f[2]);
-}
-
-// The wish that had to be bent, at the end of the ramp.
-void Rollout::judge_wish(const BallParams& ball, const GovernorParams& params, const GovernedRamp& end,
-                         const PerMass<Real>& wish) {
-  end_ = RolloutEnd::kBroken;
-  const Vector3 f = end.forces.force(ball.mass_count, wish);
-  breach_ = {1, f[2]};
-  if (f[2] > 0 && !std::isinf(params.friction)) {
-    breach_.use = 1 + outside_n(end.cone, end.forces, ball.mass_count, wish) / (params.friction * f[2]);
-  }
 }
 
 // The masses creep on for the linear end of the brake. However slow that is, each microstep is a jump of their fields.

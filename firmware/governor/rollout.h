@@ -121,8 +121,6 @@ class Rollout {
   void keep(const PerMass<Real>& bend);
   void bend(const BallParams& ball, const PerMass<Real>& wish);
   void judge(const GovernorParams& params, const GovernedRamp& end);
-  void judge_wish(const BallParams& ball, const GovernorParams& params, const GovernedRamp& end,
-                  const PerMass<Real>& wish);
   [[nodiscard]] Real settling_use(const BallParams& ball, const GovernorParams& params) const;
   void begin_hold(const BallParams& ball, const GovernorParams& params);
   void step_held_ball(const BallParams& ball, const GovernorParams& params);
