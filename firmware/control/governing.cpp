@@ -119,7 +119,7 @@ void advance_search(const ControllerParams& params, int work, ControllerState& s
   const auto law = [&](Wide time_s, const RobotState& then) {
     if (g.start.what == Begins::kMove) return wish_of_active(params, state, time_s - held_s, then);
     if (g.start.what == Begins::kHalt) {
-      const PerMass<Real> u = halt_wish(params.ball, halt_gains(params.ball), then);
+      const PerMass<Real> u = halt_wish(params.ball, g.params, halt_gains(params.ball), then);
       return Wish{u, u};
     }
     if (g.start.what == Begins::kCourse) {
@@ -368,7 +368,7 @@ void search_start(const ControllerParams& params, ControllerState& state) {
   advance_search(params, work, state);
   if (!predicts) return;
   const auto law = [&](Wide, const RobotState& then) {
-    const PerMass<Real> u = halt_wish(params.ball, halt_gains(params.ball), then);
+    const PerMass<Real> u = halt_wish(params.ball, g.params, halt_gains(params.ball), then);
     return Wish{u, u};
   };
   g.halt.rollout.advance(params.ball, g.params, law, g.governor.bends, work);
@@ -597,7 +597,7 @@ bool halts(const GoverningState& governing, std::int64_t tick) {
 HaltWish wish_of_halt(const ControllerParams& params, const ControllerState& state, const TickToGovern& now) {
   const RobotState robot = next_robot(params, state, now.motion, now.place_W_m, now.held, now.from);
   HaltWish out;
-  out.wish = halt_wish(params.ball, halt_gains(params.ball), robot);
+  out.wish = halt_wish(params.ball, state.governing.params, halt_gains(params.ball), robot);
   const HaltState& halt = state.governing.halt;
   for (int i = 0; i < params.ball.mass_count && halt.begun; ++i) out.change[at(i)] = out.wish[at(i)] - halt.wish[at(i)];
   return out;
@@ -636,7 +636,7 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
   const auto wish_after = [&](std::int64_t from, bool to_halt, std::int64_t halt_tick, Wide time_s,
                               const RobotState& then) {
     if (to_halt && time_s >= (static_cast<Wide>(minus(halt_tick, from)) - Wide(0.5)) * period_s) {
-      const PerMass<Real> u = halt_wish(params.ball, gains, then);
+      const PerMass<Real> u = halt_wish(params.ball, g.params, gains, then);
       return Wish{u, u};
     }
     const Vector2& integral_W_ms = state.tracking.integral_W_ms;

@@ -84,7 +84,8 @@ HaltGains halt_gains(const BallParams& ball) {
   return {3 * unit_s, Real(1.5) / unit_s, 2 * unit_s};
 }
 
-PerMass<Real> halt_wish(const BallParams& ball, const HaltGains& gains, const RobotState& state) {
+PerMass<Real> halt_wish(const BallParams& ball, const GovernorParams& params, const HaltGains& gains,
+                        const RobotState& state) {
   const Offset c = offset_of(ball, state);
   const Vector2 v =
       turning_rate(state.orientation, state.angular_velocity_B_radps, Vector3::Zero(), ball.radius_m).position;
@@ -116,9 +117,12 @@ PerMass<Real> halt_wish(const BallParams& ball, const HaltGains& gains, const Ro
   // The least change of u that moves the offset as wished, damped: P^T (P P^T + damped)^-1 missing.
   const Real damped = kDamped * (xx + yy);
   const Real a = xx + damped, d = yy + damped, det = a * d - xy * xy;
-  if (!(det > 0)) return u;
-  const Real x = (d * missing.x - xy * missing.y) / det, y = (a * missing.y - xy * missing.x) / det;
-  for (std::size_t i = 0; i < n; ++i) u[i] += c.per_unit[i].x * x + c.per_unit[i].y * y;
+  const Real x = det > 0 ? (d * missing.x - xy * missing.y) / det : 0;
+  const Real y = det > 0 ? (a * missing.y - xy * missing.x) / det : 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const Real most = params.mass[i].max_acceleration;
+    u[i] = std::fmin(std::fmax(u[i] + c.per_unit[i].x * x + c.per_unit[i].y * y, -most), most);
+  }
   return u;
 }
 

@@ -25,7 +25,9 @@ struct HaltGains {
 // Multiples of sqrt(r / g), or of 1 s without gravity.
 [[nodiscard]] HaltGains halt_gains(const BallParams& ball);
 
-[[nodiscard]] PerMass<Real> halt_wish(const BallParams& ball, const HaltGains& gains, const RobotState& state);
+// Within the masses' max_acceleration.
+[[nodiscard]] PerMass<Real> halt_wish(const BallParams& ball, const GovernorParams& params, const HaltGains& gains,
+                                      const RobotState& state);
 
 // Speed of the geometric centre.
 [[nodiscard]] Real speed_mps(const BallParams& ball, const RobotState& state);

@@ -262,20 +262,33 @@ TEST(Governing, HaltsABallThatRollsWithItsMassesHeld) {
   }
 }
 
-// On a slope the ball goes faster and faster, whatever the masses do.
-TEST(Governing, RefusesAHaltWhereThereIsNoRest) {
-  ControllerParams params = governed_desk(0.5);
-  params.ball.down_W = Vector3(Real(0.3), 0, -std::sqrt(Real(0.91)));
+// What a halt is refused for on a slope of the sine `sine`, from armed at rest.
+RefusalReport refused_halt(ControllerParams params, Real sine) {
+  params.ball.down_W = Vector3(sine, 0, -std::sqrt(1 - sine * sine));
   GovernedBall robot(params);
   robot.tick(OperatorCommand::kArm);
   robot.tick(OperatorCommand::kHalt);
-  ASSERT_EQ(robot.out.status.mode, Mode::kHalting);
+  EXPECT_EQ(robot.out.status.mode, Mode::kHalting);
   while (robot.out.status.mode == Mode::kHalting && robot.in.tick < 30000) robot.tick();
   EXPECT_EQ(robot.out.status.mode, Mode::kArmed);
-  const RefusalReport& refusal = robot.out.status.refusal;
-  EXPECT_TRUE(refusal.reason == Refusal::kNoRest || refusal.reason == Refusal::kNoBackup)
-      << static_cast<int>(refusal.reason);
+  return robot.out.status.refusal;
+}
+
+// Masses that are too slow do not catch the ball, which goes faster and faster.
+TEST(Governing, RefusesAHaltWhereThereIsNoRest) {
+  ControllerParams params = governed_desk(0.5);
+  for (MotorParams& motor : params.motor) motor.max_acceleration /= 20;
+  const RefusalReport refusal = refused_halt(params, Real(0.1));
+  EXPECT_EQ(refusal.reason, Refusal::kNoRest);
   EXPECT_GT(refusal.value, 0);
+  EXPECT_GT(refusal.time_s, 0);
+}
+
+// Here the ball would slip before its masses catch it.
+TEST(Governing, RefusesAHaltThatWouldSlip) {
+  const RefusalReport refusal = refused_halt(governed_desk(0.5), Real(0.3));
+  EXPECT_EQ(refusal.reason, Refusal::kNoBackup);
+  EXPECT_GT(refusal.value, 1);
   EXPECT_GT(refusal.time_s, 0);
 }
 

@@ -29,7 +29,7 @@ Halted halt(Bench& bench, Wide start_s, Wide for_s) {
     const Schedule& schedule = bench.governor.candidate.schedule();
     const std::int64_t from = bench.governor.changing ? schedule.from : changed;
     if (time_s >= static_cast<Wide>(from) * period_s - period_s / 2)
-      return Wish{halt_wish(bench.ball, gains, state), {}};
+      return Wish{halt_wish(bench.ball, bench.params, gains, state), {}};
     return bench.law(0)(time_s, state);
   };
   Halted out;
