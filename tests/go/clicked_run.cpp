@@ -106,8 +106,8 @@ class ClickingPeers final : public sil::Peer {
     const auto planning_s = [&] {
       return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     };
-    const go::GoOutcome outcome =
-        go::plan_course(scenario_, params_, at->at, task, [&] { return planning_s() > time_limit_s_; });
+    const go::GoOutcome outcome = go::plan_course(
+        scenario_, params_, at->at, task, [&] { return planning_s() > time_limit_s_; }, [](const std::string&) {});
     clicked.plan_s = planning_s();
     clicked.why = outcome.why;
     if (!outcome.plan) return;

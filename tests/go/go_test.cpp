@@ -97,7 +97,8 @@ TEST(Go, ALateCourse) {
 
 // A place that no motion of this robot reaches in the time is refused with what stands in the way.
 TEST(Go, TooFarInTheTime) {
-  const auto run = run_clicked(clickable(2), {{100, {50, 0}, -1, 0, 2.0}}, kLatency);
+  constexpr double kTimeLimit_s = 5;
+  const auto run = run_clicked(clickable(2), {{100, {50, 0}, -1, 0, 2.0}}, kLatency, kTimeLimit_s);
   EXPECT_FALSE(run.clicked[0].planned);
   EXPECT_NE(run.clicked[0].why.find("stands in the way"), std::string::npos) << run.clicked[0].why;
 }
@@ -115,7 +116,8 @@ TEST(Go, PlansTheShortestTime) {
     go::GoTask task;
     task.to_m = {0.5, 0};
     if (shortest) task.objective = plan::Objective::kTime;
-    const go::GoOutcome outcome = go::plan_course(scenario, *params, at, task, [] { return false; });
+    const go::GoOutcome outcome = go::plan_course(
+        scenario, *params, at, task, [] { return false; }, [](const std::string&) {});
     ASSERT_TRUE(outcome.plan) << outcome.why;
     duration_s[shortest ? 1 : 0] = outcome.plan->moved.duration_s;
   }

@@ -121,7 +121,7 @@ TEST_P(Hand, ArmsMovesStartsAndStopsOnTheBus) {
   const auto expect_line = [&](const std::string& line) {
     EXPECT_NE(said.out.find(line), std::string::npos) << line << "\n" << said.out << said.err;
   };
-  expect_line("armed, at rest at 0, 2.04, 0.704 in tick");
+  expect_line("armed, masses at rest at 0, 2.04, 0.704 in tick");
   expect_line("\n0 <- ballast operate status\n");
   expect_line("; least margin seen ");
   expect_line("armed, at 0, 2.1, 0.704;");
@@ -135,7 +135,7 @@ TEST_P(Hand, ArmsMovesStartsAndStopsOnTheBus) {
   expect_line("\n0 <- ballast operate start\n");
   expect_line("\n1 <- ballast move --mass 0 --to 0\n");  // while running
   expect_line("\nstopping, ");
-  expect_line("disarmed, at rest at ");
+  expect_line("disarmed, masses at rest at ");
   expect_line("\n0 <- ballast operate arm\n");
   expect_line("armed, at 0, ");
   expect_line("\n0 <- ballast move --mass 0 --to 0\n2\n");
@@ -194,7 +194,7 @@ TEST(Processes, AMoveOnABusThatIsTooLongOrNotPredictedIsTakenBack) {
   EXPECT_NE(said.out.find("1 <- ballast move --all 0\n"), std::string::npos) << said.out << said.err;
   EXPECT_NE(said.err.find("the controller can predict only the first "), std::string::npos) << said.err;
   EXPECT_NE(said.out.find("0 <- ballast operate status\n"), std::string::npos) << said.out << said.err;
-  EXPECT_NE(said.out.find("armed, at rest at "), std::string::npos) << said.out << said.err;
+  EXPECT_NE(said.out.find("armed, masses at rest at "), std::string::npos) << said.out << said.err;
   EXPECT_NE(said.out.find("0 <- ballast move --mass 1 --to 2.5\n"), std::string::npos) << said.out << said.err;
 }
 

@@ -184,8 +184,12 @@ class Going {
                                                       : plan::Objective::kFriction;
     std::atomic<bool> over = false;
     const auto stop = [&] { return over || *signalled_ != 0 || seconds_since(begun_) > command_.time_limit_s; };
+    const auto say = [&](const std::string& tried) {
+      constexpr double kSoon_s = 1;
+      if (seconds_since(begun_) > kSoon_s) std::cout << tried << std::endl;
+    };
     auto planned =
-        std::async(std::launch::async, [&] { return go::plan_course(run_.scenario(), *params_, at, task, stop); });
+        std::async(std::launch::async, [&] { return go::plan_course(run_.scenario(), *params_, at, task, stop, say); });
     const auto ready = [&] { return planned.wait_for(hal::Seconds(0)) == std::future_status::ready; };
     hal::Status status = hal::Status::kOk;
     while (!ready() && status != hal::Status::kIo) {
@@ -218,10 +222,10 @@ class Going {
       return refuse(sil::refused_text("course", sil::refusal_text(end_.status(), nullptr)));
     }
     std::cout << fmt::format(
-                     "goes to {} in {} s from tick {} on, and needs f_s/N = {}; planned in {:.2f} s, handed over in "
-                     "{:.2f} s",
+                     "goes to {} in {} s from tick {} on, and needs f_s/N = {}, with its motors' swing at most {}; "
+                     "planned in {:.2f} s, handed over in {:.2f} s",
                      place_text(to()), short_time(plan.moved.duration_s), end_.status().course_tick,
-                     short_number(plan.need), planned_s, seconds_since(start))
+                     short_number(plan.need), short_number(plan.most_need), planned_s, seconds_since(start))
               << std::endl;
     return command_.wait ? arrive(plan, number) : program::kExitCompleted;
   }
@@ -234,7 +238,7 @@ class Going {
     };
     if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
     if (end_.status().course != number) {
-      std::cout << "it ended before: " << sil::status_text(end_.status()) << std::endl;
+      std::cout << "the course ended before the ball was there: " << sil::status_text(end_.status()) << std::endl;
       return program::kExitEnvelope;
     }
     const auto here = go::now(run_.heard(end_.status()));

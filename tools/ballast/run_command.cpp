@@ -206,6 +206,10 @@ int run(const RunCommand& given) {
   }
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name : command.out);
   if (!output.good()) return could_not(output.error());
+  if (command.by_hand) {
+    std::cout << fmt::format("arms, and waits for an operator: ballast operate --lcm '{}' start", command.bus.url)
+              << std::endl;
+  }
 
   const int exit_status = command.processes ? run_in_processes(command, *scenario, has_controller, *peers_bus, output)
                           : command.in_qemu()

@@ -6,11 +6,12 @@
 #include <atomic>
 #include <cmath>
 #include <future>
+#include <limits>
 
 #include "firmware/governor/backup.h"
 #include "tools/go/standpoint.h"
-#include "tools/plan/alternatives.h"
 #include "tools/plan/bounds.h"
+#include "tools/plan/read_task.h"
 #include "tools/plan/search.h"
 #include "tools/program/params.h"
 #include "tools/tracking/followed_plan.h"
@@ -77,11 +78,11 @@ Try make_try(const sim::Scenario& from, const plan::ReferencePoint& at, const Go
   return out;
 }
 
-// Whether a moment between two nodes, at this part of its speeds, lies inside the cone that the governor keeps free of
-// what the motors may swing: f_s goes with the square of the speeds, the swing by its resonances. `share`: 0 at the
-// first node, 1 at the second.
-bool fits(const firmware::ControllerParams& params, const firmware::GovernorParams& governor, const plan::Node& node,
-          const plan::Node& next, double share, double part) {
+// The friction that the governor would have to use at a moment between two nodes, at this part of its speeds: f_s / N
+// with what the motors may swing. f_s goes with the square of the speeds, the swing by its resonances. `share`: 0 at
+// the first node, 1 at the second.
+double need_with_motors(const firmware::ControllerParams& params, const firmware::GovernorParams& governor,
+                        const plan::Node& node, const plan::Node& next, double share, double part) {
   const int n = params.ball.mass_count;
   firmware::RobotState robot;
   const auto& q = node.state.q;
@@ -98,23 +99,34 @@ bool fits(const firmware::ControllerParams& params, const firmware::GovernorPara
     robot.mass_acceleration[i] = u[i] = part * part * between(node.state.acceleration, next.state.acceleration, i);
   }
   const firmware::AffineForces forces = firmware::forces_at(params.ball, governor, robot);
+  const firmware::Vector3 force_n = forces.force(n, u);
+  if (!(force_n[2] > governor.min_normal_force_n)) return std::numeric_limits<double>::infinity();
+  if (std::isinf(governor.friction)) return force_n.head<2>().norm() / force_n[2];
   firmware::Cone cone = firmware::cone_of(governor, forces, robot, n);
   cone.friction *= kUsed;
-  return firmware::outside_n(cone, forces, n, u) <= 0;
+  return cone.friction + firmware::outside_n(cone, forces, n, u) / force_n[2];
 }
 
-// The greatest part of the motion's speeds, up to 1, with which all of it fits.
-double fitting_speed(const firmware::ControllerParams& params, const std::vector<plan::Node>& nodes) {
+// need_with_motors() of the whole motion, where it is greatest.
+double most_need(const firmware::ControllerParams& params, const std::vector<plan::Node>& nodes, double part) {
   const firmware::GovernorParams governor = firmware::governor_params(params);
-  constexpr double kSlower = 0.95, kSlowest = 0.1;
   constexpr int kLooks = 4;  // a mass passes a resonance within the time between two nodes
-  double part = 1;
+  double most = 0;
   for (std::size_t k = 1; k < nodes.size(); ++k) {
     for (int look = 0; look < kLooks; ++look) {
       const double share = static_cast<double>(look) / kLooks;
-      while (part > kSlowest && !fits(params, governor, nodes[k - 1], nodes[k], share, part)) part *= kSlower;
+      most = std::max(most, need_with_motors(params, governor, nodes[k - 1], nodes[k], share, part));
     }
   }
+  return most;
+}
+
+// The greatest part of the motion's speeds, up to 1, with which all of it fits the governor's cone.
+double fitting_speed(const firmware::ControllerParams& params, const std::vector<plan::Node>& nodes) {
+  const double allowed = kUsed * firmware::governor_params(params).friction;
+  constexpr double kSlower = 0.95, kSlowest = 0.1;
+  double part = 1;
+  while (part > kSlowest && most_need(params, nodes, part) > allowed) part *= kSlower;
   return part;
 }
 
@@ -156,11 +168,12 @@ void stop_exactly(sim::Mass& mass) {
 }
 
 // Nullopt, and `why`: there is no reference.
-std::optional<GoPlan> finished(const Try& found, std::string& why) {
+std::optional<GoPlan> finished(const firmware::ControllerParams& params, const Try& found, std::string& why) {
   GoPlan plan;
   plan.moved = plan::with_motion(found.file.scenario, found.outcome.plan->grid, found.outcome.plan->knots);
   for (sim::Mass& mass : plan.moved.masses) stop_exactly(mass);
   plan.need = found.outcome.plan->run.need;
+  plan.most_need = std::max(plan.need, most_need(params, found.outcome.plan->run.nodes, 1));
   plan.goal_error_m = found.outcome.plan->goal_error_m;
   if (const auto refused = plan::set_reference(plan.moved, found.problem.robot.ball, plan.reference)) {
     why = "there is no reference: " + *refused;
@@ -169,16 +182,42 @@ std::optional<GoPlan> finished(const Try& found, std::string& why) {
   return plan;
 }
 
-}  // namespace
+// What stood in the way, in the words of `go`: without keys of a task's file, which its caller never wrote.
+std::string in_words_of_go(std::string text) {
+  const auto replace = [&](const std::string& old, const std::string& word) {
+    for (std::size_t at = text.find(old); at != std::string::npos; at = text.find(old, at + word.size())) {
+      text.replace(at, old.size(), word);
+    }
+  };
+  for (const char* key : {"goal", "at_rest", "duration", "friction_use, surface.static_friction", "avoid_resonance"}) {
+    replace(fmt::format(" (task.{})", key), "");
+  }
+  replace(", task.torque_margin)", ")");
+  replace("task.via.", "--via ");
+  return text;
+}
 
-GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerParams& params,
-                      const plan::ReferencePoint& at, const GoTask& task, const std::function<bool()>& stop) {
-  const sim::Scenario from = set_down(scenario, at);
+std::string first_clause(const std::string& text) { return text.substr(0, text.find(';')); }
+
+struct Planner {
+  const sim::Scenario& from;
+  const firmware::ControllerParams& params;
+  const plan::ReferencePoint& at;
+  const std::function<bool()>& stop;
+  const std::function<void(const std::string&)>& say;
+
+  // In a duration that is given, or in one of at least `least_s` that is chosen.
+  [[nodiscard]] GoOutcome plan(const GoTask& task, double least_s = 0) const;
+  // What could be done where the task cannot in its duration; empty: nothing was found.
+  [[nodiscard]] std::string offers(const GoTask& task) const;
+};
+
+GoOutcome Planner::plan(const GoTask& task, double least_s) const {
   constexpr double kLonger = 1.35;  // of the second of two searches, and of the next two
   constexpr double kFits = 0.96;    // a part of the speeds that is as good as all of them
   constexpr int kRaces = 12;
-  double duration_s =
-      task.duration_s ? *task.duration_s : likely_duration_s(problem_of(task_file(from, task, 1), at), task);
+  const auto likely = [&] { return likely_duration_s(problem_of(task_file(from, task, 1), at), task); };
+  double duration_s = task.duration_s ? *task.duration_s : std::max(likely(), least_s);
   GoOutcome out;
   std::optional<Try> fastest;  // found, and too fast for the governor
   for (int k = 0; k < kRaces && !stop(); ++k) {
@@ -189,35 +228,63 @@ GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerP
     if (found != tries.end()) {
       const double part = fitting_speed(params, found->outcome.plan->run.nodes);
       if (part >= kFits) {
-        out.plan = finished(*found, out.why);
+        out.plan = finished(params, *found, out.why);
         return out;
       }
-      const double needed_s = found->file.task.duration_s / part;
+      const double tried_s = found->file.task.duration_s;
+      const double needed_s = tried_s / part;
+      out.why = fmt::format("in {:.3g} s its motors would swing so much that the governor bends it", tried_s);
       if (task.duration_s) {
-        out.why =
-            fmt::format("in {:.3g} s its motors swing so much that the governor would bend it; about {:.3g} s would do",
-                        *task.duration_s, needed_s);
+        out.why += fmt::format("; about {:.3g} s would do", needed_s);
         return out;
       }
+      say(fmt::format("{}; looks for {:.3g} s", out.why, needed_s));
       fastest = std::move(*found);
       duration_s = needed_s;
       continue;
     }
     const Try& failed = tries.front();
-    out.why = failed.outcome.binding;
-    if (task.duration_s && failed.outcome.status == plan::Status::kNotFound && !stop()) {
-      plan::SearchOptions options;
-      options.quick = true;
-      options.stop = stop;
-      out.why += plan::alternatives_text(
-          failed.file, plan::find_alternatives(failed.file, failed.outcome, options, [](const std::string&) {}));
-    }
+    out.why = in_words_of_go(failed.outcome.binding);
     if (task.duration_s || failed.outcome.status == plan::Status::kInfeasible) return out;
     if (k % 2 == 1) duration_s *= kLonger;
+    if (!stop()) say(fmt::format("not in {:.3g} s: {}", failed.file.task.duration_s, first_clause(out.why)));
   }
-  if (fastest && out.why.empty()) {
-    out.why = "its motors swing so much at every duration tried that the governor would bend it";
+  return out;
+}
+
+std::string Planner::offers(const GoTask& task) const {
+  std::string text;
+  const Eigen::Vector2d start_m(at.place_m[0], at.place_m[1]);
+  for (const double part : {0.8, 0.5, 0.25, 0.1}) {
+    if (stop() || !task.via_m.empty()) break;
+    GoTask nearer = task;
+    nearer.to_m = start_m + part * (task.to_m - start_m);
+    if (!plan(nearer).plan) continue;
+    text += fmt::format("; it could go to ({:.3g}, {:.3g}) m in {:.3g} s", nearer.to_m[0], nearer.to_m[1],
+                        *task.duration_s);
+    break;
   }
+  constexpr double kLeastLonger = 1.1;
+  GoTask longer = task;
+  longer.duration_s.reset();
+  if (const GoOutcome out = plan(longer, kLeastLonger * *task.duration_s); out.plan) {
+    text += fmt::format("; it could be there in {:.3g} s", out.plan->moved.duration_s);
+  }
+  return text;
+}
+
+}  // namespace
+
+GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerParams& params,
+                      const plan::ReferencePoint& at, const GoTask& task, const std::function<bool()>& stop,
+                      const std::function<void(const std::string&)>& say) {
+  const sim::Scenario from = set_down(scenario, at);
+  const Planner planner{from, params, at, stop, say};
+  GoOutcome out = planner.plan(task);
+  if (out.plan || !task.duration_s || stop()) return out;
+  say(fmt::format("not in {:.3g} s: {}; looks for what can be done", *task.duration_s, first_clause(out.why)));
+  const std::function<void(const std::string&)> quiet = [](const std::string&) {};
+  out.why += Planner{from, params, at, stop, quiet}.offers(task);
   return out;
 }
 

@@ -28,6 +28,7 @@ struct GoPlan {
   sim::Scenario moved;  // set down where the course begins, with the motion
   firmware::ReferenceTable reference;
   double need = 0;          // greatest f_s / N with masses that follow exactly
+  double most_need = 0;     // the same with all that the governor allows for the motors' swing
   double goal_error_m = 0;  // of the plan itself
 };
 
@@ -36,9 +37,11 @@ struct GoOutcome {
   std::string why;  // not found: what stands in the way, and the nearest that can be done where that is known
 };
 
-// `scenario` and `params`: of the run. `at`: where the course begins. `stop` ends the search.
+// `scenario` and `params`: of the run. `at`: where the course begins. `stop` ends the search. `say` hears what was
+// tried in vain, in words, and what is tried next.
 [[nodiscard]] GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerParams& params,
                                     const plan::ReferencePoint& at, const GoTask& task,
-                                    const std::function<bool()>& stop);
+                                    const std::function<bool()>& stop,
+                                    const std::function<void(const std::string&)>& say);
 
 }  // namespace ballast::go

@@ -128,8 +128,9 @@ std::string usage_error_text(const CLI::ParseError& error, const CLI::App& app) 
 CLI::Validator positive_finite() {
   const auto check = [](std::string& text) -> std::string {
     double value = 0;
-    if (CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value > 0) return {};
-    return fmt::format("{} is out of range; allowed: a finite number > 0", text);
+    const bool number = CLI::detail::lexical_cast(text, value);
+    if (number && std::isfinite(value) && value > 0) return {};
+    return fmt::format("{} is {}; allowed: a finite number > 0", text, number ? "out of range" : "no number");
   };
   return {check, ""};
 }

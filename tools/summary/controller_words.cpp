@@ -191,8 +191,13 @@ std::string refused_text(const std::string& what, const std::string& refusal) {
 }
 
 std::string status_text(const controller_status_t& status) {
-  return fmt::format("{}, {} {} in tick {}", mode_text(status.mode), status.at_rest != 0 ? "at rest at" : "moving, at",
-                     positions_text(status), status.tick);
+  std::string ball;
+  if (status.estimate_valid != 0) {
+    const double* place_m = status.estimated_position_W_m;
+    ball = fmt::format(", the ball at ({}, {}) m", short_number(place_m[0]), short_number(place_m[1]));
+  }
+  return fmt::format("{}, masses {} {} in tick {}{}", mode_text(status.mode),
+                     status.at_rest != 0 ? "at rest at" : "moving, at", positions_text(status), status.tick, ball);
 }
 
 std::string plan_text(const controller_status_t& status) {

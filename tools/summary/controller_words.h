@@ -27,7 +27,8 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
 // "the controller refuses the start: .."
 std::string refused_text(const std::string& what, const std::string& refusal);
 
-// "armed, at rest at 0, 2.04, 0.704 in tick 3764"
+// "armed, masses at rest at 0, 2.04, 0.704 in tick 3764, the ball at (0.4, 0.2) m". Masses in rail units; the ball
+// where it is estimated.
 std::string status_text(const controller_status_t& status);
 
 // Duration and prediction of the plan in the status: "1.2 s; predicted, ..".
