@@ -23,6 +23,8 @@ namespace {
 // Parts of the motors' limits and of the governor's cone that a plan uses. Feedback and the stops that certify a course
 // need the rest: without it the governor bends some of the plans so much that none of its stops is certified.
 constexpr double kRoom = 0.75, kUsed = 0.9;
+// Feedback takes the rest away. In speed it is a third of what counts as rest.
+constexpr double kTolerance = 3e-3;
 
 // A time in which a ball surely gets there: a few swings of masses that hang, with half of the motors' power and half
 // of the friction that may be used.
@@ -140,6 +142,7 @@ void race(std::vector<Try>& tries, const Try* neighbour, std::uint64_t seed, con
     plan::SearchOptions options;
     options.seed = seed++;
     options.quick = true;
+    options.tolerance = kTolerance;
     options.stop = [&] { return found || stop(); };
     if (neighbour != nullptr && first) {
       const plan::Plan& plan = *neighbour->outcome.plan;

@@ -39,8 +39,11 @@ struct SearchOptions {
   std::uint64_t seed = 0;
   int most_iterations = 2000;                       // until a plan is found
   std::vector<std::vector<sim::MotionPiece>> from;  // motion of each mass to start from; empty: none
-  // Takes the first plan that holds. With `from`: in half the time, for a few percent more friction. Without it: as soon
-  // as half of the friction limit is enough.
+  // Tolerance on the equalities, over r, sqrt(g r) and the like, as the plant rolls them; none: that of plans, which
+  // are followed without feedback. The last tenths of a millimetre cost most of a search's time.
+  std::optional<double> tolerance;
+  // Takes the first plan that holds. With `from`: in half the time, for a few percent more friction. Without it: as
+  // soon as half of the friction limit is enough.
   bool quick = false;
   std::function<bool()> stop;  // ends the search with the best plan so far
   // Greatest f_s / N of the motion when the scenario's motors drive it; infinite if the run does not complete. None:
