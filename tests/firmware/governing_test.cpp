@@ -262,7 +262,7 @@ TEST(Governing, HaltsABallThatRollsWithItsMassesHeld) {
   }
 }
 
-// What a halt is refused for on a slope of the sine `sine`, from armed at rest.
+// The refusal of a halt on a slope of the sine `sine`, from armed at rest.
 RefusalReport refused_halt(ControllerParams params, Real sine) {
   params.ball.down_W = Vector3(sine, 0, -std::sqrt(1 - sine * sine));
   GovernedBall robot(params);

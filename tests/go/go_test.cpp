@@ -103,6 +103,16 @@ TEST(Go, TooFarInTheTime) {
   EXPECT_NE(run.clicked[0].why.find("stands in the way"), std::string::npos) << run.clicked[0].why;
 }
 
+// A duration that is too short is refused with a nearer place and a longer duration, in words of `go`.
+TEST(Go, SaysWhatCanBeDoneInstead) {
+  const auto run = run_clicked(clickable(1), {{100, {0.6, 0}, -1, 0, 2.0}}, kLatency);
+  const std::string& why = run.clicked[0].why;
+  EXPECT_FALSE(run.clicked[0].planned);
+  EXPECT_NE(why.find("it could go to ("), std::string::npos) << why;
+  EXPECT_NE(why.find("it could be there in "), std::string::npos) << why;
+  EXPECT_EQ(why.find("task."), std::string::npos) << why;
+}
+
 // The shortest time is searched from a quick plan, whatever the number of its pieces.
 TEST(Go, PlansTheShortestTime) {
   const sim::Scenario scenario = ideal(20);

@@ -185,8 +185,8 @@ class Going {
     std::atomic<bool> over = false;
     const auto stop = [&] { return over || *signalled_ != 0 || seconds_since(begun_) > command_.time_limit_s; };
     const auto say = [&](const std::string& tried) {
-      constexpr double kSoon_s = 1;
-      if (seconds_since(begun_) > kSoon_s) std::cout << tried << std::endl;
+      constexpr double kSoon_s = 1;  // most plans are found by then
+      if (command_.duration_s || seconds_since(begun_) > kSoon_s) std::cout << tried << std::endl;
     };
     auto planned =
         std::async(std::launch::async, [&] { return go::plan_course(run_.scenario(), *params_, at, task, stop, say); });

@@ -23,7 +23,8 @@ namespace {
 // Parts of the motors' limits and of the governor's cone that a plan uses. Feedback and the stops that certify a course
 // need the rest: without it the governor bends some of the plans so much that none of its stops is certified.
 constexpr double kRoom = 0.75, kUsed = 0.9;
-// Feedback takes the rest away. In speed it is a third of what counts as rest.
+// Tolerance of a plan's place and rest at its end, over r and sqrt(g r): feedback takes the rest away. In speed it is a
+// third of what counts as rest.
 constexpr double kTolerance = 3e-3;
 
 // A time in which a ball surely gets there: a few swings of masses that hang, with half of the motors' power and half
@@ -142,7 +143,7 @@ void race(std::vector<Try>& tries, const Try* neighbour, std::uint64_t seed, con
     plan::SearchOptions options;
     options.seed = seed++;
     options.quick = true;
-    options.tolerance = kTolerance;
+    options.equality_tolerance = kTolerance;
     options.stop = [&] { return found || stop(); };
     if (neighbour != nullptr && first) {
       const plan::Plan& plan = *neighbour->outcome.plan;
@@ -185,7 +186,7 @@ std::optional<GoPlan> finished(const firmware::ControllerParams& params, const T
   return plan;
 }
 
-// What stood in the way, in the words of `go`: without keys of a task's file, which its caller never wrote.
+// A failed search's words, without keys of a task's file, which the caller of `go` never wrote.
 std::string in_words_of_go(std::string text) {
   const auto replace = [&](const std::string& old, const std::string& word) {
     for (std::size_t at = text.find(old); at != std::string::npos; at = text.find(old, at + word.size())) {
@@ -211,7 +212,7 @@ struct Planner {
 
   // In a duration that is given, or in one of at least `least_s` that is chosen.
   [[nodiscard]] GoOutcome plan(const GoTask& task, double least_s = 0) const;
-  // What could be done where the task cannot in its duration; empty: nothing was found.
+  // A nearer place and a longer duration for which there are plans, in words. Empty: none was found.
   [[nodiscard]] std::string offers(const GoTask& task) const;
 };
 

@@ -512,7 +512,7 @@ class Search {
       merit.worst_limit = between;
     }
     const double of_plans = std::min(kPlaceTolerance_m / problem_.robot.ball.radius_m, kRestTolerance);
-    const double equality = options_.tolerance.value_or(of_plans);
+    const double equality = options_.equality_tolerance.value_or(of_plans);
     if (merit.equality > equality || merit.limit > 0 || merit.need > problem_.friction_limit || plan.run.slips) {
       merit.need = std::max(merit.need, model.need);
       fail(plan.grid, plan.knots, merit);

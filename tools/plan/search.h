@@ -41,7 +41,7 @@ struct SearchOptions {
   std::vector<std::vector<sim::MotionPiece>> from;  // motion of each mass to start from; empty: none
   // Tolerance on the equalities, over r, sqrt(g r) and the like, as the plant rolls them; none: that of plans, which
   // are followed without feedback. The last tenths of a millimetre cost most of a search's time.
-  std::optional<double> tolerance;
+  std::optional<double> equality_tolerance;
   // Takes the first plan that holds. With `from`: in half the time, for a few percent more friction. Without it: as
   // soon as half of the friction limit is enough.
   bool quick = false;

@@ -94,7 +94,7 @@ TEST(MotorAllowance, BoundsAMassThatSlowsDown) {
 TEST(MotorAllowance, IsNothingForIdealMassesAndAtRest) {
   EXPECT_EQ(acceleration_error({}, 1), 0);
   EXPECT_EQ(acceleration_error({10, Real(0.2), Real(0.01), Real(0.1), Real(0.015)}, 0), 0);
-  // What rounding leaves of a stopped mass's speed.
+  // Rounding leaves this of a stopped mass's speed.
   EXPECT_EQ(acceleration_error({10, Real(0.2), Real(0.01), Real(0.1), Real(0.015)}, Real(1e-12)), 0);
 }
 

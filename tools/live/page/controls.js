@@ -101,7 +101,7 @@ export class Controls {
     const mass = this.masses?.[element("move-mass").value];
     element("move-unit").textContent = mass?.unit ?? "";
     const [low, high] = [mass?.lower_end ?? null, mass?.upper_end ?? null];
-    element("move-to").placeholder = low !== null && high !== null ? `${shortNumber(low)} … ${shortNumber(high)}` : "";
+    element("move-to").placeholder = low !== null && high !== null ? `${shortNumber(low)} to ${shortNumber(high)}` : "";
   }
 
   show() {
