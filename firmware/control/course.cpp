@@ -279,6 +279,7 @@ void put_in_force(ControllerState& state, std::int64_t tick) {
   tracking.start_tick = tick;
   tracking.rebased = false;
   tracking.clock = {};
+  tracking.rest = {};
   GovernorState& governor = state.governing.governor;
   governor.nominal_end_tick = course.rest_ticks > 0 ? tick + course.rest_ticks : 0;
   governor.extend_from_tick = tick;

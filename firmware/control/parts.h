@@ -82,6 +82,7 @@ struct Followed {
   MotionClock clock;
   bool rebased;  // it begins at rest in `origin`
   const PerMass<Wide>& origin;
+  const PerMass<Real>* rest_offset = nullptr;  // the masses rest, so far from the motion's end; null: they do not
 };
 [[nodiscard]] Followed followed(const ControllerParams& params, const ControllerState& state);
 [[nodiscard]] Followed coming_course(const ControllerState& state);

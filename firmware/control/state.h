@@ -23,6 +23,15 @@ struct MotionClock {
   Wide seen_s = 0;   // time since the start for which this holds
 };
 
+// A ball that has come to rest where its reference holds. Feedback that goes on would shake the masses for it: their
+// steps, and limits of their motors, are not in its gains.
+struct RestState {
+  bool rests = false;      // the masses hold, at `offset` from the motion's end
+  bool restless = false;   // something moves the ball: it has not stayed at rest, and feedback goes on
+  int ticks = 0;           // calm ones before the rest, or at rest
+  PerMass<Real> offset{};  // their mean error in the calm before
+};
+
 // The run along the reference, from the first start on.
 struct TrackingState {
   bool follows = false;         // each tick's motion is commanded anew; `active` holds one tick of it
@@ -35,6 +44,7 @@ struct TrackingState {
   bool rebased = false;                     // the motion begins at rest in `origin`
   PerMass<Wide> origin{};
   MotionClock clock;
+  RestState rest;
 };
 
 // How far the search for a certificate of a start has come.

@@ -16,6 +16,11 @@ constexpr Real kMostIntegral = 2;
 constexpr Real kLeastRate = Real(0.25);
 constexpr Real kRateChange = Real(0.1);
 
+// A ball is calm that is slower than kCalmOmega sqrt(g / r) and less than kCalmPlace radii from its place. It rests
+// after a calm of kCalm sqrt(r / g), and until it is twice as far or fast. Where that comes before kStays sqrt(r / g)
+// are over, something moves it.
+constexpr Real kCalmOmega = Real(0.01), kCalmPlace = Real(0.01), kCalm = 8, kStays = 80;
+
 Real most_integral_ms(const BallParams& ball) { return kMostIntegral * ball.radius_m * unit_s(ball); }
 
 Real bounded(Real value, Real most) { return value > most ? most : (value < -most ? -most : value); }
@@ -160,6 +165,40 @@ MassError mass_error_ahead(const ControllerParams& params, const Followed& follo
   return masses;
 }
 
+// Follows the calm and the rest of a ball whose reference holds. `e`: its errors.
+void watch_rest(const ControllerParams& params, const ErrorVector& e, RestState& rest) {
+  const int n = params.ball.mass_count;
+  const Real unit = unit_s(params.ball), tick = static_cast<Real>(params.control_period_s) / unit;
+  const auto omega = at(2 * n + 3);
+  const Real speed2 = (e[omega] * e[omega] + e[omega + 1] * e[omega + 1] + e[omega + 2] * e[omega + 2]) * unit * unit;
+  const Vector2 off = place_error(e, n) / params.ball.radius_m;
+  const Real often = rest.rests ? 2 : 1;
+  const bool calm =
+      speed2 <= often * often * kCalmOmega * kCalmOmega && off.dot(off) <= often * often * kCalmPlace * kCalmPlace;
+  if (rest.rests) {
+    if (!calm) {
+      rest.rests = false;
+      rest.restless = static_cast<Real>(rest.ticks) * tick < kStays;
+    }
+  } else if (!rest.restless) {
+    if (!calm || rest.ticks == 0) rest.offset = {};
+    if (!calm) rest.ticks = 0;
+    for (int i = 0; i < n && calm; ++i) {
+      // The mean so far.
+      rest.offset[at(i)] += (e[at(i)] - rest.offset[at(i)]) / static_cast<Real>(rest.ticks + 1);
+    }
+    rest.rests = calm && static_cast<Real>(rest.ticks) * tick >= kCalm;
+    if (rest.rests) rest.ticks = 0;
+  }
+  const bool counts = calm && static_cast<Real>(rest.ticks) * tick < kStays;
+  if (counts) ++rest.ticks;
+}
+
+MassError beside(MassError masses, const PerMass<Real>* offset) {
+  for (std::size_t i = 0; i < masses.position.size() && offset != nullptr; ++i) masses.position[i] -= (*offset)[i];
+  return masses;
+}
+
 // Without feedback a mass comes back to its motion as 1 / sqrt(g / r) allows, critically damped.
 PerMass<Real> back_to_motion(const BallParams& ball, const MassError& masses) {
   const Real w = ball.gravity_mps2 > 0 ? std::sqrt(ball.gravity_mps2 / ball.radius_m) : Real(1);
@@ -192,9 +231,12 @@ void begin_tracking(ControllerState& state, std::int64_t next, bool feeds) {
 Followed followed(const ControllerParams& params, const ControllerState& state) {
   const TrackingState& tracking = state.tracking;
   const CourseState& course = state.course;
-  if (course.in_force < 0) return {params.motion, params.tracking, tracking.clock, tracking.rebased, tracking.origin};
+  const PerMass<Real>* offset = tracking.rest.rests ? &tracking.rest.offset : nullptr;
+  if (course.in_force < 0) {
+    return {params.motion, params.tracking, tracking.clock, tracking.rebased, tracking.origin, offset};
+  }
   const Course& in_force = course.slot[at(course.in_force)];
-  return {in_force.motion, in_force.reference, tracking.clock, false, tracking.origin};
+  return {in_force.motion, in_force.reference, tracking.clock, false, tracking.origin, offset};
 }
 
 Followed coming_course(const ControllerState& state) {
@@ -219,7 +261,7 @@ Wish wish_at(const ControllerParams& params, const Followed& followed, const Vec
   const MassError masses = mass_error(params, motion, robot.mass_position, robot.mass_velocity);
   PerMass<Real> correction{};
   const Wide motion_s = motion_time_s(followed.clock, time_s);
-  if (feeds && tracks_at(followed.reference, motion_s)) {
+  if (feeds && followed.rest_offset == nullptr && tracks_at(followed.reference, motion_s)) {
     BallState ball;
     ball.orientation = robot.orientation;
     ball.angular_velocity_B_radps = robot.angular_velocity_B_radps;
@@ -228,7 +270,7 @@ Wish wish_at(const ControllerParams& params, const Followed& followed, const Vec
                                          followed.clock.rate, ball, masses, integral_W_ms);
     correction = feedback(followed.reference, params.ball.mass_count, motion_s, e);
   } else {
-    correction = back_to_motion(params.ball, masses);
+    correction = back_to_motion(params.ball, beside(masses, followed.rest_offset));
   }
   for (int i = 0; i < params.ball.mass_count; ++i) wish.u[at(i)] = wish.own[at(i)] - correction[at(i)];
   return wish;
@@ -266,9 +308,10 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
   if (sees) {
     ball = observe(params, state, motion, before, tracking);
     e = error_at(params, state, before, ball, now_s);
-    correction = feedback(before.reference, params.ball.mass_count, motion_s, e);
+    if (holds_at(before.reference, motion_s)) watch_rest(params, e, tracking.rest);
+    if (!tracking.rest.rests) correction = feedback(before.reference, params.ball.mass_count, motion_s, e);
   }
-  const bool returns = governs && ticks >= 0 && !sees;
+  const bool returns = ticks >= 0 && (sees ? tracking.rest.rests : governs);
   // The errors of a motion and of a course that begins with the next tick are the same.
   const bool changes = state.course.stage == CourseStage::kAwaited && next == state.course.from_tick;
   if (changes) {
@@ -301,7 +344,8 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
   }
   if (governs && motion.known && tick.held) bend_beginning(params, state, tick);
   if (returns) {
-    correction = back_to_motion(params.ball, mass_error_ahead(params, motion_now, tick.from, now_s + period_s));
+    const MassError masses = mass_error_ahead(params, motion_now, tick.from, now_s + period_s);
+    correction = back_to_motion(params.ball, beside(masses, motion_now.rest_offset));
   }
   const bool halting = governs && motion.known && halts(state.governing, next);
   HaltWish halt;
@@ -342,7 +386,7 @@ void track(const ControllerParams& params, const Inputs& inputs, ControllerState
   }
   state.start_tick = next;
   if (tracking.feeds && ticks >= 0 && !halting) wait_for_ball(params, sees ? &ball : nullptr, e, now_s, state);
-  if (!sees || halting || saturated || (governs && state.governing.report.bent)) return;
+  if (!sees || tracking.rest.rests || halting || saturated || (governs && state.governing.report.bent)) return;
   const Vector2 off = place_error(e, params.ball.mass_count);
   const Real most = most_integral_ms(params.ball);
   for (int j = 0; j < 2; ++j) {

@@ -116,14 +116,47 @@ bool tracks_at(const ReferenceTable& table, Wide time_s) {
   return table.holds || time_s <= static_cast<Wide>(table.samples - 1) * table.period_s;
 }
 
+namespace {
+
+// The turn about the vertical in a turn of the space frame (swing and twist); none where it is not defined.
+Quaternion about_vertical(const Quaternion& turn) {
+  const Real size = std::sqrt(turn.w() * turn.w() + turn.z() * turn.z());
+  if (!(size > 0)) return {1, 0, 0, 0};
+  return {turn.w() / size, 0, 0, turn.z() / size};
+}
+
+Vector2 turned_back(const Quaternion& yaw, const Vector2& v_W) {
+  const Real cosine = yaw.w() * yaw.w() - yaw.z() * yaw.z(), sine = 2 * yaw.w() * yaw.z();
+  return {cosine * v_W[0] + sine * v_W[1], cosine * v_W[1] - sine * v_W[0]};
+}
+
+}  // namespace
+
+bool holds_at(const ReferenceTable& table, Wide time_s) {
+  return table.holds && time_s >= static_cast<Wide>(table.samples - 1) * table.period_s;
+}
+
 ErrorVector tracking_error(const ReferenceTable& table, int masses, Real radius_m, Wide time_s, Real rate,
                            const BallState& ball, const MassError& mass_error, const Vector2& integral_W_ms) {
   const BallState reference = reference_at(table, masses, radius_m, time_s);
   const Quaternion& p = reference.orientation;
-  const Quaternion turn = product(Quaternion(p.w(), -p.x(), -p.y(), -p.z()), ball.orientation);
+  const Quaternion planned_to_B(p.w(), -p.x(), -p.y(), -p.z());
+  Quaternion orientation = ball.orientation;
+  Vector3 omega = ball.angular_velocity_B_radps - rate * reference.angular_velocity_B_radps;
+  Vector2 off = ball.position_W_m - reference.position_W_m, integral = integral_W_ms;
+  if (holds_at(table, time_s)) {
+    const Quaternion yaw = about_vertical(product(orientation, planned_to_B));
+    const Quaternion back(yaw.w(), 0, 0, -yaw.z());
+    orientation = product(back, orientation);
+    off = turned_back(yaw, off);
+    integral = turned_back(yaw, integral);
+    omega = ball.angular_velocity_B_radps;
+    const Quaternion& q = ball.orientation;
+    const Vector3 up_B = turned(Quaternion(q.w(), -q.x(), -q.y(), -q.z()), Vector3(0, 0, 1));
+    omega -= omega.dot(up_B) * up_B;
+  }
+  const Quaternion turn = product(planned_to_B, orientation);
   const Real twice = turn.w() < 0 ? Real(-2) : Real(2);
-  const Vector3 omega = ball.angular_velocity_B_radps - rate * reference.angular_velocity_B_radps;
-  Vector2 off = ball.position_W_m - reference.position_W_m;
   const Real distance = std::sqrt(off.dot(off)), most = kMostPlaceError * radius_m;
   if (distance > most) off *= most / distance;
 
@@ -137,7 +170,7 @@ ErrorVector tracking_error(const ReferenceTable& table, int masses, Real radius_
   add(twice * turn.z());
   for (int j = 0; j < 3; ++j) add(omega[j]);
   for (int j = 0; j < 2; ++j) add(off[j]);
-  for (int j = 0; j < 2; ++j) add(integral_W_ms[j]);
+  for (int j = 0; j < 2; ++j) add(integral[j]);
   return e;
 }
 

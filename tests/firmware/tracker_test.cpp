@@ -152,6 +152,41 @@ TEST(Tracker, PlaceFarOffCountsAsATenthOfARadius) {
   }
 }
 
+// A ball that has turned about the vertical at the place where its reference holds is where it should be.
+TEST(Tracker, AHeldRowHoldsWhateverTheTurnAboutTheVertical) {
+  const auto table = std::make_unique<ReferenceTable>();
+  table->samples = 2;
+  table->period_s = 1;
+  const Eigen::Quaterniond planned = Eigen::Quaterniond(0.9, 0.3, -0.2, 0.1).normalized();
+  const Eigen::Vector2d place(0.4, -0.2), off(0.003, -0.005), integral(0.01, 0.02);
+  // The table's end has what its plan has left of speed.
+  for (int k = 0; k < 2; ++k) set_row(*table, 1, k, planned, Eigen::Vector3d(0.01, 0.02, 0.03), place);
+  const Eigen::Vector3d tilt(0.02, -0.01, 0);
+  const auto ball_turned = [&](double yaw_rad) {
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(yaw_rad, Eigen::Vector3d::UnitZ()));
+    BallState ball;
+    ball.orientation = turn * Eigen::Quaterniond(Eigen::AngleAxisd(tilt.norm(), tilt.normalized())) * planned;
+    ball.angular_velocity_B_radps = ball.orientation.conjugate() * (turn * Eigen::Vector3d(0.1, -0.2, 5 * yaw_rad));
+    ball.position_W_m = place + turn.toRotationMatrix().topLeftCorner<2, 2>() * off;
+    return ball;
+  };
+  const auto error = [&](double yaw_rad, Wide time_s) {
+    const Vector2 sum = Eigen::Rotation2Dd(yaw_rad) * integral;
+    return tracking_error(*table, 1, kRadius, time_s, 1, ball_turned(yaw_rad), {}, sum);
+  };
+  table->holds = true;
+  const ErrorVector straight = error(0, 1);
+  EXPECT_GT(std::fabs(straight[2]), 0.001);
+  for (const double yaw_rad : {0.5, -2.0, 3.1, 40.0}) {
+    const ErrorVector turned = error(yaw_rad, 3);
+    for (std::size_t c = 0; c < 12; ++c) EXPECT_NEAR(turned[c], straight[c], 1e-7) << yaw_rad << ", component " << c;
+  }
+  // Before the end, or where nothing is held, the turn is an error.
+  EXPECT_GT(std::fabs(error(0.5, 0.99)[4] - straight[4]), 0.1);
+  table->holds = false;
+  EXPECT_GT(std::fabs(error(0.5, 1)[4] - straight[4]), 0.1);
+}
+
 // A ball that rolls round a circle: the trapezoidal rule is off by the second order of the step.
 TEST(Tracker, ReckonsThePlaceOfARollingBall) {
   const double turn = 2, speed = 3;  // rad/s: about the vertical, and of the rolling about a level axis
