@@ -52,6 +52,47 @@ TEST(Go, WhereNoStopHolds) {
   expect_there(run.clicked[0]);
 }
 
+// A way on which the search for a single motion mostly fails: with a rest on it.
+TEST(Go, AFarPlace) {
+  const auto run = run_clicked(clickable(60), {{100, {-2.2, 1.1}}}, kLatency);
+  expect_safe(run);
+  expect_there(run.clicked[0]);
+}
+
+double fastest(const sil::RunResult& result) {
+  double most = 0;
+  for (const double velocity : result.final_sample.mass_velocity) most = std::max(most, std::fabs(velocity));
+  return most;
+}
+
+// A ball that is there stands still, and so do its masses, for as long as nothing moves it. Feedback alone would shake
+// them at most of these places.
+TEST(Go, RestsWhereItArrives) {
+  constexpr double kSlow_radps = 1e-4;
+  for (const Eigen::Vector2d& to_m : {Eigen::Vector2d(-0.471, 0.584), {-0.633, -0.812}, {0.336, 0.423}}) {
+    const auto run = run_clicked(clickable(80), {{100, to_m}}, kLatency);
+    expect_safe(run);
+    expect_there(run.clicked[0]);
+    EXPECT_LE(fastest(run.result), kSlow_radps);
+    EXPECT_LE(run.result.final_sample.angular_velocity_B_radps.norm(), 0.1);
+  }
+}
+
+// A small push wakes the masses of a ball that rests. Left alone it would rock for ever.
+TEST(Go, ComesBackFromASmallPush) {
+  sim::Scenario scenario = ideal(100);
+  sim::Fault push;
+  push.kind = sim::FaultKind::kPush;
+  push.time_s = 50;
+  push.end_s = 50.1;
+  push.value = 0.2;  // N
+  scenario.faults.push_back(push);
+  const auto run = run_clicked(scenario, {{100, {0.6, 0.3}}}, kLatency);
+  expect_safe(run);
+  expect_there(run.clicked[0]);
+  EXPECT_LE(run.result.final_sample.velocity_W_mps.norm(), 0.001);
+}
+
 // The second click replaces the first course while the ball rolls.
 TEST(Go, WhileRolling) {
   const auto run = run_clicked(ideal(40), {{100, {0.8, 0.2}}, {4000, {0.6, 0.4}}}, kLatency);

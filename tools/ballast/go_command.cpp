@@ -165,7 +165,7 @@ class Going {
   }
   // From the first part to the course's certificate. Each part is answered, within a millisecond or two ticks.
   [[nodiscard]] std::int64_t handover_ticks() const {
-    constexpr int kMostPieces = 32;  // of a quick search on a way of a metre
+    constexpr int kMostPieces = 64;  // of a way with a rest on it
     const int values = firmware::kMostReferenceFloats + params_->ball.mass_count * 3 * kMostPieces;
     const std::int64_t parts = values / firmware::kCoursePart + 1;
     constexpr double kPart_s = 1.2e-3;

@@ -8,7 +8,7 @@
 #include <future>
 #include <limits>
 
-#include "firmware/governor/backup.h"
+#include "firmware/governor/rollout.h"
 #include "tools/go/standpoint.h"
 #include "tools/plan/bounds.h"
 #include "tools/plan/read_task.h"
@@ -26,6 +26,8 @@ constexpr double kRoom = 0.75, kUsed = 0.9;
 // Tolerance of a plan's place and rest at its end, over r and sqrt(g r): feedback takes the rest away. In speed it is a
 // third of what counts as rest.
 constexpr double kTolerance = 3e-3;
+constexpr double kLonger = 1.35;  // of the second of two searches, and of the next two
+constexpr double kLeg = 8;        // radii: searches for ways up to that mostly succeed at once
 
 // A time in which a ball surely gets there: a few swings of masses that hang, with half of the motors' power and half
 // of the friction that may be used.
@@ -42,7 +44,7 @@ double likely_duration_s(const plan::Problem& problem, const GoTask& task) {
   const double friction = std::min(problem.friction_limit, 1.0) / 2;
   const double by_friction_s = std::sqrt(4 * way_m / (g * friction));
   const double by_motors_s = 2 * plan::least_duration_of_motors_s(problem, way_m, true);
-  constexpr double kSwings = 45;  // sqrt(r / g)
+  constexpr double kSwings = 36;  // sqrt(r / g)
   return kSwings * plan::time_unit_s(problem) + std::max(by_friction_s, by_motors_s);
 }
 
@@ -81,23 +83,60 @@ Try make_try(const sim::Scenario& from, const plan::ReferencePoint& at, const Go
   return out;
 }
 
+// A whole way, found in one search or in one for each of its legs.
+struct Motion {
+  sim::Scenario moved;
+  firmware::BallParams ball;
+  std::vector<plan::Node> nodes;
+  double need = 0, goal_error_m = 0;
+};
+
+Motion motion_of(const Try& found) {
+  const plan::Plan& plan = *found.outcome.plan;
+  return {plan::with_motion(found.file.scenario, plan.grid, plan.knots), found.problem.robot.ball, plan.run.nodes,
+          plan.run.need, plan.goal_error_m};
+}
+
+// The robot at the end of a motion, as the plant rolls it.
+plan::ReferencePoint end_of(const Motion& motion) { return {motion.nodes.back().state, motion.nodes.back().place_m}; }
+
+void append(const Motion& leg, Motion& way) {
+  for (std::size_t i = 0; i < way.moved.masses.size(); ++i) {
+    auto& pieces = way.moved.masses[i].motion;
+    const auto& more = leg.moved.masses[i].motion;
+    pieces.insert(pieces.end(), more.begin(), more.end());
+  }
+  way.moved.duration_s += leg.moved.duration_s;
+  way.nodes.insert(way.nodes.end(), leg.nodes.begin(), leg.nodes.end());
+  way.need = std::max(way.need, leg.need);
+  way.goal_error_m = leg.goal_error_m;
+}
+
+firmware::RobotState robot_of(const plan::RollingState& state, std::size_t masses) {
+  firmware::RobotState robot;
+  robot.orientation = firmware::Quaternion(state.q[0], state.q[1], state.q[2], state.q[3]);
+  robot.angular_velocity_B_radps = {state.omega_B.x, state.omega_B.y, state.omega_B.z};
+  for (std::size_t i = 0; i < masses; ++i) {
+    robot.mass_position[i] = state.position[i];
+    robot.mass_velocity[i] = state.velocity[i];
+    robot.mass_acceleration[i] = state.acceleration[i];
+  }
+  return robot;
+}
+
 // The friction that the governor would have to use at a moment between two nodes, at this part of its speeds: f_s / N
 // with what the motors may swing. f_s goes with the square of the speeds, the swing by its resonances. `share`: 0 at
 // the first node, 1 at the second.
 double need_with_motors(const firmware::ControllerParams& params, const firmware::GovernorParams& governor,
                         const plan::Node& node, const plan::Node& next, double share, double part) {
   const int n = params.ball.mass_count;
-  firmware::RobotState robot;
-  const auto& q = node.state.q;
-  robot.orientation = firmware::Quaternion(q[0], q[1], q[2], q[3]);
-  const plan::Vec& w = node.state.omega_B;
-  robot.angular_velocity_B_radps = part * firmware::Vector3(w.x, w.y, w.z);
+  firmware::RobotState robot = robot_of(node.state, static_cast<std::size_t>(n));
+  robot.angular_velocity_B_radps *= part;
   firmware::PerMass<firmware::Real> u{};
   const auto between = [&](const plan::PerMass<double>& from, const plan::PerMass<double>& to, std::size_t i) {
     return (1 - share) * from[i] + share * to[i];
   };
   for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
-    robot.mass_position[i] = node.state.position[i];
     robot.mass_velocity[i] = part * between(node.state.velocity, next.state.velocity, i);
     robot.mass_acceleration[i] = u[i] = part * part * between(node.state.acceleration, next.state.acceleration, i);
   }
@@ -133,28 +172,64 @@ double fitting_speed(const firmware::ControllerParams& params, const std::vector
   return part;
 }
 
-// Searches for all at once, one thread each. The first that finds a plan ends the others. `neighbour`: a plan of the
-// same way from which the first of them begins; null: none. `seed`: of the first, counted on.
-void race(std::vector<Try>& tries, const Try* neighbour, std::uint64_t seed, const std::function<bool()>& stop) {
-  std::atomic<bool> found = false;
-  std::vector<std::future<void>> running;
-  for (Try& one : tries) {
-    const bool first = &one == &tries.front();
-    plan::SearchOptions options;
-    options.seed = seed++;
-    options.quick = true;
-    options.equality_tolerance = kTolerance;
-    options.stop = [&] { return found || stop(); };
-    if (neighbour != nullptr && first) {
-      const plan::Plan& plan = *neighbour->outcome.plan;
-      options.from = plan::stretched_motion(neighbour->file.scenario, plan.grid, plan.knots, one.file.task.duration_s);
+constexpr double kSlower = 0.9;  // part of the speeds of a plan that hardly does not fit
+
+// A plan of the same way, too fast for the governor, and the time in which it would fit.
+struct TooFast {
+  Try tried;
+  double needed_s = 0;
+};
+
+// The governor's own rollout of the whole motion, with the swing of its motors, keeps the cone without a bend.
+bool fits_governor(const firmware::ControllerParams& params, const std::vector<plan::Node>& nodes, double duration_s) {
+  firmware::GovernorParams governor = firmware::governor_params(params);
+  governor.friction *= kUsed;
+  governor.jumps = false;
+  const auto n = static_cast<std::size_t>(params.ball.mass_count);
+  const double step_s = duration_s / static_cast<double>(nodes.size() - 1);
+  const auto wish = [&](double time_s, const firmware::RobotState&) {
+    const double at = std::clamp(time_s / step_s, 0.0, static_cast<double>(nodes.size() - 1));
+    const std::size_t k = std::min(static_cast<std::size_t>(at), nodes.size() - 2);
+    const double share = at - static_cast<double>(k);
+    firmware::Wish out;
+    for (std::size_t i = 0; i < n; ++i) {
+      out.u[i] = (1 - share) * nodes[k].state.acceleration[i] + share * nodes[k + 1].state.acceleration[i];
     }
-    running.push_back(std::async(std::launch::async, [&one, &found, options] {
-      one.outcome = plan::search(one.problem, one.file.scenario, options);
-      if (one.outcome.plan) found = true;
-    }));
+    out.own = out.u;
+    return out;
+  };
+  firmware::RobotState robot = robot_of(nodes.front().state, n);
+  robot.swing_acceleration = robot.mass_acceleration;
+  const auto end = static_cast<std::int64_t>(duration_s / params.control_period_s) + 1;
+  firmware::Bends none;
+  none.clear(0, {});
+  firmware::Rollout rollout;
+  rollout.begin(governor, robot, 0, {end, end, end});
+  rollout.refuse_bends(std::numeric_limits<firmware::Wide>::infinity());
+  while (rollout.end() == firmware::RolloutEnd::kUnderWay) rollout.advance(params.ball, governor, wish, none, 1000);
+  return rollout.end() != firmware::RolloutEnd::kBroken;
+}
+
+// Searches for a plan that fits the governor, from `most_starts` starts; 0: from as many as a search takes.
+// `neighbour`: where it begins, alone; null: none.
+void search(const firmware::ControllerParams& params, const TooFast* neighbour, int most_starts, std::uint64_t seed,
+            const std::function<bool()>& stop, Try& one) {
+  plan::SearchOptions options;
+  options.seed = seed;
+  options.quick = true;
+  options.most_starts = most_starts;
+  options.equality_tolerance = kTolerance;
+  options.fits = [&](const plan::Plan& plan) {
+    return fits_governor(params, plan.run.nodes, one.file.task.duration_s);
+  };
+  options.stop = stop;
+  if (neighbour != nullptr) {
+    const plan::Plan& plan = *neighbour->tried.outcome.unfit;
+    options.from =
+        plan::stretched_motion(neighbour->tried.file.scenario, plan.grid, plan.knots, one.file.task.duration_s);
+    options.most_starts = 1;
   }
-  for (std::future<void>& one : running) one.wait();
+  one.outcome = plan::search(one.problem, one.file.scenario, options);
 }
 
 // A plan's masses stand at its end within a tolerance. They hold for hours where it ends, so they come to rest exactly,
@@ -172,14 +247,14 @@ void stop_exactly(sim::Mass& mass) {
 }
 
 // Nullopt, and `why`: there is no reference.
-std::optional<GoPlan> finished(const firmware::ControllerParams& params, const Try& found, std::string& why) {
+std::optional<GoPlan> finished(const firmware::ControllerParams& params, Motion found, std::string& why) {
   GoPlan plan;
-  plan.moved = plan::with_motion(found.file.scenario, found.outcome.plan->grid, found.outcome.plan->knots);
+  plan.moved = std::move(found.moved);
   for (sim::Mass& mass : plan.moved.masses) stop_exactly(mass);
-  plan.need = found.outcome.plan->run.need;
-  plan.most_need = std::max(plan.need, most_need(params, found.outcome.plan->run.nodes, 1));
-  plan.goal_error_m = found.outcome.plan->goal_error_m;
-  if (const auto refused = plan::set_reference(plan.moved, found.problem.robot.ball, plan.reference)) {
+  plan.need = found.need;
+  plan.most_need = std::max(plan.need, most_need(params, found.nodes, 1));
+  plan.goal_error_m = found.goal_error_m;
+  if (const auto refused = plan::set_reference(plan.moved, found.ball, plan.reference)) {
     why = "there is no reference: " + *refused;
     return std::nullopt;
   }
@@ -204,54 +279,142 @@ std::string in_words_of_go(std::string text) {
 std::string first_clause(const std::string& text) { return text.substr(0, text.find(';')); }
 
 struct Planner {
-  const sim::Scenario& from;
+  const sim::Scenario& scenario;
   const firmware::ControllerParams& params;
   const plan::ReferencePoint& at;
   const std::function<bool()>& stop;
   const std::function<void(const std::string&)>& say;
 
+  // Places on the way between which the searches for one leg mostly succeed at once; the last is the task's.
+  [[nodiscard]] std::vector<Eigen::Vector2d> stops(const GoTask& task, double leg_m) const;
+  // With a rest at each of its stops. None: some leg was not found.
+  [[nodiscard]] std::optional<Motion> by_legs(const GoTask& task, double leg_m, std::uint64_t seed,
+                                              const std::function<bool()>& ended) const;
+  // Searches for all of `tries` and, with leg_m > 0, by legs, each in its own thread. The first that finds something
+  // ends the others. `neighbour`: where the first try begins; null: none. `seed`: of the first, counted on.
+  [[nodiscard]] std::optional<Motion> race(const GoTask& task, const TooFast* neighbour, double leg_m,
+                                           std::uint64_t seed, std::vector<Try>& tries) const;
+  // The plan that the governor would bend, but a little slower would not; none: there is no such plan.
+  [[nodiscard]] std::optional<TooFast> nearly_fits(std::vector<Try>& tries) const;
   // In a duration that is given, or in one of at least `least_s` that is chosen.
   [[nodiscard]] GoOutcome plan(const GoTask& task, double least_s = 0) const;
   // A nearer place and a longer duration for which there are plans, in words. Empty: none was found.
   [[nodiscard]] std::string offers(const GoTask& task) const;
 };
 
-GoOutcome Planner::plan(const GoTask& task, double least_s) const {
-  constexpr double kLonger = 1.35;  // of the second of two searches, and of the next two
-  constexpr double kFits = 0.96;    // a part of the speeds that is as good as all of them
-  constexpr int kRaces = 12;
-  const auto likely = [&] { return likely_duration_s(problem_of(task_file(from, task, 1), at), task); };
-  double duration_s = task.duration_s ? *task.duration_s : std::max(likely(), least_s);
-  GoOutcome out;
-  std::optional<Try> fastest;  // found, and too fast for the governor
-  for (int k = 0; k < kRaces && !stop(); ++k) {
-    std::vector<Try> tries{make_try(from, at, task, duration_s)};
-    tries.push_back(make_try(from, at, task, task.duration_s ? duration_s : kLonger * duration_s));
-    race(tries, fastest ? &*fastest : nullptr, tries.size() * static_cast<std::uint64_t>(k), stop);
-    const auto found = std::find_if(tries.begin(), tries.end(), [](const Try& one) { return one.outcome.plan; });
-    if (found != tries.end()) {
-      const double part = fitting_speed(params, found->outcome.plan->run.nodes);
-      if (part >= kFits) {
-        out.plan = finished(params, *found, out.why);
-        return out;
-      }
-      const double tried_s = found->file.task.duration_s;
-      const double needed_s = tried_s / part;
-      out.why = fmt::format("in {:.3g} s its motors would swing so much that the governor bends it", tried_s);
-      if (task.duration_s) {
-        out.why += fmt::format("; about {:.3g} s would do", needed_s);
-        return out;
-      }
-      say(fmt::format("{}; looks for {:.3g} s", out.why, needed_s));
-      fastest = std::move(*found);
-      duration_s = needed_s;
-      continue;
+std::vector<Eigen::Vector2d> Planner::stops(const GoTask& task, double leg_m) const {
+  std::vector<Eigen::Vector2d> ends = task.via_m, out;
+  ends.push_back(task.to_m);
+  Eigen::Vector2d begin_m(at.place_m[0], at.place_m[1]);
+  for (const Eigen::Vector2d& end_m : ends) {
+    const double legs = std::ceil((end_m - begin_m).norm() / leg_m);
+    for (double k = 1; k < legs; ++k) out.push_back(begin_m + k / legs * (end_m - begin_m));
+    out.push_back(end_m);
+    begin_m = end_m;
+  }
+  return out;
+}
+
+std::optional<Motion> Planner::by_legs(const GoTask& task, double leg_m, std::uint64_t seed,
+                                       const std::function<bool()>& ended) const {
+  constexpr int kTries = 6, kLegStarts = 2;
+  std::optional<Motion> way;
+  for (const Eigen::Vector2d& stop_m : stops(task, leg_m)) {
+    const plan::ReferencePoint begin = way ? end_of(*way) : at;
+    const sim::Scenario from = set_down(scenario, begin);
+    GoTask leg;
+    leg.to_m = stop_m;
+    leg.objective = task.objective;
+    const double likely_s = likely_duration_s(problem_of(task_file(from, leg, 1), begin), leg);
+    std::optional<Motion> found;
+    for (int k = 0; k < kTries && !found && !ended(); ++k) {
+      Try one = make_try(from, begin, leg, k % 2 == 0 ? likely_s : kLonger * likely_s);
+      search(params, nullptr, kLegStarts, seed++, ended, one);
+      if (one.outcome.plan) found = motion_of(one);
     }
-    const Try& failed = tries.front();
-    out.why = in_words_of_go(failed.outcome.binding);
-    if (task.duration_s || failed.outcome.status == plan::Status::kInfeasible) return out;
-    if (k % 2 == 1) duration_s *= kLonger;
-    if (!stop()) say(fmt::format("not in {:.3g} s: {}", failed.file.task.duration_s, first_clause(out.why)));
+    if (!found) return std::nullopt;
+    if (way) {
+      append(*found, *way);
+      if (way->moved.masses.front().motion.size() > std::size_t{firmware::kMaxPieces}) return std::nullopt;
+    } else {
+      way = std::move(found);
+    }
+  }
+  return way;
+}
+
+std::optional<Motion> Planner::race(const GoTask& task, const TooFast* neighbour, double leg_m, std::uint64_t seed,
+                                    std::vector<Try>& tries) const {
+  std::atomic<bool> done = false;
+  const auto ended = [&] { return done || stop(); };
+  std::vector<std::future<void>> running;
+  for (Try& one : tries) {
+    const TooFast* begin = &one == &tries.front() ? neighbour : nullptr;
+    running.push_back(std::async(std::launch::async, [this, begin, seed, &ended, &one, &done] {
+      search(params, begin, 0, seed, ended, one);
+      if (one.outcome.plan) done = true;
+    }));
+    ++seed;
+  }
+  std::optional<Motion> way;
+  if (leg_m > 0) way = by_legs(task, leg_m, seed, ended);
+  if (way) done = true;
+  for (std::future<void>& one : running) one.wait();
+  const auto found = std::find_if(tries.begin(), tries.end(), [](const Try& one) { return one.outcome.plan; });
+  return found == tries.end() ? way : motion_of(*found);
+}
+
+std::optional<TooFast> Planner::nearly_fits(std::vector<Try>& tries) const {
+  std::optional<TooFast> fastest;
+  for (Try& one : tries) {
+    if (!one.outcome.unfit) continue;
+    const double part = std::min(fitting_speed(params, one.outcome.unfit->run.nodes), kSlower);
+    const double needed_s = one.file.task.duration_s / part;
+    if (!fastest || needed_s < fastest->needed_s) fastest = TooFast{std::move(one), needed_s};
+  }
+  return fastest;
+}
+
+GoOutcome Planner::plan(const GoTask& task, double least_s) const {
+  constexpr int kRaces = 12, kOneMotion = 2;  // races for the shortest time, which legs miss
+  const sim::Scenario from = set_down(scenario, at);
+  const bool given = task.duration_s.has_value();
+  const auto likely = [&] { return likely_duration_s(problem_of(task_file(from, task, 1), at), task); };
+  double duration_s = given ? *task.duration_s : std::max(likely(), least_s);
+  GoOutcome out;
+  std::optional<TooFast> fastest;
+  for (int k = 0; k < kRaces && !stop(); ++k) {
+    const bool stretches = fastest && !given;
+    const bool legs_serve = !given && least_s == 0 && (task.objective != plan::Objective::kTime || k >= kOneMotion);
+    const double leg_m = kLeg * scenario.ball.radius_m / (1 + k);
+    const bool splits = legs_serve && stops(task, leg_m).size() > 1;
+    const double tried_s = stretches ? fastest->needed_s : duration_s;
+    std::vector<Try> tries{make_try(from, at, task, tried_s)};
+    if (!splits) tries.push_back(make_try(from, at, task, given ? duration_s : kLonger * duration_s));
+    auto way =
+        race(task, stretches ? &*fastest : nullptr, splits ? leg_m : 0, 3 * static_cast<std::uint64_t>(k), tries);
+    if (way) {
+      out.plan = finished(params, std::move(*way), out.why);
+      return out;
+    }
+    out.why = in_words_of_go(tries.front().outcome.binding);
+    if (tries.front().outcome.status == plan::Status::kInfeasible) return out;
+    fastest = nearly_fits(tries);
+    if (fastest) {
+      out.why = fmt::format("in {:.3g} s its motors would swing so much that the governor bends it",
+                            fastest->tried.file.task.duration_s);
+    }
+    if (given) {
+      if (fastest) out.why += fmt::format("; about {:.3g} s would do", fastest->needed_s);
+      return out;
+    }
+    if (stop()) return out;
+    if (fastest) {
+      say(fmt::format("{}; looks for {:.3g} s", out.why, fastest->needed_s));
+    } else {
+      say(fmt::format("not in {:.3g} s: {}", tried_s, first_clause(out.why)));
+      if (k % 2 == 1) duration_s *= kLonger;
+    }
   }
   return out;
 }
@@ -282,13 +445,12 @@ std::string Planner::offers(const GoTask& task) const {
 GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerParams& params,
                       const plan::ReferencePoint& at, const GoTask& task, const std::function<bool()>& stop,
                       const std::function<void(const std::string&)>& say) {
-  const sim::Scenario from = set_down(scenario, at);
-  const Planner planner{from, params, at, stop, say};
+  const Planner planner{scenario, params, at, stop, say};
   GoOutcome out = planner.plan(task);
   if (out.plan || !task.duration_s || stop()) return out;
   say(fmt::format("not in {:.3g} s: {}; looks for what can be done", *task.duration_s, first_clause(out.why)));
   const std::function<void(const std::string&)> quiet = [](const std::string&) {};
-  out.why += Planner{from, params, at, stop, quiet}.offers(task);
+  out.why += Planner{scenario, params, at, stop, quiet}.offers(task);
   return out;
 }
 

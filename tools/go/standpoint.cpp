@@ -45,20 +45,28 @@ std::optional<plan::ReferencePoint> roll_to(sim::Scenario moved, double time_s) 
   return points.back();
 }
 
-// The point of the motion that the controller follows at the start of `tick`.
+// The point of the motion that the controller follows at the start of `tick`. A motion that has come to rest is over:
+// what its plan has left of speed is taken away by feedback.
 std::optional<plan::ReferencePoint> on_motion(const Heard& heard, std::int64_t tick, bool& rests) {
   const sim::Scenario moved =
       heard.course ? scenario_of(heard.scenario, *heard.course) : plan::as_planned(heard.scenario);
   // The scenario's motion begins with tick 0.
   const std::int64_t start = heard.course ? heard.status.course_tick : 0;
   const double period_s = heard.scenario.run.control_period_s;
-  const double time_s = static_cast<double>(tick - start) * period_s - heard.status.motion_delay_s;
+  const auto motion_s = [&](std::int64_t at_tick) {
+    return static_cast<double>(at_tick - start) * period_s - heard.status.motion_delay_s;
+  };
   const double end_s = plan::motion_end_s(moved);
-  const auto at = roll_to(moved, time_s);
-  if (!at) return std::nullopt;
-  const double status_s = static_cast<double>(heard.status.tick - start) * period_s - heard.status.motion_delay_s;
-  rests = status_s >= end_s && masses_stand(*at, moved.masses.size()) && speed_mps(moved, *at) < rest_speed_mps(moved);
-  return at;
+  const auto comes_to_rest = [&](const plan::ReferencePoint& at) {
+    return masses_stand(at, moved.masses.size()) && speed_mps(moved, at) < rest_speed_mps(moved);
+  };
+  rests = false;
+  if (motion_s(heard.status.tick) >= end_s) {
+    const auto end = roll_to(moved, end_s);
+    rests = end && comes_to_rest(*end);
+    if (rests) return end;
+  }
+  return roll_to(moved, motion_s(tick));
 }
 
 }  // namespace
@@ -134,6 +142,12 @@ std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, s
       return std::nullopt;
     }
     out.at = *at;
+    if (out.rests) {
+      // It hangs where it is, and may have turned about the vertical.
+      out.at.place_m = here.place_m;
+      out.at.state.q = here.state.q;
+      out.at.state.omega_B = {0, 0, 0};
+    }
     return out;
   }
   out.rests = speed_mps(heard.scenario, here) < rest_speed_mps(heard.scenario);

@@ -22,6 +22,7 @@ constexpr int kMoreStarts = 2, kCheapIterations = 150;  // after that, for a bet
 constexpr double kBrake = 4;                            // sqrt(r / g): time constant of the masses of a first start
 constexpr double kFirstCreep = 0.3;                     // sqrt(g / r): as fast as a ball that is driven
 constexpr double kQuickNeed = 0.5;                      // of the friction limit: a quick search looks for no less
+constexpr int kCalmerIterations = 12;                    // from a plan that does not fit
 constexpr int kQuickIterations = 8;                     // from a neighbour's plan, on the coarse grid
 // Tolerances on the equalities, as the plant rolls them: half a millimetre, and a tenth of the speed, over sqrt(g r),
 // that counts as rest.
@@ -155,6 +156,7 @@ class Search {
       out.plan = best_;
       out.binding = binding_;
     } else {
+      out.unfit = unfit_;
       out.binding = failure_words();
       // No other floor is looked for where it changes with place: which part of it would have to hold more?
       out.friction_alone =
@@ -248,7 +250,8 @@ class Search {
   // Best of several starts.
   void find(double duration_s) {
     int more = kMoreStarts;
-    for (int k = 0; k < (takes_first() ? kQuickStarts : kMostStarts) && !stopped(); ++k) {
+    const int usual = takes_first() ? kQuickStarts : kMostStarts;
+    for (int k = 0; k < (options_.most_starts > 0 ? options_.most_starts : usual) && !stopped(); ++k) {
       if (best_) {
         const bool good = need_of(*best_) < 1.3 * least_need(duration_s);
         const bool enough = problem_.task.objective != Objective::kFriction || warm() || options_.quick;
@@ -328,6 +331,7 @@ class Search {
       settings.objective = Objective::kEffort;
       settings.good_enough = kQuickNeed * problem_.friction_limit;
     }
+    settings.gives_up = options_.quick;
     if (aim_.objective == Objective::kTime) settings.good_enough = 0.97 * problem_.friction_limit;
     if (aim_.objective == Objective::kEffort) settings.good_enough = 0.9 * problem_.friction_limit;
     return settings;
@@ -400,6 +404,14 @@ class Search {
     const Merit merit = improve_on(problem_, grid, fixed, s, knots, via_time_s);
     if (merit.error() > 1e-2) return fail(grid, knots, merit);
     const bool held = refine(grid, fixed, knots, via_time_s);
+    if (held && !best_ && !ended()) {
+      // One that needs less friction may fit.
+      SqpSettings calmer = quick_settings(kCalmerIterations);
+      calmer.objective = Objective::kFriction;
+      calmer.good_enough = 0;
+      improve_on(problem_, grid, fixed, calmer, knots, via_time_s);
+      refine(grid, fixed, knots, via_time_s);
+    }
     if (!held && ended() && merit.error() > kRestTolerance) fail(grid, knots, merit);
   }
 
@@ -519,6 +531,10 @@ class Search {
       return false;
     }
     plan.near_resonance = truth.time_near_resonance();
+    if (options_.fits && !options_.fits(plan)) {
+      unfit_ = plan;
+      return true;
+    }
     if (by_steppers_) plan.stepper_need = stepper_need(plan);
     if (!best_ || better(plan, merit)) {
       best_ = plan;
@@ -668,7 +684,7 @@ class Search {
   const sim::Scenario& scenario_;
   const SearchOptions& options_;
   Effort effort_;
-  std::optional<Plan> best_;
+  std::optional<Plan> best_, unfit_;
   double best_effort_ = 0;
   Aim aim_;
   bool by_steppers_ = false;   // judges plans by the run with their motors

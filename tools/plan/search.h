@@ -30,6 +30,7 @@ struct Plan {
 struct Outcome {
   Status status = Status::kNotFound;
   std::optional<Plan> plan;  // kFound: the best that holds
+  std::optional<Plan> unfit;  // kNotFound: a plan that holds, but SearchOptions::fits refused it
   std::string binding;       // what limits it, in words
   int iterations = 0;
   bool friction_alone = false;  // kNotFound: the best motion tried meets everything but the friction limit
@@ -45,6 +46,9 @@ struct SearchOptions {
   // Takes the first plan that holds. With `from`: in half the time, for a few percent more friction. Without it: as
   // soon as half of the friction limit is enough.
   bool quick = false;
+  int most_starts = 0;  // until a plan is found; 0: a few dozen, or a few where it is to be quick
+  // A plan that holds and does not fit ends its start; the search goes on with the next one. None: all fit.
+  std::function<bool(const Plan&)> fits;
   std::function<bool()> stop;  // ends the search with the best plan so far
   // Greatest f_s / N of the motion when the scenario's motors drive it; infinite if the run does not complete. None:
   // the search does not ask.

@@ -40,6 +40,7 @@ class Sqp {
     Merit now = judge(transcription_, knots_);
     double damping = kFirstDamping;
     int quiet = 0, slow_steps = 0;
+    std::vector<double> merits;
     for (int k = 0; good && k < settings_.most_iterations; ++k) {
       if (effort_.stop && effort_.stop()) break;
       ++effort_.iterations;
@@ -81,6 +82,8 @@ class Sqp {
       const bool slow = by_level_ ? now.need - then.need < settings_.tolerance * size
                                   : now.effort - then.effort < settings_.tolerance * then.effort;
       now = then;
+      merits.push_back(merit);
+      if (settings_.gives_up && crawls(merits) && now.equality > kNearlyMet) break;
       slow_steps = gained < kSlow * merit ? slow_steps + 1 : 0;
       if (slow_steps >= 3 && tighten(now)) slow_steps = 0;
       quiet = holds && slow ? quiet + 1 : 0;
@@ -99,6 +102,12 @@ class Sqp {
   static constexpr double kSlow = 2e-3;       // gain over the merit below which a step is slow
   static constexpr double kLeastGain = 0.05;  // of what the program promises
   static constexpr double kFar = 0.4;         // of a limit: a value below is far away from it
+
+  // The merit has fallen by little in the last steps.
+  static bool crawls(const std::vector<double>& merits) {
+    constexpr std::size_t kSteps = 6;
+    return merits.size() > kSteps && merits.back() > 0.7 * merits[merits.size() - 1 - kSteps];
+  }
 
   // Makes the equalities ten times as heavy, and counts steps without their correction from then on. For a merit that
   // has come to its end with equalities unmet, by about their multiplier over their weight. That happens where a floor

@@ -40,6 +40,7 @@ struct SqpSettings {
   double good_enough = 0;    // need at which it ends once all limits hold
   bool short_steps = false;  // from a motion that is nearly right
   double most_equality = 1e-5, most_limit = 1e-5;
+  bool gives_up = false;  // where it crawls far from the equalities: another start is cheaper
 };
 
 // Improves `knots`, in which entries of a fixed knot stay as they are. The rollout behind `transcription` is left at
