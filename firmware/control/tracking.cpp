@@ -172,26 +172,25 @@ void watch_rest(const ControllerParams& params, const ErrorVector& e, RestState&
   const auto omega = at(2 * n + 3);
   const Real speed2 = (e[omega] * e[omega] + e[omega + 1] * e[omega + 1] + e[omega + 2] * e[omega + 2]) * unit * unit;
   const Vector2 off = place_error(e, n) / params.ball.radius_m;
-  const Real often = rest.rests ? 2 : 1;
-  const bool calm =
-      speed2 <= often * often * kCalmOmega * kCalmOmega && off.dot(off) <= often * often * kCalmPlace * kCalmPlace;
-  if (rest.rests) {
-    if (!calm) {
-      rest.rests = false;
-      rest.restless = static_cast<Real>(rest.ticks) * tick < kStays;
-    }
-  } else if (!rest.restless) {
-    if (!calm || rest.ticks == 0) rest.offset = {};
-    if (!calm) rest.ticks = 0;
-    for (int i = 0; i < n && calm; ++i) {
-      // The mean so far.
-      rest.offset[at(i)] += (e[at(i)] - rest.offset[at(i)]) / static_cast<Real>(rest.ticks + 1);
-    }
-    rest.rests = calm && static_cast<Real>(rest.ticks) * tick >= kCalm;
-    if (rest.rests) rest.ticks = 0;
+  const Real band = rest.rests ? 2 : 1, most_speed = band * kCalmOmega, most_off = band * kCalmPlace;
+  const bool calm = speed2 <= most_speed * most_speed && off.dot(off) <= most_off * most_off;
+  if (!calm) {
+    rest.restless |= rest.rests && static_cast<Real>(rest.ticks) * tick < kStays;
+    rest.rests = false;
+    rest.ticks = 0;
+    rest.offset = {};
+    return;
   }
-  const bool counts = calm && static_cast<Real>(rest.ticks) * tick < kStays;
-  if (counts) ++rest.ticks;
+  if (rest.rests) {
+    if (static_cast<Real>(rest.ticks) * tick < kStays) ++rest.ticks;
+    return;
+  }
+  if (rest.restless) return;
+  ++rest.ticks;
+  // The mean so far.
+  for (int i = 0; i < n; ++i) rest.offset[at(i)] += (e[at(i)] - rest.offset[at(i)]) / static_cast<Real>(rest.ticks);
+  rest.rests = static_cast<Real>(rest.ticks) * tick > kCalm;
+  if (rest.rests) rest.ticks = 0;
 }
 
 MassError beside(MassError masses, const PerMass<Real>* offset) {

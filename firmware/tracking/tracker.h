@@ -28,8 +28,8 @@ void advance_reckoning(const BallState& ball, Real radius_m, Real period_s, Dead
 // The table covers this plan time, or is held after its end.
 [[nodiscard]] bool tracks_at(const ReferenceTable& table, Wide time_s);
 
-// The table is over at this plan time, and its last row is held. The ball may have turned about the vertical since: e is
-// that of a ball turned back, with the place's error turned with it, and without Omega about the vertical.
+// The table is over at this plan time, and its last row is held. The ball may have turned about the vertical since: e
+// is that of a ball turned back, with the place's error turned with it, and without Omega about the vertical.
 [[nodiscard]] bool holds_at(const ReferenceTable& table, Wide time_s);
 
 // The masses' part of e.

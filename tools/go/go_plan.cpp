@@ -172,7 +172,7 @@ double fitting_speed(const firmware::ControllerParams& params, const std::vector
   return part;
 }
 
-constexpr double kSlower = 0.9;  // part of the speeds of a plan that hardly does not fit
+constexpr double kHardlyFits = 0.9;  // part of the speeds, of a plan whose speeds alone would fit
 
 // A plan of the same way, too fast for the governor, and the time in which it would fit.
 struct TooFast {
@@ -368,7 +368,7 @@ std::optional<TooFast> Planner::nearly_fits(std::vector<Try>& tries) const {
   std::optional<TooFast> fastest;
   for (Try& one : tries) {
     if (!one.outcome.unfit) continue;
-    const double part = std::min(fitting_speed(params, one.outcome.unfit->run.nodes), kSlower);
+    const double part = std::min(fitting_speed(params, one.outcome.unfit->run.nodes), kHardlyFits);
     const double needed_s = one.file.task.duration_s / part;
     if (!fastest || needed_s < fastest->needed_s) fastest = TooFast{std::move(one), needed_s};
   }

@@ -45,8 +45,8 @@ std::optional<plan::ReferencePoint> roll_to(sim::Scenario moved, double time_s) 
   return points.back();
 }
 
-// The point of the motion that the controller follows at the start of `tick`. A motion that has come to rest is over:
-// what its plan has left of speed is taken away by feedback.
+// The point of the motion that the controller follows at the start of `tick`. One that has come to rest is held at its
+// end, whatever its plan has left of speed there.
 std::optional<plan::ReferencePoint> on_motion(const Heard& heard, std::int64_t tick, bool& rests) {
   const sim::Scenario moved =
       heard.course ? scenario_of(heard.scenario, *heard.course) : plan::as_planned(heard.scenario);
@@ -143,10 +143,12 @@ std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, s
     }
     out.at = *at;
     if (out.rests) {
-      // It hangs where it is, and may have turned about the vertical.
-      out.at.place_m = here.place_m;
-      out.at.state.q = here.state.q;
       out.at.state.omega_B = {0, 0, 0};
+      // It hangs where it is, and may have turned about the vertical. One that rocks will hang where it is held.
+      if (speed_mps(heard.scenario, here) < rest_speed_mps(heard.scenario)) {
+        out.at.place_m = here.place_m;
+        out.at.state.q = here.state.q;
+      }
     }
     return out;
   }

@@ -22,7 +22,7 @@ constexpr int kMoreStarts = 2, kCheapIterations = 150;  // after that, for a bet
 constexpr double kBrake = 4;                            // sqrt(r / g): time constant of the masses of a first start
 constexpr double kFirstCreep = 0.3;                     // sqrt(g / r): as fast as a ball that is driven
 constexpr double kQuickNeed = 0.5;                      // of the friction limit: a quick search looks for no less
-constexpr int kCalmerIterations = 12;                    // from a plan that does not fit
+constexpr int kCalmerIterations = 12;                   // from a plan that does not fit
 constexpr int kQuickIterations = 8;                     // from a neighbour's plan, on the coarse grid
 // Tolerances on the equalities, as the plant rolls them: half a millimetre, and a tenth of the speed, over sqrt(g r),
 // that counts as rest.

@@ -29,9 +29,9 @@ struct Plan {
 
 struct Outcome {
   Status status = Status::kNotFound;
-  std::optional<Plan> plan;  // kFound: the best that holds
+  std::optional<Plan> plan;   // kFound: the best that holds
   std::optional<Plan> unfit;  // kNotFound: a plan that holds, but SearchOptions::fits refused it
-  std::string binding;       // what limits it, in words
+  std::string binding;        // what limits it, in words
   int iterations = 0;
   bool friction_alone = false;  // kNotFound: the best motion tried meets everything but the friction limit
 };

@@ -40,12 +40,14 @@ class Sqp {
     Merit now = judge(transcription_, knots_);
     double damping = kFirstDamping;
     int quiet = 0, slow_steps = 0;
-    std::vector<double> merits;
+    std::vector<double> merits;  // before the last steps
     for (int k = 0; good && k < settings_.most_iterations; ++k) {
       if (effort_.stop && effort_.stop()) break;
       ++effort_.iterations;
       if (effort_.progress) effort_.progress(now.need, now.error());
+      const double weight_before = weight_;
       weight_ = now.equality > 0.1 ? kFirstWeight : now.equality > 0.01 ? 10 * kFirstWeight : tightened_ * kLastWeight;
+      if (weight_ != weight_before) merits.clear();  // they cannot be compared
       const double merit = true_merit();
       build();
       bool accepted = false;
