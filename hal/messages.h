@@ -284,7 +284,12 @@ constexpr decltype(auto) fields(V& visitor, M& m) {
       .field(m.friction, Real())
       .field(m.friction_use, Real())
       .field(m.min_normal_force_n, Real())
-      .field(m.swing);
+      .all(m.swing, m.belief_error);
+}
+
+template <class V, Of<firmware::BeliefErrors> M>
+constexpr decltype(auto) fields(V& visitor, M& m) {
+  return visitor.field(m.mass_share, Real()).field(m.center_of_mass_m, Real());
 }
 
 // Its values travel in parts (target::ReferencePart).

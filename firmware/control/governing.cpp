@@ -232,7 +232,7 @@ void predict_halt(const ControllerParams& params, const RobotState& robot, std::
   }
 }
 
-// Errors of estimate and belief, as the next tick's cone takes them.
+// Errors of the estimate, as the next tick's cone takes them.
 void weigh_errors(const ControllerParams& params, const ControllerState& state, const RobotState& robot,
                   const PerMass<Real>& u, GoverningState& g) {
   if (!params.estimation.estimated || std::isinf(g.params.friction)) return;
@@ -240,7 +240,7 @@ void weigh_errors(const ControllerParams& params, const ControllerState& state, 
   errors.tilt_rad = kSigmas * state.estimate.tilt_sigma_rad;
   errors.omega_radps = kSigmas * (params.estimation.gyro.noise + state.estimate.gyro_bias_sigma_radps);
   g.sensitivity.advance(params.ball, g.params.friction, robot, u, errors);
-  g.params.uncertain = g.sensitivity.share(params.ball.mass_count);
+  g.params.uncertain = g.sensitivity.share();
 }
 
 }  // namespace
@@ -249,6 +249,7 @@ GovernorParams governor_params(const ControllerParams& params) {
   GovernorParams out;
   out.friction = params.governor.friction;
   out.min_normal_force_n = params.governor.min_normal_force_n;
+  out.belief_error = params.governor.belief_error;
   for (int i = 0; i < params.ball.mass_count; ++i) {
     MassLimits& mass = out.mass[at(i)];
     const RailEnds ends = rail_ends(params.ball, i);

@@ -248,6 +248,9 @@ void check_governor(const ControllerParams& params, Checker& check) {
   check.require(governor.friction_use > 0 && governor.friction_use <= 1, "governor.friction_use", -1,
                 governor.friction_use, "> 0, at most 1");
   check.not_negative(governor.min_normal_force_n, "governor.min_normal_force_n");
+  check.require(governor.belief_error.mass_share >= 0 && governor.belief_error.mass_share < 1,
+                "governor.belief_error.mass_share", -1, governor.belief_error.mass_share, ">= 0, below 1");
+  check.not_negative(governor.belief_error.center_of_mass_m, "governor.belief_error.center_of_mass_m");
   for (int i = 0; i < params.ball.mass_count; ++i) check_swing(governor.swing[static_cast<std::size_t>(i)], i, check);
   if (!check.error().ok()) return;
   // A rollout is complete while its predecessor holds: set_times() finds no such time for longer ticks.

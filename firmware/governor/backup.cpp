@@ -261,6 +261,12 @@ Cone spare(Cone cone, Real part, const AffineForces& forces) {
   return cone;
 }
 
+// Errors of the belief may add this to the friction, and take it from N.
+void keep_free(Real belief_n, Cone& cone) {
+  cone.slack_n += belief_n;
+  cone.min_normal_force_n += belief_n;
+}
+
 // The masses' own accelerations where `u` is commanded.
 PerMass<Real> moved(const GovernorParams& params, const RobotState& state, const PerMass<Real>& u, bool swing,
                     int mass_count) {
@@ -277,6 +283,19 @@ AffineForces forces_at(const BallParams& ball, const GovernorParams& params, con
   AffineForces forces;
   affine_forces(ball, state.orientation, state.angular_velocity_B_radps, lagging(params, state), forces);
   return forces;
+}
+
+void drift_at(const BallParams& ball, const GovernorParams& params, const RobotState& state, const AffineForces& forces,
+              const PerMass<Real>& u, Drift& out) {
+  MassMotion masses = lagging(params, state);
+  masses.acceleration = u;
+  const Arms arms = arms_of(ball, masses, state.angular_velocity_B_radps);
+  const Vector3 force_W_n = forces.force(ball.mass_count, u);
+  RollingForces rolling;
+  rolling.angular_acceleration_B_radps2 = forces.omega_dot(ball.mass_count, u);
+  rolling.normal_force_n = force_W_n[2];
+  rolling.static_friction_n = std::sqrt(force_W_n[0] * force_W_n[0] + force_W_n[1] * force_W_n[1]);
+  drift_of(ball, params.belief_error, arms, state.orientation, state.angular_velocity_B_radps, rolling, out);
 }
 
 RobotState after_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
@@ -298,6 +317,14 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
   out.command = {};
   out.command.u = wish;
   out.steps = 0;
+  out.belief_n = 0;
+  if (params.belief_error.any()) {
+    Drift drift;
+    drift_at(ball, params, state, at_start, moved_start, drift);
+    out.astray = ramp.astray;
+    out.astray.advance(drift, h);
+    out.belief_n = out.astray.force_n(drift);
+  }
   PerMass<Real> moved_end{};
   for (int round = 0; round <= (ramp.quick ? kQuickRounds : kTickRounds); ++round) {
     RobotState end = state;
@@ -313,6 +340,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
     affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, lagging(params, out.state),
                   out.forces);
     out.cone = cone_of(params, out.forces, out.state, n);
+    keep_free(out.belief_n, out.cone);
     const Cone spared = spare(with_turning(out.cone, out.forces, n, out.command.u), ramp.spare, out.forces);
     // The last projection's command holds where it lands, too.
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
@@ -330,7 +358,12 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
 Projection governed_beginning(const BallParams& ball, const GovernorParams& params, const RobotState& state,
                               const PerMass<Real>& wish) {
   const AffineForces forces = forces_at(ball, params, state);
-  const Cone cone = spare(cone_of(params, forces, state, ball.mass_count), params.moving_reserve, forces);
+  Cone cone = spare(cone_of(params, forces, state, ball.mass_count), params.moving_reserve, forces);
+  if (params.belief_error.any()) {
+    Drift drift;
+    drift_at(ball, params, state, forces, wish, drift);
+    keep_free(drift.force_n(), cone);
+  }
   const Box box = box_of(params, state, ball.mass_count, params.step_s, 0);
   return project(forces, ball.mass_count, cone, box, units(params), wish);
 }
@@ -338,7 +371,7 @@ Projection governed_beginning(const BallParams& ball, const GovernorParams& para
 Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count) {
   const Vector3& f = end.force_W_n;
   if (std::isinf(end.cone.friction) || !(f[2] > 0)) return 0;
-  return params.uncertain + errors_n(end.cone, end.forces, mass_count, end.command.u) / f[2];
+  return params.uncertain + (end.belief_n + errors_n(end.cone, end.forces, mass_count, end.command.u)) / f[2];
 }
 
 }  // namespace ballast::firmware

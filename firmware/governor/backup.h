@@ -1,6 +1,7 @@
 // A robot at one state: bounds of its masses, the cone, the wish of the backup, and the command at a ramp's end.
 #pragma once
 
+#include "firmware/governor/belief.h"
 #include "firmware/governor/cone.h"
 #include "firmware/governor/governor_params.h"
 
@@ -58,6 +59,7 @@ struct Ramp {
   Real spare = 0;      // part of the friction that the command keeps free, if it can
   bool quick = false;  // for a rollout, in which the projection may give up early
   bool swing = false;  // masses that swing in their motors' fields accelerate as they swing, not as commanded
+  Astray astray;       // the ball at the start, where the belief may be off
 };
 
 struct GovernedRamp {
@@ -68,6 +70,8 @@ struct GovernedRamp {
   Vector3 force_W_n = Vector3::Zero();  // there
   Real outside_n = 0;                   // of the cone, <= 0: inside
   int steps = 0;                        // of the projection's searches
+  Astray astray;                        // there, where the belief may be off
+  Real belief_n = 0;                    // kept free for that
 };
 
 // The cost of a projection, in steps of a rollout that is not bent: by the steps of its searches.
@@ -82,7 +86,7 @@ inline int cost_of(const GovernedRamp& ramp) {
 void governed_for_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,
                        const AffineForces& at_start, const Ramp& ramp, const PerMass<Real>& wish, GovernedRamp& out);
 
-// The part of N that motors and errors may add to f_s - kappa N.
+// The part of N that motors and errors of estimate and belief may add to f_s - kappa N.
 [[nodiscard]] Real allowance_of(const GovernorParams& params, const GovernedRamp& end, int mass_count);
 
 // The accelerations with which a motion begins out of the hold: any jump is followed, if the cone keeps it.
@@ -90,6 +94,10 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
                                             const RobotState& state, const PerMass<Real>& wish);
 
 [[nodiscard]] AffineForces forces_at(const BallParams& ball, const GovernorParams& params, const RobotState& state);
+
+// What errors of the belief do in this state with these accelerations.
+void drift_at(const BallParams& ball, const GovernorParams& params, const RobotState& state, const AffineForces& forces,
+              const PerMass<Real>& u, Drift& out);
 
 // The state after a control tick in which the accelerations go linearly from `start` to `end`.
 [[nodiscard]] RobotState after_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,

@@ -32,6 +32,14 @@ struct MassLimits {
   Real motor_jerk = std::numeric_limits<Real>::infinity();
 };
 
+// Bounds of what is believed of the robot, of any sign.
+struct BeliefErrors {
+  Real mass_share = 0;        // of each mass and the shell's moments of inertia, as a part of them, < 1
+  Real center_of_mass_m = 0;  // of each component of the shell's centre of mass
+
+  [[nodiscard]] bool any() const { return mass_share > 0 || center_of_mass_m > 0; }
+};
+
 // The controller's parameters for the governor. Everything else follows from the robot: governor_params().
 struct GovernorSettings {
   bool on = false;              // false: nothing is bent, and the rest is not read
@@ -39,6 +47,7 @@ struct GovernorSettings {
   Real friction_use = 1;        // in (0, 1]: the same of a floor whose friction was measured while the ball slipped
   Real min_normal_force_n = 0;  // N >= this, >= 0
   PerMass<MotorSwing> swing{};  // all zero: the masses are where they are commanded to be
+  BeliefErrors belief_error;    // all zero: the robot is as believed
 };
 
 struct GovernorParams {
@@ -61,6 +70,8 @@ struct GovernorParams {
   // Part of N that the cone keeps free for what estimate and belief may be off. It may be set anew before every tick,
   // from Sensitivity::share().
   Real uncertain = 0;
+  // Kept free by cone and rollout.
+  BeliefErrors belief_error;
   // Part of N that the cone keeps free in a tick: the force leaves the line between the tick's ends by up to a few
   // times (tick / sqrt(r / g))^2 / 8 of N.
   Real tick_slack = 0;

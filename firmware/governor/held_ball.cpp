@@ -106,7 +106,7 @@ RollingForces held_forces(const BallParams& ball, const HeldBall& held, const Qu
 }
 
 ForEver held_for_ever(const BallParams& ball, const HeldBall& held, const Quaternion& orientation,
-                      const Vector3& angular_velocity_B_radps) {
+                      const Vector3& angular_velocity_B_radps, const HeldErrors& errors) {
   ForEver out;
   const Vector3& force = ball.external_force_W_n;
   const bool resists = ball.rolling_resistance > 0 || ball.spin_friction_m > 0;
@@ -115,10 +115,13 @@ ForEver held_for_ever(const BallParams& ball, const HeldBall& held, const Quater
   }
   const Real mass = held.mass_kg, g = ball.gravity_mps2;
   const Vector3 c = held.moment_B_kgm / mass;
-  const Real offset = length(c);
   const Matrix3 inertia = central_inertia(ball, held);
-  const Spread of_inertia = spread(inertia);
-  if (!(of_inertia.least > 0)) return out;
+  const Spread believed = spread(inertia);
+  if (!(believed.least > 0)) return out;
+  // The true ball's are between these. Another centre of mass changes the inertia about it in second order.
+  const Real part = errors.mass_share;
+  const Spread of_inertia = {believed.least * (1 - part), believed.most * (1 + part)};
+  const Real offset = length(c) + errors.off_center_m;
 
   // Energy above rest, with the centre of mass below the geometric centre.
   const Attitude lambda(orientation);
@@ -128,18 +131,28 @@ ForEver held_for_ever(const BallParams& ball, const HeldBall& held, const Quater
                       inertia(2, 0) * omega.x + inertia(2, 1) * omega.y + inertia(2, 2) * omega.z};
   const Vec speed = cross(omega, ball.radius_m * lambda.gamma + from(c));
   const Real height = dot(lambda.gamma, from(c));
-  const Real energy = (dot(omega, turned) + mass * dot(speed, speed)) / 2 + mass * g * (height + offset);
+  // Twice the kinetic energy, in whose norm the errors of the angular velocity add up.
+  const Real twice = dot(omega, turned) + mass * dot(speed, speed);
+  const Real reach = ball.radius_m + offset;
+  const Real faster = std::sqrt(twice) + std::sqrt(of_inertia.most + mass * reach * reach) * errors.omega_radps +
+                      std::sqrt(mass * dot(omega, omega)) * (errors.off_center_m + length(c) * errors.tilt_rad);
+  const Real higher = std::fmin(height + offset * errors.tilt_rad + errors.off_center_m, offset);
+  // Of a ball by mass, all masses being heavier by at most `part`.
+  const Real energy = errors.any() ? (1 + part) * (faster * faster / 2 + mass * g * (higher + offset))
+                                   : twice / 2 + mass * g * (height + offset);
 
   // |a| <= p omega^2 + q sin(alpha), alpha the angle of c from the vertical, and omega^2 <= 2 (energy - M g |c| (1 -
-  // cos alpha)) / least.
+  // cos alpha)) / least. With errors each of these has the value for which it is greatest.
   const Real least = of_inertia.least, arm = std::fmax(ball.radius_m - offset, Real(0));
-  const Real p = (of_inertia.most - of_inertia.least) / (2 * std::sqrt(mass * least)) + 2 * offset;
-  const Real q = g * offset * std::sqrt(mass / (least + mass * arm * arm));
-  const Real fall = 2 * p * mass * g * offset / least;
+  const Real light = mass * (1 - part), heavy = mass * (1 + part);
+  const Real p = (of_inertia.most - of_inertia.least) / (2 * std::sqrt(light * least)) + 2 * offset;
+  const Real q = g * offset * std::sqrt(heavy / (least + heavy * arm * arm));
+  const Real low = std::fmax(length(c) - errors.off_center_m, Real(0));
+  const Real fall = 2 * p * light * g * low / least;
   // Greatest q sin(alpha) - fall (1 - cos(alpha)): at tan(alpha) = q / fall, or where the energy ends before that.
   const Real hypotenuse = std::sqrt(q * q + fall * fall);
   const Real best = hypotenuse > 0 ? 1 - fall / hypotenuse : 0;  // 1 - cos(alpha) there
-  const Real most = offset > 0 ? std::fmin(energy / (mass * g * offset), Real(2)) : 0;
+  const Real most = low > 0 ? std::fmin(energy / (light * g * low), Real(2)) : offset > 0 ? 2 : 0;
   const Real y = std::fmax(std::fmin(best, most), Real(0));
   out.acceleration_mps2 = 2 * p * energy / least + q * std::sqrt(y * (2 - y)) - fall * y;
   out.known = true;

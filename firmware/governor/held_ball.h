@@ -28,9 +28,19 @@ struct ForEver {
   Real acceleration_mps2 = 0;  // the centre of mass never accelerates more
 };
 
+// How far the true ball may be from the believed one, of any sign.
+struct HeldErrors {
+  Real mass_share = 0;    // every mass, as a part of it
+  Real off_center_m = 0;  // the centre of mass
+  Real omega_radps = 0;   // angular velocity
+  Real tilt_rad = 0;
+
+  [[nodiscard]] bool any() const { return mass_share > 0 || off_center_m > 0; }
+};
+
 // Held from this state on.
 [[nodiscard]] ForEver held_for_ever(const BallParams& ball, const HeldBall& held, const Quaternion& orientation,
-                                    const Vector3& angular_velocity_B_radps);
+                                    const Vector3& angular_velocity_B_radps, const HeldErrors& errors = {});
 
 // f_s / (friction N) of a ball whose centre of mass accelerates by at most acceleration_mps2, whatever its direction;
 // infinite where N could fall to min_normal_force_n.

@@ -36,6 +36,7 @@ void Rollout::begin(const GovernorParams& params, const RobotState& state, std::
   time_s_ = change_s_ = 0;
   held_ = near_edge_ = wished_ = begun_ = last_ = false;
   bends_from_s_ = 0;
+  astray_ = {};
   PerMass<Real> tolerance{};
   for (std::size_t i = 0; i < tolerance.size(); ++i) tolerance[i] = kBendTolerance * params.mass[i].max_acceleration;
   bends_.clear(tick, tolerance);
@@ -63,13 +64,14 @@ Real Rollout::next_step_s(const GovernorParams& params) {
   return left_s < Wide{step_s} ? static_cast<Real>(left_s) : step_s;
 }
 
-void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n) {
+// `belief_use`: what a ball that is not as believed may add to a held one.
+void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n, Real belief_use) {
   const Real kept = held_ ? params.reserve : params.moving_reserve * (guided(time_s_) ? kKeptAlongPlan : kKept);
   const Real allowed = 1 - kept;
   if (last_ && !(use <= most_use_)) most_use_ = use;
-  if (use <= allowed) return;
+  if (use + belief_use <= allowed) return;
   end_ = RolloutEnd::kBroken;
-  breach_ = {use / allowed, normal_force_n};
+  breach_ = {(use + belief_use) / allowed, normal_force_n};
 }
 
 RobotState Rollout::ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const {
@@ -135,6 +137,7 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   ramp.start = state_.mass_acceleration;
   ramp.h_s = h_s;
   ramp.swing = ramp.quick = true;
+  ramp.astray = astray_;
   ramp.spare = follows_plan ? params.moving_reserve / 2 : params.moving_reserve;
   // Bends change as fast as max_jerk allows, and the nominal's own changes are followed.
   PerMass<Real> change{}, wanted = wish.u;
@@ -171,6 +174,7 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   GovernedRamp end;
   governed_for_ramp(ball, params, state_, forces_, ramp, wanted, end);
   cost_ = cost_of(end);
+  astray_ = end.astray;
   state_ = end.state;
   forces_ = end.forces;
   time_s_ = end_s;
@@ -218,7 +222,17 @@ void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
   if (end_ != RolloutEnd::kUnderWay) return;
   held_ball_ = hold_masses(ball, state_.mass_position);
   use_before_ = use_at_ = 0;
-  const ForEver bound = held_for_ever(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps);
+  HeldErrors errors;
+  if (params.belief_error.any()) {
+    MassMotion held;
+    held.position = state_.mass_position;
+    arms_ = arms_of(ball, held, state_.angular_velocity_B_radps);
+    const RollingForces forces = held_forces(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps);
+    Drift drift;
+    drift_of_held(ball, params, forces, drift);
+    errors = {params.belief_error.mass_share, drift.off_center_m, astray_.omega_radps(drift), astray_.tilt_rad(drift)};
+  }
+  const ForEver bound = held_for_ever(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps, errors);
   if (!bound.known) return;
   const Real most =
       greatest_use(ball, held_ball_.mass_kg, bound.acceleration_mps2, params.friction, params.min_normal_force_n);
@@ -227,26 +241,39 @@ void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
   end_ = RolloutEnd::kForEver;
 }
 
+void Rollout::drift_of_held(const BallParams& ball, const GovernorParams& params, const RollingForces& forces,
+                            Drift& out) const {
+  drift_of(ball, params.belief_error, arms_, state_.orientation, state_.angular_velocity_B_radps, forces, out);
+}
+
 void Rollout::step_held_ball(const BallParams& ball, const GovernorParams& params) {
   const Real h = next_step_s(params);
   if (end_ != RolloutEnd::kUnderWay) return;
   const RollingForces forces = held_forces(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps);
   const Real now =
       std::isinf(params.friction) ? 0 : use_of(params.friction, forces.static_friction_n, forces.normal_force_n);
-  use(params, now, forces.normal_force_n);
-  if (const Real all = now + settling_use_; time_s_ < settled_s_ && !(all <= 1 - params.reserve)) {
+  Real belief_n = 0, belief_use = 0;
+  if (params.belief_error.any()) {
+    Drift drift;
+    drift_of_held(ball, params, forces, drift);
+    belief_n = astray_.force_n(drift);
+    if (!std::isinf(params.friction)) belief_use = use_of(params.friction, belief_n, forces.normal_force_n);
+    astray_.advance(drift, h);
+  }
+  use(params, now, forces.normal_force_n, belief_use);
+  if (const Real all = now + belief_use + settling_use_; time_s_ < settled_s_ && !(all <= 1 - params.reserve)) {
     end_ = RolloutEnd::kBroken;
     breach_ = {all / (1 - params.reserve), forces.normal_force_n};
   }
-  if (!(forces.normal_force_n >= params.min_normal_force_n)) {
+  if (!(forces.normal_force_n - belief_n >= params.min_normal_force_n)) {
     end_ = RolloutEnd::kBroken;
-    breach_ = {now, forces.normal_force_n};
+    breach_ = {now, forces.normal_force_n - belief_n};
   }
   // A peak between steps: the parabola through three of them.
   const Real rise = use_at_ - use_before_, fall = use_at_ - now;
   if (use_before_ > 0 && rise >= 0 && fall >= 0 && rise + fall > 0) {
     const Real slope = (rise - fall) / 2;
-    use(params, use_at_ + slope * slope / (2 * (rise + fall)), forces.normal_force_n);
+    use(params, use_at_ + slope * slope / (2 * (rise + fall)), forces.normal_force_n, belief_use);
   }
   use_before_ = use_at_;
   use_at_ = now;

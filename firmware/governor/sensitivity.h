@@ -1,8 +1,7 @@
-// How errors of estimate and belief change the friction that the ball needs.
+// How errors of the estimate change the friction that the ball needs.
 //
-// The derivatives of f_s - kappa N by attitude, angular velocity, masses and centre of mass are differences of the
-// closed form at the state and the command of a tick, one of them per tick: an evaluation of rolling_forces() a tick. A
-// round takes 8 + mass_count + 1 ticks.
+// The derivatives of f_s - kappa N by attitude and angular velocity are differences of the closed form at the state and
+// the command of a tick, one of them per tick. A round takes 5 ticks.
 //
 // Invariants: fixed size, no heap. The same bits on every processor.
 #pragma once
@@ -13,10 +12,8 @@ namespace ballast::firmware {
 
 // Bounds of the errors, each of any sign.
 struct StateErrors {
-  Real tilt_rad = 0;          // of the attitude about either horizontal axis
-  Real omega_radps = 0;       // of each component
-  Real mass_share = 0;        // of each mass, the shell's included, as a part of it
-  Real center_of_mass_m = 0;  // of each component of the shell's centre of mass
+  Real tilt_rad = 0;     // of the attitude about either horizontal axis
+  Real omega_radps = 0;  // of each component
 };
 
 class Sensitivity {
@@ -29,11 +26,10 @@ class Sensitivity {
 
   // Bound of what all errors together add to f_s - kappa N, to first order, as a part of N. It lags behind the state by
   // up to a round.
-  [[nodiscard]] Real share(int mass_count) const;
+  [[nodiscard]] Real share() const;
 
  private:
-  static constexpr int kOthers = 8;  // 2 of tilt, 3 of Omega, 3 of the centre of mass
-  std::array<Real, kOthers + 1 + kMaxMasses> part_{};
+  std::array<Real, 5> part_{};  // 2 of tilt, 3 of Omega
   int next_ = 0;
 };
 

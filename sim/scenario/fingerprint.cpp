@@ -188,6 +188,9 @@ void add_governor(CanonicalText& text, const Scenario& scenario) {
   if (!scenario.control.governor || !has_controller(scenario.run.actuation)) return;
   text.add("control.governor", 1);
   text.add("control.friction_use", scenario.control.friction_use);
+  const Scenario::Control::BeliefError& error = scenario.control.belief_error;
+  if (error.mass_share > 0) text.add("control.belief_error.mass", error.mass_share);
+  if (error.center_of_mass_m > 0) text.add("control.belief_error.center_of_mass", error.center_of_mass_m);
 }
 
 // Scenarios without a controller that tracks add no lines.

@@ -56,6 +56,11 @@ struct Scenario : World {
     bool tracking = false;       // feedback keeps the ball on the motion; default: true where there is a [plan]
     bool governor = false;       // commands are bent into the friction cone; default: as tracking
     double friction_use = 0.95;  // part of envelope.friction_use that the governor uses
+    // Bounds within which the governor takes its beliefs for true, each of any sign.
+    struct BeliefError {
+      double mass_share = 0;        // of each mass and the shell's moments of inertia, as a part of them, < 1
+      double center_of_mass_m = 0;  // of each component of the shell's centre of mass
+    } belief_error;
   } control;
 
   // The world that controller, monitor and planner take for true: [believed], or the floor without its patches, which

@@ -20,14 +20,17 @@ struct Kind {
   const char* name;
   bool steppers = false;
   double mass_error = 0, center_error = 0;
+  bool declared = false;  // the governor knows these bounds
 };
 
 const Kind kKinds[] = {
     {"ideal"},
     {"steppers", true},
-    // control.friction_use keeps free what a belief may be off.
-    {"belief", false, 0.05, 0.005},
-    {"belief_steppers", true, 0.05, 0.005},
+    // Bounds of a belief that control.belief_error declares.
+    {"belief", false, 0.05, 0.005, true},
+    {"belief_steppers", true, 0.05, 0.005, true},
+    // The same undeclared: control.friction_use has to keep free what it may be off.
+    {"undeclared", false, 0.05, 0.005},
     {"instants"},  // plans forked and run to their end
 };
 constexpr int kInstants = 5;  // per robot
@@ -41,7 +44,8 @@ struct Request {
 
 Draw draw_of(const Request& request, std::uint64_t seed) {
   const Kind& kind = request.kind;
-  return {seed, kind.steppers, kind.mass_error, kind.center_error, request.friction_use, request.without};
+  return {seed,          kind.steppers,        kind.mass_error, kind.center_error,
+          kind.declared, request.friction_use, request.without};
 }
 
 Judged run(const Draw& draw, bool governed) {

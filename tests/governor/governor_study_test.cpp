@@ -1,6 +1,7 @@
 // Few runs of the searches of tools/docs/governor.md.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <vector>
 
 #include "tests/governor/judged_run.h"
@@ -36,6 +37,38 @@ TEST(GovernorStudy, SteppersStayInsideTheCone) {
   Draw kind;
   kind.steppers = true;
   expect_inside(5, first, kind, [](const Draw& draw, bool governed) { return run_plant(draw, governed); });
+}
+
+// Masses off by 5 %, the shell's centre of mass by .5 % of the radius, both declared.
+Draw uncertain() {
+  Draw draw;
+  draw.mass_error = 0.05;
+  draw.center_error = 0.005;
+  draw.declared = true;
+  return draw;
+}
+
+TEST(GovernorStudy, DeclaredErrorsStayInsideTheCone) {
+  const std::uint64_t first = test::random_seed(1);
+  expect_inside(15, first, uncertain(), [](const Draw& draw, bool governed) { return run_ideal(draw, governed); });
+}
+
+TEST(GovernorStudy, NoRobotGoesFurtherAstrayThanSaid) {
+  const std::uint64_t first = test::random_seed(1);
+  Draw draw = uncertain();
+  int rolled = 0;
+  double part = 0;
+  for (std::uint64_t seed = first; seed < first + 300; ++seed) {
+    draw.seed = seed;
+    const Astrayed found = lead_astray(draw);
+    if (!found.rolled) continue;
+    ++rolled;
+    EXPECT_LE(found.over, 0) << "seed " << seed;
+    part = std::max(part, found.part);
+  }
+  std::printf("%d rolled; closest: %.3f of the bound\n", rolled, part);
+  EXPECT_GT(rolled, 200);
+  EXPECT_GT(part, 0.5);  // a bound that is never approached would be of no use
 }
 
 TEST(GovernorStudy, PlansHoldFromAnyInstant) {

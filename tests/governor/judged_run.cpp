@@ -18,6 +18,7 @@ namespace ballast::governor_test {
 namespace {
 
 using firmware::Real;
+using firmware::Vector3;
 using firmware::Wide;
 
 std::unique_ptr<firmware::ControllerParams> params_of(const sim::Scenario& scenario) {
@@ -73,6 +74,73 @@ Judged run_plant(const Draw& draw, bool governed) {
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     if (result.motors[i].slips > 0) out.other += fmt::format("{}mass {} lost steps", out.other.empty() ? "" : ", ", i);
   }
+  return out;
+}
+
+Astrayed lead_astray(const Draw& draw) {
+  const sim::Scenario scenario = random_robot(draw);
+  const auto params = params_of(scenario);
+  const firmware::GovernorParams governor = firmware::governor_params(*params);
+  const firmware::BallParams& ball = params->ball;
+  std::mt19937_64 random(draw.seed);
+  firmware::BallParams truth = ball;
+  const auto corner = [&] { return random() % 2 == 0 ? Real(1) : Real(-1); };
+  truth.shell_mass_kg *= 1 + corner() * governor.belief_error.mass_share;
+  truth.inertia_kgm2 *= 1 + corner() * governor.belief_error.mass_share;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    truth.mass_kg[i] *= 1 + corner() * governor.belief_error.mass_share;
+  }
+  for (int k = 0; k < 3; ++k) truth.center_of_mass_B_m[k] += corner() * governor.belief_error.center_of_mass_m;
+
+  const Real unit_s = std::sqrt(ball.radius_m / ball.gravity_mps2), h_s = Real(0.02) * unit_s;
+  std::uniform_real_distribution<Real> part(0, 1);
+  const Real parted_s = 8 * part(random) * unit_s, braked_s = parted_s + (1 + 9 * part(random)) * unit_s;
+  const firmware::testing::ProfileLaw law{&ball, &params->motion, 1 / unit_s};
+  const auto wish = [&](Real time_s, const firmware::RobotState& at) {
+    return time_s < braked_s ? law(Wide{time_s}, at).u : firmware::braking(governor, at, ball.mass_count);
+  };
+  firmware::RobotState believed;
+  believed.orientation = params->estimation.initial_orientation;
+  believed.angular_velocity_B_radps = params->estimation.initial_angular_velocity_B_radps;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    believed.mass_position[i] = static_cast<Real>(params->motion[i].at(0).position);
+    believed.mass_velocity[i] = static_cast<Real>(params->motion[i].at(0).velocity);
+  }
+  Astrayed out;
+  firmware::RobotState true_one;
+  firmware::Astray astray;
+  bool parted = false;
+  for (Real time_s = 0; time_s < braked_s + 16 * unit_s; time_s += h_s) {
+    believed.mass_acceleration = wish(time_s, believed);
+    if (!parted && time_s >= parted_s) {
+      parted = true;
+      true_one = believed;
+    }
+    const firmware::PerMass<Real> end = wish(time_s + h_s, believed);
+    const auto forces = firmware::testing::forces_of(ball, believed, believed.mass_acceleration);
+    const Real use = forces.static_friction_n / forces.normal_force_n;
+    if (!(forces.normal_force_n > 0 && use < Real(0.6))) return out;
+    if (parted) {
+      firmware::MassMotion masses = firmware::motion_of(believed);
+      masses.acceleration = believed.mass_acceleration;
+      firmware::Drift drift;
+      const Vector3& omega = believed.angular_velocity_B_radps;
+      firmware::drift_of(ball, governor.belief_error, firmware::arms_of(ball, masses, omega), believed.orientation,
+                         omega, forces, drift);
+      const auto seen = firmware::testing::forces_of(truth, true_one, believed.mass_acceleration);
+      const Real more = seen.static_friction_n / seen.normal_force_n - use;
+      const Real bound = astray.force_n(drift) / forces.normal_force_n;
+      if (bound < Real(0.3)) {
+        out.over = std::fmax(out.over, static_cast<double>(more - bound));
+        out.part = std::fmax(out.part, static_cast<double>(more / bound));
+      }
+      astray.advance(drift, h_s);
+      true_one.mass_acceleration = believed.mass_acceleration;
+      true_one = firmware::testing::moved(truth, true_one, end, h_s);
+    }
+    believed = firmware::testing::moved(ball, believed, end, h_s);
+  }
+  out.rolled = true;
   return out;
 }
 

@@ -26,6 +26,16 @@ struct Judged {
 // The plant and its motors.
 [[nodiscard]] Judged run_plant(const Draw& draw, bool governed);
 
+// A robot whose errors are at corners of their bounds beside the believed one, with the same commands: the motion for a
+// random time, then brakes, then 16 sqrt(r / g) with held masses.
+struct Astrayed {
+  bool rolled = false;  // the believed robot needs less than 0.6 of friction all the time
+  // Greatest f_s / N of the true robot over the believed one's with all that its errors may add, where that is less
+  // than 0.3; below 0: never more. And the greatest part of the bound that was seen.
+  double over = -1, part = 0;
+};
+[[nodiscard]] Astrayed lead_astray(const Draw& draw);
+
 // Certified plans that are run to their end from random instants of a robot's run.
 struct Instants {
   struct Margins {

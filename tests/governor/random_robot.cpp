@@ -81,11 +81,13 @@ class Drawing {
   // The controller believes what was drawn so far; the true robot is another one.
   void errors() {
     if (!(draw_.mass_error > 0) && !(draw_.center_error > 0)) return;
+    if (draw_.declared) out_.control.belief_error = {draw_.mass_error, draw_.center_error * out_.ball.radius_m};
     out_.believed = static_cast<const sim::World&>(out_);
     out_.belief_is_written = true;
     out_.ball.mass_kg *= 1 + uniform(-1, 1) * draw_.mass_error;
     for (sim::Mass& mass : out_.masses) mass.mass_kg *= 1 + uniform(-1, 1) * draw_.mass_error;
     out_.ball.center_of_mass_B_m += vector(draw_.center_error * out_.ball.radius_m);
+    out_.ball.inertia_kgm2 *= 1 + uniform(-1, 1) * draw_.mass_error;
   }
 
   [[nodiscard]] double unit_s() const { return unit_s_; }

@@ -35,10 +35,11 @@ inline constexpr Part kParts[] = {
 struct Draw {
   std::uint64_t seed = 0;
   bool steppers = false;
-  // Bounds of what the controller believes: of every mass as a part of it, and of each axis of the shell's centre of
-  // mass as a part of the radius.
+  // Bounds of what the controller believes: of every mass and of the shell's inertia as a part of it, and of each axis
+  // of the shell's centre of mass as a part of the radius.
   double mass_error = 0;
   double center_error = 0;
+  bool declared = false;    // these bounds are the scenario's control.belief_error
   double friction_use = 1;  // control.friction_use
   unsigned without = 0;     // parts left out
 };

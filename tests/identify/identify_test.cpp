@@ -135,6 +135,7 @@ TEST(Identify, KeepsTheBeliefOfWhatIsNotExcited) {
   for (std::size_t i = 0; i < nominal.masses.size(); ++i)
     EXPECT_EQ(read.scenario.belief().masses[i].mass_kg, nominal.masses[i].mass_kg);
   EXPECT_EQ(read.scenario.belief().ball.inertia_kgm2, nominal.ball.inertia_kgm2);
+  EXPECT_EQ(read.scenario.control.belief_error.mass_share, 0) << "nobody knows";
 }
 
 TEST(Identify, WritesABeliefThatLoads) {
@@ -147,6 +148,7 @@ TEST(Identify, WritesABeliefThatLoads) {
   fit.half_width = Eigen::VectorXd::Constant(parameters.count(), 1e-4);
   fit.half_width[1] = std::numeric_limits<double>::infinity();
   fit.shell_mass_kg = parameters.shell_mass_kg(fit.value);
+  fit.half_width[parameters.center_of_mass() + 1] = 3e-4;
   const auto read = sim::parse_scenario(identify::believed_toml(nominal.toml, parameters, known, fit), "identified");
   ASSERT_TRUE(read.ok()) << to_string(read.errors.front());
   const sim::World& belief = read.scenario.belief();
@@ -157,6 +159,15 @@ TEST(Identify, WritesABeliefThatLoads) {
   EXPECT_EQ(belief.ball.center_of_mass_B_m[0], 1e-3);
   EXPECT_EQ(belief.ball.inertia_kgm2[2], fit.value[parameters.inertia() + 2]);
   EXPECT_EQ(belief.surface.static_friction, 0.45);  // was believed before
+  EXPECT_EQ(read.scenario.control.belief_error.mass_share, 0) << "a mass is unknown";
+  EXPECT_EQ(read.scenario.control.belief_error.center_of_mass_m, 3e-4);
+  fit.half_width[1] = 1e-4;
+  const auto known_all =
+      sim::parse_scenario(identify::believed_toml(nominal.toml, parameters, known, fit), "identified");
+  ASSERT_TRUE(known_all.ok()) << to_string(known_all.errors.front());
+  // The least moment of inertia has the widest interval by its part.
+  EXPECT_EQ(known_all.scenario.control.belief_error.mass_share,
+            1e-4 / fit.value.segment<3>(parameters.inertia()).minCoeff());
   EXPECT_EQ(read.scenario.ball.mass_kg, nominal.ball.mass_kg);
   EXPECT_NE(read.scenario.id, nominal.id);
 }

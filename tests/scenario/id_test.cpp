@@ -113,6 +113,17 @@ TEST(ScenarioId, ChangesWithTheGovernorsFrictionWhereItIsOn) {
   EXPECT_EQ(id("false", "0.9"), accepted(kFull).id) << "off: nothing reads it";
 }
 
+TEST(ScenarioId, ChangesWithDeclaredErrorsWhereTheGovernorIsOn) {
+  const auto id = [](const std::string& governor, const std::string& error) {
+    return accepted(kFull, {"control.governor=" + governor, "control.belief_error=" + error}).id;
+  };
+  const std::set<std::int64_t> ids{id("true", "{}"), id("true", "{mass=0.1}"), id("true", "{center_of_mass=0.1}"),
+                                   id("true", "{mass=0.1, center_of_mass=0.1}")};
+  EXPECT_EQ(ids.size(), 4u);
+  EXPECT_EQ(id("true", "{mass=0, center_of_mass=0}"), id("true", "{}")) << "nothing is declared";
+  EXPECT_EQ(id("false", "{mass=0.1}"), accepted(kFull).id) << "off: nothing reads it";
+}
+
 TEST(ScenarioId, ChangesWithTheMassesAndTheirOrder) {
   const std::string line =
       "[[mass]]\nmass = 1\nrail = { shape = \"line\", origin = [0, 0, 0], direction = [1, 0, 0] }\n";

@@ -117,7 +117,7 @@ TEST(GovernedText, SaysWhatWasBentAndWhatWasKept) {
                                    "--set duration=4")
                                .out;
   EXPECT_SAYS(bent, "governor    on: bent the commands of ");
-  EXPECT_SAYS(bent, " % of N free for motors and estimate");
+  EXPECT_SAYS(bent, " % of N free for motors, estimate and belief");
   EXPECT_EQ(folder.run("ballast move desk_ball --mass 0 --to 0.1" + governed).out.find("governor"), std::string::npos);
   EXPECT_SAYS(folder
                   .run("ballast run paper_ball --set surface.static_friction=0.05 --set surface.kinetic_friction=0.05" +

@@ -165,7 +165,9 @@ std::vector<Change> changes() {
         "monitor_stale_ticks", [](Robot & r) -> auto& { return r.params.monitor_stale_ticks; });
   }
   {
-    [[maybe_unused]] const auto& [on, friction, friction_use, min_normal_force, swing] = robot.params.governor;
+    [[maybe_unused]] const auto& [on, friction, friction_use, min_normal_force, swing, belief_error] =
+        robot.params.governor;
+    [[maybe_unused]] const auto& [mass_share, center_of_mass] = belief_error;
     [[maybe_unused]] const auto& [natural, damping, microstep, full_step, step_error, detent] = swing[0];
     number(
         "governor.on", [](Robot & r) -> auto& { return r.params.governor.on; });
@@ -175,6 +177,12 @@ std::vector<Change> changes() {
         "governor.friction_use", [](Robot & r) -> auto& { return r.params.governor.friction_use; });
     number(
         "governor.min_normal_force_n", [](Robot & r) -> auto& { return r.params.governor.min_normal_force_n; });
+    number(
+        "governor.belief_error.mass_share",
+        [](Robot & r) -> auto& { return r.params.governor.belief_error.mass_share; });
+    number(
+        "governor.belief_error.center_of_mass_m",
+        [](Robot & r) -> auto& { return r.params.governor.belief_error.center_of_mass_m; });
     for (std::size_t i : {0, 7}) {
       using Swing = firmware::MotorSwing;
       const auto of = [&number, i](const std::string& what, firmware::Real Swing::*member) {

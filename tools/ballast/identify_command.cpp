@@ -93,7 +93,8 @@ int fit_runs(const IdentifyCommand& command) {
     const sim::ScenarioResult read = sim::parse_scenario(toml, command.write);
     if (!read.ok()) return could_not("what was identified is no robot: " + sim::to_string(read.errors.front()));
     if (const std::string why = write_file(command.write, toml); !why.empty()) return could_not(why);
-    text += fmt::format("  written     {}: the scenario with [believed]\n", command.write);
+    text += fmt::format("  written     {}: the scenario with [believed], and its intervals as [control.belief_error]\n",
+                        command.write);
   }
   std::cout << text << std::flush;
   const bool nothing = fit.unknown.size() == static_cast<std::size_t>(parameters.count());

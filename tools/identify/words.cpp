@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -14,6 +15,8 @@ namespace ballast::identify {
 namespace {
 
 using program::short_number;
+
+constexpr double kMostDeclared = 0.5;  // control.belief_error.mass
 
 struct Line {
   std::string name, unit;
@@ -99,6 +102,20 @@ std::string intervals_text(const Parameters& parameters, const Identified& fit) 
   return text;
 }
 
+BeliefError belief_error(const Parameters& parameters, const Identified& fit) {
+  BeliefError out;
+  out.mass_share = fit.shell_half_width_kg / fit.shell_mass_kg;
+  for (int k = 0; k < parameters.rolling_resistance(); ++k) {
+    const bool center = k >= parameters.center_of_mass() && k < parameters.inertia();
+    if (center) {
+      out.center_of_mass_m = std::max(out.center_of_mass_m, fit.half_width[k]);
+    } else {
+      out.mass_share = std::max(out.mass_share, fit.half_width[k] / fit.value[k]);
+    }
+  }
+  return out;
+}
+
 std::string believed_toml(const std::string& toml, const Parameters& parameters, const Known& known,
                           const Identified& fit) {
   sim::Node root;
@@ -125,6 +142,14 @@ std::string believed_toml(const std::string& toml, const Parameters& parameters,
     masses.items.push_back(std::move(mass));
   }
   sim::set_entry(believed, "mass", std::move(masses));
+
+  // What an unknown parameter is off by nobody knows: a bound that was declared stays.
+  const BeliefError off = belief_error(parameters, fit);
+  sim::Node& error = table(table(root, "control"), "belief_error");
+  if (off.mass_share <= kMostDeclared) sim::set_entry(error, "mass", sim::number_node(off.mass_share));
+  if (std::isfinite(off.center_of_mass_m)) {
+    sim::set_entry(error, "center_of_mass", sim::number_node(off.center_of_mass_m));
+  }
   return sim::to_toml(root) + "\n";
 }
 

@@ -13,8 +13,15 @@ namespace ballast::identify {
 // The half-widths of the 95 % intervals, a line for each parameter.
 [[nodiscard]] std::string intervals_text(const Parameters& parameters, const Identified& fit);
 
-// The scenario's file with a [believed] of what was identified. Other keys of its [believed] stay. Parameters that are
-// unknown keep what is believed.
+// Greatest half-widths of the 95 % intervals: of masses and moments of inertia as parts of them, and of the components
+// of the centre of mass. Infinite where one of them is unknown.
+struct BeliefError {
+  double mass_share = 0, center_of_mass_m = 0;
+};
+[[nodiscard]] BeliefError belief_error(const Parameters& parameters, const Identified& fit);
+
+// The scenario's file with a [believed] of what was identified, and belief_error() as control.belief_error where it is
+// known. Other keys stay. Parameters that are unknown keep what is believed.
 [[nodiscard]] std::string believed_toml(const std::string& toml, const Parameters& parameters, const Known& known,
                                         const Identified& fit);
 

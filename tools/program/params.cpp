@@ -110,6 +110,7 @@ firmware::GovernorSettings to_governor_settings(const sim::Scenario& scenario) {
   governor.friction_use = scenario.control.friction_use * scenario.envelope.friction_use;
   governor.friction = governor.friction_use * scenario.belief().surface.static_friction;
   governor.min_normal_force_n = scenario.envelope.min_normal_force_n;
+  governor.belief_error = {scenario.control.belief_error.mass_share, scenario.control.belief_error.center_of_mass_m};
   if (scenario.run.actuation != sim::Actuation::kStepper) return governor;
   for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
     governor.swing[i] = to_motor_swing(scenario.belief().masses[i]);

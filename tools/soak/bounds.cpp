@@ -45,9 +45,10 @@ bool overload_possible(const sim::Scenario& scenario, const controller_status_t&
 
 namespace {
 
+// As it is believed.
 double weight_n(const sim::Scenario& scenario) {
-  double mass_kg = scenario.ball.mass_kg;
-  for (const sim::Mass& mass : scenario.masses) mass_kg += mass.mass_kg;
+  double mass_kg = scenario.belief().ball.mass_kg;
+  for (const sim::Mass& mass : scenario.belief().masses) mass_kg += mass.mass_kg;
   return mass_kg * scenario.gravity_mps2;
 }
 

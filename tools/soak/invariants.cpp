@@ -77,7 +77,8 @@ constexpr InvariantText kTexts[kInvariantCount] = {
     {"repeatable", "The same seed gives the same log, byte for byte (checked for one seed in 32)."},
     {"governed",
      "While the governor commands ideal masses of a rolling ball, on a floor and under forces that it is told of, with "
-     "ideal sensors and before any fault, the true ball keeps f_s <= friction_use mu_s N of envelope and control, and "
+     "ideal sensors and before any fault, and what it believes is true or off by less than control.belief_error, the "
+     "true ball keeps f_s <= friction_use mu_s N of envelope and control, and "
      "a stop is certified: for ever, or up to a tick that is still to come."},
     {"halted",
      "A halt that such a run says will take T seconds ends with the ball at rest, at the latest 2 T + 2 s after its "
@@ -86,6 +87,31 @@ constexpr InvariantText kTexts[kInvariantCount] = {
 
 // Parts of N by which real and commanded forces may differ where slip is told truly, and where a light ball is.
 constexpr double kMostSwing = 0.04, kMostSwingOfLight = 0.25;
+
+// What is believed is the truth, or masses and centre of mass are off by no more than control.belief_error.
+bool declared(const sim::Scenario& scenario) {
+  if (!scenario.believed) return true;
+  constexpr double kRounding = 1e-12;
+  const sim::World& believed = *scenario.believed;
+  const auto& error = scenario.control.belief_error;
+  const auto near = [&](double truth, double belief) {
+    return std::abs(truth - belief) <= (error.mass_share + kRounding) * belief;
+  };
+  const sim::Surface &floor = scenario.surface, &other = believed.surface;
+  if (floor.static_friction != other.static_friction || floor.rolling_resistance != other.rolling_resistance ||
+      floor.spin_friction_m != other.spin_friction_m || floor.slope_rad != other.slope_rad ||
+      floor.downhill_rad != other.downhill_rad || scenario.ball.radius_m != believed.ball.radius_m ||
+      scenario.ball.inertia_kgm2 != believed.ball.inertia_kgm2) {
+    return false;
+  }
+  bool inside = near(scenario.ball.mass_kg, believed.ball.mass_kg);
+  const Eigen::Vector3d off = scenario.ball.center_of_mass_B_m - believed.ball.center_of_mass_B_m;
+  inside &= off.cwiseAbs().maxCoeff() <= error.center_of_mass_m + kRounding * scenario.ball.radius_m;
+  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
+    inside &= near(scenario.masses[i].mass_kg, believed.masses[i].mass_kg);
+  }
+  return inside;
+}
 
 constexpr std::uint64_t kHashSeed = 0xcbf29ce484222325;
 
@@ -405,7 +431,7 @@ void Invariants::check_envelope(const sil::Lap& lap, const Sample& truth) {
 bool Invariants::governs_exactly(const sil::Lap& lap) const {
   if (!has_status_ || status_.governed == 0 || lap.answer->status.governed == 0) return false;
   const bool untold = !scenario_.force_table.times_s.empty() || scenario_.drag.coefficient_kgpm > 0 ||
-                      !scenario_.surface.patches.empty() || scenario_.believed.has_value();
+                      !scenario_.surface.patches.empty() || !declared(scenario_);
   const bool exact = scenario_.run.actuation == sim::Actuation::kIdeal && !scenario_.sensors.present && !untold;
   return exact && !has_slid_ && !disturbed_;
 }

@@ -29,8 +29,7 @@ bool follows(const ModeStep& step) {
     case Status::MODE_ARMED:
       return (now == Status::MODE_DISARMED && told(operator_t::COMMAND_STOP)) ||
              (now == Status::MODE_RUNNING && told(operator_t::COMMAND_START)) ||
-             (now == Status::MODE_PENDING &&
-              (told(operator_t::COMMAND_MOVE) || step.before.course_coming != 0)) ||
+             (now == Status::MODE_PENDING && (told(operator_t::COMMAND_MOVE) || step.before.course_coming != 0)) ||
              (now == Status::MODE_HALTING && told(operator_t::COMMAND_HALT));
     case Status::MODE_PENDING:
       if (now == Status::MODE_RUNNING) return step.now.course != 0 && step.now.course == step.before.course_coming;

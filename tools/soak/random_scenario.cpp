@@ -79,7 +79,7 @@ class Draw {
     if (!sensed.empty()) out += line("hold", period_ * of_sensors_.integer(estimates_ ? 20 : 0, 200));
     out += line("on_violation", calm_ || random_.chance(0.6) ? "\"continue\"" : "\"stop\"");
     if (!calm_) out += tolerance(seed) + envelope();
-    return out + governed;
+    return out + governed + believed();
   }
 
  private:
@@ -88,7 +88,22 @@ class Draw {
     constexpr double kMostPeriod = 0.04;  // of sqrt(r / g): the governor refuses 0.05
     if (!of_control_.chance(0.2) || period_ * pendulum_rate_ > kMostPeriod) return "";
     ideal_ = of_control_.chance(0.5);
-    return "\n[control]\ngovernor = true\n" + line("friction_use", of_control_.log_uniform(0.1, 1));
+    std::string out = "\n[control]\ngovernor = true\n" + line("friction_use", of_control_.log_uniform(0.1, 1));
+    if (!of_control_.chance(0.4)) return out;
+    off_ = of_control_.log_uniform(0.001, 0.05);
+    out += line("belief_error.mass", off_);
+    return out + line("belief_error.center_of_mass", kOffCenter * off_ * radius_);
+  }
+
+  // Inside of what is declared.
+  std::string believed() {
+    if (off_ == 0) return "";
+    const auto part = [&] { return 1 / (1 + of_control_.uniform(-off_, off_)); };
+    const Vector3d off(of_control_.uniform(-1, 1), of_control_.uniform(-1, 1), of_control_.uniform(-1, 1));
+    std::string out = "\n[believed.ball]\n" + line("mass", shell_mass_ * part());
+    out += line("center_of_mass", text(Vector3d(center_ + kOffCenter * off_ * radius_ * off)));
+    for (const double mass : masses_) out += "\n[[believed.mass]]\n" + line("mass", mass * part());
+    return out;
   }
 
   std::string external_force() {
@@ -112,7 +127,8 @@ class Draw {
     const double unit = shell_mass_ * radius_ * radius_;
     std::string out = "\n[ball]\n" + line("radius", radius_) + line("mass", shell_mass_);
     out += line("inertia", text(Vector3d(unit * Vector3d(a + b, b + c, a + c))));
-    if (random_.chance(0.5)) out += line("center_of_mass", text(random_.vector(0, 0.15 * radius_)));
+    if (random_.chance(0.5)) center_ = random_.vector(0, 0.15 * radius_);
+    if (center_ != Vector3d::Zero()) out += line("center_of_mass", text(center_));
     return out;
   }
 
@@ -340,7 +356,8 @@ class Draw {
     const Rail rail = random_.chance(0.6) ? circle() : random_.chance(0.5) ? on_line() : spline();
     double position = 0;
     const std::string moved = motion(rail, position);
-    std::string out = "\n[[mass]]\n" + line("mass", shell_mass_ * random_.log_uniform(0.03, 1.5));
+    masses_.push_back(shell_mass_ * random_.log_uniform(0.03, 1.5));
+    std::string out = "\n[[mass]]\n" + line("mass", masses_.back());
     out += line("rail", rail.toml) + line("initial_position", position) + moved;
     if (calm_) return out + "[mass.motor]\n" + line("microsteps", std::to_string(random_.one_of({16, 32})));
     out += "[mass.motor]\n" + line("microsteps", std::to_string(random_.one_of({1, 2, 4, 8, 16, 16, 32, 64, 256})));
@@ -375,6 +392,10 @@ class Draw {
   Random of_ends_{0}, of_patches_{0}, of_floor_{0}, of_sensors_{0}, of_control_{0};
   bool calm_;
   bool ideal_ = false, hand_size_ = true, stepper_ = true, floor_slides_ = true, estimates_ = false;
+  static constexpr double kOffCenter = 0.1;  // the centre of mass, in radii, beside the masses, as a part
+  double off_ = 0;                           // control.belief_error.mass
+  Vector3d center_ = Vector3d::Zero();
+  std::vector<double> masses_;
   double radius_ = 0, gravity_ = 0, shell_mass_ = 0, pendulum_rate_ = 0, duration_ = 0, period_ = 0;
 };
 

@@ -105,10 +105,10 @@ std::string governor_line(const RunResult& result) {
   }
   double most = 0;
   for (const double bend : g.largest_bend) most = std::max(most, bend);
-  const std::string allowance =
-      g.motor_allowance > 0
-          ? fmt::format("; kept up to {} % of N free for motors and estimate", short_number(100 * g.motor_allowance))
-          : "";
+  const std::string allowance = g.motor_allowance > 0
+                                    ? fmt::format("; kept up to {} % of N free for motors, estimate and belief",
+                                                  short_number(100 * g.motor_allowance))
+                                    : "";
   return fmt::format(
       "  governor    on: bent the commands of {} % of its ticks, {} % on the backup, by up to {} rail units{}\n",
       short_number(100 * g.share(g.bent_ticks)), short_number(100 * g.share(g.backup_ticks)), short_number(most),
