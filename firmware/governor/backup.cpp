@@ -286,9 +286,10 @@ AffineForces forces_at(const BallParams& ball, const GovernorParams& params, con
 }
 
 void drift_at(const BallParams& ball, const GovernorParams& params, const RobotState& state, const AffineForces& forces,
-              const PerMass<Real>& u, Drift& out) {
+              bool swing, Drift& out) {
   MassMotion masses = lagging(params, state);
-  masses.acceleration = u;
+  masses.acceleration = moved(params, state, state.mass_acceleration, swing, ball.mass_count);
+  const PerMass<Real>& u = masses.acceleration;
   const Arms arms = arms_of(ball, masses, state.angular_velocity_B_radps);
   const Vector3 force_W_n = forces.force(ball.mass_count, u);
   RollingForces rolling;
@@ -317,14 +318,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
   out.command = {};
   out.command.u = wish;
   out.steps = 0;
-  out.belief_n = 0;
-  if (params.belief_error.any()) {
-    Drift drift;
-    drift_at(ball, params, state, at_start, moved_start, drift);
-    out.astray = ramp.astray;
-    out.astray.advance(drift, h);
-    out.belief_n = out.astray.force_n(drift);
-  }
+  out.belief_n = ramp.belief_n;
   PerMass<Real> moved_end{};
   for (int round = 0; round <= (ramp.quick ? kQuickRounds : kTickRounds); ++round) {
     RobotState end = state;
@@ -340,7 +334,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
     affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, lagging(params, out.state),
                   out.forces);
     out.cone = cone_of(params, out.forces, out.state, n);
-    keep_free(out.belief_n, out.cone);
+    keep_free(ramp.belief_n, out.cone);
     const Cone spared = spare(with_turning(out.cone, out.forces, n, out.command.u), ramp.spare, out.forces);
     // The last projection's command holds where it lands, too.
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
@@ -361,7 +355,9 @@ Projection governed_beginning(const BallParams& ball, const GovernorParams& para
   Cone cone = spare(cone_of(params, forces, state, ball.mass_count), params.moving_reserve, forces);
   if (params.belief_error.any()) {
     Drift drift;
-    drift_at(ball, params, state, forces, wish, drift);
+    RobotState begun = state;
+    begun.mass_acceleration = wish;
+    drift_at(ball, params, begun, forces, false, drift);
     keep_free(drift.force_n(), cone);
   }
   const Box box = box_of(params, state, ball.mass_count, params.step_s, 0);

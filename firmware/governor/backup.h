@@ -59,7 +59,7 @@ struct Ramp {
   Real spare = 0;      // part of the friction that the command keeps free, if it can
   bool quick = false;  // for a rollout, in which the projection may give up early
   bool swing = false;  // masses that swing in their motors' fields accelerate as they swing, not as commanded
-  Astray astray;       // the ball at the start, where the belief may be off
+  Real belief_n = 0;   // of the friction, and of N, that the cone keeps free for errors of the belief
 };
 
 struct GovernedRamp {
@@ -70,8 +70,7 @@ struct GovernedRamp {
   Vector3 force_W_n = Vector3::Zero();  // there
   Real outside_n = 0;                   // of the cone, <= 0: inside
   int steps = 0;                        // of the projection's searches
-  Astray astray;                        // there, where the belief may be off
-  Real belief_n = 0;                    // kept free for that
+  Real belief_n = 0;                    // Ramp::belief_n
 };
 
 // The cost of a projection, in steps of a rollout that is not bent: by the steps of its searches.
@@ -95,9 +94,9 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
 
 [[nodiscard]] AffineForces forces_at(const BallParams& ball, const GovernorParams& params, const RobotState& state);
 
-// What errors of the belief do in this state with these accelerations.
+// What errors of the belief do in this state, where the forces are `forces`. `swing`: as in Ramp.
 void drift_at(const BallParams& ball, const GovernorParams& params, const RobotState& state, const AffineForces& forces,
-              const PerMass<Real>& u, Drift& out);
+              bool swing, Drift& out);
 
 // The state after a control tick in which the accelerations go linearly from `start` to `end`.
 [[nodiscard]] RobotState after_ramp(const BallParams& ball, const GovernorParams& params, const RobotState& state,

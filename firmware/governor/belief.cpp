@@ -51,8 +51,14 @@ void drift_of(const BallParams& ball, const BeliefErrors& errors, const Arms& ar
   const Vec against_weight = detail::against_weight(ball, lambda);
   const Real mass = arms.mass_kg, r = ball.radius_m;
   const Vec lever = r * gamma + center;  // from the contact point to the centre of mass
-  // A point of the body that is `arm` from the centre of mass accelerates by this more.
-  const auto turned = [&](const Vec& arm) { return cross(turning, arm) + cross(omega, cross(omega, arm)); };
+  // A point of the body that is `arm` from the centre of mass accelerates by this more: Omegadot x arm + Omega x
+  // (Omega x arm), by the columns of that matrix.
+  const Real square = dot(omega, omega);
+  const std::array<Vec, 3> columns{
+      Vec{omega.x * omega.x - square, omega.x * omega.y + turning.z, omega.x * omega.z - turning.y},
+      Vec{omega.x * omega.y - turning.z, omega.y * omega.y - square, omega.y * omega.z + turning.x},
+      Vec{omega.x * omega.z + turning.y, omega.y * omega.z - turning.x, omega.z * omega.z - square}};
+  const auto turned = [&](const Vec& arm) { return arm.x * columns[0] + arm.y * columns[1] + arm.z * columns[2]; };
   Vec mean_own{0, 0, 0};
   for (std::size_t i = 0; i < n; ++i) mean_own = mean_own + (ball.mass_kg[i] / mass) * from(arms.own_B_mps2[i]);
   // Of the centre of mass, with the weight: the reaction of the floor per mass.
@@ -78,10 +84,11 @@ void drift_of(const BallParams& ball, const BeliefErrors& errors, const Arms& ar
   };
   const Vec shell = from(arms.shell_B_m), none{0, 0, 0};
   const Real center_kgm = errors.center_of_mass_m * ball.shell_mass_kg;
+  const Vec shell_felt = felt + turned(shell) - mean_own;
+  const std::array<Vec, 3> axes{Vec{1, 0, 0}, Vec{0, 1, 0}, Vec{0, 0, 1}};
   for (int k = 0; k < 3; ++k) {
-    const Vec axis{k == 0 ? Real(1) : 0, k == 1 ? Real(1) : 0, k == 2 ? Real(1) : 0};
-    const Vec more = turned(axis);
-    push(k, center_kgm * (cross(axis, felt + turned(shell) - mean_own) + cross(lever + shell, more)));
+    const Vec& more = columns[static_cast<std::size_t>(k)];
+    push(k, center_kgm * (cross(axes[static_cast<std::size_t>(k)], shell_felt) + cross(lever + shell, more)));
     out.other_n += center_kgm * length(more);
     out.off_center_m += center_kgm / mass;
   }
@@ -149,10 +156,12 @@ Real Astray::force_n(const Drift& drift) const {
   const Real k = drift.stiffness_per_s2;
   Real sum = 0, omega = 0, tilt = 0;
   for (std::size_t j = 0; j < static_cast<std::size_t>(drift.errors); ++j) {
-    sum += length(Horizontal{k * tilt_[j].x + drift.push[j].x, k * tilt_[j].y + drift.push[j].y});
+    sum += length(drift.push[j]);
     omega += length(omega_[j]);
     tilt += length(tilt_[j]);
   }
+  // The weight of a ball astray may balance the push. The tick does not know the push, and keeps all of it free.
+  sum += std::fabs(k) * tilt;
   Real out = drift.other_n + drift.per_angular_acceleration * sum + drift.per_omega * omega + drift.per_tilt * tilt;
   if (drift.resistance_n > 0) {
     out += drift.resistance_n * (omega < drift.rolling_radps ? omega / drift.rolling_radps : 1);

@@ -293,8 +293,15 @@ void detail::command(const BallParams& ball, const GovernorParams& params, const
   }
   for (std::size_t i = 0; i < wish.size(); ++i)
     wish[i] = bend[i] == 0 && !backup ? nominal.reached[i] : wish[i] + bend[i];
+  const AffineForces forces = forces_at(ball, params, now);
+  Ramp kept = ramp;
+  if (params.belief_error.any()) {
+    Drift drift;
+    drift_at(ball, params, now, forces, ramp.swing, drift);
+    kept.belief_n = drift.force_n();
+  }
   GovernedRamp end;
-  governed_for_ramp(ball, params, now, forces_at(ball, params, now), ramp, clipped(ramp.end, wish), end);
+  governed_for_ramp(ball, params, now, forces, kept, clipped(ramp.end, wish), end);
   out.acceleration = end.command.u;
   out.end = end.state;
   out.cost = cost_of(end);

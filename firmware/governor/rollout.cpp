@@ -37,6 +37,7 @@ void Rollout::begin(const GovernorParams& params, const RobotState& state, std::
   held_ = near_edge_ = wished_ = begun_ = last_ = false;
   bends_from_s_ = 0;
   astray_ = {};
+  renewed_ = false;
   PerMass<Real> tolerance{};
   for (std::size_t i = 0; i < tolerance.size(); ++i) tolerance[i] = kBendTolerance * params.mass[i].max_acceleration;
   bends_.clear(tick, tolerance);
@@ -137,7 +138,12 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   ramp.start = state_.mass_acceleration;
   ramp.h_s = h_s;
   ramp.swing = ramp.quick = true;
-  ramp.astray = astray_;
+  if (params.belief_error.any()) {
+    renewed_ = !renewed_;
+    if (renewed_) drift_at(ball, params, state_, forces_, true, drift_);
+    astray_.advance(drift_, h_s);
+    ramp.belief_n = astray_.force_n(drift_);
+  }
   ramp.spare = follows_plan ? params.moving_reserve / 2 : params.moving_reserve;
   // Bends change as fast as max_jerk allows, and the nominal's own changes are followed.
   PerMass<Real> change{}, wanted = wish.u;
@@ -174,7 +180,6 @@ void Rollout::finish_step(const BallParams& ball, const GovernorParams& params, 
   GovernedRamp end;
   governed_for_ramp(ball, params, state_, forces_, ramp, wanted, end);
   cost_ = cost_of(end);
-  astray_ = end.astray;
   state_ = end.state;
   forces_ = end.forces;
   time_s_ = end_s;
@@ -228,9 +233,9 @@ void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
     held.position = state_.mass_position;
     arms_ = arms_of(ball, held, state_.angular_velocity_B_radps);
     const RollingForces forces = held_forces(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps);
-    Drift drift;
-    drift_of_held(ball, params, forces, drift);
-    errors = {params.belief_error.mass_share, drift.off_center_m, astray_.omega_radps(drift), astray_.tilt_rad(drift)};
+    drift_held(ball, params, forces);
+    errors = {params.belief_error.mass_share, drift_.off_center_m, astray_.omega_radps(drift_),
+              astray_.tilt_rad(drift_)};
   }
   const ForEver bound = held_for_ever(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps, errors);
   if (!bound.known) return;
@@ -241,9 +246,8 @@ void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
   end_ = RolloutEnd::kForEver;
 }
 
-void Rollout::drift_of_held(const BallParams& ball, const GovernorParams& params, const RollingForces& forces,
-                            Drift& out) const {
-  drift_of(ball, params.belief_error, arms_, state_.orientation, state_.angular_velocity_B_radps, forces, out);
+void Rollout::drift_held(const BallParams& ball, const GovernorParams& params, const RollingForces& forces) {
+  drift_of(ball, params.belief_error, arms_, state_.orientation, state_.angular_velocity_B_radps, forces, drift_);
 }
 
 void Rollout::step_held_ball(const BallParams& ball, const GovernorParams& params) {
@@ -254,11 +258,11 @@ void Rollout::step_held_ball(const BallParams& ball, const GovernorParams& param
       std::isinf(params.friction) ? 0 : use_of(params.friction, forces.static_friction_n, forces.normal_force_n);
   Real belief_n = 0, belief_use = 0;
   if (params.belief_error.any()) {
-    Drift drift;
-    drift_of_held(ball, params, forces, drift);
-    belief_n = astray_.force_n(drift);
+    renewed_ = !renewed_;
+    if (renewed_) drift_held(ball, params, forces);
+    belief_n = astray_.force_n(drift_);
     if (!std::isinf(params.friction)) belief_use = use_of(params.friction, belief_n, forces.normal_force_n);
-    astray_.advance(drift, h);
+    astray_.advance(drift_, h);
   }
   use(params, now, forces.normal_force_n, belief_use);
   if (const Real all = now + belief_use + settling_use_; time_s_ < settled_s_ && !(all <= 1 - params.reserve)) {

@@ -123,8 +123,7 @@ class Rollout {
   void judge(const GovernorParams& params, const GovernedRamp& end);
   [[nodiscard]] Real settling_use(const BallParams& ball, const GovernorParams& params) const;
   void begin_hold(const BallParams& ball, const GovernorParams& params);
-  void drift_of_held(const BallParams& ball, const GovernorParams& params, const RollingForces& forces,
-                     Drift& out) const;
+  void drift_held(const BallParams& ball, const GovernorParams& params, const RollingForces& forces);
   void step_held_ball(const BallParams& ball, const GovernorParams& params);
   void use(const GovernorParams& params, Real use, Real normal_force_n, Real astray_use = 0);
 
@@ -146,8 +145,11 @@ class Rollout {
   Wide bends_from_s_ = 0;
   int cost_ = 1;  // of the last step of a moving ball, in those that are not bent
   HeldBall held_ball_;
+  // Where errors of the belief are declared: the drift is renewed in every second step, and is used in both.
   Astray astray_;
-  Arms arms_;  // of the held ball
+  Drift drift_;
+  bool renewed_ = false;  // in the last step
+  Arms arms_;             // of the held ball
   // Part of the friction that the motors may add until the slowest masses have come to rest.
   Real settling_use_ = 0;
   Wide settled_s_ = 0;

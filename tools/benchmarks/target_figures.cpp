@@ -195,7 +195,7 @@ void governor(const Target& target) {
   measured("governed", "paper_ball", {});
   measured("bent", "paper_ball", {"surface.static_friction=0.16", "surface.kinetic_friction=0.1"});
   measured("and uncertain", "paper_ball",
-           {"surface.static_friction=0.2", "surface.kinetic_friction=0.1", "control.belief_error.mass=0.01"});
+           {"surface.static_friction=0.27", "surface.kinetic_friction=0.1", "control.belief_error.mass=0.01"});
   const std::vector<std::string> all{"duration=3",
                                      "believed.ball.mass=0.82",
                                      "control.tracking=true",
