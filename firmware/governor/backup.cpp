@@ -27,6 +27,8 @@ Real fading(Real max_jerk, Real left, Real h) {
 // A bent command moves the end of a ramp a little, where it is projected anew, in a tick and in a rollout so many
 // times.
 constexpr int kTickRounds = 3;
+// Of the projection's searches in a tick, after which no further one begins: an empty cone would take hundreds.
+constexpr int kTickSteps = 24;
 constexpr int kQuickRounds = 1;
 
 // Time constant of the brake, times the natural frequency of a swinging mass: a shorter one excites the swing.
@@ -338,8 +340,8 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
     const Cone spared = spare(with_turning(out.cone, out.forces, n, out.command.u), ramp.spare, out.forces);
     // The last projection's command holds where it lands, too.
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
-    out.command = ramp.quick ? project_quickly(out.forces, n, spared, ramp.end, unit, wish)
-                             : project(out.forces, n, spared, ramp.end, unit, wish);
+    const int left = ramp.quick ? 0 : std::max(kTickSteps - out.steps, 0);
+    out.command = project(out.forces, n, spared, ramp.end, unit, wish, left);
     out.steps += out.command.steps;
     if (!out.command.bent || out.command.empty) break;
   }

@@ -123,6 +123,9 @@ class Projector {
   PerMass<Real> nominal_{};
 };
 
+// Sine of the angle between two directions. The force's turn inside of it changes what is outside by its square.
+constexpr Real kClosed = std::max(Real(1e-6), 8 * std::numeric_limits<Real>::epsilon());
+
 // The u with the least violation so far.
 struct Best {
   PerMass<Real> u{};
@@ -175,6 +178,8 @@ void search_direction(const Projector& projector, const Cone& cone, Plane e, Bes
     last_side = side;
     const Plane here = e;
     if (at_right > 0 && at_left < 0) {
+      // Between directions as near as that there is nothing inside.
+      if (std::fabs(right.x * left.y - right.y * left.x) < kClosed) return;
       e = step > kUsualSteps && step % 3 == 0 ? between(right, 1, left, 1) : between(right, -at_left, left, at_right);
     } else {
       // One-sided so far: the secant through the last two, a little further so that the root comes between; first the
@@ -190,7 +195,7 @@ void search_direction(const Projector& projector, const Cone& cone, Plane e, Bes
 
 // The search begins along the nominal's friction. Where N falls to 0 on the way its distance may have two maxima, and
 // the search may not end; the farthest of eight half spaces is then a better beginning.
-PerMass<Real> nearest_in_cone(const Projector& projector, const Cone& cone, int& steps, bool quickly = false) {
+PerMass<Real> nearest_in_cone(const Projector& projector, const Cone& cone, int most_steps, int& steps) {
   Best best;
   const auto answer = [&] {
     steps += best.steps;
@@ -199,7 +204,7 @@ PerMass<Real> nearest_in_cone(const Projector& projector, const Cone& cone, int&
   const Vector3 first = projector.force(projector.nominal());
   const Real first_n = friction_n(first);
   search_direction(projector, cone, first_n > 0 ? Plane{first[0] / first_n, first[1] / first_n} : Plane{1, 0}, best);
-  if (best.inside || quickly) return answer();
+  if (best.inside || steps + best.steps >= most_steps) return answer();
   constexpr Real kHalf = Real(0.70710678118654752);
   constexpr Plane kAround[8] = {{1, 0},  {kHalf, kHalf},   {0, 1},  {-kHalf, kHalf},
                                 {-1, 0}, {-kHalf, -kHalf}, {0, -1}, {kHalf, -kHalf}};
@@ -330,8 +335,10 @@ bool inside(const Projector& projector, const Cone& cone, const PerMass<Real>& u
   return projector.outside(cone, u) <= 4 * kConeTolerance * size_n;
 }
 
-Projection projected(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
-                     const PerMass<Real>& unit, const PerMass<Real>& nominal, bool quickly) {
+}  // namespace
+
+Projection project(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
+                   const PerMass<Real>& unit, const PerMass<Real>& nominal, int most_steps) {
   const Projector projector(forces, mass_count, box, unit, nominal);
   Projection out;
   out.u = projector.nominal();
@@ -347,22 +354,21 @@ Projection projected(const AffineForces& forces, int mass_count, const Cone& con
   if (std::isinf(cone.friction)) {
     out.u = projector.pressed(cone.min_normal_force_n);
   } else {
-    out.u = nearest_in_cone(projector, cone, out.steps, quickly);
-    if (quickly) {
-      // The answer, whatever it is.
-    } else if (projector.force(out.u)[2] < cone.min_normal_force_n || !inside(projector, cone, out.u)) {
+    out.u = nearest_in_cone(projector, cone, most_steps, out.steps);
+    const bool wrong = projector.force(out.u)[2] < cone.min_normal_force_n || !inside(projector, cone, out.u);
+    if (wrong && out.steps < most_steps) {
       Cone tip = cone;
       tip.slack_n = std::fmax(cone.friction * cone.min_normal_force_n, cone.slack_n);
-      const PerMass<Real> safer = nearest_in_cone(projector, tip, out.steps);
+      const PerMass<Real> safer = nearest_in_cone(projector, tip, most_steps, out.steps);
       if (inside(projector, cone, safer)) {
         out.u = safer;
-      } else {
+      } else if (out.steps < most_steps) {
         // From there the direction is known well enough to find the nominal's own nearest point, as a rule.
-        out.u = nearest_in_cone(projector.from_most_pressed(), tip, out.steps);
+        out.u = nearest_in_cone(projector.from_most_pressed(), tip, most_steps, out.steps);
         const Vector3 force = projector.force(out.u);
         const Real size_n = friction_n(force);
         Best best;
-        if (size_n > 0) {
+        if (size_n > 0 && out.steps < most_steps) {
           search_direction(projector, tip, {force[0] / size_n, force[1] / size_n}, best);
           out.steps += best.steps;
         }
@@ -373,18 +379,6 @@ Projection projected(const AffineForces& forces, int mass_count, const Cone& con
   out.empty = !inside(projector, cone, out.u);
   out.violation_n = out.empty ? projector.outside(cone, out.u) : 0;
   return out;
-}
-
-}  // namespace
-
-Projection project(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
-                   const PerMass<Real>& unit, const PerMass<Real>& nominal) {
-  return projected(forces, mass_count, cone, box, unit, nominal, false);
-}
-
-Projection project_quickly(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
-                           const PerMass<Real>& unit, const PerMass<Real>& nominal) {
-  return projected(forces, mass_count, cone, box, unit, nominal, true);
 }
 
 }  // namespace ballast::firmware

@@ -9,6 +9,8 @@
 // Source: our derivation, tools/docs/governor.md, "Cone".
 #pragma once
 
+#include <limits>
+
 #include "firmware/model/affine_forces.h"
 
 namespace ballast::firmware {
@@ -59,12 +61,11 @@ struct Projection {
 // force is projected into the cone with its tip at that N instead, which lies inside of both, and where that fails too,
 // from the u with the greatest N. Then u keeps the limits but is not the nearest. NaN in gives empty, with u the
 // nominal inside the box.
+//
+// After `most_steps` no further search begins: where there was none inside up to then, the answer is `empty` although
+// there may be one. 0: one search of at most kMostConeSteps half spaces.
 [[nodiscard]] Projection project(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
-                                 const PerMass<Real>& unit, const PerMass<Real>& nominal);
-
-// The same with one search of at most kMostConeSteps half spaces: where that finds no u inside, the answer is `empty`
-// although there may be one.
-[[nodiscard]] Projection project_quickly(const AffineForces& forces, int mass_count, const Cone& cone, const Box& box,
-                                         const PerMass<Real>& unit, const PerMass<Real>& nominal);
+                                 const PerMass<Real>& unit, const PerMass<Real>& nominal,
+                                 int most_steps = std::numeric_limits<int>::max());
 
 }  // namespace ballast::firmware

@@ -68,6 +68,16 @@ TEST(TargetEquality, AGovernedRun) {
                0);
 }
 
+// Errors of the belief declared: astray from step to step of every rollout.
+TEST(TargetEquality, AGovernedRunOfAnUncertainRobot) {
+  const std::string uncertain = " --set control.governor=true --set control.belief_error.mass=0.02 ";
+  expect_equal("paper_ball" + uncertain + "--actuation ideal --set believed.ball.mass=1.01 --set duration=8", 0);
+  expect_equal("desk_ball" + uncertain +
+                   "--set control.belief_error.center_of_mass=0.0007 --set control.tracking=true "
+                   "--set believed.ball.mass=0.81 --set duration=1.5 --fault push@0.5:2,duration=0.1",
+               0);
+}
+
 // No pulse for longer than the step timer counts, 172 s.
 TEST(TargetEquality, ALongRest) { expect_equal("desk_ball --set duration=180 --set run.control_period=0.01", 0); }
 

@@ -67,6 +67,25 @@ TEST(Governed, LeavesSafeMotionsAlone) {
   }
 }
 
+// Declared errors of the belief cost a hanging ball nothing; one on its head is bent for small ones and refused for
+// great ones, with the words of any start that no stop is certified for.
+TEST(Governed, KeepsFreeWhatIsDeclared) {
+  const std::vector<std::string> desk{"run.actuation=\"ideal\"", "duration=8", "control.belief_error.mass=0.05",
+                                      "control.belief_error.center_of_mass=0.00075"};
+  const RunResult hanging = roll(governed("desk_ball", desk)).result;
+  EXPECT_EQ(hanging.end_reason, EndReason::kCompleted);
+  ASSERT_TRUE(hanging.governor);
+  EXPECT_EQ(hanging.governor->bent_ticks, 0);
+  const test::Folder folder;
+  const std::string head =
+      "ballast run paper_ball --actuation ideal --set control.governor=true --set duration=1 "
+      "--set control.belief_error.mass=";
+  EXPECT_EQ(folder.run(head + "0.01").exit_status, 0);
+  const auto refused = folder.run(head + "0.2");
+  EXPECT_EQ(refused.exit_status, 3);
+  EXPECT_SAYS(refused.err, "the controller refuses the start: no stop can be certified");
+}
+
 // A motion that begins late starts from where its masses stand, without its initial velocity; a halt follows none.
 TEST(GovernorWatch, ComparesWithTheMotionAsItBegan) {
   sim::Scenario scenario = governed("paper_ball", {});
