@@ -123,9 +123,6 @@ class Projector {
   PerMass<Real> nominal_{};
 };
 
-// Sine of the angle between two directions. The force's turn inside of it changes what is outside by its square.
-constexpr Real kClosed = std::max(Real(1e-6), 8 * std::numeric_limits<Real>::epsilon());
-
 // The u with the least violation so far.
 struct Best {
   PerMass<Real> u{};
@@ -178,8 +175,6 @@ void search_direction(const Projector& projector, const Cone& cone, Plane e, Bes
     last_side = side;
     const Plane here = e;
     if (at_right > 0 && at_left < 0) {
-      // Between directions as near as that there is nothing inside.
-      if (std::fabs(right.x * left.y - right.y * left.x) < kClosed) return;
       e = step > kUsualSteps && step % 3 == 0 ? between(right, 1, left, 1) : between(right, -at_left, left, at_right);
     } else {
       // One-sided so far: the secant through the last two, a little further so that the root comes between; first the

@@ -82,7 +82,7 @@ TEST(Governed, KeepsFreeWhatIsDeclared) {
       "--set control.belief_error.mass=";
   EXPECT_EQ(folder.run(head + "0.01").exit_status, 0);
   const auto refused = folder.run(head + "0.2");
-  EXPECT_EQ(refused.exit_status, 3);
+  EXPECT_EQ(refused.exit_status, 1);
   EXPECT_SAYS(refused.err, "the controller refuses the start: no stop can be certified");
 }
 
