@@ -263,10 +263,10 @@ Cone spare(Cone cone, Real part, const AffineForces& forces) {
   return cone;
 }
 
-// Errors of the belief may add this to the friction, and take it from N.
-void keep_free(Real belief_n, Cone& cone) {
+// Errors of the belief may add this to the friction, and take it from N. A lighter robot has less of N besides.
+void keep_free(const BeliefErrors& errors, Real belief_n, Cone& cone) {
   cone.slack_n += belief_n;
-  cone.min_normal_force_n += belief_n;
+  cone.min_normal_force_n = (cone.min_normal_force_n + belief_n) / (1 - errors.mass_share);
 }
 
 // The masses' own accelerations where `u` is commanded.
@@ -336,7 +336,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
     affine_forces(ball, out.state.orientation, out.state.angular_velocity_B_radps, lagging(params, out.state),
                   out.forces);
     out.cone = cone_of(params, out.forces, out.state, n);
-    keep_free(ramp.belief_n, out.cone);
+    keep_free(params.belief_error, ramp.belief_n, out.cone);
     const Cone spared = spare(with_turning(out.cone, out.forces, n, out.command.u), ramp.spare, out.forces);
     // The last projection's command holds where it lands, too.
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
@@ -360,7 +360,7 @@ Projection governed_beginning(const BallParams& ball, const GovernorParams& para
     RobotState begun = state;
     begun.mass_acceleration = wish;
     drift_at(ball, params, begun, forces, false, drift);
-    keep_free(drift.force_n(), cone);
+    keep_free(params.belief_error, drift.force_n(), cone);
   }
   const Box box = box_of(params, state, ball.mass_count, params.step_s, 0);
   return project(forces, ball.mass_count, cone, box, units(params), wish);

@@ -98,7 +98,11 @@ void drift_of(const BallParams& ball, const BeliefErrors& errors, const Arms& ar
   // A mass that is heavier is that, and all others lighter: masses that are all heavier by the same part roll as
   // before, but for the shell's inertia and an outside force, which are less beside them.
   const Vec outside_W = from(ball.external_force_W_n);
-  const Vec beside = of_inertia + cross(r * lambda.to_B(outside_W), gamma);
+  Vec beside = of_inertia + cross(r * lambda.to_B(outside_W), gamma) + ball.shell_mass_kg * cross(shell, turned(shell));
+  for (std::size_t i = 0; i < n; ++i) {
+    const Vec arm = from(arms.arm_B_m[i]);
+    beside = beside + ball.mass_kg[i] * cross(arm, turned(arm) + from(arms.own_B_mps2[i]));
+  }
   const Real outside_n = length(outside_W);
   const auto add = [&](int j, Real error_kg, const Vec& arm, const Vec& own_mps2) {
     const Vec more = turned(arm) + own_mps2 - mean_own;

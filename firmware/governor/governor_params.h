@@ -67,7 +67,7 @@ struct GovernorParams {
   Real reserve = 0;
   // The same while the masses move. A rollout that squeezes by the cone's edge would not be repeated by the robot.
   Real moving_reserve = 0;
-  // Part of N that the cone keeps free for what estimate and belief may be off. It may be set anew before every tick,
+  // Part of N that the cone keeps free for what the estimate may be off. It may be set anew before every tick,
   // from Sensitivity::share().
   Real uncertain = 0;
   // Kept free by cone and rollout.

@@ -118,9 +118,11 @@ ForEver held_for_ever(const BallParams& ball, const HeldBall& held, const Quater
   const Matrix3 inertia = central_inertia(ball, held);
   const Spread believed = spread(inertia);
   if (!(believed.least > 0)) return out;
-  // The true ball's are between these. Another centre of mass changes the inertia about it in second order.
+  // The true ball's are between these.
   const Real part = errors.mass_share;
-  const Spread of_inertia = {believed.least * (1 - part), believed.most * (1 + part)};
+  const Spread of_inertia = {(believed.least - errors.turns_kgm2) * (1 - part),
+                             (believed.most + errors.turns_kgm2) * (1 + part)};
+  if (!(of_inertia.least > 0)) return out;
   const Real offset = length(c) + errors.off_center_m;
 
   // Energy above rest, with the centre of mass below the geometric centre.
@@ -135,7 +137,8 @@ ForEver held_for_ever(const BallParams& ball, const HeldBall& held, const Quater
   const Real twice = dot(omega, turned) + mass * dot(speed, speed);
   const Real reach = ball.radius_m + offset;
   const Real faster = std::sqrt(twice) + std::sqrt(of_inertia.most + mass * reach * reach) * errors.omega_radps +
-                      std::sqrt(mass * dot(omega, omega)) * (errors.off_center_m + length(c) * errors.tilt_rad);
+                      std::sqrt(mass * dot(omega, omega)) * (errors.off_center_m + length(c) * errors.tilt_rad) +
+                      std::sqrt((of_inertia.most - of_inertia.least) * dot(omega, omega)) * errors.tilt_rad;
   const Real higher = std::fmin(height + offset * errors.tilt_rad + errors.off_center_m, offset);
   // Of a ball by mass, all masses being heavier by at most `part`.
   const Real energy = errors.any() ? (1 + part) * (faster * faster / 2 + mass * g * (higher + offset))

@@ -30,12 +30,13 @@ struct ForEver {
 
 // How far the true ball may be from the believed one, of any sign.
 struct HeldErrors {
-  Real mass_share = 0;    // every mass, as a part of it
+  Real mass_share = 0;    // every mass and moment of inertia, as a part of it
   Real off_center_m = 0;  // the centre of mass
-  Real omega_radps = 0;   // angular velocity
+  Real turns_kgm2 = 0;    // the moments of inertia about it, by where the shell's centre of mass is
+  Real omega_radps = 0;   // angular velocity, space frame
   Real tilt_rad = 0;
 
-  [[nodiscard]] bool any() const { return mass_share > 0 || off_center_m > 0; }
+  [[nodiscard]] bool any() const { return mass_share > 0 || off_center_m > 0 || omega_radps > 0 || tilt_rad > 0; }
 };
 
 // Held from this state on.

@@ -24,6 +24,9 @@ constexpr Real kSpareSpeed = Real(0.02);
 // A motion's jump takes the wish along by a little more: ahead() leaves it out.
 constexpr Real kUnbentJump = Real(1.1);
 
+// From the middle of a cube whose half side is 1 to its corner.
+constexpr Real kCorner = Real(1.7320508075688772);
+
 }  // namespace
 
 void Rollout::begin(const GovernorParams& params, const RobotState& state, std::int64_t tick,
@@ -234,13 +237,16 @@ void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
     arms_ = arms_of(ball, held, state_.angular_velocity_B_radps);
     const RollingForces forces = held_forces(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps);
     drift_held(ball, params, forces);
-    errors = {params.belief_error.mass_share, drift_.off_center_m, astray_.omega_radps(drift_),
+    const Real off_m = kCorner * params.belief_error.center_of_mass_m;
+    const Real turns_kgm2 = ball.shell_mass_kg * off_m * (2 * arms_.shell_B_m.norm() + off_m);
+    errors = {params.belief_error.mass_share, drift_.off_center_m, turns_kgm2, astray_.omega_radps(drift_),
               astray_.tilt_rad(drift_)};
   }
   const ForEver bound = held_for_ever(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps, errors);
   if (!bound.known) return;
+  const Real lightest_kg = held_ball_.mass_kg * (1 - params.belief_error.mass_share);
   const Real most =
-      greatest_use(ball, held_ball_.mass_kg, bound.acceleration_mps2, params.friction, params.min_normal_force_n);
+      greatest_use(ball, lightest_kg, bound.acceleration_mps2, params.friction, params.min_normal_force_n);
   if (!(most + settling_use_ <= 1 - params.reserve)) return;
   if (!(most <= most_use_)) most_use_ = most;
   end_ = RolloutEnd::kForEver;
@@ -269,9 +275,10 @@ void Rollout::step_held_ball(const BallParams& ball, const GovernorParams& param
     end_ = RolloutEnd::kBroken;
     breach_ = {all / (1 - params.reserve), forces.normal_force_n};
   }
-  if (!(forces.normal_force_n - belief_n >= params.min_normal_force_n)) {
+  const Real lightest_n = (1 - params.belief_error.mass_share) * forces.normal_force_n;
+  if (!(lightest_n - belief_n >= params.min_normal_force_n)) {
     end_ = RolloutEnd::kBroken;
-    breach_ = {now, forces.normal_force_n - belief_n};
+    breach_ = {now, lightest_n - belief_n};
   }
   // A peak between steps: the parabola through three of them.
   const Real rise = use_at_ - use_before_, fall = use_at_ - now;

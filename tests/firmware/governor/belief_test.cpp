@@ -81,6 +81,27 @@ TEST(Belief, SwingsAndFalls) {
   }
 }
 
+// All masses and the inertia heavier by the same part: without an outside force nothing changes, and the pushes cancel.
+TEST(Belief, MassesThatAreAllHeavierRollAlike) {
+  std::mt19937 random(static_cast<std::uint32_t>(test::random_seed(22)));
+  for (int trial = 0; trial < 300; ++trial) {
+    testing::RandomBall c = testing::random_ball(random, trial % 2 == 1, false);
+    Drift drift;
+    c.ball.external_force_W_n = Vector3::Zero();
+    const RollingForces free = rolling_forces(c.ball, c.orientation, c.angular_velocity_B_radps, c.masses);
+    drift_of(c.ball, {1, 0}, arms_of(c.ball, c.masses, c.angular_velocity_B_radps), c.orientation,
+             c.angular_velocity_B_radps, free, drift);
+    Horizontal all;
+    Real size = 0;
+    for (std::size_t j = 3; j < static_cast<std::size_t>(drift.errors); ++j) {
+      all.x += drift.push[j].x;
+      all.y += drift.push[j].y;
+      size += std::hypot(drift.push[j].x, drift.push[j].y);
+    }
+    ASSERT_LE(std::hypot(all.x, all.y), 1e-12 * (1 + size)) << "trial " << trial;
+  }
+}
+
 // A turn about the vertical takes the tilt along: its length is that of a ball that does not turn.
 TEST(Belief, TurnsWithTheBall) {
   Drift drift;
@@ -117,7 +138,10 @@ TEST(Belief, HeldForEverHoldsForTheTrueBall) {
     const RollingForces here = held_forces(c.ball, believed, c.orientation, omega);
     Drift drift;
     drift_of(c.ball, errors, arms_of(c.ball, c.masses, omega), c.orientation, omega, here, drift);
-    const HeldErrors off{errors.mass_share, drift.off_center_m, size * Real(0.1), size * Real(0.1)};
+    const Arms arms = arms_of(c.ball, c.masses, omega);
+    const Real center_m = std::sqrt(Real(3)) * errors.center_of_mass_m;
+    const Real turns_kgm2 = c.ball.shell_mass_kg * center_m * (2 * arms.shell_B_m.norm() + center_m);
+    const HeldErrors off{errors.mass_share, drift.off_center_m, turns_kgm2, size * Real(0.1), size * Real(0.1)};
     const ForEver bound = held_for_ever(c.ball, believed, c.orientation, omega, off);
     if (!bound.known) continue;
     const BallParams truth = at_a_corner(c.ball, errors, random);
@@ -126,7 +150,9 @@ TEST(Belief, HeldForEverHoldsForTheTrueBall) {
     RobotState state;
     state.orientation =
         Eigen::AngleAxis<Real>(off.tilt_rad, Vector3(u(random), u(random), 0).normalized()) * c.orientation;
-    state.angular_velocity_B_radps = omega + off.omega_radps * Vector3(u(random), u(random), u(random)).normalized();
+    const Vector3 omega_W =
+        c.orientation * omega + off.omega_radps * Vector3(u(random), u(random), u(random)).normalized();
+    state.angular_velocity_B_radps = state.orientation.conjugate() * omega_W;
     Real seen = 0;
     for (int k = 0; k < 2000; ++k) {
       const RollingForces f = held_forces(truth, held, state.orientation, state.angular_velocity_B_radps);
