@@ -24,11 +24,19 @@ bool stop(Profile& profile, const ProfilePoint& from, const MotionLimits& limits
   return profile.at_rest_from(profile.end_s()) && check_limits(profile, allowed).ok();
 }
 
+// Rounding can leave a mass a speed, and one so small that a stop from it has no numbers. A billionth of a microstep a
+// second is rest.
+bool rests(const ControllerParams& params, const ProfilePoint& p, int i) {
+  const Wide least = Wide(1e-9) / std::fabs(params.motor[at(i)].steps_per_unit);
+  return std::fabs(p.velocity) < least && std::fabs(p.acceleration) * params.control_period_s < least;
+}
+
 // State from which mass i stops at the start of `next`. An acceleration that raises the speed takes time to fade at the
 // greatest jerk, and raises it by a^2 / (2 jerk) meanwhile. Near the motor's step rate it therefore begins lower, so
 // that the stop does not pass that rate.
 ProfilePoint stop_start(const ControllerParams& params, const ControllerState& state, std::int64_t next, int i) {
   ProfilePoint p = commanded(params, state, next, i);
+  if (rests(params, p, i)) p.velocity = p.acceleration = 0;
   const MotionLimits limits = motion_limits(params, i);
   const Wide left = std::fmax(limits.max_velocity - std::fabs(p.velocity), 0);
   const Wide most = std::sqrt(2 * limits.max_jerk * left);

@@ -890,6 +890,23 @@ TEST(Controller, AStopIsPredictedAlsoAfterItsEnd) {
   EXPECT_LT(bench.out.status.plan.normal_force_min_n, bench.out.status.predicted.normal_force_n);
 }
 
+// Masses that a governor braked can be left with such a speed.
+TEST(Controller, StopsFromASpeedThatRoundingLeft) {
+  ControllerParams params = testing::paper_params();
+  for (std::size_t i = 0; i < 3; ++i) {
+    const ProfilePiece piece{0.1, 0, i == 0 ? -1e-320 : 0};
+    ASSERT_TRUE(params.motion[i].set(0, std::numeric_limits<Wide>::denorm_min(), &piece, 1));
+  }
+  Bench bench(params);
+  bench.arm_and_start();
+  bench.run(50);
+  bench.tick(OperatorCommand::kStop);
+  bench.run(2);
+  EXPECT_EQ(bench.out.status.faults, 0u);
+  EXPECT_EQ(bench.out.status.mode, Mode::kArmed);
+  EXPECT_TRUE(bench.out.status.at_rest);
+}
+
 // A prediction of a stop ends when something takes the profiles' place: a start, a move, and those that
 // are refused after they were planned. A command that the mode refuses does not end it.
 TEST(Controller, AStartOrMoveDropsAStopsPrediction) {
