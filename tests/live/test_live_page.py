@@ -349,6 +349,21 @@ class Live(unittest.TestCase):
         self.assertEqual(self.browser.find_element(By.ID, "draw").get_attribute("aria-pressed"), "false")
         self.assert_clean()
 
+    def test_a_ball_on_its_backup_is_halted_before_it_goes(self):
+        self.open()
+        self.start_run(*GOVERNED, "--set", "run.control_period=0.002", "--set", "control.tracking=true", "--set", "duration=200",
+                       "--speed", "2", "--fault", "push@3:2,duration=0.3,direction=[0,1,0]")
+        self.until_mode("running")
+        self.take()
+        self.until("document.querySelector('#flags').innerText.includes('on the certified stop')")
+        self.see_floor(1.2)
+        self.tap((-0.2, 0.7))  # off the path on which it rocks
+        self.until_said("halting, masses moving")
+        time.sleep(1)  # the wish outlives the halt
+        self.assertNotIn("dropped", self.text("#said"))
+        self.assertIsNotNone(self.marks("wish"))
+        self.assert_clean()
+
     def planners(self):
         """Process numbers of planners that `ballast live` has started."""
         found = []

@@ -151,7 +151,7 @@ class Going {
     if (end_.status().mode != controller_status_t::MODE_RUNNING || end_.status().backup_active == 0) {
       return std::nullopt;
     }
-    std::cout << "the governor has the ball on its backup: halts it first" << std::endl;
+    std::cout << kHaltsFirst << std::endl;
     if (const auto status = tell(end_, firmware::OperatorCommand::kHalt, "halt")) return status;
     const auto over = [](const controller_status_t& s) {
       return s.mode != controller_status_t::MODE_HALTING && s.mode != controller_status_t::MODE_STOPPING;

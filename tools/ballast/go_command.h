@@ -3,12 +3,16 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "tools/program/program.h"
 
 namespace ballast {
+
+// Printed before it halts a ball by itself.
+inline constexpr std::string_view kHaltsFirst = "the governor has the ball on its backup: halts it first";
 
 struct GoCommand {
   std::vector<double> to;                      // m, of the geometric centre

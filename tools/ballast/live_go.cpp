@@ -9,6 +9,7 @@
 #include <cmath>
 #include <system_error>
 
+#include "tools/ballast/go_command.h"
 #include "tools/program/program.h"
 #include "tools/program/short_number.h"
 #include "tools/summary/controller_words.h"
@@ -107,7 +108,7 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
   const auto end = planner_.wait(std::chrono::seconds(0));
   if (!end) {
     if (status == nullptr || status->run_id != run_id_) return give_up("the run ended before the course was planned");
-    if (is_stopped(status->mode) && !is_stopped(mode_))
+    if (is_stopped(status->mode) && !is_stopped(mode_) && !halts_itself(status->mode))
       return give_up("dropped: the controller is " + std::string(sil::mode_text(status->mode)));
     if (Clock::now() - begun_ > patience_)
       return give_up(fmt::format("the planner did not end within {} s", patience_.count()));
@@ -117,6 +118,11 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
   Answer answer{*drop(), end->exit_status == program::kExitCompleted, in_one_line(text_)};
   if (answer.text.empty()) answer.text = "the planner ended with " + end->text();
   return answer;
+}
+
+bool LiveGo::halts_itself(int mode) const {
+  const bool halts = mode == controller_status_t::MODE_HALTING || mode == controller_status_t::MODE_STOPPING;
+  return halts && text_.find(kHaltsFirst) != std::string::npos;
 }
 
 LiveGo::Answer LiveGo::give_up(const std::string& why) { return {*drop(), false, why}; }

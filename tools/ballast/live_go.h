@@ -49,7 +49,7 @@ class LiveGo {
   std::optional<GoWish> drop();
 
   // To be called often. `status`: the newest of the shown run; null: the run has ended. A planner's work is of no use
-  // after another command has stopped the masses, so it is killed then.
+  // after another command has stopped the masses, so it is killed then. A halt of its own is no such command.
   [[nodiscard]] std::optional<Answer> poll(const controller_status_t* status);
 
   // The wish whose planner is at work; null: none.
@@ -60,6 +60,8 @@ class LiveGo {
 
   Answer give_up(const std::string& why);
   void read();
+  // The planner has said that it halts the ball first.
+  [[nodiscard]] bool halts_itself(int mode) const;
 
   std::string url_;
   std::optional<GoWish> wish_;
