@@ -67,7 +67,7 @@ struct GovernorStatus {
   bool governs = false;
   bool bent = false;                   // the command for the next tick is not the wished one
   bool backup = false;                 // the masses follow the backup
-  Real backup_margin = 0;              // least 1 - f_s / (kappa N) along the certified backup
+  Real backup_margin = 0;              // least 1 - (f_s + that by belief_error) / (kappa N) along the certified backup
   std::int64_t backup_until_tick = 0;  // up to which it is certified; -1: for ever
   Real allowance = 0;                  // part of N kept free for motors, estimate and belief
 };

@@ -27,7 +27,7 @@ Real fading(Real max_jerk, Real left, Real h) {
 // A bent command moves the end of a ramp a little, where it is projected anew, in a tick and in a rollout so many
 // times.
 constexpr int kTickRounds = 3;
-// Of the projection's searches in a tick, after which no further one begins: an empty cone would take hundreds.
+// Half spaces of the projections of a tick, after which no further search begins: an empty cone would take hundreds.
 constexpr int kTickSteps = 24;
 constexpr int kQuickRounds = 1;
 
@@ -341,8 +341,11 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
     // The last projection's command holds where it lands, too.
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
     const int left = ramp.quick ? 0 : std::max(kTickSteps - out.steps, 0);
-    out.command = project(out.forces, n, spared, ramp.end, unit, wish, left);
-    out.steps += out.command.steps;
+    const Projection next = project(out.forces, n, spared, ramp.end, unit, wish, left);
+    out.steps += next.steps;
+    // A search that was cut short found nothing. The last round's command is nearer.
+    if (!ramp.quick && round > 0 && left == 0 && next.empty) break;
+    out.command = next;
     if (!out.command.bent || out.command.empty) break;
   }
   moved_end = moved(params, out.state, out.command.u, ramp.swing, n);

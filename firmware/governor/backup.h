@@ -94,7 +94,7 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
 
 [[nodiscard]] AffineForces forces_at(const BallParams& ball, const GovernorParams& params, const RobotState& state);
 
-// What errors of the belief do in this state, where the forces are `forces`. `swing`: as in Ramp.
+// The errors of the belief in this state, where the forces are `forces`. `swing`: as in Ramp.
 void drift_at(const BallParams& ball, const GovernorParams& params, const RobotState& state, const AffineForces& forces,
               bool swing, Drift& out);
 

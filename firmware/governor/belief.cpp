@@ -18,6 +18,9 @@ Real length(const Vec& v) { return std::sqrt(dot(v, v)); }
 Real length(const Horizontal& v) { return std::sqrt(v.x * v.x + v.y * v.y); }
 Vector3 vector(const Vec& v) { return {v.x, v.y, v.z}; }
 
+// From the middle of a cube whose half side is 1 to its corner.
+constexpr Real kCorner = Real(1.7320508075688772);
+
 }  // namespace
 
 Arms arms_of(const BallParams& ball, const MassMotion& masses, const Vector3& angular_velocity_B_radps) {
@@ -61,7 +64,7 @@ void drift_of(const BallParams& ball, const BeliefErrors& errors, const Arms& ar
   const auto turned = [&](const Vec& arm) { return arm.x * columns[0] + arm.y * columns[1] + arm.z * columns[2]; };
   Vec mean_own{0, 0, 0};
   for (std::size_t i = 0; i < n; ++i) mean_own = mean_own + (ball.mass_kg[i] / mass) * from(arms.own_B_mps2[i]);
-  // Of the centre of mass, with the weight: the reaction of the floor per mass.
+  // The acceleration of the centre of mass, with the weight: the reaction of the floor per mass.
   const Vec felt = against_weight + cross(turning, lever) + cross(omega, cross(omega, center)) + mean_own;
 
   // The mean moment of inertia about the horizontal axes through the contact point.
@@ -80,7 +83,7 @@ void drift_of(const BallParams& ball, const BeliefErrors& errors, const Arms& ar
   out.off_center_m = out.other_n = 0;
   const auto push = [&](int j, const Vec& moment) {
     const Real per = -1 / inertia;
-    out.push[static_cast<std::size_t>(j)] = {per * dot(lambda.row1, moment), per * dot(lambda.row2, moment)};
+    out.pushes_radps2[static_cast<std::size_t>(j)] = {per * dot(lambda.row1, moment), per * dot(lambda.row2, moment)};
   };
   const Vec shell = from(arms.shell_B_m), none{0, 0, 0};
   const Real center_kgm = errors.center_of_mass_m * ball.shell_mass_kg;
@@ -92,9 +95,14 @@ void drift_of(const BallParams& ball, const BeliefErrors& errors, const Arms& ar
     out.other_n += center_kgm * length(more);
     out.off_center_m += center_kgm / mass;
   }
-  const Vec of_inertia =
-      Vec{own[0] * turning.x, own[1] * turning.y, own[2] * turning.z} + detail::gyroscopic(from(own), omega);
-  push(3, errors.mass_share * of_inertia);
+  // The moment of inertia about axis k takes its axis along: I (Omegadot_k e_k + Omega_k Omega x e_k).
+  const std::array<Real, 3> turns{turning.x, turning.y, turning.z}, rates{omega.x, omega.y, omega.z};
+  Vec of_inertia{0, 0, 0};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec moment = own[static_cast<int>(k)] * (turns[k] * axes[k] + rates[k] * cross(omega, axes[k]));
+    push(kFirstInertiaError + static_cast<int>(k), errors.mass_share * moment);
+    of_inertia = of_inertia + moment;
+  }
   // A mass that is heavier is that, and all others lighter: masses that are all heavier by the same part roll as
   // before, but for the shell's inertia and an outside force, which are less beside them.
   const Vec outside_W = from(ball.external_force_W_n);
@@ -110,7 +118,7 @@ void drift_of(const BallParams& ball, const BeliefErrors& errors, const Arms& ar
     out.other_n += error_kg * (length(more) + outside_n / mass);
     out.off_center_m += error_kg * length(arm) / mass;
   };
-  add(4, errors.mass_share * ball.shell_mass_kg, shell, none);
+  add(kShellMassError, errors.mass_share * ball.shell_mass_kg, shell, none);
   for (std::size_t i = 0; i < n; ++i) {
     add(kShellErrors + static_cast<int>(i), errors.mass_share * ball.mass_kg[i], from(arms.arm_B_m[i]),
         from(arms.own_B_mps2[i]));
@@ -130,7 +138,7 @@ void drift_of(const BallParams& ball, const BeliefErrors& errors, const Arms& ar
 
 Real Drift::force_n() const {
   Real sum = 0;
-  for (std::size_t j = 0; j < static_cast<std::size_t>(errors); ++j) sum += length(push[j]);
+  for (std::size_t j = 0; j < static_cast<std::size_t>(errors); ++j) sum += length(pushes_radps2[j]);
   return other_n + per_angular_acceleration * sum;
 }
 
@@ -138,8 +146,8 @@ void Astray::advance(const Drift& drift, Real h_s) {
   const Real k = drift.stiffness_per_s2, spin = h_s * drift.spin_radps;
   for (std::size_t j = 0; j < static_cast<std::size_t>(drift.errors); ++j) {
     Horizontal &e = tilt_[j], &v = omega_[j];
-    v.x += h_s * (k * e.x + drift.push[j].x);
-    v.y += h_s * (k * e.y + drift.push[j].y);
+    v.x += h_s * (k * e.x + drift.pushes_radps2[j].x);
+    v.y += h_s * (k * e.y + drift.pushes_radps2[j].y);
     e = {e.x + h_s * v.x - spin * e.y, e.y + h_s * v.y + spin * e.x};
   }
 }
@@ -160,7 +168,7 @@ Real Astray::force_n(const Drift& drift) const {
   const Real k = drift.stiffness_per_s2;
   Real sum = 0, omega = 0, tilt = 0;
   for (std::size_t j = 0; j < static_cast<std::size_t>(drift.errors); ++j) {
-    sum += length(drift.push[j]);
+    sum += length(drift.pushes_radps2[j]);
     omega += length(omega_[j]);
     tilt += length(tilt_[j]);
   }
@@ -170,6 +178,18 @@ Real Astray::force_n(const Drift& drift) const {
   if (drift.resistance_n > 0) {
     out += drift.resistance_n * (omega < drift.rolling_radps ? omega / drift.rolling_radps : 1);
   }
+  return out;
+}
+
+HeldErrors held_errors(const BallParams& ball, const BeliefErrors& errors, const Arms& arms, const Drift& drift,
+                       const Astray& astray) {
+  HeldErrors out;
+  out.mass_share = errors.mass_share;
+  out.off_center_m = drift.off_center_m;
+  const Real shell_off_m = kCorner * errors.center_of_mass_m;
+  out.turns_kgm2 = ball.shell_mass_kg * shell_off_m * (2 * length(from(arms.shell_B_m)) + shell_off_m);
+  out.omega_radps = astray.omega_radps(drift);
+  out.tilt_rad = astray.tilt_rad(drift);
   return out;
 }
 

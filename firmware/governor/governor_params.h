@@ -34,7 +34,7 @@ struct MassLimits {
 
 // Bounds of what is believed of the robot, of any sign.
 struct BeliefErrors {
-  Real mass_share = 0;        // of each mass and the shell's moments of inertia, as a part of them, < 1
+  Real mass_share = 0;        // of each mass and each of the shell's moments of inertia, as a part of it, < 1
   Real center_of_mass_m = 0;  // of each component of the shell's centre of mass
 
   [[nodiscard]] bool any() const { return mass_share > 0 || center_of_mass_m > 0; }

@@ -140,7 +140,7 @@ ForEver held_for_ever(const BallParams& ball, const HeldBall& held, const Quater
                       std::sqrt(mass * dot(omega, omega)) * (errors.off_center_m + length(c) * errors.tilt_rad) +
                       std::sqrt((of_inertia.most - of_inertia.least) * dot(omega, omega)) * errors.tilt_rad;
   const Real higher = std::fmin(height + offset * errors.tilt_rad + errors.off_center_m, offset);
-  // Of a ball by mass, all masses being heavier by at most `part`.
+  // Its masses are heavier by at most `part`.
   const Real energy = errors.any() ? (1 + part) * (faster * faster / 2 + mass * g * (higher + offset))
                                    : twice / 2 + mass * g * (height + offset);
 

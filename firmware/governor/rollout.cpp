@@ -24,9 +24,6 @@ constexpr Real kSpareSpeed = Real(0.02);
 // A motion's jump takes the wish along by a little more: ahead() leaves it out.
 constexpr Real kUnbentJump = Real(1.1);
 
-// From the middle of a cube whose half side is 1 to its corner.
-constexpr Real kCorner = Real(1.7320508075688772);
-
 }  // namespace
 
 void Rollout::begin(const GovernorParams& params, const RobotState& state, std::int64_t tick,
@@ -68,14 +65,14 @@ Real Rollout::next_step_s(const GovernorParams& params) {
   return left_s < Wide{step_s} ? static_cast<Real>(left_s) : step_s;
 }
 
-// `belief_use`: what a ball that is not as believed may add to a held one.
-void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n, Real belief_use) {
+// `use`: with what a ball that is not as believed may add.
+void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n) {
   const Real kept = held_ ? params.reserve : params.moving_reserve * (guided(time_s_) ? kKeptAlongPlan : kKept);
   const Real allowed = 1 - kept;
   if (last_ && !(use <= most_use_)) most_use_ = use;
-  if (use + belief_use <= allowed) return;
+  if (use <= allowed) return;
   end_ = RolloutEnd::kBroken;
-  breach_ = {(use + belief_use) / allowed, normal_force_n};
+  breach_ = {use / allowed, normal_force_n};
 }
 
 RobotState Rollout::ahead(const BallParams& ball, const GovernorParams& params, Real h_s) const {
@@ -198,7 +195,7 @@ void Rollout::judge(const GovernorParams& params, const GovernedRamp& end) {
       std::isinf(params.friction) ? 0 : use_of(params.friction, std::sqrt(f[0] * f[0] + f[1] * f[1]), f[2]);
   near_edge_ = used > kNearEdge || end.command.bent;
   breach_ = {used, f[2]};
-  if (!std::isinf(params.friction)) use(params, used, f[2]);
+  if (!std::isinf(params.friction)) use(params, used + use_of(params.friction, end.belief_n, f[2]), f[2]);
   if (end.outside_n <= 0) return;
   end_ = RolloutEnd::kBroken;
   // The cone keeps some friction free for motors and errors.
@@ -237,10 +234,7 @@ void Rollout::begin_hold(const BallParams& ball, const GovernorParams& params) {
     arms_ = arms_of(ball, held, state_.angular_velocity_B_radps);
     const RollingForces forces = held_forces(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps);
     drift_held(ball, params, forces);
-    const Real off_m = kCorner * params.belief_error.center_of_mass_m;
-    const Real turns_kgm2 = ball.shell_mass_kg * off_m * (2 * arms_.shell_B_m.norm() + off_m);
-    errors = {params.belief_error.mass_share, drift_.off_center_m, turns_kgm2, astray_.omega_radps(drift_),
-              astray_.tilt_rad(drift_)};
+    errors = held_errors(ball, params.belief_error, arms_, drift_, astray_);
   }
   const ForEver bound = held_for_ever(ball, held_ball_, state_.orientation, state_.angular_velocity_B_radps, errors);
   if (!bound.known) return;
@@ -270,7 +264,7 @@ void Rollout::step_held_ball(const BallParams& ball, const GovernorParams& param
     if (!std::isinf(params.friction)) belief_use = use_of(params.friction, belief_n, forces.normal_force_n);
     astray_.advance(drift_, h);
   }
-  use(params, now, forces.normal_force_n, belief_use);
+  use(params, now + belief_use, forces.normal_force_n);
   if (const Real all = now + belief_use + settling_use_; time_s_ < settled_s_ && !(all <= 1 - params.reserve)) {
     end_ = RolloutEnd::kBroken;
     breach_ = {all / (1 - params.reserve), forces.normal_force_n};
@@ -284,7 +278,7 @@ void Rollout::step_held_ball(const BallParams& ball, const GovernorParams& param
   const Real rise = use_at_ - use_before_, fall = use_at_ - now;
   if (use_before_ > 0 && rise >= 0 && fall >= 0 && rise + fall > 0) {
     const Real slope = (rise - fall) / 2;
-    use(params, use_at_ + slope * slope / (2 * (rise + fall)), forces.normal_force_n, belief_use);
+    use(params, use_at_ + slope * slope / (2 * (rise + fall)) + belief_use, forces.normal_force_n);
   }
   use_before_ = use_at_;
   use_at_ = now;

@@ -125,7 +125,7 @@ class Rollout {
   void begin_hold(const BallParams& ball, const GovernorParams& params);
   void drift_held(const BallParams& ball, const GovernorParams& params, const RollingForces& forces);
   void step_held_ball(const BallParams& ball, const GovernorParams& params);
-  void use(const GovernorParams& params, Real use, Real normal_force_n, Real belief_use = 0);
+  void use(const GovernorParams& params, Real use, Real normal_force_n);
 
   RolloutEnd end_ = RolloutEnd::kBroken;
   RobotState state_;

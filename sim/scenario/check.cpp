@@ -250,8 +250,9 @@ void read_control(TableReader table, bool planned, Scenario::Control& control) {
   use.low_excluded = true;
   control.friction_use = table.number("friction_use", use, control.friction_use).value_or(control.friction_use);
   TableReader error = table.table("belief_error");
-  control.belief_error.mass_share = error.number("mass", Range::between(0, 0.5), 0).value_or(0);
-  control.belief_error.center_of_mass_m = error.number("center_of_mass", Range::non_negative("m"), 0).value_or(0);
+  Scenario::Control::BeliefError& off = control.belief_error;
+  off.mass_share = error.number("mass", Range::between(0, off.kMostMassShare), 0).value_or(0);
+  off.center_of_mass_m = error.number("center_of_mass", Range::non_negative("m"), 0).value_or(0);
   error.refuse_unknown_keys();
   table.refuse_unknown_keys();
 }

@@ -58,7 +58,8 @@ struct Scenario : World {
     double friction_use = 0.95;  // part of envelope.friction_use that the governor uses
     // Bounds within which the governor takes its beliefs for true, each of any sign.
     struct BeliefError {
-      double mass_share = 0;        // of each mass and the shell's moments of inertia, as a part of them, < 1
+      static constexpr double kMostMassShare = 0.5;
+      double mass_share = 0;        // of each mass and each of the shell's moments of inertia, as a part of it
       double center_of_mass_m = 0;  // of each component of the shell's centre of mass
     } belief_error;
   } control;

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "sim/scenario/fingerprint.h"
+#include "tests/firmware/corner_ball.h"
 #include "tests/firmware/governed_ball.h"
 #include "tests/firmware/governor/bench.h"
 #include "tests/tracking/study.h"
@@ -77,21 +78,45 @@ Judged run_plant(const Draw& draw, bool governed) {
   return out;
 }
 
+namespace {
+
+// The robot as it is set down, its masses where their motion begins.
+firmware::RobotState first_state(const firmware::ControllerParams& params) {
+  firmware::RobotState out;
+  out.orientation = params.estimation.initial_orientation;
+  out.angular_velocity_B_radps = params.estimation.initial_angular_velocity_B_radps;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(params.ball.mass_count); ++i) {
+    out.mass_position[i] = static_cast<Real>(params.motion[i].at(0).position);
+    out.mass_velocity[i] = static_cast<Real>(params.motion[i].at(0).velocity);
+  }
+  return out;
+}
+
+// Compares the needs of the true robot and of the believed one, which is astray by so much.
+void compare(const firmware::BallParams& ball, const firmware::BeliefErrors& errors,
+             const firmware::RobotState& believed, const firmware::RollingForces& forces,
+             const firmware::RollingForces& seen, const firmware::Astray& astray, firmware::Drift& drift,
+             Astrayed& out) {
+  firmware::MassMotion masses = firmware::motion_of(believed);
+  masses.acceleration = believed.mass_acceleration;
+  const Vector3& omega = believed.angular_velocity_B_radps;
+  firmware::drift_of(ball, errors, firmware::arms_of(ball, masses, omega), believed.orientation, omega, forces, drift);
+  const Real more = seen.static_friction_n / seen.normal_force_n - forces.static_friction_n / forces.normal_force_n;
+  const Real bound = astray.force_n(drift) / forces.normal_force_n;
+  if (!(bound < Real(0.3))) return;
+  out.over = std::fmax(out.over, static_cast<double>(more - bound));
+  out.part = std::fmax(out.part, static_cast<double>(more / bound));
+}
+
+}  // namespace
+
 Astrayed lead_astray(const Draw& draw) {
   const sim::Scenario scenario = random_robot(draw);
   const auto params = params_of(scenario);
   const firmware::GovernorParams governor = firmware::governor_params(*params);
   const firmware::BallParams& ball = params->ball;
   std::mt19937_64 random(draw.seed);
-  firmware::BallParams truth = ball;
-  const auto corner = [&] { return random() % 2 == 0 ? Real(1) : Real(-1); };
-  truth.shell_mass_kg *= 1 + corner() * governor.belief_error.mass_share;
-  truth.inertia_kgm2 *= 1 + corner() * governor.belief_error.mass_share;
-  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
-    truth.mass_kg[i] *= 1 + corner() * governor.belief_error.mass_share;
-  }
-  for (int k = 0; k < 3; ++k) truth.center_of_mass_B_m[k] += corner() * governor.belief_error.center_of_mass_m;
-
+  const firmware::BallParams truth = firmware::testing::corner_ball(ball, governor.belief_error, random);
   const Real unit_s = std::sqrt(ball.radius_m / ball.gravity_mps2), h_s = Real(0.02) * unit_s;
   std::uniform_real_distribution<Real> part(0, 1);
   const Real parted_s = 8 * part(random) * unit_s, braked_s = parted_s + (1 + 9 * part(random)) * unit_s;
@@ -99,13 +124,7 @@ Astrayed lead_astray(const Draw& draw) {
   const auto wish = [&](Real time_s, const firmware::RobotState& at) {
     return time_s < braked_s ? law(Wide{time_s}, at).u : firmware::braking(governor, at, ball.mass_count);
   };
-  firmware::RobotState believed;
-  believed.orientation = params->estimation.initial_orientation;
-  believed.angular_velocity_B_radps = params->estimation.initial_angular_velocity_B_radps;
-  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
-    believed.mass_position[i] = static_cast<Real>(params->motion[i].at(0).position);
-    believed.mass_velocity[i] = static_cast<Real>(params->motion[i].at(0).velocity);
-  }
+  firmware::RobotState believed = first_state(*params);
   Astrayed out;
   firmware::RobotState true_one;
   firmware::Astray astray;
@@ -121,19 +140,9 @@ Astrayed lead_astray(const Draw& draw) {
     const Real use = forces.static_friction_n / forces.normal_force_n;
     if (!(forces.normal_force_n > 0 && use < Real(0.6))) return out;
     if (parted) {
-      firmware::MassMotion masses = firmware::motion_of(believed);
-      masses.acceleration = believed.mass_acceleration;
       firmware::Drift drift;
-      const Vector3& omega = believed.angular_velocity_B_radps;
-      firmware::drift_of(ball, governor.belief_error, firmware::arms_of(ball, masses, omega), believed.orientation,
-                         omega, forces, drift);
       const auto seen = firmware::testing::forces_of(truth, true_one, believed.mass_acceleration);
-      const Real more = seen.static_friction_n / seen.normal_force_n - use;
-      const Real bound = astray.force_n(drift) / forces.normal_force_n;
-      if (bound < Real(0.3)) {
-        out.over = std::fmax(out.over, static_cast<double>(more - bound));
-        out.part = std::fmax(out.part, static_cast<double>(more / bound));
-      }
+      compare(ball, governor.belief_error, believed, forces, seen, astray, drift, out);
       astray.advance(drift, h_s);
       true_one.mass_acceleration = believed.mass_acceleration;
       true_one = firmware::testing::moved(truth, true_one, end, h_s);
@@ -152,12 +161,7 @@ Instants fork_at_instants(const Draw& draw, int count) {
   bench.params = firmware::governor_params(*params);
   bench.motion = params->motion;
   bench.bandwidth_radps = std::sqrt(bench.ball.gravity_mps2 / bench.ball.radius_m);
-  bench.state.orientation = params->estimation.initial_orientation;
-  bench.state.angular_velocity_B_radps = params->estimation.initial_angular_velocity_B_radps;
-  for (std::size_t i = 0; i < scenario.masses.size(); ++i) {
-    bench.state.mass_position[i] = static_cast<Real>(bench.motion[i].at(0).position);
-    bench.state.mass_velocity[i] = static_cast<Real>(bench.motion[i].at(0).velocity);
-  }
+  bench.state = first_state(*params);
   Instants out;
   if (!bench.start()) return out;
   const auto end_tick = static_cast<std::int64_t>(scenario.duration_s / scenario.run.control_period_s);

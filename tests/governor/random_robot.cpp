@@ -87,7 +87,7 @@ class Drawing {
     out_.ball.mass_kg *= 1 + uniform(-1, 1) * draw_.mass_error;
     for (sim::Mass& mass : out_.masses) mass.mass_kg *= 1 + uniform(-1, 1) * draw_.mass_error;
     out_.ball.center_of_mass_B_m += vector(draw_.center_error * out_.ball.radius_m);
-    out_.ball.inertia_kgm2 *= 1 + uniform(-1, 1) * draw_.mass_error;
+    for (int k = 0; k < 3; ++k) out_.ball.inertia_kgm2[k] *= 1 + uniform(-1, 1) * draw_.mass_error;
   }
 
   [[nodiscard]] double unit_s() const { return unit_s_; }

@@ -35,7 +35,7 @@ inline constexpr Part kParts[] = {
 struct Draw {
   std::uint64_t seed = 0;
   bool steppers = false;
-  // Bounds of what the controller believes: of every mass and of the shell's inertia as a part of it, and of each axis
+  // Bounds of what the controller believes: of every mass and moment of inertia as a part of it, and of each axis
   // of the shell's centre of mass as a part of the radius.
   double mass_error = 0;
   double center_error = 0;

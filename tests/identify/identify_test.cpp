@@ -161,6 +161,10 @@ TEST(Identify, WritesABeliefThatLoads) {
   EXPECT_EQ(belief.surface.static_friction, 0.45);  // was believed before
   EXPECT_EQ(read.scenario.control.belief_error.mass_share, 0) << "a mass is unknown";
   EXPECT_EQ(read.scenario.control.belief_error.center_of_mass_m, 3e-4);
+  EXPECT_EQ(identify::declared_text(identify::belief_error(parameters, fit)),
+            "  declared    control.belief_error.mass stays as it was: " + parameters.name(1) +
+                " is unknown\n"
+                "  declared    control.belief_error.center_of_mass = 0.0003 m, by ball.center_of_mass.1\n");
   fit.half_width[1] = 1e-4;
   const auto known_all =
       sim::parse_scenario(identify::believed_toml(nominal.toml, parameters, known, fit), "identified");
@@ -168,6 +172,16 @@ TEST(Identify, WritesABeliefThatLoads) {
   // The least moment of inertia has the widest interval by its part.
   EXPECT_EQ(known_all.scenario.control.belief_error.mass_share,
             1e-4 / fit.value.segment<3>(parameters.inertia()).minCoeff());
+  fit.half_width[0] = 0.6 * fit.value[0];
+  const std::string declared = identify::declared_text(identify::belief_error(parameters, fit));
+  EXPECT_NE(declared.find("control.belief_error.mass stays as it was: " + parameters.name(0) +
+                          " may be off by 60 %, and at most 50 % can be declared\n"),
+            std::string::npos)
+      << declared;
+  const auto too_wide =
+      sim::parse_scenario(identify::believed_toml(nominal.toml, parameters, known, fit), "identified");
+  ASSERT_TRUE(too_wide.ok()) << to_string(too_wide.errors.front());
+  EXPECT_EQ(too_wide.scenario.control.belief_error.mass_share, 0);
   EXPECT_EQ(read.scenario.ball.mass_kg, nominal.ball.mass_kg);
   EXPECT_NE(read.scenario.id, nominal.id);
 }

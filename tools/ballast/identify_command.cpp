@@ -93,8 +93,8 @@ int fit_runs(const IdentifyCommand& command) {
     const sim::ScenarioResult read = sim::parse_scenario(toml, command.write);
     if (!read.ok()) return could_not("what was identified is no robot: " + sim::to_string(read.errors.front()));
     if (const std::string why = write_file(command.write, toml); !why.empty()) return could_not(why);
-    text += fmt::format("  written     {}: the scenario with [believed], and its intervals as [control.belief_error]\n",
-                        command.write);
+    text += identify::declared_text(identify::belief_error(parameters, fit));
+    text += fmt::format("  written     {}: the scenario with what was identified as [believed]\n", command.write);
   }
   std::cout << text << std::flush;
   const bool nothing = fit.unknown.size() == static_cast<std::size_t>(parameters.count());
@@ -251,8 +251,8 @@ std::function<int()> add_identify_command(CLI::App& app, CLI::App*& command) {
   command->add_option("RUN", options->runs, "folders of runs of one robot")->check(program::not_empty());
   command
       ->add_option("--write", options->write,
-                   "the file to write: the first run's scenario with what was identified as [believed]; with "
-                   "--excite the motion's scenario, default NAME_excite.toml")
+                   "the file to write: the first run's scenario with what was identified as [believed], and its "
+                   "intervals as [control.belief_error]; with --excite the motion's scenario, default NAME_excite.toml")
       ->check(program::not_empty());
   command
       ->add_option("--total-mass", options->total_mass_kg,

@@ -194,7 +194,7 @@ void governor(const Target& target) {
   };
   measured("governed", "paper_ball", {});
   measured("bent", "paper_ball", {"surface.static_friction=0.16", "surface.kinetic_friction=0.1"});
-  measured("and uncertain", "paper_ball",
+  measured("uncertain", "paper_ball",
            {"surface.static_friction=0.27", "surface.kinetic_friction=0.1", "control.belief_error.mass=0.01"});
   const std::vector<std::string> all{"duration=3",
                                      "believed.ball.mass=0.82",
@@ -206,7 +206,7 @@ void governor(const Target& target) {
   measured("and tracked", "desk_ball", all);
   std::vector<std::string> uncertain = all;
   uncertain.insert(uncertain.end(), {"control.belief_error.mass=0.05", "control.belief_error.center_of_mass=0.00075"});
-  measured("and uncertain", "desk_ball", uncertain);
+  measured("all uncertain", "desk_ball", uncertain);
 }
 
 void steps(const Target& target) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -15,8 +16,6 @@ namespace ballast::identify {
 namespace {
 
 using program::short_number;
-
-constexpr double kMostDeclared = 0.5;  // control.belief_error.mass
 
 struct Line {
   std::string name, unit;
@@ -104,16 +103,38 @@ std::string intervals_text(const Parameters& parameters, const Identified& fit) 
 
 BeliefError belief_error(const Parameters& parameters, const Identified& fit) {
   BeliefError out;
-  out.mass_share = fit.shell_half_width_kg / fit.shell_mass_kg;
+  out.mass = {fit.shell_half_width_kg / fit.shell_mass_kg, "ball.mass",
+              sim::Scenario::Control::BeliefError::kMostMassShare};
+  out.center_of_mass_m.most = std::numeric_limits<double>::max();
+  const auto take = [&](Widest& widest, double half_width, int k) {
+    if (half_width > widest.half_width || widest.name.empty()) {
+      widest.half_width = half_width;
+      widest.name = parameters.name(k);
+    }
+  };
   for (int k = 0; k < parameters.rolling_resistance(); ++k) {
     const bool center = k >= parameters.center_of_mass() && k < parameters.inertia();
     if (center) {
-      out.center_of_mass_m = std::max(out.center_of_mass_m, fit.half_width[k]);
+      take(out.center_of_mass_m, fit.half_width[k], k);
     } else {
-      out.mass_share = std::max(out.mass_share, fit.half_width[k] / fit.value[k]);
+      take(out.mass, fit.half_width[k] / fit.value[k], k);
     }
   }
   return out;
+}
+
+std::string declared_text(const BeliefError& error) {
+  const auto line = [](const char* key, const Widest& widest, const char* unit) {
+    const std::string name = fmt::format("control.belief_error.{}", key);
+    if (widest.can_be_declared())
+      return fmt::format("  declared    {} = {}{}, by {}\n", name, short_number(widest.half_width), unit, widest.name);
+    const std::string why = std::isfinite(widest.half_width)
+                                ? fmt::format("{} may be off by {} %, and at most {} % can be declared", widest.name,
+                                              short_number(100 * widest.half_width), short_number(100 * widest.most))
+                                : widest.name + " is unknown";
+    return fmt::format("  declared    {} stays as it was: {}\n", name, why);
+  };
+  return line("mass", error.mass, "") + line("center_of_mass", error.center_of_mass_m, " m");
 }
 
 std::string believed_toml(const std::string& toml, const Parameters& parameters, const Known& known,
@@ -143,13 +164,14 @@ std::string believed_toml(const std::string& toml, const Parameters& parameters,
   }
   sim::set_entry(believed, "mass", std::move(masses));
 
-  // What an unknown parameter is off by nobody knows: a bound that was declared stays.
+  // Nobody knows how far an unknown parameter is off: a bound that was declared stays.
   const BeliefError off = belief_error(parameters, fit);
   sim::Node& error = table(table(root, "control"), "belief_error");
-  if (off.mass_share <= kMostDeclared) sim::set_entry(error, "mass", sim::number_node(off.mass_share));
-  if (std::isfinite(off.center_of_mass_m)) {
-    sim::set_entry(error, "center_of_mass", sim::number_node(off.center_of_mass_m));
-  }
+  const auto declare = [&](const char* key, const Widest& widest) {
+    if (widest.can_be_declared()) sim::set_entry(error, key, sim::number_node(widest.half_width));
+  };
+  declare("mass", off.mass);
+  declare("center_of_mass", off.center_of_mass_m);
   return sim::to_toml(root) + "\n";
 }
 

@@ -13,15 +13,24 @@ namespace ballast::identify {
 // The half-widths of the 95 % intervals, a line for each parameter.
 [[nodiscard]] std::string intervals_text(const Parameters& parameters, const Identified& fit);
 
-// Greatest half-widths of the 95 % intervals: of masses and moments of inertia as parts of them, and of the components
-// of the centre of mass. Infinite where one of them is unknown.
+// A key of control.belief_error: the widest of the 95 % intervals that it bounds.
+struct Widest {
+  double half_width = 0;  // of masses and moments of inertia as a part of them; infinite: one is unknown
+  std::string name;       // of that parameter
+  double most = 0;        // that can be declared
+
+  [[nodiscard]] bool can_be_declared() const { return half_width <= most; }
+};
 struct BeliefError {
-  double mass_share = 0, center_of_mass_m = 0;
+  Widest mass, center_of_mass_m;
 };
 [[nodiscard]] BeliefError belief_error(const Parameters& parameters, const Identified& fit);
 
-// The scenario's file with a [believed] of what was identified, and belief_error() as control.belief_error where it is
-// known. Other keys stay. Parameters that are unknown keep what is believed.
+// A line for each key: what is declared, or why it is not.
+[[nodiscard]] std::string declared_text(const BeliefError& error);
+
+// The scenario's file with a [believed] of what was identified, and belief_error() as control.belief_error where it can
+// be declared. Other keys stay. Parameters that are unknown keep what is believed.
 [[nodiscard]] std::string believed_toml(const std::string& toml, const Parameters& parameters, const Known& known,
                                         const Identified& fit);
 

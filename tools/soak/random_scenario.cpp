@@ -102,6 +102,7 @@ class Draw {
     const Vector3d off(of_control_.uniform(-1, 1), of_control_.uniform(-1, 1), of_control_.uniform(-1, 1));
     std::string out = "\n[believed.ball]\n" + line("mass", shell_mass_ * part());
     out += line("center_of_mass", text(Vector3d(center_ + kOffCenter * off_ * radius_ * off)));
+    out += line("inertia", text(Vector3d(inertia_.cwiseProduct(Vector3d(part(), part(), part())))));
     for (const double mass : masses_) out += "\n[[believed.mass]]\n" + line("mass", mass * part());
     return out;
   }
@@ -126,7 +127,8 @@ class Draw {
     const double a = random_.uniform(0.1, 0.35), b = random_.uniform(0.1, 0.35), c = random_.uniform(0.1, 0.35);
     const double unit = shell_mass_ * radius_ * radius_;
     std::string out = "\n[ball]\n" + line("radius", radius_) + line("mass", shell_mass_);
-    out += line("inertia", text(Vector3d(unit * Vector3d(a + b, b + c, a + c))));
+    inertia_ = unit * Vector3d(a + b, b + c, a + c);
+    out += line("inertia", text(inertia_));
     if (random_.chance(0.5)) center_ = random_.vector(0, 0.15 * radius_);
     if (center_ != Vector3d::Zero()) out += line("center_of_mass", text(center_));
     return out;
@@ -394,7 +396,7 @@ class Draw {
   bool ideal_ = false, hand_size_ = true, stepper_ = true, floor_slides_ = true, estimates_ = false;
   static constexpr double kOffCenter = 0.1;  // the centre of mass, in radii, beside the masses, as a part
   double off_ = 0;                           // control.belief_error.mass
-  Vector3d center_ = Vector3d::Zero();
+  Vector3d center_ = Vector3d::Zero(), inertia_ = Vector3d::Zero();
   std::vector<double> masses_;
   double radius_ = 0, gravity_ = 0, shell_mass_ = 0, pendulum_rate_ = 0, duration_ = 0, period_ = 0;
 };

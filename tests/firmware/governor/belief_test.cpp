@@ -5,8 +5,9 @@
 #include <cmath>
 #include <random>
 
-#include "firmware/governor/rollout.h"
+#include "firmware/governor/governor.h"
 #include "firmware/model/rolling.h"
+#include "tests/firmware/corner_ball.h"
 #include "tests/firmware/paper_ball.h"
 #include "tests/firmware/random_ball.h"
 #include "tests/random_seed.h"
@@ -14,22 +15,9 @@
 namespace ballast::firmware {
 namespace {
 
-// A ball whose errors are at corners of their bounds.
-BallParams at_a_corner(const BallParams& believed, const BeliefErrors& errors, std::mt19937& random) {
-  const auto corner = [&] { return random() % 2 == 0 ? Real(1) : Real(-1); };
-  BallParams out = believed;
-  out.shell_mass_kg *= 1 + corner() * errors.mass_share;
-  out.inertia_kgm2 *= 1 + corner() * errors.mass_share;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(out.mass_count); ++i) {
-    out.mass_kg[i] *= 1 + corner() * errors.mass_share;
-  }
-  for (int k = 0; k < 3; ++k) out.center_of_mass_B_m[k] += corner() * errors.center_of_mass_m;
-  return out;
-}
-
 Real use_of(const RollingForces& f) { return f.static_friction_n / f.normal_force_n; }
 
-// What errors at corners of their bounds add to f_s / N in one state. The bound is of first order: of errors of half a
+// Errors at corners of their bounds change f_s / N in one state. The bound is of first order: of errors of half a
 // per cent the second is below 1 % of it.
 TEST(Belief, BoundsWhatErrorsAddAtAState) {
   std::mt19937 random(static_cast<std::uint32_t>(test::random_seed(22)));
@@ -49,7 +37,7 @@ TEST(Belief, BoundsWhatErrorsAddAtAState) {
              c.angular_velocity_B_radps, here, drift);
     const Real bound = drift.force_n() / here.normal_force_n;
     for (int k = 0; k < 20; ++k) {
-      const BallParams truth = at_a_corner(c.ball, errors, random);
+      const BallParams truth = testing::corner_ball(c.ball, errors, random);
       const Real added =
           use_of(rolling_forces(truth, c.orientation, c.angular_velocity_B_radps, c.masses)) - use_of(here);
       ASSERT_LE(added, Real(1.01) * bound) << "trial " << trial;
@@ -68,7 +56,7 @@ TEST(Belief, SwingsAndFalls) {
     Drift drift;
     drift.errors = 1;
     drift.stiffness_per_s2 = sign * Real(0.25);
-    drift.push[0] = {Real(0.01), 0};
+    drift.pushes_radps2[0] = {Real(0.01), 0};
     Astray astray;
     const Real h = Real(1e-3);
     for (int step = 1; step <= 6000; ++step) {
@@ -93,10 +81,10 @@ TEST(Belief, MassesThatAreAllHeavierRollAlike) {
              c.angular_velocity_B_radps, free, drift);
     Horizontal all;
     Real size = 0;
-    for (std::size_t j = 3; j < static_cast<std::size_t>(drift.errors); ++j) {
-      all.x += drift.push[j].x;
-      all.y += drift.push[j].y;
-      size += std::hypot(drift.push[j].x, drift.push[j].y);
+    for (std::size_t j = kFirstInertiaError; j < static_cast<std::size_t>(drift.errors); ++j) {
+      all.x += drift.pushes_radps2[j].x;
+      all.y += drift.pushes_radps2[j].y;
+      size += std::hypot(drift.pushes_radps2[j].x, drift.pushes_radps2[j].y);
     }
     ASSERT_LE(std::hypot(all.x, all.y), 1e-12 * (1 + size)) << "trial " << trial;
   }
@@ -106,11 +94,11 @@ TEST(Belief, MassesThatAreAllHeavierRollAlike) {
 TEST(Belief, TurnsWithTheBall) {
   Drift drift;
   drift.errors = 1;
-  drift.push[0] = {Real(0.01), 0};
+  drift.pushes_radps2[0] = {Real(0.01), 0};
   Astray astray;
   for (int step = 0; step < 1000; ++step) astray.advance(drift, Real(1e-3));
   const Real before = astray.tilt_rad(drift);
-  drift.push[0] = {};
+  drift.pushes_radps2[0] = {};
   drift.spin_radps = 3;
   Astray still = astray;
   for (int step = 0; step < 10; ++step) astray.advance(drift, Real(1e-4));
@@ -138,13 +126,11 @@ TEST(Belief, HeldForEverHoldsForTheTrueBall) {
     const RollingForces here = held_forces(c.ball, believed, c.orientation, omega);
     Drift drift;
     drift_of(c.ball, errors, arms_of(c.ball, c.masses, omega), c.orientation, omega, here, drift);
-    const Arms arms = arms_of(c.ball, c.masses, omega);
-    const Real center_m = std::sqrt(Real(3)) * errors.center_of_mass_m;
-    const Real turns_kgm2 = c.ball.shell_mass_kg * center_m * (2 * arms.shell_B_m.norm() + center_m);
-    const HeldErrors off{errors.mass_share, drift.off_center_m, turns_kgm2, size * Real(0.1), size * Real(0.1)};
+    HeldErrors off = held_errors(c.ball, errors, arms_of(c.ball, c.masses, omega), drift, {});
+    off.omega_radps = off.tilt_rad = size * Real(0.1);
     const ForEver bound = held_for_ever(c.ball, believed, c.orientation, omega, off);
     if (!bound.known) continue;
-    const BallParams truth = at_a_corner(c.ball, errors, random);
+    const BallParams truth = testing::corner_ball(c.ball, errors, random);
     const HeldBall held = hold_masses(truth, c.masses.position);
     const Real weight = held.mass_kg * truth.gravity_mps2;
     RobotState state;
@@ -178,30 +164,67 @@ TEST(Belief, IsKeptFreeInTheCone) {
   Ramp ramp;
   ramp.h_s = Real(0.001);
   ramp.end = {{-1, -1, -1}, {1, 1, 1}};
+  params.belief_error.mass_share = Real(0.02);  // lighter by that, N has less besides
+  params.min_normal_force_n = Real(0.3);
   GovernedRamp free, kept;
   const AffineForces forces = forces_at(ball, params, state);
   governed_for_ramp(ball, params, state, forces, ramp, {}, free);
   ramp.belief_n = Real(0.1);
   governed_for_ramp(ball, params, state, forces, ramp, {}, kept);
   EXPECT_DOUBLE_EQ(kept.cone.slack_n, free.cone.slack_n + Real(0.1));
-  EXPECT_DOUBLE_EQ(kept.cone.min_normal_force_n, Real(0.1));
+  EXPECT_DOUBLE_EQ(kept.cone.min_normal_force_n, Real(0.4 / 0.98));
   EXPECT_DOUBLE_EQ(allowance_of(params, kept, 3), allowance_of(params, free, 3) + Real(0.1) / kept.force_W_n[2]);
 }
 
-// How a rollout ends that brakes the paper's ball at once, from rest at an attitude where it is balanced.
-RolloutEnd end_of_brake(bool on_its_head, Real friction, const BeliefErrors& errors) {
-  const BallParams ball = testing::paper_ball();
-  GovernorParams params;
-  params.friction = friction;
-  params.belief_error = errors;
-  for (std::size_t i = 0; i < 3; ++i) params.mass[i].max_acceleration = 1;
-  set_times(ball, 0.001, params);
+// At rest at an attitude where it is balanced.
+RobotState balanced(const BallParams& ball, bool on_its_head) {
   RobotState state;
   const HeldBall held = hold_masses(ball, state.mass_position);
   const Vector3 up = held.moment_B_kgm.normalized() * (on_its_head ? 1 : -1);
   state.orientation = Quaternion::FromTwoVectors(up, Vector3::UnitZ());
+  return state;
+}
+
+// Declared errors are kept free of the friction in a tick, too, and its status says how much.
+TEST(Belief, IsKeptFreeInTheTick) {
+  const BallParams ball = testing::paper_ball();
+  GovernorParams params;
+  params.friction = Real(0.05);
+  for (std::size_t i = 0; i < 3; ++i) params.mass[i].max_acceleration = 1;
+  set_times(ball, 0.001, params);
+  GovernorState state;
+  reset(state);
+  state.mode = GovernorMode::kNominal;
+  const RobotState now = balanced(ball, false);
+  const NominalEnd nominal{{1, 1, 1}, {1, 1, 1}};
+  Ramp ramp;
+  ramp.h_s = Real(0.001);
+  ramp.end = {{-1, -1, -1}, {1, 1, 1}};
+  const auto commanded = [&](Real share) {
+    params.belief_error.mass_share = share;
+    GovernorOutput out;
+    detail::command(ball, params, state, now, ramp, nominal, 0, out);
+    return out;
+  };
+  const GovernorOutput free = commanded(0), kept = commanded(Real(0.02));
+  EXPECT_TRUE(free.report.bent);
+  EXPECT_GT(free.report.use, 0.98);
+  const Real declared = kept.report.allowance - free.report.allowance;
+  EXPECT_GT(declared, 1e-3);
+  EXPECT_NEAR(kept.report.use, free.report.use - declared / params.friction, 1e-3);
+}
+
+// How a rollout ends that brakes the paper's ball at once.
+RolloutEnd end_of_brake(bool on_its_head, Real friction, const BeliefErrors& errors, Real min_normal_force_n = 0) {
+  const BallParams ball = testing::paper_ball();
+  GovernorParams params;
+  params.friction = friction;
+  params.min_normal_force_n = min_normal_force_n;
+  params.belief_error = errors;
+  for (std::size_t i = 0; i < 3; ++i) params.mass[i].max_acceleration = 1;
+  set_times(ball, 0.001, params);
   Rollout rollout;
-  rollout.begin(params, state, 0, {});
+  rollout.begin(params, balanced(ball, on_its_head), 0, {});
   Bends none;
   none.clear(0, {});
   const auto nominal = [](Wide, const RobotState&) { return Wish{}; };
@@ -226,6 +249,13 @@ TEST(Belief, HoldsAHangingBall) {
   EXPECT_EQ(end_of_brake(false, Real(0.3), {Real(0.01), 0}), RolloutEnd::kForEver);
   EXPECT_EQ(end_of_brake(false, Real(0.04), {Real(0.02), 0}), RolloutEnd::kHorizon);
   EXPECT_EQ(end_of_brake(false, Real(0.006), {Real(0.02), 0}), RolloutEnd::kBroken);
+}
+
+// The ball weighs 4 N. One that may be 3 % lighter does not keep 3.9 N.
+TEST(Belief, KeepsTheNormalForceOfALightRobot) {
+  EXPECT_NE(end_of_brake(false, Real(0.3), {}, Real(3.9)), RolloutEnd::kBroken);
+  EXPECT_NE(end_of_brake(false, Real(0.3), {Real(0.005), 0}, Real(3.9)), RolloutEnd::kBroken);
+  EXPECT_EQ(end_of_brake(false, Real(0.3), {Real(0.03), 0}, Real(3.9)), RolloutEnd::kBroken);
 }
 
 }  // namespace

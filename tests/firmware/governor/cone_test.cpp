@@ -123,6 +123,34 @@ TEST(Cone, LeavesAnInsideNominalItsBits) {
   EXPECT_GT(inside, 300);
 }
 
+// After `most_steps` no search begins. What is found is inside or said to be empty, and a projection that needs fewer
+// steps does not change.
+TEST(Cone, EndsItsSearches) {
+  std::mt19937 random(static_cast<std::uint32_t>(test::random_seed(24)));
+  constexpr int kMost = 24, kOneSearch = 8 + kMostConeSteps;
+  int cut = 0, lost = 0, most = 0;
+  for (int trial = 0; trial < 4000; ++trial) {
+    const Case c = random_case(random);
+    const Projection whole = project(c.forces, c.n, c.cone, c.box, c.unit, c.nominal);
+    const Projection ended = project(c.forces, c.n, c.cone, c.box, c.unit, c.nominal, kMost);
+    ASSERT_LT(ended.steps, kMost + kOneSearch);
+    most = std::max(most, ended.steps);
+    if (whole.steps < kMost) {
+      ASSERT_EQ(ended.u, whole.u);
+      ASSERT_EQ(ended.empty, whole.empty);
+      continue;
+    }
+    ++cut;
+    lost += ended.empty && !whole.empty ? 1 : 0;
+    ASSERT_FALSE(whole.empty && !ended.empty);
+    if (ended.empty) continue;
+    ASSERT_LE(outside_n(c.cone, c.forces, c.n, ended.u), 4e-9 * 2 * size_of(c, ended.u)) << "trial " << trial;
+  }
+  std::printf("%d of 4000 cut short, %d of them lost, at most %d steps\n", cut, lost, most);
+  EXPECT_GT(cut, 100);
+  EXPECT_LE(lost, cut / 2);
+}
+
 // With errors of the accelerations inside their bounds the force stays in the cone, but for second-order terms: a
 // change of the friction by x turns it, which adds up to x^2 / (2 f_s).
 TEST(Cone, HoldsForEveryErrorOfTheAccelerations) {
