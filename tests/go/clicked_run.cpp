@@ -38,8 +38,7 @@ class ClickingPeers final : public sil::Peer {
   hal::Status send(sil::Lap& lap) override {
     const std::int64_t tick = lap.tick();
     plant_ = lap.plant.state;
-    if (status_ && !sending_ && next_ < clicks_.size() && tick >= clicks_[next_].tick && !leaves_backup(lap))
-      plan(tick);
+    if (status_ && !sending_ && next_ < clicks_.size() && tick >= clicks_[next_].tick && !halts_first(lap)) plan(tick);
     if (sending_ && tick >= send_from_ && !parts_.empty()) {
       const operator_t message = message_of(parts_.front(), tick);
       const bool lost = message.course_first / firmware::kCoursePart == clicks_[next_ - 1].lost_part;
@@ -73,9 +72,9 @@ class ClickingPeers final : public sil::Peer {
     return message;
   }
 
-  // A ball on its backup is halted before a course is planned from there, as `operate go` does.
-  bool leaves_backup(sil::Lap& lap) {
-    if (status_->mode == controller_status_t::MODE_RUNNING && status_->backup_active != 0) {
+  // A ball that is lost is halted before a course is planned from there, as `operate go` does.
+  bool halts_first(sil::Lap& lap) {
+    if (go::needs_halt(heard())) {
       if (!halts_) lap.heard.push_back(message_of(firmware::OperatorCommand::kHalt, lap.tick()));
       out_.halts += halts_ ? 0 : 1;
       halts_ = true;
@@ -85,19 +84,21 @@ class ClickingPeers final : public sil::Peer {
     return halts_;
   }
 
+  [[nodiscard]] go::Heard heard() const {
+    return {scenario_, *status_, plant_, status_->course == 0 ? std::nullopt : followed_};
+  }
+
   void plan(std::int64_t tick) {
     Clicked& clicked = out_.clicked[next_];
     const Click& click = clicks_[next_++];
-    go::Heard heard{scenario_, *status_, plant_, followed_};
-    heard.course = status_->course == 0 ? std::nullopt : followed_;
-    const auto here = go::now(heard);
+    const auto here = go::now(heard());
     const Eigen::Vector2d place(here.place_m[0], here.place_m[1]);
     if (next_ >= 2) look_at_place(next_ - 2, place, tick);
     clicked.way_m = (click.to_m - place).norm();
     constexpr int kMostParts = 100;
     const double search_ticks = go::kFirstSearch * firmware::governor_params(params_).search_ticks;
     const std::int64_t from_tick = tick + latency_ + kMostParts + static_cast<std::int64_t>(search_ticks);
-    const auto at = go::standpoint_at(heard, from_tick, clicked.why);
+    const auto at = go::standpoint_at(heard(), from_tick, clicked.why);
     if (!at) return;
     go::GoTask task;
     task.to_m = click.to_m;

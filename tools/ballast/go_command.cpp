@@ -99,7 +99,7 @@ class Going {
     // The longer a plan takes, the later it begins while the ball rolls.
     constexpr double kFirstPatience_s = 0.55;
     for (double patience_s = kFirstPatience_s;; patience_s *= 1.6) {
-      if (const auto status = leave_backup()) return *status;
+      if (const auto status = halt_if_lost()) return *status;
       const std::int64_t from_tick = end_.status().tick + ticks_in(patience_s) + handover_ticks();
       std::string why;
       const auto at = go::standpoint_at(run_.heard(end_.status()), from_tick, why);
@@ -146,12 +146,14 @@ class Going {
     return std::nullopt;
   }
 
-  // A ball that the governor keeps on its backup is far from any motion: it is brought to rest first.
-  std::optional<int> leave_backup() {
-    if (end_.status().mode != controller_status_t::MODE_RUNNING || end_.status().backup_active == 0) {
-      return std::nullopt;
-    }
-    std::cout << kHaltsFirst << std::endl;
+  // A ball that is far from any motion is brought to rest first.
+  std::optional<int> halt_if_lost() {
+    if (!go::needs_halt(run_.heard(end_.status()))) return std::nullopt;
+    const bool backup = end_.status().backup_active != 0;
+    std::cout << fmt::format("{}: {}",
+                             backup ? "the governor has the ball on its backup" : "the ball is off its motion",
+                             kHaltsFirst)
+              << std::endl;
     if (const auto status = tell(end_, firmware::OperatorCommand::kHalt, "halt")) return status;
     const auto over = [](const controller_status_t& s) {
       return s.mode != controller_status_t::MODE_HALTING && s.mode != controller_status_t::MODE_STOPPING;

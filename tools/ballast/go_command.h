@@ -11,8 +11,8 @@
 
 namespace ballast {
 
-// Printed before it halts a ball by itself.
-inline constexpr std::string_view kHaltsFirst = "the governor has the ball on its backup: halts it first";
+// Printed before it halts a ball by itself, behind the reason.
+inline constexpr std::string_view kHaltsFirst = "halts it first";
 
 struct GoCommand {
   std::vector<double> to;                      // m, of the geometric centre

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <future>
 #include <limits>
+#include <memory>
+#include <mutex>
 
 #include "firmware/governor/rollout.h"
 #include "tools/go/standpoint.h"
@@ -26,7 +28,7 @@ constexpr double kRoom = 0.75, kUsed = 0.9;
 // Tolerance of a plan's place and rest at its end, over r and sqrt(g r): feedback takes the rest away. In speed it is a
 // third of what counts as rest.
 constexpr double kTolerance = 3e-3;
-constexpr double kLonger = 1.35;  // of the second of two searches, and of the next two
+constexpr double kLonger = 1.35;  // than searches before
 constexpr double kLeg = 8;        // radii: searches for ways up to that mostly succeed at once
 
 // A time in which a ball surely gets there: a few swings of masses that hang, with half of the motors' power and half
@@ -172,8 +174,6 @@ double fitting_speed(const firmware::ControllerParams& params, const std::vector
   return part;
 }
 
-constexpr double kHardlyFits = 0.9;  // part of the speeds, of a plan whose speeds alone would fit
-
 // A plan of the same way, too fast for the governor, and the time in which it would fit.
 struct TooFast {
   Try tried;
@@ -210,14 +210,14 @@ bool fits_governor(const firmware::ControllerParams& params, const std::vector<p
   return rollout.end() != firmware::RolloutEnd::kBroken;
 }
 
-// Searches for a plan that fits the governor, from `most_starts` starts; 0: from as many as a search takes.
-// `neighbour`: where it begins, alone; null: none.
-void search(const firmware::ControllerParams& params, const TooFast* neighbour, int most_starts, std::uint64_t seed,
+// Searches for a plan that fits the governor. `neighbour`: where it begins, alone; null: a few starts by the seed.
+void search(const firmware::ControllerParams& params, const TooFast* neighbour, std::uint64_t seed,
             const std::function<bool()>& stop, Try& one) {
+  constexpr int kStarts = 2;
   plan::SearchOptions options;
   options.seed = seed;
   options.quick = true;
-  options.most_starts = most_starts;
+  options.most_starts = neighbour == nullptr ? kStarts : 1;
   options.equality_tolerance = kTolerance;
   options.fits = [&](const plan::Plan& plan) {
     return fits_governor(params, plan.run.nodes, one.file.task.duration_s);
@@ -227,7 +227,6 @@ void search(const firmware::ControllerParams& params, const TooFast* neighbour, 
     const plan::Plan& plan = *neighbour->tried.outcome.unfit;
     options.from =
         plan::stretched_motion(neighbour->tried.file.scenario, plan.grid, plan.knots, one.file.task.duration_s);
-    options.most_starts = 1;
   }
   one.outcome = plan::search(one.problem, one.file.scenario, options);
 }
@@ -278,6 +277,35 @@ std::string in_words_of_go(std::string text) {
 
 std::string first_clause(const std::string& text) { return text.substr(0, text.find(';')); }
 
+constexpr int kThreads = 2;
+
+// One motion to search for, between two rests or from where the robot is.
+struct Leg {
+  sim::Scenario from;
+  plan::ReferencePoint begin;
+  GoTask task;
+  double likely_s = 0;
+  bool slows = false;  // what is too fast for the governor is tried slower
+};
+
+// Searches for the whole way, again and again with other parameters.
+struct Race {
+  double leg_m = 0;   // 0: without a rest on the way
+  double longer = 1;  // than a likely duration
+  std::uint64_t seed = 0;
+};
+
+// What threads that search for one motion know of each other.
+struct Tries {
+  std::mutex mutex;
+  int begun = 0;
+  std::optional<Motion> found;
+  std::string why;  // the first was in vain
+  bool infeasible = false;
+  std::shared_ptr<const TooFast> fast;  // the newest
+  bool stretches = false;               // that one has not been tried slower
+};
+
 struct Planner {
   const sim::Scenario& scenario;
   const firmware::ControllerParams& params;
@@ -287,15 +315,17 @@ struct Planner {
 
   // Places on the way between which the searches for one leg mostly succeed at once; the last is the task's.
   [[nodiscard]] std::vector<Eigen::Vector2d> stops(const GoTask& task, double leg_m) const;
-  // With a rest at each of its stops. None: some leg was not found.
-  [[nodiscard]] std::optional<Motion> by_legs(const GoTask& task, double leg_m, std::uint64_t seed,
-                                              const std::function<bool()>& ended) const;
-  // Searches for all of `tries` and, with leg_m > 0, by legs, each in its own thread. The first that finds something
-  // ends the others. `neighbour`: where the first try begins; null: none. `seed`: of the first, counted on.
-  [[nodiscard]] std::optional<Motion> race(const GoTask& task, const TooFast* neighbour, double leg_m,
-                                           std::uint64_t seed, std::vector<Try>& tries) const;
-  // The plan that the governor would bend, but a little slower would not; none: there is no such plan.
-  [[nodiscard]] std::optional<TooFast> nearly_fits(std::vector<Try>& tries) const;
+  [[nodiscard]] Leg leg_of(const plan::ReferencePoint& begin, const GoTask& task) const;
+  // Searches in `threads` threads, each with a try after the other, until one has found the motion. `seed`: of the
+  // first, counted on.
+  void search_leg(const Leg& leg, int threads, std::uint64_t seed, const std::function<bool()>& ended,
+                  Tries& tries) const;
+  void keep_trying(const Leg& leg, std::uint64_t seed, const std::function<bool()>& ended, Tries& tries) const;
+  // With a rest at each of its stops. None: some leg was not found, `failed`.
+  [[nodiscard]] std::optional<Motion> by_legs(const GoTask& task, const Race& race, int threads,
+                                              const std::function<bool()>& ended, Tries& failed) const;
+  // The whole way at once, or by legs, or both: the first that finds something ends the other.
+  [[nodiscard]] std::optional<Motion> find(const Leg& whole, const Race& race, Tries& tries) const;
   // In a duration that is given, or in one of at least `least_s` that is chosen.
   [[nodiscard]] GoOutcome plan(const GoTask& task, double least_s = 0) const;
   // A nearer place and a longer duration for which there are plans, in words. Empty: none was found.
@@ -315,106 +345,151 @@ std::vector<Eigen::Vector2d> Planner::stops(const GoTask& task, double leg_m) co
   return out;
 }
 
-std::optional<Motion> Planner::by_legs(const GoTask& task, double leg_m, std::uint64_t seed,
-                                       const std::function<bool()>& ended) const {
-  constexpr int kTries = 6, kLegStarts = 2;
-  std::optional<Motion> way;
-  for (const Eigen::Vector2d& stop_m : stops(task, leg_m)) {
-    const plan::ReferencePoint begin = way ? end_of(*way) : at;
-    const sim::Scenario from = set_down(scenario, begin);
-    GoTask leg;
-    leg.to_m = stop_m;
-    leg.objective = task.objective;
-    const double likely_s = likely_duration_s(problem_of(task_file(from, leg, 1), begin), leg);
-    std::optional<Motion> found;
-    for (int k = 0; k < kTries && !found && !ended(); ++k) {
-      Try one = make_try(from, begin, leg, k % 2 == 0 ? likely_s : kLonger * likely_s);
-      search(params, nullptr, kLegStarts, seed++, ended, one);
-      if (one.outcome.plan) found = motion_of(one);
+Leg Planner::leg_of(const plan::ReferencePoint& begin, const GoTask& task) const {
+  Leg leg{set_down(scenario, begin), begin, task, 0};
+  leg.likely_s =
+      task.duration_s ? *task.duration_s : likely_duration_s(problem_of(task_file(leg.from, task, 1), begin), task);
+  return leg;
+}
+
+// A plan that is too fast for the governor, and how slow it would have to be.
+std::shared_ptr<const TooFast> too_fast(const firmware::ControllerParams& params, Try& one) {
+  constexpr double kHardlyFits = 0.9;  // part of the speeds, of a plan whose speeds alone would fit
+  const double part = std::min(fitting_speed(params, one.outcome.unfit->run.nodes), kHardlyFits);
+  const double needed_s = one.file.task.duration_s / part;
+  return std::make_shared<const TooFast>(std::move(one), needed_s);
+}
+
+void Planner::keep_trying(const Leg& leg, std::uint64_t seed, const std::function<bool()>& ended, Tries& tries) const {
+  constexpr int kTries = 6;
+  const bool given = leg.task.duration_s.has_value();
+  for (;;) {
+    std::shared_ptr<const TooFast> neighbour;
+    double duration_s = leg.likely_s;
+    std::uint64_t own_seed = seed;
+    {
+      const std::lock_guard lock(tries.mutex);
+      if (tries.found || tries.infeasible || tries.begun >= kTries || ended()) return;
+      if (tries.stretches && leg.slows) {
+        neighbour = tries.fast;
+        duration_s = neighbour->needed_s;
+        tries.stretches = false;
+      } else if (!given && tries.begun % (2 * kThreads) >= kThreads) {
+        duration_s *= kLonger;  // a slow motion stays in the motors' resonances
+      }
+      own_seed += static_cast<std::uint64_t>(tries.begun++);
     }
-    if (!found) return std::nullopt;
+    Try one = make_try(leg.from, leg.begin, leg.task, duration_s);
+    search(params, neighbour.get(), own_seed, ended, one);
+    const bool is_unfit = !one.outcome.plan && one.outcome.unfit;
+    const std::string why = in_words_of_go(one.outcome.binding);
+    const bool infeasible = one.outcome.status == plan::Status::kInfeasible;
+    std::optional<Motion> found;
+    std::shared_ptr<const TooFast> fast;
+    if (one.outcome.plan) found = motion_of(one);
+    if (is_unfit) fast = too_fast(params, one);
+    const std::lock_guard lock(tries.mutex);
+    tries.infeasible |= infeasible;
+    if (found && !tries.found) tries.found = std::move(found);
+    if (fast) tries.fast = fast;
+    tries.stretches |= is_unfit;
+    if (tries.why.empty()) tries.why = why;
+  }
+}
+
+void Planner::search_leg(const Leg& leg, int threads, std::uint64_t seed, const std::function<bool()>& ended,
+                         Tries& tries) const {
+  std::atomic<bool> found = false;
+  const auto over = [&] { return found || ended(); };
+  const auto work = [&] {
+    keep_trying(leg, seed, over, tries);
+    const std::lock_guard lock(tries.mutex);
+    if (tries.found) found = true;
+  };
+  std::vector<std::future<void>> others;
+  for (int k = 1; k < threads; ++k) others.push_back(std::async(std::launch::async, work));
+  work();
+  for (std::future<void>& other : others) other.get();
+}
+
+std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int threads,
+                                       const std::function<bool()>& ended, Tries& failed) const {
+  std::optional<Motion> way;
+  for (const Eigen::Vector2d& stop_m : stops(task, race.leg_m)) {
+    GoTask to_stop;
+    to_stop.to_m = stop_m;
+    to_stop.objective = task.objective;
+    Leg leg = leg_of(way ? end_of(*way) : at, to_stop);
+    leg.likely_s *= race.longer;
+    Tries tries;
+    search_leg(leg, threads, race.seed, ended, tries);
+    if (!tries.found) {
+      failed.why = fmt::format("on the way to ({:.3g}, {:.3g}) m: {}", stop_m[0], stop_m[1], tries.why);
+      return std::nullopt;
+    }
     if (way) {
-      append(*found, *way);
+      append(*tries.found, *way);
       if (way->moved.masses.front().motion.size() > std::size_t{firmware::kMaxPieces}) return std::nullopt;
     } else {
-      way = std::move(found);
+      way = std::move(tries.found);
     }
   }
   return way;
 }
 
-std::optional<Motion> Planner::race(const GoTask& task, const TooFast* neighbour, double leg_m, std::uint64_t seed,
-                                    std::vector<Try>& tries) const {
+std::optional<Motion> Planner::find(const Leg& whole, const Race& race, Tries& tries) const {
+  if (!(race.leg_m > 0)) {
+    search_leg(whole, kThreads, race.seed, stop, tries);
+    return tries.found;
+  }
+  // A straight way is hardly ever found at once where it is worth a rest.
+  if (whole.task.via_m.empty() && whole.task.objective != plan::Objective::kTime)
+    return by_legs(whole.task, race, kThreads, stop, tries);
   std::atomic<bool> done = false;
   const auto ended = [&] { return done || stop(); };
-  std::vector<std::future<void>> running;
-  for (Try& one : tries) {
-    const TooFast* begin = &one == &tries.front() ? neighbour : nullptr;
-    running.push_back(std::async(std::launch::async, [this, begin, seed, &ended, &one, &done] {
-      search(params, begin, 0, seed, ended, one);
-      if (one.outcome.plan) done = true;
-    }));
-    ++seed;
-  }
-  std::optional<Motion> way;
-  if (leg_m > 0) way = by_legs(task, leg_m, seed, ended);
+  auto at_once = std::async(std::launch::async, [&] {
+    search_leg(whole, 1, race.seed, ended, tries);
+    if (tries.found) done = true;
+  });
+  Tries legs;
+  std::optional<Motion> way = by_legs(whole.task, race, 1, ended, legs);
   if (way) done = true;
-  for (std::future<void>& one : running) one.wait();
-  const auto found = std::find_if(tries.begin(), tries.end(), [](const Try& one) { return one.outcome.plan; });
-  return found == tries.end() ? way : motion_of(*found);
-}
-
-std::optional<TooFast> Planner::nearly_fits(std::vector<Try>& tries) const {
-  std::optional<TooFast> fastest;
-  for (Try& one : tries) {
-    if (!one.outcome.unfit) continue;
-    const double part = std::min(fitting_speed(params, one.outcome.unfit->run.nodes), kHardlyFits);
-    const double needed_s = one.file.task.duration_s / part;
-    if (!fastest || needed_s < fastest->needed_s) fastest = TooFast{std::move(one), needed_s};
-  }
-  return fastest;
+  at_once.get();
+  return tries.found ? std::move(tries.found) : way;
 }
 
 GoOutcome Planner::plan(const GoTask& task, double least_s) const {
-  constexpr int kRaces = 12, kOneMotion = 2;  // races for the shortest time, which legs miss
-  const sim::Scenario from = set_down(scenario, at);
+  constexpr int kRaces = 12;
+  constexpr int kOneMotion = 2;  // races for the shortest time, which legs miss
   const bool given = task.duration_s.has_value();
-  const auto likely = [&] { return likely_duration_s(problem_of(task_file(from, task, 1), at), task); };
-  double duration_s = given ? *task.duration_s : std::max(likely(), least_s);
+  Leg whole = leg_of(at, task);
+  whole.likely_s = std::max(whole.likely_s, least_s);
+  whole.slows = !given;
+  Race race;
   GoOutcome out;
-  std::optional<TooFast> fastest;
   for (int k = 0; k < kRaces && !stop(); ++k) {
-    const bool stretches = fastest && !given;
     const bool legs_serve = !given && least_s == 0 && (task.objective != plan::Objective::kTime || k >= kOneMotion);
     const double leg_m = kLeg * scenario.ball.radius_m / (1 + k);
-    const bool splits = legs_serve && stops(task, leg_m).size() > 1;
-    const double tried_s = stretches ? fastest->needed_s : duration_s;
-    std::vector<Try> tries{make_try(from, at, task, tried_s)};
-    if (!splits) tries.push_back(make_try(from, at, task, given ? duration_s : kLonger * duration_s));
-    auto way =
-        race(task, stretches ? &*fastest : nullptr, splits ? leg_m : 0, 3 * static_cast<std::uint64_t>(k), tries);
-    if (way) {
+    race.leg_m = legs_serve && stops(task, leg_m).size() > 1 ? leg_m : 0;
+    Tries tries;
+    if (auto way = find(whole, race, tries)) {
       out.plan = finished(params, std::move(*way), out.why);
       return out;
     }
-    out.why = in_words_of_go(tries.front().outcome.binding);
-    if (tries.front().outcome.status == plan::Status::kInfeasible) return out;
-    fastest = nearly_fits(tries);
-    if (fastest) {
+    out.why = tries.why;
+    if (tries.infeasible) return out;
+    if (tries.fast) {
       out.why = fmt::format("in {:.3g} s its motors would swing so much that the governor bends it",
-                            fastest->tried.file.task.duration_s);
+                            tries.fast->tried.file.task.duration_s);
+      if (given) out.why += fmt::format("; about {:.3g} s would do", tries.fast->needed_s);
     }
-    if (given) {
-      if (fastest) out.why += fmt::format("; about {:.3g} s would do", fastest->needed_s);
-      return out;
-    }
-    if (stop()) return out;
-    if (fastest) {
-      say(fmt::format("{}; looks for {:.3g} s", out.why, fastest->needed_s));
-    } else {
-      say(fmt::format("not in {:.3g} s: {}", tried_s, first_clause(out.why)));
-      if (k % 2 == 1) duration_s *= kLonger;
-    }
+    if (given || stop()) return out;
+    say(fmt::format("not in {:.3g} s: {}", whole.likely_s, first_clause(out.why)));
+    constexpr std::uint64_t kSeeds = 100;  // more than a race has
+    race.seed += kSeeds;
+    if (k % 2 == 0) continue;
+    whole.likely_s *= kLonger;
+    race.longer *= kLonger;
   }
   return out;
 }

@@ -69,7 +69,24 @@ std::optional<plan::ReferencePoint> on_motion(const Heard& heard, std::int64_t t
   return roll_to(moved, motion_s(tick));
 }
 
+// Further off, feedback does not lead it back as the gains say.
+double most_off_m(const sim::Scenario& scenario) {
+  return static_cast<double>(firmware::kMostPlaceError) * scenario.ball.radius_m;
+}
+
+double off_m(const plan::ReferencePoint& here, const plan::ReferencePoint& expected) {
+  return std::hypot(here.place_m[0] - expected.place_m[0], here.place_m[1] - expected.place_m[1]);
+}
+
 }  // namespace
+
+bool needs_halt(const Heard& heard) {
+  if (heard.status.mode != controller_status_t::MODE_RUNNING) return false;
+  if (heard.status.backup_active != 0) return true;
+  bool rests = false;
+  const auto expected = on_motion(heard, heard.status.tick, rests);
+  return expected && off_m(now(heard), *expected) > most_off_m(heard.scenario);
+}
 
 plan::ReferencePoint now(const Heard& heard) {
   plan::ReferencePoint at{};
@@ -135,10 +152,9 @@ std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, s
       why = "the motion that the controller follows is not known, or leaves the floor";
       return std::nullopt;
     }
-    const double off_m = std::hypot(here.place_m[0] - expected->place_m[0], here.place_m[1] - expected->place_m[1]);
-    const double most_m = static_cast<double>(firmware::kMostPlaceError) * heard.scenario.ball.radius_m;
-    if (off_m > most_m) {
-      why = fmt::format("the ball is {:.3g} m off its motion, more than {:.3g} m: halt it first", off_m, most_m);
+    const double most_m = most_off_m(heard.scenario);
+    if (const double off = off_m(here, *expected); off > most_m) {
+      why = fmt::format("the ball is {:.3g} m off its motion, more than {:.3g} m: halt it first", off, most_m);
       return std::nullopt;
     }
     out.at = *at;

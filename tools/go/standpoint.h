@@ -28,6 +28,10 @@ struct Standpoint {
 // The robot as the controller knows it: its estimate, or what is sensed (the plant's state), with the commanded masses.
 [[nodiscard]] plan::ReferencePoint now(const Heard& heard);
 
+// The ball is on its backup, or has lost the motion that the controller follows: it has to be halted before a course
+// can begin.
+[[nodiscard]] bool needs_halt(const Heard& heard);
+
 // The robot at the start of `tick`, later than the newest status: on the motion that the controller follows, or rolled
 // on under masses that hold. None, and `why`: it is not known.
 [[nodiscard]] std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, std::string& why);
