@@ -1,8 +1,9 @@
 // How far a robot that is not quite as believed leaves the path of a rollout, and what that adds to its friction.
 //
-// Masses and the shell's centre of mass may be off by declared bounds. Each of these errors changes Omegadot and the
-// force at a state, and along a rollout it leads the ball astray: a tilt e and an angular velocity v, seen from those
-// that are predicted, horizontal in the space frame, with e' = v + omega_3 e3 x e and v' = stiffness e + push.
+// Masses, moments of inertia and the shell's centre of mass may be off by declared bounds. Each of these errors changes
+// Omegadot and the force at a state, and along a rollout it leads the ball astray: a tilt e and an angular velocity v,
+// seen from those that are predicted, horizontal in the space frame, with e' = v + omega_3 e3 x e and v' = stiffness e +
+// push.
 //
 // Invariants: fixed size, no heap. The same bits on every processor: of libm sqrt only.
 //

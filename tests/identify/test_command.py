@@ -36,7 +36,8 @@ class Command(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertIn("that of the scenario: motion does not show it", done.stdout)
         self.assertRegex(done.stdout, r"mass\.0\.mass +0\.28 ")
-        self.assertIn("known.toml: the scenario with [believed]", done.stdout)
+        self.assertIn("known.toml: the scenario with what was identified as [believed]", done.stdout)
+        self.assertIn("declared    control.belief_error.mass stays as it was: ball.inertia.0 is unknown\n", done.stdout)
         checked = ballast("check", "known.toml", cwd=self.cwd)
         self.assertEqual(checked.returncode, 0, checked.stderr)
 
