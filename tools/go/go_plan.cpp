@@ -357,7 +357,7 @@ std::shared_ptr<const TooFast> too_fast(const firmware::ControllerParams& params
   constexpr double kHardlyFits = 0.9;  // part of the speeds, of a plan whose speeds alone would fit
   const double part = std::min(fitting_speed(params, one.outcome.unfit->run.nodes), kHardlyFits);
   const double needed_s = one.file.task.duration_s / part;
-  return std::make_shared<const TooFast>(std::move(one), needed_s);
+  return std::make_shared<const TooFast>(TooFast{std::move(one), needed_s});
 }
 
 void Planner::keep_trying(const Leg& leg, std::uint64_t seed, const std::function<bool()>& ended, Tries& tries) const {
