@@ -22,6 +22,10 @@ constexpr Real kHanging = Real(0.3);
 // Beside (d offset / d u)^2 of a mass of the ball at its surface. It keeps directions in which the masses have no
 // authority from asking for large accelerations.
 constexpr Real kDamped = Real(1e-4);
+// Part of max_velocity that the wish goes up to, within this many steps of a rollout. A wish that runs into the limit
+// is bent in every step, with alternating signs, and soon has no points of a plan's bends left.
+constexpr Real kFastest = Real(0.95);
+constexpr Real kSlowsDown = 4;
 
 struct Plane {
   Real x = 0, y = 0;
@@ -120,8 +124,11 @@ PerMass<Real> halt_wish(const BallParams& ball, const GovernorParams& params, co
   const Real x = det > 0 ? (d * missing.x - xy * missing.y) / det : 0;
   const Real y = det > 0 ? (a * missing.y - xy * missing.x) / det : 0;
   for (std::size_t i = 0; i < n; ++i) {
-    const Real most = params.mass[i].max_acceleration;
-    u[i] = std::fmin(std::fmax(u[i] + c.per_unit[i].x * x + c.per_unit[i].y * y, -most), most);
+    const Real most = params.mass[i].max_acceleration, v = state.mass_velocity[i];
+    const Real fastest = kFastest * params.mass[i].max_velocity, time_s = kSlowsDown * params.step_s;
+    const Real wish = u[i] + c.per_unit[i].x * x + c.per_unit[i].y * y;
+    const Real slowed = std::fmin(std::fmax(wish, (-fastest - v) / time_s), (fastest - v) / time_s);
+    u[i] = std::fmin(std::fmax(slowed, -most), most);
   }
   return u;
 }

@@ -88,5 +88,33 @@ TEST(Halt, PaperBallComesToRestInsideTheCone) {
   EXPECT_LT(speed_mps(bench->ball, bench->state), 0.01);
 }
 
+// A ball that rolls so fast that a halt moves its masses as fast as they can. A wish that ran into that limit would be
+// bent in every step of a rollout, and have no points of the plan's bends left within a second.
+TEST(Halt, SlowsMassesDownBeforeTheirFastest) {
+  const auto bench = testing::desk_bench(Real(0.5));
+  const BallParams& ball = bench->ball;
+  RobotState state = bench->state;
+  state.angular_velocity_B_radps = Vector3(1, 4, 0);
+  for (std::size_t i = 0; i < 3; ++i) bench->params.mass[i].max_velocity = Real(1.4);
+  const HaltGains gains = halt_gains(ball);
+  Real fastest = 0;
+  const auto law = [&](Wide, const RobotState& then) {
+    for (std::size_t i = 0; i < 3; ++i)
+      fastest = std::fmax(fastest, std::fabs(then.mass_velocity[i]) / bench->params.mass[i].max_velocity);
+    const PerMass<Real> u = halt_wish(ball, bench->params, gains, then);
+    return Wish{u, u};
+  };
+  Bends none;
+  none.clear(0, {});
+  Rollout rollout;
+  const auto end_tick = static_cast<std::int64_t>(3 / static_cast<Wide>(bench->params.control_period_s));
+  rollout.begin(bench->params, state, 0, {0, 0, end_tick});
+  while (rollout.end() == RolloutEnd::kUnderWay) rollout.advance(ball, bench->params, law, none, 1000);
+  std::printf("ended after %.2f s; fastest %.3f of the limit\n", static_cast<double>(rollout.time_s()), fastest);
+  EXPECT_NE(rollout.end(), RolloutEnd::kBroken);
+  EXPECT_GT(fastest, 0.9);
+  EXPECT_LT(fastest, 0.97);
+}
+
 }  // namespace
 }  // namespace ballast::firmware
