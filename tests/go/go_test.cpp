@@ -75,7 +75,7 @@ TEST(Go, RestsWhereItArrives) {
     expect_safe(run);
     expect_there(run.clicked[0]);
     EXPECT_LE(fastest(run.result), kSlow_radps);
-    // What counts as rest: 0.01 sqrt(g / r).
+    // Rest is slower than 0.01 sqrt(g / r).
     EXPECT_LE(run.result.final_sample.angular_velocity_B_radps.norm(), 0.081);
   }
 }

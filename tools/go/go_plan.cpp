@@ -295,7 +295,7 @@ struct Race {
   std::uint64_t seed = 0;
 };
 
-// What threads that search for one motion know of each other.
+// Shared by the threads that search for one motion.
 struct Tries {
   std::mutex mutex;
   int begun = 0;
@@ -429,7 +429,10 @@ std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int
     }
     if (way) {
       append(*tries.found, *way);
-      if (way->moved.masses.front().motion.size() > std::size_t{firmware::kMaxPieces}) return std::nullopt;
+      if (way->moved.masses.front().motion.size() > std::size_t{firmware::kMaxPieces}) {
+        failed.why = fmt::format("its legs have more than the {} pieces of a motion", firmware::kMaxPieces);
+        return std::nullopt;
+      }
     } else {
       way = std::move(tries.found);
     }
