@@ -215,9 +215,16 @@ void watch_path(const ControllerParams& params, const RobotState& robot, Governi
   g.off_path_B_radps = Vector3::Zero();
 }
 
-// Rolls the halt of the candidate that has begun in this tick forward, or continues.
+// The ticks that a halt's prediction has for itself; it also has those without a search.
+bool predicts_halt(const GoverningState& g, std::int64_t tick) {
+  constexpr std::int64_t kEvery = 4, kTurn = 2;
+  const bool alone = g.governor.candidate.end() != RolloutEnd::kUnderWay;
+  return g.halt.predicts && !g.halt.rollout.result().complete && (alone || tick % kEvery == kTurn);
+}
+
+// Begins to predict the halt of the candidate that has begun in this tick, or rolls it forward.
 template <class Law>
-void predict_halt(const ControllerParams& params, const RobotState& robot, std::int64_t tick, const Law& law,
+void predict_halt(const ControllerParams& params, const RobotState& robot, std::int64_t tick, const Law& law, int work,
                   GoverningState& g) {
   HaltState& halt = g.halt;
   const Rollout& candidate = g.governor.candidate;
@@ -227,9 +234,7 @@ void predict_halt(const ControllerParams& params, const RobotState& robot, std::
     halt.rollout_tick = tick;
     halt.rollout.begin(g.params, robot, tick, candidate.schedule(), Wide{kLongestHalt * unit_s(params.ball)});
   }
-  if (halt.predicts && !halt.rollout.result().complete) {
-    halt.rollout.advance(params.ball, g.params, law, g.governor.bends, g.params.work_per_tick);
-  }
+  if (work > 0) halt.rollout.advance(params.ball, g.params, law, g.governor.bends, work);
 }
 
 // Errors of the estimate, as the next tick's cone takes them.
@@ -654,7 +659,12 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
     return wish_after(candidate.start_tick(), g.halt.asked, halt_tick, time_s, then);
   };
   GovernorOutput out;
-  govern(params.ball, g.params, robot, ramp, nominal, law, now.tick, g.governor, out);
+  // A window of the estimate that ends costs as much as a step of the search, and so do the wishes of a halt.
+  const int estimating = state.filter.window.samples == 1 ? kMovingStepWork : 0;
+  const int others = estimating + (g.halt.asked ? kMovingStepWork : 0);
+  const bool predicting = g.halt.asked && predicts_halt(g, now.tick);
+  const int spent = predicting ? g.params.work_per_tick : others;
+  govern(params.ball, g.params, robot, ramp, nominal, law, now.tick, spent, g.governor, out);
   if (g.halt.asked) {
     if (!g.halt.begun && !g.governor.changing) {
       g.halt.begun = true;
@@ -663,7 +673,8 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
     const auto law_of_halt = [&](Wide time_s, const RobotState& then) {
       return wish_after(g.halt.rollout_tick, true, g.halt.predicted_tick, time_s, then);
     };
-    predict_halt(params, robot, now.tick, law_of_halt, g);
+    const int work = predicting ? left_work(g.params, out.cost) - others : 0;
+    predict_halt(params, robot, now.tick, law_of_halt, work, g);
     // On the backup the ball may come to rest before a halt has been certified.
     const bool halts = g.halt.begun || g.governor.mode == GovernorMode::kBackup;
     const Real rest_mps = kRestSpeed * std::sqrt(params.ball.gravity_mps2 * params.ball.radius_m);

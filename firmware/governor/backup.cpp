@@ -45,7 +45,7 @@ constexpr Real kSlowSwing = 1;
 int ticks_to_roll(const GovernorParams& params, Wide steps, Wide ticks, Wide own) {
   const Wide per_tick = steps * kMovingStepWork * params.control_period_s / Wide{params.step_s};
   const Wide work = steps * kMovingStepWork * (12 * Wide{params.brake_time_s / params.step_s} + 2) +
-                    params.horizon_s / Wide{params.step_s} + 2;
+                    held_step_work(params) * params.horizon_s / Wide{params.step_s} + 2;
   const Wide share = static_cast<Wide>(params.work_per_tick) - own * per_tick;
   const Wide total = (work + ticks * per_tick) / share;
   constexpr Wide kMost = 1e9;  // that can be counted
@@ -322,6 +322,8 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
   out.steps = 0;
   out.belief_n = ramp.belief_n;
   PerMass<Real> moved_end{};
+  Real added_n = 0;  // by errors of the command
+  bool weighed = false;
   for (int round = 0; round <= (ramp.quick ? kQuickRounds : kTickRounds); ++round) {
     RobotState end = state;
     for (std::size_t i = 0; i < static_cast<std::size_t>(n) && ramp.swing; ++i) {
@@ -337,7 +339,9 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
                   out.forces);
     out.cone = cone_of(params, out.forces, out.state, n);
     keep_free(params.belief_error, ramp.belief_n, out.cone);
-    const Cone spared = spare(with_turning(out.cone, out.forces, n, out.command.u), ramp.spare, out.forces);
+    added_n = errors_n(out.cone, out.forces, n, out.command.u);
+    weighed = true;
+    const Cone spared = spare(with_turning(out.cone, out.forces, n, out.command.u, added_n), ramp.spare, out.forces);
     // The last projection's command holds where it lands, too.
     if (round > 0 && !(outside_n(spared, out.forces, n, out.command.u) > 0)) break;
     const int left = ramp.quick ? 0 : std::max(kTickSteps - out.steps, 0);
@@ -346,12 +350,15 @@ void governed_for_ramp(const BallParams& ball, const GovernorParams& params, con
     // A search that was cut short found nothing. The last round's command is nearer.
     if (!ramp.quick && round > 0 && left == 0 && next.empty) break;
     out.command = next;
+    weighed = !next.bent;
     if (!out.command.bent || out.command.empty) break;
   }
   moved_end = moved(params, out.state, out.command.u, ramp.swing, n);
   out.state.mass_acceleration = out.command.u;
   out.force_W_n = out.forces.force(n, moved_end);
-  out.outside_n = most_outside_n(out.cone, out.forces, n, moved_end);
+  out.with_errors = added_n > 0 || ramp.belief_n > 0;
+  if (!weighed || (ramp.swing && moved_end != out.command.u)) added_n = errors_n(out.cone, out.forces, n, moved_end);
+  out.outside_n = most_outside_n(out.cone, out.forces, n, moved_end, added_n);
 }
 
 Projection governed_beginning(const BallParams& ball, const GovernorParams& params, const RobotState& state,

@@ -9,6 +9,8 @@ namespace ballast::firmware {
 
 // Steps of a moving ball cost about this many steps of a held one (tools/docs/governor.md has both).
 inline constexpr int kMovingStepWork = 3;
+// Declared errors of the belief are carried along.
+inline int held_step_work(const GovernorParams& params) { return params.belief_error.any() ? 2 : 1; }
 // A search has time for so many steps of a moving ball in GovernorParams::step_s. There are 2, near the cone's edge 4;
 // twice that leaves time for longer brakes.
 inline constexpr Wide kLikelySteps = 8;
@@ -70,13 +72,15 @@ struct GovernedRamp {
   Vector3 force_W_n = Vector3::Zero();  // there
   Real outside_n = 0;                   // of the cone, <= 0: inside
   int steps = 0;                        // of the projection's searches
+  bool with_errors = false;             // of motors or belief
   Real belief_n = 0;                    // Ramp::belief_n
 };
 
-// The cost of a projection, in steps of a rollout that is not bent: by the steps of its searches.
+// The cost of a projection, in steps of a rollout that is not bent: by the steps of its searches. Errors make each of
+// its rounds dearer.
 inline int cost_of(const GovernedRamp& ramp) {
-  constexpr int kConeSteps = 12;  // cost as much as a step that is not bent
-  return 1 + ramp.steps / kConeSteps;
+  const int cone_steps = ramp.with_errors ? 6 : 12;  // cost as much as a step that is not bent
+  return 1 + ramp.steps / cone_steps;
 }
 
 // The command at the end of a ramp that begins in `state`, where the forces are `at_start`. It keeps the cone there;

@@ -17,6 +17,9 @@ constexpr Real kBeyond = Real(1.05);
 constexpr Real kFarthest = 8;
 // Beyond so many rounds every third one halves the bracket, whatever the forces look like.
 constexpr int kUsualSteps = 12;
+// Rounds of a search that has met a half space without a point of the box: nothing is inside, and these find nearly the
+// least violation.
+constexpr int kEmptySteps = 8;
 
 // Part of the bound of all errors that is kept free across the friction: the errors of several masses, each the sum of
 // three of different frequencies, are not all greatest at once. Along it, where they are first order, it is all.
@@ -102,6 +105,11 @@ class Projector {
     return nearest(-along(e, cone.friction, forces_.force_W_n) - slack_along(cone, forces_, n_, e), gradient);
   }
 
+  // By how much a force is outside of it.
+  [[nodiscard]] Real beyond(const Plane& e, const Cone& cone, const Vector3& force) const {
+    return along(e, cone.friction, force) + slack_along(cone, forces_, n_, e);
+  }
+
   [[nodiscard]] Real outside(const Cone& cone, const PerMass<Real>& u) const {
     return outside_n(cone, forces_, static_cast<int>(n_), u);
   }
@@ -128,7 +136,8 @@ struct Best {
   PerMass<Real> u{};
   Real violation_n = std::numeric_limits<Real>::infinity();
   bool inside = false;
-  int steps = 0;  // of the search
+  bool empty = false;  // some half space has no point of the box
+  int steps = 0;       // of the search
 
   void take(const PerMass<Real>& candidate, Real candidate_violation_n, Real tolerance_n) {
     if (!(candidate_violation_n < violation_n)) return;
@@ -161,8 +170,11 @@ void search_direction(const Projector& projector, const Cone& cone, Plane e, Bes
     const PerMass<Real> u = projector.held(e, cone);
     const Vector3 force = projector.force(u);
     const Real size_n = friction_n(force);
-    best.take(u, projector.outside(cone, u), kConeTolerance * (size_n + std::fabs(cone.friction * force[2])));
+    const Real tolerance_n = kConeTolerance * (size_n + std::fabs(cone.friction * force[2]));
+    best.take(u, projector.outside(cone, u), tolerance_n);
     if (best.inside || !(size_n > 0)) return;
+    best.empty |= projector.beyond(e, cone, force) > 4 * tolerance_n;
+    if (best.empty && step + 1 >= kEmptySteps) return;
     const Real across = e.x * force[1] - e.y * force[0];
     const int side = across > 0 ? 1 : -1;
     if (side > 0) {
@@ -199,7 +211,7 @@ PerMass<Real> nearest_in_cone(const Projector& projector, const Cone& cone, int 
   const Vector3 first = projector.force(projector.nominal());
   const Real first_n = friction_n(first);
   search_direction(projector, cone, first_n > 0 ? Plane{first[0] / first_n, first[1] / first_n} : Plane{1, 0}, best);
-  if (best.inside || steps + best.steps >= most_steps) return answer();
+  if (best.inside || best.empty || steps + best.steps >= most_steps) return answer();
   constexpr Real kHalf = Real(0.70710678118654752);
   constexpr Plane kAround[8] = {{1, 0},  {kHalf, kHalf},   {0, 1},  {-kHalf, kHalf},
                                 {-1, 0}, {-kHalf, -kHalf}, {0, -1}, {kHalf, -kHalf}};
@@ -300,22 +312,22 @@ Real errors_n(const Cone& cone, const AffineForces& forces, int mass_count, cons
   return std::fmax(along_n, kWorstPhases * (most_n - size_n));
 }
 
-Real most_outside_n(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u) {
+Real most_outside_n(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u,
+                    Real added_n) {
   const Vector3 force = forces.force(mass_count, u);
   const Real lifted_n = cone.min_normal_force_n - force[2];
   if (std::isinf(cone.friction)) return lifted_n;
-  const Real slips_n =
-      friction_n(force) - cone.friction * force[2] + cone.slack_n + errors_n(cone, forces, mass_count, u);
+  const Real slips_n = friction_n(force) - cone.friction * force[2] + cone.slack_n + added_n;
   return lifted_n > slips_n ? lifted_n : slips_n;
 }
 
-Cone with_turning(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u) {
+Cone with_turning(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u, Real added_n) {
   const auto n = static_cast<std::size_t>(mass_count);
   if (std::isinf(cone.friction) || !has_errors(cone, n)) return cone;
   const Vector3 force = forces.force(mass_count, u);
   const Real size_n = friction_n(force);
   const Plane own = size_n > 0 ? Plane{force[0] / size_n, force[1] / size_n} : Plane{1, 0};
-  const Real more_n = errors_n(cone, forces, mass_count, u) - (slack_along(cone, forces, n, own) - cone.slack_n);
+  const Real more_n = added_n - (slack_along(cone, forces, n, own) - cone.slack_n);
   Cone out = cone;
   if (more_n > 0) out.slack_n += more_n;
   return out;

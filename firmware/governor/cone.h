@@ -48,11 +48,14 @@ struct Projection {
 // small beside them this is more than what they add along it.
 [[nodiscard]] Real errors_n(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u);
 
-// The same as outside_n() with all that the errors may add.
-[[nodiscard]] Real most_outside_n(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u);
+// The same as outside_n() with all that the errors may add: `added_n`, the errors_n() of u.
+[[nodiscard]] Real most_outside_n(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u,
+                                  Real added_n);
 
-// The cone whose slack along the friction of u covers all that the errors may add to it.
-[[nodiscard]] Cone with_turning(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u);
+// The cone whose slack along the friction of u covers all that the errors may add to it: `added_n`, the errors_n() of
+// u.
+[[nodiscard]] Cone with_turning(const Cone& cone, const AffineForces& forces, int mass_count, const PerMass<Real>& u,
+                                Real added_n);
 
 // Minimises sum ((u_i - nominal_i) / unit_i)^2 in box and cone. `unit`: > 0, the size of a change that costs 1, such as
 // the greatest acceleration. Where the nominal lies in both it is returned, bit for bit.

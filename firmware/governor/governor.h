@@ -104,6 +104,11 @@ void keep_nominal(GovernorState& state);
 [[nodiscard]] std::int64_t likely_search_ticks(const GovernorParams& params, const GovernorState& state,
                                                std::int64_t nominal_ticks);
 
+// Work that a projection of this cost leaves of a tick's: the two never cost their most in the same tick.
+inline int left_work(const GovernorParams& params, int cost) {
+  return params.work_per_tick - kMovingStepWork * (cost - 1);
+}
+
 // The parts of govern() that do not depend on the nominal.
 namespace detail {
 // Adopts a finished candidate, switches to the backup where the certificate says so, and begins the next candidate.
@@ -117,16 +122,16 @@ void time_search(const GovernorParams& params, std::int64_t tick, GovernorState&
 // Returns the accelerations of the masses at the end of `tick`, in which they go linearly from ramp.start to the
 // command, inside of ramp.end. `now`: the believed state at its start, masses as commanded. `law(time_s, state)`
 // predicts the Wish of a time after the start of the tick at which the candidate began
-// (state.candidate.start_tick()) and a state.
+// (state.candidate.start_tick()) and a state. `spent`: work of the search that gives way to other work of this tick.
 template <class Law>
 void govern(const BallParams& ball, const GovernorParams& params, const RobotState& now, const Ramp& ramp,
-            const NominalEnd& nominal, const Law& law, std::int64_t tick, GovernorState& state, GovernorOutput& out) {
+            const NominalEnd& nominal, const Law& law, std::int64_t tick, int spent, GovernorState& state,
+            GovernorOutput& out) {
   detail::decide(params, now, tick, state);
   detail::command(ball, params, state, now, ramp, nominal, tick, out);
-  // The search waits for a costly projection: the two never cost their most in the same tick.
-  // A little is done in some ticks whatever that costs, so that a search ends.
+  // The search waits for a costly projection. A little is done in some ticks whatever that costs, so that it ends.
   const int least = tick % 4 == 0 ? 1 : 0;
-  const int left = params.work_per_tick - kMovingStepWork * (out.cost - 1);
+  const int left = left_work(params, out.cost) - spent;
   const int work = left > least ? left : least;
   if (state.candidate.end() != RolloutEnd::kUnderWay) return;
   state.candidate.advance(ball, params, law, state.bends, work);

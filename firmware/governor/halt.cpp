@@ -124,11 +124,11 @@ PerMass<Real> halt_wish(const BallParams& ball, const GovernorParams& params, co
   const Real x = det > 0 ? (d * missing.x - xy * missing.y) / det : 0;
   const Real y = det > 0 ? (a * missing.y - xy * missing.x) / det : 0;
   for (std::size_t i = 0; i < n; ++i) {
-    const Real most = params.mass[i].max_acceleration, v = state.mass_velocity[i];
+    const Real strongest = params.mass[i].max_acceleration, velocity = state.mass_velocity[i];
     const Real fastest = kFastest * params.mass[i].max_velocity, time_s = kSlowsDown * params.step_s;
     const Real wish = u[i] + c.per_unit[i].x * x + c.per_unit[i].y * y;
-    const Real slowed = std::fmin(std::fmax(wish, (-fastest - v) / time_s), (fastest - v) / time_s);
-    u[i] = std::fmin(std::fmax(slowed, -most), most);
+    const Real slowed = std::fmin(std::fmax(wish, (-fastest - velocity) / time_s), (fastest - velocity) / time_s);
+    u[i] = std::fmin(std::fmax(slowed, -strongest), strongest);
   }
   return u;
 }

@@ -49,12 +49,13 @@ class HaltRollout {
   // from there.
   void begin(const GovernorParams& params, const RobotState& state, std::int64_t tick, const Schedule& change,
              Wide longest_s);
-  // Does steps worth at most `work`. `law`: as for govern(), with the halt from `from` on.
+  // Does steps while their cost so far is below `work`. `law`: as for govern(), with the halt from `from` on.
   template <class Law>
   void advance(const BallParams& ball, const GovernorParams& params, const Law& law, const Bends& in_force, int work) {
-    for (int left = work; left > 0 && !result_.complete; left -= kMovingStepWork) {
+    for (int left = work; left > 0 && !result_.complete;) {
       const Vector2 before = rollout_.state().position_W_m;
       rollout_.advance(ball, params, law, in_force, 1);
+      left -= kMovingStepWork * rollout_.cost();
       take(ball, before);
     }
   }

@@ -57,7 +57,8 @@ class Rollout {
   // From `state` at the start of `tick`.
   void begin(const GovernorParams& params, const RobotState& state, std::int64_t tick, const Schedule& schedule);
 
-  // Does steps while their cost so far is below `work`: kMovingStepWork for one that is not bent, 1 for a held ball.
+  // Does steps while their cost so far is below `work`: kMovingStepWork for one that is not bent, held_step_work() for
+  // a held ball.
   // `nominal(time_s, state)` returns the Wish at a time after the start of begin()'s tick. `in_force`: the bends of the
   // certificate in force, which the ball follows up to the tick Schedule::from, or for ever where there is none.
   template <class Nominal>
@@ -66,10 +67,12 @@ class Rollout {
     for (int left = work; left > 0 && end_ == RolloutEnd::kUnderWay;) {
       if (held_) {
         step_held_ball(ball, params);
-        --left;
+        left -= held_step_work(params);
       } else {
+        // To take up another wish, or to hold the masses, costs as much as a step.
+        const int once = wished_ ? 0 : 1;
         step_moving(ball, params, nominal, in_force);
-        left -= kMovingStepWork * cost_;
+        left -= kMovingStepWork * (cost_ + once + (held_ ? 1 : 0));
       }
     }
   }
@@ -88,6 +91,8 @@ class Rollout {
   [[nodiscard]] const RobotState& state() const { return state_; }
   // Valid at the end kBroken.
   [[nodiscard]] const Breach& breach() const { return breach_; }
+  // Of the last step of a moving ball, in those that are not bent.
+  [[nodiscard]] int cost() const { return cost_; }
   // Commands less their wishes: the nominal where the schedule has it, else braking().
   [[nodiscard]] const Bends& bends() const { return bends_; }
 
@@ -143,7 +148,7 @@ class Rollout {
   bool held_ = false;
   bool near_edge_ = false;
   Wide bends_from_s_ = 0;
-  int cost_ = 1;  // of the last step of a moving ball, in those that are not bent
+  int cost_ = 1;
   HeldBall held_ball_;
   // Where errors of the belief are declared: the drift is renewed in every second step, and is used in both.
   Astray astray_;

@@ -61,7 +61,9 @@ TEST(Belief, OfTheTruthChangesNothing) {
     const contact_t &a = with.laps[k].plant.contact, &b = without.laps[k].plant.contact;
     ASSERT_EQ(a.normal_force_n, b.normal_force_n) << k;
     ASSERT_EQ(a.margin, b.margin) << k;
-    if (k > 2) ASSERT_EQ(a.commanded_normal_force_n, b.commanded_normal_force_n) << k;
+    if (k > 2) {
+      ASSERT_EQ(a.commanded_normal_force_n, b.commanded_normal_force_n) << k;
+    }
     ASSERT_EQ(with.laps[k].answer->status.normal_force_n, without.laps[k].answer->status.normal_force_n) << k;
   }
   ASSERT_TRUE(with.result.belief);

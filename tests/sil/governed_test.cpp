@@ -80,8 +80,8 @@ TEST(Governed, KeepsFreeWhatIsDeclared) {
   // The figures of tools/docs/governor.md.
   const std::string head =
       "ballast run paper_ball --actuation ideal --set control.governor=true --set control.belief_error.mass=";
-  EXPECT_SAYS(folder.run(head + "0.01").out, "bent the commands of 4.38 % of its ticks");
-  EXPECT_SAYS(folder.run(head + "0.02").out, "bent the commands of 26.7 % of its ticks");
+  EXPECT_SAYS(folder.run(head + "0.01").out, "bent the commands of 5.56 % of its ticks");
+  EXPECT_SAYS(folder.run(head + "0.02").out, "bent the commands of 28.4 % of its ticks");
   const auto refused = folder.run(head + "0.05");
   EXPECT_EQ(refused.exit_status, 1);
   EXPECT_SAYS(refused.err, "the controller refuses the start: no stop can be certified");

@@ -125,7 +125,9 @@ TEST(Hold, SensorsRunWhileTheBallStands) {
       EXPECT_NEAR(std::sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]), g, 1e-14);
       EXPECT_EQ(run.laps[k].plant.contact.time_s, 0);
       for (const double rate : run.laps[k].plant.state.angular_velocity_B_radps) EXPECT_EQ(rate, 0);
-      if (run.laps[k].verdict) EXPECT_EQ(run.laps[k].verdict->tripped, 0);
+      if (run.laps[k].verdict) {
+        EXPECT_EQ(run.laps[k].verdict->tripped, 0);
+      }
     }
     // From t = 0 on it is the run without a hold.
     EXPECT_EQ(run.laps[50].plant.sensors.gyro_B_radps[2], 0.3);

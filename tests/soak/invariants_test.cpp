@@ -283,9 +283,9 @@ TEST(Invariants, AFalseAlarmOfTheEstimation) {
   const auto patch = [&](double rolling_resistance) {
     return [&no_swing, rolling_resistance](Recorded& run) {
       no_swing(run);
-      sim::SurfacePatch patch;
-      patch.rolling_resistance = rolling_resistance;
-      run.scenario.surface.patches = {patch};
+      sim::SurfacePatch resisting;
+      resisting.rolling_resistance = rolling_resistance;
+      run.scenario.surface.patches = {resisting};
     };
   };
   for (const Fault fault : {Fault::kSlipMeasured, Fault::kLightMeasured, Fault::kNoEstimate}) {

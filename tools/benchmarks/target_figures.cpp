@@ -9,19 +9,15 @@
 #include "hal/target/wire.h"
 #include "sim/scenario/reader.h"
 #include "tests/target/step_load.h"
-#include "tools/program/params.h"
+#include "tools/benchmarks/target_run.h"
 #include "tools/program/program.h"
-#include "tools/qemu/qemu_firmware.h"
-#include "tools/sil/local_peers.h"
-#include "tools/sil/run.h"
+#include "tools/qemu/qemu_process.h"
 
 namespace ballast {
 namespace {
 
-// An instruction takes 256 ns of the machine's time, 6.4 counts of its 25 MHz: whole instructions come of whole counts.
-// Ticks are stretched to two million instructions, so that none is late, and no pulses interrupt them.
-constexpr int kShift = 8;
-constexpr hal::target::Commit kMeasuring{.stretch = 512, .play = false};
+using benchmarks::count_instructions;
+using benchmarks::CountedRun;
 
 struct Target {
   std::string board;  // a folder of hal/
@@ -50,31 +46,20 @@ double weight_n(const sim::Scenario& scenario) {
   return mass_kg * scenario.gravity_mps2;
 }
 
-struct Measured {
-  sil::TargetRecord record;
-  double normal_force_min_n = 0;
-  bool tripped = false;
-};
+// For a tenth of a second.
+sim::Fault push(double force_n, double time_s) {
+  sim::Fault push;
+  push.kind = sim::FaultKind::kPush;
+  push.time_s = time_s;
+  push.end_s = time_s + 0.1;
+  push.value = force_n;
+  push.direction_W = {0.6, 0.8, 0};
+  return push;
+}
 
-Measured measure(const sim::Scenario& scenario, const Target& target,
-                 std::vector<std::int64_t>* instructions = nullptr) {
-  auto params = std::make_unique<firmware::ControllerParams>();
-  if (const auto refusal = program::to_controller_params(scenario, *params)) throw std::runtime_error(*refusal);
-  sil::QemuFirmwareOptions options;
-  options.qemu.board = target.board;
-  options.qemu.elf = target.folder / ("ballast-" + target.board + ".elf");
-  options.qemu.icount_shift = kShift;
-  options.commit = kMeasuring;
-  options.peer_timeout = sil::Seconds(60);
-  options.instructions = instructions;
-  auto owned = std::make_unique<sil::QemuFirmware>(scenario, *params, options);
-  const sil::QemuFirmware& firmware = *owned;
-  sil::LocalPeers peers(program::to_monitor_limits(scenario), std::move(owned));
-  if (peers.connect() != hal::Status::kOk) throw std::runtime_error(peers.trouble());
-  sil::NoRecord recorder;
-  const sil::RunResult result = sil::run(scenario, peers, recorder, {});
-  if (result.status != hal::Status::kOk) throw std::runtime_error(result.trouble);
-  return {firmware.record(), result.extrema.normal_force_min.value, result.controller_trip.has_value()};
+CountedRun measure(const sim::Scenario& scenario, const Target& target, const soak::OperatorScript& script = {},
+                   std::vector<std::int64_t>* instructions = nullptr) {
+  return count_instructions(scenario, target.board, target.folder, script, instructions);
 }
 
 void print_tick(const char* what, std::size_t masses, const sil::TargetRecord& r, const Target& target) {
@@ -98,11 +83,11 @@ void ticks(const Target& target) {
       target.board.c_str(), target.slow_mhz, target.fast_mhz);
   for (const std::size_t masses : {1u, 3u, 8u}) {
     sim::Scenario scenario = ball_with(masses);
-    const Measured whole = measure(scenario, target);
+    const CountedRun whole = measure(scenario, target);
     print_tick("whole run", masses, whole.record, target);
     // A twentieth above the least N of the run, towards the weight, so that the monitor trips.
     scenario.envelope.min_normal_force_n = 0.05 * weight_n(scenario) + 0.95 * whole.normal_force_min_n;
-    const Measured stop = measure(scenario, target);
+    const CountedRun stop = measure(scenario, target);
     if (!stop.tripped) throw std::runtime_error("the run that was to be stopped was not");
     print_tick("with a stop", masses, stop.record, target);
     if (!same(stop.record, measure(scenario, target).record))
@@ -118,7 +103,7 @@ void estimation(const Target& target) {
     const auto read = sim::read_scenario(sim::find_scenario("desk_ball", BALLAST_SCENARIO_DIR), overrides);
     if (!read.ok()) throw std::runtime_error(to_string(read.errors[0]));
     std::vector<std::int64_t> instructions;
-    print_tick(words, read.scenario.masses.size(), measure(read.scenario, target, &instructions).record, target);
+    print_tick(words, read.scenario.masses.size(), measure(read.scenario, target, {}, &instructions).record, target);
     return instructions;
   };
   const std::string part = "sensors.preset=bmi088_calibrated", encoder = "sensors.encoder.resolution=0.0015";
@@ -162,14 +147,8 @@ void tracking(const Target& target) {
     }
     auto read = sim::read_scenario(sim::find_scenario("desk_ball", BALLAST_SCENARIO_DIR), overrides);
     if (!read.ok()) throw std::runtime_error(to_string(read.errors[0]));
-    sim::Fault push;
-    push.kind = sim::FaultKind::kPush;
-    push.time_s = 1;
-    push.end_s = 1.1;
-    push.value = 0.2 * weight_n(read.scenario);
-    push.direction_W = {0.6, 0.8, 0};
-    read.scenario.faults = {push};
-    const Measured run = measure(read.scenario, target);
+    read.scenario.faults = {push(0.2 * weight_n(read.scenario), 1)};
+    const CountedRun run = measure(read.scenario, target);
     if (run.tripped) throw std::runtime_error("the pushed run tripped");
     print_tick(words, read.scenario.masses.size(), run.record, target);
     return static_cast<double>(run.record.sum_instructions) / static_cast<double>(run.record.ticks);
@@ -184,13 +163,20 @@ void tracking(const Target& target) {
 
 // Instructions of a whole tick under the governor: a motion that it leaves alone, and one that it has to bend; tracking
 // along a motion with estimation, a latency and places from outside, all together; the latter two with errors of the
-// belief declared.
+// belief declared; with steppers, a ball that a push drives out of its cone, and one that is halted.
 void governor(const Target& target) {
-  const auto measured = [&](const char* words, const char* name, std::vector<std::string> overrides) {
-    overrides.insert(overrides.end(), {"control.governor=true", "control.friction_use=1", "run.actuation=\"ideal\""});
+  const auto show = [&](const char* words, const sim::Scenario& scenario, const soak::OperatorScript& script = {}) {
+    print_tick(words, scenario.masses.size(), measure(scenario, target, script).record, target);
+  };
+  const auto scenario_of = [&](const char* name, std::vector<std::string> overrides) {
+    overrides.insert(overrides.end(), {"control.governor=true", "control.friction_use=1"});
     const auto read = sim::read_scenario(sim::find_scenario(name, BALLAST_SCENARIO_DIR), overrides);
     if (!read.ok()) throw std::runtime_error(to_string(read.errors[0]));
-    print_tick(words, read.scenario.masses.size(), measure(read.scenario, target).record, target);
+    return read.scenario;
+  };
+  const auto measured = [&](const char* words, const char* name, std::vector<std::string> overrides) {
+    overrides.emplace_back("run.actuation=\"ideal\"");
+    show(words, scenario_of(name, std::move(overrides)));
   };
   measured("governed", "paper_ball", {});
   measured("bent", "paper_ball", {"surface.static_friction=0.16", "surface.kinetic_friction=0.1"});
@@ -207,6 +193,14 @@ void governor(const Target& target) {
   std::vector<std::string> uncertain = all;
   uncertain.insert(uncertain.end(), {"control.belief_error.mass=0.05", "control.belief_error.center_of_mass=0.00075"});
   measured("all uncertain", "desk_ball", uncertain);
+  const auto with_push = [&](const std::vector<std::string>& overrides) {
+    sim::Scenario scenario = scenario_of("desk_ball", overrides);
+    scenario.faults = {push(0.2 * weight_n(scenario), 0.5)};
+    return scenario;
+  };
+  show("and pushed", with_push(all));
+  show("and halted", scenario_of("desk_ball", all), {.commands = {{1500, firmware::OperatorCommand::kHalt}}});
+  show("everything", with_push(uncertain));
 }
 
 void steps(const Target& target) {

@@ -210,8 +210,9 @@ TEST(Cone, KnowsTheWorstErrors) {
     const Real rounding_n = 1e-12 * (size_of(c, point) + all_n) * (1 + c.cone.friction);
     EXPECT_NEAR(found_n, std::max(along_n, Real(0.9) * worst_n), rounding_n) << "trial " << trial;
     turned += found_n > 1.01 * along_n ? 1 : 0;
-    const Cone wider = with_turning(c.cone, c.forces, c.n, point);
-    EXPECT_NEAR(outside_n(wider, c.forces, c.n, point), most_outside_n(c.cone, c.forces, c.n, point), rounding_n);
+    const Cone wider = with_turning(c.cone, c.forces, c.n, point, found_n);
+    EXPECT_NEAR(outside_n(wider, c.forces, c.n, point), most_outside_n(c.cone, c.forces, c.n, point, found_n),
+                rounding_n);
   }
   EXPECT_GT(turned, 200);
 }
