@@ -215,6 +215,26 @@ void watch_path(const ControllerParams& params, const RobotState& robot, Governi
   g.off_path_B_radps = Vector3::Zero();
 }
 
+// Omega without what masses add that swing fast about their commands, which takes the ball along and goes past its mean
+// by as much again. It follows what is sensed within some swings, and what is predicted at once.
+void calm_down(const ControllerParams& params, const RobotState& robot, GoverningState& g) {
+  constexpr Real kSwings = 5;  // radians of the slowest swing
+  constexpr Real kFarOff = Real(0.05);
+  Real slowest_radps = std::numeric_limits<Real>::infinity();
+  for (int i = 0; i < params.ball.mass_count; ++i) {
+    const Real natural_radps = g.params.mass[at(i)].swing.natural_radps;
+    if (natural_radps > 0 && !swings(g.params, at(i))) slowest_radps = std::fmin(slowest_radps, natural_radps);
+  }
+  const Real part = static_cast<Real>(params.control_period_s) * slowest_radps / kSwings;
+  const Vector3& sensed = robot.angular_velocity_B_radps;
+  const Vector3 predicted = g.calm_B_radps + g.expected_B_radps - g.turned_B_radps;
+  const Vector3 off = sensed - predicted;
+  const Real far_radps = kFarOff / unit_s(params.ball);
+  const bool follows = g.expects && part < 1 && off.dot(off) < far_radps * far_radps;
+  g.calm_B_radps = follows ? Vector3(predicted + part * off) : sensed;
+  g.turned_B_radps = sensed;
+}
+
 // The ticks that a halt's prediction has for itself; it also has those without a search.
 bool predicts_halt(const GoverningState& g, std::int64_t tick) {
   constexpr std::int64_t kEvery = 4, kTurn = 2;
@@ -626,6 +646,9 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
   const int n = params.ball.mass_count;
   const RobotState robot = next_robot(params, state, now.motion, now.place_W_m, now.held, now.from);
   watch_path(params, robot, g);
+  calm_down(params, robot, g);
+  RobotState calm = robot;
+  calm.angular_velocity_B_radps = g.calm_B_radps;
   Ramp ramp;
   ramp.h_s = static_cast<Real>(params.control_period_s);
   NominalEnd nominal;
@@ -664,7 +687,7 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
   const int others = estimating + (g.halt.asked ? kMovingStepWork : 0);
   const bool predicting = g.halt.asked && predicts_halt(g, now.tick);
   const int spent = predicting ? g.params.work_per_tick : others;
-  govern(params.ball, g.params, robot, ramp, nominal, law, now.tick, spent, g.governor, out);
+  govern(params.ball, g.params, robot, calm, ramp, nominal, law, now.tick, spent, g.governor, out);
   if (g.halt.asked) {
     if (!g.halt.begun && !g.governor.changing) {
       g.halt.begun = true;

@@ -120,14 +120,15 @@ void time_search(const GovernorParams& params, std::int64_t tick, GovernorState&
 }  // namespace detail
 
 // Returns the accelerations of the masses at the end of `tick`, in which they go linearly from ramp.start to the
-// command, inside of ramp.end. `now`: the believed state at its start, masses as commanded. `law(time_s, state)`
-// predicts the Wish of a time after the start of the tick at which the candidate began
-// (state.candidate.start_tick()) and a state. `spent`: work of the search that gives way to other work of this tick.
+// command, inside of ramp.end. `now`: the believed state at its start, masses as commanded. `calm`: the same without
+// the swing of the masses, where candidates begin. `law(time_s, state)` predicts the Wish of a time after the start of
+// the tick at which the candidate began (state.candidate.start_tick()) and a state. `spent`: work of the search that
+// gives way to other work of this tick.
 template <class Law>
-void govern(const BallParams& ball, const GovernorParams& params, const RobotState& now, const Ramp& ramp,
-            const NominalEnd& nominal, const Law& law, std::int64_t tick, int spent, GovernorState& state,
-            GovernorOutput& out) {
-  detail::decide(params, now, tick, state);
+void govern(const BallParams& ball, const GovernorParams& params, const RobotState& now, const RobotState& calm,
+            const Ramp& ramp, const NominalEnd& nominal, const Law& law, std::int64_t tick, int spent,
+            GovernorState& state, GovernorOutput& out) {
+  detail::decide(params, calm, tick, state);
   detail::command(ball, params, state, now, ramp, nominal, tick, out);
   // The search waits for a costly projection. A little is done in some ticks whatever that costs, so that it ends.
   const int least = tick % 4 == 0 ? 1 : 0;

@@ -164,6 +164,40 @@ ControllerParams governed_desk(Real friction) {
   return params;
 }
 
+// Masses that swing by 50 Hz in their motors' fields take the ball along. Candidates begin without that; a push is
+// believed at once.
+TEST(Governing, CandidatesBeginWithoutTheSwingOfTheMasses) {
+  constexpr Real kNatural_radps = 314, kSwing_radps = 0.04;
+  const auto greatest_error = [](Real natural_radps) {
+    ControllerParams params = governed_desk(0.5);
+    for (std::size_t i = 0; i < 3; ++i) {
+      params.governor.swing[i].natural_radps = natural_radps;
+      params.governor.swing[i].damping_ratio = 0.1;
+      params.governor.swing[i].microstep = params.governor.swing[i].full_step = 1e-6;
+    }
+    GovernedBall robot(params);
+    robot.start();
+    Real error = 0, before = 0;
+    while (robot.in.tick < 1000) {
+      const Real swing = kSwing_radps * std::sin(kNatural_radps * static_cast<Real>(robot.in.tick) / 1000);
+      robot.ball.angular_velocity_B_radps[1] += swing - before;
+      before = swing;
+      robot.tick();
+      if (robot.in.tick < 300) continue;
+      // The ball a tick later, without the swing of today.
+      const Real calm = robot.ball.angular_velocity_B_radps[1] - swing;
+      error = std::max(error, std::fabs(robot.state().governing.calm_B_radps[1] - calm));
+    }
+    robot.ball.angular_velocity_B_radps[1] += 1;
+    const Real pushed = robot.ball.angular_velocity_B_radps[1];
+    robot.tick();
+    EXPECT_NEAR(robot.state().governing.calm_B_radps[1], pushed, 0.1);
+    return error;
+  };
+  EXPECT_LT(greatest_error(kNatural_radps), kSwing_radps / 4);
+  EXPECT_GT(greatest_error(0), kSwing_radps * 3 / 4);
+}
+
 // From full speed at t = 4 s. The bar of issue 22 is 5 % of what was said.
 TEST(Governing, AHaltEndsWhereItSaid) {
   for (const Real friction : {0.5, 0.02}) {

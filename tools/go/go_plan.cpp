@@ -278,6 +278,7 @@ std::string in_words_of_go(std::string text) {
 std::string first_clause(const std::string& text) { return text.substr(0, text.find(';')); }
 
 constexpr int kThreads = 2;
+constexpr int kMostTries = 6;
 
 // One motion to search for, between two rests or from where the robot is.
 struct Leg {
@@ -292,13 +293,14 @@ struct Leg {
 struct Race {
   double leg_m = 0;   // 0: without a rest on the way
   double longer = 1;  // than a likely duration
+  int tries = kMostTries;
   std::uint64_t seed = 0;
 };
 
 // Shared by the threads that search for one motion.
 struct Tries {
   std::mutex mutex;
-  int begun = 0;
+  int begun = 0, most = kMostTries;
   std::optional<Motion> found;
   std::string why;  // the first was in vain
   bool infeasible = false;
@@ -361,7 +363,6 @@ std::shared_ptr<const TooFast> too_fast(const firmware::ControllerParams& params
 }
 
 void Planner::keep_trying(const Leg& leg, std::uint64_t seed, const std::function<bool()>& ended, Tries& tries) const {
-  constexpr int kTries = 6;
   const bool given = leg.task.duration_s.has_value();
   for (;;) {
     std::shared_ptr<const TooFast> neighbour;
@@ -369,7 +370,7 @@ void Planner::keep_trying(const Leg& leg, std::uint64_t seed, const std::functio
     std::uint64_t own_seed = seed;
     {
       const std::lock_guard lock(tries.mutex);
-      if (tries.found || tries.infeasible || tries.begun >= kTries || ended()) return;
+      if (tries.found || tries.infeasible || tries.begun >= tries.most || ended()) return;
       if (tries.stretches && leg.slows) {
         neighbour = tries.fast;
         duration_s = neighbour->needed_s;
@@ -422,6 +423,7 @@ std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int
     Leg leg = leg_of(way ? end_of(*way) : at, to_stop);
     leg.likely_s *= race.longer;
     Tries tries;
+    tries.most = race.tries;
     search_leg(leg, threads, race.seed, ended, tries);
     if (!tries.found) {
       failed.why = fmt::format("on the way to ({:.3g}, {:.3g}) m: {}", stop_m[0], stop_m[1], tries.why);
@@ -473,8 +475,11 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
   for (int k = 0; k < kRaces && !stop(); ++k) {
     const bool legs_serve = !given && least_s == 0 && (task.objective != plan::Objective::kTime || k >= kOneMotion);
     const double leg_m = kLeg * scenario.ball.radius_m / (1 + k);
+    const std::vector<Eigen::Vector2d> shorter = stops(task, kLeg * scenario.ball.radius_m / (2 + k));
+    race.tries = legs_serve && k == 0 && shorter.size() > 1 ? kThreads : kMostTries;
     race.leg_m = legs_serve && stops(task, leg_m).size() > 1 ? leg_m : 0;
     Tries tries;
+    tries.most = race.tries;
     if (auto way = find(whole, race, tries)) {
       out.plan = finished(params, std::move(*way), out.why);
       return out;

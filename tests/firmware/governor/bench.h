@@ -156,7 +156,7 @@ struct Bench {
     for (std::size_t i = 0; i < end.reached.size(); ++i) {
       end.reached[i] = std::fmin(std::fmax(end.reached[i], ramp.end.lower[i]), ramp.end.upper[i]);
     }
-    govern(ball, params, state, ramp, end, law_of_candidate, tick, 0, governor, out);
+    govern(ball, params, state, state, ramp, end, law_of_candidate, tick, 0, governor, out);
     bent += out.report.bent ? 1 : 0;
     backup += out.report.backup ? 1 : 0;
     empty += out.report.empty ? 1 : 0;
