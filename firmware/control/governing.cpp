@@ -237,7 +237,7 @@ void calm_down(const ControllerParams& params, const RobotState& robot, Governin
 
 // The ticks that a halt's prediction has for itself; it also has those without a search.
 bool predicts_halt(const GoverningState& g, std::int64_t tick) {
-  constexpr std::int64_t kEvery = 4, kTurn = 2;
+  constexpr std::int64_t kEvery = 8, kTurn = 2;
   const bool alone = g.governor.candidate.end() != RolloutEnd::kUnderWay;
   return g.halt.predicts && !g.halt.rollout.result().complete && (alone || tick % kEvery == kTurn);
 }

@@ -98,7 +98,7 @@ Schedule next_schedule(const GovernorParams& params, std::int64_t tick, const Go
     out.to = state.change_tick + stretch;
     return out;
   }
-  const std::int64_t ready = tick + ticks_of_search(params, stretch);
+  const std::int64_t ready = tick + ticks_of_search(params, stretch) + state.late_ticks;
   if (nominal) {
     // Up to the switch of the certificate in force the nominal runs anyway. A candidate that is ready before continues
     // it; one that is not finds the backup running.
@@ -129,6 +129,7 @@ void reset(GovernorState& state) {
   state.trusted = true;
   state.off_path = false;
   state.attempts = 0;
+  state.late_ticks = 0;
   state.pace = 0;
   state.certified_tick = 0;
 }
@@ -245,6 +246,7 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
       state.certified_tick = tick;
       state.searching = false;
       state.attempts = renewal ? state.attempts + 1 : 0;
+      state.late_ticks = 0;
       if (!renewal) {
         state.mode = GovernorMode::kNominal;
         state.trusted = true;
@@ -255,8 +257,13 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
     }
   } else if (state.searching && (state.mode == GovernorMode::kBackup || state.changing) &&
              tick > state.candidate.schedule().from && !renews_backup(state.candidate.schedule())) {
-    state.searching = false;  // later than its adoption tick
-    ++state.attempts;
+    // Later than its adoption tick: the same with more time, or the next.
+    state.searching = false;
+    state.late_ticks += params.search_ticks / 2;
+    if (state.late_ticks > 2 * std::int64_t{params.search_ticks}) {
+      state.late_ticks = 0;
+      ++state.attempts;
+    }
   }
   const bool out_of_trust = state.off_path && state.attempts > kStretches;
   if (state.mode == GovernorMode::kNominal && (tick >= state.certificate.switch_tick || out_of_trust)) {

@@ -47,6 +47,7 @@ struct GovernorState {
   bool off_path = false;                   // distrust()
   bool trusted = true;                     // the certificate; false: any other takes its place
   int attempts = 0;                        // since the last certificate: selects the stretch of the nominal
+  std::int64_t late_ticks = 0;             // more than usual for the next search, because others were late
   Real pace = 0;                           // ticks of a search per tick of its plan, of late; 0: none is complete yet
 };
 

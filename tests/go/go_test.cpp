@@ -7,6 +7,8 @@
 #include "tests/go/clicked_run.h"
 #include "tools/go/course_parts.h"
 #include "tools/go/go_plan.h"
+#include "tools/go/lost_course.h"
+#include "tools/go/standpoint.h"
 #include "tools/program/params.h"
 #include "tools/tracking/followed_plan.h"
 
@@ -176,6 +178,63 @@ TEST(Go, PlansTheShortestTime) {
     duration_s[shortest ? 1 : 0] = outcome.plan->moved.duration_s;
   }
   EXPECT_LT(duration_s[1], duration_s[0]);
+}
+
+// desk_ball under masses that hold, at this Omega.
+go::Heard armed(const sim::Scenario& scenario, double omega_radps) {
+  go::Heard heard{scenario, {}, {}, std::nullopt};
+  heard.status.mode = controller_status_t::MODE_ARMED;
+  heard.status.motor_count = static_cast<std::int8_t>(scenario.masses.size());
+  heard.plant.orientation[0] = 1;
+  heard.plant.angular_velocity_B_radps[1] = omega_radps;
+  return heard;
+}
+
+// A ball that rocks is another one by the time that a certificate is found, so its course begins at a tick.
+TEST(Standpoint, OfABallThatRocksIsOfItsTick) {
+  const sim::Scenario scenario = clickable(1);
+  std::string why;
+  const auto still = go::standpoint_at(armed(scenario, 0.01), 500, why);
+  ASSERT_TRUE(still) << why;
+  EXPECT_TRUE(still->rests);
+  EXPECT_EQ(still->at.state.omega_B.y, 0);
+  const auto rocks = go::standpoint_at(armed(scenario, 0.05), 500, why);
+  ASSERT_TRUE(rocks) << why;
+  EXPECT_FALSE(rocks->rests);
+  EXPECT_NE(rocks->at.place_m[0], 0);
+}
+
+// In the first tick after a stop the commanded velocity is that of the tick before.
+TEST(Standpoint, HasMassesThatHold) {
+  const sim::Scenario scenario = clickable(1);
+  go::Heard heard = armed(scenario, 0);
+  heard.status.commanded_position[0] = 0.3;
+  heard.status.commanded_velocity[0] = -0.02;
+  heard.status.next_position[0] = 0.2999;
+  std::string why;
+  const auto at = go::standpoint_at(heard, 500, why);
+  ASSERT_TRUE(at) << why;
+  EXPECT_EQ(at->at.state.position[0], 0.2999);
+  EXPECT_EQ(at->at.state.velocity[0], 0);
+}
+
+TEST(LostCourse, IsOneThatStaysOnTheBackup) {
+  go::LostCourse watch;
+  controller_status_t status{};
+  status.mode = controller_status_t::MODE_RUNNING;
+  const auto after = [&](double time_s, int backup) {
+    status.utime = static_cast<std::int64_t>(1e6 * time_s);
+    status.backup_active = static_cast<std::int8_t>(backup);
+    return watch.lost(status);
+  };
+  EXPECT_FALSE(after(10, 1));
+  EXPECT_FALSE(after(12.9, 1));
+  EXPECT_FALSE(after(12.95, 0));  // it has returned
+  EXPECT_FALSE(after(13.5, 1));
+  EXPECT_FALSE(after(16.4, 1));
+  EXPECT_TRUE(after(16.6, 1));
+  status.mode = controller_status_t::MODE_HALTING;
+  EXPECT_FALSE(after(17, 1));
 }
 
 go::HostCourse small_course() {

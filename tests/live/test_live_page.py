@@ -363,6 +363,25 @@ class Live(unittest.TestCase):
         self.assertNotIn("dropped", self.text("#said"))
         self.assert_clean()
 
+    def test_a_ball_that_has_lost_its_course_goes_on(self):
+        self.open()
+        # How far the course has come when the push begins depends on this machine; some pushes are mended by feedback alone.
+        self.start_run(*GOES, "--fault", "push@20:2.6,duration=0.3,direction=[0,1,0]")
+        self.until_mode("armed")
+        self.see_floor(1.2)
+        self.take()
+        self.until("window.ballastLive.run.replay.newest('time') > 14")
+        self.tap((0.8, 0.0))
+        to = self.until_course((0.8, 0.0))["to"]
+        self.until("window.ballastLive.run.replay.newest('time') > 25")
+        if "lost its course" in self.text("#said"):
+            self.until_said(": go: the ball has lost its course: goes on from there")
+            self.until_said(": go: the governor has the ball on its backup: halts it first; goes to ")
+        self.until("((r) => Math.hypot(r.newest('position_0') - arguments[0], r.newest('position_1') - arguments[1]) < 0.01"
+                   " && r.newest('speed') < 1e-3)(window.ballastLive.run.replay)", *to)
+        self.assertNotIn("again", self.text("#said"))
+        self.assert_clean()
+
     def planners(self):
         """Process numbers of planners that `ballast live` has started."""
         found = []

@@ -12,6 +12,7 @@
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
 #include "tools/go/go_plan.h"
+#include "tools/go/lost_course.h"
 #include "tools/go/standpoint.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
@@ -85,7 +86,7 @@ class RunOnBus {
   std::string trouble_;
 };
 
-// One go, from the wish to the course in force.
+// One go, from the wish to the course in force, or with --wait to the place.
 class Going {
   // The ball is there within this part of the way, or this far.
   static constexpr double kThere = 0.02, kLeastThere_m = 1e-3;
@@ -96,6 +97,16 @@ class Going {
 
   int run() {
     if (const auto status = meet()) return *status;
+    for (int times = 0;; ++times) {
+      const int status = go();
+      if (!lost_ || times == go::kMostGoesOn) return status;
+    }
+  }
+
+ private:
+  // Once: `lost_` with --wait where the ball has lost its course.
+  int go() {
+    lost_ = false;
     // The longer a plan takes, the later it begins while the ball rolls.
     constexpr double kFirstPatience_s = 0.55;
     for (double patience_s = kFirstPatience_s;; patience_s *= 1.6) {
@@ -107,7 +118,8 @@ class Going {
       go::GoOutcome outcome;
       from_ = {at->at.place_m[0], at->at.place_m[1]};
       if (const auto status = plan(at->at, outcome)) return *status;
-      if (!outcome.plan) return refuse("no course to " + place_text(to()) + ": " + outcome.why);
+      if (!outcome.plan)
+        return refuse("no course to " + place_text(to()) + ": " + (outcome.why.empty() ? refused_ : outcome.why));
       const bool last = seconds_since(begun_) >= command_.time_limit_s;
       const std::int64_t soonest = end_.status().tick + handover_ticks();
       if (!at->rests && from_tick < soonest && !last) continue;
@@ -117,7 +129,6 @@ class Going {
     }
   }
 
- private:
   [[nodiscard]] Eigen::Vector2d to() const { return {command_.to[0], command_.to[1]}; }
 
   // Learns the run, and how fast it goes.
@@ -159,6 +170,7 @@ class Going {
       return s.mode != controller_status_t::MODE_HALTING && s.mode != controller_status_t::MODE_STOPPING;
     };
     if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
+    begun_ = Clock::now();
     return std::nullopt;
   }
 
@@ -220,8 +232,9 @@ class Going {
       const bool passes =
           refusal == controller_status_t::REFUSAL_LATE || refusal == controller_status_t::REFUSAL_NOT_CERTIFIED;
       if (refusal == controller_status_t::REFUSAL_LATE) search_part_ *= 2;
+      refused_ = sil::refused_text("course", sil::refusal_text(end_.status(), nullptr));
       if (passes && !last) return std::nullopt;
-      return refuse(sil::refused_text("course", sil::refusal_text(end_.status(), nullptr)));
+      return refuse(refused_);
     }
     std::cout << fmt::format(
                      "goes to {} in {} s from tick {} on, and needs f_s/N = {}, with its motors' swing at most {}; "
@@ -234,24 +247,37 @@ class Going {
 
   int arrive(const go::GoPlan& plan, std::int64_t number) {
     const double period_s = run_.scenario().run.control_period_s;
+    constexpr double kSettles_s = 3;  // feedback brings a ball that was disturbed on its way
+    go::LostCourse watch;
     const auto over = [&](const controller_status_t& s) {
       const double time_s = static_cast<double>(s.tick - s.course_tick) * period_s - s.motion_delay_s;
-      return s.course != number || time_s >= plan.moved.duration_s;
+      lost_ = watch.lost(s);
+      const double over_s = time_s - plan.moved.duration_s;
+      return lost_ || s.course != number || over_s >= kSettles_s || (over_s >= 0 && is_there());
     };
     if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
+    if (lost_) {
+      std::cout << "the ball has lost its course, at " << place_text(place()) << std::endl;
+      return program::kExitEnvelope;
+    }
     if (end_.status().course != number) {
       std::cout << "the course ended before the ball was there: " << sil::status_text(end_.status()) << std::endl;
       return program::kExitEnvelope;
     }
-    const auto here = go::now(run_.heard(end_.status()));
-    const Eigen::Vector2d place(here.place_m[0], here.place_m[1]);
-    const double off_m = (place - to()).norm();
-    const bool there = off_m <= std::max(kThere * way_m(), kLeastThere_m);
-    std::cout << fmt::format("is at {}, {} mm from there{}", place_text(place), short_number(1e3 * off_m, 0.01),
+    const bool there = is_there();
+    std::cout << fmt::format("is at {}, {} mm from there{}", place_text(place()),
+                             short_number(1e3 * (place() - to()).norm(), 0.01),
                              there ? "" : fmt::format(": more than {} % of the way", 100 * kThere))
               << std::endl;
     return there ? program::kExitCompleted : program::kExitEnvelope;
   }
+
+  // The ball's, by the newest messages.
+  [[nodiscard]] Eigen::Vector2d place() const {
+    const auto here = go::now(run_.heard(end_.status()));
+    return {here.place_m[0], here.place_m[1]};
+  }
+  [[nodiscard]] bool is_there() const { return (place() - to()).norm() <= std::max(kThere * way_m(), kLeastThere_m); }
 
   // Along the places that were asked for.
   [[nodiscard]] double way_m() const {
@@ -275,6 +301,8 @@ class Going {
   double ticks_per_s_ = 0;
   int search_ticks_ = 0;
   double search_part_ = go::kFirstSearch;
+  std::string refused_ = "the time for planning was over";  // why the controller refused the last course
+  bool lost_ = false;
 };
 
 }  // namespace

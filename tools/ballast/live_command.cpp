@@ -13,6 +13,7 @@
 #include "tools/ballast/live_feed.h"
 #include "tools/ballast/live_go.h"
 #include "tools/ballast/live_operator.h"
+#include "tools/go/lost_course.h"
 #include "tools/program/program.h"
 #include "tools/recording/receive_buffer.h"
 
@@ -135,11 +136,15 @@ class Control {
       return;
     }
     if (request->wish) {
+      followed_.reset();
       go(*request->wish, *status);
       return;
     }
     // A course that is planned must not begin after a newer command. Arming moves nothing.
-    if (request->what != "arm") drop_go(*request);
+    if (request->what != "arm") {
+      drop_go(*request);
+      followed_.reset();
+    }
     report(operator_.tell(request->who, request->what, request->input, *status));
   }
 
@@ -150,11 +155,49 @@ class Control {
       feed_.set_wish(nullptr);
       feed_.say(answer->obeyed ? LiveFeed::Kind::kPlan : LiveFeed::Kind::kRefusal,
                 answer->wish.who + ": go: " + answer->text);
+      const int times = followed_ ? followed_->times : 0;
+      followed_.reset();
+      if (answer->obeyed) followed_ = Followed{answer->wish, course_before_, std::nullopt, times, {}};
     }
+    if (status == nullptr) followed_.reset();
+    if (followed_ && go_.wish() == nullptr) follow(*status);
   }
 
  private:
+  // The newest course of the page, until it is over.
+  struct Followed {
+    GoWish wish;
+    std::int64_t before = 0;             // number of the course before
+    std::optional<std::int64_t> number;  // none: not heard yet
+    int times = 0;                       // that the ball has gone on after it had lost its course
+    go::LostCourse watch;
+  };
+
+  // A ball that has lost its course is halted, and goes on from there.
+  void follow(const controller_status_t& status) {
+    const bool running = status.mode == controller_status_t::MODE_RUNNING;
+    if (!followed_->number) {
+      if (running && status.course != followed_->before) followed_->number = status.course;
+      return;
+    }
+    const bool over = status.at_rest != 0 && status.backup_active == 0;
+    if (!running || status.course != *followed_->number || over) {
+      followed_.reset();
+    } else if (followed_->watch.lost(status)) {
+      const GoWish wish = followed_->wish;
+      if (followed_->times == go::kMostGoesOn) {
+        followed_.reset();
+        feed_.say(LiveFeed::Kind::kRefusal, wish.who + ": go: the ball has lost its course again");
+        return;
+      }
+      ++followed_->times;
+      feed_.say(LiveFeed::Kind::kCommand, wish.who + ": go: the ball has lost its course: goes on from there");
+      go(wish, status);
+    }
+  }
+
   void go(const GoWish& wish, const controller_status_t& status) {
+    course_before_ = status.course;
     const std::string why = go_.start(wish, status);
     feed_.set_wish(go_.wish());
     if (why.empty()) {
@@ -179,6 +222,8 @@ class Control {
   LiveOperator operator_;
   LiveGo go_;
   LiveFeed& feed_;
+  std::int64_t course_before_ = 0;  // followed when the newest wish came
+  std::optional<Followed> followed_;
 };
 
 int live(const LiveCommand& command) {

@@ -13,6 +13,8 @@ namespace ballast::go {
 namespace {
 
 constexpr double kRestSpeed = 0.01;  // sqrt(g r): that of the firmware's halt
+// sqrt(g r): a ball that turns slower is the same for the controller when it has found a certificate.
+constexpr double kStill = 0.0025;
 
 double rest_speed_mps(const sim::Scenario& scenario) {
   const double g = scenario.gravity_mps2, r = scenario.ball.radius_m;
@@ -22,6 +24,10 @@ double rest_speed_mps(const sim::Scenario& scenario) {
 double speed_mps(const sim::Scenario& scenario, const plan::ReferencePoint& at) {
   const plan::Vec& w = at.state.omega_B;
   return scenario.ball.radius_m * std::sqrt(w.x * w.x + w.y * w.y + w.z * w.z);
+}
+
+bool stands_still(const sim::Scenario& scenario, const plan::ReferencePoint& at) {
+  return speed_mps(scenario, at) < kStill / kRestSpeed * rest_speed_mps(scenario);
 }
 
 bool masses_stand(const plan::ReferencePoint& at, std::size_t masses) {
@@ -168,13 +174,18 @@ std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, s
     }
     return out;
   }
-  out.rests = speed_mps(heard.scenario, here) < rest_speed_mps(heard.scenario);
+  out.rests = stands_still(heard.scenario, here);
   out.at = here;
+  // The masses hold from the next tick on, where they have just come to.
+  for (int i = 0; i < heard.status.motor_count; ++i) {
+    out.at.state.position[static_cast<std::size_t>(i)] = heard.status.next_position[i];
+    out.at.state.velocity[static_cast<std::size_t>(i)] = heard.status.next_velocity[i];
+  }
   if (out.rests) {
     out.at.state.omega_B = {0, 0, 0};
     return out;
   }
-  const sim::Scenario held = set_down(heard.scenario, here);
+  const sim::Scenario held = set_down(heard.scenario, out.at);
   const auto at = roll_to(held, static_cast<double>(tick - heard.status.tick) * heard.scenario.run.control_period_s);
   if (!at) {
     why = "the ball leaves the floor";

@@ -103,6 +103,7 @@ struct Bench {
   GovernorState governor;
   GovernorOutput out;
   std::int64_t tick = 0;
+  int spent = 0;  // of each tick's work, by others
 
   // Seen so far.
   int bent = 0, backup = 0, empty = 0;
@@ -156,7 +157,7 @@ struct Bench {
     for (std::size_t i = 0; i < end.reached.size(); ++i) {
       end.reached[i] = std::fmin(std::fmax(end.reached[i], ramp.end.lower[i]), ramp.end.upper[i]);
     }
-    govern(ball, params, state, state, ramp, end, law_of_candidate, tick, 0, governor, out);
+    govern(ball, params, state, state, ramp, end, law_of_candidate, tick, spent, governor, out);
     bent += out.report.bent ? 1 : 0;
     backup += out.report.backup ? 1 : 0;
     empty += out.report.empty ? 1 : 0;

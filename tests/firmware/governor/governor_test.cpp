@@ -92,6 +92,26 @@ TEST(Governor, ContinuesAShortCertificate) {
   EXPECT_EQ(bench->bent, 0);
 }
 
+// Searches that others slow down are late for the tick in which they would return from the backup: they get more time.
+TEST(Governor, ReturnsFromTheBackupWhereItsSearchesAreSlow) {
+  const auto bench = desk_bench(Real(0.5));
+  bench->motion = {};
+  reset(bench->governor);
+  const std::int64_t search = bench->params.search_ticks;
+  int late = 0;
+  while (bench->governor.mode == GovernorMode::kBackup && bench->tick < 20 * search) {
+    // A step in every second tick is left.
+    bench->spent = bench->params.work_per_tick - static_cast<int>(bench->tick % 2);
+    const std::int64_t before = bench->governor.late_ticks;
+    bench->step();
+    late += bench->governor.late_ticks > before ? 1 : 0;
+  }
+  EXPECT_EQ(bench->governor.mode, GovernorMode::kNominal);
+  EXPECT_EQ(bench->governor.late_ticks, 0);
+  EXPECT_GT(late, 0);
+  std::printf("returned after %d late searches\n", late);
+}
+
 // A first certificate for a short stretch grows to the motion's end, step by step, where the motion needs no stop.
 TEST(Governor, ExtendsACertificateToTheMotionsEnd) {
   for (const bool extends : {true, false}) {
