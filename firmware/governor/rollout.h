@@ -91,7 +91,7 @@ class Rollout {
   [[nodiscard]] const RobotState& state() const { return state_; }
   // Valid at the end kBroken.
   [[nodiscard]] const Breach& breach() const { return breach_; }
-  // Of the last step of a moving ball, in those that are not bent.
+  // The cost of the last step of a moving ball, in steps that are not bent.
   [[nodiscard]] int cost() const { return cost_; }
   // Commands less their wishes: the nominal where the schedule has it, else braking().
   [[nodiscard]] const Bends& bends() const { return bends_; }
