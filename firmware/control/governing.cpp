@@ -218,8 +218,8 @@ void watch_path(const ControllerParams& params, const RobotState& robot, Governi
 // Omega without what masses add that swing fast about their commands, which takes the ball along and goes past its mean
 // by as much again. It follows what is sensed within some swings, and what is predicted at once.
 void calm_down(const ControllerParams& params, const RobotState& robot, GoverningState& g) {
-  constexpr Real kSwings = 5;  // radians of the slowest swing
-  constexpr Real kFarOff = Real(0.05);
+  constexpr Real kSwings = 5;           // radians of the slowest swing
+  constexpr Real kFarOff = Real(0.05);  // of sqrt(g / r): more is no swing, but a push
   Real slowest_radps = std::numeric_limits<Real>::infinity();
   for (int i = 0; i < params.ball.mass_count; ++i) {
     const Real natural_radps = g.params.mass[at(i)].swing.natural_radps;
@@ -227,15 +227,16 @@ void calm_down(const ControllerParams& params, const RobotState& robot, Governin
   }
   const Real part = static_cast<Real>(params.control_period_s) * slowest_radps / kSwings;
   const Vector3& sensed = robot.angular_velocity_B_radps;
-  const Vector3 predicted = g.calm_B_radps + g.expected_B_radps - g.turned_B_radps;
+  const Vector3 predicted = g.calm_B_radps + g.expected_B_radps - g.sensed_B_radps;
   const Vector3 off = sensed - predicted;
   const Real far_radps = kFarOff / unit_s(params.ball);
   const bool follows = g.expects && part < 1 && off.dot(off) < far_radps * far_radps;
   g.calm_B_radps = follows ? Vector3(predicted + part * off) : sensed;
-  g.turned_B_radps = sensed;
+  g.sensed_B_radps = sensed;
 }
 
-// The ticks that a halt's prediction has for itself; it also has those without a search.
+// Whether the tick's work is that of a halt's prediction: every eighth is, so that the search for its certificate is
+// hardly later; it also has those without a search.
 bool predicts_halt(const GoverningState& g, std::int64_t tick) {
   constexpr std::int64_t kEvery = 8, kTurn = 2;
   const bool alone = g.governor.candidate.end() != RolloutEnd::kUnderWay;

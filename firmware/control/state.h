@@ -92,7 +92,7 @@ struct GoverningState {
   bool expects = false;                              // expected_B_radps is that of the next tick
   Vector3 expected_B_radps = Vector3::Zero();
   Vector3 off_path_B_radps = Vector3::Zero();
-  Vector3 turned_B_radps = Vector3::Zero();  // Omega at the start of the last governed tick
+  Vector3 sensed_B_radps = Vector3::Zero();  // Omega at the start of the last governed tick
   Vector3 calm_B_radps = Vector3::Zero();    // the same without the swing of the masses
 };
 

@@ -205,8 +205,8 @@ std::string plan_text(const controller_status_t& status) {
 }
 
 std::string halt_text(const controller_status_t& status) {
-  return fmt::format("halting from tick {}; the ball will still roll {:.4g} m, for {:.4g} s", status.halt_tick,
-                     status.halt_distance_m, status.halt_duration_s);
+  return fmt::format("halting from tick {}; from there the ball will still roll {:.4g} m, for {:.4g} s",
+                     status.halt_tick, status.halt_distance_m, status.halt_duration_s);
 }
 
 std::string positions_text(const controller_status_t& status) {
