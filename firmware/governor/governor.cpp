@@ -257,11 +257,12 @@ void detail::decide(const GovernorParams& params, const RobotState& now, std::in
     }
   } else if (state.searching && (state.mode == GovernorMode::kBackup || state.changing) &&
              tick > state.candidate.schedule().from && !renews_backup(state.candidate.schedule())) {
-    // Later than its adoption tick: the same with more time, or the next.
+    // Later than its adoption tick: the shortest stretch with more time, then the next.
     state.searching = false;
-    state.late_ticks += params.search_ticks / 2;
-    if (state.late_ticks > 2 * std::int64_t{params.search_ticks}) {
-      state.late_ticks = 0;
+    if (state.late_ticks < 2 * std::int64_t{params.search_ticks}) {
+      state.late_ticks += params.search_ticks / 2;
+      state.attempts = 0;
+    } else {
       ++state.attempts;
     }
   }
