@@ -159,6 +159,15 @@ class Going {
 
   // A ball that is far from any motion is brought to rest first.
   std::optional<int> halt_if_lost() {
+    const auto over = [](const controller_status_t& s) {
+      return s.mode != controller_status_t::MODE_HALTING && s.mode != controller_status_t::MODE_STOPPING;
+    };
+    if (!over(end_.status())) {
+      std::cout << "the controller is " << sil::mode_text(end_.status().mode) << ": waits for the end of that"
+                << std::endl;
+      if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
+      begun_ = Clock::now();
+    }
     if (!go::needs_halt(run_.heard(end_.status()))) return std::nullopt;
     const bool backup = end_.status().backup_active != 0;
     std::cout << fmt::format("{}: {}",
@@ -166,9 +175,6 @@ class Going {
                              kHaltsFirst)
               << std::endl;
     if (const auto status = tell(end_, firmware::OperatorCommand::kHalt, "halt")) return status;
-    const auto over = [](const controller_status_t& s) {
-      return s.mode != controller_status_t::MODE_HALTING && s.mode != controller_status_t::MODE_STOPPING;
-    };
     if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
     begun_ = Clock::now();
     return std::nullopt;
@@ -247,20 +253,23 @@ class Going {
 
   int arrive(const go::GoPlan& plan, std::int64_t number) {
     const double period_s = run_.scenario().run.control_period_s;
+    const auto follows = [&](const controller_status_t& s) {
+      return s.course == number && s.mode == controller_status_t::MODE_RUNNING;
+    };
     constexpr double kSettles_s = 3;  // feedback brings a ball that was disturbed on its way
     go::LostCourse watch;
     const auto over = [&](const controller_status_t& s) {
       const double time_s = static_cast<double>(s.tick - s.course_tick) * period_s - s.motion_delay_s;
       lost_ = watch.lost(s);
       const double over_s = time_s - plan.moved.duration_s;
-      return lost_ || s.course != number || over_s >= kSettles_s || (over_s >= 0 && is_there());
+      return lost_ || !follows(s) || over_s >= kSettles_s || (over_s >= 0 && is_there());
     };
     if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
     if (lost_) {
       std::cout << "the ball has lost its course, at " << place_text(place()) << std::endl;
       return program::kExitEnvelope;
     }
-    if (end_.status().course != number) {
+    if (!follows(end_.status())) {
       std::cout << "the course ended before the ball was there: " << sil::status_text(end_.status()) << std::endl;
       return program::kExitEnvelope;
     }
