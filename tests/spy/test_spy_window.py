@@ -1,9 +1,12 @@
 """`ballast spy` as people start it, in a real X display, during a real run; and what it says when it cannot start."""
 
 import os
-import signal
+import re
+import socket
+import struct
 import subprocess
 import tempfile
+import threading
 import unittest
 import zipfile
 from pathlib import Path
@@ -43,19 +46,29 @@ def spy(*options, display=None, **environment):
                           timeout=120)
 
 
+def send_self_tests(done):
+    """Publishes LCM's self-test every millisecond: every program that connects does, one also while lcm-spy starts."""
+    group, port = re.fullmatch(r"udpm://(.+):(\d+)\?ttl=0", URL).groups()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+        while not done.wait(0.001):
+            message = struct.pack(">4sI", b"LC02", 0) + b"LCM_SELF_TEST\0lcm self test\0"
+            sender.sendto(message, (group, int(port)))
+
+
 class SpyWindowTest(unittest.TestCase):
     def test_shows_every_channel_decoded_at_its_rate(self):
         with Display() as display, tempfile.TemporaryDirectory() as folder:
             run = subprocess.Popen([BALLAST, "run", "paper_ball", "--speed", "1", "--lcm", URL, "--quiet", "--out",
                                     folder, "--set", "duration=60"])
-            # Every program that connects publishes LCM's self-test on the bus: here one does all the time.
-            comers = subprocess.Popen(["sh", "-c", 'while :; do timeout 0.4 "$0" watch --lcm "$1"; done', BALLAST, URL],
-                                      stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+            done = threading.Event()
+            comers = threading.Thread(target=send_self_tests, args=[done])
+            comers.start()
             try:
                 seen = spy(display=display, JAVA_TOOL_OPTIONS=f"-javaagent:{PROBE}={MESSAGES}")
             finally:
-                os.killpg(comers.pid, signal.SIGTERM)
-                comers.wait()
+                done.set()
+                comers.join()
                 run.terminate()
                 run.wait()
         rows = [line.split("|")[1:] for line in seen.stdout.splitlines() if line.startswith("ROW|")]

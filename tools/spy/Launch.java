@@ -17,6 +17,8 @@ import java.util.ArrayList;
 import java.util.List;
 import java.util.Map;
 import java.util.TreeMap;
+import javax.swing.table.AbstractTableModel;
+import lcm.spy.ChannelData;
 import lcm.util.ClassDiscoverer;
 
 /**
@@ -28,6 +30,7 @@ import lcm.util.ClassDiscoverer;
 public final class Launch {
     /** About a quarter of a second of messages at 1 kHz, longer than a garbage collection takes. */
     private static final int RECEIVE_BUFFER_BYTES = 2 << 20;
+    private static final String SELF_TEST = "LCM_SELF_TEST";
     private static final Dimension SPYS_CHANNEL_WINDOW = new Dimension(650, 400);
     private static final Dimension CHANNEL_WINDOW = new Dimension(840, 460); // from 800 on, columns are 200 wide
 
@@ -113,13 +116,32 @@ public final class Launch {
         }
     }
 
-    /** LCM sends a text of its own whenever a program connects to the bus. lcm-spy cannot decode it, so it is ignored. */
+    /**
+     * LCM sends a text of its own whenever a program connects to the bus. lcm-spy cannot decode it, so it is ignored.
+     *
+     * <p>lcm-spy listens from its constructor on, so one may have come already; its row is taken out again.
+     */
     @SuppressWarnings("unchecked")
-    private static void leaveOutSelfTests(lcm.spy.Spy spy) throws ReflectiveOperationException {
+    private static void leaveOutSelfTests(final lcm.spy.Spy spy) throws Exception {
         Object lcm = value(spy, "lcm");
-        synchronized (value(lcm, "subscriptions")) {
-            ((Map<String, Object>) value(lcm, "subscriptionsMap")).put("LCM_SELF_TEST", new ArrayList<Object>());
+        final Object messages = value(lcm, "subscriptions");
+        synchronized (messages) {
+            ((Map<String, Object>) value(lcm, "subscriptionsMap")).put(SELF_TEST, new ArrayList<Object>());
         }
+        final List<ChannelData> rows = (List<ChannelData>) value(spy, "channelList");
+        final Map<String, ChannelData> channels = (Map<String, ChannelData>) value(spy, "channelMap");
+        final AbstractTableModel table = (AbstractTableModel) value(spy, "_channelTableModel");
+        EventQueue.invokeAndWait(new Runnable() { // which draws the table
+            public void run() {
+                synchronized (messages) {
+                    synchronized (rows) {
+                        if (!rows.remove(channels.remove(SELF_TEST))) return;
+                        for (int row = 0; row < rows.size(); ++row) rows.get(row).row = row;
+                    }
+                    table.fireTableDataChanged();
+                }
+            }
+        });
     }
 
     /**
