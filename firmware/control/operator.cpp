@@ -2,6 +2,7 @@
 
 #include "firmware/control/parts.h"
 #include "firmware/control/plan.h"
+#include "firmware/governor/halt.h"
 #include "firmware/motion/motion_limits.h"
 #include "firmware/motion/rail_ends.h"
 
@@ -35,6 +36,14 @@ bool event_of(OperatorCommand command, Event& event) {
       break;
   }
   return false;
+}
+
+// The command asks for what is so already: a stop while the masses stop, a halt while the ball is halted or where it
+// rests under masses that hold. Nothing changes then.
+bool is_obeyed(const ControllerParams& params, const ControllerState& state, Event event) {
+  if (event == Event::kStop) return state.mode == Mode::kStopping;
+  if (event != Event::kHalt) return false;
+  return state.mode == Mode::kHalting || (state.mode == Mode::kArmed && params.governor.on && halted(params, state));
 }
 
 RefusalReport refused(Refusal reason, int motor = -1, Wide value = 0, int piece = -1) {
@@ -175,6 +184,26 @@ bool countable_steps(const ControllerParams& params, int i, Wide position) {
   return std::fabs(steps) <= kMaxStepsFromZero;
 }
 
+void watch_rest(const ControllerParams& params, const Inputs& inputs, ControllerState& state) {
+  if (!params.governor.on || state.mode == Mode::kHalting || state.mode == Mode::kStopping) return;
+  int& slow_ticks = state.governing.halt.slow_ticks;
+  bool slow = false;
+  // A ball that is held before tick 0 does not rest by itself.
+  if (state.mode == Mode::kArmed && inputs.tick >= 0) {
+    if (const BallMotion motion = ball_motion(params, state, inputs.sensors); motion.known) {
+      RobotState robot;
+      robot.orientation = motion.orientation;
+      robot.angular_velocity_B_radps = motion.angular_velocity_B_radps;
+      slow = speed_mps(params.ball, robot) < kRestSpeed * std::sqrt(params.ball.gravity_mps2 * params.ball.radius_m);
+    }
+  }
+  if (!slow) {
+    slow_ticks = 0;
+  } else if (!halted(params, state)) {
+    ++slow_ticks;
+  }
+}
+
 void obey(const ControllerParams& params, const Inputs& inputs, const GuardState& guards, ControllerState& state) {
   if (inputs.operator_command.command == OperatorCommand::kGo) {
     ++state.operator_commands;
@@ -184,6 +213,10 @@ void obey(const ControllerParams& params, const Inputs& inputs, const GuardState
   Event event{};
   if (!event_of(inputs.operator_command.command, event)) return;
   ++state.operator_commands;
+  if (is_obeyed(params, state, event)) {
+    state.refusal = {};
+    return;
+  }
   state.refusal = follow(params, inputs, next_mode(state.mode, event, guards), state);
 }
 

@@ -147,7 +147,7 @@ void ask_for_halt(const ControllerParams& params, const Inputs& inputs, Controll
 // Begins that halt with the tick `next` if it is due. Returns the reason where it cannot be.
 [[nodiscard]] RefusalReport await_halt(const ControllerParams& params, const Inputs& inputs, ControllerState& state,
                                        std::int64_t next);
-// The halted ball has been at rest for kRestTime_s.
+// The ball that is halted, or that an armed robot lets roll, has been at rest for kRestTime_s.
 [[nodiscard]] bool halted(const ControllerParams& params, const ControllerState& state);
 // The halt commands the tick that begins at the start of `tick`, if its stop is certified.
 [[nodiscard]] bool halts(const GoverningState& governing, std::int64_t tick);
@@ -202,6 +202,9 @@ void put_in_force(ControllerState& state, std::int64_t tick);
 
 // The microsteps from the start to this position can be counted.
 [[nodiscard]] bool countable_steps(const ControllerParams& params, int i, Wide position);
+
+// Counts the ticks in which an armed robot's ball has been slower than rest, on from those of a halt (halted()).
+void watch_rest(const ControllerParams& params, const Inputs& inputs, ControllerState& state);
 
 // Obeys the operator's command, if there is one, or keeps the reason why not.
 void obey(const ControllerParams& params, const Inputs& inputs, const GuardState& guards, ControllerState& state);

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "tests/firmware/governed_ball.h"
@@ -338,6 +339,59 @@ TEST(Governing, AStopTakesAHaltBackThatHasNotBegun) {
   EXPECT_FALSE(robot.state().moving);
   robot.tick(OperatorCommand::kStart);  // certified anew meanwhile
   EXPECT_EQ(robot.out.status.mode, Mode::kRunning) << static_cast<int>(robot.out.status.refusal.reason);
+}
+
+// A command that asks for what is under way changes nothing, and is not refused.
+TEST(Governing, ObeysARepeatedHaltAndStop) {
+  GovernedBall once(governed_desk(0.5)), again(governed_desk(0.5));
+  for (GovernedBall* robot : {&once, &again}) {
+    robot->start();
+    robot->run_until(4000);
+  }
+  const auto both = [&](OperatorCommand repeated) {
+    once.tick();
+    again.tick(repeated);
+    EXPECT_EQ(again.out.status.refusal.reason, Refusal::kNone);
+    EXPECT_EQ(again.out.status.mode, once.out.status.mode);
+    for (int i = 0; i < once.params().ball.mass_count; ++i) {
+      EXPECT_EQ(again.out.status.next[static_cast<std::size_t>(i)].position,
+                once.out.status.next[static_cast<std::size_t>(i)].position);
+    }
+  };
+  for (const auto& [command, mode] :
+       {std::pair(OperatorCommand::kHalt, Mode::kHalting), std::pair(OperatorCommand::kStop, Mode::kStopping)}) {
+    once.tick(command);
+    again.tick(command);
+    ASSERT_EQ(again.out.status.mode, mode);
+    const std::int64_t commands = again.out.status.operator_commands;
+    for (int k = 0; k < 60; ++k) both(k % 20 == 10 ? command : OperatorCommand::kNone);
+    EXPECT_EQ(again.out.status.operator_commands, commands + 3);
+  }
+}
+
+// There is nothing to halt: masses and ball stay where they are.
+TEST(Governing, ObeysAHaltOfABallAtRestAtOnce) {
+  GovernedBall robot(governed_desk(0.5));
+  robot.start();
+  robot.run_until(4000);
+  robot.tick(OperatorCommand::kHalt);
+  while (robot.out.status.mode != Mode::kArmed && robot.in.tick < 30000) robot.tick();
+  ASSERT_EQ(robot.out.status.mode, Mode::kArmed);
+  const auto obeys_at_once = [&] {
+    robot.tick(OperatorCommand::kHalt);
+    EXPECT_EQ(robot.out.status.mode, Mode::kArmed);
+    EXPECT_EQ(robot.out.status.refusal.reason, Refusal::kNone);
+    EXPECT_FALSE(robot.state().moving);
+  };
+  robot.tick();
+  obeys_at_once();
+  robot.run_until(robot.in.tick + 3000);
+  obeys_at_once();
+  // A push, and it has to be halted.
+  robot.ball.angular_velocity_B_radps = Vector3(1, 0, 0);
+  robot.tick();
+  robot.tick(OperatorCommand::kHalt);
+  EXPECT_EQ(robot.out.status.mode, Mode::kHalting);
 }
 
 // Only the governor brings the ball to rest.
