@@ -48,16 +48,25 @@ inline bool usable(lcm::LCM& lcm, const std::string& url) {
   return lcm.good() && (!url.starts_with("tcpq") || lcm.getFileno() >= 0);
 }
 
+// The URL by which others meet on this bus: without the size of a receive buffer, which is that of one end alone.
+inline std::string shared_url(std::string url) {
+  const std::size_t at = url.find("recv_buf_size=");
+  if (at == std::string::npos || at == 0) return url;
+  const std::size_t next = url.find('&', at);
+  return next == std::string::npos ? url.erase(at - 1) : url.erase(at, next + 1 - at);
+}
+
 class Bus {
  public:
   // Check good() first. Once `*interrupted` is nonzero, every wait returns kInterrupted within 50 ms. `interrupted`
   // must outlive the bus.
   explicit Bus(const std::string& url, const volatile std::sig_atomic_t* interrupted = nullptr)
-      : interrupted_(interrupted), lcm_(url), good_(usable(lcm_, url)) {}
+      : url_(shared_url(url)), interrupted_(interrupted), lcm_(url), good_(usable(lcm_, url)) {}
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
   [[nodiscard]] bool good() const { return good_; }
+  [[nodiscard]] const std::string& url() const { return url_; }  // shared_url()
 
   // Joins a run. From now on published messages carry its number, and messages of other runs are counted and dropped,
   // except those of peers that wait for a run. Before, all messages are heard, and published ones carry 0.
@@ -131,6 +140,7 @@ class Bus {
            (kMayWait && message.run_id == 0 && message.tick == kWaitingTick);
   }
 
+  std::string url_;
   const volatile std::sig_atomic_t* interrupted_;
   std::int64_t run_id_ = 0;
   std::int64_t malformed_ = 0, foreign_ = 0;

@@ -56,10 +56,10 @@ Status BusOperator::connect() {
   const Status status = bus_.receive_until(hal::after(hal::WallClock::now(), silence_), [this] { return fresh_; });
   if (status == Status::kOk) return status;
   if (status != Status::kEmpty) return fail(status, "");
-  return fail(Status::kPeerLost, fmt::format("{} (listened for {:g} s)",
+  return fail(Status::kPeerLost, fmt::format("{} (listened on {} for {:g} s)",
                                              waiting_ ? "the controller on this bus waits for its plant"
                                                       : "no controller is at work on this bus",
-                                             silence_.count()));
+                                             bus_.url(), silence_.count()));
 }
 
 Status BusOperator::tell(const firmware::OperatorInput& input) {
