@@ -3,6 +3,7 @@ import os
 import pathlib
 import subprocess
 import tempfile
+import tomllib
 import unittest
 
 BALLAST = os.environ["BALLAST"]
@@ -40,6 +41,25 @@ class Command(unittest.TestCase):
         self.assertIn("declared    control.belief_error.mass stays as it was: ball.inertia.0 is unknown\n", done.stdout)
         checked = ballast("check", "known.toml", cwd=self.cwd)
         self.assertEqual(checked.returncode, 0, checked.stderr)
+
+    def test_writes_a_belief_into_another_scenario(self):
+        done = ballast("identify", "run", "--into", "desk_ball", "--write", "known_desk.toml", cwd=self.cwd)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("known_desk.toml: desk_ball with what was identified as [believed]", done.stdout)
+        with open(self.cwd / "known_desk.toml", "rb") as file:
+            written = tomllib.load(file)
+        self.assertEqual(written["name"], "known_desk")
+        self.assertNotIn("sensors", written)  # those of the run
+        self.assertAlmostEqual(written["believed"]["mass"][0]["mass"], 0.28, delta=0.003)
+        self.refused(1, "--into: run and paper_ball are of different robots: radius 0.15 and 1 m", "run", "--into",
+                     "paper_ball", "--write", "no.toml")
+        self.refused(1, "--into: is written with what was identified", "run", "--into", "desk_ball")
+        self.refused(1, "--into: is written with what was identified", "--excite", "desk_ball", "--into", "desk_ball")
+        self.assertFalse((self.cwd / "no.toml").exists())
+
+    def test_says_how_short_a_motion_may_be(self):
+        self.refused(3, "no motion is proposed: 0.", "--excite", "desk_ball", "--set",
+                     "sensors.preset=bmi088_calibrated", "--duration", "1", "--candidates", "2", "--write", "no.toml")
 
     def test_uses_a_damaged_log_up_to_the_damage(self):
         cut = self.cwd / "cut"

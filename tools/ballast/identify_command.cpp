@@ -14,10 +14,12 @@
 #include <utility>
 #include <vector>
 
+#include "sim/scenario/check.h"
 #include "tools/ballast/commands.h"
 #include "tools/ballast/stepper_run.h"
 #include "tools/identify/excite.h"
 #include "tools/identify/words.h"
+#include "tools/program/params.h"
 #include "tools/program/program.h"
 #include "tools/program/short_number.h"
 
@@ -34,6 +36,7 @@ struct IdentifyCommand {
   std::vector<std::string> runs;
   double total_mass_kg = 0;  // 0: that of the scenario
   std::string write;         // empty: nothing is written
+  std::string into;          // a scenario into whose copy the belief is written; empty: that of the first run
   std::string excite;        // a scenario; empty: runs are fitted
   std::vector<std::string> set;
   identify::ExciteOptions options;
@@ -58,6 +61,26 @@ std::string mass_text(const IdentifyCommand& command, double total_kg) {
                          : ", that of the scenario: motion does not show it; weigh the robot (--total-mass)");
 }
 
+// The scenario of --into. `known` holds its believed ball alone.
+struct Into {
+  std::string name, toml;
+  identify::Known known;
+};
+
+// Nullopt: it cannot be read, which is printed.
+std::optional<Into> read_into(const std::string& file_or_name) {
+  program::ScenarioOptions options;
+  options.scenario = file_or_name;
+  const auto scenario = program::load_scenario(options);
+  if (!scenario) return std::nullopt;
+  Into out{scenario->name, scenario->toml, {}};
+  if (const auto why = program::to_ball_params(scenario->belief(), out.known.robot.ball)) {
+    program::complain("ballast", file_or_name + ": " + *why);
+    return std::nullopt;
+  }
+  return out;
+}
+
 int fit_runs(const IdentifyCommand& command) {
   std::vector<identify::Recording> recordings;
   std::string text;
@@ -75,6 +98,14 @@ int fit_runs(const IdentifyCommand& command) {
     recordings.push_back(std::move(*read.recording));
   }
   const identify::Known known = recordings.front().known;
+  std::optional<Into> into;
+  if (!command.into.empty()) {
+    into = read_into(command.into);
+    if (!into) return program::kExitUsage;
+    if (const std::string why = identify::other_geometry(known.robot.ball, into->known.robot.ball); !why.empty())
+      return refuse(
+          fmt::format("--into: {} and {} are of different robots: {}", command.runs.front(), command.into, why));
+  }
   const double total_kg = command.total_mass_kg > 0 ? command.total_mass_kg : known.scale_mass_kg;
   const identify::Parameters parameters(known, total_kg);
   const volatile std::sig_atomic_t* interrupted = program::catch_signals();
@@ -83,18 +114,20 @@ int fit_runs(const IdentifyCommand& command) {
   if (!outcome.fit) return could_not(outcome.trouble);
   const identify::Identified& fit = *outcome.fit;
   text += mass_text(command, total_kg);
-  text +=
-      fmt::format("  fit         {} s, explained in parts of {} s; the residuals have {} times the sensors' variance\n",
-                  short_time(fit.used_s), short_time(fit.segment_s), short_number(fit.excess));
+  text += fmt::format("  fit         {} s, explained in parts of {} s{}\n", short_time(fit.used_s),
+                      short_time(fit.segment_s), identify::excess_text(fit.excess));
   text += identify::identified_text(parameters, known, fit);
   if (!command.write.empty()) {
-    const fs::path scenario = fs::path(command.runs.front()) / "scenario.toml";
-    const std::string toml = identify::believed_toml(file_text(scenario), parameters, known, fit);
+    const std::string toml =
+        into ? identify::believed_toml(into->toml, parameters, into->known, fit, sim::default_name(command.write))
+             : identify::believed_toml(file_text(fs::path(command.runs.front()) / "scenario.toml"), parameters, known,
+                                       fit);
     const sim::ScenarioResult read = sim::parse_scenario(toml, command.write);
     if (!read.ok()) return could_not("what was identified is no robot: " + sim::to_string(read.errors.front()));
     if (const std::string why = write_file(command.write, toml); !why.empty()) return could_not(why);
     text += identify::declared_text(identify::belief_error(parameters, fit));
-    text += fmt::format("  written     {}: the scenario with what was identified as [believed]\n", command.write);
+    text += fmt::format("  written     {}: {} with what was identified as [believed]\n", command.write,
+                        into ? into->name : "the scenario");
   }
   std::cout << text << std::flush;
   const bool nothing = fit.unknown.size() == static_cast<std::size_t>(parameters.count());
@@ -235,6 +268,9 @@ int excite(const IdentifyCommand& command) {
 int identify_or_excite(const IdentifyCommand& command) {
   if (command.excite.empty() == command.runs.empty())
     return refuse("RUN and --excite: give the folders of runs, or a scenario to excite");
+  if (!command.into.empty() && (command.write.empty() || !command.excite.empty()))
+    return refuse(
+        "--into: is written with what was identified from runs; allowed: RUN... --into SCENARIO --write FILE");
   if (command.excite.empty()) {
     return command.set.empty() ? fit_runs(command) : refuse("--set: only with --excite; a run has its scenario");
   }
@@ -253,6 +289,11 @@ std::function<int()> add_identify_command(CLI::App& app, CLI::App*& command) {
       ->add_option("--write", options->write,
                    "the file to write: the first run's scenario with what was identified as [believed], and its "
                    "intervals as [control.belief_error]; with --excite the motion's scenario, default NAME_excite.toml")
+      ->check(program::not_empty());
+  command
+      ->add_option("--into", options->into,
+                   "with --write: a scenario of the same robot, a file or a name that ships; FILE is it instead of the "
+                   "first run's, named after FILE")
       ->check(program::not_empty());
   command
       ->add_option("--total-mass", options->total_mass_kg,

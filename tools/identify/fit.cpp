@@ -207,15 +207,15 @@ void conclude(Problem& problem, Identified& out) {
 FitOutcome fit(const Parameters& parameters, std::vector<Recording> recordings, const std::function<bool()>& progress) {
   Problem problem{parameters, {}, parameters.believed()};
   for (Recording& recording : recordings) {
-    const std::string name = recording.name, cut = recording.cut;
+    const std::string whose = recording.name.empty() ? "" : recording.name + ": ", cut = recording.cut;
     RunFit run(std::move(recording), parameters);
     const double shortest_s = kShortest * parameters.time_unit_s();
     if (run.windows() * run.window_s() < shortest_s) {
-      return {std::nullopt, fmt::format("{}: {:.3g} s of the run can be used; allowed: at least {:.3g} s{}{}", name,
+      return {std::nullopt, fmt::format("{}{:.3g} s of the run can be used; allowed: at least {:.3g} s{}{}", whose,
                                         run.windows() * run.window_s(), shortest_s, cut.empty() ? "" : "; ", cut)};
     }
     if (2 * run.residuals() < 6 * run.windows())
-      return {std::nullopt, name + ": more than half of the IMU's samples are missing or saturated"};
+      return {std::nullopt, whose + "more than half of the IMU's samples are missing or saturated"};
     run.cut_into(static_cast<int>(std::ceil(kFirstSegment * parameters.time_unit_s() / run.window_s())));
     problem.runs.push_back(std::move(run));
   }

@@ -207,10 +207,23 @@ ReadRun read_run(const std::string& folder) {
   return {std::move(recording), "", false};
 }
 
+std::string other_geometry(const firmware::BallParams& a, const firmware::BallParams& b) {
+  if (a.mass_count != b.mass_count) return fmt::format("{} masses and {}", a.mass_count, b.mass_count);
+  if (a.radius_m != b.radius_m) return fmt::format("radius {} and {} m", a.radius_m, b.radius_m);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(a.mass_count); ++i) {
+    const firmware::Rail &p = a.rail[i], &q = b.rail[i];
+    const auto point = [](const firmware::Rail& rail, double theta) {
+      return firmware::evaluate<double>(rail, theta).position;
+    };
+    if (p.shape != q.shape || point(p, 0) != point(q, 0) || point(p, 0.1) != point(q, 0.1))
+      return fmt::format("another rail of mass {}", i);
+  }
+  return "";
+}
+
 std::string other_robot(const Known& a, const Known& b) {
   const firmware::BallParams &x = a.robot.ball, &y = b.robot.ball;
-  if (x.mass_count != y.mass_count) return fmt::format("{} masses and {}", x.mass_count, y.mass_count);
-  if (x.radius_m != y.radius_m) return fmt::format("radius {} and {} m", x.radius_m, y.radius_m);
+  if (const std::string why = other_geometry(x, y); !why.empty()) return why;
   if (x.gravity_mps2 != y.gravity_mps2) return fmt::format("gravity {} and {}", x.gravity_mps2, y.gravity_mps2);
   if (a.scale_mass_kg != b.scale_mass_kg)
     return fmt::format("total mass {:.9g} and {:.9g} kg", a.scale_mass_kg, b.scale_mass_kg);
@@ -220,12 +233,6 @@ std::string other_robot(const Known& a, const Known& b) {
   }
   for (std::size_t i = 0; i < static_cast<std::size_t>(x.mass_count); ++i) {
     if (x.mass_kg[i] != y.mass_kg[i]) return fmt::format("another mass {} is believed", i);
-    const firmware::Rail &p = x.rail[i], &q = y.rail[i];
-    const auto point = [](const firmware::Rail& rail, double theta) {
-      return firmware::evaluate<double>(rail, theta).position;
-    };
-    if (p.shape != q.shape || point(p, 0) != point(q, 0) || point(p, 0.1) != point(q, 0.1))
-      return fmt::format("another rail of mass {}", i);
   }
   return "";
 }

@@ -90,6 +90,9 @@ struct ReadRun {
 };
 [[nodiscard]] ReadRun read_run(const std::string& folder);
 
+// What differs in the geometry of two robots: masses, radius and rails; empty: nothing.
+[[nodiscard]] std::string other_geometry(const firmware::BallParams& a, const firmware::BallParams& b);
+
 // Why two recordings cannot be of one robot; empty: they may be.
 [[nodiscard]] std::string other_robot(const Known& a, const Known& b);
 

@@ -82,6 +82,13 @@ std::string identified_text(const Parameters& parameters, const Known& known, co
   return text;
 }
 
+std::string excess_text(double excess) {
+  std::string text = fmt::format("; the residuals have {} times the sensors' variance", short_number(excess));
+  constexpr double kNoticeable = 1.1;
+  if (excess < kNoticeable) return text;
+  return text + fmt::format(", which makes the intervals up to {} times as wide", short_number(std::sqrt(excess)));
+}
+
 std::string intervals_text(const Parameters& parameters, const Identified& fit) {
   std::string text;
   const auto add = [&](const std::string& name, const std::string& unit, double half_width, double size) {
@@ -138,10 +145,11 @@ std::string declared_text(const BeliefError& error) {
 }
 
 std::string believed_toml(const std::string& toml, const Parameters& parameters, const Known& known,
-                          const Identified& fit) {
+                          const Identified& fit, const std::string& name) {
   sim::Node root;
   std::vector<sim::ScenarioError> errors;
   static_cast<void>(sim::read_tree(toml, "scenario", root, errors));  // it has been read before
+  if (!name.empty()) sim::set_entry(root, "name", sim::text_node(name));
   const auto table = [](sim::Node& in, const char* key) -> sim::Node& {
     if (in.find(key) == nullptr) sim::set_entry(in, key, sim::Node());
     return *in.find(key);

@@ -10,6 +10,9 @@ namespace ballast::identify {
 // A line for each parameter: believed, identified and the interval; below it what is unknown.
 [[nodiscard]] std::string identified_text(const Parameters& parameters, const Known& known, const Identified& fit);
 
+// What the residuals above the sensors' noise do to the intervals: "; the residuals have ..".
+[[nodiscard]] std::string excess_text(double excess);
+
 // The half-widths of the 95 % intervals, a line for each parameter.
 [[nodiscard]] std::string intervals_text(const Parameters& parameters, const Identified& fit);
 
@@ -30,8 +33,9 @@ struct BeliefError {
 [[nodiscard]] std::string declared_text(const BeliefError& error);
 
 // The scenario's file with a [believed] of what was identified, and belief_error() as control.belief_error where it can
-// be declared. Other keys stay. Parameters that are unknown keep what is believed.
+// be declared. Other keys stay. Parameters that are unknown keep what that scenario believes (`known`). `name`: of the
+// scenario; empty: it keeps its own.
 [[nodiscard]] std::string believed_toml(const std::string& toml, const Parameters& parameters, const Known& known,
-                                        const Identified& fit);
+                                        const Identified& fit, const std::string& name = "");
 
 }  // namespace ballast::identify
