@@ -43,13 +43,19 @@ constexpr double kLongestMove_s = 600;
 std::string length_refusal(const MoveCommand& command, double takes_s, double scenario_s) {
   const double most_s = std::max(kLongestMove_s, scenario_s);
   if (command.force || takes_s <= most_s) return "";
+  // A duration goes with the reciprocal of the speed.
+  const double enough = std::ceil(100 * command.speed_fraction * takes_s / most_s) / 100;
   return fmt::format(
       "the move takes {} s; allowed: at most {} s, or the scenario's duration where that is longer (--set "
-      "duration=...), or with --force; a shorter move or a greater --speed-fraction takes less",
-      short_time(takes_s), sim::number_text(most_s));
+      "duration=...), or with --force; a shorter move{} takes less",
+      short_time(takes_s), sim::number_text(most_s),
+      enough <= 1 ? fmt::format(", or --speed-fraction {:g}", enough) : "");
 }
 
-constexpr const char* kFasterOrShorter = "a greater --speed-fraction, or several shorter moves";
+// Advice to somebody whose move is too slow to be predicted.
+const char* faster_or_shorter(const MoveCommand& command) {
+  return command.speed_fraction < 1 ? "a greater --speed-fraction, or several shorter moves" : "several shorter moves";
+}
 
 // Empty, or why a move is not made that has been predicted as far as it can be. A prediction that ends where the
 // envelope is broken says what will happen, so it is none. `instead` is a move that would be made.
@@ -159,7 +165,7 @@ int move_on_the_bus(const MoveCommand& command) {
   const sim::Scenario::Envelope envelope = scenario ? scenario->envelope : sim::Scenario::Envelope{};
   const firmware::Prediction plan = hal::from_message(end.status()).plan;
   if (moving) {
-    if (const std::string why = prediction_refusal(command, plan, envelope, kFasterOrShorter); !why.empty())
+    if (const std::string why = prediction_refusal(command, plan, envelope, faster_or_shorter(command)); !why.empty())
       return take_back(end, why);
     warn_of_breach(plan, envelope);
   }

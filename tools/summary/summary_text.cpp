@@ -41,7 +41,7 @@ std::string end_text(const sim::Scenario& scenario, const RunResult& result) {
     case EndReason::kDetached:
       return fmt::format("detached at t = {} s: N fell to 0, the floor no longer carries the ball", short_time(end_s));
     case EndReason::kTripped:
-      if (result.masses_rested) return fmt::format("tripped; the masses were at rest at t = {} s", short_time(end_s));
+      if (result.masses_rested) return fmt::format("tripped; the masses were at rest at t = {} s, which ended the run", short_time(end_s));
       // All steps are made, or the run would not have ended so. A mass that still moves has slipped or swings.
       return fmt::format("tripped and stopped; at t = {} s, the run's end, the masses still {}", short_time(end_s),
                          lost_steps_text(scenario, result).empty() ? "swung in their motors" : "moved");
@@ -103,6 +103,7 @@ std::string governor_line(const RunResult& result) {
         "  governor    on: bent no command; in all its ticks a stop was certified, with a margin of {}\n",
         short_number(g.least_margin));
   }
+  constexpr double kNothing = 1e-6;  // rail units
   double most = 0;
   for (const double bend : g.largest_bend) most = std::max(most, bend);
   const std::string allowance = g.motor_allowance > 0
@@ -110,9 +111,9 @@ std::string governor_line(const RunResult& result) {
                                                   short_number(100 * g.motor_allowance))
                                     : "";
   return fmt::format(
-      "  governor    on: bent the commands of {} % of its ticks, {} % on the backup, by up to {} rail units{}\n",
-      short_number(100 * g.share(g.bent_ticks)), short_number(100 * g.share(g.backup_ticks)), short_number(most),
-      allowance);
+      "  governor    on: bent the commands of {} % of its ticks, {} % on the backup, by {} rail units{}\n",
+      short_number(100 * g.share(g.bent_ticks)), short_number(100 * g.share(g.backup_ticks)),
+      most < kNothing ? fmt::format("less than {:g}", kNothing) : "up to " + short_number(most), allowance);
 }
 
 std::string fault_lines(const sim::Scenario& scenario, const RunResult& result) {
