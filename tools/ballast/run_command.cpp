@@ -207,8 +207,11 @@ int run(const RunCommand& given) {
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name : command.out);
   if (!output.good()) return could_not(output.error());
   if (command.by_hand) {
-    std::cout << fmt::format("arms, and waits for an operator: ballast operate --lcm '{}' start", command.bus.url)
-              << std::endl;
+    command.record.begins = [url = command.bus.url] {
+      std::cout << fmt::format("arms, and waits for an operator: {} operate start --lcm {}",
+                               program::ballast_as_typed(), program::shell_word(url))
+                << std::endl;
+    };
   }
 
   const int exit_status = command.processes ? run_in_processes(command, *scenario, has_controller, *peers_bus, output)
@@ -235,7 +238,9 @@ std::function<int()> add_run_command(CLI::App& app, CLI::App*& command) {
                          options->bus.url + " then")
                      ->default_str("");
   command->add_option("--out", options->out, "folder for the results; default runs/NAME")->check(program::not_empty());
-  command->add_option("--speed", options->record.speed, "simulated time per wall time; default: as fast as possible")
+  command
+      ->add_option("--speed", options->record.speed,
+                   "simulated time per wall time; default: as fast as possible, with --by-hand 1")
       ->check(program::positive_finite());
   command->add_flag("--processes", options->processes, "plant, controller and monitor as three processes over LCM");
   command->add_flag("--by-hand", options->by_hand,

@@ -88,6 +88,7 @@ int record_run(const char* program_name, const sim::Scenario& scenario, Peer& pe
     complain(peers.trouble());
     return exit_status(peers.failure());
   }
+  if (options.begins) options.begins();
   output.clear();
   // Written before the log, so that an interrupted run leaves them too.
   if (!output.write("robot.json", robot_json(scenario)) || !output.write("scenario.toml", scenario_file(scenario)))

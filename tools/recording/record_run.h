@@ -26,6 +26,7 @@ struct RecordOptions {
   const volatile std::sig_atomic_t* interrupted = nullptr;
   std::optional<firmware::MoveRequest> move = std::nullopt;  // as in RunOptions
   bool by_hand = false;                                      // as in RunOptions
+  std::function<void()> begins{};                            // called once the run can begin
   // Takes warnings and errors; none: they go to stderr, after the program's name.
   std::function<void(const std::string& text)> complain{};
   std::function<void(double time_s, double end_s)> progress{};  // called now and then, beside the bar
