@@ -1,6 +1,7 @@
 // ballast operate: sends an operator's command to the controller on a bus.
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
@@ -47,7 +48,8 @@ std::optional<int> follow_halt(sil::BusOperator& end) {
 
 // Empty, or the option that does not belong to the command.
 std::string stray_option(const OperateCommand& command) {
-  if (command.command == "go") return command.go.to.empty() ? "go: --to X,Y is missing; allowed: a place in m" : "";
+  if (command.command == "go")
+    return command.go.to.empty() ? "go: --to X,Y is missing; allowed: a place in m, such as --to 0.6,-0.2" : "";
   const GoCommand none;
   const bool stray = !command.go.to.empty() || !command.go.via.empty() || command.go.duration_s ||
                      command.go.objective != none.objective || command.go.wait ||
@@ -61,6 +63,8 @@ int operate(const OperateCommand& command) {
   hal::Bus bus(command.go.bus.url, program::catch_signals());
   if (!bus.good()) return program::refuse_bus("ballast", command.go.bus.url);
   sil::BusOperator end(bus, hal::Seconds(command.go.bus.peer_timeout_s));
+  std::optional<plant_state_t> plant;
+  bus.subscribe<plant_state_t>(hal::kChannelPlantState, [&plant](const plant_state_t& m) { plant = m; });
   if (end.connect() != hal::Status::kOk) return bus_trouble(end);
   const OperatorCommand sent = command_of(command.command);
   if (sent != OperatorCommand::kNone) {
@@ -74,22 +78,30 @@ int operate(const OperateCommand& command) {
     const auto stopped = [](const controller_status_t& s) { return s.mode != controller_status_t::MODE_STOPPING; };
     if (end.follow(stopped) != hal::Status::kOk) return bus_trouble(end);
   }
+  if (end.status().mode == controller_status_t::MODE_ARMED && sent == OperatorCommand::kHalt) {
+    std::cout << "the ball is at rest already\n";
+  }
   if (end.status().mode == controller_status_t::MODE_HALTING && sent == OperatorCommand::kHalt) {
     if (const auto exit_status = follow_halt(end)) return *exit_status;
   }
+  // A robot has no plant to be heard.
+  constexpr hal::Seconds kSoon{0.2};
+  (void)bus.receive_until(hal::after(hal::WallClock::now(), kSoon), [&plant] { return plant.has_value(); });
   const controller_status_t& status = end.status();
-  std::cout << sil::status_text(status) << "\n";
+  std::cout << sil::status_text(status, plant ? &*plant : nullptr) << "\n";
   return status.mode == controller_status_t::MODE_TRIPPED ? program::kExitEnvelope : program::kExitCompleted;
 }
 
 }  // namespace
 
 std::function<int()> add_operate_command(CLI::App& app, CLI::App*& command) {
-  command = app.add_subcommand("operate", "Commands the controller on a bus to arm, start, go to a place, stop, halt or reset");
+  command = app.add_subcommand("operate",
+                               "Commands the controller on a bus to arm, start, go to a place, stop, halt or reset");
   auto options = std::make_shared<OperateCommand>();
   command
-      ->add_option("COMMAND", options->command,
-                   "arm, start (the scenario's motion), go (to a place), stop, halt (the ball) or reset; status only asks")
+      ->add_option(
+          "COMMAND", options->command,
+          "arm, start (the scenario's motion), go (to a place), stop, halt (the ball) or reset; status only asks")
       ->required()
       ->check(program::one_of({"status", "arm", "start", "go", "stop", "halt", "reset"}));
   add_go_options(*command, options->go);

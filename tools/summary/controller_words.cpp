@@ -78,6 +78,28 @@ std::string rail_end_text(const controller_status_t& status, const firmware::Mov
          ", which leaves the two full steps that its motor may swing before its end switch";
 }
 
+// The commands that a mode obeys.
+const char* allowed_text(std::int8_t mode) {
+  switch (mode) {
+    case controller_status_t::MODE_DISARMED:
+      return "arm, if it is healthy";
+    case controller_status_t::MODE_ARMED:
+      return "start, move, and stop, which disarms; under the governor also go and halt";
+    case controller_status_t::MODE_PENDING:
+      return "stop, which takes back what is about to begin";
+    case controller_status_t::MODE_RUNNING:
+      return "stop; under the governor also go and halt";
+    case controller_status_t::MODE_HALTING:
+      return "stop; go and the others once the ball rests";
+    case controller_status_t::MODE_TRIPPED:
+      return "reset, once the masses rest and the cause is gone";
+    case controller_status_t::MODE_STOPPING:
+      return "nothing else, until the masses rest";
+    default:
+      return "stop";
+  }
+}
+
 }  // namespace
 
 std::string mode_text(std::int8_t mode) {
@@ -181,23 +203,42 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
   }
   std::string text = "it is " + mode_text(status.mode);
   if (status.faults != 0) text += fmt::format(", with faults 0x{:x}", static_cast<unsigned>(status.faults));
-  return text +
-         "; allowed: arm when disarmed and healthy, start and move when armed, stop when armed or in motion, "
-         "reset when tripped and at rest";
+  return text + "; allowed now: " + allowed_text(status.mode);
 }
 
 std::string refused_text(const std::string& what, const std::string& refusal) {
   return "the controller refuses the " + what + ": " + refusal;
 }
 
-std::string status_text(const controller_status_t& status) {
-  std::string ball;
-  if (status.estimate_valid != 0) {
-    const double* place_m = status.estimated_position_W_m;
-    ball = fmt::format(", the ball at ({}, {}) m", short_number(place_m[0]), short_number(place_m[1]));
+bool has_arrived(const controller_status_t& status, const plant_state_t* plant) {
+  if (status.mode != controller_status_t::MODE_RUNNING) return false;
+  // Feedback leaves masses some speed. A motion that passes a rest has accelerations there.
+  constexpr double kStill = 1e-4;     // rail units/s
+  constexpr double kSteady = 1e-3;    // rail units/s^2
+  constexpr double kRest_mps = 0.01;  // about that of the halt, for balls of any size
+  for (int i = 0; i < status.motor_count; ++i) {
+    if (std::abs(status.next_velocity[i]) > kStill || std::abs(status.next_acceleration[i]) > kSteady) return false;
   }
-  return fmt::format("{}, masses {} {} in tick {}{}", mode_text(status.mode),
-                     status.at_rest != 0 ? "at rest at" : "moving, at", positions_text(status), status.tick, ball);
+  if (plant == nullptr) return true;
+  return std::hypot(plant->velocity_W_mps[0], plant->velocity_W_mps[1]) < kRest_mps;
+}
+
+std::string status_text(const controller_status_t& status, const plant_state_t* plant) {
+  constexpr double kNegligible = 1e-6;  // m, m/s
+  const auto number = [](double value) { return short_number(value, kNegligible); };
+  std::string ball;
+  if (plant != nullptr) {
+    const double *place_m = plant->position_W_m, *v_mps = plant->velocity_W_mps;
+    ball = fmt::format(", the ball at ({}, {}) m, {} m/s", number(place_m[0]), number(place_m[1]),
+                       number(std::hypot(v_mps[0], v_mps[1], v_mps[2])));
+  } else if (status.estimate_valid != 0) {
+    const double* place_m = status.estimated_position_W_m;
+    ball = fmt::format(", the ball at ({}, {}) m as estimated", number(place_m[0]), number(place_m[1]));
+  }
+  const bool arrived = has_arrived(status, plant);
+  return fmt::format(
+      "{}{}, masses {} {} in tick {}{}", mode_text(status.mode), arrived ? ", its motion at its end" : "",
+      status.at_rest != 0 || arrived ? "at rest at" : "moving, at", positions_text(status), status.tick, ball);
 }
 
 std::string plan_text(const controller_status_t& status) {
