@@ -122,6 +122,7 @@ TEST_P(Hand, ArmsMovesStartsAndStopsOnTheBus) {
     EXPECT_NE(said.out.find(line), std::string::npos) << line << "\n" << said.out << said.err;
   };
   expect_line("armed, masses at rest at 0, 2.04, 0.704 in tick");
+  expect_line(", the ball at (0, 0) m, ");
   expect_line("\n0 <- ballast operate status\n");
   expect_line("; least margin seen ");
   expect_line("armed, at 0, 2.1, 0.704;");
@@ -140,7 +141,8 @@ TEST_P(Hand, ArmsMovesStartsAndStopsOnTheBus) {
   expect_line("armed, at 0, ");
   expect_line("\n0 <- ballast move --mass 0 --to 0\n2\n");
   for (const char* reason : {"another scenario", "--mass 3: the robot on this bus has 3 masses; allowed: 0..2",
-                             "mass 0: the target 1e+300", "it is armed", "it is running", "it is disarmed"}) {
+                             "mass 0: the target 1e+300", "it is armed; allowed now: start, move",
+                             "it is running; allowed now: stop", "it is disarmed; allowed now: arm"}) {
     EXPECT_NE(said.err.find(reason), std::string::npos) << reason << "\n" << said.err;
   }
 }
@@ -227,13 +229,30 @@ TEST(Processes, AnOperatorWithoutAControllerIsToldSo) {
   for (const std::string line : {"ballast operate arm", "ballast move --all 1"}) {
     const Outcome said = folder.run(line + bus);
     EXPECT_EQ(said.exit_status, 2);
-    EXPECT_NE(said.err.find("no controller is at work"), std::string::npos) << said.err;
+    EXPECT_SAYS(said.err, "no controller is at work on this bus (listened on " + bus_url(25) + " for 0.3 s)");
   }
+  const Outcome go = folder.run("ballast operate go --to 0.6,0" + bus);
+  EXPECT_EQ(go.exit_status, 2);
+  EXPECT_SAYS(go.err, "(listened on " + bus_url(25) + " for 0.3 s)");
   EXPECT_EQ(folder.run("ballast operate" + bus).exit_status, 1);
   EXPECT_EQ(folder.run("ballast operate dance" + bus).exit_status, 1);
   EXPECT_EQ(folder.run("ballast move --all 1 --out r" + bus).exit_status, 1);
   EXPECT_NE(folder.run("ballast move --all 1").err.find("SCENARIO"), std::string::npos);
   EXPECT_NE(folder.run("ballast run paper_ball --by-hand").err.find("--by-hand"), std::string::npos);
+}
+
+// A place is two numbers, and nothing else.
+TEST(Processes, APlaceToGoToIsReadStrictly) {
+  const Folder folder;
+  for (const std::string place : {"0.6", "0.6,", ",0", "0.6;0", "0.6,0,1", "0.6, 0", "nan,0", "0,1e5", "0x1,0"}) {
+    const Outcome to = folder.run("ballast operate go --to '" + place + "'");
+    EXPECT_EQ(to.exit_status, 1);
+    EXPECT_SAYS(to.err, "--to = \"" + place + "\": is no place; allowed: X,Y in m");
+    const Outcome via = folder.run("ballast operate go --to -0.6,.5 --via 1,2 --via '" + place + "'");
+    EXPECT_EQ(via.exit_status, 1);
+    EXPECT_SAYS(via.err, "--via = \"" + place + "\": is no place; allowed: X,Y in m");
+  }
+  EXPECT_SAYS(folder.run("ballast operate go").err, "--to X,Y is missing");
 }
 
 // SIGKILL once the log shows that the run is under way (waited for at most 30 s), paced so that it would take 60 s.

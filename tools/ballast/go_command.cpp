@@ -3,11 +3,14 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <atomic>
+#include <charconv>
 #include <cmath>
 #include <future>
 #include <iostream>
 #include <map>
+#include <set>
 
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
@@ -37,6 +40,26 @@ std::string place_text(const Eigen::Vector2d& place_m) {
   return fmt::format("({}, {}) m", short_number(place_m[0], kNegligible_m), short_number(place_m[1], kNegligible_m));
 }
 
+// Two numbers with a comma between them, and nothing else.
+std::optional<Eigen::Vector2d> place_of(const std::string& text) {
+  constexpr double kFarthest_m = 1e4;
+  const char *at = text.data(), *const end = at + text.size();
+  Eigen::Vector2d place_m;
+  for (const int k : {0, 1}) {
+    if (k == 1 && (at == end || *at++ != ',')) return std::nullopt;
+    const auto [after, error] = std::from_chars(at, end, place_m[k]);
+    if (error != std::errc() || !(std::fabs(place_m[k]) <= kFarthest_m)) return std::nullopt;
+    at = after;
+  }
+  if (at != end) return std::nullopt;
+  return place_m;
+}
+
+std::string place_refusal(const char* key, const std::string& text) {
+  return fmt::format("{} = \"{}\": is no place; allowed: X,Y in m, two numbers from -1e4 to 1e4 without a space", key,
+                     text);
+}
+
 // A run as its bus tells of it.
 class RunOnBus {
  public:
@@ -44,7 +67,10 @@ class RunOnBus {
     bus_.subscribe<scenario_piece_t>(hal::kChannelScenario, [this](const scenario_piece_t& m) { take(m); });
     bus_.subscribe<plant_state_t>(hal::kChannelPlantState, [this](const plant_state_t& m) { plant_ = m; });
     bus_.subscribe<operator_t>(hal::kChannelCourse, [this](const operator_t& m) { take(m); });
-    bus_.subscribe<operator_t>(hal::kChannelOperator, [this](const operator_t& m) { take(m); });
+    bus_.subscribe<operator_t>(hal::kChannelOperator, [this](const operator_t& m) {
+      if (m.command == operator_t::COMMAND_GO) others_ = others_ || m.course != own_;
+      take(m);
+    });
   }
   RunOnBus(const RunOnBus&) = delete;
   RunOnBus& operator=(const RunOnBus&) = delete;
@@ -56,6 +82,12 @@ class RunOnBus {
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
   [[nodiscard]] bool has_scenario() const { return scenario_.has_value(); }
   [[nodiscard]] const sim::Scenario& scenario() const { return *scenario_; }
+  // From now on the parts of other courses are noticed.
+  void hand_over(std::int64_t number) {
+    own_ = number;
+    others_ = false;
+  }
+  [[nodiscard]] bool heard_others() const { return others_; }
   [[nodiscard]] go::Heard heard(const controller_status_t& status) const {
     const auto course = courses_.find(status.course);
     return {*scenario_, status, *plant_, course == courses_.end() ? std::nullopt : std::optional(course->second)};
@@ -84,6 +116,8 @@ class RunOnBus {
   std::optional<plant_state_t> plant_;
   std::map<std::int64_t, go::HostCourse> courses_;
   std::string trouble_;
+  std::int64_t own_ = 0;  // number of the course that is handed over here
+  bool others_ = false;
 };
 
 // One go, from the wish to the course in force, or with --wait to the place.
@@ -92,8 +126,10 @@ class Going {
   static constexpr double kThere = 0.02, kLeastThere_m = 1e-3;
 
  public:
-  Going(const GoCommand& command, hal::Bus& bus, sil::BusOperator& end, const volatile std::sig_atomic_t* signalled)
-      : command_(command), bus_(bus), end_(end), run_(bus), signalled_(signalled) {}
+  // `task`: the places; plan() adds the rest.
+  Going(const GoCommand& command, go::GoTask task, hal::Bus& bus, sil::BusOperator& end,
+        const volatile std::sig_atomic_t* signalled)
+      : command_(command), task_(std::move(task)), bus_(bus), end_(end), run_(bus), signalled_(signalled) {}
 
   int run() {
     if (const auto status = meet()) return *status;
@@ -110,7 +146,9 @@ class Going {
     // The longer a plan takes, the later it begins while the ball rolls.
     constexpr double kFirstPatience_s = 0.55;
     for (double patience_s = kFirstPatience_s;; patience_s *= 1.6) {
+      if (const auto status = await_others()) return *status;
       if (const auto status = halt_if_lost()) return *status;
+      planned_on_ = end_.status().course;
       const std::int64_t from_tick = end_.status().tick + ticks_in(patience_s) + handover_ticks();
       std::string why;
       const auto at = go::standpoint_at(run_.heard(end_.status()), from_tick, why);
@@ -119,7 +157,7 @@ class Going {
       from_ = {at->at.place_m[0], at->at.place_m[1]};
       if (const auto status = plan(at->at, outcome)) return *status;
       if (!outcome.plan)
-        return refuse("no course to " + place_text(to()) + ": " + (outcome.why.empty() ? refused_ : outcome.why));
+        return refuse("no course to " + place_text(task_.to_m) + ": " + (outcome.why.empty() ? refused_ : outcome.why));
       const bool last = seconds_since(begun_) >= command_.time_limit_s;
       const std::int64_t soonest = end_.status().tick + handover_ticks();
       if (!at->rests && from_tick < soonest && !last) continue;
@@ -128,8 +166,6 @@ class Going {
       if (status) return *status;
     }
   }
-
-  [[nodiscard]] Eigen::Vector2d to() const { return {command_.to[0], command_.to[1]}; }
 
   // Learns the run, and how fast it goes.
   std::optional<int> meet() {
@@ -144,10 +180,7 @@ class Going {
     if (status == hal::Status::kInterrupted) return could_not("interrupted");
     if (status == hal::Status::kIo) return could_not("the LCM bus failed");
     if (!run_.trouble().empty()) return could_not(run_.trouble());
-    if (status != hal::Status::kOk) {
-      return could_not(run_.has_scenario() ? "the course that the controller follows is not heard on this bus"
-                                           : "the run's scenario is not heard on this bus");
-    }
+    if (status != hal::Status::kOk) return not_known();
     if (!run_.scenario().control.governor) {
       return refuse("this run has no governor, which certifies a course: its scenario needs control.governor = true");
     }
@@ -155,6 +188,45 @@ class Going {
     if (params_ == nullptr) return program::kExitCouldNotRun;
     search_ticks_ = firmware::governor_params(*params_).search_ticks;
     return std::nullopt;
+  }
+
+  [[nodiscard]] int not_known() const {
+    const std::string what = run_.has_scenario() ? "the course that the controller follows" : "the run's scenario";
+    return could_not(fmt::format("{} is not heard on this bus (listened on {} for {:g} s)", what, bus_.url(),
+                                 command_.bus.peer_timeout_s));
+  }
+
+  [[nodiscard]] bool another_comes() const {
+    const controller_status_t& status = end_.status();
+    const std::int64_t coming = status.course_coming;
+    if (coming == 0) return status.mode == controller_status_t::MODE_PENDING;
+    return coming != number_ && coming != abandoned_;
+  }
+
+  // Waits while another operator's course arrives, or waits for its certificate or its tick. One that does not come to
+  // an end, because its planner has died, is replaced.
+  std::optional<int> await_others() {
+    if (another_comes()) {
+      constexpr double kLongest_s = 5;
+      say("another operator's course or move is about to begin: waits for that");
+      const auto over = [&] { return !another_comes(); };
+      const hal::Status status = bus_.receive_until(hal::after(Clock::now(), hal::Seconds(kLongest_s)), over);
+      if (status == hal::Status::kInterrupted) return could_not("interrupted");
+      if (status == hal::Status::kIo) return could_not("the LCM bus failed");
+      abandoned_ = end_.status().course_coming;
+      begun_ = Clock::now();
+    }
+    const auto known = [&] { return run_.known(end_.status()); };
+    const hal::Status status =
+        bus_.receive_until(hal::after(Clock::now(), hal::Seconds(command_.bus.peer_timeout_s)), known);
+    if (status == hal::Status::kInterrupted) return could_not("interrupted");
+    if (status == hal::Status::kIo) return could_not("the LCM bus failed");
+    return status == hal::Status::kOk ? std::nullopt : std::optional(not_known());
+  }
+
+  // Prints a line of the progress, once.
+  void say(const std::string& line) {
+    if (said_.insert(line).second) std::cout << line << std::endl;
   }
 
   // A ball that is far from any motion is brought to rest first.
@@ -195,21 +267,19 @@ class Going {
 
   // Plans in another thread, and listens to the bus meanwhile.
   std::optional<int> plan(const plan::ReferencePoint& at, go::GoOutcome& outcome) {
-    go::GoTask task;
-    task.to_m = to();
-    for (const auto& [x, y] : command_.via) task.via_m.emplace_back(x, y);
+    go::GoTask task = task_;
     task.duration_s = command_.duration_s;
     task.objective = command_.objective == "time"     ? plan::Objective::kTime
                      : command_.objective == "effort" ? plan::Objective::kEffort
                                                       : plan::Objective::kFriction;
     std::atomic<bool> over = false;
     const auto stop = [&] { return over || *signalled_ != 0 || seconds_since(begun_) > command_.time_limit_s; };
-    const auto say = [&](const std::string& tried) {
+    const auto tell_of = [&](const std::string& tried) {
       constexpr double kSoon_s = 1;  // most plans are found by then
-      if (command_.duration_s || seconds_since(begun_) > kSoon_s) std::cout << tried << std::endl;
+      if (command_.duration_s || seconds_since(begun_) > kSoon_s) say(tried);
     };
-    auto planned =
-        std::async(std::launch::async, [&] { return go::plan_course(run_.scenario(), *params_, at, task, stop, say); });
+    auto planned = std::async(std::launch::async,
+                              [&] { return go::plan_course(run_.scenario(), *params_, at, task, stop, tell_of); });
     const auto ready = [&] { return planned.wait_for(hal::Seconds(0)) == std::future_status::ready; };
     hal::Status status = hal::Status::kOk;
     while (!ready() && status != hal::Status::kIo) {
@@ -222,33 +292,52 @@ class Going {
     return std::nullopt;
   }
 
-  // Nullopt: it came too late, or the governor took the ball on its backup meanwhile, and there is time for another.
+  // Nullopt: it came too late, the governor took the ball on its backup meanwhile, or another operator's course came
+  // between, and there is time for another plan.
   std::optional<int> hand_over(const go::GoPlan& plan, std::int64_t from_tick, bool last) {
     const double planned_s = seconds_since(begun_);
+    const bool first = !disturbed_;
+    const std::int64_t followed = end_.status().course;
+    if (first && (another_comes() || (followed != 0 && followed != planned_on_))) return plan_again();
     const auto start = Clock::now();
-    const std::int64_t number = hal::draw_bus_number();
+    const std::int64_t number = number_ = hal::draw_bus_number();
     const go::HostCourse course = go::make_course(number, from_tick, plan.moved, plan.reference);
+    run_.hand_over(number);
     for (const firmware::CoursePart& part : go::parts_of(course)) {
-      if (const auto exit_status = tell(end_, part, "course")) return *exit_status;
+      if (end_.tell(part) != hal::Status::kOk) return bus_trouble(end_);
+      if (end_.status().refusal == controller_status_t::REFUSAL_NONE) continue;
+      if (first && run_.heard_others()) return plan_again();
+      refused_ = sil::refused_text("course", sil::refusal_text(end_.status()));
+      return refuse(run_.heard_others() ? refused_ + "; another operator hands over courses, too" : refused_);
     }
     const auto decided = [&](const controller_status_t& s) { return s.course == number || s.course_coming != number; };
     if (end_.follow(decided) != hal::Status::kOk) return bus_trouble(end_);
     if (end_.status().course != number) {
+      if (first && run_.heard_others()) return plan_again();
       const std::int8_t refusal = end_.status().refusal;
       const bool passes =
           refusal == controller_status_t::REFUSAL_LATE || refusal == controller_status_t::REFUSAL_NOT_CERTIFIED;
       if (refusal == controller_status_t::REFUSAL_LATE) search_part_ *= 2;
-      refused_ = sil::refused_text("course", sil::refusal_text(end_.status(), nullptr));
+      const std::string why = sil::refusal_text(end_.status());
+      refused_ = sil::refused_text("course", why.empty() ? "another operator's took its place" : why);
       if (passes && !last) return std::nullopt;
       return refuse(refused_);
     }
     std::cout << fmt::format(
                      "goes to {} in {} s from tick {} on, and needs f_s/N = {}, with its motors' swing at most {}; "
                      "planned in {:.2f} s, handed over in {:.2f} s",
-                     place_text(to()), short_time(plan.moved.duration_s), end_.status().course_tick,
+                     place_text(task_.to_m), short_time(plan.moved.duration_s), end_.status().course_tick,
                      short_number(plan.need), short_number(plan.most_need), planned_s, seconds_since(start))
               << std::endl;
     return command_.wait ? arrive(plan, number) : program::kExitCompleted;
+  }
+
+  // Once: two operators who plan again and again would disturb each other for ever.
+  std::optional<int> plan_again() {
+    disturbed_ = true;
+    begun_ = Clock::now();
+    say("another operator's course came between: plans again");
+    return std::nullopt;
   }
 
   int arrive(const go::GoPlan& plan, std::int64_t number) {
@@ -275,7 +364,7 @@ class Going {
     }
     const bool there = is_there();
     std::cout << fmt::format("is at {}, {} mm from there{}", place_text(place()),
-                             short_number(1e3 * (place() - to()).norm(), 0.01),
+                             short_number(1e3 * (place() - task_.to_m).norm(), 0.01),
                              there ? "" : fmt::format(": more than {} % of the way", 100 * kThere))
               << std::endl;
     return there ? program::kExitCompleted : program::kExitEnvelope;
@@ -286,20 +375,23 @@ class Going {
     const auto here = go::now(run_.heard(end_.status()));
     return {here.place_m[0], here.place_m[1]};
   }
-  [[nodiscard]] bool is_there() const { return (place() - to()).norm() <= std::max(kThere * way_m(), kLeastThere_m); }
+  [[nodiscard]] bool is_there() const {
+    return (place() - task_.to_m).norm() <= std::max(kThere * way_m(), kLeastThere_m);
+  }
 
   // Along the places that were asked for.
   [[nodiscard]] double way_m() const {
     Eigen::Vector2d at = from_;
     double way_m = 0;
-    for (const auto& [x, y] : command_.via) {
-      way_m += (Eigen::Vector2d(x, y) - at).norm();
-      at = {x, y};
+    for (const Eigen::Vector2d& via_m : task_.via_m) {
+      way_m += (via_m - at).norm();
+      at = via_m;
     }
-    return way_m + (to() - at).norm();
+    return way_m + (task_.to_m - at).norm();
   }
 
   const GoCommand& command_;
+  const go::GoTask task_;
   hal::Bus& bus_;
   sil::BusOperator& end_;
   RunOnBus run_;
@@ -312,13 +404,18 @@ class Going {
   double search_part_ = go::kFirstSearch;
   std::string refused_ = "the time for planning was over";  // why the controller refused the last course
   bool lost_ = false;
+  bool disturbed_ = false;       // by another operator's course
+  std::int64_t number_ = 0;      // of the newest course that was handed over here
+  std::int64_t abandoned_ = 0;   // of another's course that was waited for in vain
+  std::int64_t planned_on_ = 0;  // the course that the controller followed when the plan was begun
+  std::set<std::string> said_;
 };
 
 }  // namespace
 
 void add_go_options(CLI::App& command, GoCommand& options) {
-  command.add_option("--to", options.to, "go: the place X,Y in m")->delimiter(',')->expected(2);
-  command.add_option("--via", options.via, "go: a place X,Y on the way; can be repeated")->delimiter(',');
+  command.add_option("--to", options.to, "go: the place X,Y in m");
+  command.add_option("--via", options.via, "go: a place X,Y on the way; can be repeated")->allow_extra_args(false);
   command.add_option("--time", options.duration_s, "go: duration in s; default: chosen")
       ->check(program::positive_finite());
   command
@@ -332,18 +429,20 @@ void add_go_options(CLI::App& command, GoCommand& options) {
 }
 
 int go_on_bus(const GoCommand& command) {
-  constexpr double kFarthest_m = 1e4;
-  const auto is_place = [](double x_m, double y_m) {
-    return std::fabs(x_m) <= kFarthest_m && std::fabs(y_m) <= kFarthest_m;
-  };
-  bool places = is_place(command.to[0], command.to[1]);
-  for (const auto& [x_m, y_m] : command.via) places = places && is_place(x_m, y_m);
-  if (!places) return refuse("--to, --via: a place is no number, or too far away; allowed: -1e4 to 1e4 m");
+  go::GoTask task;
+  const auto to_m = place_of(command.to);
+  if (!to_m) return refuse(place_refusal("--to", command.to));
+  task.to_m = *to_m;
+  for (const std::string& text : command.via) {
+    const auto via_m = place_of(text);
+    if (!via_m) return refuse(place_refusal("--via", text));
+    task.via_m.push_back(*via_m);
+  }
   const volatile std::sig_atomic_t* signalled = program::catch_signals();
   hal::Bus bus(with_receive_buffer(command.bus.url), signalled);
   if (!bus.good()) return program::refuse_bus("ballast", command.bus.url);
   sil::BusOperator end(bus, hal::Seconds(command.bus.peer_timeout_s));
-  Going going(command, bus, end, signalled);
+  Going going(command, task, bus, end, signalled);
   if (end.connect() != hal::Status::kOk) return bus_trouble(end);
   return going.run();
 }

@@ -4,7 +4,6 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "tools/program/program.h"
@@ -15,8 +14,8 @@ namespace ballast {
 inline constexpr std::string_view kHaltsFirst = "halts it first";
 
 struct GoCommand {
-  std::vector<double> to;                      // m, of the geometric centre
-  std::vector<std::pair<double, double>> via;  // on the way, in order
+  std::string to;                // "X,Y" in m, of the geometric centre
+  std::vector<std::string> via;  // on the way, in order
   std::optional<double> duration_s;
   std::string objective = "friction";
   double time_limit_s = 20;  // wall clock, for planning

@@ -16,6 +16,7 @@
 #include "tools/plan/read_task.h"
 #include "tools/plan/search.h"
 #include "tools/program/params.h"
+#include "tools/program/short_number.h"
 #include "tools/tracking/followed_plan.h"
 
 namespace ballast::go {
@@ -31,21 +32,32 @@ constexpr double kTolerance = 3e-3;
 constexpr double kLonger = 1.35;  // than searches before
 constexpr double kLeg = 8;        // radii: searches for ways up to that mostly succeed at once
 
-// A time in which a ball surely gets there: a few swings of masses that hang, with half of the motors' power and half
-// of the friction that may be used.
-double likely_duration_s(const plan::Problem& problem, const GoTask& task) {
+// Along the places of a task.
+double way_m(const Eigen::Vector2d& start_m, const GoTask& task) {
   double way_m = 0;
-  Eigen::Vector2d from = problem.start_m;
+  Eigen::Vector2d from = start_m;
   for (const Eigen::Vector2d& place : task.via_m) {
     way_m += (place - from).norm();
     from = place;
   }
-  way_m += (task.to_m - from).norm();
+  return way_m + (task.to_m - from).norm();
+}
+
+std::string place_text(const Eigen::Vector2d& place_m) {
+  constexpr double kNegligible_m = 1e-6;
+  return fmt::format("({}, {}) m", program::short_number(place_m[0], kNegligible_m),
+                     program::short_number(place_m[1], kNegligible_m));
+}
+
+// A time in which a ball surely gets there: a few swings of masses that hang, with half of the motors' power and half
+// of the friction that may be used.
+double likely_duration_s(const plan::Problem& problem, const GoTask& task) {
+  const double length_m = way_m(problem.start_m, task);
   const firmware::BallParams& ball = problem.robot.ball;
   const double g = std::max(-ball.gravity_mps2 * ball.down_W[2], 1e-9);
   const double friction = std::min(problem.friction_limit, 1.0) / 2;
-  const double by_friction_s = std::sqrt(4 * way_m / (g * friction));
-  const double by_motors_s = 2 * plan::least_duration_of_motors_s(problem, way_m, true);
+  const double by_friction_s = std::sqrt(4 * length_m / (g * friction));
+  const double by_motors_s = 2 * plan::least_duration_of_motors_s(problem, length_m, true);
   constexpr double kSwings = 36;  // sqrt(r / g)
   return kSwings * plan::time_unit_s(problem) + std::max(by_friction_s, by_motors_s);
 }
@@ -331,7 +343,7 @@ struct Planner {
   // In a duration that is given, or in one of at least `least_s` that is chosen.
   [[nodiscard]] GoOutcome plan(const GoTask& task, double least_s = 0) const;
   // A nearer place and a longer duration for which there are plans, in words. Empty: none was found.
-  [[nodiscard]] std::string offers(const GoTask& task) const;
+  [[nodiscard]] std::string offers(const GoTask& task, std::optional<double> likely_s) const;
 };
 
 std::vector<Eigen::Vector2d> Planner::stops(const GoTask& task, double leg_m) const {
@@ -426,7 +438,9 @@ std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int
     tries.most = race.tries;
     search_leg(leg, threads, race.seed, ended, tries);
     if (!tries.found) {
-      failed.why = fmt::format("on the way to ({:.3g}, {:.3g}) m: {}", stop_m[0], stop_m[1], tries.why);
+      const bool asked =
+          stop_m == task.to_m || std::find(task.via_m.begin(), task.via_m.end(), stop_m) != task.via_m.end();
+      failed.why = fmt::format("on its way, to {}{}: {}", asked ? "" : "a rest at ", place_text(stop_m), tries.why);
       return std::nullopt;
     }
     if (way) {
@@ -489,10 +503,12 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
     if (tries.fast) {
       out.why = fmt::format("in {:.3g} s its motors would swing so much that the governor bends it",
                             tries.fast->tried.file.task.duration_s);
-      if (given) out.why += fmt::format("; about {:.3g} s would do", tries.fast->needed_s);
+      if (given) out.likely_s = tries.fast->needed_s;
     }
     if (given || stop()) return out;
-    say(fmt::format("not in {:.3g} s: {}", whole.likely_s, first_clause(out.why)));
+    const std::string what =
+        race.leg_m > 0 ? "way with rests" : fmt::format("motion of {} s", program::short_number(whole.likely_s));
+    say(fmt::format("no {} is found yet: {}", what, first_clause(out.why)));
     constexpr std::uint64_t kSeeds = 100;  // more than a race has
     race.seed += kSeeds;
     if (k % 2 == 0) continue;
@@ -502,7 +518,7 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
   return out;
 }
 
-std::string Planner::offers(const GoTask& task) const {
+std::string Planner::offers(const GoTask& task, std::optional<double> likely_s) const {
   std::string text;
   const Eigen::Vector2d start_m(at.place_m[0], at.place_m[1]);
   for (const double part : {0.8, 0.5, 0.25, 0.1}) {
@@ -510,30 +526,58 @@ std::string Planner::offers(const GoTask& task) const {
     GoTask nearer = task;
     nearer.to_m = start_m + part * (task.to_m - start_m);
     if (!plan(nearer).plan) continue;
-    text += fmt::format("; it could go to ({:.3g}, {:.3g}) m in {:.3g} s", nearer.to_m[0], nearer.to_m[1],
-                        *task.duration_s);
+    text +=
+        fmt::format("; it could go to {} in {} s", place_text(nearer.to_m), program::short_number(*task.duration_s));
     break;
   }
   constexpr double kLeastLonger = 1.1;
   GoTask longer = task;
   longer.duration_s.reset();
+  if (const std::string why = beyond_one_course(scenario, at, longer); !why.empty()) return text + "; " + why;
   if (const GoOutcome out = plan(longer, kLeastLonger * *task.duration_s); out.plan) {
-    text += fmt::format("; it could be there in {:.3g} s", out.plan->moved.duration_s);
+    text += fmt::format("; it could be there in {} s", program::short_number(out.plan->moved.duration_s));
+  } else if (likely_s) {
+    text += fmt::format("; it could perhaps be there in {} s", program::short_number(*likely_s));
   }
   return text;
 }
 
 }  // namespace
 
+std::string beyond_one_course(const sim::Scenario& scenario, const plan::ReferencePoint& at, const GoTask& task) {
+  const double g = scenario.gravity_mps2, radius_m = scenario.ball.radius_m;
+  const double unit_s = g > 0 ? std::sqrt(radius_m / g) : 1;
+  if (task.duration_s) {
+    const double longest_s = plan::kMostQuickPieces * plan::kLongestQuickPiece * unit_s;
+    if (*task.duration_s <= longest_s) return "";
+    return fmt::format("it would take {} s, and the motion of one course takes at most {:.1f} s",
+                       program::short_number(*task.duration_s), std::floor(10 * longest_s) / 10);
+  }
+  const Eigen::Vector2d start_m(at.place_m[0], at.place_m[1]);
+  constexpr int kLegs = firmware::kMaxPieces / plan::kLeastQuickPieces;
+  const double length_m = way_m(start_m, task), reach_m = kLegs * kLeg * radius_m;
+  if (length_m <= reach_m) return "";
+  std::string text = fmt::format("the way is {} m long, and one course reaches at most {} m: {} legs of {:g} radii",
+                                 program::short_number(length_m), program::short_number(reach_m), kLegs, kLeg);
+  if (!task.via_m.empty()) return text;
+  constexpr double kPart = 0.9;
+  return text + "; it could go to " + place_text(start_m + kPart * reach_m / length_m * (task.to_m - start_m)) +
+         " first";
+}
+
 GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerParams& params,
                       const plan::ReferencePoint& at, const GoTask& task, const std::function<bool()>& stop,
                       const std::function<void(const std::string&)>& say) {
+  GoOutcome out;
+  out.why = beyond_one_course(scenario, at, task);
+  if (!out.why.empty()) return out;
   const Planner planner{scenario, params, at, stop, say};
-  GoOutcome out = planner.plan(task);
+  out = planner.plan(task);
   if (out.plan || !task.duration_s || stop()) return out;
-  say(fmt::format("not in {:.3g} s: {}; looks for what can be done", *task.duration_s, first_clause(out.why)));
+  say(fmt::format("not in {} s: {}; looks for what can be done", program::short_number(*task.duration_s),
+                  first_clause(out.why)));
   const std::function<void(const std::string&)> quiet = [](const std::string&) {};
-  out.why += Planner{scenario, params, at, stop, quiet}.offers(task);
+  out.why += Planner{scenario, params, at, stop, quiet}.offers(task, out.likely_s);
   return out;
 }
 

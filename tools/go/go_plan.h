@@ -35,10 +35,15 @@ struct GoPlan {
 struct GoOutcome {
   std::optional<GoPlan> plan;
   std::string why;  // not found: what stands in the way, and the nearest that can be done where that is known
+  std::optional<double> likely_s;  // not found in a given duration: a longer one that would likely do
 };
 
-// `scenario` and `params`: of the run. `at`: where the course begins. `stop` ends the search. `say` hears what was
-// tried in vain, in words, and what is tried next.
+// Empty, or why no course can be so long, in metres or in seconds. `at`: where it begins.
+[[nodiscard]] std::string beyond_one_course(const sim::Scenario& scenario, const plan::ReferencePoint& at,
+                                            const GoTask& task);
+
+// A task that is beyond one course is refused at once. `scenario` and `params`: of the run. `at`: where the course
+// begins. `stop` ends the search. `say` hears what was tried in vain, in words, and what is tried next.
 [[nodiscard]] GoOutcome plan_course(const sim::Scenario& scenario, const firmware::ControllerParams& params,
                                     const plan::ReferencePoint& at, const GoTask& task,
                                     const std::function<bool()>& stop,

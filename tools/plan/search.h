@@ -36,6 +36,10 @@ struct Outcome {
   bool friction_alone = false;  // kNotFound: the best motion tried meets everything but the friction limit
 };
 
+// A motion that a quick search begins with has so many pieces.
+inline constexpr int kLeastQuickPieces = 20, kMostQuickPieces = 64;
+inline constexpr double kLongestQuickPiece = 3.1;  // sqrt(r / g): longer pieces cannot catch the swing of the masses
+
 struct SearchOptions {
   std::uint64_t seed = 0;
   int most_iterations = 2000;                       // until a plan is found
