@@ -224,7 +224,7 @@ bool has_arrived(const controller_status_t& status, const plant_state_t* plant) 
 }
 
 std::string status_text(const controller_status_t& status, const plant_state_t* plant) {
-  constexpr double kNegligible = 1e-6;  // m, m/s
+  constexpr double kNegligible = 1e-5;  // m, m/s
   const auto number = [](double value) { return short_number(value, kNegligible); };
   std::string ball;
   if (plant != nullptr) {
