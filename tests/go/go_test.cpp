@@ -172,12 +172,12 @@ TEST(Go, SaysAtOnceWhatIsBeyondOneCourse) {
     return go::beyond_one_course(clickable(1), at, task);
   };
   EXPECT_EQ(beyond({7, 0}, std::nullopt), "");
-  EXPECT_EQ(beyond({0.6, 0}, 20), "");
+  EXPECT_EQ(beyond({0.6, 0}, 240), "");
   EXPECT_EQ(beyond({10, 0}, std::nullopt),
             "the way is 10 m long, and one course reaches at most 7.2 m: 6 legs of 8 radii; it could go to (6.48, 0) m "
             "first");
   EXPECT_NE(beyond({1, 0}, std::nullopt, {{5, 0}}).find("the way is 9 m long"), std::string::npos);
-  EXPECT_EQ(beyond({0.6, 0}, 100), "it would take 100 s, and the motion of one course takes at most 24.5 s");
+  EXPECT_EQ(beyond({0.6, 0}, 300), "it would take 300 s, and one course takes at most 247 s");
   const auto run = run_clicked(clickable(0.5), {{100, {50, 0}}}, kLatency);
   EXPECT_FALSE(run.clicked[0].planned);
   EXPECT_LT(run.clicked[0].plan_s, 1);

@@ -548,10 +548,10 @@ std::string beyond_one_course(const sim::Scenario& scenario, const plan::Referen
   const double g = scenario.gravity_mps2, radius_m = scenario.ball.radius_m;
   const double unit_s = g > 0 ? std::sqrt(radius_m / g) : 1;
   if (task.duration_s) {
-    const double longest_s = plan::kMostQuickPieces * plan::kLongestQuickPiece * unit_s;
+    const double longest_s = plan::TrackingOptions::kMostSteps * plan::TrackingOptions().step * unit_s;
     if (*task.duration_s <= longest_s) return "";
-    return fmt::format("it would take {} s, and the motion of one course takes at most {:.1f} s",
-                       program::short_number(*task.duration_s), std::floor(10 * longest_s) / 10);
+    return fmt::format("it would take {} s, and one course takes at most {:.0f} s",
+                       program::short_number(*task.duration_s), std::floor(longest_s));
   }
   const Eigen::Vector2d start_m(at.place_m[0], at.place_m[1]);
   constexpr int kLegs = firmware::kMaxPieces / plan::kLeastQuickPieces;

@@ -16,7 +16,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kPieces = 32;
-constexpr int kMostStarts = 24, kQuickStarts = 4;       // until a plan is found
+constexpr double kQuickPiece = 3.1;                // sqrt(r / g): longer pieces cannot catch the swing of the masses
+constexpr int kMostStarts = 24, kQuickStarts = 4;  // until a plan is found
 constexpr int kMoreStarts = 2, kCheapIterations = 150;  // after that, for a better one
 constexpr double kBrake = 4;                            // sqrt(r / g): time constant of the masses of a first start
 constexpr double kFirstCreep = 0.3;                     // sqrt(g / r): as fast as a ball that is driven
@@ -238,8 +239,8 @@ class Search {
   [[nodiscard]] bool takes_first() const { return options_.quick && !warm(); }
   [[nodiscard]] int pieces(double duration_s) const {
     if (!takes_first()) return kPieces;
-    const double pieces = std::ceil(duration_s / (kLongestQuickPiece * time_unit_s(problem_)));
-    return static_cast<int>(std::clamp(pieces, double{kLeastQuickPieces}, double{kMostQuickPieces}));
+    const double pieces = std::ceil(duration_s / (kQuickPiece * time_unit_s(problem_)));
+    return static_cast<int>(std::clamp(pieces, double{kLeastQuickPieces}, 2.0 * kPieces));
   }
 
   // By the caller, or with its iterations used up.

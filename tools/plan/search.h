@@ -36,9 +36,8 @@ struct Outcome {
   bool friction_alone = false;  // kNotFound: the best motion tried meets everything but the friction limit
 };
 
-// A motion that a quick search begins with has so many pieces.
-inline constexpr int kLeastQuickPieces = 20, kMostQuickPieces = 64;
-inline constexpr double kLongestQuickPiece = 3.1;  // sqrt(r / g): longer pieces cannot catch the swing of the masses
+// Pieces of the shortest motion that a quick search begins with.
+inline constexpr int kLeastQuickPieces = 20;
 
 struct SearchOptions {
   std::uint64_t seed = 0;

@@ -215,7 +215,7 @@ Eigen::VectorXd tracking_error(const ReferencePoint& reference, const ReferenceP
 
 std::optional<Tracking> track(const sim::Scenario& scenario, const firmware::BallParams& ball, std::string& why,
                               const TrackingOptions& options) {
-  constexpr double kMostSteps = 20000;
+  constexpr double kMostSteps = TrackingOptions::kMostSteps;
   constexpr int kHoldSteps = 600;  // of a tenth of sqrt(r / g): a hold of several swings of a ball that rocks slowly
   why = beyond_model(scenario, options.lenient);
   if (!why.empty()) return std::nullopt;

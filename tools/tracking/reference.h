@@ -40,6 +40,7 @@ struct TrackingWeights {
 };
 
 struct TrackingOptions {
+  static constexpr int kMostSteps = 20000;  // of a motion; a longer one has no reference
   TrackingWeights weights;
   double step = 0.1;  // in sqrt(r / g)
   // A motion that ends at rest is held for ever: the recursion begins with the P of a long hold there.
