@@ -90,7 +90,7 @@ struct ReadRun {
 };
 [[nodiscard]] ReadRun read_run(const std::string& folder);
 
-// What differs in the geometry of two robots: masses, radius and rails; empty: nothing.
+// The first difference in the geometry of two robots: number of masses, radius, rails; empty: there is none.
 [[nodiscard]] std::string other_geometry(const firmware::BallParams& a, const firmware::BallParams& b);
 
 // Why two recordings cannot be of one robot; empty: they may be.

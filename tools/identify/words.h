@@ -10,7 +10,7 @@ namespace ballast::identify {
 // A line for each parameter: believed, identified and the interval; below it what is unknown.
 [[nodiscard]] std::string identified_text(const Parameters& parameters, const Known& known, const Identified& fit);
 
-// What the residuals above the sensors' noise do to the intervals: "; the residuals have ..".
+// How residuals above the sensors' noise widen the intervals: "; the residuals have ..".
 [[nodiscard]] std::string excess_text(double excess);
 
 // The half-widths of the 95 % intervals, a line for each parameter.

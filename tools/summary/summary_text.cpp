@@ -41,7 +41,8 @@ std::string end_text(const sim::Scenario& scenario, const RunResult& result) {
     case EndReason::kDetached:
       return fmt::format("detached at t = {} s: N fell to 0, the floor no longer carries the ball", short_time(end_s));
     case EndReason::kTripped:
-      if (result.masses_rested) return fmt::format("tripped; the masses were at rest at t = {} s, which ended the run", short_time(end_s));
+      if (result.masses_rested)
+        return fmt::format("tripped; the masses were at rest at t = {} s, which ended the run", short_time(end_s));
       // All steps are made, or the run would not have ended so. A mass that still moves has slipped or swings.
       return fmt::format("tripped and stopped; at t = {} s, the run's end, the masses still {}", short_time(end_s),
                          lost_steps_text(scenario, result).empty() ? "swung in their motors" : "moved");
