@@ -10,6 +10,8 @@
 #include <iostream>
 #include <string>
 
+#include "tools/program/rough_time.h"
+
 namespace ballast::program {
 
 class CountProgress {
@@ -37,9 +39,8 @@ class CountProgress {
     constexpr int kWidth = 40;
     std::string bar(kWidth, '.');
     std::fill_n(bar.begin(), static_cast<int>(part * kWidth), '#');
-    std::cerr << fmt::format("{}[{}] {:3.0f} %  {} of {} {}, {:.3g}/s, {:.0f} s left, {}{}",
-                             terminal_ ? "\r\033[K" : "", bar, 100 * part, done, count_, what_, rate, left_s, more,
-                             terminal_ ? "" : "\n");
+    std::cerr << fmt::format("{}[{}] {:3.0f} %  {} of {} {}, {:.3g}/s, {} left, {}{}", terminal_ ? "\r\033[K" : "", bar,
+                             100 * part, done, count_, what_, rate, rough_time(left_s), more, terminal_ ? "" : "\n");
     drawn_ = terminal_;
   }
 

@@ -9,6 +9,7 @@
 
 #include "tools/faults/injection.h"
 #include "tools/program/program.h"
+#include "tools/program/rough_time.h"
 #include "tools/program/short_number.h"
 #include "tools/recording/black_box.h"
 #include "tools/recording/recorder.h"
@@ -41,10 +42,10 @@ class ProgressBar {
       std::fill_n(bar.begin(), static_cast<int>(part * kWidth), '#');
       std::cerr << fmt::format("\r\033[K[{}] {:3.0f} %  t = {} of {} s", bar, 100 * part, program::short_time(time_s),
                                program::short_time(end_s));
-      if (passed_s > kSure_s) std::cerr << fmt::format(", about {:.0f} s left", left_s);
+      if (passed_s > kSure_s) std::cerr << fmt::format(", about {} left", program::rough_time(left_s));
     } else if (passed_s > kSure_s && left_s > kLong_s) {
-      std::cerr << fmt::format("t = {} of {} s; about {:.0f} s left\n", program::short_time(time_s),
-                               program::short_time(end_s), left_s);
+      std::cerr << fmt::format("t = {} of {} s; about {} left\n", program::short_time(time_s),
+                               program::short_time(end_s), program::rough_time(left_s));
       wanted_ = false;
     }
   }
