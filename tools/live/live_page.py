@@ -8,7 +8,7 @@ from drawn_robot import read_robot
 
 _PAGE = Path(__file__).resolve().parent / "page"
 _LIVE_MODULES = ("main.js", "connection.js", "live_clock.js", "live_samples.js", "live_path.js", "controls.js", "readings.js",
-                 "pointing.js", "floor_gestures.js", "floor_marks.js", "stroke.js")
+                 "number_field.js", "pointing.js", "floor_gestures.js", "floor_marks.js", "stroke.js")
 
 
 def page():

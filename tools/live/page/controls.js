@@ -1,4 +1,5 @@
 // The operator's controls: who holds them, the buttons, the keys, and what became of a request.
+import {numberIn, numberTrouble, watchNumbers} from "ballast/number_field.js";
 import {shortNumber} from "ballast/numbers.js";
 
 const element = (id) => document.getElementById(id);
@@ -23,9 +24,10 @@ export class Controls {
     element("take").addEventListener("click", () => connection.send(this.mine ? "release" : "take"));
     element("move").addEventListener("submit", (event) => {
       event.preventDefault();
+      if (!this.hasNumbers("move-to")) return;
       this.command("move", {
         mass: Number(element("move-mass").value),
-        to: element("move-to").valueAsNumber,
+        to: numberIn(element("move-to")),
         speed_fraction: Number(element("move-speed").value)
       });
     });
@@ -33,17 +35,33 @@ export class Controls {
     this.via = [];  // places on the way that have been entered
     element("go").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.go(this.enteredPlace(), this.via);
+      if (this.hasNumbers("go-x", "go-y")) this.go(this.enteredPlace(), this.via);
     });
     element("go-via").addEventListener("click", () => {
-      if (element("go").reportValidity()) this.setVia([...this.via, this.enteredPlace()]);
+      if (this.hasNumbers("go-x", "go-y")) this.setVia([...this.via, this.enteredPlace()]);
     });
+    watchNumbers(document.querySelectorAll("[data-number]"), (why) => this.answer(why ? "refusal" : "", why));
     this.connectKeys();
     this.show();
   }
 
   get mine() {
     return this.holder !== null && this.holder === this.you;
+  }
+
+  // Why this viewer's wishes are not sent, except a stop or a halt.
+  get without() {
+    return this.holder ? `${this.holder} holds the controls; allowed: take them when they are released` :
+                         "nobody holds the controls; allowed: take them first";
+  }
+
+  // Whether these fields have numbers. Else it says why not.
+  hasNumbers(...ids) {
+    const wrong = ids.map(element).find(numberTrouble);
+    if (!wrong) return true;
+    this.answer("refusal", numberTrouble(wrong));
+    wrong.focus();
+    return false;
   }
 
   command(what, fields = {}) {
@@ -54,7 +72,7 @@ export class Controls {
   // Asks for a course to `to` by the places `via`, each [x, y] in m.
   go(to, via) {
     if (!this.mine) {
-      this.answer("refusal", "go: take the controls first");
+      this.answer("refusal", `go: ${this.without}`);
       return;
     }
     const rounded = (place) => place.map((x) => Number(x.toFixed(6)));
@@ -63,7 +81,7 @@ export class Controls {
   }
 
   enteredPlace() {
-    return ["go-x", "go-y"].map((id) => element(id).valueAsNumber);
+    return ["go-x", "go-y"].map((id) => numberIn(element(id)));
   }
 
   setVia(via) {
@@ -105,7 +123,7 @@ export class Controls {
   }
 
   show() {
-    const {mine, holder, viewers, state: {mode, governed}} = this;
+    const {mine, holder, viewers, state: {mode, governor}} = this;
     const works = Boolean(mode) && this.state.phase === "running";
     const others = viewers > 1 ? `${viewers} viewers` : "one viewer";
     element("holder").textContent = mine ? `You hold the controls (${this.you}; ${others})` :
@@ -119,9 +137,11 @@ export class Controls {
       button.disabled = !works || !(mine || BRAKES.includes(what));
       button.classList.toggle("usual", works && USUAL[what].includes(mode));
     }
-    for (const form of ["move", "go"])
+    for (const form of ["move", "go"]) {
+      element(form).title = mine ? "" : this.without;
       for (const input of element(form).elements) input.disabled = !works || !mine;
-    element("stop").hidden = !governed;
-    element("brake").firstChild.textContent = governed ? "Halt the ball " : "Stop ";
+    }
+    element("stop").hidden = !governor;
+    element("brake").firstChild.textContent = governor ? "Halt the ball " : "Stop ";
   }
 }
