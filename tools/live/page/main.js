@@ -24,9 +24,14 @@ const PANELS = new Map([
 ]);
 const WEIGHT_ARROW = 1.15;  // of robot.js
 const MOST_SPANS = 40;      // of sliding or flight that are shaded in the plots
+// The ball is at rest where it has been slower than this part of sqrt(g r) for so long: those of a halt
+// (firmware/governor/halt.h). Without gravity, than this part of its radius per s.
+const REST_SPEED = 0.01, REST_S = 1;
 // A drawn path has at most so many places; the accuracy of the line between them, and how near to the ball it begins,
 // both in ball radii.
 const MOST_PLACES = 4, STROKE_TOLERANCE = 0.15, BEGINS_NEAR = 1.5;
+
+const FLIGHT = 2;  // of the column `regime`
 
 const element = (id) => document.getElementById(id);
 const now = () => performance.now() / 1000;
@@ -72,7 +77,11 @@ class Run {
         described.columns.map((name) => (name === "floor_friction" && !described.friction_changes ? null : name));
     this.replay = new LiveSamples(names, REPLAY_ROWS);
     this.trend = new LiveSamples(names, Math.ceil(SHOWN_S / TREND_EVERY_S));
-    this.timeColumn = described.columns.indexOf("time");
+    [this.timeColumn, this.speedColumn, this.regimeColumn] =
+        ["time", "speed", "regime"].map((name) => described.columns.indexOf(name));
+    const {gravity, radius} = described;
+    this.restSpeed = REST_SPEED * (gravity > 0 ? Math.sqrt(gravity * radius) : radius);
+    this.movedAt = -Infinity;  // the last time at which the ball was faster, or in flight
     this.regimes = new Regimes();
     this.described.regimes = this.regimes.spans;
     this.course = this.wish = null;
@@ -90,8 +99,15 @@ class Run {
     this.trendRow(row, time);
   }
 
+  // Whether the ball is at rest at a time not before the newest frames.
+  restsAt(time) {
+    return time - this.movedAt >= REST_S;
+  }
+
   trendRow(row, time) {
-    const {trend} = this;
+    const {trend} = this, speed = row[this.speedColumn];
+    const rests = speed !== null && speed < this.restSpeed && row[this.regimeColumn] !== FLIGHT;
+    if (!rests) this.movedAt = time;
     if (trend.rows && time >= trend.end && time < trend.end + TREND_EVERY_S) return;
     trend.push(row, time);
     this.regimes.see(trend.newest("regime"), time);
@@ -191,7 +207,8 @@ class Page {
       } else {
         this.scene = new Scene(element("view"), drawn, this.clock, element("scale"));
         this.pointing = new Pointing(
-            this.scene, element("pointed"), () => (this.controls.mine ? ": a click sends the ball there" : ""));
+            this.scene, element("pointed"),
+            () => `: ${this.controls.mine ? "a click sends the ball there" : this.controls.without}`);
         this.connectFloor();
       }
       for (const box of document.querySelectorAll("[data-show]"))
@@ -220,7 +237,10 @@ class Page {
     const draw = element("draw");
     this.gestures = new FloorGestures(this.scene, (event) => this.pointing.visiblePlaceAt(event), {
       click: (place) => {
-        if (place) this.controls.go([place.x, place.y], []);
+        if (place)
+          this.controls.go([place.x, place.y], []);
+        else if (this.controls.mine)
+          this.controls.answer("refusal", "go: no floor is seen there, but the ball, or what is above the horizon");
       },
       stroke: (points) => {
         this.run.path?.marks.setStroke(points);
@@ -283,6 +303,7 @@ class Page {
     badge.textContent = text;
     badge.hidden = !text;
     badge.className = `badge ${text.replaceAll(" ", "-")}`;
+    badge.classList.toggle("of-controller", Boolean(text && text === mode));
     element("name").textContent = described?.name ?? "Waiting for a run";
     const silence = now() - this.arrivedAt;
     const masses = {
@@ -335,7 +356,10 @@ class Page {
         scene?.resolution.forget();
       if (at - this.numbersAt > NUMBERS_EVERY_MS) {
         this.numbersAt = at;
-        this.readings.show(run.replay);
+        // Tiles and plots have the same instant in numbers, that of the picture.
+        const {time} = this.clock;
+        this.readings.show(run.replay, time, run.restsAt(time));
+        this.plots.showNumbers(time, [{samples: run.replay}]);
         this.showStatus();
       }
       if (at - this.plottedAt > PLOT_EVERY_MS && run.trend.rows) {

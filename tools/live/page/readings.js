@@ -11,7 +11,7 @@ const place = (x, y) => (Number.isFinite(x) ? `${x.toFixed(3)}, ${y.toFixed(3)}`
 const seconds = (time) => (Math.abs(time) < 0.005 ? "0.00" : time.toFixed(2).replace("-", "−"));
 const within = (value, sigma) => `${numberText(value)} <small>± ${numberText(SIGMAS * sigma)}</small>`;
 
-// The cards: what a card says of the newest sample; `when`: only where the state is so.
+// The cards: what a card says of the sample that is shown; `when`: only where the state is so.
 const CARDS = [
   {id: "normal_force", label: "<i>N</i>", unit: "N", text: (at) => numberText(at("normal_force"))},
   {
@@ -62,9 +62,10 @@ const CARDS = [
   },
 ];
 
-// Flags of the state, each with its kind.
+// Flags of the state and of what is shown, each with its kind.
 const FLAGS = [
-  ["good", "at rest", ({at_rest: rests}) => rests],
+  ["good", "ball at rest", ({ball_rests: rests}) => rests],
+  ["good", "masses at rest", ({at_rest: rests}) => rests],
   ["good", "governed", ({governed}) => governed],
   ["warn", "command bent", ({bent}) => bent],
   ["warn", "on the certified stop", ({backup}) => backup],
@@ -88,6 +89,7 @@ export class Readings {
   setRun(described) {
     this.described = described;
     this.least = NaN;
+    this.rests = false;
   }
 
   // Every frame counts for the least margin.
@@ -98,7 +100,12 @@ export class Readings {
   setState(state) {
     this.state = state;
     for (const {id, when} of CARDS) this.cards.get(id).hidden = Boolean(when && !when(state));
-    const flags = FLAGS.filter(([, , holds]) => holds(state)).map(([kind, text]) => {
+    this.showFlags();
+  }
+
+  showFlags() {
+    const shown = {...this.state, ball_rests: this.rests};
+    const flags = FLAGS.filter(([, , holds]) => holds(shown)).map(([kind, text]) => {
       const flag = document.createElement("span");
       [flag.className, flag.textContent] = [kind, text];
       return flag;
@@ -106,8 +113,9 @@ export class Readings {
     element("flags").replaceChildren(...flags);
   }
 
-  show(samples) {
-    const at = (name) => samples.newest(name);
+  // Shows the sample of that time. `rests`: the ball is at rest.
+  show(samples, time, rests) {
+    const row = samples.rowAt(time), at = (name) => samples.get(name)?.[row];
     const floor = () =>
         (samples.has("floor_friction") ? at("floor_friction") : this.described.static_friction ?? Infinity);
     for (const {id, text} of CARDS) {
@@ -116,17 +124,22 @@ export class Readings {
       const html = text(at, {least: this.least, floor});
       if (value.innerHTML !== html) value.innerHTML = html;
     }
-    const regime = ["rolling", "sliding", "flight"][at("regime")] ?? "";
+    const regime = ["rolling", "sliding", "flight"][at("regime")] ?? "", text = rests ? "at rest" : regime;
     const label = element("regime");
-    if (label.textContent !== regime) [label.textContent, label.className] = [regime, `regime ${regime}`];
-    element("time").textContent = seconds(samples.end);
+    if (label.textContent !== text) [label.textContent, label.className] = [text, `regime ${regime}`];
+    element("time").textContent = seconds(time);
+    if (rests === this.rests) return;
+    this.rests = rests;
+    this.showFlags();
   }
 
-  // The last lines in words, newest first.
+  // The last lines in words, newest first, with a rule between two runs.
   say(lines) {
-    const items = [...lines].reverse().map(({kind, text, time}) => {
+    const newest = [...lines].reverse();
+    const items = newest.map(({kind, text, time, run}, k) => {
       const item = document.createElement("li"), when = document.createElement("span");
       item.className = kind;
+      item.classList.toggle("another-run", k > 0 && newest[k - 1].run !== run);
       when.className = "when";
       when.textContent = time === undefined ? "" : `${seconds(time)} s`;
       item.append(when, ` ${text}`);

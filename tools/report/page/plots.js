@@ -72,11 +72,16 @@ export class Plots {
     for (const plot of this.plots) plot.placeNeedle(time);
     if (playing && now - this.numbersShownAt < NUMBERS_EVERY_MS) return;
     this.numbersShownAt = now;
-    const rows = this.runs.map(({samples}) => samples.rowAt(time));
-    for (const plot of this.plots) plot.showNumbers(time, rows);
+    this.showNumbers(time, this.runs);
   }
 
-  // Shows other samples of the same columns, from one time to another, in one of the plots.
+  // Shows the numbers of these runs at a time. Their samples have the columns of those that are drawn.
+  showNumbers(time, runs) {
+    const rows = runs.map(({samples}) => samples.rowAt(time));
+    for (const plot of this.plots) plot.showNumbers(time, rows, runs);
+  }
+
+  // Draws other samples of the same columns, from one time to another, in one of the plots. Its numbers stay.
   showSamples(number, runs, range) {
     this.runs = runs;
     this.grid = commonGrid(runs);
@@ -136,7 +141,6 @@ class Plot {
     this.runs = runs;
     this.edges = (this.panel.bands ?? []).map((band) => this.edgesOf(band));
     this.chart.setData(this.data());
-    this.showNumbers(runs[0].samples.end, runs.map(({samples}) => samples.rows - 1));
   }
 
   addValue(line) {
@@ -442,11 +446,11 @@ class Plot {
     this.needle.style.transform = `translateX(${place}px)`;
   }
 
-  showNumbers(time, rows) {
+  showNumbers(time, rows, runs) {
     this.panel.lines.forEach((line, number) => {
       const output = this.values[number];
       if (!output) return;
-      const {samples} = this.runs[line.run];
+      const {samples} = runs[line.run];
       const over = time > samples.end + 1e-9;
       const text = over ? "–" : numberText(samples.get(line.column)[rows[line.run]]);
       if (output.textContent !== text) output.textContent = text;
