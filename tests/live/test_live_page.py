@@ -269,11 +269,35 @@ class Live(unittest.TestCase):
         self.until("document.querySelector('#flags').innerText.includes('governed')")
         self.until("document.querySelector('#brake').innerText.includes('Halt the ball')")
         self.until_moved([0, 0, 0.15], 0.1)
+        self.assertEqual(self.text("#regime").lower(), "rolling")
         self.press(" ")
         self.until_said(": halt")
+        self.until_mode("halting")
+        # Another press leaves the halt alone. A stop would let the ball roll on.
+        self.press(" ")
+        self.until_said(": the ball is being halted already")
         self.until_said("the ball will still roll ")
         self.until_said("halting, masses moving, at ")
-        self.until("document.getElementById('mode').textContent === 'armed'")
+        self.until_mode("armed")
+        self.until("document.getElementById('flags').innerText.includes('ball at rest')")
+        self.assertEqual(self.text("#regime").lower(), "at rest")
+        # Nor does it disarm a ball at rest.
+        self.press(" ")
+        self.until("window.ballastLive.state.mode === 'halting'")
+        self.until_mode("armed")
+        # A ball that rolls on under masses at rest is halted, too.
+        self.click("[data-do=start]")
+        self.until_mode("running")
+        self.until("window.ballastLive.run.replay.newest('speed') > 0.1")
+        self.click("#stop")
+        self.until_mode("armed")
+        self.until("document.getElementById('flags').innerText.includes('masses at rest')")
+        self.assertNotIn("ball at rest", self.text("#flags"))
+        self.assertGreater(float(self.text("[data-card=speed] b")), 0.05)
+        self.press(" ")
+        self.until("document.getElementById('flags').innerText.includes('ball at rest')")
+        self.until_mode("armed")
+        self.assertNotIn("disarmed", self.text("#said"))
         self.assertEqual(self.js("return document.documentElement.scrollWidth"), PHONE[0], "wider than the phone")
         self.assert_clean()
 
@@ -408,7 +432,8 @@ class Live(unittest.TestCase):
         # Without the controls nothing is sent.
         self.requests()
         self.tap((0.4, 0.1))
-        self.until("document.getElementById('answer').textContent === 'go: take the controls first'")
+        self.until("document.getElementById('answer').textContent === "
+                   "'go: nobody holds the controls; allowed: take them first'")
         self.assertEqual(self.sent(), [])
         self.take()
         self.tap((0.4, 0.1))
@@ -421,10 +446,10 @@ class Live(unittest.TestCase):
         self.assertEqual(self.planners(), [second])
         # So does a stop.
         self.press(" ")
-        self.until_said(": go: dropped by the stop of viewer")
+        self.until_said(": go: dropped by the halt of viewer")
         self.until("window.ballastLive.run.path.marks.wish === null")
         self.assertEqual(self.planners(), [])
-        self.until_mode("disarmed")
+        self.until_mode("armed")
         # And the end of the run.
         self.js("document.getElementById('go-x').value = '0.2'; document.getElementById('go-y').value = '-0.3';")
         self.click("#go [type=submit]")
@@ -461,6 +486,106 @@ class Live(unittest.TestCase):
         self.until_said(": halt")
         self.until_mode("armed")
         self.until("window.ballastLive.run.path.marks.course === null")
+        self.assert_clean()
+
+    def test_wishes_that_are_not_sent_say_why(self):
+        self.open()
+        self.start_run(*GOES)
+        self.until_mode("armed")
+        self.see_floor(1.2)
+        # Another viewer holds the controls.
+        self.js("""
+          window.other = new WebSocket(location.href.replace(/^http/, "ws"), "ballast.live.v1");
+          window.other.onopen = () => window.other.send('{"op":"take"}');""")
+        self.until("window.ballastLive.controls.holder !== null")
+        self.requests()
+        self.tap((0.4, 0.1))
+        self.assertRegex(self.text("#answer"), r"^go: viewer \d+ holds the controls; allowed: take them when they are released$")
+        self.assertIn("holds the controls", self.js("return document.getElementById('go').title"))
+        self.js("window.other.close()")
+        self.until("window.ballastLive.controls.holder === null")
+        self.take()
+        self.requests()
+        # A click on the ball.
+        self.tap((0.0, 0.0))
+        self.until("document.getElementById('answer').textContent.startsWith('go: no floor is seen there')")
+        # Letters in a field of numbers.
+        field = self.browser.find_element(By.ID, "go-x")
+        field.send_keys("abc")
+        self.assertEqual(self.text("#answer"), "go to x: “abc” is no number; allowed: such as −0.25")
+        self.assertEqual(field.get_attribute("aria-invalid"), "true")
+        self.click("#go [type=submit]")
+        self.assertIn("“abc” is no number", self.text("#answer"))
+        field.clear()
+        field.send_keys("−.5e-1")
+        self.assertEqual((self.text("#answer"), field.get_attribute("aria-invalid")), ("", "false"))
+        self.click("#go-via")
+        self.assertEqual(self.text("#answer"), "go to y: is missing; allowed: a number, such as −0.25")
+        self.browser.find_element(By.ID, "move-to").send_keys("1,5")
+        self.click("#move button")
+        self.assertIn("move to: “1,5” is no number", self.text("#answer"))
+        self.assertEqual(self.sent(), [])
+        self.browser.find_element(By.ID, "go-y").send_keys("0.3")
+        self.click("#go [type=submit]")
+        (sent,) = self.sent()
+        self.assertEqual(sent["to"], [-0.05, 0.3])
+        self.until_course((-0.05, 0.3))
+        self.assert_clean()
+
+    def test_events_name_who_asked(self):
+        self.open()
+        run = self.start_run(*RUN, "--by-hand")
+        self.until_mode("armed")
+        self.take()
+        # Longer than `ballast move` makes.
+        self.js("document.getElementById('move-mass').value = '1'; document.getElementById('move-to').value = '1e6';")
+        self.click("#move button")
+        self.until_said("s and is taken back; allowed: at most 600 s; ")
+        self.until_mode("armed")
+        self.assertRegex(self.text("#said"), r"viewer \d+: the move takes [\d.e+]+ s and is taken back")
+        # Operators elsewhere.
+        self.assertEqual(self.operate("start").returncode, 0)
+        self.until_said("another operator: start")
+        self.until_mode("running")
+        self.assertEqual(self.operate("start").returncode, 1)
+        self.until_said("another operator: the controller refuses the start: it is running")
+        self.assertEqual(self.operate("stop").returncode, 0)
+        self.until_mode("armed")
+        said = self.text("#said").splitlines()
+        stop = next(k for k, line in enumerate(said) if line.endswith("another operator: stop"))
+        self.assertIn("stopping, masses", said[stop - 2] + said[stop - 1], "the command stands before what it brings about")
+        # A rule between two runs.
+        self.assertEqual(self.js("return document.querySelectorAll('#said .another-run').length"), 0)
+        self.end(run)
+        self.start_run("paper_ball", "--by-hand", *SLOW_TICKS, "--set", "duration=60")
+        self.until("document.getElementById('name').textContent === 'paper_ball'")
+        self.until("document.querySelectorAll('#said .another-run').length === 1")
+        self.assertIn("run of paper_ball", self.js("""
+          const items = [...document.querySelectorAll("#said li")];
+          return items.slice(0, items.findIndex((item) => item.classList.contains("another-run"))).map((item) => item.innerText).join();"""))
+        self.assert_clean()
+
+    def test_numbers_agree_and_fit(self):
+        self.open((1300, 900))
+        self.start_run("desk_ball", "--speed", "1", *SLOW_TICKS, "--set", "duration=60")
+        self.until("window.ballastLive.run?.replay.rows > 100 && window.ballastLive.plots")
+        for _ in range(20):
+            tile, plot = self.js("""
+              return ["[data-card=normal_force] b", "#panel-normal_force output"].map((at) => document.querySelector(at).textContent);""")
+            self.assertEqual(tile, plot)
+            time.sleep(0.1)
+        self.open((1300, 900))
+        self.until("window.ballastLive?.run?.replay.rows > 10")
+        for width in (1700, 1300, 1100, 901, 700, PHONE[0]):
+            self.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
+                "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False})
+            clipped = self.js("""
+              for (const card of document.querySelectorAll(".cards > [hidden]")) card.hidden = false;
+              document.querySelector("[data-card=place] b").textContent = "−123.456, −123.456";
+              document.querySelector("[data-card=estimated] b").innerHTML = "−12.345, −12.345 <small>± 0.0246</small>";
+              return [...document.querySelectorAll(".cards > div, .cards dd")].filter((box) => box.scrollWidth > box.clientWidth)
+                .map((box) => box.innerText);""")
+            self.assertEqual(clipped, [], f"at a width of {width} px")
         self.assert_clean()
 
     def test_a_trip_is_said_in_words(self):

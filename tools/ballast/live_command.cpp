@@ -1,4 +1,6 @@
 // ballast live: serves a page that shows the run on a bus and operates it.
+#include <fmt/core.h>
+
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -13,8 +15,11 @@
 #include "tools/ballast/live_feed.h"
 #include "tools/ballast/live_go.h"
 #include "tools/ballast/live_operator.h"
+#include "tools/ballast/live_others.h"
+#include "tools/ballast/longest_move.h"
 #include "tools/go/lost_course.h"
 #include "tools/program/program.h"
+#include "tools/program/short_number.h"
 #include "tools/recording/receive_buffer.h"
 
 namespace ballast {
@@ -36,9 +41,11 @@ struct LiveCommand {
 // place "to" and the places "via".
 struct Request {
   std::string who, what;
+  bool is_space = false;  // the space bar: the halt or the stop that is of use now
   firmware::OperatorInput input;
   std::optional<GoWish> wish;  // of a go
   std::string refusal;         // not empty: it is not sent
+  std::string needless;        // not empty: it is not sent, because what it asks for is under way
 };
 
 std::optional<double> number_in(const Json& request, const char* key) {
@@ -86,15 +93,27 @@ GoWish wish_of(const std::string& who, const Json& json, std::string& refusal) {
 }
 
 // The space bar sends this: the ball comes to rest where a governor can bring it there, else its masses do.
-OperatorCommand brake_of(const controller_status_t& status) {
-  return status.governed != 0 && status.mode == controller_status_t::MODE_RUNNING ? OperatorCommand::kHalt
-                                                                                  : OperatorCommand::kStop;
+OperatorCommand brake_of(const controller_status_t& status, bool governor) {
+  const bool halts = status.mode == controller_status_t::MODE_RUNNING || status.mode == controller_status_t::MODE_ARMED;
+  return governor && halts ? OperatorCommand::kHalt : OperatorCommand::kStop;
 }
 
-std::optional<Request> read_request(const std::string& line, const controller_status_t& status) {
+// Empty, or why another press of the space bar sends nothing. A stop would end a halt: the masses would rest, and the
+// ball would roll on.
+std::string needless_brake(const controller_status_t& status, bool governor) {
+  if (status.mode == controller_status_t::MODE_HALTING) return "the ball is being halted already";
+  if (status.mode != controller_status_t::MODE_STOPPING) return "";
+  return std::string("the masses are stopping already") +
+         (governor ? "; press again once they rest, to halt the ball" : "");
+}
+
+// `governor`: the run has one.
+std::optional<Request> read_request(const std::string& line, const controller_status_t& status, bool governor) {
   const Json json = Json::parse(line, nullptr, false);
   if (!json.is_object() || !json.contains("who") || !json.contains("do")) return std::nullopt;
-  Request request{json["who"].get<std::string>(), json["do"].get<std::string>(), {}, {}, ""};
+  Request request;
+  request.who = json["who"].get<std::string>();
+  request.what = json["do"].get<std::string>();
   if (request.what == "arm") {
     request.input = OperatorCommand::kArm;
   } else if (request.what == "start") {
@@ -106,7 +125,9 @@ std::optional<Request> read_request(const std::string& line, const controller_st
   } else if (request.what == "reset") {
     request.input = OperatorCommand::kReset;
   } else if (request.what == "brake") {
-    request.input = brake_of(status);
+    request.is_space = true;
+    request.needless = needless_brake(status, governor);
+    request.input = brake_of(status, governor);
     request.what = request.input.command == OperatorCommand::kHalt ? "halt" : "stop";
   } else if (request.what == "move") {
     request.input = move_of(json, status, request.refusal);
@@ -121,7 +142,13 @@ std::optional<Request> read_request(const std::string& line, const controller_st
 // Connects the page's requests with the controller, and its answers with the page.
 class Control {
  public:
-  Control(hal::Bus& bus, const std::string& url, LiveFeed& feed) : operator_(bus), go_(url), feed_(feed) {}
+  Control(hal::Bus& bus, const std::string& url, LiveFeed& feed)
+      : operator_(bus), others_(operator_.sender()), go_(url), feed_(feed) {}
+
+  void hear(const operator_t& message) {
+    const controller_status_t* status = feed_.controller();
+    if (status != nullptr && message.run_id == status->run_id) others_.hear(message, *status);
+  }
 
   void take(const std::string& line) {
     const controller_status_t* status = feed_.controller();
@@ -129,7 +156,7 @@ class Control {
       feed_.say(LiveFeed::Kind::kRefusal, "no controller is at work on this bus");
       return;
     }
-    const std::optional<Request> request = read_request(line, *status);
+    const std::optional<Request> request = read_request(line, *status, feed_.has_governor());
     if (!request) return;
     if (!request->refusal.empty()) {
       feed_.say(LiveFeed::Kind::kRefusal, request->who + ": " + request->what + ": " + request->refusal);
@@ -145,12 +172,18 @@ class Control {
       drop_go(*request);
       followed_.reset();
     }
-    report(operator_.tell(request->who, request->what, request->input, *status));
+    if (!request->needless.empty()) {
+      feed_.say(LiveFeed::Kind::kCommand, request->who + ": " + request->needless);
+    } else if (!(request->is_space && operator_.brakes())) {
+      report(operator_.tell(request->who, request->what, request->input, *status));
+    }
   }
 
   void poll() {
     const controller_status_t* status = feed_.controller();
-    report(status != nullptr ? operator_.poll(*status) : operator_.end());
+    const auto told = status != nullptr ? operator_.poll(*status) : operator_.end();
+    report(told);
+    if (status != nullptr && told && told->moves) limit_move(told->who, *status);
     if (const auto answer = go_.poll(status)) {
       feed_.set_wish(nullptr);
       feed_.say(answer->obeyed ? LiveFeed::Kind::kPlan : LiveFeed::Kind::kRefusal,
@@ -160,6 +193,9 @@ class Control {
       if (answer->obeyed) followed_ = Followed{answer->wish, course_before_, std::nullopt, times, {}};
     }
     if (status == nullptr) followed_.reset();
+    if (status != nullptr) {
+      for (const LiveOthers::Said& said : others_.poll(*status)) report(said);
+    }
     if (followed_ && go_.wish() == nullptr) follow(*status);
   }
 
@@ -219,7 +255,28 @@ class Control {
     feed_.say(answer->obeyed ? LiveFeed::Kind::kCommand : LiveFeed::Kind::kRefusal, answer->who + ": " + answer->text);
   }
 
+  // The planner at work speaks for the viewer who asked. Its course is told with its answer.
+  void report(const LiveOthers::Said& said) {
+    if (go_.wish() != nullptr && said.command == operator_t::COMMAND_GO) return;
+    const bool planner = go_.wish() != nullptr && said.command == operator_t::COMMAND_HALT && go_.halts_first();
+    const std::string who = planner ? go_.wish()->who + ": go" : "another operator";
+    feed_.say(said.refused ? LiveFeed::Kind::kRefusal : LiveFeed::Kind::kCommand, who + ": " + said.text);
+  }
+
+  // Takes back a move that is longer than `ballast move` makes.
+  void limit_move(const std::string& who, const controller_status_t& status) {
+    const bool moves =
+        status.mode == controller_status_t::MODE_PENDING || status.mode == controller_status_t::MODE_MOVING;
+    if (!moves || status.plan_duration_s <= kLongestMove_s) return;
+    feed_.say(LiveFeed::Kind::kRefusal,
+              fmt::format("{}: the move takes {} s and is taken back; allowed: at most {} s; a nearer target or a "
+                          "greater speed takes less, and `ballast move --force` in a terminal makes longer moves",
+                          who, program::short_time(status.plan_duration_s), kLongestMove_s));
+    report(operator_.tell(who, "stop of the move", OperatorCommand::kStop, status));
+  }
+
   LiveOperator operator_;
+  LiveOthers others_;
   LiveGo go_;
   LiveFeed& feed_;
   std::int64_t course_before_ = 0;  // followed when the newest wish came
@@ -248,6 +305,7 @@ int live(const LiveCommand& command) {
   subscribe(hal::kChannelOperator, static_cast<operator_t*>(nullptr));
   subscribe(hal::kChannelCourse, static_cast<operator_t*>(nullptr));
   Control control(bus, command.url, feed);
+  bus.subscribe<operator_t>(hal::kChannelOperator, [&](const operator_t& message) { control.hear(message); });
   for (;;) {
     const hal::Status status = bus.receive_until(hal::after(hal::WallClock::now(), kLookEvery), [] { return false; });
     if (status == hal::Status::kInterrupted) return program::kExitCompleted;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <utility>
 #include <vector>
 
 #include "tools/ballast/tick_events.h"
@@ -78,6 +79,9 @@ Json wish_json(const GoWish& wish) {
   return {{"who", wish.who}, {"to", wish.to}, {"via", via}};
 }
 
+// The number of a run or a course.
+std::string number_text(std::int64_t number) { return fmt::format("{:x}", static_cast<std::uint64_t>(number)); }
+
 Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 std::string run_json(const sim::Scenario& scenario, const contact_t& contact, const plant_state_t& state) {
@@ -91,7 +95,7 @@ std::string run_json(const sim::Scenario& scenario, const contact_t& contact, co
                       {"upper_end", finite_or_null(mass.rail.upper_end)}});
   }
   return Json{
-      {"run", fmt::format("{:x}", static_cast<std::uint64_t>(contact.run_id))},
+      {"run", number_text(contact.run_id)},
       {"name", scenario.name},
       {"duration", scenario.duration_s},
       {"actuation", to_string(scenario.run.actuation)},
@@ -108,6 +112,7 @@ std::string run_json(const sim::Scenario& scenario, const contact_t& contact, co
 bool LiveFeed::is_shown(std::int64_t run_id, double now_s) {
   const ShownRun::Heard heard = run_.hear(run_id, now_s);
   if (heard == ShownRun::Heard::kFirst) {
+    say_now();
     contact_.reset();
     state_.reset();
     status_.reset();
@@ -192,17 +197,24 @@ void LiveFeed::adopt(const std::string& scenario_text) {
 void LiveFeed::end_run(double time_s) {
   if (run_.ended()) return;
   run_.end();
+  say_now();
   say(Kind::kRun, fmt::format("the run ended at t = {} s", program::short_time(time_s)));
 }
 
 void LiveFeed::say_what_changed(const controller_status_t& before, const controller_status_t& after) {
   const bool tripped_itself = after.mode == controller_status_t::MODE_TRIPPED && after.faults != 0;
   if (after.mode != before.mode) {
-    if (tripped_itself) say(Kind::kTrip, "tripped by the controller itself: " + sil::fault_text(after));
-    say(Kind::kMode, sil::status_text(after));
+    if (tripped_itself) say_soon(Kind::kTrip, "tripped by the controller itself: " + sil::fault_text(after));
+    say_soon(Kind::kMode, sil::status_text(after));
+  }
+  const bool gives_up =
+      before.mode == controller_status_t::MODE_HALTING && after.mode == controller_status_t::MODE_STOPPING;
+  if (gives_up && before.refusal == controller_status_t::REFUSAL_NONE) {
+    const std::string refusal = sil::refusal_text(after, nullptr);
+    if (!refusal.empty()) say_soon(Kind::kRefusal, sil::refused_text("halt", refusal));
   }
   say_plan(after);
-  if (after.halt_said != 0 && before.halt_said == 0 && before.mode >= 0) say(Kind::kPlan, sil::halt_text(after));
+  if (after.halt_said != 0 && before.halt_said == 0 && before.mode >= 0) say_soon(Kind::kPlan, sil::halt_text(after));
 }
 
 // The prediction of a stop or a move, which may be complete before it begins or after its end.
@@ -216,13 +228,19 @@ void LiveFeed::say_plan(const controller_status_t& status) {
   const bool told = status.planned != 0 && status.plan_tick != *said_plan_tick_;
   if (!told || status.mode == controller_status_t::MODE_PENDING) return;
   said_plan_tick_ = status.plan_tick;
-  say(Kind::kPlan, std::string(plan_moves_ ? "moving, " : "stopping, ") + sil::plan_text(status));
+  say_soon(Kind::kPlan, std::string(plan_moves_ ? "moving, " : "stopping, ") + sil::plan_text(status));
 }
 
-void LiveFeed::say(Kind kind, const std::string& text) {
-  Json line{{"kind", kind_name(kind)}, {"text", text}};
+std::string LiveFeed::line(Kind kind, const std::string& text) const {
+  Json line{{"kind", kind_name(kind)}, {"text", text}, {"run", number_text(run_.run_id())}};
   if (state_) line["time"] = std::round(1e6 * time_of(*state_)) / 1e6;
-  pipe_.send(text_event("live.said", line.dump(-1, ' ', false, Json::error_handler_t::replace)));
+  return text_event("live.said", line.dump(-1, ' ', false, Json::error_handler_t::replace));
+}
+
+void LiveFeed::say(Kind kind, const std::string& text) { pipe_.send(line(kind, text)); }
+
+void LiveFeed::say_now() {
+  if (!soon_.empty()) pipe_.send(std::exchange(soon_, ""));
 }
 
 void LiveFeed::pass_on(double now_s) {
@@ -259,6 +277,7 @@ std::string LiveFeed::state() const {
   state["faults"] = has_controller && status_->faults != 0 ? sil::fault_text(*status_) : "";
   if (has_controller) {
     state["at_rest"] = status_->at_rest != 0;
+    state["governor"] = has_governor();
     state["governed"] = status_->governed != 0;
     state["bent"] = status_->command_bent != 0;
     state["backup"] = status_->backup_active != 0;
@@ -271,6 +290,7 @@ std::string LiveFeed::state() const {
 }
 
 void LiveFeed::update() {
+  say_now();
   send_if_changed("live.state", state(), sent_state_);
   if (!scenario_) return;  // the page draws nothing yet
   send_if_changed("live.wish", wish_ ? wish_json(*wish_).dump() : "null", sent_wish_);
@@ -292,10 +312,7 @@ void LiveFeed::send_course() {
     pipe_.send(text_event("live.course", "null"));
     return;
   }
-  Json course{{"number", fmt::format("{:x}", static_cast<std::uint64_t>(number))},
-              {"path", *path},
-              {"to", path->back()},
-              {"via", Json::array()}};
+  Json course{{"number", number_text(number)}, {"path", *path}, {"to", path->back()}, {"via", Json::array()}};
   // A course ends where it was wished to, up to the plan's error.
   constexpr double kSamePlace = 0.1;  // ball radii
   if (last_wish_ && std::hypot(last_wish_->to[0] - path->back()[0], last_wish_->to[1] - path->back()[1]) <

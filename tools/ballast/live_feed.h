@@ -10,7 +10,7 @@
 //   `to`
 //                               and the places `via` on the way as far as they are known; null: none
 //   live.wish                   JSON: the place that a course is planned to: who, to, via; null: none
-//   live.said                   JSON: one line in words, with its time and kind
+//   live.said                   JSON: one line in words, with its kind, its run's number and its time
 // Frames are complete ticks, at most 60 per second of the wall clock and the run's last.
 #pragma once
 
@@ -57,6 +57,8 @@ class LiveFeed {
   // The newest status of the shown run's controller; null: there is none, or the run has ended.
   [[nodiscard]] const controller_status_t* controller() const { return status_ && !run_.ended() ? &*status_ : nullptr; }
   [[nodiscard]] bool ended() const { return run_.ended(); }
+  // The shown run has a governor. False while its scenario is not known.
+  [[nodiscard]] bool has_governor() const { return scenario_ && scenario_->control.governor; }
 
  private:
   // Whether the message belongs to the run that is shown.
@@ -65,6 +67,10 @@ class LiveFeed {
   void end_run(double time_s);
   void say_what_changed(const controller_status_t& before, const controller_status_t& after);
   void say_plan(const controller_status_t& status);
+  [[nodiscard]] std::string line(Kind kind, const std::string& text) const;
+  // Changes of the controller are said with the next update(), after the command that made them.
+  void say_soon(Kind kind, const std::string& text) { soon_ += line(kind, text); }
+  void say_now();
   void pass_on(double now_s);
   [[nodiscard]] std::string frame() const;
   [[nodiscard]] std::string state() const;
@@ -81,6 +87,7 @@ class LiveFeed {
   mutable std::optional<sim::LocalFloor> floor_;
   double passed_s_ = 0;
   std::int64_t events_ = 0;
+  std::string soon_;  // lines of say_soon(), as events
   std::string sent_state_, sent_wish_;
   std::optional<GoWish> wish_;       // whose course is not there yet
   std::optional<GoWish> last_wish_;  // the newest, also after its course has begun

@@ -122,8 +122,10 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
 
 bool LiveGo::halts_itself(int mode) const {
   const bool halts = mode == controller_status_t::MODE_HALTING || mode == controller_status_t::MODE_STOPPING;
-  return halts && text_.find(kHaltsFirst) != std::string::npos;
+  return halts && halts_first();
 }
+
+bool LiveGo::halts_first() const { return wish_ && text_.find(kHaltsFirst) != std::string::npos; }
 
 LiveGo::Answer LiveGo::give_up(const std::string& why) { return {*drop(), false, why}; }
 

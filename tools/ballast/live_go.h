@@ -54,13 +54,15 @@ class LiveGo {
 
   // The wish whose planner is at work; null: none.
   [[nodiscard]] const GoWish* wish() const { return wish_ ? &*wish_ : nullptr; }
+  // That planner has said that it halts the ball first.
+  [[nodiscard]] bool halts_first() const;
 
  private:
   using Clock = std::chrono::steady_clock;
 
   Answer give_up(const std::string& why);
   void read();
-  // The planner has said that it halts the ball first.
+  // The planner has brought the controller into this mode.
   [[nodiscard]] bool halts_itself(int mode) const;
 
   std::string url_;

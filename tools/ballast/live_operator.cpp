@@ -57,7 +57,7 @@ std::optional<LiveOperator::Answer> LiveOperator::poll(const controller_status_t
     }
     const Pending answered = *pending_;
     pending_.reset();
-    if (refusal.empty()) return Answer{answered.who, true, answered.what};
+    if (refusal.empty()) return Answer{answered.who, true, answered.what, moves};
     return Answer{answered.who, false, sil::refused_text(answered.what, refusal)};
   }
   const auto now = hal::WallClock::now();
@@ -79,6 +79,8 @@ std::optional<LiveOperator::Answer> LiveOperator::end() {
   pending_.reset();
   return Answer{lost.who, false, "the run ended before the controller heard the " + lost.what};
 }
+
+bool LiveOperator::brakes() const { return pending_ && is_brake(pending_->input.command); }
 
 // The bus hears all runs. It joins this one for as long as it publishes, so that the message carries the run's number.
 void LiveOperator::publish(const operator_t& message, std::int64_t run_id) {

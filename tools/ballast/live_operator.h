@@ -15,7 +15,8 @@ class LiveOperator {
   struct Answer {
     std::string who;
     bool obeyed = false;
-    std::string text;  // "start", or "the controller refuses the start: .."
+    std::string text;    // "start", or "the controller refuses the start: .."
+    bool moves = false;  // a move that is obeyed: the status has its duration
   };
 
   // The bus must outlive the operator, and must not have joined a run.
@@ -32,6 +33,11 @@ class LiveOperator {
   [[nodiscard]] std::optional<Answer> poll(const controller_status_t& status);
   // The run ended: the answer of a command under way.
   [[nodiscard]] std::optional<Answer> end();
+
+  // A stop or a halt is on its way to the controller.
+  [[nodiscard]] bool brakes() const;
+  // The number by which messages of this operator are known.
+  [[nodiscard]] std::int64_t sender() const { return sender_; }
 
  private:
   void publish(const operator_t& message, std::int64_t run_id);

@@ -9,6 +9,7 @@
 #include "sim/scenario/reader.h"
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
+#include "tools/ballast/longest_move.h"
 #include "tools/faults/injection.h"
 #include "tools/program/params.h"
 #include "tools/program/program.h"
@@ -35,9 +36,6 @@ struct MoveCommand {
   std::string out;
   sil::RecordOptions record;
 };
-
-// A run without --lcm records 2.4 MB a second at 1 kHz, so a longer move is probably a mistake.
-constexpr double kLongestMove_s = 600;
 
 // Empty, or why a move of this duration is not made. `scenario_s`: the scenario's duration; 0: it is not known.
 std::string length_refusal(const MoveCommand& command, double takes_s, double scenario_s) {
