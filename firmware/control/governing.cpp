@@ -19,8 +19,8 @@ constexpr Wide kMostStartSteps = 4000;
 // The certificate in force is for another ball where the rates are off by this much of sqrt(g / r) from those that it
 // predicts: the part of the friction that it keeps in reserve is used up by about that.
 constexpr Real kTrustedRate = Real(0.01);
-// The halt is rolled forward for so many times sqrt(r / g) at most.
-constexpr Real kLongestHalt = 30;
+// The halt is rolled forward for so many times sqrt(r / g) at most. One of held masses begins when that is done.
+constexpr Real kLongestHalt = 60, kLongestHeldHalt = 30;
 // A start is certified for an attitude within this angle, too.
 constexpr Real kSameAttitude_rad = Real(0.01);
 
@@ -365,7 +365,7 @@ void try_halt(const ControllerParams& params, const Inputs& inputs, ControllerSt
   start.stage = StartStage::kSearching;
   start.robot = held_robot(params, state, motion);
   start.tick = inputs.tick;
-  start.from_tick = plus(inputs.tick, ticks_to_certify(g.params, Wide{kLongestHalt * unit_s(params.ball)}));
+  start.from_tick = plus(inputs.tick, ticks_to_certify(g.params, Wide{kLongestHeldHalt * unit_s(params.ball)}));
   const std::int64_t lead = minus(start.from_tick, start.tick);
   begin_start(g.params, start.robot, 0, lead, 0, 2 * start.attempt, g.governor);
   g.governor.candidate.refuse_bends(static_cast<Wide>(lead) * params.control_period_s);  // the masses hold until then
@@ -373,7 +373,7 @@ void try_halt(const ControllerParams& params, const Inputs& inputs, ControllerSt
   g.halt.predicted_tick = start.from_tick;
   g.halt.rollout_tick = start.tick;
   g.halt.rollout.begin(g.params, start.robot, 0, g.governor.candidate.schedule(),
-                       Wide{kLongestHalt * unit_s(params.ball)});
+                       Wide{kLongestHeldHalt * unit_s(params.ball)});
 }
 
 Wide longest_governed_move_s(const ControllerParams& params, const ControllerState& state) {
@@ -484,7 +484,7 @@ RefusalReport await_halt(const ControllerParams& params, const Inputs& inputs, C
   if (due && start.stage == StartStage::kCertified) {
     const HaltPrediction& said = g.halt.rollout.result();
     if (said.complete && !said.rests && !(said.speed_after_mps < said.speed_before_mps)) {
-      return {Refusal::kNoRest, -1, -1, Wide{said.speed_after_mps}, Wide{kLongestHalt * unit_s(params.ball)}};
+      return {Refusal::kNoRest, -1, -1, Wide{said.speed_after_mps}, Wide{kLongestHeldHalt * unit_s(params.ball)}};
     }
     adopt(next, g);
     distrust(g.governor);  // the ball may have been pushed since the search began
@@ -701,8 +701,8 @@ void govern_tick(const ControllerParams& params, const TickToGovern& now, Contro
     predict_halt(params, robot, now.tick, law_of_halt, work, g);
     // On the backup the ball may come to rest before a halt has been certified.
     const bool halts = g.halt.begun || g.governor.mode == GovernorMode::kBackup;
-    const Real rest_mps = kRestSpeed * std::sqrt(params.ball.gravity_mps2 * params.ball.radius_m);
-    g.halt.slow_ticks = halts && speed_mps(params.ball, robot) < rest_mps ? g.halt.slow_ticks + 1 : 0;
+    g.halt.slow_ticks =
+        halts && speed_mps(params.ball, robot) < rest_speed_mps(params.ball) ? g.halt.slow_ticks + 1 : 0;
   }
   g.report = out.report;
   g.expects = true;

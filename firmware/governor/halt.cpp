@@ -26,10 +26,15 @@ constexpr Real kDamped = Real(1e-4);
 // is bent in every step, with alternating signs, and soon has no points of a plan's bends left.
 constexpr Real kFastest = Real(0.95);
 constexpr Real kSlowsDown = 4;
+// Masses yield to a ball that would have them go faster than this multiple of their max_velocity to keep the centre of
+// mass in its place, and altogether from the other one on.
+constexpr Real kYieldsFrom = Real(1.5), kYieldsAt = Real(2.5);
 
 struct Plane {
   Real x = 0, y = 0;
 };
+
+Real dot(const Plane& a, const Plane& b) { return a.x * b.x + a.y * b.y; }
 
 Plane floor_part(const Attitude& lambda, const Vec& v_B) { return {dot(lambda.row1, v_B), dot(lambda.row2, v_B)}; }
 
@@ -40,6 +45,7 @@ struct Offset {
   Real height = 0;  // over the geometric centre
   PerMass<Plane> per_unit{};
   PerMass<Real> hanging{};  // Gamma . zeta_i' / |zeta_i'|^2
+  PerMass<Real> pull{};     // acceleration along the rail of a mass that is free there, at u = 0
   Real brake = 0;           // offset for each m/s of speed taken away in a second
 };
 
@@ -53,17 +59,21 @@ Offset offset_of(const BallParams& ball, const RobotState& state) {
   Offset out;
   Real mass = ball.shell_mass_kg;
   Vec moment = ball.shell_mass_kg * from(ball.center_of_mass_B_m), moved{0, 0, 0}, turned{0, 0, 0};
+  // What accelerates a free mass at the centre, seen from there.
+  const Vec turning = from(forces.omega_dot_B_radps2);
+  const Vec falling = ball.gravity_mps2 * lambda.to_B(from(ball.down_W)) - ball.radius_m * cross(turning, lambda.gamma);
   PerMass<Vec> along;
   for (std::size_t i = 0; i < n; ++i) {
     const RailPoint<Real> rail = evaluate<Real>(ball.rail[i], state.mass_position[i]);
     const Real v = state.mass_velocity[i];
-    const Vec d1 = from(rail.d1);
+    const Vec p = from(rail.position), d1 = from(rail.d1);
     along[i] = ball.mass_kg[i] * d1;
     mass += ball.mass_kg[i];
-    moment = moment + ball.mass_kg[i] * from(rail.position);
+    moment = moment + ball.mass_kg[i] * p;
     moved = moved + v * along[i];
     turned = turned + (ball.mass_kg[i] * v * v) * from(rail.d2);
     out.hanging[i] = dot(lambda.gamma, d1) / dot(d1, d1);
+    out.pull[i] = dot(falling - cross(turning, p) - cross(omega, cross(omega, p)), d1) / dot(d1, d1);
   }
   const auto accelerated = [&](const Vector3& omega_dot, const Vec& more) {
     return floor_part(lambda, (1 / mass) * (cross(from(omega_dot), moment) + more));
@@ -81,11 +91,46 @@ Offset offset_of(const BallParams& ball, const RobotState& state) {
   return out;
 }
 
+// The least u with P u = b, damped: u = P^T solve(b), solve(b) = (P P^T + damped)^-1 b.
+class LeastChange {
+ public:
+  LeastChange(const PerMass<Plane>& per_unit, std::size_t n) {
+    for (std::size_t i = 0; i < n; ++i) {
+      const Plane& p = per_unit[i];
+      xx_ += p.x * p.x;
+      xy_ += p.x * p.y;
+      yy_ += p.y * p.y;
+    }
+    const Real damped = kDamped * (xx_ + yy_);
+    xx_ += damped;
+    yy_ += damped;
+    det_ = xx_ * yy_ - xy_ * xy_;
+  }
+  [[nodiscard]] Plane solve(const Plane& b) const {
+    if (!(det_ > 0)) return {};
+    return {(yy_ * b.x - xy_ * b.y) / det_, (xx_ * b.y - xy_ * b.x) / det_};
+  }
+
+ private:
+  Real xx_ = 0, xy_ = 0, yy_ = 0, det_ = 0;
+};
+
+// 0 where the masses can keep the offset as it is, to 1 where that would take more than their speeds.
+Real part_that_yields(const GovernorParams& params, const RobotState& state, const Offset& c, const Plane& to_keep,
+                      std::size_t n) {
+  Real fast = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const Real keeps = state.mass_velocity[i] + dot(c.per_unit[i], to_keep);
+    fast = std::fmax(fast, std::fabs(keeps) / params.mass[i].max_velocity);
+  }
+  return std::fmin(std::fmax((fast - kYieldsFrom) / (kYieldsAt - kYieldsFrom), Real(0)), Real(1));
+}
+
 }  // namespace
 
 HaltGains halt_gains(const BallParams& ball) {
   const Real unit_s = firmware::unit_s(ball);
-  return {3 * unit_s, Real(1.5) / unit_s, 2 * unit_s};
+  return {3 * unit_s, Real(1.5) / unit_s, 2 * unit_s, Real(0.35) * unit_s, Real(0.05) * unit_s};
 }
 
 PerMass<Real> halt_wish(const BallParams& ball, const GovernorParams& params, const HaltGains& gains,
@@ -108,30 +153,34 @@ PerMass<Real> halt_wish(const BallParams& ball, const GovernorParams& params, co
   const Real w = gains.offset_radps;
   Plane missing = {-2 * w * c.rate.x - w * w * (c.value.x - target.x) - c.level.x,
                    -2 * w * c.rate.y - w * w * (c.value.y - target.y) - c.level.y};
-  Real xx = 0, xy = 0, yy = 0;
   for (std::size_t i = 0; i < n; ++i) {
     const Plane& p = c.per_unit[i];
     u[i] = -state.mass_velocity[i] / gains.damping_s - kHanging * ball.gravity_mps2 * c.hanging[i];
     missing.x -= p.x * u[i];
     missing.y -= p.y * u[i];
-    xx += p.x * p.x;
-    xy += p.x * p.y;
-    yy += p.y * p.y;
   }
-  // The least change of u that moves the offset as wished, damped: P^T (P P^T + damped)^-1 missing.
-  const Real damped = kDamped * (xx + yy);
-  const Real a = xx + damped, d = yy + damped, det = a * d - xy * xy;
-  const Real x = det > 0 ? (d * missing.x - xy * missing.y) / det : 0;
-  const Real y = det > 0 ? (a * missing.y - xy * missing.x) / det : 0;
+  const LeastChange least(c.per_unit, n);
+  const Plane to_place = least.solve(missing), to_keep = least.solve({-c.rate.x, -c.rate.y});
+  const Real yields = part_that_yields(params, state, c, to_keep, n);
+  const Vector3& omega = state.angular_velocity_B_radps;
+  const Real rate_radps = std::sqrt(omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2]);
   for (std::size_t i = 0; i < n; ++i) {
     const Real strongest = params.mass[i].max_acceleration, velocity = state.mass_velocity[i];
     const Real fastest = kFastest * params.mass[i].max_velocity, time_s = kSlowsDown * params.step_s;
-    const Real wish = u[i] + c.per_unit[i].x * x + c.per_unit[i].y * y;
+    const Real placed = u[i] + dot(c.per_unit[i], to_place);
+    // A mass that gives way to what pulls at it takes energy out of the ball, if it can turn about as often as that
+    // does.
+    const Real most = std::fmin(fastest, strongest / rate_radps);
+    const Real falls = std::fmin(std::fmax(gains.yielding_s * c.pull[i], -most), most);
+    const Real yielded = (falls - velocity) / gains.following_s;
+    const Real wish = placed + yields * (yielded - placed);
     const Real slowed = std::fmin(std::fmax(wish, (-fastest - velocity) / time_s), (fastest - velocity) / time_s);
     u[i] = std::fmin(std::fmax(slowed, -strongest), strongest);
   }
   return u;
 }
+
+Real rest_speed_mps(const BallParams& ball) { return kRestSpeed * std::sqrt(ball.gravity_mps2 * ball.radius_m); }
 
 Real speed_mps(const BallParams& ball, const RobotState& state) {
   const Vector2 v =
@@ -144,6 +193,7 @@ void HaltRollout::begin(const GovernorParams& params, const RobotState& state, s
   Schedule schedule = change;
   schedule.to = schedule.from + static_cast<std::int64_t>(longest_s / params.control_period_s) + 1;
   rollout_.begin(params, state, tick, schedule);
+  rollout_.tell_way();
   result_ = {};
   result_.place_W_m = state.position_W_m;
   from_s_ = static_cast<Wide>(change.from - tick) * params.control_period_s;
@@ -159,7 +209,7 @@ void HaltRollout::take(const BallParams& ball, const Vector2& before_W_m) {
   result_.speed_after_mps = speed;
   if (!halts) result_.speed_before_mps = speed;
   if (halts) path_m_ += std::sqrt(x * x + y * y);
-  if (!halts || !(speed < kRestSpeed * std::sqrt(ball.gravity_mps2 * ball.radius_m))) {
+  if (!halts || !(speed < rest_speed_mps(ball))) {
     result_.distance_m = path_m_;
     result_.place_W_m = now.position_W_m;
     result_.time_s = halts ? rollout_.time_s() - from_s_ : 0;

@@ -1,7 +1,8 @@
 // Brings the ball to rest: accelerations of the masses that take the rolling ball's speed away, and how far it rolls.
 //
 // The masses carry the centre of mass behind the contact point, so that weight brakes the ball, and back under the
-// centre as it slows down. The wish goes through the governor as any other, so the halt keeps the cone.
+// centre as it slows down. Masses that are too slow to stay behind a fast ball yield to what pulls at them, as dampers
+// would: that takes energy out of it. The wish goes through the governor as any other, so the halt keeps the cone.
 //
 // Invariants: fixed size, no heap. The same bits on every processor.
 //
@@ -20,6 +21,8 @@ struct HaltGains {
   Real braking_s = 0;     // time constant with which the speed falls
   Real offset_radps = 0;  // bandwidth with which the centre of mass follows
   Real damping_s = 0;     // time constant with which the masses come to rest, where that leaves the offset alone
+  Real yielding_s = 0;    // a mass that yields goes with this times what would accelerate it, were it free on its rail
+  Real following_s = 0;   // time constant with which it takes up that velocity
 };
 
 // Multiples of sqrt(r / g), or of 1 s without gravity.
@@ -29,12 +32,15 @@ struct HaltGains {
 [[nodiscard]] PerMass<Real> halt_wish(const BallParams& ball, const GovernorParams& params, const HaltGains& gains,
                                       const RobotState& state);
 
+// Below this the ball is at rest.
+[[nodiscard]] Real rest_speed_mps(const BallParams& ball);
+
 // Speed of the geometric centre.
 [[nodiscard]] Real speed_mps(const BallParams& ball, const RobotState& state);
 
 struct HaltPrediction {
   bool complete = false;
-  bool rests = false;  // false: not at rest within the horizon, or the cone broke on the way
+  bool rests = false;  // false: not at rest within the horizon
   Real distance_m =
       0;  // along the path, from the halt's beginning to the last tick in which the ball is faster than rest
   Vector2 place_W_m = Vector2::Zero();

@@ -34,7 +34,7 @@ void Rollout::begin(const GovernorParams& params, const RobotState& state, std::
   start_tick_ = tick_ = tick;
   period_s_ = params.control_period_s;
   time_s_ = change_s_ = 0;
-  held_ = near_edge_ = wished_ = begun_ = last_ = false;
+  held_ = near_edge_ = tells_way_ = wished_ = begun_ = last_ = false;
   bends_from_s_ = 0;
   astray_ = {};
   renewed_ = false;
@@ -57,7 +57,8 @@ Real Rollout::next_step_s(const GovernorParams& params) {
   const Wide end_s =
       last_ ? static_cast<Wide>(schedule_.backup_from() - start_tick_) * period_s_ + params.horizon_s : change_s_;
   const Wide left_s = end_s - time_s_;
-  const Real step_s = held_ ? params.step_s : params.step_s / (near_edge_ ? kEdgeSteps : kMovingSteps);
+  const Real parts = near_edge_ && !tells_way_ ? kEdgeSteps : kMovingSteps;
+  const Real step_s = held_ ? params.step_s : params.step_s / parts;
   if (last_ && !(left_s > 0)) {
     end_ = RolloutEnd::kHorizon;
     return 0;
@@ -70,7 +71,7 @@ void Rollout::use(const GovernorParams& params, Real use, Real normal_force_n) {
   const Real kept = held_ ? params.reserve : params.moving_reserve * (guided(time_s_) ? kKeptAlongPlan : kKept);
   const Real allowed = 1 - kept;
   if (last_ && !(use <= most_use_)) most_use_ = use;
-  if (use <= allowed) return;
+  if (use <= allowed || tells_way_) return;
   end_ = RolloutEnd::kBroken;
   breach_ = {use / allowed, normal_force_n};
 }
@@ -91,7 +92,7 @@ RobotState Rollout::ahead(const BallParams& ball, const GovernorParams& params, 
 }
 
 void Rollout::keep(const PerMass<Real>& bend) {
-  if (bends_.add(time_s_, bend) || end_ != RolloutEnd::kUnderWay) return;
+  if (tells_way_ || bends_.add(time_s_, bend) || end_ != RolloutEnd::kUnderWay) return;
   end_ = RolloutEnd::kBroken;
   breach_.use = 0;
 }
@@ -196,7 +197,7 @@ void Rollout::judge(const GovernorParams& params, const GovernedRamp& end) {
   near_edge_ = used > kNearEdge || end.command.bent;
   breach_ = {used, f[2]};
   if (!std::isinf(params.friction)) use(params, used + use_of(params.friction, end.belief_n, f[2]), f[2]);
-  if (end.outside_n <= 0) return;
+  if (end.outside_n <= 0 || tells_way_) return;
   end_ = RolloutEnd::kBroken;
   // The cone keeps some friction free for motors and errors.
   if (f[2] > 0 && !std::isinf(params.friction)) breach_.use = 1 + end.outside_n / (params.friction * f[2]);

@@ -81,6 +81,10 @@ class Rollout {
   // leaves the cone, the rollout is broken.
   void refuse_bends(Wide until_s) { bends_from_s_ = until_s; }
 
+  // Only where the ball goes is asked for, not whether it keeps the cone: the rollout goes on where that breaks, its
+  // steps are longer, and bends() stays empty.
+  void tell_way() { tells_way_ = true; }
+
   [[nodiscard]] RolloutEnd end() const { return end_; }
   [[nodiscard]] const Schedule& schedule() const { return schedule_; }
   [[nodiscard]] std::int64_t start_tick() const { return start_tick_; }
@@ -147,6 +151,7 @@ class Rollout {
   Bends bends_;
   bool held_ = false;
   bool near_edge_ = false;
+  bool tells_way_ = false;
   Wide bends_from_s_ = 0;
   int cost_ = 1;
   HeldBall held_ball_;

@@ -207,7 +207,7 @@ TEST(Governing, AHaltEndsWhereItSaid) {
     robot.run_until(4000);
     robot.tick(OperatorCommand::kHalt);
     ASSERT_EQ(robot.out.status.mode, Mode::kHalting);
-    const Real rest_mps = kRestSpeed * std::sqrt(robot.params().ball.gravity_mps2 * robot.params().ball.radius_m);
+    const Real rest_mps = rest_speed_mps(robot.params().ball);
     HaltStatus said;
     Real path_m = 0, distance_m = 0;
     std::int64_t said_in = 0, slow_tick = 0;
@@ -266,7 +266,7 @@ TEST(Governing, HaltsABallThatRollsWithItsMassesHeld) {
     while (robot.out.status.mode == Mode::kStopping) robot.tick();
     robot.run_until(robot.in.tick + 500);
     ASSERT_EQ(robot.out.status.mode, Mode::kArmed);
-    const Real rest_mps = kRestSpeed * std::sqrt(robot.params().ball.gravity_mps2 * robot.params().ball.radius_m);
+    const Real rest_mps = rest_speed_mps(robot.params().ball);
     ASSERT_GT(speed_mps(robot.params().ball, robot.ball), 2 * rest_mps);
     robot.most_use = 0;  // the stop's own is not governed
     robot.tick(OperatorCommand::kHalt);

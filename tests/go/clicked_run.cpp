@@ -6,7 +6,9 @@
 #include <deque>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 
+#include "firmware/governor/halt.h"
 #include "tools/go/go_plan.h"
 #include "tools/go/standpoint.h"
 #include "tools/program/params.h"
@@ -38,7 +40,13 @@ class ClickingPeers final : public sil::Peer {
   hal::Status send(sil::Lap& lap) override {
     const std::int64_t tick = lap.tick();
     plant_ = lap.plant.state;
-    if (status_ && !sending_ && next_ < clicks_.size() && tick >= clicks_[next_].tick && !halts_first(lap)) plan(tick);
+    watch_halt(tick);
+    const bool due = status_ && !sending_ && next_ < clicks_.size() && tick >= clicks_[next_].tick;
+    if (due && clicks_[next_].halt) {
+      halt(lap);
+    } else if (due && !halts_first(lap)) {
+      plan(tick);
+    }
     if (sending_ && tick >= send_from_ && !parts_.empty()) {
       const operator_t message = message_of(parts_.front(), tick);
       const bool lost = message.course_first / firmware::kCoursePart == clicks_[next_ - 1].lost_part;
@@ -83,6 +91,43 @@ class ClickingPeers final : public sil::Peer {
     halts_ = halts_ && status_->mode != controller_status_t::MODE_ARMED;
     return halts_;
   }
+
+  void halt(sil::Lap& lap) {
+    ++next_;
+    if (speed_mps() < rest_mps()) return;
+    lap.heard.push_back(message_of(firmware::OperatorCommand::kHalt, lap.tick()));
+    out_.halted.push_back({});
+    out_.halted.back().tick = lap.tick();
+    halt_path_m_.clear();
+    watches_ = true;
+  }
+
+  // How far the ball has rolled in the halt that is under way, tick by tick: what is said names the tick from which its
+  // distance counts.
+  void watch_halt(std::int64_t tick) {
+    const Eigen::Vector2d place_m(plant_.position_W_m[0], plant_.position_W_m[1]);
+    const Eigen::Vector2d before_m = std::exchange(place_m_, place_m);
+    if (!watches_) return;
+    Halted& halted = out_.halted.back();
+    halt_path_m_.push_back((halt_path_m_.empty() ? 0 : halt_path_m_.back()) + (place_m - before_m).norm());
+    if (status_->halt_said != 0 && status_->mode == controller_status_t::MODE_HALTING) {
+      if (!halted.said || status_->halt_tick != halted.from_tick) halted.said_tick = tick;
+      halted.said = true;
+      halted.from_tick = status_->halt_tick;
+      halted.said_m = status_->halt_distance_m;
+    }
+    if (speed_mps() >= rest_mps()) {
+      const auto from = static_cast<std::size_t>(std::max<std::int64_t>(0, halted.from_tick - halted.tick));
+      halted.rolled_m = halt_path_m_.back() - (from < halt_path_m_.size() ? halt_path_m_[from] : halt_path_m_.back());
+      halted.rest_s = static_cast<double>(tick - halted.tick) * params_.control_period_s;
+    }
+    halted.rests =
+        status_->mode == controller_status_t::MODE_STOPPING || status_->mode == controller_status_t::MODE_ARMED;
+    watches_ = tick < halted.tick + 2 || status_->mode == controller_status_t::MODE_HALTING;
+  }
+
+  [[nodiscard]] double speed_mps() const { return std::hypot(plant_.velocity_W_mps[0], plant_.velocity_W_mps[1]); }
+  [[nodiscard]] double rest_mps() const { return static_cast<double>(firmware::rest_speed_mps(params_.ball)); }
 
   [[nodiscard]] go::Heard heard() const {
     return {scenario_, *status_, plant_, status_->course == 0 ? std::nullopt : followed_};
@@ -155,7 +200,9 @@ class ClickingPeers final : public sil::Peer {
   ClickedRun& out_;
   std::size_t next_ = 0;
   std::int64_t sequence_ = 0, number_ = 0, send_from_ = 0;
-  bool sending_ = false, halts_ = false;
+  bool sending_ = false, halts_ = false, watches_ = false;
+  Eigen::Vector2d place_m_ = Eigen::Vector2d::Zero();
+  std::vector<double> halt_path_m_;
   std::deque<firmware::CoursePart> parts_;
   plant_state_t plant_{};
   std::optional<controller_status_t> status_;

@@ -17,6 +17,7 @@ struct Click {
   int lost_part = -1;     // this part of the course is not sent
   int delayed_ticks = 0;  // by which its planner is later than it said
   double duration_s = 0;  // asked for; 0: none
+  bool halt = false;      // instead of a place: a halt of the ball
 };
 
 struct Clicked {
@@ -34,9 +35,21 @@ struct Clicked {
   bool over = false;  // the course was, when off_m was taken
 };
 
+// A halt that was clicked while the ball rolled.
+struct Halted {
+  std::int64_t tick = 0;  // of the command
+  bool said = false;      // how far the ball still rolls, last said
+  std::int64_t said_tick = 0, from_tick = 0;
+  double said_m = 0;
+  double rolled_m = 0;  // from from_tick on, up to the last tick in which the ball was faster than rest
+  double rest_s = 0;    // up to there, from the command on
+  bool rests = false;
+};
+
 struct ClickedRun {
   sil::RunResult result;
   std::vector<Clicked> clicked;
+  std::vector<Halted> halted;
   int halts = 0;                 // before a click, of a ball that the governor had on its backup
   double greatest_jerk_use = 0;  // of the commanded accelerations' changes, over max_jerk times the period
 };

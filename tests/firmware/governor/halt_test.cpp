@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
+
 #include "tests/firmware/governor/bench.h"
 
 namespace ballast::firmware {
@@ -34,7 +36,7 @@ Halted halt(Bench& bench, Wide start_s, Wide for_s) {
   };
   Halted out;
   HaltRollout rollout;
-  const Real rest = kRestSpeed * std::sqrt(bench.ball.gravity_mps2 * bench.ball.radius_m);
+  const Real rest = rest_speed_mps(bench.ball);
   Real path = 0;
   while (bench.tick < asked + static_cast<std::int64_t>(for_s / period_s)) {
     const RobotState before = bench.state;
@@ -114,6 +116,54 @@ TEST(Halt, SlowsMassesDownBeforeTheirFastest) {
   EXPECT_NE(rollout.end(), RolloutEnd::kBroken);
   EXPECT_GT(fastest, 0.9);
   EXPECT_LT(fastest, 0.97);
+}
+
+// One tick of a halt by itself: the wish in the cone.
+void halt_tick(Bench& bench, const HaltGains& gains) {
+  const BallParams& ball = bench.ball;
+  const auto h_s = static_cast<Real>(bench.params.control_period_s);
+  const Ramp ramp = testing::ramp_of(ball, bench.params, bench.state);
+  RobotState ahead = bench.state;
+  move_masses(ball.mass_count, h_s, ahead);
+  PerMass<Real> wish = halt_wish(ball, bench.params, gains, ahead);
+  for (std::size_t i = 0; i < wish.size(); ++i) {
+    wish[i] = std::fmin(std::fmax(wish[i], ramp.end.lower[i]), ramp.end.upper[i]);
+  }
+  GovernedRamp end;
+  governed_for_ramp(ball, bench.params, bench.state, forces_at(ball, bench.params, bench.state), ramp, wish, end);
+  bench.state = testing::moved(ball, bench.state, end.command.u, h_s);
+  bench.judge(bench.state, end.command.u);
+}
+
+// Masses that go at most 3 rad/s in balls that turn at 4 to 12 rad/s. Led behind the ball, they would come too late,
+// and push it: of 30 balls 9 would rest.
+TEST(Halt, BallsFasterThanTheirMassesComeToRest) {
+  constexpr int kBalls = 30, kMost_ticks = 12000;
+  int rest = 0;
+  for (int k = 1; k <= kBalls; ++k) {
+    std::mt19937_64 random(static_cast<std::uint64_t>(k));
+    const auto uniform = [&] { return static_cast<Real>(static_cast<double>(random() >> 11) * 0x1p-52 - 1); };
+    const auto bench = testing::desk_bench(Real(0.5));
+    for (std::size_t i = 0; i < 3; ++i) {
+      MassLimits& mass = bench->params.mass[i];
+      mass.max_velocity = Real(1.4);
+      mass.max_acceleration = 250;
+      mass.max_jerk = mass.motor_jerk = 14000;
+      bench->state.mass_position[i] = Real(1.2) * uniform();
+    }
+    const Real x = uniform(), y = uniform(), z = Real(0.3) * uniform();
+    bench->state.angular_velocity_B_radps = (5 + 3 * uniform()) * Vector3(x, y, z).normalized();
+    const HaltGains gains = halt_gains(bench->ball);
+    int slow = 0;
+    for (int tick = 0; tick < kMost_ticks && slow < 1000; ++tick) {
+      halt_tick(*bench, gains);
+      slow = speed_mps(bench->ball, bench->state) < rest_speed_mps(bench->ball) ? slow + 1 : 0;
+    }
+    EXPECT_LE(bench->most_use, 1.01) << k;
+    if (slow == 1000) ++rest;
+  }
+  std::printf("%d of %d rest\n", rest, kBalls);
+  EXPECT_GE(rest, 28);
 }
 
 }  // namespace
