@@ -59,7 +59,7 @@ Offset offset_of(const BallParams& ball, const RobotState& state) {
   Offset out;
   Real mass = ball.shell_mass_kg;
   Vec moment = ball.shell_mass_kg * from(ball.center_of_mass_B_m), moved{0, 0, 0}, turned{0, 0, 0};
-  // What accelerates a free mass at the centre, seen from there.
+  // The acceleration of a free mass at the centre, seen from there.
   const Vec turning = from(forces.omega_dot_B_radps2);
   const Vec falling = ball.gravity_mps2 * lambda.to_B(from(ball.down_W)) - ball.radius_m * cross(turning, lambda.gamma);
   PerMass<Vec> along;

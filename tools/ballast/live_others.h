@@ -25,7 +25,7 @@ class LiveOthers {
   // Takes a message of the shown run, whose newest status this is.
   void hear(const operator_t& message, const controller_status_t& status);
 
-  // What has been heard since, and refusals of it. To be called often, with the newest status.
+  // Commands heard since, and refusals of them. To be called often, with the newest status.
   [[nodiscard]] std::vector<Said> poll(const controller_status_t& status);
 
  private:
