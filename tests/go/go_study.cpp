@@ -67,6 +67,10 @@ int study_halts(std::uint64_t first, std::uint64_t last) {
       if (halted.said) fmt::print("/{:.0f}mm said {:.0f}", 1e3 * halted.rolled_m, 1e3 * halted.said_m);
       if (!halted.rests) fmt::print(" DOES NOT REST");
     }
+    for (const auto& c : run.clicked) {
+      if (!c.planned && !c.why.empty()) fmt::print(" [{:.2f} s: {}]", c.plan_s, c.why);
+      if (c.planned && !c.in_force) fmt::print(" [refused {}]", c.refusal);
+    }
     fmt::print("\n");
     std::fflush(stdout);
   }
