@@ -283,11 +283,10 @@ class Live(unittest.TestCase):
         self.assertEqual(self.text("#regime").lower(), "at rest")
         # Nor does it disarm a ball at rest.
         self.press(" ")
-        self.until("window.ballastLive.state.mode === 'halting'")
+        self.until("document.getElementById('said').innerText.match(/viewer \\d+: halt$/gm)?.length === 2")
         self.until_mode("armed")
-        # A ball that rolls on under masses at rest is halted, too.
-        self.click("[data-do=start]")
-        self.until_mode("running")
+        # A ball that rolls on under masses at rest is halted, too. A start is refused until one is certified from here.
+        self.until("window.ballastLive.state.mode === 'running' || (document.querySelector('[data-do=start]').click(), false)")
         self.until("window.ballastLive.run.replay.newest('speed') > 0.1")
         self.click("#stop")
         self.until_mode("armed")
@@ -319,7 +318,7 @@ class Live(unittest.TestCase):
             # The ball is there, and does not only pass.
             self.until("((r) => Math.hypot(r.newest('position_0') - arguments[0], r.newest('position_1') - arguments[1]) < arguments[2]"
                        " && r.newest('speed') < 1e-3)(window.ballastLive.run.replay)", *to, 0.01 * length)
-            start = to
+            start = self.place()[:2]
         self.until("window.ballastLive.run.path.marks.wish === null")
         said = self.text("#said")
         self.assertEqual(len(re.findall(r"viewer \d+: go to \(.*\) m: planning", said)), 5)
@@ -505,7 +504,7 @@ class Live(unittest.TestCase):
         self.js("window.other.close()")
         self.until("window.ballastLive.controls.holder === null")
         self.take()
-        self.requests()
+        self.sent()
         # A click on the ball.
         self.tap((0.0, 0.0))
         self.until("document.getElementById('answer').textContent.startsWith('go: no floor is seen there')")
@@ -568,7 +567,7 @@ class Live(unittest.TestCase):
     def test_numbers_agree_and_fit(self):
         self.open((1300, 900))
         self.start_run("desk_ball", "--speed", "1", *SLOW_TICKS, "--set", "duration=60")
-        self.until("window.ballastLive.run?.replay.rows > 100 && window.ballastLive.plots")
+        self.until("window.ballastLive.run?.replay.rows > 100 && window.ballastLive.plots !== null")
         for _ in range(20):
             tile, plot = self.js("""
               return ["[data-card=normal_force] b", "#panel-normal_force output"].map((at) => document.querySelector(at).textContent);""")

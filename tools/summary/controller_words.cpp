@@ -210,7 +210,7 @@ std::string refused_text(const std::string& what, const std::string& refusal) {
   return "the controller refuses the " + what + ": " + refusal;
 }
 
-bool has_arrived(const controller_status_t& status, const plant_state_t* plant) {
+bool has_arrived(const controller_status_t& status, const plant_state_t& plant) {
   if (status.mode != controller_status_t::MODE_RUNNING) return false;
   // Feedback leaves masses some speed. A motion that passes a rest has accelerations there.
   constexpr double kStill = 1e-4;     // rail units/s
@@ -219,8 +219,7 @@ bool has_arrived(const controller_status_t& status, const plant_state_t* plant) 
   for (int i = 0; i < status.motor_count; ++i) {
     if (std::abs(status.next_velocity[i]) > kStill || std::abs(status.next_acceleration[i]) > kSteady) return false;
   }
-  if (plant == nullptr) return true;
-  return std::hypot(plant->velocity_W_mps[0], plant->velocity_W_mps[1]) < kRest_mps;
+  return std::hypot(plant.velocity_W_mps[0], plant.velocity_W_mps[1]) < kRest_mps;
 }
 
 std::string status_text(const controller_status_t& status, const plant_state_t* plant) {
@@ -235,7 +234,7 @@ std::string status_text(const controller_status_t& status, const plant_state_t* 
     const double* place_m = status.estimated_position_W_m;
     ball = fmt::format(", the ball at ({}, {}) m as estimated", number(place_m[0]), number(place_m[1]));
   }
-  const bool arrived = has_arrived(status, plant);
+  const bool arrived = plant != nullptr && has_arrived(status, *plant);
   return fmt::format(
       "{}{}, masses {} {} in tick {}{}", mode_text(status.mode), arrived ? ", its motion at its end" : "",
       status.at_rest != 0 || arrived ? "at rest at" : "moving, at", positions_text(status), status.tick, ball);
