@@ -8,7 +8,6 @@ namespace ballast::firmware {
 
 using detail::Attitude;
 using detail::cross;
-using detail::dot;
 using detail::from;
 using detail::Vec;
 
