@@ -42,6 +42,13 @@ HaltStatus halt_status(const ControllerState& state) {
   return {true, halt.predicted_tick, result.distance_m, result.time_s};
 }
 
+// At whose start the motion under way began.
+std::int64_t motion_tick(const ControllerState& state) {
+  if (state.course.number_in_force != 0) return state.course.tick_in_force;
+  if (state.mode != Mode::kRunning) return 0;
+  return state.tracking.follows ? state.tracking.start_tick : state.start_tick;
+}
+
 }  // namespace
 
 void report(const ControllerParams& params, const ControllerState& state, const Inputs& inputs,
@@ -72,7 +79,7 @@ void report(const ControllerParams& params, const ControllerState& state, const 
   status.motion_delay_s = state.tracking.follows ? state.tracking.clock.delay_s : 0;
   const CourseState& course = state.course;
   const bool comes = course.stage != CourseStage::kNone;
-  status.course = {course.number_in_force, course.tick_in_force, comes ? course.number : 0};
+  status.course = {course.number_in_force, motion_tick(state), comes ? course.number : 0};
   status.slip_friction = state.slip_friction.least;
   status.measured = state.measured.valid ? state.measured : MeasuredContact{};
 }

@@ -83,7 +83,7 @@ struct HaltStatus {
 // Courses that operators have handed over.
 struct CourseStatus {
   std::int64_t in_force = 0;  // number of the course that the masses follow; 0: the parameters' motion, or none
-  std::int64_t tick = 0;      // at whose start it began
+  std::int64_t tick = 0;      // at whose start it began, or the parameters' motion that runs; 0: neither
   std::int64_t coming = 0;    // number of the course that arrives, or waits for its certificate or its tick; 0: none
 };
 

@@ -341,6 +341,21 @@ TEST(Governing, AStopTakesAHaltBackThatHasNotBegun) {
   EXPECT_EQ(robot.out.status.mode, Mode::kRunning) << static_cast<int>(robot.out.status.refusal.reason);
 }
 
+TEST(Governing, SaysWhenItsMotionBegan) {
+  GovernedBall robot(governed_desk(0.5));
+  robot.tick(OperatorCommand::kArm);
+  robot.run_until(1000);
+  EXPECT_EQ(robot.out.status.course.tick, 0);
+  robot.tick(OperatorCommand::kStart);
+  ASSERT_EQ(robot.out.status.mode, Mode::kRunning) << static_cast<int>(robot.out.status.refusal.reason);
+  const std::int64_t begun = robot.in.tick;
+  robot.run_until(3000);
+  EXPECT_EQ(robot.out.status.course.tick, begun);
+  EXPECT_EQ(robot.out.status.course.in_force, 0);
+  robot.tick(OperatorCommand::kStop);
+  EXPECT_EQ(robot.out.status.course.tick, 0);
+}
+
 // A command that asks for what is under way changes nothing, and is not refused.
 TEST(Governing, ObeysARepeatedHaltAndStop) {
   GovernedBall once(governed_desk(0.5)), again(governed_desk(0.5));

@@ -242,6 +242,24 @@ TEST(Standpoint, HasMassesThatHold) {
   EXPECT_EQ(at->at.state.velocity[0], 0);
 }
 
+// desk_ball's own motion, started 5 s after the run. In its first second the ball has hardly moved.
+TEST(Standpoint, OfAMotionIsCountedFromItsStart) {
+  const sim::Scenario scenario = clickable(10);
+  go::Heard heard = armed(scenario, 0);
+  heard.status.mode = controller_status_t::MODE_RUNNING;
+  heard.status.tick = 5500;
+  heard.status.course_tick = 5000;
+  std::string why;
+  const auto at = go::standpoint_at(heard, 8000, why);
+  ASSERT_TRUE(at) << why;
+  // Mass 0 after 3 s: 0.64 rad/s at 1.6 s, then 0.8 rad/s^2 that fall to 0.1.
+  EXPECT_NEAR(at->at.state.velocity[0], 1.27, 1e-9);
+  EXPECT_FALSE(at->rests);
+  heard.status.course_tick = 0;
+  EXPECT_FALSE(go::standpoint_at(heard, 8000, why));
+  EXPECT_NE(why.find("off its motion"), std::string::npos) << why;
+}
+
 TEST(LostCourse, IsOneThatStaysOnTheBackup) {
   go::LostCourse watch;
   controller_status_t status{};

@@ -56,8 +56,7 @@ std::optional<plan::ReferencePoint> roll_to(sim::Scenario moved, double time_s) 
 std::optional<plan::ReferencePoint> on_motion(const Heard& heard, std::int64_t tick, bool& rests) {
   const sim::Scenario moved =
       heard.course ? scenario_of(heard.scenario, *heard.course) : plan::as_planned(heard.scenario);
-  // The scenario's motion begins with tick 0.
-  const std::int64_t start = heard.course ? heard.status.course_tick : 0;
+  const std::int64_t start = heard.status.course_tick;
   const double period_s = heard.scenario.run.control_period_s;
   const auto motion_s = [&](std::int64_t at_tick) {
     return static_cast<double>(at_tick - start) * period_s - heard.status.motion_delay_s;
