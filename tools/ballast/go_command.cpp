@@ -156,8 +156,7 @@ class Going {
       go::GoOutcome outcome;
       from_ = {at->at.place_m[0], at->at.place_m[1]};
       if (const auto status = plan(at->at, outcome)) return *status;
-      if (!outcome.plan)
-        return refuse("no course to " + place_text(task_.to_m) + ": " + (outcome.why.empty() ? refused_ : outcome.why));
+      if (!outcome.plan) return refuse_plan(outcome.why.empty() ? refused_ : outcome.why, *at);
       const bool last = seconds_since(begun_) >= command_.time_limit_s;
       const std::int64_t soonest = end_.status().tick + handover_ticks();
       if (!at->rests && from_tick < soonest && !last) continue;
@@ -188,6 +187,12 @@ class Going {
     if (params_ == nullptr) return program::kExitCouldNotRun;
     search_ticks_ = firmware::governor_params(*params_).search_ticks;
     return std::nullopt;
+  }
+
+  [[nodiscard]] int refuse_plan(const std::string& why, const go::Standpoint& at) const {
+    const bool from_rest = at.rests || !go::beyond_one_course(run_.scenario(), at.at, task_).empty();
+    return refuse(fmt::format("no course to {}: {}{}", place_text(task_.to_m), why,
+                              from_rest ? "" : "; the ball rolls: there may be one once it is halted"));
   }
 
   [[nodiscard]] int not_known() const {

@@ -100,6 +100,19 @@ const char* allowed_text(std::int8_t mode) {
   }
 }
 
+// Under a motion that is over, or has a rest, or has just begun from one.
+bool all_rest(const controller_status_t& status, const plant_state_t& plant) {
+  if (status.mode != controller_status_t::MODE_RUNNING) return false;
+  // Feedback leaves masses some speed. A motion that passes a rest has accelerations there.
+  constexpr double kStill = 1e-4;     // rail units/s
+  constexpr double kSteady = 1e-3;    // rail units/s^2
+  constexpr double kRest_mps = 0.01;  // about that of the halt, for balls of any size
+  for (int i = 0; i < status.motor_count; ++i) {
+    if (std::abs(status.next_velocity[i]) > kStill || std::abs(status.next_acceleration[i]) > kSteady) return false;
+  }
+  return std::hypot(plant.velocity_W_mps[0], plant.velocity_W_mps[1]) < kRest_mps;
+}
+
 }  // namespace
 
 std::string mode_text(std::int8_t mode) {
@@ -210,18 +223,6 @@ std::string refused_text(const std::string& what, const std::string& refusal) {
   return "the controller refuses the " + what + ": " + refusal;
 }
 
-bool has_arrived(const controller_status_t& status, const plant_state_t& plant) {
-  if (status.mode != controller_status_t::MODE_RUNNING) return false;
-  // Feedback leaves masses some speed. A motion that passes a rest has accelerations there.
-  constexpr double kStill = 1e-4;     // rail units/s
-  constexpr double kSteady = 1e-3;    // rail units/s^2
-  constexpr double kRest_mps = 0.01;  // about that of the halt, for balls of any size
-  for (int i = 0; i < status.motor_count; ++i) {
-    if (std::abs(status.next_velocity[i]) > kStill || std::abs(status.next_acceleration[i]) > kSteady) return false;
-  }
-  return std::hypot(plant.velocity_W_mps[0], plant.velocity_W_mps[1]) < kRest_mps;
-}
-
 std::string status_text(const controller_status_t& status, const plant_state_t* plant) {
   constexpr double kNegligible = 1e-5;  // m, m/s
   const auto number = [](double value) { return short_number(value, kNegligible); };
@@ -234,10 +235,12 @@ std::string status_text(const controller_status_t& status, const plant_state_t* 
     const double* place_m = status.estimated_position_W_m;
     ball = fmt::format(", the ball at ({}, {}) m as estimated", number(place_m[0]), number(place_m[1]));
   }
-  const bool arrived = plant != nullptr && has_arrived(status, *plant);
-  return fmt::format(
-      "{}{}, masses {} {} in tick {}{}", mode_text(status.mode), arrived ? ", its motion at its end" : "",
-      status.at_rest != 0 || arrived ? "at rest at" : "moving, at", positions_text(status), status.tick, ball);
+  const bool rest = plant != nullptr && all_rest(status, *plant);
+  return fmt::format("{}{}, masses {} {} in tick {}{}", mode_text(status.mode), rest ? ", ball and masses at rest" : "",
+                     rest                  ? "at"
+                     : status.at_rest != 0 ? "at rest at"
+                                           : "moving, at",
+                     positions_text(status), status.tick, ball);
 }
 
 std::string plan_text(const controller_status_t& status) {

@@ -28,10 +28,6 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
 // "the controller refuses the start: .."
 std::string refused_text(const std::string& what, const std::string& refusal);
 
-// A motion that the controller follows is over: masses and ball rest at its end. A motion that begins from rest seems
-// so in its first ticks.
-bool has_arrived(const controller_status_t& status, const plant_state_t& plant);
-
 // "armed, masses at rest at 0, 2.04, 0.704 in tick 3764, the ball at (0.4, 0.2) m, 0 m/s". Masses in rail units; the
 // ball where the plant has it, or where it is estimated, without its speed.
 std::string status_text(const controller_status_t& status, const plant_state_t* plant = nullptr);
