@@ -241,6 +241,25 @@ TEST(Processes, AnOperatorWithoutAControllerIsToldSo) {
   EXPECT_NE(folder.run("ballast run paper_ball --by-hand").err.find("--by-hand"), std::string::npos);
 }
 
+// A course is planned from the motion that a start by hand began 1.5 s before. With steppers its fastest stretch leaves
+// the masses no speed for one, and the ball is halted first.
+TEST(Processes, AGoDuringAMotionStartedByHandArrives) {
+  const Folder folder;
+  const std::string bus = " --lcm '" + bus_url(37) + "'";
+  for (const std::string actuation : {"ideal", "stepper"}) {
+    const Outcome said = folder.run(
+        "ballast run desk_ball --by-hand --set control.governor=true --set duration=200 --set run.actuation=" +
+        actuation + " --out " + actuation + bus +
+        " 2>run.err & run=$!; i=0;"
+        " while [ $i -lt 100 ] && ! ballast operate status" +
+        bus + " >/dev/null 2>&1; do sleep 0.1; i=$((i+1)); done; ballast operate start" + bus +
+        "; sleep 1.5; ballast operate go --to 0.6,0.2 --wait" + bus + "; echo $?; kill -INT $run; wait");
+    EXPECT_SAYS(said.out, "is at (0.6, 0.2) m");
+    EXPECT_SAYS(said.out, "\n0\n");
+    if (actuation == "ideal") EXPECT_EQ(said.out.find("halts it first"), std::string::npos) << said.out;
+  }
+}
+
 // A place is two numbers, and nothing else.
 TEST(Processes, APlaceToGoToIsReadStrictly) {
   const Folder folder;

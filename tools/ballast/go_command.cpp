@@ -155,7 +155,12 @@ class Going {
       if (!at) return refuse("no course: " + why);
       go::GoOutcome outcome;
       from_ = {at->at.place_m[0], at->at.place_m[1]};
-      if (const auto status = plan(at->at, outcome)) return *status;
+      if (const auto status = plan(*at, outcome)) return *status;
+      if (!outcome.plan && leaves_own_motion(*at)) {
+        own_motion_ = false;
+        if (const auto status = halt_first("no course is found from the motion that is under way")) return *status;
+        continue;
+      }
       if (!outcome.plan) return refuse_plan(outcome.why.empty() ? refused_ : outcome.why, *at);
       const bool last = seconds_since(begun_) >= command_.time_limit_s;
       const std::int64_t soonest = end_.status().tick + handover_ticks();
@@ -234,27 +239,37 @@ class Going {
     if (said_.insert(line).second) std::cout << line << std::endl;
   }
 
+  // A halt or a stop is.
+  static bool is_over(const controller_status_t& s) {
+    return s.mode != controller_status_t::MODE_HALTING && s.mode != controller_status_t::MODE_STOPPING;
+  }
+
   // A ball that is far from any motion is brought to rest first.
   std::optional<int> halt_if_lost() {
-    const auto over = [](const controller_status_t& s) {
-      return s.mode != controller_status_t::MODE_HALTING && s.mode != controller_status_t::MODE_STOPPING;
-    };
-    if (!over(end_.status())) {
+    if (!is_over(end_.status())) {
       std::cout << "the controller is " << sil::mode_text(end_.status().mode) << ": waits for the end of that"
                 << std::endl;
-      if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
+      if (end_.follow(is_over) != hal::Status::kOk) return bus_trouble(end_);
       begun_ = Clock::now();
     }
     if (!go::needs_halt(run_.heard(end_.status()))) return std::nullopt;
     const bool backup = end_.status().backup_active != 0;
-    std::cout << fmt::format("{}: {}",
-                             backup ? "the governor has the ball on its backup" : "the ball is off its motion",
-                             kHaltsFirst)
-              << std::endl;
+    return halt_first(backup ? "the governor has the ball on its backup" : "the ball is off its motion");
+  }
+
+  std::optional<int> halt_first(const std::string& why) {
+    std::cout << fmt::format("{}: {}", why, kHaltsFirst) << std::endl;
     if (const auto status = tell(end_, firmware::OperatorCommand::kHalt, "halt")) return status;
-    if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
+    if (end_.follow(is_over) != hal::Status::kOk) return bus_trouble(end_);
     begun_ = Clock::now();
     return std::nullopt;
+  }
+
+  // The scenario's own motion runs, and was not made to be left. A course is looked for from it for a short time.
+  [[nodiscard]] bool leaves_own_motion(const go::Standpoint& at) const {
+    const controller_status_t& status = end_.status();
+    return own_motion_ && status.mode == controller_status_t::MODE_RUNNING && status.course == 0 && !at.rests &&
+           go::beyond_one_course(run_.scenario(), at.at, task_).empty();
   }
 
   [[nodiscard]] std::int64_t ticks_in(double wall_s) const {
@@ -271,14 +286,18 @@ class Going {
   }
 
   // Plans in another thread, and listens to the bus meanwhile.
-  std::optional<int> plan(const plan::ReferencePoint& at, go::GoOutcome& outcome) {
+  std::optional<int> plan(const go::Standpoint& standpoint, go::GoOutcome& outcome) {
+    const plan::ReferencePoint& at = standpoint.at;
+    constexpr double kOwnMotion_s = 2;
+    const double limit_s =
+        leaves_own_motion(standpoint) ? std::min(kOwnMotion_s, command_.time_limit_s) : command_.time_limit_s;
     go::GoTask task = task_;
     task.duration_s = command_.duration_s;
     task.objective = command_.objective == "time"     ? plan::Objective::kTime
                      : command_.objective == "effort" ? plan::Objective::kEffort
                                                       : plan::Objective::kFriction;
     std::atomic<bool> over = false;
-    const auto stop = [&] { return over || *signalled_ != 0 || seconds_since(begun_) > command_.time_limit_s; };
+    const auto stop = [&] { return over || *signalled_ != 0 || seconds_since(begun_) > limit_s; };
     const auto tell_of = [&](const std::string& tried) {
       constexpr double kSoon_s = 1;  // most plans are found by then
       if (command_.duration_s || seconds_since(begun_) > kSoon_s) say(tried);
@@ -409,6 +428,7 @@ class Going {
   double search_part_ = go::kFirstSearch;
   std::string refused_ = "the time for planning was over";  // why the controller refused the last course
   bool lost_ = false;
+  bool own_motion_ = true;       // a course is looked for from it
   bool disturbed_ = false;       // by another operator's course
   std::int64_t number_ = 0;      // of the newest course that was handed over here
   std::int64_t abandoned_ = 0;   // of another's course that was waited for in vain
