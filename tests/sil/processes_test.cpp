@@ -256,7 +256,9 @@ TEST(Processes, AGoDuringAMotionStartedByHandArrives) {
         "; sleep 1.5; ballast operate go --to 0.6,0.2 --wait" + bus + "; echo $?; kill -INT $run; wait");
     EXPECT_SAYS(said.out, "is at (0.6, 0.2) m");
     EXPECT_SAYS(said.out, "\n0\n");
-    if (actuation == "ideal") EXPECT_EQ(said.out.find("halts it first"), std::string::npos) << said.out;
+    if (actuation == "ideal") {
+      EXPECT_EQ(said.out.find("halts it first"), std::string::npos) << said.out;
+    }
   }
 }
 
