@@ -134,7 +134,7 @@ class Page {
     this.state = {};
     this.arrivedAt = -Infinity;
     this.drawn = this.plottedAt = this.numbersAt = this.last = 0;
-    this.lines = this.turn = 0;
+    this.turn = 0;
     this.connection = new Connection(
         {
           hello: ({you}) => (this.controls.you = you),
@@ -288,9 +288,10 @@ class Page {
 
   said(lines) {
     this.readings.say(lines);
-    const last = lines.at(-1);
-    if (last && this.lines) this.controls.answer(last.kind, last.text);
-    this.lines = lines.length;
+    // A change of the mode, which follows an answer, does not take its place.
+    const last = lines.findLast(({kind}) => kind !== "mode"), key = JSON.stringify(last ?? null);
+    if (last && this.answered !== undefined && key !== this.answered) this.controls.answer(last.kind, last.text);
+    this.answered = key;
   }
 
   showStatus() {
