@@ -241,8 +241,8 @@ TEST(Processes, AnOperatorWithoutAControllerIsToldSo) {
   EXPECT_NE(folder.run("ballast run paper_ball --by-hand").err.find("--by-hand"), std::string::npos);
 }
 
-// A course is planned from the motion that a start by hand began 1.5 s before. With steppers its fastest stretch leaves
-// the masses no speed for one, and the ball is halted first.
+// The motion that a start by hand began 1.5 s before is under way. With steppers its fastest stretch leaves the masses no
+// speed for a course, and the ball is halted first; so it is where the machine is too slow to find one in time.
 TEST(Processes, AGoDuringAMotionStartedByHandArrives) {
   const Folder folder;
   const std::string bus = " --lcm '" + bus_url(37) + "'";
@@ -256,9 +256,6 @@ TEST(Processes, AGoDuringAMotionStartedByHandArrives) {
         "; sleep 1.5; ballast operate go --to 0.6,0.2 --wait" + bus + "; echo $?; kill -INT $run; wait");
     EXPECT_SAYS(said.out, "is at (0.6, 0.2) m");
     EXPECT_SAYS(said.out, "\n0\n");
-    if (actuation == "ideal") {
-      EXPECT_EQ(said.out.find("halts it first"), std::string::npos) << said.out;
-    }
   }
 }
 
