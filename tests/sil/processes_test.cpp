@@ -241,8 +241,8 @@ TEST(Processes, AnOperatorWithoutAControllerIsToldSo) {
   EXPECT_NE(folder.run("ballast run paper_ball --by-hand").err.find("--by-hand"), std::string::npos);
 }
 
-// The motion that a start by hand began 1.5 s before is under way. With steppers its fastest stretch leaves the masses no
-// speed for a course, and the ball is halted first; so it is where the machine is too slow to find one in time.
+// The motion that a start by hand began 1.5 s before is under way. With steppers its fastest stretch leaves the masses
+// no speed for a course, and the ball is halted first; so it is where the machine is too slow to find one in time.
 TEST(Processes, AGoDuringAMotionStartedByHandArrives) {
   const Folder folder;
   const std::string bus = " --lcm '" + bus_url(37) + "'";
