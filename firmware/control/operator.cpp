@@ -194,7 +194,7 @@ void watch_rest(const ControllerParams& params, const Inputs& inputs, Controller
       RobotState robot;
       robot.orientation = motion.orientation;
       robot.angular_velocity_B_radps = motion.angular_velocity_B_radps;
-      slow = speed_mps(params.ball, robot) < kRestSpeed * std::sqrt(params.ball.gravity_mps2 * params.ball.radius_m);
+      slow = speed_mps(params.ball, robot) < rest_speed_mps(params.ball);
     }
   }
   if (!slow) {
