@@ -10,8 +10,10 @@
 #include <cerrno>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <iostream>
 
 #include "sim/scenario/reader.h"
@@ -23,9 +25,24 @@ namespace {
 
 volatile std::sig_atomic_t caught_signal = 0, sent_by_parent = 0;
 
+// One wish to stop can arrive twice: timeout(1), for one, sends its signal to the program and then to the whole group.
+constexpr std::int64_t kSameWishNs = 200'000'000;
+volatile std::int64_t asked_at_ns = 0;
+
 void on_signal(int number, siginfo_t* info, void*) {
   sent_by_parent = info->si_code == SI_USER && info->si_pid == getppid();
   caught_signal = number;
+  if (number == SIGHUP) return;  // a closed terminal sends one, and its shell sends another
+  timespec now{};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  const std::int64_t now_ns = now.tv_sec * 1'000'000'000LL + now.tv_nsec;
+  if (asked_at_ns == 0) {
+    asked_at_ns = now_ns;
+  } else if (now_ns - asked_at_ns > kSameWishNs) {
+    // A second signal kills, in case the first takes too long: as soon as this handler returns.
+    signal(number, SIG_DFL);
+    raise(number);
+  }
 }
 
 // Opens standard files that are closed. Otherwise the next file opened, a bus or a log, would become standard output.
@@ -337,11 +354,9 @@ int refuse_bus(const std::string& program_name, const std::string& url) {
 
 const volatile std::sig_atomic_t* catch_signals() {
   struct sigaction action {};
-  action.sa_sigaction = on_signal;              // no SA_RESTART: waiting calls return
-  action.sa_flags = SA_SIGINFO | SA_RESETHAND;  // a second signal kills, in case the first takes too long
+  action.sa_sigaction = on_signal;
+  action.sa_flags = SA_SIGINFO;  // no SA_RESTART: waiting calls return
   for (const int number : {SIGINT, SIGTERM}) sigaction(number, &action, nullptr);
-  // A closed terminal sends SIGHUP, and its shell sends another.
-  action.sa_flags = SA_SIGINFO;
   struct sigaction before {};
   sigaction(SIGHUP, nullptr, &before);
   if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);

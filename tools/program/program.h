@@ -109,7 +109,7 @@ void complain(const std::string& program_name, const std::string& text);
 [[nodiscard]] int refuse_bus(const std::string& program_name, const std::string& url);
 
 // After this call SIGINT, SIGTERM and SIGHUP (unless ignored, as under nohup) no longer kill the process. They set the
-// returned flag to their number.
+// returned flag to their number. A second SIGINT or SIGTERM kills, if it comes later than 0.2 s after the first.
 const volatile std::sig_atomic_t* catch_signals();
 
 // The message of a program that such a signal has ended: "interrupted", or that its parent process has ended it.
