@@ -125,7 +125,7 @@ void tick(const ControllerParams& params, ControllerState& state, const Inputs& 
   state.faults = state.mode == Mode::kDisarmed ? causes : state.faults | causes;
   const GuardState guards{state.faults == 0, at_rest_from(params, state, next), causes != 0};
   if (state.faults != 0) trip(state, guards);
-  watch_rest(params, inputs, state);
+  if (order != Order::kRepeated) watch_rest(params, inputs, state);
   obey(params, inputs, guards, state);
   advance_course(params, inputs, guards, state);
   const bool has_course = state.course.stage == CourseStage::kSearching;

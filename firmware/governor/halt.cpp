@@ -26,7 +26,9 @@ constexpr Real kDamped = Real(1e-4);
 constexpr Real kFastest = Real(0.95);
 constexpr Real kSlowsDown = 4;
 // Masses yield to a ball that would have them go faster than this multiple of their max_velocity to keep the centre of
-// mass in its place, and altogether from the other one on.
+// mass in its place, and altogether from the other one on. Somewhat behind they still brake, and the slope between
+// keeps a mass from changing its law at every step. Drawn balls chose the numbers
+// (Halt.BallsFasterThanTheirMassesComeToRest).
 constexpr Real kYieldsFrom = Real(1.5), kYieldsAt = Real(2.5);
 
 struct Plane {
@@ -114,7 +116,8 @@ class LeastChange {
   Real xx_ = 0, xy_ = 0, yy_ = 0, det_ = 0;
 };
 
-// 0 where the masses can keep the offset as it is, to 1 where that would take more than their speeds.
+// From 0, up to kYieldsFrom times the speeds that the masses have, to 1 from kYieldsAt times on: the speeds that would
+// keep the offset as it is.
 Real part_that_yields(const GovernorParams& params, const RobotState& state, const Offset& c, const Plane& to_keep,
                       std::size_t n) {
   Real fast = 0;
@@ -162,6 +165,7 @@ PerMass<Real> halt_wish(const BallParams& ball, const GovernorParams& params, co
   const Plane to_place = least.solve(missing), to_keep = least.solve({-c.rate.x, -c.rate.y});
   const Real yields = part_that_yields(params, state, c, to_keep, n);
   const Vector3& omega = state.angular_velocity_B_radps;
+  const Real following_s = std::fmax(gains.following_s, params.step_s);  // faster, it would swing in steps so long
   const Real rate_radps = std::sqrt(omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2]);
   for (std::size_t i = 0; i < n; ++i) {
     const Real strongest = params.mass[i].max_acceleration, velocity = state.mass_velocity[i];
@@ -171,7 +175,7 @@ PerMass<Real> halt_wish(const BallParams& ball, const GovernorParams& params, co
     // does.
     const Real most = std::fmin(fastest, strongest / rate_radps);
     const Real falls = std::fmin(std::fmax(gains.yielding_s * c.pull[i], -most), most);
-    const Real yielded = (falls - velocity) / gains.following_s;
+    const Real yielded = (falls - velocity) / following_s;
     const Real wish = placed + yields * (yielded - placed);
     const Real slowed = std::fmin(std::fmax(wish, (-fastest - velocity) / time_s), (fastest - velocity) / time_s);
     u[i] = std::fmin(std::fmax(slowed, -strongest), strongest);

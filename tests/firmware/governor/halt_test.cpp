@@ -135,8 +135,8 @@ void halt_tick(Bench& bench, const HaltGains& gains) {
   bench.judge(bench.state, end.command.u);
 }
 
-// Masses that go at most 3 rad/s in balls that turn at 4 to 12 rad/s. Led behind the ball, they would come too late,
-// and push it: of 30 balls 9 would rest.
+// Masses that go at most 1.4 rad/s in balls that turn at 2 to 8 rad/s. Led behind the ball, they would come too late,
+// and push it: of 30 balls 20 would rest.
 TEST(Halt, BallsFasterThanTheirMassesComeToRest) {
   constexpr int kBalls = 30, kMost_ticks = 12000;
   int rest = 0;
