@@ -121,8 +121,9 @@ class ClickingPeers final : public sil::Peer {
       halted.rolled_m = halt_path_m_.back() - (from < halt_path_m_.size() ? halt_path_m_[from] : halt_path_m_.back());
       halted.rest_s = static_cast<double>(tick - halted.tick) * params_.control_period_s;
     }
-    halted.rests =
+    const bool over =
         status_->mode == controller_status_t::MODE_STOPPING || status_->mode == controller_status_t::MODE_ARMED;
+    halted.rests = over && speed_mps() < rest_mps();  // a halt may be given up
     watches_ = tick < halted.tick + 2 || status_->mode == controller_status_t::MODE_HALTING;
   }
 

@@ -49,7 +49,7 @@ TEST(Go, WithSteppers) {
 // On this way a stop after some seconds would break the cone. The course needs none: it is certified up to its end
 // while the first certificate, of its first seconds, holds.
 TEST(Go, WhereNoStopHolds) {
-  const auto run = run_clicked(clickable(30), {{100, {1.073, -0.743}}}, kLatency);
+  const auto run = run_clicked(clickable(60), {{100, {1.073, -0.743}}}, kLatency);
   expect_safe(run);
   expect_there(run.clicked[0]);
 }
@@ -91,7 +91,7 @@ TEST(Go, ComesBackFromASmallPush) {
   push.end_s = 50.1;
   push.value = 0.2;  // N
   scenario.faults.push_back(push);
-  const auto run = run_clicked(scenario, {{100, {0.6, 0.3}}}, kLatency);
+  const auto run = run_clicked(scenario, {{100, {0.5, 0.2}}}, kLatency);
   expect_safe(run);
   expect_there(run.clicked[0]);
   // A tenth of what counts as rest, 0.01 sqrt(g r).
@@ -174,7 +174,8 @@ TEST(Go, SaysAtOnceWhatIsBeyondOneCourse) {
   EXPECT_EQ(beyond({7, 0}, std::nullopt), "");
   EXPECT_EQ(beyond({0.6, 0}, 240), "");
   EXPECT_EQ(beyond({10, 0}, std::nullopt),
-            "the way is 10 m long, and one course reaches at most 7.2 m: 6 legs of 8 radii; it could go to (6.48, 0) m "
+            "the way is 10 m long, and one course reaches at most 7.2 m: 6 legs of 8 radii (with --time it is tried "
+            "without rests); it could go to (6.48, 0) m "
             "first");
   EXPECT_NE(beyond({1, 0}, std::nullopt, {{5, 0}}).find("the way is 9 m long"), std::string::npos);
   EXPECT_EQ(beyond({0.6, 0}, 300), "it would take 300 s, and one course takes at most 247 s");

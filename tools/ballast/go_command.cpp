@@ -28,27 +28,21 @@ namespace ballast {
 
 namespace {
 
+using go::place_text;
 using program::short_number;
 using program::short_time;
 using Clock = hal::WallClock;
 
-constexpr double kNegligible_m = 1e-6;
-
 double seconds_since(Clock::time_point start) { return hal::Seconds(Clock::now() - start).count(); }
-
-std::string place_text(const Eigen::Vector2d& place_m) {
-  return fmt::format("({}, {}) m", short_number(place_m[0], kNegligible_m), short_number(place_m[1], kNegligible_m));
-}
 
 // Two numbers with a comma between them, and nothing else.
 std::optional<Eigen::Vector2d> place_of(const std::string& text) {
-  constexpr double kFarthest_m = 1e4;
   const char *at = text.data(), *const end = at + text.size();
   Eigen::Vector2d place_m;
   for (const int k : {0, 1}) {
     if (k == 1 && (at == end || *at++ != ',')) return std::nullopt;
     const auto [after, error] = std::from_chars(at, end, place_m[k]);
-    if (error != std::errc() || !(std::fabs(place_m[k]) <= kFarthest_m)) return std::nullopt;
+    if (error != std::errc() || !(std::fabs(place_m[k]) <= go::kFarthestPlace_m)) return std::nullopt;
     at = after;
   }
   if (at != end) return std::nullopt;
@@ -56,8 +50,8 @@ std::optional<Eigen::Vector2d> place_of(const std::string& text) {
 }
 
 std::string place_refusal(const char* key, const std::string& text) {
-  return fmt::format("{} = \"{}\": is no place; allowed: X,Y in m, two numbers from -1e4 to 1e4 without a space", key,
-                     text);
+  return fmt::format("{0} = \"{1}\": is no place; allowed: X,Y in m, two numbers from -{2:g} to {2:g} without a space",
+                     key, text, go::kFarthestPlace_m);
 }
 
 // A run as its bus tells of it.
@@ -158,7 +152,8 @@ class Going {
       if (const auto status = plan(*at, outcome)) return *status;
       if (!outcome.plan && leaves_own_motion(*at)) {
         own_motion_ = false;
-        if (const auto status = halt_first("no course is found from the motion that is under way")) return *status;
+        if (const auto status = halt_first("no course is found in time from the motion that is under way"))
+          return *status;
         continue;
       }
       if (!outcome.plan) return refuse_plan(outcome.why.empty() ? refused_ : outcome.why, *at);
@@ -289,8 +284,11 @@ class Going {
   std::optional<int> plan(const go::Standpoint& standpoint, go::GoOutcome& outcome) {
     const plan::ReferencePoint& at = standpoint.at;
     constexpr double kOwnMotion_s = 2;
-    const double limit_s =
-        leaves_own_motion(standpoint) ? std::min(kOwnMotion_s, command_.time_limit_s) : command_.time_limit_s;
+    double limit_s = command_.time_limit_s;
+    if (leaves_own_motion(standpoint)) {
+      if (!own_begun_) own_begun_ = Clock::now();
+      limit_s = std::min(limit_s, hal::Seconds(*own_begun_ - begun_).count() + kOwnMotion_s);
+    }
     go::GoTask task = task_;
     task.duration_s = command_.duration_s;
     task.objective = command_.objective == "time"     ? plan::Objective::kTime
@@ -316,8 +314,8 @@ class Going {
     return std::nullopt;
   }
 
-  // Nullopt: it came too late, the governor took the ball on its backup meanwhile, or another operator's course came
-  // between, and there is time for another plan.
+  // Nullopt: it came too late, the governor took the ball on its backup meanwhile, another operator's course came
+  // between, or the ball had to be halted first, and there is time for another plan.
   std::optional<int> hand_over(const go::GoPlan& plan, std::int64_t from_tick, bool last) {
     const double planned_s = seconds_since(begun_);
     const bool first = !disturbed_;
@@ -345,6 +343,11 @@ class Going {
       const std::string why = sil::refusal_text(end_.status());
       refused_ = sil::refused_text("course", why.empty() ? "another operator's took its place" : why);
       if (passes && !last) return std::nullopt;
+      // A motion that was started after a move runs from where the masses stood, which its scenario does not tell.
+      if (refusal == controller_status_t::REFUSAL_OFF_COURSE && own_motion_ && followed == 0) {
+        own_motion_ = false;
+        return halt_first("the motion that is under way was not begun where its scenario begins");
+      }
       return refuse(refused_);
     }
     std::cout << fmt::format(
@@ -400,18 +403,7 @@ class Going {
     return {here.place_m[0], here.place_m[1]};
   }
   [[nodiscard]] bool is_there() const {
-    return (place() - task_.to_m).norm() <= std::max(kThere * way_m(), kLeastThere_m);
-  }
-
-  // Along the places that were asked for.
-  [[nodiscard]] double way_m() const {
-    Eigen::Vector2d at = from_;
-    double way_m = 0;
-    for (const Eigen::Vector2d& via_m : task_.via_m) {
-      way_m += (via_m - at).norm();
-      at = via_m;
-    }
-    return way_m + (task_.to_m - at).norm();
+    return (place() - task_.to_m).norm() <= std::max(kThere * go::way_m(from_, task_), kLeastThere_m);
   }
 
   const GoCommand& command_;
@@ -428,11 +420,12 @@ class Going {
   double search_part_ = go::kFirstSearch;
   std::string refused_ = "the time for planning was over";  // why the controller refused the last course
   bool lost_ = false;
-  bool own_motion_ = true;       // a course is looked for from it
-  bool disturbed_ = false;       // by another operator's course
-  std::int64_t number_ = 0;      // of the newest course that was handed over here
-  std::int64_t abandoned_ = 0;   // of another's course that was waited for in vain
-  std::int64_t planned_on_ = 0;  // the course that the controller followed when the plan was begun
+  bool own_motion_ = true;                      // a course is looked for from it
+  std::optional<Clock::time_point> own_begun_;  // that search, with later ones where a plan came too late
+  bool disturbed_ = false;                      // by another operator's course
+  std::int64_t number_ = 0;                     // of the newest course that was handed over here
+  std::int64_t abandoned_ = 0;                  // of another's course that was waited for in vain
+  std::int64_t planned_on_ = 0;                 // the course that the controller followed when the plan was begun
   std::set<std::string> said_;
 };
 

@@ -10,8 +10,8 @@
 #include <system_error>
 
 #include "tools/ballast/go_command.h"
+#include "tools/go/go_plan.h"
 #include "tools/program/program.h"
-#include "tools/program/short_number.h"
 #include "tools/summary/controller_words.h"
 
 namespace ballast {
@@ -21,14 +21,14 @@ namespace {
 // For planning, and for the planner to hand over and to end.
 constexpr double kPlan_s = 20, kPlanPerVia_s = 5, kEnd_s = 40;
 constexpr std::size_t kLongestText = 2000;
-constexpr double kNegligible_m = 1e-6;
 
 std::string option(const char* name, const FloorPlace& place) {
   return fmt::format("--{}={:.9g},{:.9g}", name, place[0], place[1]);
 }
 
 bool is_near(const FloorPlace& place) {
-  return std::all_of(place.begin(), place.end(), [](double x) { return std::fabs(x) <= kFarthestPlace_m; });  // no NaN
+  return std::all_of(place.begin(), place.end(),
+                     [](double x) { return std::fabs(x) <= go::kFarthestPlace_m; });  // no NaN
 }
 
 // In these modes the masses stop or do not move, and a course that was planned before must not begin.
@@ -57,14 +57,12 @@ std::string wish_refusal(const GoWish& wish) {
   if (wish.via.size() > kMostVia)
     return fmt::format("{} places on the way; allowed: at most {}", wish.via.size(), kMostVia);
   if (!is_near(wish.to) || !std::all_of(wish.via.begin(), wish.via.end(), is_near))
-    return fmt::format("a place is too far away; allowed: coordinates up to {:g} m", kFarthestPlace_m);
+    return fmt::format("a place is too far away; allowed: coordinates up to {:g} m", go::kFarthestPlace_m);
   return "";
 }
 
 std::string wish_text(const GoWish& wish) {
-  using program::short_number;
-  const std::string to =
-      fmt::format("({}, {}) m", short_number(wish.to[0], kNegligible_m), short_number(wish.to[1], kNegligible_m));
+  const std::string to = go::place_text({wish.to[0], wish.to[1]});
   if (wish.via.empty()) return to;
   return fmt::format("{} by {} {}", to, wish.via.size(), wish.via.size() == 1 ? "place" : "places");
 }

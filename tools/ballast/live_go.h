@@ -23,8 +23,7 @@ struct GoWish {
   std::vector<FloorPlace> via;  // in order
 };
 
-// A wish has coordinates up to this in m, and so many places on the way.
-inline constexpr double kFarthestPlace_m = 1e4;
+// A wish has at most so many places on the way.
 inline constexpr std::size_t kMostVia = 20;
 
 // Empty, or why no course is planned for it.

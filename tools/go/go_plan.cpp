@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <deque>
 #include <future>
 #include <limits>
 #include <memory>
@@ -30,24 +31,10 @@ constexpr double kRoom = 0.75, kUsed = 0.9;
 // third of what counts as rest.
 constexpr double kTolerance = 3e-3;
 constexpr double kLonger = 1.35;  // than searches before
-constexpr double kLeg = 8;        // radii: searches for ways up to that mostly succeed at once
-
-// Along the places of a task.
-double way_m(const Eigen::Vector2d& start_m, const GoTask& task) {
-  double way_m = 0;
-  Eigen::Vector2d from = start_m;
-  for (const Eigen::Vector2d& place : task.via_m) {
-    way_m += (place - from).norm();
-    from = place;
-  }
-  return way_m + (task.to_m - from).norm();
-}
-
-std::string place_text(const Eigen::Vector2d& place_m) {
-  constexpr double kNegligible_m = 1e-6;
-  return fmt::format("({}, {}) m", program::short_number(place_m[0], kNegligible_m),
-                     program::short_number(place_m[1], kNegligible_m));
-}
+// Radii. Of the searches for a leg of up to kLeg more than half succeed, in a quarter of a second; of those for twice
+// as much one in five. A long way gets legs of up to kLongestLeg, so that one course holds them.
+constexpr double kLeg = 4, kLongestLeg = 8;
+constexpr int kMostLegs = firmware::kMaxPieces / plan::kLeastQuickPieces;
 
 // A time in which a ball surely gets there: a few swings of masses that hang, with half of the motors' power and half
 // of the friction that may be used.
@@ -291,6 +278,7 @@ std::string first_clause(const std::string& text) { return text.substr(0, text.f
 
 constexpr int kThreads = 2;
 constexpr int kMostTries = 6;
+constexpr int kMostHalvings = 2;  // of legs of one way, for which nothing is found
 
 // One motion to search for, between two rests or from where the robot is.
 struct Leg {
@@ -327,8 +315,10 @@ struct Planner {
   const std::function<bool()>& stop;
   const std::function<void(const std::string&)>& say;
 
-  // Places on the way between which the searches for one leg mostly succeed at once; the last is the task's.
-  [[nodiscard]] std::vector<Eigen::Vector2d> stops(const GoTask& task, double leg_m) const;
+  // Places on the way that are at most leg_m apart; the last is the task's.
+  [[nodiscard]] std::deque<Eigen::Vector2d> stops(const GoTask& task, double leg_m) const;
+  // How far legs of race k go.
+  [[nodiscard]] double leg_m(const GoTask& task, int k) const;
   [[nodiscard]] Leg leg_of(const plan::ReferencePoint& begin, const GoTask& task) const;
   // Searches in `threads` threads, each with a try after the other, until one has found the motion. `seed`: of the
   // first, counted on.
@@ -346,8 +336,8 @@ struct Planner {
   [[nodiscard]] std::string offers(const GoTask& task, std::optional<double> likely_s) const;
 };
 
-std::vector<Eigen::Vector2d> Planner::stops(const GoTask& task, double leg_m) const {
-  std::vector<Eigen::Vector2d> ends = task.via_m, out;
+std::deque<Eigen::Vector2d> Planner::stops(const GoTask& task, double leg_m) const {
+  std::deque<Eigen::Vector2d> ends(task.via_m.begin(), task.via_m.end()), out;
   ends.push_back(task.to_m);
   Eigen::Vector2d begin_m(at.place_m[0], at.place_m[1]);
   for (const Eigen::Vector2d& end_m : ends) {
@@ -357,6 +347,11 @@ std::vector<Eigen::Vector2d> Planner::stops(const GoTask& task, double leg_m) co
     begin_m = end_m;
   }
   return out;
+}
+
+double Planner::leg_m(const GoTask& task, int k) const {
+  const double least_m = way_m({at.place_m[0], at.place_m[1]}, task) / kMostLegs;
+  return std::max(2 * kLeg * scenario.ball.radius_m / (2 + k), least_m);
 }
 
 Leg Planner::leg_of(const plan::ReferencePoint& begin, const GoTask& task) const {
@@ -428,7 +423,10 @@ void Planner::search_leg(const Leg& leg, int threads, std::uint64_t seed, const 
 std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int threads,
                                        const std::function<bool()>& ended, Tries& failed) const {
   std::optional<Motion> way;
-  for (const Eigen::Vector2d& stop_m : stops(task, race.leg_m)) {
+  std::deque<Eigen::Vector2d> ahead = stops(task, race.leg_m);
+  Eigen::Vector2d last_m(at.place_m[0], at.place_m[1]);
+  for (int halvings = 0; !ahead.empty();) {
+    const Eigen::Vector2d stop_m = ahead.front();
     GoTask to_stop;
     to_stop.to_m = stop_m;
     to_stop.objective = task.objective;
@@ -437,6 +435,11 @@ std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int
     Tries tries;
     tries.most = race.tries;
     search_leg(leg, threads, race.seed, ended, tries);
+    if (!tries.found && !ended() && halvings < kMostHalvings && (stop_m - last_m).norm() > scenario.ball.radius_m) {
+      ++halvings;
+      ahead.push_front((last_m + stop_m) / 2);
+      continue;
+    }
     if (!tries.found) {
       const bool asked =
           stop_m == task.to_m || std::find(task.via_m.begin(), task.via_m.end(), stop_m) != task.via_m.end();
@@ -452,6 +455,8 @@ std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int
     } else {
       way = std::move(tries.found);
     }
+    last_m = stop_m;
+    ahead.pop_front();
   }
   return way;
 }
@@ -488,10 +493,8 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
   GoOutcome out;
   for (int k = 0; k < kRaces && !stop(); ++k) {
     const bool legs_serve = !given && least_s == 0 && (task.objective != plan::Objective::kTime || k >= kOneMotion);
-    const double leg_m = kLeg * scenario.ball.radius_m / (1 + k);
-    const std::vector<Eigen::Vector2d> shorter = stops(task, kLeg * scenario.ball.radius_m / (2 + k));
-    race.tries = legs_serve && k == 0 && shorter.size() > 1 ? kThreads : kMostTries;
-    race.leg_m = legs_serve && stops(task, leg_m).size() > 1 ? leg_m : 0;
+    race.tries = legs_serve && k == 0 && stops(task, leg_m(task, 1)).size() > 1 ? kThreads : kMostTries;
+    race.leg_m = legs_serve && stops(task, leg_m(task, k)).size() > 1 ? leg_m(task, k) : 0;
     Tries tries;
     tries.most = race.tries;
     if (auto way = find(whole, race, tries)) {
@@ -544,6 +547,22 @@ std::string Planner::offers(const GoTask& task, std::optional<double> likely_s) 
 
 }  // namespace
 
+double way_m(const Eigen::Vector2d& start_m, const GoTask& task) {
+  double way_m = 0;
+  Eigen::Vector2d from = start_m;
+  for (const Eigen::Vector2d& place : task.via_m) {
+    way_m += (place - from).norm();
+    from = place;
+  }
+  return way_m + (task.to_m - from).norm();
+}
+
+std::string place_text(const Eigen::Vector2d& place_m) {
+  constexpr double kNegligible_m = 1e-6;
+  return fmt::format("({}, {}) m", program::short_number(place_m[0], kNegligible_m),
+                     program::short_number(place_m[1], kNegligible_m));
+}
+
 std::string beyond_one_course(const sim::Scenario& scenario, const plan::ReferencePoint& at, const GoTask& task) {
   const double g = scenario.gravity_mps2, radius_m = scenario.ball.radius_m;
   const double unit_s = g > 0 ? std::sqrt(radius_m / g) : 1;
@@ -554,11 +573,12 @@ std::string beyond_one_course(const sim::Scenario& scenario, const plan::Referen
                        program::short_number(*task.duration_s), std::floor(longest_s));
   }
   const Eigen::Vector2d start_m(at.place_m[0], at.place_m[1]);
-  constexpr int kLegs = firmware::kMaxPieces / plan::kLeastQuickPieces;
-  const double length_m = way_m(start_m, task), reach_m = kLegs * kLeg * radius_m;
+  const double length_m = way_m(start_m, task), reach_m = kMostLegs * kLongestLeg * radius_m;
   if (length_m <= reach_m) return "";
-  std::string text = fmt::format("the way is {} m long, and one course reaches at most {} m: {} legs of {:g} radii",
-                                 program::short_number(length_m), program::short_number(reach_m), kLegs, kLeg);
+  std::string text = fmt::format(
+      "the way is {} m long, and one course reaches at most {} m: {} legs of {:g} radii "
+      "(with --time it is tried without rests)",
+      program::short_number(length_m), program::short_number(reach_m), kMostLegs, kLongestLeg);
   if (!task.via_m.empty()) return text;
   constexpr double kPart = 0.9;
   return text + "; it could go to " + place_text(start_m + kPart * reach_m / length_m * (task.to_m - start_m)) +

@@ -38,6 +38,14 @@ struct GoOutcome {
   std::optional<double> likely_s;  // not found in a given duration: a longer one that would likely do
 };
 
+// Along the places of a task.
+[[nodiscard]] double way_m(const Eigen::Vector2d& start_m, const GoTask& task);
+
+// A place that is asked for has coordinates up to this in size.
+inline constexpr double kFarthestPlace_m = 1e4;
+// "(0.6, 0) m"
+[[nodiscard]] std::string place_text(const Eigen::Vector2d& place_m);
+
 // Empty, or why no course can be so long, in metres or in seconds. `at`: where it begins.
 [[nodiscard]] std::string beyond_one_course(const sim::Scenario& scenario, const plan::ReferencePoint& at,
                                             const GoTask& task);

@@ -40,7 +40,7 @@ _REQUESTS_PER_S, _MOST_AT_ONCE = 20, 40
 _BRAKES = ("stop", "halt", "brake")
 _COMMANDS = (*_BRAKES, "arm", "start", "reset", "move", "go")
 _MOVE_NUMBERS = ("mass", "to", "speed_fraction")
-_FARTHEST_PLACE_M, _MOST_VIA = 1e4, 20  # those of tools/ballast/live_go.h
+_FARTHEST_PLACE_M, _MOST_VIA = 1e4, 20  # those of tools/go/go_plan.h and tools/ballast/live_go.h
 
 
 class Stranger(Exception):
