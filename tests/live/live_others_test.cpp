@@ -71,5 +71,32 @@ TEST(LiveOthers, IsBounded) {
   EXPECT_LE(others.poll(status).size(), 16u);
 }
 
+// A sender is forgotten when 64 others have been heard, and its newest message is new again.
+TEST(LiveOthers, RemembersTheLastSenders) {
+  LiveOthers others(kOwn);
+  const controller_status_t status{};
+  const auto told = [&](std::int64_t sender) {
+    others.hear(command_of(sender, 1, operator_t::COMMAND_STOP), status);
+    return !others.poll(status).empty();
+  };
+  for (std::int64_t k = 0; k < 64; ++k) EXPECT_TRUE(told(100 + k));
+  EXPECT_FALSE(told(100));
+  EXPECT_TRUE(told(164));
+  EXPECT_FALSE(told(164));
+  EXPECT_TRUE(told(100));
+}
+
+// The answer of another run's command would be taken for that of one which was never counted.
+TEST(LiveOthers, DoesNotWaitForAnAnswerInAnotherRun) {
+  LiveOthers others(kOwn);
+  controller_status_t status{};
+  others.hear(command_of(kOther, 1, operator_t::COMMAND_START), status);
+  EXPECT_EQ(others.poll(status).size(), 1u);
+  status.run_id = 1;
+  status.operator_commands = 3;
+  status.refusal = controller_status_t::REFUSAL_MODE;
+  EXPECT_TRUE(others.poll(status).empty());
+}
+
 }  // namespace
 }  // namespace ballast

@@ -156,7 +156,9 @@ class Control {
       feed_.say(LiveFeed::Kind::kRefusal, "no controller is at work on this bus");
       return;
     }
-    const std::optional<Request> request = read_request(line, *status, feed_.has_governor());
+    // Its scenario may not be known yet, or is of another version.
+    const bool governor = feed_.has_governor() || status->governed != 0;
+    const std::optional<Request> request = read_request(line, *status, governor);
     if (!request) return;
     if (!request->refusal.empty()) {
       feed_.say(LiveFeed::Kind::kRefusal, request->who + ": " + request->what + ": " + request->refusal);
@@ -182,7 +184,11 @@ class Control {
   void poll() {
     const controller_status_t* status = feed_.controller();
     const auto told = status != nullptr ? operator_.poll(*status) : operator_.end();
-    report(told);
+    if (told && told->obeyed && told->text == kTakeBack) {
+      feed_.say(LiveFeed::Kind::kRefusal, taken_back_);
+    } else {
+      report(told);
+    }
     if (status != nullptr && told && told->moves) limit_move(told->who, *status);
     if (const auto answer = go_.poll(status)) {
       feed_.set_wish(nullptr);
@@ -267,13 +273,16 @@ class Control {
   void limit_move(const std::string& who, const controller_status_t& status) {
     const bool moves =
         status.mode == controller_status_t::MODE_PENDING || status.mode == controller_status_t::MODE_MOVING;
-    if (!moves || status.plan_duration_s <= kLongestMove_s) return;
-    feed_.say(LiveFeed::Kind::kRefusal,
-              fmt::format("{}: the move takes {} s and is taken back; allowed: at most {} s; a nearer target or a "
-                          "greater speed takes less, and `ballast move --force` in a terminal makes longer moves",
-                          who, program::short_time(status.plan_duration_s), kLongestMove_s));
-    report(operator_.tell(who, "stop of the move", OperatorCommand::kStop, status));
+    const double most_s = longest_move_s(feed_.duration_s());
+    if (!moves || status.plan_duration_s <= most_s) return;
+    taken_back_ = fmt::format(
+        "{}: the move takes {} s and is taken back; allowed: at most {} s; a nearer target or a greater "
+        "speed takes less, and `ballast move --force` in a terminal makes longer moves",
+        who, program::short_time(status.plan_duration_s), most_s);
+    report(operator_.tell(who, kTakeBack, OperatorCommand::kStop, status));
   }
+
+  static constexpr const char* kTakeBack = "stop of the move";
 
   LiveOperator operator_;
   LiveOthers others_;
@@ -281,6 +290,7 @@ class Control {
   LiveFeed& feed_;
   std::int64_t course_before_ = 0;  // followed when the newest wish came
   std::optional<Followed> followed_;
+  std::string taken_back_;  // why the newest move is; told when that is obeyed
 };
 
 int live(const LiveCommand& command) {

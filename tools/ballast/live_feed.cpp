@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -107,6 +108,17 @@ std::string run_json(const sim::Scenario& scenario, const contact_t& contact, co
       .dump();
 }
 
+// The controller has looked for a halt in vain: the masses hold, and the ball rolls on. An older refusal stays in the
+// status.
+bool gives_halt_up(const controller_status_t& before, const controller_status_t& after) {
+  const bool over = after.mode == controller_status_t::MODE_STOPPING || after.mode == controller_status_t::MODE_ARMED;
+  const auto refusal = [](const controller_status_t& status) {
+    return std::tuple(status.refusal, status.refusal_value, status.refusal_time_s);
+  };
+  return before.mode == controller_status_t::MODE_HALTING && over &&
+         after.refusal != controller_status_t::REFUSAL_NONE && refusal(after) != refusal(before);
+}
+
 }  // namespace
 
 bool LiveFeed::is_shown(std::int64_t run_id, double now_s) {
@@ -207,12 +219,8 @@ void LiveFeed::say_what_changed(const controller_status_t& before, const control
     if (tripped_itself) say_soon(Kind::kTrip, "tripped by the controller itself: " + sil::fault_text(after));
     say_soon(Kind::kMode, sil::status_text(after));
   }
-  const bool gives_up =
-      before.mode == controller_status_t::MODE_HALTING && after.mode == controller_status_t::MODE_STOPPING;
-  if (gives_up && before.refusal == controller_status_t::REFUSAL_NONE) {
-    const std::string refusal = sil::refusal_text(after, nullptr);
-    if (!refusal.empty()) say_soon(Kind::kRefusal, sil::refused_text("halt", refusal));
-  }
+  if (gives_halt_up(before, after))
+    say_soon(Kind::kRefusal, sil::refused_text("halt", sil::refusal_text(after, nullptr)));
   say_plan(after);
   if (after.halt_said != 0 && before.halt_said == 0 && before.mode >= 0) say_soon(Kind::kPlan, sil::halt_text(after));
 }

@@ -11,6 +11,7 @@ namespace {
 
 constexpr std::size_t kMostSenders = 64;
 constexpr std::size_t kMostSaid = 16;  // between two polls
+constexpr hal::Seconds kPatience{2};   // for an answer, as operators have it
 
 const char* command_name(std::int8_t command) {
   switch (command) {
@@ -49,13 +50,17 @@ bool LiveOthers::is_new(const operator_t& message) {
 }
 
 void LiveOthers::hear(const operator_t& message, const controller_status_t& status) {
-  const bool of_the_run = message.sender == 0;
-  if (message.sender == own_ || of_the_run || said_.size() == kMostSaid || !is_new(message)) return;
+  const bool of_the_run = message.sender == 0, part = message.command == operator_t::COMMAND_GO;
+  if (message.sender == own_ || of_the_run) return;
+  if (part) waiting_.reset();  // the controller counts each of them, so the next answer may be that
+  if (said_.size() == kMostSaid || !is_new(message)) return;
   said_.push_back({message.command, false, command_name(message.command)});
-  if (message.command != operator_t::COMMAND_GO) waiting_ = Waiting{message, status.operator_commands};
+  if (part) return;
+  waiting_ = Waiting{message, status.run_id, status.operator_commands, hal::after(hal::WallClock::now(), kPatience)};
 }
 
 std::vector<LiveOthers::Said> LiveOthers::poll(const controller_status_t& status) {
+  if (waiting_ && (status.run_id != waiting_->run_id || hal::WallClock::now() >= waiting_->deadline)) waiting_.reset();
   if (waiting_ && status.operator_commands > waiting_->commands_before) {
     const operator_t& message = waiting_->message;
     const firmware::OperatorInput input = hal::from_message(message);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "hal/lcm/bus.h"
 #include "hal/lcm/messages.h"
 
 namespace ballast {
@@ -37,13 +38,14 @@ class LiveOthers {
   };
   struct Waiting {
     operator_t message;
-    std::int64_t commands_before = 0;
+    std::int64_t run_id = 0, commands_before = 0;
+    hal::WallClock::time_point deadline;
   };
 
   std::int64_t own_;
-  std::deque<Sender> senders_;  // the one first heard first
+  std::deque<Sender> senders_;  // the one first heard first; it is the first to be forgotten
   std::vector<Said> said_;
-  std::optional<Waiting> waiting_;  // the newest command without an answer
+  std::optional<Waiting> waiting_;  // the newest command without an answer, if the next one is its
 };
 
 }  // namespace ballast

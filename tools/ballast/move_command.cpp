@@ -39,7 +39,7 @@ struct MoveCommand {
 
 // Empty, or why a move of this duration is not made. `scenario_s`: the scenario's duration; 0: it is not known.
 std::string length_refusal(const MoveCommand& command, double takes_s, double scenario_s) {
-  const double most_s = std::max(kLongestMove_s, scenario_s);
+  const double most_s = longest_move_s(scenario_s);
   if (command.force || takes_s <= most_s) return "";
   // A duration goes with the reciprocal of the speed.
   const double enough = std::ceil(100 * command.speed_fraction * takes_s / most_s) / 100;

@@ -90,11 +90,11 @@ const char* allowed_text(std::int8_t mode) {
     case controller_status_t::MODE_RUNNING:
       return "stop; under the governor also go and halt";
     case controller_status_t::MODE_HALTING:
-      return "stop; go and the others once the ball rests";
+      return "stop; start, move and go once the ball rests";
     case controller_status_t::MODE_TRIPPED:
       return "reset, once the masses rest and the cause is gone";
     case controller_status_t::MODE_STOPPING:
-      return "nothing else, until the masses rest";
+      return "nothing that changes something, until the masses rest";
     default:
       return "stop";
   }
@@ -106,7 +106,7 @@ bool all_rest(const controller_status_t& status, const plant_state_t& plant) {
   // Feedback leaves masses some speed. A motion that passes a rest has accelerations there.
   constexpr double kStill = 1e-4;     // rail units/s
   constexpr double kSteady = 1e-3;    // rail units/s^2
-  constexpr double kRest_mps = 0.01;  // about that of the halt, for balls of any size
+  constexpr double kRest_mps = 0.01;  // near the halt's 0.01 sqrt(g r); a status does not know the ball
   for (int i = 0; i < status.motor_count; ++i) {
     if (std::abs(status.next_velocity[i]) > kStill || std::abs(status.next_acceleration[i]) > kSteady) return false;
   }

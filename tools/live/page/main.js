@@ -25,7 +25,7 @@ const PANELS = new Map([
 const WEIGHT_ARROW = 1.15;  // of robot.js
 const MOST_SPANS = 40;      // of sliding or flight that are shaded in the plots
 // The ball is at rest where it has been slower than this part of sqrt(g r) for so long: those of a halt
-// (firmware/governor/halt.h). Without gravity, than this part of its radius per s.
+// (firmware/governor/halt.h). Without gravity, where no halt ends so, than this part of its radius per s.
 const REST_SPEED = 0.01, REST_S = 1;
 // A drawn path has at most so many places; the accuracy of the line between them, and how near to the ball it begins,
 // both in ball radii.
@@ -81,7 +81,7 @@ class Run {
         ["time", "speed", "regime"].map((name) => described.columns.indexOf(name));
     const {gravity, radius} = described;
     this.restSpeed = REST_SPEED * (gravity > 0 ? Math.sqrt(gravity * radius) : radius);
-    this.movedAt = -Infinity;  // the last time at which the ball was faster, or in flight
+    this.movedAt = null;  // the last time at which the ball was faster, or in flight; at first, that of the first row
     this.regimes = new Regimes();
     this.described.regimes = this.regimes.spans;
     this.course = this.wish = null;
@@ -99,15 +99,15 @@ class Run {
     this.trendRow(row, time);
   }
 
-  // Whether the ball is at rest at a time not before the newest frames.
+  // Whether the ball is at rest at a time about that of the newest frame.
   restsAt(time) {
-    return time - this.movedAt >= REST_S;
+    return this.movedAt !== null && time - this.movedAt >= REST_S;
   }
 
   trendRow(row, time) {
     const {trend} = this, speed = row[this.speedColumn];
     const rests = speed !== null && speed < this.restSpeed && row[this.regimeColumn] !== FLIGHT;
-    if (!rests) this.movedAt = time;
+    if (!rests || this.movedAt === null) this.movedAt = time;
     if (trend.rows && time >= trend.end && time < trend.end + TREND_EVERY_S) return;
     trend.push(row, time);
     this.regimes.see(trend.newest("regime"), time);

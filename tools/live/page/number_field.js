@@ -3,7 +3,9 @@
 const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
 const BEGINNING = /^[+-]?(\d+\.?\d*|\.\d*)?(e[+-]?\d*)?$/i;  // may become a number
 
-const textIn = (field) => field.value.trim().replace("−", "-");
+const LARGEST = 1e15;  // of the server (live_show.py)
+
+const textIn = (field) => field.value.trim().replaceAll("−", "-");
 const no = ({value, dataset}) => `${dataset.number}: “${value.trim().slice(0, 20)}” is no number; allowed: such as −0.25`;
 
 export const numberIn = (field) => (NUMBER.test(textIn(field)) ? Number(textIn(field)) : NaN);
@@ -11,7 +13,9 @@ export const numberIn = (field) => (NUMBER.test(textIn(field)) ? Number(textIn(f
 // Empty, or why the field has no number.
 export function numberTrouble(field) {
   const text = textIn(field);
-  if (NUMBER.test(text)) return "";
+  if (NUMBER.test(text)) {
+    return Math.abs(Number(text)) < LARGEST ? "" : `${field.dataset.number}: is too large; allowed: below ${LARGEST} in size`;
+  }
   return text ? no(field) : `${field.dataset.number}: is missing; allowed: a number, such as −0.25`;
 }
 
