@@ -481,11 +481,12 @@ RefusalReport await_halt(const ControllerParams& params, const Inputs& inputs, C
   StartSearch& start = g.start;
   const bool due = next == start.from_tick;
   if (!due && start.stage != StartStage::kRefused) return {};
-  if (due && start.stage == StartStage::kCertified) {
-    const HaltPrediction& said = g.halt.rollout.result();
-    if (said.complete && !said.rests && !(said.speed_after_mps < said.speed_before_mps)) {
-      return {Refusal::kNoRest, -1, -1, Wide{said.speed_after_mps}, Wide{kLongestHeldHalt * unit_s(params.ball)}};
-    }
+  const HaltPrediction& said = g.halt.rollout.result();
+  // On a slope no held ball is safe for ever, so a halt begins only where it is known to bring the ball to rest.
+  const bool slopes = params.ball.down_W.x() != 0 || params.ball.down_W.y() != 0;
+  const bool slower = said.speed_after_mps < said.speed_before_mps && !slopes;
+  const bool certified = start.stage == StartStage::kCertified;
+  if (certified && (said.complete ? said.rests || slower : !slopes)) {
     adopt(next, g);
     distrust(g.governor);  // the ball may have been pushed since the search began
     for (int i = 0; i < params.ball.mass_count; ++i) {
@@ -499,8 +500,13 @@ RefusalReport await_halt(const ControllerParams& params, const Inputs& inputs, C
     g.halt.wish = {};
     return {};
   }
-  // A longer stretch of the halt may be certified where a shorter one is not.
-  const RefusalReport refusal = judge_start(params, state);
+  // A longer stretch of the halt may be certified where a shorter one is not, and a ball that rocks may be halted
+  // later.
+  RefusalReport refusal = judge_start(params, state);
+  if (certified) refusal.reason = Refusal::kNotCertified;
+  if (certified && said.complete) {
+    refusal = {Refusal::kNoRest, -1, -1, Wide{said.speed_after_mps}, Wide{kLongestHeldHalt * unit_s(params.ball)}};
+  }
   ++start.attempt;
   if (start.attempt == kStretches) return refusal;
   try_halt(params, inputs, state);

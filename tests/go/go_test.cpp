@@ -2,6 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include "hal/lcm/messages.h"
 #include "tests/go/clicked_run.h"
@@ -44,6 +47,23 @@ TEST(Go, WithSteppers) {
   expect_safe(run);
   expect_there(run.clicked[0]);
   for (const sil::MotorRecord& motor : run.result.motors) EXPECT_EQ(motor.slips, 0);
+}
+
+// A ball rocks on a slope, above masses that are too slow to stay behind it for certain. Then a halt that is not known
+// to end sets it rolling downhill, ever faster.
+TEST(Go, AHaltOnASlopeRestsOrIsRefused) {
+  std::vector<std::string> sets{"run.actuation=ideal", "surface.slope.angle=0.1"};
+  for (int i = 0; i < 3; ++i) sets.push_back("mass." + std::to_string(i) + ".motor.max_acceleration=2");
+  int begun = 0;
+  for (std::int64_t tick = 2700; tick <= 3300; tick += 40) {
+    SCOPED_TRACE(tick);
+    const auto run = run_clicked(clickable(25, sets), {{.tick = tick, .halt = true}}, kLatency);
+    expect_safe(run);
+    begun += run.halted[0].said;
+    // What it rocks with, and a little. Balls that were set rolling were ten times as fast by then.
+    EXPECT_LT(run.result.final_sample.velocity_W_mps.norm(), 0.25);
+  }
+  EXPECT_GT(begun, 0);
 }
 
 // On this way a stop after some seconds would break the cone. The course needs none: it is certified up to its end
