@@ -470,6 +470,7 @@ void ask_for_halt(const ControllerParams& params, const Inputs& inputs, Controll
   g.halt.asked = true;
   g.halt.begun = g.halt.predicts = false;
   g.halt.slow_ticks = 0;
+  g.halt.without_rest_mps = 0;
   g.start.what = Begins::kHalt;
   g.start.attempt = 0;
   try_halt(params, inputs, state);
@@ -504,8 +505,9 @@ RefusalReport await_halt(const ControllerParams& params, const Inputs& inputs, C
   // later.
   RefusalReport refusal = judge_start(params, state);
   if (certified) refusal.reason = Refusal::kNotCertified;
-  if (certified && said.complete) {
-    refusal = {Refusal::kNoRest, -1, -1, Wide{said.speed_after_mps}, Wide{kLongestHeldHalt * unit_s(params.ball)}};
+  if (certified && said.complete) g.halt.without_rest_mps = said.speed_after_mps;
+  if (refusal.reason == Refusal::kNotCertified && g.halt.without_rest_mps > 0) {
+    refusal = {Refusal::kNoRest, -1, -1, Wide{g.halt.without_rest_mps}, Wide{kLongestHeldHalt * unit_s(params.ball)}};
   }
   ++start.attempt;
   if (start.attempt == kStretches) return refusal;
