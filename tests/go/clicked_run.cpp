@@ -45,7 +45,9 @@ class ClickingPeers final : public sil::Peer {
     if (due && clicks_[next_].halt) {
       halt(lap);
     } else if (due && !halts_first(lap)) {
-      plan(tick);
+      plan(tick, next_++);
+    } else if (!due && is_at_rest_on_the_way(tick)) {
+      plan(tick, next_ - 1);
     }
     if (sending_ && tick >= send_from_ && !parts_.empty()) {
       const operator_t message = message_of(parts_.front(), tick);
@@ -69,7 +71,7 @@ class ClickingPeers final : public sil::Peer {
     Clicked& clicked = out_.clicked[k];
     clicked.off_m = (place_m - clicks_[k].to_m).norm();
     const double course_s = static_cast<double>(tick - clicked.decided_tick) * params_.control_period_s;
-    clicked.over = clicked.in_force && course_s >= clicked.duration_s;
+    clicked.over = clicked.in_force && !clicked.on_the_way && course_s >= clicked.duration_s;
   }
 
  private:
@@ -134,13 +136,23 @@ class ClickingPeers final : public sil::Peer {
     return {scenario_, *status_, plant_, status_->course == 0 ? std::nullopt : followed_};
   }
 
-  void plan(std::int64_t tick) {
-    Clicked& clicked = out_.clicked[next_];
-    const Click& click = clicks_[next_++];
+  [[nodiscard]] bool is_at_rest_on_the_way(std::int64_t tick) const {
+    if (!status_ || sending_ || next_ == 0 || status_->mode != controller_status_t::MODE_RUNNING) return false;
+    const Clicked& clicked = out_.clicked[next_ - 1];
+    const double course_s = static_cast<double>(tick - status_->course_tick) * params_.control_period_s;
+    return clicked.on_the_way && clicked.in_force && status_->course == number_ &&
+           course_s - status_->motion_delay_s > clicked.duration_s && go::ball_rests(heard());
+  }
+
+  // For click k: from where the ball is, or from a rest on the way.
+  void plan(std::int64_t tick, std::size_t k) {
+    Clicked& clicked = out_.clicked[k];
+    const Click& click = clicks_[k];
+    const bool goes_on = clicked.on_the_way;
     const auto here = go::now(heard());
     const Eigen::Vector2d place(here.place_m[0], here.place_m[1]);
-    if (next_ >= 2) look_at_place(next_ - 2, place, tick);
-    clicked.way_m = (click.to_m - place).norm();
+    if (!goes_on && k > 0) look_at_place(k - 1, place, tick);
+    if (!goes_on) clicked.way_m = (click.to_m - place).norm();
     constexpr int kMostParts = 100;
     const double search_ticks = go::kFirstSearch * firmware::governor_params(params_).search_ticks;
     const std::int64_t from_tick = tick + latency_ + kMostParts + static_cast<std::int64_t>(search_ticks);
@@ -148,6 +160,7 @@ class ClickingPeers final : public sil::Peer {
     if (!at) return;
     go::GoTask task;
     task.to_m = click.to_m;
+    task.sets_out = click.sets_out && !goes_on;
     if (click.duration_s > 0) task.duration_s = click.duration_s;
     const auto start = std::chrono::steady_clock::now();
     const auto planning_s = [&] {
@@ -155,12 +168,13 @@ class ClickingPeers final : public sil::Peer {
     };
     const go::GoOutcome outcome = go::plan_course(
         scenario_, params_, at->at, task, [&] { return planning_s() > time_limit_s_; }, [](const std::string&) {});
-    clicked.plan_s = planning_s();
+    if (!goes_on) clicked.plan_s = planning_s();
     clicked.why = outcome.why;
+    clicked.planned = outcome.plan.has_value();
+    clicked.on_the_way = clicked.planned && outcome.plan->on_the_way;
     if (!outcome.plan) return;
-    clicked.planned = true;
     clicked.duration_s = outcome.plan->moved.duration_s;
-    clicked.rolling = !at->rests;
+    if (!goes_on) clicked.rolling = !at->rests;
     const bool armed = status_->mode == controller_status_t::MODE_ARMED;
     coming_ =
         go::make_course(++number_, at->rests && armed ? 0 : from_tick, outcome.plan->moved, outcome.plan->reference);
@@ -180,7 +194,9 @@ class ClickingPeers final : public sil::Peer {
     clicked.in_force = status.course == number_;
     clicked.refusal = clicked.in_force ? 0 : status.refusal;
     clicked.decided_tick = status.tick;
-    if (clicked.in_force) followed_ = coming_;
+    if (!clicked.in_force) return;
+    ++clicked.courses;
+    followed_ = coming_;
   }
 
   void look_at_jerk(const controller_status_t& before, const controller_status_t& after) {

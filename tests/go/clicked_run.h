@@ -18,12 +18,15 @@ struct Click {
   int delayed_ticks = 0;  // by which its planner is later than it said
   double duration_s = 0;  // asked for; 0: none
   bool halt = false;      // instead of a place: a halt of the ball
+  bool sets_out = false;  // a long way is planned up to a rest on it, and from there on when the ball is there
 };
 
 struct Clicked {
   bool planned = false;
-  std::string why;    // not planned
-  double plan_s = 0;  // wall time of planning
+  std::string why;          // not planned
+  double plan_s = 0;        // wall time of planning, up to the ball's setting out
+  int courses = 0;          // that came in force, one after the other
+  bool on_the_way = false;  // the newest of them ends at a rest on the way
   int parts = 0;
   std::int64_t sent_tick = 0, decided_tick = 0;  // of the first part; of the answer
   bool in_force = false;

@@ -91,7 +91,7 @@ int study_clicks(std::uint64_t first, std::uint64_t last, int latency, const std
     std::int64_t tick = 100;
     for (int k = 0; k < 10; ++k) {
       const double angle = 6.283185307179586 * uniform(random), far_m = 0.2 + 1.3 * uniform(random);
-      places.push_back({.tick = tick, .to_m = {far_m * std::cos(angle), far_m * std::sin(angle)}});
+      places.push_back({.tick = tick, .to_m = {far_m * std::cos(angle), far_m * std::sin(angle)}, .sets_out = true});
       tick += k % 2 == 0 ? 6000 : 40000;
     }
     const auto scenario = ballast::go_test::clickable(static_cast<double>(tick) * 1e-3,

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -80,6 +81,47 @@ TEST(Go, AFarPlace) {
   const auto run = run_clicked(ideal(60), {{100, {-2.2, 1.1}}}, kLatency);
   expect_safe(run);
   expect_there(run.clicked[0]);
+}
+
+// On a long way the ball sets out to a rest on it, and goes on from there.
+TEST(Go, SetsOutToARestOnALongWay) {
+  const auto run = run_clicked(ideal(60), {{.tick = 100, .to_m = {-1.3, 0.5}, .sets_out = true}}, kLatency);
+  expect_safe(run);
+  expect_there(run.clicked[0]);
+  EXPECT_EQ(run.clicked[0].courses, 2);
+}
+
+// desk_ball at rest in the middle.
+plan::ReferencePoint at_rest(sim::Scenario scenario) {
+  scenario.duration_s = 0.001;
+  return plan::roll_motion(plan::as_planned(scenario), 1).front();
+}
+
+go::GoOutcome plan_at_rest(const sim::Scenario& scenario, const go::GoTask& task) {
+  const auto params = program::make_controller_params("go_test", scenario);
+  if (params == nullptr) return {};
+  return go::plan_course(
+      scenario, *params, at_rest(scenario), task, [] { return false; }, [](const std::string&) {});
+}
+
+// A plan that came too late leaves its rest on the way, and its duration, to the next.
+TEST(Go, BeginsASearchWithAPlanThatCameTooLate) {
+  const sim::Scenario scenario = ideal(20);
+  go::GoTask task;
+  task.to_m = {0.3, 0.2};
+  const go::GoOutcome first = plan_at_rest(scenario, task);
+  ASSERT_TRUE(first.plan) << first.why;
+  EXPECT_FALSE(first.plan->on_the_way);
+  EXPECT_EQ(first.plan->end_m, task.to_m);
+  auto late = std::make_shared<go::GoPlan>(*first.plan);
+  late->on_the_way = true;
+  task.to_m = {1.2, 0.8};
+  task.sets_out = true;
+  task.late = late;
+  const go::GoOutcome next = plan_at_rest(scenario, task);
+  ASSERT_TRUE(next.plan) << next.why;
+  EXPECT_TRUE(next.plan->on_the_way);
+  EXPECT_EQ(next.plan->end_m, first.plan->end_m);
 }
 
 double fastest(const sil::RunResult& result) {
@@ -206,19 +248,12 @@ TEST(Go, SaysAtOnceWhatIsBeyondOneCourse) {
 
 // The shortest time is searched from a quick plan, whatever the number of its pieces.
 TEST(Go, PlansTheShortestTime) {
-  const sim::Scenario scenario = ideal(20);
-  const auto params = program::make_controller_params("go_test", scenario);
-  ASSERT_NE(params, nullptr);
-  sim::Scenario rest = scenario;
-  rest.duration_s = 0.001;
-  const plan::ReferencePoint at = plan::roll_motion(plan::as_planned(rest), 1).front();
   double duration_s[2] = {};
   for (const bool shortest : {false, true}) {
     go::GoTask task;
     task.to_m = {0.5, 0};
     if (shortest) task.objective = plan::Objective::kTime;
-    const go::GoOutcome outcome = go::plan_course(
-        scenario, *params, at, task, [] { return false; }, [](const std::string&) {});
+    const go::GoOutcome outcome = plan_at_rest(ideal(20), task);
     ASSERT_TRUE(outcome.plan) << outcome.why;
     duration_s[shortest ? 1 : 0] = outcome.plan->moved.duration_s;
   }

@@ -264,6 +264,25 @@ TEST(Processes, AGoDuringAMotionStartedByHandArrives) {
   }
 }
 
+// A long way is planned up to a rest on it, and the rest of it while the ball rolls there. A halt on the way ends it.
+TEST(Processes, AGoOnALongWaySetsOutBeforeAllOfItIsPlanned) {
+  const Folder folder;
+  const std::string bus = " --lcm '" + bus_url(38) + "'";
+  const std::string go = "ballast operate go --to 1.2,0.5 --wait" + bus;
+  const Outcome said = folder.run(
+      "ballast run desk_ball --by-hand --set control.governor=true --set duration=200 --set run.actuation=ideal" + bus +
+      " 2>run.err & run=$!; i=0;"
+      " while [ $i -lt 100 ] && ! ballast operate status" +
+      bus + " >/dev/null 2>&1; do sleep 0.1; i=$((i+1)); done; " + go + "; echo $?;" + " ballast operate go --to 0,0" +
+      bus + " >back & go=$!; i=0;" +
+      " while [ $i -lt 300 ] && ! grep -q 'on its way to (0, 0) m' back; do sleep 0.1; i=$((i+1)); done;" +
+      " ballast operate halt" + bus + " >/dev/null; wait $go; echo $?; cat back; kill -INT $run; wait");
+  EXPECT_SAYS(said.out, " on, on its way to (1.2, 0.5) m, and needs ");
+  EXPECT_SAYS(said.out, "goes to (1.2, 0.5) m in ");
+  EXPECT_SAYS(said.out, " mm from there\n0\n3\n");
+  EXPECT_SAYS(said.out, "the course ended before the ball was there: ");
+}
+
 // A place is two numbers, and nothing else.
 TEST(Processes, APlaceToGoToIsReadStrictly) {
   const Folder folder;

@@ -7,10 +7,13 @@
 #include <atomic>
 #include <charconv>
 #include <cmath>
+#include <functional>
 #include <future>
 #include <iostream>
 #include <map>
+#include <memory>
 #include <set>
+#include <utility>
 
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
@@ -128,18 +131,33 @@ class Going {
   int run() {
     if (const auto status = meet()) return *status;
     for (int times = 0;; ++times) {
-      const int status = go();
+      const int status = go_all_the_way();
       if (!lost_ || times == go::kMostGoesOn) return status;
     }
   }
 
  private:
-  // Once: `lost_` with --wait where the ball has lost its course.
-  int go() {
+  // Once: `lost_` where the ball has lost its course.
+  int go_all_the_way() {
     lost_ = false;
-    // The longer a plan takes, the later it begins while the ball rolls.
-    constexpr double kFirstPatience_s = 0.55;
-    for (double patience_s = kFirstPatience_s;; patience_s *= 1.6) {
+    in_force_ = {};
+    from_rest_.reset();
+    int status = go();
+    while (status == program::kExitCompleted && in_force_.on_the_way) {
+      status = reach_the_rest();
+      if (status == program::kExitCompleted) status = go();
+    }
+    return status == program::kExitCompleted && command_.wait ? arrive() : status;
+  }
+
+  // To the place, or to a rest on the way there: until that course is in force.
+  int go() {
+    // The longer a plan takes, the later it begins while the ball rolls. One that came too late shortens the next
+    // search.
+    constexpr double kFirstPatience_s = 0.55, kMorePatience = 1.6;
+    double patience_s = kFirstPatience_s;
+    std::shared_ptr<const go::GoPlan> late;
+    for (;;) {
       if (const auto status = await_others()) return *status;
       if (const auto status = halt_if_lost()) return *status;
       planned_on_ = end_.status().course;
@@ -148,8 +166,13 @@ class Going {
       const auto at = go::standpoint_at(run_.heard(end_.status()), from_tick, why);
       if (!at) return refuse("no course: " + why);
       go::GoOutcome outcome;
-      from_ = {at->at.place_m[0], at->at.place_m[1]};
-      if (const auto status = plan(*at, outcome)) return *status;
+      if (at->rests && from_rest_ && begins_at(*from_rest_, at->at)) {
+        outcome.plan = std::exchange(from_rest_, std::nullopt);
+      } else {
+        if (!in_force_.on_the_way) from_ = {at->at.place_m[0], at->at.place_m[1]};
+        const auto never = [] { return false; };
+        if (const auto status = plan(*at, task(true, late), never, outcome)) return *status;
+      }
       if (!outcome.plan && leaves_own_motion(*at)) {
         own_motion_ = false;
         if (const auto status = halt_first("no course is found in time from the motion that is under way"))
@@ -159,11 +182,81 @@ class Going {
       if (!outcome.plan) return refuse_plan(outcome.why.empty() ? refused_ : outcome.why, *at);
       const bool last = seconds_since(begun_) >= command_.time_limit_s;
       const std::int64_t soonest = end_.status().tick + handover_ticks();
-      if (!at->rests && from_tick < soonest && !last) continue;
-      const bool armed = end_.status().mode == controller_status_t::MODE_ARMED;
-      const auto status = hand_over(*outcome.plan, at->rests ? (armed ? 0 : soonest) : from_tick, last);
-      if (status) return *status;
+      if (at->rests || from_tick >= soonest || last) {
+        const bool armed = end_.status().mode == controller_status_t::MODE_ARMED;
+        const auto status = hand_over(*outcome.plan, at->rests ? (armed ? 0 : soonest) : from_tick, last);
+        if (status) return *status;
+      }
+      if (at->rests) {
+        from_rest_ = std::move(outcome.plan);
+        continue;
+      }
+      if (late) patience_s *= kMorePatience;
+      late = std::make_shared<const go::GoPlan>(std::move(*outcome.plan));
     }
+  }
+
+  // The places and attitudes at which the ball rests differ by less than feedback takes away.
+  [[nodiscard]] static bool begins_at(const go::GoPlan& plan, const plan::ReferencePoint& at) {
+    constexpr double kPlace = 0.05, kTurn_rad = 0.02;  // over r
+    const sim::Scenario& moved = plan.moved;
+    const auto& q = at.state.q;
+    const Eigen::Quaterniond orientation(q[0], q[1], q[2], q[3]);
+    const double off_m =
+        std::hypot(moved.initial.position_W_m.x() - at.place_m[0], moved.initial.position_W_m.y() - at.place_m[1]);
+    const double turn_rad = moved.initial.orientation.angularDistance(orientation);
+    return off_m < kPlace * moved.ball.radius_m && turn_rad < kTurn_rad;
+  }
+
+  [[nodiscard]] bool follows(const controller_status_t& s) const {
+    return s.course == number_ && s.mode == controller_status_t::MODE_RUNNING;
+  }
+  // Of the course in force; negative until then.
+  [[nodiscard]] double past_its_end_s(const controller_status_t& s) const {
+    const double time_s = static_cast<double>(s.tick - s.course_tick) * run_.scenario().run.control_period_s;
+    return time_s - s.motion_delay_s - in_force_.duration_s;
+  }
+
+  // Plans the rest of the way while the ball rolls to the end of the course in force, and waits for that. Where no plan
+  // is found, go() tries again from there.
+  int reach_the_rest() {
+    begun_ = Clock::now();
+    const controller_status_t& status = end_.status();
+    const double left_s = -past_its_end_s(status);
+    const auto end_tick =
+        status.tick + static_cast<std::int64_t>(std::ceil(left_s / run_.scenario().run.control_period_s));
+    go::GoOutcome outcome;
+    std::string why;
+    if (const auto at = go::standpoint_at(run_.heard(status), end_tick, why)) {
+      const auto useless = [&] { return !follows(end_.status()); };
+      if (const auto failed = plan(*at, task(false, nullptr), useless, outcome)) return *failed;
+      from_rest_ = std::move(outcome.plan);
+    }
+    const int reached = reach_the_end([this] { return go::ball_rests(run_.heard(end_.status())); });
+    begun_ = Clock::now();
+    return reached;
+  }
+
+  // Waits for the end of the course in force, and until `there` holds, for as long as feedback takes to bring a ball
+  // there that was disturbed on its way.
+  int reach_the_end(const std::function<bool()>& there) {
+    constexpr double kSettles_s = 3;
+    go::LostCourse watch;
+    const auto over = [&](const controller_status_t& s) {
+      lost_ = watch.lost(s);
+      const double over_s = past_its_end_s(s);
+      return lost_ || !follows(s) || over_s >= kSettles_s || (over_s >= 0 && there());
+    };
+    if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
+    if (lost_) {
+      std::cout << "the ball has lost its course, at " << place_text(place()) << std::endl;
+      return program::kExitEnvelope;
+    }
+    if (!follows(end_.status())) {
+      std::cout << "the course ended before the ball was there: " << sil::status_text(end_.status()) << std::endl;
+      return program::kExitEnvelope;
+    }
+    return program::kExitCompleted;
   }
 
   // Learns the run, and how fast it goes.
@@ -280,8 +373,21 @@ class Going {
            static_cast<std::int64_t>(search_part_ * search_ticks_);
   }
 
-  // Plans in another thread, and listens to the bus meanwhile.
-  std::optional<int> plan(const go::Standpoint& standpoint, go::GoOutcome& outcome) {
+  // `sets_out`: a long way may be planned up to a rest on it. `late`: a plan of the same that came too late, or null.
+  [[nodiscard]] go::GoTask task(bool sets_out, std::shared_ptr<const go::GoPlan> late) const {
+    go::GoTask task = task_;
+    task.duration_s = command_.duration_s;
+    task.objective = command_.objective == "time"     ? plan::Objective::kTime
+                     : command_.objective == "effort" ? plan::Objective::kEffort
+                                                      : plan::Objective::kFriction;
+    task.sets_out = sets_out && task.via_m.empty() && !task.duration_s && task.objective != plan::Objective::kTime;
+    task.late = std::move(late);
+    return task;
+  }
+
+  // Plans in another thread, and listens to the bus meanwhile. `useless`: a plan would be, by what was heard.
+  std::optional<int> plan(const go::Standpoint& standpoint, const go::GoTask& task,
+                          const std::function<bool()>& useless, go::GoOutcome& outcome) {
     const plan::ReferencePoint& at = standpoint.at;
     constexpr double kOwnMotion_s = 2;
     double limit_s = command_.time_limit_s;
@@ -289,11 +395,6 @@ class Going {
       if (!own_begun_) own_begun_ = Clock::now();
       limit_s = std::min(limit_s, hal::Seconds(*own_begun_ - begun_).count() + kOwnMotion_s);
     }
-    go::GoTask task = task_;
-    task.duration_s = command_.duration_s;
-    task.objective = command_.objective == "time"     ? plan::Objective::kTime
-                     : command_.objective == "effort" ? plan::Objective::kEffort
-                                                      : plan::Objective::kFriction;
     std::atomic<bool> over = false;
     const auto stop = [&] { return over || *signalled_ != 0 || seconds_since(begun_) > limit_s; };
     const auto tell_of = [&](const std::string& tried) {
@@ -304,13 +405,13 @@ class Going {
                               [&] { return go::plan_course(run_.scenario(), *params_, at, task, stop, tell_of); });
     const auto ready = [&] { return planned.wait_for(hal::Seconds(0)) == std::future_status::ready; };
     hal::Status status = hal::Status::kOk;
-    while (!ready() && status != hal::Status::kIo) {
+    while (!ready() && status != hal::Status::kIo && !useless()) {
       status = bus_.receive_until(hal::after(Clock::now(), hal::Seconds(0.005)), ready);
     }
-    over = status == hal::Status::kIo;
+    over = !ready();
     outcome = planned.get();
     if (*signalled_ != 0) return could_not("interrupted");
-    if (over) return could_not("the LCM bus failed");
+    if (status == hal::Status::kIo) return could_not("the LCM bus failed");
     return std::nullopt;
   }
 
@@ -350,13 +451,15 @@ class Going {
       }
       return refuse(refused_);
     }
+    in_force_ = {plan.on_the_way, plan.moved.duration_s};
+    const std::string to = plan.on_the_way ? fmt::format(", {} {}", kOnItsWay, place_text(task_.to_m)) : "";
     std::cout << fmt::format(
-                     "goes to {} in {} s from tick {} on, and needs f_s/N = {}, with its motors' swing at most {}; "
+                     "goes to {} in {} s from tick {} on{}, and needs f_s/N = {}, with its motors' swing at most {}; "
                      "planned in {:.2f} s, handed over in {:.2f} s",
-                     place_text(task_.to_m), short_time(plan.moved.duration_s), end_.status().course_tick,
+                     place_text(plan.end_m), short_time(plan.moved.duration_s), end_.status().course_tick, to,
                      short_number(plan.need), short_number(plan.most_need), planned_s, seconds_since(start))
               << std::endl;
-    return command_.wait ? arrive(plan, number) : program::kExitCompleted;
+    return program::kExitCompleted;
   }
 
   // Once: two operators who plan again and again would disturb each other for ever.
@@ -367,28 +470,9 @@ class Going {
     return std::nullopt;
   }
 
-  int arrive(const go::GoPlan& plan, std::int64_t number) {
-    const double period_s = run_.scenario().run.control_period_s;
-    const auto follows = [&](const controller_status_t& s) {
-      return s.course == number && s.mode == controller_status_t::MODE_RUNNING;
-    };
-    constexpr double kSettles_s = 3;  // feedback brings a ball that was disturbed on its way
-    go::LostCourse watch;
-    const auto over = [&](const controller_status_t& s) {
-      const double time_s = static_cast<double>(s.tick - s.course_tick) * period_s - s.motion_delay_s;
-      lost_ = watch.lost(s);
-      const double over_s = time_s - plan.moved.duration_s;
-      return lost_ || !follows(s) || over_s >= kSettles_s || (over_s >= 0 && is_there());
-    };
-    if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
-    if (lost_) {
-      std::cout << "the ball has lost its course, at " << place_text(place()) << std::endl;
-      return program::kExitEnvelope;
-    }
-    if (!follows(end_.status())) {
-      std::cout << "the course ended before the ball was there: " << sil::status_text(end_.status()) << std::endl;
-      return program::kExitEnvelope;
-    }
+  int arrive() {
+    if (const int status = reach_the_end([this] { return is_there(); }); status != program::kExitCompleted)
+      return status;
     const bool there = is_there();
     std::cout << fmt::format("is at {}, {} mm from there{}", place_text(place()),
                              short_number(1e3 * (place() - task_.to_m).norm(), 0.01),
@@ -413,13 +497,18 @@ class Going {
   RunOnBus run_;
   const volatile std::sig_atomic_t* signalled_;
   Clock::time_point begun_ = Clock::now();
-  Eigen::Vector2d from_ = Eigen::Vector2d::Zero();  // where the course begins
+  Eigen::Vector2d from_ = Eigen::Vector2d::Zero();  // where the way begins
   std::unique_ptr<firmware::ControllerParams> params_;
   double ticks_per_s_ = 0;
   int search_ticks_ = 0;
   double search_part_ = go::kFirstSearch;
   std::string refused_ = "the time for planning was over";  // why the controller refused the last course
   bool lost_ = false;
+  struct {
+    bool on_the_way = false;  // it ends at a rest
+    double duration_s = 0;
+  } in_force_;                                  // the newest course that was handed over here
+  std::optional<go::GoPlan> from_rest_;         // of the rest of the way, or one that the controller refused as late
   bool own_motion_ = true;                      // a course is looked for from it
   std::optional<Clock::time_point> own_begun_;  // that search, with later ones where a plan came too late
   bool disturbed_ = false;                      // by another operator's course

@@ -190,6 +190,10 @@ class Control {
       report(told);
     }
     if (status != nullptr && told && told->moves) limit_move(told->who, *status);
+    if (const auto text = go_.sets_out()) {
+      if (status != nullptr) course_before_ = status->course;
+      feed_.say(LiveFeed::Kind::kPlan, go_.wish()->who + ": go: " + *text);
+    }
     if (const auto answer = go_.poll(status)) {
       feed_.set_wish(nullptr);
       feed_.say(answer->obeyed ? LiveFeed::Kind::kPlan : LiveFeed::Kind::kRefusal,
@@ -288,7 +292,7 @@ class Control {
   LiveOthers others_;
   LiveGo go_;
   LiveFeed& feed_;
-  std::int64_t course_before_ = 0;  // followed when the newest wish came
+  std::int64_t course_before_ = 0;  // followed when the newest wish came, or from then on to a rest on its way
   std::optional<Followed> followed_;
   std::string taken_back_;  // why the newest move is; told when that is obeyed
 };

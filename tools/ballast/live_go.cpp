@@ -85,6 +85,7 @@ std::string LiveGo::start(GoWish wish, const controller_status_t& status) {
   output_ = std::move(pipe->reading);
   fcntl(output_.get(), F_SETFL, fcntl(output_.get(), F_GETFL) | O_NONBLOCK);
   text_.clear();
+  on_the_way_ = false;
   wish_ = std::move(wish);
   run_id_ = status.run_id;
   mode_ = status.mode;
@@ -105,6 +106,8 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
   read();
   const auto end = planner_.wait(std::chrono::seconds(0));
   if (!end) {
+    // It waits for the ball, for as long as the run takes.
+    if (on_the_way_ && status != nullptr && status->at_rest == 0) begun_ = Clock::now();
     if (status == nullptr || status->run_id != run_id_) return give_up("the run ended before the course was planned");
     if (is_stopped(status->mode) && !is_stopped(mode_) && !halts_itself(status->mode))
       return give_up("dropped: the controller is " + std::string(sil::mode_text(status->mode)));
@@ -116,6 +119,17 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
   Answer answer{*drop(), end->exit_status == program::kExitCompleted, in_one_line(text_)};
   if (answer.text.empty()) answer.text = "the planner ended with " + end->text();
   return answer;
+}
+
+std::optional<std::string> LiveGo::sets_out() {
+  const std::size_t told = text_.find(kOnItsWay);
+  const std::size_t end = told == std::string::npos ? told : text_.find('\n', told);
+  if (end == std::string::npos) return std::nullopt;
+  const std::string text = in_one_line(text_.substr(0, end));
+  text_.erase(0, end + 1);
+  on_the_way_ = true;
+  mode_ = controller_status_t::MODE_RUNNING;
+  return text;
 }
 
 bool LiveGo::halts_itself(int mode) const {

@@ -51,6 +51,10 @@ class LiveGo {
   // after another command has stopped the masses, so it is killed then. A halt of its own is no such command.
   [[nodiscard]] std::optional<Answer> poll(const controller_status_t* status);
 
+  // Once for each course to a rest on the way that has come into force: the planner's words. It plans the rest of the
+  // way then.
+  [[nodiscard]] std::optional<std::string> sets_out();
+
   // The wish whose planner is at work; null: none.
   [[nodiscard]] const GoWish* wish() const { return wish_ ? &*wish_ : nullptr; }
   // That planner has said that it halts the ball first.
@@ -72,7 +76,8 @@ class LiveGo {
   std::chrono::duration<double> patience_{};
   program::Subprocess planner_;
   program::Descriptor output_;
-  std::string text_;  // what it has printed
+  std::string text_;         // what it has printed, and sets_out() has not told
+  bool on_the_way_ = false;  // the ball rolls to a rest, as it has said
 };
 
 }  // namespace ballast

@@ -90,12 +90,18 @@ struct Motion {
   firmware::BallParams ball;
   std::vector<plan::Node> nodes;
   double need = 0, goal_error_m = 0;
+  Eigen::Vector2d end_m = Eigen::Vector2d::Zero();
+  bool on_the_way = false;
 };
 
 Motion motion_of(const Try& found) {
   const plan::Plan& plan = *found.outcome.plan;
-  return {plan::with_motion(found.file.scenario, plan.grid, plan.knots), found.problem.robot.ball, plan.run.nodes,
-          plan.run.need, plan.goal_error_m};
+  return {plan::with_motion(found.file.scenario, plan.grid, plan.knots),
+          found.problem.robot.ball,
+          plan.run.nodes,
+          plan.run.need,
+          plan.goal_error_m,
+          found.file.task.goal_m};
 }
 
 // The robot at the end of a motion, as the plant rolls it.
@@ -111,6 +117,7 @@ void append(const Motion& leg, Motion& way) {
   way.nodes.insert(way.nodes.end(), leg.nodes.begin(), leg.nodes.end());
   way.need = std::max(way.need, leg.need);
   way.goal_error_m = leg.goal_error_m;
+  way.end_m = leg.end_m;
 }
 
 firmware::RobotState robot_of(const plan::RollingState& state, std::size_t masses) {
@@ -173,11 +180,17 @@ double fitting_speed(const firmware::ControllerParams& params, const std::vector
   return part;
 }
 
-// A plan of the same way, too fast for the governor, and the time in which it would fit.
-struct TooFast {
-  Try tried;
-  double needed_s = 0;
+// A motion like the one that is searched for.
+struct Neighbour {
+  std::vector<std::vector<sim::MotionPiece>> motion;  // of each mass
+  double duration_s = 0;
 };
+
+std::shared_ptr<const Neighbour> neighbour_of(const GoPlan& plan) {
+  Neighbour out{{}, plan.moved.duration_s};
+  for (const sim::Mass& mass : plan.moved.masses) out.motion.push_back(mass.motion);
+  return std::make_shared<const Neighbour>(std::move(out));
+}
 
 // The governor's own rollout of the whole motion, with the swing of its motors, keeps the cone without a bend.
 bool fits_governor(const firmware::ControllerParams& params, const std::vector<plan::Node>& nodes, double duration_s) {
@@ -210,7 +223,7 @@ bool fits_governor(const firmware::ControllerParams& params, const std::vector<p
 }
 
 // Searches for a plan that fits the governor. `neighbour`: where it begins, alone; null: a few starts by the seed.
-void search(const firmware::ControllerParams& params, const TooFast* neighbour, std::uint64_t seed,
+void search(const firmware::ControllerParams& params, const Neighbour* neighbour, std::uint64_t seed,
             const std::function<bool()>& stop, Try& one) {
   constexpr int kStarts = 2;
   plan::SearchOptions options;
@@ -222,11 +235,7 @@ void search(const firmware::ControllerParams& params, const TooFast* neighbour, 
     return fits_governor(params, plan.run.nodes, one.file.task.duration_s);
   };
   options.stop = stop;
-  if (neighbour != nullptr) {
-    const plan::Plan& plan = *neighbour->tried.outcome.unfit;
-    options.from =
-        plan::stretched_motion(neighbour->tried.file.scenario, plan.grid, plan.knots, one.file.task.duration_s);
-  }
+  if (neighbour != nullptr) options.from = neighbour->motion;
   one.outcome = plan::search(one.problem, one.file.scenario, options);
 }
 
@@ -252,6 +261,8 @@ std::optional<GoPlan> finished(const firmware::ControllerParams& params, Motion 
   plan.need = found.need;
   plan.most_need = std::max(plan.need, most_need(params, found.nodes, 1));
   plan.goal_error_m = found.goal_error_m;
+  plan.end_m = found.end_m;
+  plan.on_the_way = found.on_the_way;
   if (const auto refused = plan::set_reference(plan.moved, found.ball, plan.reference)) {
     why = "there is no reference: " + *refused;
     return std::nullopt;
@@ -286,7 +297,8 @@ struct Leg {
   plan::ReferencePoint begin;
   GoTask task;
   double likely_s = 0;
-  bool slows = false;  // what is too fast for the governor is tried slower
+  bool slows = false;                     // what is too fast for the governor is tried slower
+  std::shared_ptr<const Neighbour> late;  // the first try begins with it; null: none
 };
 
 // Searches for the whole way, again and again with other parameters.
@@ -304,8 +316,10 @@ struct Tries {
   std::optional<Motion> found;
   std::string why;  // the first was in vain
   bool infeasible = false;
-  std::shared_ptr<const TooFast> fast;  // the newest
-  bool stretches = false;               // that one has not been tried slower
+  // The newest plan that is too fast for the governor, in the time in which it would fit.
+  std::shared_ptr<const Neighbour> slower;
+  double fast_s = 0;       // duration of that plan
+  bool stretches = false;  // that one has not been tried slower
 };
 
 struct Planner {
@@ -325,7 +339,7 @@ struct Planner {
   void search_leg(const Leg& leg, int threads, std::uint64_t seed, const std::function<bool()>& ended,
                   Tries& tries) const;
   void keep_trying(const Leg& leg, std::uint64_t seed, const std::function<bool()>& ended, Tries& tries) const;
-  // With a rest at each of its stops. None: some leg was not found, `failed`.
+  // With a rest at each of its stops, or up to the first of them. None: some leg was not found, `failed`.
   [[nodiscard]] std::optional<Motion> by_legs(const GoTask& task, const Race& race, int threads,
                                               const std::function<bool()>& ended, Tries& failed) const;
   // The whole way at once, or by legs, or both: the first that finds something ends the other.
@@ -361,45 +375,52 @@ Leg Planner::leg_of(const plan::ReferencePoint& begin, const GoTask& task) const
   return leg;
 }
 
-// A plan that is too fast for the governor, and how slow it would have to be.
-std::shared_ptr<const TooFast> too_fast(const firmware::ControllerParams& params, Try& one) {
+// A plan that is too fast for the governor, as slow as it would have to be.
+std::shared_ptr<const Neighbour> slowed(const firmware::ControllerParams& params, const Try& one) {
   constexpr double kHardlyFits = 0.9;  // part of the speeds, of a plan whose speeds alone would fit
-  const double part = std::min(fitting_speed(params, one.outcome.unfit->run.nodes), kHardlyFits);
-  const double needed_s = one.file.task.duration_s / part;
-  return std::make_shared<const TooFast>(TooFast{std::move(one), needed_s});
+  const plan::Plan& fast = *one.outcome.unfit;
+  const double part = std::min(fitting_speed(params, fast.run.nodes), kHardlyFits);
+  const double duration_s = one.file.task.duration_s / part;
+  return std::make_shared<const Neighbour>(
+      Neighbour{plan::stretched_motion(one.file.scenario, fast.grid, fast.knots, duration_s), duration_s});
 }
 
 void Planner::keep_trying(const Leg& leg, std::uint64_t seed, const std::function<bool()>& ended, Tries& tries) const {
   const bool given = leg.task.duration_s.has_value();
   for (;;) {
-    std::shared_ptr<const TooFast> neighbour;
+    std::shared_ptr<const Neighbour> neighbour;
     double duration_s = leg.likely_s;
     std::uint64_t own_seed = seed;
     {
       const std::lock_guard lock(tries.mutex);
       if (tries.found || tries.infeasible || tries.begun >= tries.most || ended()) return;
       if (tries.stretches && leg.slows) {
-        neighbour = tries.fast;
-        duration_s = neighbour->needed_s;
+        neighbour = tries.slower;
         tries.stretches = false;
+      } else if (tries.begun == 0 && leg.late) {
+        neighbour = leg.late;
       } else if (!given && tries.begun % (2 * kThreads) >= kThreads) {
         duration_s *= kLonger;  // a slow motion stays in the motors' resonances
       }
       own_seed += static_cast<std::uint64_t>(tries.begun++);
     }
+    if (neighbour) duration_s = neighbour->duration_s;
     Try one = make_try(leg.from, leg.begin, leg.task, duration_s);
     search(params, neighbour.get(), own_seed, ended, one);
     const bool is_unfit = !one.outcome.plan && one.outcome.unfit;
     const std::string why = in_words_of_go(one.outcome.binding);
     const bool infeasible = one.outcome.status == plan::Status::kInfeasible;
     std::optional<Motion> found;
-    std::shared_ptr<const TooFast> fast;
+    std::shared_ptr<const Neighbour> slower;
     if (one.outcome.plan) found = motion_of(one);
-    if (is_unfit) fast = too_fast(params, one);
+    if (is_unfit) slower = slowed(params, one);
     const std::lock_guard lock(tries.mutex);
     tries.infeasible |= infeasible;
     if (found && !tries.found) tries.found = std::move(found);
-    if (fast) tries.fast = fast;
+    if (slower) {
+      tries.slower = slower;
+      tries.fast_s = duration_s;
+    }
     tries.stretches |= is_unfit;
     if (tries.why.empty()) tries.why = why;
   }
@@ -425,6 +446,8 @@ std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int
   std::optional<Motion> way;
   std::deque<Eigen::Vector2d> ahead = stops(task, race.leg_m);
   Eigen::Vector2d last_m(at.place_m[0], at.place_m[1]);
+  const bool late = task.late && task.late->on_the_way;
+  if (late) ahead.push_front(task.late->end_m);
   for (int halvings = 0; !ahead.empty();) {
     const Eigen::Vector2d stop_m = ahead.front();
     GoTask to_stop;
@@ -432,6 +455,7 @@ std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int
     to_stop.objective = task.objective;
     Leg leg = leg_of(way ? end_of(*way) : at, to_stop);
     leg.likely_s *= race.longer;
+    if (late && !way) leg.late = neighbour_of(*task.late);
     Tries tries;
     tries.most = race.tries;
     search_leg(leg, threads, race.seed, ended, tries);
@@ -457,6 +481,10 @@ std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int
     }
     last_m = stop_m;
     ahead.pop_front();
+    if (task.sets_out && !ahead.empty()) {
+      way->on_the_way = true;
+      break;
+    }
   }
   return way;
 }
@@ -489,6 +517,7 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
   Leg whole = leg_of(at, task);
   whole.likely_s = std::max(whole.likely_s, least_s);
   whole.slows = !given;
+  if (task.late && !task.late->on_the_way) whole.late = neighbour_of(*task.late);
   Race race;
   GoOutcome out;
   for (int k = 0; k < kRaces && !stop(); ++k) {
@@ -503,10 +532,9 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
     }
     out.why = tries.why;
     if (tries.infeasible) return out;
-    if (tries.fast) {
-      out.why = fmt::format("in {:.3g} s its motors would swing so much that the governor bends it",
-                            tries.fast->tried.file.task.duration_s);
-      if (given) out.likely_s = tries.fast->needed_s;
+    if (tries.slower) {
+      out.why = fmt::format("in {:.3g} s its motors would swing so much that the governor bends it", tries.fast_s);
+      if (given) out.likely_s = tries.slower->duration_s;
     }
     if (given || stop()) return out;
     const std::string what =

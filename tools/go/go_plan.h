@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,19 +18,25 @@ namespace ballast::go {
 // A search takes a third where little is bent. The controller refuses a course that leaves it too little as late.
 inline constexpr double kFirstSearch = 0.4;
 
+struct GoPlan {
+  sim::Scenario moved;  // set down where the course begins, with the motion
+  firmware::ReferenceTable reference;
+  double need = 0;                                  // greatest f_s / N with masses that follow exactly
+  double most_need = 0;                             // the same with all that the governor allows for the motors' swing
+  double goal_error_m = 0;                          // of the plan itself
+  Eigen::Vector2d end_m = Eigen::Vector2d::Zero();  // where it was to end
+  bool on_the_way = false;                          // not at the task's place: at a rest that the planner has chosen
+};
+
 struct GoTask {
   Eigen::Vector2d to_m = Eigen::Vector2d::Zero();
   std::vector<Eigen::Vector2d> via_m;
   std::optional<double> duration_s;  // none: chosen, so that the governor has nothing to bend
   plan::Objective objective = plan::Objective::kFriction;
-};
-
-struct GoPlan {
-  sim::Scenario moved;  // set down where the course begins, with the motion
-  firmware::ReferenceTable reference;
-  double need = 0;          // greatest f_s / N with masses that follow exactly
-  double most_need = 0;     // the same with all that the governor allows for the motors' swing
-  double goal_error_m = 0;  // of the plan itself
+  // A straight way with rests is planned up to the first of them, so that the ball sets out soon.
+  bool sets_out = false;
+  // For the same places, but it came too late: the search begins with it. Null: none.
+  std::shared_ptr<const GoPlan> late;
 };
 
 struct GoOutcome {

@@ -85,6 +85,8 @@ double off_m(const plan::ReferencePoint& here, const plan::ReferencePoint& expec
 
 }  // namespace
 
+bool ball_rests(const Heard& heard) { return speed_mps(heard.scenario, now(heard)) < rest_speed_mps(heard.scenario); }
+
 bool needs_halt(const Heard& heard) {
   if (heard.status.mode != controller_status_t::MODE_RUNNING) return false;
   if (heard.status.backup_active != 0) return true;
@@ -166,7 +168,7 @@ std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, s
     if (out.rests) {
       out.at.state.omega_B = {0, 0, 0};
       // It hangs where it is, and may have turned about the vertical. One that rocks will hang where it is held.
-      if (speed_mps(heard.scenario, here) < rest_speed_mps(heard.scenario)) {
+      if (ball_rests(heard)) {
         out.at.place_m = here.place_m;
         out.at.state.q = here.state.q;
       }
