@@ -144,7 +144,7 @@ class ClickingPeers final : public sil::Peer {
            course_s - status_->motion_delay_s > clicked.duration_s && go::ball_rests(heard());
   }
 
-  // For click k: from where the ball is, or from a rest on the way.
+  // Plans for click k, from where the ball is or from a rest on the way.
   void plan(std::int64_t tick, std::size_t k) {
     Clicked& clicked = out_.clicked[k];
     const Click& click = clicks_[k];

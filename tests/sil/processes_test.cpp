@@ -264,7 +264,8 @@ TEST(Processes, AGoDuringAMotionStartedByHandArrives) {
   }
 }
 
-// A long way is planned up to a rest on it, and the rest of it while the ball rolls there. A halt on the way ends it.
+// A long way is planned up to a rest on it, and the remaining way while the ball rolls there. A halt on the way ends
+// it.
 TEST(Processes, AGoOnALongWaySetsOutBeforeAllOfItIsPlanned) {
   const Folder folder;
   const std::string bus = " --lcm '" + bus_url(38) + "'";

@@ -80,8 +80,9 @@ class RunOnBus {
   [[nodiscard]] bool has_scenario() const { return scenario_.has_value(); }
   [[nodiscard]] const sim::Scenario& scenario() const { return *scenario_; }
   // From now on the parts of other courses are noticed.
-  void hand_over(std::int64_t number) {
-    own_ = number;
+  void hand_over(const go::HostCourse& course) {
+    courses_.insert_or_assign(course.number, course);
+    own_ = course.number;
     others_ = false;
   }
   [[nodiscard]] bool heard_others() const { return others_; }
@@ -121,6 +122,8 @@ class RunOnBus {
 class Going {
   // The ball is there within this part of the way, or this far.
   static constexpr double kThere = 0.02, kLeastThere_m = 1e-3;
+  static constexpr double kNear = 0.05;  // of the radius: feedback takes it away
+  static constexpr const char* kRollsOn = "; the ball rolls on to a rest on its way";
 
  public:
   // `task`: the places; plan() adds the rest.
@@ -150,7 +153,7 @@ class Going {
     return status == program::kExitCompleted && command_.wait ? arrive() : status;
   }
 
-  // To the place, or to a rest on the way there: until that course is in force.
+  // Plans and hands over, to the place or to a rest on the way there, until that course is in force.
   int go() {
     // The longer a plan takes, the later it begins while the ball rolls. One that came too late shortens the next
     // search.
@@ -159,6 +162,7 @@ class Going {
     std::shared_ptr<const go::GoPlan> late;
     for (;;) {
       if (const auto status = await_others()) return *status;
+      if (is_replaced()) return ended_early();
       if (const auto status = halt_if_lost()) return *status;
       planned_on_ = end_.status().course;
       const std::int64_t from_tick = end_.status().tick + ticks_in(patience_s) + handover_ticks();
@@ -170,9 +174,11 @@ class Going {
         outcome.plan = std::exchange(from_rest_, std::nullopt);
       } else {
         if (!in_force_.on_the_way) from_ = {at->at.place_m[0], at->at.place_m[1]};
-        const auto never = [] { return false; };
-        if (const auto status = plan(*at, task(true, late), never, outcome)) return *status;
+        if (const auto status = plan(
+                *at, task(true, late), [this] { return is_replaced(); }, outcome))
+          return *status;
       }
+      if (is_replaced()) return ended_early();
       if (!outcome.plan && leaves_own_motion(*at)) {
         own_motion_ = false;
         if (const auto status = halt_first("no course is found in time from the motion that is under way"))
@@ -182,58 +188,68 @@ class Going {
       if (!outcome.plan) return refuse_plan(outcome.why.empty() ? refused_ : outcome.why, *at);
       const bool last = seconds_since(begun_) >= command_.time_limit_s;
       const std::int64_t soonest = end_.status().tick + handover_ticks();
+      bool is_late = true;
       if (at->rests || from_tick >= soonest || last) {
         const bool armed = end_.status().mode == controller_status_t::MODE_ARMED;
         const auto status = hand_over(*outcome.plan, at->rests ? (armed ? 0 : soonest) : from_tick, last);
         if (status) return *status;
+        is_late = end_.status().refusal == controller_status_t::REFUSAL_LATE;
       }
-      if (at->rests) {
-        from_rest_ = std::move(outcome.plan);
-        continue;
-      }
-      if (late) patience_s *= kMorePatience;
-      late = std::make_shared<const go::GoPlan>(std::move(*outcome.plan));
+      if (!is_late || late) patience_s *= kMorePatience;
+      late.reset();
+      if (is_late && at->rests) from_rest_ = std::move(outcome.plan);
+      if (is_late && !at->rests) late = std::make_shared<const go::GoPlan>(std::move(*outcome.plan));
     }
   }
 
-  // The places and attitudes at which the ball rests differ by less than feedback takes away.
+  // A plan from rest serves where place and attitude differ by less than feedback takes away.
   [[nodiscard]] static bool begins_at(const go::GoPlan& plan, const plan::ReferencePoint& at) {
-    constexpr double kPlace = 0.05, kTurn_rad = 0.02;  // over r
+    constexpr double kTurn_rad = 0.02, kSame = 1e-6;
     const sim::Scenario& moved = plan.moved;
     const auto& q = at.state.q;
     const Eigen::Quaterniond orientation(q[0], q[1], q[2], q[3]);
     const double off_m =
         std::hypot(moved.initial.position_W_m.x() - at.place_m[0], moved.initial.position_W_m.y() - at.place_m[1]);
-    const double turn_rad = moved.initial.orientation.angularDistance(orientation);
-    return off_m < kPlace * moved.ball.radius_m && turn_rad < kTurn_rad;
+    bool same =
+        off_m < kNear * moved.ball.radius_m && moved.initial.orientation.angularDistance(orientation) < kTurn_rad;
+    for (std::size_t i = 0; i < moved.masses.size(); ++i) {
+      same = same && std::fabs(moved.masses[i].initial_position - at.state.position[i]) < kSame;
+    }
+    return same;
   }
 
   [[nodiscard]] bool follows(const controller_status_t& s) const {
-    return s.course == number_ && s.mode == controller_status_t::MODE_RUNNING;
+    return s.course == in_force_.number && s.mode == controller_status_t::MODE_RUNNING;
   }
-  // Of the course in force; negative until then.
+  // A halt, a stop or another operator's course has ended the one to a rest on the way.
+  [[nodiscard]] bool is_replaced() const { return in_force_.on_the_way && !follows(end_.status()); }
+  // Counts from the end of the course in force; negative until then.
   [[nodiscard]] double past_its_end_s(const controller_status_t& s) const {
     const double time_s = static_cast<double>(s.tick - s.course_tick) * run_.scenario().run.control_period_s;
     return time_s - s.motion_delay_s - in_force_.duration_s;
   }
 
-  // Plans the rest of the way while the ball rolls to the end of the course in force, and waits for that. Where no plan
+  // Plans the remaining way while the ball rolls to the end of the course in force, and waits for that. Where no plan
   // is found, go() tries again from there.
   int reach_the_rest() {
     begun_ = Clock::now();
-    const controller_status_t& status = end_.status();
+    const controller_status_t status = end_.status();
     const double left_s = -past_its_end_s(status);
     const auto end_tick =
         status.tick + static_cast<std::int64_t>(std::ceil(left_s / run_.scenario().run.control_period_s));
     go::GoOutcome outcome;
     std::string why;
     if (const auto at = go::standpoint_at(run_.heard(status), end_tick, why)) {
-      const auto useless = [&] { return !follows(end_.status()); };
+      const auto useless = [&] { return watch_.lost(end_.status()) || !follows(end_.status()); };
       if (const auto failed = plan(*at, task(false, nullptr), useless, outcome)) return *failed;
       from_rest_ = std::move(outcome.plan);
     }
-    const int reached = reach_the_end([this] { return go::ball_rests(run_.heard(end_.status())); });
-    begun_ = Clock::now();
+    const auto planned = Clock::now() - begun_;
+    const int reached = reach_the_end([this] {
+      return go::ball_rests(run_.heard(end_.status())) &&
+             (place() - in_force_.end_m).norm() < kNear * run_.scenario().ball.radius_m;
+    });
+    begun_ = Clock::now() - planned;  // the time for planning does not run while the ball rolls
     return reached;
   }
 
@@ -241,22 +257,24 @@ class Going {
   // there that was disturbed on its way.
   int reach_the_end(const std::function<bool()>& there) {
     constexpr double kSettles_s = 3;
-    go::LostCourse watch;
     const auto over = [&](const controller_status_t& s) {
-      lost_ = watch.lost(s);
+      lost_ = watch_.lost(s);
       const double over_s = past_its_end_s(s);
       return lost_ || !follows(s) || over_s >= kSettles_s || (over_s >= 0 && there());
     };
-    if (end_.follow(over) != hal::Status::kOk) return bus_trouble(end_);
+    if (end_.follow(over) != hal::Status::kOk) {
+      return could_not(end_.trouble() + (in_force_.on_the_way ? kRollsOn : ""));
+    }
     if (lost_) {
       std::cout << "the ball has lost its course, at " << place_text(place()) << std::endl;
       return program::kExitEnvelope;
     }
-    if (!follows(end_.status())) {
-      std::cout << "the course ended before the ball was there: " << sil::status_text(end_.status()) << std::endl;
-      return program::kExitEnvelope;
-    }
-    return program::kExitCompleted;
+    return follows(end_.status()) ? program::kExitCompleted : ended_early();
+  }
+
+  [[nodiscard]] int ended_early() const {
+    std::cout << "the course ended before the ball was there: " << sil::status_text(end_.status()) << std::endl;
+    return program::kExitEnvelope;
   }
 
   // Learns the run, and how fast it goes.
@@ -284,8 +302,9 @@ class Going {
 
   [[nodiscard]] int refuse_plan(const std::string& why, const go::Standpoint& at) const {
     const bool from_rest = at.rests || !go::beyond_one_course(run_.scenario(), at.at, task_).empty();
-    return refuse(fmt::format("no course to {}: {}{}", place_text(task_.to_m), why,
-                              from_rest ? "" : "; the ball rolls: there may be one once it is halted"));
+    std::string then = from_rest ? "" : "; the ball rolls: there may be one once it is halted";
+    if (in_force_.on_the_way) then = "; the ball rests on its way, at " + place_text(place());
+    return refuse(fmt::format("no course to {}: {}{}", place_text(task_.to_m), why, then));
   }
 
   [[nodiscard]] int not_known() const {
@@ -347,6 +366,8 @@ class Going {
 
   std::optional<int> halt_first(const std::string& why) {
     std::cout << fmt::format("{}: {}", why, kHaltsFirst) << std::endl;
+    in_force_ = {};
+    from_rest_.reset();
     if (const auto status = tell(end_, firmware::OperatorCommand::kHalt, "halt")) return status;
     if (end_.follow(is_over) != hal::Status::kOk) return bus_trouble(end_);
     begun_ = Clock::now();
@@ -410,7 +431,7 @@ class Going {
     }
     over = !ready();
     outcome = planned.get();
-    if (*signalled_ != 0) return could_not("interrupted");
+    if (*signalled_ != 0) return could_not(std::string("interrupted") + (in_force_.on_the_way ? kRollsOn : ""));
     if (status == hal::Status::kIo) return could_not("the LCM bus failed");
     return std::nullopt;
   }
@@ -425,7 +446,7 @@ class Going {
     const auto start = Clock::now();
     const std::int64_t number = number_ = hal::draw_bus_number();
     const go::HostCourse course = go::make_course(number, from_tick, plan.moved, plan.reference);
-    run_.hand_over(number);
+    run_.hand_over(course);
     for (const firmware::CoursePart& part : go::parts_of(course)) {
       if (end_.tell(part) != hal::Status::kOk) return bus_trouble(end_);
       if (end_.status().refusal == controller_status_t::REFUSAL_NONE) continue;
@@ -451,7 +472,8 @@ class Going {
       }
       return refuse(refused_);
     }
-    in_force_ = {plan.on_the_way, plan.moved.duration_s};
+    in_force_ = {number, plan.on_the_way, plan.moved.duration_s, plan.end_m};
+    watch_ = {};
     const std::string to = plan.on_the_way ? fmt::format(", {} {}", kOnItsWay, place_text(task_.to_m)) : "";
     std::cout << fmt::format(
                      "goes to {} in {} s from tick {} on{}, and needs f_s/N = {}, with its motors' swing at most {}; "
@@ -505,10 +527,13 @@ class Going {
   std::string refused_ = "the time for planning was over";  // why the controller refused the last course
   bool lost_ = false;
   struct {
+    std::int64_t number = 0;
     bool on_the_way = false;  // it ends at a rest
     double duration_s = 0;
+    Eigen::Vector2d end_m = Eigen::Vector2d::Zero();
   } in_force_;                                  // the newest course that was handed over here
-  std::optional<go::GoPlan> from_rest_;         // of the rest of the way, or one that the controller refused as late
+  go::LostCourse watch_;                        // on that one
+  std::optional<go::GoPlan> from_rest_;         // for the remaining way, or one that the controller refused as late
   bool own_motion_ = true;                      // a course is looked for from it
   std::optional<Clock::time_point> own_begun_;  // that search, with later ones where a plan came too late
   bool disturbed_ = false;                      // by another operator's course

@@ -12,7 +12,7 @@ namespace ballast {
 
 // Printed before it halts a ball by itself, behind the reason.
 inline constexpr std::string_view kHaltsFirst = "halts it first";
-// Printed with a course that ends at a rest, before the place that it is planned to. The rest of the way is planned
+// Printed with a course that ends at a rest, before the place that it is planned to. The remaining way is planned
 // while the ball rolls there.
 inline constexpr std::string_view kOnItsWay = "on its way to";
 

@@ -20,7 +20,7 @@ namespace {
 
 // For planning, and for the planner to hand over and to end.
 constexpr double kPlan_s = 20, kPlanPerVia_s = 5, kEnd_s = 40;
-constexpr std::size_t kLongestText = 2000;
+constexpr std::size_t kLongestText = 6000;
 
 std::string option(const char* name, const FloorPlace& place) {
   return fmt::format("--{}={:.9g},{:.9g}", name, place[0], place[1]);
@@ -29,6 +29,11 @@ std::string option(const char* name, const FloorPlace& place) {
 bool is_near(const FloorPlace& place) {
   return std::all_of(place.begin(), place.end(),
                      [](double x) { return std::fabs(x) <= go::kFarthestPlace_m; });  // no NaN
+}
+
+bool masses_move(const controller_status_t& status) {
+  const double* const velocity = status.commanded_velocity;
+  return std::any_of(velocity, velocity + status.motor_count, [](double v) { return v != 0; });
 }
 
 // In these modes the masses stop or do not move, and a course that was planned before must not begin.
@@ -106,8 +111,8 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
   read();
   const auto end = planner_.wait(std::chrono::seconds(0));
   if (!end) {
-    // It waits for the ball, for as long as the run takes.
-    if (on_the_way_ && status != nullptr && status->at_rest == 0) begun_ = Clock::now();
+    if (on_the_way_ && status != nullptr && masses_move(*status))
+      begun_ = Clock::now();  // the planner waits for the ball
     if (status == nullptr || status->run_id != run_id_) return give_up("the run ended before the course was planned");
     if (is_stopped(status->mode) && !is_stopped(mode_) && !halts_itself(status->mode))
       return give_up("dropped: the controller is " + std::string(sil::mode_text(status->mode)));
@@ -122,6 +127,7 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
 }
 
 std::optional<std::string> LiveGo::sets_out() {
+  if (!wish_) return std::nullopt;
   const std::size_t told = text_.find(kOnItsWay);
   const std::size_t end = told == std::string::npos ? told : text_.find('\n', told);
   if (end == std::string::npos) return std::nullopt;

@@ -51,8 +51,8 @@ class LiveGo {
   // after another command has stopped the masses, so it is killed then. A halt of its own is no such command.
   [[nodiscard]] std::optional<Answer> poll(const controller_status_t* status);
 
-  // Once for each course to a rest on the way that has come into force: the planner's words. It plans the rest of the
-  // way then.
+  // The planner's words, once for each course to a rest on the way that has come into force. It plans the remaining way
+  // then.
   [[nodiscard]] std::optional<std::string> sets_out();
 
   // The wish whose planner is at work; null: none.

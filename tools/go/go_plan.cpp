@@ -446,7 +446,9 @@ std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int
   std::optional<Motion> way;
   std::deque<Eigen::Vector2d> ahead = stops(task, race.leg_m);
   Eigen::Vector2d last_m(at.place_m[0], at.place_m[1]);
-  const bool late = task.late && task.late->on_the_way;
+  // A plan that came too late is of use up to its own rest, where that still lies ahead.
+  const bool late = task.late && task.late->on_the_way && race.seed == 0 &&
+                    (task.late->end_m - task.to_m).norm() < (last_m - task.to_m).norm();
   if (late) ahead.push_front(task.late->end_m);
   for (int halvings = 0; !ahead.empty();) {
     const Eigen::Vector2d stop_m = ahead.front();
@@ -455,7 +457,7 @@ std::optional<Motion> Planner::by_legs(const GoTask& task, const Race& race, int
     to_stop.objective = task.objective;
     Leg leg = leg_of(way ? end_of(*way) : at, to_stop);
     leg.likely_s *= race.longer;
-    if (late && !way) leg.late = neighbour_of(*task.late);
+    if (late && stop_m == task.late->end_m) leg.late = neighbour_of(*task.late);
     Tries tries;
     tries.most = race.tries;
     search_leg(leg, threads, race.seed, ended, tries);
@@ -517,10 +519,10 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
   Leg whole = leg_of(at, task);
   whole.likely_s = std::max(whole.likely_s, least_s);
   whole.slows = !given;
-  if (task.late && !task.late->on_the_way) whole.late = neighbour_of(*task.late);
   Race race;
   GoOutcome out;
   for (int k = 0; k < kRaces && !stop(); ++k) {
+    whole.late = k == 0 && task.late && !task.late->on_the_way ? neighbour_of(*task.late) : nullptr;
     const bool legs_serve = !given && least_s == 0 && (task.objective != plan::Objective::kTime || k >= kOneMotion);
     race.tries = legs_serve && k == 0 && stops(task, leg_m(task, 1)).size() > 1 ? kThreads : kMostTries;
     race.leg_m = legs_serve && stops(task, leg_m(task, k)).size() > 1 ? leg_m(task, k) : 0;
@@ -555,6 +557,7 @@ std::string Planner::offers(const GoTask& task, std::optional<double> likely_s) 
   for (const double part : {0.8, 0.5, 0.25, 0.1}) {
     if (stop() || !task.via_m.empty()) break;
     GoTask nearer = task;
+    nearer.late.reset();
     nearer.to_m = start_m + part * (task.to_m - start_m);
     if (!plan(nearer).plan) continue;
     text +=
@@ -564,6 +567,7 @@ std::string Planner::offers(const GoTask& task, std::optional<double> likely_s) 
   constexpr double kLeastLonger = 1.1;
   GoTask longer = task;
   longer.duration_s.reset();
+  longer.late.reset();
   if (const std::string why = beyond_one_course(scenario, at, longer); !why.empty()) return text + "; " + why;
   if (const GoOutcome out = plan(longer, kLeastLonger * *task.duration_s); out.plan) {
     text += fmt::format("; it could be there in {} s", program::short_number(out.plan->moved.duration_s));

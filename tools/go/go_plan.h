@@ -25,7 +25,7 @@ struct GoPlan {
   double most_need = 0;                             // the same with all that the governor allows for the motors' swing
   double goal_error_m = 0;                          // of the plan itself
   Eigen::Vector2d end_m = Eigen::Vector2d::Zero();  // where it was to end
-  bool on_the_way = false;                          // not at the task's place: at a rest that the planner has chosen
+  bool on_the_way = false;                          // it ends at a rest that the planner has chosen
 };
 
 struct GoTask {
@@ -35,7 +35,7 @@ struct GoTask {
   plan::Objective objective = plan::Objective::kFriction;
   // A straight way with rests is planned up to the first of them, so that the ball sets out soon.
   bool sets_out = false;
-  // For the same places, but it came too late: the search begins with it. Null: none.
+  // A plan for the same places that came too late: the search begins with it. Null: none.
   std::shared_ptr<const GoPlan> late;
 };
 
