@@ -157,9 +157,10 @@ class Going {
   int go() {
     // The longer a plan takes, the later it begins while the ball rolls. One that came too late shortens the next
     // search.
-    constexpr double kFirstPatience_s = 0.55, kMorePatience = 1.6;
+    constexpr double kFirstPatience_s = 0.55, kPatienceIfLate_s = 0.4, kMorePatience = 1.6;
     double patience_s = kFirstPatience_s;
     std::shared_ptr<const go::GoPlan> late;
+    bool sent_again = false;
     for (;;) {
       if (const auto status = await_others()) return *status;
       if (is_replaced()) return ended_early();
@@ -195,10 +196,15 @@ class Going {
         if (status) return *status;
         is_late = end_.status().refusal == controller_status_t::REFUSAL_LATE;
       }
-      if (!is_late || late) patience_s *= kMorePatience;
-      late.reset();
-      if (is_late && at->rests) from_rest_ = std::move(outcome.plan);
-      if (is_late && !at->rests) late = std::make_shared<const go::GoPlan>(std::move(*outcome.plan));
+      if (is_late && at->rests && !std::exchange(sent_again, true)) {
+        from_rest_ = std::move(outcome.plan);
+      } else if (is_late && !at->rests) {
+        patience_s = late ? kMorePatience * patience_s : kPatienceIfLate_s;
+        late = std::make_shared<const go::GoPlan>(std::move(*outcome.plan));
+      } else {
+        patience_s *= kMorePatience;
+        late.reset();
+      }
     }
   }
 
@@ -384,13 +390,13 @@ class Going {
   [[nodiscard]] std::int64_t ticks_in(double wall_s) const {
     return static_cast<std::int64_t>(std::ceil(wall_s * ticks_per_s_));
   }
-  // From the first part to the course's certificate. Each part is answered, within a millisecond or two ticks.
+  // From the first part to the course's certificate. Each part is answered, within a millisecond or a tick, seldom two.
   [[nodiscard]] std::int64_t handover_ticks() const {
     constexpr int kMostPieces = 64;  // of a way with a rest on it
     const int values = firmware::kMostReferenceFloats + params_->ball.mass_count * 3 * kMostPieces;
     const std::int64_t parts = values / firmware::kCoursePart + 1;
     constexpr double kPart_s = 1.2e-3;
-    return std::max(2 * parts, ticks_in(static_cast<double>(parts) * kPart_s)) +
+    return std::max(3 * parts / 2, ticks_in(static_cast<double>(parts) * kPart_s)) +
            static_cast<std::int64_t>(search_part_ * search_ticks_);
   }
 

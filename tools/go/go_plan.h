@@ -16,7 +16,7 @@ namespace ballast::go {
 
 // A course that replaces a motion leaves the controller this part of GovernorParams::search_ticks for its certificate.
 // A search takes a third where little is bent. The controller refuses a course that leaves it too little as late.
-inline constexpr double kFirstSearch = 0.4;
+inline constexpr double kFirstSearch = 0.35;
 
 struct GoPlan {
   sim::Scenario moved;  // set down where the course begins, with the motion
