@@ -453,30 +453,17 @@ class Going {
     const std::int64_t number = number_ = hal::draw_bus_number();
     const go::HostCourse course = go::make_course(number, from_tick, plan.moved, plan.reference);
     run_.hand_over(course);
+    bool refused = false;
     for (const firmware::CoursePart& part : go::parts_of(course)) {
       if (end_.tell(part) != hal::Status::kOk) return bus_trouble(end_);
-      if (end_.status().refusal == controller_status_t::REFUSAL_NONE) continue;
-      if (first && run_.heard_others()) return plan_again();
-      refused_ = sil::refused_text("course", sil::refusal_text(end_.status()));
-      return refuse(run_.heard_others() ? refused_ + "; another operator hands over courses, too" : refused_);
+      refused = end_.status().refusal != controller_status_t::REFUSAL_NONE;
+      if (refused) break;
     }
     const auto decided = [&](const controller_status_t& s) { return s.course == number || s.course_coming != number; };
-    if (end_.follow(decided) != hal::Status::kOk) return bus_trouble(end_);
+    if (!refused && end_.follow(decided) != hal::Status::kOk) return bus_trouble(end_);
     if (end_.status().course != number) {
       if (first && run_.heard_others()) return plan_again();
-      const std::int8_t refusal = end_.status().refusal;
-      const bool passes =
-          refusal == controller_status_t::REFUSAL_LATE || refusal == controller_status_t::REFUSAL_NOT_CERTIFIED;
-      if (refusal == controller_status_t::REFUSAL_LATE) search_part_ *= 2;
-      const std::string why = sil::refusal_text(end_.status());
-      refused_ = sil::refused_text("course", why.empty() ? "another operator's took its place" : why);
-      if (passes && !last) return std::nullopt;
-      // A motion that was started after a move runs from where the masses stood, which its scenario does not tell.
-      if (refusal == controller_status_t::REFUSAL_OFF_COURSE && own_motion_ && followed == 0) {
-        own_motion_ = false;
-        return halt_first("the motion that is under way was not begun where its scenario begins");
-      }
-      return refuse(refused_);
+      return answer_refusal(followed, last);
     }
     in_force_ = {number, plan.on_the_way, plan.moved.duration_s, plan.end_m};
     watch_ = {};
@@ -488,6 +475,23 @@ class Going {
                      short_number(plan.need), short_number(plan.most_need), planned_s, seconds_since(start))
               << std::endl;
     return program::kExitCompleted;
+  }
+
+  // The controller has refused a course. `followed`: the one it follows. Nullopt: there is time for another plan.
+  std::optional<int> answer_refusal(std::int64_t followed, bool last) {
+    const std::int8_t refusal = end_.status().refusal;
+    const bool is_late = refusal == controller_status_t::REFUSAL_LATE;
+    if (is_late) search_part_ = std::min(2 * search_part_, 1.0);
+    const std::string why = sil::refusal_text(end_.status());
+    refused_ = sil::refused_text("course", why.empty() ? "another operator's took its place" : why);
+    if (!why.empty() && run_.heard_others()) refused_ += "; another operator hands over courses, too";
+    if ((is_late || refusal == controller_status_t::REFUSAL_NOT_CERTIFIED) && !last) return std::nullopt;
+    // A motion that was started after a move runs from where the masses stood, which its scenario does not tell.
+    if (refusal == controller_status_t::REFUSAL_OFF_COURSE && own_motion_ && followed == 0) {
+      own_motion_ = false;
+      return halt_first("the motion that is under way was not begun where its scenario begins");
+    }
+    return refuse(refused_);
   }
 
   // Once: two operators who plan again and again would disturb each other for ever.
