@@ -281,7 +281,7 @@ TEST(Processes, AGoOnALongWaySetsOutBeforeAllOfItIsPlanned) {
   EXPECT_SAYS(said.out, " on, on its way to (1.2, 0.5) m, and needs ");
   EXPECT_SAYS(said.out, "goes to (1.2, 0.5) m in ");
   EXPECT_SAYS(said.out, " mm from there\n0\n3\n");
-  EXPECT_SAYS(said.out, "the course ended before the ball was there: ");
+  EXPECT_SAYS(said.out, "the course ended before the ball was there, at (");
 }
 
 // A place is two numbers, and nothing else.

@@ -123,7 +123,6 @@ class Going {
   // The ball is there within this part of the way, or this far.
   static constexpr double kThere = 0.02, kLeastThere_m = 1e-3;
   static constexpr double kNear = 0.05;  // of the radius: feedback takes it away
-  static constexpr const char* kRollsOn = "; the ball rolls on to a rest on its way";
 
  public:
   // `task`: the places; plan() adds the rest.
@@ -268,9 +267,9 @@ class Going {
       const double over_s = past_its_end_s(s);
       return lost_ || !follows(s) || over_s >= kSettles_s || (over_s >= 0 && there());
     };
-    if (end_.follow(over) != hal::Status::kOk) {
-      return could_not(end_.trouble() + (in_force_.on_the_way ? kRollsOn : ""));
-    }
+    const hal::Status status = end_.follow(over);
+    if (status == hal::Status::kInterrupted) return interrupted();
+    if (status != hal::Status::kOk) return bus_trouble(end_);
     if (lost_) {
       std::cout << "the ball has lost its course, at " << place_text(place()) << std::endl;
       return program::kExitEnvelope;
@@ -278,8 +277,17 @@ class Going {
     return follows(end_.status()) ? program::kExitCompleted : ended_early();
   }
 
+  [[nodiscard]] int interrupted() const {
+    const bool follows_it = in_force_.number != 0 && follows(end_.status());
+    return could_not(follows_it ? "interrupted; the ball goes on to " + place_text(in_force_.end_m) : "interrupted");
+  }
+
   [[nodiscard]] int ended_early() const {
-    std::cout << "the course ended before the ball was there: " << sil::status_text(end_.status()) << std::endl;
+    const controller_status_t& status = end_.status();
+    const bool replaced = status.mode == controller_status_t::MODE_RUNNING && status.course != in_force_.number;
+    std::cout << fmt::format("the course ended before the ball was there, at {}: {}", place_text(place()),
+                             replaced ? "another operator's course took its place" : sil::status_text(status))
+              << std::endl;
     return program::kExitEnvelope;
   }
 
@@ -437,7 +445,7 @@ class Going {
     }
     over = !ready();
     outcome = planned.get();
-    if (*signalled_ != 0) return could_not(std::string("interrupted") + (in_force_.on_the_way ? kRollsOn : ""));
+    if (*signalled_ != 0) return interrupted();
     if (status == hal::Status::kIo) return could_not("the LCM bus failed");
     return std::nullopt;
   }

@@ -369,7 +369,7 @@ double Planner::leg_m(const GoTask& task, int k) const {
 }
 
 Leg Planner::leg_of(const plan::ReferencePoint& begin, const GoTask& task) const {
-  Leg leg{set_down(scenario, begin), begin, task, 0};
+  Leg leg{set_down(scenario, begin), begin, task, 0, false, nullptr};
   leg.likely_s =
       task.duration_s ? *task.duration_s : likely_duration_s(problem_of(task_file(leg.from, task, 1), begin), task);
   return leg;
@@ -539,9 +539,7 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
       if (given) out.likely_s = tries.slower->duration_s;
     }
     if (given || stop()) return out;
-    const std::string what =
-        race.leg_m > 0 ? "way with rests" : fmt::format("motion of {} s", program::short_number(whole.likely_s));
-    say(fmt::format("no {} is found yet: {}", what, first_clause(out.why)));
+    say(fmt::format("no {} is found yet: {}", race.leg_m > 0 ? "way with rests" : "motion", first_clause(out.why)));
     constexpr std::uint64_t kSeeds = 100;  // more than a race has
     race.seed += kSeeds;
     if (k % 2 == 0) continue;
