@@ -277,11 +277,15 @@ TEST(Processes, AGoOnALongWaySetsOutBeforeAllOfItIsPlanned) {
       bus + " >/dev/null 2>&1; do sleep 0.1; i=$((i+1)); done; " + go + "; echo $?;" + " ballast operate go --to 0,0" +
       bus + " >back & go=$!; i=0;" +
       " while [ $i -lt 300 ] && ! grep -q 'on its way to (0, 0) m' back; do sleep 0.1; i=$((i+1)); done;" +
-      " ballast operate halt" + bus + " >/dev/null; wait $go; echo $?; cat back; kill -INT $run; wait");
+      " ballast operate halt" + bus + " >/dev/null; wait $go; echo $?; cat back; i=0;" +
+      " while [ $i -lt 100 ] && ! ballast operate status" + bus + " | grep -q disarmed; do ballast operate stop" + bus +
+      " >/dev/null 2>&1; sleep 0.1; i=$((i+1)); done;" + " ballast operate go --to 1,0" + bus +
+      " 2>&1; kill -INT $run; wait");
   EXPECT_SAYS(said.out, " on, on its way to (1.2, 0.5) m, and needs ");
   EXPECT_SAYS(said.out, "goes to (1.2, 0.5) m in ");
   EXPECT_SAYS(said.out, " mm from there\n0\n3\n");
   EXPECT_SAYS(said.out, "the course ended before the ball was there, at (");
+  EXPECT_SAYS(said.out, "the controller refuses the course: it is disarmed; allowed now: arm");
 }
 
 // A place is two numbers, and nothing else.

@@ -164,6 +164,7 @@ class Going {
       if (const auto status = await_others()) return *status;
       if (is_replaced()) return ended_early();
       if (const auto status = halt_if_lost()) return *status;
+      if (takes_no_course()) return refuse_mode();
       planned_on_ = end_.status().course;
       const std::int64_t from_tick = end_.status().tick + ticks_in(patience_s) + handover_ticks();
       std::string why;
@@ -319,6 +320,17 @@ class Going {
     std::string then = from_rest ? "" : "; the ball rolls: there may be one once it is halted";
     if (in_force_.on_the_way) then = "; the ball rests on its way, at " + place_text(place());
     return refuse(fmt::format("no course to {}: {}{}", place_text(task_.to_m), why, then));
+  }
+
+  [[nodiscard]] bool takes_no_course() const {
+    const int mode = end_.status().mode;
+    return mode == controller_status_t::MODE_DISARMED || mode == controller_status_t::MODE_TRIPPED;
+  }
+  // As the controller would, after the search.
+  [[nodiscard]] int refuse_mode() const {
+    controller_status_t refused = end_.status();
+    refused.refusal = controller_status_t::REFUSAL_MODE;
+    return refuse(sil::refused_text("course", sil::refusal_text(refused)));
   }
 
   [[nodiscard]] int not_known() const {

@@ -198,7 +198,7 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
         return fmt::format("it takes {} s, and a move of at most {} s can be certified",
                            short_number(status.refusal_value), short_number(status.refusal_time_s));
       }
-      return "no stop is certified yet: the ball still rolls, or the search is under way";
+      return "no stop is certified yet: the ball still rolls, the floor slopes, or the search is under way";
     case controller_status_t::REFUSAL_NO_REST:
       return fmt::format("no rest was found within {} s: the ball would still roll with {} m/s",
                          short_number(status.refusal_time_s), short_number(status.refusal_value));
