@@ -76,8 +76,8 @@ struct HaltState {
   HaltRollout rollout;
   PerMass<Real> wish{};  // of the last tick, once begun
   int slow_ticks = 0;    // in which the ball has been slower than rest
-  Real without_rest_mps =
-      0;  // at the end of the last prediction that found no rest; 0: none was complete, or it found one
+  // Speed at the end of the last prediction that found no rest; 0: none was complete, or it found one.
+  Real without_rest_mps = 0;
 };
 
 // The governor of the running motion.

@@ -61,7 +61,7 @@ TEST(Go, AHaltOnASlopeRestsOrIsRefused) {
     const auto run = run_clicked(clickable(25, sets), {{.tick = tick, .halt = true}}, kLatency);
     expect_safe(run);
     begun += run.halted[0].said;
-    // What it rocks with, and a little. Balls that were set rolling were ten times as fast by then.
+    // It rocks with a little less. Balls that were set rolling were ten times as fast by then.
     EXPECT_LT(run.result.final_sample.velocity_W_mps.norm(), 0.25);
   }
   EXPECT_GT(begun, 0);

@@ -1,4 +1,4 @@
-// What a signal does to a program that catches them.
+// The effect of signals on a program that catches them.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>

@@ -175,9 +175,8 @@ class Going {
         outcome.plan = std::exchange(from_rest_, std::nullopt);
       } else {
         if (!in_force_.on_the_way) from_ = {at->at.place_m[0], at->at.place_m[1]};
-        if (const auto status = plan(
-                *at, task(true, late), [this] { return is_replaced(); }, outcome))
-          return *status;
+        const auto replaced = [this] { return is_replaced(); };
+        if (const auto status = plan(*at, task(true, late), replaced, outcome)) return *status;
       }
       if (is_replaced()) return ended_early();
       if (!outcome.plan && leaves_own_motion(*at)) {
@@ -208,9 +207,10 @@ class Going {
     }
   }
 
-  // A plan from rest serves where place and attitude differ by less than feedback takes away.
+  // A plan from rest serves where place and attitude differ by less than feedback takes away, and no mass has moved.
   [[nodiscard]] static bool begins_at(const go::GoPlan& plan, const plan::ReferencePoint& at) {
-    constexpr double kTurn_rad = 0.02, kSame = 1e-6;
+    constexpr double kTurn_rad = 0.02;
+    constexpr double kRounding = 1e-6;  // rad or m, of masses; a step is far longer
     const sim::Scenario& moved = plan.moved;
     const auto& q = at.state.q;
     const Eigen::Quaterniond orientation(q[0], q[1], q[2], q[3]);
@@ -219,7 +219,7 @@ class Going {
     bool same =
         off_m < kNear * moved.ball.radius_m && moved.initial.orientation.angularDistance(orientation) < kTurn_rad;
     for (std::size_t i = 0; i < moved.masses.size(); ++i) {
-      same = same && std::fabs(moved.masses[i].initial_position - at.state.position[i]) < kSame;
+      same = same && std::fabs(moved.masses[i].initial_position - at.state.position[i]) < kRounding;
     }
     return same;
   }

@@ -59,7 +59,7 @@ class LiveFeed {
   [[nodiscard]] bool ended() const { return run_.ended(); }
   // The shown run has a governor. False while its scenario is not known.
   [[nodiscard]] bool has_governor() const { return scenario_ && scenario_->control.governor; }
-  // Of its scenario; 0: that is not known.
+  // The duration of its scenario; 0: that is not known.
   [[nodiscard]] double duration_s() const { return scenario_ ? scenario_->duration_s : 0; }
 
  private:
