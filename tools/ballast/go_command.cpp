@@ -149,7 +149,8 @@ class Going {
       status = reach_the_rest();
       if (status == program::kExitCompleted) status = go();
     }
-    return status == program::kExitCompleted && command_.wait ? arrive() : status;
+    const bool waits = command_.wait && in_force_.number != 0;
+    return status == program::kExitCompleted && waits ? arrive() : status;
   }
 
   // Plans and hands over, to the place or to a rest on the way there, until that course is in force.
@@ -170,6 +171,7 @@ class Going {
       std::string why;
       const auto at = go::standpoint_at(run_.heard(end_.status()), from_tick, why);
       if (!at) return refuse("no course: " + why);
+      if (rests_there(*at)) return say_it_rests_there();
       go::GoOutcome outcome;
       if (at->rests && from_rest_ && begins_at(*from_rest_, at->at)) {
         outcome.plan = std::exchange(from_rest_, std::nullopt);
@@ -205,6 +207,16 @@ class Going {
         late.reset();
       }
     }
+  }
+
+  [[nodiscard]] bool rests_there(const go::Standpoint& at) const {
+    return at.rests && !in_force_.on_the_way && task_.via_m.empty() && (place() - task_.to_m).norm() <= kLeastThere_m;
+  }
+  [[nodiscard]] int say_it_rests_there() const {
+    std::cout << fmt::format("the ball {}, at {}, {} mm from {}", kRestsThere, place_text(place()),
+                             short_number(1e3 * (place() - task_.to_m).norm(), 0.01), place_text(task_.to_m))
+              << std::endl;
+    return program::kExitCompleted;
   }
 
   // A plan from rest serves where place and attitude differ by less than feedback takes away, and no mass has moved.

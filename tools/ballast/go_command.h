@@ -15,6 +15,8 @@ inline constexpr std::string_view kHaltsFirst = "halts it first";
 // Printed with a course that ends at a rest, before the place that it is planned to. The remaining way is planned
 // while the ball rolls there.
 inline constexpr std::string_view kOnItsWay = "on its way to";
+// Printed instead of a course, where none is needed.
+inline constexpr std::string_view kRestsThere = "rests there already";
 
 struct GoCommand {
   std::string to;                // "X,Y" in m, of the geometric centre

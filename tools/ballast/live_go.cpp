@@ -121,7 +121,8 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
     return std::nullopt;
   }
   read();  // what it printed between the last read and its end
-  Answer answer{*drop(), end->exit_status == program::kExitCompleted, in_one_line(text_)};
+  const bool obeyed = end->exit_status == program::kExitCompleted;
+  Answer answer{*drop(), obeyed, obeyed && text_.find(kRestsThere) == std::string::npos, in_one_line(text_)};
   if (answer.text.empty()) answer.text = "the planner ended with " + end->text();
   return answer;
 }
@@ -145,7 +146,7 @@ bool LiveGo::halts_itself(int mode) const {
 
 bool LiveGo::halts_first() const { return wish_ && text_.find(kHaltsFirst) != std::string::npos; }
 
-LiveGo::Answer LiveGo::give_up(const std::string& why) { return {*drop(), false, why}; }
+LiveGo::Answer LiveGo::give_up(const std::string& why) { return {*drop(), false, false, why}; }
 
 void LiveGo::read() {
   for (;;) {

@@ -14,7 +14,9 @@ namespace ballast::sil {
 
 namespace {
 
-constexpr std::chrono::milliseconds kEvery{250};
+// An operator's wish waits for the scenario, so it is told often; a long one less often, so that the bus has room.
+constexpr std::chrono::milliseconds kEvery{100};
+constexpr std::size_t kMostPerSecond = 16'000'000;
 constexpr int kPoll_ms = 10;
 // More than one: the newest may be refused while another is followed.
 constexpr std::size_t kMostCourses = 4;
@@ -51,11 +53,12 @@ void ScenarioBeacon::run(const std::string& url) {
     if (hal::decode(buffer->data, buffer->data_size, message)) self->hear(message);
   };
   bus.subscribeFunction(hal::kChannelOperator, hears, this)->setQueueCapacity(1000);
+  const auto every = std::max(kEvery, std::chrono::milliseconds(1000 * text_.size() / kMostPerSecond));
   auto due = std::chrono::steady_clock::now();
   while (!over_) {
     if (std::chrono::steady_clock::now() >= due) {
       if (!send_scenario(bus)) return;
-      due += kEvery;
+      due += every;
       if (outbox_.empty()) {
         for (const auto& course : courses_) outbox_.insert(outbox_.end(), course.begin(), course.end());
       }

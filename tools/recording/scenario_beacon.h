@@ -1,9 +1,9 @@
 // Tells a run's scenario and its courses on its bus, so that a program that joins late learns the robot, its floor and
 // what it follows.
 //
-// A thread with a connection of its own sends scenario_piece_t at once and then four times a second of the wall clock,
-// and with it the parts of the newest courses that operators have handed over, on a channel for observers. The run
-// never waits for it, and nothing of it is recorded.
+// A thread with a connection of its own sends scenario_piece_t at once and then ten times a second of the wall clock
+// (one of more than 1.6 MB less often), and with it the parts of the newest courses that operators have handed over, on
+// a channel for observers. The run never waits for it, and nothing of it is recorded.
 #pragma once
 
 #include <atomic>

@@ -78,9 +78,9 @@ std::string rail_end_text(const controller_status_t& status, const firmware::Mov
          ", which leaves the two full steps that its motor may swing before its end switch";
 }
 
-// The commands that a mode obeys.
-const char* allowed_text(std::int8_t mode) {
-  switch (mode) {
+// The commands that the controller obeys now.
+const char* allowed_text(const controller_status_t& status) {
+  switch (status.mode) {
     case controller_status_t::MODE_DISARMED:
       return "arm, if it is healthy";
     case controller_status_t::MODE_ARMED:
@@ -88,7 +88,7 @@ const char* allowed_text(std::int8_t mode) {
     case controller_status_t::MODE_PENDING:
       return "stop, which takes back what is about to begin";
     case controller_status_t::MODE_RUNNING:
-      return "stop; under the governor also go and halt";
+      return status.governed != 0 ? "stop, go and halt" : "stop; go and halt need a governor, which this run has not";
     case controller_status_t::MODE_HALTING:
       return "stop; start, move and go once the ball rests";
     case controller_status_t::MODE_TRIPPED:
@@ -216,7 +216,7 @@ std::string refusal_text(const controller_status_t& status, const firmware::Move
   }
   std::string text = "it is " + mode_text(status.mode);
   if (status.faults != 0) text += fmt::format(", with faults 0x{:x}", static_cast<unsigned>(status.faults));
-  return text + "; allowed now: " + allowed_text(status.mode);
+  return text + "; allowed now: " + allowed_text(status);
 }
 
 std::string refused_text(const std::string& what, const std::string& refusal) {
