@@ -144,6 +144,19 @@ TEST(Go, RestsWhereItArrives) {
   }
 }
 
+// A ball that was halted may turn about the vertical for ever. It need not be stopped from that.
+TEST(Go, FromABallThatTurnsWhereItRests) {
+  for (const double spin_radps : {0.02, 0.06, -0.09}) {
+    SCOPED_TRACE(spin_radps);
+    sim::Scenario scenario = ideal(60);
+    scenario.initial.angular_velocity_B_radps.z() = spin_radps;
+    const auto run = run_clicked(scenario, {{100, {0.5, 0.4}}}, kLatency);
+    expect_safe(run);
+    expect_there(run.clicked[0]);
+    EXPECT_LE(run.result.final_sample.angular_velocity_B_radps.norm(), 1.2 * std::abs(spin_radps));
+  }
+}
+
 // A small push wakes the masses of a ball that rests. Left alone it would rock for ever.
 TEST(Go, ComesBackFromASmallPush) {
   sim::Scenario scenario = ideal(100);
@@ -282,6 +295,21 @@ TEST(Standpoint, OfABallThatRocksIsOfItsTick) {
   ASSERT_TRUE(rocks) << why;
   EXPECT_FALSE(rocks->rests);
   EXPECT_NE(rocks->at.place_m[0], 0);
+}
+
+// So is a ball that turns about the vertical.
+TEST(Standpoint, OfABallThatTurnsIsOfItsTick) {
+  const sim::Scenario scenario = clickable(1);
+  go::Heard heard = armed(scenario, 0);
+  heard.plant.angular_velocity_B_radps[2] = 0.06;
+  std::string why;
+  const auto turns = go::standpoint_at(heard, 500, why);
+  ASSERT_TRUE(turns) << why;
+  EXPECT_FALSE(turns->rests);
+  EXPECT_TRUE(go::ball_rests(heard));
+  EXPECT_NEAR(turns->at.state.omega_B.z, 0.06, 1e-9);
+  EXPECT_NEAR(2 * std::asin(turns->at.state.q[3]), 0.06 * 0.5, 1e-9);  // rad, after 500 ticks
+  EXPECT_NEAR(turns->at.place_m[0], 0, 1e-9);
 }
 
 // In the first tick after a stop the commanded velocity is that of the tick before.

@@ -13,6 +13,7 @@
 #include "tools/plan/bounds.h"
 #include "tools/plan/random_robot.h"
 #include "tools/plan/random_task.h"
+#include "tools/plan/transcription.h"
 #include "tools/plan/write_plan.h"
 
 namespace ballast::plan {
@@ -106,6 +107,73 @@ TEST(Plan, StaysAtRestAfterTheEnd) {
   plant.advance(16, {});
   // The speed that is left, 3e-4 sqrt(g r), takes it at most 3.6 mm in 10 s.
   EXPECT_LT((plant.sample().position_W_m.head<2>() - Eigen::Vector2d(0.3, 0.1)).norm(), 4e-3);
+}
+
+// A task to rest whose ball may still turn about the vertical.
+struct Turning {
+  explicit Turning(double rest_spin_radps) : file(read_task(kRobot + "goal = [0.3, 0.1]\nduration = 6.0\n")) {
+    file.scenario.initial.angular_velocity_B_radps.z() = 0.06;
+    file.task.rest_spin_radps = rest_spin_radps;
+    problem = make_problem(file);
+  }
+  TaskFile file;
+  Problem problem;
+};
+
+TEST(Plan, MayKeepATurnAboutTheVertical) {
+  const Turning turning(0.063);
+  SearchOptions options;
+  options.quick = true;
+  const Outcome outcome = search(turning.problem, turning.file.scenario, options);
+  ASSERT_EQ(outcome.status, Status::kFound) << outcome.binding;
+  const RollingState& end = outcome.plan->run.nodes.back().state;
+  const Vec up = to_body(end.q, {0, 0, 1});
+  const double spin = dot(end.omega_B, up), whole = std::sqrt(dot(end.omega_B, end.omega_B));
+  EXPECT_LE(std::abs(spin), 0.063 + 1e-6);
+  EXPECT_LT(std::sqrt(std::max(0.0, whole * whole - spin * spin)), 3e-3);  // rad/s: 0.3 mm/s
+}
+
+// The conditions on the ball's turning at the end, and their derivatives by the knots.
+TEST(Plan, RestWithATurnHasTheDerivativesOfItsConditions) {
+  const Turning turning(0.063);
+  const Grid grid{6, 8, 400};  // fine: derivatives are those of the motion, not of its steps
+  std::vector<double> knots(static_cast<std::size_t>(3 * grid.knots()));
+  for (std::size_t v = 0; v < knots.size(); ++v) knots[v] = std::sin(1.7 * static_cast<double>(v));
+  struct Condition {
+    double value;
+    std::vector<double> slope;
+  };
+  const auto conditions = [&](const std::vector<double>& at) {
+    Rollout rollout(turning.problem, grid);
+    EXPECT_TRUE(rollout.roll(at));
+    rollout.differentiate();
+    const Transcription transcription(turning.problem, rollout);
+    std::vector<Condition> out;
+    const auto note = [&](double value, const NodeForm& form) {
+      out.push_back({value, std::vector<double>(at.size(), 0)});
+      transcription.expand(form, 1, out.back().slope.data());
+    };
+    for (const auto& e : transcription.equalities(true)) {
+      if (e.kind.kind == EqualityKind::kSpin) note(e.value, e.form[0]);
+    }
+    transcription.limits(true, [&](const Limit& limit, const NodeForm& form) {
+      if (limit.kind == LimitKind::kRestSpin) note(limit.value, form);
+    });
+    return out;
+  };
+  const auto here = conditions(knots);
+  ASSERT_EQ(here.size(), 3U);
+  constexpr double kStep = 1e-5;
+  for (const std::size_t v : {std::size_t{3}, std::size_t{7}, std::size_t{14}, knots.size() - 1}) {
+    std::vector<double> more = knots, less = knots;
+    more[v] += kStep;
+    less[v] -= kStep;
+    const auto above = conditions(more), below = conditions(less);
+    for (std::size_t k = 0; k < here.size(); ++k) {
+      const double slope = (above[k].value - below[k].value) / (2 * kStep);
+      EXPECT_NEAR(here[k].slope[v], slope, 1e-6 * (1 + std::abs(slope))) << "condition " << k << ", knot " << v;
+    }
+  }
 }
 
 TEST(Plan, PassesViaPlaces) {

@@ -209,8 +209,13 @@ class Going {
     }
   }
 
+  // Under masses that hold. It may turn about the vertical.
+  [[nodiscard]] bool hangs(const go::Standpoint& at) const {
+    const controller_status_t& status = end_.status();
+    return at.rests || (go::ball_rests(run_.heard(status)) && status.at_rest != 0);
+  }
   [[nodiscard]] bool rests_there(const go::Standpoint& at) const {
-    return at.rests && !in_force_.on_the_way && task_.via_m.empty() && (place() - task_.to_m).norm() <= kLeastThere_m;
+    return hangs(at) && !in_force_.on_the_way && task_.via_m.empty() && (place() - task_.to_m).norm() <= kLeastThere_m;
   }
   [[nodiscard]] int say_it_rests_there() const {
     std::cout << fmt::format("the ball {}, at {}, {} mm from {}", kRestsThere, place_text(place()),
@@ -328,7 +333,7 @@ class Going {
   }
 
   [[nodiscard]] int refuse_plan(const std::string& why, const go::Standpoint& at) const {
-    const bool from_rest = at.rests || !go::beyond_one_course(run_.scenario(), at.at, task_).empty();
+    const bool from_rest = hangs(at) || !go::beyond_one_course(run_.scenario(), at.at, task_).empty();
     std::string then = from_rest ? "" : "; the ball rolls: there may be one once it is halted";
     if (in_force_.on_the_way) then = "; the ball rests on its way, at " + place_text(place());
     return refuse(fmt::format("no course to {}: {}{}", place_text(task_.to_m), why, then));

@@ -30,6 +30,7 @@ constexpr double kRoom = 0.75, kUsed = 0.9;
 // Tolerance of a plan's place and rest at its end, over r and sqrt(g r): feedback takes the rest away. In speed it is a
 // third of what counts as rest.
 constexpr double kTolerance = 3e-3;
+constexpr double kRestSpeed = 0.01;  // sqrt(g r)
 constexpr double kLonger = 1.35;  // than searches before
 // Radii. Of the searches for a leg of up to kLeg more than half succeed, in a quarter of a second; of those for twice
 // as much one in five. A long way gets legs of up to kLongestLeg, so that one course holds them.
@@ -49,6 +50,18 @@ double likely_duration_s(const plan::Problem& problem, const GoTask& task) {
   return kSwings * plan::time_unit_s(problem) + std::max(by_friction_s, by_motors_s);
 }
 
+// A ball that turns about the vertical where it rests may turn as fast at the end. One that hardly does, or rolls, may
+// not: 0.
+double rest_spin_radps(const sim::Scenario& from) {
+  const sim::InitialState& initial = from.initial;
+  const Eigen::Vector3d omega_W = initial.orientation * initial.angular_velocity_B_radps;
+  const double unit_radps = from.gravity_mps2 > 0 ? std::sqrt(from.gravity_mps2 / from.ball.radius_m) : 1;
+  const bool rests = omega_W.head<2>().norm() < kRestSpeed * unit_radps;
+  constexpr double kHardly = kTolerance / 3, kMore = 1.05;
+  const double spin_radps = std::fabs(omega_W[2]);
+  return rests && spin_radps > kHardly * unit_radps ? kMore * spin_radps : 0;
+}
+
 plan::TaskFile task_file(const sim::Scenario& from, const GoTask& task, double duration_s) {
   plan::TaskFile file;
   file.scenario = from;
@@ -56,6 +69,7 @@ plan::TaskFile task_file(const sim::Scenario& from, const GoTask& task, double d
   file.task.goal_m = task.to_m;
   file.task.duration_s = duration_s;
   file.task.objective = task.objective;
+  file.task.rest_spin_radps = rest_spin_radps(from);
   for (const Eigen::Vector2d& place : task.via_m) file.task.via.push_back({place, std::nullopt});
   return file;
 }

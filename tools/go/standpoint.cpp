@@ -16,18 +16,49 @@ constexpr double kRestSpeed = 0.01;  // sqrt(g r): that of the firmware's halt
 // sqrt(g r): a ball that turns slower is the same for the controller when it has found a certificate.
 constexpr double kStill = 0.0025;
 
+Eigen::Quaterniond orientation_of(const plan::ReferencePoint& at) {
+  const auto& q = at.state.q;
+  return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized();
+}
+
+Eigen::Vector3d angular_velocity_W_radps(const plan::ReferencePoint& at) {
+  const plan::Vec& w = at.state.omega_B;
+  return orientation_of(at) * Eigen::Vector3d(w.x, w.y, w.z);
+}
+
 double rest_speed_mps(const sim::Scenario& scenario) {
   const double g = scenario.gravity_mps2, r = scenario.ball.radius_m;
   return kRestSpeed * (g > 0 ? std::sqrt(g * r) : r);
 }
 
+// Of the geometric centre. A turn about the vertical does not carry the ball on.
 double speed_mps(const sim::Scenario& scenario, const plan::ReferencePoint& at) {
-  const plan::Vec& w = at.state.omega_B;
-  return scenario.ball.radius_m * std::sqrt(w.x * w.x + w.y * w.y + w.z * w.z);
+  return scenario.ball.radius_m * angular_velocity_W_radps(at).head<2>().norm();
 }
 
+// About the vertical, by an angle.
+void turn(plan::ReferencePoint& at, double angle_rad) {
+  const Eigen::Quaterniond q = Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitZ()) * orientation_of(at);
+  at.state.q = {q.w(), q.x(), q.y(), q.z()};
+}
+
+// A ball that hangs, and turns about the vertical, which nothing ends, after a time.
+void settle(plan::ReferencePoint& at, double spin_radps, double time_s) {
+  turn(at, spin_radps * time_s);
+  const Eigen::Vector3d omega_B = orientation_of(at).conjugate() * Eigen::Vector3d(0, 0, spin_radps);
+  at.state.omega_B = {omega_B[0], omega_B[1], omega_B[2]};
+}
+
+// How far `to` is turned about the vertical from `from`.
+double yaw_rad(const plan::ReferencePoint& from, const plan::ReferencePoint& to) {
+  const Eigen::Quaterniond q = orientation_of(to) * orientation_of(from).conjugate();
+  return 2 * std::atan2(q.z(), q.w());
+}
+
+// It does not turn about the vertical, either.
 bool stands_still(const sim::Scenario& scenario, const plan::ReferencePoint& at) {
-  return speed_mps(scenario, at) < kStill / kRestSpeed * rest_speed_mps(scenario);
+  const double turns_mps = scenario.ball.radius_m * angular_velocity_W_radps(at).norm();
+  return turns_mps < kStill / kRestSpeed * rest_speed_mps(scenario);
 }
 
 bool masses_stand(const plan::ReferencePoint& at, std::size_t masses) {
@@ -151,6 +182,8 @@ sim::Scenario scenario_of(const sim::Scenario& scenario, const HostCourse& cours
 
 std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, std::string& why) {
   const plan::ReferencePoint here = now(heard);
+  const double spin_radps = angular_velocity_W_radps(here)[2];
+  const double ahead_s = static_cast<double>(tick - heard.status.tick) * heard.scenario.run.control_period_s;
   Standpoint out;
   if (heard.status.mode == controller_status_t::MODE_RUNNING) {
     const auto at = on_motion(heard, tick, out.rests);
@@ -166,12 +199,15 @@ std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, s
     }
     out.at = *at;
     if (out.rests) {
-      out.at.state.omega_B = {0, 0, 0};
       // It hangs where it is, and may have turned about the vertical. One that rocks will hang where it is held.
       if (ball_rests(heard)) {
         out.at.place_m = here.place_m;
         out.at.state.q = here.state.q;
+      } else {
+        turn(out.at, yaw_rad(out.at, here));
       }
+      settle(out.at, spin_radps, ahead_s);
+      out.rests = stands_still(heard.scenario, out.at);
     }
     return out;
   }
@@ -183,11 +219,11 @@ std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, s
     out.at.state.velocity[static_cast<std::size_t>(i)] = heard.status.next_velocity[i];
   }
   if (out.rests) {
-    out.at.state.omega_B = {0, 0, 0};
+    settle(out.at, spin_radps, ahead_s);
     return out;
   }
   const sim::Scenario held = set_down(heard.scenario, out.at);
-  const auto at = roll_to(held, static_cast<double>(tick - heard.status.tick) * heard.scenario.run.control_period_s);
+  const auto at = roll_to(held, ahead_s);
   if (!at) {
     why = "the ball leaves the floor";
     return std::nullopt;

@@ -28,7 +28,7 @@ struct Standpoint {
 // The robot as the controller knows it: its estimate, or what is sensed (the plant's state), with the commanded masses.
 [[nodiscard]] plan::ReferencePoint now(const Heard& heard);
 
-// The ball is slower than what counts as rest.
+// The ball is slower than what counts as rest. It may turn about the vertical.
 [[nodiscard]] bool ball_rests(const Heard& heard);
 
 // The ball is on its backup, or has lost the motion that the controller follows: it has to be halted before a course

@@ -39,6 +39,9 @@ struct Follow {
 struct Task {
   Eigen::Vector2d goal_m = Eigen::Vector2d::Zero();
   bool at_rest = true;
+  // rad/s: at rest on a level floor the ball may still turn about the vertical, up to this. 0: it may not. A turn that
+  // it has is hard to end: no force at the contact point has a moment about it.
+  double rest_spin_radps = 0;
   double duration_s = 0;  // with kTime the longest allowed
   Objective objective = Objective::kFriction;
   double friction_use = 0.8;

@@ -183,9 +183,15 @@ class Search {
     return (2 / (gravity * duration_s * duration_s) * way - downhill).norm();
   }
 
+  // But for a turn about the vertical that it may keep.
   [[nodiscard]] bool starts_at_rest() const {
     const Vec& w = problem_.start.omega_B;
-    bool at_rest = w.x == 0 && w.y == 0 && w.z == 0;
+    const Vec up = to_body(problem_.start.q, {0, 0, 1});
+    const double spin = dot(w, up);
+    const Vec rolling = w - spin * up;
+    constexpr double kRounding = 1e-12;  // of a rotation
+    bool at_rest = std::abs(spin) <= problem_.task.rest_spin_radps &&
+                   std::sqrt(dot(rolling, rolling)) <= kRounding * std::abs(spin);
     for (int i = 0; i < problem_.masses(); ++i) at_rest = at_rest && problem_.start.velocity[index(i)] == 0;
     return at_rest;
   }

@@ -159,6 +159,22 @@ void Transcription::limits(bool with_forms, const Sink& sink) const {
   for (int i = 0; i < problem_.masses(); ++i) form.mass[index(i)][0] = dot(by_position[index(i)], up) / depth_;
   constexpr double kLeastDepth = 0.1;
   sink({LimitKind::kStability, 0, last, dot(center, up) / depth_, -kInfinity, -kLeastDepth}, form);
+  if (!may_spin()) return;
+  const Turning spin = turning(rollout_.nodes()[index(last)].state, {0, 0, 1});
+  form.mass = {};
+  form.tangent = spin.tangent;
+  const double most = problem_.task.rest_spin_radps * time_;
+  sink({LimitKind::kRestSpin, 0, last, spin.value, -most, most}, form);
+}
+
+bool Transcription::may_spin() const {
+  return problem_.task.rest_spin_radps > 0 && !slopes(problem_.robot.ball);
+}
+
+Transcription::Turning Transcription::turning(const RollingState& state, const Vec& axis_W) const {
+  const Vec axis = to_body(state.q, axis_W), turn = cross(state.omega_B, axis);
+  const Vec rate = time_ * axis, attitude = time_ * turn;
+  return {dot(state.omega_B, rate), {attitude.x, attitude.y, attitude.z, rate.x, rate.y, rate.z}};
 }
 
 void Transcription::motor_limits(int node, bool with_forms, const Sink& sink) const {
@@ -363,10 +379,16 @@ void Transcription::rest_equalities(bool with_forms, std::vector<Equality>& out)
   const int last = rollout_.grid().nodes() - 1;
   const Node& end = rollout_.nodes().back();
   const double omega[3] = {end.state.omega_B.x, end.state.omega_B.y, end.state.omega_B.z};
-  for (int c = 0; c < 3; ++c) {
+  for (int c = 0; c < (may_spin() ? 2 : 3); ++c) {
     Equality e{{EqualityKind::kSpin, c}, omega[c] * time_, 1, {}};
     e.form[0].node = last;
-    e.form[0].tangent[index(3 + c)] = time_;
+    if (may_spin()) {
+      const Turning rolls = turning(end.state, c == 0 ? Vec{1, 0, 0} : Vec{0, 1, 0});
+      e.value = rolls.value;
+      e.form[0].tangent = rolls.tangent;
+    } else {
+      e.form[0].tangent[index(3 + c)] = time_;
+    }
     out.push_back(e);
   }
   for (int i = 0; i < problem_.masses(); ++i) {

@@ -22,6 +22,7 @@ enum class LimitKind {
   kKeepOut,
   kFollow,
   kStability,
+  kRestSpin,
 };
 
 // Linear form in the tangent and the masses' motion at one node, or in the knots themselves.
@@ -108,6 +109,13 @@ class Transcription {
   [[nodiscard]] PatchedFloor::Weight weight(const Node& node) const;
   void motor_limits(int node, bool with_forms, const Sink& sink) const;
   void place_limits(int node, const Eigen::Vector2d& place, bool with_forms, const Sink& sink) const;
+  // The rate of turning about an axis of the space frame, dimensionless, and its derivative.
+  struct Turning {
+    double value;
+    std::array<double, kTangent> tangent;
+  };
+  [[nodiscard]] Turning turning(const RollingState& state, const Vec& axis_W) const;
+  [[nodiscard]] bool may_spin() const;
   void rest_equalities(bool with_forms, std::vector<Equality>& out) const;
   void center_of_mass(Vec& center_B, std::array<Vec, kMaxMasses>& by_position) const;
 

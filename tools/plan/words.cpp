@@ -30,6 +30,8 @@ std::string limit_words(const Limit& limit) {
       return "the path (task.follow.tolerance)";
     case LimitKind::kStability:
       return "stability (task.at_rest): the centre of mass stays above the geometric centre";
+    case LimitKind::kRestSpin:
+      return "the turn about the vertical at the end (task.at_rest)";
   }
   return "";
 }
