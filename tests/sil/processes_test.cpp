@@ -288,6 +288,24 @@ TEST(Processes, AGoOnALongWaySetsOutBeforeAllOfItIsPlanned) {
   EXPECT_SAYS(said.out, "the controller refuses the course: it is disarmed; allowed now: arm");
 }
 
+// Where the ball rests there is nothing to go for. Without a governor a running motion only stops.
+TEST(Processes, AGoToWhereTheBallRestsSendsNothing) {
+  const Folder folder;
+  const std::string bus = " --lcm '" + bus_url(39) + "'";
+  const auto by_hand = [&](const std::string& set, const std::string& commands) {
+    return folder.run("ballast run desk_ball --by-hand --set duration=60" + set + " --no-log" + bus +
+                      " 2>run.err & run=$!; i=0;"
+                      " while [ $i -lt 100 ] && ! ballast operate status" +
+                      bus + " >/dev/null 2>&1; do sleep 0.1; i=$((i+1)); done; " + commands + "; kill -INT $run; wait");
+  };
+  const Outcome there = by_hand(" --set control.governor=true", "ballast operate go --to 0.0004,0 --wait" + bus +
+                                                                    "; echo $?; ballast operate status" + bus);
+  EXPECT_SAYS(there.out, "the ball rests there already, at (0, 0) m, 0.4 mm from (0.0004, 0) m\n0\narmed, ");
+  const Outcome ungoverned =
+      by_hand("", "ballast operate start" + bus + "; ballast operate halt" + bus + " 2>&1; echo $?");
+  EXPECT_SAYS(ungoverned.out, "allowed now: stop; go and halt need a governor, which this run does not have\n1\n");
+}
+
 // A place is two numbers, and nothing else.
 TEST(Processes, APlaceToGoToIsReadStrictly) {
   const Folder folder;

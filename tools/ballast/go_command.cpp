@@ -173,7 +173,7 @@ class Going {
       if (!at) return refuse("no course: " + why);
       if (rests_there(*at)) return say_it_rests_there();
       go::GoOutcome outcome;
-      if (at->rests && from_rest_ && begins_at(*from_rest_, at->at)) {
+      if ((at->rests || at->hangs) && from_rest_ && begins_at(*from_rest_, at->at)) {
         outcome.plan = std::exchange(from_rest_, std::nullopt);
       } else {
         if (!in_force_.on_the_way) from_ = {at->at.place_m[0], at->at.place_m[1]};
@@ -209,13 +209,11 @@ class Going {
     }
   }
 
-  // Under masses that hold. It may turn about the vertical.
-  [[nodiscard]] bool hangs(const go::Standpoint& at) const {
-    const controller_status_t& status = end_.status();
-    return at.rests || (go::ball_rests(run_.heard(status)) && status.at_rest != 0);
-  }
+  // The task's place is where the ball is and, as it may rock a little, where it will be.
   [[nodiscard]] bool rests_there(const go::Standpoint& at) const {
-    return hangs(at) && !in_force_.on_the_way && task_.via_m.empty() && (place() - task_.to_m).norm() <= kLeastThere_m;
+    const Eigen::Vector2d ahead_m(at.at.place_m[0], at.at.place_m[1]);
+    const double off_m = std::max((place() - task_.to_m).norm(), (ahead_m - task_.to_m).norm());
+    return at.hangs && !in_force_.on_the_way && task_.via_m.empty() && off_m <= kLeastThere_m;
   }
   [[nodiscard]] int say_it_rests_there() const {
     std::cout << fmt::format("the ball {}, at {}, {} mm from {}", kRestsThere, place_text(place()),
@@ -226,7 +224,7 @@ class Going {
 
   // A plan from rest serves where place and attitude differ by less than feedback takes away, and no mass has moved.
   [[nodiscard]] static bool begins_at(const go::GoPlan& plan, const plan::ReferencePoint& at) {
-    constexpr double kTurn_rad = 0.02;
+    constexpr double kTurn_rad = 0.02, kRate_radps = 0.03;
     constexpr double kRounding = 1e-6;  // rad or m, of masses; a step is far longer
     const sim::Scenario& moved = plan.moved;
     const auto& q = at.state.q;
@@ -235,6 +233,9 @@ class Going {
         std::hypot(moved.initial.position_W_m.x() - at.place_m[0], moved.initial.position_W_m.y() - at.place_m[1]);
     bool same =
         off_m < kNear * moved.ball.radius_m && moved.initial.orientation.angularDistance(orientation) < kTurn_rad;
+    const plan::Vec& omega = at.state.omega_B;
+    const Eigen::Vector3d omega_B_radps(omega.x, omega.y, omega.z);
+    same = same && (moved.initial.angular_velocity_B_radps - omega_B_radps).norm() < kRate_radps;
     for (std::size_t i = 0; i < moved.masses.size(); ++i) {
       same = same && std::fabs(moved.masses[i].initial_position - at.state.position[i]) < kRounding;
     }
@@ -333,7 +334,7 @@ class Going {
   }
 
   [[nodiscard]] int refuse_plan(const std::string& why, const go::Standpoint& at) const {
-    const bool from_rest = hangs(at) || !go::beyond_one_course(run_.scenario(), at.at, task_).empty();
+    const bool from_rest = at.rests || at.hangs || !go::beyond_one_course(run_.scenario(), at.at, task_).empty();
     std::string then = from_rest ? "" : "; the ball rolls: there may be one once it is halted";
     if (in_force_.on_the_way) then = "; the ball rests on its way, at " + place_text(place());
     return refuse(fmt::format("no course to {}: {}{}", place_text(task_.to_m), why, then));
@@ -421,7 +422,7 @@ class Going {
   [[nodiscard]] bool leaves_own_motion(const go::Standpoint& at) const {
     const controller_status_t& status = end_.status();
     return own_motion_ && status.mode == controller_status_t::MODE_RUNNING && status.course == 0 && !at.rests &&
-           go::beyond_one_course(run_.scenario(), at.at, task_).empty();
+           !at.hangs && go::beyond_one_course(run_.scenario(), at.at, task_).empty();
   }
 
   [[nodiscard]] std::int64_t ticks_in(double wall_s) const {

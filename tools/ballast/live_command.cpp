@@ -200,7 +200,7 @@ class Control {
                 answer->wish.who + ": go: " + answer->text);
       const int times = followed_ ? followed_->times : 0;
       followed_.reset();
-      if (answer->follows) followed_ = Followed{answer->wish, course_before_, std::nullopt, times, {}};
+      if (answer->has_course) followed_ = Followed{answer->wish, course_before_, std::nullopt, times, {}};
     }
     if (status == nullptr) followed_.reset();
     if (status != nullptr) {

@@ -36,8 +36,8 @@ class LiveGo {
   // How a wish ended, in the words of the planner or about it.
   struct Answer {
     GoWish wish;
-    bool obeyed = false;  // the controller follows the course, or the ball rests there already
-    bool follows = false;  // a course
+    bool obeyed = false;      // the controller follows the course, or the ball rests there already
+    bool has_course = false;  // the controller follows a course of this wish
     std::string text;
   };
 

@@ -30,7 +30,8 @@ constexpr double kRoom = 0.75, kUsed = 0.9;
 // Tolerance of a plan's place and rest at its end, over r and sqrt(g r): feedback takes the rest away. In speed it is a
 // third of what counts as rest.
 constexpr double kTolerance = 3e-3;
-constexpr double kRestSpeed = 0.01;  // sqrt(g r)
+// sqrt(g / r): the fastest turn about the vertical at a plan's end. Faster, a ball is not held there (reference.cpp).
+constexpr double kMostTurn = 0.04;
 constexpr double kLonger = 1.35;  // than searches before
 // Radii. Of the searches for a leg of up to kLeg more than half succeed, in a quarter of a second; of those for twice
 // as much one in five. A long way gets legs of up to kLongestLeg, so that one course holds them.
@@ -55,11 +56,13 @@ double likely_duration_s(const plan::Problem& problem, const GoTask& task) {
 double rest_spin_radps(const sim::Scenario& from) {
   const sim::InitialState& initial = from.initial;
   const Eigen::Vector3d omega_W = initial.orientation * initial.angular_velocity_B_radps;
-  const double unit_radps = from.gravity_mps2 > 0 ? std::sqrt(from.gravity_mps2 / from.ball.radius_m) : 1;
-  const bool rests = omega_W.head<2>().norm() < kRestSpeed * unit_radps;
-  constexpr double kHardly = kTolerance / 3, kMore = 1.05;
+  const double r = from.ball.radius_m, unit_radps = from.gravity_mps2 > 0 ? std::sqrt(from.gravity_mps2 / r) : 1;
+  constexpr double kStands = 1e-6;  // rail units/s: a plan's masses stop exactly
+  const bool rests = r * omega_W.head<2>().norm() < rest_speed_mps(from) &&
+                     std::all_of(from.masses.begin(), from.masses.end(),
+                                 [](const sim::Mass& mass) { return std::fabs(mass.initial_velocity) < kStands; });
   const double spin_radps = std::fabs(omega_W[2]);
-  return rests && spin_radps > kHardly * unit_radps ? kMore * spin_radps : 0;
+  return rests && spin_radps >= kHardlyTurns * unit_radps ? std::min(spin_radps, kMostTurn * unit_radps) : 0;
 }
 
 plan::TaskFile task_file(const sim::Scenario& from, const GoTask& task, double duration_s) {

@@ -26,23 +26,18 @@ Eigen::Vector3d angular_velocity_W_radps(const plan::ReferencePoint& at) {
   return orientation_of(at) * Eigen::Vector3d(w.x, w.y, w.z);
 }
 
-double rest_speed_mps(const sim::Scenario& scenario) {
-  const double g = scenario.gravity_mps2, r = scenario.ball.radius_m;
-  return kRestSpeed * (g > 0 ? std::sqrt(g * r) : r);
-}
-
-// Of the geometric centre. A turn about the vertical does not carry the ball on.
+// The geometric centre's: a turn about the vertical does not carry the ball on.
 double speed_mps(const sim::Scenario& scenario, const plan::ReferencePoint& at) {
   return scenario.ball.radius_m * angular_velocity_W_radps(at).head<2>().norm();
 }
 
-// About the vertical, by an angle.
+// Turns the ball about the vertical.
 void turn(plan::ReferencePoint& at, double angle_rad) {
   const Eigen::Quaterniond q = Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitZ()) * orientation_of(at);
   at.state.q = {q.w(), q.x(), q.y(), q.z()};
 }
 
-// A ball that hangs, and turns about the vertical, which nothing ends, after a time.
+// Lets a ball that hangs turn about the vertical for a time, as nothing brakes it.
 void settle(plan::ReferencePoint& at, double spin_radps, double time_s) {
   turn(at, spin_radps * time_s);
   const Eigen::Vector3d omega_B = orientation_of(at).conjugate() * Eigen::Vector3d(0, 0, spin_radps);
@@ -55,7 +50,7 @@ double yaw_rad(const plan::ReferencePoint& from, const plan::ReferencePoint& to)
   return 2 * std::atan2(q.z(), q.w());
 }
 
-// It does not turn about the vertical, either.
+// The ball neither rolls nor turns about the vertical.
 bool stands_still(const sim::Scenario& scenario, const plan::ReferencePoint& at) {
   const double turns_mps = scenario.ball.radius_m * angular_velocity_W_radps(at).norm();
   return turns_mps < kStill / kRestSpeed * rest_speed_mps(scenario);
@@ -110,11 +105,25 @@ double most_off_m(const sim::Scenario& scenario) {
   return static_cast<double>(firmware::kMostPlaceError) * scenario.ball.radius_m;
 }
 
+// The turn about the vertical, in rad/s, that a ball which hangs keeps. 0: it hardly turns, or the floor ends it. On a
+// slope a ball that turned would no longer hang.
+double lasting_spin_radps(const sim::Scenario& scenario, const plan::ReferencePoint& here) {
+  if (scenario.surface.slope_rad != 0 || scenario.surface.spin_friction_m > 0) return 0;
+  const double spin_radps = angular_velocity_W_radps(here)[2];
+  const double least_radps = kHardlyTurns / kRestSpeed * rest_speed_mps(scenario) / scenario.ball.radius_m;
+  return std::fabs(spin_radps) < least_radps ? 0 : spin_radps;
+}
+
 double off_m(const plan::ReferencePoint& here, const plan::ReferencePoint& expected) {
   return std::hypot(here.place_m[0] - expected.place_m[0], here.place_m[1] - expected.place_m[1]);
 }
 
 }  // namespace
+
+double rest_speed_mps(const sim::Scenario& scenario) {
+  const double g = scenario.gravity_mps2, r = scenario.ball.radius_m;
+  return kRestSpeed * (g > 0 ? std::sqrt(g * r) : r);
+}
 
 bool ball_rests(const Heard& heard) { return speed_mps(heard.scenario, now(heard)) < rest_speed_mps(heard.scenario); }
 
@@ -182,7 +191,7 @@ sim::Scenario scenario_of(const sim::Scenario& scenario, const HostCourse& cours
 
 std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, std::string& why) {
   const plan::ReferencePoint here = now(heard);
-  const double spin_radps = angular_velocity_W_radps(here)[2];
+  const double spin_radps = lasting_spin_radps(heard.scenario, here);
   const double ahead_s = static_cast<double>(tick - heard.status.tick) * heard.scenario.run.control_period_s;
   Standpoint out;
   if (heard.status.mode == controller_status_t::MODE_RUNNING) {
@@ -200,10 +209,11 @@ std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, s
     out.at = *at;
     if (out.rests) {
       // It hangs where it is, and may have turned about the vertical. One that rocks will hang where it is held.
-      if (ball_rests(heard)) {
+      out.hangs = ball_rests(heard);
+      if (out.hangs) {
         out.at.place_m = here.place_m;
         out.at.state.q = here.state.q;
-      } else {
+      } else if (heard.scenario.surface.slope_rad == 0) {
         turn(out.at, yaw_rad(out.at, here));
       }
       settle(out.at, spin_radps, ahead_s);
@@ -212,6 +222,7 @@ std::optional<Standpoint> standpoint_at(const Heard& heard, std::int64_t tick, s
     return out;
   }
   out.rests = stands_still(heard.scenario, here);
+  out.hangs = heard.status.mode == controller_status_t::MODE_ARMED && heard.status.at_rest != 0 && ball_rests(heard);
   out.at = here;
   // The masses hold from the next tick on, where they have just come to.
   for (int i = 0; i < heard.status.motor_count; ++i) {

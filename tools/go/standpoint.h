@@ -22,8 +22,15 @@ struct Heard {
 
 struct Standpoint {
   plan::ReferencePoint at;
-  bool rests = false;  // the same at every later tick, too
+  bool rests = false;  // it serves for every later tick, too
+  bool hangs = false;  // the ball rests, under masses that stay where they are; it may turn about the vertical
 };
+
+// Of the geometric centre: a slower ball counts as resting.
+[[nodiscard]] double rest_speed_mps(const sim::Scenario& scenario);
+
+// sqrt(g / r): a slower turn about the vertical is none.
+inline constexpr double kHardlyTurns = 1e-3;
 
 // The robot as the controller knows it: its estimate, or what is sensed (the plant's state), with the commanded masses.
 [[nodiscard]] plan::ReferencePoint now(const Heard& heard);

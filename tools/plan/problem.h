@@ -40,7 +40,7 @@ struct Task {
   Eigen::Vector2d goal_m = Eigen::Vector2d::Zero();
   bool at_rest = true;
   // rad/s: at rest on a level floor the ball may still turn about the vertical, up to this. 0: it may not. A turn that
-  // it has is hard to end: no force at the contact point has a moment about it.
+  // it has is hard to end: no force at the contact point has a moment about it. Tasks have no key for it: `go` sets it.
   double rest_spin_radps = 0;
   double duration_s = 0;  // with kTime the longest allowed
   Objective objective = Objective::kFriction;
@@ -66,7 +66,7 @@ struct MassLimits {
 
 struct Problem {
   Robot robot;
-  RollingState start;  // its accelerations are those with which motors begin
+  RollingState start;                                 // its accelerations are those with which motors begin
   Eigen::Vector2d start_m = Eigen::Vector2d::Zero();  // of the geometric centre
   Task task;
   PatchedFloor floor;

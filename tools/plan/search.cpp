@@ -183,7 +183,7 @@ class Search {
     return (2 / (gravity * duration_s * duration_s) * way - downhill).norm();
   }
 
-  // But for a turn about the vertical that it may keep.
+  // Neither ball nor masses move, but for a turn of the ball about the vertical that it may keep.
   [[nodiscard]] bool starts_at_rest() const {
     const Vec& w = problem_.start.omega_B;
     const Vec up = to_body(problem_.start.q, {0, 0, 1});

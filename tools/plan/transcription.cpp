@@ -163,13 +163,12 @@ void Transcription::limits(bool with_forms, const Sink& sink) const {
   const Turning spin = turning(rollout_.nodes()[index(last)].state, {0, 0, 1});
   form.mass = {};
   form.tangent = spin.tangent;
-  const double most = problem_.task.rest_spin_radps * time_;
+  constexpr double kRoom = 3e-4;  // by which model and plant differ
+  const double most = problem_.task.rest_spin_radps * time_ - std::min(corrections.room, kRoom);
   sink({LimitKind::kRestSpin, 0, last, spin.value, -most, most}, form);
 }
 
-bool Transcription::may_spin() const {
-  return problem_.task.rest_spin_radps > 0 && !slopes(problem_.robot.ball);
-}
+bool Transcription::may_spin() const { return problem_.task.rest_spin_radps > 0 && !slopes(problem_.robot.ball); }
 
 Transcription::Turning Transcription::turning(const RollingState& state, const Vec& axis_W) const {
   const Vec axis = to_body(state.q, axis_W), turn = cross(state.omega_B, axis);

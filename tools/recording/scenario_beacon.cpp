@@ -14,9 +14,9 @@ namespace ballast::sil {
 
 namespace {
 
-// An operator's wish waits for the scenario, so it is told often; a long one less often, so that the bus has room.
+// An operator's wish waits for the scenario, so it is told often; a long scenario less often, so that the bus has room.
 constexpr std::chrono::milliseconds kEvery{100};
-constexpr std::size_t kMostPerSecond = 16'000'000;
+constexpr std::size_t kMostBytesPerSecond = 16'000'000;
 constexpr int kPoll_ms = 10;
 // More than one: the newest may be refused while another is followed.
 constexpr std::size_t kMostCourses = 4;
@@ -53,7 +53,7 @@ void ScenarioBeacon::run(const std::string& url) {
     if (hal::decode(buffer->data, buffer->data_size, message)) self->hear(message);
   };
   bus.subscribeFunction(hal::kChannelOperator, hears, this)->setQueueCapacity(1000);
-  const auto every = std::max(kEvery, std::chrono::milliseconds(1000 * text_.size() / kMostPerSecond));
+  const auto every = std::max(kEvery, std::chrono::milliseconds(1000 * text_.size() / kMostBytesPerSecond));
   auto due = std::chrono::steady_clock::now();
   while (!over_) {
     if (std::chrono::steady_clock::now() >= due) {

@@ -88,7 +88,8 @@ const char* allowed_text(const controller_status_t& status) {
     case controller_status_t::MODE_PENDING:
       return "stop, which takes back what is about to begin";
     case controller_status_t::MODE_RUNNING:
-      return status.governed != 0 ? "stop, go and halt" : "stop; go and halt need a governor, which this run has not";
+      return status.governed != 0 ? "stop, go and halt"
+                                  : "stop; go and halt need a governor, which this run does not have";
     case controller_status_t::MODE_HALTING:
       return "stop; start, move and go once the ball rests";
     case controller_status_t::MODE_TRIPPED:
