@@ -492,13 +492,14 @@ class Going {
     const go::HostCourse course = go::make_course(number, from_tick, plan.moved, plan.reference);
     run_.hand_over(course);
     bool refused = false;
-    for (const firmware::CoursePart& part : go::parts_of(course)) {
-      if (end_.tell(part) != hal::Status::kOk) return bus_trouble(end_);
+    const std::vector<firmware::CoursePart> parts = go::parts_of(course);
+    for (const firmware::CoursePart& part : parts) {
+      if (end_.tell(part) != hal::Status::kOk) return take_back(parts.front(), plan.end_m);
       refused = end_.status().refusal != controller_status_t::REFUSAL_NONE;
       if (refused) break;
     }
     const auto decided = [&](const controller_status_t& s) { return s.course == number || s.course_coming != number; };
-    if (!refused && end_.follow(decided) != hal::Status::kOk) return bus_trouble(end_);
+    if (!refused && end_.follow(decided) != hal::Status::kOk) return take_back(parts.front(), plan.end_m);
     if (end_.status().course != number) {
       if (first && run_.heard_others()) return plan_again();
       return answer_refusal(followed, last);
@@ -513,6 +514,21 @@ class Going {
                      short_number(plan.need), short_number(plan.most_need), planned_s, seconds_since(start))
               << std::endl;
     return program::kExitCompleted;
+  }
+
+  // The hand-over has failed. An interrupted one is not to begin by itself later, nor to make the next operator wait: a
+  // part that does not fit spoils the course.
+  int take_back(firmware::CoursePart part, const Eigen::Vector2d& to_m) {
+    if (*signalled_ == 0) return bus_trouble(end_);
+    const controller_status_t& status = end_.status();
+    const std::string to = place_text(to_m);
+    if (status.course == part.course) return could_not("interrupted; the ball goes on to " + to);
+    if (status.mode == controller_status_t::MODE_PENDING) {
+      return could_not("interrupted; the course to " + to + " is about to begin; halt ends it");
+    }
+    part.first = part.count = 1;
+    (void)end_.tell(part);  // once: an interrupted bus hears no answer
+    return could_not("interrupted; the course to " + to + " is taken back");
   }
 
   // The controller has refused a course. `followed`: the one it follows. Nullopt: there is time for another plan.
