@@ -105,6 +105,26 @@ TEST(Course, TakesThePlaceOfOneThatIsAwaited) {
   EXPECT_EQ(robot.in.tick, next.from_tick);
 }
 
+// So `go` takes back what it has handed over.
+TEST(Course, ThatWaitsForItsTickIsSpoiltByAPartThatDoesNotFit) {
+  GovernedBall robot(hanging_params());
+  const Wide there = follow_forth(robot);
+  const std::int64_t followed = robot.out.status.course.in_force;
+  robot.run_until(robot.in.tick + 3000);
+  const CourseNumbers next = course_back(there, robot.in.tick + 6000);
+  const auto parts = parts_of(6, next.values());
+  send(robot, parts);
+  robot.run_until(robot.in.tick + 100);
+  ASSERT_EQ(robot.out.status.course.coming, 6);
+  CoursePart spoils = parts.front();
+  spoils.first = spoils.count = 1;
+  robot.tick(spoils);
+  EXPECT_EQ(robot.out.status.refusal.reason, Refusal::kCourse);
+  EXPECT_EQ(robot.out.status.course.coming, 0);
+  robot.run_until(next.from_tick + 100);
+  EXPECT_EQ(robot.out.status.course.in_force, followed);
+}
+
 struct Spoilt {
   const char* what;
   std::function<void(std::vector<Wide>&)> spoil;
