@@ -153,7 +153,7 @@ TEST(Go, FromABallThatTurnsWhereItRests) {
     const auto run = run_clicked(scenario, {{100, {0.5, 0.4}}}, kLatency);
     expect_safe(run);
     expect_there(run.clicked[0]);
-    // What rocks is a tenth of what counts as rest, 0.01 sqrt(g / r).
+    // It rocks with a tenth of what counts as rest, 0.01 sqrt(g / r).
     EXPECT_LE(run.result.final_sample.angular_velocity_B_radps.norm(), std::abs(spin_radps) + 0.01);
   }
 }
@@ -328,7 +328,7 @@ TEST(Standpoint, OfABallThatTurnsIsOfItsTick) {
   EXPECT_NEAR(turns->at.place_m[0], 0, 1e-9);
 }
 
-// What rounding has left of a turn is none. A plan from there is refused as one from rest.
+// A turn that rounding has left is none. A plan from there is refused as one from rest.
 TEST(Standpoint, OfABallThatHardlyTurnsIsAtRest) {
   const sim::Scenario scenario = clickable(1);
   go::Heard heard = armed(scenario, 0);

@@ -129,7 +129,7 @@ TEST(Plan, MayKeepATurnAboutTheVertical) {
   const RollingState& end = outcome.plan->run.nodes.back().state;
   const Vec up = to_body(end.q, {0, 0, 1});
   const double spin = dot(end.omega_B, up), whole = std::sqrt(dot(end.omega_B, end.omega_B));
-  EXPECT_LE(std::abs(spin), 0.063 + 1e-6);
+  EXPECT_LE(std::abs(spin), 0.063 + 1e-3);  // a plan's tolerance of a limit, 1e-4 sqrt(g / r)
   EXPECT_LT(std::sqrt(std::max(0.0, whole * whole - spin * spin)), 3e-3);  // rad/s: 0.3 mm/s
 }
 

@@ -26,7 +26,7 @@ struct Standpoint {
   bool hangs = false;  // the ball rests, under masses that stay where they are; it may turn about the vertical
 };
 
-// Of the geometric centre: a slower ball counts as resting.
+// A ball whose geometric centre is slower counts as resting.
 [[nodiscard]] double rest_speed_mps(const sim::Scenario& scenario);
 
 // sqrt(g / r): a slower turn about the vertical is none.
