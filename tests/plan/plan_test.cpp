@@ -626,11 +626,11 @@ TEST(PlanOnRealFloors, TheBelievedFloorIsPlannedOn) {
 // A sample of what `plan_tasks --slope` measures: to a place and to rest, prescribed and with steppers.
 TEST(PlanOnRealFloors, RandomTasksAreFound) {
   constexpr std::uint64_t kSeed = 1;
-  constexpr RandomFloor kFloor{3 * std::numbers::pi / 180, 0.02};
+  constexpr RandomFloor kSlope{3 * std::numbers::pi / 180, 0.02};
   for (const int number : {0, 1, 2, 3, 12, 14}) {
     SCOPED_TRACE("seed 1, task " + std::to_string(number));
     std::string why;
-    const auto toml = random_floor_task(kSeed, number, kFloor, why);
+    const auto toml = random_floor_task(kSeed, number, kSlope, why);
     ASSERT_TRUE(toml) << why;
     const Planned p = plan_of(*toml);
     if (!p.outcome.plan) continue;
