@@ -91,6 +91,7 @@ inline int place_of_this_process() {
 
 // A bus of this test process alone, `which` < 32 of them. The ports are below those the system hands out itself.
 inline std::string bus_url(int which) {
+  EXPECT_LT(which, 32);
   static const int place = place_of_this_process();
   return "udpm://239.255.76.67:" + std::to_string(20000 + place * 32 + which) + "?ttl=0";
 }
