@@ -1,8 +1,11 @@
 // Three processes over LCM: the same messages as one process, and a defined end whoever dies.
 #include <gtest/gtest.h>
 
+#include <future>
+
 #include "tests/sil/into_its_stop.h"
 #include "tests/sil/shell.h"
+#include "tools/sil/bus_operator.h"
 
 namespace ballast {
 namespace {
@@ -246,7 +249,7 @@ TEST(Processes, AnOperatorWithoutAControllerIsToldSo) {
 // where a mass was moved before, so that the motion did not begin as the scenario says.
 TEST(Processes, AGoDuringAMotionStartedByHandArrives) {
   const Folder folder;
-  const std::string bus = " --lcm '" + bus_url(37) + "'";
+  const std::string bus = " --lcm '" + bus_url(29) + "'";
   struct Case {
     std::string actuation;
     bool moved = false;
@@ -268,7 +271,7 @@ TEST(Processes, AGoDuringAMotionStartedByHandArrives) {
 // it.
 TEST(Processes, AGoOnALongWaySetsOutBeforeAllOfItIsPlanned) {
   const Folder folder;
-  const std::string bus = " --lcm '" + bus_url(38) + "'";
+  const std::string bus = " --lcm '" + bus_url(30) + "'";
   const std::string go = "ballast operate go --to 1.2,0.5 --wait" + bus;
   const Outcome said = folder.run(
       "ballast run desk_ball --by-hand --set control.governor=true --set duration=200 --set run.actuation=ideal" + bus +
@@ -291,7 +294,7 @@ TEST(Processes, AGoOnALongWaySetsOutBeforeAllOfItIsPlanned) {
 // Where the ball rests there is nothing to go for. Without a governor a running motion only stops.
 TEST(Processes, AGoToWhereTheBallRestsSendsNothing) {
   const Folder folder;
-  const std::string bus = " --lcm '" + bus_url(39) + "'";
+  const std::string bus = " --lcm '" + bus_url(31) + "'";
   const auto by_hand = [&](const std::string& set, const std::string& commands) {
     return folder.run("ballast run desk_ball --by-hand --set duration=60" + set + " --no-log" + bus +
                       " 2>run.err & run=$!; i=0;"
@@ -304,6 +307,33 @@ TEST(Processes, AGoToWhereTheBallRestsSendsNothing) {
   const Outcome ungoverned =
       by_hand("", "ballast operate start" + bus + "; ballast operate halt" + bus + " 2>&1; echo $?");
   EXPECT_SAYS(ungoverned.out, "allowed now: stop; go and halt need a governor, which this run does not have\n1\n");
+}
+
+// A planner that died in its hand-over has left a course that never comes to an end.
+TEST(Processes, AGoTakesThePlaceOfACourseWhosePlannerHasDied) {
+  const Folder folder;
+  const std::string url = bus_url(23), bus = " --lcm '" + url + "'";
+  auto gone = std::async(std::launch::async, [&] {
+    return folder.run("ballast run desk_ball --by-hand --set control.governor=true --set duration=200 --no-log" + bus +
+                      " 2>run.err & run=$!; i=0; while [ $i -lt 300 ] && ! [ -e sent ]; do sleep 0.1; i=$((i+1)); done;"
+                      " ballast operate go --to 0.1,0" +
+                      bus + "; echo $?; kill -INT $run; wait");
+  });
+  hal::Bus own(url);
+  sil::BusOperator planner(own, hal::Seconds(1));
+  hal::Status met = planner.connect();
+  for (int tried = 0; met != hal::Status::kOk && tried < 30; ++tried) met = planner.connect();
+  EXPECT_EQ(met, hal::Status::kOk) << planner.trouble();
+  firmware::CoursePart part;
+  part.course = 5;
+  part.total = 100;
+  part.count = 1;
+  EXPECT_EQ(planner.tell(part), hal::Status::kOk) << planner.trouble();
+  EXPECT_EQ(planner.status().course_coming, 5);
+  folder.write("sent", "");
+  const Outcome said = gone.get();
+  EXPECT_SAYS(said.out, "nothing more of that course is heard: takes its place\ngoes to (0.1, 0) m in ");
+  EXPECT_SAYS(said.out, "\n0\n");
 }
 
 // A place is two numbers, and nothing else.

@@ -17,6 +17,7 @@
 
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
+#include "tools/ballast/go_words.h"
 #include "tools/go/go_plan.h"
 #include "tools/go/lost_course.h"
 #include "tools/go/standpoint.h"
@@ -65,7 +66,11 @@ class RunOnBus {
     bus_.subscribe<plant_state_t>(hal::kChannelPlantState, [this](const plant_state_t& m) { plant_ = m; });
     bus_.subscribe<operator_t>(hal::kChannelCourse, [this](const operator_t& m) { take(m); });
     bus_.subscribe<operator_t>(hal::kChannelOperator, [this](const operator_t& m) {
-      if (m.command == operator_t::COMMAND_GO) others_ = others_ || m.course != own_;
+      if (m.command == operator_t::COMMAND_GO) {
+        others_ = others_ || m.course != own_;
+        part_of_ = m.course;
+        part_at_ = Clock::now();
+      }
       take(m);
     });
   }
@@ -86,6 +91,11 @@ class RunOnBus {
     others_ = false;
   }
   [[nodiscard]] bool heard_others() const { return others_; }
+  // For how long no part of this course has come since `from`; 0: all of them have.
+  [[nodiscard]] double silence_s(std::int64_t course, Clock::time_point from) const {
+    if (courses_.contains(course)) return 0;
+    return seconds_since(part_of_ == course ? std::max(part_at_, from) : from);
+  }
   [[nodiscard]] go::Heard heard(const controller_status_t& status) const {
     const auto course = courses_.find(status.course);
     return {*scenario_, status, *plant_, course == courses_.end() ? std::nullopt : std::optional(course->second)};
@@ -116,6 +126,8 @@ class RunOnBus {
   std::string trouble_;
   std::int64_t own_ = 0;  // number of the course that is handed over here
   bool others_ = false;
+  std::int64_t part_of_ = 0;  // the newest part's course
+  Clock::time_point part_at_;
 };
 
 // One go, from the wish to the course in force, or with --wait to the place.
@@ -364,16 +376,27 @@ class Going {
     return coming != number_ && coming != abandoned_;
   }
 
+  // Another operator's course is not handed over any more, as its planner has died: its parts are silent for so long
+  // that also a course whose parts came before would have its certificate. `start`: of waiting for it.
+  [[nodiscard]] bool never_comes(Clock::time_point start) const {
+    constexpr double kSilence_s = 1;
+    const controller_status_t& status = end_.status();
+    return status.course_coming != 0 && status.mode != controller_status_t::MODE_PENDING &&
+           run_.silence_s(status.course_coming, start) > kSilence_s + search_ticks_ / ticks_per_s_;
+  }
+
   // Waits while another operator's course arrives, or waits for its certificate or its tick. One that does not come to
   // an end, because its planner has died, is replaced.
   std::optional<int> await_others() {
     if (another_comes()) {
       constexpr double kLongest_s = 5;
       say("another operator's course or move is about to begin: waits for that");
-      const auto over = [&] { return !another_comes(); };
+      const auto start = Clock::now();
+      const auto over = [&] { return !another_comes() || never_comes(start); };
       const hal::Status status = bus_.receive_until(hal::after(Clock::now(), hal::Seconds(kLongest_s)), over);
       if (status == hal::Status::kInterrupted) return could_not("interrupted");
       if (status == hal::Status::kIo) return could_not("the LCM bus failed");
+      if (never_comes(start)) say("nothing more of that course is heard: takes its place");
       abandoned_ = end_.status().course_coming;
       begun_ = Clock::now();
     }

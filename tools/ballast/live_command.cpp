@@ -190,9 +190,9 @@ class Control {
       report(told);
     }
     if (status != nullptr && told && told->moves) limit_move(told->who, *status);
-    if (const auto text = go_.sets_out()) {
-      if (status != nullptr) course_before_ = status->course;
-      feed_.say(LiveFeed::Kind::kPlan, go_.wish()->who + ": go: " + *text);
+    while (const auto progress = go_.progress()) {
+      if (progress->sets_out && status != nullptr) course_before_ = status->course;
+      feed_.say(LiveFeed::Kind::kPlan, go_.wish()->who + ": go: " + progress->text);
     }
     if (const auto answer = go_.poll(status)) {
       feed_.set_wish(nullptr);

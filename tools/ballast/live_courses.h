@@ -1,4 +1,4 @@
-// The planned paths of the newest courses of a run, for the live page.
+// The planned paths of the newest courses of a run, for the live page and `ballast operate status`.
 #pragma once
 
 #include <array>

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <system_error>
 
-#include "tools/ballast/go_command.h"
+#include "tools/ballast/go_words.h"
 #include "tools/go/go_plan.h"
 #include "tools/program/program.h"
 #include "tools/summary/controller_words.h"
@@ -90,7 +90,7 @@ std::string LiveGo::start(GoWish wish, const controller_status_t& status) {
   output_ = std::move(pipe->reading);
   fcntl(output_.get(), F_SETFL, fcntl(output_.get(), F_GETFL) | O_NONBLOCK);
   text_.clear();
-  on_the_way_ = false;
+  on_the_way_ = halts_first_ = false;
   wish_ = std::move(wish);
   run_id_ = status.run_id;
   mode_ = status.mode;
@@ -110,6 +110,8 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
   if (!wish_) return std::nullopt;
   read();
   const auto end = planner_.wait(std::chrono::seconds(0));
+  if (end) read();                           // what it printed between the last read and its end
+  if (progress_line()) return std::nullopt;  // to be told first
   if (!end) {
     if (on_the_way_ && status != nullptr && masses_move(*status))
       begun_ = Clock::now();  // the planner waits for the ball
@@ -120,23 +122,23 @@ std::optional<LiveGo::Answer> LiveGo::poll(const controller_status_t* status) {
       return give_up(fmt::format("the planner did not end within {} s", patience_.count()));
     return std::nullopt;
   }
-  read();  // what it printed between the last read and its end
   const bool obeyed = end->exit_status == program::kExitCompleted;
   Answer answer{*drop(), obeyed, obeyed && text_.find(kRestsThere) == std::string::npos, in_one_line(text_)};
-  if (answer.text.empty()) answer.text = "the planner ended with " + end->text();
+  if (answer.text.empty()) answer.text = "the planner ended: " + end->text();
   return answer;
 }
 
-std::optional<std::string> LiveGo::sets_out() {
-  if (!wish_) return std::nullopt;
-  const std::size_t told = text_.find(kOnItsWay);
-  const std::size_t end = told == std::string::npos ? told : text_.find('\n', told);
-  if (end == std::string::npos) return std::nullopt;
-  const std::string text = in_one_line(text_.substr(0, end));
-  text_.erase(0, end + 1);
-  on_the_way_ = true;
-  mode_ = controller_status_t::MODE_RUNNING;
-  return text;
+std::optional<LiveGo::Progress> LiveGo::progress() {
+  const std::optional<std::string> line = progress_line();
+  if (!line) return std::nullopt;
+  text_.erase(0, line->size() + 1);
+  Progress progress{*line};
+  halts_first_ = halts_first_ || progress.text.find(kHaltsFirst) != std::string::npos;
+  if (progress.text.find(kOnItsWay) != std::string::npos) {
+    progress.sets_out = on_the_way_ = true;
+    mode_ = controller_status_t::MODE_RUNNING;
+  }
+  return progress;
 }
 
 bool LiveGo::halts_itself(int mode) const {
@@ -144,9 +146,14 @@ bool LiveGo::halts_itself(int mode) const {
   return halts && halts_first();
 }
 
-bool LiveGo::halts_first() const { return wish_ && text_.find(kHaltsFirst) != std::string::npos; }
-
 LiveGo::Answer LiveGo::give_up(const std::string& why) { return {*drop(), false, false, why}; }
+
+std::optional<std::string> LiveGo::progress_line() const {
+  const std::size_t end = text_.find('\n');
+  if (!wish_ || end == std::string::npos) return std::nullopt;
+  const std::string line = text_.substr(0, end);
+  return is_progress(line) ? std::optional(line) : std::nullopt;
+}
 
 void LiveGo::read() {
   for (;;) {

@@ -52,20 +52,25 @@ class LiveGo {
   // after another command has stopped the masses, so it is killed then. A halt of its own is no such command.
   [[nodiscard]] std::optional<Answer> poll(const controller_status_t* status);
 
-  // The planner's words, once for each course to a rest on the way that has come into force. It plans the remaining way
-  // then.
-  [[nodiscard]] std::optional<std::string> sets_out();
+  // A line of the planner, as soon as it is printed; not its last ones, which are the answer.
+  struct Progress {
+    std::string text;
+    bool sets_out = false;  // a course to a rest on the way has come into force
+  };
+  [[nodiscard]] std::optional<Progress> progress();
 
   // The wish whose planner is at work; null: none.
   [[nodiscard]] const GoWish* wish() const { return wish_ ? &*wish_ : nullptr; }
   // That planner has said that it halts the ball first.
-  [[nodiscard]] bool halts_first() const;
+  [[nodiscard]] bool halts_first() const { return halts_first_; }
 
  private:
   using Clock = std::chrono::steady_clock;
 
   Answer give_up(const std::string& why);
   void read();
+  // The first line that is not told yet, where it is progress.
+  [[nodiscard]] std::optional<std::string> progress_line() const;
   // The planner has brought the controller into this mode.
   [[nodiscard]] bool halts_itself(int mode) const;
 
@@ -77,8 +82,9 @@ class LiveGo {
   std::chrono::duration<double> patience_{};
   program::Subprocess planner_;
   program::Descriptor output_;
-  std::string text_;         // what it has printed, and sets_out() has not told
+  std::string text_;         // what it has printed, and progress() has not told
   bool on_the_way_ = false;  // the ball rolls to a rest, as it has said
+  bool halts_first_ = false;
 };
 
 }  // namespace ballast

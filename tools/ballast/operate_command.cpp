@@ -6,6 +6,8 @@
 #include "tools/ballast/bus_words.h"
 #include "tools/ballast/commands.h"
 #include "tools/ballast/go_command.h"
+#include "tools/ballast/live_courses.h"
+#include "tools/go/go_plan.h"
 #include "tools/program/program.h"
 #include "tools/summary/controller_words.h"
 
@@ -65,6 +67,8 @@ int operate(const OperateCommand& command) {
   sil::BusOperator end(bus, hal::Seconds(command.go.bus.peer_timeout_s));
   std::optional<plant_state_t> plant;
   bus.subscribe<plant_state_t>(hal::kChannelPlantState, [&plant](const plant_state_t& m) { plant = m; });
+  LiveCourses courses;
+  bus.subscribe<operator_t>(hal::kChannelCourse, [&courses](const operator_t& m) { courses.take(m); });
   if (end.connect() != hal::Status::kOk) return bus_trouble(end);
   const OperatorCommand sent = command_of(command.command);
   if (sent != OperatorCommand::kNone) {
@@ -84,11 +88,18 @@ int operate(const OperateCommand& command) {
   if (end.status().mode == controller_status_t::MODE_HALTING && sent == OperatorCommand::kHalt) {
     if (const auto exit_status = follow_halt(end)) return *exit_status;
   }
-  // A robot has no plant to be heard.
+  // A robot has no plant to be heard, and nobody who repeats its courses.
   constexpr hal::Seconds kSoon{0.2};
-  (void)bus.receive_until(hal::after(hal::WallClock::now(), kSoon), [&plant] { return plant.has_value(); });
+  const auto followed = [&] { return courses.path(end.status().course); };
+  const auto known = [&] { return plant && (end.status().course == 0 || followed() != nullptr); };
+  (void)bus.receive_until(hal::after(hal::WallClock::now(), kSoon), known);
   const controller_status_t& status = end.status();
-  std::cout << sil::status_text(status, plant ? &*plant : nullptr) << "\n";
+  std::cout << sil::status_text(status, plant ? &*plant : nullptr);
+  if (followed() != nullptr) {
+    const auto& goal_m = followed()->back();
+    std::cout << ", on a course to " << go::place_text({goal_m[0], goal_m[1]});
+  }
+  std::cout << "\n";
   return status.mode == controller_status_t::MODE_TRIPPED ? program::kExitEnvelope : program::kExitCompleted;
 }
 

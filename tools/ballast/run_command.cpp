@@ -207,10 +207,12 @@ int run(const RunCommand& given) {
   sil::OutputDir output(command.out.empty() ? "runs/" + scenario->name : command.out);
   if (!output.good()) return could_not(output.error());
   if (command.by_hand) {
-    command.record.begins = [url = command.bus.url] {
-      std::cout << fmt::format("arms, and waits for an operator: {} operate start --lcm {}",
-                               program::ballast_as_typed(), program::shell_word(url))
-                << std::endl;
+    command.record.begins = [url = command.bus.url, governed = scenario->control.governor] {
+      const std::string ballast = program::ballast_as_typed(), bus = program::shell_word(url);
+      std::cout << fmt::format("arms, and waits for an operator: {} operate start --lcm {}\n", ballast, bus);
+      if (governed)
+        std::cout << fmt::format("to send the ball to a place: {} operate go --to X,Y --lcm {}\n", ballast, bus);
+      std::cout << fmt::format("in a browser: {} live --lcm {}", ballast, bus) << std::endl;
     };
   }
 

@@ -556,7 +556,8 @@ GoOutcome Planner::plan(const GoTask& task, double least_s) const {
       if (given) out.likely_s = tries.slower->duration_s;
     }
     if (given || stop()) return out;
-    say(fmt::format("no {} is found yet: {}", race.leg_m > 0 ? "way with rests" : "motion", first_clause(out.why)));
+    say(fmt::format("no {} is found yet: {}; searches on", race.leg_m > 0 ? "way with rests" : "motion",
+                    first_clause(out.why)));
     constexpr std::uint64_t kSeeds = 100;  // more than a race has
     race.seed += kSeeds;
     if (k % 2 == 0) continue;
