@@ -1172,7 +1172,7 @@ TEST(Trip, SaysWhatWasSeenAndAllowedInItsOwnTerms) {
 
 TEST(Run, WarnsOfATaskThatNobodyHasPlanned) {
   const Folder folder;
-  ASSERT_EQ(folder.run("ballast new first --yes").exit_status, 0);
+  ASSERT_EQ(folder.run("ballast new first.toml --yes").exit_status, 0);
   const Outcome still = folder.run("ballast run first.toml --set duration=0.1 --quiet --no-log");
   EXPECT_EQ(still.exit_status, 0) << still.err;
   EXPECT_NE(still.err.find("task: has no motion yet, so no mass moves; `ballast plan first.toml` finds one"),

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iostream>
 #include <memory>
+#include <string_view>
 
 #include "sim/motors/motor_presets.h"
 #include "sim/scenario/scenario.h"
@@ -174,7 +175,12 @@ std::function<int()> add_new_command(CLI::App& app, CLI::App*& command) {
       ->required()
       ->check(program::not_empty());
   command->add_flag("--yes", options->yes, "asks nothing and takes the usual answers");
-  return [options] { return write_robot(*options); };
+  return [options] {
+    constexpr std::string_view kEnding = ".toml";
+    if (options->name.size() > kEnding.size() && options->name.ends_with(kEnding))
+      options->name.resize(options->name.size() - kEnding.size());
+    return write_robot(*options);
+  };
 }
 
 }  // namespace ballast
