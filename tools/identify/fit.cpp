@@ -17,9 +17,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kTwoSided95 = 1.96;
-// Steppers add errors that neither residuals nor the lag show: where the study's fits are off by more than their
-// intervals without this factor (identify.md).
-constexpr double kSteppers = 2;
+constexpr double kModel = 2;  // for errors of the model that the residuals do not show (identify.md)
 constexpr int kMostIterations = 25;               // of a stage
 constexpr double kNear = 0.3, kConverged = 1e-3;  // step in units of sigma: of a stage, of the last
 constexpr double kLongestStep = 0.3;              // of a parameter's scale
@@ -189,9 +187,8 @@ void conclude(Problem& problem, Identified& out) {
     const double along = scale.cwiseProduct(direction).head(parameters.masses()).sum();
     shell += along * along / information;
   }
-  const bool steppers = problem.runs.front().recording().known.steppers;
-  const auto half_width = [steppers](double variance_of, double size) {
-    const double sigma = (steppers ? kSteppers : 1) * std::sqrt(variance_of);
+  const auto half_width = [](double variance_of, double size) {
+    const double sigma = kModel * std::sqrt(variance_of);
     return sigma > kUnknown * size ? std::numeric_limits<double>::infinity() : kTwoSided95 * sigma;
   };
   out.half_width.resize(parameters.count());

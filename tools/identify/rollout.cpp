@@ -127,8 +127,36 @@ Timeline::Timeline(const std::vector<MassMotion>& at_ticks, const Known& known) 
 void Timeline::place(const plan::PerMass<double>& offset, const plan::PerMass<double>& factor) {
   for (std::size_t h = 0; h < halves_.size(); ++h) {
     for (std::size_t i = 0; i < offset.size(); ++i) {
-      const double lag = lag_.empty() ? 0 : (lag_[h / 2][i] + lag_[(h + 1) / 2][i]) / 2;
-      halves_[h].position[i] = commanded_[h].position[i] + offset[i] - factor[i] * lag;
+      const MassMotion& commanded = commanded_[h];
+      MassMotion& moved = halves_[h];
+      moved.position[i] = commanded.position[i] + offset[i];
+      if (lag_.empty()) continue;
+      moved.position[i] -= factor[i] * lag_[h].position[i];
+      moved.velocity[i] = commanded.velocity[i] - factor[i] * lag_[h].velocity[i];
+      moved.acceleration[i] = commanded.acceleration[i] - factor[i] * lag_[h].acceleration[i];
+    }
+  }
+}
+
+void Timeline::set_lag(const std::vector<plan::PerMass<double>>& at_nodes) {
+  // Differences over a window: the lag has bends where accelerations have.
+  constexpr int kApart = kStepsPerWindow;  // halves of steps, on either side
+  const double apart_s = kApart * step_s_ / 2;
+  const int last = static_cast<int>(halves_.size()) - 1;
+  lag_.assign(halves_.size(), {});
+  for (int h = 0; h <= last; ++h) {
+    MassMotion& out = lag_[static_cast<std::size_t>(h)];
+    for (std::size_t i = 0; i < out.position.size(); ++i) {
+      const auto at = [&](int half) {
+        return (at_nodes[static_cast<std::size_t>(half / 2)][i] +
+                at_nodes[static_cast<std::size_t>((half + 1) / 2)][i]) /
+               2;
+      };
+      out.position[i] = at(h);
+      const int middle = std::clamp(h, std::min(kApart, last), std::max(last - kApart, 0));
+      const double before = at(std::max(middle - kApart, 0)), after = at(std::min(middle + kApart, last));
+      out.velocity[i] = (after - before) / (2 * apart_s);
+      out.acceleration[i] = (after - 2 * at(middle) + before) / (apart_s * apart_s);
     }
   }
 }

@@ -45,15 +45,15 @@ class Timeline {
     return halves_[static_cast<std::size_t>(half_steps)];
   }
   // Sets the lag of the masses at the nodes, in rail units.
-  void set_lag(std::vector<plan::PerMass<double>> at_nodes) { lag_ = std::move(at_nodes); }
-  // Puts the masses where they are commanded to be, plus `offset`, less `factor` times the lag.
+  void set_lag(const std::vector<plan::PerMass<double>>& at_nodes);
+  // Moves the masses as they are commanded to move, plus `offset`, less `factor` times the lag.
   void place(const plan::PerMass<double>& offset, const plan::PerMass<double>& factor);
 
  private:
   int step_ticks_, windows_;
   double step_s_;
   std::vector<firmware::MassMotion> commanded_, halves_;
-  std::vector<plan::PerMass<double>> lag_;  // at nodes; empty: none
+  std::vector<firmware::MassMotion> lag_;  // at halves of steps; empty: none
 };
 
 // Rolls from the start of a window over so many windows. `nodes` has kStepsPerWindow * windows + 1 of them.

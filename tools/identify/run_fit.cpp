@@ -580,7 +580,7 @@ void RunFit::set_lag(const VectorXd& values) {
   for (auto& at : lag) {
     for (std::size_t i = 0; i < first.size(); ++i) at[i] -= first[i];
   }
-  timeline_.set_lag(std::move(lag));
+  timeline_.set_lag(lag);
   place_masses(own_);
 }
 
